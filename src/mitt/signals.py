@@ -1,0 +1,186 @@
+"""What flows from one stage to the next, each carrying the time it speaks of.
+
+    Frame x2 -> Moments x2 -> Sighting -> BallState -> JointReference -> Command
+
+SI units and radians; positions in the world frame (origin at the shoulder centre, z up,
++x to the thrower). Arrays are float64 and are not to be written to.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """One image of one camera.
+
+    Attributes:
+        t: Time of the middle of the exposure [s].
+        camera: Index of the camera in its rig.
+        number: Frame number, rising by one with each exposure.
+        pixels: Grey values, row v down and column u right, shape (height, width).
+    """
+
+    t: float
+    camera: int
+    number: int
+    pixels: Image
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Moments:
+    """Image moments of the target in one frame; pixel centres lie at integers.
+
+    Attributes:
+        t: Time of the exposure [s].
+        camera: Index of the camera in its rig.
+        found: Whether a target of sufficient area was found; the rest is zero if not.
+        area: Pixels in the target [px^2].
+        u: Grey-weighted centroid, column [px].
+        v: Grey-weighted centroid, row [px].
+        clipped: Whether the target touches the image border.
+    """
+
+    t: float
+    camera: int
+    found: bool
+    area: float = 0.0
+    u: float = 0.0
+    v: float = 0.0
+    clipped: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sighting:
+    """Position of the ball's centre seen in one instant.
+
+    Attributes:
+        t: Time of the exposure [s].
+        found: Whether the ball was seen; ``r_o`` is zero if not.
+        r_o: Position [m], shape (3,).
+        covariance: Covariance of ``r_o`` [m^2], shape (3, 3).
+    """
+
+    t: float
+    found: bool
+    r_o: Array
+    covariance: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BallState:
+    """Estimate of the ball's motion at time ``t``.
+
+    Attributes:
+        t: Time that the estimate speaks of [s].
+        tracked: Whether there is an estimate; the arrays are zero if not.
+        r_o: Position [m], shape (3,).
+        dr_o: Velocity [m/s], shape (3,).
+        ddr_o: Acceleration by the flight model [m/s^2], shape (3,).
+        drag: Quadratic drag coefficient k of the flight model [1/m].
+        covariance: Covariance of position and velocity, shape (6, 6).
+        t_seen: Time of the newest sighting used [s].
+        t_first: Time of the first sighting of this track [s].
+    """
+
+    t: float
+    tracked: bool
+    r_o: Array
+    dr_o: Array
+    ddr_o: Array
+    drag: float
+    covariance: Array
+    t_seen: float
+    t_first: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmState:
+    """Joint encoders.
+
+    Attributes:
+        t: Time of the reading [s].
+        q: Active joint positions [rad], shape (n,).
+        dq: Active joint velocities [rad/s], shape (n,).
+    """
+
+    t: float
+    q: Array
+    dq: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Senses:
+    """All that reaches the catcher in one tick.
+
+    Attributes:
+        t: Time of the tick [s].
+        arm: Joint encoders.
+        frames: New images, one a camera; empty where points are given instead.
+        points: New sightings from another source than images.
+    """
+
+    t: float
+    arm: ArmState
+    frames: tuple[Frame, ...] = ()
+    points: tuple[Sighting, ...] = ()
+
+
+class MapStatus(Enum):
+    """Whether the map has a value at a ball position."""
+
+    INSIDE = "inside"
+    DOMAIN = "domain"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointReference:
+    """Desired joint motion, eqs. (1), (6), (15); finite whatever the status.
+
+    Attributes:
+        t: Time that it speaks of [s].
+        status: DOMAIN where the ball lies outside the domain of the inverse of l_c.
+        q_d: Desired positions [rad], shape (n,).
+        dq_d: Desired velocities [rad/s], shape (n,).
+        ddq_d: Desired accelerations [rad/s^2], shape (n,).
+        q_o: Virtual joints, the inverse of l_c at the ball [rad], shape (n,).
+        dq_o: Their velocities [rad/s], shape (n,).
+        time_to_catch: Time until q_o of the catch joint reaches q_alpha [s]; negative after it,
+            infinite where it will not.
+    """
+
+    t: float
+    status: MapStatus
+    q_d: Array
+    dq_d: Array
+    ddq_d: Array
+    q_o: Array
+    dq_o: Array
+    time_to_catch: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Command:
+    """What the arm and the hand are told, within every limit.
+
+    Attributes:
+        t: Time from which it acts [s].
+        q: Positions [rad], shape (n,).
+        dq: Velocities [rad/s], shape (n,).
+        ddq: Accelerations [rad/s^2], shape (n,).
+        tau: Torques of the active joints [N m], shape (n,).
+        hand: Closing angle of the fingers [rad]; 0 is open.
+    """
+
+    t: float
+    q: Array
+    dq: Array
+    ddq: Array
+    tau: Array
+    hand: float
