@@ -1,0 +1,1 @@
+"""The map from the ball's position to the desired joints, its learning and its adaptation."""

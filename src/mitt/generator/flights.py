@@ -1,0 +1,59 @@
+"""Flights as the learner and the verdict see them: the ball's motion at a few instants.
+
+| here     | meaning                                  | unit           | shape      |
+|----------|------------------------------------------|----------------|------------|
+| ``t``    | instants from t_0 to a little past t_c   | s              | (K,)       |
+| ``ball`` | r_o, dr_o, ddr_o at each                 | m, m/s, m/s^2  | (K, 3, 3)  |
+| ``seen`` | the same at t_0, as the filter believed  | m, m/s, m/s^2  | (3, 3)     |
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from mitt.errors import ShapeError
+from mitt.generator.mapping import DirectMap
+from mitt.signals import Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Flight:
+    """One flight to learn from or to judge."""
+
+    t: Array
+    ball: Array
+    seen: Array
+
+    def __post_init__(self) -> None:
+        """Hold the arrays to each other."""
+        if self.ball.shape != (len(self.t), 3, 3):
+            raise ShapeError("ball", f"({len(self.t)}, 3, 3)", self.ball.shape)
+        if self.seen.shape != (3, 3):
+            raise ShapeError("seen", "(3, 3)", self.seen.shape)
+
+
+class Lifted(NamedTuple):
+    """A flight in virtual joints: all that q_d along it depends on besides alpha."""
+
+    virtual: Array  # (K, 3, n) q_o, dq_o, ddq_o
+    phi: Array  # (K, 3, m) monomials and their two time derivatives
+    phi_0: Array  # (2, m) monomials and their rate at t_0
+    gap: Array  # (2n,) d of eq. (12) for an arm at rest in its ready pose
+
+    def motion(self, alpha: Array) -> Array:
+        """Return q_d, dq_d, ddq_d along the flight, shape (K, 3, n)."""
+        out: Array = self.virtual + self.phi @ alpha
+        return out
+
+
+def lift_flight(f: DirectMap, flight: Flight) -> Lifted | None:
+    """Return the flight in virtual joints; None where it leaves the domain of l_c^-1."""
+    free = list(f.design.free)
+    rows = [f.virtual(ball) for ball in (flight.seen, *flight.ball)]
+    if not all(inside for inside, _ in rows):
+        return None
+    virtual = np.array([row for _, row in rows])
+    phi = np.array([f.basis.jets(*row[:, free]) for row in virtual])
+    gap = np.concatenate([f.arm.q_ready - virtual[0, 0], -virtual[0, 1]])
+    return Lifted(virtual[1:], phi[1:], phi[0, :2], gap)

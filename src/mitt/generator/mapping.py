@@ -1,0 +1,255 @@
+"""The map from the ball's motion to the desired joint motion, eqs. (1), (6), (7), (15).
+
+q_d = f(r_o) = g(l_c^-1(r_o)) with g(q) = q + b(q): at the catch q_i = q_alpha, b and its first
+derivatives vanish, and position and velocity match whatever the coefficients are.
+
+| here     | paper          | unit  | shape  |
+|----------|----------------|-------|--------|
+| ``alpha``| alpha          | rad   | (m, n) |
+| ``F``    | df/dr_o        | rad/m | (n, 3) |
+| ``H``    | ours: Hessian of the learned cost at alpha | | (m n, m n) |
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import final
+
+import numpy as np
+from numba import njit
+
+from mitt.errors import ModelError, ShapeError
+from mitt.generator.constraints import project
+from mitt.generator.planar import plane_of
+from mitt.generator.polynomial import CatchBasis, jets
+from mitt.generator.tangent import Scratch, Tangent, expand, lift, scratch_of
+from mitt.robot.arm import Arm
+from mitt.signals import Array, BallState, JointReference, MapStatus
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapDesign:
+    """The choices that make a map, apart from its coefficients.
+
+    Attributes:
+        catch_joint: Index i of the catch joint among the active joints, from 0.
+        q_catch: Its angle q_alpha at the catch [rad].
+        kappa: Velocity-match ratio; 1 is the paper.
+        order: Degree N of the polynomial.
+        free: The three joints of l_c, the catch joint among them; all where the arm has three.
+    """
+
+    catch_joint: int = 2
+    q_catch: float = np.pi / 2
+    kappa: float = 1.0
+    order: int = 4
+    free: tuple[int, int, int] = (0, 1, 2)
+
+
+def tangent_of(arm: Arm, design: MapDesign) -> Tangent:
+    """Return the arrays of l_c, eq. (5), for an arm; ModelError where it cannot be built."""
+    if sorted(set(design.free)) != list(design.free) or not set(design.free) <= set(range(arm.n)):
+        raise ModelError("free", f"three rising indices in 0..{arm.n - 1}", design.free)
+    if design.catch_joint not in design.free:
+        raise ModelError("catch_joint", f"one of the free joints {design.free}", design.catch_joint)
+    i = design.catch_joint
+    if not arm.q_min[i] < design.q_catch < arm.q_max[i]:
+        room = f"an angle in {arm.q_min[i]:.3f}..{arm.q_max[i]:.3f} rad"
+        raise ModelError("q_catch", room, f"{design.q_catch:.3f}")
+    if not 1.0 <= design.kappa <= 100.0:
+        raise ModelError("kappa", "a ratio in 1..100", design.kappa)
+    plane = plane_of(arm, design.catch_joint, q_catch=design.q_catch, kappa=design.kappa)
+    return Tangent(
+        chain=arm.chain,
+        free=np.array(design.free),
+        catch_joint=i,
+        q_catch=design.q_catch,
+        kappa=design.kappa,
+        q_rest=arm.q_ready.copy(),
+        planar=plane is not None and design.free == (0, 1, 2),
+        plane=np.zeros(7) if plane is None else plane,
+    )
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DirectMap:
+    """The map f of one arm.
+
+    Attributes:
+        arm: The arm.
+        design: Catch joint, its angle, kappa, order.
+        basis: Monomials of b, over the three free joints.
+        alpha: Coefficients of b [rad], shape (m, n).
+        H: Metric of the projection of a new throw, shape (m n, m n), positive definite.
+        status: DOMAIN where the last adaptation was refused, the ball being outside l_c's range.
+    """
+
+    arm: Arm
+    design: MapDesign
+    basis: CatchBasis
+    alpha: Array
+    H: Array
+    status: MapStatus = MapStatus.INSIDE
+
+    def __post_init__(self) -> None:
+        """Hold the arrays to the design."""
+        m, n = len(self.basis.powers), self.arm.n
+        if self.alpha.shape != (m, n):
+            raise ShapeError("alpha", f"({m}, {n})", self.alpha.shape)
+        if self.H.shape != (m * n, m * n):
+            raise ShapeError("H", f"({m * n}, {m * n})", self.H.shape)
+        if not (np.all(np.isfinite(self.alpha)) and np.all(np.isfinite(self.H))):
+            raise ModelError("alpha and H", "finite numbers", "NaN or infinity")
+
+    @cached_property
+    def tangent(self) -> Tangent:
+        """Arrays of l_c."""
+        return tangent_of(self.arm, self.design)
+
+    @cached_property
+    def H_inverse(self) -> Array:  # noqa: N802 (the paper has no letter; ours is H)
+        """Inverse of H."""
+        return np.asarray(np.linalg.inv(self.H), np.float64)
+
+    @cached_property
+    def _scratch(self) -> Scratch:
+        return scratch_of(self.arm.n)
+
+    @cached_property
+    def _start(self) -> Array:
+        """Virtual joints at the nominal catch, where the inverse starts [rad], shape (n,)."""
+        q = self.arm.q_ready.copy()
+        q[self.design.catch_joint] = self.design.q_catch
+        return q
+
+    def virtual(self, ball: Array) -> tuple[bool, Array]:
+        """Return virtual joints and two derivatives, shape (3, n), of r_o, dr_o, ddr_o, (3, 3)."""
+        out = np.zeros((3, self.arm.n))
+        out[0] = self._start
+        inside = bool(lift(self.tangent, ball, out, self._scratch))
+        return inside, out
+
+    def to_joints(self, r_o: Array) -> tuple[MapStatus, Array]:
+        """Return l_c^-1(r_o) of eq. (6) [rad], shape (n,), and whether r_o is in its domain."""
+        if r_o.shape != (3,):
+            raise ShapeError("r_o", "(3,)", r_o.shape)
+        inside, rows = self.virtual(np.array([r_o, np.zeros(3), np.zeros(3)]))
+        return (MapStatus.INSIDE if inside else MapStatus.DOMAIN), rows[0]
+
+    def to_ball(self, q_o: Array) -> Array:
+        """Return l_c(q_o) of eq. (5) [m], shape (3,)."""
+        expand(self.tangent, q_o, np.zeros(self.arm.n), self._scratch)
+        r_o: Array = self._scratch.point[0].copy()
+        return r_o
+
+    def bend(self, q: Array) -> Array:
+        """Return g(q) = q + b(q) of eqs. (7) and (11) [rad], shape (n,)."""
+        still = np.zeros(3)
+        b: Array = self.basis.jets(q[list(self.design.free)], still, still)[0] @ self.alpha
+        return q + b
+
+    def F(self, r_o: Array) -> Array:  # noqa: N802 (the paper's letter)
+        """Return df/dr_o of eq. (15) [rad/m], shape (n, 3); r_o must be in the domain."""
+        _, q_o = self.to_joints(r_o)
+        expand(self.tangent, q_o, np.zeros(self.arm.n), self._scratch)
+        free = list(self.design.free)
+        per_ball = np.zeros((self.arm.n, 3))
+        per_ball[free] = np.linalg.inv(self._scratch.J_c)
+        slope = np.zeros((self.arm.n, self.arm.n))
+        slope[:, free] = self.alpha.T @ self.basis.gradient(q_o[free])
+        out: Array = (np.eye(self.arm.n) + slope) @ per_ball
+        return out
+
+    def reference(self, ball: BallState) -> JointReference:
+        """Return the desired joint motion for a ball's motion; a pure function, always finite."""
+        rows = np.zeros((6, self.arm.n))
+        rows[3] = self._start
+        motion = np.array([ball.r_o, ball.dr_o, ball.ddr_o])
+        b = self.basis
+        inside = reference(
+            self.tangent, b.powers, b.centre, b.scale, self.alpha, motion, rows, self._scratch
+        )
+        i = self.design.catch_joint
+        s = rows[3, i] - self.design.q_catch
+        return JointReference(
+            t=ball.t,
+            status=MapStatus.INSIDE if inside else MapStatus.DOMAIN,
+            q_d=rows[0],
+            dq_d=rows[1],
+            ddq_d=rows[2],
+            q_o=rows[3],
+            dq_o=rows[4],
+            time_to_catch=root_time(s, rows[4, i], rows[5, i]) if inside else np.inf,
+        )
+
+    def adapt(self, ball: BallState, q: Array, dq: Array) -> "DirectMap":
+        """Return the map that starts where the arm is, eqs. (8) to (13).
+
+        alpha moves to the point nearest in H's norm that satisfies C alpha = d; outside the
+        domain the map is returned as it was, with status DOMAIN.
+        """
+        inside, rows = self.virtual(np.array([ball.r_o, ball.dr_o, ball.ddr_o]))
+        if not inside:
+            return replace(self, status=MapStatus.DOMAIN)
+        free = list(self.design.free)
+        phi = self.basis.jets(*rows[:, free])
+        wanted = np.concatenate([q - rows[0], dq - rows[1]])
+        alpha = project(self.alpha, self.H_inverse, phi[:2], wanted)
+        return replace(self, alpha=alpha, status=MapStatus.INSIDE)
+
+
+@njit(cache=True)
+def reference(
+    g: Tangent,
+    powers: Array,
+    centre: Array,
+    scale: Array,
+    alpha: Array,
+    ball: Array,
+    rows: Array,
+    w: Scratch,
+) -> bool:
+    """Write q_d, dq_d, ddq_d, q_o, dq_o, ddq_o (6, n) for r_o, dr_o, ddr_o (3, 3).
+
+    Outside the domain the rows keep their values and the answer is False.
+    """
+    if not lift(g, ball, rows[3:], w):
+        rows[:3] = 0.0
+        rows[0] = rows[3] = g.q_rest
+        rows[4:] = 0.0
+        return False
+    m, n = alpha.shape
+    motion = np.empty((3, 3))
+    for a in range(3):
+        for d in range(3):
+            motion[d, a] = rows[3 + d, g.free[a]]
+    phi = np.empty((3, m))
+    jets(powers, centre, scale, motion[0], motion[1], motion[2], phi)
+    for d in range(3):
+        for k in range(n):
+            total = rows[3 + d, k]
+            for a in range(m):
+                total += phi[d, a] * alpha[a, k]
+            rows[d, k] = total
+    return True
+
+
+@njit(cache=True)
+def root_time(s: float, ds: float, dds: float) -> float:
+    """Return the time to the nearest zero of s + ds t + dds t^2 / 2; infinite without one."""
+    disc = ds * ds - 2.0 * s * dds
+    slow = ds + np.copysign(np.sqrt(max(disc, 0.0)), ds)
+    if slow == 0.0:
+        return np.inf
+    return float(-2.0 * s / slow)
+
+
+def unlearned(arm: Arm, design: MapDesign) -> DirectMap:
+    """Return the map with alpha = 0, q_d = l_c^-1(r_o): where learning starts."""
+    free = list(design.free)
+    centre = arm.q_ready[free].copy()
+    centre[design.free.index(design.catch_joint)] = design.q_catch
+    basis = CatchBasis(design.order, design.free.index(design.catch_joint), centre, np.ones(3))
+    size = len(basis.powers) * arm.n
+    alpha = np.zeros((len(basis.powers), arm.n))
+    return DirectMap(arm=arm, design=design, basis=basis, alpha=alpha, H=np.eye(size))

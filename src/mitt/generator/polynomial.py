@@ -1,0 +1,106 @@
+"""The polynomial b(q) that bends the trajectory between its two ends.
+
+Eq. (11) writes b as a sum of monomials, each with the factor (q_i - q_alpha)^2. That factor
+makes b and its first derivatives vanish at the catch, so that eq. (3) holds whatever the
+coefficients are. Variables are shifted and scaled, which spans the same space and conditions
+better; the catch joint is shifted by q_alpha itself, so the factor stays exact.
+
+| here         | paper              | unit       | shape   |
+|--------------|--------------------|------------|---------|
+| ``q``        | q                  | rad        | (n,)    |
+| ``centre``   | q_alpha at joint i | rad        | (n,)    |
+| ``alpha``    | alpha_(j1...jn)    | rad        | (m, n)  |
+| ``phi``      | q1^j1 ... qn^jn    | 1 (scaled) | (m,)    |
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mitt.errors import ModelError
+from mitt.signals import Array
+
+
+@dataclass(frozen=True, eq=False)
+class CatchBasis:
+    """Monomials of total degree at most ``order``, zero to second order at the catch.
+
+    Attributes:
+        order: Degree N of the expansion; eq. (11) keeps j1 + ... + jn <= N - 2.
+        catch_joint: Index i of the catch joint among the variables, from 0.
+        centre: Shift of each variable [rad], shape (n,); q_alpha at the catch joint.
+        scale: Scale of each variable [rad], shape (n,).
+    """
+
+    order: int
+    catch_joint: int
+    centre: Array
+    scale: Array
+
+    def __post_init__(self) -> None:
+        """Refuse a basis without terms, without its catch joint, or with a void scale."""
+        if self.order < 2:
+            raise ModelError("order", "at least 2", self.order)
+        n = len(self.centre)
+        if not 0 <= self.catch_joint < n:
+            raise ModelError("catch_joint", f"an index in 0..{n - 1}", self.catch_joint)
+        if self.scale.shape != self.centre.shape or not np.all(self.scale > 0.0):
+            raise ModelError("scale", f"{n} numbers above 0", self.scale)
+
+    @cached_property
+    def powers(self) -> NDArray[np.int64]:
+        """Exponents, shape (m, n), with the two extra powers of the catch joint."""
+        degrees = range(self.order - 1)
+        rows = [j for j in product(degrees, repeat=len(self.centre)) if sum(j) <= self.order - 2]
+        powers = np.array(rows, dtype=np.int64)
+        powers[:, self.catch_joint] += 2
+        return powers
+
+    def jets(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Return phi, its first and its second time derivative along a motion, shape (3, m)."""
+        out = np.empty((3, len(self.powers)))
+        jets(self.powers, self.centre, self.scale, q, dq, ddq, out)
+        return out
+
+    def gradient(self, q: Array) -> Array:
+        """Return d phi / d q [1/rad], shape (m, n)."""
+        n = len(self.centre)
+        still = np.zeros(n)
+        return np.column_stack([self.jets(q, e, still)[1] for e in np.eye(n)])
+
+
+@njit(cache=True)
+def jets(
+    powers: NDArray[np.int64],
+    centre: Array,
+    scale: Array,
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    out: Array,
+) -> None:
+    """Write the monomials and their two time derivatives, one monomial a column of (3, m).
+
+    Each factor x^e is carried as a jet (value, first, second derivative in time), and jets are
+    multiplied: (ab)'' = a''b + 2a'b' + ab''.
+    """
+    m, n = powers.shape
+    for a in range(m):
+        f, df, ddf = 1.0, 0.0, 0.0
+        for k in range(n):
+            e = powers[a, k]
+            if e == 0:
+                continue
+            x, dx, ddx = (q[k] - centre[k]) / scale[k], dq[k] / scale[k], ddq[k] / scale[k]
+            below2 = x ** (e - 2) if e > 1 else 0.0
+            below1 = x ** (e - 1) if e > 1 else 1.0
+            g, dg = below1 * x, e * below1 * dx
+            ddg = e * (e - 1) * below2 * dx * dx + e * below1 * ddx
+            ddf = ddf * g + 2.0 * df * dg + f * ddg
+            df = df * g + f * dg
+            f = f * g
+        out[0, a], out[1, a], out[2, a] = f, df, ddf

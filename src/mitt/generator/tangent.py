@@ -1,0 +1,213 @@
+"""The tangent map l_c and its inverse: from a ball's position to virtual joints and back.
+
+Eq. (5): l_c(q) = l(qbar) + kappa (dl/dq_i)(qbar) s with s = q_i - q_alpha and qbar = q with
+q_i := q_alpha. The paper has kappa = 1; a larger one, ours, slows joint i by it.
+
+| here          | paper / equations                         | unit        | shape  |
+|---------------|-------------------------------------------|-------------|--------|
+| ``q_o``       | l_c^-1(r_o), eq. (10)                     | rad         | (n,)   |
+| ``J_c``       | dl_c/dq over the three free joints        | m/rad       | (3, 3) |
+| ``curvature`` | J_c-dot dq_o, second derivative along dq_o| m/s^2       | (3,)   |
+
+Three joints are free, the catch joint among them, so J_c is square; any further joint stays at
+its ready angle here and takes part through b alone.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mitt.robot.chain import Chain, Motion, add_cross, motion_of, sweep
+from mitt.signals import Array
+
+#: |det J_c| below this share of the product of its columns' lengths counts as singular.
+_SINGULAR = 1e-9
+#: Newton: largest step of a joint [rad], largest residual [m], steps allowed, stride [m].
+_NEWTON_STEP, _NEWTON_RESIDUAL, _NEWTON_STEPS, _STRIDE = 0.5, 1e-11, 40, 0.25
+
+
+class Tangent(NamedTuple):
+    """The map l_c of one arm as arrays.
+
+    ``planar`` marks an arm whose inverse is closed-form (see :mod:`mitt.generator.planar`);
+    its figures are p and t of `equations.md`, the shoulder's height and two signs.
+    """
+
+    chain: Chain
+    free: NDArray[np.int64]  # (3,) the free joints, from the base outwards
+    catch_joint: int  # index i among the active joints
+    q_catch: float  # q_alpha [rad]
+    kappa: float  # velocity-match ratio
+    q_rest: Array  # (n,) angles of the joints that are not free [rad]
+    planar: bool
+    plane: Array  # (7,) p_x, p_z, t_x, t_z, shoulder height, sign of yaw, sign of pitch
+
+
+class Scratch(NamedTuple):
+    """Buffers of the kernels."""
+
+    motion: Motion
+    q: Array  # (n,) qbar
+    dq: Array  # (n,) velocity of qbar
+    step: Array  # (n,) one step of Newton's method
+    still: Array  # (n,) zeros
+    point: Array  # (3, 3) l_c, residual, curvature
+    ends: Array  # (3, 3) start of a way and the way itself
+    J_c: Array  # (3, 3) columns over the free joints
+
+
+def scratch_of(n: int) -> Scratch:
+    """Return buffers for ``n`` active joints."""
+    rows = [np.zeros(n) for _ in range(4)]
+    return Scratch(motion_of(n), *rows, *(np.zeros((3, 3)) for _ in range(3)))
+
+
+@njit(cache=True)
+def expand(g: Tangent, q_o: Array, dq_o: Array, w: Scratch) -> None:
+    """Write l_c, J_c and the curvature along ``dq_o`` at the virtual joints ``q_o``."""
+    i = g.catch_joint
+    w.q[:] = q_o
+    w.dq[:] = dq_o
+    w.q[i], w.dq[i] = g.q_catch, 0.0
+    s, ds = g.kappa * (q_o[i] - g.q_catch), g.kappa * dq_o[i]
+    m = w.motion
+    sweep(g.chain, w.q, w.dq, m)
+    for c in range(3):
+        w.point[0, c] = m.tip[0, c] + s * m.J[i, c]
+        w.point[2, c] = m.tip[2, c] + 2.0 * ds * m.dJ[i, c] + s * m.ddJ[i, c]
+    for a in range(3):
+        k = g.free[a]
+        column = w.J_c[:, a]
+        if k == i:
+            column[:] = g.kappa * m.J[i]
+        else:
+            column[:] = m.J[k]
+            # dJ_i/dq_k = w_min x J_max: the joint nearer the base turns the other's arm.
+            add_cross(m.W[min(k, i)], m.J[max(k, i)], s, column)
+
+
+@njit(cache=True)
+def solve3(A: Array, b: Array, free: NDArray[np.int64], out: Array) -> bool:
+    """Write the free entries of the solution of A x = b (Cramer); False where A is singular."""
+    a0, a1, a2 = A[:, 0], A[:, 1], A[:, 2]
+    c0 = a1[1] * a2[2] - a1[2] * a2[1]
+    c1 = a1[2] * a2[0] - a1[0] * a2[2]
+    c2 = a1[0] * a2[1] - a1[1] * a2[0]
+    det = a0[0] * c0 + a0[1] * c1 + a0[2] * c2
+    size = np.sqrt(np.sum(a0 * a0) * np.sum(a1 * a1) * np.sum(a2 * a2))
+    if not abs(det) > _SINGULAR * size:
+        return False
+    out[free[0]] = (b[0] * c0 + b[1] * c1 + b[2] * c2) / det
+    d0 = a2[1] * a0[2] - a2[2] * a0[1]
+    d1 = a2[2] * a0[0] - a2[0] * a0[2]
+    d2 = a2[0] * a0[1] - a2[1] * a0[0]
+    out[free[1]] = (b[0] * d0 + b[1] * d1 + b[2] * d2) / det
+    e0 = a0[1] * a1[2] - a0[2] * a1[1]
+    e1 = a0[2] * a1[0] - a0[0] * a1[2]
+    e2 = a0[0] * a1[1] - a0[1] * a1[0]
+    out[free[2]] = (b[0] * e0 + b[1] * e1 + b[2] * e2) / det
+    return True
+
+
+@njit(cache=True)
+def invert_planar(g: Tangent, r_o: Array, q_o: Array) -> bool:
+    """Write l_c^-1(r_o) in closed form; False outside its domain.
+
+    Turning about the shoulder keeps |r|, so |r_o| alone fixes s through
+    |p + s t|^2 = |r_o|^2; of the two roots the one that is zero at the catch.
+    """
+    px, pz, tx, tz, height, yaw, pitch = g.plane
+    x, y, z = r_o[0], r_o[1], r_o[2] - height
+    tt, pt = tx * tx + tz * tz, px * tx + pz * tz
+    root = pt * pt - tt * (px * px + pz * pz - (x * x + y * y + z * z))
+    rho = np.sqrt(x * x + y * y)
+    if not (root > _SINGULAR * pt * pt and rho > _SINGULAR and np.isfinite(root)):
+        return False
+    s = (-pt + np.sign(pt) * np.sqrt(root)) / tt
+    q_o[:] = g.q_rest
+    q_o[g.free[0]] = yaw * np.arctan2(y, x)
+    q_o[g.free[1]] = pitch * (np.arctan2(rho, z) - np.arctan2(px + s * tx, pz + s * tz))
+    q_o[g.free[2]] = g.q_catch + s
+    return True
+
+
+@njit(cache=True)
+def invert_newton(g: Tangent, r_o: Array, q_o: Array, w: Scratch) -> bool:
+    """Improve ``q_o`` to l_c^-1(r_o); False outside the domain.
+
+    The way from l_c(q_o) to r_o is gone in steps of Newton's method along the straight line;
+    where det J_c changes its sign on the way, the branch of the catch has ended.
+    """
+    expand(g, q_o, w.still, w)
+    w.ends[0] = w.point[0]
+    for c in range(3):
+        w.ends[1, c] = r_o[c] - w.ends[0, c]
+    way = np.sqrt(w.ends[1, 0] ** 2 + w.ends[1, 1] ** 2 + w.ends[1, 2] ** 2)
+    if not np.isfinite(way):
+        return False
+    parts = int(way / _STRIDE) + 1
+    sign = _orientation(w.J_c)
+    for part in range(1, parts + 1):
+        if not _newton(g, part / parts, q_o, w):
+            return False
+    return bool(_orientation(w.J_c) == sign)
+
+
+@njit(cache=True)
+def _newton(g: Tangent, share: float, q_o: Array, w: Scratch) -> bool:
+    """Solve l_c(q_o) = ends[0] + share ends[1]."""
+    for _ in range(_NEWTON_STEPS):
+        expand(g, q_o, w.still, w)
+        miss = 0.0
+        for c in range(3):
+            w.point[1, c] = w.ends[0, c] + share * w.ends[1, c] - w.point[0, c]
+            miss = max(miss, abs(w.point[1, c]))
+        if miss < _NEWTON_RESIDUAL:
+            return True
+        if not solve3(w.J_c, w.point[1], g.free, w.step):
+            return False
+        largest = 0.0
+        for a in range(3):
+            largest = max(largest, abs(w.step[g.free[a]]))
+        for a in range(3):
+            q_o[g.free[a]] += w.step[g.free[a]] * min(1.0, _NEWTON_STEP / max(largest, 1e-300))
+    return False
+
+
+@njit(cache=True)
+def _orientation(A: Array) -> float:
+    """Return the sign of det A."""
+    det = 0.0
+    for c in range(3):
+        d, e = (c + 1) % 3, (c + 2) % 3
+        det += A[0, c] * (A[1, d] * A[2, e] - A[1, e] * A[2, d])
+    return float(np.sign(det))
+
+
+@njit(cache=True)
+def lift(g: Tangent, ball: Array, virtual: Array, w: Scratch) -> bool:
+    """Write virtual joints, velocities, accelerations (3, n) of a ball's r_o, dr_o, ddr_o (3, 3).
+
+    Row 0 of ``virtual`` is the starting point where the inverse is not closed-form.
+    """
+    for c in range(9):
+        if not np.isfinite(ball[c // 3, c % 3]):
+            return False
+    q_o, dq_o, ddq_o = virtual[0], virtual[1], virtual[2]
+    if g.planar:
+        if not invert_planar(g, ball[0], q_o):
+            return False
+    elif not invert_newton(g, ball[0], q_o, w):
+        return False
+    dq_o[:] = 0.0
+    ddq_o[:] = 0.0
+    expand(g, q_o, dq_o, w)
+    if not solve3(w.J_c, ball[1], g.free, dq_o):
+        return False
+    expand(g, q_o, dq_o, w)
+    for c in range(3):
+        w.point[1, c] = ball[2, c] - w.point[2, c]
+    inside: bool = solve3(w.J_c, w.point[1], g.free, ddq_o)
+    return inside

@@ -1,0 +1,1 @@
+"""The arm: its description, its two implementations, its limits."""

@@ -1,0 +1,167 @@
+"""An arm that can be asked: where is the catch point, and what torque does a motion take?
+
+Kinematics come from our own kernels, dynamics (eq. (14)) from Pinocchio. Both are built from one
+:class:`ArmModel`, and tests hold them to each other and to MuJoCo.
+"""
+
+from dataclasses import replace
+from typing import final
+
+import numpy as np
+import pinocchio as pin
+
+from mitt.errors import ShapeError
+from mitt.robot.chain import chain_of, motion_of, sweep
+from mitt.robot.description import ArmModel, transform
+from mitt.robot.limits import Limits
+from mitt.signals import Array
+
+#: Standard gravity rounded as usual in robotics [m/s^2].
+GRAVITY = 9.81
+
+
+def to_pinocchio(model: ArmModel) -> pin.Model:
+    """Build the Pinocchio model of all links, held joints included as joints."""
+    built = pin.Model()
+    built.name = model.name
+    parent, T = 0, model.mount
+    for link in model.links:
+        joint = (pin.JointModelPrismaticUnaligned if link.prismatic
+                 else pin.JointModelRevoluteUnaligned)(link.axis)  # fmt: skip
+        parent = built.addJoint(parent, joint, pin.SE3(T @ link.placement), link.name)
+        inertia = pin.Inertia(link.mass, link.com, link.inertia)
+        built.appendBodyToJoint(parent, inertia, pin.SE3.Identity())
+        T = transform()
+    tip = transform(model.tool[:3, :3], model.catch_point)
+    built.addFrame(pin.Frame("catch_point", parent, 0, pin.SE3(tip), pin.FrameType.OP_FRAME))
+    built.armature = np.array([link.armature for link in model.links])
+    built.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
+    return built
+
+
+@final
+class Arm:
+    """An arm with its limit set.
+
+    Attributes:
+        model: The table it was built from.
+        limits: Limit set over all links.
+        n: Number of active joints.
+        names: Their names, from the base outwards.
+        q_min: Lower ends of their ranges [rad], shape (n,).
+        q_max: Upper ends of their ranges [rad], shape (n,).
+        q_ready: Pose in which they wait for a throw [rad], shape (n,).
+        tau_max: Their largest joint torques, drives taken one by one [N m], shape (n,).
+        dq_max: Their largest joint speeds, drives taken one by one [rad/s], shape (n,).
+        chain: Arrays of the kinematic kernels.
+    """
+
+    def __init__(self, model: ArmModel, limits: Limits) -> None:
+        """Build kinematics and dynamics from the table."""
+        self.model, self.limits = model, limits
+        self._index = np.array(model.active)
+        self.n, self.names = len(self._index), model.names
+        active = [model.links[k] for k in model.active]
+        self.q_min = np.array([link.q_min for link in active])
+        self.q_max = np.array([link.q_max for link in active])
+        self.q_ready = model.q_ready
+        self.tau_max, self.dq_max = self._joint_limits()
+        self.chain = chain_of(model)
+        self._motion, self._still = motion_of(self.n), np.zeros(self.n)
+        self._pin = to_pinocchio(model)
+        self._data = self._pin.createData()
+        size = len(model.links)
+        self._lower = np.tril_indices(size, -1)
+        self._q = np.array([0.0 if link.held is None else link.held for link in model.links])
+        self._dq, self._ddq = np.zeros(size), np.zeros(size)
+
+    def __repr__(self) -> str:
+        """Say which arm, which joints, which limits."""
+        return f"Arm({self.model.name!r}, joints={self.names}, limits={self.limits.name!r})"
+
+    def _joint_limits(self) -> tuple[Array, Array]:
+        """Return the torque and speed at which, one joint alone, the first drive is full."""
+        alone = np.eye(len(self.model.links))[self._index]
+        per_torque = np.abs(self.limits.drive_torque(alone)) / self.limits.tau_peak
+        per_speed = np.abs(self.limits.drive_speed(alone)) / self.limits.dq_max
+        return 1.0 / per_torque.max(axis=1), 1.0 / per_speed.max(axis=1)
+
+    def position(self, q: Array) -> Array:
+        """Return the catch point l(q), eq. (2) [m], shape (3,), for q [rad], shape (n,)."""
+        self._check(q)
+        sweep(self.chain, q, self._still, self._motion)
+        p: Array = self._motion.tip[0].copy()
+        return p
+
+    def jacobian(self, q: Array) -> Array:
+        """Return J = dl/dq [m/rad], shape (3, n), for q [rad], shape (n,)."""
+        self._check(q)
+        sweep(self.chain, q, self._still, self._motion)
+        J: Array = self._motion.J.T.copy()
+        return J
+
+    def orientation(self, q: Array) -> Array:
+        """Return the rotation of the tool plate in the world, shape (3, 3)."""
+        self._check(q)
+        self._q[self._index] = q
+        pin.framesForwardKinematics(self._pin, self._data, self._q)
+        return np.array(self._data.oMf[self._pin.getFrameId("catch_point")].rotation)
+
+    def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Return tau of eq. (14) for all N links, held ones included [N m], shape (N,)."""
+        self._fill(q, dq, ddq)
+        return np.array(pin.rnea(self._pin, self._data, self._q, self._dq, self._ddq))
+
+    def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Return tau of eq. (14) for the active joints [N m], shape (n,)."""
+        tau: Array = self.torque(q, dq, ddq)[self._index]
+        return tau
+
+    def torque_derivatives(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array, Array]:
+        """Return d tau/dq, d tau/d dq and M over the active joints, shapes (N, n)."""
+        self._fill(q, dq, ddq)
+        parts = pin.computeRNEADerivatives(self._pin, self._data, self._q, self._dq, self._ddq)
+        tau_q, tau_dq, mass = parts
+        i = self._index
+        return tau_q[:, i], tau_dq[:, i], self._mirrored(mass)[:, i]
+
+    def mass_matrix(self, q: Array) -> Array:
+        """Return M(q) over the active joints [kg m^2], shape (n, n)."""
+        self._fill(q, self._still, self._still)
+        mass = self._mirrored(pin.crba(self._pin, self._data, self._q))
+        M: Array = mass[np.ix_(self._index, self._index)]
+        return M
+
+    def all_joints(self, x: Array) -> Array:
+        """Return active joint speeds or torques set among all N links, zero elsewhere, (N,)."""
+        out = np.zeros(len(self.model.links))
+        out[self._index] = x
+        return out
+
+    def active(self, x: Array) -> Array:
+        """Return the active joints' entries, shape (..., n), of one for all links, (..., N)."""
+        out: Array = x[..., self._index]
+        return out
+
+    def holding(self, mass: float) -> "Arm":
+        """Return the arm with a ball of some mass [kg] held at the catch point."""
+        at = np.array([0.0, 0.0, self.model.catch_offset])
+        return Arm(self.model.loaded(mass, at, np.zeros((3, 3))), self.limits)
+
+    def with_limits(self, limits: Limits) -> "Arm":
+        """Return the same arm with another limit set."""
+        return Arm(replace(self.model), limits)
+
+    def _fill(self, q: Array, dq: Array, ddq: Array) -> None:
+        """Set the active joints' entries in the buffers over all links."""
+        self._q[self._index], self._dq[self._index], self._ddq[self._index] = q, dq, ddq
+
+    def _mirrored(self, M: Array) -> Array:
+        """Return a symmetric matrix of which Pinocchio fills only the upper half."""
+        M[self._lower] = M.T[self._lower]
+        return M
+
+    def _check(self, q: Array) -> None:
+        """Refuse joint positions of the wrong shape."""
+        if q.shape != (self.n,):
+            raise ShapeError("q", f"({self.n},)", q.shape)

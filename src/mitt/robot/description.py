@@ -1,0 +1,164 @@
+"""A serial arm as a table, from which every implementation of it is built.
+
+A link turns about or slides along ``axis`` of its own frame, which sits at ``placement`` in the
+frame of the link before it; mass properties are given in the link's frame. One table gives the
+Pinocchio model of the catcher, the MuJoCo model of the plant and the arrays of our kernels.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mitt.errors import ModelError
+from mitt.signals import Array
+
+#: Slack of the triangle inequality of principal moments [kg m^2]: files round their figures.
+_INERTIA_SLACK = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Capsule:
+    """A collision shape of a link: all points within ``radius`` of a segment, in its frame [m]."""
+
+    start: tuple[float, float, float]
+    end: tuple[float, float, float]
+    radius: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Link:
+    """One moving link and the joint before it.
+
+    Attributes:
+        name: Name of the joint.
+        placement: Frame at joint value zero in the frame of the link before, shape (4, 4).
+        axis: Unit axis in the link's frame, shape (3,).
+        prismatic: Whether the joint slides [m] instead of turning [rad].
+        q_min: Lower end of the joint's range [rad].
+        q_max: Upper end of the joint's range [rad].
+        mass: Mass [kg].
+        com: Centre of mass [m], shape (3,).
+        inertia: Inertia about the centre of mass [kg m^2], shape (3, 3).
+        armature: Rotor inertia reflected to the joint [kg m^2].
+        capsules: Collision shapes.
+        held: Joint value at which the joint is held [rad]; None where it is active.
+    """
+
+    name: str
+    placement: Array
+    axis: Array
+    prismatic: bool = False
+    q_min: float
+    q_max: float
+    mass: float
+    com: Array
+    inertia: Array
+    armature: float = 0.0
+    capsules: tuple[Capsule, ...] = ()
+    held: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what no real link can have."""
+        where = f"joint {self.name!r}"
+        numbers = (self.placement, self.axis, self.com, self.inertia, self.armature)
+        if not all(np.all(np.isfinite(x)) for x in numbers):
+            raise ModelError(where, "finite numbers", "NaN or infinity")
+        if not (np.isfinite(self.mass) and self.mass > 0.0):
+            raise ModelError(where, "a mass above 0 kg", f"{self.mass:g} kg")
+        if not self.q_min < self.q_max:
+            raise ModelError(where, "a range with lower < upper", f"{self.q_min:g}..{self.q_max:g}")
+        moments = np.linalg.eigvalsh(0.5 * (self.inertia + self.inertia.T))
+        if moments[0] < 0.0 or moments[2] > moments[0] + moments[1] + _INERTIA_SLACK:
+            wanted = "principal moments that a body can have (none above the sum of the others)"
+            raise ModelError(where, wanted, np.array2string(moments, precision=6))
+        if self.armature < 0.0:
+            raise ModelError(where, "an armature of at least 0", f"{self.armature:g}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ArmModel:
+    """A serial chain of links and the catch point at its end.
+
+    Attributes:
+        name: Name of the arm.
+        links: Links from the base outwards.
+        tool: Frame of the tool plate in the last link's frame, shape (4, 4); its z axis is the
+            normal of the palm.
+        catch_offset: Distance of the catch point from the tool plate along that axis [m].
+        q_ready: Pose in which the active joints wait for a throw [rad], shape (n,).
+        base_capsules: Collision shapes of what stands still, in the world frame.
+        mount: Frame of the base in the world frame, shape (4, 4).
+    """
+
+    name: str
+    links: tuple[Link, ...]
+    tool: Array
+    catch_offset: float
+    q_ready: Array
+    base_capsules: tuple[Capsule, ...]
+    mount: Array
+
+    @property
+    def active(self) -> tuple[int, ...]:
+        """Indices of the active joints among the links."""
+        return tuple(k for k, link in enumerate(self.links) if link.held is None)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the active joints, from the base outwards."""
+        return tuple(link.name for link in self.links if link.held is None)
+
+    @property
+    def catch_point(self) -> Array:
+        """Catch point in the last link's frame [m], shape (3,)."""
+        point: Array = self.tool[:3, 3] + self.catch_offset * self.tool[:3, 2]
+        return point
+
+    def loaded(self, mass: float, at: Array, inertia: Array) -> "ArmModel":
+        """Return the arm with a body fixed to its last link.
+
+        Args:
+            mass: Mass of the body [kg].
+            at: Its centre of mass in the frame of the tool plate [m], shape (3,).
+            inertia: Inertia about that point, axes of the tool plate [kg m^2], shape (3, 3).
+        """
+        last = self.links[-1]
+        R, p = self.tool[:3, :3], self.tool[:3, 3]
+        total = last.mass + mass
+        com_body = p + R @ at
+        com = (last.mass * last.com + mass * com_body) / total
+        both = last.inertia + _steiner(last.mass, last.com - com)
+        both = both + R @ inertia @ R.T + _steiner(mass, com_body - com)
+        heavier = replace(last, mass=total, com=com, inertia=both)
+        return replace(self, links=(*self.links[:-1], heavier))
+
+
+def transform(R: Array | None = None, p: Array | None = None) -> Array:
+    """Return a homogeneous transform, shape (4, 4), from a rotation and a translation."""
+    T = np.eye(4)
+    if R is not None:
+        T[:3, :3] = R
+    if p is not None:
+        T[:3, 3] = p
+    return T
+
+
+def rotation(axis: Array, angle: float) -> Array:
+    """Return the rotation matrix about a unit axis (Rodrigues), shape (3, 3)."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    R: Array = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+    return R
+
+
+def joint_motion(link: Link, q: float) -> Array:
+    """Return the transform of a link's own motion at joint value ``q``, shape (4, 4)."""
+    if link.prismatic:
+        return transform(p=q * link.axis)
+    return transform(rotation(link.axis, q))
+
+
+def _steiner(mass: float, d: Array) -> Array:
+    """Return the inertia of a point mass at ``d`` [kg m^2], shape (3, 3)."""
+    inertia: Array = mass * (float(d @ d) * np.eye(3) - np.outer(d, d))
+    return inertia

@@ -1,0 +1,96 @@
+"""What the drives allow: named sets of torque, speed and range limits.
+
+Every set is a linear transmission from joints to drives and limits on the drives. For joint-level
+sets the transmission is the identity; for motor-level ones it holds the gear ratios and the
+differential. A drive's torque is bounded by a peak and, when it drives rather than brakes, by
+the line from its stall torque at rest to zero at its no-load speed.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mitt.signals import Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Limits:
+    """A limit set over all N joints of a chain, held ones included.
+
+    Attributes:
+        name: Name of the set.
+        transmission: Drive speed per joint speed, shape (N, N).
+        tau_peak: Largest torque of each drive [N m], shape (N,).
+        tau_stall: Torque at rest of the torque-speed line [N m], shape (N,); infinite without one.
+        dq_max: Largest (no-load) speed of each drive [rad/s], shape (N,).
+        tau_rms: Continuous torque, as root mean square over a trial [N m], shape (N,).
+    """
+
+    name: str
+    transmission: Array
+    tau_peak: Array
+    tau_stall: Array
+    dq_max: Array
+    tau_rms: Array
+
+    @property
+    def no_load(self) -> bool:
+        """Whether the torque of a drive falls off towards its no-load speed."""
+        return bool(np.all(np.isfinite(self.tau_stall)))
+
+    def drive_torque(self, tau: Array) -> Array:
+        """Return drive torques [N m] for joint torques [N m], shapes (..., N)."""
+        out: Array = np.linalg.solve(self.transmission.T, tau[..., None])[..., 0]
+        return out
+
+    def drive_speed(self, dq: Array) -> Array:
+        """Return drive speeds [rad/s] for joint speeds [rad/s], shapes (..., N)."""
+        out: Array = dq @ self.transmission.T
+        return out
+
+    def torque_bound(self, tau_drive: Array, dq_drive: Array) -> Array:
+        """Return the bound on the size of each drive torque in its direction [N m]."""
+        out: Array = np.broadcast_to(self.tau_peak, tau_drive.shape)
+        if self.no_load:
+            line = self.tau_stall * np.maximum(1.0 - np.abs(dq_drive) / self.dq_max, 0.0)
+            driving = tau_drive * dq_drive > 0.0
+            out = np.where(driving, np.minimum(self.tau_peak, line), self.tau_peak)
+        return out
+
+    def torque_ratio(self, tau: Array, dq: Array) -> Array:
+        """Return how much of each drive's torque is asked for, shape (..., N); 1 is the limit."""
+        drive = self.drive_torque(tau)
+        bound = self.torque_bound(drive, self.drive_speed(dq))
+        out: Array = np.abs(drive) / np.maximum(bound, 1e-9)
+        return out
+
+    def speed_ratio(self, dq: Array) -> Array:
+        """Return how much of each drive's speed is asked for, shape (..., N)."""
+        out: Array = np.abs(self.drive_speed(dq)) / self.dq_max
+        return out
+
+    def saturate(self, tau: Array, dq: Array) -> Array:
+        """Return joint torques within every drive's bound [N m], shape (N,)."""
+        drive = self.drive_torque(tau)
+        bound = self.torque_bound(drive, self.drive_speed(dq))
+        out: Array = self.transmission.T @ np.clip(drive, -bound, bound)
+        return out
+
+
+def joint_level(name: str, *, tau: Array, speed: Array) -> Limits:
+    """Return a set whose drives are the joints themselves.
+
+    Args:
+        name: Name of the set.
+        tau: Largest joint torques [N m], shape (N,).
+        speed: Largest joint speeds [rad/s], shape (N,).
+    """
+    endless = np.full(len(tau), np.inf)
+    return Limits(
+        name=name,
+        transmission=np.eye(len(tau)),
+        tau_peak=tau,
+        tau_stall=endless,
+        dq_max=speed,
+        tau_rms=endless,
+    )
