@@ -23,6 +23,20 @@ def initial_matrix(phi: Array, n: int) -> Array:
     return np.asarray(np.kron(phi, np.eye(n)), np.float64)
 
 
+def initial_gap(q: Array, dq: Array, virtual: Array) -> Array:
+    """Return d of eq. (12), what b must make up for at t_0 [rad, rad/s], shape (2n,).
+
+    q_e = f(r_o) - q of eq. (9) is q_o - q + b(q_o), eq. (10); it and its rate vanish, as eq. (8)
+    asks, where b and its rate are q - q_o and dq - dq_o.
+
+    Args:
+        q: Joint positions at t_0 [rad], shape (n,).
+        dq: Joint velocities at t_0 [rad/s], shape (n,).
+        virtual: q_o and dq_o at t_0 in the first two rows, shape (2 or more, n).
+    """
+    return np.concatenate([q - virtual[0], dq - virtual[1]])
+
+
 def project(alpha: Array, H_inverse: Array, phi: Array, d: Array) -> Array:
     """Return the coefficients nearest to ``alpha`` in H's norm with C alpha = d, eq. (12).
 

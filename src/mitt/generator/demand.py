@@ -34,7 +34,11 @@ class Demand:
 
 
 def demand(arm: Arm, motion: Array) -> Demand:
-    """Return the demand of q, dq, ddq at K instants, shape (K, 3, n); eqs. (14), (16), (19)."""
+    """Return the demand of q, dq, ddq at K instants, shape (K, 3, n).
+
+    The torque is eq. (14) at q = q_d, which is eq. (16) with M~, H~ and g~ of eq. (17); the
+    speed is eq. (19); their shares of the limits are those of eqs. (18) and (20).
+    """
     tau = np.array([arm.torque(*row) for row in motion])
     dq = np.zeros((len(motion), len(arm.model.links)))
     dq[:, arm.model.active] = motion[:, 1]

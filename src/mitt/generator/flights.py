@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mitt.errors import ShapeError
+from mitt.generator.constraints import initial_gap
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array
 
@@ -55,5 +56,5 @@ def lift_flight(f: DirectMap, flight: Flight) -> Lifted | None:
         return None
     virtual = np.array([row for _, row in rows])
     phi = np.array([f.basis.jets(*row[:, free]) for row in virtual])
-    gap = np.concatenate([f.arm.q_ready - virtual[0, 0], -virtual[0, 1]])
+    gap = initial_gap(f.arm.q_ready, np.zeros(f.arm.n), virtual[0])
     return Lifted(virtual[1:], phi[1:], phi[0, :2], gap)

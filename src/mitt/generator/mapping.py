@@ -18,7 +18,7 @@ import numpy as np
 from numba import njit
 
 from mitt.errors import ModelError, ShapeError
-from mitt.generator.constraints import project
+from mitt.generator.constraints import initial_gap, project
 from mitt.generator.planar import plane_of
 from mitt.generator.polynomial import CatchBasis, jets
 from mitt.generator.tangent import Scratch, Tangent, expand, lift, scratch_of
@@ -148,6 +148,15 @@ class DirectMap:
         b: Array = self.basis.jets(q[list(self.design.free)], still, still)[0] @ self.alpha
         return q + b
 
+    def catch_gap(self, r_o: Array) -> Array:
+        """Return r_e = l(f(r_o)) - r_o of eq. (4) [m], shape (3,).
+
+        It and its rate vanish at the catch, eq. (3), for any alpha (the rate at kappa = 1).
+        """
+        _, q_o = self.to_joints(r_o)
+        gap: Array = self.arm.position(self.bend(q_o)) - r_o
+        return gap
+
     def F(self, r_o: Array) -> Array:  # noqa: N802 (the paper's letter)
         """Return df/dr_o of eq. (15) [rad/m], shape (n, 3); r_o must be in the domain."""
         _, q_o = self.to_joints(r_o)
@@ -161,7 +170,10 @@ class DirectMap:
         return out
 
     def reference(self, ball: BallState) -> JointReference:
-        """Return the desired joint motion for a ball's motion; a pure function, always finite."""
+        """Return q_d = f(r_o) of eq. (1) and its derivatives along a ball's motion.
+
+        A pure function; what it returns is finite whatever the ball.
+        """
         rows = np.zeros((6, self.arm.n))
         rows[3] = self._start
         motion = np.array([ball.r_o, ball.dr_o, ball.ddr_o])
@@ -193,8 +205,7 @@ class DirectMap:
             return replace(self, status=MapStatus.DOMAIN)
         free = list(self.design.free)
         phi = self.basis.jets(*rows[:, free])
-        wanted = np.concatenate([q - rows[0], dq - rows[1]])
-        alpha = project(self.alpha, self.H_inverse, phi[:2], wanted)
+        alpha = project(self.alpha, self.H_inverse, phi[:2], initial_gap(q, dq, rows))
         return replace(self, alpha=alpha, status=MapStatus.INSIDE)
 
 

@@ -81,11 +81,10 @@ def limit_rows(arm: Arm, s: Sensitivity, *, share: float, near: float) -> Rows:
     dq[:, arm.model.active] = s.motion[:, 1]
     drive_tau, drive_dq = limits.drive_torque(s.tau), limits.drive_speed(dq)
     bound = np.maximum(limits.torque_bound(drive_tau, drive_dq), 1e-3 * limits.tau_peak)
-    to_drive = np.linalg.inv(limits.transmission.T)
     middle, half = 0.5 * (arm.q_max + arm.q_min), 0.5 * (arm.q_max - arm.q_min)
     values = (drive_tau / bound, drive_dq / limits.dq_max, (s.motion[:, 0] - middle) / half)
     speeds = limits.transmission[:, arm.model.active] / limits.dq_max[:, None]
-    slopes = (to_drive @ s.J_tau / bound[..., None], speeds @ s.J_dq, s.J_q / half[:, None])
+    slopes = (limits.to_drive @ s.J_tau / bound[..., None], speeds @ s.J_dq, s.J_q / half[:, None])
     rows, room = [], []
     for value, slope in zip(values, slopes, strict=True):
         at = np.abs(value) > near

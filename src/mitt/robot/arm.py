@@ -4,7 +4,6 @@ Kinematics come from our own kernels, dynamics (eq. (14)) from Pinocchio. Both a
 :class:`ArmModel`, and tests hold them to each other and to MuJoCo.
 """
 
-from dataclasses import replace
 from typing import final
 
 import numpy as np
@@ -59,6 +58,7 @@ class Arm:
     def __init__(self, model: ArmModel, limits: Limits) -> None:
         """Build kinematics and dynamics from the table."""
         self.model, self.limits = model, limits
+        complete = model.complete()
         self._index = np.array(model.active)
         self.n, self.names = len(self._index), model.names
         active = [model.links[k] for k in model.active]
@@ -66,9 +66,9 @@ class Arm:
         self.q_max = np.array([link.q_max for link in active])
         self.q_ready = model.q_ready
         self.tau_max, self.dq_max = self._joint_limits()
-        self.chain = chain_of(model)
+        self.chain = chain_of(complete)
         self._motion, self._still = motion_of(self.n), np.zeros(self.n)
-        self._pin = to_pinocchio(model)
+        self._pin = to_pinocchio(complete)
         self._data = self._pin.createData()
         size = len(model.links)
         self._lower = np.tril_indices(size, -1)
@@ -145,12 +145,8 @@ class Arm:
 
     def holding(self, mass: float) -> "Arm":
         """Return the arm with a ball of some mass [kg] held at the catch point."""
-        at = np.array([0.0, 0.0, self.model.catch_offset])
-        return Arm(self.model.loaded(mass, at, np.zeros((3, 3))), self.limits)
-
-    def with_limits(self, limits: Limits) -> "Arm":
-        """Return the same arm with another limit set."""
-        return Arm(replace(self.model), limits)
+        at = np.array([0.0, 0.0, 0.0 if self.model.hand is None else self.model.hand.catch_offset])
+        return Arm(self.model.loaded(mass, at=at, inertia=np.zeros((3, 3))), self.limits)
 
     def _fill(self, q: Array, dq: Array, ddq: Array) -> None:
         """Set the active joints' entries in the buffers over all links."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mitt.errors import ModelError
+from mitt.robot.hands import HandModel
 from mitt.signals import Array
 
 #: Slack of the triangle inequality of principal moments [kg m^2]: files round their figures.
@@ -84,7 +85,7 @@ class ArmModel:
         links: Links from the base outwards.
         tool: Frame of the tool plate in the last link's frame, shape (4, 4); its z axis is the
             normal of the palm.
-        catch_offset: Distance of the catch point from the tool plate along that axis [m].
+        hand: The hand mounted there; None where the tool frame itself is the catch point.
         q_ready: Pose in which the active joints wait for a throw [rad], shape (n,).
         base_capsules: Collision shapes of what stands still, in the world frame.
         mount: Frame of the base in the world frame, shape (4, 4).
@@ -93,7 +94,7 @@ class ArmModel:
     name: str
     links: tuple[Link, ...]
     tool: Array
-    catch_offset: float
+    hand: HandModel | None
     q_ready: Array
     base_capsules: tuple[Capsule, ...]
     mount: Array
@@ -111,10 +112,18 @@ class ArmModel:
     @property
     def catch_point(self) -> Array:
         """Catch point in the last link's frame [m], shape (3,)."""
-        point: Array = self.tool[:3, 3] + self.catch_offset * self.tool[:3, 2]
+        offset = 0.0 if self.hand is None else self.hand.catch_offset
+        point: Array = self.tool[:3, 3] + offset * self.tool[:3, 2]
         return point
 
-    def loaded(self, mass: float, at: Array, inertia: Array) -> "ArmModel":
+    def complete(self) -> "ArmModel":
+        """Return the arm with the hand's mass in its last link, as the catcher reckons it."""
+        if self.hand is None:
+            return self
+        at = np.array([0.0, 0.0, self.hand.com])
+        return self.loaded(self.hand.mass, at=at, inertia=self.hand.inertia)
+
+    def loaded(self, mass: float, *, at: Array, inertia: Array) -> "ArmModel":
         """Return the arm with a body fixed to its last link.
 
         Args:

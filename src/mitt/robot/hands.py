@@ -1,6 +1,10 @@
-"""The hand as data: what it weighs, where it catches, how its fingers close.
+"""The hand as data: what it weighs, where it catches, how its fingers are shaped and close.
 
-Mass, centre of mass and catch point are choices of this project where the paper is silent.
+The paper gives three fingers of 0.1 m that close 90 degrees in 20 ms (Table 1). Mass, centre of
+mass and catch point are choices of this project where the paper is silent (facts.md, 4), and so
+are the shapes: they were chosen by throwing balls at a hand on a turning arm. A bent finger of
+one joint reaches over a 40 mm ball and closes on a 20 mm one; its plane stands off the axis,
+so that the fingers pass one another instead of meeting tip to tip over a small ball.
 """
 
 from dataclasses import dataclass, field
@@ -8,6 +12,100 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mitt.signals import Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finger:
+    """A one-joint finger: two rods with a fixed bend, turning in a plane along the palm normal.
+
+    Angles are measured in that plane from the palm normal, inward positive.
+
+    Attributes:
+        base_radius: Distance of the joint from the palm's axis, in the finger's plane [m].
+        base_height: Height of the joint above the tool plate [m].
+        offset: Distance of the finger's plane from the palm's axis [m].
+        lean: Outward lean of the first rod when open [rad].
+        proximal: Length of the first rod [m].
+        distal: Length of the second rod [m]; both make the paper's 0.1 m.
+        bend: Fixed inward bend of the second rod [rad].
+        thickness: Radius of the rods [m].
+        mass: Mass of a finger [kg].
+        armature: Rotor inertia of its drive at the joint [kg m^2].
+    """
+
+    base_radius: float = 0.06
+    base_height: float = 0.07
+    offset: float = 0.0125
+    lean: float = np.deg2rad(65.0)
+    proximal: float = 0.055
+    distal: float = 0.045
+    bend: float = np.deg2rad(80.0)
+    thickness: float = 0.006
+    mass: float = 0.025
+    armature: float = 5e-5
+
+    def points(self, angle: float) -> tuple[Array, Array, Array]:
+        """Return joint, bend and tip [m], each shape (2,): outward and along the palm normal.
+
+        Args:
+            angle: Closing angle [rad]; 0 is open.
+        """
+        first = angle - self.lean
+        second = first + self.bend
+        base = np.array([self.base_radius, self.base_height])
+        knuckle = base + self.proximal * np.array([-np.sin(first), np.cos(first)])
+        tip = knuckle + self.distal * np.array([-np.sin(second), np.cos(second)])
+        return base, knuckle, tip
+
+    def gap(self, angle: float, ball_radius: float, ball_height: float) -> float:
+        """Return the free way between the finger and a ball on the palm's axis [m].
+
+        Args:
+            angle: Closing angle [rad].
+            ball_radius: Radius of the ball [m].
+            ball_height: Height of its centre above the tool plate [m].
+        """
+        base, knuckle, tip = self.points(angle)
+        ball = np.array([0.0, ball_height])
+        nearest = min(_distance(ball, base, knuckle), _distance(ball, knuckle, tip))
+        return float(np.hypot(nearest, self.offset)) - ball_radius - self.thickness
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FingerDrive:
+    """Servo inside the hand: full torque far from the commanded angle, PD near it.
+
+    Attributes:
+        tau_max: Torque limit [N m]; with the finger's inertia it gives the paper's 90 degrees in
+            20 ms, and it bounds the grip.
+        braking: Deceleration that the servo counts on when it nears the angle [rad/s^2].
+        settling: Time constant of the last part [s].
+        gain: Torque per error of speed [N m s/rad].
+        closed: Largest closing angle [rad].
+    """
+
+    tau_max: float = 1.75
+    braking: float = 11_000.0
+    settling: float = 0.0025
+    gain: float = 0.12
+    closed: float = np.pi / 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Closing:
+    """How the fingers are led: fast until just before they touch, slow and firm from there.
+
+    Attributes:
+        acceleration: Acceleration and braking of the fast part [rad/s^2].
+        touch_speed: Speed at which the ball is met [rad/s]; it sets the force of the impact.
+        margin: Angle before touching at which the fast part ends [rad].
+        lead: Start of the closing before the catch [s].
+    """
+
+    acceleration: float = 11_000.0
+    touch_speed: float = 15.0
+    margin: float = 0.12
+    lead: float = 0.016
 
 
 def _cylinder(mass: float, radius: float, length: float) -> Array:
@@ -21,13 +119,76 @@ class HandModel:
     """A hand mounted on the tool plate, palm normal along the plate's z axis.
 
     Attributes:
-        mass: Mass [kg].
-        com: Centre of mass beyond the tool plate [m].
+        mass: Mass, fingers included [kg].
+        com: Centre of mass beyond the tool plate, fingers open [m].
         inertia: Inertia about it, axes of the tool plate [kg m^2], shape (3, 3).
         catch_offset: Distance of the catch point beyond the tool plate [m].
+        palm_height: Height of the palm's surface above the tool plate [m].
+        fingers: Number of fingers, evenly around the palm.
+        yaw: Direction of the first finger about the palm normal, from the plate's x axis [rad].
+        finger: Shape of each finger.
+        drive: Servo of each finger.
+        closing: How they are led.
     """
 
     mass: float = 0.8
     com: float = 0.05
     inertia: Array = field(default_factory=lambda: _cylinder(0.8, 0.06, 0.10))
     catch_offset: float = 0.12
+    palm_height: float = 0.08
+    fingers: int = 3
+    yaw: float = np.pi
+    finger: Finger = field(default_factory=Finger)
+    drive: FingerDrive = field(default_factory=FingerDrive)
+    closing: Closing = field(default_factory=Closing)
+
+    def touch_angle(self, ball_radius: float) -> float:
+        """Return the closing angle at which the fingers touch a ball at the catch point [rad].
+
+        Args:
+            ball_radius: Radius of the ball [m]; where the fingers never touch it, the closed
+                angle is returned.
+        """
+        low, high = 0.0, self.drive.closed
+        if self.finger.gap(high, ball_radius, self.catch_offset) > 0.0:
+            return high
+        for _ in range(40):
+            middle = 0.5 * (low + high)
+            if self.finger.gap(middle, ball_radius, self.catch_offset) > 0.0:
+                low = middle
+            else:
+                high = middle
+        return high
+
+    def closing_angle(self, elapsed: float, ball_radius: float) -> float:
+        """Return the angle to be commanded so long after the start of the closing [rad].
+
+        Args:
+            elapsed: Time since the start [s]; 0 or less is open.
+            ball_radius: Radius of the ball [m].
+        """
+        return self.closing_angle_towards(elapsed, self.touch_angle(ball_radius))
+
+    def closing_angle_towards(self, elapsed: float, touch: float) -> float:
+        """Return the commanded angle [rad] where ``touch`` = ``touch_angle(...)`` is at hand."""
+        a, slow = self.closing.acceleration, self.closing.touch_speed
+        fast_part = max(0.0, touch - self.closing.margin)
+        peak = max(np.sqrt(a * fast_part + 0.5 * slow**2), slow)
+        rise, fall = peak / a, (peak - slow) / a
+        if elapsed <= 0.0:
+            angle = 0.0
+        elif elapsed < rise:
+            angle = 0.5 * a * elapsed**2
+        elif elapsed < rise + fall:
+            left = rise + fall - elapsed
+            angle = fast_part - slow * left - 0.5 * a * left**2
+        else:
+            angle = fast_part + slow * (elapsed - rise - fall)
+        return float(min(angle, self.drive.closed))
+
+
+def _distance(point: Array, start: Array, end: Array) -> float:
+    """Return the distance of a point from a segment [m]."""
+    along = end - start
+    share = np.clip((point - start) @ along / (along @ along), 0.0, 1.0)
+    return float(np.linalg.norm(start + share * along - point))

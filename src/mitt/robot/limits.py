@@ -7,13 +7,14 @@ the line from its stall torque at rest to zero at its no-load speed.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from mitt.signals import Array
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Limits:
     """A limit set over all N joints of a chain, held ones included.
 
@@ -33,14 +34,19 @@ class Limits:
     dq_max: Array
     tau_rms: Array
 
-    @property
+    @cached_property
+    def to_drive(self) -> Array:
+        """Drive torque per joint torque, shape (N, N): the inverse transpose of transmission."""
+        return np.asarray(np.linalg.inv(self.transmission.T), np.float64)
+
+    @cached_property
     def no_load(self) -> bool:
         """Whether the torque of a drive falls off towards its no-load speed."""
         return bool(np.all(np.isfinite(self.tau_stall)))
 
     def drive_torque(self, tau: Array) -> Array:
         """Return drive torques [N m] for joint torques [N m], shapes (..., N)."""
-        out: Array = np.linalg.solve(self.transmission.T, tau[..., None])[..., 0]
+        out: Array = tau @ self.to_drive.T
         return out
 
     def drive_speed(self, dq: Array) -> Array:
@@ -50,11 +56,11 @@ class Limits:
 
     def torque_bound(self, tau_drive: Array, dq_drive: Array) -> Array:
         """Return the bound on the size of each drive torque in its direction [N m]."""
-        out: Array = np.broadcast_to(self.tau_peak, tau_drive.shape)
+        out = np.asarray(np.broadcast_to(self.tau_peak, tau_drive.shape), np.float64)
         if self.no_load:
             line = self.tau_stall * np.maximum(1.0 - np.abs(dq_drive) / self.dq_max, 0.0)
             driving = tau_drive * dq_drive > 0.0
-            out = np.where(driving, np.minimum(self.tau_peak, line), self.tau_peak)
+            out = np.asarray(np.where(driving, np.minimum(self.tau_peak, line), out), np.float64)
         return out
 
     def torque_ratio(self, tau: Array, dq: Array) -> Array:
@@ -73,7 +79,7 @@ class Limits:
         """Return joint torques within every drive's bound [N m], shape (N,)."""
         drive = self.drive_torque(tau)
         bound = self.torque_bound(drive, self.drive_speed(dq))
-        out: Array = self.transmission.T @ np.clip(drive, -bound, bound)
+        out: Array = np.clip(drive, -bound, bound) @ self.transmission
         return out
 
 

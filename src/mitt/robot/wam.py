@@ -95,22 +95,24 @@ _TOOL_PLATE = 0.35
 _BASE = Capsule(start=(0.0, 0.0, -0.33), end=(0.0, 0.0, -0.12), radius=0.12)
 
 
+LIMIT_SETS = ("paper", *_VOLTS)
+
+
 def wam(hand: HandModel, *, held_3: float | None = 0.0) -> ArmModel:
     """Return the WAM with a hand; joint 3 held at ``held_3`` [rad], active where None."""
     links = tuple(
         _link(k, row, held_3 if k == 2 else None, _behind(k)) for k, row in enumerate(_TABLE)
     )
     q_ready = np.array([0.0, np.pi / 4, 0.0, 0.0])  # section 4.1 of the paper
-    bare = ArmModel(
+    return ArmModel(
         name="wam",
         links=links,
         tool=_step(_TABLE[3]) @ transform(p=np.array([0.0, 0.0, _TOOL_PLATE])),
-        catch_offset=hand.catch_offset,
+        hand=hand,
         q_ready=q_ready if held_3 is None else np.delete(q_ready, 2),
         base_capsules=(_BASE,),
         mount=np.eye(4),
     )
-    return bare.loaded(hand.mass, np.array([0.0, 0.0, hand.com]), hand.inertia)
 
 
 def wam_limits(name: str) -> Limits:
@@ -118,7 +120,7 @@ def wam_limits(name: str) -> Limits:
     if name == "paper":
         return joint_level(name, tau=_PAPER_TAU, speed=_PAPER_SPEED)
     if name not in _VOLTS:
-        raise UnknownNameError("limits", name, ("paper", *_VOLTS))
+        raise UnknownNameError("limits", name, LIMIT_SETS)
     count = len(TRANSMISSION)
     return Limits(
         name=name,

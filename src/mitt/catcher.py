@@ -1,0 +1,179 @@
+"""The catcher: from images and encoders to torques and fingers, once a millisecond.
+
+    Frame x2 -> Moments x2 -> Sighting -> BallState -> JointReference -> Command
+
+The only module that knows the order of the stages. The same catcher runs against the simulated
+world, a replayed recording and a real arm.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import final
+
+import numpy as np
+
+from mitt.control.brake import Brake, plan_brake
+from mitt.control.hand import Closing
+from mitt.control.tracking import Tracked, Tracker
+from mitt.generator.certificate import Outcome, Verdict
+from mitt.generator.generators import Generator
+from mitt.robot.arm import Arm
+from mitt.signals import Array, BallState, Command, JointReference, MapStatus, Senses, Sighting
+from mitt.vision.eyes import Eyes
+from mitt.vision.filter import BallFilter
+
+
+class Phase(Enum):
+    """What the catcher is about."""
+
+    WATCH = "watch"
+    FOLLOW = "follow"
+    BRAKE = "brake"
+    REFUSED = "refused"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CatcherSettings:
+    """Settings of the catcher.
+
+    Attributes:
+        bandwidth: Bandwidth of the tracking error [rad/s].
+        sigma_ready: Predicted 1-sigma at the catch at which the arm starts to move [m].
+        watch: Longest time from first sight to the verdict [s].
+        ball_mass: Mass of the ball, carried by the model while it is held [kg].
+        ball_radius: Radius of the ball [m]; the eyes are told the same.
+    """
+
+    bandwidth: float = 60.0
+    sigma_ready: float = 0.02
+    watch: float = 0.08
+    ball_mass: float = 0.07
+    ball_radius: float = 0.04
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tick:
+    """All that one tick brought about.
+
+    Attributes:
+        phase: Phase after the tick.
+        ball: Estimate of the ball, carried to the time of the command.
+        reference: What the generator asked for, before any limit; None while it is not asked.
+        tracked: Command and its parts.
+    """
+
+    phase: Phase
+    ball: BallState
+    reference: JointReference | None
+    tracked: Tracked
+
+
+@final
+class Catcher:
+    """Lets an arm catch; one object a throw.
+
+    Attributes:
+        verdict: Verdict on the throw, once given.
+        t_0: Time at which the arm began to move [s]; infinite before.
+        tick: What the last tick brought about; None before the first.
+    """
+
+    def __init__(
+        self, arm: Arm, generator: Generator, eyes: Eyes, *, settings: CatcherSettings
+    ) -> None:
+        """Take the arm, the generator and the eyes."""
+        self._arm, self._generator, self._eyes, self._settings = arm, generator, eyes, settings
+        self._filter = BallFilter()
+        self._tracker = Tracker(arm, bandwidth=settings.bandwidth)
+        self._closing = Closing(arm.model.hand, ball_radius=settings.ball_radius)
+        self._phase = Phase.WATCH
+        self._wanted = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)])
+        self._brake: Brake | None = None
+        self.verdict: Verdict | None = None
+        self.t_0 = np.inf
+        self.tick: Tick | None = None
+
+    def step(self, senses: Senses) -> Command:
+        """See, estimate, generate, close, track: one tick."""
+        sighting = self._see(senses)
+        ball = self._estimate(sighting, senses.t)
+        reference = self._generate(ball, senses)
+        hand = self._closing.step(senses.t, self._time_to_catch(reference))
+        tracked = self._tracker.step(senses.arm, self._wanted, hand=hand)
+        self.tick = Tick(phase=self._phase, ball=ball, reference=reference, tracked=tracked)
+        return tracked.command
+
+    def _see(self, senses: Senses) -> tuple[Sighting, ...]:
+        """Return the new sightings, from images or from points."""
+        if senses.frames:
+            return (self._eyes.step(senses.frames),)
+        return senses.points
+
+    def _estimate(self, sightings: tuple[Sighting, ...], t: float) -> BallState:
+        """Take in the sightings and carry the estimate to the time of the command."""
+        if self._phase in (Phase.WATCH, Phase.FOLLOW) and not self._closing.closed(t):
+            for sighting in sightings:
+                self._filter.update(sighting)
+        return self._filter.state(t)
+
+    def _generate(self, ball: BallState, senses: Senses) -> JointReference | None:
+        """Set the wanted motion for this tick, by phase."""
+        if self._phase is Phase.WATCH and ball.tracked:
+            self._watch(ball, senses)
+        if self._phase is Phase.FOLLOW:
+            reference = self._generator.reference(ball)
+            self._follow(reference)
+            if self._closing.closed(senses.t):
+                self._start_braking(senses.t)
+            return reference
+        if self._brake is not None:
+            self._wanted = self._brake.at(senses.t)
+        return None
+
+    def _watch(self, ball: BallState, senses: Senses) -> None:
+        """Give the verdict once the ball is known well enough, or when it is due."""
+        due = ball.t - ball.t_first >= self._settings.watch
+        if not due and not _known(ball, self._settings.sigma_ready):
+            return
+        verdict = self._generator.verdict(ball, senses.arm.q)
+        if not due and verdict.sigma > self._settings.sigma_ready:
+            return
+        self.verdict = verdict
+        if verdict.outcome is Outcome.UNREACHABLE:
+            self._phase = Phase.REFUSED
+            return
+        self._generator = self._generator.adapt(ball, senses.arm.q, senses.arm.dq)
+        self._phase, self.t_0 = Phase.FOLLOW, senses.t
+
+    def _follow(self, reference: JointReference) -> None:
+        """Want what the generator asks; outside its domain, stay where the arm was wanted."""
+        if reference.status is MapStatus.INSIDE:
+            self._wanted = np.array([reference.q_d, reference.dq_d, reference.ddq_d])
+        else:
+            self._wanted = np.array([self._wanted[0], *np.zeros((2, self._arm.n))])
+
+    def _start_braking(self, t: float) -> None:
+        """Plan the stop from the last command, with the ball's weight in the model."""
+        loaded = self._arm.holding(self._settings.ball_mass)
+        self._tracker = Tracker(loaded, bandwidth=self._settings.bandwidth)
+        self._brake = plan_brake(loaded, t, self._last_command())
+        self._wanted = self._brake.at(t)
+        self._phase = Phase.BRAKE
+
+    def _last_command(self) -> Array:
+        """Return q, dq, ddq of the last command, shape (3, n)."""
+        if self.tick is None:
+            return self._wanted
+        command = self.tick.tracked.command
+        return np.array([command.q, command.dq, command.ddq])
+
+    def _time_to_catch(self, reference: JointReference | None) -> float:
+        """Return the time to the catch [s]; infinite while nothing is being followed."""
+        if reference is None or reference.status is not MapStatus.INSIDE:
+            return np.inf
+        return reference.time_to_catch
+
+
+def _known(ball: BallState, sigma: float) -> bool:
+    """Say whether the position is known better than ``sigma`` [m] at all, a cheap first test."""
+    return bool(np.trace(ball.covariance[:3, :3]) < sigma * sigma)

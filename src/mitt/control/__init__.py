@@ -1,0 +1,1 @@
+"""From the desired joint motion to torques and fingers, within every limit."""

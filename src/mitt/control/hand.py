@@ -1,0 +1,46 @@
+"""Closing the hand by time to contact.
+
+The fingers start a fixed lead before the catch, which the map itself announces as the time until
+q_o,i reaches q_alpha, and from then on run through the hand's closing profile by the clock: a
+started closing is not taken back.
+"""
+
+from typing import final
+
+import numpy as np
+
+from mitt.robot.hands import HandModel
+
+
+@final
+class Closing:
+    """The fingers of one throw."""
+
+    def __init__(self, hand: HandModel | None, *, ball_radius: float) -> None:
+        """Take the hand (None leaves a hand that does not exist open) and the ball's radius [m]."""
+        self._hand = hand
+        self._touch = 0.0 if hand is None else hand.touch_angle(ball_radius)
+        self.t_start = np.inf
+
+    def step(self, t: float, time_to_catch: float) -> float:
+        """Return the closing angle to command at ``t`` [rad].
+
+        Args:
+            t: Time of the tick [s].
+            time_to_catch: Time until the catch [s]; infinite where none is in sight.
+        """
+        if self._hand is None:
+            return 0.0
+        if np.isinf(self.t_start) and time_to_catch <= self._hand.closing.lead:
+            self.t_start = t
+        return self._hand.closing_angle_towards(t - self.t_start, self._touch)
+
+    def closed(self, t: float) -> bool:
+        """Say whether the fingers have had the time to close around the ball."""
+        if self._hand is None:
+            return t - self.t_start >= 0.0
+        return t - self.t_start >= self._hand.closing.lead + FOLLOW_ON
+
+
+#: Following after the catch, while the fingers close on the ball [s].
+FOLLOW_ON = 0.008

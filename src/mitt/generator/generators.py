@@ -1,0 +1,66 @@
+"""Generators of desired joint motion behind one call; rivals implement the same three methods."""
+
+from dataclasses import dataclass, field, replace
+from typing import Protocol, Self, final
+
+from mitt.generator.certificate import Outcome, Tolerance, Verdict, judge
+from mitt.generator.mapping import DirectMap
+from mitt.signals import Array, BallState, JointReference
+
+
+class Generator(Protocol):
+    """What turns the ball's estimate into desired joint motion."""
+
+    def verdict(self, ball: BallState, q: Array) -> Verdict:
+        """Say before moving whether a ball can be caught from rest in ``q`` [rad], shape (n,)."""
+        ...
+
+    def adapt(self, ball: BallState, q: Array, dq: Array) -> Self:
+        """Return the generator that starts in ``q``, ``dq`` [rad, rad/s], shapes (n,)."""
+        ...
+
+    def reference(self, ball: BallState) -> JointReference:
+        """Return the desired joint motion for the ball; pure."""
+        ...
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Direct:
+    """The learned map, adapted to each throw by one projection."""
+
+    map: DirectMap
+    tolerance: Tolerance = field(default_factory=Tolerance)
+
+    def verdict(self, ball: BallState, q: Array) -> Verdict:
+        """Judge the throw by the adapted map's demand."""
+        return judge(self.map, ball, q, tolerance=self.tolerance)
+
+    def adapt(self, ball: BallState, q: Array, dq: Array) -> "Direct":
+        """Project alpha onto the initial constraint, eq. (12)."""
+        return replace(self, map=self.map.adapt(ball, q, dq))
+
+    def reference(self, ball: BallState) -> JointReference:
+        """Evaluate the map."""
+        return self.map.reference(ball)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Unoptimised:
+    """The map with alpha = 0, as the paper's figs. 10 and 11 show it; it never refuses."""
+
+    map: DirectMap
+
+    def verdict(self, ball: BallState, q: Array) -> Verdict:
+        """Never refuse; the limits are still reckoned, to be reported."""
+        judged = judge(self.map, ball, q, tolerance=Tolerance())
+        return replace(judged, outcome=Outcome.FEASIBLE)
+
+    def adapt(self, ball: BallState, q: Array, dq: Array) -> "Unoptimised":  # noqa: ARG002
+        """Start nowhere in particular: alpha stays 0."""
+        return self
+
+    def reference(self, ball: BallState) -> JointReference:
+        """Evaluate the map."""
+        return self.map.reference(ball)

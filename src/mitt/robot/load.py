@@ -1,0 +1,167 @@
+"""Arms by name or from a URDF or MJCF file."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+
+from mitt.errors import FileError, ModelError, UnknownNameError
+from mitt.robot.arm import Arm
+from mitt.robot.description import ArmModel, Link, transform
+from mitt.robot.hands import HandModel
+from mitt.robot.limits import Limits, joint_level
+from mitt.robot.wam import LIMIT_SETS, wam, wam_limits
+
+#: Largest description file read [byte]; real ones stay below 1 MB.
+_MAX_BYTES = 20_000_000
+
+
+def load_arm(
+    name_or_path: str | Path = "wam",
+    *,
+    tip: str | None = None,
+    joints: Sequence[str] | None = None,
+    limits: str | None = None,
+    hand: HandModel | None = None,
+) -> Arm:
+    """Return an arm by name (``wam``) or from a URDF (``.urdf``) or MJCF (``.xml``) file.
+
+    Args:
+        name_or_path: Name or file.
+        tip: Frame of the file whose origin is the catch point and whose z axis is the normal
+            of the palm; only for files.
+        joints: Active joints of the file, the others held at their neutral position.
+        limits: Limit set: ``paper``, ``wam-48v``, ``wam-80v`` for the WAM, ``model`` for files.
+        hand: For files: a hand to be mounted so that its catch point is at the tip; without
+            one the file is taken to contain what the arm carries.
+
+    Raises:
+        UnknownNameError: No such arm, joint, frame or limit set.
+        FileError: The file cannot be read or parsed.
+        ModelError: What it describes is no arm that can be used.
+    """
+    if str(name_or_path) == "wam":
+        if tip is not None or joints is not None:
+            raise ModelError("arm wam", "no tip and no joints: they are fixed", f"{tip}, {joints}")
+        return Arm(wam(hand or HandModel()), wam_limits(limits or "paper"))
+    path = Path(name_or_path)
+    if path.suffix not in (".urdf", ".xml", ".mjcf"):
+        raise UnknownNameError("arm", str(name_or_path), ("wam", "a .urdf file", "an .xml MJCF"))
+    if limits not in (None, "model"):
+        wanted = ("model",) if limits in LIMIT_SETS else ("model", *LIMIT_SETS)
+        raise UnknownNameError("limits of an arm from a file", str(limits), wanted)
+    if tip is None or not joints:
+        raise ModelError(str(path), "tip and joints", f"tip={tip}, joints={joints}",
+                         do="name the frame of the catch point and the active joints")  # fmt: skip
+    return _from_pinocchio(_parse(path), path.stem, tip, tuple(joints), hand)
+
+
+def _parse(path: Path) -> pin.Model:
+    """Read a description file into Pinocchio, refusing what it would silently accept."""
+    try:
+        if path.stat().st_size > _MAX_BYTES:
+            raise FileError(str(path), f"at most {_MAX_BYTES} bytes", path.stat().st_size)
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileError(str(path), "a readable text file", error) from error
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise FileError(str(path), "a file without DOCTYPE or entities", "one that has them")
+    _check_numbers(path, text)
+    build = pin.buildModelFromUrdf if path.suffix == ".urdf" else pin.buildModelFromMJCF
+    try:
+        return build(str(path))
+    except (ValueError, RuntimeError) as error:
+        reason = str(error).strip() or "a parse error"
+        raise FileError(str(path), "a URDF or MJCF arm", reason.splitlines()[0]) from error
+
+
+def _check_numbers(path: Path, text: str) -> None:
+    """Refuse malformed XML, and masses and inertias of a URDF that are no numbers.
+
+    Pinocchio takes a link whose mass does not parse for one without mass.
+    """
+    try:
+        root = ElementTree.fromstring(text)  # noqa: S314 (entities are refused before)
+    except ElementTree.ParseError as error:
+        raise FileError(str(path), "well-formed XML", error) from error
+    for inertial in root.iter("inertial"):
+        for element in (x for x in inertial if x.tag in ("mass", "inertia")):
+            for key, value in element.attrib.items():
+                try:
+                    finite = np.isfinite(float(value))
+                except ValueError:
+                    finite = False
+                if not finite:
+                    raise FileError(str(path), f"a number for {element.tag} {key}", repr(value))
+
+
+def _from_pinocchio(
+    full: pin.Model, name: str, tip: str, joints: tuple[str, ...], hand: HandModel | None
+) -> Arm:
+    """Lock all but the active joints and read what is left as a serial chain."""
+    known = list(full.names)[1:]
+    for joint in joints:
+        if joint not in known:
+            raise UnknownNameError("joint", joint, known)
+    if not full.existFrame(tip):
+        raise UnknownNameError("tip", tip, (frame.name for frame in full.frames))
+    locked = [full.getJointId(k) for k in known if k not in joints]
+    model = pin.buildReducedModel(full, locked, pin.neutral(full))
+    frame = model.frames[model.getFrameId(tip)]
+    if list(model.parents)[1:] != list(range(model.njoints - 1)) or (
+        frame.parentJoint != model.njoints - 1
+    ):
+        raise ModelError("joints", f"joints one behind the other from the base to {tip!r}", joints)
+    links = tuple(_link(model, k) for k in range(1, model.njoints))
+    tool = frame.placement.homogeneous
+    if hand is not None:
+        tool = tool @ transform(p=np.array([0.0, 0.0, -hand.catch_offset]))
+    q_min, q_max = np.array([x.q_min for x in links]), np.array([x.q_max for x in links])
+    middle = 0.5 * (q_min + q_max)
+    description = ArmModel(
+        name=name,
+        links=links,
+        tool=tool,
+        hand=hand,
+        q_ready=np.where((q_min < 0.0) & (q_max > 0.0), 0.0, middle),
+        base_capsules=(),
+        mount=np.eye(4),
+    )
+    return Arm(description, _limits(model))
+
+
+def _link(model: pin.Model, k: int) -> Link:
+    """Read joint ``k`` and the body behind it."""
+    name, joint, inertia = model.names[k], model.joints[k], model.inertias[k]
+    if joint.nq != 1 or joint.nv != 1:
+        raise ModelError(f"joint {name!r}", "a hinge or slide with a range", joint.shortname(),
+                         do="give a continuous joint limits, or hold it")  # fmt: skip
+    data = model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model), np.zeros(model.nv))
+    subspace = np.asarray(data.joints[k].S).reshape(6)
+    sliding = bool(np.linalg.norm(subspace[:3]) > 0.5)
+    at = joint.idx_v
+    return Link(
+        name=name,
+        placement=model.jointPlacements[k].homogeneous,
+        axis=subspace[:3] if sliding else subspace[3:],
+        prismatic=sliding,
+        q_min=float(model.lowerPositionLimit[at]),
+        q_max=float(model.upperPositionLimit[at]),
+        mass=float(inertia.mass),
+        com=np.array(inertia.lever),
+        inertia=np.array(inertia.inertia),
+        armature=float(model.armature[at]),
+    )
+
+
+def _limits(model: pin.Model) -> Limits:
+    """Read the torque and speed limits that the file states."""
+    tau, speed = np.array(model.upperEffortLimit), np.array(model.upperVelocityLimit)
+    for k, joint in enumerate(list(model.names)[1:]):
+        if not (0.0 < tau[k] < np.inf and 0.0 < speed[k] < np.inf):
+            raise ModelError(f"joint {joint!r}", "an effort and a velocity limit above 0",
+                             f"{tau[k]:g} and {speed[k]:g}", do="state them in the file")  # fmt: skip
+    return joint_level("model", tau=tau, speed=speed)

@@ -1,0 +1,104 @@
+"""Learning: less cost, limits kept, the metric positive, the gradient right."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from conftest import parabola
+
+from mitt.errors import InputError
+from mitt.generator.constraints import initial_matrix, shift
+from mitt.generator.demand import demand
+from mitt.generator.flights import Flight, lift_flight
+from mitt.generator.learn import Learned, learn
+from mitt.generator.mapping import DirectMap, MapDesign
+from mitt.generator.program import cost, limit_rows, sensitivity, solve
+from mitt.robot.arm import Arm
+from mitt.signals import Array
+
+STEP = 1e-6
+
+
+def adapted_motion(f: DirectMap, flight: Flight) -> Array:
+    """Return q_d, dq_d, ddq_d along a flight with alpha projected onto its start."""
+    x = lift_flight(f, flight)
+    assert x is not None
+    C = initial_matrix(x.phi_0, f.arm.n)
+    alpha = f.alpha.ravel() + shift(C, f.H_inverse) @ (x.gap - C @ f.alpha.ravel())
+    return x.motion(alpha.reshape(f.alpha.shape))
+
+
+def test_learning_lowers_the_cost_and_keeps_the_limits(
+    learned: Learned, flights: Sequence[Flight]
+) -> None:
+    """The cost of eq. (22) falls below that of alpha = 0, and every flight is within limits."""
+    first, last = learned.steps[0], learned.steps[-1]
+    assert learned.status == "converged"
+    assert last.cost_torque + last.cost_speed < 0.6 * (first.cost_torque + first.cost_speed)
+    asked = [demand(learned.map.arm, adapted_motion(learned.map, x)) for x in flights]
+    assert max(x.torque.max() for x in asked) <= 1.0
+    assert max(x.speed.max() for x in asked) <= 1.0
+    assert max(x.excess.max() for x in asked) == 0.0
+
+
+def test_new_throws_of_the_same_kind_cost_little_more(learned: Learned, arm: Arm) -> None:
+    """On flights it has not seen the adapted map costs within 15 % of what it cost in learning."""
+    rng = np.random.default_rng(99)
+    asked = [demand(arm, adapted_motion(learned.map, parabola(arm, rng))) for _ in range(30)]
+    last = learned.steps[-1]
+    mean = float(np.mean([x.cost for x in asked]))
+    assert mean < 1.15 * (last.cost_torque + last.cost_speed)
+
+
+def test_the_metric_is_positive_definite(learned: Learned) -> None:
+    """H is symmetric with positive eigenvalues, so the projection is defined."""
+    H = learned.map.H
+    assert np.allclose(H, H.T)
+    assert np.linalg.eigvalsh(H)[0] > 0.0
+
+
+def test_sensitivities_are_differences(learned: Learned, flights: Sequence[Flight]) -> None:
+    """Residual and limit rows answer to alpha as central differences say (d tau / d alpha)."""
+    f = learned.map
+    x = lift_flight(f, flights[0])
+    assert x is not None
+    rng = np.random.default_rng(3)
+    way = rng.standard_normal(f.alpha.shape)
+
+    def residual(step: float) -> Array:
+        s = sensitivity(f.arm, x.motion(f.alpha + step * way), x.phi)
+        c = cost(f.arm, s)
+        return np.concatenate([c.torque.ravel(), c.speed.ravel()])
+
+    s = sensitivity(f.arm, x.motion(f.alpha), x.phi)
+    slope = (residual(STEP) - residual(-STEP)) / (2 * STEP)
+    assert np.allclose(cost(f.arm, s).J @ way.ravel(), slope, atol=1e-6 * np.abs(slope).max())
+    # With ``near`` at 0 every limit has its row, so that rows of the two sides can be compared.
+    rows = limit_rows(f.arm, s, share=1.0, near=0.0)
+    ahead, back = (
+        limit_rows(f.arm, sensitivity(f.arm, x.motion(f.alpha + h * way), x.phi), share=1.0,
+                   near=0.0).room
+        for h in (STEP, -STEP)
+    )  # fmt: skip
+    slope = -(ahead - back) / (2 * STEP)
+    assert np.allclose(rows.rows @ way.ravel(), slope, atol=1e-5 * np.abs(slope).max())
+
+
+def test_the_solver_is_not_believed_blindly() -> None:
+    """NaN in the problem gives no step; a feasible problem gives the constrained minimum."""
+    H, gradient = np.diag([2.0, 1.0]), np.array([-2.0, -1.0])
+    rows, room = np.array([[1.0, 0.0]]), np.array([0.25])
+    step = solve(H, gradient, (rows, room))
+    assert step is not None
+    assert np.allclose(step, [0.25, 1.0], atol=1e-4)
+    assert solve(H, np.array([np.nan, 0.0]), (rows, room)) is None
+
+
+def test_flights_that_leave_the_domain_are_left_out(arm: Arm, flights: Sequence[Flight]) -> None:
+    """A flight through the shoulder is counted, not learned; none at all is an input error."""
+    through = Flight(
+        t=flights[0].t, ball=flights[0].ball * [[[0.2], [1.0], [1.0]]], seen=flights[0].seen
+    )
+    assert learn(arm, MapDesign(), [*flights[:5], through]).left_out == 1
+    with pytest.raises(InputError):
+        learn(arm, MapDesign(), [through])

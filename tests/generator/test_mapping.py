@@ -1,0 +1,184 @@
+"""Laws of the map: it meets the ball whatever alpha is, and starts where the arm is."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ball_state
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mitt.errors import MittError, ModelError, ShapeError
+from mitt.generator.learn import Learned
+from mitt.generator.mapping import DirectMap, MapDesign, tangent_of, unlearned
+from mitt.generator.tangent import invert_newton
+from mitt.robot.arm import Arm
+from mitt.robot.load import load_arm
+from mitt.signals import Array, MapStatus
+
+STEP = 1e-5
+EXACT, DIFFERENCE = 1e-9, 2e-6
+PANDA = "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf/panda.urdf"
+
+seeds = st.integers(0, 2**31)
+
+
+def bent(f: DirectMap, rng: np.random.Generator) -> DirectMap:
+    """Return the map with random coefficients."""
+    return replace(f, alpha=0.1 * rng.standard_normal(f.alpha.shape))
+
+
+def at_catch(f: DirectMap, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+    """Return a random ball state at the very catch: r_o = l(q) with q_i = q_alpha."""
+    q = np.array([rng.uniform(-0.4, 0.4), np.pi / 4 + rng.uniform(-0.3, 0.3), f.design.q_catch])
+    dr = np.array([-rng.uniform(2, 7), rng.uniform(-1, 1), rng.uniform(-4, 2)])
+    return f.arm.position(q), dr, np.array([0.5, 0.0, -9.81])
+
+
+@given(seed=seeds, kappa=st.sampled_from([1.0, 1.5, 3.0]), q_catch=st.floats(0.9, 2.0))
+def test_the_hand_meets_the_ball_whatever_alpha_is(
+    arm: Arm, seed: int, kappa: float, q_catch: float
+) -> None:
+    """Eq. (3): no position error for any alpha and kappa, relative velocity (kappa - 1) J_i dq_i."""
+    rng = np.random.default_rng(seed)
+    f = bent(unlearned(arm, MapDesign(kappa=kappa, q_catch=q_catch)), rng)
+    r_o, dr_o, ddr_o = at_catch(f, rng)
+    reference = f.reference(ball_state(r_o, dr_o, ddr_o))
+    J = arm.jacobian(reference.q_d)
+    assert np.allclose(arm.position(reference.q_d), r_o, atol=EXACT)
+    assert np.allclose(f.catch_gap(r_o), 0.0, atol=EXACT)
+    relative = dr_o - J @ reference.dq_d
+    assert np.allclose(relative, (kappa - 1.0) * J[:, 2] * reference.dq_d[2], atol=1e-7)
+
+
+@given(seed=seeds)
+def test_kappa_slows_the_catch_joint_by_itself_and_no_other(arm: Arm, seed: int) -> None:
+    """q_i-dot at the catch is 1/kappa of its value at kappa = 1, the other joints unchanged."""
+    rng = np.random.default_rng(seed)
+    one, three = (unlearned(arm, MapDesign(kappa=k)) for k in (1.0, 3.0))
+    state = ball_state(*at_catch(one, rng))
+    fast, slow = one.reference(state).dq_d, three.reference(state).dq_d
+    assert np.allclose(slow, fast * [1.0, 1.0, 1.0 / 3.0], atol=1e-9)
+
+
+@given(seed=seeds)
+def test_derivatives_of_the_reference_are_differences(plain: DirectMap, seed: int) -> None:
+    """dq_d and ddq_d are time derivatives of q_d along any motion of the ball; F agrees."""
+    rng = np.random.default_rng(seed)
+    f = bent(plain, rng)
+    r_o = np.array([rng.uniform(0.9, 3.0), rng.uniform(-0.8, 0.8), rng.uniform(-0.4, 1.2)])
+    dr_o = np.array([-rng.uniform(2, 7), rng.uniform(-1, 1), rng.uniform(-3, 3)])
+    ddr_o = rng.uniform(-10, 10, 3)
+
+    def at(t: float) -> Array:
+        r = f.reference(ball_state(r_o + dr_o * t + 0.5 * ddr_o * t * t, dr_o + ddr_o * t, ddr_o))
+        return np.array([r.q_d, r.dq_d, r.ddq_d])
+
+    now, change = at(0.0), (at(STEP) - at(-STEP)) / (2 * STEP)
+    size = 1.0 + np.abs(now).max()
+    assert np.allclose(now[1:], change[:2], atol=DIFFERENCE * size)
+    assert np.allclose(f.F(r_o) @ dr_o, now[1], atol=EXACT * size)
+
+
+@given(seed=seeds)
+def test_closed_form_and_newton_give_the_same_inverse(plain: DirectMap, seed: int) -> None:
+    """Wherever the closed form has a value, Newton finds it too, and l_c leads back to the ball."""
+    rng = np.random.default_rng(seed)
+    direction = np.array([1.0, rng.uniform(-0.5, 0.5), rng.uniform(-0.6, 0.8)])
+    r_o = rng.uniform(0.62, 4.0) * direction / np.linalg.norm(direction)
+    status, q_o = plain.to_joints(r_o)
+    assert status is MapStatus.INSIDE
+    assert np.allclose(plain.to_ball(q_o), r_o, atol=EXACT)
+    start = np.array([0.0, np.pi / 4, np.pi / 2])
+    general = plain.tangent._replace(planar=False)
+    assert invert_newton(general, r_o, start, plain._scratch)
+    assert np.allclose(start, q_o, atol=1e-7)
+
+
+@given(radius=st.floats(0.0, 0.6), yaw=st.floats(-3.0, 3.0), pitch=st.floats(0.1, 3.0))
+def test_the_domain_is_where_the_equations_say(
+    plain: DirectMap, radius: float, yaw: float, pitch: float
+) -> None:
+    """Inside |r_o| = |p x t| / |t| there is no inverse, outside there is; never NaN."""
+    px, pz, tx, tz = plain.tangent.plane[:4]
+    edge = abs(px * tz - pz * tx) / np.hypot(tx, tz)
+    assert edge == pytest.approx(0.569, abs=5e-4)
+    if abs(radius - edge) < 1e-6:
+        return
+    r_o = radius * np.array(
+        [np.sin(pitch) * np.cos(yaw), np.sin(pitch) * np.sin(yaw), np.cos(pitch)]
+    )
+    status, q_o = plain.to_joints(r_o)
+    assert (status is MapStatus.INSIDE) == (radius > edge)
+    assert np.all(np.isfinite(q_o))
+
+
+@pytest.mark.parametrize(
+    "r_o", [np.array([0.0, 0.0, 2.0]), np.array([np.nan, 1, 1]), np.array([np.inf, 0, 0])]
+)
+def test_where_the_map_has_no_value_it_says_so_with_finite_numbers(
+    plain: DirectMap, r_o: Array
+) -> None:
+    """Over the axis, at NaN and at infinity the status is DOMAIN and nothing is NaN."""
+    reference = plain.reference(ball_state(r_o, np.array([-5.0, 0, 0]), np.zeros(3)))
+    assert reference.status is MapStatus.DOMAIN
+    rows = (reference.q_d, reference.dq_d, reference.ddq_d, reference.q_o, reference.dq_o)
+    assert all(np.all(np.isfinite(row)) for row in rows)
+
+
+@given(seed=seeds)
+def test_an_adapted_map_starts_where_the_arm_is(learned: Learned, seed: int) -> None:
+    """Eq. (8): after adaptation q_d and dq_d at t_0 are the arm's, moving or at rest."""
+    rng = np.random.default_rng(seed)
+    f = learned.map
+    r_o = np.array([rng.uniform(1.8, 3.5), rng.uniform(-0.4, 0.4), rng.uniform(0.0, 1.0)])
+    ball = ball_state(r_o, np.array([-6.0, 0.1, 1.0]), np.array([1.0, 0.0, -9.0]))
+    q, dq = f.arm.q_ready + rng.uniform(-0.1, 0.1, 3), rng.uniform(-1, 1, 3)
+    reference = f.adapt(ball, q, dq).reference(ball)
+    assert np.allclose(reference.q_d, q, atol=1e-8)
+    assert np.allclose(reference.dq_d, dq, atol=1e-7)
+
+
+def test_adapting_at_the_catch_itself_stays_finite(learned: Learned) -> None:
+    """At s = 0 the matrix C loses its rank: least squares answer, no NaN, no explosion."""
+    f = learned.map
+    r_o = f.arm.position(np.array([0.1, 0.7, np.pi / 2]))
+    adapted = f.adapt(ball_state(r_o, np.array([-5.0, 0, 0]), np.zeros(3)), f.arm.q_ready, r_o)
+    assert np.all(np.isfinite(adapted.alpha))
+    outside = f.adapt(ball_state(0.1 * r_o, r_o, r_o), f.arm.q_ready, r_o)
+    assert outside.status is MapStatus.DOMAIN
+    assert np.array_equal(outside.alpha, f.alpha)
+
+
+@given(seed=seeds)
+def test_the_law_holds_for_an_arm_from_a_file(seed: int) -> None:
+    """A Panda's axes 1, 2, 4 meet the ball by Newton's inverse just as the WAM does in closed form."""
+    path = Path(pytest.__file__).parents[1] / PANDA
+    panda = load_arm(
+        path, tip="panda_hand_tcp", joints=["panda_joint1", "panda_joint2", "panda_joint4"]
+    )
+    rng = np.random.default_rng(seed)
+    f = bent(unlearned(panda, MapDesign(q_catch=-1.8)), rng)
+    q = np.array([rng.uniform(-0.5, 0.5), rng.uniform(-0.2, 0.6), -1.8])
+    r_o, dr_o = panda.position(q), rng.uniform(-2, 2, 3)
+    reference = f.reference(ball_state(r_o, dr_o, np.zeros(3)))
+    assert reference.status is MapStatus.INSIDE
+    assert np.allclose(panda.position(reference.q_d), r_o, atol=1e-8)
+    assert np.allclose(panda.jacobian(reference.q_d) @ reference.dq_d, dr_o, atol=1e-6)
+
+
+def test_designs_that_cannot_be_are_refused(arm: Arm, plain: DirectMap) -> None:
+    """Unknown joints, angles outside the range and ratios below 1 raise a MittError."""
+    for design in (
+        MapDesign(catch_joint=3),
+        MapDesign(q_catch=4.0),
+        MapDesign(kappa=0.5),
+        MapDesign(free=(0, 0, 2)),
+    ):
+        with pytest.raises(ModelError):
+            tangent_of(arm, design)
+    with pytest.raises(ShapeError):
+        plain.to_joints(np.zeros(2))
+    with pytest.raises(MittError):
+        replace(plain, alpha=np.full_like(plain.alpha, np.nan))

@@ -1,0 +1,47 @@
+"""Limit sets: saturation keeps every drive within its bound, at rest and in motion."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mitt.errors import UnknownNameError
+from mitt.robot.wam import wam_limits
+from mitt.signals import Array
+
+vectors = st.lists(st.floats(-500.0, 500.0), min_size=4, max_size=4).map(np.array)
+speeds = st.lists(st.floats(-12.0, 12.0), min_size=4, max_size=4).map(np.array)
+
+
+@pytest.mark.parametrize("name", ["paper", "wam-48v", "wam-80v"])
+@given(tau=vectors, dq=speeds)
+def test_saturated_torque_is_within_and_torque_within_is_untouched(
+    name: str, tau: Array, dq: Array
+) -> None:
+    """No drive is asked for more than its bound, and what is within passes unchanged."""
+    limits = wam_limits(name)
+    kept = limits.saturate(tau, dq)
+    drive = limits.drive_torque(kept)
+    bound = limits.torque_bound(limits.drive_torque(tau), limits.drive_speed(dq))
+    assert np.all(np.abs(drive) <= bound + 1e-9)
+    assert np.allclose(limits.saturate(kept, dq), kept, atol=1e-9)
+
+
+def test_a_motor_gives_nothing_at_its_no_load_speed_but_brakes_fully() -> None:
+    """At no-load speed the driving torque is 0 and the braking torque is the peak."""
+    limits = wam_limits("wam-48v")
+    speed = limits.dq_max.copy()
+    assert np.allclose(limits.torque_bound(np.ones(4), speed), 0.0)
+    assert np.allclose(limits.torque_bound(-np.ones(4), speed), limits.tau_peak)
+
+
+def test_the_differential_shares_the_torque_of_joint_2_between_two_motors() -> None:
+    """A torque at joint 2 alone loads motors 2 and 3 equally."""
+    drive = wam_limits("wam-48v").drive_torque(np.array([0.0, 56.5, 0.0, 0.0]))
+    assert np.allclose(drive, [0.0, 1.0, -1.0, 0.0])
+
+
+def test_an_unknown_set_is_refused_by_name() -> None:
+    """The message lists what there is."""
+    with pytest.raises(UnknownNameError, match="paper, wam-48v, wam-80v"):
+        wam_limits("strong")

@@ -1,0 +1,85 @@
+"""Arms from files: the same kinematics as the file, and one clear line for what cannot be."""
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from mitt.errors import FileError, MittError, ModelError, UnknownNameError
+from mitt.robot.hands import HandModel
+from mitt.robot.load import load_arm
+
+LINK = """<link name="l{k}"><inertial><origin xyz="0 0 0.2"/><mass value="{mass}"/>
+<inertia ixx="0.02" iyy="0.02" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+JOINT = """<joint name="j{k}" type="{kind}"><parent link="l{p}"/><child link="l{k}"/>
+<origin xyz="0.1 0 0.4"/><axis xyz="{axis}"/>
+<limit lower="-2" upper="2.5" effort="{effort}" velocity="5"/></joint>"""
+
+
+def urdf(path: Path, *, mass: str = "2.0", kind: str = "revolute", effort: str = "50") -> Path:
+    """Write a five-joint arm."""
+    axes = ("0 0 1", "0 1 0", "1 0 0", "0 1 0", "0.6 0 0.8")
+    links = [LINK.format(k=k, mass=mass if k == 3 else "2.0") for k in range(6)]
+    joints = [
+        JOINT.format(k=k, p=k - 1, kind=kind if k == 2 else "revolute", axis=axis, effort=effort)
+        for k, axis in enumerate(axes, start=1)
+    ]
+    path.write_text(f'<robot name="five">{"".join(links + joints)}</robot>')
+    return path
+
+
+def test_a_file_arm_is_where_its_file_says(tmp_path: Path) -> None:
+    """Position, Jacobian and torque of the active joints agree with Pinocchio on the file."""
+    path = urdf(tmp_path / "five.urdf")
+    arm = load_arm(path, tip="l5", joints=["j1", "j2", "j4"])
+    full = pin.buildModelFromUrdf(str(path))
+    data, at = full.createData(), [0, 1, 3]
+    q, dq, ddq = (np.random.default_rng(k).standard_normal(3) for k in range(3))
+    whole = [np.zeros(5) for _ in range(3)]
+    for vector, part in zip(whole, (q, dq, ddq), strict=True):
+        vector[at] = part
+    frame = full.getFrameId("l5")
+    pin.framesForwardKinematics(full, data, whole[0])
+    assert np.allclose(arm.position(q), data.oMf[frame].translation, atol=1e-12)
+    J = pin.computeFrameJacobian(full, data, whole[0], frame, pin.LOCAL_WORLD_ALIGNED)[:3, at]
+    assert np.allclose(arm.jacobian(q), J, atol=1e-12)
+    tau = pin.rnea(full, data, *whole)[at]
+    assert np.allclose(arm.inverse_dynamics(q, dq, ddq), tau, atol=1e-9)
+
+
+def test_a_mounted_hand_catches_at_the_tip(tmp_path: Path) -> None:
+    """A hand adds its weight but leaves the catch point at the tip."""
+    path = urdf(tmp_path / "five.urdf")
+    names = ["j1", "j2", "j4"]
+    bare, armed = (load_arm(path, tip="l5", joints=names, hand=h) for h in (None, HandModel()))
+    q = np.array([0.3, 0.4, -0.5])
+    assert np.allclose(bare.position(q), armed.position(q), atol=1e-12)
+    assert armed.mass_matrix(q)[1, 1] > bare.mass_matrix(q)[1, 1] + 0.1
+
+
+def test_bad_files_are_refused_in_one_line(tmp_path: Path) -> None:
+    """Broken, lying or unsuitable descriptions raise a MittError that says what was wanted."""
+    names = ["j1", "j2", "j4"]
+    good = urdf(tmp_path / "good.urdf")
+    cut = tmp_path / "cut.urdf"
+    cut.write_text(good.read_text()[:400])
+    bomb = tmp_path / "bomb.urdf"
+    bomb.write_text("<!DOCTYPE x><robot/>")
+    cases: list[tuple[Path, str, list[str], type[MittError]]] = [
+        (tmp_path / "absent.urdf", "l5", names, FileError),
+        (cut, "l5", names, FileError),
+        (bomb, "l5", names, FileError),
+        (good, "l9", names, UnknownNameError),
+        (good, "l5", ["j1", "jx", "j4"], UnknownNameError),
+        (good, "l2", names, ModelError),
+        (urdf(tmp_path / "mass.urdf", mass="-2"), "l5", names, ModelError),
+        (urdf(tmp_path / "text.urdf", mass="abc"), "l5", names, FileError),
+        (urdf(tmp_path / "round.urdf", kind="continuous"), "l5", names, ModelError),
+        (urdf(tmp_path / "weak.urdf", effort="0"), "l5", names, ModelError),
+        (tmp_path / "arm.stl", "l5", names, UnknownNameError),
+    ]
+    for path, tip, joints, kind in cases:
+        with pytest.raises(kind) as caught:
+            load_arm(path, tip=tip, joints=joints)
+        assert "\n" not in str(caught.value)
