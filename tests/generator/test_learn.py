@@ -84,14 +84,34 @@ def test_sensitivities_are_differences(learned: Learned, flights: Sequence[Fligh
     assert np.allclose(rows.rows @ way.ravel(), slope, atol=1e-5 * np.abs(slope).max())
 
 
-def test_the_solver_is_not_believed_blindly() -> None:
-    """NaN in the problem gives no step; a feasible problem gives the constrained minimum."""
+def test_the_soft_programme_finds_its_minimum() -> None:
+    """Free rows leave the Newton step; a heavy weight holds the bound; NaN gives no step."""
     H, gradient = np.diag([2.0, 1.0]), np.array([-2.0, -1.0])
-    rows, room = np.array([[1.0, 0.0]]), np.array([0.25])
-    step = solve(H, gradient, (rows, room))
-    assert step is not None
-    assert np.allclose(step, [0.25, 1.0], atol=1e-4)
-    assert solve(H, np.array([np.nan, 0.0]), (rows, room)) is None
+    rows = np.array([[1.0, 0.0], [0.0, -1.0]])
+    free = solve(H, gradient, (rows, np.array([5.0, 5.0])), weight=1.0)
+    bound = solve(H, gradient, (rows, np.array([0.25, 5.0])), weight=1e6)
+    assert free is not None
+    assert bound is not None
+    assert np.allclose(free, [1.0, 1.0])
+    assert np.allclose(bound, [0.25, 1.0], atol=1e-5)
+    assert solve(H, np.array([np.nan, 0.0]), (rows, np.ones(2)), weight=1.0) is None
+
+
+def test_no_point_near_the_answer_is_better(learned: Learned) -> None:
+    """The answer to a random soft programme is a minimum: every neighbour's value is higher."""
+    rng = np.random.default_rng(8)
+    size, H = len(learned.map.H), learned.map.H / np.trace(learned.map.H)
+    gradient, rows = rng.standard_normal(size), rng.standard_normal((60, size))
+    room = rng.uniform(-0.2, 1.0, 60)
+
+    def value(x: Array) -> float:
+        over = np.maximum(rows @ x - room, 0.0)
+        return float(0.5 * x @ H @ x + gradient @ x + 2.0 * over @ over)
+
+    x = solve(H, gradient, (rows, room), weight=2.0)
+    assert x is not None
+    for _ in range(200):
+        assert value(x + 1e-3 * rng.standard_normal(size)) >= value(x) - 1e-12
 
 
 def test_flights_that_leave_the_domain_are_left_out(arm: Arm, flights: Sequence[Flight]) -> None:

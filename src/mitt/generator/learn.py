@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mitt.errors import InputError
-from mitt.generator.constraints import initial_matrix, shift
+from mitt.generator.constraints import initial_matrix, project, shift
 from mitt.generator.demand import demand
 from mitt.generator.flights import Flight, Lifted, lift_flight
 from mitt.generator.mapping import DirectMap, MapDesign, unlearned
@@ -30,6 +30,8 @@ from mitt.signals import Array
 
 #: Share of the trace of a Hessian that is added to its diagonal.
 _RIDGE = 1e-9
+#: Halvings of a step that does not help, and weight of squared excess in the merit of a step.
+_HALVINGS, _PENALTY = 6, 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +45,7 @@ class LearnSettings:
         near: Share of a limit from which a row enters the programme.
     """
 
-    steps: int = 12
+    steps: int = 20
     tolerance: float = 1e-3
     share: float = 0.92
     near: float = 0.6
@@ -98,7 +100,7 @@ def learn(
             status = "converged"
             break
         last = now
-        further = _advanced(f, parts)
+        further = _advanced(f, parts, lifted, settings)
         if further is None:
             status = "solver"
             break
@@ -211,16 +213,36 @@ def _unoptimised(f: DirectMap, lifted: Sequence[Lifted]) -> Step:
     return _mean(steps)
 
 
-def _advanced(f: DirectMap, parts: Sequence[_Part]) -> DirectMap | None:
-    """Return the map one Gauss-Newton step further, with the metric of where it was."""
+def _advanced(
+    f: DirectMap, parts: Sequence[_Part], lifted: Sequence[Lifted], settings: LearnSettings
+) -> DirectMap | None:
+    """Return the map one Gauss-Newton step further, and with the metric found there if it helps."""
     size = len(parts[0].reduced)
     H = np.mean([p.reduced for p in parts], axis=0)
     H = H + _RIDGE * np.trace(H) * np.eye(size)
     gradient = np.mean([p.gradient for p in parts], axis=0)
     rows = np.concatenate([p.limits.rows for p in parts])
     room = np.concatenate([p.limits.room for p in parts])
-    step = solve(H, gradient, (rows, room))
+    step = solve(H, gradient, (rows, room), weight=_PENALTY / len(parts))
     if step is None:
         return None
-    moved = replace(f, alpha=f.alpha + step.reshape(f.alpha.shape))
-    return _with_metric(moved, np.mean([p.hessian for p in parts], axis=0))
+    before, best = _merit(f, lifted, settings), f
+    for k in range(_HALVINGS):
+        tried = replace(f, alpha=f.alpha + 0.5**k * step.reshape(f.alpha.shape))
+        if _merit(tried, lifted, settings) < before:
+            best = tried
+            break
+    metric = _with_metric(best, np.mean([p.hessian for p in parts], axis=0))
+    return min((best, metric), key=lambda x: _merit(x, lifted, settings))
+
+
+def _merit(f: DirectMap, lifted: Sequence[Lifted], settings: LearnSettings) -> float:
+    """Return the mean cost and a penalty on what exceeds the limits, each flight projected."""
+    total = 0.0
+    for x in lifted:
+        alpha = project(f.alpha, f.H_inverse, x.phi_0, x.gap)
+        asked = demand(f.arm, x.motion(alpha))
+        over = np.concatenate([asked.torque.ravel(), asked.speed.ravel()]) - settings.share
+        total += asked.cost + _PENALTY * float(np.sum(np.maximum(over, 0.0) ** 2))
+        total += _PENALTY * float(np.sum(asked.excess**2))
+    return total / len(lifted)

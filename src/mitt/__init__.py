@@ -1,0 +1,1 @@
+"""mitt lets a robot arm catch what is thrown at it."""

@@ -1,0 +1,1 @@
+"""Trials, their scores, and what is made of them."""
