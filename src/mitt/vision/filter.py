@@ -1,0 +1,216 @@
+"""Estimate of the ball's motion from sightings: an extended Kalman filter on the flight model.
+
+State: position, velocity and drag coefficient; ddr_o = g - k |dr_o| dr_o + noise (``flight``).
+The correction is in Joseph's form, in double precision. A track begins with a velocity as good
+as unknown, so that the first sightings amount to a least-squares fit with known gravity; it
+speaks after ``min_sightings``. A bounce or a kick changes the velocity, not the position: after
+a few consecutive rejections the filter goes back to the last sighting it believed, forgets the
+velocity, and takes the rejected ones in again. If they still do not fit, a new track begins.
+"""
+
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+
+from mitt.signals import BallState, Sighting
+from mitt.vision.kalman import carry, follow, is_sane, save
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FilterConfig:
+    """What is believed of balls and of sightings.
+
+    Attributes:
+        drag_mean: Prior mean of the drag coefficient [1/m].
+        drag_sigma: Its standard deviation [1/m]; 0.06 and 0.05 cover 0.036 to 0.15 (facts.md,
+            section 4). A catcher that knows its ball says so and forecasts further.
+        drag_max: Largest drag coefficient [1/m].
+        drag_density: Spectral density of the drift of the drag coefficient [1/(m^2 s)].
+        accel_density: Spectral density of the unmodelled acceleration [m^2/s^3].
+        speed_sigma: Prior standard deviation of each velocity component [m/s].
+        min_sightings: Sightings before the track speaks.
+        gate: Squared Mahalanobis distance beyond which a sighting is not believed; a true one
+            is in 1.4e-5 of cases at 25 (chi-squared, 3 degrees of freedom).
+        first_gate: The same before the track speaks; wider, as a rejection costs the track.
+        max_rejections: Consecutive rejections that make a kick; at most 8.
+        max_rejection_time: Time from the first of three rejections that makes one, too [s].
+        kick_sigma: Velocity change that a kick may bring, each component [m/s].
+        max_gap: Time without a sighting after which a new one begins a new track [s].
+    """
+
+    drag_mean: float = 0.06
+    drag_sigma: float = 0.05
+    drag_max: float = 0.3
+    drag_density: float = 1e-5
+    accel_density: float = 0.01
+    speed_sigma: float = 8.0
+    min_sightings: int = 6
+    gate: float = 25.0
+    first_gate: float = 100.0
+    max_rejections: int = 6
+    max_rejection_time: float = 0.008
+    kick_sigma: float = 6.0
+    max_gap: float = 0.3
+
+
+THROWN_BALL = FilterConfig(drag_mean=0.04, drag_sigma=0.005, accel_density=0.001)
+"""For the thrown balls of facts.md, section 4: 0.036 to 0.042 per metre and hardly any spin."""
+
+TABLE_TENNIS_BALL = FilterConfig(drag_mean=0.12, drag_sigma=0.03, accel_density=0.03)
+"""For the recorded balls of facts.md, section 4: 0.09 to 0.15 per metre, and visible spin."""
+
+
+@dataclass(slots=True)
+class FilterCounts:
+    """What became of the sightings.
+
+    Attributes:
+        used: Taken in.
+        ignored: Not found, not finite or not newer than the last.
+        rejected: Beyond the gate.
+        kicks: Times that the velocity was forgotten.
+        restarts: Times that a new track replaced an old one.
+    """
+
+    used: int = 0
+    ignored: int = 0
+    rejected: int = 0
+    kicks: int = 0
+    restarts: int = 0
+
+
+class BallFilter:
+    """Tracks one ball through time-stamped sightings."""
+
+    def __init__(self, config: FilterConfig | None = None) -> None:
+        """Start without a track."""
+        self.config = config or FilterConfig()
+        c = self.config
+        self.counts = FilterCounts()
+        self._settings = np.array((c.accel_density, c.drag_density, c.drag_max))
+        self._x, self._P = np.zeros(7), np.zeros((7, 7))
+        self._x_believed, self._P_believed = np.zeros(7), np.zeros((7, 7))
+        self._work = np.zeros((2, 7, 7))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the ball; the counts go on."""
+        self._t = self._t_seen = self._t_first = -np.inf
+        self._used = 0
+        self._rejected: list[Sighting] = []
+
+    @property
+    def tracked(self) -> bool:
+        """Whether there is an estimate."""
+        return self._used >= self.config.min_sightings
+
+    def update(self, sighting: Sighting) -> None:
+        """Take a sighting in; one not found, not finite or not newer than the last is ignored."""
+        new = sighting.found and isfinite(sighting.t) and sighting.t > self._t
+        if not (new and is_sane(sighting.r_o, sighting.covariance)):
+            self.counts.ignored += 1
+            return
+        if self._used == 0 or sighting.t - self._t_seen > self.config.max_gap:
+            self._begin(sighting)
+            return
+        if not self._rejected:
+            save(self._x, self._P, self._x_believed, self._P_believed)
+        if self._follow(sighting):
+            self._believe(sighting)
+        else:
+            self._doubt(sighting)
+
+    def state(self, t: float) -> BallState:
+        """Return the estimate carried by the flight model to ``t`` [s], near or far."""
+        if not self.tracked or not isfinite(t):
+            return _untracked(t)
+        out, P = np.empty(10), np.empty((7, 7))
+        carry(self._x, self._P, t - self._t, self._settings, out, P, self._work)
+        return BallState(
+            t=t,
+            tracked=True,
+            r_o=out[:3],
+            dr_o=out[3:6],
+            ddr_o=out[7:],
+            drag=float(out[6]),
+            covariance=P[:6, :6],
+            t_seen=self._t_seen,
+            t_first=self._t_first,
+        )
+
+    def _follow(self, s: Sighting) -> bool:
+        """Carry the estimate to the sighting, take it in; return whether it lay in the gate."""
+        gate = self.config.gate if self.tracked else self.config.first_gate
+        distance = follow(
+            self._x, self._P, s.t - self._t, s.r_o, s.covariance, gate, self._settings, self._work
+        )
+        self._t = s.t
+        return bool(distance <= gate)
+
+    def _believe(self, sighting: Sighting) -> None:
+        """Note a sighting that was taken in."""
+        self._t_seen = sighting.t
+        self._used += 1
+        self.counts.used += 1
+        self._rejected.clear()
+
+    def _doubt(self, sighting: Sighting) -> None:
+        """Note a rejected sighting; act when they are too many or last too long."""
+        self.counts.rejected += 1
+        if not self.tracked:
+            self._begin(sighting)
+            return
+        self._rejected.append(sighting)
+        n, c = len(self._rejected), self.config
+        lasting = sighting.t - self._rejected[0].t >= c.max_rejection_time
+        if n >= c.max_rejections or (n >= 3 and lasting):
+            self._reacquire()
+
+    def _begin(self, sighting: Sighting) -> None:
+        """Begin a new track at a sighting."""
+        c = self.config
+        self.counts.restarts += self._used > 0
+        self._x[:3], self._x[3:6], self._x[6] = sighting.r_o, 0.0, c.drag_mean
+        self._P[:] = 0.0
+        self._P[:3, :3] = sighting.covariance
+        self._P[range(3, 6), range(3, 6)] = c.speed_sigma**2
+        self._P[6, 6] = c.drag_sigma**2
+        self._t = self._t_first = sighting.t
+        self._used = 0
+        self._believe(sighting)
+
+    def _reacquire(self) -> None:
+        """Forget the velocity at the last believed sighting and take the rejected ones in."""
+        again = tuple(self._rejected)
+        save(self._x_believed, self._P_believed, self._x, self._P)
+        self._t = self._t_seen
+        # When within the gap the kick came is unknown, and so how far it has carried the ball.
+        kick = self.config.kick_sigma
+        self._P[range(3), range(3)] += (kick * (again[0].t - self._t_seen)) ** 2
+        self._P[range(3, 6), range(3, 6)] += kick**2
+        fitting = 0
+        for sighting in again:
+            if self._follow(sighting):
+                self._believe(sighting)
+                fitting += 1
+        self._rejected.clear()
+        if 2 * fitting <= len(again):
+            self._begin(again[-1])
+        else:
+            self.counts.kicks += 1
+
+
+def _untracked(t: float) -> BallState:
+    """Return the state of no ball."""
+    return BallState(
+        t=t,
+        tracked=False,
+        r_o=np.zeros(3),
+        dr_o=np.zeros(3),
+        ddr_o=np.zeros(3),
+        drag=0.0,
+        covariance=np.zeros((6, 6)),
+        t_seen=-np.inf,
+        t_first=-np.inf,
+    )

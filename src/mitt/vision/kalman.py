@@ -1,0 +1,127 @@
+"""The correction of an extended Kalman filter by a sighted position, in Joseph's form.
+
+| here | meaning                                  | unit        | shape  |
+|------|------------------------------------------|-------------|--------|
+| ``x``| r_o, dr_o, drag coefficient k            | m, m/s, 1/m | (7,)   |
+| ``P``| covariance of ``x``                      |             | (7, 7) |
+| ``z``| sighted position                         | m           | (3,)   |
+| ``R``| its covariance                           | m^2         | (3, 3) |
+| ``K``| gain                                     |             | (7, 3) |
+"""
+
+import numpy as np
+from numba import njit
+
+from mitt.flight import acceleration, advance_uncertain
+from mitt.signals import Array
+from mitt.vision.linear import invert_positive
+
+
+@njit(cache=True)
+def _joseph(P: Array, K: Array, R: Array, work: Array) -> None:
+    """Replace ``P`` by (I - K H) P (I - K H)' + K R K' with H = (I 0), shapes (7, 7), (7, 3)."""
+    half = work[0]
+    for i in range(7):
+        for j in range(7):
+            total = P[i, j]
+            for m in range(3):
+                total -= K[i, m] * P[m, j]
+            half[i, j] = total
+    for i in range(7):
+        for j in range(i + 1):
+            total = half[i, j]
+            for m in range(3):
+                total -= half[i, m] * K[j, m]
+                for n in range(3):
+                    total += K[i, m] * R[m, n] * K[j, n]
+            P[i, j] = total
+            P[j, i] = total
+
+
+@njit(cache=True)
+def correct(x: Array, P: Array, z: Array, R: Array, gate: float, work: Array) -> float:
+    """Take a sighting in, in place, if it lies within the gate.
+
+    Args:
+        x: Estimate at the sighting's time, shape (7,).
+        P: Its covariance, shape (7, 7).
+        z: Sighted position [m], shape (3,).
+        R: Its covariance [m^2], shape (3, 3).
+        gate: Largest squared Mahalanobis distance of the innovation [1].
+        work: Scratch, shape (2, 7, 7).
+
+    Returns:
+        The squared Mahalanobis distance; infinite if it has none. Beyond the gate nothing
+        has changed.
+    """
+    S, inverse, K = work[0, 0:3, 0:3], work[0, 3:6, 0:3], work[1, :, 0:3]
+    for i in range(3):
+        for j in range(3):
+            S[i, j] = P[i, j] + R[i, j]
+    if not invert_positive(S, inverse):
+        return float(np.inf)
+    distance = 0.0
+    for i in range(3):
+        for j in range(3):
+            distance += (z[i] - x[i]) * inverse[i, j] * (z[j] - x[j])
+    if not distance <= gate:
+        return distance if distance > gate else float(np.inf)
+    for i in range(7):
+        for j in range(3):
+            K[i, j] = P[i, 0] * inverse[0, j] + P[i, 1] * inverse[1, j] + P[i, 2] * inverse[2, j]
+    e0, e1, e2 = z[0] - x[0], z[1] - x[1], z[2] - x[2]
+    for i in range(7):
+        x[i] += K[i, 0] * e0 + K[i, 1] * e1 + K[i, 2] * e2
+    _joseph(P, K, R, work)
+    return float(distance)
+
+
+@njit(cache=True)
+def is_sane(z: Array, R: Array) -> bool:
+    """Return whether a sighting is finite and its variances are positive, shapes (3,), (3, 3)."""
+    total = 0.0
+    for i in range(3):
+        total += z[i]
+        for j in range(3):
+            total += R[i, j]
+    return bool(np.isfinite(total) and R[0, 0] > 0.0 and R[1, 1] > 0.0 and R[2, 2] > 0.0)
+
+
+@njit(cache=True)
+def follow(
+    x: Array, P: Array, dt: float, z: Array, R: Array, gate: float, settings: Array, work: Array
+) -> float:
+    """Carry the estimate to a sighting and take it in; see ``advance_uncertain``, ``correct``.
+
+    Args:
+        x: Estimate, overwritten, shape (7,).
+        P: Its covariance, overwritten, shape (7, 7).
+        dt: Time from the estimate to the sighting [s].
+        z: Sighted position [m], shape (3,).
+        R: Its covariance [m^2], shape (3, 3).
+        gate: Largest squared Mahalanobis distance of the innovation [1].
+        settings: Densities of acceleration and drag, largest drag, shape (3,).
+        work: Scratch, shape (2, 7, 7).
+    """
+    advance_uncertain(x, P, dt, settings[0], settings[1], work)
+    distance = correct(x, P, z, R, gate, work)
+    x[6] = min(max(x[6], 0.0), settings[2])
+    return float(distance)
+
+
+@njit(cache=True)
+def save(x: Array, P: Array, x_saved: Array, P_saved: Array) -> None:
+    """Copy an estimate."""
+    x_saved[:] = x
+    P_saved[:, :] = P
+
+
+@njit(cache=True)
+def carry(
+    x: Array, P: Array, dt: float, settings: Array, out: Array, P_out: Array, work: Array
+) -> None:
+    """Write estimate and acceleration (10,) and covariance (7, 7) after ``dt``."""
+    out[:7] = x
+    P_out[:, :] = P
+    advance_uncertain(out[:7], P_out, dt, settings[0], settings[1], work)
+    acceleration(out[3:6], out[6], out[7:10])

@@ -1,0 +1,30 @@
+"""Small linear algebra without allocation, shared by triangulation and filter."""
+
+from numba import njit
+
+from mitt.signals import Array
+
+
+@njit(cache=True)
+def invert_positive(S: Array, out: Array) -> bool:
+    """Write the inverse of a symmetric matrix by cofactors.
+
+    Args:
+        S: Symmetric matrix, shape (3, 3).
+        out: Result, shape (3, 3).
+
+    Returns:
+        Whether ``S`` is positive definite with a condition that leaves digits; if not, ``out``
+        is unchanged.
+    """
+    a, b, c, d, e, f = S[0, 0], S[0, 1], S[0, 2], S[1, 1], S[1, 2], S[2, 2]
+    A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
+    det = a * A + b * B + c * C
+    scale = a * d * f
+    if not (a > 0.0 and a * d > b * b and det > 1e-12 * scale and scale > 0.0):
+        return False
+    out[0, 0], out[0, 1], out[0, 2] = A / det, B / det, C / det
+    out[1, 1], out[1, 2] = (a * f - c * c) / det, (b * c - a * e) / det
+    out[2, 2] = (a * d - b * b) / det
+    out[1, 0], out[2, 0], out[2, 1] = out[0, 1], out[0, 2], out[1, 2]
+    return True

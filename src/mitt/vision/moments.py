@@ -1,0 +1,165 @@
+"""Finding the ball in an image, and where its centre of brightness lies.
+
+A target is a group of touching pixels above the threshold; the moments are weighted with grey
+value minus ground over the group's box and one pixel around it. Pixels below the threshold
+count as they are, so that noise has no bias: two to four times better than counting pixels
+(performance.md, section 12). Level and noise of the ground come from the image itself.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mitt.signals import Array, Image
+
+Box = NDArray[np.int64]
+
+MAX_BLOBS = 16
+"""Groups looked at in one image; more is noise, not a ball."""
+
+
+@njit(cache=True)
+def estimate_ground(pixels: Image, counts: NDArray[np.int64], ground: Array) -> None:
+    """Write level and standard deviation of the ground from every third pixel of every third row.
+
+    Mean and spread of the values near the median, so that a ball or lamp does not count.
+
+    Args:
+        pixels: Image, shape (height, width).
+        counts: Scratch, shape (256,).
+        ground: Result: level and standard deviation [grey levels], shape (2,).
+    """
+    counts[:] = 0
+    total = 0
+    for v in range(1, pixels.shape[0], 3):
+        for u in range(1, pixels.shape[1], 3):
+            counts[pixels[v, u]] += 1
+            total += 1
+    low, middle, high, seen = 0, 0, 0, 0
+    for value in range(256):
+        if seen * 6 < total:
+            low = value
+        if seen * 2 < total:
+            middle = value
+        if seen * 6 < 5 * total:
+            high = value
+        seen += counts[value]
+    reach = 2 * (high - low) + 2
+    n, first, second = 0.0, 0.0, 0.0
+    for value in range(max(middle - reach, 0), min(middle + reach, 255) + 1):
+        d = float(value - middle)
+        n += counts[value]
+        first += counts[value] * d
+        second += counts[value] * d * d
+    ground[0] = middle + first / n
+    ground[1] = np.sqrt(max(second / n - (first / n) ** 2, 0.0))
+
+
+@njit(cache=True)
+def _row_has(pixels: Image, row: int, u0: int, u1: int, threshold: int) -> bool:
+    """Return whether a pixel of columns u0..u1 of ``row`` lies above the threshold."""
+    line = pixels[row, u0 : u1 + 1]  # a slice, so that the loop below becomes vector code
+    top = np.uint8(0)
+    for k in range(line.shape[0]):
+        top = max(top, line[k])
+    return bool(top > threshold)
+
+
+@njit(cache=True)
+def _grow(pixels: Image, threshold: int, box: Box) -> None:
+    """Widen ``box`` (u0, v0, u1, v1) until no pixel around it lies above the threshold."""
+    height, width = pixels.shape
+    grown = True
+    while grown:
+        grown = False
+        u0, u1 = max(box[0] - 1, 0), min(box[2] + 1, width - 1)
+        v0, v1 = max(box[1] - 1, 0), min(box[3] + 1, height - 1)
+        if v0 < box[1] and _row_has(pixels, v0, u0, u1, threshold):
+            box[1], grown = v0, True
+        if v1 > box[3] and _row_has(pixels, v1, u0, u1, threshold):
+            box[3], grown = v1, True
+        for v in range(v0, v1 + 1):
+            if u0 < box[0] and pixels[v, u0] > threshold:
+                box[0], grown = u0, True
+            if u1 > box[2] and pixels[v, u1] > threshold:
+                box[2], grown = u1, True
+
+
+@njit(cache=True)
+def _area(pixels: Image, threshold: int, box: Box) -> int:
+    """Return the number of pixels of ``box`` above the threshold."""
+    area = 0
+    for v in range(box[1], box[3] + 1):
+        for u in range(box[0], box[2] + 1):
+            area += pixels[v, u] > threshold
+    return area
+
+
+@njit(cache=True)
+def find_target(
+    pixels: Image, window: Box, threshold: int, min_area: int, boxes: Box, near: bool
+) -> int:
+    """Write the box of the best target that begins in ``window`` into ``boxes[0]``.
+
+    Args:
+        pixels: Image, shape (height, width).
+        window: Columns and rows to search: u0, v0, u1, v1, inclusive [px], shape (4,).
+        threshold: Grey value that a target exceeds.
+        min_area: Least number of pixels of a target.
+        boxes: Result in row 0, scratch behind it [px], shape (MAX_BLOBS + 1, 4).
+        near: Whether the target nearest to the window's centre wins, or the largest.
+
+    Returns:
+        Pixels of the target above the threshold; 0 if there is none.
+    """
+    best, best_area, count = -np.inf, 0, 0
+    for v in range(window[1], window[3] + 1):
+        if count == MAX_BLOBS or not _row_has(pixels, v, window[0], window[2], threshold):
+            continue
+        u = window[0]
+        while u <= window[2] and count < MAX_BLOBS:
+            inside = False
+            for k in range(1, count + 1):
+                if boxes[k, 1] <= v <= boxes[k, 3] and boxes[k, 0] <= u <= boxes[k, 2]:
+                    inside, u = True, boxes[k, 2]
+            if not inside and pixels[v, u] > threshold:
+                count += 1
+                box = boxes[count]
+                box[0], box[1], box[2], box[3] = u, v, u, v
+                _grow(pixels, threshold, box)
+                area = _area(pixels, threshold, box)
+                du = 0.5 * (box[0] + box[2] - window[0] - window[2])
+                dv = 0.5 * (box[1] + box[3] - window[1] - window[3])
+                score = -(du * du + dv * dv) if near else float(area)
+                if area >= min_area and score > best:
+                    best, best_area = score, area
+                    boxes[0] = box
+                u = box[2]
+            u += 1
+    return best_area
+
+
+@njit(cache=True)
+def grey_moments(pixels: Image, box: Box, level: float, centroid: Array) -> bool:
+    """Write the centroid of grey value minus ``level`` over ``box`` grown by one pixel.
+
+    Args:
+        pixels: Image, shape (height, width).
+        box: Columns and rows: u0, v0, u1, v1, inclusive [px], shape (4,).
+        level: Grey level of the ground.
+        centroid: Result, column and row [px], shape (2,).
+
+    Returns:
+        Whether the box touches the border of the image.
+    """
+    height, width = pixels.shape
+    total, sum_u, sum_v = 0.0, 0.0, 0.0
+    for v in range(max(box[1] - 1, 0), min(box[3] + 2, height)):
+        for u in range(max(box[0] - 1, 0), min(box[2] + 2, width)):
+            weight = pixels[v, u] - level
+            total += weight
+            sum_u += weight * (u - box[0])
+            sum_v += weight * (v - box[1])
+    centroid[0] = box[0] + sum_u / total
+    centroid[1] = box[1] + sum_v / total
+    return bool(box[0] == 0 or box[1] == 0 or box[2] == width - 1 or box[3] == height - 1)

@@ -1,0 +1,1 @@
+"""The simulated world: throws, recorded flights, scene, hand contact, physics, pictures."""

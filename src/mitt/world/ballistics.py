@@ -1,0 +1,56 @@
+"""Flights of a ball from here to there, by the kernels of :mod:`mitt.flight`."""
+
+import numpy as np
+
+from mitt.flight import GRAVITY, advance
+from mitt.signals import Array
+
+
+def fly(r: Array, dr: Array, *, drag: float, duration: float) -> tuple[Array, Array]:
+    """Fly freely for a while.
+
+    Args:
+        r: Position at the start [m], shape (3,).
+        dr: Velocity at the start [m/s], shape (3,).
+        drag: Quadratic drag coefficient k [1/m].
+        duration: Time of flight [s], not negative.
+
+    Returns:
+        Position [m], shape (3,), and velocity [m/s], shape (3,), at the end.
+    """
+    r, dr = np.array(r, float), np.array(dr, float)
+    advance(r, dr, drag, duration)
+    return r, dr
+
+
+def release_velocity(
+    start: Array, target: Array, *, drag: float, duration: float, iterations: int = 6
+) -> Array:
+    """Find the velocity at ``start`` that carries the ball to ``target`` (shooting, Newton).
+
+    Args:
+        start: Point of release [m], shape (3,).
+        target: Point to be passed after ``duration`` [m], shape (3,).
+        drag: Quadratic drag coefficient k [1/m].
+        duration: Time of flight [s], positive.
+        iterations: Newton steps; four reach rounding error on any throw of the default range.
+
+    Returns:
+        Velocity at release [m/s], shape (3,).
+    """
+    nudge = 1e-5
+    dr = (target - start) / duration
+    dr[2] += 0.5 * GRAVITY * duration
+    sensitivity = np.empty((3, 3))
+    for _ in range(iterations):
+        miss = fly(start, dr, drag=drag, duration=duration)[0] - target
+        for i in range(3):
+            up, down = dr.copy(), dr.copy()
+            up[i] += nudge
+            down[i] -= nudge
+            sensitivity[:, i] = (
+                fly(start, up, drag=drag, duration=duration)[0]
+                - fly(start, down, drag=drag, duration=duration)[0]
+            ) / (2.0 * nudge)
+        dr = dr - np.linalg.solve(sensitivity, miss)
+    return dr

@@ -1,0 +1,134 @@
+"""The scene as one MuJoCo model: floor, arm, hand, ball."""
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import mujoco
+import numpy as np
+
+from mitt.errors import ModelError
+from mitt.robot.description import ArmModel
+from mitt.robot.plant import add_arm
+from mitt.world.hand import ARM, BALL, FLOOR, FRICTION, HAND, SMALL_PARTS, STIFF, add_hand
+from mitt.world.scene import Scene
+
+#: Simulation step [s]; two make a control tick (dependencies.md).
+STEP = 0.0005
+
+_ORANGE = (0.95, 0.45, 0.10, 1.0)
+_WHITE = (0.93, 0.94, 0.95, 1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Plant:
+    """A compiled scene and where its parts are.
+
+    Degrees of freedom and motors come in the order arm (n), fingers (f), ball.
+
+    Attributes:
+        model: The compiled model; a world copies it before it changes masses.
+        joints: Number n of active joints.
+        fingers: Number f of finger joints.
+        ball: Index of the ball's geom.
+        site: Index of the catch point's site.
+    """
+
+    model: mujoco.MjModel
+    joints: int
+    fingers: int
+    ball: int
+    site: int
+
+
+def build_plant(scene: Scene, arm: ArmModel) -> Plant:
+    """Compile a scene.
+
+    Raises:
+        ModelError: The arm carries no hand.
+    """
+    if arm.hand is None:
+        raise ModelError(f"arm {arm.name}", "a hand: a ball is caught by fingers", "none")
+    spec = _spec()
+    _add_floor(spec, scene)
+    kinds = {geom.name for geom in spec.geoms}
+    plate = add_arm(spec, arm)
+    for geom in spec.geoms:
+        if geom.name not in kinds:
+            geom.contype, geom.conaffinity, geom.solref = ARM, ARM | HAND | FLOOR, STIFF
+    for joint in spec.joints:
+        joint.solref_limit = STIFF
+    fingers = add_hand(spec, plate, arm.hand)
+    _add_ball(spec, scene)
+    _let_neighbours_meet(spec, arm)
+    model = spec.compile()
+    return Plant(
+        model=model,
+        joints=len(arm.names),
+        fingers=len(fingers),
+        ball=mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, "ball"),
+        site=mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "catch_point"),
+    )
+
+
+def _spec() -> mujoco.MjSpec:
+    """Return an empty model with the solver that carries a ball into fingers."""
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    spec.option.timestep = STEP
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    return spec
+
+
+def _add_floor(spec: mujoco.MjSpec, scene: Scene) -> None:
+    """Add the floor."""
+    geom = spec.worldbody.add_geom(
+        name="floor",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[6.0, 6.0, 0.1],
+        pos=[0.0, 0.0, scene.floor],
+        rgba=_WHITE,
+    )
+    geom.contype, geom.conaffinity = FLOOR, BALL | ARM | HAND
+
+
+def _add_ball(spec: mujoco.MjSpec, scene: Scene) -> None:
+    """Add the ball; its contact settings go before those of what it touches."""
+    body = spec.worldbody.add_body(name="ball")
+    body.add_freejoint(name="ball")
+    geom = body.add_geom(
+        name="ball",
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        size=[scene.ball.radius, 0.0, 0.0],
+        mass=scene.ball.mass,
+        rgba=_ORANGE,
+    )
+    geom.contype, geom.conaffinity = BALL, HAND | ARM | FLOOR
+    geom.condim, geom.priority = 4, 1
+    geom.friction = (scene.contact.friction, *FRICTION[1:])
+    geom.solref = (scene.contact.settle, 1.0)
+
+
+def _let_neighbours_meet(spec: mujoco.MjSpec, arm: ArmModel) -> None:
+    """Let shapes of successive links meet, which MuJoCo leaves out by default.
+
+    Only those that stand apart in the ready pose: files of other arms have shapes that overlap
+    at the joints.
+    """
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[: len(arm.q_ready)] = arm.q_ready
+    mujoco.mj_kinematics(model, data)
+    own = np.flatnonzero((model.geom_contype & (ARM | HAND)) != 0)
+    for first, second in combinations(own, 2):
+        names = model.geom(int(first)).name, model.geom(int(second)).name
+        bodies = [model.body_weldid[model.geom_bodyid[g]] for g in (first, second)]
+        parents = [model.body_weldid[model.body_parentid[b]] for b in bodies]
+        kindred = parents[0] == bodies[1] or parents[1] == bodies[0]
+        moving = bodies[0] != bodies[1] and 0 not in bodies
+        if not (kindred and moving) or any(name.startswith(SMALL_PARTS) for name in names):
+            continue
+        if mujoco.mj_geomDistance(model, data, int(first), int(second), 1.0, None) > 0.0:
+            spec.add_pair(geomname1=names[0], geomname2=names[1]).solref = STIFF

@@ -1,0 +1,73 @@
+"""Reading the contacts of a simulation step without allocating."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mitt.signals import Array
+from mitt.world.hand import ARM, BALL, FLOOR, HAND
+
+#: What touches what, as bits of the result of :func:`survey`.
+BALL_HAND, BALL_ARM, BALL_FLOOR, SELF, ARM_FLOOR = 1, 2, 4, 8, 16
+
+
+@njit(cache=True)
+def survey(
+    geoms: NDArray[np.int32],
+    address: NDArray[np.int32],
+    force: Array,
+    kinds: NDArray[np.int32],
+    touching: NDArray[np.bool_],
+    largest: Array,
+) -> int:
+    """Sort the contacts of one step.
+
+    Args:
+        geoms: Pairs of geoms that touch, shape (c, 2).
+        address: Where each contact's forces begin, negative where it has none, shape (c,).
+        force: Constraint forces: normal, then two tangential [N], shape (m,).
+        kinds: Kind of each geom, shape (g,).
+        touching: Result, whether a geom touches the ball, shape (g,).
+        largest: Result, raised to the largest contact force on the ball [N], shape (1,).
+
+    Returns:
+        Bits of what touches what.
+    """
+    found = 0
+    touching[:] = False
+    for c in range(geoms.shape[0]):
+        first, second = geoms[c, 0], geoms[c, 1]
+        both = kinds[first] | kinds[second]
+        if both & BALL:
+            if kinds[first] == BALL:
+                first = second
+            touching[first] = True
+            found |= BALL_HAND if both & HAND else (BALL_ARM if both & ARM else BALL_FLOOR)
+            a = address[c]
+            if 0 <= a < force.shape[0] - 2:
+                size = np.sqrt(force[a] ** 2 + force[a + 1] ** 2 + force[a + 2] ** 2)
+                largest[0] = max(largest[0], size)
+        elif both & FLOOR:
+            found |= ARM_FLOOR
+        elif both & ARM:
+            found |= SELF
+    return found
+
+
+@njit(cache=True)
+def is_sane(qpos: Array, qvel: Array, ball: int, top_speed: float) -> bool:
+    """Tell whether all states are finite and the ball's speed can be real.
+
+    Args:
+        qpos: Positions, shape (nq,).
+        qvel: Velocities, shape (nv,).
+        ball: Index of the ball's first degree of freedom.
+        top_speed: Largest speed that a ball can have [m/s].
+    """
+    total = 0.0
+    for x in qpos:
+        total += x
+    for x in qvel:
+        total += x
+    square = qvel[ball] ** 2 + qvel[ball + 1] ** 2 + qvel[ball + 2] ** 2
+    return bool(np.isfinite(total) and square <= top_speed * top_speed)

@@ -1,0 +1,164 @@
+"""The hand as MuJoCo bodies: a soft dished palm and three fingers with real contact.
+
+Nothing holds the ball but contact and friction: no weld, no adhesion.
+"""
+
+import mujoco
+import numpy as np
+
+from mitt.robot.description import rotation
+from mitt.robot.hands import Finger, HandModel
+from mitt.signals import Array
+
+#: Who may touch whom: a bit for each kind of geom. Two geoms meet if the one's kind is among
+#: those that the other meets.
+BALL, HAND, ARM, FLOOR = 1, 2, 4, 8
+
+#: Stops and contacts settle within 4 ms, eight simulation steps, critically damped.
+STIFF = (0.004, 1.0)
+
+#: Sliding (rubber on plastic), torsional [m] and rolling [m] friction of hand and ball.
+FRICTION = (1.0, 0.01, 1e-4)
+
+#: The palm's dish: a pad [m], and a rim of capsules that keeps a small ball from rolling out.
+#: The rim stays below a 40 mm ball at the catch point by 5 mm, the error of a good catch.
+PAD_RADIUS, PAD_THICKNESS = 0.04, 0.02
+RIM_SIDES, RIM_RADIUS, RIM_HEIGHT, RIM_THICKNESS = 8, 0.034, 0.005, 0.007
+FLANGE_RADIUS = 0.04
+
+#: Parts that never reach the arm's last links: their names begin so.
+SMALL_PARTS = ("finger", "rim")
+
+_PALM = (0.17, 0.18, 0.21, 1.0)
+_FINGER = (0.72, 0.74, 0.78, 1.0)
+_Z = np.array([0.0, 0.0, 1.0])
+
+
+def add_hand(spec: mujoco.MjSpec, plate: mujoco.MjsBody, hand: HandModel) -> tuple[str, ...]:
+    """Add a hand to the tool plate.
+
+    Args:
+        spec: Model that is being built, angles in radians.
+        plate: The tool plate, z along the palm normal.
+        hand: The hand.
+
+    Returns:
+        Names of the finger joints, which are those of their motors too.
+    """
+    palm = plate.add_body(name="palm")
+    _add_palm_geoms(palm, hand)
+    names = tuple(f"finger{k}" for k in range(hand.fingers))
+    placed = []
+    for k, name in enumerate(names):
+        R = rotation(_Z, hand.yaw + 2.0 * np.pi * k / hand.fingers)
+        base = R @ np.array([hand.finger.base_radius, hand.finger.offset, hand.finger.base_height])
+        _add_finger(spec, palm.add_body(name=name, pos=base, quat=_quaternion(R)), name, hand)
+        mass, com, inertia = finger_inertial(hand.finger)
+        placed.append((mass, base + R @ com, R @ inertia @ R.T))
+    _set_inertial(palm, *_rest(hand, placed))
+    return names
+
+
+def finger_inertial(finger: Finger) -> tuple[float, Array, Array]:
+    """Return mass, centre of mass (3,) and inertia about it (3, 3) of a finger, open.
+
+    In the finger's frame: x outward, z along the palm normal, origin at the joint.
+    """
+    points = np.array(finger.points(0.0))
+    points = np.column_stack((points[:, 0], np.zeros(3), points[:, 1]))
+    points = points - points[0]
+    rods = []
+    for start, end in ((points[0], points[1]), (points[1], points[2])):
+        length = float(np.linalg.norm(end - start))
+        mass = finger.mass * length / (finger.proximal + finger.distal)
+        along = np.outer(end - start, end - start) / length**2
+        across = mass * (3.0 * finger.thickness**2 + length**2) / 12.0
+        spin = 0.5 * mass * finger.thickness**2
+        rods.append((mass, 0.5 * (start + end), across * (np.eye(3) - along) + spin * along))
+    com = sum(m * p for m, p, _ in rods) / finger.mass
+    inertia = sum(i + steiner(m, p - com) for m, p, i in rods)
+    return finger.mass, np.asarray(com), np.asarray(inertia)
+
+
+def steiner(mass: float, d: Array) -> Array:
+    """Return the inertia of a point mass at ``d`` [kg m^2], shape (3, 3)."""
+    return np.asarray(mass * (float(d @ d) * np.eye(3) - np.outer(d, d)))
+
+
+def _quaternion(R: Array) -> Array:
+    """Return the unit quaternion (w, x, y, z) of a rotation matrix, shape (4,)."""
+    out = np.zeros(4)
+    mujoco.mju_mat2Quat(out, np.ascontiguousarray(R).reshape(9))
+    return out
+
+
+def _set_inertial(body: mujoco.MjsBody, mass: float, com: Array, inertia: Array) -> None:
+    """Give a body its mass [kg], centre of mass [m] and inertia about it [kg m^2]."""
+    body.explicitinertial = True
+    body.mass, body.ipos = mass, com
+    i = inertia
+    body.fullinertia = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
+
+
+def _rest(hand: HandModel, fingers: list[tuple[float, Array, Array]]) -> tuple[float, Array, Array]:
+    """Return what the palm must weigh so that palm and open fingers make up the whole hand."""
+    whole_com = np.array([0.0, 0.0, hand.com])
+    mass = hand.mass - sum(m for m, _, _ in fingers)
+    com = (hand.mass * whole_com - sum(m * p for m, p, _ in fingers)) / mass
+    inertia = hand.inertia - sum(i + steiner(m, p - whole_com) for m, p, i in fingers)
+    return mass, np.asarray(com), np.asarray(inertia - steiner(mass, com - whole_com))
+
+
+def _add_palm_geoms(palm: mujoco.MjsBody, hand: HandModel) -> None:
+    """Add flange, pad and rim."""
+    top = hand.palm_height
+    stem = top - PAD_THICKNESS
+    cylinder, capsule = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_CAPSULE
+    _add_geom(palm, "flange", cylinder, [FLANGE_RADIUS, stem / 2, 0.0], pos=[0.0, 0.0, stem / 2])
+    height = top - PAD_THICKNESS / 2
+    _add_geom(palm, "pad", cylinder, [PAD_RADIUS, PAD_THICKNESS / 2, 0.0], pos=[0.0, 0.0, height])
+    corners = np.linspace(0.0, 2.0 * np.pi, RIM_SIDES + 1)
+    ring = np.column_stack((np.cos(corners), np.sin(corners))) * RIM_RADIUS
+    for k in range(RIM_SIDES):
+        ends = [*ring[k], top + RIM_HEIGHT, *ring[k + 1], top + RIM_HEIGHT]
+        _add_geom(palm, f"rim{k}", capsule, [RIM_THICKNESS, 0.0, 0.0], fromto=ends)
+
+
+def _add_finger(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, hand: HandModel) -> None:
+    """Add one finger with its joint, its motor and its two rods."""
+    finger = hand.finger
+    joint = body.add_joint(
+        name=name,
+        type=mujoco.mjtJoint.mjJNT_HINGE,
+        axis=[0.0, -1.0, 0.0],
+        armature=finger.armature,
+    )
+    joint.limited, joint.range, joint.solref_limit = True, [-0.05, hand.drive.closed + 0.05], STIFF
+    spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT).set_to_motor()
+    _set_inertial(body, *finger_inertial(finger))
+    spec.add_exclude(bodyname1="palm", bodyname2=name)
+    base, knuckle, tip = finger.points(0.0)
+    ends = [[p[0] - base[0], 0.0, p[1] - base[1]] for p in (base, knuckle, tip)]
+    capsule, size = mujoco.mjtGeom.mjGEOM_CAPSULE, [finger.thickness, 0.0, 0.0]
+    _add_geom(body, f"{name}/proximal", capsule, size, fromto=[*ends[0], *ends[1]], rgba=_FINGER)
+    _add_geom(body, f"{name}/distal", capsule, size, fromto=[*ends[1], *ends[2]], rgba=_FINGER)
+
+
+def _add_geom(
+    body: mujoco.MjsBody,
+    name: str,
+    kind: mujoco.mjtGeom,
+    size: list[float],
+    *,
+    pos: list[float] | None = None,
+    fromto: list[float] | None = None,
+    rgba: tuple[float, ...] = _PALM,
+) -> None:
+    """Add one shape of the hand."""
+    geom = body.add_geom(name=name, type=kind, size=size, mass=0.0, rgba=rgba)
+    geom.contype, geom.conaffinity = HAND, BALL | HAND | ARM
+    geom.condim, geom.friction, geom.solref = 4, FRICTION, STIFF
+    if pos is not None:
+        geom.pos = pos
+    if fromto is not None:
+        geom.fromto = fromto

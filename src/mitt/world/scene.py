@@ -1,0 +1,149 @@
+"""Settings of the simulated world, from code or from a TOML file.
+
+What the catcher is not told: how heavy the links really are, how much the joints rub, how good
+the sensors are. Every figure without a source is a choice of this project.
+"""
+
+import tomllib
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from mitt.errors import FileError, InputError
+
+NotNegative = Annotated[float, Field(ge=0.0)]
+Share = Annotated[float, Field(ge=0.0, lt=0.5)]
+MAX_BYTES = 1_000_000
+
+
+class _Settings(BaseModel):
+    """Frozen settings that know no other keys than their own."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class Ball(_Settings):
+    """What is thrown; facts.md, section 4.
+
+    Attributes:
+        radius: Radius [m].
+        mass: Mass [kg].
+        drag: Quadratic drag coefficient k [1/m].
+        brightness: Brightness above the background [grey levels].
+    """
+
+    radius: Annotated[float, Field(ge=0.005, le=0.06)] = 0.04
+    mass: Annotated[float, Field(ge=0.001, le=2.0)] = 0.07
+    drag: Annotated[float, Field(ge=0.0, le=1.0)] = 0.04
+    brightness: Annotated[float, Field(gt=0.0, le=255.0)] = 160.0
+
+
+class Mismatch(_Settings):
+    """How far the plant is from the model of the catcher, drawn anew from each trial's seed.
+
+    Attributes:
+        mass: Half-width of each link's relative mass error.
+        viscous: Largest viscous friction of a joint [N m s/rad].
+        coulomb: Largest dry friction of a joint [N m].
+        drag: Half-width of the relative error of the ball's drag.
+    """
+
+    mass: Share = 0.05
+    viscous: NotNegative = 0.1
+    coulomb: NotNegative = 0.5
+    drag: Share = 0.10
+
+
+class Sensing(_Settings):
+    """What the catcher is told, and when.
+
+    Attributes:
+        point_noise: Noise of points, 1 sigma an axis [m].
+        latency: Ticks from the exposure of a frame or point to its delivery.
+        encoder_step: Resolution of the joint encoders [rad]; 0 is exact.
+    """
+
+    point_noise: NotNegative = 0.001
+    latency: Annotated[int, Field(ge=0, le=20)] = 1
+    encoder_step: NotNegative = 0.0
+
+
+class Contact(_Settings):
+    """Contact of ball and hand.
+
+    Attributes:
+        friction: Coefficient of sliding friction.
+        settle: Time constant in which a contact settles [s]; 0.002 is the stiffest that steps
+            of 0.5 ms carry.
+    """
+
+    friction: Annotated[float, Field(gt=0.0, le=3.0)] = 1.0
+    settle: Annotated[float, Field(ge=0.002, le=0.02)] = 0.004
+
+
+class Scene(_Settings):
+    """The world around the catcher.
+
+    Attributes:
+        ball: What is thrown.
+        mismatch: How far the plant is from its model.
+        sensing: What the catcher is told, and when.
+        contact: Contact of ball and hand.
+        floor: Height of the floor below the shoulder, negative [m]; the arm is on a stand.
+    """
+
+    ball: Ball = Ball()
+    mismatch: Mismatch = Mismatch()
+    sensing: Sensing = Sensing()
+    contact: Contact = Contact()
+    floor: Annotated[float, Field(ge=-10.0, le=-0.5)] = -1.0
+
+
+#: Scene of the recorded flights: a table-tennis ball, facts.md, section 4.
+TABLE_TENNIS = Ball(radius=0.02, mass=0.0027, drag=0.12)
+
+
+def exact_scene(ball: Ball | None = None) -> Scene:
+    """Return a scene without plant mismatch and without noise, for tests and for study."""
+    return Scene(
+        ball=ball or Ball(),
+        mismatch=Mismatch(mass=0.0, viscous=0.0, coulomb=0.0, drag=0.0),
+        sensing=Sensing(point_noise=0.0, latency=0),
+    )
+
+
+def read_scene(path: Path) -> Scene:
+    """Read a scene from a TOML file; keys that are left out keep their defaults.
+
+    Raises:
+        FileError: The file cannot be read or is no TOML.
+        InputError: A key is unknown or its value cannot be used; the message names both.
+    """
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise FileError(str(path), f"at most {MAX_BYTES} bytes", path.stat().st_size)
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise FileError(str(path), "a readable TOML file", error.strerror or "error") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise FileError(str(path), "TOML", str(error)[:120]) from None
+    try:
+        return Scene.model_validate(data)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise InputError(f"{path} key {key}", _wanted(first["type"], first["msg"], key),
+                         repr(first["input"])[:60]) from None  # fmt: skip
+
+
+def _wanted(kind: str, message: str, key: str) -> str:
+    """Say what a key should have held, in our words."""
+    if kind != "extra_forbidden":
+        return message.removeprefix("Input should be ")
+    model: type[BaseModel] = Scene
+    for part in key.split(".")[:-1]:
+        inner = model.model_fields[part].annotation
+        if isinstance(inner, type) and issubclass(inner, BaseModel):
+            model = inner
+    return f"one of the keys {', '.join(model.model_fields)}"

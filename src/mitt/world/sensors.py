@@ -1,0 +1,80 @@
+"""What the catcher is told: encoders, and images or points that arrive late."""
+
+from collections import deque
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from mitt.signals import ArmState, Array, Frame, Senses, Sighting
+from mitt.world.scene import Sensing
+
+
+class FrameSource(Protocol):
+    """The cameras: ``mitt.world.imaging.Imager`` is one."""
+
+    def render(self, t: float, r_o: Array | None, radius: float) -> tuple[Frame, ...]:
+        """Return what the cameras see of a ball at ``r_o`` [m] at time ``t`` [s]."""
+
+
+CameraMaker = Callable[[np.random.Generator], FrameSource]
+"""Sets up the cameras for a trial with its own source of noise."""
+
+
+class Sensors:
+    """Sensors of one trial.
+
+    Frames and points are exposed at every tick and delivered ``latency`` ticks later, carrying
+    the time of their exposure.
+    """
+
+    def __init__(
+        self,
+        sensing: Sensing,
+        radius: float,
+        cameras: CameraMaker | None,
+        rng: np.random.Generator,
+    ) -> None:
+        """Set up the sensors; without cameras the ball is seen as points."""
+        self._sensing, self._radius = sensing, radius
+        self._cameras = None if cameras is None else cameras(rng)
+        self._rng = rng
+        self._line: deque[tuple[tuple[Frame, ...], tuple[Sighting, ...]]] = deque()
+        self._q_before: Array | None = None
+        self._t_before = 0.0
+
+    def read(self, t: float, q: Array, dq: Array, r_o: Array) -> Senses:
+        """Expose at time ``t`` and return what arrives; to be called once a tick.
+
+        Args:
+            t: Time of the tick [s].
+            q: True joint positions [rad], shape (n,).
+            dq: True joint velocities [rad/s], shape (n,).
+            r_o: True ball centre [m], shape (3,).
+        """
+        if self._cameras is None:
+            self._line.append(((), (self._point(t, r_o),)))
+        else:
+            self._line.append((self._cameras.render(t, r_o, self._radius), ()))
+        frames: tuple[Frame, ...] = ()
+        points: tuple[Sighting, ...] = ()
+        if len(self._line) > self._sensing.latency:
+            frames, points = self._line.popleft()
+        return Senses(t=t, arm=self._encoders(t, q, dq), frames=frames, points=points)
+
+    def _point(self, t: float, r_o: Array) -> Sighting:
+        """Return a noisy position."""
+        sigma = self._sensing.point_noise
+        seen = r_o + sigma * self._rng.standard_normal(3)
+        return Sighting(t=t, found=True, r_o=seen, covariance=max(sigma, 1e-6) ** 2 * np.eye(3))
+
+    def _encoders(self, t: float, q: Array, dq: Array) -> ArmState:
+        """Return joint readings: exact, or counts whose difference is the velocity."""
+        step = self._sensing.encoder_step
+        if step == 0.0:
+            return ArmState(t=t, q=q.copy(), dq=dq.copy())
+        counted = step * np.rint(q / step)
+        before, elapsed = self._q_before, t - self._t_before
+        rate = np.zeros_like(q) if before is None else (counted - before) / elapsed
+        self._q_before, self._t_before = counted, t
+        return ArmState(t=t, q=counted, dq=rate)

@@ -1,0 +1,75 @@
+"""Forces that the plant adds to a command: the finger servos, joint friction, drag of the ball."""
+
+import numpy as np
+from numba import njit
+
+from mitt.robot.hands import FingerDrive
+from mitt.signals import Array
+
+#: Speed at which dry friction is three quarters of its full size [rad/s]; a sharp step would
+#: chatter at 0.5 ms.
+STICTION_SPEED = 0.05
+
+
+@njit(cache=True)
+def finger_torque(
+    angle: float,
+    speed: float,
+    command: float,
+    tau_max: float,
+    braking: float,
+    settling: float,
+    gain: float,
+) -> float:
+    """Torque of one finger's servo [N m]; the numbers are those of :class:`FingerDrive`."""
+    error = command - angle
+    wish = min(abs(error) / settling, np.sqrt(2.0 * braking * abs(error)))
+    if error < 0.0:
+        wish = -wish
+    return float(min(max(gain * (wish - speed), -tau_max), tau_max))
+
+
+def servo_numbers(drive: FingerDrive) -> tuple[float, float, float, float]:
+    """Return the numbers of a drive in the order in which :func:`finger_torque` takes them."""
+    return drive.tau_max, drive.braking, drive.settling, drive.gain
+
+
+@njit(cache=True)
+def actuate(
+    qpos: Array,
+    qvel: Array,
+    ctrl: Array,
+    passive: Array,
+    tau: Array,
+    hand: float,
+    servo: Array,
+    friction: Array,
+    drag: float,
+) -> None:
+    """Write what acts in the next simulation step.
+
+    Degrees of freedom come in the order arm (n), fingers (f), ball (6).
+
+    Args:
+        qpos: Positions of the plant, shape (n + f + 7,).
+        qvel: Velocities of the plant, shape (n + f + 6,).
+        ctrl: Result, motor torques [N m], shape (n + f,).
+        passive: Result, friction and drag [N m, N], shape (n + f + 6,).
+        tau: Commanded torques of the arm [N m], shape (n,).
+        hand: Commanded closing angle [rad].
+        servo: Numbers of the finger servo, shape (4,).
+        friction: Viscous [N m s/rad] and dry [N m] friction of each joint, shape (2, n).
+        drag: Force per squared speed of the ball [N s^2/m^2].
+    """
+    n, count = tau.shape[0], ctrl.shape[0]
+    for i in range(n):
+        ctrl[i] = tau[i]
+        slip = np.tanh(qvel[i] / STICTION_SPEED)
+        passive[i] = -friction[0, i] * qvel[i] - friction[1, i] * slip
+    for i in range(n, count):
+        ctrl[i] = finger_torque(qpos[i], qvel[i], hand, servo[0], servo[1], servo[2], servo[3])
+    x, y, z = qvel[count], qvel[count + 1], qvel[count + 2]
+    force = -drag * np.sqrt(x * x + y * y + z * z)
+    passive[count] = force * x
+    passive[count + 1] = force * y
+    passive[count + 2] = force * z

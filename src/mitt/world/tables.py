@@ -1,0 +1,70 @@
+"""Reading the small CSV tables that users hand in, with an error that points at the cell."""
+
+import csv
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from mitt.errors import FileError
+
+MAX_BYTES = 10_000_000
+"""Largest table that is read [bytes]."""
+
+MAX_ROWS = 100_000
+"""Most rows that are read."""
+
+
+def read_rows(path: Path, columns: Sequence[str]) -> Iterator[tuple[int, dict[str, str]]]:
+    """Read a table that has exactly ``columns``, in any order.
+
+    Args:
+        path: CSV file with a header line.
+        columns: Names that the header must hold, no more and no less.
+
+    Yields:
+        The line number in the file, counted from 1, and the cells of that line by column.
+
+    Raises:
+        FileError: The file cannot be read, is too large, or has other columns or ragged rows.
+    """
+    wanted = ",".join(columns)
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise FileError(str(path), f"at most {MAX_BYTES} bytes", path.stat().st_size)
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise FileError(str(path), "UTF-8 text", f"a bad byte at {error.start}") from None
+    except OSError as error:
+        raise FileError(str(path), "a readable CSV file", error.strerror or "an error") from None
+    if "\0" in text:
+        raise FileError(str(path), "UTF-8 text", "a NUL byte")
+    reader = csv.reader(text.splitlines(), strict=True)
+    try:
+        header = [name.strip() for name in next(reader, [])]
+        if sorted(header) != sorted(columns):
+            raise FileError(f"{path} line 1", f"columns {wanted}", ",".join(header)[:80] or "none")
+        for count, cells in enumerate(row for row in reader if row):
+            if count >= MAX_ROWS:
+                raise FileError(str(path), f"at most {MAX_ROWS} rows", "more")
+            if len(cells) != len(header):
+                place = f"{path} line {reader.line_num}"
+                raise FileError(place, f"{len(header)} cells ({wanted})", f"{len(cells)} cells")
+            yield reader.line_num, dict(zip(header, cells, strict=True))
+    except csv.Error as error:
+        raise FileError(f"{path} line {reader.line_num}", "CSV", str(error)) from None
+
+
+def number(path: Path, line: int, column: str, text: str, *, limit: float) -> float:
+    """Read one cell as a finite number of magnitude at most ``limit``.
+
+    Raises:
+        FileError: The cell holds something else; the message names file, line and column.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not abs(value) <= limit:
+        place = f"{path} line {line} column {column}"
+        raise FileError(place, f"a number within +-{limit:g}", repr(text[:40]))
+    return value

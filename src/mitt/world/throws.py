@@ -1,0 +1,122 @@
+"""Throws: where a ball is released and how fast, at random or from a file."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mitt.errors import FileError, InputError, ShapeError
+from mitt.signals import Array
+from mitt.world.ballistics import release_velocity
+from mitt.world.tables import number, read_rows
+
+COLUMNS = ("x", "y", "z", "vx", "vy", "vz")
+MAX_DISTANCE = 100.0
+MAX_SPEED = 100.0
+"""Bounds of a release that can be meant [m], [m/s]; beyond them a unit was confused."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Throw:
+    """Release of a ball.
+
+    Attributes:
+        r: Ball centre at release, world frame [m], shape (3,).
+        dr: Its velocity at release [m/s], shape (3,).
+    """
+
+    r: Array
+    dr: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Aim:
+    """Where throws are aimed: catch points of a box of joint angles.
+
+    Attributes:
+        position: Catch point l(q) [m], shape (3,), of joint angles [rad], shape (n,).
+        q_low: Lower corner of the box [rad], shape (n,).
+        q_high: Upper corner of the box [rad], shape (n,).
+    """
+
+    position: Callable[[Array], Array]
+    q_low: Array
+    q_high: Array
+
+    def __post_init__(self) -> None:
+        """Refuse a box that is none."""
+        if self.q_low.shape != self.q_high.shape:
+            raise ShapeError("q_high", str(self.q_low.shape), self.q_high.shape)
+        if not bool(np.all(self.q_low <= self.q_high)):
+            raise InputError("q_low", "at most q_high", f"{self.q_low} and {self.q_high}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThrowRanges:
+    """Ranges of the default throws: design.md, section 3.
+
+    Attributes:
+        duration: Time of flight to the aim point [s].
+        speed: Speed at release [m/s].
+        distance: Horizontal distance of the release from the aim point [m].
+        azimuth: Direction of the release seen from the aim point, from +x [rad].
+        height: Height of the release above the shoulder centre [m].
+        drag: Quadratic drag coefficient k [1/m].
+    """
+
+    duration: tuple[float, float] = (0.45, 0.62)
+    speed: tuple[float, float] = (5.0, 7.1)
+    distance: tuple[float, float] = (2.5, 4.2)
+    azimuth: tuple[float, float] = (-0.12, 0.12)
+    height: tuple[float, float] = (-0.2, 0.6)
+    drag: float = 0.04
+
+
+def default_throw(
+    rng: np.random.Generator, aim: Aim, ranges: ThrowRanges | None = None, *, tries: int = 1000
+) -> Throw:
+    """Draw one throw that passes a random aim point; draws with another speed are rejected.
+
+    Args:
+        rng: Source of randomness.
+        aim: Where to.
+        ranges: From where and how fast; the default throws if left out.
+        tries: Draws before giving up; about three in five of the default draws are accepted.
+
+    Raises:
+        InputError: No draw had a release speed in the range.
+    """
+    ranges = ranges or ThrowRanges()
+    for _ in range(tries):
+        target = aim.position(rng.uniform(aim.q_low, aim.q_high))
+        azimuth, distance = rng.uniform(*ranges.azimuth), rng.uniform(*ranges.distance)
+        start = np.array(
+            [
+                target[0] + distance * np.cos(azimuth),
+                target[1] + distance * np.sin(azimuth),
+                rng.uniform(*ranges.height),
+            ]
+        )
+        duration = rng.uniform(*ranges.duration)
+        dr = release_velocity(start, target, drag=ranges.drag, duration=duration)
+        if ranges.speed[0] <= np.linalg.norm(dr) <= ranges.speed[1]:
+            return Throw(r=start, dr=dr)
+    wanted = f"a release speed of {ranges.speed[0]:g} to {ranges.speed[1]:g} m/s"
+    raise InputError("throw ranges", wanted, f"none in {tries} draws")
+
+
+def read_throws(path: Path) -> tuple[Throw, ...]:
+    """Read throws from a CSV file with the columns x, y, z, vx, vy, vz [m, m/s], one a row.
+
+    Raises:
+        FileError: The file does not say that; the message names line and column.
+    """
+    limits = dict.fromkeys(COLUMNS[:3], MAX_DISTANCE) | dict.fromkeys(COLUMNS[3:], MAX_SPEED)
+    throws = []
+    for line, cells in read_rows(path, COLUMNS):
+        row = np.array([number(path, line, c, cells[c], limit=limits[c]) for c in COLUMNS])
+        throws.append(Throw(r=row[:3], dr=row[3:]))
+    if not throws:
+        raise FileError(str(path), "at least one throw", "none")
+    return tuple(throws)

@@ -1,0 +1,165 @@
+"""What really happens in the world, for scoring only: the catcher is never told."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from mitt.signals import Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Truth:
+    """True state of the plant at one instant.
+
+    Attributes:
+        t: Time since release [s].
+        r_o: Ball centre [m], shape (3,).
+        dr_o: Its velocity [m/s], shape (3,).
+        position: Catch point l(q) of the plant [m], shape (3,).
+        velocity: Its velocity [m/s], shape (3,).
+        q: Active joints [rad], shape (n,).
+        dq: Their velocities [rad/s], shape (n,).
+        tau: Torques applied in the last tick [N m], shape (n,).
+        fingers: Closing angles of the fingers [rad], shape (f,).
+        touching: Names of the geoms of the hand that touch the ball.
+        contact_force: Largest single contact force on the ball in the last tick [N].
+        self_contact: Whether arm or hand touched the arm in the last tick.
+        floor_contact: Whether arm or hand touched the floor in the last tick.
+        ball_on_floor: Whether the ball touched the floor in the last tick.
+    """
+
+    t: float
+    r_o: Array
+    dr_o: Array
+    position: Array
+    velocity: Array
+    q: Array
+    dq: Array
+    tau: Array
+    fingers: Array
+    touching: frozenset[str]
+    contact_force: float
+    self_contact: bool
+    floor_contact: bool
+    ball_on_floor: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FirstContact:
+    """True state at the first simulation step in which the ball touches the hand.
+
+    Attributes:
+        t: Time since release [s].
+        r_o: Ball centre [m], shape (3,).
+        dr_o: Its velocity [m/s], shape (3,).
+        position: Catch point [m], shape (3,).
+        velocity: Its velocity [m/s], shape (3,).
+    """
+
+    t: float
+    r_o: Array
+    dr_o: Array
+    position: Array
+    velocity: Array
+
+    @property
+    def position_error(self) -> float:
+        """Distance of the ball's centre from the catch point [m]."""
+        return float(np.linalg.norm(self.r_o - self.position))
+
+    @property
+    def velocity_error(self) -> float:
+        """Size of the difference of their velocities [m/s]."""
+        return float(np.linalg.norm(self.dr_o - self.velocity))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trace:
+    """True states of a trial, one row a tick, the first at release.
+
+    Attributes:
+        t: Time since release [s], shape (k,).
+        qpos: Positions of the whole plant, shape (k, n + f + 7).
+        qvel: Velocities of the whole plant, shape (k, n + f + 6).
+        tau: Torques applied in the tick before [N m], shape (k, n).
+        position: Catch point [m], shape (k, 3).
+        velocity: Its velocity [m/s], shape (k, 3).
+        force: Largest contact force on the ball in the tick before [N], shape (k,).
+    """
+
+    t: Array
+    qpos: Array
+    qvel: Array
+    tau: Array
+    position: Array
+    velocity: Array
+    force: Array
+
+    @property
+    def q(self) -> Array:
+        """Active joints [rad], shape (k, n)."""
+        return self.qpos[:, : self.tau.shape[1]]
+
+    @property
+    def dq(self) -> Array:
+        """Their velocities [rad/s], shape (k, n)."""
+        return self.qvel[:, : self.tau.shape[1]]
+
+    @property
+    def r_o(self) -> Array:
+        """Ball centre [m], shape (k, 3)."""
+        return self.qpos[:, -7:-4]
+
+    @property
+    def dr_o(self) -> Array:
+        """Its velocity [m/s], shape (k, 3)."""
+        return self.qvel[:, -6:-3]
+
+
+class Tape:
+    """A growing table behind a :class:`Trace`, one row a tick."""
+
+    def __init__(self, widths: tuple[int, ...], ticks: int = 2048) -> None:
+        """Make a table of columns so wide for so many ticks; it doubles when full."""
+        self._splits = np.cumsum(widths)
+        self._rows = np.empty((ticks, int(self._splits[-1])))
+        self._length = 0
+
+    def clear(self) -> None:
+        """Forget all rows."""
+        self._length = 0
+
+    def next_row(self) -> Array:
+        """Return the next row, to be written at once."""
+        if self._length == len(self._rows):
+            self._rows = np.concatenate((self._rows, np.empty_like(self._rows)))
+        self._length += 1
+        row: Array = self._rows[self._length - 1]
+        return row
+
+    def columns(self) -> list[Array]:
+        """Return copies of all columns so far."""
+        rows = self._rows[: self._length].copy()
+        return np.split(rows, self._splits[:-1], axis=1)
+
+
+@njit(cache=True)
+def write_row(
+    row: Array,
+    t: float,
+    qpos: Array,
+    qvel: Array,
+    tau: Array,
+    position: Array,
+    velocity: Array,
+    force: float,
+) -> None:
+    """Write one tick into a row of the tape, in the order of :class:`Trace`."""
+    k = 1
+    row[0] = t
+    for column in (qpos, qvel, tau, position, velocity):
+        for i in range(column.shape[0]):
+            row[k + i] = column[i]
+        k += column.shape[0]
+    row[k] = force
