@@ -13,6 +13,7 @@ from math import ceil, sqrt
 import numpy as np
 from numba import njit
 
+from mitt.errors import InputError
 from mitt.signals import Array, BallState
 
 GRAVITY = 9.81
@@ -20,6 +21,9 @@ GRAVITY = 9.81
 
 MAX_STEP = 0.02
 """Longest Runge-Kutta step [s]; at 10 m/s and k = 0.2 its error stays below 1e-8 m."""
+
+MAX_FORECAST = 10.0
+"""Farthest instant that ``forecast`` speaks of [s]; a bound on its work."""
 
 
 @njit(cache=True)
@@ -156,9 +160,14 @@ def forecast(
         t: Instant to speak of [s].
         accel_density: Spectral density of the unmodelled acceleration [m^2/s^3].
         drag_sigma: Standard deviation of the drag coefficient [1/m].
+
+    Raises:
+        InputError: ``t`` is not within ``MAX_FORECAST`` of the estimate.
     """
     if not state.tracked:
         return state
+    if not abs(t - state.t) <= MAX_FORECAST:
+        raise InputError("t", f"within {MAX_FORECAST} s of the estimate at {state.t} s", t)
     x = np.concatenate((state.r_o, state.dr_o, (state.drag,)))
     P = np.zeros((7, 7))
     P[:6, :6] = state.covariance

@@ -51,7 +51,8 @@ class Brake:
     @property
     def q_end(self) -> Array:
         """Where the arm comes to rest [rad], shape (n,)."""
-        return self.at(np.inf)[0]
+        end: Array = self.at(np.inf)[0]
+        return end
 
 
 def plan_brake(arm: Arm, t: float, motion: Array) -> Brake:

@@ -137,7 +137,7 @@ class HandModel:
     catch_offset: float = 0.12
     palm_height: float = 0.08
     fingers: int = 3
-    yaw: float = np.pi
+    yaw: float = 0.0
     finger: Finger = field(default_factory=Finger)
     drive: FingerDrive = field(default_factory=FingerDrive)
     closing: Closing = field(default_factory=Closing)

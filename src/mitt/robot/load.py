@@ -162,6 +162,7 @@ def _limits(model: pin.Model) -> Limits:
     tau, speed = np.array(model.upperEffortLimit), np.array(model.upperVelocityLimit)
     for k, joint in enumerate(list(model.names)[1:]):
         if not (0.0 < tau[k] < np.inf and 0.0 < speed[k] < np.inf):
-            raise ModelError(f"joint {joint!r}", "an effort and a velocity limit above 0",
-                             f"{tau[k]:g} and {speed[k]:g}", do="state them in the file")  # fmt: skip
+            given = f"{tau[k]:g} and {speed[k]:g}"
+            wanted = "an effort and a velocity limit above 0"
+            raise ModelError(f"joint {joint!r}", wanted, given, do="state them in the file")
     return joint_level("model", tau=tau, speed=speed)

@@ -54,6 +54,9 @@ class FilterConfig:
     max_gap: float = 0.3
 
 
+MAX_HORIZON = 2.0
+"""Farthest that an estimate is carried [s]; no throw flies longer."""
+
 THROWN_BALL = FilterConfig(drag_mean=0.04, drag_sigma=0.005, accel_density=0.001)
 """For the thrown balls of facts.md, section 4: 0.036 to 0.042 per metre and hardly any spin."""
 
@@ -67,7 +70,7 @@ class FilterCounts:
 
     Attributes:
         used: Taken in.
-        ignored: Not found, not finite or not newer than the last.
+        ignored: Not found, not finite, absurd or not newer than the last.
         rejected: Beyond the gate.
         kicks: Times that the velocity was forgotten.
         restarts: Times that a new track replaced an old one.
@@ -107,11 +110,10 @@ class BallFilter:
 
     def update(self, sighting: Sighting) -> None:
         """Take a sighting in; one not found, not finite or not newer than the last is ignored."""
-        new = sighting.found and isfinite(sighting.t) and sighting.t > self._t
-        if not (new and is_sane(sighting.r_o, sighting.covariance)):
+        if not self._is_news(sighting):
             self.counts.ignored += 1
             return
-        if self._used == 0 or sighting.t - self._t_seen > self.config.max_gap:
+        if self._used == 0 or abs(sighting.t - self._t_seen) > self.config.max_gap:
             self._begin(sighting)
             return
         if not self._rejected:
@@ -122,8 +124,11 @@ class BallFilter:
             self._doubt(sighting)
 
     def state(self, t: float) -> BallState:
-        """Return the estimate carried by the flight model to ``t`` [s], near or far."""
-        if not self.tracked or not isfinite(t):
+        """Return the estimate carried by the flight model to ``t`` [s], near or far.
+
+        Not tracked without an estimate, or further than ``MAX_HORIZON`` from it.
+        """
+        if not self.tracked or not abs(t - self._t) <= MAX_HORIZON:
             return _untracked(t)
         out, P = np.empty(10), np.empty((7, 7))
         carry(self._x, self._P, t - self._t, self._settings, out, P, self._work)
@@ -138,6 +143,15 @@ class BallFilter:
             t_seen=self._t_seen,
             t_first=self._t_first,
         )
+
+    def _is_news(self, s: Sighting) -> bool:
+        """Return whether a sighting can be taken in.
+
+        It is newer than the last, or so much older that the clock has been set back.
+        """
+        if not (s.found and isfinite(s.t) and is_sane(s.r_o, s.covariance)):
+            return False
+        return s.t > self._t or s.t < self._t_seen - self.config.max_gap
 
     def _follow(self, s: Sighting) -> bool:
         """Carry the estimate to the sighting, take it in; return whether it lay in the gate."""

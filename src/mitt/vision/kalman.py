@@ -16,6 +16,9 @@ from mitt.flight import acceleration, advance_uncertain
 from mitt.signals import Array
 from mitt.vision.linear import invert_positive
 
+MAX_DISTANCE = 1000.0
+"""Beyond it no ball is sighted [m]."""
+
 
 @njit(cache=True)
 def _joseph(P: Array, K: Array, R: Array, work: Array) -> None:
@@ -78,13 +81,19 @@ def correct(x: Array, P: Array, z: Array, R: Array, gate: float, work: Array) ->
 
 @njit(cache=True)
 def is_sane(z: Array, R: Array) -> bool:
-    """Return whether a sighting is finite and its variances are positive, shapes (3,), (3, 3)."""
-    total = 0.0
+    """Return whether a sighting is finite, near enough, and its covariance is one.
+
+    Args:
+        z: Position [m], shape (3,).
+        R: Covariance [m^2], shape (3, 3).
+    """
     for i in range(3):
-        total += z[i]
-        for j in range(3):
-            total += R[i, j]
-    return bool(np.isfinite(total) and R[0, 0] > 0.0 and R[1, 1] > 0.0 and R[2, 2] > 0.0)
+        if not (abs(z[i]) < MAX_DISTANCE and 0.0 < R[i, i] < MAX_DISTANCE**2):
+            return False
+        for j in range(i):
+            if not R[i, j] * R[i, j] <= R[i, i] * R[j, j]:
+                return False
+    return True
 
 
 @njit(cache=True)

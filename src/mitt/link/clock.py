@@ -1,0 +1,54 @@
+"""The clock of the machine, read nowhere else; no result depends on it."""
+
+import time
+from types import TracebackType
+from typing import final
+
+import numpy as np
+
+
+@final
+class Stopwatch:
+    """Adds up how long a block takes, each time it is entered.
+
+    Attributes:
+        deadline_us: Time that one entry may take [us].
+    """
+
+    def __init__(self, *, deadline_us: float = 1000.0) -> None:
+        """Start without entries."""
+        self.deadline_us = deadline_us
+        self._ns: list[int] = []
+        self._start = 0
+
+    def __enter__(self) -> "Stopwatch":
+        """Note the time."""
+        self._start = time.perf_counter_ns()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Keep the time since."""
+        self._ns.append(time.perf_counter_ns() - self._start)
+
+    def clear(self) -> None:
+        """Forget all entries, as after warming up."""
+        self._ns.clear()
+
+    def percentiles_us(self) -> dict[str, float]:
+        """Return median, p99, p99.9 and maximum [us]; zeros without entries."""
+        if not self._ns:
+            return {"p50": 0.0, "p99": 0.0, "p99_9": 0.0, "max": 0.0}
+        us = np.array(self._ns) * 1e-3
+        p50, p99, p99_9 = np.percentile(us, [50.0, 99.0, 99.9])
+        return {
+            "p50": float(p50), "p99": float(p99), "p99_9": float(p99_9), "max": float(us.max())
+        }  # fmt: skip
+
+    def misses(self) -> int:
+        """Return how many entries took longer than the deadline."""
+        return int(np.sum(np.array(self._ns, dtype=np.float64) > 1e3 * self.deadline_us))

@@ -1,0 +1,96 @@
+"""The image sensor against brute force, and its noise against its settings."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mitt.errors import InputError
+from mitt.signals import Array
+from mitt.vision.camera import Camera, Rig, fixed_rig
+from mitt.world.imaging import Imager, ImageSensor
+
+CLEAN = ImageSensor(brightness=200.0, background=20.0, read_noise=0.0, electrons=1e12)
+QUANTUM = 0.51
+"""Rounding to whole grey levels."""
+SAMPLING = 4.0
+"""Grey levels of 200: eight lines a pixel row, against 40 x 40 rays a pixel."""
+
+CAMERA = Camera(width=48, height=40, f_px=60.0, cu=23.5, cv=19.5, T_world_cam=np.eye(4))
+
+
+def by_rays(r: Array, radius: float, fine: int = 40) -> Array:
+    """Return the share of rays of each pixel of ``CAMERA`` that hit the ball, shape (40, 48)."""
+    sub = (np.arange(fine) + 0.5) / fine - 0.5
+    a = (np.add.outer(np.arange(CAMERA.width), sub).ravel() - CAMERA.cu) / CAMERA.f_px
+    b = (np.add.outer(np.arange(CAMERA.height), sub).ravel() - CAMERA.cv) / CAMERA.f_px
+    dot = a[None, :] * r[0] + b[:, None] * r[1] + r[2]
+    length = a[None, :] ** 2 + b[:, None] ** 2 + 1.0
+    hit = (dot > 0.0) & (r @ r - dot**2 / length <= radius**2)
+    return np.asarray(hit.reshape(CAMERA.height, fine, CAMERA.width, fine).mean(axis=(1, 3)))
+
+
+def shot(sensor: ImageSensor, r: Array | None, radius: float, seed: int = 0) -> Array:
+    """Return one image of ``CAMERA`` as floats, shape (40, 48)."""
+    imager = Imager(Rig(cameras=(CAMERA,)), sensor, np.random.default_rng(seed))
+    return imager.render(0.0, r, radius)[0].pixels.astype(float)
+
+
+@settings(max_examples=25)
+@given(st.floats(-1.2, 1.2), st.floats(-1.2, 1.2), st.floats(0.5, 4.0), st.floats(0.01, 0.3))
+def test_images_agree_with_brute_force_ray_casting(
+    x: float, y: float, z: float, radius: float
+) -> None:
+    """Everywhere in and beyond the image, near and far, coverage is what rays say."""
+    r = np.array((x, y, z))
+    wanted = 20.0 + 200.0 * by_rays(r, radius)
+    assert np.abs(shot(CLEAN, r, radius) - wanted).max() <= QUANTUM + SAMPLING
+
+
+@pytest.mark.parametrize("r", [(0.0, 0.0, -2.0), (9.0, 0.0, 1.0), (0.0, -9.0, 1.0), (np.nan,) * 3])
+def test_a_ball_out_of_view_leaves_the_ground(r: tuple[float, float, float]) -> None:
+    """Behind the camera, beside the image or nowhere: the image is empty."""
+    assert np.all(shot(CLEAN, np.array(r), 0.04) == 20.0)
+    assert np.all(shot(CLEAN, None, 0.04) == 20.0)
+
+
+def test_noise_on_the_ground_and_on_the_ball_is_as_set() -> None:
+    """Read noise and shot noise add; both levels are right to the mean's own error."""
+    sensor = ImageSensor()
+    big = np.array((0.0, 0.0, 0.5))
+    imager = Imager(Rig(cameras=(CAMERA,)), sensor, np.random.default_rng(3))
+    for r, level in ((None, sensor.background), (big, sensor.background + sensor.brightness)):
+        stack = np.stack([imager.render(0.0, r, 0.1)[0].pixels[18:22, 20:28] for _ in range(400)])
+        sigma = np.sqrt(sensor.read_noise**2 + level / sensor.electrons + 1.0 / 12.0)
+        assert stack.mean() == pytest.approx(level, abs=5.0 * sigma / np.sqrt(stack.size))
+        assert stack.std() == pytest.approx(sigma, rel=0.05)
+
+
+def test_values_saturate_instead_of_wrapping() -> None:
+    """Noise far beyond the grey scale is clipped at 0 and 255."""
+    sensor = ImageSensor(brightness=150.0, background=100.0, read_noise=200.0, electrons=30.0)
+    pixels = shot(sensor, np.array((0.0, 0.0, 0.3)), 0.1)
+    assert 0.15 < (pixels == 0.0).mean() < 0.4
+    assert 0.15 < (pixels == 255.0).mean() < 0.6
+
+
+def test_same_seed_same_images_and_no_two_frames_alike() -> None:
+    """Images follow from the seed; noise changes from frame to frame and camera to camera."""
+    runs = []
+    for seed in (1, 1, 2):
+        imager = Imager(fixed_rig(), ImageSensor(), np.random.default_rng(seed))
+        runs.append([imager.render(0.001 * k, np.array((3.0, 0, 0.5)), 0.04) for k in range(3)])
+    for first, again in zip(runs[0], runs[1], strict=True):
+        for a, b in zip(first, again, strict=True):
+            assert np.array_equal(a.pixels, b.pixels)
+    assert not np.array_equal(runs[0][0][0].pixels, runs[2][0][0].pixels)
+    assert not np.array_equal(runs[0][0][0].pixels, runs[0][1][0].pixels)
+    assert not np.array_equal(runs[0][0][0].pixels[:40], runs[0][0][1].pixels[:40])
+    assert [f.number for frames in runs[0] for f in frames] == [0, 0, 1, 1, 2, 2]
+
+
+def test_impossible_sensors_are_refused() -> None:
+    """Settings outside an 8-bit sensor raise."""
+    for settings_ in ({"read_noise": -1.0}, {"brightness": 250.0}, {"background": np.nan}):
+        with pytest.raises(InputError):
+            ImageSensor(**settings_)
