@@ -11,10 +11,12 @@ from mitt.signals import Array, BallState
 
 ROUNDING = 1e-12
 """Metres and metres a second."""
-STEP_ERROR = 1e-7
-"""Of the longest Runge-Kutta step at 10 m/s and k = 0.2, over half a second [m, m/s]."""
-LINEAR = 2e-3
-"""Relative error of a second-order transition matrix over 0.3 s."""
+STEP_ERROR = 1e-6
+"""Of the longest Runge-Kutta steps over a second, where the ball turns [m, m/s]."""
+LINEAR = 5e-3
+"""Relative error of the transition matrices over 0.3 s."""
+HOPS = 1e-2
+"""Relative, between covariances that travelled in steps of different length."""
 
 speed = st.floats(-7.0, 7.0)
 velocity = st.tuples(speed, speed, speed).map(np.array)
@@ -109,7 +111,7 @@ def test_forecast_in_two_hops_is_forecast_in_one(dr: Array, a: float, b: float) 
     one = forecast(start, 1.0 + a + b)
     two = forecast(forecast(start, 1.0 + a), 1.0 + a + b)
     assert two.r_o == pytest.approx(one.r_o, abs=STEP_ERROR)
-    assert two.covariance == pytest.approx(one.covariance, rel=1e-3, abs=1e-9)
+    assert two.covariance == pytest.approx(one.covariance, rel=HOPS, abs=1e-9)
 
 
 @given(velocity, st.floats(0.0, 0.6))

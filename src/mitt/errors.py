@@ -49,3 +49,7 @@ class UnknownNameError(InputError, KeyError):
     def __str__(self) -> str:
         """Show the message itself; KeyError would quote it."""
         return str(self.args[0])
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM arrived: what is finished is kept, as for an interrupt from the keyboard."""

@@ -81,37 +81,40 @@ def advance(r: Array, dr: Array, k: float, dt: float) -> None:
 
 @njit(cache=True)
 def _transition(x: Array, h: float, F: Array) -> None:
-    """Write d(state after h) / d(state), shape (7, 7), to second order in ``h``."""
-    speed = sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5])
+    """Write d(state after h) / d(state), shape (7, 7), with the drag of the step's middle."""
+    k, half = x[6], 0.5 * h
+    drag = k * sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5])
+    vx, vy = x[3] * (1.0 - half * drag), x[4] * (1.0 - half * drag)
+    vz = x[5] * (1.0 - half * drag) - half * GRAVITY
+    speed = sqrt(vx * vx + vy * vy + vz * vz)
     F[:, :] = 0.0
     for i in range(7):
         F[i, i] = 1.0
-    for i in range(3):
-        v_i = x[3 + i]
+    for i, v_i in enumerate((vx, vy, vz)):
         F[i, 3 + i] = h
-        F[i, 6] = -0.5 * h * h * speed * v_i
-        F[3 + i, 6] = -h * speed * v_i
-        for j in range(3):
-            slope = -x[6] * v_i * x[3 + j] / speed if speed > 0.0 else 0.0
+        F[i, 6] = -half * h * speed * v_i
+        F[3 + i, 6] = -h * speed * v_i * (1.0 - h * k * speed)
+        for j, v_j in enumerate((vx, vy, vz)):
+            slope = -k * v_i * v_j / speed if speed > 0.0 else 0.0
             if i == j:
-                slope -= x[6] * speed
-            F[i, 3 + j] += 0.5 * h * h * slope
+                slope -= k * speed
+            F[i, 3 + j] += half * h * slope
             F[3 + i, 3 + j] += h * slope
 
 
 @njit(cache=True)
 def _spread(P: Array, F: Array, work: Array) -> None:
-    """Replace ``P`` by F P F', using that F is upper triangular, shapes (7, 7)."""
+    """Replace ``P`` by F P F', shapes (7, 7); the lower left 3 x 3 of F is zero."""
     for i in range(7):
         for j in range(7):
             total = 0.0
-            for m in range(i, 7):
+            for m in range(min(i, 3), 7):
                 total += F[i, m] * P[m, j]
             work[i, j] = total
     for i in range(7):
         for j in range(i + 1):
             total = 0.0
-            for m in range(j, 7):
+            for m in range(min(j, 3), 7):
                 total += work[i, m] * F[j, m]
             P[i, j] = total
             P[j, i] = total

@@ -103,9 +103,9 @@ class Closing:
     """
 
     acceleration: float = 11_000.0
-    touch_speed: float = 15.0
+    touch_speed: float = 12.0
     margin: float = 0.12
-    lead: float = 0.016
+    lead: float = 0.020
 
 
 def _cylinder(mass: float, radius: float, length: float) -> Array:

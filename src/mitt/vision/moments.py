@@ -150,7 +150,7 @@ def grey_moments(pixels: Image, box: Box, level: float, centroid: Array) -> bool
         centroid: Result, column and row [px], shape (2,).
 
     Returns:
-        Whether the box touches the border of the image.
+        Whether the centroid lies in the box; it need not where the surroundings are dark.
     """
     height, width = pixels.shape
     total, sum_u, sum_v = 0.0, 0.0, 0.0
@@ -160,6 +160,9 @@ def grey_moments(pixels: Image, box: Box, level: float, centroid: Array) -> bool
             total += weight
             sum_u += weight * (u - box[0])
             sum_v += weight * (v - box[1])
+    if not total > 0.0:
+        return False
     centroid[0] = box[0] + sum_u / total
     centroid[1] = box[1] + sum_v / total
-    return bool(box[0] == 0 or box[1] == 0 or box[2] == width - 1 or box[3] == height - 1)
+    du, dv = centroid[0] - 0.5 * (box[0] + box[2]), centroid[1] - 0.5 * (box[1] + box[3])
+    return bool(2.0 * abs(du) <= box[2] - box[0] + 1 and 2.0 * abs(dv) <= box[3] - box[1] + 1)

@@ -59,10 +59,11 @@ def segment(
     if area == 0:
         window[0], window[1], window[2], window[3] = 0, 0, width - 1, height - 1
         area = find_target(pixels, window, threshold, limits[0], boxes, False)
-    if area == 0:
+    if area == 0 or not grey_moments(pixels, boxes[0], ground[0], centroid):
         centroid[0] = np.nan
         return 0, False
-    return area, grey_moments(pixels, boxes[0], ground[0], centroid)
+    u0, v0, u1, v1 = boxes[0]
+    return area, bool(u0 == 0 or v0 == 0 or u1 == width - 1 or v1 == height - 1)
 
 
 class Segmenter:
@@ -116,4 +117,4 @@ class Segmenter:
         level, sigma = self._noise
         rise = max(self._config.min_contrast, self._config.noise_factor * sigma)
         self._ground[0] = level
-        self._ground[1] = min(level + rise, 254.0)
+        self._ground[1] = min(level + rise, 255.0)

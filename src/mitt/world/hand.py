@@ -23,7 +23,11 @@ FRICTION = (1.0, 0.01, 1e-4)
 #: The palm's dish: a pad [m], and a rim of capsules that keeps a small ball from rolling out.
 #: The rim stays below a 40 mm ball at the catch point by 5 mm, the error of a good catch.
 PAD_RADIUS, PAD_THICKNESS = 0.04, 0.02
-RIM_SIDES, RIM_RADIUS, RIM_HEIGHT, RIM_THICKNESS = 8, 0.034, 0.005, 0.007
+RIM_SIDES, RIM_RADIUS, RIM_HEIGHT, RIM_THICKNESS = 6, 0.034, 0.005, 0.007
+
+#: Half-width of the rim's gap opposite the first finger [rad]: a ball that is faster than the
+#: hand (kappa > 1) comes in there, across the palm.
+ENTRY = np.pi / 4
 FLANGE_RADIUS = 0.04
 
 #: Parts that never reach the arm's last links: their names begin so.
@@ -117,7 +121,8 @@ def _add_palm_geoms(palm: mujoco.MjsBody, hand: HandModel) -> None:
     _add_geom(palm, "flange", cylinder, [FLANGE_RADIUS, stem / 2, 0.0], pos=[0.0, 0.0, stem / 2])
     height = top - PAD_THICKNESS / 2
     _add_geom(palm, "pad", cylinder, [PAD_RADIUS, PAD_THICKNESS / 2, 0.0], pos=[0.0, 0.0, height])
-    corners = np.linspace(0.0, 2.0 * np.pi, RIM_SIDES + 1)
+    entry = hand.yaw + np.pi
+    corners = entry + np.linspace(ENTRY, 2.0 * np.pi - ENTRY, RIM_SIDES + 1)
     ring = np.column_stack((np.cos(corners), np.sin(corners))) * RIM_RADIUS
     for k in range(RIM_SIDES):
         ends = [*ring[k], top + RIM_HEIGHT, *ring[k + 1], top + RIM_HEIGHT]

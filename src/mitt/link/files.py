@@ -1,0 +1,115 @@
+"""Files written whole or not at all, inside the folder that was named."""
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from mitt.errors import FileError, InputError
+
+
+def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
+    """Let ``write`` fill a temporary file beside ``path``, then put it in its place.
+
+    Raises:
+        FileError: The file cannot be written; what stood there before is untouched.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        os.close(handle)
+        temporary = Path(name)
+        try:
+            write(temporary)
+            temporary.chmod(0o644)
+            os.replace(temporary, path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise FileError(str(path), "a file that can be written", reason) from error
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file atomically."""
+    write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+
+
+def write_json(path: Path, value: object) -> None:
+    """Write JSON atomically; NaN and infinity are refused."""
+    write_text(path, json.dumps(value, indent=1, allow_nan=False) + "\n")
+
+
+def read_json(path: Path, *, max_bytes: int) -> Any:  # noqa: ANN401 (any JSON value)
+    """Return what a JSON file says; NaN, infinity and repeated keys are refused.
+
+    Raises:
+        FileError: The file is missing, too large, cut short or no JSON.
+    """
+    try:
+        if path.stat().st_size > max_bytes:
+            raise FileError(str(path), f"at most {max_bytes} bytes", path.stat().st_size)
+        text = path.read_text(encoding="utf-8")
+        return json.loads(text, parse_constant=_refuse, object_pairs_hook=_unique)
+    except OSError as error:
+        raise FileError(str(path), "a readable file", error.strerror or "an error") from error
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise FileError(str(path), "complete JSON", str(error)[:120]) from error
+
+
+def _refuse(constant: str) -> None:
+    """Refuse a constant that JSON does not have."""
+    raise ValueError(f"the constant {constant}")
+
+
+def _unique(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    """Return an object whose keys are all different."""
+    found = dict(pairs)
+    if len(found) != len(pairs):
+        raise ValueError("a repeated key")
+    return found
+
+
+def claim_folder(folder: Path, *, overwrite: bool, ours: tuple[str, ...]) -> None:
+    """Make an output folder, or clear our own files out of an existing one.
+
+    Args:
+        folder: The folder.
+        overwrite: Whether a folder with files in it may be used.
+        ours: Names of the files and folders that an earlier run may have left.
+
+    Raises:
+        InputError: The folder has files in it and ``overwrite`` was not said.
+        FileError: It cannot be made or written.
+    """
+    check_folder(folder, overwrite=overwrite)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in ours:
+            old = folder / name
+            if old.is_dir() and not old.is_symlink():
+                shutil.rmtree(old)
+            else:
+                old.unlink(missing_ok=True)
+    except OSError as error:
+        raise FileError(str(folder), "a folder that can be written", error.strerror) from error
+
+
+def check_folder(folder: Path, *, overwrite: bool) -> None:
+    """Say whether :func:`claim_folder` would succeed, without touching anything."""
+    try:
+        if folder.exists() and not folder.is_dir():
+            raise InputError("--out", "a folder", f"{folder}, which is a file")
+        if folder.is_dir() and not overwrite and any(folder.iterdir()):
+            raise InputError("--out", "a new or empty folder", f"{folder}, which has files in it",
+                             do="choose another or say --overwrite")  # fmt: skip
+        parent = next(p for p in (folder, *folder.parents) if p.exists())
+    except OSError as error:
+        raise FileError(str(folder), "a folder that can be read", error.strerror) from error
+    if not os.access(parent, os.W_OK | os.X_OK):
+        raise FileError(str(folder), "a folder that can be written", f"{parent} is read-only")

@@ -1,0 +1,142 @@
+"""Learned maps on disk: JSON with a schema, a version and a checksum."""
+
+import hashlib
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from mitt.errors import FileError, MittError
+from mitt.generator.learn import Learned, Step
+from mitt.generator.mapping import DirectMap, MapDesign
+from mitt.generator.polynomial import CatchBasis
+from mitt.link.files import read_json, write_json
+from mitt.robot.arm import Arm
+
+SCHEMA = "mitt.map/1"
+#: Largest map file read [byte]; one of order 6 for seven joints stays below.
+_MAX_BYTES = 20_000_000
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class _Part(BaseModel):
+    """Part of a file; unknown keys are refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class _Design(_Part):
+    catch_joint: int = Field(ge=0, le=20)
+    q_catch: Finite
+    kappa: Finite
+    order: int = Field(ge=2, le=12)
+    free: tuple[int, int, int]
+
+
+class _Step(_Part):
+    cost_torque: Finite
+    cost_speed: Finite
+    worst: Finite
+
+
+class _MapFile(_Part):
+    """Content of a map file; ``checksum`` covers all the rest."""
+
+    schema_name: Literal["mitt.map/1"] = Field(alias="schema")
+    version: str
+    arm: str
+    limits: str
+    joints: list[str]
+    design: _Design
+    centre: list[Finite]
+    scale: list[Finite]
+    alpha: list[list[Finite]]
+    H: list[list[Finite]]
+    steps: list[_Step]
+    flights: int
+    left_out: int
+    status: str
+    checksum: str
+
+
+def save_map(path: Path, learned: Learned, *, version: str) -> None:
+    """Write a learned map."""
+    f = learned.map
+    content: dict[str, object] = {
+        "schema": SCHEMA,
+        "version": version,
+        "arm": f.arm.model.name,
+        "limits": f.arm.limits.name,
+        "joints": list(f.arm.names),
+        "design": asdict(f.design),
+        "centre": f.basis.centre.tolist(),
+        "scale": f.basis.scale.tolist(),
+        "alpha": f.alpha.tolist(),
+        "H": f.H.tolist(),
+        "steps": [asdict(step) for step in learned.steps],
+        "flights": learned.flights,
+        "left_out": learned.left_out,
+        "status": learned.status,
+    }
+    write_json(path, content | {"checksum": _checksum(content)})
+
+
+def read_map(path: Path, arm: Arm) -> Learned:
+    """Return a learned map for an arm.
+
+    Raises:
+        FileError: The file is missing, cut short, altered, of another schema, or was learned for
+            another arm or other limits.
+    """
+    raw = read_json(path, max_bytes=_MAX_BYTES)
+    try:
+        content = _MapFile.model_validate(raw)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise FileError(f"{path} key {key!r}", f"a map of schema {SCHEMA}", first["msg"]) from None
+    stated = {key: value for key, value in raw.items() if key != "checksum"}
+    if _checksum(stated) != content.checksum:
+        raise FileError(str(path), "a map that matches its checksum", "one that was altered",
+                        do="learn it again with mitt learn")  # fmt: skip
+    mine = (arm.model.name, arm.limits.name, list(arm.names))
+    given = (content.arm, content.limits, content.joints)
+    if mine != given:
+        wanted, other = ("arm {}, limits {}, joints {}".format(*x) for x in (mine, given))
+        raise FileError(str(path), f"a map for {wanted}", f"one for {other}")
+    return _learned(path, content, arm)
+
+
+def _learned(path: Path, content: _MapFile, arm: Arm) -> Learned:
+    """Build the map from a file's content."""
+    design = MapDesign(**content.design.model_dump())
+    try:
+        index = design.free.index(design.catch_joint)
+        basis = CatchBasis(design.order, index, np.array(content.centre), np.array(content.scale))
+        f = DirectMap(
+            arm=arm,
+            design=design,
+            basis=basis,
+            alpha=np.array(content.alpha),
+            H=np.array(content.H),
+        )
+        np.linalg.cholesky(f.H)
+    except (MittError, ValueError, np.linalg.LinAlgError) as error:
+        raise FileError(str(path), "a map that fits together", error) from error
+    return Learned(
+        map=f,
+        steps=tuple(Step(**step.model_dump()) for step in content.steps),
+        flights=content.flights,
+        left_out=content.left_out,
+        status=content.status,
+    )
+
+
+def _checksum(content: dict[str, object]) -> str:
+    """Return the SHA-256 of the content in canonical JSON."""
+    canonical = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(canonical.encode()).hexdigest()

@@ -1,0 +1,212 @@
+"""A run of throws as ``mitt catch`` makes it: prepare, throw, write."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+
+import mitt
+from mitt.errors import InputError, Terminated, UnknownNameError
+from mitt.generator.generators import Direct, Generator, Unoptimised
+from mitt.generator.learn import Learned
+from mitt.generator.mapping import MapDesign, unlearned
+from mitt.link.clock import Stopwatch
+from mitt.link.files import check_folder, claim_folder, write_json
+from mitt.link.maps import read_map, save_map
+from mitt.options import ArmOptions, CatchOptions
+from mitt.robot.arm import Arm
+from mitt.robot.hands import HandModel
+from mitt.robot.load import load_arm
+from mitt.study.lesson import learn
+from mitt.study.result import result
+from mitt.study.score import Trial
+from mitt.study.source import Source, source_of
+from mitt.study.trial import Bench, Outcome
+from mitt.world.scene import TABLE_TENNIS, Scene, read_scene
+
+#: Generators by name.
+GENERATORS = ("direct", "unoptimised")
+#: Most throws in one run; more belong into a study.
+_MOST_THROWS = 100_000
+#: What a run leaves in its folder.
+LEAVES = ("result.json", "report.html", "map.json", "recordings")
+#: Index of the throw that is run once before the others, so that compiling is not measured.
+_WARM_UP = 2**31
+
+
+def arm_of(options: ArmOptions) -> Arm:
+    """Return the arm that the options name, a hand mounted at its tip."""
+    names = None if options.joints is None else [x.strip() for x in options.joints.split(",")]
+    return load_arm(
+        options.arm, tip=options.tip, joints=names, limits=options.limits, hand=HandModel()
+    )
+
+
+def design_of(options: ArmOptions, arm: Arm) -> MapDesign:
+    """Return the map design that the options name; what they leave out follows from the arm."""
+    if arm.n < 3:
+        raise InputError("--joints", "at least three active joints", arm.n)
+    i = arm.n - 1 if options.catch_joint is None else options.catch_joint
+    if not 0 <= i < arm.n:
+        raise InputError("--catch-joint", f"an index in 0..{arm.n - 1}", i)
+    q_catch = options.q_catch
+    if q_catch is None:
+        inside = arm.q_min[i] < np.pi / 2 < arm.q_max[i]
+        q_catch = np.pi / 2 if inside else 0.5 * float(arm.q_min[i] + arm.q_max[i])
+    a, b, c = sorted({*[k for k in range(arm.n) if k != i][:2], i})
+    return MapDesign(
+        catch_joint=i, q_catch=q_catch, kappa=options.kappa, order=options.order, free=(a, b, c)
+    )
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prepared:
+    """A run that can start: every input read and found good."""
+
+    job: CatchOptions
+    arm: Arm
+    scene: Scene
+    source: Source
+    learned: Learned | None
+    out: Path
+
+    @property
+    def head(self) -> dict[str, object]:
+        """What the result says of the run."""
+        return {
+            "version": mitt.__version__,
+            "arm": self.arm.model.name,
+            "limits": self.arm.limits.name,
+            "generator": self.job.generator,
+            "vision": self.job.vision,
+            "seed": self.job.seed,
+        }
+
+
+def prepare(job: CatchOptions) -> Prepared:
+    """Read and check all that a run needs, without learning or writing anything.
+
+    Raises:
+        MittError: An input cannot be used.
+    """
+    if job.generator not in GENERATORS:
+        raise UnknownNameError("--generator", job.generator, GENERATORS)
+    if job.throws is not None and not 1 <= job.throws <= _MOST_THROWS:
+        raise InputError("--throws", f"a number in 1..{_MOST_THROWS}", job.throws)
+    if not 0 <= job.seed < 2**63:
+        raise InputError("--seed", "a number from 0 to 2^63 - 1", job.seed)
+    if job.throws_file is not None and job.flights is not None:
+        raise InputError("--throws-file and --flights", "one of them", "both")
+    arm = arm_of(job)
+    scene = Scene() if job.scene is None else read_scene(job.scene)
+    if job.flights is not None and "ball" not in scene.model_fields_set:
+        scene = scene.model_copy(update={"ball": TABLE_TENNIS})
+    learned = None if job.map is None else read_map(job.map, arm)
+    f = unlearned(arm, design_of(job, arm)) if learned is None else learned.map
+    source = source_of(
+        f,
+        seed=job.seed,
+        count=job.throws,
+        throws_file=job.throws_file,
+        flights_file=job.flights,
+        drag=scene.ball.drag,
+    )
+    out = job.out or Path("runs") / f"{job.seed}-{job.generator}"
+    check_folder(out, overwrite=job.overwrite)
+    return Prepared(job=job, arm=arm, scene=scene, source=source, learned=learned, out=out)
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finished:
+    """A run that is over, by itself or because it was interrupted."""
+
+    prepared: Prepared
+    learned: Learned
+    trials: list[Trial]
+    stopwatch: Stopwatch
+    interrupt: int | None
+
+    @property
+    def status(self) -> int:
+        """Exit status of the command."""
+        return 0 if self.interrupt is None else self.interrupt
+
+    @property
+    def result(self) -> dict[str, Any]:
+        """The result as the contract writes it."""
+        return result(self.trials, self.stopwatch, self.prepared.head)
+
+
+def make_generator(name: str, learned: Learned) -> Generator:
+    """Return a generator by name."""
+    if name == "direct":
+        return Direct(learned.map)
+    if name == "unoptimised":
+        return Unoptimised(unlearned(learned.map.arm, learned.map.design))
+    raise UnknownNameError("generator", name, GENERATORS)
+
+
+def make_bench(prepared: Prepared, learned: Learned, *, generator: str) -> Bench:
+    """Return the bench of a run, for a generator by name."""
+    pixels = prepared.job.vision == "pixels"
+    return Bench(prepared.arm, make_generator(generator, learned), prepared.scene, pixels=pixels)
+
+
+def run(prepared: Prepared, *, progress: Callable[[str, int, int], None]) -> Finished:
+    """Learn if no map was given, and throw; an interrupt ends the run and keeps what is done.
+
+    Args:
+        prepared: The run.
+        progress: Is told what is being done, how many are done, and of how many.
+    """
+    job, count = prepared.job, prepared.source.count
+    progress("learning", 0, 1)
+    learned = prepared.learned or learn(prepared.arm, design=design_of(job, prepared.arm))
+    progress("learning", 1, 1)
+    bench = make_bench(prepared, learned, generator=job.generator)
+    bench.run(-1, prepared.source.ball(_WARM_UP), seed=0)
+    bench.stopwatch.clear()
+    trials: list[Trial] = []
+    interrupt = None
+    try:
+        for index in range(count):
+            progress("throwing", index, count)
+            trials.append(one_throw(bench, prepared, index).trial)
+        progress("throwing", count, count)
+    except KeyboardInterrupt as stop:
+        interrupt = 143 if isinstance(stop, Terminated) else 130
+    return Finished(
+        prepared=prepared,
+        learned=learned,
+        trials=trials,
+        stopwatch=bench.stopwatch,
+        interrupt=interrupt,
+    )
+
+
+def one_throw(bench: Bench, prepared: Prepared, index: int, *, log: bool = False) -> Outcome:
+    """Throw one ball of a run; run again, it gives the same trial."""
+    source = prepared.source
+    return bench.run(index, source.ball(index), seed=source.trial_seed(index), log=log)
+
+
+def write_outputs(finished: Finished, *, progress: Callable[[str, int, int], None]) -> None:
+    """Claim the folder of the run and write its result and its map."""
+    prepared = finished.prepared
+    claim_folder(prepared.out, overwrite=prepared.job.overwrite, ours=LEAVES)
+    write_json(prepared.out / "result.json", finished.result)
+    save_map(prepared.out / "map.json", finished.learned, version=mitt.__version__)
+    progress("writing", 1, 1)
+
+
+def logged(finished: Finished) -> list[int]:
+    """Return the indices of the trials to record: the first and, if asked for, others."""
+    job = finished.prepared.job
+    if job.record == "none":
+        return []
+    everything = job.record == "all"
+    return [t.index for t in finished.trials if everything or t.index == 0 or t.status != "caught"]

@@ -1,0 +1,44 @@
+"""Learning a map with everything that is silent filled in: the neighbourhood of default throws."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mitt.generator.flights import Flight
+from mitt.generator.learn import Learned, LearnSettings
+from mitt.generator.learn import learn as learn_from
+from mitt.generator.mapping import MapDesign, unlearned
+from mitt.robot.arm import Arm
+from mitt.study.neighbourhood import Neighbourhood, neighbourhood
+
+#: Seed of the flights that maps are learned from; evaluations use other seeds.
+LEARNING_SEED = 20020708
+
+
+def learn(
+    arm: Arm,
+    *,
+    design: MapDesign | None = None,
+    flights: Sequence[Flight] | None = None,
+    seed: int = LEARNING_SEED,
+    around: Neighbourhood | None = None,
+    settings: LearnSettings | None = None,
+) -> Learned:
+    """Learn a map for an arm, eq. (22).
+
+    Args:
+        arm: The arm.
+        design: Catch joint, its angle, kappa and order; the paper's if left out.
+        flights: Flights to learn from; a neighbourhood of default throws if left out.
+        seed: Seed of that neighbourhood.
+        around: Its settings.
+        settings: How to learn.
+
+    Returns:
+        The map (``.map``) and the cost at each step (``.steps``).
+    """
+    design = design or MapDesign()
+    if flights is None:
+        start = unlearned(arm, design)
+        flights = neighbourhood(start, np.random.default_rng(seed), around)
+    return learn_from(arm, design, flights, settings=settings)

@@ -1,0 +1,42 @@
+"""The result of a run, as the contract ``mitt.catch/1`` writes it."""
+
+from dataclasses import asdict
+from typing import Any
+
+from mitt.link.clock import Stopwatch
+from mitt.study.score import Trial
+from mitt.study.stats import wilson
+
+SCHEMA = "mitt.catch/1"
+STATUSES = ("caught", "dropped", "missed", "unreachable", "aborted")
+
+
+def result(trials: list[Trial], stopwatch: Stopwatch, head: dict[str, object]) -> dict[str, Any]:
+    """Return the whole result.
+
+    Args:
+        trials: Finished trials.
+        stopwatch: Times of the catcher's ticks.
+        head: version, arm, limits, generator, vision, seed.
+    """
+    return {
+        "schema": SCHEMA,
+        **head,
+        "trials": [asdict(trial) for trial in trials],
+        "summary": summary(trials, stopwatch),
+    }
+
+
+def summary(trials: list[Trial], stopwatch: Stopwatch) -> dict[str, Any]:
+    """Return counts, catch rate with its 95 % Wilson interval, and tick times."""
+    counts = {status: sum(t.status == status for t in trials) for status in STATUSES}
+    valid = len(trials) - counts["aborted"]
+    low, high = wilson(counts["caught"], valid)
+    return {
+        "throws": len(trials),
+        **counts,
+        "catch_rate": counts["caught"] / valid if valid else 0.0,
+        "ci95": [low, high],
+        "tick_us": stopwatch.percentiles_us(),
+        "deadline_misses": stopwatch.misses(),
+    }

@@ -1,0 +1,37 @@
+"""Throws in the simulated world from Python, without files."""
+
+from mitt.generator.generators import Direct
+from mitt.generator.mapping import DirectMap
+from mitt.study.score import Trial
+from mitt.study.source import source_of
+from mitt.study.trial import Bench
+from mitt.world.scene import Scene
+
+
+def simulate(
+    f: DirectMap,
+    *,
+    throws: int = 10,
+    seed: int = 0,
+    scene: Scene | None = None,
+    pixels: bool = True,
+) -> list[Trial]:
+    """Throw default throws at an arm that uses a learned map, and return the scored trials.
+
+    The same throws, plant and noise as ``mitt catch --throws N --seed S``.
+
+    Args:
+        f: The map; it knows its arm.
+        throws: Number of throws.
+        seed: Seed of throws, plant and noise.
+        scene: The world's settings; the default scene if left out.
+        pixels: Whether the catcher sees images; noisy points otherwise.
+    """
+    scene = scene or Scene()
+    source = source_of(
+        f, seed=seed, count=throws, throws_file=None, flights_file=None, drag=scene.ball.drag
+    )
+    bench = Bench(f.arm, Direct(f), scene, pixels=pixels)
+    return [
+        bench.run(k, source.ball(k), seed=source.trial_seed(k)).trial for k in range(source.count)
+    ]

@@ -1,0 +1,87 @@
+"""Where the balls of a run come from: drawn by seed, read as throws, or recorded."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import final
+
+import numpy as np
+
+from mitt.generator.mapping import DirectMap
+from mitt.signals import Array
+from mitt.study.neighbourhood import aim_of
+from mitt.world.flights import BallPath, Recording, place_flight, read_flights
+from mitt.world.throws import Aim, Throw, default_throw, read_throws
+
+#: Streams drawn from one seed and index, so that no use of one disturbs another.
+_BALL, _TRIAL = 0, 1
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """Balls of a run, each a pure function of seed and index.
+
+    Attributes:
+        seed: Seed of the run.
+        count: Number of trials.
+        aim: Where default throws are aimed.
+        catch_point: Where recorded flights are led past [m], shape (3,).
+        throws: Throws from a file, empty otherwise.
+        recordings: Recorded flights, empty otherwise.
+        drag: Drag of recorded balls after their last sample [1/m].
+    """
+
+    seed: int
+    count: int
+    aim: Aim
+    catch_point: Array
+    throws: tuple[Throw, ...] = ()
+    recordings: tuple[Recording, ...] = ()
+    drag: float = 0.12
+
+    def ball(self, index: int) -> Throw | BallPath:
+        """Return what is thrown in a trial."""
+        rng = np.random.default_rng([self.seed, index, _BALL])
+        if self.recordings:
+            recording = self.recordings[index % len(self.recordings)]
+            return place_flight(recording, self.catch_point, rng=rng, drag=self.drag)
+        if self.throws:
+            return self.throws[index % len(self.throws)]
+        return default_throw(rng, self.aim)
+
+    def trial_seed(self, index: int) -> int:
+        """Return the seed of a trial's plant and noise."""
+        state = np.random.SeedSequence([self.seed, index, _TRIAL]).generate_state(1, np.uint64)
+        return int(state[0])
+
+    def name(self, index: int) -> str:
+        """Return what the ball of a trial is called."""
+        if self.recordings:
+            return self.recordings[index % len(self.recordings)].name
+        return f"row {index % len(self.throws) + 1}" if self.throws else f"throw {index}"
+
+
+def source_of(
+    f: DirectMap,
+    *,
+    seed: int,
+    count: int | None,
+    throws_file: Path | None,
+    flights_file: Path | None,
+    drag: float,
+) -> Source:
+    """Return the balls that the options name; each throw or flight of a file once by default."""
+    i = f.design.catch_joint
+    nominal = f.arm.q_ready.copy()
+    nominal[i] = f.design.q_catch
+    throws = () if throws_file is None else read_throws(throws_file)
+    recordings = () if flights_file is None else read_flights(flights_file)
+    return Source(
+        seed=seed,
+        count=count or len(throws) or len(recordings) or 10,
+        aim=aim_of(f.arm, f.design.q_catch, i),
+        catch_point=f.arm.position(nominal),
+        throws=throws,
+        recordings=recordings,
+        drag=drag,
+    )
