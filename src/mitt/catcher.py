@@ -18,7 +18,16 @@ from mitt.control.tracking import Tracked, Tracker
 from mitt.generator.certificate import Outcome, Verdict
 from mitt.generator.generators import Generator
 from mitt.robot.arm import Arm
-from mitt.signals import Array, BallState, Command, JointReference, MapStatus, Senses, Sighting
+from mitt.signals import (
+    ArmState,
+    Array,
+    BallState,
+    Command,
+    JointReference,
+    MapStatus,
+    Senses,
+    Sighting,
+)
 from mitt.vision.eyes import Eyes
 from mitt.vision.filter import BallFilter
 
@@ -40,6 +49,9 @@ class CatcherSettings:
         bandwidth: Bandwidth of the tracking error [rad/s].
         sigma_ready: Predicted 1-sigma at the catch at which the arm starts to move [m].
         watch: Longest time from first sight to the verdict [s].
+        adapt_q: Gap between desired and true joint angles at which to adapt anew [rad].
+        adapt_dq: The same for joint speeds [rad/s].
+        adapt_until: Time to the catch below which the map is left as it is [s].
         ball_mass: Mass of the ball, carried by the model while it is held [kg].
         ball_radius: Radius of the ball [m]; the eyes are told the same.
     """
@@ -47,6 +59,9 @@ class CatcherSettings:
     bandwidth: float = 60.0
     sigma_ready: float = 0.02
     watch: float = 0.08
+    adapt_q: float = 0.06
+    adapt_dq: float = 1.2
+    adapt_until: float = 0.05
     ball_mass: float = 0.07
     ball_radius: float = 0.04
 
@@ -121,7 +136,7 @@ class Catcher:
         if self._phase is Phase.WATCH and ball.tracked:
             self._watch(ball, senses)
         if self._phase is Phase.FOLLOW:
-            reference = self._generator.reference(ball)
+            reference = self._readapted(self._generator.reference(ball), ball, senses.arm)
             self._follow(reference)
             if self._closing.closed(senses.t):
                 self._start_braking(senses.t)
@@ -144,6 +159,25 @@ class Catcher:
             return
         self._generator = self._generator.adapt(ball, senses.arm.q, senses.arm.dq)
         self._phase, self.t_0 = Phase.FOLLOW, senses.t
+
+    def _readapted(
+        self, reference: JointReference, ball: BallState, arm: ArmState
+    ) -> JointReference:
+        """Adapt the generator anew where the ball has left the arm behind, as after a bounce.
+
+        The map then starts again from where the arm is and how fast it moves, eq. (12), and the
+        gap is closed on the way to the catch instead of by feedback at once.
+        """
+        if reference.status is not MapStatus.INSIDE:
+            return reference
+        if reference.time_to_catch < self._settings.adapt_until:
+            return reference
+        behind = np.max(np.abs(reference.q_d - arm.q)) / self._settings.adapt_q
+        slower = np.max(np.abs(reference.dq_d - arm.dq)) / self._settings.adapt_dq
+        if max(behind, slower) < 1.0:
+            return reference
+        self._generator = self._generator.adapt(ball, arm.q, arm.dq)
+        return self._generator.reference(ball)
 
     def _follow(self, reference: JointReference) -> None:
         """Want what the generator asks; outside its domain, stay where the arm was wanted."""

@@ -13,8 +13,8 @@ from mitt.world.imaging import Imager, ImageSensor
 CLEAN = ImageSensor(brightness=200.0, background=20.0, read_noise=0.0, electrons=1e12)
 QUANTUM = 0.51
 """Rounding to whole grey levels."""
-SAMPLING = 4.0
-"""Grey levels of 200: eight lines a pixel row, against 40 x 40 rays a pixel."""
+SAMPLING = 3.0
+"""Grey levels of 200: sixteen lines a pixel row, against 40 x 40 rays a pixel."""
 
 CAMERA = Camera(width=48, height=40, f_px=60.0, cu=23.5, cv=19.5, T_world_cam=np.eye(4))
 

@@ -21,9 +21,10 @@ _INSTANTS = 25
 
 
 class Outcome(Enum):
-    """Whether the throw can be caught."""
+    """Whether the throw can be caught; OPEN where it falls short and only a bounce would help."""
 
     FEASIBLE = "feasible"
+    OPEN = "open"
     UNREACHABLE = "unreachable"
 
 
@@ -79,7 +80,7 @@ def judge(f: DirectMap, ball: BallState, q: Array, *, tolerance: Tolerance) -> V
     caught = catch_forecast(f, ball) if adapted.status is MapStatus.INSIDE else None
     if caught is None:
         return Verdict(
-            outcome=Outcome.UNREACHABLE,
+            outcome=Outcome.OPEN if _falls_short(f, ball) else Outcome.UNREACHABLE,
             binding_limit="domain",
             share=np.inf,
             t_catch=np.inf,
@@ -97,6 +98,23 @@ def judge(f: DirectMap, ball: BallState, q: Array, *, tolerance: Tolerance) -> V
         t_catch=caught.t,
         sigma=float(np.sqrt(np.linalg.eigvalsh(caught.covariance[:3, :3])[-1])),
     )
+
+
+def _falls_short(f: DirectMap, ball: BallState) -> bool:
+    """Say whether the ball passes over reachable ground, but below what the map can reach.
+
+    A level surface that nobody announced, such as a table, may send it up again; it cannot
+    change where over the ground the ball flies, nor bring down a ball that passes above.
+    """
+    i = f.design.catch_joint
+    q = f.arm.q_ready.copy()
+    q[i] = f.design.q_catch
+    reach = float(np.linalg.norm(f.arm.position(q)))
+    for k in range(int(_HORIZON / _STRIDE) + 1):
+        r_o = forecast(ball, ball.t + k * _STRIDE).r_o
+        if np.hypot(r_o[0], r_o[1]) <= reach:
+            return bool(r_o[2] < 0.0)
+    return False
 
 
 def _row(f: DirectMap, ball: BallState) -> Array:

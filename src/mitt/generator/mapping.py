@@ -19,6 +19,7 @@ from numba import njit
 
 from mitt.errors import ModelError, ShapeError
 from mitt.generator.constraints import initial_gap, project
+from mitt.generator.packing import pack, unfold, unpack, workspace
 from mitt.generator.planar import plane_of
 from mitt.generator.polynomial import CatchBasis, jets
 from mitt.generator.tangent import Scratch, Tangent, expand, lift, scratch_of
@@ -60,7 +61,7 @@ def tangent_of(arm: Arm, design: MapDesign) -> Tangent:
     plane = plane_of(arm, design.catch_joint, q_catch=design.q_catch, kappa=design.kappa)
     return Tangent(
         chain=arm.chain,
-        free=np.array(design.free),
+        free=design.free,
         catch_joint=i,
         q_catch=design.q_catch,
         kappa=design.kappa,
@@ -112,6 +113,20 @@ class DirectMap:
         return np.asarray(np.linalg.inv(self.H), np.float64)
 
     @cached_property
+    def packed(self) -> Array:
+        """The same in one vector, for the kernels."""
+        return pack(self.tangent)
+
+    @cached_property
+    def _window(self) -> Array:
+        """Centre and scale of the polynomial's variables, shape (2, 3)."""
+        return np.array([self.basis.centre, self.basis.scale])
+
+    @cached_property
+    def _work(self) -> Array:
+        return workspace(self.arm.n)
+
+    @cached_property
     def _scratch(self) -> Scratch:
         return scratch_of(self.arm.n)
 
@@ -126,8 +141,7 @@ class DirectMap:
         """Return virtual joints and two derivatives, shape (3, n), of r_o, dr_o, ddr_o, (3, 3)."""
         out = np.zeros((3, self.arm.n))
         out[0] = self._start
-        inside = bool(lift(self.tangent, ball, out, self._scratch))
-        return inside, out
+        return bool(virtual(self.packed, ball, out, self._work)), out
 
     def to_joints(self, r_o: Array) -> tuple[MapStatus, Array]:
         """Return l_c^-1(r_o) of eq. (6) [rad], shape (n,), and whether r_o is in its domain."""
@@ -163,7 +177,7 @@ class DirectMap:
         expand(self.tangent, q_o, np.zeros(self.arm.n), self._scratch)
         free = list(self.design.free)
         per_ball = np.zeros((self.arm.n, 3))
-        per_ball[free] = np.linalg.inv(self._scratch.J_c)
+        per_ball[free] = np.linalg.inv(self._scratch.J_c.T)
         slope = np.zeros((self.arm.n, self.arm.n))
         slope[:, free] = self.alpha.T @ self.basis.gradient(q_o[free])
         out: Array = (np.eye(self.arm.n) + slope) @ per_ball
@@ -177,9 +191,8 @@ class DirectMap:
         rows = np.zeros((6, self.arm.n))
         rows[3] = self._start
         motion = np.array([ball.r_o, ball.dr_o, ball.ddr_o])
-        b = self.basis
         inside = reference(
-            self.tangent, b.powers, b.centre, b.scale, self.alpha, motion, rows, self._scratch
+            self.packed, self.basis.powers, self._window, self.alpha, motion, rows, self._work
         )
         i = self.design.catch_joint
         s = rows[3, i] - self.design.q_catch
@@ -210,32 +223,38 @@ class DirectMap:
 
 
 @njit(cache=True)
+def virtual(packed: Array, ball: Array, rows: Array, work: Array) -> bool:
+    """Write q_o, dq_o, ddq_o (3, n) for r_o, dr_o, ddr_o (3, 3); False outside the domain."""
+    g = unpack(packed)
+    return bool(lift(g, ball, rows, unfold(work, rows.shape[1])))
+
+
+@njit(cache=True)
 def reference(
-    g: Tangent,
-    powers: Array,
-    centre: Array,
-    scale: Array,
-    alpha: Array,
-    ball: Array,
-    rows: Array,
-    w: Scratch,
+    packed: Array, powers: Array, window: Array, alpha: Array, ball: Array, rows: Array, work: Array
 ) -> bool:
     """Write q_d, dq_d, ddq_d, q_o, dq_o, ddq_o (6, n) for r_o, dr_o, ddr_o (3, 3).
 
-    Outside the domain the rows keep their values and the answer is False.
+    Args:
+        packed: The tangent map.
+        powers: Exponents of the monomials, shape (m, 3).
+        window: Centre and scale of the polynomial's variables, shape (2, 3).
+        alpha: Coefficients, shape (m, n).
+        ball: r_o, dr_o, ddr_o, shape (3, 3).
+        rows: Result; row 3 is where a Newton inverse starts. Outside the domain: at rest.
+        work: Workspace.
     """
-    if not lift(g, ball, rows[3:], w):
-        rows[:3] = 0.0
-        rows[0] = rows[3] = g.q_rest
-        rows[4:] = 0.0
+    g = unpack(packed)
+    if not lift(g, ball, rows[3:], unfold(work, rows.shape[1])):
+        rows[:] = 0.0
+        rows[0], rows[3] = g.q_rest, g.q_rest
         return False
     m, n = alpha.shape
-    motion = np.empty((3, 3))
+    motion, phi = np.empty((3, 3)), np.empty((3, m))
     for a in range(3):
         for d in range(3):
             motion[d, a] = rows[3 + d, g.free[a]]
-    phi = np.empty((3, m))
-    jets(powers, centre, scale, motion[0], motion[1], motion[2], phi)
+    jets(powers, window[0], window[1], motion[0], motion[1], motion[2], phi)
     for d in range(3):
         for k in range(n):
             total = rows[3 + d, k]

@@ -26,7 +26,7 @@ def plane_of(arm: Arm, catch_joint: int, *, q_catch: float, kappa: float) -> Arr
     m = motion_of(3)
     sweep(arm.chain, q, np.zeros(3), m)
     yaw, pitch = m.W[0], m.W[1]
-    base, shoulder = m.origin[0, 0], m.origin[1, 0]
+    base, shoulder = m.origin[0, 0], m.origin[0, 1]
     flat = (yaw[0], yaw[1], pitch[0], pitch[2], base[0], base[1], shoulder[0], shoulder[1])
     p, t = m.tip[0], kappa * m.J[2]
     off = max(abs(x) for x in (*flat, p[1], t[1]))

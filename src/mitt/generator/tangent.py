@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from mitt.robot.chain import Chain, Motion, add_cross, motion_of, sweep
+from mitt.robot.chain import Chain, Motion, motion_of, sweep
+from mitt.robot.vectors import Vec, cross, dot, minus, plus, put, row, times
 from mitt.signals import Array
 
 #: |det J_c| below this share of the product of its columns' lengths counts as singular.
@@ -36,7 +36,7 @@ class Tangent(NamedTuple):
     """
 
     chain: Chain
-    free: NDArray[np.int64]  # (3,) the free joints, from the base outwards
+    free: tuple[int, int, int]  # the free joints, from the base outwards
     catch_joint: int  # index i among the active joints
     q_catch: float  # q_alpha [rad]
     kappa: float  # velocity-match ratio
@@ -55,7 +55,7 @@ class Scratch(NamedTuple):
     still: Array  # (n,) zeros
     point: Array  # (3, 3) l_c, residual, curvature
     ends: Array  # (3, 3) start of a way and the way itself
-    J_c: Array  # (3, 3) columns over the free joints
+    J_c: Array  # (3, 3) rows over the free joints: J_c transposed
 
 
 def scratch_of(n: int) -> Scratch:
@@ -68,8 +68,8 @@ def scratch_of(n: int) -> Scratch:
 def expand(g: Tangent, q_o: Array, dq_o: Array, w: Scratch) -> None:
     """Write l_c, J_c and the curvature along ``dq_o`` at the virtual joints ``q_o``."""
     i = g.catch_joint
-    w.q[:] = q_o
-    w.dq[:] = dq_o
+    for k in range(len(q_o)):
+        w.q[k], w.dq[k] = q_o[k], dq_o[k]
     w.q[i], w.dq[i] = g.q_catch, 0.0
     s, ds = g.kappa * (q_o[i] - g.q_catch), g.kappa * dq_o[i]
     m = w.motion
@@ -79,35 +79,30 @@ def expand(g: Tangent, q_o: Array, dq_o: Array, w: Scratch) -> None:
         w.point[2, c] = m.tip[2, c] + 2.0 * ds * m.dJ[i, c] + s * m.ddJ[i, c]
     for a in range(3):
         k = g.free[a]
-        column = w.J_c[:, a]
         if k == i:
-            column[:] = g.kappa * m.J[i]
+            column = times(g.kappa, row(m.J, i))
         else:
-            column[:] = m.J[k]
             # dJ_i/dq_k = w_min x J_max: the joint nearer the base turns the other's arm.
-            add_cross(m.W[min(k, i)], m.J[max(k, i)], s, column)
+            answer = cross(row(m.W, min(k, i)), row(m.J, max(k, i)))
+            column = plus(row(m.J, k), times(s, answer))
+        put(w.J_c, a, column)
 
 
 @njit(cache=True)
-def solve3(A: Array, b: Array, free: NDArray[np.int64], out: Array) -> bool:
-    """Write the free entries of the solution of A x = b (Cramer); False where A is singular."""
-    a0, a1, a2 = A[:, 0], A[:, 1], A[:, 2]
-    c0 = a1[1] * a2[2] - a1[2] * a2[1]
-    c1 = a1[2] * a2[0] - a1[0] * a2[2]
-    c2 = a1[0] * a2[1] - a1[1] * a2[0]
-    det = a0[0] * c0 + a0[1] * c1 + a0[2] * c2
-    size = np.sqrt(np.sum(a0 * a0) * np.sum(a1 * a1) * np.sum(a2 * a2))
+def solve3(rows: Array, b: Vec, free: tuple[int, int, int], out: Array) -> bool:
+    """Write the free entries of x with x_0 rows_0 + x_1 rows_1 + x_2 rows_2 = b (Cramer).
+
+    False where the rows are dependent; then nothing is written.
+    """
+    a0, a1, a2 = row(rows, 0), row(rows, 1), row(rows, 2)
+    normal = cross(a1, a2)
+    det = dot(a0, normal)
+    size = np.sqrt(dot(a0, a0) * dot(a1, a1) * dot(a2, a2))
     if not abs(det) > _SINGULAR * size:
         return False
-    out[free[0]] = (b[0] * c0 + b[1] * c1 + b[2] * c2) / det
-    d0 = a2[1] * a0[2] - a2[2] * a0[1]
-    d1 = a2[2] * a0[0] - a2[0] * a0[2]
-    d2 = a2[0] * a0[1] - a2[1] * a0[0]
-    out[free[1]] = (b[0] * d0 + b[1] * d1 + b[2] * d2) / det
-    e0 = a0[1] * a1[2] - a0[2] * a1[1]
-    e1 = a0[2] * a1[0] - a0[0] * a1[2]
-    e2 = a0[0] * a1[1] - a0[1] * a1[0]
-    out[free[2]] = (b[0] * e0 + b[1] * e1 + b[2] * e2) / det
+    out[free[0]] = dot(b, normal) / det
+    out[free[1]] = dot(b, cross(a2, a0)) / det
+    out[free[2]] = dot(b, cross(a0, a1)) / det
     return True
 
 
@@ -166,7 +161,7 @@ def _newton(g: Tangent, share: float, q_o: Array, w: Scratch) -> bool:
             miss = max(miss, abs(w.point[1, c]))
         if miss < _NEWTON_RESIDUAL:
             return True
-        if not solve3(w.J_c, w.point[1], g.free, w.step):
+        if not solve3(w.J_c, row(w.point, 1), g.free, w.step):
             return False
         largest = 0.0
         for a in range(3):
@@ -179,11 +174,7 @@ def _newton(g: Tangent, share: float, q_o: Array, w: Scratch) -> bool:
 @njit(cache=True)
 def _orientation(A: Array) -> float:
     """Return the sign of det A."""
-    det = 0.0
-    for c in range(3):
-        d, e = (c + 1) % 3, (c + 2) % 3
-        det += A[0, c] * (A[1, d] * A[2, e] - A[1, e] * A[2, d])
-    return float(np.sign(det))
+    return float(np.sign(dot(row(A, 0), cross(row(A, 1), row(A, 2)))))
 
 
 @njit(cache=True)
@@ -204,10 +195,9 @@ def lift(g: Tangent, ball: Array, virtual: Array, w: Scratch) -> bool:
     dq_o[:] = 0.0
     ddq_o[:] = 0.0
     expand(g, q_o, dq_o, w)
-    if not solve3(w.J_c, ball[1], g.free, dq_o):
+    if not solve3(w.J_c, row(ball, 1), g.free, dq_o):
         return False
     expand(g, q_o, dq_o, w)
-    for c in range(3):
-        w.point[1, c] = ball[2, c] - w.point[2, c]
-    inside: bool = solve3(w.J_c, w.point[1], g.free, ddq_o)
+    left = minus(row(ball, 2), row(w.point, 2))
+    inside: bool = solve3(w.J_c, left, g.free, ddq_o)
     return inside

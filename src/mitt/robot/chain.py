@@ -14,9 +14,23 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from mitt.robot.description import ArmModel, joint_motion, transform
+from mitt.robot.vectors import (
+    IDENTITY,
+    ZERO,
+    Vec,
+    compose,
+    cross,
+    matrix,
+    minus,
+    plus,
+    put,
+    rotate,
+    row,
+    times,
+    turn,
+)
 from mitt.signals import Array
 
 
@@ -26,7 +40,7 @@ class Chain(NamedTuple):
     R: Array  # (n, 3, 3) orientation of each joint frame in the one before it
     p: Array  # (n, 3) its position there [m]
     axis: Array  # (n, 3) joint axis in its own frame
-    prismatic: NDArray[np.bool_]  # (n,)
+    prismatic: Array  # (n,) 1 where the joint slides, 0 where it turns
     tip: Array  # (3,) catch point in the last frame [m]
 
 
@@ -38,10 +52,8 @@ class Motion(NamedTuple):
     dJ: Array  # noqa: N815
     ddJ: Array  # noqa: N815
     tip: Array  # (3, 3): rows p, dp, ddp
-    frame: Array  # (2, 3, 3): orientation of the joint frame at hand, and the one before it
-    origin: Array  # (n, 3, 3): rows position, velocity, acceleration of each joint's origin
-    line: Array  # (n, 3, 3): rows direction of each joint's axis, its velocity, its acceleration
-    spin: Array  # (5, 3): angular velocity and acceleration of the link at hand, scratch
+    origin: Array  # (3, n, 3): position, velocity, acceleration of each joint's origin
+    line: Array  # (3, n, 3): direction of each joint's axis, its velocity, its acceleration
 
 
 def chain_of(model: ArmModel) -> Chain:
@@ -62,7 +74,7 @@ def chain_of(model: ArmModel) -> Chain:
         R=np.ascontiguousarray([F[:3, :3] for F in frames]),
         p=np.ascontiguousarray([F[:3, 3] for F in frames]),
         axis=np.ascontiguousarray(axes),
-        prismatic=np.array(sliding),
+        prismatic=np.array(sliding, dtype=np.float64),
         tip=tip,
     )
 
@@ -75,144 +87,77 @@ def motion_of(n: int) -> Motion:
         dJ=np.zeros((n, 3)),
         ddJ=np.zeros((n, 3)),
         tip=np.zeros((3, 3)),
-        frame=np.zeros((2, 3, 3)),
-        origin=np.zeros((n, 3, 3)),
-        line=np.zeros((n, 3, 3)),
-        spin=np.zeros((5, 3)),
+        origin=np.zeros((3, n, 3)),
+        line=np.zeros((3, n, 3)),
     )
-
-
-@njit(cache=True)
-def cross(a: Array, b: Array, out: Array) -> None:
-    """Write a x b."""
-    x = a[1] * b[2] - a[2] * b[1]
-    y = a[2] * b[0] - a[0] * b[2]
-    z = a[0] * b[1] - a[1] * b[0]
-    out[0], out[1], out[2] = x, y, z
-
-
-@njit(cache=True)
-def add_cross(a: Array, b: Array, factor: float, out: Array) -> None:
-    """Add factor (a x b)."""
-    x = a[1] * b[2] - a[2] * b[1]
-    y = a[2] * b[0] - a[0] * b[2]
-    z = a[0] * b[1] - a[1] * b[0]
-    out[0] += factor * x
-    out[1] += factor * y
-    out[2] += factor * z
 
 
 @njit(cache=True)
 def sweep(chain: Chain, q: Array, dq: Array, m: Motion) -> None:
     """Fill all of ``m`` for joint positions ``q`` and constant joint velocities ``dq``."""
-    n = len(q)
-    omega, domega = m.spin[0], m.spin[1]
-    omega[:] = 0.0
-    domega[:] = 0.0
-    m.frame[1] = 0.0
-    for c in range(3):
-        m.frame[1, c, c] = 1.0
-    for k in range(n):
-        _enter(chain, k, m)
-        if chain.prismatic[k]:
-            _slide(q[k], dq[k], k, m)
+    frame, omega, domega = IDENTITY, ZERO, ZERO
+    o, do, ddo = ZERO, ZERO, ZERO
+    for k in range(len(q)):
+        r, dr, ddr = _arm_of(rotate(frame, row(chain.p, k)), omega, domega)
+        o, do, ddo = plus(o, r), plus(do, dr), plus(ddo, ddr)
+        frame = compose(frame, matrix(chain.R, k))
+        w, dw, ddw = _arm_of(rotate(frame, row(chain.axis, k)), omega, domega)
+        if chain.prismatic[k] > 0.0:
+            o = plus(o, times(q[k], w))
+            do = plus(do, plus(times(q[k], dw), times(dq[k], w)))
+            ddo = plus(ddo, plus(times(q[k], ddw), times(2.0 * dq[k], dw)))
         else:
-            _turn(chain.axis[k], q[k], m)
-            for c in range(3):
-                domega[c] += m.line[k, 1, c] * dq[k]
-                omega[c] += m.line[k, 0, c] * dq[k]
-        m.frame[1] = m.frame[0]
-    _carry(chain.tip, m.origin[n - 1], m.tip, m)
-    for k in range(n):
-        _column(chain.prismatic[k], k, m)
+            frame = compose(frame, turn(row(chain.axis, k), q[k]))
+            omega, domega = plus(omega, times(dq[k], w)), plus(domega, times(dq[k], dw))
+        _keep(m.origin, k, (o, do, ddo))
+        _keep(m.line, k, (w, dw, ddw))
+    r, dr, ddr = _arm_of(rotate(frame, (chain.tip[0], chain.tip[1], chain.tip[2])), omega, domega)
+    put(m.tip, 0, plus(o, r))
+    put(m.tip, 1, plus(do, dr))
+    put(m.tip, 2, plus(ddo, ddr))
+    for k in range(len(q)):
+        _column(chain.prismatic[k] > 0.0, k, m)
 
 
 @njit(cache=True)
-def _enter(chain: Chain, k: int, m: Motion) -> None:
-    """Move on to joint k: its origin and axis, still carried by the link before it."""
-    if k == 0:
-        m.origin[0, 0] = chain.p[0]
-        m.origin[0, 1:] = 0.0
-    else:
-        _carry(chain.p[k], m.origin[k - 1], m.origin[k], m)
-    _product(m.frame[1], chain.R[k], m.frame[0])
-    omega, domega, scratch = m.spin[0], m.spin[1], m.spin[2]
-    w, dw, ddw = m.line[k, 0], m.line[k, 1], m.line[k, 2]
-    for r in range(3):
-        w[r] = 0.0
+def _arm_of(r: Vec, omega: Vec, domega: Vec) -> tuple[Vec, Vec, Vec]:
+    """Return a vector fixed in a turning body, and its first and second derivative in time."""
+    dr = cross(omega, r)
+    return r, dr, plus(cross(domega, r), cross(omega, dr))
+
+
+@njit(cache=True)
+def _keep(jets: Array, k: int, jet: tuple[Vec, Vec, Vec]) -> None:
+    """Write a vector and its derivatives to entry k of an array of shape (3, n, 3)."""
+    for d in range(3):
         for c in range(3):
-            w[r] += m.frame[0, r, c] * chain.axis[k, c]
-    cross(omega, w, dw)
-    cross(domega, w, ddw)
-    scratch[:] = dw
-    add_cross(omega, scratch, 1.0, ddw)
+            jets[d, k, c] = jet[d][c]
 
 
 @njit(cache=True)
-def _carry(offset: Array, origin: Array, out: Array, m: Motion) -> None:
-    """Write position, velocity, acceleration of a point at ``offset`` in the link at hand."""
-    omega, domega, r, v = m.spin[0], m.spin[1], m.spin[2], m.spin[3]
-    for i in range(3):
-        r[i] = 0.0
-        for c in range(3):
-            r[i] += m.frame[1, i, c] * offset[c]
-    cross(omega, r, v)
-    for i in range(3):
-        out[0, i] = origin[0, i] + r[i]
-        out[1, i] = origin[1, i] + v[i]
-        out[2, i] = origin[2, i]
-    add_cross(domega, r, 1.0, out[2])
-    add_cross(omega, v, 1.0, out[2])
-
-
-@njit(cache=True)
-def _slide(q: float, dq: float, k: int, m: Motion) -> None:
-    """Move the origin of a prismatic joint along its axis."""
-    for c in range(3):
-        w, dw, ddw = m.line[k, 0, c], m.line[k, 1, c], m.line[k, 2, c]
-        m.origin[k, 0, c] += w * q
-        m.origin[k, 1, c] += dw * q + w * dq
-        m.origin[k, 2, c] += ddw * q + 2.0 * dw * dq
-
-
-@njit(cache=True)
-def _turn(axis: Array, angle: float, m: Motion) -> None:
-    """Turn the joint frame about the joint's axis (Rodrigues)."""
-    x, y, z = axis[0], axis[1], axis[2]
-    c, s = np.cos(angle), np.sin(angle)
-    u = 1.0 - c
-    for r in range(3):
-        a, b, d = m.frame[0, r, 0], m.frame[0, r, 1], m.frame[0, r, 2]
-        m.frame[0, r, 0] = a * (c + x * x * u) + b * (x * y * u + z * s) + d * (x * z * u - y * s)
-        m.frame[0, r, 1] = a * (x * y * u - z * s) + b * (c + y * y * u) + d * (y * z * u + x * s)
-        m.frame[0, r, 2] = a * (x * z * u + y * s) + b * (y * z * u - x * s) + d * (c + z * z * u)
-
-
-@njit(cache=True)
-def _product(A: Array, B: Array, out: Array) -> None:
-    """Write A @ B for 3 x 3 matrices."""
-    for r in range(3):
-        for c in range(3):
-            out[r, c] = A[r, 0] * B[0, c] + A[r, 1] * B[1, c] + A[r, 2] * B[2, c]
+def _jet(jets: Array, k: int) -> tuple[Vec, Vec, Vec]:
+    """Return a vector and its derivatives from entry k of an array of shape (3, n, 3)."""
+    return (
+        (jets[0, k, 0], jets[0, k, 1], jets[0, k, 2]),
+        (jets[1, k, 0], jets[1, k, 1], jets[1, k, 2]),
+        (jets[2, k, 0], jets[2, k, 1], jets[2, k, 2]),
+    )
 
 
 @njit(cache=True)
 def _column(prismatic: bool, k: int, m: Motion) -> None:
     """Write J_k = w_k x (p - o_k), or w_k where the joint slides, and its two derivatives."""
-    w, dw, ddw = m.line[k, 0], m.line[k, 1], m.line[k, 2]
+    w, dw, ddw = _jet(m.line, k)
     if prismatic:
-        m.W[k] = 0.0
-        m.J[k], m.dJ[k], m.ddJ[k] = w, dw, ddw
+        put(m.W, k, ZERO)
+        put(m.J, k, w)
+        put(m.dJ, k, dw)
+        put(m.ddJ, k, ddw)
         return
-    m.W[k] = w
-    r, dr, ddr = m.spin[2], m.spin[3], m.spin[4]
-    for c in range(3):
-        r[c] = m.tip[0, c] - m.origin[k, 0, c]
-        dr[c] = m.tip[1, c] - m.origin[k, 1, c]
-        ddr[c] = m.tip[2, c] - m.origin[k, 2, c]
-    cross(w, r, m.J[k])
-    cross(dw, r, m.dJ[k])
-    add_cross(w, dr, 1.0, m.dJ[k])
-    cross(ddw, r, m.ddJ[k])
-    add_cross(dw, dr, 2.0, m.ddJ[k])
-    add_cross(w, ddr, 1.0, m.ddJ[k])
+    o, do, ddo = _jet(m.origin, k)
+    r, dr, ddr = minus(row(m.tip, 0), o), minus(row(m.tip, 1), do), minus(row(m.tip, 2), ddo)
+    put(m.W, k, w)
+    put(m.J, k, cross(w, r))
+    put(m.dJ, k, plus(cross(dw, r), cross(w, dr)))
+    turning = plus(cross(ddw, r), times(2.0, cross(dw, dr)))
+    put(m.ddJ, k, plus(turning, cross(w, ddr)))

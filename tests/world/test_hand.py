@@ -1,0 +1,234 @@
+"""The hand: what it weighs, how fast it closes, what it holds. Contact alone holds the ball."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mitt.robot.hands import HandModel
+from mitt.signals import Array
+from mitt.world.build import STEP
+from mitt.world.contacts import survey
+from mitt.world.hand import BALL, FRICTION, HAND, add_hand, finger_inertial, steiner
+from mitt.world.servo import finger_torque, servo_numbers
+
+HAND_MODEL = HandModel()
+BIG, SMALL = (0.04, 0.07), (0.02, 0.0027)  # radius [m], mass [kg]: facts.md, section 4
+ELBOW = 0.47  # catch point from the elbow axis [m]: 0.35 + 0.12
+BRAKE = 147.0  # deceleration of joint 4 after the catch [rad/s^2]
+FOLLOW = 0.008  # time after the catch at which it starts [s]
+HELD_MM = 20.0
+FORCE_N = 80.0
+TURN = 1000.0  # inertia of the turning arm [kg m^2]: contact does not slow it
+
+
+def rig(radius: float, mass: float, *, gravity: bool = True) -> mujoco.MjModel:
+    """Return a hand on an arm that turns about an elbow axis, and a free ball."""
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    spec.option.timestep = STEP
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.gravity = [0.0, 0.0, -9.81 if gravity else 0.0]
+    arm = spec.worldbody.add_body(name="arm")
+    hinge = arm.add_joint(name="elbow", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 1.0, 0.0])
+    hinge.armature = TURN
+    plate = arm.add_body(name="plate", pos=[0.0, 0.0, ELBOW - HAND_MODEL.catch_offset])
+    plate.add_site(name="catch", pos=[0.0, 0.0, HAND_MODEL.catch_offset])
+    add_hand(spec, plate, HAND_MODEL)
+    body = spec.worldbody.add_body(name="ball", pos=[0.0, 0.0, 2.0])
+    body.add_freejoint()
+    geom = body.add_geom(name="ball", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[radius, 0.0, 0.0])
+    geom.mass, geom.contype, geom.conaffinity = mass, BALL, HAND
+    geom.condim, geom.priority, geom.friction, geom.solref = 4, 1, FRICTION, (0.004, 1.0)
+    return spec.compile()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Errors:
+    """By how much a catch is off: ball position [m], velocity [m/s], start of closing [s]."""
+
+    position: Array
+    velocity: Array
+    lead: float
+
+
+def drawn(rng: np.random.Generator) -> Errors:
+    """Draw 5 mm an axis, 0.3 m/s an axis, 5 ms."""
+    return Errors(
+        position=rng.uniform(-0.005, 0.005, 3),
+        velocity=rng.uniform(-0.3, 0.3, 3),
+        lead=rng.uniform(-0.005, 0.005),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """Whether a ball was held, how far off it lies [m], and the largest contact force [N]."""
+
+    held: bool
+    off: float
+    force: float
+
+
+def catch(
+    model: mujoco.MjModel, speed: float, errors: Errors, *, close: bool = True
+) -> Outcome | None:
+    """Meet a ball on the tangent at ``speed`` [rad/s]; None where it starts inside the palm."""
+    data, start = mujoco.MjData(model), -0.04
+    radius = float(model.geom("ball").size[0])
+    touch, servo = HAND_MODEL.touch_angle(radius), servo_numbers(HAND_MODEL.drive)
+    g, velocity = model.opt.gravity, np.array([speed * ELBOW, 0.0, 0.0]) + errors.velocity
+    data.qpos[0], data.qvel[0] = speed * start, speed
+    data.qpos[4:7] = [0.0, 0.0, ELBOW] + errors.position + velocity * start + 0.5 * g * start**2
+    data.qvel[4:7] = velocity + g * start
+    mujoco.mj_forward(model, data)
+    if data.ncon:
+        return None
+    touching, force, kinds = np.zeros(model.ngeom, np.bool_), np.zeros(1), model.geom_contype.copy()
+    t, end = start, np.inf
+    while t < min(0.7, end):
+        elapsed = t + HAND_MODEL.closing.lead + errors.lead
+        angle = HAND_MODEL.closing_angle_towards(elapsed, touch) if close else 0.0
+        for k in range(3):
+            data.ctrl[k] = finger_torque(data.qpos[1 + k], data.qvel[1 + k], angle, *servo)
+        data.qfrc_applied[0] = -TURN * BRAKE if t > FOLLOW and data.qvel[0] > 0.1 else 0.0
+        data.qvel[0] = data.qvel[0] if t <= FOLLOW or data.qvel[0] > 0.1 else 0.0
+        mujoco.mj_step(model, data)
+        t += STEP
+        if data.ncon:
+            con = data.contact
+            survey(con.geom, con.efc_address, data.efc_force, kinds, touching, force)
+            end = min(end, t + 0.5) if touching.any() else end
+    mujoco.mj_forward(model, data)
+    con, off = data.contact, float(np.linalg.norm(data.qpos[4:7] - data.site("catch").xpos))
+    survey(con.geom, con.efc_address, np.zeros(1), kinds, touching, np.zeros(1))
+    held = off < radius + 1e-3 * HELD_MM and int(touching.sum()) >= 2
+    return Outcome(held=held, off=off, force=float(force[0]))
+
+
+def outcomes(ball: tuple[float, float], count: int, seed: int) -> list[Outcome]:
+    """Catch ``count`` balls at 5 to 20 rad/s with random errors."""
+    rng, model = np.random.default_rng(seed), rig(*ball)
+    drawn_ones = [(rng.uniform(5.0, 20.0), drawn(rng)) for _ in range(count)]
+    all_of_them = (catch(model, speed, errors) for speed, errors in drawn_ones)
+    return [outcome for outcome in all_of_them if outcome is not None]
+
+
+@pytest.mark.parametrize("ball", [BIG, SMALL], ids=["ball", "table-tennis"])
+def test_fingers_hold_the_ball_against_the_brake(ball: tuple[float, float]) -> None:
+    """Every ball met with the errors of a fair catch is held half a second later, gently."""
+    seen = outcomes(ball, 16, seed=3)
+    assert len(seen) > 10
+    assert all(o.held for o in seen)
+    assert np.median([o.force for o in seen]) < FORCE_N
+
+
+def test_nothing_but_the_fingers_holds_the_ball() -> None:
+    """With the fingers left open the same ball is lost."""
+    none = Errors(position=np.zeros(3), velocity=np.zeros(3), lead=0.0)
+    outcome = catch(rig(*BIG), 15.0, none, close=False)
+    assert outcome is not None
+    assert not outcome.held
+
+
+def test_fingers_close_ninety_degrees_in_twenty_milliseconds() -> None:
+    """The paper's Table 1: without load, 90 degrees (to half a degree) in 20 +- 1 ms."""
+    model = rig(*BIG, gravity=False)
+    data, servo = mujoco.MjData(model), servo_numbers(HAND_MODEL.drive)
+    angles = []
+    for _ in range(80):
+        for k in range(3):
+            data.ctrl[k] = finger_torque(data.qpos[1 + k], data.qvel[1 + k], np.pi / 2, *servo)
+        mujoco.mj_step(model, data)
+        angles.append(np.rad2deg(data.qpos[1:4]).min())
+    arrived = STEP * (1 + int(np.argmax(np.array(angles) > 89.5)))
+    assert arrived == pytest.approx(0.020, abs=0.001)
+    assert max(angles) < 91.0
+    assert data.ncon == 0
+
+
+def test_palm_and_open_fingers_make_up_the_hand() -> None:
+    """Mass, centre of mass and inertia of the bodies are those of the HandModel."""
+    model = rig(*BIG)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    palm = model.body("palm").id
+    com = np.array([0.0, 0.0, ELBOW - HAND_MODEL.catch_offset + HAND_MODEL.com])
+    assert model.body_subtreemass[palm] == pytest.approx(HAND_MODEL.mass)
+    assert data.subtree_com[palm] == pytest.approx(com, abs=1e-12)
+    inertia = np.zeros((3, 3))
+    for b in range(palm, palm + 4):
+        R = data.ximat[b].reshape(3, 3)
+        inertia += R @ np.diag(model.body_inertia[b]) @ R.T
+        inertia += steiner(float(model.body_mass[b]), data.xipos[b] - com)
+    assert inertia == pytest.approx(HAND_MODEL.inertia, abs=1e-9)
+
+
+def test_a_finger_weighs_what_it_should() -> None:
+    """Mass and length are the table's; the rods' inertia is below that of the far end's mass."""
+    mass, com, inertia = finger_inertial(HAND_MODEL.finger)
+    assert mass == HAND_MODEL.finger.mass
+    assert HAND_MODEL.finger.proximal + HAND_MODEL.finger.distal == pytest.approx(0.1)
+    about_joint = (inertia + steiner(mass, com))[1, 1]
+    assert 0.0 < about_joint < mass * 0.1**2
+
+
+@given(
+    radius=st.floats(0.02, 0.04), angle=st.floats(0.0, np.pi / 2), side=st.floats(0.0, 2 * np.pi)
+)
+def test_the_gap_formula_is_mujocos_distance(radius: float, angle: float, side: float) -> None:
+    """Finger.gap is the distance that MuJoCo finds between the finger's rods and the ball."""
+    model = RIGS.setdefault(round(radius, 3), rig(round(radius, 3), 0.07))
+    data = mujoco.MjData(model)
+    data.qpos[1:4] = angle
+    data.qpos[4:7] = [0.0, 0.0, ELBOW]
+    data.qpos[7:11] = [np.cos(side / 2), 0.0, 0.0, np.sin(side / 2)]
+    mujoco.mj_kinematics(model, data)
+    ball = model.geom("ball").id
+    rods = [model.geom(f"finger1/{part}").id for part in ("proximal", "distal")]
+    found = min(mujoco.mj_geomDistance(model, data, ball, g, 1.0, None) for g in rods)
+    wanted = HAND_MODEL.finger.gap(angle, round(radius, 3), HAND_MODEL.catch_offset)
+    assert wanted == pytest.approx(found, abs=1e-9)
+
+
+RIGS: dict[float, mujoco.MjModel] = {}
+
+
+@pytest.mark.parametrize("radius", [0.02, 0.03, 0.04])
+def test_the_open_hand_leaves_the_ball_free_way(radius: float) -> None:
+    """From 100 mm in front to the catch point, 12 degrees off the normal, nothing is touched."""
+    model = rig(radius, 0.07)
+    data = mujoco.MjData(model)
+    off = np.tan(np.deg2rad(12.0))
+    for ahead in np.linspace(0.001, 0.1, 40):
+        for turn in np.linspace(0.0, 2 * np.pi, 13):
+            data.qpos[4:7] = [
+                off * ahead * np.cos(turn), off * ahead * np.sin(turn), ELBOW + ahead
+            ]  # fmt: skip
+            mujoco.mj_fwdPosition(model, data)
+            assert data.ncon == 0
+
+
+@given(radius=st.floats(0.015, 0.045))
+def test_closing_is_smooth_and_within_the_drive(radius: float) -> None:
+    """The commanded angle rises without jumps, no faster than the servo can follow, to closed."""
+    touch = HAND_MODEL.touch_angle(radius)
+    t = np.arange(0.0, 0.25, 0.0005)
+    angle = np.array([HAND_MODEL.closing_angle_towards(s, touch) for s in t])
+    rate = np.diff(angle) / 0.0005
+    assert angle[0] == 0.0
+    assert angle[-1] == HAND_MODEL.drive.closed
+    assert np.all(rate >= -1e-9)
+    assert rate.max() < 120.0
+    firm = t[:-1][(angle[:-1] > touch - HAND_MODEL.closing.margin + 1e-6)]
+    slow = rate[(t[:-1] >= firm[0]) & (angle[1:] < HAND_MODEL.drive.closed)]
+    assert slow == pytest.approx(HAND_MODEL.closing.touch_speed, rel=1e-6)
+
+
+def test_a_ball_out_of_reach_is_closed_on_fully() -> None:
+    """Where the fingers cannot touch the ball, the touch angle is the closed one."""
+    assert HAND_MODEL.touch_angle(0.001) == HAND_MODEL.drive.closed
