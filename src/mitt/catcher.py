@@ -104,6 +104,7 @@ class Catcher:
         self._phase = Phase.WATCH
         self._wanted = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)])
         self._brake: Brake | None = None
+        self._open = False
         self.verdict: Verdict | None = None
         self.t_0 = np.inf
         self.tick: Tick | None = None
@@ -136,6 +137,7 @@ class Catcher:
         if self._phase is Phase.WATCH and ball.tracked:
             self._watch(ball, senses)
         if self._phase is Phase.FOLLOW:
+            ball = self._believed(ball, senses.arm)
             reference = self._readapted(self._generator.reference(ball), ball, senses.arm)
             self._follow(reference)
             if self._closing.closed(senses.t):
@@ -157,8 +159,20 @@ class Catcher:
         if verdict.outcome is Outcome.UNREACHABLE:
             self._phase = Phase.REFUSED
             return
+        self._open = verdict.outcome is Outcome.OPEN
+        ball = self._generator.waiting(ball) if self._open else ball
         self._generator = self._generator.adapt(ball, senses.arm.q, senses.arm.dq)
         self._phase, self.t_0 = Phase.FOLLOW, senses.t
+
+    def _believed(self, ball: BallState, arm: ArmState) -> BallState:
+        """Return the ball to follow: the estimate, or its stand-in while the verdict is open."""
+        if not self._open:
+            return ball
+        if not self._generator.returns(ball):
+            return self._generator.waiting(ball)
+        self._open = False
+        self._generator = self._generator.adapt(ball, arm.q, arm.dq)
+        return ball
 
     def _readapted(
         self, reference: JointReference, ball: BallState, arm: ArmState

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mitt.errors import MittError, ModelError, ShapeError
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap, MapDesign, tangent_of, unlearned
-from mitt.generator.tangent import invert_newton
+from mitt.generator.tangent import invert_newton, scratch_of
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import Array, MapStatus
@@ -92,7 +92,7 @@ def test_closed_form_and_newton_give_the_same_inverse(plain: DirectMap, seed: in
     assert np.allclose(plain.to_ball(q_o), r_o, atol=EXACT)
     start = np.array([0.0, np.pi / 4, np.pi / 2])
     general = plain.tangent._replace(planar=False)
-    assert invert_newton(general, r_o, start, plain._scratch)
+    assert invert_newton(general, r_o, start, scratch_of(3))
     assert np.allclose(start, q_o, atol=1e-7)
 
 

@@ -1,27 +1,32 @@
 """The verdict before moving: can this throw be caught, and which limit binds?
 
-The ball's estimate is flown on by the flight model to the catch, the map is adapted to the arm
-at rest, and what the motion asks of the arm is held against its limits.
+The ball's estimate is flown on by the flight model to the catch, the map is adapted to the arm,
+and what the motion asks of the arm is held against its limits.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
 
 from mitt.flight import forecast
 from mitt.generator.demand import demand
+from mitt.generator.foresight import Foresight, flown, foresee
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array, BallState, MapStatus
 
-#: How far ahead a ball is flown [s], and in what steps.
-_HORIZON, _STRIDE = 1.0, 0.02
 #: Instants at which the demand is reckoned.
 _INSTANTS = 25
+#: How far beyond the region it was learned on a map is trusted [rad].
+_REGION_GAP = 0.15
 
 
 class Outcome(Enum):
-    """Whether the throw can be caught; OPEN where it falls short and only a bounce would help."""
+    """Whether the throw can be caught.
+
+    OPEN: the ball is about to pass below the region of the map, where only a bounce off a
+    surface that nobody announced would bring it back up.
+    """
 
     FEASIBLE = "feasible"
     OPEN = "open"
@@ -37,7 +42,6 @@ class Tolerance:
 
     torque: float = 1.25
     speed: float = 1.0
-    range_gap: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +49,7 @@ class Verdict:
     """What the certificate says.
 
     Attributes:
-        outcome: Feasible or not.
+        outcome: Feasible, open or not.
         binding_limit: The limit that is asked most, such as ``torque:j2``.
         share: How much of it is asked; 1 is the limit.
         t_catch: Predicted time of the catch [s]; infinite without one.
@@ -59,79 +63,77 @@ class Verdict:
     sigma: float
 
 
-def catch_forecast(f: DirectMap, ball: BallState) -> BallState | None:
-    """Return the ball when q_o,i reaches q_alpha; None where it does not within the horizon."""
-    i, last = f.design.catch_joint, 0.0
-    for k in range(int(_HORIZON / _STRIDE) + 1):
-        ahead = forecast(ball, ball.t + k * _STRIDE)
-        inside, rows = f.virtual(np.array([ahead.r_o, ahead.dr_o, ahead.ddr_o]))
-        if not inside:
-            return None
-        s = rows[0, i] - f.design.q_catch
-        if k > 0 and s * last <= 0.0:
-            return forecast(ball, ahead.t - _STRIDE * s / (s - last))
-        last = s
-    return None
-
-
 def judge(f: DirectMap, ball: BallState, q: Array, *, tolerance: Tolerance) -> Verdict:
     """Return the verdict on a ball for an arm at rest in ``q`` [rad], shape (n,)."""
+    seen = foresee(f, ball)
     adapted = f.adapt(ball, q, np.zeros(f.arm.n))
-    caught = catch_forecast(f, ball) if adapted.status is MapStatus.INSIDE else None
-    if caught is None:
+    where = _where(f, seen)
+    if where is not None or adapted.status is MapStatus.DOMAIN:
         return Verdict(
-            outcome=Outcome.OPEN if _falls_short(f, ball) else Outcome.UNREACHABLE,
-            binding_limit="domain",
+            outcome=Outcome.OPEN if _may_rise(f, seen) else Outcome.UNREACHABLE,
+            binding_limit=where or "domain",
             share=np.inf,
-            t_catch=np.inf,
+            t_catch=ball.t + seen.after,
             sigma=np.inf,
         )
-    path = [forecast(ball, t) for t in np.linspace(ball.t, caught.t, _INSTANTS)]
-    motion = np.array([_row(adapted, ball) for ball in path])
+    path = flown(ball, np.linspace(0.0, seen.after, _INSTANTS))
+    motion = np.array([adapted.motion(row)[1][:3] for row in path])
     shares = _shares(f, motion, tolerance)
     binding = max(shares, key=lambda name: shares[name])
-    outcome = Outcome.FEASIBLE if shares[binding] <= 1.0 else Outcome.UNREACHABLE
+    spread = forecast(ball, ball.t + seen.after).covariance[:3, :3]
     return Verdict(
-        outcome=outcome,
+        outcome=Outcome.FEASIBLE if shares[binding] <= 1.0 else Outcome.UNREACHABLE,
         binding_limit=binding,
         share=shares[binding],
-        t_catch=caught.t,
-        sigma=float(np.sqrt(np.linalg.eigvalsh(caught.covariance[:3, :3])[-1])),
+        t_catch=ball.t + seen.after,
+        sigma=float(np.sqrt(np.linalg.eigvalsh(spread)[-1])),
     )
 
 
-def _falls_short(f: DirectMap, ball: BallState) -> bool:
-    """Say whether the ball passes over reachable ground, but below what the map can reach.
+def returns(f: DirectMap, ball: BallState) -> bool:
+    """Say whether an open throw has come back: its predicted catch lies in the map's region."""
+    return _where(f, foresee(f, ball)) is None
 
-    A level surface that nobody announced, such as a table, may send it up again; it cannot
-    change where over the ground the ball flies, nor bring down a ball that passes above.
+
+def levelled(f: DirectMap, ball: BallState) -> BallState:
+    """Return the ball as if it flew level at the nominal catch height: where to wait for a bounce.
+
+    A bounce changes neither where over the ground the ball flies nor, much, how fast.
     """
-    i = f.design.catch_joint
-    q = f.arm.q_ready.copy()
-    q[i] = f.design.q_catch
-    reach = float(np.linalg.norm(f.arm.position(q)))
-    for k in range(int(_HORIZON / _STRIDE) + 1):
-        r_o = forecast(ball, ball.t + k * _STRIDE).r_o
-        if np.hypot(r_o[0], r_o[1]) <= reach:
-            return bool(r_o[2] < 0.0)
-    return False
+    flat = np.array([1.0, 1.0, 0.0])
+    height = np.array([0.0, 0.0, f.arm.position(f.start)[2]])
+    return replace(
+        ball, r_o=ball.r_o * flat + height, dr_o=ball.dr_o * flat, ddr_o=ball.ddr_o * flat
+    )
 
 
-def _row(f: DirectMap, ball: BallState) -> Array:
-    """Return q_d, dq_d, ddq_d for a ball, shape (3, n)."""
-    reference = f.reference(ball)
-    return np.array([reference.q_d, reference.dq_d, reference.ddq_d])
+def _where(f: DirectMap, seen: Foresight) -> str | None:
+    """Return why the predicted catch is outside the map's region; None inside."""
+    if not np.isfinite(seen.after):
+        return "domain"
+    low, high = f.region
+    for k, name in enumerate(f.arm.names):
+        if not low[k] - _REGION_GAP <= seen.q_o[k] <= high[k] + _REGION_GAP:
+            return f"region:{name}"
+    return None
+
+
+def _may_rise(f: DirectMap, seen: Foresight) -> bool:
+    """Say whether a bounce could bring the ball up into the region: it passes or is caught low."""
+    if not np.isfinite(seen.after):
+        return seen.below
+    return bool(f.to_ball(seen.q_o)[2] < f.arm.position(f.start)[2])
 
 
 def _shares(f: DirectMap, motion: Array, tolerance: Tolerance) -> dict[str, float]:
     """Return the largest share of each limit of the active joints, in units of its tolerance."""
     arm, asked = f.arm, demand(f.arm, motion)
-    torque = arm.active(asked.torque).max(axis=0) / tolerance.torque
-    speed = arm.active(asked.speed).max(axis=0) / tolerance.speed
-    half = 0.5 * (arm.q_max - arm.q_min)
-    middle = 0.5 * (arm.q_max + arm.q_min)
-    angle = (np.abs(motion[:, 0] - middle) / (half + tolerance.range_gap)).max(axis=0)
-    kinds = {"torque": torque, "speed": speed, "range": angle}
+    half, middle = 0.5 * (arm.q_max - arm.q_min), 0.5 * (arm.q_max + arm.q_min)
+    kinds = {
+        "torque": arm.active(asked.torque).max(axis=0) / tolerance.torque,
+        "speed": arm.active(asked.speed).max(axis=0) / tolerance.speed,
+        "range": (np.abs(motion[:, 0] - middle) / half).max(axis=0),
+    }
     return {
         f"{kind}:{name}": float(share)
         for kind, values in kinds.items()

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field, replace
 from typing import Protocol, Self, final
 
-from mitt.generator.certificate import Outcome, Tolerance, Verdict, judge
+from mitt.generator.certificate import Outcome, Tolerance, Verdict, judge, levelled, returns
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array, BallState, JointReference
 
@@ -13,6 +13,14 @@ class Generator(Protocol):
 
     def verdict(self, ball: BallState, q: Array) -> Verdict:
         """Say before moving whether a ball can be caught from rest in ``q`` [rad], shape (n,)."""
+        ...
+
+    def returns(self, ball: BallState) -> bool:
+        """Say whether a ball whose verdict was OPEN can now be caught."""
+        ...
+
+    def waiting(self, ball: BallState) -> BallState:
+        """Return the ball to be followed in place of one whose verdict is OPEN."""
         ...
 
     def adapt(self, ball: BallState, q: Array, dq: Array) -> Self:
@@ -36,6 +44,14 @@ class Direct:
         """Judge the throw by the adapted map's demand."""
         return judge(self.map, ball, q, tolerance=self.tolerance)
 
+    def returns(self, ball: BallState) -> bool:
+        """Look whether the predicted catch lies in the region of the map."""
+        return returns(self.map, ball)
+
+    def waiting(self, ball: BallState) -> BallState:
+        """Wait at the nominal catch height."""
+        return levelled(self.map, ball)
+
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "Direct":
         """Project alpha onto the initial constraint, eq. (12)."""
         return replace(self, map=self.map.adapt(ball, q, dq))
@@ -56,6 +72,14 @@ class Unoptimised:
         """Never refuse; the limits are still reckoned, to be reported."""
         judged = judge(self.map, ball, q, tolerance=Tolerance())
         return replace(judged, outcome=Outcome.FEASIBLE)
+
+    def returns(self, ball: BallState) -> bool:  # noqa: ARG002
+        """Follow whatever comes."""
+        return True
+
+    def waiting(self, ball: BallState) -> BallState:
+        """Wait for nothing."""
+        return ball
 
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "Unoptimised":  # noqa: ARG002
         """Start nowhere in particular: alpha stays 0."""

@@ -125,7 +125,10 @@ class _Part(NamedTuple):
 
 
 def _scaled(start: DirectMap, flights: Sequence[Flight]) -> tuple[DirectMap, list[Lifted]]:
-    """Scale the basis to the virtual joints that occur, and lift all flights into it."""
+    """Scale the basis to the virtual joints that occur, and lift all flights into it.
+
+    Flights end a little past the catch; their last virtual joints mark the region of the map.
+    """
     free = list(start.design.free)
     inside = [x for x in (lift_flight(start, flight) for flight in flights) if x is not None]
     if not inside:
@@ -135,7 +138,12 @@ def _scaled(start: DirectMap, flights: Sequence[Flight]) -> tuple[DirectMap, lis
     centre = 0.5 * (q_o.min(axis=0) + q_o.max(axis=0))
     centre[basis.catch_joint] = start.design.q_catch
     scale = np.maximum(np.abs(q_o - centre).max(axis=0), 1e-3)
-    scaled = replace(start, basis=CatchBasis(basis.order, basis.catch_joint, centre, scale))
+    ends = np.array([x.virtual[-1, 0] for x in inside])
+    scaled = replace(
+        start,
+        basis=CatchBasis(basis.order, basis.catch_joint, centre, scale),
+        region=np.array([ends.min(axis=0), ends.max(axis=0)]),
+    )
     again = [lift_flight(scaled, flight) for flight in flights]
     return scaled, [x for x in again if x is not None]
 

@@ -82,6 +82,7 @@ class DirectMap:
         basis: Monomials of b, over the three free joints.
         alpha: Coefficients of b [rad], shape (m, n).
         H: Metric of the projection of a new throw, shape (m n, m n), positive definite.
+        region: Lowest and highest virtual joints at the catches it was learned on [rad], (2, n).
         status: DOMAIN where the last adaptation was refused, the ball being outside l_c's range.
     """
 
@@ -90,6 +91,7 @@ class DirectMap:
     basis: CatchBasis
     alpha: Array
     H: Array
+    region: Array
     status: MapStatus = MapStatus.INSIDE
 
     def __post_init__(self) -> None:
@@ -99,6 +101,8 @@ class DirectMap:
             raise ShapeError("alpha", f"({m}, {n})", self.alpha.shape)
         if self.H.shape != (m * n, m * n):
             raise ShapeError("H", f"({m * n}, {m * n})", self.H.shape)
+        if self.region.shape != (2, n):
+            raise ShapeError("region", f"(2, {n})", self.region.shape)
         if not (np.all(np.isfinite(self.alpha)) and np.all(np.isfinite(self.H))):
             raise ModelError("alpha and H", "finite numbers", "NaN or infinity")
 
@@ -123,7 +127,8 @@ class DirectMap:
         return np.array([self.basis.centre, self.basis.scale])
 
     @cached_property
-    def _work(self) -> Array:
+    def work(self) -> Array:
+        """Buffers of the kernels."""
         return workspace(self.arm.n)
 
     @cached_property
@@ -131,7 +136,7 @@ class DirectMap:
         return scratch_of(self.arm.n)
 
     @cached_property
-    def _start(self) -> Array:
+    def start(self) -> Array:
         """Virtual joints at the nominal catch, where the inverse starts [rad], shape (n,)."""
         q = self.arm.q_ready.copy()
         q[self.design.catch_joint] = self.design.q_catch
@@ -140,8 +145,17 @@ class DirectMap:
     def virtual(self, ball: Array) -> tuple[bool, Array]:
         """Return virtual joints and two derivatives, shape (3, n), of r_o, dr_o, ddr_o, (3, 3)."""
         out = np.zeros((3, self.arm.n))
-        out[0] = self._start
-        return bool(virtual(self.packed, ball, out, self._work)), out
+        out[0] = self.start
+        return bool(virtual(self.packed, ball, out, self.work)), out
+
+    def motion(self, ball: Array) -> tuple[bool, Array]:
+        """Return q_d, q_o and their derivatives, shape (6, n), of r_o, dr_o, ddr_o, (3, 3)."""
+        rows = np.zeros((6, self.arm.n))
+        rows[3] = self.start
+        inside = reference(
+            self.packed, self.basis.powers, self._window, self.alpha, ball, rows, self.work
+        )
+        return bool(inside), rows
 
     def to_joints(self, r_o: Array) -> tuple[MapStatus, Array]:
         """Return l_c^-1(r_o) of eq. (6) [rad], shape (n,), and whether r_o is in its domain."""
@@ -188,12 +202,7 @@ class DirectMap:
 
         A pure function; what it returns is finite whatever the ball.
         """
-        rows = np.zeros((6, self.arm.n))
-        rows[3] = self._start
-        motion = np.array([ball.r_o, ball.dr_o, ball.ddr_o])
-        inside = reference(
-            self.packed, self.basis.powers, self._window, self.alpha, motion, rows, self._work
-        )
+        inside, rows = self.motion(np.array([ball.r_o, ball.dr_o, ball.ddr_o]))
         i = self.design.catch_joint
         s = rows[3, i] - self.design.q_catch
         return JointReference(
@@ -281,5 +290,8 @@ def unlearned(arm: Arm, design: MapDesign) -> DirectMap:
     centre[design.free.index(design.catch_joint)] = design.q_catch
     basis = CatchBasis(design.order, design.free.index(design.catch_joint), centre, np.ones(3))
     size = len(basis.powers) * arm.n
+    region = np.array([np.full(arm.n, -np.inf), np.full(arm.n, np.inf)])
     alpha = np.zeros((len(basis.powers), arm.n))
-    return DirectMap(arm=arm, design=design, basis=basis, alpha=alpha, H=np.eye(size))
+    return DirectMap(
+        arm=arm, design=design, basis=basis, alpha=alpha, H=np.eye(size), region=region
+    )

@@ -56,6 +56,7 @@ class _MapFile(_Part):
     scale: list[Finite]
     alpha: list[list[Finite]]
     H: list[list[Finite]]
+    region: list[list[Finite]]
     steps: list[_Step]
     flights: int
     left_out: int
@@ -77,6 +78,7 @@ def save_map(path: Path, learned: Learned, *, version: str) -> None:
         "scale": f.basis.scale.tolist(),
         "alpha": f.alpha.tolist(),
         "H": f.H.tolist(),
+        "region": f.region.tolist(),
         "steps": [asdict(step) for step in learned.steps],
         "flights": learned.flights,
         "left_out": learned.left_out,
@@ -123,6 +125,7 @@ def _learned(path: Path, content: _MapFile, arm: Arm) -> Learned:
             basis=basis,
             alpha=np.array(content.alpha),
             H=np.array(content.H),
+            region=np.array(content.region),
         )
         np.linalg.cholesky(f.H)
     except (MittError, ValueError, np.linalg.LinAlgError) as error:

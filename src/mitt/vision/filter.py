@@ -4,8 +4,9 @@ State: position, velocity and drag coefficient; ddr_o = g - k |dr_o| dr_o + nois
 The correction is in Joseph's form, in double precision. A track begins with a velocity as good
 as unknown, so that the first sightings amount to a least-squares fit with known gravity; it
 speaks after ``min_sightings``. A bounce or a kick changes the velocity, not the position: after
-a few consecutive rejections the filter goes back to the last sighting it believed, forgets the
-velocity, and takes the rejected ones in again. If they still do not fit, a new track begins.
+a few rejections the filter goes back to before the first of them, forgets the velocity, and
+takes the sightings since then in again. If they still do not fit, it goes on from the newest,
+or begins a new track if that is farther away than a kick can carry.
 """
 
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from math import isfinite
 import numpy as np
 
 from mitt.signals import BallState, Sighting
-from mitt.vision.kalman import carry, follow, is_sane, save
+from mitt.vision.kalman import carry, follow, is_sane, save, settle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,10 +32,12 @@ class FilterConfig:
         speed_sigma: Prior standard deviation of each velocity component [m/s].
         min_sightings: Sightings before the track speaks.
         gate: Squared Mahalanobis distance beyond which a sighting is not believed; a true one
-            is in 1.4e-5 of cases at 25 (chi-squared, 3 degrees of freedom).
+            is in 1.5e-5 of cases at 25 (chi-squared, 3 degrees of freedom).
         first_gate: The same before the track speaks; wider, as a rejection costs the track.
-        max_rejections: Consecutive rejections that make a kick; at most 8.
-        max_rejection_time: Time from the first of three rejections that makes one, too [s].
+        max_rejections: Rejections, with never three sightings in a row believed, that make a
+            kick; at most 8.
+        max_rejection_time: Time from the first of three rejections in a row that makes one,
+            too [s].
         kick_sigma: Velocity change that a kick may bring, each component [m/s].
         max_gap: Time without a sighting after which a new one begins a new track [s].
     """
@@ -53,6 +56,9 @@ class FilterConfig:
     kick_sigma: float = 6.0
     max_gap: float = 0.3
 
+
+MAX_DOUBTFUL = 24
+"""Sightings that are kept while some of them are rejected."""
 
 MAX_HORIZON = 2.0
 """Farthest that an estimate is carried [s]; no throw flies longer."""
@@ -99,9 +105,10 @@ class BallFilter:
 
     def reset(self) -> None:
         """Forget the ball; the counts go on."""
-        self._t = self._t_seen = self._t_first = -np.inf
+        self._t = self._t_seen = self._t_first = self._t_believed = -np.inf
         self._used = 0
-        self._rejected: list[Sighting] = []
+        self._doubtful: list[Sighting] = []
+        self._rejected = self._in_a_row = 0
 
     @property
     def tracked(self) -> bool:
@@ -116,7 +123,8 @@ class BallFilter:
         if self._used == 0 or abs(sighting.t - self._t_seen) > self.config.max_gap:
             self._begin(sighting)
             return
-        if not self._rejected:
+        if not self._doubtful:
+            self._t_believed = self._t
             save(self._x, self._P, self._x_believed, self._P_believed)
         if self._follow(sighting):
             self._believe(sighting)
@@ -163,11 +171,15 @@ class BallFilter:
         return bool(distance <= gate)
 
     def _believe(self, sighting: Sighting) -> None:
-        """Note a sighting that was taken in."""
+        """Note a sighting that was taken in; three in a row end a doubt."""
         self._t_seen = sighting.t
         self._used += 1
         self.counts.used += 1
-        self._rejected.clear()
+        if self._doubtful:
+            self._doubtful.append(sighting)
+            self._in_a_row += 1
+            if self._in_a_row == 3 or len(self._doubtful) > MAX_DOUBTFUL:
+                self._doubtful.clear()
 
     def _doubt(self, sighting: Sighting) -> None:
         """Note a rejected sighting; act when they are too many or last too long."""
@@ -175,44 +187,58 @@ class BallFilter:
         if not self.tracked:
             self._begin(sighting)
             return
-        self._rejected.append(sighting)
-        n, c = len(self._rejected), self.config
-        lasting = sighting.t - self._rejected[0].t >= c.max_rejection_time
-        if n >= c.max_rejections or (n >= 3 and lasting):
+        if not self._doubtful:
+            self._rejected = 0
+        self._doubtful.append(sighting)
+        self._rejected += 1
+        self._in_a_row = 0
+        n, lasts = self._rejected, sighting.t - self._doubtful[0].t
+        stubborn = n == len(self._doubtful) >= 3 and lasts >= self.config.max_rejection_time
+        if n >= self.config.max_rejections or stubborn:
             self._reacquire()
 
     def _begin(self, sighting: Sighting) -> None:
         """Begin a new track at a sighting."""
         c = self.config
         self.counts.restarts += self._used > 0
-        self._x[:3], self._x[3:6], self._x[6] = sighting.r_o, 0.0, c.drag_mean
-        self._P[:] = 0.0
-        self._P[:3, :3] = sighting.covariance
-        self._P[range(3, 6), range(3, 6)] = c.speed_sigma**2
-        self._P[6, 6] = c.drag_sigma**2
+        self._x[3:6], self._x[6], self._P[6, 6] = 0.0, c.drag_mean, c.drag_sigma**2
+        settle(self._x, self._P, sighting.r_o, sighting.covariance, c.speed_sigma)
         self._t = self._t_first = sighting.t
         self._used = 0
+        self._doubtful.clear()
         self._believe(sighting)
 
     def _reacquire(self) -> None:
-        """Forget the velocity at the last believed sighting and take the rejected ones in."""
-        again = tuple(self._rejected)
+        """Forget the velocity where the doubt began and take all sightings since then in."""
+        again = tuple(self._doubtful)
+        self._doubtful.clear()
+        leap = float(np.linalg.norm(self._x[:3] - again[-1].r_o))
+        reach = 1.5 * self.config.kick_sigma * (again[-1].t - self._t_believed)
         save(self._x_believed, self._P_believed, self._x, self._P)
-        self._t = self._t_seen
+        self._t = self._t_believed
         # When within the gap the kick came is unknown, and so how far it has carried the ball.
         kick = self.config.kick_sigma
-        self._P[range(3), range(3)] += (kick * (again[0].t - self._t_seen)) ** 2
+        self._P[range(3), range(3)] += (kick * (again[0].t - self._t)) ** 2
         self._P[range(3, 6), range(3, 6)] += kick**2
         fitting = 0
         for sighting in again:
             if self._follow(sighting):
                 self._believe(sighting)
                 fitting += 1
-        self._rejected.clear()
-        if 2 * fitting <= len(again):
+        if 2 * fitting <= len(again) and leap > reach:
             self._begin(again[-1])
-        else:
-            self.counts.kicks += 1
+            return
+        self.counts.kicks += 1
+        if 2 * fitting <= len(again):
+            self._resume(again[-1])
+
+    def _resume(self, sighting: Sighting) -> None:
+        """Go on from a sighting with a velocity as good as unknown, on the same track."""
+        kick = self.config.kick_sigma
+        settle(self._x, self._P, sighting.r_o, sighting.covariance, kick)
+        self._t = sighting.t
+        self._doubtful.clear()
+        self._believe(sighting)
 
 
 def _untracked(t: float) -> BallState:

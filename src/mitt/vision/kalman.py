@@ -119,6 +119,27 @@ def follow(
 
 
 @njit(cache=True)
+def settle(x: Array, P: Array, z: Array, R: Array, speed_sigma: float) -> None:
+    """Set position and velocity uncertainty afresh; velocity and drag keep their means.
+
+    Args:
+        x: Estimate, its position overwritten, shape (7,).
+        P: Its covariance, overwritten but for the variance of the drag, shape (7, 7).
+        z: Position [m], shape (3,).
+        R: Its covariance [m^2], shape (3, 3).
+        speed_sigma: Standard deviation of each velocity component [m/s].
+    """
+    drag_variance = P[6, 6]
+    P[:, :] = 0.0
+    P[6, 6] = drag_variance
+    for i in range(3):
+        x[i] = z[i]
+        P[3 + i, 3 + i] = speed_sigma * speed_sigma
+        for j in range(3):
+            P[i, j] = R[i, j]
+
+
+@njit(cache=True)
 def save(x: Array, P: Array, x_saved: Array, P_saved: Array) -> None:
     """Copy an estimate."""
     x_saved[:] = x

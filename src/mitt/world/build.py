@@ -48,6 +48,7 @@ def build_plant(scene: Scene, arm: ArmModel) -> Plant:
     """
     if arm.hand is None:
         raise ModelError(f"arm {arm.name}", "a hand: a ball is caught by fingers", "none")
+    _silence()
     spec = _spec()
     _add_floor(spec, scene)
     kinds = {geom.name for geom in spec.geoms}
@@ -68,6 +69,16 @@ def build_plant(scene: Scene, arm: ArmModel) -> Plant:
         ball=mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, "ball"),
         site=mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "catch_point"),
     )
+
+
+def _silence() -> None:
+    """Keep MuJoCo from writing its warnings to a log file in the caller's folder.
+
+    They are counted in the data, and a world reads them there. A handler that somebody else has
+    set is left alone.
+    """
+    if mujoco.get_mju_user_warning() is None:
+        mujoco.set_mju_user_warning(lambda _: None)
 
 
 def _spec() -> mujoco.MjSpec:

@@ -45,7 +45,7 @@ def actuate(
     servo: Array,
     friction: Array,
     drag: float,
-) -> None:
+) -> bool:
     """Write what acts in the next simulation step.
 
     Degrees of freedom come in the order arm (n), fingers (f), ball (6).
@@ -60,12 +60,20 @@ def actuate(
         servo: Numbers of the finger servo, shape (4,).
         friction: Viscous [N m s/rad] and dry [N m] friction of each joint, shape (2, n).
         drag: Force per squared speed of the ball [N s^2/m^2].
+
+    Returns:
+        Whether the command was finite; where it is not, that motor gives nothing.
     """
+    finite = True
     n, count = tau.shape[0], ctrl.shape[0]
     for i in range(n):
-        ctrl[i] = tau[i]
+        if not np.isfinite(tau[i]):
+            finite = False
+        ctrl[i] = tau[i] if np.isfinite(tau[i]) else 0.0
         slip = np.tanh(qvel[i] / STICTION_SPEED)
         passive[i] = -friction[0, i] * qvel[i] - friction[1, i] * slip
+    if not np.isfinite(hand):
+        finite, hand = False, 0.0
     for i in range(n, count):
         ctrl[i] = finger_torque(qpos[i], qvel[i], hand, servo[0], servo[1], servo[2], servo[3])
     x, y, z = qvel[count], qvel[count + 1], qvel[count + 2]
@@ -73,3 +81,4 @@ def actuate(
     passive[count] = force * x
     passive[count + 1] = force * y
     passive[count + 2] = force * z
+    return finite

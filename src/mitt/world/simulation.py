@@ -36,7 +36,6 @@ class World:
     Attributes:
         model: The compiled MuJoCo model, with the masses of the present trial.
         data: Its state.
-        diverged: Whether the physics broke down in this trial.
         first_contact: State at the first touch of ball and hand; None until then.
         peak_force: Largest single contact force on the ball so far [N].
     """
@@ -67,7 +66,7 @@ class World:
         self._views = d.qpos, d.qvel, d.ctrl, d.qfrc_applied
         self._site = d.site_xpos[self._plant.site]
         self._tape = Tape((1, self.model.nq, self.model.nv, self._n, 3, 3, 1))
-        self.diverged, self.peak_force = False, 0.0
+        self._broken, self.peak_force = False, 0.0
         self.first_contact: FirstContact | None = None
         self._start(None, np.zeros((2, self._n)), 0.0)
 
@@ -75,6 +74,11 @@ class World:
     def t(self) -> float:
         """Time since release [s]."""
         return self._ticks * TICK
+
+    @property
+    def diverged(self) -> bool:
+        """Whether the physics broke down in this trial, or a command was not finite."""
+        return self._broken or bool(np.any(self.data.warning.number))
 
     def reset(self, ball: Throw | BallPath, seed: int) -> None:
         """Start a trial.
@@ -110,7 +114,7 @@ class World:
         self._tau, hand = np.asarray(command.tau, float), command.hand
         self._largest[0], self._seen = 0.0, 0
         for sub in range(1, _SUBSTEPS + 1):
-            actuate(
+            self._broken |= not actuate(
                 qpos, qvel, ctrl, passive, self._tau, hand, self._servo, self._friction, self._drag
             )
             mujoco.mj_step2(model, data)
@@ -123,8 +127,7 @@ class World:
                 self._watch_for_contact(self.t + sub * STEP)
         self._ticks += 1
         self.peak_force = max(self.peak_force, float(self._largest[0]))
-        if not is_sane(qpos, qvel, self._n + self._f, TOP_SPEED):
-            self.diverged = True
+        self._broken |= not is_sane(qpos, qvel, self._n + self._f, TOP_SPEED)
         self._record()
 
     def truth(self) -> Truth:
@@ -167,7 +170,7 @@ class World:
         self._path, self._friction, self._drag = path, friction, drag
         self._ticks, self._seen = 0, 0
         self._tau = np.zeros(self._n)
-        self.diverged = False
+        self._broken = False
         self.peak_force = 0.0
         self.first_contact = None
         self._touching[:] = False

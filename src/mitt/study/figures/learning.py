@@ -1,0 +1,98 @@
+"""Fig. 7, the cost over the steps of learning, and the share of feedback in the torque."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, PercentFormatter
+
+from mitt.generator.learn import Step
+from mitt.signals import Array
+from mitt.study.figures.style import BLUE, GREY, INK, ORANGE, PALE, Plot, plot
+from mitt.study.log import TrialLog
+
+
+def learning_cost(steps: Sequence[Step]) -> Plot:
+    """Draw the mean cost of torque and of speed, eq. (22), over the steps: fig. 7."""
+
+    def draw(figure: Figure) -> None:
+        left, right = figure.subplots(1, 2)
+        for axes, values, colour, title in (
+            (left, [s.cost_torque for s in steps], BLUE, "Torque, τᵀKτ τ"),
+            (right, [s.cost_speed for s in steps], ORANGE, "Speed, ωᵀKω ω"),
+        ):
+            k = np.arange(len(values))
+            axes.plot(k, values, "-", color=colour, zorder=3)
+            axes.plot(k[1:], values[1:], "o", color=colour, markersize=5, zorder=4)
+            axes.plot(0, values[0], "o", color=colour, mfc="white", mew=1.6, ms=7, zorder=4)
+            _name_start(axes, values[0])
+            axes.annotate(
+                f"{values[-1]:.3f}", (k[-1], values[-1]), (0, 8), textcoords="offset points",
+                ha="center", color=INK,
+            )  # fmt: skip
+            axes.set(title=title, xlabel="learning step", ylabel="mean cost per instant [1]")
+            axes.set_ylim(0.0, 1.18 * max(values))
+            axes.set_xlim(-0.5, len(values) - 0.5)
+            axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+
+    return plot("fig7", (10.0, 3.2), draw)
+
+
+def _name_start(axes: Axes, value: float) -> None:
+    """Name the first point, which has not learned anything."""
+    axes.annotate("α = 0", (0, value), (0, 8), textcoords="offset points", color=GREY, ha="center")
+
+
+def feedback_share(log: TrialLog) -> float:
+    """Return the share of feedback in the torque while the ball is followed.
+
+    The root mean square of tau less the feedforward over that of tau, each joint's torque
+    summed in squares; 0 where nothing was followed. The paper (section 3.6) says that the
+    controller's load falls as the generator nears its optimum.
+    """
+    tau, feedforward = log.tau[log.following], log.feedforward[log.following]
+    total = _size(tau)
+    return _size(tau - feedforward) / total if total > 0.0 else 0.0
+
+
+def _size(x: Array) -> float:
+    """Return the root of the sum of squares."""
+    return float(np.sqrt(np.sum(np.square(x))))
+
+
+def feedback_by_step(shares: Sequence[float]) -> Plot:
+    """Draw the share of feedback for alpha after each step of learning, alpha = 0 first."""
+
+    def draw(figure: Figure) -> None:
+        axes = figure.subplots()
+        k = np.arange(len(shares))
+        axes.plot(k, shares, "-o", color=BLUE, markersize=5)
+        axes.plot(0, shares[0], "o", color=BLUE, mfc="white", mew=1.6, ms=7)
+        _name_start(axes, shares[0])
+        axes.set(xlabel="learning step", ylabel="feedback in the torque (rms)")
+        axes.set_ylim(0.0, 1.2 * max(*shares, 0.05))
+        axes.yaxis.set_major_formatter(PercentFormatter(1.0))
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+
+    return plot("feedback", (10.0, 2.8), draw)
+
+
+def feedback_pair(plain: float, learned: float) -> Plot:
+    """Draw the share of feedback for alpha = 0 and for the learned map."""
+
+    def draw(figure: Figure) -> None:
+        axes = figure.subplots()
+        values = (learned, plain)
+        axes.barh((0, 1), values, height=0.55, color=(BLUE, PALE))
+        for row, value in enumerate(values):
+            axes.annotate(
+                f"{value:.0%}", (value, row), (6, 0), textcoords="offset points", va="center"
+            )
+        axes.set_yticks((0, 1), ("learned map", "α = 0"))
+        axes.set(xlabel="feedback in the torque, rms over the time of following")
+        axes.set_xlim(0.0, 1.15 * max(*values, 0.05))
+        axes.xaxis.set_major_formatter(PercentFormatter(1.0))
+        axes.grid(visible=False, axis="y")
+
+    return plot("feedback", (10.0, 1.7), draw)

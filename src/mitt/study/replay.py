@@ -1,0 +1,195 @@
+"""One throw as a 3-D replay: a page of its own that plays, stops, turns and needs no network.
+
+Viser records a scene that changes over time. Its recorder belongs to a server, so one listens on
+this machine alone for as long as the page is made; nothing ever connects to it.
+"""
+
+import contextlib
+import io
+from collections.abc import Iterator
+from typing import Any
+
+import mujoco
+import numpy as np
+import viser
+
+from mitt.robot.arm import Arm
+from mitt.signals import Array
+from mitt.study.log import PHASES, TrialLog
+from mitt.study.skeleton import bones
+from mitt.study.solids import Mesh, cylinder, joined, of_geom, placed, rod, towards
+from mitt.world.build import build_plant
+from mitt.world.scene import Scene
+
+#: A picture each so many ticks, and how much slower than life it plays.
+_EACH, _SLOWER = 4, 5.0
+#: A dot of the ball's trail each so many ticks.
+_DOT_EACH = 24
+#: How long after first contact the replay goes on [s].
+_AFTER = 0.45
+#: Drums at the joints: radius, half length; and the struts that join the shapes of a link [m].
+_DRUM, _STRUT, _STAND = (0.052, 0.062), 0.028, 0.07
+
+_METAL, _DARK, _FINGER = (196, 201, 208), (52, 58, 66), (122, 130, 142)
+_BALL, _HAND = (213, 94, 0), (0, 114, 178)
+
+
+def replay_page(arm: Arm, scene: Scene, log: TrialLog) -> str:
+    """Return the replay of a trial as one self-contained HTML page.
+
+    Args:
+        arm: The arm.
+        scene: The world's settings.
+        log: Log of the trial.
+    """
+    model = build_plant(scene, arm.model).model
+    with _server() as server:
+        _furnish(server.scene, arm, scene, model)
+        server.initial_camera.position = (1.35, -2.75, 0.75)
+        server.initial_camera.look_at = (0.75, 0.0, 0.05)
+        server.initial_camera.fov = 0.75
+        page: str = _recorded(server, model, log)
+    return page
+
+
+@contextlib.contextmanager
+def _server() -> Iterator[Any]:
+    """Run Viser for its recorder, on the loopback only; what it prints is kept off stdout."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        server = viser.ViserServer(host="127.0.0.1", verbose=False)
+    try:
+        yield server
+    finally:
+        with contextlib.redirect_stdout(io.StringIO()):
+            server.stop()
+
+
+def _furnish(scene_api: Any, arm: Arm, scene: Scene, model: mujoco.MjModel) -> None:  # noqa: ANN401
+    """Add floor, light and all bodies."""
+    scene_api.set_up_direction("+z")
+    scene_api.configure_environment_map(None)
+    scene_api.configure_default_lights(enabled=False)
+    scene_api.add_light_hemisphere(
+        "/light/sky", sky_color=(255, 255, 255), ground_color=(150, 155, 165), intensity=2.2
+    )
+    scene_api.add_light_directional(
+        "/light/sun", color=(255, 250, 240), intensity=2.0, position=(1.0, -2.0, 3.0),
+        cast_shadow=True,
+    )  # fmt: skip
+    scene_api.add_grid(
+        "/floor", width=8.0, height=6.0, cell_size=0.25, section_size=1.0, plane="xy",
+        cell_color=(225, 229, 234), section_color=(198, 205, 213), position=(1.5, 0.0, scene.floor),
+        plane_color=(246, 248, 250), plane_opacity=1.0, shadow_opacity=0.25, fade_distance=30.0,
+    )  # fmt: skip
+    for body in range(model.nbody):
+        for k, (mesh, colour) in enumerate(_shapes(model, body, arm, scene)):
+            scene_api.add_mesh_simple(
+                f"{_node(model, body)}/{k}", mesh.vertices.astype(np.float32), mesh.faces,
+                color=colour, side="double",
+            )  # fmt: skip
+
+
+def _node(model: mujoco.MjModel, body: int) -> str:
+    """Return the name of a body's node; bodies that stand still are under it too."""
+    return f"/bodies/{body:02d}"
+
+
+def _shapes(
+    model: mujoco.MjModel, body: int, arm: Arm, scene: Scene
+) -> list[tuple[Mesh, tuple[int, int, int]]]:
+    """Return the meshes of a body, one a colour."""
+    by_colour: dict[tuple[int, int, int], list[Mesh]] = {}
+    name = model.body(body).name
+    for g in np.flatnonzero(model.geom_bodyid == body):
+        mesh = of_geom(model, int(g))
+        if mesh is not None:
+            by_colour.setdefault(_colour(model.geom(int(g)).name, name), []).append(mesh)
+    by_colour.setdefault(_DARK, []).extend(_extras(arm, scene, name))
+    return [(joined(meshes), colour) for colour, meshes in by_colour.items() if meshes]
+
+
+def _colour(geom: str, body: str) -> tuple[int, int, int]:
+    """Return the colour of a geom."""
+    if geom == "ball":
+        return _BALL
+    if geom.startswith("finger"):
+        return _FINGER
+    return _METAL if body.startswith("link_") else _DARK
+
+
+def _extras(arm: Arm, scene: Scene, body: str) -> list[Mesh]:
+    """Return what is only for the eye: struts along a link, a drum at its joint, the stand."""
+    if body == "world":
+        top = min([c.start[2] for c in arm.model.base_capsules] or [0.0])
+        half = 0.5 * (top - scene.floor)
+        at = np.array([*arm.model.mount[:2, 3], scene.floor + half])
+        return [placed(cylinder(_STAND, half), np.eye(3), at)] if half > 0.0 else []
+    names = [f"link_{link.name}" for link in arm.model.links]
+    if body not in names:
+        return []
+    k = names.index(body)
+    points, link = bones(arm.model)[k].points, arm.model.links[k]
+    struts = [rod(a, b, _STRUT) for a, b in zip(points, points[1:], strict=False)]
+    if k + 1 == len(names):
+        struts = struts[:-1] or struts
+    drum = placed(cylinder(*_DRUM), towards(link.axis), np.zeros(3))
+    return [*struts, *([] if link.prismatic or link.held is not None else [drum])]
+
+
+def _recorded(server: Any, model: mujoco.MjModel, log: TrialLog) -> str:  # noqa: ANN401
+    """Move the bodies through the trial while Viser records, and return its page."""
+    api, trace = server.scene, log.truth
+    moving = [b for b in range(1, model.nbody) if model.body_weldid[b] != 0]
+    handles = {b: api.add_frame(_node(model, b), show_axes=False) for b in moving}
+    label = api.add_label("/clock", "", position=(0.75, 0.0, 1.05))
+    ticks = np.arange(0, _last(log), _EACH)
+    dots = [
+        (k, api.add_icosphere(f"/trail/{k:05d}", radius=0.008, color=_BALL, subdivisions=1,
+                              position=tuple(trace.r_o[k]), visible=False, cast_shadow=False))
+        for k in range(0, _catch_tick(log), _DOT_EACH)
+    ]  # fmt: skip
+    _draw_path(api, "/hand_path", trace.position[: int(ticks[-1])], _HAND)
+    data = mujoco.MjData(model)
+    recorder = server.get_scene_serializer()
+    for k in ticks:
+        data.qpos[:] = trace.qpos[k]
+        mujoco.mj_kinematics(model, data)
+        for b, handle in handles.items():
+            handle.position, handle.wxyz = tuple(data.xpos[b]), tuple(data.xquat[b])
+        label.text = _clock(log, int(k))
+        for at, dot in dots:
+            if at <= k < at + _EACH:
+                dot.visible = True
+        recorder.insert_sleep(_EACH * 1e-3 * _SLOWER)
+    recorder.insert_sleep(1.0)
+    page: str = recorder.as_html()
+    return page
+
+
+def _draw_path(api: Any, name: str, points: Array, colour: tuple[int, int, int]) -> None:  # noqa: ANN401
+    """Draw the way of a point."""
+    thinned = points[::8].astype(np.float32)
+    if len(thinned) > 1:
+        segments = np.stack([thinned[:-1], thinned[1:]], axis=1)
+        api.add_line_segments(name, segments, colors=colour, thickness=0.006)
+
+
+def _clock(log: TrialLog, k: int) -> str:
+    """Return what the clock says at a tick."""
+    phase = PHASES[log.phase[min(k, len(log.phase) - 1)]].value
+    return f"{1e3 * log.truth.t[k]:.0f} ms  {phase}"
+
+
+def _catch_tick(log: TrialLog) -> int:
+    """Return the row of the truth at the catch, or the last one that is shown."""
+    if np.isfinite(log.t_catch):
+        return int(np.searchsorted(log.truth.t, log.t_catch))
+    return _last(log)
+
+
+def _last(log: TrialLog) -> int:
+    """Return the row of the truth at which the replay ends."""
+    touched = np.flatnonzero(log.truth.force > 0.0)
+    if not len(touched):
+        return len(log.truth.t)
+    return min(len(log.truth.t), int(touched[0]) + round(_AFTER * 1e3))
