@@ -6,7 +6,7 @@ The only module that knows the order of the stages. The same catcher runs agains
 world, a replayed recording and a real arm.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import final
 
@@ -29,7 +29,7 @@ from mitt.signals import (
     Sighting,
 )
 from mitt.vision.eyes import Eyes
-from mitt.vision.filter import BallFilter
+from mitt.vision.filter import THROWN_BALL, BallFilter, FilterConfig
 
 
 class Phase(Enum):
@@ -54,6 +54,7 @@ class CatcherSettings:
         adapt_until: Time to the catch below which the map is left as it is [s].
         ball_mass: Mass of the ball, carried by the model while it is held [kg].
         ball_radius: Radius of the ball [m]; the eyes are told the same.
+        flight: What the filter believes of the ball's flight.
     """
 
     bandwidth: float = 60.0
@@ -64,6 +65,7 @@ class CatcherSettings:
     adapt_until: float = 0.05
     ball_mass: float = 0.07
     ball_radius: float = 0.04
+    flight: FilterConfig = field(default_factory=lambda: THROWN_BALL)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -98,7 +100,7 @@ class Catcher:
     ) -> None:
         """Take the arm, the generator and the eyes."""
         self._arm, self._generator, self._eyes, self._settings = arm, generator, eyes, settings
-        self._filter = BallFilter()
+        self._filter = BallFilter(settings.flight)
         self._tracker = Tracker(arm, bandwidth=settings.bandwidth)
         self._closing = Closing(arm.model.hand, ball_radius=settings.ball_radius)
         self._phase = Phase.WATCH

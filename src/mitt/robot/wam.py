@@ -68,7 +68,8 @@ class _Row:
 # Twist, a, d, range; mass, com, (Ixx, Iyy, Izz, Ixy, Ixz, Iyz); rotor inertia at the joint.
 # The differential couples the speeds of joints 2 and 3 but not their rotor inertia:
 # 28.25 (-16.8155) + (-28.25)(-16.8155) = 0, so it stays diagonal.
-# Capsules (link frame): choices of this project, the housings rounded to half a centimetre.
+# Capsules (link frame): choices of this project; the two 45 mm offsets let the forearm fold back
+# beside the upper arm over the whole range of joint 4, so their radii add up to less than 90 mm.
 _TABLE = (
     _Row(
         -np.pi / 2, 0.0, 0.0, -2.6, 2.6, 10.76768767, (-4.43, 121.89, -0.66),
@@ -81,12 +82,12 @@ _TABLE = (
     _Row(
         -np.pi / 2, 0.045, 0.55, -2.8, 2.8, 1.80228141, (-38.26, 207.51, 0.03),
         (59110.77, 3245.50, 59270.43, -2496.12, 7.38, -17.67), 0.0669,
-        (Capsule(start=(0.0, 0.0, 0.10), end=(0.0, 0.0, 0.50), radius=0.05),),
+        (Capsule(start=(0.0, 0.0, 0.10), end=(0.0, 0.0, 0.45), radius=0.044),),
     ),
     _Row(
         np.pi / 2, -0.045, 0.0, -0.9, 3.1, 1.06513649, (10.95, -0.03, 140.54),
         (18485.77, 18916.58, 1975.17, 2.19, -1608.68, 5.15), 0.0346,
-        (Capsule(start=(-0.045, -0.06, 0.0), end=(-0.045, -0.31, 0.0), radius=0.045),),
+        (Capsule(start=(-0.045, -0.10, 0.0), end=(-0.045, -0.31, 0.0), radius=0.042),),
     ),
 )  # fmt: skip
 _TOOL_PLATE = 0.35

@@ -7,6 +7,7 @@ this machine alone for as long as the page is made; nothing ever connects to it.
 import contextlib
 import io
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any
 
 import mujoco
@@ -30,7 +31,7 @@ _AFTER = 0.45
 #: Drums at the joints: radius, half length; and the struts that join the shapes of a link [m].
 _DRUM, _STRUT, _STAND = (0.052, 0.062), 0.028, 0.07
 
-_METAL, _DARK, _FINGER = (196, 201, 208), (52, 58, 66), (122, 130, 142)
+_METAL, _DARK, _FINGER = (214, 218, 224), (92, 100, 112), (150, 158, 170)
 _BALL, _HAND = (213, 94, 0), (0, 114, 178)
 
 
@@ -84,13 +85,14 @@ def _furnish(scene_api: Any, arm: Arm, scene: Scene, model: mujoco.MjModel) -> N
     for body in range(model.nbody):
         for k, (mesh, colour) in enumerate(_shapes(model, body, arm, scene)):
             scene_api.add_mesh_simple(
-                f"{_node(model, body)}/{k}", mesh.vertices.astype(np.float32), mesh.faces,
+                f"{_node(body)}/{k}", mesh.vertices.astype(np.float32), mesh.faces,
                 color=colour, side="double",
+                receive_shadow=False,
             )  # fmt: skip
 
 
-def _node(model: mujoco.MjModel, body: int) -> str:
-    """Return the name of a body's node; bodies that stand still are under it too."""
+def _node(body: int) -> str:
+    """Return the name of a body's node."""
     return f"/bodies/{body:02d}"
 
 
@@ -129,7 +131,7 @@ def _extras(arm: Arm, scene: Scene, body: str) -> list[Mesh]:
         return []
     k = names.index(body)
     points, link = bones(arm.model)[k].points, arm.model.links[k]
-    struts = [rod(a, b, _STRUT) for a, b in zip(points, points[1:], strict=False)]
+    struts = [rod(a, b, _STRUT) for a, b in pairwise(points)]
     if k + 1 == len(names):
         struts = struts[:-1] or struts
     drum = placed(cylinder(*_DRUM), towards(link.axis), np.zeros(3))
@@ -140,7 +142,7 @@ def _recorded(server: Any, model: mujoco.MjModel, log: TrialLog) -> str:  # noqa
     """Move the bodies through the trial while Viser records, and return its page."""
     api, trace = server.scene, log.truth
     moving = [b for b in range(1, model.nbody) if model.body_weldid[b] != 0]
-    handles = {b: api.add_frame(_node(model, b), show_axes=False) for b in moving}
+    handles = {b: api.add_frame(_node(b), show_axes=False) for b in moving}
     label = api.add_label("/clock", "", position=(0.75, 0.0, 1.05))
     ticks = np.arange(0, _last(log), _EACH)
     dots = [

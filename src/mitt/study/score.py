@@ -3,11 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mitt.control.tracking import Tracked
 from mitt.robot.arm import Arm
 from mitt.signals import Array, JointReference
+from mitt.world.contacts import ARM_FLOOR, SELF
 from mitt.world.simulation import World
-from mitt.world.truth import Truth
+from mitt.world.truth import Trace, Truth
 
 #: Caught: the ball's centre so near the catch point beyond its radius [m], touched by so many
 #: geoms of the hand, so long after first contact [s].
@@ -60,53 +63,76 @@ def held(truth: Truth, radius: float) -> bool:
 
 
 class Meter:
-    """Adds up what the arm is asked and what it does, tick by tick."""
+    """Collects what the arm is asked and told in a trial, and reckons it up at the end."""
 
     def __init__(self, arm: Arm) -> None:
-        """Start at zero."""
+        """Start empty."""
         self._arm = arm
-        self.torque, self.speed = np.zeros(arm.n), np.zeros(arm.n)
-        self.violations, self.saturated = 0, 0
-        self.excess = 0.0
-        self._cost, self._asked = 0.0, 0
+        self._asked: list[tuple[Array, Array, Array]] = []
+        self._told: list[tuple[Array, Array, Array]] = []
+        self.saturated = 0
 
-    @property
-    def cost(self) -> float:
-        """Mean cost of the reference, 0 where none was asked for."""
-        return self._cost / max(self._asked, 1)
+    def add(self, reference: JointReference | None, tracked: Tracked) -> None:
+        """Take in one tick."""
+        if reference is not None:
+            self._asked.append((reference.q_d, reference.dq_d, reference.ddq_d))
+        command = tracked.command
+        self._told.append((command.q, command.dq, command.tau))
+        self.saturated += tracked.saturated
 
-    def ask(self, reference: JointReference) -> None:
-        """Take in what the generator asked for, before any limit."""
+    def demand_cost(self) -> float:
+        """Return the mean cost (22) of the references before any limit; 0 without one."""
+        arm, total = self._arm, 0.0
+        for q, dq, ddq in self._asked:
+            torque, speed = arm.inverse_dynamics(q, dq, ddq) / arm.tau_max, dq / arm.dq_max
+            total += float(torque @ torque + speed @ speed)
+        return total / max(len(self._asked), 1)
+
+    def excess(self) -> float:
+        """Return how far the references went beyond a joint's range [rad]."""
+        if not self._asked:
+            return 0.0
+        q = np.array([row[0] for row in self._asked])
+        over = np.maximum(q - self._arm.q_max, self._arm.q_min - q)
+        return max(float(over.max()), 0.0)
+
+    def violations(self, truth: Trace) -> int:
+        """Return the ticks with a limit exceeded by a command or by the plant.
+
+        The arm touching itself or the floor counts as well: its range is where it can be.
+        """
+        q, dq, tau = (np.array(column) for column in zip(*self._told, strict=True))
+        bad = self._exceed(q, dq, tau, _COMMANDED)
+        bad |= self._exceed(truth.q[1:], truth.dq[1:], truth.tau[1:], _MEASURED)
+        bad |= (truth.seen[1:] & (SELF | ARM_FLOOR)) != 0
+        return int(np.sum(bad))
+
+    def peaks(self, truth: Trace) -> tuple[list[float], list[float]]:
+        """Return the largest shares of torque and speed limits of the active joints."""
         arm = self._arm
-        tau = arm.inverse_dynamics(reference.q_d, reference.dq_d, reference.ddq_d)
-        torque, speed = tau / arm.tau_max, reference.dq_d / arm.dq_max
-        self._cost += float(torque @ torque + speed @ speed)
-        self._asked += 1
-        over = np.maximum(reference.q_d - arm.q_max, arm.q_min - reference.q_d)
-        self.excess = max(self.excess, float(over.max()))
+        torque = arm.limits.torque_ratio(_spread(arm, truth.tau), _spread(arm, truth.dq))
+        speed = np.abs(truth.dq) / arm.dq_max
+        return [float(x) for x in arm.active(torque).max(axis=0)], [
+            float(x) for x in speed.max(axis=0)
+        ]
 
-    def command(self, q: Array, dq: Array, tau: Array) -> bool:
-        """Take in a command; return whether it exceeds a limit."""
-        return self._exceeds(q, dq, tau, _COMMANDED)
-
-    def plant(self, truth: Truth) -> bool:
-        """Take in what the plant did; return whether it exceeds a limit."""
-        arm = self._arm
-        torque = arm.limits.torque_ratio(arm.all_joints(truth.tau), arm.all_joints(truth.dq))
-        self.torque = np.maximum(self.torque, arm.active(torque))
-        self.speed = np.maximum(self.speed, np.abs(truth.dq) / arm.dq_max)
-        beyond = self._exceeds(truth.q, truth.dq, truth.tau, _MEASURED)
-        return beyond or truth.self_contact or truth.floor_contact
-
-    def _exceeds(self, q: Array, dq: Array, tau: Array, slack: float) -> bool:
-        """Say whether position, speed or torque exceed their limits by a share ``slack``."""
+    def _exceed(self, q: Array, dq: Array, tau: Array, slack: float) -> NDArray[np.bool_]:
+        """Say in which ticks position, speed or torque exceed their limits by a share."""
         arm = self._arm
         span = slack * (arm.q_max - arm.q_min)
-        outside = bool(np.any(q < arm.q_min - span) or np.any(q > arm.q_max + span))
-        fast = bool(np.any(np.abs(dq) > arm.dq_max * (1.0 + slack)))
-        drive = arm.limits.drive_torque(arm.all_joints(tau))
-        strong = bool(np.any(np.abs(drive) > arm.limits.tau_peak * (1.0 + slack)))
-        return outside or fast or strong
+        outside = np.any((q < arm.q_min - span) | (q > arm.q_max + span), axis=1)
+        fast = np.any(np.abs(dq) > arm.dq_max * (1.0 + slack), axis=1)
+        drive = np.abs(arm.limits.drive_torque(_spread(arm, tau)))
+        strong = np.any(drive > arm.limits.tau_peak * (1.0 + slack), axis=1)
+        bad: NDArray[np.bool_] = outside | fast | strong
+        return bad
+
+
+def _spread(arm: Arm, x: Array) -> Array:
+    """Return active joints' rows, shape (k, n), among all links, shape (k, N)."""
+    out = np.zeros((len(x), len(arm.model.links)))
+    out[:, arm.model.active] = x
+    return out
 
 
 def status_of(world: World, *, refused: bool, was_held: bool) -> str:

@@ -10,6 +10,9 @@ from mitt.world.hand import ARM, BALL, FLOOR, HAND
 #: What touches what, as bits of the result of :func:`survey`.
 BALL_HAND, BALL_ARM, BALL_FLOOR, SELF, ARM_FLOOR = 1, 2, 4, 8, 16
 
+#: No position, velocity or acceleration of ours is so large (SI units); NaN is not below it.
+HUGE = 1e8
+
 
 @njit(cache=True)
 def survey(
@@ -55,19 +58,19 @@ def survey(
 
 
 @njit(cache=True)
-def is_sane(qpos: Array, qvel: Array, ball: int, top_speed: float) -> bool:
-    """Tell whether all states are finite and the ball's speed can be real.
+def is_sane(qpos: Array, qvel: Array, qacc: Array, ball: int, top_speed: float) -> bool:
+    """Tell whether a state can be real; MuJoCo's own warnings come later, if they come.
 
     Args:
         qpos: Positions, shape (nq,).
         qvel: Velocities, shape (nv,).
+        qacc: Accelerations, shape (nv,).
         ball: Index of the ball's first degree of freedom.
         top_speed: Largest speed that a ball can have [m/s].
     """
-    total = 0.0
-    for x in qpos:
-        total += x
-    for x in qvel:
-        total += x
+    for values in (qpos, qvel, qacc):
+        for x in values:
+            if not abs(x) < HUGE:
+                return False
     square = qvel[ball] ** 2 + qvel[ball + 1] ** 2 + qvel[ball + 2] ** 2
-    return bool(np.isfinite(total) and square <= top_speed * top_speed)
+    return bool(square <= top_speed * top_speed)

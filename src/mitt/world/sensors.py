@@ -40,6 +40,7 @@ class Sensors:
         self._cameras = None if cameras is None else cameras(rng)
         self._rng = rng
         self._line: deque[tuple[tuple[Frame, ...], tuple[Sighting, ...]]] = deque()
+        self._covariance = max(sensing.point_noise, 1e-6) ** 2 * np.eye(3)
         self._q_before: Array | None = None
         self._t_before = 0.0
 
@@ -64,9 +65,8 @@ class Sensors:
 
     def _point(self, t: float, r_o: Array) -> Sighting:
         """Return a noisy position."""
-        sigma = self._sensing.point_noise
-        seen = r_o + sigma * self._rng.standard_normal(3)
-        return Sighting(t=t, found=True, r_o=seen, covariance=max(sigma, 1e-6) ** 2 * np.eye(3))
+        seen = r_o + self._sensing.point_noise * self._rng.standard_normal(3)
+        return Sighting(t=t, found=True, r_o=seen, covariance=self._covariance)
 
     def _encoders(self, t: float, q: Array, dq: Array) -> ArmState:
         """Return joint readings: exact, or counts whose difference is the velocity."""

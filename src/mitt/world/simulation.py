@@ -65,7 +65,7 @@ class World:
         d = self.data
         self._views = d.qpos, d.qvel, d.ctrl, d.qfrc_applied
         self._site = d.site_xpos[self._plant.site]
-        self._tape = Tape((1, self.model.nq, self.model.nv, self._n, 3, 3, 1))
+        self._tape = Tape((1, self.model.nq, self.model.nv, self._n, 3, 3, 1, 1))
         self._broken, self.peak_force = False, 0.0
         self.first_contact: FirstContact | None = None
         self._start(None, np.zeros((2, self._n)), 0.0)
@@ -76,9 +76,14 @@ class World:
         return self._ticks * TICK
 
     @property
+    def ball_on_floor(self) -> bool:
+        """Whether the ball touched the floor in the last tick."""
+        return bool(self._seen & BALL_FLOOR)
+
+    @property
     def diverged(self) -> bool:
         """Whether the physics broke down in this trial, or a command was not finite."""
-        return self._broken or bool(np.any(self.data.warning.number))
+        return self._broken
 
     def reset(self, ball: Throw | BallPath, seed: int) -> None:
         """Start a trial.
@@ -127,7 +132,7 @@ class World:
                 self._watch_for_contact(self.t + sub * STEP)
         self._ticks += 1
         self.peak_force = max(self.peak_force, float(self._largest[0]))
-        self._broken |= not is_sane(qpos, qvel, self._n + self._f, TOP_SPEED)
+        self._broken |= not is_sane(qpos, qvel, data.qacc, self._n + self._f, TOP_SPEED)
         self._record()
 
     def truth(self) -> Truth:
@@ -154,7 +159,7 @@ class World:
 
     def trace(self) -> Trace:
         """Return all true states since release."""
-        t, qpos, qvel, tau, position, velocity, force = self._tape.columns()
+        t, qpos, qvel, tau, position, velocity, force, seen = self._tape.columns()
         return Trace(
             t=t[:, 0],
             qpos=qpos,
@@ -163,6 +168,7 @@ class World:
             position=position,
             velocity=velocity,
             force=force[:, 0],
+            seen=seen[:, 0].astype(np.int64),
         )
 
     def _start(self, path: BallPath | None, friction: Array, drag: float) -> None:
@@ -249,3 +255,4 @@ class World:
         qpos, qvel = self._views[:2]
         row, force = self._tape.next_row(), float(self._largest[0])
         write_row(row, self.t, qpos, qvel, self._tau, self._site, self._tip[3:], force)
+        row[-1] = self._seen

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from numba import njit
 
 from mitt.signals import Array
@@ -86,6 +87,7 @@ class Trace:
         position: Catch point [m], shape (k, 3).
         velocity: Its velocity [m/s], shape (k, 3).
         force: Largest contact force on the ball in the tick before [N], shape (k,).
+        seen: Contacts in the tick before, flags of :mod:`mitt.world.contacts`, shape (k,).
     """
 
     t: Array
@@ -95,6 +97,7 @@ class Trace:
     position: Array
     velocity: Array
     force: Array
+    seen: NDArray[np.int64]
 
     @property
     def q(self) -> Array:

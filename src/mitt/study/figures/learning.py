@@ -9,7 +9,7 @@ from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from mitt.generator.learn import Step
 from mitt.signals import Array
-from mitt.study.figures.style import BLUE, GREY, INK, ORANGE, PALE, Plot, plot
+from mitt.study.figures.style import ALPHA_0, BLUE, GREY, INK, ORANGE, PALE, Plot, plot
 from mitt.study.log import TrialLog
 
 
@@ -41,7 +41,7 @@ def learning_cost(steps: Sequence[Step]) -> Plot:
 
 def _name_start(axes: Axes, value: float) -> None:
     """Name the first point, which has not learned anything."""
-    axes.annotate("α = 0", (0, value), (0, 8), textcoords="offset points", color=GREY, ha="center")
+    axes.annotate(ALPHA_0, (0, value), (0, 8), textcoords="offset points", color=GREY, ha="center")
 
 
 def feedback_share(log: TrialLog) -> float:
@@ -89,7 +89,7 @@ def feedback_pair(plain: float, learned: float) -> Plot:
             axes.annotate(
                 f"{value:.0%}", (value, row), (6, 0), textcoords="offset points", va="center"
             )
-        axes.set_yticks((0, 1), ("learned map", "α = 0"))
+        axes.set_yticks((0, 1), ("learned map", ALPHA_0))
         axes.set(xlabel="feedback in the torque, rms over the time of following")
         axes.set_xlim(0.0, 1.15 * max(*values, 0.05))
         axes.xaxis.set_major_formatter(PercentFormatter(1.0))

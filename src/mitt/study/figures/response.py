@@ -7,8 +7,17 @@ from matplotlib.figure import Figure
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.study.figures.style import (
-    BALL, BAND, INK, LEARNED, ORANGE, PLAIN, Plot, mark_time, plot,
-)  # fmt: skip
+    ALPHA_0,
+    BALL,
+    BAND,
+    INK,
+    LEARNED,
+    ORANGE,
+    PLAIN,
+    Plot,
+    mark_time,
+    plot,
+)
 from mitt.study.log import TrialLog
 
 #: How long after the catch is shown [s], and half the width of the close-up [s].
@@ -77,8 +86,8 @@ def joint_angles(arm: Arm, learned: TrialLog, plain: TrialLog | None) -> Plot:
             if plain is not None:
                 f = plain.following
                 axes.plot(plain.t[f], plain.asked[f, 0, j], color=ORANGE, lw=1.1,
-                          label="α = 0, asked for")  # fmt: skip
-                axes.plot(plain.t, plain.encoders[:, 0, j], color=PLAIN, label="α = 0, arm")
+                          label=f"{ALPHA_0}, asked for")  # fmt: skip
+                axes.plot(plain.t, plain.encoders[:, 0, j], color=PLAIN, label=f"{ALPHA_0}, arm")
                 shown += [*_ends(plain.asked[f, 0, j]), *_ends(plain.encoders[:, 0, j])]
             _dotted(axes, learned.t, learned.encoders[:, 0, j], "learned, arm")
             shown += _ends(learned.encoders[:, 0, j])
@@ -103,8 +112,10 @@ def joint_torques(arm: Arm, learned: TrialLog, plain: TrialLog | None) -> Plot:
             if plain is not None:
                 asked = wanted[id(plain)]
                 axes.plot(plain.t[plain.following], asked[:, j], color=ORANGE, lw=1.1,
-                          label="α = 0, asked for, eq. (16)")  # fmt: skip
-                axes.plot(plain.t, plain.tau[:, j], color=PLAIN, lw=1.2, label="α = 0, commanded")
+                          label=f"{ALPHA_0}, asked for, eq. (16)")  # fmt: skip
+                axes.plot(
+                    plain.t, plain.tau[:, j], color=PLAIN, lw=1.2, label=f"{ALPHA_0}, commanded"
+                )
                 shown += [*_ends(plain.tau[:, j]), *_ends(asked[:, j])]
             _dotted(axes, learned.t, learned.tau[:, j], "learned, commanded")
             shown += [*_ends(learned.tau[:, j]), *_ends(wanted[id(learned)][:, j])]

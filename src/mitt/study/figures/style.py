@@ -19,6 +19,9 @@ from mitt.signals import Array
 BLUE, ORANGE, GREEN, PURPLE, YELLOW = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00"
 INK, GREY, PALE, BAND = "#1f2933", "#6b7785", "#b8c0c9", "#eef2f5"
 
+#: The map that has learned nothing.
+ALPHA_0 = "\u03b1 = 0"
+
 #: What is drawn in which colour, everywhere.
 BALL, LEARNED, PLAIN = ORANGE, BLUE, INK
 STATUS = {
@@ -28,6 +31,9 @@ STATUS = {
     "unreachable": (GREY, "s"),
     "aborted": (PURPLE, "D"),
 }
+
+#: Attributes that hold coordinates, and digits that nobody sees in them.
+_DRAWN, _DIGITS = re.compile(r'\b(?:d|x|y)="[^"]*"'), re.compile(r"(\.\d\d)\d+")
 
 _RC: dict[str, object] = {
     "svg.fonttype": "none",
@@ -96,6 +102,7 @@ def _inline(name: str, document: str) -> str:
     svg = re.sub(r'\bid="', f'id="{name}-', svg)
     svg = svg.replace("url(#", f"url(#{name}-").replace('xlink:href="#', f'href="#{name}-')
     svg = svg.replace("xlink:href=", "href=")
+    svg = _DRAWN.sub(lambda hit: _DIGITS.sub(r"\1", hit.group()), svg)
     head, body = svg.split(">", 1)
     head = re.sub(r' (width|height|version)="[^"]*"', "", head)
     return f'{head} role="img">{body}'

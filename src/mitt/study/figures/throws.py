@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from mitt.errors import ShapeError
 from mitt.signals import Array
@@ -13,6 +14,8 @@ from mitt.study.figures.style import GREY, INK, STATUS, Plot, plot
 
 #: Bars of a histogram, points drawn at most, and marks below it at most.
 _BARS, _MOST, _MOST_MARKS = 24, 2000, 300
+#: Room around the releases [m].
+_ROOM = 0.15
 
 #: Field of a trial, and what it is called on the axis.
 _ERRORS = (
@@ -47,25 +50,23 @@ def _draw_errors(axes: Axes, trials: Sequence[dict[str, Any]], key: str) -> None
         return
     edges = np.linspace(0.0, 1.02 * max(float(every.max()), 1e-6), _BARS + 1)
     colours = [STATUS[status][0] for status in groups]
-    _, _, bars = axes.hist(
-        list(groups.values()), edges, stacked=True, color=colours, label=list(groups),
+    axes.hist(
+        list(groups.values()), edges.tolist(), stacked=True, color=colours, label=list(groups),
         edgecolor="white", linewidth=0.6,
     )  # fmt: skip
-    del bars
     top = axes.get_ylim()[1]
-    for (status, values), colour in zip(groups.items(), colours, strict=True):
+    for values, colour in zip(groups.values(), colours, strict=True):
         marks = np.array(values[:_MOST_MARKS])
         axes.plot(marks, np.full(len(marks), -0.05 * top), "|", color=colour, ms=7, mew=1.0)
-        del status
-    for share, name in ((50.0, "median"), (95.0, "95 %")):
+    for share, name in ((50.0, "median"), (95.0, "95 % below")):
         at = float(np.percentile(every, share))
         axes.axvline(at, color=INK, linewidth=1.0, linestyle=(0, (4, 2)))
         axes.annotate(f"{name} {at:.2g}", (at, 1.0), (3, 0), xycoords=("data", "axes fraction"),
                       textcoords="offset points", va="top", fontsize=8.5, color=INK)  # fmt: skip
     axes.set_ylim(-0.1 * top, 1.12 * top)
     axes.set_xlim(0.0, float(edges[-1]))
-    axes.yaxis.get_major_locator().set_params(integer=True)
-    axes.set_yticks([y for y in axes.get_yticks() if 0 <= y <= 1.12 * top])
+    ticks = MaxNLocator(nbins=5, integer=True).tick_values(0.0, top)
+    axes.set_yticks([y for y in ticks if 0.0 <= y <= 1.12 * top])
 
 
 def releases(trials: Sequence[dict[str, Any]], points: Array, catch_point: Array) -> Plot:
@@ -82,23 +83,32 @@ def releases(trials: Sequence[dict[str, Any]], points: Array, catch_point: Array
     if points.shape != (len(trials), 3):
         raise ShapeError("points", f"({len(trials)}, 3)", points.shape)
 
+    low = np.minimum(np.minimum(points.min(axis=0), catch_point), 0.0) - _ROOM
+    high = np.maximum(np.maximum(points.max(axis=0), catch_point), 0.0) + _ROOM
+    x, y, z = high - low
+
     def draw(figure: Figure) -> None:
-        side, top = figure.subplots(2, 1, sharex=True)
+        side, top = figure.subplots(2, 1, sharex=True, height_ratios=(z, y))
         for axes, row, name in ((side, 2, "z [m], from the side"), (top, 1, "y [m], from above")):
-            for status, (colour, mark) in STATUS.items():
-                of = [k for k, trial in enumerate(trials) if trial["status"] == status][:_MOST]
-                if of:
-                    axes.plot(
-                        points[of, 0], points[of, row], mark, color=colour, ms=5.5, mec="white",
-                        mew=0.5, label=f"{status} ({len(of)})", zorder=4 if status != "caught" else 3,
-                    )  # fmt: skip
+            _draw_releases(axes, trials, points, row)
             axes.plot(0.0, 0.0, "s", color=GREY, ms=7, label="shoulder")
             axes.plot(catch_point[0], catch_point[row], "+", color=INK, ms=11, mew=1.6,
                       label="nominal catch point")  # fmt: skip
-            axes.set_ylabel(name)
-            axes.set_aspect("equal", adjustable="datalim")
+            axes.set(ylabel=name, xlim=(low[0], high[0]), ylim=(low[row], high[row]))
+            axes.set_aspect("equal")
         top.set_xlabel("x [m], towards the thrower")
         handles, labels = side.get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper left", ncols=len(labels))
 
-    return plot("releases", (11.0, 4.6), draw)
+    return plot("releases", (11.0, 10.0 * (y + z) / x + 1.1), draw)
+
+
+def _draw_releases(axes: Axes, trials: Sequence[dict[str, Any]], points: Array, row: int) -> None:
+    """Draw the releases in one projection, those that failed in front."""
+    for order, (status, (colour, mark)) in enumerate(STATUS.items()):
+        of = [k for k, trial in enumerate(trials) if trial["status"] == status]
+        if of:
+            axes.plot(
+                points[of[:_MOST], 0], points[of[:_MOST], row], mark, color=colour, ms=5.5,
+                mec="white", mew=0.5, label=f"{status} ({len(of)})", zorder=3 + order,
+            )  # fmt: skip

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from mitt.robot.arm import Arm
 from mitt.signals import Array
-from mitt.study.figures.style import BALL, GREY, INK, LEARNED, Plot, dots, plot
+from mitt.study.figures.style import ALPHA_0, BALL, GREY, INK, LEARNED, Plot, dots, plot
 from mitt.study.log import TrialLog
 from mitt.study.skeleton import skeleton
 
@@ -19,7 +19,7 @@ _AHEAD, _ROOM = 0.9, 0.12
 
 def catching_trajectory(arm: Arm, learned: TrialLog, plain: TrialLog | None) -> Plot:
     """Draw ball and hand each millisecond and the arm each 50 ms: fig. 8."""
-    columns = [("Learned map", learned)] + ([] if plain is None else [("α = 0", plain)])
+    columns = [("Learned map", learned)] + ([] if plain is None else [(ALPHA_0, plain)])
     low, high = _extent(arm, [log for _, log in columns])
     x, y, z = high - low
     width = 10.2 / 2
