@@ -12,9 +12,9 @@ from typing import final
 
 import numpy as np
 
-from mitt.control.brake import Brake, plan_brake
+from mitt.control.brake import Brake, plan_brake, short_of_room
 from mitt.control.hand import Closing
-from mitt.control.tracking import Tracked, Tracker
+from mitt.control.tracking import Tracked, Tracker, largest_gap
 from mitt.generator.certificate import Outcome, Verdict
 from mitt.generator.generators import Generator
 from mitt.robot.arm import Arm
@@ -122,16 +122,17 @@ class Catcher:
         return tracked.command
 
     def _see(self, senses: Senses) -> tuple[Sighting, ...]:
-        """Return the new sightings, from images or from points."""
+        """Return the new sightings, from images or from points; none once the hand has closed."""
+        if self._phase is Phase.BRAKE:
+            return ()
         if senses.frames:
             return (self._eyes.step(senses.frames),)
         return senses.points
 
     def _estimate(self, sightings: tuple[Sighting, ...], t: float) -> BallState:
         """Take in the sightings and carry the estimate to the time of the command."""
-        if self._phase in (Phase.WATCH, Phase.FOLLOW) and not self._closing.closed(t):
-            for sighting in sightings:
-                self._filter.update(sighting)
+        for sighting in sightings:
+            self._filter.update(sighting)
         return self._filter.state(t)
 
     def _generate(self, ball: BallState, senses: Senses) -> JointReference | None:
@@ -142,22 +143,20 @@ class Catcher:
             ball = self._believed(ball, senses.arm)
             reference = self._readapted(self._generator.reference(ball), ball, senses.arm)
             self._follow(reference)
-            if self._closing.closed(senses.t):
+            hurry = short_of_room(self._arm, self._wanted) if self._closing.started else False
+            if self._closing.closed(senses.t, hurry=hurry):
                 self._start_braking(senses.t)
             return reference
-        if self._brake is not None:
+        if self._brake is not None and not self._brake.over(senses.t):
             self._wanted = self._brake.at(senses.t)
         return None
 
     def _watch(self, ball: BallState, senses: Senses) -> None:
         """Give the verdict once the ball is known well enough, or when it is due."""
         due = ball.t - ball.t_first >= self._settings.watch
-        if not due and not _known(ball, self._settings.sigma_ready):
+        if not due and self._generator.sharpness(ball) > self._settings.sigma_ready:
             return
-        verdict = self._generator.verdict(ball, senses.arm.q)
-        if not due and verdict.sigma > self._settings.sigma_ready:
-            return
-        self.verdict = verdict
+        self.verdict = verdict = self._generator.verdict(ball, senses.arm.q)
         if verdict.outcome is Outcome.UNREACHABLE:
             self._phase = Phase.REFUSED
             return
@@ -188,9 +187,9 @@ class Catcher:
             return reference
         if reference.time_to_catch < self._settings.adapt_until:
             return reference
-        behind = np.max(np.abs(reference.q_d - arm.q)) / self._settings.adapt_q
-        slower = np.max(np.abs(reference.dq_d - arm.dq)) / self._settings.adapt_dq
-        if max(behind, slower) < 1.0:
+        gap = largest_gap(reference.q_d, arm.q) / self._settings.adapt_q
+        lag = largest_gap(reference.dq_d, arm.dq) / self._settings.adapt_dq
+        if max(gap, lag) < 1.0:
             return reference
         self._generator = self._generator.adapt(ball, arm.q, arm.dq)
         return self._generator.reference(ball)
@@ -222,8 +221,3 @@ class Catcher:
         if reference is None or reference.status is not MapStatus.INSIDE:
             return np.inf
         return reference.time_to_catch
-
-
-def _known(ball: BallState, sigma: float) -> bool:
-    """Say whether the position is known better than ``sigma`` [m] at all, a cheap first test."""
-    return bool(np.trace(ball.covariance[:3, :3]) < sigma * sigma)

@@ -10,23 +10,20 @@ from typing import final
 import numpy as np
 from numba import njit
 
-from mitt.control.envelope import Bounds, bound_acceleration, bounds_of, clip_motion
+from mitt.control.envelope import bound_acceleration, bounds_of, clip_motion
 from mitt.robot.arm import Arm
+from mitt.robot.limits import saturate
 from mitt.signals import ArmState, Array, Command
+
+#: Change of a torque that counts as meeting a limit [N m].
+_TOUCH = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tracked:
-    """A command and where its torque comes from.
-
-    Attributes:
-        command: What the arm is told.
-        feedforward: Torque that the desired motion alone would take [N m], shape (n,).
-        saturated: Whether a torque limit was met.
-    """
+    """A command, and whether a torque limit was met on the way to it."""
 
     command: Command
-    feedforward: Array
     saturated: bool
 
 
@@ -38,6 +35,8 @@ class Tracker:
         """Take the arm and the bandwidth w of the error [rad/s]."""
         self.arm, self.bandwidth = arm, bandwidth
         self._bounds = bounds_of(arm)
+        self._index = np.array(arm.model.active)
+        self._speed = np.zeros(len(arm.model.links))
 
     def step(self, state: ArmState, wanted: Array, *, hand: float) -> Tracked:
         """Return the command for one tick.
@@ -47,30 +46,48 @@ class Tracker:
             wanted: q_d, dq_d, ddq_d [rad, rad/s, rad/s^2], shape (3, n).
             hand: Closing angle of the fingers [rad].
         """
-        motion = wanted.copy()
-        ddq = np.empty(self.arm.n)
-        _wish(self._bounds, self.bandwidth, state.q, state.dq, motion, ddq)
-        asked = self.arm.torque(state.q, state.dq, ddq)
-        allowed = self.arm.limits.saturate(asked, self.arm.all_joints(state.dq))
-        command = Command(
-            t=state.t,
-            q=motion[0],
-            dq=motion[1],
-            ddq=motion[2],
-            tau=self.arm.active(allowed),
-            hand=hand,
-        )
-        return Tracked(
-            command=command,
-            feedforward=self.arm.inverse_dynamics(motion[0], motion[1], motion[2]),
-            saturated=bool(np.any(np.abs(asked - allowed) > 1e-9)),
-        )
+        motion = np.empty((4, self.arm.n))
+        _wish(self._bounds, self.bandwidth, state.q, state.dq, wanted, motion)
+        asked = self.arm.torque(state.q, state.dq, motion[3])
+        tau = np.empty(self.arm.n)
+        packed = self.arm.limits.packed
+        saturated = _allowed(packed, self._index, asked, state.dq, self._speed, tau)
+        command = Command(t=state.t, q=motion[0], dq=motion[1], ddq=motion[2], tau=tau, hand=hand)
+        return Tracked(command=command, saturated=saturated)
 
 
 @njit(cache=True)
-def _wish(b: Bounds, w: float, q: Array, dq: Array, motion: Array, ddq: Array) -> None:
-    """Clip the desired motion in place and write the acceleration to be realised."""
+def _wish(b: Array, w: float, q: Array, dq: Array, wanted: Array, motion: Array) -> None:
+    """Write the clipped motion, and in row 3 the acceleration to be realised."""
+    motion[:3] = wanted
     clip_motion(b, motion)
     for k in range(len(q)):
-        ddq[k] = motion[2, k] + 2.0 * w * (motion[1, k] - dq[k]) + w * w * (motion[0, k] - q[k])
-    bound_acceleration(b, q, dq, ddq)
+        lag, slow = motion[0, k] - q[k], motion[1, k] - dq[k]
+        motion[3, k] = motion[2, k] + 2.0 * w * slow + w * w * lag
+    bound_acceleration(b, q, dq, motion[3])
+
+
+@njit(cache=True)
+def _allowed(
+    packed: Array, index: Array, asked: Array, dq: Array, speed: Array, tau: Array
+) -> bool:
+    """Write the active joints' torques within every limit; say whether a limit was met."""
+    for k in range(len(index)):
+        speed[index[k]] = dq[k]
+    kept = np.empty(len(asked))
+    saturate(packed, asked, speed, kept)
+    met = False
+    for k in range(len(asked)):
+        met |= abs(kept[k] - asked[k]) > _TOUCH
+    for k in range(len(index)):
+        tau[k] = kept[index[k]]
+    return met
+
+
+@njit(cache=True)
+def largest_gap(a: Array, b: Array) -> float:
+    """Return the largest difference of two vectors' entries."""
+    gap = 0.0
+    for k in range(len(a)):
+        gap = max(gap, abs(a[k] - b[k]))
+    return gap

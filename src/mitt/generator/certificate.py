@@ -80,14 +80,25 @@ def judge(f: DirectMap, ball: BallState, q: Array, *, tolerance: Tolerance) -> V
     motion = np.array([adapted.motion(row)[1][:3] for row in path])
     shares = _shares(f, motion, tolerance)
     binding = max(shares, key=lambda name: shares[name])
-    spread = forecast(ball, ball.t + seen.after).covariance[:3, :3]
     return Verdict(
         outcome=Outcome.FEASIBLE if shares[binding] <= 1.0 else Outcome.UNREACHABLE,
         binding_limit=binding,
         share=shares[binding],
         t_catch=ball.t + seen.after,
-        sigma=float(np.sqrt(np.linalg.eigvalsh(spread)[-1])),
+        sigma=_spread(ball, seen.after),
     )
+
+
+def sharpness(f: DirectMap, ball: BallState) -> float:
+    """Return the predicted 1-sigma of the ball at the catch [m]; infinite without a catch."""
+    seen = foresee(f, ball)
+    return np.inf if _where(f, seen) is not None else _spread(ball, seen.after)
+
+
+def _spread(ball: BallState, after: float) -> float:
+    """Return the largest 1-sigma of the position some time ahead [m]."""
+    ahead = forecast(ball, ball.t + after).covariance[:3, :3]
+    return float(np.sqrt(np.linalg.eigvalsh(ahead)[-1]))
 
 
 def returns(f: DirectMap, ball: BallState) -> bool:

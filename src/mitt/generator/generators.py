@@ -3,13 +3,25 @@
 from dataclasses import dataclass, field, replace
 from typing import Protocol, Self, final
 
-from mitt.generator.certificate import Outcome, Tolerance, Verdict, judge, levelled, returns
+from mitt.generator.certificate import (
+    Outcome,
+    Tolerance,
+    Verdict,
+    judge,
+    levelled,
+    returns,
+    sharpness,
+)
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array, BallState, JointReference
 
 
 class Generator(Protocol):
     """What turns the ball's estimate into desired joint motion."""
+
+    def sharpness(self, ball: BallState) -> float:
+        """Return the predicted 1-sigma of the ball at the catch [m]; infinite without one."""
+        ...
 
     def verdict(self, ball: BallState, q: Array) -> Verdict:
         """Say before moving whether a ball can be caught from rest in ``q`` [rad], shape (n,)."""
@@ -40,6 +52,10 @@ class Direct:
     map: DirectMap
     tolerance: Tolerance = field(default_factory=Tolerance)
 
+    def sharpness(self, ball: BallState) -> float:
+        """Fly the estimate on to the catch."""
+        return sharpness(self.map, ball)
+
     def verdict(self, ball: BallState, q: Array) -> Verdict:
         """Judge the throw by the adapted map's demand."""
         return judge(self.map, ball, q, tolerance=self.tolerance)
@@ -67,6 +83,10 @@ class Unoptimised:
     """The map with alpha = 0, as the paper's figs. 10 and 11 show it; it never refuses."""
 
     map: DirectMap
+
+    def sharpness(self, ball: BallState) -> float:
+        """Fly the estimate on to the catch."""
+        return sharpness(self.map, ball)
 
     def verdict(self, ball: BallState, q: Array) -> Verdict:
         """Never refuse; the limits are still reckoned, to be reported."""

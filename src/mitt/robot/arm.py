@@ -70,6 +70,7 @@ class Arm:
         self._motion, self._still = motion_of(self.n), np.zeros(self.n)
         self._pin = to_pinocchio(complete)
         self._data = self._pin.createData()
+        self._holding: dict[float, Arm] = {}
         size = len(model.links)
         self._lower = np.tril_indices(size, -1)
         self._q = np.array([0.0 if link.held is None else link.held for link in model.links])
@@ -110,7 +111,8 @@ class Arm:
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return tau of eq. (14) for all N links, held ones included [N m], shape (N,)."""
         self._fill(q, dq, ddq)
-        return np.array(pin.rnea(self._pin, self._data, self._q, self._dq, self._ddq))
+        tau: Array = pin.rnea(self._pin, self._data, self._q, self._dq, self._ddq)
+        return tau
 
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return tau of eq. (14) for the active joints [N m], shape (n,)."""
@@ -144,7 +146,13 @@ class Arm:
         return out
 
     def holding(self, mass: float) -> "Arm":
-        """Return the arm with a ball of some mass [kg] held at the catch point."""
+        """Return the arm with a ball of some mass [kg] held at the catch point; built once."""
+        if mass not in self._holding:
+            self._holding[mass] = self._loaded(mass)
+        return self._holding[mass]
+
+    def _loaded(self, mass: float) -> "Arm":
+        """Build the arm with a ball at the catch point."""
         at = np.array([0.0, 0.0, 0.0 if self.model.hand is None else self.model.hand.catch_offset])
         return Arm(self.model.loaded(mass, at=at, inertia=np.zeros((3, 3))), self.limits)
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numba import njit
 
 from mitt.signals import Array
 
@@ -38,6 +39,12 @@ class Limits:
     def to_drive(self) -> Array:
         """Drive torque per joint torque, shape (N, N): the inverse transpose of transmission."""
         return np.asarray(np.linalg.inv(self.transmission.T), np.float64)
+
+    @cached_property
+    def packed(self) -> Array:
+        """Rows of drive torque per joint torque, transmission, and three bounds, (2 N + 3, N)."""
+        bounds = np.array([self.tau_peak, self.tau_stall, self.dq_max])
+        return np.ascontiguousarray(np.concatenate([self.to_drive, self.transmission, bounds]))
 
     @cached_property
     def no_load(self) -> bool:
@@ -77,10 +84,34 @@ class Limits:
 
     def saturate(self, tau: Array, dq: Array) -> Array:
         """Return joint torques within every drive's bound [N m], shape (N,)."""
-        drive = self.drive_torque(tau)
-        bound = self.torque_bound(drive, self.drive_speed(dq))
-        out: Array = np.clip(drive, -bound, bound) @ self.transmission
+        out = np.empty(len(tau))
+        saturate(self.packed, tau, dq, out)
         return out
+
+
+@njit(cache=True)
+def saturate(packed: Array, tau: Array, dq: Array, out: Array) -> None:
+    """Write joint torques within every drive's bound [N m], shape (N,).
+
+    Args:
+        packed: ``Limits.packed``.
+        tau: Joint torques asked for [N m], shape (N,).
+        dq: Joint speeds [rad/s], shape (N,).
+        out: Result, shape (N,).
+    """
+    n = len(tau)
+    out[:] = 0.0
+    for m in range(n):
+        drive, speed = 0.0, 0.0
+        for k in range(n):
+            drive += packed[m, k] * tau[k]
+            speed += packed[n + m, k] * dq[k]
+        bound, stall = packed[2 * n, m], packed[2 * n + 1, m]
+        if drive * speed > 0.0 and np.isfinite(stall):
+            bound = min(bound, stall * max(1.0 - abs(speed) / packed[2 * n + 2, m], 0.0))
+        drive = min(max(drive, -bound), bound)
+        for k in range(n):
+            out[k] += drive * packed[n + m, k]
 
 
 def joint_level(name: str, *, tau: Array, speed: Array) -> Limits:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.catcher import Phase, Tick
+from mitt.robot.arm import Arm
 from mitt.signals import Array, Command, Senses
 from mitt.world.truth import Trace
 
@@ -57,8 +58,9 @@ class TrialLog:
 class Logger:
     """Collects the rows of one trial."""
 
-    def __init__(self) -> None:
+    def __init__(self, arm: Arm) -> None:
         """Start empty."""
+        self._arm = arm
         self._rows: list[tuple[Array, ...]] = []
 
     def add(self, senses: Senses, tick: Tick, command: Command) -> None:
@@ -75,7 +77,7 @@ class Logger:
                 np.array([tick.ball.r_o, tick.ball.dr_o]),
                 asked,
                 np.array([command.q, command.dq, command.ddq]),
-                np.array([command.tau, tick.tracked.feedforward]),
+                command.tau,
             )
         )
 
@@ -94,8 +96,8 @@ class Logger:
             asked=asked[:, :3],
             virtual=asked[:, 3],
             command=command,
-            tau=tau[:, 0],
-            feedforward=tau[:, 1],
+            tau=tau,
+            feedforward=np.array([self._arm.inverse_dynamics(*row) for row in command]),
             hand=flags[:, 4],
             t_0=t_0,
             t_catch=t_catch,

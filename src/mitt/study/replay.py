@@ -46,8 +46,8 @@ def replay_page(arm: Arm, scene: Scene, log: TrialLog) -> str:
     model = build_plant(scene, arm.model).model
     with _server() as server:
         _furnish(server.scene, arm, scene, model)
-        server.initial_camera.position = (1.35, -2.75, 0.75)
-        server.initial_camera.look_at = (0.75, 0.0, 0.05)
+        server.initial_camera.position = (1.25, -2.35, 0.62)
+        server.initial_camera.look_at = (0.78, 0.0, 0.02)
         server.initial_camera.fov = 0.75
         page: str = _recorded(server, model, log)
     return page
@@ -143,7 +143,7 @@ def _recorded(server: Any, model: mujoco.MjModel, log: TrialLog) -> str:  # noqa
     api, trace = server.scene, log.truth
     moving = [b for b in range(1, model.nbody) if model.body_weldid[b] != 0]
     handles = {b: api.add_frame(_node(b), show_axes=False) for b in moving}
-    label = api.add_label("/clock", "", position=(0.75, 0.0, 1.05))
+    label = api.add_label("/clock", "", position=(0.78, 0.0, 0.85), anchor="center-center")
     ticks = np.arange(0, _last(log), _EACH)
     dots = [
         (k, api.add_icosphere(f"/trail/{k:05d}", radius=0.008, color=_BALL, subdivisions=1,

@@ -23,6 +23,8 @@ from mitt.world.throws import Throw
 
 #: A trial without contact ends after this time [s], or when the ball is on the floor.
 _LONGEST = 2.0
+#: Time around the catch in which the map's own time to it is taken for exact [s].
+_NEAR_CATCH = 0.006
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +81,7 @@ class Bench:
             log: Whether to keep a log.
         """
         world, catcher, meter = self.world, self.catcher(), Meter(self.arm)
-        logger = Logger() if log else None
+        logger = Logger(self.arm) if log else None
         world.reset(ball, seed)
         t_catch, over = np.inf, False
         while not over:
@@ -91,8 +93,8 @@ class Bench:
                 raise RuntimeError("the catcher left no tick")
             world.apply(command)
             meter.add(tick.reference, tick.tracked)
-            if tick.reference is not None and tick.reference.time_to_catch < 0.0:
-                t_catch = min(t_catch, senses.t)
+            if tick.reference is not None and abs(tick.reference.time_to_catch) < _NEAR_CATCH:
+                t_catch = senses.t + tick.reference.time_to_catch
             if logger is not None:
                 logger.add(senses, tick, command)
             over = self._over()

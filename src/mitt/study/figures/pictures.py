@@ -15,7 +15,7 @@ from mitt.world.scene import Scene
 
 #: Pictures a video of the paper's time has [s], how many before and after the catch, and the
 #: spacing of the dots that trail the ball [ticks].
-_PERIOD, _BEFORE, _LATER, _DOTS = 1.0 / 30.0, 8, 3, 8
+_PERIOD, _BEFORE, _LATER, _DOTS = 1.0 / 30.0, 7, 4, 8
 #: From the side, a little from the thrower's end, so near that the fingers show.
 _VIEW = View(eye=(1.0, -3.6, 0.45), target=(0.72, 0.0, 0.16), width=340, height=262, field_deg=21.5)
 
@@ -51,7 +51,7 @@ def picture_strip(arm: Arm, scene: Scene, log: TrialLog) -> tuple[Picture, ...]:
         trail = trace.r_o[max(k - 12 * _DOTS, 0) : k : _DOTS]
         pixels = picture(model, trace.qpos[k], _VIEW, trail=trail)
         stream = io.BytesIO()
-        matplotlib.image.imsave(stream, pixels, format="png", metadata={"Software": None})
+        matplotlib.image.imsave(stream, pixels, format="png", metadata={"Software": "mitt"})
         png = base64.b64encode(stream.getvalue()).decode("ascii")
         out.append(Picture(t=float(trace.t[k]), catch=bool(caught and step == 0), png=png))
     return tuple(out)

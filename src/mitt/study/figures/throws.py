@@ -69,13 +69,15 @@ def _draw_errors(axes: Axes, trials: Sequence[dict[str, Any]], key: str) -> None
     axes.set_yticks([y for y in ticks if 0.0 <= y <= 1.12 * top])
 
 
-def releases(trials: Sequence[dict[str, Any]], points: Array, catch_point: Array) -> Plot:
+def releases(
+    trials: Sequence[dict[str, Any]], points: Array, catch_point: Array | None = None
+) -> Plot:
     """Draw where the balls came from, coloured by what became of them.
 
     Args:
         trials: Trials of the result.
         points: Ball centre at release of each [m], shape (len(trials), 3).
-        catch_point: Nominal catch point [m], shape (3,).
+        catch_point: Where the throw of the other figures was caught [m], shape (3,).
 
     Raises:
         ShapeError: Not one point a trial.
@@ -83,8 +85,9 @@ def releases(trials: Sequence[dict[str, Any]], points: Array, catch_point: Array
     if points.shape != (len(trials), 3):
         raise ShapeError("points", f"({len(trials)}, 3)", points.shape)
 
-    low = np.minimum(np.minimum(points.min(axis=0), catch_point), 0.0) - _ROOM
-    high = np.maximum(np.maximum(points.max(axis=0), catch_point), 0.0) + _ROOM
+    marks = np.zeros((1, 3)) if catch_point is None else np.array([np.zeros(3), catch_point])
+    cloud = np.concatenate([points, marks])
+    low, high = cloud.min(axis=0) - _ROOM, cloud.max(axis=0) + _ROOM
     x, y, z = high - low
 
     def draw(figure: Figure) -> None:
@@ -92,8 +95,8 @@ def releases(trials: Sequence[dict[str, Any]], points: Array, catch_point: Array
         for axes, row, name in ((side, 2, "z [m], from the side"), (top, 1, "y [m], from above")):
             _draw_releases(axes, trials, points, row)
             axes.plot(0.0, 0.0, "s", color=GREY, ms=7, label="shoulder")
-            axes.plot(catch_point[0], catch_point[row], "+", color=INK, ms=11, mew=1.6,
-                      label="nominal catch point")  # fmt: skip
+            axes.plot(*marks[1:, [0, row]].T, "+", color=INK, ms=11, mew=1.6,
+                      label="catch of the throw shown")  # fmt: skip
             axes.set(ylabel=name, xlim=(low[0], high[0]), ylim=(low[row], high[row]))
             axes.set_aspect("equal")
         top.set_xlabel("x [m], towards the thrower")

@@ -1,0 +1,124 @@
+"""Recordings come back number for number through mcap_ros2's own decoder."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+from mitt.errors import FileError, ShapeError
+from mitt.link.recording import (
+    ESTIMATE,
+    METADATA,
+    PHASE,
+    Notice,
+    Recording,
+    Track,
+    write_recording,
+)
+
+_NS = 1e-9
+
+
+def _recording(k: int, n: int, seed: int) -> Recording:
+    """Return a recording of random numbers."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(k) * 1e-3
+    return Recording(
+        joints=tuple(f"j{i}" for i in range(n)),
+        t=t,
+        encoders=rng.standard_normal((k, 2, n)),
+        command=rng.standard_normal((k, 2, n)),
+        tau=rng.standard_normal((k, n)),
+        tracks=(Track(topic=ESTIMATE, t=t[k // 2 :], r=rng.standard_normal((k - k // 2, 3))),),
+        notices=(Notice(topic=PHASE, t=0.0, text="watch"), Notice(topic=PHASE, t=0.5, text="ä\n")),
+        metadata={"seed": str(seed), "trial": '{"index": 0}'},
+    )
+
+
+def _read(path: Path) -> tuple[dict[str, list[tuple[int, Any]]], dict[str, str]]:
+    """Return the messages of each topic with their times [ns], and the metadata."""
+    topics: dict[str, list[tuple[int, Any]]] = {}
+    with path.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        for _, channel, message, decoded in reader.iter_decoded_messages():
+            topics.setdefault(channel.topic, []).append((message.log_time, decoded))
+        notes = {x.name: x.metadata for x in reader.iter_metadata()}
+    return topics, notes[METADATA]
+
+
+@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(k=st.integers(1, 40), n=st.integers(1, 7), seed=st.integers(0, 99))
+def test_numbers_come_back_exactly(tmp_path: Path, k: int, n: int, seed: int) -> None:
+    """Every float64 survives: encoders, commands, torques, points, times, texts, metadata."""
+    sent = _recording(k, n, seed)
+    write_recording(tmp_path / "x.mcap", sent)
+    topics, notes = _read(tmp_path / "x.mcap")
+    states, commands = topics["/joint_states"], topics["/joint_commands"]
+    np.testing.assert_array_equal([m.position for _, m in states], sent.encoders[:, 0])
+    np.testing.assert_array_equal([m.velocity for _, m in states], sent.encoders[:, 1])
+    np.testing.assert_array_equal([m.position for _, m in commands], sent.command[:, 0])
+    np.testing.assert_array_equal([m.effort for _, m in commands], sent.tau)
+    assert all(tuple(m.name) == sent.joints for _, m in states + commands)
+    points = [(m.point.x, m.point.y, m.point.z) for _, m in topics[ESTIMATE]]
+    np.testing.assert_array_equal(points, sent.tracks[0].r)
+    assert {m.header.frame_id for _, m in topics[ESTIMATE]} == {"world"}
+    np.testing.assert_allclose([ns * _NS for ns, _ in states], sent.t, atol=_NS)
+    stamps = [m.header.stamp.sec + m.header.stamp.nanosec * _NS for _, m in states]
+    np.testing.assert_allclose(stamps, sent.t, atol=_NS)
+    assert [m.data for _, m in topics[PHASE]] == ["watch", "ä\n"]
+    assert notes == sent.metadata
+
+
+def test_the_same_recording_gives_the_same_bytes(tmp_path: Path) -> None:
+    """Nothing of the clock or of the machine enters a file."""
+    for name in ("a", "b"):
+        write_recording(tmp_path / name, _recording(30, 3, 1))
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+def test_messages_lie_in_the_order_of_time(tmp_path: Path) -> None:
+    """A player that reads straight through sees time rise."""
+    write_recording(tmp_path / "x.mcap", _recording(700, 2, 1))
+    with (tmp_path / "x.mcap").open("rb") as stream:
+        times = [m.log_time for *_, m in make_reader(stream).iter_messages(log_time_order=False)]
+    assert times == sorted(times)
+
+
+def test_topics_have_the_types_that_foxglove_knows(tmp_path: Path) -> None:
+    """Schemas carry ROS 2's full names and say that they are ros2msg."""
+    write_recording(tmp_path / "x.mcap", _recording(3, 2, 1))
+    with (tmp_path / "x.mcap").open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    kinds = {c.topic: summary.schemas[c.schema_id] for c in summary.channels.values()}
+    assert {topic: schema.name for topic, schema in kinds.items()} == {
+        "/joint_states": "sensor_msgs/msg/JointState",
+        "/joint_commands": "sensor_msgs/msg/JointState",
+        ESTIMATE: "geometry_msgs/msg/PointStamped",
+        PHASE: "std_msgs/msg/String",
+    }
+    assert {schema.encoding for schema in kinds.values()} == {"ros2msg"}
+
+
+def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path: Path) -> None:
+    """A folder in the way is refused in one line, and no temporary file stays behind."""
+    (tmp_path / "x.mcap").mkdir()
+    with pytest.raises(FileError, match="can be written"):
+        write_recording(tmp_path / "x.mcap", _recording(3, 2, 1))
+    assert [x.name for x in tmp_path.iterdir()] == ["x.mcap"]
+
+
+def test_columns_of_other_lengths_are_refused() -> None:
+    """The shapes are checked when a recording is put together, not when it is written."""
+    t, two = np.zeros(3), np.zeros((3, 2, 2))
+    with pytest.raises(ShapeError, match="tau"):
+        Recording(joints=("a", "b"), t=t, encoders=two, command=two, tau=np.zeros((3, 1)))
+    with pytest.raises(ShapeError, match="command"):
+        Recording(joints=("a", "b"), t=t, encoders=two, command=two[:2], tau=np.zeros((3, 2)))
+    with pytest.raises(ShapeError, match=ESTIMATE):
+        Track(topic=ESTIMATE, t=t, r=np.zeros((2, 3)))
