@@ -1,0 +1,39 @@
+# make catch    throw balls at the simulated arm and write runs/0-direct/report.html
+# make test     run the tests
+# make check    format, lint, types, import contracts, then make test
+# Each builds .venv with exactly pinned versions first if it is missing; Python >= 3.11 is enough.
+
+PYTHON ?= python3
+BIN := .venv/bin
+# Compiled kernels are kept apart by the state of the source: Numba does not notice that a kernel
+# that another one calls has changed.
+SOURCE := $(shell find src -name '*.py' | LC_ALL=C sort | xargs cat | cksum | cut -d ' ' -f 1)
+export NUMBA_CACHE_DIR := $(CURDIR)/.venv/kernels/$(SOURCE)
+
+.PHONY: catch test check bench clean
+
+.venv/ready: pyproject.toml constraints.txt
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "mitt needs Python 3.11 or later")'
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt "setuptools>=80"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --no-build-isolation --editable ".[dev]"
+	touch .venv/ready
+
+catch: .venv/ready
+	$(BIN)/mitt catch --overwrite $(ARGS)
+
+test: .venv/ready
+	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal $(ARGS)
+
+check: .venv/ready
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(MAKE) --no-print-directory test
+
+bench: .venv/ready
+	$(BIN)/python benchmarks/trial.py
+
+clean:
+	rm -rf .venv build
