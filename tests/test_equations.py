@@ -7,7 +7,7 @@ from types import FrameType
 
 import numpy as np
 import pytest
-from conftest import ball_state, parabola
+from support import ball_state, parabola
 
 import mitt
 from mitt.generator.demand import demand

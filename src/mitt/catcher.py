@@ -57,7 +57,7 @@ class CatcherSettings:
         flight: What the filter believes of the ball's flight.
     """
 
-    bandwidth: float = 60.0
+    bandwidth: float = 80.0
     sigma_ready: float = 0.02
     watch: float = 0.08
     adapt_q: float = 0.06

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from conftest import parabola
+from support import parabola
 
 from mitt.errors import InputError
 from mitt.generator.constraints import initial_matrix, shift

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import ball_state
 from hypothesis import given
 from hypothesis import strategies as st
+from support import ball_state
 
 from mitt.errors import MittError, ModelError, ShapeError
 from mitt.generator.learn import Learned
@@ -40,7 +40,7 @@ def at_catch(f: DirectMap, rng: np.random.Generator) -> tuple[Array, Array, Arra
 def test_the_hand_meets_the_ball_whatever_alpha_is(
     arm: Arm, seed: int, kappa: float, q_catch: float
 ) -> None:
-    """Eq. (3): no position error for any alpha and kappa, relative velocity (kappa - 1) J_i dq_i."""
+    """Eq. (3): no position error at any alpha and kappa; relative velocity (kappa - 1) J_i dq_i."""
     rng = np.random.default_rng(seed)
     f = bent(unlearned(arm, MapDesign(kappa=kappa, q_catch=q_catch)), rng)
     r_o, dr_o, ddr_o = at_catch(f, rng)
@@ -153,7 +153,7 @@ def test_adapting_at_the_catch_itself_stays_finite(learned: Learned) -> None:
 
 @given(seed=seeds)
 def test_the_law_holds_for_an_arm_from_a_file(seed: int) -> None:
-    """A Panda's axes 1, 2, 4 meet the ball by Newton's inverse just as the WAM does in closed form."""
+    """A Panda's axes 1, 2, 4 meet the ball by Newton's inverse as the WAM does in closed form."""
     path = Path(pytest.__file__).parents[1] / PANDA
     panda = load_arm(
         path, tip="panda_hand_tcp", joints=["panda_joint1", "panda_joint2", "panda_joint4"]

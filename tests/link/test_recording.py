@@ -20,6 +20,7 @@ from mitt.link.recording import (
     Track,
     write_recording,
 )
+from mitt.signals import Array
 
 _NS = 1e-9
 
@@ -27,7 +28,7 @@ _NS = 1e-9
 def _recording(k: int, n: int, seed: int) -> Recording:
     """Return a recording of random numbers."""
     rng = np.random.default_rng(seed)
-    t = np.arange(k) * 1e-3
+    t: Array = np.arange(k, dtype=np.float64) * 1e-3
     return Recording(
         joints=tuple(f"j{i}" for i in range(n)),
         t=t,

@@ -17,11 +17,11 @@ from mitt.robot.arm import Arm
 from mitt.signals import Array
 
 #: Share of a speed limit and gap to a joint stop [rad] that the emitted motion keeps.
-_SPEED_SHARE, _STOP_GAP = 0.995, 0.02
+_SPEED_SHARE, _STOP_GAP = 0.995, 0.06
 #: Time in which a joint may close in on a speed limit [s]; a few ticks.
 _APPROACH = 0.006
 #: Share of the torque-limited deceleration that braking for a joint stop may rely on.
-_BRAKE_SHARE = 0.5
+_BRAKE_SHARE = 1.0
 
 
 def bounds_of(arm: Arm) -> Array:

@@ -32,8 +32,10 @@ _LEARNING = (
 _TRAJECTORY = (
     "Points each millisecond, the arm each 50 ms, darker as time goes on, until 0.1 s after the "
     "catch. The ball comes from the right. Look at the last stretch: the hand swings into the "
-    "ball&rsquo;s way along its tangent and moves on with it. With &alpha; = 0 the arm starts "
-    "somewhere else than the map asks and hurries after it."
+    "ball&rsquo;s way along its tangent and moves on with it."
+)
+_TRAJECTORY_PLAIN = (
+    " With &alpha; = 0 the arm starts somewhere else than the map asks and hurries after it."
 )
 _RESPONSE = (
     "True ball (broad), the catcher&rsquo;s estimate of it, the catch point that the map asks for, "
@@ -41,15 +43,19 @@ _RESPONSE = (
     "position and slope of hand and ball must come together, eq. (3)."
 )
 _ANGLES = (
-    "Dotted: learned map; solid: &alpha; = 0, as in the paper. The thin line is what the map with "
-    "&alpha; = 0 asks for before anything is clipped; the shaded band is the joint&rsquo;s range. "
-    "Where the thin line leaves the band, the arm could not follow if it would."
+    "Dotted: learned map, as the encoders read it; the shaded band is the joint&rsquo;s range."
+)
+_ANGLES_PLAIN = (
+    " Solid, as in the paper: &alpha; = 0. The thin line is what the map with &alpha; = 0 asks for "
+    "before anything is clipped; where it leaves the band, the arm could not follow if it would."
 )
 _TORQUES = (
-    "Dotted: learned map; solid: &alpha; = 0. The shaded band is the torque limit, at which "
-    "commands are cut off. The thin line is the torque that the asked-for motion alone would take, "
-    "eq. (16); what the solid line adds to it is feedback. After the catch both brake with the "
-    "ball in the hand."
+    "Dotted: learned map. The shaded band is the torque limit, eq. (18), at which commands are cut "
+    "off. After the catch the arm brakes with the ball in the hand."
+)
+_TORQUES_PLAIN = (
+    " Solid: &alpha; = 0. The thin line is the torque that the motion it asks for would take by "
+    "itself, eq. (16); most of what the solid line adds is feedback."
 )
 _PICTURES = (
     "Drawn in software from the simulated states, a picture every 33 ms, the one at the catch "
@@ -92,13 +98,15 @@ def _of_throw(content: "ReportContent") -> list[str]:
     plain = None if content.unoptimised is None else content.unoptimised.log
     if learned is None:
         return []
-    arm = content.arm
+    arm, paired = content.arm, plain is not None
     out = [
         _shown(catching_trajectory(arm, learned, plain), "Fig. 8 \u00b7 Catching trajectory",
-               _TRAJECTORY),
+               _TRAJECTORY + _TRAJECTORY_PLAIN * paired),
         _shown(target_and_hand(arm, learned), "Fig. 9 \u00b7 Target and hand over time", _RESPONSE),
-        _shown(joint_angles(arm, learned, plain), "Fig. 10 \u00b7 Joint angles", _ANGLES),
-        _shown(joint_torques(arm, learned, plain), "Fig. 11 \u00b7 Command torques", _TORQUES),
+        _shown(joint_angles(arm, learned, plain), "Fig. 10 \u00b7 Joint angles",
+               _ANGLES + _ANGLES_PLAIN * paired),
+        _shown(joint_torques(arm, learned, plain), "Fig. 11 \u00b7 Command torques",
+               _TORQUES + _TORQUES_PLAIN * paired),
     ]  # fmt: skip
     if content.pictures:
         strip = _strip(picture_strip(arm, content.scene, learned))

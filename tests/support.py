@@ -1,0 +1,32 @@
+"""Balls and flights that several tests use."""
+
+import numpy as np
+
+from mitt.generator.flights import Flight
+from mitt.robot.arm import Arm
+from mitt.signals import Array, BallState
+
+
+def ball_state(r_o: Array, dr_o: Array, ddr_o: Array, *, t: float = 0.0) -> BallState:
+    """Return a ball that is known exactly."""
+    return BallState(
+        t=t,
+        tracked=True,
+        r_o=r_o,
+        dr_o=dr_o,
+        ddr_o=ddr_o,
+        drag=0.0,
+        covariance=1e-12 * np.eye(6),
+        t_seen=t,
+        t_first=0.0,
+    )
+
+
+def parabola(arm: Arm, rng: np.random.Generator, *, instants: int = 25) -> Flight:
+    """Return a drag-free flight from 0.4 s before to 0.01 s after a random point of the catch."""
+    q = np.array([rng.uniform(-0.3, 0.3), np.pi / 4 + rng.uniform(-0.2, 0.2), np.pi / 2])
+    g = np.array([0.0, 0.0, -9.81])
+    dr_c = np.array([-rng.uniform(4.5, 6.0), rng.uniform(-0.5, 0.5), -rng.uniform(1.5, 3.0)])
+    r_c, t = arm.position(q), np.linspace(-0.4, 0.01, instants)
+    ball = np.array([[r_c + dr_c * s + 0.5 * g * s * s, dr_c + g * s, g] for s in t])
+    return Flight(t=t + 0.45, ball=ball, seen=ball[0].copy())
