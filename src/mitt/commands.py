@@ -15,14 +15,7 @@ from mitt.errors import InputError
 from mitt.generator.learn import Learned
 from mitt.link.maps import save_map
 from mitt.options import CatchOptions, LearnOptions
-from mitt.study.catch import (
-    Finished,
-    arm_of,
-    design_of,
-    prepare,
-    run,
-    write_outputs,
-)
+from mitt.study.catch import Finished, arm_of, design_of, prepare, run
 from mitt.study.lesson import LEARNING_SEED
 from mitt.study.lesson import learn as learn_map
 from mitt.study.neighbourhood import Neighbourhood
@@ -39,6 +32,8 @@ def catch(options: CatchOptions) -> int:
     prepared = prepare(options)
     if options.check:
         return _checked(f"{prepared.source.count} throws, output to {prepared.out}")
+    from mitt.study.outputs import write_outputs  # noqa: PLC0415 (plots: only when written)
+
     with _progress() as report:
         finished = run(prepared, progress=report)
         write_outputs(finished, progress=report)
@@ -103,10 +98,11 @@ def _progress() -> Iterator[Report]:
 def _show(finished: Finished) -> None:
     """Print the table of a run."""
     console, summary = Console(), finished.result["summary"]
-    table = Table(title=_title(finished), title_justify="left")
-    for name in ("throw", "status", "t catch [s]", "miss [mm]", "rel. speed [m/s]", "torque",
-                 "speed", "force [N]", "asks most"):  # fmt: skip
-        table.add_column(name, justify="left" if name in ("status", "asks most") else "right")
+    table = Table(title=_title(finished), title_justify="left", padding=(0, 1))
+    for name in ("throw", "status", "t [s]", "miss [mm]", "rel. [m/s]", "torque", "speed", "[N]",
+                 "asks most"):  # fmt: skip
+        words = name in ("status", "asks most")
+        table.add_column(name, justify="left" if words else "right", no_wrap=True)
     shown = finished.trials[:20] + [t for t in finished.trials[20:] if t.status != "caught"][:40]
     for trial in shown:
         table.add_row(*_row(trial))

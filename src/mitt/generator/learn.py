@@ -66,6 +66,7 @@ class Learned:
 
     Attributes:
         map: The map with alpha* and H.
+        maps: The map at each of those steps; only the last where it was read from a file.
         steps: One entry before the first step (alpha = 0, unprojected), then one after each.
         flights: Flights used.
         left_out: Flights that leave the domain of l_c^-1.
@@ -74,6 +75,7 @@ class Learned:
     """
 
     map: DirectMap
+    maps: tuple[DirectMap, ...]
     steps: tuple[Step, ...]
     flights: int
     left_out: int
@@ -90,11 +92,12 @@ def learn(
     """Learn alpha* and H for an arm over flights; see the module."""
     settings = settings or LearnSettings()
     start, lifted = _scaled(unlearned(arm, design), flights)
-    history = [_unoptimised(start, lifted)]
+    history, maps = [_unoptimised(start, lifted)], [start]
     f, status, last = _with_metric(start, _kinetic(arm, lifted)), "steps", np.inf
     for _ in range(settings.steps):
         parts = [_linearise(f, flight, settings) for flight in lifted]
         history.append(_mean([part.step for part in parts]))
+        maps.append(f)
         now = history[-1].cost_torque + history[-1].cost_speed
         if abs(last - now) <= settings.tolerance * now:
             status = "converged"
@@ -107,6 +110,7 @@ def learn(
         f = further
     return Learned(
         map=f,
+        maps=tuple(maps),
         steps=tuple(history),
         flights=len(lifted),
         left_out=len(flights) - len(lifted),

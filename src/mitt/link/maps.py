@@ -132,6 +132,7 @@ def _learned(path: Path, content: _MapFile, arm: Arm) -> Learned:
         raise FileError(str(path), "a map that fits together", error) from error
     return Learned(
         map=f,
+        maps=(f,),
         steps=tuple(Step(**step.model_dump()) for step in content.steps),
         flights=content.flights,
         left_out=content.left_out,

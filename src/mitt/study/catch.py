@@ -13,8 +13,8 @@ from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import MapDesign, unlearned
 from mitt.link.clock import Stopwatch
-from mitt.link.files import check_folder, claim_folder, write_json
-from mitt.link.maps import read_map, save_map
+from mitt.link.files import check_folder
+from mitt.link.maps import read_map
 from mitt.options import ArmOptions, CatchOptions
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
@@ -30,8 +30,6 @@ from mitt.world.scene import TABLE_TENNIS, Scene, read_scene
 GENERATORS = ("direct", "unoptimised")
 #: Most throws in one run; more belong into a study.
 _MOST_THROWS = 100_000
-#: What a run leaves in its folder.
-LEAVES = ("result.json", "report.html", "map.json", "recordings")
 #: Index of the throw that is run once before the others, so that compiling is not measured.
 _WARM_UP = 2**31
 
@@ -152,8 +150,13 @@ def make_generator(name: str, learned: Learned) -> Generator:
 
 def make_bench(prepared: Prepared, learned: Learned, *, generator: str) -> Bench:
     """Return the bench of a run, for a generator by name."""
+    return bench_for(prepared, make_generator(generator, learned))
+
+
+def bench_for(prepared: Prepared, generator: Generator) -> Bench:
+    """Return the bench of a run, for any generator."""
     pixels = prepared.job.vision == "pixels"
-    return Bench(prepared.arm, make_generator(generator, learned), prepared.scene, pixels=pixels)
+    return Bench(prepared.arm, generator, prepared.scene, pixels=pixels)
 
 
 def run(prepared: Prepared, *, progress: Callable[[str, int, int], None]) -> Finished:
@@ -192,21 +195,3 @@ def one_throw(bench: Bench, prepared: Prepared, index: int, *, log: bool = False
     """Throw one ball of a run; run again, it gives the same trial."""
     source = prepared.source
     return bench.run(index, source.ball(index), seed=source.trial_seed(index), log=log)
-
-
-def write_outputs(finished: Finished, *, progress: Callable[[str, int, int], None]) -> None:
-    """Claim the folder of the run and write its result and its map."""
-    prepared = finished.prepared
-    claim_folder(prepared.out, overwrite=prepared.job.overwrite, ours=LEAVES)
-    write_json(prepared.out / "result.json", finished.result)
-    save_map(prepared.out / "map.json", finished.learned, version=mitt.__version__)
-    progress("writing", 1, 1)
-
-
-def logged(finished: Finished) -> list[int]:
-    """Return the indices of the trials to record: the first and, if asked for, others."""
-    job = finished.prepared.job
-    if job.record == "none":
-        return []
-    everything = job.record == "all"
-    return [t.index for t in finished.trials if everything or t.index == 0 or t.status != "caught"]

@@ -85,3 +85,8 @@ def source_of(
         recordings=recordings,
         drag=drag,
     )
+
+
+def release_of(ball: Throw | BallPath) -> Array:
+    """Return where a ball is released [m], shape (3,)."""
+    return ball.r if isinstance(ball, Throw) else ball.at(0.0)[0]

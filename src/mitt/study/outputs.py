@@ -1,0 +1,119 @@
+"""What a run leaves in its folder: result, map, recordings, report."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+import mitt
+from mitt.generator.generators import Direct
+from mitt.link.clock import Stopwatch
+from mitt.link.files import claim_folder, write_json
+from mitt.link.maps import save_map
+from mitt.link.recording import write_recording
+from mitt.study.catch import Finished, bench_for, make_bench, one_throw
+from mitt.study.figures.learning import feedback_share
+from mitt.study.record import recording_of
+from mitt.study.report import ReportContent, write_report
+from mitt.study.result import result
+from mitt.study.source import release_of
+from mitt.study.trial import Outcome
+
+#: Everything a run leaves; an earlier run's is removed first.
+LEAVES = ("result.json", "report.html", "map.json", "recordings")
+#: Throws that the report compares with alpha = 0.
+_COMPARED = 10
+
+Progress = Callable[[str, int, int], None]
+
+
+def write_outputs(finished: Finished, *, progress: Progress) -> None:
+    """Claim the folder of the run and fill it; the result first, so that it is never lost."""
+    prepared = finished.prepared
+    claim_folder(prepared.out, overwrite=prepared.job.overwrite, ours=LEAVES)
+    write_json(prepared.out / "result.json", finished.result)
+    save_map(prepared.out / "map.json", finished.learned, version=mitt.__version__)
+    if finished.trials:
+        _write_recordings(finished, progress)
+        progress("report", 0, 1)
+        write_report(prepared.out / "report.html", _content(finished, progress))
+        progress("report", 1, 1)
+
+
+def _write_recordings(finished: Finished, progress: Progress) -> None:
+    """Throw the balls to be recorded once more, which gives the same trials, and record them."""
+    prepared, kept = finished.prepared, _recorded(finished)
+    bench = make_bench(prepared, finished.learned, generator=prepared.job.generator)
+    for done, index in enumerate(kept):
+        progress("recordings", done, len(kept))
+        outcome = one_throw(bench, prepared, index, log=True)
+        if outcome.log is not None:
+            recording = recording_of(
+                outcome.log, outcome.trial, prepared.arm.names, about=prepared.head
+            )
+            write_recording(prepared.out / "recordings" / f"throw-{index:05d}.mcap", recording)
+    progress("recordings", len(kept), len(kept))
+
+
+def _recorded(finished: Finished) -> list[int]:
+    """Return the throws to record: the first and the failures, or as the options say."""
+    job = finished.prepared.job
+    if job.record == "none":
+        return []
+    every = job.record == "all"
+    return [t.index for t in finished.trials if every or t.index == 0 or t.status != "caught"]
+
+
+def _content(finished: Finished, progress: Progress) -> ReportContent:
+    """Collect what the report shows."""
+    prepared, learned = finished.prepared, finished.learned
+    bench = make_bench(prepared, learned, generator=prepared.job.generator)
+    whole = len(learned.maps) > 1
+    balls = [prepared.source.ball(trial.index) for trial in finished.trials]
+    return ReportContent(
+        result=finished.result,
+        arm=prepared.arm,
+        scene=prepared.scene,
+        steps=learned.steps if whole else None,
+        direct=one_throw(bench, prepared, 0, log=True),
+        unoptimised=_plain(finished),
+        releases=np.array([release_of(ball) for ball in balls]),
+        shares=_feedback(finished, progress) if whole else None,
+        rivals=_rivals(finished, progress),
+    )
+
+
+def _plain(finished: Finished) -> Outcome | None:
+    """Return the first throw with alpha = 0; None where the run itself was that."""
+    prepared = finished.prepared
+    if prepared.job.generator == "unoptimised":
+        return None
+    bench = make_bench(prepared, finished.learned, generator="unoptimised")
+    return one_throw(bench, prepared, 0, log=True)
+
+
+def _feedback(finished: Finished, progress: Progress) -> tuple[float, ...]:
+    """Return the share of feedback in the torque with the map of each step of learning."""
+    prepared, maps = finished.prepared, finished.learned.maps
+    shares = []
+    for k, f in enumerate(maps):
+        progress("feedback", k, len(maps))
+        log = one_throw(bench_for(prepared, Direct(f)), prepared, 0, log=True).log
+        if log is not None and np.any(log.following):
+            shares.append(feedback_share(log))
+    progress("feedback", len(maps), len(maps))
+    return tuple(shares)
+
+
+def _rivals(finished: Finished, progress: Progress) -> tuple[dict[str, object], ...]:
+    """Return the result of the first throws with alpha = 0, to be compared with."""
+    prepared = finished.prepared
+    if prepared.job.generator == "unoptimised":
+        return ()
+    bench = make_bench(prepared, finished.learned, generator="unoptimised")
+    count, trials = min(len(finished.trials), _COMPARED), []
+    for index in range(count):
+        progress("alpha = 0", index, count)
+        trials.append(one_throw(bench, prepared, index).trial)
+    progress("alpha = 0", count, count)
+    head = prepared.head | {"generator": "unoptimised"}
+    return (result(trials, Stopwatch(), head),)
