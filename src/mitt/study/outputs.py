@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 import mitt
-from mitt.generator.generators import Direct
+from mitt.generator.generators import Direct, Unoptimised
 from mitt.link.clock import Stopwatch
 from mitt.link.files import claim_folder, write_json
 from mitt.link.maps import save_map
@@ -97,7 +97,8 @@ def _feedback(finished: Finished, progress: Progress) -> tuple[float, ...]:
     shares = []
     for k, f in enumerate(maps):
         progress("feedback", k, len(maps))
-        log = one_throw(bench_for(prepared, Direct(f)), prepared, 0, log=True).log
+        generator = Unoptimised(f) if k == 0 else Direct(f)
+        log = one_throw(bench_for(prepared, generator), prepared, 0, log=True).log
         if log is not None and np.any(log.following):
             shares.append(feedback_share(log))
     progress("feedback", len(maps), len(maps))
