@@ -52,8 +52,25 @@ class Tracker:
         tau = np.empty(self.arm.n)
         packed = self.arm.limits.packed
         saturated = _allowed(packed, self._index, asked, state.dq, self._speed, tau)
+        if saturated:
+            tau = self._within(state, asked)
         command = Command(t=state.t, q=motion[0], dq=motion[1], ddq=motion[2], tau=tau, hand=hand)
         return Tracked(command=command, saturated=saturated)
+
+    def _within(self, state: ArmState, asked: Array) -> Array:
+        """Return torques within every limit that lead as far towards the wish as they can.
+
+        Torques are cut along the line from those of coasting to those asked for, all joints by
+        the same share: then each acceleration stays between coasting and the wish, which both
+        respect the speed limits and the stops. Cutting joint by joint would let one joint's
+        limit push another beyond its own.
+        """
+        arm, limits = self.arm, self.arm.limits
+        coasting = np.zeros(arm.n)
+        bound_acceleration(self._bounds, state.q, state.dq, coasting)
+        rest = arm.torque(state.q, state.dq, coasting)
+        share = _share(limits.packed, rest, asked, self._speed)
+        return arm.active(limits.saturate(rest + share * (asked - rest), self._speed))
 
 
 @njit(cache=True)
@@ -91,3 +108,23 @@ def largest_gap(a: Array, b: Array) -> float:
     for k in range(len(a)):
         gap = max(gap, abs(a[k] - b[k]))
     return gap
+
+
+@njit(cache=True)
+def _share(packed: Array, rest: Array, asked: Array, speed: Array) -> float:
+    """Return the largest share of the way from ``rest`` to ``asked`` within every drive's peak."""
+    n, share = len(rest), 1.0
+    for m in range(n):
+        start, way, dq = 0.0, 0.0, 0.0
+        for k in range(n):
+            start += packed[m, k] * rest[k]
+            way += packed[m, k] * (asked[k] - rest[k])
+            dq += packed[n + m, k] * speed[k]
+        goal = start + way
+        bound, stall = packed[2 * n, m], packed[2 * n + 1, m]
+        if goal * dq > 0.0 and np.isfinite(stall):
+            bound = min(bound, stall * max(1.0 - abs(dq) / packed[2 * n + 2, m], 0.0))
+        if abs(goal) > bound:
+            edge = np.copysign(bound, goal)
+            share = min(share, max((edge - start) / way, 0.0)) if way * goal > 0.0 else 0.0
+    return share
