@@ -14,11 +14,11 @@ from mitt.robot.arm import Arm
 from mitt.signals import Array
 
 #: Share of the torque limits that braking may use; feedback needs the rest.
-_SHARE = 0.95
+_SHARE = 0.98
 #: Time in which a deceleration builds up [s].
-_ONSET = 0.004
+_ONSET = 0.002
 #: Instants at which the torque of a candidate is checked, and halvings of the interval.
-_INSTANTS, _HALVINGS = 7, 4
+_INSTANTS, _HALVINGS = 7, 5
 _TICK = 0.001
 #: Gap to a joint stop below which an ideal brake of one joint alone counts as short of room [rad].
 _NEAR = 0.45

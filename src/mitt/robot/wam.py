@@ -93,7 +93,7 @@ _TABLE = (
 _TOOL_PLATE = 0.35
 
 #: What carries the arm: from the base plate up to below the shoulder.
-_BASE = Capsule(start=(0.0, 0.0, -0.33), end=(0.0, 0.0, -0.12), radius=0.12)
+_BASE = Capsule(start=(0.0, 0.0, -0.33), end=(0.0, 0.0, -0.22), radius=0.10)
 
 
 LIMIT_SETS = ("paper", *_VOLTS)
