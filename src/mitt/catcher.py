@@ -130,7 +130,12 @@ class Catcher:
         return senses.points
 
     def _estimate(self, sightings: tuple[Sighting, ...], t: float) -> BallState:
-        """Take in the sightings and carry the estimate to the time of the command."""
+        """Take in the sightings and carry the estimate to the time of the command.
+
+        Once the hand has closed the ball is where the hand is, and the estimate stays.
+        """
+        if self._phase is Phase.BRAKE and self.tick is not None:
+            return self.tick.ball
         for sighting in sightings:
             self._filter.update(sighting)
         return self._filter.state(t)

@@ -136,9 +136,8 @@ def _stop(arm: Arm, t: float, motion: Array, rate: Array) -> Brake:
     result = Ruckig(arm.n).calculate(request, trajectory)
     if result not in (Result.Working, Result.Finished):
         raise RuntimeError(f"Ruckig refused a stop from {motion.tolist()}: {result}")
-    share = 0.0
-    for after in np.linspace(0.0, trajectory.duration, _INSTANTS, endpoint=False) + _ONSET:
-        row = np.array(trajectory.at_time(min(float(after), trajectory.duration)))
-        asked = arm.limits.torque_ratio(arm.torque(*row), arm.all_joints(row[1]))
-        share = max(share, float(asked.max()))
-    return Brake(t, trajectory, share)
+    after = np.linspace(0.0, trajectory.duration, _INSTANTS, endpoint=False) + _ONSET
+    rows = [np.array(trajectory.at_time(min(x, trajectory.duration))) for x in after.tolist()]
+    tau = np.array([arm.torque(*row) for row in rows])
+    dq = np.array([arm.all_joints(row[1]) for row in rows])
+    return Brake(t, trajectory, float(arm.limits.torque_ratio(tau, dq).max()))
