@@ -25,6 +25,8 @@ Report = Callable[[str, int, int], None]
 
 #: Most flights to learn from; more only takes longer.
 _MOST_FLIGHTS = 10_000
+#: Width of tables that do not go to a terminal [characters].
+_FILE_WIDTH = 110
 
 
 def catch(options: CatchOptions) -> int:
@@ -97,7 +99,7 @@ def _progress() -> Iterator[Report]:
 
 def _show(finished: Finished) -> None:
     """Print the table of a run."""
-    console, summary = Console(), finished.result["summary"]
+    console, summary = _console(), finished.result["summary"]
     table = Table(title=_title(finished), title_justify="left", padding=(0, 1))
     for name in ("throw", "status", "t [s]", "miss [mm]", "rel. [m/s]", "torque", "speed", "[N]",
                  "asks most"):  # fmt: skip
@@ -118,6 +120,12 @@ def _show(finished: Finished) -> None:
         f"tick {summary['tick_us']['p50']:.0f} us median"
     )
     console.print(f"written: {finished.prepared.out / 'report.html'}", soft_wrap=True)
+
+
+def _console() -> Console:
+    """Return the console of tables: as wide as the terminal, wide enough in a file."""
+    console = Console()
+    return console if console.is_terminal else Console(width=_FILE_WIDTH)
 
 
 def _title(finished: Finished) -> str:
@@ -162,7 +170,7 @@ def _lesson(learned: Learned, out: Path) -> dict[str, object]:
 
 def _show_lesson(learned: Learned, out: Path) -> None:
     """Print the cost at each step, the numbers behind fig. 7."""
-    console = Console()
+    console = _console()
     table = Table(title="cost over the optimisation (fig. 7)", title_justify="left")
     for name in ("step", "torque", "speed", "sum", "largest share of a limit"):
         table.add_column(name, justify="right")

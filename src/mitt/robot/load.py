@@ -105,11 +105,10 @@ def _from_pinocchio(
     for joint in joints:
         if joint not in known:
             raise UnknownNameError("joint", joint, known)
-    if not full.existFrame(tip):
-        raise UnknownNameError("tip", tip, (frame.name for frame in full.frames))
+    _frame(full, tip)
     locked = [full.getJointId(k) for k in known if k not in joints]
     model = pin.buildReducedModel(full, locked, pin.neutral(full))
-    frame = model.frames[model.getFrameId(tip)]
+    frame = _frame(model, tip)
     if list(model.parents)[1:] != list(range(model.njoints - 1)) or (
         frame.parentJoint != model.njoints - 1
     ):
@@ -130,6 +129,15 @@ def _from_pinocchio(
         mount=np.eye(4),
     )
     return Arm(description, _limits(model))
+
+
+def _frame(model: pin.Model, tip: str) -> pin.Frame:
+    """Return the frame of a name, the body where a joint is called the same."""
+    named = [frame for frame in model.frames if frame.name == tip]
+    if not named:
+        raise UnknownNameError("tip", tip, (frame.name for frame in model.frames))
+    bodies = [frame for frame in named if frame.type == pin.FrameType.BODY]
+    return (bodies or named)[0]
 
 
 def _link(model: pin.Model, k: int) -> Link:

@@ -1,0 +1,119 @@
+"""Laws of the brake: it starts where the arm is, stays within torque and range, ends at rest."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mitt.control.brake import Brake, plan_brake, short_of_room
+from mitt.robot.arm import Arm
+from mitt.signals import Array
+
+START = 0.45
+#: Agreement of the start with the state handed in, and of the end with rest.
+EXACT = 1e-9
+#: Torque on a grid of 1 ms, between the seven instants that the planner looks at.
+BETWEEN = 1.05
+#: Longest stop of a catch [s].
+LONGEST = 1.5
+
+seeds = st.integers(0, 2**31)
+
+
+def catch_state(seed: int) -> Array:
+    """Return q, dq, ddq of an arm at a catch, shape (3, 3)."""
+    rng = np.random.default_rng(seed)
+    q = np.array([rng.uniform(-0.35, 0.35), np.pi / 4 + rng.uniform(-0.3, 0.3), 0.0])
+    q[2] = rng.uniform(1.5, 1.7)
+    dq = np.array([rng.uniform(-1.5, 1.5), rng.uniform(-6.0, 4.0), rng.uniform(5.0, 18.0)])
+    ddq = np.array([rng.uniform(-10, 10), rng.uniform(-40, 40), rng.uniform(-60, 60)])
+    return np.array([q, dq, ddq])
+
+
+def torque_share(arm: Arm, brake: Brake) -> float:
+    """Return the largest share of a drive's torque along the brake, each millisecond."""
+    rows = [brake.at(t) for t in np.arange(START, START + brake.duration, 1e-3)]
+    speeds = [arm.all_joints(row[1]) for row in rows]
+    return max(
+        float(arm.limits.torque_ratio(arm.torque(*row), dq).max())
+        for row, dq in zip(rows, speeds, strict=True)
+    )
+
+
+@settings(max_examples=60)
+@given(seed=seeds)
+def test_a_brake_takes_over_smoothly_and_ends_at_rest(arm: Arm, seed: int) -> None:
+    """q and dq at the start are the arm's, at the end and ever after the arm rests."""
+    motion = catch_state(seed)
+    brake = plan_brake(arm, START, motion)
+    assert 0.0 < brake.duration < LONGEST
+    assert np.allclose(brake.at(START)[:2], motion[:2], atol=EXACT)
+    assert np.array_equal(brake.at(START - 1.0), brake.at(START))
+    end = brake.at(START + brake.duration)
+    assert np.allclose(end[1:], 0.0, atol=1e-6)
+    assert np.allclose(brake.at(START + 10.0), end, atol=EXACT)
+    assert np.allclose(brake.q_end, end[0], atol=EXACT)
+
+
+@settings(max_examples=60)
+@given(seed=seeds)
+def test_a_brake_is_the_integral_of_its_own_rates(arm: Arm, seed: int) -> None:
+    """Along the way q changes by dq and dq by ddq: nothing jumps."""
+    brake = plan_brake(arm, START, catch_state(seed))
+    h = 1e-5
+    for share in (0.1, 0.37, 0.62, 0.9):
+        t = START + share * brake.duration
+        before, now, after = brake.at(t - h), brake.at(t), brake.at(t + h)
+        slope = (after - before) / (2.0 * h)
+        assert np.allclose(slope[0], now[1], atol=1e-3)
+        assert np.allclose(slope[1], now[2], atol=0.02 * (1.0 + np.abs(now[2]).max()))
+
+
+@settings(max_examples=60)
+@given(seed=seeds)
+def test_a_brake_stays_within_the_torque_limits(arm: Arm, seed: int) -> None:
+    """The stated share is at most 1, and inverse dynamics each millisecond agrees to 5 %."""
+    brake = plan_brake(arm, START, catch_state(seed))
+    assert brake.torque_share <= 1.0
+    assert torque_share(arm, brake) <= BETWEEN
+
+
+@settings(max_examples=60)
+@given(seed=seeds)
+def test_a_brake_that_has_room_ends_inside_the_ranges(arm: Arm, seed: int) -> None:
+    """Up to 15 rad/s at joint 4 every joint comes to rest before its stop."""
+    motion = catch_state(seed)
+    motion[1, 2] = min(motion[1, 2], 15.0)
+    brake = plan_brake(arm, START, motion)
+    assert np.all((brake.q_end >= arm.q_min) & (brake.q_end <= arm.q_max))
+
+
+@given(seed=seeds)
+def test_an_arm_at_rest_brakes_in_no_time(arm: Arm, seed: int) -> None:
+    """Without speed there is nothing to do: the arm stays where it is."""
+    motion = catch_state(seed)
+    motion[1:] = 0.0
+    brake = plan_brake(arm, START, motion)
+    assert np.allclose(brake.q_end, motion[0], atol=1e-6)
+
+
+@given(seed=seeds)
+def test_room_shrinks_with_speed(arm: Arm, seed: int) -> None:
+    """A joint that is short of room at some speed towards a stop is so at every higher one."""
+    motion = catch_state(seed)
+    motion[1, :2] = 0.0
+    speeds = np.linspace(0.0, 25.0, 26)
+    short = []
+    for speed in speeds:
+        motion[1, 2] = speed
+        short.append(short_of_room(arm, motion))
+    assert short == sorted(short)
+    assert not short[0]
+    assert short[-1]
+
+
+def test_over_comes_after_the_end(arm: Arm) -> None:
+    """The brake is over a tick after the arm should rest, not before."""
+    brake = plan_brake(arm, START, catch_state(1))
+    assert not brake.over(START)
+    assert not brake.over(START + brake.duration)
+    assert brake.over(START + brake.duration + 0.002)

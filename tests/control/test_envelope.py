@@ -1,0 +1,149 @@
+"""Laws of the envelope: nothing changes inside the limits, nothing passes them from outside."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mitt.control.envelope import bound_acceleration, bounds_of, clip_motion
+from mitt.robot.arm import Arm
+from mitt.robot.load import load_arm
+from mitt.signals import Array
+
+TICK = 0.001
+#: A joint may pass the emitted range [rad] and speed [share] by so much in discrete time.
+OVERSHOOT, OVERSPEED = 0.02, 1e-9
+#: Time within which a joint beyond its speed limit is back below it [s]: six time constants.
+BACK = 0.036
+
+seeds = st.integers(0, 2**31)
+wide = st.lists(st.floats(-50.0, 50.0), min_size=3, max_size=3).map(np.array)
+
+
+def inside(b: Array, rng: np.random.Generator) -> Array:
+    """Return random q, dq, ddq within ranges and speeds, shape (3, n)."""
+    n = b.shape[1]
+    return np.array(
+        [rng.uniform(b[0], b[1]), rng.uniform(-b[2], b[2]), rng.uniform(-300.0, 300.0, n)]
+    )
+
+
+def stoppable(b: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Return q and dq within the limits from which every joint can still stop in its range."""
+    q = rng.uniform(b[0], b[1])
+    up, down = (np.sqrt(2.0 * b[3] * way) for way in (b[1] - q, q - b[0]))
+    return q, rng.uniform(-np.minimum(b[2], down), np.minimum(b[2], up))
+
+
+@given(seed=seeds)
+def test_a_motion_within_the_limits_passes_bit_by_bit(arm: Arm, seed: int) -> None:
+    """Inside ranges and speeds the clipped motion is the wanted one, to the last bit."""
+    b = bounds_of(arm)
+    wanted = inside(b, np.random.default_rng(seed))
+    kept = wanted.copy()
+    clip_motion(b, kept)
+    assert np.array_equal(kept, wanted)
+
+
+@given(q=wide, dq=wide, ddq=wide)
+def test_a_clipped_motion_keeps_ranges_and_speeds(
+    arm: Arm, q: Array, dq: Array, ddq: Array
+) -> None:
+    """Whatever is wanted, q and dq are within their limits, and no joint moves out of its range."""
+    b = bounds_of(arm)
+    kept = np.array([q, dq, ddq])
+    clip_motion(b, kept)
+    assert np.all((kept[0] >= b[0]) & (kept[0] <= b[1]))
+    assert np.all(np.abs(kept[1]) <= b[2])
+    assert np.all(kept[1][kept[0] == b[1]] <= 0.0)
+    assert np.all(kept[1][kept[0] == b[0]] >= 0.0)
+    assert np.all(kept[2][kept[1] != dq] == 0.0)
+
+
+@given(q=wide, dq=wide, ddq=wide)
+def test_clipping_twice_is_clipping_once(arm: Arm, q: Array, dq: Array, ddq: Array) -> None:
+    """What has been clipped is within the limits, so it passes unchanged."""
+    b = bounds_of(arm)
+    once = np.array([q, dq, ddq])
+    clip_motion(b, once)
+    twice = once.copy()
+    clip_motion(b, twice)
+    assert np.array_equal(once, twice)
+
+
+@given(seed=seeds)
+def test_an_acceleration_far_from_every_limit_passes_bit_by_bit(arm: Arm, seed: int) -> None:
+    """At the middle of the ranges and at rest, an acceleration of 300 rad/s^2 is not touched."""
+    b, rng = bounds_of(arm), np.random.default_rng(seed)
+    wish = rng.uniform(-300.0, 300.0, arm.n)
+    kept = wish.copy()
+    bound_acceleration(b, 0.5 * (b[0] + b[1]), np.zeros(arm.n), kept)
+    assert np.array_equal(kept, wish)
+
+
+@given(seed=seeds, hold=st.integers(1, 200), size=st.sampled_from([10.0, 1e3, 1e6]))
+def test_no_wish_takes_a_double_integrator_beyond_its_limits(
+    arm: Arm, seed: int, hold: int, size: float
+) -> None:
+    """From any state that can still stop, random wishes never pass a speed limit or a stop."""
+    b, rng = bounds_of(arm), np.random.default_rng(seed)
+    q, dq = stoppable(b, rng)
+    for tick in range(400):
+        if tick % hold == 0:
+            wish = size * rng.standard_normal(arm.n)
+        ddq = wish.copy()
+        bound_acceleration(b, q, dq, ddq)
+        q, dq = q + TICK * dq + 0.5 * TICK**2 * ddq, dq + TICK * ddq
+        assert np.all(np.abs(dq) <= b[2] * (1.0 + OVERSPEED))
+        assert np.all((q > b[0] - OVERSHOOT) & (q < b[1] + OVERSHOOT))
+
+
+def test_the_overshoot_stays_before_the_true_stop(arm: Arm) -> None:
+    """The gap that the envelope keeps is wider than what it may overshoot."""
+    b = bounds_of(arm)
+    assert np.all(b[0] - OVERSHOOT > arm.q_min)
+    assert np.all(b[1] + OVERSHOOT < arm.q_max)
+    assert np.all(b[2] < arm.dq_max)
+
+
+@given(seed=seeds, beyond=st.floats(1.05, 4.0))
+def test_a_joint_beyond_its_speed_limit_is_brought_back(
+    arm: Arm, seed: int, beyond: float
+) -> None:
+    """From up to four times a speed limit the bound itself slows down, even against the wish."""
+    b, rng = bounds_of(arm), np.random.default_rng(seed)
+    sign = rng.choice([-1.0, 1.0], arm.n)
+    q, dq = 0.5 * (b[0] + b[1]), sign * b[2] * beyond
+    excess = np.abs(dq) - b[2]
+    for _ in range(round(BACK / TICK)):
+        ddq = 1e6 * sign
+        # The middle of the range again and again: only the speed limit is looked at.
+        bound_acceleration(b, q, dq, ddq)
+        assert np.all(ddq * sign <= 0.0)
+        dq = dq + TICK * ddq
+    assert np.all(np.abs(dq) - b[2] < 0.01 * excess)
+
+
+@pytest.mark.parametrize("row", [0, 1, 2])
+@pytest.mark.parametrize("bad", [np.inf, -np.inf])
+def test_an_endless_wish_is_clipped_like_a_large_one(arm: Arm, row: int, bad: float) -> None:
+    """Infinite positions and speeds end at the limit, infinite accelerations at the bound."""
+    b = bounds_of(arm)
+    wanted = np.array([arm.q_ready, np.zeros(3), np.zeros(3)])
+    wanted[row, 1] = bad
+    clip_motion(b, wanted)
+    assert np.all(np.isfinite(wanted[:2]))
+    ddq = wanted[2].copy()
+    bound_acceleration(b, arm.q_ready, np.zeros(3), ddq)
+    assert np.all(np.isfinite(ddq))
+
+
+@pytest.mark.parametrize("limits", ["paper", "wam-48v", "wam-80v"])
+def test_every_limit_set_has_its_own_bounds(limits: str) -> None:
+    """Ranges shrink by a gap, speeds to just below the set's own, decelerations are positive."""
+    other = load_arm("wam", limits=limits)
+    b = bounds_of(other)
+    assert np.all(b[0] > other.q_min)
+    assert np.all(b[1] < other.q_max)
+    assert np.all((b[2] < other.dq_max) & (b[2] > 0.99 * other.dq_max))
+    assert np.all(b[3] > 0.0)

@@ -1,0 +1,80 @@
+"""Laws of the closing hand: it starts once, never opens again, and never without a catch."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mitt.control.hand import FOLLOW_ON, TOUCH_BEFORE, Closing
+from mitt.robot.hands import HandModel
+
+TICK = 0.001
+RADIUS = 0.04
+LEAD = HandModel().closing.lead
+
+#: Times to the catch as a map announces them: falling, noisy, or none in sight.
+announced = st.lists(
+    st.one_of(st.floats(-0.1, 0.6), st.just(np.inf)), min_size=1, max_size=120
+)
+
+
+@given(times=announced, radius=st.floats(0.01, 0.06))
+def test_a_started_closing_is_not_taken_back(times: list[float], radius: float) -> None:
+    """Whatever the map announces, the hand starts at most once and its angle never falls."""
+    hand = Closing(HandModel(), ball_radius=radius)
+    angles, starts = [], set()
+    for k, time in enumerate(times):
+        angles.append(hand.step(k * TICK, time))
+        starts.add(hand.t_start)
+    assert np.all(np.diff(angles) >= 0.0)
+    assert len(starts - {np.inf}) <= 1
+    assert hand.started == any(time <= LEAD for time in times)
+    assert max(angles) <= HandModel().drive.closed
+
+
+@given(times=st.lists(st.floats(0.0201, 5.0), min_size=1, max_size=50))
+def test_a_hand_stays_open_while_the_catch_is_far(times: list[float]) -> None:
+    """More than its lead before the catch, or with none in sight, the hand is open."""
+    hand = Closing(HandModel(), ball_radius=RADIUS)
+    for k, time in enumerate([*times, np.inf, np.nan]):
+        assert hand.step(k * TICK, time if time > LEAD else np.inf) == 0.0
+    assert not hand.started
+    assert not hand.closed(10.0, hurry=True)
+
+
+def test_the_hand_starts_its_lead_before_the_catch() -> None:
+    """Counting down to the catch, the fingers start in the first tick within the lead."""
+    hand = Closing(HandModel(), ball_radius=RADIUS)
+    for k in range(-200, 100):
+        hand.step(k * TICK, -k * TICK)
+    assert abs(hand.t_start + LEAD) <= TICK
+
+
+def test_at_the_catch_the_fingers_are_about_to_touch() -> None:
+    """At the time of the catch they are led within the margin of the angle of touch."""
+    model = HandModel()
+    hand = Closing(model, ball_radius=RADIUS)
+    angle = [hand.step(k * TICK, -k * TICK) for k in range(-30, 1)][-1]
+    touch = model.touch_angle(RADIUS)
+    assert abs(angle - touch) <= 2.0 * model.closing.margin
+
+
+@given(hurry=st.booleans(), after=st.floats(0.0, 0.2))
+def test_closed_is_told_by_the_clock(hurry: bool, after: float) -> None:
+    """Closed is lead and following on after the start, in a hurry the first touch."""
+    hand = Closing(HandModel(), ball_radius=RADIUS)
+    hand.step(1.0, 0.0)
+    due = LEAD + (TOUCH_BEFORE if hurry else FOLLOW_ON)
+    if abs(after - due) > 1e-9:
+        assert hand.closed(1.0 + after, hurry=hurry) == (after > due)
+
+
+def test_a_hurry_never_waits_longer() -> None:
+    """Where the arm is short of room it brakes earlier, but not before the fingers touch."""
+    assert -LEAD < TOUCH_BEFORE < FOLLOW_ON
+
+
+def test_without_a_hand_nothing_closes() -> None:
+    """An arm without a hand commands 0 for ever and never counts as closed."""
+    hand = Closing(None, ball_radius=RADIUS)
+    assert [hand.step(k * TICK, -1.0) for k in range(5)] == [0.0] * 5
+    assert not hand.closed(10.0, hurry=False)

@@ -1,0 +1,171 @@
+"""Laws of the tracker: the error's own equation inside the limits, every limit outside."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mitt.control.tracking import Tracker
+from mitt.robot.arm import Arm
+from mitt.robot.load import load_arm
+from mitt.signals import ArmState, Array, Command
+
+BANDWIDTH = 80.0
+#: Agreement of an acceleration through inverse dynamics and back, share of its size.
+EXACT = 1e-9
+#: Agreement of the simulated error with its closed form, share of its first size; the
+#: controller is stepped each 0.1 ms, so w dt = 0.008.
+FOLLOWED = 0.02
+FINE = 1e-4
+#: Largest torque of a drive beyond its bound [N m]: rounding.
+ROUNDING = 1e-9
+SETS = ("paper", "wam-48v", "wam-80v")
+
+seeds = st.integers(0, 2**31)
+
+
+@pytest.fixture(scope="module")
+def arms() -> dict[str, Arm]:
+    """The WAM with each limit set."""
+    return {name: load_arm("wam", limits=name) for name in SETS}
+
+
+def acceleration(arm: Arm, q: Array, dq: Array, tau: Array) -> Array:
+    """Return the acceleration of an exact arm under a torque: M^-1 (tau - H dq - g), (n,)."""
+    bias = arm.inverse_dynamics(q, dq, np.zeros(arm.n))
+    return np.linalg.solve(arm.mass_matrix(q), tau - bias)
+
+
+def command(arm: Arm, q: Array, dq: Array, wanted: Array) -> Command:
+    """Return the command of a fresh tracker."""
+    state = ArmState(t=0.0, q=q, dq=dq)
+    return Tracker(arm, bandwidth=BANDWIDTH).step(state, wanted, hand=0.0).command
+
+
+def drive_excess(arm: Arm, dq: Array, tau: Array) -> float:
+    """Return the largest excess of a drive's torque over its bound [N m]."""
+    drive = arm.limits.drive_torque(arm.all_joints(tau))
+    bound = arm.limits.torque_bound(drive, arm.limits.drive_speed(arm.all_joints(dq)))
+    return float(np.max(np.abs(drive) - bound))
+
+
+@given(seed=seeds)
+def test_within_the_limits_the_error_obeys_its_own_equation(arm: Arm, seed: int) -> None:
+    """At any instant without a limit, the arm accelerates by ddq_d + 2 w de + w^2 e."""
+    rng = np.random.default_rng(seed)
+    q = arm.q_ready + rng.uniform([-1.0, -0.4, 0.2], [1.0, 0.4, 1.5])
+    dq = rng.uniform(-1.0, 1.0, 3)
+    wanted = np.array(
+        [q + rng.uniform(-1e-3, 1e-3, 3), dq + rng.uniform(-0.05, 0.05, 3), rng.uniform(-3, 3, 3)]
+    )
+    e, de = wanted[0] - q, wanted[1] - dq
+    law = wanted[2] + 2.0 * BANDWIDTH * de + BANDWIDTH**2 * e
+    tracked = Tracker(arm, bandwidth=BANDWIDTH).step(
+        ArmState(t=0.0, q=q, dq=dq), wanted, hand=0.3
+    )
+    assert not tracked.saturated
+    got = acceleration(arm, q, dq, tracked.command.tau)
+    assert np.allclose(got, law, atol=EXACT * (1.0 + np.abs(law).max()))
+    assert np.array_equal(tracked.command.q, wanted[0])
+    assert tracked.command.hand == 0.3
+
+
+@given(seed=seeds)
+def test_an_arm_follows_a_reference_as_the_closed_form_says(arm: Arm, seed: int) -> None:
+    """e(t) = (e_0 + (de_0 + w e_0) t) exp(-w t) along a moving reference, to 2 %."""
+    rng = np.random.default_rng(seed)
+    middle, size, w = np.array([0.1, 0.8, 0.9]), rng.uniform(-0.2, 0.2, 3), BANDWIDTH
+    rate = rng.uniform(1.0, 4.0, 3)
+    tracker = Tracker(arm, bandwidth=w)
+
+    def reference(t: float) -> Array:
+        s, c = np.sin(rate * t), np.cos(rate * t)
+        return np.array([middle + size * s, size * rate * c, -size * rate**2 * s])
+
+    e_0, de_0 = rng.uniform(-2e-3, 2e-3, 3), rng.uniform(-0.05, 0.05, 3)
+    q, dq = reference(0.0)[:2] - np.array([e_0, de_0])
+    for k in range(500):
+        t = k * FINE
+        wanted = reference(t)
+        e = (e_0 + (de_0 + w * e_0) * t) * np.exp(-w * t)
+        scale = np.max(np.abs(e_0) + np.abs(de_0) / w)
+        assert np.allclose(wanted[0] - q, e, atol=FOLLOWED * scale)
+        tracked = tracker.step(ArmState(t=t, q=q, dq=dq), wanted, hand=0.0)
+        assert not tracked.saturated
+        ddq = acceleration(arm, q, dq, tracked.command.tau)
+        q, dq = q + FINE * dq + 0.5 * FINE**2 * ddq, dq + FINE * ddq
+
+
+@pytest.mark.parametrize("name", SETS)
+@given(seed=seeds, wild=st.sampled_from([0.1, 1.0, 10.0]))
+def test_whatever_is_wanted_the_command_keeps_every_limit(
+    arms: dict[str, Arm], name: str, seed: int, wild: float
+) -> None:
+    """Position, speed and every drive's torque are within the set, also from states beyond it."""
+    arm, rng = arms[name], np.random.default_rng(seed)
+    q = rng.uniform(arm.q_min - 0.2, arm.q_max + 0.2)
+    dq = 1.3 * rng.uniform(-arm.dq_max, arm.dq_max)
+    wanted = wild * rng.standard_normal((3, 3)) * np.array([[1.0], [10.0], [100.0]])
+    kept = command(arm, q, dq, wanted)
+    assert np.all((kept.q >= arm.q_min) & (kept.q <= arm.q_max))
+    assert np.all(np.abs(kept.dq) <= arm.dq_max)
+    assert drive_excess(arm, dq, kept.tau) <= ROUNDING
+
+
+@given(seed=seeds)
+def test_saturation_is_told_exactly_when_a_limit_was_met(arm: Arm, seed: int) -> None:
+    """A small wish is not marked; one that asks twice the torque of a joint is."""
+    rng = np.random.default_rng(seed)
+    q, rest = arm.q_ready + rng.uniform(-0.3, 0.3, 3), np.zeros(3)
+    state = ArmState(t=0.0, q=q, dq=rest)
+    push = 2.0 * arm.tau_max / np.diag(arm.mass_matrix(q))
+    tracker = Tracker(arm, bandwidth=BANDWIDTH)
+    assert not tracker.step(state, np.array([q, rest, rest]), hand=0.0).saturated
+    assert tracker.step(state, np.array([q, rest, push]), hand=0.0).saturated
+
+
+@pytest.mark.parametrize("name", SETS)
+@given(seed=seeds)
+def test_an_exact_arm_never_outruns_its_limits(
+    arms: dict[str, Arm], name: str, seed: int
+) -> None:
+    """A simulated exact arm led by a wild reference keeps speeds to 1 % and never meets a stop."""
+    arm, rng = arms[name], np.random.default_rng(seed)
+    tracker, dt = Tracker(arm, bandwidth=BANDWIDTH), 1e-3
+    q, dq = arm.q_ready.copy(), np.zeros(3)
+    wanted = np.array([q, dq, dq])
+    for k in range(150):
+        if k % 50 == 0:
+            wanted = np.array(
+                [rng.uniform(arm.q_min, arm.q_max), rng.uniform(-arm.dq_max, arm.dq_max), dq * 0]
+            )
+        kept = tracker.step(ArmState(t=k * dt, q=q, dq=dq), wanted, hand=0.0).command
+        for _ in range(2):
+            dq = dq + 0.5 * dt * acceleration(arm, q, dq, kept.tau)
+            q = q + 0.5 * dt * dq
+        assert np.all(np.abs(dq) <= 1.01 * arm.dq_max)
+        assert np.all((q >= arm.q_min) & (q <= arm.q_max))
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("row", [0, 1, 2])
+def test_a_wish_that_is_no_number_never_reaches_the_command(
+    arm: Arm, row: int, bad: float
+) -> None:
+    """NaN or infinity in q_d, dq_d or ddq_d: every field of the command is finite."""
+    wanted = np.array([arm.q_ready, np.zeros(3), np.zeros(3)])
+    wanted[row, 1] = bad
+    kept = command(arm, arm.q_ready, np.zeros(3), wanted)
+    assert all(np.all(np.isfinite(x)) for x in (kept.q, kept.dq, kept.ddq, kept.tau))
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("which", ["q", "dq"])
+def test_an_encoder_that_gives_no_number_never_reaches_the_command(
+    arm: Arm, which: str, bad: float
+) -> None:
+    """NaN or infinity read at a joint: every field of the command is finite."""
+    q, dq = arm.q_ready.copy(), np.zeros(3)
+    (q if which == "q" else dq)[1] = bad
+    kept = command(arm, q, dq, np.array([arm.q_ready, np.zeros(3), np.zeros(3)]))
+    assert all(np.all(np.isfinite(x)) for x in (kept.q, kept.dq, kept.ddq, kept.tau))
