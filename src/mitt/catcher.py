@@ -6,7 +6,7 @@ The only module that knows the order of the stages. The same catcher runs agains
 world, a replayed recording and a real arm.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import final
 
@@ -113,8 +113,10 @@ class Catcher:
 
     def step(self, senses: Senses) -> Command:
         """See, estimate, generate, close, track: one tick."""
-        sighting = self._see(senses)
-        ball = self._estimate(sighting, senses.t)
+        believed = self._tracker.believed(senses.arm)
+        if believed is not senses.arm:
+            senses = replace(senses, arm=believed)
+        ball = self._estimate(self._see(senses), senses.t)
         reference = self._generate(ball, senses)
         hand = self._closing.step(senses.t, self._time_to_catch(reference))
         tracked = self._tracker.step(senses.arm, self._wanted, hand=hand)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mitt.control.tracking import Tracker
@@ -70,6 +70,7 @@ def test_within_the_limits_the_error_obeys_its_own_equation(arm: Arm, seed: int)
     assert tracked.command.hand == 0.3
 
 
+@settings(max_examples=15)
 @given(seed=seeds)
 def test_an_arm_follows_a_reference_as_the_closed_form_says(arm: Arm, seed: int) -> None:
     """e(t) = (e_0 + (de_0 + w e_0) t) exp(-w t) along a moving reference, to 2 %."""
@@ -125,6 +126,7 @@ def test_saturation_is_told_exactly_when_a_limit_was_met(arm: Arm, seed: int) ->
 
 
 @pytest.mark.parametrize("name", SETS)
+@settings(max_examples=25)
 @given(seed=seeds)
 def test_an_exact_arm_never_outruns_its_limits(
     arms: dict[str, Arm], name: str, seed: int

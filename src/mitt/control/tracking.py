@@ -4,7 +4,7 @@ tau = M(q) (ddq_d + K_d (dq_d - dq) + K_p (q_d - q)) + H(q, dq) dq + g(q), eq. (
 an exact model the error of each joint obeys e'' + 2 w e' + w^2 e = 0 with w = ``bandwidth``.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
@@ -29,7 +29,10 @@ class Tracked:
 
 @final
 class Tracker:
-    """Tracking controller of one arm."""
+    """Tracking controller of one arm.
+
+    Encoder readings that are not finite are replaced by the last that were.
+    """
 
     def __init__(self, arm: Arm, *, bandwidth: float) -> None:
         """Take the arm and the bandwidth w of the error [rad/s]."""
@@ -37,6 +40,14 @@ class Tracker:
         self._bounds = bounds_of(arm)
         self._index = np.array(arm.model.active)
         self._speed = np.zeros(len(arm.model.links))
+        self._known = ArmState(t=0.0, q=arm.q_ready, dq=np.zeros(arm.n))
+
+    def believed(self, state: ArmState) -> ArmState:
+        """Return the encoder readings, or the last that were finite in their place."""
+        if not (all_finite(state.q) and all_finite(state.dq)):
+            return replace(self._known, t=state.t)
+        self._known = state
+        return state
 
     def step(self, state: ArmState, wanted: Array, *, hand: float) -> Tracked:
         """Return the command for one tick.
@@ -46,6 +57,7 @@ class Tracker:
             wanted: q_d, dq_d, ddq_d [rad, rad/s, rad/s^2], shape (3, n).
             hand: Closing angle of the fingers [rad].
         """
+        state = self.believed(state)
         motion = np.empty((4, self.arm.n))
         _wish(self._bounds, self.bandwidth, state.q, state.dq, wanted, motion)
         asked = self.arm.torque(state.q, state.dq, motion[3])
@@ -75,8 +87,14 @@ class Tracker:
 
 @njit(cache=True)
 def _wish(b: Array, w: float, q: Array, dq: Array, wanted: Array, motion: Array) -> None:
-    """Write the clipped motion, and in row 3 the acceleration to be realised."""
+    """Write the clipped motion, and in row 3 the acceleration to be realised.
+
+    A joint of which anything wanted is not finite is wanted to stay where it is.
+    """
     motion[:3] = wanted
+    for k in range(len(q)):
+        if not np.isfinite(wanted[0, k] + wanted[1, k] + wanted[2, k]):
+            motion[0, k], motion[1, k], motion[2, k] = q[k], 0.0, 0.0
     clip_motion(b, motion)
     for k in range(len(q)):
         lag, slow = motion[0, k] - q[k], motion[1, k] - dq[k]
@@ -99,6 +117,15 @@ def _allowed(
     for k in range(len(index)):
         tau[k] = kept[index[k]]
     return met
+
+
+@njit(cache=True)
+def all_finite(x: Array) -> bool:
+    """Say whether every entry of a vector is a finite number."""
+    for k in range(len(x)):  # noqa: SIM110 (compiled: a loop is the fast form)
+        if not np.isfinite(x[k]):
+            return False
+    return True
 
 
 @njit(cache=True)
