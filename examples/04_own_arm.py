@@ -2,7 +2,8 @@
 
 The shoulder of this arm stands off the yaw axis, so there is no closed form and the map is
 inverted by Newton's method. The law: whatever the coefficients alpha are, position and velocity
-of hand and ball agree at the catch, eq. (3).
+of hand and ball agree at the catch, eq. (3). With a hand at its palm this arm also catches:
+``mitt catch --arm own_arm.urdf --tip palm --joints yaw,pitch,elbow --q-catch 1.4``.
 """
 
 from dataclasses import replace

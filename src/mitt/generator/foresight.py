@@ -80,7 +80,7 @@ def _catch_time(packed: Array, state: Array, q_o: Array, end: Array, work: Array
         if not inside:
             return _NO_CATCH
         s = q_o[g.catch_joint] - g.q_catch
-        if s * last < 0.0:
+        if last != 0.0 and s * last <= 0.0:
             break
         last = s
         advance(r, dr, state[6], stride)

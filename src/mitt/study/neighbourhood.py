@@ -159,7 +159,7 @@ def _catch_time(f: DirectMap, motion: _Motion, t_0: float) -> float | None:
         if not inside:
             return None
         s = rows[0, i] - f.design.q_catch
-        if last * s < 0.0:
+        if last != 0.0 and last * s <= 0.0:
             return float(t - _GRID * s / (s - last))
         last = s
     return None

@@ -16,4 +16,6 @@ def wilson(successes: int, trials: int, *, confidence: float = 0.95) -> tuple[fl
     rate, spread = successes / trials, z * z / trials
     centre = (rate + 0.5 * spread) / (1.0 + spread)
     half = z * sqrt(rate * (1.0 - rate) / trials + 0.25 * spread / trials) / (1.0 + spread)
-    return max(centre - half, 0.0), min(centre + half, 1.0)
+    # Exactly 0 and 1 at the ends, where rounding would leave a little.
+    low = 0.0 if successes == 0 else centre - half
+    return low, 1.0 if successes == trials else centre + half

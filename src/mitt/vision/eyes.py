@@ -1,12 +1,24 @@
-"""The eyes of the catcher: images in, ball position out."""
+"""The eyes of the catcher: images in, ball position out, in one compiled call."""
 
 from dataclasses import dataclass, field
 
-from mitt.errors import InputError
-from mitt.signals import Frame, Sighting
+import numpy as np
+from numba import njit
+
+from mitt.errors import InputError, ShapeError
+from mitt.signals import Array, Frame, Image, Sighting
+from mitt.vision import segmentation, triangulation
 from mitt.vision.camera import Rig
-from mitt.vision.segmentation import Segmenter, SegmenterConfig
-from mitt.vision.triangulation import Triangulator, TriangulatorConfig
+from mitt.vision.moments import Box
+from mitt.vision.segmentation import SegmenterConfig, forget, pack_segmenter, watch
+from mitt.vision.triangulation import (
+    TriangulatorConfig,
+    note,
+    pack_belief,
+    pack_cameras,
+    triangulate,
+    unseen,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,19 +36,71 @@ class EyesConfig:
     triangulator: TriangulatorConfig = field(default_factory=TriangulatorConfig)
 
 
+@njit(cache=True)
+def look(
+    images: tuple[Image, ...],
+    together: tuple[bool, ...],
+    memory: Array,
+    settings: Array,
+    boxes: Box,
+    cameras: Array,
+    belief: Array,
+    work: Array,
+    r: Array,
+    P: Array,
+) -> bool:
+    """Find the ball in the images of all cameras, then in the world.
+
+    Args:
+        images: One a camera, each shape (height, width); empty where there is none.
+        together: Whether each image was exposed at the instant that is asked for.
+        memory: What is remembered of each camera, overwritten, shape (n, segmentation.MEMORY).
+        settings: Numbers of the segmenter, shape (5,).
+        boxes: Scratch, shape (segmentation.WORK, 4).
+        cameras: As in the table of :mod:`mitt.vision.triangulation`, shape (n, 5, 3).
+        belief: As of :func:`mitt.vision.triangulation.pack_belief`, shape (4,).
+        work: Scratch, shape (triangulation.WORK + n, 3).
+        r: Result, centre of the ball [m], shape (3,).
+        P: Result, its covariance [m^2], shape (3, 3).
+
+    Returns:
+        Whether two or more cameras agree on the ball.
+    """
+    points, count = work[triangulation.WORK :], 0
+    for n in range(len(images)):
+        points[n, 2] = -1.0
+        if images[n].size == 0:
+            continue
+        area, clipped = watch(images[n], memory[n], settings, boxes)
+        if together[n]:
+            u, v = memory[n, 0], memory[n, 1]
+            count += note(points[n], u, v, float(area), clipped, belief[1], belief[2])
+    return bool(count >= 2 and triangulate(cameras, points, belief[0], r, P, work) <= belief[3])
+
+
 class Eyes:
-    """A segmenter for each camera of a rig, and the triangulator."""
+    """Segmentation for each camera of a rig, and triangulation.
+
+    The kernels are those of ``Segmenter`` and ``Triangulator``, composed.
+    """
 
     def __init__(self, rig: Rig, config: EyesConfig | None = None) -> None:
         """Open the eyes; the first frames tell them the ground."""
         config = config or EyesConfig()
-        self._segmenters = tuple(Segmenter(config.segmenter) for _ in rig.cameras)
-        self._triangulator = Triangulator(rig, config.ball_radius, config.triangulator)
+        n = len(rig.cameras)
+        self._max_skew = config.triangulator.max_skew
+        self._settings = pack_segmenter(config.segmenter)
+        self._cameras = pack_cameras(rig)
+        self._belief = pack_belief(config.triangulator, config.ball_radius)
+        self._memory = np.empty((n, segmentation.MEMORY))
+        self._boxes = np.zeros((segmentation.WORK, 4), dtype=np.int64)
+        self._work = np.empty((triangulation.WORK + n, 3))
+        self._none = [np.empty((0, 0), dtype=np.uint8)] * n
+        self.reset()
 
     def reset(self) -> None:
         """Forget the last ball, as before a new throw."""
-        for segmenter in self._segmenters:
-            segmenter.reset()
+        forget(self._memory)
 
     def step(self, frames: tuple[Frame, ...]) -> Sighting:
         """Return where the ball is in frames exposed together.
@@ -46,10 +110,35 @@ class Eyes:
 
         Raises:
             InputError: A frame comes from a camera that the rig does not have.
+            ShapeError: A frame is not a two-dimensional image.
         """
+        t = frames[0].t if frames else 0.0
+        images, together = self._none.copy(), [True] * len(self._none)
         for frame in frames:
-            if not 0 <= frame.camera < len(self._segmenters):
-                raise InputError("frame.camera", f"0 to {len(self._segmenters) - 1}", frame.camera)
-        return self._triangulator.step(
-            tuple(self._segmenters[frame.camera].step(frame) for frame in frames)
-        )
+            k = frame.camera
+            if not 0 <= k < len(images):
+                raise InputError("frame.camera", f"0 to {len(images) - 1}", k)
+            images[k] = _plain(frame.pixels)
+            together[k] = abs(frame.t - t) <= self._max_skew
+        r_o, covariance = np.empty(3), np.empty((3, 3))
+        if look(
+            tuple(images),
+            tuple(together),
+            self._memory,
+            self._settings,
+            self._boxes,
+            self._cameras,
+            self._belief,
+            self._work,
+            r_o,
+            covariance,
+        ):
+            return Sighting(t=t, found=True, r_o=r_o, covariance=covariance)
+        return unseen(t)
+
+
+def _plain(pixels: Image) -> Image:
+    """Return an image as the kernels take it, copied where it is a window or write-protected."""
+    if pixels.ndim != 2 or pixels.size == 0:
+        raise ShapeError("frame.pixels", "(height, width)", pixels.shape)
+    return pixels if pixels.flags.carray else np.array(pixels, dtype=np.uint8, order="C")

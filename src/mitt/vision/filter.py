@@ -15,7 +15,7 @@ from math import isfinite
 import numpy as np
 
 from mitt.signals import BallState, Sighting
-from mitt.vision.kalman import carry, follow, is_sane, save, settle
+from mitt.vision.kalman import carry, copy, is_sane, settle, take
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,8 +98,8 @@ class BallFilter:
         c = self.config
         self.counts = FilterCounts()
         self._settings = np.array((c.accel_density, c.drag_density, c.drag_max))
-        self._x, self._P = np.zeros(7), np.zeros((7, 7))
-        self._x_believed, self._P_believed = np.zeros(7), np.zeros((7, 7))
+        self._tracks = np.zeros((3, 8, 7))
+        self._x, self._P = self._tracks[0, 0], self._tracks[0, 1:]
         self._work = np.zeros((2, 7, 7))
         self.reset()
 
@@ -117,19 +117,27 @@ class BallFilter:
 
     def update(self, sighting: Sighting) -> None:
         """Take a sighting in; one not found, not finite or not newer than the last is ignored."""
-        if not self._is_news(sighting):
+        s, max_gap = sighting, self.config.max_gap
+        if not (s.found and isfinite(s.t) and (s.t > self._t or s.t < self._t_seen - max_gap)):
             self.counts.ignored += 1
             return
-        if self._used == 0 or abs(sighting.t - self._t_seen) > self.config.max_gap:
-            self._begin(sighting)
+        if self._used == 0 or abs(s.t - self._t_seen) > max_gap:
+            if is_sane(s.r_o, s.covariance):
+                self._begin(s)
+            else:
+                self.counts.ignored += 1
             return
-        if not self._doubtful:
-            self._t_believed = self._t
-            save(self._x, self._P, self._x_believed, self._P_believed)
-        if self._follow(sighting):
-            self._believe(sighting)
+        before, calm = self._t, not self._doubtful
+        distance = self._take(s, keep=calm)
+        if distance < 0.0:
+            self.counts.ignored += 1
+            return
+        if calm:
+            self._t_believed = before
+        if distance <= self._gate():
+            self._believe(s)
         else:
-            self._doubt(sighting)
+            self._doubt(s)
 
     def state(self, t: float) -> BallState:
         """Return the estimate carried by the flight model to ``t`` [s], near or far.
@@ -138,37 +146,43 @@ class BallFilter:
         """
         if not self.tracked or not abs(t - self._t) <= MAX_HORIZON:
             return _untracked(t)
-        out, P = np.empty(10), np.empty((7, 7))
-        carry(self._x, self._P, t - self._t, self._settings, out, P, self._work)
+        motion, covariance = np.empty((3, 3)), np.empty((6, 6))
+        drag = carry(self._tracks, t - self._t, self._settings, motion, covariance, self._work)
         return BallState(
             t=t,
             tracked=True,
-            r_o=out[:3],
-            dr_o=out[3:6],
-            ddr_o=out[7:],
-            drag=float(out[6]),
-            covariance=P[:6, :6],
+            r_o=motion[0],
+            dr_o=motion[1],
+            ddr_o=motion[2],
+            drag=drag,
+            covariance=covariance,
             t_seen=self._t_seen,
             t_first=self._t_first,
         )
 
-    def _is_news(self, s: Sighting) -> bool:
-        """Return whether a sighting can be taken in.
+    def _gate(self) -> float:
+        """Return the squared distance beyond which a sighting is not believed."""
+        return self.config.gate if self.tracked else self.config.first_gate
 
-        It is newer than the last, or so much older that the clock has been set back.
+    def _take(self, s: Sighting, *, keep: bool) -> float:
+        """Carry the estimate to the sighting and take it in if it lies in the gate.
+
+        Returns:
+            Its squared distance; negative if it cannot be a sighting, and then nothing changes.
         """
-        if not (s.found and isfinite(s.t) and is_sane(s.r_o, s.covariance)):
-            return False
-        return s.t > self._t or s.t < self._t_seen - self.config.max_gap
-
-    def _follow(self, s: Sighting) -> bool:
-        """Carry the estimate to the sighting, take it in; return whether it lay in the gate."""
-        gate = self.config.gate if self.tracked else self.config.first_gate
-        distance = follow(
-            self._x, self._P, s.t - self._t, s.r_o, s.covariance, gate, self._settings, self._work
+        distance: float = take(
+            self._tracks,
+            s.t - self._t,
+            s.r_o,
+            s.covariance,
+            self._gate(),
+            keep,
+            self._settings,
+            self._work,
         )
-        self._t = s.t
-        return bool(distance <= gate)
+        if distance >= 0.0:
+            self._t = s.t
+        return distance
 
     def _believe(self, sighting: Sighting) -> None:
         """Note a sighting that was taken in; three in a row end a doubt."""
@@ -214,7 +228,7 @@ class BallFilter:
         self._doubtful.clear()
         leap = float(np.linalg.norm(self._x[:3] - again[-1].r_o))
         reach = 1.5 * self.config.kick_sigma * (again[-1].t - self._t_believed)
-        save(self._x_believed, self._P_believed, self._x, self._P)
+        copy(self._tracks[1], self._tracks[0])
         self._t = self._t_believed
         # When within the gap the kick came is unknown, and so how far it has carried the ball.
         kick = self.config.kick_sigma
@@ -222,7 +236,7 @@ class BallFilter:
         self._P[range(3, 6), range(3, 6)] += kick**2
         fitting = 0
         for sighting in again:
-            if self._follow(sighting):
+            if self._take(sighting, keep=False) <= self._gate():
                 self._believe(sighting)
                 fitting += 1
         if 2 * fitting <= len(again) and leap > reach:

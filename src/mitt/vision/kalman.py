@@ -119,6 +119,41 @@ def follow(
 
 
 @njit(cache=True)
+def take(
+    tracks: Array,
+    dt: float,
+    z: Array,
+    R: Array,
+    gate: float,
+    keep: bool,
+    settings: Array,
+    work: Array,
+) -> float:
+    """Take a sighting into the first of two tracks; see :func:`follow`.
+
+    Args:
+        tracks: Estimate and the one last believed, each ``x`` in row 0 and ``P`` in the rows
+            below, shape (>= 2, 8, 7).
+        dt: Time from the estimate to the sighting [s].
+        z: Sighted position [m], shape (3,).
+        R: Its covariance [m^2], shape (3, 3).
+        gate: Largest squared Mahalanobis distance of the innovation [1].
+        keep: Whether to copy the estimate into the second track first.
+        settings: Densities of acceleration and drag, largest drag, shape (3,).
+        work: Scratch, shape (2, 7, 7).
+
+    Returns:
+        The squared Mahalanobis distance; negative for a sighting that cannot be, and then
+        nothing has changed.
+    """
+    if not is_sane(z, R):
+        return -1.0
+    if keep:
+        copy(tracks[0], tracks[1])
+    return float(follow(tracks[0, 0], tracks[0, 1:], dt, z, R, gate, settings, work))
+
+
+@njit(cache=True)
 def settle(x: Array, P: Array, z: Array, R: Array, speed_sigma: float) -> None:
     """Set position and velocity uncertainty afresh; velocity and drag keep their means.
 
@@ -140,18 +175,37 @@ def settle(x: Array, P: Array, z: Array, R: Array, speed_sigma: float) -> None:
 
 
 @njit(cache=True)
-def save(x: Array, P: Array, x_saved: Array, P_saved: Array) -> None:
-    """Copy an estimate."""
-    x_saved[:] = x
-    P_saved[:, :] = P
+def copy(track: Array, saved: Array) -> None:
+    """Copy a track, shape (8, 7)."""
+    for i in range(8):
+        for j in range(7):
+            saved[i, j] = track[i, j]
 
 
 @njit(cache=True)
 def carry(
-    x: Array, P: Array, dt: float, settings: Array, out: Array, P_out: Array, work: Array
-) -> None:
-    """Write estimate and acceleration (10,) and covariance (7, 7) after ``dt``."""
-    out[:7] = x
-    P_out[:, :] = P
-    advance_uncertain(out[:7], P_out, dt, settings[0], settings[1], work)
-    acceleration(out[3:6], out[6], out[7:10])
+    tracks: Array, dt: float, settings: Array, motion: Array, covariance: Array, work: Array
+) -> float:
+    """Carry the first track to another time, without changing it.
+
+    Args:
+        tracks: Estimate, another one, and scratch, shape (3, 8, 7).
+        dt: Time from the estimate [s].
+        settings: Densities of acceleration and drag, largest drag, shape (3,).
+        motion: Result: position, velocity, acceleration, shape (3, 3).
+        covariance: Result, covariance of position and velocity, shape (6, 6).
+        work: Scratch, shape (2, 7, 7).
+
+    Returns:
+        The drag coefficient [1/m].
+    """
+    copy(tracks[0], tracks[2])
+    x, P = tracks[2, 0], tracks[2, 1:]
+    advance_uncertain(x, P, dt, settings[0], settings[1], work)
+    for i in range(3):
+        motion[0, i], motion[1, i] = x[i], x[3 + i]
+    acceleration(motion[1], x[6], motion[2])
+    for i in range(6):
+        for j in range(6):
+            covariance[i, j] = P[i, j]
+    return float(x[6])

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from mitt.errors import ShapeError
 from mitt.signals import Array, Frame, Image, Moments
@@ -33,7 +34,7 @@ class SegmenterConfig:
 
 @njit(cache=True)
 def segment(
-    pixels: Image, centroid: Array, ground: Array, limits: Box, boxes: Box
+    pixels: Image, centroid: Array, ground: Array, min_area: int, half: int, boxes: Box
 ) -> tuple[int, bool]:
     """Find the target, first around the last ``centroid``, then in the whole image.
 
@@ -41,7 +42,8 @@ def segment(
         pixels: Image, shape (height, width).
         centroid: Last centroid, NaN if there is none; overwritten by the new one, shape (2,).
         ground: Level of the ground [grey levels] and threshold, shape (2,).
-        limits: Least area, half the window's side [px], shape (2,).
+        min_area: Least area [px^2].
+        half: Half the window's side [px].
         boxes: Scratch, shape (MAX_BLOBS + 2, 4).
 
     Returns:
@@ -52,13 +54,13 @@ def segment(
     threshold = int(ground[1])
     area = 0
     if np.isfinite(centroid[0]):
-        u, v, half = round(centroid[0]), round(centroid[1]), limits[1]
+        u, v = round(centroid[0]), round(centroid[1])
         window[0], window[2] = max(u - half, 0), min(u + half, width - 1)
         window[1], window[3] = max(v - half, 0), min(v + half, height - 1)
-        area = find_target(pixels, window, threshold, limits[0], boxes, True)
+        area = find_target(pixels, window, threshold, min_area, boxes, True)
     if area == 0:
         window[0], window[1], window[2], window[3] = 0, 0, width - 1, height - 1
-        area = find_target(pixels, window, threshold, limits[0], boxes, False)
+        area = find_target(pixels, window, threshold, min_area, boxes, False)
     if area == 0 or not grey_moments(pixels, boxes[0], ground[0], centroid):
         centroid[0] = np.nan
         return 0, False
@@ -66,24 +68,68 @@ def segment(
     return area, bool(u0 == 0 or v0 == 0 or u1 == width - 1 or v1 == height - 1)
 
 
+@njit(cache=True)
+def measure_ground(
+    pixels: Image, contrast: float, noise_factor: float, counts: NDArray[np.int64], ground: Array
+) -> None:
+    """Write level and threshold of the ground, shape (2,), as an image shows it."""
+    estimate_ground(pixels, counts, ground)
+    rise = max(contrast, noise_factor * ground[1])
+    ground[1] = min(ground[0] + rise, 255.0)
+
+
+@njit(cache=True)
+def watch(pixels: Image, memory: Array, settings: Array, work: Box) -> tuple[int, bool]:
+    """Take one frame of one camera in: measure the ground when it is due, find the target.
+
+    Args:
+        pixels: Image, shape (height, width).
+        memory: Last centroid [px], level of the ground and threshold [grey levels], frames since
+            the ground was measured; overwritten, shape (MEMORY,).
+        settings: As of :func:`pack_segmenter`, shape (5,).
+        work: Scratch, shape (WORK, 4).
+
+    Returns:
+        As :func:`segment`; the centroid is in the memory.
+    """
+    boxes, counts = work[: MAX_BLOBS + 2], work[MAX_BLOBS + 2 :].reshape(256)
+    if memory[4] == 0.0:
+        measure_ground(pixels, settings[2], settings[3], counts, memory[2:4])
+    memory[4] = (memory[4] + 1.0) % settings[4]
+    min_area, half = int(settings[0]), int(settings[1])
+    area, clipped = segment(pixels, memory[0:2], memory[2:4], min_area, half, boxes)
+    return area, clipped
+
+
+MEMORY, WORK = 5, MAX_BLOBS + 2 + 64
+"""Sizes of a camera's memory and of the scratch array."""
+
+
+def pack_segmenter(config: SegmenterConfig) -> Array:
+    """Return the numbers of a segmenter in the order in which :func:`watch` takes them."""
+    c = config
+    settings = (c.min_area, c.half_window, c.min_contrast, c.noise_factor, c.background_period)
+    return np.array(settings, dtype=np.float64)
+
+
+def forget(memory: Array) -> None:
+    """Forget target and ground, in the memory of one camera or of many, shape (..., MEMORY)."""
+    memory[...] = (np.nan, np.nan, 0.0, 0.0, 0.0)
+
+
 class Segmenter:
     """Finds the ball in the frames of one camera; remembers where it was and the ground."""
 
     def __init__(self, config: SegmenterConfig | None = None) -> None:
         """Start without a target and without an idea of the ground."""
-        self._config = config or SegmenterConfig()
-        self._limits = np.array((self._config.min_area, self._config.half_window))
-        self._boxes = np.zeros((MAX_BLOBS + 2, 4), dtype=np.int64)
-        self._counts = np.zeros(256, dtype=np.int64)
-        self._noise = np.zeros(2)
-        self._ground = np.zeros(2)
-        self._centroid = np.zeros(2)
+        self._settings = pack_segmenter(config or SegmenterConfig())
+        self._memory = np.empty(MEMORY)
+        self._work = np.zeros((WORK, 4), dtype=np.int64)
         self.reset()
 
     def reset(self) -> None:
         """Forget the target and the ground."""
-        self._centroid[:] = np.nan
-        self._age = 0
+        forget(self._memory)
 
     def step(self, frame: Frame) -> Moments:
         """Return the moments of the target in ``frame``.
@@ -94,11 +140,7 @@ class Segmenter:
         pixels = frame.pixels
         if pixels.ndim != 2 or pixels.size == 0:
             raise ShapeError("frame.pixels", "(height, width)", pixels.shape)
-        if self._age == 0:
-            self._measure_ground(pixels)
-        self._age = (self._age + 1) % self._config.background_period
-        centroid = self._centroid
-        area, clipped = segment(pixels, centroid, self._ground, self._limits, self._boxes)
+        area, clipped = watch(pixels, self._memory, self._settings, self._work)
         if area == 0:
             return Moments(t=frame.t, camera=frame.camera, found=False)
         return Moments(
@@ -106,15 +148,7 @@ class Segmenter:
             camera=frame.camera,
             found=True,
             area=float(area),
-            u=float(centroid[0]),
-            v=float(centroid[1]),
+            u=float(self._memory[0]),
+            v=float(self._memory[1]),
             clipped=clipped,
         )
-
-    def _measure_ground(self, pixels: Image) -> None:
-        """Set level and threshold from the image."""
-        estimate_ground(pixels, self._counts, self._noise)
-        level, sigma = self._noise
-        rise = max(self._config.min_contrast, self._config.noise_factor * sigma)
-        self._ground[0] = level
-        self._ground[1] = min(level + rise, 255.0)

@@ -7,13 +7,13 @@ tan(theta) / (1 - sin^2(rho) / cos^2(theta)), the mean of tan(theta + rho) and t
 
 | here        | meaning                                                  | unit | shape      |
 |-------------|----------------------------------------------------------|------|------------|
-| ``poses``   | rotation in rows 0 to 2, centre in row 3, a camera each  | m    | (n, 4, 3)  |
-| ``lenses``  | f_px, cu, cv of each camera                              | px   | (n, 3)     |
+| ``cameras`` | a camera each: rotation in rows 0 to 2, centre in row 3, | m    | (n, 5, 3)  |
+|             | f_px, cu, cv in row 4                                    | px   |            |
 | ``points``  | centroid and its standard deviation; negative if unseen  | px   | (n, 3)     |
 """
 
 from dataclasses import dataclass
-from math import isfinite, pi, sqrt
+from math import pi, sqrt
 
 import numpy as np
 from numba import njit
@@ -22,6 +22,9 @@ from mitt.errors import InputError
 from mitt.signals import Array, Moments, Sighting
 from mitt.vision.camera import Rig
 from mitt.vision.linear import invert_positive
+
+WORK = 7
+"""Rows of the scratch array."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,24 +49,25 @@ class TriangulatorConfig:
 
 
 @njit(cache=True)
-def _nearest(poses: Array, lenses: Array, points: Array, r: Array, work: Array) -> bool:
+def _nearest(cameras: Array, points: Array, r: Array, work: Array) -> bool:
     """Write the point with the least squared distance to all rays; False if they are parallel."""
     H, inverse, b = work[0:3], work[3:6], work[6]
     H[:, :] = 0.0
     b[:] = 0.0
-    for n in range(poses.shape[0]):
+    for n in range(cameras.shape[0]):
         if points[n, 2] < 0.0:
             continue
-        x = (points[n, 0] - lenses[n, 1]) / lenses[n, 0]
-        y = (points[n, 1] - lenses[n, 2]) / lenses[n, 0]
+        pose, lens = cameras[n], cameras[n, 4]
+        x = (points[n, 0] - lens[1]) / lens[0]
+        y = (points[n, 1] - lens[2]) / lens[0]
         norm = sqrt(x * x + y * y + 1.0)
         for i in range(3):
-            ray_i = (poses[n, i, 0] * x + poses[n, i, 1] * y + poses[n, i, 2]) / norm
+            ray_i = (pose[i, 0] * x + pose[i, 1] * y + pose[i, 2]) / norm
             for j in range(3):
-                ray_j = (poses[n, j, 0] * x + poses[n, j, 1] * y + poses[n, j, 2]) / norm
+                ray_j = (pose[j, 0] * x + pose[j, 1] * y + pose[j, 2]) / norm
                 projector = (1.0 if i == j else 0.0) - ray_i * ray_j
                 H[i, j] += projector
-                b[i] += projector * poses[n, 3, j]
+                b[i] += projector * pose[3, j]
     if not invert_positive(H, inverse):
         return False
     for i in range(3):
@@ -89,9 +93,7 @@ def sphere_centroid(lens: Array, x: float, y: float, z: float, radius: float, uv
 
 
 @njit(cache=True)
-def _refine(
-    poses: Array, lenses: Array, points: Array, radius: float, r: Array, P: Array, work: Array
-) -> float:
+def _refine(cameras: Array, points: Array, radius: float, r: Array, P: Array, work: Array) -> float:
     """Move ``r`` by one Gauss-Newton step, write its covariance into ``P``.
 
     Returns:
@@ -101,22 +103,22 @@ def _refine(
     H[:, :] = 0.0
     b[:] = 0.0
     worst = 0.0
-    for n in range(poses.shape[0]):
+    for n in range(cameras.shape[0]):
         if points[n, 2] < 0.0:
             continue
-        R, c = poses[n, :3], poses[n, 3]
+        R, c, lens = cameras[n, :3], cameras[n, 3], cameras[n, 4]
         x = R[0, 0] * (r[0] - c[0]) + R[1, 0] * (r[1] - c[1]) + R[2, 0] * (r[2] - c[2])
         y = R[0, 1] * (r[0] - c[0]) + R[1, 1] * (r[1] - c[1]) + R[2, 1] * (r[2] - c[2])
         z = R[0, 2] * (r[0] - c[0]) + R[1, 2] * (r[1] - c[1]) + R[2, 2] * (r[2] - c[2])
         if not z > 1.01 * radius:
             return np.inf
-        sphere_centroid(lenses[n], x, y, z, radius, uv)
+        sphere_centroid(lens, x, y, z, radius, uv)
         du, dv = points[n, 0] - uv[0], points[n, 1] - uv[1]
         worst = max(worst, sqrt(du * du + dv * dv))
         weight = 1.0 / (points[n, 2] * points[n, 2])
         for i in range(3):
-            axis_u[i] = lenses[n, 0] / z * (R[i, 0] - x / z * R[i, 2])
-            axis_v[i] = lenses[n, 0] / z * (R[i, 1] - y / z * R[i, 2])
+            axis_u[i] = lens[0] / z * (R[i, 0] - x / z * R[i, 2])
+            axis_v[i] = lens[0] / z * (R[i, 1] - y / z * R[i, 2])
         for i in range(3):
             b[i] += weight * (axis_u[i] * du + axis_v[i] * dv)
             for j in range(3):
@@ -130,31 +132,78 @@ def _refine(
 
 @njit(cache=True)
 def triangulate(
-    poses: Array, lenses: Array, points: Array, radius: float, r: Array, P: Array, work: Array
+    cameras: Array, points: Array, radius: float, r: Array, P: Array, work: Array
 ) -> float:
     """Write the ball's centre and its covariance; shapes of the inputs in the module's table.
 
     Args:
-        poses: Cameras in the world.
-        lenses: Their lenses.
+        cameras: Cameras in the world.
         points: What they see.
         radius: Ball radius [m].
         r: Result, centre in the world [m], shape (3,).
         P: Result, covariance [m^2], shape (3, 3).
-        work: Scratch, shape (7, 3).
+        work: Scratch, shape (WORK, 3).
 
     Returns:
         The largest distance that remains between centroid and ball [px]; infinite if there is
         no answer, as for parallel rays.
     """
-    if not _nearest(poses, lenses, points, r, work):
+    if not _nearest(cameras, points, r, work):
         return np.inf
     worst = np.inf
     for _ in range(3):
-        worst = _refine(poses, lenses, points, radius, r, P, work)
+        worst = _refine(cameras, points, radius, r, P, work)
         if worst == np.inf:
             return np.inf
     return worst
+
+
+@njit(cache=True)
+def note(
+    point: Array, u: float, v: float, area: float, clipped: bool, floor: float, spread: float
+) -> int:
+    """Write what one camera sees into its row of ``points``.
+
+    Args:
+        point: Result, unchanged where the target does not count, shape (3,).
+        u: Centroid, column [px].
+        v: Centroid, row [px].
+        area: Pixels of the target [px^2].
+        clipped: Whether it touches the border.
+        floor: Squared error that no disc falls below [px^2].
+        spread: Squared error of a disc, times its area^1.5 [px^5].
+
+    Returns:
+        1 if the target counts, else 0.
+    """
+    if clipped or not area > 0.0 or not np.isfinite(u + v):
+        return 0
+    point[0], point[1] = u, v
+    point[2] = sqrt(floor + spread / (area * sqrt(area)))
+    return 1
+
+
+def pack_cameras(rig: Rig) -> Array:
+    """Return a rig as the array ``cameras`` of the module's table.
+
+    Raises:
+        InputError: There are fewer than two cameras.
+    """
+    if len(rig.cameras) < 2:
+        raise InputError("rig", "at least two cameras", len(rig.cameras))
+    return np.array([(*c.rotation, c.centre, (c.f_px, c.cu, c.cv)) for c in rig.cameras])
+
+
+def pack_belief(config: TriangulatorConfig, ball_radius: float) -> Array:
+    """Return radius [m], floor and spread of :func:`note` and the largest residual [px], (4,).
+
+    Raises:
+        InputError: The radius is not that of a ball.
+    """
+    if not 0.0 < ball_radius < 1.0:
+        raise InputError("ball_radius", "a length between 0 and 1 m", ball_radius)
+    c = config
+    return np.array((ball_radius, c.sigma_floor**2, c.sigma_spread**2 * pi**1.5, c.max_residual))
 
 
 class Triangulator:
@@ -173,18 +222,12 @@ class Triangulator:
         Raises:
             InputError: There are fewer than two cameras, or the radius is not positive.
         """
-        if len(rig.cameras) < 2:
-            raise InputError("rig", "at least two cameras", len(rig.cameras))
-        if not 0.0 < ball_radius < 1.0:
-            raise InputError("ball_radius", "a length between 0 and 1 m", ball_radius)
-        self._config = config or TriangulatorConfig()
-        self._radius = ball_radius
-        self._floor = self._config.sigma_floor**2
-        self._spread = self._config.sigma_spread**2 * pi**1.5
-        self._poses = np.stack([np.vstack((c.rotation, c.centre)) for c in rig.cameras])
-        self._lenses = np.array([(c.f_px, c.cu, c.cv) for c in rig.cameras])
+        config = config or TriangulatorConfig()
+        self._max_skew = config.max_skew
+        self._cameras = pack_cameras(rig)
+        self._belief = pack_belief(config, ball_radius)
         self._points = np.empty((len(rig.cameras), 3))
-        self._work = np.empty((7, 3))
+        self._work = np.empty((WORK, 3))
 
     def step(self, moments: tuple[Moments, ...]) -> Sighting:
         """Return where the ball is; ``found`` is False unless two or more cameras agree on it.
@@ -195,22 +238,24 @@ class Triangulator:
         if self._gather(moments, t) >= 2:
             r_o, covariance = np.empty(3), np.empty((3, 3))
             worst = triangulate(
-                self._poses, self._lenses, self._points, self._radius, r_o, covariance, self._work
+                self._cameras, self._points, self._belief[0], r_o, covariance, self._work
             )
-            if worst <= self._config.max_residual:
+            if worst <= self._belief[3]:
                 return Sighting(t=t, found=True, r_o=r_o, covariance=covariance)
-        return Sighting(t=t, found=False, r_o=np.zeros(3), covariance=np.zeros((3, 3)))
+        return unseen(t)
 
     def _gather(self, moments: tuple[Moments, ...], t: float) -> int:
         """Fill the array of points; return how many cameras see the ball at ``t``."""
         self._points[:, 2] = -1.0
         count = 0
         for m in moments:
-            usable = m.found and not m.clipped and isfinite(m.u + m.v) and m.area > 0.0
-            if not usable or abs(m.t - t) > self._config.max_skew:
+            if not m.found or abs(m.t - t) > self._max_skew:
                 continue
-            point = self._points[m.camera]
-            point[0], point[1] = m.u, m.v
-            point[2] = sqrt(self._floor + self._spread / (m.area * sqrt(m.area)))
-            count += 1
+            floor, spread = self._belief[1], self._belief[2]
+            count += note(self._points[m.camera], m.u, m.v, m.area, m.clipped, floor, spread)
         return count
+
+
+def unseen(t: float) -> Sighting:
+    """Return the sighting of no ball at ``t`` [s]."""
+    return Sighting(t=t, found=False, r_o=np.zeros(3), covariance=np.zeros((3, 3)))

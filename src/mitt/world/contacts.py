@@ -31,7 +31,7 @@ def survey(
         force: Constraint forces: normal, then two tangential [N], shape (m,).
         kinds: Kind of each geom, shape (g,).
         touching: Result, whether a geom touches the ball, shape (g,).
-        largest: Result, raised to the largest contact force on the ball [N], shape (1,).
+        largest: Result, raised to the largest contact force on the ball [N], shape (>= 1,).
 
     Returns:
         Bits of what touches what.

@@ -9,21 +9,32 @@ from mitt.robot.description import ArmModel
 from mitt.robot.hands import HandModel
 from mitt.signals import Array, Command, Senses
 from mitt.world.build import STEP, build_plant
-from mitt.world.contacts import ARM_FLOOR, BALL_FLOOR, BALL_HAND, SELF, is_sane, survey
+from mitt.world.contacts import (
+    ARM_FLOOR,
+    BALL_ARM,
+    BALL_FLOOR,
+    BALL_HAND,
+    SELF,
+    survey,
+)
 from mitt.world.flights import BallPath
 from mitt.world.hand import HAND
+from mitt.world.mismatch import PlantDraw
 from mitt.world.scene import Scene
 from mitt.world.sensors import CameraMaker, Sensors
-from mitt.world.servo import actuate, servo_numbers
+from mitt.world.servo import servo_numbers
+from mitt.world.stepping import BROKEN, FINE, finish, pack_plant, prepare, tip_velocity
 from mitt.world.throws import Throw
-from mitt.world.truth import FirstContact, Tape, Trace, Truth, write_row
+from mitt.world.truth import FirstContact, Tape, Trace, Truth
 
-#: Control tick [s] and simulation steps in it.
+#: Control tick [s].
 TICK = 0.001
-_SUBSTEPS = round(TICK / STEP)
 
-#: No throw and no grip makes a ball this fast [m/s]; a contact that breaks down does.
-TOP_SPEED = 30.0
+#: Simulation steps in a tick where a contact may begin; else one will do.
+_FINE_STEPS = round(TICK / STEP)
+
+#: Contacts of the ball with anything.
+_BALL = BALL_HAND | BALL_ARM | BALL_FLOOR
 
 
 @final
@@ -37,7 +48,6 @@ class World:
         model: The compiled MuJoCo model, with the masses of the present trial.
         data: Its state.
         first_contact: State at the first touch of ball and hand; None until then.
-        peak_force: Largest single contact force on the ball so far [N].
     """
 
     def __init__(self, scene: Scene, arm: ArmModel, *, cameras: CameraMaker | None = None) -> None:
@@ -55,25 +65,32 @@ class World:
         self._plant = build_plant(scene, arm)
         self.model = self._plant.model
         self.data = mujoco.MjData(self.model)
-        self._masses = self.model.body_mass.copy(), self.model.body_inertia.copy()
+        self._draw = PlantDraw(scene, self._plant)
         self._n, self._f = self._plant.joints, self._plant.fingers
-        drive = (arm.hand or HandModel()).drive
-        self._servo = np.array(servo_numbers(drive))
+        self._servo = servo_numbers((arm.hand or HandModel()).drive)
         self._kinds = self.model.geom_contype.copy()
         self._touching = np.zeros(self.model.ngeom, dtype=np.bool_)
-        self._largest, self._tip = np.zeros(1), np.zeros(6)
-        d = self.data
+        self._peaks, self._no_force = np.zeros(2), np.zeros(1)
+        d, n, ball = self.data, self._n, self._n + self._f
         self._views = d.qpos, d.qvel, d.ctrl, d.qfrc_applied
-        self._site = d.site_xpos[self._plant.site]
-        self._tape = Tape((1, self.model.nq, self.model.nv, self._n, 3, 3, 1, 1))
-        self._broken, self.peak_force = False, 0.0
-        self.first_contact: FirstContact | None = None
-        self._start(None, np.zeros((2, self._n)), 0.0)
+        self._senses = d.qpos[:n], d.qvel[:n], d.qpos[ball : ball + 3]
+        self._ball = d.qpos[ball : ball + 3], d.qvel[ball : ball + 3]
+        self._flight, self._site = np.zeros((2, 3)), d.site_xpos[self._plant.site]
+        slides = self.model.jnt_type[:n] == mujoco.mjtJoint.mjJNT_SLIDE
+        self._axes = d.xanchor, d.xaxis, np.ascontiguousarray(slides)
+        self._options, self._steps = self.model.opt, 0
+        self._tape = Tape((1, self.model.nq, self.model.nv, n, 3, 3, 1, 1))
+        self._start(None, np.zeros((2, n)), 0.0)
 
     @property
     def t(self) -> float:
         """Time since release [s]."""
         return self._ticks * TICK
+
+    @property
+    def peak_force(self) -> float:
+        """Largest single contact force on the ball so far [N]."""
+        return float(self._peaks[1])
 
     @property
     def ball_on_floor(self) -> bool:
@@ -93,46 +110,44 @@ class World:
             seed: Seed of the plant mismatch and of all noise in this trial.
         """
         plant, sensors = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
-        friction, drag = self._draw_mismatch(plant)
+        friction, drag = self._draw.draw(self.data, plant)
         self._sensors = Sensors(
             self._scene.sensing, self._scene.ball.radius, self._cameras, sensors
         )
         mujoco.mj_resetData(self.model, self.data)
         self.data.qpos[: self._n] = self._arm.q_ready
         if isinstance(ball, Throw):
-            self._set_ball(ball.r, ball.dr)
+            self._ball[0][:], self._ball[1][:] = ball.r, ball.dr
             self._start(None, friction, drag)
         else:
-            self._set_ball(*ball.at(0.0))
+            self._ball[0][:], self._ball[1][:] = ball.at(0.0)
             self._start(ball, friction, drag)
 
     def sense(self) -> Senses:
         """Return what reaches the catcher in this tick; once a tick."""
-        qpos, qvel = self._views[:2]
-        n, ball = self._n, self._n + self._f
-        return self._sensors.read(self.t, qpos[:n], qvel[:n], qpos[ball : ball + 3])
+        return self._sensors.read(self.t, *self._senses)
 
     def apply(self, command: Command) -> None:
         """Let the motors follow a command for one tick; nothing here clips it."""
-        qpos, qvel, ctrl, passive = self._views
-        model, data = self.model, self.data
-        self._tau, hand = np.asarray(command.tau, float), command.hand
-        self._largest[0], self._seen = 0.0, 0
-        for sub in range(1, _SUBSTEPS + 1):
-            self._broken |= not actuate(
-                qpos, qvel, ctrl, passive, self._tau, hand, self._servo, self._friction, self._drag
-            )
+        model, data, steps = self.model, self.data, self._steps
+        tau, hand = np.asarray(command.tau, float), command.hand
+        start, h = self._ticks * TICK, TICK / steps
+        r, dr = self._ball
+        self._tau, self._peaks[0], self._seen = tau, 0.0, 0
+        for step in range(1, steps + 1):
+            finite = prepare(*self._views, tau, hand, self._numbers, h, self._flight)
+            if not finite:
+                self._broken = True
             mujoco.mj_step2(model, data)
-            if data.ncon:
-                self._survey()
+            free = not data.ncon or not self._survey() & _BALL
             if self._path is not None:
-                self._set_ball(*self._path.at(self.t + sub * STEP))
+                r[:], dr[:] = self._path.at(start + step * h)
+            elif free:
+                r[:], dr[:] = self._flight
             mujoco.mj_step1(model, data)
             if self.first_contact is None and data.ncon:
-                self._watch_for_contact(self.t + sub * STEP)
+                self._watch_for_contact(start + step * h)
         self._ticks += 1
-        self.peak_force = max(self.peak_force, float(self._largest[0]))
-        self._broken |= not is_sane(qpos, qvel, data.qacc, self._n + self._f, TOP_SPEED)
         self._record()
 
     def truth(self) -> Truth:
@@ -145,13 +160,13 @@ class World:
             r_o=qpos[ball : ball + 3],
             dr_o=qvel[ball : ball + 3],
             position=self._site.copy(),
-            velocity=self._tip[3:].copy(),
+            velocity=self._velocity(),
             q=qpos[:n],
             dq=qvel[:n],
             tau=self._tau.copy(),
             fingers=qpos[n:ball],
             touching=frozenset(touching),
-            contact_force=float(self._largest[0]),
+            contact_force=float(self._peaks[0]),
             self_contact=bool(self._seen & SELF),
             floor_contact=bool(self._seen & ARM_FLOOR),
             ball_on_floor=bool(self._seen & BALL_FLOOR),
@@ -173,86 +188,90 @@ class World:
 
     def _start(self, path: BallPath | None, friction: Array, drag: float) -> None:
         """Forget the trial before and bring all derived quantities up to date."""
-        self._path, self._friction, self._drag = path, friction, drag
+        self._path = path
+        self._numbers = pack_plant(self._servo, friction, drag, self._scene.ball.mass)
         self._ticks, self._seen = 0, 0
         self._tau = np.zeros(self._n)
         self._broken = False
-        self.peak_force = 0.0
-        self.first_contact = None
+        self.first_contact: FirstContact | None = None
         self._touching[:] = False
-        self._largest[0] = 0.0
+        self._peaks[:] = 0.0
         mujoco.mj_step1(self.model, self.data)
         self._tape.clear()
+        self._steps = 0
         self._record()
 
-    def _draw_mismatch(self, rng: np.random.Generator) -> tuple[Array, float]:
-        """Draw this trial's plant; return friction, shape (2, n), and drag force per speed^2."""
-        mismatch, ball = self._scene.mismatch, self._scene.ball
-        factor = 1.0 + mismatch.mass * rng.uniform(-1.0, 1.0, self.model.nbody)
-        factor[self.model.geom_bodyid[self._plant.ball]] = 1.0
-        self.model.body_mass[:] = self._masses[0] * factor
-        self.model.body_inertia[:] = self._masses[1] * factor[:, None]
-        mujoco.mj_setConst(self.model, self.data)
-        most = np.array([[mismatch.viscous], [mismatch.coulomb]])
-        friction = most * rng.uniform(0.0, 1.0, (2, self._n))
-        drag = ball.mass * ball.drag * (1.0 + mismatch.drag * rng.uniform(-1.0, 1.0))
-        return friction, drag
-
-    def _set_ball(self, r: Array, dr: Array) -> None:
-        """Put the ball somewhere with some velocity."""
-        qpos, qvel = self._views[:2]
-        ball = self._n + self._f
-        qpos[ball : ball + 3], qvel[ball : ball + 3] = r, dr
-
-    def _survey(self) -> None:
-        """Read the contacts of the step just made."""
+    def _survey(self) -> int:
+        """Read the contacts of the step just made; return what touches what."""
         contact = self.data.contact
-        self._seen |= survey(
+        seen = survey(
             contact.geom,
             contact.efc_address,
             self.data.efc_force,
             self._kinds,
             self._touching,
-            self._largest,
+            self._peaks,
+        )
+        self._seen |= seen
+        return int(seen)
+
+    def _touched(self) -> int:
+        """Return what touches what at this instant, before any force is known."""
+        contact, none = self.data.contact, self._no_force
+        return int(
+            survey(contact.geom, contact.efc_address, none, self._kinds, self._touching, none)
         )
 
     def _watch_for_contact(self, t: float) -> None:
         """Note the first touch; a ball that was led flies freely from its first touch on."""
-        contact = self.data.contact
-        nothing = np.zeros(1)
-        touched = survey(
-            contact.geom, contact.efc_address, nothing, self._kinds, self._touching, nothing
-        )
-        if touched & ~(SELF | ARM_FLOOR):
+        touched = self._touched()
+        self._seen |= touched
+        if touched & _BALL:
             self._path = None
         if touched & BALL_HAND:
-            qpos, qvel = (x.copy() for x in self._views[:2])
-            ball = self._n + self._f
-            self._read_tip()
             self.first_contact = FirstContact(
                 t=t,
-                r_o=qpos[ball : ball + 3],
-                dr_o=qvel[ball : ball + 3],
+                r_o=self._ball[0].copy(),
+                dr_o=self._ball[1].copy(),
                 position=self._site.copy(),
-                velocity=self._tip[3:].copy(),
+                velocity=self._velocity(),
             )
 
-    def _read_tip(self) -> None:
-        """Read the catch point's angular and linear velocity, world axes."""
-        kind = mujoco.mjtObj.mjOBJ_SITE
-        mujoco.mj_objectVelocity(self.model, self.data, kind, self._plant.site, self._tip, 0)
+    def _velocity(self) -> Array:
+        """Return the catch point's velocity [m/s], shape (3,)."""
+        velocity = np.empty(3)
+        tip_velocity(self._site, *self._axes, self._views[1], velocity)
+        return velocity
 
     def _hand_geoms_touched(self) -> np.typing.NDArray[np.intp]:
         """Return the geoms of the hand that touch the ball at this instant."""
-        contact = self.data.contact
-        nothing = np.zeros(1)
-        survey(contact.geom, contact.efc_address, nothing, self._kinds, self._touching, nothing)
+        self._touched()
         return np.flatnonzero(self._touching & (self._kinds == HAND))
 
     def _record(self) -> None:
-        """Append the present state to the trace."""
-        self._read_tip()
-        qpos, qvel = self._views[:2]
-        row, force = self._tape.next_row(), float(self._largest[0])
-        write_row(row, self.t, qpos, qvel, self._tau, self._site, self._tip[3:], force)
+        """Append the present state to the trace, judge it, and set the steps of the next tick."""
+        t, first, row, views = (
+            self._ticks * TICK,
+            self.first_contact,
+            self._tape.next_row(),
+            self._views,
+        )
+        since = -1.0 if first is None else t - first.t
         row[-1] = self._seen
+        judged = finish(
+            row,
+            t,
+            views[0],
+            views[1],
+            self.data.qacc,
+            self._tau,
+            self._site,
+            *self._axes,
+            self._peaks,
+            since,
+        )
+        if judged == BROKEN:
+            self._broken = True
+        steps = _FINE_STEPS if judged == FINE else 1
+        if steps != self._steps:
+            self._steps, self._options.timestep = steps, TICK / steps

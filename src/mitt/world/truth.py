@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mitt.signals import Array
@@ -145,24 +144,3 @@ class Tape:
         """Return copies of all columns so far."""
         rows = self._rows[: self._length].copy()
         return np.split(rows, self._splits[:-1], axis=1)
-
-
-@njit(cache=True)
-def write_row(
-    row: Array,
-    t: float,
-    qpos: Array,
-    qvel: Array,
-    tau: Array,
-    position: Array,
-    velocity: Array,
-    force: float,
-) -> None:
-    """Write one tick into a row of the tape, in the order of :class:`Trace`."""
-    k = 1
-    row[0] = t
-    for column in (qpos, qvel, tau, position, velocity):
-        for i in range(column.shape[0]):
-            row[k + i] = column[i]
-        k += column.shape[0]
-    row[k] = force

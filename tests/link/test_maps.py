@@ -1,0 +1,189 @@
+"""Maps on disk: they come back to the bit, and no altered one is taken for sound."""
+
+import hashlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from mitt.errors import FileError
+from mitt.generator.learn import Learned
+from mitt.link.maps import read_map, save_map
+from mitt.robot.arm import Arm
+from mitt.robot.load import load_arm
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> Path:
+    """A saved map."""
+    path = tmp_path_factory.mktemp("maps") / "map.json"
+    save_map(path, learned, version="0.0.test")
+    return path
+
+
+def signed(content: dict[str, Any]) -> str:
+    """Return a map's content with the checksum that belongs to it."""
+    content.pop("checksum", None)
+    canonical = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    content["checksum"] = hashlib.sha256(canonical.encode()).hexdigest()
+    return json.dumps(content)
+
+
+def test_a_map_comes_back_to_the_bit(saved: Path, learned: Learned, arm: Arm) -> None:
+    """Coefficients, metric, basis, region, design and history are the saved ones."""
+    again = read_map(saved, arm)
+    mine, theirs = learned.map, again.map
+    for a, b in (
+        (mine.alpha, theirs.alpha), (mine.H, theirs.H), (mine.region, theirs.region),
+        (mine.basis.centre, theirs.basis.centre), (mine.basis.scale, theirs.basis.scale),
+        (mine.packed, theirs.packed),
+    ):  # fmt: skip
+        assert np.array_equal(a, b)
+    assert theirs.design == mine.design
+    assert (again.steps, again.flights, again.left_out, again.status) == (
+        learned.steps, learned.flights, learned.left_out, learned.status,
+    )  # fmt: skip
+
+
+def test_saving_twice_gives_the_same_bytes(tmp_path: Path, saved: Path, learned: Learned) -> None:
+    """Nothing of the clock or the machine enters the file."""
+    save_map(tmp_path / "again.json", learned, version="0.0.test")
+    assert (tmp_path / "again.json").read_bytes() == saved.read_bytes()
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(share=st.floats(0.0, 0.999))
+def test_a_map_cut_short_is_refused(tmp_path: Path, saved: Path, arm: Arm, share: float) -> None:
+    """Cut anywhere, but for the final newline, the file is no map."""
+    text = saved.read_text().rstrip()
+    cut = tmp_path / "cut.json"
+    cut.write_text(text[: min(int(share * len(text)), len(text) - 1)])
+    with pytest.raises(FileError):
+        read_map(cut, arm)
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(place=st.floats(0.0, 1.0), digit=st.sampled_from("0123456789"))
+def test_an_altered_digit_never_passes(
+    tmp_path: Path, saved: Path, arm: Arm, learned: Learned, place: float, digit: str
+) -> None:
+    """One digit changed anywhere is refused, unless every number reads as before."""
+    text = saved.read_text()
+    digits = [k for k, letter in enumerate(text) if letter.isdigit()]
+    k = digits[min(int(place * len(digits)), len(digits) - 1)]
+    altered = text[:k] + digit + text[k + 1 :]
+    path = tmp_path / "altered.json"
+    path.write_text(altered)
+    if json.loads(altered) == json.loads(text):
+        assert np.array_equal(read_map(path, arm).map.alpha, learned.map.alpha)
+        return
+    with pytest.raises(FileError):
+        read_map(path, arm)
+
+
+def test_the_checksum_is_named_where_it_does_not_fit(
+    tmp_path: Path, saved: Path, arm: Arm
+) -> None:
+    """A coefficient changed by hand: the message says altered, and what to do."""
+    content = json.loads(saved.read_text())
+    content["alpha"][0][0] += 1e-6
+    path = tmp_path / "altered.json"
+    path.write_text(json.dumps(content))
+    with pytest.raises(FileError, match="altered; learn it again"):
+        read_map(path, arm)
+
+
+def test_a_map_of_other_limits_is_refused(saved: Path) -> None:
+    """Learned for one limit set, it is no map for another; both are named."""
+    with pytest.raises(FileError, match=r"limits wam-48v.*limits paper"):
+        read_map(saved, load_arm("wam", limits="wam-48v"))
+
+
+def _unknown(content: dict[str, Any]) -> None:
+    content["comment"] = "hello"
+
+
+def _missing(content: dict[str, Any]) -> None:
+    del content["alpha"]
+
+
+def _schema(content: dict[str, Any]) -> None:
+    content["schema"] = "mitt.map/2"
+
+
+def _ragged(content: dict[str, Any]) -> None:
+    content["alpha"][0].pop()
+
+
+def _too_few(content: dict[str, Any]) -> None:
+    content["alpha"].pop()
+
+
+def _indefinite(content: dict[str, Any]) -> None:
+    content["H"] = (-np.array(content["H"])).tolist()
+
+
+def _void_scale(content: dict[str, Any]) -> None:
+    content["scale"][0] = 0.0
+
+
+def _wrong_joint(content: dict[str, Any]) -> None:
+    content["design"]["catch_joint"] = 7
+
+
+def _unknown_free(content: dict[str, Any]) -> None:
+    content["design"]["free"] = [0, 2, 9]
+
+
+def _text_number(content: dict[str, Any]) -> None:
+    content["alpha"][0][0] = "a lot"
+
+
+def _huge_order(content: dict[str, Any]) -> None:
+    content["design"]["order"] = 10**9
+
+
+def _far_catch(content: dict[str, Any]) -> None:
+    content["design"]["q_catch"] = 40.0
+
+
+def _small_kappa(content: dict[str, Any]) -> None:
+    content["design"]["kappa"] = 0.0
+
+
+def _short_region(content: dict[str, Any]) -> None:
+    content["region"].pop()
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        _unknown, _missing, _schema, _ragged, _too_few, _indefinite, _void_scale, _wrong_joint,
+        _unknown_free, _text_number, _huge_order, _far_catch, _small_kappa, _short_region,
+    ],
+)  # fmt: skip
+def test_a_signed_map_that_does_not_fit_together_is_refused(
+    tmp_path: Path, saved: Path, arm: Arm, spoil: Callable[[dict[str, Any]], None]
+) -> None:
+    """Even with a right checksum: unknown or missing keys, wrong shapes, impossible designs."""
+    content = json.loads(saved.read_text())
+    spoil(content)
+    path = tmp_path / "spoilt.json"
+    path.write_text(signed(content))
+    with pytest.raises(FileError) as caught:
+        read_map(path, arm)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["[]", "1", '"map"', "null", "{}"])
+def test_json_that_is_no_map_is_refused(tmp_path: Path, arm: Arm, text: str) -> None:
+    """Any other JSON is a file error, not a fault."""
+    path = tmp_path / "x.json"
+    path.write_text(text)
+    with pytest.raises(FileError):
+        read_map(path, arm)

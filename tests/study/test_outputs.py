@@ -1,0 +1,117 @@
+"""What a run leaves in its folder: the result as the contract says, and no strangers touched."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from mitt.errors import InputError, MittError
+from mitt.generator.learn import Learned
+from mitt.link.clock import Stopwatch
+from mitt.link.maps import read_map, save_map
+from mitt.options import CatchOptions
+from mitt.study.catch import Finished, prepare, run
+from mitt.study.outputs import LEAVES, write_outputs
+from mitt.study.result import result
+from mitt.study.score import Trial
+
+HEAD: dict[str, object] = {"version": "0", "arm": "wam"}
+
+
+def quiet(_name: str, _done: int, _of: int) -> None:
+    """Report nothing."""
+
+
+@pytest.fixture
+def finished(tmp_path: Path, learned: Learned, monkeypatch: pytest.MonkeyPatch) -> Finished:
+    """A finished run of two throws whose report is not drawn."""
+    monkeypatch.setattr("mitt.study.outputs.write_report", lambda path, _: path.write_text("page"))
+    save_map(tmp_path / "map.json", learned, version="test")
+    job = CatchOptions(
+        throws=2, seed=5, map=tmp_path / "map.json", vision="points", out=tmp_path / "out"
+    )
+    return run(prepare(job), progress=quiet)
+
+
+def trial(index: int, status: str) -> Trial:
+    """Return a trial with a status."""
+    return Trial(
+        index=index, status=status, t_catch_s=None, position_error_mm=None,
+        velocity_error_m_s=None, peak_torque_ratio=[0.0], peak_speed_ratio=[0.0],
+        limit_violations=0, demand_cost=0.0, peak_contact_force_n=None, binding_limit=None,
+        saturated_ticks=0, range_excess_rad=0.0,
+    )  # fmt: skip
+
+
+def summary(statuses: Sequence[str]) -> dict[str, object]:
+    """Return the summary of trials with some statuses."""
+    trials = [trial(k, status) for k, status in enumerate(statuses)]
+    out: dict[str, object] = result(trials, Stopwatch(), HEAD)["summary"]
+    return out
+
+
+def test_a_run_leaves_result_map_report_and_the_first_recording(finished: Finished) -> None:
+    """Exactly those names, and both files read back as what was run."""
+    out = finished.prepared.out
+    write_outputs(finished, progress=quiet)
+    assert {path.name for path in out.iterdir()} == set(LEAVES)
+    assert json.loads((out / "result.json").read_text()) == finished.result
+    again = read_map(out / "map.json", finished.prepared.arm)
+    assert (again.map.alpha == finished.learned.map.alpha).all()
+    recorded = {path.name for path in (out / "recordings").iterdir()}
+    failures = {f"throw-{t.index:05d}.mcap" for t in finished.trials if t.status != "caught"}
+    assert recorded == {"throw-00000.mcap"} | failures
+
+
+@pytest.mark.parametrize(("record", "count"), [("none", 0), ("all", 2)])
+def test_recordings_are_as_many_as_asked(finished: Finished, record: str, count: int) -> None:
+    """None at all, or each throw."""
+    job = replace(finished.prepared.job, record=record)  # type: ignore[arg-type]  # a name
+    told = replace(finished, prepared=replace(finished.prepared, job=job))
+    write_outputs(told, progress=quiet)
+    assert len(list(told.prepared.out.glob("recordings/*.mcap"))) == count
+
+
+def test_strangers_are_refused_and_with_overwrite_left_alone(finished: Finished) -> None:
+    """A folder with files is not used; with --overwrite only our own names are replaced."""
+    out = finished.prepared.out
+    (out / "recordings").mkdir(parents=True)
+    (out / "recordings" / "old.mcap").write_text("old")
+    (out / "notes.txt").write_text("mine")
+    with pytest.raises(InputError, match="--overwrite"):
+        write_outputs(finished, progress=quiet)
+    job = replace(finished.prepared.job, overwrite=True)
+    write_outputs(replace(finished, prepared=replace(finished.prepared, job=job)), progress=quiet)
+    assert (out / "notes.txt").read_text() == "mine"
+    assert not (out / "recordings" / "old.mcap").exists()
+
+
+def test_a_run_without_trials_leaves_a_valid_result(finished: Finished) -> None:
+    """Interrupted before its first throw: an empty result, and no page about nothing."""
+    empty = replace(finished, trials=[], interrupt=130)
+    write_outputs(empty, progress=quiet)
+    out = empty.prepared.out
+    assert json.loads((out / "result.json").read_text())["trials"] == []
+    assert not (out / "report.html").exists()
+
+
+def test_a_place_that_cannot_be_written_is_an_error_of_ours(finished: Finished) -> None:
+    """A path below a file: one line, no OSError."""
+    out = finished.prepared.out
+    out.write_text("a file")
+    told = replace(finished, prepared=replace(finished.prepared, out=out / "below"))
+    with pytest.raises(MittError) as caught:
+        write_outputs(told, progress=quiet)
+    assert "\n" not in str(caught.value)
+
+
+def test_the_catch_rate_leaves_aborted_throws_out() -> None:
+    """caught / (throws - aborted); 0 with the whole interval where nothing is valid."""
+    some = summary(["caught", "caught", "dropped", "aborted", "missed", "unreachable"])
+    assert some["catch_rate"] == 2 / 5
+    assert [some[s] for s in ("throws", "caught", "dropped", "missed", "unreachable", "aborted")] \
+        == [6, 2, 1, 1, 1, 1]  # fmt: skip
+    none = summary(["aborted"])
+    assert (none["catch_rate"], none["ci95"]) == (0.0, [0.0, 1.0])

@@ -1,0 +1,60 @@
+"""Wilson's interval: known values, and what every interval of a rate must do."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mitt.study.stats import wilson
+
+#: Agreement with values printed to four digits.
+PRINTED = 5e-5
+EXACT = 1e-12
+
+counts = st.integers(1, 2000).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n)))
+
+
+@pytest.mark.parametrize(
+    ("successes", "trials", "low", "high"),
+    [
+        (49, 50, 0.8950, 0.9965),
+        (5, 10, 0.2366, 0.7634),
+        (0, 10, 0.0, 0.2775),
+        (10, 10, 0.7225, 1.0),
+        (81, 263, 0.2553, 0.3662),
+    ],
+)
+def test_known_intervals(successes: int, trials: int, low: float, high: float) -> None:
+    """Intervals in print; 81 of 263 is that of R. G. Newcombe, Stat. Med. 17 (1998) 857."""
+    assert wilson(successes, trials) == pytest.approx((low, high), abs=PRINTED)
+
+
+def test_without_trials_nothing_is_known() -> None:
+    """No trials: the whole range."""
+    assert wilson(0, 0) == (0.0, 1.0)
+
+
+@given(count=counts)
+def test_the_interval_holds_the_rate_and_stays_a_probability(count: tuple[int, int]) -> None:
+    """0 <= low <= rate <= high <= 1, and never of width 0."""
+    low, high = wilson(*count)
+    assert 0.0 <= low <= count[0] / count[1] + EXACT
+    assert count[0] / count[1] - EXACT <= high <= 1.0
+    assert high > low
+
+
+@given(count=counts)
+def test_successes_and_failures_mirror_each_other(count: tuple[int, int]) -> None:
+    """The interval of the failures is one minus that of the successes."""
+    low, high = wilson(*count)
+    assert wilson(count[1] - count[0], count[1]) == pytest.approx((1 - high, 1 - low), abs=EXACT)
+
+
+@given(count=counts, factor=st.integers(2, 20))
+def test_more_trials_or_less_confidence_narrow_it(count: tuple[int, int], factor: int) -> None:
+    """At the same rate, more trials or less confidence give a narrower interval."""
+    low, high = wilson(*count)
+    for narrower in (
+        wilson(factor * count[0], factor * count[1]),
+        wilson(*count, confidence=0.8),
+    ):
+        assert narrower[1] - narrower[0] < high - low

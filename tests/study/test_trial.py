@@ -1,0 +1,102 @@
+"""One trial: what it reports agrees with its own log."""
+
+import numpy as np
+import pytest
+
+from mitt.generator.generators import Direct
+from mitt.generator.learn import Learned
+from mitt.robot.arm import Arm
+from mitt.study.score import HELD_AFTER
+from mitt.study.trial import Bench, Outcome, known_ball
+from mitt.world.scene import Scene
+from mitt.world.throws import Throw
+
+#: Agreement of figures reckoned two ways.
+EXACT = 1e-12
+
+
+def test_a_caught_ball_ends_half_a_second_after_first_contact(direct: Outcome) -> None:
+    """The trial runs to 0.5 s after the first force on the ball, to a tick."""
+    assert direct.log is not None
+    assert direct.trial.status == "caught"
+    truth = direct.log.truth
+    touched = truth.t[np.flatnonzero(truth.force > 0.0)[0]]
+    assert truth.t[-1] - touched == pytest.approx(HELD_AFTER, abs=0.0021)
+
+
+def test_peaks_are_those_of_the_trace(direct: Outcome, arm: Arm) -> None:
+    """Peak ratios are the largest true torques and speeds over their limits."""
+    assert direct.log is not None
+    truth, trial = direct.log.truth, direct.trial
+    assert trial.peak_torque_ratio == pytest.approx(np.abs(truth.tau / arm.tau_max).max(axis=0))
+    assert trial.peak_speed_ratio == pytest.approx(np.abs(truth.dq / arm.dq_max).max(axis=0))
+    assert max(trial.peak_torque_ratio) <= 1.0 + EXACT
+    assert trial.peak_contact_force_n == pytest.approx(truth.force.max())
+
+
+def test_errors_at_contact_are_those_of_the_trace(direct: Outcome) -> None:
+    """Position and velocity errors agree with the true states at the tick of first contact."""
+    assert direct.log is not None
+    assert direct.trial.position_error_mm is not None
+    assert direct.trial.velocity_error_m_s is not None
+    truth = direct.log.truth
+    k = np.flatnonzero(truth.force > 0.0)[0]
+    near = np.linalg.norm(truth.r_o[k - 2 : k + 1] - truth.position[k - 2 : k + 1], axis=1)
+    # Within a tick the ball moves against the hand by the velocity error times 1 ms.
+    slack = direct.trial.velocity_error_m_s + 1.0
+    assert 1e3 * near.min() - slack <= direct.trial.position_error_mm <= 1e3 * near.max() + slack
+
+
+def test_the_demand_is_that_of_the_log(direct: Outcome, arm: Arm) -> None:
+    """demand_cost is eq. (22) over the ticks that followed, from what the log says was asked."""
+    assert direct.log is not None
+    log, costs = direct.log, []
+    for q, dq, ddq in log.asked[log.following]:
+        torque, speed = arm.inverse_dynamics(q, dq, ddq) / arm.tau_max, dq / arm.dq_max
+        costs.append(float(torque @ torque + speed @ speed))
+    assert direct.trial.demand_cost == pytest.approx(float(np.mean(costs)))
+
+
+def test_learning_asks_less_than_alpha_0(direct: Outcome, unoptimised: Outcome) -> None:
+    """On the same throw the learned map demands less, and alpha = 0 leaves the range."""
+    assert direct.trial.demand_cost < unoptimised.trial.demand_cost
+    assert unoptimised.trial.range_excess_rad > 0.0
+    assert direct.trial.range_excess_rad == 0.0
+
+
+def test_no_limit_is_violated_even_by_alpha_0(direct: Outcome, unoptimised: Outcome) -> None:
+    """What is emitted keeps the limits whatever is asked for."""
+    assert direct.trial.limit_violations == 0
+    assert unoptimised.trial.limit_violations == 0
+
+
+def test_the_catch_of_the_log_is_the_catch_of_the_trial(direct: Outcome) -> None:
+    """t_catch is when q_o,i passes q_alpha in the log, to a millisecond."""
+    assert direct.log is not None
+    assert direct.trial.t_catch_s is not None
+    log = direct.log
+    s = log.virtual[log.following, 2] - np.pi / 2
+    nearest = log.t[log.following][np.abs(s).argmin()]
+    assert direct.trial.t_catch_s == pytest.approx(nearest, abs=1.5e-3)
+    assert log.t_catch == direct.trial.t_catch_s
+
+
+def test_logging_and_timing_change_nothing(
+    arm: Arm, learned: Learned, scene: Scene, throw: Throw, direct: Outcome
+) -> None:
+    """Without a log the trial is the same; the stopwatch has ticked and stays out of it."""
+    bench = Bench(arm, Direct(learned.map), scene, pixels=False)
+    assert bench.stopwatch.percentiles_us()["max"] == 0.0
+    outcome = bench.run(0, throw, seed=3)
+    assert outcome.log is None
+    assert outcome.trial == direct.trial
+    assert bench.stopwatch.percentiles_us()["p50"] > 0.0
+
+
+@pytest.mark.parametrize(("mass", "density"), [(0.07, 0.001), (1.0, 0.001), (0.0027, 0.0259)])
+def test_a_lighter_ball_is_believed_less_steady(mass: float, density: float) -> None:
+    """The unmodelled acceleration grows as the ball gets lighter than 70 g."""
+    known = known_ball(0.1, mass)
+    assert known.accel_density == pytest.approx(density, rel=0.01)
+    assert known.drag_mean == 0.1
+    assert known.drag_sigma == pytest.approx(0.025)

@@ -1,0 +1,231 @@
+"""The catcher end to end on points: it catches, repeats itself, refuses, and bears bad input."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mitt.catcher import Catcher, Phase
+from mitt.generator.generators import Direct
+from mitt.generator.learn import Learned
+from mitt.robot.arm import Arm
+from mitt.signals import ArmState, Command, Senses, Sighting
+from mitt.study.lesson import learn
+from mitt.study.neighbourhood import aim_of
+from mitt.study.score import held
+from mitt.study.trial import Bench, Outcome
+from mitt.world.flights import builtin_flights, place_flight
+from mitt.world.scene import TABLE_TENNIS, Scene
+from mitt.world.throws import Throw, default_throw
+
+SIDE = Throw(r=np.array([3.5, 3.0, 0.2]), dr=np.array([-6.0, 0.0, 1.5]))
+#: Largest way of a joint that only holds its pose against its mismatched weight [rad].
+STILL = 0.02
+#: Longest gap in the sightings of one throw [s].
+GAP = 0.030
+#: Ticks of a trial that is stepped by hand.
+TICKS = 1100
+
+Change = Callable[[Senses], Senses]
+
+
+@pytest.fixture(scope="module")
+def taught(arm: Arm) -> Learned:
+    """The map that ``mitt catch`` learns, bounces included."""
+    return learn(arm)
+
+
+@pytest.fixture(scope="module")
+def bench(arm: Arm, taught: Learned) -> Bench:
+    """The default world, seen as points."""
+    return Bench(arm, Direct(taught.map), Scene(), pixels=False)
+
+
+@pytest.fixture(scope="module")
+def throws(arm: Arm) -> list[Throw]:
+    """Some default throws."""
+    rng = np.random.default_rng(17)
+    return [default_throw(rng, aim_of(arm, np.pi / 2, 2)) for _ in range(4)]
+
+
+def logs_equal(a: Outcome, b: Outcome) -> bool:
+    """Say whether two trials are equal to the bit, commands and true states included."""
+    assert a.log is not None
+    assert b.log is not None
+    pairs = (
+        (a.log.tau, b.log.tau),
+        (a.log.command, b.log.command),
+        (a.log.ball, b.log.ball),
+        (a.log.encoders, b.log.encoders),
+        (a.log.truth.qpos, b.log.truth.qpos),
+        (a.log.truth.qvel, b.log.truth.qvel),
+    )
+    return a.trial == b.trial and all(np.array_equal(x, y) for x, y in pairs)
+
+
+def stepped(bench: Bench, throw: Throw, change: Change) -> tuple[Catcher, list[Command], bool]:
+    """Run a trial with changed senses; return catcher, commands, whether the ball was held."""
+    world, catcher, commands = bench.world, bench.catcher(), []
+    world.reset(throw, 5)
+    for _ in range(TICKS):
+        command = catcher.step(change(world.sense()))
+        commands.append(command)
+        world.apply(command)
+    return catcher, commands, held(world.truth(), 0.04)
+
+
+def finite(command: Command) -> bool:
+    """Say whether every number of a command is finite."""
+    rows = (command.q, command.dq, command.ddq, command.tau, np.array([command.hand, command.t]))
+    return all(bool(np.all(np.isfinite(row))) for row in rows)
+
+
+def without_points(start: float, end: float) -> Change:
+    """Return a change that loses all sightings in a span of time."""
+    return lambda s: replace(s, points=()) if start <= s.t < end else s
+
+
+def test_default_throws_are_caught(bench: Bench, throws: list[Throw]) -> None:
+    """Four default throws: caught by the rules of the score, with no limit violated."""
+    trials = [bench.run(k, throw, seed=40 + k).trial for k, throw in enumerate(throws)]
+    assert [trial.status for trial in trials] == ["caught"] * 4
+    assert [trial.limit_violations for trial in trials] == [0] * 4
+
+
+def test_the_same_seed_is_the_same_trial_whatever_ran_before(
+    arm: Arm, taught: Learned, bench: Bench, throws: list[Throw]
+) -> None:
+    """To the bit: on a fresh bench, on a used one, and after another throw in between."""
+    fresh = Bench(arm, Direct(taught.map), Scene(), pixels=False)
+    first = fresh.run(0, throws[0], seed=7, log=True)
+    bench.run(1, throws[1], seed=8)
+    bench.run(2, SIDE, seed=9)
+    assert logs_equal(first, bench.run(0, throws[0], seed=7, log=True))
+    assert logs_equal(first, fresh.run(0, throws[0], seed=7, log=True))
+
+
+def test_another_seed_is_another_trial(bench: Bench, throws: list[Throw]) -> None:
+    """The seed does reach plant and noise: with another one the torques differ."""
+    a, b = (bench.run(0, throws[0], seed=s, log=True) for s in (7, 8))
+    assert not logs_equal(a, b)
+
+
+def test_images_lead_to_the_same_catch(
+    arm: Arm, taught: Learned, throws: list[Throw]
+) -> None:
+    """Seen by two cameras instead of as points, a throw is caught as well, and repeats itself."""
+    seeing = Bench(arm, Direct(taught.map), Scene(), pixels=True)
+    first, again = (seeing.run(0, throws[0], seed=7, log=True) for _ in range(2))
+    assert first.trial.status == "caught"
+    assert logs_equal(first, again)
+
+
+def test_recorded_flights_are_caught(arm: Arm, taught: Learned) -> None:
+    """Of four recorded table-tennis flights at least three are caught, none violates a limit."""
+    bench = Bench(arm, Direct(taught.map), Scene(ball=TABLE_TENNIS), pixels=False)
+    rng = np.random.default_rng(2)
+    trials = []
+    for k, recording in enumerate(builtin_flights()[:4]):
+        ball = place_flight(recording, arm.position(taught.map.start), rng=rng)
+        trials.append(bench.run(k, ball, seed=k).trial)
+    assert sum(trial.status == "caught" for trial in trials) >= 3
+    assert all(trial.limit_violations == 0 for trial in trials)
+
+
+def test_an_unreachable_throw_leaves_arm_and_hand_still(bench: Bench, arm: Arm) -> None:
+    """Refused with its limit before moving: the ready pose is commanded, the fingers stay open."""
+    outcome = bench.run(0, SIDE, seed=3, log=True)
+    log = outcome.log
+    assert (outcome.trial.status, outcome.trial.binding_limit) == ("unreachable", "domain")
+    assert outcome.trial.demand_cost == 0.0
+    assert log is not None
+    assert np.all(log.command[:, 0] == arm.q_ready)
+    assert not np.any(log.command[:, 1:])
+    assert not np.any(log.hand)
+    assert np.abs(log.truth.q - arm.q_ready).max() < STILL
+
+
+def test_the_arm_holds_its_pose_until_t_0(bench: Bench, arm: Arm, throws: list[Throw]) -> None:
+    """Before t_0, at most 80 ms after first sight, nothing but the ready pose is commanded."""
+    log = bench.run(0, throws[0], seed=7, log=True).log
+    assert log is not None
+    before = log.t < log.t_0
+    assert np.all(log.command[before, 0] == arm.q_ready)
+    assert 0.0 < log.t_0 <= 0.080 + 0.005
+
+
+@pytest.mark.parametrize("start", [0.10, 0.20, 0.30])
+def test_30_ms_without_sight_do_not_lose_the_ball(
+    bench: Bench, throws: list[Throw], start: float
+) -> None:
+    """Sightings missing for 30 ms in flight: the filter bridges them, the ball is held."""
+    _, _, was_held = stepped(bench, throws[0], without_points(start, start + GAP))
+    assert was_held
+
+
+def test_the_last_30_ms_before_the_catch_may_be_dark(bench: Bench, throws: list[Throw]) -> None:
+    """Blind in the last moment, as when the hand hides the ball: still held."""
+    catch = bench.run(0, throws[0], seed=5).trial.t_catch_s
+    assert catch is not None
+    _, _, was_held = stepped(bench, throws[0], without_points(catch - GAP, np.inf))
+    assert was_held
+
+
+def test_a_ball_never_seen_moves_nothing(bench: Bench, arm: Arm, throws: list[Throw]) -> None:
+    """Without a single sighting the catcher watches, gives no verdict and commands rest."""
+    catcher, commands, was_held = stepped(bench, throws[0], without_points(0.0, np.inf))
+    assert catcher.verdict is None
+    assert not was_held
+    assert all(np.array_equal(command.q, arm.q_ready) for command in commands)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300])
+def test_points_that_are_no_numbers_never_reach_a_command(
+    bench: Bench, throws: list[Throw], bad: float
+) -> None:
+    """One coordinate in ten ticks of three is no number: all commands finite, the ball is held."""
+
+    def spoiled(senses: Senses) -> Senses:
+        if round(senses.t * 1000) % 3:
+            return senses
+        return replace(senses, points=tuple(map(spoil, senses.points)))
+
+    def spoil(sighting: Sighting) -> Sighting:
+        r_o = sighting.r_o.copy()
+        r_o[1] = bad
+        return replace(sighting, r_o=r_o)
+
+    _, commands, was_held = stepped(bench, throws[0], spoiled)
+    assert all(finite(command) for command in commands)
+    assert was_held
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+@pytest.mark.parametrize("phase", list(Phase)[:3])
+def test_an_encoder_that_gives_no_number_for_a_tick_never_reaches_a_command(
+    bench: Bench, throws: list[Throw], phase: Phase, bad: float
+) -> None:
+    """Five ticks of NaN from a joint, while watching, following or braking: no exception, finite
+    commands.
+    """
+    spoilt: list[float] = []
+    catcher = bench.catcher()
+    bench.world.reset(throws[0], 5)
+    for _ in range(700):
+        senses = bench.world.sense()
+        now = Phase.WATCH if catcher.tick is None else catcher.tick.phase
+        if now is phase and len(spoilt) < 5:
+            spoilt.append(senses.t)
+            senses = replace(senses, arm=spoil_joint(senses.arm, bad))
+        command = catcher.step(senses)
+        assert finite(command), f"at {senses.t:.3f} s, {now.value}"
+        bench.world.apply(command)
+    assert len(spoilt) == 5
+
+
+def spoil_joint(arm: ArmState, bad: float) -> ArmState:
+    """Return a reading with one joint position that is no number."""
+    q = arm.q.copy()
+    q[1] = bad
+    return replace(arm, q=q)
