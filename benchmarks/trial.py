@@ -114,9 +114,8 @@ def trials(f: DirectMap, source: Source, *, pixels: bool, repeats: int) -> dict[
         rows.append(trial)
         ticks.append(tick)
         probes.append(float(np.median(probe())))
-    spread = max(probes) / min(probes)
     middle = [{k: float(np.median([x[k] for x in xs])) for k in xs[0]} for xs in (rows, ticks)]
-    return {"trial": middle[0], "tick_us": middle[1], "probe_spread": spread}
+    return {"trial": middle[0], "tick_us": middle[1], "probe_spread": max(probes) / min(probes)}
 
 
 def take_apart(f: DirectMap, source: Source, *, repeats: int) -> dict[str, Numbers]:
@@ -193,8 +192,8 @@ def show(result: dict[str, Any]) -> None:
         print(f"{name:22}{us['p50']:9.1f}{us['p99']:9.1f}{us['p99_9']:9.1f}")
     spread = max(result[name]["probe_spread"] for name in ("pixels", "points"))
     share = min(result[name]["trial"]["core_share"] for name in ("pixels", "points"))
-    noisy = " (a noisy machine)" * (spread > NOISY or share < SHARED)
-    print(f"slowest probe over fastest {spread:.2f}, share of a core {share:.2f}{noisy}")
+    print(f"slowest probe over fastest {spread:.2f}, share of a core {share:.2f}"
+          + " (a noisy machine)" * (spread > NOISY or share < SHARED))  # fmt: skip
 
 
 def flat(tree: dict[str, Any], prefix: str = "") -> Numbers:
@@ -217,8 +216,7 @@ def compare(paths: list[Path]) -> int:
     except (OSError, ValueError, KeyError, TypeError) as error:
         print(f"benchmarks/trial.py: {type(error).__name__}: {error}", file=sys.stderr)
         return 2
-    one, two = flat(a), flat(b)
-    pace = two["probe_us.p50"] / one["probe_us.p50"]
+    one, two, pace = flat(a), flat(b), b["probe_us"]["p50"] / a["probe_us"]["p50"]
     print(f"A {paths[0]}\nB {paths[1]}\nprobe B/A {pace:.3f}; at par: as if it had been 1")
     print(f"{'':42}{'A':>10}{'B':>10}{'B/A':>8}{'at par':>8}")
     for name in one:

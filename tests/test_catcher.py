@@ -111,9 +111,7 @@ def test_another_seed_is_another_trial(bench: Bench, throws: list[Throw]) -> Non
     assert not logs_equal(a, b)
 
 
-def test_images_lead_to_the_same_catch(
-    arm: Arm, taught: Learned, throws: list[Throw]
-) -> None:
+def test_images_lead_to_the_same_catch(arm: Arm, taught: Learned, throws: list[Throw]) -> None:
     """Seen by two cameras instead of as points, a throw is caught as well, and repeats itself."""
     seeing = Bench(arm, Direct(taught.map), Scene(), pixels=True)
     first, again = (seeing.run(0, throws[0], seed=7, log=True) for _ in range(2))
@@ -206,9 +204,7 @@ def test_points_that_are_no_numbers_never_reach_a_command(
 def test_an_encoder_that_gives_no_number_for_a_tick_never_reaches_a_command(
     bench: Bench, throws: list[Throw], phase: Phase, bad: float
 ) -> None:
-    """Five ticks of NaN from a joint, while watching, following or braking: no exception, finite
-    commands.
-    """
+    """Five such ticks, watching, following or braking: no exception, commands all finite."""
     spoilt: list[float] = []
     catcher = bench.catcher()
     bench.world.reset(throws[0], 5)

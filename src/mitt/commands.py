@@ -52,6 +52,8 @@ def learn(options: LearnOptions) -> int:
     design = design_of(options, arm)
     if not 1 <= options.flights_count <= _MOST_FLIGHTS:
         raise InputError("--flights", f"a number in 1..{_MOST_FLIGHTS}", options.flights_count)
+    if options.seed is not None and not 0 <= options.seed < 2**63:
+        raise InputError("--seed", "a number from 0 to 2^63 - 1", options.seed)
     if options.out.exists() and not options.overwrite:
         raise InputError("--out", "a new file", f"{options.out}, which exists",
                          do="choose another or say --overwrite")  # fmt: skip

@@ -43,7 +43,7 @@ def torque_share(arm: Arm, brake: Brake) -> float:
 @settings(max_examples=30)
 @given(seed=seeds)
 def test_a_brake_takes_over_smoothly_and_ends_at_rest(arm: Arm, seed: int) -> None:
-    """q and dq at the start are the arm's, at the end and ever after the arm rests."""
+    """Q and dq at the start are the arm's, at the end and ever after the arm rests."""
     motion = catch_state(seed)
     brake = plan_brake(arm, START, motion)
     assert 0.0 < brake.duration < LONGEST

@@ -107,9 +107,7 @@ def test_the_overshoot_stays_before_the_true_stop(arm: Arm) -> None:
 
 
 @given(seed=seeds, beyond=st.floats(1.05, 4.0))
-def test_a_joint_beyond_its_speed_limit_is_brought_back(
-    arm: Arm, seed: int, beyond: float
-) -> None:
+def test_a_joint_beyond_its_speed_limit_is_brought_back(arm: Arm, seed: int, beyond: float) -> None:
     """From up to four times a speed limit the bound itself slows down, even against the wish."""
     b, rng = bounds_of(arm), np.random.default_rng(seed)
     sign = rng.choice([-1.0, 1.0], arm.n)

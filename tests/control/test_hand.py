@@ -12,9 +12,7 @@ RADIUS = 0.04
 LEAD = HandModel().closing.lead
 
 #: Times to the catch as a map announces them: falling, noisy, or none in sight.
-announced = st.lists(
-    st.one_of(st.floats(-0.1, 0.6), st.just(np.inf)), min_size=1, max_size=120
-)
+announced = st.lists(st.one_of(st.floats(-0.1, 0.6), st.just(np.inf)), min_size=1, max_size=120)
 
 
 @given(times=announced, radius=st.floats(0.01, 0.06))

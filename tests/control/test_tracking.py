@@ -33,7 +33,8 @@ def arms() -> dict[str, Arm]:
 def acceleration(arm: Arm, q: Array, dq: Array, tau: Array) -> Array:
     """Return the acceleration of an exact arm under a torque: M^-1 (tau - H dq - g), (n,)."""
     bias = arm.inverse_dynamics(q, dq, np.zeros(arm.n))
-    return np.linalg.solve(arm.mass_matrix(q), tau - bias)
+    out: Array = np.linalg.solve(arm.mass_matrix(q), tau - bias).astype(np.float64)
+    return out
 
 
 def command(arm: Arm, q: Array, dq: Array, wanted: Array) -> Command:
@@ -60,9 +61,7 @@ def test_within_the_limits_the_error_obeys_its_own_equation(arm: Arm, seed: int)
     )
     e, de = wanted[0] - q, wanted[1] - dq
     law = wanted[2] + 2.0 * BANDWIDTH * de + BANDWIDTH**2 * e
-    tracked = Tracker(arm, bandwidth=BANDWIDTH).step(
-        ArmState(t=0.0, q=q, dq=dq), wanted, hand=0.3
-    )
+    tracked = Tracker(arm, bandwidth=BANDWIDTH).step(ArmState(t=0.0, q=q, dq=dq), wanted, hand=0.3)
     assert not tracked.saturated
     got = acceleration(arm, q, dq, tracked.command.tau)
     assert np.allclose(got, law, atol=EXACT * (1.0 + np.abs(law).max()))
@@ -128,9 +127,7 @@ def test_saturation_is_told_exactly_when_a_limit_was_met(arm: Arm, seed: int) ->
 @pytest.mark.parametrize("name", SETS)
 @settings(max_examples=25)
 @given(seed=seeds)
-def test_an_exact_arm_never_outruns_its_limits(
-    arms: dict[str, Arm], name: str, seed: int
-) -> None:
+def test_an_exact_arm_never_outruns_its_limits(arms: dict[str, Arm], name: str, seed: int) -> None:
     """A simulated exact arm led by a wild reference keeps speeds to 1 % and never meets a stop."""
     arm, rng = arms[name], np.random.default_rng(seed)
     tracker, dt = Tracker(arm, bandwidth=BANDWIDTH), 1e-3
@@ -151,9 +148,7 @@ def test_an_exact_arm_never_outruns_its_limits(
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("row", [0, 1, 2])
-def test_a_wish_that_is_no_number_never_reaches_the_command(
-    arm: Arm, row: int, bad: float
-) -> None:
+def test_a_wish_that_is_no_number_never_reaches_the_command(arm: Arm, row: int, bad: float) -> None:
     """NaN or infinity in q_d, dq_d or ddq_d: every field of the command is finite."""
     wanted = np.array([arm.q_ready, np.zeros(3), np.zeros(3)])
     wanted[row, 1] = bad

@@ -70,7 +70,7 @@ def test_the_rows_of_a_lifted_flight_are_derivatives(plain: DirectMap, seed: int
 
 
 def test_the_gap_is_what_an_arm_at_rest_must_make_up_for(plain: DirectMap) -> None:
-    """d of eq. (12) is q_ready - q_o and -dq_o of what was believed at t_0."""
+    """D of eq. (12) is q_ready - q_o and -dq_o of what was believed at t_0."""
     flight = parabola(plain.arm, np.random.default_rng(2))
     moved = Flight(t=flight.t, ball=flight.ball, seen=flight.seen + 0.01)
     lifted = lift_flight(plain, moved)

@@ -43,12 +43,12 @@ def test_unpacking_gives_back_every_field(maps: dict[str, DirectMap], name: str)
     """Chain, design and plane of the unpacked map are those that were packed."""
     g = maps[name].tangent
     again = unpack(pack(g))
-    for field in ("free", "catch_joint", "q_catch", "kappa", "planar"):
-        assert vars_of(again)[field] == vars_of(g)[field]
-    for field in ("q_rest", "plane"):
-        assert np.array_equal(vars_of(again)[field], vars_of(g)[field])
-    for mine, theirs in zip(again.chain, g.chain, strict=True):
-        assert np.array_equal(mine, theirs)
+    mine = (g.free, g.catch_joint, g.q_catch, g.kappa, g.planar)
+    assert (again.free, again.catch_joint, again.q_catch, again.kappa, again.planar) == mine
+    assert np.array_equal(again.q_rest, g.q_rest)
+    assert np.array_equal(again.plane, g.plane)
+    for part, other in zip(again.chain, g.chain, strict=True):
+        assert np.array_equal(part, other)
 
 
 @pytest.mark.parametrize("name", ["wam", "panda-3", "panda-5"])
@@ -83,9 +83,3 @@ def test_a_used_workspace_leaves_no_trace(maps: dict[str, DirectMap]) -> None:
     assert virtual(f.packed, ball, clean, workspace(3))
     assert virtual(f.packed, ball, dirty, np.full_like(workspace(3), np.nan))
     assert np.array_equal(clean, dirty)
-
-
-def vars_of(g: object) -> dict[str, object]:
-    """Return the fields of a named tuple."""
-    assert isinstance(g, tuple)
-    return dict(zip(type(g).__dict__["_fields"], g, strict=True))

@@ -86,9 +86,7 @@ def test_an_altered_digit_never_passes(
         read_map(path, arm)
 
 
-def test_the_checksum_is_named_where_it_does_not_fit(
-    tmp_path: Path, saved: Path, arm: Arm
-) -> None:
+def test_the_checksum_is_named_where_it_does_not_fit(tmp_path: Path, saved: Path, arm: Arm) -> None:
     """A coefficient changed by hand: the message says altered, and what to do."""
     content = json.loads(saved.read_text())
     content["alpha"][0][0] += 1e-6

@@ -42,7 +42,7 @@ def test_a_seed_is_a_neighbourhood(plain: DirectMap, around: list[Flight]) -> No
 def test_every_flight_runs_from_t_0_to_just_past_its_catch(
     plain: DirectMap, around: list[Flight]
 ) -> None:
-    """s changes its sign between the last but 10 ms and the end, and nowhere before."""
+    """S changes its sign between the last but 10 ms and the end, and nowhere before."""
     i = plain.design.catch_joint
     for flight in around:
         assert flight.t[0] == AROUND.t_0

@@ -108,7 +108,7 @@ def test_a_place_that_cannot_be_written_is_an_error_of_ours(finished: Finished) 
 
 
 def test_the_catch_rate_leaves_aborted_throws_out() -> None:
-    """caught / (throws - aborted); 0 with the whole interval where nothing is valid."""
+    """Caught / (throws - aborted); 0 with the whole interval where nothing is valid."""
     some = summary(["caught", "caught", "dropped", "aborted", "missed", "unreachable"])
     assert some["catch_rate"] == 2 / 5
     assert [some[s] for s in ("throws", "caught", "dropped", "missed", "unreachable", "aborted")] \

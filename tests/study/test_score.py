@@ -43,7 +43,7 @@ def trace(arm: Arm, **rows: Any) -> Trace:  # noqa: ANN401 (columns of several k
     """Return true states at rest but for the columns given."""
     k, n = TICKS + 1, arm.n
     still = Trace(
-        t=np.arange(k) * 1e-3,
+        t=1e-3 * np.arange(k, dtype=np.float64),
         qpos=np.hstack([np.tile(arm.q_ready, (k, 1)), np.zeros((k, 10))]),
         qvel=np.zeros((k, n + 9)),
         tau=np.zeros((k, n)),
@@ -66,9 +66,8 @@ def meter(arm: Arm, *commands: Command) -> Meter:
 def at(arm: Arm, field: str, tick: int, joint: int, value: float) -> Trace:
     """Return a still trace with one true value changed."""
     still = trace(arm)
-    column = {"q": still.qpos, "dq": still.qvel, "tau": still.tau}[field].copy()
-    column[tick, joint] = value
-    return replace(still, **{{"q": "qpos", "dq": "qvel", "tau": "tau"}[field]: column})
+    {"q": still.qpos, "dq": still.qvel, "tau": still.tau}[field][tick, joint] = value
+    return still
 
 
 @pytest.mark.parametrize(
@@ -209,6 +208,6 @@ def test_the_excess_is_the_farthest_reference_beyond_its_range(arm: Arm) -> None
     out, still = Meter(arm), Tracked(command=command(arm), saturated=False)
     out.add(reference(arm, arm.q_ready, ZERO), still)
     assert out.excess() == 0.0
-    out.add(reference(arm, arm.q_max + [0.1, 0.0, 0.0], ZERO), still)
-    out.add(reference(arm, arm.q_min - [0.0, 0.3, 0.0], ZERO), still)
+    out.add(reference(arm, arm.q_max + np.array([0.1, 0.0, 0.0]), ZERO), still)
+    out.add(reference(arm, arm.q_min - np.array([0.0, 0.3, 0.0]), ZERO), still)
     assert out.excess() == pytest.approx(0.3)

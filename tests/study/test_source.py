@@ -18,9 +18,7 @@ def source(
     flights: Path | None = None,
 ) -> Source:  # fmt: skip
     """Return a source with the files given."""
-    return source_of(
-        f, seed=seed, count=count, throws_file=throws, flights_file=flights, drag=0.12
-    )
+    return source_of(f, seed=seed, count=count, throws_file=throws, flights_file=flights, drag=0.12)
 
 
 @settings(max_examples=20)
@@ -59,9 +57,7 @@ def test_counts_follow_the_file_unless_said(plain: DirectMap, tmp_path: Path) ->
     assert [run.name(k) for k in range(3)] == ["row 1", "row 2", "row 1"]
 
 
-def test_recorded_flights_pass_the_nominal_catch_point(
-    plain: DirectMap, tmp_path: Path
-) -> None:
+def test_recorded_flights_pass_the_nominal_catch_point(plain: DirectMap, tmp_path: Path) -> None:
     """At 75 % of its duration each flight is within the jitter of l([0, pi/4, pi/2])."""
     recording = builtin_flights()[0]
     path = tmp_path / "f.csv"

@@ -1,13 +1,17 @@
 """Images in, position out: accuracy along the flight, and what eyes do when they see nothing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from mitt.errors import InputError
+from mitt.errors import InputError, ShapeError
 from mitt.flight import advance
 from mitt.vision.camera import fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig
 from mitt.vision.filter import THROWN_BALL, BallFilter
+from mitt.vision.segmentation import Segmenter
+from mitt.vision.triangulation import Triangulator
 from mitt.world.imaging import Imager, ImageSensor
 
 ALONG = {4.5: 3.2e-3, 3.0: 1.6e-3, 2.0: 0.9e-3, 1.0: 0.4e-3, 0.8: 0.35e-3}
@@ -81,3 +85,38 @@ def test_a_camera_may_be_missing_but_not_invented() -> None:
     stranger = type(frames[0])(t=0.0, camera=2, number=0, pixels=frames[0].pixels)
     with pytest.raises(InputError, match="camera"):
         eyes.step((stranger,))
+
+
+def test_the_eyes_are_their_stages() -> None:
+    """Frame by frame the sighting is that of segmenters and triangulator, bit for bit."""
+    rig, rng = fixed_rig(), np.random.default_rng(6)
+    imager, eyes = Imager(rig, ImageSensor(), np.random.default_rng(7)), Eyes(rig)
+    segmenters, triangulator = [Segmenter() for _ in rig.cameras], Triangulator(rig, 0.04)
+    found = 0
+    for k in range(150):
+        r = rng.uniform((0.6, -0.5, -0.3), (4.5, 0.5, 1.2)) if k % 7 else None
+        frames = imager.render(1e-3 * k, r, 0.04)
+        wanted = triangulator.step(tuple(segmenters[f.camera].step(f) for f in frames))
+        sighting = eyes.step(frames)
+        found += wanted.found
+        assert (sighting.found, sighting.t) == (wanted.found, wanted.t)
+        assert np.array_equal(sighting.r_o, wanted.r_o)
+        assert np.array_equal(sighting.covariance, wanted.covariance)
+    assert 50 < found < 150
+
+
+def test_images_may_be_windows_or_write_protected_and_times_must_agree() -> None:
+    """How an image lies in memory changes nothing; frames of two instants are no sighting."""
+    rig = fixed_rig()
+    frames = Imager(rig, ImageSensor(), np.random.default_rng(8)).render(
+        0.0, np.array((2.0, 0.1, 0.4)), 0.04
+    )
+    wide = np.zeros((128, 300), dtype=np.uint8)
+    wide[:, 100:228] = frames[0].pixels
+    locked = frames[1].pixels.copy()
+    locked.flags.writeable = False
+    other = replace(frames[0], pixels=wide[:, 100:228]), replace(frames[1], pixels=locked)
+    assert np.array_equal(Eyes(rig).step(other).r_o, Eyes(rig).step(frames).r_o)
+    assert not Eyes(rig).step((frames[0], replace(frames[1], t=0.001))).found
+    with pytest.raises(ShapeError):
+        Eyes(rig).step((replace(frames[0], pixels=np.zeros(9, dtype=np.uint8)),))

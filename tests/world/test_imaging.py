@@ -9,6 +9,7 @@ from mitt.errors import InputError
 from mitt.signals import Array
 from mitt.vision.camera import Camera, Rig, fixed_rig
 from mitt.world.imaging import Imager, ImageSensor
+from mitt.world.noise import noise_bank
 
 CLEAN = ImageSensor(brightness=200.0, background=20.0, read_noise=0.0, electrons=1e12)
 QUANTUM = 0.51
@@ -87,6 +88,32 @@ def test_same_seed_same_images_and_no_two_frames_alike() -> None:
     assert not np.array_equal(runs[0][0][0].pixels, runs[0][1][0].pixels)
     assert not np.array_equal(runs[0][0][0].pixels[:40], runs[0][0][1].pixels[:40])
     assert [f.number for frames in runs[0] for f in frames] == [0, 0, 1, 1, 2, 2]
+
+
+def test_trials_share_the_banks_but_not_the_noise() -> None:
+    """Cameras of two trials read the same banks, and their images are not correlated."""
+    first, second = (
+        Imager(fixed_rig(), ImageSensor(), np.random.default_rng(seed)) for seed in (1, 2)
+    )
+    sensor = ImageSensor()
+    settings_ = sensor.background, sensor.read_noise, sensor.electrons
+    assert noise_bank(*settings_) is noise_bank(*settings_)
+    pairs = [
+        (first.render(0.0, None, 0.04)[0].pixels, second.render(0.0, None, 0.04)[0].pixels)
+        for _ in range(20)
+    ]
+    shares = [np.corrcoef(a.ravel(), b.ravel())[0, 1] for a, b in pairs]
+    assert np.abs(shares).max() < 5.0 / 128.0
+
+
+def test_frames_may_be_kept() -> None:
+    """A frame stays as it was when later ones are drawn."""
+    imager = Imager(fixed_rig(), ImageSensor(), np.random.default_rng(1))
+    kept = imager.render(0.0, np.array((3.0, 0.0, 0.5)), 0.04)
+    copies = [f.pixels.copy() for f in kept]
+    for k in range(50):
+        imager.render(1e-3 * k, np.array((2.0, 0.0, 0.5)), 0.04)
+    assert all(np.array_equal(f.pixels, c) for f, c in zip(kept, copies, strict=True))
 
 
 def test_impossible_sensors_are_refused() -> None:

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from mitt.errors import FileError, MittError
 from mitt.generator.learn import Learned, Step
-from mitt.generator.mapping import DirectMap, MapDesign
+from mitt.generator.mapping import DirectMap, MapDesign, tangent_of
 from mitt.generator.polynomial import CatchBasis
 from mitt.link.files import read_json, write_json
 from mitt.robot.arm import Arm
@@ -19,6 +19,8 @@ from mitt.robot.arm import Arm
 SCHEMA = "mitt.map/1"
 #: Largest map file read [byte]; one of order 6 for seven joints stays below.
 _MAX_BYTES = 20_000_000
+#: Highest degree of a map's polynomial; 286 monomials of three joints.
+MOST_ORDER = 12
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -33,7 +35,7 @@ class _Design(_Part):
     catch_joint: int = Field(ge=0, le=20)
     q_catch: Finite
     kappa: Finite
-    order: int = Field(ge=2, le=12)
+    order: int = Field(ge=2, le=MOST_ORDER)
     free: tuple[int, int, int]
 
 
@@ -127,6 +129,7 @@ def _learned(path: Path, content: _MapFile, arm: Arm) -> Learned:
             H=np.array(content.H),
             region=np.array(content.region),
         )
+        tangent_of(arm, design)
         np.linalg.cholesky(f.H)
     except (MittError, ValueError, np.linalg.LinAlgError) as error:
         raise FileError(str(path), "a map that fits together", error) from error

@@ -11,10 +11,10 @@ import mitt
 from mitt.errors import InputError, Terminated, UnknownNameError
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.learn import Learned
-from mitt.generator.mapping import MapDesign, unlearned
+from mitt.generator.mapping import MapDesign, tangent_of, unlearned
 from mitt.link.clock import Stopwatch
 from mitt.link.files import check_folder
-from mitt.link.maps import read_map
+from mitt.link.maps import MOST_ORDER, read_map
 from mitt.options import ArmOptions, CatchOptions
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
@@ -49,14 +49,18 @@ def design_of(options: ArmOptions, arm: Arm) -> MapDesign:
     i = arm.n - 1 if options.catch_joint is None else options.catch_joint
     if not 0 <= i < arm.n:
         raise InputError("--catch-joint", f"an index in 0..{arm.n - 1}", i)
+    if not 2 <= options.order <= MOST_ORDER:
+        raise InputError("--order", f"a degree in 2..{MOST_ORDER}", options.order)
     q_catch = options.q_catch
     if q_catch is None:
         inside = arm.q_min[i] < np.pi / 2 < arm.q_max[i]
         q_catch = np.pi / 2 if inside else 0.5 * float(arm.q_min[i] + arm.q_max[i])
     a, b, c = sorted({*[k for k in range(arm.n) if k != i][:2], i})
-    return MapDesign(
+    design = MapDesign(
         catch_joint=i, q_catch=q_catch, kappa=options.kappa, order=options.order, free=(a, b, c)
     )
+    tangent_of(arm, design)  # refuses angles and ratios that cannot be, before anything is run
+    return design
 
 
 @final

@@ -1,5 +1,8 @@
 """Reading the contacts of a simulation step without allocating."""
 
+from typing import final
+
+import mujoco
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -9,6 +12,7 @@ from mitt.world.hand import ARM, BALL, FLOOR, HAND
 
 #: What touches what, as bits of the result of :func:`survey`.
 BALL_HAND, BALL_ARM, BALL_FLOOR, SELF, ARM_FLOOR = 1, 2, 4, 8, 16
+BALL_ANY = BALL_HAND | BALL_ARM | BALL_FLOOR
 
 #: No position, velocity or acceleration of ours is so large (SI units); NaN is not below it.
 HUGE = 1e8
@@ -74,3 +78,35 @@ def is_sane(qpos: Array, qvel: Array, qacc: Array, ball: int, top_speed: float) 
                 return False
     square = qvel[ball] ** 2 + qvel[ball + 1] ** 2 + qvel[ball + 2] ** 2
     return bool(square <= top_speed * top_speed)
+
+
+@final
+class Contacts:
+    """Reads the contacts of one simulation."""
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Remember which kind each geom is."""
+        self._model, self._data = model, data
+        self._kinds = model.geom_contype.copy()
+        self._touching = np.zeros(model.ngeom, dtype=np.bool_)
+        self._no_force = np.zeros(1)
+
+    def made(self, largest: Array) -> int:
+        """Return what touched what in the step just made; see :func:`survey` for ``largest``."""
+        contact, force = self._data.contact, self._data.efc_force
+        return int(
+            survey(contact.geom, contact.efc_address, force, self._kinds, self._touching, largest)
+        )
+
+    def present(self) -> int:
+        """Return what touches what at this instant, before any force is known."""
+        contact, none = self._data.contact, self._no_force
+        return int(
+            survey(contact.geom, contact.efc_address, none, self._kinds, self._touching, none)
+        )
+
+    def hand(self) -> frozenset[str]:
+        """Return the names of the geoms of the hand that touch the ball at this instant."""
+        self.present()
+        found = np.flatnonzero(self._touching & (self._kinds == HAND))
+        return frozenset(self._model.geom(int(g)).name for g in found)

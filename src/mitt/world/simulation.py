@@ -9,16 +9,8 @@ from mitt.robot.description import ArmModel
 from mitt.robot.hands import HandModel
 from mitt.signals import Array, Command, Senses
 from mitt.world.build import STEP, build_plant
-from mitt.world.contacts import (
-    ARM_FLOOR,
-    BALL_ARM,
-    BALL_FLOOR,
-    BALL_HAND,
-    SELF,
-    survey,
-)
+from mitt.world.contacts import ARM_FLOOR, BALL_ANY, BALL_FLOOR, BALL_HAND, SELF, Contacts
 from mitt.world.flights import BallPath
-from mitt.world.hand import HAND
 from mitt.world.mismatch import PlantDraw
 from mitt.world.scene import Scene
 from mitt.world.sensors import CameraMaker, Sensors
@@ -32,9 +24,6 @@ TICK = 0.001
 
 #: Simulation steps in a tick where a contact may begin; else one will do.
 _FINE_STEPS = round(TICK / STEP)
-
-#: Contacts of the ball with anything.
-_BALL = BALL_HAND | BALL_ARM | BALL_FLOOR
 
 
 @final
@@ -68,17 +57,16 @@ class World:
         self._draw = PlantDraw(scene, self._plant)
         self._n, self._f = self._plant.joints, self._plant.fingers
         self._servo = servo_numbers((arm.hand or HandModel()).drive)
-        self._kinds = self.model.geom_contype.copy()
-        self._touching = np.zeros(self.model.ngeom, dtype=np.bool_)
-        self._peaks, self._no_force = np.zeros(2), np.zeros(1)
+        self._contacts, self._peaks = Contacts(self.model, self.data), np.zeros(2)
         d, n, ball = self.data, self._n, self._n + self._f
         self._views = d.qpos, d.qvel, d.ctrl, d.qfrc_applied
         self._senses = d.qpos[:n], d.qvel[:n], d.qpos[ball : ball + 3]
         self._ball = d.qpos[ball : ball + 3], d.qvel[ball : ball + 3]
-        self._flight, self._site = np.zeros((2, 3)), d.site_xpos[self._plant.site]
+        self._flight, self._qacc = np.zeros((2, 3)), d.qacc
+        self._site = d.site_xpos[self._plant.site]
         slides = self.model.jnt_type[:n] == mujoco.mjtJoint.mjJNT_SLIDE
         self._axes = d.xanchor, d.xaxis, np.ascontiguousarray(slides)
-        self._options, self._steps = self.model.opt, 0
+        self._options, self._steps = self.model.opt, 1
         self._tape = Tape((1, self.model.nq, self.model.nv, n, 3, 3, 1, 1))
         self._start(None, np.zeros((2, n)), 0.0)
 
@@ -132,20 +120,21 @@ class World:
         model, data, steps = self.model, self.data, self._steps
         tau, hand = np.asarray(command.tau, float), command.hand
         start, h = self._ticks * TICK, TICK / steps
-        r, dr = self._ball
         self._tau, self._peaks[0], self._seen = tau, 0.0, 0
         for step in range(1, steps + 1):
-            finite = prepare(*self._views, tau, hand, self._numbers, h, self._flight)
-            if not finite:
+            alone = not data.ncon
+            if not prepare(*self._views, tau, hand, self._numbers, h, alone, self._flight):
                 self._broken = True
             mujoco.mj_step2(model, data)
-            free = not data.ncon or not self._survey() & _BALL
+            if not alone:
+                touched = self._contacts.made(self._peaks)
+                self._seen |= touched
+                if not touched & BALL_ANY:
+                    self._ball[0][:], self._ball[1][:] = self._flight
             if self._path is not None:
-                r[:], dr[:] = self._path.at(start + step * h)
-            elif free:
-                r[:], dr[:] = self._flight
+                self._ball[0][:], self._ball[1][:] = self._path.at(start + step * h)
             mujoco.mj_step1(model, data)
-            if self.first_contact is None and data.ncon:
+            if data.ncon and self.first_contact is None:
                 self._watch_for_contact(start + step * h)
         self._ticks += 1
         self._record()
@@ -154,7 +143,6 @@ class World:
         """Return the true state at the end of the last tick."""
         qpos, qvel = (x.copy() for x in self._views[:2])
         n, ball = self._n, self._n + self._f
-        touching = (self.model.geom(int(g)).name for g in self._hand_geoms_touched())
         return Truth(
             t=self.t,
             r_o=qpos[ball : ball + 3],
@@ -165,7 +153,7 @@ class World:
             dq=qvel[:n],
             tau=self._tau.copy(),
             fingers=qpos[n:ball],
-            touching=frozenset(touching),
+            touching=self._contacts.hand(),
             contact_force=float(self._peaks[0]),
             self_contact=bool(self._seen & SELF),
             floor_contact=bool(self._seen & ARM_FLOOR),
@@ -194,39 +182,17 @@ class World:
         self._tau = np.zeros(self._n)
         self._broken = False
         self.first_contact: FirstContact | None = None
-        self._touching[:] = False
         self._peaks[:] = 0.0
+        self._steps, self._options.timestep = 1, TICK
         mujoco.mj_step1(self.model, self.data)
         self._tape.clear()
-        self._steps = 0
         self._record()
-
-    def _survey(self) -> int:
-        """Read the contacts of the step just made; return what touches what."""
-        contact = self.data.contact
-        seen = survey(
-            contact.geom,
-            contact.efc_address,
-            self.data.efc_force,
-            self._kinds,
-            self._touching,
-            self._peaks,
-        )
-        self._seen |= seen
-        return int(seen)
-
-    def _touched(self) -> int:
-        """Return what touches what at this instant, before any force is known."""
-        contact, none = self.data.contact, self._no_force
-        return int(
-            survey(contact.geom, contact.efc_address, none, self._kinds, self._touching, none)
-        )
 
     def _watch_for_contact(self, t: float) -> None:
         """Note the first touch; a ball that was led flies freely from its first touch on."""
-        touched = self._touched()
+        touched = self._contacts.present()
         self._seen |= touched
-        if touched & _BALL:
+        if touched & BALL_ANY:
             self._path = None
         if touched & BALL_HAND:
             self.first_contact = FirstContact(
@@ -243,32 +209,23 @@ class World:
         tip_velocity(self._site, *self._axes, self._views[1], velocity)
         return velocity
 
-    def _hand_geoms_touched(self) -> np.typing.NDArray[np.intp]:
-        """Return the geoms of the hand that touch the ball at this instant."""
-        self._touched()
-        return np.flatnonzero(self._touching & (self._kinds == HAND))
-
     def _record(self) -> None:
         """Append the present state to the trace, judge it, and set the steps of the next tick."""
-        t, first, row, views = (
-            self._ticks * TICK,
-            self.first_contact,
-            self._tape.next_row(),
-            self._views,
-        )
-        since = -1.0 if first is None else t - first.t
-        row[-1] = self._seen
+        t, first = self._ticks * TICK, self.first_contact
+        index = self._tape.extend()
         judged = finish(
-            row,
+            self._tape.rows,
+            index,
+            self._seen,
             t,
-            views[0],
-            views[1],
-            self.data.qacc,
+            self._views[0],
+            self._views[1],
+            self._qacc,
             self._tau,
             self._site,
             *self._axes,
             self._peaks,
-            since,
+            -1.0 if first is None else t - first.t,
         )
         if judged == BROKEN:
             self._broken = True

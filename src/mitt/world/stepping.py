@@ -1,18 +1,20 @@
 """What a simulation step needs from us before it and after it: one compiled call each.
 
 MuJoCo's integrator is of first order: in half a second of flight it puts a ball 1.2 mm (steps of
-0.5 ms) or 2.5 mm (1 ms) too low. So a ball that touches nothing is moved by the kernel of
-:mod:`mitt.flight` instead, and then its flight does not depend on the length of the steps.
+0.5 ms) or 2.5 mm (1 ms) too low. So a ball that touches nothing flies by the kernel of
+:mod:`mitt.flight`, and then its flight does not depend on the length of the steps. The integrator
+is led there: dr' = dr + h ddr, r' = r + h dr' end where the kernel does for the right force and
+the right start.
 
-Numbers of a plant, packed: four of the finger servo, force and acceleration of drag per squared
-speed [N s^2/m^2, 1/m], then viscous and dry friction of each joint.
+Numbers of a plant, packed: four of the finger servo, mass [kg] and drag coefficient [1/m] of the
+ball, then viscous and dry friction of each joint.
 """
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mitt.flight import advance
+from mitt.flight import GRAVITY, advance
 from mitt.signals import Array
 from mitt.world.contacts import is_sane
 from mitt.world.servo import actuate
@@ -44,7 +46,7 @@ def pack_plant(
         drag_force: Force per squared speed of the ball [N s^2/m^2].
         ball_mass: Mass of the ball [kg].
     """
-    return np.array([*servo, drag_force, drag_force / ball_mass, *friction.ravel()])
+    return np.array([*servo, ball_mass, drag_force / ball_mass, *friction.ravel()])
 
 
 @njit(cache=True)
@@ -57,9 +59,10 @@ def prepare(
     hand: float,
     plant: Array,
     h: float,
+    lead: bool,
     flight: Array,
 ) -> bool:
-    """Write what acts in the next step, and where the ball will be if it touches nothing.
+    """Write what acts in the second half of a step, in which positions are no longer read.
 
     Args:
         qpos: Positions of the plant, shape (n + f + 7,).
@@ -70,17 +73,25 @@ def prepare(
         hand: Commanded closing angle [rad].
         plant: Numbers of the plant, shape (6 + 2 n,).
         h: Length of the step [s].
-        flight: Result, position and velocity of the ball after the step, shape (2, 3).
+        lead: Whether nothing is touched, so that the ball can be led along its flight.
+        flight: Result, position and velocity of a ball that flies freely, at the end of the
+            step, shape (2, 3).
 
     Returns:
         Whether the command was finite.
     """
     n, ball = tau.shape[0], ctrl.shape[0]
-    friction = plant[6:].reshape(2, n)
+    mass, drag, friction = plant[4], plant[5], plant[6:].reshape(2, n)
     for i in range(3):
         flight[0, i], flight[1, i] = qpos[ball + i], qvel[ball + i]
-    advance(flight[0], flight[1], plant[5], h)
-    return bool(actuate(qpos, qvel, ctrl, passive, tau, hand, plant[:4], friction, plant[4]))
+    advance(flight[0], flight[1], drag, h)
+    finite = actuate(qpos, qvel, ctrl, passive, tau, hand, plant[:4], friction, drag * mass)
+    if lead:
+        for i in range(3):
+            weight = -GRAVITY if i == 2 else 0.0
+            passive[ball + i] = mass * ((flight[1, i] - qvel[ball + i]) / h - weight)
+            qpos[ball + i] = flight[0, i] - h * flight[1, i]
+    return bool(finite)
 
 
 @njit(cache=True)
@@ -112,7 +123,9 @@ def tip_velocity(
 
 @njit(cache=True)
 def finish(
-    row: Array,
+    rows: Array,
+    index: int,
+    seen: int,
     t: float,
     qpos: Array,
     qvel: Array,
@@ -128,7 +141,9 @@ def finish(
     """Write one tick into a row of the tape, in the order of ``Trace``, and judge the state.
 
     Args:
-        row: Result but for its last number, shape (w,).
+        rows: Result, in one of its rows, shape (ticks, w).
+        index: Which of them.
+        seen: Contacts in this tick, flags of :mod:`mitt.world.contacts`.
         t: Time since release [s].
         qpos: Positions of the plant, shape (n + f + 7,).
         qvel: Velocities of the plant, shape (n + f + 6,).
@@ -145,7 +160,7 @@ def finish(
     Returns:
         BROKEN, COARSE or FINE.
     """
-    k = 1
+    row, k = rows[index], 1
     row[0] = t
     for column in (qpos, qvel, tau, place):
         for i in range(column.shape[0]):
@@ -153,7 +168,7 @@ def finish(
         k += column.shape[0]
     velocity = row[k : k + 3]
     tip_velocity(place, anchor, axis, slides, qvel, velocity)
-    row[k + 3] = peaks[0]
+    row[k + 3], row[k + 4] = peaks[0], seen
     peaks[1] = max(peaks[0], peaks[1])
     ball = qvel.shape[0] - 6
     if not is_sane(qpos, qvel, qacc, ball, TOP_SPEED):

@@ -120,27 +120,30 @@ class Trace:
 
 
 class Tape:
-    """A growing table behind a :class:`Trace`, one row a tick."""
+    """A growing table behind a :class:`Trace`, one row a tick.
+
+    Attributes:
+        rows: The table; rows beyond its length hold nothing.
+    """
 
     def __init__(self, widths: tuple[int, ...], ticks: int = 2048) -> None:
         """Make a table of columns so wide for so many ticks; it doubles when full."""
         self._splits = np.cumsum(widths)
-        self._rows = np.empty((ticks, int(self._splits[-1])))
+        self.rows: Array = np.empty((ticks, int(self._splits[-1])))
         self._length = 0
 
     def clear(self) -> None:
         """Forget all rows."""
         self._length = 0
 
-    def next_row(self) -> Array:
-        """Return the next row, to be written at once."""
-        if self._length == len(self._rows):
-            self._rows = np.concatenate((self._rows, np.empty_like(self._rows)))
-        self._length += 1
-        row: Array = self._rows[self._length - 1]
-        return row
+    def extend(self) -> int:
+        """Return the index of a new row of the table, to be written at once."""
+        index = self._length
+        if index == len(self.rows):
+            self.rows = np.concatenate((self.rows, np.empty_like(self.rows)))
+        self._length = index + 1
+        return index
 
     def columns(self) -> list[Array]:
         """Return copies of all columns so far."""
-        rows = self._rows[: self._length].copy()
-        return np.split(rows, self._splits[:-1], axis=1)
+        return np.split(self.rows[: self._length].copy(), self._splits[:-1], axis=1)

@@ -1,0 +1,119 @@
+"""What is committed: no name of a machine or a package host, no door for foreign code."""
+
+import ast
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SOURCE = ROOT / "src" / "mitt"
+#: Written in pieces, so that this file does not hold what it looks for.
+HOSTS = re.compile(
+    "|".join(["pypi" + r"\.org", "files" + r"\.pythonhosted", "index" + "-url", "extra-index",
+              "find" + "-links", "trusted" + "-host", "--" + "registry", "arti" + "factory"])
+)  # fmt: skip
+PATHS = re.compile(
+    r"(?<![\w.~/])/(?:" + "|".join(["home", "root", "work", "Users", "mnt"]) + r")/\w"
+)
+#: Names of calls that run what a file says.
+FORBIDDEN = {"eval", "exec", "compile", "__import__"}
+MODULES = {"pickle", "cPickle", "dill", "cloudpickle", "shelve", "marshal", "joblib"}
+
+
+def committed() -> list[Path]:
+    """Return the text files that git knows; all files where there is no git."""
+    try:
+        names = subprocess.run(
+            ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
+        ).stdout.splitlines()
+        found = [ROOT / name for name in names]
+    except (OSError, subprocess.CalledProcessError):
+        found = [path for top in ("src", "tests", "docs") for path in (ROOT / top).rglob("*.*")]
+    return [path for path in found if path.suffix not in (".png", ".jpg", ".mp4", ".gif", ".pyc")
+            and path.is_file()]  # fmt: skip
+
+
+def modules() -> list[Path]:
+    """Return all modules of the package."""
+    return sorted(SOURCE.rglob("*.py"))
+
+
+def calls(tree: ast.AST) -> list[str]:
+    """Return the dotted names of all calls."""
+    return [ast.unparse(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)]
+
+
+def imported(tree: ast.AST) -> set[str]:
+    """Return the top packages that a module imports, at its head or within."""
+    found: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found.update(alias.name.split(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found.add(node.module.split(".")[0])
+    return found
+
+
+def test_there_is_something_to_look_at() -> None:
+    """The lists below are not empty by mistake."""
+    assert len(committed()) > 50
+    assert len(modules()) > 40
+
+
+def test_no_committed_file_names_a_package_host_or_this_machine() -> None:
+    """No index, mirror or registry, and no absolute path of a developer's machine."""
+    found = []
+    for path in committed():
+        text = path.read_text(encoding="utf-8", errors="replace")
+        for number, line in enumerate(text.splitlines(), 1):
+            if HOSTS.search(line) or PATHS.search(line):
+                found.append(f"{path.relative_to(ROOT)}:{number}: {line.strip()[:80]}")
+    assert found == []
+
+
+@pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(SOURCE)))
+def test_no_module_runs_what_a_file_says(path: Path) -> None:
+    """No pickle, eval, unsafe YAML, pickled arrays or shell in the package."""
+    text = path.read_text(encoding="utf-8")
+    tree = ast.parse(text)
+    assert not imported(tree) & MODULES
+    assert not set(calls(tree)) & FORBIDDEN
+    assert not [name for name in calls(tree) if name in ("yaml.load", "os.system", "os.popen")]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.keyword) and node.arg in ("allow_pickle", "shell"):
+            assert isinstance(node.value, ast.Constant)
+            assert node.value.value is False
+
+
+@pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(SOURCE)))
+def test_no_module_keeps_mutable_state_or_hides_arguments(path: Path) -> None:
+    """No ``global``, no mutable default, no bare except, no star import."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        assert not isinstance(node, ast.Global)
+        assert not (isinstance(node, ast.ExceptHandler) and node.type is None)
+        assert not (isinstance(node, ast.ImportFrom) and node.names[0].name == "*")
+        if isinstance(node, ast.FunctionDef | ast.Lambda):
+            defaults = [*node.args.defaults, *node.args.kw_defaults]
+            assert not any(isinstance(x, ast.List | ast.Dict | ast.Set) for x in defaults)
+
+
+def test_only_the_clock_reads_the_clock() -> None:
+    """``time`` and ``datetime`` are imported by the link's clock and nowhere else."""
+    found = {
+        str(path.relative_to(SOURCE)) for path in modules()
+        if imported(ast.parse(path.read_text(encoding="utf-8"))) & {"time", "datetime"}
+    }  # fmt: skip
+    assert found <= {"link/clock.py"}
+
+
+def test_no_module_draws_from_global_randomness() -> None:
+    """Randomness is a parameter: neither ``random`` nor ``numpy.random`` functions are called."""
+    for path in modules():
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        assert "random" not in imported(tree), path
+        for name in calls(tree):
+            if name.startswith("np.random."):
+                allowed = ("np.random.default_rng", "np.random.SeedSequence")
+                assert name.startswith(allowed), (path, name)
