@@ -128,8 +128,8 @@ def test_catch_prints_and_writes_the_contract_alike_in_any_process(
     call: Call, a_map: Path, tmp_path: Path
 ) -> None:
     """--json is the file, holds the contract, and another process gives the same but for times."""
-    common: list[str | Path] = ["catch", "--throws", "2", "--seed", "3", "--vision", "points", "--map", a_map,
-              "--json"]  # fmt: skip
+    common: list[str | Path] = ["catch", "--throws", "2", "--seed", "3", "--vision", "points"]
+    common += ["--map", a_map, "--json"]
     status, out, _ = call(*common, "--out", tmp_path / "a")
     first = json.loads(out)
     assert status == 0

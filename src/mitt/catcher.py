@@ -111,6 +111,11 @@ class Catcher:
         self.t_0 = np.inf
         self.tick: Tick | None = None
 
+    @property
+    def looking(self) -> bool:
+        """Whether the catcher wants images; none once its hand has closed."""
+        return self._phase is not Phase.BRAKE
+
     def step(self, senses: Senses) -> Command:
         """See, estimate, generate, close, track: one tick."""
         believed = self._tracker.believed(senses.arm)

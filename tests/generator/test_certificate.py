@@ -64,7 +64,7 @@ def test_a_throw_of_the_neighbourhood_is_feasible_and_its_time_is_right(
 def test_a_throw_3_m_to_the_side_is_unreachable(learned: Learned, side: float) -> None:
     """It never enters the domain of the inverse, and that is what is named."""
     ball = thrown(learned.map)
-    said = verdict(learned.map, replace(ball, r_o=ball.r_o + [0.0, side, 0.0]))
+    said = verdict(learned.map, replace(ball, r_o=ball.r_o + np.array([0.0, side, 0.0])))
     assert (said.outcome, said.binding_limit) == (Outcome.UNREACHABLE, "domain")
     assert np.isinf(said.t_catch)
 
@@ -73,7 +73,7 @@ def test_a_throw_3_m_to_the_side_is_unreachable(learned: Learned, side: float) -
 def test_a_ball_that_passes_above_is_unreachable(learned: Learned, above: float) -> None:
     """No bounce brings down a ball that flies over the arm."""
     ball = thrown(learned.map)
-    said = verdict(learned.map, replace(ball, r_o=ball.r_o + [0.0, 0.0, above]))
+    said = verdict(learned.map, replace(ball, r_o=ball.r_o + np.array([0.0, 0.0, above])))
     assert said.outcome is Outcome.UNREACHABLE
 
 
@@ -81,7 +81,7 @@ def test_a_ball_that_passes_above_is_unreachable(learned: Learned, above: float)
 def test_a_ball_that_falls_short_is_open(learned: Learned, below: float) -> None:
     """A bounce may still bring it up: the verdict stays open."""
     ball = thrown(learned.map)
-    said = verdict(learned.map, replace(ball, r_o=ball.r_o - [0.0, 0.0, below]))
+    said = verdict(learned.map, replace(ball, r_o=ball.r_o - np.array([0.0, 0.0, below])))
     assert said.outcome is Outcome.OPEN
 
 
@@ -161,7 +161,7 @@ def test_the_stand_in_waits_level_at_the_nominal_height(learned: Learned) -> Non
     """It flies over the same ground as fast, level, and is itself a ball that can be caught."""
     f = learned.map
     ball = thrown(f)
-    low = replace(ball, r_o=ball.r_o - [0.0, 0.0, 0.8])
+    low = replace(ball, r_o=ball.r_o - np.array([0.0, 0.0, 0.8]))
     flat = levelled(f, low)
     assert np.array_equal(flat.r_o[:2], low.r_o[:2])
     assert np.array_equal(flat.dr_o[:2], low.dr_o[:2])

@@ -183,7 +183,7 @@ def test_peaks_are_shares_of_the_limits(arm: Arm, scale: float) -> None:
     assert speed == pytest.approx([scale] * 3)
 
 
-def reference(arm: Arm, q: Array, dq: Array) -> JointReference:
+def reference(q: Array, dq: Array) -> JointReference:
     """Return what a generator may have asked for."""
     return JointReference(
         t=0.0, status=MapStatus.INSIDE, q_d=q, dq_d=dq, ddq_d=ZERO, q_o=q, dq_o=dq,
@@ -197,7 +197,7 @@ def test_the_demand_is_that_of_the_reference_before_saturation(arm: Arm) -> None
     still = Tracked(command=command(arm), saturated=True)
     assert out.demand_cost() == 0.0
     out.add(None, still)
-    out.add(reference(arm, arm.q_ready, 2.0 * arm.dq_max), still)
+    out.add(reference(arm.q_ready, 2.0 * arm.dq_max), still)
     tau = arm.inverse_dynamics(arm.q_ready, 2.0 * arm.dq_max, ZERO) / arm.tau_max
     assert out.demand_cost() == pytest.approx(float(tau @ tau) + 4.0 * 3)
     assert out.saturated == 2
@@ -206,8 +206,8 @@ def test_the_demand_is_that_of_the_reference_before_saturation(arm: Arm) -> None
 def test_the_excess_is_the_farthest_reference_beyond_its_range(arm: Arm) -> None:
     """Within the ranges 0; beyond them the largest distance on either side."""
     out, still = Meter(arm), Tracked(command=command(arm), saturated=False)
-    out.add(reference(arm, arm.q_ready, ZERO), still)
+    out.add(reference(arm.q_ready, ZERO), still)
     assert out.excess() == 0.0
-    out.add(reference(arm, arm.q_max + np.array([0.1, 0.0, 0.0]), ZERO), still)
-    out.add(reference(arm, arm.q_min - np.array([0.0, 0.3, 0.0]), ZERO), still)
+    out.add(reference(arm.q_max + np.array([0.1, 0.0, 0.0]), ZERO), still)
+    out.add(reference(arm.q_min - np.array([0.0, 0.3, 0.0]), ZERO), still)
     assert out.excess() == pytest.approx(0.3)

@@ -63,13 +63,16 @@ def test_jitter_stays_within_the_contract(index: int, seed: int) -> None:
 
 @given(index=which, beyond=st.floats(0.0, 0.4))
 def test_after_the_last_sample_the_ball_flies_on(index: int, beyond: float) -> None:
-    """The free flight takes over without a jump and obeys gravity and drag."""
+    """The free flight takes over without a jump and obeys gravity and drag.
+
+    An ulp in the duration may mean one integration step more, worth 1e-8 m at the most.
+    """
     placed = place_flight(RECORDINGS[index], CATCH, rng=None)
     end = placed.at(placed.duration)
     wanted = fly(*end, drag=placed.drag, duration=beyond)
     found = placed.at(placed.duration + beyond)
-    assert found[0] == pytest.approx(wanted[0], abs=1e-9)
-    assert found[1] == pytest.approx(wanted[1], abs=1e-9)
+    assert found[0] == pytest.approx(wanted[0], abs=1e-7)
+    assert found[1] == pytest.approx(wanted[1], abs=1e-7)
 
 
 def test_interleaved_flights_are_told_apart(tmp_path: Path) -> None:

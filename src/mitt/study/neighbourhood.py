@@ -58,8 +58,10 @@ def aim_of(arm: Arm, q_catch: float, catch_joint: int) -> Aim:
 
     The ready pose gives the centre of the box, so other arms have theirs.
     """
-    middle, half = arm.q_ready.copy(), np.array([0.3, 0.22, 0.0])
+    middle, half = arm.q_ready.copy(), np.zeros(arm.n)
     middle[catch_joint] = q_catch
+    first, second, *_ = (k for k in range(arm.n) if k != catch_joint)
+    half[first], half[second] = 0.3, 0.22
     return Aim(position=arm.position, q_low=middle - half, q_high=middle + half)
 
 

@@ -85,7 +85,7 @@ class Bench:
         world.reset(ball, seed)
         t_catch, over = np.inf, False
         while not over:
-            senses = world.sense()
+            senses = world.sense(look=catcher.looking)
             with self.stopwatch:
                 command = catcher.step(senses)
             tick = catcher.tick

@@ -30,13 +30,13 @@ class Ball(_Settings):
         radius: Radius [m].
         mass: Mass [kg].
         drag: Quadratic drag coefficient k [1/m].
-        brightness: Brightness above the background [grey levels].
+        brightness: Brightness above the background of 24 [grey levels]; both fit into 8 bits.
     """
 
     radius: Annotated[float, Field(ge=0.005, le=0.06)] = 0.04
     mass: Annotated[float, Field(ge=0.001, le=2.0)] = 0.07
     drag: Annotated[float, Field(ge=0.0, le=1.0)] = 0.04
-    brightness: Annotated[float, Field(gt=0.0, le=255.0)] = 160.0
+    brightness: Annotated[float, Field(gt=0.0, le=231.0)] = 160.0
 
 
 class Mismatch(_Settings):

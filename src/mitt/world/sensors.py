@@ -44,7 +44,7 @@ class Sensors:
         self._q_before: Array | None = None
         self._t_before = 0.0
 
-    def read(self, t: float, q: Array, dq: Array, r_o: Array) -> Senses:
+    def read(self, t: float, q: Array, dq: Array, r_o: Array, *, look: bool = True) -> Senses:
         """Expose at time ``t`` and return what arrives; to be called once a tick.
 
         Args:
@@ -52,8 +52,11 @@ class Sensors:
             q: True joint positions [rad], shape (n,).
             dq: True joint velocities [rad/s], shape (n,).
             r_o: True ball centre [m], shape (3,).
+            look: Whether ball and images are exposed.
         """
-        if self._cameras is None:
+        if not look:
+            self._line.append(((), ()))
+        elif self._cameras is None:
             self._line.append(((), (self._point(t, r_o),)))
         else:
             self._line.append((self._cameras.render(t, r_o, self._radius), ()))

@@ -111,9 +111,13 @@ class World:
             self._ball[0][:], self._ball[1][:] = ball.at(0.0)
             self._start(ball, friction, drag)
 
-    def sense(self) -> Senses:
-        """Return what reaches the catcher in this tick; once a tick."""
-        return self._sensors.read(self.t, *self._senses)
+    def sense(self, *, look: bool = True) -> Senses:
+        """Return what reaches the catcher in this tick; once a tick.
+
+        Args:
+            look: Whether ball and images are exposed in this tick; encoders always are.
+        """
+        return self._sensors.read(self.t, *self._senses, look=look)
 
     def apply(self, command: Command) -> None:
         """Let the motors follow a command for one tick; nothing here clips it."""

@@ -1,0 +1,1 @@
+"""Tests of control; a package, because `world` has a test_hand.py too."""
