@@ -5,9 +5,10 @@ import pytest
 from hypothesis import HealthCheck, settings
 from support import parabola
 
+from mitt.generator.design import MapDesign
 from mitt.generator.flights import Flight
 from mitt.generator.learn import Learned, learn
-from mitt.generator.mapping import DirectMap, MapDesign, unlearned
+from mitt.generator.mapping import DirectMap, unlearned
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 

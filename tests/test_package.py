@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "mitt"
 #: Written in pieces, so that this file does not hold what it looks for.
 HOSTS = re.compile(
-    "|".join(["pypi" + r"\.org", "files" + r"\.pythonhosted", "index" + "-url", "extra-index",
+    "|".join(["pypi" + r"\.org", "files" + r"\.pythonhosted", "index" + "-url", "extra" + "-index",
               "find" + "-links", "trusted" + "-host", "--" + "registry", "arti" + "factory"])
 )  # fmt: skip
 PATHS = re.compile(

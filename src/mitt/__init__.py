@@ -11,8 +11,8 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from mitt.catcher import Catcher as Catcher
     from mitt.errors import MittError as MittError
+    from mitt.generator.design import MapDesign as MapDesign
     from mitt.generator.mapping import DirectMap as DirectMap
-    from mitt.generator.mapping import MapDesign as MapDesign
     from mitt.robot.load import load_arm as load_arm
     from mitt.signals import ArmState as ArmState
     from mitt.signals import BallState as BallState
@@ -28,7 +28,7 @@ _HOMES = {
     "Command": "mitt.signals",
     "DirectMap": "mitt.generator.mapping",
     "JointReference": "mitt.signals",
-    "MapDesign": "mitt.generator.mapping",
+    "MapDesign": "mitt.generator.design",
     "MittError": "mitt.errors",
     "learn": "mitt.study.lesson",
     "load_arm": "mitt.robot.load",

@@ -9,9 +9,10 @@ from support import parabola
 from mitt.errors import InputError
 from mitt.generator.constraints import initial_matrix, shift
 from mitt.generator.demand import demand
+from mitt.generator.design import MapDesign
 from mitt.generator.flights import Flight, lift_flight
 from mitt.generator.learn import Learned, learn
-from mitt.generator.mapping import DirectMap, MapDesign
+from mitt.generator.mapping import DirectMap
 from mitt.generator.program import cost, limit_rows, sensitivity, solve
 from mitt.robot.arm import Arm
 from mitt.signals import Array

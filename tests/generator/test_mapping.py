@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from support import ball_state
 
 from mitt.errors import MittError, ModelError, ShapeError
+from mitt.generator.design import MapDesign, tangent_of
 from mitt.generator.learn import Learned
-from mitt.generator.mapping import DirectMap, MapDesign, tangent_of, unlearned
+from mitt.generator.mapping import DirectMap, unlearned
 from mitt.generator.tangent import invert_newton, scratch_of
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm

@@ -27,7 +27,7 @@ shapes = st.tuples(st.integers(2, 6), st.integers(1, 4)).flatmap(
 
 @given(shape=shapes)
 def test_the_number_of_monomials_is_that_of_equation_11(shape: tuple[int, int, int]) -> None:
-    """There are C(N - 2 + n, n) monomials, each at least quadratic in the catch joint's distance."""
+    """There are C(N - 2 + n, n) monomials, each at least quadratic in the catch joint."""
     order, n, i = shape
     powers = basis(*shape).powers
     assert len(powers) == comb(order - 2 + n, n)

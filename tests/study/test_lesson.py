@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from mitt.generator.design import MapDesign
 from mitt.generator.flights import Flight
 from mitt.generator.learn import LearnSettings
-from mitt.generator.mapping import MapDesign
 from mitt.robot.arm import Arm
 from mitt.study.lesson import LEARNING_SEED, learn
 from mitt.study.neighbourhood import Neighbourhood

@@ -21,8 +21,9 @@ import numpy as np
 from mitt.errors import InputError
 from mitt.generator.constraints import initial_matrix, project, shift
 from mitt.generator.demand import demand
+from mitt.generator.design import MapDesign
 from mitt.generator.flights import Flight, Lifted, lift_flight
-from mitt.generator.mapping import DirectMap, MapDesign, unlearned
+from mitt.generator.mapping import DirectMap, unlearned
 from mitt.generator.polynomial import CatchBasis
 from mitt.generator.program import Rows, cost, limit_rows, sensitivity, solve
 from mitt.robot.arm import Arm

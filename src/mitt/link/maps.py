@@ -10,8 +10,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from mitt.errors import FileError, MittError
+from mitt.generator.design import MapDesign, tangent_of
 from mitt.generator.learn import Learned, Step
-from mitt.generator.mapping import DirectMap, MapDesign, tangent_of
+from mitt.generator.mapping import DirectMap
 from mitt.generator.polynomial import CatchBasis
 from mitt.link.files import read_json, write_json
 from mitt.robot.arm import Arm

@@ -9,9 +9,10 @@ import numpy as np
 
 import mitt
 from mitt.errors import InputError, Terminated, UnknownNameError
+from mitt.generator.design import MapDesign, tangent_of
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.learn import Learned
-from mitt.generator.mapping import MapDesign, tangent_of, unlearned
+from mitt.generator.mapping import unlearned
 from mitt.link.clock import Stopwatch
 from mitt.link.files import check_folder
 from mitt.link.maps import MOST_ORDER, read_map

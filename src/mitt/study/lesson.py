@@ -4,10 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mitt.generator.design import MapDesign
 from mitt.generator.flights import Flight
 from mitt.generator.learn import Learned, LearnSettings
 from mitt.generator.learn import learn as learn_from
-from mitt.generator.mapping import MapDesign, unlearned
+from mitt.generator.mapping import unlearned
 from mitt.robot.arm import Arm
 from mitt.study.neighbourhood import Neighbourhood, neighbourhood
 

@@ -1,0 +1,54 @@
+"""The choices that make a map, and the arrays of l_c that follow from them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mitt.errors import ModelError
+from mitt.generator.planar import plane_of
+from mitt.generator.tangent import Tangent
+from mitt.robot.arm import Arm
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapDesign:
+    """The choices that make a map, apart from its coefficients.
+
+    Attributes:
+        catch_joint: Index i of the catch joint among the active joints, from 0.
+        q_catch: Its angle q_alpha at the catch [rad].
+        kappa: Velocity-match ratio; 1 is the paper.
+        order: Degree N of the polynomial.
+        free: The three joints of l_c, the catch joint among them; all where the arm has three.
+    """
+
+    catch_joint: int = 2
+    q_catch: float = np.pi / 2
+    kappa: float = 1.0
+    order: int = 4
+    free: tuple[int, int, int] = (0, 1, 2)
+
+
+def tangent_of(arm: Arm, design: MapDesign) -> Tangent:
+    """Return the arrays of l_c, eq. (5), for an arm; ModelError where it cannot be built."""
+    if sorted(set(design.free)) != list(design.free) or not set(design.free) <= set(range(arm.n)):
+        raise ModelError("free", f"three rising indices in 0..{arm.n - 1}", design.free)
+    if design.catch_joint not in design.free:
+        raise ModelError("catch_joint", f"one of the free joints {design.free}", design.catch_joint)
+    i = design.catch_joint
+    if not arm.q_min[i] < design.q_catch < arm.q_max[i]:
+        room = f"an angle in {arm.q_min[i]:.3f}..{arm.q_max[i]:.3f} rad"
+        raise ModelError("q_catch", room, f"{design.q_catch:.3f}")
+    if not 1.0 <= design.kappa <= 100.0:
+        raise ModelError("kappa", "a ratio in 1..100", design.kappa)
+    plane = plane_of(arm, design.catch_joint, q_catch=design.q_catch, kappa=design.kappa)
+    return Tangent(
+        chain=arm.chain,
+        free=design.free,
+        catch_joint=i,
+        q_catch=design.q_catch,
+        kappa=design.kappa,
+        q_rest=arm.q_ready.copy(),
+        planar=plane is not None and design.free == (0, 1, 2),
+        plane=np.zeros(7) if plane is None else plane,
+    )
