@@ -124,6 +124,7 @@ def check_contract(result: dict[str, Any], throws: int) -> None:
         assert trial["binding_limit"] is None or isinstance(trial["binding_limit"], str)
 
 
+@pytest.mark.slow
 def test_catch_prints_and_writes_the_contract_alike_in_any_process(
     call: Call, a_map: Path, tmp_path: Path
 ) -> None:
@@ -361,6 +362,7 @@ def test_a_map_that_cannot_be_written_is_bad_input(call: Call, tmp_path: Path, p
     one_line(err)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_keeps_what_is_finished(
     a_map: Path, tmp_path: Path, number: signal.Signals, status: int
