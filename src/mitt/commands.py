@@ -13,6 +13,7 @@ from rich.table import Table
 import mitt
 from mitt.errors import InputError
 from mitt.generator.learn import Learned
+from mitt.link.files import check_folder, make_folder
 from mitt.link.maps import save_map
 from mitt.options import CatchOptions, LearnOptions
 from mitt.study.catch import Finished, arm_of, design_of, prepare, run
@@ -36,6 +37,7 @@ def catch(options: CatchOptions) -> int:
         return _checked(f"{prepared.source.count} throws, output to {prepared.out}")
     from mitt.study.outputs import write_outputs  # noqa: PLC0415 (plots: only when written)
 
+    make_folder(prepared.out)
     with _progress() as report:
         finished = run(prepared, progress=report)
         write_outputs(finished, progress=report)
@@ -57,6 +59,7 @@ def learn(options: LearnOptions) -> int:
     if options.out.exists() and not options.overwrite:
         raise InputError("--out", "a new file", f"{options.out}, which exists",
                          do="choose another or say --overwrite")  # fmt: skip
+    check_folder(options.out.parent, overwrite=True)
     if options.check:
         return _checked(f"{options.flights_count} flights, output to {options.out}")
     with _progress() as report:

@@ -1,5 +1,6 @@
 """The polynomial b: its terms, its zero at the catch, its derivatives."""
 
+from collections.abc import Callable
 from math import comb
 
 import numpy as np
@@ -62,10 +63,11 @@ def test_jets_are_derivatives_in_time(shape: tuple[int, int, int], seed: int) ->
 
 def test_a_basis_that_cannot_be_is_refused() -> None:
     """Orders below 2, a catch joint that is not there and a void scale raise ModelError."""
-    for make in (
+    makers: tuple[Callable[[], CatchBasis], ...] = (
         lambda: basis(1, 3, 2),
         lambda: basis(4, 3, 3),
         lambda: CatchBasis(4, 0, np.zeros(2), np.array([1.0, 0.0])),
-    ):
+    )
+    for make in makers:
         with pytest.raises(ModelError):
             make()

@@ -1,7 +1,8 @@
 """Braking after the catch: to rest as fast as the torques allow, by Ruckig's velocity interface.
 
 Each joint brakes at its own constant rate, a share of tau_max / M_kk. The shares keep the torque
-of the whole arm within its limits along the whole way and end as far from any stop as can be.
+of the whole arm within its limits at seven instants of the way (between them up to 7 % more was
+seen in 300 random states; the tracking saturates) and end as far from any stop as can be.
 """
 
 from dataclasses import dataclass

@@ -100,6 +100,20 @@ def claim_folder(folder: Path, *, overwrite: bool, ours: tuple[str, ...]) -> Non
         raise FileError(str(folder), "a folder that can be written", error.strerror) from error
 
 
+def make_folder(folder: Path) -> None:
+    """Make an output folder before the work is done, so that no work is done for nothing.
+
+    Raises:
+        FileError: It cannot be made or written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise FileError(str(folder), "a folder that can be written", error.strerror) from error
+
+
 def check_folder(folder: Path, *, overwrite: bool) -> None:
     """Say whether :func:`claim_folder` would succeed, without touching anything."""
     try:

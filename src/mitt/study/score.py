@@ -102,8 +102,9 @@ class Meter:
         The arm touching itself or the floor counts as well: its range is where it can be.
         """
         q, dq, tau = (np.array(column) for column in zip(*self._told, strict=True))
-        bad = self._exceed(q, dq, tau, _COMMANDED)
-        bad |= self._exceed(truth.q[1:], truth.dq[1:], truth.tau[1:], _MEASURED)
+        before = truth.dq[:-1]
+        bad = self._exceed((q, dq), tau, before, _COMMANDED)
+        bad |= self._exceed((truth.q[1:], truth.dq[1:]), truth.tau[1:], before, _MEASURED)
         bad |= (truth.seen[1:] & (SELF | ARM_FLOOR)) != 0
         return int(np.sum(bad))
 
@@ -116,14 +117,24 @@ class Meter:
             float(x) for x in speed.max(axis=0)
         ]
 
-    def _exceed(self, q: Array, dq: Array, tau: Array, slack: float) -> NDArray[np.bool_]:
-        """Say in which ticks position, speed or torque exceed their limits by a share."""
-        arm = self._arm
+    def _exceed(
+        self, motion: tuple[Array, Array], tau: Array, at: Array, slack: float
+    ) -> NDArray[np.bool_]:
+        """Say in which ticks position, speed or torque exceed their limits by a share.
+
+        Args:
+            motion: q and dq, shapes (k, n).
+            tau: Torques [N m], shape (k, n).
+            at: Joint speeds when the torque was given, which bound it [rad/s], shape (k, n).
+            slack: Share of a limit that is let pass.
+        """
+        arm, (q, dq) = self._arm, motion
         span = slack * (arm.q_max - arm.q_min)
         outside = np.any((q < arm.q_min - span) | (q > arm.q_max + span), axis=1)
         fast = np.any(np.abs(dq) > arm.dq_max * (1.0 + slack), axis=1)
-        drive = np.abs(arm.limits.drive_torque(_spread(arm, tau)))
-        strong = np.any(drive > arm.limits.tau_peak * (1.0 + slack), axis=1)
+        drive, speed = arm.limits.drive_torque(_spread(arm, tau)), _spread(arm, at)
+        bound = arm.limits.torque_bound(drive, arm.limits.drive_speed(speed))
+        strong = np.any(np.abs(drive) > bound * (1.0 + slack) + _COMMANDED, axis=1)
         bad: NDArray[np.bool_] = outside | fast | strong
         return bad
 
