@@ -32,11 +32,11 @@ _FRAME = "╭╮╰╯│─"
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit status."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    if words == ["--version"]:
-        print(mitt.__version__)  # noqa: T201
-        return 0
     signal.signal(signal.SIGTERM, _terminate)
     try:
+        if "--version" in words:
+            print(mitt.__version__, flush=True)  # noqa: T201
+            return 0
         return _run(_parse(words))
     except MittError as error:
         return _fail(2, str(error))

@@ -59,6 +59,8 @@ def learn(options: LearnOptions) -> int:
     if options.out.exists() and not options.overwrite:
         raise InputError("--out", "a new file", f"{options.out}, which exists",
                          do="choose another or say --overwrite")  # fmt: skip
+    if options.out.is_dir():
+        raise InputError("--out", "a file", f"{options.out}, which is a folder")
     check_folder(options.out.parent, overwrite=True)
     if options.check:
         return _checked(f"{options.flights_count} flights, output to {options.out}")
@@ -124,7 +126,8 @@ def _show(finished: Finished) -> None:
         f"unreachable {summary['unreachable']}, aborted {summary['aborted']}; "
         f"tick {summary['tick_us']['p50']:.0f} us median"
     )
-    console.print(f"written: {finished.prepared.out / 'report.html'}", soft_wrap=True)
+    page = "report.html" if finished.trials else "result.json"
+    console.print(f"written: {finished.prepared.out / page}", soft_wrap=True)
 
 
 def _console() -> Console:

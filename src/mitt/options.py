@@ -26,8 +26,8 @@ class ArmOptions:
         limits: Limit set: paper, wam-48v or wam-80v for the wam, model for a file.
         catch_joint: Index of the catch joint among the active joints, from 0; the last if left out.
         q_catch: Its angle at the catch [rad]; pi/2, or the middle of its range, if left out.
-        kappa: Velocity-match ratio; 1 matches the ball's velocity, as in the paper.
-        order: Degree of the polynomial.
+        kappa: Velocity-match ratio; 1, the paper's, matches the ball's velocity.
+        order: Degree of the polynomial; 4 as in the paper if left out.
     """
 
     arm: Annotated[str, arg(metavar="NAME|FILE")] = "wam"
@@ -36,8 +36,8 @@ class ArmOptions:
     limits: LimitName | None = None
     catch_joint: Annotated[int | None, arg(metavar="INT")] = None
     q_catch: Annotated[float | None, arg(metavar="RAD")] = None
-    kappa: float = 1.0
-    order: int = 4
+    kappa: Annotated[float | None, arg(metavar="RATIO")] = None
+    order: Annotated[int | None, arg(metavar="INT")] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

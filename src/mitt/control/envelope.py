@@ -20,14 +20,12 @@ from mitt.signals import Array
 _SPEED_SHARE, _STOP_GAP = 0.995, 0.06
 #: Time in which a joint may close in on a speed limit [s]; a few ticks.
 _APPROACH = 0.006
-#: Share of the torque-limited deceleration that braking for a joint stop may rely on.
-_BRAKE_SHARE = 1.0
 
 
 def bounds_of(arm: Arm) -> Array:
     """Return q_min, q_max, dq_max, brake of the active joints with their gaps, shape (4, n)."""
     inertia = np.diag(arm.mass_matrix(arm.q_ready))
-    brake = _BRAKE_SHARE * arm.tau_max / inertia
+    brake = arm.tau_max / inertia
     return np.array(
         [arm.q_min + _STOP_GAP, arm.q_max - _STOP_GAP, _SPEED_SHARE * arm.dq_max, brake]
     )

@@ -40,6 +40,7 @@ class Closing:
             time_to_catch: Time until the catch [s]; infinite where none is in sight.
         """
         if self._hand is None:
+            self.t_start = t if time_to_catch <= 0.0 and self.t_start == inf else self.t_start
             return 0.0
         if self.t_start == inf:
             if time_to_catch > self._hand.closing.lead:

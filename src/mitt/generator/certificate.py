@@ -19,6 +19,8 @@ from mitt.signals import Array, BallState, MapStatus
 _INSTANTS = 25
 #: How far beyond the region it was learned on a map is trusted [rad].
 _REGION_GAP = 0.15
+#: How far ahead the ball's way over the ground is looked at [s], and in what steps.
+_AHEAD, _STRIDE = 1.0, 0.01
 
 
 class Outcome(Enum):
@@ -70,7 +72,7 @@ def judge(f: DirectMap, ball: BallState, q: Array, *, tolerance: Tolerance) -> V
     where = _where(f, seen)
     if where is not None or adapted.status is MapStatus.DOMAIN:
         return Verdict(
-            outcome=Outcome.OPEN if _may_rise(f, seen) else Outcome.UNREACHABLE,
+            outcome=Outcome.OPEN if _may_rise(f, ball, seen) else Outcome.UNREACHABLE,
             binding_limit=where or "domain",
             share=np.inf,
             t_catch=ball.t + seen.after,
@@ -129,11 +131,29 @@ def _where(f: DirectMap, seen: Foresight) -> str | None:
     return None
 
 
-def _may_rise(f: DirectMap, seen: Foresight) -> bool:
-    """Say whether a bounce could bring the ball up into the region: it passes or is caught low."""
-    if not np.isfinite(seen.after):
-        return seen.below
-    return bool(f.to_ball(seen.q_o)[2] < f.arm.position(f.start)[2])
+def _may_rise(f: DirectMap, ball: BallState, seen: Foresight) -> bool:
+    """Say whether a bounce could bring the ball up into the region.
+
+    It must come in low, and over the ground it must pass where the region is.
+    """
+    low = seen.below
+    if np.isfinite(seen.after):
+        low = bool(f.to_ball(seen.q_o)[2] < f.arm.position(f.start)[2])
+    return low and _passes_over(f, ball)
+
+
+def _passes_over(f: DirectMap, ball: BallState) -> bool:
+    """Say whether the ball's way over the ground leads through the map's region."""
+    nominal = f.arm.position(f.start)
+    path = flown(ball, np.arange(0.0, _AHEAD, _STRIDE))[:, 0]
+    near = np.flatnonzero(np.hypot(path[:, 0], path[:, 1]) <= np.hypot(nominal[0], nominal[1]))
+    if len(near) == 0:
+        return False
+    point = np.array([path[near[0], 0], path[near[0], 1], nominal[2]])
+    inside, rows = f.virtual(np.array([point, np.zeros(3), np.zeros(3)]))
+    low, high = f.region
+    within = (rows[0] >= low - _REGION_GAP) & (rows[0] <= high + _REGION_GAP)
+    return bool(inside and np.all(np.delete(within, f.design.catch_joint)))
 
 
 def _shares(f: DirectMap, motion: Array, tolerance: Tolerance) -> dict[str, float]:

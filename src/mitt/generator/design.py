@@ -4,10 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitt.errors import ModelError
+from mitt.errors import InputError, ModelError
 from mitt.generator.planar import plane_of
 from mitt.generator.tangent import Tangent
 from mitt.robot.arm import Arm
+
+#: Highest degree of a map's polynomial: 120 monomials of three joints.
+MOST_ORDER = 9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +30,37 @@ class MapDesign:
     kappa: float = 1.0
     order: int = 4
     free: tuple[int, int, int] = (0, 1, 2)
+
+
+def default_design(
+    arm: Arm,
+    *,
+    catch_joint: int | None = None,
+    q_catch: float | None = None,
+    kappa: float = 1.0,
+    order: int = 4,
+) -> MapDesign:
+    """Return a design; what is left out follows from the arm.
+
+    Args:
+        arm: The arm.
+        catch_joint: Index of the catch joint; the last active joint by default.
+        q_catch: Its angle at the catch [rad]; pi/2, or the middle of its range, by default.
+        kappa: Velocity-match ratio.
+        order: Degree of the polynomial.
+    """
+    if arm.n < 3:
+        raise InputError("--joints", "at least three active joints", arm.n)
+    if not 2 <= order <= MOST_ORDER:
+        raise InputError("--order", f"a degree in 2..{MOST_ORDER}", order)
+    i = arm.n - 1 if catch_joint is None else catch_joint
+    if not 0 <= i < arm.n:
+        raise InputError("--catch-joint", f"an index in 0..{arm.n - 1}", i)
+    if q_catch is None:
+        inside = arm.q_min[i] < np.pi / 2 < arm.q_max[i]
+        q_catch = np.pi / 2 if inside else 0.5 * float(arm.q_min[i] + arm.q_max[i])
+    a, b, c = sorted({*[k for k in range(arm.n) if k != i][:2], i})
+    return MapDesign(catch_joint=i, q_catch=q_catch, kappa=kappa, order=order, free=(a, b, c))
 
 
 def tangent_of(arm: Arm, design: MapDesign) -> Tangent:

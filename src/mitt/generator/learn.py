@@ -68,7 +68,8 @@ class Learned:
     Attributes:
         map: The map with alpha* and H.
         maps: The map at each of those steps; only the last where it was read from a file.
-        steps: One entry before the first step (alpha = 0, unprojected), then one after each.
+        steps: Cost of alpha = 0 as it is, of alpha = 0 projected onto each flight's start, and
+            after each Gauss-Newton step.
         flights: Flights used.
         left_out: Flights that leave the domain of l_c^-1.
         status: ``converged``, ``steps`` where their number was the end, ``solver`` where no sound
@@ -109,6 +110,9 @@ def learn(
             status = "solver"
             break
         f = further
+    else:
+        history.append(_mean([_linearise(f, x, settings).step for x in lifted]))
+        maps.append(f)
     return Learned(
         map=f,
         maps=tuple(maps),

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from mitt.errors import FileError, MittError
-from mitt.generator.design import MapDesign, tangent_of
+from mitt.generator.design import MOST_ORDER, MapDesign, tangent_of
 from mitt.generator.learn import Learned, Step
 from mitt.generator.mapping import DirectMap
 from mitt.generator.polynomial import CatchBasis
@@ -18,10 +18,8 @@ from mitt.link.files import read_json, write_json
 from mitt.robot.arm import Arm
 
 SCHEMA = "mitt.map/1"
-#: Largest map file read [byte]; one of order 6 for seven joints stays below.
+#: Largest map file read [byte]; one of the highest order for seven joints stays below.
 _MAX_BYTES = 20_000_000
-#: Highest degree of a map's polynomial; 286 monomials of three joints.
-MOST_ORDER = 12
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 

@@ -20,9 +20,6 @@ from mitt.robot.hands import HandModel
 from mitt.robot.limits import Limits, joint_level
 from mitt.signals import Array
 
-#: Height of the shoulder above the base plate [m].
-SHOULDER_HEIGHT = 0.346
-
 #: Motor (Spec-Hardware page of UW-Advanced-Robotics-Lab/lab-wiki, quoting Barrett).
 _TORQUE_CONSTANT = 0.457  # N m/A
 _RESISTANCE = 3.473  # ohm

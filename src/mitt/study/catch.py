@@ -5,17 +5,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, final
 
-import numpy as np
-
 import mitt
 from mitt.errors import InputError, Terminated, UnknownNameError
-from mitt.generator.design import MapDesign, tangent_of
+from mitt.generator.design import MapDesign, default_design, tangent_of
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import unlearned
 from mitt.link.clock import Stopwatch
 from mitt.link.files import check_folder
-from mitt.link.maps import MOST_ORDER, read_map
+from mitt.link.maps import read_map
 from mitt.options import ArmOptions, CatchOptions
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
@@ -45,23 +43,24 @@ def arm_of(options: ArmOptions) -> Arm:
 
 def design_of(options: ArmOptions, arm: Arm) -> MapDesign:
     """Return the map design that the options name; what they leave out follows from the arm."""
-    if arm.n < 3:
-        raise InputError("--joints", "at least three active joints", arm.n)
-    i = arm.n - 1 if options.catch_joint is None else options.catch_joint
-    if not 0 <= i < arm.n:
-        raise InputError("--catch-joint", f"an index in 0..{arm.n - 1}", i)
-    if not 2 <= options.order <= MOST_ORDER:
-        raise InputError("--order", f"a degree in 2..{MOST_ORDER}", options.order)
-    q_catch = options.q_catch
-    if q_catch is None:
-        inside = arm.q_min[i] < np.pi / 2 < arm.q_max[i]
-        q_catch = np.pi / 2 if inside else 0.5 * float(arm.q_min[i] + arm.q_max[i])
-    a, b, c = sorted({*[k for k in range(arm.n) if k != i][:2], i})
-    design = MapDesign(
-        catch_joint=i, q_catch=q_catch, kappa=options.kappa, order=options.order, free=(a, b, c)
+    design = default_design(
+        arm,
+        catch_joint=options.catch_joint,
+        q_catch=options.q_catch,
+        kappa=1.0 if options.kappa is None else options.kappa,
+        order=4 if options.order is None else options.order,
     )
     tangent_of(arm, design)  # refuses angles and ratios that cannot be, before anything is run
     return design
+
+
+def _refuse_design(job: CatchOptions) -> None:
+    """Refuse options of the design beside a map, which has its own."""
+    stated = {"--catch-joint": job.catch_joint, "--q-catch": job.q_catch, "--kappa": job.kappa,
+              "--order": job.order}  # fmt: skip
+    given = [name for name, value in stated.items() if value is not None]
+    if given:
+        raise InputError("--map", "no option that the map itself decides", " and ".join(given))
 
 
 @final
@@ -107,6 +106,8 @@ def prepare(job: CatchOptions) -> Prepared:
     scene = Scene() if job.scene is None else read_scene(job.scene)
     if job.flights is not None and "ball" not in scene.model_fields_set:
         scene = scene.model_copy(update={"ball": TABLE_TENNIS})
+    if job.map is not None:
+        _refuse_design(job)
     learned = None if job.map is None else read_map(job.map, arm)
     f = unlearned(arm, design_of(job, arm)) if learned is None else learned.map
     source = source_of(

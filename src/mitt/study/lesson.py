@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mitt.generator.design import MapDesign
+from mitt.generator.design import MapDesign, default_design
 from mitt.generator.flights import Flight
 from mitt.generator.learn import Learned, LearnSettings
 from mitt.generator.learn import learn as learn_from
@@ -29,7 +29,7 @@ def learn(
 
     Args:
         arm: The arm.
-        design: Catch joint, its angle, kappa and order; the paper's if left out.
+        design: Catch joint, its angle, kappa and order; the paper's for the WAM if left out.
         flights: Flights to learn from; a neighbourhood of default throws if left out.
         seed: Seed of that neighbourhood.
         around: Its settings.
@@ -38,7 +38,7 @@ def learn(
     Returns:
         The map (``.map``) and the cost at each step (``.steps``).
     """
-    design = design or MapDesign()
+    design = design or default_design(arm)
     if flights is None:
         start = unlearned(arm, design)
         flights = neighbourhood(start, np.random.default_rng(seed), around)

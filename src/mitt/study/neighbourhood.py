@@ -51,6 +51,8 @@ class Neighbourhood:
 _Motion = Callable[[float], tuple[Array, Array]]
 #: Longest flight considered [s], and the grid on which the catch is looked for [s].
 _LONGEST, _GRID = 1.1, 0.005
+#: Drag of the flights that bounce, a table-tennis ball's (facts of the recorded flights) [1/m].
+_BOUNCED_DRAG = 0.1
 
 
 def aim_of(arm: Arm, q_catch: float, catch_joint: int) -> Aim:
@@ -86,7 +88,7 @@ def _draw(f: DirectMap, rng: np.random.Generator, settings: Neighbourhood) -> tu
     drag, kind = float(rng.uniform(*settings.drag)), rng.random()
     aim = aim_of(f.arm, f.design.q_catch, f.design.catch_joint)
     if kind < settings.bounced:
-        return _bounced(aim, rng), drag
+        return _bounced(aim, rng), _BOUNCED_DRAG
     throw = default_throw(rng, aim)
     change = np.zeros(3)
     t_change = float(rng.uniform(0.15, 0.4))
@@ -118,13 +120,13 @@ def _bounced(aim: Aim, rng: np.random.Generator) -> _Motion:
     kept = np.array([1.0, 1.0, 0.0]) * rng.uniform(0.55, 0.85)
     kept[2] = -rng.uniform(0.75, 0.9)
     r_up, dr_up = r_aim.copy(), dr_aim.copy()
-    advance(r_up, dr_up, 0.1, -since)
+    advance(r_up, dr_up, _BOUNCED_DRAG, -since)
     r_0, dr_0 = r_up.copy(), dr_up / kept
-    advance(r_0, dr_0, 0.1, -before)
+    advance(r_0, dr_0, _BOUNCED_DRAG, -before)
 
     def motion(t: float) -> tuple[Array, Array]:
         r, dr = (r_0.copy(), dr_0.copy()) if t < before else (r_up.copy(), dr_up.copy())
-        advance(r, dr, 0.1, t if t < before else t - before)
+        advance(r, dr, _BOUNCED_DRAG, t if t < before else t - before)
         return r, dr
 
     return motion

@@ -22,6 +22,8 @@ from mitt.study.trial import Outcome
 LEAVES = ("result.json", "report.html", "map.json", "recordings")
 #: Throws that the report compares with alpha = 0.
 _COMPARED = 10
+#: A throw with fewer ticks has nothing to draw.
+_FEWEST_TICKS = 50
 
 Progress = Callable[[str, int, int], None]
 
@@ -74,12 +76,17 @@ def _content(finished: Finished, progress: Progress) -> ReportContent:
         arm=prepared.arm,
         scene=prepared.scene,
         steps=learned.steps if whole else None,
-        direct=one_throw(bench, prepared, 0, log=True),
+        direct=_shown(one_throw(bench, prepared, 0, log=True)),
         unoptimised=_plain(finished),
         releases=np.array([release_of(ball) for ball in balls]),
         shares=_feedback(finished, progress) if whole else None,
         rivals=_rivals(finished, progress),
     )
+
+
+def _shown(outcome: Outcome) -> Outcome | None:
+    """Return a throw that can be drawn; None for one that ended before it began."""
+    return outcome if outcome.log is not None and len(outcome.log.t) >= _FEWEST_TICKS else None
 
 
 def _plain(finished: Finished) -> Outcome | None:
@@ -88,7 +95,7 @@ def _plain(finished: Finished) -> Outcome | None:
     if prepared.job.generator == "unoptimised":
         return None
     bench = make_bench(prepared, finished.learned, generator="unoptimised")
-    return one_throw(bench, prepared, 0, log=True)
+    return _shown(one_throw(bench, prepared, 0, log=True))
 
 
 def _feedback(finished: Finished, progress: Progress) -> tuple[float, ...]:

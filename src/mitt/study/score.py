@@ -111,7 +111,8 @@ class Meter:
     def peaks(self, truth: Trace) -> tuple[list[float], list[float]]:
         """Return the largest shares of torque and speed limits of the active joints."""
         arm = self._arm
-        torque = arm.limits.torque_ratio(_spread(arm, truth.tau), _spread(arm, truth.dq))
+        tau, before = _spread(arm, truth.tau[1:]), _spread(arm, truth.dq[:-1])
+        torque = arm.limits.torque_ratio(tau, before)
         speed = np.abs(truth.dq) / arm.dq_max
         return [float(x) for x in arm.active(torque).max(axis=0)], [
             float(x) for x in speed.max(axis=0)

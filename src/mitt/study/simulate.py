@@ -1,5 +1,6 @@
 """Throws in the simulated world from Python, without files."""
 
+from mitt.errors import InputError
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.study.score import Trial
@@ -27,6 +28,8 @@ def simulate(
         scene: The world's settings; the default scene if left out.
         pixels: Whether the catcher sees images; noisy points otherwise.
     """
+    if throws < 1:
+        raise InputError("throws", "at least 1", throws)
     scene = scene or Scene()
     source = source_of(
         f, seed=seed, count=throws, throws_file=None, flights_file=None, drag=scene.ball.drag

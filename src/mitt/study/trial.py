@@ -133,7 +133,7 @@ class Bench:
             limit_violations=meter.violations(truth),
             demand_cost=meter.demand_cost(),
             peak_contact_force_n=None if contact is None else world.peak_force,
-            binding_limit="time" if verdict is None else verdict.binding_limit,
+            binding_limit="unseen" if verdict is None else verdict.binding_limit,
             saturated_ticks=meter.saturated,
             range_excess_rad=meter.excess(),
         )
