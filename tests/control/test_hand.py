@@ -71,8 +71,10 @@ def test_a_hurry_never_waits_longer() -> None:
     assert -LEAD < TOUCH_BEFORE < FOLLOW_ON
 
 
-def test_without_a_hand_nothing_closes() -> None:
-    """An arm without a hand commands 0 for ever and never counts as closed."""
+def test_without_a_hand_nothing_closes_but_the_catch_is_an_end() -> None:
+    """An arm without a hand commands 0 for ever, and from the catch on it may brake."""
     hand = Closing(None, ball_radius=RADIUS)
-    assert [hand.step(k * TICK, -1.0) for k in range(5)] == [0.0] * 5
+    assert [hand.step(k * TICK, 0.1) for k in range(5)] == [0.0] * 5
     assert not hand.closed(10.0, hurry=False)
+    assert hand.step(5 * TICK, -TICK) == 0.0
+    assert hand.closed(5 * TICK, hurry=False)

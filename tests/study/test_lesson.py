@@ -34,13 +34,14 @@ def test_flights_given_are_the_flights_used(arm: Arm, flights: list[Flight]) -> 
 
 
 def test_design_and_settings_reach_the_learner(arm: Arm, flights: list[Flight]) -> None:
-    """Kappa and order are those asked for; one step is one step."""
+    """Kappa and order are those asked for; one step is one step beyond the projected start."""
     design = MapDesign(kappa=1.5, order=3)
     learned = learn(arm, design=design, flights=flights[:6], settings=LearnSettings(steps=1))
     assert learned.map.design == design
     assert learned.map.basis.order == 3
     assert learned.status == "steps"
-    assert len(learned.steps) == 2
+    assert len(learned.steps) == len(learned.maps) == 3
+    assert learned.maps[-1] is learned.map
 
 
 def test_the_last_map_is_the_one_handed_over(arm: Arm) -> None:
