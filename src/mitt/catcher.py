@@ -2,8 +2,8 @@
 
     Frame x2 -> Moments x2 -> Sighting -> BallState -> JointReference -> Command
 
-The only module that knows the order of the stages. The same catcher runs against the simulated
-world, a replayed recording and a real arm.
+The only module that knows the order of the stages. It takes senses and gives commands, so it does
+not know whether a simulated world or a real arm is at the other end.
 """
 
 from dataclasses import dataclass, field, replace
@@ -130,7 +130,7 @@ class Catcher:
 
     def _see(self, senses: Senses) -> tuple[Sighting, ...]:
         """Return the new sightings, from images or from points; none once the hand has closed."""
-        if self._phase is Phase.BRAKE:
+        if not self.looking:
             return ()
         if senses.frames:
             return (self._eyes.step(senses.frames),)
@@ -141,7 +141,7 @@ class Catcher:
 
         Once the hand has closed the ball is where the hand is, and the estimate stays.
         """
-        if self._phase is Phase.BRAKE and self.tick is not None:
+        if not self.looking and self.tick is not None:
             return self.tick.ball
         for sighting in sightings:
             self._filter.update(sighting)

@@ -20,6 +20,7 @@ _SHARE = 0.98
 _ONSET = 0.002
 #: Instants at which the torque of a candidate is checked, and halvings of the interval.
 _INSTANTS, _HALVINGS = 7, 5
+#: Control tick [s].
 _TICK = 0.001
 #: Gap to a joint stop below which an ideal brake of one joint alone counts as short of room [rad].
 _NEAR = 0.45

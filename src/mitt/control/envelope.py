@@ -2,7 +2,8 @@
 
 The desired motion is clipped to ranges and speeds; the acceleration that the controller wants is
 bounded so that the measured joint neither passes its speed limit nor comes to a stop that it
-could not brake for; the torque is saturated drive by drive. Inside the limits nothing changes.
+could not brake for. Inside the limits nothing changes. Torques are cut in
+:mod:`mitt.control.tracking`, all joints together.
 
 | here      | meaning                                               | unit    | shape  |
 |-----------|-------------------------------------------------------|---------|--------|

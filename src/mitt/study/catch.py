@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, final
+from typing import Any, final, get_args
 
 import mitt
 from mitt.errors import InputError, Terminated, UnknownNameError
@@ -14,7 +14,7 @@ from mitt.generator.mapping import unlearned
 from mitt.link.clock import Stopwatch
 from mitt.link.files import check_folder
 from mitt.link.maps import read_map
-from mitt.options import ArmOptions, CatchOptions
+from mitt.options import ArmOptions, CatchOptions, GeneratorName
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
@@ -26,7 +26,7 @@ from mitt.study.trial import Bench, Outcome
 from mitt.world.scene import TABLE_TENNIS, Scene, read_scene
 
 #: Generators by name.
-GENERATORS = ("direct", "unoptimised")
+GENERATORS: tuple[str, ...] = get_args(GeneratorName)
 #: Most throws in one run; more belong into a study.
 _MOST_THROWS = 100_000
 #: Index of the throw that is run once before the others, so that compiling is not measured.

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.control.tracking import Tracked
+from mitt.generator.demand import demand
 from mitt.robot.arm import Arm
 from mitt.signals import Array, JointReference
 from mitt.world.contacts import ARM_FLOOR, SELF
@@ -82,11 +83,7 @@ class Meter:
 
     def demand_cost(self) -> float:
         """Return the mean cost (22) of the references before any limit; 0 without one."""
-        arm, total = self._arm, 0.0
-        for q, dq, ddq in self._asked:
-            torque, speed = arm.inverse_dynamics(q, dq, ddq) / arm.tau_max, dq / arm.dq_max
-            total += float(torque @ torque + speed @ speed)
-        return total / max(len(self._asked), 1)
+        return demand(self._arm, np.array(self._asked)).cost if self._asked else 0.0
 
     def excess(self) -> float:
         """Return how far the references went beyond a joint's range [rad]."""

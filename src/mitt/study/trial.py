@@ -143,7 +143,7 @@ def known_ball(drag: float, mass: float) -> FilterConfig:
     """Return what the filter may believe of a ball with known nominal drag [1/m] and mass [kg].
 
     A quarter of the drag either way; the acceleration that drag does not explain (spin, gusts)
-    grows as the ball gets lighter, 0.001 m^2/s^3 for the thrown ball of 70 g and 0.03 for one of
+    grows as the ball gets lighter, 0.001 m^2/s^3 for the thrown ball of 70 g and 0.026 for one of
     table tennis.
     """
     return FilterConfig(
