@@ -5,6 +5,7 @@
 
 PYTHON ?= python3
 BIN := .venv/bin
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 # Compiled kernels are kept apart by the state of the source: Numba does not notice that a kernel
 # that another one calls has changed.
 SOURCE := $(shell find src -name '*.py' | LC_ALL=C sort | xargs cat | cksum | cut -d ' ' -f 1)
@@ -15,24 +16,29 @@ export NUMBA_CACHE_DIR := $(CURDIR)/.venv/kernels/$(SOURCE)
 .venv/ready: pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "mitt needs Python 3.11 or later")'
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt "setuptools>=80"
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --no-build-isolation --editable ".[dev]"
+	$(INSTALL) "setuptools>=80"
+	$(INSTALL) --no-build-isolation --editable .
 	touch .venv/ready
+
+# What catching does not need: tests and checks, cameras, studies, rivals.
+.venv/complete: .venv/ready
+	$(INSTALL) --no-build-isolation --editable ".[dev]"
+	touch .venv/complete
 
 catch: .venv/ready
 	$(BIN)/mitt catch --overwrite $(ARGS)
 
-test: .venv/ready
+test: .venv/complete
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal $(ARGS)
 
-check: .venv/ready
+check: .venv/complete
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(MAKE) --no-print-directory test
 
-bench: .venv/ready
+bench: .venv/complete
 	$(BIN)/python benchmarks/trial.py
 
 clean:

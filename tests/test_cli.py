@@ -41,6 +41,7 @@ import mitt.study.outputs as outputs
 from mitt.cli import main
 inner = runs.one_throw
 def one_throw(bench, prepared, index, *, log=False):
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job starts without
     if index == 2:
         os.kill(os.getpid(), signal.Signals(int(sys.argv[1])))
     return inner(bench, prepared, index, log=log)
