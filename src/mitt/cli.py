@@ -10,6 +10,7 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from types import FrameType
 from typing import Annotated, NoReturn
 
@@ -20,10 +21,13 @@ import mitt
 from mitt.errors import MittError, Terminated
 from mitt.options import CatchOptions, LearnOptions
 
-_Catch = Annotated[CatchOptions, subcommand("catch")]
-_Learn = Annotated[LearnOptions, subcommand("learn")]
 #: Every command of the program.
-_Command = _Catch | _Learn
+_Command = (
+    Annotated[CatchOptions, subcommand("catch")]
+    | Annotated[LearnOptions, subcommand("learn")]
+)  # fmt: skip
+#: The module of ``mitt.commands`` that does what is asked for.
+_JOBS: dict[type, str] = {CatchOptions: "catch", LearnOptions: "learn"}
 
 #: Characters that frame tyro's messages.
 _FRAME = "╭╮╰╯│─"
@@ -60,16 +64,14 @@ class _UsageError(Exception):
     """The options do not parse."""
 
 
-def _run(command: CatchOptions | LearnOptions) -> int:
+def _run(command: _Command) -> int:
     """Import what the command needs, and run it."""
-    from mitt.commands import catch, learn  # noqa: PLC0415 (heavy: only when needed)
-
-    if isinstance(command, CatchOptions):
-        return catch(command)
-    return learn(command)
+    job = import_module(f"mitt.commands.{_JOBS[type(command)]}")  # heavy: only when needed
+    status: int = job.run(command)
+    return status
 
 
-def _parse(words: list[str]) -> CatchOptions | LearnOptions:
+def _parse(words: list[str]) -> _Command:
     """Parse the options; tyro's framed message becomes one line."""
     said = io.StringIO()
     try:

@@ -1,0 +1,82 @@
+"""``mitt catch``: throw, see, map, catch; a table and a folder."""
+
+import json
+
+from rich.table import Table
+
+from mitt.commands.screen import checked, console_of, progress
+from mitt.link.files import make_folder
+from mitt.options import CatchOptions
+from mitt.study.catch import Finished, prepare
+from mitt.study.catch import run as run_throws
+from mitt.study.score import Trial
+
+
+def run(options: CatchOptions) -> int:
+    """Run ``mitt catch``; return its exit status."""
+    prepared = prepare(options)
+    if options.check:
+        return checked(f"{prepared.source.count} throws, output to {prepared.out}")
+    from mitt.study.outputs import write_outputs  # noqa: PLC0415 (plots: only when written)
+
+    make_folder(prepared.out)
+    with progress() as report:
+        finished = run_throws(prepared, progress=report)
+        write_outputs(finished, progress=report)
+    if options.json:
+        print(json.dumps(finished.result, allow_nan=False))  # noqa: T201
+    else:
+        _show(finished)
+    return finished.status
+
+
+def _show(finished: Finished) -> None:
+    """Print the table of a run."""
+    console, summary = console_of(), finished.result["summary"]
+    table = Table(title=_title(finished), title_justify="left", padding=(0, 1))
+    for name in ("throw", "status", "t [s]", "miss [mm]", "rel. [m/s]", "torque", "speed", "[N]",
+                 "asks most"):  # fmt: skip
+        words = name in ("status", "asks most")
+        table.add_column(name, justify="left" if words else "right", no_wrap=True)
+    shown = finished.trials[:20] + [t for t in finished.trials[20:] if t.status != "caught"][:40]
+    for trial in shown:
+        table.add_row(*_row(trial))
+    console.print(table)
+    if len(shown) < len(finished.trials):
+        console.print(f"{len(finished.trials) - len(shown)} more throws, all in result.json")
+    low, high = summary["ci95"]
+    console.print(
+        f"caught {summary['caught']} of {summary['throws']}: {100 * summary['catch_rate']:.1f} % "
+        f"(95 % interval {100 * low:.1f} to {100 * high:.1f} %), "
+        f"dropped {summary['dropped']}, missed {summary['missed']}, "
+        f"unreachable {summary['unreachable']}, aborted {summary['aborted']}; "
+        f"tick {summary['tick_us']['p50']:.0f} us median"
+    )
+    page = "report.html" if finished.trials else "result.json"
+    console.print(f"written: {finished.prepared.out / page}", soft_wrap=True)
+
+
+def _title(finished: Finished) -> str:
+    """Return the title of a run's table."""
+    head = finished.prepared.head
+    return f"{head['arm']}, limits {head['limits']}, {head['generator']}, {head['vision']}"
+
+
+def _row(trial: Trial) -> tuple[str, ...]:
+    """Return a trial as cells of the table."""
+    return (
+        str(trial.index),
+        trial.status,
+        _number(trial.t_catch_s, 3),
+        _number(trial.position_error_mm, 1),
+        _number(trial.velocity_error_m_s, 2),
+        f"{100 * max(trial.peak_torque_ratio):.0f} %",
+        f"{100 * max(trial.peak_speed_ratio):.0f} %",
+        _number(trial.peak_contact_force_n, 0),
+        trial.binding_limit or "",
+    )
+
+
+def _number(value: float | None, digits: int) -> str:
+    """Return a number for the table; nothing where there is none."""
+    return "" if value is None else f"{value:.{digits}f}"

@@ -1,0 +1,86 @@
+"""``mitt learn``: learn a map, show the cost at each step, write the map."""
+
+import json
+from pathlib import Path
+
+from rich.table import Table
+
+import mitt
+from mitt.commands.screen import checked, console_of, progress
+from mitt.errors import InputError
+from mitt.generator.learn import Learned
+from mitt.link.files import check_folder
+from mitt.link.maps import save_map
+from mitt.options import LearnOptions
+from mitt.study.catch import arm_of, design_of
+from mitt.study.lesson import LEARNING_SEED
+from mitt.study.lesson import learn as learn_map
+from mitt.study.neighbourhood import Neighbourhood
+
+#: Most flights to learn from; more only takes longer.
+_MOST_FLIGHTS = 10_000
+
+
+def run(options: LearnOptions) -> int:
+    """Run ``mitt learn``; return its exit status."""
+    arm = arm_of(options)
+    design = design_of(options, arm)
+    if not 1 <= options.flights_count <= _MOST_FLIGHTS:
+        raise InputError("--flights", f"a number in 1..{_MOST_FLIGHTS}", options.flights_count)
+    if options.seed is not None and not 0 <= options.seed < 2**63:
+        raise InputError("--seed", "a number from 0 to 2^63 - 1", options.seed)
+    if options.out.exists() and not options.overwrite:
+        raise InputError("--out", "a new file", f"{options.out}, which exists",
+                         do="choose another or say --overwrite")  # fmt: skip
+    if options.out.is_dir():
+        raise InputError("--out", "a file", f"{options.out}, which is a folder")
+    check_folder(options.out.parent, overwrite=True)
+    if options.check:
+        return checked(f"{options.flights_count} flights, output to {options.out}")
+    with progress() as report:
+        report("learning", 0, 1)
+        learned = learn_map(
+            arm,
+            design=design,
+            seed=LEARNING_SEED if options.seed is None else options.seed,
+            around=Neighbourhood(flights=options.flights_count),
+        )
+        report("learning", 1, 1)
+    save_map(options.out, learned, version=mitt.__version__)
+    if options.json:
+        print(json.dumps(_lesson(learned, options.out), allow_nan=False))  # noqa: T201
+    else:
+        _show(learned, options.out)
+    return 0
+
+
+def _lesson(learned: Learned, out: Path) -> dict[str, object]:
+    """Return what ``mitt learn --json`` prints."""
+    return {
+        "schema": "mitt.learn/1",
+        "version": mitt.__version__,
+        "map": str(out),
+        "status": learned.status,
+        "flights": learned.flights,
+        "left_out": learned.left_out,
+        "cost_torque": [step.cost_torque for step in learned.steps],
+        "cost_speed": [step.cost_speed for step in learned.steps],
+    }
+
+
+def _show(learned: Learned, out: Path) -> None:
+    """Print the cost at each step, the numbers behind fig. 7."""
+    console = console_of()
+    table = Table(title="cost over the optimisation (fig. 7)", title_justify="left")
+    for name in ("step", "torque", "speed", "sum", "largest share of a limit"):
+        table.add_column(name, justify="right")
+    for k, step in enumerate(learned.steps):
+        name = "alpha = 0" if k == 0 else str(k - 1)
+        both = step.cost_torque + step.cost_speed
+        table.add_row(name, f"{step.cost_torque:.4f}", f"{step.cost_speed:.4f}", f"{both:.4f}",
+                      f"{step.worst:.2f}")  # fmt: skip
+    console.print(table)
+    console.print(
+        f"{learned.status}: {learned.flights} flights, {learned.left_out} left out; written: {out}",
+        soft_wrap=True,
+    )

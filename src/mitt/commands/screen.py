@@ -1,0 +1,42 @@
+"""What the commands share: progress on stderr, tables on stdout."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+Report = Callable[[str, int, int], None]
+
+#: Width of tables that do not go to a terminal [characters].
+_FILE_WIDTH = 110
+
+
+def checked(what: str) -> int:
+    """Say that the input is good."""
+    print(f"mitt: the input is good: {what}", file=sys.stderr)  # noqa: T201
+    return 0
+
+
+@contextmanager
+def progress() -> Iterator[Report]:
+    """Show progress on stderr."""
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    )  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        tasks = {}
+
+        def report(name: str, done: int, of: int) -> None:
+            if name not in tasks:
+                tasks[name] = bar.add_task(name, total=of)
+            bar.update(tasks[name], completed=done, total=of)
+
+        yield report
+
+
+def console_of() -> Console:
+    """Return the console of tables: as wide as the terminal, wide enough in a file."""
+    console = Console()
+    return console if console.is_terminal else Console(width=_FILE_WIDTH)
