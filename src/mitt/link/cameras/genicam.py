@@ -1,0 +1,94 @@
+"""GenICam cameras through harvesters: any producer (``.cti``) that a maker ships."""
+
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+
+from mitt.errors import FileError
+from mitt.link.cameras.source import grey, optional
+from mitt.link.clock import monotonic
+from mitt.signals import Frame
+
+#: Channels and planes of the formats that are read.
+_CHANNELS = {"Mono8": 1, "RGB8": 3, "BGR8": 3, "RGBa8": 4, "BGRa8": 4}
+_TIMEOUT = 2.0
+
+
+@final
+class GenICam:
+    """A camera behind a GenTL producer, 8 bits a channel.
+
+    The time of a frame is the device's stamp since its first frame; that of a device without
+    stamps is its number over ``fps`` or, without that, its arrival.
+    """
+
+    live = True
+
+    def __init__(self, producer: Path, index: int, camera: int, *, fps: float | None) -> None:
+        """Open device ``index`` of the producer and start it.
+
+        Raises:
+            FileError: The producer does not load, has no such device, or it does not start.
+        """
+        self.name = f"genicam:{producer}#{index}"
+        core = optional("harvesters.core")
+        if not producer.is_file():
+            raise FileError(str(producer), "a GenTL producer (.cti)", "no such file")
+        self._camera, self._fps, self._number = camera, fps, 0
+        self._first: float | None = None
+        self._harvester = core.Harvester()
+        try:
+            self._harvester.add_file(str(producer.resolve()))
+            self._harvester.update()
+            count = len(self._harvester.device_info_list)
+            if not 0 <= index < count:
+                raise FileError(str(producer), f"a device below {count}", index)
+            self._device = self._harvester.create(index)
+            self._device.start()
+        except FileError:
+            self._harvester.reset()
+            raise
+        except Exception as error:  # harvesters raises the errors of every producer
+            self._harvester.reset()
+            raise FileError(self.name, "a camera that starts", str(error)[:100]) from error
+
+    def read(self) -> Frame | None:
+        """Return the next frame."""
+        try:
+            with self._device.fetch(timeout=_TIMEOUT) as buffer:
+                t = self._time(buffer)
+                pixels = _pixels(self.name, buffer.payload.components[0])
+        except FileError:
+            raise
+        except Exception as error:
+            wanted = f"a frame within {_TIMEOUT:g} s"
+            raise FileError(self.name, wanted, str(error)[:100] or "none") from error
+        number, self._number = self._number, self._number + 1
+        return Frame(t=t, camera=self._camera, number=number, pixels=pixels)
+
+    def close(self) -> None:
+        """Stop the camera and let go of the producer."""
+        self._device.stop()
+        self._device.destroy()
+        self._harvester.reset()
+
+    def _time(self, buffer: Any) -> float:  # noqa: ANN401 (harvesters has no types)
+        """Return the time of a frame since the first [s]."""
+        if self._fps is not None:
+            return self._number / self._fps
+        try:
+            t = 1e-9 * float(buffer.timestamp_ns)
+        except Exception:  # noqa: BLE001 (each producer raises its own: not available)
+            t = monotonic()
+        self._first = t if self._first is None else self._first
+        return t - self._first
+
+
+def _pixels(name: str, part: Any) -> np.ndarray[Any, np.dtype[np.uint8]]:  # noqa: ANN401
+    """Return a grey copy of a component's pixels."""
+    channels = _CHANNELS.get(part.data_format)
+    if channels is None:
+        raise FileError(name, f"pixels as one of {', '.join(_CHANNELS)}", part.data_format,
+                        do="set PixelFormat of the camera")  # fmt: skip
+    return grey(part.data.reshape(part.height, part.width, channels).copy().squeeze())
