@@ -8,7 +8,7 @@ import numpy as np
 
 from mitt.errors import FileError
 from mitt.link.cameras.source import optional
-from mitt.signals import Frame
+from mitt.signals import Frame, Image
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp")
 
@@ -33,7 +33,7 @@ class Folder:
             FileError: There are none, or neither their names nor ``fps`` say when they were taken.
         """
         self.name = str(path)
-        self._cv2 = optional("cv2")
+        optional("cv2")
         self._camera, self._fps, self._next = camera, fps, 0
         self.paths = images_in(path)
         if fps is None:
@@ -46,18 +46,29 @@ class Folder:
             return None
         number, path = self._next, self.paths[self._next]
         self._next += 1
-        try:
-            data = np.fromfile(path, dtype=np.uint8)
-        except OSError as error:
-            raise FileError(str(path), "a readable image", error.strerror) from error
-        pixels = self._cv2.imdecode(data, self._cv2.IMREAD_GRAYSCALE) if data.size else None
-        if pixels is None:
-            raise FileError(str(path), "an image", "a file that does not decode")
+        pixels = read_image(path)
         t = stamp(path) if self._fps is None else number / self._fps
         return Frame(t=t, camera=self._camera, number=number, pixels=pixels)
 
     def close(self) -> None:
         """Nothing is held open."""
+
+
+def read_image(path: Path) -> Image:
+    """Return an image in grey, shape (height, width).
+
+    Raises:
+        FileError: It cannot be read or does not decode.
+    """
+    cv2 = optional("cv2")
+    try:
+        data = np.fromfile(path, dtype=np.uint8)
+    except OSError as error:
+        raise FileError(str(path), "a readable image", error.strerror) from error
+    pixels: Image | None = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
+    if pixels is None:
+        raise FileError(str(path), "an image", "a file that does not decode")
+    return pixels
 
 
 def images_in(path: Path) -> list[Path]:
