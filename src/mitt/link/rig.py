@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from mitt.errors import FileError, MittError
 from mitt.link.files import write_text
 from mitt.signals import Array
-from mitt.vision.calibration.heads import Head
+from mitt.vision.calibration.heads import HeadAxes
 from mitt.vision.camera import Camera, Rig
 from mitt.vision.lens import Lens
 
@@ -41,7 +41,7 @@ class RigCamera:
     lens: Lens
     T_world_cam: Array
     rms_px: float
-    head: Head | None = None
+    head: HeadAxes | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -179,7 +179,7 @@ def _camera(c: _Camera) -> RigCamera:
         for name in ("pan_axis", "tilt_axis"):
             if abs(float(np.linalg.norm(lines[name])) - 1.0) > 1e-6:
                 raise FileError(f"{c.name} {name}", "a direction of length 1", c.head)
-        head = Head(T_world_cam=np.array(c.T_world_cam), **lines)
+        head = HeadAxes(T_world_cam=np.array(c.T_world_cam), **lines)
     return RigCamera(
         name=c.name,
         lens=Lens(

@@ -25,7 +25,7 @@ FEWEST = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Head:
+class HeadAxes:
     """A camera on two axes.
 
     Attributes:
@@ -47,10 +47,10 @@ class Head:
         first = _about(self.pan_axis, self.pan_point, pan)
         return np.asarray(first @ _about(self.tilt_axis, self.tilt_point, tilt) @ self.T_world_cam)
 
-    def seen_from(self, T: Array) -> "Head":
+    def seen_from(self, T: Array) -> "HeadAxes":
         """Return the head in another world: p_new = T @ p_old, shape (4, 4)."""
         R = T[:3, :3]
-        return Head(
+        return HeadAxes(
             T_world_cam=T @ self.T_world_cam,
             pan_axis=R @ self.pan_axis,
             pan_point=applied(T, self.pan_point[None])[0],
@@ -85,7 +85,7 @@ class HeadProblem:
     view: NDArray[np.int64]
     on_board: Array
     uv: Array
-    head: Head
+    head: HeadAxes
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -120,7 +120,7 @@ class HeadProblem:
         h = self.head
         pan_axis, pan_point = _line(h.pan_axis, h.pan_point, step[6:10])
         tilt_axis, tilt_point = _line(h.tilt_axis, h.tilt_point, step[10:14])
-        head = Head(
+        head = HeadAxes(
             T_world_cam=turned(h.T_world_cam, step[:6]),
             pan_axis=pan_axis, pan_point=pan_point, tilt_axis=tilt_axis, tilt_point=tilt_point,
         )  # fmt: skip
@@ -134,7 +134,7 @@ def _line(axis: Array, point: Array, step: Array) -> tuple[Array, Array]:
     return new / np.linalg.norm(new), point + across.T @ step[2:]
 
 
-def first_head(angles: Array, poses: Array) -> Head:
+def first_head(angles: Array, poses: Array) -> HeadAxes:
     """Return a first guess from the pose of the camera at each pair of angles.
 
     Relative turns between views differ by a turn about the pan axis where tilt agrees; in general
@@ -161,7 +161,7 @@ def first_head(angles: Array, poses: Array) -> Head:
         -pan_axis * angles[start, 0]
     )
     T_0[:3, :3], T_0[:3, 3] = undo @ poses[start][:3, :3], at
-    return Head(T_world_cam=T_0, pan_axis=pan_axis, pan_point=at, tilt_axis=tilt_axis, tilt_point=at)
+    return HeadAxes(T_world_cam=T_0, pan_axis=pan_axis, pan_point=at, tilt_axis=tilt_axis, tilt_point=at)
 
 
 def _directions(angles: Array, poses: Array) -> tuple[Array, Array]:
