@@ -14,6 +14,7 @@ from mitt.link.rig import CalibratedRig, read_rig
 from mitt.link.video import VideoWriter
 from mitt.options import SeeOptions
 from mitt.signals import Array, Frame
+from mitt.study.rig.fall import fall_error
 from mitt.study.rig.overlay import Overlay
 from mitt.study.rig.pairs import PairCounts, Pairing
 from mitt.study.rig.watcher import Look, Watcher
@@ -25,6 +26,8 @@ BELIEFS = {"any": FilterConfig(), "thrown": THROWN_BALL, "table-tennis": TABLE_T
 LIVE_FRAMES, WATCHED = 1000, 30.0
 #: Share of the instants with two targets below which the eyes disagree.
 _AGREE = 0.5
+#: Error of the fall beyond which it is none [m/s^2]; drag makes 2 at 7 m/s.
+_FALL = 5.0
 
 Progress = Callable[[str, int, int], None]
 
@@ -39,7 +42,7 @@ class Seen:
         targets: Frames of each camera with a target in them.
         both: Instants at which both cameras had one.
         agreed: Instants at which they agreed on a ball.
-        crossed: Instants at which they would with left and right exchanged.
+        exchanged: Points with left and right exchanged.
         counts: What became of the frames.
     """
 
@@ -48,7 +51,7 @@ class Seen:
     targets: list[int] = field(default_factory=lambda: [0, 0])
     both: int = 0
     agreed: int = 0
-    crossed: int = 0
+    exchanged: list[Array] = field(default_factory=list)
     counts: PairCounts = field(default_factory=PairCounts)
 
     def note(self, look: Look) -> None:
@@ -56,7 +59,8 @@ class Seen:
         for m in look.moments:
             self.targets[m.camera] += m.found
         self.both += len(look.moments) == 2 and all(m.found for m in look.moments)
-        self.crossed += look.crossed
+        if look.exchanged.found:
+            self.exchanged.append(point_row(look.exchanged))
         if look.sighting.found:
             self.agreed += 1
             self.points.append(point_row(look.sighting))
@@ -75,6 +79,8 @@ def check_rig(options: SeeOptions) -> CalibratedRig:
         raise InputError(str(options.rig), "poses in a frame with z up, for gravity",
                          "poses in the left camera's frame",
                          do="calibrate with --level or --hand")  # fmt: skip
+    if options.left == options.right:
+        raise InputError("LEFT and RIGHT", "two different cameras", f"{options.left} twice")
     if not 0.0 < options.ball_radius < 1.0:
         raise InputError("--ball-radius", "a length between 0 and 1 m", options.ball_radius)
     if not 0.0 <= options.max_skew <= 1.0:
@@ -143,22 +149,38 @@ def complaints(seen: Seen, names: tuple[str, ...]) -> tuple[str, ...]:
     for name, count in zip(names, seen.targets, strict=True):
         if count == 0:
             said.append(f"camera {name} saw no ball in any frame: is it dark or covered?")
-    if seen.crossed > max(seen.agreed, 0.2 * seen.both):
-        said.append(f"left and right seem exchanged: {seen.crossed} of {seen.both} instants fit "
-                    f"the other way round, {seen.agreed} as given")  # fmt: skip
+    if exchanged(seen):
+        said.append(f"left and right seem exchanged: {len(seen.exchanged)} sightings the other "
+                    f"way round, {seen.agreed} as given, which do not fall as a ball does",
+                    )  # fmt: skip
     elif seen.agreed < _AGREE * seen.both:
         said.append(f"the cameras agree on a ball in {seen.agreed} of {seen.both} instants only: "
                     "the rig is another's, a camera was moved, or something else is bright",
                     )  # fmt: skip
+    elif (error := fall_error(seen.points)) is not None and error > _FALL:
+        said.append(f"what was seen does not fly: its acceleration is {error:.0f} m/s^2 off "
+                    "gravity; a hand that carries the ball, or a rig that is another's")  # fmt: skip
     return tuple(said)
 
 
+def exchanged(seen: Seen) -> bool:
+    """Say whether left and right seem exchanged: more sightings that way, or a truer fall."""
+    if len(seen.exchanged) > 2 * seen.agreed:
+        return True
+    as_given, other = fall_error(seen.points), fall_error(seen.exchanged)
+    if as_given is None or other is None or 2 * len(seen.exchanged) < seen.agreed:
+        return False
+    return as_given > _FALL and other < 0.5 * as_given
+
+
 def status_of(seen: Seen) -> str:
-    """Return ok, or why there is no track worth its name: no_frames, no_ball, disagree, short."""
+    """Return ok, or what is wrong: no_frames, no_ball, exchanged, disagree, short."""
     if seen.counts.paired == 0:
         return "no_frames"
     if seen.both == 0:
         return "no_ball"
+    if exchanged(seen):
+        return "exchanged"
     if seen.agreed < _AGREE * seen.both:
         return "disagree"
     return "ok" if seen.states else "short"

@@ -7,7 +7,6 @@ import numpy as np
 from mitt.errors import InputError
 from mitt.link.rig import CalibratedRig
 from mitt.signals import Frame, Moments, Sighting
-from mitt.vision.camera import Rig
 from mitt.vision.segmentation import Segmenter
 from mitt.vision.triangulation import Triangulator, TriangulatorConfig
 
@@ -25,12 +24,12 @@ class Look:
     Attributes:
         moments: Of each camera that gave a frame, in pixels of its image.
         sighting: The ball in the world.
-        crossed: Whether left and right exchanged would agree on a ball.
+        exchanged: The ball if left and right were exchanged.
     """
 
     moments: tuple[Moments, ...]
     sighting: Sighting
-    crossed: bool
+    exchanged: Sighting
 
 
 class Watcher:
@@ -50,14 +49,9 @@ class Watcher:
             max_residual=max(_LEAST, _RESIDUAL * worst),
             max_skew=max_skew,
         )
-        self._cameras, pinholes = rig.cameras, rig.rig().cameras
+        self._cameras = rig.cameras
         self._segmenters = [Segmenter() for _ in rig.cameras]
         self._triangulator = Triangulator(rig.rig(), radius, config)
-        a, b = pinholes
-        self._exchanged = Triangulator(
-            Rig(cameras=(replace(a, T_world_cam=b.T_world_cam),
-                         replace(b, T_world_cam=a.T_world_cam))), radius, config,
-        )  # fmt: skip
 
     def step(self, frames: tuple[Frame, ...]) -> Look:
         """Return what the cameras see.
@@ -75,11 +69,10 @@ class Watcher:
                                  f"{lens.width} x {lens.height} pixels as the rig says",
                                  f"{width} x {height}")  # fmt: skip
             moments.append(self._segmenters[frame.camera].step(frame))
-        straight = tuple(self._straight(m) for m in moments)
-        sighting = self._triangulator.step(straight)
-        both = len(straight) == 2 and all(m.found for m in straight)
-        crossed = both and not sighting.found and self._exchanged.step(straight).found
-        return Look(moments=tuple(moments), sighting=sighting, crossed=crossed)
+        sighting = self._triangulator.step(tuple(self._straight(m) for m in moments))
+        other = tuple(self._straight(replace(m, camera=1 - m.camera)) for m in moments)
+        exchanged = self._triangulator.step(other)
+        return Look(moments=tuple(moments), sighting=sighting, exchanged=exchanged)
 
     def _straight(self, m: Moments) -> Moments:
         """Return moments in the image of the camera without distortion."""
