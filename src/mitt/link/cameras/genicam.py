@@ -16,6 +16,53 @@ _TIMEOUT = 2.0
 
 
 @final
+class Producers:
+    """The GenTL producers in use; one that is loaded twice shows no device the second time."""
+
+    def __init__(self) -> None:
+        """Load none yet."""
+        self._loaded: dict[Path, Any] = {}
+        self._users: dict[Path, int] = {}
+
+    def start(self, producer: Path, index: int) -> Any:  # noqa: ANN401 (harvesters has no types)
+        """Return device ``index`` of a producer, started.
+
+        Raises:
+            FileError: The producer does not load, has no such device, or it does not start.
+        """
+        core = optional("harvesters.core")
+        if not producer.is_file():
+            raise FileError(str(producer), "a GenTL producer (.cti)", "no such file")
+        path = producer.resolve()
+        self._users[path] = self._users.get(path, 0) + 1
+        try:
+            if path not in self._loaded:
+                self._loaded[path] = core.Harvester()
+                self._loaded[path].add_file(str(path))
+                self._loaded[path].update()
+            count = len(self._loaded[path].device_info_list)
+            if not 0 <= index < count:
+                raise FileError(str(producer), f"the index of one of its {count} devices", index)
+            device = self._loaded[path].create(index)
+            device.start()
+        except FileError:
+            self.release(producer)
+            raise
+        except Exception as error:  # harvesters raises the errors of every producer
+            self.release(producer)
+            name = f"genicam:{producer}#{index}"
+            raise FileError(name, "a camera that starts", str(error)[:100]) from error
+        return device
+
+    def release(self, producer: Path) -> None:
+        """Unload a producer when its last device is closed."""
+        path = producer.resolve()
+        self._users[path] -= 1
+        if self._users[path] == 0 and path in self._loaded:
+            self._loaded.pop(path).reset()
+
+
+@final
 class GenICam:
     """A camera behind a GenTL producer, 8 bits a channel.
 
@@ -25,33 +72,25 @@ class GenICam:
 
     live = True
 
-    def __init__(self, producer: Path, index: int, camera: int, *, fps: float | None) -> None:
-        """Open device ``index`` of the producer and start it.
+    def __init__(
+        self, producers: Producers, place: tuple[Path, int], camera: int, *, fps: float | None
+    ) -> None:
+        """Start a device.
+
+        Args:
+            producers: Producers in use.
+            place: Producer and index of the device.
+            camera: Index of the camera in its rig.
+            fps: Frames a second, where the device does not tell the time.
 
         Raises:
             FileError: The producer does not load, has no such device, or it does not start.
         """
-        self.name = f"genicam:{producer}#{index}"
-        core = optional("harvesters.core")
-        if not producer.is_file():
-            raise FileError(str(producer), "a GenTL producer (.cti)", "no such file")
+        self._producers, (self._producer, index) = producers, place
+        self.name = f"genicam:{self._producer}#{index}"
+        self._device = producers.start(self._producer, index)
         self._camera, self._fps, self._number = camera, fps, 0
         self._first: float | None = None
-        self._harvester = core.Harvester()
-        try:
-            self._harvester.add_file(str(producer.resolve()))
-            self._harvester.update()
-            count = len(self._harvester.device_info_list)
-            if not 0 <= index < count:
-                raise FileError(str(producer), f"a device below {count}", index)
-            self._device = self._harvester.create(index)
-            self._device.start()
-        except FileError:
-            self._harvester.reset()
-            raise
-        except Exception as error:  # harvesters raises the errors of every producer
-            self._harvester.reset()
-            raise FileError(self.name, "a camera that starts", str(error)[:100]) from error
 
     def read(self) -> Frame | None:
         """Return the next frame."""
@@ -71,7 +110,7 @@ class GenICam:
         """Stop the camera and let go of the producer."""
         self._device.stop()
         self._device.destroy()
-        self._harvester.reset()
+        self._producers.release(self._producer)
 
     def _time(self, buffer: Any) -> float:  # noqa: ANN401 (harvesters has no types)
         """Return the time of a frame since the first [s]."""

@@ -1,15 +1,12 @@
 """``mitt calibrate``: the stages that the given files allow, one after the other."""
 
 from collections.abc import Callable
-from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar
 
-import numpy as np
-
 from mitt.errors import FileError, InputError
-from mitt.link.cameras.opening import open_camera
+from mitt.link.cameras.opening import open_cameras
 from mitt.link.charuco import Board, BoardSpec
 from mitt.link.rig import CalibratedRig, read_rig
 from mitt.options import CalibrateOptions
@@ -145,12 +142,8 @@ def _with_boards(job: Job, progress: Progress) -> Calibration:
     given = [spec for spec in (o.left, o.right) if spec is not None]
     names = NAMES[: len(given)]
     board = _needed(job.board)
-    sources = [open_camera(spec, k, fps=1.0) for k, spec in enumerate(given)]
-    try:
+    with open_cameras(given, fps=1.0) as sources:
         views = look_for_board(board, sources, names, progress=progress)
-    finally:
-        for source in sources:
-            source.close()
     rig, solved, stage = calibrate_boards(board, views, coefficients=o.coefficients)
     if o.level is not None:
         if o.level not in views.numbers:
@@ -195,21 +188,13 @@ def _with_hand(job: Job, done: Calibration) -> Calibration:
         places, centroids = read_places(o.hand, _needed(job.arm), columns)
     elif len(specs) == len(done.rig.cameras):
         places, _ = read_places(o.hand, _needed(job.arm), ())
-        centroids = _centroids(specs, len(places))
+        with open_cameras(specs, fps=1.0) as sources:
+            centroids = centroids_in(sources, len(places))
     else:
         raise FileError(f"{o.hand} line 1", f"columns {','.join(columns)}", "none of them",
                         do="add them or say --hand-left and --hand-right")  # fmt: skip
     rig, _, stage = calibrate_hand(done.rig, places, centroids, radius=o.ball_radius)
     return replace(done, rig=rig, stages=(*done.stages, stage))
-
-
-def _centroids(specs: list[str], count: int) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    """Return the ball's centroids in the images of each camera, shape (count, 2 cameras)."""
-    parts = []
-    for k, spec in enumerate(specs):
-        with closing(open_camera(spec, k, fps=1.0)) as source:
-            parts.append(centroids_in([source], count))
-    return np.concatenate(parts, axis=1)
 
 
 def _needed(value: T | None) -> T:

@@ -1,15 +1,13 @@
 """``mitt see``: two cameras to a track, with what went wrong on the way."""
 
 from collections.abc import Callable
-from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 
 from mitt.errors import InputError
-from mitt.link.cameras.opening import open_camera
-from mitt.link.cameras.source import Camera
+from mitt.link.cameras.opening import open_cameras
 from mitt.link.rig import CalibratedRig, read_rig
 from mitt.link.video import VideoWriter
 from mitt.options import SeeOptions
@@ -90,13 +88,6 @@ def check_rig(options: SeeOptions) -> CalibratedRig:
     return rig
 
 
-def open_eyes(options: SeeOptions, stack: ExitStack) -> tuple[Camera, Camera]:
-    """Return both cameras, to be closed with the stack."""
-    left = stack.enter_context(closing(open_camera(options.left, 0, fps=options.fps)))
-    right = stack.enter_context(closing(open_camera(options.right, 1, fps=options.fps)))
-    return left, right
-
-
 def see(
     options: SeeOptions, rig: CalibratedRig, seen: Seen, writer: VideoWriter | None,
     progress: Progress,
@@ -114,8 +105,7 @@ def see(
     track = BallFilter(BELIEFS[options.ball])
     sizes = tuple((c.lens.width, c.lens.height) for c in rig.cameras)
     overlay = None if writer is None else Overlay(sizes, tuple(c.name for c in rig.cameras))
-    with ExitStack() as stack:
-        left, right = open_eyes(options, stack)
+    with open_cameras((options.left, options.right), fps=options.fps) as (left, right):
         most = options.frames or (LIVE_FRAMES if left.live or right.live else None)
         pairing = Pairing(left, right, max_skew=options.max_skew, most=most)
         seen.counts = pairing.counts
