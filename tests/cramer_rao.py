@@ -44,9 +44,7 @@ def bound(problem: BoardProblem, what: Callable[[BoardProblem], Array]) -> float
     """Return the least rms error of an unbiased estimate of ``what``, at the true problem."""
     J = problem.jacobian() / NOISE
     steps = 1e-6 * np.eye(J.shape[1])
-    G = np.column_stack(
-        [(what(problem.moved(s)) - what(problem.moved(-s))) / 2e-6 for s in steps]
-    )
+    G = np.column_stack([(what(problem.moved(s)) - what(problem.moved(-s))) / 2e-6 for s in steps])
     return float(np.sqrt(np.mean(np.diag(G @ np.linalg.solve(J.T @ J, G.T)))))
 
 

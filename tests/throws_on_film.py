@@ -9,10 +9,9 @@ from mitt.flight import advance
 from mitt.link.rig import CalibratedRig, RigCamera
 from mitt.link.video import VideoWriter
 from mitt.signals import Array, Image
-from mitt.vision.camera import Camera, fixed_rig
+from mitt.vision.camera import Camera, Rig, fixed_rig
 from mitt.vision.lens import Lens
 from mitt.world.imaging import Imager, ImageSensor
-from mitt.vision.camera import Rig
 
 RADIUS, DRAG, RATE = 0.04, 0.04, 1000.0
 

@@ -83,7 +83,10 @@ def swapped(text: str, old: str, new: str) -> str:
         (lambda t: swapped(t, "K = \\[\n    \\[700.0", "K = [\n    [inf"), "K"),
         (lambda t: swapped(t, "K = \\[\n    \\[700.0, 0.0", "K = [\n    [700.0, 1.0"), "K must be"),
         (lambda t: swapped(t, "K = \\[\n    \\[700.0", "K = [\n    [-700.0"), "focal"),
-        (lambda t: swapped(t, "T_world_cam = \\[\n    \\[[^,]*", "T_world_cam = [\n    [9.0"), "rotation"),
+        (
+            lambda t: swapped(t, "T_world_cam = \\[\n    \\[[^,]*", "T_world_cam = [\n    [9.0"),
+            "rotation",
+        ),
         (lambda t: swapped(t, '"right"', '"left"'), "different"),
         (lambda t: swapped(t, "pan_axis = \\[0.6", "pan_axis = [0.7"), "length 1"),
         (lambda t: swapped(t, 'frame = "robot"', 'frame = "moon"'), "frame"),

@@ -66,7 +66,9 @@ def test_a_point_that_no_ray_reaches_is_nan() -> None:
     assert np.isnan(lens.undistort(np.array([[2000.0, 240.0]]))).all()
 
 
-@pytest.mark.parametrize("numbers", [np.zeros(9), np.full(9, np.nan), np.array([700.0, 100, *[0] * 7])])
+@pytest.mark.parametrize(
+    "numbers", [np.zeros(9), np.full(9, np.nan), np.array([700.0, 100, *[0] * 7])]
+)
 def test_numbers_that_are_no_lens_are_refused(numbers: Array) -> None:
     """No focal length, NaN, and pixels seven times as wide as high."""
     with pytest.raises(InputError):

@@ -28,9 +28,10 @@ def run(options: SeeOptions) -> int:
         return checked(f"{options.left} and {options.right}, output to {options.out}")
     seen = Seen()
     try:
-        with progress() as report, (
-            nullcontext() if video is None else VideoWriter(video, rate=WATCHED)
-        ) as writer:
+        with (
+            progress() as report,
+            nullcontext() if video is None else VideoWriter(video, rate=WATCHED) as writer,
+        ):
             see(options, rig, seen, writer, report)
     finally:
         _write(options, seen)  # what is finished is kept, also of an interrupted run

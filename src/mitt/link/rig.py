@@ -12,7 +12,7 @@ from mitt.errors import FileError, MittError
 from mitt.link.files import write_text
 from mitt.signals import Array
 from mitt.vision.calibration.heads import HeadAxes
-from mitt.vision.camera import Camera, Rig
+from mitt.vision.camera import Rig
 from mitt.vision.lens import Lens
 
 SCHEMA = "mitt.rig/1"

@@ -153,9 +153,7 @@ def test_a_rig_that_is_anothers_is_noticed(see: See, folder: Path, tmp_path: Pat
     T[:3, :3] = T[:3, :3] @ np.array(((1, 0, 0), (0, c, -s), (0, s, c)))
     other = replace(rig, cameras=(rig.cameras[0], replace(rig.cameras[1], T_world_cam=T)))
     write_rig(tmp_path / "RIG.toml", other, version="test")
-    status, _, err = see(
-        folder / "left.mkv", folder / "right.mkv", "--rig", tmp_path / "RIG.toml"
-    )
+    status, _, err = see(folder / "left.mkv", folder / "right.mkv", "--rig", tmp_path / "RIG.toml")
     assert status == 2
     assert "agree on a ball in 0 of" in err
     assert len(err.strip().splitlines()) == 1
@@ -198,9 +196,7 @@ def test_a_frozen_camera_does_not_pass_for_a_ball(
     assert status == 2 or result["status"] != "ok" or result["warnings"], err
 
 
-def test_other_sizes_than_the_rigs_are_refused(
-    see: See, folder: Path, tmp_path: Path
-) -> None:
+def test_other_sizes_than_the_rigs_are_refused(see: See, folder: Path, tmp_path: Path) -> None:
     """The message names the camera and both sizes."""
     small = video_of(tmp_path / "small.mkv", [np.full((96, 96), 24, dtype=np.uint8)] * 5)
     status, _, err = see(folder / "left.mkv", small)
@@ -234,9 +230,7 @@ def test_rigs_that_cannot_see_are_refused(
 ) -> None:  # fmt: skip
     """Without the vertical there is no gravity, with one camera no depth."""
     write_rig(tmp_path / "RIG.toml", change(calibrated()), version="test")
-    status, _, err = see(
-        folder / "left.mkv", folder / "right.mkv", "--rig", tmp_path / "RIG.toml"
-    )
+    status, _, err = see(folder / "left.mkv", folder / "right.mkv", "--rig", tmp_path / "RIG.toml")
     assert status == 2
     assert says in err
 

@@ -118,7 +118,7 @@ class GenICam:
             return self._number / self._fps
         try:
             t = 1e-9 * float(buffer.timestamp_ns)
-        except Exception:  # noqa: BLE001 (each producer raises its own: not available)
+        except Exception:
             t = monotonic()
         self._first = t if self._first is None else self._first
         return t - self._first

@@ -41,7 +41,7 @@ def optional(module: str) -> ModuleType:
     try:
         return import_module(module)
     except ImportError:
-        raise InputError("cameras", f"the library {module.split('.')[0]}", "none",
+        raise InputError("cameras", f"the library {module.split('.', maxsplit=1)[0]}", "none",
                          do="install mitt with its extra: mitt[cameras]") from None  # fmt: skip
 
 

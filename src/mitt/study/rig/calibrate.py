@@ -128,9 +128,7 @@ def calibrate(job: Job, *, progress: Progress) -> Calibration:
     o = job.options
     if o.arm_log is None or o.points is None or job.arm is None:
         return done
-    rig, stage = calibrate_clock(
-        done.rig, job.arm, log=o.arm_log, points=o.points, search=o.search
-    )
+    rig, stage = calibrate_clock(done.rig, job.arm, log=o.arm_log, points=o.points, search=o.search)
     return replace(done, rig=rig, stages=(*done.stages, stage))
 
 

@@ -100,7 +100,7 @@ def calibrate_hand(
     """Return the rig in the robot's frame, the solution, and what to say about it."""
     solved = fit(hand_problem(rig, places, centroids, radius), robust=True)
     advice = "hold the ball at places farther apart, in all three directions"
-    limits = {name: (5e-3, advice) for name in solved.problem.names}
+    limits = dict.fromkeys(solved.problem.names, (0.005, advice))
     warnings = list(weak(solved, limits))
     if solved.outliers > _MANY:
         warnings.append(

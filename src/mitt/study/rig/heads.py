@@ -46,9 +46,7 @@ def read_head_views(path: Path, board: Board, size: tuple[int, int]) -> tuple[Ar
     return np.array(angles).reshape(-1, 2), views
 
 
-def head_problem(
-    camera: RigCamera, board: Board, angles: Array, views: list[Seen]
-) -> HeadProblem:
+def head_problem(camera: RigCamera, board: Board, angles: Array, views: list[Seen]) -> HeadProblem:
     """Return the problem of a camera's head at its first guess."""
     poses = np.array([inverse(board.pose(v, camera.lens)) for v in views]).reshape(-1, 4, 4)
     return HeadProblem(

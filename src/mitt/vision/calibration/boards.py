@@ -113,9 +113,7 @@ class BoardProblem:
         start, six = len(self.lenses) * len(at), np.arange(6)
         moving = c.camera > 0
         columns = start + 6 * (c.camera[moving, None] - 1) + six
-        J[rows[moving, None], :, columns] = (
-            by_p[moving] @ by_pose(in_cam[moving])
-        ).swapaxes(1, 2)
+        J[rows[moving, None], :, columns] = (by_p[moving] @ by_pose(in_cam[moving])).swapaxes(1, 2)
         start += 6 * (len(self.lenses) - 1)
         J[rows[:, None], :, start + 6 * c.view[:, None] + six] = (
             by_p @ R_cam @ by_pose(on_rig)

@@ -161,7 +161,9 @@ def first_head(angles: Array, poses: Array) -> HeadAxes:
         -pan_axis * angles[start, 0]
     )
     T_0[:3, :3], T_0[:3, 3] = undo @ poses[start][:3, :3], at
-    return HeadAxes(T_world_cam=T_0, pan_axis=pan_axis, pan_point=at, tilt_axis=tilt_axis, tilt_point=at)
+    return HeadAxes(
+        T_world_cam=T_0, pan_axis=pan_axis, pan_point=at, tilt_axis=tilt_axis, tilt_point=at
+    )
 
 
 def _directions(angles: Array, poses: Array) -> tuple[Array, Array]:
