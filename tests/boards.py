@@ -5,7 +5,7 @@ import numpy as np
 
 from mitt.link.charuco import Board, BoardSpec, Seen
 from mitt.signals import Array, Image
-from mitt.study.rig.boards import BoardViews
+from mitt.study.rig.views import BoardViews
 from mitt.vision.lens import Lens
 from mitt.vision.poses import applied, turned
 
@@ -55,7 +55,8 @@ def many_views(
     board: Board, count: int, rng: np.random.Generator, *, noise: float = 0.2, tilt: float = 0.5
 ) -> BoardViews:
     """Return views in which both cameras see at least nine corners."""
-    lens, T, views = true_lens(), true_stereo(), []
+    lens, T = true_lens(), true_stereo()
+    views: list[tuple[Seen | None, ...]] = []
     while len(views) < count:
         pose = board_pose(board, rng, tilt)
         view = tuple(seen_by(board, lens, P @ pose, rng, noise) for P in (np.eye(4), T))

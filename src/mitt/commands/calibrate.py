@@ -1,6 +1,8 @@
 """``mitt calibrate``: cameras, heads, place and clock from what was seen; writes RIG.toml."""
 
 import json
+from collections.abc import Mapping
+from math import isfinite
 from pathlib import Path
 
 from rich.table import Table
@@ -11,8 +13,8 @@ from mitt.errors import InputError
 from mitt.link.files import check_folder
 from mitt.link.rig import write_rig
 from mitt.options import CalibrateOptions
-from mitt.study.rig.boards import CELLS
 from mitt.study.rig.calibrate import Calibration, calibrate, prepare
+from mitt.study.rig.views import CELLS
 
 
 def run(options: CalibrateOptions) -> int:
@@ -76,27 +78,27 @@ def _result(done: Calibration, out: Path, picture: Path | None) -> dict[str, obj
         "picture": None if picture is None else str(picture),
         "frame": done.rig.frame,
         "cameras": [c.name for c in done.rig.cameras],
-        "stages": {stage.name: _finite(dict(stage.numbers)) for stage in done.stages},
+        "stages": {s.name: {"status": s.status, **_finite(s.numbers)} for s in done.stages},
         "warnings": list(done.warnings),
     }
 
 
-def _finite(numbers: dict[str, float | int | str | None]) -> dict[str, float | int | str | None]:
+def _finite(numbers: Mapping[str, float]) -> dict[str, float | None]:
     """Return numbers as JSON has them: none for what is not determined."""
-    return {k: None if isinstance(v, float) and not abs(v) < float("inf") else v
-            for k, v in numbers.items()}  # fmt: skip
+    return {name: value if isfinite(value) else None for name, value in numbers.items()}
 
 
 def _show(done: Calibration, out: Path, picture: Path | None) -> None:
     """Print what was found."""
     console = console_of()
     for stage in done.stages:
-        table = Table(title=stage.name, title_justify="left", show_header=False)
+        table = Table(
+            title=f"{stage.name}: {stage.status}", title_justify="left", show_header=False
+        )
         table.add_column(no_wrap=True)
         table.add_column(justify="right", no_wrap=True)
         for name, value in stage.numbers.items():
-            text = f"{value:.5g}" if isinstance(value, float) else str(value)
-            table.add_row(name.replace("_", " "), text)
+            table.add_row(name.replace("_", " "), f"{value:.5g}")
         console.print(table)
     for text in done.warnings:
         console.print(f"warning: {text}", style="yellow", soft_wrap=True)

@@ -2,6 +2,7 @@
 
 import tomllib
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -139,8 +140,9 @@ def read_rig(path: Path) -> CalibratedRig:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"]) or "the file"
-        raise FileError(f"{path} key {key!r}", f"a rig of schema {SCHEMA}", first["msg"],
-                        do="see docs/rig.md")  # fmt: skip
+        raise FileError(
+            f"{path} key {key!r}", f"a rig of schema {SCHEMA}", first["msg"], do="see docs/rig.md"
+        ) from None
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise FileError(str(path), "TOML as mitt calibrate writes it", str(error)[:100]) from error
     try:
@@ -163,7 +165,7 @@ def _checked(content: _RigFile) -> CalibratedRig:
         clock_sigma=0.0 if clock is None else clock.sigma_s,
     )
     rig.rig()  # refuses poses that are no rigid transform
-    for a, b in zip(cameras, cameras[1:], strict=False):
+    for a, b in pairwise(cameras):
         base = float(np.linalg.norm(a.T_world_cam[:3, 3] - b.T_world_cam[:3, 3]))
         if base < 1e-3:
             raise FileError("cameras", "a base line of 1 mm or more", f"{1e3 * base:.3f} mm")

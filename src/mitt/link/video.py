@@ -5,7 +5,7 @@ import tempfile
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
-from typing import final
+from typing import Any, final
 
 from mitt.errors import FileError, InputError
 from mitt.link.cameras.source import optional
@@ -37,7 +37,7 @@ class VideoWriter:
         self._av = optional("av")
         self._path, self._lossless = path, lossless
         self._rate = Fraction(rate).limit_denominator(1000)
-        self._stream = None
+        self._stream: Any = None
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
@@ -56,7 +56,7 @@ class VideoWriter:
         frame = self._av.VideoFrame.from_ndarray(pixels, format=kind)
         self._container.mux(self._stream.encode(frame))
 
-    def _begin(self, pixels: Image):  # type: ignore[no-untyped-def] # noqa: ANN202 (PyAV's)
+    def _begin(self, pixels: Image) -> Any:  # noqa: ANN401 (PyAV's, without types)
         """Return a stream for frames like ``pixels``."""
         stream = self._container.add_stream("ffv1" if self._lossless else "libx264", self._rate)
         stream.height, stream.width = pixels.shape[:2]

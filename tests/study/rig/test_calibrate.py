@@ -30,7 +30,8 @@ UNPLACED = turned(np.eye(4), np.array((0.3, -0.5, 0.9, -1.2, 0.4, 0.3)))
 def images(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Array]]:
     """A folder with drawn views of the board by both cameras, and the true poses of the board."""
     folder, board, lens = tmp_path_factory.mktemp("boards"), Board(SPEC), true_lens(0.0)
-    rng, poses = np.random.default_rng(7), []
+    rng = np.random.default_rng(7)
+    poses: list[Array] = []
     for name in ("left", "right"):
         (folder / name).mkdir()
     while len(poses) < VIEWS:
@@ -235,7 +236,8 @@ def test_heads_are_found_from_drawn_views(call: Call, tmp_path: Path) -> None:
     one = type(rig.cameras[0])(name="left", lens=lens, T_world_cam=np.eye(4), rms_px=0.1)
     write_rig(tmp_path / "lens.toml", type(rig)(frame="camera", cameras=(one,)), version="test")
     start = turned(np.eye(4), np.array((0.1, -0.05, 0.2, 0.27, 0.18, -1.6)))
-    rows, rng = [], np.random.default_rng(0)
+    rng = np.random.default_rng(0)
+    rows: list[tuple[str, float, float]] = []
     for pan in (-0.12, 0.0, 0.12):
         for tilt in (-0.08, 0.0, 0.08):
             turn = turned(turned(np.eye(4), np.array((tilt, 0, 0, 0, 0, 0))),

@@ -1,5 +1,7 @@
 """Boards: the true rig is found as well as can be, and what cannot be found is named."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -42,8 +44,6 @@ def test_opencv_finds_the_same_minimum(board: Board) -> None:
     """One camera: cv2.calibrateCamera ends at the same lens to 0.01 px, with the same rms."""
     seen = many_views(board, 12, np.random.default_rng(4))
     p = board_problem(board, seen, free_numbers(5))
-    from dataclasses import replace
-
     left = p.corners.camera == 0
     c = replace(
         p.corners, camera=p.corners.camera[left], view=p.corners.view[left],

@@ -24,7 +24,7 @@ def waved(t: Array) -> Array:
 def records(offset: float, rng: np.random.Generator, *, noise: float = 1e-3) -> ClockProblem:
     """Return the problem of a camera at 250 Hz, an arm at 1 kHz, a gap of 8 mm."""
     t_arm, t_seen = np.arange(0.0, 4.0, 0.001), np.arange(1.0, 3.0, 0.004)
-    seen = waved(t_seen + offset) + (0.005, -0.006, 0.002)
+    seen = waved(t_seen + offset) + np.array((0.005, -0.006, 0.002))
     seen += noise * rng.standard_normal(seen.shape)
     return clock_problem(t_seen=t_seen, seen=seen, t_arm=t_arm, hand=waved(t_arm), search=1.0)
 

@@ -10,7 +10,8 @@ from mitt.link.rig import RigCamera
 from mitt.signals import Array
 from mitt.study.rig.heads import calibrate_head, head_problem
 from mitt.vision.calibration.fit import fit
-from mitt.vision.calibration.heads import HeadAxes, ideal
+from mitt.vision.calibration.heads import HeadAxes
+from mitt.vision.calibration.ideal import ideal
 from mitt.vision.poses import inverse, turned
 
 #: Camera at encoder zero: 1.8 m above the face of the board, which is the world.
@@ -65,7 +66,9 @@ def test_noise_moves_the_axes_by_what_is_said(board: Board) -> None:
     true = true_head()
     for name, axis in (("pan", true.pan_axis), ("tilt", true.tilt_axis)):
         found = solved.problem.head.pan_axis if name == "pan" else solved.problem.head.tilt_axis
-        sigma = np.hypot(*(solved.sigma_of(f"{name}_direction_{k}") for k in (1, 2)))
+        sigma = np.hypot(
+            solved.sigma_of(f"{name}_direction_1"), solved.sigma_of(f"{name}_direction_2")
+        )
         assert np.linalg.norm(np.cross(found, axis)) < min(5.0 * sigma, 5e-3)
     assert 0.08 < stage.numbers["rms_px"] < 0.12
     assert moved.head is not None

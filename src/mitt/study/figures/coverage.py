@@ -39,9 +39,9 @@ def draw_coverage(
             _panel(axes, name, size, uv, r, norm, cells)
         bar = figure.colorbar(ScalarMappable(norm, _COLOURS), ax=list(panels), shrink=0.75,
                               pad=0.02)  # fmt: skip
-        bar.set_label(f"reprojection error [px], drawn {_STRETCH:g} times as long", color=INK)
+        bar.set_label(f"reprojection error [px]; lines: {_STRETCH:g} times as long", color=INK)
         bar.outline.set_visible(False)
-        write_atomically(path, lambda temporary: canvas.print_png(temporary))
+        write_atomically(path, canvas.print_png)
 
 
 def _panel(

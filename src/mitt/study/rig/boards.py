@@ -1,107 +1,21 @@
 """Lenses and stereo pose from images of a ChArUco board."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from mitt.errors import InputError
-from mitt.link.cameras.source import Camera
-from mitt.link.charuco import Board, Seen, between
+from mitt.link.charuco import Board, between
 from mitt.link.rig import CalibratedRig, RigCamera
 from mitt.signals import Array
 from mitt.study.rig.stage import Stage, weak
-from mitt.vision.calibration.boards import BoardProblem, Corners
+from mitt.study.rig.views import BoardViews, Size, corners_of, coverage
+from mitt.vision.calibration.boards import BoardProblem
 from mitt.vision.calibration.fit import Fit, fit
 from mitt.vision.lens import NUMBERS, Lens
 from mitt.vision.poses import inverse
 
-#: Fewest views of one camera; most views used; most frames looked at in a video.
-FEWEST, MOST_VIEWS, MOST_FRAMES = 3, 60, 20_000
-#: Cells across and down the image in which coverage is counted, and the share wanted.
-CELLS, COVERED = (6, 4), 0.6
-#: Least mean motion of the board between two views that are kept, share of the image's width.
-_APART = 0.02
-
-Progress = Callable[[str, int, int], None]
-Size = tuple[int, int]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class BoardViews:
-    """What the cameras saw of the board.
-
-    Attributes:
-        names: Names of the cameras.
-        sizes: Width and height of their images [px].
-        views: For each view what each camera saw; None where it saw no board.
-        numbers: Number of each view's frame in its source.
-        frames: Frames looked at.
-    """
-
-    names: tuple[str, ...]
-    sizes: tuple[Size, ...]
-    views: tuple[tuple[Seen | None, ...], ...]
-    numbers: tuple[int, ...]
-    frames: int
-
-
-def look_for_board(
-    board: Board, sources: Sequence[Camera], names: tuple[str, ...], *, progress: Progress
-) -> BoardViews:
-    """Find the board in the k-th frames of all sources, k = 0, 1, ...
-
-    Raises:
-        InputError: The sources have different numbers of frames, or no frame.
-    """
-    kept: list[tuple[Seen | None, ...]] = []
-    numbers: list[int] = []
-    sizes: tuple[Size, ...] | None = None
-    count = 0
-    while count < MOST_FRAMES:
-        frames = [source.read() for source in sources]
-        got = [f for f in frames if f is not None]
-        if not got:
-            break
-        if len(got) < len(frames):
-            ended = ", ".join(s.name for s, f in zip(sources, frames, strict=True) if f is None)
-            raise InputError("images", "as many from each camera", f"{count} only from {ended}")
-        now = tuple((f.pixels.shape[1], f.pixels.shape[0]) for f in got)
-        sizes = sizes or now
-        if now != sizes:
-            raise InputError("images", f"one size throughout, {sizes}", f"{now} at frame {count}")
-        view = tuple(board.find(f.pixels) for f in got)
-        if any(view) and all(_apart(view, old, sizes[0][0]) for old in kept):
-            kept.append(view)
-            numbers.append(count)
-        count += 1
-        progress("board", count, count + 1)
-        if any(source.live for source in sources) and len(kept) == MOST_VIEWS:
-            break
-    if sizes is None:
-        raise InputError("images", "at least one", "none")
-    chosen = np.unique(np.linspace(0, len(kept) - 1, min(len(kept), MOST_VIEWS)).astype(int))
-    return BoardViews(
-        names=names,
-        sizes=sizes,
-        views=tuple(kept[k] for k in chosen),
-        numbers=tuple(numbers[k] for k in chosen),
-        frames=count,
-    )
-
-
-def _apart(a: tuple[Seen | None, ...], b: tuple[Seen | None, ...], width: int) -> bool:
-    """Say whether two views differ: the board moved, or other cameras see it."""
-    for one, two in zip(a, b, strict=True):
-        if (one is None) != (two is None):
-            return True
-        if one is not None and two is not None:
-            _, i, j = np.intersect1d(one.ids, two.ids, return_indices=True)
-            motion = np.abs(one.uv[i] - two.uv[j]).mean() if len(i) else np.inf
-            if motion > _APART * width:
-                return True
-    return False
+#: Fewest views of one camera, and share of the image's cells with corners that is wanted.
+FEWEST, COVERED = 3, 0.6
 
 
 def free_numbers(coefficients: int) -> NDArray[np.bool_]:
@@ -128,17 +42,17 @@ def board_problem(board: Board, seen: BoardViews, free: NDArray[np.bool_]) -> Bo
         lenses.append(board.lens(mine, seen.sizes[k], free))
     poses = [[None if v is None else board.pose(v, lens) for v, lens in zip(view, lenses,
              strict=True)] for view in seen.views]  # fmt: skip
-    T_cam_rig = [np.eye(4)]
+    T_cam_rig: list[Array] = [np.eye(4)]
     for k, name in enumerate(seen.names[1:], 1):
-        both = [(p[0], p[k]) for p in poses if p[0] is not None and p[k] is not None]
+        both = [(a, b) for p in poses if (a := p[0]) is not None and (b := p[k]) is not None]
         if not both:
             raise InputError(f"cameras {seen.names[0]} and {name}",
                              "a view in which both see the board", "none")  # fmt: skip
         T_cam_rig.append(between([a for a, _ in both], [b for _, b in both]))
     boards = []
     for view in poses:
-        k = next(k for k, p in enumerate(view) if p is not None)
-        boards.append(inverse(T_cam_rig[k]) @ view[k])
+        k, pose = next((k, p) for k, p in enumerate(view) if p is not None)
+        boards.append(inverse(T_cam_rig[k]) @ pose)
     return BoardProblem(
         corners=corners_of(board, seen),
         lenses=np.array([lens.numbers for lens in lenses]),
@@ -146,17 +60,6 @@ def board_problem(board: Board, seen: BoardViews, free: NDArray[np.bool_]) -> Bo
         T_rig_board=np.array(boards),
         free=free,
         cameras=seen.names,
-    )
-
-
-def corners_of(board: Board, seen: BoardViews) -> Corners:
-    """Return all corners of all views in one list."""
-    parts = [(k, n, v) for n, view in enumerate(seen.views) for k, v in enumerate(view) if v]
-    return Corners(
-        camera=np.concatenate([np.full(len(v.ids), k) for k, _, v in parts]),
-        view=np.concatenate([np.full(len(v.ids), n) for _, n, v in parts]),
-        on_board=np.concatenate([board.corners[v.ids] for _, _, v in parts]),
-        uv=np.concatenate([v.uv for _, _, v in parts]),
     )
 
 
@@ -184,9 +87,8 @@ def calibrate_boards(
     problem = board_problem(board, seen, free_numbers(coefficients))
     solved = fit(problem)
     rig = rig_of(solved, seen.sizes)
-    numbers: dict[str, float | int | str | None] = {
+    numbers: dict[str, float] = {
         "views": len(seen.views), "frames": seen.frames, "rms_px": solved.rms,
-        "status": solved.status,
     }  # fmt: skip
     warnings = list(weak(solved, _limits(rig, problem)))
     for k, (name, size) in enumerate(zip(seen.names, seen.sizes, strict=True)):
@@ -199,7 +101,11 @@ def calibrate_boards(
                             "add views with the board near the edges and corners")  # fmt: skip
     if len(rig.cameras) > 1:
         numbers |= _base_line(solved)
-    return rig, solved, Stage(name="boards", numbers=numbers, warnings=tuple(warnings))
+    return (
+        rig,
+        solved,
+        Stage(name="boards", status=solved.status, numbers=numbers, warnings=tuple(warnings)),
+    )
 
 
 def _base_line(solved: Fit[BoardProblem]) -> dict[str, float]:
@@ -209,12 +115,6 @@ def _base_line(solved: Fit[BoardProblem]) -> dict[str, float]:
     along = t / np.linalg.norm(t)
     variance = float(along @ solved.covariance[np.ix_(at, at)] @ along)
     return {"baseline_m": float(np.linalg.norm(t)), "baseline_sigma_m": float(np.sqrt(variance))}
-
-
-def coverage(uv: Array, size: Size) -> float:
-    """Return the share of the image's cells in which a corner, shape (n, 2), lies."""
-    bins = [np.linspace(-0.5, n - 0.5, cells + 1) for n, cells in zip(size, CELLS, strict=True)]
-    return float(np.mean(np.histogram2d(uv[:, 0], uv[:, 1], bins=bins)[0] > 0))
 
 
 def _limits(rig: CalibratedRig, problem: BoardProblem) -> dict[str, tuple[float, str]]:

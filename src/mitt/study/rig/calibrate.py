@@ -12,11 +12,12 @@ from mitt.link.rig import CalibratedRig, read_rig
 from mitt.options import CalibrateOptions
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
-from mitt.study.rig.boards import BoardViews, calibrate_boards, look_for_board
+from mitt.study.rig.boards import calibrate_boards
 from mitt.study.rig.hand import calibrate_clock, calibrate_hand, centroid_columns, centroids_in
 from mitt.study.rig.heads import FACE_UP, calibrate_head, read_head_views, with_heads
 from mitt.study.rig.stage import Stage
 from mitt.study.rig.tables import header_of, read_places
+from mitt.study.rig.views import BoardViews, look_for_board
 from mitt.vision.calibration.boards import BoardProblem
 from mitt.vision.calibration.fit import Fit
 from mitt.vision.poses import inverse
@@ -78,11 +79,11 @@ def prepare(options: CalibrateOptions) -> Job:
     heads = [path for path in (o.left_head, o.right_head) if path is not None]
     stages = [name for name, given in (("boards", o.left), ("heads", heads), ("hand", o.hand),
               ("clock", o.arm_log)) if given]  # fmt: skip
+    if o.right is not None and o.left is None:
+        raise InputError("--right", "--left as well (one camera alone is --left)", "--right alone")
     if not stages:
         raise InputError("mitt calibrate", "--left and --right, --left-head, --hand or --arm-log",
                          "none of them", do="see docs/rig.md")  # fmt: skip
-    if o.right is not None and o.left is None:
-        raise InputError("--right", "--left as well (one camera alone is --left)", "--right alone")
     if (o.rig is None) == (o.left is None):
         raise InputError("mitt calibrate", "either --left (boards) or --rig (a rig to begin with)",
                          "both" if o.rig else "neither")  # fmt: skip

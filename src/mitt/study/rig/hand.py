@@ -115,10 +115,14 @@ def calibrate_hand(
         "places": len(places), "centroids": len(solved.problem.camera), "rms_px": solved.rms,
         "sigma_px": solved.sigma, "outliers": solved.outliers,
         "turn_sigma_mrad": 1e3 * float(sigma[:3].max()),
-        "position_sigma_mm": 1e3 * float(sigma[3:].max()), "status": solved.status,
+        "position_sigma_mm": 1e3 * float(sigma[3:].max())
     }  # fmt: skip
     moved = rig.seen_from(inverse(solved.problem.T_rig_world), "robot")
-    return moved, solved, Stage(name="hand", numbers=numbers, warnings=tuple(warnings))
+    return (
+        moved,
+        solved,
+        Stage(name="hand", status=solved.status, numbers=numbers, warnings=tuple(warnings)),
+    )
 
 
 def calibrate_clock(
@@ -147,8 +151,9 @@ def calibrate_clock(
     speed = np.linalg.norm(np.gradient(hand, problem.t_arm, axis=0), axis=1)
     numbers = {
         "sightings": len(problem.t_seen), "offset_ms": 1e3 * offset, "sigma_ms": 1e3 * sigma,
-        "rms_mm": 1e3 * solved.rms, "gap_mm": 1e3 * gap, "top_speed_m_s": float(speed.max()),
-        "status": solved.status,
+        "rms_mm": 1e3 * solved.rms, "gap_mm": 1e3 * gap, "top_speed_m_s": float(speed.max())
     }  # fmt: skip
     known = replace(rig, clock_offset=offset, clock_sigma=sigma if np.isfinite(sigma) else 1e3)
-    return known, Stage(name="clock", numbers=numbers, warnings=tuple(warnings))
+    return known, Stage(
+        name="clock", status=solved.status, numbers=numbers, warnings=tuple(warnings)
+    )

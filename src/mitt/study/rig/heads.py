@@ -72,13 +72,17 @@ def calibrate_head(
     warnings = tuple(f"{camera.name}: {text}" for text in weak(solved, limits))
     head = solved.problem.head
     apart = abs(float(head.pan_axis @ head.tilt_axis))
-    numbers: dict[str, float | int | str | None] = {
-        "views": len(views), "rms_px": solved.rms, "status": solved.status,
+    numbers: dict[str, float] = {
+        "views": len(views), "rms_px": solved.rms,
         "axes_deg": float(np.rad2deg(np.arccos(min(apart, 1.0)))),
     }  # fmt: skip
     turned = head.seen_from(FACE_UP)
     moved = replace(camera, T_world_cam=turned.T_world_cam, head=turned, rms_px=solved.rms)
-    return moved, solved, Stage(name=f"head {camera.name}", numbers=numbers, warnings=warnings)
+    return (
+        moved,
+        solved,
+        Stage(name=f"head {camera.name}", status=solved.status, numbers=numbers, warnings=warnings),
+    )
 
 
 def with_heads(rig: CalibratedRig, cameras: tuple[RigCamera, ...]) -> CalibratedRig:

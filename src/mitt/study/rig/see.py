@@ -128,29 +128,43 @@ def complaints(seen: Seen, names: tuple[str, ...]) -> tuple[str, ...]:
     said, counts = [], seen.counts
     a, b = counts.frames
     if counts.ended:
-        said.append(f"{counts.ended} ended early: {a} frames left, {b} right; "
-                    f"{counts.left_over} without a partner are left out")  # fmt: skip
+        said.append(
+            f"{counts.ended} ended early: {a} frames left, {b} right; "
+            f"{counts.left_over} without a partner are left out"
+        )
     alone = min(a, b) - counts.paired
     if alone > 0.05 * max(min(a, b), 1):
-        said.append(f"{alone} of {min(a, b)} frames have no partner in time: "
-                    "say --fps, or a larger --max-skew")  # fmt: skip
+        said.append(
+            f"{alone} of {min(a, b)} frames have no partner in time: "
+            "say --fps, or a larger --max-skew"
+        )
     if counts.backward:
         said.append(f"{counts.backward} frames dropped, as their time did not rise")
     for name, count in zip(names, seen.targets, strict=True):
         if count == 0:
             said.append(f"camera {name} saw no ball in any frame: is it dark or covered?")
+    return (*said, *_doubts(seen))
+
+
+def _doubts(seen: Seen) -> tuple[str, ...]:
+    """Return what speaks against the sightings themselves."""
     if exchanged(seen):
-        said.append(f"left and right seem exchanged: {len(seen.exchanged)} sightings the other "
-                    f"way round, {seen.agreed} as given, which do not fall as a ball does",
-                    )  # fmt: skip
-    elif seen.agreed < _AGREE * seen.both:
-        said.append(f"the cameras agree on a ball in {seen.agreed} of {seen.both} instants only: "
-                    "the rig is another's, a camera was moved, or something else is bright",
-                    )  # fmt: skip
-    elif (error := fall_error(seen.points)) is not None and error > _FALL:
-        said.append(f"what was seen does not fly: its acceleration is {error:.0f} m/s^2 off "
-                    "gravity; a hand that carries the ball, or a rig that is another's")  # fmt: skip
-    return tuple(said)
+        return (
+            f"left and right seem exchanged: {len(seen.exchanged)} sightings the other way "
+            f"round, {seen.agreed} as given, which do not fall as a ball does",
+        )
+    if seen.agreed < _AGREE * seen.both:
+        return (
+            f"the cameras agree on a ball in {seen.agreed} of {seen.both} instants only: "
+            "the rig is another's, a camera was moved, or something else is bright",
+        )
+    error = fall_error(seen.points)
+    if error is not None and error > _FALL:
+        return (
+            f"what was seen does not fly: its acceleration is {error:.0f} m/s^2 off gravity; "
+            "a hand that carries the ball, or a rig that is another's",
+        )
+    return ()
 
 
 def exchanged(seen: Seen) -> bool:

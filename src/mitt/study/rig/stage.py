@@ -5,8 +5,6 @@ from dataclasses import dataclass, field
 
 from mitt.vision.calibration.fit import Fit, P
 
-Numbers = Mapping[str, float | int | str | None]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stage:
@@ -14,12 +12,14 @@ class Stage:
 
     Attributes:
         name: Its name: boards, heads, hand or clock.
+        status: Of its fit, converged or stopped.
         numbers: What it found, by name with unit.
         warnings: What the measurements do not determine, and what would.
     """
 
     name: str
-    numbers: Numbers
+    status: str
+    numbers: Mapping[str, float]
     warnings: tuple[str, ...] = field(default=())
 
 
