@@ -14,6 +14,8 @@ from mitt.vision.poses import inverse
 
 #: Fewest corners of a board in an image that are used.
 FEWEST_CORNERS = 6
+#: Focal length over the image's width, and its inverse, beyond which a guess is not believed.
+_LIKELY = 15.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,7 +123,8 @@ class Board:
                              do="add views of a board that is tilted by 20 to 40 degrees",
                              ) from error  # fmt: skip
         numbers = np.array((K[0, 0], K[1, 1], K[0, 2], K[1, 2], *np.ravel(bend)[:5]))
-        return Lens(width=size[0], height=size[1], numbers=numbers)
+        likely = np.all(np.abs(np.log(numbers[:2].clip(1e-9) / size[0])) < np.log(_LIKELY))
+        return Lens(width=size[0], height=size[1], numbers=numbers) if likely else plain(size)
 
     def pose(self, seen: Seen, lens: Lens) -> Array:
         """Return T_cam_board [m], shape (4, 4), of one view; the flat board's two are compared."""
@@ -137,6 +140,14 @@ class Board:
         T[:3, :3] = self._cv2.Rodrigues(found[1][0])[0]
         T[:3, 3] = np.ravel(found[2][0])
         return T
+
+
+def plain(size: tuple[int, int]) -> Lens:
+    """Return the lens to begin with where views tell nothing: 53 degrees wide, not bent."""
+    width, height = size
+    middle = (0.5 * (width - 1), 0.5 * (height - 1))
+    numbers = np.array((width, width, *middle, 0.0, 0.0, 0.0, 0.0, 0.0), dtype=np.float64)
+    return Lens(width=width, height=height, numbers=numbers)
 
 
 def between(ours: list[Array], theirs: list[Array]) -> Array:

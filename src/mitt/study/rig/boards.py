@@ -1,10 +1,12 @@
 """Lenses and stereo pose from images of a ChArUco board."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from mitt.errors import InputError
-from mitt.link.charuco import Board, between
+from mitt.link.charuco import Board, between, plain
 from mitt.link.rig import CalibratedRig, RigCamera
 from mitt.signals import Array
 from mitt.study.rig.stage import Stage, weak
@@ -26,28 +28,43 @@ def free_numbers(coefficients: int) -> NDArray[np.bool_]:
 
 
 def board_problem(board: Board, seen: BoardViews, free: NDArray[np.bool_]) -> BoardProblem:
-    """Return the problem at OpenCV's first guess.
+    """Return the problem at a first guess: OpenCV's, or plain lenses where those fit better.
+
+    OpenCV's lens is none where the views leave it open, as when all boards face the camera.
 
     Raises:
         InputError: A camera saw too few boards, or no board was seen by two cameras at once.
     """
-    lenses = []
-    for k, name in enumerate(seen.names):
+    guesses = []
+    for k, (name, size) in enumerate(zip(seen.names, seen.sizes, strict=True)):
         mine = [v for view in seen.views if (v := view[k]) is not None]
         if len(mine) < FEWEST:
-            raise InputError(f"camera {name}", f"the board in {FEWEST} different views or more",
-                             f"{len(mine)} of {seen.frames} images",
-                             do="check --board, --square, --dictionary, light and focus",
-                             )  # fmt: skip
-        lenses.append(board.lens(mine, seen.sizes[k], free))
-    poses = [[None if v is None else board.pose(v, lens) for v, lens in zip(view, lenses,
-             strict=True)] for view in seen.views]  # fmt: skip
+            raise InputError(
+                f"camera {name}",
+                f"the board in {FEWEST} different views or more",
+                f"{len(mine)} of {seen.frames} images",
+                do="check --board, --square, --dictionary, light and focus",
+            )
+        guesses.append((board.lens(mine, size, free), plain(size)))
+    starts = [_started(board, seen, free, lenses) for lenses in zip(*guesses, strict=True)]
+    return min(starts, key=lambda problem: float(np.abs(problem.residuals()).max()))
+
+
+def _started(
+    board: Board, seen: BoardViews, free: NDArray[np.bool_], lenses: Sequence[Lens]
+) -> BoardProblem:
+    """Return the problem with the poses that follow from lenses."""
+    poses = [
+        [None if v is None else board.pose(v, lens) for v, lens in zip(view, lenses, strict=True)]
+        for view in seen.views
+    ]
     T_cam_rig: list[Array] = [np.eye(4)]
     for k, name in enumerate(seen.names[1:], 1):
         both = [(a, b) for p in poses if (a := p[0]) is not None and (b := p[k]) is not None]
         if not both:
-            raise InputError(f"cameras {seen.names[0]} and {name}",
-                             "a view in which both see the board", "none")  # fmt: skip
+            raise InputError(
+                f"cameras {seen.names[0]} and {name}", "a view in which both see the board", "none"
+            )
         T_cam_rig.append(between([a for a, _ in both], [b for _, b in both]))
     boards = []
     for view in poses:
@@ -84,13 +101,15 @@ def calibrate_boards(
     board: Board, seen: BoardViews, *, coefficients: int
 ) -> tuple[CalibratedRig, Fit[BoardProblem], Stage]:
     """Return the rig, the solution behind it, and what to say about it."""
-    problem = board_problem(board, seen, free_numbers(coefficients))
-    solved = fit(problem)
+    solved = fit(board_problem(board, seen, free_numbers(coefficients)))
+    problem = solved.problem
     rig = rig_of(solved, seen.sizes)
     numbers: dict[str, float] = {
         "views": len(seen.views), "frames": seen.frames, "rms_px": solved.rms,
     }  # fmt: skip
     warnings = list(weak(solved, _limits(rig, problem)))
+    if solved.status != "converged":
+        warnings.append("the fit did not settle: the views are too much alike")
     for k, (name, size) in enumerate(zip(seen.names, seen.sizes, strict=True)):
         share = coverage(problem.corners.uv[problem.corners.camera == k], size)
         numbers |= {f"{name}_rms_px": rig.cameras[k].rms_px, f"{name}_coverage": share,

@@ -87,7 +87,7 @@ class BoardProblem:
     def residuals(self) -> Array:
         """Return seen minus predicted [px], shape (2 n,)."""
         p = self._chain()[2]
-        if np.any(p[:, 2] <= 0.0):
+        if np.any(p[:, 2] <= 0.0) or self.lenses[:, :2].min() < 1.0:
             return np.full(2 * len(p), np.inf)
         lens = self.lenses[self.corners.camera]
         uv = self._bent(p[:, :2] / p[:, 2:])[0] * lens[:, :2] + lens[:, 2:4]

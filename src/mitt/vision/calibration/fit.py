@@ -16,7 +16,7 @@ from mitt.signals import Array
 _BLIND = 1e-13
 #: Part that a parameter has in an undetermined direction before it is named.
 _PART = 0.05
-_ITERATIONS = 60
+_ITERATIONS = 100
 
 
 class Problem(Protocol):
