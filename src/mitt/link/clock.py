@@ -52,3 +52,8 @@ class Stopwatch:
     def misses(self) -> int:
         """Return how many entries took longer than the deadline."""
         return int(np.sum(np.array(self._ns, dtype=np.float64) > 1e3 * self.deadline_us))
+
+
+def monotonic() -> float:
+    """Return the time of the machine's steady clock [s], for cameras that have none."""
+    return time.monotonic()
