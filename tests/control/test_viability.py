@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from mitt.control.envelope import TICK
 from mitt.control.viability import BLOCKED, MARGIN, PASSED, Guard
 from mitt.robot.arm import Arm
-from mitt.robot.bodies import Surroundings, clearance
 from mitt.robot.description import Capsule
+from mitt.robot.shapes import Surroundings, clearance
 from mitt.signals import Array
 
 ROUNDING = 1e-9
@@ -28,8 +28,8 @@ def guard(arm: Arm) -> Guard:
 
 def gap(arm: Arm, guard: Guard, q: Array) -> float:
     """Return the clearance in a pose."""
-    b = guard.bodies
-    return clearance(arm.chain, q, b.shapes, b.pairs, b.floor, b.ends)
+    s = guard.shapes
+    return clearance(arm.bodies, q, s.table, s.pairs, s.ends)
 
 
 def path(guard: Guard, q: Array, dq: Array) -> Array:
@@ -97,7 +97,8 @@ def test_an_arm_that_stands_in_a_zone_may_only_move_out(arm: Arm) -> None:
         inside[0] += 0.01
     for sign, deeper in ((1.0, True), (-1.0, False)):
         guard.begin(inside, np.zeros(3))
-        wanted = np.array([inside + [sign * 1e-3, 0.0, 0.0], [sign * 0.1, 0.0, 0.0], np.zeros(3)])
+        way = np.array([[sign * 1e-3, 0.0, 0.0], [sign * 0.1, 0.0, 0.0], np.zeros(3)])
+        wanted = np.array([inside, np.zeros(3), np.zeros(3)]) + way
         assert (guard.step(wanted) == BLOCKED) == deeper
 
 

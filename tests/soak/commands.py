@@ -152,9 +152,9 @@ def _drive(commands: int, seed: int, counts: Array) -> None:
             if not (np.isfinite(q) and np.isfinite(dq) and np.isfinite(ddq)):
                 counts[1] += 1
                 q, dq = _start(b)
-            elif not obeys(b, q0, dq0, q, dq, ddq):
-                counts[0] += 1
-            elif inside and not same and _may_pass(b, q0, dq0, wq, wdq, wddq):
+            elif not obeys(b, q0, dq0, q, dq, ddq) or (
+                inside and not same and _may_pass(b, q0, dq0, wq, wdq, wddq)
+            ):
                 counts[0] += 1
             q0, dq0 = q, dq
             done += 1

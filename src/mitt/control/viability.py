@@ -10,11 +10,11 @@ from typing import final
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from mitt.control.envelope import bounds_of, brake_joint, keep
 from mitt.robot.arm import Arm
-from mitt.robot.bodies import Bodies, Surroundings, bodies_of, clearance
-from mitt.robot.chain import Chain
+from mitt.robot.shapes import Surroundings, clearance, shapes_of
 from mitt.signals import Array
 
 #: Gap that is kept [m], and what a look may leave open before the way counts as blocked [m].
@@ -28,39 +28,56 @@ PASSED, KEPT, BLOCKED = 0, 1, 2
 
 
 @njit(cache=True)
-def stops_clear(chain: Chain, bodies: Bodies, b: Array, q: Array, dq: Array, work: Array) -> bool:
+def stops_clear(
+    bodies: Array,
+    table: Array,
+    pairs: NDArray[np.int64],
+    b: Array,
+    q: Array,
+    dq: Array,
+    work: Array,
+) -> bool:
     """Say whether the way to standstill from ``q``, ``dq`` keeps ``MARGIN`` from everything.
 
     Args:
-        chain: Kinematics of the arm.
-        bodies: Shapes, as a tuple of the arrays of :class:`mitt.robot.bodies.Bodies`.
-        b: Limits, as of :mod:`mitt.control.envelope`.
+        bodies: Table of :mod:`mitt.robot.dynamics`, shape (N, 31).
+        table: Shapes, shape (m, 8).
+        pairs: Those to be kept apart, shape (p, 2).
+        b: Limits, as of :mod:`mitt.control.envelope`, shape (6, n).
         q: Positions [rad], shape (n,).
         dq: Speeds [rad/s], shape (n,).
-        work: Scratch, shape (n,).
+        work: Scratch, shape (2 m + n, 3).
     """
-    shapes, pairs, floor, reach, ends = bodies
-    t = 0.0
+    n, t = len(q), 0.0
+    ends, way = work[n:], work[:n, 0]
     for _ in range(_LOOKS):
         left, pace = 0.0, 0.0
-        for k in range(len(q)):
-            brake, speed = b[3, k], abs(dq[k])
+        for k in range(n):
+            brake, speed, reach = b[3, k], abs(dq[k]), b[5, k]
             passed = min(t, speed / brake)
-            way = passed * (speed - 0.5 * brake * passed)
-            work[k] = q[k] + np.copysign(way, dq[k])
-            left += reach[k] * (0.5 * speed * speed / brake - way)
-            pace += reach[k] * max(speed - brake * t, 0.0)
-        gap = clearance(chain, work, shapes, pairs, floor, ends) - MARGIN
-        if gap < _SLIVER and left > 0.0 or gap < 0.0:
+            gone = passed * (speed - 0.5 * brake * passed)
+            way[k] = q[k] + np.copysign(gone, dq[k])
+            left += reach * (0.5 * speed * speed / brake - gone)
+            pace += reach * max(speed - brake * t, 0.0)
+        room = clearance(bodies, way, table, pairs, ends) - MARGIN
+        if room < 0.0 or (room < _SLIVER and left > 0.0):
             return False
-        if left <= gap:
+        if left <= room:
             return True
-        t += gap / pace
+        t += room / pace
     return False
 
 
 @njit(cache=True)
-def guard(chain: Chain, bodies: Bodies, b: Array, last: Array, wanted: Array, work: Array) -> int:
+def guard(
+    bodies: Array,
+    table: Array,
+    pairs: NDArray[np.int64],
+    b: Array,
+    last: Array,
+    wanted: Array,
+    work: Array,
+) -> int:
     """Replace a wanted motion by what is emitted, and remember it.
 
     A motion from which the way to standstill is blocked is not emitted: the joints brake from
@@ -68,53 +85,63 @@ def guard(chain: Chain, bodies: Bodies, b: Array, last: Array, wanted: Array, wo
     was blocked from the start may only lead out.
 
     Args:
-        chain: Kinematics of the arm.
-        bodies: Its shapes and what stands around it.
-        b: Limits, shape (5, n).
+        bodies: Table of :mod:`mitt.robot.dynamics`, shape (N, 31).
+        table: Shapes, shape (m, 8).
+        pairs: Those to be kept apart, shape (p, 2).
+        b: Limits, as of :mod:`mitt.control.envelope`, shape (6, n).
         last: q, dq emitted in the tick before, overwritten, shape (2, n).
         wanted: q_d, dq_d, ddq_d; q, dq, ddq afterwards, shape (3, n).
-        work: Scratch, shape (n,).
+        work: Scratch, shape (2 m + n, 3).
 
     Returns:
         ``PASSED``, ``KEPT`` or ``BLOCKED``.
     """
     result = KEPT if keep(b, last, wanted) else PASSED
-    if not stops_clear(chain, bodies, b, wanted[0], wanted[1], work):
-        if not _leads_out(chain, bodies, last, wanted):
-            result = BLOCKED
-            for k in range(wanted.shape[1]):
-                wanted[0, k], wanted[1, k], wanted[2, k] = brake_joint(b[3, k], *_pair(last, k))
+    blocked = not stops_clear(bodies, table, pairs, b, wanted[0], wanted[1], work)
+    if blocked and not _leads_out(bodies, table, pairs, last, wanted, work):
+        result = BLOCKED
+        for k in range(wanted.shape[1]):
+            q, dq, ddq = brake_joint(b[3, k], last[0, k], last[1, k])
+            wanted[0, k], wanted[1, k], wanted[2, k] = q, dq, ddq
     for k in range(wanted.shape[1]):
         last[0, k], last[1, k] = wanted[0, k], wanted[1, k]
     return result
 
 
 @njit(cache=True)
-def _pair(last: Array, k: int) -> tuple[float, float]:
-    """Return position and speed of a joint."""
-    return last[0, k], last[1, k]
-
-
-@njit(cache=True)
-def _leads_out(chain: Chain, bodies: Bodies, last: Array, wanted: Array) -> bool:
+def _leads_out(
+    bodies: Array,
+    table: Array,
+    pairs: NDArray[np.int64],
+    last: Array,
+    wanted: Array,
+    work: Array,
+) -> bool:
     """Say whether an arm that stands too close already would get no closer."""
-    shapes, pairs, floor, _, ends = bodies
-    before = clearance(chain, last[0], shapes, pairs, floor, ends)
+    ends = work[wanted.shape[1] :]
+    before = clearance(bodies, last[0], table, pairs, ends)
     if before >= MARGIN:
         return False
-    return bool(clearance(chain, wanted[0], shapes, pairs, floor, ends) > before)
+    return bool(clearance(bodies, wanted[0], table, pairs, ends) > before)
 
 
 @final
 class Guard:
-    """The envelope of one arm: what is emitted passes through here and nowhere else."""
+    """The envelope of one arm: what is emitted passes through here and nowhere else.
 
-    def __init__(self, arm: Arm, surroundings: Surroundings) -> None:
+    Attributes:
+        bounds: Limits, as of :mod:`mitt.control.envelope`, shape (6, n).
+        shapes: Shapes of the arm and of what stands around it.
+        last: q, dq emitted in the tick before, shape (2, n).
+    """
+
+    def __init__(self, arm: Arm, around: Surroundings) -> None:
         """Take the arm and what stands around it; the arm is taken to rest in its ready pose."""
-        self.bounds = bounds_of(arm)
-        self.bodies = bodies_of(arm, surroundings)
-        self._chain, self._work = arm.chain, np.zeros(arm.n)
+        self.shapes = shapes_of(arm, around)
+        self.bounds = np.array([*bounds_of(arm), self.shapes.reach])
         self.last = np.array([arm.q_ready, np.zeros(arm.n)])
+        self.work = np.zeros((arm.n + 2 * len(self.shapes.table), 3))
+        self._packed = arm.bodies, self.shapes.table, self.shapes.pairs, self.bounds
 
     def begin(self, q: Array, dq: Array) -> None:
         """Start from where the arm is, [rad, rad/s], shapes (n,); what is not finite is left."""
@@ -123,8 +150,8 @@ class Guard:
 
     def step(self, wanted: Array) -> int:
         """Replace a wanted motion, shape (3, n), by what is emitted; see :func:`guard`."""
-        return int(guard(self._chain, self.bodies, self.bounds, self.last, wanted, self._work))
+        return int(guard(*self._packed, self.last, wanted, self.work))
 
     def clear(self, q: Array, dq: Array) -> bool:
         """Say whether an arm that moves so can come to standstill without touching anything."""
-        return bool(stops_clear(self._chain, self.bodies, self.bounds, q, dq, self._work))
+        return bool(stops_clear(*self._packed, q, dq, self.work))

@@ -8,17 +8,17 @@ from hypothesis import strategies as st
 
 from mitt.errors import InputError
 from mitt.robot.arm import Arm
-from mitt.robot.bodies import (
-    Bodies,
-    Surroundings,
-    bodies_of,
-    clearance,
-    hand_capsules,
-    segment_distance,
-)
 from mitt.robot.description import Capsule
 from mitt.robot.hands import HandModel
 from mitt.robot.plant import add_arm
+from mitt.robot.shapes import (
+    Shapes,
+    Surroundings,
+    clearance,
+    hand_capsules,
+    segment_distance,
+    shapes_of,
+)
 from mitt.signals import Array
 
 #: Agreement with MuJoCo's distance of two capsules [m].
@@ -29,14 +29,14 @@ seeds = st.integers(0, 2**31)
 
 
 @pytest.fixture(scope="module")
-def bodies(arm: Arm) -> Bodies:
+def shapes(arm: Arm) -> Shapes:
     """The WAM beside one zone, over a floor."""
-    return bodies_of(arm, Surroundings(floor=-0.9, zones=(ZONE,)))
+    return shapes_of(arm, Surroundings(floor=-0.9, zones=(ZONE,)))
 
 
-def gap(arm: Arm, bodies: Bodies, q: Array) -> float:
+def gap(arm: Arm, shapes: Shapes, q: Array) -> float:
     """Return the clearance in a pose."""
-    return clearance(arm.chain, q, bodies.shapes, bodies.pairs, bodies.floor, bodies.ends)
+    return clearance(arm.bodies, q, shapes.table, shapes.pairs, shapes.ends)
 
 
 def mujoco_gap(arm: Arm, q: Array) -> float:
@@ -49,35 +49,31 @@ def mujoco_gap(arm: Arm, q: Array) -> float:
     for k, x in enumerate(hand_capsules(arm.model.hand)):
         plate.add_geom(name=f"hull{k}", type=kind, fromto=[*x.start, *x.end],
                        size=[x.radius, 0.0, 0.0], mass=0.0)  # fmt: skip
+    floor = mujoco.mjtGeom.mjGEOM_PLANE
+    spec.worldbody.add_geom(name="floor", type=floor, size=[5.0, 5.0, 0.1], pos=[0.0, 0.0, -0.9])
     spec.worldbody.add_geom(name="zone", type=kind, fromto=[*ZONE.start, *ZONE.end],
                             size=[ZONE.radius, 0.0, 0.0])  # fmt: skip
     model = spec.compile()
     data = mujoco.MjData(model)
     data.qpos[:] = q
     mujoco.mj_kinematics(model, data)
-    names = ["base_0", "zone", "j3_0", "j4_0", "hull0", "hull1"]
-    group = [0, 0, 1, 2, 2, 2]
-    found = [data.geom(names[k]).id for k in range(6)]
+    names = ["floor", "base_0", "zone", "j3_0", "j4_0", "hull0", "hull1"]
+    group = [0, 0, 0, 1, 2, 2, 2]
+    found = [data.geom(names[k]).id for k in range(7)]
     return min(
         mujoco.mj_geomDistance(model, data, found[a], found[b], 5.0, None)
-        for a in range(6)
+        for a in range(7)
         for b in range(a)
         if group[a] != group[b]
     )
 
 
 @given(seed=seeds)
-def test_clearance_is_that_of_mujoco(arm: Arm, bodies: Bodies, seed: int) -> None:
+def test_clearance_is_that_of_mujoco(arm: Arm, shapes: Shapes, seed: int) -> None:
     """In any pose the smallest gap between the arm's shapes, base and zone is MuJoCo's."""
     q = np.random.default_rng(seed).uniform(arm.q_min, arm.q_max)
     theirs = mujoco_gap(arm, q)
-    lowest = min(
-        min(end[2] for end in (bodies.ends[2 * k], bodies.ends[2 * k + 1])) - row[7]
-        for k, row in enumerate(bodies.shapes)
-        if row[0] >= 0 and gap(arm, bodies, q) > -np.inf
-    )
-    ours = gap(arm, bodies, q)
-    assert ours == pytest.approx(min(theirs, lowest + 0.9), abs=EXACT)
+    assert gap(arm, shapes, q) == pytest.approx(theirs, abs=EXACT)
 
 
 @given(points=st.lists(st.floats(-2.0, 2.0), min_size=12, max_size=12).map(np.array))
@@ -105,14 +101,14 @@ def test_the_hull_of_the_hand_holds_the_fingers_at_every_angle() -> None:
 
 @given(seed=seeds, joint=st.integers(0, 2), by=st.floats(-1.0, 1.0))
 def test_no_point_moves_farther_than_the_reach_says(
-    arm: Arm, bodies: Bodies, seed: int, joint: int, by: float
+    arm: Arm, shapes: Shapes, seed: int, joint: int, by: float
 ) -> None:
     """Turning one joint changes the clearance by no more than its reach times the angle."""
     q = np.random.default_rng(seed).uniform(arm.q_min, arm.q_max)
     turned = q.copy()
     turned[joint] += by
-    change = abs(gap(arm, bodies, turned) - gap(arm, bodies, q))
-    assert change <= bodies.reach[joint] * abs(by) + 1e-9
+    change = abs(gap(arm, shapes, turned) - gap(arm, shapes, q))
+    assert change <= shapes.reach[joint] * abs(by) + 1e-9
 
 
 @pytest.mark.parametrize("radius", [0.0, -1.0, np.nan, np.inf])
