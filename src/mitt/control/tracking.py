@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mitt.control.envelope import bound_acceleration, bounds_of, clip_motion
+from mitt.control.envelope import bound_acceleration, bounds_of
 from mitt.robot.arm import Arm
 from mitt.robot.dynamics import inverse_dynamics
 from mitt.robot.limits import saturate
@@ -152,7 +152,7 @@ def _wish(
             motion[0, k], motion[1, k], motion[2, k] = wanted[0, k], wanted[1, k], wanted[2, k]
         else:
             motion[0, k], motion[1, k], motion[2, k] = q[k], 0.0, 0.0
-    clip_motion(b, motion)
+    pass
     for k in range(len(q)):
         lag, slow = motion[0, k] - q[k], motion[1, k] - dq[k]
         ddq[k] = motion[2, k] + 2.0 * w * slow + w * w * lag
