@@ -1,6 +1,6 @@
 # make catch    throw balls at the simulated arm and write runs/0-direct/report.html
 # make test     run the tests
-# make soak     fuzz envelope, ticks and readers: COMMANDS=N TICKS=N FILES=N PROCESSES=N SEED=S
+# make soak     fuzz envelope, ticks and readers: COMMANDS=N TICKS=N FILES=N PROCESSES=N KILLS=N SEED=S
 # make check    format, lint, types, import contracts, then make test
 # Each builds .venv with exactly pinned versions first if it is missing; Python >= 3.11 is enough.
 
@@ -16,6 +16,7 @@ COMMANDS ?= 20000000
 TICKS ?= 5000
 FILES ?= 300
 PROCESSES ?= 6
+KILLS ?= 3
 SEED ?= 1
 
 .PHONY: catch test check bench soak clean
@@ -50,7 +51,7 @@ bench: .venv/complete
 	$(BIN)/python benchmarks/trial.py
 
 soak: .venv/complete
-	PYTHONPATH=tests $(BIN)/python -m soak --commands $(COMMANDS) --ticks $(TICKS) --files $(FILES) --processes $(PROCESSES) --seed $(SEED)
+	PYTHONPATH=tests $(BIN)/python -m soak --commands $(COMMANDS) --ticks $(TICKS) --files $(FILES) --processes $(PROCESSES) --kills $(KILLS) --seed $(SEED)
 
 clean:
 	rm -rf .venv build

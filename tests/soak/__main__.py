@@ -9,7 +9,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from soak import commands, files
+from soak import commands, files, kills
 
 #: Where files that did harm are kept.
 _HARMFUL = Path("runs/soak")
@@ -19,7 +19,7 @@ def main() -> int:
     """Run all parts."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     for name, default in (("commands", 20_000_000), ("ticks", 5_000), ("files", 300),
-                          ("processes", 6), ("seed", 1)):  # fmt: skip
+                          ("processes", 6), ("kills", 3), ("seed", 1)):  # fmt: skip
         parser.add_argument(f"--{name}", type=int, default=default, metavar="N")
     options = parser.parse_args()
     sent = commands.soak(options.commands, seed=options.seed)
@@ -29,7 +29,8 @@ def main() -> int:
         alone = files.soak_processes(
             options.processes, seed=options.seed, folder=Path(folder), keep=_keep
         )
-    for fault in read.faults + alone.faults:
+        killed = kills.soak(options.kills, seed=options.seed, folder=Path(folder))
+    for fault in read.faults + alone.faults + killed.unreadable:
         print(fault)  # noqa: T201
     result = {
         "commands": sent.commands,
@@ -37,9 +38,12 @@ def main() -> int:
         "non_finite": sent.non_finite,
         "files": read.files + alone.files,
         "file_faults": len(read.faults) + len(alone.faults),
+        "kills": killed.kills,
+        "unreadable": len(killed.unreadable),
     }
     print(json.dumps(result))  # noqa: T201
-    return int(any(result[key] for key in ("violations", "non_finite", "file_faults")))
+    bad = ("violations", "non_finite", "file_faults", "unreadable")
+    return int(any(result[key] for key in bad))
 
 
 def _keep(name: str, data: bytes) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from soak import commands, files
+from soak import commands, files, kills
 from soak.mutants import mutant
 
 
@@ -60,3 +60,11 @@ def test_mutants_differ_and_repeat() -> None:
     assert one == two
     rng = np.random.default_rng(6)
     assert sum(mutant(valid, rng) != valid for _ in range(200)) > 190
+
+
+@pytest.mark.slow
+def test_a_process_killed_while_it_saves_leaves_whole_files(tmp_path: Path) -> None:
+    """Killed at a random moment: result, page and map are the old ones or the new ones."""
+    killed = kills.soak(2, seed=4, folder=tmp_path)
+    assert killed.kills == 2
+    assert killed.unreadable == []
