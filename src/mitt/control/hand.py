@@ -7,7 +7,8 @@ started closing is not taken back.
 | here       | meaning                                                                     | unit  |
 |------------|-----------------------------------------------------------------------------|-------|
 | ``memory`` | time at which the closing began, infinite before                            | s     |
-| ``grip``   | lead, touch angle, acceleration, speed and margin at the touch, closed angle | s ... |
+| ``grip``   | lead, touch angle, acceleration, speed and margin at the touch, closed      | s ... |
+|            | angle, time from the start to the first touch and to the grip               |       |
 """
 
 from math import inf
@@ -27,12 +28,13 @@ TOUCH_BEFORE = -0.004
 
 
 def pack_grip(hand: HandModel | None, ball_radius: float) -> Array:
-    """Return a hand's closing as numbers, shape (6,); no hand is one that stays open."""
+    """Return a hand's closing as numbers, shape (8,); no hand is one that stays open."""
     if hand is None:
-        return np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
+        return np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     c = hand.closing
     touch, closed = hand.touch_angle(ball_radius), hand.drive.closed
-    return np.array([c.lead, touch, c.acceleration, c.touch_speed, c.margin, closed])
+    times = (c.lead + TOUCH_BEFORE, c.lead + FOLLOW_ON)
+    return np.array([c.lead, touch, c.acceleration, c.touch_speed, c.margin, closed, *times])
 
 
 @njit(cache=True)
@@ -41,7 +43,7 @@ def close(memory: Array, grip: Array, t: float, time_to_catch: float) -> float:
 
     Args:
         memory: As in the module's table, overwritten, shape (1,).
-        grip: As in the module's table, shape (6,).
+        grip: As in the module's table, shape (8,).
         t: Time of the tick [s].
         time_to_catch: Time until the catch [s]; infinite where none is in sight.
     """
@@ -53,19 +55,31 @@ def close(memory: Array, grip: Array, t: float, time_to_catch: float) -> float:
     return closing_angle(elapsed, grip[1], grip[2], grip[3], grip[4], grip[5])
 
 
+@njit(cache=True)
+def has_closed(memory: Array, grip: Array, t: float, hurry: bool) -> bool:
+    """Say whether the fingers have had the time to close around the ball.
+
+    Args:
+        memory: As in the module's table, shape (1,).
+        grip: As in the module's table, shape (8,).
+        t: Time of the tick [s].
+        hurry: Whether the arm is short of room to brake; then the first touch is enough.
+    """
+    return bool(t - memory[0] >= (grip[6] if hurry else grip[7]))
+
+
 @final
 class Closing:
     """The fingers of one throw.
 
     Attributes:
         memory: As in the module's table, shape (1,).
-        grip: As in the module's table, shape (6,).
+        grip: As in the module's table, shape (8,).
     """
 
     def __init__(self, hand: HandModel | None, *, ball_radius: float) -> None:
         """Take the hand (None leaves a hand that does not exist open) and the ball's radius [m]."""
         self.memory, self.grip = np.array([inf]), pack_grip(hand, ball_radius)
-        self._armed = hand is not None
 
     @property
     def t_start(self) -> float:
@@ -93,7 +107,4 @@ class Closing:
             t: Time of the tick [s].
             hurry: Whether the arm is short of room to brake; then the first touch is enough.
         """
-        if not self._armed:
-            return t >= self.t_start
-        after = TOUCH_BEFORE if hurry else FOLLOW_ON
-        return t - self.t_start >= float(self.grip[0]) + after
+        return bool(has_closed(self.memory, self.grip, t, hurry))
