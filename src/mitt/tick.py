@@ -3,33 +3,25 @@
     images -> look -> absorb, speak -> reference -> close, track -> torques, fingers
 
 The kernels are those of the stages, composed; none is written a second time. All that they know
-and remember lies in one record, ``state``; what a tick brings about lies in another, ``result``.
-Both are structured arrays of shape (1,): compiled code reads and writes their fields in place,
-and Python sees the same fields by the same names.
+and remember lies in one record, ``state``; what a tick brings about lies in another, ``result``
+(:mod:`mitt.records`).
 
 A generator that is no map takes the same way in two halves, :func:`perceive` and :func:`act`, with
 its own ``reference`` between them.
 """
 
-from typing import Any, TypeAlias
-
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from mitt.control.hand import close, has_closed
 from mitt.control.tracking import all_finite, largest_gap, track
 from mitt.generator.certificate import level
 from mitt.generator.mapping import reference, time_to_catch
+from mitt.records import BRAKE, FOLLOW, WATCH, Record
 from mitt.signals import Array, Image
 from mitt.vision import memory as at
 from mitt.vision.belief import absorb, speak
 from mitt.vision.eyes import look
-
-Record: TypeAlias = NDArray[np.void]
-
-#: What the catcher is about, in the field ``phase``.
-WATCH, FOLLOW, BRAKE, REFUSED = range(4)
 
 #: What is to be thought about after a tick, as bits of its result: the verdict is open, the ball
 #: has left the arm behind, the fingers are about to have closed.
@@ -37,45 +29,6 @@ DECIDE, LAGS, GRASPS = 1, 2, 4
 
 #: Time between two ticks [s].
 TICK = 0.001
-
-
-def record_of(fields: dict[str, NDArray[Any] | float]) -> Record:
-    """Return a record, shape (1,), with these fields and values."""
-    values = {name: np.asarray(value) for name, value in fields.items()}
-    layout = [(name, value.dtype, value.shape) for name, value in values.items()]
-    record = np.zeros(1, np.dtype(layout, align=True))
-    for name, value in values.items():
-        record[name][0] = value
-    return record
-
-
-def fresh_result(n: int) -> Record:
-    """Return the result of no tick for ``n`` joints.
-
-    Fields:
-        t: Time of the tick [s].
-        phase: Phase in which it was made.
-        encoders: q, dq as read [rad, rad/s], shape (2, n).
-        looked: Whether there was something to see and to estimate.
-        ball: r_o, dr_o, ddr_o of the ball at ``t_ball``, shape (3, 3), zero if not ``tracked``;
-            with them ``covariance``, ``drag``, ``t_seen``, ``t_first`` of ``BallState``.
-        following: Whether the generator was asked.
-        inside: Whether its answer is a motion.
-        asked: q_d, q_o and their derivatives, shape (6, n).
-        time_to_catch: Time to the catch [s]; infinite where none is in sight.
-        told: q, dq, ddq, tau of the command, shape (4, n).
-        hand: Closing angle of the fingers commanded [rad].
-        saturated: Whether a torque limit was met.
-    """
-    fields: dict[str, NDArray[Any] | float] = {
-        "t": 0.0, "phase": np.int64(WATCH), "encoders": np.zeros((2, n)),
-        "ball": np.zeros((3, 3)), "t_ball": 0.0, "tracked": np.bool_(False),
-        "covariance": np.zeros((6, 6)), "drag": 0.0, "t_seen": -np.inf, "t_first": -np.inf,
-        "following": np.bool_(False), "inside": np.bool_(False), "asked": np.zeros((6, n)),
-        "time_to_catch": np.inf, "told": np.zeros((4, n)), "hand": 0.0,
-        "saturated": np.bool_(False),
-    }  # fmt: skip
-    return record_of(fields)
 
 
 @njit(cache=True)

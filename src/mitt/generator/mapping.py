@@ -78,7 +78,7 @@ class DirectMap:
         return pack(self.tangent)
 
     @cached_property
-    def _window(self) -> Array:
+    def window(self) -> Array:
         """Centre and scale of the polynomial's variables, shape (2, 3)."""
         return np.array([self.basis.centre, self.basis.scale])
 
@@ -109,7 +109,7 @@ class DirectMap:
         rows = np.zeros((6, self.arm.n))
         rows[3] = self.start
         inside = reference(
-            self.packed, self.basis.powers, self._window, self.alpha, ball, rows, self.work
+            self.packed, self.basis.powers, self.window, self.alpha, ball, rows, self.work
         )
         return bool(inside), rows
 
