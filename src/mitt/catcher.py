@@ -62,6 +62,7 @@ class Catcher:
         self._map = generator.as_map()
         fields = catcher_fields(arm, eyes, settings) | arm_fields(arm)
         self._state = record_of(fields if self._map is None else fields | map_fields(self._map))
+        eyes.move_to({name: self._state[f"eyes_{name}"][0] for name in eyes.parts()})
         self._numbers, self.result = self._state[0], fresh_result(arm.n)
         self._told, self._believed = self.result["told"][0], self._state["believed"][0]
         names = ("ball_memory", "ball_settings", "ball_work")
@@ -110,6 +111,8 @@ class Catcher:
                 self.result,
             )
         self._ticked = True
+        if self._phase == FOLLOW and self.t_0 == np.inf:
+            self.t_0 = t
         told = self._told.copy()
         return Command(
             t=t, q=told[0], dq=told[1], ddq=told[2], tau=told[3], hand=self.result["hand"].item()
@@ -176,7 +179,6 @@ class Catcher:
         self._numbers["open"] = verdict.outcome is Outcome.OPEN
         self._adapt(self._generator.waiting(ball) if self._numbers["open"] else ball)
         self._enter(FOLLOW)
-        self.t_0 = ball.t + TICK
 
     def _reconsider(self, ball: BallState) -> None:
         """Follow the ball itself as soon as it can be caught; its stand-in until then."""

@@ -11,6 +11,7 @@ started closing is not taken back.
 |            | angle, time from the start to the first touch and to the grip               |       |
 """
 
+from functools import lru_cache
 from math import inf
 from typing import final
 
@@ -27,8 +28,12 @@ FOLLOW_ON = 0.001
 TOUCH_BEFORE = -0.004
 
 
+@lru_cache(maxsize=8)
 def pack_grip(hand: HandModel | None, ball_radius: float) -> Array:
-    """Return a hand's closing as numbers, shape (8,); no hand is one that stays open."""
+    """Return a hand's closing as numbers, shape (8,), not to be written to.
+
+    No hand is one that stays open.
+    """
     if hand is None:
         return np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     c = hand.closing

@@ -75,7 +75,7 @@ def log_of(arm: Arm, ticks: Record, truth: Trace, *, t_0: float, t_catch: float)
         virtual=asked[:, 3],
         command=told[:, :3],
         tau=told[:, 3],
-        feedforward=np.array([arm.inverse_dynamics(*row) for row in told[:, :3]]),
+        feedforward=arm.active(arm.torques(told[:, :3])),
         hand=ticks["hand"],
         t_0=t_0,
         t_catch=t_catch,

@@ -1,5 +1,6 @@
 """The eyes of the catcher: images in, ball position out, in one compiled call."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from typing import Any
@@ -116,6 +117,12 @@ class Eyes:
             "belief": self._belief,
             "work": self._work,
         }
+
+    def move_to(self, parts: Mapping[str, NDArray[Any]]) -> None:
+        """Use other arrays from now on, named and shaped as :meth:`parts`; values as they are."""
+        self._memory, self._settings = parts["memory"], parts["settings"]
+        self._boxes, self._cameras = parts["boxes"], parts["cameras"]
+        self._belief, self._work = parts["belief"], parts["work"]
 
     def step(self, frames: tuple[Frame, ...]) -> Sighting:
         """Return where the ball is in frames exposed together.
