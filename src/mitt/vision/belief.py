@@ -19,7 +19,7 @@ from mitt.flight import GRAVITY, STATES, acceleration, advance_uncertain
 from mitt.signals import Array
 from mitt.vision import memory as at
 from mitt.vision.kalman import copy, is_sane, settle
-from mitt.vision.laws import FLOOR, fall_asleep, fit, forget, track_of, wake
+from mitt.vision.laws import FLOOR, fall_asleep, fit, forget, is_biased, track_of, wake
 from mitt.vision.memory import BALL, GATES, LIMITS, SCRATCH, SLOT_BELIEF
 
 DROPPED, TAKEN, DOUBTED = 0, 1, 2
@@ -27,6 +27,12 @@ DROPPED, TAKEN, DOUBTED = 0, 1, 2
 
 MAX_DOUBTFUL = 24
 """Sightings that are reconsidered at most when some of them were rejected."""
+
+LOOK_BACK = 16
+"""Sightings that are reconsidered when the innovations lean to one side."""
+
+SMALL_KICK = 1.0
+"""Standard deviation of a velocity change that passes the gate [m/s]."""
 
 MAX_HORIZON = 2.0
 """Farthest that an estimate is carried [s]; no throw flies longer."""
@@ -97,6 +103,8 @@ def _take(memory: Array, age: int, settings: Array, work: Array) -> int:
         return TAKEN
     if _fit(memory, slot, settings, work):
         _believe(memory, slot)
+        if is_biased(memory, work):
+            _reconsider(memory, age, settings, work)
         return TAKEN
     _doubt(memory, age, settings, work)
     return DOUBTED
@@ -163,27 +171,28 @@ def _begin(memory: Array, slot: int, settings: Array) -> None:
 
 @njit(cache=True)
 def _reacquire(memory: Array, age: int, doubtful: int, settings: Array, work: Array) -> None:
-    """Forget the velocity where the doubt began and take all sightings since then in."""
-    newest, first = at.slot_at(memory, age), at.slot_at(memory, age + doubtful - 1)
+    """Explain the sightings since the doubt began: outliers, a kick, or another ball."""
+    newest = at.slot_at(memory, age)
+    fitted = doubtful - memory[at.REJECTED]
+    leap, reach = _leap(memory, age, doubtful, settings)
     memory[at.DOUBTFUL] = 0.0
-    leap, x = 0.0, track_of(int(memory[at.BEST]))
-    for i in range(3):
-        leap += (memory[x + i] - memory[newest + 1 + i]) ** 2
-    before = memory[first + SLOT_BELIEF + at.T]
+    at.save(memory, at.SPARE)
     kick = settings[GATES, at.KICK_SIGMA]
-    reach = 1.5 * kick * (memory[newest] - before)
-    _go_back(memory, first, settings)
+    _go_back(memory, at.slot_at(memory, age + doubtful - 1), kick, settings)
     fitting = 0
     for k in range(age + doubtful - 1, age - 1, -1):
         slot = at.slot_at(memory, k)
         if _fit(memory, slot, settings, work):
             _believe(memory, slot)
             fitting += 1
-    if 2 * fitting <= doubtful and sqrt(leap) > reach:
+    if fitting <= fitted + 1 and 4 * fitted >= doubtful:
+        at.restore(memory, at.SPARE)
+    elif 2 * fitting > doubtful:
+        memory[at.ALL_KICKS] += 1.0
+    elif leap > reach:
         _begin(memory, newest, settings)
-        return
-    memory[at.ALL_KICKS] += 1.0
-    if 2 * fitting <= doubtful:  # go on from the newest, with a velocity as good as unknown
+    else:  # go on from the newest, with a velocity as good as unknown
+        memory[at.ALL_KICKS] += 1.0
         settle(memory, track_of(int(memory[at.BEST])), newest, kick)
         wake(memory, settings)
         memory[at.T] = memory[newest]
@@ -191,9 +200,31 @@ def _reacquire(memory: Array, age: int, doubtful: int, settings: Array, work: Ar
 
 
 @njit(cache=True)
-def _go_back(memory: Array, first: int, settings: Array) -> None:
-    """Go back to the belief before a sighting, with a velocity that a kick has changed."""
-    past, kick = first + SLOT_BELIEF, settings[GATES, at.KICK_SIGMA]
+def _leap(memory: Array, age: int, doubtful: int, settings: Array) -> tuple[float, float]:
+    """Return how far a sighting is from the estimate, and how far kicks carry a ball by then [m]."""
+    slot, first = at.slot_at(memory, age), at.slot_at(memory, age + doubtful - 1)
+    leap, x = 0.0, track_of(int(memory[at.BEST]))
+    for i in range(3):
+        leap += (memory[x + i] - memory[slot + 1 + i]) ** 2
+    lasts = memory[slot] - memory[first + SLOT_BELIEF + at.T]
+    return sqrt(leap), 1.5 * settings[GATES, at.KICK_SIGMA] * lasts
+
+
+@njit(cache=True)
+def _reconsider(memory: Array, age: int, settings: Array, work: Array) -> None:
+    """Weigh all laws of motion, and a small kick, on the newest sightings."""
+    depth = int(min(LOOK_BACK, memory[at.FILLED] - age, memory[at.USED] - 1.0))
+    if depth < 1:
+        return
+    _go_back(memory, at.slot_at(memory, age + depth - 1), SMALL_KICK, settings)
+    for k in range(age + depth - 1, age - 1, -1):
+        _fit(memory, at.slot_at(memory, k), settings, work)
+
+
+@njit(cache=True)
+def _go_back(memory: Array, first: int, kick: float, settings: Array) -> None:
+    """Go back to the belief before a sighting, with a velocity that a kick [m/s] has changed."""
+    past = first + SLOT_BELIEF
     best = int(memory[past + at.BEST])
     copy(memory, past + track_of(best), track_of(best))
     memory[at.T], memory[at.BEST], memory[at.AWAKE] = memory[past + at.T], best, 0.0

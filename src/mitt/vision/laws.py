@@ -23,16 +23,18 @@ from mitt.flight import STATES, TRACK, advance_uncertain
 from mitt.signals import Array
 from mitt.vision import memory as at
 from mitt.vision.kalman import correct
+from mitt.vision.linear import invert_positive
 from mitt.vision.memory import BALL, LIMITS
 
 FLOOR = 1e-3
 """Weight at which a law starts again from the best one."""
 
 MEMORY_OF_FIT = 1.0 / 16.0
-"""Share of the newest sighting in the mean of the squared innovations."""
+"""Share of the newest innovation in the mean that tells whether flight still fits."""
 
-MISFIT_WAKES = 6.5
-"""Mean squared innovation that wakes the other laws; 3 +- 0.44 if flight is right."""
+BIAS_WAKES = 25.0
+"""Squared Mahalanobis distance of that mean from zero at which it does not: beyond it in 1.5e-5
+of cases if flight is right (chi-squared, 3 degrees of freedom)."""
 
 CALM_SLEEPS = 8.0
 """Sightings in a row with all weight on flight after which the other laws sleep."""
@@ -80,14 +82,14 @@ def wake(memory: Array, settings: Array) -> None:
         memory[at.WEIGHT + law] = 0.5 * (so_far + settings[law, at.PRIOR])
         if law != best:
             seed(memory, law, best, settings)
-    memory[at.AWAKE], memory[at.CALM], memory[at.MISFIT] = 1.0, 0.0, 3.0
+    memory[at.AWAKE], memory[at.CALM] = 1.0, 0.0
 
 
 @njit(cache=True)
 def fall_asleep(memory: Array) -> None:
     """Leave flight alone."""
-    memory[at.AWAKE] = memory[at.BEST] = 0.0
-    memory[at.MISFIT] = 3.0
+    for i in range(at.AWAKE, BALL):
+        memory[i] = 0.0
 
 
 @njit(cache=True)
@@ -100,10 +102,43 @@ def fit(memory: Array, slot: int, gate: float, settings: Array, work: Array) -> 
     distance = _fit_one(memory, 0, slot, dt, gate, settings, work)
     if distance > gate:
         return False
-    memory[at.MISFIT] += MEMORY_OF_FIT * (distance - memory[at.MISFIT])
-    if memory[at.MISFIT] > MISFIT_WAKES:
-        wake(memory, settings)
+    _note_bias(memory, work)
     return True
+
+
+@njit(cache=True)
+def _note_bias(memory: Array, work: Array) -> None:
+    """Let the newest innovation e, of covariance S, enter the mean of S^-1 e and its covariance.
+
+    ``correct`` has left S^-1 in the rows 0 to 2 of the scratch, and S^-1 e in row 6.
+    """
+    old = 1.0 - MEMORY_OF_FIT
+    for i in range(3):
+        memory[at.BIAS + i] = old * memory[at.BIAS + i] + MEMORY_OF_FIT * work[0, 6, i]
+    k = at.PRECISION
+    for i in range(3):
+        for j in range(i + 1):
+            memory[k] = old**2 * memory[k] + MEMORY_OF_FIT**2 * work[0, i, j]
+            k += 1
+
+
+@njit(cache=True)
+def is_biased(memory: Array, work: Array) -> bool:
+    """Return whether the innovations lean to one side more than flight explains."""
+    if memory[at.AWAKE] > 0.0:
+        return False
+    k = at.PRECISION
+    for i in range(3):
+        for j in range(i + 1):
+            work[1, i, j] = work[1, j, i] = memory[k]
+            k += 1
+    if not invert_positive(work[1], work[0]):
+        return False
+    distance = 0.0
+    for i in range(3):
+        for j in range(3):
+            distance += memory[at.BIAS + i] * work[0, i, j] * memory[at.BIAS + j]
+    return bool(distance > BIAS_WAKES)
 
 
 @njit(cache=True)

@@ -17,8 +17,9 @@ from mitt.signals import Array
 # The header: times [s], the doubt, and what became of the sightings.
 T, T_SEEN, T_FIRST, USED, REJECTED, IN_A_ROW, DOUBTFUL = range(7)
 ALL_USED, ALL_REJECTED, ALL_KICKS, ALL_RESTARTS = range(7, 11)
-AWAKE, BEST, MISFIT, CALM, WEIGHT = range(11, 16)
-BALL = 20
+AWAKE, BEST, CALM, WEIGHT = range(11, 15)
+BIAS, PRECISION = 18, 21
+BALL = 28
 """Index of the first track: position, velocity, drag coefficient, push, their covariance."""
 
 LAWS = 3
@@ -34,7 +35,8 @@ RING = 64
 SLOT_R, SLOT_BELIEF = 4, 16
 SLOT = SLOT_BELIEF + BELIEF
 SLOTS = SCRATCH + TRACK
-MEMORY = SLOTS + RING * SLOT
+SPARE = SLOTS + RING * SLOT
+MEMORY = SPARE + SLOT
 """Numbers in the memory."""
 
 WORK = (2, 10, 10)
