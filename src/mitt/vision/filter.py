@@ -55,6 +55,15 @@ class FilterConfig:
     max_rejection_time: float = 0.008
     kick_sigma: float = 6.0
     max_gap: float = 0.3
+    push_sigma: float = 0.0
+    push_time: float = 1.0
+    steady_density: float = 0.02
+    driven_sigma: float = 12.0
+    driven_time: float = 0.2
+    other_motion: float = 0.1
+    switch_time: float = 2.0
+    watchful: bool = False
+    speaks_after: int | None = None
 
 
 THROWN_BALL = FilterConfig(drag_mean=0.04, drag_sigma=0.005, accel_density=0.001)
@@ -88,8 +97,11 @@ class FilterCounts:
 def settings_of(config: FilterConfig) -> Array:
     """Return the settings as the kernels read them, shape ``memory.SETTINGS``."""
     c = config
-    table = np.zeros(at.SETTINGS)
-    table[0, :7] = (GRAVITY, c.accel_density, c.drag_density, 0.0, 1.0, c.drag_mean, c.drag_sigma)
+    table, other = np.zeros(at.SETTINGS), 0.5 * c.other_motion
+    table[0] = (GRAVITY, c.accel_density, c.drag_density, c.push_sigma, c.push_time, c.drag_mean,
+                c.drag_sigma, 1.0 - c.other_motion)  # fmt: skip
+    table[1] = (0.0, c.steady_density, 0.0, 0.0, 1.0, 0.0, 0.0, other)
+    table[2] = (0.0, c.steady_density, 0.0, c.driven_sigma, c.driven_time, 0.0, 0.0, other)
     table[at.GATES, :6] = (
         c.gate,
         c.first_gate,
@@ -98,7 +110,8 @@ def settings_of(config: FilterConfig) -> Array:
         c.max_rejection_time,
         c.kick_sigma,
     )
-    table[at.LIMITS, :3] = (c.drag_max, c.speed_sigma, c.max_gap)
+    speaks = c.min_sightings if c.speaks_after is None else c.speaks_after
+    table[at.LIMITS, :6] = (c.drag_max, c.speed_sigma, c.max_gap, speaks, c.watchful, c.switch_time)
     return table
 
 
@@ -156,7 +169,7 @@ class BallFilter:
             r_o=motion[0],
             dr_o=motion[1],
             ddr_o=motion[2],
-            drag=float(m[at.BALL + 6]) if tracked else 0.0,
+            drag=float(m[at.DRAG]) if tracked else 0.0,
             covariance=covariance,
             t_seen=float(m[at.T_SEEN]) if tracked else -np.inf,
             t_first=float(m[at.T_FIRST]) if tracked else -np.inf,

@@ -89,6 +89,7 @@ def correct(m: Array, at: int, slot: int, gate: float, work: Array) -> float:
     a, b, c = work[0, 0, 0], work[0, 0, 1], work[0, 0, 2]
     d, e, f = work[0, 1, 1], work[0, 1, 2], work[0, 2, 2]
     u0, u1, u2 = a * e0 + b * e1 + c * e2, b * e0 + d * e1 + e * e2, c * e0 + e * e1 + f * e2
+    work[0, 6, 0], work[0, 6, 1], work[0, 6, 2] = u0, u1, u2
     distance = e0 * u0 + e1 * u1 + e2 * u2
     if not distance <= gate:
         return float(distance) if distance > gate else float(np.inf)

@@ -17,14 +17,16 @@ from mitt.signals import Array
 # The header: times [s], the doubt, and what became of the sightings.
 T, T_SEEN, T_FIRST, USED, REJECTED, IN_A_ROW, DOUBTFUL = range(7)
 ALL_USED, ALL_REJECTED, ALL_KICKS, ALL_RESTARTS = range(7, 11)
-BALL = 16
-"""Index of the estimate: position, velocity, drag coefficient, push, and their covariance."""
+AWAKE, BEST, CALM, WEIGHT = range(11, 15)
+BIAS, PRECISION = 18, 21
+BALL = 28
+"""Index of the first track: position, velocity, drag coefficient, push, their covariance."""
 
-LAWS = 1
-"""Number of laws of motion that are weighed against each other."""
+LAWS = 3
+"""Laws of motion that are weighed against each other: flight, steady, driven (``laws``)."""
 
 BELIEF = BALL + LAWS * TRACK
-IGNORED, LATE, FILLED, NEWEST = range(BELIEF, BELIEF + 4)
+IGNORED, LATE, FILLED, NEWEST, DRAG = range(BELIEF, BELIEF + 5)
 SCRATCH = BELIEF + 8
 
 RING = 64
@@ -33,17 +35,18 @@ RING = 64
 SLOT_R, SLOT_BELIEF = 4, 16
 SLOT = SLOT_BELIEF + BELIEF
 SLOTS = SCRATCH + TRACK
-MEMORY = SLOTS + RING * SLOT
+SPARE = SLOTS + RING * SLOT
+MEMORY = SPARE + SLOT
 """Numbers in the memory."""
 
 WORK = (2, 10, 10)
 """Shape of the scratch that the kernels need."""
 
 # Columns of the settings: a row for each law of motion, then two of thresholds.
-GRAVITY_, ACCEL_DENSITY, DRAG_DENSITY, PUSH_SIGMA, PUSH_TIME, DRAG_MEAN, DRAG_SIGMA = range(7)
+GRAVITY_, ACCEL_DENSITY, DRAG_DENSITY, PUSH_SIGMA, PUSH_TIME, DRAG_MEAN, DRAG_SIGMA, PRIOR = range(8)
 GATES, LIMITS = LAWS, LAWS + 1
 GATE, FIRST_GATE, MIN_SIGHTINGS, MAX_REJECTIONS, MAX_REJECTION_TIME, KICK_SIGMA = range(6)
-DRAG_MAX, SPEED_SIGMA, MAX_GAP = range(3)
+DRAG_MAX, SPEED_SIGMA, MAX_GAP, SPEAKS_AFTER, WATCHFUL, SWITCH_TIME = range(6)
 SETTINGS = (LAWS + 2, 8)
 """Shape of the settings."""
 
@@ -60,7 +63,7 @@ def clear(memory: Array) -> None:
     """Forget the ball; the counts go on."""
     memory[T] = memory[T_SEEN] = memory[T_FIRST] = -np.inf
     memory[USED] = memory[REJECTED] = memory[IN_A_ROW] = memory[DOUBTFUL] = 0.0
-    memory[FILLED] = 0.0
+    memory[FILLED] = memory[AWAKE] = 0.0
 
 
 @njit(cache=True)
@@ -72,14 +75,15 @@ def slot_at(memory: Array, age: int) -> int:
 @njit(cache=True)
 def save(memory: Array, slot: int) -> None:
     """Keep the belief in a slot, as the one before its sighting."""
-    for i in range(BELIEF):
+    for i in range(BELIEF if memory[AWAKE] > 0.0 else BALL + TRACK):
         memory[slot + SLOT_BELIEF + i] = memory[i]
 
 
 @njit(cache=True)
 def restore(memory: Array, slot: int) -> None:
     """Go back to the belief before the sighting in a slot."""
-    for i in range(BELIEF):
+    awake = memory[slot + SLOT_BELIEF + AWAKE] > 0.0
+    for i in range(BELIEF if awake else BALL + TRACK):
         memory[i] = memory[slot + SLOT_BELIEF + i]
 
 
