@@ -13,7 +13,7 @@ import pinocchio as pin
 from mitt.errors import ShapeError
 from mitt.robot.chain import chain_of, motion_of, sweep
 from mitt.robot.description import ArmModel, transform
-from mitt.robot.dynamics import GRAVITY, bodies_of, inverse_dynamics, notes_of
+from mitt.robot.dynamics import GRAVITY, bodies_of, inverse_dynamics, notes_of, torques
 from mitt.robot.limits import Limits
 from mitt.signals import Array
 
@@ -114,6 +114,16 @@ class Arm:
         tau = np.empty(len(self.bodies))
         state = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq))
         inverse_dynamics(self.bodies, *state, tau, self._notes)
+        return tau
+
+    def torques(self, motion: Array) -> Array:
+        """Return tau of eq. (14) for all N links at K instants, shape (K, N).
+
+        Args:
+            motion: q, dq, ddq [rad ...], shape (K, 3, n).
+        """
+        tau = np.empty((len(motion), len(self.bodies)))
+        torques(self.bodies, np.ascontiguousarray(motion, dtype=np.float64), tau, self._notes)
         return tau
 
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:

@@ -107,6 +107,20 @@ def inverse_dynamics(
 
 
 @njit(cache=True)
+def torques(bodies: Array, motion: Array, tau: Array, notes: Array) -> None:
+    """Write tau of q, dq, ddq at K instants; see :func:`inverse_dynamics`.
+
+    Args:
+        bodies: Table of the links, shape (N, 31).
+        motion: q, dq, ddq of the active joints, shape (K, 3, n).
+        tau: Result [N m], shape (K, N).
+        notes: Scratch, shape (N, 18).
+    """
+    for k in range(len(motion)):
+        inverse_dynamics(bodies, motion[k, 0], motion[k, 1], motion[k, 2], tau[k], notes)
+
+
+@njit(cache=True)
 def _swung(omega: Vec, alpha: Vec, r: Vec) -> Vec:
     """Return the acceleration of a point at ``r`` that a turning body adds to its origin's."""
     return plus(cross(alpha, r), cross(omega, cross(omega, r)))
