@@ -15,6 +15,7 @@ import numpy as np
 
 from mitt.control.brake import Brake, plan_brake, short_of_room
 from mitt.control.hand import has_closed
+from mitt.errors import InputError
 from mitt.generator.certificate import Outcome, Verdict
 from mitt.generator.generators import Generator
 from mitt.records import (
@@ -22,6 +23,7 @@ from mitt.records import (
     FOLLOW,
     PHASES,
     REFUSED,
+    STOPPED,
     WATCH,
     CatcherSettings,
     Phase,
@@ -36,11 +38,14 @@ from mitt.records import (
 )
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState, Command, MapStatus, Senses, Sighting
-from mitt.tick import DECIDE, GRASPS, LAGS, TICK, act, perceive, tick
+from mitt.tick import DECIDE, GRASPS, LAGS, STOPS, TICK, act, perceive, tick
 from mitt.vision.belief import absorb
 from mitt.vision.eyes import Eyes
 
 __all__ = ["Catcher", "CatcherSettings", "Phase", "Tick"]
+
+#: Speed below which a joint that brakes counts as at rest [rad/s].
+_AT_REST = 1e-3
 
 
 @final
@@ -60,7 +65,7 @@ class Catcher:
         """Take the arm, the generator and the eyes."""
         self._arm, self._generator, self._eyes, self._settings = arm, generator, eyes, settings
         self._map = generator.as_map()
-        fields = catcher_fields(arm, eyes, settings) | arm_fields(arm)
+        fields = catcher_fields(arm, eyes, settings) | arm_fields(arm, settings.around)
         self._state = record_of(fields if self._map is None else fields | map_fields(self._map))
         eyes.move_to({name: self._state[f"eyes_{name}"][0] for name in eyes.parts()})
         self._numbers, self.result = self._state[0], fresh_result(arm.n)
@@ -80,8 +85,8 @@ class Catcher:
 
     @property
     def looking(self) -> bool:
-        """Whether the catcher wants images; none once its hand has closed."""
-        return self._phase != BRAKE
+        """Whether the catcher wants images; none once its hand has closed or it has stopped."""
+        return self._phase not in (BRAKE, STOPPED)
 
     @property
     def tick(self) -> Tick | None:
@@ -124,7 +129,9 @@ class Catcher:
         Does nothing if there is nothing to think about or it has been done.
         """
         todo, self._todo = self._todo, 0
-        if todo == 0:
+        if todo & STOPS:
+            self._phase = STOPPED
+        if todo == 0 or self._phase == STOPPED:
             return
         ball = ball_of(self.result.copy())
         if self._phase == WATCH:
@@ -139,6 +146,28 @@ class Catcher:
             self._adapt(ball)
         if todo & GRASPS:
             self._grasp()
+
+    def stop(self) -> None:
+        """Stop with the next tick, within all limits, and stay until :meth:`recover`."""
+        self._numbers["asked_to_stop"] = True
+
+    def recover(self) -> None:
+        """Watch for a ball again after a stop, from where the encoders say that the arm is.
+
+        Raises:
+            InputError: The catcher has not stopped, or the arm is not at rest yet.
+        """
+        at_rest = bool(np.all(np.abs(self._told[1]) < _AT_REST))
+        if self._phase != STOPPED or not at_rest:
+            raise InputError("recover", "a catcher that has stopped, its arm at rest", self.phase)
+        fresh = catcher_fields(self._arm, self._eyes, self._settings)
+        for name, value in fresh.items():
+            if not name.startswith("eyes_"):
+                self._state[name][0] = value
+        self._eyes.reset()
+        self.result[:] = fresh_result(self._arm.n)
+        self.verdict, self.t_0 = None, np.inf
+        self._phase = WATCH
 
     def _take(self, points: tuple[Sighting, ...]) -> None:
         """Take in positions from another source than images."""
@@ -207,7 +236,7 @@ class Catcher:
             return
         loaded = self._arm.holding(self._settings.ball_mass)
         self._brake = brake_table(plan_brake(loaded, t, self._told[:3].copy()))
-        for name, value in arm_fields(loaded).items():
+        for name, value in arm_fields(loaded, self._settings.around).items():
             self._state[name][0] = value
         self._numbers["t_brake"] = t
         self._enter(BRAKE)

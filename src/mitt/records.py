@@ -7,17 +7,21 @@ and Python sees the same fields by the same names.
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import lru_cache
-from typing import Any, TypeAlias, final
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.control.envelope import bounds_of
+from mitt.control import condition, monitor
+from mitt.control.condition import Reason, State
 from mitt.control.hand import pack_grip
-from mitt.control.tracking import NOTES, Tracked
+from mitt.control.monitor import Encoders
+from mitt.control.tracking import NOTES, ROWS, Tracked
+from mitt.control.viability import Guard
 from mitt.generator.certificate import waiting_height
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
+from mitt.robot.shapes import Surroundings
 from mitt.signals import BallState, Command, JointReference, MapStatus
 from mitt.vision import memory
 from mitt.vision.eyes import Eyes
@@ -27,7 +31,7 @@ Record: TypeAlias = NDArray[np.void]
 Fields: TypeAlias = dict[str, NDArray[Any] | float]
 
 #: What the catcher is about, in the field ``phase``; the names are those of :class:`Phase`.
-WATCH, FOLLOW, BRAKE, REFUSED = range(4)
+WATCH, FOLLOW, BRAKE, REFUSED, STOPPED = range(5)
 
 
 class Phase(Enum):
@@ -37,10 +41,13 @@ class Phase(Enum):
     FOLLOW = "follow"
     BRAKE = "brake"
     REFUSED = "refused"
+    STOPPED = "stopped"
 
 
 #: The phases in the order of their numbers.
 PHASES = tuple(Phase)
+#: States and reasons in the order of their numbers.
+STATES, REASONS = tuple(State), tuple(Reason)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,6 +64,10 @@ class CatcherSettings:
         ball_mass: Mass of the ball, carried by the model while it is held [kg].
         ball_radius: Radius of the ball [m]; the eyes are told the same.
         flight: What the filter believes of the ball's flight.
+        around: What stands around the arm and is not to be touched.
+        encoders: What is known of the joint encoders.
+        tolerance: 1-sigma of the ball's position beyond which an unseen ball is lost [m]; a hand
+            needs about 2 cm (facts.md, section 4).
     """
 
     bandwidth: float = 80.0
@@ -68,6 +79,9 @@ class CatcherSettings:
     ball_mass: float = 0.07
     ball_radius: float = 0.04
     flight: FilterConfig = field(default_factory=lambda: THROWN_BALL)
+    around: Surroundings = field(default_factory=Surroundings)
+    encoders: Encoders = field(default_factory=Encoders)
+    tolerance: float = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -79,12 +93,20 @@ class Tick:
         ball: Estimate of the ball, carried to the time of the command.
         reference: What the generator asked for, before any limit; None while it is not asked.
         tracked: Command and its parts.
+        state: State of the catcher.
+        reason: Why it is not nominal.
+        age: Age of the last good measurement of the ball [s]; infinite without a track.
+        sigma: 1-sigma of the ball's predicted position [m]; infinite without a track.
     """
 
     phase: Phase
     ball: BallState
     reference: JointReference | None
     tracked: Tracked
+    state: State
+    reason: Reason
+    age: float
+    sigma: float
 
 
 def record_of(fields: Fields) -> Record:
@@ -120,17 +142,22 @@ def fresh_result(n: int) -> Record:
         inside: Whether its answer is a motion.
         asked: q_d, q_o and their derivatives, shape (6, n).
         time_to_catch: Time to the catch [s]; infinite where none is in sight.
-        told: q, dq, ddq, tau of the command, shape (4, n).
+        told: q, dq, ddq, tau of the command, and the acceleration that tau brings by the model,
+            shape (5, n).
         hand: Closing angle of the fingers commanded [rad].
         saturated: Whether a torque limit was met.
+        state, reason: As in :mod:`mitt.control.condition`.
+        age: Age of the last good measurement [s]; infinite without a track.
+        sigma: 1-sigma of the ball's predicted position [m]; infinite without a track.
     """
     fields: Fields = {
         "t": 0.0, "phase": np.int64(WATCH), "encoders": np.zeros((2, n)),
         "ball": np.zeros((3, 3)), "t_ball": 0.0, "tracked": np.bool_(False),
         "covariance": np.zeros((6, 6)), "drag": 0.0, "t_seen": -np.inf, "t_first": -np.inf,
         "following": np.bool_(False), "inside": np.bool_(False), "asked": np.zeros((6, n)),
-        "time_to_catch": np.inf, "told": np.zeros((4, n)), "hand": 0.0,
-        "saturated": np.bool_(False),
+        "time_to_catch": np.inf, "told": np.zeros((ROWS, n)), "hand": 0.0,
+        "saturated": np.bool_(False), "state": np.int64(0), "reason": np.int64(0),
+        "age": np.inf, "sigma": np.inf,
     }  # fmt: skip
     return record_of(fields)
 
@@ -140,7 +167,11 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
 
     Fields:
         phase, open: Phase, and whether the ball's stand-in is followed.
-        believed: q, dq of the last finite encoder readings [rad, rad/s], shape (2, n).
+        believed: q, dq of the joints as the monitor believes them [rad, rad/s], shape (2, n).
+        begun: Whether there was a tick.
+        encoder_memory, encoder_count: As in :mod:`mitt.control.monitor`.
+        condition, clock, encoders, tolerance: As in :mod:`mitt.control.condition`.
+        shapes, pairs, guard_work, last: As in :mod:`mitt.control.viability`.
         wanted: q_d, dq_d, ddq_d of the last tick, shape (3, n).
         t_brake: Time at which braking began [s].
         eyes_...: Arrays of :func:`mitt.vision.eyes.look`; z, R: its results.
@@ -159,15 +190,23 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         "ball_work": np.zeros(memory.WORK), "closing": np.array([np.inf]),
         "grip": pack_grip(arm.model.hand, s.ball_radius), "adapt_q": s.adapt_q,
         "adapt_dq": s.adapt_dq, "adapt_until": s.adapt_until, "bandwidth": s.bandwidth,
-        "track_notes": np.zeros((len(arm.model.links), NOTES)),
+        "track_notes": np.zeros((len(arm.model.links), NOTES)), "begun": np.bool_(False),
+        "encoder_memory": monitor.memory_of(n), "encoder_count": s.encoders.count,
+        "condition": condition.memory(), "clock": np.int64(0), "encoders": np.int64(0),
+        "tolerance": s.tolerance, "asked_to_stop": np.bool_(False),
+        "last": np.array([arm.q_ready, still]),
     }  # fmt: skip
     return fields | {f"eyes_{name}": value for name, value in eyes.parts().items()}
 
 
-def arm_fields(arm: Arm) -> Fields:
+def arm_fields(arm: Arm, around: Surroundings) -> Fields:
     """Return what the tracking knows of an arm, which changes when it holds the ball."""
+    guard = Guard(arm, around)
     return {
-        "bounds": bounds_of(arm),
+        "bounds": guard.bounds,
+        "shapes": guard.shapes.table,
+        "pairs": guard.shapes.pairs,
+        "guard_work": guard.work,
         "drives": arm.limits.packed,
         "bodies": arm.bodies,
         "index": np.array(arm.model.active),
@@ -202,6 +241,10 @@ def tick_of(row: Record) -> Tick:
         ball=ball_of(row),
         reference=_reference_of(row) if row["following"].item() else None,
         tracked=Tracked(command=command, saturated=row["saturated"].item()),
+        state=STATES[row["state"].item()],
+        reason=REASONS[row["reason"].item()],
+        age=row["age"].item(),
+        sigma=row["sigma"].item(),
     )
 
 

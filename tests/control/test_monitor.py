@@ -38,6 +38,11 @@ def quantised(q: Array) -> Array:
     return COUNT * np.round(q / COUNT)
 
 
+def telling(dq: Array, push: Array) -> Array:
+    """Return what a tick told the arm, as far as the monitor reads it, shape (5, n)."""
+    return np.array([0.0 * dq, dq, 0.0 * dq, 0.0 * dq, push])
+
+
 class Watch:
     """A monitor that is fed a motion, tick by tick."""
 
@@ -59,7 +64,7 @@ def test_a_true_motion_raises_no_alarm(arm: Arm, seed: int) -> None:
     wrong = 1.0 + rng.uniform(-WRONG_MODEL, WRONG_MODEL, arm.n)
     for k in range(1, 600):
         read = np.array([quantised(q[k]), dq[k]])
-        assert watch.step(read, np.array([dq[k - 1], wrong * ddq[k - 1]])) == FINE
+        assert watch.step(read, telling(dq[k - 1], wrong * ddq[k - 1])) == FINE
         assert np.array_equal(watch.believed, read)
 
 
@@ -72,7 +77,7 @@ def test_a_single_glitch_is_bridged(arm: Arm, seed: int, joint: int, bad: float)
         read = np.array([q[k], dq[k]])
         if k == 30:
             read[0, joint] = bad
-        said = watch.step(read, np.array([dq[k - 1], ddq[k - 1]]))
+        said = watch.step(read, telling(dq[k - 1], ddq[k - 1]))
         assert said == (BRIDGED if k == 30 else FINE)
         assert np.abs(watch.believed[0] - q[k]).max() < 1e-3
 
@@ -95,12 +100,12 @@ def test_a_fault_is_found_within_five_ticks(arm: Arm, kind: str, seed: int, join
     q, dq, ddq = motion(arm, seed, 500)
     watch, start, shown, moved, gained = Watch(arm), 200, None, 0.0, 0.0
     for k in range(1, 500):
-        read, told = np.array([q[k], dq[k]]), np.array([dq[k - 1], ddq[k - 1]])
-        gained += told[1, joint] * TICK - 0.2 * gained
+        read, told = np.array([q[k], dq[k]]), telling(dq[k - 1], ddq[k - 1])
+        gained += told[4, joint] * TICK - 0.2 * gained
         if k >= start:
             at = np.array([q[k, joint], dq[k, joint]])
             read[:, joint] = broken(kind, np.array([q[start, joint], dq[start, joint]]), at)
-            moved += told[0, joint] * TICK
+            moved += told[1, joint] * TICK
             jump = abs(2.0 * at[0]) > 1.6 * watch.b[2, joint] * TICK
             shows = {"stuck": abs(moved) > 5.0 * COUNT, "reversed": jump or abs(gained) > 0.4}
             if shown is None and shows.get(kind, True):
@@ -121,6 +126,6 @@ def test_after_a_fault_the_joint_is_reckoned(arm: Arm) -> None:
         read = np.array([q[k], dq[k]])
         if k >= 100:
             read[:, 1] = np.nan
-        watch.step(read, np.array([dq[k - 1], ddq[k - 1]]))
+        watch.step(read, telling(dq[k - 1], ddq[k - 1]))
     assert np.array_equal(watch.believed[0, [0, 2]], q[-1, [0, 2]])
     assert abs(watch.believed[0, 1] - q[-1, 1]) < 0.01

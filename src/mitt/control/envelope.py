@@ -140,6 +140,14 @@ def brake_joint(brake: float, last_q: float, last_dq: float) -> tuple[float, flo
 
 
 @njit(cache=True)
+def slow_down(b: Array, last: Array, wanted: Array) -> None:
+    """Want of every joint to brake; q, dq, ddq for the next tick, shape (3, n)."""
+    for k in range(wanted.shape[1]):
+        q, dq, ddq = brake_joint(b[3, k], last[0, k], last[1, k])
+        wanted[0, k], wanted[1, k], wanted[2, k] = q, dq, ddq
+
+
+@njit(cache=True)
 def bound_acceleration(b: Array, q: Array, dq: Array, ddq: Array) -> None:
     """Bound accelerations in place by the speed limits and by the way left to the stops."""
     for k in range(len(q)):

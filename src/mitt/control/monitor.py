@@ -11,7 +11,8 @@ From a fault on, the joint is reckoned, not read: the arm is stopped along the m
 
 Memory of the encoders, a row a joint: last believed q and dq, readings refused in a row, told
 motion since the reading changed [rad], ticks stuck, sums of the speed gained by the torques and by
-the reading over a fading window [rad/s], ticks of disagreement, whether the joint is reckoned.
+the reading over a fading window [rad/s], ticks of disagreement, whether the joint is reckoned,
+the reading that it has not left [rad].
 """
 
 from dataclasses import dataclass
@@ -23,8 +24,8 @@ from mitt.control.envelope import TICK
 from mitt.signals import Array
 
 #: Columns of the memory.
-_Q, _DQ, _REFUSED, _TOLD, _STUCK, _GAINED, _READ, _APART, _RECKONED = range(9)
-COLUMNS = 9
+_Q, _DQ, _REFUSED, _TOLD, _STUCK, _GAINED, _READ, _APART, _RECKONED, _HELD = range(10)
+COLUMNS = 10
 
 #: What is wrong with an encoder; the first two are not a fault yet.
 FINE, BRIDGED, SILENT, JUMPED, STUCK, REVERSED = range(6)
@@ -72,22 +73,22 @@ def believe(
         b: Limits, as of :mod:`mitt.control.envelope`, shape (>= 5, n).
         count: Resolution of the encoders [rad].
         read: q, dq as read [rad, rad/s], shape (2, n).
-        told: dq told in the tick before, and the acceleration that its torques bring by the
-            model [rad/s, rad/s^2], shape (2, n).
+        told: q, dq, ddq, tau told in the tick before, and the acceleration that its torques
+            bring by the model, shape (5, n).
         believed: Result: q, dq, shape (2, n).
     """
     worst = FINE
     for k in range(read.shape[1]):
         m, q, dq = memory[k], read[0, k], read[1, k]
         if np.isnan(m[_Q]) and np.isfinite(q) and np.isfinite(dq):
-            m[_Q], m[_DQ] = q, dq
-        found = _judge(m, b[2, k], b[4, k], count, q, dq, told[0, k], told[1, k])
+            m[_Q], m[_DQ], m[_HELD] = q, dq, q
+        found = _judge(m, b[2, k], b[4, k], count, q, dq, told[1, k], told[4, k])
         if found >= SILENT:
             m[_RECKONED] = 1.0
         if found == FINE and m[_RECKONED] == 0.0:
             m[_Q], m[_DQ] = q, dq
         elif not np.isnan(m[_Q]):
-            m[_Q], m[_DQ] = m[_Q] + TICK * told[0, k], told[0, k]
+            m[_Q], m[_DQ] = m[_Q] + TICK * told[1, k], told[1, k]
         if not np.isnan(m[_Q]):
             believed[0, k], believed[1, k] = m[_Q], m[_DQ]
         worst = max(worst, found)
@@ -117,7 +118,10 @@ def _judge(
         m[_REFUSED] += 1.0
         return JUMPED if m[_REFUSED] >= _IN_A_ROW else BRIDGED
     m[_REFUSED] = 0.0
-    m[_TOLD] = 0.0 if abs(moved) >= 0.5 * count else m[_TOLD] + told * TICK
+    if abs(q - m[_HELD]) >= 0.5 * count:
+        m[_HELD], m[_TOLD] = q, 0.0
+    else:
+        m[_TOLD] += told * TICK
     m[_STUCK] = m[_STUCK] + 1.0 if abs(m[_TOLD]) > _COUNTS * count else 0.0
     m[_GAINED] += push * TICK - _FADING * m[_GAINED]
     m[_READ] += gained - _FADING * m[_READ]

@@ -11,16 +11,20 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mitt.control.envelope import bound_acceleration, bounds_of
+from mitt.control.envelope import bound_acceleration
+from mitt.control.viability import Guard
 from mitt.robot.arm import Arm
 from mitt.robot.dynamics import inverse_dynamics
 from mitt.robot.limits import saturate
+from mitt.robot.shapes import Surroundings
 from mitt.signals import ArmState, Array, Command
 
 #: Change of a torque that counts as meeting a limit [N m].
 _TOUCH = 1e-9
 #: Numbers that the tracking notes of each link: four of its own, the rest of its dynamics.
 NOTES = 22
+#: Rows of what a tick tells the arm: q, dq, ddq, tau, and the acceleration that tau brings.
+ROWS = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,15 +37,16 @@ class Tracked:
 
 @final
 class Tracker:
-    """Tracking controller of one arm.
+    """Tracking controller of one arm, with the envelope before it.
 
     Encoder readings that are not finite are replaced by the last that were.
     """
 
-    def __init__(self, arm: Arm, *, bandwidth: float) -> None:
-        """Take the arm and the bandwidth w of the error [rad/s]."""
+    def __init__(self, arm: Arm, *, bandwidth: float, around: Surroundings | None = None) -> None:
+        """Take the arm, the bandwidth w of the error [rad/s] and what stands around the arm."""
         self.arm, self.bandwidth = arm, bandwidth
-        self._bounds, self._index = bounds_of(arm), np.array(arm.model.active)
+        self.guard = Guard(arm, around or Surroundings())
+        self._index = np.array(arm.model.active)
         self._notes = np.zeros((len(arm.model.links), NOTES))
         self._known = ArmState(t=0.0, q=arm.q_ready, dq=np.zeros(arm.n))
 
@@ -61,16 +66,17 @@ class Tracker:
             hand: Closing angle of the fingers [rad].
         """
         state = self.believed(state)
-        told = np.empty((4, self.arm.n))
+        told = np.zeros((ROWS, self.arm.n))
+        told[:3] = wanted
+        self.guard.step(told[:3])
         saturated = track(
-            self._bounds,
+            self.guard.bounds,
             self.bandwidth,
             self.arm.limits.packed,
             self.arm.bodies,
             self._index,
             state.q,
             state.dq,
-            wanted,
             told,
             self._notes,
         )
@@ -87,36 +93,37 @@ def track(
     index: NDArray[np.int64],
     q: Array,
     dq: Array,
-    wanted: Array,
     told: Array,
     notes: Array,
 ) -> bool:
-    """Write the command that follows a desired motion within every limit.
+    """Write the torques that follow a motion within every limit.
 
     Args:
-        bounds: As of :func:`mitt.control.envelope.bounds_of`, shape (4, n).
+        bounds: As of :func:`mitt.control.envelope.bounds_of`, shape (>= 4, n).
         bandwidth: Bandwidth w of the error [rad/s].
         drives: ``Limits.packed``, shape (2 N + 3, N).
         bodies: Table of :mod:`mitt.robot.dynamics`, shape (N, 31).
         index: Active joints among the links, shape (n,).
         q: Encoders [rad], shape (n,).
         dq: Encoders [rad/s], shape (n,).
-        wanted: q_d, dq_d, ddq_d, shape (3, n).
-        told: Result: q, dq, ddq, tau of the active joints, shape (4, n).
+        told: q, dq, ddq as the envelope let them pass; result: tau of the active joints, and the
+            acceleration that it brings by the model, shape (ROWS, n).
         notes: Scratch, shape (N, NOTES).
 
     Returns:
         Whether a torque limit was met.
     """
-    links = len(bodies)
+    links, n = len(bodies), len(index)
     rows = notes.reshape(NOTES, links)
     asked, speed, kept, rest, more = rows[0], rows[1], rows[2], rows[3], rows[4:]
-    motion, ddq = told[:3], told[3]
-    _wish(bounds, bandwidth, q, dq, wanted, motion, ddq)
-    scratch = more.reshape(links, NOTES - 4)
-    inverse_dynamics(bodies, q, dq, ddq, asked, scratch)
+    scratch, push = more.reshape(links, NOTES - 4), told[4]
+    for k in range(n):
+        lag, slow = told[0, k] - q[k], told[1, k] - dq[k]
+        push[k] = told[2, k] + 2.0 * bandwidth * slow + bandwidth * bandwidth * lag
+    bound_acceleration(bounds, q, dq, push)
+    inverse_dynamics(bodies, q, dq, push, asked, scratch)
     speed[:] = 0.0
-    for k in range(len(index)):
+    for k in range(n):
         speed[index[k]] = dq[k]
     saturate(drives, asked, speed, kept)
     met = False
@@ -127,36 +134,19 @@ def track(
         # the same share: then each acceleration stays between coasting and the wish, which both
         # respect the speed limits and the stops. Cutting joint by joint would let one joint's
         # limit push another beyond its own.
-        ddq[:] = 0.0
-        bound_acceleration(bounds, q, dq, ddq)
-        inverse_dynamics(bodies, q, dq, ddq, rest, scratch)
+        coast = told[3]
+        coast[:] = 0.0
+        bound_acceleration(bounds, q, dq, coast)
+        inverse_dynamics(bodies, q, dq, coast, rest, scratch)
         share = _share(drives, rest, asked, speed)
+        for k in range(n):
+            push[k] = coast[k] + share * (push[k] - coast[k])
         for k in range(links):
             asked[k] = rest[k] + share * (asked[k] - rest[k])
         saturate(drives, asked, speed, kept)
-    for k in range(len(index)):
+    for k in range(n):
         told[3, k] = kept[index[k]]
     return met
-
-
-@njit(cache=True)
-def _wish(
-    b: Array, w: float, q: Array, dq: Array, wanted: Array, motion: Array, ddq: Array
-) -> None:
-    """Write the clipped motion, and the acceleration to be realised.
-
-    A joint of which anything wanted is not finite is wanted to stay where it is.
-    """
-    for k in range(len(q)):
-        if np.isfinite(wanted[0, k] + wanted[1, k] + wanted[2, k]):
-            motion[0, k], motion[1, k], motion[2, k] = wanted[0, k], wanted[1, k], wanted[2, k]
-        else:
-            motion[0, k], motion[1, k], motion[2, k] = q[k], 0.0, 0.0
-    pass
-    for k in range(len(q)):
-        lag, slow = motion[0, k] - q[k], motion[1, k] - dq[k]
-        ddq[k] = motion[2, k] + 2.0 * w * slow + w * w * lag
-    bound_acceleration(b, q, dq, ddq)
 
 
 @njit(cache=True)

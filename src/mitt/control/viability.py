@@ -6,15 +6,16 @@ that it can still travel, and so far the arm can be moved on without looking. No
 stepped over, and in open space one look is enough.
 """
 
+from functools import lru_cache
 from typing import final
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mitt.control.envelope import bounds_of, brake_joint, keep
+from mitt.control.envelope import bounds_of, keep, slow_down
 from mitt.robot.arm import Arm
-from mitt.robot.shapes import Surroundings, clearance, shapes_of
+from mitt.robot.shapes import Shapes, Surroundings, clearance, shapes_of
 from mitt.signals import Array
 
 #: Gap that is kept [m], and what a look may leave open before the way counts as blocked [m].
@@ -100,9 +101,7 @@ def guard(
     blocked = not stops_clear(bodies, table, pairs, b, wanted[0], wanted[1], work)
     if blocked and not _leads_out(bodies, table, pairs, last, wanted, work):
         result = BLOCKED
-        for k in range(wanted.shape[1]):
-            q, dq, ddq = brake_joint(b[3, k], last[0, k], last[1, k])
-            wanted[0, k], wanted[1, k], wanted[2, k] = q, dq, ddq
+        slow_down(b, last, wanted)
     for k in range(wanted.shape[1]):
         last[0, k], last[1, k] = wanted[0, k], wanted[1, k]
     return result
@@ -137,8 +136,7 @@ class Guard:
 
     def __init__(self, arm: Arm, around: Surroundings) -> None:
         """Take the arm and what stands around it; the arm is taken to rest in its ready pose."""
-        self.shapes = shapes_of(arm, around)
-        self.bounds = np.array([*bounds_of(arm), self.shapes.reach])
+        self.shapes, self.bounds = _numbers(arm, around)
         self.last = np.array([arm.q_ready, np.zeros(arm.n)])
         self.work = np.zeros((arm.n + 2 * len(self.shapes.table), 3))
         self._packed = arm.bodies, self.shapes.table, self.shapes.pairs, self.bounds
@@ -155,3 +153,10 @@ class Guard:
     def clear(self, q: Array, dq: Array) -> bool:
         """Say whether an arm that moves so can come to standstill without touching anything."""
         return bool(stops_clear(*self._packed, q, dq, self.work))
+
+
+@lru_cache(maxsize=32)
+def _numbers(arm: Arm, around: Surroundings) -> tuple[Shapes, Array]:
+    """Return shapes and limits; they are worked out once, not each throw."""
+    shapes = shapes_of(arm, around)
+    return shapes, np.array([*bounds_of(arm), shapes.reach])

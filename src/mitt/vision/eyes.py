@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-
 from typing import Any
 
 import numpy as np
@@ -150,7 +149,6 @@ class Eyes:
         ):
             return Sighting(t=t, found=True, r_o=r_o, covariance=covariance)
         return unseen(t)
-
 
     def arrange(
         self, frames: tuple[Frame, ...]
