@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.records import Record, fresh_result
+from mitt.records import Phase, Record, fresh_result
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import Array, Command
@@ -30,9 +30,9 @@ class Ended:
     first_contact: object | None = None
 
 
-def status(ended: Ended, *, refused: bool = False, was_held: bool = False) -> str:
+def status(ended: Ended, *, phase: Phase = Phase.FOLLOW, was_held: bool = False) -> str:
     """Return the status of a stand-in world."""
-    return status_of(cast("World", ended), refused=refused, was_held=was_held)
+    return status_of(cast("World", ended), phase, was_held=was_held)
 
 
 def command(arm: Arm, *, q: Array | None = None, dq: Array = ZERO, tau: Array = ZERO) -> Command:
@@ -66,7 +66,7 @@ def ticks(arm: Arm, told: Sequence[Command], asked: Sequence[tuple[Array, Array]
     """Return the results of ticks: commands, and what the first of them were asked, q and dq."""
     out = np.repeat(fresh_result(arm.n), len(told))
     for k, c in enumerate(told):
-        out["told"][k] = c.q, c.dq, c.ddq, c.tau
+        out["told"][k, :4] = c.q, c.dq, c.ddq, c.tau
     for k, rows in enumerate(asked):
         out["asked"][k, :2], out["following"][k] = rows, True
     return out
@@ -80,22 +80,23 @@ def at(arm: Arm, field: str, tick: int, joint: int, value: float) -> Trace:
 
 
 @pytest.mark.parametrize(
-    ("ended", "refused", "was_held", "expected"),
+    ("ended", "phase", "was_held", "expected"),
     [
-        (Ended(first_contact="touch"), False, True, "caught"),
-        (Ended(first_contact="touch"), False, False, "dropped"),
-        (Ended(), False, False, "missed"),
-        (Ended(), True, False, "unreachable"),
-        (Ended(first_contact="touch"), True, True, "unreachable"),
-        (Ended(diverged=True, first_contact="touch"), False, True, "aborted"),
-        (Ended(diverged=True), True, False, "aborted"),
+        (Ended(first_contact="touch"), Phase.BRAKE, True, "caught"),
+        (Ended(first_contact="touch"), Phase.BRAKE, False, "dropped"),
+        (Ended(), Phase.FOLLOW, False, "missed"),
+        (Ended(), Phase.REFUSED, False, "unreachable"),
+        (Ended(first_contact="touch"), Phase.REFUSED, True, "unreachable"),
+        (Ended(first_contact="touch"), Phase.STOPPED, True, "aborted"),
+        (Ended(diverged=True, first_contact="touch"), Phase.BRAKE, True, "aborted"),
+        (Ended(diverged=True), Phase.REFUSED, False, "aborted"),
     ],
 )
 def test_each_status_has_its_rule(
-    ended: Ended, refused: bool, was_held: bool, expected: str
+    ended: Ended, phase: Phase, was_held: bool, expected: str
 ) -> None:
-    """Diverged goes before refused, refused before touched, untouched is missed."""
-    assert status(ended, refused=refused, was_held=was_held) == expected
+    """Diverged or stopped goes before refused, refused before touched, untouched is missed."""
+    assert status(ended, phase=phase, was_held=was_held) == expected
 
 
 @given(gap=st.floats(-0.04, 0.08), geoms=st.integers(0, 6))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.generator.demand import demand
-from mitt.records import Record
+from mitt.records import Phase, Record
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.world.contacts import ARM_FLOOR, SELF
@@ -135,11 +135,11 @@ def _spread(arm: Arm, x: Array) -> Array:
     return out
 
 
-def status_of(world: World, *, refused: bool, was_held: bool) -> str:
-    """Return the status of a finished trial."""
-    if world.diverged:
+def status_of(world: World, phase: Phase, *, was_held: bool) -> str:
+    """Return the status of a finished trial, after which the catcher was in a phase."""
+    if world.diverged or phase is Phase.STOPPED:
         return "aborted"
-    if refused:
+    if phase is Phase.REFUSED:
         return "unreachable"
     if world.first_contact is None:
         return "missed"

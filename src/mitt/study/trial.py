@@ -6,11 +6,12 @@ from typing import final
 
 import numpy as np
 
-from mitt.catcher import Catcher, CatcherSettings, Phase
+from mitt.catcher import Catcher, CatcherSettings
 from mitt.generator.generators import Generator
 from mitt.link.clock import Stopwatch
 from mitt.records import Record
 from mitt.robot.arm import Arm
+from mitt.robot.shapes import Surroundings
 from mitt.study.log import TrialLog, log_of
 from mitt.study.score import HELD_AFTER, Meter, Trial, held, status_of
 from mitt.vision.camera import Rig, fixed_rig
@@ -69,7 +70,10 @@ class Bench:
         ball = self._scene.ball
         eyes = Eyes(self._rig, EyesConfig(ball_radius=ball.radius))
         settings = CatcherSettings(
-            ball_mass=ball.mass, ball_radius=ball.radius, flight=known_ball(ball.drag, ball.mass)
+            ball_mass=ball.mass,
+            ball_radius=ball.radius,
+            flight=known_ball(ball.drag, ball.mass),
+            around=Surroundings(floor=self._scene.floor),
         )
         return Catcher(self.arm, self._generator, eyes, settings=settings)
 
@@ -114,13 +118,12 @@ class Bench:
         """Score the finished trial."""
         world, verdict = self.world, catcher.verdict
         torque, speed = meter.peaks(truth)
-        refused = catcher.phase is Phase.REFUSED
         contact = world.first_contact
         return Trial(
             index=index,
             status=status_of(
                 world,
-                refused=refused,
+                catcher.phase,
                 was_held=held(world.truth(), self._scene.ball.radius),
             ),
             t_catch_s=float(t_catch) if np.isfinite(t_catch) else None,
