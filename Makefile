@@ -1,5 +1,6 @@
 # make catch    throw balls at the simulated arm and write runs/0-direct/report.html
 # make test     run the tests
+# make soak     fuzz envelope, ticks and readers: COMMANDS=N TICKS=N FILES=N PROCESSES=N KILLS=N SEED=S
 # make check    format, lint, types, import contracts, then make test
 # Each builds .venv with exactly pinned versions first if it is missing; Python >= 3.11 is enough.
 
@@ -8,10 +9,17 @@ BIN := .venv/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 # Compiled kernels are kept apart by the state of the source: Numba does not notice that a kernel
 # that another one calls has changed.
-SOURCE := $(shell find src -name '*.py' | LC_ALL=C sort | xargs cat | cksum | cut -d ' ' -f 1)
+SOURCE := $(shell grep -rl njit src --include '*.py' | LC_ALL=C sort | xargs cat | cksum | cut -d ' ' -f 1)
 export NUMBA_CACHE_DIR := $(CURDIR)/.venv/kernels/$(SOURCE)
 
-.PHONY: catch test check bench clean
+COMMANDS ?= 20000000
+TICKS ?= 5000
+FILES ?= 300
+PROCESSES ?= 6
+KILLS ?= 3
+SEED ?= 1
+
+.PHONY: catch test check bench soak clean
 
 .venv/ready: pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "mitt needs Python 3.11 or later")'
@@ -36,10 +44,14 @@ check: .venv/complete
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/bandit --quiet --recursive --severity-level medium src
 	$(MAKE) --no-print-directory test
 
 bench: .venv/complete
 	$(BIN)/python benchmarks/trial.py
+
+soak: .venv/complete
+	PYTHONPATH=tests $(BIN)/python -m soak --commands $(COMMANDS) --ticks $(TICKS) --files $(FILES) --processes $(PROCESSES) --kills $(KILLS) --seed $(SEED)
 
 clean:
 	rm -rf .venv build

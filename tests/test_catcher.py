@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from mitt.catcher import Catcher, Phase
+from mitt.control.condition import Reason
+from mitt.errors import InputError
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
 from mitt.robot.arm import Arm
@@ -199,25 +201,54 @@ def test_points_that_are_no_numbers_never_reach_a_command(
     assert was_held
 
 
+@pytest.mark.parametrize(("ticks", "after"), [(2, "goes on"), (5, "stops")])
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 @pytest.mark.parametrize("phase", list(Phase)[:3])
-def test_an_encoder_that_gives_no_number_for_a_tick_never_reaches_a_command(
-    bench: Bench, throws: list[Throw], phase: Phase, bad: float
+def test_an_encoder_that_gives_no_number_never_reaches_a_command(
+    bench: Bench, throws: list[Throw], phase: Phase, bad: float, ticks: int, after: str
 ) -> None:
-    """Five such ticks, watching, following or braking: no exception, commands all finite."""
+    """Two such ticks are bridged, five stop the arm; in every phase all commands are finite."""
     spoilt: list[float] = []
     catcher = bench.catcher()
     bench.world.reset(throws[0], 5)
     for _ in range(700):
         senses = bench.world.sense()
         now = Phase.WATCH if catcher.tick is None else catcher.tick.phase
-        if now is phase and len(spoilt) < 5:
+        if len(spoilt) < ticks and (spoilt or now is phase):
             spoilt.append(senses.t)
             senses = replace(senses, arm=spoil_joint(senses.arm, bad))
         command = catcher.step(senses)
         assert finite(command), f"at {senses.t:.3f} s, {now.value}"
         bench.world.apply(command)
-    assert len(spoilt) == 5
+    assert len(spoilt) == ticks
+    assert (catcher.phase is Phase.STOPPED) == (after == "stops")
+    if after == "stops":
+        assert catcher.tick is not None
+        assert catcher.tick.reason is Reason.SILENT
+        assert np.abs(command.dq).max() < 1e-6
+
+
+def test_a_stopped_catcher_recovers_when_told_to(bench: Bench, throws: list[Throw]) -> None:
+    """Asked to stop in mid-motion it comes to rest and stays; told to recover, it catches again."""
+    catcher = bench.catcher()
+    bench.world.reset(throws[0], 5)
+    while catcher.phase is not Phase.FOLLOW or bench.world.t < 0.3:
+        bench.world.apply(catcher.step(bench.world.sense()))
+    catcher.stop()
+    for k in range(400):
+        bench.world.apply(catcher.step(bench.world.sense()))
+        if k < 3:
+            with pytest.raises(InputError):
+                catcher.recover()
+    assert catcher.phase is Phase.STOPPED
+    assert catcher.tick is not None
+    assert catcher.tick.reason is Reason.ASKED
+    catcher.recover()
+    assert catcher.phase is Phase.WATCH
+    bench.world.reset(throws[1], 6)
+    for _ in range(1100):
+        bench.world.apply(catcher.step(bench.world.sense()))
+    assert held(bench.world.truth(), 0.04)
 
 
 def spoil_joint(arm: ArmState, bad: float) -> ArmState:

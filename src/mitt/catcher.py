@@ -2,87 +2,50 @@
 
     Frame x2 -> Moments x2 -> Sighting -> BallState -> JointReference -> Command
 
-The only module that knows the order of the stages. It takes senses and gives commands, so it does
-not know whether a simulated world or a real arm is at the other end.
+``step`` makes a tick, one compiled call that knows the order of the stages (:mod:`mitt.tick`).
+``think`` comes after the command has left and does what is slow or rare: the verdict, adapting the
+map, planning the brake; it takes effect at the next tick. The catcher takes senses and gives
+commands, so it does not know whether a simulated world or a real arm is at the other end.
 """
 
-from dataclasses import dataclass, field, replace
-from enum import Enum
+from math import ceil
 from typing import final
 
 import numpy as np
 
 from mitt.control.brake import Brake, plan_brake, short_of_room
-from mitt.control.hand import Closing
-from mitt.control.tracking import Tracked, Tracker, largest_gap
+from mitt.control.hand import has_closed
+from mitt.errors import InputError
 from mitt.generator.certificate import Outcome, Verdict
 from mitt.generator.generators import Generator
-from mitt.robot.arm import Arm
-from mitt.signals import (
-    ArmState,
-    Array,
-    BallState,
-    Command,
-    JointReference,
-    MapStatus,
-    Senses,
-    Sighting,
+from mitt.records import (
+    BRAKE,
+    FOLLOW,
+    PHASES,
+    REFUSED,
+    STOPPED,
+    WATCH,
+    CatcherSettings,
+    Phase,
+    Tick,
+    arm_fields,
+    ball_of,
+    catcher_fields,
+    fresh_result,
+    map_fields,
+    record_of,
+    tick_of,
 )
+from mitt.robot.arm import Arm
+from mitt.signals import Array, BallState, Command, MapStatus, Senses, Sighting
+from mitt.tick import DECIDE, GRASPS, LAGS, STOPS, TICK, act, perceive, tick
+from mitt.vision.belief import absorb
 from mitt.vision.eyes import Eyes
-from mitt.vision.filter import THROWN_BALL, BallFilter, FilterConfig
 
+__all__ = ["Catcher", "CatcherSettings", "Phase", "Tick"]
 
-class Phase(Enum):
-    """What the catcher is about."""
-
-    WATCH = "watch"
-    FOLLOW = "follow"
-    BRAKE = "brake"
-    REFUSED = "refused"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CatcherSettings:
-    """Settings of the catcher.
-
-    Attributes:
-        bandwidth: Bandwidth of the tracking error [rad/s].
-        sigma_ready: Predicted 1-sigma at the catch at which the arm starts to move [m].
-        watch: Longest time from first sight to the verdict [s].
-        adapt_q: Gap between desired and true joint angles at which to adapt anew [rad].
-        adapt_dq: The same for joint speeds [rad/s].
-        adapt_until: Time to the catch below which the map is left as it is [s].
-        ball_mass: Mass of the ball, carried by the model while it is held [kg].
-        ball_radius: Radius of the ball [m]; the eyes are told the same.
-        flight: What the filter believes of the ball's flight.
-    """
-
-    bandwidth: float = 80.0
-    sigma_ready: float = 0.02
-    watch: float = 0.08
-    adapt_q: float = 0.06
-    adapt_dq: float = 1.2
-    adapt_until: float = 0.05
-    ball_mass: float = 0.07
-    ball_radius: float = 0.04
-    flight: FilterConfig = field(default_factory=lambda: THROWN_BALL)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Tick:
-    """All that one tick brought about.
-
-    Attributes:
-        phase: Phase after the tick.
-        ball: Estimate of the ball, carried to the time of the command.
-        reference: What the generator asked for, before any limit; None while it is not asked.
-        tracked: Command and its parts.
-    """
-
-    phase: Phase
-    ball: BallState
-    reference: JointReference | None
-    tracked: Tracked
+#: Speed below which a joint that brakes counts as at rest [rad/s].
+_AT_REST = 1e-3
 
 
 @final
@@ -92,7 +55,8 @@ class Catcher:
     Attributes:
         verdict: Verdict on the throw, once given.
         t_0: Time at which the arm began to move [s]; infinite before.
-        tick: What the last tick brought about; None before the first.
+        result: What the last tick brought about, overwritten by the next; fields as in
+            :func:`mitt.tick.fresh_result`.
     """
 
     def __init__(
@@ -100,136 +64,185 @@ class Catcher:
     ) -> None:
         """Take the arm, the generator and the eyes."""
         self._arm, self._generator, self._eyes, self._settings = arm, generator, eyes, settings
-        self._filter = BallFilter(settings.flight)
-        self._tracker = Tracker(arm, bandwidth=settings.bandwidth)
-        self._closing = Closing(arm.model.hand, ball_radius=settings.ball_radius)
-        self._phase = Phase.WATCH
-        self._wanted = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)])
-        self._brake: Brake | None = None
-        self._open = False
+        self._map = generator.as_map()
+        fields = catcher_fields(arm, eyes, settings) | arm_fields(arm, settings.around)
+        self._state = record_of(fields if self._map is None else fields | map_fields(self._map))
+        eyes.move_to({name: self._state[f"eyes_{name}"][0] for name in eyes.parts()})
+        self._numbers, self.result = self._state[0], fresh_result(arm.n)
+        self._told, self._believed = self.result["told"][0], self._state["believed"][0]
+        names = ("ball_memory", "ball_settings", "ball_work")
+        memory, table, work = (self._state[name][0] for name in names)
+        self._filter = memory, table, work
+        self._brake = np.zeros((1, 3, arm.n))
+        self._phase, self._todo, self._ticked = WATCH, 0, False
         self.verdict: Verdict | None = None
         self.t_0 = np.inf
-        self.tick: Tick | None = None
+
+    @property
+    def phase(self) -> Phase:
+        """What the catcher is about in the next tick."""
+        return PHASES[self._phase]
 
     @property
     def looking(self) -> bool:
-        """Whether the catcher wants images; none once its hand has closed."""
-        return self._phase is not Phase.BRAKE
+        """Whether the catcher wants images; none once its hand has closed or it has stopped."""
+        return self._phase not in (BRAKE, STOPPED)
+
+    @property
+    def tick(self) -> Tick | None:
+        """What the last tick brought about; None before the first."""
+        return tick_of(self.result.copy()) if self._ticked else None
 
     def step(self, senses: Senses) -> Command:
         """See, estimate, generate, close, track: one tick."""
-        believed = self._tracker.believed(senses.arm)
-        if believed is not senses.arm:
-            senses = replace(senses, arm=believed)
-        ball = self._estimate(self._see(senses), senses.t)
-        reference = self._generate(ball, senses)
-        hand = self._closing.step(senses.t, self._time_to_catch(reference))
-        tracked = self._tracker.step(senses.arm, self._wanted, hand=hand)
-        self.tick = Tick(phase=self._phase, ball=ball, reference=reference, tracked=tracked)
-        return tracked.command
+        if self._todo:
+            self.think()
+        if senses.points and self.looking:
+            self._take(senses.points)
+        images, together, t_exposed = self._eyes.arrange(senses.frames)
+        arm, t = senses.arm, senses.t
+        if self._map is None:
+            self._todo = self._in_halves(senses)
+        else:
+            self._todo = tick(
+                images,
+                together,
+                t_exposed,
+                t,
+                arm.q,
+                arm.dq,
+                self._brake,
+                self._state,
+                self.result,
+            )
+        self._ticked = True
+        if self._phase == FOLLOW and self.t_0 == np.inf:
+            self.t_0 = t
+        told = self._told.copy()
+        return Command(
+            t=t, q=told[0], dq=told[1], ddq=told[2], tau=told[3], hand=self.result["hand"].item()
+        )
 
-    def _see(self, senses: Senses) -> tuple[Sighting, ...]:
-        """Return the new sightings, from images or from points; none once the hand has closed."""
-        if not self.looking:
-            return ()
-        if senses.frames:
-            return (self._eyes.step(senses.frames),)
-        return senses.points
+    def think(self) -> None:
+        """Do what is slow or rare, to be used by the next tick; best after the command has left.
 
-    def _estimate(self, sightings: tuple[Sighting, ...], t: float) -> BallState:
-        """Take in the sightings and carry the estimate to the time of the command.
-
-        Once the hand has closed the ball is where the hand is, and the estimate stays.
+        Does nothing if there is nothing to think about or it has been done.
         """
-        if not self.looking and self.tick is not None:
-            return self.tick.ball
-        for sighting in sightings:
-            self._filter.update(sighting)
-        return self._filter.state(t)
+        todo, self._todo = self._todo, 0
+        if todo & STOPS:
+            self._phase = STOPPED
+        if todo == 0 or self._phase == STOPPED:
+            return
+        ball = ball_of(self.result.copy())
+        if self._phase == WATCH:
+            self._watch(ball)
+            return
+        if todo & DECIDE:
+            self._reconsider(ball)
+        elif todo & LAGS:
+            # The ball has left the arm behind, as after a bounce: the map starts again from where
+            # the arm is and how fast it moves, eq. (12), and the gap is closed on the way to the
+            # catch instead of by feedback at once.
+            self._adapt(ball)
+        if todo & GRASPS:
+            self._grasp()
 
-    def _generate(self, ball: BallState, senses: Senses) -> JointReference | None:
-        """Set the wanted motion for this tick, by phase."""
-        if self._phase is Phase.WATCH and ball.tracked:
-            self._watch(ball, senses)
-        if self._phase is Phase.FOLLOW:
-            ball = self._believed(ball, senses.arm)
-            reference = self._readapted(self._generator.reference(ball), ball, senses.arm)
-            self._follow(reference)
-            hurry = short_of_room(self._arm, self._wanted) if self._closing.started else False
-            if self._closing.closed(senses.t, hurry=hurry):
-                self._start_braking(senses.t)
-            return reference
-        if self._brake is not None and not self._brake.over(senses.t):
-            self._wanted = self._brake.at(senses.t)
-        return None
+    def stop(self) -> None:
+        """Stop with the next tick, within all limits, and stay until :meth:`recover`."""
+        self._numbers["asked_to_stop"] = True
 
-    def _watch(self, ball: BallState, senses: Senses) -> None:
+    def recover(self) -> None:
+        """Watch for a ball again after a stop, from where the encoders say that the arm is.
+
+        Raises:
+            InputError: The catcher has not stopped, or the arm is not at rest yet.
+        """
+        at_rest = bool(np.all(np.abs(self._told[1]) < _AT_REST))
+        if self._phase != STOPPED or not at_rest:
+            raise InputError("recover", "a catcher that has stopped, its arm at rest", self.phase)
+        fresh = catcher_fields(self._arm, self._eyes, self._settings)
+        for name, value in fresh.items():
+            if not name.startswith("eyes_"):
+                self._state[name][0] = value
+        self._eyes.reset()
+        self.result[:] = fresh_result(self._arm.n)
+        self.verdict, self.t_0 = None, np.inf
+        self._phase = WATCH
+
+    def _take(self, points: tuple[Sighting, ...]) -> None:
+        """Take in positions from another source than images."""
+        memory, settings, work = self._filter
+        for point in points:
+            if point.found:
+                absorb(memory, point.t, point.r_o, point.covariance, settings, work)
+
+    def _in_halves(self, senses: Senses) -> int:
+        """Make a tick with a generator that is no map."""
+        images, together, t_exposed = self._eyes.arrange(senses.frames)
+        arm, out = senses.arm, self.result
+        perceive(images, together, t_exposed, senses.t, arm.q, arm.dq, self._state, out)
+        if self._phase == FOLLOW:
+            ball = ball_of(out.copy())
+            ball = self._generator.waiting(ball) if self._numbers["open"] else ball
+            asked = self._generator.reference(ball)
+            rows = (asked.q_d, asked.dq_d, asked.ddq_d, asked.q_o, asked.dq_o)
+            out["asked"][0, :5] = rows
+            out["inside"][0] = inside = asked.status is MapStatus.INSIDE
+            out["time_to_catch"][0] = asked.time_to_catch if inside else np.inf
+        return int(act(self._brake, self._state, out))
+
+    def _enter(self, phase: int) -> None:
+        """Begin another phase with the next tick."""
+        self._phase = phase
+        self._numbers["phase"] = phase
+
+    def _watch(self, ball: BallState) -> None:
         """Give the verdict once the ball is known well enough, or when it is due."""
         due = ball.t - ball.t_first >= self._settings.watch
         if not due and self._generator.sharpness(ball) > self._settings.sigma_ready:
             return
-        self.verdict = verdict = self._generator.verdict(ball, senses.arm.q)
+        self.verdict = verdict = self._generator.verdict(ball, self._believed[0])
         if verdict.outcome is Outcome.UNREACHABLE:
-            self._phase = Phase.REFUSED
+            self._enter(REFUSED)
             return
-        self._open = verdict.outcome is Outcome.OPEN
-        ball = self._generator.waiting(ball) if self._open else ball
-        self._generator = self._generator.adapt(ball, senses.arm.q, senses.arm.dq)
-        self._phase, self.t_0 = Phase.FOLLOW, senses.t
+        self._numbers["open"] = verdict.outcome is Outcome.OPEN
+        self._adapt(self._generator.waiting(ball) if self._numbers["open"] else ball)
+        self._enter(FOLLOW)
 
-    def _believed(self, ball: BallState, arm: ArmState) -> BallState:
-        """Return the ball to follow: the estimate, or its stand-in while the verdict is open."""
-        if not self._open:
-            return ball
-        if not self._generator.returns(ball):
-            return self._generator.waiting(ball)
-        self._open = False
-        self._generator = self._generator.adapt(ball, arm.q, arm.dq)
-        return ball
+    def _reconsider(self, ball: BallState) -> None:
+        """Follow the ball itself as soon as it can be caught; its stand-in until then."""
+        if self._generator.returns(ball):
+            self._numbers["open"] = False
+            self._adapt(ball)
 
-    def _readapted(
-        self, reference: JointReference, ball: BallState, arm: ArmState
-    ) -> JointReference:
-        """Adapt the generator anew where the ball has left the arm behind, as after a bounce.
+    def _adapt(self, ball: BallState) -> None:
+        """Let the generator start from where the arm is."""
+        q, dq = self._believed.copy()
+        self._generator = self._generator.adapt(ball, q, dq)
+        f = self._generator.as_map()
+        if f is not None:
+            for name, value in map_fields(f).items():
+                self._state[name][0] = value
 
-        The map then starts again from where the arm is and how fast it moves, eq. (12), and the
-        gap is closed on the way to the catch instead of by feedback at once.
+    def _grasp(self) -> None:
+        """Brake from the last command on, once the fingers will have closed.
+
+        The model carries the ball's weight from then on.
         """
-        if reference.status is not MapStatus.INSIDE:
-            return reference
-        if reference.time_to_catch < self._settings.adapt_until:
-            return reference
-        gap = largest_gap(reference.q_d, arm.q) / self._settings.adapt_q
-        lag = largest_gap(reference.dq_d, arm.dq) / self._settings.adapt_dq
-        if max(gap, lag) < 1.0:
-            return reference
-        self._generator = self._generator.adapt(ball, arm.q, arm.dq)
-        return self._generator.reference(ball)
-
-    def _follow(self, reference: JointReference) -> None:
-        """Want what the generator asks; outside its domain, stay where the arm was wanted."""
-        if reference.status is MapStatus.INSIDE:
-            self._wanted = np.array([reference.q_d, reference.dq_d, reference.ddq_d])
-        else:
-            self._wanted = np.array([self._wanted[0], *np.zeros((2, self._arm.n))])
-
-    def _start_braking(self, t: float) -> None:
-        """Plan the stop from the last command, with the ball's weight in the model."""
+        out, closing, grip = self.result, self._state["closing"][0], self._state["grip"][0]
+        t = out["t"].item()
+        hurry = short_of_room(self._arm, self._state["wanted"][0])
+        if not has_closed(closing, grip, t + TICK, hurry):
+            return
         loaded = self._arm.holding(self._settings.ball_mass)
-        self._tracker = Tracker(loaded, bandwidth=self._settings.bandwidth)
-        self._brake = plan_brake(loaded, t, self._last_command())
-        self._wanted = self._brake.at(t)
-        self._phase = Phase.BRAKE
+        self._brake = brake_table(plan_brake(loaded, t, self._told[:3].copy()))
+        for name, value in arm_fields(loaded, self._settings.around).items():
+            self._state[name][0] = value
+        self._numbers["t_brake"] = t
+        self._enter(BRAKE)
 
-    def _last_command(self) -> Array:
-        """Return q, dq, ddq of the last command, shape (3, n)."""
-        if self.tick is None:
-            return self._wanted
-        command = self.tick.tracked.command
-        return np.array([command.q, command.dq, command.ddq])
 
-    def _time_to_catch(self, reference: JointReference | None) -> float:
-        """Return the time to the catch [s]; infinite while nothing is being followed."""
-        if reference is None or reference.status is not MapStatus.INSIDE:
-            return np.inf
-        return reference.time_to_catch
+def brake_table(brake: Brake) -> Array:
+    """Return q, dq, ddq at the ticks of a brake, shape (k, 3, n); the last row is at rest."""
+    ticks = ceil(brake.duration / TICK) + 1
+    return np.array([brake.at(brake.t + k * TICK) for k in range(ticks + 1)])

@@ -5,27 +5,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.control.envelope import bound_acceleration, bounds_of, clip_motion
+from mitt.control.envelope import TICK, bound_acceleration, bounds_of, brake_joint, keep
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import Array
 
-TICK = 0.001
 #: A joint may pass the emitted range [rad] and speed [share] by so much in discrete time.
 OVERSHOOT, OVERSPEED = 0.02, 1e-9
 #: Time within which a joint beyond its speed limit is back below it [s]: six time constants.
 BACK = 0.036
+ROUNDING = 1e-9
 
 seeds = st.integers(0, 2**31)
 wide = st.lists(st.floats(-50.0, 50.0), min_size=3, max_size=3).map(np.array)
-
-
-def inside(b: Array, rng: np.random.Generator) -> Array:
-    """Return random q, dq, ddq within ranges and speeds, shape (3, n)."""
-    n = b.shape[1]
-    return np.array(
-        [rng.uniform(b[0], b[1]), rng.uniform(-b[2], b[2]), rng.uniform(-300.0, 300.0, n)]
-    )
 
 
 def stoppable(b: Array, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -37,38 +29,61 @@ def stoppable(b: Array, rng: np.random.Generator) -> tuple[Array, Array]:
 
 @given(seed=seeds)
 def test_a_motion_within_the_limits_passes_bit_by_bit(arm: Arm, seed: int) -> None:
-    """Inside ranges and speeds the clipped motion is the wanted one, to the last bit."""
-    b = bounds_of(arm)
-    wanted = inside(b, np.random.default_rng(seed))
+    """A motion that every limit allows is emitted as it was wanted, to the last bit."""
+    b, rng = bounds_of(arm), np.random.default_rng(seed)
+    q, dq = stoppable(b, rng)
+    last = 0.9 * np.array([q, dq])
+    wanted = np.array([last[0] + TICK * last[1], last[1], 0.5 * b[4]])
     kept = wanted.copy()
-    clip_motion(b, kept)
+    assert not keep(b, last, kept)
     assert np.array_equal(kept, wanted)
 
 
-@given(q=wide, dq=wide, ddq=wide)
-def test_a_clipped_motion_keeps_ranges_and_speeds(
-    arm: Arm, q: Array, dq: Array, ddq: Array
+@given(seed=seeds, q=wide, dq=wide, ddq=wide)
+def test_whatever_is_wanted_the_limits_are_kept(
+    arm: Arm, seed: int, q: Array, dq: Array, ddq: Array
 ) -> None:
-    """Whatever is wanted, q and dq are within their limits, and no joint moves out of its range."""
-    b = bounds_of(arm)
+    """From any allowed state: in range, below speed and acceleration, able to stop in range."""
+    b, rng = bounds_of(arm), np.random.default_rng(seed)
+    last = np.array(stoppable(b, rng))
     kept = np.array([q, dq, ddq])
-    clip_motion(b, kept)
+    keep(b, last, kept)
     assert np.all((kept[0] >= b[0]) & (kept[0] <= b[1]))
     assert np.all(np.abs(kept[1]) <= b[2])
-    assert np.all(kept[1][kept[0] == b[1]] <= 0.0)
-    assert np.all(kept[1][kept[0] == b[0]] >= 0.0)
-    assert np.all(kept[2][kept[1] != dq] == 0.0)
+    assert np.all(np.abs(kept[2]) <= b[4])
+    assert np.all(np.abs(kept[0] - last[0]) <= b[2] * TICK + ROUNDING)
+    assert np.all(np.abs(kept[1] - last[1]) <= b[4] * TICK + ROUNDING)
+    end = kept[0] + 0.5 * kept[1] * np.abs(kept[1]) / b[3]
+    assert np.all((end >= b[0] - ROUNDING) & (end <= b[1] + ROUNDING))
 
 
-@given(q=wide, dq=wide, ddq=wide)
-def test_clipping_twice_is_clipping_once(arm: Arm, q: Array, dq: Array, ddq: Array) -> None:
-    """What has been clipped is within the limits, so it passes unchanged."""
-    b = bounds_of(arm)
+@given(seed=seeds, q=wide, dq=wide, ddq=wide)
+def test_keeping_twice_is_keeping_once(
+    arm: Arm, seed: int, q: Array, dq: Array, ddq: Array
+) -> None:
+    """What has been kept is within the limits, so it passes unchanged."""
+    b, rng = bounds_of(arm), np.random.default_rng(seed)
+    last = np.array(stoppable(b, rng))
     once = np.array([q, dq, ddq])
-    clip_motion(b, once)
+    keep(b, last, once)
     twice = once.copy()
-    clip_motion(b, twice)
-    assert np.array_equal(once, twice)
+    keep(b, last, twice)
+    assert np.allclose(once, twice, rtol=0.0, atol=ROUNDING)
+
+
+@given(seed=seeds)
+def test_braking_ends_at_rest_where_viability_says(arm: Arm, seed: int) -> None:
+    """A joint that brakes tick by tick comes to rest at q + dq |dq| / (2 brake)."""
+    b, rng = bounds_of(arm), np.random.default_rng(seed)
+    q, dq = stoppable(b, rng)
+    end = q + 0.5 * dq * np.abs(dq) / b[3]
+    for k in range(arm.n):
+        place, speed = float(q[k]), float(dq[k])
+        for _ in range(400):
+            place, speed, push = brake_joint(float(b[3, k]), place, speed)
+            assert abs(push) <= b[3, k] + ROUNDING
+        assert speed == 0.0
+        assert place == pytest.approx(end[k], abs=1e-9)
 
 
 @given(seed=seeds)
@@ -123,17 +138,15 @@ def test_a_joint_beyond_its_speed_limit_is_brought_back(arm: Arm, seed: int, bey
 
 
 @pytest.mark.parametrize("row", [0, 1, 2])
-@pytest.mark.parametrize("bad", [np.inf, -np.inf])
-def test_an_endless_wish_is_clipped_like_a_large_one(arm: Arm, row: int, bad: float) -> None:
-    """Infinite positions and speeds end at the limit, infinite accelerations at the bound."""
+@pytest.mark.parametrize("bad", [np.inf, -np.inf, np.nan])
+def test_a_wish_that_is_not_finite_is_no_wish(arm: Arm, row: int, bad: float) -> None:
+    """A joint of which anything wanted is not finite slows down where it is."""
     b = bounds_of(arm)
-    wanted = np.array([arm.q_ready, np.zeros(3), np.zeros(3)])
+    last, wanted = np.array([arm.q_ready, np.ones(3)]), np.array([arm.q_ready, *np.ones((2, 3))])
     wanted[row, 1] = bad
-    clip_motion(b, wanted)
-    assert np.all(np.isfinite(wanted[:2]))
-    ddq = wanted[2].copy()
-    bound_acceleration(b, arm.q_ready, np.zeros(3), ddq)
-    assert np.all(np.isfinite(ddq))
+    keep(b, last, wanted)
+    assert np.all(np.isfinite(wanted))
+    assert 0.0 <= wanted[1, 1] < 1.0
 
 
 @pytest.mark.parametrize("limits", ["paper", "wam-48v", "wam-80v"])

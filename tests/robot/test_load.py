@@ -66,10 +66,17 @@ def test_bad_files_are_refused_in_one_line(tmp_path: Path) -> None:
     cut.write_text(good.read_text()[:400])
     bomb = tmp_path / "bomb.urdf"
     bomb.write_text("<!DOCTYPE x><robot/>")
+    outside = tmp_path / "outside.xml"
+    outside.write_text('<mujoco><asset><mesh name="m" file="../../secret.stl"/></asset></mujoco>')
+    nested = tmp_path / "nested.xml"
+    nested.write_text('<mujoco><include file="other.xml"/></mujoco>')
     cases: list[tuple[Path, str, list[str], type[MittError]]] = [
         (tmp_path / "absent.urdf", "l5", names, FileError),
         (cut, "l5", names, FileError),
         (bomb, "l5", names, FileError),
+        (outside, "l5", names, FileError),
+        (nested, "l5", names, FileError),
+        (urdf(tmp_path / "huge.urdf", mass="1e300"), "l5", names, ModelError),
         (good, "l9", names, UnknownNameError),
         (good, "l5", ["j1", "jx", "j4"], UnknownNameError),
         (good, "l2", names, ModelError),
@@ -83,3 +90,12 @@ def test_bad_files_are_refused_in_one_line(tmp_path: Path) -> None:
         with pytest.raises(kind) as caught:
             load_arm(path, tip=tip, joints=joints)
         assert "\n" not in str(caught.value)
+
+
+def test_a_parser_in_c_is_heard_not_seen(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """What urdfdom writes to the error stream becomes part of the one line."""
+    path = urdf(tmp_path / "five.urdf")
+    path.write_text(path.read_text().replace('effort="50"', ""))
+    with pytest.raises(FileError, match="no effort"):
+        load_arm(path, tip="l5", joints=["j1", "j2", "j4"])
+    assert capfd.readouterr().err == ""

@@ -1,5 +1,6 @@
 """The rules of the score: statuses, what counts as held, and every kind of violation."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
@@ -8,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.control.tracking import Tracked
+from mitt.records import Phase, Record, fresh_result
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
-from mitt.signals import Array, Command, JointReference, MapStatus
+from mitt.signals import Array, Command
 from mitt.study.score import HELD_GAP, Meter, held, status_of
 from mitt.world.contacts import ARM_FLOOR, BALL_FLOOR, BALL_HAND, SELF
 from mitt.world.simulation import World
@@ -29,9 +30,9 @@ class Ended:
     first_contact: object | None = None
 
 
-def status(ended: Ended, *, refused: bool = False, was_held: bool = False) -> str:
+def status(ended: Ended, *, phase: Phase = Phase.FOLLOW, was_held: bool = False) -> str:
     """Return the status of a stand-in world."""
-    return status_of(cast("World", ended), refused=refused, was_held=was_held)
+    return status_of(cast("World", ended), phase, was_held=was_held)
 
 
 def command(arm: Arm, *, q: Array | None = None, dq: Array = ZERO, tau: Array = ZERO) -> Command:
@@ -57,9 +58,17 @@ def trace(arm: Arm, **rows: Any) -> Trace:  # noqa: ANN401 (columns of several k
 
 def meter(arm: Arm, *commands: Command) -> Meter:
     """Return a meter told some commands, and ready ones up to the number of ticks."""
-    out = Meter(arm)
-    for told in (*commands, *[command(arm)] * (TICKS - len(commands))):
-        out.add(None, Tracked(command=told, saturated=False))
+    told = (*commands, *[command(arm)] * (TICKS - len(commands)))
+    return Meter(arm, ticks(arm, told))
+
+
+def ticks(arm: Arm, told: Sequence[Command], asked: Sequence[tuple[Array, Array]] = ()) -> Record:
+    """Return the results of ticks: commands, and what the first of them were asked, q and dq."""
+    out = np.repeat(fresh_result(arm.n), len(told))
+    for k, c in enumerate(told):
+        out["told"][k, :4] = c.q, c.dq, c.ddq, c.tau
+    for k, rows in enumerate(asked):
+        out["asked"][k, :2], out["following"][k] = rows, True
     return out
 
 
@@ -71,22 +80,23 @@ def at(arm: Arm, field: str, tick: int, joint: int, value: float) -> Trace:
 
 
 @pytest.mark.parametrize(
-    ("ended", "refused", "was_held", "expected"),
+    ("ended", "phase", "was_held", "expected"),
     [
-        (Ended(first_contact="touch"), False, True, "caught"),
-        (Ended(first_contact="touch"), False, False, "dropped"),
-        (Ended(), False, False, "missed"),
-        (Ended(), True, False, "unreachable"),
-        (Ended(first_contact="touch"), True, True, "unreachable"),
-        (Ended(diverged=True, first_contact="touch"), False, True, "aborted"),
-        (Ended(diverged=True), True, False, "aborted"),
+        (Ended(first_contact="touch"), Phase.BRAKE, True, "caught"),
+        (Ended(first_contact="touch"), Phase.BRAKE, False, "dropped"),
+        (Ended(), Phase.FOLLOW, False, "missed"),
+        (Ended(), Phase.REFUSED, False, "unreachable"),
+        (Ended(first_contact="touch"), Phase.REFUSED, True, "unreachable"),
+        (Ended(first_contact="touch"), Phase.STOPPED, True, "aborted"),
+        (Ended(diverged=True, first_contact="touch"), Phase.BRAKE, True, "aborted"),
+        (Ended(diverged=True), Phase.REFUSED, False, "aborted"),
     ],
 )
 def test_each_status_has_its_rule(
-    ended: Ended, refused: bool, was_held: bool, expected: str
+    ended: Ended, phase: Phase, was_held: bool, expected: str
 ) -> None:
-    """Diverged goes before refused, refused before touched, untouched is missed."""
-    assert status(ended, refused=refused, was_held=was_held) == expected
+    """Diverged or stopped goes before refused, refused before touched, untouched is missed."""
+    assert status(ended, phase=phase, was_held=was_held) == expected
 
 
 @given(gap=st.floats(-0.04, 0.08), geoms=st.integers(0, 6))
@@ -183,21 +193,13 @@ def test_peaks_are_shares_of_the_limits(arm: Arm, scale: float) -> None:
     assert speed == pytest.approx([scale] * 3)
 
 
-def reference(q: Array, dq: Array) -> JointReference:
-    """Return what a generator may have asked for."""
-    return JointReference(
-        t=0.0, status=MapStatus.INSIDE, q_d=q, dq_d=dq, ddq_d=ZERO, q_o=q, dq_o=dq,
-        time_to_catch=np.inf,
-    )  # fmt: skip
-
-
 def test_the_demand_is_that_of_the_reference_before_saturation(arm: Arm) -> None:
     """Mean over the ticks with a reference of tau and omega squares over their limits."""
-    out = Meter(arm)
-    still = Tracked(command=command(arm), saturated=True)
-    assert out.demand_cost() == 0.0
-    out.add(None, still)
-    out.add(reference(arm.q_ready, 2.0 * arm.dq_max), still)
+    still = [command(arm)] * 2
+    assert Meter(arm, ticks(arm, still)).demand_cost() == 0.0
+    asked = ticks(arm, still, [(arm.q_ready, 2.0 * arm.dq_max)])
+    asked["saturated"] = True
+    out = Meter(arm, asked)
     tau = arm.inverse_dynamics(arm.q_ready, 2.0 * arm.dq_max, ZERO) / arm.tau_max
     assert out.demand_cost() == pytest.approx(float(tau @ tau) + 4.0 * 3)
     assert out.saturated == 2
@@ -205,9 +207,9 @@ def test_the_demand_is_that_of_the_reference_before_saturation(arm: Arm) -> None
 
 def test_the_excess_is_the_farthest_reference_beyond_its_range(arm: Arm) -> None:
     """Within the ranges 0; beyond them the largest distance on either side."""
-    out, still = Meter(arm), Tracked(command=command(arm), saturated=False)
-    out.add(reference(arm.q_ready, ZERO), still)
-    assert out.excess() == 0.0
-    out.add(reference(arm.q_max + np.array([0.1, 0.0, 0.0]), ZERO), still)
-    out.add(reference(arm.q_min - np.array([0.0, 0.3, 0.0]), ZERO), still)
-    assert out.excess() == pytest.approx(0.3)
+    still = [command(arm)] * 3
+    rows = [arm.q_ready, arm.q_max + np.array([0.1, 0, 0]), arm.q_min - np.array([0, 0.3, 0])]
+    assert Meter(arm, ticks(arm, still)).excess() == 0.0
+    assert Meter(arm, ticks(arm, still, [(rows[0], ZERO)])).excess() == 0.0
+    asked = ticks(arm, still, [(q, ZERO) for q in rows])
+    assert Meter(arm, asked).excess() == pytest.approx(0.3)

@@ -139,7 +139,8 @@ def _stop(arm: Arm, t: float, motion: Array, rate: Array) -> Brake:
     if result not in (Result.Working, Result.Finished):
         raise RuntimeError(f"Ruckig refused a stop from {motion.tolist()}: {result}")
     after = np.linspace(0.0, trajectory.duration, _INSTANTS, endpoint=False) + _ONSET
-    rows = [np.array(trajectory.at_time(min(x, trajectory.duration))) for x in after.tolist()]
-    tau = np.array([arm.torque(*row) for row in rows])
-    dq = np.array([arm.all_joints(row[1]) for row in rows])
+    rows = np.array([trajectory.at_time(min(x, trajectory.duration)) for x in after.tolist()])
+    dq = np.zeros((_INSTANTS, len(arm.bodies)))
+    dq[:, arm.model.active] = rows[:, 1]
+    tau = arm.torques(rows)
     return Brake(t, trajectory, float(arm.limits.torque_ratio(tau, dq).max()))

@@ -1,14 +1,23 @@
 """The last stage before the arm: whatever is asked, what is emitted keeps the limits.
 
-The desired motion is clipped to ranges and speeds; the acceleration that the controller wants is
-bounded so that the measured joint neither passes its speed limit nor comes to a stop that it
-could not brake for. Inside the limits nothing changes. Torques are cut in
-:mod:`mitt.control.tracking`, all joints together.
+Each emitted motion q, dq, ddq is finite and, tick after tick,
 
-| here      | meaning                                               | unit    | shape  |
-|-----------|-------------------------------------------------------|---------|--------|
-| ``wanted``| q_d, dq_d, ddq_d before, q, dq, ddq after             | rad ... | (3, n) |
-| ``b``     | q_min, q_max, dq_max, deceleration to be trusted      | rad ... | (4, n) |
+* q stays in its range and moves by no more than dq_max in a tick;
+* dq stays below dq_max and changes by no more than ddq_max in a tick; ddq stays below ddq_max;
+* every joint can still stop before the end of its range, braking at its trusted deceleration
+  (viability: a clamp alone would let a joint arrive at its stop at full speed);
+* and, where there are bodies to keep clear of, the way to standstill is clear of them
+  (:mod:`mitt.control.viability`).
+
+A wish inside these limits passes bit by bit. From outside them the motion returns monotonically.
+The acceleration that the controller wants of the measured joint is bounded likewise; torques are
+cut in :mod:`mitt.control.tracking`, all joints together.
+
+| here      | meaning                                                        | unit     | shape  |
+|-----------|----------------------------------------------------------------|----------|--------|
+| ``wanted``| q_d, dq_d, ddq_d before, q, dq, ddq after                      | rad ...  | (3, n) |
+| ``last``  | q, dq emitted in the tick before                               | rad ...  | (2, n) |
+| ``b``     | q_min, q_max, dq_max, deceleration to be trusted, ddq_max      | rad ...  | (5, n) |
 """
 
 import numpy as np
@@ -17,35 +26,125 @@ from numba import njit
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 
+#: Control tick [s].
+TICK = 0.001
 #: Share of a speed limit and gap to a joint stop [rad] that the emitted motion keeps.
 _SPEED_SHARE, _STOP_GAP = 0.995, 0.06
 #: Time in which a joint may close in on a speed limit [s]; a few ticks.
 _APPROACH = 0.006
+#: Poses over which the largest acceleration is looked for, and their seed.
+_POSES, _SEED = 256, 1
 
 
 def bounds_of(arm: Arm) -> Array:
-    """Return q_min, q_max, dq_max, brake of the active joints with their gaps, shape (4, n)."""
-    inertia = np.diag(arm.mass_matrix(arm.q_ready))
-    brake = arm.tau_max / inertia
+    """Return the limits of the active joints with their gaps, shape (5, n).
+
+    The trusted deceleration is that of the joint alone in the ready pose; ``ddq_max`` is what the
+    torques of all joints together can bring in any of many poses, so that it binds nothing that
+    an arm within its torques can do.
+    """
+    brake = arm.tau_max / np.diag(arm.mass_matrix(arm.q_ready))
     return np.array(
-        [arm.q_min + _STOP_GAP, arm.q_max - _STOP_GAP, _SPEED_SHARE * arm.dq_max, brake]
+        [
+            arm.q_min + _STOP_GAP,
+            arm.q_max - _STOP_GAP,
+            _SPEED_SHARE * arm.dq_max,
+            brake,
+            np.maximum(_largest_acceleration(arm), brake),
+        ]
     )
 
 
+def _largest_acceleration(arm: Arm) -> Array:
+    """Return the largest acceleration that the torques bring in any pose [rad/s^2], (n,)."""
+    poses = np.random.default_rng(_SEED).uniform(arm.q_min, arm.q_max, (_POSES, arm.n))
+    reached = [np.abs(np.linalg.inv(arm.mass_matrix(q))) @ arm.tau_max for q in poses]
+    out: Array = np.max(reached, axis=0)
+    return out
+
+
 @njit(cache=True)
-def clip_motion(b: Array, wanted: Array) -> None:
-    """Clip positions and speeds in place; at the end of a range, stop."""
+def keep_joint(
+    low: float,
+    high: float,
+    dq_max: float,
+    brake: float,
+    ddq_max: float,
+    last_q: float,
+    last_dq: float,
+    q: float,
+    dq: float,
+    ddq: float,
+) -> tuple[float, float, float]:
+    """Return what a joint is told when ``q``, ``dq``, ``ddq`` is wanted of it.
+
+    Args:
+        low: Lower end of the range [rad].
+        high: Upper end of the range [rad].
+        dq_max: Largest speed [rad/s].
+        brake: Deceleration to be trusted [rad/s^2], at most ``ddq_max``.
+        ddq_max: Largest acceleration [rad/s^2].
+        last_q: Position emitted in the tick before [rad], finite.
+        last_dq: Speed emitted in the tick before [rad/s], finite.
+        q: Wanted position [rad]; of a wish with anything not finite nothing is taken.
+        dq: Wanted speed [rad/s].
+        ddq: Wanted acceleration [rad/s^2].
+    """
+    if not (np.isfinite(q) and np.isfinite(dq) and np.isfinite(ddq)):
+        q, dq, ddq = last_q, 0.0, 0.0
+    least, most = last_dq - ddq_max * TICK, last_dq + ddq_max * TICK
+    speed = min(max(min(max(dq, -dq_max), dq_max), least), most)
+    step = dq_max * TICK
+    place = min(max(min(max(q, low), high), last_q - step), last_q + step)
+    if speed > 0.0:
+        room = 2.0 * brake * max(high - place, 0.0)
+        if speed * speed > room:
+            speed = max(np.sqrt(room), least)
+            if speed > 0.0 and speed * speed > room:
+                back = min(place, max(last_q - step, low))
+                place = max(min(place, high - 0.5 * speed * speed / brake), back)
+    elif speed < 0.0:
+        room = 2.0 * brake * max(place - low, 0.0)
+        if speed * speed > room:
+            speed = min(-np.sqrt(room), most)
+            if speed < 0.0 and speed * speed > room:
+                back = max(place, min(last_q + step, high))
+                place = min(max(place, low + 0.5 * speed * speed / brake), back)
+    if speed != dq:
+        ddq = (speed - last_dq) / TICK
+    return place, speed, min(max(ddq, -ddq_max), ddq_max)
+
+
+@njit(cache=True)
+def keep(b: Array, last: Array, wanted: Array) -> bool:
+    """Replace a wanted motion by what is emitted, joint by joint; say whether anything changed."""
+    changed = False
     for k in range(wanted.shape[1]):
-        q_min, q_max, dq_max = b[0, k], b[1, k], b[2, k]
-        q = wanted[0, k]
-        dq = min(max(wanted[1, k], -dq_max), dq_max)
-        if q >= q_max:
-            q, dq = q_max, min(dq, 0.0)
-        if q <= q_min:
-            q, dq = q_min, max(dq, 0.0)
-        if dq != wanted[1, k]:
-            wanted[2, k] = 0.0
-        wanted[0, k], wanted[1, k] = q, dq
+        q, dq, ddq = keep_joint(
+            b[0, k], b[1, k], b[2, k], b[3, k], b[4, k],
+            last[0, k], last[1, k], wanted[0, k], wanted[1, k], wanted[2, k],
+        )  # fmt: skip
+        changed |= q != wanted[0, k] or dq != wanted[1, k] or ddq != wanted[2, k]
+        wanted[0, k], wanted[1, k], wanted[2, k] = q, dq, ddq
+    return changed
+
+
+@njit(cache=True)
+def brake_joint(brake: float, last_q: float, last_dq: float) -> tuple[float, float, float]:
+    """Return the next motion of a joint that brakes at its trusted deceleration."""
+    speed = abs(last_dq)
+    if speed <= brake * TICK:
+        return last_q + 0.5 * last_dq * speed / brake, 0.0, -last_dq / TICK
+    slower = -np.copysign(brake, last_dq)
+    return last_q + TICK * (last_dq + 0.5 * TICK * slower), last_dq + TICK * slower, slower
+
+
+@njit(cache=True)
+def slow_down(b: Array, last: Array, wanted: Array) -> None:
+    """Want of every joint to brake; q, dq, ddq for the next tick, shape (3, n)."""
+    for k in range(wanted.shape[1]):
+        q, dq, ddq = brake_joint(b[3, k], last[0, k], last[1, k])
+        wanted[0, k], wanted[1, k], wanted[2, k] = q, dq, ddq
 
 
 @njit(cache=True)

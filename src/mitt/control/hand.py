@@ -3,12 +3,23 @@
 The fingers start a fixed lead before the catch, which the map itself announces as the time until
 q_o,i reaches q_alpha, and from then on run through the hand's closing profile by the clock: a
 started closing is not taken back.
+
+| here       | meaning                                                                     | unit  |
+|------------|-----------------------------------------------------------------------------|-------|
+| ``memory`` | time at which the closing began, infinite before                            | s     |
+| ``grip``   | lead, touch angle, acceleration, speed and margin at the touch, closed      | s ... |
+|            | angle, time from the start to the first touch and to the grip               |       |
 """
 
+from functools import lru_cache
 from math import inf
 from typing import final
 
-from mitt.robot.hands import HandModel
+import numpy as np
+from numba import njit
+
+from mitt.robot.hands import HandModel, closing_angle
+from mitt.signals import Array
 
 #: Following after the catch, while the fingers close on the ball [s]. Each millisecond costs
 #: 15 mrad of the room that joint 4 has for braking; by then the fingers have touched.
@@ -17,15 +28,68 @@ FOLLOW_ON = 0.001
 TOUCH_BEFORE = -0.004
 
 
+@lru_cache(maxsize=8)
+def pack_grip(hand: HandModel | None, ball_radius: float) -> Array:
+    """Return a hand's closing as numbers, shape (8,), not to be written to.
+
+    No hand is one that stays open.
+    """
+    if hand is None:
+        return np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    c = hand.closing
+    touch, closed = hand.touch_angle(ball_radius), hand.drive.closed
+    times = (c.lead + TOUCH_BEFORE, c.lead + FOLLOW_ON)
+    return np.array([c.lead, touch, c.acceleration, c.touch_speed, c.margin, closed, *times])
+
+
+@njit(cache=True)
+def close(memory: Array, grip: Array, t: float, time_to_catch: float) -> float:
+    """Return the closing angle to command at ``t`` [rad].
+
+    Args:
+        memory: As in the module's table, overwritten, shape (1,).
+        grip: As in the module's table, shape (8,).
+        t: Time of the tick [s].
+        time_to_catch: Time until the catch [s]; infinite where none is in sight.
+    """
+    if memory[0] == np.inf:
+        if time_to_catch > grip[0]:
+            return 0.0
+        memory[0] = t
+    elapsed = t - memory[0]
+    return closing_angle(elapsed, grip[1], grip[2], grip[3], grip[4], grip[5])
+
+
+@njit(cache=True)
+def has_closed(memory: Array, grip: Array, t: float, hurry: bool) -> bool:
+    """Say whether the fingers have had the time to close around the ball.
+
+    Args:
+        memory: As in the module's table, shape (1,).
+        grip: As in the module's table, shape (8,).
+        t: Time of the tick [s].
+        hurry: Whether the arm is short of room to brake; then the first touch is enough.
+    """
+    return bool(t - memory[0] >= (grip[6] if hurry else grip[7]))
+
+
 @final
 class Closing:
-    """The fingers of one throw."""
+    """The fingers of one throw.
+
+    Attributes:
+        memory: As in the module's table, shape (1,).
+        grip: As in the module's table, shape (8,).
+    """
 
     def __init__(self, hand: HandModel | None, *, ball_radius: float) -> None:
         """Take the hand (None leaves a hand that does not exist open) and the ball's radius [m]."""
-        self._hand = hand
-        self._touch = 0.0 if hand is None else hand.touch_angle(ball_radius)
-        self.t_start = inf
+        self.memory, self.grip = np.array([inf]), pack_grip(hand, ball_radius)
+
+    @property
+    def t_start(self) -> float:
+        """Time at which the fingers began to close [s]; infinite before."""
+        return float(self.memory[0])
 
     @property
     def started(self) -> bool:
@@ -39,14 +103,7 @@ class Closing:
             t: Time of the tick [s].
             time_to_catch: Time until the catch [s]; infinite where none is in sight.
         """
-        if self._hand is None:
-            self.t_start = t if time_to_catch <= 0.0 and self.t_start == inf else self.t_start
-            return 0.0
-        if self.t_start == inf:
-            if time_to_catch > self._hand.closing.lead:
-                return 0.0
-            self.t_start = t
-        return self._hand.closing_angle_towards(t - self.t_start, self._touch)
+        return float(close(self.memory, self.grip, t, time_to_catch))
 
     def closed(self, t: float, *, hurry: bool) -> bool:
         """Say whether the fingers have had the time to close around the ball.
@@ -55,7 +112,4 @@ class Closing:
             t: Time of the tick [s].
             hurry: Whether the arm is short of room to brake; then the first touch is enough.
         """
-        if self._hand is None:
-            return t - self.t_start >= 0.0
-        after = TOUCH_BEFORE if hurry else FOLLOW_ON
-        return t - self.t_start >= self._hand.closing.lead + after
+        return bool(has_closed(self.memory, self.grip, t, hurry))

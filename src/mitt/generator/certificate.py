@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
+from numba import njit
 
 from mitt.flight import forecast
 from mitt.generator.demand import demand
@@ -113,11 +114,20 @@ def levelled(f: DirectMap, ball: BallState) -> BallState:
 
     A bounce changes neither where over the ground the ball flies nor, much, how fast.
     """
-    flat = np.array([1.0, 1.0, 0.0])
-    height = np.array([0.0, 0.0, f.arm.position(f.start)[2]])
-    return replace(
-        ball, r_o=ball.r_o * flat + height, dr_o=ball.dr_o * flat, ddr_o=ball.ddr_o * flat
-    )
+    motion = np.array([ball.r_o, ball.dr_o, ball.ddr_o])
+    level(motion, waiting_height(f))
+    return replace(ball, r_o=motion[0], dr_o=motion[1], ddr_o=motion[2])
+
+
+def waiting_height(f: DirectMap) -> float:
+    """Return the nominal height of the catch [m]."""
+    return float(f.arm.position(f.start)[2])
+
+
+@njit(cache=True)
+def level(motion: Array, height: float) -> None:
+    """Let a motion r_o, dr_o, ddr_o, shape (3, 3), go level at a height [m], in place."""
+    motion[0, 2], motion[1, 2], motion[2, 2] = height, 0.0, 0.0
 
 
 def _where(f: DirectMap, seen: Foresight) -> str | None:

@@ -39,7 +39,7 @@ def demand(arm: Arm, motion: Array) -> Demand:
     The torque is eq. (14) at q = q_d, which is eq. (16) with M~, H~ and g~ of eq. (17); the
     speed is eq. (19); their shares of the limits are those of eqs. (18) and (20).
     """
-    tau = np.array([arm.torque(*row) for row in motion])
+    tau = arm.torques(motion)
     dq = np.zeros((len(motion), len(arm.model.links)))
     dq[:, arm.model.active] = motion[:, 1]
     q = motion[:, 0]

@@ -43,6 +43,10 @@ class Generator(Protocol):
         """Return the desired joint motion for the ball; pure."""
         ...
 
+    def as_map(self) -> DirectMap | None:
+        """Return the map that ``reference`` evaluates, for the compiled tick; None if another."""
+        ...
+
 
 @final
 @dataclass(frozen=True, slots=True)
@@ -76,6 +80,10 @@ class Direct:
         """Evaluate the map."""
         return self.map.reference(ball)
 
+    def as_map(self) -> DirectMap:
+        """Hand the map over."""
+        return self.map
+
 
 @final
 @dataclass(frozen=True, slots=True)
@@ -108,3 +116,7 @@ class Unoptimised:
     def reference(self, ball: BallState) -> JointReference:
         """Evaluate the map."""
         return self.map.reference(ball)
+
+    def as_map(self) -> DirectMap:
+        """Hand the map over."""
+        return self.map

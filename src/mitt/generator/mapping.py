@@ -20,7 +20,7 @@ from numba import njit
 from mitt.errors import ModelError, ShapeError
 from mitt.generator.constraints import initial_gap, project
 from mitt.generator.design import MapDesign, tangent_of
-from mitt.generator.packing import pack, unfold, unpack, workspace
+from mitt.generator.packing import jet_rows, pack, unfold, unpack, workspace
 from mitt.generator.polynomial import CatchBasis, jets
 from mitt.generator.tangent import Scratch, Tangent, expand, lift, scratch_of
 from mitt.robot.arm import Arm
@@ -78,14 +78,14 @@ class DirectMap:
         return pack(self.tangent)
 
     @cached_property
-    def _window(self) -> Array:
+    def window(self) -> Array:
         """Centre and scale of the polynomial's variables, shape (2, 3)."""
         return np.array([self.basis.centre, self.basis.scale])
 
     @cached_property
     def work(self) -> Array:
         """Buffers of the kernels."""
-        return workspace(self.arm.n)
+        return workspace(self.arm.n, len(self.basis.powers))
 
     @cached_property
     def _scratch(self) -> Scratch:
@@ -109,7 +109,7 @@ class DirectMap:
         rows = np.zeros((6, self.arm.n))
         rows[3] = self.start
         inside = reference(
-            self.packed, self.basis.powers, self._window, self.alpha, ball, rows, self.work
+            self.packed, self.basis.powers, self.window, self.alpha, ball, rows, self.work
         )
         return bool(inside), rows
 
@@ -159,8 +159,6 @@ class DirectMap:
         A pure function; what it returns is finite whatever the ball.
         """
         inside, rows = self.motion(np.array([ball.r_o, ball.dr_o, ball.ddr_o]))
-        i = self.design.catch_joint
-        s = rows[3, i] - self.design.q_catch
         return JointReference(
             t=ball.t,
             status=MapStatus.INSIDE if inside else MapStatus.DOMAIN,
@@ -169,7 +167,7 @@ class DirectMap:
             ddq_d=rows[2],
             q_o=rows[3],
             dq_o=rows[4],
-            time_to_catch=root_time(s, rows[4, i], rows[5, i]) if inside else np.inf,
+            time_to_catch=time_to_catch(self.packed, rows) if inside else np.inf,
         )
 
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "DirectMap":
@@ -207,7 +205,7 @@ def reference(
         alpha: Coefficients, shape (m, n).
         ball: r_o, dr_o, ddr_o, shape (3, 3).
         rows: Result; row 3 is where a Newton inverse starts. Outside the domain: at rest.
-        work: Workspace.
+        work: Workspace for so many joints and monomials.
     """
     g = unpack(packed)
     if not lift(g, ball, rows[3:], unfold(work, rows.shape[1])):
@@ -215,7 +213,7 @@ def reference(
         rows[0], rows[3] = g.q_rest, g.q_rest
         return False
     m, n = alpha.shape
-    motion, phi = np.empty((3, 3)), np.empty((3, m))
+    motion, phi = jet_rows(work, n, m)
     for a in range(3):
         for d in range(3):
             motion[d, a] = rows[3 + d, g.free[a]]
@@ -237,6 +235,18 @@ def root_time(s: float, ds: float, dds: float) -> float:
     if slow == 0.0:
         return np.inf
     return float(-2.0 * s / slow)
+
+
+@njit(cache=True)
+def time_to_catch(packed: Array, rows: Array) -> float:
+    """Return the time until q_o of the catch joint reaches q_alpha [s]; infinite if it will not.
+
+    Args:
+        packed: The tangent map.
+        rows: As :func:`reference` writes them, shape (6, n).
+    """
+    i = int(packed[1])
+    return root_time(rows[3, i] - packed[2], rows[4, i], rows[5, i])
 
 
 def unlearned(arm: Arm, design: MapDesign) -> DirectMap:

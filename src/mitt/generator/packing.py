@@ -43,9 +43,16 @@ def unpack(v: Array) -> Tangent:
     return Tangent(chain, free, int(v[1]), v[2], v[3], v[_HEAD:a], v[4] > 0.0, v[8:_HEAD])
 
 
-def workspace(n: int) -> Array:
-    """Return a vector that holds all buffers for ``n`` active joints."""
-    return np.zeros(35 * n + 36)
+def workspace(n: int, m: int = 0) -> Array:
+    """Return a vector that holds all buffers for ``n`` active joints and ``m`` monomials."""
+    return np.zeros(35 * n + 45 + 3 * m)
+
+
+@njit(cache=True)
+def jet_rows(v: Array, n: int, m: int) -> tuple[Array, Array]:
+    """Return buffers for the variables of the polynomial, (3, 3), and its monomials, (3, m)."""
+    a = 35 * n + 36
+    return v[a : a + 9].reshape(3, 3), v[a + 9 : a + 9 + 3 * m].reshape(3, m)
 
 
 @njit(cache=True)

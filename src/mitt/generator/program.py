@@ -47,7 +47,7 @@ class Sensitivity(NamedTuple):
 
 def sensitivity(arm: Arm, motion: Array, phi: Array) -> Sensitivity:
     """Return d tau/d alpha = tau_q Phi + tau_qdot Phi-dot + M Phi-ddot and its companions."""
-    tau = np.array([arm.torque(*row) for row in motion])
+    tau = arm.torques(motion)
     slope = np.array([arm.torque_derivatives(*row) for row in motion])
     count, n = len(motion), arm.n
     J_tau = np.einsum("tdrk,tda->trak", slope, phi).reshape(count, tau.shape[1], -1)

@@ -15,6 +15,8 @@ from mitt.signals import Array
 
 #: Slack of the triangle inequality of principal moments [kg m^2]: files round their figures.
 _INERTIA_SLACK = 1e-6
+#: Largest length, mass or inertia of a link that is taken for meant [m, kg, kg m^2].
+_LARGEST = 1e4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,11 +63,15 @@ class Link:
     def __post_init__(self) -> None:
         """Refuse what no real link can have."""
         where = f"joint {self.name!r}"
-        numbers = (self.placement, self.axis, self.com, self.inertia, self.armature)
-        if not all(np.all(np.isfinite(x)) for x in numbers):
-            raise ModelError(where, "finite numbers", "NaN or infinity")
-        if not (np.isfinite(self.mass) and self.mass > 0.0):
-            raise ModelError(where, "a mass above 0 kg", f"{self.mass:g} kg")
+        bodily = (self.placement, self.axis, self.com, self.inertia, self.armature)
+        numbers = (*bodily, self.q_min, self.q_max)
+        if not all(np.all(np.abs(x) <= _LARGEST) for x in numbers):
+            raise ModelError(
+                where, f"numbers within +-{_LARGEST:g}", "larger ones, NaN or infinity"
+            )
+        if not 0.0 < self.mass <= _LARGEST:
+            wanted = f"a mass above 0 and up to {_LARGEST:g} kg"
+            raise ModelError(where, wanted, f"{self.mass:g} kg")
         if not self.q_min < self.q_max:
             raise ModelError(where, "a range with lower < upper", f"{self.q_min:g}..{self.q_max:g}")
         moments = np.linalg.eigvalsh(0.5 * (self.inertia + self.inertia.T))

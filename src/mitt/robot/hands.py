@@ -10,6 +10,7 @@ so that the fingers pass one another instead of meeting tip to tip over a small 
 from dataclasses import dataclass, field
 
 import numpy as np
+from numba import njit
 
 from mitt.signals import Array
 
@@ -171,20 +172,41 @@ class HandModel:
 
     def closing_angle_towards(self, elapsed: float, touch: float) -> float:
         """Return the commanded angle [rad] where ``touch`` = ``touch_angle(...)`` is at hand."""
-        a, slow = self.closing.acceleration, self.closing.touch_speed
-        fast_part = max(0.0, touch - self.closing.margin)
-        peak = max(np.sqrt(a * fast_part + 0.5 * slow**2), slow)
-        rise, fall = peak / a, (peak - slow) / a
-        if elapsed <= 0.0:
-            angle = 0.0
-        elif elapsed < rise:
-            angle = 0.5 * a * elapsed**2
-        elif elapsed < rise + fall:
-            left = rise + fall - elapsed
-            angle = fast_part - slow * left - 0.5 * a * left**2
-        else:
-            angle = fast_part + slow * (elapsed - rise - fall)
-        return float(min(angle, self.drive.closed))
+        c = self.closing
+        return float(
+            closing_angle(
+                elapsed, touch, c.acceleration, c.touch_speed, c.margin, self.drive.closed
+            )
+        )
+
+
+@njit(cache=True)
+def closing_angle(
+    elapsed: float, touch: float, a: float, slow: float, margin: float, closed: float
+) -> float:
+    """Return the commanded angle [rad] so long after the start of the closing.
+
+    Args:
+        elapsed: Time since the start [s]; 0 or less is open.
+        touch: Angle at which the fingers touch the ball [rad].
+        a: Acceleration and braking of the fast part [rad/s^2].
+        slow: Speed at which the ball is met [rad/s].
+        margin: Angle before touching at which the fast part ends [rad].
+        closed: Largest closing angle [rad].
+    """
+    fast_part = max(0.0, touch - margin)
+    peak = max(np.sqrt(a * fast_part + 0.5 * slow * slow), slow)
+    rise, fall = peak / a, (peak - slow) / a
+    if elapsed <= 0.0:
+        angle = 0.0
+    elif elapsed < rise:
+        angle = 0.5 * a * elapsed * elapsed
+    elif elapsed < rise + fall:
+        left = rise + fall - elapsed
+        angle = fast_part - slow * left - 0.5 * a * left * left
+    else:
+        angle = fast_part + slow * (elapsed - rise - fall)
+    return min(angle, closed)
 
 
 def _distance(point: Array, start: Array, end: Array) -> float:

@@ -1,11 +1,15 @@
 """Arms by name or from a URDF or MJCF file."""
 
-from collections.abc import Sequence
+import os
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
+from defusedxml import DefusedXmlException, ElementTree
 
 from mitt.errors import FileError, ModelError, UnknownNameError
 from mitt.robot.arm import Arm
@@ -66,15 +70,32 @@ def _parse(path: Path) -> pin.Model:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise FileError(str(path), "a readable text file", error) from error
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise FileError(str(path), "a file without DOCTYPE or entities", "one that has them")
     _check_numbers(path, text)
     build = pin.buildModelFromUrdf if path.suffix == ".urdf" else pin.buildModelFromMJCF
-    try:
-        return build(str(path))
-    except (ValueError, RuntimeError) as error:
-        reason = str(error).strip() or "a parse error"
-        raise FileError(str(path), "a URDF or MJCF arm", reason.splitlines()[0]) from error
+    with _heard() as said:
+        try:
+            return build(str(path))
+        except (ValueError, RuntimeError, IndexError, KeyError) as error:
+            failed = error
+    reason = f"{''.join(said)} {failed}".split() or ["a parse error"]
+    raise FileError(str(path), "a URDF or MJCF arm", " ".join(reason)[:200]) from failed
+
+
+@contextmanager
+def _heard() -> Iterator[list[str]]:
+    """Hear what a parser in C++ writes to the error stream instead of letting it through."""
+    said: list[str] = []
+    sys.stderr.flush()
+    with tempfile.TemporaryFile() as heard:
+        before = os.dup(2)
+        os.dup2(heard.fileno(), 2)
+        try:
+            yield said
+        finally:
+            os.dup2(before, 2)
+            os.close(before)
+            heard.seek(0)
+            said.append(heard.read(2000).decode(errors="replace"))
 
 
 def _check_numbers(path: Path, text: str) -> None:
@@ -83,9 +104,15 @@ def _check_numbers(path: Path, text: str) -> None:
     Pinocchio takes a link whose mass does not parse for one without mass.
     """
     try:
-        root = ElementTree.fromstring(text)  # noqa: S314 (entities are refused before)
-    except ElementTree.ParseError as error:
+        root = ElementTree.fromstring(text, forbid_dtd=True)
+    except (ElementTree.ParseError, DefusedXmlException, ValueError) as error:
         raise FileError(str(path), "well-formed XML", error) from error
+    if root.find(".//include") is not None:
+        raise FileError(str(path), "one file", "one that includes others", do="join them")
+    for element in root.iter():
+        file = element.attrib.get("file", "")
+        if file.startswith(("/", "~", "\\")) or ".." in Path(file).parts:
+            raise FileError(str(path), "meshes below its own folder", repr(file[:60]))
     for inertial in root.iter("inertial"):
         for element in (x for x in inertial if x.tag in ("mass", "inertia")):
             for key, value in element.attrib.items():

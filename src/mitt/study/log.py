@@ -1,18 +1,16 @@
 """What a trial looked like from inside the catcher, one row a tick, for figures and recordings."""
 
 from dataclasses import dataclass
-from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.catcher import Phase, Tick
+from mitt.records import PHASES, Record
 from mitt.robot.arm import Arm
-from mitt.signals import Array, Command, Senses
+from mitt.signals import Array
 from mitt.world.truth import Trace
 
-#: Order of the phases in :attr:`TrialLog.phase`.
-PHASES = tuple(Phase)
+__all__ = ["PHASES", "TrialLog", "log_of"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -54,52 +52,32 @@ class TrialLog:
     truth: Trace
 
 
-@final
-class Logger:
-    """Collects the rows of one trial."""
+def log_of(arm: Arm, ticks: Record, truth: Trace, *, t_0: float, t_catch: float) -> TrialLog:
+    """Return the log of a finished trial.
 
-    def __init__(self, arm: Arm) -> None:
-        """Start empty."""
-        self._arm = arm
-        self._rows: list[tuple[Array, ...]] = []
-
-    def add(self, senses: Senses, tick: Tick, command: Command) -> None:
-        """Append one tick."""
-        n, reference = len(command.q), tick.reference
-        asked = np.zeros((4, n))
-        if reference is not None:
-            asked[:] = reference.q_d, reference.dq_d, reference.ddq_d, reference.q_o
-        flags = (senses.t, PHASES.index(tick.phase), tick.ball.tracked, reference is not None)
-        self._rows.append(
-            (
-                np.array([*flags, command.hand], dtype=np.float64),
-                np.array([senses.arm.q, senses.arm.dq]),
-                np.array([tick.ball.r_o, tick.ball.dr_o]),
-                asked,
-                np.array([command.q, command.dq, command.ddq]),
-                command.tau,
-            )
-        )
-
-    def finish(self, truth: Trace, *, t_0: float, t_catch: float) -> TrialLog:
-        """Return the log of the finished trial."""
-        flags, encoders, ball, asked, command, tau = (
-            np.array(column) for column in zip(*self._rows, strict=True)
-        )
-        return TrialLog(
-            t=flags[:, 0],
-            phase=flags[:, 1].astype(np.int64),
-            tracked=flags[:, 2] > 0.0,
-            following=flags[:, 3] > 0.0,
-            encoders=encoders,
-            ball=ball,
-            asked=asked[:, :3],
-            virtual=asked[:, 3],
-            command=command,
-            tau=tau,
-            feedforward=np.array([self._arm.inverse_dynamics(*row) for row in command]),
-            hand=flags[:, 4],
-            t_0=t_0,
-            t_catch=t_catch,
-            truth=truth,
-        )
+    Args:
+        arm: The arm.
+        ticks: Results of all ticks, fields as of ``fresh_result``, shape (k,).
+        truth: True states, k + 1 rows.
+        t_0: Time at which the arm began to move [s].
+        t_catch: Time of the catch by the map [s].
+    """
+    told, following = ticks["told"], ticks["following"]
+    asked = np.where(following[:, None, None], ticks["asked"], 0.0)
+    return TrialLog(
+        t=ticks["t"],
+        phase=ticks["phase"],
+        tracked=ticks["tracked"],
+        following=following,
+        encoders=ticks["encoders"],
+        ball=ticks["ball"][:, :2],
+        asked=asked[:, :3],
+        virtual=asked[:, 3],
+        command=told[:, :3],
+        tau=told[:, 3],
+        feedforward=arm.active(arm.torques(told[:, :3])),
+        hand=ticks["hand"],
+        t_0=t_0,
+        t_catch=t_catch,
+        truth=truth,
+    )

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.control.tracking import Tracked
 from mitt.generator.demand import demand
+from mitt.records import Phase, Record
 from mitt.robot.arm import Arm
-from mitt.signals import Array, JointReference
+from mitt.signals import Array
 from mitt.world.contacts import ARM_FLOOR, SELF
 from mitt.world.simulation import World
 from mitt.world.truth import Trace, Truth
@@ -64,32 +64,23 @@ def held(truth: Truth, radius: float) -> bool:
 
 
 class Meter:
-    """Collects what the arm is asked and told in a trial, and reckons it up at the end."""
+    """Reckons up what the arm was asked and told in a trial."""
 
-    def __init__(self, arm: Arm) -> None:
-        """Start empty."""
-        self._arm = arm
-        self._asked: list[tuple[Array, Array, Array]] = []
-        self._told: list[tuple[Array, Array, Array]] = []
-        self.saturated = 0
-
-    def add(self, reference: JointReference | None, tracked: Tracked) -> None:
-        """Take in one tick."""
-        if reference is not None:
-            self._asked.append((reference.q_d, reference.dq_d, reference.ddq_d))
-        command = tracked.command
-        self._told.append((command.q, command.dq, command.tau))
-        self.saturated += tracked.saturated
+    def __init__(self, arm: Arm, ticks: Record) -> None:
+        """Take the results of all its ticks, fields as of ``fresh_result``, shape (k,)."""
+        self._arm, self._told = arm, ticks["told"]
+        self._asked: Array = ticks["asked"][ticks["following"], :3]
+        self.saturated = int(np.sum(ticks["saturated"]))
 
     def demand_cost(self) -> float:
         """Return the mean cost (22) of the references before any limit; 0 without one."""
-        return demand(self._arm, np.array(self._asked)).cost if self._asked else 0.0
+        return demand(self._arm, self._asked).cost if len(self._asked) else 0.0
 
     def excess(self) -> float:
         """Return how far the references went beyond a joint's range [rad]."""
-        if not self._asked:
+        if not len(self._asked):
             return 0.0
-        q = np.array([row[0] for row in self._asked])
+        q = self._asked[:, 0]
         over = np.maximum(q - self._arm.q_max, self._arm.q_min - q)
         return max(float(over.max()), 0.0)
 
@@ -98,7 +89,7 @@ class Meter:
 
         The arm touching itself or the floor counts as well: its range is where it can be.
         """
-        q, dq, tau = (np.array(column) for column in zip(*self._told, strict=True))
+        q, dq, tau = (self._told[:, row] for row in (0, 1, 3))
         before = truth.dq[:-1]
         bad = self._exceed((q, dq), tau, before, _COMMANDED)
         bad |= self._exceed((truth.q[1:], truth.dq[1:]), truth.tau[1:], before, _MEASURED)
@@ -144,11 +135,11 @@ def _spread(arm: Arm, x: Array) -> Array:
     return out
 
 
-def status_of(world: World, *, refused: bool, was_held: bool) -> str:
-    """Return the status of a finished trial."""
-    if world.diverged:
+def status_of(world: World, phase: Phase, *, was_held: bool) -> str:
+    """Return the status of a finished trial, after which the catcher was in a phase."""
+    if world.diverged or phase is Phase.STOPPED:
         return "aborted"
-    if refused:
+    if phase is Phase.REFUSED:
         return "unreachable"
     if world.first_contact is None:
         return "missed"

@@ -6,11 +6,13 @@ from typing import final
 
 import numpy as np
 
-from mitt.catcher import Catcher, CatcherSettings, Phase
+from mitt.catcher import Catcher, CatcherSettings
 from mitt.generator.generators import Generator
 from mitt.link.clock import Stopwatch
+from mitt.records import Record
 from mitt.robot.arm import Arm
-from mitt.study.log import Logger, TrialLog
+from mitt.robot.shapes import Surroundings
+from mitt.study.log import TrialLog, log_of
 from mitt.study.score import HELD_AFTER, Meter, Trial, held, status_of
 from mitt.vision.camera import Rig, fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig
@@ -20,6 +22,7 @@ from mitt.world.imaging import Imager, ImageSensor
 from mitt.world.scene import Scene
 from mitt.world.simulation import World
 from mitt.world.throws import Throw
+from mitt.world.truth import Trace
 
 #: A trial without contact ends after this time [s], or when the ball is on the floor.
 _LONGEST = 2.0
@@ -67,7 +70,10 @@ class Bench:
         ball = self._scene.ball
         eyes = Eyes(self._rig, EyesConfig(ball_radius=ball.radius))
         settings = CatcherSettings(
-            ball_mass=ball.mass, ball_radius=ball.radius, flight=known_ball(ball.drag, ball.mass)
+            ball_mass=ball.mass,
+            ball_radius=ball.radius,
+            flight=known_ball(ball.drag, ball.mass),
+            around=Surroundings(floor=self._scene.floor),
         )
         return Catcher(self.arm, self._generator, eyes, settings=settings)
 
@@ -80,27 +86,21 @@ class Bench:
             seed: Seed of the plant's mismatch and of all noise.
             log: Whether to keep a log.
         """
-        world, catcher, meter = self.world, self.catcher(), Meter(self.arm)
-        logger = Logger(self.arm) if log else None
+        world, catcher, rows, over = self.world, self.catcher(), [], False
         world.reset(ball, seed)
-        t_catch, over = np.inf, False
         while not over:
             senses = world.sense(look=catcher.looking)
             with self.stopwatch:
                 command = catcher.step(senses)
-            tick = catcher.tick
-            if tick is None:
-                raise RuntimeError("the catcher left no tick")
             world.apply(command)
-            meter.add(tick.reference, tick.tracked)
-            if tick.reference is not None and abs(tick.reference.time_to_catch) < _NEAR_CATCH:
-                t_catch = senses.t + tick.reference.time_to_catch
-            if logger is not None:
-                logger.add(senses, tick, command)
+            catcher.think()
+            rows.append(catcher.result.tobytes())
             over = self._over()
-        trial = self._score(index, catcher, meter, t_catch)
-        kept = None if logger is None else logger.finish(
-            world.trace(), t_0=catcher.t_0, t_catch=t_catch)  # fmt: skip
+        ticks = np.frombuffer(bytearray().join(rows), catcher.result.dtype)
+        truth = world.trace()
+        meter, t_catch = Meter(self.arm, ticks), catch_time(ticks)
+        trial = self._score(index, catcher, meter, truth, t_catch)
+        kept = log_of(self.arm, ticks, truth, t_0=catcher.t_0, t_catch=t_catch) if log else None
         return Outcome(trial, kept)
 
     def _over(self) -> bool:
@@ -112,17 +112,18 @@ class Bench:
             return world.t >= contact.t + HELD_AFTER
         return world.t >= _LONGEST or world.ball_on_floor
 
-    def _score(self, index: int, catcher: Catcher, meter: Meter, t_catch: float) -> Trial:
+    def _score(
+        self, index: int, catcher: Catcher, meter: Meter, truth: Trace, t_catch: float
+    ) -> Trial:
         """Score the finished trial."""
-        world, verdict, truth = self.world, catcher.verdict, self.world.trace()
+        world, verdict = self.world, catcher.verdict
         torque, speed = meter.peaks(truth)
-        refused = catcher.tick is not None and catcher.tick.phase is Phase.REFUSED
         contact = world.first_contact
         return Trial(
             index=index,
             status=status_of(
                 world,
-                refused=refused,
+                catcher.phase,
                 was_held=held(world.truth(), self._scene.ball.radius),
             ),
             t_catch_s=float(t_catch) if np.isfinite(t_catch) else None,
@@ -137,6 +138,15 @@ class Bench:
             saturated_ticks=meter.saturated,
             range_excess_rad=meter.excess(),
         )
+
+
+def catch_time(ticks: Record) -> float:
+    """Return the time of the catch by the map [s]; infinite without one.
+
+    It is what the map itself announces, the last time it was near.
+    """
+    near = np.flatnonzero(np.abs(ticks["time_to_catch"]) < _NEAR_CATCH)
+    return float((ticks["t"] + ticks["time_to_catch"])[near[-1]]) if len(near) else np.inf
 
 
 def known_ball(drag: float, mass: float) -> FilterConfig:

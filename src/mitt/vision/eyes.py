@@ -1,9 +1,12 @@
 """The eyes of the catcher: images in, ball position out, in one compiled call."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from mitt.errors import InputError, ShapeError
 from mitt.signals import Array, Frame, Image, Sighting
@@ -96,11 +99,29 @@ class Eyes:
         self._boxes = np.zeros((segmentation.WORK, 4), dtype=np.int64)
         self._work = np.empty((triangulation.WORK + n, 3))
         self._none = [np.empty((0, 0), dtype=np.uint8)] * n
+        self._still = (True,) * n
         self.reset()
 
     def reset(self) -> None:
         """Forget the last ball, as before a new throw."""
         forget(self._memory)
+
+    def parts(self) -> dict[str, NDArray[Any]]:
+        """Return the arrays that :func:`look` takes, by name, for whoever composes it."""
+        return {
+            "memory": self._memory,
+            "settings": self._settings,
+            "boxes": self._boxes,
+            "cameras": self._cameras,
+            "belief": self._belief,
+            "work": self._work,
+        }
+
+    def move_to(self, parts: Mapping[str, NDArray[Any]]) -> None:
+        """Use other arrays from now on, named and shaped as :meth:`parts`; values as they are."""
+        self._memory, self._settings = parts["memory"], parts["settings"]
+        self._boxes, self._cameras = parts["boxes"], parts["cameras"]
+        self._belief, self._work = parts["belief"], parts["work"]
 
     def step(self, frames: tuple[Frame, ...]) -> Sighting:
         """Return where the ball is in frames exposed together.
@@ -112,18 +133,11 @@ class Eyes:
             InputError: A frame comes from a camera that the rig does not have.
             ShapeError: A frame is not a two-dimensional image.
         """
-        t = frames[0].t if frames else 0.0
-        images, together = self._none.copy(), [True] * len(self._none)
-        for frame in frames:
-            k = frame.camera
-            if not 0 <= k < len(images):
-                raise InputError("frame.camera", f"0 to {len(images) - 1}", k)
-            images[k] = _plain(frame.pixels)
-            together[k] = abs(frame.t - t) <= self._max_skew
+        images, together, t = self.arrange(frames)
         r_o, covariance = np.empty(3), np.empty((3, 3))
         if look(
-            tuple(images),
-            tuple(together),
+            images,
+            together,
             self._memory,
             self._settings,
             self._boxes,
@@ -136,9 +150,31 @@ class Eyes:
             return Sighting(t=t, found=True, r_o=r_o, covariance=covariance)
         return unseen(t)
 
+    def arrange(
+        self, frames: tuple[Frame, ...]
+    ) -> tuple[tuple[Image, ...], tuple[bool, ...], float]:
+        """Return images, whether they belong together, and their instant, as :func:`look` takes it.
+
+        Args:
+            frames: As for :meth:`step`.
+        """
+        t = frames[0].t if frames else 0.0
+        images, together = self._none.copy(), self._still
+        for frame in frames:
+            k = frame.camera
+            if not 0 <= k < len(images):
+                raise InputError("frame.camera", f"0 to {len(images) - 1}", k)
+            pixels = frame.pixels
+            plain = pixels.size > 0 and pixels.ndim == 2 and pixels.flags.carray
+            images[k] = pixels if plain else _plain(pixels)
+            if frame.t != t:
+                near = abs(frame.t - t) <= self._max_skew
+                together = (*together[:k], near, *together[k + 1 :])
+        return tuple(images), together, t
+
 
 def _plain(pixels: Image) -> Image:
-    """Return an image as the kernels take it, copied where it is a window or write-protected."""
+    """Return a copy, as the kernels take it, of an image that is a window or write-protected."""
     if pixels.ndim != 2 or pixels.size == 0:
         raise ShapeError("frame.pixels", "(height, width)", pixels.shape)
-    return pixels if pixels.flags.carray else np.array(pixels, dtype=np.uint8, order="C")
+    return np.array(pixels, dtype=np.uint8, order="C")

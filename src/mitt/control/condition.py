@@ -1,0 +1,154 @@
+"""In what state a tick leaves the catcher, and why (faults.md, part D).
+
+| state    | what it says                                                                   |
+|----------|--------------------------------------------------------------------------------|
+| NOMINAL  | all is well                                                                    |
+| PREDICT  | no usable measurement of late: the motion follows the prediction               |
+| DEGRADED | one camera, a reading bridged, or a command replaced by braking                |
+| ABORT    | controlled stop within all limits; latched until the caller recovers           |
+| INVALID  | what came in or went out cannot be real; the result does not count             |
+
+Memory, in this order: time of the last tick [s] (NaN: none), ticks in a row without usable time,
+ticks in a row far from the told motion, late ticks so far.
+"""
+
+from enum import Enum
+
+import numpy as np
+from numba import njit
+
+from mitt.control.envelope import TICK
+from mitt.control.monitor import BRIDGED, FINE
+from mitt.signals import Array
+
+NOMINAL, PREDICT, DEGRADED, ABORT, INVALID = range(5)
+
+
+class State(Enum):
+    """State of a tick; the order is that of the numbers."""
+
+    NOMINAL = "nominal"
+    PREDICT = "predict"
+    DEGRADED = "degraded"
+    ABORT = "abort"
+    INVALID = "invalid"
+
+
+class Reason(Enum):
+    """Why a tick is not nominal; the order is that of the numbers."""
+
+    NONE = "none"
+    UNSEEN = "no measurement"
+    ONE_CAMERA = "one camera"
+    LATE = "late tick"
+    BRIDGED = "encoder reading bridged"
+    BLOCKED = "command replaced: the way to standstill is blocked"
+    LOST = "ball lost"
+    SILENT = "encoder silent"
+    JUMPED = "encoder jumped"
+    STUCK = "encoder stuck"
+    REVERSED = "encoder reversed"
+    CLOCK = "clock"
+    OVERRUN = "overrun"
+    TRACKING = "far from the told motion"
+    ASKED = "stop asked for"
+
+
+(_NONE, _UNSEEN, _ONE_CAMERA, _LATE, _BRIDGED, _BLOCKED, LOST, _SILENT, _JUMPED, _STUCK, _REVERSED,
+ CLOCK, OVERRUN, _TRACKING, ASKED) = range(15)  # fmt: skip
+
+_T, _TIMELESS, _FAR, _LATES = range(4)
+MEMORY = 4
+
+#: Longest tick that counts as in time, and longest that is bridged at all [s] (faults.md, row 11).
+_IN_TIME, BRIDGED_TIME = 0.005, 0.020
+#: Ticks without usable time after which the catcher stops.
+_TIMELESS_TICKS = 20
+#: Age of the last measurement from which the ball is predicted, and from which it can be lost [s].
+_FRESH, _OLD = 0.005, 0.020
+#: Gaps to the told motion that count [rad, rad/s], and ticks for which they may last.
+_FAR_Q, _FAR_DQ, _FAR_TICKS = 0.8, 12.0, 20
+
+
+def memory() -> Array:
+    """Return the memory of a catcher that has made no tick, shape (MEMORY,)."""
+    return np.array([np.nan, 0.0, 0.0, 0.0])
+
+
+@njit(cache=True)
+def pass_time(m: Array, t: float) -> tuple[float, int]:
+    """Take the time of a tick in.
+
+    Args:
+        m: Memory, overwritten, shape (MEMORY,).
+        t: Time as told [s].
+
+    Returns:
+        Time to be used [s], which never runs backwards, and what is wrong with it: 0, ``_LATE``,
+        ``CLOCK`` or ``OVERRUN``.
+    """
+    before = m[_T]
+    if np.isnan(before) and np.isfinite(t):
+        m[_T] = t
+        return t, _NONE
+    if not (np.isfinite(t) and t > before):
+        m[_TIMELESS] += 1.0
+        m[_T] = before + TICK if np.isfinite(before) else 0.0
+        return m[_T], CLOCK if m[_TIMELESS] >= _TIMELESS_TICKS else _LATE
+    m[_TIMELESS], m[_T] = 0.0, t
+    if t - before <= _IN_TIME:
+        return t, _NONE
+    m[_LATES] += 1.0
+    return t, OVERRUN if t - before > BRIDGED_TIME else _LATE
+
+
+@njit(cache=True)
+def assess(
+    m: Array,
+    clock: int,
+    encoders: int,
+    blocked: bool,
+    following: bool,
+    age: float,
+    sigma: float,
+    tolerance: float,
+    one_camera: bool,
+    gap_q: float,
+    gap_dq: float,
+) -> tuple[int, int]:
+    """Return state and reason of a tick.
+
+    Args:
+        m: Memory, overwritten, shape (MEMORY,).
+        clock: What is wrong with the time, of :func:`pass_time`.
+        encoders: What is wrong with the worst encoder, of :mod:`mitt.control.monitor`.
+        blocked: Whether the command was replaced by braking.
+        following: Whether the arm follows a ball.
+        age: Age of the last good measurement [s]; infinite without a track.
+        sigma: 1-sigma of the ball's predicted position [m].
+        tolerance: What the hand tolerates of it [m].
+        one_camera: Whether the last measurement came from one camera.
+        gap_q: Largest gap between told and believed joint positions [rad].
+        gap_dq: The same for speeds [rad/s].
+    """
+    far = gap_q > _FAR_Q or gap_dq > _FAR_DQ
+    m[_FAR] = m[_FAR] + 1.0 if far else 0.0
+    if encoders > BRIDGED:
+        return ABORT, _SILENT + encoders - BRIDGED - 1
+    if clock > _LATE:
+        return ABORT, clock
+    if m[_FAR] >= _FAR_TICKS:
+        return ABORT, _TRACKING
+    if following and age > _OLD and sigma > tolerance:
+        return ABORT, LOST
+    if blocked:
+        return DEGRADED, _BLOCKED
+    if encoders != FINE:
+        return DEGRADED, _BRIDGED
+    if clock == _LATE:
+        return DEGRADED, _LATE
+    if following and age > _FRESH:
+        return PREDICT, _UNSEEN
+    if following and one_camera:
+        return DEGRADED, _ONE_CAMERA
+    return NOMINAL, _NONE

@@ -1,0 +1,132 @@
+"""Whether the encoders can be believed, and what state the catcher is in (faults.md, part D).
+
+An encoder is held to what it read a tick ago and to the motion that the arm was told:
+
+* a reading that is not finite, or that no motion within the limits explains, is replaced by dead
+  reckoning along the told motion; the third in a row is a fault, so a single glitch passes;
+* an encoder that does not move while the told motion has come by more than five counts is stuck;
+* one that runs backwards against the acceleration that the torques bring has lost its sign.
+
+From a fault on, the joint is reckoned, not read: the arm is stopped along the model.
+
+Memory of the encoders, a row a joint: last believed q and dq, readings refused in a row, told
+motion since the reading changed [rad], ticks stuck, sums of the speed gained by the torques and by
+the reading over a fading window [rad/s], ticks of disagreement, whether the joint is reckoned,
+the reading that it has not left [rad].
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from mitt.control.envelope import TICK
+from mitt.signals import Array
+
+#: Columns of the memory.
+_Q, _DQ, _REFUSED, _TOLD, _STUCK, _GAINED, _READ, _APART, _RECKONED, _HELD = range(10)
+COLUMNS = 10
+
+#: What is wrong with an encoder; the first two are not a fault yet.
+FINE, BRIDGED, SILENT, JUMPED, STUCK, REVERSED = range(6)
+
+#: Readings in a row that make a fault, and a reading's excess over what a limit explains.
+_IN_A_ROW, _EXCESS = 3, 1.5
+#: Counts of told motion after which a still encoder is suspicious, and ticks until it is stuck.
+_COUNTS, _STILL = 5.0, 4
+#: Share of the window that fades each tick; gained speed from which the signs are compared
+#: [rad/s], the share of it that a reversed encoder shows, and ticks until it counts.
+_FADING, _GAIN, _AGAINST, _TICKS_APART = 0.2, 0.25, 0.3, 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Encoders:
+    """What is known of the encoders.
+
+    Attributes:
+        count: Resolution [rad]; the default is a WAM's at joint 1, 4096 counts a motor turn.
+    """
+
+    count: float = 2.0 * np.pi / (4096.0 * 42.0)
+
+
+def memory_of(n: int) -> Array:
+    """Return the memory of ``n`` encoders that have not been read yet, shape (n, COLUMNS)."""
+    memory = np.zeros((n, COLUMNS))
+    memory[:, _Q] = np.nan
+    return memory
+
+
+@njit(cache=True)
+def believe(
+    memory: Array,
+    b: Array,
+    count: float,
+    read: Array,
+    told: Array,
+    believed: Array,
+) -> int:
+    """Write what is believed of the joints, and say what is wrong with the worst encoder.
+
+    Args:
+        memory: Overwritten, shape (n, COLUMNS).
+        b: Limits, as of :mod:`mitt.control.envelope`, shape (>= 5, n).
+        count: Resolution of the encoders [rad].
+        read: q, dq as read [rad, rad/s], shape (2, n).
+        told: q, dq, ddq, tau told in the tick before, and the acceleration that its torques
+            bring by the model, shape (5, n).
+        believed: Result: q, dq, shape (2, n).
+    """
+    worst = FINE
+    for k in range(read.shape[1]):
+        m, q, dq = memory[k], read[0, k], read[1, k]
+        if np.isnan(m[_Q]) and np.isfinite(q) and np.isfinite(dq):
+            m[_Q], m[_DQ], m[_HELD] = q, dq, q
+        found = _judge(m, b[2, k], b[4, k], count, q, dq, told[1, k], told[4, k])
+        if found >= SILENT:
+            m[_RECKONED] = 1.0
+        if found == FINE and m[_RECKONED] == 0.0:
+            m[_Q], m[_DQ] = q, dq
+        elif not np.isnan(m[_Q]):
+            m[_Q], m[_DQ] = m[_Q] + TICK * told[1, k], told[1, k]
+        if not np.isnan(m[_Q]):
+            believed[0, k], believed[1, k] = m[_Q], m[_DQ]
+        worst = max(worst, found)
+    return worst
+
+
+@njit(cache=True)
+def _judge(
+    m: Array,
+    dq_max: float,
+    ddq_max: float,
+    count: float,
+    q: float,
+    dq: float,
+    told: float,
+    push: float,
+) -> int:
+    """Say what is wrong with one encoder."""
+    finite = np.isfinite(q) and np.isfinite(dq)
+    if not finite or np.isnan(m[_Q]):
+        m[_REFUSED] += 1.0
+        return SILENT if m[_REFUSED] >= _IN_A_ROW else BRIDGED
+    moved, gained = q - m[_Q], dq - m[_DQ]
+    far = abs(moved) > _EXCESS * dq_max * TICK + _COUNTS * count
+    fast = abs(dq) > _EXCESS * dq_max or abs(gained) > _EXCESS * ddq_max * TICK + count / TICK
+    if far or fast:
+        m[_REFUSED] += 1.0
+        return JUMPED if m[_REFUSED] >= _IN_A_ROW else BRIDGED
+    m[_REFUSED] = 0.0
+    if abs(q - m[_HELD]) >= 0.5 * count:
+        m[_HELD], m[_TOLD] = q, 0.0
+    else:
+        m[_TOLD] += told * TICK
+    m[_STUCK] = m[_STUCK] + 1.0 if abs(m[_TOLD]) > _COUNTS * count else 0.0
+    m[_GAINED] += push * TICK - _FADING * m[_GAINED]
+    m[_READ] += gained - _FADING * m[_READ]
+    against = m[_READ] * np.copysign(1.0, m[_GAINED]) < -_AGAINST * abs(m[_GAINED])
+    m[_APART] = m[_APART] + 1.0 if abs(m[_GAINED]) > _GAIN and against else 0.0
+    if m[_STUCK] >= _STILL:
+        return STUCK
+    return REVERSED if m[_APART] >= _TICKS_APART else FINE

@@ -1,0 +1,278 @@
+"""What the compiled tick knows and what it brings about, as records, and what these mean.
+
+A record is a structured array of shape (1,): compiled code reads and writes its fields in place,
+and Python sees the same fields by the same names.
+"""
+
+from dataclasses import dataclass, field
+from enum import Enum
+from functools import lru_cache
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitt.control import condition, monitor
+from mitt.control.condition import Reason, State
+from mitt.control.hand import pack_grip
+from mitt.control.monitor import Encoders
+from mitt.control.tracking import NOTES, ROWS, Tracked
+from mitt.control.viability import Guard
+from mitt.generator.certificate import waiting_height
+from mitt.generator.mapping import DirectMap
+from mitt.robot.arm import Arm
+from mitt.robot.shapes import Surroundings
+from mitt.signals import BallState, Command, JointReference, MapStatus
+from mitt.vision import memory
+from mitt.vision.eyes import Eyes
+from mitt.vision.filter import THROWN_BALL, FilterConfig, settings_of
+
+Record: TypeAlias = NDArray[np.void]
+Fields: TypeAlias = dict[str, NDArray[Any] | float]
+
+#: What the catcher is about, in the field ``phase``; the names are those of :class:`Phase`.
+WATCH, FOLLOW, BRAKE, REFUSED, STOPPED = range(5)
+
+
+class Phase(Enum):
+    """What the catcher is about."""
+
+    WATCH = "watch"
+    FOLLOW = "follow"
+    BRAKE = "brake"
+    REFUSED = "refused"
+    STOPPED = "stopped"
+
+
+#: The phases in the order of their numbers.
+PHASES = tuple(Phase)
+#: States and reasons in the order of their numbers.
+STATES, REASONS = tuple(State), tuple(Reason)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CatcherSettings:
+    """Settings of the catcher.
+
+    Attributes:
+        bandwidth: Bandwidth of the tracking error [rad/s].
+        sigma_ready: Predicted 1-sigma at the catch at which the arm starts to move [m].
+        watch: Longest time from first sight to the verdict [s].
+        adapt_q: Gap between desired and true joint angles at which to adapt anew [rad].
+        adapt_dq: The same for joint speeds [rad/s].
+        adapt_until: Time to the catch below which the map is left as it is [s].
+        ball_mass: Mass of the ball, carried by the model while it is held [kg].
+        ball_radius: Radius of the ball [m]; the eyes are told the same.
+        flight: What the filter believes of the ball's flight.
+        around: What stands around the arm and is not to be touched.
+        encoders: What is known of the joint encoders.
+        tolerance: 1-sigma of the ball's position beyond which an unseen ball is lost [m]; a hand
+            needs about 2 cm (facts.md, section 4).
+    """
+
+    bandwidth: float = 80.0
+    sigma_ready: float = 0.02
+    watch: float = 0.08
+    adapt_q: float = 0.06
+    adapt_dq: float = 1.2
+    adapt_until: float = 0.05
+    ball_mass: float = 0.07
+    ball_radius: float = 0.04
+    flight: FilterConfig = field(default_factory=lambda: THROWN_BALL)
+    around: Surroundings = field(default_factory=Surroundings)
+    encoders: Encoders = field(default_factory=Encoders)
+    tolerance: float = 0.02
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tick:
+    """All that one tick brought about.
+
+    Attributes:
+        phase: Phase in which it was made.
+        ball: Estimate of the ball, carried to the time of the command.
+        reference: What the generator asked for, before any limit; None while it is not asked.
+        tracked: Command and its parts.
+        state: State of the catcher.
+        reason: Why it is not nominal.
+        age: Age of the last good measurement of the ball [s]; infinite without a track.
+        sigma: 1-sigma of the ball's predicted position [m]; infinite without a track.
+    """
+
+    phase: Phase
+    ball: BallState
+    reference: JointReference | None
+    tracked: Tracked
+    state: State
+    reason: Reason
+    age: float
+    sigma: float
+
+
+def record_of(fields: Fields) -> Record:
+    """Return a record, shape (1,), with these fields and values."""
+    values = {name: np.asarray(value) for name, value in fields.items()}
+    layout = tuple((name, value.dtype.str, value.shape) for name, value in values.items())
+    record = np.zeros(1, _layout(layout))
+    for name, value in values.items():
+        record[name][0] = value
+    return record
+
+
+@lru_cache(maxsize=64)
+def _layout(fields: tuple[tuple[str, str, tuple[int, ...]], ...]) -> np.dtype[np.void]:
+    """Return the layout of a record; the same object for the same fields.
+
+    Numba knows a type by the object, and compares field by field where it is another: 7 us a call.
+    """
+    return np.dtype(list(fields), align=True)
+
+
+def fresh_result(n: int) -> Record:
+    """Return the result of no tick for ``n`` joints.
+
+    Fields:
+        t: Time of the tick [s].
+        phase: Phase in which it was made.
+        encoders: q, dq as read [rad, rad/s], shape (2, n).
+        looked: Whether there was something to see and to estimate.
+        ball: r_o, dr_o, ddr_o of the ball at ``t_ball``, shape (3, 3), zero if not ``tracked``;
+            with them ``covariance``, ``drag``, ``t_seen``, ``t_first`` of ``BallState``.
+        following: Whether the generator was asked.
+        inside: Whether its answer is a motion.
+        asked: q_d, q_o and their derivatives, shape (6, n).
+        time_to_catch: Time to the catch [s]; infinite where none is in sight.
+        told: q, dq, ddq, tau of the command, and the acceleration that tau brings by the model,
+            shape (5, n).
+        hand: Closing angle of the fingers commanded [rad].
+        saturated: Whether a torque limit was met.
+        state, reason: As in :mod:`mitt.control.condition`.
+        age: Age of the last good measurement [s]; infinite without a track.
+        sigma: 1-sigma of the ball's predicted position [m]; infinite without a track.
+    """
+    fields: Fields = {
+        "t": 0.0, "phase": np.int64(WATCH), "encoders": np.zeros((2, n)),
+        "ball": np.zeros((3, 3)), "t_ball": 0.0, "tracked": np.bool_(False),
+        "covariance": np.zeros((6, 6)), "drag": 0.0, "t_seen": -np.inf, "t_first": -np.inf,
+        "following": np.bool_(False), "inside": np.bool_(False), "asked": np.zeros((6, n)),
+        "time_to_catch": np.inf, "told": np.zeros((ROWS, n)), "hand": 0.0,
+        "saturated": np.bool_(False), "state": np.int64(0), "reason": np.int64(0),
+        "age": np.inf, "sigma": np.inf,
+    }  # fmt: skip
+    return record_of(fields)
+
+
+def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
+    """Return what a catcher knows and remembers at the start of a throw.
+
+    Fields:
+        phase, open: Phase, and whether the ball's stand-in is followed.
+        believed: q, dq of the joints as the monitor believes them [rad, rad/s], shape (2, n).
+        begun: Whether there was a tick.
+        encoder_memory, encoder_count: As in :mod:`mitt.control.monitor`.
+        condition, clock, encoders, tolerance: As in :mod:`mitt.control.condition`.
+        shapes, pairs, guard_work, last: As in :mod:`mitt.control.viability`.
+        wanted: q_d, dq_d, ddq_d of the last tick, shape (3, n).
+        t_brake: Time at which braking began [s].
+        eyes_...: Arrays of :func:`mitt.vision.eyes.look`; z, R: its results.
+        ball_...: Memory, settings and scratch of :mod:`mitt.vision.belief`.
+        closing, grip: As in :mod:`mitt.control.hand`.
+        adapt_...: As in :class:`CatcherSettings`.
+        bandwidth, track_notes, target: For the tracking, and scratch.
+    """
+    s, n = settings, arm.n
+    still = np.zeros(n)
+    fields: Fields = {
+        "phase": np.int64(WATCH), "open": np.bool_(False),
+        "believed": np.array([arm.q_ready, still]), "wanted": np.array([arm.q_ready, still, still]),
+        "t_brake": 0.0, "z": np.zeros(3), "R": np.zeros((3, 3)), "target": np.zeros((3, 3)),
+        "ball_memory": memory.fresh(), "ball_settings": settings_of(s.flight),
+        "ball_work": np.zeros(memory.WORK), "closing": np.array([np.inf]),
+        "grip": pack_grip(arm.model.hand, s.ball_radius), "adapt_q": s.adapt_q,
+        "adapt_dq": s.adapt_dq, "adapt_until": s.adapt_until, "bandwidth": s.bandwidth,
+        "track_notes": np.zeros((len(arm.model.links), NOTES)), "begun": np.bool_(False),
+        "encoder_memory": monitor.memory_of(n), "encoder_count": s.encoders.count,
+        "condition": condition.memory(), "clock": np.int64(0), "encoders": np.int64(0),
+        "tolerance": s.tolerance, "asked_to_stop": np.bool_(False),
+        "last": np.array([arm.q_ready, still]),
+    }  # fmt: skip
+    return fields | {f"eyes_{name}": value for name, value in eyes.parts().items()}
+
+
+def arm_fields(arm: Arm, around: Surroundings) -> Fields:
+    """Return what the tracking knows of an arm, which changes when it holds the ball."""
+    guard = Guard(arm, around)
+    return {
+        "bounds": guard.bounds,
+        "shapes": guard.shapes.table,
+        "pairs": guard.shapes.pairs,
+        "guard_work": guard.work,
+        "drives": arm.limits.packed,
+        "bodies": arm.bodies,
+        "index": np.array(arm.model.active),
+    }
+
+
+def map_fields(f: DirectMap) -> Fields:
+    """Return a map as the kernels of :mod:`mitt.generator.mapping` take it."""
+    return {
+        "packed": f.packed,
+        "powers": f.basis.powers,
+        "window": f.window,
+        "alpha": f.alpha,
+        "start": f.start,
+        "map_work": f.work,
+        "waiting_height": waiting_height(f),
+    }
+
+
+def tick_of(row: Record) -> Tick:
+    """Return a copied result as what it means."""
+    command = Command(
+        t=row["t"].item(),
+        q=row["told"][0, 0],
+        dq=row["told"][0, 1],
+        ddq=row["told"][0, 2],
+        tau=row["told"][0, 3],
+        hand=row["hand"].item(),
+    )
+    return Tick(
+        phase=PHASES[row["phase"].item()],
+        ball=ball_of(row),
+        reference=_reference_of(row) if row["following"].item() else None,
+        tracked=Tracked(command=command, saturated=row["saturated"].item()),
+        state=STATES[row["state"].item()],
+        reason=REASONS[row["reason"].item()],
+        age=row["age"].item(),
+        sigma=row["sigma"].item(),
+    )
+
+
+def ball_of(row: Record) -> BallState:
+    """Return the estimate in a copied result."""
+    return BallState(
+        t=row["t_ball"].item(),
+        tracked=row["tracked"].item(),
+        r_o=row["ball"][0, 0],
+        dr_o=row["ball"][0, 1],
+        ddr_o=row["ball"][0, 2],
+        drag=row["drag"].item(),
+        covariance=row["covariance"][0],
+        t_seen=row["t_seen"].item(),
+        t_first=row["t_first"].item(),
+    )
+
+
+def _reference_of(row: Record) -> JointReference:
+    """Return what the generator asked for in a copied result."""
+    asked = row["asked"][0]
+    return JointReference(
+        t=row["t"].item(),
+        status=MapStatus.INSIDE if row["inside"].item() else MapStatus.DOMAIN,
+        q_d=asked[0],
+        dq_d=asked[1],
+        ddq_d=asked[2],
+        q_o=asked[3],
+        dq_o=asked[4],
+        time_to_catch=row["time_to_catch"].item(),
+    )

@@ -1,0 +1,239 @@
+"""What the arm is made of, for telling how far it is from itself and from what stands around it.
+
+Every shape is a capsule, but for the floor. Moving ones hang on a link; those that stand still are
+the arm's base and the zones to be kept out of. A pair is watched if the arm in its ready pose
+keeps the two apart: shapes that overlap at a joint are not obstacles to one another.
+
+Shapes, one a row: link that carries it (``STILL``, ``FLOOR``), start, end [m], radius [m]; of the
+floor the height stands in the place of the start's z.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mitt.errors import InputError
+from mitt.robot.arm import Arm
+from mitt.robot.description import ArmModel, Capsule
+from mitt.robot.hands import HandModel
+from mitt.robot.vectors import (
+    IDENTITY,
+    ZERO,
+    Vec,
+    compose,
+    dot,
+    minus,
+    plus,
+    put,
+    rotate,
+    row,
+    times,
+    turn,
+)
+from mitt.signals import Array
+
+#: What stands in the place of a link's index.
+STILL, FLOOR = -1, -2
+#: Gap in the ready pose above which a pair is watched [m].
+_APART = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Surroundings:
+    """What stands around the arm.
+
+    Attributes:
+        floor: Height of the floor in the world frame [m].
+        zones: Capsules in the world frame that no part of the arm may enter, as about the heads.
+    """
+
+    floor: float = -1.0
+    zones: tuple[Capsule, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse what is not finite."""
+        if not np.isfinite(self.floor):
+            raise InputError("floor", "a height [m]", self.floor)
+        for zone in self.zones:
+            numbers = (*zone.start, *zone.end, zone.radius)
+            if not (np.all(np.isfinite(numbers)) and zone.radius > 0.0):
+                raise InputError("zone", "finite ends and a radius above 0 m", zone)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Shapes:
+    """Shapes of an arm and of what stands around it, as arrays.
+
+    Attributes:
+        table: As of the module's text, shape (m, 8).
+        pairs: Indices of shapes to be kept apart, shape (p, 2).
+        reach: Farthest of any point from each active joint [m], shape (n,); 1 where it slides.
+    """
+
+    table: Array
+    pairs: NDArray[np.int64]
+    reach: Array
+
+    @property
+    def ends(self) -> Array:
+        """Scratch for the ends of the shapes in the world, shape (2 m, 3)."""
+        return np.zeros((2 * len(self.table), 3))
+
+
+def shapes_of(arm: Arm, around: Surroundings) -> Shapes:
+    """Return the shapes of an arm with its hand and of what stands around it."""
+    still = [_row(STILL, x, arm.model.mount) for x in arm.model.base_capsules]
+    still += [_row(STILL, x, np.eye(4)) for x in around.zones]
+    floor = np.array([FLOOR, 0.0, 0.0, around.floor, 0.0, 0.0, 0.0, 0.0])
+    table = np.array([floor, *still, *_moving(arm.model)])
+    ends = np.zeros((2 * len(table), 3))
+    place(arm.bodies, arm.q_ready, table, ends)
+    apart = [
+        (a, b)
+        for a, b in combinations(range(len(table)), 2)
+        if table[a, 0] != table[b, 0] and table[b, 0] >= 0 and gap(table, ends, a, b) > _APART
+    ]
+    pairs = np.array(apart, dtype=np.int64).reshape(len(apart), 2)
+    return Shapes(table=table, pairs=pairs, reach=_reach(arm, table))
+
+
+def hand_capsules(hand: HandModel) -> tuple[Capsule, ...]:
+    """Return capsules on the tool plate that hold the palm, and the fingers at any angle."""
+    finger = hand.finger
+    points = np.array([finger.points(x) for x in np.linspace(0.0, hand.drive.closed, 31)])
+    width = float(np.hypot(np.abs(points[..., 0]).max(), finger.offset) + finger.thickness)
+    low, high = points[..., 1].min() - finger.thickness, points[..., 1].max() + finger.thickness
+    # The tops of the swept fingers are narrow: the round end of the capsule covers them.
+    end = float(max(high - 0.5 * width, low))
+    return (
+        Capsule(start=(0.0, 0.0, 0.0), end=(0.0, 0.0, 0.5 * hand.palm_height), radius=0.045),
+        Capsule(start=(0.0, 0.0, float(low)), end=(0.0, 0.0, end), radius=width),
+    )
+
+
+def _moving(model: ArmModel) -> Iterator[Array]:
+    """Yield the rows of the shapes of links and hand."""
+    for k, link in enumerate(model.links):
+        yield from (_row(k, x, np.eye(4)) for x in link.capsules)
+    if model.hand is not None:
+        last = len(model.links) - 1
+        yield from (_row(last, x, model.tool) for x in hand_capsules(model.hand))
+
+
+def _row(carrier: int, capsule: Capsule, T: Array) -> Array:
+    """Return a capsule as a row, moved by a transform."""
+    start, end = (T[:3, :3] @ np.array(x) + T[:3, 3] for x in (capsule.start, capsule.end))
+    return np.array([carrier, *start, *end, capsule.radius])
+
+
+def _reach(arm: Arm, table: Array) -> Array:
+    """Return a bound on the distance of any moving point from each active joint, shape (n,)."""
+    links, out, beyond = arm.model.links, np.ones(arm.n), 0.0
+    for k in range(len(links) - 1, -1, -1):
+        own = table[table[:, 0] == k]
+        far = [max(np.linalg.norm(x[1:4]), np.linalg.norm(x[4:7])) + x[7] for x in own]
+        beyond = max([beyond, *far])
+        if links[k].prismatic:
+            beyond += max(abs(links[k].q_min), abs(links[k].q_max))
+        elif links[k].held is None:
+            out[arm.model.active.index(k)] = beyond
+        beyond += float(np.linalg.norm(links[k].placement[:3, 3]))
+    return out
+
+
+@njit(cache=True)
+def place(bodies: Array, q: Array, table: Array, ends: Array) -> None:
+    """Write where both ends of every shape are in the world.
+
+    Args:
+        bodies: Table of :mod:`mitt.robot.dynamics`, shape (N, 31).
+        q: Active joint positions [rad], shape (n,).
+        table: Shapes, those that stand still first, then by link, shape (m, 8).
+        ends: Result [m], shape (2 m, 3).
+    """
+    R, p, at = IDENTITY, ZERO, 0
+    for link in range(-1, len(bodies)):
+        if link >= 0:
+            axis, j = (bodies[link, 12], bodies[link, 13], bodies[link, 14]), int(bodies[link, 30])
+            p = plus(p, rotate(R, (bodies[link, 9], bodies[link, 10], bodies[link, 11])))
+            R = compose(R, (
+                bodies[link, 0], bodies[link, 1], bodies[link, 2],
+                bodies[link, 3], bodies[link, 4], bodies[link, 5],
+                bodies[link, 6], bodies[link, 7], bodies[link, 8],
+            ))  # fmt: skip
+            if j >= 0 and bodies[link, 15] > 0.0:
+                p = plus(p, rotate(R, times(q[j], axis)))
+            elif j >= 0:
+                R = compose(R, turn(axis, q[j]))
+        while at < len(table) and table[at, 0] <= link:
+            put(ends, 2 * at, plus(p, rotate(R, (table[at, 1], table[at, 2], table[at, 3]))))
+            put(ends, 2 * at + 1, plus(p, rotate(R, (table[at, 4], table[at, 5], table[at, 6]))))
+            at += 1
+
+
+@njit(cache=True)
+def segment_distance(a: Vec, b: Vec, c: Vec, d: Vec) -> float:
+    """Return the distance of the segments a-b and c-d [m] (Ericson 2004, section 5.1.9)."""
+    u, v, w = minus(b, a), minus(d, c), minus(a, c)
+    uu, vv, uv, uw, vw = dot(u, u), dot(v, v), dot(u, v), dot(u, w), dot(v, w)
+    s, t = 0.0, 0.0
+    if uu <= 1e-18 and vv <= 1e-18:
+        return float(np.sqrt(dot(w, w)))
+    if uu <= 1e-18:
+        t = min(max(vw / vv, 0.0), 1.0)
+    elif vv <= 1e-18:
+        s = min(max(-uw / uu, 0.0), 1.0)
+    else:
+        across = uu * vv - uv * uv
+        if across > 1e-12 * uu * vv:
+            s = min(max((uv * vw - uw * vv) / across, 0.0), 1.0)
+        t = (uv * s + vw) / vv
+        if t < 0.0:
+            t, s = 0.0, min(max(-uw / uu, 0.0), 1.0)
+        elif t > 1.0:
+            t, s = 1.0, min(max((uv - uw) / uu, 0.0), 1.0)
+    apart = minus(plus(w, times(s, u)), times(t, v))
+    return float(np.sqrt(dot(apart, apart)))
+
+
+@njit(cache=True)
+def gap(table: Array, ends: Array, a: int, b: int) -> float:
+    """Return the gap between two placed shapes [m]; negative where they overlap.
+
+    Args:
+        table: Shapes, shape (m, 8).
+        ends: Where they are, shape (2 m, 3).
+        a: Index of one shape, which may be the floor.
+        b: Index of another one, which is a capsule.
+    """
+    if table[a, 0] == FLOOR:
+        lowest = min(ends[2 * b, 2], ends[2 * b + 1, 2])
+        return float(lowest - table[b, 7] - table[a, 3])
+    apart = segment_distance(
+        row(ends, 2 * a), row(ends, 2 * a + 1), row(ends, 2 * b), row(ends, 2 * b + 1)
+    )
+    return float(apart - table[a, 7] - table[b, 7])
+
+
+@njit(cache=True)
+def clearance(
+    bodies: Array, q: Array, table: Array, pairs: NDArray[np.int64], ends: Array
+) -> float:
+    """Return the smallest gap of any watched pair [m]; infinite if none is watched.
+
+    Args:
+        bodies: Table of :mod:`mitt.robot.dynamics`, shape (N, 31).
+        q: Active joint positions [rad], shape (n,).
+        table: ``Shapes.table``.
+        pairs: ``Shapes.pairs``.
+        ends: Scratch, shape (2 m, 3).
+    """
+    place(bodies, q, table, ends)
+    nearest = np.inf
+    for k in range(len(pairs)):
+        nearest = min(nearest, gap(table, ends, pairs[k, 0], pairs[k, 1]))
+    return float(nearest)

@@ -1,0 +1,223 @@
+"""One tick, from images to torque, in one compiled call.
+
+    images -> look -> absorb, speak -> reference -> close, track -> torques, fingers
+
+The kernels are those of the stages, composed; none is written a second time. All that they know
+and remember lies in one record, ``state``; what a tick brings about lies in another, ``result``
+(:mod:`mitt.records`).
+
+A generator that is no map takes the same way in two halves, :func:`perceive` and :func:`act`, with
+its own ``reference`` between them.
+"""
+
+import numpy as np
+from numba import njit
+
+from mitt.control.condition import ABORT, ASKED, assess, pass_time
+from mitt.control.envelope import TICK, slow_down
+from mitt.control.hand import close, has_closed
+from mitt.control.monitor import believe
+from mitt.control.tracking import largest_gap, track
+from mitt.control.viability import BLOCKED, guard
+from mitt.generator.certificate import level
+from mitt.generator.mapping import reference, time_to_catch
+from mitt.records import BRAKE, FOLLOW, STOPPED, WATCH, Record
+from mitt.signals import Array, Image
+from mitt.vision import memory as at
+from mitt.vision.belief import absorb, speak
+from mitt.vision.eyes import look
+
+#: What is to be thought about after a tick, as bits of its result: the verdict is open, the ball
+#: has left the arm behind, the fingers are about to have closed, the catcher has stopped.
+DECIDE, LAGS, GRASPS, STOPS = 1, 2, 4, 8
+
+#: Variance of a sighting, all directions together, above which one camera made it [m^2].
+ONE_EYED = 1.0
+
+
+@njit(cache=True)
+def tick(
+    images: tuple[Image, ...],
+    together: tuple[bool, ...],
+    t_exposed: float,
+    t: float,
+    q: Array,
+    dq: Array,
+    brake: Array,
+    state: Record,
+    result: Record,
+) -> int:
+    """See, estimate, generate by the map, close, track.
+
+    Args:
+        images: One a camera, shape (height, width); empty where there is none.
+        together: Whether each was exposed at ``t_exposed``.
+        t_exposed: Instant of the exposure [s].
+        t: Time of the tick [s].
+        q: Encoders [rad], shape (n,).
+        dq: Encoders [rad/s], shape (n,).
+        brake: q, dq, ddq while braking, a row each tick, shape (k, 3, n).
+        state: All that is known and remembered, overwritten.
+        result: What the tick brings about.
+
+    Returns:
+        What is to be thought about: bits.
+    """
+    perceive(images, together, t_exposed, t, q, dq, state, result)
+    refer(state, result)
+    return int(act(brake, state, result))
+
+
+@njit(cache=True)
+def perceive(
+    images: tuple[Image, ...],
+    together: tuple[bool, ...],
+    t_exposed: float,
+    t: float,
+    q: Array,
+    dq: Array,
+    state: Record,
+    result: Record,
+) -> None:
+    """Take encoders and images in and carry the estimate to the time of the command; see tick."""
+    s, out = state[0], result[0]
+    t, s["clock"] = pass_time(s["condition"], t)
+    out["t"], out["phase"] = t, s["phase"]
+    out["inside"], out["time_to_catch"] = False, np.inf
+    out["following"] = s["phase"] == FOLLOW
+    encoders = out["encoders"]
+    for k in range(len(q)):
+        encoders[0, k], encoders[1, k] = q[k], dq[k]
+    s["encoders"] = believe(
+        s["encoder_memory"], s["bounds"], s["encoder_count"], encoders, out["told"], s["believed"]
+    )
+    if not s["begun"]:  # nothing is wanted yet but to stay
+        s["last"][:] = s["believed"]
+        s["wanted"][0] = s["believed"][0]
+        s["begun"] = True
+    if s["phase"] == BRAKE:  # the ball is where the hand is, and the estimate stays
+        return
+    if look(
+        images,
+        together,
+        s["eyes_memory"],
+        s["eyes_settings"],
+        s["eyes_boxes"],
+        s["eyes_cameras"],
+        s["eyes_belief"],
+        s["eyes_work"],
+        s["z"],
+        s["R"],
+    ):
+        absorb(s["ball_memory"], t_exposed, s["z"], s["R"], s["ball_settings"], s["ball_work"])
+    memory = s["ball_memory"]
+    tracked = speak(memory, t, s["ball_settings"], out["ball"], out["covariance"], s["ball_work"])
+    out["tracked"], out["t_ball"] = tracked, t
+    out["drag"] = memory[at.BALL + 6] if tracked else 0.0
+    out["t_seen"] = memory[at.T_SEEN] if tracked else -np.inf
+    out["t_first"] = memory[at.T_FIRST] if tracked else -np.inf
+
+
+@njit(cache=True)
+def refer(state: Record, result: Record) -> None:
+    """Ask the map for the desired motion; while the verdict is open, for the ball's stand-in."""
+    s, out = state[0], result[0]
+    if s["phase"] != FOLLOW:
+        return
+    target, rows = s["target"], out["asked"]
+    target[:] = out["ball"]
+    if s["open"]:
+        level(target, s["waiting_height"])
+    rows[3] = s["start"]
+    if reference(s["packed"], s["powers"], s["window"], s["alpha"], target, rows, s["map_work"]):
+        out["inside"] = True
+        out["time_to_catch"] = time_to_catch(s["packed"], rows)
+
+
+@njit(cache=True)
+def act(brake: Array, state: Record, result: Record) -> int:
+    """Close the hand and track what was asked, or what braking takes; see :func:`tick`."""
+    s, out = state[0], result[0]
+    t, phase, wanted, believed = out["t"], s["phase"], s["wanted"], s["believed"]
+    if phase == FOLLOW:
+        if out["inside"]:
+            wanted[:] = out["asked"][:3]
+        else:
+            wanted[1:] = 0.0
+    elif phase == BRAKE:
+        wanted[:] = brake[min(max(round((t - s["t_brake"]) / TICK), 0), len(brake) - 1)]
+    elif phase == STOPPED:
+        slow_down(s["bounds"], s["last"], wanted)
+    out["told"][:3] = wanted
+    passed = guard(
+        s["bodies"],
+        s["shapes"],
+        s["pairs"],
+        s["bounds"],
+        s["last"],
+        out["told"][:3],
+        s["guard_work"],
+    )
+    out["hand"] = close(s["closing"], s["grip"], t, out["time_to_catch"])
+    out["saturated"] = track(
+        s["bounds"],
+        s["bandwidth"],
+        s["drives"],
+        s["bodies"],
+        s["index"],
+        believed[0],
+        believed[1],
+        out["told"],
+        s["track_notes"],
+    )
+    _report(passed == BLOCKED, state, result)
+    if s["phase"] == STOPPED:
+        return STOPS if phase != STOPPED else 0
+    if phase == WATCH:
+        return DECIDE if out["tracked"] else 0
+    return _afterwards(state, result) if phase == FOLLOW else 0
+
+
+@njit(cache=True)
+def _report(blocked: bool, state: Record, result: Record) -> None:
+    """Write state, reason, age and sigma; from an abort on the arm stops and stays."""
+    s, out = state[0], result[0]
+    P, believed, told = out["covariance"], s["believed"], out["told"]
+    out["age"] = out["t"] - out["t_seen"]
+    out["sigma"] = np.sqrt((P[0, 0] + P[1, 1] + P[2, 2]) / 3.0) if out["tracked"] else np.inf
+    if out["state"] == ABORT:
+        return
+    R = s["R"]
+    out["state"], out["reason"] = assess(
+        s["condition"],
+        s["clock"],
+        s["encoders"],
+        blocked,
+        s["phase"] == FOLLOW,
+        out["age"],
+        out["sigma"],
+        s["tolerance"],
+        R[0, 0] + R[1, 1] + R[2, 2] > ONE_EYED,
+        largest_gap(told[0], believed[0]),
+        largest_gap(told[1], believed[1]),
+    )
+    if s["asked_to_stop"]:
+        out["state"], out["reason"] = ABORT, ASKED
+    if out["state"] == ABORT:
+        s["phase"] = STOPPED
+
+
+@njit(cache=True)
+def _afterwards(state: Record, result: Record) -> int:
+    """Return what is to be thought about while a ball is followed."""
+    s, out = state[0], result[0]
+    todo = DECIDE if s["open"] else 0
+    if out["inside"] and out["time_to_catch"] >= s["adapt_until"]:
+        asked, believed = out["asked"], s["believed"]
+        gap = largest_gap(asked[0], believed[0]) / s["adapt_q"]
+        lag = largest_gap(asked[1], believed[1]) / s["adapt_dq"]
+        if max(gap, lag) >= 1.0:
+            todo |= LAGS
+    if has_closed(s["closing"], s["grip"], out["t"] + TICK, True):
+        todo |= GRASPS
+    return todo

@@ -1,0 +1,131 @@
+"""Laws of the encoders' monitor: silent on what an arm can do, quick on what it cannot."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mitt.control import monitor
+from mitt.control.envelope import TICK, bounds_of
+from mitt.control.monitor import BRIDGED, FINE, JUMPED, REVERSED, SILENT, STUCK, Encoders
+from mitt.robot.arm import Arm
+from mitt.signals import Array
+
+COUNT = Encoders().count
+#: A fault is found so many ticks after it shows itself (faults.md, row 19).
+WITHIN = 5
+FAULTS = (SILENT, JUMPED, STUCK, REVERSED)
+#: Share by which the true acceleration may differ from the model's.
+WRONG_MODEL = 0.15
+
+seeds = st.integers(0, 2**31)
+
+
+def motion(arm: Arm, seed: int, ticks: int) -> tuple[Array, Array, Array]:
+    """Return a smooth motion within the limits: q, dq, ddq, each shape (ticks, n)."""
+    rng, b = np.random.default_rng(seed), bounds_of(arm)
+    w = rng.uniform(3.0, 12.0, arm.n)
+    size = 0.7 * np.minimum(b[2] / w, b[4] / w**2) * rng.uniform(0.1, 1.0, arm.n)
+    size = np.minimum(size, 0.6)
+    t = TICK * np.arange(ticks)[:, None]
+    phase = rng.uniform(0.0, 2.0 * np.pi, arm.n)
+    q = arm.q_ready + size * np.sin(w * t + phase)
+    return q, size * w * np.cos(w * t + phase), -size * w**2 * np.sin(w * t + phase)
+
+
+def quantised(q: Array) -> Array:
+    """Return what an encoder of finite resolution reads."""
+    return COUNT * np.round(q / COUNT)
+
+
+def telling(dq: Array, push: Array) -> Array:
+    """Return what a tick told the arm, as far as the monitor reads it, shape (5, n)."""
+    return np.array([0.0 * dq, dq, 0.0 * dq, 0.0 * dq, push])
+
+
+class Watch:
+    """A monitor that is fed a motion, tick by tick."""
+
+    def __init__(self, arm: Arm) -> None:
+        """Start with nothing read."""
+        self.b = bounds_of(arm)
+        self.memory, self.believed = monitor.memory_of(arm.n), np.zeros((2, arm.n))
+
+    def step(self, read: Array, told: Array) -> int:
+        """Feed one tick."""
+        return monitor.believe(self.memory, self.b, COUNT, read, told, self.believed)
+
+
+@given(seed=seeds)
+def test_a_true_motion_raises_no_alarm(arm: Arm, seed: int) -> None:
+    """Quantised readings of a motion, told with a model 15 % wrong, are believed as they are."""
+    q, dq, ddq = motion(arm, seed, 600)
+    rng, watch = np.random.default_rng(seed), Watch(arm)
+    wrong = 1.0 + rng.uniform(-WRONG_MODEL, WRONG_MODEL, arm.n)
+    for k in range(1, 600):
+        read = np.array([quantised(q[k]), dq[k]])
+        assert watch.step(read, telling(dq[k - 1], wrong * ddq[k - 1])) == FINE
+        assert np.array_equal(watch.believed, read)
+
+
+@given(seed=seeds, joint=st.integers(0, 2), bad=st.sampled_from([np.nan, np.inf, 9.0, -40.0]))
+def test_a_single_glitch_is_bridged(arm: Arm, seed: int, joint: int, bad: float) -> None:
+    """One absurd reading leaves what is believed within a tick's motion of the truth."""
+    q, dq, ddq = motion(arm, seed, 60)
+    watch = Watch(arm)
+    for k in range(1, 60):
+        read = np.array([q[k], dq[k]])
+        if k == 30:
+            read[0, joint] = bad
+        said = watch.step(read, telling(dq[k - 1], ddq[k - 1]))
+        assert said == (BRIDGED if k == 30 else FINE)
+        assert np.abs(watch.believed[0] - q[k]).max() < 1e-3
+
+
+def broken(kind: str, then: Array, now: Array) -> tuple[float, float]:
+    """Return q, dq as an encoder reads that broke at ``then``."""
+    readings = {
+        "silent": (np.nan, np.nan),
+        "jumped": (now[0] + 1.0, now[1]),
+        "stuck": (then[0], 0.0),
+        "reversed": (-now[0], -now[1]),
+    }
+    return readings[kind]
+
+
+@pytest.mark.parametrize("kind", ["silent", "jumped", "stuck", "reversed"])
+@given(seed=seeds, joint=st.integers(0, 2))
+def test_a_fault_is_found_within_five_ticks(arm: Arm, kind: str, seed: int, joint: int) -> None:
+    """Counted from when it shows: stuck, by five counts; reversed, by a jump or gained speed."""
+    q, dq, ddq = motion(arm, seed, 500)
+    watch, start, shown, moved, gained = Watch(arm), 200, None, 0.0, 0.0
+    for k in range(1, 500):
+        read, told = np.array([q[k], dq[k]]), telling(dq[k - 1], ddq[k - 1])
+        gained += told[4, joint] * TICK - 0.2 * gained
+        if k >= start:
+            at = np.array([q[k, joint], dq[k, joint]])
+            read[:, joint] = broken(kind, np.array([q[start, joint], dq[start, joint]]), at)
+            moved += told[1, joint] * TICK
+            jump = abs(2.0 * at[0]) > 1.6 * watch.b[2, joint] * TICK
+            shows = {"stuck": abs(moved) > 5.0 * COUNT, "reversed": jump or abs(gained) > 0.4}
+            if shown is None and shows.get(kind, True):
+                shown = k
+        said = watch.step(read, told)
+        assert (said < SILENT) or k >= start
+        if said >= SILENT:
+            assert said in {"silent": (SILENT,), "jumped": (JUMPED,)}.get(kind, FAULTS)
+            return
+        assert shown is None or k - shown < WITHIN
+
+
+def test_after_a_fault_the_joint_is_reckoned(arm: Arm) -> None:
+    """A silent encoder's joint goes on along the told motion, the others are read."""
+    q, dq, ddq = motion(arm, 5, 300)
+    watch = Watch(arm)
+    for k in range(1, 300):
+        read = np.array([q[k], dq[k]])
+        if k >= 100:
+            read[:, 1] = np.nan
+        watch.step(read, telling(dq[k - 1], ddq[k - 1]))
+    assert np.array_equal(watch.believed[0, [0, 2]], q[-1, [0, 2]])
+    assert abs(watch.believed[0, 1] - q[-1, 1]) < 0.01

@@ -1,0 +1,116 @@
+"""Laws of the guard: whatever is asked, the arm can stop clear of everything, tick after tick."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mitt.control.envelope import TICK
+from mitt.control.viability import BLOCKED, MARGIN, PASSED, Guard
+from mitt.robot.arm import Arm
+from mitt.robot.description import Capsule
+from mitt.robot.shapes import Surroundings, clearance
+from mitt.signals import Array
+
+ROUNDING = 1e-9
+#: A pillar that the arm runs into when it turns from its ready pose.
+PILLAR = Capsule(start=(0.5, 0.75, -0.5), end=(0.5, 0.75, 1.2), radius=0.1)
+AROUND = Surroundings(floor=-0.5, zones=(PILLAR,))
+
+seeds = st.integers(0, 2**31)
+
+
+@pytest.fixture
+def guard(arm: Arm) -> Guard:
+    """A guard over an arm beside a pillar, over a high floor."""
+    return Guard(arm, AROUND)
+
+
+def gap(arm: Arm, guard: Guard, q: Array) -> float:
+    """Return the clearance in a pose."""
+    s = guard.shapes
+    return clearance(arm.bodies, q, s.table, s.pairs, s.ends)
+
+
+def path(guard: Guard, q: Array, dq: Array) -> Array:
+    """Return poses on the way to standstill, finely sampled, shape (m, n)."""
+    brake = guard.bounds[3]
+    t = np.linspace(0.0, np.max(np.abs(dq) / brake), 60)[:, None]
+    passed = np.minimum(t, np.abs(dq) / brake)
+    out: Array = q + np.sign(dq) * (np.abs(dq) * passed - 0.5 * brake * passed**2)
+    return out
+
+
+@given(seed=seeds, size=st.sampled_from([0.3, 3.0, 1e3]), hold=st.integers(1, 150))
+def test_whatever_is_asked_the_arm_can_stop_clear_of_everything(
+    arm: Arm, seed: int, size: float, hold: int
+) -> None:
+    """After every tick the sampled way to standstill keeps clear of pillar, floor and itself."""
+    guard, rng = Guard(arm, AROUND), np.random.default_rng(seed)
+    wish = np.zeros((3, arm.n))
+    for tick in range(300):
+        if tick % hold == 0:
+            wish = size * rng.standard_normal((3, arm.n)) + np.array(
+                [guard.last[0], guard.last[1], np.zeros(arm.n)]
+            )
+        before, wanted = guard.last.copy(), wish.copy()
+        guard.step(wanted)
+        q, dq, ddq = wanted
+        assert np.all(np.abs(q - before[0]) <= guard.bounds[2] * TICK + ROUNDING)
+        assert np.all(np.abs(dq - before[1]) <= guard.bounds[4] * TICK + ROUNDING)
+        assert np.all(np.abs(ddq) <= guard.bounds[4] + ROUNDING)
+        if tick % 20 == 0:
+            gaps = [gap(arm, guard, x) for x in path(guard, q, dq)]
+            assert min(gaps) >= MARGIN - 1e-6
+
+
+def test_in_open_space_a_wish_passes_bit_by_bit(arm: Arm, guard: Guard) -> None:
+    """A slow motion near the ready pose is not touched."""
+    for k in range(200):
+        t = TICK * k
+        wanted = np.array(
+            [arm.q_ready + 0.05 * (1.0 - np.cos(4.0 * t)), np.full(3, 0.2 * np.sin(4.0 * t)),
+             np.full(3, 0.8 * np.cos(4.0 * t))]
+        )  # fmt: skip
+        given_ = wanted.copy()
+        assert guard.step(wanted) == PASSED
+        assert np.array_equal(wanted, given_)
+
+
+def test_an_arm_that_is_driven_at_a_pillar_stops_before_it(arm: Arm, guard: Guard) -> None:
+    """Turning towards the pillar at 3 rad/s ends at rest, short of it, within the margin."""
+    blocked = 0
+    for _ in range(1500):
+        q = guard.last[0] + np.array([3.0 * TICK, 0.0, 0.0])
+        wanted = np.array([q, [3.0, 0.0, 0.0], np.zeros(3)])
+        blocked += guard.step(wanted) == BLOCKED
+    assert blocked > 100
+    assert abs(guard.last[1, 0]) < 0.5
+    assert MARGIN - 1e-6 <= gap(arm, guard, guard.last[0]) < MARGIN + 0.05
+
+
+def test_an_arm_that_stands_in_a_zone_may_only_move_out(arm: Arm) -> None:
+    """Started inside, it passes a wish that leads away and brakes one that leads deeper."""
+    guard = Guard(arm, AROUND)
+    inside = arm.q_ready + np.array([0.72, 0.0, 0.6])
+    while gap(arm, guard, inside) > 0.0:
+        inside[0] += 0.01
+    for sign, deeper in ((1.0, True), (-1.0, False)):
+        guard.begin(inside, np.zeros(3))
+        way = np.array([[sign * 1e-3, 0.0, 0.0], [sign * 0.1, 0.0, 0.0], np.zeros(3)])
+        wanted = np.array([inside, np.zeros(3), np.zeros(3)]) + way
+        assert (guard.step(wanted) == BLOCKED) == deeper
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("row", [0, 1, 2])
+def test_a_wish_that_is_not_finite_ends_in_standing_still(
+    arm: Arm, guard: Guard, bad: float, row: int
+) -> None:
+    """NaN and infinity in any row are answered by finite motion that comes to rest."""
+    for _ in range(200):
+        wanted = np.array([arm.q_ready, np.zeros(3), np.zeros(3)])
+        wanted[row, 1] = bad
+        guard.step(wanted)
+        assert np.all(np.isfinite(wanted))
+    assert guard.last[1, 1] == pytest.approx(0.0, abs=1e-9)

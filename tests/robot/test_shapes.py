@@ -1,0 +1,118 @@
+"""Gaps between shapes: against MuJoCo, against a brute search, and what the hand's hull holds."""
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mitt.errors import InputError
+from mitt.robot.arm import Arm
+from mitt.robot.description import Capsule
+from mitt.robot.hands import HandModel
+from mitt.robot.plant import add_arm
+from mitt.robot.shapes import (
+    Shapes,
+    Surroundings,
+    clearance,
+    hand_capsules,
+    segment_distance,
+    shapes_of,
+)
+from mitt.signals import Array
+
+#: Agreement with MuJoCo's distance of two capsules [m].
+EXACT = 1e-7
+ZONE = Capsule(start=(0.9, -0.8, 0.2), end=(0.9, -0.6, 0.6), radius=0.12)
+
+seeds = st.integers(0, 2**31)
+
+
+@pytest.fixture(scope="module")
+def shapes(arm: Arm) -> Shapes:
+    """The WAM beside one zone, over a floor."""
+    return shapes_of(arm, Surroundings(floor=-0.9, zones=(ZONE,)))
+
+
+def gap(arm: Arm, shapes: Shapes, q: Array) -> float:
+    """Return the clearance in a pose."""
+    return clearance(arm.bodies, q, shapes.table, shapes.pairs, shapes.ends)
+
+
+def mujoco_gap(arm: Arm, q: Array) -> float:
+    """Return the smallest distance of the watched pairs by MuJoCo."""
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    plate = add_arm(spec, arm.model)
+    kind = mujoco.mjtGeom.mjGEOM_CAPSULE
+    assert arm.model.hand is not None
+    for k, x in enumerate(hand_capsules(arm.model.hand)):
+        plate.add_geom(name=f"hull{k}", type=kind, fromto=[*x.start, *x.end],
+                       size=[x.radius, 0.0, 0.0], mass=0.0)  # fmt: skip
+    floor = mujoco.mjtGeom.mjGEOM_PLANE
+    spec.worldbody.add_geom(name="floor", type=floor, size=[5.0, 5.0, 0.1], pos=[0.0, 0.0, -0.9])
+    spec.worldbody.add_geom(name="zone", type=kind, fromto=[*ZONE.start, *ZONE.end],
+                            size=[ZONE.radius, 0.0, 0.0])  # fmt: skip
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = q
+    mujoco.mj_kinematics(model, data)
+    names = ["floor", "base_0", "zone", "j3_0", "j4_0", "hull0", "hull1"]
+    group = [0, 0, 0, 1, 2, 2, 2]
+    found = [data.geom(names[k]).id for k in range(7)]
+    return min(
+        mujoco.mj_geomDistance(model, data, found[a], found[b], 5.0, None)
+        for a in range(7)
+        for b in range(a)
+        if group[a] != group[b]
+    )
+
+
+@given(seed=seeds)
+def test_clearance_is_that_of_mujoco(arm: Arm, shapes: Shapes, seed: int) -> None:
+    """In any pose the smallest gap between the arm's shapes, base and zone is MuJoCo's."""
+    q = np.random.default_rng(seed).uniform(arm.q_min, arm.q_max)
+    theirs = mujoco_gap(arm, q)
+    assert gap(arm, shapes, q) == pytest.approx(theirs, abs=EXACT)
+
+
+@given(points=st.lists(st.floats(-2.0, 2.0), min_size=12, max_size=12).map(np.array))
+def test_no_sampled_pair_of_points_is_closer_than_the_segments(points: Array) -> None:
+    """The distance of two segments is the least over a grid of their points, and is reached."""
+    a, b, c, d = points.reshape(4, 3)
+    share = np.linspace(0.0, 1.0, 41)[:, None]
+    one, two = a + share * (b - a), c + share * (d - c)
+    sampled = np.linalg.norm(one[:, None] - two[None], axis=-1).min()
+    exact = segment_distance(*(tuple(x.tolist()) for x in (a, b, c, d)))
+    step = (np.linalg.norm(b - a) + np.linalg.norm(d - c)) / 80.0
+    assert sampled - step - 1e-9 <= exact <= sampled + 1e-9
+
+
+def test_the_hull_of_the_hand_holds_the_fingers_at_every_angle() -> None:
+    """Every point of a finger, its thickness included, lies in the hull, open to closed."""
+    hand = HandModel()
+    hull = hand_capsules(hand)[1]
+    low, high = hull.start[2], hull.end[2]
+    for angle in np.linspace(0.0, hand.drive.closed, 97):
+        for x, z in hand.finger.points(float(angle)):
+            away = np.hypot(np.hypot(x, hand.finger.offset), z - np.clip(z, low, high))
+            assert away + hand.finger.thickness <= hull.radius + 1e-9
+
+
+@given(seed=seeds, joint=st.integers(0, 2), by=st.floats(-1.0, 1.0))
+def test_no_point_moves_farther_than_the_reach_says(
+    arm: Arm, shapes: Shapes, seed: int, joint: int, by: float
+) -> None:
+    """Turning one joint changes the clearance by no more than its reach times the angle."""
+    q = np.random.default_rng(seed).uniform(arm.q_min, arm.q_max)
+    turned = q.copy()
+    turned[joint] += by
+    change = abs(gap(arm, shapes, turned) - gap(arm, shapes, q))
+    assert change <= shapes.reach[joint] * abs(by) + 1e-9
+
+
+@pytest.mark.parametrize("radius", [0.0, -1.0, np.nan, np.inf])
+def test_a_zone_without_a_size_is_refused(radius: float) -> None:
+    """A keep-out zone has a radius above zero and finite ends."""
+    with pytest.raises(InputError):
+        Surroundings(zones=(Capsule(start=(0.0, 0.0, 0.0), end=(0.0, 0.0, 1.0), radius=radius),))

@@ -1,0 +1,56 @@
+"""A large dose of fuzzing: ``make soak COMMANDS=N TICKS=N FILES=N SEED=S``.
+
+The last line is JSON; the status is 1 where anything was found.
+"""
+
+import argparse
+import json
+import sys
+import tempfile
+from pathlib import Path
+
+from soak import commands, files, kills
+
+#: Where files that did harm are kept.
+_HARMFUL = Path("runs/soak")
+
+
+def main() -> int:
+    """Run all parts."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
+    for name, default in (("commands", 20_000_000), ("ticks", 5_000), ("files", 300),
+                          ("processes", 6), ("kills", 3), ("seed", 1)):  # fmt: skip
+        parser.add_argument(f"--{name}", type=int, default=default, metavar="N")
+    options = parser.parse_args()
+    sent = commands.soak(options.commands, seed=options.seed)
+    print(sent)  # noqa: T201
+    with tempfile.TemporaryDirectory() as folder:
+        read = files.soak(options.files, seed=options.seed, folder=Path(folder), keep=_keep)
+        alone = files.soak_processes(
+            options.processes, seed=options.seed, folder=Path(folder), keep=_keep
+        )
+        killed = kills.soak(options.kills, seed=options.seed, folder=Path(folder))
+    for fault in read.faults + alone.faults + killed.unreadable:
+        print(fault)  # noqa: T201
+    result = {
+        "commands": sent.commands,
+        "violations": sent.violations,
+        "non_finite": sent.non_finite,
+        "files": read.files + alone.files,
+        "file_faults": len(read.faults) + len(alone.faults),
+        "kills": killed.kills,
+        "unreadable": len(killed.unreadable),
+    }
+    print(json.dumps(result))  # noqa: T201
+    bad = ("violations", "non_finite", "file_faults", "unreadable")
+    return int(any(result[key] for key in bad))
+
+
+def _keep(name: str, data: bytes) -> None:
+    """Keep a file that did harm."""
+    _HARMFUL.mkdir(parents=True, exist_ok=True)
+    (_HARMFUL / name).write_bytes(data)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

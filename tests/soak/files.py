@@ -1,0 +1,130 @@
+"""Broken and hostile files through the command line: one line and status 2, or they are good."""
+
+import contextlib
+import io
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from mitt.cli import main
+from soak.mutants import mutant
+from soak.samples import SAMPLES, Sample
+
+#: Longest that a command may take [s], and most memory that it may add [byte].
+MOST_TIME, MOST_MEMORY = 5.0, 1_000_000_000
+#: Memory of a process that reads one file [byte]; MuJoCo and Numba reserve far more than they use.
+_ADDRESS_SPACE = 16_000_000_000
+
+
+@dataclass(slots=True)
+class Found:
+    """What the files brought to light.
+
+    Attributes:
+        files: Files tried.
+        refused: Those that were refused.
+        faults: What went wrong, with the file that did it.
+    """
+
+    files: int = 0
+    refused: int = 0
+    faults: list[str] = field(default_factory=list)
+
+
+def soak(files: int, *, seed: int, folder: Path, keep: Callable[[str, bytes], None]) -> Found:
+    """Read ``files`` mutants in this process, all readers in turn.
+
+    Args:
+        files: How many.
+        seed: Seed of the mutations.
+        folder: Where they are put.
+        keep: Takes name and content of a file that did harm.
+    """
+    found, samples = Found(), [sample(folder) for sample in SAMPLES]
+    rngs = [np.random.default_rng((seed, k)) for k in range(len(samples))]
+    for k in range(files):
+        sample, rng = samples[k % len(samples)], rngs[k % len(samples)]
+        data = sample.mend(mutant(sample.valid, rng))
+        sample.path.write_bytes(data)
+        fault = _in_process(sample, found)
+        found.files += 1
+        if fault:
+            found.faults.append(f"{sample.name} {k}: {fault}")
+            keep(f"{k}-{sample.path.name}", data)
+    return found
+
+
+def soak_processes(
+    files: int, *, seed: int, folder: Path, keep: Callable[[str, bytes], None]
+) -> Found:
+    """Read ``files`` mutants in a process each, which may die without taking us along."""
+    found, samples = Found(), [sample(folder) for sample in SAMPLES]
+    rng = np.random.default_rng((seed, 1_000_003))
+    for k in range(files):
+        sample = samples[k % len(samples)]
+        data = sample.mend(mutant(sample.valid, rng))
+        sample.path.write_bytes(data)
+        fault = _as_process(sample, found)
+        found.files += 1
+        if fault:
+            found.faults.append(f"{sample.name} process {k}: {fault}")
+            keep(f"process-{k}-{sample.path.name}", data)
+    return found
+
+
+def _in_process(sample: Sample, found: Found) -> str:
+    """Run the command here; return what went wrong."""
+    out, err = io.StringIO(), io.StringIO()
+    before, start = _memory(), time.perf_counter()
+    try:
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            status = main(sample.command())
+    except BaseException as error:
+        return f"left main: {type(error).__name__}: {error}"
+    took, grown = time.perf_counter() - start, _memory() - before
+    found.refused += status == 2
+    if took > MOST_TIME:
+        return f"took {took:.1f} s"
+    if grown > MOST_MEMORY:
+        return f"took {grown / 1e6:.0f} MB"
+    return _judge(status, err.getvalue())
+
+
+def _as_process(sample: Sample, found: Found) -> str:
+    """Run the command in a process of its own; return what went wrong."""
+    command = [sys.executable, "-m", "mitt", *sample.command()]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, check=False, timeout=60.0, preexec_fn=_confine
+        )
+    except subprocess.TimeoutExpired:
+        return "did not end within 60 s"
+    found.refused += done.returncode == 2
+    return _judge(done.returncode, done.stderr)
+
+
+def _confine() -> None:
+    """Limit the memory of a process."""
+    resource.setrlimit(resource.RLIMIT_AS, (_ADDRESS_SPACE, _ADDRESS_SPACE))
+
+
+def _judge(status: int, said: str) -> str:
+    """Say what is wrong with a status and what was said on stderr."""
+    if status not in (0, 2):
+        return f"status {status}: {said.strip()[:300]}"
+    if "Traceback" in said:
+        return "a traceback"
+    if status == 2 and said.count("\n") != 1:
+        return f"{said.count(chr(10))} lines: {said[:200]!r}"
+    return ""
+
+
+def _memory() -> int:
+    """Return the largest memory that this process has used [byte]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024

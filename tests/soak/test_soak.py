@@ -1,0 +1,70 @@
+"""A small dose of the fuzzing: envelope and readers; ``make soak`` gives large ones."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from soak import commands, files, kills
+from soak.mutants import mutant
+
+
+def test_no_adversarial_command_breaks_a_rule() -> None:
+    """A million wishes, finite or not, from states inside and outside: no rule is broken."""
+    count = commands.soak(1_000_000, seed=20020708)
+    assert count.violations == count.non_finite == 0
+    assert 0.02 < count.outside / count.commands < 0.5
+    assert 0.2 < count.changed / count.commands < 0.95
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        (0.021, 0.0, 0.0),  # moves faster than its speed limit
+        (0.0, 0.31, 0.0),  # changes its speed by more than its acceleration limit
+        (0.0, 0.0, 301.0),  # says an acceleration beyond the limit
+        (1.0001, 0.0, 0.0),  # leaves its range
+    ],
+)
+def test_the_rule_sees_what_breaks_it(motion: tuple[float, float, float]) -> None:
+    """The independent rule is able to fail: each limit, broken by a little, is noticed."""
+    b = np.array([-1.0, 1.0, 20.0, 200.0, 300.0])
+    start = 0.99 if motion[0] > 1.0 else 0.0
+    assert commands.obeys(b, start, 0.0, start, 0.0, 0.0)
+    assert not commands.obeys(b, start, 0.0, *motion)
+
+
+def test_the_rule_sees_a_joint_that_cannot_stop() -> None:
+    """A speed from which the range does not suffice to stop breaks the rule."""
+    b = np.array([-1.0, 1.0, 20.0, 200.0, 300.0])
+    assert commands.obeys(b, 0.0, 19.9, 0.0198, 19.8, 0.0)
+    assert not commands.obeys(b, 0.0, 19.9, 0.0198, 19.95, 0.0)
+
+
+@pytest.mark.slow
+def test_no_broken_file_gets_more_than_one_line(tmp_path: Path) -> None:
+    """Mutants of a valid file for every reader: status 0 or 2, one line, no traceback."""
+
+    def keep(name: str, data: bytes) -> None:
+        (tmp_path / f"harmful-{name}").write_bytes(data)
+
+    found = files.soak(240, seed=3, folder=tmp_path, keep=keep)
+    assert found.faults == []
+    assert 0.3 < found.refused / found.files < 1.0
+
+
+def test_mutants_differ_and_repeat() -> None:
+    """Mutants are not the valid file, and the same seed gives the same ones."""
+    valid = b"x,y\n1.0,2.0\n3.0,4.0\n"
+    one, two = ([mutant(valid, np.random.default_rng(5)) for _ in range(1)] for _ in range(2))
+    assert one == two
+    rng = np.random.default_rng(6)
+    assert sum(mutant(valid, rng) != valid for _ in range(200)) > 190
+
+
+@pytest.mark.slow
+def test_a_process_killed_while_it_saves_leaves_whole_files(tmp_path: Path) -> None:
+    """Killed at a random moment: result, page and map are the old ones or the new ones."""
+    killed = kills.soak(2, seed=4, folder=tmp_path)
+    assert killed.kills == 2
+    assert killed.unreadable == []
