@@ -101,9 +101,7 @@ def perceive(
     ):
         absorb(s["ball_memory"], t_exposed, s["z"], s["R"], s["ball_settings"], s["ball_work"])
     memory = s["ball_memory"]
-    tracked = speak(
-        memory, t, s["ball_settings"], out["ball"], out["covariance"], s["ball_work"]
-    )
+    tracked = speak(memory, t, s["ball_settings"], out["ball"], out["covariance"], s["ball_work"])
     out["tracked"], out["t_ball"] = tracked, t
     out["drag"] = memory[at.BALL + 6] if tracked else 0.0
     out["t_seen"] = memory[at.T_SEEN] if tracked else -np.inf

@@ -62,9 +62,7 @@ def meter(arm: Arm, *commands: Command) -> Meter:
     return Meter(arm, ticks(arm, told))
 
 
-def ticks(
-    arm: Arm, told: Sequence[Command], asked: Sequence[tuple[Array, Array]] = ()
-) -> Record:
+def ticks(arm: Arm, told: Sequence[Command], asked: Sequence[tuple[Array, Array]] = ()) -> Record:
     """Return the results of ticks: commands, and what the first of them were asked, q and dq."""
     out = np.repeat(fresh_result(arm.n), len(told))
     for k, c in enumerate(told):

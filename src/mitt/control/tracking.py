@@ -74,9 +74,7 @@ class Tracker:
             told,
             self._notes,
         )
-        command = Command(
-            t=state.t, q=told[0], dq=told[1], ddq=told[2], tau=told[3], hand=hand
-        )
+        command = Command(t=state.t, q=told[0], dq=told[1], ddq=told[2], tau=told[3], hand=hand)
         return Tracked(command=command, saturated=saturated)
 
 
