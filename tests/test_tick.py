@@ -287,12 +287,12 @@ def test_the_tick_allocates_nothing(
         bench.world.apply(catcher.step(senses))
         catcher.think()
     images = tuple(frame.pixels for frame in senses.frames)
-    rest = (images, senses.arm.q, senses.arm.dq, catcher._brake)  # noqa: SLF001
+    rest = (images, senses.arm.q, senses.arm.dq, catcher._brake)
     nrt.memsys_enable_stats()
     counts = []
     for times in (1, 1, 50):
         before = rtsys.get_allocation_stats()
-        again(times, *rest, catcher._state.copy(), catcher.result.copy())  # noqa: SLF001
+        again(times, *rest, catcher._state.copy(), catcher.result.copy())
         after = rtsys.get_allocation_stats()
         counts.append((after.alloc - before.alloc, after.mi_alloc - before.mi_alloc))
     assert counts[2] == counts[1]

@@ -7,7 +7,7 @@ and Python sees the same fields by the same names.
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import lru_cache
-from typing import Any, TypeAlias, final
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from mitt.vision.eyes import Eyes
 from mitt.vision.filter import THROWN_BALL, FilterConfig, settings_of
 
 Record: TypeAlias = NDArray[np.void]
-Fields: TypeAlias = dict[str, NDArray[Any] | float]
+Fields: TypeAlias = dict[str, NDArray[Any] | np.generic | float]
 
 #: What the catcher is about, in the field ``phase``; the names are those of :class:`Phase`.
 WATCH, FOLLOW, BRAKE, REFUSED = range(4)

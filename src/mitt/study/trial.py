@@ -9,8 +9,8 @@ import numpy as np
 from mitt.catcher import Catcher, CatcherSettings, Phase
 from mitt.generator.generators import Generator
 from mitt.link.clock import Stopwatch
-from mitt.robot.arm import Arm
 from mitt.records import Record
+from mitt.robot.arm import Arm
 from mitt.study.log import TrialLog, log_of
 from mitt.study.score import HELD_AFTER, Meter, Trial, held, status_of
 from mitt.vision.camera import Rig, fixed_rig
