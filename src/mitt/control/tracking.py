@@ -110,10 +110,9 @@ def track(
     """
     links = len(bodies)
     rows = notes.reshape(NOTES, links)
-    asked, speed, kept, rest, more = rows[0], rows[1], rows[2], rows[3], rows[4:]
+    asked, speed, kept, scratch = rows[0], rows[1], rows[2], rows[4:].reshape(links, NOTES - 4)
     motion, ddq = told[:3], told[3]
     _wish(bounds, bandwidth, q, dq, wanted, motion, ddq)
-    scratch = more.reshape(links, NOTES - 4)
     inverse_dynamics(bodies, q, dq, ddq, asked, scratch)
     speed[:] = 0.0
     for k in range(len(index)):
@@ -123,20 +122,28 @@ def track(
     for k in range(links):
         met |= abs(kept[k] - asked[k]) > _TOUCH
     if met:
-        # Torques are cut along the line from those of coasting to those asked for, all joints by
-        # the same share: then each acceleration stays between coasting and the wish, which both
-        # respect the speed limits and the stops. Cutting joint by joint would let one joint's
-        # limit push another beyond its own.
         ddq[:] = 0.0
         bound_acceleration(bounds, q, dq, ddq)
-        inverse_dynamics(bodies, q, dq, ddq, rest, scratch)
-        share = _share(drives, rest, asked, speed)
-        for k in range(links):
-            asked[k] = rest[k] + share * (asked[k] - rest[k])
-        saturate(drives, asked, speed, kept)
+        inverse_dynamics(bodies, q, dq, ddq, rows[3], scratch)
+        _cut(drives, rows[3], asked, speed, kept)
     for k in range(len(index)):
         told[3, k] = kept[index[k]]
     return met
+
+
+@njit(cache=True)
+def _cut(drives: Array, rest: Array, asked: Array, speed: Array, kept: Array) -> None:
+    """Write torques within every limit that lead as far towards the wish as they can.
+
+    Torques are cut along the line from those of coasting to those asked for, all joints by the
+    same share: then each acceleration stays between coasting and the wish, which both respect the
+    speed limits and the stops. Cutting joint by joint would let one joint's limit push another
+    beyond its own.
+    """
+    share = _share(drives, rest, asked, speed)
+    for k in range(len(asked)):
+        asked[k] = rest[k] + share * (asked[k] - rest[k])
+    saturate(drives, asked, speed, kept)
 
 
 @njit(cache=True)
