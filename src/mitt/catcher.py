@@ -14,6 +14,7 @@ from typing import final
 import numpy as np
 
 from mitt.control.brake import Brake, plan_brake, short_of_room
+from mitt.control.envelope import TICK
 from mitt.control.hand import has_closed
 from mitt.errors import InputError
 from mitt.generator.certificate import Outcome, Verdict
@@ -37,8 +38,8 @@ from mitt.records import (
     tick_of,
 )
 from mitt.robot.arm import Arm
-from mitt.signals import Array, BallState, Command, MapStatus, Senses, Sighting
-from mitt.tick import DECIDE, GRASPS, LAGS, STOPS, TICK, act, perceive, tick
+from mitt.signals import Array, BallState, Command, MapStatus, Senses, Sighting, command_of
+from mitt.tick import DECIDE, GRASPS, LAGS, STOPS, act, perceive, tick
 from mitt.vision.belief import absorb
 from mitt.vision.eyes import Eyes
 
@@ -69,6 +70,7 @@ class Catcher:
         self._state = record_of(fields if self._map is None else fields | map_fields(self._map))
         eyes.move_to({name: self._state[f"eyes_{name}"][0] for name in eyes.parts()})
         self._numbers, self.result = self._state[0], fresh_result(arm.n)
+        self._hand = self.result["hand"]
         self._told, self._believed = self.result["told"][0], self._state["believed"][0]
         names = ("ball_memory", "ball_settings", "ball_work")
         memory, table, work = (self._state[name][0] for name in names)
@@ -118,10 +120,7 @@ class Catcher:
         self._ticked = True
         if self._phase == FOLLOW and self.t_0 == np.inf:
             self.t_0 = t
-        told = self._told.copy()
-        return Command(
-            t=t, q=told[0], dq=told[1], ddq=told[2], tau=told[3], hand=self.result["hand"].item()
-        )
+        return command_of(t, self._told.copy(), self._hand.item())
 
     def think(self) -> None:
         """Do what is slow or rare, to be used by the next tick; best after the command has left.

@@ -28,7 +28,7 @@ from mitt.vision.eyes import Eyes
 from mitt.vision.filter import THROWN_BALL, FilterConfig, settings_of
 
 Record: TypeAlias = NDArray[np.void]
-Fields: TypeAlias = dict[str, NDArray[Any] | float]
+Fields: TypeAlias = dict[str, NDArray[Any] | np.generic | float]
 
 #: What the catcher is about, in the field ``phase``; the names are those of :class:`Phase`.
 WATCH, FOLLOW, BRAKE, REFUSED, STOPPED = range(5)

@@ -246,7 +246,7 @@ def time_to_catch(packed: Array, rows: Array) -> float:
         rows: As :func:`reference` writes them, shape (6, n).
     """
     i = int(packed[1])
-    return root_time(rows[3, i] - packed[2], rows[4, i], rows[5, i])
+    return float(root_time(rows[3, i] - packed[2], rows[4, i], rows[5, i]))
 
 
 def unlearned(arm: Arm, design: MapDesign) -> DirectMap:

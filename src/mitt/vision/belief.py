@@ -203,7 +203,7 @@ def _reacquire(memory: Array, age: int, doubtful: int, settings: Array, work: Ar
 
 @njit(cache=True)
 def _leap(memory: Array, age: int, doubtful: int, settings: Array) -> tuple[float, float]:
-    """Return how far a sighting is from the estimate, and how far kicks carry a ball by then [m]."""
+    """Return how far a sighting is off, and how far kicks carry a ball by then [m]."""
     slot, first = at.slot_at(memory, age), at.slot_at(memory, age + doubtful - 1)
     leap, x = 0.0, track_of(int(memory[at.BEST]))
     for i in range(3):

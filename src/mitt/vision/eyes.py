@@ -100,6 +100,7 @@ class Eyes:
         self._work = np.empty((triangulation.WORK + n, 3))
         self._none = [np.empty((0, 0), dtype=np.uint8)] * n
         self._still = (True,) * n
+        self._nothing = tuple(self._none), self._still, 0.0
         self.reset()
 
     def reset(self) -> None:
@@ -158,7 +159,9 @@ class Eyes:
         Args:
             frames: As for :meth:`step`.
         """
-        t = frames[0].t if frames else 0.0
+        if not frames:
+            return self._nothing
+        t = frames[0].t
         images, together = self._none.copy(), self._still
         for frame in frames:
             k = frame.camera
