@@ -103,7 +103,7 @@ def _take(memory: Array, age: int, settings: Array, work: Array) -> int:
         return TAKEN
     if _fit(memory, slot, settings, work):
         _believe(memory, slot)
-        if is_biased(memory, work):
+        if is_biased(memory):
             _reconsider(memory, age, settings, work)
         return TAKEN
     _doubt(memory, age, settings, work)

@@ -66,10 +66,14 @@ class FilterConfig:
     speaks_after: int | None = None
 
 
-THROWN_BALL = FilterConfig(drag_mean=0.04, drag_sigma=0.005, accel_density=0.001)
+THROWN_BALL = FilterConfig(
+    drag_mean=0.04, drag_sigma=0.005, drag_density=1e-6, accel_density=1e-4, push_sigma=0.03
+)
 """For the thrown balls of facts.md, section 4: 0.036 to 0.042 per metre and hardly any spin."""
 
-TABLE_TENNIS_BALL = FilterConfig(drag_mean=0.12, drag_sigma=0.03, accel_density=0.03)
+TABLE_TENNIS_BALL = FilterConfig(
+    drag_mean=0.12, drag_sigma=0.03, accel_density=0.005, push_sigma=1.0
+)
 """For the recorded balls of facts.md, section 4: 0.09 to 0.15 per metre, and visible spin."""
 
 

@@ -75,8 +75,10 @@ def slot_at(memory: Array, age: int) -> int:
 @njit(cache=True)
 def save(memory: Array, slot: int) -> None:
     """Keep the belief in a slot, as the one before its sighting."""
-    for i in range(BELIEF if memory[AWAKE] > 0.0 else BALL + TRACK):
-        memory[slot + SLOT_BELIEF + i] = memory[i]
+    n = BELIEF if memory[AWAKE] > 0.0 else BALL + TRACK
+    belief, kept = memory[:n], memory[slot + SLOT_BELIEF :]
+    for i in range(n):
+        kept[i] = belief[i]
 
 
 @njit(cache=True)
