@@ -121,6 +121,7 @@ def _fit(memory: Array, slot: int, settings: Array, work: Array) -> bool:
 def _believe(memory: Array, slot: int) -> None:
     """Note a sighting that was taken in; three in a row end a doubt."""
     memory[at.T_SEEN] = memory[slot]
+    memory[at.RUN] = 0.0
     memory[at.USED] += 1.0
     memory[at.ALL_USED] += 1.0
     if memory[at.DOUBTFUL] > 0.0:
@@ -142,11 +143,13 @@ def _doubt(memory: Array, age: int, settings: Array, work: Array) -> None:
         memory[at.REJECTED] = 0.0
     memory[at.DOUBTFUL] += 1.0
     memory[at.REJECTED] += 1.0
+    memory[at.RUN] += 1.0
     memory[at.IN_A_ROW] = 0.0
-    n, doubtful = memory[at.REJECTED], int(memory[at.DOUBTFUL])
-    lasts = memory[slot] - memory[at.slot_at(memory, age + doubtful - 1)]
-    stubborn = n == doubtful >= 3 and lasts >= settings[GATES, at.MAX_REJECTION_TIME]
-    if n >= settings[GATES, at.MAX_REJECTIONS] or stubborn:
+    run, doubtful = int(memory[at.RUN]), int(memory[at.DOUBTFUL])
+    lasts = memory[slot] - memory[at.slot_at(memory, age + run - 1)]
+    if run >= 3 and lasts >= settings[GATES, at.MAX_REJECTION_TIME]:
+        _reacquire(memory, age, run, settings, work)
+    elif memory[at.REJECTED] >= settings[GATES, at.MAX_REJECTIONS]:
         _reacquire(memory, age, doubtful, settings, work)
 
 
@@ -170,33 +173,39 @@ def _begin(memory: Array, slot: int, settings: Array) -> None:
 
 
 @njit(cache=True)
-def _reacquire(memory: Array, age: int, doubtful: int, settings: Array, work: Array) -> None:
-    """Explain the sightings since the doubt began: outliers, a kick, or another ball."""
-    newest = at.slot_at(memory, age)
-    fitted = doubtful - memory[at.REJECTED]
-    leap, reach = _leap(memory, age, doubtful, settings)
-    memory[at.DOUBTFUL] = 0.0
+def _reacquire(memory: Array, age: int, depth: int, settings: Array, work: Array) -> None:
+    """Explain the newest ``depth`` sightings: outliers, a kick, or another ball.
+
+    The depth is the run of rejections, or reaches back to where the doubt began.
+    """
+    newest, run = at.slot_at(memory, age), int(memory[at.RUN])
+    fitted = 0 if depth == run else depth - memory[at.REJECTED]
+    leap, reach = _leap(memory, age, depth, settings)
     at.save(memory, at.SPARE)
+    memory[at.DOUBTFUL] = 0.0
     kick = settings[GATES, at.KICK_SIGMA]
-    _go_back(memory, at.slot_at(memory, age + doubtful - 1), kick, settings)
+    _go_back(memory, at.slot_at(memory, age + depth - 1), kick, settings)
     fitting = 0
-    for k in range(age + doubtful - 1, age - 1, -1):
+    for k in range(age + depth - 1, age - 1, -1):
         slot = at.slot_at(memory, k)
         if _fit(memory, slot, settings, work):
             _believe(memory, slot)
             fitting += 1
-    if fitting <= fitted + 1 and 4 * fitted >= doubtful:
-        at.restore(memory, at.SPARE)
-    elif 2 * fitting > doubtful:
+    if 2 * fitting > depth and fitting > fitted + 1:
         memory[at.ALL_KICKS] += 1.0
-    elif leap > reach:
-        _begin(memory, newest, settings)
-    else:  # go on from the newest, with a velocity as good as unknown
-        memory[at.ALL_KICKS] += 1.0
+        return
+    at.restore(memory, at.SPARE)
+    if run >= settings[GATES, at.MAX_REJECTIONS]:
+        if leap > reach:
+            _begin(memory, newest, settings)
+            return
+        memory[at.ALL_KICKS] += 1.0  # go on from the newest, with a velocity as good as unknown
         settle(memory, track_of(int(memory[at.BEST])), newest, kick)
         wake(memory, settings)
-        memory[at.T] = memory[newest]
+        memory[at.DOUBTFUL] = 0.0
         _believe(memory, newest)
+    elif depth != run:
+        memory[at.DOUBTFUL] = 0.0
 
 
 @njit(cache=True)

@@ -88,7 +88,9 @@ def wake(memory: Array, settings: Array) -> None:
 @njit(cache=True)
 def fall_asleep(memory: Array) -> None:
     """Leave flight alone."""
-    for i in range(at.AWAKE, BALL):
+    for i in range(at.AWAKE, at.RUN):
+        memory[i] = 0.0
+    for i in range(at.BIAS, BALL):
         memory[i] = 0.0
 
 

@@ -18,6 +18,7 @@ from mitt.signals import Array
 T, T_SEEN, T_FIRST, USED, REJECTED, IN_A_ROW, DOUBTFUL = range(7)
 ALL_USED, ALL_REJECTED, ALL_KICKS, ALL_RESTARTS = range(7, 11)
 AWAKE, BEST, CALM, WEIGHT = range(11, 15)
+RUN = 17
 BIAS, PRECISION = 18, 21
 BALL = 28
 """Index of the first track: position, velocity, drag coefficient, push, their covariance."""
