@@ -1,10 +1,11 @@
 """Estimate of the ball's motion from sightings: extended Kalman filters, a law of motion each.
 
 State: position, velocity, drag coefficient k and push a; in flight ddr_o = g - k |dr_o| dr_o + a
-+ noise (``flight``). Targets that do not fly are followed by other laws (``laws``). The correction is in Joseph's form, in double precision. A track begins with a velocity as good
-as unknown, so that the first sightings amount to a least-squares fit with known gravity; it
-speaks after ``min_sightings``. The work is done by the kernels of ``belief`` on one vector
-(``memory``); here they get their settings, and their results a name.
++ noise (``flight``). Targets that do not fly are followed by other laws (``laws``). The
+correction is in Joseph's form, in double precision. A track begins with a velocity as good as
+unknown, so that the first sightings amount to a least-squares fit with known gravity; it speaks
+after ``min_sightings``. The work is done by the kernels of ``belief`` on one vector (``memory``);
+here they get their settings, and their results a name.
 """
 
 from dataclasses import dataclass

@@ -100,7 +100,7 @@ def fit(memory: Array, slot: int, gate: float, settings: Array, work: Array) -> 
     dt = memory[slot] - memory[at.T]
     memory[at.T] = memory[slot]
     if memory[at.AWAKE] > 0.0:
-        return _fit_all(memory, slot, dt, gate, settings, work)
+        return bool(_fit_all(memory, slot, dt, gate, settings, work))
     distance = _fit_one(memory, 0, slot, dt, gate, settings, work)
     if distance > gate:
         return False
