@@ -19,21 +19,23 @@ from tyro.conf import FlagCreatePairsOff, subcommand
 
 import mitt
 from mitt.errors import MittError, Terminated
-from mitt.options import CalibrateOptions, CatchOptions, LearnOptions, SeeOptions
+from mitt.options import CalibrateOptions, CatchOptions, LearnOptions, SeeOptions, TrackOptions
 
 #: Every command of the program.
 _Command = (
     Annotated[CatchOptions, subcommand("catch")]
     | Annotated[LearnOptions, subcommand("learn")]
-    | Annotated[CalibrateOptions, subcommand("calibrate")]
+    | Annotated[TrackOptions, subcommand("track")]
     | Annotated[SeeOptions, subcommand("see")]
+    | Annotated[CalibrateOptions, subcommand("calibrate")]
 )  # fmt: skip
 #: The module of ``mitt.commands`` that does what is asked for.
 _JOBS: dict[type, str] = {
     CatchOptions: "catch",
     LearnOptions: "learn",
-    CalibrateOptions: "calibrate",
+    TrackOptions: "track",
     SeeOptions: "see",
+    CalibrateOptions: "calibrate",
 }
 
 #: Characters that frame tyro's messages.
