@@ -101,7 +101,7 @@ class Head:
 
     T_world_base: Array
     lens: Array = field(default_factory=lambda: np.array((0.0, 0.0, 0.03)))
-    encoder_step: float = 2.0 * pi / 65536
+    encoder_step: float = 2.0 * pi / 2**18
     max_speed: float = 525.0 * pi / 180.0
     max_accel: float = 1000.0
     search: Array = field(default_factory=lambda: np.zeros(2))

@@ -1,24 +1,51 @@
 """The eyes of the catcher: images in, ball position out, in one compiled call."""
 
 from dataclasses import dataclass, field
+from enum import Enum
+from math import pi, sqrt
 
 import numpy as np
 from numba import njit
 
 from mitt.errors import InputError, ShapeError
-from mitt.signals import Array, Frame, Image, Sighting
+from mitt.signals import Array, BallState, Frame, Image, Sighting
 from mitt.vision import segmentation, triangulation
 from mitt.vision.camera import Rig
+from mitt.vision.gaze import empty_gaze, lead
+from mitt.vision.head import aim, pack_heads
 from mitt.vision.moments import Box
-from mitt.vision.segmentation import SegmenterConfig, forget, pack_segmenter, watch
+from mitt.vision.segmentation import (
+    EXPECTED,
+    GOOD,
+    STATE,
+    SegmenterConfig,
+    forget,
+    pack_segmenter,
+    watch,
+)
 from mitt.vision.triangulation import (
     TriangulatorConfig,
     note,
+    on_ray,
     pack_belief,
     pack_cameras,
     triangulate,
     unseen,
 )
+
+KNOWN, SINCE, ODDS, STATUS = range(3, 7)
+"""Places in the rig's row of the memory, after the last position."""
+BLIND, ONE, BOTH, AT_ODDS = range(4)
+
+ALONG = 10.0
+"""Standard deviation along the ray of a ball that one camera alone sees [m]."""
+FORGET, STUBBORN = 50.0, 20.0
+"""Looks without both eyes after which a place is old; looks at odds that are no accident."""
+MISFIT, EDGE = 0.5, 0.3
+"""Share of its area by which a target may differ from the ball; pixels by which the threshold
+draws its edge outside."""
+LET_GO = 0.1
+"""Time without a sighting after which the heads no longer follow the filter [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,6 +61,35 @@ class EyesConfig:
     ball_radius: float = 0.04
     segmenter: SegmenterConfig = field(default_factory=SegmenterConfig)
     triangulator: TriangulatorConfig = field(default_factory=TriangulatorConfig)
+
+
+@njit(cache=True)
+def _plausible(point: Array, area: float, expected: float) -> bool:
+    """Tell whether a target has the size of the ball; widen its error where it is a bit off.
+
+    A ball that is hidden in part has its centroid off by up to a quarter of its radius for each
+    quarter of its area.
+    """
+    if expected == 0.0:
+        return True
+    allowed = 2.0 * sqrt(expected) + 3.0
+    lacking = max(abs(area - expected) - allowed, 0.0) / expected
+    if lacking > MISFIT:
+        return False
+    off = lacking * sqrt(expected / pi)
+    point[2] = sqrt(point[2] * point[2] + off * off)
+    return True
+
+
+@njit(cache=True)
+def _expect(memory: Array, cameras: Array, radius: float, r: Array) -> None:
+    """Write what area the ball should have in each image from where it was last seen."""
+    for n in range(cameras.shape[0]):
+        z = 0.0
+        for i in range(3):
+            z += cameras[n, i, 2] * (r[i] - cameras[n, 3, i])
+        disc = cameras[n, 4, 0] * radius / max(z, 2.0 * radius) + EDGE
+        memory[n, EXPECTED] = pi * disc * disc
 
 
 @njit(cache=True)
@@ -54,8 +110,10 @@ def look(
     Args:
         images: One a camera, each shape (height, width); empty where there is none.
         together: Whether each image was exposed at the instant that is asked for.
-        memory: What is remembered of each camera, overwritten, shape (n, segmentation.MEMORY).
-        settings: Numbers of the segmenter, shape (5,).
+        memory: What is remembered of each camera, and in the last row of the rig: last position
+            [m], whether there is one, looks since, looks at odds in a row, status; overwritten,
+            shape (n + 1, segmentation.MEMORY).
+        settings: Numbers of the segmenter, shape (6,).
         boxes: Scratch, shape (segmentation.WORK, 4).
         cameras: As in the table of :mod:`mitt.vision.triangulation`, shape (n, 5, 3).
         belief: As of :func:`mitt.vision.triangulation.pack_belief`, shape (4,).
@@ -64,22 +122,54 @@ def look(
         P: Result, its covariance [m^2], shape (3, 3).
 
     Returns:
-        Whether two or more cameras agree on the ball.
+        Whether two or more cameras agree on the ball, or one alone sees it go on.
     """
-    points, count = work[triangulation.WORK :], 0
+    points, count, one, rig = work[triangulation.WORK :], 0, -1, memory[len(images)]
     for n in range(len(images)):
         points[n, 2] = -1.0
         if images[n].size == 0:
             continue
         area, clipped = watch(images[n], memory[n], settings, boxes)
-        if together[n]:
+        if together[n] and area > 0 and memory[n, STATE] == GOOD:
             u, v = memory[n, 0], memory[n, 1]
-            count += note(points[n], u, v, float(area), clipped, belief[1], belief[2])
-    return bool(count >= 2 and triangulate(cameras, points, belief[0], r, P, work) <= belief[3])
+            counts = note(points[n], u, v, float(area), clipped, belief[1], belief[2])
+            if counts == 1 and _plausible(points[n], float(area), memory[n, EXPECTED]):
+                count, one = count + 1, n
+            else:
+                points[n, 2] = -1.0
+    rig[SINCE] += 1.0
+    if rig[SINCE] > FORGET:
+        rig[KNOWN] = 0.0
+        memory[: len(images), EXPECTED] = 0.0
+    if count >= 2:
+        if triangulate(cameras, points, belief[0], r, P, work) <= belief[3]:
+            rig[0], rig[1], rig[2], rig[KNOWN] = r[0], r[1], r[2], 1.0
+            rig[SINCE], rig[ODDS], rig[STATUS] = 0.0, 0.0, float(BOTH)
+            _expect(memory, cameras, belief[0], r)
+            return True
+        rig[ODDS] += 1.0
+        rig[STATUS] = float(AT_ODDS if rig[ODDS] >= STUBBORN else BLIND)
+        return False
+    rig[STATUS] = float(BLIND)
+    if count == 1 and rig[KNOWN] > 0.0 and on_ray(
+        cameras[one], points[one], belief[0], rig[:3], r, P, ALONG
+    ):
+        rig[0], rig[1], rig[2], rig[STATUS] = r[0], r[1], r[2], float(ONE)
+        return True
+    return False
+
+
+class EyesStatus(Enum):
+    """What the eyes can say of the ball."""
+
+    BLIND = BLIND
+    ONE = ONE
+    BOTH = BOTH
+    AT_ODDS = AT_ODDS
 
 
 class Eyes:
-    """Segmentation for each camera of a rig, and triangulation.
+    """Segmentation for each camera of a rig, triangulation, and the gaze of its heads.
 
     The kernels are those of ``Segmenter`` and ``Triangulator``, composed.
     """
@@ -91,8 +181,11 @@ class Eyes:
         self._max_skew = config.triangulator.max_skew
         self._settings = pack_segmenter(config.segmenter)
         self._cameras = pack_cameras(rig)
-        self._belief = pack_belief(config.triangulator, config.ball_radius)
-        self._memory = np.empty((n, segmentation.MEMORY))
+        self._belief = pack_belief(config.triangulator, config.ball_radius, rig)
+        self._memory = np.empty((n + 1, segmentation.MEMORY))
+        self._heads, self._angles = pack_heads(rig), np.zeros((len(rig.heads), 2))
+        self._gaze, self._gaze_work = empty_gaze(len(rig.heads)), np.empty((7, 3))
+        self._numbers, self._t = [-1] * n, 0.0
         self._boxes = np.zeros((segmentation.WORK, 4), dtype=np.int64)
         self._work = np.empty((triangulation.WORK + n, 3))
         self._none = [np.empty((0, 0), dtype=np.uint8)] * n
@@ -101,12 +194,54 @@ class Eyes:
     def reset(self) -> None:
         """Forget the last ball, as before a new throw."""
         forget(self._memory)
+        self._memory[-1] = 0.0
+        self._gaze[:] = empty_gaze(len(self._gaze))
+        self._numbers = [-1] * len(self._none)
+
+    @property
+    def status(self) -> EyesStatus:
+        """What the last look said.
+
+        AT_ODDS: both cameras see a target, but for ``STUBBORN`` looks and more their lines of
+        sight have not met: two different things, cameras that are swapped, or a calibration that
+        is not theirs.
+        """
+        return EyesStatus(int(self._memory[-1, STATUS]))
+
+    def gaze(self, ball: BallState, t: float) -> Array | None:
+        """Return where the heads are to look at ``t`` [s]: pan, tilt, rates, shape (n, 4).
+
+        None for cameras that stand still.
+
+        Args:
+            ball: Estimate of the ball, at a time near ``t``.
+            t: Time at which the heads are to be there [s].
+        """
+        if not len(self._heads):
+            return None
+        wanted, motion = np.empty((len(self._heads), 4)), np.zeros((2, 3))
+        if ball.tracked:
+            motion[0], motion[1] = ball.r_o + (t - ball.t) * ball.dr_o, ball.dr_o
+        lead(
+            self._heads,
+            self._cameras,
+            self._memory,
+            self._gaze,
+            motion,
+            ball.tracked and ball.t - ball.t_seen < LET_GO,
+            self._t,
+            t,
+            self._gaze_work,
+            wanted,
+        )
+        return wanted
 
     def step(self, frames: tuple[Frame, ...]) -> Sighting:
         """Return where the ball is in frames exposed together.
 
         Args:
-            frames: One a camera, in any order; a camera may be missing.
+            frames: One a camera, in any order; a camera may be missing, and a frame that was
+                seen before, by its number, counts as missing.
 
         Raises:
             InputError: A frame comes from a camera that the rig does not have.
@@ -118,8 +253,15 @@ class Eyes:
             k = frame.camera
             if not 0 <= k < len(images):
                 raise InputError("frame.camera", f"0 to {len(images) - 1}", k)
+            if frame.number == self._numbers[k]:
+                continue
+            self._numbers[k] = frame.number
             images[k] = _plain(frame.pixels)
             together[k] = abs(frame.t - t) <= self._max_skew
+            if len(self._angles):
+                self._angles[k] = frame.pan, frame.tilt
+        aim(self._heads, self._angles, self._cameras)
+        self._t = t
         r_o, covariance = np.empty(3), np.empty((3, 3))
         if look(
             tuple(images),

@@ -117,7 +117,7 @@ def pose_of(head: Head, pan: float, tilt: float) -> Array:
 
 
 def active_rig() -> Rig:
-    """Return two heads with cameras of 730 px focal length, 0.9 m apart.
+    """Return two heads with cameras of 730 px focal length, 1 m apart.
 
     They stand 0.8 m behind the shoulder and 0.3 m below it: from there a default throw is no
     more than 0.14 rad off the middle of where throws come from, no head need turn faster than
@@ -129,7 +129,7 @@ def active_rig() -> Rig:
     middle = np.array((4.0, 0.05, 0.2))
     heads, cameras = [], []
     for side in (1.0, -1.0):
-        pivot = np.array((-0.8, 0.45 * side, -0.3))
+        pivot = np.array((-0.8, 0.5 * side, -0.3))
         head = Head(
             T_world_base=look_at(pivot, middle),
             search=np.array((-0.055 * side, 0.0)),
