@@ -32,6 +32,10 @@ from mitt.vision.eyes import Eyes
 from mitt.vision.filter import THROWN_BALL, BallFilter, FilterConfig
 
 
+PERIOD = 0.001
+"""Time for which a command acts [s]."""
+
+
 class Phase(Enum):
     """What the catcher is about."""
 
@@ -126,7 +130,8 @@ class Catcher:
         hand = self._closing.step(senses.t, self._time_to_catch(reference))
         tracked = self._tracker.step(senses.arm, self._wanted, hand=hand)
         self.tick = Tick(phase=self._phase, ball=ball, reference=reference, tracked=tracked)
-        return tracked.command
+        gaze = self._eyes.gaze(ball, senses.t + PERIOD)
+        return tracked.command if gaze is None else replace(tracked.command, gaze=gaze)
 
     def _see(self, senses: Senses) -> tuple[Sighting, ...]:
         """Return the new sightings, from images or from points; none once the hand has closed."""
