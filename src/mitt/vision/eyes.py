@@ -16,8 +16,11 @@ from mitt.vision.head import aim, pack_heads
 from mitt.vision.moments import Box
 from mitt.vision.segmentation import (
     EXPECTED,
+    GAIN,
     GOOD,
     STATE,
+    WEIGHED,
+    WEIGHTS,
     SegmenterConfig,
     forget,
     pack_segmenter,
@@ -33,17 +36,20 @@ from mitt.vision.triangulation import (
     unseen,
 )
 
-KNOWN, SINCE, ODDS, STATUS = range(3, 7)
-"""Places in the rig's row of the memory, after the last position."""
+KNOWN, SINCE, ODDS, STATUS, SPEED = range(3, 8)
+"""Places in the rig's row of the memory, after the position: sightings that it rests on, looks
+since both eyes saw the ball, looks at odds in a row, status, motion a look."""
 BLIND, ONE, BOTH, AT_ODDS = range(4)
 
 ALONG = 10.0
 """Standard deviation along the ray of a ball that one camera alone sees [m]."""
 FORGET, STUBBORN = 50.0, 20.0
 """Looks without both eyes after which a place is old; looks at odds that are no accident."""
-MISFIT, EDGE = 0.5, 0.3
-"""Share of its area by which a target may differ from the ball; pixels by which the threshold
-draws its edge outside."""
+MISFIT, SLOWLY = 0.03, 20.0
+"""Share by which a target's mass may differ from the ball's; looks over which its contrast may
+change."""
+ALPHA, BETA = 0.5, 0.1
+"""Gains of position and motion from look to look."""
 LET_GO = 0.1
 """Time without a sighting after which the heads no longer follow the filter [s]."""
 
@@ -64,32 +70,62 @@ class EyesConfig:
 
 
 @njit(cache=True)
-def _plausible(point: Array, area: float, expected: float) -> bool:
-    """Tell whether a target has the size of the ball; widen its error where it is a bit off.
+def _whole(memory: Array) -> bool:
+    """Tell by its mass whether a target is the whole ball and nothing else.
 
-    A ball that is hidden in part has its centroid off by up to a quarter of its radius for each
-    quarter of its area.
+    The mass over the area that the ball should have is its contrast, which changes slowly; a
+    ball that is hidden in part has less, long before its shape gives it away.
     """
-    if expected == 0.0:
+    if memory[EXPECTED] == 0.0 or memory[WEIGHED] == 0.0:
         return True
-    allowed = 2.0 * sqrt(expected) + 3.0
-    lacking = max(abs(area - expected) - allowed, 0.0) / expected
-    if lacking > MISFIT:
-        return False
-    off = lacking * sqrt(expected / pi)
-    point[2] = sqrt(point[2] * point[2] + off * off)
-    return True
+    return bool(abs(memory[WEIGHTS] / (memory[GAIN] * memory[EXPECTED]) - 1.0) < MISFIT)
+
+
+@njit(cache=True)
+def _learn_contrast(memory: Array) -> None:
+    """Take the mass of a target that was believed into the contrast of the ball."""
+    if memory[EXPECTED] > 0.0:
+        memory[WEIGHED] = min(memory[WEIGHED] + 1.0, SLOWLY)
+        gain = memory[WEIGHTS] / memory[EXPECTED]
+        memory[GAIN] += (gain - memory[GAIN]) / memory[WEIGHED]
 
 
 @njit(cache=True)
 def _expect(memory: Array, cameras: Array, radius: float, r: Array) -> None:
-    """Write what area the ball should have in each image from where it was last seen."""
+    """Write what area the ball should have in each image where it is believed to be."""
     for n in range(cameras.shape[0]):
-        z = 0.0
+        z, far = 0.0, 0.0
         for i in range(3):
-            z += cameras[n, i, 2] * (r[i] - cameras[n, 3, i])
-        disc = cameras[n, 4, 0] * radius / max(z, 2.0 * radius) + EDGE
-        memory[n, EXPECTED] = pi * disc * disc
+            d = r[i] - cameras[n, 3, i]
+            z += cameras[n, i, 2] * d
+            far += d * d
+        far = sqrt(max(far - radius * radius, radius * radius))
+        sine = radius / far
+        memory[n, EXPECTED] = pi * (cameras[n, 4, 0] * sine) ** 2 * (far / max(z, radius)) ** 3
+
+
+@njit(cache=True)
+def _foresee(rig: Array) -> None:
+    """Move the last position on by one look; forget it where it is old."""
+    rig[SINCE] += 1.0
+    if rig[SINCE] > FORGET:
+        rig[KNOWN] = 0.0
+    for i in range(3):
+        rig[i] += rig[SPEED + i] if rig[KNOWN] > 0.0 else 0.0
+
+
+@njit(cache=True)
+def _remember(rig: Array, r: Array) -> None:
+    """Correct position and motion from look to look by an alpha-beta filter."""
+    count = rig[KNOWN]
+    for i in range(3):
+        error = r[i] - rig[i]
+        rig[i] = r[i] if count < 2.0 else rig[i] + ALPHA * error
+        if count == 0.0:
+            rig[SPEED + i] = 0.0
+        else:
+            rig[SPEED + i] += (1.0 if count == 1.0 else BETA) * error
+    rig[KNOWN] = min(count + 1.0, SLOWLY)
 
 
 @njit(cache=True)
@@ -111,8 +147,7 @@ def look(
         images: One a camera, each shape (height, width); empty where there is none.
         together: Whether each image was exposed at the instant that is asked for.
         memory: What is remembered of each camera, and in the last row of the rig: last position
-            [m], whether there is one, looks since, looks at odds in a row, status; overwritten,
-            shape (n + 1, segmentation.MEMORY).
+            [m], and what ``KNOWN`` and its likes say; overwritten, shape (n + 1, MEMORY).
         settings: Numbers of the segmenter, shape (6,).
         boxes: Scratch, shape (segmentation.WORK, 4).
         cameras: As in the table of :mod:`mitt.vision.triangulation`, shape (n, 5, 3).
@@ -125,36 +160,40 @@ def look(
         Whether two or more cameras agree on the ball, or one alone sees it go on.
     """
     points, count, one, rig = work[triangulation.WORK :], 0, -1, memory[len(images)]
+    _foresee(rig)
+    if rig[KNOWN] > 0.0:
+        _expect(memory, cameras, belief[0], rig)
+    else:
+        memory[: len(images), EXPECTED] = 0.0
+        memory[: len(images), WEIGHED] = 0.0
     for n in range(len(images)):
         points[n, 2] = -1.0
         if images[n].size == 0:
             continue
         area, clipped = watch(images[n], memory[n], settings, boxes)
-        if together[n] and area > 0 and memory[n, STATE] == GOOD:
+        if together[n] and area > 0 and memory[n, STATE] == GOOD and _whole(memory[n]):
             u, v = memory[n, 0], memory[n, 1]
-            counts = note(points[n], u, v, float(area), clipped, belief[1], belief[2])
-            if counts == 1 and _plausible(points[n], float(area), memory[n, EXPECTED]):
+            if note(points[n], u, v, float(area), clipped, belief[1], belief[2]) == 1:
                 count, one = count + 1, n
-            else:
-                points[n, 2] = -1.0
-    rig[SINCE] += 1.0
-    if rig[SINCE] > FORGET:
-        rig[KNOWN] = 0.0
-        memory[: len(images), EXPECTED] = 0.0
+    rig[STATUS] = float(BLIND)
     if count >= 2:
         if triangulate(cameras, points, belief[0], r, P, work) <= belief[3]:
-            rig[0], rig[1], rig[2], rig[KNOWN] = r[0], r[1], r[2], 1.0
+            _remember(rig, r)
             rig[SINCE], rig[ODDS], rig[STATUS] = 0.0, 0.0, float(BOTH)
-            _expect(memory, cameras, belief[0], r)
+            for n in range(len(images)):
+                if points[n, 2] > 0.0:
+                    _learn_contrast(memory[n])
             return True
         rig[ODDS] += 1.0
         rig[STATUS] = float(AT_ODDS if rig[ODDS] >= STUBBORN else BLIND)
         return False
-    rig[STATUS] = float(BLIND)
-    if count == 1 and rig[KNOWN] > 0.0 and on_ray(
-        cameras[one], points[one], belief[0], rig[:3], r, P, ALONG
+    if (
+        count == 1
+        and rig[KNOWN] > 0.0
+        and on_ray(cameras[one], points[one], belief[0], rig[:3], r, P, ALONG)
     ):
-        rig[0], rig[1], rig[2], rig[STATUS] = r[0], r[1], r[2], float(ONE)
+        _remember(rig, r)
+        rig[STATUS] = float(ONE)
         return True
     return False
 

@@ -126,14 +126,14 @@ def active_rig() -> Rig:
     watches its own side, the left half with the left eye and the right half with the right, and
     both nod. The first to see a ball tells the other where to look.
     """
-    middle = np.array((4.0, 0.05, 0.2))
+    middle = np.array((4.0, 0.05, 0.25))
     heads, cameras = [], []
     for side in (1.0, -1.0):
-        pivot = np.array((-0.8, 0.5 * side, -0.3))
+        pivot = np.array((0.2, 0.5 * side, -0.7))
         head = Head(
             T_world_base=look_at(pivot, middle),
             search=np.array((-0.055 * side, 0.0)),
-            nod=0.045,
+            nod=0.06,
             expected_range=float(np.linalg.norm(middle - pivot)),
         )
         heads.append(head)

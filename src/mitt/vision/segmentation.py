@@ -13,6 +13,7 @@ The memory of a camera, one row of numbers (the names are their places):
 | ``TOP``, ``HEIGHT``    | first row of the mask and its rows                   | px          |
 | ``MARK``, ``FROZEN``   | sum over the last image, frames it has been the same |             |
 | ``EXPECTED``           | area that the ball should have; 0 if unknown         | px^2        |
+| ``GAIN``, ``WEIGHED``  | mass of the ball over that area, from how many looks | grey levels |
 | ``WEIGHTS``            | moments of the last target (:mod:`mitt.vision.window`) |           |
 | ``RUNS``               | the mask, first columns and then last columns        | px          |
 """
@@ -28,8 +29,8 @@ from mitt.signals import Array, Frame, Image, Moments
 from mitt.vision.moments import MAX_BLOBS, Box, estimate_ground, find_target
 from mitt.vision.window import ROWS, Runs, dilate, is_merged, shrink, weigh
 
-LEVEL, THRESHOLD, DUE, DU, DV, AREA, STATE, TOP, HEIGHT, MARK, FROZEN, EXPECTED = range(2, 14)
-WEIGHTS, RUNS = 14, 21
+LEVEL, THRESHOLD, DUE, DU, DV, AREA, STATE, TOP, HEIGHT, MARK, FROZEN = range(2, 13)
+EXPECTED, GAIN, WEIGHED, WEIGHTS, RUNS = 13, 14, 15, 16, 23
 LOST, GOOD, MERGED = 0, 1, 2
 
 MEMORY, WORK = RUNS + 2 * ROWS, MAX_BLOBS + 66 + ROWS
