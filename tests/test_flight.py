@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mitt.errors import InputError
-from mitt.flight import GRAVITY, acceleration, advance, advance_uncertain, forecast
+from mitt.flight import GRAVITY, STATES, acceleration, advance, advance_uncertain, forecast
 from mitt.signals import Array, BallState
 
 ROUNDING = 1e-12
@@ -15,6 +15,8 @@ STEP_ERROR = 1e-6
 """Of the longest Runge-Kutta steps over a second, where the ball turns [m, m/s]."""
 LINEAR = 5e-3
 """Relative error of the transition matrices over 0.3 s."""
+SAMPLING = 0.05
+"""Of covariances of 20000 samples, relative."""
 HOPS = 1e-2
 """Relative, between covariances that travelled in steps of different length."""
 
@@ -83,25 +85,61 @@ def test_drag_takes_energy_and_opposes_the_velocity() -> None:
     assert a + np.array((0, 0, GRAVITY)) == pytest.approx(-0.04 * 13.0 * dr, abs=ROUNDING)
 
 
-def test_covariance_travels_as_the_central_difference_of_the_flight_says() -> None:
-    """Without process noise, P after 0.3 s is J P J' with J from central differences."""
-    x = np.array((4.0, 0.1, 0.3, -6.0, 0.5, 2.0, 0.08))
-    J = np.zeros((7, 7))
-    J[6, 6] = 1.0
-    eps = 1e-5
-    for i in range(7):
-        ends = []
-        for sign in (1.0, -1.0):
-            y = x.copy()
-            y[i] += sign * eps
-            ends.append(fly(y[:3], y[3:6], float(y[6]), 0.3))
-        J[:6, i] = (ends[0] - ends[1]) / (2 * eps)
-    root = np.random.default_rng(5).normal(size=(7, 7))
+def carry(x: Array, P: Array, dt: float, law: Array) -> tuple[Array, Array]:
+    """Return an estimate, shape (10,), and its covariance after ``dt``."""
+    track = np.concatenate((x, P.ravel()))
+    advance_uncertain(track, 0, dt, law[None], 0, np.empty((2, STATES, STATES)))
+    return track[:STATES], track[STATES:].reshape(STATES, STATES)
+
+
+@pytest.mark.parametrize("law", [(GRAVITY, 0.0, 0.0, 0.0, 1e9), (GRAVITY, 0.0, 0.0, 0.0, 0.5)])
+@pytest.mark.parametrize("dt", [0.3, 0.004])
+def test_covariance_travels_as_the_central_difference_says(
+    law: tuple[float, ...], dt: float
+) -> None:
+    """Without process noise, P after a time is J P J' with J from central differences."""
+    x = np.array((4.0, 0.1, 0.3, -6.0, 0.5, 2.0, 0.08, 0.3, -0.4, 0.2))
+    J, eps = np.empty((STATES, STATES)), 1e-5
+    for i, step in enumerate(eps * np.eye(STATES)):
+        ends = [carry(x + sign * step, np.zeros(J.shape), dt, np.array(law))[0] for sign in (1, -1)]
+        J[:, i] = (ends[0] - ends[1]) / (2 * eps)
+    root = np.random.default_rng(5).normal(size=J.shape)
     P = root @ root.T
-    carried = P.copy()
-    advance_uncertain(x.copy(), carried, 0.3, 0.0, 0.0, np.empty((2, 7, 7)))
     wanted = J @ P @ J.T
+    carried = carry(x, P, dt, np.array(law))[1]
     assert np.abs(carried - wanted).max() < LINEAR * np.abs(wanted).max()
+
+
+def test_noise_is_that_of_many_random_pushes() -> None:
+    """The covariance that a Gauss-Markov push and white noise build up is that of 20000 flights.
+
+    Gravity and drag are zero, so the flights are sums that NumPy can do at once.
+    """
+    n, dt, h = 20_000, 0.2, 1e-3
+    white, sigma, tau = 0.05, 3.0, 0.1
+    rng = np.random.default_rng(6)
+    r, v, push = np.zeros(n), np.zeros(n), sigma * rng.normal(size=n)
+    left = np.exp(-h / tau)
+    for _ in range(round(dt / h)):
+        dv = push * h + np.sqrt(white * h) * rng.normal(size=n)
+        r += h * (v + 0.5 * dv)
+        v += dv
+        push = left * push + sigma * np.sqrt(1.0 - left**2) * rng.normal(size=n)
+    P = np.zeros((STATES, STATES))
+    P[7, 7] = sigma**2
+    law = np.array((0.0, white, 0.0, sigma, tau))
+    carried = carry(np.zeros(STATES), P, dt, law)[1][np.ix_((0, 3, 7), (0, 3, 7))]
+    assert carried == pytest.approx(np.cov((r, v, push)), rel=SAMPLING, abs=SAMPLING * 1e-3)
+
+
+@given(velocity, drag, st.floats(0.0, 0.3))
+def test_the_uncertain_flight_is_the_certain_one(dr: Array, k: float, dt: float) -> None:
+    """Estimate and flight are carried to the same place."""
+    x = np.concatenate((np.zeros(3), dr, (k, 0.0, 0.0, 0.0)))
+    law = np.array((GRAVITY, 0.1, 0.1, 0.1, 1.0))
+    assert carry(x, np.eye(STATES), dt, law)[0][:6] == pytest.approx(
+        fly(np.zeros(3), dr, k, dt), abs=ROUNDING
+    )
 
 
 @given(velocity, st.floats(0.0, 0.6), st.floats(0.0, 0.6))
@@ -111,7 +149,8 @@ def test_forecast_in_two_hops_is_forecast_in_one(dr: Array, a: float, b: float) 
     one = forecast(start, 1.0 + a + b)
     two = forecast(forecast(start, 1.0 + a), 1.0 + a + b)
     assert two.r_o == pytest.approx(one.r_o, abs=STEP_ERROR)
-    assert two.covariance == pytest.approx(one.covariance, rel=HOPS, abs=1e-9)
+    small = 1e-5 * np.abs(one.covariance).max()
+    assert two.covariance == pytest.approx(one.covariance, rel=HOPS, abs=small)
 
 
 @given(velocity, st.floats(0.0, 0.6))

@@ -8,7 +8,7 @@ thrown ball, 0.09 to 0.15 for a table-tennis ball.
 """
 
 from dataclasses import replace
-from math import ceil, sqrt
+from math import ceil, exp, sqrt
 
 import numpy as np
 from numba import njit
@@ -21,6 +21,12 @@ GRAVITY = 9.81
 
 MAX_STEP = 0.02
 """Longest Runge-Kutta step [s]; at 10 m/s and k = 0.2 its error stays below 1e-8 m."""
+
+STATES = 10
+"""Numbers that an estimate consists of: position, velocity, drag coefficient, push."""
+
+TRACK = STATES + STATES * STATES
+"""Numbers of an estimate with its covariance."""
 
 MAX_FORECAST = 10.0
 """Farthest instant that ``forecast`` speaks of [s]; a bound on its work."""
@@ -42,26 +48,38 @@ def acceleration(dr: Array, k: float, ddr: Array) -> None:
 
 
 @njit(cache=True)
-def _step(r: Array, dr: Array, k: float, h: float) -> None:
-    """Advance by one classical Runge-Kutta step, in place."""
-    x1, y1, z1 = dr[0], dr[1], dr[2]
+def _step(
+    v: tuple[float, float, float], k: float, push: tuple[float, float, float], h: float
+) -> tuple[float, float, float, float, float, float]:
+    """Return by how much position and velocity change in one classical Runge-Kutta step.
+
+    Args:
+        v: Velocity [m/s].
+        k: Drag coefficient [1/m].
+        push: Acceleration besides drag, gravity included [m/s^2].
+        h: Duration [s].
+    """
+    px, py, pz = push
+    x1, y1, z1 = v
     s = k * sqrt(x1 * x1 + y1 * y1 + z1 * z1)
-    ax1, ay1, az1 = -s * x1, -s * y1, -s * z1 - GRAVITY
+    ax1, ay1, az1 = px - s * x1, py - s * y1, pz - s * z1
     x2, y2, z2 = x1 + 0.5 * h * ax1, y1 + 0.5 * h * ay1, z1 + 0.5 * h * az1
     s = k * sqrt(x2 * x2 + y2 * y2 + z2 * z2)
-    ax2, ay2, az2 = -s * x2, -s * y2, -s * z2 - GRAVITY
+    ax2, ay2, az2 = px - s * x2, py - s * y2, pz - s * z2
     x3, y3, z3 = x1 + 0.5 * h * ax2, y1 + 0.5 * h * ay2, z1 + 0.5 * h * az2
     s = k * sqrt(x3 * x3 + y3 * y3 + z3 * z3)
-    ax3, ay3, az3 = -s * x3, -s * y3, -s * z3 - GRAVITY
+    ax3, ay3, az3 = px - s * x3, py - s * y3, pz - s * z3
     x4, y4, z4 = x1 + h * ax3, y1 + h * ay3, z1 + h * az3
     s = k * sqrt(x4 * x4 + y4 * y4 + z4 * z4)
-    ax4, ay4, az4 = -s * x4, -s * y4, -s * z4 - GRAVITY
-    r[0] += h / 6.0 * (x1 + 2.0 * x2 + 2.0 * x3 + x4)
-    r[1] += h / 6.0 * (y1 + 2.0 * y2 + 2.0 * y3 + y4)
-    r[2] += h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
-    dr[0] += h / 6.0 * (ax1 + 2.0 * ax2 + 2.0 * ax3 + ax4)
-    dr[1] += h / 6.0 * (ay1 + 2.0 * ay2 + 2.0 * ay3 + ay4)
-    dr[2] += h / 6.0 * (az1 + 2.0 * az2 + 2.0 * az3 + az4)
+    ax4, ay4, az4 = px - s * x4, py - s * y4, pz - s * z4
+    return (
+        h / 6.0 * (x1 + 2.0 * x2 + 2.0 * x3 + x4),
+        h / 6.0 * (y1 + 2.0 * y2 + 2.0 * y3 + y4),
+        h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4),
+        h / 6.0 * (ax1 + 2.0 * ax2 + 2.0 * ax3 + ax4),
+        h / 6.0 * (ay1 + 2.0 * ay2 + 2.0 * ay3 + ay4),
+        h / 6.0 * (az1 + 2.0 * az2 + 2.0 * az3 + az4),
+    )
 
 
 @njit(cache=True)
@@ -76,78 +94,141 @@ def advance(r: Array, dr: Array, k: float, dt: float) -> None:
     """
     steps = max(1, ceil(abs(dt) / MAX_STEP))
     for _ in range(steps):
-        _step(r, dr, k, dt / steps)
+        way = _step((dr[0], dr[1], dr[2]), k, (0.0, 0.0, -GRAVITY), dt / steps)
+        for i in range(3):
+            r[i] += way[i]
+            dr[i] += way[3 + i]
 
 
 @njit(cache=True)
-def _transition(x: Array, h: float, F: Array) -> None:
-    """Write d(state after h) / d(state), shape (7, 7), with the drag of the step's middle."""
-    k, half = x[6], 0.5 * h
-    drag = k * sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5])
-    vx, vy = x[3] * (1.0 - half * drag), x[4] * (1.0 - half * drag)
-    vz = x[5] * (1.0 - half * drag) - half * GRAVITY
-    speed = sqrt(vx * vx + vy * vy + vz * vz)
-    F[:, :] = 0.0
-    for i in range(7):
-        F[i, i] = 1.0
-    for i, v_i in enumerate((vx, vy, vz)):
-        F[i, 3 + i] = h
-        F[i, 6] = -half * h * speed * v_i
-        F[3 + i, 6] = -h * speed * v_i * (1.0 - h * k * speed)
-        for j, v_j in enumerate((vx, vy, vz)):
-            slope = -k * v_i * v_j / speed if speed > 0.0 else 0.0
+def _slopes(m: Array, at: int, law: Array, row: int, h: float, work: Array) -> None:
+    """Write d(position, velocity after h) / d(velocity, drag, push), with the step's middle.
+
+    Rows of ``work[0]``: 0 to 2 position, 3 to 5 velocity; columns: 0 to 2 velocity, 3 drag.
+    """
+    k, half = m[at + 6], 0.5 * h
+    x, y, z = m[at + 3], m[at + 4], m[at + 5]
+    drag = k * sqrt(x * x + y * y + z * z)
+    x += half * (m[at + 7] - drag * x)
+    y += half * (m[at + 8] - drag * y)
+    z += half * (m[at + 9] - drag * z - law[row, 0])
+    speed = sqrt(x * x + y * y + z * z)
+    slope = k / speed if speed > 0.0 else 0.0
+    for i, v_i in enumerate((x, y, z)):
+        work[0, i, 3] = -half * h * speed * v_i
+        work[0, 3 + i, 3] = -h * speed * v_i * (1.0 - h * k * speed)
+        for j, v_j in enumerate((x, y, z)):
+            bend = -slope * v_i * v_j
             if i == j:
-                slope -= k * speed
-            F[i, 3 + j] += half * h * slope
-            F[3 + i, 3 + j] += h * slope
+                bend -= k * speed
+            work[0, i, j] = half * h * bend
+            work[0, 3 + i, j] = h * bend
+        work[0, i, i] += h
+        work[0, 3 + i, i] += 1.0
 
 
 @njit(cache=True)
-def _spread(P: Array, F: Array, work: Array) -> None:
-    """Replace ``P`` by F P F', shapes (7, 7); the lower left 3 x 3 of F is zero."""
-    for i in range(7):
-        for j in range(7):
-            total = 0.0
-            for m in range(min(i, 3), 7):
-                total += F[i, m] * P[m, j]
-            work[i, j] = total
-    for i in range(7):
-        for j in range(i + 1):
-            total = 0.0
-            for m in range(min(j, 3), 7):
-                total += work[i, m] * F[j, m]
-            P[i, j] = total
-            P[j, i] = total
-
-
-@njit(cache=True)
-def advance_uncertain(
-    x: Array, P: Array, dt: float, accel_density: float, drag_density: float, work: Array
-) -> None:
-    """Carry an estimate and its covariance by ``dt``, in place; uncertainty grows either way.
+def _spread(m: Array, at: int, h: float, mean: float, left: float, work: Array) -> None:
+    """Replace P by F P F', F = d(state after h) / d(state) made of :func:`_slopes`.
 
     Args:
-        x: Position [m], velocity [m/s] and drag coefficient [1/m], shape (7,).
-        P: Its covariance, shape (7, 7).
+        m: Holds P, shape (10, 10), from ``at + 10`` on.
+        at: Index of the estimate.
+        h: Duration [s].
+        mean: Share of the push that acts, on average over the step.
+        left: Share of it that is left after the step.
+        work: Scratch, shape (2, 10, 10); the slopes in its first matrix.
+    """
+    P, r_a, v_a = at + STATES, 0.5 * h * h * mean, h * mean
+    for i in range(3):
+        r_i, a_i = P + 10 * i, P + 70 + 10 * i
+        for j in range(10):
+            vx, vy, vz = m[P + 30 + j], m[P + 40 + j], m[P + 50 + j]
+            k, a = m[P + 60 + j], m[a_i + j]
+            work[1, i, j] = (
+                m[r_i + j] + work[0, i, 0] * vx + work[0, i, 1] * vy + work[0, i, 2] * vz
+                + work[0, i, 3] * k + r_a * a
+            )  # fmt: skip
+            work[1, 3 + i, j] = (
+                work[0, 3 + i, 0] * vx + work[0, 3 + i, 1] * vy + work[0, 3 + i, 2] * vz
+                + work[0, 3 + i, 3] * k + v_a * a
+            )  # fmt: skip
+            work[1, 7 + i, j] = left * a
+    for j in range(10):
+        work[1, 6, j] = m[P + 60 + j]
+    for i in range(10):
+        vx, vy, vz, k = work[1, i, 3], work[1, i, 4], work[1, i, 5], work[1, i, 6]
+        for j in range(3):
+            a = work[1, i, 7 + j]
+            m[P + 10 * i + j] = (
+                work[1, i, j] + work[0, j, 0] * vx + work[0, j, 1] * vy + work[0, j, 2] * vz
+                + work[0, j, 3] * k + r_a * a
+            )  # fmt: skip
+            m[P + 10 * i + 3 + j] = (
+                work[0, 3 + j, 0] * vx + work[0, 3 + j, 1] * vy + work[0, 3 + j, 2] * vz
+                + work[0, 3 + j, 3] * k + v_a * a
+            )  # fmt: skip
+            m[P + 10 * i + 7 + j] = left * a
+        m[P + 10 * i + 6] = k
+
+
+@njit(cache=True)
+def _stir(m: Array, at: int, law: Array, row: int, h: float, left: float) -> None:
+    """Add what the unmodelled acceleration and the drift of drag and push do in ``abs(h)``."""
+    P, a, sign = at + STATES, abs(h), 1.0 if h > 0.0 else -1.0
+    white, jerk = law[row, 1], law[row, 3] ** 2 * (1.0 - left * left) / a if a > 0.0 else 0.0
+    rr = white * a**3 / 3.0 + jerk * a**5 / 20.0
+    rv = sign * (white * a**2 / 2.0 + jerk * a**4 / 8.0)
+    vv = white * a + jerk * a**3 / 3.0
+    ra, va, aa = jerk * a**3 / 6.0, sign * jerk * a**2 / 2.0, jerk * a
+    for i in range(3):
+        r, v, b = 10 * i, 30 + 10 * i, 70 + 10 * i
+        m[P + r + i] += rr
+        m[P + v + 3 + i] += vv
+        m[P + b + 7 + i] += aa
+        m[P + r + 3 + i] += rv
+        m[P + v + i] += rv
+        m[P + r + 7 + i] += ra
+        m[P + b + i] += ra
+        m[P + v + 7 + i] += va
+        m[P + b + 3 + i] += va
+    m[P + 66] += law[row, 2] * a
+
+
+@njit(cache=True)
+def advance_uncertain(m: Array, at: int, dt: float, law: Array, row: int, work: Array) -> None:
+    """Carry an estimate and its covariance by ``dt``, in place; uncertainty grows either way.
+
+    The estimate holds position [m], velocity [m/s], drag coefficient [1/m] and *push*, a slowly
+    varying acceleration [m/s^2] that gravity and drag do not explain (the lift of a spinning
+    ball, a hand): 10 numbers, and then their covariance, shape (10, 10), row by row.
+
+    A law of motion holds gravity [m/s^2], the spectral densities of the unmodelled acceleration
+    [m^2/s^3] and of the drift of the drag coefficient [1/(m^2 s)], and standard deviation
+    [m/s^2] and correlation time [s] of the push (a Gauss-Markov process of first order).
+
+    Args:
+        m: Memory that holds the estimate.
+        at: Index of the estimate in it.
         dt: Duration [s]; may be negative.
-        accel_density: Spectral density of the unmodelled acceleration [m^2/s^3].
-        drag_density: Spectral density of the drift of the drag coefficient [1/(m^2 s)].
-        work: Scratch, overwritten, shape (2, 7, 7).
+        law: Laws of motion, shape (n, >= 5).
+        row: Which of them holds.
+        work: Scratch, overwritten, shape (2, 10, 10).
     """
     steps = max(1, ceil(abs(dt) / MAX_STEP))
     h = dt / steps
-    a = abs(h)
+    left = exp(-abs(h) / law[row, 4])
+    mean = 0.5 * (1.0 + left)
     for _ in range(steps):
-        _transition(x, h, work[0])
-        _spread(P, work[0], work[1])
-        for i in range(3):
-            cross = 0.5 * accel_density * h * a
-            P[i, i] += accel_density * a * a * a / 3.0
-            P[i, 3 + i] += cross
-            P[3 + i, i] += cross
-            P[3 + i, 3 + i] += accel_density * a
-        P[6, 6] += drag_density * a
-        _step(x[0:3], x[3:6], x[6], h)
+        _slopes(m, at, law, row, h, work)
+        _spread(m, at, h, mean, left, work)
+        _stir(m, at, law, row, h, left)
+        push = (mean * m[at + 7], mean * m[at + 8], mean * m[at + 9] - law[row, 0])
+        way = _step((m[at + 3], m[at + 4], m[at + 5]), m[at + 6], push, h)
+        for i in range(6):
+            m[at + i] += way[i]
+        for i in range(7, 10):
+            m[at + i] *= left
 
 
 def forecast(
@@ -171,11 +252,14 @@ def forecast(
         return state
     if not abs(t - state.t) <= MAX_FORECAST:
         raise InputError("t", f"within {MAX_FORECAST} s of the estimate at {state.t} s", t)
-    x = np.concatenate((state.r_o, state.dr_o, (state.drag,)))
-    P = np.zeros((7, 7))
+    track = np.zeros(TRACK)
+    track[:STATES] = (*state.r_o, *state.dr_o, state.drag, 0.0, 0.0, 0.0)
+    P = track[STATES:].reshape(STATES, STATES)
     P[:6, :6] = state.covariance
     P[6, 6] = drag_sigma**2
-    advance_uncertain(x, P, t - state.t, accel_density, 0.0, np.empty((2, 7, 7)))
+    law = np.array([[GRAVITY, accel_density, 0.0, 0.0, 1.0]])
+    advance_uncertain(track, 0, t - state.t, law, 0, np.empty((2, STATES, STATES)))
     ddr = np.empty(3)
-    acceleration(x[3:6], state.drag, ddr)
-    return replace(state, t=t, r_o=x[:3], dr_o=x[3:6], ddr_o=ddr, covariance=P[:6, :6])
+    acceleration(track[3:6], state.drag, ddr)
+    covariance = 0.5 * (P + P.T)[:6, :6]
+    return replace(state, t=t, r_o=track[:3], dr_o=track[3:6], ddr_o=ddr, covariance=covariance)

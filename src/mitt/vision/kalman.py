@@ -1,82 +1,28 @@
 """The correction of an extended Kalman filter by a sighted position, in Joseph's form.
 
-| here | meaning                                  | unit        | shape  |
-|------|------------------------------------------|-------------|--------|
-| ``x``| r_o, dr_o, drag coefficient k            | m, m/s, 1/m | (7,)   |
-| ``P``| covariance of ``x``                      |             | (7, 7) |
-| ``z``| sighted position                         | m           | (3,)   |
-| ``R``| its covariance                           | m^2         | (3, 3) |
-| ``K``| gain                                     |             | (7, 3) |
+| here | meaning                                    | unit                 | shape    |
+|------|--------------------------------------------|----------------------|----------|
+| x    | r_o, dr_o, drag coefficient k, push        | m, m/s, 1/m, m/s^2   | (10,)    |
+| P    | covariance of x                            |                      | (10, 10) |
+| z    | sighted position                           | m                    | (3,)     |
+| R    | its covariance                             | m^2                  | (3, 3)   |
+| S    | covariance of the innovation z - r_o       | m^2                  | (3, 3)   |
+| K    | gain                                       |                      | (10, 3)  |
+
+An estimate lies in the memory (``memory``) at an index ``at``: x, then P row by row. A sighting
+lies there at a ``slot``: its time, z, then R row by row.
 """
 
 import numpy as np
 from numba import njit
 
-from mitt.flight import acceleration, advance_uncertain
+from mitt.flight import STATES, TRACK
 from mitt.signals import Array
 from mitt.vision.linear import invert_positive
+from mitt.vision.memory import SLOT_R
 
 MAX_DISTANCE = 1000.0
 """Beyond it no ball is sighted [m]."""
-
-
-@njit(cache=True)
-def _joseph(P: Array, K: Array, R: Array, work: Array) -> None:
-    """Replace ``P`` by (I - K H) P (I - K H)' + K R K' with H = (I 0), shapes (7, 7), (7, 3)."""
-    half = work[0]
-    for i in range(7):
-        for j in range(7):
-            total = P[i, j]
-            for m in range(3):
-                total -= K[i, m] * P[m, j]
-            half[i, j] = total
-    for i in range(7):
-        for j in range(i + 1):
-            total = half[i, j]
-            for m in range(3):
-                total -= half[i, m] * K[j, m]
-                for n in range(3):
-                    total += K[i, m] * R[m, n] * K[j, n]
-            P[i, j] = total
-            P[j, i] = total
-
-
-@njit(cache=True)
-def correct(x: Array, P: Array, z: Array, R: Array, gate: float, work: Array) -> float:
-    """Take a sighting in, in place, if it lies within the gate.
-
-    Args:
-        x: Estimate at the sighting's time, shape (7,).
-        P: Its covariance, shape (7, 7).
-        z: Sighted position [m], shape (3,).
-        R: Its covariance [m^2], shape (3, 3).
-        gate: Largest squared Mahalanobis distance of the innovation [1].
-        work: Scratch, shape (2, 7, 7).
-
-    Returns:
-        The squared Mahalanobis distance; infinite if it has none. Beyond the gate nothing
-        has changed.
-    """
-    S, inverse, K = work[0, 0:3, 0:3], work[0, 3:6, 0:3], work[1, :, 0:3]
-    for i in range(3):
-        for j in range(3):
-            S[i, j] = P[i, j] + R[i, j]
-    if not invert_positive(S, inverse):
-        return float(np.inf)
-    distance = 0.0
-    for i in range(3):
-        for j in range(3):
-            distance += (z[i] - x[i]) * inverse[i, j] * (z[j] - x[j])
-    if not distance <= gate:
-        return distance if distance > gate else float(np.inf)
-    for i in range(7):
-        for j in range(3):
-            K[i, j] = P[i, 0] * inverse[0, j] + P[i, 1] * inverse[1, j] + P[i, 2] * inverse[2, j]
-    e0, e1, e2 = z[0] - x[0], z[1] - x[1], z[2] - x[2]
-    for i in range(7):
-        x[i] += K[i, 0] * e0 + K[i, 1] * e1 + K[i, 2] * e2
-    _joseph(P, K, R, work)
-    return float(distance)
 
 
 @njit(cache=True)
@@ -97,115 +43,90 @@ def is_sane(z: Array, R: Array) -> bool:
 
 
 @njit(cache=True)
-def follow(
-    x: Array, P: Array, dt: float, z: Array, R: Array, gate: float, settings: Array, work: Array
-) -> float:
-    """Carry the estimate to a sighting and take it in; see ``advance_uncertain``, ``correct``.
+def _joseph(m: Array, at: int, slot: int, work: Array) -> None:
+    """Replace P by (I - K H) P (I - K H)' + K R K', H = (I 0), with K in rows 3 to 5 of work."""
+    P, R = at + STATES, slot + SLOT_R
+    for i in range(STATES):
+        k0, k1, k2 = work[0, 3, i], work[0, 4, i], work[0, 5, i]
+        row = P + STATES * i
+        for j in range(STATES):
+            work[1, i, j] = m[row + j] - k0 * m[P + j] - k1 * m[P + 10 + j] - k2 * m[P + 20 + j]
+    for i in range(STATES):
+        k0, k1, k2 = work[0, 3, i], work[0, 4, i], work[0, 5, i]
+        w0 = k0 * m[R] + k1 * m[R + 3] + k2 * m[R + 6] - work[1, i, 0]
+        w1 = k0 * m[R + 1] + k1 * m[R + 4] + k2 * m[R + 7] - work[1, i, 1]
+        w2 = k0 * m[R + 2] + k1 * m[R + 5] + k2 * m[R + 8] - work[1, i, 2]
+        for j in range(i + 1):
+            total = (
+                work[1, i, j] + w0 * work[0, 3, j] + w1 * work[0, 4, j] + w2 * work[0, 5, j]
+            )  # fmt: skip
+            m[P + STATES * i + j] = total
+            m[P + STATES * j + i] = total
+
+
+@njit(cache=True)
+def correct(m: Array, at: int, slot: int, gate: float, work: Array) -> float:
+    """Take a sighting in, in place, if it lies within the gate.
 
     Args:
-        x: Estimate, overwritten, shape (7,).
-        P: Its covariance, overwritten, shape (7, 7).
-        dt: Time from the estimate to the sighting [s].
-        z: Sighted position [m], shape (3,).
-        R: Its covariance [m^2], shape (3, 3).
+        m: Memory.
+        at: Index of the estimate, valid at the sighting's time.
+        slot: Index of the sighting.
         gate: Largest squared Mahalanobis distance of the innovation [1].
-        settings: Densities of acceleration and drag, largest drag, shape (3,).
-        work: Scratch, shape (2, 7, 7).
+        work: Scratch, shape (2, 10, 10).
+
+    Returns:
+        The squared Mahalanobis distance; infinite if it has none. Beyond the gate nothing
+        has changed.
     """
-    advance_uncertain(x, P, dt, settings[0], settings[1], work)
-    distance = correct(x, P, z, R, gate, work)
-    x[6] = min(max(x[6], 0.0), settings[2])
+    P, R = at + STATES, slot + SLOT_R
+    for i in range(3):
+        for j in range(3):
+            work[1, i, j] = m[P + STATES * i + j] + m[R + 3 * i + j]
+    if not invert_positive(work[1], work[0]):
+        return float(np.inf)
+    e0, e1, e2 = m[slot + 1] - m[at], m[slot + 2] - m[at + 1], m[slot + 3] - m[at + 2]
+    a, b, c = work[0, 0, 0], work[0, 0, 1], work[0, 0, 2]
+    d, e, f = work[0, 1, 1], work[0, 1, 2], work[0, 2, 2]
+    u0, u1, u2 = a * e0 + b * e1 + c * e2, b * e0 + d * e1 + e * e2, c * e0 + e * e1 + f * e2
+    work[0, 6, 0], work[0, 6, 1], work[0, 6, 2] = u0, u1, u2
+    distance = e0 * u0 + e1 * u1 + e2 * u2
+    if not distance <= gate:
+        return float(distance) if distance > gate else float(np.inf)
+    for i in range(STATES):
+        p0, p1, p2 = m[P + i], m[P + 10 + i], m[P + 20 + i]
+        work[0, 3, i] = p0 * a + p1 * b + p2 * c
+        work[0, 4, i] = p0 * b + p1 * d + p2 * e
+        work[0, 5, i] = p0 * c + p1 * e + p2 * f
+        m[at + i] += p0 * u0 + p1 * u1 + p2 * u2
+    _joseph(m, at, slot, work)
     return float(distance)
 
 
 @njit(cache=True)
-def take(
-    tracks: Array,
-    dt: float,
-    z: Array,
-    R: Array,
-    gate: float,
-    keep: bool,
-    settings: Array,
-    work: Array,
-) -> float:
-    """Take a sighting into the first of two tracks; see :func:`follow`.
+def settle(m: Array, at: int, slot: int, speed_sigma: float) -> None:
+    """Set position and velocity uncertainty afresh; all but the position keep their means.
 
     Args:
-        tracks: Estimate and the one last believed, each ``x`` in row 0 and ``P`` in the rows
-            below, shape (>= 2, 8, 7).
-        dt: Time from the estimate to the sighting [s].
-        z: Sighted position [m], shape (3,).
-        R: Its covariance [m^2], shape (3, 3).
-        gate: Largest squared Mahalanobis distance of the innovation [1].
-        keep: Whether to copy the estimate into the second track first.
-        settings: Densities of acceleration and drag, largest drag, shape (3,).
-        work: Scratch, shape (2, 7, 7).
-
-    Returns:
-        The squared Mahalanobis distance; negative for a sighting that cannot be, and then
-        nothing has changed.
-    """
-    if not is_sane(z, R):
-        return -1.0
-    if keep:
-        copy(tracks[0], tracks[1])
-    return float(follow(tracks[0, 0], tracks[0, 1:], dt, z, R, gate, settings, work))
-
-
-@njit(cache=True)
-def settle(x: Array, P: Array, z: Array, R: Array, speed_sigma: float) -> None:
-    """Set position and velocity uncertainty afresh; velocity and drag keep their means.
-
-    Args:
-        x: Estimate, its position overwritten, shape (7,).
-        P: Its covariance, overwritten but for the variance of the drag, shape (7, 7).
-        z: Position [m], shape (3,).
-        R: Its covariance [m^2], shape (3, 3).
+        m: Memory.
+        at: Index of the estimate; of its covariance the variances of drag and push stay.
+        slot: Index of the sighting that the position comes from.
         speed_sigma: Standard deviation of each velocity component [m/s].
     """
-    drag_variance = P[6, 6]
-    P[:, :] = 0.0
-    P[6, 6] = drag_variance
+    P = at + STATES
+    for i in range(STATES):
+        for j in range(STATES):
+            if i != j or i < 6:
+                m[P + STATES * i + j] = 0.0
     for i in range(3):
-        x[i] = z[i]
-        P[3 + i, 3 + i] = speed_sigma * speed_sigma
+        m[at + i] = m[slot + 1 + i]
+        m[P + 11 * (3 + i)] = speed_sigma * speed_sigma
         for j in range(3):
-            P[i, j] = R[i, j]
+            m[P + STATES * i + j] = m[slot + SLOT_R + 3 * i + j]
 
 
 @njit(cache=True)
-def copy(track: Array, saved: Array) -> None:
-    """Copy a track, shape (8, 7)."""
-    for i in range(8):
-        for j in range(7):
-            saved[i, j] = track[i, j]
-
-
-@njit(cache=True)
-def carry(
-    tracks: Array, dt: float, settings: Array, motion: Array, covariance: Array, work: Array
-) -> float:
-    """Carry the first track to another time, without changing it.
-
-    Args:
-        tracks: Estimate, another one, and scratch, shape (3, 8, 7).
-        dt: Time from the estimate [s].
-        settings: Densities of acceleration and drag, largest drag, shape (3,).
-        motion: Result: position, velocity, acceleration, shape (3, 3).
-        covariance: Result, covariance of position and velocity, shape (6, 6).
-        work: Scratch, shape (2, 7, 7).
-
-    Returns:
-        The drag coefficient [1/m].
-    """
-    copy(tracks[0], tracks[2])
-    x, P = tracks[2, 0], tracks[2, 1:]
-    advance_uncertain(x, P, dt, settings[0], settings[1], work)
-    for i in range(3):
-        motion[0, i], motion[1, i] = x[i], x[3 + i]
-    acceleration(motion[1], x[6], motion[2])
-    for i in range(6):
-        for j in range(6):
-            covariance[i, j] = P[i, j]
-    return float(x[6])
+def copy(m: Array, origin: int, into: int) -> None:
+    """Copy a track."""
+    for i in range(TRACK):
+        m[into + i] = m[origin + i]

@@ -1,0 +1,87 @@
+"""The ball filter on recorded positions: each row of the track uses only rows up to itself."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from mitt.signals import Array
+from mitt.vision import memory as at
+from mitt.vision import scatter as noise
+from mitt.vision.belief import absorb, speak
+from mitt.vision.filter import FilterConfig, settings_of
+
+UNKNOWN_BALL = FilterConfig(
+    drag_mean=0.08,
+    drag_sigma=0.05,
+    accel_density=0.005,
+    push_sigma=1.0,
+    push_time=1.0,
+    other_motion=0.3,
+    watchful=True,
+    speaks_after=1,
+)
+"""Any ball, and whatever else moves: the other laws of motion count from the first position."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Track:
+    """Estimates at the times of the positions, shape (n, 3) each.
+
+    Attributes:
+        r: Position [m].
+        dr: Velocity [m/s].
+        ddr: Acceleration [m/s^2].
+        sigma: Standard deviation of the position [m].
+        ahead: Position foretold, a while later [m].
+    """
+
+    r: Array
+    dr: Array
+    ddr: Array
+    sigma: Array
+    ahead: Array
+
+
+def follow(
+    t: Array,
+    points: Array,
+    *,
+    ahead: float = 0.0,
+    sigma: float | None = None,
+    config: FilterConfig = UNKNOWN_BALL,
+) -> Track:
+    """Filter one flight.
+
+    Args:
+        t: Times, rising [s], shape (n,).
+        points: Positions [m], shape (n, 3).
+        ahead: How far to look ahead [s].
+        sigma: Standard deviation of each coordinate [m]; learned from the positions if None.
+        config: What is believed of the ball.
+    """
+    rows = np.zeros((len(t), 5, 3))
+    _follow(t, points, ahead, sigma or 0.0, settings_of(config), at.fresh(), rows)
+    r, dr, ddr, spread, later = (rows[:, k] for k in range(5))
+    return Track(r=r, dr=dr, ddr=ddr, sigma=spread, ahead=later)
+
+
+@njit(cache=True)
+def _follow(
+    t: Array, points: Array, ahead: float, sigma: float, settings: Array, memory: Array, rows: Array
+) -> None:
+    """Fill the rows of a track, shape (n, 5, 3); the noise is learned if ``sigma`` is 0."""
+    R, work, scatter = np.zeros((3, 3)), np.zeros(at.WORK), np.zeros(noise.SCATTER)
+    motion, covariance = np.zeros((3, 3)), np.zeros((6, 6))
+    noise.reset(scatter)
+    for n in range(len(t)):
+        noise.learn(scatter, t[n], points[n])
+        for i in range(3):
+            R[i, i] = sigma * sigma if sigma > 0.0 else scatter[i]
+        absorb(memory, t[n], points[n], R, settings, work)
+        speak(memory, t[n] + ahead, settings, motion, covariance, work)
+        rows[n, 4] = motion[0]
+        speak(memory, t[n], settings, motion, covariance, work)
+        rows[n, 0:3] = motion
+        for i in range(3):
+            rows[n, 3, i] = np.sqrt(covariance[i, i])
