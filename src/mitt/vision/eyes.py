@@ -43,11 +43,12 @@ BLIND, ONE, BOTH, AT_ODDS = range(4)
 
 ALONG = 10.0
 """Standard deviation along the ray of a ball that one camera alone sees [m]."""
-FORGET, STUBBORN = 50.0, 20.0
+FORGET, STUBBORN = 100.0, 20.0
 """Looks without both eyes after which a place is old; looks at odds that are no accident."""
-MISFIT, SLOWLY = 0.03, 20.0
-"""Share by which a target's mass may differ from the ball's; looks over which its contrast may
-change."""
+SURE, MISFIT, SMALL, DRIFT, SLOWLY = 0.002, 0.01, 0.1, 0.0005, 20.0
+"""Share of the ball's mass by which a target differs by noise; by which it may differ; what
+patches of the ground add to that, over the radius [px]; what each look without both eyes adds;
+looks over which the contrast may change."""
 ALPHA, BETA = 0.5, 0.1
 """Gains of position and motion from look to look."""
 LET_GO = 0.1
@@ -70,15 +71,25 @@ class EyesConfig:
 
 
 @njit(cache=True)
-def _whole(memory: Array) -> bool:
+def _judge(memory: Array, since: float, point: Array) -> bool:
     """Tell by its mass whether a target is the whole ball and nothing else.
 
     The mass over the area that the ball should have is its contrast, which changes slowly; a
-    ball that is hidden in part has less, long before its shape gives it away.
+    ball that is hidden in part has less, long before its shape gives it away. A rim that hides a
+    share s of the disc moves the centroid by up to s radii: its error widens by that.
+
+    Args:
+        memory: Of the camera.
+        since: Looks since both eyes saw the ball.
+        point: Row of ``points``; its standard deviation is overwritten.
     """
     if memory[EXPECTED] == 0.0 or memory[WEIGHED] == 0.0:
         return True
-    return bool(abs(memory[WEIGHTS] / (memory[GAIN] * memory[EXPECTED]) - 1.0) < MISFIT)
+    lacking = abs(memory[WEIGHTS] / (memory[GAIN] * memory[EXPECTED]) - 1.0)
+    radius = sqrt(memory[EXPECTED] / pi)
+    off = max(lacking - SURE - 0.5 * SMALL / radius, 0.0) * radius
+    point[2] = sqrt(point[2] * point[2] + off * off)
+    return bool(lacking < MISFIT + SMALL / radius + DRIFT * since)
 
 
 @njit(cache=True)
@@ -157,9 +168,12 @@ def look(
         P: Result, its covariance [m^2], shape (3, 3).
 
     Returns:
-        Whether two or more cameras agree on the ball, or one alone sees it go on.
+        Whether two or more cameras agree on the ball, or one alone sees it go on; one does not
+        count while something comes between the ball and the other, as before a catch: what is
+        hidden from one is soon half hidden from both, and the flight model knows better.
     """
     points, count, one, rig = work[triangulation.WORK :], 0, -1, memory[len(images)]
+    hidden = False
     _foresee(rig)
     if rig[KNOWN] > 0.0:
         _expect(memory, cameras, belief[0], rig)
@@ -171,10 +185,15 @@ def look(
         if images[n].size == 0:
             continue
         area, clipped = watch(images[n], memory[n], settings, boxes)
-        if together[n] and area > 0 and memory[n, STATE] == GOOD and _whole(memory[n]):
-            u, v = memory[n, 0], memory[n, 1]
-            if note(points[n], u, v, float(area), clipped, belief[1], belief[2]) == 1:
-                count, one = count + 1, n
+        if not (together[n] and area > 0 and memory[n, STATE] == GOOD):
+            continue
+        u, v = memory[n, 0], memory[n, 1]
+        if note(points[n], u, v, float(area), clipped, belief[1], belief[2]) == 0:
+            continue
+        if _judge(memory[n], rig[SINCE], points[n]):
+            count, one = count + 1, n
+        else:
+            points[n, 2], hidden = -1.0, True
     rig[STATUS] = float(BLIND)
     if count >= 2:
         if triangulate(cameras, points, belief[0], r, P, work) <= belief[3]:
@@ -189,6 +208,7 @@ def look(
         return False
     if (
         count == 1
+        and not hidden
         and rig[KNOWN] > 0.0
         and on_ray(cameras[one], points[one], belief[0], rig[:3], r, P, ALONG)
     ):
