@@ -114,7 +114,9 @@ def _take(memory: Array, age: int, settings: Array, work: Array) -> int:
 def _fit(memory: Array, slot: int, settings: Array, work: Array) -> bool:
     """Carry the estimate to a sighting; take it in, and return true, if it lies in the gate."""
     known = memory[at.USED] >= settings[GATES, at.MIN_SIGHTINGS]
-    return bool(fit(memory, slot, settings[GATES, at.GATE if known else at.FIRST_GATE], settings, work))
+    return bool(
+        fit(memory, slot, settings[GATES, at.GATE if known else at.FIRST_GATE], settings, work)
+    )
 
 
 @njit(cache=True)

@@ -45,12 +45,12 @@ ALONG = 10.0
 """Standard deviation along the ray of a ball that one camera alone sees [m]."""
 FORGET, STUBBORN = 100.0, 20.0
 """Looks without both eyes after which a place is old; looks at odds that are no accident."""
-SURE, MISFIT, SMALL, DRIFT, SLOWLY = 0.002, 0.01, 0.1, 0.0005, 20.0
+SURE, MISFIT, SMALL, DRIFT, SLOWLY = 0.002, 0.01, 0.03, 0.0005, 20.0
 """Share of the ball's mass by which a target differs by noise; by which it may differ; what
 patches of the ground add to that, over the radius [px]; what each look without both eyes adds;
 looks over which the contrast may change."""
-ALPHA, BETA = 0.5, 0.1
-"""Gains of position and motion from look to look."""
+ALPHA, BETA, RESTART = 0.5, 0.1, 20.0
+"""Gains of position and motion from look to look; looks after which motion is estimated anew."""
 LET_GO = 0.1
 """Time without a sighting after which the heads no longer follow the filter [s]."""
 
@@ -128,14 +128,15 @@ def _foresee(rig: Array) -> None:
 @njit(cache=True)
 def _remember(rig: Array, r: Array) -> None:
     """Correct position and motion from look to look by an alpha-beta filter."""
-    count = rig[KNOWN]
+    looks = max(rig[SINCE], 1.0)
+    count = rig[KNOWN] if looks < RESTART else 0.0
     for i in range(3):
         error = r[i] - rig[i]
         rig[i] = r[i] if count < 2.0 else rig[i] + ALPHA * error
         if count == 0.0:
             rig[SPEED + i] = 0.0
         else:
-            rig[SPEED + i] += (1.0 if count == 1.0 else BETA) * error
+            rig[SPEED + i] += (1.0 if count == 1.0 else BETA) * error / looks
     rig[KNOWN] = min(count + 1.0, SLOWLY)
 
 

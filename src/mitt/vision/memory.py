@@ -43,7 +43,9 @@ WORK = (2, 10, 10)
 """Shape of the scratch that the kernels need."""
 
 # Columns of the settings: a row for each law of motion, then two of thresholds.
-GRAVITY_, ACCEL_DENSITY, DRAG_DENSITY, PUSH_SIGMA, PUSH_TIME, DRAG_MEAN, DRAG_SIGMA, PRIOR = range(8)
+GRAVITY_, ACCEL_DENSITY, DRAG_DENSITY, PUSH_SIGMA, PUSH_TIME, DRAG_MEAN, DRAG_SIGMA, PRIOR = range(
+    8
+)
 GATES, LIMITS = LAWS, LAWS + 1
 GATE, FIRST_GATE, MIN_SIGHTINGS, MAX_REJECTIONS, MAX_REJECTION_TIME, KICK_SIGMA = range(6)
 DRAG_MAX, SPEED_SIGMA, MAX_GAP, SPEAKS_AFTER, WATCHFUL, SWITCH_TIME = range(6)
