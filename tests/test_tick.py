@@ -300,9 +300,9 @@ def test_the_tick_allocates_nothing(
 
 def test_a_command_made_fast_is_a_command() -> None:
     """Field by field what the constructor makes, also those with defaults."""
-    told = np.arange(12.0).reshape(4, 3)
-    fast = command_of(0.5, told, 0.25)
-    slow = Command(t=0.5, q=told[0], dq=told[1], ddq=told[2], tau=told[3], hand=0.25)
+    told, gaze = np.arange(12.0).reshape(4, 3), np.ones((2, 4))
+    fast = command_of(0.5, told, 0.25, gaze)
+    slow = Command(t=0.5, q=told[0], dq=told[1], ddq=told[2], tau=told[3], hand=0.25, gaze=gaze)
     for name, value in vars_of(slow).items():
         assert np.array_equal(np.asarray(vars_of(fast)[name]), np.asarray(value))
     with pytest.raises(AttributeError):

@@ -69,8 +69,8 @@ class Catcher:
         fields = catcher_fields(arm, eyes, settings) | arm_fields(arm, settings.around)
         self._state = record_of(fields if self._map is None else fields | map_fields(self._map))
         eyes.move_to({name: self._state[f"eyes_{name}"][0] for name in eyes.parts()})
-        self._numbers, self.result = self._state[0], fresh_result(arm.n)
-        self._hand = self.result["hand"]
+        self._numbers, self.result = self._state[0], fresh_result(arm.n, max(eyes.heads, 1))
+        self._hand, self._gaze = self.result["hand"], self.result["gaze"][0]
         self._told, self._believed = self.result["told"][0], self._state["believed"][0]
         names = ("ball_memory", "ball_settings", "ball_work")
         memory, table, work = (self._state[name][0] for name in names)
@@ -120,7 +120,8 @@ class Catcher:
         self._ticked = True
         if self._phase == FOLLOW and self.t_0 == np.inf:
             self.t_0 = t
-        return command_of(t, self._told.copy(), self._hand.item())
+        gaze = self._gaze.copy() if self._eyes.heads else None
+        return command_of(t, self._told.copy(), self._hand.item(), gaze)
 
     def think(self) -> None:
         """Do what is slow or rare, to be used by the next tick; best after the command has left.
@@ -164,7 +165,7 @@ class Catcher:
             if not name.startswith("eyes_"):
                 self._state[name][0] = value
         self._eyes.reset()
-        self.result[:] = fresh_result(self._arm.n)
+        self.result[:] = fresh_result(self._arm.n, max(self._eyes.heads, 1))
         self.verdict, self.t_0 = None, np.inf
         self._phase = WATCH
 
