@@ -82,6 +82,6 @@ def test_the_belief_at_t_0_errs_as_stated(plain: DirectMap) -> None:
 
 def test_the_aim_is_the_box_of_the_contract(plain: DirectMap) -> None:
     """q1 in +-0.3, q2 in pi/4 +- 0.22, q4 = q_alpha."""
-    aim = aim_of(plain.arm, np.pi / 2, 2)
+    aim = aim_of(plain.arm, 2)
     assert np.allclose(aim.q_low, [-0.3, np.pi / 4 - 0.22, np.pi / 2])
     assert np.allclose(aim.q_high, [0.3, np.pi / 4 + 0.22, np.pi / 2])

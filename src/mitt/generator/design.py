@@ -21,6 +21,9 @@ class MapDesign:
         catch_joint: Index i of the catch joint among the active joints, from 0.
         q_catch: Its angle q_alpha at the catch [rad].
         kappa: Velocity-match ratio; 1 is the paper.
+        inward: How much of the ball's line leads towards joint i's axis, in units of dl/dq_i; 0 is
+            the paper. The ball then meets the hand with inward times joint i's own speed, along
+            the palm's normal.
         order: Degree N of the polynomial.
         free: The three joints of l_c, the catch joint among them; all where the arm has three.
     """
@@ -28,6 +31,7 @@ class MapDesign:
     catch_joint: int = 2
     q_catch: float = np.pi / 2
     kappa: float = 1.0
+    inward: float = 0.0
     order: int = 4
     free: tuple[int, int, int] = (0, 1, 2)
 
@@ -57,10 +61,18 @@ def default_design(
     if not 0 <= i < arm.n:
         raise InputError("--catch-joint", f"an index in 0..{arm.n - 1}", i)
     if q_catch is None:
-        inside = arm.q_min[i] < np.pi / 2 < arm.q_max[i]
-        q_catch = np.pi / 2 if inside else 0.5 * float(arm.q_min[i] + arm.q_max[i])
+        q_catch = nominal_angle(arm, i)
     a, b, c = sorted({*[k for k in range(arm.n) if k != i][:2], i})
     return MapDesign(catch_joint=i, q_catch=q_catch, kappa=kappa, order=order, free=(a, b, c))
+
+
+def nominal_angle(arm: Arm, catch_joint: int) -> float:
+    """Return the catch joint's angle at which default throws are aimed: pi/2, or mid-range [rad].
+
+    It belongs to the throws, not to a map: maps of any design are compared on the same throws.
+    """
+    low, high = float(arm.q_min[catch_joint]), float(arm.q_max[catch_joint])
+    return np.pi / 2 if low < np.pi / 2 < high else 0.5 * (low + high)
 
 
 def tangent_of(arm: Arm, design: MapDesign) -> Tangent:
@@ -75,13 +87,14 @@ def tangent_of(arm: Arm, design: MapDesign) -> Tangent:
         raise ModelError("q_catch", room, f"{design.q_catch:.3f}")
     if not 1.0 <= design.kappa <= 100.0:
         raise ModelError("kappa", "a ratio in 1..100", design.kappa)
-    plane = plane_of(arm, design.catch_joint, q_catch=design.q_catch, kappa=design.kappa)
+    plane = plane_of(arm, design.catch_joint, q_catch=design.q_catch, kappa=design.kappa, inward=design.inward)
     return Tangent(
         chain=arm.chain,
         free=design.free,
         catch_joint=i,
         q_catch=design.q_catch,
         kappa=design.kappa,
+        inward=design.inward,
         q_rest=arm.q_ready.copy(),
         planar=plane is not None and design.free == (0, 1, 2),
         plane=np.zeros(7) if plane is None else plane,

@@ -93,8 +93,12 @@ class DirectMap:
 
     @cached_property
     def start(self) -> Array:
-        """Virtual joints at the nominal catch, where the inverse starts [rad], shape (n,)."""
-        q = self.arm.q_ready.copy()
+        """Virtual joints in the middle of the region, where the inverse starts [rad], (n,).
+
+        Before anything is learned: the ready pose with the catch joint at its angle.
+        """
+        known = bool(np.all(np.isfinite(self.region)))
+        q: Array = self.region.mean(axis=0) if known else self.arm.q_ready.copy()
         q[self.design.catch_joint] = self.design.q_catch
         return q
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitt.flight import acceleration, advance
+from mitt.generator.design import nominal_angle
 from mitt.generator.flights import Flight
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
@@ -55,13 +56,13 @@ _LONGEST, _GRID = 1.1, 0.005
 _BOUNCED_DRAG = 0.1
 
 
-def aim_of(arm: Arm, q_catch: float, catch_joint: int) -> Aim:
+def aim_of(arm: Arm, catch_joint: int) -> Aim:
     """Return where default throws are aimed: design of the contract, q1 +-0.3, q2 pi/4 +-0.22.
 
     The ready pose gives the centre of the box, so other arms have theirs.
     """
     middle, half = arm.q_ready.copy(), np.zeros(arm.n)
-    middle[catch_joint] = q_catch
+    middle[catch_joint] = nominal_angle(arm, catch_joint)
     first, second, *_ = (k for k in range(arm.n) if k != catch_joint)
     half[first], half[second] = 0.3, 0.22
     return Aim(position=arm.position, q_low=middle - half, q_high=middle + half)
@@ -86,7 +87,7 @@ def neighbourhood(
 def _draw(f: DirectMap, rng: np.random.Generator, settings: Neighbourhood) -> tuple[_Motion, float]:
     """Draw one motion of the ball and its drag."""
     drag, kind = float(rng.uniform(*settings.drag)), rng.random()
-    aim = aim_of(f.arm, f.design.q_catch, f.design.catch_joint)
+    aim = aim_of(f.arm, f.design.catch_joint)
     if kind < settings.bounced:
         return _bounced(aim, rng), _BOUNCED_DRAG
     throw = default_throw(rng, aim)
