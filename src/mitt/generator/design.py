@@ -1,6 +1,6 @@
 """The choices that make a map, and the arrays of l_c that follow from them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from mitt.errors import InputError, ModelError
 from mitt.generator.planar import plane_of
 from mitt.generator.tangent import Tangent
 from mitt.robot.arm import Arm
+from mitt.signals import Array
 
 #: Highest degree of a map's polynomial: 120 monomials of three joints.
 MOST_ORDER = 9
@@ -36,43 +37,67 @@ class MapDesign:
     free: tuple[int, int, int] = (0, 1, 2)
 
 
+#: Designs chosen by computation, by arm and limit set; any other arm or set has the paper's.
+#: ``python benchmarks/select.py --limits SET`` repeats the choice and prints what it rests on.
+_CHOSEN = {
+    ("wam", "wam-80v"): MapDesign(q_catch=1.2, inward=1.5),
+    ("wam", "wam-48v"): MapDesign(q_catch=0.6, inward=3.0),
+}
+
+
 def default_design(
     arm: Arm,
     *,
     catch_joint: int | None = None,
     q_catch: float | None = None,
-    kappa: float = 1.0,
-    order: int = 4,
+    kappa: float | None = None,
+    inward: float | None = None,
+    order: int | None = None,
 ) -> MapDesign:
-    """Return a design; what is left out follows from the arm.
+    """Return a design; what is left out follows from the arm and its limits.
 
     Args:
         arm: The arm.
         catch_joint: Index of the catch joint; the last active joint by default.
-        q_catch: Its angle at the catch [rad]; pi/2, or the middle of its range, by default.
+        q_catch: Its angle at the catch [rad]; by default the one chosen for the limit set, or
+            else pi/2 or the middle of its range.
         kappa: Velocity-match ratio.
+        inward: Share of the ball's line towards the catch joint's axis.
         order: Degree of the polynomial.
     """
     if arm.n < 3:
         raise InputError("--joints", "at least three active joints", arm.n)
-    if not 2 <= order <= MOST_ORDER:
-        raise InputError("--order", f"a degree in 2..{MOST_ORDER}", order)
     i = arm.n - 1 if catch_joint is None else catch_joint
     if not 0 <= i < arm.n:
         raise InputError("--catch-joint", f"an index in 0..{arm.n - 1}", i)
-    if q_catch is None:
-        q_catch = nominal_angle(arm, i)
     a, b, c = sorted({*[k for k in range(arm.n) if k != i][:2], i})
-    return MapDesign(catch_joint=i, q_catch=q_catch, kappa=kappa, order=order, free=(a, b, c))
+    usual = MapDesign(catch_joint=i, q_catch=nominal_angle(arm, i), free=(a, b, c))
+    chosen = _CHOSEN.get((arm.model.name, arm.limits.name), usual)
+    stated = {"q_catch": q_catch, "kappa": kappa, "inward": inward, "order": order}
+    design = replace(
+        chosen if chosen.free == usual.free and chosen.catch_joint == i else usual,
+        **{name: value for name, value in stated.items() if value is not None},
+    )
+    if not 2 <= design.order <= MOST_ORDER:
+        raise InputError("--order", f"a degree in 2..{MOST_ORDER}", design.order)
+    return design
 
 
-def nominal_angle(arm: Arm, catch_joint: int) -> float:
-    """Return the catch joint's angle at which default throws are aimed: pi/2, or mid-range [rad].
-
-    It belongs to the throws, not to a map: maps of any design are compared on the same throws.
-    """
-    low, high = float(arm.q_min[catch_joint]), float(arm.q_max[catch_joint])
+def nominal_angle(arm: Arm, joint: int) -> float:
+    """Return the paper's q_alpha for a joint [rad]: pi/2, or mid-range where that is outside."""
+    low, high = float(arm.q_min[joint]), float(arm.q_max[joint])
     return np.pi / 2 if low < np.pi / 2 < high else 0.5 * (low + high)
+
+
+def nominal_catch(arm: Arm) -> Array:
+    """Return the joints around which default throws are aimed [rad], shape (n,).
+
+    The ready pose with the last joint at the paper's q_alpha. It belongs to the throws and not
+    to a map: maps of any design, under any limits, are compared on the same throws.
+    """
+    q = arm.q_ready.copy()
+    q[-1] = nominal_angle(arm, arm.n - 1)
+    return q
 
 
 def tangent_of(arm: Arm, design: MapDesign) -> Tangent:
@@ -87,7 +112,13 @@ def tangent_of(arm: Arm, design: MapDesign) -> Tangent:
         raise ModelError("q_catch", room, f"{design.q_catch:.3f}")
     if not 1.0 <= design.kappa <= 100.0:
         raise ModelError("kappa", "a ratio in 1..100", design.kappa)
-    plane = plane_of(arm, design.catch_joint, q_catch=design.q_catch, kappa=design.kappa, inward=design.inward)
+    if not -100.0 <= design.inward <= 100.0:
+        raise ModelError("inward", "a ratio in -100..100", design.inward)
+    if design.inward != 0.0 and arm.chain.prismatic[i] > 0.0:
+        raise ModelError("inward", "0 where the catch joint slides", design.inward)
+    plane = plane_of(
+        arm, design.catch_joint, q_catch=design.q_catch, kappa=design.kappa, inward=design.inward
+    )
     return Tangent(
         chain=arm.chain,
         free=design.free,

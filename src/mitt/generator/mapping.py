@@ -139,7 +139,8 @@ class DirectMap:
     def catch_gap(self, r_o: Array) -> Array:
         """Return r_e = l(f(r_o)) - r_o of eq. (4) [m], shape (3,).
 
-        It and its rate vanish at the catch, eq. (3), for any alpha (the rate at kappa = 1).
+        It and its rate vanish at the catch, eq. (3), for any alpha (the rate at kappa = 1 and
+        inward = 0).
         """
         _, q_o = self.to_joints(r_o)
         gap: Array = self.arm.position(self.bend(q_o)) - r_o
