@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-GeneratorName = Literal["direct", "unoptimised"]
+GeneratorName = Literal["direct", "several", "unoptimised"]
 LimitName = Literal["paper", "wam-48v", "wam-80v", "model"]
 
 Csv = Annotated[Path | None, arg(metavar="CSV")]

@@ -38,11 +38,32 @@ class MapDesign:
 
 
 #: Designs chosen by computation, by arm and limit set; any other arm or set has the paper's.
-#: ``python benchmarks/select.py --limits SET`` repeats the choice and prints what it rests on.
+#: ``python benchmarks/designs.py --limits SET`` repeats the choice and prints what it rests on.
 _CHOSEN = {
     ("wam", "wam-80v"): MapDesign(q_catch=1.2, inward=1.5),
     ("wam", "wam-48v"): MapDesign(q_catch=0.6, inward=3.0),
 }
+
+#: Designs besides the default one, gentler and harder, for a choice among several maps.
+_FURTHER = {
+    ("wam", "paper"): (
+        (),
+        (MapDesign(q_catch=1.2, inward=1.0), MapDesign(q_catch=0.6, inward=3.0)),
+    ),
+    ("wam", "wam-80v"): (
+        (MapDesign(q_catch=1.2, inward=1.0),),
+        (MapDesign(q_catch=0.6, inward=3.0),),
+    ),
+    ("wam", "wam-48v"): (
+        (MapDesign(q_catch=0.9, inward=2.5),),
+        (MapDesign(q_catch=0.4, inward=4.0),),
+    ),
+}
+
+
+def further_designs(arm: Arm) -> tuple[tuple[MapDesign, ...], tuple[MapDesign, ...]]:
+    """Return the designs that are gentler and those that are harder than the default one."""
+    return _FURTHER.get((arm.model.name, arm.limits.name), ((), ()))
 
 
 def default_design(
@@ -73,10 +94,13 @@ def default_design(
     a, b, c = sorted({*[k for k in range(arm.n) if k != i][:2], i})
     usual = MapDesign(catch_joint=i, q_catch=nominal_angle(arm, i), free=(a, b, c))
     chosen = _CHOSEN.get((arm.model.name, arm.limits.name), usual)
-    stated = {"q_catch": q_catch, "kappa": kappa, "inward": inward, "order": order}
+    base = chosen if (chosen.catch_joint, chosen.free) == (i, usual.free) else usual
     design = replace(
-        chosen if chosen.free == usual.free and chosen.catch_joint == i else usual,
-        **{name: value for name, value in stated.items() if value is not None},
+        base,
+        q_catch=base.q_catch if q_catch is None else q_catch,
+        kappa=base.kappa if kappa is None else kappa,
+        inward=base.inward if inward is None else inward,
+        order=base.order if order is None else order,
     )
     if not 2 <= design.order <= MOST_ORDER:
         raise InputError("--order", f"a degree in 2..{MOST_ORDER}", design.order)

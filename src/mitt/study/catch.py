@@ -18,7 +18,7 @@ from mitt.options import ArmOptions, CatchOptions, GeneratorName
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
-from mitt.study.lesson import learn
+from mitt.study.lesson import learn, learn_several
 from mitt.study.result import result
 from mitt.study.score import Trial
 from mitt.study.source import Source, source_of
@@ -150,6 +150,8 @@ def make_generator(name: str, learned: Learned) -> Generator:
     """Return a generator by name."""
     if name == "direct":
         return Direct(learned.map)
+    if name == "several":
+        return learn_several(learned.map)
     if name == "unoptimised":
         return Unoptimised(unlearned(learned.map.arm, learned.map.design))
     raise UnknownNameError("generator", name, GENERATORS)
