@@ -4,9 +4,8 @@
     python benchmarks/speeds.py --limits wam-48v --throws 50 --vision points --generator several
 
 Throws of a speed are aimed at the box of the default throws, by flights of 0.35 to 0.65 s, and
-written to OUT/throws-<speed>.csv, so that ``mitt catch --throws-file`` repeats any row of the table.
-A row's speed lies within 0.5 m/s of what it says. The bound is what the arm's limits leave to
-physics when neither map nor eyes come in: see ``mitt.generator.select``.
+written to OUT/throws-<speed>.csv, so that ``mitt catch --throws-file`` repeats any row. A row's
+speed lies within 0.5 m/s of what it says.
 """
 
 import argparse
@@ -96,8 +95,9 @@ def main() -> None:
             found = row(run(prepare(job), progress=lambda *_: None))
             table.append({"limits": limits, "speed": speed, **found})
             print(
-                f"{limits:9} {speed:3g} {found['caught']:6} {found['dropped']:7} {found['missed']:6}"
-                f" {found['unreachable']:7} {found['kappa']:6g} {found['inward']:6g}"
+                f"{limits:9} {speed:3g} {found['caught']:6} {found['dropped']:7}"
+                f" {found['missed']:6} {found['unreachable']:7}"
+                f" {found['kappa']:6g} {found['inward']:6g}"
                 f" {found['relative_m_s'] or np.nan:8.2f} {found['force_n'] or np.nan:4.0f}"
                 f"  {found['binds']} / {found['fails_by']}",
                 flush=True,
