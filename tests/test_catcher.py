@@ -48,7 +48,7 @@ def bench(arm: Arm, taught: Learned) -> Bench:
 def throws(arm: Arm) -> list[Throw]:
     """Some default throws."""
     rng = np.random.default_rng(17)
-    return [default_throw(rng, aim_of(arm, np.pi / 2, 2)) for _ in range(4)]
+    return [default_throw(rng, aim_of(arm)) for _ in range(4)]
 
 
 def logs_equal(a: Outcome, b: Outcome) -> bool:

@@ -54,7 +54,7 @@ def taught(arm: Arm) -> DirectMap:
 def throws(arm: Arm) -> list[Throw]:
     """Some default throws."""
     rng = np.random.default_rng(23)
-    return [default_throw(rng, aim_of(arm, np.pi / 2, 2)) for _ in range(3)]
+    return [default_throw(rng, aim_of(arm)) for _ in range(3)]
 
 
 @dataclass

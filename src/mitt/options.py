@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-GeneratorName = Literal["direct", "unoptimised"]
+GeneratorName = Literal["direct", "several", "unoptimised"]
 LimitName = Literal["paper", "wam-48v", "wam-80v", "model"]
 
 Csv = Annotated[Path | None, arg(metavar="CSV")]
@@ -25,8 +25,10 @@ class ArmOptions:
         joints: Active joints of the file, as A,B,C.
         limits: Limit set: paper, wam-48v or wam-80v for the wam, model for a file.
         catch_joint: Index of the catch joint among the active joints, from 0; the last if left out.
-        q_catch: Its angle at the catch [rad]; pi/2, or the middle of its range, if left out.
+        q_catch: Its angle at the catch [rad]; chosen for the limit set, or pi/2, if left out.
         kappa: Velocity-match ratio; 1, the paper's, matches the ball's velocity.
+        inward: How much of the ball's line leads into the palm; 0 is the paper's; chosen for the
+            limit set if left out.
         order: Degree of the polynomial; 4 as in the paper if left out.
     """
 
@@ -37,6 +39,7 @@ class ArmOptions:
     catch_joint: Annotated[int | None, arg(metavar="INT")] = None
     q_catch: Annotated[float | None, arg(metavar="RAD")] = None
     kappa: Annotated[float | None, arg(metavar="RATIO")] = None
+    inward: Annotated[float | None, arg(metavar="RATIO")] = None
     order: Annotated[int | None, arg(metavar="INT")] = None
 
 

@@ -18,7 +18,7 @@ from mitt.options import ArmOptions, CatchOptions, GeneratorName
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
-from mitt.study.lesson import learn
+from mitt.study.lesson import learn, learn_several
 from mitt.study.result import result
 from mitt.study.score import Trial
 from mitt.study.source import Source, source_of
@@ -47,8 +47,9 @@ def design_of(options: ArmOptions, arm: Arm) -> MapDesign:
         arm,
         catch_joint=options.catch_joint,
         q_catch=options.q_catch,
-        kappa=1.0 if options.kappa is None else options.kappa,
-        order=4 if options.order is None else options.order,
+        kappa=options.kappa,
+        inward=options.inward,
+        order=options.order,
     )
     tangent_of(arm, design)  # refuses angles and ratios that cannot be, before anything is run
     return design
@@ -57,7 +58,7 @@ def design_of(options: ArmOptions, arm: Arm) -> MapDesign:
 def _refuse_design(job: CatchOptions) -> None:
     """Refuse options of the design beside a map, which has its own."""
     stated = {"--catch-joint": job.catch_joint, "--q-catch": job.q_catch, "--kappa": job.kappa,
-              "--order": job.order}  # fmt: skip
+              "--inward": job.inward, "--order": job.order}  # fmt: skip
     given = [name for name, value in stated.items() if value is not None]
     if given:
         raise InputError("--map", "no option that the map itself decides", " and ".join(given))
@@ -152,6 +153,8 @@ def make_generator(name: str, learned: Learned) -> Generator:
     """Return a generator by name."""
     if name == "direct":
         return Direct(learned.map)
+    if name == "several":
+        return learn_several(learned.map)
     if name == "unoptimised":
         return Unoptimised(unlearned(learned.map.arm, learned.map.design))
     raise UnknownNameError("generator", name, GENERATORS)

@@ -6,6 +6,7 @@ from typing import final
 
 import numpy as np
 
+from mitt.generator.design import nominal_catch
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array
 from mitt.study.neighbourhood import aim_of
@@ -71,16 +72,13 @@ def source_of(
     drag: float,
 ) -> Source:
     """Return the balls that the options name; each throw or flight of a file once by default."""
-    i = f.design.catch_joint
-    nominal = f.arm.q_ready.copy()
-    nominal[i] = f.design.q_catch
     throws = () if throws_file is None else read_throws(throws_file)
     recordings = () if flights_file is None else read_flights(flights_file)
     return Source(
         seed=seed,
         count=count or len(throws) or len(recordings) or 10,
-        aim=aim_of(f.arm, f.design.q_catch, i),
-        catch_point=f.arm.position(nominal),
+        aim=aim_of(f.arm),
+        catch_point=f.arm.position(nominal_catch(f.arm)),
         throws=throws,
         recordings=recordings,
         drag=drag,

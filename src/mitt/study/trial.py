@@ -138,6 +138,7 @@ class Bench:
             binding_limit="unseen" if verdict is None else verdict.binding_limit,
             saturated_ticks=meter.saturated,
             range_excess_rad=meter.excess(),
+            rms_torque_ratio=meter.continuous(truth),
         )
 
 
