@@ -12,8 +12,9 @@ from mitt.world.faults.plan import Bounce, Drag, Fault, Gust, Kick, Spin
 from mitt.world.flights import BallPath
 from mitt.world.throws import Throw
 
-#: Instants at which the undisturbed flight is looked at [s], up to the longest [s].
-_GRID, _LONGEST = 0.002, 1.6
+#: Instants at which the undisturbed flight is looked at, first and then between them, and how
+#: far [s].
+_COARSE, _FINE, _LONGEST = 0.02, 0.001, 1.6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +39,11 @@ class Undisturbed:
 
     def nearest(self) -> float:
         """Return when it is nearest to the waiting hand [s]."""
-        instants = np.arange(0.0, _LONGEST, _GRID)
+        coarse = self._nearest(np.arange(0.0, _LONGEST, _COARSE))
+        return self._nearest(np.arange(max(coarse - _COARSE, 0.0), coarse + _COARSE, _FINE))
+
+    def _nearest(self, instants: Array) -> float:
+        """Return the one of some instants at which it is nearest to the waiting hand [s]."""
         gaps = [float(np.linalg.norm(self.at(float(t))[0] - self.hand)) for t in instants]
         return float(instants[int(np.argmin(gaps))])
 

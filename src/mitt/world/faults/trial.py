@@ -95,8 +95,9 @@ class Troubles:
         self.ball: Throw | BallPath = led(plan, seed, flight)
         self.payload = sum(fault.magnitude for fault in plan if isinstance(fault, Payload))
         self._pushes = pushes(plan, seed, flight)
-        on_wire = next(drawn(plan, seed, Torque, CommandFault), None) is not None
-        self._wire = Wire(plan, seed, limits=limits, active=active, tick=tick) if on_wire else None
+        on_wire = any(isinstance(fault, Torque | CommandFault) for fault in plan)
+        wire = Wire(plan, seed, limits=limits, active=active, tick=tick) if on_wire else None
+        self._wire = wire
 
     def sensors(self, sensors: Sensor, *, pixels: bool) -> Sensor:
         """Return the sensors with their faults; the same ones where there are none."""
