@@ -38,7 +38,8 @@ def read_study(path: Path, *, generators: tuple[str, ...]) -> Study:
     if not path.exists() and path.name == str(path) and str(path) in shipped():
         path = Path(str(files("mitt") / "data" / "studies" / f"{path}.toml"))
     settings = validated(StudySettings, read_toml(path), place=str(path))
-    for name in (*settings.generators, *settings.throws_of):
+    chosen = generators if settings.generators == ("all",) else settings.generators
+    for name in (*chosen, *settings.throws_of):
         if name not in generators:
             raise UnknownNameError(f"{path} key generators", name, generators)
     conditions = _conditions(settings, path)
@@ -52,7 +53,7 @@ def read_study(path: Path, *, generators: tuple[str, ...]) -> Study:
         name=settings.name,
         about=settings.about,
         seed=settings.seed,
-        counts={g: settings.throws_of.get(g, settings.throws) for g in settings.generators},
+        counts={g: settings.throws_of.get(g, settings.throws) for g in chosen},
         conditions=tuple(conditions),
         chunk=settings.chunk,
         record=settings.record,
@@ -92,7 +93,9 @@ def _condition(
     """Return a condition with the study's settings under its own."""
     place = f"{path} condition {name!r}"
     arm = settings.arm.model_dump() | given.arm
-    scene = validated(Scene, merged(settings.scene, given.scene), place=f"{place} scene")
+    scene = validated(
+        Scene, merged(dict(settings.scene), dict(given.scene)), place=f"{place} scene"
+    )
     flights = given.flights
     if flights is not None and "ball" not in scene.model_fields_set:
         scene = scene.model_copy(update={"ball": TABLE_TENNIS})

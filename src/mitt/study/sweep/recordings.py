@@ -31,11 +31,10 @@ def record_failures(
     """
     wanted = [task for group in cells for task in _failures(group, folder, most)]
     missing = [task for task in wanted if not recording_path(folder, *task).exists()]
-    window, done = engine.workers + 1, 0
-    for task, outcome in spread(engine, record_throw, missing, window=window):
+    made = spread(engine, record_throw, missing, window=engine.workers + 1)
+    for done, (task, outcome) in enumerate(made, start=1):
         if isinstance(outcome, bytes):
             write_bytes(recording_path(folder, *task), outcome)
-        done += 1
         progress("recording", done, len(missing))
 
 

@@ -114,7 +114,7 @@ class StudySettings(Settings):
         seed: Seed of throws, plant and noise; the same throws for all generators and conditions.
         throws: Throws of each generator in each condition.
         throws_of: Another number for some generators.
-        generators: Names of the generators.
+        generators: Names of the generators; ``all`` alone stands for all that there are.
         arm: Arm and map.
         vision: What the catcher sees.
         scene: Settings of the world.
