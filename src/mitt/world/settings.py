@@ -61,22 +61,21 @@ def _wanted(model: type[BaseModel], kind: str, message: str, at: tuple[int | str
     """Say what a key should have held, in our words."""
     if kind != "extra_forbidden":
         return message.removeprefix("Input should be ").removeprefix("Value error, ")
+    models: list[type[BaseModel]] = [model]
     for part in at[:-1]:
-        model = _inner(model, str(part))
-    return f"one of the keys {', '.join(model.model_fields)}"
+        models = _inner(models, str(part))
+    return f"one of the keys {', '.join(models[0].model_fields)}"
 
 
-def _inner(model: type[BaseModel], part: str) -> type[BaseModel]:
-    """Return the settings that a part of a key's address leads to: a field, or one of a union."""
-    if part in model.model_fields:
-        found = _models(model.model_fields[part].annotation)
-        return found[0] if found else model
-    for field in model.model_fields.values():
-        for inner in _models(field.annotation):
-            kind = inner.model_fields.get("kind")
-            if kind is not None and part in get_args(kind.annotation):
-                return inner
-    return model
+def _inner(models: list[type[BaseModel]], part: str) -> list[type[BaseModel]]:
+    """Return the settings that a part of a key's address leads to: a kind, a field, a number."""
+    for model in models:
+        kind = model.model_fields.get("kind")
+        if kind is not None and part in get_args(kind.annotation):
+            return [model]
+        if part in model.model_fields:
+            return _models(model.model_fields[part].annotation) or [model]
+    return models
 
 
 def _models(annotation: object) -> list[type[BaseModel]]:

@@ -11,13 +11,12 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from multiprocessing.connection import wait
-from typing import Protocol, TypeVar, final
+from typing import Protocol, final
 
 from mitt.errors import InputError
 
 #: How long a scheduler may take to answer [s].
 _ANSWER = "5s"
-_Result = TypeVar("_Result")
 
 
 class Engine(Protocol):
@@ -27,7 +26,7 @@ class Engine(Protocol):
     def workers(self) -> int:
         """How many chunks run at once."""
 
-    def submit(self, work: Callable[..., _Result], *given: object) -> "Future[_Result]":
+    def submit(self, work: Callable[..., bytes], *given: object) -> "Future[bytes]":
         """Start some work."""
 
     def died(self, error: BaseException) -> bool:
@@ -49,7 +48,7 @@ class Processes:
         self.workers = workers
         self._pool = self._fresh()
 
-    def submit(self, work: Callable[..., _Result], *given: object) -> "Future[_Result]":
+    def submit(self, work: Callable[..., bytes], *given: object) -> "Future[bytes]":
         """Start some work."""
         return self._pool.submit(work, *given)
 
@@ -115,7 +114,7 @@ class Cluster:
         self._pool: Executor = self._client.get_executor(pure=False)
         self.workers = max(1, sum(self._client.nthreads().values()))
 
-    def submit(self, work: Callable[..., _Result], *given: object) -> "Future[_Result]":
+    def submit(self, work: Callable[..., bytes], *given: object) -> "Future[bytes]":
         """Start some work."""
         return self._pool.submit(work, *given)
 

@@ -117,8 +117,10 @@ def merged(below: Table, above: Table) -> Table:
     out = copy.deepcopy(below)
     for key, value in above.items():
         old = out.get(key)
-        both = isinstance(old, dict) and isinstance(value, dict)
-        out[key] = merged(old, value) if both else copy.deepcopy(value)
+        if isinstance(old, dict) and isinstance(value, dict):
+            out[key] = merged(old, value)
+        else:
+            out[key] = copy.deepcopy(value)
     return out
 
 

@@ -94,8 +94,9 @@ class Twice(Stage):
         """Return the senses, or the copies of the last."""
         again = self._rng.random() < self._fault.magnitude and _active(self._fault, senses.t)
         frames, points = self._last
-        self._last = senses.frames, senses.points
-        if not again or not (frames or points):
+        again = again and bool(frames or points)
+        self._last = (frames if again else senses.frames), senses.points
+        if not again:
             return senses
         return replace(senses, frames=frames, points=(*points, *senses.points))
 

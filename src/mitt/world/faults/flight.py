@@ -59,6 +59,12 @@ class Push(Protocol):
         """
 
 
+def _accelerate(ddr: Array, h: float, r: Array, dr: Array) -> None:
+    """Let an acceleration act for a step that is still to be flown, to second order."""
+    dr += h * ddr
+    r -= 0.5 * h * h * ddr
+
+
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Air:
@@ -76,13 +82,13 @@ class Air:
     drag: float
     wind: Array
 
-    def act(self, t: float, h: float, r: Array, dr: Array) -> bool:  # noqa: ARG002
+    def act(self, t: float, h: float, r: Array, dr: Array) -> bool:
         """Add the difference of the two drags."""
         if not self.fault.start <= t < self.fault.end:
             return False
         through = dr - self.wind
         wanted = -self.drag * np.linalg.norm(through) * through
-        dr += h * (wanted + self.nominal * np.linalg.norm(dr) * dr)
+        _accelerate(wanted + self.nominal * np.linalg.norm(dr) * dr, h, r, dr)
         return True
 
 
@@ -99,11 +105,12 @@ class Lift:
     fault: Spin
     axis: Array
 
-    def act(self, t: float, h: float, r: Array, dr: Array) -> bool:  # noqa: ARG002
+    def act(self, t: float, h: float, r: Array, dr: Array) -> bool:
         """Add the lift."""
         if not self.fault.start <= t < self.fault.end:
             return False
-        dr += h * self.fault.magnitude * np.linalg.norm(dr) * np.cross(self.axis, dr)
+        lift = self.fault.magnitude * np.linalg.norm(dr) * np.cross(self.axis, dr)
+        _accelerate(lift, h, r, dr)
         return True
 
 
