@@ -267,8 +267,8 @@ def test_calibration_of_angles_keeps_places_and_of_places_keeps_angles() -> None
         (fault,) = plan_of({"kind": "calibration", "part": part, "magnitude": 0.02})
         wrong = true_rig(rig, (fault,), np.random.default_rng(1))
         for a, b in zip(wrong.cameras, rig.cameras, strict=True):
-            np.testing.assert_array_equal(*((c.centre if kept == "centre" else c.rotation)
-                                            for c in (a, b)))  # fmt: skip
+            first, second = (c.centre if kept == "centre" else c.rotation for c in (a, b))
+            np.testing.assert_array_equal(first, second)
             assert np.abs(a.T_world_cam - b.T_world_cam).max() > 1e-4
 
 

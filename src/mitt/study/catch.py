@@ -85,6 +85,7 @@ class Prepared:
             "generator": self.job.generator,
             "vision": self.job.vision,
             "seed": self.job.seed,
+            "scene": self.scene.model_dump(mode="json", exclude_defaults=True),
         }
 
 

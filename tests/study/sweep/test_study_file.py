@@ -42,7 +42,8 @@ def test_the_digest_knows_all_that_decides_a_result_and_nothing_else(tmp_path: P
     first = write_study(tmp_path, TEXT)
     for change in ('seed = 500|seed = 501', 'throws = 4|throws = 5', 'magnitude = 0.0|share = 0.5,'
                    ' magnitude = 0.0', '"points"|"pixels"'):  # fmt: skip
-        assert write_study(tmp_path, TEXT.replace(*change.split("|"))).digest != first.digest
+        old, new = change.split("|")
+        assert write_study(tmp_path, TEXT.replace(old, new)).digest != first.digest
     about = write_study(tmp_path, 'about = "other words"\n' + TEXT)
     assert about.digest == first.digest
 

@@ -199,22 +199,22 @@ def _sum_up(study: Study, jobs: list[Job], folder: Folder, done: Finished) -> No
 
 
 def _cell(group: list[Job], folder: Folder, study: Study) -> tuple[Cell, dict[str, object]]:
-    """Return a cell of the summary, and what it took."""
-    first = group[0]
-    trials: list[dict[str, Any]] = []
-    figures: list[dict[str, float]] = []
-    for job in group:
-        if folder.part(job.number).exists():
-            rows, notes = read_part(folder.part(job.number))
-            trials += rows
-            figures.append(timing_of(notes))
-    cell = cell_of(first.generator, first.condition, study.counts[first.generator], trials)
+    """Return a cell of the summary, and what it took; one part is in memory at a time."""
+    first, figures = group[0], list[dict[str, float]]()
+
+    def trials() -> Iterator[dict[str, Any]]:
+        for job in group:
+            if folder.part(job.number).exists():
+                rows, notes = read_part(folder.part(job.number))
+                figures.append(timing_of(notes))
+                yield from rows
+
+    cell = cell_of(first.generator, first.condition, study.counts[first.generator], trials())
     medians = sorted(f.get("p50", 0.0) for f in figures) or [0.0]
-    timing: dict[str, object] = {
+    return cell, {
         "generator": first.generator,
         "condition": first.condition.name,
         "seconds": sum(f.get("seconds", 0.0) for f in figures),
         "tick_us_p50": medians[len(medians) // 2],
         "tick_us_p99": max((f.get("p99", 0.0) for f in figures), default=0.0),
     }
-    return cell, timing
