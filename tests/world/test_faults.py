@@ -349,6 +349,38 @@ def test_a_ball_passes_a_plate_that_it_does_not_meet() -> None:
     np.testing.assert_allclose(path(fly(*faults)), path(fly(faults[0])), atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    "fault",
+    [
+        {"kind": "kick", "magnitude": 2.0},
+        {"kind": "bounce"},
+        {"kind": "gust", "magnitude": 8.0},
+        {"kind": "spin", "magnitude": 0.05},
+        {"kind": "drag", "magnitude": 3.0},
+        {"kind": "spring"},
+        {"kind": "carried"},
+    ],
+    ids=lambda fault: str(fault["kind"]),
+)
+def test_a_rehearsal_is_the_flight_that_then_happens(fault: dict[str, object]) -> None:
+    """Within what steps of another length make of it, until anything is touched."""
+    world = fly(fault, ticks=400)
+    trace = world.trace()
+    ticks = int(np.argmax(trace.seen != 0)) or len(trace.t)
+    rehearsed = _troubles_of(plan_of(fault)).rehearsed(0.04)
+    for k in range(0, ticks, 20):
+        gap = np.linalg.norm(rehearsed.at(float(trace.t[k]))[0] - trace.r_o[k])
+        assert gap < 2e-3
+
+
+def _troubles_of(plan: tuple[Fault, ...]) -> Troubles:
+    """Return the troubles that a world of :func:`fly` had."""
+    start = _world(exact_scene())
+    start.reset(THROW, 7)
+    flight = Undisturbed(ball=THROW, drag=0.04, hand=start.truth().position)
+    return Troubles(plan, 7, flight, limits=None, active=(0, 1, 2), tick=TICK)
+
+
 def test_a_payload_weighs_on_the_hand() -> None:
     heavy, light = fly({"kind": "payload", "magnitude": 2.0}, ticks=1), fly(ticks=1)
     assert heavy.model.body_mass.sum() - light.model.body_mass.sum() == pytest.approx(2.0)

@@ -31,6 +31,7 @@ from mitt.world.faults.plan import (
     Torque,
 )
 from mitt.world.faults.plan import Command as CommandFault
+from mitt.world.faults.rehearsal import Rehearsed, rehearse
 from mitt.world.faults.stage import Stage
 from mitt.world.flights import BallPath
 from mitt.world.throws import Throw
@@ -91,13 +92,22 @@ class Troubles:
             active: As for :class:`Wire`.
             tick: As for :class:`Wire`.
         """
-        self._plan, self._seed = plan, seed
+        self._plan, self._seed, self._undisturbed, self._tick = plan, seed, flight, tick
         self.ball: Throw | BallPath = led(plan, seed, flight)
         self.payload = sum(fault.magnitude for fault in plan if isinstance(fault, Payload))
         self._pushes = pushes(plan, seed, flight)
         on_wire = any(isinstance(fault, Torque | CommandFault) for fault in plan)
         wire = Wire(plan, seed, limits=limits, active=active, tick=tick) if on_wire else None
         self._wire = wire
+
+    def rehearsed(self, drag: float) -> Rehearsed:
+        """Return the true flight if nobody touches the ball, for the clairvoyant alone.
+
+        Args:
+            drag: Drag coefficient of this trial's plant [1/m].
+        """
+        fresh = pushes(self._plan, self._seed, self._undisturbed)
+        return rehearse(self.ball, fresh, drag=drag, tick=self._tick)
 
     def sensors(self, sensors: Sensor, *, pixels: bool) -> Sensor:
         """Return the sensors with their faults; the same ones where there are none."""
