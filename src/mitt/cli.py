@@ -19,12 +19,22 @@ from tyro.conf import FlagCreatePairsOff, subcommand
 
 import mitt
 from mitt.errors import MittError, Terminated
-from mitt.options import CalibrateOptions, CatchOptions, LearnOptions, SeeOptions, TrackOptions
+from mitt.options import (
+    CalibrateOptions,
+    CatchOptions,
+    LearnOptions,
+    ReportOptions,
+    SeeOptions,
+    StudyOptions,
+    TrackOptions,
+)
 
 #: Every command of the program.
 _Command = (
     Annotated[CatchOptions, subcommand("catch")]
     | Annotated[LearnOptions, subcommand("learn")]
+    | Annotated[StudyOptions, subcommand("study")]
+    | Annotated[ReportOptions, subcommand("report")]
     | Annotated[TrackOptions, subcommand("track")]
     | Annotated[SeeOptions, subcommand("see")]
     | Annotated[CalibrateOptions, subcommand("calibrate")]
@@ -33,6 +43,8 @@ _Command = (
 _JOBS: dict[type, str] = {
     CatchOptions: "catch",
     LearnOptions: "learn",
+    StudyOptions: "study",
+    ReportOptions: "report",
     TrackOptions: "track",
     SeeOptions: "see",
     CalibrateOptions: "calibrate",

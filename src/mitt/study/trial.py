@@ -18,6 +18,7 @@ from mitt.vision.camera import Rig, fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig
 from mitt.vision.filter import FilterConfig
 from mitt.vision.head import active_rig
+from mitt.world.faults.cameras import true_rig
 from mitt.world.flights import BallPath
 from mitt.world.imaging import Imager, ImageSensor
 from mitt.world.scene import Scene
@@ -63,7 +64,7 @@ class Bench:
         self.arm, self._generator, self._scene = arm, generator, scene
         self._rig = active_rig() if scene.sensing.cameras == "active" else fixed_rig()
         cameras = _cameras(self._rig, scene) if pixels else None
-        self.world = World(scene, arm.model, cameras=cameras)
+        self.world = World(scene, arm.model, cameras=cameras, limits=arm.limits)
         self.stopwatch = Stopwatch()
 
     def catcher(self) -> Catcher:
@@ -177,4 +178,4 @@ def _cameras(rig: Rig, scene: Scene) -> Callable[[np.random.Generator], Imager]:
         body=sensing.body,
         exposure=sensing.exposure,
     )
-    return lambda rng: Imager(rig, sensor, rng, second=sensing.second)
+    return lambda rng: Imager(true_rig(rig, scene.faults, rng), sensor, rng, second=sensing.second)
