@@ -6,7 +6,6 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-GeneratorName = Literal["direct", "unoptimised"]
 LimitName = Literal["paper", "wam-48v", "wam-80v", "model"]
 
 Csv = Annotated[Path | None, arg(metavar="CSV")]
@@ -47,7 +46,8 @@ class CatchOptions(ArmOptions):
     Attributes:
         throws: Number of throws; 10, or as many as a file has.
         seed: Seed of throws, plant and noise.
-        generator: What turns the ball's estimate into joint motion.
+        generator: What turns the ball's estimate into joint motion: direct, unoptimised, a rival
+            (ik, quintic, ruckig, mpc, ds, clairvoyant), or one that another package adds.
         map: A map from mitt learn; learned first if left out.
         vision: What the catcher sees: images of two cameras, or noisy points.
         scene: Settings of the world.
@@ -62,7 +62,7 @@ class CatchOptions(ArmOptions):
 
     throws: Annotated[int | None, arg(metavar="N")] = None
     seed: Annotated[int, arg(metavar="S")] = 0
-    generator: GeneratorName = "direct"
+    generator: Annotated[str, arg(metavar="NAME")] = "direct"
     map: Map = None
     vision: Literal["pixels", "points"] = "pixels"
     scene: Toml = None
