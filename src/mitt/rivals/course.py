@@ -7,6 +7,7 @@ brake after the catch takes is part of the range.
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import product
 from typing import final
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from mitt.generator.certificate import Verdict
 from mitt.generator.certificate import Outcome as Feasible
 from mitt.generator.demand import demand
+from mitt.generator.foresight import flown
 from mitt.generator.mapping import DirectMap
 from mitt.rivals.meeting import fly_on, hand_of, meet, meetings
 from mitt.rivals.quintics import sampled
@@ -33,6 +35,7 @@ class CourseSettings:
         instants: Instants at which a candidate is held against the limits.
         spare: Share of a limit above which a candidate pays for it.
         price: What it pays per squared share.
+        low: What a low catch pays.
         refused: Share of a limit beyond which a throw is refused.
         follow: Time after the catch that is still followed [s].
     """
@@ -44,6 +47,7 @@ class CourseSettings:
     instants: int = 10
     spare: float = 0.9
     price: float = 100.0
+    low: float = 2.0
     refused: float = 1.6
     follow: float = 0.004
 
@@ -58,6 +62,8 @@ class Course:
         r_c: The ball's predicted position then [m], shape (3,).
         binding_limit: The limit that the way there asks most.
         share: How much of it is asked.
+        low: Whether the catch is lower than any that the map was learned on, where a surface may
+            be in the way.
     """
 
     t_c: float
@@ -65,6 +71,7 @@ class Course:
     r_c: Array
     binding_limit: str
     share: float
+    low: bool
 
 
 @final
@@ -84,6 +91,15 @@ class Chooser:
     def hand(self) -> Array:
         """Numbers of the kernels."""
         return hand_of(self.arm)
+
+    @cached_property
+    def floor(self) -> float:
+        """Height of the lowest catch that the map was learned on [m]; nothing else of it counts."""
+        low, high = self.map.region
+        if not np.all(np.isfinite(self.map.region)):
+            return -np.inf
+        corners = product(*zip(low, high, strict=True))
+        return float(min(self.arm.position(np.array(q))[2] for q in corners))
 
     def choose(self, ball: BallState, motion: Array) -> Course | None:
         """Return the best catch for an arm in q, dq, ddq, shape (3, n); None where there is none.
@@ -107,12 +123,14 @@ class Chooser:
         quick = np.abs(ways[:, :, 1] / self.arm.dq_max).max(axis=(1, 2))
         within = np.flatnonzero(quick <= max(s.refused, float(quick.min())))
         costs = [self._cost(ways[k], ends[k]) for k in within]
-        best = int(np.argmin([cost for cost, _, _ in costs]))
+        where = flown(ball, after[within])[:, 0]
+        low = where[:, 2] < self.floor
+        best = int(np.argmin([cost for cost, _, _ in costs] + s.low * low))
         k, (_, name, share) = within[best], costs[best]
-        end = np.empty((3, 3))
-        fly_on(state, float(after[k]), end)
-        t_c = ball.t + float(after[k])
-        return Course(t_c=t_c, end=ends[k], r_c=end[0], binding_limit=name, share=share)
+        return Course(
+            t_c=ball.t + float(after[k]), end=ends[k], r_c=where[best],
+            binding_limit=name, share=share, low=bool(low[best]),
+        )  # fmt: skip
 
     def aim(self, course: Course, ball: BallState) -> Course:
         """Return the course with its end where the ball is now predicted to be at its time."""

@@ -24,7 +24,10 @@ from mitt.signals import Array, BallState, JointReference, MapStatus
 
 #: A predicted catch point that has moved so far since it was chosen is chosen anew [m], if the
 #: catch is at least so far away [s].
-_MOVED, _CHOOSE_UNTIL = 0.03, 0.08
+_MOVED, _CHOOSE_UNTIL = 0.03, 0.021
+#: Share of a limit from which on a low catch is left for one after a bounce, and distance from
+#: the nominal catch point within which a ball has come back [m].
+_HARD, _NEAR = 0.95, 0.5
 #: How far ahead a ball is looked for near the nominal catch point [s], and in what steps.
 _AHEAD, _STRIDE = 1.0, 0.02
 
@@ -89,14 +92,20 @@ class Rival:
         """Refuse where no catch is within a generous share of the limits."""
         course = self._choose(ball, still(q))
         judged = self.chooser.verdict(course, ball, sigma=self.sharpness(ball))
-        if judged.outcome is Outcome.UNREACHABLE and self._may_rise(ball, q):
+        easy = course is not None and not course.low and course.share <= _HARD
+        if not easy and self._may_rise(ball, q):
             return replace(judged, outcome=Outcome.OPEN)
         return judged
 
     def returns(self, ball: BallState) -> bool:
-        """Say whether the ball can now be caught by an arm at rest."""
-        course = self._choose(ball, still(self.q_hold))
-        return self.chooser.verdict(course, ball, sigma=0.0).outcome is Outcome.FEASIBLE
+        """Say whether the ball has come back: an arm that moves as this one does can catch it."""
+        f, after = self.chooser.map, _passing(self.chooser.map, ball)
+        gap = flown(ball, np.array([after]))[0, 0] - f.arm.position(f.start)
+        if not np.linalg.norm(gap) < _NEAR:
+            return False
+        chase = self.memory.after
+        course = self._choose(ball, still(self.q_hold) if chase is None else chase.motion)
+        return course is not None and not course.low and course.share <= _HARD
 
     def waiting(self, ball: BallState) -> BallState:
         """Wait for a ball that rises to the nominal catch height as it comes within reach."""
