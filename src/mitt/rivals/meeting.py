@@ -177,3 +177,10 @@ def meetings(
         rows[k, 0] = rows[k - 1, 0] if k > 0 and found[k - 1] else first
         found[k] = meet(packed, hand, bounds, ball, rows[k], work)
     return found
+
+
+@njit(cache=True)
+def palm(packed: Array, hand: Array, q: Array) -> Vec:
+    """Return the palm's normal in the world."""
+    out: Vec = _frame(unpack(packed).chain, q, hand[:3])
+    return out

@@ -10,7 +10,9 @@ from importlib.metadata import EntryPoint, entry_points
 from mitt.errors import InputError, UnknownNameError
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.mapping import DirectMap, unlearned
+from mitt.rivals.ik import make_ik
 from mitt.rivals.quintic import make_quintic
+from mitt.rivals.ruckig import make_ruckig
 
 #: Makes a generator for the arm of a learned map.
 Factory = Callable[[DirectMap], Generator]
@@ -28,7 +30,9 @@ def make_unoptimised(f: DirectMap) -> Generator:
 BUILT_IN: dict[str, Factory] = {
     "direct": Direct,
     "unoptimised": make_unoptimised,
+    "ik": make_ik,
     "quintic": make_quintic,
+    "ruckig": make_ruckig,
 }
 
 
