@@ -11,10 +11,8 @@ of the arm where the arm is stretched, and no arm starts at 6 m/s. What an exper
 - and it comes from behind: set back along the palm's normal by h(t) -> 0, so that the ball comes
   into the open hand from the front.
 
-| here   | meaning                                                    | unit | shape |
-|--------|------------------------------------------------------------|------|-------|
-| ``goal`` | what the hand is to do: position and two derivatives     | m .. | (3, 3)|
-| ``gap``  | of hand and goal at the start, closed on the way         | m .. | (3, 3)|
+Of the two elbows that reach a point the one of the catch is taken; the gap between the arm and
+that motion is closed on the way.
 """
 
 from dataclasses import dataclass, field, replace
@@ -29,10 +27,10 @@ from mitt.generator.generators import Generator
 from mitt.generator.mapping import DirectMap
 from mitt.generator.packing import unfold, unpack
 from mitt.rivals.course import Course, state_of
-from mitt.rivals.meeting import fly_on, hand_of, palm
+from mitt.rivals.meeting import fly_on, hand_of, lift_ahead
 from mitt.rivals.pursuit import rival
 from mitt.rivals.quintics import quintic
-from mitt.rivals.servo import bounds_of, servo
+from mitt.rivals.servo import bounds_of, follow
 from mitt.robot.chain import sweep
 from mitt.signals import Array, BallState
 
@@ -47,18 +45,20 @@ class LineSettings:
         approach: Relative acceleration along the palm's normal at the catch [m/s^2].
         back: Largest set-back along it [m].
         join: Share of the time to the catch in which the hand gets onto the line.
-        gain: Bandwidth of the position error [rad/s].
+        gain: Smallest and largest bandwidth of the joints' error [rad/s].
+        sharpen: Bandwidth times the time to the catch, between those.
         reach: Share of the arm's reach within which the hand waits.
         torque: Share of the torques on each joint's own inertia that bounds its acceleration.
     """
 
-    run: float = 0.16
+    run: float = 0.13
     approach: float = 90.0
-    back: float = 0.15
-    join: float = 0.85
-    gain: float = 60.0
+    back: float = 0.2
+    join: float = 0.95
+    gain: tuple[float, float] = (15.0, 60.0)
+    sharpen: float = 6.0
     reach: float = 0.96
-    torque: float = 1.2
+    torque: float = 2.0
 
     @property
     def packed(self) -> Array:
@@ -93,12 +93,10 @@ class Line:
         far = max(float(np.linalg.norm(arm.position(np.array(q)) - corner)) for q in grid)
         return np.array([*corner, self.settings.reach * far])
 
-    def goal(self, course: Course, ball: BallState, t: float) -> Array:
-        """Return what the hand is to do at time ``t`` [s], shape (3, 3)."""
-        out, numbers = np.empty((3, 3)), self.settings.packed
-        normal = palm(self.map.packed, self.hand, course.end[0])
-        _goal(state_of(ball), ball.t, t, course.t_c, numbers, np.array(normal), self.sphere, out)
-        return out
+    def goal(self, course: Course, ball: BallState, rows: Array) -> None:
+        """Write the joint motion that the hand is to follow now; row 0 is where it was, (3, n)."""
+        numbers, f, tau = self.settings.packed, self.map, course.t_c - ball.t
+        _goal(f.packed, self.hand, state_of(ball), tau, numbers, self.sphere, rows, f.work)
 
 
 @final
@@ -111,43 +109,36 @@ class Tracking:
         t: Time of ``motion`` [s].
         t_s: When it began [s].
         motion: q, dq, ddq of the tick before, shape (3, n).
-        gap: Of hand and goal when it began, shape (3, 3); None before the first tick.
+        goal: q, dq, ddq of the goal of the tick before, shape (3, n).
+        gap: Of motion and goal when it began, shape (3, n).
     """
 
     line: Line
     t: float = 0.0
     t_s: float = 0.0
     motion: Array | None = None
+    goal: Array | None = None
     gap: Array | None = None
 
-    def begin(self, course: Course, t: float, motion: Array) -> "Tracking":  # noqa: ARG002
-        """Start from a motion."""
-        return replace(self, t=t, t_s=t, motion=motion, gap=None)
+    def begin(self, course: Course, t: float, motion: Array) -> "Tracking":
+        """Start from a motion, on the branch of the catch."""
+        return replace(self, t=t, t_s=t, motion=motion, goal=course.end, gap=None)
 
     def step(self, course: Course, ball: BallState) -> tuple[Array, "Tracking"]:
         """Carry the joints on by a tick."""
-        if self.motion is None:
+        if self.motion is None or self.goal is None:
             raise RuntimeError("a pursuit must begin before it goes on")
-        f, s = self.line.map, self.line.settings
-        gap = self._gap(course, ball) if self.gap is None else self.gap
-        rows, goal, left = self.motion.copy(), self.line.goal(course, ball, ball.t), np.zeros((3, 3))
-        span = max(s.join * (course.t_c - self.t_s), 1e-3)
+        s, goal, rows = self.line.settings, self.goal.copy(), self.motion.copy()
+        self.line.goal(course, ball, goal)
+        left, span = np.zeros_like(goal), max(s.join * (course.t_c - self.t_s), 1e-3)
+        gap = self.motion - goal if self.gap is None else self.gap
         if ball.t - self.t_s < span:
-            quintic(gap, np.zeros((3, 3)), span, ball.t - self.t_s, left)
+            quintic(gap, np.zeros_like(gap), span, ball.t - self.t_s, left)
         dt = ball.t - self.t
+        gain = min(max(s.sharpen / max(course.t_c - ball.t, 1e-3), s.gain[0]), s.gain[1])
         if dt > 0.0:
-            servo(f.packed, self.line.most, goal + left, s.gain, dt, rows, f.work)
-        return rows, replace(self, t=ball.t, motion=rows, gap=gap)
-
-    def _gap(self, course: Course, ball: BallState) -> Array:
-        """Return how far the hand is from its goal, and how fast that changes."""
-        if self.motion is None:
-            raise RuntimeError("a pursuit must begin before it goes on")
-        f, out = self.line.map, np.zeros((3, 3))
-        dl = f.arm.jacobian(self.motion[0]) @ self.motion[1]
-        goal = self.line.goal(course, ball, self.t_s)
-        out[0], out[1] = f.arm.position(self.motion[0]) - goal[0], dl - goal[1]
-        return out
+            follow(self.line.most, goal + left, gain, dt, rows)
+        return rows, replace(self, t=ball.t, motion=rows, goal=goal, gap=gap)
 
 
 @njit(cache=True)
@@ -164,48 +155,54 @@ def _tip(packed: Array, q: Array, work: Array) -> Array:
 
 @njit(cache=True)
 def _goal(
+    packed: Array,
+    hand: Array,
     state: Array,
-    now: float,
-    t: float,
-    t_c: float,
+    tau: float,
     numbers: Array,
-    normal: Array,
     sphere: Array,
-    out: Array,
+    rows: Array,
+    work: Array,
 ) -> None:
-    """Write what the hand is to do at time ``t``, from the ball's state at time ``now``.
+    """Write the joint motion to follow at time t = t_c - tau, from the ball's state then.
 
-    With tau = t_c - t and u = tau / D, the hand is at the ball's place of the time
-    sigma = t + D (u^3 - u^4 / 2), so that d sigma / dt = 1 - u^2 (3 - 2 u), and
-    h = x / (1 + x / h_max), x = a tau^2 / 2, behind it.
+    With u = tau / D the point h in front of the catch point, h = x / (1 + x / h_max) and
+    x = a tau^2 / 2, is at the ball's place of the time sigma = t_c - D (u - u^3 + u^4 / 2), so
+    that d sigma / dt = 1 - u^2 (3 - 2 u).
     """
     run, a, back = numbers
-    tau = t_c - t
     u = min(max(tau / run, 0.0), 1.0)
-    sigma = t_c - run * (u - u**3 + 0.5 * u**4)
     ds, dds = 1.0 - u * u * (3.0 - 2.0 * u), 6.0 * u * (1.0 - u) / run
-    fly_on(state, sigma - now, out)
+    point = np.empty((3, 3))
+    fly_on(state, tau - run * (u - u**3 + 0.5 * u**4), point)
+    for c in range(3):
+        v = point[1, c]
+        point[1, c] = v * ds
+        point[2, c] = point[2, c] * ds * ds + v * dds
     x = 0.5 * a * tau * tau
     part = 1.0 / (1.0 + x / back)
-    h, dh = x * part, -a * tau * part * part
-    ddh = a * part * part - 2.0 * (a * tau) ** 2 * part**3 / back
-    size = 0.0
+    bend = a * part * part - 2.0 * (a * tau) ** 2 * part**3 / back
+    _hold_back(point, sphere, x * part)
+    lift_ahead(packed, hand, (x * part, -a * tau * part * part, bend), point, rows, work)
+
+
+@njit(cache=True)
+def _hold_back(point: Array, sphere: Array, longer: float) -> None:
+    """Project a moving point onto the reach, its centre and radius in ``sphere`` (4,) [m]."""
+    size, radius = 0.0, sphere[3] + longer
     for c in range(3):
-        v = out[1, c]
-        out[0, c] -= h * normal[c]
-        out[1, c] = v * ds - dh * normal[c]
-        out[2, c] = out[2, c] * ds * ds + v * dds - ddh * normal[c]
-        size += (out[0, c] - sphere[c]) ** 2
+        size += (point[0, c] - sphere[c]) ** 2
     size = np.sqrt(size)
-    if size > sphere[3]:
-        share, along = sphere[3] / size, 0.0
-        for c in range(3):
-            along += out[1, c] * (out[0, c] - sphere[c]) / size
-        for c in range(3):
-            ray = (out[0, c] - sphere[c]) / size
-            out[0, c] = sphere[c] + sphere[3] * ray
-            out[1, c] = share * (out[1, c] - along * ray)
-            out[2, c] = 0.0
+    if size <= radius:
+        return
+    along = 0.0
+    for c in range(3):
+        along += point[1, c] * (point[0, c] - sphere[c]) / size
+    for c in range(3):
+        ray = (point[0, c] - sphere[c]) / size
+        point[0, c] = sphere[c] + radius * ray
+        point[1, c] = radius / size * (point[1, c] - along * ray)
+        point[2, c] = 0.0
 
 
 def make_ik(f: DirectMap) -> Generator:

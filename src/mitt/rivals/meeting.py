@@ -22,12 +22,14 @@ from mitt.robot.arm import Arm
 from mitt.robot.chain import Chain, sweep
 from mitt.robot.vectors import (
     IDENTITY,
+    ZERO,
     Vec,
     compose,
     cross,
     dot,
     matrix,
     minus,
+    plus,
     put,
     rotate,
     row,
@@ -114,6 +116,25 @@ def reach(packed: Array, r: Array, q: Array, work: Array) -> float:
 
 
 @njit(cache=True)
+def lift(packed: Array, point: Array, rows: Array, work: Array) -> float:
+    """Write q, dq, ddq of a moving point by inverse kinematics; return what is left of the way.
+
+    Args:
+        packed: The arm.
+        point: Position, velocity, acceleration of the point [m ...], shape (3, 3).
+        rows: Result; row 0 is where the iteration starts and so chooses the branch, shape (3, n).
+        work: Workspace.
+    """
+    gap = reach(packed, point[0], rows[0], work)
+    g = unpack(packed)
+    w = unfold(work, rows.shape[1])
+    resolve(w.motion.J, row(point, 1), rows[1])
+    sweep(g.chain, rows[0], rows[1], w.motion)
+    resolve(w.motion.J, minus(row(point, 2), row(w.motion.tip, 2)), rows[2])
+    return float(gap)
+
+
+@njit(cache=True)
 def meet(
     packed: Array, hand: Array, bounds: tuple[float, float], ball: Array, rows: Array, work: Array
 ) -> bool:
@@ -128,15 +149,11 @@ def meet(
         work: Workspace.
     """
     n = rows.shape[1]
-    if not reach(packed, ball[0], rows[0], work) <= 1e3 * _RESIDUAL:
+    if not lift(packed, ball, rows, work) <= 1e3 * _RESIDUAL:
         return False
     g = unpack(packed)
     w = unfold(work, n)
-    m = w.motion
-    resolve(m.J, row(ball, 1), rows[1])
-    sweep(g.chain, rows[0], rows[1], m)
-    resolve(m.J, minus(row(ball, 2), row(m.tip, 2)), rows[2])
-    resolve(m.J, _frame(g.chain, rows[0], hand[:3]), w.dq)
+    resolve(w.motion.J, _frame(g.chain, rows[0], hand[:3]), w.dq)
     along, size = 0.0, 1e-300
     for k in range(n):
         along += rows[2, k] * w.dq[k] * hand[3 + k] ** 2
@@ -184,3 +201,39 @@ def palm(packed: Array, hand: Array, q: Array) -> Vec:
     """Return the palm's normal in the world."""
     out: Vec = _frame(unpack(packed).chain, q, hand[:3])
     return out
+
+
+@njit(cache=True)
+def lift_ahead(
+    packed: Array, hand: Array, ahead: Vec, point: Array, rows: Array, work: Array
+) -> float:
+    """Write q, dq, ddq at which a point in front of the palm follows a moving point.
+
+    Args:
+        packed: The arm.
+        hand: As of :func:`hand_of`.
+        ahead: Distance in front of the catch point along the palm's normal, and its two
+            derivatives in time [m, m/s, m/s^2].
+        point: Position, velocity, acceleration to be followed [m ...], shape (3, 3).
+        rows: Result; row 0 is where the iteration starts and so chooses the branch, shape (3, n).
+        work: Workspace.
+
+    Returns:
+        What is left of the way [m].
+    """
+    longer = packed.copy()
+    g = unpack(longer)
+    for c in range(3):
+        g.chain.tip[c] += ahead[0] * hand[c]
+    gap = reach(longer, point[0], rows[0], work)
+    w = unfold(work, rows.shape[1])
+    m = w.motion
+    normal = _frame(g.chain, rows[0], hand[:3])
+    resolve(m.J, minus(row(point, 1), times(ahead[1], normal)), rows[1])
+    sweep(g.chain, rows[0], rows[1], m)
+    turning = ZERO
+    for k in range(rows.shape[1]):
+        turning = plus(turning, times(rows[1, k], cross(row(m.W, k), normal)))
+    fixed = plus(row(m.tip, 2), plus(times(2.0 * ahead[1], turning), times(ahead[2], normal)))
+    resolve(m.J, minus(row(point, 2), fixed), rows[2])
+    return float(gap)
