@@ -43,8 +43,8 @@ class CourseSettings:
     approach: tuple[float, float] = (70.0, 160.0)
     soonest: float = 0.06
     horizon: float = 0.9
-    stride: float = 0.01
-    instants: int = 10
+    stride: float = 0.02
+    instants: int = 8
     spare: float = 0.9
     price: float = 100.0
     low: float = 2.0
@@ -110,26 +110,41 @@ class Chooser:
         """
         s = self.settings
         after = np.arange(s.soonest, s.horizon, s.stride)
-        ends = np.zeros((len(after), 3, self.arm.n))
-        ends[0, 0] = self.map.start
-        f, state = self.map, state_of(ball)
-        found = meetings(f.packed, self.hand, s.approach, state, after, ends, f.work)
-        found &= np.all((ends[:, 0] > self.arm.q_min) & (ends[:, 0] < self.arm.q_max), axis=1)
-        after, ends = after[found], ends[found]
-        if len(after) == 0:
+        best = self.best(after, flown(ball, after), motion)
+        if best is None:
             return None
-        ways = np.empty((len(after), s.instants, 3, self.arm.n))
+        near = np.linspace(best.t_c - s.stride / 2, best.t_c + s.stride / 2, 3)
+        near = near[near >= s.soonest]
+        best = self.best(near, flown(ball, near), motion) or best
+        return replace(best, t_c=ball.t + best.t_c)
+
+    def best(self, after: Array, balls: Array, motion: Array) -> Course | None:
+        """Return the best of several catches, its time counted from now; None without one.
+
+        Args:
+            after: Times from now [s], shape (K,).
+            balls: r_o, dr_o, ddr_o then, shape (K, 3, 3).
+            motion: q, dq, ddq now, shape (3, n).
+        """
+        s, f, arm = self.settings, self.map, self.arm
+        ends = np.zeros((len(after), 3, arm.n))
+        ends[0, 0] = f.start
+        found = meetings(f.packed, self.hand, s.approach, balls, ends, f.work)
+        found &= np.all((ends[:, 0] > arm.q_min) & (ends[:, 0] < arm.q_max), axis=1)
+        if not found.any():
+            return None
+        after, ends, balls = after[found], ends[found], balls[found]
+        ways = np.empty((len(after), s.instants, 3, arm.n))
         sampled(motion, ends, after, ways)
-        quick = np.abs(ways[:, :, 1] / self.arm.dq_max).max(axis=(1, 2))
+        quick = np.abs(ways[:, :, 1] / arm.dq_max).max(axis=(1, 2))
         within = np.flatnonzero(quick <= max(s.refused, float(quick.min())))
         costs = [self._cost(ways[k], ends[k]) for k in within]
-        where = flown(ball, after[within])[:, 0]
-        low = where[:, 2] < self.floor
-        best = int(np.argmin([cost for cost, _, _ in costs] + s.low * low))
-        k, (_, name, share) = within[best], costs[best]
+        low = balls[within, 0, 2] < self.floor
+        least = int(np.argmin([cost for cost, _, _ in costs] + s.low * low))
+        k, (_, name, share) = within[least], costs[least]
         return Course(
-            t_c=ball.t + float(after[k]), end=ends[k], r_c=where[best],
-            binding_limit=name, share=share, low=bool(low[best]),
+            t_c=float(after[k]), end=ends[k], r_c=balls[k, 0],
+            binding_limit=name, share=share, low=bool(low[least]),
         )  # fmt: skip
 
     def aim(self, course: Course, ball: BallState) -> Course:

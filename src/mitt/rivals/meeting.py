@@ -175,32 +175,18 @@ def fly_on(state: Array, after: float, ball: Array) -> None:
 
 @njit(cache=True)
 def meetings(
-    packed: Array,
-    hand: Array,
-    bounds: tuple[float, float],
-    state: Array,
-    after: Array,
-    rows: Array,
-    work: Array,
+    packed: Array, hand: Array, bounds: tuple[float, float], balls: Array, rows: Array, work: Array
 ) -> Array:
-    """Write the meetings some times after a ball's state, shape (K, 3, n); say which there are.
+    """Write how each of several balls (K, 3, 3) is met, shape (K, 3, n); say which can be.
 
     Each starts from the one before it; ``rows[0, 0]`` is where the first starts.
     """
-    found = np.zeros(len(after), np.bool_)
-    ball, first = np.empty((3, 3)), rows[0, 0].copy()
-    for k in range(len(after)):
-        fly_on(state, after[k], ball)
+    found = np.zeros(len(balls), np.bool_)
+    first = rows[0, 0].copy()
+    for k in range(len(balls)):
         rows[k, 0] = rows[k - 1, 0] if k > 0 and found[k - 1] else first
-        found[k] = meet(packed, hand, bounds, ball, rows[k], work)
+        found[k] = meet(packed, hand, bounds, balls[k], rows[k], work)
     return found
-
-
-@njit(cache=True)
-def palm(packed: Array, hand: Array, q: Array) -> Vec:
-    """Return the palm's normal in the world."""
-    out: Vec = _frame(unpack(packed).chain, q, hand[:3])
-    return out
 
 
 @njit(cache=True)

@@ -125,14 +125,14 @@ class Rival:
         """Go on with the pursuit; at rest where there is nothing to pursue."""
         chase = self.memory.at(ball.t)
         if chase is None or not _sane(ball):
-            return _resting(ball.t, self.q_hold if chase is None else chase.motion[0])
+            return resting(ball.t, self.q_hold if chase is None else chase.motion[0])
         chase = self._aimed(chase, ball)
         if ball.t <= chase.course.t_c:
             motion, pursuit = chase.pursuit.step(chase.course, ball)
         else:
             motion, pursuit = self._following(chase, ball), chase.pursuit
         if not np.all(np.isfinite(motion)):
-            return _resting(ball.t, chase.motion[0])
+            return resting(ball.t, chase.motion[0])
         self.memory.after = replace(chase, t=ball.t, pursuit=pursuit, motion=motion)
         return JointReference(
             t=ball.t,
@@ -229,7 +229,7 @@ def _sane(ball: BallState) -> bool:
     return bool(np.all(np.abs(state) < 1e3))
 
 
-def _resting(t: float, q: Array) -> JointReference:
+def resting(t: float, q: Array) -> JointReference:
     """Return rest in ``q``, with nothing to catch."""
     zero = np.zeros(len(q))
     return JointReference(

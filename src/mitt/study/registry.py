@@ -10,6 +10,7 @@ from importlib.metadata import EntryPoint, entry_points
 from mitt.errors import InputError, UnknownNameError
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.mapping import DirectMap, unlearned
+from mitt.rivals.clairvoyant import make_clairvoyant
 from mitt.rivals.ik import make_ik
 from mitt.rivals.quintic import make_quintic
 from mitt.rivals.ruckig import make_ruckig
@@ -33,6 +34,7 @@ BUILT_IN: dict[str, Factory] = {
     "ik": make_ik,
     "quintic": make_quintic,
     "ruckig": make_ruckig,
+    "clairvoyant": make_clairvoyant,
 }
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from mitt.catcher import Catcher, CatcherSettings, Phase
 from mitt.generator.generators import Generator
 from mitt.link.clock import Stopwatch
+from mitt.rivals.clairvoyant import Clairvoyant
 from mitt.robot.arm import Arm
 from mitt.study.log import Logger, TrialLog
 from mitt.study.score import HELD_AFTER, Meter, Trial, held, status_of
@@ -63,13 +64,16 @@ class Bench:
         self.stopwatch = Stopwatch()
 
     def catcher(self) -> Catcher:
-        """Return a fresh catcher."""
+        """Return a fresh catcher; one that may is told the flight of the ball just released."""
         ball = self._scene.ball
         eyes = Eyes(self._rig, EyesConfig(ball_radius=ball.radius))
         settings = CatcherSettings(
             ball_mass=ball.mass, ball_radius=ball.radius, flight=known_ball(ball.drag, ball.mass)
         )
-        return Catcher(self.arm, self._generator, eyes, settings=settings)
+        generator = self._generator
+        if isinstance(generator, Clairvoyant):
+            generator = generator.told(self.world.flight)
+        return Catcher(self.arm, generator, eyes, settings=settings)
 
     def run(self, index: int, ball: Throw | BallPath, *, seed: int, log: bool = False) -> Outcome:
         """Throw once.
@@ -80,9 +84,10 @@ class Bench:
             seed: Seed of the plant's mismatch and of all noise.
             log: Whether to keep a log.
         """
-        world, catcher, meter = self.world, self.catcher(), Meter(self.arm)
+        world, meter = self.world, Meter(self.arm)
         logger = Logger(self.arm) if log else None
         world.reset(ball, seed)
+        catcher = self.catcher()
         t_catch, over = np.inf, False
         while not over:
             senses = world.sense(look=catcher.looking)
