@@ -16,7 +16,8 @@ from mitt.generator.certificate import Outcome, Verdict
 from mitt.generator.mapping import DirectMap
 from mitt.rivals.course import Chooser, Course
 from mitt.rivals.meeting import meet
-from mitt.rivals.optimum import DEGREE, Motion, Programme
+from mitt.rivals.optimum import DEGREE, Programme
+from mitt.rivals.pieces import Motion
 from mitt.rivals.pursuit import resting, still
 from mitt.rivals.symbolic import casadi
 from mitt.signals import Array, BallState, JointReference, MapStatus

@@ -18,6 +18,7 @@ import numpy as np
 
 from mitt.rivals.course import Course, CourseSettings
 from mitt.rivals.meeting import hand_of
+from mitt.rivals.pieces import Motion
 from mitt.rivals.quintics import quintic
 from mitt.rivals.symbolic import casadi, symbolic
 from mitt.robot.arm import Arm
@@ -46,45 +47,6 @@ class OptimumSettings:
     iterations: int = 120
     gap: float = 0.08
     course: CourseSettings = field(default_factory=CourseSettings)
-
-
-@final
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Motion:
-    """A motion whose acceleration is linear between instants.
-
-    Attributes:
-        t: Time of the start [s].
-        step: Time between the instants [s].
-        q: Angles at the instants [rad], shape (n, M + 1).
-        dq: Speeds [rad/s], shape (n, M + 1).
-        ddq: Accelerations [rad/s^2], shape (n, M + 1).
-        cost: Cost of eq. (22), the mean over the instants.
-    """
-
-    t: float
-    step: float
-    q: Array
-    dq: Array
-    ddq: Array
-    cost: float
-
-    @property
-    def t_c(self) -> float:
-        """Time of the catch [s]."""
-        return self.t + self.step * (self.q.shape[1] - 1)
-
-    def at(self, t: float) -> Array:
-        """Return q, dq, ddq at time ``t`` [s], shape (3, n); past the ends it goes on."""
-        k = int(np.clip((t - self.t) // self.step, 0, self.q.shape[1] - 2))
-        s, h = t - self.t - k * self.step, self.step
-        q, dq, a, jerk = self.q[:, k], self.dq[:, k], self.ddq[:, k], self.ddq[:, k + 1]
-        jerk = (jerk - a) / h
-        return np.array([
-            q + s * (dq + s * (0.5 * a + s * jerk / 6.0)),
-            dq + s * (a + 0.5 * s * jerk),
-            a + s * jerk,
-        ])  # fmt: skip
 
 
 @final

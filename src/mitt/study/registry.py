@@ -12,6 +12,7 @@ from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.rivals.clairvoyant import make_clairvoyant
 from mitt.rivals.ik import make_ik
+from mitt.rivals.mpc import make_mpc
 from mitt.rivals.quintic import make_quintic
 from mitt.rivals.ruckig import make_ruckig
 
@@ -34,6 +35,7 @@ BUILT_IN: dict[str, Factory] = {
     "ik": make_ik,
     "quintic": make_quintic,
     "ruckig": make_ruckig,
+    "mpc": make_mpc,
     "clairvoyant": make_clairvoyant,
 }
 
