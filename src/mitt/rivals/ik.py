@@ -17,7 +17,6 @@ that motion is closed on the way.
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import product
 from typing import final
 
 import numpy as np
@@ -25,13 +24,12 @@ from numba import njit
 
 from mitt.generator.generators import Generator
 from mitt.generator.mapping import DirectMap
-from mitt.generator.packing import unfold, unpack
+from mitt.rivals.approach import hold_back, set_back, sphere_of
 from mitt.rivals.course import Course, state_of
 from mitt.rivals.meeting import fly_on, hand_of, lift_ahead
 from mitt.rivals.pursuit import rival
 from mitt.rivals.quintics import quintic
 from mitt.rivals.servo import bounds_of, follow
-from mitt.robot.chain import sweep
 from mitt.signals import Array, BallState
 
 
@@ -86,12 +84,8 @@ class Line:
 
     @cached_property
     def sphere(self) -> Array:
-        """Centre and radius of the reach [m], shape (4,)."""
-        arm, f = self.map.arm, self.map
-        corner = _tip(f.packed, arm.q_ready, f.work)[3]
-        grid = product(*(np.linspace(*ends, 9) for ends in zip(arm.q_min, arm.q_max, strict=True)))
-        far = max(float(np.linalg.norm(arm.position(np.array(q)) - corner)) for q in grid)
-        return np.array([*corner, self.settings.reach * far])
+        """Where the hand may wait: centre and radius [m], shape (4,)."""
+        return sphere_of(self.map, share=self.settings.reach)
 
     def goal(self, course: Course, ball: BallState, rows: Array) -> None:
         """Write the joint motion that the hand is to follow now; row 0 is where it was, (3, n)."""
@@ -142,18 +136,6 @@ class Tracking:
 
 
 @njit(cache=True)
-def _tip(packed: Array, q: Array, work: Array) -> Array:
-    """Return the catch point and its derivatives, and the second joint's origin, shape (4, 3)."""
-    g = unpack(packed)
-    w = unfold(work, len(q))
-    sweep(g.chain, q, w.still, w.motion)
-    out = np.empty((4, 3))
-    out[:3] = w.motion.tip
-    out[3] = w.motion.origin[0, 1]
-    return out
-
-
-@njit(cache=True)
 def _goal(
     packed: Array,
     hand: Array,
@@ -166,9 +148,8 @@ def _goal(
 ) -> None:
     """Write the joint motion to follow at time t = t_c - tau, from the ball's state then.
 
-    With u = tau / D the point h in front of the catch point, h = x / (1 + x / h_max) and
-    x = a tau^2 / 2, is at the ball's place of the time sigma = t_c - D (u - u^3 + u^4 / 2), so
-    that d sigma / dt = 1 - u^2 (3 - 2 u).
+    With u = tau / D the point h in front of the catch point is at the ball's place of the time
+    sigma = t_c - D (u - u^3 + u^4 / 2), so that d sigma / dt = 1 - u^2 (3 - 2 u).
     """
     run, a, back = numbers
     u = min(max(tau / run, 0.0), 1.0)
@@ -179,30 +160,9 @@ def _goal(
         v = point[1, c]
         point[1, c] = v * ds
         point[2, c] = point[2, c] * ds * ds + v * dds
-    x = 0.5 * a * tau * tau
-    part = 1.0 / (1.0 + x / back)
-    bend = a * part * part - 2.0 * (a * tau) ** 2 * part**3 / back
-    _hold_back(point, sphere, x * part)
-    lift_ahead(packed, hand, (x * part, -a * tau * part * part, bend), point, rows, work)
-
-
-@njit(cache=True)
-def _hold_back(point: Array, sphere: Array, longer: float) -> None:
-    """Project a moving point onto the reach, its centre and radius in ``sphere`` (4,) [m]."""
-    size, radius = 0.0, sphere[3] + longer
-    for c in range(3):
-        size += (point[0, c] - sphere[c]) ** 2
-    size = np.sqrt(size)
-    if size <= radius:
-        return
-    along = 0.0
-    for c in range(3):
-        along += point[1, c] * (point[0, c] - sphere[c]) / size
-    for c in range(3):
-        ray = (point[0, c] - sphere[c]) / size
-        point[0, c] = sphere[c] + radius * ray
-        point[1, c] = radius / size * (point[1, c] - along * ray)
-        point[2, c] = 0.0
+    h = set_back(tau, a, back)
+    hold_back(point, sphere, h[0])
+    lift_ahead(packed, hand, h, point, rows, work)
 
 
 def make_ik(f: DirectMap) -> Generator:

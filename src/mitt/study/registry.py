@@ -11,6 +11,7 @@ from mitt.errors import InputError, UnknownNameError
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.rivals.clairvoyant import make_clairvoyant
+from mitt.rivals.ds import make_ds
 from mitt.rivals.ik import make_ik
 from mitt.rivals.mpc import make_mpc
 from mitt.rivals.quintic import make_quintic
@@ -36,6 +37,7 @@ BUILT_IN: dict[str, Factory] = {
     "quintic": make_quintic,
     "ruckig": make_ruckig,
     "mpc": make_mpc,
+    "ds": make_ds,
     "clairvoyant": make_clairvoyant,
 }
 
