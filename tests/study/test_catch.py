@@ -17,7 +17,6 @@ from mitt.study.catch import (
     Finished,
     Prepared,
     design_of,
-    make_generator,
     one_throw,
     prepare,
     run,
@@ -152,9 +151,9 @@ def test_a_design_follows_from_the_arm_where_it_is_silent() -> None:
 
 def test_generators_go_by_name(learned: Learned) -> None:
     """Two names, two types; alpha = 0 forgets what was learned."""
-    assert isinstance(make_generator("direct", learned), Direct)
-    plain = make_generator("unoptimised", learned)
+    assert isinstance(make_generator("direct", learned.map), Direct)
+    plain = make_generator("unoptimised", learned.map)
     assert isinstance(plain, Unoptimised)
     assert not np.any(plain.map.alpha)
     with pytest.raises(InputError, match="direct, unoptimised"):
-        make_generator("magic", learned)
+        make_generator("magic", learned.map)

@@ -41,7 +41,7 @@ class SoftSettings:
         torque: Share of the torques on each joint's own inertia that bounds its acceleration.
     """
 
-    radius: float = 1.2
+    radius: float = 1.6
     approach: float = 90.0
     back: float = 0.2
     rate: tuple[float, float] = (6.0, 60.0)

@@ -78,7 +78,7 @@ class RuckigPlanner:
 
     def _request(self, motion: Array, course: Course, left: float) -> InputParameter:
         """Return the problem: from a motion to the end of a course in the time left [s]."""
-        s, most = self.settings, self._accelerations(motion, course.end)
+        s, most = self.settings, self.accelerations(motion, course.end)
         request = InputParameter(self.arm.n)
         request.synchronization = Synchronization.Time
         request.current_position, request.current_velocity = list(motion[0]), list(motion[1])
@@ -90,7 +90,7 @@ class RuckigPlanner:
         request.minimum_duration = max(left, 0.0)
         return request
 
-    def _accelerations(self, motion: Array, end: Array) -> Array:
+    def accelerations(self, motion: Array, end: Array) -> Array:
         """Return the accelerations that the torques allow at both ends [rad/s^2], shape (n,)."""
         arm, most = self.arm, np.full(self.arm.n, np.inf)
         for q, dq in ((motion[0], motion[1]), (end[0], end[1])):
