@@ -51,18 +51,20 @@ def _told(learned: Learned, throw_of: Callable[[int], Throw]) -> Clairvoyant:
 def test_the_expressions_are_the_arm(model: Symbolic, arm: Arm, seed: int) -> None:
     """Torques, catch point, its velocity and the palm's normal agree with Pinocchio's."""
     q, dq, ddq = np.random.default_rng(seed).normal(size=(3, 3))
-    assert np.allclose(np.ravel(model.torque(q, dq, ddq)), arm.torque(q, dq, ddq), atol=EXACT)
+    assert np.allclose(
+        np.asarray(model.torque(q, dq, ddq)).ravel(), arm.torque(q, dq, ddq), atol=EXACT
+    )
     tip = np.asarray(model.tip(q, dq, ddq))
     assert np.allclose(tip[:, 0], arm.position(q), atol=EXACT)
     assert np.allclose(tip[:, 1], arm.jacobian(q) @ dq, atol=EXACT)
-    assert np.allclose(np.ravel(model.normal(q)), arm.orientation(q)[:, 2], atol=EXACT)
+    assert np.allclose(np.asarray(model.normal(q)).ravel(), arm.orientation(q)[:, 2], atol=EXACT)
 
 
 def test_held_joints_and_motors_are_in_the_expressions() -> None:
     """With joint 3 held bent the torques of all four links agree."""
     arm = Arm(wam(HandModel(), held_3=0.4), wam_limits("wam-80v"))
     q, dq, ddq = np.random.default_rng(2).normal(size=(3, 3))
-    found = np.ravel(symbolic(arm).torque(q, dq, ddq))
+    found = np.asarray(symbolic(arm).torque(q, dq, ddq)).ravel()
     assert np.allclose(found, arm.torque(q, dq, ddq), atol=EXACT)
 
 

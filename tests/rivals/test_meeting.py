@@ -80,8 +80,8 @@ def test_a_point_before_the_palm_is_followed(chooser: Chooser, seed: int) -> Non
 
     def place(s: float) -> Array:
         x = rows[0] + s * rows[1] + 0.5 * s * s * rows[2]
-        out: Array = arm.position(x) + (h[0] + s * h[1] + 0.5 * s * s * h[2]) * (
-            arm.orientation(x)[:, 2]
+        out: Array = (
+            arm.position(x) + (h[0] + s * h[1] + 0.5 * s * s * h[2]) * (arm.orientation(x)[:, 2])
         )
         return out
 

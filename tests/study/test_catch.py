@@ -21,6 +21,7 @@ from mitt.study.catch import (
     prepare,
     run,
 )
+from mitt.study.registry import make_generator
 
 
 @pytest.fixture(scope="module")

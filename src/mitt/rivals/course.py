@@ -12,8 +12,8 @@ from typing import final
 
 import numpy as np
 
-from mitt.generator.certificate import Verdict
 from mitt.generator.certificate import Outcome as Feasible
+from mitt.generator.certificate import Verdict
 from mitt.generator.demand import demand
 from mitt.generator.foresight import flown
 from mitt.generator.mapping import DirectMap
@@ -157,7 +157,7 @@ class Chooser:
             return course
         return replace(course, end=end, r_c=at[0])
 
-    def verdict(self, course: Course | None, ball: BallState, *, sigma: float) -> Verdict:
+    def verdict(self, course: Course | None, *, sigma: float) -> Verdict:
         """Return the verdict on a throw by the course chosen for it; feasible or unreachable."""
         if course is None:
             return Verdict(

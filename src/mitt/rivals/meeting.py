@@ -15,6 +15,7 @@ torque of the joints one by one is taken.
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from mitt.flight import acceleration, advance
 from mitt.generator.packing import unfold, unpack
@@ -176,7 +177,7 @@ def fly_on(state: Array, after: float, ball: Array) -> None:
 @njit(cache=True)
 def meetings(
     packed: Array, hand: Array, bounds: tuple[float, float], balls: Array, rows: Array, work: Array
-) -> Array:
+) -> NDArray[np.bool_]:
     """Write how each of several balls (K, 3, 3) is met, shape (K, 3, n); say which can be.
 
     Each starts from the one before it; ``rows[0, 0]`` is where the first starts.

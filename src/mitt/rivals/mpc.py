@@ -17,6 +17,7 @@ from typing import final
 
 import daqp
 import numpy as np
+from numpy.typing import NDArray
 
 from mitt.generator.generators import Generator
 from mitt.generator.mapping import DirectMap
@@ -64,7 +65,21 @@ class Quadratic:
     A: Array
     low: Array
     high: Array
-    kind: np.ndarray
+    kind: NDArray[np.int32]
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class _Way:
+    """The two ends of a plan, and how its instants follow from the accelerations."""
+
+    start: Array
+    end: Array
+    step: float
+    angle: Array
+    speed: Array
+    drift_q: Array
+    drift_dq: Array
 
 
 @final
@@ -87,10 +102,11 @@ class MpcPlanner:
         """Return the programme from q, dq, ddq (3, n) to ``end`` in M steps of ``step`` [s]."""
         arm, s, M, n = self.arm, self.settings, self.settings.parts, self.arm.n
         D, P = responses(M, step)
-        ticks = step * np.arange(M + 1)[:, None]
+        ticks = step * np.arange(M + 1, dtype=np.float64)[:, None]
         drift_q, drift_dq = motion[0] + ticks * motion[1], np.tile(motion[1], (M + 1, 1))
-        speed, angle = (np.kron(x, np.eye(n)) for x in (D, P))
-        T, load, torque, torque_at = self._torques(motion, end, step, angle, speed, drift_q, drift_dq)
+        speed, angle = (np.asarray(np.kron(x, np.eye(n)), np.float64) for x in (D, P))
+        way = _Way(motion, end, step, angle, speed, drift_q, drift_dq)
+        T, load, torque, torque_at = self._torques(way)
         per_speed = np.tile(1.0 / arm.dq_max, M + 1)
         v, v_0 = per_speed[:, None] * speed, per_speed * drift_dq.ravel()
         H = 2.0 * (torque.T @ torque + v.T @ v) + s.damping * np.eye(len(v))
@@ -111,10 +127,7 @@ class MpcPlanner:
             kind=np.concatenate([np.full(count, kind, np.int32) for kind, count in kinds]),
         )  # fmt: skip
 
-    def _torques(
-        self, motion: Array, end: Array, step: float, angle: Array, speed: Array,
-        drift_q: Array, drift_dq: Array,
-    ) -> tuple[Array, Array, Array, Array]:  # fmt: skip
+    def _torques(self, way: "_Way") -> tuple[Array, Array, Array, Array]:
         """Return drives' and joints' torques over their limits: per acceleration, and at none."""
         arm, M, n = self.arm, self.settings.parts, self.arm.n
         limits, N = arm.limits, len(arm.model.links)
@@ -122,13 +135,13 @@ class MpcPlanner:
         J, at, rows = np.empty(((M + 1) * n, (M + 1) * n)), np.empty((M + 1) * n), np.empty((3, n))
         active = list(arm.model.active)
         for k in range(M + 1):
-            quintic(motion, end, M * step, k * step, rows)
+            quintic(way.start, way.end, M * way.step, k * way.step, rows)
             tau = arm.torque(*rows)
             by_q, by_dq, mass = arm.torque_derivatives(*rows)
             own = slice(k * n, (k + 1) * n)
-            per = by_q @ angle[own] + by_dq @ speed[own]
+            per = by_q @ way.angle[own] + by_dq @ way.speed[own]
             per[:, own] += mass
-            none = tau + by_q @ (drift_q[k] - rows[0]) + by_dq @ (drift_dq[k] - rows[1])
+            none = tau + by_q @ (way.drift_q[k] - rows[0]) + by_dq @ (way.drift_dq[k] - rows[1])
             none -= mass @ rows[2]
             drive = limits.drive_torque(tau)
             bound = limits.torque_bound(drive, limits.drive_speed(arm.all_joints(rows[1])))

@@ -12,7 +12,8 @@ between M + 1 even instants, so the motion between them is exact. Solved by IPOP
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, final
+from types import ModuleType
+from typing import final
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from mitt.rivals.course import Course, CourseSettings
 from mitt.rivals.meeting import hand_of
 from mitt.rivals.pieces import Motion
 from mitt.rivals.quintics import quintic
-from mitt.rivals.symbolic import casadi, symbolic
+from mitt.rivals.symbolic import Expression, casadi, symbolic
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 
@@ -104,7 +105,7 @@ class Programme:
         return low, np.concatenate([np.tile(arm.q_max - s.gap, many), speed, free])
 
     @cached_property
-    def _solver(self) -> Any:
+    def _solver(self) -> Expression:
         """IPOPT on the programme, silent."""
         ca, (x, p, cost, g) = casadi(), self._parts[:4]
         options = {
@@ -121,7 +122,7 @@ class Programme:
         return low, high
 
     @cached_property
-    def _parts(self) -> tuple[Any, Any, Any, Any, Array, Array]:
+    def _parts(self) -> tuple[Expression, Expression, Expression, Expression, Array, Array]:
         """Variables, parameters, cost, constraints and their bounds."""
         ca, arm, n, M = casadi(), self.arm, self.arm.n, self.settings.parts
         model = symbolic(arm)
@@ -151,7 +152,7 @@ class Programme:
         p = ca.vertcat(q_0, dq_0, ca.vec(c), mid)
         return x, p, cost, ca.vertcat(*rows.values), np.array(rows.low), np.array(rows.high)
 
-    def _limits(self, ca: Any, rows: "_Rows", tau: Any, dq: Any) -> None:
+    def _limits(self, ca: ModuleType, rows: "_Rows", tau: Expression, dq: Expression) -> None:
         """Add the drives' torques and speeds: peak, and the line from stall to no load."""
         arm, limits, share = self.arm, self.arm.limits, self.settings.share
         drive = ca.mtimes(ca.DM(limits.to_drive), tau)
@@ -172,24 +173,24 @@ class _Rows:
 
     def __init__(self) -> None:
         """Start empty."""
-        self.values: list[Any] = []
+        self.values: list[Expression] = []
         self.low: list[float] = []
         self.high: list[float] = []
 
-    def equal(self, *values: Any) -> None:
+    def equal(self, *values: Expression) -> None:
         """Add what must be zero."""
         for value in values:
             flat = value.reshape((-1, 1))
             self.within(flat, np.zeros(flat.shape[0]), np.zeros(flat.shape[0]))
 
-    def within(self, value: Any, low: Array, high: Array) -> None:
+    def within(self, value: Expression, low: Array, high: Array) -> None:
         """Add what must lie between two bounds."""
         self.values.append(value)
         self.low.extend(low.tolist())
         self.high.extend(high.tolist())
 
 
-def _flight(ca: Any, c: Any, s: Any) -> Any:
+def _flight(ca: ModuleType, c: Expression, s: Expression) -> Expression:
     """Return position, velocity, acceleration of the ball, shape (3, 3) by column."""
     columns = []
     for d in range(3):

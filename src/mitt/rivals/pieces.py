@@ -32,7 +32,7 @@ class Motion:
     @property
     def t_c(self) -> float:
         """Time of the catch [s]."""
-        return self.t + self.step * (self.q.shape[1] - 1)
+        return self.t + self.step * float(self.q.shape[1] - 1)
 
     def at(self, t: float) -> Array:
         """Return q, dq, ddq at time ``t`` [s], shape (3, n); past the ends it goes on."""

@@ -91,7 +91,7 @@ class Rival:
     def verdict(self, ball: BallState, q: Array) -> Verdict:
         """Refuse where no catch is within a generous share of the limits."""
         course = self._choose(ball, still(q))
-        judged = self.chooser.verdict(course, ball, sigma=self.sharpness(ball))
+        judged = self.chooser.verdict(course, sigma=self.sharpness(ball))
         easy = course is not None and not course.low and course.share <= _HARD
         if not easy and self._may_rise(ball, q):
             return replace(judged, outcome=Outcome.OPEN)

@@ -7,7 +7,7 @@ a test holds these expressions to Pinocchio. CasADi comes with the extra ``mitt[
 
 from dataclasses import dataclass
 from types import ModuleType
-from typing import Any, final
+from typing import Any, TypeAlias, final
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from mitt.errors import InputError
 from mitt.flight import GRAVITY
 from mitt.robot.arm import Arm
 from mitt.robot.description import Link
+
+#: What CasADi makes, expressions and functions; CasADi is untyped.
+Expression: TypeAlias = Any
 
 
 def casadi() -> ModuleType:
@@ -29,7 +32,8 @@ def casadi() -> ModuleType:
         raise InputError(
             "generator clairvoyant", "CasADi", "none", do="install mitt[rivals]"
         ) from None
-    return found  # type: ignore[no-any-return]  # CasADi is untyped
+    module: ModuleType = found
+    return module
 
 
 @final
@@ -43,9 +47,9 @@ class Symbolic:
         normal: q to the palm's normal in the world, shape (3,).
     """
 
-    torque: Any
-    tip: Any
-    normal: Any
+    torque: Expression
+    tip: Expression
+    normal: Expression
 
 
 def symbolic(arm: Arm) -> Symbolic:
@@ -65,7 +69,7 @@ def symbolic(arm: Arm) -> Symbolic:
     )
 
 
-def _placed(ca: ModuleType, link: Link, x: Any) -> tuple[Any, Any]:
+def _placed(ca: ModuleType, link: Link, x: Expression) -> tuple[Expression, Expression]:
     """Return rotation and position of a link's moved frame in the frame of the link before."""
     R, p, axis = ca.DM(link.placement[:3, :3]), ca.DM(link.placement[:3, 3]), ca.DM(link.axis)
     if link.prismatic:
@@ -75,7 +79,7 @@ def _placed(ca: ModuleType, link: Link, x: Any) -> tuple[Any, Any]:
     return ca.mtimes(R, turned), p
 
 
-def _values(arm: Arm, x: Any, *, held: bool) -> list[Any]:
+def _values(arm: Arm, x: Expression, *, held: bool) -> list[Expression]:
     """Return active joints' values spread over all links; held ones' own, or zero."""
     own, k = [], 0
     for link in arm.model.links:
@@ -87,7 +91,7 @@ def _values(arm: Arm, x: Any, *, held: bool) -> list[Any]:
     return own
 
 
-def _tip(ca: ModuleType, arm: Arm, q: Any) -> tuple[Any, Any]:
+def _tip(ca: ModuleType, arm: Arm, q: Expression) -> tuple[Expression, Expression]:
     """Return the last link's rotation and the catch point in the world."""
     R, p = ca.SX(ca.DM(arm.model.mount[:3, :3])), ca.SX(ca.DM(arm.model.mount[:3, 3]))
     for link, x in zip(arm.model.links, _values(arm, q, held=True), strict=True):
@@ -97,7 +101,7 @@ def _tip(ca: ModuleType, arm: Arm, q: Any) -> tuple[Any, Any]:
     return R, p + ca.mtimes(R, ca.DM(arm.model.catch_point))
 
 
-def _torque(ca: ModuleType, arm: Arm, q: Any, dq: Any, ddq: Any) -> Any:
+def _torque(ca: ModuleType, arm: Arm, q: Expression, dq: Expression, ddq: Expression) -> Expression:
     """Return the torques of eq. (14) for all links."""
     links = arm.model.complete().links
     at, by, up = (_values(arm, x, held=k == 0) for k, x in enumerate((q, dq, ddq)))
@@ -121,9 +125,12 @@ def _torque(ca: ModuleType, arm: Arm, q: Any, dq: Any, ddq: Any) -> Any:
     return _gathered(ca, links, frames, loads, up)
 
 
-def _gathered(ca: ModuleType, links: tuple[Link, ...], frames: Any, loads: Any, up: Any) -> Any:
+def _gathered(
+    ca: ModuleType, links: tuple[Link, ...], frames: Expression, loads: Expression, up: Expression
+) -> Expression:
     """Return joint torques from the links' own loads, from the tip to the base."""
-    f, n, tau = ca.SX(3, 1), ca.SX(3, 1), []
+    f, n = ca.SX(3, 1), ca.SX(3, 1)
+    tau: list[Expression] = []
     for k in reversed(range(len(links))):
         f, n = f + loads[k][0], n + loads[k][1]
         axis = ca.DM(links[k].axis)
