@@ -1,6 +1,6 @@
 """Options of the commands as plain data; light to import, so that ``--help`` is quick."""
 
-from mitt.options.catching import ArmOptions, CatchOptions, GeneratorName, LearnOptions, LimitName
+from mitt.options.catching import ArmOptions, CatchOptions, LearnOptions, LimitName
 from mitt.options.seeing import CalibrateOptions, SeeOptions, TrackOptions
 from mitt.options.studying import ReportOptions, StudyOptions
 
@@ -8,7 +8,6 @@ __all__ = [
     "ArmOptions",
     "CalibrateOptions",
     "CatchOptions",
-    "GeneratorName",
     "LearnOptions",
     "LimitName",
     "ReportOptions",

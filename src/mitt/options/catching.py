@@ -8,7 +8,6 @@ from tyro.conf import arg
 
 from mitt.options.common import Csv, Folder, Map, Toml
 
-GeneratorName = Literal["direct", "several", "unoptimised"]
 LimitName = Literal["paper", "wam-48v", "wam-80v", "model"]
 
 
@@ -47,7 +46,8 @@ class CatchOptions(ArmOptions):
     Attributes:
         throws: Number of throws; 10, or as many as a file has.
         seed: Seed of throws, plant and noise.
-        generator: What turns the ball's estimate into joint motion.
+        generator: What turns the ball's estimate into joint motion: direct, several, unoptimised, a
+            rival (ik, quintic, ruckig, mpc, ds, clairvoyant), or one that another package adds.
         map: A map from mitt learn; learned first if left out.
         vision: What the catcher sees: images of two cameras, or noisy points.
         cameras: Cameras that stand still, or on heads that follow the ball; as the scene says if
@@ -64,7 +64,7 @@ class CatchOptions(ArmOptions):
 
     throws: Annotated[int | None, arg(metavar="N")] = None
     seed: Annotated[int, arg(metavar="S")] = 0
-    generator: GeneratorName = "direct"
+    generator: Annotated[str, arg(metavar="NAME")] = "direct"
     map: Map = None
     vision: Literal["pixels", "points"] = "pixels"
     cameras: Literal["fixed", "active"] | None = None
