@@ -97,7 +97,7 @@ def test_logging_and_timing_change_nothing(
     assert bench.stopwatch.percentiles_us()["p50"] > 0.0
 
 
-@pytest.mark.parametrize(("mass", "density"), [(0.07, 0.001), (1.0, 0.001), (0.0027, 0.0259)])
+@pytest.mark.parametrize(("mass", "density"), [(0.07, 1e-4), (1.0, 1e-4), (0.0027, 0.00259)])
 def test_a_lighter_ball_is_believed_less_steady(mass: float, density: float) -> None:
     """The unmodelled acceleration grows as the ball gets lighter than 70 g."""
     known = known_ball(0.1, mass)
