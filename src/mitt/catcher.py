@@ -31,7 +31,6 @@ from mitt.signals import (
 from mitt.vision.eyes import Eyes
 from mitt.vision.filter import THROWN_BALL, BallFilter, FilterConfig
 
-
 PERIOD = 0.001
 """Time for which a command acts [s]."""
 
