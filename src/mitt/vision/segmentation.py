@@ -36,7 +36,7 @@ LOST, GOOD, MERGED = 0, 1, 2
 MEMORY, WORK = RUNS + 2 * ROWS, MAX_BLOBS + 66 + ROWS
 """Sizes of a camera's memory and of the scratch array."""
 
-KEPT, PATIENCE, STEADY, WILD = 0.85, 40, 0.4, 8
+KEPT, PATIENCE, STEADY, WILD = 0.85, 40, 0.6, 8
 """Share of its area below which a target is looked for anew; frames that a merged one is kept;
 share of a new motion in the motion kept; reach while no motion is known, as on the first frame
 that a turning head gets [px]."""
