@@ -68,11 +68,10 @@ def by_opencv(frames: tuple[Frame, ...], matrices: list[Array], kalman: cv2.Kalm
     for frame in frames:
         _, binary = cv2.threshold(frame.pixels, 60, 255, cv2.THRESH_BINARY)
         _, _, stats, _ = cv2.connectedComponentsWithStats(binary)
-        u, v, w, h, _ = (
-            stats[1 + int(np.argmax(stats[1:, 4]))] if len(stats) > 1 else (0, 0, 8, 8, 0)
-        )
+        best = 1 + int(np.argmax(stats[1:, 4])) if len(stats) > 1 else 0
+        u, v, w, h, _ = stats[best]
         m = cv2.moments(frame.pixels[v : v + h, u : u + w])
-        points.append(np.array((u + m["m10"] / m["m00"], v + m["m01"] / m["m00"])))
+        points.append(np.array(((u + m["m10"] / m["m00"],), (v + m["m01"] / m["m00"],))))
     p = cv2.triangulatePoints(matrices[0], matrices[1], points[0], points[1])
     kalman.predict()
     kalman.correct((p[:3] / p[3]).reshape(3, 1))

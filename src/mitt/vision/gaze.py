@@ -6,11 +6,11 @@ follows its own image: the ball's direction and rate by an alpha-beta filter (Be
 1962). A head that sees nothing looks where the other's line of sight is at the distance at which
 balls come into sight; when none sees a ball they nod over where throws come from.
 
-| here     | meaning                                                         | unit       | shape      |
-|----------|-----------------------------------------------------------------|------------|------------|
-| ``gaze`` | the ball's pan, tilt and their rates as each head sees it,      | rad, rad/s | (n, GAZE)  |
-|          | sightings in this row, time of the last                         | 1, s       |            |
-| ``wanted`` | pan, tilt and their rates                                     | rad, rad/s | (n, 4)     |
+| here       | meaning                                                    | unit       | shape     |
+|------------|------------------------------------------------------------|------------|-----------|
+| ``gaze``   | the ball's pan, tilt and their rates as each head sees it, | rad, rad/s | (n, GAZE) |
+|            | sightings in this row, time of the last                    | 1, s       |           |
+| ``wanted`` | pan, tilt and their rates                                  | rad, rad/s | (n, 4)    |
 """
 
 from math import cos, pi, sin, sqrt

@@ -36,8 +36,10 @@ LOST, GOOD, MERGED = 0, 1, 2
 MEMORY, WORK = RUNS + 2 * ROWS, MAX_BLOBS + 66 + ROWS
 """Sizes of a camera's memory and of the scratch array."""
 
-KEPT, PATIENCE, STEADY = 0.85, 40, 0.3
-"""Share of its area below which a target is looked for anew; frames that a merged one is kept; share of a new motion in the motion kept."""
+KEPT, PATIENCE, STEADY, WILD = 0.85, 40, 0.6, 8
+"""Share of its area below which a target is looked for anew; frames that a merged one is kept;
+share of a new motion in the motion kept; reach while no motion is known, as on the first frame
+that a turning head gets [px]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,8 +100,10 @@ def _window(
 ) -> tuple[int, int]:
     """Find the target in the dilated mask of the last; return first row and rows, 0 if lost."""
     rows = int(memory[HEIGHT])
-    if rows + 2 * reach > ROWS:
+    if rows + 2 * max(reach, WILD) > ROWS:
         return 0, 0
+    if memory[DU] == 0.0 and memory[DV] == 0.0:
+        reach = max(reach, WILD)
     du, dv = _pace(memory[0], memory[DU]), _pace(memory[1], memory[DV])
     for k in range(rows):
         old[0, k] = int(memory[RUNS + k])

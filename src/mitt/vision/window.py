@@ -1,10 +1,9 @@
-"""Self-windowing, as the vision chip does it: the target of this frame is what is bright in it
-and lies in the dilated target of the last one.
+"""Self-windowing: the target is what is bright and lies in the dilated target of the last frame.
 
-Ishii and others, IEEE ICRA 1999. The chip keeps a mask; here a mask is kept as one run of pixels a
-row, first and last column: exactly the mask, for a target whose rows are unbroken, as those of a
-ball are, and dilated by a handful of comparisons a row. What stands beside the target is never
-looked at, however bright; what touches it is found out by the moments.
+So does the vision chip: Ishii and others, IEEE ICRA 1999. The chip keeps a mask; here it is kept as
+one run of pixels a row, first and last column: exactly the mask, for a target whose rows are
+unbroken, as those of a ball are, and dilated by a handful of comparisons a row. What stands beside
+the target is never looked at, however bright; what touches it is found out by the moments.
 
 | here        | meaning                                                    | unit | shape   |
 |-------------|------------------------------------------------------------|------|---------|
