@@ -1,4 +1,4 @@
-"""Inverse dynamics of a serial chain as kernels: torque of eq. (14) and how it answers to a motion.
+"""How the torque of eq. (14) answers to a motion: its derivatives as a kernel.
 
 | here     | meaning                                                    | unit             | shape |
 |----------|------------------------------------------------------------|------------------|-------|
@@ -17,7 +17,7 @@ force field 2 m w x v(r): 2 w x p, with the moment 2 (tr(K) w - K' w).
 import numpy as np
 from numba import njit
 
-from mitt.robot.description import ArmModel
+from mitt.robot.dynamics import GRAVITY
 from mitt.robot.vectors import (
     IDENTITY,
     ZERO,
@@ -33,68 +33,37 @@ from mitt.robot.vectors import (
 )
 from mitt.signals import Array
 
-#: Standard gravity rounded as usual in robotics [m/s^2].
-GRAVITY = 9.81
-#: Columns of a body's row: placement, axis, slides, mass, centre, second moments, rotor, joint.
-_R, _P, _AXIS, _SLIDES, _MASS, _COM, _E, _ROTOR, _JOINT, _HELD, _ROW = (
-    0, 9, 12, 15, 16, 17, 20, 26, 27, 28, 29,
-)  # fmt: skip
+#: Columns of a body's row, see :mod:`mitt.robot.dynamics`.
+_P, _AXIS, _SLIDES, _MASS, _COM, _INERTIA, _ROTOR, _JOINT = 9, 12, 15, 16, 17, 20, 29, 30
 #: Columns of a link's working row.
-_S, _DS, _DDS, _M, _MC, _EE, _PP, _K, _F, _W, WORK = 0, 6, 12, 18, 19, 22, 28, 31, 40, 43, 46
+_S, _DS, _DDS, _M, _MC, _EE, _PP, _K, _F, _W, _WIDTH = 0, 6, 12, 18, 19, 22, 28, 31, 40, 43, 46
 
 Sym = tuple[float, float, float, float, float, float]  # xx, yy, zz, xy, xz, yz
 
 
-def bodies_of(model: ArmModel) -> Array:
-    """Return the chain with its hand, one link a row, shape (N, 29)."""
-    rows, active = [], 0
-    for k, link in enumerate(model.complete().links):
-        placement = model.mount @ link.placement if k == 0 else link.placement
-        E = 0.5 * np.trace(link.inertia) * np.eye(3) - link.inertia
-        E = E + link.mass * np.outer(link.com, link.com)
-        joint, held = (active, 0.0) if link.held is None else (-1, link.held)
-        active += link.held is None
-        rows.append([
-            *placement[:3, :3].ravel(), *placement[:3, 3], *link.axis, float(link.prismatic),
-            link.mass, *link.com, E[0, 0], E[1, 1], E[2, 2], E[0, 1], E[0, 2], E[1, 2],
-            link.armature, joint, held,
-        ])  # fmt: skip
-    return np.array(rows, dtype=np.float64)
-
-
-def dynamics_work(count: int) -> Array:
-    """Return the buffer of the kernels for a chain of ``count`` links."""
-    return np.zeros((count, WORK))
-
-
-@njit(cache=True)
-def torque(bodies: Array, motion: Array, tau: Array, work: Array) -> None:
-    """Write tau of eq. (14) for all N links, held ones included [N m].
-
-    Args:
-        bodies: The chain, shape (N, 29).
-        motion: q, dq, ddq of the active joints in the first three rows, shape (3 or more, n).
-        tau: Result, shape (N,).
-        work: Buffer, shape (N, 46).
-    """
-    _outwards(bodies, motion, work)
-    for k in range(len(bodies) - 1, -1, -1):
-        tau[k] = _axis_load(bodies, motion, work, k)
-        if k > 0:
-            for c in range(_F, WORK):
-                work[k - 1, c] += work[k, c]
+def slopes_work(links: int) -> Array:
+    """Return the buffer of the kernel for a chain of so many links."""
+    return np.zeros((links, _WIDTH))
 
 
 @njit(cache=True)
 def torque_slopes(bodies: Array, motion: Array, tau: Array, slope: Array, work: Array) -> None:
-    """Write tau and d tau/dq, d tau/d dq, M over the active joints, shape (3, N, n)."""
+    """Write tau of eq. (14) and how it answers to the active joints' motion.
+
+    Args:
+        bodies: The chain, as of :func:`mitt.robot.dynamics.bodies_of`, shape (N, 31).
+        motion: q, dq, ddq of the active joints in the first three rows, shape (3 or more, n).
+        tau: Torques of all N links [N m], shape (N,).
+        slope: d tau/dq, d tau/d dq and M over the active joints, shape (3, N, n).
+        work: Buffer, shape (N, 46).
+    """
     _outwards(bodies, motion, work)
     count = len(bodies)
     for j in range(count - 1, -1, -1):
         tau[j] = _axis_load(bodies, motion, work, j)
         _row_and_column(bodies, work, j, slope)
         if j > 0:
-            for c in range(_M, WORK):
+            for c in range(_M, _WIDTH):
                 work[j - 1, c] += work[j, c]
     for j in range(count):
         a = int(bodies[j, _JOINT])
@@ -151,7 +120,7 @@ def _outwards(bodies: Array, motion: Array, work: Array) -> None:
     v, omega, a, domega = ZERO, ZERO, (0.0, 0.0, GRAVITY), ZERO
     for k in range(len(bodies)):
         joint = int(bodies[k, _JOINT])
-        q, dq, ddq = bodies[k, _HELD], 0.0, 0.0
+        q, dq, ddq = 0.0, 0.0, 0.0
         if joint >= 0:
             q, dq, ddq = motion[0, joint], motion[1, joint], motion[2, joint]
         o = plus(o, rotate(frame, _vec(bodies, k, _P)))
@@ -183,9 +152,8 @@ def _body(
     frame, o = pose
     v, omega, a, domega = moving
     m = bodies[k, _MASS]
-    arm = rotate(frame, _vec(bodies, k, _COM))
-    mc = times(m, plus(o, arm))
-    E = _second_moments(bodies, k, frame, o, times(m, arm))
+    c = plus(o, rotate(frame, _vec(bodies, k, _COM)))
+    mc, E = times(m, c), _second_moments(bodies, k, frame, c)
     p = plus(times(m, v), cross(omega, mc))
     # K = mc v' + E [omega]x': row r of the second term is (omega x (row r of E)).
     k0 = plus(times(mc[0], v), cross(omega, (E[0], E[3], E[4])))
@@ -193,8 +161,8 @@ def _body(
     k2 = plus(times(mc[2], v), cross(omega, (E[4], E[5], E[2])))
     work[k, _M] = m
     _put(work, k, _MC, mc)
-    for c in range(6):
-        work[k, _EE + c] = E[c]
+    for e in range(6):
+        work[k, _EE + e] = E[e]
     _put(work, k, _PP, p)
     _put(work, k, _K, k0)
     _put(work, k, _K + 3, k1)
@@ -207,24 +175,27 @@ def _body(
 
 
 @njit(cache=True)
-def _second_moments(bodies: Array, k: int, R: Mat, o: Vec, m_arm: Vec) -> Sym:
-    """Return sum of m r r' of a body about the world's origin: R E R' + o (m c)' + (m c) o' + .."""
-    e = bodies[k, _E:_E + 6]
-    x = R[0] * e[0] + R[1] * e[3] + R[2] * e[4], R[0] * e[3] + R[1] * e[1] + R[2] * e[5], (
-        R[0] * e[4] + R[1] * e[5] + R[2] * e[2])  # fmt: skip
-    y = R[3] * e[0] + R[4] * e[3] + R[5] * e[4], R[3] * e[3] + R[4] * e[1] + R[5] * e[5], (
-        R[3] * e[4] + R[4] * e[5] + R[5] * e[2])  # fmt: skip
-    z = R[6] * e[0] + R[7] * e[3] + R[8] * e[4], R[6] * e[3] + R[7] * e[1] + R[8] * e[5], (
-        R[6] * e[4] + R[7] * e[5] + R[8] * e[2])  # fmt: skip
+def _second_moments(bodies: Array, k: int, R: Mat, c: Vec) -> Sym:
+    """Return the sum of m r r' of a body about the world's origin, its centre being at ``c``.
+
+    About the centre, in the body's axes, it is tr(I)/2 - I.
+    """
+    xx, yy, zz = bodies[k, _INERTIA], bodies[k, _INERTIA + 4], bodies[k, _INERTIA + 8]
+    xy, xz, yz = -bodies[k, _INERTIA + 1], -bodies[k, _INERTIA + 2], -bodies[k, _INERTIA + 5]
+    half = 0.5 * (xx + yy + zz)
+    u, v, w = (half - xx, xy, xz), (xy, half - yy, yz), (xz, yz, half - zz)
+    a, b, d = (R[0], R[1], R[2]), (R[3], R[4], R[5]), (R[6], R[7], R[8])
+    ea = dot(u, a), dot(v, a), dot(w, a)
+    eb = dot(u, b), dot(v, b), dot(w, b)
+    ed = dot(u, d), dot(v, d), dot(w, d)
     m = bodies[k, _MASS]
-    a, b, c = R[0:3], R[3:6], R[6:9]
     return (
-        dot(x, a) + 2.0 * o[0] * m_arm[0] + m * o[0] * o[0],
-        dot(y, b) + 2.0 * o[1] * m_arm[1] + m * o[1] * o[1],
-        dot(z, c) + 2.0 * o[2] * m_arm[2] + m * o[2] * o[2],
-        dot(x, b) + o[0] * m_arm[1] + m_arm[0] * o[1] + m * o[0] * o[1],
-        dot(x, c) + o[0] * m_arm[2] + m_arm[0] * o[2] + m * o[0] * o[2],
-        dot(y, c) + o[1] * m_arm[2] + m_arm[1] * o[2] + m * o[1] * o[2],
+        dot(ea, a) + m * c[0] * c[0],
+        dot(eb, b) + m * c[1] * c[1],
+        dot(ed, d) + m * c[2] * c[2],
+        dot(ea, b) + m * c[0] * c[1],
+        dot(ea, d) + m * c[0] * c[2],
+        dot(eb, d) + m * c[1] * c[2],
     )
 
 
