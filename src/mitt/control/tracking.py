@@ -9,14 +9,18 @@ from typing import final
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from mitt.control.envelope import bound_acceleration, bounds_of, clip_motion
 from mitt.robot.arm import Arm
+from mitt.robot.dynamics import inverse_dynamics
 from mitt.robot.limits import saturate
 from mitt.signals import ArmState, Array, Command
 
 #: Change of a torque that counts as meeting a limit [N m].
 _TOUCH = 1e-9
+#: Numbers that the tracking notes of each link: four of its own, the rest of its dynamics.
+NOTES = 22
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -37,9 +41,8 @@ class Tracker:
     def __init__(self, arm: Arm, *, bandwidth: float) -> None:
         """Take the arm and the bandwidth w of the error [rad/s]."""
         self.arm, self.bandwidth = arm, bandwidth
-        self._bounds = bounds_of(arm)
-        self._index = np.array(arm.model.active)
-        self._speed = np.zeros(len(arm.model.links))
+        self._bounds, self._index = bounds_of(arm), np.array(arm.model.active)
+        self._notes = np.zeros((len(arm.model.links), NOTES))
         self._known = ArmState(t=0.0, q=arm.q_ready, dq=np.zeros(arm.n))
 
     def believed(self, state: ArmState) -> ArmState:
@@ -58,65 +61,104 @@ class Tracker:
             hand: Closing angle of the fingers [rad].
         """
         state = self.believed(state)
-        motion = np.empty((4, self.arm.n))
-        _wish(self._bounds, self.bandwidth, state.q, state.dq, wanted, motion)
-        asked = self.arm.torque(state.q, state.dq, motion[3])
-        tau = np.empty(self.arm.n)
-        packed = self.arm.limits.packed
-        saturated = _allowed(packed, self._index, asked, state.dq, self._speed, tau)
-        if saturated:
-            tau = self._within(state, asked)
-        command = Command(t=state.t, q=motion[0], dq=motion[1], ddq=motion[2], tau=tau, hand=hand)
+        told = np.empty((4, self.arm.n))
+        saturated = track(
+            self._bounds,
+            self.bandwidth,
+            self.arm.limits.packed,
+            self.arm.bodies,
+            self._index,
+            state.q,
+            state.dq,
+            wanted,
+            told,
+            self._notes,
+        )
+        command = Command(
+            t=state.t, q=told[0], dq=told[1], ddq=told[2], tau=told[3], hand=hand
+        )
         return Tracked(command=command, saturated=saturated)
-
-    def _within(self, state: ArmState, asked: Array) -> Array:
-        """Return torques within every limit that lead as far towards the wish as they can.
-
-        Torques are cut along the line from those of coasting to those asked for, all joints by
-        the same share: then each acceleration stays between coasting and the wish, which both
-        respect the speed limits and the stops. Cutting joint by joint would let one joint's
-        limit push another beyond its own.
-        """
-        arm, limits = self.arm, self.arm.limits
-        coasting = np.zeros(arm.n)
-        bound_acceleration(self._bounds, state.q, state.dq, coasting)
-        rest = arm.torque(state.q, state.dq, coasting)
-        share = _share(limits.packed, rest, asked, self._speed)
-        return arm.active(limits.saturate(rest + share * (asked - rest), self._speed))
 
 
 @njit(cache=True)
-def _wish(b: Array, w: float, q: Array, dq: Array, wanted: Array, motion: Array) -> None:
-    """Write the clipped motion, and in row 3 the acceleration to be realised.
+def track(
+    bounds: Array,
+    bandwidth: float,
+    drives: Array,
+    bodies: Array,
+    index: NDArray[np.int64],
+    q: Array,
+    dq: Array,
+    wanted: Array,
+    told: Array,
+    notes: Array,
+) -> bool:
+    """Write the command that follows a desired motion within every limit.
+
+    Args:
+        bounds: As of :func:`mitt.control.envelope.bounds_of`, shape (4, n).
+        bandwidth: Bandwidth w of the error [rad/s].
+        drives: ``Limits.packed``, shape (2 N + 3, N).
+        bodies: Table of :mod:`mitt.robot.dynamics`, shape (N, 31).
+        index: Active joints among the links, shape (n,).
+        q: Encoders [rad], shape (n,).
+        dq: Encoders [rad/s], shape (n,).
+        wanted: q_d, dq_d, ddq_d, shape (3, n).
+        told: Result: q, dq, ddq, tau of the active joints, shape (4, n).
+        notes: Scratch, shape (N, NOTES).
+
+    Returns:
+        Whether a torque limit was met.
+    """
+    links = len(bodies)
+    rows = notes.reshape(NOTES, links)
+    asked, speed, kept, rest, more = rows[0], rows[1], rows[2], rows[3], rows[4:]
+    motion, ddq = told[:3], told[3]
+    _wish(bounds, bandwidth, q, dq, wanted, motion, ddq)
+    scratch = more.reshape(links, NOTES - 4)
+    inverse_dynamics(bodies, q, dq, ddq, asked, scratch)
+    speed[:] = 0.0
+    for k in range(len(index)):
+        speed[index[k]] = dq[k]
+    saturate(drives, asked, speed, kept)
+    met = False
+    for k in range(links):
+        met |= abs(kept[k] - asked[k]) > _TOUCH
+    if met:
+        # Torques are cut along the line from those of coasting to those asked for, all joints by
+        # the same share: then each acceleration stays between coasting and the wish, which both
+        # respect the speed limits and the stops. Cutting joint by joint would let one joint's
+        # limit push another beyond its own.
+        ddq[:] = 0.0
+        bound_acceleration(bounds, q, dq, ddq)
+        inverse_dynamics(bodies, q, dq, ddq, rest, scratch)
+        share = _share(drives, rest, asked, speed)
+        for k in range(links):
+            asked[k] = rest[k] + share * (asked[k] - rest[k])
+        saturate(drives, asked, speed, kept)
+    for k in range(len(index)):
+        told[3, k] = kept[index[k]]
+    return met
+
+
+@njit(cache=True)
+def _wish(
+    b: Array, w: float, q: Array, dq: Array, wanted: Array, motion: Array, ddq: Array
+) -> None:
+    """Write the clipped motion, and the acceleration to be realised.
 
     A joint of which anything wanted is not finite is wanted to stay where it is.
     """
-    motion[:3] = wanted
     for k in range(len(q)):
-        if not np.isfinite(wanted[0, k] + wanted[1, k] + wanted[2, k]):
+        if np.isfinite(wanted[0, k] + wanted[1, k] + wanted[2, k]):
+            motion[0, k], motion[1, k], motion[2, k] = wanted[0, k], wanted[1, k], wanted[2, k]
+        else:
             motion[0, k], motion[1, k], motion[2, k] = q[k], 0.0, 0.0
     clip_motion(b, motion)
     for k in range(len(q)):
         lag, slow = motion[0, k] - q[k], motion[1, k] - dq[k]
-        motion[3, k] = motion[2, k] + 2.0 * w * slow + w * w * lag
-    bound_acceleration(b, q, dq, motion[3])
-
-
-@njit(cache=True)
-def _allowed(
-    packed: Array, index: Array, asked: Array, dq: Array, speed: Array, tau: Array
-) -> bool:
-    """Write the active joints' torques within every limit; say whether a limit was met."""
-    for k in range(len(index)):
-        speed[index[k]] = dq[k]
-    kept = np.empty(len(asked))
-    saturate(packed, asked, speed, kept)
-    met = False
-    for k in range(len(asked)):
-        met |= abs(kept[k] - asked[k]) > _TOUCH
-    for k in range(len(index)):
-        tau[k] = kept[index[k]]
-    return met
+        ddq[k] = motion[2, k] + 2.0 * w * slow + w * w * lag
+    bound_acceleration(b, q, dq, ddq)
 
 
 @njit(cache=True)

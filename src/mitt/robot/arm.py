@@ -1,7 +1,8 @@
 """An arm that can be asked: where is the catch point, and what torque does a motion take?
 
-Kinematics come from our own kernels, dynamics (eq. (14)) from Pinocchio. Both are built from one
-:class:`ArmModel`, and tests hold them to each other and to MuJoCo.
+Kinematics and inverse dynamics (eq. (14)) come from our own kernels, its derivatives and the mass
+matrix from Pinocchio. All are built from one :class:`ArmModel`, and tests hold them to each other
+and to MuJoCo.
 """
 
 from typing import final
@@ -12,11 +13,9 @@ import pinocchio as pin
 from mitt.errors import ShapeError
 from mitt.robot.chain import chain_of, motion_of, sweep
 from mitt.robot.description import ArmModel, transform
+from mitt.robot.dynamics import GRAVITY, bodies_of, inverse_dynamics, notes_of
 from mitt.robot.limits import Limits
 from mitt.signals import Array
-
-#: Standard gravity rounded as usual in robotics [m/s^2].
-GRAVITY = 9.81
 
 
 def to_pinocchio(model: ArmModel) -> pin.Model:
@@ -53,6 +52,7 @@ class Arm:
         tau_max: Their largest joint torques, drives taken one by one [N m], shape (n,).
         dq_max: Their largest joint speeds, drives taken one by one [rad/s], shape (n,).
         chain: Arrays of the kinematic kernels.
+        bodies: Table of the dynamic kernel, shape (N, 31).
     """
 
     def __init__(self, model: ArmModel, limits: Limits) -> None:
@@ -67,6 +67,7 @@ class Arm:
         self.q_ready = model.q_ready
         self.tau_max, self.dq_max = self._joint_limits()
         self.chain = chain_of(complete)
+        self.bodies, self._notes = bodies_of(complete), notes_of(len(model.links))
         self._motion, self._still = motion_of(self.n), np.zeros(self.n)
         self._pin = to_pinocchio(complete)
         self._data = self._pin.createData()
@@ -110,8 +111,9 @@ class Arm:
 
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return tau of eq. (14) for all N links, held ones included [N m], shape (N,)."""
-        self._fill(q, dq, ddq)
-        tau: Array = pin.rnea(self._pin, self._data, self._q, self._dq, self._ddq)
+        tau = np.empty(len(self.bodies))
+        state = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq))
+        inverse_dynamics(self.bodies, *state, tau, self._notes)
         return tau
 
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:

@@ -71,6 +71,16 @@ def rotate(R: Mat, v: Vec) -> Vec:
 
 
 @njit(cache=True)
+def unturn(R: Mat, v: Vec) -> Vec:
+    """Return R' v: a vector as the turned frame sees it."""
+    return (
+        R[0] * v[0] + R[3] * v[1] + R[6] * v[2],
+        R[1] * v[0] + R[4] * v[1] + R[7] * v[2],
+        R[2] * v[0] + R[5] * v[1] + R[8] * v[2],
+    )
+
+
+@njit(cache=True)
 def compose(A: Mat, B: Mat) -> Mat:
     """Return A B."""
     return (
