@@ -1,0 +1,184 @@
+"""Optimising the map in flight: one real-time iteration of eq. (22) a millisecond.
+
+From the present coefficients one Gauss-Newton step of the cost of the remaining flight, by a
+quadratic programme (DAQP) with
+
+- continuity of q_d and dq_d at the instant at which the new coefficients act, eq. (12): the step
+  leaves them as they are, so that the reference never jumps;
+- torque (18), speed (20) and joint ranges, wherever the present motion is near them, softly: the
+  catch itself fixes the last instants;
+- a pull towards alpha* in the metric H of the learned cost, without which 0.5 mm of noise asks
+  for many times the torque (equations.md).
+
+Afterwards the new motion is weighed with the exact torques. A step that is not finite, breaks the
+continuity or does not help is halved, and dropped after that: the last good alpha stays.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import final
+
+import daqp
+import numpy as np
+
+from mitt.generator.course import INSTANTS, course_of, lay
+from mitt.generator.foresight import foresee
+from mitt.generator.linear import (
+    merit,
+    plant_of,
+    prepare,
+    programme_of,
+    sound,
+    work_of,
+)
+from mitt.generator.mapping import DirectMap
+from mitt.signals import Array, BallState
+
+#: Rows of DAQP: an equality, a limit that may be exceeded at a price.
+_EQUAL, _SOFT = 5, 8
+#: Residual of the continuity that is let pass [rad, rad/s].
+_RESIDUAL = 1e-6
+
+
+class Refinement(Enum):
+    """What became of a step."""
+
+    REFINED = "refined"
+    KEPT = "kept"  # no step helped
+    LATE = "late"  # so near the catch that nothing can be changed
+    OUTSIDE = "outside"  # the flight leaves the domain of the map
+    FAILED = "failed"  # the solver's answer was not finite or broke the continuity
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OnlineSettings:
+    """How to refine.
+
+    Attributes:
+        pull: Weight of the pull towards alpha*, in units of the learned cost's curvature.
+        share: Share of each limit that may be used.
+        near: Share of a limit from which it gets a row.
+        weight: Weight of a squared excess over a limit.
+        until: Time to the catch at which refining ends [s].
+        lead: Time until the new coefficients act [s]: one tick.
+        halvings: Halvings of a step that does not help.
+    """
+
+    pull: float = 1e-4
+    share: float = 0.92
+    near: float = 0.7
+    weight: float = 10.0
+    until: float = 0.04
+    lead: float = 0.001
+    halvings: int = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Refined:
+    """Coefficients and what they ask of the arm.
+
+    Attributes:
+        status: What became of the step.
+        alpha: Coefficients [rad], shape (m, n).
+        ahead: Time to the catch, from when they act [s].
+        cost: Their cost over the rest of the flight, eq. (22).
+        shares: Largest share of each drive's torque and speed and of each range, shape (3, N).
+    """
+
+    status: Refinement
+    alpha: Array
+    ahead: float
+    cost: float
+    shares: Array
+
+
+@final
+class Online:
+    """Refines the coefficients of one map; keeps buffers, and the last time to the catch."""
+
+    def __init__(self, f: DirectMap, settings: OnlineSettings | None = None) -> None:
+        """Take the learned map: its alpha is alpha*, its H the metric."""
+        self._f, self.settings = f, settings or OnlineSettings()
+        m, n = f.alpha.shape
+        self._plant, self._work = plant_of(f.arm), work_of(f.arm)
+        self._course = course_of(n, m)
+        self._programme = programme_of(f.arm, instants=INSTANTS, size=m * n, extra=2 * n)
+        links = len(f.arm.model.links)
+        self._shares, self._at = np.zeros((3, links)), np.zeros((3, links))
+        self._window = np.array([f.basis.centre, f.basis.scale])
+        self._state = np.zeros(7)
+        self._sense = np.full(len(self._programme.A), _SOFT, dtype=np.int32)
+        self._sense[: 2 * n] = _EQUAL
+        self._low = np.full(len(self._programme.A), -1e30)
+        self._low[: 2 * n] = 0.0
+        self._t_catch = np.inf
+
+    def refine(self, alpha: Array, ball: BallState) -> Refined:
+        """Return better coefficients for the rest of the flight.
+
+        Args:
+            alpha: Coefficients now in use [rad], shape (m, n).
+            ball: Estimate of the ball at the time of this tick's command.
+        """
+        s = self.settings
+        ahead = self._ahead(ball)
+        if not ahead > s.until:
+            status = Refinement.OUTSIDE if np.isnan(ahead) else Refinement.LATE
+            return self._answer(status, alpha, ahead, np.inf)
+        weights = np.array([s.pull, s.share, s.near, s.weight])
+        count, before = prepare(
+            self._plant, self._course, alpha, self._f.alpha, self._f.H, weights,
+            self._programme, self._shares, self._at, self._work,
+        )  # fmt: skip
+        step = self._solved(count)
+        if step is None:
+            return self._answer(Refinement.FAILED, alpha, ahead, before)
+        for _ in range(s.halvings + 1):
+            moved = alpha + step
+            after = merit(
+                self._plant, self._course, moved, self._f.alpha, self._f.H, weights,
+                self._shares, self._at, self._work,
+            )  # fmt: skip
+            if after < before:
+                return self._answer(Refinement.REFINED, moved, ahead, after)
+            step *= 0.5
+        return self._answer(Refinement.KEPT, alpha, ahead, before)
+
+    def _solved(self, count: int) -> Array | None:
+        """Return the step of the programme's first ``count`` rows, shape (m, n); None if unsound."""
+        q, equal = self._programme, 2 * self._f.arm.n
+        if not sound(q, count):
+            return None
+        x, _, flag, _ = daqp.solve(
+            q.h, q.g, q.A[:count], q.room[:count], self._low[:count], self._sense[:count],
+            rho_soft=0.5 / self.settings.weight,
+        )  # fmt: skip
+        if flag <= 0 or not np.all(np.isfinite(x)):
+            return None
+        if np.abs(q.A[:equal] @ x).max() > _RESIDUAL:
+            return None
+        step: Array = np.asarray(x).reshape(self._f.alpha.shape)
+        return step
+
+    def _answer(self, status: Refinement, alpha: Array, ahead: float, cost: float) -> Refined:
+        """Return coefficients with what was found out about them."""
+        return Refined(
+            status=status, alpha=alpha, ahead=ahead, cost=cost, shares=self._shares.copy()
+        )
+
+    def _ahead(self, ball: BallState) -> float:
+        """Lay the course of the ball; return the time to the catch [s], NaN without one."""
+        f, s, c = self._f, self.settings, self._course
+        t = ball.t + s.lead
+        if not np.isfinite(self._t_catch):
+            self._t_catch = ball.t + foresee(f, ball).after
+        ahead = self._t_catch - t
+        if not ahead > s.until:
+            return ahead
+        self._state[:3], self._state[3:6], self._state[6] = ball.r_o, ball.dr_o, ball.drag
+        c.rows[0, 0] = f.start
+        better = lay(
+            f.packed, f.basis.powers, self._window, self._state, (s.lead, ahead), c, f.work
+        )
+        self._t_catch = t + better
+        return float(ahead if np.isfinite(better) else np.nan)
