@@ -36,6 +36,8 @@ from mitt.signals import Array, BallState
 
 #: Rows of DAQP: an equality, a limit that may be exceeded at a price.
 _EQUAL, _SOFT = 5, 8
+#: Most iterations of the solver.
+_ITERATIONS = 100
 #: Residual of the continuity that is let pass [rad, rad/s].
 _RESIDUAL = 1e-6
 
@@ -112,6 +114,10 @@ class Online:
         self._low = np.full(len(self._programme.A), -1e30)
         self._low[: 2 * n] = 0.0
         self._t_catch = np.inf
+        price, nothing = np.full(len(self._low), 0.5 / self.settings.weight), np.zeros(len(self._low))
+        self._prices = (price, price, nothing, nothing)
+        self._solver = daqp.Model()
+        self._solver.settings = {"iter_limit": _ITERATIONS}
 
     def refine(self, alpha: Array, ball: BallState) -> Refined:
         """Return better coefficients for the rest of the flight.
@@ -149,10 +155,13 @@ class Online:
         q, equal = self._programme, 2 * self._f.arm.n
         if not sound(q, count):
             return None
-        x, _, flag, _ = daqp.solve(
-            q.h, q.g, q.A[:count], q.room[:count], self._low[:count], self._sense[:count],
-            rho_soft=0.5 / self.settings.weight,
-        )  # fmt: skip
+        flag, _ = self._solver.setup(
+            q.h, q.g, q.A[:count], q.room[:count], self._low[:count], self._sense[:count]
+        )
+        if flag < 0:
+            return None
+        self._solver.soft_weights(*(price[:count] for price in self._prices))
+        x, _, flag, _ = self._solver.solve()
         if flag <= 0 or not np.all(np.isfinite(x)):
             return None
         if np.abs(q.A[:equal] @ x).max() > _RESIDUAL:
