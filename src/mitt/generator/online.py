@@ -21,17 +21,13 @@ from typing import final
 import daqp
 import numpy as np
 
-from mitt.generator.course import INSTANTS, course_of, lay
+from mitt.generator.approach import palm_of
+from mitt.generator.course import INSTANTS, course_of
 from mitt.generator.foresight import foresee
-from mitt.generator.linear import (
-    merit,
-    plant_of,
-    prepare,
-    programme_of,
-    sound,
-    work_of,
-)
+from mitt.generator.linear import programme_of
 from mitt.generator.mapping import DirectMap
+from mitt.generator.step import Buffers, Goal, Map, begin, finish, kept
+from mitt.generator.strain import plant_of, work_of
 from mitt.signals import Array, BallState
 
 #: Rows of DAQP: an equality, a limit that may be exceeded at a price.
@@ -64,15 +60,17 @@ class OnlineSettings:
         until: Time to the catch at which refining ends [s].
         lead: Time until the new coefficients act [s]: one tick.
         halvings: Halvings of a step that does not help.
+        ball_radius: Radius of the ball, for the corridor between the fingers [m].
     """
 
-    pull: float = 1e-4
+    pull: float = 1e-5
     share: float = 0.92
     near: float = 0.7
     weight: float = 10.0
     until: float = 0.04
     lead: float = 0.001
     halvings: int = 2
+    ball_radius: float = 0.04
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -96,28 +94,33 @@ class Refined:
 
 @final
 class Online:
-    """Refines the coefficients of one map; keeps buffers, and the last time to the catch."""
+    """Refines the coefficients of one map; keeps buffers, and the last time of the catch."""
 
     def __init__(self, f: DirectMap, settings: OnlineSettings | None = None) -> None:
         """Take the learned map: its alpha is alpha*, its H the metric."""
         self._f, self.settings = f, settings or OnlineSettings()
-        m, n = f.alpha.shape
-        self._plant, self._work = plant_of(f.arm), work_of(f.arm)
-        self._course = course_of(n, m)
-        self._programme = programme_of(f.arm, instants=INSTANTS, size=m * n, extra=2 * n)
-        links = len(f.arm.model.links)
-        self._shares, self._at = np.zeros((3, links)), np.zeros((3, links))
-        self._window = np.array([f.basis.centre, f.basis.scale])
-        self._state = np.zeros(7)
-        self._sense = np.full(len(self._programme.A), _SOFT, dtype=np.int32)
+        s, (m, n), links = self.settings, f.alpha.shape, len(f.arm.model.links)
+        self._map = Map(
+            f.packed, f.basis.powers, np.array([f.basis.centre, f.basis.scale]), f.work.copy()
+        )
+        self._plant = plant_of(f.arm)
+        weights = np.array([s.pull, s.share, s.near, s.weight])
+        self._goal = Goal(f.alpha, f.H, weights, palm_of(f, ball_radius=s.ball_radius))
+        self._buffers = Buffers(
+            course_of(n, m), programme_of(f.arm, instants=INSTANTS, size=m * n), work_of(f.arm),
+            np.zeros((3, links)), np.zeros((3, links)),
+        )  # fmt: skip
+        rows = len(self._buffers.programme.A)
+        self._sense = np.full(rows, _SOFT, dtype=np.int32)
         self._sense[: 2 * n] = _EQUAL
-        self._low = np.full(len(self._programme.A), -1e30)
+        self._low = np.full(rows, -1e30)
         self._low[: 2 * n] = 0.0
-        self._t_catch = np.inf
-        price, nothing = np.full(len(self._low), 0.5 / self.settings.weight), np.zeros(len(self._low))
+        price, nothing = np.full(rows, 0.5 / s.weight), np.zeros(rows)
         self._prices = (price, price, nothing, nothing)
         self._solver = daqp.Model()
         self._solver.settings = {"iter_limit": _ITERATIONS}
+        self._state = np.zeros(7)
+        self._t_catch = np.inf
 
     def refine(self, alpha: Array, ball: BallState) -> Refined:
         """Return better coefficients for the rest of the flight.
@@ -126,35 +129,35 @@ class Online:
             alpha: Coefficients now in use [rad], shape (m, n).
             ball: Estimate of the ball at the time of this tick's command.
         """
-        s = self.settings
-        ahead = self._ahead(ball)
-        if not ahead > s.until:
-            status = Refinement.OUTSIDE if np.isnan(ahead) else Refinement.LATE
+        s, t = self.settings, ball.t + self.settings.lead
+        if not np.isfinite(self._t_catch):
+            self._t_catch = ball.t + foresee(self._f, ball).after
+        ahead = self._t_catch - t
+        if not s.until < ahead < np.inf:
+            outside = ahead == np.inf
+            status = Refinement.OUTSIDE if outside else Refinement.LATE
             return self._answer(status, alpha, ahead, np.inf)
-        weights = np.array([s.pull, s.share, s.near, s.weight])
-        count, before = prepare(
-            self._plant, self._course, alpha, self._f.alpha, self._f.H, weights,
-            self._programme, self._shares, self._at, self._work,
-        )  # fmt: skip
-        step = self._solved(count)
+        self._state[:3], self._state[3:6], self._state[6] = ball.r_o, ball.dr_o, ball.drag
+        self._buffers.course.rows[0, 0] = self._f.start
+        better, count, before = begin(
+            self._map, self._plant, self._goal, self._state, (s.lead, ahead), alpha, self._buffers
+        )
+        self._t_catch = t + better if np.isfinite(better) else np.inf
+        step = self._solved(count) if count > 0 else None
         if step is None:
-            return self._answer(Refinement.FAILED, alpha, ahead, before)
-        for _ in range(s.halvings + 1):
-            moved = alpha + step
-            after = merit(
-                self._plant, self._course, moved, self._f.alpha, self._f.H, weights,
-                self._shares, self._at, self._work,
-            )  # fmt: skip
-            if after < before:
-                return self._answer(Refinement.REFINED, moved, ahead, after)
-            step *= 0.5
-        return self._answer(Refinement.KEPT, alpha, ahead, before)
+            status = Refinement.FAILED if np.isfinite(better) else Refinement.OUTSIDE
+            return self._answer(status, alpha, ahead, before)
+        moved = np.empty_like(alpha)
+        after = finish(
+            self._map, self._plant, self._goal, before, s.halvings, alpha, step, moved,
+            self._buffers,
+        )  # fmt: skip
+        status = Refinement.REFINED if after < before else Refinement.KEPT
+        return self._answer(status, moved, ahead, after)
 
     def _solved(self, count: int) -> Array | None:
-        """Return the step of the programme's first ``count`` rows, shape (m, n); None if unsound."""
-        q, equal = self._programme, 2 * self._f.arm.n
-        if not sound(q, count):
-            return None
+        """Return the step of the programme's first ``count`` rows, (m n,); None if unsound."""
+        q = self._buffers.programme
         flag, _ = self._solver.setup(
             q.h, q.g, q.A[:count], q.room[:count], self._low[:count], self._sense[:count]
         )
@@ -162,32 +165,13 @@ class Online:
             return None
         self._solver.soft_weights(*(price[:count] for price in self._prices))
         x, _, flag, _ = self._solver.solve()
-        if flag <= 0 or not np.all(np.isfinite(x)):
+        if flag <= 0 or not kept(q, 2 * self._f.arm.n, x, _RESIDUAL):
             return None
-        if np.abs(q.A[:equal] @ x).max() > _RESIDUAL:
-            return None
-        step: Array = np.asarray(x).reshape(self._f.alpha.shape)
+        step: Array = x
         return step
 
     def _answer(self, status: Refinement, alpha: Array, ahead: float, cost: float) -> Refined:
         """Return coefficients with what was found out about them."""
         return Refined(
-            status=status, alpha=alpha, ahead=ahead, cost=cost, shares=self._shares.copy()
+            status=status, alpha=alpha, ahead=ahead, cost=cost, shares=self._buffers.shares.copy()
         )
-
-    def _ahead(self, ball: BallState) -> float:
-        """Lay the course of the ball; return the time to the catch [s], NaN without one."""
-        f, s, c = self._f, self.settings, self._course
-        t = ball.t + s.lead
-        if not np.isfinite(self._t_catch):
-            self._t_catch = ball.t + foresee(f, ball).after
-        ahead = self._t_catch - t
-        if not ahead > s.until:
-            return ahead
-        self._state[:3], self._state[3:6], self._state[6] = ball.r_o, ball.dr_o, ball.drag
-        c.rows[0, 0] = f.start
-        better = lay(
-            f.packed, f.basis.powers, self._window, self._state, (s.lead, ahead), c, f.work
-        )
-        self._t_catch = t + better
-        return float(ahead if np.isfinite(better) else np.nan)
