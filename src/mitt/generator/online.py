@@ -22,6 +22,8 @@ import daqp
 import numpy as np
 
 from mitt.generator.approach import palm_of
+from mitt.generator.assurance import KINDS, assure, spread_ahead
+from mitt.generator.certificate import REGION_GAP, Outcome, Tolerance, Verdict
 from mitt.generator.course import INSTANTS, course_of
 from mitt.generator.foresight import foresee
 from mitt.generator.linear import programme_of
@@ -63,7 +65,7 @@ class OnlineSettings:
         ball_radius: Radius of the ball, for the corridor between the fingers [m].
     """
 
-    pull: float = 1e-5
+    pull: float = 1e-4
     share: float = 0.92
     near: float = 0.7
     weight: float = 10.0
@@ -119,6 +121,8 @@ class Online:
         self._prices = (price, price, nothing, nothing)
         self._solver = daqp.Model()
         self._solver.settings = {"iter_limit": _ITERATIONS}
+        self._region = f.region + np.array([[-REGION_GAP], [REGION_GAP]])
+        self._sigma = np.zeros((2, n))
         self._state = np.zeros(7)
         self._t_catch = np.inf
 
@@ -154,6 +158,32 @@ class Online:
         )  # fmt: skip
         status = Refinement.REFINED if after < before else Refinement.KEPT
         return self._answer(status, moved, ahead, after)
+
+    def certify(self, alpha: Array, ball: BallState, *, tolerance: Tolerance) -> Verdict | None:
+        """Return the certificate of the course that was last refined; None without one.
+
+        Args:
+            alpha: Coefficients that came of it [rad], shape (m, n).
+            ball: The estimate it was laid from.
+            tolerance: Share of each limit at which a throw is refused.
+        """
+        b, arm = self._buffers, self._f.arm
+        if not np.isfinite(self._t_catch):
+            return None
+        limit, probability, share = assure(
+            self._map, self._plant, alpha, b, ball.covariance, self._region,
+            np.array([tolerance.torque, tolerance.speed, 1.0]), self._sigma,
+        )  # fmt: skip
+        ahead = self._t_catch - ball.t
+        good = share <= 1.0
+        return Verdict(
+            outcome=Outcome.FEASIBLE if good else Outcome.UNREACHABLE,
+            binding_limit=f"{KINDS[limit[0]]}:{arm.model.links[limit[1]].name}",
+            share=share,
+            t_catch=ball.t + ahead,
+            sigma=float(spread_ahead(ball.covariance, ahead)),
+            probability=probability,
+        )
 
     def _solved(self, count: int) -> Array | None:
         """Return the step of the programme's first ``count`` rows, (m n,); None if unsound."""
