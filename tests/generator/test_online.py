@@ -61,9 +61,7 @@ def test_steps_lower_the_cost_by_an_independent_reckoning(
     assert after < before
 
 
-def test_the_catch_stays_where_it_was(
-    learned: Learned, throw: tuple[DirectMap, BallState]
-) -> None:
+def test_the_catch_stays_where_it_was(learned: Learned, throw: tuple[DirectMap, BallState]) -> None:
     """Whatever the step, position and velocity match at the catch, eq. (3)."""
     f, ball = throw
     refined = f.with_alpha(Online(learned.map).refine(f.alpha, ball).alpha)

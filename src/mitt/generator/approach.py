@@ -117,8 +117,8 @@ def _excess(chain: Chain, r_o: Vec, palm: Array, w: Work, s: Scratch) -> float:
             change -= _TANGENT * (dot(n, dx) + dot(x, dn))
         w.drive[0, j] = change / _SCALE
     if crossing:
-        return (abs(across) - palm[2, 1]) / _SCALE
-    return (off - _TANGENT * height - _APEX) / _SCALE
+        return float((abs(across) - palm[2, 1]) / _SCALE)
+    return float((off - _TANGENT * height - _APEX) / _SCALE)
 
 
 @njit(cache=True)

@@ -1,31 +1,28 @@
 """What a course says about the catch: its place, its margin, its probability; compiled.
 
-| here       | meaning                                                              | unit     | shape |
-|------------|----------------------------------------------------------------------|----------|-------|
-| ``region`` | lowest and highest virtual joints at the catch                       | rad      | (2, n)|
-| ``P``      | covariance of the ball's position and velocity now                   | m^2, ..  | (6, 6)|
-| ``spare``  | q at rest after the hardest brake, as share of the range             | 1        |       |
-| ``odds``   | probabilities: in the region, within the binding limit, in the hand  | 1        | (3,)  |
+| here       | meaning                                                          | unit | shape |
+|------------|------------------------------------------------------------------|------|-------|
+| ``region`` | lowest and highest virtual joints at the catch                   | rad  | (2, n)|
+| ``P``      | covariance of the ball's position and velocity now               |      | (6, 6)|
+| ``spare``  | q at rest after the hardest brake, as a share of the range       | 1    |       |
+| ``odds``   | of the region, of the binding limit, of the hand                 | 1    |       |
 
 The three events are taken as independent, the ball's error as Gaussian, carried on without drag.
 """
 
 from math import erf, sqrt
 
-
 import numpy as np
 from numba import njit
 
-
 from mitt.generator.course import LATE, Course
-from mitt.generator.polynomial import jets
 from mitt.generator.packing import unfold, unpack
+from mitt.generator.polynomial import jets
 from mitt.generator.step import Buffers, Map
 from mitt.generator.strain import Plant, bound_of, motion_at
 from mitt.generator.tangent import expand, lift, solve3
 from mitt.robot.dynamics import inverse_dynamics
 from mitt.robot.slopes import torque_slopes
-
 from mitt.signals import Array
 
 #: Time before the catch in which the arm can no longer follow [s] (aT^2/4 of 3 mm), and the ball's
@@ -74,7 +71,7 @@ def assure(
             middle = 0.5 * (region[0, j] + region[1, j])
             part = abs(place_[0, j] - middle) / max(region[1, j] - middle, 1e-9)
             if part > max(share, 1.0):
-                limit, share = (_REGION, p.index[j], 0), part
+                limit, share = (_REGION, p.joints[j], 0), part
     return limit, float(odds), float(share)
 
 
@@ -85,8 +82,6 @@ def spread_ahead(P: Array, t: float) -> float:
     for x in range(3):
         trace += ahead_of(P, t, x, x)
     return sqrt(trace)
-
-
 
 
 @njit(cache=True)
@@ -202,11 +197,11 @@ def _share(
             w.motion[d, j] = total
     if kind == 2:
         for j in range(n):
-            if p.index[j] == index:
+            if p.joints[j] == index:
                 return float(abs(w.motion[0, j] - p.scales[2, j]) / p.scales[3, j])
     tau, omega = 0.0, 0.0
     for j in range(n):
-        omega += p.drives[links + index, p.index[j]] * w.motion[1, j]
+        omega += p.drives[links + index, p.joints[j]] * w.motion[1, j]
     if kind == 1:
         return float(abs(omega) / p.drives[2 * links + 2, index])
     inverse_dynamics(p.bodies, w.motion[0], w.motion[1], w.motion[2], w.tau, w.notes)
@@ -232,7 +227,7 @@ def spare(p: Plant, alpha: Array, b: Buffers) -> tuple[float, int]:
     torque_slopes(p.bodies, w.motion, w.tau, w.slope, w.links)
     urgent, most, rate = 0, 0.0, np.empty(n)
     for j in range(n):
-        rate[j] = p.scales[0, j] / w.slope[2, p.index[j], j]
+        rate[j] = p.scales[0, j] / w.slope[2, p.joints[j], j]
         v = w.motion[1, j]
         left = p.scales[3, j] - np.sign(v) * (w.motion[0, j] - p.scales[2, j])
         need = v * v / (2.0 * rate[j] * max(left, 1e-3))
@@ -257,7 +252,7 @@ def spare(p: Plant, alpha: Array, b: Buffers) -> tuple[float, int]:
 
 @njit(cache=True)
 def _hardest(p: Plant, b: Buffers, braking: Array, urgent: int) -> float:
-    """Return the hardest brake of one joint that every drive allows beside the others' [rad/s^2]."""
+    """Return the hardest brake of one joint that all drives allow beside the others' [rad/s^2]."""
     w, links, n, high = b.work, len(b.work.tau), len(braking), 1e3
     for d in range(links):
         start, way, omega = 0.0, 0.0, 0.0
@@ -272,7 +267,7 @@ def _hardest(p: Plant, b: Buffers, braking: Array, urgent: int) -> float:
             start += p.drives[d, e] * x
             way += p.drives[d, e] * y
         for j in range(n):
-            omega += p.drives[links + d, p.index[j]] * w.motion[1, j]
+            omega += p.drives[links + d, p.joints[j]] * w.motion[1, j]
         bound = _BRAKING * bound_of(p.drives, d, way, omega)[0]
         if abs(way) > 1e-12:
             high = min(high, max((bound - np.sign(way) * start) / abs(way), 0.0))

@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field, replace
 from typing import Protocol, Self, final
 
+import numpy as np
+
 from mitt.generator.certificate import (
     Outcome,
     Tolerance,
@@ -15,6 +17,9 @@ from mitt.generator.certificate import (
 from mitt.generator.mapping import DirectMap
 from mitt.generator.online import Online, Refinement
 from mitt.signals import Array, BallState, JointReference
+
+#: Online steps before the verdict.
+_STEPS_BEFORE = 3
 
 
 class Generator(Protocol):
@@ -67,8 +72,14 @@ class Direct:
         return sharpness(self.map, ball)
 
     def verdict(self, ball: BallState, q: Array) -> Verdict:
-        """Judge the throw by the adapted map's demand."""
-        return judge(self.map, ball, q, tolerance=self.tolerance)
+        """Judge the throw by the demand of the adapted map, refined by a few steps if wished."""
+        judged = judge(self.map, ball, q, tolerance=self.tolerance)
+        if self.online is None or not np.isfinite(judged.share):
+            return judged
+        g = self.adapt(ball, q, np.zeros(len(q)))
+        for _ in range(_STEPS_BEFORE):
+            g = g.refined(ball)
+        return g.certificate(ball) or judged
 
     def returns(self, ball: BallState) -> bool:
         """Look whether the predicted catch lies in the region of the map."""

@@ -78,10 +78,10 @@ def linearise(
         root = np.sqrt(c.weight[k])
         for r in range(n):
             scale = root / p.scales[0, r]
-            out.residual[k * n + r] = w.tau[p.index[r]] * scale
+            out.residual[k * n + r] = w.tau[p.joints[r]] * scale
             for d in range(3):
                 for j in range(n):
-                    w.drive[d, j] = w.slope[d, p.index[r], j] * scale
+                    w.drive[d, j] = w.slope[d, p.joints[r], j] * scale
             spread(c.phi, k, w.drive, out.J, k * n + r)
         _speeds(p, c, k, w.motion, out)
         count = _limits(p, c, k, use, out, w, count)
@@ -129,7 +129,7 @@ def _limits(
         for i in range(links):
             tau += p.drives[d, i] * w.tau[i]
         for j in range(n):
-            omega += p.drives[links + d, p.index[j]] * w.motion[1, j]
+            omega += p.drives[links + d, p.joints[j]] * w.motion[1, j]
         bound, fall = bound_of(p.drives, d, tau, omega)
         if abs(tau) > near * bound:
             sign = np.copysign(1.0 / bound, tau)
@@ -141,7 +141,7 @@ def _limits(
                     w.drive[e, j] = sign * total
             for j in range(n):
                 # Where the bound falls with speed: tau' + share fall omega' <= what is left.
-                w.drive[1, j] += share * fall * sign * p.drives[links + d, p.index[j]]
+                w.drive[1, j] += share * fall * sign * p.drives[links + d, p.joints[j]]
             spread(c.phi, k, w.drive, out.A, count)
             out.room[count] = share - abs(tau) / bound
             count += 1
@@ -150,7 +150,7 @@ def _limits(
             w.drive[:] = 0.0
             sign = np.copysign(1.0 / top, omega)
             for j in range(n):
-                w.drive[1, j] = sign * p.drives[links + d, p.index[j]]
+                w.drive[1, j] = sign * p.drives[links + d, p.joints[j]]
             spread(c.phi, k, w.drive, out.A, count)
             out.room[count] = share - abs(omega) / top
             count += 1

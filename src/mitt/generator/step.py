@@ -87,8 +87,8 @@ def begin(
     for a in range(m * n):
         slope = 0.0
         for e in range(m * n):
-            slope += goal.weights[0] * goal.H[a, e] * (
-                alpha[e // n, e % n] - goal.alpha[e // n, e % n]
+            slope += (
+                goal.weights[0] * goal.H[a, e] * (alpha[e // n, e % n] - goal.alpha[e // n, e % n])
             )
             out.h[a, e] += goal.weights[0] * goal.H[a, e]
         out.g[a] += slope
@@ -125,7 +125,7 @@ def finish(
             moved[a // n, a % n] = alpha[a // n, a % n] + share * step[a]
         after = merit(f, p, goal, moved, b)
         if after < before:
-            return after
+            return float(after)
         share *= 0.5
     moved[:] = alpha
     return before
@@ -145,7 +145,7 @@ def merit(f: Map, p: Plant, goal: Goal, alpha: Array, b: Buffers) -> float:
         for e in range(m * n):
             slope += goal.H[a, e] * (alpha[e // n, e % n] - goal.alpha[e // n, e % n])
         pull += slope * (alpha[a // n, a % n] - goal.alpha[a // n, a % n])
-    return cost + goal.weights[0] * pull + goal.weights[3] * (over + more)
+    return float(cost + goal.weights[0] * pull + goal.weights[3] * (over + more))
 
 
 @njit(cache=True)

@@ -28,7 +28,7 @@ class Plant(NamedTuple):
     bodies: Array
     drives: Array
     scales: Array
-    index: NDArray[np.int64]
+    joints: NDArray[np.int64]
 
 
 class Work(NamedTuple):
@@ -107,16 +107,16 @@ def assess(
     """Return cost and squared excess of the motion and torques in the buffers, at instant k."""
     n, links, cost, over = w.motion.shape[1], len(w.tau), 0.0, 0.0
     for j in range(n):
-        cost += (w.tau[p.index[j]] / p.scales[0, j]) ** 2
+        cost += (w.tau[p.joints[j]] / p.scales[0, j]) ** 2
         cost += (w.motion[1, j] / p.scales[1, j]) ** 2
         x = abs(w.motion[0, j] - p.scales[2, j]) / p.scales[3, j]
-        over += _note(shares, at, 2, p.index[j], x, k, share)
+        over += _note(shares, at, 2, p.joints[j], x, k, share)
     for d in range(links):
         tau, omega = 0.0, 0.0
         for i in range(links):
             tau += p.drives[d, i] * w.tau[i]
         for j in range(n):
-            omega += p.drives[links + d, p.index[j]] * w.motion[1, j]
+            omega += p.drives[links + d, p.joints[j]] * w.motion[1, j]
         part = abs(tau) / bound_of(p.drives, d, tau, omega)[0]
         over += _note(shares, at, 0, d, part, k, share)
         part = abs(omega) / p.drives[2 * links + 2, d]

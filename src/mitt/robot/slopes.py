@@ -95,7 +95,9 @@ def _row_and_column(bodies: Array, work: Array, j: int, slope: Array) -> None:
         force, moment = (work[j, _F], work[j, _F + 1], work[j, _F + 2]), _vec(work, j, _W)
         turned = cross(S[1], force), plus(cross(S[0], force), cross(S[1], moment))
         by_q = _sum(_sum(_coriolis(work, j, dS), _inertia(work, j, ddS)), turned)
-        by_dq = _sum(_coriolis(work, j, S), _inertia(work, j, (times(2.0, dS[0]), times(2.0, dS[1]))))
+        by_dq = _sum(
+            _coriolis(work, j, S), _inertia(work, j, (times(2.0, dS[0]), times(2.0, dS[1])))
+        )
         by_ddq = _inertia(work, j, S)
         for i in range(j + 1):
             T = _pair(work, i, _S)
@@ -236,7 +238,7 @@ def _crossed(v: tuple[Vec, Vec], m: tuple[Vec, Vec]) -> tuple[Vec, Vec]:
 @njit(cache=True)
 def _power(m: tuple[Vec, Vec], f: tuple[Vec, Vec]) -> float:
     """Return the power of a load on a motion."""
-    return dot(m[0], f[0]) + dot(m[1], f[1])
+    return float(dot(m[0], f[0]) + dot(m[1], f[1]))
 
 
 @njit(cache=True)

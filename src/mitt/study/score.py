@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.control.tracking import Tracked
+from mitt.generator.certificate import Verdict
 from mitt.generator.demand import demand
 from mitt.robot.arm import Arm
 from mitt.signals import Array, JointReference
@@ -40,6 +41,7 @@ class Trial:
         binding_limit: The limit that the verdict found asked most, or what ended the trial.
         saturated_ticks: Ticks in which a torque limit was met.
         range_excess_rad: Largest reference angle beyond a joint's range [rad].
+        certificate: The verdict before moving: outcome, binding limit, margin and probability.
     """
 
     index: int
@@ -55,6 +57,19 @@ class Trial:
     binding_limit: str | None
     saturated_ticks: int
     range_excess_rad: float
+    certificate: dict[str, str | float | None] | None = None
+
+
+def certificate_of(verdict: Verdict | None) -> dict[str, str | float | None] | None:
+    """Return a verdict as it stands in ``result.json``; numbers that are not finite are None."""
+    if verdict is None:
+        return None
+    return {
+        "outcome": verdict.outcome.value,
+        "binding_limit": verdict.binding_limit,
+        "margin": verdict.margin if np.isfinite(verdict.margin) else None,
+        "probability": verdict.probability if np.isfinite(verdict.probability) else None,
+    }
 
 
 def held(truth: Truth, radius: float) -> bool:

@@ -11,7 +11,7 @@ from mitt.generator.generators import Generator
 from mitt.link.clock import Stopwatch
 from mitt.robot.arm import Arm
 from mitt.study.log import Logger, TrialLog
-from mitt.study.score import HELD_AFTER, Meter, Trial, held, status_of
+from mitt.study.score import HELD_AFTER, Meter, Trial, certificate_of, held, status_of
 from mitt.vision.camera import Rig, fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig
 from mitt.vision.filter import FilterConfig
@@ -136,6 +136,7 @@ class Bench:
             binding_limit="unseen" if verdict is None else verdict.binding_limit,
             saturated_ticks=meter.saturated,
             range_excess_rad=meter.excess(),
+            certificate=certificate_of(verdict),
         )
 
 
