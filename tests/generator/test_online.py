@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support import ball_state
 
+from mitt.control.brake import plan_brake
 from mitt.flight import advance
 from mitt.generator.certificate import Outcome, Tolerance
 from mitt.generator.demand import demand
@@ -16,6 +17,7 @@ from mitt.generator.mapping import DirectMap
 from mitt.generator.online import Online, OnlineSettings, Refinement
 from mitt.generator.program import cost, sensitivity
 from mitt.generator.step import begin, merit
+from mitt.generator.stopping import spare
 from mitt.signals import Array, BallState
 
 #: Jump of q_d and dq_d that is let pass [rad, rad/s].
@@ -152,3 +154,20 @@ def test_less_certainty_means_less_probability(
         odds.append(verdict.probability)
     assert odds[0] == pytest.approx(1.0, abs=1e-6)
     assert odds[0] >= odds[1] > odds[2]
+
+
+def test_where_the_certificate_sees_room_the_brake_finds_it(
+    learned: Learned, throw: tuple[DirectMap, BallState]
+) -> None:
+    """From the end of the course the planned brake stops the arm inside its range as well."""
+    f, ball = throw
+    online = Online(learned.map)
+    online.refine(f.alpha, ball)
+    share, _ = spare(online._plant, f.alpha, online._buffers)
+    c = online._buffers.course
+    brake = plan_brake(f.arm, 0.0, c.rows[-1] + c.phi[-1] @ f.alpha)
+    assert share < 1.0
+    assert np.all(brake.q_end < f.arm.q_max)
+    assert np.all(brake.q_end > f.arm.q_min)
+    middle, half = 0.5 * (f.arm.q_max + f.arm.q_min), 0.5 * (f.arm.q_max - f.arm.q_min)
+    assert share == pytest.approx(float((np.abs(brake.q_end - middle) / half).max()), abs=0.25)

@@ -4,7 +4,6 @@
 |------------|------------------------------------------------------------------|------|-------|
 | ``region`` | lowest and highest virtual joints at the catch                   | rad  | (2, n)|
 | ``P``      | covariance of the ball's position and velocity now               |      | (6, 6)|
-| ``spare``  | q at rest after the hardest brake, as a share of the range       | 1    |       |
 | ``odds``   | of the region, of the binding limit, of the hand                 | 1    |       |
 
 The three events are taken as independent, the ball's error as Gaussian, carried on without drag.
@@ -19,20 +18,15 @@ from mitt.generator.course import LATE, Course
 from mitt.generator.packing import unfold, unpack
 from mitt.generator.polynomial import jets
 from mitt.generator.step import Buffers, Map
-from mitt.generator.strain import Plant, bound_of, motion_at
+from mitt.generator.stopping import spare
+from mitt.generator.strain import Plant, bound_of
 from mitt.generator.tangent import expand, lift, solve3
 from mitt.robot.dynamics import inverse_dynamics
-from mitt.robot.slopes import torque_slopes
 from mitt.signals import Array
 
 #: Time before the catch in which the arm can no longer follow [s] (aT^2/4 of 3 mm), and the ball's
 #: distance from the catch point at which the fingers still close around it [m].
 _BLIND, _GRASP = 0.020, 0.030
-#: Share of the torque that a brake may use, and shares of their own rate for the other joints.
-_BRAKING = 0.95
-_OTHERS = (0.15, 0.4, 0.8, 1.2)
-#: Gap to a stop that the controller keeps [rad].
-_STOP_GAP = 0.06
 #: Steps of the differences: position [m], velocity [m/s].
 _DR, _DDR = 1e-4, 1e-3
 #: Kinds of limits by number: rows of the shares, then the region of the map and the brake.
@@ -72,6 +66,9 @@ def assure(
             part = abs(place_[0, j] - middle) / max(region[1, j] - middle, 1e-9)
             if part > max(share, 1.0):
                 limit, share = (_REGION, p.joints[j], 0), part
+    part, joint = spare(p, alpha, b)
+    if part > max(share, 1.0):
+        limit, share = (_BRAKE, p.joints[joint], len(b.course.after) - 1), part
     return limit, float(odds), float(share)
 
 
@@ -208,67 +205,3 @@ def _share(
     for e in range(links):
         tau += p.drives[index, e] * w.tau[e]
     return float(abs(tau) / bound_of(p.drives, index, tau, omega)[0])
-
-
-@njit(cache=True)
-def spare(p: Plant, alpha: Array, b: Buffers) -> tuple[float, int]:
-    """Return how near a stop the arm comes to rest after the catch, as share of the range.
-
-    alpha does not change where and how fast the arm is at the catch; whether it can be stopped
-    from there is a matter of the throw. All joints brake at constant rates from the end of the
-    course, the one most short of room as hard as the drives allow beside the others.
-
-    Returns:
-        The share at the best of a few brakes, and the joint.
-    """
-    n, w, last = alpha.shape[1], b.work, len(b.course.after) - 1
-    motion_at(b.course, last, alpha, w.motion)
-    w.motion[2, :] = 0.0
-    torque_slopes(p.bodies, w.motion, w.tau, w.slope, w.links)
-    urgent, most, rate = 0, 0.0, np.empty(n)
-    for j in range(n):
-        rate[j] = p.scales[0, j] / w.slope[2, p.joints[j], j]
-        v = w.motion[1, j]
-        left = p.scales[3, j] - np.sign(v) * (w.motion[0, j] - p.scales[2, j])
-        need = v * v / (2.0 * rate[j] * max(left, 1e-3))
-        if need > most:
-            urgent, most = j, need
-    best, joint, braking = np.inf, urgent, np.empty(n)
-    for others in _OTHERS:
-        for j in range(n):
-            braking[j] = others * rate[j]
-        braking[urgent] = _hardest(p, b, braking, urgent)
-        worst, where = 0.0, urgent
-        for j in range(n):
-            v, a = w.motion[1, j], max(braking[j], 1e-3)
-            end = abs(w.motion[0, j] + v * abs(v) / (2.0 * a) - p.scales[2, j])
-            share = end / (p.scales[3, j] - _STOP_GAP)
-            if share > worst:
-                worst, where = share, j
-        if worst < best:
-            best, joint = worst, where
-    return best, joint
-
-
-@njit(cache=True)
-def _hardest(p: Plant, b: Buffers, braking: Array, urgent: int) -> float:
-    """Return the hardest brake of one joint that all drives allow beside the others' [rad/s^2]."""
-    w, links, n, high = b.work, len(b.work.tau), len(braking), 1e3
-    for d in range(links):
-        start, way, omega = 0.0, 0.0, 0.0
-        for e in range(links):
-            x, y = w.tau[e], 0.0
-            for j in range(n):
-                sign = -np.sign(w.motion[1, j])
-                if j == urgent:
-                    y += w.slope[2, e, j] * sign
-                else:
-                    x += w.slope[2, e, j] * sign * braking[j]
-            start += p.drives[d, e] * x
-            way += p.drives[d, e] * y
-        for j in range(n):
-            omega += p.drives[links + d, p.joints[j]] * w.motion[1, j]
-        bound = _BRAKING * bound_of(p.drives, d, way, omega)[0]
-        if abs(way) > 1e-12:
-            high = min(high, max((bound - np.sign(way) * start) / abs(way), 0.0))
-    return high
