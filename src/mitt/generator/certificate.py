@@ -19,7 +19,7 @@ from mitt.signals import Array, BallState, MapStatus
 #: Instants at which the demand is reckoned.
 _INSTANTS = 25
 #: How far beyond the region it was learned on a map is trusted [rad].
-_REGION_GAP = 0.15
+REGION_GAP = 0.15
 #: How far ahead the ball's way over the ground is looked at [s], and in what steps.
 _AHEAD, _STRIDE = 1.0, 0.01
 
@@ -57,6 +57,7 @@ class Verdict:
         share: How much of it is asked; 1 is the limit.
         t_catch: Predicted time of the catch [s]; infinite without one.
         sigma: Predicted 1-sigma of the ball's position then [m].
+        probability: Of a catch, given the ball's uncertainty; NaN where it was not reckoned.
     """
 
     outcome: Outcome
@@ -64,6 +65,12 @@ class Verdict:
     share: float
     t_catch: float
     sigma: float
+    probability: float = np.nan
+
+    @property
+    def margin(self) -> float:
+        """What is left of the binding limit, as a share of it; negative beyond it."""
+        return 1.0 - self.share
 
 
 def judge(
@@ -138,7 +145,7 @@ def _where(f: DirectMap, seen: Foresight) -> str | None:
         return "domain"
     low, high = f.region
     for k, name in enumerate(f.arm.names):
-        if not low[k] - _REGION_GAP <= seen.q_o[k] <= high[k] + _REGION_GAP:
+        if not low[k] - REGION_GAP <= seen.q_o[k] <= high[k] + REGION_GAP:
             return f"region:{name}"
     return None
 
@@ -164,7 +171,7 @@ def _passes_over(f: DirectMap, ball: BallState) -> bool:
     point = np.array([path[near[0], 0], path[near[0], 1], nominal[2]])
     inside, rows = f.virtual(np.array([point, np.zeros(3), np.zeros(3)]))
     low, high = f.region
-    within = (rows[0] >= low - _REGION_GAP) & (rows[0] <= high + _REGION_GAP)
+    within = (rows[0] >= low - REGION_GAP) & (rows[0] <= high + REGION_GAP)
     return bool(inside and np.all(np.delete(within, f.design.catch_joint)))
 
 

@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field, replace
 from typing import Protocol, Self, final
 
+import numpy as np
+
 from mitt.generator.certificate import (
     Outcome,
     Tolerance,
@@ -13,7 +15,11 @@ from mitt.generator.certificate import (
     sharpness,
 )
 from mitt.generator.mapping import DirectMap
+from mitt.generator.online import Online, Refinement
 from mitt.signals import Array, BallState, JointReference
+
+#: Online steps before the verdict.
+_STEPS_BEFORE = 3
 
 
 class Generator(Protocol):
@@ -51,18 +57,33 @@ class Generator(Protocol):
 @final
 @dataclass(frozen=True, slots=True)
 class Direct:
-    """The learned map, adapted to each throw by one projection."""
+    """The learned map, adapted to each throw by one projection, and refined in flight if wished.
+
+    Attributes:
+        map: The map in use.
+        tolerance: Share of each limit at which a throw is refused.
+        online: What refines it in flight; None for the projection alone. One for one flight.
+        learned: The map that adaptations start from; the one in use where None.
+    """
 
     map: DirectMap
     tolerance: Tolerance = field(default_factory=Tolerance)
+    online: Online | None = None
+    learned: DirectMap | None = None
 
     def sharpness(self, ball: BallState) -> float:
         """Fly the estimate on to the catch."""
         return sharpness(self.map, ball)
 
     def verdict(self, ball: BallState, q: Array) -> Verdict:
-        """Judge the throw by the adapted map's demand."""
-        return judge(self.map, ball, q, tolerance=self.tolerance)
+        """Judge the throw by the demand of the adapted map, refined by a few steps if wished."""
+        judged = judge(self.map, ball, q, tolerance=self.tolerance)
+        if self.online is None or not np.isfinite(judged.share):
+            return judged
+        g = self.adapt(ball, q, np.zeros(len(q)))
+        for _ in range(_STEPS_BEFORE):
+            g = g.refined(ball)
+        return g.certificate(ball) or judged
 
     def returns(self, ball: BallState) -> bool:
         """Look whether the predicted catch lies in the region of the map."""
@@ -74,7 +95,23 @@ class Direct:
 
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "Direct":
         """Project alpha onto the initial constraint, eq. (12)."""
-        return replace(self, map=self.map.adapt(ball, q, dq))
+        start = self.map if self.learned is None else self.learned
+        return replace(self, map=start.adapt(ball, q, dq))
+
+    def refined(self, ball: BallState) -> "Direct":
+        """Return the generator of the next tick, one online step better for the flight's rest."""
+        if self.online is None:
+            return self
+        answer = self.online.refine(self.map.alpha, ball)
+        if answer.status is not Refinement.REFINED:
+            return self
+        return replace(self, map=self.map.with_alpha(answer.alpha))
+
+    def certificate(self, ball: BallState) -> Verdict | None:
+        """Return the certificate of the course last refined; None without one."""
+        if self.online is None:
+            return None
+        return self.online.certify(self.map.alpha, ball, tolerance=self.tolerance)
 
     def reference(self, ball: BallState) -> JointReference:
         """Evaluate the map."""
@@ -83,6 +120,11 @@ class Direct:
     def as_map(self) -> DirectMap:
         """Hand the map over."""
         return self.map
+
+
+def refining(f: DirectMap) -> Direct:
+    """Return the learned map with an online step each millisecond; one for one flight."""
+    return Direct(f, online=Online(f), learned=f)
 
 
 @final

@@ -26,6 +26,9 @@ from mitt.generator.tangent import Scratch, Tangent, expand, lift, scratch_of
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState, JointReference, MapStatus
 
+#: What maps with the same design, basis and metric have in common, once it has been computed.
+_SHARED = ("tangent", "packed", "H_inverse", "_window", "work", "_scratch", "start")
+
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -175,6 +178,12 @@ class DirectMap:
             time_to_catch=time_to_catch(self.packed, rows) if inside else np.inf,
         )
 
+    def with_alpha(self, alpha: Array) -> "DirectMap":
+        """Return the map with other coefficients [rad], shape (m, n); all else is shared."""
+        other = replace(self, alpha=alpha, status=MapStatus.INSIDE)
+        other.__dict__.update({k: v for k, v in self.__dict__.items() if k in _SHARED})
+        return other
+
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "DirectMap":
         """Return the map that starts where the arm is, eqs. (8) to (13).
 
@@ -187,7 +196,7 @@ class DirectMap:
         free = list(self.design.free)
         phi = self.basis.jets(*rows[:, free])
         alpha = project(self.alpha, self.H_inverse, phi[:2], initial_gap(q, dq, rows))
-        return replace(self, alpha=alpha, status=MapStatus.INSIDE)
+        return self.with_alpha(alpha)
 
 
 @njit(cache=True)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt.generator.certificate import Verdict
 from mitt.generator.demand import demand
 from mitt.records import Phase, Record
 from mitt.robot.arm import Arm
@@ -43,6 +44,7 @@ class Trial:
         range_excess_rad: Largest reference angle beyond a joint's range [rad].
         rms_torque_ratio: Share of each drive's continuous torque, as root mean square over the
             trial; 0 where the limit set has none.
+        certificate: The verdict before moving: outcome, binding limit, margin and probability.
     """
 
     index: int
@@ -59,6 +61,19 @@ class Trial:
     saturated_ticks: int
     range_excess_rad: float
     rms_torque_ratio: tuple[float, ...] = ()
+    certificate: dict[str, str | float | None] | None = None
+
+
+def certificate_of(verdict: Verdict | None) -> dict[str, str | float | None] | None:
+    """Return a verdict as it stands in ``result.json``; numbers that are not finite are None."""
+    if verdict is None:
+        return None
+    return {
+        "outcome": verdict.outcome.value,
+        "binding_limit": verdict.binding_limit,
+        "margin": verdict.margin if np.isfinite(verdict.margin) else None,
+        "probability": verdict.probability if np.isfinite(verdict.probability) else None,
+    }
 
 
 def held(truth: Truth, radius: float) -> bool:

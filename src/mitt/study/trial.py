@@ -14,7 +14,7 @@ from mitt.rivals.clairvoyant import Clairvoyant
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Surroundings
 from mitt.study.log import TrialLog, log_of
-from mitt.study.score import HELD_AFTER, Meter, Trial, held, status_of
+from mitt.study.score import HELD_AFTER, Meter, Trial, certificate_of, held, status_of
 from mitt.vision.camera import Rig, fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig
 from mitt.vision.filter import FilterConfig
@@ -145,6 +145,7 @@ class Bench:
             saturated_ticks=meter.saturated,
             range_excess_rad=meter.excess(),
             rms_torque_ratio=meter.continuous(truth),
+            certificate=certificate_of(verdict),
         )
 
 

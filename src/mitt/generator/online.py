@@ -1,0 +1,207 @@
+"""Optimising the map in flight: one real-time iteration of eq. (22) a millisecond.
+
+From the present coefficients one Gauss-Newton step of the cost of the remaining flight, by a
+quadratic programme (DAQP) with
+
+- continuity of q_d and dq_d at the instant at which the new coefficients act, eq. (12): the step
+  leaves them as they are, so that the reference never jumps;
+- torque (18), speed (20) and joint ranges, wherever the present motion is near them, softly: the
+  catch itself fixes the last instants;
+- a pull towards alpha* in the metric H of the learned cost, without which 0.5 mm of noise asks
+  for many times the torque (equations.md).
+
+Afterwards the new motion is weighed with the exact torques. A step that is not finite, breaks the
+continuity or does not help is halved, and dropped after that: the last good alpha stays.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import final
+
+import daqp
+import numpy as np
+
+from mitt.generator.approach import palm_of
+from mitt.generator.assurance import KINDS, assure, spread_ahead
+from mitt.generator.certificate import REGION_GAP, Outcome, Tolerance, Verdict
+from mitt.generator.course import INSTANTS, course_of
+from mitt.generator.foresight import foresee
+from mitt.generator.linear import programme_of
+from mitt.generator.mapping import DirectMap
+from mitt.generator.step import Buffers, Goal, Map, begin, finish, kept
+from mitt.generator.strain import plant_of, work_of
+from mitt.signals import Array, BallState
+
+#: Rows of DAQP: an equality, a limit that may be exceeded at a price.
+_EQUAL, _SOFT = 5, 8
+#: Most iterations of the solver.
+_ITERATIONS = 100
+#: Residual of the continuity that is let pass [rad, rad/s].
+_RESIDUAL = 1e-6
+
+
+class Refinement(Enum):
+    """What became of a step."""
+
+    REFINED = "refined"
+    KEPT = "kept"  # no step helped
+    LATE = "late"  # so near the catch that nothing can be changed
+    OUTSIDE = "outside"  # the flight leaves the domain of the map
+    FAILED = "failed"  # the solver's answer was not finite or broke the continuity
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OnlineSettings:
+    """How to refine.
+
+    Attributes:
+        pull: Weight of the pull towards alpha*, in units of the learned cost's curvature.
+        share: Share of each limit that may be used.
+        near: Share of a limit from which it gets a row.
+        weight: Weight of a squared excess over a limit.
+        until: Time to the catch at which refining ends [s].
+        lead: Time until the new coefficients act [s]: one tick.
+        halvings: Halvings of a step that does not help.
+        ball_radius: Radius of the ball, for the corridor between the fingers [m].
+    """
+
+    pull: float = 1e-4
+    share: float = 0.92
+    near: float = 0.7
+    weight: float = 10.0
+    until: float = 0.04
+    lead: float = 0.001
+    halvings: int = 2
+    ball_radius: float = 0.04
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Refined:
+    """Coefficients and what they ask of the arm.
+
+    Attributes:
+        status: What became of the step.
+        alpha: Coefficients [rad], shape (m, n).
+        ahead: Time to the catch, from when they act [s].
+        cost: Their cost over the rest of the flight, eq. (22).
+        shares: Largest share of each drive's torque and speed and of each range, shape (3, N).
+    """
+
+    status: Refinement
+    alpha: Array
+    ahead: float
+    cost: float
+    shares: Array
+
+
+@final
+class Online:
+    """Refines the coefficients of one map; keeps buffers, and the last time of the catch."""
+
+    def __init__(self, f: DirectMap, settings: OnlineSettings | None = None) -> None:
+        """Take the learned map: its alpha is alpha*, its H the metric."""
+        self._f, self.settings = f, settings or OnlineSettings()
+        s, (m, n), links = self.settings, f.alpha.shape, len(f.arm.model.links)
+        self._map = Map(
+            f.packed, f.basis.powers, np.array([f.basis.centre, f.basis.scale]), f.work.copy()
+        )
+        self._plant = plant_of(f.arm)
+        weights = np.array([s.pull, s.share, s.near, s.weight])
+        self._goal = Goal(f.alpha, f.H, weights, palm_of(f, ball_radius=s.ball_radius))
+        self._buffers = Buffers(
+            course_of(n, m), programme_of(f.arm, instants=INSTANTS, size=m * n), work_of(f.arm),
+            np.zeros((3, links)), np.zeros((3, links)),
+        )  # fmt: skip
+        rows = len(self._buffers.programme.A)
+        self._sense = np.full(rows, _SOFT, dtype=np.int32)
+        self._sense[: 2 * n] = _EQUAL
+        self._low = np.full(rows, -1e30)
+        self._low[: 2 * n] = 0.0
+        price, nothing = np.full(rows, 0.5 / s.weight), np.zeros(rows)
+        self._prices = (price, price, nothing, nothing)
+        self._solver = daqp.Model()
+        self._solver.settings = {"iter_limit": _ITERATIONS}
+        self._region = f.region + np.array([[-REGION_GAP], [REGION_GAP]])
+        self._sigma = np.zeros((2, n))
+        self._state = np.zeros(7)
+        self._t_catch = np.inf
+
+    def refine(self, alpha: Array, ball: BallState) -> Refined:
+        """Return better coefficients for the rest of the flight.
+
+        Args:
+            alpha: Coefficients now in use [rad], shape (m, n).
+            ball: Estimate of the ball at the time of this tick's command.
+        """
+        s, t = self.settings, ball.t + self.settings.lead
+        if not np.isfinite(self._t_catch):
+            self._t_catch = ball.t + foresee(self._f, ball).after
+        ahead = self._t_catch - t
+        if not s.until < ahead < np.inf:
+            outside = ahead == np.inf
+            status = Refinement.OUTSIDE if outside else Refinement.LATE
+            return self._answer(status, alpha, ahead, np.inf)
+        self._state[:3], self._state[3:6], self._state[6] = ball.r_o, ball.dr_o, ball.drag
+        self._buffers.course.rows[0, 0] = self._f.start
+        better, count, before = begin(
+            self._map, self._plant, self._goal, self._state, (s.lead, ahead), alpha, self._buffers
+        )
+        self._t_catch = t + better if np.isfinite(better) else np.inf
+        step = self._solved(count) if count > 0 else None
+        if step is None:
+            status = Refinement.FAILED if np.isfinite(better) else Refinement.OUTSIDE
+            return self._answer(status, alpha, ahead, before)
+        moved = np.empty_like(alpha)
+        after = finish(
+            self._map, self._plant, self._goal, before, s.halvings, alpha, step, moved,
+            self._buffers,
+        )  # fmt: skip
+        status = Refinement.REFINED if after < before else Refinement.KEPT
+        return self._answer(status, moved, ahead, after)
+
+    def certify(self, alpha: Array, ball: BallState, *, tolerance: Tolerance) -> Verdict | None:
+        """Return the certificate of the course that was last refined; None without one.
+
+        Args:
+            alpha: Coefficients that came of it [rad], shape (m, n).
+            ball: The estimate it was laid from.
+            tolerance: Share of each limit at which a throw is refused.
+        """
+        b, arm = self._buffers, self._f.arm
+        if not np.isfinite(self._t_catch):
+            return None
+        limit, probability, share = assure(
+            self._map, self._plant, alpha, b, ball.covariance, self._region,
+            np.array([tolerance.torque, tolerance.speed, 1.0]), self._sigma,
+        )  # fmt: skip
+        ahead = self._t_catch - ball.t
+        good = share <= 1.0
+        return Verdict(
+            outcome=Outcome.FEASIBLE if good else Outcome.UNREACHABLE,
+            binding_limit=f"{KINDS[limit[0]]}:{arm.model.links[limit[1]].name}",
+            share=share,
+            t_catch=ball.t + ahead,
+            sigma=float(spread_ahead(ball.covariance, ahead)),
+            probability=probability,
+        )
+
+    def _solved(self, count: int) -> Array | None:
+        """Return the step of the programme's first ``count`` rows, (m n,); None if unsound."""
+        q = self._buffers.programme
+        flag, _ = self._solver.setup(
+            q.h, q.g, q.A[:count], q.room[:count], self._low[:count], self._sense[:count]
+        )
+        if flag < 0:
+            return None
+        self._solver.soft_weights(*(price[:count] for price in self._prices))
+        x, _, flag, _ = self._solver.solve()
+        if flag <= 0 or not kept(q, 2 * self._f.arm.n, x, _RESIDUAL):
+            return None
+        step: Array = x
+        return step
+
+    def _answer(self, status: Refinement, alpha: Array, ahead: float, cost: float) -> Refined:
+        """Return coefficients with what was found out about them."""
+        return Refined(
+            status=status, alpha=alpha, ahead=ahead, cost=cost, shares=self._buffers.shares.copy()
+        )

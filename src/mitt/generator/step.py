@@ -1,0 +1,160 @@
+"""One online step in two compiled halves, around the solver of its quadratic programme.
+
+| here       | meaning                                                                      |
+|------------|------------------------------------------------------------------------------|
+| ``Goal``   | alpha* and its metric, weights, hand: what a step is after                   |
+| ``Model``  | everything that stays the same from one step to the next                     |
+| ``begin``  | lays the course, writes cost and rows at the present alpha                   |
+| ``finish`` | weighs the step with exact torques, halves it where it does not help         |
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mitt.generator.approach import approach
+from mitt.generator.course import Course, lay
+from mitt.generator.linear import Programme, linearise, sound
+from mitt.generator.packing import unfold, unpack
+from mitt.generator.strain import Plant, Work, weigh
+from mitt.signals import Array
+
+
+class Goal(NamedTuple):
+    """What a step is after."""
+
+    alpha: Array  # (m, n) alpha* [rad]
+    H: Array  # (m n, m n) metric of the pull towards it
+    weights: Array  # pull, share of limits, share from which they get rows, weight of excess
+    palm: Array  # (3, 3) see :mod:`mitt.generator.approach`
+
+
+class Map(NamedTuple):
+    """The map without its coefficients, and its buffers."""
+
+    packed: Array
+    powers: NDArray[np.int64]
+    window: Array
+    work: Array
+
+
+class Buffers(NamedTuple):
+    """What the two halves share; see :mod:`mitt.generator.strain` for shares and instants."""
+
+    course: Course
+    programme: Programme
+    work: Work
+    shares: Array
+    at: Array
+
+
+@njit(cache=True)
+def begin(
+    f: Map, p: Plant, goal: Goal, state: Array, ahead: tuple[float, float], alpha: Array, b: Buffers
+) -> tuple[float, int, float]:
+    """Write the programme of a step from ``alpha``; continuity first, then limits, then approach.
+
+    Args:
+        f: The map.
+        p: The arm.
+        goal: What the step is after.
+        state: The ball: position, velocity, drag coefficient, shape (7,).
+        ahead: Time until new coefficients act, and from there to the catch as far as known [s].
+        alpha: Coefficients now in use [rad], shape (m, n).
+        b: Buffers and results.
+
+    Returns:
+        A better time to the catch (NaN outside the domain), the number of rows (0 where
+        anything is not finite), and the merit of ``alpha``.
+    """
+    c, out, (m, n) = b.course, b.programme, alpha.shape
+    better = lay(f.packed, f.powers, f.window, state, ahead, c, f.work)
+    if not np.isfinite(better):
+        return np.nan, 0, np.inf
+    out.A[: 2 * n] = 0.0
+    out.room[: 2 * n] = 0.0
+    for d in range(2):
+        for a in range(m):
+            for j in range(n):
+                out.A[d * n + j, a * n + j] = c.phi[0, d, a]
+    use = (goal.weights[1], goal.weights[2])
+    count, cost, over = linearise(p, c, alpha, use, out, b.shares, b.at, b.work)
+    scratch = unfold(f.work, n)
+    count, more = approach(unpack(f.packed), c, alpha, goal.palm, out, b.work, scratch, count)
+    pull = 0.0
+    for a in range(m * n):
+        slope = 0.0
+        for e in range(m * n):
+            slope += (
+                goal.weights[0] * goal.H[a, e] * (alpha[e // n, e % n] - goal.alpha[e // n, e % n])
+            )
+            out.h[a, e] += goal.weights[0] * goal.H[a, e]
+        out.g[a] += slope
+        pull += slope * (alpha[a // n, a % n] - goal.alpha[a // n, a % n])
+    if not sound(out, count):
+        return better, 0, np.inf
+    return better, count, cost + pull + goal.weights[3] * (over + more)
+
+
+@njit(cache=True)
+def finish(
+    f: Map, p: Plant, goal: Goal, before: float, halvings: int, alpha: Array, step: Array,
+    moved: Array, b: Buffers,
+) -> float:  # fmt: skip
+    """Write the coefficients after the largest share of a step that helps.
+
+    Args:
+        f: The map.
+        p: The arm.
+        goal: What the step is after.
+        before: Merit of ``alpha``.
+        halvings: How often the step may be halved.
+        alpha: Coefficients now in use [rad], shape (m, n).
+        step: Solution of the programme, shape (m n,).
+        moved: Result, shape (m, n); ``alpha`` where nothing helped.
+        b: Buffers.
+
+    Returns:
+        The merit of ``moved``.
+    """
+    n, share = alpha.shape[1], 1.0
+    for _ in range(halvings + 1):
+        for a in range(len(step)):
+            moved[a // n, a % n] = alpha[a // n, a % n] + share * step[a]
+        after = merit(f, p, goal, moved, b)
+        if after < before:
+            return float(after)
+        share *= 0.5
+    moved[:] = alpha
+    return before
+
+
+@njit(cache=True)
+def merit(f: Map, p: Plant, goal: Goal, alpha: Array, b: Buffers) -> float:
+    """Return cost (22), pull, and the price of limits exceeded, of a motion along the course."""
+    (m, n), pull = alpha.shape, 0.0
+    cost, over = weigh(p, b.course, alpha, goal.weights[1], b.shares, b.at, b.work)
+    scratch = unfold(f.work, n)
+    _, more = approach(
+        unpack(f.packed), b.course, alpha, goal.palm, b.programme, b.work, scratch, -1
+    )
+    for a in range(m * n):
+        slope = 0.0
+        for e in range(m * n):
+            slope += goal.H[a, e] * (alpha[e // n, e % n] - goal.alpha[e // n, e % n])
+        pull += slope * (alpha[a // n, a % n] - goal.alpha[a // n, a % n])
+    return float(cost + goal.weights[0] * pull + goal.weights[3] * (over + more))
+
+
+@njit(cache=True)
+def kept(q: Programme, equal: int, step: Array, residual: float) -> bool:
+    """Say whether a step is finite and leaves q_d and dq_d at its start as they are."""
+    for r in range(equal):
+        total = 0.0
+        for a in range(len(step)):
+            total += q.A[r, a] * step[a]
+        if not abs(total) <= residual:
+            return False
+    return bool(np.all(np.isfinite(step)))
