@@ -141,7 +141,7 @@ def _converged(f: DirectMap, virtual: Array, phi: Array, alpha: Array) -> Array:
 def measure(f: DirectMap, throws: int, seed: int, settings: OnlineSettings) -> dict[str, object]:
     """Return all figures over so many throws."""
     rng = np.random.default_rng(seed)
-    aim = aim_of(f.arm, f.design.q_catch, f.design.catch_joint)
+    aim = aim_of(f.arm)
     gaps, plain, asked, asked_plain, times, certified = [], [], [], [], [], []
     for k in range(throws):
         throw = default_throw(rng, aim)
