@@ -38,7 +38,7 @@ from mitt.records import (
     tick_of,
 )
 from mitt.robot.arm import Arm
-from mitt.signals import Array, BallState, Command, MapStatus, Senses, Sighting, command_of
+from mitt.signals import Array, BallState, Command, Image, MapStatus, Senses, Sighting, command_of
 from mitt.tick import DECIDE, GRASPS, LAGS, STOPS, act, perceive, tick
 from mitt.vision.belief import absorb
 from mitt.vision.eyes import Eyes
@@ -104,7 +104,7 @@ class Catcher:
         images, together, t_exposed = self._eyes.arrange(senses.frames)
         arm, t = senses.arm, senses.t
         if self._map is None:
-            self._todo = self._in_halves(senses)
+            self._todo = self._in_halves(senses, images, together, t_exposed)
         else:
             self._todo = tick(
                 images,
@@ -176,9 +176,14 @@ class Catcher:
             if point.found:
                 absorb(memory, point.t, point.r_o, point.covariance, settings, work)
 
-    def _in_halves(self, senses: Senses) -> int:
+    def _in_halves(
+        self,
+        senses: Senses,
+        images: tuple[Image, ...],
+        together: tuple[bool, ...],
+        t_exposed: float,
+    ) -> int:
         """Make a tick with a generator that is no map."""
-        images, together, t_exposed = self._eyes.arrange(senses.frames)
         arm, out = senses.arm, self.result
         perceive(images, together, t_exposed, senses.t, arm.q, arm.dq, self._state, out)
         if self._phase == FOLLOW:

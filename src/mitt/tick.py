@@ -97,7 +97,7 @@ def perceive(
         s["last"][:] = s["believed"]
         s["wanted"][0] = s["believed"][0]
         s["begun"] = True
-    if s["phase"] == BRAKE:  # the ball is where the hand is, and the estimate stays
+    if s["phase"] in (BRAKE, STOPPED):  # the estimate stays
         return
     if s["heads"] > 0:
         aim(s["eyes_heads"], s["eyes_angles"], s["eyes_cameras"])

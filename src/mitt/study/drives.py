@@ -40,10 +40,10 @@ def with_held(arm: Arm, q: Array, dq: Array, tau: Array) -> Array:
     return out
 
 
-def rms_ratio(arm: Arm, tau: Array) -> tuple[float, ...]:
+def rms_ratio(arm: Arm, tau: Array) -> list[float]:
     """Return root mean square torque over continuous torque, drive by drive, for (k, N) [N m]."""
     rms = np.sqrt(np.mean(arm.limits.drive_torque(tau) ** 2, axis=0))
-    return tuple(float(x) for x in rms / arm.limits.tau_rms)
+    return [float(x) for x in rms / arm.limits.tau_rms]
 
 
 def _torques(arm: Arm, q: Array, dq: Array, ddq: Array) -> Array:
