@@ -229,7 +229,7 @@ def _report(blocked: bool, state: Record, result: Record) -> None:
         s["tolerance"],
         R[0, 0] + R[1, 1] + R[2, 2] > ONE_EYED,
         largest_gap(told[0], believed[0]),
-        largest_gap(told[1], believed[1]),
+        s["stray"],
     )
     if s["asked_to_stop"]:
         out["state"], out["reason"] = ABORT, ASKED
