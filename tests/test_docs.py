@@ -7,6 +7,7 @@ import math
 import re
 from dataclasses import fields
 from pathlib import Path
+from typing import get_args
 
 import annotated_types
 import pytest
@@ -17,6 +18,8 @@ from mitt.link.clock import Stopwatch
 from mitt.link.maps import save_map
 from mitt.study.result import STATUSES, result
 from mitt.study.score import Trial
+from mitt.study.sweep.read import read_study
+from mitt.world.faults.plan import Fault
 from mitt.world.scene import Scene, read_scene
 
 ROOT = Path(__file__).parents[1]
@@ -165,7 +168,8 @@ def test_the_scene_table_is_the_scene() -> None:
     """Every key of a scene stands in notation.md with its default and its range."""
     table = rows(text_of(ROOT / "docs" / "notation.md"), "key")
     written = {codes(key)[0]: (default, span) for key, _, default, span, _ in table}
-    assert written == scene_keys(Scene())
+    wanted = {key: said for key, said in scene_keys(Scene()).items() if key != "faults"}
+    assert written == wanted
     assert all(math.isfinite(float(default)) for default, _ in written.values())
 
 
@@ -175,6 +179,27 @@ def test_the_scene_in_the_document_can_be_read(tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
     path.write_text(re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[0], encoding="utf-8")
     assert read_scene(path).sensing.latency == 3
+
+
+def test_the_table_of_faults_is_the_faults() -> None:
+    """Every kind stands in studies.md with all keys that it has beside the common ones."""
+    table = rows(text_of(ROOT / "docs" / "studies.md"), "kind")
+    common = {"kind", "start", "length", "magnitude"}
+    written = {codes(kind)[0]: set(codes(keys)) for kind, _, keys, _ in table}
+    models = [kind for kind in get_args(Fault) if issubclass(kind, BaseModel)]
+    assert written == {
+        model.model_fields["kind"].default: set(model.model_fields) - common for model in models
+    }
+
+
+def test_the_study_in_the_document_can_be_read(tmp_path: Path) -> None:
+    """The TOML example of studies.md is a study of six conditions."""
+    page = (ROOT / "docs" / "studies.md").read_text(encoding="utf-8")
+    path = tmp_path / "study.toml"
+    path.write_text(re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[0], encoding="utf-8")
+    study = read_study(path, generators=("direct", "unoptimised"))
+    assert len(study.conditions) == 6
+    assert study.counts == {"direct": 300, "unoptimised": 100}
 
 
 def section(name: str) -> str:
@@ -190,7 +215,8 @@ def keys_of(table: list[list[str]]) -> list[str]:
 
 def test_the_keys_of_a_result_are_those_of_the_document() -> None:
     """Head, trial and summary of a result have the keys of notation.md, and no others."""
-    head = {"version": "", "arm": "", "limits": "", "generator": "", "vision": "", "seed": 0}
+    head = {"version": "", "arm": "", "limits": "", "generator": "", "vision": "", "seed": 0,
+            "scene": {}}  # fmt: skip
     written = result([], Stopwatch(), head)
     text = section("Result")
     assert keys_of(rows(text, "key")) == sorted(written)

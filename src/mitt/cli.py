@@ -19,15 +19,22 @@ from tyro.conf import FlagCreatePairsOff, subcommand
 
 import mitt
 from mitt.errors import MittError, Terminated
-from mitt.options import CatchOptions, LearnOptions
+from mitt.options import CatchOptions, LearnOptions, ReportOptions, StudyOptions
 
 #: Every command of the program.
 _Command = (
     Annotated[CatchOptions, subcommand("catch")]
     | Annotated[LearnOptions, subcommand("learn")]
+    | Annotated[StudyOptions, subcommand("study")]
+    | Annotated[ReportOptions, subcommand("report")]
 )  # fmt: skip
 #: The module of ``mitt.commands`` that does what is asked for.
-_JOBS: dict[type, str] = {CatchOptions: "catch", LearnOptions: "learn"}
+_JOBS: dict[type, str] = {
+    CatchOptions: "catch",
+    LearnOptions: "learn",
+    StudyOptions: "study",
+    ReportOptions: "report",
+}
 
 #: Characters that frame tyro's messages.
 _FRAME = "╭╮╰╯│─"

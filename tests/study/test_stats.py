@@ -1,10 +1,13 @@
-"""Wilson's interval: known values, and what every interval of a rate must do."""
+"""Intervals, paired tests and corrections: known values, and the laws they must keep."""
+
+from itertools import pairwise
+from math import comb
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.study.stats import wilson
+from mitt.study.stats import holm, mcnemar, wilson
 
 #: Agreement with values printed to four digits.
 PRINTED = 5e-5
@@ -58,3 +61,26 @@ def test_more_trials_or_less_confidence_narrow_it(count: tuple[int, int], factor
         wilson(*count, confidence=0.8),
     ):
         assert narrower[1] - narrower[0] < high - low
+
+
+@given(st.integers(0, 60), st.integers(0, 60))
+def test_mcnemar_is_the_two_sided_sign_test_of_the_discordant_pairs(b: int, c: int) -> None:
+    """Against the sum of binomial probabilities no larger than that of what was seen."""
+    n = b + c
+    each = [comb(n, i) / 2**n for i in range(n + 1)]
+    wanted = sum(p for p in each if p <= each[b] * (1.0 + 1e-9))
+    assert mcnemar(b, c) == pytest.approx(min(1.0, wanted))
+    assert mcnemar(b, c) == mcnemar(c, b)
+
+
+@given(st.lists(st.floats(0.0, 1.0), max_size=30))
+def test_holm_lies_between_no_correction_and_bonferroni_and_keeps_the_order(p: list[float]) -> None:
+    corrected = holm(p)
+    for raw, value in zip(p, corrected, strict=True):
+        assert raw <= value <= min(1.0, len(p) * raw) + 1e-15
+    order = sorted(range(len(p)), key=lambda k: p[k])
+    assert all(corrected[a] <= corrected[b] for a, b in pairwise(order))
+
+
+def test_holm_does_what_the_textbook_example_says() -> None:
+    assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])

@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from mitt.link.clock import Pace
+
 Report = Callable[[str, int, int], None]
 
 #: Width of tables that do not go to a terminal [characters].
@@ -21,7 +23,10 @@ def checked(what: str) -> int:
 
 @contextmanager
 def progress() -> Iterator[Report]:
-    """Show progress on stderr."""
+    """Show progress on stderr: a bar on a terminal, else a line now and then."""
+    if not sys.stderr.isatty():
+        yield _lines()
+        return
     columns = (
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
     )  # fmt: skip
@@ -34,6 +39,20 @@ def progress() -> Iterator[Report]:
             bar.update(tasks[name], completed=done, total=of)
 
         yield report
+
+
+def _lines() -> Report:
+    """Return what writes a line of progress now and then, with the time left."""
+    paces: dict[str, Pace] = {}
+
+    def report(name: str, done: int, of: int) -> None:
+        pace = paces.setdefault(name, Pace())
+        left = pace.left(done, of)
+        if left is not None and done < of and pace.due():
+            text = f"mitt: {name} {done} of {of}, {left / 60.0:.1f} min left"
+            print(text, file=sys.stderr, flush=True)  # noqa: T201
+
+    return report
 
 
 def console_of() -> Console:

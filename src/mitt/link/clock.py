@@ -52,3 +52,39 @@ class Stopwatch:
     def misses(self) -> int:
         """Return how many entries took longer than the deadline."""
         return int(np.sum(np.array(self._ns, dtype=np.float64) > 1e3 * self.deadline_us))
+
+
+@final
+class Pace:
+    """How fast some work goes, for people who wait for it.
+
+    Attributes:
+        every: Shortest time between two reports [s].
+    """
+
+    def __init__(self, *, every: float = 10.0) -> None:
+        """Start now."""
+        self.every = every
+        self._begun: tuple[float, int] | None = None
+        self._told = 0.0
+
+    def due(self) -> bool:
+        """Say whether it is time for a report, and count it as given."""
+        now = time.monotonic()
+        if self._told and now - self._told < self.every:
+            return False
+        self._told = now
+        return True
+
+    def left(self, done: int, of: int) -> float | None:
+        """Return the time left at the pace since the first call [s]; None before anything is done.
+
+        Args:
+            done: How much is done.
+            of: How much there is.
+        """
+        now = time.monotonic()
+        if self._begun is None:
+            self._begun = now, done
+        start, before = self._begun
+        return None if done <= before else (now - start) / (done - before) * (of - done)

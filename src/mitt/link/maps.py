@@ -4,7 +4,7 @@ import hashlib
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -95,26 +95,39 @@ def read_map(path: Path, arm: Arm) -> Learned:
         FileError: The file is missing, cut short, altered, of another schema, or was learned for
             another arm or other limits.
     """
-    raw = read_json(path, max_bytes=_MAX_BYTES)
+    return map_of(read_json(path, max_bytes=_MAX_BYTES), arm, place=str(path))
+
+
+def map_of(raw: Any, arm: Arm, *, place: str) -> Learned:  # noqa: ANN401 (any JSON value)
+    """Return a learned map for an arm from what its file says.
+
+    Args:
+        raw: Content of the file.
+        arm: The arm.
+        place: What an error calls the file.
+
+    Raises:
+        FileError: As for :func:`read_map`.
+    """
     try:
         content = _MapFile.model_validate(raw)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"])
-        raise FileError(f"{path} key {key!r}", f"a map of schema {SCHEMA}", first["msg"]) from None
+        raise FileError(f"{place} key {key!r}", f"a map of schema {SCHEMA}", first["msg"]) from None
     stated = {key: value for key, value in raw.items() if key != "checksum"}
     if _checksum(stated) != content.checksum:
-        raise FileError(str(path), "a map that matches its checksum", "one that was altered",
+        raise FileError(place, "a map that matches its checksum", "one that was altered",
                         do="learn it again with mitt learn")  # fmt: skip
     mine = (arm.model.name, arm.limits.name, list(arm.names))
     given = (content.arm, content.limits, content.joints)
     if mine != given:
         wanted, other = ("arm {}, limits {}, joints {}".format(*x) for x in (mine, given))
-        raise FileError(str(path), f"a map for {wanted}", f"one for {other}")
-    return _learned(path, content, arm)
+        raise FileError(place, f"a map for {wanted}", f"one for {other}")
+    return _learned(place, content, arm)
 
 
-def _learned(path: Path, content: _MapFile, arm: Arm) -> Learned:
+def _learned(place: str, content: _MapFile, arm: Arm) -> Learned:
     """Build the map from a file's content."""
     design = MapDesign(**content.design.model_dump())
     try:
@@ -131,7 +144,7 @@ def _learned(path: Path, content: _MapFile, arm: Arm) -> Learned:
         tangent_of(arm, design)
         np.linalg.cholesky(f.H)
     except (MittError, ValueError, np.linalg.LinAlgError) as error:
-        raise FileError(str(path), "a map that fits together", error) from error
+        raise FileError(place, "a map that fits together", error) from error
     return Learned(
         map=f,
         maps=(f,),

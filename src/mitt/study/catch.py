@@ -77,7 +77,8 @@ class Prepared:
 
     @property
     def head(self) -> dict[str, object]:
-        """What the result says of the run."""
+        """What the result says of the run; settings of the scene where they are not the default."""
+        changed = self.scene.model_dump(mode="json", exclude_defaults=True)
         return {
             "version": mitt.__version__,
             "arm": self.arm.model.name,
@@ -85,6 +86,7 @@ class Prepared:
             "generator": self.job.generator,
             "vision": self.job.vision,
             "seed": self.job.seed,
+            **({"scene": changed} if changed else {}),
         }
 
 

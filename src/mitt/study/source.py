@@ -10,7 +10,7 @@ from mitt.generator.mapping import DirectMap
 from mitt.signals import Array
 from mitt.study.neighbourhood import aim_of
 from mitt.world.flights import BallPath, Recording, place_flight, read_flights
-from mitt.world.throws import Aim, Throw, default_throw, read_throws
+from mitt.world.throws import Aim, Throw, ThrowRanges, default_throw, read_throws
 
 #: Streams drawn from one seed and index, so that no use of one disturbs another.
 _BALL, _TRIAL = 0, 1
@@ -29,6 +29,7 @@ class Source:
         throws: Throws from a file, empty otherwise.
         recordings: Recorded flights, empty otherwise.
         drag: Drag of recorded balls after their last sample [1/m].
+        ranges: Ranges of the default throws; the contract's if left out.
     """
 
     seed: int
@@ -38,6 +39,7 @@ class Source:
     throws: tuple[Throw, ...] = ()
     recordings: tuple[Recording, ...] = ()
     drag: float = 0.12
+    ranges: ThrowRanges | None = None
 
     def ball(self, index: int) -> Throw | BallPath:
         """Return what is thrown in a trial."""
@@ -47,7 +49,7 @@ class Source:
             return place_flight(recording, self.catch_point, rng=rng, drag=self.drag)
         if self.throws:
             return self.throws[index % len(self.throws)]
-        return default_throw(rng, self.aim)
+        return default_throw(rng, self.aim, self.ranges)
 
     def trial_seed(self, index: int) -> int:
         """Return the seed of a trial's plant and noise."""
@@ -71,14 +73,28 @@ def source_of(
     drag: float,
 ) -> Source:
     """Return the balls that the options name; each throw or flight of a file once by default."""
+    throws = () if throws_file is None else read_throws(throws_file)
+    recordings = () if flights_file is None else read_flights(flights_file)
+    count = count or len(throws) or len(recordings) or 10
+    return source_for(f, seed=seed, count=count, throws=throws, recordings=recordings, drag=drag)
+
+
+def source_for(
+    f: DirectMap,
+    *,
+    seed: int,
+    count: int,
+    drag: float,
+    throws: tuple[Throw, ...] = (),
+    recordings: tuple[Recording, ...] = (),
+) -> Source:
+    """Return balls for the arm of a map; default throws without throws and recordings."""
     i = f.design.catch_joint
     nominal = f.arm.q_ready.copy()
     nominal[i] = f.design.q_catch
-    throws = () if throws_file is None else read_throws(throws_file)
-    recordings = () if flights_file is None else read_flights(flights_file)
     return Source(
         seed=seed,
-        count=count or len(throws) or len(recordings) or 10,
+        count=count,
         aim=aim_of(f.arm, f.design.q_catch, i),
         catch_point=f.arm.position(nominal),
         throws=throws,

@@ -17,6 +17,7 @@ from mitt.study.score import HELD_AFTER, Meter, Trial, held, status_of
 from mitt.vision.camera import Rig, fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig
 from mitt.vision.filter import FilterConfig
+from mitt.world.faults.cameras import true_rig
 from mitt.world.flights import BallPath
 from mitt.world.imaging import Imager, ImageSensor
 from mitt.world.scene import Scene
@@ -62,7 +63,7 @@ class Bench:
         self.arm, self._generator, self._scene = arm, generator, scene
         self._rig = fixed_rig()
         cameras = _cameras(self._rig, scene) if pixels else None
-        self.world = World(scene, arm.model, cameras=cameras)
+        self.world = World(scene, arm.model, cameras=cameras, limits=arm.limits)
         self.stopwatch = Stopwatch()
 
     def catcher(self) -> Catcher:
@@ -166,4 +167,4 @@ def known_ball(drag: float, mass: float) -> FilterConfig:
 def _cameras(rig: Rig, scene: Scene) -> Callable[[np.random.Generator], Imager]:
     """Return what sets up the cameras of a trial."""
     sensor = ImageSensor(brightness=scene.ball.brightness)
-    return lambda rng: Imager(rig, sensor, rng)
+    return lambda rng: Imager(true_rig(rig, scene.faults, rng), sensor, rng)

@@ -17,12 +17,15 @@ class PlantDraw:
         self._mass = plant.model.body_mass.copy()
         self._inertia = plant.model.body_inertia.copy()
 
-    def draw(self, data: mujoco.MjData, rng: np.random.Generator) -> tuple[Array, float]:
+    def draw(
+        self, data: mujoco.MjData, rng: np.random.Generator, *, payload: float = 0.0
+    ) -> tuple[Array, float]:
         """Set the model's masses for a trial.
 
         Args:
             data: State of the model; what follows from the masses is brought up to date.
             rng: Source of the draw.
+            payload: Mass at the hand that no model knows [kg].
 
         Returns:
             Viscous [N m s/rad] and dry [N m] friction of each joint, shape (2, n), and the drag
@@ -32,6 +35,7 @@ class PlantDraw:
         factor = 1.0 + mismatch.mass * rng.uniform(-1.0, 1.0, model.nbody)
         factor[model.geom_bodyid[self._plant.ball]] = 1.0
         model.body_mass[:] = self._mass * factor
+        model.body_mass[model.site_bodyid[self._plant.site]] += payload
         model.body_inertia[:] = self._inertia * factor[:, None]
         mujoco.mj_setConst(model, data)
         most = np.array([[mismatch.viscous], [mismatch.coulomb]])

@@ -4,26 +4,19 @@ What the catcher is not told: how heavy the links really are, how much the joint
 the sensors are. Every figure without a source is a choice of this project.
 """
 
-import tomllib
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field
 
-from mitt.errors import FileError, InputError
+from mitt.world.faults.plan import FaultPlan
+from mitt.world.settings import Settings, read_toml, validated
 
 NotNegative = Annotated[float, Field(ge=0.0)]
 Share = Annotated[float, Field(ge=0.0, lt=0.5)]
-MAX_BYTES = 1_000_000
 
 
-class _Settings(BaseModel):
-    """Frozen settings that know no other keys than their own."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
-
-
-class Ball(_Settings):
+class Ball(Settings):
     """What is thrown; facts.md, section 4.
 
     Attributes:
@@ -39,7 +32,7 @@ class Ball(_Settings):
     brightness: Annotated[float, Field(gt=0.0, le=231.0)] = 160.0
 
 
-class Mismatch(_Settings):
+class Mismatch(Settings):
     """How far the plant is from the model of the catcher, drawn anew from each trial's seed.
 
     Attributes:
@@ -55,7 +48,7 @@ class Mismatch(_Settings):
     drag: Share = 0.10
 
 
-class Sensing(_Settings):
+class Sensing(Settings):
     """What the catcher is told, and when.
 
     Attributes:
@@ -69,7 +62,7 @@ class Sensing(_Settings):
     encoder_step: NotNegative = 0.0
 
 
-class Contact(_Settings):
+class Contact(Settings):
     """Contact of ball and hand.
 
     Attributes:
@@ -82,7 +75,7 @@ class Contact(_Settings):
     settle: Annotated[float, Field(ge=0.002, le=0.02)] = 0.004
 
 
-class Scene(_Settings):
+class Scene(Settings):
     """The world around the catcher.
 
     Attributes:
@@ -91,6 +84,7 @@ class Scene(_Settings):
         sensing: What the catcher is told, and when.
         contact: Contact of ball and hand.
         floor: Height of the floor below the shoulder, negative [m]; the arm is on a stand.
+        faults: What goes wrong in every trial, in the order in which it acts.
     """
 
     ball: Ball = Ball()
@@ -98,6 +92,7 @@ class Scene(_Settings):
     sensing: Sensing = Sensing()
     contact: Contact = Contact()
     floor: Annotated[float, Field(ge=-10.0, le=-0.5)] = -1.0
+    faults: FaultPlan = ()
 
 
 #: Scene of the recorded flights: a table-tennis ball, facts.md, section 4.
@@ -120,30 +115,4 @@ def read_scene(path: Path) -> Scene:
         FileError: The file cannot be read or is no TOML.
         InputError: A key is unknown or its value cannot be used; the message names both.
     """
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise FileError(str(path), f"at most {MAX_BYTES} bytes", path.stat().st_size)
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise FileError(str(path), "a readable TOML file", error.strerror or "error") from None
-    except (ValueError, RecursionError) as error:
-        raise FileError(str(path), "TOML", str(error)[:120]) from None
-    try:
-        return Scene.model_validate(data)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise InputError(f"{path} key {key}", _wanted(first["type"], first["msg"], key),
-                         repr(first["input"])[:60]) from None  # fmt: skip
-
-
-def _wanted(kind: str, message: str, key: str) -> str:
-    """Say what a key should have held, in our words."""
-    if kind != "extra_forbidden":
-        return message.removeprefix("Input should be ")
-    model: type[BaseModel] = Scene
-    for part in key.split(".")[:-1]:
-        inner = model.model_fields[part].annotation
-        if isinstance(inner, type) and issubclass(inner, BaseModel):
-            model = inner
-    return f"one of the keys {', '.join(model.model_fields)}"
+    return validated(Scene, read_toml(path), place=str(path))

@@ -7,9 +7,12 @@ import numpy as np
 
 from mitt.robot.description import ArmModel
 from mitt.robot.hands import HandModel
+from mitt.robot.limits import Limits
 from mitt.signals import Array, Command, Senses
 from mitt.world.build import STEP, build_plant
 from mitt.world.contacts import ARM_FLOOR, BALL_ANY, BALL_FLOOR, BALL_HAND, SELF, Contacts
+from mitt.world.faults.flight import Undisturbed
+from mitt.world.faults.trial import Sensor, Troubles
 from mitt.world.flights import BallPath
 from mitt.world.mismatch import PlantDraw
 from mitt.world.scene import Scene
@@ -39,18 +42,26 @@ class World:
         first_contact: State at the first touch of ball and hand; None until then.
     """
 
-    def __init__(self, scene: Scene, arm: ArmModel, *, cameras: CameraMaker | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        arm: ArmModel,
+        *,
+        cameras: CameraMaker | None = None,
+        limits: Limits | None = None,
+    ) -> None:
         """Compile the scene.
 
         Args:
             scene: Settings.
             arm: Arm with its hand.
             cameras: Sets up the cameras of a trial; the ball is seen as points if None.
+            limits: Limit set of the arm; only motors that are weaker than it ask for it.
 
         Raises:
             ModelError: The arm carries no hand.
         """
-        self._scene, self._arm, self._cameras = scene, arm, cameras
+        self._scene, self._arm, self._cameras, self._limits = scene, arm, cameras, limits
         self._plant = build_plant(scene, arm)
         self.model = self._plant.model
         self.data = mujoco.MjData(self.model)
@@ -97,11 +108,15 @@ class World:
             ball: A throw, which flies freely, or a path, which leads the ball until it is touched.
             seed: Seed of the plant mismatch and of all noise in this trial.
         """
-        plant, sensors = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
-        friction, drag = self._draw.draw(self.data, plant)
-        self._sensors = Sensors(
-            self._scene.sensing, self._scene.ball.radius, self._cameras, sensors
-        )
+        plant, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
+        self._troubles = troubles = self._drawn_troubles(ball, seed)
+        payload = 0.0 if troubles is None else troubles.payload
+        friction, drag = self._draw.draw(self.data, plant, payload=payload)
+        sensors = Sensors(self._scene.sensing, self._scene.ball.radius, self._cameras, noise)
+        self._sensors: Sensor = sensors
+        if troubles is not None:
+            self._sensors = troubles.sensors(sensors, pixels=self._cameras is not None)
+            ball = troubles.ball
         mujoco.mj_resetData(self.model, self.data)
         self.data.qpos[: self._n] = self._arm.q_ready
         if isinstance(ball, Throw):
@@ -121,12 +136,16 @@ class World:
 
     def apply(self, command: Command) -> None:
         """Let the motors follow a command for one tick; nothing here clips it."""
-        model, data, steps = self.model, self.data, self._steps
+        model, data, steps, troubles = self.model, self.data, self._steps, self._troubles
+        if troubles is not None:
+            command = troubles.command(self.t, command)
         tau, hand = np.asarray(command.tau, float), command.hand
         start, h = self._ticks * TICK, TICK / steps
         self._tau, self._peaks[0], self._seen = tau, 0.0, 0
         for step in range(1, steps + 1):
             alone = not data.ncon
+            if troubles is not None and self.first_contact is None:
+                self._push(troubles, start + (step - 1) * h, h)
             if not prepare(*self._views, tau, hand, self._numbers, h, alone, self._flight):
                 self._broken = True
             mujoco.mj_step2(model, data)
@@ -178,6 +197,18 @@ class World:
             seen=seen[:, 0].astype(np.int64),
         )
 
+    def _drawn_troubles(self, ball: Throw | BallPath, seed: int) -> Troubles | None:
+        """Return what goes wrong in a trial; None where the plan is empty."""
+        plan = self._scene.faults
+        if not plan:
+            return None
+        mujoco.mj_resetData(self.model, self.data)
+        self.data.qpos[: self._n] = self._arm.q_ready
+        mujoco.mj_kinematics(self.model, self.data)
+        flight = Undisturbed(ball=ball, drag=self._scene.ball.drag, hand=self._site.copy())
+        active = self._arm.active
+        return Troubles(plan, seed, flight, limits=self._limits, active=active, tick=TICK)
+
     def _start(self, path: BallPath | None, friction: Array, drag: float) -> None:
         """Forget the trial before and bring all derived quantities up to date."""
         self._path = path
@@ -191,6 +222,13 @@ class World:
         mujoco.mj_step1(self.model, self.data)
         self._tape.clear()
         self._record()
+
+    def _push(self, troubles: Troubles, t: float, h: float) -> None:
+        """Let the flight be disturbed for a step; a ball that was led flies freely from then on."""
+        r, dr = (x.copy() for x in self._ball)
+        if troubles.push(t, h, r, dr):
+            self._ball[0][:], self._ball[1][:] = r, dr
+            self._path = None
 
     def _watch_for_contact(self, t: float) -> None:
         """Note the first touch; a ball that was led flies freely from its first touch on."""

@@ -32,6 +32,19 @@ STATUS = {
     "aborted": (PURPLE, "D"),
 }
 
+#: Generators: colour, marker and line. What nobody has named here comes in grey.
+GENERATORS: dict[str, tuple[str, str, str]] = {
+    "direct": (BLUE, "o", "-"),
+    "unoptimised": (INK, "s", "--"),
+    "ik": (ORANGE, "v", "-"),
+    "quintic": (GREEN, "^", "-"),
+    "ruckig": (PURPLE, "D", "-"),
+    "mpc": (YELLOW, "P", "-"),
+    "ds": ("#56b4e9", "X", "-"),
+    "clairvoyant": (GREY, "*", ":"),
+}
+UNNAMED = (PALE, ".", "-")
+
 #: Attributes that hold coordinates, and digits that nobody sees in them.
 _DRAWN, _DIGITS = re.compile(r'\b(?:d|x|y)="[^"]*"'), re.compile(r"(\.\d\d)\d+")
 

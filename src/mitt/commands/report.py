@@ -1,0 +1,30 @@
+"""``mitt report``: the page of a study."""
+
+import json
+
+from mitt.commands.screen import checked, console_of, progress
+from mitt.errors import InputError
+from mitt.options import ReportOptions
+from mitt.study.sweep.folder import Folder
+from mitt.study.sweep.report import read_result, write_study_report
+
+#: Most replays beside one page; each weighs a megabyte.
+_MOST_REPLAYS = 200
+
+
+def run(options: ReportOptions) -> int:
+    """Run ``mitt report``; return its exit status."""
+    if not 0 <= options.replays <= _MOST_REPLAYS:
+        raise InputError("--replays", f"a number in 0..{_MOST_REPLAYS}", options.replays)
+    folder = Folder(options.folder)
+    result = read_result(folder)
+    if options.check:
+        return checked(f"study {result.study.name!r}, {len(result.rows)} rows")
+    with folder.lock(), progress() as report:
+        write_study_report(result, replays=options.replays, progress=report)
+    path = folder.path / "report.html"
+    if options.json:
+        print(json.dumps({"schema": "mitt.report/1", "report": str(path)}))  # noqa: T201
+    else:
+        console_of().print(f"written: {path}", soft_wrap=True)
+    return 0

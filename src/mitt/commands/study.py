@@ -1,0 +1,72 @@
+"""``mitt study``: many throws, several generators, a grid of conditions."""
+
+import sys
+
+from rich.table import Table
+
+from mitt.commands.screen import checked, console_of, progress
+from mitt.errors import InputError
+from mitt.link.files import check_folder
+from mitt.options import StudyOptions
+from mitt.study.catch import GENERATORS
+from mitt.study.sweep.engine import check_engine, engine_of
+from mitt.study.sweep.folder import Folder
+from mitt.study.sweep.read import read_study
+from mitt.study.sweep.run import Finished, run_study
+from mitt.study.sweep.study import Study
+
+
+def run(options: StudyOptions) -> int:
+    """Run ``mitt study``; return its exit status."""
+    study = read_study(options.study, generators=GENERATORS)
+    check_engine(options.engine)
+    if options.resume and options.overwrite:
+        raise InputError("--resume and --overwrite", "one of them", "both")
+    folder = Folder(options.out)
+    check_folder(folder.path, overwrite=options.overwrite or options.resume)
+    folder.check(study, resume=options.resume)
+    if options.check:
+        total = len(study.conditions) * sum(study.counts.values())
+        what = f"{len(study.generators)} generators, {len(study.conditions)} conditions"
+        return checked(f"{what}, {total} throws, output to {folder.path}")
+    with folder.lock():
+        engine = engine_of(options.engine, options.workers)
+        folder.claim(study, resume=options.resume, overwrite=options.overwrite)
+        with progress() as report:
+            finished = run_study(study, folder, engine, progress=report)
+    return _tell(options, study, folder, finished)
+
+
+def _tell(options: StudyOptions, study: Study, folder: Folder, finished: Finished) -> int:
+    """Print what came out; return the exit status."""
+    if options.json:
+        print(folder.summary.read_text(encoding="utf-8"), end="")  # noqa: T201
+    else:
+        _show(study, folder, finished)
+    if finished.lost:
+        more = f" and {len(finished.lost) - 1} more" if len(finished.lost) > 1 else ""
+        text = f"mitt: {finished.lost[0]}{more}; the rest is kept, --resume tries again"
+        print(text, file=sys.stderr)  # noqa: T201
+    return finished.status
+
+
+def _show(study: Study, folder: Folder, finished: Finished) -> None:
+    """Print the catch rates: a row a condition, a column a generator."""
+    console = console_of()
+    table = Table(title=f"{study.name}: caught [%]", title_justify="left", padding=(0, 1))
+    table.add_column("condition", no_wrap=True)
+    for generator in study.generators:
+        table.add_column(generator, justify="right", no_wrap=True)
+    rates = {(row["condition"], row["generator"]): row for row in finished.rows}
+    for condition in study.conditions:
+        rows = [rates[condition.name, generator] for generator in study.generators]
+        table.add_row(condition.name, *(_rate(row) for row in rows))
+    console.print(table)
+    console.print(f"written: {folder.summary} and {folder.trials.name}", soft_wrap=True)
+
+
+def _rate(row: dict[str, object]) -> str:
+    """Return a catch rate for the table; nothing where nothing was thrown."""
+    if not row["throws"]:
+        return ""
+    return f"{100 * float(str(row['catch_rate'])):.1f}{'' if row['complete'] else ' *'}"

@@ -1,0 +1,220 @@
+"""Running a study: split, throw wherever there is a worker, keep, and sum up at the end."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, final
+
+from mitt.errors import FileError, Terminated
+from mitt.link.files import read_json, write_atomically, write_json
+from mitt.link.maps import save_map
+from mitt.study.catch import arm_of, design_of
+from mitt.study.lesson import learn
+from mitt.study.sweep.engine import Engine
+from mitt.study.sweep.folder import Folder, notes_of, write_bytes
+from mitt.study.sweep.parts import merge, read_part, timing_of
+from mitt.study.sweep.recordings import record_failures
+from mitt.study.sweep.settings import ArmSettings
+from mitt.study.sweep.spread import spread
+from mitt.study.sweep.study import Condition, Study
+from mitt.study.sweep.summary import Cell, cell_of, summary
+from mitt.study.sweep.work import Job, arm_options, throw_chunk
+from mitt.world.flights import Recording, builtin_flights, read_flights
+
+Progress = Callable[[str, int, int], None]
+_MAX_BYTES = 20_000_000
+
+
+@final
+@dataclass(slots=True, kw_only=True)
+class Finished:
+    """A study that is over, by itself or because it was interrupted.
+
+    Attributes:
+        rows: Rows of the summary.
+        lost: What became of chunks that could not be thrown, a line each.
+        interrupt: 130 or 143 after an interrupt.
+        thrown: Throws that are done.
+        total: Throws of the whole study.
+    """
+
+    rows: list[dict[str, object]] = field(default_factory=list)
+    lost: list[str] = field(default_factory=list)
+    interrupt: int | None = None
+    thrown: int = 0
+    total: int = 0
+
+    @property
+    def status(self) -> int:
+        """Exit status of the command."""
+        return self.interrupt or (1 if self.lost else 0)
+
+
+def run_study(study: Study, folder: Folder, engine: Engine, *, progress: Progress) -> Finished:
+    """Throw what is not there yet, and write table and summary.
+
+    Args:
+        study: The study.
+        folder: Its folder, claimed and locked.
+        engine: Where to throw.
+        progress: Is told what is being done, how many are done, and of how many.
+    """
+    jobs, done = list(all_jobs(study, folder, progress)), Finished()
+    try:
+        _throw_all(jobs, folder, engine, done, progress)
+        record_failures(by_cell(jobs), folder, engine, study.record, progress)
+    except KeyboardInterrupt as stop:
+        done.interrupt = 143 if isinstance(stop, Terminated) else 130
+    finally:
+        engine.close(at_once=done.interrupt is not None)
+    _sum_up(study, jobs, folder, done)
+    return done
+
+
+def all_jobs(study: Study, folder: Folder, progress: Progress) -> Iterator[Job]:
+    """Yield all chunks of a study, in an order that depends on nothing else."""
+    number, notes = 0, tuple(notes_of(study).items())
+    for condition in study.conditions:
+        text = _map_text(condition.arm, folder, study.version, progress)
+        recordings = _recordings(condition)
+        for generator, count in study.counts.items():
+            for start in range(0, count, study.chunk):
+                yield Job(
+                    number=number,
+                    generator=generator,
+                    condition=condition,
+                    seed=study.seed,
+                    start=start,
+                    stop=min(start + study.chunk, count),
+                    map=text,
+                    recordings=recordings,
+                    notes=notes,
+                )
+                number += 1
+
+
+def _map_text(settings: ArmSettings, folder: Folder, version: str, progress: Progress) -> str:
+    """Return the map of an arm as its file says it; learned once, and kept in the folder."""
+    path = folder.map(settings)
+    if not path.exists():
+        progress("learning", 0, 1)
+        options = arm_options(settings)
+        arm = arm_of(options)
+        save_map(path, learn(arm, design=design_of(options, arm)), version=version)
+        progress("learning", 1, 1)
+    read_json(path, max_bytes=_MAX_BYTES)  # refuses a file that was altered into no JSON
+    return path.read_text(encoding="utf-8")
+
+
+def _recordings(condition: Condition) -> tuple[Recording, ...]:
+    """Return the recorded flights of a condition."""
+    if condition.flights is None:
+        return ()
+    is_builtin = condition.flights == "builtin"
+    return builtin_flights() if is_builtin else read_flights(Path(condition.flights))
+
+
+def _throw_all(
+    jobs: list[Job], folder: Folder, engine: Engine, done: Finished, progress: Progress
+) -> None:
+    """Throw the chunks that are not there yet."""
+    todo = [job for job in jobs if not _is_done(folder, job)]
+    done.total = sum(job.stop - job.start for job in jobs)
+    done.thrown = done.total - sum(job.stop - job.start for job in todo)
+    progress("throwing", done.thrown, done.total)
+    suspects = _throw(todo, folder, engine, done, progress, window=engine.workers + 1)
+    for job in suspects:  # once more, one at a time, so that each answers for itself
+        if _throw([job], folder, engine, done, progress, window=1):
+            done.lost.append(_line(job, "its worker died twice"))
+
+
+def _throw(
+    jobs: list[Job],
+    folder: Folder,
+    engine: Engine,
+    done: Finished,
+    progress: Progress,
+    *,
+    window: int,
+) -> list[Job]:
+    """Throw chunks and keep their parts; return those whose worker died."""
+    suspects = []
+    for job, outcome in spread(engine, throw_chunk, jobs, window=window):
+        if isinstance(outcome, bytes):
+            write_bytes(folder.part(job.number), outcome)
+            done.thrown += job.stop - job.start
+            progress("throwing", done.thrown, done.total)
+        elif engine.died(outcome):
+            suspects.append(job)
+        else:
+            done.lost.append(_line(job, outcome))
+    return suspects
+
+
+def _is_done(folder: Folder, job: Job) -> bool:
+    """Say whether the part of a chunk is there, whole and its own; one that is not is dropped."""
+    path = folder.part(job.number)
+    if not path.exists():
+        return False
+    try:
+        rows, notes = read_part(path)
+    except FileError:
+        path.unlink()
+        return False
+    place = {(r["generator"], r["condition"]) for r in rows}
+    indices = [r["index"] for r in rows] == list(range(job.start, job.stop))
+    own = notes.get("digest") == dict(job.notes)["digest"]
+    return own and indices and place == {(job.generator, job.condition.name)}
+
+
+def _line(job: Job, error: object) -> str:
+    """Say in one line which chunk was lost, and why."""
+    why = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    place = f"{job.generator}, {job.condition.name!r}, throws {job.start} to {job.stop - 1}"
+    return " ".join(f"{place} lost: {why}".split())[:300]
+
+
+def by_cell(jobs: list[Job]) -> list[list[Job]]:
+    """Return the chunks of each generator in each condition."""
+    cells: dict[tuple[str, str], list[Job]] = {}
+    for job in jobs:
+        cells.setdefault((job.condition.name, job.generator), []).append(job)
+    return list(cells.values())
+
+
+def _sum_up(study: Study, jobs: list[Job], folder: Folder, done: Finished) -> None:
+    """Write the whole table, the summary and the wall-clock figures."""
+    parts = [p for p in (folder.part(job.number) for job in jobs) if p.exists()]
+    notes = notes_of(study) | {"configuration": study.model_dump_json()}
+    write_atomically(folder.trials, lambda temporary: merge(parts, temporary, notes))
+    cells, timing = [], []
+    for group in by_cell(jobs):
+        cell, seconds = _cell(group, folder, study)
+        cells.append(cell)
+        timing.append(seconds)
+    result = summary(study, cells)
+    write_json(folder.summary, result)
+    write_json(folder.path / "timing.json", {"schema": "mitt.timing/1", "rows": timing})
+    done.rows = result["rows"]
+
+
+def _cell(group: list[Job], folder: Folder, study: Study) -> tuple[Cell, dict[str, object]]:
+    """Return a cell of the summary, and what it took; one part is in memory at a time."""
+    first, figures = group[0], list[dict[str, float]]()
+
+    def trials() -> Iterator[dict[str, Any]]:
+        for job in group:
+            if folder.part(job.number).exists():
+                rows, notes = read_part(folder.part(job.number))
+                figures.append(timing_of(notes))
+                yield from rows
+
+    cell = cell_of(first.generator, first.condition, study.counts[first.generator], trials())
+    medians = sorted(f.get("p50", 0.0) for f in figures) or [0.0]
+    return cell, {
+        "generator": first.generator,
+        "condition": first.condition.name,
+        "seconds": sum(f.get("seconds", 0.0) for f in figures),
+        "tick_us_p50": medians[len(medians) // 2],
+        "tick_us_p99": max((f.get("p99", 0.0) for f in figures), default=0.0),
+    }

@@ -1,0 +1,111 @@
+"""What a study comes to: a row for each generator in each condition, and the pairs."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mitt.study.result import STATUSES
+from mitt.study.stats import holm, mcnemar, wilson
+from mitt.study.sweep.study import SCHEMA, Condition, Study
+
+#: The generator that all others are compared with.
+REFERENCE = "direct"
+#: Columns of which the rows give the median, and what they call it.
+_MEDIANS = {
+    "position_error_mm": "position_error_mm",
+    "velocity_error_m_s": "velocity_error_m_s",
+    "peak_contact_force_n": "peak_contact_force_n",
+    "energy_j": "energy_j",
+    "demand_cost": "demand_cost",
+    "peak_torque_ratio": "peak_torque_ratio",
+    "peak_speed_ratio": "peak_speed_ratio",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cell:
+    """The throws of one generator in one condition, as far as they are done.
+
+    Attributes:
+        row: Its row of the summary.
+        caught: Whether each throw was caught, by its index; aborted ones are left out.
+    """
+
+    row: dict[str, Any]
+    caught: Mapping[int, bool]
+
+
+def cell_of(
+    generator: str, condition: Condition, wanted: int, trials: Iterable[dict[str, Any]]
+) -> Cell:
+    """Return a cell from its throws.
+
+    Args:
+        generator: Name of the generator.
+        condition: The condition.
+        wanted: How many throws there should be.
+        trials: Those that there are, as rows of the table.
+    """
+    counts = dict.fromkeys(STATUSES, 0)
+    values: dict[str, list[float]] = {name: [] for name in _MEDIANS}
+    caught: dict[int, bool] = {}
+    violating = 0
+    for trial in trials:
+        counts[trial["status"]] += 1
+        violating += trial["limit_violations"] > 0
+        if trial["status"] != "aborted":
+            caught[trial["index"]] = trial["status"] == "caught"
+        for name, found in values.items():
+            value = trial[name]
+            if value is not None:
+                found.append(max(value, default=0.0) if isinstance(value, list) else value)
+    throws, valid = sum(counts.values()), len(caught)
+    row = {
+        "generator": generator,
+        "condition": condition.name,
+        "throws": throws,
+        "caught": counts["caught"],
+        "catch_rate": counts["caught"] / valid if valid else 0.0,
+        "ci95": list(wilson(counts["caught"], valid)),
+        **{status: counts[status] for status in STATUSES[1:]},
+        "complete": throws == wanted,
+        "disturbance": condition.disturbance,
+        "value": condition.value,
+        "unit": condition.unit,
+        "violating_throws": violating,
+        "median": {name: float(np.median(x)) if x else None for name, x in values.items()},
+    }
+    return Cell(row=row, caught=caught)
+
+
+def summary(study: Study, cells: list[Cell]) -> dict[str, Any]:
+    """Return the summary; each rival is compared with the direct map on the same throws."""
+    rows = [cell.row for cell in cells]
+    by_place = {(c.row["generator"], c.row["condition"]): c for c in cells}
+    for generator in study.generators:
+        mine = [by_place[generator, c.name] for c in study.conditions]
+        for cell in mine:
+            reference = by_place.get((REFERENCE, cell.row["condition"]))
+            against = None
+            if reference is not None and generator != REFERENCE:
+                against = _pairs(reference.caught, cell.caught)
+            cell.row["against_direct"] = against
+        pairs = [c.row["against_direct"] for c in mine if c.row["against_direct"] is not None]
+        for pair, p in zip(pairs, holm([pair["p"] for pair in pairs]), strict=True):
+            pair["p_holm"] = p
+    return {"schema": SCHEMA, "rows": rows}
+
+
+def _pairs(first: Mapping[int, bool], second: Mapping[int, bool]) -> dict[str, float]:
+    """Return how two generators differ on the throws that both had, McNemar's test."""
+    both = first.keys() & second.keys()
+    only_direct = sum(first[k] and not second[k] for k in both)
+    only_this = sum(second[k] and not first[k] for k in both)
+    return {
+        "pairs": len(both),
+        "only_direct": only_direct,
+        "only_this": only_this,
+        "p": mcnemar(only_direct, only_this),
+    }

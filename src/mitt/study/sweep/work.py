@@ -1,0 +1,165 @@
+"""What a worker does: throw one chunk, or one ball once more to record it.
+
+A worker gets everything it needs in its job and gives back bytes, so that it need not see the
+folder of the study. A chunk is the same whoever throws it and whatever was thrown before.
+"""
+
+import json
+import threading
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from mitt.generator.learn import Learned
+from mitt.link.clock import Stopwatch
+from mitt.link.maps import map_of
+from mitt.link.recording import write_recording
+from mitt.options import ArmOptions
+from mitt.robot.arm import Arm
+from mitt.signals import Array
+from mitt.study.catch import arm_of, make_generator
+from mitt.study.record import recording_of
+from mitt.study.source import Source, source_for
+from mitt.study.sweep.parts import Row, write_rows
+from mitt.study.sweep.settings import ArmSettings, ThrowSettings
+from mitt.study.sweep.study import Condition
+from mitt.study.trial import Bench, Outcome
+from mitt.world.faults.flight import Undisturbed
+from mitt.world.flights import BallPath, Recording
+from mitt.world.throws import Aim, Throw, ThrowRanges
+
+#: Arms and maps that one thread of a worker keeps.
+_KEPT = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """A chunk of one generator in one condition.
+
+    Attributes:
+        number: Number of the chunk in the study.
+        generator: Name of the generator.
+        condition: The condition.
+        seed: Seed of the study.
+        start: First throw.
+        stop: Throw after the last.
+        map: The learned map as its file says it.
+        recordings: Recorded flights to throw; none for default throws.
+        notes: What the metadata of a part say of the study.
+    """
+
+    number: int
+    generator: str
+    condition: Condition
+    seed: int
+    start: int
+    stop: int
+    map: str
+    recordings: tuple[Recording, ...]
+    notes: tuple[tuple[str, str], ...]
+
+
+def arm_options(settings: ArmSettings) -> ArmOptions:
+    """Return the settings of an arm as options of a command."""
+    return ArmOptions(**settings.model_dump())
+
+
+@lru_cache(maxsize=_KEPT)
+def _learned(settings: ArmSettings, text: str, thread: int) -> Learned:  # noqa: ARG001
+    """Return arm and map, kept for the thread alone: an arm's scratch is not to be shared."""
+    return map_of(json.loads(text), arm_of(arm_options(settings)), place="map of the study")
+
+
+def bench_of(job: Job) -> tuple[Bench, Source, Learned]:
+    """Return a fresh bench for a job, so that no chunk depends on one before it."""
+    learned = _learned(job.condition.arm, job.map, threading.get_ident())
+    generator = make_generator(job.generator, learned)
+    pixels = job.condition.vision == "pixels"
+    bench = Bench(learned.map.arm, generator, job.condition.scene, pixels=pixels)
+    source = source_for(
+        learned.map,
+        seed=job.seed,
+        count=job.stop,
+        recordings=job.recordings,
+        drag=job.condition.scene.ball.drag,
+    )
+    return bench, _widened(source, job.condition.throws), learned
+
+
+def _widened(source: Source, throws: ThrowSettings) -> Source:
+    """Return a source with other ranges of throws."""
+    given = throws.model_dump(exclude={"spread"}, exclude_none=True)
+    aim = source.aim
+    middle, half = 0.5 * (aim.q_low + aim.q_high), 0.5 * throws.spread * (aim.q_high - aim.q_low)
+    if throws.spread != 1.0:
+        aim = Aim(position=aim.position, q_low=middle - half, q_high=middle + half)
+    return replace(source, aim=aim, ranges=ThrowRanges(**given))
+
+
+def throw_chunk(job: Job) -> bytes:
+    """Throw the balls of a chunk and return its part of the table."""
+    watch = Stopwatch()
+    with watch:
+        bench, source, learned = bench_of(job)
+        rows = [_row(job, bench, source, learned.map.arm, k) for k in range(job.start, job.stop)]
+    timing = bench.stopwatch.percentiles_us() | {"seconds": 1e-6 * watch.percentiles_us()["max"]}
+    timing["deadline_misses"] = float(bench.stopwatch.misses())
+    notes = {"condition": job.condition.model_dump_json(), "timing": json.dumps(timing)}
+    return write_rows(rows, dict(job.notes) | notes)
+
+
+def throw_again(job: Job, index: int) -> tuple[Outcome, Arm]:
+    """Throw one ball of a chunk once more, with a log; it gives the same trial."""
+    bench, source, learned = bench_of(job)
+    ball, seed = source.ball(index), source.trial_seed(index)
+    return bench.run(index, ball, seed=seed, log=True), learned.map.arm
+
+
+def record_throw(task: tuple[Job, int]) -> bytes:
+    """Return the recording of one throw of a chunk, by its index."""
+    job, index = task
+    outcome, arm = throw_again(job, index)
+    if outcome.log is None:
+        raise RuntimeError("a throw left no log")
+    condition = job.condition
+    about = dict(job.notes) | {
+        "arm": arm.model.name,
+        "limits": arm.limits.name,
+        "generator": job.generator,
+        "condition": condition.model_dump_json(),
+        "seed": job.seed,
+    }
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "throw.mcap"
+        write_recording(path, recording_of(outcome.log, outcome.trial, arm.names, about=about))
+        return path.read_bytes()
+
+
+def _row(job: Job, bench: Bench, source: Source, arm: Arm, index: int) -> Row:
+    """Throw one ball and return its row."""
+    ball = source.ball(index)
+    trial = bench.run(index, ball, seed=source.trial_seed(index)).trial
+    truth = bench.world.trace()
+    power = np.abs(truth.tau * truth.dq).sum(axis=1)
+    return Row(
+        generator=job.generator,
+        condition=job.condition.name,
+        trial=trial,
+        energy_j=float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(truth.t))),
+        release=_release(ball),
+        passing=_passing(ball, arm, source.drag),
+    )
+
+
+def _release(ball: Throw | BallPath) -> Array:
+    """Return position [m] and velocity [m/s] at release, shape (6,)."""
+    return np.concatenate((ball.r, ball.dr) if isinstance(ball, Throw) else ball.at(0.0))
+
+
+def _passing(ball: Throw | BallPath, arm: Arm, drag: float) -> Array:
+    """Return where the undisturbed ball is nearest to the waiting hand [m, m/s], shape (6,)."""
+    flight = Undisturbed(ball=ball, drag=drag, hand=arm.position(arm.q_ready))
+    return np.concatenate(flight.at(flight.nearest()))

@@ -1,0 +1,85 @@
+"""Settings that come from TOML files: how they are read, checked and refused."""
+
+import tomllib
+from pathlib import Path
+from typing import Any, TypeVar, get_args
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from mitt.errors import FileError, InputError
+
+MAX_BYTES = 1_000_000
+"""Largest settings file that is read [bytes]."""
+
+
+class Settings(BaseModel):
+    """Frozen settings that know no other keys than their own."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+_Model = TypeVar("_Model", bound=BaseModel)
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return what a TOML file says.
+
+    Raises:
+        FileError: The file cannot be read, is too large or is no TOML.
+    """
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise FileError(str(path), f"at most {MAX_BYTES} bytes", path.stat().st_size)
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise FileError(str(path), "a readable TOML file", error.strerror or "error") from None
+    except (ValueError, RecursionError) as error:
+        raise FileError(str(path), "TOML", str(error)[:120]) from None
+
+
+def validated(model: type[_Model], data: object, *, place: str) -> _Model:
+    """Return settings from what a file says.
+
+    Args:
+        model: Class of the settings.
+        data: What the file says.
+        place: What an error calls it: the file, and where in it.
+
+    Raises:
+        InputError: A key is unknown or its value cannot be used; the message names both.
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in first["loc"]) or "(all)"
+        wanted = _wanted(model, first["type"], first["msg"], first["loc"])
+        raise InputError(f"{place} key {key}", wanted, repr(first["input"])[:60]) from None
+
+
+def _wanted(model: type[BaseModel], kind: str, message: str, at: tuple[int | str, ...]) -> str:
+    """Say what a key should have held, in our words."""
+    if kind != "extra_forbidden":
+        return message.removeprefix("Input should be ").removeprefix("Value error, ")
+    models: list[type[BaseModel]] = [model]
+    for part in at[:-1]:
+        models = _inner(models, str(part))
+    return f"one of the keys {', '.join(models[0].model_fields)}"
+
+
+def _inner(models: list[type[BaseModel]], part: str) -> list[type[BaseModel]]:
+    """Return the settings that a part of a key's address leads to: a kind, a field, a number."""
+    for model in models:
+        kind = model.model_fields.get("kind")
+        if kind is not None and part in get_args(kind.annotation):
+            return [model]
+        if part in model.model_fields:
+            return _models(model.model_fields[part].annotation) or [model]
+    return models
+
+
+def _models(annotation: object) -> list[type[BaseModel]]:
+    """Return the classes of settings inside an annotation."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [inner for part in get_args(annotation) for inner in _models(part)]

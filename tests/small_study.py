@@ -1,0 +1,121 @@
+"""A small study with a map at hand, and an engine that works here and now."""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import Future
+from pathlib import Path
+
+from mitt.generator.learn import Learned
+from mitt.link.maps import save_map
+from mitt.study.sweep.folder import Folder
+from mitt.study.sweep.read import read_study
+from mitt.study.sweep.study import Study
+from mitt.study.sweep.work import Job
+
+TEXT = """
+name = "small"
+seed = 500
+throws = 4
+chunk = 2
+generators = ["direct", "unoptimised"]
+vision = "points"
+
+[[conditions]]
+name = "clean"
+
+[[conditions]]
+name = "blind"
+scene.faults = [{ kind = "dropout" }]
+
+[[sweeps]]
+name = "kick"
+unit = "m/s"
+set = "scene.faults.0.magnitude"
+values = [1.0]
+scene.faults = [{ kind = "kick", magnitude = 0.0 }]
+"""
+GENERATORS = ("direct", "unoptimised")
+
+
+class WorkerDiedError(Exception):
+    """What an engine reports when a worker died."""
+
+
+class Here:
+    """An engine that does each task when it is handed over; some tasks kill their worker.
+
+    Attributes:
+        workers: How many tasks may be under way.
+        done: Numbers of the chunks that were thrown.
+    """
+
+    def __init__(self, deadly: Callable[[int, int], bool] | None = None) -> None:
+        """Take what says whether the n-th try of a chunk's number is deadly."""
+        self.workers = 1
+        self.done: list[int] = []
+        self._tries: dict[int, int] = {}
+        self._deadly = deadly or (lambda _number, _attempt: False)
+
+    def submit(self, work: Callable[..., bytes], *given: object) -> "Future[bytes]":
+        """Do the work."""
+        future: Future[bytes] = Future()
+        number = given[0].number if isinstance(given[0], Job) else -1
+        attempt = self._tries[number] = self._tries.get(number, 0) + 1
+        if self._deadly(number, attempt):
+            future.set_exception(WorkerDiedError())
+            return future
+        try:
+            future.set_result(work(*given))
+            self.done.append(number)
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+    def died(self, error: BaseException) -> bool:
+        """Say whether a worker died."""
+        return isinstance(error, WorkerDiedError)
+
+    def restart(self) -> None:
+        """Do nothing."""
+
+    def close(self, *, at_once: bool) -> None:
+        """Do nothing."""
+
+
+def quiet(name: str, done: int, of: int) -> None:
+    """Take in progress and say nothing."""
+
+
+def write_study(folder: Path, text: str) -> Study:
+    """Write a study file and read it."""
+    path = folder / "study.toml"
+    path.write_text(text)
+    return read_study(path, generators=GENERATORS)
+
+
+def ready(path: Path, study: Study, learned: Learned) -> Folder:
+    """Return a claimed folder with a map in it, so that nothing has to be learned."""
+    folder = Folder(path)
+    folder.claim(study, resume=True, overwrite=False)
+    for condition in study.conditions:
+        save_map(folder.map(condition.arm), learned, version="test")
+    return folder
+
+
+def said(number: int) -> bytes:
+    """Return a number as text."""
+    return str(number).encode()
+
+
+def aborts_at_three(number: int) -> bytes:
+    """Die without a word at three."""
+    if number == 3:
+        os.abort()
+    return said(number)
+
+
+def raises_at_three(number: int) -> bytes:
+    """Raise an error at three."""
+    if number == 3:
+        raise ValueError("three")
+    return said(number)
