@@ -19,7 +19,7 @@ from tyro.conf import FlagCreatePairsOff, subcommand
 
 import mitt
 from mitt.errors import MittError, Terminated
-from mitt.options import CatchOptions, LearnOptions, ReportOptions, StudyOptions
+from mitt.options import CatchOptions, LearnOptions, ReportOptions, StudyOptions, TrackOptions
 
 #: Every command of the program.
 _Command = (
@@ -27,6 +27,7 @@ _Command = (
     | Annotated[LearnOptions, subcommand("learn")]
     | Annotated[StudyOptions, subcommand("study")]
     | Annotated[ReportOptions, subcommand("report")]
+    | Annotated[TrackOptions, subcommand("track")]
 )  # fmt: skip
 #: The module of ``mitt.commands`` that does what is asked for.
 _JOBS: dict[type, str] = {
@@ -34,6 +35,7 @@ _JOBS: dict[type, str] = {
     LearnOptions: "learn",
     StudyOptions: "study",
     ReportOptions: "report",
+    TrackOptions: "track",
 }
 
 #: Characters that frame tyro's messages.

@@ -139,37 +139,29 @@ def _spread(m: Array, at: int, h: float, mean: float, left: float, work: Array) 
         left: Share of it that is left after the step.
         work: Scratch, shape (2, 10, 10); the slopes in its first matrix.
     """
-    P, r_a, v_a = at + STATES, 0.5 * h * h * mean, h * mean
+    P, M, A = m[at + STATES : at + TRACK].reshape(STATES, STATES), work[1], work[0]
+    r_a, v_a = 0.5 * h * h * mean, h * mean
     for i in range(3):
-        r_i, a_i = P + 10 * i, P + 70 + 10 * i
-        for j in range(10):
-            vx, vy, vz = m[P + 30 + j], m[P + 40 + j], m[P + 50 + j]
-            k, a = m[P + 60 + j], m[a_i + j]
-            work[1, i, j] = (
-                m[r_i + j] + work[0, i, 0] * vx + work[0, i, 1] * vy + work[0, i, 2] * vz
-                + work[0, i, 3] * k + r_a * a
-            )  # fmt: skip
-            work[1, 3 + i, j] = (
-                work[0, 3 + i, 0] * vx + work[0, 3 + i, 1] * vy + work[0, 3 + i, 2] * vz
-                + work[0, 3 + i, 3] * k + v_a * a
-            )  # fmt: skip
-            work[1, 7 + i, j] = left * a
-    for j in range(10):
-        work[1, 6, j] = m[P + 60 + j]
-    for i in range(10):
-        vx, vy, vz, k = work[1, i, 3], work[1, i, 4], work[1, i, 5], work[1, i, 6]
+        x, y, z, k = A[i, 0], A[i, 1], A[i, 2], A[i, 3]
+        for j in range(STATES):
+            M[i, j] = P[i, j] + x * P[3, j] + y * P[4, j] + z * P[5, j] + k * P[6, j]
+            M[i, j] += r_a * P[7 + i, j]
+        x, y, z, k = A[3 + i, 0], A[3 + i, 1], A[3 + i, 2], A[3 + i, 3]
+        for j in range(STATES):
+            M[3 + i, j] = x * P[3, j] + y * P[4, j] + z * P[5, j] + k * P[6, j]
+            M[3 + i, j] += v_a * P[7 + i, j]
+            M[7 + i, j] = left * P[7 + i, j]
+    for j in range(STATES):
+        M[6, j] = P[6, j]
+    for i in range(STATES):
+        x, y, z, k = M[i, 3], M[i, 4], M[i, 5], M[i, 6]
         for j in range(3):
-            a = work[1, i, 7 + j]
-            m[P + 10 * i + j] = (
-                work[1, i, j] + work[0, j, 0] * vx + work[0, j, 1] * vy + work[0, j, 2] * vz
-                + work[0, j, 3] * k + r_a * a
-            )  # fmt: skip
-            m[P + 10 * i + 3 + j] = (
-                work[0, 3 + j, 0] * vx + work[0, 3 + j, 1] * vy + work[0, 3 + j, 2] * vz
-                + work[0, 3 + j, 3] * k + v_a * a
-            )  # fmt: skip
-            m[P + 10 * i + 7 + j] = left * a
-        m[P + 10 * i + 6] = k
+            P[i, j] = M[i, j] + A[j, 0] * x + A[j, 1] * y + A[j, 2] * z + A[j, 3] * k
+            P[i, j] += r_a * M[i, 7 + j]
+            P[i, 3 + j] = A[3 + j, 0] * x + A[3 + j, 1] * y + A[3 + j, 2] * z + A[3 + j, 3] * k
+            P[i, 3 + j] += v_a * M[i, 7 + j]
+            P[i, 7 + j] = left * M[i, 7 + j]
+        P[i, 6] = k
 
 
 @njit(cache=True)

@@ -136,3 +136,26 @@ class ReportOptions:
     replays: Annotated[int, arg(metavar="N")] = 6
     json: bool = False
     check: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackOptions:
+    """Filter recorded positions; write them with velocity, acceleration and uncertainty.
+
+    Attributes:
+        points: Positions: columns t_s,x_m,y_m,z_m and, if there are several flights, flight.
+        out: File to write: the rows of the input, with what the filter knew by then.
+        ahead: Time to look ahead [s]; adds x_ahead_m,y_ahead_m,z_ahead_m. 0 is the filtered place.
+        sigma: Standard deviation of each coordinate [m]; learned from the positions if left out.
+        overwrite: Replace an existing file.
+        json: Print one JSON object and nothing else to stdout.
+        check: Validate the input and do nothing.
+    """
+
+    points: Annotated[Path, Positional, arg(metavar="POINTS.csv")]
+    out: Annotated[Path, arg(metavar="TRACK.csv")]
+    ahead: Annotated[float | None, arg(metavar="S")] = None
+    sigma: Annotated[float | None, arg(metavar="M")] = None
+    overwrite: bool = False
+    json: bool = False
+    check: bool = False

@@ -1,5 +1,6 @@
 """The ball filter on recorded positions: each row of the track uses only rows up to itself."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,6 +63,34 @@ def follow(
     """
     rows = np.zeros((len(t), 5, 3))
     _follow(t, points, ahead, sigma or 0.0, settings_of(config), at.fresh(), rows)
+    return _track(rows)
+
+
+def follow_all(
+    samples: Array, flights: Iterable[list[int]], *, ahead: float = 0.0, sigma: float | None = None
+) -> Track:
+    """Filter several flights, each on its own.
+
+    Args:
+        samples: Times and positions [s, m], shape (n, 4).
+        flights: Indices of the rows of each flight.
+        ahead: How far to look ahead [s].
+        sigma: Standard deviation of each coordinate [m]; learned from the positions if None.
+
+    Returns:
+        The track, its rows in the order of the samples.
+    """
+    rows, settings = np.zeros((len(samples), 5, 3)), settings_of(UNKNOWN_BALL)
+    for flight in flights:
+        part = np.zeros((len(flight), 5, 3))
+        t, points = samples[flight, 0], samples[flight, 1:]
+        _follow(t - t[0], points, ahead, sigma or 0.0, settings, at.fresh(), part)
+        rows[flight] = part
+    return _track(rows)
+
+
+def _track(rows: Array) -> Track:
+    """Return what the rows of a track hold, shape (n, 5, 3)."""
     r, dr, ddr, spread, later = (rows[:, k] for k in range(5))
     return Track(r=r, dr=dr, ddr=ddr, sigma=spread, ahead=later)
 

@@ -153,14 +153,17 @@ def catch_time(ticks: Record) -> float:
 def known_ball(drag: float, mass: float) -> FilterConfig:
     """Return what the filter may believe of a ball with known nominal drag [1/m] and mass [kg].
 
-    A quarter of the drag either way; the acceleration that drag does not explain (spin, gusts)
-    grows as the ball gets lighter, 0.001 m^2/s^3 for the thrown ball of 70 g and 0.026 for one of
-    table tennis.
+    A quarter of the drag either way. What drag does not explain grows as the ball gets lighter:
+    white acceleration (gusts) of 1e-4 m^2/s^3 for the thrown ball of 70 g and 0.0026 for one of
+    table tennis, a lasting push (spin) of 0.04 and 1 m/s^2.
     """
+    lightness = max(0.07 / mass, 1.0)
     return FilterConfig(
         drag_mean=drag,
         drag_sigma=max(0.25 * drag, 0.005),
-        accel_density=0.001 * max(0.07 / mass, 1.0),
+        drag_density=1e-6,
+        accel_density=1e-4 * lightness,
+        push_sigma=0.04 * lightness,
     )
 
 

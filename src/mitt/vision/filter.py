@@ -1,10 +1,11 @@
-"""Estimate of the ball's motion from sightings: an extended Kalman filter on the flight model.
+"""Estimate of the ball's motion from sightings: extended Kalman filters, a law of motion each.
 
-State: position, velocity and drag coefficient; ddr_o = g - k |dr_o| dr_o + noise (``flight``).
-The correction is in Joseph's form, in double precision. A track begins with a velocity as good
-as unknown, so that the first sightings amount to a least-squares fit with known gravity; it
-speaks after ``min_sightings``. The work is done by the kernels of ``belief`` on one vector
-(``memory``); here they get their settings, and their results a name.
+State: position, velocity, drag coefficient k and push a; in flight ddr_o = g - k |dr_o| dr_o + a
++ noise (``flight``). Targets that do not fly are followed by other laws (``laws``). The
+correction is in Joseph's form, in double precision. A track begins with a velocity as good as
+unknown, so that the first sightings amount to a least-squares fit with known gravity; it speaks
+after ``min_sightings``. The work is done by the kernels of ``belief`` on one vector (``memory``);
+here they get their settings, and their results a name.
 """
 
 from dataclasses import dataclass
@@ -30,7 +31,7 @@ class FilterConfig:
         drag_density: Spectral density of the drift of the drag coefficient [1/(m^2 s)].
         accel_density: Spectral density of the unmodelled acceleration [m^2/s^3].
         speed_sigma: Prior standard deviation of each velocity component [m/s].
-        min_sightings: Sightings before the track speaks.
+        min_sightings: Sightings before the track speaks, and a rejection no longer ends it.
         gate: Squared Mahalanobis distance beyond which a sighting is not believed; a true one
             is in 1.5e-5 of cases at 25 (chi-squared, 3 degrees of freedom).
         first_gate: The same before the track speaks; wider, as a rejection costs the track.
@@ -40,6 +41,19 @@ class FilterConfig:
             too [s].
         kick_sigma: Velocity change that a kick may bring, each component [m/s].
         max_gap: Time without a sighting after which a new one begins a new track [s].
+        push_sigma: Standard deviation of each component of the push, a slowly varying acceleration
+            that drag does not explain, such as the lift of a spinning ball [m/s^2].
+        push_time: Its correlation time [s].
+        steady_density: Spectral density of the unmodelled acceleration of what does not fly
+            [m^2/s^3].
+        driven_sigma: Standard deviation of each component of the acceleration of what is driven,
+            by a hand or a spring [m/s^2].
+        driven_time: Its correlation time [s].
+        other_motion: Prior probability that the target does not fly; steady and driven share it.
+        switch_time: Mean time between changes of the law of motion [s].
+        watchful: Whether the other laws are weighed from the first sighting on; otherwise from
+            when flight does not fit.
+        speaks_after: Sightings after which there is an estimate; ``min_sightings`` if None.
     """
 
     drag_mean: float = 0.06
@@ -66,10 +80,14 @@ class FilterConfig:
     speaks_after: int | None = None
 
 
-THROWN_BALL = FilterConfig(drag_mean=0.04, drag_sigma=0.005, accel_density=0.001)
+THROWN_BALL = FilterConfig(
+    drag_mean=0.04, drag_sigma=0.005, drag_density=1e-6, accel_density=1e-4, push_sigma=0.03
+)
 """For the thrown balls of facts.md, section 4: 0.036 to 0.042 per metre and hardly any spin."""
 
-TABLE_TENNIS_BALL = FilterConfig(drag_mean=0.12, drag_sigma=0.03, accel_density=0.03)
+TABLE_TENNIS_BALL = FilterConfig(
+    drag_mean=0.12, drag_sigma=0.03, accel_density=0.005, push_sigma=1.0
+)
 """For the recorded balls of facts.md, section 4: 0.09 to 0.15 per metre, and visible spin."""
 
 

@@ -18,7 +18,7 @@ from numba import njit
 
 from mitt.flight import STATES, TRACK
 from mitt.signals import Array
-from mitt.vision.linear import invert_positive
+from mitt.vision.linear import inverse
 from mitt.vision.memory import SLOT_R
 
 MAX_DISTANCE = 1000.0
@@ -45,23 +45,21 @@ def is_sane(z: Array, R: Array) -> bool:
 @njit(cache=True)
 def _joseph(m: Array, at: int, slot: int, work: Array) -> None:
     """Replace P by (I - K H) P (I - K H)' + K R K', H = (I 0), with K in rows 3 to 5 of work."""
-    P, R = at + STATES, slot + SLOT_R
+    P, half = m[at + STATES : at + TRACK].reshape(STATES, STATES), work[1]
+    R = slot + SLOT_R
+    r0, r1, r2, r3 = m[R], m[R + 1], m[R + 2], m[R + 4]
+    r4, r5 = m[R + 5], m[R + 8]
     for i in range(STATES):
         k0, k1, k2 = work[0, 3, i], work[0, 4, i], work[0, 5, i]
-        row = P + STATES * i
         for j in range(STATES):
-            work[1, i, j] = m[row + j] - k0 * m[P + j] - k1 * m[P + 10 + j] - k2 * m[P + 20 + j]
+            half[i, j] = P[i, j] - k0 * P[0, j] - k1 * P[1, j] - k2 * P[2, j]
     for i in range(STATES):
         k0, k1, k2 = work[0, 3, i], work[0, 4, i], work[0, 5, i]
-        w0 = k0 * m[R] + k1 * m[R + 3] + k2 * m[R + 6] - work[1, i, 0]
-        w1 = k0 * m[R + 1] + k1 * m[R + 4] + k2 * m[R + 7] - work[1, i, 1]
-        w2 = k0 * m[R + 2] + k1 * m[R + 5] + k2 * m[R + 8] - work[1, i, 2]
-        for j in range(i + 1):
-            total = (
-                work[1, i, j] + w0 * work[0, 3, j] + w1 * work[0, 4, j] + w2 * work[0, 5, j]
-            )  # fmt: skip
-            m[P + STATES * i + j] = total
-            m[P + STATES * j + i] = total
+        w0 = k0 * r0 + k1 * r1 + k2 * r2 - half[i, 0]
+        w1 = k0 * r1 + k1 * r3 + k2 * r4 - half[i, 1]
+        w2 = k0 * r2 + k1 * r4 + k2 * r5 - half[i, 2]
+        for j in range(STATES):
+            P[i, j] = half[i, j] + w0 * work[0, 3, j] + w1 * work[0, 4, j] + w2 * work[0, 5, j]
 
 
 @njit(cache=True)
@@ -73,23 +71,29 @@ def correct(m: Array, at: int, slot: int, gate: float, work: Array) -> float:
         at: Index of the estimate, valid at the sighting's time.
         slot: Index of the sighting.
         gate: Largest squared Mahalanobis distance of the innovation [1].
-        work: Scratch, shape (2, 10, 10).
+        work: Scratch, shape (2, 10, 10); S^-1 e is left in its row 6, S^-1 in row 7 (its upper
+            triangle, row by row).
 
     Returns:
         The squared Mahalanobis distance; infinite if it has none. Beyond the gate nothing
         has changed.
     """
     P, R = at + STATES, slot + SLOT_R
-    for i in range(3):
-        for j in range(3):
-            work[1, i, j] = m[P + STATES * i + j] + m[R + 3 * i + j]
-    if not invert_positive(work[1], work[0]):
+    ok, a, b, c, d, e, f = inverse(
+        m[P] + m[R],
+        m[P + 1] + m[R + 1],
+        m[P + 2] + m[R + 2],
+        m[P + 11] + m[R + 4],
+        m[P + 12] + m[R + 5],
+        m[P + 22] + m[R + 8],
+    )
+    if not ok:
         return float(np.inf)
     e0, e1, e2 = m[slot + 1] - m[at], m[slot + 2] - m[at + 1], m[slot + 3] - m[at + 2]
-    a, b, c = work[0, 0, 0], work[0, 0, 1], work[0, 0, 2]
-    d, e, f = work[0, 1, 1], work[0, 1, 2], work[0, 2, 2]
     u0, u1, u2 = a * e0 + b * e1 + c * e2, b * e0 + d * e1 + e * e2, c * e0 + e * e1 + f * e2
     work[0, 6, 0], work[0, 6, 1], work[0, 6, 2] = u0, u1, u2
+    work[0, 7, 0], work[0, 7, 1], work[0, 7, 2] = a, b, c
+    work[0, 7, 3], work[0, 7, 4], work[0, 7, 5] = d, e, f
     distance = e0 * u0 + e1 * u1 + e2 * u2
     if not distance <= gate:
         return float(distance) if distance > gate else float(np.inf)
@@ -128,5 +132,6 @@ def settle(m: Array, at: int, slot: int, speed_sigma: float) -> None:
 @njit(cache=True)
 def copy(m: Array, origin: int, into: int) -> None:
     """Copy a track."""
+    source, target = m[origin : origin + TRACK], m[into : into + TRACK]
     for i in range(TRACK):
-        m[into + i] = m[origin + i]
+        target[i] = source[i]

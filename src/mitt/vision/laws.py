@@ -23,7 +23,7 @@ from mitt.flight import STATES, TRACK, advance_uncertain
 from mitt.signals import Array
 from mitt.vision import memory as at
 from mitt.vision.kalman import correct
-from mitt.vision.linear import invert_positive
+from mitt.vision.linear import inverse
 from mitt.vision.memory import BALL, LIMITS
 
 FLOOR = 1e-3
@@ -88,7 +88,9 @@ def wake(memory: Array, settings: Array) -> None:
 @njit(cache=True)
 def fall_asleep(memory: Array) -> None:
     """Leave flight alone."""
-    for i in range(at.AWAKE, BALL):
+    for i in range(at.AWAKE, at.RUN):
+        memory[i] = 0.0
+    for i in range(at.BIAS, BALL):
         memory[i] = 0.0
 
 
@@ -98,7 +100,7 @@ def fit(memory: Array, slot: int, gate: float, settings: Array, work: Array) -> 
     dt = memory[slot] - memory[at.T]
     memory[at.T] = memory[slot]
     if memory[at.AWAKE] > 0.0:
-        return _fit_all(memory, slot, dt, gate, settings, work)
+        return bool(_fit_all(memory, slot, dt, gate, settings, work))
     distance = _fit_one(memory, 0, slot, dt, gate, settings, work)
     if distance > gate:
         return False
@@ -110,35 +112,28 @@ def fit(memory: Array, slot: int, gate: float, settings: Array, work: Array) -> 
 def _note_bias(memory: Array, work: Array) -> None:
     """Let the newest innovation e, of covariance S, enter the mean of S^-1 e and its covariance.
 
-    ``correct`` has left S^-1 in the rows 0 to 2 of the scratch, and S^-1 e in row 6.
+    ``correct`` has left both in rows 6 and 7 of the scratch.
     """
-    old = 1.0 - MEMORY_OF_FIT
+    old, new = 1.0 - MEMORY_OF_FIT, MEMORY_OF_FIT
     for i in range(3):
-        memory[at.BIAS + i] = old * memory[at.BIAS + i] + MEMORY_OF_FIT * work[0, 6, i]
-    k = at.PRECISION
-    for i in range(3):
-        for j in range(i + 1):
-            memory[k] = old**2 * memory[k] + MEMORY_OF_FIT**2 * work[0, i, j]
-            k += 1
+        memory[at.BIAS + i] = old * memory[at.BIAS + i] + new * work[0, 6, i]
+    for k in range(6):
+        i = at.PRECISION + k
+        memory[i] = old * old * memory[i] + new * new * work[0, 7, k]
 
 
 @njit(cache=True)
-def is_biased(memory: Array, work: Array) -> bool:
+def is_biased(memory: Array) -> bool:
     """Return whether the innovations lean to one side more than flight explains."""
     if memory[at.AWAKE] > 0.0:
         return False
     k = at.PRECISION
-    for i in range(3):
-        for j in range(i + 1):
-            work[1, i, j] = work[1, j, i] = memory[k]
-            k += 1
-    if not invert_positive(work[1], work[0]):
-        return False
-    distance = 0.0
-    for i in range(3):
-        for j in range(3):
-            distance += memory[at.BIAS + i] * work[0, i, j] * memory[at.BIAS + j]
-    return bool(distance > BIAS_WAKES)
+    ok, a, b, c, d, e, f = inverse(
+        memory[k], memory[k + 1], memory[k + 2], memory[k + 3], memory[k + 4], memory[k + 5]
+    )
+    x, y, z = memory[at.BIAS], memory[at.BIAS + 1], memory[at.BIAS + 2]
+    distance = a * x * x + d * y * y + f * z * z + 2.0 * (b * x * y + c * x * z + e * y * z)
+    return bool(ok and distance > BIAS_WAKES)
 
 
 @njit(cache=True)
@@ -179,8 +174,9 @@ def _fit_all(
 @njit(cache=True)
 def _determinant(work: Array) -> float:
     """Return the determinant of the inverse that ``correct`` leaves in its scratch."""
-    a, b, c = work[0, 0, 0], work[0, 0, 1], work[0, 0, 2]
-    d, e, f = work[0, 1, 1], work[0, 1, 2], work[0, 2, 2]
+    a, b, c, d, e, f = (
+        work[0, 7, 0], work[0, 7, 1], work[0, 7, 2], work[0, 7, 3], work[0, 7, 4], work[0, 7, 5]
+    )  # fmt: skip
     return float(max(a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d), 0.0))
 
 

@@ -18,6 +18,7 @@ from mitt.signals import Array
 T, T_SEEN, T_FIRST, USED, REJECTED, IN_A_ROW, DOUBTFUL = range(7)
 ALL_USED, ALL_REJECTED, ALL_KICKS, ALL_RESTARTS = range(7, 11)
 AWAKE, BEST, CALM, WEIGHT = range(11, 15)
+RUN = 17
 BIAS, PRECISION = 18, 21
 BALL = 28
 """Index of the first track: position, velocity, drag coefficient, push, their covariance."""
@@ -77,8 +78,10 @@ def slot_at(memory: Array, age: int) -> int:
 @njit(cache=True)
 def save(memory: Array, slot: int) -> None:
     """Keep the belief in a slot, as the one before its sighting."""
-    for i in range(BELIEF if memory[AWAKE] > 0.0 else BALL + TRACK):
-        memory[slot + SLOT_BELIEF + i] = memory[i]
+    n = BELIEF if memory[AWAKE] > 0.0 else BALL + TRACK
+    belief, kept = memory[:n], memory[slot + SLOT_BELIEF :]
+    for i in range(n):
+        kept[i] = belief[i]
 
 
 @njit(cache=True)

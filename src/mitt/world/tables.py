@@ -7,19 +7,23 @@ from pathlib import Path
 
 from mitt.errors import FileError
 
-MAX_BYTES = 10_000_000
-"""Largest table that is read [bytes]."""
-
 MAX_ROWS = 100_000
-"""Most rows that are read."""
+"""Most rows that are read where nothing else is said."""
+
+MAX_BYTES = 10_000_000
+"""Largest table that is read, for so many rows [bytes]."""
 
 
-def read_rows(path: Path, columns: Sequence[str]) -> Iterator[tuple[int, dict[str, str]]]:
+def read_rows(
+    path: Path, columns: Sequence[str], *, optional: str = "", max_rows: int = MAX_ROWS
+) -> Iterator[tuple[int, dict[str, str]]]:
     """Read a table that has exactly ``columns``, in any order.
 
     Args:
         path: CSV file with a header line.
         columns: Names that the header must hold, no more and no less.
+        optional: A name that it may hold, too.
+        max_rows: Most rows that are read.
 
     Yields:
         The line number in the file, counted from 1, and the cells of that line by column.
@@ -28,9 +32,10 @@ def read_rows(path: Path, columns: Sequence[str]) -> Iterator[tuple[int, dict[st
         FileError: The file cannot be read, is too large, or has other columns or ragged rows.
     """
     wanted = ",".join(columns)
+    max_bytes = MAX_BYTES * max(1, max_rows // MAX_ROWS)
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise FileError(str(path), f"at most {MAX_BYTES} bytes", path.stat().st_size)
+        if path.stat().st_size > max_bytes:
+            raise FileError(str(path), f"at most {max_bytes} bytes", path.stat().st_size)
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise FileError(str(path), "UTF-8 text", f"a bad byte at {error.start}") from None
@@ -41,11 +46,11 @@ def read_rows(path: Path, columns: Sequence[str]) -> Iterator[tuple[int, dict[st
     reader = csv.reader(text.splitlines(), strict=True)
     try:
         header = [name.strip() for name in next(reader, [])]
-        if sorted(header) != sorted(columns):
+        if sorted(header) not in (sorted(columns), sorted((*columns, optional))):
             raise FileError(f"{path} line 1", f"columns {wanted}", ",".join(header)[:80] or "none")
         for count, cells in enumerate(row for row in reader if row):
-            if count >= MAX_ROWS:
-                raise FileError(str(path), f"at most {MAX_ROWS} rows", "more")
+            if count >= max_rows:
+                raise FileError(str(path), f"at most {max_rows} rows", "more")
             if len(cells) != len(header):
                 place = f"{path} line {reader.line_num}"
                 raise FileError(place, f"{len(header)} cells ({wanted})", f"{len(cells)} cells")

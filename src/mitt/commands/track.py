@@ -1,0 +1,62 @@
+"""``mitt track``: the ball filter alone, on recorded positions."""
+
+import json
+
+import mitt
+from mitt.commands.screen import checked, console_of
+from mitt.errors import InputError
+from mitt.link.files import check_folder
+from mitt.options import TrackOptions
+from mitt.study.positions import read_positions, write_track
+from mitt.study.track import follow_all
+from mitt.vision.belief import MAX_HORIZON
+
+#: Largest standard deviation of a coordinate that makes sense [m].
+_MAX_SIGMA = 1.0
+
+
+def run(options: TrackOptions) -> int:
+    """Run ``mitt track``; return its exit status."""
+    _check(options)
+    positions = read_positions(options.points)
+    rows, flights = len(positions.samples), len(positions.rows)
+    if options.check:
+        return checked(f"{rows} rows, {flights} flights, output to {options.out}")
+    track = follow_all(
+        positions.samples, positions.rows.values(), ahead=options.ahead or 0.0, sigma=options.sigma
+    )
+    write_track(options.out, positions, track, ahead=options.ahead is not None)
+    if options.json:
+        said = {
+            "schema": "mitt.track/1",
+            "version": mitt.__version__,
+            "rows": rows,
+            "flights": flights,
+            "ahead_s": options.ahead,
+            "sigma_m": options.sigma,
+            "out": str(options.out),
+        }
+        print(json.dumps(said, allow_nan=False))  # noqa: T201
+    else:
+        console_of().print(f"{rows} rows, {flights} flights; written: {options.out}",
+                           soft_wrap=True)  # fmt: skip
+    return 0
+
+
+def _check(options: TrackOptions) -> None:
+    """Check what can be checked without reading the table.
+
+    Raises:
+        InputError: A number out of range, or an output that cannot be written.
+    """
+    ahead, sigma = options.ahead, options.sigma
+    if ahead is not None and not 0.0 <= ahead <= MAX_HORIZON:
+        raise InputError("--ahead", f"a time from 0 to {MAX_HORIZON:g} s", ahead)
+    if sigma is not None and not 0.0 < sigma <= _MAX_SIGMA:
+        raise InputError("--sigma", f"a length above 0, up to {_MAX_SIGMA:g} m", sigma)
+    if options.out.is_dir():
+        raise InputError("--out", "a file", f"{options.out}, which is a folder")
+    if options.out.exists() and not options.overwrite:
+        raise InputError("--out", "a new file", f"{options.out}, which exists",
+                         do="choose another or say --overwrite")  # fmt: skip
+    check_folder(options.out.parent, overwrite=True)
