@@ -117,10 +117,17 @@ class Catcher:
             )
         self._ticked = True
         if self._phase == FOLLOW and self.t_0 == np.inf:
-            self.t_0 = t
-        told = self._told.copy()
+            self.t_0 = self.result["t"].item()
+        return self._command()
+
+    def _command(self) -> Command:
+        """Return what the last tick told the arm, the hand and the heads of the cameras."""
+        told, out = self._told.copy(), self.result
+        t, gaze = out["t"].item(), None
+        if self._eyes.turns:
+            gaze = self._eyes.gaze(ball_of(out.copy()), t + TICK)
         return Command(
-            t=t, q=told[0], dq=told[1], ddq=told[2], tau=told[3], hand=self.result["hand"].item()
+            t=t, q=told[0], dq=told[1], ddq=told[2], tau=told[3], hand=out["hand"].item(), gaze=gaze
         )
 
     def think(self) -> None:

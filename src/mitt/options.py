@@ -50,6 +50,8 @@ class CatchOptions(ArmOptions):
         generator: What turns the ball's estimate into joint motion.
         map: A map from mitt learn; learned first if left out.
         vision: What the catcher sees: images of two cameras, or noisy points.
+        cameras: Cameras that stand still, or on heads that follow the ball; as the scene says if
+            left out.
         scene: Settings of the world.
         throws_file: Throws to use: columns x,y,z,vx,vy,vz [m, m/s].
         flights: Recorded flights to use: columns flight,t_s,x_m,y_m,z_m.
@@ -65,6 +67,7 @@ class CatchOptions(ArmOptions):
     generator: GeneratorName = "direct"
     map: Map = None
     vision: Literal["pixels", "points"] = "pixels"
+    cameras: Literal["fixed", "active"] | None = None
     scene: Toml = None
     throws_file: Csv = None
     flights: Csv = None

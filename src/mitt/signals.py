@@ -25,12 +25,16 @@ class Frame:
         camera: Index of the camera in its rig.
         number: Frame number, rising by one with each exposure.
         pixels: Grey values, row v down and column u right, shape (height, width).
+        pan: First angle of the camera's head, read in the middle of the exposure [rad].
+        tilt: Second angle of the camera's head [rad].
     """
 
     t: float
     camera: int
     number: int
     pixels: Image
+    pan: float = 0.0
+    tilt: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,6 +49,7 @@ class Moments:
         u: Grey-weighted centroid, column [px].
         v: Grey-weighted centroid, row [px].
         clipped: Whether the target touches the image border.
+        merged: Whether the target is no ball alone: its shape is not that of one disc.
     """
 
     t: float
@@ -54,6 +59,7 @@ class Moments:
     u: float = 0.0
     v: float = 0.0
     clipped: bool = False
+    merged: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,6 +182,8 @@ class Command:
         ddq: Accelerations [rad/s^2], shape (n,).
         tau: Torques of the active joints [N m], shape (n,).
         hand: Closing angle of the fingers [rad]; 0 is open.
+        gaze: Pan, tilt [rad] and their rates [rad/s] that each camera's head is to have a tick
+            later, shape (heads, 4); None where cameras stand still.
     """
 
     t: float
@@ -184,3 +192,4 @@ class Command:
     ddq: Array
     tau: Array
     hand: float
+    gaze: Array | None = None

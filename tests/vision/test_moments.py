@@ -74,7 +74,9 @@ def test_centroids_are_unbiased_and_sharp(r_px: float) -> None:
 @given(st.floats(20, 100), st.floats(20, 70), st.floats(1.5, 12.0))
 def test_moments_agree_with_opencv(u: float, v: float, r_px: float) -> None:
     """On a noise-free ground of zero, cv2.moments gives the same centroid and pixel count."""
-    dark = ImageSensor(brightness=200.0, background=0.0, read_noise=0.0, electrons=1e12)
+    dark = ImageSensor(
+        brightness=200.0, background=0.0, texture=0.0, body=0.0, read_noise=0.0, electrons=1e12
+    )
     image = at(u, v, r_px=r_px, sensor=dark)
     m, cv = Segmenter().step(image), cv2.moments(image.pixels.astype(np.float32))
     assert (m.u, m.v) == pytest.approx((cv["m10"] / cv["m00"], cv["m01"] / cv["m00"]), abs=SINGLE)

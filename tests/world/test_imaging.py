@@ -11,11 +11,13 @@ from mitt.vision.camera import Camera, Rig, fixed_rig
 from mitt.world.imaging import Imager, ImageSensor
 from mitt.world.noise import noise_bank
 
-CLEAN = ImageSensor(brightness=200.0, background=20.0, read_noise=0.0, electrons=1e12)
+CLEAN = ImageSensor(
+    brightness=200.0, background=20.0, texture=0.0, body=20.0, read_noise=0.0, electrons=1e12
+)
 QUANTUM = 0.51
 """Rounding to whole grey levels."""
-SAMPLING = 3.0
-"""Grey levels of 200: sixteen lines a pixel row, against 40 x 40 rays a pixel."""
+SAMPLING = 6.0
+"""Grey levels of 200: eight or sixteen lines a pixel row, against 40 x 40 rays a pixel."""
 
 CAMERA = Camera(width=48, height=40, f_px=60.0, cu=23.5, cv=19.5, T_world_cam=np.eye(4))
 
@@ -57,7 +59,7 @@ def test_a_ball_out_of_view_leaves_the_ground(r: tuple[float, float, float]) -> 
 
 def test_noise_on_the_ground_and_on_the_ball_is_as_set() -> None:
     """Read noise and shot noise add; both levels are right to the mean's own error."""
-    sensor = ImageSensor()
+    sensor = ImageSensor(texture=0.0)
     big = np.array((0.0, 0.0, 0.5))
     imager = Imager(Rig(cameras=(CAMERA,)), sensor, np.random.default_rng(3))
     for r, level in ((None, sensor.background), (big, sensor.background + sensor.brightness)):
@@ -69,7 +71,14 @@ def test_noise_on_the_ground_and_on_the_ball_is_as_set() -> None:
 
 def test_values_saturate_instead_of_wrapping() -> None:
     """Noise far beyond the grey scale is clipped at 0 and 255."""
-    sensor = ImageSensor(brightness=150.0, background=100.0, read_noise=200.0, electrons=30.0)
+    sensor = ImageSensor(
+        brightness=150.0,
+        background=100.0,
+        texture=0.0,
+        body=100.0,
+        read_noise=200.0,
+        electrons=30.0,
+    )
     pixels = shot(sensor, np.array((0.0, 0.0, 0.3)), 0.1)
     assert 0.15 < (pixels == 0.0).mean() < 0.4
     assert 0.15 < (pixels == 255.0).mean() < 0.6
@@ -93,11 +102,18 @@ def test_same_seed_same_images_and_no_two_frames_alike() -> None:
 def test_trials_share_the_banks_but_not_the_noise() -> None:
     """Cameras of two trials read the same banks, and their images are not correlated."""
     first, second = (
-        Imager(fixed_rig(), ImageSensor(), np.random.default_rng(seed)) for seed in (1, 2)
+        Imager(fixed_rig(), ImageSensor(texture=0.0), np.random.default_rng(seed))
+        for seed in (1, 2)
     )
-    sensor = ImageSensor()
-    settings_ = sensor.background, sensor.read_noise, sensor.electrons
-    assert noise_bank(*settings_) is noise_bank(*settings_)
+    sensor = ImageSensor(texture=0.0)
+    settings_ = {
+        "background": sensor.background,
+        "texture": sensor.texture,
+        "body": sensor.body,
+        "read_noise": sensor.read_noise,
+        "electrons": sensor.electrons,
+    }
+    assert noise_bank(**settings_) is noise_bank(**settings_)
     pairs = [
         (first.render(0.0, None, 0.04)[0].pixels, second.render(0.0, None, 0.04)[0].pixels)
         for _ in range(20)

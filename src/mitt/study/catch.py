@@ -108,6 +108,9 @@ def prepare(job: CatchOptions) -> Prepared:
     scene = Scene() if job.scene is None else read_scene(job.scene)
     if job.flights is not None and "ball" not in scene.model_fields_set:
         scene = scene.model_copy(update={"ball": TABLE_TENNIS})
+    if job.cameras is not None:
+        sensing = scene.sensing.model_copy(update={"cameras": job.cameras})
+        scene = scene.model_copy(update={"sensing": sensing})
     if job.map is not None:
         _refuse_design(job)
     learned = None if job.map is None else read_map(job.map, arm)

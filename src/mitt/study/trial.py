@@ -18,6 +18,7 @@ from mitt.vision.camera import Rig, fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig
 from mitt.vision.filter import FilterConfig
 from mitt.world.faults.cameras import true_rig
+from mitt.vision.head import active_rig
 from mitt.world.flights import BallPath
 from mitt.world.imaging import Imager, ImageSensor
 from mitt.world.scene import Scene
@@ -61,7 +62,7 @@ class Bench:
             pixels: Whether the catcher sees images; noisy points otherwise.
         """
         self.arm, self._generator, self._scene = arm, generator, scene
-        self._rig = fixed_rig()
+        self._rig = active_rig() if scene.sensing.cameras == "active" else fixed_rig()
         cameras = _cameras(self._rig, scene) if pixels else None
         self.world = World(scene, arm.model, cameras=cameras, limits=arm.limits)
         self.stopwatch = Stopwatch()
@@ -169,5 +170,13 @@ def known_ball(drag: float, mass: float) -> FilterConfig:
 
 def _cameras(rig: Rig, scene: Scene) -> Callable[[np.random.Generator], Imager]:
     """Return what sets up the cameras of a trial."""
-    sensor = ImageSensor(brightness=scene.ball.brightness)
-    return lambda rng: Imager(true_rig(rig, scene.faults, rng), sensor, rng)
+    sensing = scene.sensing
+    sensor = ImageSensor(
+        brightness=scene.ball.brightness,
+        texture=sensing.texture,
+        body=sensing.body,
+        exposure=sensing.exposure,
+    )
+    return lambda rng: Imager(
+        true_rig(rig, scene.faults, rng), sensor, rng, second=sensing.second
+    )

@@ -10,7 +10,8 @@ at integers. Distortion, when it comes, goes between ``_to_optical`` and the pix
 | ``cu, cv``    | principal point, column and row              | px   |        |
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from math import pi
 
 import numpy as np
 
@@ -83,19 +84,60 @@ class Camera:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Head:
+    """A pan-tilt head that carries a camera; its kinematics: :mod:`mitt.vision.head`.
+
+    Attributes:
+        T_world_base: Pose of the base frame [m], shape (4, 4).
+        lens: Optical centre beyond both axes, in the camera's axes [m], shape (3,).
+        encoder_step: Resolution of both encoders [rad].
+        max_speed: Greatest speed of each axis [rad/s]; the paper prints 525 rad/s, which cannot
+            be right: 525 deg/s (facts.md, section 1).
+        max_accel: Greatest acceleration of each axis [rad/s^2]; a choice of this project.
+        search: Pan and tilt at which the head waits for a ball [rad], shape (2,).
+        nod: How far it nods up and down while it waits [rad].
+        expected_range: Distance at which balls come into sight [m].
+    """
+
+    T_world_base: Array
+    lens: Array = field(default_factory=lambda: np.array((0.0, 0.0, 0.03)))
+    encoder_step: float = 2.0 * pi / 2**18
+    max_speed: float = 525.0 * pi / 180.0
+    max_accel: float = 1000.0
+    search: Array = field(default_factory=lambda: np.zeros(2))
+    nod: float = 0.0
+    expected_range: float = 4.0
+
+    def __post_init__(self) -> None:
+        """Refuse a head that cannot turn, or a pose that is none."""
+        arrays = {"T_world_base": (self.T_world_base, (4, 4)), "lens": (self.lens, (3,)),
+                  "search": (self.search, (2,))}  # fmt: skip
+        for name, (value, shape) in arrays.items():
+            if value.shape != shape or not np.all(np.isfinite(value)):
+                raise ShapeError(name, f"{shape}, finite", value.shape)
+        limits = (self.max_speed, self.max_accel, self.expected_range)
+        if not (0.0 < min(limits) and max(limits) < np.inf and 0.0 <= self.encoder_step < 0.1):
+            raise InputError("head", "positive limits, an encoder step below 0.1 rad", limits)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rig:
     """Cameras that see the same scene at the same instants; two or more to triangulate.
 
     Attributes:
-        cameras: In the order of ``Frame.camera``.
+        cameras: In the order of ``Frame.camera``; with heads, as they stand while they wait.
+        heads: One a camera where cameras turn; none where they stand still.
     """
 
     cameras: tuple[Camera, ...]
+    heads: tuple[Head, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse a rig without cameras."""
+        """Refuse a rig without cameras, or with heads for some of them only."""
         if not self.cameras:
             raise InputError("cameras", "at least one camera", "none")
+        if len(self.heads) not in (0, len(self.cameras)):
+            raise InputError("heads", f"none or {len(self.cameras)}", len(self.heads))
 
 
 def look_at(centre: Array, target: Array) -> Array:

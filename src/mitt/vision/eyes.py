@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import Enum
+from math import pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -9,19 +11,51 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mitt.errors import InputError, ShapeError
-from mitt.signals import Array, Frame, Image, Sighting
+from mitt.signals import Array, BallState, Frame, Image, Sighting
 from mitt.vision import segmentation, triangulation
 from mitt.vision.camera import Rig
+from mitt.vision.gaze import empty_gaze, lead
+from mitt.vision.head import aim, pack_heads
 from mitt.vision.moments import Box
-from mitt.vision.segmentation import SegmenterConfig, forget, pack_segmenter, watch
+from mitt.vision.segmentation import (
+    EXPECTED,
+    GAIN,
+    GOOD,
+    STATE,
+    WEIGHED,
+    WEIGHTS,
+    SegmenterConfig,
+    forget,
+    pack_segmenter,
+    watch,
+)
 from mitt.vision.triangulation import (
     TriangulatorConfig,
     note,
+    on_ray,
     pack_belief,
     pack_cameras,
     triangulate,
     unseen,
 )
+
+KNOWN, SINCE, ODDS, STATUS, SPEED = range(3, 8)
+"""Places in the rig's row of the memory, after the position: sightings that it rests on, looks
+since both eyes saw the ball, looks at odds in a row, status, motion a look."""
+BLIND, ONE, BOTH, AT_ODDS = range(4)
+
+ALONG = 10.0
+"""Standard deviation along the ray of a ball that one camera alone sees [m]."""
+FORGET, STUBBORN = 100.0, 20.0
+"""Looks without both eyes after which a place is old; looks at odds that are no accident."""
+SURE, MISFIT, SMALL, DRIFT, SLOWLY = 0.002, 0.01, 0.1, 0.0005, 20.0
+"""Share of the ball's mass by which a target differs by noise; by which it may differ; what
+patches of the ground add to that, over the radius [px]; what each look without both eyes adds;
+looks over which the contrast may change."""
+ALPHA, BETA = 0.5, 0.1
+"""Gains of position and motion from look to look."""
+LET_GO = 0.1
+"""Time without a sighting after which the heads no longer follow the filter [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +71,75 @@ class EyesConfig:
     ball_radius: float = 0.04
     segmenter: SegmenterConfig = field(default_factory=SegmenterConfig)
     triangulator: TriangulatorConfig = field(default_factory=TriangulatorConfig)
+
+
+@njit(cache=True)
+def _judge(memory: Array, since: float, point: Array) -> bool:
+    """Tell by its mass whether a target is the whole ball and nothing else.
+
+    The mass over the area that the ball should have is its contrast, which changes slowly; a
+    ball that is hidden in part has less, long before its shape gives it away. A rim that hides a
+    share s of the disc moves the centroid by up to s radii: its error widens by that.
+
+    Args:
+        memory: Of the camera.
+        since: Looks since both eyes saw the ball.
+        point: Row of ``points``; its standard deviation is overwritten.
+    """
+    if memory[EXPECTED] == 0.0 or memory[WEIGHED] == 0.0:
+        return True
+    lacking = abs(memory[WEIGHTS] / (memory[GAIN] * memory[EXPECTED]) - 1.0)
+    radius = sqrt(memory[EXPECTED] / pi)
+    off = max(lacking - SURE - 0.5 * SMALL / radius, 0.0) * radius
+    point[2] = sqrt(point[2] * point[2] + off * off)
+    return bool(lacking < MISFIT + SMALL / radius + DRIFT * since)
+
+
+@njit(cache=True)
+def _learn_contrast(memory: Array) -> None:
+    """Take the mass of a target that was believed into the contrast of the ball."""
+    if memory[EXPECTED] > 0.0:
+        memory[WEIGHED] = min(memory[WEIGHED] + 1.0, SLOWLY)
+        gain = memory[WEIGHTS] / memory[EXPECTED]
+        memory[GAIN] += (gain - memory[GAIN]) / memory[WEIGHED]
+
+
+@njit(cache=True)
+def _expect(memory: Array, cameras: Array, radius: float, r: Array) -> None:
+    """Write what area the ball should have in each image where it is believed to be."""
+    for n in range(cameras.shape[0]):
+        z, far = 0.0, 0.0
+        for i in range(3):
+            d = r[i] - cameras[n, 3, i]
+            z += cameras[n, i, 2] * d
+            far += d * d
+        far = sqrt(max(far - radius * radius, radius * radius))
+        sine = radius / far
+        memory[n, EXPECTED] = pi * (cameras[n, 4, 0] * sine) ** 2 * (far / max(z, radius)) ** 3
+
+
+@njit(cache=True)
+def _foresee(rig: Array) -> None:
+    """Move the last position on by one look; forget it where it is old."""
+    rig[SINCE] += 1.0
+    if rig[SINCE] > FORGET:
+        rig[KNOWN] = 0.0
+    for i in range(3):
+        rig[i] += rig[SPEED + i] if rig[KNOWN] > 0.0 else 0.0
+
+
+@njit(cache=True)
+def _remember(rig: Array, r: Array) -> None:
+    """Correct position and motion from look to look by an alpha-beta filter."""
+    count = rig[KNOWN]
+    for i in range(3):
+        error = r[i] - rig[i]
+        rig[i] = r[i] if count < 2.0 else rig[i] + ALPHA * error
+        if count == 0.0:
+            rig[SPEED + i] = 0.0
+        else:
+            rig[SPEED + i] += (1.0 if count == 1.0 else BETA) * error
+    rig[KNOWN] = min(count + 1.0, SLOWLY)
 
 
 @njit(cache=True)
@@ -57,8 +160,9 @@ def look(
     Args:
         images: One a camera, each shape (height, width); empty where there is none.
         together: Whether each image was exposed at the instant that is asked for.
-        memory: What is remembered of each camera, overwritten, shape (n, segmentation.MEMORY).
-        settings: Numbers of the segmenter, shape (5,).
+        memory: What is remembered of each camera, and in the last row of the rig: last position
+            [m], and what ``KNOWN`` and its likes say; overwritten, shape (n + 1, MEMORY).
+        settings: Numbers of the segmenter, shape (6,).
         boxes: Scratch, shape (segmentation.WORK, 4).
         cameras: As in the table of :mod:`mitt.vision.triangulation`, shape (n, 5, 3).
         belief: As of :func:`mitt.vision.triangulation.pack_belief`, shape (4,).
@@ -67,22 +171,67 @@ def look(
         P: Result, its covariance [m^2], shape (3, 3).
 
     Returns:
-        Whether two or more cameras agree on the ball.
+        Whether two or more cameras agree on the ball, or one alone sees it go on; one does not
+        count while something comes between the ball and the other, as before a catch: what is
+        hidden from one is soon half hidden from both, and the flight model knows better.
     """
-    points, count = work[triangulation.WORK :], 0
+    points, count, one, rig = work[triangulation.WORK :], 0, -1, memory[len(images)]
+    hidden = False
+    _foresee(rig)
+    if rig[KNOWN] > 0.0:
+        _expect(memory, cameras, belief[0], rig)
+    else:
+        memory[: len(images), EXPECTED] = 0.0
+        memory[: len(images), WEIGHED] = 0.0
     for n in range(len(images)):
         points[n, 2] = -1.0
         if images[n].size == 0:
             continue
         area, clipped = watch(images[n], memory[n], settings, boxes)
-        if together[n]:
-            u, v = memory[n, 0], memory[n, 1]
-            count += note(points[n], u, v, float(area), clipped, belief[1], belief[2])
-    return bool(count >= 2 and triangulate(cameras, points, belief[0], r, P, work) <= belief[3])
+        if not (together[n] and area > 0 and memory[n, STATE] == GOOD):
+            continue
+        u, v = memory[n, 0], memory[n, 1]
+        if note(points[n], u, v, float(area), clipped, belief[1], belief[2]) == 0:
+            continue
+        if _judge(memory[n], rig[SINCE], points[n]):
+            count, one = count + 1, n
+        else:
+            points[n, 2], hidden = -1.0, True
+    rig[STATUS] = float(BLIND)
+    if count >= 2:
+        if triangulate(cameras, points, belief[0], r, P, work) <= belief[3]:
+            _remember(rig, r)
+            rig[SINCE], rig[ODDS], rig[STATUS] = 0.0, 0.0, float(BOTH)
+            for n in range(len(images)):
+                if points[n, 2] > 0.0:
+                    _learn_contrast(memory[n])
+            return True
+        rig[ODDS] += 1.0
+        rig[STATUS] = float(AT_ODDS if rig[ODDS] >= STUBBORN else BLIND)
+        return False
+    if (
+        count == 1
+        and not hidden
+        and rig[KNOWN] > 0.0
+        and on_ray(cameras[one], points[one], belief[0], rig[:3], r, P, ALONG)
+    ):
+        _remember(rig, r)
+        rig[STATUS] = float(ONE)
+        return True
+    return False
+
+
+class EyesStatus(Enum):
+    """What the eyes can say of the ball."""
+
+    BLIND = BLIND
+    ONE = ONE
+    BOTH = BOTH
+    AT_ODDS = AT_ODDS
 
 
 class Eyes:
-    """Segmentation for each camera of a rig, and triangulation.
+    """Segmentation for each camera of a rig, triangulation, and the gaze of its heads.
 
     The kernels are those of ``Segmenter`` and ``Triangulator``, composed.
     """
@@ -94,8 +243,11 @@ class Eyes:
         self._max_skew = config.triangulator.max_skew
         self._settings = pack_segmenter(config.segmenter)
         self._cameras = pack_cameras(rig)
-        self._belief = pack_belief(config.triangulator, config.ball_radius)
-        self._memory = np.empty((n, segmentation.MEMORY))
+        self._belief = pack_belief(config.triangulator, config.ball_radius, rig)
+        self._memory = np.empty((n + 1, segmentation.MEMORY))
+        self._heads, self._angles = pack_heads(rig), np.zeros((len(rig.heads), 2))
+        self._gaze, self._gaze_work = empty_gaze(len(rig.heads)), np.empty((7, 3))
+        self._numbers, self._t = [-1] * n, 0.0
         self._boxes = np.zeros((segmentation.WORK, 4), dtype=np.int64)
         self._work = np.empty((triangulation.WORK + n, 3))
         self._none = [np.empty((0, 0), dtype=np.uint8)] * n
@@ -105,6 +257,52 @@ class Eyes:
     def reset(self) -> None:
         """Forget the last ball, as before a new throw."""
         forget(self._memory)
+        self._memory[-1] = 0.0
+        self._gaze[:] = empty_gaze(len(self._gaze))
+        self._numbers = [-1] * len(self._none)
+
+    @property
+    def status(self) -> EyesStatus:
+        """What the last look said.
+
+        AT_ODDS: both cameras see a target, but for ``STUBBORN`` looks and more their lines of
+        sight have not met: two different things, cameras that are swapped, or a calibration that
+        is not theirs.
+        """
+        return EyesStatus(int(self._memory[-1, STATUS]))
+
+    @property
+    def turns(self) -> bool:
+        """Whether the cameras can be turned."""
+        return len(self._heads) > 0
+
+    def gaze(self, ball: BallState, t: float) -> Array | None:
+        """Return where the heads are to look at ``t`` [s]: pan, tilt, rates, shape (n, 4).
+
+        None for cameras that stand still.
+
+        Args:
+            ball: Estimate of the ball, at a time near ``t``.
+            t: Time at which the heads are to be there [s].
+        """
+        if not len(self._heads):
+            return None
+        wanted, motion = np.empty((len(self._heads), 4)), np.zeros((2, 3))
+        if ball.tracked:
+            motion[0], motion[1] = ball.r_o + (t - ball.t) * ball.dr_o, ball.dr_o
+        lead(
+            self._heads,
+            self._cameras,
+            self._memory,
+            self._gaze,
+            motion,
+            ball.tracked and ball.t - ball.t_seen < LET_GO,
+            self._t,
+            t,
+            self._gaze_work,
+            wanted,
+        )
+        return wanted
 
     def parts(self) -> dict[str, NDArray[Any]]:
         """Return the arrays that :func:`look` takes, by name, for whoever composes it."""
@@ -127,7 +325,8 @@ class Eyes:
         """Return where the ball is in frames exposed together.
 
         Args:
-            frames: One a camera, in any order; a camera may be missing.
+            frames: One a camera, in any order; a camera may be missing, and a frame that was
+                seen before, by its number, counts as missing.
 
         Raises:
             InputError: A frame comes from a camera that the rig does not have.
@@ -158,19 +357,32 @@ class Eyes:
         Args:
             frames: As for :meth:`step`.
         """
-        t = frames[0].t if frames else 0.0
-        images, together = self._none.copy(), self._still
-        for frame in frames:
-            k = frame.camera
-            if not 0 <= k < len(images):
-                raise InputError("frame.camera", f"0 to {len(images) - 1}", k)
-            pixels = frame.pixels
+        images, together, t = self._none.copy(), self._still, -np.inf
+        fresh = [frame for frame in frames if self._is_new(frame)]
+        for frame in fresh:
+            t = max(t, frame.t)
+        for frame in fresh:
+            k, pixels = frame.camera, frame.pixels
             plain = pixels.size > 0 and pixels.ndim == 2 and pixels.flags.carray
             images[k] = pixels if plain else _plain(pixels)
+            if len(self._angles):
+                self._angles[k] = frame.pan, frame.tilt
             if frame.t != t:
                 near = abs(frame.t - t) <= self._max_skew
                 together = (*together[:k], near, *together[k + 1 :])
-        return tuple(images), together, t
+        if len(self._angles):
+            aim(self._heads, self._angles, self._cameras)
+        self._t = t if fresh else self._t
+        return tuple(images), together, t if fresh else 0.0
+
+    def _is_new(self, frame: Frame) -> bool:
+        """Say whether a frame was not seen before, by its number; note it."""
+        k = frame.camera
+        if not 0 <= k < len(self._numbers):
+            raise InputError("frame.camera", f"0 to {len(self._numbers) - 1}", k)
+        new = frame.number != self._numbers[k]
+        self._numbers[k] = frame.number
+        return new
 
 
 def _plain(pixels: Image) -> Image:

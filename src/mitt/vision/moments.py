@@ -1,9 +1,6 @@
-"""Finding the ball in an image, and where its centre of brightness lies.
+"""Level and noise of the ground, and targets anywhere in an image.
 
-A target is a group of touching pixels above the threshold; the moments are weighted with grey
-value minus ground over the group's box and one pixel around it. Pixels below the threshold
-count as they are, so that noise has no bias: two to four times better than counting pixels
-(performance.md, section 12). Level and noise of the ground come from the image itself.
+A target is a group of touching pixels above the threshold. Its moments: :mod:`mitt.vision.window`.
 """
 
 import numpy as np
@@ -97,7 +94,7 @@ def _area(pixels: Image, threshold: int, box: Box) -> int:
 
 @njit(cache=True)
 def find_target(
-    pixels: Image, window: Box, threshold: int, min_area: int, boxes: Box, near: bool
+    pixels: Image, window: Box, threshold: int, min_area: int, boxes: Box, expected: float
 ) -> int:
     """Write the box of the best target that begins in ``window`` into ``boxes[0]``.
 
@@ -107,7 +104,8 @@ def find_target(
         threshold: Grey value that a target exceeds.
         min_area: Least number of pixels of a target.
         boxes: Result in row 0, scratch behind it [px], shape (MAX_BLOBS + 1, 4).
-        near: Whether the target nearest to the window's centre wins, or the largest.
+        expected: Area that the ball should have [px^2]: the nearest to it wins; the largest, the
+            round ones before the long, if it is 0.
 
     Returns:
         Pixels of the target above the threshold; 0 if there is none.
@@ -128,41 +126,13 @@ def find_target(
                 box[0], box[1], box[2], box[3] = u, v, u, v
                 _grow(pixels, threshold, box)
                 area = _area(pixels, threshold, box)
-                du = 0.5 * (box[0] + box[2] - window[0] - window[2])
-                dv = 0.5 * (box[1] + box[3] - window[1] - window[3])
-                score = -(du * du + dv * dv) if near else float(area)
+                sides = box[2] - box[0] + 1, box[3] - box[1] + 1
+                score = area * min(sides) / max(sides)
+                if expected > 0.0:
+                    score = min(score / expected, expected / score)
                 if area >= min_area and score > best:
                     best, best_area = score, area
                     boxes[0] = box
                 u = box[2]
             u += 1
     return best_area
-
-
-@njit(cache=True)
-def grey_moments(pixels: Image, box: Box, level: float, centroid: Array) -> bool:
-    """Write the centroid of grey value minus ``level`` over ``box`` grown by one pixel.
-
-    Args:
-        pixels: Image, shape (height, width).
-        box: Columns and rows: u0, v0, u1, v1, inclusive [px], shape (4,).
-        level: Grey level of the ground.
-        centroid: Result, column and row [px], shape (2,).
-
-    Returns:
-        Whether the centroid lies in the box; it need not where the surroundings are dark.
-    """
-    height, width = pixels.shape
-    total, sum_u, sum_v = 0.0, 0.0, 0.0
-    for v in range(max(box[1] - 1, 0), min(box[3] + 2, height)):
-        for u in range(max(box[0] - 1, 0), min(box[2] + 2, width)):
-            weight = pixels[v, u] - level
-            total += weight
-            sum_u += weight * (u - box[0])
-            sum_v += weight * (v - box[1])
-    if not total > 0.0:
-        return False
-    centroid[0] = box[0] + sum_u / total
-    centroid[1] = box[1] + sum_v / total
-    du, dv = centroid[0] - 0.5 * (box[0] + box[2]), centroid[1] - 0.5 * (box[1] + box[3])
-    return bool(2.0 * abs(du) <= box[2] - box[0] + 1 and 2.0 * abs(dv) <= box[3] - box[1] + 1)

@@ -1,4 +1,22 @@
-"""Finding the ball in the images of one camera, first where it was, then everywhere."""
+"""Finding the ball in the images of one camera, first where it was, then everywhere.
+
+The memory of a camera, one row of numbers (the names are their places):
+
+| here                   | meaning                                              | unit        |
+|------------------------|------------------------------------------------------|-------------|
+| 0, 1                   | last centroid (u, v); NaN if there is none           | px          |
+| ``LEVEL``, ``THRESHOLD`` | of the ground, of a target                         | grey levels |
+| ``DUE``                | frames since the ground was measured                 |             |
+| ``DU``, ``DV``         | motion of the centroid                               | px a frame  |
+| ``AREA``               | of the last target                                   | px^2        |
+| ``STATE``              | LOST, GOOD, or MERGED and more: frames since merging |             |
+| ``TOP``, ``HEIGHT``    | first row of the mask and its rows                   | px          |
+| ``MARK``, ``FROZEN``   | sum over the last image, frames it has been the same |             |
+| ``EXPECTED``           | area that the ball should have; 0 if unknown         | px^2        |
+| ``GAIN``, ``WEIGHED``  | mass of the ball over that area, from how many looks | grey levels |
+| ``WEIGHTS``            | moments of the last target (:mod:`mitt.vision.window`) |           |
+| ``RUNS``               | the mask, first columns and then last columns        | px          |
+"""
 
 from dataclasses import dataclass
 
@@ -8,7 +26,18 @@ from numpy.typing import NDArray
 
 from mitt.errors import ShapeError
 from mitt.signals import Array, Frame, Image, Moments
-from mitt.vision.moments import MAX_BLOBS, Box, estimate_ground, find_target, grey_moments
+from mitt.vision.moments import MAX_BLOBS, Box, estimate_ground, find_target
+from mitt.vision.window import ROWS, Runs, dilate, is_merged, shrink, weigh
+
+LEVEL, THRESHOLD, DUE, DU, DV, AREA, STATE, TOP, HEIGHT, MARK, FROZEN = range(2, 13)
+EXPECTED, GAIN, WEIGHED, WEIGHTS, RUNS = 13, 14, 15, 16, 23
+LOST, GOOD, MERGED = 0, 1, 2
+
+MEMORY, WORK = RUNS + 2 * ROWS, MAX_BLOBS + 66 + ROWS
+"""Sizes of a camera's memory and of the scratch array."""
+
+KEPT, PATIENCE = 0.4, 40
+"""Share of its area below which a target is looked for anew; frames that a merged one is kept."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,51 +50,162 @@ class SegmenterConfig:
         min_contrast: Least threshold above the ground [grey levels].
         noise_factor: Threshold above the ground in standard deviations of the ground; at 6 a
             128 x 128 image has a false pixel once in 60 000 frames.
-        half_window: Half the side of the window that is searched around the last centroid [px].
+        reach: Pixels by which the last target is dilated: how far its edge may get in a frame
+            beyond where its last motion takes it [px].
         background_period: Frames between two estimates of the ground.
+        frozen: Frames that an image may be the same, noise and all, before its camera counts
+            as blind; 0 turns the test off, as for drawn images without noise.
     """
 
     min_area: int = 2
     min_contrast: float = 12.0
     noise_factor: float = 6.0
-    half_window: int = 14
+    reach: int = 3
     background_period: int = 64
+    frozen: int = 3
+
+
+@njit(cache=True)
+def _keep(memory: Array, top: int, rows: int, runs: Runs, area: float) -> None:
+    """Keep a target's mask and area for the next frame."""
+    memory[AREA], memory[TOP], memory[HEIGHT] = area, float(top), float(rows)
+    left, right = memory[RUNS : RUNS + ROWS], memory[RUNS + ROWS : RUNS + 2 * ROWS]
+    for k in range(rows):
+        left[k], right[k] = float(runs[0, k]), float(runs[1, k])
+
+
+@njit(cache=True)
+def _trim(top: int, rows: int, runs: Runs) -> tuple[int, int]:
+    """Move runs up to their first row that is not empty; return where they begin and how many."""
+    first, last = rows, -1
+    for k in range(rows):
+        if runs[0, k] <= runs[1, k]:
+            first, last = min(first, k), k
+    for k in range(first, last + 1):
+        runs[0, k - first], runs[1, k - first] = runs[0, k], runs[1, k]
+    return top + first, max(last - first + 1, 0)
+
+
+@njit(cache=True)
+def _window(
+    pixels: Image, memory: Array, reach: int, old: Runs, new: Runs, weights: Array
+) -> tuple[int, int]:
+    """Find the target in the dilated mask of the last; return first row and rows, 0 if lost."""
+    rows = int(memory[HEIGHT])
+    if rows + 2 * reach > ROWS:
+        return 0, 0
+    du, dv = round(memory[DU]), round(memory[DV])
+    for k in range(rows):
+        old[0, k] = int(memory[RUNS + k])
+        old[1, k] = int(memory[RUNS + ROWS + k])
+    dilate(old, rows, reach, du, pixels.shape[1], new)
+    top, rows = int(memory[TOP]) + dv - reach, rows + 2 * reach
+    if shrink(pixels, int(memory[THRESHOLD]), top, rows, new) == 0:
+        return 0, 0
+    top, rows = _trim(top, rows, new)
+    if not weigh(pixels, top, rows, new, int(memory[THRESHOLD]), memory[LEVEL], weights):
+        return 0, 0
+    return top, rows
+
+
+@njit(cache=True)
+def _everywhere(
+    pixels: Image, memory: Array, min_area: int, boxes: Box, new: Runs, weights: Array
+) -> tuple[int, int]:
+    """Find the target in the whole image; return first row and rows, 0 if there is none."""
+    height, width = pixels.shape
+    window, box, threshold = boxes[MAX_BLOBS + 1], boxes[0], int(memory[THRESHOLD])
+    window[0], window[1], window[2], window[3] = 0, 0, width - 1, height - 1
+    if find_target(pixels, window, threshold, min_area, boxes, memory[EXPECTED]) == 0:
+        return 0, 0
+    rows = min(box[3] - box[1] + 1, ROWS)
+    for k in range(rows):
+        new[0, k], new[1, k] = box[0], box[2]
+    shrink(pixels, threshold, box[1], rows, new)
+    if not weigh(pixels, box[1], rows, new, threshold, memory[LEVEL], weights):
+        return 0, 0
+    return box[1], rows
+
+
+@njit(cache=True)
+def _touches_border(shape: tuple[int, int], top: int, rows: int, runs: Runs) -> bool:
+    """Tell whether a target touches the border of the image."""
+    if top <= 0 or top + rows >= shape[0] or rows == ROWS:
+        return True
+    touches = False
+    for k in range(rows):
+        if runs[0, k] <= runs[1, k]:
+            touches |= runs[0, k] <= 0 or runs[1, k] >= shape[1] - 1
+    return touches
 
 
 @njit(cache=True)
 def segment(
-    pixels: Image, centroid: Array, ground: Array, min_area: int, half: int, boxes: Box
+    pixels: Image, memory: Array, min_area: int, reach: int, boxes: Box, runs: Box
 ) -> tuple[int, bool]:
-    """Find the target, first around the last ``centroid``, then in the whole image.
+    """Find the target in the dilated mask of the last, or else in the whole image.
+
+    A merged target is flagged in ``memory[STATE]`` and keeps the mask of the ball that went into
+    it, moved on as it last moved, so that the ball is found where the two part.
 
     Args:
         pixels: Image, shape (height, width).
-        centroid: Last centroid, NaN if there is none; overwritten by the new one, shape (2,).
-        ground: Level of the ground [grey levels] and threshold, shape (2,).
+        memory: As in the module's table, overwritten.
         min_area: Least area [px^2].
-        half: Half the window's side [px].
+        reach: Dilation [px].
         boxes: Scratch, shape (MAX_BLOBS + 2, 4).
+        runs: Scratch, shape (ROWS, 4).
 
     Returns:
         Pixels of the target, 0 if there is none, and whether it touches the border.
     """
-    height, width = pixels.shape
-    window = boxes[MAX_BLOBS + 1]
-    threshold = int(ground[1])
-    area = 0
-    if np.isfinite(centroid[0]):
-        u, v = round(centroid[0]), round(centroid[1])
-        window[0], window[2] = max(u - half, 0), min(u + half, width - 1)
-        window[1], window[3] = max(v - half, 0), min(v + half, height - 1)
-        area = find_target(pixels, window, threshold, min_area, boxes, True)
-    if area == 0:
-        window[0], window[1], window[2], window[3] = 0, 0, width - 1, height - 1
-        area = find_target(pixels, window, threshold, min_area, boxes, False)
-    if area == 0 or not grey_moments(pixels, boxes[0], ground[0], centroid):
-        centroid[0] = np.nan
+    flat = runs.reshape(4, ROWS)
+    old, new, weights = flat[:2], flat[2:], memory[WEIGHTS : WEIGHTS + 7]
+    u, v, before = memory[0], memory[1], memory[AREA]
+    known = memory[STATE] != LOST
+    top, rows = _window(pixels, memory, reach, old, new, weights) if known else (0, 0)
+    again = rows > 0 and weights[6] >= max(float(min_area), KEPT * before)
+    if not again:
+        top, rows = _everywhere(pixels, memory, min_area, boxes, new, weights)
+    if rows == 0:
+        memory[0], memory[1], memory[STATE] = np.nan, np.nan, float(LOST)
         return 0, False
-    u0, v0, u1, v1 = boxes[0]
-    return area, bool(u0 == 0 or v0 == 0 or u1 == width - 1 or v1 == height - 1)
+    clipped = _touches_border(pixels.shape, top, rows, new)
+    if not clipped and is_merged(weights):
+        merged = memory[STATE] - MERGED + 1.0 if memory[STATE] >= MERGED else 0.0
+        if again and merged < PATIENCE:
+            memory[STATE] = MERGED + merged
+            memory[0], memory[1] = u + memory[DU], v + memory[DV]
+            memory[TOP] += round(memory[DV])
+            memory[RUNS : RUNS + 2 * ROWS] += round(memory[DU])
+            return int(weights[6]), clipped
+        memory[0], memory[1], memory[STATE] = np.nan, np.nan, float(LOST)
+        return 0, False
+    steady = again and memory[STATE] == GOOD
+    memory[DU] = weights[1] - u if steady else 0.0
+    memory[DV] = weights[2] - v if steady else 0.0
+    memory[0], memory[1], memory[STATE] = weights[1], weights[2], float(GOOD)
+    _keep(memory, top, rows, new, weights[6])
+    return int(weights[6]), clipped
+
+
+@njit(cache=True)
+def is_frozen(pixels: Image, memory: Array, patience: int) -> bool:
+    """Tell whether an image has been the same, noise and all, for more than ``patience`` frames.
+
+    Compares a sum over six rows, weighted by column, with that of the last frame.
+    """
+    height, width = pixels.shape
+    mark = 1.0
+    for k in range(6):
+        line, total = pixels[(2 * k + 1) * height // 12], 0
+        for u in range(width):
+            total += (u + 1) * line[u]
+        mark = mark + (k + 1) * total
+    same = patience > 0 and mark == memory[MARK]
+    memory[FROZEN] = memory[FROZEN] + 1.0 if same else 0.0
+    memory[MARK] = mark
+    return bool(memory[FROZEN] > patience)
 
 
 @njit(cache=True)
@@ -84,37 +224,35 @@ def watch(pixels: Image, memory: Array, settings: Array, work: Box) -> tuple[int
 
     Args:
         pixels: Image, shape (height, width).
-        memory: Last centroid [px], level of the ground and threshold [grey levels], frames since
-            the ground was measured; overwritten, shape (MEMORY,).
-        settings: As of :func:`pack_segmenter`, shape (5,).
+        memory: As in the module's table, overwritten, shape (MEMORY,).
+        settings: As of :func:`pack_segmenter`, shape (6,).
         work: Scratch, shape (WORK, 4).
 
     Returns:
-        As :func:`segment`; the centroid is in the memory.
+        As :func:`segment`; the centroid is in the memory. Nothing in a frozen image.
     """
-    boxes, counts = work[: MAX_BLOBS + 2], work[MAX_BLOBS + 2 :].reshape(256)
-    if memory[4] == 0.0:
-        measure_ground(pixels, settings[2], settings[3], counts, memory[2:4])
-    memory[4] = (memory[4] + 1.0) % settings[4]
-    min_area, half = int(settings[0]), int(settings[1])
-    area, clipped = segment(pixels, memory[0:2], memory[2:4], min_area, half, boxes)
+    boxes, counts = work[: MAX_BLOBS + 2], work[MAX_BLOBS + 2 : MAX_BLOBS + 66].reshape(256)
+    if is_frozen(pixels, memory, int(settings[5])):
+        return 0, False
+    if memory[DUE] == 0.0:
+        measure_ground(pixels, settings[2], settings[3], counts, memory[LEVEL : THRESHOLD + 1])
+    memory[DUE] = (memory[DUE] + 1.0) % settings[4]
+    min_area, reach = int(settings[0]), int(settings[1])
+    area, clipped = segment(pixels, memory, min_area, reach, boxes, work[MAX_BLOBS + 66 :])
     return area, clipped
-
-
-MEMORY, WORK = 5, MAX_BLOBS + 2 + 64
-"""Sizes of a camera's memory and of the scratch array."""
 
 
 def pack_segmenter(config: SegmenterConfig) -> Array:
     """Return the numbers of a segmenter in the order in which :func:`watch` takes them."""
     c = config
-    settings = (c.min_area, c.half_window, c.min_contrast, c.noise_factor, c.background_period)
+    settings = (c.min_area, c.reach, c.min_contrast, c.noise_factor, c.background_period, c.frozen)
     return np.array(settings, dtype=np.float64)
 
 
 def forget(memory: Array) -> None:
     """Forget target and ground, in the memory of one camera or of many, shape (..., MEMORY)."""
-    memory[...] = (np.nan, np.nan, 0.0, 0.0, 0.0)
+    memory[...] = 0.0
+    memory[..., :2] = np.nan
 
 
 class Segmenter:
@@ -151,4 +289,5 @@ class Segmenter:
             u=float(self._memory[0]),
             v=float(self._memory[1]),
             clipped=clipped,
+            merged=bool(self._memory[STATE] >= MERGED),
         )

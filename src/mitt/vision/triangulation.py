@@ -194,8 +194,11 @@ def pack_cameras(rig: Rig) -> Array:
     return np.array([(*c.rotation, c.centre, (c.f_px, c.cu, c.cv)) for c in rig.cameras])
 
 
-def pack_belief(config: TriangulatorConfig, ball_radius: float) -> Array:
+def pack_belief(config: TriangulatorConfig, ball_radius: float, rig: Rig) -> Array:
     """Return radius [m], floor and spread of :func:`note` and the largest residual [px], (4,).
+
+    The floor holds what the encoders of the heads add: a step, uniformly distributed, through the
+    focal length.
 
     Raises:
         InputError: The radius is not that of a ball.
@@ -203,7 +206,54 @@ def pack_belief(config: TriangulatorConfig, ball_radius: float) -> Array:
     if not 0.0 < ball_radius < 1.0:
         raise InputError("ball_radius", "a length between 0 and 1 m", ball_radius)
     c = config
-    return np.array((ball_radius, c.sigma_floor**2, c.sigma_spread**2 * pi**1.5, c.max_residual))
+    pairs = zip(rig.heads, rig.cameras, strict=False)
+    steps = max((h.encoder_step * camera.f_px for h, camera in pairs), default=0.0)
+    floor = c.sigma_floor**2 + steps**2 / 12.0
+    return np.array((ball_radius, floor, c.sigma_spread**2 * pi**1.5, c.max_residual))
+
+
+@njit(cache=True)
+def on_ray(
+    camera: Array, point: Array, radius: float, known: Array, r: Array, P: Array, along: float
+) -> bool:
+    """Write where one camera alone sees the ball: on its ray, nearest to where it was known.
+
+    Args:
+        camera: A row of ``cameras``.
+        point: A row of ``points``.
+        radius: Ball radius [m].
+        known: Last or predicted centre [m], shape (3,).
+        r: Result, centre [m], shape (3,).
+        P: Result, covariance [m^2], shape (3, 3): true across the ray, ``along``^2 along it.
+        along: Standard deviation along the ray [m].
+
+    Returns:
+        Whether the known place is in front of the camera.
+    """
+    x, y = (point[0] - camera[4, 1]) / camera[4, 0], (point[1] - camera[4, 2]) / camera[4, 0]
+    c = camera[3]
+    z = 0.0
+    for i in range(3):
+        z += camera[i, 2] * (known[i] - c[i])
+    if not z > 1.01 * radius:
+        return False
+    shrink = 1.0 - radius * radius / (z * z)
+    x, y = shrink * x, shrink * y
+    norm = sqrt(x * x + y * y + 1.0)
+    depth = 0.0
+    for i in range(3):
+        r[i] = (camera[i, 0] * x + camera[i, 1] * y + camera[i, 2]) / norm
+        depth += r[i] * (known[i] - c[i])
+    if not depth > 1.01 * radius:
+        return False
+    across = depth * point[2] / camera[4, 0]
+    for i in range(3):
+        for j in range(3):
+            own = across * across if i == j else 0.0
+            P[i, j] = own + (along * along - across * across) * r[i] * r[j]
+    for i in range(3):
+        r[i] = c[i] + depth * r[i]
+    return True
 
 
 class Triangulator:
@@ -225,7 +275,7 @@ class Triangulator:
         config = config or TriangulatorConfig()
         self._max_skew = config.max_skew
         self._cameras = pack_cameras(rig)
-        self._belief = pack_belief(config, ball_radius)
+        self._belief = pack_belief(config, ball_radius, rig)
         self._points = np.empty((len(rig.cameras), 3))
         self._work = np.empty((WORK, 3))
 
@@ -249,7 +299,7 @@ class Triangulator:
         self._points[:, 2] = -1.0
         count = 0
         for m in moments:
-            if not m.found or abs(m.t - t) > self._max_skew:
+            if not m.found or m.merged or abs(m.t - t) > self._max_skew:
                 continue
             floor, spread = self._belief[1], self._belief[2]
             count += note(self._points[m.camera], m.u, m.v, m.area, m.clipped, floor, spread)

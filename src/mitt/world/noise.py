@@ -1,4 +1,4 @@
-"""Banks of noise that image sensors read from: drawn once for a sensor, whatever the trial.
+"""Banks of noise and of background that image sensors read from, drawn once for a sensor.
 
 Fresh normal numbers for an image cost fifty times as much as a look into a bank, and a bank for
 each trial as much as a third of the trial. So the banks follow from the sensor alone, and a
@@ -13,8 +13,12 @@ import numpy as np
 
 from mitt.signals import Array, Image
 
-#: Pixels of ground, and normal numbers for the pixels of the ball.
-GROUND_SIZE, NORMAL_SIZE = 1 << 20, 1 << 18
+#: Numbers in each bank of noise.
+NOISE_SIZE = 1 << 20
+#: Side of the background before it repeats, and with the margin for the largest image [px].
+PERIOD, SIDE = 1024, 1024 + 1024
+#: Size of the background's patches [px] and the share of it that is a slow gradient.
+_PATCH, _GRADIENT = 8.0, 0.6
 
 _SEED = 2002
 
@@ -24,25 +28,46 @@ class NoiseBank:
     """Noise to read from; not to be written to.
 
     Attributes:
-        ground: Grey values of the ground, its noise included, shape (GROUND_SIZE,).
-        normal: Standard normal numbers, shape (NORMAL_SIZE,).
+        ground: Noise of the ground [grey levels], modulo 256, shape (NOISE_SIZE,); wall or body
+            plus noise stays within 0 to 255, so that bytes add without a care.
+        normal: Standard normal numbers, shape (NOISE_SIZE,).
+        wall: The background as it would look without noise, period PERIOD, shape (SIDE, SIDE).
     """
 
     ground: Image
     normal: Array
+    wall: Image
 
 
 @lru_cache(maxsize=8)
-def noise_bank(background: float, read_noise: float, electrons: float) -> NoiseBank:
+def noise_bank(
+    *, background: float, texture: float, body: float, read_noise: float, electrons: float
+) -> NoiseBank:
     """Return the banks of a sensor; the same object for the same settings.
 
     Args:
-        background: Grey level of the ground.
+        background: Mean grey level of the ground.
+        texture: Standard deviation of the ground, gradients and patches [grey levels].
+        body: Grey level of arm and hand.
         read_noise: Standard deviation of the Gaussian read noise [grey levels].
         electrons: Photo-electrons a grey level.
     """
     rng = np.random.default_rng(_SEED)
     sigma = sqrt(read_noise**2 + background / electrons)
-    level = np.rint(background + sigma * rng.standard_normal(GROUND_SIZE, dtype=np.float32))
-    ground = np.clip(level, 0.0, 255.0).astype(np.uint8)
-    return NoiseBank(ground=ground, normal=rng.standard_normal(NORMAL_SIZE))
+    noise = np.rint(sigma * rng.standard_normal(NOISE_SIZE, dtype=np.float32))
+    normal, wall = rng.standard_normal(NOISE_SIZE), _wall(background, texture, rng)
+    low, high = min(int(body), int(wall.min())), max(int(body), int(wall.max()))
+    ground = np.clip(noise, -low, 255 - high).astype(np.int16).astype(np.uint8)
+    return NoiseBank(ground=ground, normal=normal, wall=wall)
+
+
+def _wall(background: float, texture: float, rng: np.random.Generator) -> Image:
+    """Return the background: patches on a slow gradient, periodic both ways."""
+    k = np.fft.fftfreq(PERIOD)
+    smooth = np.exp(-0.5 * (2.0 * np.pi * _PATCH) ** 2 * (k[:, None] ** 2 + k[None, :] ** 2))
+    patches = np.fft.ifft2(np.fft.fft2(rng.standard_normal((PERIOD, PERIOD))) * smooth).real
+    wave = 2.0 * np.pi / PERIOD * np.arange(PERIOD)
+    slope = np.sin(2.0 * wave)[:, None] + np.cos(3.0 * wave)[None, :]
+    shape = sqrt(1.0 - _GRADIENT) * patches / patches.std() + sqrt(_GRADIENT) * slope / slope.std()
+    tile = np.clip(np.rint(background + texture * shape), 0.0, 255.0).astype(np.uint8)
+    return np.ascontiguousarray(np.tile(tile, (2, 2)))

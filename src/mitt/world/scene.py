@@ -5,7 +5,7 @@ the sensors are. Every figure without a source is a choice of this project.
 """
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -55,11 +55,21 @@ class Sensing(Settings):
         point_noise: Noise of points, 1 sigma an axis [m].
         latency: Ticks from the exposure of a frame or point to its delivery.
         encoder_step: Resolution of the joint encoders [rad]; 0 is exact.
+        cameras: Cameras that stand still and see all, or that pan-tilt heads turn to the ball.
+        exposure: How long a shutter is open [s].
+        texture: Standard deviation of the background's brightness [grey levels].
+        body: Grey level of arm and hand in the images; the background has 24.
+        second: A second bright ball that stands still: centre and radius [m].
     """
 
     point_noise: NotNegative = 0.001
     latency: Annotated[int, Field(ge=0, le=20)] = 1
     encoder_step: NotNegative = 0.0
+    cameras: Literal["fixed", "active"] = "fixed"
+    exposure: Annotated[float, Field(ge=0.0, le=0.001)] = 0.0005
+    texture: Annotated[float, Field(ge=0.0, le=8.0)] = 3.0
+    body: Annotated[float, Field(ge=0.0, le=255.0)] = 12.0
+    second: Annotated[tuple[float, float, float, float], Field(strict=False)] | None = None
 
 
 class Contact(Settings):

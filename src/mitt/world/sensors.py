@@ -8,13 +8,21 @@ import numpy as np
 
 from mitt.signals import ArmState, Array, Frame, Senses, Sighting
 from mitt.world.scene import Sensing
+from mitt.world.silhouettes import Silhouettes
 
 
 class FrameSource(Protocol):
     """The cameras: ``mitt.world.imaging.Imager`` is one."""
 
-    def render(self, t: float, r_o: Array | None, radius: float) -> tuple[Frame, ...]:
-        """Return what the cameras see of a ball at ``r_o`` [m] at time ``t`` [s]."""
+    def render(
+        self, t: float, r_o: Array | None, radius: float, *, dr_o: Array | None, capsules: Array
+    ) -> tuple[Frame, ...]:
+        """Return what the cameras see of a ball at ``r_o`` [m] at time ``t`` [s], moving at
+        ``dr_o`` [m/s], and of the ``capsules`` of arm and hand.
+        """
+
+    def turn(self, gaze: Array | None, duration: float) -> None:
+        """Turn the cameras, if they can be turned, for ``duration`` [s]."""
 
 
 CameraMaker = Callable[[np.random.Generator], FrameSource]
@@ -34,8 +42,10 @@ class Sensors:
         radius: float,
         cameras: CameraMaker | None,
         rng: np.random.Generator,
+        body: Silhouettes,
     ) -> None:
         """Set up the sensors; without cameras the ball is seen as points."""
+        self._body = body
         self._sensing, self._radius = sensing, radius
         self._cameras = None if cameras is None else cameras(rng)
         self._rng = rng
@@ -44,7 +54,14 @@ class Sensors:
         self._q_before: Array | None = None
         self._t_before = 0.0
 
-    def read(self, t: float, q: Array, dq: Array, r_o: Array, *, look: bool = True) -> Senses:
+    def turn(self, gaze: Array | None, duration: float) -> None:
+        """Let the heads of the cameras follow the catcher's gaze for ``duration`` [s]."""
+        if self._cameras is not None:
+            self._cameras.turn(gaze, duration)
+
+    def read(
+        self, t: float, q: Array, dq: Array, r_o: Array, dr_o: Array, *, look: bool = True
+    ) -> Senses:
         """Expose at time ``t`` and return what arrives; to be called once a tick.
 
         Args:
@@ -52,6 +69,7 @@ class Sensors:
             q: True joint positions [rad], shape (n,).
             dq: True joint velocities [rad/s], shape (n,).
             r_o: True ball centre [m], shape (3,).
+            dr_o: True ball velocity [m/s], shape (3,).
             look: Whether ball and images are exposed.
         """
         if not look:
@@ -59,12 +77,15 @@ class Sensors:
         elif self._cameras is None:
             self._line.append(((), (self._point(t, r_o),)))
         else:
-            self._line.append((self._cameras.render(t, r_o, self._radius), ()))
-        frames: tuple[Frame, ...] = ()
-        points: tuple[Sighting, ...] = ()
+            self._body.update()
+            frames = self._cameras.render(
+                t, r_o, self._radius, dr_o=dr_o, capsules=self._body.capsules
+            )
+            self._line.append((frames, ()))
+        arrived: tuple[tuple[Frame, ...], tuple[Sighting, ...]] = ((), ())
         if len(self._line) > self._sensing.latency:
-            frames, points = self._line.popleft()
-        return Senses(t=t, arm=self._encoders(t, q, dq), frames=frames, points=points)
+            arrived = self._line.popleft()
+        return Senses(t=t, arm=self._encoders(t, q, dq), frames=arrived[0], points=arrived[1])
 
     def _point(self, t: float, r_o: Array) -> Sighting:
         """Return a noisy position."""

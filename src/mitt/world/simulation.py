@@ -18,6 +18,7 @@ from mitt.world.mismatch import PlantDraw
 from mitt.world.scene import Scene
 from mitt.world.sensors import CameraMaker, Sensors
 from mitt.world.servo import servo_numbers
+from mitt.world.silhouettes import Silhouettes
 from mitt.world.stepping import BROKEN, FINE, finish, pack_plant, prepare, tip_velocity
 from mitt.world.throws import Throw
 from mitt.world.truth import FirstContact, Tape, Trace, Truth
@@ -71,7 +72,8 @@ class World:
         self._contacts, self._peaks = Contacts(self.model, self.data), np.zeros(2)
         d, n, ball = self.data, self._n, self._n + self._f
         self._views = d.qpos, d.qvel, d.ctrl, d.qfrc_applied
-        self._senses = d.qpos[:n], d.qvel[:n], d.qpos[ball : ball + 3]
+        self._senses = d.qpos[:n], d.qvel[:n], d.qpos[ball : ball + 3], d.qvel[ball : ball + 3]
+        self._body = Silhouettes(self.model, d)
         self._ball = d.qpos[ball : ball + 3], d.qvel[ball : ball + 3]
         self._flight, self._qacc = np.zeros((2, 3)), d.qacc
         self._site = d.site_xpos[self._plant.site]
@@ -112,7 +114,8 @@ class World:
         self._troubles = troubles = self._drawn_troubles(ball, seed)
         payload = 0.0 if troubles is None else troubles.payload
         friction, drag = self._draw.draw(self.data, plant, payload=payload)
-        sensors = Sensors(self._scene.sensing, self._scene.ball.radius, self._cameras, noise)
+        sensing, radius = self._scene.sensing, self._scene.ball.radius
+        sensors = Sensors(sensing, radius, self._cameras, noise, self._body)
         self._sensors: Sensor = sensors
         if troubles is not None:
             self._sensors = troubles.sensors(sensors, pixels=self._cameras is not None)
@@ -159,6 +162,7 @@ class World:
             mujoco.mj_step1(model, data)
             if data.ncon and self.first_contact is None:
                 self._watch_for_contact(start + step * h)
+        self._sensors.turn(command.gaze, TICK)
         self._ticks += 1
         self._record()
 

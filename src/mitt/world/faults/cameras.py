@@ -22,7 +22,7 @@ def true_rig(believed: Rig, plan: tuple[Fault, ...], rng: np.random.Generator) -
     for fault in plan:
         if isinstance(fault, Calibration):
             cameras = tuple(_wrong(camera, fault, rng) for camera in cameras)
-    return Rig(cameras=cameras)
+    return replace(believed, cameras=cameras)
 
 
 def _wrong(camera: Camera, fault: Calibration, rng: np.random.Generator) -> Camera:

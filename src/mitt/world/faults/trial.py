@@ -40,8 +40,13 @@ from mitt.world.throws import Throw
 class Sensor(Protocol):
     """The sensors: ``mitt.world.sensors.Sensors`` is one."""
 
-    def read(self, t: float, q: Array, dq: Array, r_o: Array, *, look: bool = True) -> Senses:
+    def read(
+        self, t: float, q: Array, dq: Array, r_o: Array, dr_o: Array, *, look: bool = True
+    ) -> Senses:
         """Expose at time ``t`` and return what arrives; to be called once a tick."""
+
+    def turn(self, gaze: Array | None, duration: float) -> None:
+        """Let the heads of the cameras follow the catcher's gaze for ``duration`` [s]."""
 
 
 @final
@@ -52,15 +57,21 @@ class Disturbed:
         """Put the stages behind the sensors, the first nearest to them."""
         self._sensors, self._stages = sensors, stages
 
-    def read(self, t: float, q: Array, dq: Array, r_o: Array, *, look: bool = True) -> Senses:
+    def read(
+        self, t: float, q: Array, dq: Array, r_o: Array, dr_o: Array, *, look: bool = True
+    ) -> Senses:
         """Expose at time ``t`` and return what arrives; to be called once a tick."""
         for stage in self._stages:
             look = stage.looks(t) and look
             r_o = stage.shown(t, r_o)
-        senses = self._sensors.read(t, q, dq, r_o, look=look)
+        senses = self._sensors.read(t, q, dq, r_o, dr_o, look=look)
         for stage in self._stages:
             senses = stage.told(senses)
         return senses
+
+    def turn(self, gaze: Array | None, duration: float) -> None:
+        """Let the heads of the cameras follow the catcher's gaze for ``duration`` [s]."""
+        self._sensors.turn(gaze, duration)
 
 
 @final

@@ -1,0 +1,179 @@
+"""Self-windowing, as the vision chip does it: the target of this frame is what is bright in it
+and lies in the dilated target of the last one.
+
+Ishii and others, IEEE ICRA 1999. The chip keeps a mask; here a mask is kept as one run of pixels a
+row, first and last column: exactly the mask, for a target whose rows are unbroken, as those of a
+ball are, and dilated by a handful of comparisons a row. What stands beside the target is never
+looked at, however bright; what touches it is found out by the moments.
+
+| here        | meaning                                                    | unit | shape   |
+|-------------|------------------------------------------------------------|------|---------|
+| ``runs``    | first and last column of each row; first > last: empty row | px   | (2, k)  |
+| ``weights`` | mass [grey], centroid (u, v) [px], central moments uu, uv, |      | (7,)    |
+|             | vv [px^2] and area [px^2] of a target                      |      |         |
+"""
+
+from math import pi, sqrt
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from mitt.signals import Array, Image
+
+Runs = NDArray[np.int64]
+
+ROWS = 256
+"""Rows of the tallest target."""
+
+_EMPTY = 1 << 30
+
+STRETCH, SPREAD = 2.2, 1.35
+"""Ratio of the principal second moments, and their sum over that of a disc of the same area, above
+which a target is no ball alone; a smear of one radius gives 1.33 and 1.01."""
+
+_JUDGED = 20.0
+"""Area below which pixels say too little about a shape [px^2]."""
+
+
+@njit(cache=True)
+def dilate(old: Runs, rows: int, reach: int, shift: int, width: int, new: Runs) -> None:
+    """Write the runs of a mask dilated by a square and shifted along the rows.
+
+    Args:
+        old: Runs of ``rows`` rows.
+        rows: Rows of the mask.
+        reach: Pixels to dilate by, every way.
+        shift: Columns to shift by.
+        width: Columns of the image.
+        new: Result, ``rows + 2 reach`` rows, the first ``reach`` rows above that of ``old``.
+    """
+    for row in range(rows + 2 * reach):
+        first, last = _EMPTY, -1
+        for k in range(max(row - 2 * reach, 0), min(row, rows - 1) + 1):
+            if old[0, k] <= old[1, k]:
+                first, last = min(first, old[0, k]), max(last, old[1, k])
+        if last >= 0:
+            first, last = first + shift - reach, last + shift + reach
+        new[0, row], new[1, row] = max(first, 0), min(last, width - 1)
+
+
+@njit(cache=True)
+def shrink(pixels: Image, threshold: int, top: int, rows: int, runs: Runs) -> int:
+    """Cut runs back to what is bright in them; return how many rows still hold something.
+
+    Args:
+        pixels: Image, shape (height, width).
+        threshold: Grey value that a target exceeds.
+        top: Row of the image in which the runs begin; rows outside the image become empty.
+        rows: Rows of the runs.
+        runs: Overwritten.
+    """
+    height, filled = pixels.shape[0], 0
+    for k in range(rows):
+        v = top + k
+        if v < 0 or v >= height:
+            runs[0, k], runs[1, k] = _EMPTY, -1
+            continue
+        line, u, w = pixels[v], runs[0, k], runs[1, k]
+        while u <= w and line[u] <= threshold:
+            u += 1
+        while w >= u and line[w] <= threshold:
+            w -= 1
+        filled += u <= w
+        runs[0, k], runs[1, k] = (u, w) if u <= w else (_EMPTY, -1)
+    return filled
+
+
+@njit(cache=True, fastmath={"reassoc", "contract"})
+def _sums(line: Image, threshold: int) -> tuple[float, float, float, float]:
+    """Return pixels above the threshold and the sums of value, value k, value k^2 of a run."""
+    area, s0, s1, s2 = 0.0, 0.0, 0.0, 0.0
+    for k in range(line.shape[0]):
+        p, x = float(line[k]), float(k)
+        area += 1.0 if line[k] > threshold else 0.0
+        s0 += p
+        s1 += p * x
+        s2 += p * x * x
+    return area, s0, s1, s2
+
+
+@njit(cache=True)
+def _around(pixels: Image, top: int, rows: int, runs: Runs, threshold: int, level: float) -> float:
+    """Return the level of the ground two and three pixels beside the runs; ``level`` if unseen."""
+    width, total, count = pixels.shape[1], 0.0, 0
+    for k in range(rows):
+        if runs[0, k] > runs[1, k]:
+            continue
+        line = pixels[top + k]
+        for u in (runs[0, k] - 3, runs[0, k] - 2, runs[1, k] + 2, runs[1, k] + 3):
+            if 0 <= u < width and line[u] <= threshold:
+                total += line[u]
+                count += 1
+    return total / count if count >= 4 else level
+
+
+@njit(cache=True)
+def weigh(
+    pixels: Image, top: int, rows: int, runs: Runs, threshold: int, level: float, weights: Array
+) -> bool:
+    """Write the grey-weighted moments of runs, widened by a pixel every way.
+
+    Pixels below the threshold count as they are, so that noise has no bias.
+
+    Args:
+        pixels: Image, shape (height, width).
+        top: Row of the image in which the runs begin.
+        rows: Rows of the runs.
+        runs: The target.
+        threshold: Grey value that a target exceeds.
+        level: Grey level of the ground, used where none is seen beside the target.
+        weights: Result, as in the module's table.
+
+    Returns:
+        Whether there is any mass.
+    """
+    height, width = pixels.shape
+    level = _around(pixels, top, rows, runs, threshold, level)
+    area, mass, mu, mv, uu, uv, vv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    origin = 0
+    for k in range(-1, rows + 1):
+        v = top + k
+        near = min(max(k, 0), rows - 1)
+        if v < 0 or v >= height or runs[0, near] > runs[1, near]:
+            continue
+        first, last = max(runs[0, near] - 1, 0), min(runs[1, near] + 1, width - 1)
+        if area == 0.0:
+            origin = first
+        n = float(last - first + 1)
+        above, s0, s1, s2 = _sums(pixels[v, first : last + 1], threshold)
+        s0 -= level * n
+        s1 -= level * 0.5 * n * (n - 1.0)
+        s2 -= level * (n - 1.0) * n * (2.0 * n - 1.0) / 6.0
+        area += above if k == near else 0.0
+        x, y = float(first - origin), float(k)
+        mass += s0
+        mu += s1 + x * s0
+        mv += y * s0
+        uu += s2 + 2.0 * x * s1 + x * x * s0
+        uv += y * (s1 + x * s0)
+        vv += y * y * s0
+    if not (mass > 0.0 and area > 0.0):
+        return False
+    mu, mv = mu / mass, mv / mass
+    weights[0], weights[1], weights[2] = mass, origin + mu, top + mv
+    weights[3], weights[4], weights[5] = uu / mass - mu * mu, uv / mass - mu * mv, vv / mass - mv * mv
+    weights[6] = area
+    return True
+
+
+@njit(cache=True)
+def is_merged(weights: Array) -> bool:
+    """Tell by its second moments whether a target is more than one disc."""
+    area = weights[6]
+    if area < _JUDGED:
+        return False
+    half = 0.5 * (weights[3] + weights[5])
+    gap = sqrt((0.5 * (weights[3] - weights[5])) ** 2 + weights[4] ** 2)
+    stretched = half + gap > STRETCH * max(half - gap, 1e-9)
+    return bool(stretched or 4.0 * pi * half > SPREAD * area)
