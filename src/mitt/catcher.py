@@ -55,6 +55,8 @@ class Catcher:
     Attributes:
         verdict: Verdict on the throw, once given.
         t_0: Time at which the arm began to move [s]; infinite before.
+        believed: q, dq of the joints as the encoders' monitor believes them [rad, rad/s],
+            shape (2, n); kept up to date.
         result: What the last tick brought about, overwritten by the next; fields as in
             :func:`mitt.tick.fresh_result`.
     """
@@ -69,7 +71,7 @@ class Catcher:
         self._state = record_of(fields if self._map is None else fields | map_fields(self._map))
         eyes.move_to({name: self._state[f"eyes_{name}"][0] for name in eyes.parts()})
         self._numbers, self.result = self._state[0], fresh_result(arm.n)
-        self._told, self._believed = self.result["told"][0], self._state["believed"][0]
+        self._told, self.believed = self.result["told"][0], self._state["believed"][0]
         names = ("ball_memory", "ball_settings", "ball_work")
         memory, table, work = (self._state[name][0] for name in names)
         self._filter = memory, table, work
@@ -161,6 +163,8 @@ class Catcher:
     def recover(self) -> None:
         """Watch for a ball again after a stop, from where the encoders say that the arm is.
 
+        An encoder that still says nothing leaves its joint where it was last believed to be.
+
         Raises:
             InputError: The catcher has not stopped, or the arm is not at rest yet.
         """
@@ -168,8 +172,9 @@ class Catcher:
         if self._phase != STOPPED or not at_rest:
             raise InputError("recover", "a catcher that has stopped, its arm at rest", self.phase)
         fresh = catcher_fields(self._arm, self._eyes, self._settings)
+        fresh |= arm_fields(self._arm, self._settings.around)  # the hand opens, a ball drops
         for name, value in fresh.items():
-            if not name.startswith("eyes_"):
+            if not name.startswith("eyes_") and name != "believed":
                 self._state[name][0] = value
         self._eyes.reset()
         self.result[:] = fresh_result(self._arm.n)
@@ -208,7 +213,7 @@ class Catcher:
         due = ball.t - ball.t_first >= self._settings.watch
         if not due and self._generator.sharpness(ball) > self._settings.sigma_ready:
             return
-        self.verdict = verdict = self._generator.verdict(ball, self._believed[0])
+        self.verdict = verdict = self._generator.verdict(ball, self.believed[0])
         if verdict.outcome is Outcome.UNREACHABLE:
             self._enter(REFUSED)
             return
@@ -224,7 +229,7 @@ class Catcher:
 
     def _adapt(self, ball: BallState) -> None:
         """Let the generator start from where the arm is."""
-        q, dq = self._believed.copy()
+        q, dq = self.believed.copy()
         self._generator = self._generator.adapt(ball, q, dq)
         f = self._generator.as_map()
         if f is not None:

@@ -68,7 +68,7 @@ def run(*faults: dict[str, object], pixels: bool = False, seed: int = 7) -> list
     """Return what arrives in each tick of a run in which joint angles rise by 1 rad/s."""
     sensors = troubles(plan_of(*faults), seed=seed).sensors(Plain(pixels=pixels), pixels=pixels)
     rate = np.ones(3)
-    return [sensors.read(k * TICK, k * TICK * rate, rate, PLACE, NONE) for k in range(TICKS)]
+    return [sensors.read(k * TICK, k * TICK * rate, rate, PLACE, NO_SPEED) for k in range(TICKS)]
 
 
 def fly(*faults: dict[str, object], ticks: int = 450, seed: int = 7) -> World:
