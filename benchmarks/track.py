@@ -26,7 +26,8 @@ AHEAD = 0.1
 #: Effect of each fault on the error at contact [mm rms], section C of the fault table.
 TABLE_C = {
     "no fault": 1.1, "last 5 ms missing": 1.2, "last 20 ms missing": 1.5,
-    "last 50 ms missing": 2.5, "last 100 ms missing": 4.7, "half lost": 1.4, "nine of ten lost": 2.9,
+    "last 50 ms missing": 2.5, "last 100 ms missing": 4.7, "half lost": 1.4,
+    "nine of ten lost": 2.9,
     "10 % swapped": 1.1, "10 % doubled": 1.4, "1 % outliers": 1.06, "10 % outliers": 1.14,
     "second ball, last 50 ms": 1.05, "late by 20 ms, stamped": 1.1, "frozen, last 100 ms": 4.7,
 }  # fmt: skip
@@ -69,7 +70,8 @@ def recorded() -> None:
     print(
         "recorded flights, 100 ms ahead [mm]: median, rms; first row 30 ms after a bounce: median"
     )
-    rows = (("gravity only", gravity), ("gravity, more noise", replace(gravity, accel_density=0.03)),
+    noisy = replace(gravity, accel_density=0.03)
+    rows = (("gravity only", gravity), ("gravity, more noise", noisy),
             ("drag", drag), ("drag and push", flight), ("as mitt track", UNKNOWN_BALL))  # fmt: skip
     for name, config in rows:
         before, after = ahead_errors(config)

@@ -29,6 +29,7 @@ from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.link.files import write_json
 from mitt.signals import Senses
+from mitt.study.bench_tick import time_ticks
 from mitt.study.source import Source, source_of
 from mitt.study.trial import Bench, known_ball
 from mitt.vision.camera import fixed_rig
@@ -94,6 +95,7 @@ def one_repeat(bench: Bench, source: Source) -> tuple[Numbers, Numbers]:
     trial = {
         "wall_ms": 1e3 * wall / source.count,
         "simulated_ms": 1e3 * simulated / source.count,
+        "throws_per_s_core": source.count / cpu,
         "times_real_time": simulated / wall,
         "times_real_time_cpu": simulated / cpu,
         "core_share": cpu / wall,
@@ -131,6 +133,7 @@ def take_apart(f: DirectMap, source: Source, *, repeats: int) -> dict[str, Numbe
             seen.append(timed("sense", world.sense))
             command = timed("catcher.step", catcher.step, seen[-1])
             timed("apply", world.apply, command)
+            timed("think", catcher.think)
         replay_stages(f, seen, timed)
     return {name: percentiles(times) for name, times in timed.times.items()}
 
@@ -169,6 +172,10 @@ def measure(throws: int, repeats: int) -> dict[str, Any]:
         "packages": {name: version(name) for name in ("numpy", "numba", "mujoco", "pin")},
         "throws": throws,
         "repeats": repeats,
+        "tick_us": time_ticks(Bench(f.arm, Direct(f), Scene()), source).percentiles_us(),
+        "tick_without_images_us": time_ticks(
+            Bench(f.arm, Direct(f), Scene(), pixels=False), source
+        ).percentiles_us(),
         "pixels": trials(f, source, pixels=True, repeats=repeats),
         "points": trials(f, source, pixels=False, repeats=repeats),
         "stages_us": take_apart(f, source, repeats=repeats),
@@ -182,11 +189,15 @@ def show(result: dict[str, Any]) -> None:
           f"{result['repeats']} repeats, medians over the repeats")  # fmt: skip
     for name in ("pixels", "points"):
         trial, tick = result[name]["trial"], result[name]["tick_us"]
-        print(f"{name}: {trial['wall_ms']:.0f} ms for {trial['simulated_ms']:.0f} ms simulated, "
+        print(f"{name}: {trial['throws_per_s_core']:.1f} throws per second and core, "
+              f"{trial['wall_ms']:.0f} ms for {trial['simulated_ms']:.0f} ms simulated, "
               f"{trial['times_real_time']:.1f} times real time, "
               f"{trial['times_real_time_cpu']:.1f} by processor time\n        tick p50 "
               f"{tick['p50']:.0f}, p99 {tick['p99']:.0f}, p99.9 {tick['p99_9']:.0f} us, "
               f"{trial['late_per_1000_ticks']:.2f} of 1000 late")  # fmt: skip
+    for name in ("tick_us", "tick_without_images_us"):
+        us = result[name]
+        print(f"{name}: p50 {us['p50']:.1f}, p99 {us['p99']:.1f}, p99.9 {us['p99_9']:.1f}")
     print(f"{'stage':22}{'p50':>9}{'p99':>9}{'p99.9':>9}  us")
     for name, us in (result["stages_us"] | {"probe": result["probe_us"]}).items():
         print(f"{name:22}{us['p50']:9.1f}{us['p99']:9.1f}{us['p99_9']:9.1f}")

@@ -49,6 +49,11 @@ CLAIMS: dict[str, list[tuple[str, float, float]]] = {
         (rf"this flight: median {_NUMBER} mm", 0.0, 10.0),
         (rf"all flights: median {_NUMBER} mm", 0.0, 5.0),
     ],
+    "07_two_cameras": [
+        (rf"fit to {_NUMBER} px", 0.0, 0.03),
+        (rf"cameras {_NUMBER} mm off", 0.0, 5.0),
+        (rf"turned by {_NUMBER} mrad", 0.0, 1.0),
+    ],
 }
 
 

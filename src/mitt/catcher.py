@@ -14,6 +14,7 @@ from typing import final
 import numpy as np
 
 from mitt.control.brake import Brake, plan_brake, short_of_room
+from mitt.control.envelope import TICK
 from mitt.control.hand import has_closed
 from mitt.errors import InputError
 from mitt.generator.certificate import Outcome, Verdict
@@ -37,8 +38,8 @@ from mitt.records import (
     tick_of,
 )
 from mitt.robot.arm import Arm
-from mitt.signals import Array, BallState, Command, MapStatus, Senses, Sighting
-from mitt.tick import DECIDE, GRASPS, LAGS, STOPS, TICK, act, perceive, tick
+from mitt.signals import Array, BallState, Command, MapStatus, Senses, Sighting, command_of
+from mitt.tick import DECIDE, GRASPS, LAGS, STOPS, act, perceive, tick
 from mitt.vision.belief import absorb
 from mitt.vision.eyes import Eyes
 
@@ -56,7 +57,7 @@ class Catcher:
         verdict: Verdict on the throw, once given.
         t_0: Time at which the arm began to move [s]; infinite before.
         believed: q, dq of the joints as the encoders' monitor believes them [rad, rad/s],
-            shape (2, n); kept up to date.
+            shape (2, n); overwritten by the next tick.
         result: What the last tick brought about, overwritten by the next; fields as in
             :func:`mitt.tick.fresh_result`.
     """
@@ -70,7 +71,9 @@ class Catcher:
         fields = catcher_fields(arm, eyes, settings) | arm_fields(arm, settings.around)
         self._state = record_of(fields if self._map is None else fields | map_fields(self._map))
         eyes.move_to({name: self._state[f"eyes_{name}"][0] for name in eyes.parts()})
-        self._numbers, self.result = self._state[0], fresh_result(arm.n)
+        self._numbers, self.result = self._state[0], fresh_result(arm.n, max(eyes.heads, 1))
+        self._hand, self._gaze = self.result["hand"], self.result["gaze"][0]
+        self._clock = self.result["t"]
         self._told, self.believed = self.result["told"][0], self._state["believed"][0]
         names = ("ball_memory", "ball_settings", "ball_work")
         memory, table, work = (self._state[name][0] for name in names)
@@ -102,35 +105,20 @@ class Catcher:
         if senses.points and self.looking:
             self._take(senses.points)
         images, together, t_exposed = self._eyes.arrange(senses.frames)
-        arm, t = senses.arm, senses.t
+        arm, state, out = senses.arm, self._state, self.result
+        seen = images, together, t_exposed, senses.t, arm.q, arm.dq
         if self._map is None:
-            self._todo = self._in_halves(senses)
+            perceive(*seen, state, out)
+            self._ask()
+            self._todo = act(self._brake, state, out)
         else:
-            self._todo = tick(
-                images,
-                together,
-                t_exposed,
-                t,
-                arm.q,
-                arm.dq,
-                self._brake,
-                self._state,
-                self.result,
-            )
+            self._todo = tick(*seen, self._brake, state, out)
         self._ticked = True
+        t = self._clock.item()
         if self._phase == FOLLOW and self.t_0 == np.inf:
-            self.t_0 = self.result["t"].item()
-        return self._command()
-
-    def _command(self) -> Command:
-        """Return what the last tick told the arm, the hand and the heads of the cameras."""
-        told, out = self._told.copy(), self.result
-        t, gaze = out["t"].item(), None
-        if self._eyes.turns:
-            gaze = self._eyes.gaze(ball_of(out.copy()), t + TICK)
-        return Command(
-            t=t, q=told[0], dq=told[1], ddq=told[2], tau=told[3], hand=out["hand"].item(), gaze=gaze
-        )
+            self.t_0 = t
+        gaze = self._gaze.copy() if self._eyes.heads else None
+        return command_of(t, self._told.copy(), self._hand.item(), gaze)
 
     def think(self) -> None:
         """Do what is slow or rare, to be used by the next tick; best after the command has left.
@@ -177,7 +165,7 @@ class Catcher:
             if not name.startswith("eyes_") and name != "believed":
                 self._state[name][0] = value
         self._eyes.reset()
-        self.result[:] = fresh_result(self._arm.n)
+        self.result[:] = fresh_result(self._arm.n, max(self._eyes.heads, 1))
         self.verdict, self.t_0 = None, np.inf
         self._phase = WATCH
 
@@ -188,20 +176,18 @@ class Catcher:
             if point.found:
                 absorb(memory, point.t, point.r_o, point.covariance, settings, work)
 
-    def _in_halves(self, senses: Senses) -> int:
-        """Make a tick with a generator that is no map."""
-        images, together, t_exposed = self._eyes.arrange(senses.frames)
-        arm, out = senses.arm, self.result
-        perceive(images, together, t_exposed, senses.t, arm.q, arm.dq, self._state, out)
-        if self._phase == FOLLOW:
-            ball = ball_of(out.copy())
-            ball = self._generator.waiting(ball) if self._numbers["open"] else ball
-            asked = self._generator.reference(ball)
-            rows = (asked.q_d, asked.dq_d, asked.ddq_d, asked.q_o, asked.dq_o)
-            out["asked"][0, :5] = rows
-            out["inside"][0] = inside = asked.status is MapStatus.INSIDE
-            out["time_to_catch"][0] = asked.time_to_catch if inside else np.inf
-        return int(act(self._brake, self._state, out))
+    def _ask(self) -> None:
+        """Ask a generator that is no map for the desired motion."""
+        out = self.result
+        if self._phase != FOLLOW:
+            return
+        ball = ball_of(out.copy())
+        ball = self._generator.waiting(ball) if self._numbers["open"] else ball
+        asked = self._generator.reference(ball)
+        rows = (asked.q_d, asked.dq_d, asked.ddq_d, asked.q_o, asked.dq_o)
+        out["asked"][0, :5] = rows
+        out["inside"][0] = inside = asked.status is MapStatus.INSIDE
+        out["time_to_catch"][0] = asked.time_to_catch if inside else np.inf
 
     def _enter(self, phase: int) -> None:
         """Begin another phase with the next tick."""

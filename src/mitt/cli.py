@@ -19,7 +19,15 @@ from tyro.conf import FlagCreatePairsOff, subcommand
 
 import mitt
 from mitt.errors import MittError, Terminated
-from mitt.options import CatchOptions, LearnOptions, ReportOptions, StudyOptions, TrackOptions
+from mitt.options import (
+    CalibrateOptions,
+    CatchOptions,
+    LearnOptions,
+    ReportOptions,
+    SeeOptions,
+    StudyOptions,
+    TrackOptions,
+)
 
 #: Every command of the program.
 _Command = (
@@ -28,6 +36,8 @@ _Command = (
     | Annotated[StudyOptions, subcommand("study")]
     | Annotated[ReportOptions, subcommand("report")]
     | Annotated[TrackOptions, subcommand("track")]
+    | Annotated[SeeOptions, subcommand("see")]
+    | Annotated[CalibrateOptions, subcommand("calibrate")]
 )  # fmt: skip
 #: The module of ``mitt.commands`` that does what is asked for.
 _JOBS: dict[type, str] = {
@@ -36,6 +46,8 @@ _JOBS: dict[type, str] = {
     StudyOptions: "study",
     ReportOptions: "report",
     TrackOptions: "track",
+    SeeOptions: "see",
+    CalibrateOptions: "calibrate",
 }
 
 #: Characters that frame tyro's messages.

@@ -28,7 +28,7 @@ from mitt.vision.eyes import Eyes
 from mitt.vision.filter import THROWN_BALL, FilterConfig, settings_of
 
 Record: TypeAlias = NDArray[np.void]
-Fields: TypeAlias = dict[str, NDArray[Any] | float]
+Fields: TypeAlias = dict[str, NDArray[Any] | np.generic | float]
 
 #: What the catcher is about, in the field ``phase``; the names are those of :class:`Phase`.
 WATCH, FOLLOW, BRAKE, REFUSED, STOPPED = range(5)
@@ -128,7 +128,7 @@ def _layout(fields: tuple[tuple[str, str, tuple[int, ...]], ...]) -> np.dtype[np
     return np.dtype(list(fields), align=True)
 
 
-def fresh_result(n: int) -> Record:
+def fresh_result(n: int, heads: int = 1) -> Record:
     """Return the result of no tick for ``n`` joints.
 
     Fields:
@@ -149,6 +149,7 @@ def fresh_result(n: int) -> Record:
         state, reason: As in :mod:`mitt.control.condition`.
         age: Age of the last good measurement [s]; infinite without a track.
         sigma: 1-sigma of the ball's predicted position [m]; infinite without a track.
+        gaze: Where the heads are to look, as of ``Command``, shape (heads, 4).
     """
     fields: Fields = {
         "t": 0.0, "phase": np.int64(WATCH), "encoders": np.zeros((2, n)),
@@ -158,6 +159,7 @@ def fresh_result(n: int) -> Record:
         "time_to_catch": np.inf, "told": np.zeros((ROWS, n)), "hand": 0.0,
         "saturated": np.bool_(False), "state": np.int64(0), "reason": np.int64(0),
         "age": np.inf, "sigma": np.inf,
+        "gaze": np.zeros((heads, 4)),
     }  # fmt: skip
     return record_of(fields)
 
@@ -194,6 +196,7 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         "encoder_memory": monitor.memory_of(n), "encoder_count": s.encoders.count,
         "condition": condition.memory(), "clock": np.int64(0), "encoders": np.int64(0),
         "tolerance": s.tolerance, "asked_to_stop": np.bool_(False),
+        "heads": np.int64(eyes.heads), "t_exposed": 0.0,
         "last": np.array([arm.q_ready, still]),
     }  # fmt: skip
     return fields | {f"eyes_{name}": value for name, value in eyes.parts().items()}

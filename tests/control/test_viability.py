@@ -29,7 +29,7 @@ def guard(arm: Arm) -> Guard:
 def gap(arm: Arm, guard: Guard, q: Array) -> float:
     """Return the clearance in a pose."""
     s = guard.shapes
-    return clearance(arm.bodies, q, s.table, s.pairs, s.ends)
+    return float(clearance(arm.bodies, q, s.table, s.pairs, s.ends))
 
 
 def path(guard: Guard, q: Array, dq: Array) -> Array:

@@ -46,6 +46,7 @@ def test_unpacking_gives_back_every_field(maps: dict[str, DirectMap], name: str)
     again = unpack(pack(g))
     mine = (g.free, g.catch_joint, g.q_catch, g.kappa, g.planar)
     assert (again.free, again.catch_joint, again.q_catch, again.kappa, again.planar) == mine
+    assert again.inward == g.inward
     assert np.array_equal(again.q_rest, g.q_rest)
     assert np.array_equal(again.plane, g.plane)
     for part, other in zip(again.chain, g.chain, strict=True):

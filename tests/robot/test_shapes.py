@@ -36,7 +36,7 @@ def shapes(arm: Arm) -> Shapes:
 
 def gap(arm: Arm, shapes: Shapes, q: Array) -> float:
     """Return the clearance in a pose."""
-    return clearance(arm.bodies, q, shapes.table, shapes.pairs, shapes.ends)
+    return float(clearance(arm.bodies, q, shapes.table, shapes.pairs, shapes.ends))
 
 
 def mujoco_gap(arm: Arm, q: Array) -> float:
@@ -60,12 +60,13 @@ def mujoco_gap(arm: Arm, q: Array) -> float:
     names = ["floor", "base_0", "zone", "j3_0", "j4_0", "hull0", "hull1"]
     group = [0, 0, 0, 1, 2, 2, 2]
     found = [data.geom(names[k]).id for k in range(7)]
-    return min(
+    nearest: float = min(
         mujoco.mj_geomDistance(model, data, found[a], found[b], 5.0, None)
         for a in range(7)
         for b in range(a)
         if group[a] != group[b]
     )
+    return nearest
 
 
 @given(seed=seeds)

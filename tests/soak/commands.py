@@ -64,7 +64,7 @@ def obeys(b: Array, q0: float, dq0: float, q: float, dq: float, ddq: float) -> b
     if abs(q - q0) > b[2] * TICK + e or abs(dq - dq0) > b[4] * TICK + e or abs(ddq) > b[4] + e:
         return False
     if _inside(b, q0, dq0, 0.0):
-        return _inside(b, q, dq, e)
+        return bool(_inside(b, q, dq, e))
     beyond0, beyond = max(q0 - b[1], b[0] - q0, 0.0), max(q - b[1], b[0] - q, 0.0)
     fast0, fast = max(abs(dq0) - b[2], 0.0), max(abs(dq) - b[2], 0.0)
     back = beyond <= max(beyond0 - b[2] * TICK, 0.0) + e

@@ -22,7 +22,7 @@ def scene() -> Scene:
 @pytest.fixture(scope="session")
 def throw(arm: Arm) -> Throw:
     """A default throw."""
-    return default_throw(np.random.default_rng(5), aim_of(arm, np.pi / 2, 2))
+    return default_throw(np.random.default_rng(5), aim_of(arm))
 
 
 @pytest.fixture(scope="session")

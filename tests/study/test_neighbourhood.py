@@ -45,7 +45,7 @@ def test_every_flight_runs_from_t_0_to_just_past_its_catch(
     """S changes its sign between the last but 10 ms and the end, and nowhere before."""
     i = plain.design.catch_joint
     for flight in around:
-        assert flight.t[0] == AROUND.t_0
+        assert AROUND.t_0[0] <= flight.t[0] <= AROUND.t_0[1]
         s = [plain.virtual(row)[1][0, i] - plain.design.q_catch for row in flight.ball]
         before = np.interp(flight.t[-1] - AROUND.after - 2e-3, flight.t, s)
         assert np.sign(before) == np.sign(s[0])
@@ -82,6 +82,6 @@ def test_the_belief_at_t_0_errs_as_stated(plain: DirectMap) -> None:
 
 def test_the_aim_is_the_box_of_the_contract(plain: DirectMap) -> None:
     """q1 in +-0.3, q2 in pi/4 +- 0.22, q4 = q_alpha."""
-    aim = aim_of(plain.arm, np.pi / 2, 2)
+    aim = aim_of(plain.arm)
     assert np.allclose(aim.q_low, [-0.3, np.pi / 4 - 0.22, np.pi / 2])
     assert np.allclose(aim.q_high, [0.3, np.pi / 4 + 0.22, np.pi / 2])

@@ -6,7 +6,11 @@ import pytest
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
 from mitt.robot.arm import Arm
+from mitt.robot.hands import HandModel
+from mitt.robot.load import load_arm
+from mitt.study.lesson import learn
 from mitt.study.score import HELD_AFTER
+from mitt.study.simulate import simulate
 from mitt.study.trial import Bench, Outcome, known_ball
 from mitt.world.scene import Scene
 from mitt.world.throws import Throw
@@ -93,10 +97,20 @@ def test_logging_and_timing_change_nothing(
     assert bench.stopwatch.percentiles_us()["p50"] > 0.0
 
 
-@pytest.mark.parametrize(("mass", "density"), [(0.07, 0.001), (1.0, 0.001), (0.0027, 0.0259)])
+@pytest.mark.parametrize(("mass", "density"), [(0.07, 1e-4), (1.0, 1e-4), (0.0027, 0.00259)])
 def test_a_lighter_ball_is_believed_less_steady(mass: float, density: float) -> None:
     """The unmodelled acceleration grows as the ball gets lighter than 70 g."""
     known = known_ball(0.1, mass)
     assert known.accel_density == pytest.approx(density, rel=0.01)
     assert known.drag_mean == 0.1
     assert known.drag_sigma == pytest.approx(0.025)
+
+
+@pytest.mark.parametrize("limits", ["wam-48v", "wam-80v"])
+def test_real_motors_catch_with_the_design_chosen_for_them(limits: str) -> None:
+    """Four default throws each: caught, within every limit, motors below continuous torque."""
+    arm = load_arm("wam", limits=limits, hand=HandModel())
+    trials = simulate(learn(arm).map, throws=4, seed=31, pixels=False)
+    assert [trial.status for trial in trials] == ["caught"] * 4
+    assert sum(trial.limit_violations for trial in trials) == 0
+    assert 0.0 < max(max(trial.rms_torque_ratio) for trial in trials) < 1.0

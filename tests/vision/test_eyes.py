@@ -28,7 +28,7 @@ HONEST = (1.5, 4.2)
 def test_positions_are_sharp_and_honest_along_the_flight(radius: float) -> None:
     """Raw sightings are accurate, unbiased, and say how accurate they are."""
     rig, rng = fixed_rig(), np.random.default_rng(0)
-    imager = Imager(rig, ImageSensor(), np.random.default_rng(1))
+    imager = Imager(rig, ImageSensor(texture=0.0), np.random.default_rng(1))
     for x, bound in ALONG.items():
         eyes, errors, distances = Eyes(rig, EyesConfig(ball_radius=radius)), [], []
         for k in range(400):
@@ -49,7 +49,7 @@ def test_positions_are_sharp_and_honest_along_the_flight(radius: float) -> None:
 def test_eighty_milliseconds_of_images_tell_where_the_catch_will_be() -> None:
     """From 80 ms of images the position 0.4 s later is forecast to 20 mm rms over 12 throws."""
     rig, rng = fixed_rig(), np.random.default_rng(2)
-    imager, eyes = Imager(rig, ImageSensor(), np.random.default_rng(3)), Eyes(rig)
+    imager, eyes = Imager(rig, ImageSensor(texture=0.0), np.random.default_rng(3)), Eyes(rig)
     errors = []
     for _ in range(12):
         eyes.reset()
@@ -67,7 +67,7 @@ def test_eighty_milliseconds_of_images_tell_where_the_catch_will_be() -> None:
 def test_without_a_ball_nothing_is_seen_and_it_is_found_when_it_comes() -> None:
     """Empty images give no sighting; the first images with a ball do."""
     rig = fixed_rig()
-    imager, eyes = Imager(rig, ImageSensor(), np.random.default_rng(4)), Eyes(rig)
+    imager, eyes = Imager(rig, ImageSensor(texture=0.0), np.random.default_rng(4)), Eyes(rig)
     ball = np.array((3.0, 0.0, 0.5))
     for k in range(200):
         shown = ball if k % 40 == 39 else None
@@ -77,7 +77,7 @@ def test_without_a_ball_nothing_is_seen_and_it_is_found_when_it_comes() -> None:
 def test_a_camera_may_be_missing_but_not_invented() -> None:
     """One frame, or none, is no sighting; frames may come in any order; a third camera raises."""
     rig = fixed_rig()
-    imager, eyes = Imager(rig, ImageSensor(), np.random.default_rng(5)), Eyes(rig)
+    imager, eyes = Imager(rig, ImageSensor(texture=0.0), np.random.default_rng(5)), Eyes(rig)
     r = np.array((2.0, 0.1, 0.4))
     assert not eyes.step(()).found
     assert not eyes.step(imager.render(0.0, r, 0.04)[:1]).found
@@ -91,7 +91,7 @@ def test_a_camera_may_be_missing_but_not_invented() -> None:
 def test_the_eyes_are_their_stages() -> None:
     """A first look is that of segmenters and triangulator, bit for bit."""
     rig, rng = fixed_rig(), np.random.default_rng(6)
-    imager, eyes = Imager(rig, ImageSensor(), np.random.default_rng(7)), Eyes(rig)
+    imager, eyes = Imager(rig, ImageSensor(texture=0.0), np.random.default_rng(7)), Eyes(rig)
     triangulator = Triangulator(rig, 0.04)
     found = 0
     for k in range(150):
@@ -110,7 +110,7 @@ def test_the_eyes_are_their_stages() -> None:
 def test_images_may_be_windows_or_write_protected_and_times_must_agree() -> None:
     """How an image lies in memory changes nothing; frames of two instants are no sighting."""
     rig = fixed_rig()
-    frames = Imager(rig, ImageSensor(), np.random.default_rng(8)).render(
+    frames = Imager(rig, ImageSensor(texture=0.0), np.random.default_rng(8)).render(
         0.0, np.array((2.0, 0.1, 0.4)), 0.04
     )
     wide = np.zeros((128, 300), dtype=np.uint8)

@@ -21,7 +21,7 @@ from mitt.world.scene import Scene, exact_scene, read_scene
 from mitt.world.simulation import TICK, World
 from mitt.world.throws import Throw
 
-PLACE, NO_SPEED = np.array([3.0, 0.1, 0.4]), np.zeros(3)
+PLACE = np.array([3.0, 0.1, 0.4])
 THROW = Throw(r=np.array([3.6, 0.1, 0.2]), dr=np.array([-5.0, 0.0, 2.6]))
 #: Ticks of a run through the stages.
 TICKS = 400
@@ -34,10 +34,14 @@ class Plain:
         """Count frames from zero."""
         self._pixels, self._number = pixels, -1
 
+    def turn(self, gaze: Array | None, duration: float) -> None:
+        """Stand still."""
+
     def read(
         self, t: float, q: Array, dq: Array, r_o: Array, dr_o: Array, *, look: bool = True
     ) -> Senses:
         """Return exact readings."""
+        assert dr_o.shape == r_o.shape
         self._number += 1
         frames: tuple[Frame, ...] = ()
         points: tuple[Sighting, ...] = ()
@@ -48,8 +52,8 @@ class Plain:
             points = (Sighting(t=t, found=True, r_o=r_o.copy(), covariance=1e-6 * np.eye(3)),)
         return Senses(t=t, arm=ArmState(t=t, q=q, dq=dq), frames=frames, points=points)
 
-    def turn(self, gaze: Array | None, duration: float) -> None:
-        """Cameras that stand still."""
+
+STILL = np.zeros(3)
 
 
 def plan_of(*faults: dict[str, object]) -> tuple[Fault, ...]:
@@ -68,7 +72,7 @@ def run(*faults: dict[str, object], pixels: bool = False, seed: int = 7) -> list
     """Return what arrives in each tick of a run in which joint angles rise by 1 rad/s."""
     sensors = troubles(plan_of(*faults), seed=seed).sensors(Plain(pixels=pixels), pixels=pixels)
     rate = np.ones(3)
-    return [sensors.read(k * TICK, k * TICK * rate, rate, PLACE, NO_SPEED) for k in range(TICKS)]
+    return [sensors.read(k * TICK, k * TICK * rate, rate, PLACE, STILL) for k in range(TICKS)]
 
 
 def fly(*faults: dict[str, object], ticks: int = 450, seed: int = 7) -> World:

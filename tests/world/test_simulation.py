@@ -105,8 +105,15 @@ def test_points_arrive_one_tick_late_with_the_time_of_their_exposure(rough: Worl
 class Card:
     """Cameras that write down when they were asked."""
 
-    def render(self, t: float, r_o: Array | None, radius: float) -> tuple[Frame, ...]:
+    def turn(self, gaze: Array | None, duration: float) -> None:
+        """Stand still."""
+
+    def render(
+        self, t: float, r_o: Array | None, radius: float, *, dr_o: Array | None, capsules: Array
+    ) -> tuple[Frame, ...]:
         """Return one tiny frame whose number is the tick."""
+        assert dr_o is not None
+        assert capsules.shape[1] == 7
         assert r_o is not None
         assert radius == 0.04
         pixels = np.zeros((1, 1), np.uint8)

@@ -6,7 +6,8 @@ from mitt.commands.screen import checked, console_of, progress
 from mitt.errors import InputError
 from mitt.options import ReportOptions
 from mitt.study.sweep.folder import Folder
-from mitt.study.sweep.report import read_result, write_study_report
+from mitt.study.sweep.report import write_study_report
+from mitt.study.sweep.result import read_result
 
 #: Most replays beside one page; each weighs a megabyte.
 _MOST_REPLAYS = 200

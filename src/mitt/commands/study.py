@@ -8,7 +8,7 @@ from mitt.commands.screen import checked, console_of, progress
 from mitt.errors import InputError
 from mitt.link.files import check_folder
 from mitt.options import StudyOptions
-from mitt.study.catch import GENERATORS
+from mitt.study.registry import available
 from mitt.study.sweep.engine import check_engine, engine_of
 from mitt.study.sweep.folder import Folder
 from mitt.study.sweep.read import read_study
@@ -18,7 +18,7 @@ from mitt.study.sweep.study import Study
 
 def run(options: StudyOptions) -> int:
     """Run ``mitt study``; return its exit status."""
-    study = read_study(options.study, generators=GENERATORS)
+    study = read_study(options.study, generators=available())
     check_engine(options.engine)
     if options.resume and options.overwrite:
         raise InputError("--resume and --overwrite", "one of them", "both")

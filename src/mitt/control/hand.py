@@ -57,7 +57,7 @@ def close(memory: Array, grip: Array, t: float, time_to_catch: float) -> float:
             return 0.0
         memory[0] = t
     elapsed = t - memory[0]
-    return closing_angle(elapsed, grip[1], grip[2], grip[3], grip[4], grip[5])
+    return float(closing_angle(elapsed, grip[1], grip[2], grip[3], grip[4], grip[5]))
 
 
 @njit(cache=True)

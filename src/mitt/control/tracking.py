@@ -115,8 +115,8 @@ def track(
     """
     links, n = len(bodies), len(index)
     rows = notes.reshape(NOTES, links)
-    asked, speed, kept, rest, more = rows[0], rows[1], rows[2], rows[3], rows[4:]
-    scratch, push = more.reshape(links, NOTES - 4), told[4]
+    asked, speed, kept, push = rows[0], rows[1], rows[2], told[4]
+    scratch = rows[4:].reshape(links, NOTES - 4)
     for k in range(n):
         lag, slow = told[0, k] - q[k], told[1, k] - dq[k]
         push[k] = told[2, k] + 2.0 * bandwidth * slow + bandwidth * bandwidth * lag
@@ -130,26 +130,34 @@ def track(
     for k in range(links):
         met |= abs(kept[k] - asked[k]) > _TOUCH
     if met:
-        # Torques are cut along the line from those of coasting to those asked for, all joints by
-        # the same share: then each acceleration stays between coasting and the wish, which both
-        # respect the speed limits and the stops. Cutting joint by joint would let one joint's
-        # limit push another beyond its own.
         coast = told[3]
         coast[:] = 0.0
         bound_acceleration(bounds, q, dq, coast)
-        inverse_dynamics(bodies, q, dq, coast, rest, scratch)
-        share = _share(drives, rest, asked, speed)
+        inverse_dynamics(bodies, q, dq, coast, rows[3], scratch)
+        share = _cut(drives, rows[3], asked, speed, kept)
         for k in range(n):
             push[k] = coast[k] + share * (push[k] - coast[k])
-        for k in range(links):
-            asked[k] = rest[k] + share * (asked[k] - rest[k])
-        saturate(drives, asked, speed, kept)
     for k in range(n):
         told[3, k] = kept[index[k]]
     return met
 
 
 @njit(cache=True)
+def _cut(drives: Array, rest: Array, asked: Array, speed: Array, kept: Array) -> float:
+    """Write torques within every limit that lead as far towards the wish as they can.
+
+    Torques are cut along the line from those of coasting to those asked for, all joints by the
+    same share, which is returned: then each acceleration stays between coasting and the wish,
+    which both respect the speed limits and the stops. Cutting joint by joint would let one
+    joint's limit push another beyond its own.
+    """
+    share = _share(drives, rest, asked, speed)
+    for k in range(len(asked)):
+        asked[k] = rest[k] + share * (asked[k] - rest[k])
+    saturate(drives, asked, speed, kept)
+    return float(share)
+
+
 def all_finite(x: Array) -> bool:
     """Say whether every entry of a vector is a finite number."""
     for k in range(len(x)):  # noqa: SIM110 (compiled: a loop is the fast form)

@@ -66,10 +66,12 @@ class Verdict:
     sigma: float
 
 
-def judge(f: DirectMap, ball: BallState, q: Array, *, tolerance: Tolerance) -> Verdict:
-    """Return the verdict on a ball for an arm at rest in ``q`` [rad], shape (n,)."""
+def judge(
+    f: DirectMap, ball: BallState, q: Array, *, tolerance: Tolerance, dq: Array | None = None
+) -> Verdict:
+    """Return the verdict on a ball for an arm in ``q`` [rad], (n,), at rest or moving at ``dq``."""
     seen = foresee(f, ball)
-    adapted = f.adapt(ball, q, np.zeros(f.arm.n))
+    adapted = f.adapt(ball, q, np.zeros(f.arm.n) if dq is None else dq)
     where = _where(f, seen)
     if where is not None or adapted.status is MapStatus.DOMAIN:
         return Verdict(
@@ -171,8 +173,8 @@ def _shares(f: DirectMap, motion: Array, tolerance: Tolerance) -> dict[str, floa
     arm, asked = f.arm, demand(f.arm, motion)
     half, middle = 0.5 * (arm.q_max - arm.q_min), 0.5 * (arm.q_max + arm.q_min)
     kinds = {
-        "torque": arm.active(asked.torque).max(axis=0) / tolerance.torque,
-        "speed": arm.active(asked.speed).max(axis=0) / tolerance.speed,
+        "torque": arm.by_joint(asked.torque).max(axis=0) / tolerance.torque,
+        "speed": arm.by_joint(asked.speed).max(axis=0) / tolerance.speed,
         "range": (np.abs(motion[:, 0] - middle) / half).max(axis=0),
     }
     return {

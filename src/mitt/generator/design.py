@@ -1,6 +1,6 @@
 """The choices that make a map, and the arrays of l_c that follow from them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from mitt.errors import InputError, ModelError
 from mitt.generator.planar import plane_of
 from mitt.generator.tangent import Tangent
 from mitt.robot.arm import Arm
+from mitt.signals import Array
 
 #: Highest degree of a map's polynomial: 120 monomials of three joints.
 MOST_ORDER = 9
@@ -21,6 +22,9 @@ class MapDesign:
         catch_joint: Index i of the catch joint among the active joints, from 0.
         q_catch: Its angle q_alpha at the catch [rad].
         kappa: Velocity-match ratio; 1 is the paper.
+        inward: How much of the ball's line leads towards joint i's axis, in units of dl/dq_i; 0 is
+            the paper. The ball then meets the hand with inward times joint i's own speed, along
+            the palm's normal.
         order: Degree N of the polynomial.
         free: The three joints of l_c, the catch joint among them; all where the arm has three.
     """
@@ -28,8 +32,38 @@ class MapDesign:
     catch_joint: int = 2
     q_catch: float = np.pi / 2
     kappa: float = 1.0
+    inward: float = 0.0
     order: int = 4
     free: tuple[int, int, int] = (0, 1, 2)
+
+
+#: Designs chosen by computation, by arm and limit set; any other arm or set has the paper's.
+#: ``python benchmarks/designs.py --limits SET`` repeats the choice and prints what it rests on.
+_CHOSEN = {
+    ("wam", "wam-80v"): MapDesign(q_catch=1.2, inward=1.5),
+    ("wam", "wam-48v"): MapDesign(q_catch=0.6, inward=3.0),
+}
+
+#: Designs besides the default one, gentler and harder, for a choice among several maps.
+_FURTHER = {
+    ("wam", "paper"): (
+        (),
+        (MapDesign(q_catch=1.2, inward=1.0), MapDesign(q_catch=0.6, inward=3.0)),
+    ),
+    ("wam", "wam-80v"): (
+        (MapDesign(q_catch=1.2, inward=1.0),),
+        (MapDesign(q_catch=0.6, inward=3.0),),
+    ),
+    ("wam", "wam-48v"): (
+        (MapDesign(q_catch=0.9, inward=2.5),),
+        (MapDesign(q_catch=0.4, inward=4.0),),
+    ),
+}
+
+
+def further_designs(arm: Arm) -> tuple[tuple[MapDesign, ...], tuple[MapDesign, ...]]:
+    """Return the designs that are gentler and those that are harder than the default one."""
+    return _FURTHER.get((arm.model.name, arm.limits.name), ((), ()))
 
 
 def default_design(
@@ -37,30 +71,57 @@ def default_design(
     *,
     catch_joint: int | None = None,
     q_catch: float | None = None,
-    kappa: float = 1.0,
-    order: int = 4,
+    kappa: float | None = None,
+    inward: float | None = None,
+    order: int | None = None,
 ) -> MapDesign:
-    """Return a design; what is left out follows from the arm.
+    """Return a design; what is left out follows from the arm and its limits.
 
     Args:
         arm: The arm.
         catch_joint: Index of the catch joint; the last active joint by default.
-        q_catch: Its angle at the catch [rad]; pi/2, or the middle of its range, by default.
+        q_catch: Its angle at the catch [rad]; by default the one chosen for the limit set, or
+            else pi/2 or the middle of its range.
         kappa: Velocity-match ratio.
+        inward: Share of the ball's line towards the catch joint's axis.
         order: Degree of the polynomial.
     """
     if arm.n < 3:
         raise InputError("--joints", "at least three active joints", arm.n)
-    if not 2 <= order <= MOST_ORDER:
-        raise InputError("--order", f"a degree in 2..{MOST_ORDER}", order)
     i = arm.n - 1 if catch_joint is None else catch_joint
     if not 0 <= i < arm.n:
         raise InputError("--catch-joint", f"an index in 0..{arm.n - 1}", i)
-    if q_catch is None:
-        inside = arm.q_min[i] < np.pi / 2 < arm.q_max[i]
-        q_catch = np.pi / 2 if inside else 0.5 * float(arm.q_min[i] + arm.q_max[i])
     a, b, c = sorted({*[k for k in range(arm.n) if k != i][:2], i})
-    return MapDesign(catch_joint=i, q_catch=q_catch, kappa=kappa, order=order, free=(a, b, c))
+    usual = MapDesign(catch_joint=i, q_catch=nominal_angle(arm, i), free=(a, b, c))
+    chosen = _CHOSEN.get((arm.model.name, arm.limits.name), usual)
+    base = chosen if (chosen.catch_joint, chosen.free) == (i, usual.free) else usual
+    design = replace(
+        base,
+        q_catch=base.q_catch if q_catch is None else q_catch,
+        kappa=base.kappa if kappa is None else kappa,
+        inward=base.inward if inward is None else inward,
+        order=base.order if order is None else order,
+    )
+    if not 2 <= design.order <= MOST_ORDER:
+        raise InputError("--order", f"a degree in 2..{MOST_ORDER}", design.order)
+    return design
+
+
+def nominal_angle(arm: Arm, joint: int) -> float:
+    """Return the paper's q_alpha for a joint [rad]: pi/2, or mid-range where that is outside."""
+    low, high = float(arm.q_min[joint]), float(arm.q_max[joint])
+    return np.pi / 2 if low < np.pi / 2 < high else 0.5 * (low + high)
+
+
+def nominal_catch(arm: Arm) -> Array:
+    """Return the joints around which default throws are aimed [rad], shape (n,).
+
+    The ready pose with the last joint at the paper's q_alpha. It belongs to the throws and not
+    to a map: maps of any design, under any limits, are compared on the same throws.
+    """
+    q = arm.q_ready.copy()
+    q[-1] = nominal_angle(arm, arm.n - 1)
+    return q
 
 
 def tangent_of(arm: Arm, design: MapDesign) -> Tangent:
@@ -75,13 +136,20 @@ def tangent_of(arm: Arm, design: MapDesign) -> Tangent:
         raise ModelError("q_catch", room, f"{design.q_catch:.3f}")
     if not 1.0 <= design.kappa <= 100.0:
         raise ModelError("kappa", "a ratio in 1..100", design.kappa)
-    plane = plane_of(arm, design.catch_joint, q_catch=design.q_catch, kappa=design.kappa)
+    if not -100.0 <= design.inward <= 100.0:
+        raise ModelError("inward", "a ratio in -100..100", design.inward)
+    if design.inward != 0.0 and arm.chain.prismatic[i] > 0.0:
+        raise ModelError("inward", "0 where the catch joint slides", design.inward)
+    plane = plane_of(
+        arm, design.catch_joint, q_catch=design.q_catch, kappa=design.kappa, inward=design.inward
+    )
     return Tangent(
         chain=arm.chain,
         free=design.free,
         catch_joint=i,
         q_catch=design.q_catch,
         kappa=design.kappa,
+        inward=design.inward,
         q_rest=arm.q_ready.copy(),
         planar=plane is not None and design.free == (0, 1, 2),
         plane=np.zeros(7) if plane is None else plane,

@@ -93,8 +93,12 @@ class DirectMap:
 
     @cached_property
     def start(self) -> Array:
-        """Virtual joints at the nominal catch, where the inverse starts [rad], shape (n,)."""
-        q = self.arm.q_ready.copy()
+        """Virtual joints in the middle of the region, where the inverse starts [rad], (n,).
+
+        Before anything is learned: the ready pose with the catch joint at its angle.
+        """
+        known = bool(np.all(np.isfinite(self.region)))
+        q: Array = self.region.mean(axis=0) if known else self.arm.q_ready.copy()
         q[self.design.catch_joint] = self.design.q_catch
         return q
 
@@ -135,7 +139,8 @@ class DirectMap:
     def catch_gap(self, r_o: Array) -> Array:
         """Return r_e = l(f(r_o)) - r_o of eq. (4) [m], shape (3,).
 
-        It and its rate vanish at the catch, eq. (3), for any alpha (the rate at kappa = 1).
+        It and its rate vanish at the catch, eq. (3), for any alpha (the rate at kappa = 1 and
+        inward = 0).
         """
         _, q_o = self.to_joints(r_o)
         gap: Array = self.arm.position(self.bend(q_o)) - r_o
@@ -246,7 +251,7 @@ def time_to_catch(packed: Array, rows: Array) -> float:
         rows: As :func:`reference` writes them, shape (6, n).
     """
     i = int(packed[1])
-    return root_time(rows[3, i] - packed[2], rows[4, i], rows[5, i])
+    return float(root_time(rows[3, i] - packed[2], rows[4, i], rows[5, i]))
 
 
 def unlearned(arm: Arm, design: MapDesign) -> DirectMap:

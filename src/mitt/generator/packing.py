@@ -11,14 +11,15 @@ from mitt.generator.tangent import Scratch, Tangent
 from mitt.robot.chain import Chain, Motion
 from mitt.signals import Array
 
-#: Numbers before the arrays: n, i, q_alpha, kappa, planar, three free joints, seven of the plane.
-_HEAD = 15
+#: Numbers before the arrays: n, i, q_alpha, kappa, planar, three free joints, seven of the plane,
+#: inward.
+_HEAD = 16
 
 
 def pack(g: Tangent) -> Array:
     """Return a tangent map as one vector, to be read by :func:`unpack`."""
     n = len(g.q_rest)
-    head = [n, g.catch_joint, g.q_catch, g.kappa, float(g.planar), *g.free, *g.plane]
+    head = [n, g.catch_joint, g.q_catch, g.kappa, float(g.planar), *g.free, *g.plane, g.inward]
     arrays = (g.q_rest, g.chain.tip, g.chain.prismatic, g.chain.p, g.chain.axis, g.chain.R)
     return np.concatenate([np.array(head, dtype=np.float64), *(x.ravel() for x in arrays)])
 
@@ -40,7 +41,8 @@ def unpack(v: Array) -> Tangent:
         v[a:b],
     )
     free = (int(v[5]), int(v[6]), int(v[7]))
-    return Tangent(chain, free, int(v[1]), v[2], v[3], v[_HEAD:a], v[4] > 0.0, v[8:_HEAD])
+    planar, plane = v[4] > 0.0, v[8:15]
+    return Tangent(chain, free, int(v[1]), v[2], v[3], v[15], v[_HEAD:a], planar, plane)
 
 
 def workspace(n: int, m: int = 0) -> Array:

@@ -15,7 +15,9 @@ from mitt.signals import Array
 _TOLERANCE = 1e-12
 
 
-def plane_of(arm: Arm, catch_joint: int, *, q_catch: float, kappa: float) -> Array | None:
+def plane_of(
+    arm: Arm, catch_joint: int, *, q_catch: float, kappa: float, inward: float = 0.0
+) -> Array | None:
     """Return p_x, p_z, t_x, t_z, shoulder height [m], signs of yaw and pitch, shape (7,).
 
     None where the arm is of another kind.
@@ -28,7 +30,7 @@ def plane_of(arm: Arm, catch_joint: int, *, q_catch: float, kappa: float) -> Arr
     yaw, pitch = m.W[0], m.W[1]
     base, shoulder = m.origin[0, 0], m.origin[0, 1]
     flat = (yaw[0], yaw[1], pitch[0], pitch[2], base[0], base[1], shoulder[0], shoulder[1])
-    p, t = m.tip[0], kappa * m.J[2]
+    p, t = m.tip[0], kappa * m.J[2] + inward * np.cross(m.W[2], m.J[2])
     off = max(abs(x) for x in (*flat, p[1], t[1]))
     height = shoulder[2]
     if off > _TOLERANCE or abs(p[0] * t[0] + (p[2] - height) * t[2]) < _TOLERANCE:

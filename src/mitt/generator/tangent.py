@@ -1,10 +1,14 @@
 """The tangent map l_c and its inverse: from a ball's position to virtual joints and back.
 
-Eq. (5): l_c(q) = l(qbar) + kappa (dl/dq_i)(qbar) s with s = q_i - q_alpha and qbar = q with
-q_i := q_alpha. The paper has kappa = 1; a larger one, ours, slows joint i by it.
+Eq. (5): l_c(q) = l(qbar) + T(qbar) s with s = q_i - q_alpha and qbar = q with q_i := q_alpha.
+The paper's T is J_i = dl/dq_i; here T = kappa J_i + inward (w_i x J_i), w_i the axis of joint i,
+because an arm that cannot be as fast as the ball has to be met from a chosen side: the ball comes
+with relative velocity (T - J_i) dq_i. kappa slows joint i and lets the ball in along the tangent;
+inward lets it in along the line to joint i's axis, for an elbow down the forearm, into the palm.
 
 | here          | paper / equations                         | unit        | shape  |
 |---------------|-------------------------------------------|-------------|--------|
+| ``T``         | the line along which the ball comes       | m/rad       | (3,)   |
 | ``q_o``       | l_c^-1(r_o), eq. (10)                     | rad         | (n,)   |
 | ``J_c``       | dl_c/dq over the three free joints        | m/rad       | (3, 3) |
 | ``curvature`` | J_c-dot dq_o, second derivative along dq_o| m/s^2       | (3,)   |
@@ -40,6 +44,7 @@ class Tangent(NamedTuple):
     catch_joint: int  # index i among the active joints
     q_catch: float  # q_alpha [rad]
     kappa: float  # velocity-match ratio
+    inward: float  # share of the ball's line that leads towards the catch joint's axis
     q_rest: Array  # (n,) angles of the joints that are not free [rad]
     planar: bool
     plane: Array  # (7,) p_x, p_z, t_x, t_z, shoulder height, sign of yaw, sign of pitch
@@ -71,21 +76,39 @@ def expand(g: Tangent, q_o: Array, dq_o: Array, w: Scratch) -> None:
     for k in range(len(q_o)):
         w.q[k], w.dq[k] = q_o[k], dq_o[k]
     w.q[i], w.dq[i] = g.q_catch, 0.0
-    s, ds = g.kappa * (q_o[i] - g.q_catch), g.kappa * dq_o[i]
+    s, ds = q_o[i] - g.q_catch, dq_o[i]
     m = w.motion
     sweep(g.chain, w.q, w.dq, m)
-    for c in range(3):
-        w.point[0, c] = m.tip[0, c] + s * m.J[i, c]
-        w.point[2, c] = m.tip[2, c] + 2.0 * ds * m.dJ[i, c] + s * m.ddJ[i, c]
+    T, dT, ddT = _line(g, m)
+    put(w.point, 0, plus(row(m.tip, 0), times(s, T)))
+    put(w.point, 2, plus(row(m.tip, 2), plus(times(2.0 * ds, dT), times(s, ddT))))
     for a in range(3):
         k = g.free[a]
         if k == i:
-            column = times(g.kappa, row(m.J, i))
+            column = T
+        elif k < i:
+            column = plus(row(m.J, k), times(s, cross(row(m.W, k), T)))
         else:
-            # dJ_i/dq_k = w_min x J_max: the joint nearer the base turns the other's arm.
-            answer = cross(row(m.W, min(k, i)), row(m.J, max(k, i)))
+            # T is fixed in the link of joint i but for the arm's length beyond it.
+            answer = cross(row(m.W, i), row(m.J, k))
+            answer = plus(times(g.kappa, answer), times(g.inward, cross(row(m.W, i), answer)))
             column = plus(row(m.J, k), times(s, answer))
         put(w.J_c, a, column)
+
+
+@njit(cache=True)
+def _line(g: Tangent, m: Motion) -> tuple[Vec, Vec, Vec]:
+    """Return T = kappa J_i + inward (w_i x J_i) and its two derivatives along dq of qbar."""
+    i = g.catch_joint
+    J, dJ, ddJ = row(m.J, i), row(m.dJ, i), row(m.ddJ, i)
+    T, dT, ddT = times(g.kappa, J), times(g.kappa, dJ), times(g.kappa, ddJ)
+    if g.inward != 0.0:
+        w, dw, ddw = row(m.line[0], i), row(m.line[1], i), row(m.line[2], i)
+        turned = plus(cross(ddw, J), plus(times(2.0, cross(dw, dJ)), cross(w, ddJ)))
+        T = plus(T, times(g.inward, cross(w, J)))
+        dT = plus(dT, times(g.inward, plus(cross(dw, J), cross(w, dJ))))
+        ddT = plus(ddT, times(g.inward, turned))
+    return T, dT, ddT
 
 
 @njit(cache=True)

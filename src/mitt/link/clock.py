@@ -54,6 +54,11 @@ class Stopwatch:
         return int(np.sum(np.array(self._ns, dtype=np.float64) > 1e3 * self.deadline_us))
 
 
+def monotonic() -> float:
+    """Return the time of the machine's steady clock [s], for cameras that have none."""
+    return time.monotonic()
+
+
 @final
 class Pace:
     """How fast some work goes, for people who wait for it.

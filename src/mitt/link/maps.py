@@ -34,6 +34,7 @@ class _Design(_Part):
     catch_joint: int = Field(ge=0, le=20)
     q_catch: Finite
     kappa: Finite
+    inward: Finite = 0.0
     order: int = Field(ge=2, le=MOST_ORDER)
     free: tuple[int, int, int]
 

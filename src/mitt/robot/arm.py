@@ -157,6 +157,16 @@ class Arm:
         out: Array = x[..., self._index]
         return out
 
+    def by_joint(self, share: Array) -> Array:
+        """Return each active joint's share of a limit, (..., n), from those of drives, (..., N).
+
+        The largest of the drives that move the joint: both motors of a differential, so that what
+        a held joint asks of them is counted.
+        """
+        moved = self.limits.transmission[:, self._index] != 0.0
+        out: Array = np.where(moved, share[..., None], 0.0).max(axis=-2)
+        return out
+
     def holding(self, mass: float) -> "Arm":
         """Return the arm with a ball of some mass [kg] held at the catch point; built once."""
         if mass not in self._holding:

@@ -123,7 +123,8 @@ def torques(bodies: Array, motion: Array, tau: Array, notes: Array) -> None:
 @njit(cache=True)
 def _swung(omega: Vec, alpha: Vec, r: Vec) -> Vec:
     """Return the acceleration of a point at ``r`` that a turning body adds to its origin's."""
-    return plus(cross(alpha, r), cross(omega, cross(omega, r)))
+    added: Vec = plus(cross(alpha, r), cross(omega, cross(omega, r)))
+    return added
 
 
 @njit(cache=True)

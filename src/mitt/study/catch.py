@@ -3,30 +3,29 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, final, get_args
+from typing import Any, final
 
 import mitt
-from mitt.errors import InputError, Terminated, UnknownNameError
+from mitt.errors import InputError, Terminated
 from mitt.generator.design import MapDesign, default_design, tangent_of
-from mitt.generator.generators import Direct, Generator, Unoptimised
+from mitt.generator.generators import Generator
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import unlearned
 from mitt.link.clock import Stopwatch
 from mitt.link.files import check_folder
 from mitt.link.maps import read_map
-from mitt.options import ArmOptions, CatchOptions, GeneratorName
+from mitt.options import ArmOptions, CatchOptions
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
 from mitt.study.lesson import learn
+from mitt.study.registry import check_name, make_generator
 from mitt.study.result import result
 from mitt.study.score import Trial
 from mitt.study.source import Source, source_of
 from mitt.study.trial import Bench, Outcome
 from mitt.world.scene import TABLE_TENNIS, Scene, read_scene
 
-#: Generators by name.
-GENERATORS: tuple[str, ...] = get_args(GeneratorName)
 #: Most throws in one run; more belong into a study.
 _MOST_THROWS = 100_000
 #: Index of the throw that is run once before the others, so that compiling is not measured.
@@ -47,8 +46,9 @@ def design_of(options: ArmOptions, arm: Arm) -> MapDesign:
         arm,
         catch_joint=options.catch_joint,
         q_catch=options.q_catch,
-        kappa=1.0 if options.kappa is None else options.kappa,
-        order=4 if options.order is None else options.order,
+        kappa=options.kappa,
+        inward=options.inward,
+        order=options.order,
     )
     tangent_of(arm, design)  # refuses angles and ratios that cannot be, before anything is run
     return design
@@ -57,7 +57,7 @@ def design_of(options: ArmOptions, arm: Arm) -> MapDesign:
 def _refuse_design(job: CatchOptions) -> None:
     """Refuse options of the design beside a map, which has its own."""
     stated = {"--catch-joint": job.catch_joint, "--q-catch": job.q_catch, "--kappa": job.kappa,
-              "--order": job.order}  # fmt: skip
+              "--inward": job.inward, "--order": job.order}  # fmt: skip
     given = [name for name, value in stated.items() if value is not None]
     if given:
         raise InputError("--map", "no option that the map itself decides", " and ".join(given))
@@ -96,8 +96,7 @@ def prepare(job: CatchOptions) -> Prepared:
     Raises:
         MittError: An input cannot be used.
     """
-    if job.generator not in GENERATORS:
-        raise UnknownNameError("--generator", job.generator, GENERATORS)
+    check_name(job.generator)
     if job.throws is not None and not 1 <= job.throws <= _MOST_THROWS:
         raise InputError("--throws", f"a number in 1..{_MOST_THROWS}", job.throws)
     if not 0 <= job.seed < 2**63:
@@ -150,18 +149,9 @@ class Finished:
         return result(self.trials, self.stopwatch, self.prepared.head)
 
 
-def make_generator(name: str, learned: Learned) -> Generator:
-    """Return a generator by name."""
-    if name == "direct":
-        return Direct(learned.map)
-    if name == "unoptimised":
-        return Unoptimised(unlearned(learned.map.arm, learned.map.design))
-    raise UnknownNameError("generator", name, GENERATORS)
-
-
 def make_bench(prepared: Prepared, learned: Learned, *, generator: str) -> Bench:
     """Return the bench of a run, for a generator by name."""
-    return bench_for(prepared, make_generator(generator, learned))
+    return bench_for(prepared, make_generator(generator, learned.map))
 
 
 def bench_for(prepared: Prepared, generator: Generator) -> Bench:

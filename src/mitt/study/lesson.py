@@ -4,11 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mitt.generator.design import MapDesign, default_design
+from mitt.generator.design import MapDesign, default_design, further_designs
 from mitt.generator.flights import Flight
+from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned, LearnSettings
 from mitt.generator.learn import learn as learn_from
-from mitt.generator.mapping import unlearned
+from mitt.generator.mapping import DirectMap, unlearned
+from mitt.generator.several import Several
 from mitt.robot.arm import Arm
 from mitt.study.neighbourhood import Neighbourhood, neighbourhood
 
@@ -43,3 +45,14 @@ def learn(
         start = unlearned(arm, design)
         flights = neighbourhood(start, np.random.default_rng(seed), around)
     return learn_from(arm, design, flights, settings=settings)
+
+
+def learn_several(first: DirectMap) -> Several:
+    """Return a choice among a map and those of the further designs for its arm and limits.
+
+    In order of preference, the gentlest first; a map that is one of them already stands once.
+    """
+    before, after = further_designs(first.arm)
+    maps = [learn(first.arm, design=x).map for x in (*before, *after) if x != first.design]
+    count = sum(x != first.design for x in before)
+    return Several(tuple(Direct(f) for f in (*maps[:count], first, *maps[count:])))

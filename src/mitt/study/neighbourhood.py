@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitt.flight import acceleration, advance
+from mitt.generator.design import nominal_catch
 from mitt.generator.flights import Flight
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
@@ -28,7 +29,8 @@ class Neighbourhood:
         kicked: Share of flights that are kicked on the way.
         bounced: Share of flights that bounce on the way.
         kick: Largest kick [m/s].
-        t_0: Time after release at which the arm starts [s].
+        t_0: Range of the time after release at which the arm starts [s]: as soon as the ball is
+            known well enough, and at the latest 80 ms after first sight.
         after: Time after the catch that is still followed [s].
         sigma_r: Error of the position believed at t_0, 1 sigma an axis [m].
         sigma_dr: Error of the velocity believed at t_0, 1 sigma an axis [m/s].
@@ -40,7 +42,7 @@ class Neighbourhood:
     kicked: float = 0.25
     bounced: float = 0.2
     kick: float = 0.7
-    t_0: float = 0.082
+    t_0: tuple[float, float] = (0.02, 0.085)
     after: float = 0.01
     sigma_r: float = 0.003
     sigma_dr: float = 0.1
@@ -55,15 +57,13 @@ _LONGEST, _GRID = 1.1, 0.005
 _BOUNCED_DRAG = 0.1
 
 
-def aim_of(arm: Arm, q_catch: float, catch_joint: int) -> Aim:
+def aim_of(arm: Arm) -> Aim:
     """Return where default throws are aimed: design of the contract, q1 +-0.3, q2 pi/4 +-0.22.
 
     The ready pose gives the centre of the box, so other arms have theirs.
     """
-    middle, half = arm.q_ready.copy(), np.zeros(arm.n)
-    middle[catch_joint] = q_catch
-    first, second, *_ = (k for k in range(arm.n) if k != catch_joint)
-    half[first], half[second] = 0.3, 0.22
+    middle, half = nominal_catch(arm), np.zeros(arm.n)
+    half[:2] = 0.3, 0.22
     return Aim(position=arm.position, q_low=middle - half, q_high=middle + half)
 
 
@@ -86,7 +86,7 @@ def neighbourhood(
 def _draw(f: DirectMap, rng: np.random.Generator, settings: Neighbourhood) -> tuple[_Motion, float]:
     """Draw one motion of the ball and its drag."""
     drag, kind = float(rng.uniform(*settings.drag)), rng.random()
-    aim = aim_of(f.arm, f.design.q_catch, f.design.catch_joint)
+    aim = aim_of(f.arm)
     if kind < settings.bounced:
         return _bounced(aim, rng), _BOUNCED_DRAG
     throw = default_throw(rng, aim)
@@ -136,10 +136,11 @@ def _sampled(
     f: DirectMap, motion: _Motion, drag: float, rng: np.random.Generator, settings: Neighbourhood
 ) -> Flight | None:
     """Return the flight from t_0 to a little past the catch; None where there is no catch."""
-    t_c = _catch_time(f, motion, settings.t_0)
-    if t_c is None or t_c < settings.t_0 + 0.2:
+    t_0 = float(rng.uniform(*settings.t_0))
+    t_c = _catch_time(f, motion, t_0)
+    if t_c is None or t_c < t_0 + 0.2:
         return None
-    t = np.linspace(settings.t_0, t_c + settings.after, settings.instants)
+    t = np.linspace(t_0, t_c + settings.after, settings.instants)
     ball = np.array([_row(motion, x, drag) for x in t])
     seen = ball[0].copy()
     seen[0] += settings.sigma_r * rng.standard_normal(3)

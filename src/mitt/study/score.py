@@ -9,6 +9,7 @@ from mitt.generator.demand import demand
 from mitt.records import Phase, Record
 from mitt.robot.arm import Arm
 from mitt.signals import Array
+from mitt.study.drives import rms_ratio, with_held
 from mitt.world.contacts import ARM_FLOOR, SELF
 from mitt.world.simulation import World
 from mitt.world.truth import Trace, Truth
@@ -34,12 +35,14 @@ class Trial:
         peak_torque_ratio: Largest share of each active joint's torque limit.
         peak_speed_ratio: Largest share of each active joint's speed limit.
         limit_violations: Ticks with a limit exceeded, commanded or true, or with the arm
-            touching itself or the floor.
+            touching itself or the floor; and one for each drive beyond its continuous torque.
         demand_cost: Mean cost (22) of the reference before saturation.
         peak_contact_force_n: Largest single contact force on the ball [N].
         binding_limit: The limit that the verdict found asked most, or what ended the trial.
         saturated_ticks: Ticks in which a torque limit was met.
         range_excess_rad: Largest reference angle beyond a joint's range [rad].
+        rms_torque_ratio: Share of each drive's continuous torque, as root mean square over the
+            trial; 0 where the limit set has none.
     """
 
     index: int
@@ -55,6 +58,7 @@ class Trial:
     binding_limit: str | None
     saturated_ticks: int
     range_excess_rad: float
+    rms_torque_ratio: tuple[float, ...] = ()
 
 
 def held(truth: Truth, radius: float) -> bool:
@@ -70,6 +74,7 @@ class Meter:
         """Take the results of all its ticks, fields as of ``fresh_result``, shape (k,)."""
         self._arm, self._told = arm, ticks["told"]
         self._asked: Array = ticks["asked"][ticks["following"], :3]
+        self._all: Array | None = None
         self.saturated = int(np.sum(ticks["saturated"]))
 
     def demand_cost(self) -> float:
@@ -90,19 +95,35 @@ class Meter:
         The arm touching itself or the floor counts as well: its range is where it can be.
         """
         q, dq, tau = (self._told[:, row] for row in (0, 1, 3))
+        given = self._given(truth)
+        told = self._whole(truth, tau) if not np.array_equal(tau, truth.tau[1:]) else given
         before = truth.dq[:-1]
-        bad = self._exceed((q, dq), tau, before, _COMMANDED)
-        bad |= self._exceed((truth.q[1:], truth.dq[1:]), truth.tau[1:], before, _MEASURED)
+        bad = self._exceed((q, dq), told, before, _COMMANDED)
+        bad |= self._exceed((truth.q[1:], truth.dq[1:]), given, before, _MEASURED)
         bad |= (truth.seen[1:] & (SELF | ARM_FLOOR)) != 0
-        return int(np.sum(bad))
+        hot = sum(share > 1.0 + _MEASURED for share in self.continuous(truth))
+        return int(np.sum(bad)) + hot
+
+    def continuous(self, truth: Trace) -> tuple[float, ...]:
+        """Return the share of each drive's continuous torque over the trial."""
+        return rms_ratio(self._arm, self._given(truth))
+
+    def _given(self, truth: Trace) -> Array:
+        """Return the torques of all links in each tick, shape (k, N); reckoned once."""
+        if self._all is None:
+            self._all = self._whole(truth, truth.tau[1:])
+        return self._all
+
+    def _whole(self, truth: Trace, tau: Array) -> Array:
+        """Return torques of the active joints with those that hold the others, (k, N)."""
+        return with_held(self._arm, truth.q[:-1], truth.dq[:-1], tau)
 
     def peaks(self, truth: Trace) -> tuple[list[float], list[float]]:
         """Return the largest shares of torque and speed limits of the active joints."""
         arm = self._arm
-        tau, before = _spread(arm, truth.tau[1:]), _spread(arm, truth.dq[:-1])
-        torque = arm.limits.torque_ratio(tau, before)
+        torque = arm.limits.torque_ratio(self._given(truth), _spread(arm, truth.dq[:-1]))
         speed = np.abs(truth.dq) / arm.dq_max
-        return [float(x) for x in arm.active(torque).max(axis=0)], [
+        return [float(x) for x in arm.by_joint(torque).max(axis=0)], [
             float(x) for x in speed.max(axis=0)
         ]
 
@@ -113,7 +134,7 @@ class Meter:
 
         Args:
             motion: q and dq, shapes (k, n).
-            tau: Torques [N m], shape (k, n).
+            tau: Torques of all links [N m], shape (k, N).
             at: Joint speeds when the torque was given, which bound it [rad/s], shape (k, n).
             slack: Share of a limit that is let pass.
         """
@@ -121,7 +142,7 @@ class Meter:
         span = slack * (arm.q_max - arm.q_min)
         outside = np.any((q < arm.q_min - span) | (q > arm.q_max + span), axis=1)
         fast = np.any(np.abs(dq) > arm.dq_max * (1.0 + slack), axis=1)
-        drive, speed = arm.limits.drive_torque(_spread(arm, tau)), _spread(arm, at)
+        drive, speed = arm.limits.drive_torque(tau), _spread(arm, at)
         bound = arm.limits.torque_bound(drive, arm.limits.drive_speed(speed))
         strong = np.any(np.abs(drive) > bound * (1.0 + slack) + _COMMANDED, axis=1)
         bad: NDArray[np.bool_] = outside | fast | strong

@@ -6,6 +6,7 @@ from typing import final
 
 import numpy as np
 
+from mitt.generator.design import nominal_catch
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array
 from mitt.study.neighbourhood import aim_of
@@ -89,14 +90,11 @@ def source_for(
     recordings: tuple[Recording, ...] = (),
 ) -> Source:
     """Return balls for the arm of a map; default throws without throws and recordings."""
-    i = f.design.catch_joint
-    nominal = f.arm.q_ready.copy()
-    nominal[i] = f.design.q_catch
     return Source(
         seed=seed,
         count=count,
-        aim=aim_of(f.arm, f.design.q_catch, i),
-        catch_point=f.arm.position(nominal),
+        aim=aim_of(f.arm),
+        catch_point=f.arm.position(nominal_catch(f.arm)),
         throws=throws,
         recordings=recordings,
         drag=drag,

@@ -10,6 +10,7 @@ from mitt.catcher import Catcher, CatcherSettings
 from mitt.generator.generators import Generator
 from mitt.link.clock import Stopwatch
 from mitt.records import Record
+from mitt.rivals.clairvoyant import Clairvoyant
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Surroundings
 from mitt.study.log import TrialLog, log_of
@@ -17,8 +18,8 @@ from mitt.study.score import HELD_AFTER, Meter, Trial, held, status_of
 from mitt.vision.camera import Rig, fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig
 from mitt.vision.filter import FilterConfig
-from mitt.world.faults.cameras import true_rig
 from mitt.vision.head import active_rig
+from mitt.world.faults.cameras import true_rig
 from mitt.world.flights import BallPath
 from mitt.world.imaging import Imager, ImageSensor
 from mitt.world.scene import Scene
@@ -68,7 +69,7 @@ class Bench:
         self.stopwatch = Stopwatch()
 
     def catcher(self) -> Catcher:
-        """Return a fresh catcher."""
+        """Return a fresh catcher; one that may is told the flight of the ball just released."""
         ball = self._scene.ball
         eyes = Eyes(self._rig, EyesConfig(ball_radius=ball.radius))
         settings = CatcherSettings(
@@ -77,7 +78,10 @@ class Bench:
             flight=known_ball(ball.drag, ball.mass),
             around=Surroundings(floor=self._scene.floor),
         )
-        return Catcher(self.arm, self._generator, eyes, settings=settings)
+        generator = self._generator
+        if isinstance(generator, Clairvoyant):
+            generator = generator.told(self.world.flight)
+        return Catcher(self.arm, generator, eyes, settings=settings)
 
     def run(self, index: int, ball: Throw | BallPath, *, seed: int, log: bool = False) -> Outcome:
         """Throw once.
@@ -88,8 +92,9 @@ class Bench:
             seed: Seed of the plant's mismatch and of all noise.
             log: Whether to keep a log.
         """
-        world, catcher, rows, over = self.world, self.catcher(), [], False
+        world, rows, over = self.world, [], False
         world.reset(ball, seed)
+        catcher = self.catcher()
         while not over:
             senses = world.sense(look=catcher.looking)
             with self.stopwatch:
@@ -139,6 +144,7 @@ class Bench:
             binding_limit="unseen" if verdict is None else verdict.binding_limit,
             saturated_ticks=meter.saturated,
             range_excess_rad=meter.excess(),
+            rms_torque_ratio=meter.continuous(truth),
         )
 
 
@@ -177,6 +183,4 @@ def _cameras(rig: Rig, scene: Scene) -> Callable[[np.random.Generator], Imager]:
         body=sensing.body,
         exposure=sensing.exposure,
     )
-    return lambda rng: Imager(
-        true_rig(rig, scene.faults, rng), sensor, rng, second=sensing.second
-    )
+    return lambda rng: Imager(true_rig(rig, scene.faults, rng), sensor, rng, second=sensing.second)

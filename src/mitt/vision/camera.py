@@ -116,7 +116,7 @@ class Head:
             if value.shape != shape or not np.all(np.isfinite(value)):
                 raise ShapeError(name, f"{shape}, finite", value.shape)
         limits = (self.max_speed, self.max_accel, self.expected_range)
-        if not (0.0 < min(limits) and max(limits) < np.inf and 0.0 <= self.encoder_step < 0.1):
+        if not (min(limits) > 0.0 and max(limits) < np.inf and 0.0 <= self.encoder_step < 0.1):
             raise InputError("head", "positive limits, an encoder step below 0.1 rad", limits)
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from math import pi, sqrt
+from math import inf, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from mitt.signals import Array, BallState, Frame, Image, Sighting
 from mitt.vision import segmentation, triangulation
 from mitt.vision.camera import Rig
 from mitt.vision.gaze import empty_gaze, lead
-from mitt.vision.head import aim, pack_heads
+from mitt.vision.head import HEAD, aim, pack_heads
 from mitt.vision.moments import Box
 from mitt.vision.segmentation import (
     EXPECTED,
@@ -48,14 +48,12 @@ ALONG = 10.0
 """Standard deviation along the ray of a ball that one camera alone sees [m]."""
 FORGET, STUBBORN = 100.0, 20.0
 """Looks without both eyes after which a place is old; looks at odds that are no accident."""
-SURE, MISFIT, SMALL, DRIFT, SLOWLY = 0.002, 0.01, 0.1, 0.0005, 20.0
+SURE, MISFIT, SMALL, DRIFT, SLOWLY = 0.002, 0.01, 0.03, 0.0005, 20.0
 """Share of the ball's mass by which a target differs by noise; by which it may differ; what
 patches of the ground add to that, over the radius [px]; what each look without both eyes adds;
 looks over which the contrast may change."""
-ALPHA, BETA = 0.5, 0.1
-"""Gains of position and motion from look to look."""
-LET_GO = 0.1
-"""Time without a sighting after which the heads no longer follow the filter [s]."""
+ALPHA, BETA, RESTART = 0.5, 0.1, 20.0
+"""Gains of position and motion from look to look; looks after which motion is estimated anew."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,14 +129,15 @@ def _foresee(rig: Array) -> None:
 @njit(cache=True)
 def _remember(rig: Array, r: Array) -> None:
     """Correct position and motion from look to look by an alpha-beta filter."""
-    count = rig[KNOWN]
+    looks = max(rig[SINCE], 1.0)
+    count = rig[KNOWN] if looks < RESTART else 0.0
     for i in range(3):
         error = r[i] - rig[i]
         rig[i] = r[i] if count < 2.0 else rig[i] + ALPHA * error
         if count == 0.0:
             rig[SPEED + i] = 0.0
         else:
-            rig[SPEED + i] += (1.0 if count == 1.0 else BETA) * error
+            rig[SPEED + i] += (1.0 if count == 1.0 else BETA) * error / looks
     rig[KNOWN] = min(count + 1.0, SLOWLY)
 
 
@@ -230,10 +229,23 @@ class EyesStatus(Enum):
     AT_ODDS = AT_ODDS
 
 
+LET_GO = 0.1
+"""Time without a sighting after which the heads no longer follow the filter [s]."""
+
+_PARTS = (
+    "memory", "settings", "boxes", "cameras", "belief", "work", "heads", "angles", "gaze",
+    "gaze_work",
+)  # fmt: skip
+"""Arrays of the eyes that the compiled tick takes over."""
+
+
 class Eyes:
     """Segmentation for each camera of a rig, triangulation, and the gaze of its heads.
 
     The kernels are those of ``Segmenter`` and ``Triangulator``, composed.
+
+    Attributes:
+        heads: Number of heads; 0 where the cameras stand still.
     """
 
     def __init__(self, rig: Rig, config: EyesConfig | None = None) -> None:
@@ -245,13 +257,17 @@ class Eyes:
         self._cameras = pack_cameras(rig)
         self._belief = pack_belief(config.triangulator, config.ball_radius, rig)
         self._memory = np.empty((n + 1, segmentation.MEMORY))
-        self._heads, self._angles = pack_heads(rig), np.zeros((len(rig.heads), 2))
-        self._gaze, self._gaze_work = empty_gaze(len(rig.heads)), np.empty((7, 3))
+        self.heads = len(rig.heads)
+        rows = max(self.heads, 1)  # a rig that stands still has a row that is not used
+        self._heads, self._angles = np.zeros((rows, HEAD)), np.zeros((rows, 2))
+        self._heads[: self.heads] = pack_heads(rig)
+        self._gaze, self._gaze_work = empty_gaze(rows), np.zeros((7, 3))
         self._numbers, self._t = [-1] * n, 0.0
         self._boxes = np.zeros((segmentation.WORK, 4), dtype=np.int64)
         self._work = np.empty((triangulation.WORK + n, 3))
         self._none = [np.empty((0, 0), dtype=np.uint8)] * n
         self._still = (True,) * n
+        self._nothing = tuple(self._none), self._still, 0.0
         self.reset()
 
     def reset(self) -> None:
@@ -271,11 +287,6 @@ class Eyes:
         """
         return EyesStatus(int(self._memory[-1, STATUS]))
 
-    @property
-    def turns(self) -> bool:
-        """Whether the cameras can be turned."""
-        return len(self._heads) > 0
-
     def gaze(self, ball: BallState, t: float) -> Array | None:
         """Return where the heads are to look at ``t`` [s]: pan, tilt, rates, shape (n, 4).
 
@@ -285,9 +296,9 @@ class Eyes:
             ball: Estimate of the ball, at a time near ``t``.
             t: Time at which the heads are to be there [s].
         """
-        if not len(self._heads):
+        if not self.heads:
             return None
-        wanted, motion = np.empty((len(self._heads), 4)), np.zeros((2, 3))
+        wanted, motion = np.empty((self.heads, 4)), np.zeros((2, 3))
         if ball.tracked:
             motion[0], motion[1] = ball.r_o + (t - ball.t) * ball.dr_o, ball.dr_o
         lead(
@@ -305,21 +316,13 @@ class Eyes:
         return wanted
 
     def parts(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays that :func:`look` takes, by name, for whoever composes it."""
-        return {
-            "memory": self._memory,
-            "settings": self._settings,
-            "boxes": self._boxes,
-            "cameras": self._cameras,
-            "belief": self._belief,
-            "work": self._work,
-        }
+        """Return the arrays of :func:`look` and of the gaze, for whoever composes them."""
+        return {name: vars(self)[f"_{name}"] for name in _PARTS}
 
     def move_to(self, parts: Mapping[str, NDArray[Any]]) -> None:
         """Use other arrays from now on, named and shaped as :meth:`parts`; values as they are."""
-        self._memory, self._settings = parts["memory"], parts["settings"]
-        self._boxes, self._cameras = parts["boxes"], parts["cameras"]
-        self._belief, self._work = parts["belief"], parts["work"]
+        for name in _PARTS:
+            vars(self)[f"_{name}"] = parts[name]
 
     def step(self, frames: tuple[Frame, ...]) -> Sighting:
         """Return where the ball is in frames exposed together.
@@ -333,6 +336,9 @@ class Eyes:
             ShapeError: A frame is not a two-dimensional image.
         """
         images, together, t = self.arrange(frames)
+        self._t = t
+        if self.heads:
+            aim(self._heads, self._angles, self._cameras)
         r_o, covariance = np.empty(3), np.empty((3, 3))
         if look(
             images,
@@ -354,35 +360,33 @@ class Eyes:
     ) -> tuple[tuple[Image, ...], tuple[bool, ...], float]:
         """Return images, whether they belong together, and their instant, as :func:`look` takes it.
 
+        Their instant is the newest: a camera that lags or repeats itself is left out, not the other.
+
         Args:
             frames: As for :meth:`step`.
         """
-        images, together, t = self._none.copy(), self._still, -np.inf
-        fresh = [frame for frame in frames if self._is_new(frame)]
-        for frame in fresh:
-            t = max(t, frame.t)
-        for frame in fresh:
-            k, pixels = frame.camera, frame.pixels
+        if not frames:
+            return self._nothing
+        t = -inf
+        for frame in frames:
+            t = max(t, frame.t)  # the first argument stays where a stamp is no number
+        images, together, numbers = self._none.copy(), self._still, self._numbers
+        for frame in frames:
+            k = frame.camera
+            if not 0 <= k < len(images):
+                raise InputError("frame.camera", f"0 to {len(images) - 1}", k)
+            if frame.number == numbers[k]:
+                continue
+            numbers[k] = frame.number
+            pixels = frame.pixels
             plain = pixels.size > 0 and pixels.ndim == 2 and pixels.flags.carray
             images[k] = pixels if plain else _plain(pixels)
-            if len(self._angles):
-                self._angles[k] = frame.pan, frame.tilt
             if frame.t != t:
                 near = abs(frame.t - t) <= self._max_skew
                 together = (*together[:k], near, *together[k + 1 :])
-        if len(self._angles):
-            aim(self._heads, self._angles, self._cameras)
-        self._t = t if fresh else self._t
-        return tuple(images), together, t if fresh else 0.0
-
-    def _is_new(self, frame: Frame) -> bool:
-        """Say whether a frame was not seen before, by its number; note it."""
-        k = frame.camera
-        if not 0 <= k < len(self._numbers):
-            raise InputError("frame.camera", f"0 to {len(self._numbers) - 1}", k)
-        new = frame.number != self._numbers[k]
-        self._numbers[k] = frame.number
-        return new
+            if self.heads:
+                self._angles[k] = frame.pan, frame.tilt
+        return tuple(images), together, t
 
 
 def _plain(pixels: Image) -> Image:

@@ -35,7 +35,9 @@ NOD = 0.08
 
 
 @njit(cache=True)
-def _observe(head: Array, camera: Array, memory: Array, track: Array, te: float, away: float) -> None:
+def _observe(
+    head: Array, camera: Array, memory: Array, track: Array, te: float, away: float
+) -> None:
     """Take the target's direction in one image into a head's row of ``gaze``.
 
     Args:

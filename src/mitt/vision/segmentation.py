@@ -11,7 +11,7 @@ The memory of a camera, one row of numbers (the names are their places):
 | ``AREA``               | of the last target                                   | px^2        |
 | ``STATE``              | LOST, GOOD, or MERGED and more: frames since merging |             |
 | ``TOP``, ``HEIGHT``    | first row of the mask and its rows                   | px          |
-| ``MARK``, ``FROZEN``   | sum over the last image, frames it has been the same |             |
+| ``MARK``, ``FROZEN``   | mark of the last target, frames it has been the same |             |
 | ``EXPECTED``           | area that the ball should have; 0 if unknown         | px^2        |
 | ``GAIN``, ``WEIGHED``  | mass of the ball over that area, from how many looks | grey levels |
 | ``WEIGHTS``            | moments of the last target (:mod:`mitt.vision.window`) |           |
@@ -36,8 +36,8 @@ LOST, GOOD, MERGED = 0, 1, 2
 MEMORY, WORK = RUNS + 2 * ROWS, MAX_BLOBS + 66 + ROWS
 """Sizes of a camera's memory and of the scratch array."""
 
-KEPT, PATIENCE = 0.4, 40
-"""Share of its area below which a target is looked for anew; frames that a merged one is kept."""
+KEPT, PATIENCE, STEADY = 0.85, 40, 0.3
+"""Share of its area below which a target is looked for anew; frames that a merged one is kept; share of a new motion in the motion kept."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,6 +87,12 @@ def _trim(top: int, rows: int, runs: Runs) -> tuple[int, int]:
 
 
 @njit(cache=True)
+def _pace(place: float, motion: float) -> int:
+    """Return the whole pixels that a motion takes a place on; they add up over the frames."""
+    return round(place + motion) - round(place)
+
+
+@njit(cache=True)
 def _window(
     pixels: Image, memory: Array, reach: int, old: Runs, new: Runs, weights: Array
 ) -> tuple[int, int]:
@@ -94,7 +100,7 @@ def _window(
     rows = int(memory[HEIGHT])
     if rows + 2 * reach > ROWS:
         return 0, 0
-    du, dv = round(memory[DU]), round(memory[DV])
+    du, dv = _pace(memory[0], memory[DU]), _pace(memory[1], memory[DV])
     for k in range(rows):
         old[0, k] = int(memory[RUNS + k])
         old[1, k] = int(memory[RUNS + ROWS + k])
@@ -175,37 +181,32 @@ def segment(
         merged = memory[STATE] - MERGED + 1.0 if memory[STATE] >= MERGED else 0.0
         if again and merged < PATIENCE:
             memory[STATE] = MERGED + merged
+            memory[TOP] += _pace(v, memory[DV])
+            memory[RUNS : RUNS + 2 * ROWS] += _pace(u, memory[DU])
             memory[0], memory[1] = u + memory[DU], v + memory[DV]
-            memory[TOP] += round(memory[DV])
-            memory[RUNS : RUNS + 2 * ROWS] += round(memory[DU])
             return int(weights[6]), clipped
         memory[0], memory[1], memory[STATE] = np.nan, np.nan, float(LOST)
         return 0, False
     steady = again and memory[STATE] == GOOD
-    memory[DU] = weights[1] - u if steady else 0.0
-    memory[DV] = weights[2] - v if steady else 0.0
+    share = STEADY if memory[DU] != 0.0 or memory[DV] != 0.0 else 1.0
+    memory[DU] = memory[DU] + share * (weights[1] - u - memory[DU]) if steady else 0.0
+    memory[DV] = memory[DV] + share * (weights[2] - v - memory[DV]) if steady else 0.0
     memory[0], memory[1], memory[STATE] = weights[1], weights[2], float(GOOD)
     _keep(memory, top, rows, new, weights[6])
     return int(weights[6]), clipped
 
 
 @njit(cache=True)
-def is_frozen(pixels: Image, memory: Array, patience: int) -> bool:
-    """Tell whether an image has been the same, noise and all, for more than ``patience`` frames.
+def is_frozen(memory: Array, patience: int) -> bool:
+    """Tell whether a target has been the same, noise and all, for more than ``patience`` frames.
 
-    Compares a sum over six rows, weighted by column, with that of the last frame.
+    Mass and centroid of one frame are never those of the next to the last bit.
     """
-    height, width = pixels.shape
-    mark = 1.0
-    for k in range(6):
-        line, total = pixels[(2 * k + 1) * height // 12], 0
-        for u in range(width):
-            total += (u + 1) * line[u]
-        mark = mark + (k + 1) * total
+    mark = memory[WEIGHTS] + memory[WEIGHTS + 1] + memory[WEIGHTS + 2]
     same = patience > 0 and mark == memory[MARK]
     memory[FROZEN] = memory[FROZEN] + 1.0 if same else 0.0
     memory[MARK] = mark
-    return bool(memory[FROZEN] > patience)
+    return bool(memory[FROZEN] >= patience > 0)
 
 
 @njit(cache=True)
@@ -232,13 +233,13 @@ def watch(pixels: Image, memory: Array, settings: Array, work: Box) -> tuple[int
         As :func:`segment`; the centroid is in the memory. Nothing in a frozen image.
     """
     boxes, counts = work[: MAX_BLOBS + 2], work[MAX_BLOBS + 2 : MAX_BLOBS + 66].reshape(256)
-    if is_frozen(pixels, memory, int(settings[5])):
-        return 0, False
     if memory[DUE] == 0.0:
         measure_ground(pixels, settings[2], settings[3], counts, memory[LEVEL : THRESHOLD + 1])
     memory[DUE] = (memory[DUE] + 1.0) % settings[4]
     min_area, reach = int(settings[0]), int(settings[1])
     area, clipped = segment(pixels, memory, min_area, reach, boxes, work[MAX_BLOBS + 66 :])
+    if area > 0 and is_frozen(memory, int(settings[5])):
+        return 0, False
     return area, clipped
 
 

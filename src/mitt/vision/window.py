@@ -162,7 +162,11 @@ def weigh(
         return False
     mu, mv = mu / mass, mv / mass
     weights[0], weights[1], weights[2] = mass, origin + mu, top + mv
-    weights[3], weights[4], weights[5] = uu / mass - mu * mu, uv / mass - mu * mv, vv / mass - mv * mv
+    weights[3], weights[4], weights[5] = (
+        uu / mass - mu * mu,
+        uv / mass - mu * mv,
+        vv / mass - mv * mv,
+    )
     weights[6] = area
     return True
 

@@ -81,8 +81,8 @@ class ImageSensor:
 def _hang(pixels: Image, camera: Array, wall: Image, place: Array, noise: Image) -> None:
     """Fill an image with the wall as it lies before a camera turned to ``place`` (pan, tilt)."""
     height, width = pixels.shape
-    column = int(round(camera[4, 0] * place[0])) % PERIOD
-    row = int(round(-camera[4, 0] * place[1])) % PERIOD
+    column = round(camera[4, 0] * place[0]) % PERIOD
+    row = round(-camera[4, 0] * place[1]) % PERIOD
     for v in range(height):
         line, source = pixels[v], wall[row + v, column : column + width]
         numbers = noise[v * width : (v + 1) * width]

@@ -73,8 +73,11 @@ def cover(
 
 @njit(cache=True)
 def _lay_path(lens: Array, ball: Array, path: Array) -> tuple[int, float, float, float]:
-    """Write the ball's places during the exposure; return their number, the rows they span and
-    the radius of the disc [px]; no places for a ball that is not in front of the camera.
+    """Write the ball's places during the exposure.
+
+    Returns:
+        Their number, 0 for a ball that is not in front of the camera, the first and last row
+        they span, and the radius of the disc [px].
     """
     R = ball[6]
     near = min(ball[2], ball[5])

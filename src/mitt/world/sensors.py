@@ -17,9 +17,7 @@ class FrameSource(Protocol):
     def render(
         self, t: float, r_o: Array | None, radius: float, *, dr_o: Array | None, capsules: Array
     ) -> tuple[Frame, ...]:
-        """Return what the cameras see of a ball at ``r_o`` [m] at time ``t`` [s], moving at
-        ``dr_o`` [m/s], and of the ``capsules`` of arm and hand.
-        """
+        """Return what the cameras see at ``t`` [s]: ball, and capsules of arm and hand."""
 
     def turn(self, gaze: Array | None, duration: float) -> None:
         """Turn the cameras, if they can be turned, for ``duration`` [s]."""

@@ -156,4 +156,8 @@ def _size(model: mujoco.MjModel, geom: int) -> tuple[float, float, float]:
         axis = int(np.argmax(size))
         radius = float(np.sqrt(np.prod(np.delete(size, axis))))
         return radius, max(size[axis] - radius, 0.0), float(axis)
-    return float(model.geom_rbound[geom]) if kind != mujoco.mjtGeom.mjGEOM_SPHERE else size[0], 0.0, 2.0
+    return (
+        float(model.geom_rbound[geom]) if kind != mujoco.mjtGeom.mjGEOM_SPHERE else size[0],
+        0.0,
+        2.0,
+    )

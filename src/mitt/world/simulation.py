@@ -1,5 +1,7 @@
 """The simulated world: one plant, thrown at again and again, a tick at a time."""
 
+from collections.abc import Callable
+from functools import partial
 from typing import final
 
 import mujoco
@@ -9,6 +11,7 @@ from mitt.robot.description import ArmModel
 from mitt.robot.hands import HandModel
 from mitt.robot.limits import Limits
 from mitt.signals import Array, Command, Senses
+from mitt.world.ballistics import fly
 from mitt.world.build import STEP, build_plant
 from mitt.world.contacts import ARM_FLOOR, BALL_ANY, BALL_FLOOR, BALL_HAND, SELF, Contacts
 from mitt.world.faults.flight import Undisturbed
@@ -89,6 +92,19 @@ class World:
         return self._ticks * TICK
 
     @property
+    def flight(self) -> Callable[[float], tuple[Array, Array]]:
+        """The ball's true flight, untouched: time since release [s] to position and velocity.
+
+        For the clairvoyant alone; asked right after ``reset``.
+        """
+        if self._troubles is not None:
+            return self._troubles.rehearsed(float(self._numbers[5])).at
+        if self._path is not None:
+            return self._path.at
+        r, dr = (x.copy() for x in self._ball)
+        return partial(_flown, r, dr, float(self._numbers[5]))
+
+    @property
     def peak_force(self) -> float:
         """Largest single contact force on the ball so far [N]."""
         return float(self._peaks[1])
@@ -114,8 +130,9 @@ class World:
         self._troubles = troubles = self._drawn_troubles(ball, seed)
         payload = 0.0 if troubles is None else troubles.payload
         friction, drag = self._draw.draw(self.data, plant, payload=payload)
-        sensing, radius = self._scene.sensing, self._scene.ball.radius
-        sensors = Sensors(sensing, radius, self._cameras, noise, self._body)
+        sensors = Sensors(
+            self._scene.sensing, self._scene.ball.radius, self._cameras, noise, self._body
+        )
         self._sensors: Sensor = sensors
         if troubles is not None:
             self._sensors = troubles.sensors(sensors, pixels=self._cameras is not None)
@@ -278,3 +295,8 @@ class World:
         steps = _FINE_STEPS if judged == FINE else 1
         if steps != self._steps:
             self._steps, self._options.timestep = steps, TICK / steps
+
+
+def _flown(r: Array, dr: Array, drag: float, t: float) -> tuple[Array, Array]:
+    """Return a free flight from a release."""
+    return fly(r, dr, drag=drag, duration=t)

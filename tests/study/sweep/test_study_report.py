@@ -12,7 +12,8 @@ from mitt.generator.learn import Learned
 from mitt.link.files import write_json
 from mitt.study.sweep.folder import Folder
 from mitt.study.sweep.numbers import break_even, duels, sweeps_of
-from mitt.study.sweep.report import read_result, write_study_report
+from mitt.study.sweep.report import write_study_report
+from mitt.study.sweep.result import read_result
 from mitt.study.sweep.run import run_study
 from mitt.study.sweep.study import Study
 

@@ -1,30 +1,23 @@
 """The page of a study: one file that opens anywhere, replays of the worst throws beside it."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from html import escape
 from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
 
-import mitt
-from mitt.errors import FileError
-from mitt.link.files import read_json, write_text
+from mitt.link.files import write_text
 from mitt.signals import Array
 from mitt.study import page
 from mitt.study.figures.sweep import effort, rates_against, rates_by_condition, reach
-from mitt.study.replay import replay_page
-from mitt.study.sweep.folder import Folder, read_manifest
 from mitt.study.sweep.numbers import break_even, duels, every_row, headline, story, sweeps_of
-from mitt.study.sweep.recordings import recording_path
-from mitt.study.sweep.run import all_jobs, by_cell
+from mitt.study.sweep.result import StudyResult
 from mitt.study.sweep.settings import ThrowSettings
 from mitt.study.sweep.study import SCHEMA, Study
-from mitt.study.sweep.work import Job, throw_again
+from mitt.study.sweep.worst import worst_throws
 
 Progress = Callable[[str, int, int], None]
-_MAX_BYTES = 200_000_000
 _EFFORT = (
     ("peak_torque_ratio", "peak torque [% of limit]", 100.0),
     ("energy_j", "work of the joints [J]", 1.0),
@@ -35,40 +28,9 @@ _SHORT = {"summary": "Summary", "sweeps": "Against disturbances", "conditions": 
           "worst": "Worst throws", "rows": "All numbers"}  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class StudyResult:
-    """What the folder of a study holds.
-
-    Attributes:
-        study: The study.
-        folder: The folder.
-        rows: Rows of the summary.
-    """
-
-    study: Study
-    folder: Folder
-    rows: list[dict[str, Any]]
-
-
-def read_result(folder: Folder) -> StudyResult:
-    """Read the folder of a study.
-
-    Raises:
-        FileError: It holds no study, or one without a summary.
-    """
-    study = read_manifest(folder.path)
-    if not folder.summary.exists() or not folder.trials.exists():
-        raise FileError(str(folder.path), "a study with a summary", "one that is not over",
-                        do="finish it with mitt study --resume")  # fmt: skip
-    raw = read_json(folder.summary, max_bytes=_MAX_BYTES)
-    if not isinstance(raw, dict) or raw.get("schema") != SCHEMA:
-        raise FileError(str(folder.summary), f"schema {SCHEMA}", "another")
-    return StudyResult(study=study, folder=folder, rows=raw["rows"])
-
-
 def write_study_report(result: StudyResult, *, replays: int, progress: Progress) -> None:
     """Write ``report.html`` and the replays beside it."""
-    worst = _worst(result, replays, progress)
+    worst = worst_throws(result, replays, progress)
     progress("page", 0, 1)
     write_text(result.folder.path / "report.html", study_page(result, worst))
     progress("page", 1, 1)
@@ -173,75 +135,6 @@ def _passings(result: StudyResult, generator: str, condition: str) -> Array:
     y, z, *v = (np.asarray(table[name].to_numpy()) for name in names)
     caught = np.array([status == "caught" for status in table["status"].to_pylist()], float)
     return np.column_stack((y, z, np.linalg.norm(v, axis=0), caught)).reshape(-1, 4)
-
-
-def _worst(result: StudyResult, count: int, progress: Progress) -> str:
-    """Return the table of throws with a replay, and write the replays."""
-    if count < 1 or result.study.version != mitt.__version__:
-        return ""
-    tasks = _candidates(result, count, progress)
-    lines = []
-    for done, (job, row) in enumerate(tasks):
-        progress("replays", done, len(tasks))
-        recording = recording_path(result.folder, job, row["index"])
-        path = result.folder.path / "replays" / f"{recording.stem}.html"
-        outcome, arm = throw_again(job, row["index"])
-        if outcome.log is None or outcome.trial.status != row["status"]:
-            continue
-        write_text(path, replay_page(arm, job.condition.scene, outcome.log))
-        lines.append(_line(job, row, path.name, recording.name if recording.exists() else None))
-    progress("replays", len(tasks), len(tasks))
-    if not lines:
-        return ""
-    head = ("condition", "generator", "throw", "became", "asked most", "replay", "recording")
-    cells = "".join(f"<th>{name}</th>" for name in head)
-    return (
-        "<p>One failure of each condition in which the direct map lost most, then of the others. "
-        "A click opens its 3-D replay; recordings open in Foxglove.</p>"
-        f'<div class="wide"><table><thead><tr>{cells}</tr></thead><tbody>'
-        f"{''.join(lines)}</tbody></table></div>"
-    )
-
-
-def _candidates(
-    result: StudyResult, count: int, progress: Progress
-) -> list[tuple[Job, dict[str, Any]]]:
-    """Return failures to show: those of the direct map where it lost most first, one a cell."""
-    cells = {(g[0].condition.name, g[0].generator): g
-             for g in by_cell(list(all_jobs(result.study, result.folder, progress)))}  # fmt: skip
-    order = sorted(result.rows, key=lambda r: (r["generator"] != "direct", r["catch_rate"]))
-    out: list[tuple[Job, dict[str, Any]]] = []
-    for row in order:
-        if len(out) == count:
-            break
-        failed = _first_failure(result, row["generator"], row["condition"])
-        if failed is not None:
-            group = cells[row["condition"], row["generator"]]
-            job = next(j for j in group if j.start <= failed["index"] < j.stop)
-            out.append((job, failed))
-    return out
-
-
-def _first_failure(result: StudyResult, generator: str, condition: str) -> dict[str, Any] | None:
-    """Return the first throw of a cell that was touched and lost, or else merely lost."""
-    table = pq.read_table(
-        result.folder.trials,
-        columns=["index", "status", "binding_limit"],
-        filters=[("generator", "=", generator), ("condition", "=", condition),
-                 ("status", "!=", "caught")],
-    )  # fmt: skip
-    rows: list[dict[str, Any]] = table.to_pylist()
-    moved = [row for row in rows if row["status"] in ("dropped", "missed")]
-    return next(iter(moved or rows), None)
-
-
-def _line(job: Job, row: dict[str, Any], replay: str, recording: str | None) -> str:
-    """Return one throw as a row of the table."""
-    cells = [job.condition.name, job.generator, str(row["index"]), row["status"],
-             row["binding_limit"] or ""]  # fmt: skip
-    kept = f'<a href="recordings/{escape(recording)}">recording</a>' if recording else ""
-    links = [f'<a href="replays/{escape(replay)}">replay</a>', kept]
-    return "<tr>" + "".join(f"<td>{x}</td>" for x in (*map(escape, cells), *links)) + "</tr>"
 
 
 def _footer(study: Study) -> str:

@@ -20,8 +20,9 @@ from mitt.link.recording import write_recording
 from mitt.options import ArmOptions
 from mitt.robot.arm import Arm
 from mitt.signals import Array
-from mitt.study.catch import arm_of, make_generator
+from mitt.study.catch import arm_of
 from mitt.study.record import recording_of
+from mitt.study.registry import make_generator
 from mitt.study.source import Source, source_for
 from mitt.study.sweep.parts import Row, write_rows
 from mitt.study.sweep.settings import ArmSettings, ThrowSettings
@@ -76,7 +77,7 @@ def _learned(settings: ArmSettings, text: str, thread: int) -> Learned:  # noqa:
 def bench_of(job: Job) -> tuple[Bench, Source, Learned]:
     """Return a fresh bench for a job, so that no chunk depends on one before it."""
     learned = _learned(job.condition.arm, job.map, threading.get_ident())
-    generator = make_generator(job.generator, learned)
+    generator = make_generator(job.generator, learned.map)
     pixels = job.condition.vision == "pixels"
     bench = Bench(learned.map.arm, generator, job.condition.scene, pixels=pixels)
     source = source_for(

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from mitt.robot.description import rotation
-from mitt.vision.camera import Camera, Rig
+from mitt.signals import Array
+from mitt.vision.camera import Rig
 from mitt.world.faults.draw import direction
 from mitt.world.faults.plan import Calibration, Fault
 
@@ -18,21 +19,28 @@ def true_rig(believed: Rig, plan: tuple[Fault, ...], rng: np.random.Generator) -
         plan: All entries; without a calibration error the rig is the believed one.
         rng: Source of the errors; not drawn from where there is none.
     """
-    cameras = believed.cameras
+    cameras, heads = list(believed.cameras), list(believed.heads)
     for fault in plan:
-        if isinstance(fault, Calibration):
-            cameras = tuple(_wrong(camera, fault, rng) for camera in cameras)
-    return replace(believed, cameras=cameras)
+        if not isinstance(fault, Calibration):
+            continue
+        for n, camera in enumerate(cameras):
+            axis, size = direction(rng), fault.magnitude * rng.standard_normal()
+            if fault.part == "focal":
+                cameras[n] = replace(camera, f_px=camera.f_px * (1.0 + size))
+                continue
+            moved = _moved(camera.T_world_cam, fault, axis, size)
+            cameras[n] = replace(camera, T_world_cam=moved)
+            if heads:
+                base = _moved(heads[n].T_world_base, fault, axis, size)
+                heads[n] = replace(heads[n], T_world_base=base)
+    return Rig(cameras=tuple(cameras), heads=tuple(heads))
 
 
-def _wrong(camera: Camera, fault: Calibration, rng: np.random.Generator) -> Camera:
-    """Return a camera with an error drawn for it."""
-    axis, size = direction(rng), fault.magnitude * rng.standard_normal()
-    if fault.part == "focal":
-        return replace(camera, f_px=camera.f_px * (1.0 + size))
-    T = camera.T_world_cam.copy()
+def _moved(T: Array, fault: Calibration, axis: Array, size: float) -> Array:
+    """Return a pose, shape (4, 4), turned about an axis or shifted along its own x axis."""
+    out = T.copy()
     if fault.part == "angles":
-        T[:3, :3] = rotation(axis, size) @ T[:3, :3]
+        out[:3, :3] = rotation(axis, size) @ T[:3, :3]
     else:
-        T[:3, 3] += size * T[:3, 0]
-    return replace(camera, T_world_cam=T)
+        out[:3, 3] += size * T[:3, 0]
+    return out

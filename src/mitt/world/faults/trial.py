@@ -57,6 +57,10 @@ class Disturbed:
         """Put the stages behind the sensors, the first nearest to them."""
         self._sensors, self._stages = sensors, stages
 
+    def turn(self, gaze: Array | None, duration: float) -> None:
+        """Let the heads of the cameras follow the catcher's gaze for ``duration`` [s]."""
+        self._sensors.turn(gaze, duration)
+
     def read(
         self, t: float, q: Array, dq: Array, r_o: Array, dr_o: Array, *, look: bool = True
     ) -> Senses:
@@ -68,10 +72,6 @@ class Disturbed:
         for stage in self._stages:
             senses = stage.told(senses)
         return senses
-
-    def turn(self, gaze: Array | None, duration: float) -> None:
-        """Let the heads of the cameras follow the catcher's gaze for ``duration`` [s]."""
-        self._sensors.turn(gaze, duration)
 
 
 @final

@@ -1,18 +1,14 @@
-"""Options of the commands as plain data; light to import, so that ``--help`` is quick."""
+"""Options of ``mitt catch`` and ``mitt learn``."""
 
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from tyro.conf import Positional, arg
+from tyro.conf import arg
 
-GeneratorName = Literal["direct", "unoptimised"]
+from mitt.options.common import Csv, Folder, Map, Toml
+
 LimitName = Literal["paper", "wam-48v", "wam-80v", "model"]
-
-Csv = Annotated[Path | None, arg(metavar="CSV")]
-Toml = Annotated[Path | None, arg(metavar="TOML")]
-Map = Annotated[Path | None, arg(metavar="MAP.json")]
-Folder = Annotated[Path | None, arg(metavar="DIR")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,8 +21,10 @@ class ArmOptions:
         joints: Active joints of the file, as A,B,C.
         limits: Limit set: paper, wam-48v or wam-80v for the wam, model for a file.
         catch_joint: Index of the catch joint among the active joints, from 0; the last if left out.
-        q_catch: Its angle at the catch [rad]; pi/2, or the middle of its range, if left out.
+        q_catch: Its angle at the catch [rad]; chosen for the limit set, or pi/2, if left out.
         kappa: Velocity-match ratio; 1, the paper's, matches the ball's velocity.
+        inward: How much of the ball's line leads into the palm; 0 is the paper's; chosen for the
+            limit set if left out.
         order: Degree of the polynomial; 4 as in the paper if left out.
     """
 
@@ -37,6 +35,7 @@ class ArmOptions:
     catch_joint: Annotated[int | None, arg(metavar="INT")] = None
     q_catch: Annotated[float | None, arg(metavar="RAD")] = None
     kappa: Annotated[float | None, arg(metavar="RATIO")] = None
+    inward: Annotated[float | None, arg(metavar="RATIO")] = None
     order: Annotated[int | None, arg(metavar="INT")] = None
 
 
@@ -47,7 +46,8 @@ class CatchOptions(ArmOptions):
     Attributes:
         throws: Number of throws; 10, or as many as a file has.
         seed: Seed of throws, plant and noise.
-        generator: What turns the ball's estimate into joint motion.
+        generator: What turns the ball's estimate into joint motion: direct, several, unoptimised, a
+            rival (ik, quintic, ruckig, mpc, ds, clairvoyant), or one that another package adds.
         map: A map from mitt learn; learned first if left out.
         vision: What the catcher sees: images of two cameras, or noisy points.
         cameras: Cameras that stand still, or on heads that follow the ball; as the scene says if
@@ -64,7 +64,7 @@ class CatchOptions(ArmOptions):
 
     throws: Annotated[int | None, arg(metavar="N")] = None
     seed: Annotated[int, arg(metavar="S")] = 0
-    generator: GeneratorName = "direct"
+    generator: Annotated[str, arg(metavar="NAME")] = "direct"
     map: Map = None
     vision: Literal["pixels", "points"] = "pixels"
     cameras: Literal["fixed", "active"] | None = None
@@ -94,71 +94,6 @@ class LearnOptions(ArmOptions):
     out: Annotated[Path, arg(metavar="MAP.json")]
     flights_count: Annotated[int, arg(name="flights", metavar="N")] = 120
     seed: Annotated[int | None, arg(metavar="S")] = None
-    overwrite: bool = False
-    json: bool = False
-    check: bool = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StudyOptions:
-    """Many throws: several generators in a grid of conditions; write tables and a summary.
-
-    Attributes:
-        study: A study file, or the name of one that ships: smoke, paper or evidence.
-        out: Folder to write.
-        engine: Where to throw: local, or dask://HOST:PORT of a scheduler.
-        workers: Processes of the local engine; one a core if left out.
-        resume: Go on with a study that was broken off; only what is missing is thrown.
-        overwrite: Use a folder that has files in it, and throw everything anew.
-        json: Print the summary as one JSON object and nothing else to stdout.
-        check: Validate the input and do nothing.
-    """
-
-    study: Annotated[Positional[Path], arg(metavar="STUDY.toml")]
-    out: Annotated[Path, arg(metavar="DIR")]
-    engine: Annotated[str, arg(metavar="local|dask://HOST:PORT")] = "local"
-    workers: Annotated[int | None, arg(metavar="N")] = None
-    resume: bool = False
-    overwrite: bool = False
-    json: bool = False
-    check: bool = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReportOptions:
-    """Write the page of a study, DIR/report.html, with replays of its worst throws beside it.
-
-    Attributes:
-        folder: Folder of a study.
-        replays: Throws to show as 3-D replays, each made once more and kept beside the page.
-        json: Print one JSON object and nothing else to stdout.
-        check: Validate the input and do nothing.
-    """
-
-    folder: Annotated[Positional[Path], arg(metavar="DIR")]
-    replays: Annotated[int, arg(metavar="N")] = 6
-    json: bool = False
-    check: bool = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrackOptions:
-    """Filter recorded positions; write them with velocity, acceleration and uncertainty.
-
-    Attributes:
-        points: Positions: columns t_s,x_m,y_m,z_m and, if there are several flights, flight.
-        out: File to write: the rows of the input, with what the filter knew by then.
-        ahead: Time to look ahead [s]; adds x_ahead_m,y_ahead_m,z_ahead_m. 0 is the filtered place.
-        sigma: Standard deviation of each coordinate [m]; learned from the positions if left out.
-        overwrite: Replace an existing file.
-        json: Print one JSON object and nothing else to stdout.
-        check: Validate the input and do nothing.
-    """
-
-    points: Annotated[Path, Positional, arg(metavar="POINTS.csv")]
-    out: Annotated[Path, arg(metavar="TRACK.csv")]
-    ahead: Annotated[float | None, arg(metavar="S")] = None
-    sigma: Annotated[float | None, arg(metavar="M")] = None
     overwrite: bool = False
     json: bool = False
     check: bool = False

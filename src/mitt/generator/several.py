@@ -1,0 +1,96 @@
+"""Several maps at once: the paper's future "modular system", one map chosen for each throw.
+
+The maps come in an order of preference, the gentlest first. A throw is given to the first one
+that catches it with margin, or else to the one that asks least of its tightest limit. Whenever
+the generator is adapted anew, as after a bounce, the choice is made again; eq. (12) makes the new
+map start where the arm is and as fast as it moves, so that a change of maps is no jump.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import final
+
+import numpy as np
+
+from mitt.errors import InputError
+from mitt.generator.certificate import Outcome, Verdict, judge
+from mitt.generator.generators import Direct
+from mitt.generator.mapping import DirectMap
+from mitt.signals import Array, BallState, JointReference
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Several:
+    """A choice among maps; see the module.
+
+    Attributes:
+        maps: The maps, the preferred one first.
+        margin: Share of its tightest limit up to which a map is taken without asking the others.
+        chosen: Index of the map that is followed; None before the first choice.
+    """
+
+    maps: tuple[Direct, ...]
+    margin: float = 0.9
+    chosen: int | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse a choice among nothing."""
+        sizes = {f.map.alpha.shape for f in self.maps}
+        if len(sizes) != 1:
+            raise InputError("maps", "maps of one arm and one degree", f"{len(self.maps)} others")
+
+    @property
+    def map(self) -> Direct:
+        """The map that is followed; the preferred one before the first choice."""
+        return self.maps[self.chosen or 0]
+
+    def sharpness(self, ball: BallState) -> float:
+        """Return the smallest predicted 1-sigma at any map's catch [m]."""
+        return min(f.sharpness(ball) for f in self._candidates())
+
+    def verdict(self, ball: BallState, q: Array) -> Verdict:
+        """Return the verdict of the map that the throw would be given to."""
+        return self._best(ball, q, np.zeros_like(q))[1]
+
+    def returns(self, ball: BallState) -> bool:
+        """Look whether the predicted catch lies in the region of any map."""
+        return any(f.returns(ball) for f in self.maps)
+
+    def waiting(self, ball: BallState) -> BallState:
+        """Wait where the map that is followed would."""
+        return self.map.waiting(ball)
+
+    def adapt(self, ball: BallState, q: Array, dq: Array) -> "Several":
+        """Choose, and adapt the chosen map to start in ``q``, ``dq``, eq. (12)."""
+        index, _ = self._best(ball, q, dq)
+        maps = list(self.maps)
+        maps[index] = maps[index].adapt(ball, q, dq)
+        return replace(self, maps=tuple(maps), chosen=index)
+
+    def reference(self, ball: BallState) -> JointReference:
+        """Evaluate the chosen map."""
+        return self.map.reference(ball)
+
+    def as_map(self) -> DirectMap:
+        """Hand the chosen map over; all have the same number of monomials."""
+        return self.map.map
+
+    def _candidates(self) -> Sequence[Direct]:
+        """Return the maps that are still to be asked: all, or the one that is followed."""
+        return self.maps if self.chosen is None else (self.map,)
+
+    def _best(self, ball: BallState, q: Array, dq: Array) -> tuple[int, Verdict]:
+        """Return the map for a ball and what it says; the one followed is asked first."""
+        order = sorted(range(len(self.maps)), key=lambda k: k != self.chosen)
+        said: list[tuple[int, Verdict]] = []
+        for k in order:
+            verdict = judge(self.maps[k].map, ball, q, tolerance=self.maps[k].tolerance, dq=dq)
+            if verdict.outcome is Outcome.FEASIBLE and verdict.share <= self.margin:
+                return k, verdict
+            said.append((k, verdict))
+        return min(said, key=lambda x: (_RANK[x[1].outcome], x[1].share))
+
+
+#: Which verdict is worth more than another.
+_RANK = {Outcome.FEASIBLE: 0, Outcome.OPEN: 1, Outcome.UNREACHABLE: 2}

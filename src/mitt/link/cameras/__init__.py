@@ -1,0 +1,1 @@
+"""Where frames come from: videos, folders of images, GenICam and Basler cameras."""

@@ -1,0 +1,17 @@
+"""Options of the commands as plain data; light to import, so that ``--help`` is quick."""
+
+from mitt.options.catching import ArmOptions, CatchOptions, LearnOptions, LimitName
+from mitt.options.seeing import CalibrateOptions, SeeOptions, TrackOptions
+from mitt.options.studying import ReportOptions, StudyOptions
+
+__all__ = [
+    "ArmOptions",
+    "CalibrateOptions",
+    "CatchOptions",
+    "LearnOptions",
+    "LimitName",
+    "ReportOptions",
+    "SeeOptions",
+    "StudyOptions",
+    "TrackOptions",
+]

@@ -1,0 +1,198 @@
+"""Predict the catch: where and when on the ball's flight the arm will meet it.
+
+Of all instants at which the catch point can be where the ball will be, that one is chosen at
+which a quintic from the arm's state costs least by eq. (22) within the limits. The room that the
+brake after the catch takes is part of the range.
+"""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import product
+from typing import final
+
+import numpy as np
+
+from mitt.generator.certificate import Outcome as Feasible
+from mitt.generator.certificate import Verdict
+from mitt.generator.demand import demand
+from mitt.generator.foresight import flown
+from mitt.generator.mapping import DirectMap
+from mitt.rivals.meeting import fly_on, hand_of, meet, meetings
+from mitt.rivals.quintics import sampled
+from mitt.robot.arm import Arm
+from mitt.signals import Array, BallState
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CourseSettings:
+    """How the catch is chosen.
+
+    Attributes:
+        approach: Smallest and largest relative acceleration along the palm's normal [m/s^2].
+        soonest: Shortest time in which the arm is thrown into a new plan [s].
+        horizon: Longest look ahead [s].
+        stride: Step of the candidates [s].
+        instants: Instants at which a candidate is held against the limits.
+        spare: Share of a limit above which a candidate pays for it.
+        price: What it pays per squared share.
+        low: What a low catch pays.
+        refused: Share of a limit beyond which a throw is refused.
+        follow: Time after the catch that is still followed [s].
+    """
+
+    approach: tuple[float, float] = (70.0, 160.0)
+    soonest: float = 0.06
+    horizon: float = 0.9
+    stride: float = 0.02
+    instants: int = 8
+    spare: float = 0.9
+    price: float = 100.0
+    low: float = 2.0
+    refused: float = 1.6
+    follow: float = 0.004
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Course:
+    """A chosen catch.
+
+    Attributes:
+        t_c: Its time [s].
+        end: q, dq, ddq then [rad ...], shape (3, n).
+        r_c: The ball's predicted position then [m], shape (3,).
+        binding_limit: The limit that the way there asks most.
+        share: How much of it is asked.
+        low: Whether the catch is lower than any that the map was learned on, where a surface may
+            be in the way.
+    """
+
+    t_c: float
+    end: Array
+    r_c: Array
+    binding_limit: str
+    share: float
+    low: bool
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Chooser:
+    """Chooses the catch for one arm."""
+
+    map: DirectMap
+    settings: CourseSettings = field(default_factory=CourseSettings)
+
+    @property
+    def arm(self) -> Arm:
+        """The arm."""
+        return self.map.arm
+
+    @cached_property
+    def hand(self) -> Array:
+        """Numbers of the kernels."""
+        return hand_of(self.arm)
+
+    @cached_property
+    def floor(self) -> float:
+        """Height of the lowest catch that the map was learned on [m]; nothing else of it counts."""
+        low, high = self.map.region
+        if not np.all(np.isfinite(self.map.region)):
+            return -np.inf
+        corners = product(*zip(low, high, strict=True))
+        return float(min(self.arm.position(np.array(q))[2] for q in corners))
+
+    def choose(self, ball: BallState, motion: Array) -> Course | None:
+        """Return the best catch for an arm in q, dq, ddq, shape (3, n); None where there is none.
+
+        Args:
+            ball: The ball's estimate.
+            motion: The arm's state at the same time.
+        """
+        s = self.settings
+        after = np.arange(s.soonest, s.horizon, s.stride)
+        best = self.best(after, flown(ball, after), motion)
+        if best is None:
+            return None
+        near = np.linspace(best.t_c - s.stride / 2, best.t_c + s.stride / 2, 3)
+        near = near[near >= s.soonest]
+        best = self.best(near, flown(ball, near), motion) or best
+        return replace(best, t_c=ball.t + best.t_c)
+
+    def best(self, after: Array, balls: Array, motion: Array) -> Course | None:
+        """Return the best of several catches, its time counted from now; None without one.
+
+        Args:
+            after: Times from now [s], shape (K,).
+            balls: r_o, dr_o, ddr_o then, shape (K, 3, 3).
+            motion: q, dq, ddq now, shape (3, n).
+        """
+        s, f, arm = self.settings, self.map, self.arm
+        ends = np.zeros((len(after), 3, arm.n))
+        ends[0, 0] = f.start
+        found = meetings(f.packed, self.hand, s.approach, balls, ends, f.work)
+        found &= np.all((ends[:, 0] > arm.q_min) & (ends[:, 0] < arm.q_max), axis=1)
+        if not found.any():
+            return None
+        after, ends, balls = after[found], ends[found], balls[found]
+        ways = np.empty((len(after), s.instants, 3, arm.n))
+        sampled(motion, ends, after, ways)
+        quick = np.abs(ways[:, :, 1] / arm.dq_max).max(axis=(1, 2))
+        within = np.flatnonzero(quick <= max(s.refused, float(quick.min())))
+        costs = [self._cost(ways[k], ends[k]) for k in within]
+        low = balls[within, 0, 2] < self.floor
+        least = int(np.argmin([cost for cost, _, _ in costs] + s.low * low))
+        k, (_, name, share) = within[least], costs[least]
+        return Course(
+            t_c=float(after[k]), end=ends[k], r_c=balls[k, 0],
+            binding_limit=name, share=share, low=bool(low[least]),
+        )  # fmt: skip
+
+    def aim(self, course: Course, ball: BallState) -> Course:
+        """Return the course with its end where the ball is now predicted to be at its time."""
+        f, at, end = self.map, np.empty((3, 3)), course.end.copy()
+        fly_on(state_of(ball), course.t_c - ball.t, at)
+        if not np.all(np.isfinite(at)):
+            return course
+        if not meet(f.packed, self.hand, self.settings.approach, at, end, f.work):
+            return course
+        return replace(course, end=end, r_c=at[0])
+
+    def verdict(self, course: Course | None, *, sigma: float) -> Verdict:
+        """Return the verdict on a throw by the course chosen for it; feasible or unreachable."""
+        if course is None:
+            return Verdict(
+                outcome=Feasible.UNREACHABLE, binding_limit="domain", share=np.inf,
+                t_catch=np.inf, sigma=sigma,
+            )  # fmt: skip
+        fits = course.share <= self.settings.refused
+        return Verdict(
+            outcome=Feasible.FEASIBLE if fits else Feasible.UNREACHABLE,
+            binding_limit=course.binding_limit,
+            share=course.share,
+            t_catch=course.t_c,
+            sigma=sigma,
+        )
+
+    def _cost(self, way: Array, end: Array) -> tuple[float, str, float]:
+        """Return cost of a way, shape (S, 3, n), and its most asked limit with the share asked."""
+        arm, s, asked = self.arm, self.settings, demand(self.arm, way)
+        half, middle = 0.5 * (arm.q_max - arm.q_min), 0.5 * (arm.q_max + arm.q_min)
+        stop = end[0] + s.follow * end[1] + 0.5 * end[1] * np.abs(end[1]) * self.hand[3:]
+        kinds = {
+            "torque": arm.active(asked.torque).max(axis=0),
+            "speed": arm.active(asked.speed).max(axis=0),
+            "range": (np.abs(np.array([*way[:, 0], stop]) - middle) / half).max(axis=0),
+        }
+        shares = {
+            f"{kind}:{name}": float(x)
+            for kind, values in kinds.items()
+            for name, x in zip(arm.names, values, strict=True)
+        }
+        name = max(shares, key=lambda key: shares[key])
+        beyond = max(shares[name] - s.spare, 0.0)
+        return asked.cost + s.price * beyond**2, name, shares[name]
+
+
+def state_of(ball: BallState) -> Array:
+    """Return position, velocity and drag of an estimate, shape (7,)."""
+    return np.array([*ball.r_o, *ball.dr_o, ball.drag])

@@ -1,0 +1,241 @@
+"""What the rivals share: a generator that predicts the catch and pursues it its own way.
+
+A rival differs from the others in its :class:`Pursuit` alone. All choose the catch as
+:mod:`mitt.rivals.course` does, aim at the newest prediction every tick, choose anew where the
+ball was thrown off its course (a kick, a bounce), and once the catch is over stay on the ball.
+
+A pursuit has a memory, the motion asked for in the tick before. It is kept by time: asked again
+about the same instant, a rival answers from the same memory, so ``reference`` is a pure function
+of the balls that it was asked about before this instant.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Protocol, Self, final
+
+import numpy as np
+
+from mitt.flight import GRAVITY, forecast
+from mitt.generator.certificate import Outcome, Verdict
+from mitt.generator.foresight import flown
+from mitt.generator.mapping import DirectMap
+from mitt.rivals.course import Chooser, Course, state_of
+from mitt.rivals.meeting import meet
+from mitt.signals import Array, BallState, JointReference, MapStatus
+
+#: A predicted catch point that has moved so far since it was chosen is chosen anew [m], if the
+#: catch is at least so far away [s].
+_MOVED, _CHOOSE_UNTIL = 0.03, 0.021
+#: Share of a limit from which on a low catch is left for one after a bounce, and distance from
+#: the nominal catch point within which a ball has come back [m].
+_HARD, _NEAR = 0.95, 0.5
+#: How far ahead a ball is looked for near the nominal catch point [s], and in what steps.
+_AHEAD, _STRIDE = 1.0, 0.02
+
+
+class Pursuit(Protocol):
+    """One rival's way to a predicted catch; a value, each step gives the next."""
+
+    def begin(self, course: Course, t: float, motion: Array) -> Self:
+        """Return the pursuit of a course from q, dq, ddq at time ``t`` [s], shape (3, n)."""
+        ...
+
+    def step(self, course: Course, ball: BallState) -> tuple[Array, Self]:
+        """Return q, dq, ddq at the ball's time, shape (3, n), and the pursuit from there on."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Chase:
+    """What a rival remembers of one throw between two ticks."""
+
+    t: float
+    pursuit: Pursuit
+    course: Course
+    chosen_at: Array
+    motion: Array
+
+
+class _Memory:
+    """The chase before and after the newest instant."""
+
+    def __init__(self, chase: _Chase | None) -> None:
+        """Start with one."""
+        self.before, self.after = chase, chase
+
+    def at(self, t: float) -> _Chase | None:
+        """Return the chase to continue for time ``t`` [s]."""
+        if self.after is not None and t > self.after.t:
+            self.before = self.after
+        return self.before
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """A generator that predicts the catch and pursues it; see the module's text.
+
+    Attributes:
+        chooser: Chooses the catch.
+        pursuit: The way there.
+    """
+
+    chooser: Chooser
+    pursuit: Pursuit
+    q_hold: Array
+    memory: _Memory = field(default_factory=lambda: _Memory(None))
+
+    def sharpness(self, ball: BallState) -> float:
+        """Return the 1-sigma of the ball where it passes nearest to the nominal catch [m]."""
+        return spread(ball, _passing(self.chooser.map, ball))
+
+    def verdict(self, ball: BallState, q: Array) -> Verdict:
+        """Refuse where no catch is within a generous share of the limits."""
+        course = self._choose(ball, still(q))
+        judged = self.chooser.verdict(course, sigma=self.sharpness(ball))
+        easy = course is not None and not course.low and course.share <= _HARD
+        if not easy and self._may_rise(ball, q):
+            return replace(judged, outcome=Outcome.OPEN)
+        return judged
+
+    def returns(self, ball: BallState) -> bool:
+        """Say whether the ball has come back: an arm that moves as this one does can catch it."""
+        f, after = self.chooser.map, _passing(self.chooser.map, ball)
+        gap = flown(ball, np.array([after]))[0, 0] - f.arm.position(f.start)
+        if not np.linalg.norm(gap) < _NEAR:
+            return False
+        chase = self.memory.after
+        course = self._choose(ball, still(self.q_hold) if chase is None else chase.motion)
+        return course is not None and not course.low and course.share <= _HARD
+
+    def waiting(self, ball: BallState) -> BallState:
+        """Wait for a ball that rises to the nominal catch height as it comes within reach."""
+        return lobbed(self.chooser.map, ball)
+
+    def adapt(self, ball: BallState, q: Array, dq: Array) -> "Rival":
+        """Choose a catch and pursue it from where the arm is."""
+        motion = np.array([q, dq, np.zeros(len(q))])
+        course = self._choose(ball, motion)
+        chase = None
+        if course is not None:
+            pursuit = self.pursuit.begin(course, ball.t, motion)
+            chase = _Chase(ball.t, pursuit, course, course.r_c, motion)
+        return replace(self, q_hold=q, memory=_Memory(chase))
+
+    def as_map(self) -> None:
+        """Say that this is no map."""
+
+    def reference(self, ball: BallState) -> JointReference:
+        """Go on with the pursuit; at rest where there is nothing to pursue."""
+        chase = self.memory.at(ball.t)
+        if chase is None or not _sane(ball):
+            return resting(ball.t, self.q_hold if chase is None else chase.motion[0])
+        chase = self._aimed(chase, ball)
+        if ball.t <= chase.course.t_c:
+            motion, pursuit = chase.pursuit.step(chase.course, ball)
+        else:
+            motion, pursuit = self._following(chase, ball), chase.pursuit
+        if not np.all(np.isfinite(motion)):
+            return resting(ball.t, chase.motion[0])
+        self.memory.after = replace(chase, t=ball.t, pursuit=pursuit, motion=motion)
+        return JointReference(
+            t=ball.t,
+            status=MapStatus.INSIDE,
+            q_d=motion[0],
+            dq_d=motion[1],
+            ddq_d=motion[2],
+            q_o=chase.course.end[0],
+            dq_o=chase.course.end[1],
+            time_to_catch=chase.course.t_c - ball.t,
+        )
+
+    def _choose(self, ball: BallState, motion: Array) -> Course | None:
+        """Return the best course; None too where the ball cannot be."""
+        return self.chooser.choose(ball, motion) if _sane(ball) else None
+
+    def _aimed(self, chase: _Chase, ball: BallState) -> _Chase:
+        """Return the chase with its course at the newest prediction, chosen anew if it moved."""
+        if ball.t > chase.course.t_c:
+            return chase
+        aimed = self.chooser.aim(chase.course, ball)
+        moved = float(np.linalg.norm(aimed.r_c - chase.chosen_at))
+        lost = aimed is chase.course
+        if not (lost or moved > _MOVED) or aimed.t_c - ball.t < _CHOOSE_UNTIL:
+            return replace(chase, course=aimed)
+        chosen = self._choose(ball, chase.motion)
+        if chosen is None:
+            return replace(chase, course=aimed)
+        pursuit = chase.pursuit.begin(chosen, chase.t, chase.motion)
+        return replace(chase, course=chosen, pursuit=pursuit, chosen_at=chosen.r_c)
+
+    def _following(self, chase: _Chase, ball: BallState) -> Array:
+        """Return the motion with the ball, after the catch."""
+        f, rows = self.chooser.map, chase.motion.copy()
+        at = np.array([ball.r_o, ball.dr_o, ball.ddr_o])
+        near = np.linalg.norm(ball.r_o - f.arm.position(rows[0])) < _MOVED
+        if near and meet(f.packed, self.chooser.hand, (0.0, 0.0), at, rows, f.work):
+            return rows
+        after = ball.t - chase.t
+        return np.array([chase.motion[0] + after * chase.motion[1], chase.motion[1], 0.0 * rows[0]])
+
+    def _may_rise(self, ball: BallState, q: Array) -> bool:
+        """Say whether a bounce could make the ball catchable: it comes in low."""
+        if not _sane(ball):
+            return False
+        f, after = self.chooser.map, _passing(self.chooser.map, ball)
+        low = flown(ball, np.array([after]))[0, 0, 2] < f.arm.position(f.start)[2]
+        return bool(low) and self._choose(lobbed(f, ball), still(q)) is not None
+
+
+def rival(f: DirectMap, pursuit: Pursuit) -> Rival:
+    """Return the rival with a way of its own for the arm of a map; of the map it uses no more."""
+    return Rival(Chooser(map=f), pursuit, f.arm.q_ready)
+
+
+def spread(ball: BallState, after: float) -> float:
+    """Return the largest 1-sigma of the ball's position some time ahead [m]."""
+    if not _sane(ball):
+        return np.inf
+    ahead = forecast(ball, ball.t + after).covariance[:3, :3]
+    return float(np.sqrt(max(np.linalg.eigvalsh(ahead)[-1], 0.0)))
+
+
+def lobbed(f: DirectMap, ball: BallState) -> BallState:
+    """Return a ball with the same way over the ground that tops out at the nominal catch height.
+
+    It does so as it comes within reach: where a ball is that bounced off a level surface.
+    """
+    nominal = f.arm.position(f.start)
+    over = float(np.hypot(*ball.r_o[:2]) - np.hypot(*nominal[:2]))
+    after = max(over, 0.0) / max(float(np.hypot(*ball.dr_o[:2])), 0.1)
+    r_o, dr_o = ball.r_o.copy(), ball.dr_o.copy()
+    r_o[2], dr_o[2] = nominal[2] - 0.5 * GRAVITY * after**2, GRAVITY * after
+    return replace(ball, r_o=r_o, dr_o=dr_o)
+
+
+def still(q: Array) -> Array:
+    """Return rest in ``q`` as q, dq, ddq, shape (3, n)."""
+    return np.array([q, np.zeros(len(q)), np.zeros(len(q))])
+
+
+def _passing(f: DirectMap, ball: BallState) -> float:
+    """Return when the ball passes nearest to the nominal catch point [s]."""
+    if not _sane(ball):
+        return 0.0
+    after = np.arange(0.0, _AHEAD, _STRIDE)
+    gap = flown(ball, after)[:, 0] - f.arm.position(f.start)
+    return float(after[np.argmin(np.sum(gap * gap, axis=1))])
+
+
+def _sane(ball: BallState) -> bool:
+    """Say whether an estimate is finite and not absurd."""
+    state = state_of(ball)
+    return bool(np.all(np.abs(state) < 1e3))
+
+
+def resting(t: float, q: Array) -> JointReference:
+    """Return rest in ``q``, with nothing to catch."""
+    zero = np.zeros(len(q))
+    return JointReference(
+        t=t, status=MapStatus.DOMAIN, q_d=q, dq_d=zero, ddq_d=zero, q_o=q, dq_o=zero,
+        time_to_catch=np.inf,
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Calibration of a rig, and seeing with it."""

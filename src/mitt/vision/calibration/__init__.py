@@ -1,0 +1,1 @@
+"""Calibration: each module builds one least-squares problem, which ``fit`` solves."""

@@ -1,0 +1,88 @@
+"""Several maps: the choice is the best there is, and a change of maps is no jump."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support import ball_state
+
+from mitt.errors import InputError
+from mitt.generator.certificate import Outcome
+from mitt.generator.design import MapDesign
+from mitt.generator.generators import Direct
+from mitt.generator.learn import Learned
+from mitt.generator.several import Several
+from mitt.robot.arm import Arm
+from mitt.signals import BallState
+from mitt.study.lesson import learn
+from mitt.study.neighbourhood import Neighbourhood
+
+G = np.array([0.0, 0.0, -9.81])
+seeds = st.integers(0, 2**31)
+
+
+@pytest.fixture(scope="module")
+def several(arm: Arm, learned: Learned) -> Several:
+    """The paper's map, and one that lets the ball in along the palm's normal."""
+    inward = learn(arm, design=MapDesign(q_catch=0.6, inward=3.0), around=Neighbourhood(flights=40))
+    return Several((Direct(learned.map), Direct(inward.map)))
+
+
+def some_ball(seed: int, speed: float) -> BallState:
+    """Return a ball 0.35 s before it passes the paper's catch region."""
+    rng = np.random.default_rng(seed)
+    r_c = np.array([0.785, rng.uniform(-0.15, 0.15), 0.057 + rng.uniform(-0.1, 0.1)])
+    dr_c = speed * np.array([-0.933, 0.0, -0.36])
+    return ball_state(r_c - dr_c * 0.35 + 0.5 * G * 0.35**2, dr_c - G * 0.35, G)
+
+
+@settings(max_examples=30)
+@given(seed=seeds, speed=st.floats(4.0, 9.0))
+def test_what_one_map_catches_several_catch(several: Several, seed: int, speed: float) -> None:
+    """The verdict is feasible if that of any map is, and then it is that map's."""
+    ball, q = some_ball(seed, speed), several.maps[0].map.arm.q_ready
+    each = [f.verdict(ball, q) for f in several.maps]
+    said = several.verdict(ball, q)
+    assert said in each
+    any_feasible = any(x.outcome is Outcome.FEASIBLE for x in each)
+    assert (said.outcome is Outcome.FEASIBLE) == any_feasible
+
+
+@settings(max_examples=30)
+@given(seed=seeds, speed=st.floats(4.0, 9.0), moving=st.floats(0.0, 2.0))
+def test_a_change_of_maps_is_no_jump(
+    several: Several, seed: int, speed: float, moving: float
+) -> None:
+    """Eq. (12): whatever is chosen starts where the arm is and as fast as it moves."""
+    rng, ball = np.random.default_rng(seed), some_ball(seed, speed)
+    q = several.map.map.arm.q_ready + rng.uniform(-0.1, 0.1, 3)
+    dq = moving * rng.uniform(-1.0, 1.0, 3)
+    followed = several.adapt(ball, several.map.map.arm.q_ready, np.zeros(3)).adapt(ball, q, dq)
+    reference = followed.reference(ball)
+    assert followed.chosen is not None
+    assert np.allclose(reference.q_d, q, atol=1e-7)
+    assert np.allclose(reference.dq_d, dq, atol=1e-6)
+
+
+def test_a_ball_too_fast_to_match_is_given_to_the_other_map(several: Several) -> None:
+    """At 5 m/s the preferred map follows; at 9 m/s, which it refuses, the inward one does."""
+    q, still = several.map.map.arm.q_ready, np.zeros(3)
+    assert several.adapt(some_ball(1, 5.0), q, still).chosen == 0
+    fast = some_ball(1, 9.0)
+    assert several.maps[0].verdict(fast, q).outcome is Outcome.UNREACHABLE
+    assert several.adapt(fast, q, still).chosen == 1
+
+
+def test_the_map_that_is_followed_is_kept_while_it_serves(several: Several) -> None:
+    """Adapted again to a ball that both can catch, the choice stays as it was."""
+    ball, q = some_ball(2, 5.5), several.map.map.arm.q_ready
+    for first in (0, 1):
+        followed = Several(several.maps, chosen=first).adapt(ball, q, np.zeros(3))
+        assert followed.chosen == first
+        assert followed.sharpness(ball) == followed.map.sharpness(ball)
+
+
+def test_a_choice_among_nothing_is_refused() -> None:
+    """There must be a map."""
+    with pytest.raises(InputError, match="maps"):
+        Several(())

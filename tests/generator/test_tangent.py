@@ -1,0 +1,70 @@
+"""l_c and its derivatives, for any line along which the ball may come."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mitt.errors import ModelError
+from mitt.generator.design import MapDesign, tangent_of
+from mitt.generator.tangent import expand, scratch_of
+from mitt.robot.arm import Arm
+from mitt.robot.load import load_arm
+from mitt.signals import Array
+
+PANDA = "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf/panda.urdf"
+#: Step of central differences [rad] and their agreement.
+STEP, DIFFERENCE = 1e-5, 2e-7
+seeds = st.integers(0, 2**31)
+
+
+@pytest.fixture(scope="module")
+def panda() -> Arm:
+    """A Panda with four joints: the catch joint can be in the middle."""
+    path = Path(pytest.__file__).parents[1] / PANDA
+    return load_arm(path, tip="panda_hand_tcp", joints=[f"panda_joint{k}" for k in (1, 2, 4, 6)])
+
+
+@pytest.mark.parametrize("i", [1, 2])
+@given(seed=seeds, kappa=st.floats(1.0, 3.0), inward=st.floats(-3.0, 3.0))
+def test_the_derivatives_of_l_c_are_differences(
+    panda: Arm, i: int, seed: int, kappa: float, inward: float
+) -> None:
+    """J_c is dl_c/dq_o and the curvature d(J_c dq_o)/dt, joints before and behind i included."""
+    rng = np.random.default_rng(seed)
+    design = MapDesign(catch_joint=i, q_catch=-1.2, kappa=kappa, inward=inward, free=(0, 1, 2))
+    g, w, dq = tangent_of(panda, design), scratch_of(4), np.zeros(4)
+    q, dq[:3] = rng.uniform(-1.0, 1.0, 4), rng.uniform(-2.0, 2.0, 3)
+    # The fourth joint is not free: it stays where it is.
+    q[3] = panda.q_ready[3]
+
+    def at(x: Array) -> tuple[Array, Array, Array]:
+        expand(g, x, dq, w)
+        return w.point[0].copy(), w.J_c.copy(), w.point[2].copy()
+
+    _, J_c, curvature = at(q)
+    for a in range(3):
+        e = STEP * np.eye(4)[a]
+        assert np.allclose(J_c[a], (at(q + e)[0] - at(q - e)[0]) / (2 * STEP), atol=DIFFERENCE)
+    ahead, behind = at(q + STEP * dq)[1], at(q - STEP * dq)[1]
+    change = (ahead - behind).T @ dq[:3] / (2 * STEP)
+    assert np.allclose(curvature, change, atol=20 * DIFFERENCE)
+
+
+def test_an_inward_line_leads_into_the_palm(arm: Arm) -> None:
+    """On the WAM the ball of an inward line comes within 6 degrees of the palm's normal."""
+    g = tangent_of(arm, MapDesign(q_catch=0.6, inward=3.0))
+    q, w = np.array([0.1, 0.9, 0.6]), scratch_of(3)
+    expand(g, q, np.zeros(3), w)
+    comes = w.J_c[2] - arm.jacobian(q)[:, 2]
+    cosine = -comes @ arm.orientation(q)[:, 2] / np.linalg.norm(comes)
+    assert cosine > np.cos(np.deg2rad(6.0))
+
+
+def test_an_inward_line_without_bounds_is_refused(arm: Arm) -> None:
+    """NaN and enormous ratios raise a ModelError that names the quantity."""
+    for inward in (np.nan, 1e3):
+        with pytest.raises(ModelError, match="inward"):
+            tangent_of(arm, MapDesign(inward=inward))

@@ -1,0 +1,237 @@
+"""Cameras of every kind behind one interface: pixels, times and numbers are what was taken."""
+
+import os
+from collections.abc import Iterator
+from contextlib import suppress
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import cv2
+import genicam
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mitt.errors import FileError, InputError
+from mitt.link.cameras import source
+from mitt.link.cameras.opening import open_cameras
+from mitt.link.cameras.source import grey, optional
+from mitt.link.video import VideoWriter
+from mitt.signals import Frame, Image
+
+VIKY = Path(genicam.__file__).parent / "viky.cti"
+
+
+def images(count: int, shape: tuple[int, int] = (64, 96)) -> list[Image]:
+    """Return random images, each different."""
+    rng = np.random.default_rng(0)
+    return [rng.integers(0, 256, shape, dtype=np.uint8) for _ in range(count)]
+
+
+def all_of(spec: Path | str, *, fps: float | None = None, most: int = 100) -> list[Frame]:
+    """Return the frames of a source."""
+    with open_cameras([str(spec)], fps=fps) as (camera,):
+        frames: list[Frame] = []
+        while len(frames) < most and (frame := camera.read()) is not None:
+            frames.append(frame)
+        return frames
+
+
+@pytest.mark.parametrize("rate", [1000.0, 120.0, 29.97])
+def test_our_videos_come_back_to_the_bit_with_their_times(tmp_path: Path, rate: float) -> None:
+    """ffv1 keeps each grey value; times are even, though Matroska rounds them to 1 ms."""
+    taken = images(12)
+    with VideoWriter(tmp_path / "a.mkv", rate=rate, lossless=True) as writer:
+        for image in taken:
+            writer.write(image)
+    frames = all_of(tmp_path / "a.mkv")
+    assert [f.number for f in frames] == list(range(12))
+    assert all(f.camera == 0 for f in frames)
+    assert all(np.array_equal(f.pixels, image) for f, image in zip(frames, taken, strict=True))
+    assert np.abs(np.diff([f.t for f in frames]) - 1.0 / rate).max() < 2e-6
+
+
+def test_a_video_for_people_is_read_in_grey(tmp_path: Path) -> None:
+    """An mp4 of a plain grey comes back within three grey levels, at a rate that is said."""
+    with VideoWriter(tmp_path / "a.mp4", rate=30.0) as writer:
+        for _ in range(5):
+            writer.write(np.full((64, 96, 3), 100, dtype=np.uint8))
+    frames = all_of(tmp_path / "a.mp4", fps=500.0)
+    assert [f.t for f in frames] == [0.002 * k for k in range(5)]
+    assert all(abs(int(f.pixels.mean()) - 100) <= 3 for f in frames)
+
+
+def test_times_of_an_uneven_video_are_kept(tmp_path: Path) -> None:
+    """A gap in the container's stamps is a gap in the frames' times."""
+    path = tmp_path / "gap.mkv"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("ffv1", 100)
+        stream.width, stream.height, stream.pix_fmt = 96, 64, "gray"
+        for k, image in enumerate(images(6)):
+            frame = av.VideoFrame.from_ndarray(image, format="gray")
+            frame.pts, frame.time_base = (k if k < 3 else k + 20), Fraction(1, 100)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    t = np.array([f.t for f in all_of(path)])
+    assert t == pytest.approx([0.0, 0.01, 0.02, 0.23, 0.24, 0.25], abs=1.1e-3)
+
+
+def write_images(folder: Path, names: list[str]) -> list[Image]:
+    """Write random images under some names and return them."""
+    folder.mkdir()
+    taken = images(len(names))
+    for name, image in zip(names, taken, strict=True):
+        assert cv2.imwrite(str(folder / name), image)
+    return taken
+
+
+def test_a_folder_is_read_in_the_order_of_its_numbers(tmp_path: Path) -> None:
+    """Image 10 comes after image 9, and the rate gives the times."""
+    taken = write_images(tmp_path / "a", [f"im{k}.png" for k in (9, 10, 8)])
+    frames = all_of(tmp_path / "a", fps=100.0)
+    for frame, k in zip(frames, (2, 0, 1), strict=True):
+        assert np.array_equal(frame.pixels, taken[k])
+    assert [f.t for f in frames] == [0.0, 0.01, 0.02]
+
+
+@pytest.mark.parametrize(
+    ("names", "times"),
+    [(["l_0.0010.png", "l_0.0035.png"], [0.001, 0.0035]),
+     (["1700000000000000000.png", "1700000000004000000.png"], [1.7e9, 1.7e9 + 0.004])],
+)  # fmt: skip
+def test_names_tell_the_time(tmp_path: Path, names: list[str], times: list[float]) -> None:
+    """Seconds with a point, or nanoseconds as ROS writes them."""
+    write_images(tmp_path / "a", names)
+    assert [f.t for f in all_of(tmp_path / "a")] == pytest.approx(times, abs=1e-6)
+
+
+def test_names_without_a_time_need_a_rate(tmp_path: Path) -> None:
+    """The message says --fps."""
+    write_images(tmp_path / "a", ["one.png"])
+    with pytest.raises(FileError, match="say --fps"):
+        all_of(str(tmp_path / "a"))
+
+
+def test_files_that_are_no_images_are_one_line(tmp_path: Path) -> None:
+    """No file, text as video, text as image, an empty folder, a rate of nothing."""
+    (tmp_path / "text.mkv").write_text("no video")
+    (tmp_path / "a").mkdir()
+    for spec in (tmp_path / "none.mkv", tmp_path / "text.mkv", tmp_path / "a"):
+        with pytest.raises(FileError, match="wanted"):
+            all_of(str(spec))
+    (tmp_path / "a" / "1.5.png").write_text("no image")
+    with pytest.raises(FileError, match="does not decode"):
+        all_of(tmp_path / "a")
+    with pytest.raises(InputError, match="--fps"):
+        all_of(str(tmp_path / "a"), fps=0.0)
+
+
+def test_a_video_cut_in_the_middle_ends_early_or_says_so(tmp_path: Path) -> None:
+    """What is left is read, or a file error is raised; it never passes for whole."""
+    with VideoWriter(tmp_path / "a.mkv", rate=100.0, lossless=True) as writer:
+        for image in images(20):
+            writer.write(image)
+    data = (tmp_path / "a.mkv").read_bytes()
+    (tmp_path / "cut.mkv").write_bytes(data[: len(data) // 2])
+    with suppress(FileError):
+        assert 0 < len(all_of(tmp_path / "cut.mkv")) < 20
+
+
+def interrupted(path: Path, error: type[BaseException]) -> None:
+    """Write one frame of a video, then fail."""
+    with VideoWriter(path, rate=10.0) as writer:
+        writer.write(images(1)[0])
+        raise error
+
+
+def test_an_error_leaves_no_video_but_an_interrupt_does(tmp_path: Path) -> None:
+    """A video takes its name when it is whole; what an interrupt leaves is kept."""
+    with pytest.raises(ZeroDivisionError):
+        interrupted(tmp_path / "a.mkv", ZeroDivisionError)
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(KeyboardInterrupt):
+        interrupted(tmp_path / "a.mkv", KeyboardInterrupt)
+    assert len(all_of(tmp_path / "a.mkv")) == 1
+    assert list(tmp_path.iterdir()) == [tmp_path / "a.mkv"]
+
+
+@pytest.mark.parametrize("name", ["a.avi", "a"])
+def test_other_suffixes_are_refused(tmp_path: Path, name: str) -> None:
+    """Only .mkv and .mp4 are written."""
+    with pytest.raises(InputError, match="mkv"):
+        VideoWriter(tmp_path / name, rate=10.0)
+
+
+def test_grey_is_the_mean_of_the_colours() -> None:
+    """Alpha does not count."""
+    pixels = np.zeros((2, 2, 4), dtype=np.uint8)
+    pixels[..., :3], pixels[..., 3] = (30, 60, 90), 255
+    assert np.array_equal(grey(pixels), np.full((2, 2), 60))
+
+
+def test_a_missing_extra_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It says what to install."""
+
+    def nothing(name: str) -> None:
+        raise ModuleNotFoundError(name)
+
+    monkeypatch.setattr(source, "import_module", nothing)
+    with pytest.raises(InputError, match=r"install mitt with its extra: mitt\[cameras\]"):
+        optional("harvesters.core")
+
+
+@pytest.fixture
+def emulated() -> Iterator[None]:
+    """Basler's virtual camera."""
+    before = os.environ.get("PYLON_CAMEMU")
+    os.environ["PYLON_CAMEMU"] = "1"
+    yield
+    if before is None:
+        del os.environ["PYLON_CAMEMU"]
+
+
+@pytest.mark.usefixtures("emulated")
+def test_a_basler_camera_gives_frames() -> None:
+    """The virtual one: numbered, timed, grey, by index and by serial number."""
+    for spec in ("basler:0", "basler:0815-0000"):
+        frames = all_of(spec, most=3)
+        check_live(frames)
+        assert frames[0].pixels.shape == (1040, 1024)
+    with pytest.raises(FileError, match="0815-0000"):
+        all_of("basler:7")
+
+
+def test_a_genicam_camera_gives_frames() -> None:
+    """The virtual one of the GenICam wheel; two devices of one producer at once."""
+    with open_cameras([f"genicam:{VIKY}#0", f"genicam:{VIKY}#1"]) as (one, two):
+        pairs = [(one.read(), two.read()) for _ in range(3)]
+    check_live([a for a, _ in pairs if a is not None])
+    check_live([b for _, b in pairs if b is not None])
+
+
+def check_live(frames: list[Frame]) -> None:
+    """Check numbers, times and pixels of three live frames."""
+    assert [f.number for f in frames] == [0, 1, 2]
+    assert frames[0].t == 0.0
+    assert np.all(np.diff([f.t for f in frames]) > 0.0)
+    pixels: NDArray[np.uint8] = frames[0].pixels
+    assert pixels.dtype == np.uint8
+    assert pixels.ndim == 2
+
+
+def test_a_rate_times_a_camera_without_stamps() -> None:
+    """Frames of a camera without a clock, triggered at a known rate."""
+    assert [f.t for f in all_of(f"genicam:{VIKY}", fps=200.0, most=3)] == [0.0, 0.005, 0.01]
+
+
+@pytest.mark.parametrize(
+    ("spec", "says"),
+    [("genicam:none.cti", "producer"), (f"genicam:{VIKY}#99", "one of its"),
+     (f"genicam:{VIKY}#x", "INDEX")],
+)  # fmt: skip
+def test_a_camera_that_is_not_there_is_one_line(spec: str, says: str) -> None:
+    """No producer, no such device, no index."""
+    with pytest.raises(InputError, match=says) as caught:
+        all_of(spec)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,142 @@
+"""Every rival behind the generator's call: finite, repeatable, and able to catch."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support import ball_state
+
+from mitt.errors import InputError, UnknownNameError
+from mitt.generator.certificate import Outcome
+from mitt.generator.generators import Generator
+from mitt.generator.learn import Learned
+from mitt.robot.arm import Arm
+from mitt.signals import BallState, MapStatus
+from mitt.study import registry
+from mitt.study.registry import available, check_name, make_generator
+from mitt.study.trial import Bench
+from mitt.world.scene import Scene
+from mitt.world.throws import Throw
+
+#: Rivals that are told nothing.
+HONEST = ("ik", "quintic", "ruckig", "mpc", "ds")
+G = np.array([0.0, 0.0, -9.81])
+
+
+@pytest.fixture(name="rival", params=HONEST)
+def _rival(request: pytest.FixtureRequest, learned: Learned) -> Generator:
+    """Each rival in turn."""
+    return make_generator(str(request.param), learned.map)
+
+
+def test_a_rival_is_finite_whatever_the_ball(rival: Generator, arm: Arm) -> None:
+    """Before it was adapted, after it, and for balls that are no numbers."""
+    ball = ball_state(np.array([3.0, 0.1, 0.5]), np.array([-6.0, 0.0, 1.5]), G)
+    started = rival.adapt(ball, arm.q_ready, np.zeros(3))
+    for generator in (rival, started):
+        for bad in (0.1, np.nan, np.inf, 1e300):
+            given = replace(ball, t=0.01, r_o=np.array([bad, 0.0, 0.0]))
+            reference = generator.reference(given)
+            rows = (reference.q_d, reference.dq_d, reference.ddq_d, reference.q_o, reference.dq_o)
+            assert all(np.all(np.isfinite(row)) for row in rows)
+
+
+def test_a_rival_starts_where_the_arm_is(
+    rival: Generator, arm: Arm, ball_of: Callable[[int, float], BallState]
+) -> None:
+    """At the time of adapting it asks for the arm's own position and speed."""
+    q, dq, ball = arm.q_ready + 0.05, np.array([0.2, -0.1, 0.3]), ball_of(3, 0.08)
+    reference = rival.adapt(ball, q, dq).reference(ball)
+    assert reference.status is MapStatus.INSIDE
+    assert np.allclose(reference.q_d, q, atol=1e-9)
+    assert np.allclose(reference.dq_d, dq, atol=1e-9)
+    assert reference.time_to_catch > 0.1
+
+
+def test_a_rival_repeats_itself(
+    rival: Generator, arm: Arm, ball_of: Callable[[int, float], BallState]
+) -> None:
+    """Asked twice about an instant, with another ball between, it says the same to the bit."""
+    run = rival.adapt(ball_of(3, 0.08), arm.q_ready, np.zeros(3))
+    for t in (0.08, 0.081, 0.082, 0.2):
+        ball = ball_of(3, t)
+        first = run.reference(ball)
+        run.reference(replace(ball, r_o=ball.r_o + 0.02))
+        again = run.reference(ball)
+        assert np.array_equal(first.q_d, again.q_d)
+        assert np.array_equal(first.ddq_d, again.ddq_d)
+        assert first.time_to_catch == again.time_to_catch
+
+
+def test_a_rival_is_at_the_ball_at_the_catch(
+    rival: Generator, arm: Arm, ball_of: Callable[[int, float], BallState]
+) -> None:
+    """On a flight that is known exactly, the reference meets position and speed of the ball."""
+    run, t = rival.adapt(ball_of(5, 0.08), arm.q_ready, np.zeros(3)), 0.08
+    reference = run.reference(ball_of(5, t))
+    while reference.time_to_catch > 0.0005:
+        t += 0.001
+        reference = run.reference(ball_of(5, t))
+    ball = ball_of(5, t)
+    assert np.linalg.norm(arm.position(reference.q_d) - ball.r_o) < 0.005
+    assert np.linalg.norm(arm.jacobian(reference.q_d) @ reference.dq_d - ball.dr_o) < 0.3
+
+
+def test_verdicts_say_what_is_in_reach(
+    rival: Generator, arm: Arm, ball_of: Callable[[int, float], BallState]
+) -> None:
+    """A default throw is feasible; one that flies past at 3 m is not; a low one is open."""
+    assert rival.verdict(ball_of(3, 0.08), arm.q_ready).outcome is Outcome.FEASIBLE
+    far = ball_state(np.array([3.0, 3.0, 2.0]), np.array([-6.0, 0.0, 2.0]), G)
+    assert rival.verdict(far, arm.q_ready).outcome is Outcome.UNREACHABLE
+    low = ball_state(np.array([2.5, 0.0, 0.0]), np.array([-4.0, 0.0, 0.0]), G)
+    assert rival.verdict(low, arm.q_ready).outcome is Outcome.OPEN
+    assert not rival.returns(low)
+
+
+def test_an_open_throw_is_waited_for_at_the_nominal_height(rival: Generator, arm: Arm) -> None:
+    """The stand-in keeps the way over the ground and tops out where it comes within reach."""
+    low = ball_state(np.array([2.5, 0.1, 0.0]), np.array([-4.0, 0.0, -1.0]), G)
+    stand_in = rival.waiting(low)
+    assert np.array_equal(stand_in.r_o[:2], low.r_o[:2])
+    reach = np.hypot(*arm.position(np.array([0.0, np.pi / 4, np.pi / 2]))[:2])
+    after = (np.hypot(*low.r_o[:2]) - reach) / 4.0
+    assert stand_in.dr_o[2] - 9.81 * after == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", [*HONEST, "clairvoyant"])
+def test_a_rival_catches(
+    name: str, arm: Arm, learned: Learned, throw_of: Callable[[int], Throw]
+) -> None:
+    """One default throw, seen as points, is caught within every limit."""
+    bench = Bench(arm, make_generator(name, learned.map), Scene(), pixels=False)
+    trial = bench.run(0, throw_of(5), seed=3).trial
+    assert trial.status == "caught"
+    assert trial.limit_violations == 0
+
+
+def test_names_are_listed_and_unknown_ones_refused() -> None:
+    """The message names every generator."""
+    assert {"direct", "unoptimised", "clairvoyant", *HONEST} <= set(available())
+    with pytest.raises(UnknownNameError, match=r"ik.*quintic.*clairvoyant"):
+        check_name("magic")
+
+
+def test_another_package_adds_a_generator(
+    monkeypatch: pytest.MonkeyPatch, learned: Learned
+) -> None:
+    """An entry point of the group is found by its name, and a broken one is one line."""
+    from importlib.metadata import EntryPoint  # noqa: PLC0415 (beside its use)
+
+    points = (
+        EntryPoint("mine", "mitt.rivals.quintic:make_quintic", registry.GROUP),
+        EntryPoint("broken", "no_such_package:make", registry.GROUP),
+    )
+    monkeypatch.setattr(registry, "entry_points", lambda **_: points)
+    assert "mine" in available()
+    ball = ball_state(np.array([3.0, 0.1, 0.5]), np.array([-6.0, 0.0, 1.5]), G)
+    assert make_generator("mine", learned.map).sharpness(ball) < 0.1
+    with pytest.raises(InputError, match="broken") as caught:
+        make_generator("broken", learned.map)
+    assert "\n" not in str(caught.value)

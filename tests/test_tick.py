@@ -1,0 +1,309 @@
+"""The compiled tick: equal to the stages one by one, in one piece or in two, without allocation."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields, replace
+from typing import Self
+
+import numpy as np
+import pytest
+from numba import njit
+from numba.core.runtime import _nrt_python as nrt
+from numba.core.runtime import rtsys
+
+from mitt.catcher import Catcher, CatcherSettings, Phase
+from mitt.control.brake import Brake, plan_brake
+from mitt.control.hand import Closing
+from mitt.control.tracking import Tracker
+from mitt.generator.certificate import Verdict
+from mitt.generator.generators import Direct, Generator, Unoptimised
+from mitt.generator.mapping import DirectMap
+from mitt.robot.arm import Arm
+from mitt.signals import (
+    Array,
+    BallState,
+    Command,
+    JointReference,
+    MapStatus,
+    Senses,
+    command_of,
+)
+from mitt.study.lesson import learn
+from mitt.study.neighbourhood import aim_of
+from mitt.study.trial import Bench, known_ball
+from mitt.tick import tick
+from mitt.vision.camera import fixed_rig
+from mitt.vision.eyes import Eyes, EyesConfig
+from mitt.vision.filter import BallFilter
+from mitt.world.flights import BallPath, builtin_flights, place_flight
+from mitt.world.scene import TABLE_TENNIS, Ball, Scene
+from mitt.world.throws import Throw, default_throw
+
+#: Agreement of the compiled tick with its stages.
+SAME = 1e-12
+#: Longest trial [s].
+LONGEST = 1.2
+
+
+@pytest.fixture(scope="module")
+def taught(arm: Arm) -> DirectMap:
+    """The map that ``mitt catch`` learns, bounces included."""
+    return learn(arm).map
+
+
+@pytest.fixture(scope="module")
+def throws(arm: Arm) -> list[Throw]:
+    """Some default throws."""
+    rng = np.random.default_rng(23)
+    return [default_throw(rng, aim_of(arm)) for _ in range(3)]
+
+
+@dataclass
+class Notes:
+    """What a generator that is watched was last asked to be."""
+
+    now: Generator
+    waiting: bool = False
+
+
+@dataclass(frozen=True)
+class Watched:
+    """A generator that notes what becomes of it, and may hide that it is a map."""
+
+    inner: Generator
+    notes: Notes
+    hidden: bool = False
+    asked: list[float] = field(default_factory=list)
+
+    def sharpness(self, ball: BallState) -> float:
+        """Pass on."""
+        return self.inner.sharpness(ball)
+
+    def verdict(self, ball: BallState, q: Array) -> Verdict:
+        """Pass on."""
+        return self.inner.verdict(ball, q)
+
+    def returns(self, ball: BallState) -> bool:
+        """Pass on; the ball itself is followed from then on."""
+        said = self.inner.returns(ball)
+        self.notes.waiting = not said
+        return said
+
+    def waiting(self, ball: BallState) -> BallState:
+        """Pass on; a stand-in is followed from now on."""
+        self.notes.waiting = True
+        return self.inner.waiting(ball)
+
+    def adapt(self, ball: BallState, q: Array, dq: Array) -> Self:
+        """Pass on and note the result."""
+        self.notes.now = self.inner.adapt(ball, q, dq)
+        return replace(self, inner=self.notes.now)
+
+    def reference(self, ball: BallState) -> JointReference:
+        """Pass on."""
+        self.asked.append(ball.t)
+        return self.inner.reference(ball)
+
+    def as_map(self) -> DirectMap | None:
+        """Hand the map over, or hide it."""
+        return None if self.hidden else self.inner.as_map()
+
+
+class Staged:
+    """The stages one by one, as objects; which phase it is, and which map, it is told."""
+
+    def __init__(self, arm: Arm, settings: CatcherSettings, notes: Notes) -> None:
+        """Set the stages up."""
+        self.arm, self.settings, self.notes = arm, settings, notes
+        self.eyes = Eyes(fixed_rig(), EyesConfig(ball_radius=settings.ball_radius))
+        self.track = BallFilter(settings.flight)
+        self.closing = Closing(arm.model.hand, ball_radius=settings.ball_radius)
+        self.tracker = Tracker(arm, bandwidth=settings.bandwidth)
+        self.wanted = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)])
+        self.brake: Brake | None = None
+        self.command: Command | None = None
+        self.t_last = 0.0
+
+    def step(self, senses: Senses, phase: Phase) -> tuple[Command, JointReference | None]:
+        """Make one tick."""
+        reference, time = None, np.inf
+        if phase is not Phase.BRAKE:
+            seen = (self.eyes.step(senses.frames),) if senses.frames else senses.points
+            for sighting in seen:
+                self.track.update(sighting)
+        if phase is Phase.FOLLOW:
+            ball = self.track.state(senses.t)
+            ball = self.notes.now.waiting(ball) if self.notes.waiting else ball
+            reference = self.notes.now.reference(ball)
+            if reference.status is MapStatus.INSIDE:
+                self.wanted = np.array([reference.q_d, reference.dq_d, reference.ddq_d])
+                time = reference.time_to_catch
+            else:
+                self.wanted[1:] = 0.0
+        elif phase is Phase.BRAKE:
+            self.wanted = self._braking().at(senses.t)
+        hand = self.closing.step(senses.t, time)
+        self.command = self.tracker.step(senses.arm, self.wanted, hand=hand).command
+        self.t_last = senses.t
+        return self.command, reference
+
+    def _braking(self) -> Brake:
+        """Return the brake, planned from the last command when it is first asked for."""
+        if self.brake is None:
+            assert self.command is not None
+            last = np.array([self.command.q, self.command.dq, self.command.ddq])
+            loaded = self.arm.holding(self.settings.ball_mass)
+            self.brake = plan_brake(loaded, self.t_last, last)
+            self.tracker = Tracker(loaded, bandwidth=self.settings.bandwidth)
+        return self.brake
+
+
+def compare(
+    arm: Arm,
+    generator: Generator,
+    ball: Throw | BallPath,
+    *,
+    pixels: bool,
+    kind: Ball | None = None,
+) -> set[Phase]:
+    """Hold a trial's ticks to the stages; return the phases that it went through."""
+    scene = Scene(ball=kind or Ball())
+    notes, b = Notes(generator), scene.ball
+    bench = Bench(arm, Watched(generator, notes), scene, pixels=pixels)
+    settings = CatcherSettings(
+        ball_mass=b.mass, ball_radius=b.radius, flight=known_ball(b.drag, b.mass)
+    )
+    catcher, staged, phases = bench.catcher(), Staged(arm, settings, notes), set()
+    bench.world.reset(ball, 5)
+    while bench.world.t < LONGEST:
+        senses, phase = bench.world.sense(look=catcher.looking), catcher.phase
+        command, reference = staged.step(senses, phase)
+        told = catcher.step(senses)
+        differ(told, command, catcher, reference)
+        bench.world.apply(told)
+        catcher.think()
+        phases.add(phase)
+    return phases
+
+
+def differ(
+    told: Command, command: Command, catcher: Catcher, reference: JointReference | None
+) -> None:
+    """Refuse a tick that is not that of the stages."""
+    for name in ("q", "dq", "ddq", "tau", "hand", "t"):
+        ours, theirs = (np.asarray(vars_of(x)[name]) for x in (told, command))
+        assert np.all(np.abs(ours - theirs) <= SAME * np.maximum(np.abs(theirs), 1.0)), name
+    assert catcher.tick is not None
+    made = catcher.tick.reference
+    assert (made is None) == (reference is None)
+    if made is not None and reference is not None and reference.status is MapStatus.INSIDE:
+        for name in ("q_d", "dq_d", "ddq_d", "q_o", "dq_o", "time_to_catch"):
+            ours, theirs = (np.asarray(vars_of(x)[name]) for x in (made, reference))
+            assert np.all(np.abs(ours - theirs) <= SAME * np.maximum(np.abs(theirs), 1.0)), name
+
+
+def vars_of(value: Command | JointReference) -> dict[str, object]:
+    """Return the fields of a dataclass with slots by name."""
+    return {f.name: type(value).__dict__[f.name].__get__(value) for f in fields(value)}
+
+
+@pytest.mark.parametrize("kind", [Direct, Unoptimised])
+@pytest.mark.parametrize("pixels", [True, False])
+def test_the_tick_is_its_stages(
+    arm: Arm,
+    taught: DirectMap,
+    throws: list[Throw],
+    kind: Callable[[DirectMap], Generator],
+    pixels: bool,
+) -> None:
+    """Whole trials, from images or points, from the first sight to rest: equal to 1e-12."""
+    for throw in throws[: 2 if pixels else 3]:
+        phases = compare(arm, kind(taught), throw, pixels=pixels)
+        assert phases == {Phase.WATCH, Phase.FOLLOW, Phase.BRAKE}
+
+
+@pytest.mark.parametrize("number", [0, 1, 2, 3])
+def test_the_tick_is_its_stages_through_a_bounce(arm: Arm, taught: DirectMap, number: int) -> None:
+    """Recorded flights, with open verdicts, bounces and maps adapted anew: equal to 1e-12."""
+    rng = np.random.default_rng(2)
+    path = place_flight(builtin_flights()[number], arm.position(taught.start), rng=rng)
+    assert Phase.FOLLOW in compare(arm, Direct(taught), path, pixels=False, kind=TABLE_TENNIS)
+
+
+@pytest.mark.parametrize("pixels", [True, False])
+def test_two_halves_are_the_whole(
+    arm: Arm, taught: DirectMap, throws: list[Throw], pixels: bool
+) -> None:
+    """A generator that hides its map is asked in between, and the trial is the same."""
+    logs = []
+    for hidden in (False, True):
+        notes = Notes(Direct(taught))
+        watched = Watched(Direct(taught), notes, hidden=hidden)
+        bench = Bench(arm, watched, Scene(), pixels=pixels)
+        logs.append(bench.run(0, throws[0], seed=7, log=True).log)
+        assert bool(watched.asked) == hidden
+    assert logs[0] is not None
+    assert logs[1] is not None
+    assert np.allclose(logs[0].tau, logs[1].tau, rtol=0.0, atol=1e-9)
+    assert np.allclose(logs[0].truth.qpos, logs[1].truth.qpos, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("early", [True, False])
+def test_thinking_late_is_thinking(
+    arm: Arm, taught: DirectMap, throws: list[Throw], early: bool
+) -> None:
+    """A loop that never calls ``think`` gets the same commands: the next step does it first."""
+    bench = Bench(arm, Direct(taught), Scene(), pixels=False)
+    catchers = [bench.catcher(), bench.catcher()]
+    bench.world.reset(throws[1], 3)
+    for _ in range(700):
+        senses = bench.world.sense()
+        told = [catcher.step(senses) for catcher in catchers]
+        assert np.array_equal(told[0].tau, told[1].tau)
+        catchers[int(early)].think()
+        bench.world.apply(told[0])
+    assert catchers[0].phase is Phase.BRAKE
+
+
+@njit
+def again(times, images, q, dq, brake, state, result):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+    """Make the same tick many times."""
+    todo = 0
+    for k in range(times):
+        t = 1.0 + 0.001 * k
+        todo |= tick(images, (True, True), t - 0.001, t, q, dq, brake, state, result)
+    return todo
+
+
+@pytest.mark.parametrize("until", [0.03, 0.2, 0.8])
+def test_the_tick_allocates_nothing(
+    arm: Arm, taught: DirectMap, throws: list[Throw], until: float
+) -> None:
+    """Watching, following, braking: memory is asked for no more often in 50 ticks than in one."""
+    bench = Bench(arm, Direct(taught), Scene(), pixels=True)
+    catcher = bench.catcher()
+    bench.world.reset(throws[0], 3)
+    while bench.world.t < until:
+        senses = bench.world.sense()
+        bench.world.apply(catcher.step(senses))
+        catcher.think()
+    images = tuple(frame.pixels for frame in senses.frames)
+    rest = (images, senses.arm.q, senses.arm.dq, catcher._brake)
+    nrt.memsys_enable_stats()
+    counts = []
+    for times in (1, 1, 50):
+        before = rtsys.get_allocation_stats()
+        again(times, *rest, catcher._state.copy(), catcher.result.copy())
+        after = rtsys.get_allocation_stats()
+        counts.append((after.alloc - before.alloc, after.mi_alloc - before.mi_alloc))
+    assert counts[2] == counts[1]
+
+
+def test_a_command_made_fast_is_a_command() -> None:
+    """Field by field what the constructor makes, also those with defaults."""
+    told, gaze = np.arange(12.0).reshape(4, 3), np.ones((2, 4))
+    fast = command_of(0.5, told, 0.25, gaze)
+    slow = Command(t=0.5, q=told[0], dq=told[1], ddq=told[2], tau=told[3], hand=0.25, gaze=gaze)
+    for name, value in vars_of(slow).items():
+        assert np.array_equal(np.asarray(vars_of(fast)[name]), np.asarray(value))
+    with pytest.raises(AttributeError):
+        fast.t = 1.0  # type: ignore[misc]
