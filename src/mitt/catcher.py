@@ -103,7 +103,7 @@ class Catcher:
         if self._todo:
             self.think()
         if senses.points and self.looking:
-            self._take(senses.points)
+            self._take(senses.points, senses.t)
         images, together, t_exposed = self._eyes.arrange(senses.frames)
         arm, state, out = senses.arm, self._state, self.result
         seen = images, together, t_exposed, senses.t, arm.q, arm.dq
@@ -169,11 +169,11 @@ class Catcher:
         self.verdict, self.t_0 = None, np.inf
         self._phase = WATCH
 
-    def _take(self, points: tuple[Sighting, ...]) -> None:
-        """Take in positions from another source than images."""
+    def _take(self, points: tuple[Sighting, ...], t: float) -> None:
+        """Take in positions from another source than images; none from after ``t`` [s]."""
         memory, settings, work = self._filter
         for point in points:
-            if point.found:
+            if point.found and not point.t > t + TICK:
                 absorb(memory, point.t, point.r_o, point.covariance, settings, work)
 
     def _ask(self) -> None:

@@ -37,7 +37,7 @@ _EPISODE, _CALM = 900, 0.4
 #: Flights that are flown once, and faults kept for the report.
 _FLIGHTS, _KEPT = 24, 20
 #: Rates at which faults strike a channel, a tick.
-_RATES = (0.0, 0.002, 0.01, 0.05, 0.3)
+_RATES = (0.0, 0.001, 0.003, 0.01, 0.3)
 _ROUNDING = 1e-9
 
 
@@ -190,7 +190,7 @@ class Setting:
 def setting(f: DirectMap, seed: int) -> Setting:
     """Return arms and flights for a map of the WAM."""
     arm, rng = f.arm, np.random.default_rng(seed)
-    throws = [default_throw(rng, aim_of(arm, f.design.q_catch, f.design.catch_joint)) for _ in range(_FLIGHTS)]
+    throws = [default_throw(rng, aim_of(arm)) for _ in range(_FLIGHTS)]
     flights = [np.array([fly(x.r, x.dr, drag=0.04, duration=k * TICK)[0] for k in range(_EPISODE)])
                for x in throws]  # fmt: skip
     weaker = load_arm("wam", limits="wam-48v", hand=arm.model.hand)
@@ -259,7 +259,7 @@ class _Episode:
                     count.faults.append(f"{self._name} tick {k} {faults}: {fault}")
                 if fault.startswith("raised"):
                     return
-            if catcher.phase is Phase.STOPPED and self._rng.random() < 0.02:
+            if catcher.phase is Phase.STOPPED and self._rng.random() < 0.1:
                 count.recovered += self._recovers()
 
     def _sense(self, k: int, t: float, faults: list[str], before: Array) -> Senses:

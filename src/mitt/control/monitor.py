@@ -2,6 +2,7 @@
 
 An encoder is held to what it read a tick ago and to the motion that the arm was told:
 
+* a first reading has to lie near the joint's range;
 * a reading that is not finite, or that no motion within the limits explains, is replaced by dead
   reckoning along the told motion; the third in a row is a fault, so a single glitch passes;
 * an encoder that does not move while the told motion has come by more than five counts is stuck;
@@ -32,6 +33,8 @@ FINE, BRIDGED, SILENT, JUMPED, STUCK, REVERSED = range(6)
 
 #: Readings in a row that make a fault, and a reading's excess over what a limit explains.
 _IN_A_ROW, _EXCESS = 3, 1.5
+#: How far outside a joint's range a first reading may lie [rad].
+_BEYOND = 0.5
 #: Counts of told motion after which a still encoder is suspicious, and ticks until it is stuck.
 _COUNTS, _STILL = 5.0, 4
 #: Share of the window that fades each tick; gained speed from which the signs are compared
@@ -80,7 +83,7 @@ def believe(
     worst = FINE
     for k in range(read.shape[1]):
         m, q, dq = memory[k], read[0, k], read[1, k]
-        if np.isnan(m[_Q]) and np.isfinite(q) and np.isfinite(dq):
+        if np.isnan(m[_Q]) and _may_begin(b[:, k], q, dq):
             m[_Q], m[_DQ], m[_HELD] = q, dq, q
         found = _judge(m, b[2, k], b[4, k], count, q, dq, told[1, k], told[4, k])
         if found >= SILENT:
@@ -93,6 +96,12 @@ def believe(
             believed[0, k], believed[1, k] = m[_Q], m[_DQ]
         worst = max(worst, found)
     return worst
+
+
+@njit(cache=True)
+def _may_begin(b: Array, q: float, dq: float) -> bool:
+    """Say whether a first reading can be one of this joint; one that is no number cannot."""
+    return bool(b[0] - _BEYOND <= q <= b[1] + _BEYOND and abs(dq) <= _EXCESS * b[2])
 
 
 @njit(cache=True)

@@ -369,7 +369,8 @@ class Eyes:
             return self._nothing
         t = -inf
         for frame in frames:
-            t = max(t, frame.t)  # the first argument stays where a stamp is no number
+            if t < frame.t < inf:
+                t = frame.t
         images, together, numbers = self._none.copy(), self._still, self._numbers
         for frame in frames:
             k = frame.camera
