@@ -120,6 +120,12 @@ class Catcher:
         gaze = self._gaze.copy() if self._eyes.heads else None
         return command_of(t, self._told.copy(), self._hand.item(), gaze)
 
+    @property
+    def deceleration(self) -> Array:
+        """What each joint can be trusted to brake with [rad/s^2], shape (n,)."""
+        brake: Array = self._state["bounds"][0][3].copy()
+        return brake
+
     def think(self) -> None:
         """Do what is slow or rare, to be used by the next tick; best after the command has left.
 

@@ -14,11 +14,13 @@ import numpy as np
 from numba import njit
 
 from mitt.catcher import Catcher, CatcherSettings, Phase
+from mitt.control.condition import Reason
 from mitt.control.envelope import TICK, bounds_of
 from mitt.errors import InputError
 from mitt.generator.certificate import Outcome, Verdict
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.mapping import DirectMap
+from mitt.records import REASONS
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import ArmState, Array, BallState, Command, JointReference, Senses
@@ -29,7 +31,7 @@ from mitt.vision.head import active_rig
 from mitt.world.ballistics import fly
 from mitt.world.throws import default_throw
 from soak import garbage
-from soak.commands import obeys
+from soak.commands import ROUNDING, inside, obeys
 from soak.garbage import Cameras, Channel
 
 #: Ticks of an episode, and the share of it that is free of faults in a calm one.
@@ -38,7 +40,6 @@ _EPISODE, _CALM = 900, 0.4
 _FLIGHTS, _KEPT = 24, 20
 #: Rates at which faults strike a channel, a tick.
 _RATES = (0.0, 0.001, 0.003, 0.01, 0.3)
-_ROUNDING = 1e-9
 
 
 @dataclass(slots=True)
@@ -48,7 +49,7 @@ class Count:
     Attributes:
         ticks: Ticks made.
         non_finite: Those with a number that is not finite in their command.
-        faults: What broke a rule, with episode and tick; the first of them in words.
+        faults: What broke a rule first in an episode, with its tick.
         fault_ticks: How many ticks broke a rule or raised.
         phases: Ticks by phase.
         states: Ticks by state.
@@ -116,10 +117,17 @@ class Wild:
 
 
 @njit(cache=True)
-def breaks(b: Array, last: Array, told: Array) -> int:
-    """Return the first joint that breaks the rule of motion; -1 if none."""
+def breaks(b: Array, last: Array, told: Array, blocked: bool) -> int:
+    """Return the first joint that breaks the rule of motion; -1 if none.
+
+    A joint outside its limits returns, unless the way is blocked: then it only gets slower.
+    """
     for k in range(told.shape[1]):
-        if not obeys(b[:5, k], last[0, k], last[1, k], told[0, k], told[1, k], told[2, k]):
+        q0, dq0, dq = last[0, k], last[1, k], told[1, k]
+        if obeys(b[:5, k], q0, dq0, told[0, k], dq, told[2, k]):
+            continue
+        slower = abs(dq) <= abs(dq0) + ROUNDING and abs(told[2, k]) <= b[4, k] + ROUNDING
+        if not (blocked and slower and not inside(b[:5, k], q0, dq0, 0.0)):
             return k
     return -1
 
@@ -132,7 +140,7 @@ def too_strong(arm: Arm, tau: Array, dq: Array) -> bool:
     limits = arm.limits
     drive = limits.drive_torque(torques)
     bound = limits.torque_bound(drive, limits.drive_speed(speeds))
-    return bool(np.any(np.abs(drive) > bound * (1.0 + _ROUNDING) + _ROUNDING))
+    return bool(np.any(np.abs(drive) > bound * (1.0 + ROUNDING) + ROUNDING))
 
 
 @final
@@ -160,16 +168,17 @@ class Judge:
         if not np.all(np.isfinite(everything)):
             return f"not finite: {everything.tolist()}"
         last, self._last = self._last, told
-        if not -_ROUNDING <= hand <= self._closed + _ROUNDING:
+        if not -ROUNDING <= hand <= self._closed + ROUNDING:
             return f"hand at {hand}"
         believed = catcher.believed[1]
+        blocked = self._stopped or REASONS[catcher.result["reason"].item()] is Reason.BLOCKED
         if too_strong(self._arms[0], tau, believed):
             return f"torques {tau.tolist()} at {believed.tolist()}"
         if last is not None:
-            joint = breaks(self._bounds[self._loaded], last, told)
+            joint = breaks(self._bounds[self._loaded], last, told, blocked)
             if joint >= 0:
                 return f"joint {joint} from {last.tolist()} to {told.tolist()}"
-            if self._stopped and np.any(np.abs(told[1]) > np.abs(last[1]) + _ROUNDING):
+            if self._stopped and np.any(np.abs(told[1]) > np.abs(last[1]) + ROUNDING):
                 return f"faster after a stop: {last[1].tolist()} to {told[1].tolist()}"
         if self._stopped and catcher.phase is not Phase.STOPPED:
             return f"{catcher.phase} after a stop"
@@ -230,7 +239,7 @@ class _Episode:
         rates = _RATES[rng.integers(2) :]
         self._channels = [Channel(kind, rng, float(rng.choice(rates))) for kind in kinds]
         self._calm = int(_CALM * _EPISODE * rng.random()) if rng.random() < 0.5 else 0
-        self._joints = self._start()
+        self._joints, self._found = self._start(), False
 
     def _start(self) -> Array:
         """Return q, dq of the arm at the start: mostly ready, at times anywhere."""
@@ -255,8 +264,9 @@ class _Episode:
             if fault:
                 count.fault_ticks += 1
                 count.non_finite += fault.startswith("not finite")
-                if len(count.faults) < _KEPT:
+                if len(count.faults) < _KEPT and not self._found:
                     count.faults.append(f"{self._name} tick {k} {faults}: {fault}")
+                self._found = True
                 if fault.startswith("raised"):
                     return
             if catcher.phase is Phase.STOPPED and self._rng.random() < 0.1:

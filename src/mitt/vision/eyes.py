@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from math import inf, pi, sqrt
+from math import inf, isfinite, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -378,6 +378,8 @@ class Eyes:
                 raise InputError("frame.camera", f"0 to {len(images) - 1}", k)
             if frame.number == numbers[k]:
                 continue
+            if self.heads and not (isfinite(frame.pan) and isfinite(frame.tilt)):
+                continue  # nobody knows where it looks
             numbers[k] = frame.number
             pixels = frame.pixels
             plain = pixels.size > 0 and pixels.ndim == 2 and pixels.flags.carray
