@@ -120,15 +120,22 @@ def vision(f: DirectMap, plans: dict[str, Plan], throws: list[Throw], *, pixels:
         row["of_clean"] = row["rate"] / (table or {"clean": row})["clean"]["rate"]
         table[name] = row
         print(f"{name:28s}{row['caught']:6d} of {row['throws']:4d}   {row['rate']:.3f}"
-              f" [{row['low']:.3f}, {row['high']:.3f}]   {row['of_clean']:.3f}   {row['dropped']:4d}"
-              f"{row['missed']:6d}{row['unreachable']:8d}{row['aborted']:8d}"
+              f" [{row['low']:.3f}, {row['high']:.3f}]   {row['of_clean']:.3f}   "
+              f"{row['dropped']:4d}{row['missed']:6d}{row['unreachable']:8d}{row['aborted']:8d}"
               f"{row['violations']:8d}", flush=True)  # fmt: skip
     return table
 
 
 def broken(f: DirectMap, kind: str, throws: list[Throw]) -> Row:
     """Break an encoder in each throw; return delays [ms] and what became of the arm."""
-    rows: Row = {"delay_ms": [], "told_ms": [], "stop_ms": [], "brake_ms": [], "unseen": 0, "violations": 0}
+    rows: Row = {
+        "delay_ms": [],
+        "told_ms": [],
+        "stop_ms": [],
+        "brake_ms": [],
+        "unseen": 0,
+        "violations": 0,
+    }
     rng, reasons = np.random.default_rng(SEED), set()
     for k, throw in enumerate(throws):
         start, joint = float(rng.uniform(0.15, 0.45)), int(rng.integers(f.arm.n))
@@ -147,7 +154,7 @@ def broken(f: DirectMap, kind: str, throws: list[Throw]) -> Row:
         rows["delay_ms"].append(max(stop - shows, 0))
         moving = np.flatnonzero(np.abs(dq).max(axis=1) > STILL)
         rows["stop_ms"].append(max(int(moving[-1]) + 1 - stop, 0) if len(moving) else 0)
-        told = np.flatnonzero(ticks["told"][:, 0, 1].any(axis=1))
+        told = np.flatnonzero(ticks["told"][:, 1].any(axis=1))
         rows["told_ms"].append(max(int(told[-1]) + 1 - stop, 0) if len(told) else 0)
         told, brake = ticks["told"][max(stop - 1, 0), 1], bench.catcher().deceleration
         rows["brake_ms"].append(float(1e3 * np.max(np.abs(told) / brake)))

@@ -122,8 +122,10 @@ def broken(kind: str, then: Array, now: Array) -> tuple[float, float]:
 @pytest.mark.parametrize("kind", ["silent", "jumped", "stuck", "reversed"])
 @given(seed=seeds, joint=st.integers(0, 2))
 def test_a_fault_is_found_within_five_ticks(arm: Arm, kind: str, seed: int, joint: int) -> None:
-    """Counted from when it shows: reversed, by a jump or gained speed; stuck, by five counts and
-    a torque that no friction withstands. The controller pushes against what it believes is a lag.
+    """Counted from when it shows: stuck, by five counts and a torque that no friction withstands.
+
+    The controller pushes against what it believes is a lag. A reversed one shows by a jump or by
+    gained speed.
     """
     q, dq, ddq = motion(arm, seed, 500)
     watch, start, shown, moved, gained = Watch(arm), 200, None, 0.0, 0.0

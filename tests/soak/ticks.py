@@ -225,7 +225,7 @@ class _Episode:
         """Draw the episode."""
         self._rng, self._name = rng, name
         self._arm = place.arms[rng.integers(len(place.arms))]
-        self._flight = place.flights[rng.integers(len(place.flights))]
+        self._flight = place.flights[int(rng.integers(len(place.flights)))]
         rig = active_rig() if rng.random() < 0.2 else fixed_rig()
         self._cameras = Cameras(rig, rng) if rng.random() < 0.5 else None
         settings = CatcherSettings()
@@ -246,7 +246,8 @@ class _Episode:
         still, rng = np.array([self._arm.q_ready, np.zeros(self._arm.n)]), self._rng
         if rng.random() < 0.8:
             return still
-        return still + rng.standard_normal(still.shape) * np.array([[1.0], [5.0]])
+        anywhere: Array = still + rng.standard_normal(still.shape) * np.array([[1.0], [5.0]])
+        return anywhere
 
     def run(self, count: Count, ticks: int) -> None:
         """Make the ticks."""
