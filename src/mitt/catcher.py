@@ -235,7 +235,7 @@ class Catcher:
         """
         out, closing, grip = self.result, self._state["closing"][0], self._state["grip"][0]
         t = out["t"].item()
-        hurry = short_of_room(self._arm, self._state["wanted"][0])
+        hurry = short_of_room(self._arm, self._told[:3])
         if not has_closed(closing, grip, t + TICK, hurry):
             return
         loaded = self._arm.holding(self._settings.ball_mass)
