@@ -141,17 +141,22 @@ def expose(
         _into(begin, balls[0], 0, local)
         x, y, z = local[0], local[1], local[2]
         nowhere = not np.isfinite(x + y + z)
+        before = 0
         for k in range(capsules.shape[0]):
-            if seen_from(begin, capsules[k], seen) and (nowhere or not in_front(seen, x, y, z)):
+            if not seen_from(begin, capsules[k], seen):
+                continue
+            if nowhere or not in_front(seen, x, y, z):
                 draw_capsule(pixels, begin[4], seen, body, noise)
+            else:
+                before += 1
         for k in range(balls.shape[0] - 1, -1, -1):
             _into(begin, balls[k], 0, local)
             _into(end, balls[k], 3, local)
             local[6], paint[0] = balls[k, 6], balls[k, 7]
             if np.isfinite(local[0] + local[1] + local[2] + local[3] + local[4] + local[5]):
                 draw_ball(pixels, begin[4], local, paint, normal[starts[n, 1] :], scratch)
-        for k in range(capsules.shape[0]):
-            if not nowhere and seen_from(begin, capsules[k], seen) and in_front(seen, x, y, z):
+        for k in range(capsules.shape[0] if before > 0 else 0):
+            if seen_from(begin, capsules[k], seen) and in_front(seen, x, y, z):
                 draw_capsule(pixels, begin[4], seen, body, noise)
 
 
