@@ -176,7 +176,7 @@ def _largest(P: Array) -> float:
     x, y, z = P[0, 0] - middle, P[1, 1] - middle, P[2, 2] - middle
     size = np.sqrt((x * x + y * y + z * z + 2.0 * (a * a + b * b + c * c)) / 6.0)
     if not size > 0.0:
-        return middle
+        return float(middle)
     det = x * (y * z - c * c) - a * (a * z - b * c) + b * (a * c - b * y)
     turn = np.arccos(min(max(0.5 * det / size**3, -1.0), 1.0)) / 3.0
-    return middle + 2.0 * size * np.cos(turn)
+    return float(middle + 2.0 * size * np.cos(turn))
