@@ -8,12 +8,11 @@ map, planning the brake; it takes effect at the next tick. The catcher takes sen
 commands, so it does not know whether a simulated world or a real arm is at the other end.
 """
 
-from math import ceil
 from typing import final
 
 import numpy as np
 
-from mitt.control.brake import Brake, plan_brake, short_of_room
+from mitt.control.brake import plan_brake, short_of_room
 from mitt.control.envelope import TICK
 from mitt.control.hand import has_closed
 from mitt.errors import InputError
@@ -38,7 +37,7 @@ from mitt.records import (
     tick_of,
 )
 from mitt.robot.arm import Arm
-from mitt.signals import Array, BallState, Command, MapStatus, Senses, Sighting, command_of
+from mitt.signals import BallState, Command, MapStatus, Senses, Sighting, command_of
 from mitt.tick import DECIDE, GRASPS, LAGS, STOPS, act, perceive, tick
 from mitt.vision.belief import absorb
 from mitt.vision.eyes import Eyes
@@ -239,14 +238,8 @@ class Catcher:
         if not has_closed(closing, grip, t + TICK, hurry):
             return
         loaded = self._arm.holding(self._settings.ball_mass)
-        self._brake = brake_table(plan_brake(loaded, t, self._told[:3].copy()))
+        self._brake = plan_brake(loaded, t, self._told[:3].copy()).table(TICK)
         for name, value in arm_fields(loaded, self._settings.around).items():
             self._state[name][0] = value
         self._numbers["t_brake"] = t
         self._enter(BRAKE)
-
-
-def brake_table(brake: Brake) -> Array:
-    """Return q, dq, ddq at the ticks of a brake, shape (k, 3, n); the last row is at rest."""
-    ticks = ceil(brake.duration / TICK) + 1
-    return np.array([brake.at(brake.t + k * TICK) for k in range(ticks + 1)])
