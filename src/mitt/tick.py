@@ -112,7 +112,7 @@ def perceive(
         s["eyes_work"],
         s["z"],
         s["R"],
-    ):
+    ) and t_exposed <= t + TICK:  # a sighting of the future is one of a clock that was set
         absorb(s["ball_memory"], t_exposed, s["z"], s["R"], s["ball_settings"], s["ball_work"])
     memory = s["ball_memory"]
     tracked = speak(memory, t, s["ball_settings"], out["ball"], out["covariance"], s["ball_work"])

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from math import pi, sqrt
+from math import inf, isfinite, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -360,12 +360,17 @@ class Eyes:
     ) -> tuple[tuple[Image, ...], tuple[bool, ...], float]:
         """Return images, whether they belong together, and their instant, as :func:`look` takes it.
 
+        Their instant is the newest: a camera that lags or repeats itself is left out, not the other.
+
         Args:
             frames: As for :meth:`step`.
         """
         if not frames:
             return self._nothing
-        t = frames[0].t
+        t = -inf
+        for frame in frames:
+            if t < frame.t < inf:
+                t = frame.t
         images, together, numbers = self._none.copy(), self._still, self._numbers
         for frame in frames:
             k = frame.camera
@@ -373,6 +378,8 @@ class Eyes:
                 raise InputError("frame.camera", f"0 to {len(images) - 1}", k)
             if frame.number == numbers[k]:
                 continue
+            if self.heads and not (isfinite(frame.pan) and isfinite(frame.tilt)):
+                continue  # nobody knows where it looks
             numbers[k] = frame.number
             pixels = frame.pixels
             plain = pixels.size > 0 and pixels.ndim == 2 and pixels.flags.carray
