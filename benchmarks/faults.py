@@ -128,7 +128,14 @@ def vision(f: DirectMap, plans: dict[str, Plan], throws: list[Throw], *, pixels:
 
 def broken(f: DirectMap, kind: str, throws: list[Throw]) -> Row:
     """Break an encoder in each throw; return delays [ms] and what became of the arm."""
-    rows: Row = {"delay_ms": [], "told_ms": [], "stop_ms": [], "brake_ms": [], "unseen": 0, "violations": 0}
+    rows: Row = {
+        "delay_ms": [],
+        "told_ms": [],
+        "stop_ms": [],
+        "brake_ms": [],
+        "unseen": 0,
+        "violations": 0,
+    }
     rng, reasons = np.random.default_rng(SEED), set()
     for k, throw in enumerate(throws):
         start, joint = float(rng.uniform(0.15, 0.45)), int(rng.integers(f.arm.n))

@@ -188,7 +188,8 @@ def by_cell(jobs: list[Job]) -> list[list[Job]]:
 
 def _sum_up(study: Study, jobs: list[Job], folder: Folder, done: Finished) -> None:
     """Write the whole table, the summary and the wall-clock figures."""
-    parts = [p for p in (folder.part(job.number) for job in jobs) if p.exists()]
+    ordered = [job for group in by_cell(jobs) for job in group]
+    parts = [p for p in (folder.part(job.number) for job in ordered) if p.exists()]
     notes = notes_of(study) | {"configuration": study.model_dump_json()}
     write_atomically(folder.trials, lambda temporary: merge(parts, temporary, notes))
     cells, timing = [], []
