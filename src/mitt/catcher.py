@@ -205,6 +205,9 @@ class Catcher:
         if not due and self._generator.sharpness(ball) > self._settings.sigma_ready:
             return
         self.verdict = verdict = self._generator.verdict(ball, self.believed[0])
+        hasty = verdict.outcome is Outcome.UNREACHABLE and not due  # a refusal is for good
+        if hasty or verdict.outcome is Outcome.UNSETTLED:
+            return
         if verdict.outcome is Outcome.UNREACHABLE:
             self._enter(REFUSED)
             return

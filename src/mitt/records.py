@@ -140,7 +140,7 @@ def fresh_result(n: int, heads: int = 1) -> Record:
         encoders: q, dq as read [rad, rad/s], shape (2, n).
         looked: Whether there was something to see and to estimate.
         ball: r_o, dr_o, ddr_o of the ball at ``t_ball``, shape (3, 3), zero if not ``tracked``;
-            with them ``covariance``, ``drag``, ``t_seen``, ``t_first`` of ``BallState``.
+            with them ``covariance``, ``drag``, ``t_seen``, ``t_first``, ``led`` of ``BallState``.
         following: Whether the generator was asked.
         inside: Whether its answer is a motion.
         asked: q_d, q_o and their derivatives, shape (6, n).
@@ -157,6 +157,7 @@ def fresh_result(n: int, heads: int = 1) -> Record:
     fields: Fields = {
         "t": 0.0, "phase": np.int64(WATCH), "encoders": np.zeros((2, n)),
         "ball": np.zeros((3, 3)), "t_ball": 0.0, "tracked": np.bool_(False),
+        "led": np.bool_(False),
         "covariance": np.zeros((6, 6)), "drag": 0.0, "t_seen": -np.inf, "t_first": -np.inf,
         "following": np.bool_(False), "inside": np.bool_(False), "asked": np.zeros((6, n)),
         "time_to_catch": np.inf, "told": np.zeros((ROWS, n)), "hand": 0.0,
@@ -266,6 +267,7 @@ def ball_of(row: Record) -> BallState:
         covariance=row["covariance"][0],
         t_seen=row["t_seen"].item(),
         t_first=row["t_first"].item(),
+        led=row["led"].item(),
     )
 
 

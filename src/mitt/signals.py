@@ -94,6 +94,7 @@ class BallState:
         covariance: Covariance of position and velocity, shape (6, 6).
         t_seen: Time of the newest sighting used [s].
         t_first: Time of the first sighting of this track [s].
+        led: Whether another law of motion than flight speaks.
     """
 
     t: float
@@ -105,6 +106,7 @@ class BallState:
     covariance: Array
     t_seen: float
     t_first: float
+    led: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

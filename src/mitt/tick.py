@@ -120,6 +120,7 @@ def perceive(
     memory = s["ball_memory"]
     tracked = speak(memory, t, s["ball_settings"], out["ball"], out["covariance"], s["ball_work"])
     out["tracked"], out["t_ball"] = tracked, t
+    out["led"] = tracked and memory[at.BEST] > 0.0
     out["drag"] = memory[at.DRAG] if tracked else 0.0
     out["t_seen"] = memory[at.T_SEEN] if tracked else -np.inf
     out["t_first"] = memory[at.T_FIRST] if tracked else -np.inf

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from support import ball_state
 
 from mitt.flight import forecast
-from mitt.generator.foresight import flown, foresee, sharpness, spread
+from mitt.generator.foresight import FADES, flown, foresee, sharpness, spread
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array, BallState, MapStatus
@@ -89,6 +89,26 @@ def test_the_flown_path_is_the_flight(plain: DirectMap, seed: int) -> None:
         assert np.allclose(row[2], rate(x, ball.drag)[3:], atol=100 * PLACE)
         for _ in range(50):
             x = step(x, ball.drag, FINE)
+
+
+@settings(max_examples=20)
+@given(seed=seeds, falls=st.booleans())
+def test_a_led_ball_goes_on_with_a_push_that_fades(seed: int, falls: bool) -> None:
+    """Plain NumPy in steps of 1 ms: the push fades by 1/e in 0.2 s, with weight or without."""
+    rng = np.random.default_rng(seed)
+    push, base = rng.uniform(-2.0, 2.0, 3), G if falls else np.zeros(3)
+    r, dr = rng.uniform(1.0, 2.0, 3), rng.uniform(-4.0, 4.0, 3)
+    led = replace(ball_state(r, dr, base + push), drag=0.0, led=True)
+    path = flown(led, np.arange(0.0, 0.4, 0.05))
+    fine = 1e-4
+    for row in path:
+        assert np.allclose(row[0], r, atol=1e-5)
+        assert np.allclose(row[1], dr, atol=1e-4)
+        assert np.allclose(row[2], base + push, atol=1e-3)
+        for _ in range(500):
+            middle = base + push * np.exp(-0.5 * fine / FADES)
+            r, dr = r + fine * dr + 0.5 * fine**2 * middle, dr + fine * middle
+            push = push * np.exp(-fine / FADES)
 
 
 @given(y=st.floats(2.0, 6.0), side=st.sampled_from([-1.0, 1.0]))

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from mitt.errors import FileError, InputError, MittError
 from mitt.link.files import (
+    LOCK,
     check_folder,
     claim_folder,
     read_json,
@@ -144,6 +145,15 @@ def test_a_link_among_our_names_is_removed_not_followed(tmp_path: Path) -> None:
     claim_folder(out, overwrite=True, ours=("recordings",))
     assert (elsewhere / "precious.txt").exists()
     assert not (out / "recordings").exists()
+
+
+def test_a_lock_alone_does_not_fill_a_folder(tmp_path: Path) -> None:
+    """A folder that a study has locked is still new; with another file in it, it is not."""
+    (tmp_path / LOCK).touch()
+    check_folder(tmp_path, overwrite=False)
+    (tmp_path / "mine").touch()
+    with pytest.raises(InputError, match="empty"):
+        check_folder(tmp_path, overwrite=False)
 
 
 def test_checking_a_folder_touches_nothing(tmp_path: Path) -> None:

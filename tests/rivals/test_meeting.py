@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.rivals.course import Chooser, state_of
-from mitt.rivals.meeting import fly_on, lift, lift_ahead, meet, reach, resolve
+from mitt.generator.foresight import fly_on, state_of
+from mitt.rivals.course import Chooser
+from mitt.rivals.meeting import lift, lift_ahead, meet, reach, resolve
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState
 

@@ -19,9 +19,11 @@ from mitt.signals import Array, BallState, MapStatus
 #: Instants at which the demand is reckoned.
 _INSTANTS = 25
 #: How far beyond the region it was learned on a map is trusted [rad].
-REGION_GAP = 0.15
+REGION_GAP = 0.3
 #: How far ahead the ball's way over the ground is looked at [s], and in what steps.
 _AHEAD, _STRIDE = 1.0, 0.01
+#: How long before its catch the arm begins to follow a ball that is led [s].
+_LED_AHEAD = 0.5
 
 
 class Outcome(Enum):
@@ -29,10 +31,13 @@ class Outcome(Enum):
 
     OPEN: the ball is about to pass below the region of the map, where only a bounce off a
     surface that nobody announced would bring it back up.
+    UNSETTLED: the ball does not fly, so nobody can foretell it: the arm stays, and the ball is
+    judged anew every tick, until it comes.
     """
 
     FEASIBLE = "feasible"
     OPEN = "open"
+    UNSETTLED = "unsettled"
     UNREACHABLE = "unreachable"
 
 
@@ -40,11 +45,14 @@ class Outcome(Enum):
 class Tolerance:
     """Share of each limit at which a throw is refused.
 
-    A little more than 1 for torque: a short saturation costs some tracking error, not the ball.
+    More than 1: the envelope keeps the limits whatever is asked, and asking for too much for a
+    short time costs some tracking error, mostly long before the catch, not the ball. Of 24 wide
+    throws 7 were refused at 1.25 and 1, and the same arm caught them all. The rivals refuse at the
+    same share.
     """
 
-    torque: float = 1.25
-    speed: float = 1.0
+    torque: float = 1.6
+    speed: float = 1.6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +60,7 @@ class Verdict:
     """What the certificate says.
 
     Attributes:
-        outcome: Feasible, open or not.
+        outcome: Feasible, open, unsettled or not.
         binding_limit: The limit that is asked most, such as ``torque:j2``.
         share: How much of it is asked; 1 is the limit.
         t_catch: Predicted time of the catch [s]; infinite without one.
@@ -77,6 +85,21 @@ def judge(
     f: DirectMap, ball: BallState, q: Array, *, tolerance: Tolerance, dq: Array | None = None
 ) -> Verdict:
     """Return the verdict on a ball for an arm in ``q`` [rad], (n,), at rest or moving at ``dq``."""
+    return tempered(_judged(f, ball, q, tolerance=tolerance, dq=dq), ball)
+
+
+def tempered(verdict: Verdict, ball: BallState) -> Verdict:
+    """Return the verdict; on a ball that is led neither a refusal nor a start long before."""
+    soon = verdict.t_catch - ball.t <= _LED_AHEAD
+    if not ball.led or (soon and verdict.outcome is Outcome.FEASIBLE):
+        return verdict
+    return replace(verdict, outcome=Outcome.UNSETTLED)
+
+
+def _judged(
+    f: DirectMap, ball: BallState, q: Array, *, tolerance: Tolerance, dq: Array | None
+) -> Verdict:
+    """Return the verdict on a ball that goes on by its law of motion; see :func:`judge`."""
     seen = foresee(f, ball)
     adapted = f.adapt(ball, q, np.zeros(f.arm.n) if dq is None else dq)
     where = _where(f, seen)

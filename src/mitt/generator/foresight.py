@@ -1,12 +1,18 @@
-"""Where and when a ball will be caught, if nothing but gravity and drag acts on it.
+"""Where and when a ball will be caught, by the law of motion that its estimate speaks by.
 
-| here     | meaning                                    | unit            | shape     |
-|----------|--------------------------------------------|-----------------|-----------|
-| ``state``| position, velocity, drag coefficient       | m, m/s, 1/m     | (7,)      |
-| ``path`` | r_o, dr_o, ddr_o at given times            | m, m/s, m/s^2   | (K, 3, 3) |
+A ball that flies goes on by gravity and drag. One that is led, by a hand or on a spring, goes on
+with an acceleration that fades away within ``FADES`` s, as the filter's law of what is driven has
+it (:mod:`mitt.vision.laws`); farther than a few tenths of a second that is no more than a guess.
+One that falls although it is led is in the air, but pushed, as by a gust: the push fades.
+
+| here     | meaning                                        | unit                 | shape     |
+|----------|------------------------------------------------|----------------------|-----------|
+| ``state``| r_o, dr_o, ddr_o, drag coefficient or ``LED``  | m, m/s, m/s^2, 1/m   | (10,)     |
+| ``path`` | r_o, dr_o, ddr_o at given times                | m, m/s, m/s^2        | (K, 3, 3) |
 """
 
 from dataclasses import dataclass
+from math import exp
 
 import numpy as np
 from numba import njit
@@ -31,6 +37,12 @@ _UNEXPLAINED = 0.005
 #: Answers of the kernel besides a time.
 _NO_CATCH = -1.0
 
+LED = -1.0
+"""Stands in the place of the drag coefficient of what does not fly."""
+
+FADES = 0.2
+"""Time in which the acceleration of what is led fades by 1/e [s]; ``FilterConfig.driven_time``."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Foresight:
@@ -49,9 +61,9 @@ class Foresight:
 
 def foresee(f: DirectMap, ball: BallState) -> Foresight:
     """Fly the ball on to the catch."""
-    q_o, end = f.start.copy(), np.zeros(6)
+    q_o, end = f.start.copy(), np.zeros((3, 3))
     reach = float(np.linalg.norm(f.arm.position(f.start)))
-    state = np.array([*ball.r_o, *ball.dr_o, ball.drag])
+    state = state_of(ball)
     after = _catch_time(f.packed, state, q_o, end, f.work)
     if after == _NO_CATCH:
         return Foresight(after=np.inf, q_o=q_o, below=bool(_passes_below(state, reach)))
@@ -60,8 +72,7 @@ def foresee(f: DirectMap, ball: BallState) -> Foresight:
 
 def spread(ball: BallState, after: float) -> float:
     """Return the largest 1-sigma of the position some time ahead [m]."""
-    state = np.array([*ball.r_o, *ball.dr_o, ball.drag])
-    return float(_spread(state, ball.covariance, after))
+    return float(_spread(state_of(ball), ball.drag, ball.covariance, after))
 
 
 def sharpness(f: DirectMap, ball: BallState, low: Array, high: Array) -> float:
@@ -76,35 +87,78 @@ def sharpness(f: DirectMap, ball: BallState, low: Array, high: Array) -> float:
     Returns:
         Infinite without a catch within ``low`` and ``high``.
     """
-    state = np.array([*ball.r_o, *ball.dr_o, ball.drag])
-    return float(_sharpness(f.packed, state, ball.covariance, low, high, f.start.copy(), f.work))
+    state, q_o = state_of(ball), f.start.copy()
+    return float(_sharpness(f.packed, state, ball.drag, ball.covariance, low, high, q_o, f.work))
+
+
+def state_of(ball: BallState) -> Array:
+    """Return what the kernels carry on, shape (10,)."""
+    ddr, drag = np.empty(3), ball.drag
+    acceleration(ball.dr_o, drag, ddr)
+    if ball.led:
+        falls = ball.ddr_o[2] - ddr[2] < 0.5 * GRAVITY
+        ddr, drag = ball.ddr_o, drag if falls else LED
+    return np.array([*ball.r_o, *ball.dr_o, *ddr, drag])
 
 
 def flown(ball: BallState, after: Array) -> Array:
     """Return r_o, dr_o, ddr_o some times after the estimate [s], (K,), shape (K, 3, 3)."""
     path = np.empty((len(after), 3, 3))
-    _fly(np.array([*ball.r_o, *ball.dr_o, ball.drag]), after, path)
+    _fly(state_of(ball), after, path)
     return path
 
 
 @njit(cache=True)
-def _fly(state: Array, after: Array, path: Array) -> None:
-    """Write the flight at rising times."""
-    r, dr, last = state[:3].copy(), state[3:6].copy(), 0.0
-    for k in range(len(after)):
-        advance(r, dr, state[6], after[k] - last)
-        last = after[k]
-        path[k, 0], path[k, 1] = r, dr
-        acceleration(dr, state[6], path[k, 2])
+def fly_on(state: Array, after: float, ball: Array) -> None:
+    """Write r_o, dr_o, ddr_o, shape (3, 3), some time after a state (10,) [s]."""
+    for d in range(3):
+        for a in range(3):
+            ball[d, a] = state[3 * d + a]
+    go_on(ball, state[9], after)
 
 
 @njit(cache=True)
-def _catch_time(packed: Array, state: Array, q_o: Array, end: Array, work: Array) -> float:
+def go_on(ball: Array, drag: float, dt: float) -> None:
+    """Carry r_o, dr_o, ddr_o, shape (3, 3), on by ``dt`` [s], in place."""
+    push, left = ball[2], exp(-dt / FADES)
+    px, py, pz = push[0], push[1], push[2]
+    if drag == LED:
+        for a in range(3):
+            ball[0, a] += dt * ball[1, a]
+    else:
+        acceleration(ball[1], drag, push)
+        px, py, pz = px - push[0], py - push[1], pz - push[2]
+        advance(ball[0], ball[1], drag, dt)
+    way, gain = FADES * (dt - FADES * (1.0 - left)), FADES * (1.0 - left)
+    for a, p in enumerate((px, py, pz)):
+        ball[0, a] += way * p
+        ball[1, a] += gain * p
+    if drag == LED:
+        push[:] = 0.0
+    else:
+        acceleration(ball[1], drag, push)
+    for a, p in enumerate((px, py, pz)):
+        push[a] += left * p
+
+
+@njit(cache=True)
+def _fly(state: Array, after: Array, path: Array) -> None:
+    """Write the motion at rising times."""
+    last, ball = 0.0, np.empty((3, 3))
+    fly_on(state, 0.0, ball)
+    for k in range(len(after)):
+        go_on(ball, state[9], after[k] - last)
+        last = after[k]
+        path[k] = ball
+
+
+@njit(cache=True)
+def _catch_time(packed: Array, state: Array, q_o: Array, ball: Array, work: Array) -> float:
     """Return the time until s = q_o,i - q_alpha changes its sign, by halving; -1 without."""
     g = unpack(packed)
     w = unfold(work, len(q_o))
-    r, dr = end[:3], end[3:]
-    r[:], dr[:] = state[:3], state[3:6]
+    r = ball[0]
+    fly_on(state, 0.0, ball)
     last, t, stride = 0.0, 0.0, _STRIDE
     while t < _HORIZON:
         inside = invert_planar(g, r, q_o) if g.planar else invert_newton(g, r, q_o, w)
@@ -114,14 +168,14 @@ def _catch_time(packed: Array, state: Array, q_o: Array, end: Array, work: Array
         if last != 0.0 and s * last <= 0.0:
             break
         last = s
-        advance(r, dr, state[6], stride)
+        go_on(ball, state[9], stride)
         t += stride
     else:
         return _NO_CATCH
     for _ in range(_HALVINGS):
         stride *= 0.5
         back = -stride if s * last <= 0.0 else stride
-        advance(r, dr, state[6], back)
+        go_on(ball, state[9], back)
         t += back
         inside = invert_planar(g, r, q_o) if g.planar else invert_newton(g, r, q_o, w)
         if not inside:
@@ -133,34 +187,44 @@ def _catch_time(packed: Array, state: Array, q_o: Array, end: Array, work: Array
 @njit(cache=True)
 def _passes_below(state: Array, reach: float) -> bool:
     """Say whether the ball comes over ground within reach of the shoulder, but below it."""
-    r, dr, t = state[:3].copy(), state[3:6].copy(), 0.0
+    ball, t = np.empty((3, 3)), 0.0
+    fly_on(state, 0.0, ball)
     while t < _HORIZON:
-        if np.sqrt(r[0] * r[0] + r[1] * r[1]) <= reach:
-            return bool(r[2] < 0.0)
-        advance(r, dr, state[6], _STRIDE)
+        x, y = ball[0, 0], ball[0, 1]
+        if np.sqrt(x * x + y * y) <= reach:
+            return bool(ball[0, 2] < 0.0)
+        go_on(ball, state[9], _STRIDE)
         t += _STRIDE
     return False
 
 
 @njit(cache=True)
 def _sharpness(
-    packed: Array, state: Array, covariance: Array, low: Array, high: Array, q_o: Array, work: Array
+    packed: Array,
+    state: Array,
+    drag: float,
+    covariance: Array,
+    low: Array,
+    high: Array,
+    q_o: Array,
+    work: Array,
 ) -> float:
     """Return the 1-sigma at the catch; see :func:`sharpness`."""
-    after = _catch_time(packed, state, q_o, np.zeros(6), work)
+    after = _catch_time(packed, state, q_o, np.empty((3, 3)), work)
     if after == _NO_CATCH:
         return np.inf
     for k in range(len(q_o)):
         if not low[k] <= q_o[k] <= high[k]:
             return np.inf
-    return float(_spread(state, covariance, after))
+    return float(_spread(state, drag, covariance, after))
 
 
 @njit(cache=True)
-def _spread(state: Array, covariance: Array, after: float) -> float:
+def _spread(state: Array, drag: float, covariance: Array, after: float) -> float:
     """Return the largest 1-sigma of the position some time ahead; see :func:`spread`."""
     track, work = np.zeros(TRACK), np.empty((2, STATES, STATES))
-    track[:7] = state
+    track[:6] = state[:6]
+    track[6] = drag
     P = track[STATES:].reshape(STATES, STATES)
     P[:6, :6] = covariance
     law = np.array([[GRAVITY, _UNEXPLAINED, 0.0, 0.0, 1.0]])

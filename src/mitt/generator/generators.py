@@ -78,7 +78,7 @@ class Direct:
     def verdict(self, ball: BallState, q: Array) -> Verdict:
         """Judge the throw by the demand of the adapted map, refined by a few steps if wished."""
         judged = judge(self.map, ball, q, tolerance=self.tolerance)
-        if self.online is None or not np.isfinite(judged.share):
+        if self.online is None or ball.led or not np.isfinite(judged.share):
             return judged
         g = self.adapt(ball, q, np.zeros(len(q)))
         for _ in range(_STEPS_BEFORE):
@@ -100,7 +100,7 @@ class Direct:
 
     def refined(self, ball: BallState) -> "Direct":
         """Return the generator of the next tick, one online step better for the flight's rest."""
-        if self.online is None:
+        if self.online is None or ball.led:
             return self
         answer = self.online.refine(self.map.alpha, ball)
         if answer.status is not Refinement.REFINED:

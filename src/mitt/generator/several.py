@@ -93,4 +93,9 @@ class Several:
 
 
 #: Which verdict is worth more than another.
-_RANK = {Outcome.FEASIBLE: 0, Outcome.OPEN: 1, Outcome.UNREACHABLE: 2}
+_RANK = {
+    Outcome.FEASIBLE: 0,
+    Outcome.OPEN: 1,
+    Outcome.UNSETTLED: 2,
+    Outcome.UNREACHABLE: 3,
+}

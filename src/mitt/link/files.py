@@ -10,6 +10,9 @@ from typing import Any
 
 from mitt.errors import FileError, InputError
 
+LOCK = ".lock"
+"""File that keeps a second run out of a folder; alone it does not make the folder full."""
+
 
 def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
     """Let ``write`` fill a temporary file beside ``path``, then put it in its place.
@@ -119,7 +122,7 @@ def check_folder(folder: Path, *, overwrite: bool) -> None:
     try:
         if folder.exists() and not folder.is_dir():
             raise InputError("--out", "a folder", f"{folder}, which is a file")
-        if folder.is_dir() and not overwrite and any(folder.iterdir()):
+        if folder.is_dir() and not overwrite and any(p.name != LOCK for p in folder.iterdir()):
             raise InputError("--out", "a new or empty folder", f"{folder}, which has files in it",
                              do="choose another or say --overwrite")  # fmt: skip
         parent = next(p for p in (folder, *folder.parents) if p.exists())

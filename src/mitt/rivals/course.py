@@ -15,9 +15,9 @@ import numpy as np
 from mitt.generator.certificate import Outcome as Feasible
 from mitt.generator.certificate import Verdict
 from mitt.generator.demand import demand
-from mitt.generator.foresight import flown
+from mitt.generator.foresight import flown, fly_on, state_of
 from mitt.generator.mapping import DirectMap
-from mitt.rivals.meeting import fly_on, hand_of, meet, meetings
+from mitt.rivals.meeting import hand_of, meet, meetings
 from mitt.rivals.quintics import sampled
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState
@@ -191,8 +191,3 @@ class Chooser:
         name = max(shares, key=lambda key: shares[key])
         beyond = max(shares[name] - s.spare, 0.0)
         return asked.cost + s.price * beyond**2, name, shares[name]
-
-
-def state_of(ball: BallState) -> Array:
-    """Return position, velocity and drag of an estimate, shape (7,)."""
-    return np.array([*ball.r_o, *ball.dr_o, ball.drag])

@@ -22,11 +22,12 @@ from typing import final
 import numpy as np
 from numba import njit
 
+from mitt.generator.foresight import fly_on, state_of
 from mitt.generator.generators import Generator
 from mitt.generator.mapping import DirectMap
 from mitt.rivals.approach import hold_back, set_back, sphere_of
-from mitt.rivals.course import Course, state_of
-from mitt.rivals.meeting import fly_on, hand_of, lift_ahead
+from mitt.rivals.course import Course
+from mitt.rivals.meeting import hand_of, lift_ahead
 from mitt.rivals.pursuit import rival
 from mitt.rivals.quintics import quintic
 from mitt.rivals.servo import bounds_of, follow

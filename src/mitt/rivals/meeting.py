@@ -17,7 +17,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mitt.flight import acceleration, advance
 from mitt.generator.packing import unfold, unpack
 from mitt.robot.arm import Arm
 from mitt.robot.chain import Chain, sweep
@@ -31,7 +30,6 @@ from mitt.robot.vectors import (
     matrix,
     minus,
     plus,
-    put,
     rotate,
     row,
     times,
@@ -163,15 +161,6 @@ def meet(
     for k in range(n):
         rows[2, k] -= a * w.dq[k]
     return True
-
-
-@njit(cache=True)
-def fly_on(state: Array, after: float, ball: Array) -> None:
-    """Write the ball some time after position, velocity and drag (7,) [s]."""
-    put(ball, 0, (state[0], state[1], state[2]))
-    put(ball, 1, (state[3], state[4], state[5]))
-    advance(ball[0], ball[1], state[6], after)
-    acceleration(ball[1], state[6], ball[2])
 
 
 @njit(cache=True)

@@ -15,10 +15,10 @@ from typing import Protocol, Self, final
 import numpy as np
 
 from mitt.flight import GRAVITY, forecast
-from mitt.generator.certificate import Outcome, Verdict
-from mitt.generator.foresight import flown
+from mitt.generator.certificate import Outcome, Verdict, tempered
+from mitt.generator.foresight import flown, state_of
 from mitt.generator.mapping import DirectMap
-from mitt.rivals.course import Chooser, Course, state_of
+from mitt.rivals.course import Chooser, Course
 from mitt.rivals.meeting import meet
 from mitt.signals import Array, BallState, JointReference, MapStatus
 
@@ -92,6 +92,8 @@ class Rival:
         """Refuse where no catch is within a generous share of the limits."""
         course = self._choose(ball, still(q))
         judged = self.chooser.verdict(course, sigma=self.sharpness(ball))
+        if ball.led:
+            return tempered(judged, ball)
         easy = course is not None and not course.low and course.share <= _HARD
         if not easy and self._may_rise(ball, q):
             return replace(judged, outcome=Outcome.OPEN)

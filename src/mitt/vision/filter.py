@@ -191,4 +191,5 @@ class BallFilter:
             covariance=covariance,
             t_seen=float(m[at.T_SEEN]) if tracked else -np.inf,
             t_first=float(m[at.T_FIRST]) if tracked else -np.inf,
+            led=bool(tracked and m[at.BEST] > 0.0),
         )

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import final
 
 from mitt.errors import FileError, InputError
-from mitt.link.files import claim_folder, make_folder, read_json, write_atomically, write_json
+from mitt.link.files import LOCK, claim_folder, make_folder, read_json, write_atomically, write_json
 from mitt.study.sweep.settings import ArmSettings
 from mitt.study.sweep.study import SCHEMA, Study
 from mitt.world.settings import validated
@@ -109,7 +109,7 @@ class Folder:
             InputError: Another run has it.
         """
         make_folder(self.path)
-        handle = os.open(self.path / ".lock", os.O_RDWR | os.O_CREAT, 0o644)
+        handle = os.open(self.path / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
         try:
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

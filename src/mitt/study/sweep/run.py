@@ -72,25 +72,29 @@ def run_study(study: Study, folder: Folder, engine: Engine, *, progress: Progres
 
 
 def all_jobs(study: Study, folder: Folder, progress: Progress) -> Iterator[Job]:
-    """Yield all chunks of a study, in an order that depends on nothing else."""
-    number, notes = 0, tuple(notes_of(study).items())
+    """Yield all chunks of a study, in an order that depends on nothing else.
+
+    The first chunk of every cell comes before the second of any, so that a study that is broken
+    off has something to say about all of them.
+    """
+    notes, places = tuple(notes_of(study).items()), []
     for condition in study.conditions:
         text = _map_text(condition.arm, folder, study.version, progress)
-        recordings = _recordings(condition)
-        for generator, count in study.counts.items():
-            for start in range(0, count, study.chunk):
-                yield Job(
-                    number=number,
-                    generator=generator,
-                    condition=condition,
-                    seed=study.seed,
-                    start=start,
-                    stop=min(start + study.chunk, count),
-                    map=text,
-                    recordings=recordings,
-                    notes=notes,
-                )
-                number += 1
+        places += [(condition, text, _recordings(condition), each) for each in study.counts.items()]
+    starts = range(0, max(study.counts.values(), default=0), study.chunk)
+    cells = ((start, *place) for start in starts for place in places if start < place[3][1])
+    for number, (start, condition, text, recordings, (generator, count)) in enumerate(cells):
+        yield Job(
+            number=number,
+            generator=generator,
+            condition=condition,
+            seed=study.seed,
+            start=start,
+            stop=min(start + study.chunk, count),
+            map=text,
+            recordings=recordings,
+            notes=notes,
+        )
 
 
 def _map_text(settings: ArmSettings, folder: Folder, version: str, progress: Progress) -> str:
@@ -184,7 +188,8 @@ def by_cell(jobs: list[Job]) -> list[list[Job]]:
 
 def _sum_up(study: Study, jobs: list[Job], folder: Folder, done: Finished) -> None:
     """Write the whole table, the summary and the wall-clock figures."""
-    parts = [p for p in (folder.part(job.number) for job in jobs) if p.exists()]
+    ordered = [job for group in by_cell(jobs) for job in group]
+    parts = [p for p in (folder.part(job.number) for job in ordered) if p.exists()]
     notes = notes_of(study) | {"configuration": study.model_dump_json()}
     write_atomically(folder.trials, lambda temporary: merge(parts, temporary, notes))
     cells, timing = [], []
