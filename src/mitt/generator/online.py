@@ -126,6 +126,10 @@ class Online:
         self._state = np.zeros(7)
         self._t_catch = np.inf
 
+    def restart(self) -> None:
+        """Forget the flight: the next ball is another, or its way has changed."""
+        self._t_catch = np.inf
+
     def refine(self, alpha: Array, ball: BallState) -> Refined:
         """Return better coefficients for the rest of the flight.
 
