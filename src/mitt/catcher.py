@@ -4,8 +4,9 @@
 
 ``step`` makes a tick, one compiled call that knows the order of the stages (:mod:`mitt.tick`).
 ``think`` comes after the command has left and does what is slow or rare: the verdict, adapting the
-map, refining it where the generator does, planning the brake; it takes effect at the next tick. The catcher takes senses and gives
-commands, so it does not know whether a simulated world or a real arm is at the other end.
+map, refining it where the generator does, planning the brake; it takes effect at the next tick.
+The catcher takes senses and gives commands, so it does not know whether a simulated world or a real
+arm is at the other end.
 """
 
 from math import ceil

@@ -169,7 +169,7 @@ def _step(lesson: Lesson, r: Array, J: Array, *, bounded: bool) -> Array | None:
     torque = r[:, :n]
     near = np.abs(torque) > _NEAR * lesson.bound
     if not bounded or not near.any():
-        return -np.linalg.solve(H, g)
+        return np.asarray(-np.linalg.solve(H, g), np.float64)
     sign = np.sign(torque[near])
     rows = np.ascontiguousarray(sign[:, None] * J[:, :n][near])
     room = lesson.bound - np.abs(torque[near])
