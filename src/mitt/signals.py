@@ -7,7 +7,7 @@ SI units and radians; positions in the world frame (origin at the shoulder centr
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import Enum
 
 import numpy as np
@@ -196,28 +196,62 @@ class Command:
     gaze: Array | None = None
 
 
-def _setter(name: str) -> Callable[[object, object], None]:
-    """Return what writes a field of a fresh command."""
-    setter: Callable[[object, object], None] = vars(Command)[name].__set__
-    return setter
+_Setter = Callable[[object, object], None]
 
 
-_T, _Q, _DQ, _DDQ, _TAU, _HAND, _GAZE = (
-    _setter(name) for name in ("t", "q", "dq", "ddq", "tau", "hand", "gaze")
+def _setters(kind: type) -> tuple[_Setter, ...]:
+    """Return what writes each field of a fresh value of a dataclass with slots."""
+    return tuple(vars(kind)[field.name].__set__ for field in fields(kind))
+
+
+# The constructor of a frozen dataclass takes 0.3 us a field, and a tick makes five such values: a
+# fifth of its time. Writing the slots takes a fifth of that.
+_SET_COMMAND, _SET_FRAME, _SET_ARM, _SET_SENSES = (
+    _setters(kind) for kind in (Command, Frame, ArmState, Senses)
 )
 
 
 def command_of(t: float, told: Array, hand: float, gaze: Array | None) -> Command:
-    """Return a command from rows q, dq, ddq, tau, shape (4, n), or more.
-
-    The constructor of a frozen dataclass takes 2.5 us, a fifth of the tick; this way takes 0.5 us.
-    """
+    """Return a command from rows q, dq, ddq, tau, shape (4, n), or more."""
     command = object.__new__(Command)
-    _T(command, t)
-    _Q(command, told[0])
-    _DQ(command, told[1])
-    _DDQ(command, told[2])
-    _TAU(command, told[3])
-    _HAND(command, hand)
-    _GAZE(command, gaze)
+    set_t, set_q, set_dq, set_ddq, set_tau, set_hand, set_gaze = _SET_COMMAND
+    set_t(command, t)
+    set_q(command, told[0])
+    set_dq(command, told[1])
+    set_ddq(command, told[2])
+    set_tau(command, told[3])
+    set_hand(command, hand)
+    set_gaze(command, gaze)
     return command
+
+
+def frame_of(
+    t: float, camera: int, number: int, pixels: Image, head: tuple[float, float] = (0.0, 0.0)
+) -> Frame:
+    """Return a frame; ``head`` is pan and tilt [rad]."""
+    frame = object.__new__(Frame)
+    set_t, set_camera, set_number, set_pixels, set_pan, set_tilt = _SET_FRAME
+    set_t(frame, t)
+    set_camera(frame, camera)
+    set_number(frame, number)
+    set_pixels(frame, pixels)
+    set_pan(frame, head[0])
+    set_tilt(frame, head[1])
+    return frame
+
+
+def senses_of(
+    t: float, q: Array, dq: Array, frames: tuple[Frame, ...], points: tuple[Sighting, ...]
+) -> Senses:
+    """Return senses whose encoders were read at ``t``; see :class:`Senses`."""
+    arm, senses = object.__new__(ArmState), object.__new__(Senses)
+    set_time, set_q, set_dq = _SET_ARM
+    set_time(arm, t)
+    set_q(arm, q)
+    set_dq(arm, dq)
+    set_t, set_arm, set_frames, set_points = _SET_SENSES
+    set_t(senses, t)
+    set_arm(senses, arm)
+    set_frames(senses, frames)
+    set_points(senses, points)
+    return senses

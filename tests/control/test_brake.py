@@ -1,6 +1,7 @@
 """Laws of the brake: it starts where the arm is, stays within torque and range, ends at rest."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -118,3 +119,23 @@ def test_over_comes_after_the_end(arm: Arm) -> None:
     assert not brake.over(START)
     assert not brake.over(START + brake.duration)
     assert brake.over(START + brake.duration + 0.002)
+
+
+def test_the_table_of_a_brake_is_the_brake_tick_by_tick(arm: Arm) -> None:
+    """Row k is where the brake is k ticks after its start, and the last row is at rest."""
+    brake = plan_brake(arm, START, catch_state(3))
+    table = brake.table(1e-3)
+    for k, row in enumerate(table):
+        assert np.array_equal(row, brake.at(START + 1e-3 * k))
+    assert np.allclose(table[-1, 1:], 0.0, atol=1e-6)
+
+
+@settings(max_examples=30)
+@given(seed=seeds)
+def test_the_planner_reckons_the_share_that_the_limits_say(arm: Arm, seed: int) -> None:
+    """Its torque share is that of the arm's limits at the instants it looks at."""
+    brake = plan_brake(arm, START, catch_state(seed))
+    after = np.linspace(0.0, brake.duration, 7, endpoint=False) + 0.002
+    rows = [brake.at(START + min(x, brake.duration)) for x in after]
+    shares = [arm.limits.torque_ratio(arm.torque(*row), arm.all_joints(row[1])) for row in rows]
+    assert brake.torque_share == pytest.approx(np.max(shares), rel=1e-9)

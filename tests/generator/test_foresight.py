@@ -8,7 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import ball_state
 
-from mitt.generator.foresight import flown, foresee
+from mitt.flight import forecast
+from mitt.generator.foresight import flown, foresee, sharpness, spread
+from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array, BallState, MapStatus
 
@@ -136,3 +138,25 @@ def test_a_catch_at_the_very_instant_of_a_step_is_seen(plain: DirectMap) -> None
         assert foresee(plain, ball).after == pytest.approx(0.4, abs=TIME)
         exact += distance_to_go(plain, flown(ball, np.linspace(0.0, 0.4, 41))[-1, 0]) == 0.0
     assert exact > 0
+
+
+@settings(max_examples=50)
+@given(seed=seeds, after=st.floats(0.0, 0.6))
+def test_the_spread_is_the_largest_axis_of_the_forecast(seed: int, after: float) -> None:
+    """The closed form agrees with LAPACK's eigenvalues of the forecast covariance."""
+    rng = np.random.default_rng(seed)
+    L = rng.normal(size=(6, 6)) * np.repeat([0.01, 0.1], 3)[:, None]
+    ball = replace(ball_state(*rng.normal(size=(3, 3))), covariance=L @ L.T)
+    ahead = forecast(ball, ball.t + after).covariance[:3, :3]
+    assert spread(ball, after) == pytest.approx(np.sqrt(np.linalg.eigvalsh(ahead)[-1]), rel=1e-9)
+
+
+def test_a_catch_is_as_sharp_as_its_forecast_and_only_inside_the_region(learned: Learned) -> None:
+    """Within the bounds it is the spread at the predicted catch; just outside there is none."""
+    f = learned.map
+    for seed in range(10):
+        ball = throw(f, seed)
+        seen = foresee(f, ball)
+        wide = seen.q_o - 0.1, seen.q_o + 0.1
+        assert sharpness(f, ball, *wide) == spread(ball, seen.after)
+        assert sharpness(f, ball, seen.q_o + 1e-6, wide[1]) == np.inf

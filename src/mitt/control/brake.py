@@ -6,12 +6,17 @@ seen in 300 random states; the tracking saturates) and end as far from any stop 
 """
 
 from dataclasses import dataclass
+from math import ceil
 from typing import final
 
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, Synchronization, Trajectory
 
 from mitt.robot.arm import Arm
+from mitt.robot.dynamics import inverse_dynamics, notes_of
+from mitt.robot.limits import largest_share
 from mitt.signals import Array
 
 #: Share of the torque limits that braking may use; feedback needs the rest.
@@ -57,6 +62,15 @@ class Brake:
         after = min(max(t - self.t, 0.0), self.duration)
         return np.array(self.trajectory.at_time(after))
 
+    def table(self, tick: float) -> Array:
+        """Return q, dq, ddq each ``tick`` [s] from the start on, shape (k, 3, n).
+
+        The last row is at rest.
+        """
+        rows = self.t + tick * np.arange(ceil(self.duration / tick) + 2)
+        after = np.minimum(np.maximum(rows - self.t, 0.0), self.duration)
+        return np.array([self.trajectory.at_time(x) for x in after.tolist()])
+
     @property
     def q_end(self) -> Array:
         """Where the arm comes to rest [rad], shape (n,)."""
@@ -77,7 +91,8 @@ def plan_brake(arm: Arm, t: float, motion: Array) -> Brake:
     """
     rate = arm.tau_max / np.diag(arm.mass_matrix(motion[0]))
     urgent = int(np.argmax(_urgency(arm, motion, rate)))
-    tried = [_hardest(arm, t, motion, rate=rate, urgent=urgent, others=x) for x in _OTHERS]
+    stops = _Stops(arm, t, motion)
+    tried = [_hardest(stops, rate, urgent=urgent, others=x) for x in _OTHERS]
     return max(tried, key=lambda brake: (brake.torque_share <= 1.0, _room(arm, brake)))
 
 
@@ -103,17 +118,15 @@ def _room(arm: Arm, brake: Brake) -> float:
     return float(np.min(np.minimum(arm.q_max - q, q - arm.q_min)))
 
 
-def _hardest(
-    arm: Arm, t: float, motion: Array, *, rate: Array, urgent: int, others: float
-) -> Brake:
+def _hardest(stops: "_Stops", rate: Array, *, urgent: int, others: float) -> Brake:
     """Return the hardest brake of the urgent joint with the others at a share of their rate."""
-    share = np.full(arm.n, others)
+    share = np.full(len(rate), others)
     low, high = 0.2, 1.6
     share[urgent] = low
-    best = _stop(arm, t, motion, share * rate)
+    best = stops.at(share * rate)
     for _ in range(_HALVINGS):
         share[urgent] = 0.5 * (low + high)
-        candidate = _stop(arm, t, motion, share * rate)
+        candidate = stops.at(share * rate)
         if candidate.torque_share <= _SHARE:
             low, best = share[urgent], candidate
         else:
@@ -121,26 +134,58 @@ def _hardest(
     return best
 
 
-def _stop(arm: Arm, t: float, motion: Array, rate: Array) -> Brake:
-    """Return the stop with given decelerations [rad/s^2], shape (n,), and its torque share."""
-    braking = np.clip(motion[2], -rate, rate)
-    request = InputParameter(arm.n)
-    request.control_interface = ControlInterface.Velocity
-    request.synchronization = Synchronization.No
-    request.current_position = list(motion[0])
-    request.current_velocity = list(motion[1])
-    request.current_acceleration = list(np.where(motion[1] * motion[2] < 0.0, braking, 0.0))
-    request.target_velocity = [0.0] * arm.n
-    request.target_acceleration = [0.0] * arm.n
-    request.max_acceleration = list(rate)
-    request.max_jerk = list(rate / _ONSET)
-    trajectory = Trajectory(arm.n)
-    result = Ruckig(arm.n).calculate(request, trajectory)
-    if result not in (Result.Working, Result.Finished):
-        raise RuntimeError(f"Ruckig refused a stop from {motion.tolist()}: {result}")
-    after = np.linspace(0.0, trajectory.duration, _INSTANTS, endpoint=False) + _ONSET
-    rows = np.array([trajectory.at_time(min(x, trajectory.duration)) for x in after.tolist()])
-    dq = np.zeros((_INSTANTS, len(arm.bodies)))
-    dq[:, arm.model.active] = rows[:, 1]
-    tau = arm.torques(rows)
-    return Brake(t, trajectory, float(arm.limits.torque_ratio(tau, dq).max()))
+@final
+class _Stops:
+    """Stops of one arm from one state, to be compared."""
+
+    def __init__(self, arm: Arm, t: float, motion: Array) -> None:
+        """Take the arm, the time at which to start [s] and q, dq, ddq then, shape (3, n)."""
+        self._t, self._motion, n = t, motion, arm.n
+        self._ruckig, self._request = Ruckig(n), InputParameter(n)
+        self._request.control_interface = ControlInterface.Velocity
+        self._request.synchronization = Synchronization.No
+        self._request.current_position = motion[0].tolist()
+        self._request.current_velocity = motion[1].tolist()
+        self._request.target_velocity = [0.0] * n
+        self._request.target_acceleration = [0.0] * n
+        self._slowing, links = motion[1] * motion[2] < 0.0, len(arm.bodies)
+        self._arm = arm.bodies, arm.limits.packed, np.array(arm.model.active)
+        self._work = np.zeros((2, links)), notes_of(links)
+
+    def at(self, rate: Array) -> Brake:
+        """Return the stop with given decelerations [rad/s^2], shape (n,), and its torque share."""
+        request, trajectory = self._request, Trajectory(len(rate))
+        braking = np.clip(self._motion[2], -rate, rate)
+        request.current_acceleration = np.where(self._slowing, braking, 0.0).tolist()
+        request.max_acceleration = rate.tolist()
+        request.max_jerk = (rate / _ONSET).tolist()
+        result = self._ruckig.calculate(request, trajectory)
+        if result not in (Result.Working, Result.Finished):
+            raise RuntimeError(f"Ruckig refused a stop from {self._motion.tolist()}: {result}")
+        end, pace = trajectory.duration, trajectory.duration / _INSTANTS
+        after = [min(k * pace + _ONSET, end) for k in range(_INSTANTS)]
+        rows = np.array([trajectory.at_time(x) for x in after])
+        return Brake(self._t, trajectory, float(_torque_share(*self._arm, rows, *self._work)))
+
+
+@njit(cache=True)
+def _torque_share(
+    bodies: Array, drives: Array, index: NDArray[np.int64], rows: Array, work: Array, notes: Array
+) -> float:
+    """Return the largest share of a drive's torque that a motion asks for.
+
+    Args:
+        bodies: Table of :mod:`mitt.robot.dynamics`, shape (N, 31).
+        drives: ``Limits.packed``, shape (2 N + 3, N).
+        index: Active joints among the links, shape (n,).
+        rows: q, dq, ddq at K instants, shape (K, 3, n).
+        work: Scratch, zero at entry, shape (2, N).
+        notes: Scratch of the dynamics, shape (N, 18).
+    """
+    largest, tau, speed = 0.0, work[0], work[1]
+    for k in range(len(rows)):
+        inverse_dynamics(bodies, rows[k, 0], rows[k, 1], rows[k, 2], tau, notes)
+        for i in range(len(index)):
+            speed[index[i]] = rows[k, 1, i]
+        largest = max(largest, largest_share(drives, tau, speed))
+    return largest

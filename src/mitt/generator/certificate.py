@@ -10,9 +10,9 @@ from enum import Enum
 import numpy as np
 from numba import njit
 
-from mitt.flight import forecast
+from mitt.generator import foresight
 from mitt.generator.demand import demand
-from mitt.generator.foresight import Foresight, flown, foresee
+from mitt.generator.foresight import Foresight, flown, foresee, spread
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array, BallState, MapStatus
 
@@ -97,20 +97,14 @@ def judge(
         binding_limit=binding,
         share=shares[binding],
         t_catch=ball.t + seen.after,
-        sigma=_spread(ball, seen.after),
+        sigma=spread(ball, seen.after),
     )
 
 
 def sharpness(f: DirectMap, ball: BallState) -> float:
     """Return the predicted 1-sigma of the ball at the catch [m]; infinite without a catch."""
-    seen = foresee(f, ball)
-    return np.inf if _where(f, seen) is not None else _spread(ball, seen.after)
-
-
-def _spread(ball: BallState, after: float) -> float:
-    """Return the largest 1-sigma of the position some time ahead [m]."""
-    ahead = forecast(ball, ball.t + after).covariance[:3, :3]
-    return float(np.sqrt(np.linalg.eigvalsh(ahead)[-1]))
+    low, high = f.region
+    return foresight.sharpness(f, ball, low - REGION_GAP, high + REGION_GAP)
 
 
 def returns(f: DirectMap, ball: BallState) -> bool:

@@ -90,6 +90,28 @@ class Limits:
 
 
 @njit(cache=True)
+def largest_share(packed: Array, tau: Array, dq: Array) -> float:
+    """Return the largest share of a drive's torque bound that is asked for; 1 is the limit.
+
+    Args:
+        packed: ``Limits.packed``.
+        tau: Joint torques asked for [N m], shape (N,).
+        dq: Joint speeds [rad/s], shape (N,).
+    """
+    n, largest = len(tau), 0.0
+    for m in range(n):
+        drive, speed = 0.0, 0.0
+        for k in range(n):
+            drive += packed[m, k] * tau[k]
+            speed += packed[n + m, k] * dq[k]
+        bound, stall = packed[2 * n, m], packed[2 * n + 1, m]
+        if drive * speed > 0.0 and np.isfinite(stall):
+            bound = min(bound, stall * max(1.0 - abs(speed) / packed[2 * n + 2, m], 0.0))
+        largest = max(largest, abs(drive) / max(bound, 1e-9))
+    return largest
+
+
+@njit(cache=True)
 def saturate(packed: Array, tau: Array, dq: Array, out: Array) -> None:
     """Write joint torques within every drive's bound [N m], shape (N,).
 

@@ -11,8 +11,11 @@ joint 2: a torque limit is one of motors, and this is what they are held to.
 """
 
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 
 from mitt.robot.arm import Arm
+from mitt.robot.slopes import slopes_work, torque_slopes
 from mitt.signals import Array
 
 
@@ -31,21 +34,76 @@ def with_held(arm: Arm, q: Array, dq: Array, tau: Array) -> Array:
     index = np.array(arm.model.active)
     if len(index) == len(arm.model.links):
         return tau
-    bias = _torques(arm, q, dq, np.zeros(arm.n))
-    columns = [_torques(arm, q, dq, e) - bias for e in np.eye(arm.n)]
-    M = np.stack(columns, axis=-1)
-    ddq = np.linalg.solve(M[:, index], (tau - bias[:, index])[..., None])
-    out = bias + (M @ ddq)[..., 0]
-    out[:, index] = tau
+    n, links = arm.n, len(arm.model.links)
+    out = np.empty((len(tau), links))
+    rows = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, tau))
+    scratch = np.zeros((3, n)), np.zeros((3, links, n)), slopes_work(links), np.zeros((n, n + 1))
+    _hold(arm.bodies, index, *rows, out, *scratch)
     return out
 
 
-def rms_ratio(arm: Arm, tau: Array) -> tuple[float, ...]:
+@njit(cache=True)
+def _hold(
+    bodies: Array,
+    index: NDArray[np.int64],
+    q: Array,
+    dq: Array,
+    tau: Array,
+    out: Array,
+    motion: Array,
+    slope: Array,
+    work: Array,
+    rows: Array,
+) -> None:
+    """Write the torques of all links tick by tick; see :func:`with_held`.
+
+    Args:
+        bodies: Table of :mod:`mitt.robot.dynamics`, shape (N, 31).
+        index: Active joints among the links, shape (n,).
+        q: As for ``with_held``.
+        dq: As for ``with_held``.
+        tau: As for ``with_held``.
+        out: Result [N m], shape (k, N).
+        motion: Scratch, zero in its last row, shape (3, n).
+        slope: Scratch, shape (3, N, n).
+        work: Scratch of :mod:`mitt.robot.slopes`, shape (N, 46).
+        rows: Scratch, shape (n, n + 1).
+    """
+    n, M = len(index), slope[2]
+    for t in range(len(q)):
+        motion[0], motion[1] = q[t], dq[t]
+        torque_slopes(bodies, motion, out[t], slope, work)
+        for i in range(n):
+            rows[i, :n] = M[index[i]]
+            rows[i, n] = tau[t, i] - out[t, index[i]]
+        _solve(rows)
+        for j in range(len(bodies)):
+            for i in range(n):
+                out[t, j] += M[j, i] * rows[i, n]
+        for i in range(n):
+            out[t, index[i]] = tau[t, i]
+
+
+@njit(cache=True)
+def _solve(rows: Array) -> None:
+    """Solve A x = b for a positive definite A by elimination; x takes the place of b.
+
+    Args:
+        rows: A and b side by side, overwritten, shape (n, n + 1).
+    """
+    n = len(rows)
+    for k in range(n):
+        for i in range(k + 1, n):
+            share = rows[i, k] / rows[k, k]
+            for j in range(k, n + 1):
+                rows[i, j] -= share * rows[k, j]
+    for k in range(n - 1, -1, -1):
+        for j in range(k + 1, n):
+            rows[k, n] -= rows[k, j] * rows[j, n]
+        rows[k, n] /= rows[k, k]
+
+
+def rms_ratio(arm: Arm, tau: Array) -> list[float]:
     """Return root mean square torque over continuous torque, drive by drive, for (k, N) [N m]."""
     rms = np.sqrt(np.mean(arm.limits.drive_torque(tau) ** 2, axis=0))
-    return tuple(float(x) for x in rms / arm.limits.tau_rms)
-
-
-def _torques(arm: Arm, q: Array, dq: Array, ddq: Array) -> Array:
-    """Return eq. (14) tick by tick with the same acceleration, shape (k, N)."""
-    return arm.torques(np.stack([q, dq, np.broadcast_to(ddq, q.shape)], axis=1))
+    return [float(x) for x in rms / arm.limits.tau_rms]

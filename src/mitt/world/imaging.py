@@ -19,7 +19,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mitt.errors import InputError
-from mitt.signals import Array, Frame, Image
+from mitt.signals import Array, Frame, Image, frame_of
 from mitt.vision.camera import Rig
 from mitt.world.heads import Heads, open_and_shut
 from mitt.world.noise import NOISE_SIZE, PERIOD, SIDE, noise_bank
@@ -30,6 +30,7 @@ _BLOCK = 512
 """Frames whose offsets into the noise banks are drawn at once."""
 
 _NOTHING = np.zeros((0, 7))
+_NOWHERE, _STILL = np.full(3, np.nan), np.zeros(3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,18 +141,71 @@ def expose(
         _into(begin, balls[0], 0, local)
         x, y, z = local[0], local[1], local[2]
         nowhere = not np.isfinite(x + y + z)
+        before = 0
         for k in range(capsules.shape[0]):
-            if seen_from(begin, capsules[k], seen) and (nowhere or not in_front(seen, x, y, z)):
+            if not seen_from(begin, capsules[k], seen):
+                continue
+            if nowhere or not in_front(seen, x, y, z):
                 draw_capsule(pixels, begin[4], seen, body, noise)
+            else:
+                before += 1
         for k in range(balls.shape[0] - 1, -1, -1):
             _into(begin, balls[k], 0, local)
             _into(end, balls[k], 3, local)
             local[6], paint[0] = balls[k, 6], balls[k, 7]
             if np.isfinite(local[0] + local[1] + local[2] + local[3] + local[4] + local[5]):
                 draw_ball(pixels, begin[4], local, paint, normal[starts[n, 1] :], scratch)
-        for k in range(capsules.shape[0]):
-            if not nowhere and seen_from(begin, capsules[k], seen) and in_front(seen, x, y, z):
+        for k in range(capsules.shape[0] if before > 0 else 0):
+            if seen_from(begin, capsules[k], seen) and in_front(seen, x, y, z):
                 draw_capsule(pixels, begin[4], seen, body, noise)
+
+
+@njit(cache=True)
+def snap(
+    images: tuple[Image, ...],
+    heads: Array,
+    state: Array,
+    half: float,
+    optics: Array,
+    places: Array,
+    balls: Array,
+    r_o: Array,
+    dr_o: Array,
+    radius: float,
+    capsules: Array,
+    light: Array,
+    wall: Image,
+    ground: Image,
+    normal: Array,
+    starts: NDArray[np.int64],
+    work: Array,
+) -> None:
+    """Place cameras and ball as the shutter opens and as it closes, and draw what is seen.
+
+    Args:
+        images: As for :func:`expose`, as what follows unless it is named here.
+        heads: As in :mod:`mitt.vision.head`.
+        state: Of the heads in the middle of the exposure.
+        half: Half the exposure [s].
+        optics: Overwritten.
+        places: Overwritten.
+        balls: Its first row is overwritten.
+        r_o: Ball centre in the middle of the exposure [m], shape (3,); not finite for no ball.
+        dr_o: Its velocity [m/s], shape (3,).
+        radius: Its radius [m].
+        capsules: See :func:`expose`.
+        light: See :func:`expose`.
+        wall: See :func:`expose`.
+        ground: See :func:`expose`.
+        normal: See :func:`expose`.
+        starts: See :func:`expose`.
+        work: See :func:`expose`.
+    """
+    for i in range(3):
+        balls[0, i], balls[0, 3 + i] = r_o[i] - half * dr_o[i], r_o[i] + half * dr_o[i]
+    balls[0, 6] = radius
+    open_and_shut(heads, state, half, optics, places)
+    expose(images, optics, places, balls, capsules, light, wall, ground, normal, starts, work)
 
 
 class Imager:
@@ -183,7 +237,8 @@ class Imager:
         cameras = [(*c.rotation, c.centre, (c.f_px, c.cu, c.cv)) for c in rig.cameras]
         self._optics = np.repeat(np.array(cameras)[:, None], 2, axis=1)
         self._heads, self._places = Heads(rig), np.zeros((len(cameras), 2))
-        self._exposure = sensor.exposure
+        self._packed, self._state = self._heads.packed, self._heads.state
+        self._turnable, self._half = len(self._state) > 0, 0.5 * sensor.exposure
         self._light = np.array((sensor.read_noise, sensor.electrons, sensor.body))
         level = sensor.background + sensor.brightness
         self._balls = np.full((1 if second is None else 2, 8), level)
@@ -208,7 +263,7 @@ class Imager:
             gaze: Pan, tilt [rad] and their rates [rad/s] for the end of that time, shape (n, 4).
             duration: Time to pass [s].
         """
-        if len(self._heads.state):
+        if self._turnable:
             self._heads.turn(gaze, duration)
 
     def render(
@@ -233,12 +288,17 @@ class Imager:
         if row == 0 and number > 0:
             self._starts = self._draw_starts()
         images = tuple([np.empty(shape, np.uint8) for shape in self._shapes])
-        self._place(r_o, dr_o, radius)
-        expose(
+        snap(
             images,
+            self._packed,
+            self._state,
+            self._half,
             self._optics,
             self._places,
             self._balls,
+            _NOWHERE if r_o is None else r_o,
+            _STILL if dr_o is None else dr_o,
+            radius,
             capsules,
             self._light,
             self._bank.wall,
@@ -248,24 +308,10 @@ class Imager:
             self._work,
         )
         self._number = number + 1
-        return tuple([self._frame(t, n, number, pixels) for n, pixels in enumerate(images)])
-
-    def _frame(self, t: float, camera: int, number: int, pixels: Image) -> Frame:
-        """Return an image as a frame, with the angles that the encoders of its head show."""
-        if not len(self._heads.state):
-            return Frame(t=t, camera=camera, number=number, pixels=pixels)
-        pan, tilt = self._heads.read(camera)
-        return Frame(t=t, camera=camera, number=number, pixels=pixels, pan=pan, tilt=tilt)
-
-    def _place(self, r_o: Array | None, dr_o: Array | None, radius: float) -> None:
-        """Write where cameras and ball are as the shutter opens and as it closes."""
-        ball, half = self._balls[0], 0.5 * self._exposure
-        ball[:6] = np.nan if r_o is None else (*r_o, *r_o)
-        if r_o is not None and dr_o is not None:
-            ball[:3] -= half * dr_o
-            ball[3:6] += half * dr_o
-        ball[6] = radius
-        open_and_shut(self._heads.packed, self._heads.state, half, self._optics, self._places)
+        if self._turnable:
+            read = self._heads.read
+            return tuple([frame_of(t, n, number, x, read(n)) for n, x in enumerate(images)])
+        return tuple([frame_of(t, n, number, x) for n, x in enumerate(images)])
 
     def _draw_starts(self) -> NDArray[np.int64]:
         """Return offsets of the next frames into both banks, shape (block, n, 2)."""

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from mitt.signals import ArmState, Array, Frame, Senses, Sighting
+from mitt.signals import Array, Frame, Senses, Sighting, senses_of
 from mitt.world.scene import Sensing
 from mitt.world.silhouettes import Silhouettes
 
@@ -22,6 +22,9 @@ class FrameSource(Protocol):
     def turn(self, gaze: Array | None, duration: float) -> None:
         """Turn the cameras, if they can be turned, for ``duration`` [s]."""
 
+
+Exposed = tuple[tuple[Frame, ...], tuple[Sighting, ...]]
+_NOTHING: Exposed = ((), ())
 
 CameraMaker = Callable[[np.random.Generator], FrameSource]
 """Sets up the cameras for a trial with its own source of noise."""
@@ -47,7 +50,8 @@ class Sensors:
         self._sensing, self._radius = sensing, radius
         self._cameras = None if cameras is None else cameras(rng)
         self._rng = rng
-        self._line: deque[tuple[tuple[Frame, ...], tuple[Sighting, ...]]] = deque()
+        self._latency, self._step = sensing.latency, sensing.encoder_step
+        self._line: deque[Exposed] = deque()
         self._covariance = max(sensing.point_noise, 1e-6) ** 2 * np.eye(3)
         self._q_before: Array | None = None
         self._t_before = 0.0
@@ -71,7 +75,7 @@ class Sensors:
             look: Whether ball and images are exposed.
         """
         if not look:
-            self._line.append(((), ()))
+            self._line.append(_NOTHING)
         elif self._cameras is None:
             self._line.append(((), (self._point(t, r_o),)))
         else:
@@ -80,23 +84,21 @@ class Sensors:
                 t, r_o, self._radius, dr_o=dr_o, capsules=self._body.capsules
             )
             self._line.append((frames, ()))
-        arrived: tuple[tuple[Frame, ...], tuple[Sighting, ...]] = ((), ())
-        if len(self._line) > self._sensing.latency:
-            arrived = self._line.popleft()
-        return Senses(t=t, arm=self._encoders(t, q, dq), frames=arrived[0], points=arrived[1])
+        arrived = self._line.popleft() if len(self._line) > self._latency else _NOTHING
+        return senses_of(t, *self._encoders(t, q, dq), *arrived)
 
     def _point(self, t: float, r_o: Array) -> Sighting:
         """Return a noisy position."""
         seen = r_o + self._sensing.point_noise * self._rng.standard_normal(3)
         return Sighting(t=t, found=True, r_o=seen, covariance=self._covariance)
 
-    def _encoders(self, t: float, q: Array, dq: Array) -> ArmState:
+    def _encoders(self, t: float, q: Array, dq: Array) -> tuple[Array, Array]:
         """Return joint readings: exact, or counts whose difference is the velocity."""
-        step = self._sensing.encoder_step
+        step = self._step
         if step == 0.0:
-            return ArmState(t=t, q=q.copy(), dq=dq.copy())
+            return q.copy(), dq.copy()
         counted = step * np.rint(q / step)
         before, elapsed = self._q_before, t - self._t_before
         rate = np.zeros_like(q) if before is None else (counted - before) / elapsed
         self._q_before, self._t_before = counted, t
-        return ArmState(t=t, q=counted, dq=rate)
+        return counted, rate

@@ -104,18 +104,26 @@ def draw_capsule(pixels: Image, lens: Array, seen: Array, level: int, noise: Ima
     du, dv = u1 - u0, v1 - v0
     length = max(hypot(du, dv), 1e-9)
     across_u, across_v = -dv / length, du / length
+    # The straight edges as lines u = at + slope v, between the rows where they meet the discs.
+    a_v, b_v = v0 + across_v * r0, v1 + across_v * r1
+    c_v, d_v = v0 - across_v * r0, v1 - across_v * r1
+    ab = (u1 + across_u * r1 - u0 - across_u * r0) / (b_v - a_v) if a_v != b_v else 0.0
+    cd = (u1 - across_u * r1 - u0 + across_u * r0) / (d_v - c_v) if c_v != d_v else 0.0
     for row in range(int(max(top, 0.0)), int(min(bottom, height - 1.0)) + 1):
         left, right = np.inf, -np.inf
-        for u, v, r in ((u0, v0, r0), (u1, v1, r1)):
-            rest = r * r - (row - v) * (row - v)
-            if rest > 0.0:
-                left, right = min(left, u - sqrt(rest)), max(right, u + sqrt(rest))
-        for side in (-1.0, 1.0):
-            a_u, a_v = u0 + side * across_u * r0, v0 + side * across_v * r0
-            b_u, b_v = u1 + side * across_u * r1, v1 + side * across_v * r1
-            if (a_v - row) * (b_v - row) < 0.0:
-                cut = a_u + (row - a_v) / (b_v - a_v) * (b_u - a_u)
-                left, right = min(left, cut), max(right, cut)
+        rest0, rest1 = r0 * r0 - (row - v0) * (row - v0), r1 * r1 - (row - v1) * (row - v1)
+        if rest0 > 0.0:
+            half = sqrt(rest0)
+            left, right = u0 - half, u0 + half
+        if rest1 > 0.0:
+            half = sqrt(rest1)
+            left, right = min(left, u1 - half), max(right, u1 + half)
+        if (a_v - row) * (b_v - row) < 0.0:
+            cut = u0 + across_u * r0 + (row - a_v) * ab
+            left, right = min(left, cut), max(right, cut)
+        if (c_v - row) * (d_v - row) < 0.0:
+            cut = u0 - across_u * r0 + (row - c_v) * cd
+            left, right = min(left, cut), max(right, cut)
         first, last = int(max(left + 0.5, 0.0)), int(min(right + 0.5, width - 0.5))
         if not left <= right:
             continue
