@@ -9,7 +9,8 @@ import pytest
 from mitt.catcher import Catcher, Phase
 from mitt.control.condition import Reason
 from mitt.errors import InputError
-from mitt.generator.generators import Direct
+from mitt.generator.certificate import Outcome as Feasible
+from mitt.generator.generators import Direct, refining
 from mitt.generator.learn import Learned
 from mitt.robot.arm import Arm
 from mitt.signals import ArmState, Command, Senses, Sighting
@@ -111,6 +112,33 @@ def test_another_seed_is_another_trial(bench: Bench, throws: list[Throw]) -> Non
     """The seed does reach plant and noise: with another one the torques differ."""
     a, b = (bench.run(0, throws[0], seed=s, log=True) for s in (7, 8))
     assert not logs_equal(a, b)
+
+
+def test_refining_in_flight_repeats_itself_and_costs_less(
+    arm: Arm, taught: Learned, bench: Bench, throws: list[Throw]
+) -> None:
+    """With an online step a tick: caught with less demand, to the bit whatever ran before."""
+    refined = Bench(arm, refining(taught.map), Scene(), pixels=False)
+    first = refined.run(0, throws[0], seed=7, log=True)
+    refined.run(1, throws[1], seed=8)
+    assert logs_equal(first, refined.run(0, throws[0], seed=7, log=True))
+    assert first.trial.status == "caught"
+    assert first.trial.limit_violations == 0
+    assert first.trial.demand_cost < bench.run(0, throws[0], seed=7).trial.demand_cost
+
+
+def test_refining_keeps_a_certificate(arm: Arm, taught: Learned, throws: list[Throw]) -> None:
+    """While a ball is followed the catcher says each tick what it makes of the catch."""
+    refined = Bench(arm, refining(taught.map), Scene(), pixels=False)
+    world, catcher = refined.world, refined.catcher()
+    world.reset(throws[0], 5)
+    while catcher.certificate is None and world.t < 1.0:
+        world.apply(catcher.step(world.sense()))
+        catcher.think()
+    assert catcher.certificate is not None
+    assert catcher.certificate.outcome is Feasible.FEASIBLE
+    assert 0.5 < catcher.certificate.probability <= 1.0
+    assert catcher.phase is Phase.FOLLOW
 
 
 def test_images_lead_to_the_same_catch(arm: Arm, taught: Learned, throws: list[Throw]) -> None:

@@ -4,8 +4,9 @@
 
 ``step`` makes a tick, one compiled call that knows the order of the stages (:mod:`mitt.tick`).
 ``think`` comes after the command has left and does what is slow or rare: the verdict, adapting the
-map, planning the brake; it takes effect at the next tick. The catcher takes senses and gives
-commands, so it does not know whether a simulated world or a real arm is at the other end.
+map, refining it where the generator does, planning the brake; it takes effect at the next tick.
+The catcher takes senses and gives commands, so it does not know whether a simulated world or a real
+arm is at the other end.
 """
 
 from typing import final
@@ -17,7 +18,7 @@ from mitt.control.envelope import TICK
 from mitt.control.hand import has_closed
 from mitt.errors import InputError
 from mitt.generator.certificate import Outcome, Verdict
-from mitt.generator.generators import Generator
+from mitt.generator.generators import Direct, Generator
 from mitt.records import (
     BRAKE,
     FOLLOW,
@@ -46,6 +47,8 @@ __all__ = ["Catcher", "CatcherSettings", "Phase", "Tick"]
 
 #: Speed below which a joint that brakes counts as at rest [rad/s].
 _AT_REST = 1e-3
+#: Beside the bits of a tick: the map can be refined.
+REFINES = 16
 
 
 @final
@@ -54,6 +57,7 @@ class Catcher:
 
     Attributes:
         verdict: Verdict on the throw, once given.
+        certificate: What the last online step says of the catch; None where none was made.
         t_0: Time at which the arm began to move [s]; infinite before.
         believed: q, dq of the joints as the encoders' monitor believes them [rad, rad/s],
             shape (2, n); overwritten by the next tick.
@@ -67,6 +71,7 @@ class Catcher:
         """Take the arm, the generator and the eyes."""
         self._arm, self._generator, self._eyes, self._settings = arm, generator, eyes, settings
         self._map = generator.as_map()
+        self._refines = isinstance(generator, Direct) and generator.online is not None
         fields = catcher_fields(arm, eyes, settings) | arm_fields(arm, settings.around)
         self._state = record_of(fields if self._map is None else fields | map_fields(self._map))
         eyes.move_to({name: self._state[f"eyes_{name}"][0] for name in eyes.parts()})
@@ -80,6 +85,7 @@ class Catcher:
         self._brake = np.zeros((1, 3, arm.n))
         self._phase, self._todo, self._ticked = WATCH, 0, False
         self.verdict: Verdict | None = None
+        self.certificate: Verdict | None = None
         self.t_0 = np.inf
 
     @property
@@ -114,8 +120,10 @@ class Catcher:
             self._todo = tick(*seen, self._brake, state, out)
         self._ticked = True
         t = self._clock.item()
-        if self._phase == FOLLOW and self.t_0 == np.inf:
-            self.t_0 = t
+        if self._phase == FOLLOW:
+            self.t_0 = min(self.t_0, t)
+            if self._refines and self.result["inside"].item():
+                self._todo |= REFINES
         gaze = self._gaze.copy() if self._eyes.heads else None
         return command_of(t, self._told.copy(), self._hand.item(), gaze)
 
@@ -146,6 +154,8 @@ class Catcher:
             # the arm is and how fast it moves, eq. (12), and the gap is closed on the way to the
             # catch instead of by feedback at once.
             self._adapt(ball)
+        elif todo & REFINES:
+            self._refine(ball)
         if todo & GRASPS:
             self._grasp()
 
@@ -171,7 +181,7 @@ class Catcher:
                 self._state[name][0] = value
         self._eyes.reset()
         self.result[:] = fresh_result(self._arm.n, max(self._eyes.heads, 1))
-        self.verdict, self.t_0 = None, np.inf
+        self.verdict, self.certificate, self.t_0 = None, None, np.inf
         self._phase = WATCH
 
     def _take(self, points: tuple[Sighting, ...], t: float) -> None:
@@ -229,6 +239,13 @@ class Catcher:
         if f is not None:
             for name, value in map_fields(f).items():
                 self._state[name][0] = value
+
+    def _refine(self, ball: BallState) -> None:
+        """Let the generator make its map a little better for the rest of this flight."""
+        if isinstance(self._generator, Direct):
+            self._generator = refined = self._generator.refined(ball)
+            self._state["alpha"][0] = refined.map.alpha
+            self.certificate = refined.certificate(ball)
 
     def _grasp(self) -> None:
         """Brake from the last command on, once the fingers will have closed.

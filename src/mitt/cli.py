@@ -20,6 +20,7 @@ from tyro.conf import FlagCreatePairsOff, subcommand
 import mitt
 from mitt.errors import MittError, Terminated
 from mitt.options import (
+    BenchOptions,
     CalibrateOptions,
     CatchOptions,
     LearnOptions,
@@ -38,6 +39,7 @@ _Command = (
     | Annotated[TrackOptions, subcommand("track")]
     | Annotated[SeeOptions, subcommand("see")]
     | Annotated[CalibrateOptions, subcommand("calibrate")]
+    | Annotated[BenchOptions, subcommand("bench")]
 )  # fmt: skip
 #: The module of ``mitt.commands`` that does what is asked for.
 _JOBS: dict[type, str] = {
@@ -48,6 +50,7 @@ _JOBS: dict[type, str] = {
     TrackOptions: "track",
     SeeOptions: "see",
     CalibrateOptions: "calibrate",
+    BenchOptions: "bench",
 }
 
 #: Characters that frame tyro's messages.

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mitt.errors import ModelError
 from mitt.generator.design import MapDesign, tangent_of
-from mitt.generator.tangent import expand, scratch_of
+from mitt.generator.tangent import curve, expand, scratch_of
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import Array
@@ -41,7 +41,8 @@ def test_the_derivatives_of_l_c_are_differences(
     q[3] = panda.q_ready[3]
 
     def at(x: Array) -> tuple[Array, Array, Array]:
-        expand(g, x, dq, w)
+        expand(g, x, w)
+        curve(g, x, dq, w)
         return w.point[0].copy(), w.J_c.copy(), w.point[2].copy()
 
     _, J_c, curvature = at(q)
@@ -57,7 +58,7 @@ def test_an_inward_line_leads_into_the_palm(arm: Arm) -> None:
     """On the WAM the ball of an inward line comes within 6 degrees of the palm's normal."""
     g = tangent_of(arm, MapDesign(q_catch=0.6, inward=3.0))
     q, w = np.array([0.1, 0.9, 0.6]), scratch_of(3)
-    expand(g, q, np.zeros(3), w)
+    expand(g, q, w)
     comes = w.J_c[2] - arm.jacobian(q)[:, 2]
     cosine = -comes @ arm.orientation(q)[:, 2] / np.linalg.norm(comes)
     assert cosine > np.cos(np.deg2rad(6.0))

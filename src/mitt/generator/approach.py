@@ -20,7 +20,7 @@ from mitt.generator.linear import Programme, spread
 from mitt.generator.mapping import DirectMap
 from mitt.generator.strain import Work, motion_at
 from mitt.generator.tangent import Scratch, Tangent
-from mitt.robot.chain import Chain, sweep
+from mitt.robot.chain import Chain, place
 from mitt.robot.vectors import (
     IDENTITY,
     Vec,
@@ -84,7 +84,7 @@ def approach(
         motion_at(c, k, alpha, w.motion)
         for j in range(len(s.q)):
             s.q[j] = w.motion[0, j]
-        sweep(g.chain, s.q, s.still, s.motion)
+        place(g.chain, s.q, s.motion)
         excess = _excess(g.chain, row(c.path[k], 0), palm, w, s)
         total += max(excess, 0.0) ** 2
         if at >= 0 and excess > -_NEAR / _SCALE:

@@ -92,7 +92,7 @@ def place(f: Map, c: Course, P: Array, region: Array, out: Array) -> float:
     n, i = c.rows.shape[2], g.catch_joint
     w = unfold(f.work, n)
     q, dq = c.rows[k, 0], c.rows[k, 1]
-    expand(g, q, w.still, w)
+    expand(g, q, w)
     answer = np.zeros((3, n))
     units = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     for x in range(3):

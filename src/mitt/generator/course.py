@@ -24,7 +24,7 @@ from mitt.generator.tangent import lift
 from mitt.signals import Array
 
 #: Instants, those of them after the catch, and how long after it the map is followed [s].
-INSTANTS, LATE, FOLLOWED = 24, 2, 0.015
+INSTANTS, LATE, FOLLOWED = 12, 2, 0.015
 #: Power of the law by which instants crowd towards the catch.
 _CROWDING = 1.5
 #: Duration of the flight over which the mean of eq. (22) is taken [s]: what H was learned on.

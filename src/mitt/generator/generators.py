@@ -62,7 +62,7 @@ class Direct:
     Attributes:
         map: The map in use.
         tolerance: Share of each limit at which a throw is refused.
-        online: What refines it in flight; None for the projection alone. One for one flight.
+        online: What refines it in flight; None for the projection alone.
         learned: The map that adaptations start from; the one in use where None.
     """
 
@@ -94,7 +94,9 @@ class Direct:
         return levelled(self.map, ball)
 
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "Direct":
-        """Project alpha onto the initial constraint, eq. (12)."""
+        """Project alpha onto the initial constraint, eq. (12); refining begins anew."""
+        if self.online is not None:
+            self.online.restart()
         start = self.map if self.learned is None else self.learned
         return replace(self, map=start.adapt(ball, q, dq))
 
@@ -123,7 +125,7 @@ class Direct:
 
 
 def refining(f: DirectMap) -> Direct:
-    """Return the learned map with an online step each millisecond; one for one flight."""
+    """Return the learned map with an online step each millisecond."""
     return Direct(f, online=Online(f), learned=f)
 
 

@@ -5,6 +5,7 @@
 | ``J``       | d (weighted torque residual of eq. (22)) / d alpha          | (K n, m n)    |
 | ``h, g``    | Gauss-Newton Hessian and gradient of half the cost (22)     | (m n, m n), ..|
 | ``gram``    | weighted sum of phi-dot phi-dot': the speeds' part of h     | (m, m)        |
+| ``slope``   | of the pull towards alpha*                                  | (m n,)        |
 | ``A, room`` | rows: continuity, then limits near their bound: A step <= room | (R, m n), (R,)|
 """
 
@@ -30,6 +31,7 @@ class Programme(NamedTuple):
     room: Array
     residual: Array
     gram: Array
+    slope: Array
 
 
 def programme_of(arm: Arm, *, instants: int, size: int) -> Programme:
@@ -43,6 +45,7 @@ def programme_of(arm: Arm, *, instants: int, size: int) -> Programme:
         room=np.zeros(most),
         residual=np.zeros(instants * n),
         gram=np.zeros((size // n, size // n)),
+        slope=np.zeros(size),
     )
 
 

@@ -129,7 +129,7 @@ class DirectMap:
 
     def to_ball(self, q_o: Array) -> Array:
         """Return l_c(q_o) of eq. (5) [m], shape (3,)."""
-        expand(self.tangent, q_o, np.zeros(self.arm.n), self._scratch)
+        expand(self.tangent, q_o, self._scratch)
         r_o: Array = self._scratch.point[0].copy()
         return r_o
 
@@ -152,7 +152,7 @@ class DirectMap:
     def F(self, r_o: Array) -> Array:  # noqa: N802 (the paper's letter)
         """Return df/dr_o of eq. (15) [rad/m], shape (n, 3); r_o must be in the domain."""
         _, q_o = self.to_joints(r_o)
-        expand(self.tangent, q_o, np.zeros(self.arm.n), self._scratch)
+        expand(self.tangent, q_o, self._scratch)
         free = list(self.design.free)
         per_ball = np.zeros((self.arm.n, 3))
         per_ball[free] = np.linalg.inv(self._scratch.J_c.T)

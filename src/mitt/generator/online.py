@@ -16,6 +16,7 @@ continuity or does not help is halved, and dropped after that: the last good alp
 
 from dataclasses import dataclass
 from enum import Enum
+from math import inf, isfinite
 from typing import final
 
 import daqp
@@ -124,7 +125,11 @@ class Online:
         self._region = f.region + np.array([[-REGION_GAP], [REGION_GAP]])
         self._sigma = np.zeros((2, n))
         self._state = np.zeros(7)
-        self._t_catch = np.inf
+        self._t_catch = inf
+
+    def restart(self) -> None:
+        """Forget the flight: the next ball is another, or its way has changed."""
+        self._t_catch = inf
 
     def refine(self, alpha: Array, ball: BallState) -> Refined:
         """Return better coefficients for the rest of the flight.
@@ -134,22 +139,22 @@ class Online:
             ball: Estimate of the ball at the time of this tick's command.
         """
         s, t = self.settings, ball.t + self.settings.lead
-        if not np.isfinite(self._t_catch):
+        if not isfinite(self._t_catch):
             self._t_catch = ball.t + foresee(self._f, ball).after
         ahead = self._t_catch - t
-        if not s.until < ahead < np.inf:
-            outside = ahead == np.inf
+        if not s.until < ahead < inf:
+            outside = ahead == inf
             status = Refinement.OUTSIDE if outside else Refinement.LATE
-            return self._answer(status, alpha, ahead, np.inf)
+            return self._answer(status, alpha, ahead, inf)
         self._state[:3], self._state[3:6], self._state[6] = ball.r_o, ball.dr_o, ball.drag
         self._buffers.course.rows[0, 0] = self._f.start
         better, count, before = begin(
             self._map, self._plant, self._goal, self._state, (s.lead, ahead), alpha, self._buffers
         )
-        self._t_catch = t + better if np.isfinite(better) else np.inf
+        self._t_catch = t + better if isfinite(better) else inf
         step = self._solved(count) if count > 0 else None
         if step is None:
-            status = Refinement.FAILED if np.isfinite(better) else Refinement.OUTSIDE
+            status = Refinement.FAILED if isfinite(better) else Refinement.OUTSIDE
             return self._answer(status, alpha, ahead, before)
         moved = np.empty_like(alpha)
         after = finish(
@@ -168,7 +173,7 @@ class Online:
             tolerance: Share of each limit at which a throw is refused.
         """
         b, arm = self._buffers, self._f.arm
-        if not np.isfinite(self._t_catch):
+        if not isfinite(self._t_catch):
             return None
         limit, probability, share = assure(
             self._map, self._plant, alpha, b, ball.covariance, self._region,

@@ -90,17 +90,19 @@ def jets(
     """
     m, n = powers.shape
     for a in range(m):
-        f, df, ddf = 1.0, 0.0, 0.0
-        for k in range(n):
+        out[0, a], out[1, a], out[2, a] = 1.0, 0.0, 0.0
+    for k in range(n):
+        x, dx, ddx = (q[k] - centre[k]) / scale[k], dq[k] / scale[k], ddq[k] / scale[k]
+        for a in range(m):
             e = powers[a, k]
             if e == 0:
                 continue
-            x, dx, ddx = (q[k] - centre[k]) / scale[k], dq[k] / scale[k], ddq[k] / scale[k]
-            below2 = x ** (e - 2) if e > 1 else 0.0
-            below1 = x ** (e - 1) if e > 1 else 1.0
+            below2 = 1.0 if e > 1 else 0.0
+            for _ in range(e - 2):
+                below2 *= x
+            below1 = below2 * x if e > 1 else 1.0
             g, dg = below1 * x, e * below1 * dx
             ddg = e * (e - 1) * below2 * dx * dx + e * below1 * ddx
-            ddf = ddf * g + 2.0 * df * dg + f * ddg
-            df = df * g + f * dg
-            f = f * g
-        out[0, a], out[1, a], out[2, a] = f, df, ddf
+            f, df, ddf = out[0, a], out[1, a], out[2, a]
+            out[0, a], out[1, a] = f * g, df * g + f * dg
+            out[2, a] = ddf * g + 2.0 * df * dg + f * ddg

@@ -83,16 +83,11 @@ def begin(
     count, cost, over = linearise(p, c, alpha, use, out, b.shares, b.at, b.work)
     scratch = unfold(f.work, n)
     count, more = approach(unpack(f.packed), c, alpha, goal.palm, out, b.work, scratch, count)
-    pull = 0.0
+    pull = _pull(goal, alpha, out.slope)
     for a in range(m * n):
-        slope = 0.0
         for e in range(m * n):
-            slope += (
-                goal.weights[0] * goal.H[a, e] * (alpha[e // n, e % n] - goal.alpha[e // n, e % n])
-            )
             out.h[a, e] += goal.weights[0] * goal.H[a, e]
-        out.g[a] += slope
-        pull += slope * (alpha[a // n, a % n] - goal.alpha[a // n, a % n])
+        out.g[a] += out.slope[a]
     if not sound(out, count):
         return better, 0, np.inf
     return better, count, cost + pull + goal.weights[3] * (over + more)
@@ -134,18 +129,28 @@ def finish(
 @njit(cache=True)
 def merit(f: Map, p: Plant, goal: Goal, alpha: Array, b: Buffers) -> float:
     """Return cost (22), pull, and the price of limits exceeded, of a motion along the course."""
-    (m, n), pull = alpha.shape, 0.0
     cost, over = weigh(p, b.course, alpha, goal.weights[1], b.shares, b.at, b.work)
-    scratch = unfold(f.work, n)
+    scratch = unfold(f.work, alpha.shape[1])
     _, more = approach(
         unpack(f.packed), b.course, alpha, goal.palm, b.programme, b.work, scratch, -1
     )
-    for a in range(m * n):
-        slope = 0.0
-        for e in range(m * n):
-            slope += goal.H[a, e] * (alpha[e // n, e % n] - goal.alpha[e // n, e % n])
-        pull += slope * (alpha[a // n, a % n] - goal.alpha[a // n, a % n])
-    return float(cost + goal.weights[0] * pull + goal.weights[3] * (over + more))
+    pull = _pull(goal, alpha, b.programme.slope)
+    return float(cost + pull + goal.weights[3] * (over + more))
+
+
+@njit(cache=True)
+def _pull(goal: Goal, alpha: Array, slope: Array) -> float:
+    """Return the price of the distance from alpha*; write its slope, H times that distance."""
+    size = len(slope)
+    here, there, price = alpha.reshape(size), goal.alpha.reshape(size), 0.0
+    slope[:] = 0.0
+    for e in range(size):
+        off = goal.weights[0] * (here[e] - there[e])
+        for a in range(size):
+            slope[a] += goal.H[e, a] * off
+    for a in range(size):
+        price += slope[a] * (here[a] - there[a])
+    return price
 
 
 @njit(cache=True)

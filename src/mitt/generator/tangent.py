@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from mitt.robot.chain import Chain, Motion, motion_of, sweep
+from mitt.robot.chain import Chain, Motion, motion_of, move, place
 from mitt.robot.vectors import Vec, cross, dot, minus, plus, put, row, times
 from mitt.signals import Array
 
@@ -70,18 +70,17 @@ def scratch_of(n: int) -> Scratch:
 
 
 @njit(cache=True)
-def expand(g: Tangent, q_o: Array, dq_o: Array, w: Scratch) -> None:
-    """Write l_c, J_c and the curvature along ``dq_o`` at the virtual joints ``q_o``."""
-    i = g.catch_joint
+def expand(g: Tangent, q_o: Array, w: Scratch) -> None:
+    """Write l_c and J_c at the virtual joints ``q_o``."""
+    i, m = g.catch_joint, w.motion
     for k in range(len(q_o)):
-        w.q[k], w.dq[k] = q_o[k], dq_o[k]
-    w.q[i], w.dq[i] = g.q_catch, 0.0
-    s, ds = q_o[i] - g.q_catch, dq_o[i]
-    m = w.motion
-    sweep(g.chain, w.q, w.dq, m)
-    T, dT, ddT = _line(g, m)
+        w.q[k] = q_o[k]
+    w.q[i] = g.q_catch
+    s = q_o[i] - g.q_catch
+    place(g.chain, w.q, m)
+    J, line = row(m.J, i), (m.line[0, i, 0], m.line[0, i, 1], m.line[0, i, 2])
+    T = plus(times(g.kappa, J), times(g.inward, cross(line, J)))
     put(w.point, 0, plus(row(m.tip, 0), times(s, T)))
-    put(w.point, 2, plus(row(m.tip, 2), plus(times(2.0 * ds, dT), times(s, ddT))))
     for a in range(3):
         k = g.free[a]
         if k == i:
@@ -97,18 +96,30 @@ def expand(g: Tangent, q_o: Array, dq_o: Array, w: Scratch) -> None:
 
 
 @njit(cache=True)
-def _line(g: Tangent, m: Motion) -> tuple[Vec, Vec, Vec]:
-    """Return T = kappa J_i + inward (w_i x J_i) and its two derivatives along dq of qbar."""
+def curve(g: Tangent, q_o: Array, dq_o: Array, w: Scratch) -> None:
+    """Write the curvature of l_c along ``dq_o`` at the virtual joints that were expanded last."""
+    i, m = g.catch_joint, w.motion
+    for k in range(len(q_o)):
+        w.dq[k] = dq_o[k]
+    w.dq[i] = 0.0
+    s, ds = q_o[i] - g.q_catch, dq_o[i]
+    move(g.chain, w.q, w.dq, m)
+    dT, ddT = _line(g, m)
+    put(w.point, 2, plus(row(m.tip, 2), plus(times(2.0 * ds, dT), times(s, ddT))))
+
+
+@njit(cache=True)
+def _line(g: Tangent, m: Motion) -> tuple[Vec, Vec]:
+    """Return both derivatives of T = kappa J_i + inward (w_i x J_i) along dq of qbar."""
     i = g.catch_joint
     J, dJ, ddJ = row(m.J, i), row(m.dJ, i), row(m.ddJ, i)
-    T, dT, ddT = times(g.kappa, J), times(g.kappa, dJ), times(g.kappa, ddJ)
+    dT, ddT = times(g.kappa, dJ), times(g.kappa, ddJ)
     if g.inward != 0.0:
         w, dw, ddw = row(m.line[0], i), row(m.line[1], i), row(m.line[2], i)
         turned = plus(cross(ddw, J), plus(times(2.0, cross(dw, dJ)), cross(w, ddJ)))
-        T = plus(T, times(g.inward, cross(w, J)))
         dT = plus(dT, times(g.inward, plus(cross(dw, J), cross(w, dJ))))
         ddT = plus(ddT, times(g.inward, turned))
-    return T, dT, ddT
+    return dT, ddT
 
 
 @njit(cache=True)
@@ -158,7 +169,7 @@ def invert_newton(g: Tangent, r_o: Array, q_o: Array, w: Scratch) -> bool:
     The way from l_c(q_o) to r_o is gone in steps of Newton's method along the straight line;
     where det J_c changes its sign on the way, the branch of the catch has ended.
     """
-    expand(g, q_o, w.still, w)
+    expand(g, q_o, w)
     w.ends[0] = w.point[0]
     for c in range(3):
         w.ends[1, c] = r_o[c] - w.ends[0, c]
@@ -177,7 +188,7 @@ def invert_newton(g: Tangent, r_o: Array, q_o: Array, w: Scratch) -> bool:
 def _newton(g: Tangent, share: float, q_o: Array, w: Scratch) -> bool:
     """Solve l_c(q_o) = ends[0] + share ends[1]."""
     for _ in range(_NEWTON_STEPS):
-        expand(g, q_o, w.still, w)
+        expand(g, q_o, w)
         miss = 0.0
         for c in range(3):
             w.point[1, c] = w.ends[0, c] + share * w.ends[1, c] - w.point[0, c]
@@ -217,10 +228,10 @@ def lift(g: Tangent, ball: Array, virtual: Array, w: Scratch) -> bool:
         return False
     dq_o[:] = 0.0
     ddq_o[:] = 0.0
-    expand(g, q_o, dq_o, w)
+    expand(g, q_o, w)
     if not solve3(w.J_c, row(ball, 1), g.free, dq_o):
         return False
-    expand(g, q_o, dq_o, w)
+    curve(g, q_o, dq_o, w)
     left = minus(row(ball, 2), row(w.point, 2))
     inside: bool = solve3(w.J_c, left, g.free, ddq_o)
     return inside

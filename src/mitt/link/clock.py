@@ -54,6 +54,11 @@ class Stopwatch:
         return int(np.sum(np.array(self._ns, dtype=np.float64) > 1e3 * self.deadline_us))
 
 
+def processor_time() -> float:
+    """Return the processor time that this process has used [s]."""
+    return time.process_time()
+
+
 def monotonic() -> float:
     """Return the time of the machine's steady clock [s], for cameras that have none."""
     return time.monotonic()

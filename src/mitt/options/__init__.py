@@ -2,10 +2,11 @@
 
 from mitt.options.catching import ArmOptions, CatchOptions, LearnOptions, LimitName
 from mitt.options.seeing import CalibrateOptions, SeeOptions, TrackOptions
-from mitt.options.studying import ReportOptions, StudyOptions
+from mitt.options.studying import BenchOptions, ReportOptions, StudyOptions
 
 __all__ = [
     "ArmOptions",
+    "BenchOptions",
     "CalibrateOptions",
     "CatchOptions",
     "LearnOptions",

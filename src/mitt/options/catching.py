@@ -49,6 +49,8 @@ class CatchOptions(ArmOptions):
         generator: What turns the ball's estimate into joint motion: direct, several, unoptimised, a
             rival (ik, quintic, ruckig, mpc, ds, clairvoyant), or one that another package adds.
         map: A map from mitt learn; learned first if left out.
+        adapt: How the direct map is adapted to a throw: once before moving, by projection, or
+            refined each millisecond besides.
         vision: What the catcher sees: images of two cameras, or noisy points.
         cameras: Cameras that stand still, or on heads that follow the ball; as the scene says if
             left out.
@@ -66,6 +68,7 @@ class CatchOptions(ArmOptions):
     seed: Annotated[int, arg(metavar="S")] = 0
     generator: Annotated[str, arg(metavar="NAME")] = "direct"
     map: Map = None
+    adapt: Literal["projection", "refine"] = "projection"
     vision: Literal["pixels", "points"] = "pixels"
     cameras: Literal["fixed", "active"] | None = None
     scene: Toml = None

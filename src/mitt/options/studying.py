@@ -1,4 +1,4 @@
-"""Options of ``mitt study`` and ``mitt report``."""
+"""Options of ``mitt study``, ``mitt report`` and ``mitt bench``."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,5 +45,20 @@ class ReportOptions:
 
     folder: Annotated[Positional[Path], arg(metavar="DIR")]
     replays: Annotated[int, arg(metavar="N")] = 6
+    json: bool = False
+    check: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchOptions:
+    """Measure how fast everything is on this machine, beside other libraries, in one run.
+
+    Attributes:
+        quick: Fewer repeats, and no IPOPT.
+        json: Print one JSON object and nothing else to stdout.
+        check: Validate the input and do nothing.
+    """
+
+    quick: bool = False
     json: bool = False
     check: bool = False

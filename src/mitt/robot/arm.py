@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from mitt.errors import ShapeError
-from mitt.robot.chain import chain_of, motion_of, sweep
+from mitt.robot.chain import chain_of, motion_of, place
 from mitt.robot.description import ArmModel, transform
 from mitt.robot.dynamics import GRAVITY, bodies_of, inverse_dynamics, notes_of, torques
 from mitt.robot.limits import Limits
@@ -91,14 +91,14 @@ class Arm:
     def position(self, q: Array) -> Array:
         """Return the catch point l(q), eq. (2) [m], shape (3,), for q [rad], shape (n,)."""
         self._check(q)
-        sweep(self.chain, q, self._still, self._motion)
+        place(self.chain, q, self._motion)
         p: Array = self._motion.tip[0].copy()
         return p
 
     def jacobian(self, q: Array) -> Array:
         """Return J = dl/dq [m/rad], shape (3, n), for q [rad], shape (n,)."""
         self._check(q)
-        sweep(self.chain, q, self._still, self._motion)
+        place(self.chain, q, self._motion)
         J: Array = self._motion.J.T.copy()
         return J
 

@@ -95,24 +95,61 @@ def motion_of(n: int) -> Motion:
 @njit(cache=True)
 def sweep(chain: Chain, q: Array, dq: Array, m: Motion) -> None:
     """Fill all of ``m`` for joint positions ``q`` and constant joint velocities ``dq``."""
-    frame, omega, domega = IDENTITY, ZERO, ZERO
-    o, do, ddo = ZERO, ZERO, ZERO
+    place(chain, q, m)
+    move(chain, q, dq, m)
+
+
+@njit(cache=True)
+def place(chain: Chain, q: Array, m: Motion) -> None:
+    """Fill of ``m`` what does not depend on velocities: W, J and the first rows of the others."""
+    frame, o = IDENTITY, ZERO
     for k in range(len(q)):
-        r, dr, ddr = _arm_of(rotate(frame, row(chain.p, k)), omega, domega)
-        o, do, ddo = plus(o, r), plus(do, dr), plus(ddo, ddr)
+        o = plus(o, rotate(frame, row(chain.p, k)))
         frame = compose(frame, matrix(chain.R, k))
-        w, dw, ddw = _arm_of(rotate(frame, row(chain.axis, k)), omega, domega)
+        w = rotate(frame, row(chain.axis, k))
         if chain.prismatic[k] > 0.0:
             o = plus(o, times(q[k], w))
+        else:
+            frame = compose(frame, turn(row(chain.axis, k), q[k]))
+        for c in range(3):
+            m.origin[0, k, c], m.line[0, k, c] = o[c], w[c]
+    tip = plus(o, rotate(frame, (chain.tip[0], chain.tip[1], chain.tip[2])))
+    put(m.tip, 0, tip)
+    for k in range(len(q)):
+        w = m.line[0, k, 0], m.line[0, k, 1], m.line[0, k, 2]
+        o = m.origin[0, k, 0], m.origin[0, k, 1], m.origin[0, k, 2]
+        slides = chain.prismatic[k] > 0.0
+        put(m.W, k, ZERO if slides else w)
+        put(m.J, k, w if slides else cross(w, minus(tip, o)))
+
+
+@njit(cache=True)
+def move(chain: Chain, q: Array, dq: Array, m: Motion) -> None:
+    """Fill in the derivatives in time, for constant joint velocities, of what is placed.
+
+    What lies between two joints is fixed in the body between them, so no rotation is needed.
+    """
+    omega, domega = ZERO, ZERO
+    at, do, ddo = ZERO, ZERO, ZERO
+    for k in range(len(q)):
+        w = m.line[0, k, 0], m.line[0, k, 1], m.line[0, k, 2]
+        o = m.origin[0, k, 0], m.origin[0, k, 1], m.origin[0, k, 2]
+        slides = chain.prismatic[k] > 0.0
+        fixed = minus(o, at)
+        if slides:
+            fixed = minus(fixed, times(q[k], w))
+        _, dr, ddr = _arm_of(fixed, omega, domega)
+        _, dw, ddw = _arm_of(w, omega, domega)
+        do, ddo, at = plus(do, dr), plus(ddo, ddr), o
+        if slides:
             do = plus(do, plus(times(q[k], dw), times(dq[k], w)))
             ddo = plus(ddo, plus(times(q[k], ddw), times(2.0 * dq[k], dw)))
         else:
-            frame = compose(frame, turn(row(chain.axis, k), q[k]))
             omega, domega = plus(omega, times(dq[k], w)), plus(domega, times(dq[k], dw))
-        _keep(m.origin, k, (o, do, ddo))
-        _keep(m.line, k, (w, dw, ddw))
-    r, dr, ddr = _arm_of(rotate(frame, (chain.tip[0], chain.tip[1], chain.tip[2])), omega, domega)
-    put(m.tip, 0, plus(o, r))
+        for c in range(3):
+            m.origin[1, k, c], m.origin[2, k, c] = do[c], ddo[c]
+            m.line[1, k, c], m.line[2, k, c] = dw[c], ddw[c]
+    _, dr, ddr = _arm_of(minus(row(m.tip, 0), at), omega, domega)
     put(m.tip, 1, plus(do, dr))
     put(m.tip, 2, plus(ddo, ddr))
     for k in range(len(q)):
@@ -127,14 +164,6 @@ def _arm_of(r: Vec, omega: Vec, domega: Vec) -> tuple[Vec, Vec, Vec]:
 
 
 @njit(cache=True)
-def _keep(jets: Array, k: int, jet: tuple[Vec, Vec, Vec]) -> None:
-    """Write a vector and its derivatives to entry k of an array of shape (3, n, 3)."""
-    for d in range(3):
-        for c in range(3):
-            jets[d, k, c] = jet[d][c]
-
-
-@njit(cache=True)
 def _jet(jets: Array, k: int) -> tuple[Vec, Vec, Vec]:
     """Return a vector and its derivatives from entry k of an array of shape (3, n, 3)."""
     return (
@@ -146,18 +175,14 @@ def _jet(jets: Array, k: int) -> tuple[Vec, Vec, Vec]:
 
 @njit(cache=True)
 def _column(prismatic: bool, k: int, m: Motion) -> None:
-    """Write J_k = w_k x (p - o_k), or w_k where the joint slides, and its two derivatives."""
+    """Write the two derivatives of J_k = w_k x (p - o_k), or of w_k where the joint slides."""
     w, dw, ddw = _jet(m.line, k)
     if prismatic:
-        put(m.W, k, ZERO)
-        put(m.J, k, w)
         put(m.dJ, k, dw)
         put(m.ddJ, k, ddw)
         return
     o, do, ddo = _jet(m.origin, k)
     r, dr, ddr = minus(row(m.tip, 0), o), minus(row(m.tip, 1), do), minus(row(m.tip, 2), ddo)
-    put(m.W, k, w)
-    put(m.J, k, cross(w, r))
     put(m.dJ, k, plus(cross(dw, r), cross(w, dr)))
     turning = plus(cross(ddw, r), times(2.0, cross(dw, dr)))
     put(m.ddJ, k, plus(turning, cross(w, ddr)))

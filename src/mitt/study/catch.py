@@ -8,7 +8,7 @@ from typing import Any, final
 import mitt
 from mitt.errors import InputError, Terminated
 from mitt.generator.design import MapDesign, default_design, tangent_of
-from mitt.generator.generators import Generator
+from mitt.generator.generators import Generator, refining
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import unlearned
 from mitt.link.clock import Stopwatch
@@ -86,6 +86,7 @@ class Prepared:
             "generator": self.job.generator,
             "vision": self.job.vision,
             "seed": self.job.seed,
+            **({"adapt": self.job.adapt} if self.job.adapt != "projection" else {}),
             **({"scene": changed} if changed else {}),
         }
 
@@ -97,6 +98,8 @@ def prepare(job: CatchOptions) -> Prepared:
         MittError: An input cannot be used.
     """
     check_name(job.generator)
+    if job.adapt == "refine" and job.generator != "direct":
+        raise InputError("--adapt refine", "--generator direct", job.generator)
     if job.throws is not None and not 1 <= job.throws <= _MOST_THROWS:
         raise InputError("--throws", f"a number in 1..{_MOST_THROWS}", job.throws)
     if not 0 <= job.seed < 2**63:
@@ -151,6 +154,8 @@ class Finished:
 
 def make_bench(prepared: Prepared, learned: Learned, *, generator: str) -> Bench:
     """Return the bench of a run, for a generator by name."""
+    if prepared.job.adapt == "refine" and generator == "direct":
+        return bench_for(prepared, refining(learned.map))
     return bench_for(prepared, make_generator(generator, learned.map))
 
 
