@@ -153,7 +153,9 @@ class Staged:
             last = np.array([self.command.q, self.command.dq, self.command.ddq])
             loaded = self.arm.holding(self.settings.ball_mass)
             self.brake = plan_brake(loaded, self.t_last, last)
+            told = self.tracker.guard.last
             self.tracker = Tracker(loaded, bandwidth=self.settings.bandwidth)
+            self.tracker.guard.begin(*told)
         return self.brake
 
 
@@ -265,11 +267,11 @@ def test_thinking_late_is_thinking(
 
 
 @njit
-def again(times, images, q, dq, brake, state, result):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+def again(times, start, images, q, dq, brake, state, result):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     """Make the same tick many times."""
     todo = 0
     for k in range(times):
-        t = 1.0 + 0.001 * k
+        t = start + 0.001 * k
         todo |= tick(images, (True, True), t - 0.001, t, q, dq, brake, state, result)
     return todo
 
@@ -287,7 +289,7 @@ def test_the_tick_allocates_nothing(
         bench.world.apply(catcher.step(senses))
         catcher.think()
     images = tuple(frame.pixels for frame in senses.frames)
-    rest = (images, senses.arm.q, senses.arm.dq, catcher._brake)
+    rest = (senses.t + 0.001, images, senses.arm.q, senses.arm.dq, catcher._brake)
     nrt.memsys_enable_stats()
     counts = []
     for times in (1, 1, 50):

@@ -37,7 +37,7 @@ from mitt.records import (
     tick_of,
 )
 from mitt.robot.arm import Arm
-from mitt.signals import BallState, Command, MapStatus, Senses, Sighting, command_of
+from mitt.signals import Array, BallState, Command, MapStatus, Senses, Sighting, command_of
 from mitt.tick import DECIDE, GRASPS, LAGS, STOPS, act, perceive, tick
 from mitt.vision.belief import absorb
 from mitt.vision.eyes import Eyes
@@ -55,6 +55,8 @@ class Catcher:
     Attributes:
         verdict: Verdict on the throw, once given.
         t_0: Time at which the arm began to move [s]; infinite before.
+        believed: q, dq of the joints as the encoders' monitor believes them [rad, rad/s],
+            shape (2, n); overwritten by the next tick.
         result: What the last tick brought about, overwritten by the next; fields as in
             :func:`mitt.tick.fresh_result`.
     """
@@ -70,7 +72,8 @@ class Catcher:
         eyes.move_to({name: self._state[f"eyes_{name}"][0] for name in eyes.parts()})
         self._numbers, self.result = self._state[0], fresh_result(arm.n, max(eyes.heads, 1))
         self._hand, self._gaze = self.result["hand"], self.result["gaze"][0]
-        self._told, self._believed = self.result["told"][0], self._state["believed"][0]
+        self._clock = self.result["t"]
+        self._told, self.believed = self.result["told"][0], self._state["believed"][0]
         names = ("ball_memory", "ball_settings", "ball_work")
         memory, table, work = (self._state[name][0] for name in names)
         self._filter = memory, table, work
@@ -99,28 +102,28 @@ class Catcher:
         if self._todo:
             self.think()
         if senses.points and self.looking:
-            self._take(senses.points)
+            self._take(senses.points, senses.t)
         images, together, t_exposed = self._eyes.arrange(senses.frames)
-        arm, t = senses.arm, senses.t
+        arm, state, out = senses.arm, self._state, self.result
+        seen = images, together, t_exposed, senses.t, arm.q, arm.dq
         if self._map is None:
-            self._todo = self._in_halves(senses)
+            perceive(*seen, state, out)
+            self._ask()
+            self._todo = act(self._brake, state, out)
         else:
-            self._todo = tick(
-                images,
-                together,
-                t_exposed,
-                t,
-                arm.q,
-                arm.dq,
-                self._brake,
-                self._state,
-                self.result,
-            )
+            self._todo = tick(*seen, self._brake, state, out)
         self._ticked = True
+        t = self._clock.item()
         if self._phase == FOLLOW and self.t_0 == np.inf:
             self.t_0 = t
         gaze = self._gaze.copy() if self._eyes.heads else None
         return command_of(t, self._told.copy(), self._hand.item(), gaze)
+
+    @property
+    def deceleration(self) -> Array:
+        """What each joint can be trusted to brake with [rad/s^2], shape (n,)."""
+        brake: Array = self._state["bounds"][0][3].copy()
+        return brake
 
     def think(self) -> None:
         """Do what is slow or rare, to be used by the next tick; best after the command has left.
@@ -153,6 +156,8 @@ class Catcher:
     def recover(self) -> None:
         """Watch for a ball again after a stop, from where the encoders say that the arm is.
 
+        An encoder that still says nothing leaves its joint where it was last believed to be.
+
         Raises:
             InputError: The catcher has not stopped, or the arm is not at rest yet.
         """
@@ -160,35 +165,34 @@ class Catcher:
         if self._phase != STOPPED or not at_rest:
             raise InputError("recover", "a catcher that has stopped, its arm at rest", self.phase)
         fresh = catcher_fields(self._arm, self._eyes, self._settings)
+        fresh |= arm_fields(self._arm, self._settings.around)  # the hand opens, a ball drops
         for name, value in fresh.items():
-            if not name.startswith("eyes_"):
+            if not name.startswith("eyes_") and name != "believed":
                 self._state[name][0] = value
         self._eyes.reset()
         self.result[:] = fresh_result(self._arm.n, max(self._eyes.heads, 1))
         self.verdict, self.t_0 = None, np.inf
         self._phase = WATCH
 
-    def _take(self, points: tuple[Sighting, ...]) -> None:
-        """Take in positions from another source than images."""
+    def _take(self, points: tuple[Sighting, ...], t: float) -> None:
+        """Take in positions from another source than images; none from after ``t`` [s]."""
         memory, settings, work = self._filter
         for point in points:
-            if point.found:
+            if point.found and not point.t > t + TICK:
                 absorb(memory, point.t, point.r_o, point.covariance, settings, work)
 
-    def _in_halves(self, senses: Senses) -> int:
-        """Make a tick with a generator that is no map."""
-        images, together, t_exposed = self._eyes.arrange(senses.frames)
-        arm, out = senses.arm, self.result
-        perceive(images, together, t_exposed, senses.t, arm.q, arm.dq, self._state, out)
-        if self._phase == FOLLOW:
-            ball = ball_of(out.copy())
-            ball = self._generator.waiting(ball) if self._numbers["open"] else ball
-            asked = self._generator.reference(ball)
-            rows = (asked.q_d, asked.dq_d, asked.ddq_d, asked.q_o, asked.dq_o)
-            out["asked"][0, :5] = rows
-            out["inside"][0] = inside = asked.status is MapStatus.INSIDE
-            out["time_to_catch"][0] = asked.time_to_catch if inside else np.inf
-        return int(act(self._brake, self._state, out))
+    def _ask(self) -> None:
+        """Ask a generator that is no map for the desired motion."""
+        out = self.result
+        if self._phase != FOLLOW:
+            return
+        ball = ball_of(out.copy())
+        ball = self._generator.waiting(ball) if self._numbers["open"] else ball
+        asked = self._generator.reference(ball)
+        rows = (asked.q_d, asked.dq_d, asked.ddq_d, asked.q_o, asked.dq_o)
+        out["asked"][0, :5] = rows
+        out["inside"][0] = inside = asked.status is MapStatus.INSIDE
+        out["time_to_catch"][0] = asked.time_to_catch if inside else np.inf
 
     def _enter(self, phase: int) -> None:
         """Begin another phase with the next tick."""
@@ -200,7 +204,7 @@ class Catcher:
         due = ball.t - ball.t_first >= self._settings.watch
         if not due and self._generator.sharpness(ball) > self._settings.sigma_ready:
             return
-        self.verdict = verdict = self._generator.verdict(ball, self._believed[0])
+        self.verdict = verdict = self._generator.verdict(ball, self.believed[0])
         if verdict.outcome is Outcome.UNREACHABLE:
             self._enter(REFUSED)
             return
@@ -216,7 +220,7 @@ class Catcher:
 
     def _adapt(self, ball: BallState) -> None:
         """Let the generator start from where the arm is."""
-        q, dq = self._believed.copy()
+        q, dq = self.believed.copy()
         self._generator = self._generator.adapt(ball, q, dq)
         f = self._generator.as_map()
         if f is not None:
@@ -230,7 +234,7 @@ class Catcher:
         """
         out, closing, grip = self.result, self._state["closing"][0], self._state["grip"][0]
         t = out["t"].item()
-        hurry = short_of_room(self._arm, self._state["wanted"][0])
+        hurry = short_of_room(self._arm, self._told[:3])
         if not has_closed(closing, grip, t + TICK, hurry):
             return
         loaded = self._arm.holding(self._settings.ball_mass)

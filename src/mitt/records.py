@@ -68,6 +68,8 @@ class CatcherSettings:
         encoders: What is known of the joint encoders.
         tolerance: 1-sigma of the ball's position beyond which an unseen ball is lost [m]; a hand
             needs about 2 cm (facts.md, section 4).
+        stray: Gap between told and true joint angles at which the arm is stopped if it lasts
+            20 ms [rad]; infinite for the map with alpha = 0, which saturates for longer.
     """
 
     bandwidth: float = 80.0
@@ -82,6 +84,7 @@ class CatcherSettings:
     around: Surroundings = field(default_factory=Surroundings)
     encoders: Encoders = field(default_factory=Encoders)
     tolerance: float = 0.02
+    stray: float = 0.8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -172,7 +175,7 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         believed: q, dq of the joints as the monitor believes them [rad, rad/s], shape (2, n).
         begun: Whether there was a tick.
         encoder_memory, encoder_count: As in :mod:`mitt.control.monitor`.
-        condition, clock, encoders, tolerance: As in :mod:`mitt.control.condition`.
+        condition, clock, encoders, tolerance, stray: As in :mod:`mitt.control.condition`.
         shapes, pairs, guard_work, last: As in :mod:`mitt.control.viability`.
         wanted: q_d, dq_d, ddq_d of the last tick, shape (3, n).
         t_brake: Time at which braking began [s].
@@ -195,7 +198,7 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         "track_notes": np.zeros((len(arm.model.links), NOTES)), "begun": np.bool_(False),
         "encoder_memory": monitor.memory_of(n), "encoder_count": s.encoders.count,
         "condition": condition.memory(), "clock": np.int64(0), "encoders": np.int64(0),
-        "tolerance": s.tolerance, "asked_to_stop": np.bool_(False),
+        "tolerance": s.tolerance, "stray": s.stray, "asked_to_stop": np.bool_(False),
         "heads": np.int64(eyes.heads), "t_exposed": 0.0,
         "last": np.array([arm.q_ready, still]),
     }  # fmt: skip

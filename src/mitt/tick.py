@@ -97,22 +97,25 @@ def perceive(
         s["last"][:] = s["believed"]
         s["wanted"][0] = s["believed"][0]
         s["begun"] = True
-    if s["phase"] == BRAKE:  # the ball is where the hand is, and the estimate stays
+    if s["phase"] in (BRAKE, STOPPED):  # the estimate stays
         return
     if s["heads"] > 0:
         aim(s["eyes_heads"], s["eyes_angles"], s["eyes_cameras"])
-    if look(
-        images,
-        together,
-        s["eyes_memory"],
-        s["eyes_settings"],
-        s["eyes_boxes"],
-        s["eyes_cameras"],
-        s["eyes_belief"],
-        s["eyes_work"],
-        s["z"],
-        s["R"],
-    ):
+    if (
+        look(
+            images,
+            together,
+            s["eyes_memory"],
+            s["eyes_settings"],
+            s["eyes_boxes"],
+            s["eyes_cameras"],
+            s["eyes_belief"],
+            s["eyes_work"],
+            s["z"],
+            s["R"],
+        )
+        and t_exposed <= t + TICK
+    ):  # a sighting of the future is one of a clock that was set
         absorb(s["ball_memory"], t_exposed, s["z"], s["R"], s["ball_settings"], s["ball_work"])
     memory = s["ball_memory"]
     tracked = speak(memory, t, s["ball_settings"], out["ball"], out["covariance"], s["ball_work"])
@@ -229,7 +232,7 @@ def _report(blocked: bool, state: Record, result: Record) -> None:
         s["tolerance"],
         R[0, 0] + R[1, 1] + R[2, 2] > ONE_EYED,
         largest_gap(told[0], believed[0]),
-        largest_gap(told[1], believed[1]),
+        s["stray"],
     )
     if s["asked_to_stop"]:
         out["state"], out["reason"] = ABORT, ASKED

@@ -17,6 +17,8 @@ WITHIN = 5
 FAULTS = (SILENT, JUMPED, STUCK, REVERSED)
 #: Share by which the true acceleration may differ from the model's.
 WRONG_MODEL = 0.15
+#: Bandwidth of the tracking [rad/s].
+BANDWIDTH = 80.0
 
 seeds = st.integers(0, 2**31)
 
@@ -69,6 +71,29 @@ def test_a_true_motion_raises_no_alarm(arm: Arm, seed: int) -> None:
         assert np.array_equal(watch.believed, read)
 
 
+@given(joint=st.integers(0, 2), speed=st.floats(-0.3, 0.3))
+def test_a_joint_that_friction_holds_is_not_a_stuck_encoder(
+    arm: Arm, joint: int, speed: float
+) -> None:
+    """Told to creep, driven by less than a tenth of its torque, a still joint is believed."""
+    watch = Watch(arm)
+    told = telling(np.zeros(arm.n), np.zeros(arm.n))
+    told[1, joint], told[4, joint] = speed, 0.09 * watch.b[3, joint]
+    for _ in range(200):
+        assert watch.step(np.array([arm.q_ready, 0.0 * arm.q_ready]), told) == FINE
+
+
+@pytest.mark.parametrize("bad", [4.0, -9.0, 1e18])
+def test_a_first_reading_has_to_be_one_of_this_joint(arm: Arm, bad: float) -> None:
+    """Far outside its range a first reading is refused, and the third one is a fault."""
+    watch, q = Watch(arm), arm.q_ready.copy()
+    q[1] += bad
+    still = telling(np.zeros(arm.n), np.zeros(arm.n))
+    said = [watch.step(np.array([q, 0.0 * q]), still) for _ in range(3)]
+    assert said == [BRIDGED, BRIDGED, SILENT]
+    assert watch.believed[0, 1] == 0.0
+
+
 @given(seed=seeds, joint=st.integers(0, 2), bad=st.sampled_from([np.nan, np.inf, 9.0, -40.0]))
 def test_a_single_glitch_is_bridged(arm: Arm, seed: int, joint: int, bad: float) -> None:
     """One absurd reading leaves what is believed within a tick's motion of the truth."""
@@ -97,18 +122,28 @@ def broken(kind: str, then: Array, now: Array) -> tuple[float, float]:
 @pytest.mark.parametrize("kind", ["silent", "jumped", "stuck", "reversed"])
 @given(seed=seeds, joint=st.integers(0, 2))
 def test_a_fault_is_found_within_five_ticks(arm: Arm, kind: str, seed: int, joint: int) -> None:
-    """Counted from when it shows: stuck, by five counts; reversed, by a jump or gained speed."""
+    """Counted from when it shows: stuck, by five counts and a torque that no friction withstands.
+
+    The controller pushes against what it believes is a lag. A reversed one shows by a jump or by
+    gained speed.
+    """
     q, dq, ddq = motion(arm, seed, 500)
     watch, start, shown, moved, gained = Watch(arm), 200, None, 0.0, 0.0
     for k in range(1, 500):
-        read, told = np.array([q[k], dq[k]]), telling(dq[k - 1], ddq[k - 1])
+        lag = np.array([q[k - 1], dq[k - 1]]) - watch.believed if k > 1 else np.zeros((2, arm.n))
+        push = ddq[k - 1] + BANDWIDTH**2 * lag[0] + 2.0 * BANDWIDTH * lag[1]
+        read, told = np.array([q[k], dq[k]]), telling(dq[k - 1], push)
         gained += told[4, joint] * TICK - 0.2 * gained
         if k >= start:
             at = np.array([q[k, joint], dq[k, joint]])
             read[:, joint] = broken(kind, np.array([q[start, joint], dq[start, joint]]), at)
             moved += told[1, joint] * TICK
             jump = abs(2.0 * at[0]) > 1.6 * watch.b[2, joint] * TICK
-            shows = {"stuck": abs(moved) > 5.0 * COUNT, "reversed": jump or abs(gained) > 0.4}
+            driven = abs(gained) > 0.1 * watch.b[3, joint] * TICK / 0.2
+            shows = {
+                "stuck": driven and abs(moved) > 5.0 * COUNT,
+                "reversed": jump or abs(gained) > 0.4,
+            }
             if shown is None and shows.get(kind, True):
                 shown = k
         said = watch.step(read, told)
@@ -130,3 +165,17 @@ def test_after_a_fault_the_joint_is_reckoned(arm: Arm) -> None:
         watch.step(read, telling(dq[k - 1], ddq[k - 1]))
     assert np.array_equal(watch.believed[0, [0, 2]], q[-1, [0, 2]])
     assert abs(watch.believed[0, 1] - q[-1, 1]) < 0.01
+
+
+def test_a_reversed_encoder_is_read_with_its_sign_turned(arm: Arm) -> None:
+    """From the fault on, q and dq of the joint are those of the joint again."""
+    q, dq, ddq = motion(arm, 5, 400)
+    watch, said = Watch(arm), [FINE]
+    for k in range(1, 400):
+        read = np.array([q[k], dq[k]])
+        if k >= 100:
+            read[:, 0] = -read[:, 0]
+        said.append(watch.step(read, telling(dq[k - 1], ddq[k - 1])))
+        if REVERSED in said:
+            assert np.array_equal(watch.believed[:, 0], [q[k, 0], dq[k, 0]])
+    assert REVERSED in said

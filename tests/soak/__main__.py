@@ -9,7 +9,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-from soak import commands, files, kills
+from mitt.robot.load import load_arm
+from mitt.study.lesson import learn
+from soak import commands, files, kills, ticks
 
 #: Where files that did harm are kept.
 _HARMFUL = Path("runs/soak")
@@ -24,25 +26,29 @@ def main() -> int:
     options = parser.parse_args()
     sent = commands.soak(options.commands, seed=options.seed)
     print(sent)  # noqa: T201
+    made = ticks.soak(options.ticks, seed=options.seed, f=learn(load_arm("wam")).map)
+    print(dict(made.phases), dict(made.states), f"{made.recovered} recoveries")  # noqa: T201
     with tempfile.TemporaryDirectory() as folder:
         read = files.soak(options.files, seed=options.seed, folder=Path(folder), keep=_keep)
         alone = files.soak_processes(
             options.processes, seed=options.seed, folder=Path(folder), keep=_keep
         )
         killed = kills.soak(options.kills, seed=options.seed, folder=Path(folder))
-    for fault in read.faults + alone.faults + killed.unreadable:
+    for fault in made.faults + read.faults + alone.faults + killed.unreadable:
         print(fault)  # noqa: T201
     result = {
         "commands": sent.commands,
         "violations": sent.violations,
-        "non_finite": sent.non_finite,
+        "non_finite": sent.non_finite + made.non_finite,
+        "ticks": made.ticks,
+        "tick_faults": made.fault_ticks,
         "files": read.files + alone.files,
         "file_faults": len(read.faults) + len(alone.faults),
         "kills": killed.kills,
         "unreadable": len(killed.unreadable),
     }
     print(json.dumps(result))  # noqa: T201
-    bad = ("violations", "non_finite", "file_faults", "unreadable")
+    bad = ("violations", "non_finite", "tick_faults", "file_faults", "unreadable")
     return int(any(result[key] for key in bad))
 
 

@@ -49,7 +49,7 @@ def soak(commands: int, *, seed: int) -> Count:
 
 
 @njit(cache=True)
-def _inside(b: Array, q: float, dq: float, slack: float) -> bool:
+def inside(b: Array, q: float, dq: float, slack: float) -> bool:
     """Say whether a joint is in its range, below its speed and able to stop in its range."""
     if not (b[0] - slack <= q <= b[1] + slack and abs(dq) <= b[2] + slack):
         return False
@@ -63,8 +63,8 @@ def obeys(b: Array, q0: float, dq0: float, q: float, dq: float, ddq: float) -> b
     e = ROUNDING
     if abs(q - q0) > b[2] * TICK + e or abs(dq - dq0) > b[4] * TICK + e or abs(ddq) > b[4] + e:
         return False
-    if _inside(b, q0, dq0, 0.0):
-        return bool(_inside(b, q, dq, e))
+    if inside(b, q0, dq0, 0.0):
+        return bool(inside(b, q, dq, e))
     beyond0, beyond = max(q0 - b[1], b[0] - q0, 0.0), max(q - b[1], b[0] - q, 0.0)
     fast0, fast = max(abs(dq0) - b[2], 0.0), max(abs(dq) - b[2], 0.0)
     back = beyond <= max(beyond0 - b[2] * TICK, 0.0) + e
@@ -79,7 +79,7 @@ def _may_pass(b: Array, q0: float, dq0: float, q: float, dq: float, ddq: float) 
         abs(q - q0) < b[2] * TICK - e
         and abs(dq - dq0) < b[4] * TICK - e
         and abs(ddq) < b[4] - e
-        and _inside(b, q, dq, -e)
+        and inside(b, q, dq, -e)
     )
 
 
@@ -147,13 +147,13 @@ def _drive(commands: int, seed: int, counts: Array) -> None:
             q, dq, ddq = keep_joint(b[0], b[1], b[2], b[3], b[4], q0, dq0, wq, wdq, wddq)
             same = q == wq and dq == wdq and ddq == wddq
             counts[2] += not same
-            inside = _inside(b, q0, dq0, 0.0)
-            counts[3] += not inside
+            within = inside(b, q0, dq0, 0.0)
+            counts[3] += not within
             if not (np.isfinite(q) and np.isfinite(dq) and np.isfinite(ddq)):
                 counts[1] += 1
                 q, dq = _start(b)
             elif not obeys(b, q0, dq0, q, dq, ddq) or (
-                inside and not same and _may_pass(b, q0, dq0, wq, wdq, wddq)
+                within and not same and _may_pass(b, q0, dq0, wq, wdq, wddq)
             ):
                 counts[0] += 1
             q0, dq0 = q, dq

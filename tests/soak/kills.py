@@ -48,7 +48,9 @@ def soak(kills: int, *, seed: int, folder: Path) -> Killed:
         place = folder / str(k)
         place.mkdir()
         victim = subprocess.Popen(
-            [sys.executable, "-m", "soak.kills", str(place)], stdout=subprocess.PIPE
+            [sys.executable, "-m", "soak.kills", str(place)],
+            stdout=subprocess.PIPE,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
         )
         assert victim.stdout is not None
         victim.stdout.readline()  # it has saved everything once

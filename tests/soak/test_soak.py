@@ -5,7 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from soak import commands, files, kills
+from mitt.catcher import Phase
+from mitt.control.envelope import bounds_of
+from mitt.generator.learn import Learned
+from mitt.robot.arm import Arm
+from soak import commands, files, kills, ticks
 from soak.mutants import mutant
 
 
@@ -39,6 +43,28 @@ def test_the_rule_sees_a_joint_that_cannot_stop() -> None:
     b = np.array([-1.0, 1.0, 20.0, 200.0, 300.0])
     assert commands.obeys(b, 0.0, 19.9, 0.0198, 19.8, 0.0)
     assert not commands.obeys(b, 0.0, 19.9, 0.0198, 19.95, 0.0)
+
+
+def test_no_garbage_gets_a_tick_to_break_a_rule(learned: Learned) -> None:
+    """Clock, encoders, points and images are garbage in all phases: all commands keep the rule."""
+    count = ticks.soak(12_000, seed=20020708, f=learned.map)
+    assert count.faults == []
+    assert count.ticks == 12_000
+    assert all(count.phases[phase.value] > 100 for phase in Phase)
+    assert {"nominal", "predict", "degraded", "abort"} <= set(count.states)
+    assert count.recovered > 10
+
+
+def test_the_rule_of_ticks_sees_what_breaks_it(arm: Arm) -> None:
+    """More torque than a drive has, and a joint that speeds up outside its range, are noticed."""
+    still = np.zeros(arm.n)
+    assert not ticks.too_strong(arm, arm.tau_max, still)
+    assert ticks.too_strong(arm, 1.001 * arm.tau_max, still)
+    b, last = bounds_of(arm), np.array([arm.q_max + 0.2, still])
+    slower, faster = (np.array([last[0], x * np.ones(arm.n), still]) for x in (0.0, 0.01))
+    assert ticks.breaks(b, last, slower, True) == -1
+    assert ticks.breaks(b, last, slower, False) == 0
+    assert ticks.breaks(b, last, faster, True) == 0
 
 
 @pytest.mark.slow

@@ -48,4 +48,4 @@ def test_continuous_torque_is_a_root_mean_square(motors: Arm, scale: float) -> N
 
 def test_a_set_without_continuous_torque_has_no_share(arm: Arm) -> None:
     """The share is 0 where nothing is stated."""
-    assert rms_ratio(arm, np.ones((3, 4))) == (0.0,) * 4
+    assert rms_ratio(arm, np.ones((3, 4))) == [0.0] * 4

@@ -37,7 +37,7 @@ def test_phases_come_in_their_order(direct: Outcome) -> None:
     """Watching, following, braking: the phase never goes back."""
     assert direct.log is not None
     assert np.all(np.diff(direct.log.phase) >= 0)
-    assert [p.value for p in PHASES] == ["watch", "follow", "brake", "refused"]
+    assert [p.value for p in PHASES] == ["watch", "follow", "brake", "refused", "stopped"]
 
 
 def test_the_feedforward_is_the_torque_of_the_command_alone(direct: Outcome, arm: Arm) -> None:

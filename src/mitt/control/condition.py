@@ -66,8 +66,8 @@ _IN_TIME, BRIDGED_TIME = 0.005, 0.020
 _TIMELESS_TICKS = 20
 #: Age of the last measurement from which the ball is predicted, and from which it can be lost [s].
 _FRESH, _OLD = 0.005, 0.020
-#: Gaps to the told motion that count [rad, rad/s], and ticks for which they may last.
-_FAR_Q, _FAR_DQ, _FAR_TICKS = 0.8, 12.0, 20
+#: Ticks for which a joint may be far from the told motion.
+_FAR_TICKS = 20
 
 
 def memory() -> Array:
@@ -113,8 +113,8 @@ def assess(
     sigma: float,
     tolerance: float,
     one_camera: bool,
-    gap_q: float,
-    gap_dq: float,
+    gap: float,
+    stray: float,
 ) -> tuple[int, int]:
     """Return state and reason of a tick.
 
@@ -128,11 +128,10 @@ def assess(
         sigma: 1-sigma of the ball's predicted position [m].
         tolerance: What the hand tolerates of it [m].
         one_camera: Whether the last measurement came from one camera.
-        gap_q: Largest gap between told and believed joint positions [rad].
-        gap_dq: The same for speeds [rad/s].
+        gap: Largest gap between told and believed joint positions [rad].
+        stray: Gap that is too large, if it lasts [rad].
     """
-    far = gap_q > _FAR_Q or gap_dq > _FAR_DQ
-    m[_FAR] = m[_FAR] + 1.0 if far else 0.0
+    m[_FAR] = m[_FAR] + 1.0 if gap > stray else 0.0
     if encoders > BRIDGED:
         return ABORT, _SILENT + encoders - BRIDGED - 1
     if clock > _LATE:

@@ -53,7 +53,7 @@ def close(memory: Array, grip: Array, t: float, time_to_catch: float) -> float:
         time_to_catch: Time until the catch [s]; infinite where none is in sight.
     """
     if memory[0] == np.inf:
-        if time_to_catch > grip[0]:
+        if not time_to_catch <= grip[0]:  # later, or no number
             return 0.0
         memory[0] = t
     elapsed = t - memory[0]

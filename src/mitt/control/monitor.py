@@ -2,17 +2,21 @@
 
 An encoder is held to what it read a tick ago and to the motion that the arm was told:
 
+* a first reading has to lie near the joint's range;
 * a reading that is not finite, or that no motion within the limits explains, is replaced by dead
   reckoning along the told motion; the third in a row is a fault, so a single glitch passes;
-* an encoder that does not move while the told motion has come by more than five counts is stuck;
+* an encoder that does not move is stuck if the told motion has come by more than five counts and
+  the joint is driven by more than friction may hold;
 * one that runs backwards against the acceleration that the torques bring has lost its sign.
 
-From a fault on, the joint is reckoned, not read: the arm is stopped along the model.
+From a fault on, the joint is reckoned, not read: the arm is stopped along the model. A reversed
+encoder is read with its sign turned: it has driven the joint the wrong way, and only it can tell
+how fast.
 
 Memory of the encoders, a row a joint: last believed q and dq, readings refused in a row, told
 motion since the reading changed [rad], ticks stuck, sums of the speed gained by the torques and by
-the reading over a fading window [rad/s], ticks of disagreement, whether the joint is reckoned,
-the reading that it has not left [rad].
+the reading over a fading window [rad/s], ticks of disagreement, whether the joint is reckoned (1)
+or read with its sign turned (-1), the reading that it has not left [rad].
 """
 
 from dataclasses import dataclass
@@ -32,8 +36,13 @@ FINE, BRIDGED, SILENT, JUMPED, STUCK, REVERSED = range(6)
 
 #: Readings in a row that make a fault, and a reading's excess over what a limit explains.
 _IN_A_ROW, _EXCESS = 3, 1.5
+#: How far outside a joint's range a first reading may lie [rad].
+_BEYOND = 0.5
 #: Counts of told motion after which a still encoder is suspicious, and ticks until it is stuck.
-_COUNTS, _STILL = 5.0, 4
+_COUNTS, _STILL = 5.0, 3
+#: Share of a joint's largest torque that friction may take, so that a joint that is driven by less
+#: may stand still.
+_FRICTION = 0.1
 #: Share of the window that fades each tick; gained speed from which the signs are compared
 #: [rad/s], the share of it that a reversed encoder shows, and ticks until it counts.
 _FADING, _GAIN, _AGAINST, _TICKS_APART = 0.2, 0.25, 0.3, 3
@@ -80,13 +89,15 @@ def believe(
     worst = FINE
     for k in range(read.shape[1]):
         m, q, dq = memory[k], read[0, k], read[1, k]
-        if np.isnan(m[_Q]) and np.isfinite(q) and np.isfinite(dq):
+        if np.isnan(m[_Q]) and _may_begin(b[:, k], q, dq):
             m[_Q], m[_DQ], m[_HELD] = q, dq, q
-        found = _judge(m, b[2, k], b[4, k], count, q, dq, told[1, k], told[4, k])
-        if found >= SILENT:
-            m[_RECKONED] = 1.0
+        found = _judge(m, b[2, k], b[3, k], b[4, k], count, q, dq, told[1, k], told[4, k])
+        if found >= SILENT and m[_RECKONED] == 0.0:
+            m[_RECKONED] = -1.0 if found == REVERSED else 1.0
         if found == FINE and m[_RECKONED] == 0.0:
             m[_Q], m[_DQ] = q, dq
+        elif m[_RECKONED] < 0.0 and np.isfinite(q) and np.isfinite(dq):
+            m[_Q], m[_DQ] = -q, -dq
         elif not np.isnan(m[_Q]):
             m[_Q], m[_DQ] = m[_Q] + TICK * told[1, k], told[1, k]
         if not np.isnan(m[_Q]):
@@ -96,9 +107,16 @@ def believe(
 
 
 @njit(cache=True)
+def _may_begin(b: Array, q: float, dq: float) -> bool:
+    """Say whether a first reading can be one of this joint; one that is no number cannot."""
+    return bool(b[0] - _BEYOND <= q <= b[1] + _BEYOND and abs(dq) <= _EXCESS * b[2])
+
+
+@njit(cache=True)
 def _judge(
     m: Array,
     dq_max: float,
+    brake: float,
     ddq_max: float,
     count: float,
     q: float,
@@ -122,8 +140,9 @@ def _judge(
         m[_HELD], m[_TOLD] = q, 0.0
     else:
         m[_TOLD] += told * TICK
-    m[_STUCK] = m[_STUCK] + 1.0 if abs(m[_TOLD]) > _COUNTS * count else 0.0
     m[_GAINED] += push * TICK - _FADING * m[_GAINED]
+    driven = abs(m[_GAINED]) > _FRICTION * brake * TICK / _FADING
+    m[_STUCK] = m[_STUCK] + 1.0 if driven and abs(m[_TOLD]) > _COUNTS * count else 0.0
     m[_READ] += gained - _FADING * m[_READ]
     against = m[_READ] * np.copysign(1.0, m[_GAINED]) < -_AGAINST * abs(m[_GAINED])
     m[_APART] = m[_APART] + 1.0 if abs(m[_GAINED]) > _GAIN and against else 0.0

@@ -76,7 +76,8 @@ class Pace:
     def due(self) -> bool:
         """Say whether it is time for a report, and count it as given."""
         now = time.monotonic()
-        if self._told and now - self._told < self.every:
+        self._told = self._told or now
+        if now - self._told < self.every:
             return False
         self._told = now
         return True

@@ -7,17 +7,47 @@ before the loop is never looked at again (performance.md, section 10).
 import ctypes
 import gc
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from mitt.errors import InputError
 
 #: Of mlockall(2): present and future pages.
 _CURRENT_AND_FUTURE = 3
+#: What says how many threads numerical libraries start.
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 def settle() -> None:
     """Collect garbage once and take all that is left out of later collections."""
     gc.collect()
     gc.freeze()
+
+
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """Run a loop without garbage collection; afterwards it is as it was before.
+
+    What the loop leaves behind is freed by reference counts; only cycles wait until its end.
+    """
+    was_on = gc.isenabled()
+    settle()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
+        if was_on:
+            gc.enable()
+
+
+def threads_of_libraries() -> dict[str, str]:
+    """Return the settings of the libraries' own threads that are not one, by variable.
+
+    A helper thread that holds the interpreter's lock delays a tick by milliseconds; libraries
+    read these variables when they are loaded, so they are to be set before.
+    """
+    return {name: os.environ.get(name, "") for name in _THREADS if os.environ.get(name) != "1"}
 
 
 def run_realtime(priority: int = 50) -> None:

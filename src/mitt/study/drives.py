@@ -103,7 +103,7 @@ def _solve(rows: Array) -> None:
         rows[k, n] /= rows[k, k]
 
 
-def rms_ratio(arm: Arm, tau: Array) -> tuple[float, ...]:
+def rms_ratio(arm: Arm, tau: Array) -> list[float]:
     """Return root mean square torque over continuous torque, drive by drive, for (k, N) [N m]."""
     rms = np.sqrt(np.mean(arm.limits.drive_torque(tau) ** 2, axis=0))
-    return tuple(float(x) for x in rms / arm.limits.tau_rms)
+    return [float(x) for x in rms / arm.limits.tau_rms]

@@ -1,6 +1,6 @@
 """How a trial is scored, by the rules of the contract, from the true states of the world."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,7 +60,7 @@ class Trial:
     binding_limit: str | None
     saturated_ticks: int
     range_excess_rad: float
-    rms_torque_ratio: tuple[float, ...] = ()
+    rms_torque_ratio: list[float] = field(default_factory=list)
     certificate: dict[str, str | float | None] | None = None
 
 
@@ -119,7 +119,7 @@ class Meter:
         hot = sum(share > 1.0 + _MEASURED for share in self.continuous(truth))
         return int(np.sum(bad)) + hot
 
-    def continuous(self, truth: Trace) -> tuple[float, ...]:
+    def continuous(self, truth: Trace) -> list[float]:
         """Return the share of each drive's continuous torque over the trial."""
         return rms_ratio(self._arm, self._given(truth))
 

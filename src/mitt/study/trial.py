@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 
 from mitt.catcher import Catcher, CatcherSettings
-from mitt.generator.generators import Generator
+from mitt.generator.generators import Generator, Unoptimised
 from mitt.link.clock import Stopwatch
 from mitt.records import Record
 from mitt.rivals.clairvoyant import Clairvoyant
@@ -77,6 +77,7 @@ class Bench:
             ball_radius=ball.radius,
             flight=known_ball(ball.drag, ball.mass),
             around=Surroundings(floor=self._scene.floor),
+            stray=_patience(self._generator),
         )
         generator = self._generator
         if isinstance(generator, Clairvoyant):
@@ -156,6 +157,11 @@ def catch_time(ticks: Record) -> float:
     """
     near = np.flatnonzero(np.abs(ticks["time_to_catch"]) < _NEAR_CATCH)
     return float((ticks["t"] + ticks["time_to_catch"])[near[-1]]) if len(near) else np.inf
+
+
+def _patience(generator: Generator) -> float:
+    """Return how far the arm may stray [rad]: alpha = 0 is shown as it is, never stopped."""
+    return np.inf if isinstance(generator, Unoptimised) else CatcherSettings().stray
 
 
 def known_ball(drag: float, mass: float) -> FilterConfig:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from math import pi, sqrt
+from math import inf, isfinite, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -39,9 +39,10 @@ from mitt.vision.triangulation import (
     unseen,
 )
 
-KNOWN, SINCE, ODDS, STATUS, SPEED = range(3, 8)
+KNOWN, SINCE, ODDS, STATUS, SPEED, LOOKS = 3, 4, 5, 6, 7, 10
 """Places in the rig's row of the memory, after the position: sightings that it rests on, looks
-since both eyes saw the ball, looks at odds in a row, status, motion a look."""
+since both eyes saw the ball, looks at odds in a row, status, motion a look, looks since any eye
+saw it."""
 BLIND, ONE, BOTH, AT_ODDS = range(4)
 
 ALONG = 10.0
@@ -120,6 +121,7 @@ def _expect(memory: Array, cameras: Array, radius: float, r: Array) -> None:
 def _foresee(rig: Array) -> None:
     """Move the last position on by one look; forget it where it is old."""
     rig[SINCE] += 1.0
+    rig[LOOKS] += 1.0
     if rig[SINCE] > FORGET:
         rig[KNOWN] = 0.0
     for i in range(3):
@@ -129,7 +131,7 @@ def _foresee(rig: Array) -> None:
 @njit(cache=True)
 def _remember(rig: Array, r: Array) -> None:
     """Correct position and motion from look to look by an alpha-beta filter."""
-    looks = max(rig[SINCE], 1.0)
+    looks = max(rig[LOOKS], 1.0)
     count = rig[KNOWN] if looks < RESTART else 0.0
     for i in range(3):
         error = r[i] - rig[i]
@@ -138,7 +140,7 @@ def _remember(rig: Array, r: Array) -> None:
             rig[SPEED + i] = 0.0
         else:
             rig[SPEED + i] += (1.0 if count == 1.0 else BETA) * error / looks
-    rig[KNOWN] = min(count + 1.0, SLOWLY)
+    rig[KNOWN], rig[LOOKS] = min(count + 1.0, SLOWLY), 0.0
 
 
 @njit(cache=True)
@@ -360,12 +362,17 @@ class Eyes:
     ) -> tuple[tuple[Image, ...], tuple[bool, ...], float]:
         """Return images, whether they belong together, and their instant, as :func:`look` takes it.
 
+        Their instant is the newest: a camera that lags or repeats itself is left out, no other.
+
         Args:
             frames: As for :meth:`step`.
         """
         if not frames:
             return self._nothing
-        t = frames[0].t
+        t = -inf
+        for frame in frames:
+            if t < frame.t < inf:
+                t = frame.t
         images, together, numbers = self._none.copy(), self._still, self._numbers
         for frame in frames:
             k = frame.camera
@@ -373,6 +380,8 @@ class Eyes:
                 raise InputError("frame.camera", f"0 to {len(images) - 1}", k)
             if frame.number == numbers[k]:
                 continue
+            if self.heads and not (isfinite(frame.pan) and isfinite(frame.tilt)):
+                continue  # nobody knows where it looks
             numbers[k] = frame.number
             pixels = frame.pixels
             plain = pixels.size > 0 and pixels.ndim == 2 and pixels.flags.carray

@@ -28,8 +28,8 @@ def estimate_ground(pixels: Image, counts: NDArray[np.int64], ground: Array) -> 
     """
     counts[:] = 0
     total = 0
-    for v in range(1, pixels.shape[0], 3):
-        for u in range(1, pixels.shape[1], 3):
+    for v in range(min(1, pixels.shape[0] - 1), pixels.shape[0], 3):
+        for u in range(min(1, pixels.shape[1] - 1), pixels.shape[1], 3):
             counts[pixels[v, u]] += 1
             total += 1
     low, middle, high, seen = 0, 0, 0, 0

@@ -1,0 +1,113 @@
+"""What the rows of the fault table share: a map, and trials with a plan of faults."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mitt.catcher import Phase
+from mitt.generator.generators import Direct
+from mitt.generator.learn import Learned
+from mitt.records import REASONS, STATES, Record
+from mitt.robot.arm import Arm
+from mitt.signals import Senses
+from mitt.study.lesson import learn
+from mitt.study.neighbourhood import aim_of
+from mitt.study.score import Meter, held, status_of
+from mitt.study.trial import Bench
+from mitt.world.scene import Scene
+from mitt.world.throws import Throw, default_throw
+
+#: Seed of the throws; evaluations have others.
+SEED = 61
+TICKS = 1100
+Change = Callable[[Senses], Senses]
+
+
+@dataclass(frozen=True, slots=True)
+class Thrown:
+    """What became of one throw.
+
+    Attributes:
+        status: As in the contract.
+        ticks: Results of all ticks.
+        violations: Ticks that broke a limit.
+        finite: Whether all numbers of all commands were finite.
+        phase: Phase at the end.
+    """
+
+    status: str
+    ticks: Record
+    violations: int
+    finite: bool
+    phase: Phase
+
+    @property
+    def states(self) -> set[str]:
+        """Names of the states that occurred."""
+        return {STATES[k].value for k in np.unique(self.ticks["state"])}
+
+    @property
+    def reasons(self) -> set[str]:
+        """Reasons that occurred."""
+        return {REASONS[k].value for k in np.unique(self.ticks["reason"])}
+
+    def first(self, state: str) -> float:
+        """Return the time of the first tick in a state [s]; infinite if there is none."""
+        at = np.flatnonzero([STATES[k].value == state for k in self.ticks["state"]])
+        return float(self.ticks["t"][at[0]]) if len(at) else np.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Where throws with faults are made."""
+
+    taught: Learned
+    throws: list[Throw]
+
+    def throw(
+        self,
+        *faults: dict[str, Any],
+        number: int = 0,
+        pixels: bool = False,
+        change: Change | None = None,
+        ball: Throw | None = None,
+    ) -> Thrown:
+        """Throw once with a plan of faults and a change of the senses."""
+        arm = self.taught.map.arm
+        scene = Scene.model_validate({"faults": list(faults)})
+        bench = Bench(arm, Direct(self.taught.map), scene, pixels=pixels)
+        world, catcher, rows, finite = bench.world, bench.catcher(), [], True
+        world.reset(ball or self.throws[number], SEED + number)
+        for _ in range(TICKS):
+            senses = world.sense(look=catcher.looking)
+            command = catcher.step(senses if change is None else change(senses))
+            everything = (
+                command.q,
+                command.dq,
+                command.ddq,
+                command.tau,
+                [command.hand, command.t],
+            )
+            finite &= all(bool(np.all(np.isfinite(row))) for row in everything)
+            world.apply(command)
+            catcher.think()
+            rows.append(catcher.result.copy())
+        ticks = np.concatenate(rows)
+        was_held = held(world.truth(), scene.ball.radius)
+        return Thrown(
+            status_of(world, catcher.phase, was_held=was_held),
+            ticks,
+            Meter(arm, ticks).violations(world.trace()),
+            finite,
+            catcher.phase,
+        )
+
+
+@pytest.fixture(scope="session")
+def place(arm: Arm) -> Range:
+    """The map that ``mitt catch`` learns, and some default throws."""
+    rng, aim = np.random.default_rng(SEED), aim_of(arm)
+    return Range(learn(arm), [default_throw(rng, aim) for _ in range(6)])

@@ -1,0 +1,309 @@
+"""Whole ticks fed with garbage, in all phases, checked after each by an independent rule.
+
+The arm is one that does what the torques bring by the catcher's own model; clock, encoders,
+points and images are garbage by turns (:mod:`soak.garbage`). The rule is that of
+:mod:`soak.commands` for each joint, and the drives' own bounds for the torques.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import final
+
+import numpy as np
+from numba import njit
+
+from mitt.catcher import Catcher, CatcherSettings, Phase
+from mitt.control.condition import Reason
+from mitt.control.envelope import TICK, bounds_of
+from mitt.errors import InputError
+from mitt.generator.certificate import Outcome, Verdict
+from mitt.generator.generators import Direct, Generator, Unoptimised
+from mitt.generator.mapping import DirectMap
+from mitt.records import REASONS
+from mitt.robot.arm import Arm
+from mitt.robot.load import load_arm
+from mitt.signals import ArmState, Array, BallState, Command, JointReference, Senses
+from mitt.study.neighbourhood import aim_of
+from mitt.vision.camera import fixed_rig
+from mitt.vision.eyes import Eyes
+from mitt.vision.head import active_rig
+from mitt.world.ballistics import fly
+from mitt.world.throws import default_throw
+from soak import garbage
+from soak.commands import ROUNDING, inside, obeys
+from soak.garbage import Cameras, Channel
+
+#: Ticks of an episode, and the share of it that is free of faults in a calm one.
+_EPISODE, _CALM = 900, 0.4
+#: Flights that are flown once, and faults kept for the report.
+_FLIGHTS, _KEPT = 24, 20
+#: Rates at which faults strike a channel, a tick.
+_RATES = (0.0, 0.001, 0.003, 0.01, 0.3)
+
+
+@dataclass(slots=True)
+class Count:
+    """What became of the ticks.
+
+    Attributes:
+        ticks: Ticks made.
+        non_finite: Those with a number that is not finite in their command.
+        faults: What broke a rule first in an episode, with its tick.
+        fault_ticks: How many ticks broke a rule or raised.
+        phases: Ticks by phase.
+        states: Ticks by state.
+        recovered: Recoveries from a stop.
+    """
+
+    ticks: int = 0
+    non_finite: int = 0
+    faults: list[str] = field(default_factory=list)
+    fault_ticks: int = 0
+    phases: Counter[str] = field(default_factory=Counter)
+    states: Counter[str] = field(default_factory=Counter)
+    recovered: int = 0
+
+
+@final
+class Wild:
+    """A generator that is no map, refuses nothing, and asks for garbage now and then."""
+
+    def __init__(self, f: DirectMap, rng: np.random.Generator) -> None:
+        """Take the map that it mostly follows."""
+        self._map, self._rng = f, rng
+        self._channel = Channel(("absurd", "all", "far", "time"), rng, 0.02)
+
+    def sharpness(self, ball: BallState) -> float:  # noqa: ARG002
+        """Find any ball sharp."""
+        return 0.0
+
+    def verdict(self, ball: BallState, q: Array) -> Verdict:
+        """Refuse nothing."""
+        outcome = (Outcome.FEASIBLE, Outcome.OPEN)[self._rng.integers(2)]
+        return replace(Unoptimised(self._map).verdict(ball, q), outcome=outcome)
+
+    def returns(self, ball: BallState) -> bool:  # noqa: ARG002
+        """Make up its mind now and then."""
+        return bool(self._rng.random() < 0.02)
+
+    def waiting(self, ball: BallState) -> BallState:
+        """Wait for nothing."""
+        return ball
+
+    def adapt(self, ball: BallState, q: Array, dq: Array) -> "Wild":  # noqa: ARG002
+        """Start nowhere in particular."""
+        return self
+
+    def reference(self, ball: BallState) -> JointReference:
+        """Evaluate the map, and spoil it."""
+        asked, rng, fault = self._map.reference(ball), self._rng, self._channel.next()
+        if not fault:
+            return asked
+        if fault == "time":
+            return replace(asked, time_to_catch=garbage.absurd(rng))
+        rows = np.array([asked.q_d, asked.dq_d, asked.ddq_d])
+        if fault == "absurd":
+            rows[rng.integers(3), rng.integers(rows.shape[1])] = garbage.absurd(rng)
+        elif fault == "all":
+            rows[:] = garbage.absurd(rng)
+        else:
+            rows += 10.0 ** rng.uniform(-2.0, 6.0) * rng.standard_normal(rows.shape)
+        return replace(asked, q_d=rows[0], dq_d=rows[1], ddq_d=rows[2])
+
+    def as_map(self) -> DirectMap | None:
+        """Be no map."""
+        return None
+
+
+@njit(cache=True)
+def breaks(b: Array, last: Array, told: Array, blocked: bool) -> int:
+    """Return the first joint that breaks the rule of motion; -1 if none.
+
+    A joint outside its limits returns, unless the way is blocked: then it only gets slower.
+    """
+    for k in range(told.shape[1]):
+        q0, dq0, dq = last[0, k], last[1, k], told[1, k]
+        if obeys(b[:5, k], q0, dq0, told[0, k], dq, told[2, k]):
+            continue
+        slower = abs(dq) <= abs(dq0) + ROUNDING and abs(told[2, k]) <= b[4, k] + ROUNDING
+        if not (blocked and slower and not inside(b[:5, k], q0, dq0, 0.0)):
+            return k
+    return -1
+
+
+def too_strong(arm: Arm, tau: Array, dq: Array) -> bool:
+    """Say whether a drive is asked for more than it can give at a speed of the joints."""
+    torques, speeds = (np.zeros(len(arm.model.links)) for _ in range(2))
+    active = list(arm.model.active)
+    torques[active], speeds[active] = tau, dq
+    limits = arm.limits
+    drive = limits.drive_torque(torques)
+    bound = limits.torque_bound(drive, limits.drive_speed(speeds))
+    return bool(np.any(np.abs(drive) > bound * (1.0 + ROUNDING) + ROUNDING))
+
+
+@final
+class Judge:
+    """The independent rule, over the commands of one catcher."""
+
+    def __init__(self, arm: Arm, settings: CatcherSettings) -> None:
+        """Take the arm, empty and with the ball."""
+        self._arms = arm, arm.holding(settings.ball_mass)
+        self._bounds = tuple(bounds_of(a) for a in self._arms)
+        self._closed = arm.model.hand.drive.closed if arm.model.hand else 0.0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last command, as after a recovery."""
+        self._last: Array | None = None
+        self._loaded = self._stopped = False
+
+    def fault(self, catcher: Catcher, command: Command) -> str:
+        """Return which rule a command breaks; the empty text if none."""
+        told = np.array([command.q, command.dq, command.ddq])
+        hand, tau = command.hand, command.tau
+        gaze = np.zeros(1) if command.gaze is None else command.gaze
+        everything = np.concatenate([told.ravel(), tau, gaze.ravel(), (hand, command.t)])
+        if not np.all(np.isfinite(everything)):
+            return f"not finite: {everything.tolist()}"
+        last, self._last = self._last, told
+        if not -ROUNDING <= hand <= self._closed + ROUNDING:
+            return f"hand at {hand}"
+        believed = catcher.believed[1]
+        blocked = self._stopped or REASONS[catcher.result["reason"].item()] is Reason.BLOCKED
+        if too_strong(self._arms[0], tau, believed):
+            return f"torques {tau.tolist()} at {believed.tolist()}"
+        if last is not None:
+            joint = breaks(self._bounds[self._loaded], last, told, blocked)
+            if joint >= 0:
+                return f"joint {joint} from {last.tolist()} to {told.tolist()}"
+            if self._stopped and np.any(np.abs(told[1]) > np.abs(last[1]) + ROUNDING):
+                return f"faster after a stop: {last[1].tolist()} to {told[1].tolist()}"
+        if self._stopped and catcher.phase is not Phase.STOPPED:
+            return f"{catcher.phase} after a stop"
+        self._loaded |= catcher.phase is Phase.BRAKE
+        self._stopped |= catcher.phase is Phase.STOPPED
+        return ""
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What an episode can be made of: arms, a map, flights by their positions each tick."""
+
+    arms: tuple[Arm, ...]
+    map: DirectMap
+    flights: Sequence[Array]
+
+
+def setting(f: DirectMap, seed: int) -> Setting:
+    """Return arms and flights for a map of the WAM."""
+    arm, rng = f.arm, np.random.default_rng(seed)
+    throws = [default_throw(rng, aim_of(arm)) for _ in range(_FLIGHTS)]
+    flights = [np.array([fly(x.r, x.dr, drag=0.04, duration=k * TICK)[0] for k in range(_EPISODE)])
+               for x in throws]  # fmt: skip
+    weaker = load_arm("wam", limits="wam-48v", hand=arm.model.hand)
+    return Setting((arm, arm, weaker), f, flights)
+
+
+def soak(ticks: int, *, seed: int, f: DirectMap) -> Count:
+    """Make ``ticks`` ticks on garbage with the WAM and a map of it."""
+    count, place, episode = Count(), setting(f, seed), 0
+    while count.ticks < ticks:
+        _Episode(place, np.random.default_rng((seed, episode)), f"episode {episode}").run(
+            count, min(_EPISODE, ticks - count.ticks)
+        )
+        episode += 1
+    return count
+
+
+@final
+class _Episode:
+    """One catcher, one ball, one set of faults."""
+
+    def __init__(self, place: Setting, rng: np.random.Generator, name: str) -> None:
+        """Draw the episode."""
+        self._rng, self._name = rng, name
+        self._arm = place.arms[rng.integers(len(place.arms))]
+        self._flight = place.flights[int(rng.integers(len(place.flights)))]
+        rig = active_rig() if rng.random() < 0.2 else fixed_rig()
+        self._cameras = Cameras(rig, rng) if rng.random() < 0.5 else None
+        settings = CatcherSettings()
+        generators: tuple[Generator, ...] = (
+            Direct(place.map), Direct(place.map), Unoptimised(place.map), Wild(place.map, rng)
+        )  # fmt: skip
+        generator = generators[rng.integers(len(generators))]
+        self._catcher = Catcher(self._arm, generator, Eyes(rig), settings=settings)
+        self._judge = Judge(self._arm, settings)
+        kinds = garbage.CLOCKS, garbage.ENCODERS, garbage.POINTS, garbage.IMAGES
+        rates = _RATES[rng.integers(2) :]
+        self._channels = [Channel(kind, rng, float(rng.choice(rates))) for kind in kinds]
+        self._calm = int(_CALM * _EPISODE * rng.random()) if rng.random() < 0.5 else 0
+        self._joints, self._found = self._start(), False
+
+    def _start(self) -> Array:
+        """Return q, dq of the arm at the start: mostly ready, at times anywhere."""
+        still, rng = np.array([self._arm.q_ready, np.zeros(self._arm.n)]), self._rng
+        if rng.random() < 0.8:
+            return still
+        anywhere: Array = still + rng.standard_normal(still.shape) * np.array([[1.0], [5.0]])
+        return anywhere
+
+    def run(self, count: Count, ticks: int) -> None:
+        """Make the ticks."""
+        before, told, catcher = self._joints, 0.0, self._catcher
+        for k in range(ticks):
+            faults = [channel.next() if k >= self._calm else "" for channel in self._channels]
+            told = garbage.clock(faults[0], k * TICK, told, self._rng)
+            senses = self._sense(k, told, faults, before)
+            before = self._joints
+            fault = self._tick(senses)
+            count.ticks += 1
+            count.phases[catcher.phase.value] += 1
+            if catcher.tick is not None:
+                count.states[catcher.tick.state.value] += 1
+            if fault:
+                count.fault_ticks += 1
+                count.non_finite += fault.startswith("not finite")
+                if len(count.faults) < _KEPT and not self._found:
+                    count.faults.append(f"{self._name} tick {k} {faults}: {fault}")
+                self._found = True
+                if fault.startswith("raised"):
+                    return
+            if catcher.phase is Phase.STOPPED and self._rng.random() < 0.1:
+                count.recovered += self._recovers()
+
+    def _sense(self, k: int, t: float, faults: list[str], before: Array) -> Senses:
+        """Return what the catcher is told."""
+        rng, r_o = self._rng, self._flight[k]
+        arm: ArmState = garbage.encoders(faults[1], t, self._joints, before, rng)
+        if self._cameras is None:
+            return Senses(t=t, arm=arm, points=garbage.points(faults[2], t, r_o, rng))
+        seen = self._cameras.frames(faults[3], t, r_o, 0.04) if self._catcher.looking else ()
+        return Senses(t=t, arm=arm, frames=seen)
+
+    def _tick(self, senses: Senses) -> str:
+        """Make a tick; return what went wrong."""
+        try:
+            command = self._catcher.step(senses)
+            self._catcher.think()
+        except Exception as error:
+            return f"raised {type(error).__name__}: {error}"
+        self._move()
+        return self._judge.fault(self._catcher, command)
+
+    def _move(self) -> None:
+        """Let the arm do what the torques bring, within what joints and drives can do at all."""
+        (q, dq), arm = self._joints, self._arm
+        push = self._catcher.result["told"][0, 4]
+        dq = np.clip(dq + TICK * np.nan_to_num(push), -arm.dq_max, arm.dq_max)
+        self._joints = np.array([np.clip(q + TICK * dq, arm.q_min, arm.q_max), dq])
+
+    def _recovers(self) -> bool:
+        """Ask the catcher to recover; return whether it did."""
+        try:
+            self._catcher.recover()
+        except InputError:
+            return False
+        self._judge.reset()
+        return True
