@@ -179,3 +179,8 @@ def test_a_reversed_encoder_is_read_with_its_sign_turned(arm: Arm) -> None:
         if REVERSED in said:
             assert np.array_equal(watch.believed[:, 0], [q[k, 0], dq[k, 0]])
     assert REVERSED in said
+    for bad in (np.nan, np.inf, 1e300, -1e9):
+        read = np.array([q[-1], dq[-1]])
+        read[:, 0] = bad
+        watch.step(read, telling(dq[-1], ddq[-1]))
+        assert np.all(np.abs(watch.believed) < 30.0)

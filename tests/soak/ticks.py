@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from mitt.catcher import Catcher, CatcherSettings, Phase
-from mitt.control.condition import Reason
+from mitt.control.condition import ABORT, Reason
 from mitt.control.envelope import TICK, bounds_of
 from mitt.errors import InputError
 from mitt.generator.certificate import Outcome, Verdict
@@ -171,7 +171,8 @@ class Judge:
         if not -ROUNDING <= hand <= self._closed + ROUNDING:
             return f"hand at {hand}"
         believed = catcher.believed[1]
-        blocked = self._stopped or REASONS[catcher.result["reason"].item()] is Reason.BLOCKED
+        state, reason = (catcher.result[name].item() for name in ("state", "reason"))
+        blocked = state >= ABORT or REASONS[reason] is Reason.BLOCKED  # or a graver reason hides it
         if too_strong(self._arms[0], tau, believed):
             return f"torques {tau.tolist()} at {believed.tolist()}"
         if last is not None:

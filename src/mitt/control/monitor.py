@@ -96,7 +96,7 @@ def believe(
             m[_RECKONED] = -1.0 if found == REVERSED else 1.0
         if found == FINE and m[_RECKONED] == 0.0:
             m[_Q], m[_DQ] = q, dq
-        elif m[_RECKONED] < 0.0 and np.isfinite(q) and np.isfinite(dq):
+        elif m[_RECKONED] < 0.0 and _may_begin(b[:, k], -q, -dq):
             m[_Q], m[_DQ] = -q, -dq
         elif not np.isnan(m[_Q]):
             m[_Q], m[_DQ] = m[_Q] + TICK * told[1, k], told[1, k]
@@ -108,7 +108,7 @@ def believe(
 
 @njit(cache=True)
 def _may_begin(b: Array, q: float, dq: float) -> bool:
-    """Say whether a first reading can be one of this joint; one that is no number cannot."""
+    """Say whether a reading by itself can be one of this joint; one that is no number cannot."""
     return bool(b[0] - _BEYOND <= q <= b[1] + _BEYOND and abs(dq) <= _EXCESS * b[2])
 
 
