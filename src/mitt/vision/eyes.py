@@ -21,6 +21,7 @@ from mitt.vision.segmentation import (
     EXPECTED,
     GAIN,
     GOOD,
+    MERGED,
     STATE,
     WEIGHED,
     WEIGHTS,
@@ -187,6 +188,7 @@ def look(
         if images[n].size == 0:
             continue
         area, clipped = watch(images[n], memory[n], settings, boxes)
+        hidden |= memory[n, STATE] >= MERGED
         if not (together[n] and area > 0 and memory[n, STATE] == GOOD):
             continue
         u, v = memory[n, 0], memory[n, 1]
