@@ -33,7 +33,7 @@ SCRATCH = BELIEF + 8
 RING = 64
 """Sightings that are remembered: 64 ms at 1 kHz, of which 24 may be doubtful."""
 
-LOOSE = 1.0
+LOOSE = 0.5
 """Variance of a sighting, all directions together, above which it gives no place: one camera
 made it [m^2]."""
 
