@@ -33,9 +33,6 @@ from mitt.vision.head import aim
 #: has left the arm behind, the fingers are about to have closed, the catcher has stopped.
 DECIDE, LAGS, GRASPS, STOPS = 1, 2, 4, 8
 
-#: Variance of a sighting, all directions together, above which one camera made it [m^2].
-ONE_EYED = 1.0
-
 
 @njit(cache=True)
 def tick(
@@ -231,7 +228,7 @@ def _report(blocked: bool, state: Record, result: Record) -> None:
         out["age"],
         out["sigma"],
         s["tolerance"],
-        R[0, 0] + R[1, 1] + R[2, 2] > ONE_EYED,
+        R[0, 0] + R[1, 1] + R[2, 2] > at.LOOSE,
         largest_gap(told[0], believed[0]),
         s["stray"],
     )

@@ -86,13 +86,7 @@ def test_centroids_are_sharp_before_a_patchy_ground(r_px: float) -> None:
     assert np.sqrt(np.mean(np.square(errors), axis=0)).max() < PATCHY
 
 
-@pytest.mark.parametrize(
-    "gap",
-    [
-        pytest.param(9.5, marks=pytest.mark.xfail(strict=True, reason="changes to the other ball")),
-        16.0,
-    ],
-)
+@pytest.mark.parametrize("gap", [7.0, 8.5, 9.5, 10.0, 12.5, 16.0])
 def test_a_merged_pair_is_flagged_and_the_ball_found_again(gap: float) -> None:
     """A ball that passes a second one is never averaged with it, and keeps its identity."""
     tracking, flagged = Segmenter(), 0

@@ -86,6 +86,8 @@ def _take(memory: Array, age: int, settings: Array, work: Array) -> int:
     at.save(memory, slot)
     t = memory[slot]
     if memory[at.USED] == 0.0 or t - memory[at.T_SEEN] > settings[LIMITS, at.MAX_GAP]:
+        if not at.gives_place(memory, slot):
+            return DOUBTED
         begin(memory, slot, settings)
         return TAKEN
     if take_in(memory, slot, settings, work):

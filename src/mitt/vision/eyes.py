@@ -21,6 +21,7 @@ from mitt.vision.segmentation import (
     EXPECTED,
     GAIN,
     GOOD,
+    MERGED,
     STATE,
     WEIGHED,
     WEIGHTS,
@@ -45,11 +46,12 @@ since both eyes saw the ball, looks at odds in a row, status, motion a look, loo
 saw it."""
 BLIND, ONE, BOTH, AT_ODDS = range(4)
 
-ALONG = 10.0
-"""Standard deviation along the ray of a ball that one camera alone sees [m]."""
+ALONG = 1.0
+"""Standard deviation along the ray of a ball that one camera alone sees [m]: a thousand times what
+is known of it, and few enough digits away from what is seen across."""
 FORGET, STUBBORN = 100.0, 20.0
 """Looks without both eyes after which a place is old; looks at odds that are no accident."""
-SURE, MISFIT, SMALL, DRIFT, SLOWLY = 0.002, 0.01, 0.03, 0.0005, 20.0
+SURE, MISFIT, SMALL, DRIFT, SLOWLY = 0.002, 0.01, 0.05, 0.0005, 20.0
 """Share of the ball's mass by which a target differs by noise; by which it may differ; what
 patches of the ground add to that, over the radius [px]; what each look without both eyes adds;
 looks over which the contrast may change."""
@@ -189,6 +191,7 @@ def look(
         if images[n].size == 0:
             continue
         area, clipped = watch(images[n], memory[n], settings, boxes)
+        hidden |= memory[n, STATE] >= MERGED
         if not (together[n] and area > 0 and memory[n, STATE] == GOOD):
             continue
         u, v = memory[n, 0], memory[n, 1]

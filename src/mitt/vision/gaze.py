@@ -4,7 +4,7 @@ While the filter follows the ball, a head looks where the ball will be at the ne
 turns as fast as it will pass. Before that, and where its own image contradicts the filter, it
 follows its own image: the ball's direction and rate by an alpha-beta filter (Benedict and Bordner
 1962). A head that sees nothing looks where the other's line of sight is at the distance at which
-balls come into sight; when none sees a ball they nod over where throws come from.
+balls come into sight; when none sees a ball they nod over where throws come from, and sway.
 
 | here       | meaning                                                    | unit       | shape     |
 |------------|------------------------------------------------------------|------------|-----------|
@@ -30,8 +30,9 @@ FRESH, STALE = 0.006, 0.03
 """Ages up to which an image contradicts the filter, and up to which it leads a head [s]."""
 DOUBT = 0.04
 """Angle between image and filter above which a head believes its image [rad]."""
-NOD = 0.08
-"""Period in which a head nods while it waits [s]."""
+NOD, SWAY, BREADTH = 0.052, 0.069, 1.375
+"""Periods in which a head nods and sways while it waits [s]; how far it sways, over the pan at which
+it waits: two heads that wait on either side look outwards together and inwards together."""
 
 
 @njit(cache=True)
@@ -145,9 +146,10 @@ def lead(
             goal[0], goal[1] = track[0] + later * track[2], track[1] + later * track[3]
             goal[2], goal[3] = track[2], track[3]
         elif not _from_others(heads, gaze, n, t, work, goal):
-            phase = 2.0 * pi * t / NOD
-            goal[0], goal[1] = head[21], head[22] + head[23] * sin(phase)
-            goal[2], goal[3] = 0.0, head[23] * 2.0 * pi / NOD * cos(phase)
+            nod, sway, way = 2.0 * pi / NOD, 2.0 * pi / SWAY, BREADTH * head[21]
+            goal[0], goal[2] = head[21] + way * sin(sway * t), way * sway * cos(sway * t)
+            goal[1] = head[22] + head[23] * sin(nod * t)
+            goal[3] = head[23] * nod * cos(nod * t)
 
 
 def empty_gaze(n: int) -> Array:

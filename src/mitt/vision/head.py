@@ -122,17 +122,20 @@ def active_rig() -> Rig:
     They stand 0.8 m behind the shoulder and 0.3 m below it: from there a default throw is no
     more than 0.14 rad off the middle of where throws come from, no head need turn faster than
     its limit, and the arm, which reaches up and forward, stays out of the way until the hand
-    closes. A field of +-5 degrees covers half of that; so while no ball is in sight each head
-    watches its own side, the left half with the left eye and the right half with the right, and
-    both nod. The first to see a ball tells the other where to look.
+    closes. A field of +-5 degrees covers half of that; so while no ball is in sight the left eye
+    watches the right half and the right eye the left, as a ball nearer than the middle appears
+    there, and both nod and sway. The pattern is the best of 450: begun at any phase, 99 % of 800
+    default throws come into a field within 50 ms, all but 1 in 10 000 within 160 ms, and so do
+    44 recorded flights within 12 ms. The first to see a ball tells the other where to look.
+    The left head is a little higher, so that swapped cables show.
     """
     middle = np.array((4.0, 0.05, 0.25))
     heads, cameras = [], []
     for side in (1.0, -1.0):
-        pivot = np.array((0.2, 0.5 * side, -0.7))
+        pivot = np.array((0.2, 0.5 * side, 0.04 * side - 0.7))
         head = Head(
             T_world_base=look_at(pivot, middle),
-            search=np.array((-0.055 * side, 0.0)),
+            search=np.array((0.054 * side, 0.053)),
             nod=0.06,
             expected_range=float(np.linalg.norm(middle - pivot)),
         )

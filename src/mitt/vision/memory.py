@@ -33,6 +33,10 @@ SCRATCH = BELIEF + 8
 RING = 64
 """Sightings that are remembered: 64 ms at 1 kHz, of which 24 may be doubtful."""
 
+LOOSE = 0.5
+"""Variance of a sighting, all directions together, above which it gives no place: one camera
+made it [m^2]."""
+
 SLOT_R, SLOT_BELIEF = 4, 16
 SLOT = SLOT_BELIEF + BELIEF
 SLOTS = SCRATCH + TRACK
@@ -100,6 +104,13 @@ def write(memory: Array, slot: int, t: float, z: Array, R: Array) -> None:
         memory[slot + 1 + i] = z[i]
         for j in range(3):
             memory[slot + SLOT_R + 3 * i + j] = R[i, j]
+
+
+@njit(cache=True)
+def gives_place(memory: Array, slot: int) -> bool:
+    """Return whether a sighting says where the ball is, not only on which line."""
+    R = slot + SLOT_R
+    return bool(memory[R] + memory[R + 4] + memory[R + 8] <= LOOSE)
 
 
 @njit(cache=True)

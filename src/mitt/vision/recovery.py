@@ -3,7 +3,8 @@
 A bounce or a kick changes the velocity, not the position: after a few rejections the filter goes
 back to before the first of them, forgets the velocity, and takes the sightings since then in
 again. What fits no better then was outliers, unless the rejections form a run: then the filter
-goes on from the newest, or begins a new track if that is farther away than a kick can carry.
+goes on from the newest, or begins a new track if that is farther away than a kick can carry; but
+not from one that gives no place, as when one camera alone sees the ball.
 A small kick passes the gate; it shows in innovations that lean to one side (``laws.is_biased``),
 and the newest sightings are then taken in again with some freedom of velocity.
 """
@@ -57,7 +58,7 @@ def doubt(memory: Array, age: int, settings: Array, work: Array) -> None:
     """Note a rejected sighting; act when they are too many or last too long."""
     memory[at.ALL_REJECTED] += 1.0
     slot = at.slot_at(memory, age)
-    if memory[at.USED] < settings[GATES, at.MIN_SIGHTINGS]:
+    if memory[at.USED] < settings[GATES, at.MIN_SIGHTINGS] and at.gives_place(memory, slot):
         begin(memory, slot, settings)
         return
     if memory[at.DOUBTFUL] == 0.0:
@@ -116,7 +117,7 @@ def _reacquire(memory: Array, age: int, depth: int, settings: Array, work: Array
         memory[at.ALL_KICKS] += 1.0
         return
     at.restore(memory, at.SPARE)
-    if run >= settings[GATES, at.MAX_REJECTIONS]:
+    if run >= settings[GATES, at.MAX_REJECTIONS] and at.gives_place(memory, newest):
         if leap > reach:
             begin(memory, newest, settings)
             return

@@ -13,12 +13,14 @@ The memory of a camera, one row of numbers (the names are their places):
 | ``TOP``, ``HEIGHT``    | first row of the mask and its rows                   | px          |
 | ``MARK``, ``FROZEN``   | mark of the last target, frames it has been the same |             |
 | ``EXPECTED``           | area that the ball should have; 0 if unknown         | px^2        |
+| ``MASS``               | of the last target that was the ball alone           | grey levels |
 | ``GAIN``, ``WEIGHED``  | mass of the ball over that area, from how many looks | grey levels |
 | ``WEIGHTS``            | moments of the last target (:mod:`mitt.vision.window`) |           |
 | ``RUNS``               | the mask, first columns and then last columns        | px          |
 """
 
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 from numba import njit
@@ -27,10 +29,10 @@ from numpy.typing import NDArray
 from mitt.errors import ShapeError
 from mitt.signals import Array, Frame, Image, Moments
 from mitt.vision.moments import MAX_BLOBS, Box, estimate_ground, find_target
-from mitt.vision.window import ROWS, Runs, dilate, is_merged, shrink, weigh
+from mitt.vision.window import ROWS, Runs, connect, dilate, is_merged, weigh
 
 LEVEL, THRESHOLD, DUE, DU, DV, AREA, STATE, TOP, HEIGHT, MARK, FROZEN = range(2, 13)
-EXPECTED, GAIN, WEIGHED, WEIGHTS, RUNS = 13, 14, 15, 16, 23
+EXPECTED, GAIN, WEIGHED, MASS, WEIGHTS, RUNS = 13, 14, 15, 16, 17, 24
 LOST, GOOD, MERGED = 0, 1, 2
 
 MEMORY, WORK = RUNS + 2 * ROWS, MAX_BLOBS + 66 + ROWS
@@ -40,6 +42,11 @@ KEPT, PATIENCE, STEADY, WILD = 0.85, 40, 0.6, 8
 """Share of its area below which a target is looked for anew; frames that a merged one is kept;
 share of a new motion in the motion kept; reach while no motion is known, as on the first frame
 that a turning head gets [px]."""
+
+
+GROWN, RAGGED = 1.08, 0.5
+"""Growth of its mass in one frame, and what noise adds to that over the root of its area [px],
+above which a target is the ball and something else."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,7 +117,7 @@ def _window(
         old[1, k] = int(memory[RUNS + ROWS + k])
     dilate(old, rows, reach, du, pixels.shape[1], new)
     top, rows = int(memory[TOP]) + dv - reach, rows + 2 * reach
-    if shrink(pixels, int(memory[THRESHOLD]), top, rows, new) == 0:
+    if connect(pixels, int(memory[THRESHOLD]), top, rows, new, round(memory[0]) + du) == 0:
         return 0, 0
     top, rows = _trim(top, rows, new)
     if not weigh(pixels, top, rows, new, int(memory[THRESHOLD]), memory[LEVEL], weights):
@@ -131,7 +138,9 @@ def _everywhere(
     rows = min(box[3] - box[1] + 1, ROWS)
     for k in range(rows):
         new[0, k], new[1, k] = box[0], box[2]
-    shrink(pixels, threshold, box[1], rows, new)
+    middle = (box[0] + box[2]) // 2
+    if connect(pixels, threshold, box[1], rows, new, middle) == 0:
+        return 0, 0
     if not weigh(pixels, box[1], rows, new, threshold, memory[LEVEL], weights):
         return 0, 0
     return box[1], rows
@@ -147,6 +156,12 @@ def _touches_border(shape: tuple[int, int], top: int, rows: int, runs: Runs) -> 
         if runs[0, k] <= runs[1, k]:
             touches |= runs[0, k] <= 0 or runs[1, k] >= shape[1] - 1
     return touches
+
+
+@njit(cache=True)
+def _has_grown(memory: Array) -> bool:
+    """Tell whether a target is heavier than the ball was: something bright touches it."""
+    return bool(memory[WEIGHTS] > (GROWN + RAGGED / sqrt(memory[AREA])) * memory[MASS])
 
 
 @njit(cache=True)
@@ -181,7 +196,7 @@ def segment(
         memory[0], memory[1], memory[STATE] = np.nan, np.nan, float(LOST)
         return 0, False
     clipped = _touches_border(pixels.shape, top, rows, new)
-    if not clipped and is_merged(weights):
+    if not clipped and (is_merged(weights) or (again and _has_grown(memory))):
         merged = memory[STATE] - MERGED + 1.0 if memory[STATE] >= MERGED else 0.0
         if again and merged < PATIENCE:
             memory[STATE] = MERGED + merged
@@ -196,6 +211,7 @@ def segment(
     memory[DU] = memory[DU] + share * (weights[1] - u - memory[DU]) if steady else 0.0
     memory[DV] = memory[DV] + share * (weights[2] - v - memory[DV]) if steady else 0.0
     memory[0], memory[1], memory[STATE] = weights[1], weights[2], float(GOOD)
+    memory[MASS] = weights[0]
     _keep(memory, top, rows, new, weights[6])
     return int(weights[6]), clipped
 
