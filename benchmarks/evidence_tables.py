@@ -90,7 +90,8 @@ def _duel(row: Row | None) -> str:
 
 def _differences(rows: list[Row]) -> str:
     """List the conditions in which a generator and the direct map differ, corrected."""
-    ahead, behind = [], []
+    ahead: list[str] = []
+    behind: list[str] = []
     for row in rows:
         pair = row["against_direct"]
         if pair is None or pair["p_holm"] >= LEVEL:
