@@ -1,14 +1,19 @@
 """Write the tables of a finished study into a document: ``evidence_tables.py DIR DOCUMENT.md``.
 
 Between the marks ``<!-- tables -->`` and ``<!-- end of tables -->`` everything is replaced by what
-``DIR/summary.json`` says: catch rates with their 95 % intervals, and each generator against the
-direct map on the same throws (McNemar, Holm over the conditions).
+``DIR/summary.json`` and ``DIR/trials.parquet`` say: catch rates with their 95 % intervals, and each
+generator against the direct map on the same throws (McNemar, Holm over the conditions). Here an
+aborted throw counts as not caught; ``catch_rate`` of the summary leaves it out.
 """
 
 import json
 import sys
 from pathlib import Path
 from typing import Any
+
+import pyarrow.parquet as pq
+
+from mitt.study.stats import holm, mcnemar, wilson
 
 BEGIN, END = "<!-- tables -->", "<!-- end of tables -->"
 #: Corrected p from which two generators count as different.
@@ -24,6 +29,7 @@ def main() -> None:
     folder, document = Path(sys.argv[1]), Path(sys.argv[2])
     rows = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["rows"]
     rows = [row for row in rows if row["throws"]]
+    _count_all(rows, folder / "trials.parquet")
     before, rest = document.read_text(encoding="utf-8").split(BEGIN)
     after = rest.split(END)[1]
     text = f"{BEGIN}\n\n{tables(rows)}\n\n{END}"
@@ -54,6 +60,33 @@ def tables(rows: list[Row]) -> str:
                 "beyond a limit"], [_fate(cells[c, REFERENCE]) for c in conditions]),
     ]  # fmt: skip
     return "\n\n".join(parts)
+
+
+def _count_all(rows: list[Row], trials: Path) -> None:
+    """Let rates and pairs of the rows count every throw."""
+    names = ["generator", "condition", "index", "status"]
+    caught: dict[tuple[str, str], dict[int, bool]] = {}
+    for row in pq.read_table(trials, columns=names).to_pylist():
+        cell = caught.setdefault((row["condition"], row["generator"]), {})
+        cell[row["index"]] = row["status"] == "caught"
+    for row in rows:
+        mine = caught[row["condition"], row["generator"]]
+        row["catch_rate"] = row["caught"] / row["throws"]
+        row["ci95"] = wilson(row["caught"], row["throws"])
+        reference = caught.get((row["condition"], REFERENCE))
+        if row["generator"] == REFERENCE or reference is None:
+            row["against_direct"] = None
+            continue
+        both = mine.keys() & reference.keys()
+        alone = sum(reference[k] and not mine[k] for k in both)
+        other = sum(mine[k] and not reference[k] for k in both)
+        p = mcnemar(alone, other)
+        row["against_direct"] = {"only_direct": alone, "only_this": other, "p": p}
+    for generator in {row["generator"] for row in rows}:
+        pairs = [r["against_direct"] for r in rows if r["generator"] == generator]
+        known = [pair for pair in pairs if pair is not None]
+        for pair, p in zip(known, holm([pair["p"] for pair in known]), strict=True):
+            pair["p_holm"] = p
 
 
 def _table(head: list[str], body: list[list[str]]) -> str:

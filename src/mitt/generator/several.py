@@ -13,10 +13,13 @@ from typing import final
 import numpy as np
 
 from mitt.errors import InputError
-from mitt.generator.certificate import Outcome, Verdict, judge
+from mitt.generator.certificate import Outcome, Tolerance, Verdict, judge
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array, BallState, JointReference
+
+#: Share of each limit in units of which maps are compared: one that keeps them is preferred.
+_CHOICE = Tolerance(torque=1.25, speed=1.0)
 
 
 @final
@@ -51,7 +54,7 @@ class Several:
 
     def verdict(self, ball: BallState, q: Array) -> Verdict:
         """Return the verdict of the map that the throw would be given to."""
-        return self._best(ball, q, np.zeros_like(q))[1]
+        return self.maps[self._best(ball, q, np.zeros_like(q))].verdict(ball, q)
 
     def returns(self, ball: BallState) -> bool:
         """Look whether the predicted catch lies in the region of any map."""
@@ -63,7 +66,7 @@ class Several:
 
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "Several":
         """Choose, and adapt the chosen map to start in ``q``, ``dq``, eq. (12)."""
-        index, _ = self._best(ball, q, dq)
+        index = self._best(ball, q, dq)
         maps = list(self.maps)
         maps[index] = maps[index].adapt(ball, q, dq)
         return replace(self, maps=tuple(maps), chosen=index)
@@ -80,16 +83,18 @@ class Several:
         """Return the maps that are still to be asked: all, or the one that is followed."""
         return self.maps if self.chosen is None else (self.map,)
 
-    def _best(self, ball: BallState, q: Array, dq: Array) -> tuple[int, Verdict]:
-        """Return the map for a ball and what it says; the one followed is asked first."""
+    def _best(self, ball: BallState, q: Array, dq: Array) -> int:
+        """Return the map for a ball; the one followed is asked first."""
         order = sorted(range(len(self.maps)), key=lambda k: k != self.chosen)
         said: list[tuple[int, Verdict]] = []
         for k in order:
-            verdict = judge(self.maps[k].map, ball, q, tolerance=self.maps[k].tolerance, dq=dq)
+            verdict = judge(self.maps[k].map, ball, q, tolerance=_CHOICE, dq=dq)
             if verdict.outcome is Outcome.FEASIBLE and verdict.share <= self.margin:
-                return k, verdict
+                return k
             said.append((k, verdict))
-        return min(said, key=lambda x: (_RANK[x[1].outcome], x[1].share))
+        if all(verdict.outcome is Outcome.UNREACHABLE for _, verdict in said):
+            said = [(k, self.maps[k].verdict(ball, q)) for k in order]
+        return min(said, key=lambda x: (_RANK[x[1].outcome], x[1].share))[0]
 
 
 #: Which verdict is worth more than another.

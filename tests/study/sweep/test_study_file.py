@@ -60,7 +60,8 @@ def test_the_studies_that_ship_are_those_that_are_promised() -> None:
     smoke, evidence = (read_study(Path(n), generators=EVERY) for n in ("smoke", "evidence"))
     assert (smoke.generators, len(smoke.conditions)) == (EVERY, 3)
     assert len(evidence.conditions) >= 20
-    assert min(evidence.counts.values()) >= 300
+    rivals = [n for name, n in evidence.counts.items() if name != "clairvoyant"]
+    assert min(rivals) >= 300
 
 
 @pytest.mark.parametrize(

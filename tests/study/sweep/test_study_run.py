@@ -98,7 +98,7 @@ def test_a_chunk_that_kills_its_worker_twice_is_left_out_and_the_others_go_on(
     finished = _run(study, folder, Here(lambda number, _: number == 3))
     assert finished.status == 1
     assert len(finished.lost) == 1
-    assert "throws 2 to 3 lost" in finished.lost[0]
+    assert "throws 0 to 1 lost" in finished.lost[0]
     assert "\n" not in finished.lost[0]
     assert [row["complete"] for row in finished.rows].count(False) == 1
     assert sum(p.exists() for p in map(folder.part, range(12))) == 11
