@@ -38,7 +38,7 @@ from mitt.records import (
     tick_of,
 )
 from mitt.robot.arm import Arm
-from mitt.signals import BallState, Command, MapStatus, Senses, Sighting, command_of
+from mitt.signals import Array, BallState, Command, MapStatus, Senses, Sighting, command_of
 from mitt.tick import DECIDE, GRASPS, LAGS, STOPS, act, perceive, tick
 from mitt.vision.belief import absorb
 from mitt.vision.eyes import Eyes
