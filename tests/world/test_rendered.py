@@ -40,8 +40,9 @@ def rendered(views: Array, f_px: float, folder: Path) -> Array:
     said = ""
     for gl in ("egl", "osmesa"):
         command = [sys.executable, str(script), "views.npz", "images.npz"]
+        environment = {**os.environ, "MUJOCO_GL": gl}
         run = subprocess.run(
-            command, cwd=folder, env={**os.environ, "MUJOCO_GL": gl}, capture_output=True, text=True
+            command, cwd=folder, env=environment, capture_output=True, text=True, check=False
         )
         if run.returncode == 0:
             return np.asarray(np.load(folder / "images.npz")["images"], dtype=np.float64)
