@@ -89,7 +89,7 @@ def test_a_freeze_of_100_ms_is_a_dropout(seed: int) -> None:
 def test_swapped_eyes_are_at_odds_and_see_no_ball(seed: int) -> None:
     """Within 40 ms they say so, and never give a position."""
 
-    def swap(k: int, frames: Frames) -> Frames:
+    def swap(_: int, frames: Frames) -> Frames:
         return tuple(replace(f, camera=1 - f.camera) for f in frames)
 
     seen = watch(swap, seed=seed)
@@ -104,7 +104,7 @@ def test_a_calibration_that_is_not_theirs_is_at_odds() -> None:
     tilt[1:3, 1:3] = ((np.cos(angle), -np.sin(angle)), (np.sin(angle), np.cos(angle)))
     left = replace(rig.cameras[0], T_world_cam=rig.cameras[0].T_world_cam @ tilt)
     wrong = Rig(cameras=(left, rig.cameras[1]))
-    assert EyesStatus.AT_ODDS in watch(lambda k, frames: frames, seed=1, rig=wrong).status
+    assert EyesStatus.AT_ODDS in watch(lambda _, frames: frames, seed=1, rig=wrong).status
 
 
 @pytest.mark.parametrize("camera", [0, 1])
@@ -119,7 +119,8 @@ def test_one_covered_eye_is_better_than_two_and_hands_over_smoothly(camera: int,
         return tuple(replace(f, pixels=blank) if f.camera == camera else f for f in frames)
 
     one, none = watch(cover, seed=seed), watch(dropout, seed=seed)
-    assert one.status[LAST - 2] is EyesStatus.ONE
+    assert set(one.status[FIRST:LAST]) <= {EyesStatus.ONE, EyesStatus.BLIND}
+    assert one.status[FIRST:LAST].count(EyesStatus.ONE) > 60
     assert one.errors[FIRST:LAST].max() <= none.errors[FIRST:LAST].max() + 1e-3
     assert one.jumps[FIRST : LAST + 10].max() < 3.0
 
@@ -127,6 +128,6 @@ def test_one_covered_eye_is_better_than_two_and_hands_over_smoothly(camera: int,
 @pytest.mark.parametrize("seed", range(4))
 def test_a_second_ball_beside_the_flight_changes_nothing(seed: int) -> None:
     """A bright ball that looks smaller than the thrown one is never taken for it."""
-    alone = watch(lambda k, frames: frames, seed=seed)
-    beside = watch(lambda k, frames: frames, seed=seed, second=(4.8, 0.2, 0.4, 0.02))
+    alone = watch(lambda _, frames: frames, seed=seed)
+    beside = watch(lambda _, frames: frames, seed=seed, second=(4.8, 0.2, 0.4, 0.02))
     assert beside.errors[-50:].max() < 3.0 * alone.errors[-50:].max() + 1e-3

@@ -40,10 +40,11 @@ from mitt.vision.triangulation import (
     unseen,
 )
 
-KNOWN, SINCE, ODDS, STATUS, SPEED, LOOKS = 3, 4, 5, 6, 7, 10
+KNOWN, SINCE, ODDS, STATUS, SPEED = range(3, 8)
+AGE = 10
 """Places in the rig's row of the memory, after the position: sightings that it rests on, looks
-since both eyes saw the ball, looks at odds in a row, status, motion a look, looks since any eye
-saw it."""
+since both eyes saw the ball, looks at odds in a row, status, motion a look, looks since the
+position was corrected."""
 BLIND, ONE, BOTH, AT_ODDS = range(4)
 
 ALONG = 1.0
@@ -123,7 +124,7 @@ def _expect(memory: Array, cameras: Array, radius: float, r: Array) -> None:
 def _foresee(rig: Array) -> None:
     """Move the last position on by one look; forget it where it is old."""
     rig[SINCE] += 1.0
-    rig[LOOKS] += 1.0
+    rig[AGE] += 1.0
     if rig[SINCE] > FORGET:
         rig[KNOWN] = 0.0
     for i in range(3):
@@ -133,7 +134,7 @@ def _foresee(rig: Array) -> None:
 @njit(cache=True)
 def _remember(rig: Array, r: Array) -> None:
     """Correct position and motion from look to look by an alpha-beta filter."""
-    looks = max(rig[LOOKS], 1.0)
+    looks = max(rig[AGE], 1.0)
     count = rig[KNOWN] if looks < RESTART else 0.0
     for i in range(3):
         error = r[i] - rig[i]
@@ -142,7 +143,7 @@ def _remember(rig: Array, r: Array) -> None:
             rig[SPEED + i] = 0.0
         else:
             rig[SPEED + i] += (1.0 if count == 1.0 else BETA) * error / looks
-    rig[KNOWN], rig[LOOKS] = min(count + 1.0, SLOWLY), 0.0
+    rig[KNOWN], rig[AGE] = min(count + 1.0, SLOWLY), 0.0
 
 
 @njit(cache=True)

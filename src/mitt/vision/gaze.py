@@ -31,8 +31,8 @@ FRESH, STALE = 0.006, 0.03
 DOUBT = 0.04
 """Angle between image and filter above which a head believes its image [rad]."""
 NOD, SWAY, BREADTH = 0.052, 0.069, 1.375
-"""Periods in which a head nods and sways while it waits [s]; how far it sways, over the pan at which
-it waits: two heads that wait on either side look outwards together and inwards together."""
+"""Periods in which a waiting head nods and sways [s]; how far it sways, over the pan at which
+it waits: two heads that wait on either side look outwards and inwards together."""
 
 
 @njit(cache=True)
