@@ -33,6 +33,9 @@ from mitt.vision.head import aim
 #: has left the arm behind, the fingers are about to have closed, the catcher has stopped.
 DECIDE, LAGS, GRASPS, STOPS = 1, 2, 4, 8
 
+#: Time to the catch within which the hand may hide the ball, and it is not taken for lost [s].
+SOON = 0.1
+
 
 @njit(cache=True)
 def tick(
@@ -225,6 +228,7 @@ def _report(blocked: bool, state: Record, result: Record) -> None:
         s["encoders"],
         blocked,
         s["phase"] == FOLLOW,
+        out["inside"] and abs(out["time_to_catch"]) < SOON,
         out["age"],
         out["sigma"],
         s["tolerance"],

@@ -109,6 +109,7 @@ def assess(
     encoders: int,
     blocked: bool,
     following: bool,
+    near: bool,
     age: float,
     sigma: float,
     tolerance: float,
@@ -124,6 +125,7 @@ def assess(
         encoders: What is wrong with the worst encoder, of :mod:`mitt.control.monitor`.
         blocked: Whether the command was replaced by braking.
         following: Whether the arm follows a ball.
+        near: Whether the catch is near: the hand then hides the ball, which is no loss.
         age: Age of the last good measurement [s]; infinite without a track.
         sigma: 1-sigma of the ball's predicted position [m].
         tolerance: What the hand tolerates of it [m].
@@ -138,7 +140,7 @@ def assess(
         return ABORT, clock
     if m[_FAR] >= _FAR_TICKS:
         return ABORT, _TRACKING
-    if following and age > _OLD and sigma > tolerance:
+    if following and not near and age > _OLD and sigma > tolerance:
         return ABORT, LOST
     if blocked:
         return DEGRADED, _BLOCKED
