@@ -9,7 +9,7 @@ from mitt.flight import advance
 from mitt.link.rig import CalibratedRig, RigCamera
 from mitt.link.video import VideoWriter
 from mitt.signals import Array, Image
-from mitt.vision.camera import Camera, Rig, fixed_rig
+from mitt.vision.camera import Camera, Rig, look_at
 from mitt.vision.lens import Lens
 from mitt.world.imaging import Imager, ImageSensor
 
@@ -33,9 +33,27 @@ class Film:
     dr_o: Array
 
 
+def level_rig() -> Rig:
+    """Return two cameras at one height, for which swapped lines of sight still meet."""
+    cameras = (
+        Camera(
+            width=128,
+            height=128,
+            f_px=220.0,
+            cu=63.5,
+            cv=63.5,
+            T_world_cam=look_at(
+                np.array((-1.8, side * 1.25, 0.35)), np.array((2.8, side * -0.35, 0.35))
+            ),
+        )
+        for side in (1.0, -1.0)
+    )
+    return Rig(cameras=tuple(cameras))
+
+
 def calibrated(rig: Rig | None = None) -> CalibratedRig:
     """Return the rig of the catcher as a calibration would have found it."""
-    cameras = (rig or fixed_rig()).cameras
+    cameras = (rig or level_rig()).cameras
     return CalibratedRig(
         frame="robot",
         cameras=tuple(
@@ -53,7 +71,7 @@ def lens_of(camera: Camera) -> Lens:
 
 def film(frames: int = 120, *, seed: int = 5, rig: Rig | None = None) -> Film:
     """Return a throw of 5.5 m/s, an empty scene in its first five frames."""
-    cameras = Imager(rig or fixed_rig(), ImageSensor(), np.random.default_rng(seed))
+    cameras = Imager(rig or level_rig(), ImageSensor(), np.random.default_rng(seed))
     r_o, dr_o = np.array([3.6, 0.1, 0.3]), np.array([-5.5, -0.1, 1.8])
     left, right, where, how = [], [], [], []
     for n in range(frames):

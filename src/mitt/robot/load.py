@@ -113,6 +113,14 @@ def _check_numbers(path: Path, text: str) -> None:
         file = element.attrib.get("file", "")
         if file.startswith(("/", "~", "\\")) or ".." in Path(file).parts:
             raise FileError(str(path), "meshes below its own folder", repr(file[:60]))
+    for axis in root.iter("axis"):
+        given = axis.attrib.get("xyz", "1 0 0")
+        try:
+            size = float(np.linalg.norm([float(x) for x in given.split()]))
+        except ValueError:
+            size = 0.0
+        if not 1e-6 < size < 1e6:
+            raise FileError(str(path), "joint axes with a direction", repr(given[:60]))
     for inertial in root.iter("inertial"):
         for element in (x for x in inertial if x.tag in ("mass", "inertia")):
             for key, value in element.attrib.items():

@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 
 from mitt.catcher import Catcher, CatcherSettings
-from mitt.generator.generators import Generator, Unoptimised
+from mitt.generator.generators import Generator
 from mitt.link.clock import Stopwatch
 from mitt.records import Record
 from mitt.rivals.clairvoyant import Clairvoyant
@@ -161,7 +161,9 @@ def catch_time(ticks: Record) -> float:
 
 def _patience(generator: Generator) -> float:
     """Return how far the arm may stray [rad]: alpha = 0 is shown as it is, never stopped."""
-    return np.inf if isinstance(generator, Unoptimised) else CatcherSettings().stray
+    f = generator.as_map()
+    plain = f is not None and not np.any(f.alpha)
+    return np.inf if plain else CatcherSettings().stray
 
 
 def known_ball(drag: float, mass: float) -> FilterConfig:
