@@ -3,25 +3,22 @@
 The arm holds a ball at twenty known places; each camera gives the ball's centroid in its image.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from mitt.robot.load import load_arm
 from mitt.vision.calibration.fit import fit
 from mitt.vision.calibration.hand import HandProblem, placed
-from mitt.vision.camera import Camera, Rig, look_at
+from mitt.vision.camera import Rig, fixed_rig, look_at
 from mitt.vision.poses import turned
 from mitt.vision.segmentation import Segmenter
 from mitt.world.imaging import Imager, ImageSensor
 
-RADIUS, rng = 0.04, np.random.default_rng(0)
-arm, ahead = load_arm("wam"), (2.8, 0.0, 0.35)
-places = [np.array((-1.8, side, 0.35)) for side in (1.25, -1.25)]
-poses = [look_at(place, np.array(ahead)) for place in places]
-rig = Rig(
-    cameras=tuple(
-        Camera(width=128, height=128, f_px=220.0, cu=63.5, cv=63.5, T_world_cam=T) for T in poses
-    )
-)
+RADIUS, rng, arm = 0.04, np.random.default_rng(0), load_arm("wam")
+poses = [look_at(np.array((-1.8, y, 0.35)), np.array((2.8, 0.0, 0.35))) for y in (1.25, -1.25)]
+pairs = zip(fixed_rig().cameras, poses, strict=True)
+rig = Rig(cameras=tuple(replace(camera, T_world_cam=T) for camera, T in pairs))
 imager = Imager(rig, ImageSensor(), rng)
 hand = np.array([arm.position(arm.q_ready + rng.uniform(-0.25, 0.25, 3)) for _ in range(20)])
 seen = [Segmenter().step(f) for p in hand for f in imager.render(0.0, p, RADIUS)]
