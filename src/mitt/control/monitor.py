@@ -5,18 +5,20 @@ An encoder is held to what it read a tick ago and to the motion that the arm was
 * a first reading has to lie near the joint's range;
 * a reading that is not finite, or that no motion within the limits explains, is replaced by dead
   reckoning along the told motion; the third in a row is a fault, so a single glitch passes;
-* an encoder that does not move is stuck if the told motion has come by more than five counts and
-  the joint is driven by more than friction may hold;
+* an encoder that does not move is stuck if more than five counts of motion have come by, both as
+  told and as the torques bring it (a motion that the motors cannot follow proves nothing), and the
+  joint is driven by more than friction may hold;
 * one that runs backwards against the acceleration that the torques bring has lost its sign.
 
 From a fault on, the joint is reckoned, not read: the arm is stopped along the model. A reversed
 encoder is read with its sign turned: it has driven the joint the wrong way, and only it can tell
 how fast.
 
-Memory of the encoders, a row a joint: last believed q and dq, readings refused in a row, told
-motion since the reading changed [rad], ticks stuck, sums of the speed gained by the torques and by
+Memory of the encoders, a row a joint: last believed q and dq, readings refused in a row, motion to
+be expected since the reading changed [rad], ticks stuck, sums of the speed gained by the torques and by
 the reading over a fading window [rad/s], ticks of disagreement, whether the joint is reckoned (1)
-or read with its sign turned (-1), the reading that it has not left [rad].
+or read with its sign turned (-1), the reading that it has not left [rad], and the speed that the
+torques have brought since [rad/s].
 """
 
 from dataclasses import dataclass
@@ -28,8 +30,8 @@ from mitt.control.envelope import TICK
 from mitt.signals import Array
 
 #: Columns of the memory.
-_Q, _DQ, _REFUSED, _TOLD, _STUCK, _GAINED, _READ, _APART, _RECKONED, _HELD = range(10)
-COLUMNS = 10
+_Q, _DQ, _REFUSED, _DUE, _STUCK, _GAINED, _READ, _APART, _RECKONED, _HELD, _SPEED = range(11)
+COLUMNS = 11
 
 #: What is wrong with an encoder; the first two are not a fault yet.
 FINE, BRIDGED, SILENT, JUMPED, STUCK, REVERSED = range(6)
@@ -38,7 +40,7 @@ FINE, BRIDGED, SILENT, JUMPED, STUCK, REVERSED = range(6)
 _IN_A_ROW, _EXCESS = 3, 1.5
 #: How far outside a joint's range a first reading may lie [rad].
 _BEYOND = 0.5
-#: Counts of told motion after which a still encoder is suspicious, and ticks until it is stuck.
+#: Counts of motion to be expected after which a still encoder is suspicious, and ticks until it is stuck.
 _COUNTS, _STILL = 5.0, 3
 #: Share of a joint's largest torque that friction may take, so that a joint that is driven by less
 #: may stand still.
@@ -137,12 +139,13 @@ def _judge(
         return JUMPED if m[_REFUSED] >= _IN_A_ROW else BRIDGED
     m[_REFUSED] = 0.0
     if abs(q - m[_HELD]) >= 0.5 * count:
-        m[_HELD], m[_TOLD] = q, 0.0
+        m[_HELD], m[_DUE], m[_SPEED] = q, 0.0, dq
     else:
-        m[_TOLD] += told * TICK
+        m[_SPEED] += push * TICK
+        m[_DUE] += TICK * max(min(told, max(m[_SPEED], 0.0)), min(m[_SPEED], 0.0))
     m[_GAINED] += push * TICK - _FADING * m[_GAINED]
     driven = abs(m[_GAINED]) > _FRICTION * brake * TICK / _FADING
-    m[_STUCK] = m[_STUCK] + 1.0 if driven and abs(m[_TOLD]) > _COUNTS * count else 0.0
+    m[_STUCK] = m[_STUCK] + 1.0 if driven and abs(m[_DUE]) > _COUNTS * count else 0.0
     m[_READ] += gained - _FADING * m[_READ]
     against = m[_READ] * np.copysign(1.0, m[_GAINED]) < -_AGAINST * abs(m[_GAINED])
     m[_APART] = m[_APART] + 1.0 if abs(m[_GAINED]) > _GAIN and against else 0.0
