@@ -19,6 +19,7 @@ from mitt.control.hand import has_closed
 from mitt.errors import InputError
 from mitt.generator.certificate import Outcome, Verdict
 from mitt.generator.generators import Direct, Generator
+from mitt.generator.several import Several
 from mitt.records import (
     BRAKE,
     FOLLOW,
@@ -47,8 +48,10 @@ __all__ = ["Catcher", "CatcherSettings", "Phase", "Tick"]
 
 #: Speed below which a joint that brakes counts as at rest [rad/s].
 _AT_REST = 1e-3
-#: Beside the bits of a tick: the map can be refined.
-REFINES = 16
+#: Beside the bits of a tick: the map can be refined, the choice of the map is to be reviewed.
+REFINES, REVIEWS = 16, 32
+#: Time between two reviews of the choice among several maps [s].
+_REVIEWED = 0.02
 
 
 @final
@@ -82,7 +85,7 @@ class Catcher:
         names = ("ball_memory", "ball_settings", "ball_work")
         memory, table, work = (self._state[name][0] for name in names)
         self._filter = memory, table, work
-        self._brake = np.zeros((1, 3, arm.n))
+        self._brake, self._t_reviewed = np.zeros((1, 3, arm.n)), -np.inf
         self._phase, self._todo, self._ticked = WATCH, 0, False
         self.verdict: Verdict | None = None
         self.certificate: Verdict | None = None
@@ -124,6 +127,8 @@ class Catcher:
             self.t_0 = min(self.t_0, t)
             if self._refines and self.result["inside"].item():
                 self._todo |= REFINES
+            elif isinstance(self._generator, Several) and t - self._t_reviewed >= _REVIEWED:
+                self._todo |= REVIEWS
         gaze = self._gaze.copy() if self._eyes.heads else None
         return command_of(t, self._told.copy(), self._hand.item(), gaze)
 
@@ -156,6 +161,8 @@ class Catcher:
             self._adapt(ball)
         elif todo & REFINES:
             self._refine(ball)
+        elif todo & REVIEWS:
+            self._review(ball)
         if todo & GRASPS:
             self._grasp()
 
@@ -239,6 +246,13 @@ class Catcher:
         if f is not None:
             for name, value in map_fields(f).items():
                 self._state[name][0] = value
+
+    def _review(self, ball: BallState) -> None:
+        """Follow another map where the present one cannot catch any more."""
+        self._t_reviewed = ball.t
+        soon = self.result["time_to_catch"].item() < self._numbers["adapt_until"]
+        if not soon and isinstance(self._generator, Several) and self._generator.astray(ball):
+            self._adapt(ball)
 
     def _refine(self, ball: BallState) -> None:
         """Let the generator make its map a little better for the rest of this flight."""

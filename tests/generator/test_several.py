@@ -83,6 +83,28 @@ def test_the_map_that_is_followed_is_kept_while_it_serves(several: Several) -> N
         assert followed.sharpness(ball) == followed.map.sharpness(ball)
 
 
+def test_a_ball_that_falls_short_changes_the_map_in_flight(several: Several) -> None:
+    """Foreseen outside of the followed map's region and inside the other's: astray, and changed."""
+    q, still = several.map.map.arm.q_ready, np.zeros(3)
+    followed = several.adapt(some_ball(3, 5.0), q, still)
+    assert followed.chosen == 0
+    assert not followed.astray(some_ball(3, 5.0))
+    end, steep = np.array([0.95, 0.04, -0.35]), np.array([-4.1, -0.6, -3.8])
+    short = ball_state(end - steep * 0.2 + 0.5 * G * 0.04, steep - G * 0.2, G)
+    assert not followed.map.returns(short)
+    assert followed.astray(short)
+    changed = followed.adapt(short, q, still)
+    assert changed.chosen == 1
+    assert not changed.astray(short)
+
+
+def test_where_no_map_can_catch_none_is_changed(several: Several) -> None:
+    """A ball that flies away is out of every region: the choice stays."""
+    away = ball_state(np.array([2.0, 0.0, 0.5]), np.array([5.0, 0.0, 0.0]), G)
+    followed = several.adapt(some_ball(3, 5.0), several.map.map.arm.q_ready, np.zeros(3))
+    assert not followed.astray(away)
+
+
 def test_a_choice_among_nothing_is_refused() -> None:
     """There must be a map."""
     with pytest.raises(InputError, match="maps"):

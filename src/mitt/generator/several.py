@@ -2,8 +2,10 @@
 
 The maps come in an order of preference, the gentlest first. A throw is given to the first one
 that catches it with margin, or else to the one that asks least of its tightest limit. Whenever
-the generator is adapted anew, as after a bounce, the choice is made again; eq. (12) makes the new
-map start where the arm is and as fast as it moves, so that a change of maps is no jump.
+the generator is adapted anew, as after a bounce, the choice is made again, and as soon as the
+predicted catch leaves the region of the map that is followed, as where drag or a gust makes the
+ball fall short. Eq. (12) makes the new map start where the arm is and as fast as it moves, so that
+a change of maps is no jump.
 """
 
 from collections.abc import Sequence
@@ -59,6 +61,11 @@ class Several:
     def returns(self, ball: BallState) -> bool:
         """Look whether the predicted catch lies in the region of any map."""
         return any(f.returns(ball) for f in self.maps)
+
+    def astray(self, ball: BallState) -> bool:
+        """Say whether the map that is followed cannot catch any more, and another can."""
+        others = (f for f in self.maps if f is not self.map)
+        return not self.map.returns(ball) and any(f.returns(ball) for f in others)
 
     def waiting(self, ball: BallState) -> BallState:
         """Wait where the map that is followed would."""
