@@ -11,8 +11,8 @@ from mitt.world.ballistics import fly
 from mitt.world.contacts import survey
 from mitt.world.engine import views_of
 from mitt.world.flights import builtin_flights, place_flight
-from mitt.world.scene import TABLE_TENNIS, Scene, Sensing, exact_scene
 from mitt.world.motion import TICK
+from mitt.world.scene import TABLE_TENNIS, Scene, Sensing, exact_scene
 from mitt.world.simulation import World
 from mitt.world.throws import Throw
 

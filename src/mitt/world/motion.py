@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from mitt.signals import Array
 from mitt.world.build import STEP
-from mitt.world.contacts import BALL_ANY, BALL_HAND, survey
+from mitt.world.contacts import BALL_ANY, BALL_FLOOR, BALL_HAND, survey
 from mitt.world.engine import Views, step1, step2
 from mitt.world.stepping import BROKEN as INSANE
 from mitt.world.stepping import FINE, finish, prepare, tip_velocity
@@ -169,3 +169,20 @@ def move(
         arrive(views, kinds, touching, plant, start + step * (TICK / steps))
     plant[TICKS] += 1.0
     note(views, plant, tau, rows)
+
+
+@njit(cache=True)
+def over(plant: Array, longest: float, held: float) -> bool:
+    """Say whether a trial is at its end.
+
+    Args:
+        plant: As in the module's table.
+        longest: Time at which a trial without contact ends [s]; or when the ball is on the floor.
+        held: How long a trial goes on after the first contact [s].
+    """
+    t = plant[TICKS] * TICK
+    if plant[BROKEN] > 0.0:
+        return True
+    if plant[TOUCHED] >= 0.0:
+        return bool(t >= plant[TOUCHED] + held)
+    return bool(t >= longest or int(plant[SEEN]) & BALL_FLOOR)

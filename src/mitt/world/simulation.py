@@ -1,11 +1,13 @@
 """The simulated world: one plant, thrown at again and again, a tick at a time."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import final
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from mitt.robot.description import ArmModel
 from mitt.robot.hands import HandModel
@@ -14,10 +16,11 @@ from mitt.signals import Array, Command, Senses
 from mitt.world.ballistics import fly
 from mitt.world.build import build_plant
 from mitt.world.contacts import ARM_FLOOR, BALL_ANY, BALL_FLOOR, SELF, names_touching, survey
-from mitt.world.engine import views_of
+from mitt.world.engine import Views, views_of
 from mitt.world.faults.flight import Undisturbed
 from mitt.world.faults.trial import Sensor, Troubles
 from mitt.world.flights import BallPath
+from mitt.world.imaging import Imager
 from mitt.world.mismatch import PlantDraw
 from mitt.world.motion import (
     BROKEN,
@@ -36,6 +39,7 @@ from mitt.world.motion import (
     leave,
     move,
     note,
+    over,
 )
 from mitt.world.scene import Scene
 from mitt.world.sensors import CameraMaker, Sensors
@@ -44,6 +48,25 @@ from mitt.world.silhouettes import Silhouettes
 from mitt.world.stepping import pack_plant, tip_velocity
 from mitt.world.throws import Throw
 from mitt.world.truth import FirstContact, Tape, Trace, Truth
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """A world as compiled code plays on it.
+
+    Attributes:
+        plant: Views, kinds of the geoms, which touch, and state, as of :func:`move`.
+        tape: The trace, whose row of a tick has its number.
+        body: As of :func:`mitt.world.silhouettes.lay_capsules`.
+        imager: The cameras, two that see images of one size and do not turn.
+        scene: Settings.
+    """
+
+    plant: tuple[Views, NDArray[np.int32], NDArray[np.bool_], Array]
+    tape: Tape
+    body: tuple[Array, Array, Array, Array, Array]
+    imager: Imager
+    scene: Scene
 
 
 @final
@@ -129,6 +152,10 @@ class World:
         """Whether the ball touched the floor in the last tick."""
         return bool(int(self._state[SEEN]) & BALL_FLOOR)
 
+    def over(self, *, longest: float, held: float) -> bool:
+        """Say whether the trial is at its end, by :func:`mitt.world.motion.over`."""
+        return bool(over(self._state, longest, held))
+
     @property
     def diverged(self) -> bool:
         """Whether the physics broke down in this trial, or a command was not finite."""
@@ -168,6 +195,22 @@ class World:
             look: Whether ball and images are exposed in this tick; encoders always are.
         """
         return self._sensors.read(self.t, *self._senses, look=look)
+
+    @property
+    def stage(self) -> Stage | None:
+        """The world as compiled code plays on it; None where only :meth:`sense` will do.
+
+        That is where something goes wrong or leads the ball, where cameras turn or are not a
+        pair, and where encoders count in steps.
+        """
+        sensors = self._sensors
+        if self._troubles is not None or self._path is not None or not isinstance(sensors, Sensors):
+            return None
+        imager = sensors.imager
+        if not isinstance(imager, Imager) or not imager.a_pair:
+            return None
+        plant = self._views, self._kinds, self._touching, self._state
+        return Stage(plant, self._tape, self._body.table, imager, self._scene)
 
     def apply(self, command: Command) -> None:
         """Let the motors follow a command for one tick; nothing here clips it."""
