@@ -41,9 +41,10 @@ def cover(
     """
     share, width = 1.0 / lines, coverage.shape[0]
     start, pace = (row - 0.5 + 0.5 * share - lens[2]) / lens[0], share / lens[0]
-    first, last = width, -1
+    first, last, j = width, -1, 0
     for line in range(lines):
-        x, y, z, D = path[line % k]
+        x, y, z, D = path[j, 0], path[j, 1], path[j, 2], path[j, 3]
+        j = j + 1 if j + 1 < k else 0
         A = D - x * x
         b = start + line * pace
         s = b * y + z
