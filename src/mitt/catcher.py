@@ -29,6 +29,7 @@ from mitt.records import (
     WATCH,
     CatcherSettings,
     Phase,
+    Record,
     Tick,
     arm_fields,
     ball_of,
@@ -131,6 +132,28 @@ class Catcher:
                 self._todo |= REVIEWS
         gaze = self._gaze.copy() if self._eyes.heads else None
         return command_of(t, self._told.copy(), self._hand.item(), gaze)
+
+    @property
+    def parts(self) -> tuple[Array, Record, Record] | None:
+        """What :func:`mitt.tick.tick` takes after the senses, for a compiled loop over ticks.
+
+        None for a generator that is no map or that is refined in each tick: those ask for
+        :meth:`step`.
+        """
+        if self._map is None or self._refines:
+            return None
+        return self._brake, self._state, self.result
+
+    def ticked(self, todo: int, since: float) -> None:
+        """Take over after a loop over ticks of one phase.
+
+        Args:
+            todo: What the last tick left to be thought about.
+            since: Time of the first tick [s].
+        """
+        self._todo, self._ticked = todo, True
+        if self._phase == FOLLOW:
+            self.t_0 = min(self.t_0, since)
 
     @property
     def deceleration(self) -> Array:

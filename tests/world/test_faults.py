@@ -17,8 +17,9 @@ from mitt.world.faults.cameras import true_rig
 from mitt.world.faults.flight import Undisturbed
 from mitt.world.faults.plan import Fault
 from mitt.world.faults.trial import Troubles
+from mitt.world.motion import TICK
 from mitt.world.scene import Scene, exact_scene, read_scene
-from mitt.world.simulation import TICK, World
+from mitt.world.simulation import World
 from mitt.world.throws import Throw
 
 PLACE = np.array([3.0, 0.1, 0.4])

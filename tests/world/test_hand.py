@@ -12,6 +12,7 @@ from mitt.robot.hands import HandModel
 from mitt.signals import Array
 from mitt.world.build import STEP
 from mitt.world.contacts import survey
+from mitt.world.engine import views_of
 from mitt.world.hand import BALL, FRICTION, HAND, add_hand, finger_inertial, steiner
 from mitt.world.servo import finger_torque, servo_numbers
 
@@ -88,7 +89,8 @@ def catch(
     mujoco.mj_forward(model, data)
     if data.ncon:
         return None
-    touching, force, kinds = np.zeros(model.ngeom, np.bool_), np.zeros(1), model.geom_contype.copy()
+    touching, force, kinds = np.zeros(model.ngeom, np.bool_), np.zeros(7), model.geom_contype.copy()
+    views = views_of(model, data, 0, 1)
     t, end = start, np.inf
     while t < min(0.7, end):
         elapsed = t + HAND_MODEL.closing.lead + errors.lead
@@ -100,12 +102,11 @@ def catch(
         mujoco.mj_step(model, data)
         t += STEP
         if data.ncon:
-            con = data.contact
-            survey(con.geom, con.efc_address, data.efc_force, kinds, touching, force)
+            survey(views, kinds, touching, True, force)
             end = min(end, t + 0.5) if touching.any() else end
     mujoco.mj_forward(model, data)
-    con, off = data.contact, float(np.linalg.norm(data.qpos[4:7] - data.site("catch").xpos))
-    survey(con.geom, con.efc_address, np.zeros(1), kinds, touching, np.zeros(1))
+    off = float(np.linalg.norm(data.qpos[4:7] - data.site("catch").xpos))
+    survey(views, kinds, touching, False, np.zeros(7))
     held = off < radius + 1e-3 * HELD_MM and int(touching.sum()) >= 2
     return Outcome(held=held, off=off, force=float(force[0]))
 

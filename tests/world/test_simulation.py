@@ -9,9 +9,11 @@ from mitt.robot.load import load_arm
 from mitt.signals import Array, Command, Frame, Senses
 from mitt.world.ballistics import fly
 from mitt.world.contacts import survey
+from mitt.world.engine import views_of
 from mitt.world.flights import builtin_flights, place_flight
+from mitt.world.motion import TICK
 from mitt.world.scene import TABLE_TENNIS, Scene, Sensing, exact_scene
-from mitt.world.simulation import TICK, World
+from mitt.world.simulation import World
 from mitt.world.throws import Throw
 
 FLIGHT_M = 1e-6  # both fly by the same kernel, in other steps
@@ -191,10 +193,9 @@ def test_forces_are_those_that_mujoco_reports(exact: World, arm: Arm) -> None:
         run(exact, arm, 1)
     mujoco.mj_forward(model, data)
     kinds, touching = model.geom_contype.copy(), np.zeros(model.ngeom, np.bool_)
-    largest, six = np.zeros(1), np.zeros(6)
+    largest, six = np.zeros(7), np.zeros(6)
     assert data.ncon == 1
-    con = data.contact
-    survey(con.geom, con.efc_address, data.efc_force, kinds, touching, largest)
+    survey(views_of(model, data, 0, arm.n), kinds, touching, True, largest)
     mujoco.mj_contactForce(model, data, 0, six)
     assert largest[0] == pytest.approx(np.linalg.norm(six[:3]))
     assert exact.truth().ball_on_floor

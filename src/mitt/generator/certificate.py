@@ -112,7 +112,7 @@ def _judged(
             sigma=np.inf,
         )
     path = flown(ball, np.linspace(0.0, seen.after, _INSTANTS))
-    motion = np.array([adapted.motion(row)[1][:3] for row in path])
+    motion = adapted.motions(path)
     shares = _shares(f, motion, tolerance)
     binding = max(shares, key=lambda name: shares[name])
     return Verdict(

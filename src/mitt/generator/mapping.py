@@ -120,6 +120,16 @@ class DirectMap:
         )
         return bool(inside), rows
 
+    def motions(self, path: Array) -> Array:
+        """Return q_d and its derivatives, (K, 3, n), of r_o, dr_o, ddr_o along a path, (K, 3, 3).
+
+        At rest where the path is outside the domain.
+        """
+        rows, out = np.zeros((6, self.arm.n)), np.empty((len(path), 3, self.arm.n))
+        of = self.packed, self.basis.powers, self.window, self.alpha
+        _references(*of, path, self.start, rows, out, self.work)
+        return out
+
     def to_joints(self, r_o: Array) -> tuple[MapStatus, Array]:
         """Return l_c^-1(r_o) of eq. (6) [rad], shape (n,), and whether r_o is in its domain."""
         if r_o.shape != (3,):
@@ -232,13 +242,34 @@ def reference(
         for d in range(3):
             motion[d, a] = rows[3 + d, g.free[a]]
     jets(powers, window[0], window[1], motion[0], motion[1], motion[2], phi)
-    for d in range(3):
-        for k in range(n):
-            total = rows[3 + d, k]
-            for a in range(m):
-                total += phi[d, a] * alpha[a, k]
-            rows[d, k] = total
+    for k in range(n):
+        # Three sums at a time: each waits for its own last addition only.
+        q, dq, ddq = rows[3, k], rows[4, k], rows[5, k]
+        for a in range(m):
+            q += phi[0, a] * alpha[a, k]
+            dq += phi[1, a] * alpha[a, k]
+            ddq += phi[2, a] * alpha[a, k]
+        rows[0, k], rows[1, k], rows[2, k] = q, dq, ddq
     return True
+
+
+@njit(cache=True)
+def _references(
+    packed: Array,
+    powers: Array,
+    window: Array,
+    alpha: Array,
+    path: Array,
+    start: Array,
+    rows: Array,
+    out: Array,
+    work: Array,
+) -> None:
+    """Write the first three rows of :func:`reference` for each ball of a path."""
+    for k in range(len(path)):
+        rows[3] = start
+        reference(packed, powers, window, alpha, path[k], rows, work)
+        out[k] = rows[:3]
 
 
 @njit(cache=True)

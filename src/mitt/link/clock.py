@@ -5,6 +5,22 @@ from types import TracebackType
 from typing import final
 
 import numpy as np
+from numba import njit, types
+from numpy.typing import NDArray
+
+_CLOCK = time.CLOCK_MONOTONIC
+_clock_gettime = types.ExternalFunction("clock_gettime", types.intc(types.intc, types.intp))
+
+
+@njit(cache=True)
+def now_ns(pair: NDArray[np.int64]) -> int:
+    """Return the time of the machine's steady clock [ns], for compiled code.
+
+    Args:
+        pair: Scratch, shape (2,).
+    """
+    _clock_gettime(_CLOCK, pair.ctypes.data)
+    return 1_000_000_000 * pair[0] + pair[1]
 
 
 @final
@@ -34,6 +50,10 @@ class Stopwatch:
     ) -> None:
         """Keep the time since."""
         self._ns.append(time.perf_counter_ns() - self._start)
+
+    def add(self, ns: NDArray[np.int64]) -> None:
+        """Keep times that compiled code took [ns], shape (k,)."""
+        self._ns.extend(ns.tolist())
 
     def clear(self) -> None:
         """Forget all entries, as after warming up."""

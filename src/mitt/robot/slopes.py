@@ -62,13 +62,55 @@ def torque_slopes(bodies: Array, motion: Array, tau: Array, slope: Array, work: 
     for j in range(count - 1, -1, -1):
         tau[j] = _axis_load(bodies, motion, work, j)
         _row_and_column(bodies, work, j, slope)
+        _mass(bodies, work, j, slope[2])
         if j > 0:
             for c in range(_M, _WIDTH):
                 work[j - 1, c] += work[j, c]
-    for j in range(count):
+    _add_rotors(bodies, slope[2])
+
+
+@njit(cache=True)
+def bias_and_mass(bodies: Array, motion: Array, tau: Array, M: Array, work: Array) -> None:
+    """Write tau of eq. (14) and M over the active joints alone; see :func:`torque_slopes`.
+
+    Args:
+        bodies: As for :func:`torque_slopes`.
+        motion: As for :func:`torque_slopes`.
+        tau: As for :func:`torque_slopes`.
+        M: Answer of all torques to the active joints' accelerations, shape (N, n).
+        work: As for :func:`torque_slopes`.
+    """
+    _outwards(bodies, motion, work)
+    for j in range(len(bodies) - 1, -1, -1):
+        tau[j] = _axis_load(bodies, motion, work, j)
+        _mass(bodies, work, j, M)
+        if j > 0:
+            for c in range(_M, _WIDTH):
+                work[j - 1, c] += work[j, c]
+    _add_rotors(bodies, M)
+
+
+@njit(cache=True)
+def _add_rotors(bodies: Array, M: Array) -> None:
+    """Add the rotors to the mass matrix, shape (N, n)."""
+    for j in range(len(bodies)):
         a = int(bodies[j, _JOINT])
         if a >= 0:
-            slope[2, j, a] += bodies[j, _ROTOR]
+            M[j, a] += bodies[j, _ROTOR]
+
+
+@njit(cache=True)
+def _mass(bodies: Array, work: Array, j: int, M: Array) -> None:
+    """Write row and column of M where link j comes last, with the sums beyond it."""
+    here, S = int(bodies[j, _JOINT]), _pair(work, j, _S)
+    if here >= 0:
+        by_ddq = _inertia(work, j, S)
+        for i in range(j + 1):
+            M[i, here] = _power(_pair(work, i, _S), by_ddq)
+    for i in range(j):
+        a = int(bodies[i, _JOINT])
+        if a >= 0:
+            M[j, a] = _power(S, _inertia(work, j, _pair(work, i, _S)))
 
 
 @njit(cache=True)
@@ -98,12 +140,10 @@ def _row_and_column(bodies: Array, work: Array, j: int, slope: Array) -> None:
         by_dq = _sum(
             _coriolis(work, j, S), _inertia(work, j, (times(2.0, dS[0]), times(2.0, dS[1])))
         )
-        by_ddq = _inertia(work, j, S)
         for i in range(j + 1):
             T = _pair(work, i, _S)
             slope[0, i, here] = _power(T, by_q)
             slope[1, i, here] = _power(T, by_dq)
-            slope[2, i, here] = _power(T, by_ddq)
     for i in range(j):
         a = int(bodies[i, _JOINT])
         if a < 0:
@@ -112,7 +152,6 @@ def _row_and_column(bodies: Array, work: Array, j: int, slope: Array) -> None:
         slope[0, j, a] = _power(S, _sum(_coriolis(work, j, dT), _inertia(work, j, ddT)))
         twice = times(2.0, dT[0]), times(2.0, dT[1])
         slope[1, j, a] = _power(S, _sum(_coriolis(work, j, T), _inertia(work, j, twice)))
-        slope[2, j, a] = _power(S, _inertia(work, j, T))
 
 
 @njit(cache=True)

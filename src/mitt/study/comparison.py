@@ -8,7 +8,7 @@ from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.study.log import TrialLog
 from mitt.vision.camera import fixed_rig
-from mitt.world.simulation import TICK
+from mitt.world.motion import TICK
 
 #: Width of the window over which the hand's acceleration is averaged [ticks].
 _WINDOW = 5

@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mitt.robot.arm import Arm
-from mitt.robot.slopes import slopes_work, torque_slopes
+from mitt.robot.slopes import bias_and_mass, slopes_work
 from mitt.signals import Array
 
 
@@ -37,7 +37,7 @@ def with_held(arm: Arm, q: Array, dq: Array, tau: Array) -> Array:
     n, links = arm.n, len(arm.model.links)
     out = np.empty((len(tau), links))
     rows = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, tau))
-    scratch = np.zeros((3, n)), np.zeros((3, links, n)), slopes_work(links), np.zeros((n, n + 1))
+    scratch = np.zeros((3, n)), np.zeros((links, n)), slopes_work(links), np.zeros((n, n + 1))
     _hold(arm.bodies, index, *rows, out, *scratch)
     return out
 
@@ -51,7 +51,7 @@ def _hold(
     tau: Array,
     out: Array,
     motion: Array,
-    slope: Array,
+    M: Array,
     work: Array,
     rows: Array,
 ) -> None:
@@ -65,14 +65,14 @@ def _hold(
         tau: As for ``with_held``.
         out: Result [N m], shape (k, N).
         motion: Scratch, zero in its last row, shape (3, n).
-        slope: Scratch, shape (3, N, n).
+        M: Scratch, shape (N, n).
         work: Scratch of :mod:`mitt.robot.slopes`, shape (N, 46).
         rows: Scratch, shape (n, n + 1).
     """
-    n, M = len(index), slope[2]
+    n = len(index)
     for t in range(len(q)):
         motion[0], motion[1] = q[t], dq[t]
-        torque_slopes(bodies, motion, out[t], slope, work)
+        bias_and_mass(bodies, motion, out[t], M, work)
         for i in range(n):
             rows[i, :n] = M[index[i]]
             rows[i, n] = tau[t, i] - out[t, index[i]]

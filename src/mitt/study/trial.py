@@ -14,6 +14,7 @@ from mitt.rivals.clairvoyant import Clairvoyant
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Surroundings
 from mitt.study.log import TrialLog, log_of
+from mitt.study.play import Player
 from mitt.study.score import HELD_AFTER, Meter, Trial, certificate_of, held, status_of
 from mitt.vision.camera import Rig, fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig
@@ -28,7 +29,7 @@ from mitt.world.throws import Throw
 from mitt.world.truth import Trace
 
 #: A trial without contact ends after this time [s], or when the ball is on the floor.
-_LONGEST = 2.0
+LONGEST = 2.0
 #: Time around the catch in which the map's own time to it is taken for exact [s].
 _NEAR_CATCH = 0.006
 
@@ -67,6 +68,7 @@ class Bench:
         cameras = _cameras(self._rig, scene) if pixels else None
         self.world = World(scene, arm.model, cameras=cameras, limits=arm.limits)
         self.stopwatch = Stopwatch()
+        self._player = Player(self.stopwatch, longest=LONGEST, held=HELD_AFTER)
 
     def catcher(self) -> Catcher:
         """Return a fresh catcher; one that may is told the flight of the ball just released."""
@@ -93,32 +95,32 @@ class Bench:
             seed: Seed of the plant's mismatch and of all noise.
             log: Whether to keep a log.
         """
-        world, rows, over = self.world, [], False
+        world = self.world
         world.reset(ball, seed)
-        catcher = self.catcher()
-        while not over:
+        catcher, stage = self.catcher(), world.stage
+        if stage is None or catcher.parts is None:
+            ticks = self._step(catcher)
+        else:
+            ticks = self._player.run(stage, catcher)
+        truth = world.trace()
+        meter, t_catch = Meter(self.arm, ticks), catch_time(ticks)
+        trial = self._score(index, catcher, meter, truth, t_catch)
+        kept = (
+            log_of(self.arm, ticks.copy(), truth, t_0=catcher.t_0, t_catch=t_catch) if log else None
+        )
+        return Outcome(trial, kept)
+
+    def _step(self, catcher: Catcher) -> Record:
+        """Make a trial through Python, tick by tick, and return the results of all ticks."""
+        world, rows = self.world, []
+        while not world.over(longest=LONGEST, held=HELD_AFTER):
             senses = world.sense(look=catcher.looking)
             with self.stopwatch:
                 command = catcher.step(senses)
             world.apply(command)
             catcher.think()
             rows.append(catcher.result.tobytes())
-            over = self._over()
-        ticks = np.frombuffer(bytearray().join(rows), catcher.result.dtype)
-        truth = world.trace()
-        meter, t_catch = Meter(self.arm, ticks), catch_time(ticks)
-        trial = self._score(index, catcher, meter, truth, t_catch)
-        kept = log_of(self.arm, ticks, truth, t_0=catcher.t_0, t_catch=t_catch) if log else None
-        return Outcome(trial, kept)
-
-    def _over(self) -> bool:
-        """Say whether the trial is at its end."""
-        world, contact = self.world, self.world.first_contact
-        if world.diverged:
-            return True
-        if contact is not None:
-            return world.t >= contact.t + HELD_AFTER
-        return world.t >= _LONGEST or world.ball_on_floor
+        return np.frombuffer(bytearray().join(rows), catcher.result.dtype)
 
     def _score(
         self, index: int, catcher: Catcher, meter: Meter, truth: Trace, t_catch: float

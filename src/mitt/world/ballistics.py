@@ -1,6 +1,7 @@
 """Flights of a ball from here to there, by the kernels of :mod:`mitt.flight`."""
 
 import numpy as np
+from numba import njit
 
 from mitt.flight import GRAVITY, advance
 from mitt.signals import Array
@@ -38,19 +39,38 @@ def release_velocity(
     Returns:
         Velocity at release [m/s], shape (3,).
     """
-    nudge = 1e-5
     dr = (target - start) / duration
     dr[2] += 0.5 * GRAVITY * duration
-    sensitivity = np.empty((3, 3))
+    miss, slope = np.empty(3), np.empty((3, 3))
     for _ in range(iterations):
-        miss = fly(start, dr, drag=drag, duration=duration)[0] - target
-        for i in range(3):
-            up, down = dr.copy(), dr.copy()
-            up[i] += nudge
-            down[i] -= nudge
-            sensitivity[:, i] = (
-                fly(start, up, drag=drag, duration=duration)[0]
-                - fly(start, down, drag=drag, duration=duration)[0]
-            ) / (2.0 * nudge)
-        dr = dr - np.linalg.solve(sensitivity, miss)
+        _shoot(start, dr, target, drag, duration, miss, slope)
+        dr = dr - np.linalg.solve(slope, miss)
     return dr
+
+
+@njit(cache=True)
+def _shoot(
+    start: Array, dr: Array, target: Array, drag: float, duration: float, miss: Array, slope: Array
+) -> None:
+    """Write by how much a release misses, and how that answers to its velocity.
+
+    Args:
+        start: As for :func:`release_velocity`.
+        dr: Velocity at release [m/s], shape (3,).
+        target: As for :func:`release_velocity`.
+        drag: As for :func:`release_velocity`.
+        duration: As for :func:`release_velocity`.
+        miss: Result [m], shape (3,).
+        slope: Result [s], shape (3, 3), by central differences.
+    """
+    nudge, r, v = 1e-5, np.empty((2, 3)), np.empty(3)
+    r[0], v[:] = start, dr
+    advance(r[0], v, drag, duration)
+    miss[:] = r[0] - target
+    for i in range(3):
+        for side in range(2):
+            r[side], v[:] = start, dr
+            v[i] += nudge if side == 0 else -nudge
+            advance(r[side], v, drag, duration)
+        for k in range(3):
+            slope[k, i] = (r[0, k] - r[1, k]) / (2.0 * nudge)

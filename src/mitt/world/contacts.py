@@ -1,13 +1,12 @@
 """Reading the contacts of a simulation step without allocating."""
 
-from typing import final
-
 import mujoco
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from mitt.signals import Array
+from mitt.world.engine import MOST, Views, contact_force
 from mitt.world.hand import ARM, BALL, FLOOR, HAND
 
 #: What touches what, as bits of the result of :func:`survey`.
@@ -20,29 +19,25 @@ HUGE = 1e8
 
 @njit(cache=True)
 def survey(
-    geoms: NDArray[np.int32],
-    address: NDArray[np.int32],
-    force: Array,
-    kinds: NDArray[np.int32],
-    touching: NDArray[np.bool_],
-    largest: Array,
+    views: Views, kinds: NDArray[np.int32], touching: NDArray[np.bool_], felt: bool, largest: Array
 ) -> int:
     """Sort the contacts of one step.
 
     Args:
-        geoms: Pairs of geoms that touch, shape (c, 2).
-        address: Where each contact's forces begin, negative where it has none, shape (c,).
-        force: Constraint forces: normal, then two tangential [N], shape (m,).
+        views: As of :func:`mitt.world.engine.views_of`.
         kinds: Kind of each geom, shape (g,).
         touching: Result, whether a geom touches the ball, shape (g,).
-        largest: Result, raised to the largest contact force on the ball [N], shape (>= 1,).
+        felt: Whether forces are known, as they are after a step.
+        largest: Result, raised to the largest contact force on the ball [N], then scratch,
+            shape (7,).
 
     Returns:
         Bits of what touches what.
     """
-    found = 0
+    address, counts, geoms = views[0], views[1], views[2]
+    found, force = 0, largest[1:7]
     touching[:] = False
-    for c in range(geoms.shape[0]):
+    for c in range(min(counts[0], MOST)):
         first, second = geoms[c, 0], geoms[c, 1]
         both = kinds[first] | kinds[second]
         if both & BALL:
@@ -50,9 +45,9 @@ def survey(
                 first = second
             touching[first] = True
             found |= BALL_HAND if both & HAND else (BALL_ARM if both & ARM else BALL_FLOOR)
-            a = address[c]
-            if 0 <= a < force.shape[0] - 2:
-                size = np.sqrt(force[a] ** 2 + force[a + 1] ** 2 + force[a + 2] ** 2)
+            if felt:
+                contact_force(address[0], address[1], c, force.ctypes.data)
+                size = np.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
                 largest[0] = max(largest[0], size)
         elif both & FLOOR:
             found |= ARM_FLOOR
@@ -80,33 +75,7 @@ def is_sane(qpos: Array, qvel: Array, qacc: Array, ball: int, top_speed: float) 
     return bool(square <= top_speed * top_speed)
 
 
-@final
-class Contacts:
-    """Reads the contacts of one simulation."""
-
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Remember which kind each geom is."""
-        self._model, self._data = model, data
-        self._kinds = model.geom_contype.copy()
-        self._touching = np.zeros(model.ngeom, dtype=np.bool_)
-        self._no_force = np.zeros(1)
-
-    def made(self, largest: Array) -> int:
-        """Return what touched what in the step just made; see :func:`survey` for ``largest``."""
-        contact, force = self._data.contact, self._data.efc_force
-        return int(
-            survey(contact.geom, contact.efc_address, force, self._kinds, self._touching, largest)
-        )
-
-    def present(self) -> int:
-        """Return what touches what at this instant, before any force is known."""
-        contact, none = self._data.contact, self._no_force
-        return int(
-            survey(contact.geom, contact.efc_address, none, self._kinds, self._touching, none)
-        )
-
-    def hand(self) -> frozenset[str]:
-        """Return the names of the geoms of the hand that touch the ball at this instant."""
-        self.present()
-        found = np.flatnonzero(self._touching & (self._kinds == HAND))
-        return frozenset(self._model.geom(int(g)).name for g in found)
+def names_touching(model: mujoco.MjModel, touching: NDArray[np.bool_]) -> frozenset[str]:
+    """Return the names of the geoms of the hand among those that touch the ball, shape (g,)."""
+    found = np.flatnonzero(touching & (model.geom_contype == HAND))
+    return frozenset(model.geom(int(g)).name for g in found)

@@ -23,7 +23,7 @@ INSTANTS = 8
 
 @njit(cache=True)
 def cover(
-    coverage: Array, full: Array, row: int, lens: Array, path: Array, lines: int
+    coverage: Array, full: Array, row: int, lens: Array, path: Array, k: int, lines: int
 ) -> tuple[int, int]:
     """Write the covered share of each pixel of one row; return the first and last column touched.
 
@@ -35,14 +35,16 @@ def cover(
         full: Scratch, zero at entry and exit, shape (width + 1,).
         row: Row of the image.
         lens: f_px, cu, cv [px], shape (3,).
-        path: Ball centre in the optical frame [m] and D, a row an instant, shape (k, 4).
+        path: Ball centre in the optical frame [m] and D, a row an instant, shape (>= k, 4).
+        k: Number of instants.
         lines: Lines in the row, a multiple of k.
     """
-    share, width, k = 1.0 / lines, coverage.shape[0], path.shape[0]
+    share, width = 1.0 / lines, coverage.shape[0]
     start, pace = (row - 0.5 + 0.5 * share - lens[2]) / lens[0], share / lens[0]
-    first, last = width, -1
+    first, last, j = width, -1, 0
     for line in range(lines):
-        x, y, z, D = path[line % k]
+        x, y, z, D = path[j, 0], path[j, 1], path[j, 2], path[j, 3]
+        j = j + 1 if j + 1 < k else 0
         A = D - x * x
         b = start + line * pace
         s = b * y + z
@@ -101,17 +103,18 @@ def _lay_path(lens: Array, ball: Array, path: Array) -> tuple[int, float, float,
 
 @njit(cache=True)
 def _paint(
-    line: Image, coverage: Array, noise: Array, level: float, read: float, shot: float
+    pixels: Image, row: int, first: int, last: int, coverage: Array, noise: Array, light: Array
 ) -> None:
     """Mix a ball into pixels it covers in part or whole, with the noise of what they then hold."""
-    for u in range(line.shape[0]):
+    level, read, shot = light[0], light[1] * light[1], 1.0 / light[2]
+    for u in range(first, last + 1):
         c = coverage[u]
-        ground = float(line[u])
+        ground = float(pixels[row, u])
         rest = (1.0 - c) * (1.0 - c)
         mean = (1.0 - c) * ground + c * level
         variance = read * (1.0 - rest) + shot * (mean - rest * ground)
-        value = mean + sqrt(max(variance, 0.0)) * noise[u]
-        line[u] = np.uint8(min(max(value + 0.5, 0.0), 255.0))
+        value = mean + sqrt(max(variance, 0.0)) * noise[row * pixels.shape[1] + u]
+        pixels[row, u] = np.uint8(min(max(value + 0.5, 0.0), 255.0))
         coverage[u] = 0.0
 
 
@@ -138,12 +141,9 @@ def draw_ball(
     first_row = int(min(max(floor(low), 0.0), float(height)))
     last_row = int(min(max(ceil(high), -1.0), float(height - 1)))
     coverage, full = work[:width], work[width : 2 * width + 1]
-    read, shot = light[1] * light[1], 1.0 / light[2]
     lines = (LINES if radius < SMALL else LINES // 2) // k * k
     lines = max(lines, k)
     for row in range(first_row, last_row + 1):
-        first, last = cover(coverage, full, row, lens, path[:k], lines)
+        first, last = cover(coverage, full, row, lens, path, k, lines)
         if last >= first:
-            numbers = noise[row * width + first : row * width + last + 1]
-            _paint(pixels[row, first : last + 1], coverage[first : last + 1], numbers,
-                   light[0], read, shot)  # fmt: skip
+            _paint(pixels, row, first, last, coverage, noise, light)

@@ -56,6 +56,11 @@ class Sensors:
         self._q_before: Array | None = None
         self._t_before = 0.0
 
+    @property
+    def imager(self) -> FrameSource | None:
+        """The cameras; None where the ball is seen as points or encoders count in steps."""
+        return self._cameras if self._step == 0.0 else None
+
     def turn(self, gaze: Array | None, duration: float) -> None:
         """Let the heads of the cameras follow the catcher's gaze for ``duration`` [s]."""
         if self._cameras is not None:

@@ -148,9 +148,14 @@ class Silhouettes:
         self._pos, self._mat = data.geom_xpos, data.geom_xmat
         self.capsules = np.zeros((len(own), 7))
 
+    @property
+    def table(self) -> tuple[Array, Array, Array, Array, Array]:
+        """What :func:`lay_capsules` takes."""
+        return self._pos, self._mat, self._sizes, self._which, self.capsules
+
     def update(self) -> None:
         """Bring the capsules to where the plant is."""
-        lay_capsules(self._pos, self._mat, self._sizes, self._which, self.capsules)
+        lay_capsules(*self.table)
 
 
 def _size(model: mujoco.MjModel, geom: int) -> tuple[float, float, float]:

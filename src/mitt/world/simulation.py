@@ -1,36 +1,72 @@
 """The simulated world: one plant, thrown at again and again, a tick at a time."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import final
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from mitt.robot.description import ArmModel
 from mitt.robot.hands import HandModel
 from mitt.robot.limits import Limits
 from mitt.signals import Array, Command, Senses
 from mitt.world.ballistics import fly
-from mitt.world.build import STEP, build_plant
-from mitt.world.contacts import ARM_FLOOR, BALL_ANY, BALL_FLOOR, BALL_HAND, SELF, Contacts
+from mitt.world.build import build_plant
+from mitt.world.contacts import ARM_FLOOR, BALL_ANY, BALL_FLOOR, SELF, names_touching, survey
+from mitt.world.engine import Views, views_of
 from mitt.world.faults.flight import Undisturbed
 from mitt.world.faults.trial import Sensor, Troubles
 from mitt.world.flights import BallPath
+from mitt.world.imaging import Imager
 from mitt.world.mismatch import PlantDraw
+from mitt.world.motion import (
+    BROKEN,
+    FIRST,
+    FLIGHT,
+    FORCE,
+    PEAK,
+    SEEN,
+    STEPS,
+    TICK,
+    TICKS,
+    TOUCHED,
+    arrive,
+    begin,
+    fresh_motion,
+    leave,
+    move,
+    note,
+    over,
+)
 from mitt.world.scene import Scene
 from mitt.world.sensors import CameraMaker, Sensors
 from mitt.world.servo import servo_numbers
 from mitt.world.silhouettes import Silhouettes
-from mitt.world.stepping import BROKEN, FINE, finish, pack_plant, prepare, tip_velocity
+from mitt.world.stepping import pack_plant, tip_velocity
 from mitt.world.throws import Throw
 from mitt.world.truth import FirstContact, Tape, Trace, Truth
 
-#: Control tick [s].
-TICK = 0.001
 
-#: Simulation steps in a tick where a contact may begin; else one will do.
-_FINE_STEPS = round(TICK / STEP)
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """A world as compiled code plays on it.
+
+    Attributes:
+        plant: Views, kinds of the geoms, which touch, and state, as of :func:`move`.
+        tape: The trace, whose row of a tick has its number.
+        body: As of :func:`mitt.world.silhouettes.lay_capsules`.
+        imager: The cameras, two that see images of one size and do not turn.
+        scene: Settings.
+    """
+
+    plant: tuple[Views, NDArray[np.int32], NDArray[np.bool_], Array]
+    tape: Tape
+    body: tuple[Array, Array, Array, Array, Array]
+    imager: Imager
+    scene: Scene
 
 
 @final
@@ -43,7 +79,6 @@ class World:
     Attributes:
         model: The compiled MuJoCo model, with the masses of the present trial.
         data: Its state.
-        first_contact: State at the first touch of ball and hand; None until then.
     """
 
     def __init__(
@@ -72,24 +107,21 @@ class World:
         self._draw = PlantDraw(scene, self._plant)
         self._n, self._f = self._plant.joints, self._plant.fingers
         self._servo = servo_numbers((arm.hand or HandModel()).drive)
-        self._contacts, self._peaks = Contacts(self.model, self.data), np.zeros(2)
         d, n, ball = self.data, self._n, self._n + self._f
-        self._views = d.qpos, d.qvel, d.ctrl, d.qfrc_applied
+        self._views = views_of(self.model, d, self._plant.site, n)
+        self._kinds = self.model.geom_contype.copy()
+        self._touching = np.zeros(self.model.ngeom, dtype=np.bool_)
         self._senses = d.qpos[:n], d.qvel[:n], d.qpos[ball : ball + 3], d.qvel[ball : ball + 3]
         self._body = Silhouettes(self.model, d)
-        self._ball = d.qpos[ball : ball + 3], d.qvel[ball : ball + 3]
-        self._flight, self._qacc = np.zeros((2, 3)), d.qacc
+        self._ball = self._senses[2:]
         self._site = d.site_xpos[self._plant.site]
-        slides = self.model.jnt_type[:n] == mujoco.mjtJoint.mjJNT_SLIDE
-        self._axes = d.xanchor, d.xaxis, np.ascontiguousarray(slides)
-        self._options, self._steps = self.model.opt, 1
         self._tape = Tape((1, self.model.nq, self.model.nv, n, 3, 3, 1, 1))
         self._start(None, np.zeros((2, n)), 0.0)
 
     @property
     def t(self) -> float:
         """Time since release [s]."""
-        return self._ticks * TICK
+        return self._state.item(TICKS) * TICK
 
     @property
     def flight(self) -> Callable[[float], tuple[Array, Array]]:
@@ -98,26 +130,36 @@ class World:
         For the clairvoyant alone; asked right after ``reset``.
         """
         if self._troubles is not None:
-            return self._troubles.rehearsed(float(self._numbers[5])).at
+            return self._troubles.rehearsed(self._drag).at
         if self._path is not None:
             return self._path.at
         r, dr = (x.copy() for x in self._ball)
-        return partial(_flown, r, dr, float(self._numbers[5]))
+        return partial(_flown, r, dr, self._drag)
+
+    @property
+    def first_contact(self) -> FirstContact | None:
+        """True state at the first touch of ball and hand; None until then."""
+        t = self._state.item(TOUCHED)
+        return None if t < 0.0 else FirstContact(t, *self._state[FIRST:FLIGHT].copy().reshape(4, 3))
 
     @property
     def peak_force(self) -> float:
         """Largest single contact force on the ball so far [N]."""
-        return float(self._peaks[1])
+        return self._state.item(PEAK)
 
     @property
     def ball_on_floor(self) -> bool:
         """Whether the ball touched the floor in the last tick."""
-        return bool(self._seen & BALL_FLOOR)
+        return bool(int(self._state[SEEN]) & BALL_FLOOR)
+
+    def over(self, *, longest: float, held: float) -> bool:
+        """Say whether the trial is at its end, by :func:`mitt.world.motion.over`."""
+        return bool(over(self._state, longest, held))
 
     @property
     def diverged(self) -> bool:
         """Whether the physics broke down in this trial, or a command was not finite."""
-        return self._broken
+        return bool(self._state[BROKEN])
 
     def reset(self, ball: Throw | BallPath, seed: int) -> None:
         """Start a trial.
@@ -154,59 +196,61 @@ class World:
         """
         return self._sensors.read(self.t, *self._senses, look=look)
 
+    @property
+    def stage(self) -> Stage | None:
+        """The world as compiled code plays on it; None where only :meth:`sense` will do.
+
+        That is where something goes wrong or leads the ball, where cameras turn or are not a
+        pair, and where encoders count in steps.
+        """
+        sensors = self._sensors
+        if self._troubles is not None or self._path is not None or not isinstance(sensors, Sensors):
+            return None
+        imager = sensors.imager
+        if not isinstance(imager, Imager) or not imager.a_pair:
+            return None
+        plant = self._views, self._kinds, self._touching, self._state
+        return Stage(plant, self._tape, self._body.table, imager, self._scene)
+
     def apply(self, command: Command) -> None:
         """Let the motors follow a command for one tick; nothing here clips it."""
-        model, data, steps, troubles = self.model, self.data, self._steps, self._troubles
-        if troubles is not None:
-            command = troubles.command(self.t, command)
-        tau, hand = np.asarray(command.tau, float), command.hand
-        start, h = self._ticks * TICK, TICK / steps
-        self._tau, self._peaks[0], self._seen = tau, 0.0, 0
-        for step in range(1, steps + 1):
-            alone = not data.ncon
-            if troubles is not None and self.first_contact is None:
-                self._push(troubles, start + (step - 1) * h, h)
-            if not prepare(*self._views, tau, hand, self._numbers, h, alone, self._flight):
-                self._broken = True
-            mujoco.mj_step2(model, data)
-            if not alone:
-                touched = self._contacts.made(self._peaks)
-                self._seen |= touched
-                if not touched & BALL_ANY:
-                    self._ball[0][:], self._ball[1][:] = self._flight
-            if self._path is not None:
-                self._ball[0][:], self._ball[1][:] = self._path.at(start + step * h)
-            mujoco.mj_step1(model, data)
-            if data.ncon and self.first_contact is None:
-                self._watch_for_contact(start + step * h)
+        if self._troubles is not None:
+            command = self._troubles.command(self.t, command)
+        self._tau, hand = np.asarray(command.tau, float), command.hand
+        rows = self._tape.reserve(self._ticks + 2)
+        if self._troubles is None and self._path is None:
+            move(self._views, self._kinds, self._touching, self._state, self._tau, hand, rows)
+        else:
+            self._move_led(hand, rows)
         self._sensors.turn(command.gaze, TICK)
-        self._ticks += 1
-        self._record()
 
     def truth(self) -> Truth:
         """Return the true state at the end of the last tick."""
-        qpos, qvel = (x.copy() for x in self._views[:2])
+        qpos, qvel, seen = self.data.qpos.copy(), self.data.qvel.copy(), int(self._state[SEEN])
+        largest, velocity = np.zeros(7), np.empty(3)
+        survey(self._views, self._kinds, self._touching, False, largest)
+        tip_velocity(*self._views[9:13], self._views[5], velocity)
         n, ball = self._n, self._n + self._f
         return Truth(
             t=self.t,
             r_o=qpos[ball : ball + 3],
             dr_o=qvel[ball : ball + 3],
             position=self._site.copy(),
-            velocity=self._velocity(),
+            velocity=velocity,
             q=qpos[:n],
             dq=qvel[:n],
             tau=self._tau.copy(),
             fingers=qpos[n:ball],
-            touching=self._contacts.hand(),
-            contact_force=float(self._peaks[0]),
-            self_contact=bool(self._seen & SELF),
-            floor_contact=bool(self._seen & ARM_FLOOR),
-            ball_on_floor=bool(self._seen & BALL_FLOOR),
+            touching=names_touching(self.model, self._touching),
+            contact_force=self._state.item(FORCE),
+            self_contact=bool(seen & SELF),
+            floor_contact=bool(seen & ARM_FLOOR),
+            ball_on_floor=bool(seen & BALL_FLOOR),
         )
 
     def trace(self) -> Trace:
         """Return all true states since release."""
-        t, qpos, qvel, tau, position, velocity, force, seen = self._tape.columns()
+        t, qpos, qvel, tau, position, velocity, force, seen = self._tape.columns(self._ticks + 1)
         return Trace(
             t=t[:, 0],
             qpos=qpos,
@@ -233,16 +277,34 @@ class World:
     def _start(self, path: BallPath | None, friction: Array, drag: float) -> None:
         """Forget the trial before and bring all derived quantities up to date."""
         self._path = path
-        self._numbers = pack_plant(self._servo, friction, drag, self._scene.ball.mass)
-        self._ticks, self._seen = 0, 0
+        numbers = pack_plant(self._servo, friction, drag, self._scene.ball.mass)
+        self._state, self._drag = fresh_motion(numbers), float(numbers[5])
         self._tau = np.zeros(self._n)
-        self._broken = False
-        self.first_contact: FirstContact | None = None
-        self._peaks[:] = 0.0
-        self._steps, self._options.timestep = 1, TICK
+        self.model.opt.timestep = TICK
         mujoco.mj_step1(self.model, self.data)
-        self._tape.clear()
-        self._record()
+        note(self._views, self._state, self._tau, self._tape.rows)
+
+    @property
+    def _ticks(self) -> int:
+        """Ticks since release."""
+        return int(self._state[TICKS])
+
+    def _move_led(self, hand: float, rows: Array) -> None:
+        """Make a tick in which the ball is led or disturbed, step by step."""
+        state, parts = self._state, (self._views, self._kinds, self._touching, self._state)
+        start, steps = self._ticks * TICK, int(state[STEPS])
+        h = TICK / steps
+        begin(state)
+        for step in range(1, steps + 1):
+            if self._troubles is not None and state[TOUCHED] < 0.0:
+                self._push(self._troubles, start + (step - 1) * h, h)
+            leave(*parts, self._tau, hand)
+            if self._path is not None:
+                self._ball[0][:], self._ball[1][:] = self._path.at(start + step * h)
+            if arrive(*parts, start + step * h) & BALL_ANY:
+                self._path = None  # a ball that was led flies freely from its first touch on
+        state[TICKS] += 1.0
+        note(self._views, state, self._tau, rows)
 
     def _push(self, troubles: Troubles, t: float, h: float) -> None:
         """Let the flight be disturbed for a step; a ball that was led flies freely from then on."""
@@ -250,51 +312,6 @@ class World:
         if troubles.push(t, h, r, dr):
             self._ball[0][:], self._ball[1][:] = r, dr
             self._path = None
-
-    def _watch_for_contact(self, t: float) -> None:
-        """Note the first touch; a ball that was led flies freely from its first touch on."""
-        touched = self._contacts.present()
-        self._seen |= touched
-        if touched & BALL_ANY:
-            self._path = None
-        if touched & BALL_HAND:
-            self.first_contact = FirstContact(
-                t=t,
-                r_o=self._ball[0].copy(),
-                dr_o=self._ball[1].copy(),
-                position=self._site.copy(),
-                velocity=self._velocity(),
-            )
-
-    def _velocity(self) -> Array:
-        """Return the catch point's velocity [m/s], shape (3,)."""
-        velocity = np.empty(3)
-        tip_velocity(self._site, *self._axes, self._views[1], velocity)
-        return velocity
-
-    def _record(self) -> None:
-        """Append the present state to the trace, judge it, and set the steps of the next tick."""
-        t, first = self._ticks * TICK, self.first_contact
-        index = self._tape.extend()
-        judged = finish(
-            self._tape.rows,
-            index,
-            self._seen,
-            t,
-            self._views[0],
-            self._views[1],
-            self._qacc,
-            self._tau,
-            self._site,
-            *self._axes,
-            self._peaks,
-            -1.0 if first is None else t - first.t,
-        )
-        if judged == BROKEN:
-            self._broken = True
-        steps = _FINE_STEPS if judged == FINE else 1
-        if steps != self._steps:
-            self._steps, self._options.timestep = steps, TICK / steps
 
 
 def _flown(r: Array, dr: Array, drag: float, t: float) -> tuple[Array, Array]:

@@ -110,7 +110,7 @@ def tip_velocity(
     """
     out[:] = 0.0
     for i in range(slides.shape[0]):
-        ax, ay, az = axis[i]
+        ax, ay, az = axis[i, 0], axis[i, 1], axis[i, 2]
         if slides[i]:
             x, y, z = ax, ay, az
         else:

@@ -45,7 +45,7 @@ class Truth:
     ball_on_floor: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class FirstContact:
     """True state at the first simulation step in which the ball touches the hand.
 
@@ -120,30 +120,23 @@ class Trace:
 
 
 class Tape:
-    """A growing table behind a :class:`Trace`, one row a tick.
+    """A table behind a :class:`Trace`, one row a tick.
 
     Attributes:
-        rows: The table; rows beyond its length hold nothing.
+        rows: The table; rows not yet written hold nothing.
     """
 
     def __init__(self, widths: tuple[int, ...], ticks: int = 2048) -> None:
         """Make a table of columns so wide for so many ticks; it doubles when full."""
         self._splits = np.cumsum(widths)
         self.rows: Array = np.empty((ticks, int(self._splits[-1])))
-        self._length = 0
 
-    def clear(self) -> None:
-        """Forget all rows."""
-        self._length = 0
-
-    def extend(self) -> int:
-        """Return the index of a new row of the table, to be written at once."""
-        index = self._length
-        if index == len(self.rows):
+    def reserve(self, ticks: int) -> Array:
+        """Return the table, grown to hold so many rows and more."""
+        while ticks > len(self.rows):
             self.rows = np.concatenate((self.rows, np.empty_like(self.rows)))
-        self._length = index + 1
-        return index
+        return self.rows
 
-    def columns(self) -> list[Array]:
-        """Return copies of all columns so far."""
-        return np.split(self.rows[: self._length].copy(), self._splits[:-1], axis=1)
+    def columns(self, ticks: int) -> list[Array]:
+        """Return copies of all columns of the first rows."""
+        return np.split(self.rows[:ticks].copy(), self._splits[:-1], axis=1)

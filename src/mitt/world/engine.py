@@ -1,0 +1,124 @@
+"""MuJoCo as compiled code calls and reads it, without a detour through Python.
+
+``mj_step1``, ``mj_step2`` and ``mj_contactForce`` are called by name in the library that the
+package ``mujoco`` has loaded; model and data are handed over by address. What Python's views do
+not show to compiled code (how many contacts there are, and their table) is read where the
+package's own description of its structures says that it lies, and compared once with what Python
+says.
+
+An error that MuJoCo itself calls fatal (memory that runs out) ends the process here, as it does
+for every program in C; warnings are counted in the data, as ever.
+"""
+
+import ctypes
+from collections.abc import Sequence
+from functools import lru_cache
+from math import prod
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import mujoco
+import numpy as np
+from mujoco.introspect.ast_nodes import ArrayType, PointerType, ValueType
+from mujoco.introspect.structs import STRUCTS
+from numba import types
+from numpy.typing import NDArray
+
+from mitt.errors import ModelError
+
+#: Contacts that compiled code looks at; a hand full of ball has nine.
+MOST = 256
+
+#: The views of :func:`views_of`, in its order.
+Views: TypeAlias = tuple[NDArray[Any], ...]
+
+# The library is in the process already; this makes its names known to compiled code.
+_PATH = next(path for path in Path(mujoco.__file__).parent.glob("*mujoco*.[sd]*"))
+_LIBRARY = ctypes.CDLL(str(_PATH), mode=ctypes.RTLD_GLOBAL)
+
+_at = types.intp
+step1 = types.ExternalFunction("mj_step1", types.void(_at, _at))
+"""Positions and velocities, and all that follows from them: (model, data)."""
+step2 = types.ExternalFunction("mj_step2", types.void(_at, _at))
+"""Forces, and the step: (model, data)."""
+contact_force = types.ExternalFunction("mj_contactForce", types.void(_at, _at, types.intc, _at))
+"""Force and torque of a contact in its own frame: (model, data, contact, result of 6)."""
+
+_PLAIN = {
+    "int": ctypes.c_int,
+    "uint64_t": ctypes.c_uint64,
+    "size_t": ctypes.c_size_t,
+    "uintptr_t": ctypes.c_void_p,
+    "mjtSize": ctypes.c_int64,
+    "mjtBool": ctypes.c_bool,
+    "mjtNum": ctypes.c_double,
+}
+
+
+def views_of(model: mujoco.MjModel, data: mujoco.MjData, site: int, joints: int) -> Views:
+    """Return what compiled code needs of a simulation.
+
+    Args:
+        model: The model; it and ``data`` must outlive the views.
+        data: Its state.
+        site: The catch point's site.
+        joints: Number n of joints of the arm.
+
+    Returns:
+        Addresses of model and data, shape (2,); number of contacts, shape (1,); their geoms,
+        shape (MOST, 2); length of a step [s], shape (1,); qpos, qvel, ctrl, qfrc_applied, qacc;
+        place of the catch point, anchors and axes of the joints, and which of them slide.
+
+    Raises:
+        ModelError: MuJoCo's structures are not as its package describes them.
+    """
+    at, option = data._address, model._address + _offset("mjModel", "opt")
+    counts = _view(at + _offset("mjData", "ncon"), "<i4", (1,))
+    table = _view(at + _offset("mjData", "contact"), "<u8", (1,))
+    seen = _view(at + _offset("mjData", "qpos"), "<u8", (1,))
+    step = _view(option + _offset("mjOption", "timestep"), "<f8", (1,))
+    if step[0] != model.opt.timestep or counts[0] != data.ncon or seen[0] != data.qpos.ctypes.data:
+        raise ModelError("mujoco", "structures as its package describes them", mujoco.__version__)
+    one = ctypes.sizeof(_mirror("mjContact", "efc_address"))
+    geoms = _view(int(table[0]) + _offset("mjContact", "geom"), "<i4", (MOST, 2), (one, 4))
+    slides = model.jnt_type[:joints] == mujoco.mjtJoint.mjJNT_SLIDE
+    return (
+        np.array([model._address, at]), counts, geoms, step, data.qpos, data.qvel, data.ctrl,
+        data.qfrc_applied, data.qacc, data.site_xpos[site], data.xanchor, data.xaxis,
+        np.ascontiguousarray(slides),
+    )  # fmt: skip
+
+
+def _view(address: int, kind: str, shape: Sequence[int], strides: Any = None) -> NDArray[Any]:
+    """Return memory at an address as an array."""
+    size = 8 * prod(shape) if strides is None else shape[0] * strides[0]
+    memory = (ctypes.c_char * size).from_address(address)
+    return np.ndarray(tuple(shape), kind, memory, strides=strides)
+
+
+def _offset(name: str, field: str) -> int:
+    """Return where in a structure a field lies [bytes]."""
+    mirror = _mirror(name, field)
+    return int(vars(mirror)[field].offset)
+
+
+@lru_cache(maxsize=16)
+def _mirror(name: str, last: str | None = None) -> Any:
+    """Return one of MuJoCo's structures, up to a field, as ctypes lays it out."""
+    fields = []
+    for field in STRUCTS[name].fields:
+        fields.append((field.name, _kind(field.type)))
+        if field.name == last:
+            break
+    return type(name, (ctypes.Structure,), {"_fields_": fields})
+
+
+def _kind(kind: ValueType | PointerType | ArrayType) -> Any:
+    """Return the ctypes of a field."""
+    if isinstance(kind, PointerType):
+        return ctypes.c_void_p
+    if isinstance(kind, ArrayType):
+        return _kind(kind.inner_type) * prod(kind.extents)
+    if kind.name in _PLAIN:
+        return _PLAIN[kind.name]
+    return _mirror(kind.name) if kind.name in STRUCTS else ctypes.c_int  # an enumeration
