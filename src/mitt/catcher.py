@@ -19,6 +19,7 @@ from mitt.control.hand import has_closed
 from mitt.errors import InputError
 from mitt.generator.certificate import Outcome, Verdict
 from mitt.generator.generators import Direct, Generator
+from mitt.generator.mapping import DirectMap
 from mitt.generator.several import Several
 from mitt.records import (
     BRAKE,
@@ -28,6 +29,7 @@ from mitt.records import (
     STOPPED,
     WATCH,
     CatcherSettings,
+    Fields,
     Phase,
     Record,
     Tick,
@@ -41,7 +43,7 @@ from mitt.records import (
 )
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState, Command, MapStatus, Senses, Sighting, command_of
-from mitt.tick import DECIDE, GRASPS, LAGS, STOPS, act, perceive, tick
+from mitt.tick import DECIDE, GRASPS, LAGS, REVIEWS, STOPS, act, perceive, tick
 from mitt.vision.belief import absorb
 from mitt.vision.eyes import Eyes
 
@@ -49,10 +51,8 @@ __all__ = ["Catcher", "CatcherSettings", "Phase", "Tick"]
 
 #: Speed below which a joint that brakes counts as at rest [rad/s].
 _AT_REST = 1e-3
-#: Beside the bits of a tick: the map can be refined, the choice of the map is to be reviewed.
-REFINES, REVIEWS = 16, 32
-#: Time between two reviews of the choice among several maps [s].
-_REVIEWED = 0.02
+#: Beside the bits of a tick: the map can be refined.
+REFINES = 32
 
 
 @final
@@ -77,7 +77,9 @@ class Catcher:
         self._map = generator.as_map()
         self._refines = isinstance(generator, Direct) and generator.online is not None
         fields = catcher_fields(arm, eyes, settings) | arm_fields(arm, settings.around)
-        self._state = record_of(fields if self._map is None else fields | map_fields(self._map))
+        self._state = record_of(
+            fields if self._map is None else fields | self._fields_of(self._map)
+        )
         eyes.move_to({name: self._state[f"eyes_{name}"][0] for name in eyes.parts()})
         self._numbers, self.result = self._state[0], fresh_result(arm.n, max(eyes.heads, 1))
         self._hand, self._gaze = self.result["hand"], self.result["gaze"][0]
@@ -86,7 +88,7 @@ class Catcher:
         names = ("ball_memory", "ball_settings", "ball_work")
         memory, table, work = (self._state[name][0] for name in names)
         self._filter = memory, table, work
-        self._brake, self._t_reviewed = np.zeros((1, 3, arm.n)), -np.inf
+        self._brake = np.zeros((1, 3, arm.n))
         self._phase, self._todo, self._ticked = WATCH, 0, False
         self.verdict: Verdict | None = None
         self.certificate: Verdict | None = None
@@ -128,8 +130,6 @@ class Catcher:
             self.t_0 = min(self.t_0, t)
             if self._refines and self.result["inside"].item():
                 self._todo |= REFINES
-            elif isinstance(self._generator, Several) and t - self._t_reviewed >= _REVIEWED:
-                self._todo |= REVIEWS
         gaze = self._gaze.copy() if self._eyes.heads else None
         return command_of(t, self._told.copy(), self._hand.item(), gaze)
 
@@ -267,15 +267,17 @@ class Catcher:
         self._generator = self._generator.adapt(ball, q, dq)
         f = self._generator.as_map()
         if f is not None:
-            for name, value in map_fields(f).items():
+            for name, value in self._fields_of(f).items():
                 self._state[name][0] = value
 
     def _review(self, ball: BallState) -> None:
         """Follow another map where the present one cannot catch any more."""
-        self._t_reviewed = ball.t
-        soon = self.result["time_to_catch"].item() < self._numbers["adapt_until"]
-        if not soon and isinstance(self._generator, Several) and self._generator.astray(ball):
+        if isinstance(self._generator, Several) and self._generator.astray(ball):
             self._adapt(ball)
+
+    def _fields_of(self, f: DirectMap) -> Fields:
+        """Return what the tick knows of a map."""
+        return map_fields(f, several=isinstance(self._generator, Several))
 
     def _refine(self, ball: BallState) -> None:
         """Let the generator make its map a little better for the rest of this flight."""

@@ -61,6 +61,7 @@ class CatcherSettings:
         adapt_q: Gap between desired and true joint angles at which to adapt anew [rad].
         adapt_dq: The same for joint speeds [rad/s].
         adapt_until: Time to the catch below which the map is left as it is [s].
+        review: Time between two reviews of the choice among several maps [s].
         ball_mass: Mass of the ball, carried by the model while it is held [kg].
         ball_radius: Radius of the ball [m]; the eyes are told the same.
         flight: What the filter believes of the ball's flight.
@@ -78,6 +79,7 @@ class CatcherSettings:
     adapt_q: float = 0.06
     adapt_dq: float = 1.2
     adapt_until: float = 0.05
+    review: float = 0.02
     ball_mass: float = 0.07
     ball_radius: float = 0.04
     flight: FilterConfig = field(default_factory=lambda: THROWN_BALL)
@@ -180,6 +182,7 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         shapes, pairs, guard_work, last: As in :mod:`mitt.control.viability`.
         wanted: q_d, dq_d, ddq_d of the last tick, shape (3, n).
         t_brake: Time at which braking began [s].
+        review, t_reviewed: How often the choice of the map is reviewed, and when it was last [s].
         eyes_...: Arrays of :func:`mitt.vision.eyes.look`; z, R: its results.
         ball_...: Memory, settings and scratch of :mod:`mitt.vision.belief`.
         closing, grip: As in :mod:`mitt.control.hand`.
@@ -200,6 +203,7 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         "encoder_memory": monitor.memory_of(n), "encoder_count": s.encoders.count,
         "condition": condition.memory(), "clock": np.int64(0), "encoders": np.int64(0),
         "tolerance": s.tolerance, "stray": s.stray, "asked_to_stop": np.bool_(False),
+        "review": s.review, "t_reviewed": -np.inf,
         "heads": np.int64(eyes.heads), "t_exposed": 0.0,
         "last": np.array([arm.q_ready, still]),
     }  # fmt: skip
@@ -220,9 +224,15 @@ def arm_fields(arm: Arm, around: Surroundings) -> Fields:
     }
 
 
-def map_fields(f: DirectMap) -> Fields:
-    """Return a map as the kernels of :mod:`mitt.generator.mapping` take it."""
+def map_fields(f: DirectMap, *, several: bool) -> Fields:
+    """Return a map as the kernels of :mod:`mitt.generator.mapping` take it.
+
+    Args:
+        f: The map.
+        several: Whether it is one of several, the choice of which is reviewed.
+    """
     return {
+        "several": np.bool_(several),
         "packed": f.packed,
         "powers": f.basis.powers,
         "window": f.window,

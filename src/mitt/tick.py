@@ -30,8 +30,9 @@ from mitt.vision.gaze import lead
 from mitt.vision.head import aim
 
 #: What is to be thought about after a tick, as bits of its result: the verdict is open, the ball
-#: has left the arm behind, the fingers are about to have closed, the catcher has stopped.
-DECIDE, LAGS, GRASPS, STOPS = 1, 2, 4, 8
+#: has left the arm behind, the fingers are about to have closed, the catcher has stopped, the
+#: choice of the map is to be reviewed.
+DECIDE, LAGS, GRASPS, STOPS, REVIEWS = 1, 2, 4, 8, 16
 
 #: Time to the catch within which the hand may hide the ball, and it is not taken for lost [s].
 SOON = 0.1
@@ -247,7 +248,11 @@ def _afterwards(state: Record, result: Record) -> int:
     """Return what is to be thought about while a ball is followed."""
     s, out = state[0], result[0]
     todo = DECIDE if s["open"] else 0
-    if out["inside"] and out["time_to_catch"] >= s["adapt_until"]:
+    soon = out["inside"] and out["time_to_catch"] < s["adapt_until"]
+    if s["several"] and not soon and out["t"] - s["t_reviewed"] >= s["review"]:
+        s["t_reviewed"] = out["t"]
+        todo |= REVIEWS
+    if out["inside"] and not soon:
         asked, believed = out["asked"], s["believed"]
         gap = largest_gap(asked[0], believed[0]) / s["adapt_q"]
         lag = largest_gap(asked[1], believed[1]) / s["adapt_dq"]
