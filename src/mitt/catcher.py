@@ -19,7 +19,6 @@ from mitt.control.hand import has_closed
 from mitt.errors import InputError
 from mitt.generator.certificate import Outcome, Verdict
 from mitt.generator.generators import Direct, Generator
-from mitt.generator.mapping import DirectMap
 from mitt.generator.several import Several
 from mitt.records import (
     BRAKE,
@@ -77,9 +76,9 @@ class Catcher:
         self._map = generator.as_map()
         self._refines = isinstance(generator, Direct) and generator.online is not None
         fields = catcher_fields(arm, eyes, settings) | arm_fields(arm, settings.around)
-        self._state = record_of(
-            fields if self._map is None else fields | self._fields_of(self._map)
-        )
+        known: Fields = {"several": np.bool_(isinstance(generator, Several))}
+        known |= {} if self._map is None else map_fields(self._map)
+        self._state = record_of(fields | known)
         eyes.move_to({name: self._state[f"eyes_{name}"][0] for name in eyes.parts()})
         self._numbers, self.result = self._state[0], fresh_result(arm.n, max(eyes.heads, 1))
         self._hand, self._gaze = self.result["hand"], self.result["gaze"][0]
@@ -267,17 +266,13 @@ class Catcher:
         self._generator = self._generator.adapt(ball, q, dq)
         f = self._generator.as_map()
         if f is not None:
-            for name, value in self._fields_of(f).items():
+            for name, value in map_fields(f).items():
                 self._state[name][0] = value
 
     def _review(self, ball: BallState) -> None:
         """Follow another map where the present one cannot catch any more."""
         if isinstance(self._generator, Several) and self._generator.astray(ball):
             self._adapt(ball)
-
-    def _fields_of(self, f: DirectMap) -> Fields:
-        """Return what the tick knows of a map."""
-        return map_fields(f, several=isinstance(self._generator, Several))
 
     def _refine(self, ball: BallState) -> None:
         """Let the generator make its map a little better for the rest of this flight."""

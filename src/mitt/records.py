@@ -224,15 +224,9 @@ def arm_fields(arm: Arm, around: Surroundings) -> Fields:
     }
 
 
-def map_fields(f: DirectMap, *, several: bool) -> Fields:
-    """Return a map as the kernels of :mod:`mitt.generator.mapping` take it.
-
-    Args:
-        f: The map.
-        several: Whether it is one of several, the choice of which is reviewed.
-    """
+def map_fields(f: DirectMap) -> Fields:
+    """Return a map as the kernels of :mod:`mitt.generator.mapping` take it."""
     return {
-        "several": np.bool_(several),
         "packed": f.packed,
         "powers": f.basis.powers,
         "window": f.window,
