@@ -148,17 +148,21 @@ class _Stops:
         self._request.current_velocity = motion[1].tolist()
         self._request.target_velocity = [0.0] * n
         self._request.target_acceleration = [0.0] * n
-        self._slowing, links = motion[1] * motion[2] < 0.0, len(arm.bodies)
+        self._slowing, links = (motion[1] * motion[2] < 0.0).tolist(), len(arm.bodies)
+        self._braking: list[float] = motion[2].tolist()
         self._arm = arm.bodies, arm.limits.packed, np.array(arm.model.active)
         self._work = np.zeros((2, links)), notes_of(links)
 
     def at(self, rate: Array) -> Brake:
         """Return the stop with given decelerations [rad/s^2], shape (n,), and its torque share."""
         request, trajectory = self._request, Trajectory(len(rate))
-        braking = np.clip(self._motion[2], -rate, rate)
-        request.current_acceleration = np.where(self._slowing, braking, 0.0).tolist()
-        request.max_acceleration = rate.tolist()
-        request.max_jerk = (rate / _ONSET).tolist()
+        most = rate.tolist()  # plain numbers: three are too few for arrays to pay
+        request.current_acceleration = [
+            min(max(a, -x), x) if slows else 0.0
+            for a, x, slows in zip(self._braking, most, self._slowing, strict=True)
+        ]
+        request.max_acceleration = most
+        request.max_jerk = [x / _ONSET for x in most]
         result = self._ruckig.calculate(request, trajectory)
         if result not in (Result.Working, Result.Finished):
             raise RuntimeError(f"Ruckig refused a stop from {self._motion.tolist()}: {result}")

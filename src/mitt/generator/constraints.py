@@ -20,7 +20,8 @@ _RANK = 1e-12
 
 def initial_matrix(phi: Array, n: int) -> Array:
     """Return C of eq. (13), shape (2n, m n), for phi and its rate, shape (2, m)."""
-    return np.einsum("am,ij->aimj", phi, np.eye(n)).reshape(2 * n, -1)
+    C: Array = np.einsum("am,ij->aimj", phi, np.eye(n)).reshape(2 * n, -1)
+    return C
 
 
 def initial_gap(q: Array, dq: Array, virtual: Array) -> Array:

@@ -20,7 +20,7 @@ def now_ns(pair: NDArray[np.int64]) -> int:
         pair: Scratch, shape (2,).
     """
     _clock_gettime(_CLOCK, pair.ctypes.data)
-    return 1_000_000_000 * pair[0] + pair[1]
+    return int(1_000_000_000 * pair[0] + pair[1])
 
 
 @final

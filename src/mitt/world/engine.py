@@ -89,10 +89,12 @@ def views_of(model: mujoco.MjModel, data: mujoco.MjData, site: int, joints: int)
     )  # fmt: skip
 
 
-def _view(address: int, kind: str, shape: Sequence[int], strides: Any = None) -> NDArray[Any]:
+def _view(
+    address: int, kind: str, shape: Sequence[int], strides: tuple[int, ...] | None = None
+) -> NDArray[Any]:
     """Return memory at an address as an array."""
     size = 8 * prod(shape) if strides is None else shape[0] * strides[0]
-    memory = (ctypes.c_char * size).from_address(address)
+    memory = memoryview((ctypes.c_char * size).from_address(address)).cast("B")
     return np.ndarray(tuple(shape), kind, memory, strides=strides)
 
 
@@ -103,7 +105,7 @@ def _offset(name: str, field: str) -> int:
 
 
 @lru_cache(maxsize=16)
-def _mirror(name: str, last: str | None = None) -> Any:
+def _mirror(name: str, last: str | None = None) -> type[Any]:
     """Return one of MuJoCo's structures, up to a field, as ctypes lays it out."""
     fields = []
     for field in STRUCTS[name].fields:
@@ -113,7 +115,7 @@ def _mirror(name: str, last: str | None = None) -> Any:
     return type(name, (ctypes.Structure,), {"_fields_": fields})
 
 
-def _kind(kind: ValueType | PointerType | ArrayType) -> Any:
+def _kind(kind: ValueType | PointerType | ArrayType) -> type[Any]:
     """Return the ctypes of a field."""
     if isinstance(kind, PointerType):
         return ctypes.c_void_p

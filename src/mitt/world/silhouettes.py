@@ -125,7 +125,7 @@ def draw_capsule(pixels: Image, lens: Array, seen: Array, level: int, noise: Ima
             cut = u0 - across_u * r0 + (row - c_v) * cd
             left, right = min(left, cut), max(right, cut)
         first, last = int(max(left + 0.5, 0.0)), int(min(right + 0.5, width - 0.5))
-        if not left <= right:
+        if not left <= right or last < first:
             continue
         line = pixels[row, first : last + 1]
         numbers = noise[row * width + first : row * width + last + 1]
