@@ -1,0 +1,69 @@
+"""What the direct map catches of what can be caught, and whether its verdict is right.
+
+    python benchmarks/catchable.py --throws 1000 --seed 40000 --limits paper --workers 2
+
+Each throw is seen in pixels and given to the direct map. What the map does not catch, and a random
+share of what it catches, is given to the clairvoyant optimum as well: same ball, plant, hand and
+noise. A throw counts as catchable where the clairvoyant's plan, run, catches it; of the throws that
+the map catches that share is estimated from the sample. Prints one JSON object.
+"""
+
+import argparse
+import json
+from functools import partial
+
+from mitt.generator.mapping import DirectMap
+from mitt.rivals.clairvoyant import make_clairvoyant
+from mitt.robot.load import load_arm
+from mitt.study.lesson import learn
+from mitt.study.registry import make_generator
+from mitt.study.score import Trial
+from mitt.study.source import Source, source_for
+from mitt.study.trial import Bench
+from mitt.study.yardstick import Row, counted, is_sampled, judged, parallel
+from mitt.world.scene import Scene
+
+#: Share of the throws that the map catches which are given to the clairvoyant as well.
+SAMPLE = 0.05
+
+
+def thrown(source: Source, bench: Bench, index: int) -> Trial:
+    """Throw one ball at a bench."""
+    return bench.run(index, source.ball(index), seed=source.trial_seed(index)).trial
+
+
+def source_of_seed(f: DirectMap, seed: int, count: int) -> Source:
+    """Return the default throws of a seed."""
+    return source_for(f, seed=seed, count=count, drag=Scene().ball.drag)
+
+
+def part(options: argparse.Namespace, number: int) -> list[Row]:
+    """Run one worker's share of the throws."""
+    f = learn(load_arm("wam", limits=options.limits)).map
+    source, scene = source_of_seed(f, options.seed, options.throws), Scene()
+    made = make_generator(options.generator, f)
+    by_map = partial(thrown, source, Bench(f.arm, made, scene))
+    by_optimum = partial(thrown, source, Bench(f.arm, make_clairvoyant(f), scene))
+    return [
+        judged(by_map, by_optimum, k, sampled=is_sampled(options.seed, k, options.sample))
+        for k in range(number, options.throws, options.workers)
+    ]
+
+
+def main() -> None:
+    """Measure and print one JSON object."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser.add_argument("--throws", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=40000)
+    parser.add_argument("--limits", default="paper", choices=("paper", "wam-48v", "wam-80v"))
+    parser.add_argument("--generator", default="direct", choices=("direct", "several"))
+    parser.add_argument("--sample", type=float, default=SAMPLE)
+    parser.add_argument("--workers", type=int, default=1)
+    options = parser.parse_args()
+    rows = parallel(partial(part, options), options.workers)
+    head = {"limits": options.limits, "seed": options.seed, "generator": options.generator}
+    print(json.dumps({**head, **counted(rows)}, indent=1))
+
+
+if __name__ == "__main__":
+    main()
