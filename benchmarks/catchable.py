@@ -12,35 +12,24 @@ import argparse
 import json
 from functools import partial
 
-from mitt.generator.mapping import DirectMap
 from mitt.rivals.clairvoyant import make_clairvoyant
 from mitt.robot.load import load_arm
 from mitt.study.lesson import learn
 from mitt.study.registry import make_generator
-from mitt.study.score import Trial
-from mitt.study.source import Source, source_for
+from mitt.study.source import source_for
 from mitt.study.trial import Bench
-from mitt.study.yardstick import Row, counted, is_sampled, judged, parallel
+from mitt.study.yardstick import Row, counted, is_sampled, judged, parallel, thrown
 from mitt.world.scene import Scene
 
 #: Share of the throws that the map catches which are given to the clairvoyant as well.
 SAMPLE = 0.05
 
 
-def thrown(source: Source, bench: Bench, index: int) -> Trial:
-    """Throw one ball at a bench."""
-    return bench.run(index, source.ball(index), seed=source.trial_seed(index)).trial
-
-
-def source_of_seed(f: DirectMap, seed: int, count: int) -> Source:
-    """Return the default throws of a seed."""
-    return source_for(f, seed=seed, count=count, drag=Scene().ball.drag)
-
-
 def part(options: argparse.Namespace, number: int) -> list[Row]:
     """Run one worker's share of the throws."""
     f = learn(load_arm("wam", limits=options.limits)).map
-    source, scene = source_of_seed(f, options.seed, options.throws), Scene()
+    scene = Scene()
+    source = source_for(f, seed=options.seed, count=options.throws, drag=scene.ball.drag)
     made = make_generator(options.generator, f)
     by_map = partial(thrown, source, Bench(f.arm, made, scene))
     by_optimum = partial(thrown, source, Bench(f.arm, make_clairvoyant(f), scene))

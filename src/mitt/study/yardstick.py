@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 
 from mitt.study.score import Trial
+from mitt.study.source import Source
 from mitt.study.stats import wilson
+from mitt.study.trial import Bench
 
 #: The stream that a sample is drawn from.
 _STREAM = 7
@@ -85,6 +87,11 @@ def _rate(k: int, n: int) -> Row:
     """Return a rate with its 95 % Wilson interval."""
     low, high = wilson(k, n)
     return {"of": n, "count": k, "rate": k / n if n else None, "low": low, "high": high}
+
+
+def thrown(source: Source, bench: Bench, index: int) -> Trial:
+    """Throw one ball at a bench."""
+    return bench.run(index, source.ball(index), seed=source.trial_seed(index)).trial
 
 
 def is_sampled(seed: int, index: int, share: float) -> bool:
