@@ -11,15 +11,14 @@ then. Prints a line a cell, and one JSON object at the end.
 
 import argparse
 import json
-import sys
+from dataclasses import dataclass
 from functools import partial
 from itertools import product
 
 import numpy as np
 
 from mitt.generator.generators import Direct
-from mitt.generator.mapping import DirectMap
-from mitt.rivals.clairvoyant import Flight, make_clairvoyant
+from mitt.rivals.clairvoyant import Clairvoyant, Flight, make_clairvoyant
 from mitt.rivals.surprised import Surprised
 from mitt.robot.load import load_arm
 from mitt.study.lesson import learn
@@ -28,6 +27,7 @@ from mitt.study.source import Source, source_for
 from mitt.study.trial import Bench
 from mitt.study.yardstick import Row, counted, is_sampled, judged, parallel, thrown
 from mitt.world.scene import Scene
+from mitt.world.simulation import World
 
 #: Changes of the velocity [m/s] and shares of the flight.
 KICKS, SHARES = (0.5, 1.0), (0.5, 0.7, 0.85)
@@ -37,19 +37,32 @@ SAMPLE = 0.05
 _STEP, _LONGEST = 0.001, 1.5
 
 
-def surprised(f: DirectMap, scene: Scene, source: Source, index: int) -> Trial:
-    """Run a kicked throw by the clairvoyant that is told of the kick when it happens."""
-    ball, seed = source.ball(index), source.trial_seed(index)
-    flights: list[Flight] = []
-    for known in (Scene(), scene):
-        world = Bench(f.arm, Direct(f), known).world
-        world.reset(ball, seed)
-        flights.append(world.flight)
-    plain = make_clairvoyant(f)
-    told = Surprised(
-        before=plain.told(flights[0]), after=plain.told(flights[1]), when=parting(*flights)
-    )
-    return Bench(f.arm, told, scene).run(index, ball, seed=seed).trial
+@dataclass(frozen=True)
+class Cell:
+    """Balls kicked by so much at such a share of their flight, and who catches them.
+
+    Attributes:
+        plain: The clairvoyant, told nothing yet.
+        clean: A world without kicks.
+        kicked: A bench of the map with them.
+        scene: Their scene.
+    """
+
+    plain: Clairvoyant
+    clean: World
+    kicked: Bench
+    scene: Scene
+
+    def surprised(self, source: Source, index: int) -> Trial:
+        """Run a throw by the clairvoyant that is told of the kick when it happens."""
+        ball, seed, arm = source.ball(index), source.trial_seed(index), self.kicked.arm
+        flights: list[Flight] = []
+        for world in (self.clean, self.kicked.world):
+            world.reset(ball, seed)
+            flights.append(world.flight)
+        before, after = (self.plain.told(flight) for flight in flights)
+        told = Surprised(before=before, after=after, when=parting(*flights))
+        return Bench(arm, told, self.scene).run(index, ball, seed=seed).trial
 
 
 def parting(one: Flight, other: Flight) -> float:
@@ -59,39 +72,36 @@ def parting(one: Flight, other: Flight) -> float:
     return float(instants[int(np.argmax(apart))])
 
 
-def part(options: argparse.Namespace, kick: float, share: float, number: int) -> list[Row]:
-    """Run one worker's share of a cell."""
+def part(options: argparse.Namespace, number: int) -> list[Row]:
+    """Run one worker's share of all cells."""
     f = learn(load_arm("wam", limits=options.limits)).map
     source = source_for(f, seed=options.seed, count=options.throws, drag=Scene().ball.drag)
-    faults = [{"kind": "kick", "magnitude": kick, "share": share}]
-    scene = Scene.model_validate({"faults": faults})
-    by_map = partial(thrown, source, Bench(f.arm, Direct(f), scene))
-    by_optimum = partial(surprised, f, scene, source)
-    return [
-        judged(by_map, by_optimum, k, sampled=is_sampled(options.seed, k, SAMPLE))
-        for k in range(number, options.throws, options.workers)
-    ]
+    plain, clean = make_clairvoyant(f), Bench(f.arm, Direct(f), Scene()).world
+    rows: list[Row] = []
+    for kick, share in product(KICKS, SHARES):
+        faults = [{"kind": "kick", "magnitude": kick, "share": share}]
+        scene = Scene.model_validate({"faults": faults})
+        cell = Cell(plain, clean, Bench(f.arm, Direct(f), scene), scene)
+        by_map = partial(thrown, source, cell.kicked)
+        for k in range(number, options.throws, options.workers):
+            sampled = is_sampled(options.seed, k, SAMPLE)
+            row = judged(by_map, partial(cell.surprised, source), k, sampled=sampled)
+            rows.append({"kick": kick, "share": share, **row})
+    return rows
 
 
 def main() -> None:
-    """Measure, print a line a cell, and one JSON object."""
+    """Measure and print one JSON object."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("--throws", type=int, default=200)
     parser.add_argument("--seed", type=int, default=44000)
     parser.add_argument("--limits", default="paper", choices=("paper", "wam-48v", "wam-80v"))
     parser.add_argument("--workers", type=int, default=1)
     options = parser.parse_args()
-    cells = []
+    rows, cells = parallel(partial(part, options), options.workers), []
     for kick, share in product(KICKS, SHARES):
-        found = counted(parallel(partial(part, options, kick, share), options.workers))
-        cells.append({"kick": kick, "share": share, **found})
-        rate = found["caught_of_catchable"]
-        print(
-            f"{kick:g} m/s at {share:.0%}: caught {found['caught']} of {found['throws']}, of the "
-            f"catchable {rate['rate']:.3f} [{rate['low']:.3f}, {rate['high']:.3f}]",
-            file=sys.stderr,
-            flush=True,
-        )
+        here = [row for row in rows if (row["kick"], row["share"]) == (kick, share)]
+        cells.append({"kick": kick, "share": share, **counted(here)})
     print(json.dumps({"limits": options.limits, "seed": options.seed, "cells": cells}, indent=1))
 
 
