@@ -91,7 +91,8 @@ def start(
 ) -> tuple[float, int, float]:
     """Begin a step; see :func:`mitt.generator.step.begin`."""
     f, p, goal, b = opened(store, whole)
-    return begin(f, p, goal, state, ahead, alpha, b)
+    found: tuple[float, int, float] = begin(f, p, goal, state, ahead, alpha, b)
+    return found
 
 
 @njit(cache=True)
@@ -126,4 +127,7 @@ def vouch(
 ) -> tuple[tuple[int, int, int], float, float]:  # fmt: skip
     """Return the certificate of a step; see :func:`mitt.generator.assurance.assure`."""
     f, p, _, b = opened(store, whole)
-    return assure(f, p, alpha, b, P, region, tolerance, place_)
+    found: tuple[tuple[int, int, int], float, float] = assure(
+        f, p, alpha, b, P, region, tolerance, place_
+    )
+    return found
