@@ -10,6 +10,7 @@ the map catches that share is estimated from the sample. Prints one JSON object.
 
 import argparse
 import json
+import sys
 from functools import partial
 
 from mitt.rivals.clairvoyant import make_clairvoyant
@@ -33,10 +34,14 @@ def part(options: argparse.Namespace, number: int) -> list[Row]:
     made = make_generator(options.generator, f)
     by_map = partial(thrown, source, Bench(f.arm, made, scene))
     by_optimum = partial(thrown, source, Bench(f.arm, make_clairvoyant(f), scene))
-    return [
-        judged(by_map, by_optimum, k, sampled=is_sampled(options.seed, k, options.sample))
-        for k in range(number, options.throws, options.workers)
-    ]
+    rows: list[Row] = []
+    for k in range(number, options.throws, options.workers):
+        sampled = is_sampled(options.seed, k, options.sample)
+        rows.append(judged(by_map, by_optimum, k, sampled=sampled))
+        if len(rows) % 50 == 0 or rows[-1]["status"] != "caught":
+            print(f"worker {number}: {len(rows)} throws, the last {rows[-1]}",
+                  file=sys.stderr, flush=True)  # fmt: skip
+    return rows
 
 
 def main() -> None:
