@@ -67,7 +67,7 @@ class OnlineSettings:
         ball_radius: Radius of the ball, for the corridor between the fingers [m].
     """
 
-    pull: float = 1e-5
+    pull: float = 3e-6
     share: float = 0.92
     near: float = 0.7
     weight: float = 10.0
