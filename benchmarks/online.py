@@ -10,6 +10,7 @@ saturation where the ball is seen with 0.5 mm of noise; the time of a step and o
 
 import argparse
 import json
+import sys
 import time
 from dataclasses import dataclass
 
@@ -155,6 +156,9 @@ def measure(f: DirectMap, throws: int, seed: int, settings: OnlineSettings) -> d
         asked_plain.append(float(bare.demand.torque.max()))
         times += online.times[2:-60]
         certified += _certificates(f, throw, settings)
+        if (k + 1) % 10 == 0:
+            gap = f"{np.mean(gaps):.4f}, largest {max(gaps):.4f}, asked {max(asked):.2f}"
+            print(f"{k + 1} of {throws}: gap {gap}", file=sys.stderr, flush=True)
     return {
         "throws": throws,
         "seed": seed,

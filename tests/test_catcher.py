@@ -124,7 +124,11 @@ def test_refining_in_flight_repeats_itself_and_costs_less(
     assert logs_equal(first, refined.run(0, throws[0], seed=7, log=True))
     assert first.trial.status == "caught"
     assert first.trial.limit_violations == 0
-    assert first.trial.demand_cost < bench.run(0, throws[0], seed=7).trial.demand_cost
+    assert first.trial.certificate_last is not None
+    assert first.trial.certificate_last["outcome"] == "feasible"
+    plain = bench.run(0, throws[0], seed=7).trial
+    assert first.trial.demand_cost < plain.demand_cost
+    assert plain.certificate_last is None
 
 
 def test_refining_keeps_a_certificate(arm: Arm, taught: Learned, throws: list[Throw]) -> None:

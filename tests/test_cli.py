@@ -22,7 +22,13 @@ TRIAL = {
     "peak_contact_force_n", "binding_limit",
 }  # fmt: skip
 #: What a trial says beyond the contract of design.md, section 3.
-BEYOND = {"saturated_ticks", "range_excess_rad", "rms_torque_ratio", "certificate"}
+BEYOND = {
+    "saturated_ticks",
+    "range_excess_rad",
+    "rms_torque_ratio",
+    "certificate",
+    "certificate_last",
+}
 SUMMARY = {
     "throws", "caught", "dropped", "missed", "unreachable", "aborted", "catch_rate", "ci95",
     "tick_us", "deadline_misses",

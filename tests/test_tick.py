@@ -31,7 +31,7 @@ from mitt.signals import (
 from mitt.study.lesson import learn
 from mitt.study.neighbourhood import aim_of
 from mitt.study.trial import Bench, known_ball
-from mitt.tick import tick
+from mitt.tick import BESIDE, TOUCHED, tick
 from mitt.vision.camera import fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig
 from mitt.vision.filter import BallFilter
@@ -122,7 +122,7 @@ class Staged:
         self.wanted = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)])
         self.brake: Brake | None = None
         self.command: Command | None = None
-        self.t_last = 0.0
+        self.t_last, self.beside = 0.0, False
 
     def step(self, senses: Senses, phase: Phase) -> tuple[Command, JointReference | None]:
         """Make one tick."""
@@ -130,7 +130,9 @@ class Staged:
         if phase is not Phase.BRAKE:
             seen = (self.eyes.step(senses.frames),) if senses.frames else senses.points
             for sighting in seen:
-                self.track.update(sighting)
+                P = sighting.covariance
+                wide = P + TOUCHED**2 * np.eye(3) if self.beside and senses.frames else P
+                self.track.update(replace(sighting, covariance=wide))
         if phase is Phase.FOLLOW:
             ball = self.track.state(senses.t)
             ball = self.notes.now.waiting(ball) if self.notes.waiting else ball
@@ -142,6 +144,7 @@ class Staged:
                 self.wanted[1:] = 0.0
         elif phase is Phase.BRAKE:
             self.wanted = self._braking().at(senses.t)
+        self.beside = time < BESIDE
         hand = self.closing.step(senses.t, time)
         self.command = self.tracker.step(senses.arm, self.wanted, hand=hand).command
         self.t_last = senses.t

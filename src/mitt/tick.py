@@ -37,6 +37,10 @@ DECIDE, LAGS, GRASPS, STOPS, REVIEWS = 1, 2, 4, 8, 16
 #: Time to the catch within which the hand may hide the ball, and it is not taken for lost [s].
 SOON = 0.1
 
+#: Time to the catch from which the hand comes so near the ball's images that its own light and the
+#: rim that it hides move their centroids [s], and what that adds to a sighting's error [m].
+BESIDE, TOUCHED = 0.08, 0.002
+
 
 @njit(cache=True)
 def tick(
@@ -86,6 +90,7 @@ def perceive(
     s, out = state[0], result[0]
     t, s["clock"] = pass_time(s["condition"], t)
     out["t"], out["phase"] = t, s["phase"]
+    beside = out["time_to_catch"] < BESIDE
     out["inside"], out["time_to_catch"] = False, np.inf
     out["following"] = s["phase"] == FOLLOW
     encoders = out["encoders"]
@@ -117,6 +122,9 @@ def perceive(
         )
         and t_exposed <= t + TICK
     ):  # a sighting of the future is one of a clock that was set
+        if beside:
+            for k in range(3):
+                s["R"][k, k] += TOUCHED * TOUCHED
         absorb(s["ball_memory"], t_exposed, s["z"], s["R"], s["ball_settings"], s["ball_work"])
     memory = s["ball_memory"]
     tracked = speak(memory, t, s["ball_settings"], out["ball"], out["covariance"], s["ball_work"])

@@ -23,13 +23,14 @@ import daqp
 import numpy as np
 
 from mitt.generator.approach import palm_of
-from mitt.generator.assurance import KINDS, assure, spread_ahead
+from mitt.generator.assurance import KINDS, spread_ahead
 from mitt.generator.certificate import REGION_GAP, Outcome, Tolerance, Verdict
 from mitt.generator.course import INSTANTS, course_of
 from mitt.generator.foresight import foresee
 from mitt.generator.linear import programme_of
 from mitt.generator.mapping import DirectMap
-from mitt.generator.step import Buffers, Goal, Map, begin, finish, kept
+from mitt.generator.step import Buffers, Goal, Map
+from mitt.generator.store import end, gather, opened, start, vouch
 from mitt.generator.strain import plant_of, work_of
 from mitt.signals import Array, BallState
 
@@ -37,6 +38,8 @@ from mitt.signals import Array, BallState
 _EQUAL, _SOFT = 5, 8
 #: Most iterations of the solver.
 _ITERATIONS = 100
+#: Length of a flight, of which the remaining share counts [s].
+_FLIGHT = 0.4
 #: Residual of the continuity that is let pass [rad, rad/s].
 _RESIDUAL = 1e-6
 
@@ -57,6 +60,8 @@ class OnlineSettings:
 
     Attributes:
         pull: Weight of the pull towards alpha*, in units of the learned cost's curvature.
+        fades: Power of the remaining share of the flight with which the pull fades; without it
+            the pull outweighs what is left of the cost, and leads away from the optimum again.
         share: Share of each limit that may be used.
         near: Share of a limit from which it gets a row.
         weight: Weight of a squared excess over a limit.
@@ -66,7 +71,8 @@ class OnlineSettings:
         ball_radius: Radius of the ball, for the corridor between the fingers [m].
     """
 
-    pull: float = 1e-4
+    pull: float = 3e-6
+    fades: float = 2.0
     share: float = 0.92
     near: float = 0.7
     weight: float = 10.0
@@ -103,16 +109,14 @@ class Online:
         """Take the learned map: its alpha is alpha*, its H the metric."""
         self._f, self.settings = f, settings or OnlineSettings()
         s, (m, n), links = self.settings, f.alpha.shape, len(f.arm.model.links)
-        self._map = Map(
-            f.packed, f.basis.powers, np.array([f.basis.centre, f.basis.scale]), f.work.copy()
-        )
-        self._plant = plant_of(f.arm)
         weights = np.array([s.pull, s.share, s.near, s.weight])
-        self._goal = Goal(f.alpha, f.H, weights, palm_of(f, ball_radius=s.ball_radius))
-        self._buffers = Buffers(
-            course_of(n, m), programme_of(f.arm, instants=INSTANTS, size=m * n), work_of(f.arm),
-            np.zeros((3, links)), np.zeros((3, links)),
+        self._known = gather(
+            Map(f.packed, f.basis.powers, f.window, f.work), plant_of(f.arm),
+            Goal(f.alpha, f.H, weights, palm_of(f, ball_radius=s.ball_radius)),
+            Buffers(course_of(n, m), programme_of(f.arm, instants=INSTANTS, size=m * n),
+                    work_of(f.arm), np.zeros((3, links)), np.zeros((3, links))),
         )  # fmt: skip
+        self._map, self._plant, self._goal, self._buffers = opened(*self._known)
         rows = len(self._buffers.programme.A)
         self._sense = np.full(rows, _SOFT, dtype=np.int32)
         self._sense[: 2 * n] = _EQUAL
@@ -120,8 +124,7 @@ class Online:
         self._low[: 2 * n] = 0.0
         price, nothing = np.full(rows, 0.5 / s.weight), np.zeros(rows)
         self._prices = (price, price, nothing, nothing)
-        self._solver = daqp.Model()
-        self._solver.settings = {"iter_limit": _ITERATIONS}
+        self._solvers: dict[int, daqp.Model] = {}
         self._region = f.region + np.array([[-REGION_GAP], [REGION_GAP]])
         self._sigma = np.zeros((2, n))
         self._state = np.zeros(7)
@@ -148,19 +151,17 @@ class Online:
             return self._answer(status, alpha, ahead, inf)
         self._state[:3], self._state[3:6], self._state[6] = ball.r_o, ball.dr_o, ball.drag
         self._buffers.course.rows[0, 0] = self._f.start
-        better, count, before = begin(
-            self._map, self._plant, self._goal, self._state, (s.lead, ahead), alpha, self._buffers
-        )
+        self._goal.weights[0] = s.pull * min(ahead / _FLIGHT, 1.0) ** s.fades
+        better, count, before = start(*self._known, self._state, (s.lead, ahead), alpha)
         self._t_catch = t + better if isfinite(better) else inf
         step = self._solved(count) if count > 0 else None
         if step is None:
             status = Refinement.FAILED if isfinite(better) else Refinement.OUTSIDE
             return self._answer(status, alpha, ahead, before)
         moved = np.empty_like(alpha)
-        after = finish(
-            self._map, self._plant, self._goal, before, s.halvings, alpha, step, moved,
-            self._buffers,
-        )  # fmt: skip
+        after = end(*self._known, (before, s.halvings, _RESIDUAL), alpha, step, moved)
+        if not isfinite(after):
+            return self._answer(Refinement.FAILED, alpha, ahead, before)
         status = Refinement.REFINED if after < before else Refinement.KEPT
         return self._answer(status, moved, ahead, after)
 
@@ -172,11 +173,11 @@ class Online:
             ball: The estimate it was laid from.
             tolerance: Share of each limit at which a throw is refused.
         """
-        b, arm = self._buffers, self._f.arm
+        arm = self._f.arm
         if not isfinite(self._t_catch):
             return None
-        limit, probability, share = assure(
-            self._map, self._plant, alpha, b, ball.covariance, self._region,
+        limit, probability, share = vouch(
+            *self._known, alpha, ball.covariance, self._region,
             np.array([tolerance.torque, tolerance.speed, 1.0]), self._sigma,
         )  # fmt: skip
         ahead = self._t_catch - ball.t
@@ -191,19 +192,20 @@ class Online:
         )
 
     def _solved(self, count: int) -> Array | None:
-        """Return the step of the programme's first ``count`` rows, (m n,); None if unsound."""
-        q = self._buffers.programme
-        flag, _ = self._solver.setup(
-            q.h, q.g, q.A[:count], q.room[:count], self._low[:count], self._sense[:count]
-        )
-        if flag < 0:
-            return None
-        self._solver.soft_weights(*(price[:count] for price in self._prices))
-        x, _, flag, _ = self._solver.solve()
-        if flag <= 0 or not kept(q, 2 * self._f.arm.n, x, _RESIDUAL):
-            return None
+        """Return the step of the programme's first ``count`` rows, (m n,); None without one."""
+        q, solver = self._buffers.programme, self._solvers.get(count)
+        rows, room, sense = q.A[:count], q.room[:count], self._sense[:count]
+        if solver is None or solver.update(H=q.h, f=q.g, A=rows, bupper=room, sense=sense) != 0:
+            solver = daqp.Model()
+            solver.settings = {"iter_limit": _ITERATIONS}
+            flag, _ = solver.setup(q.h, q.g, rows, room, self._low[:count], sense)
+            if flag < 0:
+                return None
+            solver.soft_weights(*(price[:count] for price in self._prices))
+            self._solvers[count] = solver
+        x, _, flag, _ = solver.solve()
         step: Array = x
-        return step
+        return step if flag > 0 else None
 
     def _answer(self, status: Refinement, alpha: Array, ahead: float, cost: float) -> Refined:
         """Return coefficients with what was found out about them."""

@@ -45,6 +45,8 @@ class Trial:
         rms_torque_ratio: Share of each drive's continuous torque, as root mean square over the
             trial; 0 where the limit set has none.
         certificate: The verdict before moving: outcome, binding limit, margin and probability.
+        certificate_last: The same of the last online step before the catch; None where nothing was
+            refined in flight.
     """
 
     index: int
@@ -62,6 +64,7 @@ class Trial:
     range_excess_rad: float
     rms_torque_ratio: list[float] = field(default_factory=list)
     certificate: dict[str, str | float | None] | None = None
+    certificate_last: dict[str, str | float | None] | None = None
 
 
 def certificate_of(verdict: Verdict | None) -> dict[str, str | float | None] | None:

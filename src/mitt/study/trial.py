@@ -149,6 +149,7 @@ class Bench:
             range_excess_rad=meter.excess(),
             rms_torque_ratio=meter.continuous(truth),
             certificate=certificate_of(verdict),
+            certificate_last=certificate_of(catcher.certificate),
         )
 
 

@@ -1,0 +1,108 @@
+"""The map held against the clairvoyant, throw by throw: what could have been caught, and was not.
+
+A throw is catchable where the clairvoyant's plan, run in the same plant with the same hand and
+noise, catches it. Every throw that the map does not catch is run by the clairvoyant too, and a
+random sample of those that it catches, which says how often the clairvoyant fails there.
+"""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from typing import Any
+
+import numpy as np
+
+from mitt.study.score import Trial
+from mitt.study.source import Source
+from mitt.study.stats import wilson
+from mitt.study.trial import Bench
+
+#: The stream that a sample is drawn from.
+_STREAM = 7
+
+Row = dict[str, Any]
+#: Runs a throw by its index.
+Run = Callable[[int], Trial]
+
+
+def judged(by_map: Run, by_optimum: Run, index: int, *, sampled: bool) -> Row:
+    """Run a throw by the map and, where it fails or is sampled, by the clairvoyant."""
+    trial = by_map(index)
+    caught, told = trial.status == "caught", trial.certificate or {}
+    row: Row = {
+        "index": index, "status": trial.status, "verdict": told.get("outcome"),
+        "binding_limit": trial.binding_limit, "margin": told.get("margin"),
+        "violations": trial.limit_violations, "clairvoyant": None,
+    }  # fmt: skip
+    if not caught or sampled:
+        best = by_optimum(index)
+        row |= {"clairvoyant": best.status, "clairvoyant_violations": best.limit_violations}
+    return row
+
+
+def counted(rows: Sequence[Row]) -> Row:
+    """Return what a table of throws comes to."""
+    failed = [row for row in rows if row["status"] != "caught"]
+    both = [row for row in rows if row["status"] == "caught" and row["clairvoyant"] is not None]
+    caught, lost = len(rows) - len(failed), _caught_by_optimum(failed)
+    share = _caught_by_optimum(both) / len(both) if both else 1.0
+    # The sample stands for all that the map catches.
+    common = round(share * caught)
+    feasible = sum(row["verdict"] == "feasible" for row in rows)
+    hopeful = sum(_vain(row) for row in failed)
+    timid = sum(_refused(row) and row["clairvoyant"] == "caught" for row in failed)
+    return {
+        "throws": len(rows),
+        "caught": caught,
+        **{s: sum(row["status"] == s for row in rows)
+           for s in ("dropped", "missed", "unreachable", "aborted")},
+        "sampled": {"throws": len(both), "caught_by_clairvoyant": _caught_by_optimum(both)},
+        "catchable": common + lost,
+        "caught_of_catchable": _rate(common, common + lost),
+        "caught_of_what_either_catches": _rate(caught, caught + lost),
+        "false_feasible": _rate(hopeful, feasible),
+        "false_unreachable": _rate(timid, len(rows)),
+        "refused": sum(_refused(row) for row in rows),
+        "violations": sum(row["violations"] for row in rows),
+        "violations_of_clairvoyant": sum(row.get("clairvoyant_violations", 0) for row in rows),
+        "failures": failed,
+    }  # fmt: skip
+
+
+def _caught_by_optimum(rows: Sequence[Row]) -> int:
+    """Return how many of some throws the clairvoyant caught."""
+    return sum(row["clairvoyant"] == "caught" for row in rows)
+
+
+def _refused(row: Row) -> bool:
+    """Say whether a throw was refused before moving."""
+    return bool(row["status"] == "unreachable")
+
+
+def _vain(row: Row) -> bool:
+    """Say whether a throw was promised and neither caught it."""
+    return bool(row["verdict"] == "feasible" and row["clairvoyant"] != "caught")
+
+
+def _rate(k: int, n: int) -> Row:
+    """Return a rate with its 95 % Wilson interval."""
+    low, high = wilson(k, n)
+    return {"of": n, "count": k, "rate": k / n if n else None, "low": low, "high": high}
+
+
+def thrown(source: Source, bench: Bench, index: int) -> Trial:
+    """Throw one ball at a bench."""
+    return bench.run(index, source.ball(index), seed=source.trial_seed(index)).trial
+
+
+def is_sampled(seed: int, index: int, share: float) -> bool:
+    """Say whether a throw is in the sample; a function of seed and index alone."""
+    return bool(np.random.default_rng([seed, index, _STREAM]).random() < share)
+
+
+def parallel(work: Callable[[int], list[Row]], workers: int) -> list[Row]:
+    """Run all shares, each in its own process where there are several; rows by index."""
+    if workers == 1:
+        return work(0)
+    with ProcessPoolExecutor(workers) as pool:
+        parts = list(pool.map(work, range(workers)))
+    return sorted((row for rows in parts for row in rows), key=lambda row: int(row["index"]))

@@ -1,0 +1,63 @@
+"""The yardstick counts what it says, and asks the clairvoyant only where it must."""
+
+from dataclasses import replace
+
+import pytest
+
+from mitt.study.score import Trial
+from mitt.study.yardstick import Row, counted, is_sampled, judged
+
+#: A trial of which only the fields that count are changed.
+PLAIN = Trial(
+    index=0, status="caught", t_catch_s=None, position_error_mm=None, velocity_error_m_s=None,
+    peak_torque_ratio=[], peak_speed_ratio=[], limit_violations=0, demand_cost=0.0,
+    peak_contact_force_n=None, binding_limit=None, saturated_ticks=0, range_excess_rad=0.0,
+    certificate={"outcome": "feasible", "binding_limit": "torque:j2", "margin": 0.2},
+)  # fmt: skip
+
+
+def _row(mine: str, best: str, *, sampled: bool = False, verdict: str = "feasible") -> Row:
+    """Return a throw of which the map made one thing and the clairvoyant another."""
+    trial = replace(PLAIN, status=mine, certificate={"outcome": verdict})
+    return judged(lambda _: trial, lambda _: replace(PLAIN, status=best), 3, sampled=sampled)
+
+
+def test_the_clairvoyant_runs_what_is_lost_or_sampled() -> None:
+    """A caught throw out of the sample costs no plan; any other is run by both."""
+    assert _row("caught", "caught")["clairvoyant"] is None
+    assert _row("caught", "missed", sampled=True)["clairvoyant"] == "missed"
+    assert _row("dropped", "caught")["clairvoyant"] == "caught"
+
+
+def test_every_failure_is_of_one_kind() -> None:
+    """A promise that neither keeps and a refusal of what can be caught are told apart."""
+    rows = [
+        *(_row("caught", "caught") for _ in range(6)),
+        _row("dropped", "caught"),
+        _row("dropped", "missed"),
+        _row("unreachable", "caught", verdict="unreachable"),
+        _row("unreachable", "unreachable", verdict="unreachable"),
+    ]
+    found = counted(rows)
+    assert found["throws"] == 10
+    assert found["catchable"] == 8
+    assert found["caught_of_catchable"]["rate"] == pytest.approx(6 / 8)
+    assert (found["false_feasible"]["count"], found["false_feasible"]["of"]) == (1, 8)
+    assert (found["false_unreachable"]["count"], found["false_unreachable"]["of"]) == (1, 10)
+    assert len(found["failures"]) == 4
+
+
+def test_the_sample_stands_for_all_that_is_caught() -> None:
+    """Where the clairvoyant fails on half of the sample, half of the caught count as catchable."""
+    rows = [_row("caught", "caught", sampled=True), _row("caught", "dropped", sampled=True)]
+    found = counted(rows * 10 + [_row("dropped", "caught")] * 10)
+    assert found["catchable"] == 20
+    assert found["caught_of_catchable"]["rate"] == pytest.approx(0.5)
+    assert found["caught_of_what_either_catches"]["rate"] == pytest.approx(20 / 30)
+
+
+def test_the_sample_is_the_same_every_time() -> None:
+    """It depends on seed and index alone, and is about as large as asked for."""
+    drawn = [is_sampled(5, k, 0.2) for k in range(1000)]
+    assert drawn == [is_sampled(5, k, 0.2) for k in range(1000)]
+    assert 150 < sum(drawn) < 250
