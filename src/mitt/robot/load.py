@@ -1,17 +1,13 @@
 """Arms by name or from a URDF or MJCF file."""
 
-import os
-import sys
-import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 from defusedxml import DefusedXmlException, ElementTree
 
-from mitt.errors import FileError, ModelError, UnknownNameError
+from mitt.errors import FileError, ModelError, UnknownNameError, heard
 from mitt.robot.arm import Arm
 from mitt.robot.description import ArmModel, Link, transform
 from mitt.robot.hands import HandModel
@@ -72,30 +68,13 @@ def _parse(path: Path) -> pin.Model:
         raise FileError(str(path), "a readable text file", error) from error
     _check_numbers(path, text)
     build = pin.buildModelFromUrdf if path.suffix == ".urdf" else pin.buildModelFromMJCF
-    with _heard() as said:
+    with heard() as said:
         try:
             return build(str(path))
         except (ValueError, RuntimeError, IndexError, KeyError) as error:
             failed = error
     reason = f"{''.join(said)} {failed}".split() or ["a parse error"]
     raise FileError(str(path), "a URDF or MJCF arm", " ".join(reason)[:200]) from failed
-
-
-@contextmanager
-def _heard() -> Iterator[list[str]]:
-    """Hear what a parser in C++ writes to the error stream instead of letting it through."""
-    said: list[str] = []
-    sys.stderr.flush()
-    with tempfile.TemporaryFile() as heard:
-        before = os.dup(2)
-        os.dup2(heard.fileno(), 2)
-        try:
-            yield said
-        finally:
-            os.dup2(before, 2)
-            os.close(before)
-            heard.seek(0)
-            said.append(heard.read(2000).decode(errors="replace"))
 
 
 def _check_numbers(path: Path, text: str) -> None:
