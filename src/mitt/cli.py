@@ -9,7 +9,7 @@ import io
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from types import FrameType
 from typing import NoReturn
@@ -31,7 +31,7 @@ from mitt.options import (
 )
 
 #: Options of every command; the module of ``mitt.commands`` of the same name does what is asked.
-_OPTIONS: dict[str, type] = {
+_OPTIONS: dict[str, Callable[..., object]] = {
     "catch": CatchOptions,
     "learn": LearnOptions,
     "study": StudyOptions,

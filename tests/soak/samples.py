@@ -87,12 +87,16 @@ URDF = b"""<robot name="two">
 </robot>
 """
 
-MJCF = b"""<mujoco model="two"><compiler angle="radian"/><worldbody>
+MJCF = b"""<mujoco model="two"><compiler angle="radian"/><custom>
+ <numeric name="velocity_limit_j1" data="8"/><numeric name="velocity_limit_j2" data="8"/>
+ <numeric name="velocity_limit_j3" data="12"/></custom><worldbody>
  <body name="l1"><joint name="j1" axis="0 0 1" range="-2.5 2.5" actuatorfrcrange="-80 80"/>
   <inertial pos="0 0 0.2" mass="2.0" diaginertia="0.02 0.02 0.01"/>
-  <body name="l2" pos="0 0 0.4"><joint name="j2" axis="0 1 0" range="-2 2"/>
+  <body name="l2" pos="0 0 0.4"><joint name="j2" axis="0 1 0" range="-2 2"
+   actuatorfrcrange="-80 80"/>
    <inertial pos="0 0 0.2" mass="1.5" diaginertia="0.02 0.02 0.01"/>
-   <body name="l3" pos="0 0 0.4"><joint name="j3" axis="0 1 0" range="-2.5 2.5"/>
+   <body name="l3" pos="0 0 0.4"><joint name="j3" axis="0 1 0" range="-2.5 2.5"
+    actuatorfrcrange="-60 60"/>
     <inertial pos="0 0 0.1" mass="1.0" diaginertia="0.01 0.01 0.005"/>
     <geom type="capsule" fromto="0 0 0 0 0 0.2" size="0.03"/></body></body></body>
 </worldbody></mujoco>

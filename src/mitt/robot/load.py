@@ -16,6 +16,7 @@ from mitt.robot.wam import LIMIT_SETS, wam, wam_limits
 
 #: Largest description file read [byte]; real ones stay below 1 MB.
 _MAX_BYTES = 20_000_000
+_HOW = "state them in the file (MJCF: actuatorfrcrange, numeric velocity_limit_JOINT)"
 
 
 def load_arm(
@@ -70,11 +71,35 @@ def _parse(path: Path) -> pin.Model:
     build = pin.buildModelFromUrdf if path.suffix == ".urdf" else pin.buildModelFromMJCF
     with heard() as said:
         try:
-            return build(str(path))
+            return _with_speeds(build(str(path)), path, text)
         except (ValueError, RuntimeError, IndexError, KeyError) as error:
             failed = error
     reason = f"{''.join(said)} {failed}".split() or ["a parse error"]
     raise FileError(str(path), "a URDF or MJCF arm", " ".join(reason)[:200]) from failed
+
+
+def _with_speeds(model: pin.Model, path: Path, text: str) -> pin.Model:
+    """Read the velocity limits of an MJCF: MuJoCo has none, so they stand among its own numbers.
+
+    ``<custom><numeric name="velocity_limit_JOINT" data="8.0"/></custom>`` [rad/s or m/s]; what is
+    no limit above 0 is refused later, with the name of its joint.
+    """
+    stated = {
+        x.get("name", ""): x.get("data", "") for x in ElementTree.fromstring(text).iter("numeric")
+    }
+    for joint in list(model.names)[1:]:
+        given = stated.get(f"velocity_limit_{joint}")
+        if given is None:
+            continue
+        try:
+            limit = float(given)
+        except ValueError:
+            limit = 0.0
+        if not 0.0 < limit < np.inf:
+            raise FileError(f"{path} velocity_limit_{joint}", "a number above 0", repr(given[:60]))
+        at = model.joints[model.getJointId(joint)].idx_v
+        model.lowerVelocityLimit[at], model.upperVelocityLimit[at] = -limit, limit
+    return model
 
 
 def _check_numbers(path: Path, text: str) -> None:
@@ -186,5 +211,5 @@ def _limits(model: pin.Model) -> Limits:
         if not (0.0 < tau[k] < np.inf and 0.0 < speed[k] < np.inf):
             given = f"{tau[k]:g} and {speed[k]:g}"
             wanted = "an effort and a velocity limit above 0"
-            raise ModelError(f"joint {joint!r}", wanted, given, do="state them in the file")
+            raise ModelError(f"joint {joint!r}", wanted, given, do=_HOW)
     return joint_level("model", tau=tau, speed=speed)

@@ -28,6 +28,18 @@ class _Pairs(Settings):
     p_holm: Share
 
 
+class _Median(Settings):
+    """Medians of a row."""
+
+    position_error_mm: float | None
+    velocity_error_m_s: float | None
+    peak_contact_force_n: float | None
+    energy_j: float | None
+    demand_cost: float | None
+    peak_torque_ratio: float | None
+    peak_speed_ratio: float | None
+
+
 class _Row(Settings):
     """A row of the summary, as :func:`mitt.study.sweep.summary.cell_of` makes it."""
 
@@ -46,7 +58,7 @@ class _Row(Settings):
     value: float | None
     unit: str
     violating_throws: Count
-    median: dict[str, float | None]
+    median: _Median
     against_direct: _Pairs | None
 
 
