@@ -1,5 +1,7 @@
 """What tests share: the arm, a few flights, a learned map, and a fixed Hypothesis profile."""
 
+import signal
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
@@ -16,6 +18,9 @@ settings.register_profile(
     "mitt", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("mitt")
+
+# Tests that run in the background begin with interrupts ignored, and so would their processes.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")

@@ -15,10 +15,10 @@ encoder is read with its sign turned: it has driven the joint the wrong way, and
 how fast.
 
 Memory of the encoders, a row a joint: last believed q and dq, readings refused in a row, motion to
-be expected since the reading changed [rad], ticks stuck, sums of the speed gained by the torques and by
-the reading over a fading window [rad/s], ticks of disagreement, whether the joint is reckoned (1)
-or read with its sign turned (-1), the reading that it has not left [rad], and the speed that the
-torques have brought since [rad/s].
+be expected since the reading changed [rad], ticks stuck, sums of the speed gained by the torques
+and by the reading over a fading window [rad/s], ticks of disagreement, whether the joint is
+reckoned (1) or read with its sign turned (-1), the reading that it has not left [rad], and the
+speed that the torques have brought since [rad/s].
 """
 
 from dataclasses import dataclass
@@ -40,7 +40,8 @@ FINE, BRIDGED, SILENT, JUMPED, STUCK, REVERSED = range(6)
 _IN_A_ROW, _EXCESS = 3, 1.5
 #: How far outside a joint's range a first reading may lie [rad].
 _BEYOND = 0.5
-#: Counts of motion to be expected after which a still encoder is suspicious, and ticks until it is stuck.
+#: Counts of motion to be expected after which a still encoder is suspicious, and ticks until it is
+#: stuck.
 _COUNTS, _STILL = 5.0, 3
 #: Share of a joint's largest torque that friction may take, so that a joint that is driven by less
 #: may stand still.

@@ -5,19 +5,63 @@ the hand is turned just then; h goes to zero at the catch. So the ball comes int
 from the front, wherever the palm looks on the way.
 """
 
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
+from typing import Generic, TypeVar
 
 import numpy as np
 from numba import njit
 
 from mitt.generator.mapping import DirectMap
 from mitt.generator.packing import unfold, unpack
+from mitt.rivals.meeting import hand_of
+from mitt.rivals.servo import bounds_of
 from mitt.robot.chain import sweep
 from mitt.robot.vectors import Vec
 from mitt.signals import Array
 
 #: Values of each joint at which the reach is looked up.
 _GRID = 9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shares:
+    """How much of an arm may be used.
+
+    Attributes:
+        reach: Share of its reach within which the hand may wait.
+        torque: Share of the torques on each joint's own inertia that bounds its acceleration.
+    """
+
+    reach: float = 0.96
+    torque: float = 2.0
+
+
+S = TypeVar("S", bound=Shares)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reaching(Generic[S]):
+    """An arm that comes at a ball, and its settings."""
+
+    map: DirectMap
+    settings: S
+
+    @cached_property
+    def most(self) -> Array:
+        """Bounds of the joints, as of :func:`mitt.rivals.servo.bounds_of`."""
+        return bounds_of(self.map.arm, share=self.settings.torque)
+
+    @cached_property
+    def hand(self) -> Array:
+        """Numbers of the hand, as of :func:`mitt.rivals.meeting.hand_of`."""
+        return hand_of(self.map.arm)
+
+    @cached_property
+    def sphere(self) -> Array:
+        """Where the hand may wait: centre and radius [m], shape (4,)."""
+        return sphere_of(self.map, share=self.settings.reach)
 
 
 def sphere_of(f: DirectMap, *, share: float) -> Array:

@@ -9,8 +9,7 @@ gamma = (1 - s)^3 with s = |r_o - r_c|^2 / R^2 (0 beyond R), and the system is o
 the joints, critically damped, its rate rising towards the catch.
 """
 
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
@@ -18,17 +17,17 @@ from numba import njit
 
 from mitt.generator.generators import Generator
 from mitt.generator.mapping import DirectMap
-from mitt.rivals.approach import hold_back, set_back, sphere_of
+from mitt.rivals.approach import Reaching, Shares, hold_back, set_back
 from mitt.rivals.course import Course
-from mitt.rivals.meeting import hand_of, lift_ahead
+from mitt.rivals.meeting import lift_ahead
 from mitt.rivals.pursuit import rival
-from mitt.rivals.servo import bounds_of, follow
+from mitt.rivals.servo import follow
 from mitt.signals import Array, BallState
 
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SoftSettings:
+class SoftSettings(Shares):
     """How soft the coupling is.
 
     Attributes:
@@ -37,8 +36,6 @@ class SoftSettings:
         back: Largest set-back along it [m].
         rate: Smallest and largest rate of the system [rad/s].
         sharpen: Rate times the time to the catch, between those.
-        reach: Share of the arm's reach within which the virtual ball is held.
-        torque: Share of the torques on each joint's own inertia that bounds its acceleration.
     """
 
     radius: float = 1.6
@@ -46,32 +43,12 @@ class SoftSettings:
     back: float = 0.2
     rate: tuple[float, float] = (6.0, 60.0)
     sharpen: float = 6.0
-    reach: float = 0.96
-    torque: float = 2.0
 
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Soft:
+class Soft(Reaching[SoftSettings]):
     """The system of one arm."""
-
-    map: DirectMap
-    settings: SoftSettings = field(default_factory=SoftSettings)
-
-    @cached_property
-    def most(self) -> Array:
-        """Bounds of the joints."""
-        return bounds_of(self.map.arm, share=self.settings.torque)
-
-    @cached_property
-    def hand(self) -> Array:
-        """Numbers of the hand."""
-        return hand_of(self.map.arm)
-
-    @cached_property
-    def sphere(self) -> Array:
-        """Where the virtual ball may be: centre and radius [m], shape (4,)."""
-        return sphere_of(self.map, share=self.settings.reach)
 
     def attract(self, course: Course, ball: BallState, rows: Array) -> None:
         """Write the joint motion that attracts; row 0 is where it was, shape (3, n)."""
@@ -157,4 +134,4 @@ def _attract(
 
 def make_ds(f: DirectMap) -> Generator:
     """Return the rival for the arm of a map."""
-    return rival(f, Softly(soft=Soft(map=f)))
+    return rival(f, Softly(soft=Soft(map=f, settings=SoftSettings())))

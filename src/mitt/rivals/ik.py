@@ -15,8 +15,7 @@ Of the two elbows that reach a point the one of the catch is taken; the gap betw
 that motion is closed on the way.
 """
 
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
@@ -25,18 +24,18 @@ from numba import njit
 from mitt.generator.foresight import fly_on, state_of
 from mitt.generator.generators import Generator
 from mitt.generator.mapping import DirectMap
-from mitt.rivals.approach import hold_back, set_back, sphere_of
+from mitt.rivals.approach import Reaching, Shares, hold_back, set_back
 from mitt.rivals.course import Course
-from mitt.rivals.meeting import hand_of, lift_ahead
+from mitt.rivals.meeting import lift_ahead
 from mitt.rivals.pursuit import rival
 from mitt.rivals.quintics import quintic
-from mitt.rivals.servo import bounds_of, follow
+from mitt.rivals.servo import follow
 from mitt.signals import Array, BallState
 
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LineSettings:
+class LineSettings(Shares):
     """How the hand moves along the line of flight.
 
     Attributes:
@@ -46,8 +45,6 @@ class LineSettings:
         join: Share of the time to the catch in which the hand gets onto the line.
         gain: Smallest and largest bandwidth of the joints' error [rad/s].
         sharpen: Bandwidth times the time to the catch, between those.
-        reach: Share of the arm's reach within which the hand waits.
-        torque: Share of the torques on each joint's own inertia that bounds its acceleration.
     """
 
     run: float = 0.13
@@ -56,8 +53,6 @@ class LineSettings:
     join: float = 0.95
     gain: tuple[float, float] = (15.0, 60.0)
     sharpen: float = 6.0
-    reach: float = 0.96
-    torque: float = 2.0
 
     @property
     def packed(self) -> Array:
@@ -67,26 +62,8 @@ class LineSettings:
 
 @final
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Line:
+class Line(Reaching[LineSettings]):
     """One arm's way of following the line of flight."""
-
-    map: DirectMap
-    settings: LineSettings = field(default_factory=LineSettings)
-
-    @cached_property
-    def most(self) -> Array:
-        """Bounds of the joints."""
-        return bounds_of(self.map.arm, share=self.settings.torque)
-
-    @cached_property
-    def hand(self) -> Array:
-        """Numbers of the hand."""
-        return hand_of(self.map.arm)
-
-    @cached_property
-    def sphere(self) -> Array:
-        """Where the hand may wait: centre and radius [m], shape (4,)."""
-        return sphere_of(self.map, share=self.settings.reach)
 
     def goal(self, course: Course, ball: BallState, rows: Array) -> None:
         """Write the joint motion that the hand is to follow now; row 0 is where it was, (3, n)."""
@@ -168,4 +145,4 @@ def _goal(
 
 def make_ik(f: DirectMap) -> Generator:
     """Return the rival for the arm of a map."""
-    return rival(f, Tracking(line=Line(map=f)))
+    return rival(f, Tracking(line=Line(map=f, settings=LineSettings())))
