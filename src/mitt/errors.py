@@ -4,7 +4,11 @@ Outcomes of a throw (unreachable, lost ball, a solver that stopped early) are a 
 of a result; only a caller's mistake or a broken file raises.
 """
 
-from collections.abc import Iterable
+import os
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 
 class MittError(Exception):
@@ -53,3 +57,24 @@ class UnknownNameError(InputError, KeyError):
 
 class Terminated(KeyboardInterrupt):
     """SIGTERM arrived: what is finished is kept, as for an interrupt from the keyboard."""
+
+
+@contextmanager
+def heard() -> Iterator[list[str]]:
+    """Hear what a library in C or C++ writes to the error stream instead of letting it through.
+
+    Yields:
+        A list that holds the text once the block is left.
+    """
+    said: list[str] = []
+    sys.stderr.flush()
+    with tempfile.TemporaryFile() as stream:
+        before = os.dup(2)
+        os.dup2(stream.fileno(), 2)
+        try:
+            yield said
+        finally:
+            os.dup2(before, 2)
+            os.close(before)
+            stream.seek(0)
+            said.append(stream.read(2000).decode(errors="replace"))

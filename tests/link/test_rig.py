@@ -126,3 +126,12 @@ def test_a_missing_file_is_one_line(tmp_path: Path) -> None:
     """It says which file."""
     with pytest.raises(FileError, match=r"none\.toml"):
         read_rig(tmp_path / "none.toml")
+
+
+@pytest.mark.parametrize("value", ["9" * 5000, "[" * 5000 + "]" * 5000], ids=["digits", "depth"])
+def test_what_toml_cannot_hold_is_one_line(tmp_path: Path, value: str) -> None:
+    """A number of 5000 digits and lists 5000 deep are refused like any other broken file."""
+    path = tmp_path / "RIG.toml"
+    path.write_text(f"a = {value}\n")
+    with pytest.raises(FileError, match="RIG.toml"):
+        read_rig(path)

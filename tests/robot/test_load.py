@@ -99,3 +99,29 @@ def test_a_parser_in_c_is_heard_not_seen(tmp_path: Path, capfd: pytest.CaptureFi
     with pytest.raises(FileError, match="no effort"):
         load_arm(path, tip="l5", joints=["j1", "j2", "j4"])
     assert capfd.readouterr().err == ""
+
+
+MJCF = """<mujoco model="two"><compiler angle="radian"/><custom>
+ <numeric name="velocity_limit_a" data="8"/><numeric name="velocity_limit_b" data="12"/>
+</custom><worldbody><body name="one"><joint name="a" axis="0 0 1" range="-2 2"
+  actuatorfrcrange="-80 80"/><inertial pos="0 0 0.2" mass="2" diaginertia="0.02 0.02 0.01"/>
+ <body name="two" pos="0 0 0.4"><joint name="b" axis="0 1 0" range="-1 2"
+  actuatorfrcrange="-60 60"/><inertial pos="0 0 0.1" mass="1" diaginertia="0.01 0.01 0.005"/>
+</body></body></worldbody></mujoco>"""
+
+
+def test_an_mjcf_states_its_speeds_among_its_own_numbers(tmp_path: Path) -> None:
+    """MJCF knows no limit of speed: ``velocity_limit_JOINT`` is one; without it, it is refused."""
+    path = tmp_path / "two.xml"
+    path.write_text(MJCF)
+    arm = load_arm(path, tip="two", joints=["a", "b"])
+    assert arm.dq_max.tolist() == [8.0, 12.0]
+    assert arm.tau_max.tolist() == [80.0, 60.0]
+    assert arm.q_min.tolist() == [-2.0, -1.0]
+    for bad in ("nan", "-1", "fast", "inf"):
+        path.write_text(MJCF.replace('data="12"', f'data="{bad}"'))
+        with pytest.raises(FileError, match="velocity_limit_b"):
+            load_arm(path, tip="two", joints=["a", "b"])
+    path.write_text(MJCF.replace("velocity_limit_b", "other"))
+    with pytest.raises(ModelError, match="velocity_limit_JOINT"):
+        load_arm(path, tip="two", joints=["a", "b"])

@@ -1,4 +1,4 @@
-"""A valid file for every reader, and the command that reads it and does nothing else."""
+"""Samples: a valid file for every reader of ``mitt catch``, and the command that reads it."""
 
 import hashlib
 import json
@@ -26,22 +26,22 @@ class Sample:
         name: Name of the reader.
         path: Where the file is.
         valid: What a valid one holds.
-        words: The command; the file's path follows.
-        more: What follows the path.
+        command: Words of the command line that read it.
         mend: Makes a mutant pass a first check, so that it gets further in.
+        each: It is read in one of so many rounds; more than 1 for what takes long.
     """
 
     name: str
     path: Path
     valid: bytes
-    words: tuple[str, ...]
-    more: tuple[str, ...] = ()
+    command: tuple[str, ...]
     mend: Callable[[bytes], bytes] = bytes
+    each: int = 1
 
-    def command(self) -> list[str]:
-        """Return the words of the command line."""
-        out = str(self.path.parent / _OUT)
-        return [*self.words, str(self.path), *self.more, "--check", "--out", out]
+
+def _check(path: Path, *words: str) -> tuple[str, ...]:
+    """Return a command that checks its input, ``words`` and a folder that it would write."""
+    return (*words, "--check", "--out", str(path.parent / _OUT))
 
 
 SCENE = b"""floor = -1.0
@@ -87,12 +87,16 @@ URDF = b"""<robot name="two">
 </robot>
 """
 
-MJCF = b"""<mujoco model="two"><compiler angle="radian"/><worldbody>
+MJCF = b"""<mujoco model="two"><compiler angle="radian"/><custom>
+ <numeric name="velocity_limit_j1" data="8"/><numeric name="velocity_limit_j2" data="8"/>
+ <numeric name="velocity_limit_j3" data="12"/></custom><worldbody>
  <body name="l1"><joint name="j1" axis="0 0 1" range="-2.5 2.5" actuatorfrcrange="-80 80"/>
   <inertial pos="0 0 0.2" mass="2.0" diaginertia="0.02 0.02 0.01"/>
-  <body name="l2" pos="0 0 0.4"><joint name="j2" axis="0 1 0" range="-2 2"/>
+  <body name="l2" pos="0 0 0.4"><joint name="j2" axis="0 1 0" range="-2 2"
+   actuatorfrcrange="-80 80"/>
    <inertial pos="0 0 0.2" mass="1.5" diaginertia="0.02 0.02 0.01"/>
-   <body name="l3" pos="0 0 0.4"><joint name="j3" axis="0 1 0" range="-2.5 2.5"/>
+   <body name="l3" pos="0 0 0.4"><joint name="j3" axis="0 1 0" range="-2.5 2.5"
+    actuatorfrcrange="-60 60"/>
     <inertial pos="0 0 0.1" mass="1.0" diaginertia="0.01 0.01 0.005"/>
     <geom type="capsule" fromto="0 0 0 0 0 0.2" size="0.03"/></body></body></body>
 </worldbody></mujoco>
@@ -112,14 +116,18 @@ def _flights() -> bytes:
     return "\n".join(rows).encode()
 
 
-def _map(folder: Path) -> bytes:
-    """Return a map, as a file."""
+def no_lesson() -> Learned:
+    """Return the map of the WAM with alpha = 0, as if it had been learned."""
     arm = load_arm("wam")
     f = unlearned(arm, default_design(arm))
     f = replace(f, region=np.array([arm.q_min, arm.q_max]))
-    learned = Learned(map=f, maps=(f,), steps=(), flights=0, left_out=0, status="converged")
+    return Learned(map=f, maps=(f,), steps=(), flights=0, left_out=0, status="converged")
+
+
+def _map(folder: Path) -> bytes:
+    """Return a map, as a file."""
     path = folder / "valid.map.json"
-    save_map(path, learned, version="0")
+    save_map(path, no_lesson(), version="0")
     return path.read_bytes()
 
 
@@ -138,10 +146,11 @@ def _signed(data: bytes) -> bytes:
 
 def _catch(option: str, name: str, valid: bytes) -> Callable[[Path], Sample]:
     """Return what makes a sample that ``mitt catch`` reads."""
-    words = ("catch", option)
 
     def sample(folder: Path) -> Sample:
-        return Sample(name=option[2:], path=folder / name, valid=valid, words=words)
+        path = folder / name
+        return Sample(name=option[2:], path=path, valid=valid,
+                      command=_check(path, "catch", option, str(path)))  # fmt: skip
 
     return sample
 
@@ -150,25 +159,27 @@ def _arm(name: str, valid: bytes) -> Callable[[Path], Sample]:
     """Return what makes a sample of an arm's description."""
 
     def sample(folder: Path) -> Sample:
-        return Sample(name=name, path=folder / name, valid=valid, words=("catch", "--arm"),
-                      more=_ARM)  # fmt: skip
+        path = folder / name
+        return Sample(name=name, path=path, valid=valid,
+                      command=_check(path, "catch", "--arm", str(path), *_ARM))  # fmt: skip
 
     return sample
 
 
 def _learned(folder: Path) -> Sample:
     """Return the sample of a learned map."""
+    path = folder / "map.json"
     return Sample(
         name="map",
-        path=folder / "map.json",
+        path=path,
         valid=_map(folder),
-        words=("catch", "--map"),
+        command=_check(path, "catch", "--map", str(path)),
         mend=_signed,
     )
 
 
-#: One for every reader.
-SAMPLES: tuple[Callable[[Path], Sample], ...] = (
+#: What ``mitt catch`` reads.
+CATCHING: tuple[Callable[[Path], Sample], ...] = (
     _catch("--scene", "scene.toml", SCENE),
     _catch("--throws-file", "throws.csv", THROWS),
     _catch("--flights", "flights.csv", _flights()),

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from mitt.catcher import Phase
-from mitt.control.envelope import bounds_of
+from mitt.control.envelope import TICK, bounds_of
 from mitt.generator.learn import Learned
 from mitt.robot.arm import Arm
-from soak import commands, files, kills, ticks
+from soak import commands, files, judge, kills, ticks
 from soak.mutants import mutant
 
 
@@ -58,13 +58,26 @@ def test_no_garbage_gets_a_tick_to_break_a_rule(learned: Learned) -> None:
 def test_the_rule_of_ticks_sees_what_breaks_it(arm: Arm) -> None:
     """More torque than a drive has, and a joint that speeds up outside its range, are noticed."""
     still = np.zeros(arm.n)
-    assert not ticks.too_strong(arm, arm.tau_max, still)
-    assert ticks.too_strong(arm, 1.001 * arm.tau_max, still)
+    assert not judge.too_strong(arm, arm.tau_max, still)
+    assert judge.too_strong(arm, 1.001 * arm.tau_max, still)
     b, last = bounds_of(arm), np.array([arm.q_max + 0.2, still])
-    slower, faster = (np.array([last[0], x * np.ones(arm.n), still]) for x in (0.0, 0.01))
-    assert ticks.breaks(b, last, slower, True) == -1
-    assert ticks.breaks(b, last, slower, False) == 0
-    assert ticks.breaks(b, last, faster, True) == 0
+    resting, faster = (np.array([last[0], x * np.ones(arm.n), still]) for x in (0.0, 0.01))
+    assert judge.breaks(b, last, resting, True) == -1
+    assert judge.breaks(b, last, resting, False) == 0
+    assert judge.breaks(b, last, faster, True) == 0
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5, 0.0])
+def test_a_joint_outside_may_brake_but_not_dawdle(arm: Arm, share: float) -> None:
+    """Beyond its range, the way blocked: it brakes at its deceleration; less breaks the rule."""
+    b, dq = bounds_of(arm), 2.0 * np.ones(arm.n)
+    last = np.array([arm.q_max + 0.2, dq])
+    slower = dq - share * b[3] * TICK
+    told = np.array([last[0] + 0.5 * TICK * (dq + slower), slower, -share * b[3]])
+    assert judge.breaks(b, last, told, True) == (-1 if share == 1.0 else 0)
+    assert judge.breaks(b, last, told, False) == 0
+    jumped = told + np.array([[0.01], [0.0], [0.0]])
+    assert judge.breaks(b, last, jumped, True) == 0
 
 
 @pytest.mark.slow

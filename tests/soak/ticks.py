@@ -2,7 +2,7 @@
 
 The arm is one that does what the torques bring by the catcher's own model; clock, encoders,
 points and images are garbage by turns (:mod:`soak.garbage`). The rule is that of
-:mod:`soak.commands` for each joint, and the drives' own bounds for the torques.
+:mod:`soak.judge`.
 """
 
 from collections import Counter
@@ -11,19 +11,16 @@ from dataclasses import dataclass, field, replace
 from typing import final
 
 import numpy as np
-from numba import njit
 
 from mitt.catcher import Catcher, CatcherSettings, Phase
-from mitt.control.condition import ABORT, Reason
-from mitt.control.envelope import TICK, bounds_of
+from mitt.control.envelope import TICK
 from mitt.errors import InputError
 from mitt.generator.certificate import Outcome, Verdict
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.mapping import DirectMap
-from mitt.records import REASONS
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
-from mitt.signals import ArmState, Array, BallState, Command, JointReference, Senses
+from mitt.signals import ArmState, Array, BallState, JointReference, Senses
 from mitt.study.neighbourhood import aim_of
 from mitt.vision.camera import fixed_rig
 from mitt.vision.eyes import Eyes
@@ -31,8 +28,8 @@ from mitt.vision.head import active_rig
 from mitt.world.ballistics import fly
 from mitt.world.throws import default_throw
 from soak import garbage
-from soak.commands import ROUNDING, inside, obeys
 from soak.garbage import Cameras, Channel
+from soak.judge import Judge
 
 #: Ticks of an episode, and the share of it that is free of faults in a calm one.
 _EPISODE, _CALM = 900, 0.4
@@ -114,78 +111,6 @@ class Wild:
     def as_map(self) -> DirectMap | None:
         """Be no map."""
         return None
-
-
-@njit(cache=True)
-def breaks(b: Array, last: Array, told: Array, blocked: bool) -> int:
-    """Return the first joint that breaks the rule of motion; -1 if none.
-
-    A joint outside its limits returns, unless the way is blocked: then it only gets slower.
-    """
-    for k in range(told.shape[1]):
-        q0, dq0, dq = last[0, k], last[1, k], told[1, k]
-        if obeys(b[:5, k], q0, dq0, told[0, k], dq, told[2, k]):
-            continue
-        slower = abs(dq) <= abs(dq0) + ROUNDING and abs(told[2, k]) <= b[4, k] + ROUNDING
-        if not (blocked and slower and not inside(b[:5, k], q0, dq0, 0.0)):
-            return k
-    return -1
-
-
-def too_strong(arm: Arm, tau: Array, dq: Array) -> bool:
-    """Say whether a drive is asked for more than it can give at a speed of the joints."""
-    torques, speeds = (np.zeros(len(arm.model.links)) for _ in range(2))
-    active = list(arm.model.active)
-    torques[active], speeds[active] = tau, dq
-    limits = arm.limits
-    drive = limits.drive_torque(torques)
-    bound = limits.torque_bound(drive, limits.drive_speed(speeds))
-    return bool(np.any(np.abs(drive) > bound * (1.0 + ROUNDING) + ROUNDING))
-
-
-@final
-class Judge:
-    """The independent rule, over the commands of one catcher."""
-
-    def __init__(self, arm: Arm, settings: CatcherSettings) -> None:
-        """Take the arm, empty and with the ball."""
-        self._arms = arm, arm.holding(settings.ball_mass)
-        self._bounds = tuple(bounds_of(a) for a in self._arms)
-        self._closed = arm.model.hand.drive.closed if arm.model.hand else 0.0
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget the last command, as after a recovery."""
-        self._last: Array | None = None
-        self._loaded = self._stopped = False
-
-    def fault(self, catcher: Catcher, command: Command) -> str:
-        """Return which rule a command breaks; the empty text if none."""
-        told = np.array([command.q, command.dq, command.ddq])
-        hand, tau = command.hand, command.tau
-        gaze = np.zeros(1) if command.gaze is None else command.gaze
-        everything = np.concatenate([told.ravel(), tau, gaze.ravel(), (hand, command.t)])
-        if not np.all(np.isfinite(everything)):
-            return f"not finite: {everything.tolist()}"
-        last, self._last = self._last, told
-        if not -ROUNDING <= hand <= self._closed + ROUNDING:
-            return f"hand at {hand}"
-        believed = catcher.believed[1]
-        state, reason = (catcher.result[name].item() for name in ("state", "reason"))
-        blocked = state >= ABORT or REASONS[reason] is Reason.BLOCKED  # or a graver reason hides it
-        if too_strong(self._arms[0], tau, believed):
-            return f"torques {tau.tolist()} at {believed.tolist()}"
-        if last is not None:
-            joint = breaks(self._bounds[self._loaded], last, told, blocked)
-            if joint >= 0:
-                return f"joint {joint} from {last.tolist()} to {told.tolist()}"
-            if self._stopped and np.any(np.abs(told[1]) > np.abs(last[1]) + ROUNDING):
-                return f"faster after a stop: {last[1].tolist()} to {told[1].tolist()}"
-        if self._stopped and catcher.phase is not Phase.STOPPED:
-            return f"{catcher.phase} after a stop"
-        self._loaded |= catcher.phase is Phase.BRAKE
-        self._stopped |= catcher.phase is Phase.STOPPED
-        return ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,20 +5,20 @@ An encoder is held to what it read a tick ago and to the motion that the arm was
 * a first reading has to lie near the joint's range;
 * a reading that is not finite, or that no motion within the limits explains, is replaced by dead
   reckoning along the told motion; the third in a row is a fault, so a single glitch passes;
-* an encoder that does not move is stuck if more than five counts of motion have come by, both as
-  told and as the torques bring it (a motion that the motors cannot follow proves nothing), and the
-  joint is driven by more than friction may hold;
+* an encoder that does not move is stuck if its joint must have moved by more than five counts
+  since: from the speed last read, under the torques, with all that friction may hold and an error
+  of the model against it;
 * one that runs backwards against the acceleration that the torques bring has lost its sign.
 
 From a fault on, the joint is reckoned, not read: the arm is stopped along the model. A reversed
 encoder is read with its sign turned: it has driven the joint the wrong way, and only it can tell
 how fast.
 
-Memory of the encoders, a row a joint: last believed q and dq, readings refused in a row, motion to
-be expected since the reading changed [rad], ticks stuck, sums of the speed gained by the torques
-and by the reading over a fading window [rad/s], ticks of disagreement, whether the joint is
-reckoned (1) or read with its sign turned (-1), the reading that it has not left [rad], and the
-speed that the torques have brought since [rad/s].
+Memory of the encoders, a row a joint: last believed q and dq, readings refused in a row, least
+motion since the reading changed [rad], ticks stuck, sums of the speed gained by the torques and by
+the reading over a fading window [rad/s], ticks of disagreement, whether the joint is reckoned (1)
+or read with its sign turned (-1), the reading that it has not left [rad], and the least speed that
+the joint has had since [rad/s].
 """
 
 from dataclasses import dataclass
@@ -40,12 +40,11 @@ FINE, BRIDGED, SILENT, JUMPED, STUCK, REVERSED = range(6)
 _IN_A_ROW, _EXCESS = 3, 1.5
 #: How far outside a joint's range a first reading may lie [rad].
 _BEYOND = 0.5
-#: Counts of motion to be expected after which a still encoder is suspicious, and ticks until it is
-#: stuck.
-_COUNTS, _STILL = 5.0, 3
-#: Share of a joint's largest torque that friction may take, so that a joint that is driven by less
-#: may stand still.
-_FRICTION = 0.1
+#: Counts of least motion after which a still encoder is suspicious, and ticks until it is stuck.
+_COUNTS, _STILL = 5.0, 2
+#: Share of a joint's largest torque that friction may take, and share of the acceleration by the
+#: model that may be wrong.
+_FRICTION, _DOUBT = 0.1, 0.2
 #: Share of the window that fades each tick; gained speed from which the signs are compared
 #: [rad/s], the share of it that a reversed encoder shows, and ticks until it counts.
 _FADING, _GAIN, _AGAINST, _TICKS_APART = 0.2, 0.25, 0.3, 3
@@ -94,7 +93,7 @@ def believe(
         m, q, dq = memory[k], read[0, k], read[1, k]
         if np.isnan(m[_Q]) and _may_begin(b[:, k], q, dq):
             m[_Q], m[_DQ], m[_HELD] = q, dq, q
-        found = _judge(m, b[2, k], b[3, k], b[4, k], count, q, dq, told[1, k], told[4, k])
+        found = _judge(m, b[2, k], b[3, k], b[4, k], count, q, dq, told[4, k])
         if found >= SILENT and m[_RECKONED] == 0.0:
             m[_RECKONED] = -1.0 if found == REVERSED else 1.0
         if found == FINE and m[_RECKONED] == 0.0:
@@ -124,7 +123,6 @@ def _judge(
     count: float,
     q: float,
     dq: float,
-    told: float,
     push: float,
 ) -> int:
     """Say what is wrong with one encoder."""
@@ -135,21 +133,24 @@ def _judge(
     moved, gained = q - m[_Q], dq - m[_DQ]
     far = abs(moved) > _EXCESS * dq_max * TICK + _COUNTS * count
     fast = abs(dq) > _EXCESS * dq_max or abs(gained) > _EXCESS * ddq_max * TICK + count / TICK
+    still = abs(q - m[_HELD]) < 0.5 * count
+    speed = (m[_SPEED] if still else m[_DQ]) + push * TICK
+    least = abs(speed) - (_FRICTION * brake + _DOUBT * abs(push)) * TICK
+    least = np.copysign(max(least, 0.0), speed)
+    if still:
+        m[_SPEED], m[_DUE] = least, m[_DUE] + least * TICK
+    else:
+        slow = far or fast or abs(dq) < abs(least)
+        m[_HELD], m[_DUE], m[_SPEED] = q, 0.0, least if slow else dq
+    m[_STUCK] = m[_STUCK] + 1.0 if abs(m[_DUE]) > _COUNTS * count else 0.0
+    if m[_STUCK] >= _STILL:
+        return STUCK
     if far or fast:
         m[_REFUSED] += 1.0
         return JUMPED if m[_REFUSED] >= _IN_A_ROW else BRIDGED
     m[_REFUSED] = 0.0
-    if abs(q - m[_HELD]) >= 0.5 * count:
-        m[_HELD], m[_DUE], m[_SPEED] = q, 0.0, dq
-    else:
-        m[_SPEED] += push * TICK
-        m[_DUE] += TICK * max(min(told, max(m[_SPEED], 0.0)), min(m[_SPEED], 0.0))
     m[_GAINED] += push * TICK - _FADING * m[_GAINED]
-    driven = abs(m[_GAINED]) > _FRICTION * brake * TICK / _FADING
-    m[_STUCK] = m[_STUCK] + 1.0 if driven and abs(m[_DUE]) > _COUNTS * count else 0.0
     m[_READ] += gained - _FADING * m[_READ]
     against = m[_READ] * np.copysign(1.0, m[_GAINED]) < -_AGAINST * abs(m[_GAINED])
     m[_APART] = m[_APART] + 1.0 if abs(m[_GAINED]) > _GAIN and against else 0.0
-    if m[_STUCK] >= _STILL:
-        return STUCK
     return REVERSED if m[_APART] >= _TICKS_APART else FINE

@@ -143,7 +143,9 @@ def read_rig(path: Path) -> CalibratedRig:
         raise FileError(
             f"{path} key {key!r}", f"a rig of schema {SCHEMA}", first["msg"], do="see docs/rig.md"
         ) from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, FileError):
+            raise
         raise FileError(str(path), "TOML as mitt calibrate writes it", str(error)[:100]) from error
     try:
         return _checked(content)

@@ -1,17 +1,13 @@
 """Arms by name or from a URDF or MJCF file."""
 
-import os
-import sys
-import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 from defusedxml import DefusedXmlException, ElementTree
 
-from mitt.errors import FileError, ModelError, UnknownNameError
+from mitt.errors import FileError, ModelError, UnknownNameError, heard
 from mitt.robot.arm import Arm
 from mitt.robot.description import ArmModel, Link, transform
 from mitt.robot.hands import HandModel
@@ -20,6 +16,7 @@ from mitt.robot.wam import LIMIT_SETS, wam, wam_limits
 
 #: Largest description file read [byte]; real ones stay below 1 MB.
 _MAX_BYTES = 20_000_000
+_HOW = "state them in the file (MJCF: actuatorfrcrange, numeric velocity_limit_JOINT)"
 
 
 def load_arm(
@@ -72,30 +69,37 @@ def _parse(path: Path) -> pin.Model:
         raise FileError(str(path), "a readable text file", error) from error
     _check_numbers(path, text)
     build = pin.buildModelFromUrdf if path.suffix == ".urdf" else pin.buildModelFromMJCF
-    with _heard() as said:
+    with heard() as said:
         try:
-            return build(str(path))
+            return _with_speeds(build(str(path)), path, text)
         except (ValueError, RuntimeError, IndexError, KeyError) as error:
             failed = error
     reason = f"{''.join(said)} {failed}".split() or ["a parse error"]
     raise FileError(str(path), "a URDF or MJCF arm", " ".join(reason)[:200]) from failed
 
 
-@contextmanager
-def _heard() -> Iterator[list[str]]:
-    """Hear what a parser in C++ writes to the error stream instead of letting it through."""
-    said: list[str] = []
-    sys.stderr.flush()
-    with tempfile.TemporaryFile() as heard:
-        before = os.dup(2)
-        os.dup2(heard.fileno(), 2)
+def _with_speeds(model: pin.Model, path: Path, text: str) -> pin.Model:
+    """Read the velocity limits of an MJCF: MuJoCo has none, so they stand among its own numbers.
+
+    ``<custom><numeric name="velocity_limit_JOINT" data="8.0"/></custom>`` [rad/s or m/s]; what is
+    no limit above 0 is refused later, with the name of its joint.
+    """
+    stated = {
+        x.get("name", ""): x.get("data", "") for x in ElementTree.fromstring(text).iter("numeric")
+    }
+    for joint in list(model.names)[1:]:
+        given = stated.get(f"velocity_limit_{joint}")
+        if given is None:
+            continue
         try:
-            yield said
-        finally:
-            os.dup2(before, 2)
-            os.close(before)
-            heard.seek(0)
-            said.append(heard.read(2000).decode(errors="replace"))
+            limit = float(given)
+        except ValueError:
+            limit = 0.0
+        if not 0.0 < limit < np.inf:
+            raise FileError(f"{path} velocity_limit_{joint}", "a number above 0", repr(given[:60]))
+        at = model.joints[model.getJointId(joint)].idx_v
+        model.lowerVelocityLimit[at], model.upperVelocityLimit[at] = -limit, limit
+    return model
 
 
 def _check_numbers(path: Path, text: str) -> None:
@@ -207,5 +211,5 @@ def _limits(model: pin.Model) -> Limits:
         if not (0.0 < tau[k] < np.inf and 0.0 < speed[k] < np.inf):
             given = f"{tau[k]:g} and {speed[k]:g}"
             wanted = "an effort and a velocity limit above 0"
-            raise ModelError(f"joint {joint!r}", wanted, given, do="state them in the file")
+            raise ModelError(f"joint {joint!r}", wanted, given, do=_HOW)
     return joint_level("model", tau=tau, speed=speed)

@@ -6,7 +6,7 @@ from typing import final
 
 import numpy as np
 
-from mitt.errors import FileError
+from mitt.errors import FileError, heard
 from mitt.link.cameras.source import optional
 from mitt.signals import Frame, Image
 
@@ -65,7 +65,8 @@ def read_image(path: Path) -> Image:
         data = np.fromfile(path, dtype=np.uint8)
     except OSError as error:
         raise FileError(str(path), "a readable image", error.strerror) from error
-    pixels: Image | None = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
+    with heard():  # its decoders complain on the error stream
+        pixels: Image | None = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
     if pixels is None:
         raise FileError(str(path), "an image", "a file that does not decode")
     return pixels

@@ -111,6 +111,25 @@ def read_part(path: Path) -> tuple[list[dict[str, Any]], dict[str, str]]:
     return table.to_pylist(), notes
 
 
+def read_columns(
+    path: Path, columns: Sequence[str], filters: Sequence[tuple[str, str, str]]
+) -> Any:  # noqa: ANN401
+    """Return columns of the whole table, of the rows that pass all filters.
+
+    Raises:
+        FileError: The file is missing, cut short or altered.
+    """
+    try:
+        table = pq.read_table(
+            path, columns=list(columns), filters=list(filters), page_checksum_verification=True
+        )
+    except (OSError, pa.ArrowException) as error:
+        raise FileError(str(path), "a whole table of a study", str(error)[:100]) from None
+    if any(table.schema.field(name).type != _COLUMNS.field(name).type for name in columns):
+        raise FileError(str(path), "the columns of this version", "others")
+    return table
+
+
 def merge(parts: Sequence[Path], out: Path, notes: dict[str, str]) -> None:
     """Write all parts as one table, in their order, a few thousand rows in memory at a time."""
     with pq.ParquetWriter(out, _schema(notes), write_page_checksum=True) as writer:

@@ -12,6 +12,7 @@ from mitt.study.sweep.settings import ArmSettings, Overrides, StudySettings, Swe
 from mitt.study.sweep.study import Condition, Study
 from mitt.world.scene import TABLE_TENNIS, Scene
 from mitt.world.settings import read_toml, validated
+from mitt.world.tables import MAX_BYTES
 
 #: Most conditions in a study.
 _MOST_CONDITIONS = 1000
@@ -66,6 +67,8 @@ def read_study(path: Path, *, generators: tuple[str, ...]) -> Study:
 def _digest(path: Path) -> str:
     """Return the SHA-256 of a file."""
     try:
+        if not path.is_file() or path.stat().st_size > MAX_BYTES:
+            raise FileError(str(path), f"a CSV file of at most {MAX_BYTES} bytes", "none")
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError as error:
         raise FileError(str(path), "a readable CSV file", error.strerror or "an error") from None

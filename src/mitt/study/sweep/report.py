@@ -5,13 +5,13 @@ from html import escape
 from typing import Any
 
 import numpy as np
-import pyarrow.parquet as pq
 
 from mitt.link.files import write_text
 from mitt.signals import Array
 from mitt.study import page
 from mitt.study.figures.sweep import effort, rates_against, rates_by_condition, reach
 from mitt.study.sweep.numbers import break_even, duels, every_row, headline, story, sweeps_of
+from mitt.study.sweep.parts import read_columns
 from mitt.study.sweep.result import StudyResult
 from mitt.study.sweep.settings import ThrowSettings
 from mitt.study.sweep.study import SCHEMA, Study
@@ -127,11 +127,8 @@ def _reach(result: StudyResult) -> str:
 def _passings(result: StudyResult, generator: str, condition: str) -> Array:
     """Return y, z, speed and whether caught of each throw of a cell, shape (k, 4)."""
     names = [f"passing_{axis}" for axis in ("y", "z", "vx", "vy", "vz")]
-    table = pq.read_table(
-        result.folder.trials,
-        columns=[*names, "status"],
-        filters=[("generator", "=", generator), ("condition", "=", condition)],
-    )
+    cell = [("generator", "=", generator), ("condition", "=", condition)]
+    table = read_columns(result.folder.trials, [*names, "status"], cell)
     y, z, *v = (np.asarray(table[name].to_numpy()) for name in names)
     caught = np.array([status == "caught" for status in table["status"].to_pylist()], float)
     return np.column_stack((y, z, np.linalg.norm(v, axis=0), caught)).reshape(-1, 4)

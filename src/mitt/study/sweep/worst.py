@@ -4,11 +4,10 @@ from collections.abc import Callable
 from html import escape
 from typing import Any
 
-import pyarrow.parquet as pq
-
 import mitt
 from mitt.link.files import write_text
 from mitt.study.replay import replay_page
+from mitt.study.sweep.parts import read_columns
 from mitt.study.sweep.recordings import recording_path
 from mitt.study.sweep.result import StudyResult
 from mitt.study.sweep.run import all_jobs, by_cell
@@ -66,12 +65,12 @@ def _candidates(
 
 def _first_failure(result: StudyResult, generator: str, condition: str) -> dict[str, Any] | None:
     """Return the first throw of a cell that was touched and lost, or else merely lost."""
-    table = pq.read_table(
-        result.folder.trials,
-        columns=["index", "status", "binding_limit"],
-        filters=[("generator", "=", generator), ("condition", "=", condition),
-                 ("status", "!=", "caught")],
-    )  # fmt: skip
+    lost = [
+        ("generator", "=", generator),
+        ("condition", "=", condition),
+        ("status", "!=", "caught"),
+    ]
+    table = read_columns(result.folder.trials, ("index", "status", "binding_limit"), lost)
     rows: list[dict[str, Any]] = table.to_pylist()
     moved = [row for row in rows if row["status"] in ("dropped", "missed")]
     return next(iter(moved or rows), None)

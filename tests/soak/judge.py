@@ -1,0 +1,138 @@
+"""The rule that judges the commands of a catcher, written from what docs/safety.md promises.
+
+* Every number is finite; hand and torques are within what the drives can do.
+* Each joint moves as :func:`soak.commands.obeys` says: within position, speed and acceleration,
+  able to stop, and back monotonically from outside.
+* Where the way to standstill is blocked, or the arm is stopping, a joint that is outside may brake
+  instead: at its trusted deceleration, no slower, and never away from where braking leads.
+* An arm that could stop clear of itself and the floor once never comes closer to them than is kept.
+* After a stop nothing gets faster, and the stop is latched.
+"""
+
+from typing import final
+
+import numpy as np
+from numba import njit
+
+from mitt.catcher import Catcher, CatcherSettings, Phase
+from mitt.control.condition import ABORT, Reason
+from mitt.control.envelope import TICK, bounds_of
+from mitt.control.viability import MARGIN
+from mitt.records import REASONS
+from mitt.robot.arm import Arm
+from mitt.robot.shapes import clearance, shapes_of
+from mitt.signals import Array, Command
+from soak.commands import ROUNDING, inside, obeys
+
+#: Poses that are looked at along a way to standstill.
+_LOOKS = 60
+
+
+@njit(cache=True)
+def brakes(b: Array, q0: float, dq0: float, q: float, dq: float, ddq: float) -> bool:
+    """Say whether a joint brakes at its trusted deceleration."""
+    e, onward = ROUNDING, 1.0 if dq0 >= 0.0 else -1.0
+    left = max(abs(dq0) - b[3] * TICK, 0.0)
+    way = (q - q0) * onward
+    return bool(
+        abs(dq - onward * left) <= e
+        and -e <= way <= 0.5 * (abs(dq0) + left) * TICK + e
+        and abs(ddq) <= b[4] + e
+    )
+
+
+@njit(cache=True)
+def breaks(b: Array, last: Array, told: Array, blocked: bool) -> int:
+    """Return the first joint that breaks the rule of motion; -1 if none.
+
+    Args:
+        b: Limits, as of :mod:`mitt.control.envelope`, shape (>= 5, n).
+        last: q, dq told before, shape (>= 2, n).
+        told: q, dq, ddq, shape (3, n).
+        blocked: Whether a joint that is outside may brake instead of returning.
+    """
+    for k in range(told.shape[1]):
+        q0, dq0, q, dq, ddq = last[0, k], last[1, k], told[0, k], told[1, k], told[2, k]
+        if obeys(b[:5, k], q0, dq0, q, dq, ddq):
+            continue
+        outside = not inside(b[:5, k], q0, dq0, 0.0)
+        if not (blocked and outside and brakes(b[:5, k], q0, dq0, q, dq, ddq)):
+            return k
+    return -1
+
+
+def too_strong(arm: Arm, tau: Array, dq: Array) -> bool:
+    """Say whether a drive is asked for more than it can give at a speed of the joints."""
+    torques, speeds = (np.zeros(len(arm.model.links)) for _ in range(2))
+    active = list(arm.model.active)
+    torques[active], speeds[active] = tau, dq
+    limits = arm.limits
+    drive = limits.drive_torque(torques)
+    bound = limits.torque_bound(drive, limits.drive_speed(speeds))
+    return bool(np.any(np.abs(drive) > bound * (1.0 + ROUNDING) + ROUNDING))
+
+
+@final
+class Judge:
+    """The independent rule, over the commands of one catcher."""
+
+    def __init__(self, arm: Arm, settings: CatcherSettings) -> None:
+        """Take the arm, empty and with the ball."""
+        self._arms = arm, arm.holding(settings.ball_mass)
+        self._bounds = tuple(bounds_of(a) for a in self._arms)
+        self._shapes = shapes_of(arm, settings.around)
+        self._closed = arm.model.hand.drive.closed if arm.model.hand else 0.0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last command, as after a recovery."""
+        self._last: Array | None = None
+        self._loaded = self._stopped = self._clear = False
+
+    def fault(self, catcher: Catcher, command: Command) -> str:
+        """Return which rule a command breaks; the empty text if none."""
+        told = np.array([command.q, command.dq, command.ddq])
+        hand, tau = command.hand, command.tau
+        gaze = np.zeros(1) if command.gaze is None else command.gaze
+        everything = np.concatenate([told.ravel(), tau, gaze.ravel(), (hand, command.t)])
+        if not np.all(np.isfinite(everything)):
+            return f"not finite: {everything.tolist()}"
+        last, self._last = self._last, told
+        if not -ROUNDING <= hand <= self._closed + ROUNDING:
+            return f"hand at {hand}"
+        believed = catcher.believed[1]
+        state, reason = (catcher.result[name].item() for name in ("state", "reason"))
+        blocked = state >= ABORT or REASONS[reason] is Reason.BLOCKED  # or a graver reason hides it
+        if too_strong(self._arms[0], tau, believed):
+            return f"torques {tau.tolist()} at {believed.tolist()}"
+        if last is not None:
+            joint = breaks(self._bounds[self._loaded], last, told, blocked)
+            if joint >= 0:
+                return f"joint {joint} from {last.tolist()} to {told.tolist()}"
+            if self._stopped and np.any(np.abs(told[1]) > np.abs(last[1]) + ROUNDING):
+                return f"faster after a stop: {last[1].tolist()} to {told[1].tolist()}"
+        if self._clear and self._gap(told[0]) < MARGIN - ROUNDING:
+            return f"{1e3 * self._gap(told[0]):.3f} mm from a body at {told.tolist()}"
+        if self._stopped and catcher.phase is not Phase.STOPPED:
+            return f"{catcher.phase} after a stop"
+        loads = catcher.phase is Phase.BRAKE and not self._loaded
+        self._loaded |= loads
+        if last is None or loads:
+            self._clear = self._stops_clear(told)
+        self._stopped |= catcher.phase is Phase.STOPPED
+        return ""
+
+    def _gap(self, q: Array) -> float:
+        """Return the smallest gap of a pose [m]."""
+        shapes = self._shapes
+        return float(clearance(self._arms[0].bodies, q, shapes.table, shapes.pairs, shapes.ends))
+
+    def _stops_clear(self, told: Array) -> bool:
+        """Say whether no pose on the way to standstill is too close: many are looked at."""
+        brake, speed = self._bounds[self._loaded][3], np.abs(told[1])
+        for t in np.linspace(0.0, float(np.max(speed / brake)), _LOOKS):
+            passed = np.minimum(t, speed / brake)
+            way = np.copysign(passed * (speed - 0.5 * brake * passed), told[1])
+            if self._gap(told[0] + way) < MARGIN:
+                return False
+        return True
