@@ -36,7 +36,7 @@ from mitt.vision.camera import fixed_rig
 from mitt.vision.eyes import Eyes
 from mitt.vision.filter import BallFilter
 from mitt.world.scene import Scene
-from mitt.world.simulation import TICK
+from mitt.world.motion import TICK
 
 SCHEMA = "mitt.bench/1"
 #: Loops of the probe, their repeats.

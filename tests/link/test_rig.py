@@ -133,5 +133,5 @@ def test_what_toml_cannot_hold_is_one_line(tmp_path: Path, value: str) -> None:
     """A number of 5000 digits and lists 5000 deep are refused like any other broken file."""
     path = tmp_path / "RIG.toml"
     path.write_text(f"a = {value}\n")
-    with pytest.raises(FileError, match="RIG.toml"):
+    with pytest.raises(FileError, match=r"RIG\.toml"):
         read_rig(path)

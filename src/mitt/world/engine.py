@@ -123,4 +123,7 @@ def _kind(kind: ValueType | PointerType | ArrayType) -> type[Any]:
         return _kind(kind.inner_type) * prod(kind.extents)
     if kind.name in _PLAIN:
         return _PLAIN[kind.name]
-    return _mirror(kind.name) if kind.name in STRUCTS else ctypes.c_int  # an enumeration
+    if kind.name in STRUCTS:
+        mirror: type[Any] = _mirror(kind.name)
+        return mirror
+    return ctypes.c_int  # an enumeration
