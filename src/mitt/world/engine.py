@@ -120,10 +120,10 @@ def _kind(kind: ValueType | PointerType | ArrayType) -> type[Any]:
     if isinstance(kind, PointerType):
         return ctypes.c_void_p
     if isinstance(kind, ArrayType):
-        return _kind(kind.inner_type) * prod(kind.extents)
+        block: type[Any] = _kind(kind.inner_type) * prod(kind.extents)
+        return block
     if kind.name in _PLAIN:
         return _PLAIN[kind.name]
     if kind.name in STRUCTS:
-        mirror: type[Any] = _mirror(kind.name)
-        return mirror
+        return _mirror(kind.name)
     return ctypes.c_int  # an enumeration
