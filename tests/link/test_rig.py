@@ -135,3 +135,14 @@ def test_what_toml_cannot_hold_is_one_line(tmp_path: Path, value: str) -> None:
     path.write_text(f"a = {value}\n")
     with pytest.raises(FileError, match=r"RIG\.toml"):
         read_rig(path)
+
+
+def test_a_camera_at_the_end_of_the_world_is_refused(tmp_path: Path) -> None:
+    """Numbers that would overflow are refused before anything is computed from them."""
+    path = tmp_path / "RIG.toml"
+    write_rig(path, calibrated(), version="test")
+    path.write_text(
+        path.read_text().replace("-1.0,", "-1e+308,").replace("0.0, 0.0", "0.0, 1e+308")
+    )
+    with pytest.raises(FileError, match=r"RIG\.toml"):
+        read_rig(path)

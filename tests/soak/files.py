@@ -20,7 +20,8 @@ from soak.mutants import mutant
 from soak.readers import SAMPLES
 from soak.samples import Sample
 
-#: Longest that a command may take [s], and most memory that it may add [byte].
+#: Longest that a command may take of the processor, which other work may slow down [s], and most
+#: memory that it may add [byte].
 MOST_TIME, MOST_MEMORY = 5.0, 1_000_000_000
 #: Memory of a process that reads one file [byte]; MuJoCo and Numba reserve far more than they use.
 _ADDRESS_SPACE = 16_000_000_000
@@ -109,13 +110,13 @@ def soak_processes(
 def _in_process(sample: Sample, found: Found) -> str:
     """Run the command here; return what went wrong."""
     out, err = io.StringIO(), io.StringIO()
-    before, start = _memory(), time.perf_counter()
+    before, start = _memory(), time.process_time()
     try:
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
             status = main(sample.command)
     except BaseException as error:
         return f"left main: {type(error).__name__}: {error}"
-    took, grown = time.perf_counter() - start, _memory() - before
+    took, grown = time.process_time() - start, _memory() - before
     found.refused += status == 2
     if took > MOST_TIME:
         return f"took {took:.1f} s"

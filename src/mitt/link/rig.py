@@ -20,7 +20,9 @@ SCHEMA = "mitt.rig/1"
 #: Largest file read [byte]; that of ten cameras has 10 kB.
 _MAX_BYTES = 1_000_000
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+#: Numbers of cameras [m, px, 1], and times [s]: no rig and no clock has larger ones.
+Finite = Annotated[float, Field(ge=-1e6, le=1e6)]
+Time = Annotated[float, Field(ge=-1e10, le=1e10)]
 Three = tuple[Finite, Finite, Finite]
 Four = tuple[Finite, Finite, Finite, Finite]
 Place = Literal["camera", "board", "robot"]
@@ -113,7 +115,7 @@ class _Camera(_Part):
 
 
 class _Clock(_Part):
-    offset_s: Finite
+    offset_s: Time
     sigma_s: float = Field(ge=0.0, le=1e3)
 
 

@@ -34,7 +34,7 @@ class Video:
         try:
             self._container = self._av.open(str(path))
             self._stream = self._container.streams.video[0]
-        except (self._av.FFmpegError, IndexError) as error:
+        except (self._av.FFmpegError, IndexError, ValueError) as error:
             raise FileError(str(path), "a video", _reason(error)) from error
         self._frames = self._container.decode(self._stream)
         self._rate = float(self._stream.average_rate or 0.0)
@@ -44,7 +44,7 @@ class Video:
         """Return the next frame; None after the last."""
         try:
             picture = next(self._frames, None)
-        except self._av.FFmpegError as error:
+        except (self._av.FFmpegError, ValueError) as error:
             place = f"{self.name} frame {self._number}"
             raise FileError(place, "a frame that decodes", _reason(error)) from error
         if picture is None:
