@@ -35,8 +35,8 @@ from mitt.study.trial import Bench, known_ball
 from mitt.vision.camera import fixed_rig
 from mitt.vision.eyes import Eyes
 from mitt.vision.filter import BallFilter
+from mitt.world.motion import TICK
 from mitt.world.scene import Scene
-from mitt.world.simulation import TICK
 
 SCHEMA = "mitt.bench/1"
 #: Loops of the probe, their repeats.

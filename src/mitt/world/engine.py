@@ -120,7 +120,8 @@ def _kind(kind: ValueType | PointerType | ArrayType) -> type[Any]:
     if isinstance(kind, PointerType):
         return ctypes.c_void_p
     if isinstance(kind, ArrayType):
-        return _kind(kind.inner_type) * prod(kind.extents)
+        array: type[Any] = _kind(kind.inner_type) * prod(kind.extents)
+        return array
     if kind.name in _PLAIN:
         return _PLAIN[kind.name]
     return _mirror(kind.name) if kind.name in STRUCTS else ctypes.c_int  # an enumeration
