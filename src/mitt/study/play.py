@@ -5,7 +5,7 @@ both ways together byte for byte. Where one of the three needs Python (faults, l
 heads, generators that are no map) the trial takes the way through them.
 """
 
-from typing import TypeAlias, final
+from typing import final
 
 import numpy as np
 from numba import njit
@@ -16,15 +16,11 @@ from mitt.link.clock import Stopwatch, now_ns
 from mitt.records import BRAKE, STOPPED, Record
 from mitt.signals import Array, Image
 from mitt.tick import tick
-from mitt.world.engine import Views
 from mitt.world.exposure import Bank, Cameras, snap
 from mitt.world.imaging import BLOCK
 from mitt.world.motion import TICK, TICKS, move, over
 from mitt.world.silhouettes import lay_capsules
-from mitt.world.simulation import Stage
-
-Plant: TypeAlias = tuple[Views, NDArray[np.int32], NDArray[np.bool_], Array]
-Body: TypeAlias = tuple[Array, Array, Array, Array, Array]
+from mitt.world.stage import Body, Plant, Stage
 
 #: Ticks that a log holds: more than any trial has.
 _MOST = 4096

@@ -124,6 +124,4 @@ def _kind(kind: ValueType | PointerType | ArrayType) -> type[Any]:
         return block
     if kind.name in _PLAIN:
         return _PLAIN[kind.name]
-    if kind.name in STRUCTS:
-        return _mirror(kind.name)
-    return ctypes.c_int  # an enumeration
+    return _mirror(kind.name) if kind.name in STRUCTS else ctypes.c_int  # an enumeration

@@ -1,13 +1,11 @@
 """The simulated world: one plant, thrown at again and again, a tick at a time."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import final
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from mitt.robot.description import ArmModel
 from mitt.robot.hands import HandModel
@@ -16,7 +14,7 @@ from mitt.signals import Array, Command, Senses
 from mitt.world.ballistics import fly
 from mitt.world.build import build_plant
 from mitt.world.contacts import ARM_FLOOR, BALL_ANY, BALL_FLOOR, SELF, names_touching, survey
-from mitt.world.engine import Views, views_of
+from mitt.world.engine import views_of
 from mitt.world.faults.flight import Undisturbed
 from mitt.world.faults.trial import Sensor, Troubles
 from mitt.world.flights import BallPath
@@ -45,28 +43,10 @@ from mitt.world.scene import Scene
 from mitt.world.sensors import CameraMaker, Sensors
 from mitt.world.servo import servo_numbers
 from mitt.world.silhouettes import Silhouettes
+from mitt.world.stage import Stage
 from mitt.world.stepping import pack_plant, tip_velocity
 from mitt.world.throws import Throw
 from mitt.world.truth import FirstContact, Tape, Trace, Truth
-
-
-@dataclass(frozen=True, slots=True)
-class Stage:
-    """A world as compiled code plays on it.
-
-    Attributes:
-        plant: Views, kinds of the geoms, which touch, and state, as of :func:`move`.
-        tape: The trace, whose row of a tick has its number.
-        body: As of :func:`mitt.world.silhouettes.lay_capsules`.
-        imager: The cameras, two that see images of one size and do not turn.
-        scene: Settings.
-    """
-
-    plant: tuple[Views, NDArray[np.int32], NDArray[np.bool_], Array]
-    tape: Tape
-    body: tuple[Array, Array, Array, Array, Array]
-    imager: Imager
-    scene: Scene
 
 
 @final
@@ -146,11 +126,6 @@ class World:
     def peak_force(self) -> float:
         """Largest single contact force on the ball so far [N]."""
         return self._state.item(PEAK)
-
-    @property
-    def ball_on_floor(self) -> bool:
-        """Whether the ball touched the floor in the last tick."""
-        return bool(int(self._state[SEEN]) & BALL_FLOOR)
 
     def over(self, *, longest: float, held: float) -> bool:
         """Say whether the trial is at its end, by :func:`mitt.world.motion.over`."""
