@@ -38,8 +38,6 @@ from mitt.signals import Array, BallState
 _EQUAL, _SOFT = 5, 8
 #: Most iterations of the solver.
 _ITERATIONS = 100
-#: Length of a flight, of which the remaining share counts [s].
-_FLIGHT = 0.4
 #: Residual of the continuity that is let pass [rad, rad/s].
 _RESIDUAL = 1e-6
 
@@ -60,8 +58,6 @@ class OnlineSettings:
 
     Attributes:
         pull: Weight of the pull towards alpha*, in units of the learned cost's curvature.
-        fades: Power of the remaining share of the flight with which the pull fades; without it
-            the pull outweighs what is left of the cost, and leads away from the optimum again.
         share: Share of each limit that may be used.
         near: Share of a limit from which it gets a row.
         weight: Weight of a squared excess over a limit.
@@ -72,7 +68,6 @@ class OnlineSettings:
     """
 
     pull: float = 3e-6
-    fades: float = 2.0
     share: float = 0.92
     near: float = 0.7
     weight: float = 10.0
@@ -151,7 +146,6 @@ class Online:
             return self._answer(status, alpha, ahead, inf)
         self._state[:3], self._state[3:6], self._state[6] = ball.r_o, ball.dr_o, ball.drag
         self._buffers.course.rows[0, 0] = self._f.start
-        self._goal.weights[0] = s.pull * min(ahead / _FLIGHT, 1.0) ** s.fades
         better, count, before = start(*self._known, self._state, (s.lead, ahead), alpha)
         self._t_catch = t + better if isfinite(better) else inf
         step = self._solved(count) if count > 0 else None
