@@ -18,7 +18,9 @@ from mitt.study.stats import holm, mcnemar, wilson
 BEGIN, END = "<!-- tables -->", "<!-- end of tables -->"
 #: Corrected p from which two generators count as different.
 LEVEL = 0.05
-REFERENCE, CEILING = "direct", "clairvoyant"
+CEILING = "clairvoyant"
+#: What the others are held against, by the name that the tables give it.
+REFERENCES = {"direct": "the direct map", "several": "several maps"}
 
 Row = dict[str, Any]
 Cells = dict[tuple[str, str], Row]
@@ -47,19 +49,31 @@ def tables(rows: list[Row]) -> str:
             [c, *(_rate(cells.get((c, g))) for g in generators)] for c in conditions
         ]),
         _total(cells, conditions, generators),
-        "### Against the direct map, on the same throws",
-        "Caught by the direct map alone : by the other alone, and Holm's corrected p where it is "
-        f"below {LEVEL}.",
-        _table(["condition", *generators[1:]], [
-            [c, *(_duel(cells.get((c, g))) for g in generators[1:])] for c in conditions
-        ]),
-        "### Where they differ",
-        _differences(rows),
-        "### What became of the throws of the direct map",
-        _table(["condition", "throws", "caught", "dropped", "missed", "unreachable", "aborted",
-                "beyond a limit"], [_fate(cells[c, REFERENCE]) for c in conditions]),
+        *(part for r in REFERENCES if r in generators
+          for part in _against(r, cells, conditions, generators)),
+        *(part for r, name in REFERENCES.items() if r in generators for part in (
+            f"### What became of the throws of {name}",
+            _table(["condition", "throws", "caught", "dropped", "missed", "unreachable", "aborted",
+                    "beyond a limit"], [_fate(cells[c, r]) for c in conditions if (c, r) in cells]),
+        )),
     ]  # fmt: skip
     return "\n\n".join(parts)
+
+
+def _against(
+    reference: str, cells: Cells, conditions: list[str], generators: list[str]
+) -> list[str]:
+    """Return the tables that hold all others against one generator."""
+    name, others = REFERENCES[reference], [g for g in generators if g != reference]
+    return [
+        f"### Against {name}, on the same throws",
+        f"Caught by {name} alone : by the other alone, and Holm's corrected p where it is below "
+        f"{LEVEL}.",
+        _table(["condition", *others], [
+            [c, *(_duel(cells.get((c, g)), reference) for g in others)] for c in conditions
+        ]),
+        _differences(list(cells.values()), reference),
+    ]  # fmt: skip
 
 
 def _count_all(rows: list[Row], trials: Path) -> None:
@@ -73,20 +87,27 @@ def _count_all(rows: list[Row], trials: Path) -> None:
         mine = caught[row["condition"], row["generator"]]
         row["catch_rate"] = row["caught"] / row["throws"]
         row["ci95"] = wilson(row["caught"], row["throws"])
-        reference = caught.get((row["condition"], REFERENCE))
-        if row["generator"] == REFERENCE or reference is None:
-            row["against_direct"] = None
-            continue
-        both = mine.keys() & reference.keys()
-        alone = sum(reference[k] and not mine[k] for k in both)
-        other = sum(mine[k] and not reference[k] for k in both)
-        p = mcnemar(alone, other)
-        row["against_direct"] = {"only_direct": alone, "only_this": other, "p": p}
+        row["against"] = {
+            name: pair
+            for name in REFERENCES.keys() - {row["generator"]}
+            if (pair := _pair(caught.get((row["condition"], name)), mine)) is not None
+        }
     for generator in {row["generator"] for row in rows}:
-        pairs = [r["against_direct"] for r in rows if r["generator"] == generator]
-        known = [pair for pair in pairs if pair is not None]
-        for pair, p in zip(known, holm([pair["p"] for pair in known]), strict=True):
-            pair["p_holm"] = p
+        for name in REFERENCES:
+            mine_all = [r["against"] for r in rows if r["generator"] == generator]
+            known = [pairs[name] for pairs in mine_all if name in pairs]
+            for pair, p in zip(known, holm([pair["p"] for pair in known]), strict=True):
+                pair["p_holm"] = p
+
+
+def _pair(reference: dict[int, bool] | None, mine: dict[int, bool]) -> Row | None:
+    """Return how often each of two caught alone, and McNemar's p."""
+    if reference is None:
+        return None
+    both = mine.keys() & reference.keys()
+    alone = sum(reference[k] and not mine[k] for k in both)
+    other = sum(mine[k] and not reference[k] for k in both)
+    return {"alone": alone, "other": other, "p": mcnemar(alone, other)}
 
 
 def _table(head: list[str], body: list[list[str]]) -> str:
@@ -112,31 +133,31 @@ def _total(cells: Cells, conditions: list[str], generators: list[str]) -> str:
     return f"Throws in a condition: {', '.join(said)}."
 
 
-def _duel(row: Row | None) -> str:
+def _duel(row: Row | None, reference: str) -> str:
     """Return the pairs in which one alone caught."""
-    if row is None or row["against_direct"] is None:
+    pair = None if row is None else row["against"].get(reference)
+    if pair is None:
         return ""
-    pair = row["against_direct"]
-    text = f"{pair['only_direct']} : {pair['only_this']}"
+    text = f"{pair['alone']} : {pair['other']}"
     return f"{text}, p = {pair['p_holm']:.2g}" if pair["p_holm"] < LEVEL else text
 
 
-def _differences(rows: list[Row]) -> str:
-    """List the conditions in which a generator and the direct map differ, corrected."""
+def _differences(rows: list[Row], reference: str) -> str:
+    """List the conditions in which a generator and the reference differ, corrected."""
     ahead: list[str] = []
     behind: list[str] = []
     for row in rows:
-        pair = row["against_direct"]
+        pair = row["against"].get(reference)
         if pair is None or pair["p_holm"] >= LEVEL:
             continue
-        better = pair["only_direct"] > pair["only_this"]
-        line = f"{row['condition']}: {row['generator']} ({_duel(row)})"
-        (ahead if better else behind).append(line)
+        line = f"{row['condition']}: {row['generator']} ({_duel(row, reference)})"
+        (ahead if pair["alone"] > pair["other"] else behind).append(line)
     lost = [line for line in behind if f": {CEILING} (" not in line]
     known = [line for line in behind if line not in lost]
-    parts = [("The direct map is ahead", ahead), ("It is behind", lost),
-             ("It is behind the yardstick that sees the future", known)]  # fmt: skip
-    return "\n\n".join(_listed(name, lines) for name, lines in parts)
+    name = REFERENCES[reference]
+    parts = [(f"Ahead with {name}", ahead), ("Behind", lost),
+             ("Behind the yardstick that sees the future", known)]  # fmt: skip
+    return "\n\n".join(_listed(title, lines) for title, lines in parts)
 
 
 def _listed(name: str, lines: list[str]) -> str:
