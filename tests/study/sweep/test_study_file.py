@@ -11,7 +11,7 @@ from mitt.study.sweep.study import Study
 from mitt.world.faults.plan import Kick
 
 #: Names that a registry with all rivals has.
-EVERY = ("direct", "unoptimised", "ik", "quintic", "ruckig", "mpc", "ds", "clairvoyant")
+EVERY = ("direct", "several", "unoptimised", "ik", "quintic", "ruckig", "mpc", "ds", "clairvoyant")
 
 
 def test_a_sweep_is_a_condition_a_value(study: Study) -> None:
@@ -80,7 +80,7 @@ def test_the_studies_that_ship_are_those_that_are_promised() -> None:
         ("scene.faults.0.magnitude|__class__.x", "pattern"),
         ('kind = "kick"|kind = "sneeze"', "kick"),
         ("chunk = 2|chunk = ", "TOML"),
-        ('name = "clean"|name = "clean"\nflights = "none.csv"', "readable CSV"),
+        ('name = "clean"|name = "clean"\nflights = "none.csv"', "CSV file"),
         ('name = "clean"|name = "clean"\nthrows.speed = [5.0, 3.0]', "upper end"),
         ('name = "clean"|name = "clean"\narm.limits = "huge"', "wam-48v"),
     ],
