@@ -184,6 +184,41 @@ def test_after_a_fault_the_joint_is_reckoned(arm: Arm) -> None:
     assert abs(watch.believed[0, 1] - q[-1, 1]) < 0.01
 
 
+def stuck_watch(arm: Arm, q: Array, dq: Array, ddq: Array) -> Watch:
+    """Return a monitor that has found joint 1's encoder stuck at tick 100 of a motion."""
+    watch, said = Watch(arm), FINE
+    for k in range(1, 200):
+        read = np.array([q[k], dq[k]])
+        if k >= 100:
+            read[:, 1] = q[100, 1], 0.0
+        said = max(said, watch.step(read, telling(dq[k - 1], ddq[k - 1])))
+    assert said == STUCK
+    return watch
+
+
+def test_a_stuck_encoder_that_moves_on_is_read_again(arm: Arm) -> None:
+    """After three ticks of motion one way the joint is where the encoder says, not reckoned."""
+    q, dq, ddq = motion(arm, 5, 300)
+    watch = stuck_watch(arm, q, dq, ddq)
+    assert abs(watch.believed[0, 1] - q[199, 1]) > 1e-9
+    for k in range(200, 204):
+        watch.step(np.array([q[k], dq[k]]), telling(0.0 * dq[k], 0.0 * dq[k]))
+    assert np.array_equal(watch.believed, [q[203], dq[203]])
+
+
+def test_a_stuck_encoder_that_flickers_stays_reckoned(arm: Arm) -> None:
+    """Counts up and down are no motion: the joint goes on along what it was told."""
+    q, dq, ddq = motion(arm, 5, 300)
+    watch = stuck_watch(arm, q, dq, ddq)
+    before = watch.believed[0, 1]
+    for k in range(200, 260):
+        read, told = np.array([q[k], dq[k]]), telling(dq[k - 1], 0.0 * dq[k])
+        read[:, 1] = q[100, 1] + COUNT * (k % 2), (k % 2 - 0.5) * 2.0 * COUNT / TICK
+        watch.step(read, told)
+        before += TICK * dq[k - 1, 1]
+    assert watch.believed[0, 1] == pytest.approx(before, abs=1e-12)
+
+
 def test_a_reversed_encoder_is_read_with_its_sign_turned(arm: Arm) -> None:
     """From the fault on, q and dq are those of the joint again; absurd readings are not taken."""
     watch, push, said = Watch(arm), np.array([80.0, 0.0, 0.0]), FINE

@@ -12,13 +12,15 @@ An encoder is held to what it read a tick ago and to the motion that the arm was
 
 From a fault on, the joint is reckoned, not read: the arm is stopped along the model. A reversed
 encoder is read with its sign turned: it has driven the joint the wrong way, and only it can tell
-how fast.
+how fast. A stuck encoder that moves on, the same way for some ticks, is read again: the stop stays,
+but if it was a false alarm, nobody else sees where the joint goes.
 
 Memory of the encoders, a row a joint: last believed q and dq, readings refused in a row, least
 motion since the reading changed [rad], ticks stuck, sums of the speed gained by the torques and by
-the reading over a fading window [rad/s], ticks of disagreement, whether the joint is reckoned (1)
-or read with its sign turned (-1), the reading that it has not left [rad], and the least speed that
-the joint has had since [rad/s].
+the reading over a fading window [rad/s], ticks of disagreement, whether the joint is reckoned (1,
+or 2 for a stuck encoder) or read with its sign turned (-1), the reading that it has not left [rad],
+the least speed that the joint has had since [rad/s], and ticks in which a stuck encoder has moved
+one way.
 """
 
 from dataclasses import dataclass
@@ -30,13 +32,17 @@ from mitt.control.envelope import TICK
 from mitt.signals import Array
 
 #: Columns of the memory.
-_Q, _DQ, _REFUSED, _DUE, _STUCK, _GAINED, _READ, _APART, _RECKONED, _HELD, _SPEED = range(11)
-COLUMNS = 11
+_Q, _DQ, _REFUSED, _DUE, _STUCK, _GAINED, _READ, _APART, _RECKONED, _HELD, _SPEED, _BACK = range(12)
+COLUMNS = 12
 
 #: What is wrong with an encoder; the first two are not a fault yet.
 FINE, BRIDGED, SILENT, JUMPED, STUCK, REVERSED = range(6)
 
-#: Readings in a row that make a fault, and a reading's excess over what a limit explains.
+#: A joint that is reckoned since its encoder stuck.
+_LEFT = 2.0
+
+#: Readings in a row that make a fault, or show that a stuck encoder moves on, and a reading's
+#: excess over what a limit explains.
 _IN_A_ROW, _EXCESS = 3, 1.5
 #: How far outside a joint's range a first reading may lie [rad].
 _BEYOND = 0.5
@@ -93,9 +99,12 @@ def believe(
         m, q, dq = memory[k], read[0, k], read[1, k]
         if np.isnan(m[_Q]) and _may_begin(b[:, k], q, dq):
             m[_Q], m[_DQ], m[_HELD] = q, dq, q
+        if m[_RECKONED] == _LEFT and _moves_on(m, b[:, k], count, q, dq):
+            m[:] = 0.0
+            m[_Q], m[_DQ], m[_HELD], m[_SPEED] = q, dq, q, dq
         found = _judge(m, b[2, k], b[3, k], b[4, k], count, q, dq, told[4, k])
         if found >= SILENT and m[_RECKONED] == 0.0:
-            m[_RECKONED] = -1.0 if found == REVERSED else 1.0
+            m[_RECKONED] = -1.0 if found == REVERSED else (_LEFT if found == STUCK else 1.0)
         if found == FINE and m[_RECKONED] == 0.0:
             m[_Q], m[_DQ] = q, dq
         elif m[_RECKONED] < 0.0 and _may_begin(b[:, k], -q, -dq):
@@ -112,6 +121,19 @@ def believe(
 def _may_begin(b: Array, q: float, dq: float) -> bool:
     """Say whether a reading by itself can be one of this joint; one that is no number cannot."""
     return bool(b[0] - _BEYOND <= q <= b[1] + _BEYOND and abs(dq) <= _EXCESS * b[2])
+
+
+@njit(cache=True)
+def _moves_on(m: Array, b: Array, count: float, q: float, dq: float) -> bool:
+    """Say whether a stuck encoder has moved one way for some ticks, by a count or more in each."""
+    moved = q - m[_HELD]
+    if not (abs(moved) >= 0.5 * count and moved * dq > 0.0 and _may_begin(b, q, dq)):
+        m[_BACK] = 0.0
+        return False
+    way = np.copysign(1.0, moved)
+    m[_BACK] = m[_BACK] + way if m[_BACK] * way > 0.0 else way
+    m[_HELD] = q
+    return bool(abs(m[_BACK]) >= _IN_A_ROW)
 
 
 @njit(cache=True)
