@@ -270,8 +270,9 @@ class Catcher:
                 self._state[name][0] = value
 
     def _review(self, ball: BallState) -> None:
-        """Follow another map where the present one cannot catch any more."""
-        if isinstance(self._generator, Several) and self._generator.astray(ball):
+        """Follow another map where the present one cannot catch any more what it could at first."""
+        hoped = self.verdict is not None and self.verdict.outcome is Outcome.FEASIBLE
+        if hoped and isinstance(self._generator, Several) and self._generator.astray(ball):
             self._adapt(ball)
 
     def _refine(self, ball: BallState) -> None:

@@ -4,8 +4,9 @@ The maps come in an order of preference, the gentlest first. A throw is given to
 that catches it with margin, or else to the one that asks least of its tightest limit. Whenever
 the generator is adapted anew, as after a bounce, the choice is made again, and as soon as the
 predicted catch leaves the region of the map that is followed, as where drag or a gust makes the
-ball fall short. Eq. (12) makes the new map start where the arm is and as fast as it moves, so that
-a change of maps is no jump.
+ball fall short. A ball that comes in low from the first is waited for: it may be meant to bounce
+into the region of a map. Eq. (12) makes the new map start where the arm is and as fast as it moves,
+so that a change of maps is no jump.
 """
 
 from collections.abc import Sequence
@@ -59,8 +60,8 @@ class Several:
         return self.maps[self._best(ball, q, np.zeros_like(q))].verdict(ball, q)
 
     def returns(self, ball: BallState) -> bool:
-        """Look whether the predicted catch lies in the region of any map."""
-        return any(f.returns(ball) for f in self.maps)
+        """Look whether the predicted catch lies in the region of the map that waits."""
+        return self.map.returns(ball)
 
     def astray(self, ball: BallState) -> bool:
         """Say whether the map that is followed cannot catch any more, and another can."""
@@ -96,6 +97,8 @@ class Several:
         said: list[tuple[int, Verdict]] = []
         for k in order:
             verdict = judge(self.maps[k].map, ball, q, tolerance=_CHOICE, dq=dq)
+            if verdict.outcome is Outcome.OPEN and self.chosen is None:
+                return k
             if verdict.outcome is Outcome.FEASIBLE and verdict.share <= self.margin:
                 return k
             said.append((k, verdict))
