@@ -92,6 +92,16 @@ def test_bad_files_are_refused_in_one_line(tmp_path: Path) -> None:
         assert "\n" not in str(caught.value)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("axis", ["0 0 1e300", "0 0 0", "1e-9 0 0", "nan 0 0", "x y z"])
+def test_an_axis_without_a_direction_is_refused(tmp_path: Path, axis: str) -> None:
+    """One line and no warning of an overflow."""
+    path = urdf(tmp_path / "arm.urdf")
+    path.write_text(path.read_text().replace('xyz="0.6 0 0.8"', f'xyz="{axis}"'))
+    with pytest.raises(FileError, match="joint axes with a direction"):
+        load_arm(path, tip="l5", joints=["j1", "j2", "j4"])
+
+
 def test_a_parser_in_c_is_heard_not_seen(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """What urdfdom writes to the error stream becomes part of the one line."""
     path = urdf(tmp_path / "five.urdf")

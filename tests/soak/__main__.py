@@ -29,11 +29,12 @@ def main() -> int:
     made = ticks.soak(options.ticks, seed=options.seed, f=learn(load_arm("wam")).map)
     print(dict(made.phases), dict(made.states), f"{made.recovered} recoveries")  # noqa: T201
     with tempfile.TemporaryDirectory() as folder:
-        read = files.soak(options.files, seed=options.seed, folder=Path(folder), keep=_keep)
-        alone = files.soak_processes(
-            options.processes, seed=options.seed, folder=Path(folder), keep=_keep
-        )
-        killed = kills.soak(options.kills, seed=options.seed, folder=Path(folder))
+        here, apart, dying = (Path(folder) / name for name in ("here", "apart", "dying"))
+        for place in (here, apart, dying):
+            place.mkdir()
+        read = files.soak(options.files, seed=options.seed, folder=here, keep=_keep)
+        alone = files.soak_processes(options.processes, seed=options.seed, folder=apart, keep=_keep)
+        killed = kills.soak(options.kills, seed=options.seed, folder=dying)
     for fault in made.faults + read.faults + alone.faults + killed.unreadable:
         print(fault)  # noqa: T201
     result = {

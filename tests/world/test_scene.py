@@ -35,6 +35,7 @@ def test_a_file_changes_only_what_it_names(tmp_path: Path) -> None:
         ("[sensing]\nlatency = 1.5", "sensing.latency"),
         ("[mismatch]\nmass = 0.9", "mismatch.mass"),
         ("[contact]\nsettle = 0.0001", "contact.settle"),
+        pytest.param("[sensing]\nlatency = 0x" + 6000 * "f", "sensing.latency", id="digits"),
         ("gravity = 3", "one of the keys ball, mismatch, sensing, contact, floor"),
     ],
 )

@@ -1,6 +1,7 @@
 """Arms by name or from a URDF or MJCF file."""
 
 from collections.abc import Sequence
+from math import hypot
 from pathlib import Path
 
 import numpy as np
@@ -120,7 +121,7 @@ def _check_numbers(path: Path, text: str) -> None:
     for axis in root.iter("axis"):
         given = axis.attrib.get("xyz", "1 0 0")
         try:
-            size = float(np.linalg.norm([float(x) for x in given.split()]))
+            size = hypot(*(float(x) for x in given.split()))
         except ValueError:
             size = 0.0
         if not 1e-6 < size < 1e6:

@@ -1,5 +1,6 @@
 """Settings that come from TOML files: how they are read, checked and refused."""
 
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any, TypeVar, get_args
@@ -54,7 +55,15 @@ def validated(model: type[_Model], data: object, *, place: str) -> _Model:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"]) or "(all)"
         wanted = _wanted(model, first["type"], first["msg"], first["loc"])
-        raise InputError(f"{place} key {key}", wanted, repr(first["input"])[:60]) from None
+        raise InputError(f"{place} key {key}", wanted, _shown(first["input"])) from None
+
+
+def _shown(value: object) -> str:
+    """Return the beginning of what was given."""
+    try:
+        return repr(value)[:60]
+    except ValueError:  # Python writes no number that is longer than this
+        return f"a number of more than {sys.get_int_max_str_digits()} digits"
 
 
 def _wanted(model: type[BaseModel], kind: str, message: str, at: tuple[int | str, ...]) -> str:
