@@ -65,7 +65,7 @@ class Catcher:
         believed: q, dq of the joints as the encoders' monitor believes them [rad, rad/s],
             shape (2, n); overwritten by the next tick.
         result: What the last tick brought about, overwritten by the next; fields as in
-            :func:`mitt.tick.fresh_result`.
+            :func:`mitt.records.fresh_result`.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class Catcher:
     ) -> None:
         """Take the arm, the generator and the eyes."""
         self._arm, self._generator, self._eyes, self._settings = arm, generator, eyes, settings
-        self._map = generator.as_map()
+        self._given, self._map = generator, generator.as_map()
         self._refines = isinstance(generator, Direct) and generator.online is not None
         fields = catcher_fields(arm, eyes, settings) | arm_fields(arm, settings.around)
         known: Fields = {"several": np.bool_(isinstance(generator, Several))}
@@ -211,7 +211,10 @@ class Catcher:
         self._eyes.reset()
         self.result[:] = fresh_result(self._arm.n, max(self._eyes.heads, 1))
         self.verdict, self.certificate, self.t_0 = None, None, np.inf
-        self._phase = WATCH
+        self._generator, self._phase = self._given, WATCH
+        if self._map is not None:
+            for name, value in map_fields(self._map).items():
+                self._state[name][0] = value
 
     def _take(self, points: tuple[Sighting, ...], t: float) -> None:
         """Take in positions from another source than images; none from after ``t`` [s]."""

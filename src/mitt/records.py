@@ -140,7 +140,7 @@ def fresh_result(n: int, heads: int = 1) -> Record:
         t: Time of the tick [s].
         phase: Phase in which it was made.
         encoders: q, dq as read [rad, rad/s], shape (2, n).
-        looked: Whether there was something to see and to estimate.
+        tracked: Whether there is an estimate of the ball.
         ball: r_o, dr_o, ddr_o of the ball at ``t_ball``, shape (3, 3), zero if not ``tracked``;
             with them ``covariance``, ``drag``, ``t_seen``, ``t_first``, ``led`` of ``BallState``.
         following: Whether the generator was asked.

@@ -12,8 +12,9 @@ An encoder is held to what it read a tick ago and to the motion that the arm was
 
 From a fault on, the joint is reckoned, not read: the arm is stopped along the model. A reversed
 encoder is read with its sign turned: it has driven the joint the wrong way, and only it can tell
-how fast. A stuck encoder that moves on, the same way for some ticks, is read again: the stop stays,
-but if it was a false alarm, nobody else sees where the joint goes.
+how fast. A stuck encoder that moves on, the same way for some ticks, adds its motion to where the
+joint was reckoned to be: the stop stays, but if it was a false alarm, nobody else sees where the
+joint goes, and if it has lost counts, what is believed does not jump.
 
 Memory of the encoders, a row a joint: last believed q and dq, readings refused in a row, least
 motion since the reading changed [rad], ticks stuck, sums of the speed gained by the torques and by
@@ -99,14 +100,15 @@ def believe(
         m, q, dq = memory[k], read[0, k], read[1, k]
         if np.isnan(m[_Q]) and _may_begin(b[:, k], q, dq):
             m[_Q], m[_DQ], m[_HELD] = q, dq, q
-        if m[_RECKONED] == _LEFT and _moves_on(m, b[:, k], count, q, dq):
-            m[:] = 0.0
-            m[_Q], m[_DQ], m[_HELD], m[_SPEED] = q, dq, q, dq
+        moved = q - m[_HELD]
+        moves_on = m[_RECKONED] == _LEFT and _moves_on(m, b[:, k], count, q, dq)
         found = _judge(m, b[2, k], b[3, k], b[4, k], count, q, dq, told[4, k])
         if found >= SILENT and m[_RECKONED] == 0.0:
             m[_RECKONED] = -1.0 if found == REVERSED else (_LEFT if found == STUCK else 1.0)
         if found == FINE and m[_RECKONED] == 0.0:
             m[_Q], m[_DQ] = q, dq
+        elif moves_on:
+            m[_Q], m[_DQ] = m[_Q] + moved, dq
         elif m[_RECKONED] < 0.0 and _may_begin(b[:, k], -q, -dq):
             m[_Q], m[_DQ] = -q, -dq
         elif not np.isnan(m[_Q]):

@@ -1,12 +1,12 @@
 """Several maps at once: the paper's future "modular system", one map chosen for each throw.
 
 The maps come in an order of preference, the gentlest first. A throw is given to the first one
-that catches it with margin, or else to the one that asks least of its tightest limit. Whenever
-the generator is adapted anew, as after a bounce, the choice is made again, and as soon as the
-predicted catch leaves the region of the map that is followed, as where drag or a gust makes the
-ball fall short. A ball that comes in low from the first is waited for: it may be meant to bounce
-into the region of a map. Eq. (12) makes the new map start where the arm is and as fast as it moves,
-so that a change of maps is no jump.
+that catches it with margin, unless one asked before finds it low, or else to the one that asks
+least of its tightest limit. Whenever the generator is adapted anew, as after a bounce, the choice
+is made again, and as soon as the predicted catch leaves the region of the map that is followed, as
+where drag or a gust makes the ball fall short. A ball that comes in low from the first is waited
+for: it may be meant to bounce into the region of a map. Eq. (12) makes the new map start where the
+arm is and as fast as it moves, so that a change of maps is no jump.
 """
 
 from collections.abc import Sequence
@@ -97,7 +97,8 @@ class Several:
         said: list[tuple[int, Verdict]] = []
         for k in order:
             verdict = judge(self.maps[k].map, ball, q, tolerance=_CHOICE, dq=dq)
-            if verdict.outcome is Outcome.OPEN and self.chosen is None:
+            hopeless = all(v.outcome is not Outcome.FEASIBLE for _, v in said)
+            if verdict.outcome is Outcome.OPEN and self.chosen is None and hopeless:
                 return k
             if verdict.outcome is Outcome.FEASIBLE and verdict.share <= self.margin:
                 return k

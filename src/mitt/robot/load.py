@@ -72,9 +72,11 @@ def _parse(path: Path) -> pin.Model:
     build = pin.buildModelFromUrdf if path.suffix == ".urdf" else pin.buildModelFromMJCF
     with heard() as said:
         try:
-            return _with_speeds(build(str(path)), path, text)
+            model, failed = build(str(path)), None
         except (ValueError, RuntimeError, IndexError, KeyError) as error:
             failed = error
+    if failed is None:
+        return _with_speeds(model, path, text)
     reason = f"{''.join(said)} {failed}".split() or ["a parse error"]
     raise FileError(str(path), "a URDF or MJCF arm", " ".join(reason)[:200]) from failed
 

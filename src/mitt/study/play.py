@@ -12,6 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mitt.catcher import Catcher
+from mitt.errors import InputError
 from mitt.link.clock import Stopwatch, now_ns
 from mitt.records import BRAKE, STOPPED, Record
 from mitt.signals import Array, Image
@@ -100,7 +101,13 @@ class Player:
     """
 
     def __init__(self, stopwatch: Stopwatch, *, longest: float, held: float) -> None:
-        """Set the rules of :func:`mitt.world.motion.over`."""
+        """Set the rules of :func:`mitt.world.motion.over`.
+
+        Raises:
+            InputError: A trial could last longer than the buffers do.
+        """
+        if not (longest + held) / TICK + 1 < _MOST:
+            raise InputError("trial", f"at most {_MOST} ticks", (longest + held) / TICK)
         self.stopwatch, self._rules = stopwatch, (longest, held)
         self._times = np.zeros(_MOST + 2, dtype=np.int64)
         self._log: Record | None = None

@@ -3,8 +3,8 @@
 ``mj_step1``, ``mj_step2`` and ``mj_contactForce`` are called by name in the library that the
 package ``mujoco`` has loaded; model and data are handed over by address. What Python's views do
 not show to compiled code (how many contacts there are, and their table) is read where the
-package's own description of its structures says that it lies, and compared once with what Python
-says.
+package's own description of its structures says that it lies. A world compares three of these
+places with what Python says; ``tests/world/test_engine.py`` compares the table of contacts.
 
 An error that MuJoCo itself calls fatal (memory that runs out) ends the process here, as it does
 for every program in C; warnings are counted in the data, as ever.

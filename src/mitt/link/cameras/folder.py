@@ -1,6 +1,7 @@
 """Images of a folder as a camera: in the order of their names, timed by them."""
 
 import re
+from contextlib import suppress
 from pathlib import Path
 from typing import final
 
@@ -65,8 +66,9 @@ def read_image(path: Path) -> Image:
         data = np.fromfile(path, dtype=np.uint8)
     except OSError as error:
         raise FileError(str(path), "a readable image", error.strerror) from error
-    with heard():  # its decoders complain on the error stream
-        pixels: Image | None = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
+    pixels: Image | None = None
+    with heard(), suppress(cv2.error):  # its decoders complain on the error stream
+        pixels = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
     if pixels is None:
         raise FileError(str(path), "an image", "a file that does not decode")
     return pixels

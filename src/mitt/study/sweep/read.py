@@ -67,8 +67,10 @@ def read_study(path: Path, *, generators: tuple[str, ...]) -> Study:
 def _digest(path: Path) -> str:
     """Return the SHA-256 of a file."""
     try:
-        if not path.is_file() or path.stat().st_size > MAX_BYTES:
-            raise FileError(str(path), f"a CSV file of at most {MAX_BYTES} bytes", "none")
+        if not path.is_file():
+            raise FileError(str(path), "a readable CSV file", "none")
+        if path.stat().st_size > MAX_BYTES:
+            raise FileError(str(path), f"at most {MAX_BYTES} bytes", path.stat().st_size)
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError as error:
         raise FileError(str(path), "a readable CSV file", error.strerror or "an error") from None
