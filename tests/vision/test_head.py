@@ -39,6 +39,17 @@ def test_a_pose_is_two_turns_about_the_axes(pan: float, tilt: float) -> None:
     assert T[:3, 3] == pytest.approx(base[:3, 3] + base[:3, :3] @ R @ head.lens, abs=1e-12)
 
 
+@pytest.mark.parametrize("size", [1e80, 1e160, 1e300])
+def test_a_bearing_is_finite_wherever_the_point_is(size: float) -> None:
+    """Squares overflow from 1e154 on; angles and rates stay numbers."""
+    heads, goal = pack_heads(active_rig()), np.empty(4)
+    for signs in ((1.0, -1.0, 1.0), (-1.0, 1.0, 1.0), (1.0, 1.0, -1.0)):
+        r = size * np.array(signs)
+        for v in (np.array([1.0, 2.0, -3.0]), -r, r[::-1]):
+            bearing(heads[0], *r, *v, goal)
+            assert np.all(np.isfinite(goal))
+
+
 @given(st.floats(1.0, 5.0), COORDINATE, COORDINATE, COORDINATE, COORDINATE, COORDINATE)
 def test_a_bearing_puts_the_point_into_the_middle_and_its_rate_is_its_derivative(
     x: float, y: float, z: float, dx: float, dy: float, dz: float

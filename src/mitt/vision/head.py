@@ -93,6 +93,9 @@ def bearing(
     wanted[0], wanted[1] = atan2(a, c), atan2(-b, flat)
     wanted[2] = (da * c - a * dc) / (flat * flat)
     wanted[3] = (b * (a * da + c * dc) / flat - db * flat) / range2
+    for k in range(4):  # a point so far off or so fast that the numbers run out
+        if not np.isfinite(wanted[k]):
+            wanted[k] = 0.0
 
 
 def pack_heads(rig: Rig) -> Array:
