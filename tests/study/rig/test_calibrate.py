@@ -205,6 +205,20 @@ def test_positions_and_centroids_do_as_well(
     assert placed_well(tmp_path / "RIG.toml", 1e-4)
 
 
+def test_a_table_without_rows_is_refused_in_one_line(call: Call, tmp_path: Path) -> None:
+    """A header alone: status 2, no warning of empty means."""
+    write_rig(tmp_path / "placed.toml", calibrated(), version="test")
+    for name in ("log.csv", "points.csv"):
+        (tmp_path / name).write_text("t_s,x_m,y_m,z_m\n")
+    status, _, err = call(
+        "--rig", tmp_path / "placed.toml",
+        "--arm-log", tmp_path / "log.csv", "--points", tmp_path / "points.csv",
+    )  # fmt: skip
+    assert status == 2
+    assert len(err.splitlines()) == 1
+    assert "a table with rows" in err
+
+
 def test_a_moving_hand_sets_the_clock(call: Call, tmp_path: Path) -> None:
     """The offset of 37.3 ms is found within 0.1 ms and stands in the file."""
     write_rig(tmp_path / "placed.toml", calibrated(), version="test")

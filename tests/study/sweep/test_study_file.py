@@ -72,6 +72,7 @@ def test_the_studies_that_ship_are_those_that_are_promised() -> None:
         ("throws = 4|throws = nan", "integer"),
         ("seed = 500|sead = 500", "seed"),
         ('name = "clean"|name = "../x"', "pattern"),
+        ("faults.0.mag|faults." + 5000 * "9" + ".mag", "an address that the sweep's tables have"),
         ('name = "clean"|name = "kick 1 m/s"', "twice"),
         ("values = [1.0]|values = []", "at least 1"),
         ("values = [1.0]|values = [inf]", "finite"),

@@ -20,7 +20,7 @@ def read_columns(path: Path, columns: Sequence[str]) -> Array:
     """Return a table of numbers with exactly ``columns``, shape (n, columns).
 
     Raises:
-        FileError: It cannot be read, has other columns, or a cell that is no number.
+        FileError: It cannot be read, has other columns, no rows, or a cell that is no number.
     """
     rows = []
     for line, cells in read_rows(path, columns):
@@ -31,7 +31,9 @@ def read_columns(path: Path, columns: Sequence[str]) -> Array:
                 for name, limit in zip(columns, limits, strict=True)
             ]
         )
-    return np.array(rows, dtype=np.float64).reshape(-1, len(columns))
+    if not rows:
+        raise FileError(str(path), "a table with rows", "none")
+    return np.array(rows, dtype=np.float64)
 
 
 def header_of(path: Path) -> tuple[str, ...]:

@@ -134,14 +134,14 @@ def _with(sweep: SweepSettings, address: list[str], value: float, place: str) ->
     tables: Table = sweep.model_dump(include={"arm", "scene", "throws"}, exclude_unset=True)
     at: Any = tables  # descends into it
     for part in address[:-1]:
-        if isinstance(at, list) and part.isdigit() and int(part) < len(at):
+        if isinstance(at, list) and part in map(str, range(len(at))):
             at = at[int(part)]
         elif isinstance(at, dict):
             at = at.setdefault(part, {})
         else:
-            raise InputError(place, "an address that the sweep's tables have", sweep.set)
+            raise InputError(place, "an address that the sweep's tables have", sweep.set[:60])
     if not isinstance(at, dict):
-        raise InputError(place, "the address of a number", sweep.set)
+        raise InputError(place, "the address of a number", sweep.set[:60])
     at[address[-1]] = int(value) if value.is_integer() and _counts(address) else value
     rest = {"vision": sweep.vision, "flights": sweep.flights}
     return validated(Overrides, tables | rest, place=place)
