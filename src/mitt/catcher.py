@@ -205,16 +205,19 @@ class Catcher:
             raise InputError("recover", "a catcher that has stopped, its arm at rest", self.phase)
         fresh = catcher_fields(self._arm, self._eyes, self._settings)
         fresh |= arm_fields(self._arm, self._settings.around)  # the hand opens, a ball drops
-        for name, value in fresh.items():
-            if not name.startswith("eyes_") and name != "believed":
-                self._state[name][0] = value
+        kept = {"believed", *(name for name in fresh if name.startswith("eyes_"))}
+        self._write({name: value for name, value in fresh.items() if name not in kept})
         self._eyes.reset()
         self.result[:] = fresh_result(self._arm.n, max(self._eyes.heads, 1))
         self.verdict, self.certificate, self.t_0 = None, None, np.inf
         self._generator, self._phase = self._given, WATCH
         if self._map is not None:
-            for name, value in map_fields(self._map).items():
-                self._state[name][0] = value
+            self._write(map_fields(self._map))
+
+    def _write(self, fields: Fields) -> None:
+        """Overwrite fields of the state."""
+        for name, value in fields.items():
+            self._state[name][0] = value
 
     def _take(self, points: tuple[Sighting, ...], t: float) -> None:
         """Take in positions from another source than images; none from after ``t`` [s]."""
@@ -269,8 +272,7 @@ class Catcher:
         self._generator = self._generator.adapt(ball, q, dq)
         f = self._generator.as_map()
         if f is not None:
-            for name, value in map_fields(f).items():
-                self._state[name][0] = value
+            self._write(map_fields(f))
 
     def _review(self, ball: BallState) -> None:
         """Follow another map where the present one cannot catch any more what it could at first."""
@@ -297,7 +299,6 @@ class Catcher:
             return
         loaded = self._arm.holding(self._settings.ball_mass)
         self._brake = plan_brake(loaded, t, self._told[:3].copy()).table(TICK)
-        for name, value in arm_fields(loaded, self._settings.around).items():
-            self._state[name][0] = value
+        self._write(arm_fields(loaded, self._settings.around))
         self._numbers["t_brake"] = t
         self._enter(BRAKE)

@@ -38,7 +38,8 @@ DECIDE, LAGS, GRASPS, STOPS, REVIEWS = 1, 2, 4, 8, 16
 SOON = 0.1
 
 #: Time to the catch from which the hand comes so near the ball's images that its own light and the
-#: rim that it hides move their centroids [s], and what that adds to a sighting's error [m].
+#: rim that it hides move their centroids [s], until ``SOON`` after it, and what that adds to a
+#: sighting's error [m].
 BESIDE, TOUCHED = 0.08, 0.002
 
 
@@ -90,7 +91,7 @@ def perceive(
     s, out = state[0], result[0]
     t, s["clock"] = pass_time(s["condition"], t)
     out["t"], out["phase"] = t, s["phase"]
-    beside = out["time_to_catch"] < BESIDE
+    beside = not s["open"] and -SOON < out["time_to_catch"] < BESIDE
     out["inside"], out["time_to_catch"] = False, np.inf
     out["following"] = s["phase"] == FOLLOW
     encoders = out["encoders"]
