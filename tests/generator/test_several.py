@@ -105,6 +105,20 @@ def test_where_no_map_can_catch_none_is_changed(several: Several) -> None:
     assert not followed.astray(away)
 
 
+def test_a_ball_that_has_come_back_is_not_waited_for_with_another_map(several: Several) -> None:
+    """Costly for the map that waited, still low for the other: the one that waited keeps it."""
+    q, still = several.map.map.arm.q_ready, np.zeros(3)
+    end, steep = np.array([0.9, 0.12, -0.35]), np.array([-3.5, 0.0, -0.7])
+    back = ball_state(end - steep * 0.18 + 0.5 * G * 0.18**2, steep - G * 0.18, G)
+    loose = Tolerance(torque=1.25, speed=1.0)
+    low, costly = (judge(f.map, back, q, tolerance=loose) for f in several.maps)
+    assert costly.outcome is Outcome.UNREACHABLE
+    assert low.outcome is Outcome.OPEN
+    followed = Several(several.maps, chosen=1)
+    assert followed.map.returns(back)
+    assert followed.adapt(back, q, still).chosen == 1
+
+
 def test_a_choice_among_nothing_is_refused() -> None:
     """There must be a map."""
     with pytest.raises(InputError, match="maps"):

@@ -105,13 +105,11 @@ class Several:
             said.append((k, verdict))
         if all(verdict.outcome is Outcome.UNREACHABLE for _, verdict in said):
             said = [(k, self.maps[k].verdict(ball, q)) for k in order]
-        return min(said, key=lambda x: (_RANK[x[1].outcome], x[1].share))[0]
+        worth = _AT_FIRST if self.chosen is None else _ON_THE_WAY
+        return min(said, key=lambda x: (worth.index(x[1].outcome), x[1].share))[0]
 
 
-#: Which verdict is worth more than another.
-_RANK = {
-    Outcome.FEASIBLE: 0,
-    Outcome.OPEN: 1,
-    Outcome.UNSETTLED: 2,
-    Outcome.UNREACHABLE: 3,
-}
+#: Verdicts, the one worth most first. Once under way, a catch that costs too much is worth more
+#: than to wait with another map for what the map that was followed had waited for.
+_AT_FIRST = (Outcome.FEASIBLE, Outcome.OPEN, Outcome.UNSETTLED, Outcome.UNREACHABLE)
+_ON_THE_WAY = (Outcome.FEASIBLE, Outcome.UNSETTLED, Outcome.UNREACHABLE, Outcome.OPEN)
