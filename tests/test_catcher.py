@@ -261,7 +261,7 @@ def test_an_encoder_that_gives_no_number_never_reaches_a_command(
 
 
 def test_a_stopped_catcher_recovers_when_told_to(bench: Bench, throws: list[Throw]) -> None:
-    """Asked to stop in mid-motion it comes to rest and stays; told to recover, it catches again."""
+    """It comes to rest and stays; told to recover, it catches again, as a fresh one would."""
     catcher = bench.catcher()
     bench.world.reset(throws[0], 5)
     while bench.world.t < 0.3:
@@ -276,10 +276,14 @@ def test_a_stopped_catcher_recovers_when_told_to(bench: Bench, throws: list[Thro
     assert catcher.tick is not None
     assert catcher.tick.reason is Reason.ASKED
     catcher.recover()
-    bench.world.reset(throws[1], 6)
-    for _ in range(1100):
-        bench.world.apply(catcher.step(bench.world.sense()))
-    assert held(bench.world.truth(), 0.04)
+    torques = []
+    for each in (catcher, bench.catcher()):
+        bench.world.reset(throws[1], 6)
+        for _ in range(1100):
+            bench.world.apply(each.step(bench.world.sense()))
+        assert held(bench.world.truth(), 0.04)
+        torques.append(bench.world.trace().tau)
+    assert np.array_equal(*torques)
 
 
 def spoil_joint(arm: ArmState, bad: float) -> ArmState:
