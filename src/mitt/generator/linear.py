@@ -35,9 +35,9 @@ class Programme(NamedTuple):
     slope: Array
 
 
-def programme_of(arm: Arm, *, instants: int, size: int) -> Programme:
-    """Return empty arrays for a programme in ``size`` coefficients."""
-    n, most = arm.n, instants * (3 * len(arm.model.links) + 1) + 2 * arm.n
+def programme_of(arm: Arm, *, instants: int, size: int, pairs: int) -> Programme:
+    """Return empty arrays for a programme in ``size`` coefficients, with gaps of ``pairs``."""
+    n, most = arm.n, instants * (3 * len(arm.model.links) + 1 + pairs) + 2 * arm.n
     return Programme(
         J=np.zeros((instants * n, size)),
         h=np.zeros((size, size)),
