@@ -125,6 +125,23 @@ def test_open_space_changes_nothing(learned: Learned, ball: BallState) -> None:
     assert np.array_equal(one, other)
 
 
+def test_what_need_not_be_looked_at_again_changes_nothing(
+    learned: Learned, ball: BallState
+) -> None:
+    """Looking at every instant of every step gives the same way bit by bit."""
+    f = learned.map
+    around = post(f.arm, ride(f, ball, Online(f)), 1, 0.05)
+    ways = []
+    for forgets in (False, True):
+        online, g = Online(f, around=around), f.adapt(ball, f.arm.q_ready, np.zeros(3))
+        for _ in range(10):
+            if forgets:
+                online._goal.space.seen[:] = -np.inf
+            g = g.with_alpha(online.refine(g.alpha, ball).alpha)
+        ways.append(g.alpha)
+    assert np.array_equal(ways[0], ways[1])
+
+
 def test_the_rows_are_the_slope_of_the_squared_excess(learned: Learned, ball: BallState) -> None:
     """In every coefficient: twice excess times row, summed, is the central difference."""
     f = learned.map

@@ -1,12 +1,16 @@
 """The arm's clearance of itself, of the floor and of zones, as rows of a programme; compiled.
 
 A gap that is small at an instant of the course gets a row: its slope is the way, along the line
-between the two nearest points, by which a joint carries one of them away from the other.
+between the two nearest points, by which a joint carries one of them away from the other. At an
+instant that was found clear no point has come closer than the joints' reach times their way since
+then: as long as that is enough it is not looked again, and the answer is the same.
 
 | here       | meaning                                                          | unit | shape |
 |------------|------------------------------------------------------------------|------|-------|
 | ``table``  | shapes, as of :mod:`mitt.robot.shapes`                           |      | (m, 8)|
 | ``pairs``  | those to be kept apart                                           |      | (p, 2)|
+| ``reach``  | farthest of any point from each joint                            | m    | (n,)  |
+| ``seen``   | at each instant the pose last looked at, and its smallest gap    |      | (K, .)|
 | ``excess`` | by how much a gap is below what is kept, over ``_SCALE``         | 1    |       |
 """
 
@@ -16,14 +20,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from mitt.generator.course import Course
+from mitt.generator.course import INSTANTS, Course
 from mitt.generator.linear import Programme, spread
-from mitt.generator.strain import Plant, Work, motion_at
+from mitt.generator.strain import Plant, Work, positions_at
 from mitt.generator.tangent import Scratch, Tangent
 from mitt.robot import chain
 from mitt.robot.arm import Arm
 from mitt.robot.segments import nearest_shares
-from mitt.robot.shapes import FLOOR, Surroundings, gap, place, shapes_of
+from mitt.robot.shapes import FLOOR, Surroundings, clearance, gap, shapes_of
 from mitt.robot.vectors import Vec, cross, dot, minus, plus, row, times
 from mitt.signals import Array
 
@@ -37,13 +41,15 @@ class Space(NamedTuple):
 
     table: Array
     ends: Array  # (2 m, 3) of the shapes in the world [m]
+    reach: Array
+    seen: Array
     pairs: NDArray[np.int64]
 
 
 def space_of(arm: Arm, around: Surroundings) -> Space:
-    """Return the shapes of an arm and of what stands around it, with a buffer."""
-    shapes = shapes_of(arm, around)
-    return Space(shapes.table, shapes.ends, shapes.pairs)
+    """Return the shapes of an arm and of what stands around it, with buffers."""
+    shapes, seen = shapes_of(arm, around), np.full((INSTANTS, arm.n + 1), -np.inf)
+    return Space(shapes.table, shapes.ends, shapes.reach, seen, shapes.pairs)
 
 
 @njit(cache=True)
@@ -68,25 +74,42 @@ def keep_clear(
     Returns:
         How many rows there are now, and the sum of the squared excesses.
     """
-    total = 0.0
+    total, enough = 0.0, least + (_NEAR if at >= 0 else 0.0)
     for k in range(len(c.after)):
-        motion_at(c, k, alpha, w.motion)
-        place(p.bodies, w.motion[0], space.table, space.ends)
-        placed = False
+        positions_at(c, k, alpha, w.motion[0])
+        if _far(space, k, w.motion[0], enough):
+            continue
+        _look(p, space, k, w.motion[0])
+        if space.seen[k, -1] > enough:
+            continue
+        chain.place(g.chain, w.motion[0], s.motion)
         for x in range(len(space.pairs)):
             a, b = space.pairs[x, 0], space.pairs[x, 1]
             room = (gap(space.table, space.ends, a, b) - least) / _SCALE
             total += max(-room, 0.0) ** 2
-            if at < 0 or not room < _NEAR / _SCALE:
-                continue
-            if not placed:
-                chain.place(g.chain, w.motion[0], s.motion)
-                placed = True
-            gap_slope(p, g, space, a, b, s, w.drive)
-            spread(c.phi, k, w.drive, out.A, at)
-            out.room[at] = room
-            at += 1
+            if at >= 0 and room < _NEAR / _SCALE:
+                gap_slope(p, g, space, a, b, s, w.drive)
+                spread(c.phi, k, w.drive, out.A, at)
+                out.room[at] = room
+                at += 1
     return at, total
+
+
+@njit(cache=True)
+def _far(space: Space, k: int, q: Array, enough: float) -> bool:
+    """Say whether a gap must be larger than enough [m], by what was seen at instant k."""
+    room = space.seen[k, -1]
+    for j in range(len(q)):
+        room -= space.reach[j] * abs(q[j] - space.seen[k, j])
+    return bool(room > enough)
+
+
+@njit(cache=True)
+def _look(p: Plant, space: Space, k: int, q: Array) -> None:
+    """Place the shapes, and note pose and smallest gap as what was seen at instant k."""
+    space.seen[k, -1] = clearance(p.bodies, q, space.table, space.pairs, space.ends)
+    for j in range(len(q)):
+        space.seen[k, j] = q[j]
 
 
 @njit(cache=True)

@@ -34,7 +34,7 @@ def gather(f: Map, p: Plant, goal: Goal, b: Buffers) -> tuple[Array, Whole]:
     """Return ``store`` and ``whole`` of the module's table, with the values that are there."""
     arrays = [
         f.packed, f.window, f.work, p.bodies, p.drives, p.scales, *goal[:4],
-        *b.course, *b.programme, *b.work, b.shares, b.at, goal.space.table, goal.space.ends,
+        *b.course, *b.programme, *b.work, b.shares, b.at, *goal.space[:4],
     ]  # fmt: skip
     sizes = [(*x.shape, 1, 1)[:3] for x in arrays]
     starts = np.cumsum([0, *(x.size for x in arrays)])
@@ -71,9 +71,11 @@ def _block(v: Array, whole: Whole, k: int) -> Array:
 @njit(cache=True)
 def opened(v: Array, w: Whole) -> Known:
     """Return map, arm, goal and buffers, whose arrays are views; in the order of ``gather``."""
-    f = Map(_line(v, w, 0), _table(w, w, 35), _table(v, w, 1), _line(v, w, 2))
-    p = Plant(_table(v, w, 3), _table(v, w, 4), _table(v, w, 5), _line(w, w, 34))
-    space = Space(_table(v, w, 32), _table(v, w, 33), _table(w, w, 36))
+    f = Map(_line(v, w, 0), _table(w, w, 37), _table(v, w, 1), _line(v, w, 2))
+    p = Plant(_table(v, w, 3), _table(v, w, 4), _table(v, w, 5), _line(w, w, 36))
+    space = Space(
+        _table(v, w, 32), _table(v, w, 33), _line(v, w, 34), _table(v, w, 35), _table(w, w, 38)
+    )
     goal = Goal(_table(v, w, 6), _table(v, w, 7), _line(v, w, 8), _table(v, w, 9), space)
     course = Course(
         _line(v, w, 10), _line(v, w, 11), _block(v, w, 12), _block(v, w, 13), _block(v, w, 14)

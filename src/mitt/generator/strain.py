@@ -105,6 +105,15 @@ def motion_at(c: Course, k: int, alpha: Array, motion: Array) -> None:
 
 
 @njit(cache=True)
+def positions_at(c: Course, k: int, alpha: Array, q: Array) -> None:
+    """Write q_d at one instant."""
+    for j in range(alpha.shape[1]):
+        q[j] = c.rows[k, 0, j]
+        for a in range(alpha.shape[0]):
+            q[j] += c.phi[k, 0, a] * alpha[a, j]
+
+
+@njit(cache=True)
 def assess(
     p: Plant, k: int, share: float, shares: Array, at: Array, w: Work
 ) -> tuple[float, float]:
