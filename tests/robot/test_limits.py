@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mitt.errors import UnknownNameError
+from mitt.robot.limits import bound_of
 from mitt.robot.wam import wam_limits
 from mitt.signals import Array
 
@@ -25,6 +26,24 @@ def test_saturated_torque_is_within_and_torque_within_is_untouched(
     bound = limits.torque_bound(limits.drive_torque(tau), limits.drive_speed(dq))
     assert np.all(np.abs(drive) <= bound + 1e-9)
     assert np.allclose(limits.saturate(kept, dq), kept, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["paper", "wam-48v", "wam-80v"])
+@given(drive=st.floats(-50.0, 50.0), speed=st.floats(-250.0, 250.0))
+def test_the_bound_of_one_drive_is_that_of_all_and_its_fall_is_its_slope(
+    name: str, drive: float, speed: float
+) -> None:
+    """The kernel's bound is the formula's; it falls with speed as differences say."""
+    limits = wam_limits(name)
+    for m in range(4):
+        bound, fall = bound_of(limits.packed, m, drive, speed, 0.0)
+        asked = limits.torque_bound(np.full(4, drive), np.full(4, speed))
+        assert bound == pytest.approx(asked[m], abs=1e-12)
+        step = 1e-4 * np.sign(speed)
+        around = [bound_of(limits.packed, m, drive, speed + x, 0.0) for x in (-step, step)]
+        smooth = around[0][1] == around[1][1] and bound > 0.0 and abs(speed) > 1e-4
+        falls = (around[0][0] - around[1][0]) / 2e-4
+        assert not smooth or fall == pytest.approx(falls, abs=1e-6 * max(bound, 1.0))
 
 
 def test_a_motor_gives_nothing_at_its_no_load_speed_but_brakes_fully() -> None:

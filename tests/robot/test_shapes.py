@@ -11,14 +11,8 @@ from mitt.robot.arm import Arm
 from mitt.robot.description import Capsule
 from mitt.robot.hands import HandModel
 from mitt.robot.plant import add_arm
-from mitt.robot.shapes import (
-    Shapes,
-    Surroundings,
-    clearance,
-    hand_capsules,
-    segment_distance,
-    shapes_of,
-)
+from mitt.robot.segments import segment_distance
+from mitt.robot.shapes import Shapes, Surroundings, clearance, hand_capsules, shapes_of
 from mitt.signals import Array
 
 #: Agreement with MuJoCo's distance of two capsules [m].

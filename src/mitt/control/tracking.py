@@ -15,7 +15,7 @@ from mitt.control.envelope import bound_acceleration
 from mitt.control.viability import Guard
 from mitt.robot.arm import Arm
 from mitt.robot.dynamics import inverse_dynamics
-from mitt.robot.limits import saturate
+from mitt.robot.limits import bound_of, drive_asked, saturate
 from mitt.robot.shapes import Surroundings
 from mitt.signals import ArmState, Array, Command
 
@@ -180,15 +180,12 @@ def _share(packed: Array, rest: Array, asked: Array, speed: Array) -> float:
     """Return the largest share of the way from ``rest`` to ``asked`` within every drive's peak."""
     n, share = len(rest), 1.0
     for m in range(n):
-        start, way, dq = 0.0, 0.0, 0.0
+        start, way = 0.0, 0.0
         for k in range(n):
             start += packed[m, k] * rest[k]
             way += packed[m, k] * (asked[k] - rest[k])
-            dq += packed[n + m, k] * speed[k]
         goal = start + way
-        bound, stall = packed[2 * n, m], packed[2 * n + 1, m]
-        if goal * dq > 0.0 and np.isfinite(stall):
-            bound = min(bound, stall * max(1.0 - abs(dq) / packed[2 * n + 2, m], 0.0))
+        bound, _ = bound_of(packed, m, goal, drive_asked(packed, m, asked, speed)[1], 0.0)
         if abs(goal) > bound:
             edge = np.copysign(bound, goal)
             share = min(share, max((edge - start) / way, 0.0)) if way * goal > 0.0 else 0.0

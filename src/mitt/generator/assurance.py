@@ -19,9 +19,10 @@ from mitt.generator.packing import unfold, unpack
 from mitt.generator.polynomial import jets
 from mitt.generator.step import Buffers, Map
 from mitt.generator.stopping import spare
-from mitt.generator.strain import Plant, bound_of
+from mitt.generator.strain import LEAST, Plant, asked_of
 from mitt.generator.tangent import expand, lift, solve3
 from mitt.robot.dynamics import inverse_dynamics
+from mitt.robot.limits import bound_of
 from mitt.signals import Array
 
 #: Time before the catch in which the arm can no longer follow [s] (aT^2/4 of 3 mm), and the ball's
@@ -196,12 +197,9 @@ def _share(
         for j in range(n):
             if p.joints[j] == index:
                 return float(abs(w.motion[0, j] - p.scales[2, j]) / p.scales[3, j])
-    tau, omega = 0.0, 0.0
-    for j in range(n):
-        omega += p.drives[links + index, p.joints[j]] * w.motion[1, j]
+    if kind == 0:
+        inverse_dynamics(p.bodies, w.motion[0], w.motion[1], w.motion[2], w.tau, w.notes)
+    tau, omega = asked_of(p, index, w.tau, w.motion[1])
     if kind == 1:
         return float(abs(omega) / p.drives[2 * links + 2, index])
-    inverse_dynamics(p.bodies, w.motion[0], w.motion[1], w.motion[2], w.tau, w.notes)
-    for e in range(links):
-        tau += p.drives[index, e] * w.tau[e]
-    return float(abs(tau) / bound_of(p.drives, index, tau, omega)[0])
+    return float(abs(tau) / bound_of(p.drives, index, tau, omega, LEAST)[0])

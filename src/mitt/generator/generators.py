@@ -16,6 +16,7 @@ from mitt.generator.certificate import (
 )
 from mitt.generator.mapping import DirectMap
 from mitt.generator.online import Online, Refinement
+from mitt.robot.shapes import Surroundings
 from mitt.signals import Array, BallState, JointReference
 
 #: Online steps before the verdict.
@@ -124,9 +125,9 @@ class Direct:
         return self.map
 
 
-def refining(f: DirectMap) -> Direct:
-    """Return the learned map with an online step each millisecond."""
-    return Direct(f, online=Online(f), learned=f)
+def refining(f: DirectMap, around: Surroundings | None = None) -> Direct:
+    """Return the learned map with an online step each millisecond, clear of what stands around."""
+    return Direct(f, online=Online(f, around=around), learned=f)
 
 
 @final

@@ -15,8 +15,9 @@ import numpy as np
 from numba import njit
 
 from mitt.generator.course import Course
-from mitt.generator.strain import Plant, Work, assess, bound_of, motion_at
+from mitt.generator.strain import LEAST, Plant, Work, asked_of, assess, motion_at
 from mitt.robot.arm import Arm
+from mitt.robot.limits import bound_of
 from mitt.robot.slopes import torque_slopes
 from mitt.signals import Array
 
@@ -34,9 +35,9 @@ class Programme(NamedTuple):
     slope: Array
 
 
-def programme_of(arm: Arm, *, instants: int, size: int) -> Programme:
-    """Return empty arrays for a programme in ``size`` coefficients."""
-    n, most = arm.n, instants * (3 * len(arm.model.links) + 1) + 2 * arm.n
+def programme_of(arm: Arm, *, instants: int, size: int, pairs: int) -> Programme:
+    """Return empty arrays for a programme in ``size`` coefficients, with gaps of ``pairs``."""
+    n, most = arm.n, instants * (3 * len(arm.model.links) + 1 + pairs) + 2 * arm.n
     return Programme(
         J=np.zeros((instants * n, size)),
         h=np.zeros((size, size)),
@@ -128,12 +129,8 @@ def _limits(
     """Write the rows (18), (20) and of the joint ranges that are near their bound."""
     n, links, (share, near) = w.motion.shape[1], len(w.tau), use
     for d in range(links):
-        tau, omega = 0.0, 0.0
-        for i in range(links):
-            tau += p.drives[d, i] * w.tau[i]
-        for j in range(n):
-            omega += p.drives[links + d, p.joints[j]] * w.motion[1, j]
-        bound, fall = bound_of(p.drives, d, tau, omega)
+        tau, omega = asked_of(p, d, w.tau, w.motion[1])
+        bound, fall = bound_of(p.drives, d, tau, omega, LEAST)
         if abs(tau) > near * bound:
             sign = np.copysign(1.0 / bound, tau)
             for e in range(3):

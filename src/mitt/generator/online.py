@@ -5,13 +5,15 @@ quadratic programme (DAQP) with
 
 - continuity of q_d and dq_d at the instant at which the new coefficients act, eq. (12): the step
   leaves them as they are, so that the reference never jumps;
-- torque (18), speed (20) and joint ranges, wherever the present motion is near them, softly: the
+- torque (18), speed (20) and joint ranges, the ball's way into the hand, and the arm's clearance
+  of itself and of what stands around it, wherever the present motion is near them, softly: the
   catch itself fixes the last instants;
 - a pull towards alpha* in the metric H of the learned cost, without which 0.5 mm of noise asks
   for many times the torque (equations.md).
 
 Afterwards the new motion is weighed with the exact torques. A step that is not finite, breaks the
-continuity or does not help is halved, and dropped after that: the last good alpha stays.
+continuity or does not help is halved, and dropped after that: the last good alpha stays, and the
+next step is tried at a smaller share first.
 """
 
 from dataclasses import dataclass
@@ -25,6 +27,7 @@ import numpy as np
 from mitt.generator.approach import palm_of
 from mitt.generator.assurance import KINDS, spread_ahead
 from mitt.generator.certificate import REGION_GAP, Outcome, Tolerance, Verdict
+from mitt.generator.clearance import space_of
 from mitt.generator.course import INSTANTS, course_of
 from mitt.generator.foresight import foresee
 from mitt.generator.linear import programme_of
@@ -32,6 +35,7 @@ from mitt.generator.mapping import DirectMap
 from mitt.generator.step import Buffers, Goal, Map
 from mitt.generator.store import end, gather, opened, start, vouch
 from mitt.generator.strain import plant_of, work_of
+from mitt.robot.shapes import Surroundings
 from mitt.signals import Array, BallState
 
 #: Rows of DAQP: an equality, a limit that may be exceeded at a price.
@@ -40,6 +44,9 @@ _EQUAL, _SOFT = 5, 8
 _ITERATIONS = 100
 #: Residual of the continuity that is let pass [rad, rad/s].
 _RESIDUAL = 1e-6
+#: By what the share of a step that is tried first changes after one that helped and after one
+#: that did not, and its least value.
+_BOLDER, _SHORTER, _LEAST = 4.0, 0.125, 1.0 / 64.0
 
 
 class Refinement(Enum):
@@ -65,6 +72,8 @@ class OnlineSettings:
         lead: Time until the new coefficients act [s]: one tick.
         halvings: Halvings of a step that does not help.
         ball_radius: Radius of the ball, for the corridor between the fingers [m].
+        gap: Gap that the arm keeps to itself and to what stands around it [m]: more than the
+            controller's, which brakes where its own is not left.
     """
 
     pull: float = 3e-6
@@ -75,6 +84,7 @@ class OnlineSettings:
     lead: float = 0.001
     halvings: int = 2
     ball_radius: float = 0.04
+    gap: float = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -98,18 +108,28 @@ class Refined:
 
 @final
 class Online:
-    """Refines the coefficients of one map; keeps buffers, and the last time of the catch."""
+    """Refines the coefficients of one map; keeps buffers, time of the catch, and last share."""
 
-    def __init__(self, f: DirectMap, settings: OnlineSettings | None = None) -> None:
-        """Take the learned map: its alpha is alpha*, its H the metric."""
+    def __init__(
+        self,
+        f: DirectMap,
+        settings: OnlineSettings | None = None,
+        *,
+        around: Surroundings | None = None,
+    ) -> None:
+        """Take the learned map, whose alpha is alpha*, H the metric; and what stands around."""
         self._f, self.settings = f, settings or OnlineSettings()
         s, (m, n), links = self.settings, f.alpha.shape, len(f.arm.model.links)
-        weights = np.array([s.pull, s.share, s.near, s.weight])
+        weights = np.array([s.pull, s.share, s.near, s.weight, s.gap])
+        space = space_of(f.arm, around or Surroundings())
         self._known = gather(
             Map(f.packed, f.basis.powers, f.window, f.work), plant_of(f.arm),
-            Goal(f.alpha, f.H, weights, palm_of(f, ball_radius=s.ball_radius)),
-            Buffers(course_of(n, m), programme_of(f.arm, instants=INSTANTS, size=m * n),
-                    work_of(f.arm), np.zeros((3, links)), np.zeros((3, links))),
+            Goal(f.alpha, f.H, weights, palm_of(f, ball_radius=s.ball_radius), space),
+            Buffers(
+                course_of(n, m),
+                programme_of(f.arm, instants=INSTANTS, size=m * n, pairs=len(space.pairs)),
+                work_of(f.arm), np.zeros((3, links)), np.zeros((3, links)),
+            ),
         )  # fmt: skip
         self._map, self._plant, self._goal, self._buffers = opened(*self._known)
         rows = len(self._buffers.programme.A)
@@ -123,11 +143,11 @@ class Online:
         self._region = f.region + np.array([[-REGION_GAP], [REGION_GAP]])
         self._sigma = np.zeros((2, n))
         self._state = np.zeros(7)
-        self._t_catch = inf
+        self._t_catch, self._share = inf, 1.0
 
     def restart(self) -> None:
         """Forget the flight: the next ball is another, or its way has changed."""
-        self._t_catch = inf
+        self._t_catch, self._share = inf, 1.0
 
     def refine(self, alpha: Array, ball: BallState) -> Refined:
         """Return better coefficients for the rest of the flight.
@@ -153,10 +173,13 @@ class Online:
             status = Refinement.FAILED if isfinite(better) else Refinement.OUTSIDE
             return self._answer(status, alpha, ahead, before)
         moved = np.empty_like(alpha)
-        after = end(*self._known, (before, s.halvings, _RESIDUAL), alpha, step, moved)
+        trial = (before, self._share, s.halvings, _RESIDUAL)
+        after = end(*self._known, trial, alpha, step, moved)
         if not isfinite(after):
             return self._answer(Refinement.FAILED, alpha, ahead, before)
         status = Refinement.REFINED if after < before else Refinement.KEPT
+        change = _BOLDER if after < before else _SHORTER
+        self._share = min(max(change * self._share, _LEAST), 1.0)
         return self._answer(status, moved, ahead, after)
 
     def certify(self, alpha: Array, ball: BallState, *, tolerance: Tolerance) -> Verdict | None:

@@ -95,13 +95,15 @@ class Several:
         """Return the map for a ball; the one followed is asked first."""
         order = sorted(range(len(self.maps)), key=lambda k: k != self.chosen)
         said: list[tuple[int, Verdict]] = []
+        waits = self.chosen is None  # for a bounce, until a map is found that needs none
         for k in order:
             verdict = judge(self.maps[k].map, ball, q, tolerance=_CHOICE, dq=dq)
-            hopeless = all(v.outcome is not Outcome.FEASIBLE for _, v in said)
-            if verdict.outcome is Outcome.OPEN and self.chosen is None and hopeless:
+            feasible = verdict.outcome is Outcome.FEASIBLE
+            if feasible and verdict.share <= self.margin:
                 return k
-            if verdict.outcome is Outcome.FEASIBLE and verdict.share <= self.margin:
+            if waits and verdict.outcome is Outcome.OPEN:
                 return k
+            waits = waits and not feasible
             said.append((k, verdict))
         if all(verdict.outcome is Outcome.UNREACHABLE for _, verdict in said):
             said = [(k, self.maps[k].verdict(ball, q)) for k in order]

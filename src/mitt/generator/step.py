@@ -2,7 +2,7 @@
 
 | here       | meaning                                                                      |
 |------------|------------------------------------------------------------------------------|
-| ``Goal``   | alpha* and its metric, weights, hand: what a step is after                   |
+| ``Goal``   | alpha* and its metric, weights, hand, room: what a step is after             |
 | ``Model``  | everything that stays the same from one step to the next                     |
 | ``begin``  | lays the course, writes cost and rows at the present alpha                   |
 | ``finish`` | weighs the step with exact torques, halves it where it does not help         |
@@ -15,6 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mitt.generator.approach import approach
+from mitt.generator.clearance import Space, keep_clear
 from mitt.generator.course import Course, lay
 from mitt.generator.linear import Programme, linearise, sound
 from mitt.generator.packing import unfold, unpack
@@ -27,8 +28,9 @@ class Goal(NamedTuple):
 
     alpha: Array  # (m, n) alpha* [rad]
     H: Array  # (m n, m n) metric of the pull towards it
-    weights: Array  # pull, share of limits, share from which they get rows, weight of excess
+    weights: Array  # pull, share of limits, share from which they get rows, weight of excess, gap
     palm: Array  # (3, 3) see :mod:`mitt.generator.approach`
+    space: Space
 
 
 class Map(NamedTuple):
@@ -54,7 +56,7 @@ class Buffers(NamedTuple):
 def begin(
     f: Map, p: Plant, goal: Goal, state: Array, ahead: tuple[float, float], alpha: Array, b: Buffers
 ) -> tuple[float, int, float]:
-    """Write the programme of a step from ``alpha``; continuity first, then limits, then approach.
+    """Write the programme of a step from ``alpha``; continuity, limits, approach, clearance.
 
     Args:
         f: The map.
@@ -83,6 +85,9 @@ def begin(
     count, cost, over = linearise(p, c, alpha, use, out, b.shares, b.at, b.work)
     scratch = unfold(f.work, n)
     count, more = approach(unpack(f.packed), c, alpha, goal.palm, out, b.work, scratch, count)
+    count, close = keep_clear(
+        p, unpack(f.packed), goal.space, goal.weights[4], c, alpha, out, b.work, scratch, count
+    )
     pull = _pull(goal, alpha, out.slope)
     for a in range(m * n):
         for e in range(m * n):
@@ -90,12 +95,12 @@ def begin(
         out.g[a] += out.slope[a]
     if not sound(out, count):
         return better, 0, np.inf
-    return better, count, cost + pull + goal.weights[3] * (over + more)
+    return better, count, cost + pull + goal.weights[3] * (over + more + close)
 
 
 @njit(cache=True)
 def finish(
-    f: Map, p: Plant, goal: Goal, before: float, halvings: int, alpha: Array, step: Array,
+    f: Map, p: Plant, goal: Goal, trial: tuple[float, float, int], alpha: Array, step: Array,
     moved: Array, b: Buffers,
 ) -> float:  # fmt: skip
     """Write the coefficients after the largest share of a step that helps.
@@ -104,8 +109,7 @@ def finish(
         f: The map.
         p: The arm.
         goal: What the step is after.
-        before: Merit of ``alpha``.
-        halvings: How often the step may be halved.
+        trial: Merit of ``alpha``, share of the step that is tried first, how often it is halved.
         alpha: Coefficients now in use [rad], shape (m, n).
         step: Solution of the programme, shape (m n,).
         moved: Result, shape (m, n); ``alpha`` where nothing helped.
@@ -114,7 +118,7 @@ def finish(
     Returns:
         The merit of ``moved``.
     """
-    n, share = alpha.shape[1], 1.0
+    n, (before, share, halvings) = alpha.shape[1], trial
     for _ in range(halvings + 1):
         for a in range(len(step)):
             moved[a // n, a % n] = alpha[a // n, a % n] + share * step[a]
@@ -134,8 +138,12 @@ def merit(f: Map, p: Plant, goal: Goal, alpha: Array, b: Buffers) -> float:
     _, more = approach(
         unpack(f.packed), b.course, alpha, goal.palm, b.programme, b.work, scratch, -1
     )
+    _, close = keep_clear(
+        p, unpack(f.packed), goal.space, goal.weights[4], b.course, alpha, b.programme, b.work,
+        scratch, -1,
+    )  # fmt: skip
     pull = _pull(goal, alpha, b.programme.slope)
-    return float(cost + pull + goal.weights[3] * (over + more))
+    return float(cost + pull + goal.weights[3] * (over + more + close))
 
 
 @njit(cache=True)

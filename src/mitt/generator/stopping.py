@@ -4,7 +4,8 @@ import numpy as np
 from numba import njit
 
 from mitt.generator.step import Buffers
-from mitt.generator.strain import Plant, bound_of, motion_at
+from mitt.generator.strain import LEAST, Plant, motion_at
+from mitt.robot.limits import bound_of
 from mitt.robot.slopes import torque_slopes
 from mitt.signals import Array
 
@@ -73,7 +74,7 @@ def _hardest(p: Plant, b: Buffers, braking: Array, urgent: int) -> float:
             way += p.drives[d, e] * y
         for j in range(n):
             omega += p.drives[links + d, p.joints[j]] * w.motion[1, j]
-        bound = _BRAKING * bound_of(p.drives, d, way, omega)[0]
+        bound = _BRAKING * bound_of(p.drives, d, way, omega, LEAST)[0]
         if abs(way) > 1e-12:
             high = min(high, max((bound - np.sign(way) * start) / abs(way), 0.0))
     return high

@@ -7,8 +7,8 @@ returns them as the named tuples that the kernels take.
 | here     | meaning                                                              | shape        |
 |----------|----------------------------------------------------------------------|--------------|
 | ``store``| all numbers, one array after another                                 | (.,)         |
-| ``whole``| of each array, where it begins and its three sizes; then the joints  | (.,) int     |
-|          | and the exponents of the monomials                                   |              |
+| ``whole``| of each array, where it begins and its three sizes; then the joints, | (.,) int     |
+|          | the exponents of the monomials and the pairs to be kept apart        |              |
 """
 
 from collections.abc import Sequence
@@ -19,6 +19,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mitt.generator.assurance import assure
+from mitt.generator.clearance import Space
 from mitt.generator.course import Course
 from mitt.generator.linear import Programme
 from mitt.generator.step import Buffers, Goal, Map, begin, finish, kept
@@ -32,15 +33,17 @@ Known = tuple[Map, Plant, Goal, Buffers]
 def gather(f: Map, p: Plant, goal: Goal, b: Buffers) -> tuple[Array, Whole]:
     """Return ``store`` and ``whole`` of the module's table, with the values that are there."""
     arrays = [
-        f.packed, f.window, f.work, p.bodies, p.drives, p.scales, *goal,
-        *b.course, *b.programme, *b.work, b.shares, b.at,
+        f.packed, f.window, f.work, p.bodies, p.drives, p.scales, *goal[:4],
+        *b.course, *b.programme, *b.work, b.shares, b.at, *goal.space[:4],
     ]  # fmt: skip
     sizes = [(*x.shape, 1, 1)[:3] for x in arrays]
     starts = np.cumsum([0, *(x.size for x in arrays)])
     places = [(starts[k], *size) for k, size in enumerate(sizes)]
-    places += [(4 * (len(arrays) + 2), len(p.joints), 1, 1)]
-    places += [(places[-1][0] + len(p.joints), *f.powers.shape, 1)]
-    ends: Sequence[NDArray[np.int64]] = (np.array(places).ravel(), p.joints, f.powers.ravel())
+    whole, at = (p.joints, f.powers, goal.space.pairs), 4 * (len(arrays) + 3)
+    for x in whole:
+        places += [(at, *(*x.shape, 1, 1)[:3])]
+        at += x.size
+    ends: Sequence[NDArray[np.int64]] = (np.array(places).ravel(), *(x.ravel() for x in whole))
     return np.concatenate([x.ravel() for x in arrays]), np.concatenate(ends).astype(np.int64)
 
 
@@ -68,9 +71,12 @@ def _block(v: Array, whole: Whole, k: int) -> Array:
 @njit(cache=True)
 def opened(v: Array, w: Whole) -> Known:
     """Return map, arm, goal and buffers, whose arrays are views; in the order of ``gather``."""
-    f = Map(_line(v, w, 0), _table(w, w, 33), _table(v, w, 1), _line(v, w, 2))
-    p = Plant(_table(v, w, 3), _table(v, w, 4), _table(v, w, 5), _line(w, w, 32))
-    goal = Goal(_table(v, w, 6), _table(v, w, 7), _line(v, w, 8), _table(v, w, 9))
+    f = Map(_line(v, w, 0), _table(w, w, 37), _table(v, w, 1), _line(v, w, 2))
+    p = Plant(_table(v, w, 3), _table(v, w, 4), _table(v, w, 5), _line(w, w, 36))
+    space = Space(
+        _table(v, w, 32), _table(v, w, 33), _line(v, w, 34), _table(v, w, 35), _table(w, w, 38)
+    )
+    goal = Goal(_table(v, w, 6), _table(v, w, 7), _line(v, w, 8), _table(v, w, 9), space)
     course = Course(
         _line(v, w, 10), _line(v, w, 11), _block(v, w, 12), _block(v, w, 13), _block(v, w, 14)
     )
@@ -97,7 +103,7 @@ def start(
 
 @njit(cache=True)
 def end(
-    store: Array, whole: Whole, weighed: tuple[float, int, float], alpha: Array, step: Array,
+    store: Array, whole: Whole, trial: tuple[float, float, int, float], alpha: Array, step: Array,
     moved: Array,
 ) -> float:  # fmt: skip
     """Finish a step; see :func:`mitt.generator.step.finish`.
@@ -105,7 +111,8 @@ def end(
     Args:
         store: All numbers.
         whole: Where they lie.
-        weighed: Merit of ``alpha``, halvings, residual of the continuity that is let pass.
+        trial: Merit of ``alpha``, share of the step that is tried first, halvings, residual of
+            the continuity that is let pass.
         alpha: Coefficients now in use [rad], shape (m, n).
         step: Solution of the programme, shape (m n,).
         moved: Result, shape (m, n).
@@ -114,10 +121,10 @@ def end(
         The merit of ``moved``; NaN where the step is not finite or breaks the continuity.
     """
     f, p, goal, b = opened(store, whole)
-    before, halvings, residual = weighed
+    before, share, halvings, residual = trial
     if not kept(b.programme, 2 * alpha.shape[1], step, residual):
         return np.nan
-    return float(finish(f, p, goal, before, halvings, alpha, step, moved, b))
+    return float(finish(f, p, goal, (before, share, halvings), alpha, step, moved, b))
 
 
 @njit(cache=True)

@@ -18,8 +18,12 @@ from numpy.typing import NDArray
 from mitt.generator.course import Course
 from mitt.robot.arm import Arm
 from mitt.robot.dynamics import inverse_dynamics, notes_of
+from mitt.robot.limits import bound_of
 from mitt.robot.slopes import slopes_work
 from mitt.signals import Array
+
+LEAST = 1e-3
+"""Share of a drive's stall torque that is taken to be left beyond its no-load speed."""
 
 
 class Plant(NamedTuple):
@@ -101,6 +105,15 @@ def motion_at(c: Course, k: int, alpha: Array, motion: Array) -> None:
 
 
 @njit(cache=True)
+def positions_at(c: Course, k: int, alpha: Array, q: Array) -> None:
+    """Write q_d at one instant."""
+    for j in range(alpha.shape[1]):
+        q[j] = c.rows[k, 0, j]
+        for a in range(alpha.shape[0]):
+            q[j] += c.phi[k, 0, a] * alpha[a, j]
+
+
+@njit(cache=True)
 def assess(
     p: Plant, k: int, share: float, shares: Array, at: Array, w: Work
 ) -> tuple[float, float]:
@@ -112,12 +125,8 @@ def assess(
         x = abs(w.motion[0, j] - p.scales[2, j]) / p.scales[3, j]
         over += _note(shares, at, 2, p.joints[j], x, k, share)
     for d in range(links):
-        tau, omega = 0.0, 0.0
-        for i in range(links):
-            tau += p.drives[d, i] * w.tau[i]
-        for j in range(n):
-            omega += p.drives[links + d, p.joints[j]] * w.motion[1, j]
-        part = abs(tau) / bound_of(p.drives, d, tau, omega)[0]
+        tau, omega = asked_of(p, d, w.tau, w.motion[1])
+        part = abs(tau) / bound_of(p.drives, d, tau, omega, LEAST)[0]
         over += _note(shares, at, 0, d, part, k, share)
         part = abs(omega) / p.drives[2 * links + 2, d]
         over += _note(shares, at, 1, d, part, k, share)
@@ -137,12 +146,18 @@ def _note(
 
 
 @njit(cache=True)
-def bound_of(drives: Array, d: int, tau: float, omega: float) -> tuple[float, float]:
-    """Return the bound on a drive's torque [N m], and by how much it falls a rad/s of speed."""
-    links = drives.shape[1]
-    bound, stall, top = drives[2 * links, d], drives[2 * links + 1, d], drives[2 * links + 2, d]
-    if tau * omega > 0.0 and np.isfinite(stall):
-        line = stall * max(1.0 - abs(omega) / top, 1e-3)
-        if line < bound:
-            return line, stall / top
-    return bound, 0.0
+def asked_of(p: Plant, d: int, tau: Array, dq: Array) -> tuple[float, float]:
+    """Return a drive's torque [N m] and speed [rad/s].
+
+    Args:
+        p: The arm.
+        d: Index of the drive.
+        tau: Torques of all joints [N m], shape (N,).
+        dq: Speeds of the active ones [rad/s], shape (n,).
+    """
+    links, torque, omega = len(tau), 0.0, 0.0
+    for e in range(links):
+        torque += p.drives[d, e] * tau[e]
+    for j in range(len(dq)):
+        omega += p.drives[links + d, p.joints[j]] * dq[j]
+    return torque, omega

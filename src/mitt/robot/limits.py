@@ -90,6 +90,39 @@ class Limits:
 
 
 @njit(cache=True)
+def bound_of(
+    packed: Array, m: int, drive: float, speed: float, least: float
+) -> tuple[float, float]:
+    """Return the bound on the size of a drive's torque [N m], and its fall a rad/s of speed.
+
+    Args:
+        packed: ``Limits.packed``.
+        m: Index of the drive.
+        drive: Its torque, of which only the direction counts [N m].
+        speed: Its speed [rad/s].
+        least: Share of the stall torque that is always left: 0, or more where a share of the
+            bound is to stay finite.
+    """
+    n = packed.shape[1]
+    bound, stall, top = packed[2 * n, m], packed[2 * n + 1, m], packed[2 * n + 2, m]
+    if drive * speed > 0.0 and np.isfinite(stall):
+        line = stall * max(1.0 - abs(speed) / top, least)
+        if line < bound:
+            return line, stall / top
+    return bound, 0.0
+
+
+@njit(cache=True)
+def drive_asked(packed: Array, m: int, tau: Array, dq: Array) -> tuple[float, float]:
+    """Return a drive's torque [N m] and speed [rad/s] for those of all joints, shapes (N,)."""
+    n, drive, speed = len(tau), 0.0, 0.0
+    for k in range(n):
+        drive += packed[m, k] * tau[k]
+        speed += packed[n + m, k] * dq[k]
+    return drive, speed
+
+
+@njit(cache=True)
 def largest_share(packed: Array, tau: Array, dq: Array) -> float:
     """Return the largest share of a drive's torque bound that is asked for; 1 is the limit.
 
@@ -100,13 +133,8 @@ def largest_share(packed: Array, tau: Array, dq: Array) -> float:
     """
     n, largest = len(tau), 0.0
     for m in range(n):
-        drive, speed = 0.0, 0.0
-        for k in range(n):
-            drive += packed[m, k] * tau[k]
-            speed += packed[n + m, k] * dq[k]
-        bound, stall = packed[2 * n, m], packed[2 * n + 1, m]
-        if drive * speed > 0.0 and np.isfinite(stall):
-            bound = min(bound, stall * max(1.0 - abs(speed) / packed[2 * n + 2, m], 0.0))
+        drive, speed = drive_asked(packed, m, tau, dq)
+        bound, _ = bound_of(packed, m, drive, speed, 0.0)
         largest = max(largest, abs(drive) / max(bound, 1e-9))
     return largest
 
@@ -124,13 +152,8 @@ def saturate(packed: Array, tau: Array, dq: Array, out: Array) -> None:
     n = len(tau)
     out[:] = 0.0
     for m in range(n):
-        drive, speed = 0.0, 0.0
-        for k in range(n):
-            drive += packed[m, k] * tau[k]
-            speed += packed[n + m, k] * dq[k]
-        bound, stall = packed[2 * n, m], packed[2 * n + 1, m]
-        if drive * speed > 0.0 and np.isfinite(stall):
-            bound = min(bound, stall * max(1.0 - abs(speed) / packed[2 * n + 2, m], 0.0))
+        drive, speed = drive_asked(packed, m, tau, dq)
+        bound, _ = bound_of(packed, m, drive, speed, 0.0)
         drive = min(max(drive, -bound), bound)
         for k in range(n):
             out[k] += drive * packed[n + m, k]

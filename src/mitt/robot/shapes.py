@@ -20,13 +20,11 @@ from mitt.errors import InputError
 from mitt.robot.arm import Arm
 from mitt.robot.description import ArmModel, Capsule
 from mitt.robot.hands import HandModel
+from mitt.robot.segments import segment_distance
 from mitt.robot.vectors import (
     IDENTITY,
     ZERO,
-    Vec,
     compose,
-    dot,
-    minus,
     plus,
     put,
     rotate,
@@ -173,31 +171,6 @@ def place(bodies: Array, q: Array, table: Array, ends: Array) -> None:
             put(ends, 2 * at, plus(p, rotate(R, (table[at, 1], table[at, 2], table[at, 3]))))
             put(ends, 2 * at + 1, plus(p, rotate(R, (table[at, 4], table[at, 5], table[at, 6]))))
             at += 1
-
-
-@njit(cache=True)
-def segment_distance(a: Vec, b: Vec, c: Vec, d: Vec) -> float:
-    """Return the distance of the segments a-b and c-d [m] (Ericson 2004, section 5.1.9)."""
-    u, v, w = minus(b, a), minus(d, c), minus(a, c)
-    uu, vv, uv, uw, vw = dot(u, u), dot(v, v), dot(u, v), dot(u, w), dot(v, w)
-    s, t = 0.0, 0.0
-    if uu <= 1e-18 and vv <= 1e-18:
-        return float(np.sqrt(dot(w, w)))
-    if uu <= 1e-18:
-        t = min(max(vw / vv, 0.0), 1.0)
-    elif vv <= 1e-18:
-        s = min(max(-uw / uu, 0.0), 1.0)
-    else:
-        across = uu * vv - uv * uv
-        if across > 1e-12 * uu * vv:
-            s = min(max((uv * vw - uw * vv) / across, 0.0), 1.0)
-        t = (uv * s + vw) / vv
-        if t < 0.0:
-            t, s = 0.0, min(max(-uw / uu, 0.0), 1.0)
-        elif t > 1.0:
-            t, s = 1.0, min(max((uv - uw) / uu, 0.0), 1.0)
-    apart = minus(plus(w, times(s, u)), times(t, v))
-    return float(np.sqrt(dot(apart, apart)))
 
 
 @njit(cache=True)
