@@ -24,7 +24,7 @@ from mitt.generator.mapping import DirectMap
 from mitt.generator.online import Online, OnlineSettings
 from mitt.generator.program import cost, limit_rows, sensitivity, solve
 from mitt.robot.load import load_arm
-from mitt.signals import Array, BallState, Sighting
+from mitt.signals import Array, Sighting
 from mitt.study.bench_rivals import ball_at
 from mitt.study.lesson import learn
 from mitt.study.neighbourhood import aim_of

@@ -13,6 +13,7 @@ from mitt.study.bench_rivals import ball_at
 from mitt.study.neighbourhood import aim_of
 from mitt.world.throws import Throw, default_throw
 
+
 @pytest.fixture(scope="session")
 def chooser(learned: Learned) -> Chooser:
     """Chooses catches for the WAM."""
@@ -29,5 +30,4 @@ def throw_of(arm: Arm) -> Callable[[int], Throw]:
 @pytest.fixture(scope="session")
 def ball_of(throw_of: Callable[[int], Throw]) -> Callable[[int, float], BallState]:
     """A default throw by seed, known exactly some time after its release."""
-
     return lambda seed, t: ball_at(throw_of(seed), t, sigma=1e-4)

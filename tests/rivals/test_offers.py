@@ -136,7 +136,10 @@ def test_the_programmes_bounds_are_those_of_the_linearised_arm(
     upper = [*must, s.share - ratio, arm.q_max - s.gap - q[1:-1], s.speed - dq[1:-1] / arm.dq_max]
     lower = [-x for x in must]
     lower += [s.share + ratio, q[1:-1] - arm.q_min - s.gap, s.speed + dq[1:-1] / arm.dq_max]
-    for room, plain in ((problem.high - problem.A @ a, upper), (problem.A @ a - problem.low, lower)):
+    for room, plain in (
+        (problem.high - problem.A @ a, upper),
+        (problem.A @ a - problem.low, lower),
+    ):
         assert np.allclose(
             room, np.concatenate([x.ravel() for x in plain]), rtol=ROUNDING, atol=ROUNDING
         )

@@ -4,12 +4,12 @@ Accelerations a at M + 1 even instants, (M + 1) n of them, decide angles and spe
 q = drift + P a, dq = drift + D a joint by joint (:mod:`mitt.rivals.pieces`). Torques are
 linearised along the quintic between the same ends.
 
-| here      | meaning                                                    | unit    | shape            |
-|-----------|------------------------------------------------------------|---------|------------------|
-| ``rows``  | start, end, torques, angles, speeds per acceleration       |         | (4 n + K, m)     |
-| ``low``   | their lower bounds; ``high``, their upper ones             |         | (4 n + K,)       |
-| ``price`` | joints' torques, then speeds, over their limits            | s^2/rad | (2 m, m)         |
-| ``at``    | the same at no acceleration                                | 1       | (2 m,)           |
+| here      | meaning                                           | unit    | shape        |
+|-----------|---------------------------------------------------|---------|--------------|
+| ``rows``  | ends, torques, angles, speeds per acceleration    |         | (4 n + K, m) |
+| ``low``   | their lower bounds; ``high``, their upper ones    |         | (4 n + K,)   |
+| ``price`` | joints' torques, then speeds, over their limits   | s^2/rad | (2 m, m)     |
+| ``at``    | the same at no acceleration                       | 1       | (2 m,)       |
 
 m = (M + 1) n, K = (M + 1) N + 2 (M - 1) n.
 """

@@ -91,9 +91,7 @@ class MpcPlanner:
         rows, low, high = np.empty((len(kind), size)), np.empty(len(kind)), np.empty(len(kind))
         price, at = np.empty((2 * size, size)), np.empty(2 * size)
         shares = s.share, s.speed
-        condense(
-            *self._scales, self._ranges, motion, end, step, shares, rows, low, high, price, at
-        )
+        condense(*self._scales, self._ranges, motion, end, step, shares, rows, low, high, price, at)
         H = 2.0 * (price.T @ price)
         H.ravel()[:: size + 1] += s.damping
         return Quadratic(H=H, f=2.0 * (at @ price), A=rows, low=low, high=high, kind=kind)

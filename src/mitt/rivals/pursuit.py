@@ -158,9 +158,7 @@ class Rival:
         """Return the best course; None too where the ball cannot be."""
         return self.chooser.choose(ball, motion) if _sane(ball) else None
 
-    def _aimed(
-        self, chase: _Chase, ball: BallState, state: Array
-    ) -> tuple[Course, Pursuit, Array]:
+    def _aimed(self, chase: _Chase, ball: BallState, state: Array) -> tuple[Course, Pursuit, Array]:
         """Return the course at the newest prediction, chosen anew if that has moved.
 
         With it the pursuit of it, and where the catch was when it was chosen [m], shape (3,).
@@ -246,7 +244,7 @@ def _sane(ball: BallState) -> bool:
 @njit(cache=True)
 def within(x: Array, most: float) -> bool:
     """Say whether all numbers of an array are smaller in size than a bound; NaN never is."""
-    for value in x.flat:
+    for value in x.flat:  # noqa: SIM110 (a loop compiles to less)
         if not abs(value) < most:
             return False
     return True
