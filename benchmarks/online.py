@@ -16,7 +16,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitt.flight import acceleration, advance
 from mitt.generator.certificate import Tolerance
 from mitt.generator.constraints import initial_gap, initial_matrix, project
 from mitt.generator.demand import Demand, demand
@@ -25,14 +24,15 @@ from mitt.generator.mapping import DirectMap
 from mitt.generator.online import Online, OnlineSettings
 from mitt.generator.program import cost, limit_rows, sensitivity, solve
 from mitt.robot.load import load_arm
-from mitt.signals import Array, BallState, Sighting
+from mitt.signals import Array, Sighting
+from mitt.study.bench_rivals import ball_at
 from mitt.study.lesson import learn
 from mitt.study.neighbourhood import aim_of
 from mitt.vision.filter import THROWN_BALL, BallFilter
 from mitt.world.throws import Throw, default_throw
 
-#: Start of the arm after release [s], time followed after the catch [s], tick [s], drag [1/m].
-_T_0, _LATE, _TICK, _DRAG = 0.082, 0.012, 0.001, 0.04
+#: Start of the arm after release [s], time followed after the catch [s], tick [s].
+_T_0, _LATE, _TICK = 0.082, 0.012, 0.001
 #: Noise of the sightings [m].
 _SIGMA = 0.0005
 #: Of the optimum: instants, steps, relative gain at which it has converged, weight of excess.
@@ -47,17 +47,6 @@ class Ride:
     times: list[float]
 
 
-def at(throw: Throw, t: float) -> BallState:
-    """Return the ball, known exactly, some time after its release."""
-    r, dr, ddr = throw.r.copy(), throw.dr.copy(), np.zeros(3)
-    advance(r, dr, _DRAG, t)
-    acceleration(dr, _DRAG, ddr)
-    return BallState(
-        t=t, tracked=True, r_o=r, dr_o=dr, ddr_o=ddr, drag=_DRAG,
-        covariance=1e-6 * np.eye(6), t_seen=t, t_first=0.0,
-    )  # fmt: skip
-
-
 def ride(f: DirectMap, throw: Throw, online: Online | None, *, rng: np.random.Generator | None,
          alpha: Array | None = None) -> Ride:  # fmt: skip
     """Follow a ball tick by tick from t_0 to a little past the catch, refining each millisecond.
@@ -70,10 +59,10 @@ def ride(f: DirectMap, throw: Throw, online: Online | None, *, rng: np.random.Ge
         alpha: Coefficients of the start; those of the projection if left out.
     """
     sight, motions, times = BallFilter(THROWN_BALL), [], []
-    first = at(throw, _T_0)
+    first = ball_at(throw, _T_0)
     end = _T_0 + foresee(f, first).after + _LATE
     for tick in range(0 if rng else round(_T_0 / _TICK), int(end / _TICK)):
-        ball = at(throw, tick * _TICK)
+        ball = ball_at(throw, tick * _TICK)
         if rng is not None:
             seen = ball.r_o + _SIGMA * rng.standard_normal(3)
             sight.update(Sighting(t=ball.t, found=True, r_o=seen, covariance=_SIGMA**2 * np.eye(3)))
@@ -93,7 +82,7 @@ def ride(f: DirectMap, throw: Throw, online: Online | None, *, rng: np.random.Ge
 
 def optimum(f: DirectMap, throw: Throw, rng: np.random.Generator) -> Array:
     """Return the throw's own best coefficients, of three starts."""
-    ball = at(throw, _T_0)
+    ball = ball_at(throw, _T_0)
     path = flown(ball, np.linspace(0.0, foresee(f, ball).after + _LATE, _INSTANTS))
     virtual = np.array([f.virtual(row)[1] for row in path])
     phi = np.array([f.basis.jets(*rows[:, list(f.design.free)]) for rows in virtual])
@@ -174,7 +163,7 @@ def measure(f: DirectMap, throws: int, seed: int, settings: OnlineSettings) -> d
 
 def _certificates(f: DirectMap, throw: Throw, settings: OnlineSettings) -> list[float]:
     """Return the times of twenty certificates of a throw [us]."""
-    ball, online, times = at(throw, _T_0), Online(f, settings), []
+    ball, online, times = ball_at(throw, _T_0), Online(f, settings), []
     alpha = f.adapt(ball, f.arm.q_ready, np.zeros(f.arm.n)).alpha
     for _ in range(20):
         answer = online.refine(alpha, ball)

@@ -33,7 +33,8 @@ from mitt.records import (
     Record,
     Tick,
     arm_fields,
-    ball_of,
+    ball_in,
+    ball_parts,
     catcher_fields,
     fresh_result,
     map_fields,
@@ -84,6 +85,8 @@ class Catcher:
         self._hand, self._gaze = self.result["hand"], self.result["gaze"][0]
         self._clock = self.result["t"]
         self._told, self.believed = self.result["told"][0], self._state["believed"][0]
+        self._ball, out = ball_parts(self.result), self.result
+        self._answer = out["asked"][0], out["inside"], out["time_to_catch"]
         names = ("ball_memory", "ball_settings", "ball_work")
         memory, table, work = (self._state[name][0] for name in names)
         self._filter = memory, table, work
@@ -170,7 +173,7 @@ class Catcher:
             self._phase = STOPPED
         if todo == 0 or self._phase == STOPPED:
             return
-        ball = ball_of(self.result.copy())
+        ball = ball_in(self._ball)
         if self._phase == WATCH:
             self._watch(ball)
             return
@@ -228,16 +231,16 @@ class Catcher:
 
     def _ask(self) -> None:
         """Ask a generator that is no map for the desired motion."""
-        out = self.result
         if self._phase != FOLLOW:
             return
-        ball = ball_of(out.copy())
+        ball = ball_in(self._ball)
         ball = self._generator.waiting(ball) if self._numbers["open"] else ball
         asked = self._generator.reference(ball)
-        rows = (asked.q_d, asked.dq_d, asked.ddq_d, asked.q_o, asked.dq_o)
-        out["asked"][0, :5] = rows
-        out["inside"][0] = inside = asked.status is MapStatus.INSIDE
-        out["time_to_catch"][0] = asked.time_to_catch if inside else np.inf
+        rows, inside, left = self._answer
+        rows[0], rows[1], rows[2] = asked.q_d, asked.dq_d, asked.ddq_d
+        rows[3], rows[4] = asked.q_o, asked.dq_o
+        is_inside = asked.status is MapStatus.INSIDE
+        inside[0], left[0] = is_inside, asked.time_to_catch if is_inside else np.inf
 
     def _enter(self, phase: int) -> None:
         """Begin another phase with the next tick."""

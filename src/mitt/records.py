@@ -249,7 +249,7 @@ def tick_of(row: Record) -> Tick:
     )
     return Tick(
         phase=PHASES[row["phase"].item()],
-        ball=ball_of(row),
+        ball=ball_in(ball_parts(row)),
         reference=_reference_of(row) if row["following"].item() else None,
         tracked=Tracked(command=command, saturated=row["saturated"].item()),
         state=STATES[row["state"].item()],
@@ -259,19 +259,27 @@ def tick_of(row: Record) -> Tick:
     )
 
 
-def ball_of(row: Record) -> BallState:
-    """Return the estimate in a copied result."""
+def ball_parts(row: Record) -> tuple[NDArray[Any], ...]:
+    """Return where a result keeps its estimate of the ball, as :func:`ball_in` reads it."""
+    names = ("t_ball", "tracked", "ball", "drag", "covariance", "t_seen", "t_first", "led")
+    return tuple(row[name] for name in names)
+
+
+def ball_in(parts: tuple[NDArray[Any], ...]) -> BallState:
+    """Return the estimate that a result holds now, a copy."""
+    t, tracked, ball, drag, covariance, t_seen, t_first, led = parts
+    rows = ball[0].copy()
     return BallState(
-        t=row["t_ball"].item(),
-        tracked=row["tracked"].item(),
-        r_o=row["ball"][0, 0],
-        dr_o=row["ball"][0, 1],
-        ddr_o=row["ball"][0, 2],
-        drag=row["drag"].item(),
-        covariance=row["covariance"][0],
-        t_seen=row["t_seen"].item(),
-        t_first=row["t_first"].item(),
-        led=row["led"].item(),
+        t=t.item(),
+        tracked=tracked.item(),
+        r_o=rows[0],
+        dr_o=rows[1],
+        ddr_o=rows[2],
+        drag=drag.item(),
+        covariance=covariance[0].copy(),
+        t_seen=t_seen.item(),
+        t_first=t_first.item(),
+        led=led.item(),
     )
 
 

@@ -2,11 +2,13 @@
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support import ball_state
 
 from mitt.errors import InputError
 from mitt.generator.certificate import Outcome
@@ -120,6 +122,25 @@ def test_what_cannot_be_caught_is_refused(
     ball = ball_of(5, START)
     assert other.verdict(ball, arm.q_ready).outcome is Outcome.UNREACHABLE
     assert np.array_equal(other.reference(ball).q_d, arm.q_ready)
+
+
+def test_a_refusal_is_reconsidered_after_a_while_and_not_each_tick(
+    learned: Learned, arm: Arm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From the same rest a later start can do no more; from a motion it is planned at once."""
+    tries: list[float] = []
+
+    def none(_: Clairvoyant, t: float, motion: Array) -> None:  # noqa: ARG001
+        tries.append(t)
+
+    monkeypatch.setattr(Clairvoyant, "_plan", none)
+    told = make_clairvoyant(learned.map).told(lambda _: (np.full(3, 9.0), np.zeros(3)))
+    for k in range(50):
+        ball = replace(ball_state(np.full(3, 9.0), np.zeros(3), np.zeros(3)), t=0.001 * k)
+        assert told.verdict(ball, arm.q_ready).outcome is Outcome.UNREACHABLE
+    assert np.allclose(tries, [0.0, 0.02, 0.04])
+    told.adapt(ball, arm.q_ready, np.full(arm.n, 0.1))
+    assert np.allclose(tries, [0.0, 0.02, 0.04, 0.049])
 
 
 def test_nothing_of_another_throw_is_kept(told: Clairvoyant) -> None:

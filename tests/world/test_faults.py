@@ -14,7 +14,7 @@ from mitt.signals import ArmState, Array, Command, Frame, Senses, Sighting
 from mitt.vision.camera import fixed_rig
 from mitt.world.ballistics import fly as exactly
 from mitt.world.faults.cameras import true_rig
-from mitt.world.faults.flight import Undisturbed
+from mitt.world.faults.flight import Undisturbed, pushes
 from mitt.world.faults.plan import Fault
 from mitt.world.faults.trial import Troubles
 from mitt.world.motion import TICK
@@ -433,3 +433,27 @@ def test_a_fault_that_cannot_be_meant_is_refused_in_one_line(
         read_scene(file)
     assert "\n" not in str(refused.value)
     assert str(file) in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        {"kind": "kick", "magnitude": 1.0},
+        {"kind": "gust", "magnitude": 5.0, "start": 0.1, "length": 0.05},
+        {"kind": "spin", "magnitude": 0.02, "start": 0.1, "length": 0.05},
+        {"kind": "bounce", "magnitude": 0.2},
+    ],
+)
+def test_what_rests_would_have_changed_nothing(fault: dict[str, object]) -> None:
+    """A push acts in no tick in which it says that it rests; it does both in its flight."""
+    flight = Undisturbed(ball=THROW, drag=0.04, hand=np.array([0.8, 0.0, 0.0]))
+    rested, acted = 0, 0
+    (push,) = pushes(plan_of(fault), 7, flight)
+    for k in range(800):
+        rests = push.rests(k * TICK, (k + 1) * TICK)
+        r, dr = flight.at(k * TICK)
+        acts = push.act(k * TICK, TICK, r, dr)
+        assert not (rests and acts)
+        rested, acted = rested + rests, acted + acts
+    assert rested > 0
+    assert acted > 0

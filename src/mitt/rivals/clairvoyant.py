@@ -30,6 +30,8 @@ Flight = Callable[[float], tuple[Array, Array]]
 _WINDOWS, _SAMPLES, _KINK = (0.08, 0.03), 25, 1e-3
 #: Where else to start from: shifts of the guessed catch in time [s].
 _SHIFTS = (0.0, -0.08, 0.08, 0.16)
+#: Time after which a refusal is reconsidered [s], and difference of two rests that are one [rad].
+_AGAIN, _SAME = 0.02, 1e-3
 #: Step of the difference that gives the ball's acceleration [s].
 _NUDGE = 1e-3
 
@@ -41,6 +43,18 @@ class _Last:
         """Start without."""
         self.key: tuple[float, ...] = ()
         self.plan: Motion | None = None
+
+    def refuses(self, t: float, motion: Array) -> bool:
+        """Say whether there was no plan from the same rest a moment ago.
+
+        The flight is known and the arm could have waited: a later start can do no more. It is
+        tried anew from time to time all the same, for what IPOPT did not find.
+        """
+        if not self.key or self.plan is not None or not t - self.key[0] < _AGAIN:
+            return False
+        before = np.array(self.key[1:]).reshape(motion.shape)
+        is_rest = not motion[1:].any() and not before[1:].any()
+        return bool(is_rest and np.abs(motion[0] - before[0]).max() < _SAME)
 
 
 @final
@@ -124,10 +138,13 @@ class Clairvoyant:
         """Return the plan from a state, kept for the next question about it."""
         if self.flight is None:
             return None
-        key = (t, *motion.ravel().tolist())
-        if self.last.key != key:
-            self.last.key, self.last.plan = key, self._plan(t, motion)
-        return self.last.plan
+        key, last = (t, *motion.ravel().tolist()), self.last
+        if last.key == key:
+            return last.plan
+        if last.refuses(t, motion):
+            return None
+        last.key, last.plan = key, self._plan(t, motion)
+        return last.plan
 
     def _plan(self, t: float, motion: Array) -> Motion | None:
         """Return the cheapest of the optima found from several starts; None without one."""

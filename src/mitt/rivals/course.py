@@ -14,11 +14,11 @@ import numpy as np
 
 from mitt.generator.certificate import Outcome as Feasible
 from mitt.generator.certificate import Verdict
-from mitt.generator.demand import demand
-from mitt.generator.foresight import flown, fly_on, state_of
+from mitt.generator.foresight import flown
 from mitt.generator.mapping import DirectMap
-from mitt.rivals.meeting import hand_of, meet, meetings
-from mitt.rivals.quintics import sampled
+from mitt.generator.strain import Plant, Work, plant_of, work_of
+from mitt.rivals.meeting import hand_of, meet_at, meetings
+from mitt.rivals.offers import OFFER, cheapest
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState
 
@@ -101,6 +101,23 @@ class Chooser:
         corners = product(*zip(low, high, strict=True))
         return float(min(self.arm.position(np.array(q))[2] for q in corners))
 
+    @cached_property
+    def _scales(self) -> tuple[Plant, Work]:
+        """What candidates are weighed by, and buffers."""
+        return plant_of(self.arm), work_of(self.arm)
+
+    @cached_property
+    def _numbers(self) -> tuple[float, ...]:
+        """Settings of :func:`mitt.rivals.offers.cheapest`."""
+        s = self.settings
+        return s.refused, s.spare, s.price, s.low, s.follow, self.floor
+
+    @cached_property
+    def _limits(self) -> tuple[str, ...]:
+        """Names of the limits, kind by kind and joint by joint."""
+        kinds = ("torque", "speed", "range")
+        return tuple(f"{kind}:{name}" for kind in kinds for name in self.arm.names)
+
     def choose(self, ball: BallState, motion: Array) -> Course | None:
         """Return the best catch for an arm in q, dq, ddq, shape (3, n); None where there is none.
 
@@ -131,31 +148,34 @@ class Chooser:
         ends[0, 0] = f.start
         found = meetings(f.packed, self.hand, s.approach, balls, ends, f.work)
         found &= np.all((ends[:, 0] > arm.q_min) & (ends[:, 0] < arm.q_max), axis=1)
-        if not found.any():
+        offers = np.empty((len(after), OFFER))
+        k = cheapest(
+            *self._scales, self.hand[3:], self._numbers, found, after, balls, ends, motion,
+            np.empty((len(after), s.instants, 3, arm.n)), offers,
+        )  # fmt: skip
+        if k < 0:
             return None
-        after, ends, balls = after[found], ends[found], balls[found]
-        ways = np.empty((len(after), s.instants, 3, arm.n))
-        sampled(motion, ends, after, ways)
-        quick = np.abs(ways[:, :, 1] / arm.dq_max).max(axis=(1, 2))
-        within = np.flatnonzero(quick <= max(s.refused, float(quick.min())))
-        costs = [self._cost(ways[k], ends[k]) for k in within]
-        low = balls[within, 0, 2] < self.floor
-        least = int(np.argmin([cost for cost, _, _ in costs] + s.low * low))
-        k, (_, name, share) = within[least], costs[least]
+        _, _, share, which, low = offers[k].tolist()
         return Course(
             t_c=float(after[k]), end=ends[k], r_c=balls[k, 0],
-            binding_limit=name, share=share, low=bool(low[least]),
+            binding_limit=self._limits[int(which)], share=share, low=low > 0.0,
         )  # fmt: skip
 
-    def aim(self, course: Course, ball: BallState) -> Course:
-        """Return the course with its end where the ball is now predicted to be at its time."""
-        f, at, end = self.map, np.empty((3, 3)), course.end.copy()
-        fly_on(state_of(ball), course.t_c - ball.t, at)
-        if not np.all(np.isfinite(at)):
+    def aim(self, course: Course, state: Array, t: float) -> Course:
+        """Return the course with its end where the ball is now predicted to be at its time.
+
+        Args:
+            course: The course.
+            state: The ball, as of :func:`mitt.generator.foresight.state_of`, shape (10,).
+            t: Time of it [s].
+        """
+        f, at, end, bounds = self.map, np.empty((3, 3)), course.end.copy(), self.settings.approach
+        if not meet_at(f.packed, self.hand, bounds, state, course.t_c - t, at, end, f.work):
             return course
-        if not meet(f.packed, self.hand, self.settings.approach, at, end, f.work):
-            return course
-        return replace(course, end=end, r_c=at[0])
+        return Course(
+            t_c=course.t_c, end=end, r_c=at[0],
+            binding_limit=course.binding_limit, share=course.share, low=course.low,
+        )  # fmt: skip
 
     def verdict(self, course: Course | None, *, sigma: float) -> Verdict:
         """Return the verdict on a throw by the course chosen for it; feasible or unreachable."""
@@ -172,22 +192,3 @@ class Chooser:
             t_catch=course.t_c,
             sigma=sigma,
         )
-
-    def _cost(self, way: Array, end: Array) -> tuple[float, str, float]:
-        """Return cost of a way, shape (S, 3, n), and its most asked limit with the share asked."""
-        arm, s, asked = self.arm, self.settings, demand(self.arm, way)
-        half, middle = 0.5 * (arm.q_max - arm.q_min), 0.5 * (arm.q_max + arm.q_min)
-        stop = end[0] + s.follow * end[1] + 0.5 * end[1] * np.abs(end[1]) * self.hand[3:]
-        kinds = {
-            "torque": arm.active(asked.torque).max(axis=0),
-            "speed": arm.active(asked.speed).max(axis=0),
-            "range": (np.abs(np.array([*way[:, 0], stop]) - middle) / half).max(axis=0),
-        }
-        shares = {
-            f"{kind}:{name}": float(x)
-            for kind, values in kinds.items()
-            for name, x in zip(arm.names, values, strict=True)
-        }
-        name = max(shares, key=lambda key: shares[key])
-        beyond = max(shares[name] - s.spare, 0.0)
-        return asked.cost + s.price * beyond**2, name, shares[name]

@@ -89,7 +89,7 @@ class Softly:
         rate = min(max(rate, s.rate[0]), s.rate[1])
         if ball.t > self.t:
             follow(self.soft.most, goal, rate, ball.t - self.t, rows)
-        return rows, replace(self, t=ball.t, motion=rows, goal=goal)
+        return rows, Softly(soft=self.soft, t=ball.t, motion=rows, goal=goal)
 
 
 @njit(cache=True)

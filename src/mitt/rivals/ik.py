@@ -110,7 +110,9 @@ class Tracking:
         gain = min(max(s.sharpen / max(course.t_c - ball.t, 1e-3), s.gain[0]), s.gain[1])
         if dt > 0.0:
             follow(self.line.most, goal + left, gain, dt, rows)
-        return rows, replace(self, t=ball.t, motion=rows, goal=goal, gap=gap)
+        return rows, Tracking(
+            line=self.line, t=ball.t, t_s=self.t_s, motion=rows, goal=goal, gap=gap
+        )
 
 
 @njit(cache=True)

@@ -17,9 +17,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from mitt.generator.foresight import fly_on
 from mitt.generator.packing import unfold, unpack
 from mitt.robot.arm import Arm
-from mitt.robot.chain import Chain, sweep
+from mitt.robot.chain import Chain, place, sweep
 from mitt.robot.vectors import (
     IDENTITY,
     ZERO,
@@ -41,6 +42,8 @@ from mitt.signals import Array
 _POOR, _DAMPING = 1e-3, 1e-2
 #: Newton: largest step of a joint [rad], residual [m], steps allowed.
 _STEP, _RESIDUAL, _STEPS = 0.4, 1e-9, 30
+#: What a point must be beyond the links in one line to be out of reach for sure [m].
+_SURE = 1e-3
 
 
 def hand_of(arm: Arm) -> Array:
@@ -100,7 +103,7 @@ def reach(packed: Array, r: Array, q: Array, work: Array) -> float:
     w = unfold(work, len(q))
     m, gap = w.motion, np.inf
     for _ in range(_STEPS):
-        sweep(g.chain, q, w.still, m)
+        place(g.chain, q, m)
         b = minus((r[0], r[1], r[2]), row(m.tip, 0))
         gap = np.sqrt(dot(b, b))
         if not gap > _RESIDUAL:
@@ -164,6 +167,22 @@ def meet(
 
 
 @njit(cache=True)
+def too_far(packed: Array, r: Array) -> bool:
+    """Say whether a point is farther off than all links in one line; never where one slides."""
+    chain = unpack(packed).chain
+    longest = _SURE
+    for k in range(len(chain.prismatic)):
+        if chain.prismatic[k] > 0.0:
+            return False
+        link = row(chain.p, k) if k > 0 else ZERO
+        longest += np.sqrt(dot(link, link))
+    tip = chain.tip[0], chain.tip[1], chain.tip[2]
+    away = minus((r[0], r[1], r[2]), row(chain.p, 0))
+    longest += np.sqrt(dot(tip, tip))
+    return bool(dot(away, away) > longest * longest)
+
+
+@njit(cache=True)
 def meetings(
     packed: Array, hand: Array, bounds: tuple[float, float], balls: Array, rows: Array, work: Array
 ) -> NDArray[np.bool_]:
@@ -174,9 +193,45 @@ def meetings(
     found = np.zeros(len(balls), np.bool_)
     first = rows[0, 0].copy()
     for k in range(len(balls)):
+        if too_far(packed, balls[k, 0]):
+            continue
         rows[k, 0] = rows[k - 1, 0] if k > 0 and found[k - 1] else first
         found[k] = meet(packed, hand, bounds, balls[k], rows[k], work)
     return found
+
+
+@njit(cache=True)
+def meet_at(
+    packed: Array,
+    hand: Array,
+    bounds: tuple[float, float],
+    state: Array,
+    after: float,
+    at: Array,
+    rows: Array,
+    work: Array,
+) -> bool:
+    """Write where a ball will be, ``at`` (3, 3), and how it is met there; see :func:`meet`.
+
+    Args:
+        packed: As of :func:`meet`.
+        hand: As of :func:`meet`.
+        bounds: As of :func:`meet`.
+        state: The ball now, as of :func:`mitt.generator.foresight.state_of`, shape (10,).
+        after: Time from now to the meeting [s].
+        at: Result, the ball then, shape (3, 3).
+        rows: As of :func:`meet`.
+        work: As of :func:`meet`.
+
+    Returns:
+        Whether there is a meeting; if not, ``rows`` are of no use.
+    """
+    fly_on(state, after, at)
+    for d in range(3):
+        for c in range(3):
+            if not np.isfinite(at[d, c]):
+                return False
+    return not too_far(packed, at[0]) and bool(meet(packed, hand, bounds, at, rows, work))
 
 
 @njit(cache=True)

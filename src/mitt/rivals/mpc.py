@@ -6,13 +6,13 @@ drives' torques (soft, so that an answer is always there) and on speeds and rang
 meeting with the ball at the end. One Gauss-Newton step each time (real-time iteration, Diehl and
 others 2005), condensed onto the accelerations, solved by DAQP (Arnstroem and others 2022).
 
-| here | meaning                                               | unit    | shape             |
-|------|-------------------------------------------------------|---------|-------------------|
-| ``a``| accelerations, instant by instant                     | rad/s^2 | ((M + 1) n,)      |
-| ``T``| drives' torques over their limits per acceleration    | s^2/rad | ((M + 1) N, (M + 1) n) |
+| here  | meaning                                              | unit    | shape             |
+|-------|------------------------------------------------------|---------|-------------------|
+| ``a`` | accelerations, instant by instant                    | rad/s^2 | ((M + 1) n,)      |
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import final
 
 import daqp
@@ -21,16 +21,17 @@ from numpy.typing import NDArray
 
 from mitt.generator.generators import Generator
 from mitt.generator.mapping import DirectMap
+from mitt.generator.strain import Plant, Work, plant_of, work_of
+from mitt.rivals.condensed import condense
 from mitt.rivals.course import Course
 from mitt.rivals.pieces import Motion, responses
 from mitt.rivals.planned import Plan, Planned, PlannedSettings
 from mitt.rivals.pursuit import rival
-from mitt.rivals.quintics import quintic
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 
-#: Kinds of DAQP's rows: an inequality, an equality, an inequality that may give way.
-_HARD, _EQUAL, _SOFT = 0, 5, 8
+#: Kinds of DAQP's rows: an equality, an inequality that may give way.
+_EQUAL, _SOFT = 5, 8
 #: Residual of the meeting beyond which an answer is not believed [rad, rad/s].
 _RESIDUAL = 1e-4
 
@@ -69,21 +70,7 @@ class Quadratic:
 
 
 @final
-@dataclass(frozen=True, slots=True, eq=False)
-class _Way:
-    """The two ends of a plan, and how its instants follow from the accelerations."""
-
-    start: Array
-    end: Array
-    step: float
-    angle: Array
-    speed: Array
-    drift_q: Array
-    drift_dq: Array
-
-
-@final
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class MpcPlanner:
     """Plans for one arm."""
 
@@ -100,55 +87,31 @@ class MpcPlanner:
 
     def problem(self, motion: Array, end: Array, step: float) -> Quadratic:
         """Return the programme from q, dq, ddq (3, n) to ``end`` in M steps of ``step`` [s]."""
-        arm, s, M, n = self.arm, self.settings, self.settings.parts, self.arm.n
-        D, P = responses(M, step)
-        ticks = step * np.arange(M + 1, dtype=np.float64)[:, None]
-        drift_q, drift_dq = motion[0] + ticks * motion[1], np.tile(motion[1], (M + 1, 1))
-        speed, angle = (np.asarray(np.kron(x, np.eye(n)), np.float64) for x in (D, P))
-        way = _Way(motion, end, step, angle, speed, drift_q, drift_dq)
-        T, load, torque, torque_at = self._torques(way)
-        per_speed = np.tile(1.0 / arm.dq_max, M + 1)
-        v, v_0 = per_speed[:, None] * speed, per_speed * drift_dq.ravel()
-        H = 2.0 * (torque.T @ torque + v.T @ v) + s.damping * np.eye(len(v))
-        f = 2.0 * (torque.T @ torque_at + v.T @ v_0)
-        last, first = slice(M * n, (M + 1) * n), np.eye(len(v))
-        fixed = np.vstack([first[:n], first[last], angle[last], speed[last]])
-        to = np.concatenate([motion[2], end[2], end[0] - drift_q[-1], end[1] - drift_dq[-1]])
-        inner = slice(n, M * n)
-        low, high = (np.tile(x, M - 1) - drift_q[1:-1].ravel()
-                     for x in (arm.q_min + s.gap, arm.q_max - s.gap))  # fmt: skip
-        fast = np.full((M - 1) * n, s.speed)
-        many = np.full(len(load), s.share)
-        kinds = ((_EQUAL, len(to)), (_SOFT, len(T)), (_SOFT, len(low)), (_SOFT, len(low)))
-        return Quadratic(
-            H=H, f=f, A=np.vstack([fixed, T, angle[inner], v[inner]]),
-            low=np.concatenate([to, -many - load, low, -fast - v_0[inner]]),
-            high=np.concatenate([to, many - load, high, fast - v_0[inner]]),
-            kind=np.concatenate([np.full(count, kind, np.int32) for kind, count in kinds]),
-        )  # fmt: skip
+        s, size, kind = self.settings, (self.settings.parts + 1) * self.arm.n, self._kind
+        rows, low, high = np.empty((len(kind), size)), np.empty(len(kind)), np.empty(len(kind))
+        price, at = np.empty((2 * size, size)), np.empty(2 * size)
+        shares = s.share, s.speed
+        condense(*self._scales, self._ranges, motion, end, step, shares, rows, low, high, price, at)
+        H = 2.0 * (price.T @ price)
+        H.ravel()[:: size + 1] += s.damping
+        return Quadratic(H=H, f=2.0 * (at @ price), A=rows, low=low, high=high, kind=kind)
 
-    def _torques(self, way: "_Way") -> tuple[Array, Array, Array, Array]:
-        """Return drives' and joints' torques over their limits: per acceleration, and at none."""
-        arm, M, n = self.arm, self.settings.parts, self.arm.n
-        limits, N = arm.limits, len(arm.model.links)
-        T, load = np.empty(((M + 1) * N, (M + 1) * n)), np.empty((M + 1) * N)
-        J, at, rows = np.empty(((M + 1) * n, (M + 1) * n)), np.empty((M + 1) * n), np.empty((3, n))
-        active = list(arm.model.active)
-        for k in range(M + 1):
-            quintic(way.start, way.end, M * way.step, k * way.step, rows)
-            tau = arm.torque(*rows)
-            by_q, by_dq, mass = arm.torque_derivatives(*rows)
-            own = slice(k * n, (k + 1) * n)
-            per = by_q @ way.angle[own] + by_dq @ way.speed[own]
-            per[:, own] += mass
-            none = tau + by_q @ (way.drift_q[k] - rows[0]) + by_dq @ (way.drift_dq[k] - rows[1])
-            none -= mass @ rows[2]
-            drive = limits.drive_torque(tau)
-            bound = limits.torque_bound(drive, limits.drive_speed(arm.all_joints(rows[1])))
-            scale = limits.to_drive / np.maximum(bound, 0.05 * limits.tau_peak)[:, None]
-            T[k * N : (k + 1) * N], load[k * N : (k + 1) * N] = scale @ per, scale @ none
-            J[own], at[own] = per[active] / arm.tau_max[:, None], none[active] / arm.tau_max
-        return T, load, J, at
+    @cached_property
+    def _scales(self) -> tuple[Plant, Work]:
+        """The arm as the kernel takes it, and buffers."""
+        return plant_of(self.arm), work_of(self.arm)
+
+    @cached_property
+    def _ranges(self) -> Array:
+        """Smallest and largest angles allowed [rad], shape (2, n)."""
+        return np.array([self.arm.q_min + self.settings.gap, self.arm.q_max - self.settings.gap])
+
+    @cached_property
+    def _kind(self) -> NDArray[np.int32]:
+        """Kinds of the rows: the ends; torques, angles and speeds, which may give way."""
+        M, n, links = self.settings.parts, self.arm.n, len(self.arm.model.links)
+        soft = (M + 1) * links + 2 * (M - 1) * n
+        return np.array([_EQUAL] * (4 * n) + [_SOFT] * soft, np.int32)
 
     def _read(self, a: Array, motion: Array, t: float, step: float) -> Motion:
         """Return the answer as a motion."""
@@ -157,13 +120,14 @@ class MpcPlanner:
         rows = a.reshape(M + 1, n)
         ticks = step * np.arange(M + 1)[:, None]
         q, dq = motion[0] + ticks * motion[1] + P @ rows, motion[1] + D @ rows
-        return Motion(t=t, step=step, q=q.T, dq=dq.T, ddq=rows.T, cost=0.0)
+        q, dq, ddq = (np.ascontiguousarray(x.T) for x in (q, dq, rows))
+        return Motion(t=t, step=step, q=q, dq=dq, ddq=ddq, cost=0.0)
 
 
 def solve(problem: Quadratic) -> Array | None:
     """Return the minimiser; None where DAQP finds none, or says so and is wrong."""
     parts = (problem.H, problem.f, problem.A, problem.low, problem.high)
-    if not all(np.all(np.isfinite(x)) for x in parts):
+    if not all(np.isfinite(x).all() for x in parts):
         return None
     a, _, flag, _ = daqp.solve(
         problem.H, problem.f, problem.A, problem.high, problem.low, problem.kind
@@ -171,8 +135,8 @@ def solve(problem: Quadratic) -> Array | None:
     a = np.asarray(a, np.float64)
     if flag < 1 or not np.all(np.isfinite(a)):
         return None
-    must = problem.kind == _EQUAL
-    left = np.abs(problem.A[must] @ a - problem.low[must]).max()
+    must = np.count_nonzero(problem.kind == _EQUAL)  # the first rows
+    left = np.abs(problem.A[:must] @ a - problem.low[:must]).max()
     return a if left < _RESIDUAL else None
 
 

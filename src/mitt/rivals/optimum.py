@@ -111,7 +111,7 @@ class Programme:
         options = {
             "ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False,
             "ipopt.max_iter": self.settings.iterations, "ipopt.tol": 1e-5,
-            "ipopt.acceptable_tol": 1e-4, "ipopt.mu_strategy": "adaptive",
+            "ipopt.acceptable_tol": 1e-4, "ipopt.mu_strategy": "adaptive", "expand": True,
         }  # fmt: skip
         return ca.nlpsol("catch", "ipopt", {"x": x, "p": p, "f": cost, "g": g}, options)
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import final
 
 import numpy as np
+from numba import njit
 
 from mitt.signals import Array
 
@@ -36,17 +37,25 @@ class Motion:
 
     def at(self, t: float) -> Array:
         """Return q, dq, ddq at time ``t`` [s], shape (3, n); past the ends it goes on."""
-        k = int(np.clip((t - self.t) // self.step, 0, self.q.shape[1] - 2))
-        s, h = t - self.t - k * self.step, self.step
-        q, dq, a, jerk = self.q[:, k], self.dq[:, k], self.ddq[:, k], self.ddq[:, k + 1]
-        jerk = (jerk - a) / h
-        return np.array([
-            q + s * (dq + s * (0.5 * a + s * jerk / 6.0)),
-            dq + s * (a + 0.5 * s * jerk),
-            a + s * jerk,
-        ])  # fmt: skip
+        out = np.empty((3, self.q.shape[0]))
+        _piece(self.q, self.dq, self.ddq, self.step, t - self.t, out)
+        return out
 
 
+@njit(cache=True)
+def _piece(q: Array, dq: Array, ddq: Array, h: float, after: float, out: Array) -> None:
+    """Write q, dq, ddq a time after the start [s], shape (3, n); see :class:`Motion`."""
+    k = min(max(int(after // h), 0), q.shape[1] - 2)
+    s = after - k * h
+    for j in range(q.shape[0]):
+        a, v = ddq[j, k], dq[j, k]
+        jerk = (ddq[j, k + 1] - a) / h
+        out[0, j] = q[j, k] + s * (v + s * (0.5 * a + s * jerk / 6.0))
+        out[1, j] = v + s * (a + 0.5 * s * jerk)
+        out[2, j] = a + s * jerk
+
+
+@njit(cache=True)
 def responses(parts: int, step: float) -> tuple[Array, Array]:
     """Return how speeds and angles at the instants follow from the accelerations there.
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol, final
 
 import numpy as np
+from numba import njit
 
 from mitt.rivals.course import Course
 from mitt.rivals.quintics import quintic
@@ -94,13 +95,32 @@ class Planned:
         """Follow the plan, made anew or moved at its end."""
         if self.plan is None or self.end is None:
             raise RuntimeError("a pursuit must begin before it goes on")
-        s, moved = self.settings, course.end - self.end
-        motion = self.plan.at(ball.t)
-        if course.t_c - ball.t > s.settled:
-            still = np.all(np.abs(moved[0]) < s.dead_q) and np.all(np.abs(moved[1]) < s.dead_dq)
-            if still or ball.t - self.t < s.every:
+        s, t, motion = self.settings, ball.t, self.plan.at(ball.t)
+        if course.t_c - t > s.settled:
+            soon = t - self.t < s.every
+            if soon or not _strays(course.end, self.end, s.dead_q, s.dead_dq):
                 return motion, self
-            return motion, self.begin(course, ball.t, motion)
+            return motion, self.begin(course, t, motion)
         t_s = max(course.t_c - s.settled, self.t)
-        shift = QuinticPlan(t=t_s, start=np.zeros_like(moved), t_c=course.t_c, end=moved)
-        return motion + shift.at(ball.t), self
+        _shift(course.end, self.end, max(course.t_c - t_s, 1e-4), t - t_s, motion)
+        return motion, self
+
+
+@njit(cache=True)
+def _strays(end: Array, planned: Array, dead_q: float, dead_dq: float) -> bool:
+    """Say whether an end, (3, n), has moved by a dead-band [rad, rad/s] since it was planned."""
+    for k in range(end.shape[1]):
+        if not abs(end[0, k] - planned[0, k]) < dead_q:
+            return True
+        if not abs(end[1, k] - planned[1, k]) < dead_dq:
+            return True
+    return False
+
+
+@njit(cache=True)
+def _shift(end: Array, planned: Array, span: float, t: float, motion: Array) -> None:
+    """Add to a motion, (3, n), what its end has moved, by a quintic from zero in ``span`` [s]."""
+    moved = end - planned
+    way = np.empty_like(moved)
+    quintic(np.zeros_like(moved), moved, span, t, way)
+    motion += way

@@ -10,9 +10,11 @@ of the balls that it was asked about before this instant.
 """
 
 from dataclasses import dataclass, field, replace
+from math import dist
 from typing import Protocol, Self, final
 
 import numpy as np
+from numba import njit
 
 from mitt.flight import GRAVITY, forecast
 from mitt.generator.certificate import Outcome, Verdict, tempered
@@ -30,6 +32,8 @@ _MOVED, _CHOOSE_UNTIL = 0.03, 0.021
 _HARD, _NEAR = 0.95, 0.5
 #: How far ahead a ball is looked for near the nominal catch point [s], and in what steps.
 _AHEAD, _STRIDE = 1.0, 0.02
+#: Size from which on a number of an estimate is absurd [m, m/s, m/s^2].
+_SANE = 1e3
 
 
 class Pursuit(Protocol):
@@ -128,46 +132,50 @@ class Rival:
 
     def reference(self, ball: BallState) -> JointReference:
         """Go on with the pursuit; at rest where there is nothing to pursue."""
-        chase = self.memory.at(ball.t)
-        if chase is None or not _sane(ball):
-            return resting(ball.t, self.q_hold if chase is None else chase.motion[0])
-        chase = self._aimed(chase, ball)
-        if ball.t <= chase.course.t_c:
-            motion, pursuit = chase.pursuit.step(chase.course, ball)
+        chase, state, t = self.memory.at(ball.t), state_of(ball), ball.t
+        if chase is None or not within(state, _SANE):
+            return resting(t, self.q_hold if chase is None else chase.motion[0])
+        course, pursuit, chosen_at = self._aimed(chase, ball, state)
+        if t <= course.t_c:
+            motion, pursuit = pursuit.step(course, ball)
         else:
-            motion, pursuit = self._following(chase, ball), chase.pursuit
-        if not np.all(np.isfinite(motion)):
-            return resting(ball.t, chase.motion[0])
-        self.memory.after = replace(chase, t=ball.t, pursuit=pursuit, motion=motion)
+            motion = self._following(chase, ball)
+        if not within(motion, np.inf):
+            return resting(t, chase.motion[0])
+        self.memory.after = _Chase(t, pursuit, course, chosen_at, motion)
         return JointReference(
-            t=ball.t,
+            t=t,
             status=MapStatus.INSIDE,
             q_d=motion[0],
             dq_d=motion[1],
             ddq_d=motion[2],
-            q_o=chase.course.end[0],
-            dq_o=chase.course.end[1],
-            time_to_catch=chase.course.t_c - ball.t,
+            q_o=course.end[0],
+            dq_o=course.end[1],
+            time_to_catch=course.t_c - t,
         )
 
     def _choose(self, ball: BallState, motion: Array) -> Course | None:
         """Return the best course; None too where the ball cannot be."""
         return self.chooser.choose(ball, motion) if _sane(ball) else None
 
-    def _aimed(self, chase: _Chase, ball: BallState) -> _Chase:
-        """Return the chase with its course at the newest prediction, chosen anew if it moved."""
-        if ball.t > chase.course.t_c:
-            return chase
-        aimed = self.chooser.aim(chase.course, ball)
-        moved = float(np.linalg.norm(aimed.r_c - chase.chosen_at))
-        lost = aimed is chase.course
-        if not (lost or moved > _MOVED) or aimed.t_c - ball.t < _CHOOSE_UNTIL:
-            return replace(chase, course=aimed)
+    def _aimed(self, chase: _Chase, ball: BallState, state: Array) -> tuple[Course, Pursuit, Array]:
+        """Return the course at the newest prediction, chosen anew if that has moved.
+
+        With it the pursuit of it, and where the catch was when it was chosen [m], shape (3,).
+        """
+        old, pursuit, chosen_at = chase.course, chase.pursuit, chase.chosen_at
+        if ball.t > old.t_c:
+            return old, pursuit, chosen_at
+        aimed = self.chooser.aim(old, state, ball.t)
+        lost = aimed is old
+        if not lost and dist(aimed.r_c, chosen_at) <= _MOVED:
+            return aimed, pursuit, chosen_at
+        if aimed.t_c - ball.t < _CHOOSE_UNTIL:
+            return aimed, pursuit, chosen_at
         chosen = self._choose(ball, chase.motion)
         if chosen is None:
-            return replace(chase, course=aimed)
-        pursuit = chase.pursuit.begin(chosen, chase.t, chase.motion)
-        return replace(chase, course=chosen, pursuit=pursuit, chosen_at=chosen.r_c)
+            return aimed, pursuit, chosen_at
+        return chosen, pursuit.begin(chosen, chase.t, chase.motion), chosen.r_c
 
     def _following(self, chase: _Chase, ball: BallState) -> Array:
         """Return the motion with the ball, after the catch."""
@@ -230,8 +238,16 @@ def _passing(f: DirectMap, ball: BallState) -> float:
 
 def _sane(ball: BallState) -> bool:
     """Say whether an estimate is finite and not absurd."""
-    state = state_of(ball)
-    return bool(np.all(np.abs(state) < 1e3))
+    return bool(within(state_of(ball), _SANE))
+
+
+@njit(cache=True)
+def within(x: Array, most: float) -> bool:
+    """Say whether all numbers of an array are smaller in size than a bound; NaN never is."""
+    for value in x.flat:  # noqa: SIM110 (a loop compiles to less)
+        if not abs(value) < most:
+            return False
+    return True
 
 
 def resting(t: float, q: Array) -> JointReference:

@@ -27,14 +27,17 @@ _TICK, _GREY, _DRAG = 1e-3, 60, 0.04
 _POSTURE = 1e-3
 
 
-def ball_at(throw: Throw, t: float) -> BallState:
-    """Return a thrown ball, known exactly, some time after its release [s]."""
+def ball_at(throw: Throw, t: float, *, sigma: float = 1e-3) -> BallState:
+    """Return a thrown ball, known exactly, some time after its release [s].
+
+    It is said to be known to ``sigma`` [m, m/s].
+    """
     r, dr, ddr = throw.r.copy(), throw.dr.copy(), np.zeros(3)
     advance(r, dr, _DRAG, t)
     acceleration(dr, _DRAG, ddr)
     return BallState(
         t=t, tracked=True, r_o=r, dr_o=dr, ddr_o=ddr, drag=_DRAG,
-        covariance=1e-6 * np.eye(6), t_seen=t, t_first=0.0,
+        covariance=sigma**2 * np.eye(6), t_seen=t, t_first=0.0,
     )  # fmt: skip
 
 

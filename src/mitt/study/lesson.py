@@ -1,7 +1,6 @@
 """Learning a map with everything that is silent filled in: the neighbourhood of default throws."""
 
 from collections.abc import Sequence
-from functools import lru_cache
 
 import numpy as np
 
@@ -48,12 +47,10 @@ def learn(
     return learn_from(arm, design, flights, settings=settings)
 
 
-@lru_cache(maxsize=8)
 def learn_several(first: DirectMap) -> Several:
     """Return a choice among a map and those of the further designs for its arm and limits.
 
     In order of preference, the gentlest first; a map that is one of them already stands once.
-    Learned once for each object ``first``.
     """
     before, after = further_designs(first.arm)
     maps = [learn(first.arm, design=x).map for x in (*before, *after) if x != first.design]

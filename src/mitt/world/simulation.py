@@ -19,6 +19,7 @@ from mitt.world.faults.flight import Undisturbed
 from mitt.world.faults.trial import Sensor, Troubles
 from mitt.world.flights import BallPath
 from mitt.world.imaging import Imager
+from mitt.world.leading import lead
 from mitt.world.mismatch import PlantDraw
 from mitt.world.motion import (
     BROKEN,
@@ -193,10 +194,7 @@ class World:
             command = self._troubles.command(self.t, command)
         self._tau, hand = np.asarray(command.tau, float), command.hand
         rows = self._tape.reserve(self._ticks + 2)
-        if self._troubles is None and self._path is None:
-            move(self._views, self._kinds, self._touching, self._state, self._tau, hand, rows)
-        else:
-            self._move_led(hand, rows)
+        self._move(hand, rows)
         self._sensors.turn(command.gaze, TICK)
 
     def truth(self) -> Truth:
@@ -264,28 +262,44 @@ class World:
         """Ticks since release."""
         return int(self._state[TICKS])
 
-    def _move_led(self, hand: float, rows: Array) -> None:
-        """Make a tick in which the ball is led or disturbed, step by step."""
+    def _move(self, hand: float, rows: Array) -> None:
+        """Make a tick; a ball that is led goes where its path says."""
+        state, path, steps = self._state, self._path, int(self._state[STEPS])
+        parts = self._views, self._kinds, self._touching, state
+        start, h = self._ticks * TICK, TICK / steps
+        troubles = self._troubles
+        if troubles is not None and state[TOUCHED] < 0.0 and troubles.pushes(start, start + TICK):
+            if path is not None or steps > 1:
+                self._move_pushed(troubles, hand, rows)
+                return
+            self._push(troubles, start, h)
+        if path is None:
+            move(*parts, self._tau, hand, rows)
+            return
+        way = np.array([path.at(start + step * h) for step in range(1, steps + 1)])
+        if not lead(*parts, self._tau, hand, rows, way):
+            self._path = None  # a ball that was led flies freely from its first touch on
+
+    def _move_pushed(self, troubles: Troubles, hand: float, rows: Array) -> None:
+        """Make a tick in which the flight is disturbed, step by step."""
         state, parts = self._state, (self._views, self._kinds, self._touching, self._state)
         start, steps = self._ticks * TICK, int(state[STEPS])
         h = TICK / steps
         begin(state)
         for step in range(1, steps + 1):
-            if self._troubles is not None and state[TOUCHED] < 0.0:
-                self._push(self._troubles, start + (step - 1) * h, h)
+            if state[TOUCHED] < 0.0:
+                self._push(troubles, start + (step - 1) * h, h)
             leave(*parts, self._tau, hand)
             if self._path is not None:
                 self._ball[0][:], self._ball[1][:] = self._path.at(start + step * h)
             if arrive(*parts, start + step * h) & BALL_ANY:
-                self._path = None  # a ball that was led flies freely from its first touch on
+                self._path = None
         state[TICKS] += 1.0
         note(self._views, state, self._tau, rows)
 
     def _push(self, troubles: Troubles, t: float, h: float) -> None:
         """Let the flight be disturbed for a step; a ball that was led flies freely from then on."""
-        r, dr = (x.copy() for x in self._ball)
-        if troubles.push(t, h, r, dr):
-            self._ball[0][:], self._ball[1][:] = r, dr
+        if troubles.push(t, h, *self._ball):
             self._path = None
 
 

@@ -8,6 +8,7 @@ and spin of a one-second flight to well below the noise of a camera and has an a
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.polynomial import Polynomial, legendre
 from numpy.typing import NDArray
 
@@ -48,9 +49,20 @@ class Pieces:
         """Position [m], shape (3,), and velocity [m/s], shape (3,), at ``t`` [s]."""
         piece = int(np.searchsorted(self.edges[1:-1], t, side="right"))
         start, end = self.edges[piece], self.edges[piece + 1]
+        out = np.empty((2, 3))
         x = 2.0 * (t - start) / (end - start) - 1.0
-        powers = x ** np.arange(self.coefficients.shape[1])
-        return powers @ self.coefficients[piece], powers @ self.rates[piece]
+        _power_series(x, self.coefficients[piece], self.rates[piece], out)
+        return out[0], out[1]
+
+
+@njit(cache=True)
+def _power_series(x: float, position: Array, rate: Array, out: Array) -> None:
+    """Write the values at ``x`` of two power series, lowest power first, shapes (d, 3)."""
+    for i in range(3):
+        r, dr = 0.0, 0.0
+        for k in range(len(position) - 1, -1, -1):
+            r, dr = r * x + position[k, i], dr * x + rate[k, i]
+        out[0, i], out[1, i] = r, dr
 
 
 def smooth(t: Array, r: Array) -> Pieces:

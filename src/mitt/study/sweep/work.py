@@ -13,6 +13,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from mitt.generator.generators import Generator
 from mitt.generator.learn import Learned
 from mitt.link.clock import Stopwatch
 from mitt.link.maps import map_of
@@ -32,8 +33,8 @@ from mitt.world.faults.flight import Undisturbed
 from mitt.world.flights import BallPath, Recording
 from mitt.world.throws import Aim, Throw, ThrowRanges
 
-#: Arms and maps that one thread of a worker keeps.
-_KEPT = 8
+#: Arms with their maps, and generators, that a worker keeps.
+_KEPT = 16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,10 +75,19 @@ def _learned(settings: ArmSettings, text: str, thread: int) -> Learned:  # noqa:
     return map_of(json.loads(text), arm_of(arm_options(settings)), place="map of the study")
 
 
+@lru_cache(maxsize=_KEPT)
+def _generator(name: str, settings: ArmSettings, text: str, thread: int) -> Generator:
+    """Return a generator, kept as its map is: some learn or build much before they begin."""
+    return make_generator(name, _learned(settings, text, thread).map)
+
+
 def bench_of(job: Job) -> tuple[Bench, Source, Learned]:
-    """Return a fresh bench for a job, so that no chunk depends on one before it."""
-    learned = _learned(job.condition.arm, job.map, threading.get_ident())
-    generator = make_generator(job.generator, learned.map)
+    """Return a fresh bench for a job, so that no chunk depends on one before it.
+
+    A generator is a value and may be shared; what a throw teaches it stays with that throw.
+    """
+    of = job.condition.arm, job.map, threading.get_ident()
+    learned, generator = _learned(*of), _generator(job.generator, *of)
     pixels = job.condition.vision == "pixels"
     bench = Bench(learned.map.arm, generator, job.condition.scene, pixels=pixels)
     source = source_for(

@@ -1,10 +1,13 @@
 """Disturbances of the ball's flight: wind, spin, unknown drag, kicks, and plates in the way."""
 
 from dataclasses import dataclass, field
+from math import sqrt
 from typing import Protocol, final
 
 import numpy as np
+from numba import njit
 
+from mitt.robot.vectors import Vec, cross, dot, minus, plus, times
 from mitt.signals import Array
 from mitt.world.ballistics import fly
 from mitt.world.faults.draw import direction, drawn
@@ -15,6 +18,8 @@ from mitt.world.throws import Throw
 #: Instants at which the undisturbed flight is looked at, first and then between them, and how
 #: far [s].
 _COARSE, _FINE, _LONGEST = 0.02, 0.001, 1.6
+#: What rounding may make of a time [s].
+_SURE = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,11 +63,33 @@ class Push(Protocol):
             Whether it changed anything.
         """
 
+    def rests(self, t: float, until: float) -> bool:
+        """Say whether ``act`` is sure to change nothing, itself included, between two times [s]."""
 
-def _accelerate(ddr: Array, h: float, r: Array, dr: Array) -> None:
+
+@njit(cache=True)
+def _accelerate(ddr: Vec, h: float, r: Array, dr: Array) -> None:
     """Let an acceleration act for a step that is still to be flown, to second order."""
-    dr += h * ddr
-    r -= 0.5 * h * h * ddr
+    for i in range(3):
+        dr[i] += h * ddr[i]
+        r[i] -= 0.5 * h * h * ddr[i]
+
+
+@njit(cache=True)
+def _drag(nominal: float, drag: float, wind: Array, h: float, r: Array, dr: Array) -> None:
+    """Let the difference of two drags act for a step, one of them in moving air."""
+    v = dr[0], dr[1], dr[2]
+    past = minus(v, (wind[0], wind[1], wind[2]))
+    wanted = times(-drag * sqrt(dot(past, past)), past)
+    _accelerate(plus(wanted, times(nominal * sqrt(dot(v, v)), v)), h, r, dr)
+
+
+@njit(cache=True)
+def _lift(size: float, axis: Array, h: float, r: Array, dr: Array) -> None:
+    """Let the lift of a spinning ball act for a step; ``size`` is that per squared speed [1/m]."""
+    v = dr[0], dr[1], dr[2]
+    across = cross((axis[0], axis[1], axis[2]), v)
+    _accelerate(times(size * sqrt(dot(v, v)), across), h, r, dr)
 
 
 @final
@@ -86,10 +113,12 @@ class Air:
         """Add the difference of the two drags."""
         if not self.fault.start <= t < self.fault.end:
             return False
-        through = dr - self.wind
-        wanted = -self.drag * np.linalg.norm(through) * through
-        _accelerate(wanted + self.nominal * np.linalg.norm(dr) * dr, h, r, dr)
+        _drag(self.nominal, self.drag, self.wind, h, r, dr)
         return True
+
+    def rests(self, t: float, until: float) -> bool:
+        """Say whether it is not the time of the fault."""
+        return until <= self.fault.start or t >= self.fault.end
 
 
 @final
@@ -109,9 +138,12 @@ class Lift:
         """Add the lift."""
         if not self.fault.start <= t < self.fault.end:
             return False
-        lift = self.fault.magnitude * np.linalg.norm(dr) * np.cross(self.axis, dr)
-        _accelerate(lift, h, r, dr)
+        _lift(self.fault.magnitude, self.axis, h, r, dr)
         return True
+
+    def rests(self, t: float, until: float) -> bool:
+        """Say whether it is not the time of the fault."""
+        return until <= self.fault.start or t >= self.fault.end
 
 
 @final
@@ -136,6 +168,10 @@ class Blow:
         self.over = True
         dr += self.change
         return True
+
+    def rests(self, t: float, until: float) -> bool:  # noqa: ARG002
+        """Say whether it has happened or is not due yet."""
+        return self.over or until + _SURE <= self.when
 
 
 @final
@@ -175,6 +211,10 @@ class Plate:
         r -= (1.0 + self.restitution) * gap * self.normal
         dr -= (1.0 + self.restitution) * float(self.normal @ dr) * self.normal
         return True
+
+    def rests(self, t: float, until: float) -> bool:  # noqa: ARG002
+        """Say whether the ball has bounced or gone by."""
+        return self.over
 
 
 def pushes(plan: tuple[Fault, ...], seed: int, flight: Undisturbed) -> tuple[Push, ...]:

@@ -1,7 +1,6 @@
 """Faults between command and motors: commands late or lost, motors weaker than they should be."""
 
 from collections import deque
-from dataclasses import replace
 from typing import final
 
 import numpy as np
@@ -62,7 +61,11 @@ class Wire:
         self._last = command
         for weak in self._weak:
             if weak.start <= t < weak.end:
-                command = replace(command, tau=self._cut(command.tau, weak.magnitude))
+                command = Order(
+                    t=command.t, q=command.q, dq=command.dq, ddq=command.ddq,
+                    tau=self._cut(command.tau, weak.magnitude),
+                    hand=command.hand, gaze=command.gaze,
+                )  # fmt: skip
         return command
 
     def _cut(self, tau: Array, share: float) -> Array:

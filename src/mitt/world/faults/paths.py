@@ -5,6 +5,7 @@ from math import cos, pi, sin
 from typing import final
 
 import numpy as np
+from numba import njit
 
 from mitt.signals import Array
 from mitt.world.faults.draw import drawn
@@ -58,14 +59,30 @@ class Walk:
 
     def at(self, t: float) -> tuple[Array, Array]:
         """Position [m], shape (3,), and velocity [m/s], shape (3,), ``t`` s after release."""
-        s = min(max(t / self.run_up, 0.0), 1.0)
-        way = self.speed * (self.run_up * (s**3 - 0.5 * s**4) + max(t - self.run_up, 0.0))
-        r = self.start + way * self.along
-        dr = self.speed * (3.0 * s**2 - 2.0 * s**3) * self.along
-        for axis, rate in zip(self.sway, self.rates, strict=True):
-            r = r + (1.0 - cos(rate * t)) * axis
-            dr = dr + rate * sin(rate * t) * axis
+        r, dr, rates = np.empty(3), np.empty(3), self.rates
+        _walked(self.start, self.along, (self.speed, self.run_up, t), self.sway, rates, r, dr)
         return r, dr
+
+
+@njit(cache=True)
+def _walked(
+    start: Array,
+    along: Array,
+    numbers: tuple[float, float, float],
+    sway: Array,
+    rates: tuple[float, float],
+    r: Array,
+    dr: Array,
+) -> None:
+    """Write position and velocity of a :class:`Walk`; ``numbers`` are speed, run-up and time."""
+    speed, run_up, t = numbers
+    s = min(max(t / run_up, 0.0), 1.0)
+    way = speed * (run_up * (s**3 - 0.5 * s**4) + max(t - run_up, 0.0))
+    for i in range(3):
+        r[i], dr[i] = start[i] + way * along[i], speed * (3.0 * s**2 - 2.0 * s**3) * along[i]
+        for k in range(2):
+            r[i] += (1.0 - cos(rates[k] * t)) * sway[k, i]
+            dr[i] += rates[k] * sin(rates[k] * t) * sway[k, i]
 
 
 def led(plan: tuple[Fault, ...], seed: int, flight: Undisturbed) -> Throw | BallPath:

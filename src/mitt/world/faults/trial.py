@@ -129,6 +129,10 @@ class Troubles:
         """Return the command that the motors follow."""
         return command if self._wire is None else self._wire.through(t, command)
 
+    def pushes(self, t: float, until: float) -> bool:
+        """Say whether anything may disturb the flying ball between two times [s]."""
+        return not all(push.rests(t, until) for push in self._pushes)
+
     def push(self, t: float, h: float, r: Array, dr: Array) -> bool:
         """Disturb the flying ball in place for a step; say whether anything changed."""
         changed = False
