@@ -16,7 +16,7 @@ from mitt.errors import InputError
 from mitt.link.clock import Stopwatch, now_ns
 from mitt.records import BRAKE, STOPPED, Record
 from mitt.signals import Array, Image
-from mitt.tick import tick
+from mitt.tick import tick, undecided
 from mitt.world.exposure import Bank, Cameras, snap
 from mitt.world.imaging import BLOCK
 from mitt.world.motion import TICK, TICKS, move, over
@@ -87,6 +87,8 @@ def play(
         times[k] = now_ns(clock) - before
         move(views, kinds, touching, p, out["told"][3], out["hand"], rows)
         log[k] = result[0]
+        if undecided(todo, state, result):
+            todo = 0
         if todo != 0 or over(p, scalars[2], scalars[3]):
             return int(todo)
     return 0
