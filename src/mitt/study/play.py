@@ -122,7 +122,7 @@ class Player:
         """
         imager, p = stage.imager, stage.plant[3]
         film = np.empty((stage.scene.sensing.latency + 1, 2, *imager.shape), np.uint8)
-        scalars = imager.exposure, stage.scene.ball.radius, *self._rules
+        scalars = imager.half, stage.scene.ball.radius, *self._rules
         rows, log = stage.tape.reserve(_MOST + 1), self._log_for(catcher.result)
         while (parts := catcher.parts) is not None and not over(p, *self._rules):
             k = int(p[TICKS])

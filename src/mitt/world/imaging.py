@@ -141,7 +141,7 @@ class Imager:
         return self._shapes[0]
 
     @property
-    def exposure(self) -> float:
+    def half(self) -> float:
         """Half the time that the shutter is open [s]."""
         return self._half
 
