@@ -179,13 +179,15 @@ class World:
         That is where something goes wrong or leads the ball, where cameras turn or are not a
         pair, and where encoders count in steps.
         """
-        sensors = self._sensors
-        if self._troubles is not None or self._path is not None or not isinstance(sensors, Sensors):
+        sensors, turns = self._sensors, self._scene.sensing.cameras == "active"
+        if self._troubles is not None or self._path is not None or turns:
+            return None
+        if not isinstance(sensors, Sensors) or not sensors.exact:
             return None
         imager = sensors.imager
-        if not isinstance(imager, Imager) or not imager.a_pair:
+        if imager is not None and not (isinstance(imager, Imager) and imager.a_pair):
             return None
-        return Stage(self._parts, self._tape, self._body.table, imager, self._scene)
+        return Stage(self._parts, self._tape, self._body.table, sensors, imager, self._scene)
 
     def apply(self, command: Command) -> None:
         """Let the motors follow a command for one tick; nothing here clips it."""

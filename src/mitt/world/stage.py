@@ -7,6 +7,7 @@ from mitt.signals import Array
 from mitt.world.imaging import Imager
 from mitt.world.motion import Plant
 from mitt.world.scene import Scene
+from mitt.world.sensors import Sensors
 from mitt.world.truth import Tape
 
 Body: TypeAlias = tuple[Array, Array, Array, Array, Array]
@@ -20,12 +21,15 @@ class Stage:
         plant: As in the text of :mod:`mitt.world.motion`.
         tape: The trace, whose row of a tick has its number.
         body: As of :func:`mitt.world.silhouettes.lay_capsules`.
-        imager: The cameras, two that see images of one size and do not turn.
+        sensors: What the catcher is told; its encoders are exact.
+        imager: The cameras, two that see images of one size and do not turn; None where the ball
+            is seen as points.
         scene: Settings.
     """
 
     plant: Plant
     tape: Tape
     body: Body
-    imager: Imager
+    sensors: Sensors
+    imager: Imager | None
     scene: Scene
