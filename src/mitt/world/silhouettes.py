@@ -93,7 +93,6 @@ def draw_capsule(pixels: Image, lens: Array, seen: Array, level: int, noise: Ima
         noise: Noise of the sensor [grey levels], modulo 256, one a pixel of the image, shape (n,).
     """
     height, width = pixels.shape
-    flat = pixels.reshape(-1)
     f0, f1 = lens[0] / seen[2], lens[0] / seen[5]
     u0, v0, r0 = lens[1] + f0 * seen[0], lens[2] + f0 * seen[1], f0 * seen[6]
     u1, v1, r1 = lens[1] + f1 * seen[3], lens[2] + f1 * seen[4], f1 * seen[6]
@@ -128,10 +127,9 @@ def draw_capsule(pixels: Image, lens: Array, seen: Array, level: int, noise: Ima
         first, last = int(max(left + 0.5, 0.0)), int(min(right + 0.5, width - 0.5))
         if not left <= right or last < first:
             continue
-        for k in range(np.uint64(row * width + first), np.uint64(row * width + last + 1)):
-            flat[k] = np.uint8(
-                level + noise[k]
-            )  # unsigned: an index that cannot count from the end
+        line, at = np.uint64(row), np.uint64(row * width)  # unsigned: none counts from the end
+        for k in range(np.uint64(first), np.uint64(last + 1)):
+            pixels[line, k] = np.uint8(level + noise[at + k])
 
 
 class Silhouettes:
