@@ -109,14 +109,15 @@ def _paint(
 ) -> None:
     """Mix a ball into pixels it covers in part or whole, with the noise of what they then hold."""
     level, read, shot = light[0], light[1] * light[1], 1.0 / light[2]
-    for u in range(first, last + 1):
+    line, at = np.uint64(row), np.uint64(row * pixels.shape[1])  # unsigned: none counts backwards
+    for u in range(np.uint64(first), np.uint64(last + 1)):
         c = coverage[u]
-        ground = float(pixels[row, u])
+        ground = float(pixels[line, u])
         rest = (1.0 - c) * (1.0 - c)
         mean = (1.0 - c) * ground + c * level
         variance = read * (1.0 - rest) + shot * (mean - rest * ground)
-        value = mean + sqrt(max(variance, 0.0)) * noise[row * pixels.shape[1] + u]
-        pixels[row, u] = np.uint8(min(max(value + 0.5, 0.0), 255.0))
+        value = mean + sqrt(max(variance, 0.0)) * noise[at + u]
+        pixels[line, u] = np.uint8(min(max(value + 0.5, 0.0), 255.0))
         coverage[u] = 0.0
 
 
