@@ -283,7 +283,7 @@ def test_a_stopped_catcher_recovers_when_told_to(bench: Bench, throws: list[Thro
             bench.world.apply(each.step(bench.world.sense()))
         assert held(bench.world.truth(), 0.04)
         torques.append(bench.world.trace().tau)
-    assert np.array_equal(*torques)
+    assert np.array_equal(torques[0], torques[1])
 
 
 def spoil_joint(arm: ArmState, bad: float) -> ArmState:

@@ -18,7 +18,7 @@ from mitt.control.envelope import TICK
 from mitt.control.hand import has_closed
 from mitt.errors import InputError
 from mitt.generator.certificate import Outcome, Verdict
-from mitt.generator.generators import Direct, Generator
+from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.several import Several
 from mitt.records import (
     BRAKE,
@@ -79,6 +79,9 @@ class Catcher:
         fields = catcher_fields(arm, eyes, settings) | arm_fields(arm, settings.around)
         known: Fields = {"several": np.bool_(isinstance(generator, Several))}
         known |= {} if self._map is None else map_fields(self._map)
+        # Who else looks for sharpness elsewhere than at the catch of the map is asked at each tick.
+        plain = isinstance(generator, Direct | Unoptimised)
+        known["sigma_ready"] = settings.sigma_ready if plain else np.inf
         self._state = record_of(fields | known)
         eyes.move_to({name: self._state[f"eyes_{name}"][0] for name in eyes.parts()})
         self._numbers, self.result = self._state[0], fresh_result(arm.n, max(eyes.heads, 1))
@@ -138,6 +141,8 @@ class Catcher:
     @property
     def parts(self) -> tuple[Array, Record, Record] | None:
         """What :func:`mitt.tick.tick` takes after the senses, for a compiled loop over ticks.
+
+        Such a loop goes on without :meth:`think` where :func:`mitt.tick.undecided` says so.
 
         None for a generator that is no map or that is refined in each tick: those ask for
         :meth:`step`.

@@ -182,6 +182,7 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         shapes, pairs, guard_work, last: As in :mod:`mitt.control.viability`.
         wanted: q_d, dq_d, ddq_d of the last tick, shape (3, n).
         t_brake: Time at which braking began [s].
+        watch: Longest time from first sight to the verdict [s].
         review, t_reviewed: How often the choice of the map is reviewed, and when it was last [s].
         eyes_...: Arrays of :func:`mitt.vision.eyes.look`; z, R: its results.
         ball_...: Memory, settings and scratch of :mod:`mitt.vision.belief`.
@@ -203,7 +204,7 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         "encoder_memory": monitor.memory_of(n), "encoder_count": s.encoders.count,
         "condition": condition.memory(), "clock": np.int64(0), "encoders": np.int64(0),
         "tolerance": s.tolerance, "stray": s.stray, "asked_to_stop": np.bool_(False),
-        "review": s.review, "t_reviewed": -np.inf,
+        "review": s.review, "t_reviewed": -np.inf, "watch": s.watch,
         "heads": np.int64(eyes.heads), "t_exposed": 0.0,
         "last": np.array([arm.q_ready, still]),
     }  # fmt: skip
@@ -232,6 +233,7 @@ def map_fields(f: DirectMap) -> Fields:
         "window": f.window,
         "alpha": f.alpha,
         "start": f.start,
+        "region": f.region,
         "map_work": f.work,
         "waiting_height": waiting_height(f),
     }

@@ -88,17 +88,36 @@ def sharpness(f: DirectMap, ball: BallState, low: Array, high: Array) -> float:
         Infinite without a catch within ``low`` and ``high``.
     """
     state, q_o = state_of(ball), f.start.copy()
-    return float(_sharpness(f.packed, state, ball.drag, ball.covariance, low, high, q_o, f.work))
+    return float(
+        sigma_at_catch(f.packed, state, ball.drag, ball.covariance, low, high, q_o, f.work)
+    )
 
 
 def state_of(ball: BallState) -> Array:
     """Return what the kernels carry on, shape (10,)."""
-    ddr, drag = np.empty(3), ball.drag
-    acceleration(ball.dr_o, drag, ddr)
-    if ball.led:
-        falls = ball.ddr_o[2] - ddr[2] < 0.5 * GRAVITY
-        ddr, drag = ball.ddr_o, drag if falls else LED
-    return np.array([*ball.r_o, *ball.dr_o, *ddr, drag])
+    state = np.empty(10)
+    lay_state(np.array([ball.r_o, ball.dr_o, ball.ddr_o]), ball.drag, ball.led, state)
+    return state
+
+
+@njit(cache=True)
+def lay_state(motion: Array, drag: float, led: bool, state: Array) -> None:
+    """Write what the kernels carry on.
+
+    Args:
+        motion: r_o, dr_o, ddr_o as estimated, shape (3, 3).
+        drag: Drag coefficient [1/m].
+        led: Whether the ball is led.
+        state: Result, as in the module's table.
+    """
+    ddr = state[6:9]
+    acceleration(motion[1], drag, ddr)
+    falls = motion[2, 2] - ddr[2] < 0.5 * GRAVITY
+    for i in range(3):
+        state[i], state[3 + i] = motion[0, i], motion[1, i]
+        if led:
+            ddr[i] = motion[2, i]
+    state[9] = LED if led and not falls else drag
 
 
 def flown(ball: BallState, after: Array) -> Array:
@@ -199,7 +218,7 @@ def _passes_below(state: Array, reach: float) -> bool:
 
 
 @njit(cache=True)
-def _sharpness(
+def sigma_at_catch(
     packed: Array,
     state: Array,
     drag: float,

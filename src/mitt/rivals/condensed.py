@@ -17,9 +17,10 @@ m = (M + 1) n, K = (M + 1) N + 2 (M - 1) n.
 import numpy as np
 from numba import njit
 
-from mitt.generator.strain import Plant, Work, bound_of
+from mitt.generator.strain import LEAST, Plant, Work, asked_of
 from mitt.rivals.pieces import responses
 from mitt.rivals.quintics import quintic
+from mitt.robot.limits import bound_of
 from mitt.robot.slopes import torque_slopes
 from mitt.signals import Array
 
@@ -130,13 +131,10 @@ def _load(
                 per[a, i * n + j] = slope[0, a, j] * P[k, i] + slope[1, a, j] * D[k, i]
             per[a, k * n + j] += slope[2, a, j]
     for d in range(links):
-        tau, omega, load = 0.0, 0.0, 0.0
-        for a in range(links):
-            tau += p.drives[d, a] * w.tau[a]
-        for j in range(n):
-            omega += p.drives[links + d, p.joints[j]] * motion[1, j]
-        bound = max(bound_of(p.drives, d, tau, omega)[0], _LEAST * p.drives[2 * links, d])
-        row = 4 * n + k * links + d
+        tau, omega = asked_of(p, d, w.tau, motion[1])
+        bound, _ = bound_of(p.drives, d, tau, omega, LEAST)
+        bound = max(bound, _LEAST * p.drives[2 * links, d])
+        row, load = 4 * n + k * links + d, 0.0
         for a in range(links):
             scale = p.drives[d, a] / bound
             load += scale * none[a]

@@ -5,7 +5,7 @@ both ways together byte for byte. Where one of the three needs Python (faults, l
 heads, generators that are no map) the trial takes the way through them.
 """
 
-from typing import final
+from typing import TypeAlias, final
 
 import numpy as np
 from numba import njit
@@ -16,27 +16,65 @@ from mitt.errors import InputError
 from mitt.link.clock import Stopwatch, now_ns
 from mitt.records import BRAKE, STOPPED, Record
 from mitt.signals import Array, Image
-from mitt.tick import tick
-from mitt.world.exposure import Bank, Cameras, snap
-from mitt.world.imaging import BLOCK
-from mitt.world.motion import TICK, TICKS, move, over
+from mitt.tick import tick, undecided
+from mitt.vision.belief import absorb
+from mitt.world.exposure import snap
+from mitt.world.imaging import BLOCK, Film
+from mitt.world.motion import TICK, TICKS, Plant, move, over
 from mitt.world.silhouettes import lay_capsules
-from mitt.world.stage import Body, Plant, Stage
+from mitt.world.stage import Body, Stage
 
 #: Ticks that a log holds: more than any trial has.
 _MOST = 4096
+
+Points: TypeAlias = tuple[Array, Array, Array]
+"""How far off the points of a block are, shape (BLOCK, 3), or (0, 3) where there are images; their
+covariance, shape (3, 3); those that are on their way, shape (latency + 1, 3); all [m]."""
+
+Sight: TypeAlias = tuple[Body, Film, NDArray[np.uint8], Points]
+"""Arm and hand, cameras, images that are on their way, shape (latency + 1, 2, height, width);
+points."""
+
+#: Cameras where there are none, and what arrives from them.
+_DARK: Film = (
+    (
+        np.zeros((0, 1)), np.zeros((0, 4)), np.zeros((0, 2, 5, 3)), np.zeros((0, 2)),
+        np.zeros((1, 8)), np.zeros(3), np.zeros(0),
+    ),
+    (np.zeros((0, 0), np.uint8), np.zeros(0, np.uint8), np.zeros(0)),
+    np.zeros((BLOCK, 0, 2), np.int64),
+)  # fmt: skip
+_NOTHING = np.empty((0, 0), np.uint8), np.empty((0, 0), np.uint8)
+
+
+@njit(cache=True)
+def expose(k: int, sight: Sight, half: float, radius: float, r_o: Array, dr_o: Array) -> None:
+    """Take the images of a tick, or its point.
+
+    Args:
+        k: The tick.
+        sight: Of its film or its points one is overwritten.
+        half: Half the exposure [s].
+        radius: Radius of the ball [m].
+        r_o: Centre of the ball [m], shape (3,).
+        dr_o: Its velocity [m/s], shape (3,).
+    """
+    body, (camera, bank, starts), film, (scatter, _, line) = sight
+    if len(scatter) > 0:
+        for i in range(3):
+            line[k % len(line), i] = r_o[i] + scatter[k % BLOCK, i]
+        return
+    new = film[k % len(film)]
+    lay_capsules(body[0], body[1], body[2], body[3], body[4])
+    snap((new[0], new[1]), camera, bank, starts[k % BLOCK], half, radius, r_o, dr_o, body[4])
 
 
 @njit(cache=True)
 def play(
     plant: Plant,
     rows: Array,
-    body: Body,
-    camera: Cameras,
-    bank: Bank,
-    starts: NDArray[np.int64],
+    sight: Sight,
     scalars: tuple[float, float, float, float],
-    film: NDArray[np.uint8],
     nothing: tuple[Image, Image],
     catcher: tuple[Array, Record, Record],
     log: Record,
@@ -48,13 +86,9 @@ def play(
     Args:
         plant: As of ``Stage``.
         rows: The trace.
-        body: As of ``Stage``.
-        camera: As of :func:`mitt.world.exposure.snap`.
-        bank: As of :func:`mitt.world.exposure.snap`.
-        starts: Offsets of a block of frames into the banks, shape (BLOCK, 2, 2).
+        sight: As above.
         scalars: Half the exposure [s], radius of the ball [m], and two of
             :func:`mitt.world.motion.over`.
-        film: Images that are on their way, shape (latency + 1, 2, height, width).
         nothing: Images where none has arrived yet.
         catcher: As of ``Catcher.parts``.
         log: Result of each tick, at its number.
@@ -64,29 +98,37 @@ def play(
     Returns:
         What is to be thought about: bits of :mod:`mitt.tick`.
     """
-    views, kinds, touching, p = plant
+    views, p = plant[0], plant[3]
+    film, (scatter, covariance, line) = sight[2], sight[3]
     brake, state, result = catcher
     s, out = state[0], result[0]
     qpos, qvel, n, ball = views[4], views[5], len(views[12]), len(views[6])
-    latency, clock = len(film) - 1, times[len(times) - 2 :]
+    latency, clock = len(line) - 1, times[len(times) - 2 :]
     for _ in range(count):
-        k, images, exposed = int(p[TICKS]), nothing, 0.0
+        k, images, exposed, pointed = int(p[TICKS]), nothing, 0.0, False
         if s["phase"] != BRAKE and s["phase"] != STOPPED:
-            new, old = film[k % len(film)], film[(k - latency) % len(film)]
-            lay_capsules(body[0], body[1], body[2], body[3], body[4])
-            snap(
-                (new[0], new[1]), camera, bank, starts[k % BLOCK], scalars[0], scalars[1],
-                qpos[ball : ball + 3], qvel[ball : ball + 3], body[4],
+            expose(
+                k, sight, scalars[0], scalars[1], qpos[ball : ball + 3], qvel[ball : ball + 3]
             )  # fmt: skip
-            if k >= latency:
+            pointed = len(scatter) > 0 and k >= latency
+            if len(scatter) == 0 and k >= latency:
+                old = film[(k - latency) % len(film)]
                 images, exposed = (old[0], old[1]), (k - latency) * TICK
         before = now_ns(clock)
+        if pointed:
+            seen = line[(k - latency) % len(line)]
+            absorb(
+                s["ball_memory"], (k - latency) * TICK, seen, covariance, s["ball_settings"],
+                s["ball_work"],
+            )  # fmt: skip
         todo = tick(
             images, (True, True), exposed, k * TICK, qpos[:n], qvel[:n], brake, state, result
         )
         times[k] = now_ns(clock) - before
-        move(views, kinds, touching, p, out["told"][3], out["hand"], rows)
+        move(plant, out["told"][3], out["hand"], rows)
         log[k] = result[0]
+        if undecided(todo, state, result):
+            todo = 0
         if todo != 0 or over(p, scalars[2], scalars[3]):
             return int(todo)
     return 0
@@ -111,7 +153,6 @@ class Player:
         self.stopwatch, self._rules = stopwatch, (longest, held)
         self._times = np.zeros(_MOST + 2, dtype=np.int64)
         self._log: Record | None = None
-        self._nothing = np.empty((0, 0), np.uint8), np.empty((0, 0), np.uint8)
 
     def run(self, stage: Stage, catcher: Catcher) -> Record:
         """Play a trial from its first tick to its end and return the results of all ticks.
@@ -119,19 +160,26 @@ class Player:
         They are overwritten by the next trial.
         """
         imager, p = stage.imager, stage.plant[3]
-        film = np.empty((stage.scene.sensing.latency + 1, 2, *imager.shape), np.uint8)
-        scalars = imager.exposure, stage.scene.ball.radius, *self._rules
+        latency = stage.scene.sensing.latency
+        shape = (0, 0) if imager is None else imager.shape
+        film = np.empty((latency + 1, 2, *shape), np.uint8)
+        line, covariance = np.zeros((latency + 1, 3)), stage.sensors.covariance
+        scatter, cameras = np.zeros((0, 3)), _DARK
+        scalars = 0.0 if imager is None else imager.half, stage.scene.ball.radius, *self._rules
         rows, log = stage.tape.reserve(_MOST + 1), self._log_for(catcher.result)
         while (parts := catcher.parts) is not None and not over(p, *self._rules):
             k = int(p[TICKS])
-            left = BLOCK - k % BLOCK
+            if imager is not None:
+                cameras = imager.film
+            elif k % BLOCK == 0 and catcher.looking:
+                scatter = stage.sensors.scatter(BLOCK)
+            sight = stage.body, cameras, film, (scatter, covariance, line)
             todo = play(
-                stage.plant, rows, stage.body, *imager.film, scalars, film, self._nothing, parts,
-                log, self._times, left,
+                stage.plant, rows, sight, scalars, _NOTHING, parts, log, self._times,
+                BLOCK - k % BLOCK,
             )  # fmt: skip
-            made = int(p[TICKS]) - k
-            if catcher.looking:
-                imager.expose(made)
+            if imager is not None and catcher.looking:
+                imager.expose(int(p[TICKS]) - k)
             catcher.ticked(todo, float(log["t"][k]))
             catcher.think()
         ticks = int(p[TICKS])

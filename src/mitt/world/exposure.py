@@ -78,7 +78,7 @@ def expose(
         ground: Noise of the ground, modulo 256, shape (b,).
         normal: Standard normal numbers, shape (c,).
         starts: Offsets of each camera into both banks, shape (n, 2).
-        work: Scratch, zero at entry, shape (2 widest + 1 + 4 INSTANTS + 17,).
+        work: Scratch, zero at entry, shape (2 widest + 1 + 6 INSTANTS + 17,).
     """
     local, seen, paint, scratch = work[-7:], work[-14:-7], work[-17:-14], work[:-17]
     paint[1], paint[2] = light[0], light[1]

@@ -116,7 +116,7 @@ class Imager:
             read_noise=sensor.read_noise,
             electrons=sensor.electrons,
         )
-        work = np.zeros(2 * max(c.width for c in rig.cameras) + 1 + 4 * INSTANTS + 17)
+        work = np.zeros(2 * max(c.width for c in rig.cameras) + 1 + 6 * INSTANTS + 17)
         self._rng = rng
         self._number = 0
         self._starts = self._draw_starts()
@@ -141,7 +141,7 @@ class Imager:
         return self._shapes[0]
 
     @property
-    def exposure(self) -> float:
+    def half(self) -> float:
         """Half the time that the shutter is open [s]."""
         return self._half
 

@@ -1,6 +1,7 @@
 """A tick of the plant: motors, MuJoCo's steps, contacts, the trace; one compiled call.
 
-The state beside MuJoCo's own lies in one vector:
+A plant is what :func:`mitt.world.engine.views_of` shows, the kind of each geom, scratch for which
+of them touch the ball, and the state beside MuJoCo's own, in one vector:
 
 | place      | meaning                                                              | unit   |
 |------------|----------------------------------------------------------------------|--------|
@@ -16,6 +17,8 @@ The state beside MuJoCo's own lies in one vector:
 | NUMBERS    | of the plant, as in :mod:`mitt.world.stepping`                       |        |
 """
 
+from typing import TypeAlias
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -26,6 +29,8 @@ from mitt.world.contacts import BALL_ANY, BALL_FLOOR, BALL_HAND, survey
 from mitt.world.engine import Views, step1, step2
 from mitt.world.stepping import BROKEN as INSANE
 from mitt.world.stepping import FINE, finish, prepare, tip_velocity
+
+Plant: TypeAlias = tuple[Views, NDArray[np.int32], NDArray[np.bool_], Array]
 
 #: Control tick [s].
 TICK = 0.001
@@ -39,48 +44,39 @@ FIRST, FLIGHT, SURVEY, NUMBERS = 7, 19, 25, 32
 
 def fresh_motion(numbers: Array) -> Array:
     """Return the vector of the module's table at release."""
-    plant = np.zeros(NUMBERS + len(numbers))
-    plant[STEPS], plant[TOUCHED], plant[NUMBERS:] = 1.0, -1.0, numbers
-    return plant
+    state = np.zeros(NUMBERS + len(numbers))
+    state[STEPS], state[TOUCHED], state[NUMBERS:] = 1.0, -1.0, numbers
+    return state
 
 
 @njit(cache=True)
-def begin(plant: Array) -> None:
+def begin(state: Array) -> None:
     """Forget the contacts of the tick before."""
-    plant[FORCE], plant[SEEN] = 0.0, 0.0
+    state[FORCE], state[SEEN] = 0.0, 0.0
 
 
 @njit(cache=True)
-def leave(
-    views: Views,
-    kinds: NDArray[np.int32],
-    touching: NDArray[np.bool_],
-    plant: Array,
-    tau: Array,
-    hand: float,
-) -> None:
+def leave(plant: Plant, tau: Array, hand: float) -> None:
     """Make a step up to the new positions and velocities.
 
     Args:
-        views: As of :func:`mitt.world.engine.views_of`.
-        kinds: Kind of each geom, shape (g,).
-        touching: Result, whether a geom touches the ball, shape (g,).
-        plant: As in the module's table.
+        plant: As in the module's text.
         tau: Commanded torques of the arm [N m], shape (n,).
         hand: Commanded closing angle [rad].
     """
+    views, kinds, touching, state = plant
     address, qpos, qvel, ctrl, passive = views[0], views[4], views[5], views[6], views[7]
-    flight, alone = plant[FLIGHT : FLIGHT + 6].reshape(2, 3), views[1][0] == 0
-    h = TICK / plant[STEPS]
-    if not prepare(qpos, qvel, ctrl, passive, tau, hand, plant[NUMBERS:], h, alone, flight):
-        plant[BROKEN] = 1.0
+    flight, alone = state[FLIGHT : FLIGHT + 6].reshape(2, 3), views[1][0] == 0
+    h = TICK / state[STEPS]
+    if not prepare(qpos, qvel, ctrl, passive, tau, hand, state[NUMBERS:], h, alone, flight):
+        state[BROKEN] = 1.0
     step2(address[0], address[1])
     if alone:
         return
-    largest = plant[SURVEY : SURVEY + 7]
-    largest[0] = plant[FORCE]
+    largest = state[SURVEY : SURVEY + 7]
+    largest[0] = state[FORCE]
     touched = survey(views, kinds, touching, True, largest)
-    plant[FORCE], plant[SEEN] = largest[0], int(plant[SEEN]) | touched
+    state[FORCE], state[SEEN] = largest[0], int(state[SEEN]) | touched
     if not touched & BALL_ANY:
         ball = ctrl.shape[0]
         for i in range(3):
@@ -88,50 +84,43 @@ def leave(
 
 
 @njit(cache=True)
-def arrive(
-    views: Views,
-    kinds: NDArray[np.int32],
-    touching: NDArray[np.bool_],
-    plant: Array,
-    t: float,
-) -> int:
+def arrive(plant: Plant, t: float) -> int:
     """Find what follows from the new state, at ``t`` [s], and note the first contact.
-
-    See :func:`leave` for the rest.
 
     Returns:
         Bits of what touches what, as long as the hand has not touched the ball before.
     """
+    views, kinds, touching, state = plant
     address, qpos, qvel, ball = views[0], views[4], views[5], views[6].shape[0]
     step1(address[0], address[1])
-    if views[1][0] == 0 or plant[TOUCHED] >= 0.0:
+    if views[1][0] == 0 or state[TOUCHED] >= 0.0:
         return 0
-    touched = survey(views, kinds, touching, False, plant[SURVEY : SURVEY + 7])
-    plant[SEEN] = int(plant[SEEN]) | touched
+    touched = survey(views, kinds, touching, False, state[SURVEY : SURVEY + 7])
+    state[SEEN] = int(state[SEEN]) | touched
     if touched & BALL_HAND:
-        plant[TOUCHED] = t
+        state[TOUCHED] = t
         for i in range(3):
-            plant[FIRST + i], plant[FIRST + 3 + i] = qpos[ball + i], qvel[ball + i]
-            plant[FIRST + 6 + i] = views[9][i]
-        tip_velocity(views[9], views[10], views[11], views[12], qvel, plant[FIRST + 9 : FIRST + 12])
+            state[FIRST + i], state[FIRST + 3 + i] = qpos[ball + i], qvel[ball + i]
+            state[FIRST + 6 + i] = views[9][i]
+        tip_velocity(views[9], views[10], views[11], views[12], qvel, state[FIRST + 9 : FIRST + 12])
     return int(touched)
 
 
 @njit(cache=True)
-def note(views: Views, plant: Array, tau: Array, rows: Array) -> None:
+def note(plant: Plant, tau: Array, rows: Array) -> None:
     """Write the present state into the trace, judge it, and set the steps of the next tick.
 
     Args:
-        views: As of :func:`mitt.world.engine.views_of`.
-        plant: As in the module's table.
+        plant: As in the module's text.
         tau: Torques in the last tick [N m], shape (n,).
         rows: The trace, one row a tick, in the order of ``Trace``.
     """
-    t = plant[TICKS] * TICK
+    views, state = plant[0], plant[3]
+    t = state[TICKS] * TICK
     judged = finish(
         rows,
-        int(plant[TICKS]),
-        int(plant[SEEN]),
+        int(state[TICKS]),
+        int(state[SEEN]),
         t,
         views[4],
         views[5],
@@ -141,48 +130,41 @@ def note(views: Views, plant: Array, tau: Array, rows: Array) -> None:
         views[10],
         views[11],
         views[12],
-        plant[FORCE : FORCE + 2],
-        -1.0 if plant[TOUCHED] < 0.0 else t - plant[TOUCHED],
+        state[FORCE : FORCE + 2],
+        -1.0 if state[TOUCHED] < 0.0 else t - state[TOUCHED],
     )
     if judged == INSANE:
-        plant[BROKEN] = 1.0
+        state[BROKEN] = 1.0
     steps = FINE_STEPS if judged == FINE else 1
-    if steps != plant[STEPS]:
-        plant[STEPS], views[3][0] = steps, TICK / steps
+    if steps != state[STEPS]:
+        state[STEPS], views[3][0] = steps, TICK / steps
 
 
 @njit(cache=True)
-def move(
-    views: Views,
-    kinds: NDArray[np.int32],
-    touching: NDArray[np.bool_],
-    plant: Array,
-    tau: Array,
-    hand: float,
-    rows: Array,
-) -> None:
+def move(plant: Plant, tau: Array, hand: float, rows: Array) -> None:
     """Let the motors follow a command for one tick; see :func:`leave` and :func:`note`."""
-    start, steps = plant[TICKS] * TICK, int(plant[STEPS])
-    begin(plant)
+    state = plant[3]
+    start, steps = state[TICKS] * TICK, int(state[STEPS])
+    begin(state)
     for step in range(1, steps + 1):
-        leave(views, kinds, touching, plant, tau, hand)
-        arrive(views, kinds, touching, plant, start + step * (TICK / steps))
-    plant[TICKS] += 1.0
-    note(views, plant, tau, rows)
+        leave(plant, tau, hand)
+        arrive(plant, start + step * (TICK / steps))
+    state[TICKS] += 1.0
+    note(plant, tau, rows)
 
 
 @njit(cache=True)
-def over(plant: Array, longest: float, held: float) -> bool:
+def over(state: Array, longest: float, held: float) -> bool:
     """Say whether a trial is at its end.
 
     Args:
-        plant: As in the module's table.
+        state: As in the module's table.
         longest: Time at which a trial without contact ends [s]; or when the ball is on the floor.
         held: How long a trial goes on after the first contact [s].
     """
-    t = plant[TICKS] * TICK
-    if plant[BROKEN] > 0.0:
+    t = state[TICKS] * TICK
+    if state[BROKEN] > 0.0:
         return True
-    if plant[TOUCHED] >= 0.0:
-        return bool(t >= plant[TOUCHED] + held)
-    return bool(t >= longest or int(plant[SEEN]) & BALL_FLOOR)
+    if state[TOUCHED] >= 0.0:
+        return bool(t >= state[TOUCHED] + held)
+    return bool(t >= longest or int(state[SEEN]) & BALL_FLOOR)

@@ -35,7 +35,8 @@ def cover(
         full: Scratch, zero at entry and exit, shape (width + 1,).
         row: Row of the image.
         lens: f_px, cu, cv [px], shape (3,).
-        path: Ball centre in the optical frame [m] and D, a row an instant, shape (>= k, 4).
+        path: Ball centre in the optical frame [m], D, A = D - x^2 and f_px / A, a row an instant,
+            shape (>= k, 6).
         k: Number of instants.
         lines: Lines in the row, a multiple of k.
     """
@@ -44,14 +45,14 @@ def cover(
     first, last, j = width, -1, 0
     for line in range(lines):
         x, y, z, D = path[j, 0], path[j, 1], path[j, 2], path[j, 3]
+        A, scale = path[j, 4], path[j, 5]
         j = j + 1 if j + 1 < k else 0
-        A = D - x * x
         b = start + line * pace
         s = b * y + z
         disc = x * x * s * s + A * (s * s - (b * b + 1.0) * D)
         if disc <= 0.0:
             continue
-        root, scale = sqrt(disc), lens[0] / A
+        root = sqrt(disc)
         left = max((x * s - root) * scale + lens[1], -0.5)
         right = min((x * s + root) * scale + lens[1], width - 0.5)
         if right <= left:
@@ -94,7 +95,8 @@ def _lay_path(lens: Array, ball: Array, path: Array) -> tuple[int, float, float,
         y = ball[1] + share * (ball[4] - ball[1])
         z = ball[2] + share * (ball[5] - ball[2])
         path[j, 0], path[j, 1], path[j, 2] = x, y, z
-        path[j, 3] = x * x + y * y + z * z - R * R
+        D = x * x + y * y + z * z - R * R
+        path[j, 3], path[j, 4], path[j, 5] = D, D - x * x, lens[0] / (D - x * x)
         side, depth = R * sqrt(y * y + z * z - R * R), z * z - R * R
         low = min(low, lens[2] + lens[0] * (y * z - side) / depth)
         high = max(high, lens[2] + lens[0] * (y * z + side) / depth)
@@ -107,14 +109,15 @@ def _paint(
 ) -> None:
     """Mix a ball into pixels it covers in part or whole, with the noise of what they then hold."""
     level, read, shot = light[0], light[1] * light[1], 1.0 / light[2]
-    for u in range(first, last + 1):
+    line, at = np.uint64(row), np.uint64(row * pixels.shape[1])  # unsigned: none counts backwards
+    for u in range(np.uint64(first), np.uint64(last + 1)):
         c = coverage[u]
-        ground = float(pixels[row, u])
+        ground = float(pixels[line, u])
         rest = (1.0 - c) * (1.0 - c)
         mean = (1.0 - c) * ground + c * level
         variance = read * (1.0 - rest) + shot * (mean - rest * ground)
-        value = mean + sqrt(max(variance, 0.0)) * noise[row * pixels.shape[1] + u]
-        pixels[row, u] = np.uint8(min(max(value + 0.5, 0.0), 255.0))
+        value = mean + sqrt(max(variance, 0.0)) * noise[at + u]
+        pixels[line, u] = np.uint8(min(max(value + 0.5, 0.0), 255.0))
         coverage[u] = 0.0
 
 
@@ -131,10 +134,10 @@ def draw_ball(
             [m], shape (7,).
         light: Level of the ball and read noise [grey levels], electrons a level, shape (3,).
         noise: Standard normal numbers, one a pixel of the image at least, shape (n,).
-        work: Scratch, zero at entry and exit but for its tail, shape (2 width + 1 + 4 INSTANTS,).
+        work: Scratch, zero at entry and exit but for its tail, shape (2 width + 1 + 6 INSTANTS,).
     """
     height, width = pixels.shape
-    path = work[2 * width + 1 : 2 * width + 1 + 4 * INSTANTS].reshape(INSTANTS, 4)
+    path = work[2 * width + 1 : 2 * width + 1 + 6 * INSTANTS].reshape(INSTANTS, 6)
     k, low, high, radius = _lay_path(lens, ball, path)
     if k == 0:
         return

@@ -58,8 +58,22 @@ class Sensors:
 
     @property
     def imager(self) -> FrameSource | None:
-        """The cameras; None where the ball is seen as points or encoders count in steps."""
-        return self._cameras if self._step == 0.0 else None
+        """The cameras; None where the ball is seen as points."""
+        return self._cameras
+
+    @property
+    def exact(self) -> bool:
+        """Whether encoders do not count in steps."""
+        return self._step == 0.0
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of a point [m^2], shape (3, 3)."""
+        return self._covariance
+
+    def scatter(self, points: int) -> Array:
+        """Draw how far off the next points are [m], shape (points, 3)."""
+        return self._sensing.point_noise * self._rng.standard_normal((points, 3))
 
     def turn(self, gaze: Array | None, duration: float) -> None:
         """Let the heads of the cameras follow the catcher's gaze for ``duration`` [s]."""
@@ -94,7 +108,7 @@ class Sensors:
 
     def _point(self, t: float, r_o: Array) -> Sighting:
         """Return a noisy position."""
-        seen = r_o + self._sensing.point_noise * self._rng.standard_normal(3)
+        seen = r_o + self.scatter(1)[0]
         return Sighting(t=t, found=True, r_o=seen, covariance=self._covariance)
 
     def _encoders(self, t: float, q: Array, dq: Array) -> tuple[Array, Array]:

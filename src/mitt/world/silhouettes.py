@@ -8,7 +8,7 @@ do not smear: what matters is what they hide and where they are dark or bright b
 | capsules | both ends of the axis in the world, then the radius                | m    | (k, 7) |
 """
 
-from math import hypot, sqrt
+from math import sqrt
 
 import mujoco
 import numpy as np
@@ -102,7 +102,7 @@ def draw_capsule(pixels: Image, lens: Array, seen: Array, level: int, noise: Ima
     if max(u0 + r0, u1 + r1) < 0.0 or min(u0 - r0, u1 - r1) > width - 1.0:
         return
     du, dv = u1 - u0, v1 - v0
-    length = max(hypot(du, dv), 1e-9)
+    length = max(sqrt(du * du + dv * dv), 1e-9)
     across_u, across_v = -dv / length, du / length
     # The straight edges as lines u = at + slope v, between the rows where they meet the discs.
     a_v, b_v = v0 + across_v * r0, v1 + across_v * r1
@@ -127,10 +127,9 @@ def draw_capsule(pixels: Image, lens: Array, seen: Array, level: int, noise: Ima
         first, last = int(max(left + 0.5, 0.0)), int(min(right + 0.5, width - 0.5))
         if not left <= right or last < first:
             continue
-        line = pixels[row, first : last + 1]
-        numbers = noise[row * width + first : row * width + last + 1]
-        for k in range(line.shape[0]):
-            line[k] = np.uint8(level + numbers[k])
+        line, at = np.uint64(row), np.uint64(row * width)  # unsigned: none counts from the end
+        for k in range(np.uint64(first), np.uint64(last + 1)):
+            pixels[line, k] = np.uint8(level + noise[at + k])
 
 
 class Silhouettes:

@@ -32,6 +32,7 @@ from mitt.world.motion import (
     TICK,
     TICKS,
     TOUCHED,
+    Plant,
     arrive,
     begin,
     fresh_motion,
@@ -179,22 +180,23 @@ class World:
         That is where something goes wrong or leads the ball, where cameras turn or are not a
         pair, and where encoders count in steps.
         """
-        sensors = self._sensors
-        if self._troubles is not None or self._path is not None or not isinstance(sensors, Sensors):
+        sensors, turns = self._sensors, self._scene.sensing.cameras == "active"
+        if self._troubles is not None or self._path is not None or turns:
+            return None
+        if not isinstance(sensors, Sensors) or not sensors.exact:
             return None
         imager = sensors.imager
-        if not isinstance(imager, Imager) or not imager.a_pair:
+        if imager is not None and not (isinstance(imager, Imager) and imager.a_pair):
             return None
-        plant = self._views, self._kinds, self._touching, self._state
-        return Stage(plant, self._tape, self._body.table, imager, self._scene)
+        return Stage(self._parts, self._tape, self._body.table, sensors, imager, self._scene)
 
     def apply(self, command: Command) -> None:
         """Let the motors follow a command for one tick; nothing here clips it."""
         if self._troubles is not None:
             command = self._troubles.command(self.t, command)
-        self._tau, hand = np.asarray(command.tau, float), command.hand
+        tau, hand = np.asarray(command.tau, float), command.hand
         rows = self._tape.reserve(self._ticks + 2)
-        self._move(hand, rows)
+        self._move(tau, hand, rows)
         self._sensors.turn(command.gaze, TICK)
 
     def truth(self) -> Truth:
@@ -212,7 +214,7 @@ class World:
             velocity=velocity,
             q=qpos[:n],
             dq=qvel[:n],
-            tau=self._tau.copy(),
+            tau=self._tape.last(self._ticks, column=3),
             fingers=qpos[n:ball],
             touching=names_touching(self.model, self._touching),
             contact_force=self._state.item(FORCE),
@@ -252,50 +254,49 @@ class World:
         self._path = path
         numbers = pack_plant(self._servo, friction, drag, self._scene.ball.mass)
         self._state, self._drag = fresh_motion(numbers), float(numbers[5])
-        self._tau = np.zeros(self._n)
+        self._parts: Plant = self._views, self._kinds, self._touching, self._state
         self.model.opt.timestep = TICK
         mujoco.mj_step1(self.model, self.data)
-        note(self._views, self._state, self._tau, self._tape.rows)
+        note(self._parts, np.zeros(self._n), self._tape.rows)
 
     @property
     def _ticks(self) -> int:
         """Ticks since release."""
         return int(self._state[TICKS])
 
-    def _move(self, hand: float, rows: Array) -> None:
+    def _move(self, tau: Array, hand: float, rows: Array) -> None:
         """Make a tick; a ball that is led goes where its path says."""
-        state, path, steps = self._state, self._path, int(self._state[STEPS])
-        parts = self._views, self._kinds, self._touching, state
+        path, steps, troubles = self._path, int(self._state[STEPS]), self._troubles
         start, h = self._ticks * TICK, TICK / steps
-        troubles = self._troubles
-        if troubles is not None and state[TOUCHED] < 0.0 and troubles.pushes(start, start + TICK):
+        untouched = self._state[TOUCHED] < 0.0
+        if troubles is not None and untouched and troubles.pushes(start, start + TICK):
             if path is not None or steps > 1:
-                self._move_pushed(troubles, hand, rows)
+                self._move_pushed(troubles, tau, hand, rows)
                 return
             self._push(troubles, start, h)
         if path is None:
-            move(*parts, self._tau, hand, rows)
+            move(self._parts, tau, hand, rows)
             return
         way = np.array([path.at(start + step * h) for step in range(1, steps + 1)])
-        if not lead(*parts, self._tau, hand, rows, way):
+        if not lead(self._parts, tau, hand, rows, way):
             self._path = None  # a ball that was led flies freely from its first touch on
 
-    def _move_pushed(self, troubles: Troubles, hand: float, rows: Array) -> None:
+    def _move_pushed(self, troubles: Troubles, tau: Array, hand: float, rows: Array) -> None:
         """Make a tick in which the flight is disturbed, step by step."""
-        state, parts = self._state, (self._views, self._kinds, self._touching, self._state)
+        state = self._state
         start, steps = self._ticks * TICK, int(state[STEPS])
         h = TICK / steps
         begin(state)
         for step in range(1, steps + 1):
             if state[TOUCHED] < 0.0:
                 self._push(troubles, start + (step - 1) * h, h)
-            leave(*parts, self._tau, hand)
+            leave(self._parts, tau, hand)
             if self._path is not None:
                 self._ball[0][:], self._ball[1][:] = self._path.at(start + step * h)
-            if arrive(*parts, start + step * h) & BALL_ANY:
+            if arrive(self._parts, start + step * h) & BALL_ANY:
                 self._path = None
         state[TICKS] += 1.0
-        note(self._views, state, self._tau, rows)
+        note(self._parts, tau, rows)
 
     def _push(self, troubles: Troubles, t: float, h: float) -> None:
         """Let the flight be disturbed for a step; a ball that was led flies freely from then on."""

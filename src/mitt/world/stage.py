@@ -3,16 +3,13 @@
 from dataclasses import dataclass
 from typing import TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
 from mitt.signals import Array
-from mitt.world.engine import Views
 from mitt.world.imaging import Imager
+from mitt.world.motion import Plant
 from mitt.world.scene import Scene
+from mitt.world.sensors import Sensors
 from mitt.world.truth import Tape
 
-Plant: TypeAlias = tuple[Views, NDArray[np.int32], NDArray[np.bool_], Array]
 Body: TypeAlias = tuple[Array, Array, Array, Array, Array]
 
 
@@ -21,16 +18,18 @@ class Stage:
     """What a trial plays on.
 
     Attributes:
-        plant: Views, kinds of the geoms, which touch, and state: see
-            :func:`mitt.world.motion.move`.
+        plant: As in the text of :mod:`mitt.world.motion`.
         tape: The trace, whose row of a tick has its number.
         body: As of :func:`mitt.world.silhouettes.lay_capsules`.
-        imager: The cameras, two that see images of one size and do not turn.
+        sensors: What the catcher is told; its encoders are exact.
+        imager: The cameras, two that see images of one size and do not turn; None where the ball
+            is seen as points.
         scene: Settings.
     """
 
     plant: Plant
     tape: Tape
     body: Body
-    imager: Imager
+    sensors: Sensors
+    imager: Imager | None
     scene: Scene

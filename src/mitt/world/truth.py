@@ -140,3 +140,7 @@ class Tape:
     def columns(self, ticks: int) -> list[Array]:
         """Return copies of all columns of the first rows."""
         return np.split(self.rows[:ticks].copy(), self._splits[:-1], axis=1)
+
+    def last(self, tick: int, *, column: int) -> Array:
+        """Return a copy of one column of the row of a tick."""
+        return np.split(self.rows[tick], self._splits[:-1])[column].copy()
