@@ -20,7 +20,7 @@ from mitt.tick import tick, undecided
 from mitt.vision.belief import absorb
 from mitt.world.exposure import snap
 from mitt.world.imaging import BLOCK, Film
-from mitt.world.motion import TICK, TICKS, Plant, move, over
+from mitt.world.motion import STATE, TICK, TICKS, Plant, move, over
 from mitt.world.silhouettes import lay_capsules
 from mitt.world.stage import Body, Stage
 
@@ -45,28 +45,6 @@ _DARK: Film = (
     np.zeros((BLOCK, 0, 2), np.int64),
 )  # fmt: skip
 _NOTHING = np.empty((0, 0), np.uint8), np.empty((0, 0), np.uint8)
-
-
-@njit(cache=True)
-def expose(k: int, sight: Sight, half: float, radius: float, r_o: Array, dr_o: Array) -> None:
-    """Take the images of a tick, or its point.
-
-    Args:
-        k: The tick.
-        sight: Of its film or its points one is overwritten.
-        half: Half the exposure [s].
-        radius: Radius of the ball [m].
-        r_o: Centre of the ball [m], shape (3,).
-        dr_o: Its velocity [m/s], shape (3,).
-    """
-    body, (camera, bank, starts), film, (scatter, _, line) = sight
-    if len(scatter) > 0:
-        for i in range(3):
-            line[k % len(line), i] = r_o[i] + scatter[k % BLOCK, i]
-        return
-    new = film[k % len(film)]
-    lay_capsules(body[0], body[1], body[2], body[3], body[4])
-    snap((new[0], new[1]), camera, bank, starts[k % BLOCK], half, radius, r_o, dr_o, body[4])
 
 
 @njit(cache=True)
@@ -98,22 +76,28 @@ def play(
     Returns:
         What is to be thought about: bits of :mod:`mitt.tick`.
     """
-    views, p = plant[0], plant[3]
-    film, (scatter, covariance, line) = sight[2], sight[3]
+    body, (camera, bank, starts), film, (scatter, covariance, line) = sight
     brake, state, result = catcher
     s, out = state[0], result[0]
-    qpos, qvel, n, ball = views[4], views[5], len(views[12]), len(views[6])
+    p, qpos, qvel, n, ball = plant[STATE], plant[4], plant[5], len(plant[12]), len(plant[6])
+    r_o, dr_o = qpos[ball : ball + 3], qvel[ball : ball + 3]
     latency, clock = len(line) - 1, times[len(times) - 2 :]
     for _ in range(count):
         k, images, exposed, pointed = int(p[TICKS]), nothing, 0.0, False
         if s["phase"] != BRAKE and s["phase"] != STOPPED:
-            expose(
-                k, sight, scalars[0], scalars[1], qpos[ball : ball + 3], qvel[ball : ball + 3]
-            )  # fmt: skip
             pointed = len(scatter) > 0 and k >= latency
-            if len(scatter) == 0 and k >= latency:
-                old = film[(k - latency) % len(film)]
-                images, exposed = (old[0], old[1]), (k - latency) * TICK
+            if len(scatter) > 0:
+                for i in range(3):
+                    line[k % len(line), i] = r_o[i] + scatter[k % BLOCK, i]
+            else:
+                new, old = film[k % len(film)], film[(k - latency) % len(film)]
+                lay_capsules(body[0], body[1], body[2], body[3], body[4])
+                snap(
+                    (new[0], new[1]), camera, bank, starts[k % BLOCK], scalars[0], scalars[1],
+                    r_o, dr_o, body[4],
+                )  # fmt: skip
+                if k >= latency:
+                    images, exposed = (old[0], old[1]), (k - latency) * TICK
         before = now_ns(clock)
         if pointed:
             seen = line[(k - latency) % len(line)]
@@ -159,7 +143,7 @@ class Player:
 
         They are overwritten by the next trial.
         """
-        imager, p = stage.imager, stage.plant[3]
+        imager, p = stage.imager, stage.plant[STATE]
         latency = stage.scene.sensing.latency
         shape = (0, 0) if imager is None else imager.shape
         film = np.empty((latency + 1, 2, *shape), np.uint8)

@@ -4,7 +4,7 @@ from numba import njit
 
 from mitt.signals import Array
 from mitt.world.contacts import BALL_ANY
-from mitt.world.motion import STEPS, TICK, TICKS, Plant, arrive, begin, leave, note
+from mitt.world.motion import STATE, STEPS, TICK, TICKS, Plant, arrive, begin, leave, note
 
 
 @njit(cache=True)
@@ -21,9 +21,8 @@ def lead(plant: Plant, tau: Array, hand: float, rows: Array, way: Array) -> bool
     Returns:
         Whether it is still led; from its first touch on it flies freely.
     """
-    views, state = plant[0], plant[3]
+    qpos, qvel, ball, state = plant[4], plant[5], plant[6].shape[0], plant[STATE]
     start, steps, is_led = state[TICKS] * TICK, int(state[STEPS]), True
-    qpos, qvel, ball = views[4], views[5], views[6].shape[0]
     begin(state)
     for step in range(1, steps + 1):
         leave(plant, tau, hand)

@@ -1,7 +1,8 @@
 """A tick of the plant: motors, MuJoCo's steps, contacts, the trace; one compiled call.
 
-A plant is what :func:`mitt.world.engine.views_of` shows, the kind of each geom, scratch for which
-of them touch the ball, and the state beside MuJoCo's own, in one vector:
+A plant is one flat tuple: what :func:`mitt.world.engine.views_of` shows, the kind of each geom
+(KINDS), scratch for which of them touch the ball (TOUCHING), and the state beside MuJoCo's own
+(STATE), in one vector. Flat: compiled code counts references to all that it takes out of a tuple.
 
 | place      | meaning                                                              | unit   |
 |------------|----------------------------------------------------------------------|--------|
@@ -21,7 +22,6 @@ from typing import TypeAlias
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from mitt.signals import Array
 from mitt.world.build import STEP
@@ -30,7 +30,9 @@ from mitt.world.engine import Views, step1, step2
 from mitt.world.stepping import BROKEN as INSANE
 from mitt.world.stepping import FINE, finish, prepare, tip_velocity
 
-Plant: TypeAlias = tuple[Views, NDArray[np.int32], NDArray[np.bool_], Array]
+Plant: TypeAlias = Views
+
+KINDS, TOUCHING, STATE = 13, 14, 15
 
 #: Control tick [s].
 TICK = 0.001
@@ -64,9 +66,9 @@ def leave(plant: Plant, tau: Array, hand: float) -> None:
         tau: Commanded torques of the arm [N m], shape (n,).
         hand: Commanded closing angle [rad].
     """
-    views, kinds, touching, state = plant
-    address, qpos, qvel, ctrl, passive = views[0], views[4], views[5], views[6], views[7]
-    flight, alone = state[FLIGHT : FLIGHT + 6].reshape(2, 3), views[1][0] == 0
+    address, qpos, qvel, ctrl, passive = plant[0], plant[4], plant[5], plant[6], plant[7]
+    kinds, touching, state = plant[KINDS], plant[TOUCHING], plant[STATE]
+    flight, alone = state[FLIGHT : FLIGHT + 6].reshape(2, 3), plant[1][0] == 0
     h = TICK / state[STEPS]
     if not prepare(qpos, qvel, ctrl, passive, tau, hand, state[NUMBERS:], h, alone, flight):
         state[BROKEN] = 1.0
@@ -75,7 +77,7 @@ def leave(plant: Plant, tau: Array, hand: float) -> None:
         return
     largest = state[SURVEY : SURVEY + 7]
     largest[0] = state[FORCE]
-    touched = survey(views, kinds, touching, True, largest)
+    touched = survey(plant, kinds, touching, True, largest)
     state[FORCE], state[SEEN] = largest[0], int(state[SEEN]) | touched
     if not touched & BALL_ANY:
         ball = ctrl.shape[0]
@@ -90,19 +92,19 @@ def arrive(plant: Plant, t: float) -> int:
     Returns:
         Bits of what touches what, as long as the hand has not touched the ball before.
     """
-    views, kinds, touching, state = plant
-    address, qpos, qvel, ball = views[0], views[4], views[5], views[6].shape[0]
+    address, qpos, qvel, ball = plant[0], plant[4], plant[5], plant[6].shape[0]
+    kinds, touching, state = plant[KINDS], plant[TOUCHING], plant[STATE]
     step1(address[0], address[1])
-    if views[1][0] == 0 or state[TOUCHED] >= 0.0:
+    if plant[1][0] == 0 or state[TOUCHED] >= 0.0:
         return 0
-    touched = survey(views, kinds, touching, False, state[SURVEY : SURVEY + 7])
+    touched = survey(plant, kinds, touching, False, state[SURVEY : SURVEY + 7])
     state[SEEN] = int(state[SEEN]) | touched
     if touched & BALL_HAND:
         state[TOUCHED] = t
         for i in range(3):
             state[FIRST + i], state[FIRST + 3 + i] = qpos[ball + i], qvel[ball + i]
-            state[FIRST + 6 + i] = views[9][i]
-        tip_velocity(views[9], views[10], views[11], views[12], qvel, state[FIRST + 9 : FIRST + 12])
+            state[FIRST + 6 + i] = plant[9][i]
+        tip_velocity(plant[9], plant[10], plant[11], plant[12], qvel, state[FIRST + 9 : FIRST + 12])
     return int(touched)
 
 
@@ -115,21 +117,21 @@ def note(plant: Plant, tau: Array, rows: Array) -> None:
         tau: Torques in the last tick [N m], shape (n,).
         rows: The trace, one row a tick, in the order of ``Trace``.
     """
-    views, state = plant[0], plant[3]
+    state = plant[STATE]
     t = state[TICKS] * TICK
     judged = finish(
         rows,
         int(state[TICKS]),
         int(state[SEEN]),
         t,
-        views[4],
-        views[5],
-        views[8],
+        plant[4],
+        plant[5],
+        plant[8],
         tau,
-        views[9],
-        views[10],
-        views[11],
-        views[12],
+        plant[9],
+        plant[10],
+        plant[11],
+        plant[12],
         state[FORCE : FORCE + 2],
         -1.0 if state[TOUCHED] < 0.0 else t - state[TOUCHED],
     )
@@ -137,13 +139,13 @@ def note(plant: Plant, tau: Array, rows: Array) -> None:
         state[BROKEN] = 1.0
     steps = FINE_STEPS if judged == FINE else 1
     if steps != state[STEPS]:
-        state[STEPS], views[3][0] = steps, TICK / steps
+        state[STEPS], plant[3][0] = steps, TICK / steps
 
 
 @njit(cache=True)
 def move(plant: Plant, tau: Array, hand: float, rows: Array) -> None:
     """Let the motors follow a command for one tick; see :func:`leave` and :func:`note`."""
-    state = plant[3]
+    state = plant[STATE]
     start, steps = state[TICKS] * TICK, int(state[STEPS])
     begin(state)
     for step in range(1, steps + 1):

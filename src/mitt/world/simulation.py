@@ -254,7 +254,7 @@ class World:
         self._path = path
         numbers = pack_plant(self._servo, friction, drag, self._scene.ball.mass)
         self._state, self._drag = fresh_motion(numbers), float(numbers[5])
-        self._parts: Plant = self._views, self._kinds, self._touching, self._state
+        self._parts: Plant = (*self._views, self._kinds, self._touching, self._state)
         self.model.opt.timestep = TICK
         mujoco.mj_step1(self.model, self.data)
         note(self._parts, np.zeros(self._n), self._tape.rows)
