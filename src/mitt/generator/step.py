@@ -83,10 +83,10 @@ def begin(
                 out.A[d * n + j, a * n + j] = c.phi[0, d, a]
     use = (goal.weights[1], goal.weights[2])
     count, cost, over = linearise(p, c, alpha, use, out, b.shares, b.at, b.work)
-    scratch = unfold(f.work, n)
-    count, more = approach(unpack(f.packed), c, alpha, goal.palm, out, b.work, scratch, count)
+    g, scratch = unpack(f.packed), unfold(f.work, n)
+    count, more = approach(g, c, alpha, goal.palm, out, b.work, scratch, count)
     count, close = keep_clear(
-        p, unpack(f.packed), goal.space, goal.weights[4], c, alpha, out, b.work, scratch, count
+        p, g, goal.space, goal.weights[4], c, alpha, out, b.work, scratch, count
     )
     pull = _pull(goal, alpha, out.slope)
     for a in range(m * n):
@@ -134,14 +134,9 @@ def finish(
 def merit(f: Map, p: Plant, goal: Goal, alpha: Array, b: Buffers) -> float:
     """Return cost (22), pull, and the price of limits exceeded, of a motion along the course."""
     cost, over = weigh(p, b.course, alpha, goal.weights[1], b.shares, b.at, b.work)
-    scratch = unfold(f.work, alpha.shape[1])
-    _, more = approach(
-        unpack(f.packed), b.course, alpha, goal.palm, b.programme, b.work, scratch, -1
-    )
-    _, close = keep_clear(
-        p, unpack(f.packed), goal.space, goal.weights[4], b.course, alpha, b.programme, b.work,
-        scratch, -1,
-    )  # fmt: skip
+    g, scratch, c, out = unpack(f.packed), unfold(f.work, alpha.shape[1]), b.course, b.programme
+    _, more = approach(g, c, alpha, goal.palm, out, b.work, scratch, -1)
+    _, close = keep_clear(p, g, goal.space, goal.weights[4], c, alpha, out, b.work, scratch, -1)
     pull = _pull(goal, alpha, b.programme.slope)
     return float(cost + pull + goal.weights[3] * (over + more + close))
 
