@@ -18,6 +18,7 @@ from mitt.options import ArmOptions, CatchOptions
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
+from mitt.robot.shapes import Surroundings
 from mitt.study.lesson import learn
 from mitt.study.registry import check_name, make_generator
 from mitt.study.result import result
@@ -155,7 +156,8 @@ class Finished:
 def make_bench(prepared: Prepared, learned: Learned, *, generator: str) -> Bench:
     """Return the bench of a run, for a generator by name."""
     if prepared.job.adapt == "refine" and generator == "direct":
-        return bench_for(prepared, refining(learned.map))
+        around = Surroundings(floor=prepared.scene.floor)
+        return bench_for(prepared, refining(learned.map, around))
     return bench_for(prepared, make_generator(generator, learned.map))
 
 
