@@ -184,7 +184,7 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         t_brake: Time at which braking began [s].
         watch: Longest time from first sight to the verdict [s].
         review, t_reviewed: How often the choice of the map is reviewed, and when it was last [s].
-        eyes_...: Arrays of :func:`mitt.vision.eyes.look`; z, R: its results.
+        eyes_...: Arrays of :func:`mitt.vision.looking.look`; z, R: its results.
         ball_...: Memory, settings and scratch of :mod:`mitt.vision.belief`.
         closing, grip: As in :mod:`mitt.control.hand`.
         adapt_...: As in :class:`CatcherSettings`.

@@ -26,9 +26,10 @@ from mitt.records import BRAKE, FOLLOW, STOPPED, WATCH, Record
 from mitt.signals import Array, Image
 from mitt.vision import memory as at
 from mitt.vision.belief import absorb, speak
-from mitt.vision.eyes import LET_GO, look
+from mitt.vision.eyes import LET_GO
 from mitt.vision.gaze import lead
 from mitt.vision.head import aim
+from mitt.vision.looking import look
 
 #: What is to be thought about after a tick, as bits of its result: the verdict is open, the ball
 #: has left the arm behind, the fingers are about to have closed, the catcher has stopped, the
