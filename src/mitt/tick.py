@@ -20,8 +20,8 @@ from mitt.control.monitor import believe
 from mitt.control.tracking import largest_gap, track
 from mitt.control.viability import BLOCKED, guard
 from mitt.generator.certificate import REGION_GAP, level
+from mitt.generator.evaluation import reference, time_to_catch
 from mitt.generator.foresight import lay_state, sigma_at_catch
-from mitt.generator.mapping import reference, time_to_catch
 from mitt.records import BRAKE, FOLLOW, STOPPED, WATCH, Record
 from mitt.signals import Array, Image
 from mitt.vision import memory as at

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mitt.generator.design import MapDesign
-from mitt.generator.mapping import DirectMap, unlearned, virtual
+from mitt.generator.evaluation import virtual
+from mitt.generator.mapping import DirectMap, unlearned
 from mitt.generator.packing import pack, unfold, unpack, workspace
 from mitt.generator.tangent import Scratch, lift, scratch_of
 from mitt.robot.load import load_arm

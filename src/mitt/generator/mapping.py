@@ -15,14 +15,14 @@ from functools import cached_property
 from typing import final
 
 import numpy as np
-from numba import njit
 
 from mitt.errors import ModelError, ShapeError
 from mitt.generator.constraints import initial_gap, project
 from mitt.generator.design import MapDesign, tangent_of
-from mitt.generator.packing import jet_rows, pack, unfold, unpack, workspace
-from mitt.generator.polynomial import CatchBasis, jets
-from mitt.generator.tangent import Scratch, Tangent, expand, lift, scratch_of
+from mitt.generator.evaluation import reference, references, time_to_catch, virtual
+from mitt.generator.packing import pack, workspace
+from mitt.generator.polynomial import CatchBasis
+from mitt.generator.tangent import Scratch, Tangent, expand, scratch_of
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState, JointReference, MapStatus
 
@@ -127,7 +127,7 @@ class DirectMap:
         """
         rows, out = np.zeros((6, self.arm.n)), np.empty((len(path), 3, self.arm.n))
         of = self.packed, self.basis.powers, self.window, self.alpha
-        _references(*of, path, self.start, rows, out, self.work)
+        references(*of, path, self.start, rows, out, self.work)
         return out
 
     def to_joints(self, r_o: Array) -> tuple[MapStatus, Array]:
@@ -207,91 +207,6 @@ class DirectMap:
         phi = self.basis.jets(*rows[:, free])
         alpha = project(self.alpha, self.H_inverse, phi[:2], initial_gap(q, dq, rows))
         return self.with_alpha(alpha)
-
-
-@njit(cache=True)
-def virtual(packed: Array, ball: Array, rows: Array, work: Array) -> bool:
-    """Write q_o, dq_o, ddq_o (3, n) for r_o, dr_o, ddr_o (3, 3); False outside the domain."""
-    g = unpack(packed)
-    return bool(lift(g, ball, rows, unfold(work, rows.shape[1])))
-
-
-@njit(cache=True)
-def reference(
-    packed: Array, powers: Array, window: Array, alpha: Array, ball: Array, rows: Array, work: Array
-) -> bool:
-    """Write q_d, dq_d, ddq_d, q_o, dq_o, ddq_o (6, n) for r_o, dr_o, ddr_o (3, 3).
-
-    Args:
-        packed: The tangent map.
-        powers: Exponents of the monomials, shape (m, 3).
-        window: Centre and scale of the polynomial's variables, shape (2, 3).
-        alpha: Coefficients, shape (m, n).
-        ball: r_o, dr_o, ddr_o, shape (3, 3).
-        rows: Result; row 3 is where a Newton inverse starts. Outside the domain: at rest.
-        work: Workspace for so many joints and monomials.
-    """
-    g = unpack(packed)
-    if not lift(g, ball, rows[3:], unfold(work, rows.shape[1])):
-        rows[:] = 0.0
-        rows[0], rows[3] = g.q_rest, g.q_rest
-        return False
-    m, n = alpha.shape
-    motion, phi = jet_rows(work, n, m)
-    for a in range(3):
-        for d in range(3):
-            motion[d, a] = rows[3 + d, g.free[a]]
-    jets(powers, window[0], window[1], motion[0], motion[1], motion[2], phi)
-    for k in range(n):
-        # Three sums at a time: each waits for its own last addition only.
-        q, dq, ddq = rows[3, k], rows[4, k], rows[5, k]
-        for a in range(m):
-            q += phi[0, a] * alpha[a, k]
-            dq += phi[1, a] * alpha[a, k]
-            ddq += phi[2, a] * alpha[a, k]
-        rows[0, k], rows[1, k], rows[2, k] = q, dq, ddq
-    return True
-
-
-@njit(cache=True)
-def _references(
-    packed: Array,
-    powers: Array,
-    window: Array,
-    alpha: Array,
-    path: Array,
-    start: Array,
-    rows: Array,
-    out: Array,
-    work: Array,
-) -> None:
-    """Write the first three rows of :func:`reference` for each ball of a path."""
-    for k in range(len(path)):
-        rows[3] = start
-        reference(packed, powers, window, alpha, path[k], rows, work)
-        out[k] = rows[:3]
-
-
-@njit(cache=True)
-def root_time(s: float, ds: float, dds: float) -> float:
-    """Return the time to the nearest zero of s + ds t + dds t^2 / 2; infinite without one."""
-    disc = ds * ds - 2.0 * s * dds
-    slow = ds + np.copysign(np.sqrt(max(disc, 0.0)), ds)
-    if slow == 0.0:
-        return np.inf
-    return float(-2.0 * s / slow)
-
-
-@njit(cache=True)
-def time_to_catch(packed: Array, rows: Array) -> float:
-    """Return the time until q_o of the catch joint reaches q_alpha [s]; infinite if it will not.
-
-    Args:
-        packed: The tangent map.
-        rows: As :func:`reference` writes them, shape (6, n).
-    """
-    i = int(packed[1])
-    return float(root_time(rows[3, i] - packed[2], rows[4, i], rows[5, i]))
 
 
 def unlearned(arm: Arm, design: MapDesign) -> DirectMap:

@@ -113,7 +113,7 @@ def lead(
     Args:
         heads: As in :mod:`mitt.vision.head`.
         cameras: As they stood at the exposure.
-        memory: Of the eyes, after :func:`mitt.vision.looking.look`; its last row is that of the rig.
+        memory: Of the eyes, after :func:`mitt.vision.looking.look`; its last row is the rig's.
         gaze: As in the module's table, overwritten, shape (n, GAZE + 4).
         motion: Position [m] and velocity [m/s] of the ball at ``t``, rows 0 and 1.
         tracked: Whether ``motion`` is known.
