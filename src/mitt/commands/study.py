@@ -11,6 +11,7 @@ from mitt.options import StudyOptions
 from mitt.study.registry import available
 from mitt.study.sweep.engine import check_engine, engine_of
 from mitt.study.sweep.folder import Folder
+from mitt.study.sweep.numbers import extent
 from mitt.study.sweep.read import read_study
 from mitt.study.sweep.run import Finished, run_study
 from mitt.study.sweep.study import Study
@@ -27,8 +28,7 @@ def run(options: StudyOptions) -> int:
     folder.check(study, resume=options.resume)
     if options.check:
         total = len(study.conditions) * sum(study.counts.values())
-        what = f"{len(study.generators)} generators, {len(study.conditions)} conditions"
-        return checked(f"{what}, {total} throws, output to {folder.path}")
+        return checked(f"{extent(study, total)}, output to {folder.path}")
     with folder.lock():
         engine = engine_of(options.engine, options.workers)
         folder.claim(study, resume=options.resume, overwrite=options.overwrite)

@@ -6,6 +6,7 @@ import pytest
 from small_study import GENERATORS, TEXT, write_study
 
 from mitt.errors import InputError, MittError, UnknownNameError
+from mitt.study.sweep.numbers import extent
 from mitt.study.sweep.read import merged, read_study, shipped
 from mitt.study.sweep.study import Study
 from mitt.world.faults.plan import Kick
@@ -62,6 +63,14 @@ def test_the_studies_that_ship_are_those_that_are_promised() -> None:
     assert len(evidence.conditions) >= 20
     rivals = [n for name, n in evidence.counts.items() if name != "clairvoyant"]
     assert min(rivals) >= 300
+
+
+def test_a_study_says_how_large_it_is() -> None:
+    smoke = read_study(Path("smoke"), generators=EVERY)
+    assert extent(smoke, 1216) == "9 generators, 3 conditions, 1,216 throws"
+    assert extent(smoke.model_copy(update={"generators": EVERY[:1]}), 1).startswith(
+        "1 generator, 3 conditions"
+    )
 
 
 @pytest.mark.parametrize(

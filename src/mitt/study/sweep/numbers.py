@@ -25,13 +25,19 @@ def sweeps_of(rows: Sequence[Row]) -> dict[str, list[Row]]:
     return {name: found for name, found in out.items() if len({r["value"] for r in found}) > 1}
 
 
+def extent(study: Study, throws: int) -> str:
+    """Return how large a study is: ``9 generators, 1 condition, 2,700 throws``."""
+    counts = {
+        "generator": len(study.generators),
+        "condition": len(study.conditions),
+        "throw": throws,
+    }
+    return ", ".join(f"{n:,} {what}{'s' * (n != 1)}" for what, n in counts.items())
+
+
 def headline(study: Study, rows: Sequence[Row]) -> str:
     """Return what the study is, in one line."""
-    throws = sum(int(row["throws"]) for row in rows)
-    return (
-        f"{study.name}: {len(study.generators)} generators, {len(study.conditions)} conditions, "
-        f"{throws:,} throws"
-    )
+    return f"{study.name}: {extent(study, sum(int(row['throws']) for row in rows))}"
 
 
 def story(study: Study, rows: Sequence[Row]) -> str:
