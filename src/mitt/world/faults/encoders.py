@@ -22,7 +22,7 @@ class Lying(Stage):
     def told(self, senses: Senses) -> Senses:
         """Return the senses with the wrong readings."""
         fault, arm = self._fault, senses.arm
-        if not fault.start <= senses.t < fault.end:
+        if not fault.holds(senses.t):
             self._t, self._read = senses.t, arm.q
             self._stuck = arm.q
             return senses

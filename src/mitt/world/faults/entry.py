@@ -26,3 +26,11 @@ class Entry(Settings):
     def end(self) -> float:
         """When it is over [s]."""
         return float("inf") if self.length is None else self.start + self.length
+
+    def holds(self, t: float) -> bool:
+        """Say whether it is there at a time [s]."""
+        return self.start <= t < self.end
+
+    def rests(self, t: float, until: float) -> bool:
+        """Say whether it is not there from a time until just before another [s]."""
+        return until <= self.start or t >= self.end

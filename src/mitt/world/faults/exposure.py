@@ -31,7 +31,7 @@ class Displaced(Stage):
         else:
             hit = bool(self._rng.random() < fault.chance)
             off = size * direction(self._rng)
-        return np.asarray(r_o + off) if hit and fault.start <= t < fault.end else r_o
+        return np.asarray(r_o + off) if hit and fault.holds(t) else r_o
 
 
 @final
@@ -44,7 +44,7 @@ class Slow(Stage):
 
     def looks(self, t: float) -> bool:
         """Say whether an exposure is due."""
-        if not self._fault.start <= t < self._fault.end:
+        if not self._fault.holds(t):
             return True
         rate = min(self._fault.magnitude, 1.0 / _TICK)
         now = floor(t * rate + self._phase + 1e-9)

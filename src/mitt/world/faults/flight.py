@@ -111,14 +111,14 @@ class Air:
 
     def act(self, t: float, h: float, r: Array, dr: Array) -> bool:
         """Add the difference of the two drags."""
-        if not self.fault.start <= t < self.fault.end:
+        if not self.fault.holds(t):
             return False
         _drag(self.nominal, self.drag, self.wind, h, r, dr)
         return True
 
     def rests(self, t: float, until: float) -> bool:
         """Say whether it is not the time of the fault."""
-        return until <= self.fault.start or t >= self.fault.end
+        return self.fault.rests(t, until)
 
 
 @final
@@ -136,14 +136,14 @@ class Lift:
 
     def act(self, t: float, h: float, r: Array, dr: Array) -> bool:
         """Add the lift."""
-        if not self.fault.start <= t < self.fault.end:
+        if not self.fault.holds(t):
             return False
         _lift(self.fault.magnitude, self.axis, h, r, dr)
         return True
 
     def rests(self, t: float, until: float) -> bool:
         """Say whether it is not the time of the fault."""
-        return until <= self.fault.start or t >= self.fault.end
+        return self.fault.rests(t, until)
 
 
 @final

@@ -53,14 +53,14 @@ class Wire:
         for fault, rng, way, ticks in self._slow:
             lost = rng.random() < fault.lost
             way.append(command)
-            if fault.start <= t < fault.end:
+            if fault.holds(t):
                 command = way[max(len(way) - 1 - ticks, 0)]
                 command = self._last if lost and self._last is not None else command
             if len(way) > ticks:
                 way.popleft()
         self._last = command
         for weak in self._weak:
-            if weak.start <= t < weak.end:
+            if weak.holds(t):
                 command = Order(
                     t=command.t, q=command.q, dq=command.dq, ddq=command.ddq,
                     tau=self._cut(command.tau, weak.magnitude),
