@@ -18,7 +18,7 @@ from mitt.control.hand import pack_grip
 from mitt.control.monitor import Encoders
 from mitt.control.tracking import NOTES, ROWS, Tracked
 from mitt.control.viability import Guard
-from mitt.generator.certificate import waiting_height
+from mitt.generator.certificate import trusted, waiting_height
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Surroundings
@@ -226,14 +226,14 @@ def arm_fields(arm: Arm, around: Surroundings) -> Fields:
 
 
 def map_fields(f: DirectMap) -> Fields:
-    """Return a map as the kernels of :mod:`mitt.generator.mapping` take it."""
+    """Return a map as the kernels of :mod:`mitt.generator.evaluation` take it."""
     return {
         "packed": f.packed,
         "powers": f.basis.powers,
         "window": f.window,
         "alpha": f.alpha,
         "start": f.start,
-        "region": f.region,
+        "trusted": trusted(f),
         "map_work": f.work,
         "waiting_height": waiting_height(f),
     }

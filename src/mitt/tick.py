@@ -19,7 +19,7 @@ from mitt.control.hand import close, has_closed
 from mitt.control.monitor import believe
 from mitt.control.tracking import largest_gap, track
 from mitt.control.viability import BLOCKED, guard
-from mitt.generator.certificate import REGION_GAP, level
+from mitt.generator.certificate import level
 from mitt.generator.evaluation import reference, time_to_catch
 from mitt.generator.foresight import lay_state, sigma_at_catch
 from mitt.records import BRAKE, FOLLOW, STOPPED, WATCH, Record
@@ -291,12 +291,10 @@ def undecided(todo: int, state: Record, result: Record) -> bool:
         return False
     if out["t_ball"] - out["t_first"] >= s["watch"]:
         return False
-    motion, region, q_o = np.empty(10), s["region"].copy(), s["start"].copy()
+    motion, q_o, within = np.empty(10), s["start"].copy(), s["trusted"]
     lay_state(out["ball"], out["drag"], out["led"], motion)
-    region[0] -= REGION_GAP
-    region[1] += REGION_GAP
     sigma = sigma_at_catch(
-        s["packed"], motion, out["drag"], out["covariance"], region[0], region[1], q_o,
+        s["packed"], motion, out["drag"], out["covariance"], within[0], within[1], q_o,
         s["map_work"],
     )  # fmt: skip
     return bool(sigma > s["sigma_ready"])

@@ -19,7 +19,7 @@ from mitt.signals import Array, BallState, MapStatus
 #: Instants at which the demand is reckoned.
 _INSTANTS = 25
 #: How far beyond the region it was learned on a map is trusted [rad].
-REGION_GAP = 0.3
+_REGION_GAP = 0.3
 #: How far ahead the ball's way over the ground is looked at [s], and in what steps.
 _AHEAD, _STRIDE = 1.0, 0.01
 #: How long before its catch the arm begins to follow a ball that is led [s].
@@ -124,10 +124,18 @@ def _judged(
     )
 
 
+def trusted(f: DirectMap) -> Array:
+    """Return the lowest and highest virtual joints at a catch for which a map is trusted [rad].
+
+    Shape (2, n).
+    """
+    region: Array = f.region + np.array([[-_REGION_GAP], [_REGION_GAP]])
+    return region
+
+
 def sharpness(f: DirectMap, ball: BallState) -> float:
     """Return the predicted 1-sigma of the ball at the catch [m]; infinite without a catch."""
-    low, high = f.region
-    return foresight.sharpness(f, ball, low - REGION_GAP, high + REGION_GAP)
+    return foresight.sharpness(f, ball, *trusted(f))
 
 
 def returns(f: DirectMap, ball: BallState) -> bool:
@@ -160,9 +168,9 @@ def _where(f: DirectMap, seen: Foresight) -> str | None:
     """Return why the predicted catch is outside the map's region; None inside."""
     if not np.isfinite(seen.after):
         return "domain"
-    low, high = f.region
+    low, high = trusted(f)
     for k, name in enumerate(f.arm.names):
-        if not low[k] - REGION_GAP <= seen.q_o[k] <= high[k] + REGION_GAP:
+        if not low[k] <= seen.q_o[k] <= high[k]:
             return f"region:{name}"
     return None
 
@@ -187,8 +195,8 @@ def _passes_over(f: DirectMap, ball: BallState) -> bool:
         return False
     point = np.array([path[near[0], 0], path[near[0], 1], nominal[2]])
     inside, rows = f.virtual(np.array([point, np.zeros(3), np.zeros(3)]))
-    low, high = f.region
-    within = (rows[0] >= low - REGION_GAP) & (rows[0] <= high + REGION_GAP)
+    low, high = trusted(f)
+    within = (rows[0] >= low) & (rows[0] <= high)
     return bool(inside and np.all(np.delete(within, f.design.catch_joint)))
 
 

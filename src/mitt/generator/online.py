@@ -26,7 +26,7 @@ import numpy as np
 
 from mitt.generator.approach import palm_of
 from mitt.generator.assurance import KINDS, spread_ahead
-from mitt.generator.certificate import REGION_GAP, Outcome, Tolerance, Verdict
+from mitt.generator.certificate import Outcome, Tolerance, Verdict, trusted
 from mitt.generator.clearance import space_of
 from mitt.generator.course import INSTANTS, course_of
 from mitt.generator.foresight import foresee
@@ -140,7 +140,7 @@ class Online:
         price, nothing = np.full(rows, 0.5 / s.weight), np.zeros(rows)
         self._prices = (price, price, nothing, nothing)
         self._solvers: dict[int, daqp.Model] = {}
-        self._region = f.region + np.array([[-REGION_GAP], [REGION_GAP]])
+        self._region = trusted(f)
         self._sigma = np.zeros((2, n))
         self._state = np.zeros(7)
         self._t_catch, self._share = inf, 1.0

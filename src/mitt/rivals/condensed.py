@@ -17,7 +17,7 @@ m = (M + 1) n, K = (M + 1) N + 2 (M - 1) n.
 import numpy as np
 from numba import njit
 
-from mitt.generator.strain import LEAST, Plant, Work, asked_of
+from mitt.generator.strain import Plant, Work, asked_of
 from mitt.rivals.pieces import responses
 from mitt.rivals.quintics import quintic
 from mitt.robot.limits import bound_of
@@ -132,7 +132,7 @@ def _load(
             per[a, k * n + j] += slope[2, a, j]
     for d in range(links):
         tau, omega = asked_of(p, d, w.tau, motion[1])
-        bound, _ = bound_of(p.drives, d, tau, omega, LEAST)
+        bound, _ = bound_of(p.drives, d, tau, omega, 0.0)
         bound = max(bound, _LEAST * p.drives[2 * links, d])
         row, load = 4 * n + k * links + d, 0.0
         for a in range(links):
