@@ -27,7 +27,9 @@ from mitt.study.stats import wilson
 
 #: The grid: catch joint, q_alpha [rad], inward, kappa.
 ELBOW = tuple(
-    product((2,), (0.3, 0.6, 0.9, 1.2, np.pi / 2), (0.0, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0), (1.0,))
+    product(
+        (2,), (0.3, 0.6, 0.9, 1.2, np.pi / 2), (0.0, 0.3, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0), (1.0,)
+    )
 )
 CROSSING = ((2, np.pi / 2, 0.0, 1.5), (2, np.pi / 2, 0.0, 3.0), (2, np.pi / 2, 0.0, 5.0))
 SHOULDER = tuple(product((1,), (1.0, 1.3), (0.0, 1.0, 3.0), (1.0,)))

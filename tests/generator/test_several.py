@@ -74,6 +74,25 @@ def test_a_ball_too_fast_to_match_is_given_to_the_other_map(several: Several) ->
     assert several.adapt(fast, q, still).chosen == 1
 
 
+def test_a_ball_that_leaves_no_room_for_the_brake_is_given_to_the_other_map(
+    several: Several,
+) -> None:
+    """At 6 m/s the preferred map keeps its limits, but joint 4 would have to stop at full torque.
+
+    The ball meets the other map's hand along the palm's normal, with the joint at less speed.
+    """
+    q, still, ball = several.map.map.arm.q_ready, np.zeros(3), some_ball(2, 6.0)
+    first, other = (f.map for f in several.maps)
+    whole = judge(first, ball, q, tolerance=Tolerance(torque=1.25, speed=1.0))
+    weak = Tolerance(torque=1.25, speed=1.0, strength=0.8)
+    assert whole.share <= several.margin
+    short = judge(first, ball, q, tolerance=weak)
+    assert short.binding_limit == "brake:j4"
+    assert short.share > several.margin
+    assert judge(other, ball, q, tolerance=weak).share <= several.margin
+    assert several.adapt(ball, q, still).chosen == 1
+
+
 def test_the_map_that_is_followed_is_kept_while_it_serves(several: Several) -> None:
     """Adapted again to a ball that both can catch, the choice stays as it was."""
     ball, q = some_ball(2, 5.5), several.map.map.arm.q_ready

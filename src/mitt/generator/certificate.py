@@ -22,6 +22,8 @@ _INSTANTS = 25
 _REGION_GAP = 0.3
 #: How far ahead the ball's way over the ground is looked at [s], and in what steps.
 _AHEAD, _STRIDE = 1.0, 0.01
+#: Time after the catch in which the hand closes and the arm still follows [s].
+_GRASP = 0.012
 #: How long before its catch the arm begins to follow a ball that is led [s].
 _LED_AHEAD = 0.5
 
@@ -49,10 +51,17 @@ class Tolerance:
     short time costs some tracking error, mostly long before the catch, not the ball. Of 24 wide
     throws 7 were refused at 1.25 and 1, and the same arm caught them all. The rivals refuse at the
     same share.
+
+    Attributes:
+        torque: Of a drive's bound.
+        speed: Of a drive's largest speed.
+        strength: Share of its torque with which each joint, after the catch, shall come to rest
+            before the end of its range; None where that is not looked at.
     """
 
     torque: float = 1.6
     speed: float = 1.6
+    strength: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -209,8 +218,17 @@ def _shares(f: DirectMap, motion: Array, tolerance: Tolerance) -> dict[str, floa
         "speed": arm.by_joint(asked.speed).max(axis=0) / tolerance.speed,
         "range": (np.abs(motion[:, 0] - middle) / half).max(axis=0),
     }
+    if tolerance.strength is not None:
+        kinds["brake"] = np.abs(_rest(f, motion[-1], tolerance.strength) - middle) / half
     return {
         f"{kind}:{name}": float(share)
         for kind, values in kinds.items()
         for name, share in zip(arm.names, values, strict=True)
     }
+
+
+def _rest(f: DirectMap, motion: Array, strength: float) -> Array:
+    """Return where each joint, braking alone from q, dq at the catch, comes to rest [rad], (n,)."""
+    rate = strength * f.arm.tau_max / np.diag(f.arm.mass_matrix(motion[0]))
+    way: Array = motion[0] + motion[1] * (_GRASP + 0.5 * np.abs(motion[1]) / rate)
+    return way

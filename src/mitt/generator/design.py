@@ -48,7 +48,11 @@ _CHOSEN = {
 _FURTHER = {
     ("wam", "paper"): (
         (),
-        (MapDesign(q_catch=1.2, inward=1.0), MapDesign(q_catch=0.6, inward=3.0)),
+        (
+            MapDesign(q_catch=1.2, inward=0.3),
+            MapDesign(q_catch=1.2, inward=1.0),
+            MapDesign(q_catch=0.6, inward=3.0),
+        ),
     ),
     ("wam", "wam-80v"): (
         (MapDesign(q_catch=1.2, inward=1.0),),

@@ -1,12 +1,13 @@
 """Several maps at once: the paper's future "modular system", one map chosen for each throw.
 
 The maps come in an order of preference, the gentlest first. A throw is given to the first one
-that catches it with margin, unless one asked before finds it low, or else to the one that asks
-least of its tightest limit. Whenever the generator is adapted anew, as after a bounce, the choice
-is made again, and as soon as the predicted catch leaves the region of the map that is followed, as
-where drag or a gust makes the ball fall short. A ball that comes in low from the first is waited
-for: it may be meant to bounce into the region of a map. Eq. (12) makes the new map start where the
-arm is and as fast as it moves, so that a change of maps is no jump.
+that catches it with margin, and with room for the brake after the catch, unless one asked before
+finds it low, or else to the one that asks least of its tightest limit. Whenever the generator is
+adapted anew, as after a bounce, the choice is made again, and as soon as the predicted catch
+leaves the region of the map that is followed, as where drag or a gust makes the ball fall short. A
+ball that comes in low from the first is waited for: it may be meant to bounce into the region of a
+map. Eq. (12) makes the new map start where the arm is and as fast as it moves, so that a change of
+maps is no jump.
 """
 
 from collections.abc import Sequence
@@ -21,8 +22,9 @@ from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array, BallState, JointReference
 
-#: Share of each limit in units of which maps are compared: one that keeps them is preferred.
-_CHOICE = Tolerance(torque=1.25, speed=1.0)
+#: Share of each limit in units of which maps are compared: one that keeps them is preferred. The
+#: arm may be weaker, or carry more, than it is told: a fifth of its torque is no part of the brake.
+_CHOICE = Tolerance(torque=1.25, speed=1.0, strength=0.8)
 
 
 @final

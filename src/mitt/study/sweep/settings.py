@@ -26,6 +26,7 @@ class ArmSettings(Settings):
     catch_joint: int | None = None
     q_catch: float | None = None
     kappa: float | None = None
+    inward: float | None = None
     order: int | None = None
 
 
