@@ -15,7 +15,7 @@ from mitt.rivals.mpc import MpcPlanner, MpcSettings
 from mitt.rivals.pieces import responses
 from mitt.rivals.planned import QuinticPlan
 from mitt.rivals.pursuit import still, within
-from mitt.rivals.quintics import sampled
+from mitt.rivals.quintics import sample
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState
 
@@ -59,7 +59,8 @@ def test_the_chosen_catch_is_the_cheapest_of_all(
     found = meetings(f.packed, chooser.hand, s.approach, balls, ends, f.work)
     found &= np.all((ends[:, 0] > arm.q_min) & (ends[:, 0] < arm.q_max), axis=1)
     ways = np.empty((len(after), s.instants, 3, arm.n))
-    sampled(motion, ends, after, ways)
+    for k in range(len(after)):
+        sample(motion, ends[k], after[k], ways[k])
     quick = np.abs(ways[:, :, 1] / arm.dq_max).max(axis=(1, 2))
     allowed = np.flatnonzero(found & (quick <= max(s.refused, float(quick[found].min()))))
     priced = {int(k): _price(chooser, ways[k], ends[k]) for k in allowed}
