@@ -74,6 +74,7 @@ class Catcher:
         """Take the arm, the generator and the eyes."""
         self._arm, self._generator, self._eyes, self._settings = arm, generator, eyes, settings
         self._given, self._map = generator, generator.as_map()
+        self._turns = eyes.heads > 0
         self._refines = isinstance(generator, Direct) and generator.online is not None
         fields = catcher_fields(arm, eyes, settings) | arm_fields(arm, settings.around)
         known: Fields = {"several": np.bool_(isinstance(generator, Several))}
@@ -140,10 +141,10 @@ class Catcher:
         self._ticked = True
         t = self._clock.item()
         if self._phase == FOLLOW:
-            self.t_0 = min(self.t_0, t)
+            self.t_0 = t if t < self.t_0 else self.t_0
             if self._refines and self.result["inside"].item():
                 self._todo |= REFINES
-        gaze = self._gaze.copy() if self._eyes.heads else None
+        gaze = self._gaze.copy() if self._turns else None
         return command_of(t, self._told.copy(), self._hand.item(), gaze)
 
     @property

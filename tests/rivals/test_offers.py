@@ -74,6 +74,27 @@ def test_the_chosen_catch_is_the_cheapest_of_all(
     assert best.low == (low[k] > 0.0)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_the_search_ends_with_the_best_about_the_best(
+    chooser: Chooser, ball_of: Callable[[int, float], BallState], seed: int
+) -> None:
+    """As the two elections one after the other, the second half a step about the first's."""
+    s, ball, rest = chooser.settings, ball_of(seed, START), still(chooser.arm.q_ready)
+    after = np.arange(s.soonest, s.horizon, s.stride)
+    first = chooser.best(after, flown(ball, after), rest)
+    assert first is not None
+    near = np.linspace(first.t_c - s.stride / 2, first.t_c + s.stride / 2, 3)
+    near = near[near >= s.soonest]
+    best, found = chooser.best(near, flown(ball, near), rest), chooser.choose(ball, rest)
+    assert best is not None
+    assert found is not None
+    assert found.t_c == ball.t + best.t_c
+    assert found.share == best.share
+    assert found.binding_limit == best.binding_limit
+    assert np.array_equal(found.end, best.end)
+    assert np.array_equal(found.r_c, best.r_c)
+
+
 @given(seed=seeds)
 def test_what_is_too_far_is_out_of_reach(chooser: Chooser, seed: int) -> None:
     """Wherever the catch point is in any pose is not too far; ten metres off is."""
