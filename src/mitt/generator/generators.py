@@ -1,4 +1,4 @@
-"""Generators of desired joint motion behind one call; rivals implement the same three methods."""
+"""Generators of desired joint motion behind one call; rivals implement the same methods."""
 
 from dataclasses import dataclass, field, replace
 from typing import Protocol, Self, final
