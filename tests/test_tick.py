@@ -83,6 +83,10 @@ class Watched:
         """Pass on."""
         return self.inner.verdict(ball, q)
 
+    def unsettled(self, ball: BallState, q: Array) -> bool:
+        """Pass on."""
+        return self.inner.unsettled(ball, q)
+
     def returns(self, ball: BallState) -> bool:
         """Pass on; the ball itself is followed from then on."""
         said = self.inner.returns(ball)

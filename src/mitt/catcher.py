@@ -60,7 +60,6 @@ class Catcher:
     """Lets an arm catch; one object a throw.
 
     Attributes:
-        verdict: Verdict on the throw, once given.
         certificate: What the last online step says of the catch; None where none was made.
         t_0: Time at which the arm began to move [s]; infinite before.
         believed: q, dq of the joints as the encoders' monitor believes them [rad, rad/s],
@@ -75,6 +74,7 @@ class Catcher:
         """Take the arm, the generator and the eyes."""
         self._arm, self._generator, self._eyes, self._settings = arm, generator, eyes, settings
         self._given, self._map = generator, generator.as_map()
+        self._turns = eyes.heads > 0
         self._refines = isinstance(generator, Direct) and generator.online is not None
         fields = catcher_fields(arm, eyes, settings) | arm_fields(arm, settings.around)
         known: Fields = {"several": np.bool_(isinstance(generator, Several))}
@@ -95,7 +95,8 @@ class Catcher:
         self._filter = memory, table, work
         self._brake = np.zeros((1, 3, arm.n))
         self._phase, self._todo, self._ticked = WATCH, 0, False
-        self.verdict: Verdict | None = None
+        self._verdict: Verdict | None = None
+        self._unasked: tuple[BallState, Array] | None = None
         self.certificate: Verdict | None = None
         self.t_0 = np.inf
 
@@ -108,6 +109,14 @@ class Catcher:
     def looking(self) -> bool:
         """Whether the catcher wants images; none once its hand has closed or it has stopped."""
         return self._phase not in (BRAKE, STOPPED)
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """Verdict on the throw, the newest; None before the first."""
+        if self._unasked is not None:
+            ball, q = self._unasked
+            self._verdict, self._unasked = self._generator.verdict(ball, q), None
+        return self._verdict
 
     @property
     def tick(self) -> Tick | None:
@@ -132,10 +141,10 @@ class Catcher:
         self._ticked = True
         t = self._clock.item()
         if self._phase == FOLLOW:
-            self.t_0 = min(self.t_0, t)
+            self.t_0 = t if t < self.t_0 else self.t_0
             if self._refines and self.result["inside"].item():
                 self._todo |= REFINES
-        gaze = self._gaze.copy() if self._eyes.heads else None
+        gaze = self._gaze.copy() if self._turns else None
         return command_of(t, self._told.copy(), self._hand.item(), gaze)
 
     @property
@@ -149,6 +158,11 @@ class Catcher:
         """
         if self._map is None or self._refines:
             return None
+        return self._brake, self._state, self.result
+
+    @property
+    def ending(self) -> tuple[Array, Record, Record]:
+        """What the two halves of a tick take after the senses; for a catcher that does not look."""
         return self._brake, self._state, self.result
 
     def ticked(self, todo: int, since: float) -> None:
@@ -217,7 +231,7 @@ class Catcher:
         self._write({name: value for name, value in fresh.items() if name not in kept})
         self._eyes.reset()
         self.result[:] = fresh_result(self._arm.n, max(self._eyes.heads, 1))
-        self.verdict, self.certificate, self.t_0 = None, None, np.inf
+        self._verdict, self._unasked, self.certificate, self.t_0 = None, None, None, np.inf
         self._generator, self._phase = self._given, WATCH
         if self._map is not None:
             self._write(map_fields(self._map))
@@ -257,7 +271,12 @@ class Catcher:
         due = ball.t - ball.t_first >= self._settings.watch
         if not due and self._generator.sharpness(ball) > self._settings.sigma_ready:
             return
-        self.verdict = verdict = self._generator.verdict(ball, self.believed[0])
+        if self._generator.unsettled(ball, self.believed[0]):
+            # What the verdict says besides is reckoned where somebody asks for it.
+            self._unasked = ball, self.believed[0].copy()
+            return
+        self._verdict, self._unasked = self._generator.verdict(ball, self.believed[0]), None
+        verdict = self._verdict
         hasty = verdict.outcome is Outcome.UNREACHABLE and not due  # a refusal is for good
         if hasty or verdict.outcome is Outcome.UNSETTLED:
             return

@@ -66,8 +66,8 @@ def test_a_library_that_is_missing_is_said_and_left_out(
     source = source_of(taught.map, seed=1, count=1, throws_file=None, flights_file=None, drag=0.04)
     said: list[str] = []
     settings = bench.BenchSettings(throws=1, repeats=20)
-    times = bench.time_rivals(taught.map, source, [], settings, said.append)
-    assert set(times) == {"ruckig", "mpc"}
+    rivals = bench.rivals_of(taught.map, source, [], settings, said.append)
+    assert set(rivals) == {"ruckig", "mpc"}
     assert [line.split()[0] for line in said] == ["mink", "pink", "opencv"]
     assert all("mitt[bench]" in line for line in said)
 

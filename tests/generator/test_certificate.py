@@ -16,6 +16,7 @@ from mitt.generator.certificate import (
     levelled,
     returns,
     sharpness,
+    unsettled,
 )
 from mitt.generator.demand import demand
 from mitt.generator.foresight import flown
@@ -78,6 +79,25 @@ def test_a_ball_that_passes_above_is_unreachable(learned: Learned, above: float)
     ball = thrown(learned.map)
     said = verdict(learned.map, replace(ball, r_o=ball.r_o + np.array([0.0, 0.0, above])))
     assert said.outcome is Outcome.UNREACHABLE
+
+
+@given(
+    q=st.tuples(*(st.floats(-0.4, 0.4) for _ in range(3))),
+    before=st.floats(0.05, 1.2),
+    led=st.booleans(),
+)
+def test_what_is_known_to_be_unsettled_gets_no_other_verdict(
+    learned: Learned, q: tuple[float, float, float], before: float, led: bool
+) -> None:
+    """Wherever the ball comes from; a ball in the air is never called unsettled."""
+    f, dr = learned.map, np.array([-3.0, 0.2, 0.5])
+    r_c = f.arm.position(f.start + np.array(q))
+    ball = replace(ball_state(r_c - before * dr, dr, np.zeros(3)), led=led)
+    said = unsettled(f, ball)
+    assert led or not said
+    if said:
+        verdict = judge(f, ball, f.arm.q_ready, tolerance=Tolerance())
+        assert verdict.outcome is Outcome.UNSETTLED
 
 
 @given(side=st.floats(-3.0, 3.0), before=st.floats(0.2, 1.2))

@@ -15,7 +15,7 @@ from mitt.rivals.mpc import MpcPlanner, MpcSettings
 from mitt.rivals.pieces import responses
 from mitt.rivals.planned import QuinticPlan
 from mitt.rivals.pursuit import still, within
-from mitt.rivals.quintics import sampled
+from mitt.rivals.quintics import sample
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState
 
@@ -59,7 +59,8 @@ def test_the_chosen_catch_is_the_cheapest_of_all(
     found = meetings(f.packed, chooser.hand, s.approach, balls, ends, f.work)
     found &= np.all((ends[:, 0] > arm.q_min) & (ends[:, 0] < arm.q_max), axis=1)
     ways = np.empty((len(after), s.instants, 3, arm.n))
-    sampled(motion, ends, after, ways)
+    for k in range(len(after)):
+        sample(motion, ends[k], after[k], ways[k])
     quick = np.abs(ways[:, :, 1] / arm.dq_max).max(axis=(1, 2))
     allowed = np.flatnonzero(found & (quick <= max(s.refused, float(quick[found].min()))))
     priced = {int(k): _price(chooser, ways[k], ends[k]) for k in allowed}
@@ -71,6 +72,27 @@ def test_the_chosen_catch_is_the_cheapest_of_all(
     assert best.binding_limit == priced[k][1]
     assert best.share == pytest.approx(priced[k][2], rel=ROUNDING)
     assert best.low == (low[k] > 0.0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_search_ends_with_the_best_about_the_best(
+    chooser: Chooser, ball_of: Callable[[int, float], BallState], seed: int
+) -> None:
+    """As the two elections one after the other, the second half a step about the first's."""
+    s, ball, rest = chooser.settings, ball_of(seed, START), still(chooser.arm.q_ready)
+    after = np.arange(s.soonest, s.horizon, s.stride)
+    first = chooser.best(after, flown(ball, after), rest)
+    assert first is not None
+    near = np.linspace(first.t_c - s.stride / 2, first.t_c + s.stride / 2, 3)
+    near = near[near >= s.soonest]
+    best, found = chooser.best(near, flown(ball, near), rest), chooser.choose(ball, rest)
+    assert best is not None
+    assert found is not None
+    assert found.t_c == ball.t + best.t_c
+    assert found.share == best.share
+    assert found.binding_limit == best.binding_limit
+    assert np.array_equal(found.end, best.end)
+    assert np.array_equal(found.r_c, best.r_c)
 
 
 @given(seed=seeds)

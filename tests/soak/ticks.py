@@ -80,6 +80,10 @@ class Wild:
         outcome = (Outcome.FEASIBLE, Outcome.OPEN)[self._rng.integers(2)]
         return replace(Unoptimised(self._map).verdict(ball, q), outcome=outcome)
 
+    def unsettled(self, ball: BallState, q: Array) -> bool:  # noqa: ARG002
+        """Wait for nothing."""
+        return False
+
     def returns(self, ball: BallState) -> bool:  # noqa: ARG002
         """Make up its mind now and then."""
         return bool(self._rng.random() < 0.02)

@@ -25,7 +25,7 @@ _AHEAD, _STRIDE = 1.0, 0.01
 #: Time after the catch in which the hand closes and the arm still follows [s].
 _GRASP = 0.012
 #: How long before its catch the arm begins to follow a ball that is led [s].
-_LED_AHEAD = 0.5
+LED_AHEAD = 0.5
 
 
 class Outcome(Enum):
@@ -99,10 +99,24 @@ def judge(
 
 def tempered(verdict: Verdict, ball: BallState) -> Verdict:
     """Return the verdict; on a ball that is led neither a refusal nor a start long before."""
-    soon = verdict.t_catch - ball.t <= _LED_AHEAD
-    if not ball.led or (soon and verdict.outcome is Outcome.FEASIBLE):
-        return verdict
-    return replace(verdict, outcome=Outcome.UNSETTLED)
+    good = _comes_soon(ball, verdict.t_catch) and verdict.outcome is Outcome.FEASIBLE
+    return replace(verdict, outcome=Outcome.UNSETTLED) if ball.led and not good else verdict
+
+
+def unsettled(f: DirectMap, ball: BallState) -> bool:
+    """Say at little cost where the verdict on a ball is UNSETTLED whatever the arm does.
+
+    The ball is led, and its catch is far ahead or lies outside the map's region.
+    """
+    if not ball.led:
+        return False
+    seen = foresee(f, ball)
+    return not _comes_soon(ball, ball.t + seen.after) or _where(f, seen) is not None
+
+
+def _comes_soon(ball: BallState, t_catch: float) -> bool:
+    """Say whether the catch is so near that a start is not long before it."""
+    return t_catch - ball.t <= LED_AHEAD
 
 
 def _judged(
@@ -110,16 +124,12 @@ def _judged(
 ) -> Verdict:
     """Return the verdict on a ball that goes on by its law of motion; see :func:`judge`."""
     seen = foresee(f, ball)
-    adapted = f.adapt(ball, q, np.zeros(f.arm.n) if dq is None else dq)
     where = _where(f, seen)
-    if where is not None or adapted.status is MapStatus.DOMAIN:
-        return Verdict(
-            outcome=Outcome.OPEN if _may_rise(f, ball, seen) else Outcome.UNREACHABLE,
-            binding_limit=where or "domain",
-            share=np.inf,
-            t_catch=ball.t + seen.after,
-            sigma=np.inf,
-        )
+    if where is not None:
+        return _turned_down(f, ball, seen, where)
+    adapted = f.adapt(ball, q, np.zeros(f.arm.n) if dq is None else dq)
+    if adapted.status is MapStatus.DOMAIN:
+        return _turned_down(f, ball, seen, "domain")
     path = flown(ball, np.linspace(0.0, seen.after, _INSTANTS))
     motion = adapted.motions(path)
     shares = _shares(f, motion, tolerance)
@@ -130,6 +140,17 @@ def _judged(
         share=shares[binding],
         t_catch=ball.t + seen.after,
         sigma=spread(ball, seen.after),
+    )
+
+
+def _turned_down(f: DirectMap, ball: BallState, seen: Foresight, where: str) -> Verdict:
+    """Return the verdict on a ball that does not come through the map's region."""
+    return Verdict(
+        outcome=Outcome.OPEN if _may_rise(f, ball, seen) else Outcome.UNREACHABLE,
+        binding_limit=where,
+        share=np.inf,
+        t_catch=ball.t + seen.after,
+        sigma=np.inf,
     )
 
 

@@ -123,7 +123,7 @@ def lay_state(motion: Array, drag: float, led: bool, state: Array) -> None:
 def flown(ball: BallState, after: Array) -> Array:
     """Return r_o, dr_o, ddr_o some times after the estimate [s], (K,), shape (K, 3, 3)."""
     path = np.empty((len(after), 3, 3))
-    _fly(state_of(ball), after, path)
+    fly(state_of(ball), after, path)
     return path
 
 
@@ -161,8 +161,8 @@ def go_on(ball: Array, drag: float, dt: float) -> None:
 
 
 @njit(cache=True)
-def _fly(state: Array, after: Array, path: Array) -> None:
-    """Write the motion at rising times."""
+def fly(state: Array, after: Array, path: Array) -> None:
+    """Write r_o, dr_o, ddr_o at rising times after a state (10,) [s], (K,), shape (K, 3, 3)."""
     last, ball = 0.0, np.empty((3, 3))
     fly_on(state, 0.0, ball)
     for k in range(len(after)):

@@ -1,4 +1,4 @@
-"""Generators of desired joint motion behind one call; rivals implement the same three methods."""
+"""Generators of desired joint motion behind one call; rivals implement the same methods."""
 
 from dataclasses import dataclass, field, replace
 from typing import Protocol, Self, final
@@ -13,6 +13,7 @@ from mitt.generator.certificate import (
     levelled,
     returns,
     sharpness,
+    unsettled,
 )
 from mitt.generator.mapping import DirectMap
 from mitt.generator.online import Online, Refinement
@@ -32,6 +33,10 @@ class Generator(Protocol):
 
     def verdict(self, ball: BallState, q: Array) -> Verdict:
         """Say before moving whether a ball can be caught from rest in ``q`` [rad], shape (n,)."""
+        ...
+
+    def unsettled(self, ball: BallState, q: Array) -> bool:
+        """Say whether the verdict would be UNSETTLED, at less cost where that is plain to see."""
         ...
 
     def returns(self, ball: BallState) -> bool:
@@ -85,6 +90,10 @@ class Direct:
         for _ in range(_STEPS_BEFORE):
             g = g.refined(ball)
         return g.certificate(ball) or judged
+
+    def unsettled(self, ball: BallState, q: Array) -> bool:  # noqa: ARG002
+        """Look whether the ball is led and its catch far ahead or outside the region."""
+        return unsettled(self.map, ball)
 
     def returns(self, ball: BallState) -> bool:
         """Look whether the predicted catch lies in the region of the map."""
@@ -145,6 +154,10 @@ class Unoptimised:
         """Never refuse; the limits are still reckoned, to be reported."""
         judged = judge(self.map, ball, q, tolerance=Tolerance())
         return replace(judged, outcome=Outcome.FEASIBLE)
+
+    def unsettled(self, ball: BallState, q: Array) -> bool:  # noqa: ARG002
+        """Wait for nothing: every verdict is feasible."""
+        return False
 
     def returns(self, ball: BallState) -> bool:  # noqa: ARG002
         """Follow whatever comes."""

@@ -61,6 +61,10 @@ class Several:
         """Return the verdict of the map that the throw would be given to."""
         return self.maps[self._best(ball, q, np.zeros_like(q))].verdict(ball, q)
 
+    def unsettled(self, ball: BallState, q: Array) -> bool:
+        """Look whether no map's verdict could settle it."""
+        return all(f.unsettled(ball, q) for f in self.maps)
+
     def returns(self, ball: BallState) -> bool:
         """Look whether the predicted catch lies in the region of the map that waits."""
         return self.map.returns(ball)

@@ -104,6 +104,10 @@ class Clairvoyant:
             share=float(shares[k]), t_catch=plan.t_c, sigma=0.0,
         )  # fmt: skip
 
+    def unsettled(self, ball: BallState, q: Array) -> bool:  # noqa: ARG002
+        """Wait for nothing: the flight is known."""
+        return False
+
     def returns(self, ball: BallState) -> bool:  # noqa: ARG002
         """Wait for nothing: no verdict is open."""
         return True

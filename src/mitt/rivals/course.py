@@ -5,7 +5,7 @@ which a quintic from the arm's state costs least by eq. (22) within the limits. 
 brake after the catch takes is part of the range.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 from typing import final
@@ -14,11 +14,12 @@ import numpy as np
 
 from mitt.generator.certificate import Outcome as Feasible
 from mitt.generator.certificate import Verdict
-from mitt.generator.foresight import flown
+from mitt.generator.foresight import state_of
 from mitt.generator.mapping import DirectMap
 from mitt.generator.strain import Plant, Work, plant_of, work_of
-from mitt.rivals.meeting import hand_of, meet_at, meetings
-from mitt.rivals.offers import OFFER, cheapest
+from mitt.rivals.meeting import hand_of, meet_at
+from mitt.rivals.offers import Numbers
+from mitt.rivals.search import Arena, arena_of, elect, search
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState
 
@@ -102,12 +103,25 @@ class Chooser:
         return float(min(self.arm.position(np.array(q))[2] for q in corners))
 
     @cached_property
-    def _scales(self) -> tuple[Plant, Work]:
-        """What candidates are weighed by, and buffers."""
-        return plant_of(self.arm), work_of(self.arm)
+    def _known(
+        self,
+    ) -> tuple[Array, Array, tuple[float, float], Array, Array, Plant, Work, Numbers]:
+        """What :func:`mitt.rivals.search.elect` knows of the arm, and its buffers."""
+        f, arm, s = self.map, self.arm, self.settings
+        return (
+            f.packed, self.hand, s.approach, np.array([arm.q_min, arm.q_max, f.start]), f.work,
+            plant_of(arm), work_of(arm), self._numbers,
+        )  # fmt: skip
 
     @cached_property
-    def _numbers(self) -> tuple[float, ...]:
+    def _steps(self) -> tuple[Array, Arena, float]:
+        """Times of the candidates [s], buffers for them, and their step [s]."""
+        s = self.settings
+        after = np.arange(s.soonest, s.horizon, s.stride)
+        return after, arena_of(len(after), s.instants, self.arm.n), s.stride
+
+    @cached_property
+    def _numbers(self) -> Numbers:
         """Settings of :func:`mitt.rivals.offers.cheapest`."""
         s = self.settings
         return s.refused, s.spare, s.price, s.low, s.follow, self.floor
@@ -125,15 +139,16 @@ class Chooser:
             ball: The ball's estimate.
             motion: The arm's state at the same time.
         """
-        s = self.settings
-        after = np.arange(s.soonest, s.horizon, s.stride)
-        best = self.best(after, flown(ball, after), motion)
-        if best is None:
+        end, at = np.empty((3, self.arm.n)), np.empty((3, 3))
+        after, share, which, low = search(
+            *self._known, *self._steps, state_of(ball), motion, end, at
+        )
+        if after == np.inf:
             return None
-        near = np.linspace(best.t_c - s.stride / 2, best.t_c + s.stride / 2, 3)
-        near = near[near >= s.soonest]
-        best = self.best(near, flown(ball, near), motion) or best
-        return replace(best, t_c=ball.t + best.t_c)
+        return Course(
+            t_c=ball.t + after, end=end, r_c=at[0], binding_limit=self._limits[which],
+            share=share, low=low,
+        )  # fmt: skip
 
     def best(self, after: Array, balls: Array, motion: Array) -> Course | None:
         """Return the best of several catches, its time counted from now; None without one.
@@ -143,21 +158,14 @@ class Chooser:
             balls: r_o, dr_o, ddr_o then, shape (K, 3, 3).
             motion: q, dq, ddq now, shape (3, n).
         """
-        s, f, arm = self.settings, self.map, self.arm
-        ends = np.zeros((len(after), 3, arm.n))
-        ends[0, 0] = f.start
-        found = meetings(f.packed, self.hand, s.approach, balls, ends, f.work)
-        found &= np.all((ends[:, 0] > arm.q_min) & (ends[:, 0] < arm.q_max), axis=1)
-        offers = np.empty((len(after), OFFER))
-        k = cheapest(
-            *self._scales, self.hand[3:], self._numbers, found, after, balls, ends, motion,
-            np.empty((len(after), s.instants, 3, arm.n)), offers,
-        )  # fmt: skip
+        arena = arena_of(len(after), self.settings.instants, self.arm.n)
+        arena.balls[:] = balls
+        k = elect(*self._known, after, arena, motion)
         if k < 0:
             return None
-        _, _, share, which, low = offers[k].tolist()
+        _, _, share, which, low = arena.offers[k].tolist()
         return Course(
-            t_c=float(after[k]), end=ends[k], r_c=balls[k, 0],
+            t_c=float(after[k]), end=arena.ends[k], r_c=balls[k, 0],
             binding_limit=self._limits[int(which)], share=share, low=low > 0.0,
         )  # fmt: skip
 

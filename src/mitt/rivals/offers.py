@@ -10,17 +10,23 @@ The way is a quintic. It costs eq. (22), and more where it asks much of a limit 
 | 4                     | whether the catch is low                                      | 0, 1 |
 """
 
+from typing import TypeAlias
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from mitt.generator.strain import Plant, Work, assess
-from mitt.rivals.quintics import sampled
+from mitt.rivals.quintics import sample
 from mitt.robot.dynamics import inverse_dynamics
 from mitt.signals import Array
 
 #: Columns of the table of offers.
 OFFER = 5
+
+#: ``refused, spare, price, low, follow`` of ``CourseSettings``, and the height below which a catch
+#: is low [m].
+Numbers: TypeAlias = tuple[float, float, float, float, float, float]
 
 
 @njit(cache=True)
@@ -28,7 +34,7 @@ def cheapest(
     p: Plant,
     w: Work,
     inertia: Array,
-    numbers: tuple[float, float, float, float, float, float],
+    numbers: Numbers,
     found: NDArray[np.bool_],
     after: Array,
     balls: Array,
@@ -39,37 +45,40 @@ def cheapest(
 ) -> int:
     """Return the cheapest of several catches; -1 where there is none.
 
-    Ways that are much too fast are left out, as long as there are others.
+    Ways that are much too fast are left out, as long as there are others. The slowest is weighed
+    first, and another no longer than until it is dearer than the cheapest so far.
 
     Args:
         p: The arm.
         w: Buffers.
         inertia: Inertia over the largest torque, joint by joint [s^2/rad], shape (n,).
-        numbers: ``refused, spare, price, low, follow`` of ``CourseSettings``, and the height
-            below which a catch is low [m].
+        numbers: As above.
         found: Which catches there are, shape (K,).
         after: Their times from now [s], shape (K,).
         balls: r_o, dr_o, ddr_o then, shape (K, 3, 3).
         ends: q, dq, ddq then, shape (K, 3, n).
         motion: q, dq, ddq now, shape (3, n).
-        ways: Result: the ways at S even instants, shape (K, S, 3, n).
-        offers: Result: the module's table, shape (K, 5).
+        ways: Result: the ways to those there are at S even instants, shape (K, S, 3, n).
+        offers: Result: the module's table, whole for the cheapest alone, shape (K, 5).
     """
-    refused, spare, price, dear, follow, floor = numbers
-    sampled(motion, ends, after, ways)
-    quickest, best = np.inf, -1
+    slowest = -1
     for k in range(len(after)):
-        offers[k, 1] = _quickness(p, ways[k])
-        if found[k]:
-            quickest = min(quickest, offers[k, 1])
-    for k in range(len(after)):
-        if not (found[k] and offers[k, 1] <= max(refused, quickest)):
+        if not found[k]:
             continue
-        cost, share, which = _weighed(p, w, inertia, follow, ways[k], ends[k])
-        low = balls[k, 0, 2] < floor
-        offers[k, 0] = cost + price * max(share - spare, 0.0) ** 2 + dear * low
-        offers[k, 2], offers[k, 3], offers[k, 4] = share, which, low
-        if best < 0 or offers[k, 0] < offers[best, 0]:
+        sample(motion, ends[k], after[k], ways[k])
+        offers[k, 1] = _quickness(p, ways[k])
+        if slowest < 0 or offers[k, 1] < offers[slowest, 1]:
+            slowest = k
+    if slowest < 0:
+        return -1
+    best, most = slowest, max(numbers[0], offers[slowest, 1])
+    _weigh(p, w, inertia, numbers, np.inf, balls[best], ends[best], ways[best], offers[best])
+    for k in range(len(after)):
+        if k == slowest or not (found[k] and offers[k, 1] <= most):
+            continue
+        dearest = offers[best, 0]
+        _weigh(p, w, inertia, numbers, dearest, balls[k], ends[k], ways[k], offers[k])
+        if offers[k, 0] < dearest or (offers[k, 0] == dearest and k < best):
             best = k
     return best
 
@@ -85,23 +94,44 @@ def _quickness(p: Plant, way: Array) -> float:
 
 
 @njit(cache=True)
-def _weighed(
-    p: Plant, w: Work, inertia: Array, follow: float, way: Array, end: Array
-) -> tuple[float, float, int]:
-    """Return cost of a way, its largest share of a limit, and of which: kind n + joint."""
-    n, links = way.shape[2], len(w.tau)
-    shares, at, cost = np.zeros((3, links)), np.empty((3, links)), 0.0
-    for s in range(len(way)):
-        w.motion[:] = way[s]
-        inverse_dynamics(p.bodies, way[s, 0], way[s, 1], way[s, 2], w.tau, w.notes)
-        cost += assess(p, s, np.inf, shares, at, w)[0]
+def _weigh(
+    p: Plant,
+    w: Work,
+    inertia: Array,
+    numbers: Numbers,
+    dearest: float,
+    ball: Array,
+    end: Array,
+    way: Array,
+    offer: Array,
+) -> None:
+    """Write an offer, shape (5,); its price is infinite as soon as it exceeds ``dearest``."""
+    _, spare, price, dear, follow, floor = numbers
+    n, cost, low = way.shape[2], 0.0, ball[0, 2] < floor
+    shares, at = np.zeros((3, len(w.tau))), np.empty((3, len(w.tau)))
     for j in range(n):
         stop = end[0, j] + follow * end[1, j] + 0.5 * end[1, j] * abs(end[1, j]) * inertia[j]
         x = abs(stop - p.scales[2, j]) / p.scales[3, j]
         shares[2, p.joints[j]] = max(shares[2, p.joints[j]], x)
-    share, which = -1.0, 0
+    offer[0], offer[4] = np.inf, low
+    for s in range(len(way)):
+        w.motion[:] = way[s]
+        inverse_dynamics(p.bodies, way[s, 0], way[s, 1], way[s, 2], w.tau, w.notes)
+        cost += assess(p, s, np.inf, shares, at, w)[0]
+        offer[2], offer[3] = _largest(p, shares)
+        # Each term grows from instant to instant: what is dearer now is dearer in the end.
+        so_far = cost / len(way) + price * max(offer[2] - spare, 0.0) ** 2 + dear * low
+        if so_far > dearest:
+            return
+    offer[0] = so_far
+
+
+@njit(cache=True)
+def _largest(p: Plant, shares: Array) -> tuple[float, int]:
+    """Return the largest share of a joint's limits, shape (3, N), and of which: kind n + joint."""
+    share, which, n = -1.0, 0, len(p.joints)
     for kind in range(3):
         for j in range(n):
             if shares[kind, p.joints[j]] > share:
                 share, which = shares[kind, p.joints[j]], kind * n + j
-    return cost / len(way), share, which
+    return share, which

@@ -103,6 +103,13 @@ class Rival:
             return replace(judged, outcome=Outcome.OPEN)
         return judged
 
+    def unsettled(self, ball: BallState, q: Array) -> bool:
+        """Look whether the ball is led and the best catch far ahead or beyond the limits."""
+        if not ball.led:
+            return False
+        judged = self.chooser.verdict(self._choose(ball, still(q)), sigma=np.inf)
+        return tempered(judged, ball).outcome is Outcome.UNSETTLED
+
     def returns(self, ball: BallState) -> bool:
         """Say whether the ball has come back: an arm that moves as this one does can catch it."""
         f, after = self.chooser.map, _passing(self.chooser.map, ball)

@@ -38,11 +38,10 @@ def quintic(start: Array, end: Array, span: float, t: float, out: Array) -> None
 
 
 @njit(cache=True)
-def sampled(start: Array, ends: Array, spans: Array, out: Array) -> None:
-    """Write quintics from one state to several at S even instants, shape (K, S, 3, n).
+def sample(start: Array, end: Array, span: float, out: Array) -> None:
+    """Write a quintic from one state to another at S even instants, shape (S, 3, n).
 
     The first instant is a little after the start, the last one the end.
     """
-    for k in range(len(spans)):
-        for s in range(out.shape[1]):
-            quintic(start, ends[k], spans[k], spans[k] * (s + 1) / out.shape[1], out[k, s])
+    for s in range(out.shape[0]):
+        quintic(start, end, span, span * (s + 1) / out.shape[0], out[s])

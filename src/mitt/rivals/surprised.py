@@ -39,6 +39,10 @@ class Surprised:
         """Judge the flight as it would have been."""
         return self.before.verdict(ball, q)
 
+    def unsettled(self, ball: BallState, q: Array) -> bool:  # noqa: ARG002
+        """Wait for nothing: both flights are known."""
+        return False
+
     def returns(self, ball: BallState) -> bool:  # noqa: ARG002
         """Wait for nothing: no verdict is open."""
         return True

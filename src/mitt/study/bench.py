@@ -1,7 +1,9 @@
 """All figures of speed in one run, beside other libraries, and the noise of the machine.
 
 A time is ``{"p50", "p99", "p99_9"}``. Everything is timed around the call from Python, as a robot's
-loop would see it; numbers of different runs are compared by their ratios within each.
+loop would see it; numbers of different runs are compared by their ratios within each. A machine has
+fast and slow minutes: the ticks of this package and of others take turns, a throw of each and then
+a share of each other's calls, so that their ratios are those of the same minutes.
 """
 
 import os
@@ -26,7 +28,7 @@ from mitt.signals import Frame
 from mitt.study import bench_rivals as by
 from mitt.study.bench_lesson import Answer, Lesson, problem
 from mitt.study.bench_lesson import solve as solve_lesson
-from mitt.study.bench_tick import time_ticks
+from mitt.study.bench_tick import Rivals, take_turns, timed
 from mitt.study.lesson import learn
 from mitt.study.source import Source, source_of
 from mitt.study.trial import Bench
@@ -83,19 +85,17 @@ def measure(settings: BenchSettings, *, progress: Progress, say: Say) -> Result:
     progress("learning", 1, 1)
     source = source_of(f, seed=SEED, count=settings.throws, throws_file=None, flights_file=None,
                        drag=Scene().ball.drag)  # fmt: skip
-    progress("ticks", 0, 4)
+    progress("ticks", 0, 3)
     seeing, told = (Bench(arm, Direct(f), Scene(), pixels=pixels) for pixels in (True, False))
-    kept = frames_of(seeing, source)
+    rivals = rivals_of(f, source, frames_of(seeing, source), settings, say)
     settle()
     before = noise(settings.repeats)
-    ticks = time_ticks(seeing, source), time_ticks(told, source)
-    progress("ticks", 1, 4)
-    rivals = time_rivals(f, source, kept, settings, say)
-    progress("ticks", 2, 4)
+    ticks, others = take_turns((seeing, told), rivals, source)
+    progress("ticks", 1, 3)
     adapt = time_adapting(f, source, settings.repeats)
-    progress("ticks", 3, 4)
+    progress("ticks", 2, 3)
     throws = throughput(seeing, source)
-    progress("ticks", 4, 4)
+    progress("ticks", 3, 3)
     return {
         "schema": SCHEMA,
         "version": mitt.__version__,
@@ -105,7 +105,7 @@ def measure(settings: BenchSettings, *, progress: Progress, say: Say) -> Result:
         "adapt_us": figures(adapt),
         **learning(arm, settings, progress, say),
         "throws_per_s_core": throws,
-        "rivals_us": rivals,
+        "rivals_us": {name: figures(stopwatch) for name, stopwatch in others.items()},
         "noise_us": worse(before, noise(settings.repeats)),
     }
 
@@ -119,17 +119,6 @@ def figures(stopwatch: Stopwatch, *, per: float = 1.0) -> Time:
 def worse(a: Time, b: Time) -> Time:
     """Return the larger of each."""
     return {name: max(a[name], b[name]) for name in a}
-
-
-def timed(call: Callable[[], object], repeats: int) -> Stopwatch:
-    """Return the times of a call; the first ones, which warm caches up, are left out."""
-    stopwatch = Stopwatch()
-    for _ in range(max(repeats // 10, 1)):
-        call()
-    for _ in range(repeats):
-        with stopwatch:
-            call()
-    return stopwatch
 
 
 def noise(repeats: int) -> Time:
@@ -150,10 +139,10 @@ def frames_of(bench: Bench, source: Source) -> list[tuple[Frame, ...]]:
     return kept
 
 
-def time_rivals(
+def rivals_of(
     f: DirectMap, source: Source, kept: list[tuple[Frame, ...]], settings: BenchSettings, say: Say
-) -> dict[str, Time]:
-    """Return a tick of each rival whose library is installed."""
+) -> Rivals:
+    """Return a tick of each rival whose library is installed, and how often it is to be timed."""
     ball = by.ball_at(thrown(source, 0), _T_0)
     makers: dict[str, Callable[[], by.Tick]] = {
         "ruckig": lambda: by.by_ruckig(f.arm, by.catches(f, ball, np.random.default_rng(SEED))),
@@ -162,16 +151,15 @@ def time_rivals(
         "opencv": lambda: by.by_opencv(kept),
         "mpc": lambda: by.by_mpc(f, ball),
     }
-    times: dict[str, Time] = {}
+    rivals: Rivals = {}
     for name, make in makers.items():
         try:
             tick = make()
         except ImportError as error:
             say(f"{name} is left out: wanted {error.name}, not installed; install mitt[bench]")
             continue
-        repeats = settings.repeats if name != "mpc" else settings.repeats // 10
-        times[name] = figures(timed(tick, repeats))
-    return times
+        rivals[name] = tick, settings.repeats if name != "mpc" else settings.repeats // 10
+    return rivals
 
 
 def thrown(source: Source, index: int) -> Throw:

@@ -1,30 +1,86 @@
 """How long a tick takes, measured around the call from Python, as a robot's loop would see it."""
 
+from collections.abc import Callable
+
 from mitt.link.clock import Stopwatch
 from mitt.study.source import Source
 from mitt.study.trial import Bench
 
+Call = Callable[[], object]
+Rivals = dict[str, tuple[Call, int]]
+"""A tick of each rival, and how often it is to be timed."""
 
-def time_ticks(bench: Bench, source: Source) -> Stopwatch:
-    """Return the times of all ticks in which the ball is watched or followed.
+
+def timed(call: Call, repeats: int) -> Stopwatch:
+    """Return the times of a call; the first ones, which warm caches up, are left out."""
+    stopwatch = Stopwatch()
+    warmed(call, repeats)
+    time_calls(call, repeats, stopwatch)
+    return stopwatch
+
+
+def warmed(call: Call, repeats: int) -> None:
+    """Make the calls that warm caches up before so many others."""
+    for _ in range(max(repeats // 10, 1)):
+        call()
+
+
+def time_calls(call: Call, repeats: int, stopwatch: Stopwatch) -> None:
+    """Let a stopwatch time a call so many times."""
+    for _ in range(repeats):
+        with stopwatch:
+            call()
+
+
+def time_throw(bench: Bench, source: Source, index: int, stopwatch: Stopwatch) -> None:
+    """Let a stopwatch time all ticks of a throw in which the ball is watched or followed.
 
     With pixels, each takes two images to torques; without, a position to torques. Thinking, which
-    comes after the command, is left out, and so is the first throw, which warms caches up.
+    comes after the command, is left out.
 
     Args:
         bench: Arm, generator and world.
         source: Balls to throw.
+        index: Which of them.
+        stopwatch: Is told each time.
     """
-    stopwatch, world = Stopwatch(), bench.world
-    for index in range(-1, source.count):
-        if index == 0:
-            stopwatch.clear()
-        k, catcher = max(index, 0), bench.catcher()
-        world.reset(source.ball(k), source.trial_seed(k))
-        while catcher.looking and world.first_contact is None and world.t < 1.0:
-            senses = world.sense()
-            with stopwatch:
-                command = catcher.step(senses)
-            world.apply(command)
-            catcher.think()
+    world, catcher = bench.world, bench.catcher()
+    world.reset(source.ball(index), source.trial_seed(index))
+    while catcher.looking and world.first_contact is None and world.t < 1.0:
+        senses = world.sense()
+        with stopwatch:
+            command = catcher.step(senses)
+        world.apply(command)
+        catcher.think()
+
+
+def time_ticks(bench: Bench, source: Source) -> Stopwatch:
+    """Return the times of the ticks of all throws, after one that warms caches up."""
+    stopwatch = Stopwatch()
+    time_throw(bench, source, 0, stopwatch)
+    stopwatch.clear()
+    for index in range(source.count):
+        time_throw(bench, source, index, stopwatch)
     return stopwatch
+
+
+def take_turns(
+    benches: tuple[Bench, Bench], rivals: Rivals, source: Source
+) -> tuple[tuple[Stopwatch, Stopwatch], dict[str, Stopwatch]]:
+    """Return the times of the ticks on two benches and of the rivals'.
+
+    After each throw every rival makes its share of calls. A first throw, which warms caches up, is
+    not timed.
+    """
+    ours, others = (Stopwatch(), Stopwatch()), {name: Stopwatch() for name in rivals}
+    for bench, stopwatch in zip(benches, ours, strict=True):
+        time_throw(bench, source, 0, stopwatch)
+        stopwatch.clear()
+    for call, repeats in rivals.values():
+        warmed(call, repeats)
+    for index in range(source.count):
+        for bench, stopwatch in zip(benches, ours, strict=True):
+            time_throw(bench, source, index, stopwatch)
+        for name, (call, repeats) in rivals.items():
+            time_calls(call, -(-repeats // source.count), others[name])
+    return ours, others

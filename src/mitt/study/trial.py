@@ -13,6 +13,7 @@ from mitt.records import Record
 from mitt.rivals.clairvoyant import Clairvoyant
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Surroundings
+from mitt.study.ending import play_out
 from mitt.study.log import TrialLog, log_of
 from mitt.study.play import Player
 from mitt.study.score import HELD_AFTER, Meter, Trial, certificate_of, held, status_of
@@ -111,9 +112,16 @@ class Bench:
         return Outcome(trial, kept)
 
     def _step(self, catcher: Catcher) -> Record:
-        """Make a trial through Python, tick by tick, and return the results of all ticks."""
+        """Make a trial through Python, tick by tick, and return the results of all ticks.
+
+        As soon as the catcher does not look any more, the rest is one compiled loop.
+        """
         world, rows = self.world, []
         while not world.over(longest=LONGEST, held=HELD_AFTER):
+            if not catcher.looking and (ending := world.ending) is not None:
+                rules = LONGEST, HELD_AFTER
+                rows.append(play_out(ending, catcher, self.stopwatch, rules=rules).tobytes())
+                continue
             senses = world.sense(look=catcher.looking)
             with self.stopwatch:
                 command = catcher.step(senses)

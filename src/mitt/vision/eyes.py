@@ -187,22 +187,22 @@ class Eyes:
             if t < frame.t < inf:
                 t = frame.t
         images, together, numbers = self._none.copy(), self._still, self._numbers
+        heads, count = self.heads, len(images)
         for frame in frames:
-            k = frame.camera
-            if not 0 <= k < len(images):
-                raise InputError("frame.camera", f"0 to {len(images) - 1}", k)
-            if frame.number == numbers[k]:
+            k, number, pixels = frame.camera, frame.number, frame.pixels
+            if not 0 <= k < count:
+                raise InputError("frame.camera", f"0 to {count - 1}", k)
+            if number == numbers[k]:
                 continue
-            if self.heads and not (isfinite(frame.pan) and isfinite(frame.tilt)):
+            if heads and not (isfinite(frame.pan) and isfinite(frame.tilt)):
                 continue  # nobody knows where it looks
-            numbers[k] = frame.number
-            pixels = frame.pixels
-            plain = pixels.size > 0 and pixels.ndim == 2 and pixels.flags.carray
+            numbers[k] = number
+            plain = pixels.flags.carray and pixels.ndim == 2 and pixels.size
             images[k] = pixels if plain else _plain(pixels)
             if frame.t != t:
                 near = abs(frame.t - t) <= self._max_skew
                 together = (*together[:k], near, *together[k + 1 :])
-            if self.heads:
+            if heads:
                 self._angles[k] = frame.pan, frame.tilt
         return tuple(images), together, t
 

@@ -190,6 +190,20 @@ class World:
             return None
         return Stage(self._parts, self._tape, self._body.table, sensors, imager, self._scene)
 
+    @property
+    def ending(self) -> tuple[Plant, Tape] | None:
+        """Plant and trace, for a compiled loop around a catcher that no longer looks.
+
+        None where something other than arm and encoders as they are stands between the two, or
+        where the ball is still led or may be pushed.
+        """
+        sensing, troubles = self._scene.sensing, self._troubles
+        if self._path is not None or sensing.cameras == "active" or sensing.encoder_step != 0.0:
+            return None
+        if troubles is not None and (troubles.near_arm or self._state[TOUCHED] < 0.0):
+            return None
+        return self._parts, self._tape
+
     def apply(self, command: Command) -> None:
         """Let the motors follow a command for one tick; nothing here clips it."""
         if self._troubles is not None:

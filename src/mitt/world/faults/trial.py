@@ -81,6 +81,7 @@ class Troubles:
     Attributes:
         ball: What comes at the arm instead of the throw, or the throw.
         payload: Mass at the hand that no model knows [kg].
+        near_arm: Whether encoders, clock or motors are not as they should be.
     """
 
     def __init__(
@@ -110,6 +111,9 @@ class Troubles:
         on_wire = any(isinstance(fault, Torque | CommandFault) for fault in plan)
         wire = Wire(plan, seed, limits=limits, active=active, tick=tick) if on_wire else None
         self._wire = wire
+        self.near_arm = on_wire or any(
+            isinstance(fault, Clock | Encoder | NotNumber) for fault in plan
+        )
 
     def rehearsed(self, drag: float) -> Rehearsed:
         """Return the true flight if nobody touches the ball, for the clairvoyant alone.
