@@ -38,6 +38,9 @@ LOST, GOOD, MERGED = 0, 1, 2
 MEMORY, WORK = RUNS + 2 * ROWS, MAX_BLOBS + 66 + ROWS
 """Sizes of a camera's memory and of the scratch array."""
 
+_EDGE = float(1 << 30)
+"""Beyond every column [px]."""
+
 KEPT, PATIENCE, STEADY, WILD = 0.85, 40, 0.6, 8
 """Share of its area below which a target is looked for anew; frames that a merged one is kept;
 share of a new motion in the motion kept; reach while no motion is known, as on the first frame
@@ -126,6 +129,65 @@ def _window(
 
 
 @njit(cache=True)
+def _found_again(
+    pixels: Image, memory: Array, settings: Array, old: Runs, new: Runs, weights: Array
+) -> tuple[int, int]:
+    """As :func:`_window`, but 0 rows as well where too little of the target is left."""
+    top, rows = _window(pixels, memory, int(settings[1]), old, new, weights)
+    if not weights[6] >= max(settings[0], KEPT * memory[AREA]):
+        return top, 0
+    return top, rows
+
+
+@njit(cache=True)
+def field(memory: Array, settings: Array, window: NDArray[np.int64]) -> bool:
+    """Cut a window down to what :func:`watch` looks at first in the next image.
+
+    Args:
+        memory: As in the module's table.
+        settings: As of :func:`pack_segmenter`, shape (6,).
+        window: First and last row, first and last column, at entry of the image [px], shape (4,).
+
+    Returns:
+        Whether it has: not where the target is lost or the ground is to be measured.
+    """
+    rows, reach = int(memory[HEIGHT]), max(int(settings[1]), WILD)
+    if memory[STATE] == LOST or memory[DUE] == 0.0 or rows + 2 * reach > ROWS:
+        return False
+    du, dv = _pace(memory[0], memory[DU]), _pace(memory[1], memory[DV])
+    first, last = _EDGE, -_EDGE
+    for k in range(rows):
+        if memory[RUNS + k] <= memory[RUNS + ROWS + k]:
+            first, last = min(first, memory[RUNS + k]), max(last, memory[RUNS + ROWS + k])
+    if first > last:
+        return False
+    # The target is weighed a pixel beyond its rows, the ground seen three beyond its columns.
+    top, left, right = int(memory[TOP]) + dv, int(first) + du, int(last) + du
+    window[0] = max(window[0], top - reach - 1)
+    window[1] = min(window[1], top + rows + reach)
+    window[2] = max(window[2], left - reach - 3)
+    window[3] = min(window[3], right + reach + 3)
+    return True
+
+
+@njit(cache=True)
+def suffices(pixels: Image, memory: Array, settings: Array, work: Box, weights: Array) -> bool:
+    """Say whether :func:`watch` will find its target in the window that :func:`field` has cut.
+
+    If so, it looks nowhere else. Nothing but scratch is changed.
+
+    Args:
+        pixels: Image, true within that window, shape (height, width).
+        memory: As in the module's table.
+        settings: As of :func:`pack_segmenter`, shape (6,).
+        work: Scratch, shape (WORK, 4).
+        weights: Scratch, shape (7,).
+    """
+    flat = work[MAX_BLOBS + 66 :].reshape(4, ROWS)
+    return bool(_found_again(pixels, memory, settings, flat[:2], flat[2:], weights)[1] > 0)
+
+
+@njit(cache=True)
 def _everywhere(
     pixels: Image, memory: Array, min_area: int, boxes: Box, new: Runs, weights: Array
 ) -> tuple[int, int]:
@@ -166,7 +228,7 @@ def _has_grown(memory: Array) -> bool:
 
 @njit(cache=True)
 def segment(
-    pixels: Image, memory: Array, min_area: int, reach: int, boxes: Box, runs: Box
+    pixels: Image, memory: Array, settings: Array, boxes: Box, runs: Box
 ) -> tuple[int, bool]:
     """Find the target in the dilated mask of the last, or else in the whole image.
 
@@ -176,8 +238,7 @@ def segment(
     Args:
         pixels: Image, shape (height, width).
         memory: As in the module's table, overwritten.
-        min_area: Least area [px^2].
-        reach: Dilation [px].
+        settings: As of :func:`pack_segmenter`, shape (6,).
         boxes: Scratch, shape (MAX_BLOBS + 2, 4).
         runs: Scratch, shape (ROWS, 4).
 
@@ -186,12 +247,12 @@ def segment(
     """
     flat = runs.reshape(4, ROWS)
     old, new, weights = flat[:2], flat[2:], memory[WEIGHTS : WEIGHTS + 7]
-    u, v, before = memory[0], memory[1], memory[AREA]
-    known = memory[STATE] != LOST
-    top, rows = _window(pixels, memory, reach, old, new, weights) if known else (0, 0)
-    again = rows > 0 and weights[6] >= max(float(min_area), KEPT * before)
+    u, v, top, rows = memory[0], memory[1], 0, 0
+    if memory[STATE] != LOST:
+        top, rows = _found_again(pixels, memory, settings, old, new, weights)
+    again = rows > 0
     if not again:
-        top, rows = _everywhere(pixels, memory, min_area, boxes, new, weights)
+        top, rows = _everywhere(pixels, memory, int(settings[0]), boxes, new, weights)
     if rows == 0:
         memory[0], memory[1], memory[STATE] = np.nan, np.nan, float(LOST)
         return 0, False
@@ -256,8 +317,7 @@ def watch(pixels: Image, memory: Array, settings: Array, work: Box) -> tuple[int
     if memory[DUE] == 0.0:
         measure_ground(pixels, settings[2], settings[3], counts, memory[LEVEL : THRESHOLD + 1])
     memory[DUE] = (memory[DUE] + 1.0) % settings[4]
-    min_area, reach = int(settings[0]), int(settings[1])
-    area, clipped = segment(pixels, memory, min_area, reach, boxes, work[MAX_BLOBS + 66 :])
+    area, clipped = segment(pixels, memory, settings, boxes, work[MAX_BLOBS + 66 :])
     if area > 0 and is_frozen(memory, int(settings[5])):
         return 0, False
     return area, clipped
