@@ -17,7 +17,8 @@ places = st.floats(-50.0, 74.0)
 
 def whole(pixels: Image) -> NDArray[np.int64]:
     """Return the window that is a whole image."""
-    return whole_images([(pixels.shape[0], pixels.shape[1])])[0]
+    window: NDArray[np.int64] = whole_images([(pixels.shape[0], pixels.shape[1])])[0]
+    return window
 
 
 @settings(max_examples=200)

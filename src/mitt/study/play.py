@@ -18,7 +18,8 @@ from mitt.records import BRAKE, STOPPED, Record
 from mitt.signals import Array, Image
 from mitt.tick import tick, undecided
 from mitt.vision.belief import absorb
-from mitt.vision.segmentation import WORK, field, suffices
+from mitt.vision.outlook import field, suffices
+from mitt.vision.segmentation import WORK
 from mitt.world.exposure import Bank, Cameras, snap
 from mitt.world.imaging import BLOCK, Film
 from mitt.world.motion import STATE, TICK, TICKS, Plant, move, over
@@ -39,7 +40,7 @@ the two images of one tick, shape (2, height, width)."""
 
 Eyes: TypeAlias = tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64], Array]
 """Scratch to look ahead where the eyes look: windows, shape (2, 4), whether they are less than the
-images, shape (2,), and that of :func:`mitt.vision.segmentation.suffices`."""
+images, shape (2,), and that of :func:`mitt.vision.outlook.suffices`."""
 
 Sight: TypeAlias = tuple[Body, Film, Shots, Points]
 """Arm and hand, cameras, exposures, points."""

@@ -38,9 +38,6 @@ LOST, GOOD, MERGED = 0, 1, 2
 MEMORY, WORK = RUNS + 2 * ROWS, MAX_BLOBS + 66 + ROWS
 """Sizes of a camera's memory and of the scratch array."""
 
-_EDGE = float(1 << 30)
-"""Beyond every column [px]."""
-
 KEPT, PATIENCE, STEADY, WILD = 0.85, 40, 0.6, 8
 """Share of its area below which a target is looked for anew; frames that a merged one is kept;
 share of a new motion in the motion kept; reach while no motion is known, as on the first frame
@@ -99,7 +96,7 @@ def _trim(top: int, rows: int, runs: Runs) -> tuple[int, int]:
 
 
 @njit(cache=True)
-def _pace(place: float, motion: float) -> int:
+def pace(place: float, motion: float) -> int:
     """Return the whole pixels that a motion takes a place on; they add up over the frames."""
     return round(place + motion) - round(place)
 
@@ -114,7 +111,7 @@ def _window(
         return 0, 0
     if memory[DU] == 0.0 and memory[DV] == 0.0:
         reach = max(reach, WILD)
-    du, dv = _pace(memory[0], memory[DU]), _pace(memory[1], memory[DV])
+    du, dv = pace(memory[0], memory[DU]), pace(memory[1], memory[DV])
     for k in range(rows):
         old[0, k] = int(memory[RUNS + k])
         old[1, k] = int(memory[RUNS + ROWS + k])
@@ -129,7 +126,7 @@ def _window(
 
 
 @njit(cache=True)
-def _found_again(
+def found_again(
     pixels: Image, memory: Array, settings: Array, old: Runs, new: Runs, weights: Array
 ) -> tuple[int, int]:
     """As :func:`_window`, but 0 rows as well where too little of the target is left."""
@@ -137,54 +134,6 @@ def _found_again(
     if not weights[6] >= max(settings[0], KEPT * memory[AREA]):
         return top, 0
     return top, rows
-
-
-@njit(cache=True)
-def field(memory: Array, settings: Array, window: NDArray[np.int64]) -> bool:
-    """Cut a window down to what :func:`watch` looks at first in the next image.
-
-    Args:
-        memory: As in the module's table.
-        settings: As of :func:`pack_segmenter`, shape (6,).
-        window: First and last row, first and last column, at entry of the image [px], shape (4,).
-
-    Returns:
-        Whether it has: not where the target is lost or the ground is to be measured.
-    """
-    rows, reach = int(memory[HEIGHT]), max(int(settings[1]), WILD)
-    if memory[STATE] == LOST or memory[DUE] == 0.0 or rows + 2 * reach > ROWS:
-        return False
-    du, dv = _pace(memory[0], memory[DU]), _pace(memory[1], memory[DV])
-    first, last = _EDGE, -_EDGE
-    for k in range(rows):
-        if memory[RUNS + k] <= memory[RUNS + ROWS + k]:
-            first, last = min(first, memory[RUNS + k]), max(last, memory[RUNS + ROWS + k])
-    if first > last:
-        return False
-    # The target is weighed a pixel beyond its rows, the ground seen three beyond its columns.
-    top, left, right = int(memory[TOP]) + dv, int(first) + du, int(last) + du
-    window[0] = max(window[0], top - reach - 1)
-    window[1] = min(window[1], top + rows + reach)
-    window[2] = max(window[2], left - reach - 3)
-    window[3] = min(window[3], right + reach + 3)
-    return True
-
-
-@njit(cache=True)
-def suffices(pixels: Image, memory: Array, settings: Array, work: Box, weights: Array) -> bool:
-    """Say whether :func:`watch` will find its target in the window that :func:`field` has cut.
-
-    If so, it looks nowhere else. Nothing but scratch is changed.
-
-    Args:
-        pixels: Image, true within that window, shape (height, width).
-        memory: As in the module's table.
-        settings: As of :func:`pack_segmenter`, shape (6,).
-        work: Scratch, shape (WORK, 4).
-        weights: Scratch, shape (7,).
-    """
-    flat = work[MAX_BLOBS + 66 :].reshape(4, ROWS)
-    return bool(_found_again(pixels, memory, settings, flat[:2], flat[2:], weights)[1] > 0)
 
 
 @njit(cache=True)
@@ -249,7 +198,7 @@ def segment(
     old, new, weights = flat[:2], flat[2:], memory[WEIGHTS : WEIGHTS + 7]
     u, v, top, rows = memory[0], memory[1], 0, 0
     if memory[STATE] != LOST:
-        top, rows = _found_again(pixels, memory, settings, old, new, weights)
+        top, rows = found_again(pixels, memory, settings, old, new, weights)
     again = rows > 0
     if not again:
         top, rows = _everywhere(pixels, memory, int(settings[0]), boxes, new, weights)
@@ -261,8 +210,8 @@ def segment(
         merged = memory[STATE] - MERGED + 1.0 if memory[STATE] >= MERGED else 0.0
         if again and merged < PATIENCE:
             memory[STATE] = MERGED + merged
-            memory[TOP] += _pace(v, memory[DV])
-            memory[RUNS : RUNS + 2 * ROWS] += _pace(u, memory[DU])
+            memory[TOP] += pace(v, memory[DV])
+            memory[RUNS : RUNS + 2 * ROWS] += pace(u, memory[DU])
             memory[0], memory[1] = u + memory[DU], v + memory[DV]
             return int(weights[6]), clipped
         memory[0], memory[1], memory[STATE] = np.nan, np.nan, float(LOST)

@@ -5,14 +5,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mitt.signals import Array, Image
+from mitt.vision.outlook import field, suffices
 from mitt.vision.segmentation import (
     MEMORY,
     WORK,
     SegmenterConfig,
-    field,
     forget,
     pack_segmenter,
-    suffices,
     watch,
 )
 
