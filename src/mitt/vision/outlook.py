@@ -31,7 +31,7 @@ _EDGE = float(1 << 30)
 
 @njit(cache=True)
 def field(memory: Array, settings: Array, window: NDArray[np.int64]) -> bool:
-    """Cut a window down to what :func:`mitt.vision.segmentation.watch` looks at first in the next image.
+    """Cut a window down to what will be looked at first in the next image.
 
     Args:
         memory: As in the table of :mod:`mitt.vision.segmentation`.
@@ -62,9 +62,9 @@ def field(memory: Array, settings: Array, window: NDArray[np.int64]) -> bool:
 
 @njit(cache=True)
 def suffices(pixels: Image, memory: Array, settings: Array, work: Box, weights: Array) -> bool:
-    """Say whether :func:`mitt.vision.segmentation.watch` will find its target in the window that :func:`field` has cut.
+    """Say whether the target will be found in the window that :func:`field` has cut.
 
-    If so, it looks nowhere else. Nothing but scratch is changed.
+    If so, :func:`mitt.vision.segmentation.watch` looks nowhere else. Nothing but scratch is changed.
 
     Args:
         pixels: Image, true within that window, shape (height, width).
