@@ -64,7 +64,7 @@ def field(memory: Array, settings: Array, window: NDArray[np.int64]) -> bool:
 def suffices(pixels: Image, memory: Array, settings: Array, work: Box, weights: Array) -> bool:
     """Say whether the target will be found in the window that :func:`field` has cut.
 
-    If so, :func:`mitt.vision.segmentation.watch` looks nowhere else. Nothing but scratch is changed.
+    If so, :func:`mitt.vision.segmentation.watch` looks nowhere else. Only scratch is changed.
 
     Args:
         pixels: Image, true within that window, shape (height, width).
