@@ -18,7 +18,9 @@ from mitt.records import BRAKE, STOPPED, Record
 from mitt.signals import Array, Image
 from mitt.tick import tick, undecided
 from mitt.vision.belief import absorb
-from mitt.world.exposure import snap
+from mitt.vision.outlook import field, suffices
+from mitt.vision.segmentation import WORK
+from mitt.world.exposure import Bank, Cameras, snap
 from mitt.world.imaging import BLOCK, Film
 from mitt.world.motion import STATE, TICK, TICKS, Plant, move, over
 from mitt.world.silhouettes import lay_capsules
@@ -31,9 +33,17 @@ Points: TypeAlias = tuple[Array, Array, Array]
 """How far off the points of a block are, shape (BLOCK, 3), or (0, 3) where there are images; their
 covariance, shape (3, 3); those that are on their way, shape (latency + 1, 3); all [m]."""
 
-Sight: TypeAlias = tuple[Body, Film, NDArray[np.uint8], Points]
-"""Arm and hand, cameras, images that are on their way, shape (latency + 1, 2, height, width);
-points."""
+Shots: TypeAlias = tuple[Array, NDArray[np.int64], NDArray[np.uint8]]
+"""What was exposed and is on its way: arm and hand, then the ball and its velocity, a row a tick,
+shape (latency + 1, c + 2, 7); offsets into the banks of noise, shape (latency + 1, 2, 2); room for
+the two images of one tick, shape (2, height, width)."""
+
+Eyes: TypeAlias = tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64], Array]
+"""Scratch to look ahead where the eyes look: windows, shape (2, 4), whether they are less than the
+images, shape (2,), and that of :func:`mitt.vision.outlook.suffices`."""
+
+Sight: TypeAlias = tuple[Body, Film, Shots, Points]
+"""Arm and hand, cameras, exposures, points."""
 
 #: Cameras where there are none, and what arrives from them.
 _DARK: Film = (
@@ -48,6 +58,42 @@ _NOTHING = np.empty((0, 0), np.uint8), np.empty((0, 0), np.uint8)
 
 
 @njit(cache=True)
+def develop(
+    shot: Array, starts: NDArray[np.int64], images: tuple[Image, Image], camera: Cameras,
+    bank: Bank, half: float, radius: float, state: Record, eyes: Eyes,
+) -> None:  # fmt: skip
+    """Draw of the images of an exposure what the eyes are going to look at.
+
+    That is where they find the ball again; where they do not, and so look everywhere, all.
+
+    Args:
+        shot: Of ``Shots``, shape (c + 2, 7).
+        starts: Of ``Shots``, shape (2, 2).
+        images: Result.
+        camera: As of ``Film``.
+        bank: As of ``Film``.
+        half: Half the exposure [s].
+        radius: Of the ball [m].
+        state: As of ``Catcher.parts``.
+        eyes: Scratch.
+    """
+    s, (windows, known, work, weights) = state[0], eyes
+    memory, settings, count = s["eyes_memory"], s["eyes_settings"], len(shot) - 2
+    r_o, dr_o = shot[count, :3], shot[count + 1, :3]
+    for whole in (False, True):
+        missed = False
+        for n in range(2):
+            windows[n, 0], windows[n, 1] = 0, images[n].shape[0] - 1
+            windows[n, 2], windows[n, 3] = 0, images[n].shape[1] - 1
+            known[n] = not whole and field(memory[n], settings, windows[n])
+        snap(images, camera, bank, starts, half, radius, r_o, dr_o, shot[:count], windows)
+        for n in range(2):
+            missed |= known[n] and not suffices(images[n], memory[n], settings, work, weights)
+        if not missed:
+            return
+
+
+@njit(cache=True)
 def play(
     plant: Plant,
     rows: Array,
@@ -55,6 +101,7 @@ def play(
     scalars: tuple[float, float, float, float],
     nothing: tuple[Image, Image],
     catcher: tuple[Array, Record, Record],
+    eyes: Eyes,
     log: Record,
     times: NDArray[np.int64],
     count: int,
@@ -69,6 +116,7 @@ def play(
             :func:`mitt.world.motion.over`.
         nothing: Images where none has arrived yet.
         catcher: As of ``Catcher.parts``.
+        eyes: Scratch.
         log: Result of each tick, at its number.
         times: How long the catcher took in each tick [ns], and two numbers of scratch.
         count: Most ticks to be made.
@@ -76,7 +124,7 @@ def play(
     Returns:
         What is to be thought about: bits of :mod:`mitt.tick`.
     """
-    body, (camera, bank, starts), film, (scatter, covariance, line) = sight
+    body, (camera, bank, starts), (shots, begun, pixels), (scatter, covariance, line) = sight
     brake, state, result = catcher
     s, out = state[0], result[0]
     p, qpos, qvel, n, ball = plant[STATE], plant[4], plant[5], len(plant[12]), len(plant[6])
@@ -90,14 +138,18 @@ def play(
                 for i in range(3):
                     line[k % len(line), i] = r_o[i] + scatter[k % BLOCK, i]
             else:
-                new, old = film[k % len(film)], film[(k - latency) % len(film)]
-                lay_capsules(body[0], body[1], body[2], body[3], body[4])
-                snap(
-                    (new[0], new[1]), camera, bank, starts[k % BLOCK], scalars[0], scalars[1],
-                    r_o, dr_o, body[4],
-                )  # fmt: skip
+                row = k % len(shots)
+                shot, place = shots[row], (k - latency) % len(shots)
+                lay_capsules(body[0], body[1], body[2], body[3], shot[: len(shot) - 2])
+                for i in range(3):
+                    shot[len(shot) - 2, i], shot[len(shot) - 1, i] = r_o[i], dr_o[i]
+                begun[row] = starts[k % BLOCK]
                 if k >= latency:
-                    images, exposed = (old[0], old[1]), (k - latency) * TICK
+                    images, exposed = (pixels[0], pixels[1]), (k - latency) * TICK
+                    develop(
+                        shots[place], begun[place], images, camera, bank, scalars[0], scalars[1],
+                        state, eyes,
+                    )  # fmt: skip
         before = now_ns(clock)
         if pointed:
             seen = line[(k - latency) % len(line)]
@@ -136,6 +188,10 @@ class Player:
             raise InputError("trial", f"at most {_MOST} ticks", (longest + held) / TICK)
         self.stopwatch, self._rules = stopwatch, (longest, held)
         self._times = np.zeros(_MOST + 2, dtype=np.int64)
+        self._eyes: Eyes = (
+            np.zeros((2, 4), np.int64), np.zeros(2, np.bool_),
+            np.zeros((WORK, 4), np.int64), np.zeros(7),
+        )  # fmt: skip
         self._log: Record | None = None
 
     def run(self, stage: Stage, catcher: Catcher) -> Record:
@@ -146,7 +202,11 @@ class Player:
         imager, p = stage.imager, stage.plant[STATE]
         latency = stage.scene.sensing.latency
         shape = (0, 0) if imager is None else imager.shape
-        film = np.empty((latency + 1, 2, *shape), np.uint8)
+        shots = (
+            np.zeros((latency + 1, len(stage.body[4]) + 2, 7)),
+            np.zeros((latency + 1, 2, 2), np.int64),
+            np.empty((2, *shape), np.uint8),
+        )
         line, covariance = np.zeros((latency + 1, 3)), stage.sensors.covariance
         scatter, cameras = np.zeros((0, 3)), _DARK
         scalars = 0.0 if imager is None else imager.half, stage.scene.ball.radius, *self._rules
@@ -157,10 +217,10 @@ class Player:
                 cameras = imager.film
             elif k % BLOCK == 0 and catcher.looking:
                 scatter = stage.sensors.scatter(BLOCK)
-            sight = stage.body, cameras, film, (scatter, covariance, line)
+            sight = stage.body, cameras, shots, (scatter, covariance, line)
             todo = play(
-                stage.plant, rows, sight, scalars, _NOTHING, parts, log, self._times,
-                BLOCK - k % BLOCK,
+                stage.plant, rows, sight, scalars, _NOTHING, parts, self._eyes, log,
+                self._times, BLOCK - k % BLOCK,
             )  # fmt: skip
             if imager is not None and catcher.looking:
                 imager.expose(int(p[TICKS]) - k)

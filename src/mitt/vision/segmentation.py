@@ -96,7 +96,7 @@ def _trim(top: int, rows: int, runs: Runs) -> tuple[int, int]:
 
 
 @njit(cache=True)
-def _pace(place: float, motion: float) -> int:
+def pace(place: float, motion: float) -> int:
     """Return the whole pixels that a motion takes a place on; they add up over the frames."""
     return round(place + motion) - round(place)
 
@@ -111,7 +111,7 @@ def _window(
         return 0, 0
     if memory[DU] == 0.0 and memory[DV] == 0.0:
         reach = max(reach, WILD)
-    du, dv = _pace(memory[0], memory[DU]), _pace(memory[1], memory[DV])
+    du, dv = pace(memory[0], memory[DU]), pace(memory[1], memory[DV])
     for k in range(rows):
         old[0, k] = int(memory[RUNS + k])
         old[1, k] = int(memory[RUNS + ROWS + k])
@@ -122,6 +122,17 @@ def _window(
     top, rows = _trim(top, rows, new)
     if not weigh(pixels, top, rows, new, int(memory[THRESHOLD]), memory[LEVEL], weights):
         return 0, 0
+    return top, rows
+
+
+@njit(cache=True)
+def found_again(
+    pixels: Image, memory: Array, settings: Array, old: Runs, new: Runs, weights: Array
+) -> tuple[int, int]:
+    """As :func:`_window`, but 0 rows as well where too little of the target is left."""
+    top, rows = _window(pixels, memory, int(settings[1]), old, new, weights)
+    if not weights[6] >= max(settings[0], KEPT * memory[AREA]):
+        return top, 0
     return top, rows
 
 
@@ -166,7 +177,7 @@ def _has_grown(memory: Array) -> bool:
 
 @njit(cache=True)
 def segment(
-    pixels: Image, memory: Array, min_area: int, reach: int, boxes: Box, runs: Box
+    pixels: Image, memory: Array, settings: Array, boxes: Box, runs: Box
 ) -> tuple[int, bool]:
     """Find the target in the dilated mask of the last, or else in the whole image.
 
@@ -176,8 +187,7 @@ def segment(
     Args:
         pixels: Image, shape (height, width).
         memory: As in the module's table, overwritten.
-        min_area: Least area [px^2].
-        reach: Dilation [px].
+        settings: As of :func:`pack_segmenter`, shape (6,).
         boxes: Scratch, shape (MAX_BLOBS + 2, 4).
         runs: Scratch, shape (ROWS, 4).
 
@@ -186,12 +196,12 @@ def segment(
     """
     flat = runs.reshape(4, ROWS)
     old, new, weights = flat[:2], flat[2:], memory[WEIGHTS : WEIGHTS + 7]
-    u, v, before = memory[0], memory[1], memory[AREA]
-    known = memory[STATE] != LOST
-    top, rows = _window(pixels, memory, reach, old, new, weights) if known else (0, 0)
-    again = rows > 0 and weights[6] >= max(float(min_area), KEPT * before)
+    u, v, top, rows = memory[0], memory[1], 0, 0
+    if memory[STATE] != LOST:
+        top, rows = found_again(pixels, memory, settings, old, new, weights)
+    again = rows > 0
     if not again:
-        top, rows = _everywhere(pixels, memory, min_area, boxes, new, weights)
+        top, rows = _everywhere(pixels, memory, int(settings[0]), boxes, new, weights)
     if rows == 0:
         memory[0], memory[1], memory[STATE] = np.nan, np.nan, float(LOST)
         return 0, False
@@ -200,8 +210,8 @@ def segment(
         merged = memory[STATE] - MERGED + 1.0 if memory[STATE] >= MERGED else 0.0
         if again and merged < PATIENCE:
             memory[STATE] = MERGED + merged
-            memory[TOP] += _pace(v, memory[DV])
-            memory[RUNS : RUNS + 2 * ROWS] += _pace(u, memory[DU])
+            memory[TOP] += pace(v, memory[DV])
+            memory[RUNS : RUNS + 2 * ROWS] += pace(u, memory[DU])
             memory[0], memory[1] = u + memory[DU], v + memory[DV]
             return int(weights[6]), clipped
         memory[0], memory[1], memory[STATE] = np.nan, np.nan, float(LOST)
@@ -256,8 +266,7 @@ def watch(pixels: Image, memory: Array, settings: Array, work: Box) -> tuple[int
     if memory[DUE] == 0.0:
         measure_ground(pixels, settings[2], settings[3], counts, memory[LEVEL : THRESHOLD + 1])
     memory[DUE] = (memory[DUE] + 1.0) % settings[4]
-    min_area, reach = int(settings[0]), int(settings[1])
-    area, clipped = segment(pixels, memory, min_area, reach, boxes, work[MAX_BLOBS + 66 :])
+    area, clipped = segment(pixels, memory, settings, boxes, work[MAX_BLOBS + 66 :])
     if area > 0 and is_frozen(memory, int(settings[5])):
         return 0, False
     return area, clipped

@@ -9,6 +9,7 @@ import numpy as np
 from mitt.errors import ModelError
 from mitt.robot.description import ArmModel
 from mitt.robot.plant import add_arm
+from mitt.world.engine import stop_clocks
 from mitt.world.hand import ARM, BALL, FLOOR, FRICTION, HAND, SMALL_PARTS, STIFF, add_hand
 from mitt.world.scene import Scene
 
@@ -49,6 +50,7 @@ def build_plant(scene: Scene, arm: ArmModel) -> Plant:
     if arm.hand is None:
         raise ModelError(f"arm {arm.name}", "a hand: a ball is caught by fingers", "none")
     _silence()
+    stop_clocks()
     spec = _spec()
     _add_floor(spec, scene)
     kinds = {geom.name for geom in spec.geoms}
@@ -86,7 +88,8 @@ def _spec() -> mujoco.MjSpec:
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     spec.option.timestep = STEP
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    # No joint and no motor has damping of its own: the cheapest integrator is the implicit one.
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     off = mujoco.mjtDisableBit

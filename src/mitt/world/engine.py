@@ -89,6 +89,28 @@ def views_of(model: mujoco.MjModel, data: mujoco.MjData, site: int, joints: int)
     )  # fmt: skip
 
 
+def switches_of(model: mujoco.MjModel) -> NDArray[Any]:
+    """Return what is switched off in a model, bits of ``mjtDisableBit``, shape (1,).
+
+    Raises:
+        ModelError: MuJoCo's structures are not as its package describes them.
+    """
+    place = model._address + _offset("mjModel", "opt") + _offset("mjOption", "disableflags")
+    switches = _view(place, "<i4", (1,))
+    if switches[0] != model.opt.disableflags:
+        raise ModelError("mujoco", "structures as its package describes them", mujoco.__version__)
+    return switches
+
+
+def stop_clocks() -> None:
+    """Keep MuJoCo from timing each part of each step, which takes a tenth of the step.
+
+    The package gives it a clock when it is imported. One that somebody else has set is left alone.
+    """
+    if mujoco.get_mjcb_time() is None:
+        ctypes.c_void_p.in_dll(_LIBRARY, "mjcb_time").value = None
+
+
 def _view(
     address: int, kind: str, shape: Sequence[int], strides: tuple[int, ...] | None = None
 ) -> NDArray[Any]:

@@ -8,6 +8,8 @@ far away; it does not smear, nor do arm and hand.
 |----------|----------------------------------------------------------------|------|--------------|
 | optics   | cameras at begin and end of the exposure, each as in           | m    | (n, 2, 5, 3) |
 |          | :mod:`mitt.vision.triangulation`                               | px   |              |
+| windows  | part of each image that is drawn: first and last row, first    | px   | (n, 4)       |
+|          | and last column; beyond it nothing that counts is drawn        |      |              |
 | balls    | centre in the world at begin and end, radius; then grey level  | m    | (k, 8)       |
 """
 
@@ -25,18 +27,21 @@ from mitt.world.silhouettes import draw_capsule, in_front, seen_from
 
 Cameras: TypeAlias = tuple[Array, Array, Array, Array, Array, Array, Array]
 Bank: TypeAlias = tuple[Image, Image, Array]
+Window: TypeAlias = NDArray[np.int64]
 
 
 @njit(cache=True)
-def _hang(pixels: Image, camera: Array, wall: Image, place: Array, noise: Image) -> None:
+def _hang(
+    pixels: Image, camera: Array, wall: Image, place: Array, noise: Image, window: Window
+) -> None:
     """Fill an image with the wall as it lies before a camera turned to ``place`` (pan, tilt)."""
-    height, width = pixels.shape
+    width, left, right = pixels.shape[1], window[2], window[3] + 1
     column = round(camera[4, 0] * place[0]) % PERIOD
     row = round(-camera[4, 0] * place[1]) % PERIOD
-    for v in range(height):
-        line, source = pixels[v], wall[row + v, column : column + width]
-        numbers = noise[v * width : (v + 1) * width]
-        for u in range(width):
+    for v in range(window[0], window[1] + 1):
+        line, source = pixels[v, left:right], wall[row + v, column + left : column + right]
+        numbers = noise[v * width + left : v * width + right]
+        for u in range(right - left):
             line[u] = np.uint8(source[u] + numbers[u])
 
 
@@ -63,6 +68,7 @@ def expose(
     ground: Image,
     normal: Array,
     starts: NDArray[np.int64],
+    windows: Window,
     work: Array,
 ) -> None:
     """Draw what all cameras of a rig see.
@@ -78,6 +84,7 @@ def expose(
         ground: Noise of the ground, modulo 256, shape (b,).
         normal: Standard normal numbers, shape (c,).
         starts: Offsets of each camera into both banks, shape (n, 2).
+        windows: As in the module's table.
         work: Scratch, zero at entry, shape (2 widest + 1 + 6 INSTANTS + 17,).
     """
     local, seen, paint, scratch = work[-7:], work[-14:-7], work[-17:-14], work[:-17]
@@ -86,7 +93,8 @@ def expose(
     for n in range(len(images)):
         pixels, begin, end = images[n], optics[n, 0], optics[n, 1]
         noise = ground[starts[n, 0] :]
-        _hang(pixels, begin, wall, places[n], noise)
+        window = windows[n]
+        _hang(pixels, begin, wall, places[n], noise, window)
         _into(begin, balls[0], 0, local)
         x, y, z = local[0], local[1], local[2]
         nowhere = not np.isfinite(x + y + z)
@@ -95,7 +103,7 @@ def expose(
             if not seen_from(begin, capsules[k], seen):
                 continue
             if nowhere or not in_front(seen, x, y, z):
-                draw_capsule(pixels, begin[4], seen, body, noise)
+                draw_capsule(pixels, begin[4], seen, body, noise, window)
             else:
                 before += 1
         for k in range(balls.shape[0] - 1, -1, -1):
@@ -103,10 +111,12 @@ def expose(
             _into(end, balls[k], 3, local)
             local[6], paint[0] = balls[k, 6], balls[k, 7]
             if np.isfinite(local[0] + local[1] + local[2] + local[3] + local[4] + local[5]):
-                draw_ball(pixels, begin[4], local, paint, normal[starts[n, 1] :], scratch)
+                draw_ball(
+                    pixels, begin[4], local, paint, normal[starts[n, 1] :], window, scratch
+                )  # fmt: skip
         for k in range(capsules.shape[0] if before > 0 else 0):
             if seen_from(begin, capsules[k], seen) and in_front(seen, x, y, z):
-                draw_capsule(pixels, begin[4], seen, body, noise)
+                draw_capsule(pixels, begin[4], seen, body, noise, window)
 
 
 @njit(cache=True)
@@ -120,6 +130,7 @@ def snap(
     r_o: Array,
     dr_o: Array,
     capsules: Array,
+    windows: Window,
 ) -> None:
     """Place cameras and ball as the shutter opens and as it closes, and draw what is seen.
 
@@ -135,10 +146,14 @@ def snap(
         r_o: Its centre in the middle of the exposure [m], shape (3,); not finite for no ball.
         dr_o: Its velocity [m/s], shape (3,).
         capsules: As for :func:`expose`.
+        windows: As for :func:`expose`.
     """
     heads, state, optics, places, balls, light, work = camera
     for i in range(3):
         balls[0, i], balls[0, 3 + i] = r_o[i] - half * dr_o[i], r_o[i] + half * dr_o[i]
     balls[0, 6] = radius
     open_and_shut(heads, state, half, optics, places)
-    expose(images, optics, places, balls, capsules, light, bank[0], bank[1], bank[2], starts, work)
+    expose(
+        images, optics, places, balls, capsules, light, bank[0], bank[1], bank[2], starts, windows,
+        work,
+    )  # fmt: skip

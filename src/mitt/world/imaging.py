@@ -4,6 +4,7 @@ Noise and wall come from banks (``noise``); each frame starts to read the noise 
 from the generator. The drawing itself is in ``exposure``.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -73,6 +74,11 @@ class ImageSensor:
             )
 
 
+def whole_images(shapes: Sequence[tuple[int, int]]) -> NDArray[np.int64]:
+    """Return windows that are whole images, as :func:`mitt.world.exposure.expose` takes them."""
+    return np.array([(0, height - 1, 0, width - 1) for height, width in shapes], dtype=np.int64)
+
+
 class Imager:
     """The cameras of a rig as sensors: renders one ``Frame`` a camera at each call."""
 
@@ -116,6 +122,7 @@ class Imager:
             read_noise=sensor.read_noise,
             electrons=sensor.electrons,
         )
+        self._whole = whole_images(self._shapes)
         work = np.zeros(2 * max(c.width for c in rig.cameras) + 1 + 6 * INSTANTS + 17)
         self._rng = rng
         self._number = 0
@@ -191,6 +198,7 @@ class Imager:
             _NOWHERE if r_o is None else r_o,
             _STILL if dr_o is None else dr_o,
             capsules,
+            self._whole,
         )
         self.expose(1)
         if self._turnable:

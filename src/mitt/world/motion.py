@@ -1,8 +1,10 @@
 """A tick of the plant: motors, MuJoCo's steps, contacts, the trace; one compiled call.
 
 A plant is one flat tuple: what :func:`mitt.world.engine.views_of` shows, the kind of each geom
-(KINDS), scratch for which of them touch the ball (TOUCHING), and the state beside MuJoCo's own
-(STATE), in one vector. Flat: compiled code counts references to all that it takes out of a tuple.
+(KINDS), scratch for which of them touch the ball (TOUCHING), the state beside MuJoCo's own (STATE)
+in one vector, and what :mod:`mitt.world.clearing` needs: MuJoCo's switches (SWITCHES), centres and
+axes of the geoms (CENTRES, AXES) and its three tables (PAIRS, JOINTS, MEASURED). Flat: compiled
+code counts references to all that it takes out of a tuple.
 
 | place      | meaning                                                              | unit   |
 |------------|----------------------------------------------------------------------|--------|
@@ -25,6 +27,7 @@ from numba import njit
 
 from mitt.signals import Array
 from mitt.world.build import STEP
+from mitt.world.clearing import OFF, is_clear
 from mitt.world.contacts import BALL_ANY, BALL_FLOOR, BALL_HAND, survey
 from mitt.world.engine import Views, step1, step2
 from mitt.world.stepping import BROKEN as INSANE
@@ -33,6 +36,7 @@ from mitt.world.stepping import FINE, finish, prepare, tip_velocity
 Plant: TypeAlias = Views
 
 KINDS, TOUCHING, STATE = 13, 14, 15
+SWITCHES, CENTRES, AXES, PAIRS, JOINTS, MEASURED = 16, 17, 18, 19, 20, 21
 
 #: Control tick [s].
 TICK = 0.001
@@ -140,6 +144,21 @@ def note(plant: Plant, tau: Array, rows: Array) -> None:
     steps = FINE_STEPS if judged == FINE else 1
     if steps != state[STEPS]:
         state[STEPS], plant[3][0] = steps, TICK / steps
+    _switch(plant)
+
+
+@njit(cache=True)
+def _switch(plant: Plant) -> None:
+    """Switch contacts and stops off for the next tick if there can be none, else on."""
+    switches, joints = plant[SWITCHES], plant[JOINTS]
+    off = switches[0] | OFF
+    if plant[STATE][TOUCHED] < 0.0 and is_clear(
+        plant[4], plant[5], plant[CENTRES], plant[AXES], plant[PAIRS], joints, plant[MEASURED],
+        TICK, len(plant[12]),
+    ):  # fmt: skip
+        switches[0] = off
+    else:
+        switches[0] = off - OFF
 
 
 @njit(cache=True)

@@ -10,6 +10,7 @@ from math import ceil, floor, sqrt
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from mitt.signals import Array, Image
 
@@ -123,7 +124,13 @@ def _paint(
 
 @njit(cache=True)
 def draw_ball(
-    pixels: Image, lens: Array, ball: Array, light: Array, noise: Array, work: Array
+    pixels: Image,
+    lens: Array,
+    ball: Array,
+    light: Array,
+    noise: Array,
+    window: NDArray[np.int64],
+    work: Array,
 ) -> None:
     """Draw a ball over an image of what is behind it.
 
@@ -134,15 +141,16 @@ def draw_ball(
             [m], shape (7,).
         light: Level of the ball and read noise [grey levels], electrons a level, shape (3,).
         noise: Standard normal numbers, one a pixel of the image at least, shape (n,).
+        window: First and last row that are drawn, and two more numbers [px], shape (4,).
         work: Scratch, zero at entry and exit but for its tail, shape (2 width + 1 + 6 INSTANTS,).
     """
-    height, width = pixels.shape
+    width = pixels.shape[1]
     path = work[2 * width + 1 : 2 * width + 1 + 6 * INSTANTS].reshape(INSTANTS, 6)
     k, low, high, radius = _lay_path(lens, ball, path)
     if k == 0:
         return
-    first_row = int(min(max(floor(low), 0.0), float(height)))
-    last_row = int(min(max(ceil(high), -1.0), float(height - 1)))
+    first_row = int(min(max(floor(low), float(window[0])), float(window[1] + 1)))
+    last_row = int(min(max(ceil(high), -1.0), float(window[1])))
     coverage, full = work[:width], work[width : 2 * width + 1]
     lines = (LINES if radius < SMALL else LINES // 2) // k * k
     lines = max(lines, k)

@@ -13,6 +13,7 @@ from math import sqrt
 import mujoco
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from mitt.signals import Array, Image
 from mitt.world.hand import ARM, HAND
@@ -82,7 +83,9 @@ def in_front(seen: Array, x: float, y: float, z: float) -> bool:
 
 
 @njit(cache=True)
-def draw_capsule(pixels: Image, lens: Array, seen: Array, level: int, noise: Image) -> None:
+def draw_capsule(
+    pixels: Image, lens: Array, seen: Array, level: int, noise: Image, window: NDArray[np.int64]
+) -> None:
     """Draw the outline of a capsule.
 
     Args:
@@ -91,15 +94,18 @@ def draw_capsule(pixels: Image, lens: Array, seen: Array, level: int, noise: Ima
         seen: The capsule in the optical frame, shape (7,).
         level: Its grey level.
         noise: Noise of the sensor [grey levels], modulo 256, one a pixel of the image, shape (n,).
+        window: First and last row, first and last column that are drawn [px], shape (4,).
     """
-    height, width = pixels.shape
+    width, upper, lower = pixels.shape[1], float(window[0]), float(window[1])
+    west, east = float(window[2]), float(window[3])
     f0, f1 = lens[0] / seen[2], lens[0] / seen[5]
     u0, v0, r0 = lens[1] + f0 * seen[0], lens[2] + f0 * seen[1], f0 * seen[6]
     u1, v1, r1 = lens[1] + f1 * seen[3], lens[2] + f1 * seen[4], f1 * seen[6]
     top, bottom = min(v0 - r0, v1 - r1), max(v0 + r0, v1 + r1)
-    if bottom < 0.0 or top > height - 1.0:
+    if bottom < upper or top > lower:
         return
-    if max(u0 + r0, u1 + r1) < 0.0 or min(u0 - r0, u1 - r1) > width - 1.0:
+    most, least = max(u0 + r0, u1 + r1), min(u0 - r0, u1 - r1)
+    if most < max(west - 1.0, 0.0) or least > min(east + 1.0, width - 1.0):
         return
     du, dv = u1 - u0, v1 - v0
     length = max(sqrt(du * du + dv * dv), 1e-9)
@@ -109,7 +115,7 @@ def draw_capsule(pixels: Image, lens: Array, seen: Array, level: int, noise: Ima
     c_v, d_v = v0 - across_v * r0, v1 - across_v * r1
     ab = (u1 + across_u * r1 - u0 - across_u * r0) / (b_v - a_v) if a_v != b_v else 0.0
     cd = (u1 - across_u * r1 - u0 + across_u * r0) / (d_v - c_v) if c_v != d_v else 0.0
-    for row in range(int(max(top, 0.0)), int(min(bottom, height - 1.0)) + 1):
+    for row in range(int(max(top, upper)), int(min(bottom, lower)) + 1):
         left, right = np.inf, -np.inf
         rest0, rest1 = r0 * r0 - (row - v0) * (row - v0), r1 * r1 - (row - v1) * (row - v1)
         if rest0 > 0.0:
@@ -124,7 +130,7 @@ def draw_capsule(pixels: Image, lens: Array, seen: Array, level: int, noise: Ima
         if (c_v - row) * (d_v - row) < 0.0:
             cut = u0 - across_u * r0 + (row - c_v) * cd
             left, right = min(left, cut), max(right, cut)
-        first, last = int(max(left + 0.5, 0.0)), int(min(right + 0.5, width - 0.5))
+        first, last = int(max(left + 0.5, west)), int(min(right + 0.5, east + 0.5))
         if not left <= right or last < first:
             continue
         line, at = np.uint64(row), np.uint64(row * width)  # unsigned: none counts from the end

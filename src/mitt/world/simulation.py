@@ -13,8 +13,9 @@ from mitt.robot.limits import Limits
 from mitt.signals import Array, Command, Senses
 from mitt.world.ballistics import fly
 from mitt.world.build import build_plant
+from mitt.world.clearing import fresh_table, joints_of, pairs_of
 from mitt.world.contacts import ARM_FLOOR, BALL_ANY, BALL_FLOOR, SELF, names_touching, survey
-from mitt.world.engine import views_of
+from mitt.world.engine import switches_of, views_of
 from mitt.world.faults.flight import Undisturbed
 from mitt.world.faults.trial import Sensor, Troubles
 from mitt.world.flights import BallPath
@@ -91,6 +92,9 @@ class World:
         self._servo = servo_numbers((arm.hand or HandModel()).drive)
         d, n, ball = self.data, self._n, self._n + self._f
         self._views = views_of(self.model, d, self._plant.site, n)
+        self._switches, self._always = switches_of(self.model), self.model.opt.disableflags
+        tables = pairs_of(self.model), joints_of(self._plant)
+        self._clearing = self._switches, d.geom_xpos, d.geom_xmat, *tables
         self._kinds = self.model.geom_contype.copy()
         self._touching = np.zeros(self.model.ngeom, dtype=np.bool_)
         self._senses = d.qpos[:n], d.qvel[:n], d.qpos[ball : ball + 3], d.qvel[ball : ball + 3]
@@ -268,7 +272,11 @@ class World:
         self._path = path
         numbers = pack_plant(self._servo, friction, drag, self._scene.ball.mass)
         self._state, self._drag = fresh_motion(numbers), float(numbers[5])
-        self._parts: Plant = (*self._views, self._kinds, self._touching, self._state)
+        self._parts: Plant = (
+            *self._views, self._kinds, self._touching, self._state,
+            *self._clearing, fresh_table(self._n + self._f),
+        )  # fmt: skip
+        self._switches[0] = self._always
         self.model.opt.timestep = TICK
         mujoco.mj_step1(self.model, self.data)
         note(self._parts, np.zeros(self._n), self._tape.rows)

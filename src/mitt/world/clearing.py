@@ -1,0 +1,217 @@
+"""Whether anything can touch anything in the next tick; if not, MuJoCo need not look for it.
+
+Most of a throw is flight, and in flight half of a step's cost is to find out that nothing touches
+anything and that no joint is at its stop. So the gaps between all shapes that may meet are
+measured now and then, and after that it is only asked whether what has moved since, and what will
+move in the next tick, could have closed them. What a step brings about does not depend on it: with
+no contact and no stop it is the same to the last bit.
+
+Hinges move shapes by at most their angle times the length of all that they carry. A cylinder is
+held for the capsule around it.
+
+| table    | a row for each                      | columns                                       |
+|----------|-------------------------------------|-----------------------------------------------|
+| pairs    | two shapes that may meet            | geoms a and b, what brings them together (OWN |
+|          |                                     | and so on), sum of radii, half lengths [m]    |
+| joints   | joint of arm and fingers            | low and high end of its range [rad, m], shift |
+|          |                                     | of a shape by a unit of it [m/rad, 1]         |
+| measured | (one row)                           | gaps then [m], ball then [m], joints then     |
+"""
+
+from itertools import combinations
+
+import mujoco
+import numpy as np
+from numba import njit
+
+from mitt.robot.segments import segment_distance
+from mitt.signals import Array
+from mitt.world.build import Plant
+from mitt.world.hand import BALL, FLOOR, HAND
+
+#: What brings two shapes together: joints of arm and hand, those of the fingers alone, or the
+#: flight of the ball and joints.
+OWN, FINGERS, FLIGHT = 0, 1, 2
+
+#: What a tick may add to all that is foreseen from the speeds at its begin [m]: a ball that is
+#: kicked by 10 m/s.
+MARGIN = 0.01
+
+#: What is switched off where nothing can touch; stops of joints as well, so none may be near.
+OFF = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+
+_FLOOR, _SPHERE = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_SPHERE)
+_LONG = int(mujoco.mjtGeom.mjGEOM_CAPSULE), int(mujoco.mjtGeom.mjGEOM_CYLINDER)
+
+
+def pairs_of(model: mujoco.MjModel) -> Array:
+    """Return the shapes that MuJoCo lets meet, as in the module's table, shape (p, 6).
+
+    Its rules: kinds that meet, not of one body, of parent and child, or of an excluded pair of
+    bodies; and the pairs that are named.
+    """
+    named = {(int(a), int(b)) for a, b in zip(model.pair_geom1, model.pair_geom2, strict=True)}
+    found = [
+        (a, b) for a, b in combinations(range(model.ngeom), 2)
+        if _meet(model, a, b) or (a, b) in named or (b, a) in named
+    ]  # fmt: skip
+    return np.array([_row(model, *sorted(pair, key=lambda g: -_half(model, g))) for pair in found])
+
+
+def joints_of(plant: Plant) -> Array:
+    """Return the joints of arm and fingers, as in the module's table, shape (n + f, 3)."""
+    model, out = plant.model, []
+    own = np.flatnonzero((model.geom_contype & (BALL | FLOOR)) == 0)
+    size = max(np.linalg.norm(model.geom_pos[g]) + model.geom_rbound[g] for g in own)
+    for j in range(plant.joints + plant.fingers):
+        body, slides = model.jnt_bodyid[j], model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE
+        carried = [b for b in range(body + 1, model.nbody) if _carries(model, body, b)]
+        length = sum(np.linalg.norm(model.body_pos[b]) for b in carried) + size
+        low, high = model.jnt_range[j] if model.jnt_limited[j] else (-np.inf, np.inf)
+        out.append((low, high, 1.0 if slides else length + np.linalg.norm(model.jnt_pos[j])))
+    return np.array(out)
+
+
+def fresh_table(joints: int) -> Array:
+    """Return what was measured before anything was, shape (6 + joints,)."""
+    return np.full(6 + joints, -np.inf)
+
+
+def _carries(model: mujoco.MjModel, body: int, other: int) -> bool:
+    """Say whether a body moves with another one."""
+    while other > body:
+        other = model.body_parentid[other]
+    return bool(other == body)
+
+
+def _meet(model: mujoco.MjModel, a: int, b: int) -> bool:
+    """Say whether MuJoCo looks for contacts of two geoms of which no pair is named."""
+    kinds, meets = model.geom_contype, model.geom_conaffinity
+    bodies = model.geom_bodyid[a], model.geom_bodyid[b]
+    first, second = (model.body_weldid[x] for x in bodies)
+    parents = [model.body_weldid[model.body_parentid[x]] for x in (first, second)]
+    kindred = first != 0 and second != 0 and (parents[0] == second or parents[1] == first)
+    excluded = (int(min(bodies)) << 16) + int(max(bodies)) in model.exclude_signature
+    wanted = kinds[a] & meets[b] or kinds[b] & meets[a]
+    return bool(wanted) and first != second and not kindred and not excluded
+
+
+def _row(model: mujoco.MjModel, a: int, b: int) -> tuple[float, ...]:
+    """Return a row of the table of pairs; a plane comes last."""
+    kinds = int(model.geom_contype[a]), int(model.geom_contype[b])
+    what = FLIGHT if BALL in kinds else FINGERS if kinds == (HAND, HAND) else OWN
+    radii = _radius(model, a) + _radius(model, b)
+    return float(a), float(b), float(what), radii, _half(model, a), _half(model, b)
+
+
+def _radius(model: mujoco.MjModel, g: int) -> float:
+    """Return the radius of the capsule around a geom [m]."""
+    kind = int(model.geom_type[g])
+    if kind == _FLOOR:
+        return 0.0
+    return float(model.geom_size[g, 0] if kind in (*_LONG, _SPHERE) else model.geom_rbound[g])
+
+
+def _half(model: mujoco.MjModel, g: int) -> float:
+    """Return half the length of its axis, which is its z axis [m]; negative for a floor."""
+    kind = int(model.geom_type[g])
+    if kind == _FLOOR:
+        return -1.0
+    return float(model.geom_size[g, 1]) if kind in _LONG else 0.0
+
+
+@njit(cache=True)
+def _end(pos: Array, mat: Array, g: int, half: float) -> tuple[float, float, float]:
+    """Return an end of a shape's axis [m]."""
+    x, y, z = mat[g, 2], mat[g, 5], mat[g, 8]
+    return pos[g, 0] + half * x, pos[g, 1] + half * y, pos[g, 2] + half * z
+
+
+@njit(cache=True)
+def measure(pos: Array, mat: Array, pairs: Array, gaps: Array) -> None:
+    """Write the smallest gap of each kind of pair.
+
+    Args:
+        pos: Centres of all geoms [m], shape (g, 3).
+        mat: Their axes, shape (g, 9).
+        pairs: As in the module's table.
+        gaps: Result [m], shape (3,).
+    """
+    gaps[:] = np.inf
+    for k in range(pairs.shape[0]):
+        a, b, what = int(pairs[k, 0]), int(pairs[k, 1]), int(pairs[k, 2])
+        one, other = _end(pos, mat, a, -pairs[k, 4]), _end(pos, mat, a, pairs[k, 4])
+        if pairs[k, 5] < 0.0:  # floors lie level
+            far = min(one[2], other[2]) - pos[b, 2]
+        else:
+            begin, end = _end(pos, mat, b, -pairs[k, 5]), _end(pos, mat, b, pairs[k, 5])
+            far = segment_distance(one, other, begin, end)
+        gaps[what] = min(gaps[what], far - pairs[k, 3])
+
+
+@njit(cache=True)
+def _closing(qpos: Array, qvel: Array, joints: Array, measured: Array, h: float, n: int) -> bool:
+    """Say whether a gap can have closed since it was measured, or can within ``h`` [s].
+
+    Args:
+        qpos: Positions of the plant, shape (n + f + 7,).
+        qvel: Velocities of the plant, shape (n + f + 6,).
+        joints: As in the module's table.
+        measured: As in the module's table.
+        h: Time ahead [s].
+        n: Number of joints of the arm.
+    """
+    count, arm, fingers, way, ahead = joints.shape[0], 0.0, 0.0, 0.0, 0.0
+    for j in range(count):
+        shift = joints[j, 2] * (abs(qpos[j] - measured[6 + j]) + h * abs(qvel[j]))
+        arm, fingers = (arm + shift, fingers) if j < n else (arm, fingers + shift)
+    for i in range(3):
+        way += (qpos[count + i] - measured[3 + i]) ** 2
+        ahead += qvel[count + i] ** 2
+    flight = np.sqrt(way) + h * np.sqrt(ahead)
+    own = arm + fingers
+    return bool(
+        not own + MARGIN < measured[OWN]
+        or not fingers + MARGIN < measured[FINGERS]
+        or not own + flight + MARGIN < measured[FLIGHT]
+    )
+
+
+@njit(cache=True)
+def is_clear(
+    qpos: Array,
+    qvel: Array,
+    pos: Array,
+    mat: Array,
+    pairs: Array,
+    joints: Array,
+    measured: Array,
+    h: float,
+    n: int,
+) -> bool:
+    """Say whether nothing can touch anything, nor a joint meet its stop, within ``h`` [s].
+
+    Args:
+        qpos: As for :func:`_closing`, as ``qvel``, ``joints``, ``h`` and ``n``.
+        qvel: See ``qpos``.
+        pos: As for :func:`measure`, as ``mat`` and ``pairs``; true for ``qpos``.
+        mat: See ``pos``.
+        pairs: See ``pos``.
+        joints: See ``qpos``.
+        measured: As in the module's table; measured again where that may help.
+        h: See ``qpos``.
+        n: See ``qpos``.
+    """
+    count = joints.shape[0]
+    for j in range(count):
+        room = 2.0 * h * abs(qvel[j]) + MARGIN
+        if not joints[j, 0] + room < qpos[j] < joints[j, 1] - room:
+            return False
+    if not _closing(qpos, qvel, joints, measured, h, n):
+        return True
+    measure(pos, mat, pairs, measured[:3])
+    for i in range(3):
+        measured[3 + i] = qpos[count + i]
+    for j in range(count):
+        measured[6 + j] = qpos[j]
+    return not _closing(qpos, qvel, joints, measured, h, n)
