@@ -80,8 +80,7 @@ def _learned(settings: ArmSettings, text: str, thread: int) -> Learned:  # noqa:
 def _generator(name: str, settings: ArmSettings, text: str, thread: int) -> Generator:
     """Return a generator, kept as its map is: some learn or build much before they begin.
 
-    All that there is by then stays; that it is looked at again and again by the garbage collector
-    takes a fifteenth of a throw.
+    All that there is by then stays, so the garbage collector need not look at it again and again.
     """
     generator = make_generator(name, _learned(settings, text, thread).map)
     settle()
