@@ -52,6 +52,7 @@ _FURTHER = {
             MapDesign(q_catch=1.2, inward=0.3),
             MapDesign(q_catch=1.2, inward=1.0),
             MapDesign(q_catch=0.6, inward=3.0),
+            MapDesign(q_catch=0.3, inward=4.0),
         ),
     ),
     ("wam", "wam-80v"): (

@@ -101,18 +101,18 @@ class Several:
         """Return the map for a ball; the one followed is asked first."""
         order = sorted(range(len(self.maps)), key=lambda k: k != self.chosen)
         said: list[tuple[int, Verdict]] = []
-        waits = self.chosen is None  # for a bounce, until a map is found that needs none
+        waits = self.chosen is None  # for a bounce, until the ball is in a map's region
         for k in order:
             verdict = judge(self.maps[k].map, ball, q, tolerance=_CHOICE, dq=dq)
-            feasible = verdict.outcome is Outcome.FEASIBLE
-            if feasible and verdict.share <= self.margin:
+            if verdict.outcome is Outcome.FEASIBLE and verdict.share <= self.margin:
                 return k
             if waits and verdict.outcome is Outcome.OPEN:
                 return k
-            waits = waits and not feasible
+            waits = waits and not np.isfinite(verdict.share)
             said.append((k, verdict))
         if all(verdict.outcome is Outcome.UNREACHABLE for _, verdict in said):
-            said = [(k, self.maps[k].verdict(ball, q)) for k in order]
+            own = [self.maps[k].verdict(ball, q).outcome for k, _ in said]
+            said = [(k, replace(x, outcome=y)) for (k, x), y in zip(said, own, strict=True)]
         worth = _AT_FIRST if self.chosen is None else _ON_THE_WAY
         return min(said, key=lambda x: (worth.index(x[1].outcome), x[1].share))[0]
 

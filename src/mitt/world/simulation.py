@@ -292,6 +292,7 @@ class World:
         start, h = self._ticks * TICK, TICK / steps
         untouched = self._state[TOUCHED] < 0.0
         if troubles is not None and untouched and troubles.pushes(start, start + TICK):
+            self._switches[0] = self._always  # whether there can be contacts was foreseen without
             if path is not None or steps > 1:
                 self._move_pushed(troubles, tau, hand, rows)
                 return
