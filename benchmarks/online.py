@@ -16,9 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitt.generator.certificate import Tolerance
 from mitt.generator.constraints import initial_gap, initial_matrix, project
-from mitt.generator.demand import Demand, demand
+from mitt.generator.demand import Demand, Tolerance, demand
 from mitt.generator.foresight import flown, foresee
 from mitt.generator.mapping import DirectMap
 from mitt.generator.online import Online, OnlineSettings

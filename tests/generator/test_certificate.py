@@ -10,7 +10,6 @@ from support import ball_state
 
 from mitt.generator.certificate import (
     Outcome,
-    Tolerance,
     Verdict,
     judge,
     levelled,
@@ -18,7 +17,7 @@ from mitt.generator.certificate import (
     sharpness,
     unsettled,
 )
-from mitt.generator.demand import demand
+from mitt.generator.demand import Tolerance, demand
 from mitt.generator.foresight import flown
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.generator.demand import demand
+from mitt.generator.demand import Tolerance, demand, shares_of
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.robot.plant import add_arm
@@ -98,3 +98,44 @@ def mujoco_arm(arm: Arm) -> mujoco.MjModel:
     body.mass, body.ipos = hand.mass, [0.0, 0.0, hand.com]
     body.inertia = np.diag(hand.inertia)
     return spec.compile()
+
+
+WHOLE = Tolerance(torque=1.0, speed=1.0)
+
+
+@given(seed=seeds)
+def test_shares_are_those_of_the_demand(arm: Arm, seed: int) -> None:
+    """The largest of the named shares is the largest of the demand; a tolerance divides it."""
+    motion = motion_of(arm, seed)
+    asked, twice = demand(arm, motion), Tolerance(torque=2.0, speed=4.0)
+    for kind, largest, tolerance in (
+        ("torque", arm.by_joint(asked.torque).max(), twice.torque),
+        ("speed", arm.by_joint(asked.speed).max(), twice.speed),
+    ):
+        for limits, divisor in ((WHOLE, 1.0), (twice, tolerance)):
+            named = shares_of(arm, motion, limits)
+            said = max(share for name, share in named.items() if name.startswith(kind))
+            assert said == pytest.approx(largest / divisor, rel=EXACT)
+
+
+@given(seed=seeds, strength=st.floats(0.2, 1.0))
+def test_the_share_of_the_brake_is_where_each_joint_comes_to_rest(
+    arm: Arm, seed: int, strength: float
+) -> None:
+    """Carried on for 12 ms, then braked with a share of its torque, stepped through time."""
+    motion = motion_of(arm, seed)
+    shares = shares_of(arm, motion, Tolerance(torque=1.0, speed=1.0, strength=strength))
+    q, dq = motion[-1, 0], motion[-1, 1]
+    rate = strength * arm.tau_max / np.diag(arm.mass_matrix(q))
+    for j, name in enumerate(arm.names):
+        t = np.linspace(0.0, abs(dq[j]) / rate[j], 20001)
+        speed = np.sign(dq[j]) * (abs(dq[j]) - rate[j] * t)
+        end = q[j] + 0.012 * dq[j] + np.trapezoid(speed, t)
+        half, middle = 0.5 * (arm.q_max[j] - arm.q_min[j]), 0.5 * (arm.q_max[j] + arm.q_min[j])
+        assert shares[f"brake:{name}"] == pytest.approx(abs(end - middle) / half, rel=1e-6)
+
+
+def test_the_brake_is_left_out_where_it_is_not_asked_for(arm: Arm) -> None:
+    """Without a strength no share is called after the brake."""
+    names = shares_of(arm, motion_of(arm, 1), WHOLE)
+    assert not any(name.startswith("brake") for name in names)

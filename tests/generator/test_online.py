@@ -8,8 +8,8 @@ from support import ball_state
 
 from mitt.control.brake import plan_brake
 from mitt.flight import advance
-from mitt.generator.certificate import Outcome, Tolerance
-from mitt.generator.demand import demand
+from mitt.generator.certificate import Outcome
+from mitt.generator.demand import Tolerance, demand
 from mitt.generator.flights import Flight
 from mitt.generator.foresight import flown, foresee
 from mitt.generator.learn import Learned

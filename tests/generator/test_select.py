@@ -1,16 +1,14 @@
 """Choosing a design: what counts as able, and that the gentlest able one is taken."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.generator.demand import demand
 from mitt.generator.design import MapDesign
-from mitt.generator.flights import Flight, lift_flight
+from mitt.generator.flights import Flight
 from mitt.generator.learn import Learned
-from mitt.generator.mapping import DirectMap, unlearned
-from mitt.generator.select import Assessment, Choice, assess, choose, shares_of
+from mitt.generator.mapping import unlearned
+from mitt.generator.select import Assessment, Choice, assess, choose
 from mitt.robot.arm import Arm
 
 
@@ -43,16 +41,6 @@ def test_an_inward_map_meets_it_faster_and_near_the_normal(arm: Arm, flights: li
     assert inward.angle.max() < np.deg2rad(25.0)
     assert across.angle.min() > np.deg2rad(60.0)
     assert inward.speed.min() > 3.0
-
-
-def test_shares_are_those_of_the_demand(arm: Arm, plain: DirectMap, flights: list[Flight]) -> None:
-    """The largest of the named shares is the largest of the demand, drive by drive."""
-    lifted = lift_flight(plain, flights[0])
-    assert lifted is not None
-    motion = lifted.motion(plain.alpha)
-    shares, asked = shares_of(arm, motion), demand(arm, motion)
-    torque = max(share for name, share in shares.items() if name.startswith("torque"))
-    assert torque == pytest.approx(arm.active(asked.torque).max())
 
 
 @given(speeds=st.lists(st.floats(1.0, 9.0), min_size=1, max_size=6, unique=True))

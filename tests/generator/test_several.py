@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from support import ball_state
 
 from mitt.errors import InputError
-from mitt.generator.certificate import Outcome, Tolerance, judge
+from mitt.generator.certificate import Outcome, judge
+from mitt.generator.demand import Tolerance
 from mitt.generator.design import MapDesign
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned

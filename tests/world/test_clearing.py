@@ -1,16 +1,20 @@
 """Contacts are looked for wherever there can be any, and a trial does not depend on it."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import Array, Command
-from mitt.world.build import build_plant
+from mitt.world.build import Plant, build_plant
 from mitt.world.clearing import MARGIN, OFF, fresh_table, is_clear, joints_of, measure, pairs_of
+from mitt.world.faults.plan import Bounce, Carried, Fault, Gust, Kick, Spring
+from mitt.world.hand import BALL, FLOOR
 from mitt.world.scene import Scene, exact_scene
 from mitt.world.simulation import World
 from mitt.world.throws import Throw
@@ -19,6 +23,17 @@ PLANT = build_plant(exact_scene(), load_arm("wam").model)
 MODEL, DATA = PLANT.model, mujoco.MjData(PLANT.model)
 PAIRS, JOINTS = pairs_of(MODEL), joints_of(PLANT)
 COUNT = len(JOINTS)
+
+
+def _telescope() -> Plant:
+    """Return the plant of an arm whose third link slides by up to 0.4 m."""
+    model = load_arm("wam").model
+    links = list(model.links)
+    links[2] = replace(links[2], prismatic=True, held=None, q_min=0.0, q_max=0.4)
+    return build_plant(exact_scene(), replace(model, links=tuple(links)))
+
+
+SLIDING = _telescope()
 #: In front of the arm of the default scene; it lands in the hand or beside it.
 THROW = Throw(r=np.array([3.6, 0.1, 0.2]), dr=np.array([-5.0, 0.0, 2.6]))
 
@@ -74,14 +89,32 @@ def test_what_is_held_for_clear_is_clear(share: Array, ball: Array, size: float,
     dq = np.zeros(MODEL.nv)
     dq[: COUNT + 3] = 5.0 * size * rng.uniform(-1.0, 1.0, COUNT + 3)
     table = fresh_table(COUNT)
-    if not is_clear(
-        q, dq, DATA.geom_xpos, DATA.geom_xmat, PAIRS, JOINTS, table, h, PLANT.joints
-    ):  # fmt: skip
-        return
+    place = DATA.geom_xpos, DATA.geom_xmat, PAIRS, JOINTS, table, h, PLANT.joints
+    assume(is_clear(q, dq, *place))
     for part in (0.0, 0.5, 1.0):
         lay(q[:COUNT] + part * h * dq[:COUNT], r + part * h * dq[COUNT : COUNT + 3])
         assert DATA.ncon == 0
         assert np.all((DATA.qpos[:COUNT] > JOINTS[:, 0]) & (DATA.qpos[:COUNT] < JOINTS[:, 1]))
+
+
+@pytest.mark.parametrize("sliding", [False, True])
+@settings(max_examples=60, deadline=None)
+@given(shares, st.integers(0, 2**32))
+def test_no_shape_moves_farther_than_is_foreseen(sliding: bool, share: Array, seed: int) -> None:
+    """A change of the joints moves no point of a shape by more than the table says."""
+    plant = SLIDING if sliding else PLANT
+    model, joints, data = plant.model, joints_of(plant), mujoco.MjData(plant.model)
+    change = 0.02 * np.random.default_rng(seed).uniform(-1.0, 1.0, len(joints))
+    start = joints[:, 0] + np.clip(share, 0.1, 0.9) * (joints[:, 1] - joints[:, 0])
+    tips = []
+    for q in (start, start + change):
+        data.qpos[: len(joints)], data.qpos[len(joints) + 3] = q, 1.0
+        mujoco.mj_kinematics(model, data)
+        axes = data.geom_xmat.reshape(-1, 3, 3)[:, :, 2] * model.geom_rbound[:, None]
+        tips.append(np.concatenate([data.geom_xpos + axes, data.geom_xpos - axes]))
+    own = np.tile(model.geom_contype & (BALL | FLOOR) == 0, 2)
+    moved = np.linalg.norm(tips[1] - tips[0], axis=1)[own]
+    assert moved.max() <= joints[:, 2] @ np.abs(change)
 
 
 def test_what_was_measured_holds_until_it_has_been_used_up() -> None:
@@ -100,14 +133,15 @@ def test_what_was_measured_holds_until_it_has_been_used_up() -> None:
     assert not np.array_equal(table, before)
 
 
-@pytest.mark.parametrize("scene", [exact_scene(), Scene()])
-def test_a_trial_is_the_same_with_contacts_always_looked_for(arm: Arm, scene: Scene) -> None:
-    """To the last bit, from release until the ball has met the hand, an arm moving all the way."""
-    worlds, off = [World(scene, load_arm("wam").model) for _ in range(2)], 0
+def both_ways(arm: Arm, scene: Scene) -> tuple[World, World, int]:
+    """Return two worlds after a throw at a moving arm, and in how many ticks the first was off.
+
+    In the second one contacts are always looked for; both are compared tick by tick.
+    """
+    free, always = worlds = [World(scene, load_arm("wam").model) for _ in range(2)]
     for world in worlds:
         world.reset(THROW, 3)
-    free, always = worlds
-    mask = ~OFF
+    mask, off = ~OFF, 0
     for k in range(900):
         wish = arm.q_ready + 0.3 * np.sin(0.01 * k) * np.array([1.0, -0.5, 0.5])
         off += bool(free.model.opt.disableflags & OFF)
@@ -121,5 +155,30 @@ def test_a_trial_is_the_same_with_contacts_always_looked_for(arm: Arm, scene: Sc
         assert free.data.qpos.tobytes() == always.data.qpos.tobytes()
         assert free.data.qvel.tobytes() == always.data.qvel.tobytes()
     assert np.array_equal(free.trace().seen, always.trace().seen)
+    return free, always, off
+
+
+@pytest.mark.parametrize("scene", [exact_scene(), Scene()])
+def test_a_trial_is_the_same_with_contacts_always_looked_for(arm: Arm, scene: Scene) -> None:
+    """To the last bit, from release until the ball has met the hand, an arm moving all the way."""
+    free, _, off = both_ways(arm, scene)
     assert np.any(free.trace().seen)
     assert 200 < off < 850
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        Kick(kind="kick", magnitude=20.0, share=0.97),
+        Bounce(kind="bounce", magnitude=0.15, share=0.95, restitution=1.0),
+        Gust(kind="gust", magnitude=30.0),
+        Spring(kind="spring", magnitude=10.0),
+        Carried(kind="carried", magnitude=5.0),
+    ],
+)
+def test_a_disturbed_trial_is_the_same_with_contacts_always_looked_for(
+    arm: Arm, fault: Fault
+) -> None:
+    """What pushes or leads the ball cannot bring about a contact that is not looked for."""
+    _, _, off = both_ways(arm, Scene(faults=(fault,)))
+    assert off > 100

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from mitt.generator import foresight
-from mitt.generator.demand import demand
+from mitt.generator.demand import Tolerance, shares_of
 from mitt.generator.foresight import Foresight, flown, foresee, spread
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array, BallState, MapStatus
@@ -22,10 +22,8 @@ _INSTANTS = 25
 _REGION_GAP = 0.3
 #: How far ahead the ball's way over the ground is looked at [s], and in what steps.
 _AHEAD, _STRIDE = 1.0, 0.01
-#: Time after the catch in which the hand closes and the arm still follows [s].
-_GRASP = 0.012
 #: How long before its catch the arm begins to follow a ball that is led [s].
-LED_AHEAD = 0.5
+_LED_AHEAD = 0.5
 
 
 class Outcome(Enum):
@@ -41,27 +39,6 @@ class Outcome(Enum):
     OPEN = "open"
     UNSETTLED = "unsettled"
     UNREACHABLE = "unreachable"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tolerance:
-    """Share of each limit at which a throw is refused.
-
-    More than 1: the envelope keeps the limits whatever is asked, and asking for too much for a
-    short time costs some tracking error, mostly long before the catch, not the ball. Of 24 wide
-    throws 7 were refused at 1.25 and 1, and the same arm caught them all. The rivals refuse at the
-    same share.
-
-    Attributes:
-        torque: Of a drive's bound.
-        speed: Of a drive's largest speed.
-        strength: Share of its torque with which each joint, after the catch, shall come to rest
-            before the end of its range; None where that is not looked at.
-    """
-
-    torque: float = 1.6
-    speed: float = 1.6
-    strength: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,7 +93,7 @@ def unsettled(f: DirectMap, ball: BallState) -> bool:
 
 def _comes_soon(ball: BallState, t_catch: float) -> bool:
     """Say whether the catch is so near that a start is not long before it."""
-    return t_catch - ball.t <= LED_AHEAD
+    return t_catch - ball.t <= _LED_AHEAD
 
 
 def _judged(
@@ -132,7 +109,7 @@ def _judged(
         return _turned_down(f, ball, seen, "domain")
     path = flown(ball, np.linspace(0.0, seen.after, _INSTANTS))
     motion = adapted.motions(path)
-    shares = _shares(f, motion, tolerance)
+    shares = shares_of(f.arm, motion, tolerance)
     binding = max(shares, key=lambda name: shares[name])
     return Verdict(
         outcome=Outcome.FEASIBLE if shares[binding] <= 1.0 else Outcome.UNREACHABLE,
@@ -228,28 +205,3 @@ def _passes_over(f: DirectMap, ball: BallState) -> bool:
     low, high = trusted(f)
     within = (rows[0] >= low) & (rows[0] <= high)
     return bool(inside and np.all(np.delete(within, f.design.catch_joint)))
-
-
-def _shares(f: DirectMap, motion: Array, tolerance: Tolerance) -> dict[str, float]:
-    """Return the largest share of each limit of the active joints, in units of its tolerance."""
-    arm, asked = f.arm, demand(f.arm, motion)
-    half, middle = 0.5 * (arm.q_max - arm.q_min), 0.5 * (arm.q_max + arm.q_min)
-    kinds = {
-        "torque": arm.by_joint(asked.torque).max(axis=0) / tolerance.torque,
-        "speed": arm.by_joint(asked.speed).max(axis=0) / tolerance.speed,
-        "range": (np.abs(motion[:, 0] - middle) / half).max(axis=0),
-    }
-    if tolerance.strength is not None:
-        kinds["brake"] = np.abs(_rest(f, motion[-1], tolerance.strength) - middle) / half
-    return {
-        f"{kind}:{name}": float(share)
-        for kind, values in kinds.items()
-        for name, share in zip(arm.names, values, strict=True)
-    }
-
-
-def _rest(f: DirectMap, motion: Array, strength: float) -> Array:
-    """Return where each joint, braking alone from q, dq at the catch, comes to rest [rad], (n,)."""
-    rate = strength * f.arm.tau_max / np.diag(f.arm.mass_matrix(motion[0]))
-    way: Array = motion[0] + motion[1] * (_GRASP + 0.5 * np.abs(motion[1]) / rate)
-    return way

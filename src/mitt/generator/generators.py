@@ -7,7 +7,6 @@ import numpy as np
 
 from mitt.generator.certificate import (
     Outcome,
-    Tolerance,
     Verdict,
     judge,
     levelled,
@@ -15,6 +14,7 @@ from mitt.generator.certificate import (
     sharpness,
     unsettled,
 )
+from mitt.generator.demand import Tolerance
 from mitt.generator.mapping import DirectMap
 from mitt.generator.online import Online, Refinement
 from mitt.robot.shapes import Surroundings
@@ -36,7 +36,7 @@ class Generator(Protocol):
         ...
 
     def unsettled(self, ball: BallState, q: Array) -> bool:
-        """Say whether the verdict would be UNSETTLED, at less cost where that is plain to see."""
+        """Say, at less cost than a verdict, that it would be UNSETTLED; False where unclear."""
         ...
 
     def returns(self, ball: BallState) -> bool:

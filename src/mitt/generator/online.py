@@ -26,9 +26,10 @@ import numpy as np
 
 from mitt.generator.approach import palm_of
 from mitt.generator.assurance import KINDS, spread_ahead
-from mitt.generator.certificate import Outcome, Tolerance, Verdict, trusted
+from mitt.generator.certificate import Outcome, Verdict, trusted
 from mitt.generator.clearance import space_of
 from mitt.generator.course import INSTANTS, course_of
+from mitt.generator.demand import Tolerance
 from mitt.generator.foresight import foresee
 from mitt.generator.linear import programme_of
 from mitt.generator.mapping import DirectMap

@@ -18,11 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitt.generator.constraints import project
-from mitt.generator.demand import demand
+from mitt.generator.demand import Tolerance, shares_of
 from mitt.generator.design import MapDesign
 from mitt.generator.flights import Flight, Lifted, lift_flight
 from mitt.generator.mapping import DirectMap
-from mitt.robot.arm import Arm
 from mitt.signals import Array
 
 
@@ -92,28 +91,12 @@ def choose(found: Sequence[Assessment], choice: Choice | None = None) -> Assessm
     return min(able, key=lambda a: float(np.mean(a.speed)))
 
 
-def shares_of(arm: Arm, motion: Array) -> dict[str, float]:
-    """Return the largest share of every limit along q, dq, ddq at K instants, (K, 3, n)."""
-    asked = demand(arm, motion)
-    half, middle = 0.5 * (arm.q_max - arm.q_min), 0.5 * (arm.q_max + arm.q_min)
-    kinds = {
-        "torque": arm.by_joint(asked.torque).max(axis=0),
-        "speed": arm.by_joint(asked.speed).max(axis=0),
-        "range": (np.abs(motion[:, 0] - middle) / half).max(axis=0),
-    }
-    return {
-        f"{kind}:{name}": float(share)
-        for kind, values in kinds.items()
-        for name, share in zip(arm.names, values, strict=True)
-    }
-
-
 def _row(f: DirectMap, x: Lifted | None, flight: Flight) -> tuple[str, float, float, float]:
     """Return binding limit, its share, relative speed and angle of one flight."""
     if x is None:
         return "domain", np.inf, np.inf, np.pi
     alpha = project(f.alpha, f.H_inverse, x.phi_0, x.gap)
-    shares = shares_of(f.arm, x.motion(alpha))
+    shares = shares_of(f.arm, x.motion(alpha), Tolerance(torque=1.0, speed=1.0))
     binding = max(shares, key=lambda name: shares[name])
     relative = _entry(f, x, flight)
     speed = float(np.linalg.norm(relative))

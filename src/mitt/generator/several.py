@@ -17,7 +17,8 @@ from typing import final
 import numpy as np
 
 from mitt.errors import InputError
-from mitt.generator.certificate import Outcome, Tolerance, Verdict, judge
+from mitt.generator.certificate import Outcome, Verdict, judge
+from mitt.generator.demand import Tolerance
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array, BallState, JointReference

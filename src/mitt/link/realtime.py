@@ -19,9 +19,19 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA
 
 
 def settle() -> None:
-    """Collect garbage once and take all that is left out of later collections."""
+    """Collect garbage once and take all that is left out of later collections, for good."""
     gc.collect()
     gc.freeze()
+
+
+@contextmanager
+def settled() -> Iterator[None]:
+    """Run a loop in which garbage collections leave alone what was there before it."""
+    settle()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
 
 
 @contextmanager
@@ -31,14 +41,13 @@ def uncollected() -> Iterator[None]:
     What the loop leaves behind is freed by reference counts; only cycles wait until its end.
     """
     was_on = gc.isenabled()
-    settle()
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.unfreeze()
-        if was_on:
-            gc.enable()
+    with settled():
+        gc.disable()
+        try:
+            yield
+        finally:
+            if was_on:
+                gc.enable()
 
 
 def threads_of_libraries() -> dict[str, str]:

@@ -1,25 +1,26 @@
 """How long a tick takes, measured around the call from Python, as a robot's loop would see it."""
 
 from collections.abc import Callable
+from typing import TypeAlias
 
 from mitt.link.clock import Stopwatch
 from mitt.study.source import Source
 from mitt.study.trial import Bench
 
-Call = Callable[[], object]
-Rivals = dict[str, tuple[Call, int]]
+Call: TypeAlias = Callable[[], object]
+Rivals: TypeAlias = dict[str, tuple[Call, int]]
 """A tick of each rival, and how often it is to be timed."""
 
 
 def timed(call: Call, repeats: int) -> Stopwatch:
     """Return the times of a call; the first ones, which warm caches up, are left out."""
     stopwatch = Stopwatch()
-    warmed(call, repeats)
+    warm(call, repeats)
     time_calls(call, repeats, stopwatch)
     return stopwatch
 
 
-def warmed(call: Call, repeats: int) -> None:
+def warm(call: Call, repeats: int) -> None:
     """Make the calls that warm caches up before so many others."""
     for _ in range(max(repeats // 10, 1)):
         call()
@@ -77,7 +78,7 @@ def take_turns(
         time_throw(bench, source, 0, stopwatch)
         stopwatch.clear()
     for call, repeats in rivals.values():
-        warmed(call, repeats)
+        warm(call, repeats)
     for index in range(source.count):
         for bench, stopwatch in zip(benches, ours, strict=True):
             time_throw(bench, source, index, stopwatch)

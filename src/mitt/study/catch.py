@@ -14,7 +14,7 @@ from mitt.generator.mapping import unlearned
 from mitt.link.clock import Stopwatch
 from mitt.link.files import check_folder
 from mitt.link.maps import read_map
-from mitt.link.realtime import settle
+from mitt.link.realtime import settled
 from mitt.options import ArmOptions, CatchOptions
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
@@ -182,13 +182,13 @@ def run(prepared: Prepared, *, progress: Callable[[str, int, int], None]) -> Fin
     bench = make_bench(prepared, learned, generator=job.generator)
     bench.run(-1, prepared.source.ball(_WARM_UP), seed=0)
     bench.stopwatch.clear()
-    settle()
     trials: list[Trial] = []
     interrupt = None
     try:
-        for index in range(count):
-            progress("throwing", index, count)
-            trials.append(one_throw(bench, prepared, index).trial)
+        with settled():
+            for index in range(count):
+                progress("throwing", index, count)
+                trials.append(one_throw(bench, prepared, index).trial)
         progress("throwing", count, count)
     except KeyboardInterrupt as stop:
         interrupt = 143 if isinstance(stop, Terminated) else 130

@@ -13,11 +13,10 @@ from mitt.catcher import Catcher
 from mitt.link.clock import Stopwatch, now_ns
 from mitt.records import Record
 from mitt.signals import Array, Image
+from mitt.study.play import NOTHING
 from mitt.tick import act, perceive
 from mitt.world.motion import STATE, TICK, TICKS, Plant, move, over
 from mitt.world.truth import Tape
-
-_NOTHING = np.empty((0, 0), np.uint8), np.empty((0, 0), np.uint8)
 
 
 @njit(cache=True)
@@ -79,7 +78,7 @@ def play_out(
     (plant, tape), parts = world, catcher.ending
     ticks = int(plant[STATE][TICKS])
     log, times = np.zeros(most, parts[2].dtype), np.zeros(most + 2, np.int64)
-    made, todo = _play(plant, tape.reserve(ticks + most + 1), rules, _NOTHING, parts, log, times)
+    made, todo = _play(plant, tape.reserve(ticks + most + 1), rules, NOTHING, parts, log, times)
     stopwatch.add(times[:made])
     catcher.ticked(todo, ticks * TICK)
     catcher.think()

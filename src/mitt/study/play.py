@@ -54,7 +54,8 @@ _DARK: Film = (
     (np.zeros((0, 0), np.uint8), np.zeros(0, np.uint8), np.zeros(0)),
     np.zeros((BLOCK, 0, 2), np.int64),
 )  # fmt: skip
-_NOTHING = np.empty((0, 0), np.uint8), np.empty((0, 0), np.uint8)
+NOTHING = np.empty((0, 0), np.uint8), np.empty((0, 0), np.uint8)
+"""Images of no camera."""
 
 
 @njit(cache=True)
@@ -219,7 +220,7 @@ class Player:
                 scatter = stage.sensors.scatter(BLOCK)
             sight = stage.body, cameras, shots, (scatter, covariance, line)
             todo = play(
-                stage.plant, rows, sight, scalars, _NOTHING, parts, self._eyes, log,
+                stage.plant, rows, sight, scalars, NOTHING, parts, self._eyes, log,
                 self._times, BLOCK - k % BLOCK,
             )  # fmt: skip
             if imager is not None and catcher.looking:

@@ -14,6 +14,7 @@ from multiprocessing.connection import wait
 from typing import Protocol, final
 
 from mitt.errors import InputError
+from mitt.link.realtime import settle
 
 #: How long a scheduler may take to answer [s].
 _ANSWER = "5s"
@@ -71,11 +72,18 @@ class Processes:
     def _fresh(self) -> ProcessPoolExecutor:
         """Return a pool of new processes, which share nothing with this one."""
         context = multiprocessing.get_context("spawn")
-        return ProcessPoolExecutor(self.workers, mp_context=context, initializer=_settle)
+        return ProcessPoolExecutor(self.workers, mp_context=context, initializer=_begin)
 
 
-def _settle() -> None:
-    """Settle a worker: interrupts are its parent's business, and it does not outlive its parent."""
+def _begin() -> None:
+    """Begin a worker: interrupts are its parent's business, and it does not outlive its parent.
+
+    The process throws and nothing else, so the garbage collector need not look at all that it
+    has imported again and again.
+    """
+    import mitt.study.sweep.work  # noqa: F401, PLC0415 (what a job will import)
+
+    settle()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is not None:

@@ -17,7 +17,6 @@ from mitt.generator.generators import Generator
 from mitt.generator.learn import Learned
 from mitt.link.clock import Stopwatch
 from mitt.link.maps import map_of
-from mitt.link.realtime import settle
 from mitt.link.recording import write_recording
 from mitt.options import ArmOptions
 from mitt.robot.arm import Arm
@@ -78,13 +77,8 @@ def _learned(settings: ArmSettings, text: str, thread: int) -> Learned:  # noqa:
 
 @lru_cache(maxsize=_KEPT)
 def _generator(name: str, settings: ArmSettings, text: str, thread: int) -> Generator:
-    """Return a generator, kept as its map is: some learn or build much before they begin.
-
-    All that there is by then stays, so the garbage collector need not look at it again and again.
-    """
-    generator = make_generator(name, _learned(settings, text, thread).map)
-    settle()
-    return generator
+    """Return a generator, kept as its map is: some learn or build much before they begin."""
+    return make_generator(name, _learned(settings, text, thread).map)
 
 
 def bench_of(job: Job) -> tuple[Bench, Source, Learned]:
