@@ -18,6 +18,7 @@ from mitt.study.lesson import learn
 from mitt.study.neighbourhood import aim_of
 from mitt.study.score import held
 from mitt.study.trial import Bench, Outcome
+from mitt.world.faults.plan import Spring
 from mitt.world.flights import builtin_flights, place_flight
 from mitt.world.scene import TABLE_TENNIS, Scene
 from mitt.world.throws import Throw, default_throw
@@ -94,6 +95,34 @@ def test_default_throws_are_caught(bench: Bench, throws: list[Throw]) -> None:
     trials = [bench.run(k, throw, seed=40 + k).trial for k, throw in enumerate(throws)]
     assert [trial.status for trial in trials] == ["caught"] * 4
     assert [trial.limit_violations for trial in trials] == [0] * 4
+
+
+def test_a_verdict_that_was_put_off_is_the_one_that_would_have_been_given(
+    arm: Arm, taught: Learned
+) -> None:
+    """Of a ball on a spring: asked for at every tick it is UNSETTLED, and the throw is the same."""
+    scene = Scene(faults=(Spring(kind="spring", magnitude=5.0),))
+    bench, said = Bench(arm, Direct(taught.map), scene, pixels=False), []
+    told: list[list[bytes]] = []
+    for asks in (False, True):
+        world, catcher, rows = bench.world, bench.catcher(), []
+        world.reset(SIDE, 5)
+        for _ in range(600):
+            command = catcher.step(world.sense())
+            rows.append(command.q.tobytes())
+            world.apply(command)
+            catcher.think()
+            if asks and catcher.verdict is not None:
+                said.append(catcher.verdict.outcome)
+        told.append(rows)
+    assert told[0] == told[1]
+    assert said.count(Feasible.UNSETTLED) > 20
+    catcher.stop()
+    for _ in range(1000):
+        world.apply(catcher.step(world.sense()))
+        catcher.think()
+    catcher.recover()
+    assert catcher.verdict is None
 
 
 def test_the_same_seed_is_the_same_trial_whatever_ran_before(

@@ -1,5 +1,7 @@
 """Several maps: the choice is the best there is, and a change of maps is no jump."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -116,6 +118,19 @@ def test_a_ball_that_falls_short_changes_the_map_in_flight(several: Several) -> 
     changed = followed.adapt(short, q, still)
     assert changed.chosen == 1
     assert not changed.astray(short)
+
+
+@given(before=st.floats(0.05, 1.2), side=st.floats(-0.6, 0.6), led=st.booleans())
+def test_what_is_known_to_be_unsettled_gets_no_other_verdict(
+    several: Several, before: float, side: float, led: bool
+) -> None:
+    """No map could settle it; a ball in the air is never called so."""
+    f, dr = several.map.map, np.array([-3.0, 0.2, 0.5])
+    r_o = f.arm.position(f.start) - before * dr + np.array([0.0, side, 0.0])
+    ball = replace(ball_state(r_o, dr, np.zeros(3)), led=led)
+    known = several.unsettled(ball, f.arm.q_ready)
+    assert led or not known
+    assert not known or several.verdict(ball, f.arm.q_ready).outcome is Outcome.UNSETTLED
 
 
 def test_where_no_map_can_catch_none_is_changed(several: Several) -> None:

@@ -42,6 +42,18 @@ def test_a_rival_is_finite_whatever_the_ball(rival: Generator, arm: Arm) -> None
             assert all(np.all(np.isfinite(row)) for row in rows)
 
 
+def test_what_a_rival_calls_unsettled_is_what_its_verdict_says(rival: Generator, arm: Arm) -> None:
+    """Led past the arm at every distance and height, near and far in time."""
+    said = set()
+    for k in range(60):
+        r_o = np.array([3.0 - 0.04 * k, 0.02 * k - 0.4, 0.5 - 0.02 * k])
+        ball = replace(ball_state(r_o, np.array([-3.0, 0.2, 0.1]), np.zeros(3)), led=k % 7 != 0)
+        known = rival.unsettled(ball, arm.q_ready)
+        assert known == (rival.verdict(ball, arm.q_ready).outcome is Outcome.UNSETTLED)
+        said.add(known)
+    assert said == {True, False}
+
+
 def test_a_rival_starts_where_the_arm_is(
     rival: Generator, arm: Arm, ball_of: Callable[[int, float], BallState]
 ) -> None:
