@@ -105,7 +105,9 @@ def test_no_shape_moves_farther_than_is_foreseen(sliding: bool, share: Array, se
     plant = SLIDING if sliding else PLANT
     model, joints, data = plant.model, joints_of(plant), mujoco.MjData(plant.model)
     change = 0.02 * np.random.default_rng(seed).uniform(-1.0, 1.0, len(joints))
-    start = joints[:, 0] + np.clip(share, 0.1, 0.9) * (joints[:, 1] - joints[:, 0])
+    start = joints[:, 0] + np.clip(np.resize(share, len(joints)), 0.1, 0.9) * (
+        joints[:, 1] - joints[:, 0]
+    )
     tips = []
     for q in (start, start + change):
         data.qpos[: len(joints)], data.qpos[len(joints) + 3] = q, 1.0
