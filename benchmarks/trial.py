@@ -29,7 +29,7 @@ from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.link.files import write_json
 from mitt.signals import Senses
-from mitt.study.bench_tick import time_ticks
+from mitt.study.bench_tick import take_turns
 from mitt.study.source import Source, source_of
 from mitt.study.trial import Bench, known_ball
 from mitt.vision.camera import fixed_rig
@@ -165,6 +165,8 @@ def measure(throws: int, repeats: int) -> dict[str, Any]:
         f, seed=0, count=throws, throws_file=None, flights_file=None, drag=Scene().ball.drag
     )
     before = probe()
+    seeing, told = (Bench(f.arm, Direct(f), Scene(), pixels=pixels) for pixels in (True, False))
+    ticks, _ = take_turns((seeing, told), {}, source)
     return {
         "schema": SCHEMA,
         "version": mitt.__version__,
@@ -172,10 +174,8 @@ def measure(throws: int, repeats: int) -> dict[str, Any]:
         "packages": {name: version(name) for name in ("numpy", "numba", "mujoco", "pin")},
         "throws": throws,
         "repeats": repeats,
-        "tick_us": time_ticks(Bench(f.arm, Direct(f), Scene()), source).percentiles_us(),
-        "tick_without_images_us": time_ticks(
-            Bench(f.arm, Direct(f), Scene(), pixels=False), source
-        ).percentiles_us(),
+        "tick_us": ticks[0].percentiles_us(),
+        "tick_without_images_us": ticks[1].percentiles_us(),
         "pixels": trials(f, source, pixels=True, repeats=repeats),
         "points": trials(f, source, pixels=False, repeats=repeats),
         "stages_us": take_apart(f, source, repeats=repeats),

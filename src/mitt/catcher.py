@@ -156,9 +156,7 @@ class Catcher:
         None for a generator that is no map or that is refined in each tick: those ask for
         :meth:`step`.
         """
-        if self._map is None or self._refines:
-            return None
-        return self._brake, self._state, self.result
+        return None if self._map is None or self._refines else self.ending
 
     @property
     def ending(self) -> tuple[Array, Record, Record]:

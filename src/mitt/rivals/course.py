@@ -16,10 +16,10 @@ from mitt.generator.certificate import Outcome as Feasible
 from mitt.generator.certificate import Verdict
 from mitt.generator.foresight import state_of
 from mitt.generator.mapping import DirectMap
-from mitt.generator.strain import Plant, Work, plant_of, work_of
+from mitt.generator.strain import plant_of, work_of
 from mitt.rivals.meeting import hand_of, meet_at
 from mitt.rivals.offers import Numbers
-from mitt.rivals.search import Arena, arena_of, elect, search
+from mitt.rivals.search import Arena, Known, arena_of, elect, search
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState
 
@@ -103,13 +103,12 @@ class Chooser:
         return float(min(self.arm.position(np.array(q))[2] for q in corners))
 
     @cached_property
-    def _known(
-        self,
-    ) -> tuple[Array, Array, tuple[float, float], Array, Array, Plant, Work, Numbers]:
-        """What :func:`mitt.rivals.search.elect` knows of the arm, and its buffers."""
-        f, arm, s = self.map, self.arm, self.settings
-        return (
-            f.packed, self.hand, s.approach, np.array([arm.q_min, arm.q_max, f.start]), f.work,
+    def _known(self) -> Known:
+        """What a search knows of the arm, and its buffers."""
+        f, arm = self.map, self.arm
+        return Known(
+            f.packed, self.hand, self.settings.approach,
+            np.array([arm.q_min, arm.q_max, f.start]), f.work,
             plant_of(arm), work_of(arm), self._numbers,
         )  # fmt: skip
 
@@ -141,7 +140,7 @@ class Chooser:
         """
         end, at = np.empty((3, self.arm.n)), np.empty((3, 3))
         after, share, which, low = search(
-            *self._known, *self._steps, state_of(ball), motion, end, at
+            self._known, *self._steps, state_of(ball), motion, end, at
         )
         if after == np.inf:
             return None
@@ -160,7 +159,7 @@ class Chooser:
         """
         arena = arena_of(len(after), self.settings.instants, self.arm.n)
         arena.balls[:] = balls
-        k = elect(*self._known, after, arena, motion)
+        k = elect(self._known, after, arena, motion)
         if k < 0:
             return None
         _, _, share, which, low = arena.offers[k].tolist()

@@ -2,8 +2,6 @@
 
 | here       | meaning                                                            | shape        |
 |------------|--------------------------------------------------------------------|--------------|
-| ``packed``, ``hand``, ``work`` | as of :mod:`mitt.rivals.meeting`               |              |
-| ``reach``  | lowest and highest joint angles; where the first meeting starts [rad] | (3, n)    |
 | ``offers`` | table of :mod:`mitt.rivals.offers`                                 | (K, 5)       |
 """
 
@@ -17,6 +15,19 @@ from mitt.generator.strain import Plant, Work
 from mitt.rivals.meeting import meetings
 from mitt.rivals.offers import OFFER, Numbers, cheapest
 from mitt.signals import Array
+
+
+class Known(NamedTuple):
+    """What a search knows of the arm, and its buffers."""
+
+    packed: Array  # this, hand and work as of mitt.rivals.meeting
+    hand: Array
+    bounds: tuple[float, float]  # smallest and largest relative acceleration [m/s^2]
+    reach: Array  # (3, n) lowest and highest joints; where the first meeting starts [rad]
+    work: Array
+    plant: Plant  # this, scratch and numbers as of mitt.rivals.offers.cheapest
+    scratch: Work
+    numbers: Numbers
 
 
 class Arena(NamedTuple):
@@ -39,80 +50,41 @@ def arena_of(candidates: int, instants: int, n: int) -> Arena:
 
 
 @njit(cache=True)
-def elect(
-    packed: Array,
-    hand: Array,
-    bounds: tuple[float, float],
-    reach: Array,
-    work: Array,
-    p: Plant,
-    w: Work,
-    numbers: Numbers,
-    after: Array,
-    arena: Arena,
-    motion: Array,
-) -> int:
+def elect(g: Known, after: Array, arena: Arena, motion: Array) -> int:
     """Return the cheapest of several catches, whose balls are in the arena; -1 without one.
 
     Args:
-        packed: The arm.
-        hand: Its hand.
-        bounds: Smallest and largest relative acceleration [m/s^2].
-        reach: See the module's table.
-        work: Workspace.
-        p: The arm again.
-        w: Buffers.
-        numbers: As of :func:`mitt.rivals.offers.cheapest`.
+        g: The arm.
         after: Times from now [s], shape (K,).
         arena: Buffers; ends and offers are the result.
         motion: q, dq, ddq now, shape (3, n).
     """
-    ends = arena.ends
+    ends, reach = arena.ends, g.reach
     ends[0, 0] = reach[2]
-    found = meetings(packed, hand, bounds, arena.balls, ends, work)
+    found = meetings(g.packed, g.hand, g.bounds, arena.balls, ends, g.work)
     for k in range(len(after)):
         for j in range(motion.shape[1]):
             found[k] &= reach[0, j] < ends[k, 0, j] < reach[1, j]
     return int(
         cheapest(
-            p, w, hand[3:], numbers, found, after, arena.balls, ends, motion, arena.ways,
-            arena.offers,
+            g.plant, g.scratch, g.hand[3:], g.numbers, found, after, arena.balls, ends, motion,
+            arena.ways, arena.offers,
         )
     )  # fmt: skip
 
 
 @njit(cache=True)
 def search(
-    packed: Array,
-    hand: Array,
-    bounds: tuple[float, float],
-    reach: Array,
-    work: Array,
-    p: Plant,
-    w: Work,
-    numbers: Numbers,
-    after: Array,
-    arena: Arena,
-    stride: float,
-    state: Array,
-    motion: Array,
-    end: Array,
+    g: Known, after: Array, arena: Arena, stride: float, state: Array, motion: Array, end: Array,
     ball: Array,
-) -> tuple[float, float, int, bool]:
+) -> tuple[float, float, int, bool]:  # fmt: skip
     """Write the cheapest catch of a ball: q, dq, ddq then, (3, n), and r_o, dr_o, ddr_o, (3, 3).
 
     Args:
-        packed: As of :func:`elect`, as all up to the arena.
-        hand: As there.
-        bounds: As there.
-        reach: As there.
-        work: As there.
-        p: As there.
-        w: As there.
-        numbers: As there.
+        g: The arm.
         after: The even steps [s], shape (K,); none is sooner than the first.
-        arena: As there.
-        stride: Their step [s].
+        arena: Buffers.
+        stride: Step of the times [s].
         state: The ball now, as of :func:`mitt.generator.foresight.state_of`, shape (10,).
         motion: q, dq, ddq now, shape (3, n).
         end: Result.
@@ -125,7 +97,7 @@ def search(
     best, times, part = (np.inf, np.inf, 0, False), after, arena
     for turn in range(2):
         fly(state, times, part.balls)
-        k = elect(packed, hand, bounds, reach, work, p, w, numbers, times, part, motion)
+        k = elect(g, times, part, motion)
         if k >= 0:
             end[:], ball[:], offer = part.ends[k], part.balls[k], part.offers[k]
             best = times[k], offer[2], int(offer[3]), offer[4] > 0.0

@@ -55,16 +55,6 @@ def time_throw(bench: Bench, source: Source, index: int, stopwatch: Stopwatch) -
         catcher.think()
 
 
-def time_ticks(bench: Bench, source: Source) -> Stopwatch:
-    """Return the times of the ticks of all throws, after one that warms caches up."""
-    stopwatch = Stopwatch()
-    time_throw(bench, source, 0, stopwatch)
-    stopwatch.clear()
-    for index in range(source.count):
-        time_throw(bench, source, index, stopwatch)
-    return stopwatch
-
-
 def take_turns(
     benches: tuple[Bench, Bench], rivals: Rivals, source: Source
 ) -> tuple[tuple[Stopwatch, Stopwatch], dict[str, Stopwatch]]:
