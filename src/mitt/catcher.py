@@ -87,7 +87,7 @@ class Catcher:
         self._numbers, self.result = self._state[0], fresh_result(arm.n, max(eyes.heads, 1))
         self._hand, self._gaze = self.result["hand"], self.result["gaze"][0]
         self._clock = self.result["t"]
-        self._told, self.believed = self.result["told"][0], self._state["believed"][0]
+        self._told, self.believed = self.result["told"][0, :4], self._state["believed"][0]
         self._ball, out = ball_parts(self.result), self.result
         self._answer = out["asked"][0], out["inside"], out["time_to_catch"]
         names = ("ball_memory", "ball_settings", "ball_work")
@@ -129,15 +129,16 @@ class Catcher:
             self.think()
         if senses.points and self.looking:
             self._take(senses.points, senses.t)
-        images, together, t_exposed = self._eyes.arrange(senses.frames)
+        images, apart, t_exposed = self._eyes.arrange(senses.frames)
         arm, state, out = senses.arm, self._state, self.result
-        seen = images, together, t_exposed, senses.t, arm.q, arm.dq
         if self._map is None:
-            perceive(*seen, state, out)
+            perceive(images, apart, t_exposed, senses.t, arm.q, arm.dq, state, out)
             self._ask()
             self._todo = act(self._brake, state, out)
         else:
-            self._todo = tick(*seen, self._brake, state, out)
+            self._todo = tick(
+                images, apart, t_exposed, senses.t, arm.q, arm.dq, self._brake, state, out
+            )
         self._ticked = True
         t = self._clock.item()
         if self._phase == FOLLOW:

@@ -15,6 +15,7 @@ from numba import njit
 
 from mitt.errors import InputError
 from mitt.signals import Array, BallState
+from mitt.views import view
 
 GRAVITY = 9.81
 """Acceleration of free fall, towards -z [m/s^2]."""
@@ -139,7 +140,12 @@ def _spread(m: Array, at: int, h: float, mean: float, left: float, work: Array) 
         left: Share of it that is left after the step.
         work: Scratch, shape (2, 10, 10); the slopes in its first matrix.
     """
-    P, M, A = m[at + STATES : at + TRACK].reshape(STATES, STATES), work[1], work[0]
+    square = (STATES, STATES)
+    P, M, A = (
+        view(m, at + STATES, square),
+        view(work, STATES * STATES, square),
+        view(work, 0, square),
+    )
     r_a, v_a = 0.5 * h * h * mean, h * mean
     for i in range(3):
         x, y, z, k = A[i, 0], A[i, 1], A[i, 2], A[i, 3]

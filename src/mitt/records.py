@@ -179,7 +179,7 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         begun: Whether there was a tick.
         encoder_memory, encoder_count: As in :mod:`mitt.control.monitor`.
         condition, clock, encoders, tolerance, stray: As in :mod:`mitt.control.condition`.
-        shapes, pairs, guard_work, last: As in :mod:`mitt.control.viability`.
+        shapes, pairs, guard_..., last: As in :mod:`mitt.control.viability`.
         wanted: q_d, dq_d, ddq_d of the last tick, shape (3, n).
         t_brake: Time at which braking began [s].
         watch: Longest time from first sight to the verdict [s].
@@ -218,6 +218,7 @@ def arm_fields(arm: Arm, around: Surroundings) -> Fields:
         "bounds": guard.bounds,
         "shapes": guard.shapes.table,
         "pairs": guard.shapes.pairs,
+        "guard_known": guard.known,
         "guard_work": guard.work,
         "drives": arm.limits.packed,
         "bodies": arm.bodies,
@@ -241,14 +242,7 @@ def map_fields(f: DirectMap) -> Fields:
 
 def tick_of(row: Record) -> Tick:
     """Return a copied result as what it means."""
-    command = Command(
-        t=row["t"].item(),
-        q=row["told"][0, 0],
-        dq=row["told"][0, 1],
-        ddq=row["told"][0, 2],
-        tau=row["told"][0, 3],
-        hand=row["hand"].item(),
-    )
+    command = Command(t=row["t"].item(), told=row["told"][0, :4], hand=row["hand"].item())
     return Tick(
         phase=PHASES[row["phase"].item()],
         ball=ball_in(ball_parts(row)),

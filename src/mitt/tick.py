@@ -24,6 +24,7 @@ from mitt.generator.evaluation import reference, time_to_catch
 from mitt.generator.foresight import lay_state, sigma_at_catch
 from mitt.records import BRAKE, FOLLOW, STOPPED, WATCH, Record
 from mitt.signals import Array, Image
+from mitt.views import view
 from mitt.vision import memory as at
 from mitt.vision.belief import absorb, speak
 from mitt.vision.eyes import LET_GO
@@ -48,7 +49,7 @@ BESIDE, TOUCHED = 0.08, 0.002
 @njit(cache=True)
 def tick(
     images: tuple[Image, ...],
-    together: tuple[bool, ...],
+    apart: int,
     t_exposed: float,
     t: float,
     q: Array,
@@ -61,7 +62,7 @@ def tick(
 
     Args:
         images: One a camera, shape (height, width); empty where there is none.
-        together: Whether each was exposed at ``t_exposed``.
+        apart: Those not exposed at ``t_exposed``, a bit each.
         t_exposed: Instant of the exposure [s].
         t: Time of the tick [s].
         q: Encoders [rad], shape (n,).
@@ -73,15 +74,16 @@ def tick(
     Returns:
         What is to be thought about: bits.
     """
-    perceive(images, together, t_exposed, t, q, dq, state, result)
-    refer(state, result)
-    return int(act(brake, state, result))
+    known, out = view(state, 0, (1,)), view(result, 0, (1,))
+    perceive(images, apart, t_exposed, t, q, dq, known, out)
+    refer(known, out)
+    return int(act(brake, known, out))
 
 
 @njit(cache=True)
 def perceive(
     images: tuple[Image, ...],
-    together: tuple[bool, ...],
+    apart: int,
     t_exposed: float,
     t: float,
     q: Array,
@@ -113,7 +115,7 @@ def perceive(
     if (
         look(
             images,
-            together,
+            apart,
             s["eyes_memory"],
             s["eyes_settings"],
             s["eyes_boxes"],
@@ -202,6 +204,7 @@ def act(brake: Array, state: Record, result: Record) -> int:
         s["bounds"],
         s["last"],
         out["told"][:3],
+        s["guard_known"],
         s["guard_work"],
     )
     out["hand"] = close(s["closing"], s["grip"], t, out["time_to_catch"])

@@ -64,6 +64,40 @@ def test_whatever_is_asked_the_arm_can_stop_clear_of_everything(
             assert min(gaps) >= MARGIN - 1e-6
 
 
+@given(seed=seeds, size=st.sampled_from([0.3, 3.0, 1e3]), hold=st.integers(1, 150))
+def test_a_guard_that_remembers_the_room_says_what_one_does_that_measures_it(
+    arm: Arm, seed: int, size: float, hold: int
+) -> None:
+    """Tick after tick the same verdict and the same motion, to the bit."""
+    guard, plain, rng = Guard(arm, AROUND), Guard(arm, AROUND), np.random.default_rng(seed)
+    wish, measured = np.zeros((3, arm.n)), 0
+    for tick in range(300):
+        if tick % hold == 0:
+            wish = size * rng.standard_normal((3, arm.n)) + np.array(
+                [guard.last[0], guard.last[1], np.zeros(arm.n)]
+            )
+        mine, other, known = wish.copy(), wish.copy(), guard.known.copy()
+        plain.known[:] = -np.inf
+        assert guard.step(mine) == plain.step(other)
+        assert np.array_equal(mine, other)
+        measured += not np.array_equal(known, guard.known)
+    assert measured > 0
+
+
+def test_room_is_measured_again_only_where_the_arm_has_used_it_up(arm: Arm, guard: Guard) -> None:
+    """At rest once; on a way of 0.6 rad in open space a few times, not in each tick."""
+    still, measured = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)]), []
+    for k in range(600):
+        wanted = still.copy()
+        if k >= 300:
+            wanted[0, 1] += 0.002 * (k - 300)
+        before = guard.known.copy()
+        assert guard.step(wanted) == PASSED
+        measured.append(not np.array_equal(before, guard.known))
+    assert sum(measured[:301]) == 1
+    assert 0 < sum(measured[301:]) < 30
+
+
 def test_in_open_space_a_wish_passes_bit_by_bit(arm: Arm, guard: Guard) -> None:
     """A slow motion near the ready pose is not touched."""
     for k in range(200):

@@ -37,7 +37,8 @@ def status(ended: Ended, *, phase: Phase = Phase.FOLLOW, was_held: bool = False)
 
 def command(arm: Arm, *, q: Array | None = None, dq: Array = ZERO, tau: Array = ZERO) -> Command:
     """Return a command of an arm in its ready pose but for what is given."""
-    return Command(t=0.0, q=arm.q_ready if q is None else q, dq=dq, ddq=ZERO, tau=tau, hand=0.0)
+    q = arm.q_ready if q is None else q
+    return Command(t=0.0, told=np.array([q, dq, ZERO, tau]), hand=0.0)
 
 
 def trace(arm: Arm, **rows: Any) -> Trace:  # noqa: ANN401 (columns of several kinds)

@@ -153,7 +153,7 @@ def both_ways(arm: Arm, scene: Scene) -> tuple[World, World, int]:
             ddq = 400.0 * (wish - state.q) - 40.0 * state.dq
             tau = arm.inverse_dynamics(state.q, state.dq, ddq)
             hand = 1.2 if k > 500 else 0.0
-            world.apply(Command(t=world.t, q=wish, dq=0 * wish, ddq=ddq, tau=tau, hand=hand))
+            world.apply(Command(t=world.t, told=np.array([wish, 0 * wish, ddq, tau]), hand=hand))
         assert free.data.qpos.tobytes() == always.data.qpos.tobytes()
         assert free.data.qvel.tobytes() == always.data.qvel.tobytes()
     assert np.array_equal(free.trace().seen, always.trace().seen)

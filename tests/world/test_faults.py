@@ -1,6 +1,5 @@
 """Each kind of fault by itself: it does what it says, at its time, and the same each time."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -89,7 +88,7 @@ def fly(*faults: dict[str, object], ticks: int = 450, seed: int = 7) -> World:
 def still(t: float) -> Command:
     """Return a command of no torque."""
     nothing = np.zeros(3)
-    return Command(t=t, q=nothing, dq=nothing, ddq=nothing, tau=nothing, hand=0.0)
+    return Command(t=t, told=np.array([nothing] * 4), hand=0.0)
 
 
 def _world(scene: Scene) -> World:
@@ -284,7 +283,8 @@ def test_calibration_of_angles_keeps_places_and_of_places_keeps_angles() -> None
 
 def test_weak_motors_give_a_share_of_their_limit_and_no_more(arm: Arm) -> None:
     wire = troubles(plan_of({"kind": "torque", "magnitude": 0.5, "start": 0.1}), arm=arm)
-    strong = replace(still(0.0), tau=np.array([1e3, -1e3, 1.0]))
+    rest = np.zeros(3)
+    strong = still(0.0)._replace(told=np.array([rest, rest, rest, [1e3, -1e3, 1.0]]))
     np.testing.assert_array_equal(wire.command(0.0, strong).tau, strong.tau)
     bound = 0.5 * arm.limits.tau_peak[list(arm.model.active)]
     np.testing.assert_allclose(wire.command(0.2, strong).tau, [bound[0], -bound[1], 1.0])
@@ -297,10 +297,10 @@ def test_weak_motors_need_to_know_the_limits() -> None:
 
 def test_commands_come_late_or_not_at_all() -> None:
     wire = troubles(plan_of({"kind": "command", "magnitude": 0.005}))
-    hands = [wire.command(k * TICK, replace(still(0.0), hand=float(k))).hand for k in range(50)]
+    hands = [wire.command(k * TICK, still(0.0)._replace(hand=float(k))).hand for k in range(50)]
     assert hands == [max(float(k - 5), 0.0) for k in range(50)]
     lossy = troubles(plan_of({"kind": "command", "lost": 0.5}))
-    hands = [lossy.command(k * TICK, replace(still(0.0), hand=float(k))).hand for k in range(400)]
+    hands = [lossy.command(k * TICK, still(0.0)._replace(hand=float(k))).hand for k in range(400)]
     kept = np.diff(hands) == 0.0
     assert 0.4 < kept.mean() < 0.6
 

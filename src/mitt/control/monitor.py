@@ -31,6 +31,7 @@ from numba import njit
 
 from mitt.control.envelope import TICK
 from mitt.signals import Array
+from mitt.views import view
 
 #: Columns of the memory.
 _Q, _DQ, _REFUSED, _DUE, _STUCK, _GAINED, _READ, _APART, _RECKONED, _HELD, _SPEED, _BACK = range(12)
@@ -97,11 +98,11 @@ def believe(
     """
     worst = FINE
     for k in range(read.shape[1]):
-        m, q, dq = memory[k], read[0, k], read[1, k]
-        if np.isnan(m[_Q]) and _may_begin(b[:, k], q, dq):
+        m, q, dq = view(memory, k * COLUMNS, (COLUMNS,)), read[0, k], read[1, k]
+        if np.isnan(m[_Q]) and _may_begin(b, k, q, dq):
             m[_Q], m[_DQ], m[_HELD] = q, dq, q
         moved = q - m[_HELD]
-        moves_on = m[_RECKONED] == _LEFT and _moves_on(m, b[:, k], count, q, dq)
+        moves_on = m[_RECKONED] == _LEFT and _moves_on(m, b, k, count, q, dq)
         found = _judge(m, b[2, k], b[3, k], b[4, k], count, q, dq, told[4, k])
         if found >= SILENT and m[_RECKONED] == 0.0:
             m[_RECKONED] = -1.0 if found == REVERSED else (_LEFT if found == STUCK else 1.0)
@@ -109,7 +110,7 @@ def believe(
             m[_Q], m[_DQ] = q, dq
         elif moves_on:
             m[_Q], m[_DQ] = m[_Q] + moved, dq
-        elif m[_RECKONED] < 0.0 and _may_begin(b[:, k], -q, -dq):
+        elif m[_RECKONED] < 0.0 and _may_begin(b, k, -q, -dq):
             m[_Q], m[_DQ] = -q, -dq
         elif not np.isnan(m[_Q]):
             m[_Q], m[_DQ] = m[_Q] + TICK * told[1, k], told[1, k]
@@ -120,16 +121,16 @@ def believe(
 
 
 @njit(cache=True)
-def _may_begin(b: Array, q: float, dq: float) -> bool:
+def _may_begin(b: Array, k: int, q: float, dq: float) -> bool:
     """Say whether a reading by itself can be one of this joint; one that is no number cannot."""
-    return bool(b[0] - _BEYOND <= q <= b[1] + _BEYOND and abs(dq) <= _EXCESS * b[2])
+    return bool(b[0, k] - _BEYOND <= q <= b[1, k] + _BEYOND and abs(dq) <= _EXCESS * b[2, k])
 
 
 @njit(cache=True)
-def _moves_on(m: Array, b: Array, count: float, q: float, dq: float) -> bool:
+def _moves_on(m: Array, b: Array, k: int, count: float, q: float, dq: float) -> bool:
     """Say whether a stuck encoder has moved one way for some ticks, by a count or more in each."""
     moved = q - m[_HELD]
-    if not (abs(moved) >= 0.5 * count and moved * dq > 0.0 and _may_begin(b, q, dq)):
+    if not (abs(moved) >= 0.5 * count and moved * dq > 0.0 and _may_begin(b, k, q, dq)):
         m[_BACK] = 0.0
         return False
     way = np.copysign(1.0, moved)

@@ -18,6 +18,7 @@ from mitt.robot.dynamics import inverse_dynamics
 from mitt.robot.limits import bound_of, drive_asked, saturate
 from mitt.robot.shapes import Surroundings
 from mitt.signals import ArmState, Array, Command
+from mitt.views import view
 
 #: Change of a torque that counts as meeting a limit [N m].
 _TOUCH = 1e-9
@@ -80,7 +81,7 @@ class Tracker:
             told,
             self._notes,
         )
-        command = Command(t=state.t, q=told[0], dq=told[1], ddq=told[2], tau=told[3], hand=hand)
+        command = Command(t=state.t, told=told[:4], hand=hand)
         return Tracked(command=command, saturated=saturated)
 
 
@@ -114,9 +115,9 @@ def track(
         Whether a torque limit was met.
     """
     links, n = len(bodies), len(index)
-    rows = notes.reshape(NOTES, links)
-    asked, speed, kept, push = rows[0], rows[1], rows[2], told[4]
-    scratch = rows[4:].reshape(links, NOTES - 4)
+    asked, speed = view(notes, 0, (links,)), view(notes, links, (links,))
+    kept, push = view(notes, 2 * links, (links,)), view(told, 4 * n, (n,))
+    scratch = view(notes, 4 * links, (links, NOTES - 4))
     for k in range(n):
         lag, slow = told[0, k] - q[k], told[1, k] - dq[k]
         push[k] = told[2, k] + 2.0 * bandwidth * slow + bandwidth * bandwidth * lag
@@ -130,11 +131,11 @@ def track(
     for k in range(links):
         met |= abs(kept[k] - asked[k]) > _TOUCH
     if met:
-        coast = told[3]
+        coast, given = view(told, 3 * n, (n,)), view(notes, 3 * links, (links,))
         coast[:] = 0.0
         bound_acceleration(bounds, q, dq, coast)
-        inverse_dynamics(bodies, q, dq, coast, rows[3], scratch)
-        share = _cut(drives, rows[3], asked, speed, kept)
+        inverse_dynamics(bodies, q, dq, coast, given, scratch)
+        share = _cut(drives, given, asked, speed, kept)
         for k in range(n):
             push[k] = coast[k] + share * (push[k] - coast[k])
     for k in range(n):

@@ -17,11 +17,14 @@ from mitt.control.envelope import bounds_of, keep, slow_down
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Shapes, Surroundings, clearance, shapes_of
 from mitt.signals import Array
+from mitt.views import view
 
 #: Gap that is kept [m], and what a look may leave open before the way counts as blocked [m].
 MARGIN, _SLIVER = 0.01, 0.0005
 #: Looks along the way; if they do not suffice it counts as blocked.
 _LOOKS = 40
+#: What the sums of a bound on the room may be off by [m].
+_TRIFLE = 1e-9
 
 
 #: What became of a wish: passed as it was, kept within the limits, replaced by braking.
@@ -36,9 +39,13 @@ def stops_clear(
     b: Array,
     q: Array,
     dq: Array,
+    known: Array,
     work: Array,
 ) -> bool:
     """Say whether the way to standstill from ``q``, ``dq`` keeps ``MARGIN`` from everything.
+
+    Where the room that was last measured suffices, less what the arm has moved since, it is not
+    measured again.
 
     Args:
         bodies: Table of :mod:`mitt.robot.dynamics`, shape (N, 31).
@@ -47,12 +54,14 @@ def stops_clear(
         b: Limits, as of :mod:`mitt.control.envelope`, shape (6, n).
         q: Positions [rad], shape (n,).
         dq: Speeds [rad/s], shape (n,).
+        known: Where room was last measured [rad], and how much there was [m], overwritten,
+            shape (n + 1,).
         work: Scratch, shape (2 m + n, 3).
     """
     n, t = len(q), 0.0
-    ends, way = work[n:], work[:n, 0]
-    for _ in range(_LOOKS):
-        left, pace = 0.0, 0.0
+    ends, way = view(work, 3 * n, (len(work) - n, 3)), view(work, 0, (n,))
+    for look in range(_LOOKS):
+        left, pace, moved = 0.0, 0.0, _TRIFLE
         for k in range(n):
             brake, speed, reach = b[3, k], abs(dq[k]), b[5, k]
             passed = min(t, speed / brake)
@@ -60,7 +69,12 @@ def stops_clear(
             way[k] = q[k] + np.copysign(gone, dq[k])
             left += reach * (0.5 * speed * speed / brake - gone)
             pace += reach * max(speed - brake * t, 0.0)
+            moved += reach * abs(q[k] - known[k])
+        if look == 0 and left < known[n] - moved:
+            return True
         room = clearance(bodies, way, table, pairs, ends) - MARGIN
+        if look == 0:
+            known[:n], known[n] = q, room
         if room < 0.0 or (room < _SLIVER and left > 0.0):
             return False
         if left <= room:
@@ -77,6 +91,7 @@ def guard(
     b: Array,
     last: Array,
     wanted: Array,
+    known: Array,
     work: Array,
 ) -> int:
     """Replace a wanted motion by what is emitted, and remember it.
@@ -92,13 +107,14 @@ def guard(
         b: Limits, as of :mod:`mitt.control.envelope`, shape (6, n).
         last: q, dq emitted in the tick before, overwritten, shape (2, n).
         wanted: q_d, dq_d, ddq_d; q, dq, ddq afterwards, shape (3, n).
+        known: As for :func:`stops_clear`.
         work: Scratch, shape (2 m + n, 3).
 
     Returns:
         ``PASSED``, ``KEPT`` or ``BLOCKED``.
     """
     result = KEPT if keep(b, last, wanted) else PASSED
-    blocked = not stops_clear(bodies, table, pairs, b, wanted[0], wanted[1], work)
+    blocked = not stops_clear(bodies, table, pairs, b, wanted[0], wanted[1], known, work)
     if blocked and not _leads_out(bodies, table, pairs, last, wanted, work):
         result = BLOCKED
         slow_down(b, last, wanted)
@@ -138,6 +154,7 @@ class Guard:
         """Take the arm and what stands around it; the arm is taken to rest in its ready pose."""
         self.shapes, self.bounds = _numbers(arm, around)
         self.last = np.array([arm.q_ready, np.zeros(arm.n)])
+        self.known = np.full(arm.n + 1, -np.inf)
         self.work = np.zeros((arm.n + 2 * len(self.shapes.table), 3))
         self._packed = arm.bodies, self.shapes.table, self.shapes.pairs, self.bounds
 
@@ -148,11 +165,11 @@ class Guard:
 
     def step(self, wanted: Array) -> int:
         """Replace a wanted motion, shape (3, n), by what is emitted; see :func:`guard`."""
-        return int(guard(*self._packed, self.last, wanted, self.work))
+        return int(guard(*self._packed, self.last, wanted, self.known, self.work))
 
     def clear(self, q: Array, dq: Array) -> bool:
         """Say whether an arm that moves so can come to standstill without touching anything."""
-        return bool(stops_clear(*self._packed, q, dq, self.work))
+        return bool(stops_clear(*self._packed, q, dq, self.known, self.work))
 
 
 @lru_cache(maxsize=32)

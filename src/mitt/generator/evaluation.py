@@ -7,6 +7,7 @@ from mitt.generator.packing import jet_rows, unfold, unpack
 from mitt.generator.polynomial import jets
 from mitt.generator.tangent import lift
 from mitt.signals import Array
+from mitt.views import view
 
 
 @njit(cache=True)
@@ -31,17 +32,18 @@ def reference(
         rows: Result; row 3 is where a Newton inverse starts. Outside the domain: at rest.
         work: Workspace for so many joints and monomials.
     """
-    g = unpack(packed)
-    if not lift(g, ball, rows[3:], unfold(work, rows.shape[1])):
+    g, (m, n) = unpack(packed), alpha.shape
+    if not lift(g, ball, view(rows, 3 * n, (3, n)), unfold(work, n)):
         rows[:] = 0.0
         rows[0], rows[3] = g.q_rest, g.q_rest
         return False
-    m, n = alpha.shape
     motion, phi = jet_rows(work, n, m)
     for a in range(3):
         for d in range(3):
             motion[d, a] = rows[3 + d, g.free[a]]
-    jets(powers, window[0], window[1], motion[0], motion[1], motion[2], phi)
+    centre, scale = view(window, 0, (3,)), view(window, 3, (3,))
+    x, dx, ddx = view(motion, 0, (3,)), view(motion, 3, (3,)), view(motion, 6, (3,))
+    jets(powers, centre, scale, x, dx, ddx, phi)
     for k in range(n):
         # Three sums at a time: each waits for its own last addition only.
         q, dq, ddq = rows[3, k], rows[4, k], rows[5, k]

@@ -5,11 +5,12 @@ compiled code the same named tuples are views that cost nothing.
 """
 
 import numpy as np
-from numba import njit
+from numba.extending import register_jitable
 
 from mitt.generator.tangent import Scratch, Tangent
 from mitt.robot.chain import Chain, Motion
 from mitt.signals import Array
+from mitt.views import view
 
 #: Numbers before the arrays: n, i, q_alpha, kappa, planar, three free joints, seven of the plane,
 #: inward.
@@ -24,7 +25,7 @@ def pack(g: Tangent) -> Array:
     return np.concatenate([np.array(head, dtype=np.float64), *(x.ravel() for x in arrays)])
 
 
-@njit(cache=True)
+@register_jitable
 def unpack(v: Array) -> Tangent:
     """Return the tangent map whose arrays are views of a packed vector."""
     n = int(v[0])
@@ -34,15 +35,11 @@ def unpack(v: Array) -> Tangent:
     d = c + 3 * n
     e = d + 3 * n
     chain = Chain(
-        v[e : e + 9 * n].reshape(n, 3, 3),
-        v[c:d].reshape(n, 3),
-        v[d:e].reshape(n, 3),
-        v[b:c],
-        v[a:b],
-    )
-    free = (int(v[5]), int(v[6]), int(v[7]))
-    planar, plane = v[4] > 0.0, v[8:15]
-    return Tangent(chain, free, int(v[1]), v[2], v[3], v[15], v[_HEAD:a], planar, plane)
+        view(v, e, (n, 3, 3)), view(v, c, (n, 3)), view(v, d, (n, 3)), view(v, b, (n,)),
+        view(v, a, (3,)),
+    )  # fmt: skip
+    free, rest = (int(v[5]), int(v[6]), int(v[7])), view(v, _HEAD, (n,))
+    return Tangent(chain, free, int(v[1]), v[2], v[3], v[15], rest, v[4] > 0.0, view(v, 8, (7,)))
 
 
 def workspace(n: int, m: int = 0) -> Array:
@@ -50,35 +47,26 @@ def workspace(n: int, m: int = 0) -> Array:
     return np.zeros(35 * n + 45 + 3 * m)
 
 
-@njit(cache=True)
+@register_jitable
 def jet_rows(v: Array, n: int, m: int) -> tuple[Array, Array]:
     """Return buffers for the variables of the polynomial, (3, 3), and its monomials, (3, m)."""
     a = 35 * n + 36
-    return v[a : a + 9].reshape(3, 3), v[a + 9 : a + 9 + 3 * m].reshape(3, m)
+    return view(v, a, (3, 3)), view(v, a + 9, (3, m))
 
 
-@njit(cache=True)
+@register_jitable
 def unfold(v: Array, n: int) -> Scratch:
     """Return the buffers that are views of a workspace."""
     flat, k, m = 3 * n, 12 * n, 30 * n
     motion = Motion(
-        v[0:flat].reshape(n, 3),
-        v[flat : 2 * flat].reshape(n, 3),
-        v[2 * flat : 3 * flat].reshape(n, 3),
-        v[3 * flat : k].reshape(n, 3),
-        v[m : m + 9].reshape(3, 3),
-        v[k : k + 9 * n].reshape(3, n, 3),
-        v[k + 9 * n : m].reshape(3, n, 3),
-    )
+        view(v, 0, (n, 3)), view(v, flat, (n, 3)), view(v, 2 * flat, (n, 3)),
+        view(v, 3 * flat, (n, 3)), view(v, m, (3, 3)), view(v, k, (3, n, 3)),
+        view(v, k + 9 * n, (3, n, 3)),
+    )  # fmt: skip
     a = m + 9
     b = a + 4 * n
     return Scratch(
-        motion,
-        v[a : a + n],
-        v[a + n : a + 2 * n],
-        v[a + 2 * n : a + 3 * n],
-        v[a + 3 * n : b],
-        v[b : b + 9].reshape(3, 3),
-        v[b + 9 : b + 18].reshape(3, 3),
-        v[b + 18 : b + 27].reshape(3, 3),
-    )
+        motion, view(v, a, (n,)), view(v, a + n, (n,)), view(v, a + 2 * n, (n,)),
+        view(v, a + 3 * n, (n,)), view(v, b, (3, 3)), view(v, b + 9, (3, 3)),
+        view(v, b + 18, (3, 3)),
+    )  # fmt: skip

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from numba import njit
+from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from mitt.generator.assurance import assure
@@ -25,6 +26,7 @@ from mitt.generator.linear import Programme
 from mitt.generator.step import Buffers, Goal, Map, begin, finish, kept
 from mitt.generator.strain import Plant, Work
 from mitt.signals import Array
+from mitt.views import view
 
 Whole = NDArray[np.int64]
 Known = tuple[Map, Plant, Goal, Buffers]
@@ -47,28 +49,25 @@ def gather(f: Map, p: Plant, goal: Goal, b: Buffers) -> tuple[Array, Whole]:
     return np.concatenate([x.ravel() for x in arrays]), np.concatenate(ends).astype(np.int64)
 
 
-@njit(cache=True)
+@register_jitable
 def _line(v: NDArray[Any], whole: Whole, k: int) -> NDArray[Any]:
     """Return the array k, of one dimension."""
-    start = whole[4 * k]
-    return v[start : start + whole[4 * k + 1]]
+    return view(v, whole[4 * k], (whole[4 * k + 1],))
 
 
-@njit(cache=True)
+@register_jitable
 def _table(v: NDArray[Any], whole: Whole, k: int) -> NDArray[Any]:
     """Return the array k, of two dimensions."""
-    start, rows, columns = whole[4 * k], whole[4 * k + 1], whole[4 * k + 2]
-    return v[start : start + rows * columns].reshape(rows, columns)
+    return view(v, whole[4 * k], (whole[4 * k + 1], whole[4 * k + 2]))
 
 
-@njit(cache=True)
+@register_jitable
 def _block(v: Array, whole: Whole, k: int) -> Array:
     """Return the array k, of three dimensions."""
-    start, a, b, c = whole[4 * k], whole[4 * k + 1], whole[4 * k + 2], whole[4 * k + 3]
-    return v[start : start + a * b * c].reshape(a, b, c)
+    return view(v, whole[4 * k], (whole[4 * k + 1], whole[4 * k + 2], whole[4 * k + 3]))
 
 
-@njit(cache=True)
+@register_jitable
 def opened(v: Array, w: Whole) -> Known:
     """Return map, arm, goal and buffers, whose arrays are views; in the order of ``gather``."""
     f = Map(_line(v, w, 0), _table(w, w, 37), _table(v, w, 1), _line(v, w, 2))

@@ -25,6 +25,7 @@ from numba import njit
 from mitt.robot.chain import Chain, Motion, motion_of, move, place
 from mitt.robot.vectors import Vec, cross, dot, minus, plus, put, row, times
 from mitt.signals import Array
+from mitt.views import view
 
 #: |det J_c| below this share of the product of its columns' lengths counts as singular.
 _SINGULAR = 1e-9
@@ -220,11 +221,13 @@ def lift(g: Tangent, ball: Array, virtual: Array, w: Scratch) -> bool:
     for c in range(9):
         if not np.isfinite(ball[c // 3, c % 3]):
             return False
-    q_o, dq_o, ddq_o = virtual[0], virtual[1], virtual[2]
+    n = virtual.shape[1]
+    q_o, r_o = view(virtual, 0, (n,)), view(ball, 0, (3,))
+    dq_o, ddq_o = view(virtual, n, (n,)), view(virtual, 2 * n, (n,))
     if g.planar:
-        if not invert_planar(g, ball[0], q_o):
+        if not invert_planar(g, r_o, q_o):
             return False
-    elif not invert_newton(g, ball[0], q_o, w):
+    elif not invert_newton(g, r_o, q_o, w):
         return False
     dq_o[:] = 0.0
     ddq_o[:] = 0.0

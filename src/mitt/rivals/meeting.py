@@ -253,10 +253,20 @@ def lift_ahead(
         What is left of the way [m].
     """
     longer = packed.copy()
-    g = unpack(longer)
+    tip = unpack(longer).chain.tip
     for c in range(3):
-        g.chain.tip[c] += ahead[0] * hand[c]
-    gap = reach(longer, point[0], rows[0], work)
+        tip[c] += ahead[0] * hand[c]
+    gap: float = _follow(longer, hand, ahead, point, rows, work)
+    return gap
+
+
+@njit(cache=True)
+def _follow(
+    packed: Array, hand: Array, ahead: Vec, point: Array, rows: Array, work: Array
+) -> float:
+    """As :func:`lift_ahead`, for an arm whose tip is the point in front of the palm."""
+    g = unpack(packed)
+    gap = reach(packed, point[0], rows[0], work)
     w = unfold(work, rows.shape[1])
     m = w.motion
     normal = _frame(g.chain, rows[0], hand[:3])

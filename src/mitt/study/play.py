@@ -158,9 +158,7 @@ def play(
                 s["ball_memory"], (k - latency) * TICK, seen, covariance, s["ball_settings"],
                 s["ball_work"],
             )  # fmt: skip
-        todo = tick(
-            images, (True, True), exposed, k * TICK, qpos[:n], qvel[:n], brake, state, result
-        )
+        todo = tick(images, 0, exposed, k * TICK, qpos[:n], qvel[:n], brake, state, result)
         times[k] = now_ns(clock) - before
         move(plant, out["told"][3], out["hand"], rows)
         log[k] = result[0]

@@ -81,8 +81,7 @@ class Eyes:
         self._boxes = np.zeros((segmentation.WORK, 4), dtype=np.int64)
         self._work = np.empty((triangulation.WORK + n, 3))
         self._none = [np.empty((0, 0), dtype=np.uint8)] * n
-        self._still = (True,) * n
-        self._nothing = tuple(self._none), self._still, 0.0
+        self._nothing = tuple(self._none), 0, 0.0
         self.reset()
 
     def reset(self) -> None:
@@ -150,14 +149,14 @@ class Eyes:
             InputError: A frame comes from a camera that the rig does not have.
             ShapeError: A frame is not a two-dimensional image.
         """
-        images, together, t = self.arrange(frames)
+        images, apart, t = self.arrange(frames)
         self._t = t
         if self.heads:
             aim(self._heads, self._angles, self._cameras)
         r_o, covariance = np.empty(3), np.empty((3, 3))
         if look(
             images,
-            together,
+            apart,
             self._memory,
             self._settings,
             self._boxes,
@@ -170,10 +169,8 @@ class Eyes:
             return Sighting(t=t, found=True, r_o=r_o, covariance=covariance)
         return unseen(t)
 
-    def arrange(
-        self, frames: tuple[Frame, ...]
-    ) -> tuple[tuple[Image, ...], tuple[bool, ...], float]:
-        """Return images, whether they belong together, and their instant, as :func:`look` takes it.
+    def arrange(self, frames: tuple[Frame, ...]) -> tuple[tuple[Image, ...], int, float]:
+        """Return images, which stand apart, and the instant of the others, as :func:`look` does.
 
         Their instant is the newest: a camera that lags or repeats itself is left out, no other.
 
@@ -186,7 +183,7 @@ class Eyes:
         for frame in frames:
             if t < frame.t < inf:
                 t = frame.t
-        images, together, numbers = self._none.copy(), self._still, self._numbers
+        images, apart, numbers = self._none.copy(), 0, self._numbers
         heads, count = self.heads, len(images)
         for frame in frames:
             k, number, pixels = frame.camera, frame.number, frame.pixels
@@ -199,12 +196,11 @@ class Eyes:
             numbers[k] = number
             plain = pixels.flags.carray and pixels.ndim == 2 and pixels.size
             images[k] = pixels if plain else _plain(pixels)
-            if frame.t != t:
-                near = abs(frame.t - t) <= self._max_skew
-                together = (*together[:k], near, *together[k + 1 :])
+            if frame.t != t and not abs(frame.t - t) <= self._max_skew:
+                apart |= 1 << k
             if heads:
                 self._angles[k] = frame.pan, frame.tilt
-        return tuple(images), together, t
+        return tuple(images), apart, t
 
 
 def _plain(pixels: Image) -> Image:

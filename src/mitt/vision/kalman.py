@@ -18,6 +18,7 @@ from numba import njit
 
 from mitt.flight import STATES, TRACK
 from mitt.signals import Array
+from mitt.views import view
 from mitt.vision.linear import inverse
 from mitt.vision.memory import SLOT_R
 
@@ -45,7 +46,8 @@ def is_sane(z: Array, R: Array) -> bool:
 @njit(cache=True)
 def _joseph(m: Array, at: int, slot: int, work: Array) -> None:
     """Replace P by (I - K H) P (I - K H)' + K R K', H = (I 0), with K in rows 3 to 5 of work."""
-    P, half = m[at + STATES : at + TRACK].reshape(STATES, STATES), work[1]
+    square = (STATES, STATES)
+    P, half = view(m, at + STATES, square), view(work, STATES * STATES, square)
     R = slot + SLOT_R
     r0, r1, r2, r3 = m[R], m[R + 1], m[R + 2], m[R + 4]
     r4, r5 = m[R + 5], m[R + 8]
@@ -132,6 +134,6 @@ def settle(m: Array, at: int, slot: int, speed_sigma: float) -> None:
 @njit(cache=True)
 def copy(m: Array, origin: int, into: int) -> None:
     """Copy a track."""
-    source, target = m[origin : origin + TRACK], m[into : into + TRACK]
+    source, target = view(m, origin, (TRACK,)), view(m, into, (TRACK,))
     for i in range(TRACK):
         target[i] = source[i]

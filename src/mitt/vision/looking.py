@@ -5,9 +5,20 @@ from math import pi, sqrt
 from numba import njit
 
 from mitt.signals import Array, Image
+from mitt.views import view
 from mitt.vision import triangulation
 from mitt.vision.moments import Box
-from mitt.vision.segmentation import EXPECTED, GAIN, GOOD, MERGED, STATE, WEIGHED, WEIGHTS, watch
+from mitt.vision.segmentation import (
+    EXPECTED,
+    GAIN,
+    GOOD,
+    MEMORY,
+    MERGED,
+    STATE,
+    WEIGHED,
+    WEIGHTS,
+    watch,
+)
 from mitt.vision.triangulation import note, on_ray, triangulate
 
 KNOWN, SINCE, ODDS, STATUS, SPEED = range(3, 8)
@@ -104,7 +115,7 @@ def _remember(rig: Array, r: Array) -> None:
 @njit(cache=True)
 def look(
     images: tuple[Image, ...],
-    together: tuple[bool, ...],
+    apart: int,
     memory: Array,
     settings: Array,
     boxes: Box,
@@ -118,7 +129,7 @@ def look(
 
     Args:
         images: One a camera, each shape (height, width); empty where there is none.
-        together: Whether each image was exposed at the instant that is asked for.
+        apart: Images that were not exposed at the instant that is asked for, a bit each.
         memory: What is remembered of each camera, and in the last row of the rig: last position
             [m], and what ``KNOWN`` and its likes say; overwritten, shape (n + 1, MEMORY).
         settings: Numbers of the segmenter, shape (6,).
@@ -134,37 +145,39 @@ def look(
         count while something comes between the ball and the other, as before a catch: what is
         hidden from one is soon half hidden from both, and the flight model knows better.
     """
-    points, count, one, rig = work[triangulation.WORK :], 0, -1, memory[len(images)]
-    hidden = False
+    eyes, hidden, count, one = len(images), False, 0, -1
+    points = view(work, 3 * triangulation.WORK, (eyes, 3))
+    rig = view(memory, eyes * MEMORY, (MEMORY,))
     _foresee(rig)
     if rig[KNOWN] > 0.0:
         _expect(memory, cameras, belief[0], rig)
     else:
-        memory[: len(images), EXPECTED] = 0.0
-        memory[: len(images), WEIGHED] = 0.0
-    for n in range(len(images)):
-        points[n, 2] = -1.0
-        if images[n].size == 0:
+        for n in range(eyes):
+            memory[n, EXPECTED], memory[n, WEIGHED] = 0.0, 0.0
+    for n in range(eyes):
+        pixels, own = images[n], view(memory, n * MEMORY, (MEMORY,))
+        point = view(points, 3 * n, (3,))
+        point[2] = -1.0
+        if pixels.size == 0:
             continue
-        area, clipped = watch(images[n], memory[n], settings, boxes)
-        hidden |= memory[n, STATE] >= MERGED
-        if not (together[n] and area > 0 and memory[n, STATE] == GOOD):
+        area, clipped = watch(pixels, own, settings, boxes)
+        hidden |= own[STATE] >= MERGED
+        if apart >> n & 1 or area == 0 or own[STATE] != GOOD:
             continue
-        u, v = memory[n, 0], memory[n, 1]
-        if note(points[n], u, v, float(area), clipped, belief[1], belief[2]) == 0:
+        if note(point, own[0], own[1], float(area), clipped, belief[1], belief[2]) == 0:
             continue
-        if _judge(memory[n], rig[SINCE], points[n]):
+        if _judge(own, rig[SINCE], point):
             count, one = count + 1, n
         else:
-            points[n, 2], hidden = -1.0, True
+            point[2], hidden = -1.0, True
     rig[STATUS] = float(BLIND)
     if count >= 2:
         if triangulate(cameras, points, belief[0], r, P, work) <= belief[3]:
             _remember(rig, r)
             rig[SINCE], rig[ODDS], rig[STATUS] = 0.0, 0.0, float(BOTH)
-            for n in range(len(images)):
+            for n in range(eyes):
                 if points[n, 2] > 0.0:
-                    _learn_contrast(memory[n])
+                    _learn_contrast(view(memory, n * MEMORY, (MEMORY,)))
             return True
         rig[ODDS] += 1.0
         rig[STATUS] = float(AT_ODDS if rig[ODDS] >= STUBBORN else BLIND)

@@ -13,6 +13,7 @@ from numba import njit
 
 from mitt.flight import TRACK
 from mitt.signals import Array
+from mitt.views import view
 
 # The header: times [s], the doubt, and what became of the sightings.
 T, T_SEEN, T_FIRST, USED, REJECTED, IN_A_ROW, DOUBTFUL = range(7)
@@ -83,7 +84,7 @@ def slot_at(memory: Array, age: int) -> int:
 def save(memory: Array, slot: int) -> None:
     """Keep the belief in a slot, as the one before its sighting."""
     n = BELIEF if memory[AWAKE] > 0.0 else BALL + TRACK
-    belief, kept = memory[:n], memory[slot + SLOT_BELIEF :]
+    belief, kept = view(memory, 0, (n,)), view(memory, slot + SLOT_BELIEF, (n,))
     for i in range(n):
         kept[i] = belief[i]
 

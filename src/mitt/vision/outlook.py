@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mitt.signals import Array, Image
-from mitt.vision.moments import MAX_BLOBS, Box
+from mitt.vision.moments import Box
 from mitt.vision.segmentation import (
     DU,
     DUE,
@@ -21,6 +21,7 @@ from mitt.vision.segmentation import (
     TOP,
     WILD,
     found_again,
+    masks,
     pace,
 )
 from mitt.vision.window import ROWS
@@ -73,5 +74,5 @@ def suffices(pixels: Image, memory: Array, settings: Array, work: Box, weights: 
         work: Scratch, shape (WORK, 4).
         weights: Scratch, shape (7,).
     """
-    flat = work[MAX_BLOBS + 66 :].reshape(4, ROWS)
-    return bool(found_again(pixels, memory, settings, flat[:2], flat[2:], weights)[1] > 0)
+    old, new = masks(work)
+    return bool(found_again(pixels, memory, settings, old, new, weights)[1] > 0)

@@ -24,10 +24,12 @@ from math import sqrt
 
 import numpy as np
 from numba import njit
+from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from mitt.errors import ShapeError
 from mitt.signals import Array, Frame, Image, Moments
+from mitt.views import view
 from mitt.vision.moments import MAX_BLOBS, Box, estimate_ground, find_target
 from mitt.vision.window import ROWS, Runs, connect, dilate, is_merged, weigh
 
@@ -78,9 +80,8 @@ class SegmenterConfig:
 def _keep(memory: Array, top: int, rows: int, runs: Runs, area: float) -> None:
     """Keep a target's mask and area for the next frame."""
     memory[AREA], memory[TOP], memory[HEIGHT] = area, float(top), float(rows)
-    left, right = memory[RUNS : RUNS + ROWS], memory[RUNS + ROWS : RUNS + 2 * ROWS]
     for k in range(rows):
-        left[k], right[k] = float(runs[0, k]), float(runs[1, k])
+        memory[RUNS + k], memory[RUNS + ROWS + k] = float(runs[0, k]), float(runs[1, k])
 
 
 @njit(cache=True)
@@ -175,10 +176,15 @@ def _has_grown(memory: Array) -> bool:
     return bool(memory[WEIGHTS] > (GROWN + RAGGED / sqrt(memory[AREA])) * memory[MASS])
 
 
+@register_jitable
+def masks(work: Box) -> tuple[Runs, Runs]:
+    """Return scratch for the masks of the last frame and of this one, shapes (2, ROWS)."""
+    at = 4 * (WORK - ROWS)
+    return view(work, at, (2, ROWS)), view(work, at + 2 * ROWS, (2, ROWS))
+
+
 @njit(cache=True)
-def segment(
-    pixels: Image, memory: Array, settings: Array, boxes: Box, runs: Box
-) -> tuple[int, bool]:
+def segment(pixels: Image, memory: Array, settings: Array, work: Box) -> tuple[int, bool]:
     """Find the target in the dilated mask of the last, or else in the whole image.
 
     A merged target is flagged in ``memory[STATE]`` and keeps the mask of the ball that went into
@@ -188,20 +194,19 @@ def segment(
         pixels: Image, shape (height, width).
         memory: As in the module's table, overwritten.
         settings: As of :func:`pack_segmenter`, shape (6,).
-        boxes: Scratch, shape (MAX_BLOBS + 2, 4).
-        runs: Scratch, shape (ROWS, 4).
+        work: Scratch, shape (WORK, 4).
 
     Returns:
         Pixels of the target, 0 if there is none, and whether it touches the border.
     """
-    flat = runs.reshape(4, ROWS)
-    old, new, weights = flat[:2], flat[2:], memory[WEIGHTS : WEIGHTS + 7]
+    old, new = masks(work)
+    weights = view(memory, WEIGHTS, (7,))
     u, v, top, rows = memory[0], memory[1], 0, 0
     if memory[STATE] != LOST:
         top, rows = found_again(pixels, memory, settings, old, new, weights)
     again = rows > 0
     if not again:
-        top, rows = _everywhere(pixels, memory, int(settings[0]), boxes, new, weights)
+        top, rows = _everywhere(pixels, memory, int(settings[0]), work, new, weights)
     if rows == 0:
         memory[0], memory[1], memory[STATE] = np.nan, np.nan, float(LOST)
         return 0, False
@@ -262,11 +267,11 @@ def watch(pixels: Image, memory: Array, settings: Array, work: Box) -> tuple[int
     Returns:
         As :func:`segment`; the centroid is in the memory. Nothing in a frozen image.
     """
-    boxes, counts = work[: MAX_BLOBS + 2], work[MAX_BLOBS + 2 : MAX_BLOBS + 66].reshape(256)
     if memory[DUE] == 0.0:
-        measure_ground(pixels, settings[2], settings[3], counts, memory[LEVEL : THRESHOLD + 1])
+        counts, ground = view(work, 4 * (MAX_BLOBS + 2), (256,)), view(memory, LEVEL, (2,))
+        measure_ground(pixels, settings[2], settings[3], counts, ground)
     memory[DUE] = (memory[DUE] + 1.0) % settings[4]
-    area, clipped = segment(pixels, memory, settings, boxes, work[MAX_BLOBS + 66 :])
+    area, clipped = segment(pixels, memory, settings, work)
     if area > 0 and is_frozen(memory, int(settings[5])):
         return 0, False
     return area, clipped
@@ -308,6 +313,7 @@ class Segmenter:
         pixels = frame.pixels
         if pixels.ndim != 2 or pixels.size == 0:
             raise ShapeError("frame.pixels", "(height, width)", pixels.shape)
+        pixels = np.ascontiguousarray(pixels)
         area, clipped = watch(pixels, self._memory, self._settings, self._work)
         if area == 0:
             return Moments(t=frame.t, camera=frame.camera, found=False)

@@ -20,6 +20,7 @@ from numba import njit
 
 from mitt.errors import InputError
 from mitt.signals import Array, Moments, Sighting
+from mitt.views import view
 from mitt.vision.camera import Rig
 from mitt.vision.linear import invert_positive
 
@@ -51,15 +52,15 @@ class TriangulatorConfig:
 @njit(cache=True)
 def _nearest(cameras: Array, points: Array, r: Array, work: Array) -> bool:
     """Write the point with the least squared distance to all rays; False if they are parallel."""
-    H, inverse, b = work[0:3], work[3:6], work[6]
+    H, inverse, b = view(work, 0, (3, 3)), view(work, 9, (3, 3)), view(work, 18, (3,))
     H[:, :] = 0.0
     b[:] = 0.0
     for n in range(cameras.shape[0]):
         if points[n, 2] < 0.0:
             continue
-        pose, lens = cameras[n], cameras[n, 4]
-        x = (points[n, 0] - lens[1]) / lens[0]
-        y = (points[n, 1] - lens[2]) / lens[0]
+        pose = view(cameras, 15 * n, (5, 3))
+        x = (points[n, 0] - pose[4, 1]) / pose[4, 0]
+        y = (points[n, 1] - pose[4, 2]) / pose[4, 0]
         norm = sqrt(x * x + y * y + 1.0)
         for i in range(3):
             ray_i = (pose[i, 0] * x + pose[i, 1] * y + pose[i, 2]) / norm
@@ -99,14 +100,17 @@ def _refine(cameras: Array, points: Array, radius: float, r: Array, P: Array, wo
     Returns:
         The largest residual before the step [px], infinite where a camera cannot see ``r``.
     """
-    H, b, axis_u, axis_v, uv = work[0:3], work[3], work[4], work[5], work[6]
+    H, b, uv = view(work, 0, (3, 3)), view(work, 9, (3,)), view(work, 18, (3,))
+    axis_u, axis_v = view(work, 12, (3,)), view(work, 15, (3,))
     H[:, :] = 0.0
     b[:] = 0.0
     worst = 0.0
     for n in range(cameras.shape[0]):
         if points[n, 2] < 0.0:
             continue
-        R, c, lens = cameras[n, :3], cameras[n, 3], cameras[n, 4]
+        at = 15 * n
+        R, c = view(cameras, at, (3, 3)), view(cameras, at + 9, (3,))
+        lens = view(cameras, at + 12, (3,))
         x = R[0, 0] * (r[0] - c[0]) + R[1, 0] * (r[1] - c[1]) + R[2, 0] * (r[2] - c[2])
         y = R[0, 1] * (r[0] - c[0]) + R[1, 1] * (r[1] - c[1]) + R[2, 1] * (r[2] - c[2])
         z = R[0, 2] * (r[0] - c[0]) + R[1, 2] * (r[1] - c[1]) + R[2, 2] * (r[2] - c[2])

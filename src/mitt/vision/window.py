@@ -20,6 +20,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mitt.signals import Array, Image
+from mitt.views import view
 
 Runs = NDArray[np.int64]
 
@@ -70,27 +71,29 @@ def _seed(
         k = rows // 2 + (step + 1) // 2 * (1 - 2 * (step % 2))
         if k < 0 or k >= rows or top + k < 0 or top + k >= pixels.shape[0]:
             continue
-        line, first, last = pixels[top + k], runs[0, k], runs[1, k]
+        first, last = runs[0, k], runs[1, k]
         for away in range(max(u0 - first, last - u0) + 1):
             for u in (u0 - away, u0 + away):
-                if first <= u <= last and line[u] > threshold:
+                if first <= u <= last and pixels[top + k, u] > threshold:
                     return k, u
     return -1, 0
 
 
 @njit(cache=True)
-def _spread(line: Image, threshold: int, a: int, b: int, first: int, last: int) -> tuple[int, int]:
-    """Return the bright run within first..last that touches a..b; one that is empty if none."""
+def _spread(
+    pixels: Image, row: int, threshold: int, a: int, b: int, first: int, last: int
+) -> tuple[int, int]:
+    """Return the bright run in first..last of a row that touches a..b; an empty one if none."""
     u, w = max(a, first), min(b, last)
-    while u <= w and line[u] <= threshold:
+    while u <= w and pixels[row, u] <= threshold:
         u += 1
     if u > w:
         return _EMPTY, -1
-    while line[w] <= threshold:
+    while pixels[row, w] <= threshold:
         w -= 1
-    while u > first and line[u - 1] > threshold:
+    while u > first and pixels[row, u - 1] > threshold:
         u -= 1
-    while w < last and line[w + 1] > threshold:
+    while w < last and pixels[row, w + 1] > threshold:
         w += 1
     return u, w
 
@@ -118,7 +121,7 @@ def connect(pixels: Image, threshold: int, top: int, rows: int, runs: Runs, u0: 
         k, a, b = (seed, u, u) if way == 1 else (seed - 1, runs[0, seed], runs[1, seed])
         while 0 <= k < rows:
             if a <= b and 0 <= top + k < pixels.shape[0]:
-                a, b = _spread(pixels[top + k], threshold, a - 1, b + 1, runs[0, k], runs[1, k])
+                a, b = _spread(pixels, top + k, threshold, a - 1, b + 1, runs[0, k], runs[1, k])
             else:
                 a, b = _EMPTY, -1
             runs[0, k], runs[1, k] = a, b
@@ -152,10 +155,9 @@ def _around(pixels: Image, top: int, rows: int, runs: Runs, threshold: int, leve
     for k in range(rows):
         if runs[0, k] > runs[1, k]:
             continue
-        line = pixels[top + k]
         for u in (runs[0, k] - 3, runs[0, k] - 2, runs[1, k] + 2, runs[1, k] + 3):
-            if 0 <= u < width and line[u] <= threshold:
-                total += line[u]
+            if 0 <= u < width and pixels[top + k, u] <= threshold:
+                total += pixels[top + k, u]
                 count += 1
     return total / count if count >= 4 else level
 
@@ -193,7 +195,8 @@ def weigh(
         if area == 0.0:
             origin = first
         n = float(last - first + 1)
-        above, s0, s1, s2 = _sums(pixels[v, first : last + 1], threshold)
+        line = view(pixels, v * width + first, (last - first + 1,))
+        above, s0, s1, s2 = _sums(line, threshold)
         s0 -= level * n
         s1 -= level * 0.5 * n * (n - 1.0)
         s2 -= level * (n - 1.0) * n * (2.0 * n - 1.0) / 6.0

@@ -61,11 +61,8 @@ class Wire:
         self._last = command
         for weak in self._weak:
             if weak.holds(t):
-                command = Order(
-                    t=command.t, q=command.q, dq=command.dq, ddq=command.ddq,
-                    tau=self._cut(command.tau, weak.magnitude),
-                    hand=command.hand, gaze=command.gaze,
-                )  # fmt: skip
+                told = np.array([*command.told[:3], self._cut(command.tau, weak.magnitude)])
+                command = command._replace(told=told)
         return command
 
     def _cut(self, tau: Array, share: float) -> Array:
