@@ -27,7 +27,7 @@ from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState, JointReference, MapStatus
 
 #: What maps with the same design, basis and metric have in common, once it has been computed.
-_SHARED = ("tangent", "packed", "H_inverse", "_window", "work", "_scratch", "start")
+_SHARED = ("tangent", "packed", "H_inverse", "window", "work", "_scratch", "start")
 
 
 @final

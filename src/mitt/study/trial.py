@@ -167,8 +167,9 @@ def catch_time(ticks: Record) -> float:
 
     It is what the map itself announces, the last time it was near.
     """
-    near = np.flatnonzero(np.abs(ticks["time_to_catch"]) < _NEAR_CATCH)
-    return float((ticks["t"] + ticks["time_to_catch"])[near[-1]]) if len(near) else np.inf
+    left = ticks["time_to_catch"]
+    near = np.flatnonzero(np.abs(left) < _NEAR_CATCH)
+    return float(ticks["t"][near[-1]] + left[near[-1]]) if len(near) else np.inf
 
 
 def _patience(generator: Generator) -> float:
