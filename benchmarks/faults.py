@@ -28,7 +28,7 @@ from mitt.robot.load import load_arm
 from mitt.signals import Array
 from mitt.study.lesson import learn
 from mitt.study.neighbourhood import aim_of
-from mitt.study.score import Meter
+from mitt.study.score import measure
 from mitt.study.stats import wilson
 from mitt.study.trial import Bench
 from mitt.world.scene import Scene
@@ -192,7 +192,7 @@ def _run(bench: Bench, throw: Throw, seed: int) -> tuple[Any, Array, Array, int]
         if at_rest and k > 30 and not any(r["told"][0, 1].any() for r in rows[-30:]):
             break
     ticks, truth = np.concatenate(rows), world.trace()
-    return ticks, truth.q, truth.dq, Meter(bench.arm, ticks).violations(truth)
+    return ticks, truth.q, truth.dq, measure(bench.arm, ticks, truth).limit_violations
 
 
 def encoders(f: DirectMap, throws: list[Throw], seed: int) -> Row:

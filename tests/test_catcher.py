@@ -68,6 +68,12 @@ def logs_equal(a: Outcome, b: Outcome) -> bool:
     return a.trial == b.trial and all(np.array_equal(x, y) for x, y in pairs)
 
 
+def values(catcher: Catcher) -> list[bytes]:
+    """Return all fields of a catcher's state and result."""
+    _, *records = catcher.ending
+    return [record[name].tobytes() for record in records for name in record.dtype.names or ()]
+
+
 def stepped(bench: Bench, throw: Throw, change: Change) -> tuple[Catcher, list[Command], bool]:
     """Run a trial with changed senses; return catcher, commands, whether the ball was held."""
     world, catcher, commands = bench.world, bench.catcher(), []
@@ -135,6 +141,17 @@ def test_the_same_seed_is_the_same_trial_whatever_ran_before(
     bench.run(2, SIDE, seed=9)
     assert logs_equal(first, bench.run(0, throws[0], seed=7, log=True))
     assert logs_equal(first, fresh.run(0, throws[0], seed=7, log=True))
+
+
+def test_a_catcher_knows_nothing_of_the_one_before(bench: Bench, throws: list[Throw]) -> None:
+    """State, result and eyes of a catcher are those before the first throw, and its own."""
+    before = bench.catcher()
+    known = values(before)
+    used, _, _ = stepped(bench, throws[0], lambda senses: senses)
+    assert values(used) != known
+    after = bench.catcher()
+    assert values(after) == values(before) == known
+    assert (after.phase, after.verdict, after.t_0) == (Phase.WATCH, None, np.inf)
 
 
 def test_another_seed_is_another_trial(bench: Bench, throws: list[Throw]) -> None:

@@ -9,13 +9,13 @@ The catcher takes senses and gives commands, so it does not know whether a simul
 arm is at the other end.
 """
 
+from copy import copy
 from typing import final
 
 import numpy as np
 
-from mitt.control.brake import plan_brake, short_of_room
+from mitt.control.brake import plan_brake
 from mitt.control.envelope import TICK
-from mitt.control.hand import has_closed
 from mitt.errors import InputError
 from mitt.generator.certificate import Outcome, Verdict
 from mitt.generator.generators import Direct, Generator, Unoptimised
@@ -72,8 +72,7 @@ class Catcher:
         self, arm: Arm, generator: Generator, eyes: Eyes, *, settings: CatcherSettings
     ) -> None:
         """Take the arm, the generator and the eyes."""
-        self._arm, self._generator, self._eyes, self._settings = arm, generator, eyes, settings
-        self._given, self._map = generator, generator.as_map()
+        self._arm, self._settings, self._map = arm, settings, generator.as_map()
         self._turns = eyes.heads > 0
         self._refines = isinstance(generator, Direct) and generator.online is not None
         fields = catcher_fields(arm, eyes, settings) | arm_fields(arm, settings.around)
@@ -82,9 +81,26 @@ class Catcher:
         # Who else looks for sharpness elsewhere than at the catch of the map is asked at each tick.
         plain = isinstance(generator, Direct | Unoptimised)
         known["sigma_ready"] = settings.sigma_ready if plain else np.inf
-        self._state = record_of(fields | known)
+        self._blank = record_of(fields | known), fresh_result(arm.n, max(eyes.heads, 1))
+        self._begin(generator, eyes)
+
+    def again(self, generator: Generator) -> "Catcher":
+        """Return a catcher for another throw, as this one was when it was made.
+
+        Args:
+            generator: Of the same kind and with the same map, if any.
+        """
+        other = copy(self)
+        other._begin(generator, copy(self._eyes))
+        return other
+
+    def _begin(self, generator: Generator, eyes: Eyes) -> None:
+        """Begin a throw with a state of its own."""
+        self._generator, self._given, self._eyes = generator, generator, eyes
+        self._state, self.result = (record.copy() for record in self._blank)
         eyes.move_to({name: self._state[f"eyes_{name}"][0] for name in eyes.parts()})
-        self._numbers, self.result = self._state[0], fresh_result(arm.n, max(eyes.heads, 1))
+        eyes.reset()
+        self._numbers = self._state[0]
         self._hand, self._gaze = self.result["hand"], self.result["gaze"][0]
         self._clock = self.result["t"]
         self._told, self.believed = self.result["told"][0, :4], self._state["believed"][0]
@@ -93,7 +109,7 @@ class Catcher:
         names = ("ball_memory", "ball_settings", "ball_work")
         memory, table, work = (self._state[name][0] for name in names)
         self._filter = memory, table, work
-        self._brake = np.zeros((1, 3, arm.n))
+        self._brake = np.zeros((1, 3, self._arm.n))
         self._phase, self._todo, self._ticked = WATCH, 0, False
         self._verdict: Verdict | None = None
         self._unasked: tuple[BallState, Array] | None = None
@@ -314,15 +330,11 @@ class Catcher:
             self.certificate = refined.certificate(ball)
 
     def _grasp(self) -> None:
-        """Brake from the last command on, once the fingers will have closed.
+        """Brake from the last command on: the fingers will have closed.
 
         The model carries the ball's weight from then on.
         """
-        out, closing, grip = self.result, self._state["closing"][0], self._state["grip"][0]
-        t = out["t"].item()
-        hurry = short_of_room(self._arm, self._told[:3])
-        if not has_closed(closing, grip, t + TICK, hurry):
-            return
+        t = self._clock.item()
         loaded = self._arm.holding(self._settings.ball_mass)
         self._brake = plan_brake(loaded, t, self._told[:3].copy()).table(TICK)
         self._write(arm_fields(loaded, self._settings.around))

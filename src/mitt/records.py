@@ -22,6 +22,7 @@ from mitt.generator.certificate import trusted, waiting_height
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Surroundings
+from mitt.robot.slopes import slopes_work
 from mitt.signals import BallState, Command, JointReference, MapStatus
 from mitt.vision import memory
 from mitt.vision.eyes import Eyes
@@ -211,9 +212,14 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
     return fields | {f"eyes_{name}": value for name, value in eyes.parts().items()}
 
 
+@lru_cache(maxsize=32)
 def arm_fields(arm: Arm, around: Surroundings) -> Fields:
-    """Return what the tracking knows of an arm, which changes when it holds the ball."""
-    guard = Guard(arm, around)
+    """Return what the tracking knows of an arm, which changes when it holds the ball.
+
+    Worked out once, not to be written to. ``room`` and what follows is for
+    :func:`mitt.control.stop.short_of_room`.
+    """
+    guard, links = Guard(arm, around), len(arm.bodies)
     return {
         "bounds": guard.bounds,
         "shapes": guard.shapes.table,
@@ -223,6 +229,10 @@ def arm_fields(arm: Arm, around: Surroundings) -> Fields:
         "drives": arm.limits.packed,
         "bodies": arm.bodies,
         "index": np.array(arm.model.active),
+        "room": np.array([arm.tau_max, arm.q_min, arm.q_max]),
+        "room_tau": np.zeros(links),
+        "room_mass": np.zeros((links, arm.n)),
+        "room_work": slopes_work(links),
     }
 
 

@@ -17,6 +17,7 @@ from mitt.control.condition import ABORT, ASKED, assess, pass_time
 from mitt.control.envelope import TICK, slow_down
 from mitt.control.hand import close, has_closed
 from mitt.control.monitor import believe
+from mitt.control.stop import short_of_room
 from mitt.control.tracking import largest_gap, track
 from mitt.control.viability import BLOCKED, guard
 from mitt.generator.certificate import level
@@ -33,8 +34,8 @@ from mitt.vision.head import aim
 from mitt.vision.looking import look
 
 #: What is to be thought about after a tick, as bits of its result: the verdict is open, the ball
-#: has left the arm behind, the fingers are about to have closed, the catcher has stopped, the
-#: choice of the map is to be reviewed.
+#: has left the arm behind, the fingers have closed as far as there is time for, the catcher has
+#: stopped, the choice of the map is to be reviewed.
 DECIDE, LAGS, GRASPS, STOPS, REVIEWS = 1, 2, 4, 8, 16
 
 #: Time to the catch within which the hand may hide the ball, and it is not taken for lost [s].
@@ -272,7 +273,13 @@ def _afterwards(state: Record, result: Record) -> int:
         lag = largest_gap(asked[1], believed[1]) / s["adapt_dq"]
         if max(gap, lag) >= 1.0:
             todo |= LAGS
-    if has_closed(s["closing"], s["grip"], out["t"] + TICK, True):
+    if has_closed(s["closing"], s["grip"], out["t"] + TICK, True) and (
+        has_closed(s["closing"], s["grip"], out["t"] + TICK, False)
+        or short_of_room(
+            s["bodies"], s["index"], s["room"], out["told"], s["room_tau"], s["room_mass"],
+            s["room_work"],
+        )
+    ):  # fmt: skip
         todo |= GRASPS
     return todo
 

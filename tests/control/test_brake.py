@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.control.brake import Brake, plan_brake, short_of_room
+from mitt.control.brake import Brake, plan_brake
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 
@@ -96,21 +96,6 @@ def test_an_arm_at_rest_brakes_in_no_time(arm: Arm, seed: int) -> None:
     motion[1:] = 0.0
     brake = plan_brake(arm, START, motion)
     assert np.allclose(brake.q_end, motion[0], atol=1e-6)
-
-
-@given(seed=seeds)
-def test_room_shrinks_with_speed(arm: Arm, seed: int) -> None:
-    """A joint that is short of room at some speed towards a stop is so at every higher one."""
-    motion = catch_state(seed)
-    motion[1, :2] = 0.0
-    speeds = np.linspace(0.0, 25.0, 26)
-    short = []
-    for speed in speeds:
-        motion[1, 2] = speed
-        short.append(short_of_room(arm, motion))
-    assert short == sorted(short)
-    assert not short[0]
-    assert short[-1]
 
 
 def test_over_comes_after_the_end(arm: Arm) -> None:

@@ -15,7 +15,7 @@ from mitt.robot.arm import Arm
 from mitt.signals import Senses
 from mitt.study.lesson import learn
 from mitt.study.neighbourhood import aim_of
-from mitt.study.score import Meter, held, status_of
+from mitt.study.score import held, measure, status_of
 from mitt.study.trial import Bench
 from mitt.world.scene import Scene
 from mitt.world.throws import Throw, default_throw
@@ -100,7 +100,7 @@ class Range:
         return Thrown(
             status_of(world, catcher.phase, was_held=was_held),
             ticks,
-            Meter(arm, ticks).violations(world.trace()),
+            measure(arm, ticks, world.trace()).limit_violations,
             finite,
             catcher.phase,
         )

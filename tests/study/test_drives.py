@@ -1,5 +1,7 @@
 """Torques of held joints and of motors over a trial."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,7 +10,7 @@ from hypothesis import strategies as st
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
-from mitt.study.drives import rms_ratio, with_held
+from mitt.study.drives import fresh_tally, hold, tally
 
 
 @pytest.fixture(name="motors", scope="module")
@@ -24,7 +26,10 @@ def test_holding_is_what_inverse_dynamics_says(motors: Arm, seed: int) -> None:
     rng = np.random.default_rng(seed)
     motion = rng.uniform(-1.0, 1.0, (4, 3, 3)) * np.array([1.0, 5.0, 60.0])[:, None]
     tau = np.array([motors.torque(*row) for row in motion])
-    found = with_held(motors, motion[:, 0], motion[:, 1], motors.active(tau))
+    found, sums = np.empty((4, 4)), fresh_tally(motors)
+    q, dq, active = motion[:, 0].copy(), motion[:, 1].copy(), motors.active(tau)
+    for t in range(4):
+        hold(motors.tables, q, dq, active, t, found[t], sums)
     assert np.allclose(found, tau, atol=1e-9 * (1.0 + np.abs(tau).max()))
 
 
@@ -38,14 +43,29 @@ def test_a_held_joint_loads_the_motors_of_its_neighbour(motors: Arm) -> None:
     assert by_joint[1] > motors.by_joint(alone)[1]
 
 
-@given(scale=st.floats(0.1, 3.0))
-def test_continuous_torque_is_a_root_mean_square(motors: Arm, scale: float) -> None:
-    """Half a trial at the continuous torque's root two, half at rest: exactly full."""
-    tau = np.zeros((10, 4))
-    tau[:5] = scale * np.sqrt(2.0) * motors.limits.transmission.T @ motors.limits.tau_rms
-    assert rms_ratio(motors, tau) == pytest.approx([scale] * 4)
+def test_without_held_joints_the_torques_are_those_of_the_active_ones(motors: Arm) -> None:
+    """An arm all of whose joints move has nobody to hold."""
+    links = tuple(replace(link, held=None) for link in motors.model.links)
+    arm = Arm(replace(motors.model, links=links, q_ready=np.zeros(4)), motors.limits)
+    tau, still, out = np.array([[1.0, 2.0, 3.0, 4.0]]), np.zeros((1, 4)), np.empty(4)
+    hold(arm.tables, still, still, tau, 0, out, fresh_tally(arm))
+    assert np.array_equal(out, tau[0])
 
 
-def test_a_set_without_continuous_torque_has_no_share(arm: Arm) -> None:
-    """The share is 0 where nothing is stated."""
-    assert rms_ratio(arm, np.ones((3, 4))) == [0.0] * 4
+@settings(max_examples=30)
+@given(seed=st.integers(0, 2**31))
+def test_continuous_torque_is_a_root_mean_square(motors: Arm, seed: int) -> None:
+    """The sums are the squares of what each drive gives to hold its links, tick by tick."""
+    rng, sums = np.random.default_rng(seed), fresh_tally(motors)
+    most = np.array([motors.q_min, motors.q_max, motors.dq_max])
+    q, dq = np.tile(motors.q_ready, (11, 1)), np.zeros((11, 3))
+    tau = rng.uniform(-20.0, 20.0, (11, 3))
+    told, seen = np.zeros((3, 10, 3)), np.zeros(11, dtype=np.int64)
+    told[0], told[2] = motors.q_ready, tau[1:]
+    assert tally(motors.tables, most, told, q, dq, tau, seen, sums) == 0
+    alone, total = fresh_tally(motors), np.zeros(4)
+    for t in range(1, 11):
+        out = np.empty(4)
+        hold(motors.tables, q, dq, tau, t, out, alone)
+        total += motors.limits.drive_torque(out) ** 2
+    assert sums.square == pytest.approx(total)

@@ -6,20 +6,22 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mitt.records import Phase, Record, fresh_result
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import Array, Command
-from mitt.study.score import HELD_GAP, Meter, held, status_of
+from mitt.study.score import HELD_GAP, Measured, held, measure, status_of
 from mitt.world.contacts import ARM_FLOOR, BALL_FLOOR, BALL_HAND, SELF
 from mitt.world.simulation import World
 from mitt.world.truth import Trace, Truth
 
 RADIUS, TICKS = 0.04, 6
 ZERO = np.zeros(3)
+#: Agreement of sums with NumPy's, which go in another order.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -57,10 +59,15 @@ def trace(arm: Arm, **rows: Any) -> Trace:  # noqa: ANN401 (columns of several k
     return replace(still, **rows)
 
 
-def meter(arm: Arm, *commands: Command) -> Meter:
-    """Return a meter told some commands, and ready ones up to the number of ticks."""
+def measured(arm: Arm, truth: Trace, *commands: Command) -> Measured:
+    """Return what a trial was with some commands, and ready ones up to the number of ticks."""
     told = (*commands, *[command(arm)] * (TICKS - len(commands)))
-    return Meter(arm, ticks(arm, told))
+    return measure(arm, ticks(arm, told), truth)
+
+
+def violations(arm: Arm, truth: Trace, *commands: Command) -> int:
+    """Return the violations of such a trial."""
+    return measured(arm, truth, *commands).limit_violations
 
 
 def ticks(arm: Arm, told: Sequence[Command], asked: Sequence[tuple[Array, Array]] = ()) -> Record:
@@ -122,9 +129,9 @@ def test_the_rule_for_held_is_the_contract() -> None:
 
 def test_a_still_arm_violates_nothing(arm: Arm) -> None:
     """Commands and truth within the limits: no violation, and at the very limit none either."""
-    assert meter(arm).violations(trace(arm)) == 0
+    assert violations(arm, trace(arm)) == 0
     edge = command(arm, q=arm.q_max, dq=arm.dq_max, tau=arm.tau_max)
-    assert meter(arm, edge).violations(trace(arm)) == 0
+    assert violations(arm, trace(arm), edge) == 0
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
@@ -139,8 +146,8 @@ def test_a_command_beyond_a_limit_counts_from_1e_9_on(arm: Arm, joint: int, sign
         command(arm, dq=sign * one * arm.dq_max),
         command(arm, tau=sign * one * arm.tau_max),
     ):
-        assert meter(arm, told).violations(trace(arm)) == 1
-        assert meter(arm, told, told).violations(trace(arm)) == 2
+        assert violations(arm, trace(arm), told) == 1
+        assert violations(arm, trace(arm), told, told) == 2
 
 
 @pytest.mark.parametrize("joint", [0, 1, 2])
@@ -154,14 +161,14 @@ def test_the_plant_may_exceed_by_1_percent_and_no_more(arm: Arm, joint: int) -> 
             at(arm, "q", 3, joint, arm.q_max[joint] + share * span),
             at(arm, "q", 3, joint, arm.q_min[joint] - share * span),
         ):
-            assert meter(arm).violations(changed) == count
+            assert violations(arm, changed) == count
 
 
 def test_a_tick_counts_once_whatever_it_exceeds(arm: Arm) -> None:
     """Several limits exceeded in the same tick, by command and plant, are one violation."""
     wild = command(arm, q=arm.q_max + 1.0, dq=2 * arm.dq_max, tau=2 * arm.tau_max)
-    assert meter(arm, wild).violations(at(arm, "dq", 1, 0, 100.0)) == 1
-    assert meter(arm, wild).violations(at(arm, "dq", 2, 0, 100.0)) == 2
+    assert violations(arm, at(arm, "dq", 1, 0, 100.0), wild) == 1
+    assert violations(arm, at(arm, "dq", 2, 0, 100.0), wild) == 2
 
 
 @pytest.mark.parametrize(
@@ -171,7 +178,7 @@ def test_an_arm_that_hits_itself_or_the_floor_violates(arm: Arm, seen: int, coun
     """Contact of the arm with itself or the floor counts, contact of the ball does not."""
     flags = np.zeros(TICKS + 1, dtype=np.int64)
     flags[2] = seen
-    assert meter(arm).violations(trace(arm, seen=flags)) == count
+    assert violations(arm, trace(arm, seen=flags)) == count
 
 
 def test_a_drive_beyond_its_limit_counts_though_no_joint_alone_is() -> None:
@@ -181,7 +188,7 @@ def test_a_drive_beyond_its_limit_counts_though_no_joint_alone_is() -> None:
     drive = np.abs(motors.limits.drive_torque(motors.all_joints(motors.tau_max)))
     assert np.all(drive <= most * (1.0 + 1e-9))
     over = command(motors, tau=motors.tau_max * np.array([1.0, 1.0 + 1e-6, 1.0]))
-    assert meter(motors, over).violations(trace(motors)) == 1
+    assert violations(motors, trace(motors), over) == 1
 
 
 @given(scale=st.floats(0.1, 3.0))
@@ -189,28 +196,64 @@ def test_peaks_are_shares_of_the_limits(arm: Arm, scale: float) -> None:
     """The largest torque and speed of each joint, in any tick and of any sign."""
     truth = trace(arm)
     truth.tau[2], truth.qvel[4, :3] = -scale * arm.tau_max, scale * arm.dq_max
-    torque, speed = meter(arm).peaks(truth)
-    assert torque == pytest.approx([scale] * 3)
-    assert speed == pytest.approx([scale] * 3)
+    found = measured(arm, truth)
+    assert found.peak_torque_ratio == pytest.approx([scale] * 3)
+    assert found.peak_speed_ratio == pytest.approx([scale] * 3)
 
 
 def test_the_demand_is_that_of_the_reference_before_saturation(arm: Arm) -> None:
     """Mean over the ticks with a reference of tau and omega squares over their limits."""
-    still = [command(arm)] * 2
-    assert Meter(arm, ticks(arm, still)).demand_cost() == 0.0
+    still = [command(arm)] * TICKS
+    assert measured(arm, trace(arm)).demand_cost == 0.0
     asked = ticks(arm, still, [(arm.q_ready, 2.0 * arm.dq_max)])
-    asked["saturated"] = True
-    out = Meter(arm, asked)
+    asked["saturated"][:2] = True
+    out = measure(arm, asked, trace(arm))
     tau = arm.inverse_dynamics(arm.q_ready, 2.0 * arm.dq_max, ZERO) / arm.tau_max
-    assert out.demand_cost() == pytest.approx(float(tau @ tau) + 4.0 * 3)
-    assert out.saturated == 2
+    assert out.demand_cost == pytest.approx(float(tau @ tau) + 4.0 * 3)
+    assert out.saturated_ticks == 2
 
 
 def test_the_excess_is_the_farthest_reference_beyond_its_range(arm: Arm) -> None:
     """Within the ranges 0; beyond them the largest distance on either side."""
-    still = [command(arm)] * 3
     rows = [arm.q_ready, arm.q_max + np.array([0.1, 0, 0]), arm.q_min - np.array([0, 0.3, 0])]
-    assert Meter(arm, ticks(arm, still)).excess() == 0.0
-    assert Meter(arm, ticks(arm, still, [(rows[0], ZERO)])).excess() == 0.0
-    asked = ticks(arm, still, [(q, ZERO) for q in rows])
-    assert Meter(arm, asked).excess() == pytest.approx(0.3)
+    for count, excess in ((0, 0.0), (1, 0.0), (2, 0.1), (3, 0.3)):
+        asked = ticks(arm, [command(arm)] * TICKS, [(q, ZERO) for q in rows[:count]])
+        assert measure(arm, asked, trace(arm)).range_excess_rad == pytest.approx(excess)
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 2**31), limits=st.sampled_from(["paper", "wam-48v"]))
+def test_the_sums_over_a_trial_are_those_of_its_arrays(seed: int, limits: str) -> None:
+    """Peaks, continuous torque and violations are what NumPy says of all ticks at once."""
+    arm, rng = load_arm("wam", limits=limits), np.random.default_rng(seed)
+    truth, wide = trace(arm), 1.1 * (arm.q_max - arm.q_min)
+    truth.qpos[:, :3] = arm.q_min + wide * rng.uniform(-0.05, 1.0, (TICKS + 1, 3))
+    truth.qvel[:, :3] = arm.dq_max * rng.uniform(-1.1, 1.1, (TICKS + 1, 3))
+    truth.tau[:] = arm.tau_max * rng.uniform(-1.1, 1.1, (TICKS + 1, 3))
+    asked = ticks(arm, [command(arm)] * TICKS)
+    asked["told"][:, 3] = truth.tau[1:]
+    found = measure(arm, asked, truth)
+    tau, speed = _all_torques(arm, truth), np.zeros((TICKS, 4))
+    speed[:, arm.model.active] = truth.dq[:-1]
+    drive, share = arm.limits.drive_torque(tau), arm.limits.torque_ratio(tau, speed)
+    rms = np.sqrt(np.mean(drive**2, axis=0)) / arm.limits.tau_rms
+    bad = np.any(share > 1.0 + 1e-9, axis=1) | np.any(
+        (np.abs(truth.dq[1:]) > 1.01 * arm.dq_max)
+        | (truth.q[1:] < arm.q_min - 0.01 * (arm.q_max - arm.q_min))
+        | (truth.q[1:] > arm.q_max + 0.01 * (arm.q_max - arm.q_min)),
+        axis=1,
+    )
+    assert found.peak_torque_ratio == pytest.approx(arm.by_joint(share.max(axis=0)), rel=ROUNDING)
+    speeds = np.abs(truth.dq) / arm.dq_max
+    assert found.peak_speed_ratio == pytest.approx(speeds.max(axis=0), rel=ROUNDING)
+    assert found.rms_torque_ratio == pytest.approx(rms, rel=ROUNDING)
+    assert found.limit_violations == np.sum(bad) + np.sum(rms > 1.01)
+
+
+def _all_torques(arm: Arm, truth: Trace) -> Array:
+    """Return the torques of all links in each tick, by Pinocchio's mass matrix, shape (k, N)."""
+    index, out = list(arm.model.active), []
+    for q, dq, tau in zip(truth.q[:-1], truth.dq[:-1], truth.tau[1:], strict=True):
+        bias, mass = arm.torque(q, dq, ZERO), arm.torque_derivatives(q, dq, ZERO)[2]
+        out.append(bias + mass @ np.linalg.solve(mass[index], tau - bias[index]))
+    return np.array(out)

@@ -2,7 +2,8 @@
 
 Each joint brakes at its own constant rate, a share of tau_max / M_kk. The shares keep the torque
 of the whole arm within its limits at seven instants of the way (between them up to 7 % more was
-seen in 300 random states; the tracking saturates) and end as far from any stop as can be.
+seen in 300 random states; the tracking saturates) and end as far from any stop as can be. They are
+searched for among stops in closed form (:mod:`mitt.control.stop`).
 """
 
 from dataclasses import dataclass
@@ -10,27 +11,31 @@ from math import ceil
 from typing import final
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, Synchronization, Trajectory
 
+from mitt.control.stop import (
+    INSTANTS,
+    ONSET,
+    Scratch,
+    braking,
+    hardest,
+    instant,
+    room,
+    sample,
+    scratch_of,
+    torque_share,
+)
 from mitt.robot.arm import Arm
-from mitt.robot.dynamics import inverse_dynamics, notes_of
-from mitt.robot.limits import largest_share
 from mitt.signals import Array
 
-#: Share of the torque limits that braking may use; feedback needs the rest.
-_SHARE = 0.98
-#: Time in which a deceleration builds up [s].
-_ONSET = 0.002
-#: Instants at which the torque of a candidate is checked, and halvings of the interval.
-_INSTANTS, _HALVINGS = 7, 5
 #: Control tick [s].
 _TICK = 0.001
-#: Gap to a joint stop below which an ideal brake of one joint alone counts as short of room [rad].
-_NEAR = 0.45
 #: Shares of their own rate at which the joints brake that have room.
 _OTHERS = (0.15, 0.4, 0.8, 1.2)
+#: Rooms that differ by less count as the same until Ruckig has had its say [rad].
+_SAME = 1e-9
+#: Pieces of a joint's motion: seven of Ruckig's, and rest.
+_PIECES = 8
 
 
 @final
@@ -40,18 +45,16 @@ class Brake:
 
     Attributes:
         t: Time at which it starts [s].
-        trajectory: Ruckig's answer.
+        duration: Time to rest [s].
+        pieces: Ruckig's answer, joint by joint: start of each piece after ``t`` [s], and q, dq, ddq
+            and jerk there [rad ...], shape (n, 8, 5).
         torque_share: Largest share of a torque limit on the way.
     """
 
     t: float
-    trajectory: Trajectory
+    duration: float
+    pieces: Array
     torque_share: float
-
-    @property
-    def duration(self) -> float:
-        """Time to rest [s]."""
-        return float(self.trajectory.duration)
 
     def over(self, t: float) -> bool:
         """Say whether the arm has been wanted at rest for a tick or more at time ``t`` [s]."""
@@ -59,23 +62,29 @@ class Brake:
 
     def at(self, t: float) -> Array:
         """Return q, dq, ddq at time ``t`` [rad ...], shape (3, n); at rest after the end."""
-        after = min(max(t - self.t, 0.0), self.duration)
-        return np.array(self.trajectory.at_time(after))
+        row: Array = self._sampled(np.array([t]))[0]
+        return row
 
     def table(self, tick: float) -> Array:
         """Return q, dq, ddq each ``tick`` [s] from the start on, shape (k, 3, n).
 
         The last row is at rest.
         """
-        rows = self.t + tick * np.arange(ceil(self.duration / tick) + 2)
-        after = np.minimum(np.maximum(rows - self.t, 0.0), self.duration)
-        return np.array([self.trajectory.at_time(x) for x in after.tolist()])
+        ticks = np.arange(ceil(self.duration / tick) + 2, dtype=np.float64)
+        return self._sampled(self.t + tick * ticks)
 
     @property
     def q_end(self) -> Array:
         """Where the arm comes to rest [rad], shape (n,)."""
         end: Array = self.at(np.inf)[0]
         return end
+
+    def _sampled(self, t: Array) -> Array:
+        """Return q, dq, ddq at some times [s], (k,), shape (k, 3, n)."""
+        after = np.minimum(np.maximum(t - self.t, 0.0), self.duration)
+        out = np.empty((len(t), 3, len(self.pieces)))
+        sample(self.pieces, after, out)
+        return out
 
 
 def plan_brake(arm: Arm, t: float, motion: Array) -> Brake:
@@ -91,17 +100,15 @@ def plan_brake(arm: Arm, t: float, motion: Array) -> Brake:
     """
     rate = arm.tau_max / np.diag(arm.mass_matrix(motion[0]))
     urgent = int(np.argmax(_urgency(arm, motion, rate)))
-    stops = _Stops(arm, t, motion)
-    tried = [_hardest(stops, rate, urgent=urgent, others=x) for x in _OTHERS]
-    return max(tried, key=lambda brake: (brake.torque_share <= 1.0, _room(arm, brake)))
-
-
-def short_of_room(arm: Arm, motion: Array) -> bool:
-    """Say whether a joint that moves so, q and dq in rows, stops close to the end of its range."""
-    rate = arm.tau_max / np.diag(arm.mass_matrix(motion[0]))
-    way = 0.5 * motion[1] * np.abs(motion[1]) / rate
-    end = motion[0] + way
-    return bool(np.any((end > arm.q_max - _NEAR) | (end < arm.q_min + _NEAR)))
+    ends, w = np.array([arm.q_min, arm.q_max]), scratch_of(arm)
+    tried = []
+    for others in _OTHERS:
+        share = hardest(arm.tables, motion, rate, urgent, others, w)
+        tried.append((share <= 1.0, room(ends, w.last[0]), w.rate.copy()))
+    fits, most, _ = max(tried, key=lambda x: x[:2])
+    best = [x for ok, left, x in tried if ok == fits and left > most - _SAME]
+    stops = [_driven(arm, t, motion, x, w) for x in best]
+    return max(stops, key=lambda brake: room(ends, brake.q_end))
 
 
 def _urgency(arm: Arm, motion: Array, rate: Array) -> Array:
@@ -112,84 +119,31 @@ def _urgency(arm: Arm, motion: Array, rate: Array) -> Array:
     return out
 
 
-def _room(arm: Arm, brake: Brake) -> float:
-    """Return the smallest gap to a joint stop where the brake ends [rad]."""
-    q = brake.q_end
-    return float(np.min(np.minimum(arm.q_max - q, q - arm.q_min)))
+def _driven(arm: Arm, t: float, motion: Array, rate: Array, w: Scratch) -> Brake:
+    """Return Ruckig's stop with given decelerations [rad/s^2], shape (n,), and its torque share."""
+    n = len(rate)
+    request, trajectory = InputParameter(n), Trajectory(n)
+    request.control_interface = ControlInterface.Velocity
+    request.synchronization = Synchronization.No
+    request.current_position, request.current_velocity = motion[0].tolist(), motion[1].tolist()
+    rows = zip(motion[1].tolist(), motion[2].tolist(), rate.tolist(), strict=True)
+    request.current_acceleration = [braking(*row) for row in rows]
+    request.target_velocity = request.target_acceleration = [0.0] * n
+    request.max_acceleration, request.max_jerk = rate.tolist(), (rate / ONSET).tolist()
+    result = Ruckig(n).calculate(request, trajectory)
+    if result not in (Result.Working, Result.Finished):
+        raise RuntimeError(f"Ruckig refused a stop from {motion.tolist()}: {result}")
+    end, pieces = trajectory.duration, _pieces(trajectory)
+    sample(pieces, np.array([instant(i, end) for i in range(INSTANTS)]), w.rows)
+    return Brake(t, end, pieces, float(torque_share(arm.tables, w.rows, w.tau, w.notes)))
 
 
-def _hardest(stops: "_Stops", rate: Array, *, urgent: int, others: float) -> Brake:
-    """Return the hardest brake of the urgent joint with the others at a share of their rate."""
-    share = np.full(len(rate), others)
-    low, high = 0.2, 1.6
-    share[urgent] = low
-    best = stops.at(share * rate)
-    for _ in range(_HALVINGS):
-        share[urgent] = 0.5 * (low + high)
-        candidate = stops.at(share * rate)
-        if candidate.torque_share <= _SHARE:
-            low, best = share[urgent], candidate
-        else:
-            high = share[urgent]
-    return best
-
-
-@final
-class _Stops:
-    """Stops of one arm from one state, to be compared."""
-
-    def __init__(self, arm: Arm, t: float, motion: Array) -> None:
-        """Take the arm, the time at which to start [s] and q, dq, ddq then, shape (3, n)."""
-        self._t, self._motion, n = t, motion, arm.n
-        self._ruckig, self._request = Ruckig(n), InputParameter(n)
-        self._request.control_interface = ControlInterface.Velocity
-        self._request.synchronization = Synchronization.No
-        self._request.current_position = motion[0].tolist()
-        self._request.current_velocity = motion[1].tolist()
-        self._request.target_velocity = [0.0] * n
-        self._request.target_acceleration = [0.0] * n
-        self._slowing, links = (motion[1] * motion[2] < 0.0).tolist(), len(arm.bodies)
-        self._braking: list[float] = motion[2].tolist()
-        self._arm = arm.bodies, arm.limits.packed, np.array(arm.model.active)
-        self._work = np.zeros((2, links)), notes_of(links)
-
-    def at(self, rate: Array) -> Brake:
-        """Return the stop with given decelerations [rad/s^2], shape (n,), and its torque share."""
-        request, trajectory = self._request, Trajectory(len(rate))
-        most = rate.tolist()  # plain numbers: three are too few for arrays to pay
-        request.current_acceleration = [
-            min(max(a, -x), x) if slows else 0.0
-            for a, x, slows in zip(self._braking, most, self._slowing, strict=True)
-        ]
-        request.max_acceleration = most
-        request.max_jerk = [x / _ONSET for x in most]
-        result = self._ruckig.calculate(request, trajectory)
-        if result not in (Result.Working, Result.Finished):
-            raise RuntimeError(f"Ruckig refused a stop from {self._motion.tolist()}: {result}")
-        end, pace = trajectory.duration, trajectory.duration / _INSTANTS
-        after = [min(k * pace + _ONSET, end) for k in range(_INSTANTS)]
-        rows = np.array([trajectory.at_time(x) for x in after])
-        return Brake(self._t, trajectory, float(_torque_share(*self._arm, rows, *self._work)))
-
-
-@njit(cache=True)
-def _torque_share(
-    bodies: Array, drives: Array, index: NDArray[np.int64], rows: Array, work: Array, notes: Array
-) -> float:
-    """Return the largest share of a drive's torque that a motion asks for.
-
-    Args:
-        bodies: Table of :mod:`mitt.robot.dynamics`, shape (N, 31).
-        drives: ``Limits.packed``, shape (2 N + 3, N).
-        index: Active joints among the links, shape (n,).
-        rows: q, dq, ddq at K instants, shape (K, 3, n).
-        work: Scratch, zero at entry, shape (2, N).
-        notes: Scratch of the dynamics, shape (N, 18).
-    """
-    largest, tau, speed = 0.0, work[0], work[1]
-    for k in range(len(rows)):
-        inverse_dynamics(bodies, rows[k, 0], rows[k, 1], rows[k, 2], tau, notes)
-        for i in range(len(index)):
-            speed[index[i]] = rows[k, 1, i]
-        largest = max(largest, largest_share(drives, tau, speed))
-    return largest
+def _pieces(trajectory: Trajectory) -> Array:
+    """Return the pieces of a trajectory of one section, as in :mod:`mitt.control.stop`."""
+    joints = trajectory.profiles[0]
+    pieces = np.zeros((len(joints), _PIECES, 5))
+    pieces[:, 1:, 0] = np.cumsum([joint.t for joint in joints], axis=1)
+    rows = [(joint.p, joint.v, joint.a) for joint in joints]
+    pieces[:, :, 1:4] = np.array(rows).transpose(0, 2, 1)
+    pieces[:, :-1, 4] = [joint.j for joint in joints]
+    return pieces

@@ -14,7 +14,7 @@ from mitt.generator import foresight
 from mitt.generator.demand import Tolerance, shares_of
 from mitt.generator.foresight import Foresight, flown, foresee, spread
 from mitt.generator.mapping import DirectMap
-from mitt.signals import Array, BallState, MapStatus
+from mitt.signals import Array, BallState
 
 #: Instants at which the demand is reckoned.
 _INSTANTS = 25
@@ -104,12 +104,11 @@ def _judged(
     where = _where(f, seen)
     if where is not None:
         return _turned_down(f, ball, seen, where)
-    adapted = f.adapt(ball, q, np.zeros(f.arm.n) if dq is None else dq)
-    if adapted.status is MapStatus.DOMAIN:
+    alpha = f.adapted(ball, q, np.zeros(f.arm.n) if dq is None else dq)
+    if alpha is None:
         return _turned_down(f, ball, seen, "domain")
     path = flown(ball, np.linspace(0.0, seen.after, _INSTANTS))
-    motion = adapted.motions(path)
-    shares = shares_of(f.arm, motion, tolerance)
+    shares = shares_of(f.arm, f.motions(path, alpha), tolerance)
     binding = max(shares, key=lambda name: shares[name])
     return Verdict(
         outcome=Outcome.FEASIBLE if shares[binding] <= 1.0 else Outcome.UNREACHABLE,

@@ -20,8 +20,10 @@ _RANK = 1e-12
 
 def initial_matrix(phi: Array, n: int) -> Array:
     """Return C of eq. (13), shape (2n, m n), for phi and its rate, shape (2, m)."""
-    C: Array = np.einsum("am,ij->aimj", phi, np.eye(n)).reshape(2 * n, -1)
-    return C
+    C = np.zeros((2, n, phi.shape[1], n))
+    for k in range(n):
+        C[:, k, :, k] = phi
+    return C.reshape(2 * n, -1)
 
 
 def initial_gap(q: Array, dq: Array, virtual: Array) -> Array:
@@ -59,6 +61,16 @@ def shift(C: Array, H_inverse: Array) -> Array:
     spread = H_inverse @ C.T
     gram = C @ spread
     size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
-    scaled = gram / np.outer(size, size)
-    W: Array = (spread / size) @ np.linalg.pinv(scaled, rcond=_RANK, hermitian=True) / size
+    scaled = gram / (size[:, None] * size)
+    W: Array = (spread / size) @ _pseudo_inverse(scaled) / size
     return W
+
+
+def _pseudo_inverse(A: Array) -> Array:
+    """Return A^+ of a symmetric A; ``np.linalg.pinv`` says the same in twice the time."""
+    values, axes = np.linalg.eigh(A)
+    values, axes = values[::-1], axes[:, ::-1]
+    size = np.abs(values)
+    inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > _RANK * size.max())
+    out: Array = (axes * np.sign(values)) @ (inverse[:, None] * axes.T)
+    return out

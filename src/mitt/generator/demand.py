@@ -12,8 +12,11 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
-from mitt.robot.arm import Arm
+from mitt.robot.arm import Arm, Tables
+from mitt.robot.dynamics import inverse_dynamics, notes_of
+from mitt.robot.limits import bound_of, drive_asked
 from mitt.signals import Array
 
 #: Time after the catch in which the hand closes and the arm still follows [s].
@@ -63,17 +66,53 @@ def demand(arm: Arm, motion: Array) -> Demand:
     The torque is eq. (14) at q = q_d, which is eq. (16) with M~, H~ and g~ of eq. (17); the
     speed is eq. (19); their shares of the limits are those of eqs. (18) and (20).
     """
-    tau = arm.torques(motion)
-    dq = np.zeros((len(motion), len(arm.model.links)))
-    dq[:, arm.model.active] = motion[:, 1]
-    q = motion[:, 0]
+    links, shape = len(arm.bodies), (len(motion), arm.n)
+    cost, excess = np.empty((2, len(motion))), np.empty(shape)
+    share = np.empty((2, len(motion), links))
+    most = np.array([arm.q_min, arm.q_max, arm.dq_max, arm.tau_max])
+    rows = np.ascontiguousarray(motion, dtype=np.float64)
+    _reckon(arm.tables, most, rows, cost, share, excess, np.zeros((2, links)), notes_of(links))
     return Demand(
-        cost_torque=np.sum((arm.active(tau) / arm.tau_max) ** 2, axis=1),
-        cost_speed=np.sum((motion[:, 1] / arm.dq_max) ** 2, axis=1),
-        torque=arm.limits.torque_ratio(tau, dq),
-        speed=arm.limits.speed_ratio(dq),
-        excess=np.maximum(np.maximum(arm.q_min - q, q - arm.q_max), 0.0),
+        cost_torque=cost[0],
+        cost_speed=cost[1],
+        torque=share[0],
+        speed=share[1],
+        excess=excess,
     )
+
+
+@njit(cache=True)
+def _reckon(
+    arm: Tables, most: Array, motion: Array, cost: Array, share: Array, excess: Array,
+    tau: Array, notes: Array,
+) -> None:  # fmt: skip
+    """Write the demand of a motion, the columns of the module's table.
+
+    Args:
+        arm: As of ``Arm.tables``.
+        most: Ends of the ranges, largest speeds and torques of the joints, shape (4, n).
+        motion: q, dq, ddq, shape (K, 3, n).
+        cost: Of torque and of speed, shape (2, K).
+        share: Of torque and of speed, shape (2, K, N).
+        excess: Shape (K, n).
+        tau: Scratch, zero, shape (2, N).
+        notes: Scratch of the dynamics.
+    """
+    bodies, drives, index = arm
+    top = drives[len(drives) - 1]
+    for t in range(len(motion)):
+        q, dq = motion[t, 0], motion[t, 1]
+        inverse_dynamics(bodies, q, dq, motion[t, 2], tau[0], notes)
+        cost[0, t], cost[1, t] = 0.0, 0.0
+        for k in range(len(index)):
+            tau[1, index[k]] = dq[k]
+            cost[0, t] += (tau[0, index[k]] / most[3, k]) ** 2
+            cost[1, t] += (dq[k] / most[2, k]) ** 2
+            excess[t, k] = max(most[0, k] - q[k], q[k] - most[1, k], 0.0)
+        for m in range(len(top)):
+            drive, speed = drive_asked(drives, m, tau[0], tau[1])
+            bound, _ = bound_of(drives, m, drive, speed, 0.0)
+            share[0, t, m], share[1, t, m] = abs(drive) / max(bound, 1e-9), abs(speed) / top[m]
 
 
 def shares_of(arm: Arm, motion: Array, tolerance: Tolerance) -> dict[str, float]:
@@ -90,17 +129,18 @@ def shares_of(arm: Arm, motion: Array, tolerance: Tolerance) -> dict[str, float]
     """
     asked = demand(arm, motion)
     half, middle = 0.5 * (arm.q_max - arm.q_min), 0.5 * (arm.q_max + arm.q_min)
+    torque, speed = arm.by_joint(np.array([asked.torque.max(axis=0), asked.speed.max(axis=0)]))
     kinds = {
-        "torque": arm.by_joint(asked.torque).max(axis=0) / tolerance.torque,
-        "speed": arm.by_joint(asked.speed).max(axis=0) / tolerance.speed,
+        "torque": torque / tolerance.torque,
+        "speed": speed / tolerance.speed,
         "range": (np.abs(motion[:, 0] - middle) / half).max(axis=0),
     }
     if tolerance.strength is not None:
         kinds["brake"] = np.abs(_rest(arm, motion[-1], tolerance.strength) - middle) / half
     return {
-        f"{kind}:{name}": float(share)
+        f"{kind}:{name}": share
         for kind, values in kinds.items()
-        for name, share in zip(arm.names, values, strict=True)
+        for name, share in zip(arm.names, values.tolist(), strict=True)
     }
 
 

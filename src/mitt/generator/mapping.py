@@ -27,7 +27,7 @@ from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState, JointReference, MapStatus
 
 #: What maps with the same design, basis and metric have in common, once it has been computed.
-_SHARED = ("tangent", "packed", "H_inverse", "_window", "work", "_scratch", "start")
+_SHARED = ("tangent", "packed", "H_inverse", "window", "work", "_scratch", "start")
 
 
 @final
@@ -120,13 +120,17 @@ class DirectMap:
         )
         return bool(inside), rows
 
-    def motions(self, path: Array) -> Array:
+    def motions(self, path: Array, alpha: Array | None = None) -> Array:
         """Return q_d and its derivatives, (K, 3, n), of r_o, dr_o, ddr_o along a path, (K, 3, 3).
 
         At rest where the path is outside the domain.
+
+        Args:
+            path: Motion of the ball [m ...].
+            alpha: Coefficients instead of the map's own [rad], shape (m, n).
         """
         rows, out = np.zeros((6, self.arm.n)), np.empty((len(path), 3, self.arm.n))
-        of = self.packed, self.basis.powers, self.window, self.alpha
+        of = self.packed, self.basis.powers, self.window, self.alpha if alpha is None else alpha
         references(*of, path, self.start, rows, out, self.work)
         return out
 
@@ -200,13 +204,16 @@ class DirectMap:
         alpha moves to the point nearest in H's norm that satisfies C alpha = d; outside the
         domain the map is returned as it was, with status DOMAIN.
         """
+        alpha = self.adapted(ball, q, dq)
+        return replace(self, status=MapStatus.DOMAIN) if alpha is None else self.with_alpha(alpha)
+
+    def adapted(self, ball: BallState, q: Array, dq: Array) -> Array | None:
+        """Return alpha of :meth:`adapt` [rad], shape (m, n); None outside the domain."""
         inside, rows = self.virtual(np.array([ball.r_o, ball.dr_o, ball.ddr_o]))
         if not inside:
-            return replace(self, status=MapStatus.DOMAIN)
-        free = list(self.design.free)
-        phi = self.basis.jets(*rows[:, free])
-        alpha = project(self.alpha, self.H_inverse, phi[:2], initial_gap(q, dq, rows))
-        return self.with_alpha(alpha)
+            return None
+        phi = self.basis.jets(*rows[:, list(self.design.free)])
+        return project(self.alpha, self.H_inverse, phi[:2], initial_gap(q, dq, rows))
 
 
 def unlearned(arm: Arm, design: MapDesign) -> DirectMap:

@@ -5,10 +5,11 @@ matrix from Pinocchio. All are built from one :class:`ArmModel`, and tests hold 
 and to MuJoCo.
 """
 
-from typing import final
+from typing import TypeAlias, final
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from mitt.errors import ShapeError
 from mitt.robot.chain import chain_of, motion_of, place
@@ -16,6 +17,9 @@ from mitt.robot.description import ArmModel, transform
 from mitt.robot.dynamics import GRAVITY, bodies_of, inverse_dynamics, notes_of, torques
 from mitt.robot.limits import Limits
 from mitt.signals import Array
+
+Tables: TypeAlias = tuple[Array, Array, NDArray[np.int64]]
+"""An arm for kernels: ``Arm.bodies``, ``Limits.packed``, active joints among the links."""
 
 
 def to_pinocchio(model: ArmModel) -> pin.Model:
@@ -53,6 +57,7 @@ class Arm:
         dq_max: Their largest joint speeds, drives taken one by one [rad/s], shape (n,).
         chain: Arrays of the kinematic kernels.
         bodies: Table of the dynamic kernel, shape (N, 31).
+        tables: All that kernels ask of its drives.
     """
 
     def __init__(self, model: ArmModel, limits: Limits) -> None:
@@ -68,6 +73,8 @@ class Arm:
         self.tau_max, self.dq_max = self._joint_limits()
         self.chain = chain_of(complete)
         self.bodies, self._notes = bodies_of(complete), notes_of(len(model.links))
+        self._moved = limits.transmission[:, self._index] != 0.0
+        self.tables: Tables = self.bodies, limits.packed, self._index
         self._motion, self._still = motion_of(self.n), np.zeros(self.n)
         self._pin = to_pinocchio(complete)
         self._data = self._pin.createData()
@@ -163,8 +170,7 @@ class Arm:
         The largest of the drives that move the joint: both motors of a differential, so that what
         a held joint asks of them is counted.
         """
-        moved = self.limits.transmission[:, self._index] != 0.0
-        out: Array = np.where(moved, share[..., None], 0.0).max(axis=-2)
+        out: Array = np.where(self._moved, share[..., None], 0.0).max(axis=-2)
         return out
 
     def holding(self, mass: float) -> "Arm":

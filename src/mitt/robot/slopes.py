@@ -36,7 +36,7 @@ from mitt.signals import Array
 #: Columns of a body's row, see :mod:`mitt.robot.dynamics`.
 _P, _AXIS, _SLIDES, _MASS, _COM, _INERTIA, _ROTOR, _JOINT = 9, 12, 15, 16, 17, 20, 29, 30
 #: Columns of a link's working row.
-_S, _DS, _DDS, _M, _MC, _EE, _PP, _K, _F, _W, _WIDTH = 0, 6, 12, 18, 19, 22, 28, 31, 40, 43, 46
+_S, _DS, _DDS, _M, _MC, _EE, _F, _W, _PP, _K, _WIDTH = 0, 6, 12, 18, 19, 22, 28, 31, 34, 37, 46
 
 Sym = tuple[float, float, float, float, float, float]  # xx, yy, zz, xy, xz, yz
 
@@ -85,7 +85,7 @@ def bias_and_mass(bodies: Array, motion: Array, tau: Array, M: Array, work: Arra
         tau[j] = _axis_load(bodies, motion, work, j)
         _mass(bodies, work, j, M)
         if j > 0:
-            for c in range(_M, _WIDTH):
+            for c in range(_M, _PP):  # momentum and K count for the slopes alone
                 work[j - 1, c] += work[j, c]
     _add_rotors(bodies, M)
 
@@ -172,7 +172,8 @@ def _outwards(bodies: Array, motion: Array, work: Array) -> None:
             o = plus(o, times(q, w))
             S = w, ZERO
         else:
-            frame = compose(frame, turn(axis, q))
+            if joint >= 0:
+                frame = compose(frame, turn(axis, q))
             S = cross(o, w), w
         dS = _crossed((v, omega), S)
         ddS = _sum(_crossed((a, domega), S), _crossed((v, omega), dS))

@@ -3,24 +3,18 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mitt.generator.certificate import Verdict
 from mitt.generator.demand import demand
 from mitt.records import Phase, Record
 from mitt.robot.arm import Arm
-from mitt.signals import Array
-from mitt.study.drives import rms_ratio, with_held
-from mitt.world.contacts import ARM_FLOOR, SELF
+from mitt.study.drives import MEASURED, fresh_tally, tally
 from mitt.world.simulation import World
 from mitt.world.truth import Trace, Truth
 
 #: Caught: the ball's centre so near the catch point beyond its radius [m], touched by so many
 #: geoms of the hand, so long after first contact [s].
 HELD_GAP, HELD_GEOMS, HELD_AFTER = 0.020, 2, 0.5
-
-#: Limit violations: commanded beyond a limit by more than this, and the plant beyond by a share.
-_COMMANDED, _MEASURED = 1e-9, 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,92 +79,43 @@ def held(truth: Truth, radius: float) -> bool:
     return gap <= HELD_GAP and len(truth.touching) >= HELD_GEOMS
 
 
-class Meter:
-    """Reckons up what the arm was asked and told in a trial."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measured:
+    """What the arm was asked and told in a trial, fields as in :class:`Trial`."""
 
-    def __init__(self, arm: Arm, ticks: Record) -> None:
-        """Take the results of all its ticks, fields as of ``fresh_result``, shape (k,)."""
-        self._arm, self._told = arm, ticks["told"]
-        self._asked: Array = ticks["asked"][ticks["following"], :3]
-        self._all: Array | None = None
-        self.saturated = int(np.sum(ticks["saturated"]))
-
-    def demand_cost(self) -> float:
-        """Return the mean cost (22) of the references before any limit; 0 without one."""
-        return demand(self._arm, self._asked).cost if len(self._asked) else 0.0
-
-    def excess(self) -> float:
-        """Return how far the references went beyond a joint's range [rad]."""
-        if not len(self._asked):
-            return 0.0
-        q = self._asked[:, 0]
-        over = np.maximum(q - self._arm.q_max, self._arm.q_min - q)
-        return max(float(over.max()), 0.0)
-
-    def violations(self, truth: Trace) -> int:
-        """Return the ticks with a limit exceeded by a command or by the plant.
-
-        The arm touching itself or the floor counts as well: its range is where it can be.
-        """
-        q, dq, tau = (self._told[:, row] for row in (0, 1, 3))
-        given = self._given(truth)
-        told = self._whole(truth, tau) if not np.array_equal(tau, truth.tau[1:]) else given
-        before = truth.dq[:-1]
-        bad = self._exceed((q, dq), told, before, _COMMANDED)
-        bad |= self._exceed((truth.q[1:], truth.dq[1:]), given, before, _MEASURED)
-        bad |= (truth.seen[1:] & (SELF | ARM_FLOOR)) != 0
-        hot = sum(share > 1.0 + _MEASURED for share in self.continuous(truth))
-        return int(np.sum(bad)) + hot
-
-    def continuous(self, truth: Trace) -> list[float]:
-        """Return the share of each drive's continuous torque over the trial."""
-        return rms_ratio(self._arm, self._given(truth))
-
-    def _given(self, truth: Trace) -> Array:
-        """Return the torques of all links in each tick, shape (k, N); reckoned once."""
-        if self._all is None:
-            self._all = self._whole(truth, truth.tau[1:])
-        return self._all
-
-    def _whole(self, truth: Trace, tau: Array) -> Array:
-        """Return torques of the active joints with those that hold the others, (k, N)."""
-        return with_held(self._arm, truth.q[:-1], truth.dq[:-1], tau)
-
-    def peaks(self, truth: Trace) -> tuple[list[float], list[float]]:
-        """Return the largest shares of torque and speed limits of the active joints."""
-        arm = self._arm
-        torque = arm.limits.torque_ratio(self._given(truth), _spread(arm, truth.dq[:-1]))
-        speed = np.abs(truth.dq) / arm.dq_max
-        # The largest over drives and ticks, ticks first: that is the cheaper way round.
-        return arm.by_joint(torque.max(axis=0)).tolist(), speed.max(axis=0).tolist()
-
-    def _exceed(
-        self, motion: tuple[Array, Array], tau: Array, at: Array, slack: float
-    ) -> NDArray[np.bool_]:
-        """Say in which ticks position, speed or torque exceed their limits by a share.
-
-        Args:
-            motion: q and dq, shapes (k, n).
-            tau: Torques of all links [N m], shape (k, N).
-            at: Joint speeds when the torque was given, which bound it [rad/s], shape (k, n).
-            slack: Share of a limit that is let pass.
-        """
-        arm, (q, dq) = self._arm, motion
-        span = slack * (arm.q_max - arm.q_min)
-        outside = np.any((q < arm.q_min - span) | (q > arm.q_max + span), axis=1)
-        fast = np.any(np.abs(dq) > arm.dq_max * (1.0 + slack), axis=1)
-        drive, speed = arm.limits.drive_torque(tau), _spread(arm, at)
-        bound = arm.limits.torque_bound(drive, arm.limits.drive_speed(speed))
-        strong = np.any(np.abs(drive) > bound * (1.0 + slack) + _COMMANDED, axis=1)
-        bad: NDArray[np.bool_] = outside | fast | strong
-        return bad
+    peak_torque_ratio: list[float]
+    peak_speed_ratio: list[float]
+    rms_torque_ratio: list[float]
+    limit_violations: int
+    demand_cost: float
+    range_excess_rad: float
+    saturated_ticks: int
 
 
-def _spread(arm: Arm, x: Array) -> Array:
-    """Return active joints' rows, shape (k, n), among all links, shape (k, N)."""
-    out = np.zeros((len(x), len(arm.model.links)))
-    out[:, arm.model.active] = x
-    return out
+def measure(arm: Arm, ticks: Record, truth: Trace) -> Measured:
+    """Return what a trial was by the numbers.
+
+    Args:
+        arm: The arm.
+        ticks: Results of all ticks, fields as of ``fresh_result``, shape (k,).
+        truth: True states, k + 1 rows.
+    """
+    sums, most = fresh_tally(arm), np.array([arm.q_min, arm.q_max, arm.dq_max])
+    told = np.ascontiguousarray(ticks["told"][:, (0, 1, 3)].transpose(1, 0, 2))
+    rows = (np.ascontiguousarray(x) for x in (truth.q, truth.dq, truth.tau))
+    bad = tally(arm.tables, most, told, *rows, truth.seen, sums)
+    rms = (np.sqrt(sums.square / len(ticks)) / arm.limits.tau_rms).tolist()
+    asked = demand(arm, ticks["asked"][ticks["following"], :3])
+    following = len(asked.excess) > 0
+    return Measured(
+        peak_torque_ratio=arm.by_joint(sums.torque).tolist(),
+        peak_speed_ratio=sums.speed.tolist(),
+        rms_torque_ratio=rms,
+        limit_violations=bad + sum(share > 1.0 + MEASURED for share in rms),
+        demand_cost=asked.cost if following else 0.0,
+        range_excess_rad=float(asked.excess.max()) if following else 0.0,
+        saturated_ticks=int(np.sum(ticks["saturated"])),
+    )
 
 
 def status_of(world: World, phase: Phase, *, was_held: bool) -> str:

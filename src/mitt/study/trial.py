@@ -16,7 +16,7 @@ from mitt.robot.shapes import Surroundings
 from mitt.study.ending import play_out
 from mitt.study.log import TrialLog, log_of
 from mitt.study.play import Player
-from mitt.study.score import HELD_AFTER, Meter, Trial, certificate_of, held, status_of
+from mitt.study.score import HELD_AFTER, Measured, Trial, certificate_of, held, measure, status_of
 from mitt.vision.camera import Rig, fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig
 from mitt.vision.filter import FilterConfig
@@ -27,7 +27,6 @@ from mitt.world.imaging import Imager, ImageSensor
 from mitt.world.scene import Scene
 from mitt.world.simulation import World
 from mitt.world.throws import Throw
-from mitt.world.truth import Trace
 
 #: A trial without contact ends after this time [s], or when the ball is on the floor.
 LONGEST = 2.0
@@ -70,9 +69,10 @@ class Bench:
         self.world = World(scene, arm.model, cameras=cameras, limits=arm.limits)
         self.stopwatch = Stopwatch()
         self._player = Player(self.stopwatch, longest=LONGEST, held=HELD_AFTER)
+        self._catcher = self._made()
 
-    def catcher(self) -> Catcher:
-        """Return a fresh catcher; one that may is told the flight of the ball just released."""
+    def _made(self) -> Catcher:
+        """Return the catcher that those of all throws begin as."""
         ball = self._scene.ball
         eyes = Eyes(self._rig, EyesConfig(ball_radius=ball.radius))
         settings = CatcherSettings(
@@ -82,10 +82,14 @@ class Bench:
             around=Surroundings(floor=self._scene.floor),
             stray=_patience(self._generator),
         )
+        return Catcher(self.arm, self._generator, eyes, settings=settings)
+
+    def catcher(self) -> Catcher:
+        """Return a fresh catcher; one that may is told the flight of the ball just released."""
         generator = self._generator
         if isinstance(generator, Clairvoyant):
             generator = generator.told(self.world.flight)
-        return Catcher(self.arm, generator, eyes, settings=settings)
+        return self._catcher.again(generator)
 
     def run(self, index: int, ball: Throw | BallPath, *, seed: int, log: bool = False) -> Outcome:
         """Throw once.
@@ -104,8 +108,8 @@ class Bench:
         else:
             ticks = self._player.run(stage, catcher)
         truth = world.trace()
-        meter, t_catch = Meter(self.arm, ticks), catch_time(ticks)
-        trial = self._score(index, catcher, meter, truth, t_catch)
+        found, t_catch = measure(self.arm, ticks, truth), catch_time(ticks)
+        trial = self._score(index, catcher, found, t_catch)
         kept = (
             log_of(self.arm, ticks.copy(), truth, t_0=catcher.t_0, t_catch=t_catch) if log else None
         )
@@ -130,12 +134,9 @@ class Bench:
             rows.append(catcher.result.tobytes())
         return np.frombuffer(bytearray().join(rows), catcher.result.dtype)
 
-    def _score(
-        self, index: int, catcher: Catcher, meter: Meter, truth: Trace, t_catch: float
-    ) -> Trial:
+    def _score(self, index: int, catcher: Catcher, found: Measured, t_catch: float) -> Trial:
         """Score the finished trial."""
         world, verdict = self.world, catcher.verdict
-        torque, speed = meter.peaks(truth)
         contact = world.first_contact
         return Trial(
             index=index,
@@ -147,15 +148,15 @@ class Bench:
             t_catch_s=float(t_catch) if np.isfinite(t_catch) else None,
             position_error_mm=None if contact is None else 1e3 * contact.position_error,
             velocity_error_m_s=None if contact is None else contact.velocity_error,
-            peak_torque_ratio=torque,
-            peak_speed_ratio=speed,
-            limit_violations=meter.violations(truth),
-            demand_cost=meter.demand_cost(),
+            peak_torque_ratio=found.peak_torque_ratio,
+            peak_speed_ratio=found.peak_speed_ratio,
+            limit_violations=found.limit_violations,
+            demand_cost=found.demand_cost,
             peak_contact_force_n=None if contact is None else world.peak_force,
             binding_limit="unseen" if verdict is None else verdict.binding_limit,
-            saturated_ticks=meter.saturated,
-            range_excess_rad=meter.excess(),
-            rms_torque_ratio=meter.continuous(truth),
+            saturated_ticks=found.saturated_ticks,
+            range_excess_rad=found.range_excess_rad,
+            rms_torque_ratio=found.rms_torque_ratio,
             certificate=certificate_of(verdict),
             certificate_last=certificate_of(catcher.certificate),
         )
@@ -166,8 +167,9 @@ def catch_time(ticks: Record) -> float:
 
     It is what the map itself announces, the last time it was near.
     """
-    near = np.flatnonzero(np.abs(ticks["time_to_catch"]) < _NEAR_CATCH)
-    return float((ticks["t"] + ticks["time_to_catch"])[near[-1]]) if len(near) else np.inf
+    left = ticks["time_to_catch"]
+    near = np.flatnonzero(np.abs(left) < _NEAR_CATCH)
+    return float(ticks["t"][near[-1]] + left[near[-1]]) if len(near) else np.inf
 
 
 def _patience(generator: Generator) -> float:

@@ -75,7 +75,13 @@ def is_sane(qpos: Array, qvel: Array, qacc: Array, ball: int, top_speed: float) 
     return bool(square <= top_speed * top_speed)
 
 
-def names_touching(model: mujoco.MjModel, touching: NDArray[np.bool_]) -> frozenset[str]:
-    """Return the names of the geoms of the hand among those that touch the ball, shape (g,)."""
-    found = np.flatnonzero(touching & (model.geom_contype == HAND))
-    return frozenset(model.geom(int(g)).name for g in found)
+def hand_names(model: mujoco.MjModel) -> tuple[str | None, ...]:
+    """Return the names of the geoms of the hand, None for any other geom."""
+    kinds = model.geom_contype == HAND
+    return tuple(model.geom(g).name if kinds[g] else None for g in range(model.ngeom))
+
+
+def names_touching(names: tuple[str | None, ...], touching: NDArray[np.bool_]) -> frozenset[str]:
+    """Return the names of the hand's geoms, of :func:`hand_names`, that touch the ball, (g,)."""
+    found = (names[g] for g in np.flatnonzero(touching).tolist())
+    return frozenset(name for name in found if name is not None)

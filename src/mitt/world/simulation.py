@@ -14,7 +14,15 @@ from mitt.signals import Array, Command, Senses
 from mitt.world.ballistics import fly
 from mitt.world.build import build_plant
 from mitt.world.clearing import fresh_table, joints_of, pairs_of
-from mitt.world.contacts import ARM_FLOOR, BALL_ANY, BALL_FLOOR, SELF, names_touching, survey
+from mitt.world.contacts import (
+    ARM_FLOOR,
+    BALL_ANY,
+    BALL_FLOOR,
+    SELF,
+    hand_names,
+    names_touching,
+    survey,
+)
 from mitt.world.engine import switches_of, views_of
 from mitt.world.faults.flight import Undisturbed
 from mitt.world.faults.trial import Sensor, Troubles
@@ -95,7 +103,7 @@ class World:
         self._switches, self._always = switches_of(self.model), self.model.opt.disableflags
         tables = pairs_of(self.model), joints_of(self._plant)
         self._clearing = self._switches, d.geom_xpos, d.geom_xmat, *tables
-        self._kinds = self.model.geom_contype.copy()
+        self._kinds, self._names = self.model.geom_contype.copy(), hand_names(self.model)
         self._touching = np.zeros(self.model.ngeom, dtype=np.bool_)
         self._senses = d.qpos[:n], d.qvel[:n], d.qpos[ball : ball + 3], d.qvel[ball : ball + 3]
         self._body = Silhouettes(self.model, d)
@@ -234,7 +242,7 @@ class World:
             dq=qvel[:n],
             tau=self._tape.last(self._ticks, column=3),
             fingers=qpos[n:ball],
-            touching=names_touching(self.model, self._touching),
+            touching=names_touching(self._names, self._touching),
             contact_force=self._state.item(FORCE),
             self_contact=bool(seen & SELF),
             floor_contact=bool(seen & ARM_FLOOR),

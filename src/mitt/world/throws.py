@@ -88,17 +88,15 @@ def default_throw(
         InputError: No draw had a release speed in the range.
     """
     ranges = ranges or ThrowRanges()
+    box = np.array([ranges.azimuth, ranges.distance, ranges.height, ranges.duration])
+    low = np.concatenate((aim.q_low, box[:, 0]))
+    span = np.concatenate((aim.q_high, box[:, 1])) - low
     for _ in range(tries):
-        target = aim.position(rng.uniform(aim.q_low, aim.q_high))
-        azimuth, distance = rng.uniform(*ranges.azimuth), rng.uniform(*ranges.distance)
-        start = np.array(
-            [
-                target[0] + distance * np.cos(azimuth),
-                target[1] + distance * np.sin(azimuth),
-                rng.uniform(*ranges.height),
-            ]
-        )
-        duration = rng.uniform(*ranges.duration)
+        drawn = low + span * rng.random(len(low))
+        target = aim.position(drawn[:-4])
+        azimuth, distance, height, duration = drawn[-4:].tolist()
+        x, y = target[0] + distance * np.cos(azimuth), target[1] + distance * np.sin(azimuth)
+        start = np.array([x, y, height])
         dr = release_velocity(start, target, drag=ranges.drag, duration=duration)
         if ranges.speed[0] <= np.linalg.norm(dr) <= ranges.speed[1]:
             return Throw(r=start, dr=dr)

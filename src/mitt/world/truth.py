@@ -128,8 +128,9 @@ class Tape:
 
     def __init__(self, widths: tuple[int, ...], ticks: int = 2048) -> None:
         """Make a table of columns so wide for so many ticks; it doubles when full."""
-        self._splits = np.cumsum(widths)
-        self.rows: Array = np.empty((ticks, int(self._splits[-1])))
+        ends = np.cumsum(widths).tolist()
+        self._columns = [slice(end - width, end) for end, width in zip(ends, widths, strict=True)]
+        self.rows: Array = np.empty((ticks, ends[-1]))
 
     def reserve(self, ticks: int) -> Array:
         """Return the table, grown to hold so many rows and more."""
@@ -139,8 +140,9 @@ class Tape:
 
     def columns(self, ticks: int) -> list[Array]:
         """Return copies of all columns of the first rows."""
-        return np.split(self.rows[:ticks].copy(), self._splits[:-1], axis=1)
+        rows = self.rows[:ticks].copy()
+        return [rows[:, column] for column in self._columns]
 
     def last(self, tick: int, *, column: int) -> Array:
         """Return a copy of one column of the row of a tick."""
-        return np.split(self.rows[tick], self._splits[:-1])[column].copy()
+        return self.rows[tick, self._columns[column]].copy()
