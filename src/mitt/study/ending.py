@@ -15,6 +15,7 @@ from mitt.records import Record
 from mitt.signals import Array, Image
 from mitt.study.play import NOTHING
 from mitt.tick import act, perceive
+from mitt.world.intrinsics import lent
 from mitt.world.motion import STATE, TICK, TICKS, Plant, move, over
 from mitt.world.truth import Tape
 
@@ -43,7 +44,8 @@ def _play(
     Returns:
         How many ticks were made, and what is to be thought about: bits of :mod:`mitt.tick`.
     """
-    brake, state, result = catcher
+    plant, rows, nothing = lent((plant, rows, nothing))
+    (brake, state, result), log, times = lent(catcher), lent(log), lent(times)
     out, p, qpos, qvel, n = result[0], plant[STATE], plant[4], plant[5], len(plant[12])
     clock = times[len(times) - 2 :]
     for k in range(len(log)):

@@ -22,6 +22,7 @@ from mitt.vision.outlook import field, suffices
 from mitt.vision.segmentation import WORK
 from mitt.world.exposure import Bank, Cameras, snap
 from mitt.world.imaging import BLOCK, Film
+from mitt.world.intrinsics import lent
 from mitt.world.motion import STATE, TICK, TICKS, Plant, move, over
 from mitt.world.silhouettes import lay_capsules
 from mitt.world.stage import Body, Stage
@@ -78,7 +79,8 @@ def develop(
         state: As of ``Catcher.parts``.
         eyes: Scratch.
     """
-    s, (windows, known, work, weights) = state[0], eyes
+    camera, bank, images, eyes = lent(camera), lent(bank), lent(images), lent(eyes)
+    s, (windows, known, work, weights) = lent(state)[0], eyes
     memory, settings, count = s["eyes_memory"], s["eyes_settings"], len(shot) - 2
     r_o, dr_o = shot[count, :3], shot[count + 1, :3]
     for whole in (False, True):
@@ -125,8 +127,9 @@ def play(
     Returns:
         What is to be thought about: bits of :mod:`mitt.tick`.
     """
+    plant, rows, sight, nothing, eyes = lent((plant, rows, sight, nothing, eyes))
     body, (camera, bank, starts), (shots, begun, pixels), (scatter, covariance, line) = sight
-    brake, state, result = catcher
+    (brake, state, result), log, times = lent(catcher), lent(log), lent(times)
     s, out = state[0], result[0]
     p, qpos, qvel, n, ball = plant[STATE], plant[4], plant[5], len(plant[12]), len(plant[6])
     r_o, dr_o = qpos[ball : ball + 3], qvel[ball : ball + 3]

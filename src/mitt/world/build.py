@@ -11,6 +11,7 @@ from mitt.robot.description import ArmModel
 from mitt.robot.plant import add_arm
 from mitt.world.engine import stop_clocks
 from mitt.world.hand import ARM, BALL, FLOOR, FRICTION, HAND, SMALL_PARTS, STIFF, add_hand
+from mitt.world.meeting import name_pairs
 from mitt.world.scene import Scene
 
 #: Simulation step near a contact [s]; two make a control tick (dependencies.md).
@@ -47,10 +48,27 @@ def build_plant(scene: Scene, arm: ArmModel) -> Plant:
     Raises:
         ModelError: The arm carries no hand.
     """
-    if arm.hand is None:
-        raise ModelError(f"arm {arm.name}", "a hand: a ball is caught by fingers", "none")
     _silence()
     stop_clocks()
+    spec, fingers = describe(scene, arm)
+    model = name_pairs(spec)
+    return Plant(
+        model=model,
+        joints=len(arm.names),
+        fingers=fingers,
+        ball=mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, "ball"),
+        site=mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "catch_point"),
+    )
+
+
+def describe(scene: Scene, arm: ArmModel) -> tuple[mujoco.MjSpec, int]:
+    """Return a scene as MuJoCo describes it, with kinds that say what may meet, and its fingers.
+
+    Raises:
+        ModelError: The arm carries no hand.
+    """
+    if arm.hand is None:
+        raise ModelError(f"arm {arm.name}", "a hand: a ball is caught by fingers", "none")
     spec = _spec()
     _add_floor(spec, scene)
     kinds = {geom.name for geom in spec.geoms}
@@ -63,14 +81,7 @@ def build_plant(scene: Scene, arm: ArmModel) -> Plant:
     fingers = add_hand(spec, plate, arm.hand)
     _add_ball(spec, scene)
     _let_neighbours_meet(spec, arm)
-    model = spec.compile()
-    return Plant(
-        model=model,
-        joints=len(arm.names),
-        fingers=len(fingers),
-        ball=mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, "ball"),
-        site=mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "catch_point"),
-    )
+    return spec, len(fingers)
 
 
 def _silence() -> None:
@@ -95,6 +106,8 @@ def _spec() -> mujoco.MjSpec:
     off = mujoco.mjtDisableBit
     # With so few bodies and contacts, bounding trees and islands cost more than they save.
     spec.option.disableflags |= off.mjDSBL_AUTORESET | off.mjDSBL_MIDPHASE | off.mjDSBL_ISLAND
+    # Friction and drag are ours (servo.py); of springs and dampers there are none to look for.
+    spec.option.disableflags |= off.mjDSBL_SPRING | off.mjDSBL_DAMPER
     return spec
 
 

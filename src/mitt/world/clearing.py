@@ -18,8 +18,6 @@ held for the capsule around it.
 | measured | (one row)                           | gaps then [m], ball then [m], joints then     |
 """
 
-from itertools import combinations
-
 import mujoco
 import numpy as np
 from numba import njit
@@ -28,6 +26,8 @@ from mitt.robot.segments import segment_distance
 from mitt.signals import Array
 from mitt.world.build import Plant
 from mitt.world.hand import BALL, FLOOR, HAND
+from mitt.world.intrinsics import lent
+from mitt.world.meeting import meeting
 
 #: What brings two shapes together: joints of arm and hand, those of the fingers alone, or the
 #: flight of the ball and joints.
@@ -45,16 +45,8 @@ _LONG = int(mujoco.mjtGeom.mjGEOM_CAPSULE), int(mujoco.mjtGeom.mjGEOM_CYLINDER)
 
 
 def pairs_of(model: mujoco.MjModel) -> Array:
-    """Return the shapes that MuJoCo lets meet, as in the module's table, shape (p, 6).
-
-    Its rules: kinds that meet, not of one body, of parent and child, or of an excluded pair of
-    bodies; and the pairs that are named.
-    """
-    named = {(int(a), int(b)) for a, b in zip(model.pair_geom1, model.pair_geom2, strict=True)}
-    found = [
-        (a, b) for a, b in combinations(range(model.ngeom), 2)
-        if _meet(model, a, b) or (a, b) in named or (b, a) in named
-    ]  # fmt: skip
+    """Return the shapes that may meet, as in the module's table, shape (p, 6)."""
+    found = meeting(model)
     return np.array([_row(model, *sorted(pair, key=lambda g: -_half(model, g))) for pair in found])
 
 
@@ -86,18 +78,6 @@ def _carries(model: mujoco.MjModel, body: int, other: int) -> bool:
     while other > body:
         other = model.body_parentid[other]
     return bool(other == body)
-
-
-def _meet(model: mujoco.MjModel, a: int, b: int) -> bool:
-    """Say whether MuJoCo looks for contacts of two geoms of which no pair is named."""
-    kinds, meets = model.geom_contype, model.geom_conaffinity
-    bodies = model.geom_bodyid[a], model.geom_bodyid[b]
-    first, second = (model.body_weldid[x] for x in bodies)
-    parents = [model.body_weldid[model.body_parentid[x]] for x in (first, second)]
-    kindred = first != 0 and second != 0 and (parents[0] == second or parents[1] == first)
-    excluded = (int(min(bodies)) << 16) + int(max(bodies)) in model.exclude_signature
-    wanted = kinds[a] & meets[b] or kinds[b] & meets[a]
-    return bool(wanted) and first != second and not kindred and not excluded
 
 
 def _row(model: mujoco.MjModel, a: int, b: int) -> tuple[float, ...]:
@@ -141,6 +121,7 @@ def measure(pos: Array, mat: Array, pairs: Array, gaps: Array) -> None:
         pairs: As in the module's table.
         gaps: Result [m], shape (3,).
     """
+    pos, mat, pairs, gaps = lent((pos, mat, pairs, gaps))
     gaps[:] = np.inf
     for k in range(pairs.shape[0]):
         a, b, what = int(pairs[k, 0]), int(pairs[k, 1]), int(pairs[k, 2])
@@ -165,6 +146,7 @@ def _closing(qpos: Array, qvel: Array, joints: Array, measured: Array, h: float,
         h: Time ahead [s].
         n: Number of joints of the arm.
     """
+    qpos, qvel, joints, measured = lent((qpos, qvel, joints, measured))
     count, arm, fingers, way, ahead = joints.shape[0], 0.0, 0.0, 0.0, 0.0
     for j in range(count):
         shift = joints[j, 2] * (abs(qpos[j] - measured[6 + j]) + h * abs(qvel[j]))
@@ -206,6 +188,7 @@ def is_clear(
         h: See ``qpos``.
         n: See ``qpos``.
     """
+    qpos, qvel, joints, measured = lent((qpos, qvel, joints, measured))
     count = joints.shape[0]
     for j in range(count):
         room = 2.0 * h * abs(qvel[j]) + MARGIN

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from mitt.signals import Array
 from mitt.world.engine import MOST, Views, contact_force
 from mitt.world.hand import ARM, BALL, FLOOR, HAND
+from mitt.world.intrinsics import lent
 
 #: What touches what, as bits of the result of :func:`survey`.
 BALL_HAND, BALL_ARM, BALL_FLOOR, SELF, ARM_FLOOR = 1, 2, 4, 8, 16
@@ -34,6 +35,7 @@ def survey(
     Returns:
         Bits of what touches what.
     """
+    views, kinds, touching, largest = lent(views), lent(kinds), lent(touching), lent(largest)
     address, counts, geoms = views[0], views[1], views[2]
     found, force = 0, largest[1:7]
     touching[:] = False
@@ -67,6 +69,7 @@ def is_sane(qpos: Array, qvel: Array, qacc: Array, ball: int, top_speed: float) 
         ball: Index of the ball's first degree of freedom.
         top_speed: Largest speed that a ball can have [m/s].
     """
+    qpos, qvel, qacc = lent((qpos, qvel, qacc))
     for values in (qpos, qvel, qacc):
         for x in values:
             if not abs(x) < HUGE:

@@ -1,6 +1,6 @@
 """How an image comes about: a wall, arm and hand, and bright balls, exposed with noise and smear.
 
-The balls are drawn by ``outline``, arm and hand by ``silhouettes``. All images of an instant are
+The balls are drawn by ``outline``, arm and hand by ``capsules``. All images of an instant are
 drawn in one call. The wall turns with the camera, to whole pixels, and is as good as infinitely
 far away; it does not smear, nor do arm and hand.
 
@@ -20,10 +20,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mitt.signals import Array, Image
+from mitt.world.capsules import Camera, Edges, Point, draw_body, into
 from mitt.world.heads import open_and_shut
+from mitt.world.intrinsics import fetch, lent
 from mitt.world.noise import PERIOD
 from mitt.world.outline import draw_ball
-from mitt.world.silhouettes import draw_capsule, in_front, seen_from
 
 Cameras: TypeAlias = tuple[Array, Array, Array, Array, Array, Array, Array]
 Bank: TypeAlias = tuple[Image, Image, Array]
@@ -31,29 +32,81 @@ Window: TypeAlias = NDArray[np.int64]
 
 
 @njit(cache=True)
-def _hang(
-    pixels: Image, camera: Array, wall: Image, place: Array, noise: Image, window: Window
-) -> None:
-    """Fill an image with the wall as it lies before a camera turned to ``place`` (pan, tilt)."""
-    width, left, right = pixels.shape[1], window[2], window[3] + 1
-    column = round(camera[4, 0] * place[0]) % PERIOD
-    row = round(-camera[4, 0] * place[1]) % PERIOD
+def _hang(pixels: Image, turn: Point, wall: Image, noise: Image, start: int, window: Edges) -> None:
+    """Fill an image with the wall.
+
+    Args:
+        pixels: Result.
+        turn: f_px of the camera [px], its pan and tilt [rad].
+        wall: As for :func:`expose`.
+        noise: As for :func:`expose`.
+        start: Where in it the image begins, which takes one number a pixel.
+        window: A row of the module's table.
+    """
+    f, pan, tilt = turn
+    column, row = np.uint64(round(f * pan) % PERIOD), round(-f * tilt) % PERIOD
     for v in range(window[0], window[1] + 1):
-        line, source = pixels[v, left:right], wall[row + v, column + left : column + right]
-        numbers = noise[v * width + left : v * width + right]
-        for u in range(right - left):
-            line[u] = np.uint8(source[u] + numbers[u])
+        line, far, at = np.uint64(v), np.uint64(row + v), np.uint64(start + v * pixels.shape[1])
+        for u in range(np.uint64(window[2]), np.uint64(window[3] + 1)):
+            pixels[line, u] = np.uint8(wall[far, column + u] + noise[at + u])
 
 
 @njit(cache=True)
-def _into(camera: Array, ball: Array, start: int, local: Array) -> None:
-    """Write the ball in the optical frame."""
-    for i in range(3):
-        local[start + i] = (
-            camera[0, i] * (ball[start] - camera[3, 0])
-            + camera[1, i] * (ball[start + 1] - camera[3, 1])
-            + camera[2, i] * (ball[start + 2] - camera[3, 2])
-        )
+def _camera(optics: Array, n: int, shut: int) -> Camera:
+    """Return a camera as in :mod:`mitt.world.capsules`, at begin (0) or end (1)."""
+    o = optics
+    return (
+        o[n, shut, 0, 0], o[n, shut, 0, 1], o[n, shut, 0, 2],
+        o[n, shut, 1, 0], o[n, shut, 1, 1], o[n, shut, 1, 2],
+        o[n, shut, 2, 0], o[n, shut, 2, 1], o[n, shut, 2, 2],
+        o[n, shut, 3, 0], o[n, shut, 3, 1], o[n, shut, 3, 2],
+        o[n, shut, 4, 0], o[n, shut, 4, 1], o[n, shut, 4, 2],
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _foresee(
+    camera: Camera, balls: Array, ground: Image, normal: Array, quiet: int, loud: int,
+    window: Edges, width: int,
+) -> None:  # fmt: skip
+    """Begin to read the noise that an image will take; it comes from anywhere in large banks.
+
+    Args:
+        camera: As of :func:`_camera`.
+        balls: As in the module's table.
+        ground: As for :func:`expose`.
+        normal: As for :func:`expose`.
+        quiet: Where the image begins in ``ground``.
+        loud: Where it begins in ``normal``.
+        window: A row of the module's table.
+        width: Of the image [px].
+    """
+    for row in range(window[0], window[1] + 1):
+        fetch(ground, quiet + row * width + window[2])
+        fetch(ground, quiet + row * width + window[3])
+    x, y, z = into(camera, balls[0, 0], balls[0, 1], balls[0, 2])
+    if z > balls[0, 6]:
+        f, reach = camera[12] / z, camera[12] / z * balls[0, 6]
+        u, v = camera[13] + f * x, camera[14] + f * y
+        first, last = max(v - reach, float(window[0])), min(v + reach + 1.0, float(window[1]))
+        for row in range(int(first), int(last) + 1):
+            fetch(normal, loud + row * width + int(u - reach))
+            fetch(normal, loud + row * width + int(u + reach))
+
+
+@njit(cache=True)
+def _throw(
+    pixels: Image, begin: Camera, end: Camera, balls: Array, light: Array, normal: Array,
+    start: int, window: Edges, work: Array,
+) -> None:  # fmt: skip
+    """Draw the balls, the first above the others; for the arguments see :func:`expose`."""
+    lens = begin[12], begin[13], begin[14]
+    for k in range(balls.shape[0] - 1, -1, -1):
+        x0, y0, z0 = into(begin, balls[k, 0], balls[k, 1], balls[k, 2])
+        x1, y1, z1 = into(end, balls[k, 3], balls[k, 4], balls[k, 5])
+        if np.isfinite(x0 + y0 + z0 + x1 + y1 + z1):
+            ball, paint = (x0, y0, z0, x1, y1, z1, balls[k, 6]), (balls[k, 7], light[0], light[1])
+            draw_ball(pixels, lens, ball, paint, normal, start, window, work)
 
 
 @njit(cache=True)
@@ -78,45 +131,34 @@ def expose(
         optics: As in the module's table.
         places: Pan and tilt of each camera [rad], shape (n, 2).
         balls: As in the module's table; one that is not finite is left out.
-        capsules: Arm and hand, as in :mod:`mitt.world.silhouettes`.
+        capsules: Arm and hand, as in :mod:`mitt.world.capsules`.
         light: Read noise [grey levels], electrons a level, grey level of arm and hand, shape (3,).
         wall: The background.
         ground: Noise of the ground, modulo 256, shape (b,).
         normal: Standard normal numbers, shape (c,).
         starts: Offsets of each camera into both banks, shape (n, 2).
         windows: As in the module's table.
-        work: Scratch, zero at entry, shape (2 widest + 1 + 6 INSTANTS + 17,).
+        work: Scratch, as of :func:`mitt.world.outline.draw_ball` for the widest image.
     """
-    local, seen, paint, scratch = work[-7:], work[-14:-7], work[-17:-14], work[:-17]
-    paint[1], paint[2] = light[0], light[1]
+    optics, balls, capsules, light = lent((optics, balls, capsules, light))
+    wall, ground, normal, work = lent((wall, ground, normal, work))
     body = int(light[2])
     for n in range(len(images)):
-        pixels, begin, end = images[n], optics[n, 0], optics[n, 1]
-        noise = ground[starts[n, 0] :]
-        window = windows[n]
-        _hang(pixels, begin, wall, places[n], noise, window)
-        _into(begin, balls[0], 0, local)
-        x, y, z = local[0], local[1], local[2]
-        nowhere = not np.isfinite(x + y + z)
-        before = 0
-        for k in range(capsules.shape[0]):
-            if not seen_from(begin, capsules[k], seen):
-                continue
-            if nowhere or not in_front(seen, x, y, z):
-                draw_capsule(pixels, begin[4], seen, body, noise, window)
-            else:
-                before += 1
-        for k in range(balls.shape[0] - 1, -1, -1):
-            _into(begin, balls[k], 0, local)
-            _into(end, balls[k], 3, local)
-            local[6], paint[0] = balls[k, 6], balls[k, 7]
-            if np.isfinite(local[0] + local[1] + local[2] + local[3] + local[4] + local[5]):
-                draw_ball(
-                    pixels, begin[4], local, paint, normal[starts[n, 1] :], window, scratch
-                )  # fmt: skip
-        for k in range(capsules.shape[0] if before > 0 else 0):
-            if seen_from(begin, capsules[k], seen) and in_front(seen, x, y, z):
-                draw_capsule(pixels, begin[4], seen, body, noise, window)
+        window = windows[n, 0], windows[n, 1], windows[n, 2], windows[n, 3]
+        width, quiet, loud = images[n].shape[1], starts[n, 0], starts[n, 1]
+        _foresee(_camera(optics, n, 0), balls, ground, normal, quiet, loud, window, width)
+    for n in range(len(images)):
+        pixels, begin, end = lent(images[n]), _camera(optics, n, 0), _camera(optics, n, 1)
+        quiet, loud = starts[n, 0], starts[n, 1]
+        window = windows[n, 0], windows[n, 1], windows[n, 2], windows[n, 3]
+        _hang(pixels, (begin[12], places[n, 0], places[n, 1]), wall, ground, quiet, window)
+        ball = into(begin, balls[0, 0], balls[0, 1], balls[0, 2])
+        if not np.isfinite(ball[0] + ball[1] + ball[2]):
+            ball = 0.0, 0.0, -np.inf
+        nearer = draw_body(pixels, begin, capsules, body, ground, quiet, window, ball, False)
+        _throw(pixels, begin, end, balls, light, normal, loud, window, work)
+        if nearer > 0:
+            draw_body(pixels, begin, capsules, body, ground, quiet, window, ball, True)
 
 
 @njit(cache=True)
@@ -148,7 +190,8 @@ def snap(
         capsules: As for :func:`expose`.
         windows: As for :func:`expose`.
     """
-    heads, state, optics, places, balls, light, work = camera
+    heads, state, optics, places, balls, light, work = lent(camera)
+    r_o, dr_o = lent(r_o), lent(dr_o)
     for i in range(3):
         balls[0, i], balls[0, 3 + i] = r_o[i] - half * dr_o[i], r_o[i] + half * dr_o[i]
     balls[0, 6] = radius

@@ -17,7 +17,7 @@ from mitt.vision.camera import Rig
 from mitt.world.exposure import Bank, Cameras, snap
 from mitt.world.heads import Heads
 from mitt.world.noise import NOISE_SIZE, PERIOD, SIDE, noise_bank
-from mitt.world.outline import INSTANTS
+from mitt.world.outline import SCRATCH
 
 BLOCK = 512
 """Frames whose offsets into the noise banks are drawn at once."""
@@ -123,7 +123,7 @@ class Imager:
             electrons=sensor.electrons,
         )
         self._whole = whole_images(self._shapes)
-        work = np.zeros(2 * max(c.width for c in rig.cameras) + 1 + 6 * INSTANTS + 17)
+        work = np.zeros(2 * max(c.width for c in rig.cameras) + 1 + SCRATCH)
         self._rng = rng
         self._number = 0
         self._starts = self._draw_starts()
@@ -184,7 +184,7 @@ class Imager:
             r_o: Ball centre [m], shape (3,); None for an empty scene.
             radius: Ball radius [m].
             dr_o: Ball velocity [m/s], shape (3,); at rest if left out.
-            capsules: Arm and hand, as in :mod:`mitt.world.silhouettes`.
+            capsules: Arm and hand, as in :mod:`mitt.world.capsules`.
         """
         number, row = self._number, self._number % BLOCK
         images = tuple([np.empty(shape, np.uint8) for shape in self._shapes])

@@ -4,6 +4,7 @@ from numba import njit
 
 from mitt.signals import Array
 from mitt.world.contacts import BALL_ANY
+from mitt.world.intrinsics import lent
 from mitt.world.motion import STATE, STEPS, TICK, TICKS, Plant, arrive, begin, leave, note
 
 
@@ -21,6 +22,7 @@ def lead(plant: Plant, tau: Array, hand: float, rows: Array, way: Array) -> bool
     Returns:
         Whether it is still led; from its first touch on it flies freely.
     """
+    plant, tau, rows, way = lent((plant, tau, rows, way))
     qpos, qvel, ball, state = plant[4], plant[5], plant[6].shape[0], plant[STATE]
     start, steps, is_led = state[TICKS] * TICK, int(state[STEPS]), True
     begin(state)

@@ -3,8 +3,8 @@
 A plant is one flat tuple: what :func:`mitt.world.engine.views_of` shows, the kind of each geom
 (KINDS), scratch for which of them touch the ball (TOUCHING), the state beside MuJoCo's own (STATE)
 in one vector, and what :mod:`mitt.world.clearing` needs: MuJoCo's switches (SWITCHES), centres and
-axes of the geoms (CENTRES, AXES) and its three tables (PAIRS, JOINTS, MEASURED). Flat: compiled
-code counts references to all that it takes out of a tuple.
+axes of the geoms (CENTRES, AXES) and its three tables (PAIRS, JOINTS, MEASURED). Each kernel
+has it lent, so that it counts no references to what it takes out.
 
 | place      | meaning                                                              | unit   |
 |------------|----------------------------------------------------------------------|--------|
@@ -30,6 +30,7 @@ from mitt.world.build import STEP
 from mitt.world.clearing import OFF, is_clear
 from mitt.world.contacts import BALL_ANY, BALL_FLOOR, BALL_HAND, survey
 from mitt.world.engine import Views, step1, step2
+from mitt.world.intrinsics import lent
 from mitt.world.stepping import BROKEN as INSANE
 from mitt.world.stepping import FINE, finish, prepare, tip_velocity
 
@@ -70,9 +71,10 @@ def leave(plant: Plant, tau: Array, hand: float) -> None:
         tau: Commanded torques of the arm [N m], shape (n,).
         hand: Commanded closing angle [rad].
     """
+    plant, tau = lent(plant), lent(tau)
     address, qpos, qvel, ctrl, passive = plant[0], plant[4], plant[5], plant[6], plant[7]
     kinds, touching, state = plant[KINDS], plant[TOUCHING], plant[STATE]
-    flight, alone = state[FLIGHT : FLIGHT + 6].reshape(2, 3), plant[1][0] == 0
+    flight, alone = state[FLIGHT : FLIGHT + 6], plant[1][0] == 0
     h = TICK / state[STEPS]
     if not prepare(qpos, qvel, ctrl, passive, tau, hand, state[NUMBERS:], h, alone, flight):
         state[BROKEN] = 1.0
@@ -86,7 +88,7 @@ def leave(plant: Plant, tau: Array, hand: float) -> None:
     if not touched & BALL_ANY:
         ball = ctrl.shape[0]
         for i in range(3):
-            qpos[ball + i], qvel[ball + i] = flight[0, i], flight[1, i]
+            qpos[ball + i], qvel[ball + i] = flight[i], flight[3 + i]
 
 
 @njit(cache=True)
@@ -96,6 +98,7 @@ def arrive(plant: Plant, t: float) -> int:
     Returns:
         Bits of what touches what, as long as the hand has not touched the ball before.
     """
+    plant = lent(plant)
     address, qpos, qvel, ball = plant[0], plant[4], plant[5], plant[6].shape[0]
     kinds, touching, state = plant[KINDS], plant[TOUCHING], plant[STATE]
     step1(address[0], address[1])
@@ -121,6 +124,7 @@ def note(plant: Plant, tau: Array, rows: Array) -> None:
         tau: Torques in the last tick [N m], shape (n,).
         rows: The trace, one row a tick, in the order of ``Trace``.
     """
+    plant, tau, rows = lent(plant), lent(tau), lent(rows)
     state = plant[STATE]
     t = state[TICKS] * TICK
     judged = finish(
@@ -150,6 +154,7 @@ def note(plant: Plant, tau: Array, rows: Array) -> None:
 @njit(cache=True)
 def _switch(plant: Plant) -> None:
     """Switch contacts and stops off for the next tick if there can be none, else on."""
+    plant = lent(plant)
     switches, joints = plant[SWITCHES], plant[JOINTS]
     off = switches[0] | OFF
     if plant[STATE][TOUCHED] < 0.0 and is_clear(
@@ -164,6 +169,7 @@ def _switch(plant: Plant) -> None:
 @njit(cache=True)
 def move(plant: Plant, tau: Array, hand: float, rows: Array) -> None:
     """Let the motors follow a command for one tick; see :func:`leave` and :func:`note`."""
+    plant, tau, rows = lent(plant), lent(tau), lent(rows)
     state = plant[STATE]
     start, steps = state[TICKS] * TICK, int(state[STEPS])
     begin(state)

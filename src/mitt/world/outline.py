@@ -4,15 +4,30 @@ The outline of a sphere is the cone of rays that touch it, cut by the image plan
 ellipse. Each pixel row is cut into lines; along a line the covered interval follows from a
 quadratic, so coverage is exact across columns and a midpoint rule down the rows. Motion blur:
 the lines take turns at the instants of the exposure, so it costs nothing more.
+
+| here | meaning                                                                | unit | shape |
+|------|------------------------------------------------------------------------|------|-------|
+| lens | f_px, cu, cv                                                           | px   | 3     |
+| ball | centre in the optical frame at begin and end of the exposure, radius   | m    | 7     |
+| work | scratch: covered share of each pixel of a row, zero at entry and exit; | 1    |       |
+|      | what begins and ends to cover whole pixels, the same; then SCRATCH     |      |       |
+|      | numbers: where lines begin and end to be covered [px], and a row an    |      |       |
+|      | instant: centre, D, A = D - x^2 and f_px / A                           |      |       |
+
+What has a number for a shape is a tuple, which costs compiled code no count of references.
 """
 
 from math import ceil, floor, sqrt
+from typing import TypeAlias
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from mitt.signals import Array, Image
+from mitt.world.capsules import Edges, Point, Seen
+from mitt.world.intrinsics import lent
+
+Place: TypeAlias = tuple[float, float, float, float, float, float]
 
 LINES, SMALL = 16, 12.0
 """Lines a pixel row, half as many for discs above that radius [px]; the centroid of a 1 px disc
@@ -21,140 +36,166 @@ is then that of exact areas to 0.005 px."""
 INSTANTS = 8
 """Most instants that stand for an exposure; one stands for a smear of 0.25 px or less."""
 
+SCRATCH = 2 * LINES + 6 * INSTANTS
+_PATH = 2 * LINES
+
+#: The outline is where it is to far better than this [px].
+_SLACK = 1e-3
+
 
 @njit(cache=True)
-def cover(
-    coverage: Array, full: Array, row: int, lens: Array, path: Array, k: int, lines: int
-) -> tuple[int, int]:
-    """Write the covered share of each pixel of one row; return the first and last column touched.
+def _meet(
+    work: Array, at: int, lens: Point, far: float, place: Place, row: int, lines: int, k: int,
+    j: int,
+) -> None:  # fmt: skip
+    """Write where the lines of a row that have the same instant begin and end to be covered.
 
     A ray (a, b, 1) meets the ball, centre c, where ((a, b, 1) . c)^2 >= (a^2 + b^2 + 1) D: on a
-    line of constant b, between the roots of a quadratic in a.
+    line of constant b, between the roots of a quadratic in a; -1 is the end where there are none.
 
     Args:
-        coverage: Result, zero outside the columns returned and at entry [1], shape (width,).
-        full: Scratch, zero at entry and exit, shape (width + 1,).
+        work: Result; those of an instant lie side by side.
+        at: Place of the first line's begin in it; ends are LINES further.
+        lens: As in the module's table.
+        far: Right end of the image [px].
+        place: The ball then: a row of the path in ``work``.
         row: Row of the image.
-        lens: f_px, cu, cv [px], shape (3,).
-        path: Ball centre in the optical frame [m], D, A = D - x^2 and f_px / A, a row an instant,
-            shape (>= k, 6).
+        lines: Lines in the row.
         k: Number of instants.
-        lines: Lines in the row, a multiple of k.
+        j: Which of them.
     """
-    share, width = 1.0 / lines, coverage.shape[0]
-    start, pace = (row - 0.5 + 0.5 * share - lens[2]) / lens[0], share / lens[0]
-    first, last, j = width, -1, 0
-    for line in range(lines):
-        x, y, z, D = path[j, 0], path[j, 1], path[j, 2], path[j, 3]
-        A, scale = path[j, 4], path[j, 5]
-        j = j + 1 if j + 1 < k else 0
-        b = start + line * pace
+    (f, cu, cv), (x, y, z, D, A, scale), share = lens, place, 1.0 / lines
+    start, pace = (row - 0.5 + 0.5 * share - cv) / f, share / f
+    left, right = np.uint64(at), np.uint64(at + LINES)
+    for i in range(np.uint64(lines // k)):
+        b = start + (np.int64(i) * k + j) * pace
         s = b * y + z
         disc = x * x * s * s + A * (s * s - (b * b + 1.0) * D)
-        if disc <= 0.0:
-            continue
-        root = sqrt(disc)
-        left = max((x * s - root) * scale + lens[1], -0.5)
-        right = min((x * s + root) * scale + lens[1], width - 0.5)
+        root = sqrt(max(disc, 0.0))
+        work[left + i] = max((x * s - root) * scale + cu, -0.5)
+        work[right + i] = min((x * s + root) * scale + cu, far) if disc > 0.0 else -1.0
+
+
+@njit(cache=True)
+def _cover(work: Array, width: int, lens: Point, row: int, lines: int, k: int) -> tuple[int, int]:
+    """Write what makes up the covered share of each pixel of a row; return what was touched.
+
+    Args:
+        work: As in the module's table.
+        width: Of the image [px].
+        lens: As in the module's table.
+        row: Row of the image.
+        lines: Lines in the row, a multiple of k.
+        k: Number of instants.
+
+    Returns:
+        First and last column.
+    """
+    full, at, per, share = width, 2 * width + 1, lines // k, 1.0 / lines
+    edge = at
+    for j in range(k):
+        p = at + _PATH + 6 * j
+        place = work[p], work[p + 1], work[p + 2], work[p + 3], work[p + 4], work[p + 5]
+        _meet(work, at + j * per, lens, width - 0.5, place, row, lines, k, j)
+    first, last = width, -1
+    for _ in range(lines):
+        left, right = work[edge], work[edge + LINES]
+        # As the lines come down the row, whose instants take turns.
+        edge = edge + per if edge + per < at + lines else edge + per - lines + 1
         if right <= left:
             continue
         u0, u1 = int(left + 0.5), min(int(right + 0.5), width - 1)
         if u0 == u1:
-            coverage[u0] += share * (right - left)
+            work[u0] += share * (right - left)
         else:
-            coverage[u0] += share * (u0 + 0.5 - left)
-            coverage[u1] += share * (right - u1 + 0.5)
-            full[u0 + 1] += share
-            full[u1] -= share
+            work[u0] += share * (u0 + 0.5 - left)
+            work[u1] += share * (right - u1 + 0.5)
+            work[full + u0 + 1] += share
+            work[full + u1] -= share
         first, last = min(first, u0), max(last, u1)
-    inside = 0.0
-    for u in range(first, last + 1):
-        inside += full[u]
-        coverage[u] += inside
-        full[u] = 0.0
     return first, last
 
 
 @njit(cache=True)
-def _lay_path(lens: Array, ball: Array, path: Array) -> tuple[int, float, float, float]:
+def _lay_path(lens: Point, ball: Seen, work: Array, at: int) -> tuple[int, int, float, float]:
     """Write the ball's places during the exposure.
 
+    Args:
+        lens: As in the module's table.
+        ball: As in the module's table.
+        work: As in the module's table.
+        at: Where in it the path begins.
+
     Returns:
-        Their number, 0 for a ball that is not in front of the camera, the first and last row
-        they span, and the radius of the disc [px].
+        Their number, 0 for a ball that is not in front of the camera, how many lines a row is
+        cut into, and the first and last row they span.
     """
-    R = ball[6]
-    near = min(ball[2], ball[5])
+    (f, _, cv), (x0, y0, z0, x1, y1, z1, R) = lens, ball
+    near = min(z0, z1)
     if not near > 1.001 * R:
-        return 0, 0.0, 0.0, 0.0
-    smear = lens[0] / near * sqrt((ball[3] - ball[0]) ** 2 + (ball[4] - ball[1]) ** 2)
+        return 0, 0, 0.0, 0.0
+    smear = f / near * sqrt((x1 - x0) ** 2 + (y1 - y0) ** 2)
     k = 1 if smear < 0.25 else int(min(1 + ceil(2.0 * smear), float(INSTANTS)))
+    lines = (LINES if f * R / near < SMALL else LINES // 2) // k * k
     low, high = np.inf, -np.inf
     for j in range(k):
-        share = (j + 0.5) / k
-        x = ball[0] + share * (ball[3] - ball[0])
-        y = ball[1] + share * (ball[4] - ball[1])
-        z = ball[2] + share * (ball[5] - ball[2])
-        path[j, 0], path[j, 1], path[j, 2] = x, y, z
+        share, p = (j + 0.5) / k, at + 6 * j
+        x, y, z = x0 + share * (x1 - x0), y0 + share * (y1 - y0), z0 + share * (z1 - z0)
         D = x * x + y * y + z * z - R * R
-        path[j, 3], path[j, 4], path[j, 5] = D, D - x * x, lens[0] / (D - x * x)
+        work[p], work[p + 1], work[p + 2] = x, y, z
+        work[p + 3], work[p + 4], work[p + 5] = D, D - x * x, f / (D - x * x)
         side, depth = R * sqrt(y * y + z * z - R * R), z * z - R * R
-        low = min(low, lens[2] + lens[0] * (y * z - side) / depth)
-        high = max(high, lens[2] + lens[0] * (y * z + side) / depth)
-    return k, low, high, lens[0] * R / near
+        low = min(low, cv + f * (y * z - side) / depth)
+        high = max(high, cv + f * (y * z + side) / depth)
+    return k, max(lines, k), low, high
 
 
 @njit(cache=True)
 def _paint(
-    pixels: Image, row: int, first: int, last: int, coverage: Array, noise: Array, light: Array
-) -> None:
+    pixels: Image, row: int, columns: tuple[int, int], work: Array, noise: Array, start: int,
+    light: Point,
+) -> None:  # fmt: skip
     """Mix a ball into pixels it covers in part or whole, with the noise of what they then hold."""
     level, read, shot = light[0], light[1] * light[1], 1.0 / light[2]
-    line, at = np.uint64(row), np.uint64(row * pixels.shape[1])  # unsigned: none counts backwards
-    for u in range(np.uint64(first), np.uint64(last + 1)):
-        c = coverage[u]
+    line, full = np.uint64(row), np.uint64(pixels.shape[1])  # unsigned: none counts backwards
+    at, inside = np.uint64(start + row * pixels.shape[1]), 0.0
+    for u in range(np.uint64(columns[0]), np.uint64(columns[1] + 1)):
+        inside += work[full + u]
+        c = work[u] + inside
+        work[u], work[full + u] = 0.0, 0.0
         ground = float(pixels[line, u])
         rest = (1.0 - c) * (1.0 - c)
         mean = (1.0 - c) * ground + c * level
         variance = read * (1.0 - rest) + shot * (mean - rest * ground)
         value = mean + sqrt(max(variance, 0.0)) * noise[at + u]
         pixels[line, u] = np.uint8(min(max(value + 0.5, 0.0), 255.0))
-        coverage[u] = 0.0
 
 
 @njit(cache=True)
 def draw_ball(
-    pixels: Image,
-    lens: Array,
-    ball: Array,
-    light: Array,
-    noise: Array,
-    window: NDArray[np.int64],
+    pixels: Image, lens: Point, ball: Seen, light: Point, noise: Array, start: int, window: Edges,
     work: Array,
-) -> None:
+) -> None:  # fmt: skip
     """Draw a ball over an image of what is behind it.
 
     Args:
         pixels: Image, overwritten where the ball is, shape (height, width).
-        lens: f_px, cu, cv [px], shape (3,).
-        ball: Centre in the optical frame at the begin and the end of the exposure, and radius
-            [m], shape (7,).
-        light: Level of the ball and read noise [grey levels], electrons a level, shape (3,).
-        noise: Standard normal numbers, one a pixel of the image at least, shape (n,).
-        window: First and last row that are drawn, and two more numbers [px], shape (4,).
-        work: Scratch, zero at entry and exit but for its tail, shape (2 width + 1 + 6 INSTANTS,).
+        lens: As in the module's table.
+        ball: As in the module's table.
+        light: Level of the ball and read noise [grey levels], electrons a level.
+        noise: Standard normal numbers, shape (n,).
+        start: Where in it the image begins, which takes one number a pixel.
+        window: First and last row that are drawn, and two more numbers [px].
+        work: As in the module's table, shape (2 width + 1 + SCRATCH,).
     """
-    width = pixels.shape[1]
-    path = work[2 * width + 1 : 2 * width + 1 + 6 * INSTANTS].reshape(INSTANTS, 6)
-    k, low, high, radius = _lay_path(lens, ball, path)
+    pixels, noise, work, width = lent(pixels), lent(noise), lent(work), pixels.shape[1]
+    k, lines, low, high = _lay_path(lens, ball, work, 2 * width + 1 + _PATH)
     if k == 0:
         return
-    first_row = int(min(max(floor(low), float(window[0])), float(window[1] + 1)))
-    last_row = int(min(max(ceil(high), -1.0), float(window[1])))
-    coverage, full = work[:width], work[width : 2 * width + 1]
-    lines = (LINES if radius < SMALL else LINES // 2) // k * k
-    lines = max(lines, k)
-    for row in range(first_row, last_row + 1):
-        first, last = cover(coverage, full, row, lens, path, k, lines)
-        if last >= first:
-            _paint(pixels, row, first, last, coverage, noise, light)
+    low, high = floor(low + 0.5 - _SLACK), ceil(high - 0.5 + _SLACK)
+    first = int(min(max(low, float(window[0])), float(window[1] + 1)))
+    last = int(min(max(high, -1.0), float(window[1])))
+    for row in range(first, last + 1):
+        columns = _cover(work, width, lens, row, lines, k)
+        if columns[1] >= columns[0]:
+            _paint(pixels, row, columns, work, noise, start, light)

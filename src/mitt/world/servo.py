@@ -5,6 +5,7 @@ from numba import njit
 
 from mitt.robot.hands import FingerDrive
 from mitt.signals import Array
+from mitt.world.intrinsics import lent
 
 #: Speed at which dry friction is three quarters of its full size [rad/s]; a sharp step would
 #: chatter at 0.5 ms.
@@ -58,20 +59,21 @@ def actuate(
         tau: Commanded torques of the arm [N m], shape (n,).
         hand: Commanded closing angle [rad].
         servo: Numbers of the finger servo, shape (4,).
-        friction: Viscous [N m s/rad] and dry [N m] friction of each joint, shape (2, n).
+        friction: Viscous friction [N m s/rad] of each joint, then dry [N m], shape (2 n,).
         drag: Force per squared speed of the ball [N s^2/m^2].
 
     Returns:
         Whether the command was finite; where it is not, that motor gives nothing.
     """
-    finite = True
-    n, count = tau.shape[0], ctrl.shape[0]
+    qpos, qvel, ctrl, passive = lent((qpos, qvel, ctrl, passive))
+    tau, servo, friction = lent((tau, servo, friction))
+    finite, n, count = True, tau.shape[0], ctrl.shape[0]
     for i in range(n):
         if not np.isfinite(tau[i]):
             finite = False
         ctrl[i] = tau[i] if np.isfinite(tau[i]) else 0.0
         slip = np.tanh(qvel[i] / STICTION_SPEED)
-        passive[i] = -friction[0, i] * qvel[i] - friction[1, i] * slip
+        passive[i] = -friction[i] * qvel[i] - friction[n + i] * slip
     if not np.isfinite(hand):
         finite, hand = False, 0.0
     for i in range(n, count):

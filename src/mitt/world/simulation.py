@@ -29,6 +29,7 @@ from mitt.world.faults.trial import Sensor, Troubles
 from mitt.world.flights import BallPath
 from mitt.world.imaging import Imager
 from mitt.world.leading import lead
+from mitt.world.meeting import meet_by_name
 from mitt.world.mismatch import PlantDraw
 from mitt.world.motion import (
     BROKEN,
@@ -285,6 +286,7 @@ class World:
             *self._clearing, fresh_table(self._n + self._f),
         )  # fmt: skip
         self._switches[0] = self._always
+        meet_by_name(self.model)  # the draw of the masses has brought the kinds back
         self.model.opt.timestep = TICK
         mujoco.mj_step1(self.model, self.data)
         note(self._parts, np.zeros(self._n), self._tape.rows)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from mitt.flight import GRAVITY, advance
 from mitt.signals import Array
 from mitt.world.contacts import is_sane
+from mitt.world.intrinsics import lent
 from mitt.world.servo import actuate
 
 #: Result of :func:`finish`: the state cannot be real, or how the next tick is to be stepped.
@@ -75,22 +76,23 @@ def prepare(
         h: Length of the step [s].
         lead: Whether nothing is touched, so that the ball can be led along its flight.
         flight: Result, position and velocity of a ball that flies freely, at the end of the
-            step, shape (2, 3).
+            step, shape (6,).
 
     Returns:
         Whether the command was finite.
     """
-    n, ball = tau.shape[0], ctrl.shape[0]
-    mass, drag, friction = plant[4], plant[5], plant[6:].reshape(2, n)
+    qpos, qvel, ctrl, passive = lent((qpos, qvel, ctrl, passive))
+    tau, plant, flight = lent((tau, plant, flight))
+    ball, mass, drag = ctrl.shape[0], plant[4], plant[5]
     for i in range(3):
-        flight[0, i], flight[1, i] = qpos[ball + i], qvel[ball + i]
-    advance(flight[0], flight[1], drag, h)
-    finite = actuate(qpos, qvel, ctrl, passive, tau, hand, plant[:4], friction, drag * mass)
+        flight[i], flight[3 + i] = qpos[ball + i], qvel[ball + i]
+    advance(flight[:3], flight[3:], drag, h)
+    finite = actuate(qpos, qvel, ctrl, passive, tau, hand, plant[:4], plant[6:], drag * mass)
     if lead:
         for i in range(3):
             weight = -GRAVITY if i == 2 else 0.0
-            passive[ball + i] = mass * ((flight[1, i] - qvel[ball + i]) / h - weight)
-            qpos[ball + i] = flight[0, i] - h * flight[1, i]
+            passive[ball + i] = mass * ((flight[3 + i] - qvel[ball + i]) / h - weight)
+            qpos[ball + i] = flight[i] - h * flight[3 + i]
     return bool(finite)
 
 
@@ -108,6 +110,7 @@ def tip_velocity(
         dq: Joint velocities [rad/s, m/s], shape (>= n,).
         out: Result [m/s], shape (3,).
     """
+    place, anchor, axis, slides, dq, out = lent((place, anchor, axis, slides, dq, out))
     out[:] = 0.0
     for i in range(slides.shape[0]):
         ax, ay, az = axis[i, 0], axis[i, 1], axis[i, 2]
@@ -160,7 +163,8 @@ def finish(
     Returns:
         BROKEN, COARSE or FINE.
     """
-    row, k = rows[index], 1
+    qpos, qvel, qacc, tau, place = lent((qpos, qvel, qacc, tau, place))
+    row, peaks, k = lent(rows)[index], lent(peaks), 1
     row[0] = t
     for column in (qpos, qvel, tau, place):
         for i in range(column.shape[0]):
