@@ -15,7 +15,7 @@ from numba import njit
 
 from mitt.errors import InputError
 from mitt.signals import Array, BallState
-from mitt.views import view
+from mitt.views import lent, view
 
 GRAVITY = 9.81
 """Acceleration of free fall, towards -z [m/s^2]."""
@@ -213,6 +213,7 @@ def advance_uncertain(m: Array, at: int, dt: float, law: Array, row: int, work: 
         row: Which of them holds.
         work: Scratch, overwritten, shape (2, 10, 10).
     """
+    m, law, work = lent((m, law, work))
     steps = max(1, ceil(abs(dt) / MAX_STEP))
     h = dt / steps
     left = exp(-abs(h) / law[row, 4])

@@ -25,7 +25,7 @@ from mitt.generator.evaluation import reference, time_to_catch
 from mitt.generator.foresight import lay_state, sigma_at_catch
 from mitt.records import BRAKE, FOLLOW, STOPPED, WATCH, Record
 from mitt.signals import Array, Image
-from mitt.views import view
+from mitt.views import lent
 from mitt.vision import memory as at
 from mitt.vision.belief import absorb, speak
 from mitt.vision.eyes import LET_GO
@@ -75,10 +75,10 @@ def tick(
     Returns:
         What is to be thought about: bits.
     """
-    known, out = view(state, 0, (1,)), view(result, 0, (1,))
-    perceive(images, apart, t_exposed, t, q, dq, known, out)
-    refer(known, out)
-    return int(act(brake, known, out))
+    images, q, dq = lent((images, q, dq))
+    perceive(images, apart, t_exposed, t, q, dq, state, result)
+    refer(state, result)
+    return int(act(brake, state, result))
 
 
 @njit(cache=True)
@@ -93,7 +93,7 @@ def perceive(
     result: Record,
 ) -> None:
     """Take encoders and images in and carry the estimate to the time of the command; see tick."""
-    s, out = state[0], result[0]
+    s, out = lent(state)[0], lent(result)[0]
     t, s["clock"] = pass_time(s["condition"], t)
     out["t"], out["phase"] = t, s["phase"]
     beside = not s["open"] and -SOON < out["time_to_catch"] < BESIDE
@@ -170,7 +170,7 @@ def _turn_heads(images: tuple[Image, ...], t_exposed: float, state: Record, resu
 @njit(cache=True)
 def refer(state: Record, result: Record) -> None:
     """Ask the map for the desired motion; while the verdict is open, for the ball's stand-in."""
-    s, out = state[0], result[0]
+    s, out = lent(state)[0], lent(result)[0]
     if s["phase"] != FOLLOW:
         return
     target, rows = s["target"], out["asked"]
@@ -186,7 +186,7 @@ def refer(state: Record, result: Record) -> None:
 @njit(cache=True)
 def act(brake: Array, state: Record, result: Record) -> int:
     """Close the hand and track what was asked, or what braking takes; see :func:`tick`."""
-    s, out = state[0], result[0]
+    s, out, brake = lent(state)[0], lent(result)[0], lent(brake)
     t, phase, wanted, believed = out["t"], s["phase"], s["wanted"], s["believed"]
     if phase == FOLLOW:
         if out["inside"]:
@@ -231,7 +231,7 @@ def act(brake: Array, state: Record, result: Record) -> int:
 @njit(cache=True)
 def _report(blocked: bool, state: Record, result: Record) -> None:
     """Write state, reason, age and sigma; from an abort on the arm stops and stays."""
-    s, out = state[0], result[0]
+    s, out = lent(state)[0], lent(result)[0]
     P, believed, told = out["covariance"], s["believed"], out["told"]
     out["age"] = out["t"] - out["t_seen"]
     out["sigma"] = np.sqrt((P[0, 0] + P[1, 1] + P[2, 2]) / 3.0) if out["tracked"] else np.inf
@@ -261,7 +261,7 @@ def _report(blocked: bool, state: Record, result: Record) -> None:
 @njit(cache=True)
 def _afterwards(state: Record, result: Record) -> int:
     """Return what is to be thought about while a ball is followed."""
-    s, out = state[0], result[0]
+    s, out = lent(state)[0], lent(result)[0]
     todo = DECIDE if s["open"] else 0
     soon = out["inside"] and out["time_to_catch"] < s["adapt_until"]
     if s["several"] and not soon and out["t"] - s["t_reviewed"] >= s["review"]:

@@ -1,24 +1,30 @@
-"""Parts of an array in another shape, for compiled code: no copies, no references counted.
+"""How compiled code reads arrays: parts in another shape, no references counted, early reads.
 
-numba's own slices keep alive what they show, which costs two atomic additions each, and its
-``reshape`` a call into a library. What shows a part of a vector here does not keep it alive:
-kernels take views of their arguments alone, never of an array that they have made themselves.
-A function that hands out views is a ``register_jitable``: part of the compiled code that calls it,
-and plain Python elsewhere, where views do keep alive what they show.
+numba keeps alive each array that a kernel takes out of a tuple or cuts out of another array, by two
+atomic additions, and a ``reshape`` of its is a call into a library: together a tenth of a tick.
+A lent array has no owner, and neither has what is cut out of it; a view is lent from the start. Who
+lends must keep the array until the kernel returns, as every caller of a kernel does, and must not
+return it: kernels lend their arguments, never an array that they have made themselves. A function
+that hands out views is a ``register_jitable``: part of the compiled code that calls it, and plain
+Python elsewhere, where views do keep alive what they show.
 """
 
 from collections.abc import Callable, Sequence
 from math import prod
 from typing import Any, TypeAlias
 
-from llvmlite.ir import IRBuilder, Value
+from llvmlite import ir
 from numba import carray, types
+from numba.core import cgutils
 from numba.core.base import BaseContext
-from numba.core.typing.templates import Signature
+from numba.core.typing import Context, Signature
 from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
-_Lower: TypeAlias = Callable[[BaseContext, IRBuilder, Signature, Sequence[Value]], Value]
+Typed: TypeAlias = tuple[
+    Signature, Callable[[BaseContext, ir.IRBuilder, Signature, Sequence[ir.Value]], ir.Value]
+]
+"""What numba wants of an intrinsic: its types, and what writes its code."""
 
 
 def view(v: NDArray[Any], start: int, shape: tuple[int, ...]) -> NDArray[Any]:
@@ -33,29 +39,77 @@ def view(v: NDArray[Any], start: int, shape: tuple[int, ...]) -> NDArray[Any]:
 
 
 @intrinsic
-def _address(_: BaseContext, v: types.Type, start: types.Type) -> tuple[Signature, _Lower]:
+def _address(_: Context, v: types.Type, start: types.Type) -> Typed:
     """Return where a number of an array lies."""
 
-    def lower(
-        context: BaseContext, builder: IRBuilder, signature: Signature, args: Sequence[Value]
-    ) -> Value:
-        array = context.make_array(signature.args[0])(context, builder, args[0])
-        return builder.gep(array.data, [args[1]])
+    def write(
+        context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]
+    ) -> ir.Value:
+        array = context.make_array(signature.args[0])(context, builder, given[0])
+        return builder.gep(array.data, [given[1]])
 
     del start  # of whatever kind, it is cast to the one that the signature names
-    return types.CPointer(v.dtype)(v, types.intp), lower
+    return types.CPointer(v.dtype)(v, types.intp), write
 
 
 @overload(view)
 def _compiled(
     v: types.Type, start: types.Type, shape: types.Type
-) -> Callable[[types.Type, types.Type, types.Type], Value] | None:
+) -> Callable[[types.Type, types.Type, types.Type], ir.Value] | None:
     """Return what :func:`view` is in compiled code; None says that these types have no view."""
     del start, shape
     if not (isinstance(v, types.Array) and v.layout == "C"):
         return None
 
-    def impl(v: types.Type, start: types.Type, shape: types.Type) -> Value:
+    def impl(v: types.Type, start: types.Type, shape: types.Type) -> ir.Value:
         return carray(_address(v, start), shape)
 
     return impl
+
+
+@intrinsic
+def lent(_: Context, value: types.Type) -> Typed:
+    """Return an array, or a tuple of arrays and others, in which no array has an owner."""
+
+    def write(
+        context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]
+    ) -> ir.Value:
+        return _disown(context, builder, signature.return_type, given[0])
+
+    return value(value), write
+
+
+@intrinsic
+def fetch(_: Context, array: types.Array, index: types.Integer) -> Typed:
+    """Begin to read a number of a vector that will be wanted soon; nothing waits for it.
+
+    Any index will do: memory that is not there is not read.
+    """
+
+    def write(
+        context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]
+    ) -> ir.Value:
+        data = context.make_array(signature.args[0])(context, builder, given[0]).data
+        place = builder.bitcast(builder.gep(data, [given[1]]), cgutils.voidptr_t)
+        kind = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t] + 3 * [cgutils.int32_t])
+        read = builder.module.declare_intrinsic("llvm.prefetch", [cgutils.voidptr_t], kind)
+        builder.call(read, [place] + [cgutils.int32_t(k) for k in (0, 3, 1)])
+        return context.get_dummy_value()
+
+    return types.void(array, index), write
+
+
+def _disown(
+    context: BaseContext, builder: ir.IRBuilder, kind: types.Type, value: ir.Value
+) -> ir.Value:
+    """Return a value without the owners of its arrays."""
+    if isinstance(kind, types.Array):
+        array = context.make_array(kind)(context, builder, value)
+        array.meminfo = cgutils.get_null_value(array.meminfo.type)
+        array.parent = cgutils.get_null_value(array.parent.type)
+        return array._getvalue()
+    if isinstance(kind, types.BaseTuple):
+        for k, part in enumerate(kind):
+            item = _disown(context, builder, part, builder.extract_value(value, k))
+            value = builder.insert_value(value, item, k)
+    return value

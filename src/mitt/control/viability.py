@@ -17,7 +17,7 @@ from mitt.control.envelope import bounds_of, keep, slow_down
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Shapes, Surroundings, clearance, shapes_of
 from mitt.signals import Array
-from mitt.views import view
+from mitt.views import lent, view
 
 #: Gap that is kept [m], and what a look may leave open before the way counts as blocked [m].
 MARGIN, _SLIVER = 0.01, 0.0005
@@ -58,6 +58,7 @@ def stops_clear(
             shape (n + 1,).
         work: Scratch, shape (2 m + n, 3).
     """
+    bodies, table, pairs, known, work = lent((bodies, table, pairs, known, work))
     n, t = len(q), 0.0
     ends, way = view(work, 3 * n, (len(work) - n, 3)), view(work, 0, (n,))
     for look in range(_LOOKS):
@@ -113,6 +114,7 @@ def guard(
     Returns:
         ``PASSED``, ``KEPT`` or ``BLOCKED``.
     """
+    b, last, wanted = lent((b, last, wanted))
     result = KEPT if keep(b, last, wanted) else PASSED
     blocked = not stops_clear(bodies, table, pairs, b, wanted[0], wanted[1], known, work)
     if blocked and not _leads_out(bodies, table, pairs, last, wanted, work):

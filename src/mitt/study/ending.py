@@ -15,7 +15,7 @@ from mitt.records import Record
 from mitt.signals import Array, Image
 from mitt.study.play import NOTHING
 from mitt.tick import act, perceive
-from mitt.world.intrinsics import lent
+from mitt.views import lent
 from mitt.world.motion import STATE, TICK, TICKS, Plant, move, over
 from mitt.world.truth import Tape
 

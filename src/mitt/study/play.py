@@ -17,12 +17,12 @@ from mitt.link.clock import Stopwatch, now_ns
 from mitt.records import BRAKE, STOPPED, Record
 from mitt.signals import Array, Image
 from mitt.tick import tick, undecided
+from mitt.views import lent
 from mitt.vision.belief import absorb
 from mitt.vision.outlook import field, suffices
 from mitt.vision.segmentation import WORK
 from mitt.world.exposure import Bank, Cameras, snap
 from mitt.world.imaging import BLOCK, Film
-from mitt.world.intrinsics import lent
 from mitt.world.motion import STATE, TICK, TICKS, Plant, move, over
 from mitt.world.silhouettes import lay_capsules
 from mitt.world.stage import Body, Stage

@@ -12,6 +12,7 @@ from numba import njit
 
 from mitt.flight import GRAVITY, STATES, acceleration, advance_uncertain
 from mitt.signals import Array
+from mitt.views import lent
 from mitt.vision import memory as at
 from mitt.vision.kalman import copy, is_sane
 from mitt.vision.laws import FLOOR, is_biased, track_of
@@ -117,6 +118,7 @@ def speak(
         Whether the ball is tracked; if not, or further than ``MAX_HORIZON`` from the last
         sighting, the results are zero. The drag coefficient is in ``memory[DRAG]``.
     """
+    memory, settings, work = lent((memory, settings, work))
     dt = t - memory[at.T]
     if not (is_tracked(memory, settings) and abs(dt) <= MAX_HORIZON):
         motion[:, :] = 0.0

@@ -5,7 +5,7 @@ from math import pi, sqrt
 from numba import njit
 
 from mitt.signals import Array, Image
-from mitt.views import view
+from mitt.views import lent, view
 from mitt.vision import triangulation
 from mitt.vision.moments import Box
 from mitt.vision.segmentation import (
@@ -145,6 +145,7 @@ def look(
         count while something comes between the ball and the other, as before a catch: what is
         hidden from one is soon half hidden from both, and the flight model knows better.
     """
+    images, memory, work = lent((images, memory, work))
     eyes, hidden, count, one = len(images), False, 0, -1
     points = view(work, 3 * triangulation.WORK, (eyes, 3))
     rig = view(memory, eyes * MEMORY, (MEMORY,))

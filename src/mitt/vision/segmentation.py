@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from mitt.errors import ShapeError
 from mitt.signals import Array, Frame, Image, Moments
-from mitt.views import view
+from mitt.views import lent, view
 from mitt.vision.moments import MAX_BLOBS, Box, estimate_ground, find_target
 from mitt.vision.window import ROWS, Runs, connect, dilate, is_merged, weigh
 
@@ -199,6 +199,7 @@ def segment(pixels: Image, memory: Array, settings: Array, work: Box) -> tuple[i
     Returns:
         Pixels of the target, 0 if there is none, and whether it touches the border.
     """
+    pixels, memory, work = lent((pixels, memory, work))
     old, new = masks(work)
     weights = view(memory, WEIGHTS, (7,))
     u, v, top, rows = memory[0], memory[1], 0, 0

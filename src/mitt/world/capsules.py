@@ -21,7 +21,7 @@ import numpy as np
 from numba import njit
 
 from mitt.signals import Array, Image
-from mitt.world.intrinsics import lent
+from mitt.views import lent
 
 Camera: TypeAlias = tuple[float, ...]
 Seen: TypeAlias = tuple[float, float, float, float, float, float, float]

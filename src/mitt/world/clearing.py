@@ -24,9 +24,9 @@ from numba import njit
 
 from mitt.robot.segments import segment_distance
 from mitt.signals import Array
+from mitt.views import lent
 from mitt.world.build import Plant
 from mitt.world.hand import BALL, FLOOR, HAND
-from mitt.world.intrinsics import lent
 from mitt.world.meeting import meeting
 
 #: What brings two shapes together: joints of arm and hand, those of the fingers alone, or the

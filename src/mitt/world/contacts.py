@@ -6,9 +6,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mitt.signals import Array
+from mitt.views import lent
 from mitt.world.engine import MOST, Views, contact_force
 from mitt.world.hand import ARM, BALL, FLOOR, HAND
-from mitt.world.intrinsics import lent
 
 #: What touches what, as bits of the result of :func:`survey`.
 BALL_HAND, BALL_ARM, BALL_FLOOR, SELF, ARM_FLOOR = 1, 2, 4, 8, 16

@@ -20,9 +20,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from mitt.signals import Array, Image
+from mitt.views import fetch, lent
 from mitt.world.capsules import Camera, Edges, Point, draw_body, into
 from mitt.world.heads import open_and_shut
-from mitt.world.intrinsics import fetch, lent
 from mitt.world.noise import PERIOD
 from mitt.world.outline import draw_ball
 

@@ -3,8 +3,8 @@
 from numba import njit
 
 from mitt.signals import Array
+from mitt.views import lent
 from mitt.world.contacts import BALL_ANY
-from mitt.world.intrinsics import lent
 from mitt.world.motion import STATE, STEPS, TICK, TICKS, Plant, arrive, begin, leave, note
 
 

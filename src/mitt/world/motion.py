@@ -26,11 +26,11 @@ import numpy as np
 from numba import njit
 
 from mitt.signals import Array
+from mitt.views import lent
 from mitt.world.build import STEP
 from mitt.world.clearing import OFF, is_clear
 from mitt.world.contacts import BALL_ANY, BALL_FLOOR, BALL_HAND, survey
 from mitt.world.engine import Views, step1, step2
-from mitt.world.intrinsics import lent
 from mitt.world.stepping import BROKEN as INSANE
 from mitt.world.stepping import FINE, finish, prepare, tip_velocity
 

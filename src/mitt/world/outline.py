@@ -24,8 +24,8 @@ import numpy as np
 from numba import njit
 
 from mitt.signals import Array, Image
+from mitt.views import lent
 from mitt.world.capsules import Edges, Point, Seen
-from mitt.world.intrinsics import lent
 
 Place: TypeAlias = tuple[float, float, float, float, float, float]
 

@@ -5,7 +5,7 @@ from numba import njit
 
 from mitt.robot.hands import FingerDrive
 from mitt.signals import Array
-from mitt.world.intrinsics import lent
+from mitt.views import lent
 
 #: Speed at which dry friction is three quarters of its full size [rad/s]; a sharp step would
 #: chatter at 0.5 ms.

@@ -5,8 +5,8 @@ import numpy as np
 from numba import njit
 
 from mitt.signals import Array
+from mitt.views import lent
 from mitt.world.hand import ARM, HAND
-from mitt.world.intrinsics import lent
 
 
 @njit(cache=True)

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from mitt.flight import GRAVITY, advance
 from mitt.signals import Array
+from mitt.views import lent
 from mitt.world.contacts import is_sane
-from mitt.world.intrinsics import lent
 from mitt.world.servo import actuate
 
 #: Result of :func:`finish`: the state cannot be real, or how the next tick is to be stepped.
