@@ -50,13 +50,16 @@ def dilate(old: Runs, rows: int, reach: int, shift: int, width: int, new: Runs) 
         new: Result, ``rows + 2 reach`` rows, the first ``reach`` rows above that of ``old``.
     """
     for row in range(rows + 2 * reach):
-        first, last = _EMPTY, -1
-        for k in range(max(row - 2 * reach, 0), min(row, rows - 1) + 1):
-            if old[0, k] <= old[1, k]:
-                first, last = min(first, old[0, k]), max(last, old[1, k])
-        if last >= 0:
-            first, last = first + shift - reach, last + shift + reach
-        new[0, row], new[1, row] = max(first, 0), min(last, width - 1)
+        new[0, row], new[1, row] = _EMPTY, -1
+    for k in range(rows):
+        first, last = old[0, k], old[1, k]
+        if first <= last:
+            for row in range(k, k + 2 * reach + 1):
+                new[0, row], new[1, row] = min(new[0, row], first), max(new[1, row], last)
+    for row in range(rows + 2 * reach):
+        if new[1, row] >= 0:
+            new[0, row] = max(new[0, row] + shift - reach, 0)
+            new[1, row] = min(new[1, row] + shift + reach, width - 1)
 
 
 @njit(cache=True)
