@@ -108,21 +108,30 @@ def soak_processes(
 
 
 def _in_process(sample: Sample, found: Found) -> str:
-    """Run the command here; return what went wrong."""
+    """Run the command here; return what went wrong.
+
+    What takes too long is run again: the first time may have compiled a kernel.
+    """
+    fault, took = _run(sample, found)
+    if not fault and took > MOST_TIME:
+        fault, took = _run(sample, Found())
+    return f"took {took:.1f} s" if not fault and took > MOST_TIME else fault
+
+
+def _run(sample: Sample, found: Found) -> tuple[str, float]:
+    """Run the command here; return what went wrong, and the processor's time [s]."""
     out, err = io.StringIO(), io.StringIO()
     before, start = _memory(), time.process_time()
     try:
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
             status = main(sample.command)
     except BaseException as error:
-        return f"left main: {type(error).__name__}: {error}"
+        return f"left main: {type(error).__name__}: {error}", 0.0
     took, grown = time.process_time() - start, _memory() - before
     found.refused += status == 2
-    if took > MOST_TIME:
-        return f"took {took:.1f} s"
     if grown > MOST_MEMORY:
-        return f"took {grown / 1e6:.0f} MB"
-    return _judge(status, err.getvalue())
+        return f"took {grown / 1e6:.0f} MB", took
+    return _judge(status, err.getvalue()), took
 
 
 def _as_process(sample: Sample, found: Found) -> str:
