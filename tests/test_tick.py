@@ -316,5 +316,6 @@ def test_a_command_made_fast_is_a_command() -> None:
     slow = Command(t=0.5, told=told, hand=0.25, gaze=gaze)
     for made, given in zip(fast, slow, strict=True):
         assert np.array_equal(np.asarray(made), np.asarray(given))
+    assert command_of(0.5, told, 0.25, None).gaze is Command(t=0.5, told=told, hand=0.25).gaze
     with pytest.raises(AttributeError):
         fast.t = 1.0  # type: ignore[misc]

@@ -90,8 +90,9 @@ class Catcher:
         Args:
             generator: Of the same kind and with the same map, if any.
         """
-        other = copy(self)
-        other._begin(generator, copy(self._eyes))
+        other, eyes = copy(self), copy(self._eyes)
+        other._begin(generator, eyes)
+        eyes.reset()
         return other
 
     def _begin(self, generator: Generator, eyes: Eyes) -> None:
@@ -99,7 +100,6 @@ class Catcher:
         self._generator, self._given, self._eyes = generator, generator, eyes
         self._state, self.result = (record.copy() for record in self._blank)
         eyes.move_to({name: self._state[f"eyes_{name}"][0] for name in eyes.parts()})
-        eyes.reset()
         self._numbers = self._state[0]
         self._hand, self._gaze = self.result["hand"], self.result["gaze"][0]
         self._clock = self.result["t"]

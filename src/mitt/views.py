@@ -11,11 +11,11 @@ Python elsewhere, where views do keep alive what they show.
 
 from collections.abc import Callable, Sequence
 from math import prod
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 from llvmlite import ir
 from numba import carray, types
-from numba.core import cgutils
+from numba.core import cgutils, config
 from numba.core.base import BaseContext
 from numba.core.typing import Context, Signature
 from numba.extending import intrinsic, overload
@@ -25,6 +25,9 @@ Typed: TypeAlias = tuple[
     Signature, Callable[[BaseContext, ir.IRBuilder, Signature, Sequence[ir.Value]], ir.Value]
 ]
 """What numba wants of an intrinsic: its types, and what writes its code."""
+Body: TypeAlias = Callable[..., Any]
+"""What numba is to compile in the place of a function."""
+T = TypeVar("T")
 
 
 def view(v: NDArray[Any], start: int, shape: tuple[int, ...]) -> NDArray[Any]:
@@ -53,23 +56,60 @@ def _address(_: Context, v: types.Type, start: types.Type) -> Typed:
 
 
 @overload(view)
-def _compiled(
-    v: types.Type, start: types.Type, shape: types.Type
-) -> Callable[[types.Type, types.Type, types.Type], ir.Value] | None:
+def _compiled_view(v: types.Type, start: types.Type, shape: types.Type) -> Body | None:
     """Return what :func:`view` is in compiled code; None says that these types have no view."""
     del start, shape
     if not (isinstance(v, types.Array) and v.layout == "C"):
         return None
+    if config.BOUNDSCHECK:
+        return _checked_view
+    return _plain_view
 
-    def impl(v: types.Type, start: types.Type, shape: types.Type) -> ir.Value:
-        return carray(_address(v, start), shape)
 
-    return impl
+def _plain_view(v: types.Type, start: types.Type, shape: types.Type) -> NDArray[Any]:
+    """See :func:`view`."""
+    shown: NDArray[Any] = carray(_address(v, start), shape)
+    return shown
+
+
+def _checked_view(v: types.Type, start: types.Type, shape: types.Type) -> NDArray[Any]:
+    """As :func:`view`, where numba is asked to check bounds."""
+    count = 1
+    for side in shape:
+        count *= side
+    if start < 0 or start + count > v.size:
+        raise IndexError("a view reaches beyond its array")
+    shown: NDArray[Any] = carray(_address(v, start), shape)
+    return shown
+
+
+def lent(value: T) -> T:
+    """Return an array, or a tuple of arrays and numbers, in which no array has an owner."""
+    return value
+
+
+@overload(lent, inline="always")
+def _compiled_lent(value: types.Type) -> Body | None:
+    """Return what :func:`lent` is in compiled code, where there is anything to lend."""
+    if not _can_be_lent(value):
+        return None
+
+    def disowned(value: types.Type) -> types.Type:
+        return _disowned(value)
+
+    return disowned
+
+
+def _can_be_lent(kind: types.Type) -> bool:
+    """Say whether a value has no owners but those of arrays: others would be freed too early."""
+    if isinstance(kind, types.BaseTuple):
+        return all(_can_be_lent(part) for part in kind)
+    return isinstance(kind, types.Array | types.Number | types.Boolean | types.NoneType)
 
 
 @intrinsic
-def lent(_: Context, value: types.Type) -> Typed:
-    """Return an array, or a tuple of arrays and others, in which no array has an owner."""
+def _disowned(_: Context, value: types.Type) -> Typed:
+    """Take the owners from the arrays of a value."""
 
     def write(
         context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]
@@ -77,26 +117,6 @@ def lent(_: Context, value: types.Type) -> Typed:
         return _disown(context, builder, signature.return_type, given[0])
 
     return value(value), write
-
-
-@intrinsic
-def fetch(_: Context, array: types.Array, index: types.Integer) -> Typed:
-    """Begin to read a number of a vector that will be wanted soon; nothing waits for it.
-
-    Any index will do: memory that is not there is not read.
-    """
-
-    def write(
-        context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]
-    ) -> ir.Value:
-        data = context.make_array(signature.args[0])(context, builder, given[0]).data
-        place = builder.bitcast(builder.gep(data, [given[1]]), cgutils.voidptr_t)
-        kind = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t] + 3 * [cgutils.int32_t])
-        read = builder.module.declare_intrinsic("llvm.prefetch", [cgutils.voidptr_t], kind)
-        builder.call(read, [place] + [cgutils.int32_t(k) for k in (0, 3, 1)])
-        return context.get_dummy_value()
-
-    return types.void(array, index), write
 
 
 def _disown(
@@ -113,3 +133,38 @@ def _disown(
             item = _disown(context, builder, part, builder.extract_value(value, k))
             value = builder.insert_value(value, item, k)
     return value
+
+
+def fetch(array: NDArray[Any], index: int) -> None:
+    """Begin to read a number of a vector that will be wanted soon; nothing waits for it.
+
+    Any index will do: memory that is not there is not read.
+    """
+
+
+@overload(fetch, inline="always")
+def _compiled_fetch(array: types.Type, index: types.Type) -> Body:
+    """Return what :func:`fetch` is in compiled code."""
+    del array, index
+
+    def prefetched(array: types.Type, index: types.Type) -> None:
+        _prefetch(array, index)
+
+    return prefetched
+
+
+@intrinsic
+def _prefetch(_: Context, array: types.Array, index: types.Integer) -> Typed:
+    """Ask for the memory of a number."""
+
+    def write(
+        context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]
+    ) -> ir.Value:
+        data = context.make_array(signature.args[0])(context, builder, given[0]).data
+        place = builder.bitcast(builder.gep(data, [given[1]]), cgutils.voidptr_t)
+        kind = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t] + 3 * [cgutils.int32_t])
+        read = builder.module.declare_intrinsic("llvm.prefetch", [cgutils.voidptr_t], kind)
+        builder.call(read, [place] + [cgutils.int32_t(k) for k in (0, 3, 1)])
+        return context.get_dummy_value()
+
+    return types.void(array, index), write

@@ -84,6 +84,25 @@ def test_a_guard_that_remembers_the_room_says_what_one_does_that_measures_it(
     assert measured > 0
 
 
+@pytest.mark.parametrize("speed", [0.02, 0.05, 0.2])
+def test_a_guard_that_creeps_up_to_a_pillar_remembers_what_one_measures(
+    arm: Arm, speed: float
+) -> None:
+    """Down to the last sliver of room, where a guard that measures is stricter than the bound."""
+    guard, plain, blocked = Guard(arm, AROUND), Guard(arm, AROUND), False
+    wish = np.zeros((3, arm.n))
+    for tick in range(4000):
+        wish[0], wish[1, 0] = guard.last[0], speed if tick > 1500 else 2.0
+        wish[0, 0] += TICK * wish[1, 0]
+        mine, other = wish.copy(), wish.copy()
+        plain.known[:] = -np.inf
+        said = guard.step(mine)
+        assert said == plain.step(other)
+        assert np.array_equal(mine, other)
+        blocked |= tick > 1500 and said == BLOCKED
+    assert blocked
+
+
 def test_room_is_measured_again_only_where_the_arm_has_used_it_up(arm: Arm, guard: Guard) -> None:
     """At rest once; on a way of 0.6 rad in open space a few times, not in each tick."""
     still, measured = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)]), []

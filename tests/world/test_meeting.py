@@ -2,14 +2,18 @@
 
 import mujoco
 import numpy as np
+import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from mitt.errors import ModelError
 from mitt.robot.load import load_arm
 from mitt.signals import Array
 from mitt.world.build import build_plant, describe
-from mitt.world.meeting import meeting
+from mitt.world.meeting import meeting, name_pairs
 from mitt.world.scene import exact_scene
+from mitt.world.simulation import World
+from mitt.world.throws import Throw
 
 NAMED = build_plant(exact_scene(), load_arm("wam").model).model
 KINDS = describe(exact_scene(), load_arm("wam").model)[0].compile()
@@ -27,6 +31,22 @@ def test_the_pairs_are_those_of_the_kinds() -> None:
     """All pairs that may meet by their kinds are named, and no others."""
     named = zip(NAMED.pair_geom1, NAMED.pair_geom2, strict=True)
     assert {frozenset(map(int, pair)) for pair in named} == set(map(frozenset, meeting(KINDS)))
+
+
+def test_a_world_that_was_drawn_anew_still_meets_by_name() -> None:
+    """``mj_setConst``, by which masses are drawn, brings the kinds of the bodies back."""
+    world = World(exact_scene(), load_arm("wam").model)
+    world.reset(Throw(r=np.array([3.0, 0.0, 0.5]), dr=np.array([-5.0, 0.0, 3.0])), 1)
+    assert not world.model.body_contype.any()
+    assert not world.model.body_conaffinity.any()
+
+
+def test_settings_that_pairs_would_not_take_over_are_refused() -> None:
+    """A shape with a margin of its own."""
+    spec, _ = describe(exact_scene(), load_arm("wam").model)
+    spec.geoms[0].margin = 0.01
+    with pytest.raises(ModelError, match="margin"):
+        name_pairs(spec)
 
 
 @settings(max_examples=200, deadline=None)

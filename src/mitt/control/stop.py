@@ -89,7 +89,7 @@ def stop_of(v: float, a: float, rate: float, stop: Array) -> float:
 
 @njit(cache=True)
 def move_along(stop: Array, t: float, row: Array, k: int) -> None:
-    """Carry joint k's q and dq, in place in ``row``, (3, n), on along its stop for ``t`` [s]."""
+    """Carry joint k on along its stop for ``t`` [s], in place in ``row``, shape (3, n)."""
     q, v, a = row[0, k], row[1, k], stop[0]
     for i in range(3):
         s, j = min(t, stop[2 + i]), (1 - i) * stop[1]

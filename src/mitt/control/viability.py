@@ -71,7 +71,7 @@ def stops_clear(
             left += reach * (0.5 * speed * speed / brake - gone)
             pace += reach * max(speed - brake * t, 0.0)
             moved += reach * abs(q[k] - known[k])
-        if look == 0 and left < known[n] - moved:
+        if look == 0 and max(left, _SLIVER) < known[n] - moved:
             return True
         room = clearance(bodies, way, table, pairs, ends) - MARGIN
         if look == 0:
@@ -150,6 +150,8 @@ class Guard:
         bounds: Limits, as of :mod:`mitt.control.envelope`, shape (6, n).
         shapes: Shapes of the arm and of what stands around it.
         last: q, dq emitted in the tick before, shape (2, n).
+        known: As for :func:`stops_clear`.
+        work: Scratch.
     """
 
     def __init__(self, arm: Arm, around: Surroundings) -> None:

@@ -8,6 +8,9 @@ import numpy as np
 from numba import njit, types
 from numpy.typing import NDArray
 
+steady_ns = time.perf_counter_ns
+"""Returns the time of the machine's steady clock [ns]."""
+
 _CLOCK = time.CLOCK_MONOTONIC
 _clock_gettime = types.ExternalFunction("clock_gettime", types.intc(types.intc, types.intp))
 
@@ -39,7 +42,7 @@ class Stopwatch:
 
     def __enter__(self) -> "Stopwatch":
         """Note the time."""
-        self._start = time.perf_counter_ns()
+        self._start = steady_ns()
         return self
 
     def __exit__(
@@ -49,7 +52,7 @@ class Stopwatch:
         trace: TracebackType | None,
     ) -> None:
         """Keep the time since."""
-        self._ns.append(time.perf_counter_ns() - self._start)
+        self._ns.append(steady_ns() - self._start)
 
     def add(self, ns: NDArray[np.int64]) -> None:
         """Keep times that compiled code took [ns], shape (k,)."""

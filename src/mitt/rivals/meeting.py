@@ -252,7 +252,7 @@ def lift_ahead(
     Returns:
         What is left of the way [m].
     """
-    longer = packed.copy()
+    longer = packed.copy()  # kept by its use as an argument below: views do not keep it
     tip = unpack(longer).chain.tip
     for c in range(3):
         tip[c] += ahead[0] * hand[c]

@@ -196,7 +196,9 @@ class Eyes:
             numbers[k] = number
             plain = pixels.flags.carray and pixels.ndim == 2 and pixels.size
             images[k] = pixels if plain else _plain(pixels)
-            if frame.t != t and not abs(frame.t - t) <= self._max_skew:
+            if frame.t == t or abs(frame.t - t) <= self._max_skew:
+                apart &= ~(1 << k)
+            else:
                 apart |= 1 << k
             if heads:
                 self._angles[k] = frame.pan, frame.tilt

@@ -65,7 +65,7 @@ def _camera(optics: Array, n: int, shut: int) -> Camera:
 
 
 @njit(cache=True)
-def _foresee(
+def _read_ahead(
     camera: Camera, balls: Array, ground: Image, normal: Array, quiet: int, loud: int,
     window: Edges, width: int,
 ) -> None:  # fmt: skip
@@ -95,7 +95,7 @@ def _foresee(
 
 
 @njit(cache=True)
-def _throw(
+def _draw_balls(
     pixels: Image, begin: Camera, end: Camera, balls: Array, light: Array, normal: Array,
     start: int, window: Edges, work: Array,
 ) -> None:  # fmt: skip
@@ -146,7 +146,7 @@ def expose(
     for n in range(len(images)):
         window = windows[n, 0], windows[n, 1], windows[n, 2], windows[n, 3]
         width, quiet, loud = images[n].shape[1], starts[n, 0], starts[n, 1]
-        _foresee(_camera(optics, n, 0), balls, ground, normal, quiet, loud, window, width)
+        _read_ahead(_camera(optics, n, 0), balls, ground, normal, quiet, loud, window, width)
     for n in range(len(images)):
         pixels, begin, end = lent(images[n]), _camera(optics, n, 0), _camera(optics, n, 1)
         quiet, loud = starts[n, 0], starts[n, 1]
@@ -156,7 +156,7 @@ def expose(
         if not np.isfinite(ball[0] + ball[1] + ball[2]):
             ball = 0.0, 0.0, -np.inf
         nearer = draw_body(pixels, begin, capsules, body, ground, quiet, window, ball, False)
-        _throw(pixels, begin, end, balls, light, normal, loud, window, work)
+        _draw_balls(pixels, begin, end, balls, light, normal, loud, window, work)
         if nearer > 0:
             draw_body(pixels, begin, capsules, body, ground, quiet, window, ball, True)
 

@@ -123,7 +123,7 @@ class Imager:
             electrons=sensor.electrons,
         )
         self._whole = whole_images(self._shapes)
-        work = np.zeros(2 * max(c.width for c in rig.cameras) + 1 + SCRATCH)
+        work = np.zeros(SCRATCH + 2 * max(c.width for c in rig.cameras) + 1)
         self._rng = rng
         self._number = 0
         self._starts = self._draw_starts()

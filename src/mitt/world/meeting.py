@@ -7,6 +7,9 @@ step; with so few shapes that takes twice as long. Contacts are the same, and in
 from itertools import combinations
 
 import mujoco
+import numpy as np
+
+from mitt.errors import ModelError
 
 
 def meeting(model: mujoco.MjModel) -> list[tuple[int, int]]:
@@ -30,6 +33,7 @@ def name_pairs(spec: mujoco.MjSpec) -> mujoco.MjModel:
     times and dampings.
     """
     model = spec.compile()
+    _refuse_own_settings(model)
     named = {frozenset((pair.geomname1, pair.geomname2)) for pair in spec.pairs}
     for a, b in meeting(model):
         names = [model.geom(g).name for g in (a, b)]
@@ -45,6 +49,19 @@ def name_pairs(spec: mujoco.MjSpec) -> mujoco.MjModel:
     model = spec.compile()
     meet_by_name(model)
     return model
+
+
+def _refuse_own_settings(model: mujoco.MjModel) -> None:
+    """Refuse shapes with settings of contacts that named pairs would not take from them.
+
+    Raises:
+        ModelError: A shape has a ``solimp``, ``margin`` or ``gap`` of its own, or a ``solref`` that
+            states stiffness.
+    """
+    usual = np.all(model.geom_solimp == model.geom_solimp[0])
+    stiff = np.any(model.geom_solref[:, 0] <= 0.0)
+    if not usual or stiff or np.any(model.geom_margin) or np.any(model.geom_gap):
+        raise ModelError("scene", "shapes with the usual solimp, margin, gap and solref", "others")
 
 
 def meet_by_name(model: mujoco.MjModel) -> None:

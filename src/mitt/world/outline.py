@@ -9,10 +9,10 @@ the lines take turns at the instants of the exposure, so it costs nothing more.
 |------|------------------------------------------------------------------------|------|-------|
 | lens | f_px, cu, cv                                                           | px   | 3     |
 | ball | centre in the optical frame at begin and end of the exposure, radius   | m    | 7     |
-| work | scratch: covered share of each pixel of a row, zero at entry and exit; | 1    |       |
-|      | what begins and ends to cover whole pixels, the same; then SCRATCH     |      |       |
-|      | numbers: where lines begin and end to be covered [px], and a row an    |      |       |
-|      | instant: centre, D, A = D - x^2 and f_px / A                           |      |       |
+| work | scratch: SCRATCH numbers, where lines begin and end to be covered [px], |      |       |
+|      | and a row an instant: centre, D, A = D - x^2 and f_px / A; then the    |      |       |
+|      | covered share of each pixel of a row, zero at entry and exit, and what | 1    |       |
+|      | begins and ends to cover whole pixels, the same                        |      |       |
 
 What has a number for a shape is a tuple, which costs compiled code no count of references.
 """
@@ -44,7 +44,7 @@ _SLACK = 1e-3
 
 
 @njit(cache=True)
-def _meet(
+def _intersect(
     work: Array, at: int, lens: Point, far: float, place: Place, row: int, lines: int, k: int,
     j: int,
 ) -> None:  # fmt: skip
@@ -91,25 +91,25 @@ def _cover(work: Array, width: int, lens: Point, row: int, lines: int, k: int) -
     Returns:
         First and last column.
     """
-    full, at, per, share = width, 2 * width + 1, lines // k, 1.0 / lines
-    edge = at
+    part, full, per, share = SCRATCH, SCRATCH + width, lines // k, 1.0 / lines
+    edge = 0
     for j in range(k):
-        p = at + _PATH + 6 * j
+        p = _PATH + 6 * j
         place = work[p], work[p + 1], work[p + 2], work[p + 3], work[p + 4], work[p + 5]
-        _meet(work, at + j * per, lens, width - 0.5, place, row, lines, k, j)
+        _intersect(work, j * per, lens, width - 0.5, place, row, lines, k, j)
     first, last = width, -1
     for _ in range(lines):
         left, right = work[edge], work[edge + LINES]
         # As the lines come down the row, whose instants take turns.
-        edge = edge + per if edge + per < at + lines else edge + per - lines + 1
+        edge = edge + per if edge + per < lines else edge + per - lines + 1
         if right <= left:
             continue
         u0, u1 = int(left + 0.5), min(int(right + 0.5), width - 1)
         if u0 == u1:
-            work[u0] += share * (right - left)
+            work[part + u0] += share * (right - left)
         else:
-            work[u0] += share * (u0 + 0.5 - left)
-            work[u1] += share * (right - u1 + 0.5)
+            work[part + u0] += share * (u0 + 0.5 - left)
+            work[part + u1] += share * (right - u1 + 0.5)
             work[full + u0 + 1] += share
             work[full + u1] -= share
         first, last = min(first, u0), max(last, u1)
@@ -117,14 +117,13 @@ def _cover(work: Array, width: int, lens: Point, row: int, lines: int, k: int) -
 
 
 @njit(cache=True)
-def _lay_path(lens: Point, ball: Seen, work: Array, at: int) -> tuple[int, int, float, float]:
+def _lay_path(lens: Point, ball: Seen, work: Array) -> tuple[int, int, float, float]:
     """Write the ball's places during the exposure.
 
     Args:
         lens: As in the module's table.
         ball: As in the module's table.
         work: As in the module's table.
-        at: Where in it the path begins.
 
     Returns:
         Their number, 0 for a ball that is not in front of the camera, how many lines a row is
@@ -139,7 +138,7 @@ def _lay_path(lens: Point, ball: Seen, work: Array, at: int) -> tuple[int, int, 
     lines = (LINES if f * R / near < SMALL else LINES // 2) // k * k
     low, high = np.inf, -np.inf
     for j in range(k):
-        share, p = (j + 0.5) / k, at + 6 * j
+        share, p = (j + 0.5) / k, _PATH + 6 * j
         x, y, z = x0 + share * (x1 - x0), y0 + share * (y1 - y0), z0 + share * (z1 - z0)
         D = x * x + y * y + z * z - R * R
         work[p], work[p + 1], work[p + 2] = x, y, z
@@ -157,12 +156,13 @@ def _paint(
 ) -> None:  # fmt: skip
     """Mix a ball into pixels it covers in part or whole, with the noise of what they then hold."""
     level, read, shot = light[0], light[1] * light[1], 1.0 / light[2]
-    line, full = np.uint64(row), np.uint64(pixels.shape[1])  # unsigned: none counts backwards
+    line, part = np.uint64(row), np.uint64(SCRATCH)  # unsigned: none counts backwards
+    full = np.uint64(SCRATCH + pixels.shape[1])
     at, inside = np.uint64(start + row * pixels.shape[1]), 0.0
     for u in range(np.uint64(columns[0]), np.uint64(columns[1] + 1)):
         inside += work[full + u]
-        c = work[u] + inside
-        work[u], work[full + u] = 0.0, 0.0
+        c = work[part + u] + inside
+        work[part + u], work[full + u] = 0.0, 0.0
         ground = float(pixels[line, u])
         rest = (1.0 - c) * (1.0 - c)
         mean = (1.0 - c) * ground + c * level
@@ -186,10 +186,10 @@ def draw_ball(
         noise: Standard normal numbers, shape (n,).
         start: Where in it the image begins, which takes one number a pixel.
         window: First and last row that are drawn, and two more numbers [px].
-        work: As in the module's table, shape (2 width + 1 + SCRATCH,).
+        work: As in the module's table, shape (SCRATCH + 2 width + 1,).
     """
     pixels, noise, work, width = lent(pixels), lent(noise), lent(work), pixels.shape[1]
-    k, lines, low, high = _lay_path(lens, ball, work, 2 * width + 1 + _PATH)
+    k, lines, low, high = _lay_path(lens, ball, work)
     if k == 0:
         return
     low, high = floor(low + 0.5 - _SLACK), ceil(high - 0.5 + _SLACK)
