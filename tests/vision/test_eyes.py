@@ -120,5 +120,7 @@ def test_images_may_be_windows_or_write_protected_and_times_must_agree() -> None
     other = replace(frames[0], pixels=wide[:, 100:228]), replace(frames[1], pixels=locked)
     assert np.array_equal(Eyes(rig).step(other).r_o, Eyes(rig).step(frames).r_o)
     assert not Eyes(rig).step((frames[0], replace(frames[1], t=0.001))).found
+    late = replace(frames[0], t=-0.01, number=frames[0].number - 1)
+    assert Eyes(rig).step((late, *frames)).found  # the newer frame of a camera counts
     with pytest.raises(ShapeError):
         Eyes(rig).step((replace(frames[0], pixels=np.zeros(9, dtype=np.uint8)),))
