@@ -11,12 +11,13 @@ Python elsewhere, where views do keep alive what they show.
 
 from collections.abc import Callable, Sequence
 from math import prod
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias
 
 from llvmlite import ir
 from numba import carray, types
 from numba.core import cgutils, config
 from numba.core.base import BaseContext
+from numba.core.errors import TypingError
 from numba.core.typing import Context, Signature
 from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
@@ -27,7 +28,6 @@ Typed: TypeAlias = tuple[
 """What numba wants of an intrinsic: its types, and what writes its code."""
 Body: TypeAlias = Callable[..., Any]
 """What numba is to compile in the place of a function."""
-T = TypeVar("T")
 
 
 def view(v: NDArray[Any], start: int, shape: tuple[int, ...]) -> NDArray[Any]:
@@ -83,33 +83,11 @@ def _checked_view(v: types.Type, start: types.Type, shape: types.Type) -> NDArra
     return shown
 
 
-def lent(value: T) -> T:
-    """Return an array, or a tuple of arrays and numbers, in which no array has an owner."""
-    return value
-
-
-@overload(lent, inline="always")
-def _compiled_lent(value: types.Type) -> Body | None:
-    """Return what :func:`lent` is in compiled code, where there is anything to lend."""
-    if not _can_be_lent(value):
-        return None
-
-    def disowned(value: types.Type) -> types.Type:
-        return _disowned(value)
-
-    return disowned
-
-
-def _can_be_lent(kind: types.Type) -> bool:
-    """Say whether a value has no owners but those of arrays: others would be freed too early."""
-    if isinstance(kind, types.BaseTuple):
-        return all(_can_be_lent(part) for part in kind)
-    return isinstance(kind, types.Array | types.Number | types.Boolean | types.NoneType)
-
-
 @intrinsic
-def _disowned(_: Context, value: types.Type) -> Typed:
-    """Take the owners from the arrays of a value."""
+def lent(_: Context, value: types.Type) -> Typed:
+    """Return an array, or a tuple of arrays and numbers, in which no array has an owner."""
+    if not _can_be_lent(value):
+        raise TypingError(f"only arrays, numbers and tuples of them can be lent, not {value}")
 
     def write(
         context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]
@@ -117,6 +95,13 @@ def _disowned(_: Context, value: types.Type) -> Typed:
         return _disown(context, builder, signature.return_type, given[0])
 
     return value(value), write
+
+
+def _can_be_lent(kind: types.Type) -> bool:
+    """Say whether a value has no owners but those of arrays: others would be freed too early."""
+    if isinstance(kind, types.BaseTuple):
+        return all(_can_be_lent(part) for part in kind)
+    return isinstance(kind, types.Array | types.Number | types.Boolean | types.NoneType)
 
 
 def _disown(
@@ -135,27 +120,12 @@ def _disown(
     return value
 
 
-def fetch(array: NDArray[Any], index: int) -> None:
+@intrinsic
+def fetch(_: Context, array: types.Array, index: types.Integer) -> Typed:
     """Begin to read a number of a vector that will be wanted soon; nothing waits for it.
 
     Any index will do: memory that is not there is not read.
     """
-
-
-@overload(fetch, inline="always")
-def _compiled_fetch(array: types.Type, index: types.Type) -> Body:
-    """Return what :func:`fetch` is in compiled code."""
-    del array, index
-
-    def prefetched(array: types.Type, index: types.Type) -> None:
-        _prefetch(array, index)
-
-    return prefetched
-
-
-@intrinsic
-def _prefetch(_: Context, array: types.Array, index: types.Integer) -> Typed:
-    """Ask for the memory of a number."""
 
     def write(
         context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]
