@@ -7,11 +7,6 @@
 PYTHON ?= python3
 BIN := .venv/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
-# Compiled kernels are kept apart by the state of the source: Numba does not notice that a kernel
-# that another one calls has changed.
-SOURCE := $(shell grep -rl numba src --include '*.py' | LC_ALL=C sort | xargs cat | cksum | cut -d ' ' -f 1)
-export NUMBA_CACHE_DIR := $(CURDIR)/.venv/kernels/$(SOURCE)
-
 COMMANDS ?= 20000000
 TICKS ?= 5000
 FILES ?= 300

@@ -11,9 +11,9 @@ from dataclasses import replace
 from math import ceil, exp, sqrt
 
 import numpy as np
-from numba import njit
 
 from mitt.errors import InputError
+from mitt.jit import kernel
 from mitt.signals import Array, BallState
 from mitt.views import lent, view
 
@@ -33,7 +33,7 @@ MAX_FORECAST = 10.0
 """Farthest instant that ``forecast`` speaks of [s]; a bound on its work."""
 
 
-@njit(cache=True)
+@kernel
 def acceleration(dr: Array, k: float, ddr: Array) -> None:
     """Write the acceleration of a ball that flies at ``dr``.
 
@@ -48,7 +48,7 @@ def acceleration(dr: Array, k: float, ddr: Array) -> None:
     ddr[2] = -drag * dr[2] - GRAVITY
 
 
-@njit(cache=True)
+@kernel
 def _step(
     v: tuple[float, float, float], k: float, push: tuple[float, float, float], h: float
 ) -> tuple[float, float, float, float, float, float]:
@@ -83,7 +83,7 @@ def _step(
     )
 
 
-@njit(cache=True)
+@kernel
 def advance(r: Array, dr: Array, k: float, dt: float) -> None:
     """Carry position and velocity on by ``dt``, in place, in steps of at most ``MAX_STEP``.
 
@@ -101,7 +101,7 @@ def advance(r: Array, dr: Array, k: float, dt: float) -> None:
             dr[i] += way[3 + i]
 
 
-@njit(cache=True)
+@kernel
 def _slopes(m: Array, at: int, law: Array, row: int, h: float, work: Array) -> None:
     """Write d(position, velocity after h) / d(velocity, drag, push), with the step's middle.
 
@@ -128,7 +128,7 @@ def _slopes(m: Array, at: int, law: Array, row: int, h: float, work: Array) -> N
         work[0, 3 + i, i] += 1.0
 
 
-@njit(cache=True)
+@kernel
 def _spread(m: Array, at: int, h: float, mean: float, left: float, work: Array) -> None:
     """Replace P by F P F', F = d(state after h) / d(state) made of :func:`_slopes`.
 
@@ -170,7 +170,7 @@ def _spread(m: Array, at: int, h: float, mean: float, left: float, work: Array) 
         P[i, 6] = k
 
 
-@njit(cache=True)
+@kernel
 def _stir(m: Array, at: int, law: Array, row: int, h: float, left: float) -> None:
     """Add what the unmodelled acceleration and the drift of drag and push do in ``abs(h)``."""
     P, a, sign = at + STATES, abs(h), 1.0 if h > 0.0 else -1.0
@@ -193,7 +193,7 @@ def _stir(m: Array, at: int, law: Array, row: int, h: float, left: float) -> Non
     m[P + 66] += law[row, 2] * a
 
 
-@njit(cache=True)
+@kernel
 def advance_uncertain(m: Array, at: int, dt: float, law: Array, row: int, work: Array) -> None:
     """Carry an estimate and its covariance by ``dt``, in place; uncertainty grows either way.
 

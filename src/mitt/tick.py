@@ -11,7 +11,6 @@ its own ``reference`` between them.
 """
 
 import numpy as np
-from numba import njit
 
 from mitt.control.condition import ABORT, ASKED, assess, pass_time
 from mitt.control.envelope import TICK, slow_down
@@ -23,6 +22,7 @@ from mitt.control.viability import BLOCKED, guard
 from mitt.generator.certificate import level
 from mitt.generator.evaluation import reference, time_to_catch
 from mitt.generator.foresight import lay_state, sigma_at_catch
+from mitt.jit import kernel
 from mitt.records import BRAKE, FOLLOW, STOPPED, WATCH, Record
 from mitt.signals import Array, Image
 from mitt.views import lent
@@ -47,7 +47,7 @@ SOON = 0.1
 BESIDE, TOUCHED = 0.08, 0.002
 
 
-@njit(cache=True)
+@kernel
 def tick(
     images: tuple[Image, ...],
     apart: int,
@@ -81,7 +81,7 @@ def tick(
     return int(act(brake, state, result))
 
 
-@njit(cache=True)
+@kernel
 def perceive(
     images: tuple[Image, ...],
     apart: int,
@@ -143,7 +143,7 @@ def perceive(
         _turn_heads(images, t_exposed, state, result)
 
 
-@njit(cache=True)
+@kernel
 def _turn_heads(images: tuple[Image, ...], t_exposed: float, state: Record, result: Record) -> None:
     """Let the heads look where the ball will be when the command acts; see :func:`tick`."""
     s, out = state[0], result[0]
@@ -167,7 +167,7 @@ def _turn_heads(images: tuple[Image, ...], t_exposed: float, state: Record, resu
     )
 
 
-@njit(cache=True)
+@kernel
 def refer(state: Record, result: Record) -> None:
     """Ask the map for the desired motion; while the verdict is open, for the ball's stand-in."""
     s, out = lent(state)[0], lent(result)[0]
@@ -183,7 +183,7 @@ def refer(state: Record, result: Record) -> None:
         out["time_to_catch"] = time_to_catch(s["packed"], rows)
 
 
-@njit(cache=True)
+@kernel
 def act(brake: Array, state: Record, result: Record) -> int:
     """Close the hand and track what was asked, or what braking takes; see :func:`tick`."""
     s, out, brake = lent(state)[0], lent(result)[0], lent(brake)
@@ -228,7 +228,7 @@ def act(brake: Array, state: Record, result: Record) -> int:
     return _afterwards(state, result) if phase == FOLLOW else 0
 
 
-@njit(cache=True)
+@kernel
 def _report(blocked: bool, state: Record, result: Record) -> None:
     """Write state, reason, age and sigma; from an abort on the arm stops and stays."""
     s, out = lent(state)[0], lent(result)[0]
@@ -258,7 +258,7 @@ def _report(blocked: bool, state: Record, result: Record) -> None:
         s["phase"] = STOPPED
 
 
-@njit(cache=True)
+@kernel
 def _afterwards(state: Record, result: Record) -> int:
     """Return what is to be thought about while a ball is followed."""
     s, out = lent(state)[0], lent(result)[0]
@@ -284,7 +284,7 @@ def _afterwards(state: Record, result: Record) -> int:
     return todo
 
 
-@njit(cache=True)
+@kernel
 def undecided(todo: int, state: Record, result: Record) -> bool:
     """Say that all there is to be thought about is a verdict that cannot be given yet.
 

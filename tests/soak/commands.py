@@ -7,9 +7,9 @@ emitted, the way to standstill, and equality where nothing had to change.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from mitt.control.envelope import TICK, keep_joint
+from mitt.jit import kernel
 from mitt.signals import Array
 
 #: Excess beyond a limit that is rounding, and how far inside a wish must be to pass untouched.
@@ -48,7 +48,7 @@ def soak(commands: int, *, seed: int) -> Count:
     return Count(commands, *(int(x) for x in counts))
 
 
-@njit(cache=True)
+@kernel
 def inside(b: Array, q: float, dq: float, slack: float) -> bool:
     """Say whether a joint is in its range, below its speed and able to stop in its range."""
     if not (b[0] - slack <= q <= b[1] + slack and abs(dq) <= b[2] + slack):
@@ -57,7 +57,7 @@ def inside(b: Array, q: float, dq: float, slack: float) -> bool:
     return bool(b[0] - slack <= end <= b[1] + slack)
 
 
-@njit(cache=True)
+@kernel
 def obeys(b: Array, q0: float, dq0: float, q: float, dq: float, ddq: float) -> bool:
     """Say whether a motion may follow another one."""
     e = ROUNDING
@@ -71,7 +71,7 @@ def obeys(b: Array, q0: float, dq0: float, q: float, dq: float, ddq: float) -> b
     return bool(back and fast <= max(fast0 - b[4] * TICK, 0.0) + e)
 
 
-@njit(cache=True)
+@kernel
 def _may_pass(b: Array, q0: float, dq0: float, q: float, dq: float, ddq: float) -> bool:
     """Say whether a wish is within every limit by a hair, so that it must pass untouched."""
     e = INSIDE
@@ -83,7 +83,7 @@ def _may_pass(b: Array, q0: float, dq0: float, q: float, dq: float, ddq: float) 
     )
 
 
-@njit(cache=True)
+@kernel
 def _wish(
     mode: int, b: Array, q0: float, dq0: float, tick: int, goal: float
 ) -> tuple[float, float, float]:
@@ -109,7 +109,7 @@ def _wish(
     return q0 + 1e-300 * x, 5e-324 * tick, -1e-310
 
 
-@njit(cache=True)
+@kernel
 def _limits(b: Array) -> None:
     """Draw the limits of a joint."""
     u = np.random.random(5)  # noqa: NPY002 (compiled)
@@ -120,7 +120,7 @@ def _limits(b: Array) -> None:
     b[4] = b[3] * (1.0 + 5.0 * u[4] * u[4])
 
 
-@njit(cache=True)
+@kernel
 def _start(b: Array) -> tuple[float, float]:
     """Draw a state, in one of three cases outside the limits."""
     x, y, z = np.random.random(), np.random.random(), np.random.random()  # noqa: NPY002 (compiled)
@@ -131,7 +131,7 @@ def _start(b: Array) -> tuple[float, float]:
     return q, (2.0 * y - 1.0) * min(b[2], np.sqrt(2.0 * b[3] * room))
 
 
-@njit(cache=True)
+@kernel
 def _drive(commands: int, seed: int, counts: Array) -> None:
     """Count violations, non-finite and changed commands, and starts from outside."""
     np.random.seed(seed)  # noqa: NPY002 (compiled: the thread's own generator)

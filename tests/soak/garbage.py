@@ -9,8 +9,8 @@ from dataclasses import replace
 from typing import Any, final
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.signals import ArmState, Array, Frame, Image, Sighting
 from mitt.vision.camera import Rig
 
@@ -118,7 +118,7 @@ def points(fault: str, t: float, r_o: Array, rng: np.random.Generator) -> tuple[
     return (replace(good, r_o=place, covariance=P),)
 
 
-@njit(cache=True)
+@kernel
 def draw(image: Image, u: float, v: float, radius: float, level: int) -> None:
     """Draw a disc into an image, as much of it as lies inside."""
     height, width = image.shape

@@ -12,12 +12,12 @@
 from typing import final
 
 import numpy as np
-from numba import njit
 
 from mitt.catcher import Catcher, CatcherSettings, Phase
 from mitt.control.condition import ABORT, Reason
 from mitt.control.envelope import TICK, bounds_of
 from mitt.control.viability import MARGIN
+from mitt.jit import kernel
 from mitt.records import REASONS
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import clearance, shapes_of
@@ -28,7 +28,7 @@ from soak.commands import ROUNDING, inside, obeys
 _LOOKS = 60
 
 
-@njit(cache=True)
+@kernel
 def brakes(b: Array, q0: float, dq0: float, q: float, dq: float, ddq: float) -> bool:
     """Say whether a joint brakes at its trusted deceleration."""
     e, onward = ROUNDING, 1.0 if dq0 >= 0.0 else -1.0
@@ -41,7 +41,7 @@ def brakes(b: Array, q0: float, dq0: float, q: float, dq: float, ddq: float) -> 
     )
 
 
-@njit(cache=True)
+@kernel
 def breaks(b: Array, last: Array, told: Array, blocked: bool) -> int:
     """Return the first joint that breaks the rule of motion; -1 if none.
 

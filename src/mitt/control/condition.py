@@ -15,10 +15,10 @@ ticks in a row far from the told motion, late ticks so far.
 from enum import Enum
 
 import numpy as np
-from numba import njit
 
 from mitt.control.envelope import TICK
 from mitt.control.monitor import BRIDGED, FINE
+from mitt.jit import kernel
 from mitt.signals import Array
 
 NOMINAL, PREDICT, DEGRADED, ABORT, INVALID = range(5)
@@ -75,7 +75,7 @@ def memory() -> Array:
     return np.array([np.nan, 0.0, 0.0, 0.0])
 
 
-@njit(cache=True)
+@kernel
 def pass_time(m: Array, t: float) -> tuple[float, int]:
     """Take the time of a tick in.
 
@@ -102,7 +102,7 @@ def pass_time(m: Array, t: float) -> tuple[float, int]:
     return t, OVERRUN if t - before > BRIDGED_TIME else _LATE
 
 
-@njit(cache=True)
+@kernel
 def assess(
     m: Array,
     clock: int,

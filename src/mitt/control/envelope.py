@@ -21,8 +21,8 @@ cut in :mod:`mitt.control.tracking`, all joints together.
 """
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 
@@ -63,7 +63,7 @@ def _largest_acceleration(arm: Arm) -> Array:
     return out
 
 
-@njit(cache=True)
+@kernel
 def keep_joint(
     low: float,
     high: float,
@@ -115,7 +115,7 @@ def keep_joint(
     return place, speed, min(max(ddq, -ddq_max), ddq_max)
 
 
-@njit(cache=True)
+@kernel
 def keep(b: Array, last: Array, wanted: Array) -> bool:
     """Replace a wanted motion by what is emitted, joint by joint; say whether anything changed."""
     changed = False
@@ -129,7 +129,7 @@ def keep(b: Array, last: Array, wanted: Array) -> bool:
     return changed
 
 
-@njit(cache=True)
+@kernel
 def brake_joint(brake: float, last_q: float, last_dq: float) -> tuple[float, float, float]:
     """Return the next motion of a joint that brakes at its trusted deceleration."""
     speed = abs(last_dq)
@@ -139,7 +139,7 @@ def brake_joint(brake: float, last_q: float, last_dq: float) -> tuple[float, flo
     return last_q + TICK * (last_dq + 0.5 * TICK * slower), last_dq + TICK * slower, slower
 
 
-@njit(cache=True)
+@kernel
 def slow_down(b: Array, last: Array, wanted: Array) -> None:
     """Want of every joint to brake; q, dq, ddq for the next tick, shape (3, n)."""
     for k in range(wanted.shape[1]):
@@ -147,7 +147,7 @@ def slow_down(b: Array, last: Array, wanted: Array) -> None:
         wanted[0, k], wanted[1, k], wanted[2, k] = q, dq, ddq
 
 
-@njit(cache=True)
+@kernel
 def bound_acceleration(b: Array, q: Array, dq: Array, ddq: Array) -> None:
     """Bound accelerations in place by the speed limits and by the way left to the stops."""
     for k in range(len(q)):

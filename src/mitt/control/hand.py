@@ -16,8 +16,8 @@ from math import inf
 from typing import final
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.robot.hands import HandModel, closing_angle
 from mitt.signals import Array
 
@@ -42,7 +42,7 @@ def pack_grip(hand: HandModel | None, ball_radius: float) -> Array:
     return np.array([c.lead, touch, c.acceleration, c.touch_speed, c.margin, closed, *times])
 
 
-@njit(cache=True)
+@kernel
 def close(memory: Array, grip: Array, t: float, time_to_catch: float) -> float:
     """Return the closing angle to command at ``t`` [rad].
 
@@ -60,7 +60,7 @@ def close(memory: Array, grip: Array, t: float, time_to_catch: float) -> float:
     return float(closing_angle(elapsed, grip[1], grip[2], grip[3], grip[4], grip[5]))
 
 
-@njit(cache=True)
+@kernel
 def has_closed(memory: Array, grip: Array, t: float, hurry: bool) -> bool:
     """Say whether the fingers have had the time to close around the ball.
 

@@ -27,9 +27,9 @@ one way.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from mitt.control.envelope import TICK
+from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.views import view
 
@@ -76,7 +76,7 @@ def memory_of(n: int) -> Array:
     return memory
 
 
-@njit(cache=True)
+@kernel
 def believe(
     memory: Array,
     b: Array,
@@ -120,13 +120,13 @@ def believe(
     return worst
 
 
-@njit(cache=True)
+@kernel
 def _may_begin(b: Array, k: int, q: float, dq: float) -> bool:
     """Say whether a reading by itself can be one of this joint; one that is no number cannot."""
     return bool(b[0, k] - _BEYOND <= q <= b[1, k] + _BEYOND and abs(dq) <= _EXCESS * b[2, k])
 
 
-@njit(cache=True)
+@kernel
 def _moves_on(m: Array, b: Array, k: int, count: float, q: float, dq: float) -> bool:
     """Say whether a stuck encoder has moved one way for some ticks, by a count or more in each."""
     moved = q - m[_HELD]
@@ -139,7 +139,7 @@ def _moves_on(m: Array, b: Array, k: int, count: float, q: float, dq: float) -> 
     return bool(abs(m[_BACK]) >= _IN_A_ROW)
 
 
-@njit(cache=True)
+@kernel
 def _judge(
     m: Array,
     dq_max: float,

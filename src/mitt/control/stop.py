@@ -14,9 +14,9 @@ Ruckig makes the brake that is driven, these kernels look for it.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from mitt.jit import kernel
 from mitt.robot.arm import Arm, Tables
 from mitt.robot.dynamics import inverse_dynamics, notes_of
 from mitt.robot.limits import largest_share
@@ -59,13 +59,13 @@ def scratch_of(arm: Arm) -> Scratch:
     )
 
 
-@njit(cache=True)
+@kernel
 def braking(v: float, a: float, rate: float) -> float:
     """Return the acceleration from which a stop goes on: what brakes already, up to its rate."""
     return min(max(a, -rate), rate) if v * a < 0.0 else 0.0
 
 
-@njit(cache=True)
+@kernel
 def stop_of(v: float, a: float, rate: float, stop: Array) -> float:
     """Write the fastest stop of one joint and return its time [s].
 
@@ -87,7 +87,7 @@ def stop_of(v: float, a: float, rate: float, stop: Array) -> float:
     return float(rise + hold + fall)
 
 
-@njit(cache=True)
+@kernel
 def move_along(stop: Array, t: float, row: Array, k: int) -> None:
     """Carry joint k on along its stop for ``t`` [s], in place in ``row``, shape (3, n)."""
     q, v, a = row[0, k], row[1, k], stop[0]
@@ -100,7 +100,7 @@ def move_along(stop: Array, t: float, row: Array, k: int) -> None:
     row[0, k], row[1, k], row[2, k] = q, v, a
 
 
-@njit(cache=True)
+@kernel
 def lay(motion: Array, w: Scratch) -> None:
     """Write the stop at the decelerations ``w.rate``: ``w.rows`` and ``w.last``.
 
@@ -120,13 +120,13 @@ def lay(motion: Array, w: Scratch) -> None:
             move_along(w.stops[k], t, row, k)
 
 
-@njit(cache=True)
+@kernel
 def instant(i: int, duration: float) -> float:
     """Return when the torque of a stop is looked at for the i-th time [s]."""
     return float(min(i * (duration / INSTANTS) + ONSET, duration))
 
 
-@njit(cache=True)
+@kernel
 def torque_share(arm: Tables, rows: Array, tau: Array, notes: Array) -> float:
     """Return the largest share of a drive's torque that a motion asks for.
 
@@ -146,7 +146,7 @@ def torque_share(arm: Tables, rows: Array, tau: Array, notes: Array) -> float:
     return largest
 
 
-@njit(cache=True)
+@kernel
 def hardest(
     arm: Tables, motion: Array, rate: Array, urgent: int, others: float, w: Scratch
 ) -> float:
@@ -179,7 +179,7 @@ def hardest(
     return float(torque_share(arm, w.rows, w.tau, w.notes))
 
 
-@njit(cache=True)
+@kernel
 def room(ends: Array, q: Array) -> float:
     """Return the smallest gap to the end of a joint's range [rad]; ``ends`` as in the table."""
     least = np.inf
@@ -188,7 +188,7 @@ def room(ends: Array, q: Array) -> float:
     return float(least)
 
 
-@njit(cache=True)
+@kernel
 def short_of_room(
     bodies: Array, index: NDArray[np.int64], most: Array, motion: Array,
     tau: Array, mass: Array, work: Array,
@@ -213,7 +213,7 @@ def short_of_room(
     return False
 
 
-@njit(cache=True)
+@kernel
 def sample(pieces: Array, after: Array, out: Array) -> None:
     """Write q, dq, ddq, (K, 3, n), some times after the start [s], (K,); see the module's table."""
     for i in range(len(after)):

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mitt.control.envelope import bound_acceleration
 from mitt.control.viability import Guard
+from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.dynamics import inverse_dynamics
 from mitt.robot.limits import bound_of, drive_asked, saturate
@@ -85,7 +85,7 @@ class Tracker:
         return Tracked(command=command, saturated=saturated)
 
 
-@njit(cache=True)
+@kernel
 def track(
     bounds: Array,
     bandwidth: float,
@@ -143,7 +143,7 @@ def track(
     return met
 
 
-@njit(cache=True)
+@kernel
 def _cut(drives: Array, rest: Array, asked: Array, speed: Array, kept: Array) -> float:
     """Write torques within every limit that lead as far towards the wish as they can.
 
@@ -167,7 +167,7 @@ def all_finite(x: Array) -> bool:
     return True
 
 
-@njit(cache=True)
+@kernel
 def largest_gap(a: Array, b: Array) -> float:
     """Return the largest difference of two vectors' entries."""
     gap = 0.0
@@ -176,7 +176,7 @@ def largest_gap(a: Array, b: Array) -> float:
     return gap
 
 
-@njit(cache=True)
+@kernel
 def _share(packed: Array, rest: Array, asked: Array, speed: Array) -> float:
     """Return the largest share of the way from ``rest`` to ``asked`` within every drive's peak."""
     n, share = len(rest), 1.0

@@ -10,10 +10,10 @@ from functools import lru_cache
 from typing import final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mitt.control.envelope import bounds_of, keep, slow_down
+from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Shapes, Surroundings, clearance, shapes_of
 from mitt.signals import Array
@@ -31,7 +31,7 @@ _TRIFLE = 1e-9
 PASSED, KEPT, BLOCKED = 0, 1, 2
 
 
-@njit(cache=True)
+@kernel
 def stops_clear(
     bodies: Array,
     table: Array,
@@ -84,7 +84,7 @@ def stops_clear(
     return False
 
 
-@njit(cache=True)
+@kernel
 def guard(
     bodies: Array,
     table: Array,
@@ -125,7 +125,7 @@ def guard(
     return result
 
 
-@njit(cache=True)
+@kernel
 def _leads_out(
     bodies: Array,
     table: Array,

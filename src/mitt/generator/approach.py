@@ -13,13 +13,13 @@ palm's normal and that direction.
 """
 
 import numpy as np
-from numba import njit
 
 from mitt.generator.course import LATE, Course
 from mitt.generator.linear import Programme, spread
 from mitt.generator.mapping import DirectMap
 from mitt.generator.strain import Work, motion_at
 from mitt.generator.tangent import Scratch, Tangent
+from mitt.jit import kernel
 from mitt.robot.chain import Chain, place
 from mitt.robot.vectors import (
     IDENTITY,
@@ -68,7 +68,7 @@ def _free_width(f: DirectMap, side: Array, ball_radius: float) -> float:
     return max(gap - hand.finger.thickness - ball_radius, 0.0)
 
 
-@njit(cache=True)
+@kernel
 def approach(
     g: Tangent, c: Course, alpha: Array, palm: Array, out: Programme, w: Work, s: Scratch, at: int
 ) -> tuple[int, float]:
@@ -94,7 +94,7 @@ def approach(
     return at, total
 
 
-@njit(cache=True)
+@kernel
 def _excess(chain: Chain, r_o: Vec, palm: Array, w: Work, s: Scratch) -> float:
     """Return how far the ball is outside cone or corridor; write its slope in q to ``w.drive``."""
     frame = last_frame(chain, s.q)
@@ -121,7 +121,7 @@ def _excess(chain: Chain, r_o: Vec, palm: Array, w: Work, s: Scratch) -> float:
     return float((off - _TANGENT * height - _APEX) / _SCALE)
 
 
-@njit(cache=True)
+@kernel
 def last_frame(chain: Chain, q: Array) -> tuple[
     float, float, float, float, float, float, float, float, float
 ]:  # fmt: skip

@@ -12,7 +12,6 @@ The three events are taken as independent, the ball's error as Gaussian, carried
 from math import erf, sqrt
 
 import numpy as np
-from numba import njit
 
 from mitt.generator.course import LATE, Course
 from mitt.generator.packing import unfold, unpack
@@ -21,6 +20,7 @@ from mitt.generator.step import Buffers, Map
 from mitt.generator.stopping import spare
 from mitt.generator.strain import LEAST, Plant, asked_of
 from mitt.generator.tangent import expand, lift, solve3
+from mitt.jit import kernel
 from mitt.robot.dynamics import inverse_dynamics
 from mitt.robot.limits import bound_of
 from mitt.signals import Array
@@ -35,7 +35,7 @@ KINDS = ("torque", "speed", "range", "region", "brake")
 _REGION, _BRAKE = 3, 4
 
 
-@njit(cache=True)
+@kernel
 def assure(
     f: Map, p: Plant, alpha: Array, b: Buffers, P: Array, region: Array, tolerance: Array,
     place_: Array,
@@ -73,7 +73,7 @@ def assure(
     return limit, float(odds), float(share)
 
 
-@njit(cache=True)
+@kernel
 def spread_ahead(P: Array, t: float) -> float:
     """Return the 1-sigma of the ball's position a time ahead, along its worst axis or less [m]."""
     trace = 0.0
@@ -82,7 +82,7 @@ def spread_ahead(P: Array, t: float) -> float:
     return sqrt(trace)
 
 
-@njit(cache=True)
+@kernel
 def place(f: Map, c: Course, P: Array, region: Array, out: Array) -> float:
     """Write the catch's virtual joints and their 1-sigma, shape (2, n); return the odds.
 
@@ -114,20 +114,20 @@ def place(f: Map, c: Course, P: Array, region: Array, out: Array) -> float:
     return odds
 
 
-@njit(cache=True)
+@kernel
 def ahead_of(P: Array, t: float, x: int, y: int) -> float:
     """Return an entry of the position's covariance a time ahead [m^2]."""
     return float(P[x, y] + t * (P[x, 3 + y] + P[3 + x, y]) + t * t * P[3 + x, 3 + y])
 
 
-@njit(cache=True)
+@kernel
 def _between(x: float, sigma: float, low: float, high: float) -> float:
     """Return the probability that a Gaussian lies between two numbers."""
     scale = 1.0 / (sqrt(2.0) * max(sigma, 1e-12))
     return 0.5 * (erf((high - x) * scale) - erf((low - x) * scale))
 
 
-@njit(cache=True)
+@kernel
 def in_hand(P: Array) -> float:
     """Return the probability that what cannot be corrected any more stays within the grasp."""
     trace = 0.0
@@ -136,7 +136,7 @@ def in_hand(P: Array) -> float:
     return float(1.0 - np.exp(-0.5 * _GRASP * _GRASP / max(trace / 3.0, 1e-18)))
 
 
-@njit(cache=True)
+@kernel
 def within(
     f: Map, p: Plant, alpha: Array, b: Buffers, limit: tuple[int, int, int], P: Array, room: float
 ) -> float:
@@ -171,7 +171,7 @@ def within(
     return 0.5 * (1.0 + erf(room / (sqrt(2.0) * max(sqrt(max(variance, 0.0)), 1e-12))))
 
 
-@njit(cache=True)
+@kernel
 def _share(
     f: Map, p: Plant, alpha: Array, b: Buffers, at: tuple[Array, Array, Array],
     limit: tuple[int, int, int],

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
-from numba import njit
 
 from mitt.generator import foresight
 from mitt.generator.demand import Tolerance, shares_of
 from mitt.generator.foresight import Foresight, flown, foresee, spread
 from mitt.generator.mapping import DirectMap
+from mitt.jit import kernel
 from mitt.signals import Array, BallState
 
 #: Instants at which the demand is reckoned.
@@ -164,7 +164,7 @@ def waiting_height(f: DirectMap) -> float:
     return float(f.arm.position(f.start)[2])
 
 
-@njit(cache=True)
+@kernel
 def level(motion: Array, height: float) -> None:
     """Let a motion r_o, dr_o, ddr_o, shape (3, 3), go level at a height [m], in place."""
     motion[0, 2], motion[1, 2], motion[2, 2] = height, 0.0, 0.0

@@ -17,13 +17,13 @@ then: as long as that is enough it is not looked again, and the answer is the sa
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mitt.generator.course import INSTANTS, Course
 from mitt.generator.linear import Programme, spread
 from mitt.generator.strain import Plant, Work, positions_at
 from mitt.generator.tangent import Scratch, Tangent
+from mitt.jit import kernel
 from mitt.robot import chain
 from mitt.robot.arm import Arm
 from mitt.robot.segments import nearest_shares
@@ -52,7 +52,7 @@ def space_of(arm: Arm, around: Surroundings) -> Space:
     return Space(shapes.table, shapes.ends, shapes.reach, seen, shapes.pairs)
 
 
-@njit(cache=True)
+@kernel
 def keep_clear(
     p: Plant, g: Tangent, space: Space, least: float, c: Course, alpha: Array, out: Programme,
     w: Work, s: Scratch, at: int,
@@ -95,7 +95,7 @@ def keep_clear(
     return at, total
 
 
-@njit(cache=True)
+@kernel
 def _far(space: Space, k: int, q: Array, enough: float) -> bool:
     """Say whether a gap must be larger than enough [m], by what was seen at instant k."""
     room = space.seen[k, -1]
@@ -104,7 +104,7 @@ def _far(space: Space, k: int, q: Array, enough: float) -> bool:
     return bool(room > enough)
 
 
-@njit(cache=True)
+@kernel
 def _look(p: Plant, space: Space, k: int, q: Array) -> None:
     """Place the shapes, and note pose and smallest gap as what was seen at instant k."""
     space.seen[k, -1] = clearance(p.bodies, q, space.table, space.pairs, space.ends)
@@ -112,7 +112,7 @@ def _look(p: Plant, space: Space, k: int, q: Array) -> None:
         space.seen[k, j] = q[j]
 
 
-@njit(cache=True)
+@kernel
 def gap_slope(p: Plant, g: Tangent, space: Space, a: int, b: int, s: Scratch, out: Array) -> None:
     """Write how fast the gap of two placed shapes shrinks with q, over ``_SCALE``, shape (3, n).
 
@@ -132,7 +132,7 @@ def gap_slope(p: Plant, g: Tangent, space: Space, a: int, b: int, s: Scratch, ou
                 out[0, j] += sign * dot(toward, moved)
 
 
-@njit(cache=True)
+@kernel
 def _nearest(space: Space, a: int, b: int) -> tuple[Vec, Vec]:
     """Return the nearest points of two shapes' axes [m]; of the floor, the one below."""
     c, d = row(space.ends, 2 * b), row(space.ends, 2 * b + 1)

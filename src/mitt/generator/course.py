@@ -14,13 +14,13 @@ The last two instants lie after the catch, where the map is still followed while
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mitt.flight import acceleration, advance
 from mitt.generator.packing import unfold, unpack
 from mitt.generator.polynomial import jets
 from mitt.generator.tangent import lift
+from mitt.jit import kernel
 from mitt.signals import Array
 
 #: Instants, those of them after the catch, and how long after it the map is followed [s].
@@ -53,7 +53,7 @@ def course_of(n: int, m: int) -> Course:
     )
 
 
-@njit(cache=True)
+@kernel
 def lay(
     packed: Array,
     powers: NDArray[np.int64],
@@ -104,7 +104,7 @@ def lay(
     return better
 
 
-@njit(cache=True)
+@kernel
 def _instants(ahead: float, c: Course) -> None:
     """Write the instants of a course and the share of each in the mean over a flight."""
     count, way = len(c.after), len(c.after) - 1 - LATE

@@ -12,8 +12,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.robot.arm import Arm, Tables
 from mitt.robot.dynamics import inverse_dynamics, notes_of
 from mitt.robot.limits import bound_of, drive_asked
@@ -81,7 +81,7 @@ def demand(arm: Arm, motion: Array) -> Demand:
     )
 
 
-@njit(cache=True)
+@kernel
 def _reckon(
     arm: Tables, most: Array, motion: Array, cost: Array, share: Array, excess: Array,
     tau: Array, notes: Array,

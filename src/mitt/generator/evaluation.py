@@ -1,23 +1,23 @@
 """The map's value for one ball, compiled: eqs. (1), (6), (15) on packed arrays."""
 
 import numpy as np
-from numba import njit
 
 from mitt.generator.packing import jet_rows, unfold, unpack
 from mitt.generator.polynomial import jets
 from mitt.generator.tangent import lift
+from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.views import view
 
 
-@njit(cache=True)
+@kernel
 def virtual(packed: Array, ball: Array, rows: Array, work: Array) -> bool:
     """Write q_o, dq_o, ddq_o (3, n) for r_o, dr_o, ddr_o (3, 3); False outside the domain."""
     g = unpack(packed)
     return bool(lift(g, ball, rows, unfold(work, rows.shape[1])))
 
 
-@njit(cache=True)
+@kernel
 def reference(
     packed: Array, powers: Array, window: Array, alpha: Array, ball: Array, rows: Array, work: Array
 ) -> bool:
@@ -55,7 +55,7 @@ def reference(
     return True
 
 
-@njit(cache=True)
+@kernel
 def references(
     packed: Array,
     powers: Array,
@@ -74,7 +74,7 @@ def references(
         out[k] = rows[:3]
 
 
-@njit(cache=True)
+@kernel
 def root_time(s: float, ds: float, dds: float) -> float:
     """Return the time to the nearest zero of s + ds t + dds t^2 / 2; infinite without one."""
     disc = ds * ds - 2.0 * s * dds
@@ -84,7 +84,7 @@ def root_time(s: float, ds: float, dds: float) -> float:
     return float(-2.0 * s / slow)
 
 
-@njit(cache=True)
+@kernel
 def time_to_catch(packed: Array, rows: Array) -> float:
     """Return the time until q_o of the catch joint reaches q_alpha [s]; infinite if it will not.
 

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from math import exp
 
 import numpy as np
-from numba import njit
 
 from mitt.flight import (
     GRAVITY,
@@ -28,6 +27,7 @@ from mitt.flight import (
 from mitt.generator.mapping import DirectMap
 from mitt.generator.packing import unfold, unpack
 from mitt.generator.tangent import invert_newton, invert_planar
+from mitt.jit import kernel
 from mitt.signals import Array, BallState
 
 #: How far ahead a ball is flown [s], in what steps, and halvings of the step of the catch.
@@ -100,7 +100,7 @@ def state_of(ball: BallState) -> Array:
     return state
 
 
-@njit(cache=True)
+@kernel
 def lay_state(motion: Array, drag: float, led: bool, state: Array) -> None:
     """Write what the kernels carry on.
 
@@ -127,7 +127,7 @@ def flown(ball: BallState, after: Array) -> Array:
     return path
 
 
-@njit(cache=True)
+@kernel
 def fly_on(state: Array, after: float, ball: Array) -> None:
     """Write r_o, dr_o, ddr_o, shape (3, 3), some time after a state (10,) [s]."""
     for d in range(3):
@@ -136,7 +136,7 @@ def fly_on(state: Array, after: float, ball: Array) -> None:
     go_on(ball, state[9], after)
 
 
-@njit(cache=True)
+@kernel
 def go_on(ball: Array, drag: float, dt: float) -> None:
     """Carry r_o, dr_o, ddr_o, shape (3, 3), on by ``dt`` [s], in place."""
     push, left = ball[2], exp(-dt / FADES)
@@ -160,7 +160,7 @@ def go_on(ball: Array, drag: float, dt: float) -> None:
         push[a] += left * p
 
 
-@njit(cache=True)
+@kernel
 def fly(state: Array, after: Array, path: Array) -> None:
     """Write r_o, dr_o, ddr_o at rising times after a state (10,) [s], (K,), shape (K, 3, 3)."""
     last, ball = 0.0, np.empty((3, 3))
@@ -171,7 +171,7 @@ def fly(state: Array, after: Array, path: Array) -> None:
         path[k] = ball
 
 
-@njit(cache=True)
+@kernel
 def _catch_time(packed: Array, state: Array, q_o: Array, ball: Array, work: Array) -> float:
     """Return the time until s = q_o,i - q_alpha changes its sign, by halving; -1 without."""
     g = unpack(packed)
@@ -203,7 +203,7 @@ def _catch_time(packed: Array, state: Array, q_o: Array, ball: Array, work: Arra
     return t
 
 
-@njit(cache=True)
+@kernel
 def _passes_below(state: Array, reach: float) -> bool:
     """Say whether the ball comes over ground within reach of the shoulder, but below it."""
     ball, t = np.empty((3, 3)), 0.0
@@ -217,7 +217,7 @@ def _passes_below(state: Array, reach: float) -> bool:
     return False
 
 
-@njit(cache=True)
+@kernel
 def sigma_at_catch(
     packed: Array,
     state: Array,
@@ -238,7 +238,7 @@ def sigma_at_catch(
     return float(_spread(state, drag, covariance, after))
 
 
-@njit(cache=True)
+@kernel
 def _spread(state: Array, drag: float, covariance: Array, after: float) -> float:
     """Return the largest 1-sigma of the position some time ahead; see :func:`spread`."""
     track, work = np.zeros(TRACK), np.empty((2, STATES, STATES))
@@ -251,7 +251,7 @@ def _spread(state: Array, drag: float, covariance: Array, after: float) -> float
     return float(np.sqrt(_largest(P)))
 
 
-@njit(cache=True)
+@kernel
 def _largest(P: Array) -> float:
     """Return the largest eigenvalue of the symmetric first three rows and columns (Smith 1961)."""
     a, b, c = 0.5 * (P[0, 1] + P[1, 0]), 0.5 * (P[0, 2] + P[2, 0]), 0.5 * (P[1, 2] + P[2, 1])

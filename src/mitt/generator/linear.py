@@ -12,10 +12,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mitt.generator.course import Course
 from mitt.generator.strain import LEAST, Plant, Work, asked_of, assess, motion_at
+from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.limits import bound_of
 from mitt.robot.slopes import torque_slopes
@@ -50,7 +50,7 @@ def programme_of(arm: Arm, *, instants: int, size: int, pairs: int) -> Programme
     )
 
 
-@njit(cache=True)
+@kernel
 def linearise(
     p: Plant, c: Course, alpha: Array, use: tuple[float, float], out: Programme,
     shares: Array, at: Array, w: Work,
@@ -99,7 +99,7 @@ def linearise(
     return count, cost, over
 
 
-@njit(cache=True)
+@kernel
 def spread(phi: Array, k: int, slope: Array, A: Array, r: int) -> None:
     """Write row r: d x/d alpha = x_q Phi + x_qdot Phi-dot + x_qddot Phi-ddot, slope (3, n)."""
     n = slope.shape[1]
@@ -110,7 +110,7 @@ def spread(phi: Array, k: int, slope: Array, A: Array, r: int) -> None:
             )
 
 
-@njit(cache=True)
+@kernel
 def _speeds(p: Plant, c: Course, k: int, motion: Array, out: Programme) -> None:
     """Add the speed's part of the gradient of cost (22), and to its gram the lower half."""
     n = motion.shape[1]
@@ -122,7 +122,7 @@ def _speeds(p: Plant, c: Course, k: int, motion: Array, out: Programme) -> None:
             out.gram[a, b] += x * c.phi[k, 1, b]
 
 
-@njit(cache=True)
+@kernel
 def _limits(
     p: Plant, c: Course, k: int, use: tuple[float, float], out: Programme, w: Work, count: int
 ) -> int:
@@ -165,7 +165,7 @@ def _limits(
     return count
 
 
-@njit(cache=True)
+@kernel
 def sound(q: Programme, count: int) -> bool:
     """Say whether the programme's first ``count`` rows and its cost are finite numbers."""
     total = 0.0

@@ -18,10 +18,10 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mitt.errors import ModelError
+from mitt.jit import kernel
 from mitt.signals import Array
 
 
@@ -73,7 +73,7 @@ class CatchBasis:
         return np.column_stack([self.jets(q, e, still)[1] for e in np.eye(n)])
 
 
-@njit(cache=True)
+@kernel
 def jets(
     powers: NDArray[np.int64],
     centre: Array,

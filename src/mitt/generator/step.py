@@ -11,7 +11,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mitt.generator.approach import approach
@@ -20,6 +19,7 @@ from mitt.generator.course import Course, lay
 from mitt.generator.linear import Programme, linearise, sound
 from mitt.generator.packing import unfold, unpack
 from mitt.generator.strain import Plant, Work, weigh
+from mitt.jit import kernel
 from mitt.signals import Array
 
 
@@ -52,7 +52,7 @@ class Buffers(NamedTuple):
     at: Array
 
 
-@njit(cache=True)
+@kernel
 def begin(
     f: Map, p: Plant, goal: Goal, state: Array, ahead: tuple[float, float], alpha: Array, b: Buffers
 ) -> tuple[float, int, float]:
@@ -98,7 +98,7 @@ def begin(
     return better, count, cost + pull + goal.weights[3] * (over + more + close)
 
 
-@njit(cache=True)
+@kernel
 def finish(
     f: Map, p: Plant, goal: Goal, trial: tuple[float, float, int], alpha: Array, step: Array,
     moved: Array, b: Buffers,
@@ -130,7 +130,7 @@ def finish(
     return before
 
 
-@njit(cache=True)
+@kernel
 def merit(f: Map, p: Plant, goal: Goal, alpha: Array, b: Buffers) -> float:
     """Return cost (22), pull, and the price of limits exceeded, of a motion along the course."""
     cost, over = weigh(p, b.course, alpha, goal.weights[1], b.shares, b.at, b.work)
@@ -141,7 +141,7 @@ def merit(f: Map, p: Plant, goal: Goal, alpha: Array, b: Buffers) -> float:
     return float(cost + pull + goal.weights[3] * (over + more + close))
 
 
-@njit(cache=True)
+@kernel
 def _pull(goal: Goal, alpha: Array, slope: Array) -> float:
     """Return the price of the distance from alpha*; write its slope, H times that distance."""
     size = len(slope)
@@ -156,7 +156,7 @@ def _pull(goal: Goal, alpha: Array, slope: Array) -> float:
     return price
 
 
-@njit(cache=True)
+@kernel
 def kept(q: Programme, equal: int, step: Array, residual: float) -> bool:
     """Say whether a step is finite and leaves q_d and dq_d at its start as they are."""
     for r in range(equal):

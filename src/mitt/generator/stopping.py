@@ -1,10 +1,10 @@
 """Whether the arm can be stopped after the catch before a joint meets its stop; compiled."""
 
 import numpy as np
-from numba import njit
 
 from mitt.generator.step import Buffers
 from mitt.generator.strain import LEAST, Plant, motion_at
+from mitt.jit import kernel
 from mitt.robot.limits import bound_of
 from mitt.robot.slopes import torque_slopes
 from mitt.signals import Array
@@ -16,7 +16,7 @@ _OTHERS = (0.15, 0.4, 0.8, 1.2)
 _STOP_GAP = 0.06
 
 
-@njit(cache=True)
+@kernel
 def spare(p: Plant, alpha: Array, b: Buffers) -> tuple[float, int]:
     """Return how near a stop the arm comes to rest after the catch, as share of the range.
 
@@ -56,7 +56,7 @@ def spare(p: Plant, alpha: Array, b: Buffers) -> tuple[float, int]:
     return best, joint
 
 
-@njit(cache=True)
+@kernel
 def _hardest(p: Plant, b: Buffers, braking: Array, urgent: int) -> float:
     """Return the hardest brake of one joint that all drives allow beside the others' [rad/s^2]."""
     w, links, n, high = b.work, len(b.work.tau), len(braking), 1e3

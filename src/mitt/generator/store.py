@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
@@ -25,6 +24,7 @@ from mitt.generator.course import Course
 from mitt.generator.linear import Programme
 from mitt.generator.step import Buffers, Goal, Map, begin, finish, kept
 from mitt.generator.strain import Plant, Work
+from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.views import view
 
@@ -90,7 +90,7 @@ def opened(v: Array, w: Whole) -> Known:
     return f, p, goal, Buffers(course, programme, work, _table(v, w, 30), _table(v, w, 31))
 
 
-@njit(cache=True)
+@kernel
 def start(
     store: Array, whole: Whole, state: Array, ahead: tuple[float, float], alpha: Array
 ) -> tuple[float, int, float]:
@@ -100,7 +100,7 @@ def start(
     return found
 
 
-@njit(cache=True)
+@kernel
 def end(
     store: Array, whole: Whole, trial: tuple[float, float, int, float], alpha: Array, step: Array,
     moved: Array,
@@ -126,7 +126,7 @@ def end(
     return float(finish(f, p, goal, (before, share, halvings), alpha, step, moved, b))
 
 
-@njit(cache=True)
+@kernel
 def vouch(
     store: Array, whole: Whole, alpha: Array, P: Array, region: Array, tolerance: Array,
     place_: Array,

@@ -12,10 +12,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mitt.generator.course import Course
+from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.dynamics import inverse_dynamics, notes_of
 from mitt.robot.limits import bound_of
@@ -68,7 +68,7 @@ def work_of(arm: Arm) -> Work:
     )
 
 
-@njit(cache=True)
+@kernel
 def weigh(
     p: Plant, c: Course, alpha: Array, share: float, shares: Array, at: Array, w: Work
 ) -> tuple[float, float]:
@@ -93,7 +93,7 @@ def weigh(
     return cost, over
 
 
-@njit(cache=True)
+@kernel
 def motion_at(c: Course, k: int, alpha: Array, motion: Array) -> None:
     """Write q_d, dq_d, ddq_d = q_o + Phi alpha and its derivatives at one instant."""
     for d in range(3):
@@ -104,7 +104,7 @@ def motion_at(c: Course, k: int, alpha: Array, motion: Array) -> None:
             motion[d, j] = total
 
 
-@njit(cache=True)
+@kernel
 def positions_at(c: Course, k: int, alpha: Array, q: Array) -> None:
     """Write q_d at one instant."""
     for j in range(alpha.shape[1]):
@@ -113,7 +113,7 @@ def positions_at(c: Course, k: int, alpha: Array, q: Array) -> None:
             q[j] += c.phi[k, 0, a] * alpha[a, j]
 
 
-@njit(cache=True)
+@kernel
 def assess(
     p: Plant, k: int, share: float, shares: Array, at: Array, w: Work
 ) -> tuple[float, float]:
@@ -133,7 +133,7 @@ def assess(
     return cost, over
 
 
-@njit(cache=True)
+@kernel
 def _note(
     shares: Array, at: Array, kind: int, k: int, part: float, instant: int, share: float
 ) -> float:
@@ -145,7 +145,7 @@ def _note(
     return max(part - share, 0.0) ** 2
 
 
-@njit(cache=True)
+@kernel
 def asked_of(p: Plant, d: int, tau: Array, dq: Array) -> tuple[float, float]:
     """Return a drive's torque [N m] and speed [rad/s].
 

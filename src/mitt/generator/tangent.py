@@ -20,8 +20,8 @@ its ready angle here and takes part through b alone.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.robot.chain import Chain, Motion, motion_of, move, place
 from mitt.robot.vectors import Vec, cross, dot, minus, plus, put, row, times
 from mitt.signals import Array
@@ -70,7 +70,7 @@ def scratch_of(n: int) -> Scratch:
     return Scratch(motion_of(n), *rows, *(np.zeros((3, 3)) for _ in range(3)))
 
 
-@njit(cache=True)
+@kernel
 def expand(g: Tangent, q_o: Array, w: Scratch) -> None:
     """Write l_c and J_c at the virtual joints ``q_o``."""
     g, q_o, w = lent((g, q_o, w))
@@ -97,7 +97,7 @@ def expand(g: Tangent, q_o: Array, w: Scratch) -> None:
         put(w.J_c, a, column)
 
 
-@njit(cache=True)
+@kernel
 def curve(g: Tangent, q_o: Array, dq_o: Array, w: Scratch) -> None:
     """Write the curvature of l_c along ``dq_o`` at the virtual joints that were expanded last."""
     g, q_o, dq_o, w = lent((g, q_o, dq_o, w))
@@ -111,7 +111,7 @@ def curve(g: Tangent, q_o: Array, dq_o: Array, w: Scratch) -> None:
     put(w.point, 2, plus(row(m.tip, 2), plus(times(2.0 * ds, dT), times(s, ddT))))
 
 
-@njit(cache=True)
+@kernel
 def _line(g: Tangent, m: Motion) -> tuple[Vec, Vec]:
     """Return both derivatives of T = kappa J_i + inward (w_i x J_i) along dq of qbar."""
     i = g.catch_joint
@@ -125,7 +125,7 @@ def _line(g: Tangent, m: Motion) -> tuple[Vec, Vec]:
     return dT, ddT
 
 
-@njit(cache=True)
+@kernel
 def solve3(rows: Array, b: Vec, free: tuple[int, int, int], out: Array) -> bool:
     """Write the free entries of x with x_0 rows_0 + x_1 rows_1 + x_2 rows_2 = b (Cramer).
 
@@ -143,7 +143,7 @@ def solve3(rows: Array, b: Vec, free: tuple[int, int, int], out: Array) -> bool:
     return True
 
 
-@njit(cache=True)
+@kernel
 def invert_planar(g: Tangent, r_o: Array, q_o: Array) -> bool:
     """Write l_c^-1(r_o) in closed form; False outside its domain.
 
@@ -166,7 +166,7 @@ def invert_planar(g: Tangent, r_o: Array, q_o: Array) -> bool:
     return True
 
 
-@njit(cache=True)
+@kernel
 def invert_newton(g: Tangent, r_o: Array, q_o: Array, w: Scratch) -> bool:
     """Improve ``q_o`` to l_c^-1(r_o); False outside the domain.
 
@@ -188,7 +188,7 @@ def invert_newton(g: Tangent, r_o: Array, q_o: Array, w: Scratch) -> bool:
     return bool(_orientation(w.J_c) == sign)
 
 
-@njit(cache=True)
+@kernel
 def _newton(g: Tangent, share: float, q_o: Array, w: Scratch) -> bool:
     """Solve l_c(q_o) = ends[0] + share ends[1]."""
     for _ in range(_NEWTON_STEPS):
@@ -209,13 +209,13 @@ def _newton(g: Tangent, share: float, q_o: Array, w: Scratch) -> bool:
     return False
 
 
-@njit(cache=True)
+@kernel
 def _orientation(A: Array) -> float:
     """Return the sign of det A."""
     return float(np.sign(dot(row(A, 0), cross(row(A, 1), row(A, 2)))))
 
 
-@njit(cache=True)
+@kernel
 def lift(g: Tangent, ball: Array, virtual: Array, w: Scratch) -> bool:
     """Write virtual joints, velocities, accelerations (3, n) of a ball's r_o, dr_o, ddr_o (3, 3).
 

@@ -5,8 +5,10 @@ from types import TracebackType
 from typing import final
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numpy.typing import NDArray
+
+from mitt.jit import kernel
 
 steady_ns = time.perf_counter_ns
 """Returns the time of the machine's steady clock [ns]."""
@@ -15,7 +17,7 @@ _CLOCK = time.CLOCK_MONOTONIC
 _clock_gettime = types.ExternalFunction("clock_gettime", types.intc(types.intc, types.intp))
 
 
-@njit(cache=True)
+@kernel
 def now_ns(pair: NDArray[np.int64]) -> int:
     """Return the time of the machine's steady clock [ns], for compiled code.
 

@@ -11,10 +11,10 @@ from itertools import product
 from typing import Generic, TypeVar
 
 import numpy as np
-from numba import njit
 
 from mitt.generator.mapping import DirectMap
 from mitt.generator.packing import unfold, unpack
+from mitt.jit import kernel
 from mitt.rivals.meeting import hand_of
 from mitt.rivals.servo import bounds_of
 from mitt.robot.chain import sweep
@@ -75,7 +75,7 @@ def sphere_of(f: DirectMap, *, share: float) -> Array:
     return np.array([*centre, share * far])
 
 
-@njit(cache=True)
+@kernel
 def _second(packed: Array, q: Array, place: Array, work: Array) -> None:
     """Write the origin of the second active joint in the world."""
     g = unpack(packed)
@@ -84,7 +84,7 @@ def _second(packed: Array, q: Array, place: Array, work: Array) -> None:
     place[:] = w.motion.origin[0, 1]
 
 
-@njit(cache=True)
+@kernel
 def set_back(tau: float, a: float, most: float) -> Vec:
     """Return h [m] and its two derivatives in time, a time ``tau`` [s] before the catch.
 
@@ -97,7 +97,7 @@ def set_back(tau: float, a: float, most: float) -> Vec:
     return x * part, -a * tau * part * part, bend
 
 
-@njit(cache=True)
+@kernel
 def hold_back(point: Array, sphere: Array, longer: float) -> None:
     """Project a moving point onto the reach, its centre and radius in ``sphere`` (4,) [m]."""
     size, radius = 0.0, sphere[3] + longer

@@ -15,9 +15,9 @@ m = (M + 1) n, K = (M + 1) N + 2 (M - 1) n.
 """
 
 import numpy as np
-from numba import njit
 
 from mitt.generator.strain import Plant, Work, asked_of
+from mitt.jit import kernel
 from mitt.rivals.pieces import responses
 from mitt.rivals.quintics import quintic
 from mitt.robot.limits import bound_of
@@ -28,7 +28,7 @@ from mitt.signals import Array
 _LEAST = 0.05
 
 
-@njit(cache=True)
+@kernel
 def condense(
     p: Plant,
     w: Work,
@@ -83,7 +83,7 @@ def condense(
                 rows[q, i * n + j], rows[v, i * n + j] = P[k, i], price[size + own, i * n + j]
 
 
-@njit(cache=True)
+@kernel
 def _pin_ends(
     D: Array, P: Array, start: Array, end: Array, step: float, rows: Array, low: Array, high: Array
 ) -> None:
@@ -99,7 +99,7 @@ def _pin_ends(
     high[: 4 * n] = low[: 4 * n]
 
 
-@njit(cache=True)
+@kernel
 def _load(
     p: Plant,
     w: Work,

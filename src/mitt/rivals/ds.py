@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
-from numba import njit
 
 from mitt.generator.generators import Generator
 from mitt.generator.mapping import DirectMap
+from mitt.jit import kernel
 from mitt.rivals.approach import Reaching, Shares, hold_back, set_back
 from mitt.rivals.course import Course
 from mitt.rivals.meeting import lift_ahead
@@ -92,7 +92,7 @@ class Softly:
         return rows, Softly(soft=self.soft, t=ball.t, motion=rows, goal=goal)
 
 
-@njit(cache=True)
+@kernel
 def soften(radius: float, centre: Array, point: Array) -> None:
     """Replace a ball's r_o, dr_o, ddr_o (3, 3) by those of the virtual ball, in place."""
     s, ds, dds = 0.0, 0.0, 0.0
@@ -113,7 +113,7 @@ def soften(radius: float, centre: Array, point: Array) -> None:
         point[2, c] = soft * ddo + 2.0 * dsoft * do + ddsoft * o
 
 
-@njit(cache=True)
+@kernel
 def _attract(
     packed: Array,
     hand: Array,

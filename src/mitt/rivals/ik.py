@@ -19,11 +19,11 @@ from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
-from numba import njit
 
 from mitt.generator.foresight import fly_on, state_of
 from mitt.generator.generators import Generator
 from mitt.generator.mapping import DirectMap
+from mitt.jit import kernel
 from mitt.rivals.approach import Reaching, Shares, hold_back, set_back
 from mitt.rivals.course import Course
 from mitt.rivals.meeting import lift_ahead
@@ -115,7 +115,7 @@ class Tracking:
         )
 
 
-@njit(cache=True)
+@kernel
 def _goal(
     packed: Array,
     hand: Array,

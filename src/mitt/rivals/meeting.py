@@ -14,11 +14,11 @@ torque of the joints one by one is taken.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mitt.generator.foresight import fly_on
 from mitt.generator.packing import unfold, unpack
+from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.chain import Chain, place, sweep
 from mitt.robot.vectors import (
@@ -54,7 +54,7 @@ def hand_of(arm: Arm) -> Array:
     return np.array([*normal, *np.diag(arm.mass_matrix(q)) / arm.tau_max])
 
 
-@njit(cache=True)
+@kernel
 def _frame(chain: Chain, q: Array, local: Array) -> Vec:
     """Return a direction fixed in the last joint's frame in the world."""
     frame = IDENTITY
@@ -66,7 +66,7 @@ def _frame(chain: Chain, q: Array, local: Array) -> Vec:
     return out
 
 
-@njit(cache=True)
+@kernel
 def resolve(J: Array, b: Vec, out: Array) -> None:
     """Write x with J' x = b by damped least squares, J of shape (n, 3).
 
@@ -85,7 +85,7 @@ def resolve(J: Array, b: Vec, out: Array) -> None:
         out[k] = dot(row(J, k), y)
 
 
-@njit(cache=True)
+@kernel
 def _gram(J: Array, i: int) -> Vec:
     """Return row i of J' J."""
     x, y, z = 0.0, 0.0, 0.0
@@ -96,7 +96,7 @@ def _gram(J: Array, i: int) -> Vec:
     return x, y, z
 
 
-@njit(cache=True)
+@kernel
 def reach(packed: Array, r: Array, q: Array, work: Array) -> float:
     """Move ``q`` to where the catch point is at ``r``; return the distance that is left [m]."""
     g = unpack(packed)
@@ -117,7 +117,7 @@ def reach(packed: Array, r: Array, q: Array, work: Array) -> float:
     return float(gap)
 
 
-@njit(cache=True)
+@kernel
 def lift(packed: Array, point: Array, rows: Array, work: Array) -> float:
     """Write q, dq, ddq of a moving point by inverse kinematics; return what is left of the way.
 
@@ -136,7 +136,7 @@ def lift(packed: Array, point: Array, rows: Array, work: Array) -> float:
     return float(gap)
 
 
-@njit(cache=True)
+@kernel
 def meet(
     packed: Array, hand: Array, bounds: tuple[float, float], ball: Array, rows: Array, work: Array
 ) -> bool:
@@ -166,7 +166,7 @@ def meet(
     return True
 
 
-@njit(cache=True)
+@kernel
 def too_far(packed: Array, r: Array) -> bool:
     """Say whether a point is farther off than all links in one line; never where one slides."""
     chain = unpack(packed).chain
@@ -182,7 +182,7 @@ def too_far(packed: Array, r: Array) -> bool:
     return bool(dot(away, away) > longest * longest)
 
 
-@njit(cache=True)
+@kernel
 def meetings(
     packed: Array, hand: Array, bounds: tuple[float, float], balls: Array, rows: Array, work: Array
 ) -> NDArray[np.bool_]:
@@ -200,7 +200,7 @@ def meetings(
     return found
 
 
-@njit(cache=True)
+@kernel
 def meet_at(
     packed: Array,
     hand: Array,
@@ -234,7 +234,7 @@ def meet_at(
     return not too_far(packed, at[0]) and bool(meet(packed, hand, bounds, at, rows, work))
 
 
-@njit(cache=True)
+@kernel
 def lift_ahead(
     packed: Array, hand: Array, ahead: Vec, point: Array, rows: Array, work: Array
 ) -> float:
@@ -260,7 +260,7 @@ def lift_ahead(
     return gap
 
 
-@njit(cache=True)
+@kernel
 def _follow(
     packed: Array, hand: Array, ahead: Vec, point: Array, rows: Array, work: Array
 ) -> float:

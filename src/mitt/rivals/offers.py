@@ -13,10 +13,10 @@ The way is a quintic. It costs eq. (22), and more where it asks much of a limit 
 from typing import TypeAlias
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mitt.generator.strain import Plant, Work, assess
+from mitt.jit import kernel
 from mitt.rivals.quintics import sample
 from mitt.robot.dynamics import inverse_dynamics
 from mitt.signals import Array
@@ -29,7 +29,7 @@ OFFER = 5
 Numbers: TypeAlias = tuple[float, float, float, float, float, float]
 
 
-@njit(cache=True)
+@kernel
 def cheapest(
     p: Plant,
     w: Work,
@@ -83,7 +83,7 @@ def cheapest(
     return best
 
 
-@njit(cache=True)
+@kernel
 def _quickness(p: Plant, way: Array) -> float:
     """Return the largest share of a joint's speed limit on a way, shape (S, 3, n)."""
     largest = 0.0
@@ -93,7 +93,7 @@ def _quickness(p: Plant, way: Array) -> float:
     return largest
 
 
-@njit(cache=True)
+@kernel
 def _weigh(
     p: Plant,
     w: Work,
@@ -126,7 +126,7 @@ def _weigh(
     offer[0] = so_far
 
 
-@njit(cache=True)
+@kernel
 def _largest(p: Plant, shares: Array) -> tuple[float, int]:
     """Return the largest share of a joint's limits, shape (3, N), and of which: kind n + joint."""
     share, which, n = -1.0, 0, len(p.joints)

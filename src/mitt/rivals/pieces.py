@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import final
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.signals import Array
 
 
@@ -42,7 +42,7 @@ class Motion:
         return out
 
 
-@njit(cache=True)
+@kernel
 def _piece(q: Array, dq: Array, ddq: Array, h: float, after: float, out: Array) -> None:
     """Write q, dq, ddq a time after the start [s], shape (3, n); see :class:`Motion`."""
     k = min(max(int(after // h), 0), q.shape[1] - 2)
@@ -55,7 +55,7 @@ def _piece(q: Array, dq: Array, ddq: Array, h: float, after: float, out: Array) 
         out[2, j] = a + s * jerk
 
 
-@njit(cache=True)
+@kernel
 def responses(parts: int, step: float) -> tuple[Array, Array]:
     """Return how speeds and angles at the instants follow from the accelerations there.
 

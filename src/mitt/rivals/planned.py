@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from typing import Protocol, final
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.rivals.course import Course
 from mitt.rivals.quintics import quintic
 from mitt.signals import Array, BallState
@@ -106,7 +106,7 @@ class Planned:
         return motion, self
 
 
-@njit(cache=True)
+@kernel
 def _strays(end: Array, planned: Array, dead_q: float, dead_dq: float) -> bool:
     """Say whether an end, (3, n), has moved by a dead-band [rad, rad/s] since it was planned."""
     for k in range(end.shape[1]):
@@ -117,7 +117,7 @@ def _strays(end: Array, planned: Array, dead_q: float, dead_dq: float) -> bool:
     return False
 
 
-@njit(cache=True)
+@kernel
 def _shift(end: Array, planned: Array, span: float, t: float, motion: Array) -> None:
     """Add to a motion, (3, n), what its end has moved, by a quintic from zero in ``span`` [s]."""
     moved = end - planned

@@ -14,12 +14,12 @@ from math import dist
 from typing import Protocol, Self, final
 
 import numpy as np
-from numba import njit
 
 from mitt.flight import GRAVITY, forecast
 from mitt.generator.certificate import Outcome, Verdict, tempered
 from mitt.generator.foresight import flown, state_of
 from mitt.generator.mapping import DirectMap
+from mitt.jit import kernel
 from mitt.rivals.course import Chooser, Course
 from mitt.rivals.meeting import meet
 from mitt.signals import Array, BallState, JointReference, MapStatus
@@ -248,7 +248,7 @@ def _sane(ball: BallState) -> bool:
     return bool(within(state_of(ball), _SANE))
 
 
-@njit(cache=True)
+@kernel
 def within(x: Array, most: float) -> bool:
     """Say whether all numbers of an array are smaller in size than a bound; NaN never is."""
     for value in x.flat:  # noqa: SIM110 (a loop compiles to less)

@@ -6,12 +6,11 @@
 | ``end``   | q, dq, ddq at time ``span``               | the same                 | (3, n) |
 """
 
-from numba import njit
-
+from mitt.jit import kernel
 from mitt.signals import Array
 
 
-@njit(cache=True)
+@kernel
 def quintic(start: Array, end: Array, span: float, t: float, out: Array) -> None:
     """Write q, dq, ddq at time ``t`` of the quintic from one state to another, shape (3, n).
 
@@ -37,7 +36,7 @@ def quintic(start: Array, end: Array, span: float, t: float, out: Array) -> None
         out[1, k], out[2, k] = slope / span, bend / (span * span)
 
 
-@njit(cache=True)
+@kernel
 def sample(start: Array, end: Array, span: float, out: Array) -> None:
     """Write a quintic from one state to another at S even instants, shape (S, 3, n).
 

@@ -8,10 +8,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from mitt.generator.foresight import fly
 from mitt.generator.strain import Plant, Work
+from mitt.jit import kernel
 from mitt.rivals.meeting import meetings
 from mitt.rivals.offers import OFFER, Numbers, cheapest
 from mitt.signals import Array
@@ -49,7 +49,7 @@ def arena_of(candidates: int, instants: int, n: int) -> Arena:
     )
 
 
-@njit(cache=True)
+@kernel
 def elect(g: Known, after: Array, arena: Arena, motion: Array) -> int:
     """Return the cheapest of several catches, whose balls are in the arena; -1 without one.
 
@@ -73,7 +73,7 @@ def elect(g: Known, after: Array, arena: Arena, motion: Array) -> int:
     )  # fmt: skip
 
 
-@njit(cache=True)
+@kernel
 def search(
     g: Known, after: Array, arena: Arena, stride: float, state: Array, motion: Array, end: Array,
     ball: Array,
@@ -109,7 +109,7 @@ def search(
     return best
 
 
-@njit(cache=True)
+@kernel
 def _about(t: float, stride: float, soonest: float) -> Array:
     """Return the times about a catch that are not too soon [s]."""
     low, high = t - stride / 2, t + stride / 2

@@ -8,8 +8,8 @@
 """
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 
@@ -23,7 +23,7 @@ def bounds_of(arm: Arm, *, share: float) -> Array:
     return np.array([arm.q_min + _STOP_GAP, arm.q_max - _STOP_GAP, _SPEED * arm.dq_max, top])
 
 
-@njit(cache=True)
+@kernel
 def follow(most: Array, goal: Array, gain: float, dt: float, rows: Array) -> None:
     """Carry ``rows`` on by a tick so that the gap to the goal decays, critically damped.
 

@@ -13,8 +13,8 @@ All in the world frame. Rows of ``J`` are the columns of the Jacobian.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.robot.description import ArmModel, joint_motion, transform
 from mitt.robot.vectors import (
     IDENTITY,
@@ -92,14 +92,14 @@ def motion_of(n: int) -> Motion:
     )
 
 
-@njit(cache=True)
+@kernel
 def sweep(chain: Chain, q: Array, dq: Array, m: Motion) -> None:
     """Fill all of ``m`` for joint positions ``q`` and constant joint velocities ``dq``."""
     place(chain, q, m)
     move(chain, q, dq, m)
 
 
-@njit(cache=True)
+@kernel
 def place(chain: Chain, q: Array, m: Motion) -> None:
     """Fill of ``m`` what does not depend on velocities: W, J and the first rows of the others."""
     frame, o = IDENTITY, ZERO
@@ -123,7 +123,7 @@ def place(chain: Chain, q: Array, m: Motion) -> None:
         put(m.J, k, w if slides else cross(w, minus(tip, o)))
 
 
-@njit(cache=True)
+@kernel
 def move(chain: Chain, q: Array, dq: Array, m: Motion) -> None:
     """Fill in the derivatives in time, for constant joint velocities, of what is placed.
 
@@ -156,14 +156,14 @@ def move(chain: Chain, q: Array, dq: Array, m: Motion) -> None:
         _column(chain.prismatic[k] > 0.0, k, m)
 
 
-@njit(cache=True)
+@kernel
 def _arm_of(r: Vec, omega: Vec, domega: Vec) -> tuple[Vec, Vec, Vec]:
     """Return a vector fixed in a turning body, and its first and second derivative in time."""
     dr = cross(omega, r)
     return r, dr, plus(cross(domega, r), cross(omega, dr))
 
 
-@njit(cache=True)
+@kernel
 def _jet(jets: Array, k: int) -> tuple[Vec, Vec, Vec]:
     """Return a vector and its derivatives from entry k of an array of shape (3, n, 3)."""
     return (
@@ -173,7 +173,7 @@ def _jet(jets: Array, k: int) -> tuple[Vec, Vec, Vec]:
     )
 
 
-@njit(cache=True)
+@kernel
 def _column(prismatic: bool, k: int, m: Motion) -> None:
     """Write the two derivatives of J_k = w_k x (p - o_k), or of w_k where the joint slides."""
     w, dw, ddw = _jet(m.line, k)

@@ -19,8 +19,8 @@ A chain is a table, one link a row (held joints are folded into the placement):
 """
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.robot.description import ArmModel, joint_motion
 from mitt.robot.vectors import (
     ZERO,
@@ -63,7 +63,7 @@ def notes_of(links: int) -> Array:
     return np.zeros((links, _NOTES))
 
 
-@njit(cache=True)
+@kernel
 def inverse_dynamics(
     bodies: Array, q: Array, dq: Array, ddq: Array, tau: Array, notes: Array
 ) -> None:
@@ -108,7 +108,7 @@ def inverse_dynamics(
         moment = plus(rotate(R, moment), cross(p, force))
 
 
-@njit(cache=True)
+@kernel
 def torques(bodies: Array, motion: Array, tau: Array, notes: Array) -> None:
     """Write tau of q, dq, ddq at K instants; see :func:`inverse_dynamics`.
 
@@ -122,14 +122,14 @@ def torques(bodies: Array, motion: Array, tau: Array, notes: Array) -> None:
         inverse_dynamics(bodies, motion[k, 0], motion[k, 1], motion[k, 2], tau[k], notes)
 
 
-@njit(cache=True)
+@kernel
 def _swung(omega: Vec, alpha: Vec, r: Vec) -> Vec:
     """Return the acceleration of a point at ``r`` that a turning body adds to its origin's."""
     added: Vec = plus(cross(alpha, r), cross(omega, cross(omega, r)))
     return added
 
 
-@njit(cache=True)
+@kernel
 def _wrench(bodies: Array, k: int, omega: Vec, alpha: Vec, acc: Vec) -> tuple[Vec, Vec]:
     """Return force and moment about its origin that move link k so, in its frame."""
     com, inertia = _vec(bodies, k, 17), _mat(bodies, k, 20)
@@ -138,7 +138,7 @@ def _wrench(bodies: Array, k: int, omega: Vec, alpha: Vec, acc: Vec) -> tuple[Ve
     return force, plus(spin, cross(com, force))
 
 
-@njit(cache=True)
+@kernel
 def _note(notes: Array, k: int, R: Mat, p: Vec, force: Vec, moment: Vec) -> None:
     """Keep of link k what the way back needs."""
     for c in range(9):
@@ -147,13 +147,13 @@ def _note(notes: Array, k: int, R: Mat, p: Vec, force: Vec, moment: Vec) -> None
         notes[k, 9 + c], notes[k, 12 + c], notes[k, 15 + c] = p[c], force[c], moment[c]
 
 
-@njit(cache=True)
+@kernel
 def _vec(rows: Array, k: int, c: int) -> Vec:
     """Return three numbers of row k from column c."""
     return rows[k, c], rows[k, c + 1], rows[k, c + 2]
 
 
-@njit(cache=True)
+@kernel
 def _mat(rows: Array, k: int, c: int) -> Mat:
     """Return nine numbers of row k from column c."""
     return (

@@ -10,8 +10,8 @@ so that the fingers pass one another instead of meeting tip to tip over a small 
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.signals import Array
 
 
@@ -180,7 +180,7 @@ class HandModel:
         )
 
 
-@njit(cache=True)
+@kernel
 def closing_angle(
     elapsed: float, touch: float, a: float, slow: float, margin: float, closed: float
 ) -> float:

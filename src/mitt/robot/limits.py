@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.signals import Array
 
 
@@ -89,7 +89,7 @@ class Limits:
         return out
 
 
-@njit(cache=True)
+@kernel
 def bound_of(
     packed: Array, m: int, drive: float, speed: float, least: float
 ) -> tuple[float, float]:
@@ -112,7 +112,7 @@ def bound_of(
     return bound, 0.0
 
 
-@njit(cache=True)
+@kernel
 def drive_asked(packed: Array, m: int, tau: Array, dq: Array) -> tuple[float, float]:
     """Return a drive's torque [N m] and speed [rad/s] for those of all joints, shapes (N,)."""
     n, drive, speed = len(tau), 0.0, 0.0
@@ -122,7 +122,7 @@ def drive_asked(packed: Array, m: int, tau: Array, dq: Array) -> tuple[float, fl
     return drive, speed
 
 
-@njit(cache=True)
+@kernel
 def largest_share(packed: Array, tau: Array, dq: Array) -> float:
     """Return the largest share of a drive's torque bound that is asked for; 1 is the limit.
 
@@ -139,7 +139,7 @@ def largest_share(packed: Array, tau: Array, dq: Array) -> float:
     return largest
 
 
-@njit(cache=True)
+@kernel
 def saturate(packed: Array, tau: Array, dq: Array, out: Array) -> None:
     """Write joint torques within every drive's bound [N m], shape (N,).
 

@@ -1,12 +1,12 @@
 """Where two segments are nearest to one another, as kernels (Ericson 2004, section 5.1.9)."""
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.robot.vectors import Vec, dot, minus, plus, times
 
 
-@njit(cache=True)
+@kernel
 def nearest_shares(a: Vec, b: Vec, c: Vec, d: Vec) -> tuple[float, float]:
     """Return the shares of the ways a-b and c-d at which their nearest points lie, 0 to 1."""
     u, v, w = minus(b, a), minus(d, c), minus(a, c)
@@ -30,7 +30,7 @@ def nearest_shares(a: Vec, b: Vec, c: Vec, d: Vec) -> tuple[float, float]:
     return s, t
 
 
-@njit(cache=True)
+@kernel
 def segment_distance(a: Vec, b: Vec, c: Vec, d: Vec) -> float:
     """Return the distance of the segments a-b and c-d [m]."""
     s, t = nearest_shares(a, b, c, d)

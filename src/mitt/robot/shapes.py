@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mitt.errors import InputError
+from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.description import ArmModel, Capsule
 from mitt.robot.hands import HandModel
@@ -143,7 +143,7 @@ def _reach(arm: Arm, table: Array) -> Array:
     return out
 
 
-@njit(cache=True)
+@kernel
 def place(bodies: Array, q: Array, table: Array, ends: Array) -> None:
     """Write where both ends of every shape are in the world.
 
@@ -173,7 +173,7 @@ def place(bodies: Array, q: Array, table: Array, ends: Array) -> None:
             at += 1
 
 
-@njit(cache=True)
+@kernel
 def gap(table: Array, ends: Array, a: int, b: int) -> float:
     """Return the gap between two placed shapes [m]; negative where they overlap.
 
@@ -192,7 +192,7 @@ def gap(table: Array, ends: Array, a: int, b: int) -> float:
     return float(apart - table[a, 7] - table[b, 7])
 
 
-@njit(cache=True)
+@kernel
 def clearance(
     bodies: Array, q: Array, table: Array, pairs: NDArray[np.int64], ends: Array
 ) -> float:

@@ -15,8 +15,8 @@ force field 2 m w x v(r): 2 w x p, with the moment 2 (tr(K) w - K' w).
 """
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.robot.dynamics import GRAVITY
 from mitt.robot.vectors import (
     IDENTITY,
@@ -46,7 +46,7 @@ def slopes_work(links: int) -> Array:
     return np.zeros((links, _WIDTH))
 
 
-@njit(cache=True)
+@kernel
 def torque_slopes(bodies: Array, motion: Array, tau: Array, slope: Array, work: Array) -> None:
     """Write tau of eq. (14) and how it answers to the active joints' motion.
 
@@ -69,7 +69,7 @@ def torque_slopes(bodies: Array, motion: Array, tau: Array, slope: Array, work: 
     _add_rotors(bodies, slope[2])
 
 
-@njit(cache=True)
+@kernel
 def bias_and_mass(bodies: Array, motion: Array, tau: Array, M: Array, work: Array) -> None:
     """Write tau of eq. (14) and M over the active joints alone; see :func:`torque_slopes`.
 
@@ -90,7 +90,7 @@ def bias_and_mass(bodies: Array, motion: Array, tau: Array, M: Array, work: Arra
     _add_rotors(bodies, M)
 
 
-@njit(cache=True)
+@kernel
 def _add_rotors(bodies: Array, M: Array) -> None:
     """Add the rotors to the mass matrix, shape (N, n)."""
     for j in range(len(bodies)):
@@ -99,7 +99,7 @@ def _add_rotors(bodies: Array, M: Array) -> None:
             M[j, a] += bodies[j, _ROTOR]
 
 
-@njit(cache=True)
+@kernel
 def _mass(bodies: Array, work: Array, j: int, M: Array) -> None:
     """Write row and column of M where link j comes last, with the sums beyond it."""
     here, S = int(bodies[j, _JOINT]), _pair(work, j, _S)
@@ -113,7 +113,7 @@ def _mass(bodies: Array, work: Array, j: int, M: Array) -> None:
             M[j, a] = _power(S, _inertia(work, j, _pair(work, i, _S)))
 
 
-@njit(cache=True)
+@kernel
 def _axis_load(bodies: Array, motion: Array, work: Array, k: int) -> float:
     """Return what the drive of link k must give against the load of all beyond it."""
     total = 0.0
@@ -123,7 +123,7 @@ def _axis_load(bodies: Array, motion: Array, work: Array, k: int) -> float:
     return total + (bodies[k, _ROTOR] * motion[2, a] if a >= 0 else 0.0)
 
 
-@njit(cache=True)
+@kernel
 def _row_and_column(bodies: Array, work: Array, j: int, slope: Array) -> None:
     """Write how the torques of link j and of those before it answer to one another's motion.
 
@@ -154,7 +154,7 @@ def _row_and_column(bodies: Array, work: Array, j: int, slope: Array) -> None:
         slope[1, j, a] = _power(S, _sum(_coriolis(work, j, T), _inertia(work, j, twice)))
 
 
-@njit(cache=True)
+@kernel
 def _outwards(bodies: Array, motion: Array, work: Array) -> None:
     """Write axes, their changes and the body's own sums of each link, from the base outwards."""
     frame, o = IDENTITY, ZERO
@@ -186,7 +186,7 @@ def _outwards(bodies: Array, motion: Array, work: Array) -> None:
         _body(bodies, work, k, (frame, o), (v, omega, a, domega))
 
 
-@njit(cache=True)
+@kernel
 def _body(
     bodies: Array, work: Array, k: int, pose: tuple[Mat, Vec], moving: tuple[Vec, Vec, Vec, Vec]
 ) -> None:
@@ -216,7 +216,7 @@ def _body(
     _put(work, k, _W, plus(pull[1], plus(times(trace, omega), times(-1.0, back))))
 
 
-@njit(cache=True)
+@kernel
 def _second_moments(bodies: Array, k: int, R: Mat, c: Vec) -> Sym:
     """Return the sum of m r r' of a body about the world's origin, its centre being at ``c``.
 
@@ -241,7 +241,7 @@ def _second_moments(bodies: Array, k: int, R: Mat, c: Vec) -> Sym:
     )
 
 
-@njit(cache=True)
+@kernel
 def _inertia(work: Array, k: int, motion: tuple[Vec, Vec]) -> tuple[Vec, Vec]:
     """Return I times a motion (velocity at the origin u, turning w)."""
     u, w = motion
@@ -256,7 +256,7 @@ def _inertia(work: Array, k: int, motion: tuple[Vec, Vec]) -> tuple[Vec, Vec]:
     return plus(times(work[k, _M], u), cross(w, mc)), plus(cross(mc, u), turned)
 
 
-@njit(cache=True)
+@kernel
 def _coriolis(work: Array, k: int, motion: tuple[Vec, Vec]) -> tuple[Vec, Vec]:
     """Return 2B times a motion: the wrench of the force field 2 m w x v(r)."""
     w = motion[1]
@@ -269,37 +269,37 @@ def _coriolis(work: Array, k: int, motion: tuple[Vec, Vec]) -> tuple[Vec, Vec]:
     return times(2.0, cross(w, _vec(work, k, _PP))), times(2.0, moment)
 
 
-@njit(cache=True)
+@kernel
 def _crossed(v: tuple[Vec, Vec], m: tuple[Vec, Vec]) -> tuple[Vec, Vec]:
     """Return v x m of two spatial motions (velocity at the origin, turning)."""
     return plus(cross(v[1], m[0]), cross(v[0], m[1])), cross(v[1], m[1])
 
 
-@njit(cache=True)
+@kernel
 def _power(m: tuple[Vec, Vec], f: tuple[Vec, Vec]) -> float:
     """Return the power of a load on a motion."""
     return float(dot(m[0], f[0]) + dot(m[1], f[1]))
 
 
-@njit(cache=True)
+@kernel
 def _sum(a: tuple[Vec, Vec], b: tuple[Vec, Vec]) -> tuple[Vec, Vec]:
     """Return the sum of two spatial vectors."""
     return plus(a[0], b[0]), plus(a[1], b[1])
 
 
-@njit(cache=True)
+@kernel
 def _vec(rows: Array, k: int, at: int) -> Vec:
     """Return three numbers of row k from column ``at``."""
     return rows[k, at], rows[k, at + 1], rows[k, at + 2]
 
 
-@njit(cache=True)
+@kernel
 def _pair(rows: Array, k: int, at: int) -> tuple[Vec, Vec]:
     """Return two vectors of row k from column ``at``."""
     return _vec(rows, k, at), _vec(rows, k, at + 3)
 
 
-@njit(cache=True)
+@kernel
 def _mat(rows: Array, k: int) -> Mat:
     """Return the rotation of a body's placement."""
     return (
@@ -308,13 +308,13 @@ def _mat(rows: Array, k: int) -> Mat:
     )  # fmt: skip
 
 
-@njit(cache=True)
+@kernel
 def _put(rows: Array, k: int, at: int, v: Vec) -> None:
     """Write a vector to row k from column ``at``."""
     rows[k, at], rows[k, at + 1], rows[k, at + 2] = v
 
 
-@njit(cache=True)
+@kernel
 def _keep(rows: Array, k: int, at: int, pair: tuple[Vec, Vec]) -> None:
     """Write two vectors to row k from column ``at``."""
     _put(rows, k, at, pair[0])

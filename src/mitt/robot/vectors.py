@@ -6,8 +6,8 @@ Views of arrays cost reference counts inside compiled loops; tuples of floats co
 from typing import TypeAlias
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.signals import Array
 
 Vec: TypeAlias = tuple[float, float, float]
@@ -18,49 +18,49 @@ ZERO: Vec = (0.0, 0.0, 0.0)
 IDENTITY: Mat = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 
-@njit(cache=True)
+@kernel
 def row(rows: Array, k: int) -> Vec:
     """Return row k of an array of shape (n, 3)."""
     return rows[k, 0], rows[k, 1], rows[k, 2]
 
 
-@njit(cache=True)
+@kernel
 def put(rows: Array, k: int, v: Vec) -> None:
     """Write row k of an array of shape (n, 3)."""
     rows[k, 0], rows[k, 1], rows[k, 2] = v
 
 
-@njit(cache=True)
+@kernel
 def cross(a: Vec, b: Vec) -> Vec:
     """Return a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@njit(cache=True)
+@kernel
 def plus(a: Vec, b: Vec) -> Vec:
     """Return a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
-@njit(cache=True)
+@kernel
 def minus(a: Vec, b: Vec) -> Vec:
     """Return a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@njit(cache=True)
+@kernel
 def times(s: float, a: Vec) -> Vec:
     """Return s a."""
     return s * a[0], s * a[1], s * a[2]
 
 
-@njit(cache=True)
+@kernel
 def dot(a: Vec, b: Vec) -> float:
     """Return a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True)
+@kernel
 def rotate(R: Mat, v: Vec) -> Vec:
     """Return R v."""
     return (
@@ -70,7 +70,7 @@ def rotate(R: Mat, v: Vec) -> Vec:
     )
 
 
-@njit(cache=True)
+@kernel
 def unturn(R: Mat, v: Vec) -> Vec:
     """Return R' v: a vector as the turned frame sees it."""
     return (
@@ -80,7 +80,7 @@ def unturn(R: Mat, v: Vec) -> Vec:
     )
 
 
-@njit(cache=True)
+@kernel
 def compose(A: Mat, B: Mat) -> Mat:
     """Return A B."""
     return (
@@ -96,7 +96,7 @@ def compose(A: Mat, B: Mat) -> Mat:
     )
 
 
-@njit(cache=True)
+@kernel
 def turn(axis: Vec, angle: float) -> Mat:
     """Return the rotation about a unit axis (Rodrigues)."""
     x, y, z = axis
@@ -109,7 +109,7 @@ def turn(axis: Vec, angle: float) -> Mat:
     )  # fmt: skip
 
 
-@njit(cache=True)
+@kernel
 def matrix(rows: Array, k: int) -> Mat:
     """Return matrix k of an array of shape (n, 3, 3)."""
     return (

@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 
 import daqp
 import numpy as np
-from numba import njit
 
 from mitt.generator.constraints import initial_matrix, shift
 from mitt.generator.design import default_design
@@ -25,6 +24,7 @@ from mitt.generator.learn import LearnSettings
 from mitt.generator.learn import learn as learn_from
 from mitt.generator.mapping import unlearned
 from mitt.generator.strain import Plant, plant_of
+from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.slopes import slopes_work, torque_slopes
 from mitt.signals import Array
@@ -137,7 +137,7 @@ def reckon(lesson: Lesson, p: Plant, alpha: Array) -> tuple[Array, Array]:
     return r, R @ lesson.slope
 
 
-@njit(cache=True)
+@kernel
 def _respond(p: Plant, z: Array, work: tuple[Array, Array, Array], r: Array, R: Array) -> None:
     """Write torques and speeds over their bounds, and their slopes in q, dq, ddq."""
     tau, slope, links = work

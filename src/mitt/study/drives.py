@@ -17,9 +17,9 @@ joint 2: a torque limit is one of motors, and this is what they are held to.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from mitt.jit import kernel
 from mitt.robot.arm import Arm, Tables
 from mitt.robot.limits import bound_of, drive_asked
 from mitt.robot.slopes import bias_and_mass, slopes_work
@@ -58,7 +58,7 @@ def fresh_tally(arm: Arm) -> Tally:
     )
 
 
-@njit(cache=True)
+@kernel
 def hold(arm: Tables, q: Array, dq: Array, tau: Array, t: int, out: Array, s: Tally) -> None:
     """Write the torques of all links while the active ones are driven [N m], shape (N,).
 
@@ -92,7 +92,7 @@ def hold(arm: Tables, q: Array, dq: Array, tau: Array, t: int, out: Array, s: Ta
         out[index[i]] = tau[t, i]
 
 
-@njit(cache=True)
+@kernel
 def _solve(system: Array) -> None:
     """Solve A x = b for [A b], A positive definite, shape (n, n + 1); b becomes x."""
     n = len(system)
@@ -107,7 +107,7 @@ def _solve(system: Array) -> None:
         system[c, n] /= system[c, c]
 
 
-@njit(cache=True)
+@kernel
 def tally(
     arm: Tables, most: Array, told: Array, q: Array, dq: Array, tau: Array,
     seen: NDArray[np.int64], s: Tally,
@@ -136,7 +136,7 @@ def tally(
     return count
 
 
-@njit(cache=True)
+@kernel
 def _same(a: Array, b: Array, t: int) -> bool:
     """Say whether two arrays are equal in row ``t``."""
     others = 0
@@ -145,7 +145,7 @@ def _same(a: Array, b: Array, t: int) -> bool:
     return others == 0
 
 
-@njit(cache=True)
+@kernel
 def _beyond(most: Array, q: Array, dq: Array, t: int, slack: float) -> bool:
     """Say whether positions or speeds in row ``t`` exceed their limits by a share."""
     for k in range(q.shape[1]):
@@ -157,7 +157,7 @@ def _beyond(most: Array, q: Array, dq: Array, t: int, slack: float) -> bool:
     return False
 
 
-@njit(cache=True)
+@kernel
 def _overloaded(drives: Array, tau: Array, speed: Array) -> bool:
     """Say whether commanded torques of all links at their speeds, (N,), exceed a drive's bound."""
     for m in range(len(tau)):
@@ -168,7 +168,7 @@ def _overloaded(drives: Array, tau: Array, speed: Array) -> bool:
     return False
 
 
-@njit(cache=True)
+@kernel
 def _note_drives(drives: Array, tau: Array, speed: Array, slack: float, s: Tally) -> bool:
     """Add what the drives gave for torques of all links at their speeds, shapes (N,).
 
@@ -185,14 +185,14 @@ def _note_drives(drives: Array, tau: Array, speed: Array, slack: float, s: Tally
     return strong
 
 
-@njit(cache=True)
+@kernel
 def _note_speeds(most: Array, dq: Array, t: int, largest: Array) -> None:
     """Raise the largest shares of the speed limits, shape (n,), to those of row ``t``."""
     for k in range(dq.shape[1]):
         largest[k] = _larger(largest[k], abs(dq[t, k]) / most[2, k])
 
 
-@njit(cache=True)
+@kernel
 def _larger(a: float, b: float) -> float:
     """Return the larger of two numbers, or the first that is none."""
     return b if b > a or b != b else a

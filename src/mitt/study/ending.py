@@ -6,10 +6,10 @@ faults but those of encoders, clock and motors.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mitt.catcher import Catcher
+from mitt.jit import kernel
 from mitt.link.clock import Stopwatch, now_ns
 from mitt.records import Record
 from mitt.signals import Array, Image
@@ -20,7 +20,7 @@ from mitt.world.motion import STATE, TICK, TICKS, Plant, move, over
 from mitt.world.truth import Tape
 
 
-@njit(cache=True)
+@kernel
 def _play(
     plant: Plant,
     rows: Array,

@@ -8,11 +8,11 @@ heads, generators that are no map) the trial takes the way through them.
 from typing import TypeAlias, final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mitt.catcher import Catcher
 from mitt.errors import InputError
+from mitt.jit import kernel
 from mitt.link.clock import Stopwatch, now_ns
 from mitt.records import BRAKE, STOPPED, Record
 from mitt.signals import Array, Image
@@ -59,7 +59,7 @@ NOTHING = np.empty((0, 0), np.uint8), np.empty((0, 0), np.uint8)
 """Images of no camera."""
 
 
-@njit(cache=True)
+@kernel
 def develop(
     shot: Array, starts: NDArray[np.int64], images: tuple[Image, Image], camera: Cameras,
     bank: Bank, half: float, radius: float, state: Record, eyes: Eyes,
@@ -96,7 +96,7 @@ def develop(
             return
 
 
-@njit(cache=True)
+@kernel
 def play(
     plant: Plant,
     rows: Array,

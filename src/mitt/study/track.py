@@ -4,8 +4,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.vision import memory as at
 from mitt.vision import scatter as noise
@@ -95,7 +95,7 @@ def _track(rows: Array) -> Track:
     return Track(r=r, dr=dr, ddr=ddr, sigma=spread, ahead=later)
 
 
-@njit(cache=True)
+@kernel
 def _follow(
     t: Array, points: Array, ahead: float, sigma: float, settings: Array, memory: Array, rows: Array
 ) -> None:

@@ -8,9 +8,8 @@ dropped, one with a stamp that has been seen changes nothing.
 
 from math import isfinite
 
-from numba import njit
-
 from mitt.flight import GRAVITY, STATES, acceleration, advance_uncertain
+from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.views import lent
 from mitt.vision import memory as at
@@ -26,13 +25,13 @@ MAX_HORIZON = 2.0
 """Farthest that an estimate is carried [s]; no throw flies longer."""
 
 
-@njit(cache=True)
+@kernel
 def is_tracked(memory: Array, settings: Array) -> bool:
     """Return whether there is an estimate."""
     return bool(memory[at.USED] >= settings[LIMITS, at.SPEAKS_AFTER])
 
 
-@njit(cache=True)
+@kernel
 def absorb(memory: Array, t: float, z: Array, R: Array, settings: Array, work: Array) -> int:
     """Take a sighting in.
 
@@ -72,7 +71,7 @@ def absorb(memory: Array, t: float, z: Array, R: Array, settings: Array, work: A
     return became
 
 
-@njit(cache=True)
+@kernel
 def _reaches_back(memory: Array, age: int) -> bool:
     """Return whether the ring holds all that a sighting put at ``age`` could change."""
     filled = int(memory[at.FILLED])
@@ -80,7 +79,7 @@ def _reaches_back(memory: Array, age: int) -> bool:
     return filled < at.RING or age + doubtful < filled
 
 
-@njit(cache=True)
+@kernel
 def _take(memory: Array, age: int, settings: Array, work: Array) -> int:
     """Take the sighting of a slot in, after keeping the belief before it."""
     slot = at.slot_at(memory, age)
@@ -100,7 +99,7 @@ def _take(memory: Array, age: int, settings: Array, work: Array) -> int:
     return DOUBTED
 
 
-@njit(cache=True)
+@kernel
 def speak(
     memory: Array, t: float, settings: Array, motion: Array, covariance: Array, work: Array
 ) -> bool:
@@ -145,7 +144,7 @@ def speak(
     return True
 
 
-@njit(cache=True)
+@kernel
 def _spread(motion: Array, covariance: Array, memory: Array, weight: float, first: bool) -> None:
     """Add a law's part, which is in the scratch, to the second moment about what is said."""
     P = SCRATCH + STATES

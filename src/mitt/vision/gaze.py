@@ -16,8 +16,8 @@ balls come into sight; when none sees a ball they nod over where throws come fro
 from math import cos, pi, sin, sqrt
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.vision.head import aim_one, bearing
 from mitt.vision.segmentation import GOOD, STATE
@@ -35,7 +35,7 @@ NOD, SWAY, BREADTH = 0.052, 0.069, 1.375
 it waits: two heads that wait on either side look outwards and inwards together."""
 
 
-@njit(cache=True)
+@kernel
 def _observe(
     head: Array, camera: Array, memory: Array, track: Array, te: float, away: float
 ) -> None:
@@ -69,7 +69,7 @@ def _observe(
     track[5] = te
 
 
-@njit(cache=True)
+@kernel
 def _along(head: Array, track: Array, t: float, camera: Array, point: Array) -> None:
     """Write the point that a head's line of sight reaches at the expected range at ``t``."""
     later = t - track[5]
@@ -78,7 +78,7 @@ def _along(head: Array, track: Array, t: float, camera: Array, point: Array) -> 
         point[i] = camera[3, i] + head[20] * camera[i, 2]
 
 
-@njit(cache=True)
+@kernel
 def _from_others(heads: Array, gaze: Array, n: int, t: float, work: Array, wanted: Array) -> bool:
     """Write where head ``n`` looks to meet the line of sight of another; False if none sees."""
     now, soon, h = work[5], work[6], 1e-3
@@ -95,7 +95,7 @@ def _from_others(heads: Array, gaze: Array, n: int, t: float, work: Array, wante
     return False
 
 
-@njit(cache=True)
+@kernel
 def lead(
     heads: Array,
     cameras: Array,

@@ -16,8 +16,8 @@ lens is carried beyond both: p_base = Ry(pan) Rx(tilt) (lens + p_cam).
 from math import atan2, cos, hypot, sin
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.vision.camera import Camera, Head, Rig, look_at
 
@@ -25,7 +25,7 @@ HEAD = 25
 """Numbers of a packed head."""
 
 
-@njit(cache=True)
+@kernel
 def aim_one(head: Array, pan: float, tilt: float, camera: Array) -> None:
     """Write the pose of a camera at the angles of its head.
 
@@ -49,7 +49,7 @@ def aim_one(head: Array, pan: float, tilt: float, camera: Array) -> None:
         camera[4, i] = head[15 + i]
 
 
-@njit(cache=True)
+@kernel
 def aim(heads: Array, angles: Array, cameras: Array) -> None:
     """Write the poses of all cameras at the angles of their heads; none for a fixed rig, n = 0.
 
@@ -62,7 +62,7 @@ def aim(heads: Array, angles: Array, cameras: Array) -> None:
         aim_one(heads[n], angles[n, 0], angles[n, 1], cameras[n])
 
 
-@njit(cache=True)
+@kernel
 def bearing(
     head: Array, x: float, y: float, z: float, dx: float, dy: float, dz: float, wanted: Array
 ) -> None:

@@ -14,9 +14,9 @@ lies there at a ``slot``: its time, z, then R row by row.
 """
 
 import numpy as np
-from numba import njit
 
 from mitt.flight import STATES, TRACK
+from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.views import view
 from mitt.vision.linear import inverse
@@ -26,7 +26,7 @@ MAX_DISTANCE = 1000.0
 """Beyond it no ball is sighted [m]."""
 
 
-@njit(cache=True)
+@kernel
 def is_sane(z: Array, R: Array) -> bool:
     """Return whether a sighting is finite, near enough, and its covariance is one.
 
@@ -43,7 +43,7 @@ def is_sane(z: Array, R: Array) -> bool:
     return True
 
 
-@njit(cache=True)
+@kernel
 def _joseph(m: Array, at: int, slot: int, work: Array) -> None:
     """Replace P by (I - K H) P (I - K H)' + K R K', H = (I 0), with K in rows 3 to 5 of work."""
     square = (STATES, STATES)
@@ -64,7 +64,7 @@ def _joseph(m: Array, at: int, slot: int, work: Array) -> None:
             P[i, j] = half[i, j] + w0 * work[0, 3, j] + w1 * work[0, 4, j] + w2 * work[0, 5, j]
 
 
-@njit(cache=True)
+@kernel
 def correct(m: Array, at: int, slot: int, gate: float, work: Array) -> float:
     """Take a sighting in, in place, if it lies within the gate.
 
@@ -109,7 +109,7 @@ def correct(m: Array, at: int, slot: int, gate: float, work: Array) -> float:
     return float(distance)
 
 
-@njit(cache=True)
+@kernel
 def settle(m: Array, at: int, slot: int, speed_sigma: float) -> None:
     """Set position and velocity uncertainty afresh; all but the position keep their means.
 
@@ -131,7 +131,7 @@ def settle(m: Array, at: int, slot: int, speed_sigma: float) -> None:
             m[P + STATES * i + j] = m[slot + SLOT_R + 3 * i + j]
 
 
-@njit(cache=True)
+@kernel
 def copy(m: Array, origin: int, into: int) -> None:
     """Copy a track."""
     source, target = view(m, origin, (TRACK,)), view(m, into, (TRACK,))

@@ -17,9 +17,8 @@ flight's mean squared innovation grows, and when its velocity is forgotten.
 
 from math import exp, sqrt
 
-from numba import njit
-
 from mitt.flight import STATES, TRACK, advance_uncertain
+from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.vision import memory as at
 from mitt.vision.kalman import correct
@@ -40,13 +39,13 @@ CALM_SLEEPS = 8.0
 """Sightings in a row with all weight on flight after which the other laws sleep."""
 
 
-@njit(cache=True)
+@kernel
 def track_of(law: int) -> int:
     """Return the index of a law's track."""
     return BALL + TRACK * law
 
 
-@njit(cache=True)
+@kernel
 def forget(memory: Array, law: int, settings: Array) -> None:
     """Give a law's drag and push their priors, independent of all else."""
     x, P = track_of(law), track_of(law) + STATES
@@ -59,7 +58,7 @@ def forget(memory: Array, law: int, settings: Array) -> None:
     memory[P + 66] = settings[law, at.DRAG_SIGMA] ** 2
 
 
-@njit(cache=True)
+@kernel
 def seed(memory: Array, law: int, origin: int, settings: Array) -> None:
     """Start a law again from the position and velocity of another."""
     into, source = track_of(law), track_of(origin)
@@ -71,7 +70,7 @@ def seed(memory: Array, law: int, origin: int, settings: Array) -> None:
     forget(memory, law, settings)
 
 
-@njit(cache=True)
+@kernel
 def wake(memory: Array, settings: Array) -> None:
     """Start all other laws from the best one; the prior counts as much as the weights so far."""
     best = int(memory[at.BEST])
@@ -85,7 +84,7 @@ def wake(memory: Array, settings: Array) -> None:
     memory[at.AWAKE], memory[at.CALM] = 1.0, 0.0
 
 
-@njit(cache=True)
+@kernel
 def fall_asleep(memory: Array) -> None:
     """Leave flight alone."""
     for i in range(at.AWAKE, at.RUN):
@@ -94,7 +93,7 @@ def fall_asleep(memory: Array) -> None:
         memory[i] = 0.0
 
 
-@njit(cache=True)
+@kernel
 def fit(memory: Array, slot: int, gate: float, settings: Array, work: Array) -> bool:
     """Carry the estimate to a sighting; take it in, and return true, if it lies in the gate."""
     dt = memory[slot] - memory[at.T]
@@ -108,7 +107,7 @@ def fit(memory: Array, slot: int, gate: float, settings: Array, work: Array) -> 
     return True
 
 
-@njit(cache=True)
+@kernel
 def _note_bias(memory: Array, work: Array) -> None:
     """Let the newest innovation e, of covariance S, enter the mean of S^-1 e and its covariance.
 
@@ -122,7 +121,7 @@ def _note_bias(memory: Array, work: Array) -> None:
         memory[i] = old * old * memory[i] + new * new * work[0, 7, k]
 
 
-@njit(cache=True)
+@kernel
 def is_biased(memory: Array) -> bool:
     """Return whether the innovations lean to one side more than flight explains."""
     if memory[at.AWAKE] > 0.0:
@@ -136,7 +135,7 @@ def is_biased(memory: Array) -> bool:
     return bool(ok and distance > BIAS_WAKES)
 
 
-@njit(cache=True)
+@kernel
 def _fit_one(
     memory: Array, law: int, slot: int, dt: float, gate: float, settings: Array, work: Array
 ) -> float:
@@ -148,7 +147,7 @@ def _fit_one(
     return float(distance)
 
 
-@njit(cache=True)
+@kernel
 def _fit_all(
     memory: Array, slot: int, dt: float, gate: float, settings: Array, work: Array
 ) -> bool:
@@ -171,7 +170,7 @@ def _fit_all(
     return True
 
 
-@njit(cache=True)
+@kernel
 def _determinant(work: Array) -> float:
     """Return the determinant of the inverse that ``correct`` leaves in its scratch."""
     a, b, c, d, e, f = (
@@ -180,7 +179,7 @@ def _determinant(work: Array) -> float:
     return float(max(a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d), 0.0))
 
 
-@njit(cache=True)
+@kernel
 def _settle(memory: Array, total: float, settings: Array) -> None:
     """Normalise the weights, name the best law, restart the hopeless, sleep when all is calm."""
     best = 0

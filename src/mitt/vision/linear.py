@@ -1,11 +1,10 @@
 """Small linear algebra without allocation, shared by triangulation and filter."""
 
-from numba import njit
-
+from mitt.jit import kernel
 from mitt.signals import Array
 
 
-@njit(cache=True)
+@kernel
 def inverse(
     a: float, b: float, c: float, d: float, e: float, f: float
 ) -> tuple[bool, float, float, float, float, float, float]:
@@ -26,7 +25,7 @@ def inverse(
     return True, 1.0 / a + p * p / d1 + v * v * F, -p / d1 - v * w * F, v * F, D, E, F
 
 
-@njit(cache=True)
+@kernel
 def invert_positive(S: Array, out: Array) -> bool:
     """Write the inverse of a symmetric matrix by cofactors.
 

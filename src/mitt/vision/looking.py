@@ -2,8 +2,7 @@
 
 from math import pi, sqrt
 
-from numba import njit
-
+from mitt.jit import kernel
 from mitt.signals import Array, Image
 from mitt.views import lent, view
 from mitt.vision import triangulation
@@ -41,7 +40,7 @@ ALPHA, BETA, RESTART = 0.5, 0.1, 20.0
 """Gains of position and motion from look to look; looks after which motion is estimated anew."""
 
 
-@njit(cache=True)
+@kernel
 def _judge(memory: Array, since: float, point: Array) -> bool:
     """Tell by its mass whether a target is the whole ball and nothing else.
 
@@ -63,7 +62,7 @@ def _judge(memory: Array, since: float, point: Array) -> bool:
     return bool(lacking < MISFIT + SMALL / radius + DRIFT * since)
 
 
-@njit(cache=True)
+@kernel
 def _learn_contrast(memory: Array) -> None:
     """Take the mass of a target that was believed into the contrast of the ball."""
     if memory[EXPECTED] > 0.0:
@@ -72,7 +71,7 @@ def _learn_contrast(memory: Array) -> None:
         memory[GAIN] += (gain - memory[GAIN]) / memory[WEIGHED]
 
 
-@njit(cache=True)
+@kernel
 def _expect(memory: Array, cameras: Array, radius: float, r: Array) -> None:
     """Write what area the ball should have in each image where it is believed to be."""
     for n in range(cameras.shape[0]):
@@ -86,7 +85,7 @@ def _expect(memory: Array, cameras: Array, radius: float, r: Array) -> None:
         memory[n, EXPECTED] = pi * (cameras[n, 4, 0] * sine) ** 2 * (far / max(z, radius)) ** 3
 
 
-@njit(cache=True)
+@kernel
 def _foresee(rig: Array) -> None:
     """Move the last position on by one look; forget it where it is old."""
     rig[SINCE] += 1.0
@@ -97,7 +96,7 @@ def _foresee(rig: Array) -> None:
         rig[i] += rig[SPEED + i] if rig[KNOWN] > 0.0 else 0.0
 
 
-@njit(cache=True)
+@kernel
 def _remember(rig: Array, r: Array) -> None:
     """Correct position and motion from look to look by an alpha-beta filter."""
     looks = max(rig[AGE], 1.0)
@@ -112,7 +111,7 @@ def _remember(rig: Array, r: Array) -> None:
     rig[KNOWN], rig[AGE] = min(count + 1.0, SLOWLY), 0.0
 
 
-@njit(cache=True)
+@kernel
 def look(
     images: tuple[Image, ...],
     apart: int,

@@ -9,9 +9,9 @@
 """
 
 import numpy as np
-from numba import njit
 
 from mitt.flight import TRACK
+from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.views import view
 
@@ -66,7 +66,7 @@ def fresh() -> Array:
     return memory
 
 
-@njit(cache=True)
+@kernel
 def clear(memory: Array) -> None:
     """Forget the ball; the counts go on."""
     memory[T] = memory[T_SEEN] = memory[T_FIRST] = -np.inf
@@ -74,13 +74,13 @@ def clear(memory: Array) -> None:
     memory[FILLED] = memory[AWAKE] = 0.0
 
 
-@njit(cache=True)
+@kernel
 def slot_at(memory: Array, age: int) -> int:
     """Return the index of the slot of the sighting that is ``age`` places before the newest."""
     return SLOTS + SLOT * ((int(memory[NEWEST]) - age) % RING)
 
 
-@njit(cache=True)
+@kernel
 def save(memory: Array, slot: int) -> None:
     """Keep the belief in a slot, as the one before its sighting."""
     n = BELIEF if memory[AWAKE] > 0.0 else BALL + TRACK
@@ -89,7 +89,7 @@ def save(memory: Array, slot: int) -> None:
         kept[i] = belief[i]
 
 
-@njit(cache=True)
+@kernel
 def restore(memory: Array, slot: int) -> None:
     """Go back to the belief before the sighting in a slot."""
     awake = memory[slot + SLOT_BELIEF + AWAKE] > 0.0
@@ -97,7 +97,7 @@ def restore(memory: Array, slot: int) -> None:
         memory[i] = memory[slot + SLOT_BELIEF + i]
 
 
-@njit(cache=True)
+@kernel
 def write(memory: Array, slot: int, t: float, z: Array, R: Array) -> None:
     """Write a sighting into a slot."""
     memory[slot] = t
@@ -107,14 +107,14 @@ def write(memory: Array, slot: int, t: float, z: Array, R: Array) -> None:
             memory[slot + SLOT_R + 3 * i + j] = R[i, j]
 
 
-@njit(cache=True)
+@kernel
 def gives_place(memory: Array, slot: int) -> bool:
     """Return whether a sighting says where the ball is, not only on which line."""
     R = slot + SLOT_R
     return bool(memory[R] + memory[R + 4] + memory[R + 8] <= LOOSE)
 
 
-@njit(cache=True)
+@kernel
 def open_slot(memory: Array, age: int) -> None:
     """Make room for a sighting ``age`` places before the newest; the oldest may go."""
     memory[NEWEST] = (memory[NEWEST] + 1.0) % RING

@@ -4,9 +4,9 @@ A target is a group of touching pixels above the threshold. Its moments: :mod:`m
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from mitt.jit import kernel
 from mitt.signals import Array, Image
 
 Box = NDArray[np.int64]
@@ -15,7 +15,7 @@ MAX_BLOBS = 16
 """Groups looked at in one image; more is noise, not a ball."""
 
 
-@njit(cache=True)
+@kernel
 def estimate_ground(pixels: Image, counts: NDArray[np.int64], ground: Array) -> None:
     """Write level and standard deviation of the ground from every third pixel of every third row.
 
@@ -52,7 +52,7 @@ def estimate_ground(pixels: Image, counts: NDArray[np.int64], ground: Array) -> 
     ground[1] = np.sqrt(max(second / n - (first / n) ** 2, 0.0))
 
 
-@njit(cache=True)
+@kernel
 def _row_has(pixels: Image, row: int, u0: int, u1: int, threshold: int) -> bool:
     """Return whether a pixel of columns u0..u1 of ``row`` lies above the threshold."""
     line = pixels[row, u0 : u1 + 1]  # a slice, so that the loop below becomes vector code
@@ -62,7 +62,7 @@ def _row_has(pixels: Image, row: int, u0: int, u1: int, threshold: int) -> bool:
     return bool(top > threshold)
 
 
-@njit(cache=True)
+@kernel
 def _grow(pixels: Image, threshold: int, box: Box) -> None:
     """Widen ``box`` (u0, v0, u1, v1) until no pixel around it lies above the threshold."""
     height, width = pixels.shape
@@ -82,7 +82,7 @@ def _grow(pixels: Image, threshold: int, box: Box) -> None:
                 box[2], grown = u1, True
 
 
-@njit(cache=True)
+@kernel
 def _area(pixels: Image, threshold: int, box: Box) -> int:
     """Return the number of pixels of ``box`` above the threshold."""
     area = 0
@@ -92,7 +92,7 @@ def _area(pixels: Image, threshold: int, box: Box) -> int:
     return area
 
 
-@njit(cache=True)
+@kernel
 def find_target(
     pixels: Image, window: Box, threshold: int, min_area: int, boxes: Box, expected: float
 ) -> int:

@@ -5,9 +5,9 @@ the eyes then know is the same to the last bit.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from mitt.jit import kernel
 from mitt.signals import Array, Image
 from mitt.vision.moments import Box
 from mitt.vision.segmentation import (
@@ -30,7 +30,7 @@ _EDGE = float(1 << 30)
 """Beyond every column [px]."""
 
 
-@njit(cache=True)
+@kernel
 def field(memory: Array, settings: Array, window: NDArray[np.int64]) -> bool:
     """Cut a window down to what will be looked at first in the next image.
 
@@ -61,7 +61,7 @@ def field(memory: Array, settings: Array, window: NDArray[np.int64]) -> bool:
     return True
 
 
-@njit(cache=True)
+@kernel
 def suffices(pixels: Image, memory: Array, settings: Array, work: Box, weights: Array) -> bool:
     """Say whether the target will be found in the window that :func:`field` has cut.
 

@@ -11,9 +11,8 @@ and the newest sightings are then taken in again with some freedom of velocity.
 
 from math import sqrt
 
-from numba import njit
-
 from mitt.flight import STATES
+from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.vision import memory as at
 from mitt.vision.kalman import copy, settle
@@ -30,7 +29,7 @@ SMALL_KICK = 1.0
 """Standard deviation of a velocity change that passes the gate [m/s]."""
 
 
-@njit(cache=True)
+@kernel
 def take_in(memory: Array, slot: int, settings: Array, work: Array) -> bool:
     """Carry the estimate to a sighting; take it in, and return true, if it lies in the gate."""
     known = memory[at.USED] >= settings[GATES, at.MIN_SIGHTINGS]
@@ -39,7 +38,7 @@ def take_in(memory: Array, slot: int, settings: Array, work: Array) -> bool:
     )
 
 
-@njit(cache=True)
+@kernel
 def believe(memory: Array, slot: int) -> None:
     """Note a sighting that was taken in; three in a row end a doubt."""
     memory[at.T_SEEN] = memory[slot]
@@ -53,7 +52,7 @@ def believe(memory: Array, slot: int) -> None:
             memory[at.DOUBTFUL] = 0.0
 
 
-@njit(cache=True)
+@kernel
 def doubt(memory: Array, age: int, settings: Array, work: Array) -> None:
     """Note a rejected sighting; act when they are too many or last too long."""
     memory[at.ALL_REJECTED] += 1.0
@@ -75,7 +74,7 @@ def doubt(memory: Array, age: int, settings: Array, work: Array) -> None:
         _reacquire(memory, age, doubtful, settings, work)
 
 
-@njit(cache=True)
+@kernel
 def begin(memory: Array, slot: int, settings: Array) -> None:
     """Begin a new track at a sighting."""
     if memory[at.USED] > 0.0:
@@ -94,7 +93,7 @@ def begin(memory: Array, slot: int, settings: Array) -> None:
     believe(memory, slot)
 
 
-@njit(cache=True)
+@kernel
 def _reacquire(memory: Array, age: int, depth: int, settings: Array, work: Array) -> None:
     """Explain the newest ``depth`` sightings: outliers, a kick, or another ball.
 
@@ -130,7 +129,7 @@ def _reacquire(memory: Array, age: int, depth: int, settings: Array, work: Array
         memory[at.DOUBTFUL] = 0.0
 
 
-@njit(cache=True)
+@kernel
 def _leap(memory: Array, age: int, doubtful: int, settings: Array) -> tuple[float, float]:
     """Return how far a sighting is from the estimate, and how far kicks may carry [m]."""
     slot, first = at.slot_at(memory, age), at.slot_at(memory, age + doubtful - 1)
@@ -141,7 +140,7 @@ def _leap(memory: Array, age: int, doubtful: int, settings: Array) -> tuple[floa
     return sqrt(leap), 1.5 * settings[GATES, at.KICK_SIGMA] * lasts
 
 
-@njit(cache=True)
+@kernel
 def reconsider(memory: Array, age: int, settings: Array, work: Array) -> None:
     """Weigh all laws of motion, and a small kick, on the newest sightings."""
     depth = int(min(LOOK_BACK, memory[at.FILLED] - age, memory[at.USED] - 1.0))
@@ -152,7 +151,7 @@ def reconsider(memory: Array, age: int, settings: Array, work: Array) -> None:
         take_in(memory, at.slot_at(memory, k), settings, work)
 
 
-@njit(cache=True)
+@kernel
 def _go_back(memory: Array, first: int, kick: float, settings: Array) -> None:
     """Go back to the belief before a sighting, with a velocity that a kick [m/s] has changed."""
     past = first + SLOT_BELIEF

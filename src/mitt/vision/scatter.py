@@ -6,8 +6,7 @@ sample of the variance, axis by axis. A sample counts at most ``CLIP`` times the
 so that an outlier or a bounce hardly moves it.
 """
 
-from numba import njit
-
+from mitt.jit import kernel
 from mitt.signals import Array
 
 START = 1.5e-3
@@ -22,14 +21,14 @@ SCATTER = 16
 """Numbers kept: variances of the axes [m^2], samples so far, three times [s] and positions [m]."""
 
 
-@njit(cache=True)
+@kernel
 def reset(scatter: Array) -> None:
     """Forget all but the first belief, shape (SCATTER,)."""
     scatter[:] = 0.0
     scatter[0] = scatter[1] = scatter[2] = START**2
 
 
-@njit(cache=True)
+@kernel
 def learn(scatter: Array, t: float, z: Array) -> None:
     """Learn from the next position.
 

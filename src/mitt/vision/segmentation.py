@@ -23,11 +23,11 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
-from numba import njit
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from mitt.errors import ShapeError
+from mitt.jit import kernel
 from mitt.signals import Array, Frame, Image, Moments
 from mitt.views import lent, view
 from mitt.vision.moments import MAX_BLOBS, Box, estimate_ground, find_target
@@ -76,7 +76,7 @@ class SegmenterConfig:
     frozen: int = 3
 
 
-@njit(cache=True)
+@kernel
 def _keep(memory: Array, top: int, rows: int, runs: Runs, area: float) -> None:
     """Keep a target's mask and area for the next frame."""
     memory[AREA], memory[TOP], memory[HEIGHT] = area, float(top), float(rows)
@@ -84,7 +84,7 @@ def _keep(memory: Array, top: int, rows: int, runs: Runs, area: float) -> None:
         memory[RUNS + k], memory[RUNS + ROWS + k] = float(runs[0, k]), float(runs[1, k])
 
 
-@njit(cache=True)
+@kernel
 def _trim(top: int, rows: int, runs: Runs) -> tuple[int, int]:
     """Move runs up to their first row that is not empty; return where they begin and how many."""
     first, last = rows, -1
@@ -96,13 +96,13 @@ def _trim(top: int, rows: int, runs: Runs) -> tuple[int, int]:
     return top + first, max(last - first + 1, 0)
 
 
-@njit(cache=True)
+@kernel
 def pace(place: float, motion: float) -> int:
     """Return the whole pixels that a motion takes a place on; they add up over the frames."""
     return round(place + motion) - round(place)
 
 
-@njit(cache=True)
+@kernel
 def _window(
     pixels: Image, memory: Array, reach: int, old: Runs, new: Runs, weights: Array
 ) -> tuple[int, int]:
@@ -126,7 +126,7 @@ def _window(
     return top, rows
 
 
-@njit(cache=True)
+@kernel
 def found_again(
     pixels: Image, memory: Array, settings: Array, old: Runs, new: Runs, weights: Array
 ) -> tuple[int, int]:
@@ -137,7 +137,7 @@ def found_again(
     return top, rows
 
 
-@njit(cache=True)
+@kernel
 def _everywhere(
     pixels: Image, memory: Array, min_area: int, boxes: Box, new: Runs, weights: Array
 ) -> tuple[int, int]:
@@ -158,7 +158,7 @@ def _everywhere(
     return box[1], rows
 
 
-@njit(cache=True)
+@kernel
 def _touches_border(shape: tuple[int, int], top: int, rows: int, runs: Runs) -> bool:
     """Tell whether a target touches the border of the image."""
     if top <= 0 or top + rows >= shape[0] or rows == ROWS:
@@ -170,7 +170,7 @@ def _touches_border(shape: tuple[int, int], top: int, rows: int, runs: Runs) -> 
     return touches
 
 
-@njit(cache=True)
+@kernel
 def _has_grown(memory: Array) -> bool:
     """Tell whether a target is heavier than the ball was: something bright touches it."""
     return bool(memory[WEIGHTS] > (GROWN + RAGGED / sqrt(memory[AREA])) * memory[MASS])
@@ -183,7 +183,7 @@ def masks(work: Box) -> tuple[Runs, Runs]:
     return view(work, at, (2, ROWS)), view(work, at + 2 * ROWS, (2, ROWS))
 
 
-@njit(cache=True)
+@kernel
 def segment(pixels: Image, memory: Array, settings: Array, work: Box) -> tuple[int, bool]:
     """Find the target in the dilated mask of the last, or else in the whole image.
 
@@ -232,7 +232,7 @@ def segment(pixels: Image, memory: Array, settings: Array, work: Box) -> tuple[i
     return int(weights[6]), clipped
 
 
-@njit(cache=True)
+@kernel
 def is_frozen(memory: Array, patience: int) -> bool:
     """Tell whether a target has been the same, noise and all, for more than ``patience`` frames.
 
@@ -245,7 +245,7 @@ def is_frozen(memory: Array, patience: int) -> bool:
     return bool(memory[FROZEN] >= patience > 0)
 
 
-@njit(cache=True)
+@kernel
 def measure_ground(
     pixels: Image, contrast: float, noise_factor: float, counts: NDArray[np.int64], ground: Array
 ) -> None:
@@ -255,7 +255,7 @@ def measure_ground(
     ground[1] = min(ground[0] + rise, 255.0)
 
 
-@njit(cache=True)
+@kernel
 def watch(pixels: Image, memory: Array, settings: Array, work: Box) -> tuple[int, bool]:
     """Take one frame of one camera in: measure the ground when it is due, find the target.
 

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 from math import pi, sqrt
 
 import numpy as np
-from numba import njit
 
 from mitt.errors import InputError
+from mitt.jit import kernel
 from mitt.signals import Array, Moments, Sighting
 from mitt.views import view
 from mitt.vision.camera import Rig
@@ -49,7 +49,7 @@ class TriangulatorConfig:
     max_skew: float = 1e-4
 
 
-@njit(cache=True)
+@kernel
 def _nearest(cameras: Array, points: Array, r: Array, work: Array) -> bool:
     """Write the point with the least squared distance to all rays; False if they are parallel."""
     H, inverse, b = view(work, 0, (3, 3)), view(work, 9, (3, 3)), view(work, 18, (3,))
@@ -76,7 +76,7 @@ def _nearest(cameras: Array, points: Array, r: Array, work: Array) -> bool:
     return True
 
 
-@njit(cache=True)
+@kernel
 def sphere_centroid(lens: Array, x: float, y: float, z: float, radius: float, uv: Array) -> None:
     """Write where the centroid of a ball's image lies.
 
@@ -93,7 +93,7 @@ def sphere_centroid(lens: Array, x: float, y: float, z: float, radius: float, uv
     uv[1] = lens[2] + lens[0] * stretch * y / z
 
 
-@njit(cache=True)
+@kernel
 def _refine(cameras: Array, points: Array, radius: float, r: Array, P: Array, work: Array) -> float:
     """Move ``r`` by one Gauss-Newton step, write its covariance into ``P``.
 
@@ -134,7 +134,7 @@ def _refine(cameras: Array, points: Array, radius: float, r: Array, P: Array, wo
     return worst
 
 
-@njit(cache=True)
+@kernel
 def triangulate(
     cameras: Array, points: Array, radius: float, r: Array, P: Array, work: Array
 ) -> float:
@@ -162,7 +162,7 @@ def triangulate(
     return worst
 
 
-@njit(cache=True)
+@kernel
 def note(
     point: Array, u: float, v: float, area: float, clipped: bool, floor: float, spread: float
 ) -> int:
@@ -216,7 +216,7 @@ def pack_belief(config: TriangulatorConfig, ball_radius: float, rig: Rig) -> Arr
     return np.array((ball_radius, floor, c.sigma_spread**2 * pi**1.5, c.max_residual))
 
 
-@njit(cache=True)
+@kernel
 def on_ray(
     camera: Array, point: Array, radius: float, known: Array, r: Array, P: Array, along: float
 ) -> bool:

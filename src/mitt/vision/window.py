@@ -16,9 +16,9 @@ touching the target, where the chip would take it in. What touches it is found o
 from math import pi, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from mitt.jit import fast_kernel, kernel
 from mitt.signals import Array, Image
 from mitt.views import view
 
@@ -37,7 +37,7 @@ _JUDGED = 20.0
 """Area below which pixels say too little about a shape [px^2]."""
 
 
-@njit(cache=True)
+@kernel
 def dilate(old: Runs, rows: int, reach: int, shift: int, width: int, new: Runs) -> None:
     """Write the runs of a mask dilated by a square and shifted along the rows.
 
@@ -62,7 +62,7 @@ def dilate(old: Runs, rows: int, reach: int, shift: int, width: int, new: Runs) 
             new[1, row] = min(new[1, row] + shift + reach, width - 1)
 
 
-@njit(cache=True)
+@kernel
 def _seed(
     pixels: Image, threshold: int, top: int, rows: int, runs: Runs, u0: int
 ) -> tuple[int, int]:
@@ -82,7 +82,7 @@ def _seed(
     return -1, 0
 
 
-@njit(cache=True)
+@kernel
 def _spread(
     pixels: Image, row: int, threshold: int, a: int, b: int, first: int, last: int
 ) -> tuple[int, int]:
@@ -101,7 +101,7 @@ def _spread(
     return u, w
 
 
-@njit(cache=True)
+@kernel
 def connect(pixels: Image, threshold: int, top: int, rows: int, runs: Runs, u0: int) -> int:
     """Cut runs back to the bright pixels that hang together, from their middle on.
 
@@ -133,7 +133,7 @@ def connect(pixels: Image, threshold: int, top: int, rows: int, runs: Runs, u0: 
     return filled
 
 
-@njit(cache=True, fastmath={"reassoc", "contract"})
+@fast_kernel
 def _sums(line: Image, threshold: int) -> tuple[float, float, float, float]:
     """Return pixels above the threshold and the sums of value, value k, value k^2 of a run.
 
@@ -151,7 +151,7 @@ def _sums(line: Image, threshold: int) -> tuple[float, float, float, float]:
     return float(area), float(s0), float(s1), float(s2)
 
 
-@njit(cache=True)
+@kernel
 def _around(pixels: Image, top: int, rows: int, runs: Runs, threshold: int, level: float) -> float:
     """Return the level of the ground two and three pixels beside the runs; ``level`` if unseen."""
     width, total, count = pixels.shape[1], 0.0, 0
@@ -165,7 +165,7 @@ def _around(pixels: Image, top: int, rows: int, runs: Runs, threshold: int, leve
     return total / count if count >= 4 else level
 
 
-@njit(cache=True)
+@kernel
 def weigh(
     pixels: Image, top: int, rows: int, runs: Runs, threshold: int, level: float, weights: Array
 ) -> bool:
@@ -224,7 +224,7 @@ def weigh(
     return True
 
 
-@njit(cache=True)
+@kernel
 def is_merged(weights: Array) -> bool:
     """Tell by its second moments whether a target is more than one disc."""
     area = weights[6]

@@ -1,9 +1,9 @@
 """Flights of a ball from here to there, by the kernels of :mod:`mitt.flight`."""
 
 import numpy as np
-from numba import njit
 
 from mitt.flight import GRAVITY, advance
+from mitt.jit import kernel
 from mitt.signals import Array
 
 
@@ -48,7 +48,7 @@ def release_velocity(
     return dr
 
 
-@njit(cache=True)
+@kernel
 def _shoot(
     start: Array, dr: Array, target: Array, drag: float, duration: float, miss: Array, slope: Array
 ) -> None:

@@ -18,8 +18,8 @@ from math import sqrt
 from typing import TypeAlias
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.signals import Array, Image
 from mitt.views import lent
 
@@ -31,7 +31,7 @@ Edges: TypeAlias = tuple[int, int, int, int]
 _NEAR = 0.05
 
 
-@njit(cache=True)
+@kernel
 def into(camera: Camera, x: float, y: float, z: float) -> Point:
     """Return a point of the world [m] in the optical frame [m]."""
     x, y, z = x - camera[9], y - camera[10], z - camera[11]
@@ -42,7 +42,7 @@ def into(camera: Camera, x: float, y: float, z: float) -> Point:
     )
 
 
-@njit(cache=True)
+@kernel
 def seen_from(camera: Camera, capsules: Array, k: int) -> tuple[bool, Seen]:
     """Return a capsule in the optical frame, cut off near the lens; False if none of it is ahead.
 
@@ -63,7 +63,7 @@ def seen_from(camera: Camera, capsules: Array, k: int) -> tuple[bool, Seen]:
     return ahead, (ax, ay, az, bx, by, bz, capsules[k, 6])
 
 
-@njit(cache=True)
+@kernel
 def in_front(seen: Seen, point: Point) -> bool:
     """Tell whether the part of a capsule nearest to a point is nearer to the lens than the point.
 
@@ -78,7 +78,7 @@ def in_front(seen: Seen, point: Point) -> bool:
     return bool(seen[2] + share * az < point[2])
 
 
-@njit(cache=True)
+@kernel
 def _misses(lens: Point, seen: Seen, window: Edges) -> bool:
     """Tell, without a division, whether a capsule is more than a pixel beyond a window.
 
@@ -98,7 +98,7 @@ def _misses(lens: Point, seen: Seen, window: Edges) -> bool:
     )
 
 
-@njit(cache=True)
+@kernel
 def draw_capsule(
     pixels: Image, lens: Point, seen: Seen, level: int, noise: Image, start: int, window: Edges
 ) -> None:
@@ -157,7 +157,7 @@ def draw_capsule(
             pixels[line, k] = np.uint8(level + noise[at + k])
 
 
-@njit(cache=True)
+@kernel
 def draw_body(
     pixels: Image, camera: Camera, capsules: Array, level: int, noise: Image, start: int,
     window: Edges, ball: Point, nearer: bool,

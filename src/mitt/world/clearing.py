@@ -20,8 +20,8 @@ held for the capsule around it.
 
 import mujoco
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.robot.segments import segment_distance
 from mitt.signals import Array
 from mitt.views import lent
@@ -104,14 +104,14 @@ def _half(model: mujoco.MjModel, g: int) -> float:
     return float(model.geom_size[g, 1]) if kind in _LONG else 0.0
 
 
-@njit(cache=True)
+@kernel
 def _end(pos: Array, mat: Array, g: int, half: float) -> tuple[float, float, float]:
     """Return an end of a shape's axis [m]."""
     x, y, z = mat[g, 2], mat[g, 5], mat[g, 8]
     return pos[g, 0] + half * x, pos[g, 1] + half * y, pos[g, 2] + half * z
 
 
-@njit(cache=True)
+@kernel
 def measure(pos: Array, mat: Array, pairs: Array, gaps: Array) -> None:
     """Write the smallest gap of each kind of pair.
 
@@ -134,7 +134,7 @@ def measure(pos: Array, mat: Array, pairs: Array, gaps: Array) -> None:
         gaps[what] = min(gaps[what], far - pairs[k, 3])
 
 
-@njit(cache=True)
+@kernel
 def _closing(qpos: Array, qvel: Array, joints: Array, measured: Array, h: float, n: int) -> bool:
     """Say whether a gap can have closed since it was measured, or can within ``h`` [s].
 
@@ -163,7 +163,7 @@ def _closing(qpos: Array, qvel: Array, joints: Array, measured: Array, h: float,
     )
 
 
-@njit(cache=True)
+@kernel
 def is_clear(
     qpos: Array,
     qvel: Array,

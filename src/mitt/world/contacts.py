@@ -2,9 +2,9 @@
 
 import mujoco
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.views import lent
 from mitt.world.engine import MOST, Views, contact_force
@@ -18,7 +18,7 @@ BALL_ANY = BALL_HAND | BALL_ARM | BALL_FLOOR
 HUGE = 1e8
 
 
-@njit(cache=True)
+@kernel
 def survey(
     views: Views, kinds: NDArray[np.int32], touching: NDArray[np.bool_], felt: bool, largest: Array
 ) -> int:
@@ -58,7 +58,7 @@ def survey(
     return found
 
 
-@njit(cache=True)
+@kernel
 def is_sane(qpos: Array, qvel: Array, qacc: Array, ball: int, top_speed: float) -> bool:
     """Tell whether a state can be real; MuJoCo's own warnings come later, if they come.
 

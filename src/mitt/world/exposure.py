@@ -16,9 +16,9 @@ far away; it does not smear, nor do arm and hand.
 from typing import TypeAlias
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from mitt.jit import kernel
 from mitt.signals import Array, Image
 from mitt.views import fetch, lent
 from mitt.world.capsules import Camera, Edges, Point, draw_body, into
@@ -31,7 +31,7 @@ Bank: TypeAlias = tuple[Image, Image, Array]
 Window: TypeAlias = NDArray[np.int64]
 
 
-@njit(cache=True)
+@kernel
 def _hang(pixels: Image, turn: Point, wall: Image, noise: Image, start: int, window: Edges) -> None:
     """Fill an image with the wall.
 
@@ -51,7 +51,7 @@ def _hang(pixels: Image, turn: Point, wall: Image, noise: Image, start: int, win
             pixels[line, u] = np.uint8(wall[far, column + u] + noise[at + u])
 
 
-@njit(cache=True)
+@kernel
 def _camera(optics: Array, n: int, shut: int) -> Camera:
     """Return a camera as in :mod:`mitt.world.capsules`, at begin (0) or end (1)."""
     o = optics
@@ -64,7 +64,7 @@ def _camera(optics: Array, n: int, shut: int) -> Camera:
     )  # fmt: skip
 
 
-@njit(cache=True)
+@kernel
 def _read_ahead(
     camera: Camera, balls: Array, ground: Image, normal: Array, quiet: int, loud: int,
     window: Edges, width: int,
@@ -94,7 +94,7 @@ def _read_ahead(
             fetch(normal, loud + row * width + int(u + reach))
 
 
-@njit(cache=True)
+@kernel
 def _draw_balls(
     pixels: Image, begin: Camera, end: Camera, balls: Array, light: Array, normal: Array,
     start: int, window: Edges, work: Array,
@@ -109,7 +109,7 @@ def _draw_balls(
             draw_ball(pixels, lens, ball, paint, normal, start, window, work)
 
 
-@njit(cache=True)
+@kernel
 def expose(
     images: tuple[Image, ...],
     optics: Array,
@@ -161,7 +161,7 @@ def expose(
             draw_body(pixels, begin, capsules, body, ground, quiet, window, ball, True)
 
 
-@njit(cache=True)
+@kernel
 def snap(
     images: tuple[Image, ...],
     camera: Cameras,

@@ -9,8 +9,8 @@
 from math import sqrt
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.vision.camera import Rig
 from mitt.vision.head import aim_one, pack_heads
@@ -19,7 +19,7 @@ from mitt.vision.head import aim_one, pack_heads
 BANDWIDTH, STEPS = 300.0, 4
 
 
-@njit(cache=True)
+@kernel
 def follow(heads: Array, state: Array, wanted: Array, bandwidth: float, duration: float) -> None:
     """Let the servos follow for a while, within the limits of speed and acceleration.
 
@@ -49,7 +49,7 @@ def follow(heads: Array, state: Array, wanted: Array, bandwidth: float, duration
             state[n, axis], state[n, axis + 2] = angle, rate
 
 
-@njit(cache=True)
+@kernel
 def open_and_shut(heads: Array, state: Array, half: float, optics: Array, places: Array) -> None:
     """Write how the cameras stand as the shutter opens and as it closes.
 

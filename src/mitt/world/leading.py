@@ -1,14 +1,13 @@
 """A tick of the plant in which the ball is led; one compiled call."""
 
-from numba import njit
-
+from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.views import lent
 from mitt.world.contacts import BALL_ANY
 from mitt.world.motion import STATE, STEPS, TICK, TICKS, Plant, arrive, begin, leave, note
 
 
-@njit(cache=True)
+@kernel
 def lead(plant: Plant, tau: Array, hand: float, rows: Array, way: Array) -> bool:
     """Let the motors follow a command for one tick; see :func:`mitt.world.motion.move`.
 

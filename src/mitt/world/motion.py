@@ -23,8 +23,8 @@ has it lent, so that it counts no references to what it takes out.
 from typing import TypeAlias
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.views import lent
 from mitt.world.build import STEP
@@ -56,13 +56,13 @@ def fresh_motion(numbers: Array) -> Array:
     return state
 
 
-@njit(cache=True)
+@kernel
 def begin(state: Array) -> None:
     """Forget the contacts of the tick before."""
     state[FORCE], state[SEEN] = 0.0, 0.0
 
 
-@njit(cache=True)
+@kernel
 def leave(plant: Plant, tau: Array, hand: float) -> None:
     """Make a step up to the new positions and velocities.
 
@@ -91,7 +91,7 @@ def leave(plant: Plant, tau: Array, hand: float) -> None:
             qpos[ball + i], qvel[ball + i] = flight[i], flight[3 + i]
 
 
-@njit(cache=True)
+@kernel
 def arrive(plant: Plant, t: float) -> int:
     """Find what follows from the new state, at ``t`` [s], and note the first contact.
 
@@ -115,7 +115,7 @@ def arrive(plant: Plant, t: float) -> int:
     return int(touched)
 
 
-@njit(cache=True)
+@kernel
 def note(plant: Plant, tau: Array, rows: Array) -> None:
     """Write the present state into the trace, judge it, and set the steps of the next tick.
 
@@ -151,7 +151,7 @@ def note(plant: Plant, tau: Array, rows: Array) -> None:
     _switch(plant)
 
 
-@njit(cache=True)
+@kernel
 def _switch(plant: Plant) -> None:
     """Switch contacts and stops off for the next tick if there can be none, else on."""
     plant = lent(plant)
@@ -166,7 +166,7 @@ def _switch(plant: Plant) -> None:
         switches[0] = off - OFF
 
 
-@njit(cache=True)
+@kernel
 def move(plant: Plant, tau: Array, hand: float, rows: Array) -> None:
     """Let the motors follow a command for one tick; see :func:`leave` and :func:`note`."""
     plant, tau, rows = lent(plant), lent(tau), lent(rows)
@@ -180,7 +180,7 @@ def move(plant: Plant, tau: Array, hand: float, rows: Array) -> None:
     note(plant, tau, rows)
 
 
-@njit(cache=True)
+@kernel
 def over(state: Array, longest: float, held: float) -> bool:
     """Say whether a trial is at its end.
 

@@ -21,8 +21,8 @@ from math import ceil, floor, sqrt
 from typing import TypeAlias
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.signals import Array, Image
 from mitt.views import lent
 from mitt.world.capsules import Edges, Point, Seen
@@ -43,7 +43,7 @@ _PATH = 2 * LINES
 _SLACK = 1e-3
 
 
-@njit(cache=True)
+@kernel
 def _intersect(
     work: Array, at: int, lens: Point, far: float, place: Place, row: int, lines: int, k: int,
     j: int,
@@ -76,7 +76,7 @@ def _intersect(
         work[right + i] = min((x * s + root) * scale + cu, far) if disc > 0.0 else -1.0
 
 
-@njit(cache=True)
+@kernel
 def _cover(work: Array, width: int, lens: Point, row: int, lines: int, k: int) -> tuple[int, int]:
     """Write what makes up the covered share of each pixel of a row; return what was touched.
 
@@ -116,7 +116,7 @@ def _cover(work: Array, width: int, lens: Point, row: int, lines: int, k: int) -
     return first, last
 
 
-@njit(cache=True)
+@kernel
 def _lay_path(lens: Point, ball: Seen, work: Array) -> tuple[int, int, float, float]:
     """Write the ball's places during the exposure.
 
@@ -149,7 +149,7 @@ def _lay_path(lens: Point, ball: Seen, work: Array) -> tuple[int, int, float, fl
     return k, max(lines, k), low, high
 
 
-@njit(cache=True)
+@kernel
 def _paint(
     pixels: Image, row: int, columns: tuple[int, int], work: Array, noise: Array, start: int,
     light: Point,
@@ -171,7 +171,7 @@ def _paint(
         pixels[line, u] = np.uint8(min(max(value + 0.5, 0.0), 255.0))
 
 
-@njit(cache=True)
+@kernel
 def draw_ball(
     pixels: Image, lens: Point, ball: Seen, light: Point, noise: Array, start: int, window: Edges,
     work: Array,

@@ -9,8 +9,8 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.signals import Array, Image
 from mitt.world.solids import FAR, Solids, meet, shades
 
@@ -45,7 +45,7 @@ class Work(NamedTuple):
     colour: Array
 
 
-@njit(cache=True)
+@kernel
 def render(image: Image, lens: Lens, solids: Solids, floor_z: float, samples: int) -> None:
     """Draw solids on a floor.
 
@@ -78,7 +78,7 @@ def render(image: Image, lens: Lens, solids: Solids, floor_z: float, samples: in
                 image[v, u, i] = np.uint8(255.0 * level + 0.5)
 
 
-@njit(cache=True)
+@kernel
 def _look(
     lens: Lens, solids: Solids, floor_z: float, x: float, y: float, u: int, v: int, work: Work
 ) -> tuple[float, int]:
@@ -101,7 +101,7 @@ def _look(
     return depth, nearest
 
 
-@njit(cache=True)
+@kernel
 def _turn_sun(share: float, turn: float, sun: Array) -> None:
     """Write the direction of one place on the sun's disc."""
     wide = _SUN_WIDTH * sqrt(share)
@@ -109,7 +109,7 @@ def _turn_sun(share: float, turn: float, sun: Array) -> None:
     sun /= sqrt(sun[0] ** 2 + sun[1] ** 2 + sun[2] ** 2)
 
 
-@njit(cache=True)
+@kernel
 def _light(lens: Lens, solids: Solids, depth: float, nearest: int, sky: float, work: Work) -> None:
     """Write the light that comes along the ray just cast."""
     colour, n, point, sun = work.colour, work.normal, work.point, work.sun
@@ -139,7 +139,7 @@ def _light(lens: Lens, solids: Solids, depth: float, nearest: int, sky: float, w
         colour[i] = solids.rgb[nearest, i] * light + gloss
 
 
-@njit(cache=True)
+@kernel
 def _floor_colour(x: float, y: float, out: Array) -> None:
     """Write the colour of the floor: near white, with a thin grid."""
     u, v = x / _GRID, y / _GRID

@@ -1,8 +1,8 @@
 """Forces that the plant adds to a command: the finger servos, joint friction, drag of the ball."""
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.robot.hands import FingerDrive
 from mitt.signals import Array
 from mitt.views import lent
@@ -12,7 +12,7 @@ from mitt.views import lent
 STICTION_SPEED = 0.05
 
 
-@njit(cache=True)
+@kernel
 def finger_torque(
     angle: float,
     speed: float,
@@ -35,7 +35,7 @@ def servo_numbers(drive: FingerDrive) -> tuple[float, float, float, float]:
     return drive.tau_max, drive.braking, drive.settling, drive.gain
 
 
-@njit(cache=True)
+@kernel
 def actuate(
     qpos: Array,
     qvel: Array,

@@ -2,14 +2,14 @@
 
 import mujoco
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.views import lent
 from mitt.world.hand import ARM, HAND
 
 
-@njit(cache=True)
+@kernel
 def lay_capsules(pos: Array, mat: Array, sizes: Array, which: Array, capsules: Array) -> None:
     """Write the capsules of geoms.
 

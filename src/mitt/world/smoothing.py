@@ -8,10 +8,10 @@ and spin of a one-second flight to well below the noise of a camera and has an a
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.polynomial import Polynomial, legendre
 from numpy.typing import NDArray
 
+from mitt.jit import kernel
 from mitt.signals import Array
 
 DEGREE = 6
@@ -55,7 +55,7 @@ class Pieces:
         return out[0], out[1]
 
 
-@njit(cache=True)
+@kernel
 def _power_series(x: float, position: Array, rate: Array, out: Array) -> None:
     """Write the values at ``x`` of two power series, lowest power first, shapes (d, 3)."""
     for i in range(3):

@@ -15,9 +15,9 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from mitt.jit import kernel
 from mitt.signals import Array
 
 SPHERE, CAPSULE, CYLINDER, BOX = 0, 1, 2, 3
@@ -38,7 +38,7 @@ class Solids(NamedTuple):
     boxes: Array
 
 
-@njit(cache=True)
+@kernel
 def _round_part(
     r: float, h: float, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, cap: bool
 ) -> tuple[float, float, float, float]:
@@ -61,7 +61,7 @@ def _round_part(
     return best, nx, ny, nz
 
 
-@njit(cache=True)
+@kernel
 def _flat_caps(
     r: float, h: float, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float
 ) -> tuple[float, float]:
@@ -74,7 +74,7 @@ def _flat_caps(
     return (t, side) if t > NEAR and x * x + y * y <= r * r else (FAR, 0.0)
 
 
-@njit(cache=True)
+@kernel
 def _box(
     size: Array, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float
 ) -> tuple[float, float, float, float]:
@@ -101,7 +101,7 @@ def _box(
     )
 
 
-@njit(cache=True)
+@kernel
 def meet(solids: Solids, k: int, eye: Array, ray: Array, normal: Array) -> float:
     """Return the distance at which a ray meets a solid [m], and write the world normal there.
 
@@ -134,7 +134,7 @@ def meet(solids: Solids, k: int, eye: Array, ray: Array, normal: Array) -> float
     return float(t)
 
 
-@njit(cache=True)
+@kernel
 def shades(solids: Solids, point: Array, sun: Array, normal: Array) -> bool:
     """Tell whether a solid stands between a point [m], shape (3,), and the sun, shape (3,)."""
     for k in range(solids.kind.shape[0]):

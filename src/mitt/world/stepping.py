@@ -11,10 +11,10 @@ ball, then viscous and dry friction of each joint.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from mitt.flight import GRAVITY, advance
+from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.views import lent
 from mitt.world.contacts import is_sane
@@ -50,7 +50,7 @@ def pack_plant(
     return np.array([*servo, ball_mass, drag_force / ball_mass, *friction.ravel()])
 
 
-@njit(cache=True)
+@kernel
 def prepare(
     qpos: Array,
     qvel: Array,
@@ -96,7 +96,7 @@ def prepare(
     return bool(finite)
 
 
-@njit(cache=True)
+@kernel
 def tip_velocity(
     place: Array, anchor: Array, axis: Array, slides: NDArray[np.bool_], dq: Array, out: Array
 ) -> None:
@@ -124,7 +124,7 @@ def tip_velocity(
         out[2] += dq[i] * z
 
 
-@njit(cache=True)
+@kernel
 def finish(
     rows: Array,
     index: int,

@@ -5,8 +5,8 @@ from math import sqrt
 from typing import Protocol, final
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.robot.vectors import Vec, cross, dot, minus, plus, times
 from mitt.signals import Array
 from mitt.world.ballistics import fly
@@ -67,7 +67,7 @@ class Push(Protocol):
         """Say whether ``act`` is sure to change nothing, itself included, between two times [s]."""
 
 
-@njit(cache=True)
+@kernel
 def _accelerate(ddr: Vec, h: float, r: Array, dr: Array) -> None:
     """Let an acceleration act for a step that is still to be flown, to second order."""
     for i in range(3):
@@ -75,7 +75,7 @@ def _accelerate(ddr: Vec, h: float, r: Array, dr: Array) -> None:
         r[i] -= 0.5 * h * h * ddr[i]
 
 
-@njit(cache=True)
+@kernel
 def _drag(nominal: float, drag: float, wind: Array, h: float, r: Array, dr: Array) -> None:
     """Let the difference of two drags act for a step, one of them in moving air."""
     v = dr[0], dr[1], dr[2]
@@ -84,7 +84,7 @@ def _drag(nominal: float, drag: float, wind: Array, h: float, r: Array, dr: Arra
     _accelerate(plus(wanted, times(nominal * sqrt(dot(v, v)), v)), h, r, dr)
 
 
-@njit(cache=True)
+@kernel
 def _lift(size: float, axis: Array, h: float, r: Array, dr: Array) -> None:
     """Let the lift of a spinning ball act for a step; ``size`` is that per squared speed [1/m]."""
     v = dr[0], dr[1], dr[2]

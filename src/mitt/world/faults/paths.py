@@ -5,8 +5,8 @@ from math import cos, pi, sin
 from typing import final
 
 import numpy as np
-from numba import njit
 
+from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.world.faults.draw import drawn
 from mitt.world.faults.flight import Undisturbed
@@ -64,7 +64,7 @@ class Walk:
         return r, dr
 
 
-@njit(cache=True)
+@kernel
 def _walked(
     start: Array,
     along: Array,

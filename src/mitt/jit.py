@@ -1,0 +1,145 @@
+"""How kernels are compiled, and where the compiled code is kept.
+
+Numba recompiles a cached kernel when its own file changes, but not when a kernel that it calls has
+changed in another file. Here the key of a cached kernel is a hash of its file and of every file of
+mitt that it imports, directly or not. So the cache is right however mitt is started.
+"""
+
+import hashlib
+import os
+import re
+import sys
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+from numba import config, njit
+from numba.core.caching import CacheImpl, _CacheLocator
+
+PACKAGE: Final = Path(__file__).parent
+"""Folder of mitt's source."""
+
+_IMPORT = re.compile(
+    r"^[ \t]*(?:from[ \t]+(mitt[\w.]*)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)"
+    r"|import[ \t]+(mitt[\w.]*))",
+    re.MULTILINE,
+)
+
+
+def imports_of(source: str) -> list[str]:
+    """Return the modules of mitt that a source may import, as dotted names.
+
+    A name after ``import`` may be a module or not; both readings are returned.
+    """
+    found = []
+    for module, names, plain in _IMPORT.findall(source):
+        found.append(module or plain)
+        found += [f"{module}.{name}" for name in re.findall(r"\b\w+\b", names)]
+    return found
+
+
+@cache
+def _read(file: Path) -> tuple[bytes, tuple[Path, ...]]:
+    """Return the hash of a source file and the files of mitt that it imports."""
+    text = file.read_bytes()
+    imported = []
+    for name in imports_of(text.decode("utf-8")):
+        place = PACKAGE.joinpath(*name.split(".")[1:])
+        imported += [p for p in (place.with_suffix(".py"), place / "__init__.py") if p.is_file()]
+    return hashlib.sha256(text).digest(), tuple(imported)
+
+
+@cache
+def stamp_of(file: Path) -> bytes:
+    """Return a hash of a source file and of all that it imports from mitt."""
+    seen, todo = {file}, [file]
+    while todo:
+        for other in _read(todo.pop())[1]:
+            if other not in seen:
+                seen.add(other)
+                todo.append(other)
+    return hashlib.sha256(b"".join(sorted(_read(f)[0] for f in seen))).digest()
+
+
+def _is_writable(folder: Path) -> bool:
+    """Tell whether files can be made in a folder, which is made if it is not there."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        return False
+    return True
+
+
+@cache
+def cache_folder() -> Path | None:
+    """Return where compiled kernels are kept; None where no folder is writable.
+
+    The first that can be written to of: ``NUMBA_CACHE_DIR``, the user's cache folder
+    (``XDG_CACHE_HOME`` or ``~/.cache``), the Python environment.
+    """
+    if config.CACHE_DIR:
+        folders = [Path(config.CACHE_DIR)]
+    else:
+        user = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+        folders = [Path(user) / "mitt" / "kernels", Path(sys.prefix) / "kernels"]
+    return next((folder for folder in folders if _is_writable(folder)), None)
+
+
+def is_cold() -> bool:
+    """Tell whether no kernel of this source tree has been compiled yet."""
+    folder = cache_folder()
+    name = _CacheLocator.get_suitable_cache_subpath(str(PACKAGE / "tick.py"))
+    return folder is None or not any((folder / name).glob("tick.tick*.nbc"))
+
+
+class _KernelLocator(_CacheLocator):  # type: ignore[misc]
+    """Tells Numba where a kernel of mitt is kept and when it has to be compiled anew."""
+
+    def __init__(self, file: Path, line: int, folder: Path) -> None:
+        """Take where the kernel stands and where the cache is."""
+        self._file, self._line = file, line
+        self._folder = folder / self.get_suitable_cache_subpath(str(file))
+
+    def get_cache_path(self) -> str:
+        """Return the folder of this kernel's compiled code."""
+        return str(self._folder)
+
+    def get_source_stamp(self) -> bytes:
+        """Return what changes with the kernel's source and that of the kernels it calls."""
+        return stamp_of(self._file)
+
+    def get_disambiguator(self) -> str:
+        """Return what tells kernels of one name in one file apart."""
+        return str(self._line)
+
+    @classmethod
+    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> "_KernelLocator | None":
+        """Return a locator for a function that :func:`kernel` compiles; None for any other."""
+        file, folder = Path(py_file), cache_folder()
+        if folder is None or py_func not in _kernels:
+            return None
+        return cls(file, py_func.__code__.co_firstlineno, folder)
+
+
+CacheImpl._locator_classes.insert(0, _KernelLocator)
+
+_kernels: set[Callable[..., Any]] = set()
+
+
+def _compiled(function: Callable[..., Any], **options: object) -> Any:  # noqa: ANN401
+    """Return a function that Numba compiles when it is first called."""
+    _kernels.add(function)
+    return njit(cache=cache_folder() is not None, **options)(function)
+
+
+def kernel(function: Callable[..., Any]) -> Any:  # noqa: ANN401
+    """Compile a function when it is first called, and keep the compiled code."""
+    return _compiled(function)
+
+
+def fast_kernel(function: Callable[..., Any]) -> Any:  # noqa: ANN401
+    """As :func:`kernel`, for sums whose order does not matter."""
+    return _compiled(function, fastmath={"reassoc", "contract"})

@@ -1,0 +1,86 @@
+"""Compiled kernels follow the source of mitt, however it is started."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mitt import jit
+
+CALLER = """
+from mitt.jit import kernel
+from mitt.callee import inner
+
+@kernel
+def outer(x):
+    return inner(x)
+"""
+CALLEE = """
+from mitt.jit import kernel
+
+@kernel
+def inner(x):
+    return {factor} * x
+"""
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """Return a package ``mitt`` of one kernel that calls another in another file."""
+    folder = tmp_path / "mitt"
+    folder.mkdir()
+    (folder / "__init__.py").write_text("")
+    shutil.copy(jit.PACKAGE / "jit.py", folder / "jit.py")
+    (folder / "caller.py").write_text(CALLER)
+    (folder / "callee.py").write_text(CALLEE.format(factor=2.0))
+    return folder
+
+
+def call(package: Path, **env: str) -> str:
+    """Return what a new process prints of ``outer(1.0)``."""
+    code = "from mitt.caller import outer; print(outer(1.0), sum(outer.stats.cache_hits.values()))"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | {"PYTHONPATH": str(package.parent)} | env,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout.strip()
+
+
+def test_a_cached_kernel_follows_the_kernels_that_it_calls(package: Path, tmp_path: Path) -> None:
+    cache = {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    assert call(package, **cache) == "2.0 0"
+    assert call(package, **cache) == "2.0 1"
+    (package / "callee.py").write_text(CALLEE.format(factor=3.0))
+    assert call(package, **cache) == "3.0 0"
+    assert not list(package.rglob("*.nb[ic]"))
+
+
+def test_without_a_folder_that_can_be_written_to_nothing_is_kept(
+    package: Path, tmp_path: Path
+) -> None:
+    nowhere = tmp_path / "a file"
+    nowhere.write_text("")
+    assert call(package, NUMBA_CACHE_DIR=str(nowhere)) == "2.0 0"
+    assert call(package, NUMBA_CACHE_DIR=str(nowhere)) == "2.0 0"
+    assert not list(tmp_path.rglob("*.nb[ic]"))
+
+
+def test_all_forms_of_import_are_seen() -> None:
+    source = (
+        "import mitt.flight\nfrom mitt.robot import (\n    arm,\n    chain as c,\n)\n"
+        "from mitt.vision import memory as at\n"
+    )
+    found = jit.imports_of(source)
+    assert {"mitt.flight", "mitt.robot.arm", "mitt.robot.chain", "mitt.vision.memory"} <= {*found}
+
+
+def test_a_stamp_covers_all_that_a_file_imports() -> None:
+    tick = jit.PACKAGE / "tick.py"
+    assert jit.stamp_of(tick) == jit.stamp_of(tick)
+    assert jit.stamp_of(tick) != jit.stamp_of(jit.PACKAGE / "views.py")
