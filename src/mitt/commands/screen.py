@@ -17,8 +17,13 @@ _FILE_WIDTH = 110
 
 def checked(what: str) -> int:
     """Say that the input is good."""
-    print(f"mitt: the input is good: {what}", file=sys.stderr)  # noqa: T201
+    tell(f"the input is good: {what}")
     return 0
+
+
+def tell(text: str) -> None:
+    """Say one line on stderr."""
+    print(f"mitt: {text}", file=sys.stderr, flush=True)  # noqa: T201
 
 
 @contextmanager
@@ -49,8 +54,7 @@ def _lines() -> Report:
         pace = paces.setdefault(name, Pace())
         left = pace.left(done, of)
         if left is not None and done < of and pace.due():
-            text = f"mitt: {name} {done} of {of}, {left / 60.0:.1f} min left"
-            print(text, file=sys.stderr, flush=True)  # noqa: T201
+            tell(f"{name} {done} of {of}, {left / 60.0:.1f} min left")
 
     return report
 

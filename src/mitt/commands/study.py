@@ -6,7 +6,7 @@ from rich.table import Table
 
 from mitt.commands.screen import checked, console_of, progress
 from mitt.errors import InputError
-from mitt.link.files import check_folder
+from mitt.link.files import check_folder, locked
 from mitt.options import StudyOptions
 from mitt.study.registry import available
 from mitt.study.sweep.engine import check_engine, engine_of
@@ -29,7 +29,7 @@ def run(options: StudyOptions) -> int:
     if options.check:
         total = len(study.conditions) * sum(study.counts.values())
         return checked(f"{extent(study, total)}, output to {folder.path}")
-    with folder.lock():
+    with locked(folder.path):
         engine = engine_of(options.engine, options.workers)
         folder.claim(study, resume=options.resume, overwrite=options.overwrite)
         with progress() as report:

@@ -9,16 +9,12 @@ summary.json     rates by generator and condition
 timing.json      wall-clock figures, which no comparison reads
 """
 
-import fcntl
 import hashlib
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import final
 
 from mitt.errors import FileError, InputError
-from mitt.link.files import LOCK, claim_folder, make_folder, read_json, write_atomically, write_json
+from mitt.link.files import claim_folder, make_folder, read_json, write_atomically, write_json
 from mitt.study.sweep.settings import ArmSettings
 from mitt.study.sweep.study import SCHEMA, Study
 from mitt.world.settings import validated
@@ -99,25 +95,6 @@ class Folder:
                              f"{self.path}, made by {other}",
                              do="choose another folder or say --overwrite instead")  # fmt: skip
         return True
-
-    @contextmanager
-    def lock(self) -> Iterator[None]:
-        """Keep a second run out; the lock goes with the process that holds it.
-
-        Raises:
-            InputError: Another run has it.
-        """
-        make_folder(self.path)
-        handle = os.open(self.path / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
-        try:
-            try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
-                raise InputError("--out", "a folder that no other run writes to",
-                                 f"{self.path}, where one is running") from None  # fmt: skip
-            yield
-        finally:
-            os.close(handle)
 
 
 def _manifest(study: Study) -> dict[str, object]:

@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, final
 
-from mitt.errors import FileError, Terminated
+from mitt.errors import FileError
+from mitt.interrupts import notice, status_of
 from mitt.link.files import read_json, write_atomically, write_json
 from mitt.link.maps import save_map
 from mitt.study.catch import arm_of, design_of
@@ -32,7 +33,7 @@ class Finished:
     Attributes:
         rows: Rows of the summary.
         lost: What became of chunks that could not be thrown, a line each.
-        interrupt: 130 or 143 after an interrupt.
+        interrupt: Exit status after an interrupt.
         thrown: Throws that are done.
         total: Throws of the whole study.
     """
@@ -63,7 +64,8 @@ def run_study(study: Study, folder: Folder, engine: Engine, *, progress: Progres
         _throw_all(jobs, folder, engine, done, progress)
         record_failures(by_cell(jobs), folder, engine, study.record, progress)
     except KeyboardInterrupt as stop:
-        done.interrupt = 143 if isinstance(stop, Terminated) else 130
+        notice()
+        done.interrupt = status_of(stop)
     finally:
         engine.close(at_once=done.interrupt is not None)
     _sum_up(study, jobs, folder, done)
