@@ -10,6 +10,7 @@ import pinocchio as pin
 from defusedxml import DefusedXmlException, ElementTree
 
 from mitt.errors import FileError, ModelError, UnknownNameError, heard
+from mitt.reading import read_text
 from mitt.robot.arm import Arm
 from mitt.robot.description import ArmModel, Link, transform
 from mitt.robot.hands import HandModel
@@ -17,7 +18,9 @@ from mitt.robot.limits import Limits, joint_level
 from mitt.robot.wam import LIMIT_SETS, wam, wam_limits
 
 #: Largest description file read [byte]; real ones stay below 1 MB.
-_MAX_BYTES = 20_000_000
+_MAX_BYTES = 5_000_000
+#: Elements in one another; more would be too many for the parsers behind Pinocchio.
+_MOST_LEVELS = 100
 _HOW = "state them in the file (MJCF: actuatorfrcrange, numeric velocity_limit_JOINT)"
 
 
@@ -83,12 +86,7 @@ def _with_encoders(model: ArmModel, step: float | Sequence[float] | None) -> Arm
 
 def _parse(path: Path) -> pin.Model:
     """Read a description file into Pinocchio, refusing what it would silently accept."""
-    try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise FileError(str(path), f"at most {_MAX_BYTES} bytes", path.stat().st_size)
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileError(str(path), "a readable text file", error) from error
+    text = read_text(path, max_bytes=_MAX_BYTES)
     _check_numbers(path, text)
     build = pin.buildModelFromUrdf if path.suffix == ".urdf" else pin.buildModelFromMJCF
     with heard() as said:
@@ -135,6 +133,11 @@ def _check_numbers(path: Path, text: str) -> None:
         root = ElementTree.fromstring(text, forbid_dtd=True)
     except (ElementTree.ParseError, DefusedXmlException, ValueError) as error:
         raise FileError(str(path), "well-formed XML", error) from error
+    level = [root]
+    for _ in range(_MOST_LEVELS):
+        level = [child for element in level for child in element]
+    if level:
+        raise FileError(str(path), f"at most {_MOST_LEVELS} elements in one another", "more")
     if root.find(".//include") is not None:
         raise FileError(str(path), "one file", "one that includes others", do="join them")
     for element in root.iter():
