@@ -20,7 +20,6 @@ import numpy as np
 
 from mitt.catcher import Phase
 from mitt.control.condition import ABORT
-from mitt.control.monitor import Encoders
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.records import REASONS
@@ -161,7 +160,7 @@ def broken(f: DirectMap, kind: str, throws: list[Throw], seed: int) -> Row:
             continue
         reasons.add(REASONS[ticks["reason"][stopped[0]]].value)
         stop, first = int(stopped[0]), round(start / 0.001)
-        shows = _shows(kind, q[:, joint], first)
+        shows = _shows(kind, q[:, joint], first, f.arm.encoder_step[joint])
         rows["delay_ms"].append(max(stop - shows, 0))
         moving = np.flatnonzero(np.abs(dq).max(axis=1) > STILL)
         rows["stop_ms"].append(max(int(moving[-1]) + 1 - stop, 0) if len(moving) else 0)
@@ -173,11 +172,11 @@ def broken(f: DirectMap, kind: str, throws: list[Throw], seed: int) -> Row:
     return rows
 
 
-def _shows(kind: str, q: Array, first: int) -> int:
-    """Return the tick from which a fault can be seen at all."""
+def _shows(kind: str, q: Array, first: int, count: float) -> int:
+    """Return the tick from which a fault can be seen at all; resolution ``count`` [rad]."""
     if kind in ("jump", "dropout"):
         return first
-    moved = np.abs(q[first:] - q[max(first - 1, 0)]) > COUNTS * Encoders().count
+    moved = np.abs(q[first:] - q[max(first - 1, 0)]) > COUNTS * count
     return first + int(np.argmax(moved)) if moved.any() else first
 
 

@@ -31,6 +31,7 @@ class Limits:
         tau_stall: Torque at rest of the torque-speed line [N m], shape (N,); infinite without one.
         dq_max: Largest (no-load) speed of each drive [rad/s], shape (N,).
         tau_rms: Continuous torque, as root mean square over a trial [N m], shape (N,).
+        jerk: Largest jerk of each joint [rad/s^3], shape (N,); None where the set has none.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Limits:
     tau_stall: Array
     dq_max: Array
     tau_rms: Array
+    jerk: Array | None = None
 
     @cached_property
     def to_drive(self) -> Array:

@@ -1,6 +1,7 @@
 """Arms by name or from a URDF or MJCF file."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import hypot
 from pathlib import Path
 
@@ -30,6 +31,7 @@ def load_arm(
     joints: Sequence[str] | None = None,
     limits: str | None = None,
     hand: HandModel | None = None,
+    encoder_step: float | Sequence[float] | None = None,
 ) -> Arm:
     """Return an arm by name (``wam``) or from a URDF (``.urdf``) or MJCF (``.xml``) file.
 
@@ -41,6 +43,8 @@ def load_arm(
         limits: Limit set: ``paper``, ``wam-48v``, ``wam-80v`` for the WAM, ``model`` for files.
         hand: For files: a hand to be mounted so that its catch point is at the tip; without
             one the file is taken to contain what the arm carries.
+        encoder_step: Resolution of the encoders of the active joints [rad], one for all or one a
+            joint; the WAM's own, or ``description.ENCODER_STEP`` for files, if left out.
 
     Raises:
         UnknownNameError: No such arm, joint, frame or limit set.
@@ -50,7 +54,8 @@ def load_arm(
     if str(name_or_path) == "wam":
         if tip is not None or joints is not None:
             raise ModelError("arm wam", "no tip and no joints: they are fixed", f"{tip}, {joints}")
-        return Arm(wam(hand or HandModel()), wam_limits(limits or "paper"))
+        model = _with_encoders(wam(hand or HandModel()), encoder_step)
+        return Arm(model, wam_limits(limits or "paper"))
     path = Path(name_or_path)
     if path.suffix not in (".urdf", ".xml", ".mjcf"):
         raise UnknownNameError("arm", str(name_or_path), ("wam", "a .urdf file", "an .xml MJCF"))
@@ -60,7 +65,23 @@ def load_arm(
     if tip is None or not joints:
         raise ModelError(str(path), "tip and joints", f"tip={tip}, joints={joints}",
                          do="name the frame of the catch point and the active joints")  # fmt: skip
-    return _from_pinocchio(_parse(path), path.stem, tip, tuple(joints), hand)
+    arm = _from_pinocchio(_parse(path), path.stem, tip, tuple(joints), hand)
+    model = _with_encoders(arm.model, encoder_step)
+    return arm if model is arm.model else Arm(model, arm.limits)
+
+
+def _with_encoders(model: ArmModel, step: float | Sequence[float] | None) -> ArmModel:
+    """Return an arm whose active joints have encoders of a resolution [rad], if one is given."""
+    if step is None:
+        return model
+    steps = [step] * len(model.active) if isinstance(step, int | float) else list(step)
+    if len(steps) != len(model.active):
+        wanted = f"one number, or one for each of {len(model.active)} joints"
+        raise ModelError("encoder_step", wanted, f"{len(steps)}")
+    links = list(model.links)
+    for k, x in zip(model.active, steps, strict=True):
+        links[k] = replace(links[k], encoder_step=float(x))
+    return replace(model, links=tuple(links))
 
 
 def _parse(path: Path) -> pin.Model:
