@@ -14,7 +14,7 @@ from mitt.world.hand import ARM, BALL, FLOOR, FRICTION, HAND, SMALL_PARTS, STIFF
 from mitt.world.meeting import name_pairs
 from mitt.world.scene import Scene
 
-#: Simulation step near a contact [s]; two make a control tick (dependencies.md).
+#: Simulation step near a contact [s]; two make a control tick.
 STEP = 0.0005
 
 _ORANGE = (0.95, 0.45, 0.10, 1.0)

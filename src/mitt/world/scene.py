@@ -18,7 +18,7 @@ Share = Annotated[float, Field(ge=0.0, lt=0.5)]
 
 
 class Ball(Settings):
-    """What is thrown; facts.md, section 4.
+    """What is thrown; radius and mass are choices of this project, drag that of thrown balls.
 
     Attributes:
         radius: Radius [m].
@@ -106,7 +106,7 @@ class Scene(Settings):
     faults: FaultPlan = ()
 
 
-#: Scene of the recorded flights: a table-tennis ball, facts.md, section 4.
+#: Scene of the recorded flights: a table-tennis ball, its drag as fitted to them.
 TABLE_TENNIS = Ball(radius=0.02, mass=0.0027, drag=0.12)
 
 
