@@ -17,7 +17,8 @@ from mitt.world.faults.flight import Undisturbed, pushes
 from mitt.world.faults.plan import Fault
 from mitt.world.faults.trial import Troubles
 from mitt.world.motion import TICK
-from mitt.world.scene import Scene, exact_scene, read_scene
+from mitt.world.scene import Scene, exact_scene
+from mitt.world.scenes import read_scene
 from mitt.world.simulation import World
 from mitt.world.throws import Throw
 

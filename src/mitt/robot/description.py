@@ -43,6 +43,8 @@ class Link:
         com: Centre of mass [m], shape (3,).
         inertia: Inertia about the centre of mass [kg m^2], shape (3, 3).
         armature: Rotor inertia reflected to the joint [kg m^2].
+        encoder_step: Resolution of the joint's encoder [rad, m]; 17 bits a turn is a choice of this
+            project for arms whose own is not known.
         capsules: Collision shapes.
         held: Joint value at which the joint is held [rad]; None where it is active.
     """
@@ -57,6 +59,7 @@ class Link:
     com: Array
     inertia: Array
     armature: float = 0.0
+    encoder_step: float = 2.0 * np.pi / 2**17
     capsules: tuple[Capsule, ...] = ()
     held: float | None = None
 

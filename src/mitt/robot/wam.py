@@ -45,6 +45,11 @@ TRANSMISSION = np.array(
     ]
 )
 
+#: Encoders of 4096 counts a turn of the motor (WAM User's Manual), a joint each [rad]; for joints 2
+#: and 3 a count of one of the two motors that they share.
+_COUNTS = 4096
+_ENCODER_STEPS = tuple(2.0 * np.pi / (_COUNTS * np.abs(TRANSMISSION).max(axis=0)))
+
 
 @dataclass(frozen=True, slots=True)
 class _Row:
@@ -155,6 +160,7 @@ def _link(k: int, row: _Row, held: float | None, placement: Array) -> Link:
         com=T[:3, :3] @ (1e-3 * np.array(row.com_mm)) + T[:3, 3],
         inertia=T[:3, :3] @ inertia @ T[:3, :3].T,
         armature=row.armature,
+        encoder_step=_ENCODER_STEPS[k],
         capsules=row.capsules,
         held=held,
     )

@@ -143,7 +143,7 @@ class Bench:
             status=status_of(
                 world,
                 catcher.phase,
-                was_held=held(world.truth(), self._scene.ball.radius),
+                was_held=held(world.truth(), world.radius),
             ),
             t_catch_s=float(t_catch) if np.isfinite(t_catch) else None,
             position_error_mm=None if contact is None else 1e3 * contact.position_error,

@@ -1,5 +1,6 @@
 """Settings that come from TOML files: how they are read, checked and refused."""
 
+import copy
 import sys
 import tomllib
 from pathlib import Path
@@ -36,6 +37,18 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise FileError(str(path), "a readable TOML file", error.strerror or "error") from None
     except (ValueError, RecursionError) as error:
         raise FileError(str(path), "TOML", str(error)[:120]) from None
+
+
+def merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    """Return two nested tables as one; where both have a value, that of ``above``."""
+    out = copy.deepcopy(below)
+    for key, value in above.items():
+        old = out.get(key)
+        if isinstance(old, dict) and isinstance(value, dict):
+            out[key] = merged(old, value)
+        else:
+            out[key] = copy.deepcopy(value)
+    return out
 
 
 def validated(model: type[_Model], data: object, *, place: str) -> _Model:
