@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any, get_args
 
 from mitt.errors import FileError, InputError
+from mitt.reading import read_toml
 from mitt.world.scene import TABLE_TENNIS, Scene, SceneName
-from mitt.world.settings import merged, read_toml, validated
+from mitt.world.settings import merged, validated
 
 NAMES: tuple[str, ...] = get_args(SceneName)
 """Names of the scenes that ship."""
