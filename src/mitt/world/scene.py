@@ -6,7 +6,7 @@ the sensors are. Every figure without a source is a choice of this project.
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from mitt.world.faults.plan import FaultPlan
 from mitt.world.settings import Settings
@@ -70,7 +70,8 @@ class Sensing(Settings):
         texture: Standard deviation of the background's brightness [grey levels].
         body: Grey level of arm and hand in the images; the background has 24.
         second: A second bright ball that stands still: centre and radius [m].
-        views: Views of a board from which the cameras were calibrated; 0 is an exact calibration.
+        views: Views of a board, at least 6, from which cameras that stand still were calibrated,
+            and places of a ball in the hand by which they were placed; 0 is an exact calibration.
         corner_noise: Error of a corner or of a ball's centre in these views, 1 sigma an axis [px].
         distortion: k1 and k2 of the lenses, which calibration finds with the rest.
         blur: Standard deviation of the lenses' blur [px].
@@ -88,6 +89,14 @@ class Sensing(Settings):
     corner_noise: Annotated[float, Field(gt=0.0, le=5.0)] = 0.2
     distortion: Annotated[tuple[Bend, Bend], Field(strict=False)] = (0.0, 0.0)
     blur: Annotated[float, Field(ge=0.0, le=3.0)] = 0.0
+
+    @field_validator("views")
+    @classmethod
+    def _enough(cls, views: int) -> int:
+        """Refuse views that leave a calibration open."""
+        if 0 < views < 6:
+            raise ValueError("0, or at least 6 views")
+        return views
 
 
 class Actuation(Settings):
