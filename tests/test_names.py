@@ -42,7 +42,7 @@ def missing(path: Path, text: str) -> list[str]:
 
 def test_a_name_that_leads_nowhere_is_found() -> None:
     """What this file looks for, it sees."""
-    absent = "no" + "where.md"
+    absent = "nowhere" + ".md"
     assert missing(ROOT / "README.md", f"see {absent}, section 1") == [absent]
     assert missing(ROOT / "README.md", "see `docs/studies.md` and [x](docs/rig.md)") == []
     gone = "benchmarks/" + "gone.py"
