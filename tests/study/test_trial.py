@@ -1,19 +1,26 @@
 """One trial: what it reports agrees with its own log."""
 
+import json
+from dataclasses import asdict
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
+from mitt.link.recording import write_recording
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
 from mitt.study.lesson import learn
+from mitt.study.neighbourhood import aim_of
+from mitt.study.record import recording_of
 from mitt.study.score import HELD_AFTER
 from mitt.study.simulate import simulate
 from mitt.study.trial import Bench, Outcome, known_ball
 from mitt.world.scene import Scene
-from mitt.world.throws import Throw
+from mitt.world.throws import Throw, default_throw
 
 #: Agreement of figures reckoned two ways.
 EXACT = 1e-12
@@ -114,3 +121,22 @@ def test_real_motors_catch_with_the_design_chosen_for_them(limits: str) -> None:
     assert [trial.status for trial in trials] == ["caught"] * 4
     assert sum(trial.limit_violations for trial in trials) == 0
     assert 0.0 < max(max(trial.rms_torque_ratio) for trial in trials) < 1.0
+
+
+def test_a_trial_that_is_over_before_its_first_tick_is_a_result(
+    arm: Arm, learned: Learned, tmp_path: Path
+) -> None:
+    """A ball that lies on the floor: missed, every number finite, and it can be recorded."""
+    ball = Throw(r=np.array([3.0, 0.0, -0.97]), dr=np.zeros(3))
+    bench = Bench(arm, Direct(learned.map), Scene(), pixels=False)
+    outcome = bench.run(0, ball, seed=1, log=True)
+    assert outcome.log is not None
+    assert len(outcome.log.t) == 0
+    assert outcome.trial.status == "missed"
+    text = json.dumps(asdict(outcome.trial), allow_nan=False)
+    assert json.loads(text)["rms_torque_ratio"] == [0.0] * len(outcome.trial.rms_torque_ratio)
+    write_recording(
+        tmp_path / "x.mcap", recording_of(outcome.log, outcome.trial, arm.names, about={})
+    )
+    after = bench.run(1, default_throw(np.random.default_rng(5), aim_of(arm)), seed=3)
+    assert after.trial.status == "caught"

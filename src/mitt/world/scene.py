@@ -77,7 +77,7 @@ class Sensing(Settings):
         blur: Standard deviation of the lenses' blur [px].
     """
 
-    point_noise: NotNegative = 0.001
+    point_noise: Annotated[float, Field(ge=0.0, le=10.0)] = 0.001
     latency: Annotated[int, Field(ge=0, le=20)] = 1
     encoder_step: NotNegative | Literal["arm"] = 0.0
     cameras: Literal["fixed", "active"] = "fixed"
