@@ -10,10 +10,10 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from mitt.errors import FileError, MittError
-from mitt.generator.design import MOST_ORDER, MapDesign, tangent_of
+from mitt.generator.design import MapDesign, tangent_of
 from mitt.generator.learn import Learned, Step
 from mitt.generator.mapping import DirectMap
-from mitt.generator.polynomial import CatchBasis
+from mitt.generator.polynomial import MOST_ORDER, CatchBasis
 from mitt.link.files import read_json, write_json
 from mitt.robot.arm import Arm
 

@@ -9,10 +9,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mitt import checks
 from mitt.errors import ModelError
 from mitt.robot.hands import HandModel
 from mitt.signals import Array
 
+_keep = object.__setattr__
 #: Slack of the triangle inequality of principal moments [kg m^2]: files round their figures.
 _INERTIA_SLACK = 1e-6
 #: Largest length, mass or inertia of a link that is taken for meant [m, kg, kg m^2].
@@ -63,6 +65,7 @@ class Link:
     def __post_init__(self) -> None:
         """Refuse what no real link can have."""
         where = f"joint {self.name!r}"
+        self._hold_shapes(where)
         bodily = (self.placement, self.axis, self.com, self.inertia, self.armature)
         numbers = (*bodily, self.q_min, self.q_max)
         if not all(np.all(np.abs(x) <= _LARGEST) for x in numbers):
@@ -80,6 +83,21 @@ class Link:
             raise ModelError(where, wanted, np.array2string(moments, precision=6))
         if self.armature < 0.0:
             raise ModelError(where, "an armature of at least 0", f"{self.armature:g}")
+
+    def _hold_shapes(self, where: str) -> None:
+        """Convert the fields to what kernels and Pinocchio take; refuse other shapes."""
+        for name, value, shape in (
+            ("placement", self.placement, (4, 4)), ("axis", self.axis, (3,)),
+            ("com", self.com, (3,)), ("inertia", self.inertia, (3, 3)),
+        ):  # fmt: skip
+            _keep(self, name, checks.array(f"{where} {name}", value, shape))
+        for name, plain in (
+            ("q_min", self.q_min), ("q_max", self.q_max), ("mass", self.mass),
+            ("armature", self.armature),
+        ):  # fmt: skip
+            _keep(self, name, checks.number(f"{where} {name}", plain))
+        if self.held is not None:
+            _keep(self, "held", checks.number(f"{where} held", self.held, finite=True))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -104,6 +122,19 @@ class ArmModel:
     q_ready: Array
     base_capsules: tuple[Capsule, ...]
     mount: Array
+
+    def __post_init__(self) -> None:
+        """Refuse an arm without links or joints, and arrays of other shapes."""
+        if not self.links:
+            raise ModelError("links", "at least one link", "none")
+        for link in checks.instance("links", self.links, tuple):
+            checks.instance("link", link, Link)
+        if self.hand is not None:
+            checks.instance("hand", self.hand, HandModel)
+        _keep(self, "tool", checks.array("tool", self.tool, (4, 4), finite=True))
+        _keep(self, "mount", checks.array("mount", self.mount, (4, 4), finite=True))
+        q_ready = checks.vector("q_ready", self.q_ready, len(self.active), finite=True)
+        _keep(self, "q_ready", q_ready)
 
     @property
     def active(self) -> tuple[int, ...]:
@@ -137,6 +168,8 @@ class ArmModel:
             at: Its centre of mass in the frame of the tool plate [m], shape (3,).
             inertia: Inertia about that point, axes of the tool plate [kg m^2], shape (3, 3).
         """
+        mass = checks.number("mass", mass, finite=True)
+        at, inertia = checks.vector("at", at, 3), checks.array("inertia", inertia, (3, 3))
         last = self.links[-1]
         R, p = self.tool[:3, :3], self.tool[:3, 3]
         total = last.mass + mass
