@@ -50,7 +50,7 @@ class MapDesign:
             raise InputError("free", "three indices of joints", checks.shown(self.free))
         fields["free"] = tuple(checks.whole("free", k, least=0) for k in given)
         for name, kept in fields.items():
-            object.__setattr__(self, name, value)
+            object.__setattr__(self, name, kept)
 
 
 #: Designs chosen by computation, by arm and limit set; any other arm or set has the paper's.

@@ -8,6 +8,7 @@ the line from its stall torque at rest to zero at its no-load speed.
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
@@ -15,6 +16,10 @@ from mitt import checks
 from mitt.errors import ShapeError
 from mitt.jit import kernel
 from mitt.signals import Array
+
+LEAST: Final = 1e-3
+"""Share of its stall torque that counts as left to a drive beyond its no-load speed, wherever a
+share of the torque bound is to stay finite. Torques themselves are held to the bound without it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,6 +33,7 @@ class Limits:
         tau_stall: Torque at rest of the torque-speed line [N m], shape (N,); infinite without one.
         dq_max: Largest (no-load) speed of each drive [rad/s], shape (N,).
         tau_rms: Continuous torque, as root mean square over a trial [N m], shape (N,).
+        jerk: Largest jerk of each joint [rad/s^3], shape (N,); None where the set has none.
     """
 
     name: str
@@ -36,6 +42,7 @@ class Limits:
     tau_stall: Array
     dq_max: Array
     tau_rms: Array
+    jerk: Array | None = None
 
     def __post_init__(self) -> None:
         """Hold the arrays to the number of drives; ShapeError or InputError where they differ."""
@@ -45,6 +52,7 @@ class Limits:
         size = len(transmission)
         kept = {"transmission": checks.array("transmission", transmission, (size, size))}
         kept |= {name: checks.vector(name, bound, size) for name, bound in bounds.items()}
+        kept |= {} if self.jerk is None else {"jerk": checks.vector("jerk", self.jerk, size)}
         for name, value in kept.items():
             object.__setattr__(self, name, value)
 
@@ -78,19 +86,20 @@ class Limits:
         out: Array = self._rows("dq", dq) @ self.transmission.T
         return out
 
-    def torque_bound(self, tau_drive: Array, dq_drive: Array) -> Array:
+    def torque_bound(self, tau_drive: Array, dq_drive: Array, *, least: float = 0.0) -> Array:
         """Return the bound on the size of each drive torque in its direction [N m].
 
         Args:
             tau_drive: Drive torques [N m], shape (..., N).
             dq_drive: Drive speeds [rad/s], of the same shape.
+            least: As in :func:`bound_of`.
         """
         tau_drive, dq_drive = self._rows("tau_drive", tau_drive), self._rows("dq_drive", dq_drive)
         if tau_drive.shape != dq_drive.shape:
             raise ShapeError("dq_drive", str(tau_drive.shape), dq_drive.shape)
         out = np.asarray(np.broadcast_to(self.tau_peak, tau_drive.shape), np.float64)
         if self.no_load:
-            line = self.tau_stall * np.maximum(1.0 - np.abs(dq_drive) / self.dq_max, 0.0)
+            line = self.tau_stall * np.maximum(1.0 - np.abs(dq_drive) / self.dq_max, least)
             driving = tau_drive * dq_drive > 0.0
             out = np.asarray(np.where(driving, np.minimum(self.tau_peak, line), out), np.float64)
         return out
@@ -98,8 +107,7 @@ class Limits:
     def torque_ratio(self, tau: Array, dq: Array) -> Array:
         """Return how much of each drive's torque is asked for, shape (..., N); 1 is the limit."""
         drive = self.drive_torque(tau)
-        bound = self.torque_bound(drive, self.drive_speed(dq))
-        out: Array = np.abs(drive) / np.maximum(bound, 1e-9)
+        out: Array = np.abs(drive) / self.torque_bound(drive, self.drive_speed(dq), least=LEAST)
         return out
 
     def speed_ratio(self, dq: Array) -> Array:
@@ -119,7 +127,7 @@ class Limits:
         return checks.rows(name, x, len(self.dq_max))
 
 
-_FIELDS = ("name", "transmission", "tau_peak", "tau_stall", "dq_max", "tau_rms")
+_FIELDS = ("name", "transmission", "tau_peak", "tau_stall", "dq_max", "tau_rms", "jerk")
 """Fields of a limit set."""
 
 
@@ -134,8 +142,8 @@ def bound_of(
         m: Index of the drive.
         drive: Its torque, of which only the direction counts [N m].
         speed: Its speed [rad/s].
-        least: Share of the stall torque that is always left: 0, or more where a share of the
-            bound is to stay finite.
+        least: Share of the stall torque that is always left: 0 where a torque is held to its
+            bound, ``LEAST`` where its share of the bound is to stay finite.
     """
     n = packed.shape[1]
     bound, stall, top = packed[2 * n, m], packed[2 * n + 1, m], packed[2 * n + 2, m]
@@ -144,6 +152,19 @@ def bound_of(
         if line < bound:
             return line, stall / top
     return bound, 0.0
+
+
+@kernel
+def torque_share(packed: Array, m: int, drive: float, speed: float) -> float:
+    """Return the share of a drive's torque bound that is asked for; 1 is the limit.
+
+    Args:
+        packed: ``Limits.packed``.
+        m: Index of the drive.
+        drive: Its torque [N m].
+        speed: Its speed [rad/s].
+    """
+    return float(abs(drive) / bound_of(packed, m, drive, speed, LEAST)[0])
 
 
 @kernel
@@ -168,8 +189,7 @@ def largest_share(packed: Array, tau: Array, dq: Array) -> float:
     n, largest = len(tau), 0.0
     for m in range(n):
         drive, speed = drive_asked(packed, m, tau, dq)
-        bound, _ = bound_of(packed, m, drive, speed, 0.0)
-        largest = max(largest, abs(drive) / max(bound, 1e-9))
+        largest = max(largest, torque_share(packed, m, drive, speed))
     return largest
 
 
