@@ -206,7 +206,11 @@ class ArmModel:
             inertia: Inertia about that point, axes of the tool plate [kg m^2], shape (3, 3).
         """
         mass = checks.number("mass", mass, finite=True)
-        at, inertia = checks.vector("at", at, 3), checks.array("inertia", inertia, (3, 3))
+        at = checks.vector("at", at, 3, finite=True)
+        inertia = checks.array("inertia", inertia, (3, 3), finite=True)
+        largest = max(abs(mass), np.abs(at).max(), np.abs(inertia).max())
+        if not largest <= _LARGEST:
+            raise ModelError("body", f"numbers within +-{_LARGEST:g}", f"{largest:g}")
         last = self.links[-1]
         R, p = self.tool[:3, :3], self.tool[:3, 3]
         total = last.mass + mass

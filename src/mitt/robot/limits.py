@@ -95,6 +95,7 @@ class Limits:
             least: As in :func:`bound_of`.
         """
         tau_drive, dq_drive = self._rows("tau_drive", tau_drive), self._rows("dq_drive", dq_drive)
+        least = checks.number("least", least)
         if tau_drive.shape != dq_drive.shape:
             raise ShapeError("dq_drive", str(tau_drive.shape), dq_drive.shape)
         out = np.asarray(np.broadcast_to(self.tau_peak, tau_drive.shape), np.float64)

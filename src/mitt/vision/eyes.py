@@ -194,22 +194,18 @@ class Eyes:
         """
         if not frames:
             return self._nothing
-        t = -inf
+        t, shapes = -inf, self._shapes
         for frame in frames:
+            self._check(frame, shapes)
             if t < frame.t < inf:
                 t = frame.t
-        images, apart, numbers = self._none.copy(), 0, self._numbers
-        heads, count, shapes = self.heads, len(images), self._shapes
+        images, apart, numbers, heads = self._none.copy(), 0, self._numbers, self.heads
         for frame in frames:
             k, number, pixels = frame.camera, frame.number, frame.pixels
-            if not 0 <= k < count:
-                raise InputError("frame.camera", f"0 to {count - 1}", k)
             if number == numbers[k]:
                 continue
             if heads and not (isfinite(frame.pan) and isfinite(frame.tilt)):
                 continue  # nobody knows where it looks
-            if pixels.shape != shapes[k] or pixels.dtype != _GREY:
-                checks.image("frame.pixels", pixels, shapes[k])
             numbers[k] = number
             images[k] = pixels if pixels.flags.carray else pixels.copy(order="C")
             if frame.t == t or abs(frame.t - t) <= self._max_skew:
@@ -219,3 +215,12 @@ class Eyes:
             if heads:
                 self._angles[k] = frame.pan, frame.tilt
         return tuple(images), apart, t
+
+    @staticmethod
+    def _check(frame: Frame, shapes: list[tuple[int, int]]) -> None:
+        """Refuse a frame of a camera that is not there, or an image that is not of its size."""
+        if not 0 <= frame.camera < len(shapes):
+            raise InputError("frame.camera", f"0 to {len(shapes) - 1}", frame.camera)
+        pixels, shape = frame.pixels, shapes[frame.camera]
+        if pixels.shape != shape or pixels.dtype != _GREY:
+            checks.image("frame.pixels", pixels, shape)
