@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import final
+from typing import NoReturn, final
 
 import mujoco
 import numpy as np
@@ -117,6 +117,11 @@ class World:
         self._ball = self._senses[2:]
         self._tape = Tape((1, self.model.nq, self.model.nv, n, 3, 3, 1, 1))
         self._start(None, np.zeros((2, n)), 0.0)
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse to be copied: what compiled code works on lies in MuJoCo's memory."""
+        raise InputError("world", "a world that is not copied or sent elsewhere", "a copy",
+                         do="make another from the same scene and arm, and reset it")  # fmt: skip
 
     @property
     def t(self) -> float:
