@@ -9,17 +9,18 @@ The catcher takes senses and gives commands, so it does not know whether a simul
 arm is at the other end.
 """
 
-from copy import copy
-from typing import final
+from copy import copy, deepcopy
+from typing import Any, final
 
 import numpy as np
 
+from mitt import checks
 from mitt.control.brake import plan_brake
 from mitt.control.condition import ENCODER_REASONS
 from mitt.control.envelope import TICK
 from mitt.control.monitor import doubted
 from mitt.control.stopped import StoppedBy
-from mitt.errors import InputError
+from mitt.errors import InputError, ShapeError
 from mitt.generator.certificate import Outcome, Verdict
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.several import Several
@@ -40,12 +41,22 @@ from mitt.records import (
     ball_parts,
     catcher_fields,
     fresh_result,
+    known_layout,
     map_fields,
     record_of,
     tick_of,
 )
 from mitt.robot.arm import Arm
-from mitt.signals import Array, BallState, Command, MapStatus, Senses, Sighting, command_of
+from mitt.signals import (
+    ArmState,
+    Array,
+    BallState,
+    Command,
+    MapStatus,
+    Senses,
+    Sighting,
+    command_of,
+)
 from mitt.tick import DECIDE, GRASPS, LAGS, REVIEWS, STOPS, act, perceive, tick
 from mitt.vision.belief import absorb
 from mitt.vision.eyes import Eyes
@@ -56,6 +67,11 @@ __all__ = ["Catcher", "CatcherSettings", "Phase", "Tick"]
 _AT_REST = 1e-3
 #: Beside the bits of a tick: the map can be refined.
 REFINES = 32
+#: Attributes of a catcher that are views of its records, or scratch; not kept in a copy.
+_SHOWN = frozenset(
+    ("_numbers", "_hand", "_gaze", "_clock", "_told", "believed", "_ball", "_answer", "_filter",
+     "_q", "_dq")
+)  # fmt: skip
 
 
 @final
@@ -75,7 +91,10 @@ class Catcher:
     def __init__(
         self, arm: Arm, generator: Generator, eyes: Eyes, *, settings: CatcherSettings
     ) -> None:
-        """Take the arm, the generator and the eyes."""
+        """Take the arm, the generator and the eyes, of which the catcher keeps a copy."""
+        checks.instance("arm", arm, Arm)
+        checks.instance("eyes", eyes, Eyes)
+        checks.instance("settings", settings, CatcherSettings)
         self._arm, self._settings, self._map = arm, settings, generator.as_map()
         self._turns = eyes.heads > 0
         self._refines = isinstance(generator, Direct) and generator.online is not None
@@ -86,7 +105,24 @@ class Catcher:
         plain = isinstance(generator, Direct | Unoptimised)
         known["sigma_ready"] = settings.sigma_ready if plain else np.inf
         self._blank = record_of(fields | known), fresh_result(arm.n, max(eyes.heads, 1))
-        self._begin(generator, eyes)
+        self._state: Record
+        self.result: Record
+        self._begin(generator, copy(eyes))
+
+    def __copy__(self) -> "Catcher":
+        """Return a catcher that goes on from here on its own; the arm is shared."""
+        return deepcopy(self, {id(self._arm): self._arm})
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what makes the catcher, without what only shows parts of it."""
+        return {name: value for name, value in vars(self).items() if name not in _SHOWN}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take what :meth:`__getstate__` returned, and show its parts again."""
+        self.__dict__.update(state)
+        self._blank = known_layout(self._blank[0]), known_layout(self._blank[1])
+        self._state, self.result = known_layout(self._state), known_layout(self.result)
+        self._show()
 
     def again(self, generator: Generator) -> "Catcher":
         """Return a catcher for another throw, as this one was when it was made.
@@ -94,7 +130,8 @@ class Catcher:
         Args:
             generator: Of the same kind and with the same map, if any.
         """
-        other, eyes = copy(self), copy(self._eyes)
+        other, eyes = object.__new__(Catcher), copy(self._eyes)
+        other.__dict__.update(self.__dict__)
         other._begin(generator, eyes)
         eyes.reset()
         return other
@@ -103,7 +140,20 @@ class Catcher:
         """Begin a throw with a state of its own."""
         self._generator, self._given, self._eyes = generator, generator, eyes
         self._state, self.result = (record.copy() for record in self._blank)
+        self._show()
+        self._brake = np.zeros((1, 3, self._arm.n))
+        self._phase, self._todo, self._ticked = WATCH, 0, False
+        self._verdict: Verdict | None = None
+        self._unasked: tuple[BallState, Array] | None = None
+        self.certificate: Verdict | None = None
+        self.stopped_by: StoppedBy | None = None
+        self.t_0 = np.inf
+
+    def _show(self) -> None:
+        """Lay the eyes into the state, and take views of what is often asked for."""
+        eyes = self._eyes
         eyes.move_to({name: self._state[f"eyes_{name}"][0] for name in eyes.parts()})
+        self._q, self._dq = np.zeros((2, self._arm.n))
         self._numbers = self._state[0]
         self._hand, self._gaze = self.result["hand"], self.result["gaze"][0]
         self._clock = self.result["t"]
@@ -113,13 +163,6 @@ class Catcher:
         names = ("ball_memory", "ball_settings", "ball_work")
         memory, table, work = (self._state[name][0] for name in names)
         self._filter = memory, table, work
-        self._brake = np.zeros((1, 3, self._arm.n))
-        self._phase, self._todo, self._ticked = WATCH, 0, False
-        self._verdict: Verdict | None = None
-        self._unasked: tuple[BallState, Array] | None = None
-        self.certificate: Verdict | None = None
-        self.stopped_by: StoppedBy | None = None
-        self.t_0 = np.inf
 
     @property
     def phase(self) -> Phase:
@@ -145,21 +188,29 @@ class Catcher:
         return tick_of(self.result.copy()) if self._ticked else None
 
     def step(self, senses: Senses) -> Command:
-        """See, estimate, generate, close, track: one tick."""
+        """See, estimate, generate, close, track: one tick.
+
+        Raises:
+            ShapeError: The encoders, or an image, have not the size of this arm or camera.
+            InputError: Something else in ``senses`` is not what it should be. The tick is not
+                made then, and the catcher is as it was before.
+        """
+        if senses.__class__ is not Senses:
+            checks.instance("senses", senses, Senses)
+        self._read(senses.arm)
+        images, apart, t_exposed = self._eyes.arrange(senses.frames)
         if self._todo:
             self.think()
+        t = senses.t
         if senses.points and self.looking:
-            self._take(senses.points, senses.t)
-        images, apart, t_exposed = self._eyes.arrange(senses.frames)
-        arm, state, out = senses.arm, self._state, self.result
+            self._take(senses.points, t)
+        q, dq, state, out = self._q, self._dq, self._state, self.result
         if self._map is None:
-            perceive(images, apart, t_exposed, senses.t, arm.q, arm.dq, state, out)
+            perceive(images, apart, t_exposed, t, q, dq, state, out)
             self._ask()
             self._todo = act(self._brake, state, out)
         else:
-            self._todo = tick(
-                images, apart, t_exposed, senses.t, arm.q, arm.dq, self._brake, state, out
-            )
+            self._todo = tick(images, apart, t_exposed, t, q, dq, self._brake, state, out)
         self._ticked = True
         if self._todo & STOPS:
             self._note_stop()
@@ -170,6 +221,14 @@ class Catcher:
                 self._todo |= REFINES
         gaze = self._gaze.copy() if self._turns else None
         return command_of(t, self._told.copy(), self._hand.item(), gaze)
+
+    def _read(self, arm: ArmState) -> None:
+        """Take the encoders over: compiled code sees buffers of one type and the right length."""
+        q, dq, n = arm.q, arm.dq, self._arm.n
+        if q.shape != (n,) or dq.shape != (n,):
+            raise ShapeError("senses.arm.q, .dq", f"({n},)", q.shape if len(q) != n else dq.shape,
+                             do=f"give the active joints {', '.join(self._arm.names)}")  # fmt: skip
+        self._q[:], self._dq[:] = q, dq
 
     @property
     def parts(self) -> tuple[Array, Record, Record] | None:
@@ -298,8 +357,10 @@ class Catcher:
         ball = self._generator.waiting(ball) if self._numbers["open"] else ball
         asked = self._generator.reference(ball)
         rows, inside, left = self._answer
-        rows[0], rows[1], rows[2] = asked.q_d, asked.dq_d, asked.ddq_d
-        rows[3], rows[4] = asked.q_o, asked.dq_o
+        motion = {"q_d": asked.q_d, "dq_d": asked.dq_d, "ddq_d": asked.ddq_d, "q_o": asked.q_o,
+                  "dq_o": asked.dq_o}  # fmt: skip
+        for row, (name, value) in zip(rows, motion.items(), strict=False):
+            row[:] = checks.vector(f"reference.{name}", value, self._arm.n)
         is_inside = asked.status is MapStatus.INSIDE
         inside[0], left[0] = is_inside, asked.time_to_catch if is_inside else np.inf
 

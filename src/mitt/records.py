@@ -4,6 +4,7 @@ A record is a structured array of shape (1,): compiled code reads and writes its
 and Python sees the same fields by the same names.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import lru_cache
@@ -23,7 +24,7 @@ from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Surroundings
 from mitt.robot.slopes import slopes_work
-from mitt.signals import BallState, Command, JointReference, MapStatus
+from mitt.signals import BallState, Command, JointReference, MapStatus, ball_of
 from mitt.vision import memory
 from mitt.vision.eyes import Eyes
 from mitt.vision.filter import THROWN_BALL, FilterConfig, settings_of
@@ -123,6 +124,19 @@ def record_of(fields: Fields) -> Record:
     for name, value in values.items():
         record[name][0] = value
     return record
+
+
+def known_layout(record: Record) -> Record:
+    """Return a record with the layout that others of its fields have, as after unpickling."""
+    layout = tuple((name, sub[0].str, sub[1]) for name, sub in _fields(record.dtype))
+    return record.view(_layout(layout))
+
+
+def _fields(kind: np.dtype[np.void]) -> Iterator[tuple[str, tuple[np.dtype[Any], tuple[int, ...]]]]:
+    """Return name, base type and shape of each field of a layout."""
+    for name in kind.names or ():
+        part = kind[name]
+        yield name, part.subdtype or (part, ())
 
 
 @lru_cache(maxsize=64)
@@ -274,19 +288,10 @@ def ball_parts(row: Record) -> tuple[NDArray[Any], ...]:
 def ball_in(parts: tuple[NDArray[Any], ...]) -> BallState:
     """Return the estimate that a result holds now, a copy."""
     t, tracked, ball, drag, covariance, t_seen, t_first, led = parts
-    rows = ball[0].copy()
-    return BallState(
-        t=t.item(),
-        tracked=tracked.item(),
-        r_o=rows[0],
-        dr_o=rows[1],
-        ddr_o=rows[2],
-        drag=drag.item(),
-        covariance=covariance[0].copy(),
-        t_seen=t_seen.item(),
-        t_first=t_first.item(),
-        led=led.item(),
-    )
+    return ball_of(
+        t.item(), tracked.item(), *ball[0].copy(), drag.item(), covariance[0].copy(),
+        t_seen.item(), t_first.item(), led.item(),
+    )  # fmt: skip
 
 
 def _reference_of(row: Record) -> JointReference:

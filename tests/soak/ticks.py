@@ -14,7 +14,7 @@ import numpy as np
 
 from mitt.catcher import Catcher, CatcherSettings, Phase
 from mitt.control.envelope import TICK
-from mitt.errors import InputError
+from mitt.errors import InputError, ShapeError
 from mitt.generator.certificate import Outcome, Verdict
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.mapping import DirectMap
@@ -35,6 +35,8 @@ from soak.judge import Judge
 _EPISODE, _CALM = 900, 0.4
 #: Flights that are flown once, and faults kept for the report.
 _FLIGHTS, _KEPT = 24, 20
+#: Rows and columns of an image [px].
+_SIDE = 128
 #: Rates at which faults strike a channel, a tick.
 _RATES = (0.0, 0.001, 0.003, 0.01, 0.3)
 
@@ -213,9 +215,18 @@ class _Episode:
         return Senses(t=t, arm=arm, frames=seen)
 
     def _tick(self, senses: Senses) -> str:
-        """Make a tick; return what went wrong."""
+        """Make a tick; return what went wrong.
+
+        An image of another size is refused, and the tick is made without it.
+        """
         try:
-            command = self._catcher.step(senses)
+            try:
+                command = self._catcher.step(senses)
+            except ShapeError:
+                fitting = tuple(x for x in senses.frames if x.pixels.shape == (_SIDE, _SIDE))
+                if len(fitting) == len(senses.frames):
+                    raise
+                command = self._catcher.step(replace(senses, frames=fitting))
             self._catcher.think()
         except Exception as error:
             return f"raised {type(error).__name__}: {error}"

@@ -9,6 +9,7 @@ from enum import Enum
 
 import numpy as np
 
+from mitt import checks
 from mitt.generator import foresight
 from mitt.generator.demand import Tolerance, shares_of
 from mitt.generator.foresight import Foresight, flown, foresee, spread
@@ -71,6 +72,7 @@ def judge(
     f: DirectMap, ball: BallState, q: Array, *, tolerance: Tolerance, dq: Array | None = None
 ) -> Verdict:
     """Return the verdict on a ball for an arm in ``q`` [rad], (n,), at rest or moving at ``dq``."""
+    ball, q = _checked(ball), checks.vector("q", q, f.arm.n, finite=True)
     return tempered(_judged(f, ball, q, tolerance=tolerance, dq=dq), ball)
 
 
@@ -85,10 +87,15 @@ def unsettled(f: DirectMap, ball: BallState) -> bool:
 
     The ball is led, and its catch is far ahead or lies outside the map's region.
     """
-    if not ball.led:
+    if not _checked(ball).led:
         return False
     seen = foresee(f, ball)
     return not _comes_soon(ball, ball.t + seen.after) or _where(f, seen) is not None
+
+
+def _checked(ball: BallState) -> BallState:
+    """Return an estimate of a ball; InputError where it is something else."""
+    return checks.instance("ball", ball, BallState)
 
 
 def _comes_soon(ball: BallState, t_catch: float) -> bool:
@@ -141,12 +148,12 @@ def trusted(f: DirectMap) -> Array:
 
 def sharpness(f: DirectMap, ball: BallState) -> float:
     """Return the predicted 1-sigma of the ball at the catch [m]; infinite without a catch."""
-    return foresight.sharpness(f, ball, *trusted(f))
+    return foresight.sharpness(f, _checked(ball), *trusted(f))
 
 
 def returns(f: DirectMap, ball: BallState) -> bool:
     """Say whether an open throw has come back: its predicted catch lies in the map's region."""
-    return _where(f, foresee(f, ball)) is None
+    return _where(f, foresee(f, _checked(ball))) is None
 
 
 def levelled(f: DirectMap, ball: BallState) -> BallState:
@@ -154,6 +161,7 @@ def levelled(f: DirectMap, ball: BallState) -> BallState:
 
     A bounce changes neither where over the ground the ball flies nor, much, how fast.
     """
+    ball = _checked(ball)
     motion = np.array([ball.r_o, ball.dr_o, ball.ddr_o])
     level(motion, waiting_height(f))
     return replace(ball, r_o=motion[0], dr_o=motion[1], ddr_o=motion[2])

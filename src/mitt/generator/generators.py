@@ -5,6 +5,7 @@ from typing import Protocol, Self, final
 
 import numpy as np
 
+from mitt import checks
 from mitt.generator.certificate import (
     Outcome,
     Verdict,
@@ -77,6 +78,10 @@ class Direct:
     online: Online | None = None
     learned: DirectMap | None = None
 
+    def __post_init__(self) -> None:
+        """Refuse what is no map."""
+        checks.instance("map", self.map, DirectMap)
+
     def sharpness(self, ball: BallState) -> float:
         """Fly the estimate on to the catch."""
         return sharpness(self.map, ball)
@@ -112,7 +117,7 @@ class Direct:
 
     def refined(self, ball: BallState) -> "Direct":
         """Return the generator of the next tick, one online step better for the flight's rest."""
-        if self.online is None or ball.led:
+        if self.online is None or checks.instance("ball", ball, BallState).led:
             return self
         answer = self.online.refine(self.map.alpha, ball)
         if answer.status is not Refinement.REFINED:
@@ -145,6 +150,10 @@ class Unoptimised:
     """The map with alpha = 0, as the paper's figs. 10 and 11 show it; it never refuses."""
 
     map: DirectMap
+
+    def __post_init__(self) -> None:
+        """Refuse what is no map."""
+        checks.instance("map", self.map, DirectMap)
 
     def sharpness(self, ball: BallState) -> float:
         """Fly the estimate on to the catch."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.catcher import Catcher
-from mitt.errors import InputError
+from mitt.errors import InputError, ShapeError
 from mitt.jit import kernel
 from mitt.link.clock import Stopwatch, now_ns
 from mitt.records import BRAKE, STOPPED, Record
@@ -200,7 +200,13 @@ class Player:
         """Play a trial from its first tick to its end and return the results of all ticks.
 
         They are overwritten by the next trial.
+
+        Raises:
+            ShapeError: The catcher's arm has another number of joints than the stage's.
         """
+        n, mine = len(stage.plant[12]), catcher.result.dtype["told"].shape[1]
+        if mine != n:
+            raise ShapeError("catcher", f"an arm of {n} joints", (mine,))
         imager, p = stage.imager, stage.plant[STATE]
         latency = stage.scene.sensing.latency
         shape = (0, 0) if imager is None else imager.shape

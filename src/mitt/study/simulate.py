@@ -1,6 +1,6 @@
 """Throws in the simulated world from Python, without files."""
 
-from mitt.errors import InputError
+from mitt import checks
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.study.score import Trial
@@ -28,9 +28,10 @@ def simulate(
         scene: The world's settings; the default scene if left out.
         pixels: Whether the catcher sees images; noisy points otherwise.
     """
-    if throws < 1:
-        raise InputError("throws", "at least 1", throws)
-    scene = scene or Scene()
+    checks.instance("f", f, DirectMap)
+    throws = checks.whole("throws", throws, least=1)
+    seed, pixels = checks.whole("seed", seed, least=0), checks.flag("pixels", pixels)
+    scene = Scene() if scene is None else checks.instance("scene", scene, Scene)
     source = source_of(
         f, seed=seed, count=throws, throws_file=None, flights_file=None, drag=scene.ball.drag
     )

@@ -1,6 +1,7 @@
 """The eyes of the catcher: images in, ball position out, in one compiled call."""
 
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import dataclass, field
 from enum import Enum
 from math import inf, isfinite
@@ -9,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.errors import InputError, ShapeError
+from mitt import checks
+from mitt.errors import InputError
 from mitt.signals import Array, BallState, Frame, Image, Sighting
 from mitt.vision import looking, segmentation, triangulation
 from mitt.vision.camera import Rig
@@ -44,6 +46,9 @@ class EyesStatus(Enum):
     AT_ODDS = looking.AT_ODDS
 
 
+#: Type of an image.
+_GREY = np.dtype(np.uint8)
+
 LET_GO = 0.1
 """Time without a sighting after which the heads no longer follow the filter [s]."""
 
@@ -65,6 +70,7 @@ class Eyes:
 
     def __init__(self, rig: Rig, config: EyesConfig | None = None) -> None:
         """Open the eyes; the first frames tell them the ground."""
+        checks.instance("rig", rig, Rig)
         config = config or EyesConfig()
         n = len(rig.cameras)
         self._max_skew = config.triangulator.max_skew
@@ -81,8 +87,13 @@ class Eyes:
         self._boxes = np.zeros((segmentation.WORK, 4), dtype=np.int64)
         self._work = np.empty((triangulation.WORK + n, 3))
         self._none = [np.empty((0, 0), dtype=np.uint8)] * n
+        self._shapes = [(camera.height, camera.width) for camera in rig.cameras]
         self._nothing = tuple(self._none), 0, 0.0
         self.reset()
+
+    def __copy__(self) -> "Eyes":
+        """Return eyes that know the same, with memory of their own."""
+        return deepcopy(self)
 
     def reset(self) -> None:
         """Forget the last ball, as before a new throw."""
@@ -110,6 +121,7 @@ class Eyes:
             ball: Estimate of the ball, at a time near ``t``.
             t: Time at which the heads are to be there [s].
         """
+        ball, t = checks.instance("ball", ball, BallState), checks.number("t", t)
         if not self.heads:
             return None
         wanted, motion = np.empty((self.heads, 4)), np.zeros((2, 3))
@@ -146,9 +158,12 @@ class Eyes:
                 seen before, by its number, counts as missing.
 
         Raises:
-            InputError: A frame comes from a camera that the rig does not have.
-            ShapeError: A frame is not a two-dimensional image.
+            InputError: A frame comes from a camera that the rig does not have, or its image is
+                not of type uint8.
+            ShapeError: An image has not the size of its camera.
         """
+        for frame in checks.instance("frames", frames, tuple):
+            checks.instance("frame", frame, Frame)
         images, apart, t = self.arrange(frames)
         self._t = t
         if self.heads:
@@ -179,23 +194,20 @@ class Eyes:
         """
         if not frames:
             return self._nothing
-        t = -inf
+        t, shapes = -inf, self._shapes
         for frame in frames:
+            self._check(frame, shapes)
             if t < frame.t < inf:
                 t = frame.t
-        images, apart, numbers = self._none.copy(), 0, self._numbers
-        heads, count = self.heads, len(images)
+        images, apart, numbers, heads = self._none.copy(), 0, self._numbers, self.heads
         for frame in frames:
             k, number, pixels = frame.camera, frame.number, frame.pixels
-            if not 0 <= k < count:
-                raise InputError("frame.camera", f"0 to {count - 1}", k)
             if number == numbers[k]:
                 continue
             if heads and not (isfinite(frame.pan) and isfinite(frame.tilt)):
                 continue  # nobody knows where it looks
             numbers[k] = number
-            plain = pixels.flags.carray and pixels.ndim == 2 and pixels.size
-            images[k] = pixels if plain else _plain(pixels)
+            images[k] = pixels if pixels.flags.carray else pixels.copy(order="C")
             if frame.t == t or abs(frame.t - t) <= self._max_skew:
                 apart &= ~(1 << k)
             else:
@@ -204,9 +216,11 @@ class Eyes:
                 self._angles[k] = frame.pan, frame.tilt
         return tuple(images), apart, t
 
-
-def _plain(pixels: Image) -> Image:
-    """Return a copy, as the kernels take it, of an image that is a window or write-protected."""
-    if pixels.ndim != 2 or pixels.size == 0:
-        raise ShapeError("frame.pixels", "(height, width)", pixels.shape)
-    return np.array(pixels, dtype=np.uint8, order="C")
+    @staticmethod
+    def _check(frame: Frame, shapes: list[tuple[int, int]]) -> None:
+        """Refuse a frame of a camera that is not there, or an image that is not of its size."""
+        if not 0 <= frame.camera < len(shapes):
+            raise InputError("frame.camera", f"0 to {len(shapes) - 1}", frame.camera)
+        pixels, shape = frame.pixels, shapes[frame.camera]
+        if pixels.shape != shape or pixels.dtype != _GREY:
+            checks.image("frame.pixels", pixels, shape)

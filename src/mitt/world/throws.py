@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mitt import checks
 from mitt.errors import FileError, InputError, ShapeError
 from mitt.signals import Array
 from mitt.world.ballistics import release_velocity
@@ -28,6 +29,12 @@ class Throw:
 
     r: Array
     dr: Array
+
+    def __post_init__(self) -> None:
+        """Hold both to three finite numbers; ShapeError or InputError where they are not."""
+        for name, value in (("r", self.r), ("dr", self.dr)):
+            kept = checks.vector(f"throw.{name}", value, 3, finite=True)
+            object.__setattr__(self, name, kept)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
