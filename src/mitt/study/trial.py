@@ -146,7 +146,7 @@ class Bench:
             status=status_of(
                 world,
                 catcher.phase,
-                was_held=held(world.truth(), self._scene.ball.radius),
+                was_held=held(world.truth(), world.radius),
             ),
             t_catch_s=float(t_catch) if np.isfinite(t_catch) else None,
             position_error_mm=None if contact is None else 1e3 * contact.position_error,
@@ -184,7 +184,7 @@ def _patience(generator: Generator) -> float:
 
 def known_encoders(scene: Scene, arm: Arm) -> Encoders:
     """Return what the catcher knows of the encoders: a scene's resolution, or else the arm's."""
-    steps = encoder_steps(scene, arm)
+    steps = encoder_steps(scene, arm.model)
     return Encoders(step=tuple(np.where(steps > 0.0, steps, arm.encoder_step).tolist()))
 
 
