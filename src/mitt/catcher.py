@@ -9,6 +9,7 @@ The catcher takes senses and gives commands, so it does not know whether a simul
 arm is at the other end.
 """
 
+from collections.abc import Sequence
 from copy import copy
 from typing import final
 
@@ -42,7 +43,17 @@ from mitt.records import (
     tick_of,
 )
 from mitt.robot.arm import Arm
-from mitt.signals import Array, BallState, Command, MapStatus, Senses, Sighting, command_of
+from mitt.signals import (
+    Array,
+    BallState,
+    Command,
+    Frame,
+    Image,
+    MapStatus,
+    Senses,
+    Sighting,
+    command_of,
+)
 from mitt.tick import DECIDE, GRASPS, LAGS, REVIEWS, STOPS, act, perceive, tick
 from mitt.vision.belief import absorb
 from mitt.vision.eyes import Eyes
@@ -148,13 +159,16 @@ class Catcher:
         images, apart, t_exposed = self._eyes.arrange(senses.frames)
         arm, state, out = senses.arm, self._state, self.result
         if self._map is None:
-            perceive(images, apart, t_exposed, senses.t, arm.q, arm.dq, state, out)
+            perceive(
+                images, self.backgrounds, apart, t_exposed, senses.t, arm.q, arm.dq, state, out
+            )
             self._ask()
             self._todo = act(self._brake, state, out)
         else:
             self._todo = tick(
-                images, apart, t_exposed, senses.t, arm.q, arm.dq, self._brake, state, out
-            )
+                images, self.backgrounds, apart, t_exposed, senses.t, arm.q, arm.dq, self._brake,
+                state, out,
+            )  # fmt: skip
         self._ticked = True
         t = self._clock.item()
         if self._phase == FOLLOW:
@@ -163,6 +177,15 @@ class Catcher:
                 self._todo |= REFINES
         gaze = self._gaze.copy() if self._turns else None
         return command_of(t, self._told.copy(), self._hand.item(), gaze)
+
+    def learn_background(self, views: Sequence[tuple[Frame, ...]]) -> None:
+        """Learn what the cameras see before the throw, as :meth:`Eyes.learn_background`."""
+        self._eyes.learn_background(views)
+
+    @property
+    def backgrounds(self) -> tuple[Image, ...]:
+        """What :func:`mitt.tick.tick` takes as backgrounds."""
+        return self._eyes.backgrounds
 
     @property
     def parts(self) -> tuple[Array, Record, Record] | None:

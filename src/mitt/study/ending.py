@@ -50,7 +50,7 @@ def _play(
     clock = times[len(times) - 2 :]
     for k in range(len(log)):
         t, before = int(p[TICKS]) * TICK, now_ns(clock)
-        perceive(nothing, 0, 0.0, t, qpos[:n], qvel[:n], state, result)
+        perceive(nothing, nothing, 0, 0.0, t, qpos[:n], qvel[:n], state, result)
         todo = act(brake, state, result)
         times[k] = now_ns(clock) - before
         move(plant, out["told"][3], out["hand"], rows)

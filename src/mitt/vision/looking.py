@@ -7,16 +7,19 @@ from mitt.signals import Array, Image
 from mitt.views import lent, view
 from mitt.vision import triangulation
 from mitt.vision.moments import Box
-from mitt.vision.segmentation import (
+from mitt.vision.segmentation import watch
+from mitt.vision.target import (
+    AT_U,
+    AT_V,
     EXPECTED,
     GAIN,
     GOOD,
     MEMORY,
     MERGED,
+    NEAR,
     STATE,
     WEIGHED,
     WEIGHTS,
-    watch,
 )
 from mitt.vision.triangulation import note, on_ray, triangulate
 
@@ -36,6 +39,9 @@ SURE, MISFIT, SMALL, DRIFT, SLOWLY = 0.002, 0.01, 0.05, 0.0005, 20.0
 """Share of the ball's mass by which a target differs by noise; by which it may differ; what
 patches of the ground add to that, over the radius [px]; what each look without both eyes adds;
 looks over which the contrast may change."""
+CLOSE, ASTRAY, SETTLED = 6.0, 0.5, 8.0
+"""Distance from where it should be within which the ball is looked for, what each look without
+both eyes adds [px], and sightings after which it is known where that is."""
 ALPHA, BETA, RESTART = 0.5, 0.1, 20.0
 """Gains of position and motion from look to look; looks after which motion is estimated anew."""
 
@@ -73,13 +79,18 @@ def _learn_contrast(memory: Array) -> None:
 
 @kernel
 def _expect(memory: Array, cameras: Array, radius: float, r: Array) -> None:
-    """Write what area the ball should have in each image where it is believed to be."""
+    """Write where in each image the ball should be, and how large, by where it is believed."""
     for n in range(cameras.shape[0]):
-        z, far = 0.0, 0.0
+        x, y, z, far = 0.0, 0.0, 0.0, 0.0
         for i in range(3):
             d = r[i] - cameras[n, 3, i]
+            x += cameras[n, i, 0] * d
+            y += cameras[n, i, 1] * d
             z += cameras[n, i, 2] * d
             far += d * d
+        scale = cameras[n, 4, 0] / max(z, radius)
+        memory[n, AT_U] = cameras[n, 4, 1] + scale * x
+        memory[n, AT_V] = cameras[n, 4, 2] + scale * y
         far = sqrt(max(far - radius * radius, radius * radius))
         sine = radius / far
         memory[n, EXPECTED] = pi * (cameras[n, 4, 0] * sine) ** 2 * (far / max(z, radius)) ** 3
@@ -114,6 +125,7 @@ def _remember(rig: Array, r: Array) -> None:
 @kernel
 def look(
     images: tuple[Image, ...],
+    backgrounds: tuple[Image, ...],
     apart: int,
     memory: Array,
     settings: Array,
@@ -128,6 +140,8 @@ def look(
 
     Args:
         images: One a camera, each shape (height, width); empty where there is none.
+        backgrounds: One a camera, as in :mod:`mitt.vision.background`, then scratch as large as the
+            largest image.
         apart: Images that were not exposed at the instant that is asked for, a bit each.
         memory: What is remembered of each camera, and in the last row of the rig: last position
             [m], and what ``KNOWN`` and its likes say; overwritten, shape (n + 1, MEMORY).
@@ -145,22 +159,25 @@ def look(
         hidden from one is soon half hidden from both, and the flight model knows better.
     """
     images, memory, work = lent((images, memory, work))
+    backgrounds, difference = lent(backgrounds), lent(backgrounds[len(backgrounds) - 1])
     eyes, hidden, count, one = len(images), False, 0, -1
     points = view(work, 3 * triangulation.WORK, (eyes, 3))
     rig = view(memory, eyes * MEMORY, (MEMORY,))
     _foresee(rig)
     if rig[KNOWN] > 0.0:
         _expect(memory, cameras, belief[0], rig)
+        for n in range(eyes):
+            memory[n, NEAR] = CLOSE + ASTRAY * rig[SINCE] if rig[KNOWN] >= SETTLED else 0.0
     else:
         for n in range(eyes):
-            memory[n, EXPECTED], memory[n, WEIGHED] = 0.0, 0.0
+            memory[n, EXPECTED], memory[n, WEIGHED], memory[n, NEAR] = 0.0, 0.0, 0.0
     for n in range(eyes):
         pixels, own = images[n], view(memory, n * MEMORY, (MEMORY,))
         point = view(points, 3 * n, (3,))
         point[2] = -1.0
         if pixels.size == 0:
             continue
-        area, clipped = watch(pixels, own, settings, boxes)
+        area, clipped = watch(pixels, backgrounds[n], difference, own, settings, boxes)
         hidden |= own[STATE] >= MERGED
         if apart >> n & 1 or area == 0 or own[STATE] != GOOD:
             continue

@@ -94,7 +94,13 @@ def _area(pixels: Image, threshold: int, box: Box) -> int:
 
 @kernel
 def find_target(
-    pixels: Image, window: Box, threshold: int, min_area: int, boxes: Box, expected: float
+    pixels: Image,
+    window: Box,
+    threshold: int,
+    min_area: int,
+    boxes: Box,
+    expected: float,
+    place: tuple[float, float, float],
 ) -> int:
     """Write the box of the best target that begins in ``window`` into ``boxes[0]``.
 
@@ -106,6 +112,8 @@ def find_target(
         boxes: Result in row 0, scratch behind it [px], shape (MAX_BLOBS + 1, 4).
         expected: Area that the ball should have [px^2]: the nearest to it wins; the largest, the
             round ones before the long, if it is 0.
+        place: Where the ball should be and how far from there it may be [px]; anywhere if that
+            is 0.
 
     Returns:
         Pixels of the target above the threshold; 0 if there is none.
@@ -130,7 +138,9 @@ def find_target(
                 score = area * min(sides) / max(sides)
                 if expected > 0.0:
                     score = min(score / expected, expected / score)
-                if area >= min_area and score > best:
+                du, dv = 0.5 * (box[0] + box[2]) - place[0], 0.5 * (box[1] + box[3]) - place[1]
+                far = place[2] > 0.0 and max(abs(du), abs(dv)) > place[2]
+                if area >= min_area and score > best and not far:
                     best, best_area = score, area
                     boxes[0] = box
                 u = box[2]
