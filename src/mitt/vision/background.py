@@ -43,7 +43,7 @@ def _sums(
     """Return products of image and background, and squares of the background, in sum of a row."""
     both, own, line = 0, 0, np.uint64(row)  # unsigned: none counts from the end
     for u in range(np.uint64(left), np.uint64(right + 1)):
-        b, p = np.int64(background[line, u]), np.int64(pixels[line, u])
+        b, p = int(background[line, u]), int(pixels[line, u])
         off = abs(_ONE * p - light * b)
         tells = off < _STRAY * b + _ONE * _ODD
         both += p * b if tells else 0
@@ -88,7 +88,7 @@ def subtract(
         memory: As in the module's table, not changed.
         difference: Result, as large as the image.
     """
-    light = light_of(pixels, background, window, whole, memory)
+    light: float = light_of(pixels, background, window, whole, memory)
     known = memory[WEIGHED] > 0.0 and memory[EXPECTED] > 0.0
     contrast = memory[GAIN] if known else 0.0
     scale, offset = np.float32(1.0 / light), np.float32(OFFSET + 0.5)

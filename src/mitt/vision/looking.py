@@ -6,20 +6,21 @@ from mitt.jit import kernel
 from mitt.signals import Array, Image
 from mitt.views import lent, view
 from mitt.vision import triangulation
+from mitt.vision.candidates import seek
 from mitt.vision.moments import Box
 from mitt.vision.segmentation import watch
 from mitt.vision.target import (
-    AT_U,
-    AT_V,
     EXPECTED,
     GAIN,
     GOOD,
+    LOST,
     MEMORY,
     MERGED,
     NEAR,
     STATE,
     WEIGHED,
     WEIGHTS,
+    expect,
 )
 from mitt.vision.triangulation import note, on_ray, triangulate
 
@@ -78,25 +79,6 @@ def _learn_contrast(memory: Array) -> None:
 
 
 @kernel
-def _expect(memory: Array, cameras: Array, radius: float, r: Array) -> None:
-    """Write where in each image the ball should be, and how large, by where it is believed."""
-    for n in range(cameras.shape[0]):
-        x, y, z, far = 0.0, 0.0, 0.0, 0.0
-        for i in range(3):
-            d = r[i] - cameras[n, 3, i]
-            x += cameras[n, i, 0] * d
-            y += cameras[n, i, 1] * d
-            z += cameras[n, i, 2] * d
-            far += d * d
-        scale = cameras[n, 4, 0] / max(z, radius)
-        memory[n, AT_U] = cameras[n, 4, 1] + scale * x
-        memory[n, AT_V] = cameras[n, 4, 2] + scale * y
-        far = sqrt(max(far - radius * radius, radius * radius))
-        sine = radius / far
-        memory[n, EXPECTED] = pi * (cameras[n, 4, 0] * sine) ** 2 * (far / max(z, radius)) ** 3
-
-
-@kernel
 def _foresee(rig: Array) -> None:
     """Move the last position on by one look; forget it where it is old."""
     rig[SINCE] += 1.0
@@ -120,6 +102,17 @@ def _remember(rig: Array, r: Array) -> None:
         else:
             rig[SPEED + i] += (1.0 if count == 1.0 else BETA) * error / looks
     rig[KNOWN], rig[AGE] = min(count + 1.0, SLOWLY), 0.0
+
+
+@kernel
+def _is_lost(
+    images: tuple[Image, ...], apart: int, memory: Array, rig: Array, belief: Array
+) -> bool:
+    """Tell whether two cameras that stand still look for a ball, and nothing is known of it."""
+    if rig[KNOWN] > 0.0 or belief[4] == 0.0 or apart & 3:
+        return False
+    shown = images[0].size > 0 and images[1].size > 0
+    return bool(shown and memory[0, STATE] == LOST and memory[1, STATE] == LOST)
 
 
 @kernel
@@ -148,7 +141,7 @@ def look(
         settings: Numbers of the segmenter, shape (6,).
         boxes: Scratch, shape (segmentation.WORK, 4).
         cameras: As in the table of :mod:`mitt.vision.triangulation`, shape (n, 5, 3).
-        belief: As of :func:`mitt.vision.triangulation.pack_belief`, shape (4,).
+        belief: As of :func:`mitt.vision.triangulation.pack_belief`, shape (5,).
         work: Scratch, shape (triangulation.WORK + n, 3).
         r: Result, centre of the ball [m], shape (3,).
         P: Result, its covariance [m^2], shape (3, 3).
@@ -165,12 +158,17 @@ def look(
     rig = view(memory, eyes * MEMORY, (MEMORY,))
     _foresee(rig)
     if rig[KNOWN] > 0.0:
-        _expect(memory, cameras, belief[0], rig)
+        expect(memory, cameras, belief[0], rig)
         for n in range(eyes):
             memory[n, NEAR] = CLOSE + ASTRAY * rig[SINCE] if rig[KNOWN] >= SETTLED else 0.0
     else:
         for n in range(eyes):
             memory[n, EXPECTED], memory[n, WEIGHED], memory[n, NEAR] = 0.0, 0.0, 0.0
+    if _is_lost(images, apart, memory, rig, belief) and not seek(
+        images, backgrounds, memory, settings, boxes, cameras, belief, points, work, r, P
+    ):
+        rig[STATUS] = float(BLIND)
+        return False
     for n in range(eyes):
         pixels, own = images[n], view(memory, n * MEMORY, (MEMORY,))
         point = view(points, 3 * n, (3,))

@@ -93,6 +93,39 @@ def _area(pixels: Image, threshold: int, box: Box) -> int:
 
 
 @kernel
+def find_targets(pixels: Image, window: Box, threshold: int, boxes: Box) -> int:
+    """Write the boxes of all targets that begin in ``window`` into ``boxes``, from row 1 on.
+
+    Args:
+        pixels: Image, shape (height, width).
+        window: Columns and rows to search: u0, v0, u1, v1, inclusive [px], shape (4,).
+        threshold: Grey value that a target exceeds.
+        boxes: Result [px], shape (MAX_BLOBS + 1, 4).
+
+    Returns:
+        Their number.
+    """
+    count = 0
+    for v in range(window[1], window[3] + 1):
+        if count == MAX_BLOBS or not _row_has(pixels, v, window[0], window[2], threshold):
+            continue
+        u = window[0]
+        while u <= window[2] and count < MAX_BLOBS:
+            inside = False
+            for k in range(1, count + 1):
+                if boxes[k, 1] <= v <= boxes[k, 3] and boxes[k, 0] <= u <= boxes[k, 2]:
+                    inside, u = True, boxes[k, 2]
+            if not inside and pixels[v, u] > threshold:
+                count += 1
+                box = boxes[count]
+                box[0], box[1], box[2], box[3] = u, v, u, v
+                _grow(pixels, threshold, box)
+                u = box[2]
+            u += 1
+    return count
+
+
+@kernel
 def find_target(
     pixels: Image,
     window: Box,
@@ -118,31 +151,17 @@ def find_target(
     Returns:
         Pixels of the target above the threshold; 0 if there is none.
     """
-    best, best_area, count = -np.inf, 0, 0
-    for v in range(window[1], window[3] + 1):
-        if count == MAX_BLOBS or not _row_has(pixels, v, window[0], window[2], threshold):
-            continue
-        u = window[0]
-        while u <= window[2] and count < MAX_BLOBS:
-            inside = False
-            for k in range(1, count + 1):
-                if boxes[k, 1] <= v <= boxes[k, 3] and boxes[k, 0] <= u <= boxes[k, 2]:
-                    inside, u = True, boxes[k, 2]
-            if not inside and pixels[v, u] > threshold:
-                count += 1
-                box = boxes[count]
-                box[0], box[1], box[2], box[3] = u, v, u, v
-                _grow(pixels, threshold, box)
-                area = _area(pixels, threshold, box)
-                sides = box[2] - box[0] + 1, box[3] - box[1] + 1
-                score = area * min(sides) / max(sides)
-                if expected > 0.0:
-                    score = min(score / expected, expected / score)
-                du, dv = 0.5 * (box[0] + box[2]) - place[0], 0.5 * (box[1] + box[3]) - place[1]
-                far = place[2] > 0.0 and max(abs(du), abs(dv)) > place[2]
-                if area >= min_area and score > best and not far:
-                    best, best_area = score, area
-                    boxes[0] = box
-                u = box[2]
-            u += 1
+    best, best_area = -np.inf, 0
+    for k in range(1, find_targets(pixels, window, threshold, boxes) + 1):
+        box = boxes[k]
+        area = _area(pixels, threshold, box)
+        sides = box[2] - box[0] + 1, box[3] - box[1] + 1
+        score = area * min(sides) / max(sides)
+        if expected > 0.0:
+            score = min(score / expected, expected / score)
+        du, dv = 0.5 * (box[0] + box[2]) - place[0], 0.5 * (box[1] + box[3]) - place[1]
+        far = place[2] > 0.0 and max(abs(du), abs(dv)) > place[2]
+        if area >= min_area and score > best and not far:
+            best, best_area = score, area
+            boxes[0] = box
     return best_area

@@ -126,25 +126,30 @@ def found_again(
 
 
 @kernel
+def outline(pixels: Image, memory: Array, box: Box, runs: Runs, weights: Array) -> int:
+    """Write runs and moments of the target in a box; return its rows, 0 if there is none."""
+    rows, threshold = min(box[3] - box[1] + 1, ROWS), int(memory[THRESHOLD])
+    for k in range(rows):
+        runs[0, k], runs[1, k] = box[0], box[2]
+    if connect(pixels, threshold, box[1], rows, runs, (box[0] + box[2]) // 2) == 0:
+        return 0
+    if not weigh(pixels, box[1], rows, runs, threshold, memory[LEVEL], weights):
+        return 0
+    return int(rows)
+
+
+@kernel
 def _everywhere(
     pixels: Image, memory: Array, min_area: int, boxes: Box, new: Runs, weights: Array
 ) -> tuple[int, int]:
     """Find the target in the whole image; return first row and rows, 0 if there is none."""
     height, width = pixels.shape
-    window, box, threshold = boxes[MAX_BLOBS + 1], boxes[0], int(memory[THRESHOLD])
+    window, threshold = boxes[MAX_BLOBS + 1], int(memory[THRESHOLD])
     window[0], window[1], window[2], window[3] = 0, 0, width - 1, height - 1
     place = memory[AT_U], memory[AT_V], memory[NEAR]
     if find_target(pixels, window, threshold, min_area, boxes, memory[EXPECTED], place) == 0:
         return 0, 0
-    rows = min(box[3] - box[1] + 1, ROWS)
-    for k in range(rows):
-        new[0, k], new[1, k] = box[0], box[2]
-    middle = (box[0] + box[2]) // 2
-    if connect(pixels, threshold, box[1], rows, new, middle) == 0:
-        return 0, 0
-    if not weigh(pixels, box[1], rows, new, threshold, memory[LEVEL], weights):
-        return 0, 0
-    return box[1], rows
+    return boxes[0, 1], outline(pixels, memory, boxes[0], new, weights)
 
 
 @kernel
@@ -185,6 +190,15 @@ def show(
 
 
 @kernel
+def measure_if_due(shown: Image, memory: Array, settings: Array, work: Box) -> None:
+    """Measure level and threshold of the ground where that is due."""
+    if memory[DUE] == 0.0:
+        counts, ground = view(work, 4 * (MAX_BLOBS + 2), (256,)), view(memory, LEVEL, (2,))
+        measure_ground(shown, settings[2], settings[3], counts, ground)
+    memory[DUE] = (memory[DUE] + 1.0) % settings[4]
+
+
+@kernel
 def segment(
     pixels: Image,
     background: Image,
@@ -214,10 +228,7 @@ def segment(
     window[0], window[1], window[2], window[3] = 0, pixels.shape[0] - 1, 0, pixels.shape[1] - 1
     part = field(memory, settings, window)
     shown = show(pixels, background, difference, memory, window, not part)
-    if memory[DUE] == 0.0:
-        counts, ground = view(work, 4 * (MAX_BLOBS + 2), (256,)), view(memory, LEVEL, (2,))
-        measure_ground(shown, settings[2], settings[3], counts, ground)
-    memory[DUE] = (memory[DUE] + 1.0) % settings[4]
+    measure_if_due(shown, memory, settings, work)
     old, new = masks(work)
     weights = view(memory, WEIGHTS, (7,))
     u, v, top, rows = memory[0], memory[1], 0, 0

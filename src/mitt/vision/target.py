@@ -22,6 +22,8 @@ One row of numbers a camera; the names are their places.
 | ``RUNS``               | the mask, first columns and then last columns        | px          |
 """
 
+from math import pi, sqrt
+
 import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import NDArray
@@ -102,6 +104,25 @@ def field(memory: Array, settings: Array, window: NDArray[np.int64]) -> bool:
     window[2] = max(window[2], left - reach - 3)
     window[3] = min(window[3], right + reach + 3)
     return True
+
+
+@kernel
+def expect(memory: Array, cameras: Array, radius: float, r: Array) -> None:
+    """Write where in each image the ball should be, and how large, by where it is believed."""
+    for n in range(cameras.shape[0]):
+        x, y, z, far = 0.0, 0.0, 0.0, 0.0
+        for i in range(3):
+            d = r[i] - cameras[n, 3, i]
+            x += cameras[n, i, 0] * d
+            y += cameras[n, i, 1] * d
+            z += cameras[n, i, 2] * d
+            far += d * d
+        scale = cameras[n, 4, 0] / max(z, radius)
+        memory[n, AT_U] = cameras[n, 4, 1] + scale * x
+        memory[n, AT_V] = cameras[n, 4, 2] + scale * y
+        far = sqrt(max(far - radius * radius, radius * radius))
+        sine = radius / far
+        memory[n, EXPECTED] = pi * (cameras[n, 4, 0] * sine) ** 2 * (far / max(z, radius)) ** 3
 
 
 @register_jitable
