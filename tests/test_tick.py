@@ -276,12 +276,12 @@ def test_thinking_late_is_thinking(
 
 
 @njit
-def again(times, start, images, q, dq, brake, state, result):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+def again(times, start, images, backgrounds, q, dq, brake, state, result):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     """Make the same tick many times."""
     todo = 0
     for k in range(times):
         t = start + 0.001 * k
-        todo |= tick(images, 0, t - 0.001, t, q, dq, brake, state, result)
+        todo |= tick(images, backgrounds, 0, t - 0.001, t, q, dq, brake, state, result)
     return todo
 
 
@@ -293,12 +293,20 @@ def test_the_tick_allocates_nothing(
     bench = Bench(arm, Direct(taught), Scene(), pixels=True)
     catcher = bench.catcher()
     bench.world.reset(throws[0], 3)
+    catcher.learn_background(bench.world.views_before(2))
     while bench.world.t < until:
         senses = bench.world.sense()
         bench.world.apply(catcher.step(senses))
         catcher.think()
     images = tuple(frame.pixels for frame in senses.frames)
-    rest = (senses.t + 0.001, images, senses.arm.q, senses.arm.dq, catcher._brake)
+    rest = (
+        senses.t + 0.001,
+        images,
+        catcher.backgrounds,
+        senses.arm.q,
+        senses.arm.dq,
+        catcher._brake,
+    )
     nrt.memsys_enable_stats()
     counts = []
     for times in (1, 1, 50):

@@ -9,6 +9,7 @@ The catcher takes senses and gives commands, so it does not know whether a simul
 arm is at the other end.
 """
 
+from collections.abc import Sequence
 from copy import copy, deepcopy
 from typing import Any, final
 
@@ -52,6 +53,8 @@ from mitt.signals import (
     Array,
     BallState,
     Command,
+    Frame,
+    Image,
     MapStatus,
     Senses,
     Sighting,
@@ -206,11 +209,13 @@ class Catcher:
             self._take(senses.points, t)
         q, dq, state, out = self._q, self._dq, self._state, self.result
         if self._map is None:
-            perceive(images, apart, t_exposed, t, q, dq, state, out)
+            perceive(images, self.backgrounds, apart, t_exposed, t, q, dq, state, out)
             self._ask()
             self._todo = act(self._brake, state, out)
         else:
-            self._todo = tick(images, apart, t_exposed, t, q, dq, self._brake, state, out)
+            self._todo = tick(
+                images, self.backgrounds, apart, t_exposed, t, q, dq, self._brake, state, out
+            )
         self._ticked = True
         if self._todo & STOPS:
             self._note_stop()
@@ -229,6 +234,15 @@ class Catcher:
             raise ShapeError("senses.arm.q, .dq", f"({n},)", q.shape if len(q) != n else dq.shape,
                              do=f"give the active joints {', '.join(self._arm.names)}")  # fmt: skip
         self._q[:], self._dq[:] = q, dq
+
+    def learn_background(self, views: Sequence[tuple[Frame, ...]]) -> None:
+        """Learn what the cameras see before the throw, as :meth:`Eyes.learn_background`."""
+        self._eyes.learn_background(views)
+
+    @property
+    def backgrounds(self) -> tuple[Image, ...]:
+        """What :func:`mitt.tick.tick` takes as backgrounds."""
+        return self._eyes.backgrounds
 
     @property
     def parts(self) -> tuple[Array, Record, Record] | None:

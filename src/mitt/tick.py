@@ -50,6 +50,7 @@ BESIDE, TOUCHED = 0.08, 0.002
 @kernel
 def tick(
     images: tuple[Image, ...],
+    backgrounds: tuple[Image, ...],
     apart: int,
     t_exposed: float,
     t: float,
@@ -63,6 +64,7 @@ def tick(
 
     Args:
         images: One a camera, shape (height, width); empty where there is none.
+        backgrounds: As of :func:`mitt.vision.looking.look`.
         apart: Those not exposed at ``t_exposed``, a bit each.
         t_exposed: Instant of the exposure [s].
         t: Time of the tick [s].
@@ -75,8 +77,8 @@ def tick(
     Returns:
         What is to be thought about: bits.
     """
-    images, q, dq = lent((images, q, dq))
-    perceive(images, apart, t_exposed, t, q, dq, state, result)
+    images, backgrounds, q, dq = lent((images, backgrounds, q, dq))
+    perceive(images, backgrounds, apart, t_exposed, t, q, dq, state, result)
     refer(state, result)
     return int(act(brake, state, result))
 
@@ -84,6 +86,7 @@ def tick(
 @kernel
 def perceive(
     images: tuple[Image, ...],
+    backgrounds: tuple[Image, ...],
     apart: int,
     t_exposed: float,
     t: float,
@@ -116,6 +119,7 @@ def perceive(
     if (
         look(
             images,
+            backgrounds,
             apart,
             s["eyes_memory"],
             s["eyes_settings"],

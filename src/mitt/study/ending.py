@@ -55,7 +55,7 @@ def _play(
         t = int(p[TICKS]) * TICK
         read_encoders(encoders, t, qpos[:n], qvel[:n])
         before = now_ns(clock)
-        perceive(nothing, 0, 0.0, t, encoders[Q], encoders[DQ], state, result)
+        perceive(nothing, nothing, 0, 0.0, t, encoders[Q], encoders[DQ], state, result)
         todo = act(brake, state, result)
         times[k] = now_ns(clock) - before
         move(plant, out["told"][3], out["hand"], rows)

@@ -32,6 +32,8 @@ from mitt.world.throws import Throw
 
 #: A trial without contact ends after this time [s], or when the ball is on the floor.
 LONGEST = 2.0
+#: Looks at the scene before a throw from which the catcher learns its background.
+LOOKS = 10
 #: Time around the catch in which the map's own time to it is taken for exact [s].
 _NEAR_CATCH = 0.006
 
@@ -106,6 +108,8 @@ class Bench:
         world = self.world
         world.reset(ball, seed)
         catcher, stage = self.catcher(), world.stage
+        if views := world.views_before(LOOKS):
+            catcher.learn_background(views)
         if stage is None or catcher.parts is None:
             ticks = self._step(catcher)
         else:
@@ -213,5 +217,17 @@ def _cameras(rig: Rig, scene: Scene) -> Callable[[np.random.Generator], Imager]:
         texture=sensing.texture,
         body=sensing.body,
         exposure=sensing.exposure,
+        hand=sensing.hand,
+        shading=sensing.shading,
+        grain=sensing.grain,
+        pattern=sensing.pattern,
+        light=sensing.light,
+        shadow=sensing.shadow,
     )
-    return lambda rng: Imager(true_rig(rig, scene.faults, rng), sensor, rng, second=sensing.second)
+    return lambda rng: Imager(
+        true_rig(rig, scene.faults, rng),
+        sensor,
+        rng,
+        second=sensing.second,
+        second_velocity=sensing.second_velocity,
+    )

@@ -12,7 +12,7 @@ from mitt.errors import InputError
 from mitt.robot.description import ArmModel
 from mitt.robot.hands import HandModel
 from mitt.robot.limits import Limits
-from mitt.signals import Array, Command, Senses
+from mitt.signals import Array, Command, Frame, Senses
 from mitt.world.ballistics import fly
 from mitt.world.build import build_plant
 from mitt.world.clearing import fresh_table, joints_of
@@ -184,6 +184,7 @@ class World:
         )
         self._encoders = sensors.encoders
         self._sensors: Sensor = sensors
+        self._imager = sensors.imager if isinstance(sensors.imager, Imager) else None
         if troubles is not None:
             self._sensors = troubles.sensors(sensors, pixels=self._cameras is not None)
             ball = troubles.ball
@@ -203,6 +204,19 @@ class World:
             look: Whether ball and images are exposed in this tick; encoders always are.
         """
         return self._sensors.read(self.t, *self._senses, look=look)
+
+    def views_before(self, count: int) -> list[tuple[Frame, ...]]:
+        """Return looks at the scene before the release, without the thrown ball.
+
+        None where cameras turn or the ball is seen as points. No noise of the trial is used up.
+
+        Args:
+            count: Number of looks.
+        """
+        if self._imager is None or self._scene.sensing.cameras == "active":
+            return []
+        self._body.update()
+        return self._imager.before(count, self._body.capsules)
 
     @property
     def stage(self) -> Stage | None:
