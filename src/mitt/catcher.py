@@ -19,7 +19,7 @@ from mitt import checks
 from mitt.control.brake import plan_brake
 from mitt.control.condition import ENCODER_REASONS
 from mitt.control.envelope import TICK
-from mitt.control.monitor import doubted
+from mitt.control.monitor import doubted, good_again
 from mitt.control.stopped import StoppedBy
 from mitt.errors import InputError, ShapeError
 from mitt.generator.certificate import Outcome, Verdict
@@ -159,6 +159,7 @@ class Catcher:
         self._q, self._dq = np.zeros((2, self._arm.n))
         self._numbers = self._state[0]
         self._hand, self._gaze = self.result["hand"], self.result["gaze"][0]
+        self._brakes = self.result["brakes"]
         self._clock = self.result["t"]
         self._told, self.believed = self.result["told"][0, :4], self._state["believed"][0]
         self._ball, out = ball_parts(self.result), self.result
@@ -225,7 +226,7 @@ class Catcher:
             if self._refines and self.result["inside"].item():
                 self._todo |= REFINES
         gaze = self._gaze.copy() if self._turns else None
-        return command_of(t, self._told.copy(), self._hand.item(), gaze)
+        return command_of(t, self._told.copy(), self._hand.item(), gaze, self._brakes.item())
 
     def _read(self, arm: ArmState) -> None:
         """Take the encoders over: compiled code sees buffers of one type and the right length."""
@@ -322,24 +323,34 @@ class Catcher:
             q_read=encoders[0],
             dq_read=encoders[1],
             command=self._told.copy(),
-            brakes=False,
+            brakes=self._brakes.item(),
         )
 
     def stop(self) -> None:
         """Stop with the next tick, within all limits, and stay until :meth:`recover`."""
         self._numbers["asked_to_stop"] = True
 
-    def recover(self) -> None:
-        """Watch for a ball again after a stop, from where the encoders say that the arm is.
+    def recover(self, *, checked: bool = False) -> None:
+        """Release the brakes and watch for a ball again, from where the encoders say the arm is.
 
-        An encoder that still says nothing leaves its joint where it was last believed to be.
+        Args:
+            checked: Whether a person has checked the encoders that were in doubt. If not, each has
+                to have read well for 50 ticks, near to where its joint was reckoned to be, and one
+                that was stuck has to have moved.
 
         Raises:
-            InputError: The catcher has not stopped, or the arm is not at rest yet.
+            InputError: The catcher has not stopped, the arm is not at rest yet, or the encoder of a
+                joint is still in doubt.
         """
         at_rest = bool(np.all(np.abs(self._told[1]) < _AT_REST))
         if self._phase != STOPPED or not at_rest:
             raise InputError("recover", "a catcher that has stopped, its arm at rest", self.phase)
+        good = good_again(self._state["encoder_memory"][0])
+        if not checked and not np.all(good):
+            pairs = zip(self._arm.names, good, strict=True)
+            bad = ", ".join(name for name, fine in pairs if not fine)
+            do = "check the encoder, then recover(checked=True)"
+            raise InputError("recover", "encoders that read well", f"doubt about {bad}", do=do)
         fresh = catcher_fields(self._arm, self._eyes, self._settings)
         fresh |= arm_fields(self._arm, self._settings.around)  # the hand opens, a ball drops
         kept = {"believed", *(name for name in fresh if name.startswith("eyes_"))}

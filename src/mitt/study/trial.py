@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 
 from mitt.catcher import Catcher, CatcherSettings
-from mitt.control.monitor import Encoders
+from mitt.control.encoders import Encoders
 from mitt.generator.generators import Generator
 from mitt.link.clock import Stopwatch
 from mitt.records import Record
@@ -138,6 +138,8 @@ class Bench:
                 command = catcher.step(senses)
             world.apply(command)
             catcher.think()
+            if catcher.stopped_by is not None:
+                world.watch_on()
             rows.append(catcher.result.tobytes())
         return np.frombuffer(bytearray().join(rows), catcher.result.dtype)
 

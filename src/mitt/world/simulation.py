@@ -14,6 +14,7 @@ from mitt.robot.hands import HandModel
 from mitt.robot.limits import Limits
 from mitt.signals import Array, Command, Frame, Senses
 from mitt.world.ballistics import fly
+from mitt.world.brakes import brake_numbers
 from mitt.world.build import build_plant
 from mitt.world.clearing import fresh_table, joints_of
 from mitt.world.contacts import (
@@ -35,6 +36,7 @@ from mitt.world.leading import lead
 from mitt.world.meeting import meet_by_name
 from mitt.world.mismatch import Drawn, PlantDraw
 from mitt.world.motion import (
+    BRAKED,
     BROKEN,
     FIRST,
     FLIGHT,
@@ -53,6 +55,7 @@ from mitt.world.motion import (
     move,
     note,
     over,
+    tell,
 )
 from mitt.world.scene import Scene
 from mitt.world.sensors import CameraMaker, Sensors, encoder_steps
@@ -102,6 +105,7 @@ class World:
         self._plant = build_plant(scene, arm)
         self.model = self._plant.model
         self.data = mujoco.MjData(self.model)
+        self._brakes = brake_numbers(arm.complete(), limits)
         self._draw = PlantDraw(scene, self._plant)
         self._n, self._f = self._plant.joints, self._plant.fingers
         self._servo = servo_numbers((arm.hand or HandModel()).drive)
@@ -153,6 +157,10 @@ class World:
     def peak_force(self) -> float:
         """Largest single contact force on the ball so far [N]."""
         return self._state.item(PEAK)
+
+    def watch_on(self) -> None:
+        """Go on for :data:`mitt.world.motion.WATCHED` from now on: the catcher has stopped."""
+        tell(self._state, bool(self._state[BRAKED] >= 0.0), True)
 
     def over(self, *, longest: float, held: float) -> bool:
         """Say whether the trial is at its end, by :func:`mitt.world.motion.over`."""
@@ -256,6 +264,7 @@ class World:
         command = self._checked(command)
         if self._troubles is not None:
             command = self._troubles.command(self.t, command)
+        tell(self._state, command.brakes, False)
         tau, hand = command.tau, command.hand
         rows = self._tape.reserve(self._ticks + 2)
         self._move(tau, hand, rows)
@@ -323,7 +332,7 @@ class World:
         """Forget the trial before and bring all derived quantities up to date."""
         self._path, self.radius = path, drawn.radius
         numbers = pack_plant(self._servo, drawn.friction, drawn.drag_force, drawn.mass)
-        self._state, self._drag = fresh_motion(numbers), float(numbers[5])
+        self._state, self._drag = fresh_motion(numbers, self._brakes), float(numbers[5])
         self._switches[0] = self._always
         meet_by_name(self.model)  # the draw of the masses has brought the kinds back
         self.model.opt.timestep = TICK
