@@ -27,7 +27,7 @@ from mitt.records import REASONS
 from mitt.robot.load import load_arm
 from mitt.signals import Array
 from mitt.study.lesson import learn
-from mitt.study.neighbourhood import aim_of
+from mitt.study.aim import aim_of
 from mitt.study.score import measure
 from mitt.study.stats import wilson
 from mitt.study.trial import Bench
