@@ -2,8 +2,7 @@
 
 Between the marks ``<!-- tables -->`` and ``<!-- end of tables -->`` everything is replaced by what
 ``DIR/summary.json`` and ``DIR/trials.parquet`` say: catch rates with their 95 % intervals, and each
-generator against the direct map on the same throws (McNemar, Holm over the conditions). Here an
-aborted throw counts as not caught; ``catch_rate`` of the summary leaves it out.
+generator against the direct map on the same throws (McNemar, Holm over the conditions).
 """
 
 import json
@@ -13,7 +12,8 @@ from typing import Any
 
 import pyarrow.parquet as pq
 
-from mitt.study.stats import holm, mcnemar, wilson
+from mitt.study.result import STATUSES
+from mitt.study.stats import holm, mcnemar
 
 BEGIN, END = "<!-- tables -->", "<!-- end of tables -->"
 #: Corrected p from which two generators count as different.
@@ -31,7 +31,7 @@ def main() -> None:
     folder, document = Path(sys.argv[1]), Path(sys.argv[2])
     rows = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["rows"]
     rows = [row for row in rows if row["throws"]]
-    _count_all(rows, folder / "trials.parquet")
+    _add_pairs(rows, folder / "trials.parquet")
     before, rest = document.read_text(encoding="utf-8").split(BEGIN)
     after = rest.split(END)[1]
     text = f"{BEGIN}\n\n{tables(rows)}\n\n{END}"
@@ -53,8 +53,8 @@ def tables(rows: list[Row]) -> str:
           for part in _against(r, cells, conditions, generators)),
         *(part for r, name in REFERENCES.items() if r in generators for part in (
             f"### What became of the throws of {name}",
-            _table(["condition", "throws", "caught", "dropped", "missed", "unreachable", "aborted",
-                    "beyond a limit"], [_fate(cells[c, r]) for c in conditions if (c, r) in cells]),
+            _table(["condition", "throws", *STATUSES, "beyond a limit"],
+                   [_fate(cells[c, r]) for c in conditions if (c, r) in cells]),
         )),
     ]  # fmt: skip
     return "\n\n".join(parts)
@@ -76,8 +76,8 @@ def _against(
     ]  # fmt: skip
 
 
-def _count_all(rows: list[Row], trials: Path) -> None:
-    """Let rates and pairs of the rows count every throw."""
+def _add_pairs(rows: list[Row], trials: Path) -> None:
+    """Add the pairs with each reference to the rows."""
     names = ["generator", "condition", "index", "status"]
     caught: dict[tuple[str, str], dict[int, bool]] = {}
     for row in pq.read_table(trials, columns=names).to_pylist():
@@ -85,8 +85,6 @@ def _count_all(rows: list[Row], trials: Path) -> None:
         cell[row["index"]] = row["status"] == "caught"
     for row in rows:
         mine = caught[row["condition"], row["generator"]]
-        row["catch_rate"] = row["caught"] / row["throws"]
-        row["ci95"] = wilson(row["caught"], row["throws"])
         row["against"] = {
             name: pair
             for name in REFERENCES.keys() - {row["generator"]}
@@ -169,7 +167,7 @@ def _listed(name: str, lines: list[str]) -> str:
 
 def _fate(row: Row) -> list[str]:
     """Return what became of the throws of a cell."""
-    names = ("throws", "caught", "dropped", "missed", "unreachable", "aborted", "violating_throws")
+    names = ("throws", *STATUSES, "violating_throws")
     return [row["condition"], *(str(row[name]) for name in names)]
 
 

@@ -20,14 +20,14 @@ import numpy as np
 
 from mitt.catcher import Phase
 from mitt.control.condition import ABORT
-from mitt.control.monitor import Encoders
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.records import REASONS
 from mitt.robot.load import load_arm
 from mitt.signals import Array
-from mitt.study.lesson import learn
 from mitt.study.aim import aim_of
+from mitt.study.lesson import learn
+from mitt.study.result import STATUSES
 from mitt.study.score import measure
 from mitt.study.stats import wilson
 from mitt.study.trial import Bench
@@ -111,7 +111,7 @@ def catches(f: DirectMap, plan: Plan, throws: Sequence[Throw], *, pixels: bool, 
             violations += trial.limit_violations
     caught = status.count("caught")
     low, high = wilson(caught, len(throws))
-    named = ("dropped", "missed", "unreachable", "aborted")
+    named = STATUSES[1:]
     return {"throws": len(throws), "caught": caught, "rate": caught / len(throws),
             "low": low, "high": high, "violations": violations,
             **{name: status.count(name) for name in named}}  # fmt: skip
@@ -123,14 +123,15 @@ def vision(
     """Print and return the table of catches."""
     table: Row = {}
     print(f"{'pixels' if pixels else 'points':28s}caught of throws   rate [95 %]   of clean   "
-          "dropped missed unreachable aborted   violations")  # fmt: skip
+          "dropped missed unreachable stopped aborted   violations")  # fmt: skip
     for name, plan in plans.items():
         row = catches(f, plan, throws, pixels=pixels, seed=seed)
         row["of_clean"] = row["rate"] / (table or {"clean": row})["clean"]["rate"]
         table[name] = row
         print(f"{name:28s}{row['caught']:6d} of {row['throws']:4d}   {row['rate']:.3f}"
               f" [{row['low']:.3f}, {row['high']:.3f}]   {row['of_clean']:.3f}   "
-              f"{row['dropped']:4d}{row['missed']:6d}{row['unreachable']:8d}{row['aborted']:8d}"
+              f"{row['dropped']:4d}{row['missed']:6d}{row['unreachable']:8d}{row['stopped']:10d}"
+              f"{row['aborted']:8d}"
               f"{row['violations']:8d}", flush=True)  # fmt: skip
     return table
 
@@ -159,7 +160,7 @@ def broken(f: DirectMap, kind: str, throws: list[Throw], seed: int) -> Row:
             continue
         reasons.add(REASONS[ticks["reason"][stopped[0]]].value)
         stop, first = int(stopped[0]), round(start / 0.001)
-        shows = _shows(kind, q[:, joint], first)
+        shows = _shows(kind, q[:, joint], first, f.arm.encoder_step[joint])
         rows["delay_ms"].append(max(stop - shows, 0))
         moving = np.flatnonzero(np.abs(dq).max(axis=1) > STILL)
         rows["stop_ms"].append(max(int(moving[-1]) + 1 - stop, 0) if len(moving) else 0)
@@ -171,11 +172,11 @@ def broken(f: DirectMap, kind: str, throws: list[Throw], seed: int) -> Row:
     return rows
 
 
-def _shows(kind: str, q: Array, first: int) -> int:
-    """Return the tick from which a fault can be seen at all."""
+def _shows(kind: str, q: Array, first: int, count: float) -> int:
+    """Return the tick from which a fault can be seen at all; resolution ``count`` [rad]."""
     if kind in ("jump", "dropout"):
         return first
-    moved = np.abs(q[first:] - q[max(first - 1, 0)]) > COUNTS * Encoders().count
+    moved = np.abs(q[first:] - q[max(first - 1, 0)]) > COUNTS * count
     return first + int(np.argmax(moved)) if moved.any() else first
 
 

@@ -1,5 +1,6 @@
 """The catcher end to end on points: it catches, repeats itself, refuses, and bears bad input."""
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -303,6 +304,11 @@ def test_an_encoder_that_gives_no_number_never_reaches_a_command(
     if after == "stops":
         assert catcher.tick is not None
         assert catcher.tick.reason is Reason.SILENT
+        by = catcher.stopped_by
+        assert by is not None
+        assert by.reason is Reason.SILENT
+        assert by.joint in bench.arm.names
+        assert json.loads(json.dumps(by.plain()))["reason"] == "encoder silent"
         assert np.abs(command.dq).max() < 1e-6
 
 
@@ -337,3 +343,14 @@ def spoil_joint(arm: ArmState, bad: float) -> ArmState:
     q = arm.q.copy()
     q[1] = bad
     return replace(arm, q=q)
+
+
+@pytest.mark.parametrize("step", [3e-5, 6e-5])
+def test_the_monitor_knows_the_resolution_that_the_scene_says(
+    taught: Learned, throws: list[Throw], step: float
+) -> None:
+    """Counting encoders are believed: no throw is stopped for them."""
+    scene = Scene.model_validate({"sensing": {"encoder_step": step}})
+    bench = Bench(taught.map.arm, Direct(taught.map), scene, pixels=False)
+    for k, throw in enumerate(throws[:4]):
+        assert bench.run(k, throw, seed=k).trial.status == "caught"

@@ -30,10 +30,10 @@ BEYOND = {
     "certificate_last",
 }
 SUMMARY = {
-    "throws", "caught", "dropped", "missed", "unreachable", "aborted", "catch_rate", "ci95",
-    "tick_us", "deadline_misses",
+    "throws", "caught", "dropped", "missed", "unreachable", "stopped", "aborted", "catch_rate",
+    "ci95", "tick_us", "deadline_misses",
 }  # fmt: skip
-STATUSES = {"caught", "dropped", "missed", "unreachable", "aborted"}
+STATUSES = {"caught", "dropped", "missed", "unreachable", "stopped", "aborted"}
 
 THROWS = "x,y,z,vx,vy,vz\n"
 FLIGHTS = "flight,t_s,x_m,y_m,z_m\n"

@@ -15,7 +15,10 @@ from typing import final
 import numpy as np
 
 from mitt.control.brake import plan_brake
+from mitt.control.condition import ENCODER_REASONS
 from mitt.control.envelope import TICK
+from mitt.control.monitor import doubted
+from mitt.control.stopped import StoppedBy
 from mitt.errors import InputError
 from mitt.generator.certificate import Outcome, Verdict
 from mitt.generator.generators import Direct, Generator, Unoptimised
@@ -62,6 +65,7 @@ class Catcher:
 
     Attributes:
         certificate: What the last online step says of the catch; None where none was made.
+        stopped_by: Why the catcher has stopped, and what it knew then; None where it has not.
         t_0: Time at which the arm began to move [s]; infinite before.
         believed: q, dq of the joints as the encoders' monitor believes them [rad, rad/s],
             shape (2, n); overwritten by the next tick.
@@ -122,6 +126,7 @@ class Catcher:
         self._verdict: Verdict | None = None
         self._unasked: tuple[BallState, Array] | None = None
         self.certificate: Verdict | None = None
+        self.stopped_by: StoppedBy | None = None
         self.t_0 = np.inf
 
     @property
@@ -164,6 +169,8 @@ class Catcher:
                 images, apart, t_exposed, senses.t, arm.q, arm.dq, self._brake, state, out
             )
         self._ticked = True
+        if self._todo & STOPS:
+            self._note_stop()
         t = self._clock.item()
         if self._phase == FOLLOW:
             self.t_0 = t if t < self.t_0 else self.t_0
@@ -196,6 +203,8 @@ class Catcher:
             since: Time of the first tick [s].
         """
         self._todo, self._ticked = todo, True
+        if todo & STOPS:
+            self._note_stop()
         if self._phase == FOLLOW:
             self.t_0 = min(self.t_0, since)
 
@@ -233,6 +242,24 @@ class Catcher:
         if todo & GRASPS:
             self._grasp()
 
+    def _note_stop(self) -> None:
+        """Note why the tick just made has stopped the arm."""
+        tick, encoders = tick_of(self.result.copy()), self.result["encoders"][0].copy()
+        told = doubted(self._state["encoder_memory"][0])
+        by_encoder = tick.reason in ENCODER_REASONS and len(told) > 0
+        self.stopped_by = StoppedBy(
+            state=tick.state,
+            reason=tick.reason,
+            joint=self._arm.names[told[0]] if by_encoder else None,
+            t=self._clock.item(),
+            q=self.believed[0].copy(),
+            dq=self.believed[1].copy(),
+            q_read=encoders[0],
+            dq_read=encoders[1],
+            command=self._told.copy(),
+            brakes=False,
+        )
+
     def stop(self) -> None:
         """Stop with the next tick, within all limits, and stay until :meth:`recover`."""
         self._numbers["asked_to_stop"] = True
@@ -255,7 +282,7 @@ class Catcher:
         self._eyes.reset()
         self.result[:] = fresh_result(self._arm.n, max(self._eyes.heads, 1))
         self._verdict, self._unasked, self.certificate, self.t_0 = None, None, None, np.inf
-        self._generator, self._phase = self._given, WATCH
+        self._generator, self._phase, self.stopped_by = self._given, WATCH, None
         if self._map is not None:
             self._write(map_fields(self._map))
 

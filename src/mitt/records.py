@@ -184,7 +184,7 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         phase, open: Phase, and whether the ball's stand-in is followed.
         believed: q, dq of the joints as the monitor believes them [rad, rad/s], shape (2, n).
         begun: Whether there was a tick.
-        encoder_memory, encoder_count: As in :mod:`mitt.control.monitor`.
+        encoder_memory, encoder_steps: As in :mod:`mitt.control.monitor`.
         condition, clock, encoders, tolerance, stray: As in :mod:`mitt.control.condition`.
         shapes, pairs, guard_..., last: As in :mod:`mitt.control.viability`.
         wanted: q_d, dq_d, ddq_d of the last tick, shape (3, n).
@@ -208,7 +208,7 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         "grip": pack_grip(arm.model.hand, s.ball_radius), "adapt_q": s.adapt_q,
         "adapt_dq": s.adapt_dq, "adapt_until": s.adapt_until, "bandwidth": s.bandwidth,
         "track_notes": np.zeros((len(arm.model.links), NOTES)), "begun": np.bool_(False),
-        "encoder_memory": monitor.memory_of(n), "encoder_count": s.encoders.count,
+        "encoder_memory": monitor.memory_of(n), "encoder_steps": s.encoders.steps(arm.encoder_step),
         "condition": condition.memory(), "clock": np.int64(0), "encoders": np.int64(0),
         "tolerance": s.tolerance, "stray": s.stray, "asked_to_stop": np.bool_(False),
         "review": s.review, "t_reviewed": -np.inf, "watch": s.watch,

@@ -185,12 +185,15 @@ class Command(NamedTuple):
         hand: Closing angle of the fingers [rad]; 0 is open.
         gaze: Pan, tilt [rad] and their rates [rad/s] that each camera's head is to have a tick
             later, shape (heads, 4); None where cameras stand still.
+        brakes: Whether the joints' brakes are to be engaged, and to stay so. The torques still
+            act until the brakes do, and are 0 from then on: the drives may be switched off.
     """
 
     t: float
     told: Array
     hand: float
     gaze: Array | None = None
+    brakes: bool = False
 
     @property
     def q(self) -> Array:
@@ -230,9 +233,11 @@ def _setters(kind: type) -> tuple[_Setter, ...]:
 _SET_FRAME, _SET_ARM, _SET_SENSES = (_setters(kind) for kind in (Frame, ArmState, Senses))
 
 
-def command_of(t: float, told: Array, hand: float, gaze: Array | None) -> Command:
+def command_of(
+    t: float, told: Array, hand: float, gaze: Array | None, brakes: bool = False
+) -> Command:
     """Return a command, in half the time of the constructor; see :class:`Command`."""
-    return tuple.__new__(Command, (t, told, hand, gaze))
+    return tuple.__new__(Command, (t, told, hand, gaze, brakes))
 
 
 def frame_of(

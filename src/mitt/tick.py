@@ -103,7 +103,7 @@ def perceive(
     for k in range(len(q)):
         encoders[0, k], encoders[1, k] = q[k], dq[k]
     s["encoders"] = believe(
-        s["encoder_memory"], s["bounds"], s["encoder_count"], encoders, out["told"], s["believed"]
+        s["encoder_memory"], s["bounds"], s["encoder_steps"], encoders, out["told"], s["believed"]
     )
     if not s["begun"]:  # nothing is wanted yet but to stay
         s["last"][:] = s["believed"]

@@ -8,10 +8,11 @@ from hypothesis import strategies as st
 from mitt.control import monitor
 from mitt.control.envelope import TICK, bounds_of
 from mitt.control.monitor import BRIDGED, FINE, JUMPED, REVERSED, SILENT, STUCK, Encoders
+from mitt.errors import InputError
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 
-COUNT = Encoders().count
+COUNT = 2.0 * np.pi / (4096.0 * 42.0)
 #: A fault is found so many ticks after it shows itself (faults.md, row 19).
 WITHIN = 5
 FAULTS = (SILENT, JUMPED, STUCK, REVERSED)
@@ -56,7 +57,7 @@ class Watch:
     def step(self, read: Array, told: Array) -> int:
         """Feed one tick."""
         m = self.memory
-        return int(monitor.believe(m, self.b, COUNT, read, told, self.believed))
+        return int(monitor.believe(m, self.b, np.full(3, COUNT), read, told, self.believed))
 
 
 @given(seed=seeds)
@@ -239,3 +240,15 @@ def test_a_reversed_encoder_is_read_with_its_sign_turned(arm: Arm) -> None:
         read[:, 0] = bad
         watch.step(read, telling(dq, push))
         assert np.all(np.abs(watch.believed) < 30.0)
+
+
+def test_what_is_known_of_the_encoders_is_one_number_or_one_a_joint(arm: Arm) -> None:
+    """Left out, it is the arm's own; another count of numbers is refused."""
+    assert np.array_equal(Encoders().steps(arm.encoder_step), arm.encoder_step)
+    assert np.array_equal(Encoders(step=1e-4).steps(arm.encoder_step), [1e-4] * 3)
+    assert np.array_equal(
+        Encoders(step=(1e-4, 2e-4, 3e-4)).steps(arm.encoder_step)[1:], [2e-4, 3e-4]
+    )
+    for bad in ((1e-4, 1e-4), 0.0, np.nan):
+        with pytest.raises(InputError, match="encoder step"):
+            Encoders(step=bad).steps(arm.encoder_step)

@@ -52,7 +52,7 @@ def test_row_10_clock_jump_of_the_ticks(place: Range, jump: float) -> None:
     assert is_sound(thrown)
     assert np.all(np.diff(thrown.ticks["t"]) > 0.0)
     assert thrown.reasons & {"clock", "overrun", "ball lost"}
-    assert thrown.status == "aborted"
+    assert thrown.status == "stopped"
 
 
 @pytest.mark.parametrize(("stall", "stops"), [(0.004, False), (0.015, False), (0.030, True)])
@@ -66,7 +66,7 @@ def test_row_11_overrun(place: Range, stall: float, stops: bool) -> None:
 
     thrown = place.throw(change=late)
     assert is_sound(thrown)
-    assert (thrown.status == "aborted") is stops
+    assert (thrown.status == "stopped") is stops
     assert ("overrun" in thrown.reasons) is stops
     notes = memory()
     assert [pass_time(notes, t)[1] for t in (0.0, 0.001, 0.05)][-1] == OVERRUN
@@ -156,7 +156,7 @@ def test_row_19_encoder_failure(place: Range, fault: str, joint: int) -> None:
     """A lying encoder stops the arm within the limits, with a reason that names encoders."""
     plan = {"kind": "encoder", "fault": fault, "joint": joint, "start": 0.30, "magnitude": 0.4}
     thrown = place.throw(plan)
-    assert thrown.status == "aborted"
+    assert thrown.status == "stopped"
     assert is_sound(thrown)
     assert any(reason.startswith("encoder") for reason in thrown.reasons)
     soon = fault in ("jump", "dropout")
@@ -181,7 +181,7 @@ def test_row_20_kick_in_flight(place: Range, number: int) -> None:
 def test_row_21_missed_ball(place: Range) -> None:
     """A ball that is kicked away by 3 m/s is no catch, and the arm stays within its limits."""
     thrown = place.throw({"kind": "kick", "magnitude": 4.0, "share": 0.93}, number=1)
-    assert thrown.status in ("missed", "dropped", "aborted")
+    assert thrown.status in ("missed", "dropped", "stopped")
     assert is_sound(thrown)
 
 

@@ -135,3 +135,14 @@ def test_an_mjcf_states_its_speeds_among_its_own_numbers(tmp_path: Path) -> None
     path.write_text(MJCF.replace("velocity_limit_b", "other"))
     with pytest.raises(ModelError, match="velocity_limit_JOINT"):
         load_arm(path, tip="two", joints=["a", "b"])
+
+
+def test_encoders_have_the_resolution_of_their_joint() -> None:
+    """4096 counts a motor turn over the joint's ratio, or what the caller says."""
+    turn = 2.0 * np.pi / 4096.0
+    assert np.allclose(load_arm("wam").encoder_step, [turn / 42.0, turn / 28.25, turn / 18.0])
+    assert np.allclose(load_arm("wam", encoder_step=1e-4).encoder_step, 1e-4)
+    assert np.allclose(load_arm("wam", encoder_step=[1e-4, 2e-4, 3e-4]).encoder_step[1], 2e-4)
+    for bad in (0.0, -1.0, [1e-4, 1e-4], float("nan")):
+        with pytest.raises(ModelError, match=r"encoder"):
+            load_arm("wam", encoder_step=bad)

@@ -14,8 +14,9 @@ from mitt.link.maps import read_map, save_map
 from mitt.options import CatchOptions
 from mitt.study.catch import Finished, prepare, run
 from mitt.study.outputs import LEAVES, write_outputs
-from mitt.study.result import result
+from mitt.study.result import STATUSES, result
 from mitt.study.score import Trial
+from mitt.study.stats import wilson
 
 HEAD: dict[str, object] = {"version": "0", "arm": "wam"}
 
@@ -107,11 +108,13 @@ def test_a_place_that_cannot_be_written_is_an_error_of_ours(finished: Finished) 
     assert "\n" not in str(caught.value)
 
 
-def test_the_catch_rate_leaves_aborted_throws_out() -> None:
-    """Caught / (throws - aborted); 0 with the whole interval where nothing is valid."""
-    some = summary(["caught", "caught", "dropped", "aborted", "missed", "unreachable"])
-    assert some["catch_rate"] == 2 / 5
-    assert [some[s] for s in ("throws", "caught", "dropped", "missed", "unreachable", "aborted")] \
-        == [6, 2, 1, 1, 1, 1]  # fmt: skip
-    none = summary(["aborted"])
+def test_the_catch_rate_counts_every_throw() -> None:
+    """Caught / throws whatever became of the others, and the Wilson interval over all of them."""
+    some = summary(["caught", "stopped", "dropped", "aborted", "missed", "unreachable"])
+    assert some["catch_rate"] == 1 / 6
+    assert [some[s] for s in ("throws", *STATUSES)] == [6, 1, 1, 1, 1, 1, 1]
+    assert some["ci95"] == list(wilson(1, 6))
+    stopped = summary(["caught"] * 8 + ["stopped"] * 12)
+    assert stopped["catch_rate"] == 8 / 20
+    none = summary([])
     assert (none["catch_rate"], none["ci95"]) == (0.0, [0.0, 1.0])

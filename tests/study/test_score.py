@@ -95,7 +95,9 @@ def at(arm: Arm, field: str, tick: int, joint: int, value: float) -> Trace:
         (Ended(), Phase.FOLLOW, False, "missed"),
         (Ended(), Phase.REFUSED, False, "unreachable"),
         (Ended(first_contact="touch"), Phase.REFUSED, True, "unreachable"),
-        (Ended(first_contact="touch"), Phase.STOPPED, True, "aborted"),
+        (Ended(first_contact="touch"), Phase.STOPPED, True, "stopped"),
+        (Ended(), Phase.STOPPED, False, "stopped"),
+        (Ended(diverged=True), Phase.STOPPED, False, "aborted"),
         (Ended(diverged=True, first_contact="touch"), Phase.BRAKE, True, "aborted"),
         (Ended(diverged=True), Phase.REFUSED, False, "aborted"),
     ],
@@ -103,7 +105,7 @@ def at(arm: Arm, field: str, tick: int, joint: int, value: float) -> Trace:
 def test_each_status_has_its_rule(
     ended: Ended, phase: Phase, was_held: bool, expected: str
 ) -> None:
-    """Diverged or stopped goes before refused, refused before touched, untouched is missed."""
+    """Diverged goes before stopped, that before refused, before touched; untouched is missed."""
     assert status(ended, phase=phase, was_held=was_held) == expected
 
 

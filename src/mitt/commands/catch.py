@@ -9,6 +9,7 @@ from mitt.link.files import make_folder
 from mitt.options import CatchOptions
 from mitt.study.catch import Finished, prepare
 from mitt.study.catch import run as run_throws
+from mitt.study.result import STATUSES
 from mitt.study.score import Trial
 
 
@@ -48,8 +49,7 @@ def _show(finished: Finished) -> None:
     console.print(
         f"caught {summary['caught']} of {summary['throws']}: {100 * summary['catch_rate']:.1f} % "
         f"(95 % interval {100 * low:.1f} to {100 * high:.1f} %), "
-        f"dropped {summary['dropped']}, missed {summary['missed']}, "
-        f"unreachable {summary['unreachable']}, aborted {summary['aborted']}; "
+        f"{', '.join(f'{status} {summary[status]}' for status in STATUSES[1:])}; "
         f"tick {summary['tick_us']['p50']:.0f} us median"
     )
     page = "report.html" if finished.trials else "result.json"

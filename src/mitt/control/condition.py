@@ -57,6 +57,9 @@ class Reason(Enum):
 (_NONE, _UNSEEN, _ONE_CAMERA, _LATE, _BRIDGED, _BLOCKED, LOST, _SILENT, _JUMPED, _STUCK, _REVERSED,
  CLOCK, OVERRUN, _TRACKING, ASKED) = range(15)  # fmt: skip
 
+#: Reasons that one joint's encoder gives.
+ENCODER_REASONS = (Reason.SILENT, Reason.JUMPED, Reason.STUCK, Reason.REVERSED)
+
 _T, _TIMELESS, _FAR, _LATES = range(4)
 MEMORY = 4
 

@@ -29,6 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitt.control.envelope import TICK
+from mitt.errors import InputError
 from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.views import view
@@ -63,10 +64,26 @@ class Encoders:
     """What is known of the encoders.
 
     Attributes:
-        count: Resolution [rad]; the default is a WAM's at joint 1, 4096 counts a motor turn.
+        step: Resolution of each joint's encoder [rad], one number for all or one a joint; None:
+            the arm's own.
     """
 
-    count: float = 2.0 * np.pi / (4096.0 * 42.0)
+    step: float | tuple[float, ...] | None = None
+
+    def steps(self, own: Array) -> Array:
+        """Return the resolution of each joint's encoder [rad], shape (n,).
+
+        Args:
+            own: The arm's, shape (n,).
+
+        Raises:
+            InputError: Not one number above 0 for each joint.
+        """
+        given = own if self.step is None else np.atleast_1d(np.asarray(self.step, np.float64))
+        if given.shape not in ((1,), own.shape) or not np.all((given > 0.0) & (given < 0.1)):
+            wanted = f"one number or {len(own)}, above 0 and below 0.1 rad"
+            raise InputError("encoder step", wanted, self.step)
+        return np.array(np.broadcast_to(given, own.shape))
 
 
 def memory_of(n: int) -> Array:
@@ -76,11 +93,16 @@ def memory_of(n: int) -> Array:
     return memory
 
 
+def doubted(memory: Array) -> list[int]:
+    """Return the joints whose encoders are not believed, by their indices."""
+    return [int(k) for k in np.flatnonzero(memory[:, _RECKONED])]
+
+
 @kernel
 def believe(
     memory: Array,
     b: Array,
-    count: float,
+    steps: Array,
     read: Array,
     told: Array,
     believed: Array,
@@ -90,7 +112,7 @@ def believe(
     Args:
         memory: Overwritten, shape (n, COLUMNS).
         b: Limits, as of :mod:`mitt.control.envelope`, shape (>= 5, n).
-        count: Resolution of the encoders [rad].
+        steps: Resolution of the encoders [rad], shape (n,).
         read: q, dq as read [rad, rad/s], shape (2, n).
         told: q, dq, ddq, tau told in the tick before, and the acceleration that its torques
             bring by the model, shape (5, n).
@@ -98,6 +120,7 @@ def believe(
     """
     worst = FINE
     for k in range(read.shape[1]):
+        count = steps[k]
         m, q, dq = view(memory, k * COLUMNS, (COLUMNS,)), read[0, k], read[1, k]
         if np.isnan(m[_Q]) and _may_begin(b, k, q, dq):
             m[_Q], m[_DQ], m[_HELD] = q, dq, q

@@ -18,11 +18,11 @@ from mitt.generator.packing import unfold, unpack
 from mitt.generator.polynomial import jets
 from mitt.generator.step import Buffers, Map
 from mitt.generator.stopping import spare
-from mitt.generator.strain import LEAST, Plant, asked_of
+from mitt.generator.strain import Plant, asked_of
 from mitt.generator.tangent import expand, lift, solve3
 from mitt.jit import kernel
 from mitt.robot.dynamics import inverse_dynamics
-from mitt.robot.limits import bound_of
+from mitt.robot.limits import torque_share
 from mitt.signals import Array
 
 #: Time before the catch in which the arm can no longer follow [s] (aT^2/4 of 3 mm), and the ball's
@@ -202,4 +202,4 @@ def _share(
     tau, omega = asked_of(p, index, w.tau, w.motion[1])
     if kind == 1:
         return float(abs(omega) / p.drives[2 * links + 2, index])
-    return float(abs(tau) / bound_of(p.drives, index, tau, omega, LEAST)[0])
+    return float(torque_share(p.drives, index, tau, omega))

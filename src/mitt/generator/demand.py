@@ -16,7 +16,7 @@ import numpy as np
 from mitt.jit import kernel
 from mitt.robot.arm import Arm, Tables
 from mitt.robot.dynamics import inverse_dynamics, notes_of
-from mitt.robot.limits import bound_of, drive_asked
+from mitt.robot.limits import drive_asked, torque_share
 from mitt.signals import Array
 
 #: Time after the catch in which the hand closes and the arm still follows [s].
@@ -111,8 +111,8 @@ def _reckon(
             excess[t, k] = max(most[0, k] - q[k], q[k] - most[1, k], 0.0)
         for m in range(len(top)):
             drive, speed = drive_asked(drives, m, tau[0], tau[1])
-            bound, _ = bound_of(drives, m, drive, speed, 0.0)
-            share[0, t, m], share[1, t, m] = abs(drive) / max(bound, 1e-9), abs(speed) / top[m]
+            share[0, t, m] = torque_share(drives, m, drive, speed)
+            share[1, t, m] = abs(speed) / top[m]
 
 
 def shares_of(arm: Arm, motion: Array, tolerance: Tolerance) -> dict[str, float]:

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from mitt.generator.course import Course
-from mitt.generator.strain import LEAST, Plant, Work, asked_of, assess, motion_at
+from mitt.generator.strain import Plant, Work, asked_of, assess, motion_at
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
-from mitt.robot.limits import bound_of
+from mitt.robot.limits import LEAST, bound_of
 from mitt.robot.slopes import torque_slopes
 from mitt.signals import Array
 

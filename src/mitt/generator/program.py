@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mitt.robot.arm import Arm
+from mitt.robot.limits import LEAST
 from mitt.signals import Array
 
 #: Newton steps of the soft programme, and the relative step at which it has converged.
@@ -79,7 +80,7 @@ def limit_rows(arm: Arm, s: Sensitivity, *, share: float, near: float) -> Rows:
     dq = np.zeros((count, len(arm.model.links)))
     dq[:, arm.model.active] = s.motion[:, 1]
     drive_tau, drive_dq = limits.drive_torque(s.tau), limits.drive_speed(dq)
-    bound = np.maximum(limits.torque_bound(drive_tau, drive_dq), 1e-3 * limits.tau_peak)
+    bound = limits.torque_bound(drive_tau, drive_dq, least=LEAST)
     middle, half = 0.5 * (arm.q_max + arm.q_min), 0.5 * (arm.q_max - arm.q_min)
     values = (drive_tau / bound, drive_dq / limits.dq_max, (s.motion[:, 0] - middle) / half)
     speeds = limits.transmission[:, arm.model.active] / limits.dq_max[:, None]

@@ -3,9 +3,9 @@
 import numpy as np
 
 from mitt.generator.step import Buffers
-from mitt.generator.strain import LEAST, Plant, motion_at
+from mitt.generator.strain import Plant, motion_at
 from mitt.jit import kernel
-from mitt.robot.limits import bound_of
+from mitt.robot.limits import LEAST, bound_of
 from mitt.robot.slopes import torque_slopes
 from mitt.signals import Array
 

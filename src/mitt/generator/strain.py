@@ -18,12 +18,9 @@ from mitt.generator.course import Course
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.dynamics import inverse_dynamics, notes_of
-from mitt.robot.limits import bound_of
+from mitt.robot.limits import torque_share
 from mitt.robot.slopes import slopes_work
 from mitt.signals import Array
-
-LEAST = 1e-3
-"""Share of a drive's stall torque that is taken to be left beyond its no-load speed."""
 
 
 class Plant(NamedTuple):
@@ -126,7 +123,7 @@ def assess(
         over += _note(shares, at, 2, p.joints[j], x, k, share)
     for d in range(links):
         tau, omega = asked_of(p, d, w.tau, w.motion[1])
-        part = abs(tau) / bound_of(p.drives, d, tau, omega, LEAST)[0]
+        part = torque_share(p.drives, d, tau, omega)
         over += _note(shares, at, 0, d, part, k, share)
         part = abs(omega) / p.drives[2 * links + 2, d]
         over += _note(shares, at, 1, d, part, k, share)

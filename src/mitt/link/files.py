@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mitt.errors import FileError, InputError
+from mitt.reading import MAX_JSON_BYTES, read_text
 
 LOCK = ".lock"
 """File that keeps a second run out of a folder; alone it does not make the folder full."""
@@ -46,22 +47,16 @@ def write_json(path: Path, value: object) -> None:
     write_text(path, json.dumps(value, indent=1, allow_nan=False) + "\n")
 
 
-def read_json(path: Path, *, max_bytes: int) -> Any:  # noqa: ANN401 (any JSON value)
+def read_json(path: Path, *, max_bytes: int = MAX_JSON_BYTES) -> Any:  # noqa: ANN401 (any JSON value)
     """Return what a JSON file says; NaN, infinity and repeated keys are refused.
 
     Raises:
         FileError: The file is missing, too large, cut short or no JSON.
     """
+    text = read_text(path, max_bytes=max_bytes)
     try:
-        if path.stat().st_size > max_bytes:
-            raise FileError(str(path), f"at most {max_bytes} bytes", path.stat().st_size)
-        text = path.read_text(encoding="utf-8")
         return json.loads(text, parse_constant=_refuse, object_pairs_hook=_unique)
-    except OSError as error:
-        raise FileError(str(path), "a readable file", error.strerror or "an error") from error
     except (ValueError, RecursionError) as error:
-        if isinstance(error, InputError):
-            raise
         raise FileError(str(path), "complete JSON", str(error)[:120]) from error
 
 

@@ -19,7 +19,6 @@ from mitt.robot.arm import Arm
 
 SCHEMA = "mitt.map/1"
 #: Largest map file read [byte]; one of the highest order for seven joints stays below.
-_MAX_BYTES = 20_000_000
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -96,7 +95,7 @@ def read_map(path: Path, arm: Arm) -> Learned:
         FileError: The file is missing, cut short, altered, of another schema, or was learned for
             another arm or other limits.
     """
-    return map_of(read_json(path, max_bytes=_MAX_BYTES), arm, place=str(path))
+    return map_of(read_json(path), arm, place=str(path))
 
 
 def map_of(raw: Any, arm: Arm, *, place: str) -> Learned:  # noqa: ANN401 (any JSON value)

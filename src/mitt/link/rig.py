@@ -1,6 +1,5 @@
 """RIG.toml: the cameras as calibrated, in a file that people can read (docs/rig.md)."""
 
-import tomllib
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -11,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from mitt.errors import FileError, MittError
 from mitt.link.files import write_text
+from mitt.reading import read_toml
 from mitt.signals import Array
 from mitt.vision.calibration.heads import HeadAxes
 from mitt.vision.camera import Rig
@@ -18,7 +18,6 @@ from mitt.vision.lens import Lens
 
 SCHEMA = "mitt.rig/1"
 #: Largest file read [byte]; that of ten cameras has 10 kB.
-_MAX_BYTES = 1_000_000
 
 #: Numbers of cameras [m, px, 1], and times [s]: no rig and no clock has larger ones.
 Finite = Annotated[float, Field(ge=-1e6, le=1e6)]
@@ -134,21 +133,15 @@ def read_rig(path: Path) -> CalibratedRig:
         FileError: The file is missing, cut short, of another schema, or no rig can be so.
     """
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise FileError(str(path), f"at most {_MAX_BYTES} bytes", path.stat().st_size)
-        content = _RigFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    except OSError as error:
-        raise FileError(str(path), "a readable file", error.strerror or "an error") from error
+        content = _RigFile.model_validate(
+            read_toml(path, wanted="TOML as mitt calibrate writes it")
+        )
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"]) or "the file"
         raise FileError(
             f"{path} key {key!r}", f"a rig of schema {SCHEMA}", first["msg"], do="see docs/rig.md"
         ) from None
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, FileError):
-            raise
-        raise FileError(str(path), "TOML as mitt calibrate writes it", str(error)[:100]) from error
     try:
         return _checked(content)
     except MittError as error:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mitt.errors import ShapeError
 from mitt.robot.chain import chain_of, motion_of, place
-from mitt.robot.description import ArmModel, transform
+from mitt.robot.description import ArmModel, Brake, transform
 from mitt.robot.dynamics import GRAVITY, bodies_of, inverse_dynamics, notes_of, torques
 from mitt.robot.limits import Limits
 from mitt.signals import Array
@@ -55,6 +55,8 @@ class Arm:
         q_ready: Pose in which they wait for a throw [rad], shape (n,).
         tau_max: Their largest joint torques, drives taken one by one [N m], shape (n,).
         dq_max: Their largest joint speeds, drives taken one by one [rad/s], shape (n,).
+        encoder_step: Resolution of their encoders [rad], shape (n,).
+        brakes: Their holding brakes.
         chain: Arrays of the kinematic kernels.
         bodies: Table of the dynamic kernel, shape (N, 31).
         tables: All that kernels ask of its drives.
@@ -71,6 +73,11 @@ class Arm:
         self.q_max = np.array([link.q_max for link in active])
         self.q_ready = model.q_ready
         self.tau_max, self.dq_max = self._joint_limits()
+        self.encoder_step = np.array([link.encoder_step for link in active])
+        self.brakes = tuple(
+            link.brake or Brake(torque=float(tau))
+            for link, tau in zip(active, self.tau_max, strict=True)
+        )
         self.chain = chain_of(complete)
         self.bodies, self._notes = bodies_of(complete), notes_of(len(model.links))
         self._moved = limits.transmission[:, self._index] != 0.0

@@ -18,6 +18,32 @@ _INERTIA_SLACK = 1e-6
 #: Largest length, mass or inertia of a link that is taken for meant [m, kg, kg m^2].
 _LARGEST = 1e4
 
+#: Encoder resolution of a joint whose description states none [rad or m]: 17 bits a turn of the
+#: joint, as the joint-side encoders of common cobots have or better. A choice of this project.
+ENCODER_STEP = 2.0 * np.pi / 2**17
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Brake:
+    """What holds a joint once its drive is off.
+
+    Attributes:
+        torque: Largest torque of the holding brake [N m]; 0 where there is none.
+        damping: Torque per joint speed of the drive's shorted windings [N m s/rad].
+        delay: Time from the command to engage until both act [s].
+    """
+
+    torque: float
+    damping: float = 0.0
+    delay: float = 0.05
+
+    def __post_init__(self) -> None:
+        """Refuse what no brake can be."""
+        numbers = (self.torque, self.damping, self.delay)
+        if not all(0.0 <= x < np.inf for x in numbers) or self.delay > 1.0:
+            wanted = "a torque, a damping and a delay of at least 0, the delay at most 1 s"
+            raise ModelError("brake", wanted, numbers)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Capsule:
@@ -45,6 +71,9 @@ class Link:
         armature: Rotor inertia reflected to the joint [kg m^2].
         capsules: Collision shapes.
         held: Joint value at which the joint is held [rad]; None where it is active.
+        encoder_step: Resolution of the joint's encoder [rad].
+        brake: What holds the joint once its drive is off; None: a spring-applied brake as strong
+            as the joint's largest torque (see ``Arm.brakes``).
     """
 
     name: str
@@ -59,10 +88,15 @@ class Link:
     armature: float = 0.0
     capsules: tuple[Capsule, ...] = ()
     held: float | None = None
+    encoder_step: float = ENCODER_STEP
+    brake: Brake | None = None
 
     def __post_init__(self) -> None:
         """Refuse what no real link can have."""
         where = f"joint {self.name!r}"
+        if not 0.0 < self.encoder_step < 0.1:
+            wanted = "an encoder resolution above 0 and below 0.1 rad"
+            raise ModelError(where, wanted, f"{self.encoder_step:g}")
         bodily = (self.placement, self.axis, self.com, self.inertia, self.armature)
         numbers = (*bodily, self.q_min, self.q_max)
         if not all(np.all(np.abs(x) <= _LARGEST) for x in numbers):

@@ -8,11 +8,16 @@ the line from its stall torque at rest to zero at its no-load speed.
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
 from mitt.jit import kernel
 from mitt.signals import Array
+
+LEAST: Final = 1e-3
+"""Share of its stall torque that counts as left to a drive beyond its no-load speed, wherever a
+share of the torque bound is to stay finite. Torques themselves are held to the bound without it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,6 +31,7 @@ class Limits:
         tau_stall: Torque at rest of the torque-speed line [N m], shape (N,); infinite without one.
         dq_max: Largest (no-load) speed of each drive [rad/s], shape (N,).
         tau_rms: Continuous torque, as root mean square over a trial [N m], shape (N,).
+        jerk: Largest jerk of each joint [rad/s^3], shape (N,); None where the set has none.
     """
 
     name: str
@@ -34,6 +40,7 @@ class Limits:
     tau_stall: Array
     dq_max: Array
     tau_rms: Array
+    jerk: Array | None = None
 
     @cached_property
     def to_drive(self) -> Array:
@@ -61,11 +68,14 @@ class Limits:
         out: Array = dq @ self.transmission.T
         return out
 
-    def torque_bound(self, tau_drive: Array, dq_drive: Array) -> Array:
-        """Return the bound on the size of each drive torque in its direction [N m]."""
+    def torque_bound(self, tau_drive: Array, dq_drive: Array, *, least: float = 0.0) -> Array:
+        """Return the bound on the size of each drive torque in its direction [N m].
+
+        ``least`` as in :func:`bound_of`.
+        """
         out = np.asarray(np.broadcast_to(self.tau_peak, tau_drive.shape), np.float64)
         if self.no_load:
-            line = self.tau_stall * np.maximum(1.0 - np.abs(dq_drive) / self.dq_max, 0.0)
+            line = self.tau_stall * np.maximum(1.0 - np.abs(dq_drive) / self.dq_max, least)
             driving = tau_drive * dq_drive > 0.0
             out = np.asarray(np.where(driving, np.minimum(self.tau_peak, line), out), np.float64)
         return out
@@ -73,8 +83,7 @@ class Limits:
     def torque_ratio(self, tau: Array, dq: Array) -> Array:
         """Return how much of each drive's torque is asked for, shape (..., N); 1 is the limit."""
         drive = self.drive_torque(tau)
-        bound = self.torque_bound(drive, self.drive_speed(dq))
-        out: Array = np.abs(drive) / np.maximum(bound, 1e-9)
+        out: Array = np.abs(drive) / self.torque_bound(drive, self.drive_speed(dq), least=LEAST)
         return out
 
     def speed_ratio(self, dq: Array) -> Array:
@@ -100,8 +109,8 @@ def bound_of(
         m: Index of the drive.
         drive: Its torque, of which only the direction counts [N m].
         speed: Its speed [rad/s].
-        least: Share of the stall torque that is always left: 0, or more where a share of the
-            bound is to stay finite.
+        least: Share of the stall torque that is always left: 0 where a torque is held to its
+            bound, ``LEAST`` where its share of the bound is to stay finite.
     """
     n = packed.shape[1]
     bound, stall, top = packed[2 * n, m], packed[2 * n + 1, m], packed[2 * n + 2, m]
@@ -110,6 +119,19 @@ def bound_of(
         if line < bound:
             return line, stall / top
     return bound, 0.0
+
+
+@kernel
+def torque_share(packed: Array, m: int, drive: float, speed: float) -> float:
+    """Return the share of a drive's torque bound that is asked for; 1 is the limit.
+
+    Args:
+        packed: ``Limits.packed``.
+        m: Index of the drive.
+        drive: Its torque [N m].
+        speed: Its speed [rad/s].
+    """
+    return float(abs(drive) / bound_of(packed, m, drive, speed, LEAST)[0])
 
 
 @kernel
@@ -134,8 +156,7 @@ def largest_share(packed: Array, tau: Array, dq: Array) -> float:
     n, largest = len(tau), 0.0
     for m in range(n):
         drive, speed = drive_asked(packed, m, tau, dq)
-        bound, _ = bound_of(packed, m, drive, speed, 0.0)
-        largest = max(largest, abs(drive) / max(bound, 1e-9))
+        largest = max(largest, torque_share(packed, m, drive, speed))
     return largest
 
 

@@ -1,6 +1,7 @@
 """Arms by name or from a URDF or MJCF file."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import hypot
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pinocchio as pin
 from defusedxml import DefusedXmlException, ElementTree
 
 from mitt.errors import FileError, ModelError, UnknownNameError, heard
+from mitt.reading import read_text
 from mitt.robot.arm import Arm
 from mitt.robot.description import ArmModel, Link, transform
 from mitt.robot.hands import HandModel
@@ -16,7 +18,9 @@ from mitt.robot.limits import Limits, joint_level
 from mitt.robot.wam import LIMIT_SETS, wam, wam_limits
 
 #: Largest description file read [byte]; real ones stay below 1 MB.
-_MAX_BYTES = 20_000_000
+_MAX_BYTES = 5_000_000
+#: Elements in one another; more would be too many for the parsers behind Pinocchio.
+_MOST_LEVELS = 100
 _HOW = "state them in the file (MJCF: actuatorfrcrange, numeric velocity_limit_JOINT)"
 
 
@@ -27,6 +31,7 @@ def load_arm(
     joints: Sequence[str] | None = None,
     limits: str | None = None,
     hand: HandModel | None = None,
+    encoder_step: float | Sequence[float] | None = None,
 ) -> Arm:
     """Return an arm by name (``wam``) or from a URDF (``.urdf``) or MJCF (``.xml``) file.
 
@@ -38,6 +43,8 @@ def load_arm(
         limits: Limit set: ``paper``, ``wam-48v``, ``wam-80v`` for the WAM, ``model`` for files.
         hand: For files: a hand to be mounted so that its catch point is at the tip; without
             one the file is taken to contain what the arm carries.
+        encoder_step: Resolution of the encoders of the active joints [rad], one for all or one a
+            joint; the WAM's own, or ``description.ENCODER_STEP`` for files, if left out.
 
     Raises:
         UnknownNameError: No such arm, joint, frame or limit set.
@@ -47,7 +54,8 @@ def load_arm(
     if str(name_or_path) == "wam":
         if tip is not None or joints is not None:
             raise ModelError("arm wam", "no tip and no joints: they are fixed", f"{tip}, {joints}")
-        return Arm(wam(hand or HandModel()), wam_limits(limits or "paper"))
+        model = _with_encoders(wam(hand or HandModel()), encoder_step)
+        return Arm(model, wam_limits(limits or "paper"))
     path = Path(name_or_path)
     if path.suffix not in (".urdf", ".xml", ".mjcf"):
         raise UnknownNameError("arm", str(name_or_path), ("wam", "a .urdf file", "an .xml MJCF"))
@@ -57,17 +65,28 @@ def load_arm(
     if tip is None or not joints:
         raise ModelError(str(path), "tip and joints", f"tip={tip}, joints={joints}",
                          do="name the frame of the catch point and the active joints")  # fmt: skip
-    return _from_pinocchio(_parse(path), path.stem, tip, tuple(joints), hand)
+    arm = _from_pinocchio(_parse(path), path.stem, tip, tuple(joints), hand)
+    model = _with_encoders(arm.model, encoder_step)
+    return arm if model is arm.model else Arm(model, arm.limits)
+
+
+def _with_encoders(model: ArmModel, step: float | Sequence[float] | None) -> ArmModel:
+    """Return an arm whose active joints have encoders of a resolution [rad], if one is given."""
+    if step is None:
+        return model
+    steps = [step] * len(model.active) if isinstance(step, int | float) else list(step)
+    if len(steps) != len(model.active):
+        wanted = f"one number, or one for each of {len(model.active)} joints"
+        raise ModelError("encoder_step", wanted, f"{len(steps)}")
+    links = list(model.links)
+    for k, x in zip(model.active, steps, strict=True):
+        links[k] = replace(links[k], encoder_step=float(x))
+    return replace(model, links=tuple(links))
 
 
 def _parse(path: Path) -> pin.Model:
     """Read a description file into Pinocchio, refusing what it would silently accept."""
-    try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise FileError(str(path), f"at most {_MAX_BYTES} bytes", path.stat().st_size)
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileError(str(path), "a readable text file", error) from error
+    text = read_text(path, max_bytes=_MAX_BYTES)
     _check_numbers(path, text)
     build = pin.buildModelFromUrdf if path.suffix == ".urdf" else pin.buildModelFromMJCF
     with heard() as said:
@@ -114,6 +133,11 @@ def _check_numbers(path: Path, text: str) -> None:
         root = ElementTree.fromstring(text, forbid_dtd=True)
     except (ElementTree.ParseError, DefusedXmlException, ValueError) as error:
         raise FileError(str(path), "well-formed XML", error) from error
+    level = [root]
+    for _ in range(_MOST_LEVELS):
+        level = [child for element in level for child in element]
+    if level:
+        raise FileError(str(path), f"at most {_MOST_LEVELS} elements in one another", "more")
     if root.find(".//include") is not None:
         raise FileError(str(path), "one file", "one that includes others", do="join them")
     for element in root.iter():

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitt.errors import UnknownNameError
-from mitt.robot.description import ArmModel, Capsule, Link, rotation, transform
+from mitt.robot.description import ArmModel, Brake, Capsule, Link, rotation, transform
 from mitt.robot.hands import HandModel
 from mitt.robot.limits import Limits, joint_level
 from mitt.signals import Array
@@ -26,6 +26,8 @@ _RESISTANCE = 3.473  # ohm
 _NO_LOAD_48V = 100.218  # rad/s
 _CONTINUOUS = 1.490  # N m
 _PEAK = 1.966  # N m
+#: Encoder counts a motor turn.
+_COUNTS = 4096
 
 #: Idealised arm of the set ``paper``: peak torques quoted from the WAM manual [N m], and the joint
 #: speeds that matching a 6 m/s ball needs [rad/s], a choice of this project: no real WAM.
@@ -93,6 +95,16 @@ _TOOL_PLATE = 0.35
 _BASE = Capsule(start=(0.0, 0.0, -0.33), end=(0.0, 0.0, -0.22), radius=0.10)
 
 
+#: Motor turns that one joint's turn alone takes of a motor that moves it, joints 1 to 4.
+_RATIO = np.abs(TRANSMISSION).max(axis=0)
+
+#: Holding brakes: a choice of this project, as strong as the ``paper`` set's largest torques; the
+#: WAM's own are optional. In its idle mode the motor amplifiers brake by themselves (WAM User's
+#: Manual D1001 AH.00, section 7.5: in MODE_IDLE motors ignore torques "and apply braking"); taken
+#: to short the windings: K_t^2 N^2 / R of each motor that moves the joint.
+_BRAKE_TORQUE = _PAPER_TAU
+_BRAKE_DAMPING = _TORQUE_CONSTANT**2 / _RESISTANCE * (TRANSMISSION**2).sum(axis=0)
+
 LIMIT_SETS = ("paper", *_VOLTS)
 
 
@@ -157,4 +169,6 @@ def _link(k: int, row: _Row, held: float | None, placement: Array) -> Link:
         armature=row.armature,
         capsules=row.capsules,
         held=held,
+        encoder_step=2.0 * np.pi / (_COUNTS * float(_RATIO[k])),
+        brake=Brake(torque=float(_BRAKE_TORQUE[k]), damping=float(_BRAKE_DAMPING[k])),
     )

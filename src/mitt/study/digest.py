@@ -6,8 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from mitt.study.result import STATUSES
+
 #: Everything but what was caught.
-FAILURES = ("dropped", "missed", "unreachable", "aborted")
+FAILURES = STATUSES[1:]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

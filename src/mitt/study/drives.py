@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from mitt.jit import kernel
 from mitt.robot.arm import Arm, Tables
-from mitt.robot.limits import bound_of, drive_asked
+from mitt.robot.limits import bound_of, drive_asked, torque_share
 from mitt.robot.slopes import bias_and_mass, slopes_work
 from mitt.signals import Array
 from mitt.world.contacts import ARM_FLOOR, SELF
@@ -179,7 +179,7 @@ def _note_drives(drives: Array, tau: Array, speed: Array, slack: float, s: Tally
     for m in range(len(tau)):
         drive, rate = drive_asked(drives, m, tau, speed)
         bound, _ = bound_of(drives, m, drive, rate, 0.0)
-        torque[m] = _larger(torque[m], abs(drive) / max(bound, 1e-9))
+        torque[m] = _larger(torque[m], torque_share(drives, m, drive, rate))
         square[m] += drive * drive
         strong |= abs(drive) > bound * (1.0 + slack) + COMMANDED
     return strong

@@ -34,9 +34,14 @@ def settings(result: dict[str, Any]) -> str:
 def story(short: Digest, direct: Outcome | None, plain: Outcome | None) -> str:
     """Return in sentences what happened."""
     counts = short.counts
-    said = {"dropped": "dropped", "missed": "missed", "unreachable": "refused before moving"}
-    rest = [f"{counts[s]} it {said[s]}" for s in said if counts[s]]
-    rest += [f"{counts['aborted']} broke off"] if counts["aborted"] else []
+    said = {
+        "dropped": "it dropped",
+        "missed": "it missed",
+        "unreachable": "it refused before moving",
+        "stopped": "ended in a stop",
+        "aborted": "ended with physics that diverged",
+    }
+    rest = [f"{counts[s]} {said[s]}" for s in said if counts[s]]
     tail = f"; {', '.join(rest)}" if rest else ""
     low, high = short.ci95
     first = (

@@ -8,7 +8,7 @@ from mitt.study.score import Trial
 from mitt.study.stats import wilson
 
 SCHEMA = "mitt.catch/1"
-STATUSES = ("caught", "dropped", "missed", "unreachable", "aborted")
+STATUSES = ("caught", "dropped", "missed", "unreachable", "stopped", "aborted")
 
 
 def result(trials: list[Trial], stopwatch: Stopwatch, head: dict[str, object]) -> dict[str, Any]:
@@ -28,14 +28,13 @@ def result(trials: list[Trial], stopwatch: Stopwatch, head: dict[str, object]) -
 
 
 def summary(trials: list[Trial], stopwatch: Stopwatch) -> dict[str, Any]:
-    """Return counts, catch rate with its 95 % Wilson interval, and tick times."""
+    """Return counts, catch rate over all throws with its 95 % Wilson interval, and tick times."""
     counts = {status: sum(t.status == status for t in trials) for status in STATUSES}
-    valid = len(trials) - counts["aborted"]
-    low, high = wilson(counts["caught"], valid)
+    low, high = wilson(counts["caught"], len(trials))
     return {
         "throws": len(trials),
         **counts,
-        "catch_rate": counts["caught"] / valid if valid else 0.0,
+        "catch_rate": counts["caught"] / len(trials) if trials else 0.0,
         "ci95": [low, high],
         "tick_us": stopwatch.percentiles_us(),
         "deadline_misses": stopwatch.misses(),

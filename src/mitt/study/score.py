@@ -23,7 +23,7 @@ class Trial:
 
     Attributes:
         index: Number of the throw.
-        status: ``caught``, ``dropped``, ``missed``, ``unreachable`` or ``aborted``.
+        status: ``caught``, ``dropped``, ``missed``, ``unreachable``, ``stopped`` or ``aborted``.
         t_catch_s: From release to q_o,i = q_alpha [s].
         position_error_mm: Distance of ball and catch point at first contact [mm].
         velocity_error_m_s: Difference of their velocities then [m/s].
@@ -120,8 +120,10 @@ def measure(arm: Arm, ticks: Record, truth: Trace) -> Measured:
 
 def status_of(world: World, phase: Phase, *, was_held: bool) -> str:
     """Return the status of a finished trial, after which the catcher was in a phase."""
-    if world.diverged or phase is Phase.STOPPED:
+    if world.diverged:
         return "aborted"
+    if phase is Phase.STOPPED:
+        return "stopped"
     if phase is Phase.REFUSED:
         return "unreachable"
     if world.first_contact is None:

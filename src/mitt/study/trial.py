@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 
 from mitt.catcher import Catcher, CatcherSettings
+from mitt.control.monitor import Encoders
 from mitt.generator.generators import Generator
 from mitt.link.clock import Stopwatch
 from mitt.records import Record
@@ -25,6 +26,7 @@ from mitt.world.faults.cameras import true_rig
 from mitt.world.flights import BallPath
 from mitt.world.imaging import Imager, ImageSensor
 from mitt.world.scene import Scene
+from mitt.world.sensors import encoder_steps
 from mitt.world.simulation import World
 from mitt.world.throws import Throw
 
@@ -80,6 +82,7 @@ class Bench:
             ball_radius=ball.radius,
             flight=known_ball(ball.drag, ball.mass),
             around=Surroundings(floor=self._scene.floor),
+            encoders=known_encoders(self._scene, self.arm),
             stray=_patience(self._generator),
         )
         return Catcher(self.arm, self._generator, eyes, settings=settings)
@@ -177,6 +180,12 @@ def _patience(generator: Generator) -> float:
     f = generator.as_map()
     plain = f is not None and not np.any(f.alpha)
     return np.inf if plain else CatcherSettings().stray
+
+
+def known_encoders(scene: Scene, arm: Arm) -> Encoders:
+    """Return what the catcher knows of the encoders: a scene's resolution, or else the arm's."""
+    steps = encoder_steps(scene, arm)
+    return Encoders(step=tuple(np.where(steps > 0.0, steps, arm.encoder_step).tolist()))
 
 
 def known_ball(drag: float, mass: float) -> FilterConfig:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from mitt.study.result import STATUSES
 from mitt.study.score import Trial
 from mitt.study.source import Source
 from mitt.study.stats import wilson
@@ -54,7 +55,7 @@ def counted(rows: Sequence[Row]) -> Row:
         "throws": len(rows),
         "caught": caught,
         **{s: sum(row["status"] == s for row in rows)
-           for s in ("dropped", "missed", "unreachable", "aborted")},
+           for s in STATUSES[1:]},
         "sampled": {"throws": len(both), "caught_by_clairvoyant": _caught_by_optimum(both)},
         "catchable": common + lost,
         "caught_of_catchable": _rate(common, common + lost),

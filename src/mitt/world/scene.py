@@ -9,8 +9,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from mitt.reading import read_toml
 from mitt.world.faults.plan import FaultPlan
-from mitt.world.settings import Settings, read_toml, validated
+from mitt.world.settings import Settings, validated
 
 NotNegative = Annotated[float, Field(ge=0.0)]
 Share = Annotated[float, Field(ge=0.0, lt=0.5)]

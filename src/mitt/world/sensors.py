@@ -6,8 +6,9 @@ from typing import Protocol
 
 import numpy as np
 
+from mitt.robot.arm import Arm
 from mitt.signals import Array, Frame, Senses, Sighting, senses_of
-from mitt.world.scene import Sensing
+from mitt.world.scene import Scene, Sensing
 from mitt.world.silhouettes import Silhouettes
 
 
@@ -28,6 +29,11 @@ _NOTHING: Exposed = ((), ())
 
 CameraMaker = Callable[[np.random.Generator], FrameSource]
 """Sets up the cameras for a trial with its own source of noise."""
+
+
+def encoder_steps(scene: Scene, arm: Arm) -> Array:
+    """Return the resolution of each joint's encoder in a scene [rad], shape (n,); 0 is exact."""
+    return np.full(arm.n, scene.sensing.encoder_step)
 
 
 class Sensors:

@@ -1,16 +1,11 @@
 """Settings that come from TOML files: how they are read, checked and refused."""
 
 import sys
-import tomllib
-from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from mitt.errors import FileError, InputError
-
-MAX_BYTES = 1_000_000
-"""Largest settings file that is read [bytes]."""
+from mitt.errors import InputError
 
 
 class Settings(BaseModel):
@@ -20,22 +15,6 @@ class Settings(BaseModel):
 
 
 _Model = TypeVar("_Model", bound=BaseModel)
-
-
-def read_toml(path: Path) -> dict[str, Any]:
-    """Return what a TOML file says.
-
-    Raises:
-        FileError: The file cannot be read, is too large or is no TOML.
-    """
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise FileError(str(path), f"at most {MAX_BYTES} bytes", path.stat().st_size)
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise FileError(str(path), "a readable TOML file", error.strerror or "error") from None
-    except (ValueError, RecursionError) as error:
-        raise FileError(str(path), "TOML", str(error)[:120]) from None
 
 
 def validated(model: type[_Model], data: object, *, place: str) -> _Model:
@@ -55,7 +34,7 @@ def validated(model: type[_Model], data: object, *, place: str) -> _Model:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"]) or "(all)"
         wanted = _wanted(model, first["type"], first["msg"], first["loc"])
-        raise InputError(f"{place} key {key}", wanted, _shown(first["input"])) from None
+        raise InputError(f"{place} key {key[:120]}", wanted, _shown(first["input"])) from None
 
 
 def _shown(value: object) -> str:

@@ -1,11 +1,13 @@
 """Reading the small CSV tables that users hand in, with an error that points at the cell."""
 
 import csv
+import io
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from mitt.errors import FileError
+from mitt.reading import read_bytes
 
 MAX_ROWS = 100_000
 """Most rows that are read where nothing else is said."""
@@ -33,17 +35,11 @@ def read_rows(
     """
     wanted = ",".join(columns)
     max_bytes = MAX_BYTES * max(1, max_rows // MAX_ROWS)
-    try:
-        if path.stat().st_size > max_bytes:
-            raise FileError(str(path), f"at most {max_bytes} bytes", path.stat().st_size)
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise FileError(str(path), "UTF-8 text", f"a bad byte at {error.start}") from None
-    except OSError as error:
-        raise FileError(str(path), "a readable CSV file", error.strerror or "an error") from None
-    if "\0" in text:
+    content = read_bytes(path, max_bytes=max_bytes, wanted="a readable CSV file")
+    if b"\0" in content:
         raise FileError(str(path), "UTF-8 text", "a NUL byte")
-    reader = csv.reader(text.splitlines(), strict=True)
+    lines = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8-sig", newline="")
+    reader = csv.reader(lines, strict=True)
     try:
         header = [name.strip() for name in next(reader, [])]
         if sorted(header) not in (sorted(columns), sorted((*columns, optional))):
@@ -55,6 +51,8 @@ def read_rows(
                 place = f"{path} line {reader.line_num}"
                 raise FileError(place, f"{len(header)} cells ({wanted})", f"{len(cells)} cells")
             yield reader.line_num, dict(zip(header, cells, strict=True))
+    except UnicodeDecodeError as error:
+        raise FileError(str(path), "UTF-8 text", f"a bad byte: {error.reason}") from None
     except csv.Error as error:
         raise FileError(f"{path} line {reader.line_num}", "CSV", str(error)) from None
 

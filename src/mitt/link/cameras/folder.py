@@ -9,7 +9,11 @@ import numpy as np
 
 from mitt.errors import FileError, heard
 from mitt.link.cameras.source import optional
+from mitt.reading import read_bytes
 from mitt.signals import Frame, Image
+
+#: Largest image file that is read [bytes].
+_MAX_BYTES = 100_000_000
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".webp")
 
@@ -62,10 +66,8 @@ def read_image(path: Path) -> Image:
         FileError: It cannot be read or does not decode.
     """
     cv2 = optional("cv2")
-    try:
-        data = np.fromfile(path, dtype=np.uint8)
-    except OSError as error:
-        raise FileError(str(path), "a readable image", error.strerror) from error
+    content = read_bytes(path, max_bytes=_MAX_BYTES, wanted="a readable image")
+    data = np.frombuffer(content, dtype=np.uint8)
     pixels: Image | None = None
     with heard(), suppress(cv2.error):  # its decoders complain on the error stream
         pixels = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None

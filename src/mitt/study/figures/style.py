@@ -29,7 +29,8 @@ STATUS = {
     "dropped": (YELLOW, "v"),
     "missed": (ORANGE, "X"),
     "unreachable": (GREY, "s"),
-    "aborted": (PURPLE, "D"),
+    "stopped": (PURPLE, "D"),
+    "aborted": (INK, "P"),
 }
 
 #: Generators: colour, marker and line. What nobody has named here comes in grey.

@@ -7,10 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from mitt.errors import FileError
+from mitt.reading import read_bytes
 from mitt.robot.arm import Arm
 from mitt.signals import Array
-from mitt.world.tables import number, read_rows
+from mitt.world.tables import MAX_BYTES, number, read_rows
 
+#: Longest header line that is read [bytes].
+_LONGEST_HEADER = 10_000
 POINT = ("x_m", "y_m", "z_m")
 #: Largest coordinate [m], angle [rad], image point [px] and time [s] that is read.
 _LIMITS = {"m": 100.0, "rad": 100.0, "px": 1e5, "s": 2e9}
@@ -42,14 +45,12 @@ def header_of(path: Path) -> tuple[str, ...]:
     Raises:
         FileError: It cannot be read.
     """
+    content = read_bytes(path, max_bytes=MAX_BYTES, wanted="a readable CSV file")
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            line = file.readline(10_000)
-    except UnicodeDecodeError as error:
-        raise FileError(str(path), "UTF-8 text", "other bytes") from error
-    except OSError as error:
-        raise FileError(str(path), "a readable CSV file", error.strerror or "an error") from error
-    return tuple(name.strip() for name in next(csv.reader([line]), []))
+        line = content[:_LONGEST_HEADER].split(b"\n")[0].decode("utf-8-sig")
+        return tuple(name.strip() for name in next(csv.reader([line]), []))
+    except (UnicodeDecodeError, csv.Error):
+        raise FileError(str(path), "UTF-8 text", "other bytes") from None
 
 
 def read_places(path: Path, arm: Arm, others: Sequence[str]) -> tuple[Array, Array]:

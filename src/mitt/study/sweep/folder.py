@@ -28,7 +28,6 @@ LEAVES = ("study.json", "maps", "parts", "recordings", "replays", "trials.parque
 #: Temporary files that a killed run may have left.
 _TEMPORARY = (".*.json.*", ".trials.*", ".report.*", "parts/.part-*", "maps/.map-*",
               "recordings/.*", "replays/.*")  # fmt: skip
-_MAX_BYTES = 50_000_000
 
 
 @final
@@ -91,7 +90,7 @@ class Folder:
         manifest = self.path / "study.json"
         if not manifest.exists():
             raise InputError("--resume", "the folder of a study", f"{self.path}, which is none")
-        given = read_json(manifest, max_bytes=_MAX_BYTES)
+        given = read_json(manifest)
         digest = given.get("digest") if isinstance(given, dict) else None
         if digest != study.digest:
             version = given.get("version") if isinstance(given, dict) else None
@@ -142,7 +141,7 @@ def read_manifest(path: Path) -> Study:
             raise FileError(str(path), "the folder of a study", "one of mitt catch",
                             do="its page is report.html, written by mitt catch itself")  # fmt: skip
         raise FileError(str(path), "the folder of a study, with study.json in it", "none")
-    raw = read_json(path / "study.json", max_bytes=_MAX_BYTES)
+    raw = read_json(path / "study.json")
     if not isinstance(raw, dict) or raw.get("schema") != "mitt.study-run/1":
         raise FileError(str(path / "study.json"), "schema mitt.study-run/1", "another")
     return validated(Study, raw.get("study"), place=str(path / "study.json"))

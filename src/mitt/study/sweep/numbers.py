@@ -5,6 +5,7 @@ from html import escape
 from typing import Any
 
 from mitt.study import page
+from mitt.study.result import STATUSES
 from mitt.study.sweep.study import Study
 from mitt.study.sweep.summary import REFERENCE
 
@@ -159,7 +160,7 @@ def _value(value: float | None, unit: str) -> str:
 def every_row(rows: Sequence[Row]) -> str:
     """Return the folded table of the summary."""
     head = ("condition", "generator", "throws", "caught", "rate [%]", "95 % interval [%]",
-            "dropped", "missed", "unreachable", "aborted", "position [mm]", "velocity [m/s]",
+            *STATUSES[1:], "position [mm]", "velocity [m/s]",
             "force [N]", "work [J]", "beyond a limit")  # fmt: skip
     table = []
     for row in rows:
@@ -168,7 +169,7 @@ def every_row(rows: Sequence[Row]) -> str:
         table.append([
             str(row["condition"]), str(row["generator"]), str(row["throws"]), str(row["caught"]),
             f"{100.0 * row['catch_rate']:.1f}", f"{low:.1f}{_TO}{high:.1f}",
-            *(str(row[status]) for status in ("dropped", "missed", "unreachable", "aborted")),
+            *(str(row[status]) for status in STATUSES[1:]),
             _number(median["position_error_mm"], 1), _number(median["velocity_error_m_s"], 2),
             _number(median["peak_contact_force_n"], 0), _number(median["energy_j"], 0),
             str(row["violating_throws"]),

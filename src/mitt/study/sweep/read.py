@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import mitt
-from mitt.errors import FileError, InputError, UnknownNameError
+from mitt.errors import InputError, UnknownNameError
+from mitt.reading import read_bytes, read_toml
 from mitt.study.sweep.settings import ArmSettings, Overrides, StudySettings, SweepSettings, Table
 from mitt.study.sweep.study import Condition, Study
 from mitt.world.scene import TABLE_TENNIS, Scene
-from mitt.world.settings import read_toml, validated
+from mitt.world.settings import validated
 from mitt.world.tables import MAX_BYTES
 
 #: Most conditions in a study.
@@ -66,14 +67,8 @@ def read_study(path: Path, *, generators: tuple[str, ...]) -> Study:
 
 def _digest(path: Path) -> str:
     """Return the SHA-256 of a file."""
-    try:
-        if not path.is_file():
-            raise FileError(str(path), "a readable CSV file", "none")
-        if path.stat().st_size > MAX_BYTES:
-            raise FileError(str(path), f"at most {MAX_BYTES} bytes", path.stat().st_size)
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError as error:
-        raise FileError(str(path), "a readable CSV file", error.strerror or "an error") from None
+    content = read_bytes(path, max_bytes=MAX_BYTES, wanted="a readable CSV file")
+    return hashlib.sha256(content).hexdigest()
 
 
 def _conditions(settings: StudySettings, path: Path) -> list[Condition]:

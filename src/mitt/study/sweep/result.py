@@ -11,9 +11,6 @@ from mitt.study.sweep.folder import Folder, read_manifest
 from mitt.study.sweep.study import SCHEMA, Study
 from mitt.world.settings import Settings, validated
 
-#: Largest summary that is read [bytes].
-_MAX_BYTES = 200_000_000
-
 Count = Annotated[int, Field(ge=0)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
@@ -52,6 +49,7 @@ class _Row(Settings):
     dropped: Count
     missed: Count
     unreachable: Count
+    stopped: Count
     aborted: Count
     complete: bool
     disturbance: str
@@ -95,7 +93,7 @@ def read_result(folder: Folder) -> StudyResult:
     if not folder.summary.exists() or not folder.trials.exists():
         raise FileError(str(folder.path), "a study with a summary", "one that is not over",
                         do="finish it with mitt study --resume")  # fmt: skip
-    raw = read_json(folder.summary, max_bytes=_MAX_BYTES)
+    raw = read_json(folder.summary)
     if not isinstance(raw, dict) or raw.get("schema") != SCHEMA:
         raise FileError(str(folder.summary), f"schema {SCHEMA}", "another")
     rows = validated(_Summary, raw, place=str(folder.summary)).rows

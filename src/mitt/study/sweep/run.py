@@ -22,7 +22,6 @@ from mitt.study.sweep.work import Job, arm_options, throw_chunk
 from mitt.world.flights import Recording, builtin_flights, read_flights
 
 Progress = Callable[[str, int, int], None]
-_MAX_BYTES = 20_000_000
 
 
 @final
@@ -106,7 +105,7 @@ def _map_text(settings: ArmSettings, folder: Folder, version: str, progress: Pro
         arm = arm_of(options)
         save_map(path, learn(arm, design=design_of(options, arm)), version=version)
         progress("learning", 1, 1)
-    read_json(path, max_bytes=_MAX_BYTES)  # refuses a file that was altered into no JSON
+    read_json(path)  # refuses a file that was altered into no JSON
     return path.read_text(encoding="utf-8")
 
 

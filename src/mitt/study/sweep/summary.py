@@ -30,7 +30,7 @@ class Cell:
 
     Attributes:
         row: Its row of the summary.
-        caught: Whether each throw was caught, by its index; aborted ones are left out.
+        caught: Whether each throw was caught, by its index.
     """
 
     row: dict[str, Any]
@@ -55,20 +55,19 @@ def cell_of(
     for trial in trials:
         counts[trial["status"]] += 1
         violating += trial["limit_violations"] > 0
-        if trial["status"] != "aborted":
-            caught[trial["index"]] = trial["status"] == "caught"
+        caught[trial["index"]] = trial["status"] == "caught"
         for name, found in values.items():
             value = trial[name]
             if value is not None:
                 found.append(max(value, default=0.0) if isinstance(value, list) else value)
-    throws, valid = sum(counts.values()), len(caught)
+    throws = sum(counts.values())
     row = {
         "generator": generator,
         "condition": condition.name,
         "throws": throws,
         "caught": counts["caught"],
-        "catch_rate": counts["caught"] / valid if valid else 0.0,
-        "ci95": list(wilson(counts["caught"], valid)),
+        "catch_rate": counts["caught"] / throws if throws else 0.0,
+        "ci95": list(wilson(counts["caught"], throws)),
         **{status: counts[status] for status in STATUSES[1:]},
         "complete": throws == wanted,
         "disturbance": condition.disturbance,

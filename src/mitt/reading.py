@@ -1,0 +1,109 @@
+"""Reading files that somebody else wrote, without trusting their kind, their size or their nesting.
+
+Only regular files are read: a device has no end and a pipe may never begin. At most as many bytes
+as are wanted are taken, whatever size the file claims to have. A TOML file is looked through before
+it is parsed, because the standard parser needs memory that grows with the square of a dotted key.
+"""
+
+import os
+import re
+import stat
+import tomllib
+from pathlib import Path
+from typing import Any, Final
+
+from mitt.errors import FileError
+
+MAX_TOML_BYTES: Final = 1_000_000
+"""Largest TOML file that is read [bytes]."""
+
+MAX_JSON_BYTES: Final = 10_000_000
+"""Largest JSON file that is read [bytes]; what it holds may take twenty times as much memory."""
+
+#: Most parts of a dotted key, levels of brackets, and characters of a key.
+_MOST_PARTS, _MOST_LEVELS, _LONGEST_KEY = 16, 16, 256
+
+#: What TOML is made of, as far as keys and nesting go. Strings that do not end run to the end of
+#: their line or of the file, so that each character is looked at once.
+_PIECE = re.compile(
+    r'"""(?:[^\\]|\\.)*?(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z)|"(?:[^"\\\n]|\\.)*"?|\'[^\'\n]*\'?'
+    r"|#[^\n]*|[ \t]+|[\w+-]+|.",
+    re.DOTALL,
+)
+
+
+def read_bytes(path: Path, *, max_bytes: int, wanted: str = "a readable file") -> bytes:
+    """Return what a regular file holds.
+
+    Args:
+        path: The file.
+        max_bytes: Most bytes that it may have.
+        wanted: What an error calls it.
+
+    Raises:
+        FileError: It cannot be read, is no regular file or is too large.
+    """
+    try:
+        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)  # no waiting for a pipe
+        with os.fdopen(handle, "rb") as file:
+            if not stat.S_ISREG(os.fstat(handle).st_mode):
+                raise FileError(str(path), wanted, "a device, a pipe or a folder")
+            content = file.read(max_bytes + 1)
+    except OSError as error:
+        raise FileError(str(path), wanted, error.strerror or "an error") from None
+    except ValueError as error:  # a name with a NUL in it
+        raise FileError(str(path), wanted, error) from None
+    if len(content) > max_bytes:
+        raise FileError(str(path), f"at most {max_bytes} bytes", "more")
+    return content
+
+
+def read_text(path: Path, *, max_bytes: int, wanted: str = "a readable text file") -> str:
+    """Return what a regular file holds as text; see :func:`read_bytes`.
+
+    Raises:
+        FileError: It cannot be read, or is no UTF-8.
+    """
+    try:
+        return read_bytes(path, max_bytes=max_bytes, wanted=wanted).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise FileError(str(path), "UTF-8 text", f"a bad byte at {error.start}") from None
+
+
+def read_toml(path: Path, *, wanted: str = "TOML") -> dict[str, Any]:
+    """Return what a TOML file says.
+
+    Raises:
+        FileError: The file cannot be read, is too large or too deeply nested, or is no TOML.
+    """
+    text = read_text(path, max_bytes=MAX_TOML_BYTES, wanted="a readable TOML file")
+    try:
+        _check_nesting(text)
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise FileError(str(path), wanted, str(error)[:120]) from None
+
+
+def _check_nesting(text: str) -> None:
+    """Refuse keys of too many parts or characters, and brackets too deep in one another.
+
+    Raises:
+        ValueError: There are some.
+    """
+    level, parts, longest = 0, 1, 0
+    for piece in _PIECE.findall(text):
+        if piece in "[{":
+            level, parts, longest = level + 1, 1, 0
+        elif piece == ".":
+            parts += 1
+        elif piece[0] in "\"'" or piece[0].isalnum() or piece[0] in "_-+":
+            longest = max(longest, len(piece))
+        elif not piece.isspace() or "\n" in piece:
+            if piece == "=" and longest > _LONGEST_KEY:
+                raise ValueError(f"a key of {longest} characters, at most {_LONGEST_KEY}")
+            level -= piece in "]}"
+            parts, longest = 1, 0
+        if parts > _MOST_PARTS:
+            raise ValueError(f"a dotted key of more than {_MOST_PARTS} parts")
+        if level > _MOST_LEVELS:
+            raise ValueError(f"more than {_MOST_LEVELS} levels of brackets")
