@@ -25,8 +25,8 @@ from mitt.generator.mapping import DirectMap
 from mitt.records import REASONS
 from mitt.robot.load import load_arm
 from mitt.signals import Array
+from mitt.study.aim import aim_of
 from mitt.study.lesson import learn
-from mitt.study.neighbourhood import aim_of
 from mitt.study.result import STATUSES
 from mitt.study.score import measure
 from mitt.study.stats import wilson

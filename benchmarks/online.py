@@ -26,7 +26,7 @@ from mitt.robot.load import load_arm
 from mitt.signals import Array, Sighting
 from mitt.study.bench_rivals import ball_at
 from mitt.study.lesson import learn
-from mitt.study.neighbourhood import aim_of
+from mitt.study.aim import aim_of
 from mitt.vision.filter import THROWN_BALL, BallFilter
 from mitt.world.throws import Throw, default_throw
 

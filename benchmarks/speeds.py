@@ -24,7 +24,7 @@ from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import Array
 from mitt.study.catch import Finished, prepare, run
-from mitt.study.neighbourhood import aim_of
+from mitt.study.aim import aim_of
 from mitt.study.score import Trial
 from mitt.world.throws import Throw, ThrowRanges, default_throw
 

@@ -16,7 +16,7 @@ from mitt.generator.learn import Learned
 from mitt.robot.arm import Arm
 from mitt.signals import ArmState, Command, Senses, Sighting
 from mitt.study.lesson import learn
-from mitt.study.neighbourhood import aim_of
+from mitt.study.aim import aim_of
 from mitt.study.score import held
 from mitt.study.trial import Bench, Outcome
 from mitt.world.faults.plan import Spring

@@ -29,7 +29,7 @@ from mitt.signals import (
     command_of,
 )
 from mitt.study.lesson import learn
-from mitt.study.neighbourhood import aim_of
+from mitt.study.aim import aim_of
 from mitt.study.trial import Bench, known_ball
 from mitt.tick import BESIDE, TOUCHED, tick
 from mitt.vision.camera import fixed_rig

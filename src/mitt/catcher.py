@@ -25,6 +25,7 @@ from mitt.errors import InputError, ShapeError
 from mitt.generator.certificate import Outcome, Verdict
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.several import Several
+from mitt.impact import CaughtBall, examined, speed_caps
 from mitt.records import (
     BRAKE,
     FOLLOW,
@@ -100,6 +101,13 @@ class Catcher:
         checks.instance("settings", settings, CatcherSettings)
         self._arm, self._settings, self._map = arm, settings, generator.as_map()
         self._turns = eyes.heads > 0
+        self._caught = CaughtBall(
+            mass=settings.ball_mass,
+            radius=settings.ball_radius,
+            restitution=settings.ball_restitution,
+            friction=settings.ball_friction,
+            doubt=settings.ball_doubt,
+        )
         self._refines = isinstance(generator, Direct) and generator.online is not None
         fields = catcher_fields(arm, eyes, settings) | arm_fields(arm, settings.around)
         known: Fields = {"several": np.bool_(isinstance(generator, Several))}
@@ -403,8 +411,10 @@ class Catcher:
             # What the verdict says besides is reckoned where somebody asks for it.
             self._unasked = ball, self.believed[0].copy()
             return
-        self._verdict, self._unasked = self._generator.verdict(ball, self.believed[0]), None
-        verdict = self._verdict
+        verdict = self._generator.verdict(ball, self.believed[0])
+        if not isinstance(self._generator, Unoptimised):  # alpha = 0 is never refused
+            verdict = examined(self._arm, verdict, self._caught)
+        self._verdict, self._unasked = verdict, None
         hasty = verdict.outcome is Outcome.UNREACHABLE and not due  # a refusal is for good
         if hasty or verdict.outcome is Outcome.UNSETTLED:
             return
@@ -413,7 +423,14 @@ class Catcher:
             return
         self._numbers["open"] = verdict.outcome is Outcome.OPEN
         self._adapt(self._generator.waiting(ball) if self._numbers["open"] else ball)
+        self._make_room(verdict)
         self._enter(FOLLOW)
+
+    def _make_room(self, verdict: Verdict) -> None:
+        """Keep the joints that the ball will drive on below their speed limits by as much."""
+        if verdict.approach is not None:
+            caps = speed_caps(self._arm, verdict.approach, self._caught)
+            self._state["bounds"][0][2] = np.maximum(caps, 0.0)
 
     def _reconsider(self, ball: BallState) -> None:
         """Follow the ball itself as soon as it can be caught; its stand-in until then."""

@@ -66,6 +66,9 @@ class CatcherSettings:
         review: Time between two reviews of the choice among several maps [s].
         ball_mass: Mass of the ball, carried by the model while it is held [kg].
         ball_radius: Radius of the ball [m]; the eyes are told the same.
+        ball_restitution: Share of its speed with which the ball springs back from the palm.
+        ball_friction: Coefficient of friction of ball and hand.
+        ball_doubt: Relative error that its mass may have.
         flight: What the filter believes of the ball's flight.
         around: What stands around the arm and is not to be touched.
         encoders: What is known of the joint encoders.
@@ -84,6 +87,9 @@ class CatcherSettings:
     review: float = 0.02
     ball_mass: float = 0.07
     ball_radius: float = 0.04
+    ball_restitution: float = 0.2
+    ball_friction: float = 1.0
+    ball_doubt: float = 0.1
     flight: FilterConfig = field(default_factory=lambda: THROWN_BALL)
     around: Surroundings = field(default_factory=Surroundings)
     encoders: Encoders = field(default_factory=Encoders)
