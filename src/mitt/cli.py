@@ -10,13 +10,21 @@ from collections.abc import Sequence
 
 from mitt.interrupts import Interrupted, listening, notice, status_of, words_of
 
+#: Exit statuses above this are those of signals.
+_SIGNALLED = 128
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command and return its exit status."""
+    """Run a command and return its exit status.
+
+    A process of its own, without ``arguments``, ends here and now when it was interrupted: the
+    interpreter would take its time to clear up.
+    """
+    alone = arguments is None
     _open_streams()
     status = 0
     try:
-        with listening(for_good=arguments is None):
+        with listening(for_good=alone):
             try:
                 from mitt.commands.line import run  # noqa: PLC0415 (once signals are in order)
 
@@ -24,9 +32,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             except KeyboardInterrupt as stop:
                 notice()
                 status = _tell(status_of(stop), words_of(status_of(stop)))
-        return _flushed(status)
     except Interrupted as stop:  # in the moment in which signals are handed back
-        return status or status_of(stop)
+        status = status or status_of(stop)
+    status = _flushed(status)
+    if alone and status > _SIGNALLED:
+        os._exit(status)
+    return status
 
 
 def _open_streams() -> None:

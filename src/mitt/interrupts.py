@@ -8,7 +8,6 @@ it calls what was registered with :func:`finally_do` and ends the process.
 
 import os
 import signal
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -90,6 +89,7 @@ def listening(*, for_good: bool = False) -> Iterator[None]:
     try:
         yield
     finally:
+        notice()
         signal.set_wakeup_fd(woken)
         for number, handler in before.items():
             signal.signal(number, signal.SIG_IGN if for_good else handler)
@@ -122,5 +122,4 @@ def _give_up(number: int) -> NoReturn:
     with suppress(OSError):
         shown = "\x1b[?25h\r\x1b[K" if os.isatty(2) else ""  # a bar of progress hides the cursor
         os.write(2, f"{shown}mitt: {said}\n".encode())
-    sys.stdout = sys.stderr = None  # type: ignore[assignment]  # nothing more is written
     os._exit(128 + number)

@@ -6,7 +6,7 @@ from functools import partial
 
 from rich.table import Table
 
-from mitt.commands.screen import Report, checked, console_of, progress, tell
+from mitt.commands.screen import Report, checked, console_of, progress, tell, tell_of_kernels
 from mitt.interrupts import notice, status_of, words_of
 from mitt.link.files import locked
 from mitt.options import CatchOptions
@@ -14,7 +14,7 @@ from mitt.study.catch import Finished, Prepared, prepare
 from mitt.study.catch import run as run_throws
 from mitt.study.journal import kept_words
 from mitt.study.result import STATUSES
-from mitt.study.score import Trial
+from mitt.study.score import Trial, reason_of
 
 
 def run(options: CatchOptions) -> int:
@@ -22,8 +22,10 @@ def run(options: CatchOptions) -> int:
     prepared = prepare(options)
     if options.check:
         return checked(f"{prepared.source.count} throws, output to {prepared.out}")
-    with locked(prepared.out), progress() as report:
-        finished = _run(prepared, report)
+    with locked(prepared.out):
+        tell_of_kernels()
+        with progress() as report:
+            finished = _run(prepared, report)
     if options.json:
         print(json.dumps(finished.result, allow_nan=False))  # noqa: T201
     else:
@@ -52,8 +54,8 @@ def _show(finished: Finished) -> None:
     console, summary = console_of(), finished.result["summary"]
     table = Table(title=_title(finished), title_justify="left", padding=(0, 1))
     for name in ("throw", "status", "t [s]", "miss [mm]", "rel. [m/s]", "torque", "speed", "[N]",
-                 "asks most"):  # fmt: skip
-        words = name in ("status", "asks most")
+                 "asks most, stopped by"):  # fmt: skip
+        words = name in ("status", "asks most, stopped by")
         table.add_column(name, justify="left" if words else "right", no_wrap=True)
     shown = finished.trials[:20] + [t for t in finished.trials[20:] if t.status != "caught"][:40]
     for trial in shown:
@@ -92,7 +94,7 @@ def _row(trial: Trial) -> tuple[str, ...]:
         f"{100 * max(trial.peak_torque_ratio):.0f} %",
         f"{100 * max(trial.peak_speed_ratio):.0f} %",
         _number(trial.peak_contact_force_n, 0),
-        trial.binding_limit or "",
+        reason_of(trial.stopped_by) or trial.binding_limit or "",
     )
 
 

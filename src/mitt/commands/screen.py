@@ -26,6 +26,17 @@ def tell(text: str) -> None:
     print(f"mitt: {text}", file=sys.stderr, flush=True)  # noqa: T201
 
 
+def tell_of_kernels() -> None:
+    """Say in one line that kernels are to be compiled, or that they cannot be kept."""
+    from mitt.jit import cache_folder, is_cold  # noqa: PLC0415 (loads Numba)
+
+    if cache_folder() is None:
+        tell("compiled code cannot be kept, since no folder for it can be written: each start "
+             "compiles for about 3 minutes; set NUMBA_CACHE_DIR to a folder of yours")  # fmt: skip
+    elif is_cold():
+        tell("compiling, once for this version: about 3 minutes")
+
+
 @contextmanager
 def progress() -> Iterator[Report]:
     """Show progress on stderr: a bar on a terminal, else a line now and then."""

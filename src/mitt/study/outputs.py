@@ -41,9 +41,9 @@ def keeping(prepared: Prepared, learned: Learned) -> Iterator[Callable[[Trial], 
     """
     claim_folder(prepared.out, overwrite=prepared.job.overwrite, ours=LEAVES)
     save_map(prepared.out / "map.json", learned, version=mitt.__version__)
-    with Journal(prepared.out, prepared.head, prepared.source.count) as journal:
-        with finally_do(journal.last_words):
-            yield journal.add
+    journal = Journal(prepared.out, prepared.head, prepared.source.count)
+    with journal, finally_do(journal.last_words):
+        yield journal.add
 
 
 def write_outputs(finished: Finished, *, progress: Progress) -> None:
