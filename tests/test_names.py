@@ -10,7 +10,9 @@ ROOT = Path(__file__).parents[1]
 #: Where a name may begin: as from these folders, or from the file that names it.
 STARTS = (".", "src", "src/mitt", "tests", "docs", "benchmarks", "studies")
 #: A document by its name; Python, shell and TOML files by an address with a folder in it.
-NAMED = re.compile(r"(?<![\w/{}$*.-])((?:[\w.-]+/)*[\w-]+\.md|(?:[\w.-]+/)+[\w-]+\.(?:py|toml|sh))\b")
+NAMED = re.compile(
+    r"(?<![\w/{}$*.-])((?:[\w.-]+/)*[\w-]+\.md|(?:[\w.-]+/)+[\w-]+\.(?:py|toml|sh))\b"
+)
 #: Addresses that only an example or a test has, below folders that are made when it runs.
 MADE = re.compile(r"^(?:out|runs|DIR|tmp|package|sub)/|^callee|^caller")
 

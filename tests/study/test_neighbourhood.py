@@ -5,7 +5,8 @@ import pytest
 
 from mitt.generator.flights import Flight
 from mitt.generator.mapping import DirectMap
-from mitt.study.neighbourhood import Neighbourhood, aim_of, neighbourhood
+from mitt.study.aim import aim_of
+from mitt.study.neighbourhood import Neighbourhood, neighbourhood
 
 AROUND = Neighbourhood(flights=24)
 #: Largest deviation of an undisturbed flight's rows from a parabola with little drag [m].

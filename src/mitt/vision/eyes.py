@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt import checks
-from mitt.errors import InputError
+from mitt.errors import InputError, ShapeError
 from mitt.signals import Array, BallState, Frame, Image, Sighting
 from mitt.vision import looking, target, triangulation
 from mitt.vision.camera import Rig
