@@ -37,7 +37,8 @@ _Q, _DQ, _PQ, _PX, _PV, _GONE, _REFUSED, _FIRST, _Q0, _DQ0, _SINCE = range(11)
 #: Reading that the encoder has not left, ticks since, least speed and least way since.
 _HELD, _STILL, _LEAST, _DUE = range(11, 15)
 #: Ticks in which the joint moved against the torques, largest speed of late before them; the joint
-#: reckoned since then; ticks too fast; acceleration told before; what is wrong; good readings since, the last.
+#: reckoned since then; ticks too fast; acceleration told before; what is wrong; good readings
+#: since, the last.
 _AGAINST, _FROM, _SHADOW_Q, _SHADOW_DQ, _FASTS, _PUSH, _DOUBT, _GOOD, _LAST, _MOVED = range(15, 25)
 COLUMNS = 25
 
