@@ -26,7 +26,8 @@ def committed() -> list[Path]:
     except (OSError, subprocess.CalledProcessError):
         pytest.skip("no git: other files may lie among ours")
     kinds = (".py", ".md", ".toml", ".cfg", "")
-    return [ROOT / name for name in names if Path(name).suffix in kinds]
+    found = [ROOT / name for name in names if Path(name).suffix in kinds]
+    return [path for path in found if path.is_file()]
 
 
 def missing(path: Path, text: str) -> list[str]:
@@ -41,7 +42,7 @@ def missing(path: Path, text: str) -> list[str]:
 
 def test_a_name_that_leads_nowhere_is_found() -> None:
     """What this file looks for, it sees."""
-    absent = "no" + "where.md"
+    absent = "nowhere" + ".md"
     assert missing(ROOT / "README.md", f"see {absent}, section 1") == [absent]
     assert missing(ROOT / "README.md", "see `docs/studies.md` and [x](docs/rig.md)") == []
     gone = "benchmarks/" + "gone.py"

@@ -223,7 +223,7 @@ def test_a_latency_that_ends_is_over_after_its_delay(pixels: bool) -> None:
     fault = {"kind": "latency", "magnitude": 0.02, "start": 0.1, "length": 0.05}
     senses = run(fault, pixels=pixels)
     for k, s in enumerate(senses):
-        stamps = [f.t for f in s.frames] + [p.t for p in s.points]
+        stamps = [*(frame.t for frame in s.frames), *(point.t for point in s.points)]
         if 100 <= k < 120:
             assert not stamps
         else:

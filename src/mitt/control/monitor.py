@@ -1,4 +1,4 @@
-"""What the joints do, and whether their encoders can be believed (faults, row 19).
+"""What the joints do, and whether their encoders can be believed.
 
 Positions alone are used: encoders count, and a velocity that is a difference of counts is wrong by
 up to a count in a tick. Each joint has a Kalman filter of position and velocity that is driven by

@@ -31,6 +31,7 @@ from mitt.vision.camera import Rig, fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig
 from mitt.vision.filter import FilterConfig
 from mitt.vision.head import active_rig
+from mitt.world.calibration import drawn_rig, error_root
 from mitt.world.faults.cameras import true_rig
 from mitt.world.flights import BallPath
 from mitt.world.imaging import Imager, ImageSensor
@@ -236,10 +237,14 @@ def _cameras(rig: Rig, scene: Scene) -> Callable[[np.random.Generator], Imager]:
         light=sensing.light,
         shadow=sensing.shadow,
     )
-    return lambda rng: Imager(
-        true_rig(rig, scene.faults, rng),
-        sensor,
-        rng,
-        second=sensing.second,
-        second_velocity=sensing.second_velocity,
-    )
+    calibrated = sensing.views > 0 and not rig.heads
+    k = sensing.distortion
+    root = error_root(rig, sensing.views, sensing.corner_noise, k) if calibrated else None
+
+    def made(rng: np.random.Generator) -> Imager:
+        true = true_rig(rig if root is None else drawn_rig(rig, root, rng), scene.faults, rng)
+        return Imager(
+            true, sensor, rng, second=sensing.second, second_velocity=sensing.second_velocity
+        )
+
+    return made

@@ -6,7 +6,7 @@ the sensors are. Every figure without a source is a choice of this project.
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from mitt.world.faults.plan import FaultPlan
 from mitt.world.settings import Settings
@@ -19,7 +19,7 @@ Material = Literal["foam", "tennis", "table-tennis", "rubber"]
 
 
 class Ball(Settings):
-    """What is thrown; facts.md, section 4.
+    """What is thrown; radius and mass are choices of this project, drag that of thrown balls.
 
     Attributes:
         radius: Radius [m].
@@ -78,7 +78,8 @@ class Sensing(Settings):
         shadow: Relative depth of a soft shadow and the speed of its edge in the images [px/s].
         second: A second bright ball: centre as the first is released, and radius [m].
         second_velocity: Velocity at which it rolls [m/s].
-        views: Views of a board from which the cameras were calibrated; 0 is an exact calibration.
+        views: Views of a board, at least 6, from which cameras that stand still were calibrated,
+            and places of a ball in the hand by which they were placed; 0 is an exact calibration.
         corner_noise: Error of a corner or of a ball's centre in these views, 1 sigma an axis [px].
         distortion: k1 and k2 of the lenses, which calibration finds with the rest.
         blur: Standard deviation of the lenses' blur [px].
@@ -109,6 +110,14 @@ class Sensing(Settings):
     corner_noise: Annotated[float, Field(gt=0.0, le=5.0)] = 0.2
     distortion: Annotated[tuple[Bend, Bend], Field(strict=False)] = (0.0, 0.0)
     blur: Annotated[float, Field(ge=0.0, le=3.0)] = 0.0
+
+    @field_validator("views")
+    @classmethod
+    def _enough(cls, views: int) -> int:
+        """Refuse views that leave a calibration open."""
+        if 0 < views < 6:
+            raise ValueError("0, or at least 6 views")
+        return views
 
 
 class Actuation(Settings):
@@ -163,7 +172,7 @@ class Scene(Settings):
     faults: FaultPlan = ()
 
 
-#: Scene of the recorded flights: a table-tennis ball, facts.md, section 4.
+#: Scene of the recorded flights: a table-tennis ball, its drag as fitted to them.
 TABLE_TENNIS = Ball(radius=0.02, mass=0.0027, drag=0.12)
 
 
