@@ -152,7 +152,7 @@ class Eyes:
             ShapeError: One of them has another shape or type.
         """
         for name, mine in self.parts().items():
-            other = checks.instance("parts", parts, Mapping).get(name)
+            other = checks.instance("parts", parts, dict).get(name)
             if not isinstance(other, np.ndarray) or other.dtype != mine.dtype:
                 raise InputError(f"parts.{name}", f"an array of {mine.dtype}", checks.shown(other))
             if other.shape != mine.shape or not other.flags.carray:
