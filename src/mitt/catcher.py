@@ -24,6 +24,7 @@ from mitt.control.stopped import StoppedBy
 from mitt.errors import InputError, ShapeError
 from mitt.generator.certificate import Outcome, Verdict
 from mitt.generator.generators import Direct, Generator, Unoptimised
+from mitt.generator.mapping import DirectMap
 from mitt.generator.several import Several
 from mitt.impact import CaughtBall, examined, speed_caps
 from mitt.records import (
@@ -97,6 +98,7 @@ class Catcher:
     ) -> None:
         """Take the arm, the generator and the eyes, of which the catcher keeps a copy."""
         checks.instance("arm", arm, Arm)
+        _check_generator(generator)
         checks.instance("eyes", eyes, Eyes)
         checks.instance("settings", settings, CatcherSettings)
         self._arm, self._settings, self._map = arm, settings, generator.as_map()
@@ -140,7 +142,14 @@ class Catcher:
 
         Args:
             generator: Of the same kind and with the same map, if any.
+
+        Raises:
+            InputError: It is of another.
         """
+        f, mine = _check_generator(generator), self._map
+        same = f is mine or (f is not None and mine is not None and f.equals(mine))
+        if not same:
+            raise InputError("generator", "one with the map of this catcher", "another")
         other, eyes = object.__new__(Catcher), copy(self._eyes)
         other.__dict__.update(self.__dict__)
         other._begin(generator, eyes)
@@ -276,6 +285,7 @@ class Catcher:
             todo: What the last tick left to be thought about.
             since: Time of the first tick [s].
         """
+        todo, since = checks.whole("todo", todo, least=0), checks.number("since", since)
         self._todo, self._ticked = todo, True
         if todo & STOPS:
             self._note_stop()
@@ -470,3 +480,10 @@ class Catcher:
         self._write(arm_fields(loaded, self._settings.around))
         self._numbers["t_brake"] = t
         self._enter(BRAKE)
+
+
+def _check_generator(generator: Generator) -> DirectMap | None:
+    """Return the map of a generator, if it is one; refuse what is no generator."""
+    if not isinstance(generator, Generator):
+        raise InputError("generator", "a generator", checks.shown(generator))
+    return generator.as_map()

@@ -125,7 +125,7 @@ _IGNORED: Final = {
     "unoptimised.returns": ("ball",), "unoptimised.waiting": ("ball",),
     "direct.unsettled": ("q",), "refining.unsettled": ("q",), "several.unsettled": ("q",),
     "rival.unsettled": ("q",), "direct.refined": (), "direct.certificate": ("ball",),
-    "refining.certificate": (), "forecast": (), "catcher.again": ("generator",),
+    "refining.certificate": (), "forecast": (),
 }  # fmt: skip
 """Parameters that a function has because others of its kind do, and does not look at."""
 

@@ -60,7 +60,8 @@ class Examples:
             "at": np.array([0.0, 0.0, 0.125]), "inertia": np.zeros((3, 3)), "seed": 3,
             "ball": ball_of(), "state": ball_of(), "senses": self._senses(q),
             "sighting": Sighting(t=0.25, found=True, r_o=_R, covariance=2.0**-20 * np.eye(3)),
-            "frames": (), "least": 0.0,
+            "frames": (), "least": 0.0, "other": f,
+            "generator": Direct(f), "todo": 0, "since": 0.0, "parts": Eyes(fixed_rig()).parts(),
         }  # fmt: skip
         self.special: dict[str, dict[str, Value]] = {
             "DirectMap.virtual": {"ball": np.array([_R, _DR, _DDR])},

@@ -28,7 +28,7 @@ def same_numbers(value: Value) -> Iterator[Value]:
             yield value.astype(np.int32)
     elif isinstance(value, float):
         yield from (np.float64(value), np.array(value))
-        if np.float32(value) == value:
+        if float(np.float32(value)) == value:
             yield np.float32(value)
 
 

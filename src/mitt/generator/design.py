@@ -44,7 +44,9 @@ class MapDesign:
         for name, value in (
             ("q_catch", self.q_catch), ("kappa", self.kappa), ("inward", self.inward)
         ):  # fmt: skip
-            fields[name] = checks.number(name, value, finite=True)
+            fields[name] = checks.number(name, value)
+            if not np.isfinite(value):
+                raise ModelError(name, "a finite number", value)
         given = self.free if isinstance(self.free, tuple | list) else ()
         if len(given) != 3:
             raise InputError("free", "three indices of joints", checks.shown(self.free))

@@ -1,7 +1,7 @@
 """Generators of desired joint motion behind one call; rivals implement the same methods."""
 
 from dataclasses import dataclass, field, replace
-from typing import Protocol, Self, final
+from typing import Protocol, Self, final, runtime_checkable
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from mitt.signals import Array, BallState, JointReference
 _STEPS_BEFORE = 3
 
 
+@runtime_checkable
 class Generator(Protocol):
     """What turns the ball's estimate into desired joint motion."""
 
@@ -118,7 +119,7 @@ class Direct:
 
     def refined(self, ball: BallState) -> "Direct":
         """Return the generator of the next tick, one online step better for the flight's rest."""
-        if self.online is None or checks.instance("ball", ball, BallState).led:
+        if checks.instance("ball", ball, BallState).led or self.online is None:
             return self
         answer = self.online.refine(self.map.alpha, ball)
         if answer.status is not Refinement.REFINED:

@@ -174,6 +174,7 @@ class DirectMap:
         It and its rate vanish at the catch, eq. (3), for any alpha (the rate at kappa = 1 and
         inward = 0).
         """
+        r_o = checks.vector("r_o", r_o, 3)
         _, q_o = self.to_joints(r_o)
         gap: Array = self.arm.position(self.bend(q_o)) - r_o
         return gap
@@ -220,6 +221,14 @@ class DirectMap:
             dq_o=rows[4],
             time_to_catch=time_to_catch(self.packed, rows) if inside else np.inf,
         )
+
+    def equals(self, other: "DirectMap") -> bool:
+        """Say whether another map gives the same motions."""
+        other = checks.instance("other", other, DirectMap)
+        mine, theirs = (
+            (f.packed, f.basis.powers, f.window, f.alpha, f.H, f.region) for f in (self, other)
+        )
+        return all(np.array_equal(a, b) for a, b in zip(mine, theirs, strict=True))
 
     def with_alpha(self, alpha: Array) -> "DirectMap":
         """Return the map with other coefficients [rad], shape (m, n); all else is shared."""

@@ -51,8 +51,12 @@ class CatchBasis:
         scale = checks.vector("scale", self.scale, len(centre), finite=True)
         if not np.all(scale > 0.0):
             raise ModelError("scale", f"{len(centre)} numbers above 0", scale)
-        catch_joint = checks.whole("catch_joint", self.catch_joint, least=0, most=len(centre) - 1)
-        order = checks.whole("order", self.order, least=2, most=MOST_ORDER)
+        order = checks.whole("order", self.order)
+        if not 2 <= order <= MOST_ORDER:
+            raise ModelError("order", f"a degree in 2..{MOST_ORDER}", order)
+        catch_joint = checks.whole("catch_joint", self.catch_joint)
+        if not 0 <= catch_joint < len(centre):
+            raise ModelError("catch_joint", f"an index in 0..{len(centre) - 1}", catch_joint)
         fields = {"order": order, "catch_joint": catch_joint, "centre": centre, "scale": scale}
         for name, value in fields.items():
             object.__setattr__(self, name, value)

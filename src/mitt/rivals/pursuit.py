@@ -135,7 +135,7 @@ class Rival:
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "Rival":
         """Choose a catch and pursue it from where the arm is."""
         ball = checks.instance("ball", ball, BallState)
-        motion = self._moving(q, dq)
+        motion = self._moving(q, checks.vector("dq", dq, self.chooser.arm.n))
         course = self._choose(ball, motion)
         chase = None
         if course is not None:

@@ -1,6 +1,7 @@
 """Throws in the simulated world from Python, without files."""
 
 from mitt import checks
+from mitt.errors import InputError
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.study.score import Trial
@@ -33,6 +34,8 @@ def simulate(
     checks.instance("f", f, DirectMap)
     throws = checks.whole("throws", throws, least=1)
     seed, pixels = checks.whole("seed", seed, least=0), checks.flag("pixels", pixels)
+    if scene is not None and not isinstance(scene, Scene | str):
+        raise InputError("scene", "a Scene, or the name or file of one", checks.shown(scene))
     scene = scene if isinstance(scene, Scene) else read_scene(scene or DEFAULT)
     source = source_of(
         f, seed=seed, count=throws, throws_file=None, flights_file=None, drag=scene.ball.drag

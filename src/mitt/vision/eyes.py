@@ -178,7 +178,17 @@ class Eyes:
         return {name: vars(self)[f"_{name}"] for name in _PARTS}
 
     def move_to(self, parts: Mapping[str, NDArray[Any]]) -> None:
-        """Use other arrays from now on, named and shaped as :meth:`parts`; values as they are."""
+        """Use other arrays from now on, named and shaped as :meth:`parts`; values as they are.
+
+        Raises:
+            ShapeError: One of them has another shape or type.
+        """
+        for name, mine in self.parts().items():
+            other = checks.instance("parts", parts, dict).get(name)
+            if not isinstance(other, np.ndarray) or other.dtype != mine.dtype:
+                raise InputError(f"parts.{name}", f"an array of {mine.dtype}", checks.shown(other))
+            if other.shape != mine.shape or not other.flags.carray:
+                raise ShapeError(f"parts.{name}", f"{mine.shape} in C order", other.shape)
         for name in _PARTS:
             vars(self)[f"_{name}"] = parts[name]
 
@@ -194,8 +204,6 @@ class Eyes:
                 not of type uint8.
             ShapeError: An image has not the size of its camera.
         """
-        for frame in checks.instance("frames", frames, tuple):
-            checks.instance("frame", frame, Frame)
         images, apart, t = self.arrange(frames)
         self._t = t
         if self.heads:
@@ -225,6 +233,8 @@ class Eyes:
         Args:
             frames: As for :meth:`step`.
         """
+        if frames.__class__ is not tuple:
+            checks.instance("frames", frames, tuple)
         if not frames:
             return self._nothing
         t, shapes = -inf, self._shapes
@@ -252,6 +262,8 @@ class Eyes:
     @staticmethod
     def _check(frame: Frame, shapes: list[tuple[int, int]]) -> None:
         """Refuse a frame of a camera that is not there, or an image that is not of its size."""
+        if frame.__class__ is not Frame:
+            checks.instance("frame", frame, Frame)
         if not 0 <= frame.camera < len(shapes):
             raise InputError("frame.camera", f"0 to {len(shapes) - 1}", frame.camera)
         pixels, shape = frame.pixels, shapes[frame.camera]
