@@ -15,8 +15,8 @@ from mitt.generator.generators import Direct, refining
 from mitt.generator.learn import Learned
 from mitt.robot.arm import Arm
 from mitt.signals import ArmState, Command, Senses, Sighting
-from mitt.study.lesson import learn
 from mitt.study.aim import aim_of
+from mitt.study.lesson import learn
 from mitt.study.score import held
 from mitt.study.trial import Bench, Outcome
 from mitt.world.faults.plan import Spring

@@ -28,8 +28,8 @@ from mitt.signals import (
     Senses,
     command_of,
 )
-from mitt.study.lesson import learn
 from mitt.study.aim import aim_of
+from mitt.study.lesson import learn
 from mitt.study.trial import Bench, known_ball
 from mitt.tick import BESIDE, TOUCHED, tick
 from mitt.vision.camera import fixed_rig

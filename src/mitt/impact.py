@@ -32,7 +32,7 @@ GRASP = 0.030
 #: Share of its way that the planned brake needs at most: it is found to within 4 % of its rate, and
 #: leaves 2 % of the torque to feedback (:mod:`mitt.control.stop`).
 _HARDEST = 0.94
-#: Instants of the brake at which the pull on the fingers is looked at, and step of a difference [s].
+#: Instants of the brake at which the pull on the fingers is looked at, and a difference's step [s].
 _INSTANTS, _STEP = 8, 1e-3
 
 
