@@ -14,6 +14,8 @@ from mitt.robot.load import load_arm
 
 #: Arithmetic of an impulse [kg m/s].
 EXACT = 1e-9
+#: What the rounds in which cap and impact agree leave [rad/s].
+ROUNDED = 2e-3
 Q = np.array([0.2, 1.2, 0.6])
 V = np.array([-5.0, 0.4, -1.0])
 
@@ -66,8 +68,9 @@ def test_caps_leave_room_for_the_impact(motors: Arm) -> None:
     relative = np.array([-7.5, 0.3, 1.3])  # as of a ball of 9 m/s that a throw brought
     for mass in (0.07, 0.2, 0.5):
         caps = speed_caps(motors, approach(Q, dq, relative + motors.jacobian(Q) @ dq), ball(mass))
-        jump = 1.2 * speed_jump(motors, Q, relative, mass)
-        assert caps[2] + abs(jump[2]) <= motors.dq_max[2] + EXACT
+        slower = relative + motors.jacobian(Q) @ (dq - np.clip(dq, -caps, caps))
+        jump = 1.2 * speed_jump(motors, Q, slower, mass)
+        assert caps[2] + abs(jump[2]) <= motors.dq_max[2] + ROUNDED
         assert np.all(caps <= fastest)
         assert caps[2] < fastest[2] - 0.01
 

@@ -344,7 +344,7 @@ class Catcher:
         """Keep the joints that the ball will drive on below their speed limits by as much."""
         if verdict.approach is not None:
             caps = speed_caps(self._arm, verdict.approach, self._caught)
-            self._state["bounds"][0][2] = np.maximum(caps, 0.0)
+            self._state["bounds"][0][2] = caps
 
     def _reconsider(self, ball: BallState) -> None:
         """Follow the ball itself as soon as it can be caught; its stand-in until then."""
