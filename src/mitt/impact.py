@@ -131,8 +131,9 @@ def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, fl
     Returns:
         ``impact:NAME`` the way by which the hand comes late where the joint is kept slow for the
         impact, in units of what the hand tolerates, or the speed that the ball drives it to where
-        no room suffices (``speed:NAME`` where its own limit keeps it slow), ``brake:NAME`` where the joint comes to rest, in its range, ``grip`` the pull on the
-        fingers, in units of what they hold.
+        no room suffices (``speed:NAME`` where its own limit keeps it slow); ``brake:NAME`` where
+        the joint comes to rest, in its range; ``grip`` the pull on the fingers, in units of what
+        they hold.
     """
     cap = speed_caps(arm, approach, ball)
     q, dq = approach.motion[-1, 0], np.clip(approach.motion[-1, 1], -cap, cap)
