@@ -16,6 +16,8 @@ from mitt.robot.load import load_arm
 EXACT = 1e-9
 #: What the rounds in which cap and impact agree leave [rad/s].
 ROUNDED = 2e-3
+#: Bandwidth of the tracking [rad/s].
+BANDWIDTH = 80.0
 Q = np.array([0.2, 1.2, 0.6])
 V = np.array([-5.0, 0.4, -1.0])
 
@@ -100,14 +102,27 @@ def test_a_refusal_names_what_binds_and_a_pass_keeps_the_verdict(motors: Arm) ->
         outcome=Outcome.FEASIBLE, binding_limit="range:j4", share=0.9, t_catch=0.5, sigma=0.001,
         approach=way,
     )  # fmt: skip
-    refused = examined(motors, given, ball(2.0))
+    refused = examined(motors, given, ball(2.0), bandwidth=BANDWIDTH)
     assert refused.outcome is Outcome.UNREACHABLE
     assert refused.binding_limit.split(":")[0] in ("impact", "brake", "grip")
     assert refused.margin < 0.0
-    assert examined(motors, given, ball(0.07)).outcome is Outcome.FEASIBLE
-    other = replace(given, outcome=Outcome.UNREACHABLE)
-    assert examined(motors, other, ball(2.0)) is other
-    assert examined(motors, replace(given, approach=None), ball(2.0)).outcome is Outcome.FEASIBLE
+    assert examined(motors, given, ball(0.07), bandwidth=BANDWIDTH).outcome is Outcome.FEASIBLE
+    blind = replace(given, approach=None)
+    assert examined(motors, blind, ball(2.0), bandwidth=BANDWIDTH) is blind
+
+
+def test_a_refusal_for_torque_is_run_on_the_model(motors: Arm) -> None:
+    """A verdict that refused for a share of 50 is feasible where the arm is in time; not else."""
+    slow = approach(Q, np.array([0.0, 0.1, 0.2]), np.array([-5.0, 0.0, 0.0]))
+    refused = Verdict(
+        outcome=Outcome.UNREACHABLE, binding_limit="torque:j4", share=50.0, t_catch=0.5,
+        sigma=0.001, approach=slow,
+    )  # fmt: skip
+    assert examined(motors, refused, ball(0.07), bandwidth=BANDWIDTH).outcome is Outcome.FEASIBLE
+    fast = approach(Q, np.array([5.0, 0.0, 0.0]), np.array([-5.0, 0.0, 0.0]))
+    late = examined(motors, replace(refused, approach=fast), ball(0.07), bandwidth=BANDWIDTH)
+    assert late.outcome is Outcome.UNREACHABLE
+    assert late.share > 1.0
 
 
 def test_fingers_hold_more_with_friction() -> None:

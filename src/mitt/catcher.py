@@ -327,7 +327,8 @@ class Catcher:
             return
         verdict = self._generator.verdict(ball, self.believed[0])
         if not isinstance(self._generator, Unoptimised):  # alpha = 0 is never refused
-            verdict = examined(self._arm, verdict, self._caught)
+            bandwidth = self._settings.bandwidth
+            verdict = examined(self._arm, verdict, self._caught, bandwidth=bandwidth)
         self._verdict, self._unasked = verdict, None
         hasty = verdict.outcome is Outcome.UNREACHABLE and not due  # a refusal is for good
         if hasty or verdict.outcome is Outcome.UNSETTLED:

@@ -23,6 +23,8 @@ from mitt.control.envelope import bounds_of
 from mitt.control.hand import TOUCH_BEFORE
 from mitt.flight import GRAVITY
 from mitt.generator.certificate import Approach, Outcome, Verdict
+from mitt.generator.demand import Tolerance, shares_of
+from mitt.rehearsal import gap_at_catch
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.signals import Array
@@ -113,8 +115,16 @@ def _fastest(arm: Arm) -> Array:
     return speeds
 
 
-def examined(arm: Arm, verdict: Verdict, ball: CaughtBall) -> Verdict:
-    """Return a verdict that has looked beyond the catch; others than feasible ones as they are."""
+def examined(arm: Arm, verdict: Verdict, ball: CaughtBall, *, bandwidth: float) -> Verdict:
+    """Return a verdict that has looked at what the arm will do, up to the catch and after it.
+
+    One that refuses for torque or speed is run on the model (:mod:`mitt.rehearsal`); one that is
+    feasible, then, looks beyond the catch. Any other stays as it is.
+    """
+    if verdict.approach is None:
+        return verdict
+    if verdict.outcome is Outcome.UNREACHABLE:
+        verdict = _rehearsed(arm, verdict, verdict.approach, ball, bandwidth)
     if verdict.outcome is not Outcome.FEASIBLE or verdict.approach is None:
         return verdict
     shares = shares_after(arm, verdict.approach, ball)
@@ -123,6 +133,20 @@ def examined(arm: Arm, verdict: Verdict, ball: CaughtBall) -> Verdict:
         return verdict
     outcome = Outcome.FEASIBLE if shares[binding] <= 1.0 else Outcome.UNREACHABLE
     return replace(verdict, outcome=outcome, binding_limit=binding, share=shares[binding])
+
+
+def _rehearsed(
+    arm: Arm, verdict: Verdict, approach: Approach, ball: CaughtBall, bandwidth: float
+) -> Verdict:
+    """Return the verdict by how far the hand will be from its place, where no range is exceeded."""
+    endless = Tolerance(torque=np.inf, speed=np.inf)
+    shares = shares_of(arm, approach.motion, endless)
+    if not np.all(np.isfinite(approach.motion)) or max(shares.values()) > 1.0:
+        return verdict
+    caps = speed_caps(arm, approach, ball)
+    share = gap_at_catch(arm, approach, caps, bandwidth) / GRASP
+    outcome = Outcome.FEASIBLE if share <= 1.0 else Outcome.UNREACHABLE
+    return replace(verdict, outcome=outcome, share=share)
 
 
 def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, float]:
