@@ -423,7 +423,8 @@ class Catcher:
             return
         verdict = self._generator.verdict(ball, self.believed[0])
         if not isinstance(self._generator, Unoptimised):  # alpha = 0 is never refused
-            verdict = examined(self._arm, verdict, self._caught)
+            bandwidth = self._settings.bandwidth
+            verdict = examined(self._arm, verdict, self._caught, bandwidth=bandwidth)
         self._verdict, self._unasked = verdict, None
         hasty = verdict.outcome is Outcome.UNREACHABLE and not due  # a refusal is for good
         if hasty or verdict.outcome is Outcome.UNSETTLED:
@@ -440,7 +441,7 @@ class Catcher:
         """Keep the joints that the ball will drive on below their speed limits by as much."""
         if verdict.approach is not None:
             caps = speed_caps(self._arm, verdict.approach, self._caught)
-            self._state["bounds"][0][2] = np.maximum(caps, 0.0)
+            self._state["bounds"][0][2] = caps
 
     def _reconsider(self, ball: BallState) -> None:
         """Follow the ball itself as soon as it can be caught; its stand-in until then."""

@@ -23,6 +23,8 @@ from mitt.control.envelope import bounds_of
 from mitt.control.hand import TOUCH_BEFORE
 from mitt.flight import GRAVITY
 from mitt.generator.certificate import Approach, Outcome, Verdict
+from mitt.generator.demand import Tolerance, shares_of
+from mitt.rehearsal import gap_at_catch
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.signals import Array
@@ -32,8 +34,13 @@ GRASP = 0.030
 #: Share of its way that the planned brake needs at most: it is found to within 4 % of its rate, and
 #: leaves 2 % of the torque to feedback (:mod:`mitt.control.stop`).
 _HARDEST = 0.94
-#: Instants of the brake at which the pull on the fingers is looked at, and step of a difference
-#: [s].
+#: Rounds in which caps and the impact at these caps are made to agree.
+_ROUNDS = 4
+#: Relative excess of a speed limit that is rounding.
+_ROUNDED = 1e-3
+#: What a joint that is made slower must at least gain in room, as share of what it gives up.
+_GIVE = 0.05
+#: Instants of the brake at which the pull on the fingers is looked at, and a difference's step [s].
 _INSTANTS, _STEP = 8, 1e-3
 
 
@@ -70,10 +77,16 @@ def speed_jump(arm: Arm, q: Array, v_rel: Array, mass: float) -> Array:
         v_rel: Velocity of the ball relative to the catch point [m/s], shape (3,).
         mass: Of the ball [kg].
     """
-    J = arm.jacobian(q)
-    push = np.linalg.solve(arm.mass_matrix(q), J.T)  # M^-1 J', (n, 3)
-    jump: Array = push @ np.linalg.solve(np.eye(3) / mass + J @ push, v_rel)
+    jump: Array = _answer(arm, q, mass) @ v_rel
     return jump
+
+
+def _answer(arm: Arm, q: Array, mass: float) -> Array:
+    """Return how the joint speeds answer to the ball's relative velocity [rad/m], shape (n, 3)."""
+    J = arm.jacobian(q)
+    push = np.linalg.solve(arm.mass_matrix(q), J.T)  # M^-1 J'
+    answer: Array = np.linalg.solve((np.eye(3) / mass + J @ push).T, push.T).T
+    return answer
 
 
 def speed_caps(arm: Arm, approach: Approach, ball: CaughtBall) -> Array:
@@ -82,12 +95,16 @@ def speed_caps(arm: Arm, approach: Approach, ball: CaughtBall) -> Array:
     A joint that the ball drives on in its own direction must stay below its limit afterwards;
     one that it slows down needs no room.
     """
-    fastest = _fastest(arm)
-    q, dq = approach.motion[-1, 0], np.clip(approach.motion[-1, 1], -fastest, fastest)
-    v_rel = approach.dr_o - arm.jacobian(q) @ dq
-    jump = (1.0 + ball.restitution) * speed_jump(arm, q, v_rel, ball.heaviest)
-    room = arm.dq_max - np.abs(jump)
-    cap: Array = np.where(dq * jump > 0.0, np.minimum(fastest, room), fastest)
+    fastest, (q, wanted) = _fastest(arm), approach.motion[-1, :2]
+    J, way = arm.jacobian(q), np.sign(wanted)
+    answer = (1.0 + ball.restitution) * _answer(arm, q, ball.heaviest)
+    give = np.clip(np.diag(answer @ J), 0.0, 1.0 - _GIVE)  # a slower joint is driven on farther
+    cap: Array = fastest
+    for _ in range(_ROUNDS):
+        dq = np.clip(wanted, -cap, cap)
+        jump = way * (answer @ (approach.dr_o - J @ dq))
+        room = (arm.dq_max - jump - give * np.abs(dq)) / (1.0 - give)
+        cap = np.where(jump > 0.0, np.clip(room, 0.0, fastest), fastest)
     return cap
 
 
@@ -98,8 +115,16 @@ def _fastest(arm: Arm) -> Array:
     return speeds
 
 
-def examined(arm: Arm, verdict: Verdict, ball: CaughtBall) -> Verdict:
-    """Return a verdict that has looked beyond the catch; others than feasible ones as they are."""
+def examined(arm: Arm, verdict: Verdict, ball: CaughtBall, *, bandwidth: float) -> Verdict:
+    """Return a verdict that has looked at what the arm will do, up to the catch and after it.
+
+    One that refuses for torque or speed is run on the model (:mod:`mitt.rehearsal`); one that is
+    feasible, then, looks beyond the catch. Any other stays as it is.
+    """
+    if verdict.approach is None:
+        return verdict
+    if verdict.outcome is Outcome.UNREACHABLE:
+        verdict = _rehearsed(arm, verdict, verdict.approach, ball, bandwidth)
     if verdict.outcome is not Outcome.FEASIBLE or verdict.approach is None:
         return verdict
     shares = shares_after(arm, verdict.approach, ball)
@@ -110,14 +135,29 @@ def examined(arm: Arm, verdict: Verdict, ball: CaughtBall) -> Verdict:
     return replace(verdict, outcome=outcome, binding_limit=binding, share=shares[binding])
 
 
+def _rehearsed(
+    arm: Arm, verdict: Verdict, approach: Approach, ball: CaughtBall, bandwidth: float
+) -> Verdict:
+    """Return the verdict by how far the hand will be from its place, where no range is exceeded."""
+    endless = Tolerance(torque=np.inf, speed=np.inf)
+    shares = shares_of(arm, approach.motion, endless)
+    if not np.all(np.isfinite(approach.motion)) or max(shares.values()) > 1.0:
+        return verdict
+    caps = speed_caps(arm, approach, ball)
+    share = gap_at_catch(arm, approach, caps, bandwidth) / GRASP
+    outcome = Outcome.FEASIBLE if share <= 1.0 else Outcome.UNREACHABLE
+    return replace(verdict, outcome=outcome, share=share)
+
+
 def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, float]:
     """Return the largest share of each limit that catch and brake ask for; 1 is the limit.
 
     Returns:
         ``impact:NAME`` the way by which the hand comes late where the joint is kept slow for the
-        impact, in units of what the hand tolerates (``speed:NAME`` where its own limit keeps it
-        slow), ``brake:NAME`` where the joint comes to rest, in its range, ``grip`` the pull on the
-        fingers, in units of what they hold.
+        impact, in units of what the hand tolerates, or the speed that the ball drives it to where
+        no room suffices (``speed:NAME`` where its own limit keeps it slow); ``brake:NAME`` where
+        the joint comes to rest, in its range; ``grip`` the pull on the fingers, in units of what
+        they hold.
     """
     cap = speed_caps(arm, approach, ball)
     q, dq = approach.motion[-1, 0], np.clip(approach.motion[-1, 1], -cap, cap)
@@ -130,6 +170,8 @@ def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, fl
     middle, half = 0.5 * (arm.q_max + arm.q_min), 0.5 * (arm.q_max - arm.q_min)
     rest = np.abs(start + _HARDEST * (brake.q_end - start) - middle) / half
     late = _lateness(arm, approach, cap) / GRASP
+    driven = np.abs(dq + (1.0 + ball.restitution) * (after - dq)) / arm.dq_max
+    late = np.where(driven > 1.0 + _ROUNDED, np.maximum(late, driven), late)
     slowed = cap < _fastest(arm)
     shares = {f"brake:{name}": float(x) for name, x in zip(arm.names, rest, strict=True)}
     for name, x, kept in zip(arm.names, late.tolist(), slowed.tolist(), strict=True):

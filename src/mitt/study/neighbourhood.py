@@ -55,7 +55,7 @@ class Neighbourhood:
     sigma_r: float = 0.003
     sigma_dr: float = 0.1
     drag: tuple[float, float] = (0.03, 0.05)
-    box: tuple[float, float, float] = (0.08, 0.26, 0.20)
+    box: tuple[float, float, float] = (0.08, 0.28, 0.24)
     arrival: tuple[float, float] = (4.5, 7.3)
     descent: tuple[float, float] = (0.24, 0.78)
     azimuth: float = 0.15
