@@ -237,13 +237,15 @@ class _Episode:
         """Let the arm do what the torques bring, within what joints and drives can do at all."""
         (q, dq), arm = self._joints, self._arm
         push = self._catcher.result["told"][0, 4]
+        if self._catcher.result["brakes"].item() and not self._catcher.result["told"][0, 3].any():
+            dq = 0.0 * dq  # the brakes hold
         dq = np.clip(dq + TICK * np.nan_to_num(push), -arm.dq_max, arm.dq_max)
         self._joints = np.array([np.clip(q + TICK * dq, arm.q_min, arm.q_max), dq])
 
     def _recovers(self) -> bool:
         """Ask the catcher to recover; return whether it did."""
         try:
-            self._catcher.recover()
+            self._catcher.recover(checked=bool(self._rng.random() < 0.5))
         except InputError:
             return False
         self._judge.reset()

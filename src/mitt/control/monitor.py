@@ -8,7 +8,9 @@ before), its measurement noise that of rounding, so it trusts the counts as far 
 
 An encoder is in doubt only where no admissible plant explains what it reads:
 
-* SILENT: no number for ``SILENT_TICKS`` in a row. Shorter gaps are bridged by the prediction;
+* SILENT: no number for ``SILENT_TICKS`` in a row. Shorter gaps are bridged by the prediction, and
+  up to ``LOSSY_TICKS`` where the joint rests or the encoder has had gaps of late: with 30 % of the
+  readings lost, fifteen in a row are lost once in 7e7 ticks;
 * JUMPED: three readings in a row lie where no motion within the limits leads, impacts included: an
   impact changes the velocity, not the place;
 * STUCK: the reading stands still while the joint must have moved on by more than five counts,
@@ -36,18 +38,22 @@ from mitt.views import view
 _Q, _DQ, _PQ, _PX, _PV, _GONE, _REFUSED, _FIRST, _Q0, _DQ0, _SINCE = range(11)
 #: Reading that the encoder has not left, ticks since, least speed and least way since.
 _HELD, _STILL, _LEAST, _DUE = range(11, 15)
-#: Ticks in which the joint moved against the torques, largest speed of late before them; the joint
-#: reckoned since then; ticks too fast; acceleration told before; what is wrong; good readings
-#: since, the last.
+#: Ticks in which the joint moved against the torques, largest speed of late before them, the joint
+#: reckoned since then; ticks too fast; acceleration told before; what is wrong; good readings since
+#: then, the last one, whether it has moved.
 _AGAINST, _FROM, _SHADOW_Q, _SHADOW_DQ, _FASTS, _PUSH, _DOUBT, _GOOD, _LAST, _MOVED = range(15, 25)
-COLUMNS = 25
+#: Gaps in the readings of late.
+_GAPS = 25
+COLUMNS = 26
 
 #: What is wrong with an encoder; the first two are not a fault yet.
 FINE, BRIDGED, SILENT, JUMPED, STUCK, REVERSED, FAST = range(7)
 
-#: Ticks without a number after which an encoder is silent, and before its first reading. With 30 %
-#: of the readings lost, fifteen in a row are lost once in 7e7 ticks.
-SILENT_TICKS, _UNREAD = 15, 3
+#: Ticks without a number after which an encoder is silent, for one that has read well and for one
+#: that loses readings, and before its first reading.
+SILENT_TICKS, LOSSY_TICKS, _UNREAD = 6, 15, 3
+#: Share of a gap that is forgotten in a tick, and of one that still counts; speed at rest [rad/s].
+_HEALS, _GAP, _RESTS = 0.002, 0.3, 0.05
 #: Refused readings in a row that make a fault, and excess over a speed limit.
 _IN_A_ROW, _EXCESS = 3, 1.5
 #: How far outside a joint's range a first reading may lie [rad].
@@ -156,7 +162,7 @@ def _take(m: Array, q: float, dq: float, step: float) -> None:
     r = step * step / 12.0
     m[_Q], m[_DQ], m[_Q0], m[_DQ0], m[_SINCE] = q, dq, q, dq, 0.0
     m[_PQ], m[_PX], m[_PV] = r, r / TICK, 2.0 * r / (TICK * TICK)
-    m[_REFUSED], m[_AGAINST] = 0.0, 0.0
+    m[_REFUSED], m[_AGAINST], m[_FROM] = 0.0, 0.0, max(m[_FROM], abs(dq))
 
 
 @kernel
@@ -167,7 +173,7 @@ def _reckon(m: Array, dq_max: float, step: float, q: float, push: float, held: b
     else:
         m[_Q] += TICK * (m[_DQ] + 0.5 * TICK * push)
         m[_DQ] = min(max(m[_DQ] + TICK * push, -dq_max), dq_max)
-    moved = abs(q - m[_LAST])
+    moved = abs(q - m[_LAST]) if np.isfinite(q) and np.isfinite(m[_LAST]) else np.inf
     likely = moved <= _EXCESS * dq_max * TICK + 2.0 * step and abs(q - m[_Q]) <= _NEAR
     m[_GOOD] = m[_GOOD] + 1.0 if likely else 0.0
     if likely and abs(q - m[_HELD]) >= _MOVES * step:
@@ -182,7 +188,9 @@ def _observe(m: Array, b: Array, k: int, step: float, doubt: float, q: float, pu
     _predict(m, push, error)
     if not np.isfinite(q):
         m[_GONE] += 1.0
-        return SILENT if m[_GONE] >= SILENT_TICKS else BRIDGED
+        lossy = m[_GAPS] > _GAP or abs(m[_DQ]) < _RESTS
+        return SILENT if m[_GONE] >= (LOSSY_TICKS if lossy else SILENT_TICKS) else BRIDGED
+    m[_GAPS] = (1.0 - _HEALS) * m[_GAPS] + (1.0 if m[_GONE] > 0.0 else 0.0)
     m[_GONE] = 0.0
     if _stands_still(m, b, k, step, error, q, push):
         return STUCK
@@ -283,6 +291,8 @@ def _against(m: Array, doubt: float, push: float) -> bool:
     m[_SHADOW_Q] += TICK * (m[_SHADOW_DQ] + 0.5 * TICK * push)
     m[_SHADOW_DQ] += TICK * push
     m[_AGAINST] += 1.0
+    if m[_AGAINST] == _TICKS_AGAINST // 2:  # a blow is over by now
+        m[_FROM] = max(m[_FROM], speed)
     least = _GAINED + 3.0 * np.sqrt(m[_PV])
     if m[_AGAINST] < _TICKS_AGAINST or speed - m[_FROM] < least:
         return False
