@@ -12,6 +12,7 @@ from typing import get_args
 import annotated_types
 import pytest
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from mitt.generator.learn import Learned
 from mitt.link.clock import Stopwatch
@@ -20,7 +21,8 @@ from mitt.study.result import STATUSES, result
 from mitt.study.score import Trial
 from mitt.study.sweep.read import read_study
 from mitt.world.faults.plan import Fault
-from mitt.world.scene import Scene, read_scene
+from mitt.world.scene import Scene
+from mitt.world.scenes import read_scene
 
 ROOT = Path(__file__).parents[1]
 DOCS = sorted((ROOT / "docs").glob("*.md"))
@@ -147,6 +149,21 @@ def test_every_figure_of_an_experiment_has_its_place() -> None:
         assert _TEST.findall(test), name
 
 
+def parts_of(annotation: object) -> tuple[list[object], list[str]]:
+    """Return the bounds and the words that an annotation of one value or several holds."""
+    bounds: list[object] = []
+    words: list[str] = []
+    for part in get_args(annotation):
+        if isinstance(part, str):
+            words.append(part)
+        elif isinstance(part, FieldInfo):
+            bounds += part.metadata
+        else:
+            inner = parts_of(part)
+            bounds, words = bounds + inner[0], words + inner[1]
+    return bounds, words
+
+
 def scene_keys(model: BaseModel, prefix: str = "") -> dict[str, tuple[str, str]]:
     """Return default and range of each key of a scene, as the document writes them."""
     out: dict[str, tuple[str, str]] = {}
@@ -154,38 +171,44 @@ def scene_keys(model: BaseModel, prefix: str = "") -> dict[str, tuple[str, str]]
         if isinstance(field.default, BaseModel):
             out |= scene_keys(field.default, f"{prefix}{name}.")
             continue
-        if name == "second":
-            out[prefix + name] = (str(field.default), "x, y, z, radius")
+        if name in ("second", "distortion"):
+            spans = {"second": "x, y, z, radius", "distortion": "[-0.5, 0.5] each"}
+            out[prefix + name] = (str(field.default), spans[name])
             continue
-        if isinstance(field.default, str):
-            out[prefix + name] = (field.default, ", ".join(get_args(field.annotation)))
+        bounds, words = parts_of(field.annotation)
+        if words and not (field.metadata or bounds):
+            out[prefix + name] = (str(field.default), ", ".join(words))
             continue
         low, high = "(-inf", "inf)"
-        for bound in field.metadata:
+        for bound in (*field.metadata, *bounds):
             low = f"[{bound.ge:g}" if isinstance(bound, annotated_types.Ge) else low
             low = f"({bound.gt:g}" if isinstance(bound, annotated_types.Gt) else low
             high = f"{bound.le:g}]" if isinstance(bound, annotated_types.Le) else high
             high = f"{bound.lt:g})" if isinstance(bound, annotated_types.Lt) else high
-        out[prefix + name] = (str(field.default), f"{low}, {high}")
+        span = f"{low}, {high.replace('1e+05', '100000')}"
+        out[prefix + name] = (str(field.default), ", ".join((span, *words)))
     return out
 
 
 def test_the_scene_table_is_the_scene() -> None:
-    """Every key of a scene stands in notation.md with its default and its range."""
-    table = rows(text_of(ROOT / "docs" / "notation.md"), "key")
+    """Every key of a scene stands in scenes.md with its default and its range."""
+    table = rows(text_of(ROOT / "docs" / "scenes.md"), "key")
     written = {codes(key)[0]: (default, span) for key, _, default, span, _ in table}
     wanted = {key: said for key, said in scene_keys(Scene()).items() if key != "faults"}
     assert written == wanted
-    numbers = [default for default, span in written.values() if span[0] in "[("]
-    assert all(math.isfinite(float(default)) for default in numbers)
+    numbers = [
+        default for default, span in written.values() if span[0] in "[(" and "each" not in span
+    ]
+    assert all(default == "None" or math.isfinite(float(default)) for default in numbers)
 
 
 def test_the_scene_in_the_document_can_be_read(tmp_path: Path) -> None:
-    """The TOML example of notation.md is a scene, and changes what it says."""
-    page = (ROOT / "docs" / "notation.md").read_text(encoding="utf-8")
+    """The TOML example of scenes.md is a scene, and changes what it says."""
+    page = (ROOT / "docs" / "scenes.md").read_text(encoding="utf-8")
     path = tmp_path / "scene.toml"
     path.write_text(re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[0], encoding="utf-8")
-    assert read_scene(path).sensing.latency == 3
+    scene = read_scene(path)
+    assert (scene.base, scene.sensing.latency, scene.ball.material) == ("lab", 3, "foam")
 
 
 def test_the_table_of_faults_is_the_faults() -> None:
@@ -223,7 +246,7 @@ def keys_of(table: list[list[str]]) -> list[str]:
 def test_the_keys_of_a_result_are_those_of_the_document() -> None:
     """Head, trial and summary of a result have the keys of notation.md, and no others."""
     head = {"version": "", "arm": "", "limits": "", "generator": "", "vision": "", "seed": 0,
-            "scene": {}}  # fmt: skip
+            "scene": "ideal", "scene_changed": {}}  # fmt: skip
     written = result([], Stopwatch(), head)
     text = section("Result")
     assert keys_of(rows(text, "key")) == sorted(written)

@@ -22,7 +22,7 @@ from mitt.study.positions import read_positions
 from mitt.study.rig.tables import header_of
 from mitt.study.sweep.read import read_study
 from mitt.world.flights import read_flights
-from mitt.world.scene import read_scene
+from mitt.world.scenes import read_scene
 from mitt.world.throws import read_throws
 
 GIGABYTE = 1_000_000_000

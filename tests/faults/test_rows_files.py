@@ -31,7 +31,8 @@ from mitt.study.sweep.folder import Folder
 from mitt.study.sweep.parts import read_part
 from mitt.study.sweep.run import run_study
 from mitt.study.trial import Bench
-from mitt.world.scene import Scene, read_scene
+from mitt.world.scene import Scene
+from mitt.world.scenes import read_scene
 
 SOURCE = Path(mitt.__file__).parent
 OWN_ARM = Path(__file__).parents[2] / "examples" / "own_arm.urdf"

@@ -6,7 +6,8 @@ import pytest
 from pydantic import ValidationError
 
 from mitt.errors import FileError, InputError
-from mitt.world.scene import Ball, Scene, read_scene
+from mitt.world.scene import Ball, Scene
+from mitt.world.scenes import read_scene
 
 
 def written(folder: Path, text: str) -> Path:
@@ -30,13 +31,13 @@ def test_a_file_changes_only_what_it_names(tmp_path: Path) -> None:
         ("[ball]\nradius = nan", "ball.radius"),
         ("[ball]\nmass = 0", "ball.mass"),
         ("[ball]\nmass = '70 g'", "ball.mass"),
-        ("[ball]\nradious = 0.04", "one of the keys radius, mass, drag, brightness"),
+        ("[ball]\nradious = 0.04", "one of the keys radius, mass, drag, brightness, material"),
         ("ball = 3", "key ball"),
         ("[sensing]\nlatency = 1.5", "sensing.latency"),
         ("[mismatch]\nmass = 0.9", "mismatch.mass"),
         ("[contact]\nsettle = 0.0001", "contact.settle"),
         pytest.param("[sensing]\nlatency = 0x" + 6000 * "f", "sensing.latency", id="digits"),
-        ("gravity = 3", "one of the keys ball, mismatch, sensing, contact, floor"),
+        ("gravity = 3", "one of the keys base, ball, mismatch, sensing, actuation, contact, floor"),
     ],
 )
 def test_a_wrong_value_is_one_line_that_names_its_key(tmp_path: Path, text: str, said: str) -> None:

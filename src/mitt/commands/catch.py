@@ -59,7 +59,9 @@ def _show(finished: Finished) -> None:
 def _title(finished: Finished) -> str:
     """Return the title of a run's table."""
     head = finished.prepared.head
-    return f"{head['arm']}, limits {head['limits']}, {head['generator']}, {head['vision']}"
+    scene = f"scene {head['scene']}" + (", changed" if "scene_changed" in head else "")
+    run = f"{head['arm']}, limits {head['limits']}, {head['generator']}, {head['vision']}"
+    return f"{run}, {scene}"
 
 
 def _row(trial: Trial) -> tuple[str, ...]:

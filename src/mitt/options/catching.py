@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from mitt.options.common import Csv, Folder, Map, Toml
+from mitt.options.common import Csv, Folder, Map
 
 LimitName = Literal["paper", "wam-48v", "wam-80v", "model"]
 
@@ -54,7 +54,7 @@ class CatchOptions(ArmOptions):
         vision: What the catcher sees: images of two cameras, or noisy points.
         cameras: Cameras that stand still, or on heads that follow the ball; as the scene says if
             left out.
-        scene: Settings of the world.
+        scene: The world: ideal, lab or rough, or a TOML file that may start from one of them.
         throws_file: Throws to use: columns x,y,z,vx,vy,vz [m, m/s].
         flights: Recorded flights to use: columns flight,t_s,x_m,y_m,z_m.
         record: Which throws to record, besides the first: none at all, the failures, or all.
@@ -71,7 +71,7 @@ class CatchOptions(ArmOptions):
     adapt: Literal["projection", "refine"] = "projection"
     vision: Literal["pixels", "points"] = "pixels"
     cameras: Literal["fixed", "active"] | None = None
-    scene: Toml = None
+    scene: Annotated[str | None, arg(metavar="NAME|TOML")] = None
     throws_file: Csv = None
     flights: Csv = None
     record: Literal["none", "failures", "all"] = "failures"

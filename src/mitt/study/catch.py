@@ -26,7 +26,8 @@ from mitt.study.result import result
 from mitt.study.score import Trial
 from mitt.study.source import Source, source_of
 from mitt.study.trial import Bench, Outcome
-from mitt.world.scene import TABLE_TENNIS, Scene, read_scene
+from mitt.world.scene import Scene
+from mitt.world.scenes import DEFAULT, changed, read_scene
 
 #: Most throws in one run; more belong into a study.
 _MOST_THROWS = 100_000
@@ -79,8 +80,8 @@ class Prepared:
 
     @property
     def head(self) -> dict[str, object]:
-        """What the result says of the run; settings of the scene where they are not the default."""
-        changed = self.scene.model_dump(mode="json", exclude_defaults=True)
+        """What the result says of the run; the scene, and in what it was changed."""
+        settings = changed(self.scene)
         return {
             "version": mitt.__version__,
             "arm": self.arm.model.name,
@@ -89,7 +90,8 @@ class Prepared:
             "vision": self.job.vision,
             "seed": self.job.seed,
             **({"adapt": self.job.adapt} if self.job.adapt != "projection" else {}),
-            **({"scene": changed} if changed else {}),
+            "scene": self.scene.base,
+            **({"scene_changed": settings} if settings else {}),
         }
 
 
@@ -109,9 +111,7 @@ def prepare(job: CatchOptions) -> Prepared:
     if job.throws_file is not None and job.flights is not None:
         raise InputError("--throws-file and --flights", "one of them", "both")
     arm = arm_of(job)
-    scene = Scene() if job.scene is None else read_scene(job.scene)
-    if job.flights is not None and "ball" not in scene.model_fields_set:
-        scene = scene.model_copy(update={"ball": TABLE_TENNIS})
+    scene = read_scene(job.scene or DEFAULT, flights=job.flights is not None)
     if job.cameras is not None:
         sensing = scene.sensing.model_copy(update={"cameras": job.cameras})
         scene = scene.model_copy(update={"sensing": sensing})

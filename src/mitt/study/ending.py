@@ -17,6 +17,7 @@ from mitt.study.play import NOTHING
 from mitt.tick import act, perceive
 from mitt.views import lent
 from mitt.world.motion import STATE, TICK, TICKS, Plant, move, over
+from mitt.world.sensors import DQ, Q, read_encoders
 from mitt.world.truth import Tape
 
 
@@ -26,6 +27,7 @@ def _play(
     rows: Array,
     rules: tuple[float, float],
     nothing: tuple[Image, Image],
+    encoders: Array,
     catcher: tuple[Array, Record, Record],
     log: Record,
     times: NDArray[np.int64],
@@ -37,6 +39,7 @@ def _play(
         rows: The trace.
         rules: Two numbers of :func:`mitt.world.motion.over`.
         nothing: What the cameras show.
+        encoders: As of :func:`mitt.world.sensors.fresh_encoders`.
         catcher: As of ``Catcher.ending``.
         log: Results of the ticks.
         times: How long the catcher took in each [ns], and two numbers of scratch.
@@ -44,13 +47,15 @@ def _play(
     Returns:
         How many ticks were made, and what is to be thought about: bits of :mod:`mitt.tick`.
     """
-    plant, rows, nothing = lent((plant, rows, nothing))
+    plant, rows, nothing, encoders = lent((plant, rows, nothing, encoders))
     (brake, state, result), log, times = lent(catcher), lent(log), lent(times)
     out, p, qpos, qvel, n = result[0], plant[STATE], plant[4], plant[5], len(plant[12])
     clock = times[len(times) - 2 :]
     for k in range(len(log)):
-        t, before = int(p[TICKS]) * TICK, now_ns(clock)
-        perceive(nothing, nothing, 0, 0.0, t, qpos[:n], qvel[:n], state, result)
+        t = int(p[TICKS]) * TICK
+        read_encoders(encoders, t, qpos[:n], qvel[:n])
+        before = now_ns(clock)
+        perceive(nothing, nothing, 0, 0.0, t, encoders[Q], encoders[DQ], state, result)
         todo = act(brake, state, result)
         times[k] = now_ns(clock) - before
         move(plant, out["told"][3], out["hand"], rows)
@@ -61,7 +66,7 @@ def _play(
 
 
 def play_out(
-    world: tuple[Plant, Tape],
+    world: tuple[Plant, Tape, Array],
     catcher: Catcher,
     stopwatch: Stopwatch,
     *,
@@ -77,10 +82,11 @@ def play_out(
         rules: Two numbers of :func:`mitt.world.motion.over`.
         most: Most ticks to be made.
     """
-    (plant, tape), parts = world, catcher.ending
+    (plant, tape, encoders), parts = world, catcher.ending
     ticks = int(plant[STATE][TICKS])
     log, times = np.zeros(most, parts[2].dtype), np.zeros(most + 2, np.int64)
-    made, todo = _play(plant, tape.reserve(ticks + most + 1), rules, NOTHING, parts, log, times)
+    rows = tape.reserve(ticks + most + 1)
+    made, todo = _play(plant, rows, rules, NOTHING, encoders, parts, log, times)
     stopwatch.add(times[:made])
     catcher.ticked(todo, ticks * TICK)
     catcher.think()

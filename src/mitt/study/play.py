@@ -25,6 +25,7 @@ from mitt.world.exposure import Bank, Cameras, snap
 from mitt.world.imaging import BLOCK, Film
 from mitt.world.motion import STATE, TICK, TICKS, Plant, move, over
 from mitt.world.painting import LIGHT
+from mitt.world.sensors import DQ, Q, read_encoders
 from mitt.world.silhouettes import lay_capsules
 from mitt.world.stage import Body, Stage
 
@@ -112,6 +113,7 @@ def play(
     scalars: tuple[float, float, float, float],
     nothing: tuple[Image, Image],
     backgrounds: tuple[Image, ...],
+    encoders: Array,
     catcher: tuple[Array, Record, Record],
     eyes: Eyes,
     log: Record,
@@ -128,6 +130,7 @@ def play(
             :func:`mitt.world.motion.over`.
         nothing: Images where none has arrived yet.
         backgrounds: As of ``Catcher.backgrounds``.
+        encoders: As of :func:`mitt.world.sensors.fresh_encoders`.
         catcher: As of ``Catcher.parts``.
         eyes: Scratch.
         log: Result of each tick, at its number.
@@ -141,7 +144,7 @@ def play(
     backgrounds = lent(backgrounds)
     body, (camera, bank, starts), (shots, begun, pixels), (scatter, covariance, line) = sight
     (brake, state, result), log, times = lent(catcher), lent(log), lent(times)
-    s, out = state[0], result[0]
+    s, out, encoders = state[0], result[0], lent(encoders)
     p, qpos, qvel, n, ball = plant[STATE], plant[4], plant[5], len(plant[12]), len(plant[6])
     r_o, dr_o = qpos[ball : ball + 3], qvel[ball : ball + 3]
     latency, clock = len(line) - 1, times[len(times) - 2 :]
@@ -165,6 +168,7 @@ def play(
                         shots[place], begun[place], images, camera, bank, scalars[0], scalars[1],
                         exposed, backgrounds, state, eyes,
                     )  # fmt: skip
+        read_encoders(encoders, k * TICK, qpos[:n], qvel[:n])
         before = now_ns(clock)
         if pointed:
             seen = line[(k - latency) % len(line)]
@@ -173,8 +177,9 @@ def play(
                 s["ball_work"],
             )  # fmt: skip
         todo = tick(
-            images, backgrounds, 0, exposed, k * TICK, qpos[:n], qvel[:n], brake, state, result
-        )
+            images, backgrounds, 0, exposed, k * TICK, encoders[Q], encoders[DQ], brake, state,
+            result,
+        )  # fmt: skip
         times[k] = now_ns(clock) - before
         move(plant, out["told"][3], out["hand"], rows)
         log[k] = result[0]
@@ -224,7 +229,7 @@ class Player:
         )
         line, covariance = np.zeros((latency + 1, 3)), stage.sensors.covariance
         scatter, cameras = np.zeros((0, 3)), _DARK
-        scalars = 0.0 if imager is None else imager.half, stage.scene.ball.radius, *self._rules
+        scalars = 0.0 if imager is None else imager.half, stage.radius, *self._rules
         rows, log = stage.tape.reserve(_MOST + 1), self._log_for(catcher.result)
         while (parts := catcher.parts) is not None and not over(p, *self._rules):
             k = int(p[TICKS])
@@ -234,9 +239,8 @@ class Player:
                 scatter = stage.sensors.scatter(BLOCK)
             sight = stage.body, cameras, shots, (scatter, covariance, line)
             todo = play(
-                stage.plant, rows, sight, scalars, NOTHING, catcher.backgrounds, parts, self._eyes,
-                log,
-                self._times, BLOCK - k % BLOCK,
+                stage.plant, rows, sight, scalars, NOTHING, catcher.backgrounds,
+                stage.sensors.encoders, parts, self._eyes, log, self._times, BLOCK - k % BLOCK,
             )  # fmt: skip
             if imager is not None and catcher.looking:
                 imager.expose(int(p[TICKS]) - k)

@@ -7,6 +7,7 @@ from mitt.study.score import Trial
 from mitt.study.source import source_of
 from mitt.study.trial import Bench
 from mitt.world.scene import Scene
+from mitt.world.scenes import DEFAULT, read_scene
 
 
 def simulate(
@@ -14,7 +15,7 @@ def simulate(
     *,
     throws: int = 10,
     seed: int = 0,
-    scene: Scene | None = None,
+    scene: Scene | str | None = None,
     pixels: bool = True,
 ) -> list[Trial]:
     """Throw default throws at an arm that uses a learned map, and return the scored trials.
@@ -25,12 +26,13 @@ def simulate(
         f: The map; it knows its arm.
         throws: Number of throws.
         seed: Seed of throws, plant and noise.
-        scene: The world's settings; the default scene if left out.
+        scene: The world's settings, or the name or file of a scene; the scene of ``mitt catch`` if
+            left out.
         pixels: Whether the catcher sees images; noisy points otherwise.
     """
     if throws < 1:
         raise InputError("throws", "at least 1", throws)
-    scene = scene or Scene()
+    scene = scene if isinstance(scene, Scene) else read_scene(scene or DEFAULT)
     source = source_of(
         f, seed=seed, count=throws, throws_file=None, flights_file=None, drag=scene.ball.drag
     )

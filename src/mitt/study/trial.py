@@ -22,6 +22,7 @@ from mitt.vision.camera import Rig, fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig
 from mitt.vision.filter import FilterConfig
 from mitt.vision.head import active_rig
+from mitt.world.calibration import drawn_rig, error_root
 from mitt.world.faults.cameras import true_rig
 from mitt.world.flights import BallPath
 from mitt.world.imaging import Imager, ImageSensor
@@ -150,7 +151,7 @@ class Bench:
             status=status_of(
                 world,
                 catcher.phase,
-                was_held=held(world.truth(), self._scene.ball.radius),
+                was_held=held(world.truth(), world.radius),
             ),
             t_catch_s=float(t_catch) if np.isfinite(t_catch) else None,
             position_error_mm=None if contact is None else 1e3 * contact.position_error,
@@ -188,7 +189,7 @@ def _patience(generator: Generator) -> float:
 
 def known_encoders(scene: Scene, arm: Arm) -> Encoders:
     """Return what the catcher knows of the encoders: a scene's resolution, or else the arm's."""
-    steps = encoder_steps(scene, arm)
+    steps = encoder_steps(scene, arm.model)
     return Encoders(step=tuple(np.where(steps > 0.0, steps, arm.encoder_step).tolist()))
 
 
@@ -223,11 +224,20 @@ def _cameras(rig: Rig, scene: Scene) -> Callable[[np.random.Generator], Imager]:
         pattern=sensing.pattern,
         light=sensing.light,
         shadow=sensing.shadow,
+        blur=sensing.blur,
     )
-    return lambda rng: Imager(
-        true_rig(rig, scene.faults, rng),
-        sensor,
-        rng,
-        second=sensing.second,
-        second_velocity=sensing.second_velocity,
-    )
+    calibrated = sensing.views > 0 and not rig.heads
+    k = sensing.distortion
+    root = error_root(rig, sensing.views, sensing.corner_noise, k) if calibrated else None
+
+    def made(rng: np.random.Generator) -> Imager:
+        true = rig if root is None else drawn_rig(rig, root, rng)
+        return Imager(
+            true_rig(true, scene.faults, rng),
+            sensor,
+            rng,
+            second=sensing.second,
+            second_velocity=sensing.second_velocity,
+        )
+
+    return made

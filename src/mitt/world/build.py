@@ -11,6 +11,7 @@ from mitt.robot.description import ArmModel
 from mitt.robot.plant import add_arm
 from mitt.world.engine import stop_clocks
 from mitt.world.hand import ARM, BALL, FLOOR, FRICTION, HAND, SMALL_PARTS, STIFF, add_hand
+from mitt.world.materials import contact_of, friction_of
 from mitt.world.meeting import name_pairs
 from mitt.world.scene import Scene
 
@@ -136,8 +137,8 @@ def _add_ball(spec: mujoco.MjSpec, scene: Scene) -> None:
     )
     geom.contype, geom.conaffinity = BALL, HAND | ARM | FLOOR
     geom.condim, geom.priority = 4, 1
-    geom.friction = (scene.contact.friction, *FRICTION[1:])
-    geom.solref = (scene.contact.settle, 1.0)
+    geom.friction = (friction_of(scene), *FRICTION[1:])
+    geom.solref = contact_of(scene)
 
 
 def _let_neighbours_meet(spec: mujoco.MjSpec, arm: ArmModel) -> None:

@@ -24,14 +24,14 @@ def lead(plant: Plant, tau: Array, hand: float, rows: Array, way: Array) -> bool
     plant, tau, rows, way = lent((plant, tau, rows, way))
     qpos, qvel, ball, state = plant[4], plant[5], plant[6].shape[0], plant[STATE]
     start, steps, is_led = state[TICKS] * TICK, int(state[STEPS]), True
-    begin(state)
+    begin(plant, tau, hand)
     for step in range(1, steps + 1):
-        leave(plant, tau, hand)
+        leave(plant)
         if is_led:
             for i in range(3):
                 qpos[ball + i], qvel[ball + i] = way[step - 1, 0, i], way[step - 1, 1, i]
         if arrive(plant, start + step * (TICK / steps)) & BALL_ANY:
             is_led = False
     state[TICKS] += 1.0
-    note(plant, tau, rows)
+    note(plant, rows)
     return is_led

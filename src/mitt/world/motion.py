@@ -3,8 +3,9 @@
 A plant is one flat tuple: what :func:`mitt.world.engine.views_of` shows, the kind of each geom
 (KINDS), scratch for which of them touch the ball (TOUCHING), the state beside MuJoCo's own (STATE)
 in one vector, and what :mod:`mitt.world.clearing` needs: MuJoCo's switches (SWITCHES), centres and
-axes of the geoms (CENTRES, AXES) and its three tables (PAIRS, JOINTS, MEASURED). Each kernel
-has it lent, so that it counts no references to what it takes out.
+axes of the geoms (CENTRES, AXES) and its three tables (PAIRS, JOINTS, MEASURED); last, the drives
+between commands and torques (DRIVES) as of :mod:`mitt.world.drives`. Each kernel has it lent, so
+that it counts no references to what it takes out.
 
 | place      | meaning                                                              | unit   |
 |------------|----------------------------------------------------------------------|--------|
@@ -30,6 +31,7 @@ from mitt.views import lent
 from mitt.world.build import STEP
 from mitt.world.clearing import OFF, is_clear
 from mitt.world.contacts import BALL_ANY, BALL_FLOOR, BALL_HAND, survey
+from mitt.world.drives import MEAN, command, follow
 from mitt.world.engine import Views, step1, step2
 from mitt.world.stepping import BROKEN as INSANE
 from mitt.world.stepping import FINE, finish, prepare, tip_velocity
@@ -37,7 +39,7 @@ from mitt.world.stepping import FINE, finish, prepare, tip_velocity
 Plant: TypeAlias = Views
 
 KINDS, TOUCHING, STATE = 13, 14, 15
-SWITCHES, CENTRES, AXES, PAIRS, JOINTS, MEASURED = 16, 17, 18, 19, 20, 21
+SWITCHES, CENTRES, AXES, PAIRS, JOINTS, MEASURED, DRIVES = 16, 17, 18, 19, 20, 21, 22
 
 #: Control tick [s].
 TICK = 0.001
@@ -57,25 +59,30 @@ def fresh_motion(numbers: Array) -> Array:
 
 
 @kernel
-def begin(state: Array) -> None:
-    """Forget the contacts of the tick before."""
-    state[FORCE], state[SEEN] = 0.0, 0.0
-
-
-@kernel
-def leave(plant: Plant, tau: Array, hand: float) -> None:
-    """Make a step up to the new positions and velocities.
+def begin(plant: Plant, tau: Array, hand: float) -> None:
+    """Take the command of a tick, and forget the contacts of the tick before.
 
     Args:
         plant: As in the module's text.
         tau: Commanded torques of the arm [N m], shape (n,).
         hand: Commanded closing angle [rad].
     """
-    plant, tau = lent(plant), lent(tau)
+    plant = lent(plant)
+    state = plant[STATE]
+    state[FORCE], state[SEEN] = 0.0, 0.0
+    command(plant[DRIVES], int(state[TICKS]), tau, hand)
+
+
+@kernel
+def leave(plant: Plant) -> None:
+    """Make a step up to the new positions and velocities, with the torques of the drives."""
+    plant = lent(plant)
     address, qpos, qvel, ctrl, passive = plant[0], plant[4], plant[5], plant[6], plant[7]
     kinds, touching, state = plant[KINDS], plant[TOUCHING], plant[STATE]
     flight, alone = state[FLIGHT : FLIGHT + 6], plant[1][0] == 0
     h = TICK / state[STEPS]
+    hand = follow(plant[DRIVES], int(state[TICKS]), h)
+    tau = plant[DRIVES][MEAN, : len(plant[12])]
     if not prepare(qpos, qvel, ctrl, passive, tau, hand, state[NUMBERS:], h, alone, flight):
         state[BROKEN] = 1.0
     step2(address[0], address[1])
@@ -116,16 +123,15 @@ def arrive(plant: Plant, t: float) -> int:
 
 
 @kernel
-def note(plant: Plant, tau: Array, rows: Array) -> None:
+def note(plant: Plant, rows: Array) -> None:
     """Write the present state into the trace, judge it, and set the steps of the next tick.
 
     Args:
         plant: As in the module's text.
-        tau: Torques in the last tick [N m], shape (n,).
         rows: The trace, one row a tick, in the order of ``Trace``.
     """
-    plant, tau, rows = lent(plant), lent(tau), lent(rows)
-    state = plant[STATE]
+    plant, rows = lent(plant), lent(rows)
+    state, tau = plant[STATE], plant[DRIVES][MEAN, : len(plant[12])]
     t = state[TICKS] * TICK
     judged = finish(
         rows,
@@ -172,12 +178,12 @@ def move(plant: Plant, tau: Array, hand: float, rows: Array) -> None:
     plant, tau, rows = lent(plant), lent(tau), lent(rows)
     state = plant[STATE]
     start, steps = state[TICKS] * TICK, int(state[STEPS])
-    begin(state)
+    begin(plant, tau, hand)
     for step in range(1, steps + 1):
-        leave(plant, tau, hand)
+        leave(plant)
         arrive(plant, start + step * (TICK / steps))
     state[TICKS] += 1.0
-    note(plant, tau, rows)
+    note(plant, rows)
 
 
 @kernel

@@ -4,17 +4,18 @@ What the catcher is not told: how heavy the links really are, how much the joint
 the sensors are. Every figure without a source is a choice of this project.
 """
 
-from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
-from mitt.reading import read_toml
 from mitt.world.faults.plan import FaultPlan
-from mitt.world.settings import Settings, validated
+from mitt.world.settings import Settings
 
 NotNegative = Annotated[float, Field(ge=0.0)]
 Share = Annotated[float, Field(ge=0.0, lt=0.5)]
+Bend = Annotated[float, Field(ge=-0.5, le=0.5)]
+SceneName = Literal["ideal", "lab", "rough"]
+Material = Literal["foam", "tennis", "table-tennis", "rubber"]
 
 
 class Ball(Settings):
@@ -25,12 +26,15 @@ class Ball(Settings):
         mass: Mass [kg].
         drag: Quadratic drag coefficient k [1/m].
         brightness: Brightness above the background of 24 [grey levels]; both fit into 8 bits.
+        material: What it is made of, which gives friction and restitution of its contact; see
+            :mod:`mitt.world.materials`.
     """
 
     radius: Annotated[float, Field(ge=0.005, le=0.06)] = 0.04
     mass: Annotated[float, Field(ge=0.001, le=2.0)] = 0.07
     drag: Annotated[float, Field(ge=0.0, le=1.0)] = 0.04
     brightness: Annotated[float, Field(gt=0.0, le=231.0)] = 160.0
+    material: Material | None = None
 
 
 class Mismatch(Settings):
@@ -41,12 +45,16 @@ class Mismatch(Settings):
         viscous: Largest viscous friction of a joint [N m s/rad].
         coulomb: Largest dry friction of a joint [N m].
         drag: Half-width of the relative error of the ball's drag.
+        ball_mass: Half-width of the relative error of the ball's mass.
+        ball_radius: Half-width of the relative error of the ball's radius.
     """
 
     mass: Share = 0.05
     viscous: NotNegative = 0.1
     coulomb: NotNegative = 0.5
-    drag: Share = 0.10
+    drag: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.10
+    ball_mass: Share = 0.0
+    ball_radius: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0
 
 
 class Sensing(Settings):
@@ -55,7 +63,8 @@ class Sensing(Settings):
     Attributes:
         point_noise: Noise of points, 1 sigma an axis [m].
         latency: Ticks from the exposure of a frame or point to its delivery.
-        encoder_step: Resolution of the joint encoders [rad]; 0 is exact.
+        encoder_step: Resolution of the joint encoders [rad]; 0 is exact, ``arm`` that of the
+            arm's own encoders. Where they count in steps, velocity is the difference of counts.
         cameras: Cameras that stand still and see all, or that pan-tilt heads turn to the ball.
         exposure: How long a shutter is open [s].
         texture: Standard deviation of the background's brightness [grey levels].
@@ -69,11 +78,16 @@ class Sensing(Settings):
         shadow: Relative depth of a soft shadow and the speed of its edge in the images [px/s].
         second: A second bright ball: centre as the first is released, and radius [m].
         second_velocity: Velocity at which it rolls [m/s].
+        views: Views of a board, at least 6, from which cameras that stand still were calibrated,
+            and places of a ball in the hand by which they were placed; 0 is an exact calibration.
+        corner_noise: Error of a corner or of a ball's centre in these views, 1 sigma an axis [px].
+        distortion: k1 and k2 of the lenses, which calibration finds with the rest.
+        blur: Standard deviation of the lenses' blur [px].
     """
 
     point_noise: NotNegative = 0.001
     latency: Annotated[int, Field(ge=0, le=20)] = 1
-    encoder_step: NotNegative = 0.0
+    encoder_step: NotNegative | Literal["arm"] = 0.0
     cameras: Literal["fixed", "active"] = "fixed"
     exposure: Annotated[float, Field(ge=0.0, le=0.001)] = 0.0005
     texture: Annotated[float, Field(ge=0.0, le=8.0)] = 3.0
@@ -92,36 +106,67 @@ class Sensing(Settings):
     ] = (0.0, 0.0)
     second: Annotated[tuple[float, float, float, float], Field(strict=False)] | None = None
     second_velocity: Annotated[tuple[float, float, float], Field(strict=False)] = (0.0, 0.0, 0.0)
+    views: Annotated[int, Field(ge=0, le=200)] = 0
+    corner_noise: Annotated[float, Field(gt=0.0, le=5.0)] = 0.2
+    distortion: Annotated[tuple[Bend, Bend], Field(strict=False)] = (0.0, 0.0)
+    blur: Annotated[float, Field(ge=0.0, le=3.0)] = 0.0
+
+    @field_validator("views")
+    @classmethod
+    def _enough(cls, views: int) -> int:
+        """Refuse views that leave a calibration open."""
+        if 0 < views < 6:
+            raise ValueError("0, or at least 6 views")
+        return views
+
+
+class Actuation(Settings):
+    """How commands become torques.
+
+    Attributes:
+        delay: Ticks from a command to its effect at the drives and fingers.
+        bandwidth: Bandwidth of the drives' torque, of first order [Hz]; 0 follows at once.
+    """
+
+    delay: Annotated[int, Field(ge=0, le=20)] = 0
+    bandwidth: Annotated[float, Field(ge=0.0, le=1e5)] = 0.0
 
 
 class Contact(Settings):
     """Contact of ball and hand.
 
     Attributes:
-        friction: Coefficient of sliding friction.
-        settle: Time constant in which a contact settles [s]; 0.002 is the stiffest that steps
-            of 0.5 ms carry.
+        friction: Coefficient of sliding friction; that of the ball's material, or 1, if left out.
+        restitution: Share of the normal speed that a ball keeps on the palm; that of the ball's
+            material on the hand's pads, or a soft contact by ``settle``, if left out.
+        settle: Time constant in which a contact without restitution settles [s]; 0.002 is the
+            stiffest that steps of 0.5 ms carry.
     """
 
-    friction: Annotated[float, Field(gt=0.0, le=3.0)] = 1.0
+    friction: Annotated[float, Field(gt=0.0, le=3.0)] | None = None
+    restitution: Annotated[float, Field(ge=0.17, le=0.92)] | None = None
     settle: Annotated[float, Field(ge=0.002, le=0.02)] = 0.004
 
 
 class Scene(Settings):
-    """The world around the catcher.
+    """The world around the catcher; without arguments the scene ``ideal``.
 
     Attributes:
+        base: Name of the scene that it starts from; settings are compared with those.
         ball: What is thrown.
         mismatch: How far the plant is from its model.
         sensing: What the catcher is told, and when.
+        actuation: How commands become torques.
         contact: Contact of ball and hand.
         floor: Height of the floor below the shoulder, negative [m]; the arm is on a stand.
         faults: What goes wrong in every trial, in the order in which it acts.
     """
 
+    base: SceneName = "ideal"
     ball: Ball = Ball()
     mismatch: Mismatch = Mismatch()
     sensing: Sensing = Sensing()
+    actuation: Actuation = Actuation()
     contact: Contact = Contact()
     floor: Annotated[float, Field(ge=-10.0, le=-0.5)] = -1.0
     faults: FaultPlan = ()
@@ -138,13 +183,3 @@ def exact_scene(ball: Ball | None = None) -> Scene:
         mismatch=Mismatch(mass=0.0, viscous=0.0, coulomb=0.0, drag=0.0),
         sensing=Sensing(point_noise=0.0, latency=0),
     )
-
-
-def read_scene(path: Path) -> Scene:
-    """Read a scene from a TOML file; keys that are left out keep their defaults.
-
-    Raises:
-        FileError: The file cannot be read or is no TOML.
-        InputError: A key is unknown or its value cannot be used; the message names both.
-    """
-    return validated(Scene, read_toml(path), place=str(path))

@@ -6,8 +6,10 @@ from typing import Protocol
 
 import numpy as np
 
-from mitt.robot.arm import Arm
+from mitt.jit import kernel
+from mitt.robot.description import ArmModel
 from mitt.signals import Array, Frame, Senses, Sighting, senses_of
+from mitt.views import lent
 from mitt.world.scene import Scene, Sensing
 from mitt.world.silhouettes import Silhouettes
 
@@ -31,9 +33,47 @@ CameraMaker = Callable[[np.random.Generator], FrameSource]
 """Sets up the cameras for a trial with its own source of noise."""
 
 
-def encoder_steps(scene: Scene, arm: Arm) -> Array:
-    """Return the resolution of each joint's encoder in a scene [rad], shape (n,); 0 is exact."""
-    return np.full(arm.n, scene.sensing.encoder_step)
+STEP, Q, DQ, COUNTED, SINCE = range(5)
+"""Rows of a table of encoders, shape (5, n): resolution [rad], reading [rad], its rate [rad/s], the
+reading before [rad], and in the first column its time [s], negative before there was one."""
+
+
+def encoder_steps(scene: Scene, arm: ArmModel) -> Array:
+    """Return the resolution of each active joint's encoder [rad], shape (n,); 0 is exact."""
+    step = scene.sensing.encoder_step
+    if step == "arm":
+        return np.array([arm.links[k].encoder_step for k in arm.active])
+    return np.full(len(arm.names), step)
+
+
+def fresh_encoders(steps: Array) -> Array:
+    """Return the table of encoders that have not been read yet, shape (5, n)."""
+    table = np.zeros((5, len(steps)))
+    table[STEP], table[SINCE] = steps, -1.0
+    return table
+
+
+@kernel
+def read_encoders(table: Array, t: float, q: Array, dq: Array) -> None:
+    """Read the encoders: exact, or counts whose difference is the velocity.
+
+    Args:
+        table: As of :func:`fresh_encoders`; its rows ``Q`` and ``DQ`` are the result.
+        t: Time of the reading [s].
+        q: True joint positions [rad], shape (n,).
+        dq: True joint velocities [rad/s], shape (n,).
+    """
+    table, q, dq = lent((table, q, dq))
+    before = table[SINCE, 0]
+    for i in range(len(q)):
+        step = table[STEP, i]
+        if step == 0.0:
+            table[Q, i], table[DQ, i] = q[i], dq[i]
+            continue
+        counted = step * np.rint(q[i] / step)
+        table[DQ, i] = 0.0 if before < 0.0 else (counted - table[COUNTED, i]) / (t - before)
+        table[Q, i] = table[COUNTED, i] = counted
+    table[SINCE, 0] = t
 
 
 class Sensors:
@@ -50,17 +90,25 @@ class Sensors:
         cameras: CameraMaker | None,
         rng: np.random.Generator,
         body: Silhouettes,
+        steps: Array,
     ) -> None:
-        """Set up the sensors; without cameras the ball is seen as points."""
+        """Set up the sensors.
+
+        Args:
+            sensing: Settings.
+            radius: Radius of the ball [m].
+            cameras: Sets up the cameras; the ball is seen as points if None.
+            rng: Source of all noise.
+            body: Arm and hand in the images.
+            steps: As of :func:`encoder_steps`.
+        """
         self._body = body
         self._sensing, self._radius = sensing, radius
         self._cameras = None if cameras is None else cameras(rng)
         self._rng = rng
-        self._latency, self._step = sensing.latency, sensing.encoder_step
+        self._latency, self._encoders = sensing.latency, fresh_encoders(steps)
         self._line: deque[Exposed] = deque()
         self._covariance = max(sensing.point_noise, 1e-6) ** 2 * np.eye(3)
-        self._q_before: Array | None = None
-        self._t_before = 0.0
 
     @property
     def imager(self) -> FrameSource | None:
@@ -68,9 +116,9 @@ class Sensors:
         return self._cameras
 
     @property
-    def exact(self) -> bool:
-        """Whether encoders do not count in steps."""
-        return self._step == 0.0
+    def encoders(self) -> Array:
+        """Table of the encoders as of :func:`fresh_encoders`, for compiled loops that read them."""
+        return self._encoders
 
     @property
     def covariance(self) -> Array:
@@ -110,20 +158,10 @@ class Sensors:
             )
             self._line.append((frames, ()))
         arrived = self._line.popleft() if len(self._line) > self._latency else _NOTHING
-        return senses_of(t, *self._encoders(t, q, dq), *arrived)
+        read_encoders(self._encoders, t, q, dq)
+        return senses_of(t, self._encoders[Q].copy(), self._encoders[DQ].copy(), *arrived)
 
     def _point(self, t: float, r_o: Array) -> Sighting:
         """Return a noisy position."""
         seen = r_o + self.scatter(1)[0]
         return Sighting(t=t, found=True, r_o=seen, covariance=self._covariance)
-
-    def _encoders(self, t: float, q: Array, dq: Array) -> tuple[Array, Array]:
-        """Return joint readings: exact, or counts whose difference is the velocity."""
-        step = self._step
-        if step == 0.0:
-            return q.copy(), dq.copy()
-        counted = step * np.rint(q / step)
-        before, elapsed = self._q_before, t - self._t_before
-        rate = np.zeros_like(q) if before is None else (counted - before) / elapsed
-        self._q_before, self._t_before = counted, t
-        return counted, rate

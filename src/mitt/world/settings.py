@@ -1,7 +1,8 @@
 """Settings that come from TOML files: how they are read, checked and refused."""
 
+import copy
 import sys
-from typing import TypeVar, get_args
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -15,6 +16,18 @@ class Settings(BaseModel):
 
 
 _Model = TypeVar("_Model", bound=BaseModel)
+
+
+def merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    """Return two nested tables as one; where both have a value, that of ``above``."""
+    out = copy.deepcopy(below)
+    for key, value in above.items():
+        old = out.get(key)
+        if isinstance(old, dict) and isinstance(value, dict):
+            out[key] = merged(old, value)
+        else:
+            out[key] = copy.deepcopy(value)
+    return out
 
 
 def validated(model: type[_Model], data: object, *, place: str) -> _Model:

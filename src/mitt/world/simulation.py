@@ -13,7 +13,7 @@ from mitt.robot.limits import Limits
 from mitt.signals import Array, Command, Frame, Senses
 from mitt.world.ballistics import fly
 from mitt.world.build import build_plant
-from mitt.world.clearing import fresh_table, joints_of, pairs_of
+from mitt.world.clearing import fresh_table, joints_of
 from mitt.world.contacts import (
     ARM_FLOOR,
     BALL_ANY,
@@ -23,6 +23,7 @@ from mitt.world.contacts import (
     names_touching,
     survey,
 )
+from mitt.world.drives import MEAN, fresh_drives
 from mitt.world.engine import switches_of, views_of
 from mitt.world.faults.flight import Undisturbed
 from mitt.world.faults.trial import Sensor, Troubles
@@ -30,7 +31,7 @@ from mitt.world.flights import BallPath
 from mitt.world.imaging import Imager
 from mitt.world.leading import lead
 from mitt.world.meeting import meet_by_name
-from mitt.world.mismatch import PlantDraw
+from mitt.world.mismatch import Drawn, PlantDraw
 from mitt.world.motion import (
     BROKEN,
     FIRST,
@@ -52,7 +53,7 @@ from mitt.world.motion import (
     over,
 )
 from mitt.world.scene import Scene
-from mitt.world.sensors import CameraMaker, Sensors
+from mitt.world.sensors import CameraMaker, Sensors, encoder_steps
 from mitt.world.servo import servo_numbers
 from mitt.world.silhouettes import Silhouettes
 from mitt.world.stage import Stage
@@ -71,6 +72,7 @@ class World:
     Attributes:
         model: The compiled MuJoCo model, with the masses of the present trial.
         data: Its state.
+        radius: Radius of the present trial's ball [m].
     """
 
     def __init__(
@@ -102,16 +104,16 @@ class World:
         d, n, ball = self.data, self._n, self._n + self._f
         self._views = views_of(self.model, d, self._plant.site, n)
         self._switches, self._always = switches_of(self.model), self.model.opt.disableflags
-        tables = pairs_of(self.model), joints_of(self._plant)
+        tables = self._draw.pairs(), joints_of(self._plant)
         self._clearing = self._switches, d.geom_xpos, d.geom_xmat, *tables
         self._kinds, self._names = self.model.geom_contype.copy(), hand_names(self.model)
         self._touching = np.zeros(self.model.ngeom, dtype=np.bool_)
         self._senses = d.qpos[:n], d.qvel[:n], d.qpos[ball : ball + 3], d.qvel[ball : ball + 3]
-        self._body = Silhouettes(self.model, d)
+        self._body, self._steps = Silhouettes(self.model, d), encoder_steps(scene, arm)
         self._ball = self._senses[2:]
         self._site = d.site_xpos[self._plant.site]
         self._tape = Tape((1, self.model.nq, self.model.nv, n, 3, 3, 1, 1))
-        self._start(None, np.zeros((2, n)), 0.0)
+        self._start(None, self._draw.nominal)
 
     @property
     def t(self) -> float:
@@ -158,13 +160,16 @@ class World:
             ball: A throw, which flies freely, or a path, which leads the ball until it is touched.
             seed: Seed of the plant mismatch and of all noise in this trial.
         """
-        plant, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
+        plant, noise, own = (
+            np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)
+        )
         self._troubles = troubles = self._drawn_troubles(ball, seed)
         payload = 0.0 if troubles is None else troubles.payload
-        friction, drag = self._draw.draw(self.data, plant, payload=payload)
+        drawn = self._draw.draw(self.data, plant, ball=own, payload=payload)
         sensors = Sensors(
-            self._scene.sensing, self._scene.ball.radius, self._cameras, noise, self._body
+            self._scene.sensing, drawn.radius, self._cameras, noise, self._body, self._steps
         )
+        self._encoders = sensors.encoders
         self._sensors: Sensor = sensors
         self._imager = sensors.imager if isinstance(sensors.imager, Imager) else None
         if troubles is not None:
@@ -174,10 +179,10 @@ class World:
         self.data.qpos[: self._n] = self._arm.q_ready
         if isinstance(ball, Throw):
             self._ball[0][:], self._ball[1][:] = ball.r, ball.dr
-            self._start(None, friction, drag)
+            self._start(None, drawn)
         else:
             self._ball[0][:], self._ball[1][:] = ball.at(0.0)
-            self._start(ball, friction, drag)
+            self._start(ball, drawn)
 
     def sense(self, *, look: bool = True) -> Senses:
         """Return what reaches the catcher in this tick; once a tick.
@@ -204,32 +209,34 @@ class World:
     def stage(self) -> Stage | None:
         """The world as compiled code plays on it; None where only :meth:`sense` will do.
 
-        That is where something goes wrong or leads the ball, where cameras turn or are not a
-        pair, and where encoders count in steps.
+        That is where something goes wrong or leads the ball, and where cameras turn or are not a
+        pair.
         """
         sensors, turns = self._sensors, self._scene.sensing.cameras == "active"
         if self._troubles is not None or self._path is not None or turns:
             return None
-        if not isinstance(sensors, Sensors) or not sensors.exact:
+        if not isinstance(sensors, Sensors):
             return None
         imager = sensors.imager
         if imager is not None and not (isinstance(imager, Imager) and imager.a_pair):
             return None
-        return Stage(self._parts, self._tape, self._body.table, sensors, imager, self._scene)
+        return Stage(
+            self._parts, self._tape, self._body.table, sensors, imager, self._scene, self.radius
+        )
 
     @property
-    def ending(self) -> tuple[Plant, Tape] | None:
-        """Plant and trace, for a compiled loop around a catcher that no longer looks.
+    def ending(self) -> tuple[Plant, Tape, Array] | None:
+        """Plant, trace and encoders, for a compiled loop around a catcher that no longer looks.
 
         None where something other than arm and encoders as they are stands between the two, or
         where the ball is still led or may be pushed.
         """
         sensing, troubles = self._scene.sensing, self._troubles
-        if self._path is not None or sensing.cameras == "active" or sensing.encoder_step != 0.0:
+        if self._path is not None or sensing.cameras == "active":
             return None
         if troubles is not None and (troubles.near_arm or self._state[TOUCHED] < 0.0):
             return None
-        return self._parts, self._tape
+        return self._parts, self._tape, self._encoders
 
     def apply(self, command: Command) -> None:
         """Let the motors follow a command for one tick; nothing here clips it."""
@@ -290,20 +297,22 @@ class World:
         active = self._arm.active
         return Troubles(plan, seed, flight, limits=self._limits, active=active, tick=TICK)
 
-    def _start(self, path: BallPath | None, friction: Array, drag: float) -> None:
+    def _start(self, path: BallPath | None, drawn: Drawn) -> None:
         """Forget the trial before and bring all derived quantities up to date."""
-        self._path = path
-        numbers = pack_plant(self._servo, friction, drag, self._scene.ball.mass)
+        self._path, self.radius = path, drawn.radius
+        numbers = pack_plant(self._servo, drawn.friction, drawn.drag_force, drawn.mass)
         self._state, self._drag = fresh_motion(numbers), float(numbers[5])
-        self._parts: Plant = (
-            *self._views, self._kinds, self._touching, self._state,
-            *self._clearing, fresh_table(self._n + self._f),
-        )  # fmt: skip
         self._switches[0] = self._always
         meet_by_name(self.model)  # the draw of the masses has brought the kinds back
         self.model.opt.timestep = TICK
         mujoco.mj_step1(self.model, self.data)
-        note(self._parts, np.zeros(self._n), self._tape.rows)
+        drives = fresh_drives(self._scene.actuation, self.data.qfrc_bias[: self._n])
+        self._parts: Plant = (
+            *self._views, self._kinds, self._touching, self._state,
+            *self._clearing, fresh_table(self._n + self._f), drives,
+        )  # fmt: skip
+        drives[MEAN] = 0.0  # nothing was commanded yet
+        note(self._parts, self._tape.rows)
 
     @property
     def _ticks(self) -> int:
@@ -333,17 +342,17 @@ class World:
         state = self._state
         start, steps = self._ticks * TICK, int(state[STEPS])
         h = TICK / steps
-        begin(state)
+        begin(self._parts, tau, hand)
         for step in range(1, steps + 1):
             if state[TOUCHED] < 0.0:
                 self._push(troubles, start + (step - 1) * h, h)
-            leave(self._parts, tau, hand)
+            leave(self._parts)
             if self._path is not None:
                 self._ball[0][:], self._ball[1][:] = self._path.at(start + step * h)
             if arrive(self._parts, start + step * h) & BALL_ANY:
                 self._path = None
         state[TICKS] += 1.0
-        note(self._parts, tau, rows)
+        note(self._parts, rows)
 
     def _push(self, troubles: Troubles, t: float, h: float) -> None:
         """Let the flight be disturbed for a step; a ball that was led flies freely from then on."""

@@ -21,10 +21,11 @@ class Stage:
         plant: As in the text of :mod:`mitt.world.motion`.
         tape: The trace, whose row of a tick has its number.
         body: As of :func:`mitt.world.silhouettes.lay_capsules`.
-        sensors: What the catcher is told; its encoders are exact.
+        sensors: What the catcher is told.
         imager: The cameras, two that see images of one size and do not turn; None where the ball
             is seen as points.
         scene: Settings.
+        radius: Radius of the ball [m].
     """
 
     plant: Plant
@@ -33,3 +34,4 @@ class Stage:
     sensors: Sensors
     imager: Imager | None
     scene: Scene
+    radius: float

@@ -7,9 +7,10 @@ from small_study import GENERATORS, TEXT, write_study
 
 from mitt.errors import InputError, MittError, UnknownNameError
 from mitt.study.sweep.numbers import extent
-from mitt.study.sweep.read import merged, read_study, shipped
+from mitt.study.sweep.read import read_study, shipped
 from mitt.study.sweep.study import Study
 from mitt.world.faults.plan import Kick
+from mitt.world.settings import merged
 
 #: Names that a registry with all rivals has.
 EVERY = ("direct", "several", "unoptimised", "ik", "quintic", "ruckig", "mpc", "ds", "clairvoyant")

@@ -1,6 +1,5 @@
 """Reading a study file, or one of the studies that ship."""
 
-import copy
 import hashlib
 from importlib.resources import files
 from pathlib import Path
@@ -11,8 +10,8 @@ from mitt.errors import InputError, UnknownNameError
 from mitt.reading import read_bytes, read_toml
 from mitt.study.sweep.settings import ArmSettings, Overrides, StudySettings, SweepSettings, Table
 from mitt.study.sweep.study import Condition, Study
-from mitt.world.scene import TABLE_TENNIS, Scene
-from mitt.world.settings import validated
+from mitt.world.scenes import DEFAULT, scene_of
+from mitt.world.settings import merged, validated
 from mitt.world.tables import MAX_BYTES
 
 #: Most conditions in a study.
@@ -93,12 +92,8 @@ def _condition(
     """Return a condition with the study's settings under its own."""
     place = f"{path} condition {name!r}"
     arm = settings.arm.model_dump() | given.arm
-    scene = validated(
-        Scene, merged(dict(settings.scene), dict(given.scene)), place=f"{place} scene"
-    )
-    flights = given.flights
-    if flights is not None and "ball" not in scene.model_fields_set:
-        scene = scene.model_copy(update={"ball": TABLE_TENNIS})
+    flights, table = given.flights, merged(dict(settings.scene), dict(given.scene))
+    scene = scene_of(table, place=f"{place} scene", base=DEFAULT, flights=flights is not None)
     if flights is not None and flights != "builtin":
         flights = str((path.parent / flights).resolve())
     return Condition(
@@ -110,18 +105,6 @@ def _condition(
         flights=flights,
         throws=given.throws,
     )
-
-
-def merged(below: Table, above: Table) -> Table:
-    """Return two nested tables as one; where both have a value, that of ``above``."""
-    out = copy.deepcopy(below)
-    for key, value in above.items():
-        old = out.get(key)
-        if isinstance(old, dict) and isinstance(value, dict):
-            out[key] = merged(old, value)
-        else:
-            out[key] = copy.deepcopy(value)
-    return out
 
 
 def _with(sweep: SweepSettings, address: list[str], value: float, place: str) -> Overrides:

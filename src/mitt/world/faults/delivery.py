@@ -50,7 +50,11 @@ class Lossy(Stage):
 
 @final
 class Delayed(Stage):
-    """Delivers late; one batch a tick, those that are due first first."""
+    """Delivers late, in each tick all that is due.
+
+    Points come in the order of their exposure; of each camera the newest frame comes, as a driver
+    overwrites what nobody has taken.
+    """
 
     def __init__(self, fault: Latency | Late, rng: np.random.Generator) -> None:
         """Start with nothing on the way."""
@@ -66,13 +70,23 @@ class Delayed(Stage):
             batch = senses.frames, senses.points
             heapq.heappush(self._way, (t + delay, self._count, batch))
             self._count += 1
-        frames: tuple[Frame, ...] = ()
-        points: tuple[Sighting, ...] = ()
-        if self._way and self._way[0][0] <= t + _SLACK:
-            frames, points = heapq.heappop(self._way)[2]
+        due: list[tuple[int, Batch]] = []
+        while self._way and self._way[0][0] <= t + _SLACK:
+            due.append(heapq.heappop(self._way)[1:])
+        frames, points = _together(due)
         if isinstance(fault, Latency) and not fault.stamped:
             frames, points = restamped((frames, points), t)
         return replace(senses, frames=frames, points=points)
+
+
+def _together(due: list[tuple[int, Batch]]) -> Batch:
+    """Return what arrives in a tick as one: the newest frame of each camera, and all points."""
+    newest: dict[int, Frame] = {}
+    points: list[Sighting] = []
+    for _, (frames, seen) in sorted(due, key=lambda one: one[0]):
+        newest |= {frame.camera: frame for frame in frames}
+        points += seen
+    return tuple(newest.values()), tuple(points)
 
 
 def restamped(batch: Batch, t: float) -> Batch:
