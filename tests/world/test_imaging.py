@@ -141,7 +141,7 @@ def test_impossible_sensors_are_refused() -> None:
         lambda: ImageSensor(brightness=250.0),
         lambda: ImageSensor(background=np.nan),
         lambda: ImageSensor(hand=256.0),
-        lambda: ImageSensor(blur=3.0),
+        lambda: ImageSensor(blur=4.0),
     )
     for make in made:
         with pytest.raises(InputError):

@@ -241,6 +241,7 @@ def _cameras(rig: Rig, scene: Scene) -> Callable[[np.random.Generator], Imager]:
         pattern=sensing.pattern,
         light=sensing.light,
         shadow=sensing.shadow,
+        blur=sensing.blur,
     )
     calibrated = sensing.views > 0 and not rig.heads
     k = sensing.distortion

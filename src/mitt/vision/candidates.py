@@ -2,8 +2,8 @@
 
 While nothing is known of a ball and more than one target shows, all are followed for some looks.
 A pair of targets, one in each of the first two cameras, is a candidate if their lines of sight meet
-better than either meets another's, and both look as large as the ball would there. The candidate
-that has moved fastest is the ball. A single target in each camera is taken at once.
+and both look as large as the ball would there. The candidate that has moved fastest is the ball. A
+single target in each camera is taken at once.
 
 | here          | meaning                                                        | unit | shape   |
 |---------------|----------------------------------------------------------------|------|---------|
@@ -16,6 +16,7 @@ that has moved fastest is the ball. A single target in each camera is taken at o
 from math import pi, sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mitt.jit import kernel
 from mitt.signals import Array, Image
@@ -32,6 +33,7 @@ from mitt.vision.target import (
     STATE,
     THRESHOLD,
     WEIGHTS,
+    WORK,
     expect,
     keep,
     masks,
@@ -51,6 +53,8 @@ LEAP = 0.05
 TALL, ROUGH = 0.35, 0.7
 """Difference from the radius that the ball should have: relative, and in pixels."""
 
+_PAIRED, _FINE = 1e3, 1e6
+"""What a pair is worth, against residuals [px]; steps of a pixel in which they are added up."""
 _LOOK, _COUNT, _TRACKS = 16, 17, 18
 _TARGETS = _TRACKS + 11 * MOST
 _RESIDUALS = _TARGETS + 2 * 7 * MOST
@@ -102,22 +106,44 @@ def _meet(
     residual = triangulate(cameras, points, belief[0], r, P, work)
     if not residual <= belief[3]:
         return np.inf
-    expect(memory, cameras, belief[0], r)
+    expect(memory, cameras, belief[0], r, 0.0)
     if not (_fits(memory[0], a[2]) and _fits(memory[1], b[2])):
         return np.inf
     return float(residual)
 
 
 @kernel
-def _is_best(residuals: Array, i: int, j: int) -> bool:
-    """Tell whether two targets meet, and better than either meets another."""
-    own = residuals[i, j]
-    if own == np.inf:
-        return False
-    for k in range(len(residuals)):
-        if (k != j and residuals[i, k] < own) or (k != i and residuals[k, j] < own):
-            return False
-    return True
+def _match(residuals: Array, boxes: Box, partners: NDArray[np.int64]) -> None:
+    """Pair targets so that most have a partner, and then the residuals in sum are smallest.
+
+    Two targets of different balls may meet by chance; their true partners would be left alone.
+
+    Args:
+        residuals: As in the module's table.
+        boxes: Scratch.
+        partners: Result, target of the second camera for each of the first; -1 for none.
+    """
+    at, sets = 4 * (WORK - ROWS), 1 << MOST
+    least, choice = view(boxes, at, (sets,)), view(boxes, at + sets, (MOST, sets))
+    for taken in range(sets):
+        least[taken] = 0 if taken == 0 else 1 << 40
+    for i in range(MOST):
+        for taken in range(sets - 1, -1, -1):  # sets that a target is taken from are still old
+            choice[i, taken] = -1
+            for j in range(MOST):
+                if taken >> j & 1 and residuals[i, j] < np.inf:
+                    cost = least[taken ^ 1 << j] + int(_FINE * (residuals[i, j] - _PAIRED))
+                    if cost < least[taken]:
+                        least[taken], choice[i, taken] = cost, j
+    taken = 0
+    for other in range(sets):
+        if least[other] < least[taken]:
+            taken = other
+    for i in range(MOST - 1, -1, -1):
+        j = choice[i, taken]
+        partners[i] = j
+        if j >= 0:
+            taken ^= 1 << j
 
 
 @kernel
@@ -182,6 +208,16 @@ def _show(
 
 
 @kernel
+def _take_both(
+    images: tuple[Image, ...], backgrounds: tuple[Image, ...], memory: Array, a: Array, b: Array,
+    boxes: Box,
+) -> None:  # fmt: skip
+    """Let both cameras look at a target each."""
+    for n in range(2):
+        _take(_show(images, backgrounds, n, memory, boxes), memory[n], a if n == 0 else b, boxes)
+
+
+@kernel
 def _listed(
     images: tuple[Image, ...], backgrounds: tuple[Image, ...], n: int, memory: Array,
     settings: Array, boxes: Box, targets: Array,
@@ -221,7 +257,10 @@ def seek(
     residuals = view(rig, _RESIDUALS, (MOST, MOST))
     a = _listed(images, backgrounds, 0, memory, settings, boxes, targets[0])
     b = _listed(images, backgrounds, 1, memory, settings, boxes, targets[1])
-    if count == 0 and a <= 1 and b <= 1:
+    if a == 0 or b == 0:
+        return False
+    if count == 0 and a == 1 and b == 1:
+        _take_both(images, backgrounds, memory, targets[0, 0], targets[1, 0], boxes)
         return True
     rig[_LOOK] += 1.0
     for i in range(MOST):
@@ -231,11 +270,13 @@ def seek(
                 residuals[i, j] = _meet(
                     targets[0, i], targets[1, j], memory, cameras, belief, points, work, r, P
                 )
-    for i in range(a):
-        for j in range(b):
-            if _is_best(residuals, i, j):
-                _meet(targets[0, i], targets[1, j], memory, cameras, belief, points, work, r, P)
-                count = _follow(tracks, count, rig[_LOOK], r, (i, j))
+    partners = view(boxes, 0, (MOST,))
+    _match(residuals, boxes, partners)
+    for i in range(MOST):
+        j = partners[i]
+        if j >= 0:
+            _meet(targets[0, i], targets[1, j], memory, cameras, belief, points, work, r, P)
+            count = _follow(tracks, count, rig[_LOOK], r, (i, j))
     rig[_COUNT] = float(count)
     if rig[_LOOK] < LOOKS:
         return False
@@ -245,7 +286,6 @@ def seek(
             rig[_LOOK], rig[_COUNT] = 0.0, 0.0
         return False
     rig[_LOOK], rig[_COUNT] = 0.0, 0.0
-    for n in range(2):
-        shown = _show(images, backgrounds, n, memory, boxes)
-        _take(shown, memory[n], targets[n, int(tracks[chosen, 9 + n])], boxes)
+    i, j = int(tracks[chosen, 9]), int(tracks[chosen, 10])
+    _take_both(images, backgrounds, memory, targets[0, i], targets[1, j], boxes)
     return True

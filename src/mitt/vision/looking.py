@@ -34,15 +34,16 @@ BLIND, ONE, BOTH, AT_ODDS = range(4)
 ALONG = 1.0
 """Standard deviation along the ray of a ball that one camera alone sees [m]: a thousand times what
 is known of it, and few enough digits away from what is seen across."""
-FORGET, STUBBORN = 100.0, 20.0
-"""Looks without both eyes after which a place is old; looks at odds that are no accident."""
+FORGET, HASTY, STUBBORN = 100.0, 5.0, 20.0
+"""Looks without both eyes after which a place is old, and no more than so many for each sighting
+that it rests on, as its motion is then a guess; looks at odds that are no accident."""
 SURE, MISFIT, SMALL, DRIFT, SLOWLY = 0.002, 0.01, 0.05, 0.0005, 20.0
 """Share of the ball's mass by which a target differs by noise; by which it may differ; what
 patches of the ground add to that, over the radius [px]; what each look without both eyes adds;
 looks over which the contrast may change."""
-CLOSE, ASTRAY, SETTLED = 6.0, 0.5, 8.0
-"""Distance from where it should be within which the ball is looked for, what each look without
-both eyes adds [px], and sightings after which it is known where that is."""
+REACH, ASTRAY = 0.12, 0.01
+"""Distance from where it should be within which a lost ball is looked for, and what each look
+without both eyes adds [m]: it may change its speed by 10 m/s."""
 ALPHA, BETA, RESTART = 0.5, 0.1, 20.0
 """Gains of position and motion from look to look; looks after which motion is estimated anew."""
 
@@ -83,7 +84,7 @@ def _foresee(rig: Array) -> None:
     """Move the last position on by one look; forget it where it is old."""
     rig[SINCE] += 1.0
     rig[AGE] += 1.0
-    if rig[SINCE] > FORGET:
+    if rig[SINCE] > min(FORGET, HASTY * rig[KNOWN]):
         rig[KNOWN] = 0.0
     for i in range(3):
         rig[i] += rig[SPEED + i] if rig[KNOWN] > 0.0 else 0.0
@@ -157,18 +158,16 @@ def look(
     points = view(work, 3 * triangulation.WORK, (eyes, 3))
     rig = view(memory, eyes * MEMORY, (MEMORY,))
     _foresee(rig)
-    if rig[KNOWN] > 0.0:
-        expect(memory, cameras, belief[0], rig)
-        for n in range(eyes):
-            memory[n, NEAR] = CLOSE + ASTRAY * rig[SINCE] if rig[KNOWN] >= SETTLED else 0.0
-    else:
-        for n in range(eyes):
-            memory[n, EXPECTED], memory[n, WEIGHED], memory[n, NEAR] = 0.0, 0.0, 0.0
     if _is_lost(images, apart, memory, rig, belief) and not seek(
         images, backgrounds, memory, settings, boxes, cameras, belief, points, work, r, P
     ):
         rig[STATUS] = float(BLIND)
         return False
+    if rig[KNOWN] > 0.0:
+        expect(memory, cameras, belief[0], rig, REACH + ASTRAY * rig[SINCE])
+    else:
+        for n in range(eyes):
+            memory[n, EXPECTED], memory[n, WEIGHED], memory[n, NEAR] = 0.0, 0.0, 0.0
     for n in range(eyes):
         pixels, own = images[n], view(memory, n * MEMORY, (MEMORY,))
         point = view(points, 3 * n, (3,))

@@ -107,8 +107,16 @@ def field(memory: Array, settings: Array, window: NDArray[np.int64]) -> bool:
 
 
 @kernel
-def expect(memory: Array, cameras: Array, radius: float, r: Array) -> None:
-    """Write where in each image the ball should be, and how large, by where it is believed."""
+def expect(memory: Array, cameras: Array, radius: float, r: Array, reach: float) -> None:
+    """Write where in each image the ball should be, and how large.
+
+    Args:
+        memory: A row a camera, as in the module's table; more rows are left alone.
+        cameras: As in :mod:`mitt.vision.triangulation`.
+        radius: Radius of the ball [m].
+        r: Where it is believed to be [m], shape (3,) or more.
+        reach: How far from there it may be [m].
+    """
     for n in range(cameras.shape[0]):
         x, y, z, far = 0.0, 0.0, 0.0, 0.0
         for i in range(3):
@@ -120,6 +128,7 @@ def expect(memory: Array, cameras: Array, radius: float, r: Array) -> None:
         scale = cameras[n, 4, 0] / max(z, radius)
         memory[n, AT_U] = cameras[n, 4, 1] + scale * x
         memory[n, AT_V] = cameras[n, 4, 2] + scale * y
+        memory[n, NEAR] = scale * reach
         far = sqrt(max(far - radius * radius, radius * radius))
         sine = radius / far
         memory[n, EXPECTED] = pi * (cameras[n, 4, 0] * sine) ** 2 * (far / max(z, radius)) ** 3

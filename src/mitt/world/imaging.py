@@ -100,8 +100,8 @@ class ImageSensor:
             raise InputError(
                 "image sensor", "electrons > 0, background + brightness, body, hand <= 255", self
             )
-        if self.blur > 2.0 or max(self.light[0], self.shadow[0], self.shading, self.grain) > 0.9:
-            raise InputError("image sensor", "blur <= 2 px, relative amplitudes <= 0.9", self)
+        if self.blur > 3.0 or max(self.light[0], self.shadow[0], self.shading, self.grain) > 0.9:
+            raise InputError("image sensor", "blur <= 3 px, relative amplitudes <= 0.9", self)
 
     @property
     def hand_level(self) -> float:

@@ -40,7 +40,7 @@ GRAIN_SIZE = 5.0
 """Half a period of the arm's grain [px]."""
 EDGE = 24.0
 """Width of the shadow's soft edge [px]."""
-WIDEST = 6
+WIDEST = 9
 """Pixels that the blur of a lens reaches at most."""
 
 
