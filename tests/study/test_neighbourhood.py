@@ -105,7 +105,8 @@ def test_learning_flights_reach_beyond_the_default_throws(plain: DirectMap) -> N
         for _ in range(70):
             advance(r, dr, 0.04, 0.01)
             rows.append((r.copy(), dr.copy()))
-        tested.append(passing(*np.array(rows).transpose(1, 0, 2), radius))
+        path = np.array(rows)
+        tested.append(passing(path[:, 0], path[:, 1], radius))
     low, high = np.nanpercentile(np.array(learned), [3, 97], axis=0)
     assert np.all(low < np.nanpercentile(np.array(tested), 8, axis=0))
     assert np.all(high > np.nanpercentile(np.array(tested), 92, axis=0))
