@@ -77,10 +77,6 @@ def _plain(value: object) -> object:
     return value if value is None or type(value) in (bool, int, float, str) else str(value)
 
 
-class Terminated(KeyboardInterrupt):
-    """SIGTERM arrived: what is finished is kept, as for an interrupt from the keyboard."""
-
-
 @contextmanager
 def heard() -> Iterator[list[str]]:
     """Hear what a library in C or C++ writes to the error stream instead of letting it through.
