@@ -9,6 +9,7 @@ The catcher takes senses and gives commands, so it does not know whether a simul
 arm is at the other end.
 """
 
+from collections.abc import Sequence
 from copy import copy, deepcopy
 from typing import Any, final
 
@@ -18,13 +19,14 @@ from mitt import checks
 from mitt.control.brake import plan_brake
 from mitt.control.condition import ENCODER_REASONS
 from mitt.control.envelope import TICK
-from mitt.control.monitor import doubted
+from mitt.control.monitor import doubted, good_again
 from mitt.control.stopped import StoppedBy
 from mitt.errors import InputError, ShapeError
 from mitt.generator.certificate import Outcome, Verdict
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.mapping import DirectMap
 from mitt.generator.several import Several
+from mitt.impact import CaughtBall, examined, speed_caps
 from mitt.records import (
     BRAKE,
     FOLLOW,
@@ -53,6 +55,8 @@ from mitt.signals import (
     Array,
     BallState,
     Command,
+    Frame,
+    Image,
     MapStatus,
     Senses,
     Sighting,
@@ -99,6 +103,13 @@ class Catcher:
         checks.instance("settings", settings, CatcherSettings)
         self._arm, self._settings, self._map = arm, settings, generator.as_map()
         self._turns = eyes.heads > 0
+        self._caught = CaughtBall(
+            mass=settings.ball_mass,
+            radius=settings.ball_radius,
+            restitution=settings.ball_restitution,
+            friction=settings.ball_friction,
+            doubt=settings.ball_doubt,
+        )
         self._refines = isinstance(generator, Direct) and generator.online is not None
         fields = catcher_fields(arm, eyes, settings) | arm_fields(arm, settings.around)
         known: Fields = {"several": np.bool_(isinstance(generator, Several))}
@@ -165,6 +176,7 @@ class Catcher:
         self._q, self._dq = np.zeros((2, self._arm.n))
         self._numbers = self._state[0]
         self._hand, self._gaze = self.result["hand"], self.result["gaze"][0]
+        self._brakes = self.result["brakes"]
         self._clock = self.result["t"]
         self._told, self.believed = self.result["told"][0, :4], self._state["believed"][0]
         self._ball, out = ball_parts(self.result), self.result
@@ -215,11 +227,13 @@ class Catcher:
             self._take(senses.points, t)
         q, dq, state, out = self._q, self._dq, self._state, self.result
         if self._map is None:
-            perceive(images, apart, t_exposed, t, q, dq, state, out)
+            perceive(images, self.backgrounds, apart, t_exposed, t, q, dq, state, out)
             self._ask()
             self._todo = act(self._brake, state, out)
         else:
-            self._todo = tick(images, apart, t_exposed, t, q, dq, self._brake, state, out)
+            self._todo = tick(
+                images, self.backgrounds, apart, t_exposed, t, q, dq, self._brake, state, out
+            )
         self._ticked = True
         if self._todo & STOPS:
             self._note_stop()
@@ -229,7 +243,7 @@ class Catcher:
             if self._refines and self.result["inside"].item():
                 self._todo |= REFINES
         gaze = self._gaze.copy() if self._turns else None
-        return command_of(t, self._told.copy(), self._hand.item(), gaze)
+        return command_of(t, self._told.copy(), self._hand.item(), gaze, self._brakes.item())
 
     def _read(self, arm: ArmState) -> None:
         """Take the encoders over: compiled code sees buffers of one type and the right length."""
@@ -238,6 +252,15 @@ class Catcher:
             raise ShapeError("senses.arm.q, .dq", f"({n},)", q.shape if len(q) != n else dq.shape,
                              do=f"give the active joints {', '.join(self._arm.names)}")  # fmt: skip
         self._q[:], self._dq[:] = q, dq
+
+    def learn_background(self, views: Sequence[tuple[Frame, ...]]) -> None:
+        """Learn what the cameras see before the throw, as :meth:`Eyes.learn_background`."""
+        self._eyes.learn_background(views)
+
+    @property
+    def backgrounds(self) -> tuple[Image, ...]:
+        """What :func:`mitt.tick.tick` takes as backgrounds."""
+        return self._eyes.backgrounds
 
     @property
     def parts(self) -> tuple[Array, Record, Record] | None:
@@ -318,24 +341,34 @@ class Catcher:
             q_read=encoders[0],
             dq_read=encoders[1],
             command=self._told.copy(),
-            brakes=False,
+            brakes=self._brakes.item(),
         )
 
     def stop(self) -> None:
         """Stop with the next tick, within all limits, and stay until :meth:`recover`."""
         self._numbers["asked_to_stop"] = True
 
-    def recover(self) -> None:
-        """Watch for a ball again after a stop, from where the encoders say that the arm is.
+    def recover(self, *, checked: bool = False) -> None:
+        """Release the brakes and watch for a ball again, from where the encoders say the arm is.
 
-        An encoder that still says nothing leaves its joint where it was last believed to be.
+        Args:
+            checked: Whether a person has checked the encoders that were in doubt. If not, each has
+                to have read well for 50 ticks, near to where its joint was reckoned to be, and one
+                that was stuck has to have moved.
 
         Raises:
-            InputError: The catcher has not stopped, or the arm is not at rest yet.
+            InputError: The catcher has not stopped, the arm is not at rest yet, or the encoder of a
+                joint is still in doubt.
         """
         at_rest = bool(np.all(np.abs(self._told[1]) < _AT_REST))
         if self._phase != STOPPED or not at_rest:
             raise InputError("recover", "a catcher that has stopped, its arm at rest", self.phase)
+        good = good_again(self._state["encoder_memory"][0])
+        if not checked and not np.all(good):
+            pairs = zip(self._arm.names, good, strict=True)
+            bad = ", ".join(name for name, fine in pairs if not fine)
+            do = "check the encoder, then recover(checked=True)"
+            raise InputError("recover", "encoders that read well", f"doubt about {bad}", do=do)
         fresh = catcher_fields(self._arm, self._eyes, self._settings)
         fresh |= arm_fields(self._arm, self._settings.around)  # the hand opens, a ball drops
         kept = {"believed", *(name for name in fresh if name.startswith("eyes_"))}
@@ -388,8 +421,11 @@ class Catcher:
             # What the verdict says besides is reckoned where somebody asks for it.
             self._unasked = ball, self.believed[0].copy()
             return
-        self._verdict, self._unasked = self._generator.verdict(ball, self.believed[0]), None
-        verdict = self._verdict
+        verdict = self._generator.verdict(ball, self.believed[0])
+        if not isinstance(self._generator, Unoptimised):  # alpha = 0 is never refused
+            bandwidth = self._settings.bandwidth
+            verdict = examined(self._arm, verdict, self._caught, bandwidth=bandwidth)
+        self._verdict, self._unasked = verdict, None
         hasty = verdict.outcome is Outcome.UNREACHABLE and not due  # a refusal is for good
         if hasty or verdict.outcome is Outcome.UNSETTLED:
             return
@@ -398,7 +434,14 @@ class Catcher:
             return
         self._numbers["open"] = verdict.outcome is Outcome.OPEN
         self._adapt(self._generator.waiting(ball) if self._numbers["open"] else ball)
+        self._make_room(verdict)
         self._enter(FOLLOW)
+
+    def _make_room(self, verdict: Verdict) -> None:
+        """Keep the joints that the ball will drive on below their speed limits by as much."""
+        if verdict.approach is not None:
+            caps = speed_caps(self._arm, verdict.approach, self._caught)
+            self._state["bounds"][0][2] = caps
 
     def _reconsider(self, ball: BallState) -> None:
         """Follow the ball itself as soon as it can be caught; its stand-in until then."""

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from mitt.control import condition, monitor
 from mitt.control.condition import Reason, State
+from mitt.control.encoders import Encoders
 from mitt.control.hand import pack_grip
-from mitt.control.monitor import Encoders
 from mitt.control.tracking import NOTES, ROWS, Tracked
 from mitt.control.viability import Guard
 from mitt.generator.certificate import trusted, waiting_height
@@ -66,6 +66,9 @@ class CatcherSettings:
         review: Time between two reviews of the choice among several maps [s].
         ball_mass: Mass of the ball, carried by the model while it is held [kg].
         ball_radius: Radius of the ball [m]; the eyes are told the same.
+        ball_restitution: Share of its speed with which the ball springs back from the palm.
+        ball_friction: Coefficient of friction of ball and hand.
+        ball_doubt: Relative error that its mass may have.
         flight: What the filter believes of the ball's flight.
         around: What stands around the arm and is not to be touched.
         encoders: What is known of the joint encoders.
@@ -84,6 +87,9 @@ class CatcherSettings:
     review: float = 0.02
     ball_mass: float = 0.07
     ball_radius: float = 0.04
+    ball_restitution: float = 0.2
+    ball_friction: float = 1.0
+    ball_doubt: float = 0.1
     flight: FilterConfig = field(default_factory=lambda: THROWN_BALL)
     around: Surroundings = field(default_factory=Surroundings)
     encoders: Encoders = field(default_factory=Encoders)
@@ -170,6 +176,7 @@ def fresh_result(n: int, heads: int = 1) -> Record:
         age: Age of the last good measurement [s]; infinite without a track.
         sigma: 1-sigma of the ball's predicted position [m]; infinite without a track.
         gaze: Where the heads are to look, as of ``Command``, shape (heads, 4).
+        brakes: Whether the brakes are to be engaged.
     """
     fields: Fields = {
         "t": 0.0, "phase": np.int64(WATCH), "encoders": np.zeros((2, n)),
@@ -180,7 +187,7 @@ def fresh_result(n: int, heads: int = 1) -> Record:
         "time_to_catch": np.inf, "told": np.zeros((ROWS, n)), "hand": 0.0,
         "saturated": np.bool_(False), "state": np.int64(0), "reason": np.int64(0),
         "age": np.inf, "sigma": np.inf,
-        "gaze": np.zeros((heads, 4)),
+        "gaze": np.zeros((heads, 4)), "brakes": np.bool_(False),
     }  # fmt: skip
     return record_of(fields)
 
@@ -192,7 +199,10 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         phase, open: Phase, and whether the ball's stand-in is followed.
         believed: q, dq of the joints as the monitor believes them [rad, rad/s], shape (2, n).
         begun: Whether there was a tick.
-        encoder_memory, encoder_steps: As in :mod:`mitt.control.monitor`.
+        encoder_memory: As in :mod:`mitt.control.monitor`; encoder_table, encoder_doubt,
+            encoder_work: as in :mod:`mitt.control.encoders`.
+        t_brakes, braked, brake_delay: When the brakes were told to engage [s], whether they have,
+            and how long they take [s].
         condition, clock, encoders, tolerance, stray: As in :mod:`mitt.control.condition`.
         shapes, pairs, guard_..., last: As in :mod:`mitt.control.viability`.
         wanted: q_d, dq_d, ddq_d of the last tick, shape (3, n).
@@ -205,7 +215,7 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         adapt_...: As in :class:`CatcherSettings`.
         bandwidth, track_notes, target: For the tracking, and scratch.
     """
-    s, n = settings, arm.n
+    s, n, table = settings, arm.n, settings.encoders.table(arm)
     still = np.zeros(n)
     fields: Fields = {
         "phase": np.int64(WATCH), "open": np.bool_(False),
@@ -216,12 +226,16 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         "grip": pack_grip(arm.model.hand, s.ball_radius), "adapt_q": s.adapt_q,
         "adapt_dq": s.adapt_dq, "adapt_until": s.adapt_until, "bandwidth": s.bandwidth,
         "track_notes": np.zeros((len(arm.model.links), NOTES)), "begun": np.bool_(False),
-        "encoder_memory": monitor.memory_of(n), "encoder_steps": s.encoders.steps(arm.encoder_step),
+        "encoder_memory": monitor.memory_of(n), "encoder_table": table,
+        "encoder_doubt": table[1] / np.diag(arm.mass_matrix(arm.q_ready)),
+        "encoder_work": np.zeros((n + 2, 2 * n)),
+        "t_brakes": np.inf, "braked": np.bool_(False),
+        "brake_delay": max(brake.delay for brake in arm.brakes),
         "condition": condition.memory(), "clock": np.int64(0), "encoders": np.int64(0),
         "tolerance": s.tolerance, "stray": s.stray, "asked_to_stop": np.bool_(False),
         "review": s.review, "t_reviewed": -np.inf, "watch": s.watch,
         "heads": np.int64(eyes.heads), "t_exposed": 0.0,
-        "last": np.array([arm.q_ready, still]),
+        "last": np.array([arm.q_ready, still, still]),
     }  # fmt: skip
     return fields | {f"eyes_{name}": value for name, value in eyes.parts().items()}
 
@@ -266,7 +280,8 @@ def map_fields(f: DirectMap) -> Fields:
 
 def tick_of(row: Record) -> Tick:
     """Return a copied result as what it means."""
-    command = Command(t=row["t"].item(), told=row["told"][0, :4], hand=row["hand"].item())
+    told, brakes = row["told"][0, :4], row["brakes"].item()
+    command = Command(t=row["t"].item(), told=told, hand=row["hand"].item(), brakes=brakes)
     return Tick(
         phase=PHASES[row["phase"].item()],
         ball=ball_in(ball_parts(row)),

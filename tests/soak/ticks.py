@@ -21,7 +21,7 @@ from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import ArmState, Array, BallState, JointReference, Senses
-from mitt.study.neighbourhood import aim_of
+from mitt.study.aim import aim_of
 from mitt.vision.camera import fixed_rig
 from mitt.vision.eyes import Eyes
 from mitt.vision.head import active_rig
@@ -237,13 +237,15 @@ class _Episode:
         """Let the arm do what the torques bring, within what joints and drives can do at all."""
         (q, dq), arm = self._joints, self._arm
         push = self._catcher.result["told"][0, 4]
+        if self._catcher.result["brakes"].item() and not self._catcher.result["told"][0, 3].any():
+            dq = 0.0 * dq  # the brakes hold
         dq = np.clip(dq + TICK * np.nan_to_num(push), -arm.dq_max, arm.dq_max)
         self._joints = np.array([np.clip(q + TICK * dq, arm.q_min, arm.q_max), dq])
 
     def _recovers(self) -> bool:
         """Ask the catcher to recover; return whether it did."""
         try:
-            self._catcher.recover()
+            self._catcher.recover(checked=bool(self._rng.random() < 0.5))
         except InputError:
             return False
         self._judge.reset()

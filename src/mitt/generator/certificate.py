@@ -4,7 +4,7 @@ The ball's estimate is flown on by the flight model to the catch, the map is ada
 and what the motion asks of the arm is held against its limits.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
@@ -42,6 +42,21 @@ class Outcome(Enum):
     UNREACHABLE = "unreachable"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Approach:
+    """The motion that a verdict rests on, from now to the catch.
+
+    Attributes:
+        motion: q, dq, ddq asked at even instants, the last at the catch, shape (K, 3, n).
+        step: Time between two of them [s].
+        dr_o: Velocity of the ball at the catch [m/s], shape (3,).
+    """
+
+    motion: Array
+    step: float
+    dr_o: Array
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
     """What the certificate says.
@@ -53,6 +68,7 @@ class Verdict:
         t_catch: Predicted time of the catch [s]; infinite without one.
         sigma: Predicted 1-sigma of the ball's position then [m].
         probability: Of a catch, given the ball's uncertainty; NaN where it was not reckoned.
+        approach: The motion that it rests on; None where there is none.
     """
 
     outcome: Outcome
@@ -61,6 +77,7 @@ class Verdict:
     t_catch: float
     sigma: float
     probability: float = np.nan
+    approach: Approach | None = field(default=None, compare=False, repr=False)
 
     @property
     def margin(self) -> float:
@@ -115,7 +132,8 @@ def _judged(
     if alpha is None:
         return _turned_down(f, ball, seen, "domain")
     path = flown(ball, np.linspace(0.0, seen.after, _INSTANTS))
-    shares = shares_of(f.arm, f.motions(path, alpha), tolerance)
+    motion = f.motions(path, alpha)
+    shares = shares_of(f.arm, motion, tolerance)
     binding = max(shares, key=lambda name: shares[name])
     return Verdict(
         outcome=Outcome.FEASIBLE if shares[binding] <= 1.0 else Outcome.UNREACHABLE,
@@ -123,6 +141,7 @@ def _judged(
         share=shares[binding],
         t_catch=ball.t + seen.after,
         sigma=spread(ball, seen.after),
+        approach=Approach(motion=motion, step=seen.after / (_INSTANTS - 1), dr_o=path[-1, 1]),
     )
 
 

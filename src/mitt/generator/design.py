@@ -129,9 +129,21 @@ def default_design(
 
 
 def nominal_angle(arm: Arm, joint: int) -> float:
-    """Return the paper's q_alpha for a joint [rad]: pi/2, or mid-range where that is outside."""
+    """Return the paper's q_alpha for a joint [rad]: a right angle towards the thrower.
+
+    That is pi/2 or -pi/2, whichever is in the range and brings the catch point farther to +x; the
+    middle of the range where neither is.
+    """
     low, high = float(arm.q_min[joint]), float(arm.q_max[joint])
-    return np.pi / 2 if low < np.pi / 2 < high else 0.5 * (low + high)
+    angles = [x for x in (np.pi / 2, -np.pi / 2) if low < x < high] or [0.5 * (low + high)]
+    return max(angles, key=lambda x: _forward(arm, joint, x))
+
+
+def _forward(arm: Arm, joint: int, angle: float) -> float:
+    """Return how far towards the thrower the catch point of the ready pose is at an angle [m]."""
+    q = arm.q_ready.copy()
+    q[joint] = angle
+    return float(arm.position(q)[0])
 
 
 def nominal_catch(arm: Arm) -> Array:

@@ -95,7 +95,8 @@ class Direct:
         g = self.adapt(ball, q, np.zeros(len(q)))
         for _ in range(_STEPS_BEFORE):
             g = g.refined(ball)
-        return g.certificate(ball) or judged
+        refined = g.certificate(ball)
+        return judged if refined is None else replace(refined, approach=judged.approach)
 
     def unsettled(self, ball: BallState, q: Array) -> bool:  # noqa: ARG002
         """Look whether the ball is led and its catch far ahead or outside the region."""

@@ -127,12 +127,18 @@ class DirectMap:
         return bool(virtual(self.packed, ball, out, self.work)), out
 
     def motion(self, ball: Array) -> tuple[bool, Array]:
-        """Return q_d, q_o and their derivatives, shape (6, n), of r_o, dr_o, ddr_o, (3, 3)."""
+        """Return q_d, q_o and their derivatives, shape (6, n), of r_o, dr_o, ddr_o, (3, 3).
+
+        At rest, as outside the domain, where a ball so far away or so fast that numbers overflow.
+        """
         rows, ball = np.zeros((6, self.arm.n)), checks.array("ball", ball, (3, 3))
         rows[3] = self.start
         inside = reference(
             self.packed, self.basis.powers, self.window, self.alpha, ball, rows, self.work
         )
+        if not np.all(np.isfinite(rows)):
+            inside, rows[:] = False, 0.0
+            rows[0], rows[3] = self.tangent.q_rest, self.tangent.q_rest
         return bool(inside), rows
 
     def motions(self, path: Array, alpha: Array | None = None) -> Array:

@@ -10,7 +10,6 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-import mitt
 from mitt.errors import FileError, MittError
 from mitt.generator.design import MapDesign, tangent_of
 from mitt.generator.learn import Learned, Step
@@ -19,6 +18,7 @@ from mitt.generator.polynomial import MOST_ORDER, CatchBasis
 from mitt.link.files import read_json, write_json
 from mitt.robot.arm import Arm
 from mitt.robot.identity import difference, identity_of
+from mitt.version import __version__
 
 SCHEMA = "mitt.map/2"
 
@@ -127,7 +127,7 @@ def map_of(raw: Any, arm: Arm, *, place: str) -> Learned:  # noqa: ANN401 (any J
         raise FileError(place, "a map that matches its checksum", "one that was altered",
                         do=_AGAIN)  # fmt: skip
     if not _is_known(content.version):
-        raise FileError(f"{place} key 'version'", f"a map of mitt {mitt.__version__} or before",
+        raise FileError(f"{place} key 'version'", f"a map of mitt {__version__} or before",
                         repr(content.version[:20]), do=_AGAIN)  # fmt: skip
     mine = (arm.model.name, arm.limits.name, list(arm.names))
     given = (content.arm, content.limits, content.joints)
@@ -171,7 +171,7 @@ def _learned(place: str, content: _MapFile, arm: Arm) -> Learned:
 
 def _is_known(version: str) -> bool:
     """Say whether a version is this program's or an earlier one."""
-    mine, given = (re.findall(r"\d+", text)[:3] for text in (mitt.__version__, version))
+    mine, given = (re.findall(r"\d+", text)[:3] for text in (__version__, version))
     plain = re.match(r"\d", version) is not None and all(len(x) < 9 for x in given)
     return plain and [int(x) for x in given] <= [int(x) for x in mine]
 

@@ -1,6 +1,6 @@
 """The eyes of the catcher: images in, ball position out, in one compiled call."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
 from enum import Enum
@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from mitt import checks
 from mitt.errors import InputError, ShapeError
 from mitt.signals import Array, BallState, Frame, Image, Sighting
-from mitt.vision import looking, segmentation, triangulation
+from mitt.vision import looking, target, triangulation
 from mitt.vision.camera import Rig
 from mitt.vision.gaze import empty_gaze, lead
 from mitt.vision.head import HEAD, aim, pack_heads
 from mitt.vision.looking import STATUS, look
-from mitt.vision.segmentation import SegmenterConfig, forget, pack_segmenter
+from mitt.vision.segmentation import SegmenterConfig, pack_segmenter
+from mitt.vision.target import forget
 from mitt.vision.triangulation import TriangulatorConfig, pack_belief, pack_cameras, unseen
 
 
@@ -66,7 +67,10 @@ class Eyes:
 
     Attributes:
         heads: Number of heads; 0 where the cameras stand still.
+        backgrounds: As of :func:`mitt.vision.looking.look`; empty until they are learned.
     """
+
+    backgrounds: tuple[Image, ...]
 
     def __init__(self, rig: Rig, config: EyesConfig | None = None) -> None:
         """Open the eyes; the first frames tell them the ground."""
@@ -77,14 +81,14 @@ class Eyes:
         self._settings = pack_segmenter(config.segmenter)
         self._cameras = pack_cameras(rig)
         self._belief = pack_belief(config.triangulator, config.ball_radius, rig)
-        self._memory = np.empty((n + 1, segmentation.MEMORY))
+        self._memory = np.empty((n + 1, target.MEMORY))
         self.heads = len(rig.heads)
         rows = max(self.heads, 1)  # a rig that stands still has a row that is not used
         self._heads, self._angles = np.zeros((rows, HEAD)), np.zeros((rows, 2))
         self._heads[: self.heads] = pack_heads(rig)
         self._gaze, self._gaze_work = empty_gaze(rows), np.zeros((7, 3))
         self._numbers, self._t = [-1] * n, 0.0
-        self._boxes = np.zeros((segmentation.WORK, 4), dtype=np.int64)
+        self._boxes = np.zeros((target.WORK, 4), dtype=np.int64)
         self._work = np.empty((triangulation.WORK + n, 3))
         self._none = [np.empty((0, 0), dtype=np.uint8)] * n
         self._shapes = [(camera.height, camera.width) for camera in rig.cameras]
@@ -96,11 +100,39 @@ class Eyes:
         return deepcopy(self)
 
     def reset(self) -> None:
-        """Forget the last ball, as before a new throw."""
+        """Forget the last ball and the background, as before a new throw."""
         forget(self._memory)
+        self.backgrounds = (*self._none, self._none[0])
         self._memory[-1] = 0.0
         self._gaze[:] = empty_gaze(len(self._gaze))
         self._numbers = [-1] * len(self._none)
+
+    def learn_background(self, views: Sequence[tuple[Frame, ...]]) -> None:
+        """Learn what the cameras see without the thrown ball; best from ten looks or more.
+
+        The arm is to be where it waits, and what rests may be in view. It holds until ``reset``.
+        Cameras that turn have no background, and learn none.
+
+        Args:
+            views: Frames of each look, one a camera.
+
+        Raises:
+            InputError: A camera was not shown.
+            ShapeError: A frame is not as large as the images of its camera.
+        """
+        if self.heads:
+            return
+        means = []
+        for n, shape in enumerate(self._shapes):
+            seen = [frame.pixels for frames in views for frame in frames if frame.camera == n]
+            if not seen:
+                raise InputError("views", f"a frame of camera {n}", "none")
+            for pixels in seen:
+                if pixels.shape != shape:
+                    raise ShapeError("frame.pixels", str(shape), pixels.shape)
+            means.append(np.rint(np.mean(seen, axis=0)).astype(np.uint8))
+        rows, columns = np.max(self._shapes, axis=0)
+        self.backgrounds = (*means, np.zeros((rows, columns), np.uint8))
 
     @property
     def status(self) -> EyesStatus:
@@ -179,6 +211,7 @@ class Eyes:
         r_o, covariance = np.empty(3), np.empty((3, 3))
         if look(
             images,
+            self.backgrounds,
             apart,
             self._memory,
             self._settings,

@@ -12,8 +12,9 @@ from mitt.errors import InputError
 from mitt.robot.description import ArmModel
 from mitt.robot.hands import HandModel
 from mitt.robot.limits import Limits
-from mitt.signals import Array, Command, Senses
+from mitt.signals import Array, Command, Frame, Senses
 from mitt.world.ballistics import fly
+from mitt.world.brakes import brake_numbers
 from mitt.world.build import build_plant
 from mitt.world.clearing import fresh_table, joints_of
 from mitt.world.contacts import (
@@ -35,6 +36,7 @@ from mitt.world.leading import lead
 from mitt.world.meeting import meet_by_name
 from mitt.world.mismatch import Drawn, PlantDraw
 from mitt.world.motion import (
+    BRAKED,
     BROKEN,
     FIRST,
     FLIGHT,
@@ -53,6 +55,7 @@ from mitt.world.motion import (
     move,
     note,
     over,
+    tell,
 )
 from mitt.world.scene import Scene
 from mitt.world.sensors import CameraMaker, Sensors, encoder_steps
@@ -102,6 +105,7 @@ class World:
         self._plant = build_plant(scene, arm)
         self.model = self._plant.model
         self.data = mujoco.MjData(self.model)
+        self._brakes = brake_numbers(arm.complete(), limits)
         self._draw = PlantDraw(scene, self._plant)
         self._n, self._f = self._plant.joints, self._plant.fingers
         self._servo = servo_numbers((arm.hand or HandModel()).drive)
@@ -154,6 +158,10 @@ class World:
         """Largest single contact force on the ball so far [N]."""
         return self._state.item(PEAK)
 
+    def watch_on(self) -> None:
+        """Go on for :data:`mitt.world.motion.WATCHED` from now on: the catcher has stopped."""
+        tell(self._state, bool(self._state[BRAKED] >= 0.0), True)
+
     def over(self, *, longest: float, held: float) -> bool:
         """Say whether the trial is at its end, by :func:`mitt.world.motion.over`."""
         return bool(over(self._state, longest, held))
@@ -184,6 +192,7 @@ class World:
         )
         self._encoders = sensors.encoders
         self._sensors: Sensor = sensors
+        self._imager = sensors.imager if isinstance(sensors.imager, Imager) else None
         if troubles is not None:
             self._sensors = troubles.sensors(sensors, pixels=self._cameras is not None)
             ball = troubles.ball
@@ -203,6 +212,19 @@ class World:
             look: Whether ball and images are exposed in this tick; encoders always are.
         """
         return self._sensors.read(self.t, *self._senses, look=look)
+
+    def views_before(self, count: int) -> list[tuple[Frame, ...]]:
+        """Return looks at the scene before the release, without the thrown ball.
+
+        None where cameras turn or the ball is seen as points. No noise of the trial is used up.
+
+        Args:
+            count: Number of looks.
+        """
+        if self._imager is None or self._scene.sensing.cameras == "active":
+            return []
+        self._body.update()
+        return self._imager.before(count, self._body.capsules)
 
     @property
     def stage(self) -> Stage | None:
@@ -242,6 +264,7 @@ class World:
         command = self._checked(command)
         if self._troubles is not None:
             command = self._troubles.command(self.t, command)
+        tell(self._state, command.brakes, False)
         tau, hand = command.tau, command.hand
         rows = self._tape.reserve(self._ticks + 2)
         self._move(tau, hand, rows)
@@ -309,7 +332,7 @@ class World:
         """Forget the trial before and bring all derived quantities up to date."""
         self._path, self.radius = path, drawn.radius
         numbers = pack_plant(self._servo, drawn.friction, drawn.drag_force, drawn.mass)
-        self._state, self._drag = fresh_motion(numbers), float(numbers[5])
+        self._state, self._drag = fresh_motion(numbers, self._brakes), float(numbers[5])
         self._switches[0] = self._always
         meet_by_name(self.model)  # the draw of the masses has brought the kinds back
         self.model.opt.timestep = TICK
