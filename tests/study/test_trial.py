@@ -12,7 +12,7 @@ from mitt.study.lesson import learn
 from mitt.study.score import HELD_AFTER
 from mitt.study.simulate import simulate
 from mitt.study.trial import Bench, Outcome, known_ball
-from mitt.world.scene import Scene
+from mitt.world.scene import Scene, Sensing
 from mitt.world.throws import Throw
 
 #: Agreement of figures reckoned two ways.
@@ -114,3 +114,21 @@ def test_real_motors_catch_with_the_design_chosen_for_them(limits: str) -> None:
     assert [trial.status for trial in trials] == ["caught"] * 4
     assert sum(trial.limit_violations for trial in trials) == 0
     assert 0.0 < max(max(trial.rms_torque_ratio) for trial in trials) < 1.0
+
+
+@pytest.mark.parametrize(
+    "sensing",
+    [
+        Sensing(body=120.0, shading=0.3),
+        Sensing(body=255.0),
+        Sensing(second=(1.5, 0.5, 0.3, 0.08)),
+        Sensing(second=(2.0, 0.6, -0.8, 0.06), second_velocity=(-1.0, -1.0, 0.0)),
+        Sensing(pattern=(30.0, 8.0), light=(0.1, 100.0), shadow=(0.2, 50.0)),
+    ],
+)
+def test_the_ball_is_caught_beside_whatever_else_is_bright(
+    learned: Learned, sensing: Sensing
+) -> None:
+    """A bright arm, a ball at rest, one that rolls, a pattern in moving light: 3 of 3 each."""
+    trials = simulate(learned.map, throws=3, seed=12, scene=Scene(sensing=sensing))
+    assert [trial.status for trial in trials] == ["caught"] * 3
