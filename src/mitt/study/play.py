@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.catcher import Catcher
-from mitt.errors import InputError
+from mitt.errors import InputError, ShapeError
 from mitt.jit import kernel
 from mitt.link.clock import Stopwatch, now_ns
 from mitt.records import BRAKE, STOPPED, Record
@@ -23,14 +23,14 @@ from mitt.vision.outlook import suffices
 from mitt.vision.target import WORK, field
 from mitt.world.exposure import Bank, Cameras, snap
 from mitt.world.imaging import BLOCK, Film
-from mitt.world.motion import STATE, TICK, TICKS, Plant, move, over
+from mitt.world.motion import STATE, TICK, TICKS, WATCHED, Plant, move, over, tell
 from mitt.world.painting import LIGHT
 from mitt.world.sensors import DQ, Q, read_encoders
 from mitt.world.silhouettes import lay_capsules
 from mitt.world.stage import Body, Stage
 
 #: Ticks that a log holds: more than any trial has.
-_MOST = 4096
+_MOST = 8192
 
 Points: TypeAlias = tuple[Array, Array, Array]
 """How far off the points of a block are, shape (BLOCK, 3), or (0, 3) where there are images; their
@@ -181,6 +181,7 @@ def play(
             result,
         )  # fmt: skip
         times[k] = now_ns(clock) - before
+        tell(p, out["brakes"], s["phase"] == STOPPED)
         move(plant, out["told"][3], out["hand"], rows)
         log[k] = result[0]
         if undecided(todo, state, result):
@@ -204,8 +205,9 @@ class Player:
         Raises:
             InputError: A trial could last longer than the buffers do.
         """
-        if not (longest + held) / TICK + 1 < _MOST:
-            raise InputError("trial", f"at most {_MOST} ticks", (longest + held) / TICK)
+        most = (longest + held + WATCHED) / TICK + 1
+        if not most < _MOST:
+            raise InputError("trial", f"at most {_MOST} ticks", most)
         self.stopwatch, self._rules = stopwatch, (longest, held)
         self._times = np.zeros(_MOST + 2, dtype=np.int64)
         self._eyes: Eyes = (
@@ -218,7 +220,13 @@ class Player:
         """Play a trial from its first tick to its end and return the results of all ticks.
 
         They are overwritten by the next trial.
+
+        Raises:
+            ShapeError: The catcher's arm has another number of joints than the stage's.
         """
+        n, mine = len(stage.plant[12]), catcher.result.dtype["told"].shape[1]
+        if mine != n:
+            raise ShapeError("catcher", f"an arm of {n} joints", (mine,))
         imager, p = stage.imager, stage.plant[STATE]
         latency = stage.scene.sensing.latency
         shape = (0, 0) if imager is None else imager.shape

@@ -6,6 +6,7 @@ import numpy as np
 from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.views import lent
+from mitt.world.engine import owned
 from mitt.world.hand import ARM, HAND
 
 
@@ -43,7 +44,8 @@ class Silhouettes:
         hand = (model.geom_contype[own] & HAND) != 0
         sizes = np.array([_size(model, int(g)) for g in own]).reshape(len(own), 3)
         self._sizes = np.column_stack((sizes, hand.astype(np.float64)))
-        self._pos, self._mat = data.geom_xpos, data.geom_xmat
+        owner = model, data
+        self._pos, self._mat = owned(owner, data.geom_xpos), owned(owner, data.geom_xmat)
         self.capsules = np.zeros((len(own), 8))
 
     @property
