@@ -68,7 +68,7 @@ def _beside(
     begin, end = 0.0, length
     if abs(dv) > 1e-6:
         a, b = (row - reach - v0) / dv, (row + reach - v0) / dv
-        begin, end = min(max(min(a, b), 0.0), length), min(max(max(a, b), 0.0), length)
+        begin, end = min(max(min(a, b), 0.0), length), min(max(a, b, 0.0), length)
     a, b = u0 + begin * du, u0 + end * du
     return min(a, b) - reach, max(a, b) + reach
 
