@@ -21,7 +21,7 @@ from mitt.study.record import recording_of
 from mitt.study.score import HELD_AFTER
 from mitt.study.simulate import simulate
 from mitt.study.trial import Bench, Outcome, known_ball
-from mitt.world.scene import Scene
+from mitt.world.scene import Scene, Sensing
 from mitt.world.throws import Throw, default_throw
 
 #: Agreement of figures reckoned two ways.
@@ -169,3 +169,21 @@ def test_a_stop_is_an_exception_s_data_where_that_is_asked_for(learned: Learned)
     assert str(trial.stopped_by["reason"]) in str(caught.value)
     again = copy.deepcopy(caught.value)
     assert (again.index, again.stopped_by, str(again)) == (0, trial.stopped_by, str(caught.value))
+
+
+@pytest.mark.parametrize(
+    "sensing",
+    [
+        Sensing(body=120.0, shading=0.3),
+        Sensing(body=255.0),
+        Sensing(second=(1.5, 0.5, 0.3, 0.08)),
+        Sensing(second=(2.0, 0.6, -0.8, 0.06), second_velocity=(-1.0, -1.0, 0.0)),
+        Sensing(pattern=(30.0, 8.0), light=(0.1, 100.0), shadow=(0.2, 50.0)),
+    ],
+)
+def test_the_ball_is_caught_beside_whatever_else_is_bright(
+    learned: Learned, sensing: Sensing
+) -> None:
+    """A bright arm, a ball at rest, one that rolls, a pattern in moving light: 3 of 3 each."""
+    trials = simulate(learned.map, throws=3, seed=12, scene=Scene(sensing=sensing))
+    assert [trial.status for trial in trials] == ["caught"] * 3
