@@ -1,4 +1,4 @@
-"""Write the tables of a finished study into a document: ``evidence_tables.py DIR DOCUMENT.md``.
+"""Write tables of a finished study into a document: ``evidence_tables.py DIR docs/evidence.md``.
 
 Between the marks ``<!-- tables -->`` and ``<!-- end of tables -->`` everything is replaced by what
 ``DIR/summary.json`` and ``DIR/trials.parquet`` say: catch rates with their 95 % intervals, and each

@@ -19,8 +19,10 @@ settings.register_profile(
 )
 settings.load_profile("mitt")
 
-# Tests that run in the background begin with interrupts ignored, and so would their processes.
+# Tests that run in the background begin with interrupts ignored, those under nohup with SIGHUP, and
+# so would their processes.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 @pytest.fixture(scope="session")

@@ -21,7 +21,7 @@ TRIAL = {
     "peak_torque_ratio", "peak_speed_ratio", "limit_violations", "demand_cost",
     "peak_contact_force_n", "binding_limit",
 }  # fmt: skip
-#: What a trial says beyond the contract of design.md, section 3.
+#: What a trial says beyond the contract of docs/notation.md.
 BEYOND = {
     "saturated_ticks",
     "range_excess_rad",

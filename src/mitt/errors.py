@@ -55,10 +55,6 @@ class UnknownNameError(InputError, KeyError):
         return str(self.args[0])
 
 
-class Terminated(KeyboardInterrupt):
-    """SIGTERM arrived: what is finished is kept, as for an interrupt from the keyboard."""
-
-
 @contextmanager
 def heard() -> Iterator[list[str]]:
     """Hear what a library in C or C++ writes to the error stream instead of letting it through.

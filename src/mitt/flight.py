@@ -3,7 +3,7 @@
 Everything that carries a ball through time uses these kernels: the filter, the verdict on a
 throw and the simulated world. They write into the arrays they are given and allocate nothing.
 Gravity is 9.81 m/s^2 (the standard value of ISO 80000-3, 9.80665, to three digits, as in
-MuJoCo). Drag coefficients are those of facts.md, section 4: 0.036 to 0.042 per metre for a
+MuJoCo). Drag coefficients are fitted to recorded flights: 0.036 to 0.042 per metre for a
 thrown ball, 0.09 to 0.15 for a table-tennis ball.
 """
 

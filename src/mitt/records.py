@@ -69,7 +69,7 @@ class CatcherSettings:
         around: What stands around the arm and is not to be touched.
         encoders: What is known of the joint encoders.
         tolerance: 1-sigma of the ball's position beyond which an unseen ball is lost [m]; a hand
-            needs about 2 cm (facts.md, section 4).
+            needs about 2 cm (Baeuml and others, ICRA 2011).
         stray: Gap between told and true joint angles at which the arm is stopped if it lasts
             20 ms [rad]; infinite for the map with alpha = 0, which saturates for longer.
     """

@@ -162,7 +162,8 @@ class JointReference:
         q_o: Virtual joints, the inverse of l_c at the ball [rad], shape (n,).
         dq_o: Their velocities [rad/s], shape (n,).
         time_to_catch: Time until q_o of the catch joint reaches q_alpha [s]; negative after it,
-            infinite where it will not.
+            and for a ball that flies away: no catch is to come then, and what follows is no way
+            to one. Infinite where it never does.
     """
 
     t: float

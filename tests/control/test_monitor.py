@@ -13,7 +13,7 @@ from mitt.robot.arm import Arm
 from mitt.signals import Array
 
 COUNT = 2.0 * np.pi / (4096.0 * 42.0)
-#: A fault is found so many ticks after it shows itself (faults.md, row 19).
+#: A fault is found so many ticks after it shows itself.
 WITHIN = 5
 FAULTS = (SILENT, JUMPED, STUCK, REVERSED)
 #: Share by which the true acceleration may differ from the model's.

@@ -21,13 +21,12 @@ from mitt.catcher import Catcher
 from mitt.errors import FileError, InputError, MittError
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
-from mitt.link.files import write_text
+from mitt.link.files import locked, write_text
 from mitt.link.maps import read_map, save_map
 from mitt.link.realtime import uncollected
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.study.replay import _server
-from mitt.study.sweep.folder import Folder
 from mitt.study.sweep.parts import read_part
 from mitt.study.sweep.run import run_study
 from mitt.study.trial import Bench
@@ -230,8 +229,8 @@ def test_row_32_output_names(tmp_path: Path, name: str) -> None:
 
 def test_row_33_two_runs_on_one_folder(tmp_path: Path) -> None:
     """The second run is refused while the first is at work."""
-    first, second = Folder(tmp_path / "out"), Folder(tmp_path / "out")
-    with first.lock(), pytest.raises(InputError, match="one is running"), second.lock():
+    out = tmp_path / "out"
+    with locked(out), pytest.raises(InputError, match="one is running"), locked(out):
         pass
 
 

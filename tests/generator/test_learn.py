@@ -1,6 +1,7 @@
 """Learning: less cost, limits kept, the metric positive, the gradient right."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -123,3 +124,21 @@ def test_flights_that_leave_the_domain_are_left_out(arm: Arm, flights: Sequence[
     assert learn(arm, MapDesign(), [*flights[:5], through]).left_out == 1
     with pytest.raises(InputError):
         learn(arm, MapDesign(), [through])
+
+
+def test_a_map_is_called_converged_only_where_the_limits_hold(
+    arm: Arm, flights: Sequence[Flight]
+) -> None:
+    """A tenth of the torque: the cost settles far beyond the limits, and the status says so."""
+    weak = Arm(arm.model, replace(arm.limits, tau_peak=0.1 * arm.limits.tau_peak))
+    found = learn(weak, MapDesign(), flights)
+    assert found.steps[-1].worst > 1.0
+    assert found.status == "limits"
+
+
+def test_a_map_of_few_of_its_flights_says_so(arm: Arm, flights: Sequence[Flight]) -> None:
+    """One flight that passes, and many too near to the shoulder."""
+    away = [Flight(t=x.t, ball=0.02 * x.ball, seen=0.02 * x.seen) for x in flights[:6]]
+    found = learn(arm, MapDesign(), [flights[0], *away])
+    assert (found.flights, found.left_out) == (1, 6)
+    assert found.status == "domain"

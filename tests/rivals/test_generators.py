@@ -1,7 +1,9 @@
 """Every rival behind the generator's call: finite, repeatable, and able to catch."""
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -154,3 +156,35 @@ def test_another_package_adds_a_generator(
     with pytest.raises(InputError, match="broken") as caught:
         make_generator("broken", learned.map)
     assert "\n" not in str(caught.value)
+
+
+class Faulty:
+    """A generator of another package that breaks down when it is asked."""
+
+    def sharpness(self, ball: BallState) -> float:
+        """Break down."""
+        raise ZeroDivisionError(f"two\nlines {ball.t}")
+
+
+def test_an_error_of_another_package_is_said_to_be_that_package_s(
+    monkeypatch: pytest.MonkeyPatch, learned: Learned
+) -> None:
+    """When it is made and when it is asked: one line that names the generator."""
+    from importlib.metadata import EntryPoint  # noqa: PLC0415 (beside its use)
+
+    package = ModuleType("of_somebody")
+    vars(package)["make"] = lambda _f: Faulty()
+    vars(package)["fail"] = lambda f: f.nothing
+    monkeypatch.setitem(sys.modules, "of_somebody", package)
+    points = tuple(EntryPoint(x, f"of_somebody:{x}", registry.GROUP) for x in ("make", "fail"))
+    monkeypatch.setattr(registry, "entry_points", lambda **_: points)
+    ball = ball_state(np.array([3.0, 0.1, 0.5]), np.array([-6.0, 0.0, 1.5]), G)
+    made = make_generator("make", learned.map)
+    for name, call in (
+        ("make", lambda: made.sharpness(ball)),
+        ("fail", lambda: make_generator("fail", learned.map)),
+    ):
+        with pytest.raises(InputError, match=f"generator '{name}'") as caught:
+            call()
+        assert "repair that package" in str(caught.value)
+        assert "\n" not in str(caught.value)

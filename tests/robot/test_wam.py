@@ -48,7 +48,7 @@ def test_pinocchio_and_mujoco_are_the_same_arm(held_3: float | None) -> None:
 
 
 def test_upright_the_tool_plate_is_where_the_paper_says(arm: Arm) -> None:
-    """Upright, the catch point is 0.90 m + 0.12 m above the shoulder (Table 1, facts.md 4)."""
+    """Upright, the catch point is 0.90 m + 0.12 m above the shoulder (Table 1)."""
     assert np.allclose(arm.position(np.zeros(3)), [0.0, 0.0, 1.02], atol=AGREE)
     nominal = arm.position(np.array([0.0, np.pi / 4, np.pi / 2]))
     assert np.allclose(nominal, [0.785, 0.0, 0.057], atol=ROUNDING)
@@ -72,7 +72,7 @@ def test_rotor_inertia_is_the_reflected_motor_inertia() -> None:
 
 
 def test_no_load_speeds_are_those_of_the_manual() -> None:
-    """48 V and 80 V give the no-load joint speeds that facts.md prints."""
+    """48 V and 80 V give the no-load joint speeds of the data sheet."""
     for name, speeds in (
         ("wam-48v", (2.39, 3.55, 5.96, 5.57)),
         ("wam-80v", (3.98, 5.91, 9.93, 9.28)),
@@ -82,7 +82,7 @@ def test_no_load_speeds_are_those_of_the_manual() -> None:
 
 
 def test_without_rotors_joint_4_is_the_lighter_by_the_share_of_its_rotor() -> None:
-    """At the start pose the bare arm's rotors carry the share of inertia that facts.md states."""
+    """At the start pose the rotors carry the share of the bare arm's inertia that is known."""
     bare = Arm(wam(HandModel(mass=1e-9, inertia=1e-12 * np.eye(3))), wam_limits("paper"))
     M = np.diag(bare.mass_matrix(bare.q_ready))
     assert np.allclose([0.0346 / M[2], 0.2052 / M[0]], [0.46, 0.27], atol=0.015)

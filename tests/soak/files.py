@@ -14,8 +14,8 @@ from unittest import mock
 
 import numpy as np
 
-from mitt import cli
 from mitt.cli import main
+from mitt.commands import line
 from soak.mutants import mutant
 from soak.readers import SAMPLES
 from soak.samples import Sample
@@ -73,14 +73,14 @@ def _parsed_once(known: dict[tuple[str, ...], tuple[str, object]]) -> Iterator[N
 
     Four fifths of the time of a file would go into it.
     """
-    parse = cli._parse
+    parse = line._parse
 
     def parse_once(words: list[str]) -> tuple[str, object]:
         if tuple(words) not in known:
             known[tuple(words)] = parse(words)
         return known[tuple(words)]
 
-    with mock.patch.object(cli, "_parse", parse_once):
+    with mock.patch.object(line, "_parse", parse_once):
         yield
 
 

@@ -3,13 +3,15 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from signal import SIGHUP, SIGTERM
 
 import numpy as np
 import pytest
 
-from mitt.errors import InputError, MittError, Terminated
+from mitt.errors import InputError, MittError
 from mitt.generator.generators import Direct, Unoptimised
 from mitt.generator.learn import Learned
+from mitt.interrupts import Interrupted
 from mitt.link.maps import save_map
 from mitt.options import CatchOptions
 from mitt.robot.load import load_arm
@@ -79,9 +81,12 @@ def test_progress_counts_up_to_the_end(prepared: Prepared) -> None:
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("signal", "status"), [(KeyboardInterrupt, 130), (Terminated, 143)])
+@pytest.mark.parametrize(
+    ("signal", "status"),
+    [(KeyboardInterrupt(), 130), (Interrupted(SIGTERM), 143), (Interrupted(SIGHUP), 129)],
+)
 def test_an_interrupt_keeps_what_is_finished(
-    prepared: Prepared, signal: type[KeyboardInterrupt], status: int
+    prepared: Prepared, signal: KeyboardInterrupt, status: int
 ) -> None:
     """After the first throw the run stops with the status of the signal and one trial."""
 
@@ -93,6 +98,7 @@ def test_an_interrupt_keeps_what_is_finished(
     assert finished.status == status
     assert len(finished.trials) == 1
     assert finished.result["summary"]["throws"] == 1
+    assert finished.result["incomplete"] is True
 
 
 def test_throwing_again_gives_the_same_trial(prepared: Prepared) -> None:

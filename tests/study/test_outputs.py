@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,8 @@ from mitt.link.clock import Stopwatch
 from mitt.link.maps import read_map, save_map
 from mitt.options import CatchOptions
 from mitt.study.catch import Finished, prepare, run
-from mitt.study.outputs import LEAVES, write_outputs
+from mitt.study.journal import recovered
+from mitt.study.outputs import LEAVES, keeping, write_outputs
 from mitt.study.result import STATUSES, result
 from mitt.study.score import Trial
 from mitt.study.stats import wilson
@@ -33,7 +35,8 @@ def finished(tmp_path: Path, learned: Learned, monkeypatch: pytest.MonkeyPatch) 
     job = CatchOptions(
         throws=2, seed=5, map=tmp_path / "map.json", vision="points", out=tmp_path / "out"
     )
-    return run(prepare(job), progress=quiet)
+    prepared = prepare(job)
+    return run(prepared, progress=quiet, keeping=partial(keeping, prepared))
 
 
 def trial(index: int, status: str) -> Trial:
@@ -81,12 +84,17 @@ def test_strangers_are_refused_and_with_overwrite_left_alone(finished: Finished)
     (out / "recordings").mkdir(parents=True)
     (out / "recordings" / "old.mcap").write_text("old")
     (out / "notes.txt").write_text("mine")
-    with pytest.raises(InputError, match="--overwrite"):
-        write_outputs(finished, progress=quiet)
+    with (
+        pytest.raises(InputError, match="--overwrite"),
+        keeping(finished.prepared, finished.learned),
+    ):
+        pass
     job = replace(finished.prepared.job, overwrite=True)
-    write_outputs(replace(finished, prepared=replace(finished.prepared, job=job)), progress=quiet)
+    with keeping(replace(finished.prepared, job=job), finished.learned) as keep:
+        keep(finished.trials[0])
     assert (out / "notes.txt").read_text() == "mine"
     assert not (out / "recordings" / "old.mcap").exists()
+    assert recovered(out)["trials"] == finished.result["trials"][:1]
 
 
 def test_a_run_without_trials_leaves_a_valid_result(finished: Finished) -> None:
@@ -100,11 +108,11 @@ def test_a_run_without_trials_leaves_a_valid_result(finished: Finished) -> None:
 
 def test_a_place_that_cannot_be_written_is_an_error_of_ours(finished: Finished) -> None:
     """A path below a file: one line, no OSError."""
-    out = finished.prepared.out
-    out.write_text("a file")
-    told = replace(finished, prepared=replace(finished.prepared, out=out / "below"))
-    with pytest.raises(MittError) as caught:
-        write_outputs(told, progress=quiet)
+    place = finished.prepared.out / "result.json" / "below"
+    write_outputs(finished, progress=quiet)
+    told = replace(finished.prepared, out=place)
+    with pytest.raises(MittError) as caught, keeping(told, finished.learned):
+        pass
     assert "\n" not in str(caught.value)
 
 

@@ -80,7 +80,7 @@ def test_the_skeleton_ends_at_the_catch_point_and_follows_mujoco(arm: Arm, scene
 
 
 def test_the_skeleton_shows_both_offsets_of_the_elbow(arm: Arm) -> None:
-    """Upright, the line is 0.55 m, 45 mm out, 45 mm back, then 0.35 m and the palm (facts.md)."""
+    """Upright, the line is 0.55 m, 45 mm out, 45 mm back, then 0.35 m and the palm."""
     steps = np.diff(skeleton(arm.model, np.zeros(arm.n)), axis=0)
     np.testing.assert_allclose(
         np.linalg.norm(steps, axis=1), [0.55, 0.045, 0.045, 0.35, 0.12], atol=1e-12

@@ -123,7 +123,7 @@ def test_held_takes_nearness_and_two_geoms(gap: float, geoms: int) -> None:
 
 
 def test_the_rule_for_held_is_the_contract() -> None:
-    """20 mm and half a second, design.md section 3."""
+    """20 mm and half a second, as docs/notation.md has it."""
     from mitt.study.score import HELD_AFTER, HELD_GEOMS  # noqa: PLC0415 (beside what it checks)
 
     assert (HELD_GAP, HELD_GEOMS, HELD_AFTER) == (0.020, 2, 0.5)

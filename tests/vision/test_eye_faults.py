@@ -1,4 +1,4 @@
-"""What the eyes make of frozen, swapped and covered cameras and of a second ball (faults.md)."""
+"""What the eyes make of frozen, swapped and covered cameras and of a second ball."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -17,7 +17,7 @@ from mitt.world.hand import BALL, FRICTION, HAND, add_hand, finger_inertial, ste
 from mitt.world.servo import finger_torque, servo_numbers
 
 HAND_MODEL = HandModel()
-BIG, SMALL = (0.04, 0.07), (0.02, 0.0027)  # radius [m], mass [kg]: facts.md, section 4
+BIG, SMALL = (0.04, 0.07), (0.02, 0.0027)  # radius [m], mass [kg], a thrown and a table-tennis ball
 ELBOW = 0.47  # catch point from the elbow axis [m]: 0.35 + 0.12
 BRAKE = 147.0  # deceleration of joint 4 after the catch [rad/s^2]
 FOLLOW = 0.008  # time after the catch at which it starts [s]

@@ -1,16 +1,20 @@
 """``mitt catch``: throw, see, map, catch; a table and a folder."""
 
 import json
+from dataclasses import replace
+from functools import partial
 
 from rich.table import Table
 
-from mitt.commands.screen import checked, console_of, progress
-from mitt.link.files import make_folder
+from mitt.commands.screen import Report, checked, console_of, progress, tell, tell_of_kernels
+from mitt.interrupts import notice, status_of, words_of
+from mitt.link.files import locked
 from mitt.options import CatchOptions
-from mitt.study.catch import Finished, prepare
+from mitt.study.catch import Finished, Prepared, prepare
 from mitt.study.catch import run as run_throws
+from mitt.study.journal import kept_words
 from mitt.study.result import STATUSES
-from mitt.study.score import Trial
+from mitt.study.score import Trial, reason_of
 
 
 def run(options: CatchOptions) -> int:
@@ -18,17 +22,31 @@ def run(options: CatchOptions) -> int:
     prepared = prepare(options)
     if options.check:
         return checked(f"{prepared.source.count} throws, output to {prepared.out}")
-    from mitt.study.outputs import write_outputs  # noqa: PLC0415 (plots: only when written)
-
-    make_folder(prepared.out)
-    with progress() as report:
-        finished = run_throws(prepared, progress=report)
-        write_outputs(finished, progress=report)
+    with locked(prepared.out):
+        tell_of_kernels()
+        with progress() as report:
+            finished = _run(prepared, report)
     if options.json:
         print(json.dumps(finished.result, allow_nan=False))  # noqa: T201
     else:
         _show(finished)
+    if finished.interrupt is not None:
+        kept = kept_words(len(finished.trials), prepared.source.count, prepared.out)
+        tell(f"{words_of(finished.interrupt)}; {kept}")
     return finished.status
+
+
+def _run(prepared: Prepared, report: Report) -> Finished:
+    """Throw and write; an interrupt that comes while pages are drawn leaves the result."""
+    from mitt.study.outputs import keeping, write_outputs  # noqa: PLC0415 (plots: when written)
+
+    finished = run_throws(prepared, progress=report, keeping=partial(keeping, prepared))
+    try:
+        write_outputs(finished, progress=report)
+    except KeyboardInterrupt as stop:
+        notice()
+        return replace(finished, interrupt=status_of(stop))
+    return finished
 
 
 def _show(finished: Finished) -> None:
@@ -36,8 +54,8 @@ def _show(finished: Finished) -> None:
     console, summary = console_of(), finished.result["summary"]
     table = Table(title=_title(finished), title_justify="left", padding=(0, 1))
     for name in ("throw", "status", "t [s]", "miss [mm]", "rel. [m/s]", "torque", "speed", "[N]",
-                 "asks most"):  # fmt: skip
-        words = name in ("status", "asks most")
+                 "asks most, stopped by"):  # fmt: skip
+        words = name in ("status", "asks most, stopped by")
         table.add_column(name, justify="left" if words else "right", no_wrap=True)
     shown = finished.trials[:20] + [t for t in finished.trials[20:] if t.status != "caught"][:40]
     for trial in shown:
@@ -52,7 +70,8 @@ def _show(finished: Finished) -> None:
         f"{', '.join(f'{status} {summary[status]}' for status in STATUSES[1:])}; "
         f"tick {summary['tick_us']['p50']:.0f} us median"
     )
-    page = "report.html" if finished.trials else "result.json"
+    whole = finished.trials and finished.interrupt is None
+    page = "report.html" if whole else "result.json"
     console.print(f"written: {finished.prepared.out / page}", soft_wrap=True)
 
 
@@ -75,7 +94,7 @@ def _row(trial: Trial) -> tuple[str, ...]:
         f"{100 * max(trial.peak_torque_ratio):.0f} %",
         f"{100 * max(trial.peak_speed_ratio):.0f} %",
         _number(trial.peak_contact_force_n, 0),
-        trial.binding_limit or "",
+        reason_of(trial.stopped_by) or trial.binding_limit or "",
     )
 
 

@@ -17,8 +17,24 @@ _FILE_WIDTH = 110
 
 def checked(what: str) -> int:
     """Say that the input is good."""
-    print(f"mitt: the input is good: {what}", file=sys.stderr)  # noqa: T201
+    tell(f"the input is good: {what}")
     return 0
+
+
+def tell(text: str) -> None:
+    """Say one line on stderr."""
+    print(f"mitt: {text}", file=sys.stderr, flush=True)  # noqa: T201
+
+
+def tell_of_kernels() -> None:
+    """Say in one line that kernels are to be compiled, or that they cannot be kept."""
+    from mitt.jit import cache_folder, is_cold  # noqa: PLC0415 (loads Numba)
+
+    if cache_folder() is None:
+        tell("compiled code cannot be kept, since no folder for it can be written: each start "
+             "compiles for about 3 minutes; set NUMBA_CACHE_DIR to a folder of yours")  # fmt: skip
+    elif is_cold():
+        tell("compiling, once for this version: about 3 minutes")
 
 
 @contextmanager
@@ -49,8 +65,7 @@ def _lines() -> Report:
         pace = paces.setdefault(name, Pace())
         left = pace.left(done, of)
         if left is not None and done < of and pace.due():
-            text = f"mitt: {name} {done} of {of}, {left / 60.0:.1f} min left"
-            print(text, file=sys.stderr, flush=True)  # noqa: T201
+            tell(f"{name} {done} of {of}, {left / 60.0:.1f} min left")
 
     return report
 

@@ -1,12 +1,11 @@
 """``mitt study``: many throws, several generators, a grid of conditions."""
 
-import sys
-
 from rich.table import Table
 
-from mitt.commands.screen import checked, console_of, progress
+from mitt.commands.screen import checked, console_of, progress, tell, tell_of_kernels
 from mitt.errors import InputError
-from mitt.link.files import check_folder
+from mitt.interrupts import words_of
+from mitt.link.files import check_folder, locked
 from mitt.options import StudyOptions
 from mitt.study.registry import available
 from mitt.study.sweep.engine import check_engine, engine_of
@@ -29,7 +28,8 @@ def run(options: StudyOptions) -> int:
     if options.check:
         total = len(study.conditions) * sum(study.counts.values())
         return checked(f"{extent(study, total)}, output to {folder.path}")
-    with folder.lock():
+    with locked(folder.path):
+        tell_of_kernels()
         engine = engine_of(options.engine, options.workers)
         folder.claim(study, resume=options.resume, overwrite=options.overwrite)
         with progress() as report:
@@ -45,8 +45,10 @@ def _tell(options: StudyOptions, study: Study, folder: Folder, finished: Finishe
         _show(study, folder, finished)
     if finished.lost:
         more = f" and {len(finished.lost) - 1} more" if len(finished.lost) > 1 else ""
-        text = f"mitt: {finished.lost[0]}{more}; the rest is kept, --resume tries again"
-        print(text, file=sys.stderr)  # noqa: T201
+        tell(f"{finished.lost[0]}{more}; the rest is kept, --resume tries again")
+    if finished.interrupt is not None:
+        tell(f"{words_of(finished.interrupt)}; {finished.thrown} of {finished.total} throws are "
+             f"kept in {folder.path}, --resume goes on")  # fmt: skip
     return finished.status
 
 

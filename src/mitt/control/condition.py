@@ -1,4 +1,4 @@
-"""In what state a tick leaves the catcher, and why (faults.md, part D).
+"""In what state a tick leaves the catcher, and why.
 
 | state    | what it says                                                                   |
 |----------|--------------------------------------------------------------------------------|
@@ -63,7 +63,7 @@ ENCODER_REASONS = (Reason.SILENT, Reason.JUMPED, Reason.STUCK, Reason.REVERSED)
 _T, _TIMELESS, _FAR, _LATES = range(4)
 MEMORY = 4
 
-#: Longest tick that counts as in time, and longest that is bridged at all [s] (faults.md, row 11).
+#: Longest tick that counts as in time, and longest that is bridged at all [s].
 _IN_TIME, BRIDGED_TIME = 0.005, 0.020
 #: Ticks without usable time after which the catcher stops.
 _TIMELESS_TICKS = 20

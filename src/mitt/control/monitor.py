@@ -1,4 +1,4 @@
-"""Whether the encoders can be believed, and what state the catcher is in (faults.md, part D).
+"""Whether the encoders can be believed, and what state the catcher is in.
 
 An encoder is held to what it read a tick ago and to the motion that the arm was told:
 

@@ -33,6 +33,8 @@ from mitt.signals import Array
 _RIDGE = 1e-9
 #: Halvings of a step that does not help, and weight of squared excess in the merit of a step.
 _HALVINGS, _PENALTY = 6, 10.0
+#: Least share of usable flights of a map that is called converged; a choice of this project.
+_FEWEST = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,8 +74,10 @@ class Learned:
             after each Gauss-Newton step.
         flights: Flights used.
         left_out: Flights that leave the domain of l_c^-1.
-        status: ``converged``, ``steps`` where their number was the end, ``solver`` where no sound
-            step was found; the map is the last sound one.
+        status: ``converged`` where the cost has settled and every flight keeps every limit;
+            ``limits`` where one asks for more; ``domain`` where fewer than half of the flights are
+            inside the domain of l_c^-1; ``steps`` where their number was the end; ``solver`` where
+            no sound step was found: the map is the last sound one.
     """
 
     map: DirectMap
@@ -119,8 +123,23 @@ def learn(
         steps=tuple(history),
         flights=len(lifted),
         left_out=len(flights) - len(lifted),
-        status=status,
+        status=_status_of(status, history[-1].worst, len(lifted) / len(flights)),
     )
+
+
+def _status_of(status: str, worst: float, usable: float) -> str:
+    """Return the status of a map: a cost that has settled is not enough.
+
+    Args:
+        status: How the steps ended.
+        worst: Largest share of a limit over all flights.
+        usable: Share of the flights that the map was learned from.
+    """
+    if status == "solver":
+        return status
+    if usable < _FEWEST:
+        return "domain"
+    return status if worst <= 1.0 else "limits"
 
 
 class _Part(NamedTuple):

@@ -9,7 +9,7 @@ quadratic programme (DAQP) with
   of itself and of what stands around it, wherever the present motion is near them, softly: the
   catch itself fixes the last instants;
 - a pull towards alpha* in the metric H of the learned cost, without which 0.5 mm of noise asks
-  for many times the torque (equations.md).
+  for many times the torque.
 
 Afterwards the new motion is weighed with the exact torques. A step that is not finite, breaks the
 continuity or does not help is halved, and dropped after that: the last good alpha stays, and the

@@ -37,7 +37,7 @@ class Tangent(NamedTuple):
     """The map l_c of one arm as arrays.
 
     ``planar`` marks an arm whose inverse is closed-form (see :mod:`mitt.generator.planar`);
-    its figures are p and t of `equations.md`, the shoulder's height and two signs.
+    its figures are catch point and tangent in that plane, the shoulder's height, two signs.
     """
 
     chain: Chain

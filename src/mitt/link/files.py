@@ -1,10 +1,12 @@
 """Files written whole or not at all, inside the folder that was named."""
 
+import fcntl
 import json
 import os
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -110,6 +112,30 @@ def make_folder(folder: Path) -> None:
             pass
     except OSError as error:
         raise FileError(str(folder), "a folder that can be written", error.strerror) from error
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep a second run out of an output folder; the lock goes with the process that holds it.
+
+    Raises:
+        InputError: Another run has it.
+        FileError: The folder cannot be made or written.
+    """
+    make_folder(folder)
+    try:
+        handle = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    except OSError as error:
+        raise FileError(str(folder), "a folder that can be written", error.strerror) from error
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise InputError("--out", "a folder that no other run writes to",
+                             f"{folder}, where one is running") from None  # fmt: skip
+        yield
+    finally:
+        os.close(handle)
 
 
 def check_folder(folder: Path, *, overwrite: bool) -> None:

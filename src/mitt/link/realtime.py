@@ -1,7 +1,7 @@
 """Keeping a loop on time: garbage collection, memory pages, scheduling.
 
 A full collection with a million live containers takes a tenth of a second; frozen, what was there
-before the loop is never looked at again (performance.md, section 10).
+before the loop is never looked at again.
 """
 
 import ctypes

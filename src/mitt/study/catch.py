@@ -1,16 +1,18 @@
 """A run of throws as ``mitt catch`` makes it: prepare, throw, write."""
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, final
 
 import mitt
-from mitt.errors import InputError, Terminated
+from mitt.errors import InputError
 from mitt.generator.design import MapDesign, default_design, tangent_of
 from mitt.generator.generators import Generator, refining
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import unlearned
+from mitt.interrupts import notice, status_of
 from mitt.link.clock import Stopwatch
 from mitt.link.files import check_folder
 from mitt.link.maps import read_map
@@ -151,7 +153,7 @@ class Finished:
     @property
     def result(self) -> dict[str, Any]:
         """The result as the contract writes it."""
-        return result(self.trials, self.stopwatch, self.prepared.head)
+        return result(self.trials, self.stopwatch, self.prepared.head, self.prepared.source.count)
 
 
 def make_bench(prepared: Prepared, learned: Learned, *, generator: str) -> Bench:
@@ -168,12 +170,19 @@ def bench_for(prepared: Prepared, generator: Generator) -> Bench:
     return Bench(prepared.arm, generator, prepared.scene, pixels=pixels)
 
 
-def run(prepared: Prepared, *, progress: Callable[[str, int, int], None]) -> Finished:
+def run(
+    prepared: Prepared,
+    *,
+    progress: Callable[[str, int, int], None],
+    keeping: Callable[[Learned], AbstractContextManager[Callable[[Trial], None]]] | None = None,
+) -> Finished:
     """Learn if no map was given, and throw; an interrupt ends the run and keeps what is done.
 
     Args:
         prepared: The run.
         progress: Is told what is being done, how many are done, and of how many.
+        keeping: Is called when the first ball is about to be thrown, and gives what keeps each
+            throw that has ended.
     """
     job, count = prepared.job, prepared.source.count
     progress("learning", 0, 1)
@@ -185,13 +194,16 @@ def run(prepared: Prepared, *, progress: Callable[[str, int, int], None]) -> Fin
     trials: list[Trial] = []
     interrupt = None
     try:
-        with settled():
+        with settled(), nullcontext(_forget) if keeping is None else keeping(learned) as keep:
             for index in range(count):
                 progress("throwing", index, count)
-                trials.append(one_throw(bench, prepared, index).trial)
+                trial = one_throw(bench, prepared, index).trial
+                keep(trial)
+                trials.append(trial)
         progress("throwing", count, count)
     except KeyboardInterrupt as stop:
-        interrupt = 143 if isinstance(stop, Terminated) else 130
+        notice()
+        interrupt = status_of(stop)
     return Finished(
         prepared=prepared,
         learned=learned,
@@ -199,6 +211,10 @@ def run(prepared: Prepared, *, progress: Callable[[str, int, int], None]) -> Fin
         stopwatch=bench.stopwatch,
         interrupt=interrupt,
     )
+
+
+def _forget(trial: Trial) -> None:
+    """Keep nothing."""
 
 
 def one_throw(bench: Bench, prepared: Prepared, index: int, *, log: bool = False) -> Outcome:

@@ -26,7 +26,7 @@ class Row:
 
 
 def table_1(arm: Arm, log: TrialLog | None, *, vision: str) -> tuple[Row, ...]:
-    """Return Table 1, the paper's figures as in facts.md, section 1.
+    """Return Table 1, the paper's figures beside ours.
 
     Args:
         arm: The arm with its limit set.

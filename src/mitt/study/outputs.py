@@ -1,25 +1,30 @@
-"""What a run leaves in its folder: result, map, recordings, report."""
+"""What a run leaves in its folder: throws, result, map, recordings, report."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
 import mitt
 from mitt.generator.generators import Direct, Unoptimised
+from mitt.generator.learn import Learned
+from mitt.interrupts import finally_do
 from mitt.link.clock import Stopwatch
 from mitt.link.files import claim_folder, write_json
 from mitt.link.maps import save_map
 from mitt.link.recording import write_recording
-from mitt.study.catch import Finished, bench_for, make_bench, one_throw
+from mitt.study.catch import Finished, Prepared, bench_for, make_bench, one_throw
 from mitt.study.figures.learning import feedback_share
+from mitt.study.journal import NAME, RESULT, Journal
 from mitt.study.record import recording_of
 from mitt.study.report import ReportContent, write_report
 from mitt.study.result import result
+from mitt.study.score import Trial
 from mitt.study.source import release_of
 from mitt.study.trial import Outcome
 
 #: Everything a run leaves; an earlier run's is removed first.
-LEAVES = ("result.json", "report.html", "map.json", "recordings")
+LEAVES = (NAME, RESULT, "report.html", "map.json", "recordings")
 #: Throws that the report compares with alpha = 0.
 _COMPARED = 10
 #: A throw with fewer ticks has nothing to draw.
@@ -28,13 +33,27 @@ _FEWEST_TICKS = 50
 Progress = Callable[[str, int, int], None]
 
 
-def write_outputs(finished: Finished, *, progress: Progress) -> None:
-    """Claim the folder of the run and fill it; the result first, so that it is never lost."""
-    prepared = finished.prepared
+@contextmanager
+def keeping(prepared: Prepared, learned: Learned) -> Iterator[Callable[[Trial], None]]:
+    """Claim the folder of a run and give what keeps each throw in it as it ends.
+
+    A process that cannot be reached by a signal leaves the result of the throws that are done.
+    """
     claim_folder(prepared.out, overwrite=prepared.job.overwrite, ours=LEAVES)
-    write_json(prepared.out / "result.json", finished.result)
-    save_map(prepared.out / "map.json", finished.learned, version=mitt.__version__)
-    if finished.trials:
+    save_map(prepared.out / "map.json", learned, version=mitt.__version__)
+    journal = Journal(prepared.out, prepared.head, prepared.source.count)
+    with journal, finally_do(journal.last_words):
+        yield journal.add
+
+
+def write_outputs(finished: Finished, *, progress: Progress) -> None:
+    """Fill the claimed folder of a run; the result first, so that it is never lost.
+
+    An interrupted run has the result of what is done and nothing that would take time.
+    """
+    prepared = finished.prepared
+    write_json(prepared.out / RESULT, finished.result)
+    if finished.trials and finished.interrupt is None:
         _write_recordings(finished, progress)
         progress("report", 0, 1)
         write_report(prepared.out / "report.html", _content(finished, progress))

@@ -18,7 +18,8 @@ from mitt.link.recording import (
     Track,
 )
 from mitt.study.log import PHASES, TrialLog
-from mitt.study.score import Trial
+from mitt.study.result import finite
+from mitt.study.score import Trial, reason_of
 
 
 def recording_of(
@@ -34,7 +35,10 @@ def recording_of(
     """
     truth, seen = log.truth, log.tracked
     notes = {name: str(value) for name, value in about.items()}
-    notes |= {"throw": str(trial.index), "trial": json.dumps(asdict(trial))}
+    notes |= {
+        "throw": str(trial.index),
+        "trial": json.dumps(finite(asdict(trial)), allow_nan=False),
+    }
     return Recording(
         joints=joints,
         t=log.t,
@@ -63,8 +67,11 @@ def _events(log: TrialLog, trial: Trial) -> tuple[Notice, ...]:
     """Return what happened: first sight, start, catch, first contact, verdict."""
     touched = log.truth.t[log.truth.force > 0.0]
     refused = log.t[log.phase == PHASES.index(Phase.REFUSED)]
+    stop = trial.stopped_by
+    stopped_at = [] if stop is None else [float(str(stop["t_s"]))]
     times = (
         ("ball seen", log.t[log.tracked][:1]),
+        (f"stopped by {reason_of(stop)}", np.array(stopped_at)),
         ("refused", refused[:1]),
         ("arm starts", np.array([log.t_0])),
         ("catch", np.array([log.t_catch])),

@@ -16,6 +16,7 @@ from mitt.rivals.ik import make_ik
 from mitt.rivals.mpc import make_mpc
 from mitt.rivals.quintic import make_quintic
 from mitt.rivals.ruckig import make_ruckig
+from mitt.study.added import Added, answered_by
 from mitt.study.lesson import learn_several
 
 #: Makes a generator for the arm of a learned map.
@@ -64,7 +65,7 @@ def make_generator(name: str, f: DirectMap) -> Generator:
 
     Raises:
         UnknownNameError: No generator is called that.
-        InputError: The entry point of another package does not load.
+        InputError: The entry point of another package does not load, or it raises an error.
     """
     check_name(name)
     if name in BUILT_IN:
@@ -75,7 +76,10 @@ def make_generator(name: str, f: DirectMap) -> Generator:
     except (ImportError, AttributeError) as error:
         wanted = f"the entry point {entry.value} to load"
         raise InputError(f"generator {name!r}", wanted, error, do="repair that package") from error
-    return factory(f)
+    with answered_by(name):
+        generator = factory(f)
+    ours = type(generator).__module__.startswith("mitt.")
+    return generator if ours else Added(name, generator)
 
 
 def _added() -> dict[str, EntryPoint]:

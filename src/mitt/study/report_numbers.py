@@ -11,10 +11,13 @@ from mitt.study.digest import FAILURES, Digest, Spread, digest
 from mitt.study.figures.learning import feedback_share
 from mitt.study.figures.style import STATUS
 from mitt.study.log import TrialLog
+from mitt.study.score import reason_of
 from mitt.study.trial import Outcome
 
 #: Rows of a table that are shown at most.
 _MOST = 500
+_HEAD = ("throw", "status", "binding limit", "stopped by", "position error [mm]",
+         "velocity error [m/s]", "contact force [N]", "beyond a limit [ms]")  # fmt: skip
 _NONE, _TO = "\u2013", "\u2013"
 
 
@@ -142,24 +145,22 @@ def failures(result: dict[str, Any]) -> str:
     failed = [t for t in result["trials"] if t["status"] != "caught"]
     if not failed:
         return "<p>None.</p>"
-    head = ("throw", "status", "binding limit", "position error [mm]", "velocity error [m/s]",
-            "contact force [N]", "beyond a limit [ms]")  # fmt: skip
     note = (
         "<p>The binding limit is the one of which the throw asked most, by the verdict before the "
         "arm moved; <code>domain</code> and <code>time</code> mean that the map has no value for "
-        "the flight, or that no verdict came in time.</p>"
+        "the flight, or that no verdict came in time. A throw that was stopped has the reason, and "
+        "the joint whose encoder it was; <code>result.json</code> says what the catcher believed, "
+        "read and commanded then.</p>"
     )
-    return note + page.table(head, _rows(failed), numbers=4) + _cut(failed)
+    return note + page.table(_HEAD, _rows(failed), numbers=4) + _cut(failed)
 
 
 def every_trial(result: dict[str, Any]) -> str:
     """Return the folded table of all throws."""
     trials = result["trials"]
-    head = ("throw", "status", "binding limit", "position error [mm]", "velocity error [m/s]",
-            "contact force [N]", "beyond a limit [ms]")  # fmt: skip
     return (
         f"<details><summary>Show all {len(trials)} throws</summary>"
-        f"{page.table(head, _rows(trials), numbers=4)}{_cut(trials)}</details>"
+        f"{page.table(_HEAD, _rows(trials), numbers=4)}{_cut(trials)}</details>"
     )
 
 
@@ -170,6 +171,7 @@ def _rows(trials: Sequence[dict[str, Any]]) -> list[list[str]]:
             str(t["index"]),
             str(t["status"]),
             str(t["binding_limit"] or _NONE),
+            reason_of(t.get("stopped_by")) or _NONE,
             _number(t["position_error_mm"], 1),
             _number(t["velocity_error_m_s"], 2),
             _number(t["peak_contact_force_n"], 0),

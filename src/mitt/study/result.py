@@ -1,6 +1,7 @@
 """The result of a run, as the contract ``mitt.catch/1`` writes it."""
 
 from dataclasses import asdict
+from math import isfinite
 from typing import Any
 
 from mitt.link.clock import Stopwatch
@@ -11,20 +12,34 @@ SCHEMA = "mitt.catch/1"
 STATUSES = ("caught", "dropped", "missed", "unreachable", "stopped", "aborted")
 
 
-def result(trials: list[Trial], stopwatch: Stopwatch, head: dict[str, object]) -> dict[str, Any]:
+def result(
+    trials: list[Trial], stopwatch: Stopwatch, head: dict[str, object], wanted: int | None = None
+) -> dict[str, Any]:
     """Return the whole result.
 
     Args:
         trials: Finished trials.
         stopwatch: Times of the catcher's ticks.
         head: version, arm, limits, generator, vision, seed.
+        wanted: How many throws there should have been; a result of fewer says that it is
+            incomplete. As many as there are if left out.
     """
     return {
         "schema": SCHEMA,
         **head,
-        "trials": [asdict(trial) for trial in trials],
+        **({"incomplete": True} if wanted is not None and len(trials) < wanted else {}),
+        "trials": [finite(asdict(trial)) for trial in trials],
         "summary": summary(trials, stopwatch),
     }
+
+
+def finite(value: Any) -> Any:  # noqa: ANN401 (any JSON value)
+    """Return a value as JSON has it: numbers that are not finite are None, at any depth."""
+    if isinstance(value, dict):
+        return {key: finite(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [finite(inner) for inner in value]
+    return None if isinstance(value, float) and not isfinite(value) else value
 
 
 def summary(trials: list[Trial], stopwatch: Stopwatch) -> dict[str, Any]:

@@ -1,9 +1,11 @@
 """How a trial is scored, by the rules of the contract, from the true states of the world."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from mitt.control.stopped import Plain, StoppedBy
 from mitt.generator.certificate import Verdict
 from mitt.generator.demand import demand
 from mitt.records import Phase, Record
@@ -41,6 +43,8 @@ class Trial:
         certificate: The verdict before moving: outcome, binding limit, margin and probability.
         certificate_last: The same of the last online step before the catch; None where nothing was
             refined in flight.
+        stopped_by: Why the catcher stopped: state, reason, joint, time, and what it believed, read
+            and commanded then; None where it did not.
     """
 
     index: int
@@ -59,6 +63,7 @@ class Trial:
     rms_torque_ratio: list[float] = field(default_factory=list)
     certificate: dict[str, str | float | None] | None = None
     certificate_last: dict[str, str | float | None] | None = None
+    stopped_by: dict[str, Plain] | None = None
 
 
 def certificate_of(verdict: Verdict | None) -> dict[str, str | float | None] | None:
@@ -71,6 +76,22 @@ def certificate_of(verdict: Verdict | None) -> dict[str, str | float | None] | N
         "margin": verdict.margin if np.isfinite(verdict.margin) else None,
         "probability": verdict.probability if np.isfinite(verdict.probability) else None,
     }
+
+
+def reason_of(stopped_by: Mapping[str, object] | None) -> str:
+    """Return why a throw was stopped, in a few words; nothing where it was not."""
+    if stopped_by is None:
+        return ""
+    joint = stopped_by["joint"]
+    return f"{stopped_by['reason']}" + ("" if joint is None else f" {joint}")
+
+
+def stop_as_json(stopped_by: StoppedBy | None) -> dict[str, Plain] | None:
+    """Return why a catcher stopped as it stands in ``result.json``; None where it did not."""
+    if stopped_by is None:
+        return None
+    plain = stopped_by.plain()
+    return {"t_s" if name == "t" else name: value for name, value in plain.items()}
 
 
 def held(truth: Truth, radius: float) -> bool:
@@ -104,7 +125,7 @@ def measure(arm: Arm, ticks: Record, truth: Trace) -> Measured:
     told = np.ascontiguousarray(ticks["told"][:, (0, 1, 3)].transpose(1, 0, 2))
     rows = (np.ascontiguousarray(x) for x in (truth.q, truth.dq, truth.tau))
     bad = tally(arm.tables, most, told, *rows, truth.seen, sums)
-    rms = (np.sqrt(sums.square / len(ticks)) / arm.limits.tau_rms).tolist()
+    rms = (np.sqrt(sums.square / max(len(ticks), 1)) / arm.limits.tau_rms).tolist()
     asked = demand(arm, ticks["asked"][ticks["following"], :3])
     following = len(asked.excess) > 0
     return Measured(

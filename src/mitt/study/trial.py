@@ -17,7 +17,16 @@ from mitt.robot.shapes import Surroundings
 from mitt.study.ending import play_out
 from mitt.study.log import TrialLog, log_of
 from mitt.study.play import Player
-from mitt.study.score import HELD_AFTER, Measured, Trial, certificate_of, held, measure, status_of
+from mitt.study.score import (
+    HELD_AFTER,
+    Measured,
+    Trial,
+    certificate_of,
+    held,
+    measure,
+    status_of,
+    stop_as_json,
+)
 from mitt.vision.camera import Rig, fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig
 from mitt.vision.filter import FilterConfig
@@ -163,6 +172,7 @@ class Bench:
             rms_torque_ratio=found.rms_torque_ratio,
             certificate=certificate_of(verdict),
             certificate_last=certificate_of(catcher.certificate),
+            stopped_by=stop_as_json(catcher.stopped_by),
         )
 
 

@@ -92,7 +92,7 @@ class Head:
         lens: Optical centre beyond both axes, in the camera's axes [m], shape (3,).
         encoder_step: Resolution of both encoders [rad].
         max_speed: Greatest speed of each axis [rad/s]; the paper prints 525 rad/s, which cannot
-            be right: 525 deg/s (facts.md, section 1).
+            be right: 525 deg/s.
         max_accel: Greatest acceleration of each axis [rad/s^2]; a choice of this project.
         search: Pan and tilt at which the head waits for a ball [rad], shape (2,).
         nod: How far it nods up and down while it waits [rad].
@@ -172,7 +172,7 @@ def fixed_rig() -> Rig:
     the ball in the last 40 ms before contact, from 0.35 m above the shoulder in the last 90 ms;
     the error far away is 14 % larger. Base line at most 2.5 m. Looking along the flight beats
     looking across it, as the pixels needed shrink with the field. Images are 128 x 128 as in
-    facts.md, section 1. The left camera stands 0.1 m higher than the right: were they equally
+    the paper. The left camera stands 0.1 m higher than the right: were they equally
     high, swapped cables would go unnoticed, as lines of sight then meet as well.
     """
     cameras = tuple(

@@ -25,7 +25,7 @@ class EyesConfig:
     """What the catcher knows of its ball and its images.
 
     Attributes:
-        ball_radius: Radius of the ball [m]; the default is that of facts.md, section 4.
+        ball_radius: Radius of the ball [m]; a choice of this project.
         segmenter: How targets are found in an image.
         triangulator: What is believed of their centroids.
     """

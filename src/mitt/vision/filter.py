@@ -25,8 +25,8 @@ class FilterConfig:
 
     Attributes:
         drag_mean: Prior mean of the drag coefficient [1/m].
-        drag_sigma: Its standard deviation [1/m]; 0.06 and 0.05 cover 0.036 to 0.15 (facts.md,
-            section 4). A catcher that knows its ball says so and forecasts further.
+        drag_sigma: Its standard deviation [1/m]; 0.06 and 0.05 cover 0.036 to 0.15, thrown and
+            table-tennis balls. A catcher that knows its ball says so and forecasts further.
         drag_max: Largest drag coefficient [1/m].
         drag_density: Spectral density of the drift of the drag coefficient [1/(m^2 s)].
         accel_density: Spectral density of the unmodelled acceleration [m^2/s^3].
@@ -83,12 +83,12 @@ class FilterConfig:
 THROWN_BALL = FilterConfig(
     drag_mean=0.04, drag_sigma=0.005, drag_density=1e-6, accel_density=1e-4, push_sigma=0.03
 )
-"""For the thrown balls of facts.md, section 4: 0.036 to 0.042 per metre and hardly any spin."""
+"""For balls thrown by hand: 0.036 to 0.042 per metre, as fitted to throws, and hardly any spin."""
 
 TABLE_TENNIS_BALL = FilterConfig(
     drag_mean=0.12, drag_sigma=0.03, accel_density=0.005, push_sigma=1.0
 )
-"""For the recorded balls of facts.md, section 4: 0.09 to 0.15 per metre, and visible spin."""
+"""For table-tennis balls: 0.09 to 0.15 per metre, as fitted to flights, and visible spin."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

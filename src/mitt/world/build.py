@@ -15,7 +15,7 @@ from mitt.world.materials import contact_of, friction_of
 from mitt.world.meeting import name_pairs
 from mitt.world.scene import Scene
 
-#: Simulation step near a contact [s]; two make a control tick (dependencies.md).
+#: Simulation step near a contact [s]; two make a control tick.
 STEP = 0.0005
 
 _ORANGE = (0.95, 0.45, 0.10, 1.0)

@@ -1,4 +1,4 @@
-"""Recorded flights: reading, smoothing, and placing them before the arm (design.md, section 3)."""
+"""Recorded flights: reading, smoothing, and placing them before the arm."""
 
 from dataclasses import dataclass
 from importlib.resources import as_file, files
@@ -130,7 +130,7 @@ def place_flight(
         recording: The flight.
         catch_point: Nominal catch point [m], shape (3,).
         rng: Source of the jitter; no jitter if None.
-        drag: Drag after the last sample [1/m]; 0.09 to 0.15 for these balls (facts.md, 4).
+        drag: Drag after the last sample [1/m]; 0.09 to 0.15 fitted to these balls.
     """
     pieces = smooth(recording.t, recording.r)
     chord = recording.r[-1] - recording.r[0]

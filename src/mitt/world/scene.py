@@ -19,7 +19,7 @@ Material = Literal["foam", "tennis", "table-tennis", "rubber"]
 
 
 class Ball(Settings):
-    """What is thrown; facts.md, section 4.
+    """What is thrown; radius and mass are choices of this project, drag that of thrown balls.
 
     Attributes:
         radius: Radius [m].
@@ -151,7 +151,7 @@ class Scene(Settings):
     faults: FaultPlan = ()
 
 
-#: Scene of the recorded flights: a table-tennis ball, facts.md, section 4.
+#: Scene of the recorded flights: a table-tennis ball, its drag as fitted to them.
 TABLE_TENNIS = Ball(radius=0.02, mass=0.0027, drag=0.12)
 
 

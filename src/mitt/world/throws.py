@@ -54,7 +54,7 @@ class Aim:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThrowRanges:
-    """Ranges of the default throws: design.md, section 3.
+    """Ranges of the default throws, a choice of this project.
 
     Attributes:
         duration: Time of flight to the aim point [s].

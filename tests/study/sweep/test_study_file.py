@@ -6,9 +6,12 @@ import pytest
 from small_study import GENERATORS, TEXT, write_study
 
 from mitt.errors import InputError, MittError, UnknownNameError
+from mitt.study.sweep.folder import Folder
 from mitt.study.sweep.numbers import extent
 from mitt.study.sweep.read import read_study, shipped
+from mitt.study.sweep.recordings import recording_path
 from mitt.study.sweep.study import Study
+from mitt.study.sweep.work import Job
 from mitt.world.faults.plan import Kick
 from mitt.world.settings import merged
 
@@ -48,6 +51,29 @@ def test_the_digest_knows_all_that_decides_a_result_and_nothing_else(tmp_path: P
         assert write_study(tmp_path, TEXT.replace(old, new)).digest != first.digest
     about = write_study(tmp_path, 'about = "other words"\n' + TEXT)
     assert about.digest == first.digest
+
+
+def test_a_folder_of_the_same_name_is_not_taken_for_the_study(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """``mitt study smoke --out smoke --resume``: the folder is the output, the study ships."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "smoke").mkdir()
+    assert read_study(Path("smoke"), generators=EVERY).name == "smoke"
+
+
+def test_two_names_never_share_a_recording(tmp_path: Path, study: Study) -> None:
+    """Characters that a file's name had better not have are replaced, and names stay apart."""
+    names = ("kick 1", "kick_1", "kick/1", "kick=1", "kick+1")
+    one = study.conditions[0]
+    jobs = [
+        Job(number=0, generator="direct", condition=one.model_copy(update={"name": name}), seed=0,
+            start=0, stop=1, map="", recordings=(), notes=())
+        for name in names
+    ]  # fmt: skip
+    paths = {recording_path(Folder(tmp_path), job, 0) for job in jobs}
+    assert len(paths) == len(names)
+    assert Folder(tmp_path).recordings / "direct-kick_1-0.mcap" in paths
 
 
 @pytest.mark.parametrize("name", shipped())

@@ -4,16 +4,17 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from small_study import TEXT, Here, quiet, ready, write_study
 
-from mitt.errors import InputError
+from mitt.errors import FileError, InputError
 from mitt.generator.learn import Learned
-from mitt.link.files import write_json
+from mitt.link.files import locked, write_json
 from mitt.study.sweep.folder import Folder
 from mitt.study.sweep.parts import read_part
-from mitt.study.sweep.run import Finished, run_study
+from mitt.study.sweep.run import Finished, all_jobs, run_study
 from mitt.study.sweep.study import Study
 
 #: What a finished study's folder is compared by.
@@ -130,10 +131,10 @@ def test_a_folder_of_another_version_is_refused(
 
 
 def test_two_runs_do_not_share_a_folder(tmp_path: Path) -> None:
-    first, second = Folder(tmp_path / "out"), Folder(tmp_path / "out")
-    with first.lock(), pytest.raises(InputError, match="one is running"), second.lock():
+    out = tmp_path / "out"
+    with locked(out), pytest.raises(InputError, match="one is running"), locked(out):
         pass
-    with second.lock():
+    with locked(out):
         pass
 
 
@@ -144,3 +145,45 @@ def test_leavings_of_a_killed_run_are_swept_away(tmp_path: Path, study: Study) -
     left.write_text("half")
     folder.claim(study, resume=True, overwrite=False)
     assert not left.exists()
+
+
+FLIGHT = "flight,t_s,x_m,y_m,z_m\n" + "".join(
+    f"a,{0.02 * k:.2f},{3.0 - 0.1 * k:.3f},0.0,{0.5 + 0.06 * k - 0.00196 * k * k:.5f}\n"
+    for k in range(30)
+)
+BY_FLIGHTS = """
+name = "flights"
+throws = 1
+generators = ["direct"]
+vision = "points"
+
+[[conditions]]
+name = "mine"
+flights = "mine.csv"
+"""
+
+
+def test_a_study_is_known_by_what_its_flights_hold_not_by_where_they_lie(
+    tmp_path: Path, learned: Learned
+) -> None:
+    """Study and table moved elsewhere: it goes on, and its folder needs the table no more."""
+    first, second = tmp_path / "first", tmp_path / "second"
+    for place in (first, second):
+        place.mkdir()
+        (place / "mine.csv").write_text(FLIGHT)
+    study, moved = (write_study(place, BY_FLIGHTS) for place in (first, second))
+    assert study.digest == moved.digest
+    (second / "mine.csv").write_text(FLIGHT.replace("0.50000", "0.51000"))
+    assert write_study(second, BY_FLIGHTS).digest != study.digest
+    folder = ready(tmp_path / "out", study, learned)
+    jobs = list(all_jobs(study, folder, quiet))
+    (first / "mine.csv").unlink()
+    folder.check(moved, resume=True)
+    for again in (study, moved):
+        assert [len(job.recordings) for job in all_jobs(again, folder, quiet)] == [1]
+    (job,) = all_jobs(moved, folder, quiet)
+    assert np.array_equal(jobs[0].recordings[0].r, job.recordings[0].r)
+    kept = next((folder.path / "flights").iterdir())
+    kept.write_text(FLIGHT + " ")
+    with pytest.raises(FileError, match="the flights that the study was made with"):
+        list(all_jobs(study, folder, quiet))

@@ -2,6 +2,7 @@
 
 study.json       the study, spelled out, and its digest
 maps/            learned maps, one an arm with its limits
+flights/         recorded flights that are thrown, named by what they hold
 parts/           one Parquet file a chunk, whole or not there
 recordings/      failures
 trials.parquet   all throws
@@ -9,24 +10,22 @@ summary.json     rates by generator and condition
 timing.json      wall-clock figures, which no comparison reads
 """
 
-import fcntl
 import hashlib
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import final
 
 from mitt.errors import FileError, InputError
-from mitt.link.files import LOCK, claim_folder, make_folder, read_json, write_atomically, write_json
+from mitt.link.files import claim_folder, make_folder, read_json, write_atomically, write_json
+from mitt.reading import read_bytes
 from mitt.study.sweep.settings import ArmSettings
 from mitt.study.sweep.study import SCHEMA, Study
 from mitt.world.settings import validated
+from mitt.world.tables import MAX_BYTES
 
-LEAVES = ("study.json", "maps", "parts", "recordings", "replays", "trials.parquet",
+LEAVES = ("study.json", "maps", "flights", "parts", "recordings", "replays", "trials.parquet",
           "summary.json", "timing.json", "report.html")  # fmt: skip
 #: Temporary files that a killed run may have left.
-_TEMPORARY = (".*.json.*", ".trials.*", ".report.*", "parts/.part-*", "maps/.map-*",
+_TEMPORARY = (".*.json.*", ".trials.*", ".report.*", "parts/.part-*", "maps/.map-*", "flights/.*",
               "recordings/.*", "replays/.*")  # fmt: skip
 
 
@@ -61,6 +60,26 @@ class Folder:
         """Return where the map of an arm is kept."""
         name = hashlib.sha256(arm.model_dump_json().encode()).hexdigest()[:12]
         return self.path / "maps" / f"map-{name}.json"
+
+    def flights(self, study: Study, address: str) -> Path:
+        """Return where recorded flights are kept; copied there when they are first asked for.
+
+        Args:
+            study: The study.
+            address: Address of the file as the study has it.
+
+        Raises:
+            FileError: The file is not there any more, or holds something else.
+        """
+        digest = study.flights[address]
+        kept = self.path / "flights" / f"{digest[:16]}.csv"
+        place = kept if kept.exists() else Path(address)
+        content = read_bytes(place, max_bytes=MAX_BYTES, wanted="a readable CSV file")
+        if hashlib.sha256(content).hexdigest() != digest:
+            raise FileError(str(place), "the flights that the study was made with", "others")
+        if place is not kept:
+            write_bytes(kept, content)
+        return kept
 
     def claim(self, study: Study, *, resume: bool, overwrite: bool) -> None:
         """Make the folder ready for a study.
@@ -99,25 +118,6 @@ class Folder:
                              f"{self.path}, made by {other}",
                              do="choose another folder or say --overwrite instead")  # fmt: skip
         return True
-
-    @contextmanager
-    def lock(self) -> Iterator[None]:
-        """Keep a second run out; the lock goes with the process that holds it.
-
-        Raises:
-            InputError: Another run has it.
-        """
-        make_folder(self.path)
-        handle = os.open(self.path / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
-        try:
-            try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
-                raise InputError("--out", "a folder that no other run writes to",
-                                 f"{self.path}, where one is running") from None  # fmt: skip
-            yield
-        finally:
-            os.close(handle)
 
 
 def _manifest(study: Study) -> dict[str, object]:

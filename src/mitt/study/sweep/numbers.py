@@ -159,22 +159,24 @@ def _value(value: float | None, unit: str) -> str:
 
 def every_row(rows: Sequence[Row]) -> str:
     """Return the folded table of the summary."""
-    head = ("condition", "generator", "throws", "caught", "rate [%]", "95 % interval [%]",
-            *STATUSES[1:], "position [mm]", "velocity [m/s]",
-            "force [N]", "work [J]", "beyond a limit")  # fmt: skip
+    head = ("condition", "generator", "stopped by", "throws", "caught", "rate [%]",
+            "95 % interval [%]", *STATUSES[1:], "position [mm]", "velocity [m/s]", "force [N]",
+            "work [J]", "beyond a limit")  # fmt: skip
     table = []
     for row in rows:
         low, high = (100.0 * x for x in row["ci95"])
         median = row["median"]
         table.append([
-            str(row["condition"]), str(row["generator"]), str(row["throws"]), str(row["caught"]),
+            str(row["condition"]), str(row["generator"]),
+            ", ".join(f"{reason} {count}" for reason, count in row["stopped_by"].items()),
+            str(row["throws"]), str(row["caught"]),
             f"{100.0 * row['catch_rate']:.1f}", f"{low:.1f}{_TO}{high:.1f}",
             *(str(row[status]) for status in STATUSES[1:]),
             _number(median["position_error_mm"], 1), _number(median["velocity_error_m_s"], 2),
             _number(median["peak_contact_force_n"], 0), _number(median["energy_j"], 0),
             str(row["violating_throws"]),
         ])  # fmt: skip
-    whole = page.table(head, table, numbers=len(head) - 2)
+    whole = page.table(head, table, numbers=len(head) - 3)
     return f"<details><summary>Show all {len(rows)} rows</summary>{whole}</details>"
 
 

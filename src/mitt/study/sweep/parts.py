@@ -26,6 +26,10 @@ _GROUP = 4096
 _AXES = ("x", "y", "z", "vx", "vy", "vz")
 _FLOATS = ("t_catch_s", "position_error_mm", "velocity_error_m_s", "demand_cost",
            "peak_contact_force_n", "range_excess_rad")  # fmt: skip
+#: Fields of ``stopped_by``, each a column of its own.
+_STOP_WORDS = ("state", "reason", "joint")
+_STOP_ROWS = ("q", "dq", "q_read", "dq_read", "command_q", "command_dq", "command_ddq",
+              "command_tau")  # fmt: skip
 
 _COLUMNS = pa.schema(
     [
@@ -39,6 +43,10 @@ _COLUMNS = pa.schema(
         pa.field("limit_violations", pa.int64()),
         pa.field("saturated_ticks", pa.int64()),
         pa.field("binding_limit", pa.string()),
+        *(pa.field(f"stopped_by_{name}", pa.string()) for name in _STOP_WORDS),
+        pa.field("stopped_by_t_s", pa.float64()),
+        pa.field("stopped_by_brakes", pa.bool_()),
+        *(pa.field(f"stopped_by_{name}", pa.list_(pa.float64())) for name in _STOP_ROWS),
         pa.field("energy_j", pa.float64()),
         *(pa.field(f"release_{axis}", pa.float64()) for axis in _AXES),
         *(pa.field(f"passing_{axis}", pa.float64()) for axis in _AXES),
@@ -89,6 +97,7 @@ def _flat(row: Row) -> dict[str, object]:
     """Return a row by columns."""
     known = set(_COLUMNS.names)
     flat = {key: value for key, value in asdict(row.trial).items() if key in known}
+    flat |= {f"stopped_by_{name}": x for name, x in (row.trial.stopped_by or {}).items()}
     flat |= {"generator": row.generator, "condition": row.condition, "energy_j": row.energy_j}
     for name, state in (("release", row.release), ("passing", row.passing)):
         flat |= {f"{name}_{axis}": float(x) for axis, x in zip(_AXES, state, strict=True)}

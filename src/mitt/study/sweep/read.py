@@ -36,7 +36,7 @@ def read_study(path: Path, *, generators: tuple[str, ...]) -> Study:
         InputError: A key is unknown or its value cannot be used.
         UnknownNameError: A generator is not available.
     """
-    if not path.exists() and path.name == str(path) and str(path) in shipped():
+    if not path.is_file() and path.name == str(path) and str(path) in shipped():
         path = Path(str(files("mitt") / "data" / "studies" / f"{path}.toml"))
     settings = validated(StudySettings, read_toml(path), place=str(path))
     chosen = generators if settings.generators == ("all",) else settings.generators

@@ -1,5 +1,6 @@
 """Recordings of failures: the first ones of each generator in each condition."""
 
+import hashlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -40,7 +41,10 @@ def record_failures(
 
 def recording_path(folder: Folder, job: Job, index: int) -> Path:
     """Return where the recording of a throw is kept."""
-    condition = job.condition.name.translate(_SAFE)
+    name = job.condition.name
+    condition = name.translate(_SAFE)
+    if condition != name:  # another name may read the same now
+        condition += f"-{hashlib.sha256(name.encode()).hexdigest()[:6]}"
     return folder.recordings / f"{job.generator}-{condition}-{index}.mcap"
 
 

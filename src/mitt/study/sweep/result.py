@@ -51,6 +51,7 @@ class _Row(Settings):
     unreachable: Count
     stopped: Count
     aborted: Count
+    stopped_by: dict[str, Count]
     complete: bool
     disturbance: str
     value: float | None

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, final
 
-from mitt.errors import FileError, Terminated
+from mitt.errors import FileError
+from mitt.interrupts import notice, status_of
 from mitt.link.files import read_json, write_atomically, write_json
 from mitt.link.maps import save_map
 from mitt.study.catch import arm_of, design_of
@@ -32,7 +32,7 @@ class Finished:
     Attributes:
         rows: Rows of the summary.
         lost: What became of chunks that could not be thrown, a line each.
-        interrupt: 130 or 143 after an interrupt.
+        interrupt: Exit status after an interrupt.
         thrown: Throws that are done.
         total: Throws of the whole study.
     """
@@ -63,7 +63,8 @@ def run_study(study: Study, folder: Folder, engine: Engine, *, progress: Progres
         _throw_all(jobs, folder, engine, done, progress)
         record_failures(by_cell(jobs), folder, engine, study.record, progress)
     except KeyboardInterrupt as stop:
-        done.interrupt = 143 if isinstance(stop, Terminated) else 130
+        notice()
+        done.interrupt = status_of(stop)
     finally:
         engine.close(at_once=done.interrupt is not None)
     _sum_up(study, jobs, folder, done)
@@ -79,7 +80,8 @@ def all_jobs(study: Study, folder: Folder, progress: Progress) -> Iterator[Job]:
     notes, places = tuple(notes_of(study).items()), []
     for condition in study.conditions:
         text = _map_text(condition.arm, folder, study.version, progress)
-        places += [(condition, text, _recordings(condition), each) for each in study.counts.items()]
+        recordings = _recordings(condition, study, folder)
+        places += [(condition, text, recordings, each) for each in study.counts.items()]
     starts = range(0, max(study.counts.values(), default=0), study.chunk)
     cells = ((start, *place) for start in starts for place in places if start < place[3][1])
     for number, (start, condition, text, recordings, (generator, count)) in enumerate(cells):
@@ -109,12 +111,13 @@ def _map_text(settings: ArmSettings, folder: Folder, version: str, progress: Pro
     return path.read_text(encoding="utf-8")
 
 
-def _recordings(condition: Condition) -> tuple[Recording, ...]:
-    """Return the recorded flights of a condition."""
+def _recordings(condition: Condition, study: Study, folder: Folder) -> tuple[Recording, ...]:
+    """Return the recorded flights of a condition, from the copy that the study's folder keeps."""
     if condition.flights is None:
         return ()
-    is_builtin = condition.flights == "builtin"
-    return builtin_flights() if is_builtin else read_flights(Path(condition.flights))
+    if condition.flights == "builtin":
+        return builtin_flights()
+    return read_flights(folder.flights(study, condition.flights))
 
 
 def _throw_all(

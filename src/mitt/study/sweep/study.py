@@ -51,7 +51,7 @@ class Study(Settings):
         chunk: Throws of one piece of work.
         record: Most failures to record, of each generator in each condition.
         version: Version of mitt.
-        flights: Digests of the files of recorded flights.
+        flights: Digests of the files of recorded flights, by their address.
     """
 
     name: str
@@ -71,7 +71,9 @@ class Study(Settings):
 
     @property
     def digest(self) -> str:
-        """SHA-256 of all that decides the results."""
-        decisive = self.model_dump(mode="json", exclude={"about", "record"})
+        """SHA-256 of all that decides the results; of files what they hold, not where they lie."""
+        decisive = self.model_dump(mode="json", exclude={"about", "record", "flights"})
+        for condition in decisive["conditions"]:
+            condition["flights"] = self.flights.get(condition["flights"], condition["flights"])
         canonical = json.dumps(decisive, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()

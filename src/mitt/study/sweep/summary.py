@@ -1,5 +1,6 @@
 """What a study comes to: a row for each generator in each condition, and the pairs."""
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -7,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from mitt.study.result import STATUSES
+from mitt.study.score import reason_of
 from mitt.study.stats import holm, mcnemar, wilson
 from mitt.study.sweep.study import SCHEMA, Condition, Study
 
@@ -51,10 +53,13 @@ def cell_of(
     counts = dict.fromkeys(STATUSES, 0)
     values: dict[str, list[float]] = {name: [] for name in _MEDIANS}
     caught: dict[int, bool] = {}
-    violating = 0
+    violating, reasons = 0, Counter[str]()
     for trial in trials:
         counts[trial["status"]] += 1
         violating += trial["limit_violations"] > 0
+        if trial["stopped_by_reason"] is not None:
+            named = {"reason": trial["stopped_by_reason"], "joint": trial["stopped_by_joint"]}
+            reasons[reason_of(named)] += 1
         caught[trial["index"]] = trial["status"] == "caught"
         for name, found in values.items():
             value = trial[name]
@@ -69,6 +74,7 @@ def cell_of(
         "catch_rate": counts["caught"] / throws if throws else 0.0,
         "ci95": list(wilson(counts["caught"], throws)),
         **{status: counts[status] for status in STATUSES[1:]},
+        "stopped_by": dict(sorted(reasons.items())),
         "complete": throws == wanted,
         "disturbance": condition.disturbance,
         "value": condition.value,

@@ -1,8 +1,8 @@
 """Faults and disturbances as data: each with its kind, start, length and magnitude.
 
 They act between sensor and estimator, between command and plant, and on the ball itself; what
-each draws at random follows from the trial's seed. The numbers of the fault table
-(faults.md, section D) are named where a kind serves one of its rows.
+each draws at random follows from the trial's seed. Numbers of rows are those of the
+tests in ``tests/faults``, named where a kind serves one of them.
 """
 
 from typing import Annotated

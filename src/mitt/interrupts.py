@@ -1,0 +1,125 @@
+"""Signals that end a command: what is finished is kept, and the process is gone within a second.
+
+SIGINT, SIGTERM and SIGHUP raise :class:`Interrupted` in the main thread. A library in C may hold
+that thread for longer, as the compiler of the kernels does, and may swallow the exception. So a
+thread of our own is woken by the signal as well: where the exception has not been noticed in time
+it calls what was registered with :func:`finally_do` and ends the process.
+"""
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import NoReturn
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Signals that end a command; one that was ignored at the start stays ignored, as with nohup."""
+
+#: How long the main thread may take to notice a signal [s].
+_PATIENCE = 0.5
+
+_noticed = threading.Event()
+_last_words: list[Callable[[], str]] = []
+
+
+class Interrupted(KeyboardInterrupt):
+    """A signal arrived that ends the command; what is finished is kept.
+
+    Attributes:
+        number: Number of the signal.
+    """
+
+    def __init__(self, number: int = signal.SIGINT) -> None:
+        """Keep the number."""
+        super().__init__(number)
+        self.number = number
+
+
+def status_of(stop: KeyboardInterrupt) -> int:
+    """Return the exit status after an interrupt: 128 and the number of the signal."""
+    return 128 + (stop.number if isinstance(stop, Interrupted) else signal.SIGINT)
+
+
+def words_of(status: int) -> str:
+    """Return what is said of an interrupt, by the exit status."""
+    return f"interrupted by {signal.Signals(status - 128).name}"
+
+
+def notice() -> None:
+    """Say that the exception has arrived and that the main thread sees to the rest."""
+    _noticed.set()
+
+
+@contextmanager
+def finally_do(last_words: Callable[[], str]) -> Iterator[None]:
+    """Within the block, have something done if the main thread cannot be reached by a signal.
+
+    Args:
+        last_words: Is called in another thread; keeps what is finished and returns what to say.
+    """
+    _last_words.append(last_words)
+    try:
+        yield
+    finally:
+        _last_words.remove(last_words)
+
+
+@contextmanager
+def listening(*, for_good: bool = False) -> Iterator[None]:
+    """Let signals end the block by :class:`Interrupted`; does nothing outside the main thread.
+
+    Args:
+        for_good: Whether the process ends after the block: signals are ignored from then on
+            instead of being treated as before.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    _noticed.clear()
+    before = {n: signal.getsignal(n) for n in SIGNALS if signal.getsignal(n) != signal.SIG_IGN}
+    for number in before:
+        signal.signal(number, _interrupt)
+    reading, writing = os.pipe2(os.O_CLOEXEC)
+    os.set_blocking(writing, False)
+    woken = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    watcher = threading.Thread(target=_watch, args=(reading,), daemon=True)
+    watcher.start()
+    try:
+        yield
+    finally:
+        notice()
+        signal.set_wakeup_fd(woken)
+        for number, handler in before.items():
+            signal.signal(number, signal.SIG_IGN if for_good else handler)
+        os.close(writing)  # the watcher reads the end
+        if not for_good:
+            watcher.join()
+
+
+def _interrupt(number: int, frame: FrameType | None) -> NoReturn:  # noqa: ARG001
+    """Turn the first signal into an exception; further ones change nothing."""
+    for other in SIGNALS:
+        signal.signal(other, signal.SIG_IGN)
+    raise Interrupted(number)
+
+
+def _watch(reading: int) -> None:
+    """Wait for a signal and end the process if the main thread does not notice."""
+    with os.fdopen(reading, "rb", buffering=0) as pipe:
+        while number := pipe.read(1):
+            if number[0] in SIGNALS and not _noticed.wait(_PATIENCE):
+                _give_up(number[0])
+
+
+def _give_up(number: int) -> NoReturn:
+    """Keep what is finished, say one line and end the process."""
+    said = words_of(128 + number)
+    for last_words in _last_words:
+        with suppress(Exception):
+            said = last_words()
+    with suppress(OSError):
+        shown = "\x1b[?25h\r\x1b[K" if os.isatty(2) else ""  # a bar of progress hides the cursor
+        os.write(2, f"{shown}mitt: {said}\n".encode())
+    os._exit(128 + number)

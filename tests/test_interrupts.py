@@ -1,0 +1,84 @@
+"""Signals end a command within a second, also where the main thread cannot hear them."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from mitt.interrupts import Interrupted, listening, status_of, words_of
+
+#: How long a process may go on after a signal [s]: a second is promised, on a machine of its own.
+SOON = 6.0
+
+#: The main thread is in one call of C that no signal ends.
+STUCK = """
+import ctypes
+from mitt.interrupts import finally_do, listening
+libc = ctypes.CDLL(None)
+@ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p)
+def compare(a, b):
+    try:
+        import time
+        time.sleep(0.2)
+    except BaseException:
+        pass
+    return 1
+def last_words():
+    open("kept", "w").write("kept")
+    return "two throws are kept"
+with listening(for_good=True), finally_do(last_words):
+    print("ready", flush=True)
+    libc.qsort((ctypes.c_int * 1000)(*range(1000)), 1000, 4, compare)
+"""
+
+
+def _signal_myself(number: int) -> None:
+    """Send a signal and wait until it is heard."""
+    os.kill(os.getpid(), number)
+    time.sleep(1.0)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_raises_and_names_itself(number: signal.Signals) -> None:
+    """The exception carries the number, and handlers are afterwards as before."""
+    before = signal.getsignal(number)
+    with pytest.raises(Interrupted) as caught, listening():
+        _signal_myself(number)
+    assert status_of(caught.value) == 128 + number
+    assert number.name in words_of(status_of(caught.value))
+    assert signal.getsignal(number) is before
+    assert status_of(KeyboardInterrupt()) == 130
+
+
+def test_a_signal_that_was_ignored_stays_ignored() -> None:
+    """As for a command that was started with nohup."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with listening():
+            os.kill(os.getpid(), signal.SIGHUP)
+            time.sleep(0.1)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_main_thread_that_does_not_hear_is_ended(tmp_path: Path, number: signal.Signals) -> None:
+    """Stuck in a library that swallows exceptions: last words are done, one line, the status."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", STUCK], cwd=tmp_path, text=True, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+    )  # fmt: skip
+    assert process.stdout is not None
+    process.stdout.readline()
+    time.sleep(0.3)
+    sent = time.monotonic()
+    process.send_signal(number)
+    _, err = process.communicate(timeout=60)
+    assert time.monotonic() - sent < SOON
+    assert process.returncode == 128 + number
+    assert err == "mitt: two throws are kept\n"
+    assert (tmp_path / "kept").exists()

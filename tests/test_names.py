@@ -1,0 +1,59 @@
+"""Every file that source, comments or documents name is there."""
+
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+#: Where a name may begin: as from these folders, or from the file that names it.
+STARTS = (".", "src", "src/mitt", "tests", "docs", "benchmarks", "studies")
+#: A document by its name; Python, shell and TOML files by an address with a folder in it.
+NAMED = re.compile(
+    r"(?<![\w/{}$*.-])((?:[\w.-]+/)*[\w-]+\.md|(?:[\w.-]+/)+[\w-]+\.(?:py|toml|sh))\b"
+)
+#: Addresses that only an example or a test has, below folders that are made when it runs.
+MADE = re.compile(r"^(?:out|runs|DIR|tmp|package|sub)/|^callee|^caller")
+
+
+def committed() -> list[Path]:
+    """Return the text files that git knows, those of tests' own data left out."""
+    try:
+        names = subprocess.run(
+            ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
+        ).stdout.splitlines()
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip("no git: other files may lie among ours")
+    kinds = (".py", ".md", ".toml", ".cfg", "")
+    found = [ROOT / name for name in names if Path(name).suffix in kinds]
+    return [path for path in found if path.is_file()]
+
+
+def missing(path: Path, text: str) -> list[str]:
+    """Return the names in a text that stand for no file."""
+    starts = [path.parent, *(ROOT / start for start in STARTS)]
+    return [
+        name
+        for name in NAMED.findall(text)
+        if not MADE.match(name) and not any((start / name).is_file() for start in starts)
+    ]
+
+
+def test_a_name_that_leads_nowhere_is_found() -> None:
+    """What this file looks for, it sees."""
+    absent = "nowhere" + ".md"
+    assert missing(ROOT / "README.md", f"see {absent}, section 1") == [absent]
+    assert missing(ROOT / "README.md", "see `docs/studies.md` and [x](docs/rig.md)") == []
+    gone = "benchmarks/" + "gone.py"
+    assert missing(ROOT / "src" / "x.py", f'"""Measured by ``{gone}``."""') == [gone]
+
+
+def test_every_file_that_is_named_is_there() -> None:
+    """In code, comments, docstrings and documents alike."""
+    found = {
+        f"{path.relative_to(ROOT)}: {name}"
+        for path in committed()
+        for name in missing(path, path.read_text(encoding="utf-8"))
+    }
+    assert sorted(found) == []
