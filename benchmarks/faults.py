@@ -1,8 +1,12 @@
-"""What faults cost: catches with faults of vision, and how soon a broken encoder stops the arm.
+r"""What faults cost: catches with faults of vision, and how soon a broken encoder stops the arm.
 
     python benchmarks/faults.py                              all tables, 300 throws a row
     python benchmarks/faults.py --throws 1000 --only points  one table, more throws
     python benchmarks/faults.py --only pixels --rows "dropout 20 ms;10 % outliers" --seed 9000
+    python benchmarks/faults.py --only encoders --limits wam-48v   another limit set
+    python benchmarks/faults.py --only steps --arm panda.urdf --tip panda_hand_tcp \
+        --joints panda_joint1,panda_joint2,panda_joint4,panda_joint6 --hold panda_joint6=3.1416 \
+        --ready 0,0.785,-0.3 --q-catch -0.6 --inward -5      another arm
     python benchmarks/faults.py --json faults.json           keep the numbers
 
 Throws, seeds and plants are the same in every row; a fault of some length begins at eight moments
@@ -13,32 +17,37 @@ estimate: ``benchmarks/track.py``.
 import argparse
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mitt.catcher import Phase
 from mitt.control.condition import ABORT
+from mitt.generator.design import MapDesign
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.records import REASONS
+from mitt.robot.arm import Arm
+from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
 from mitt.signals import Array
+from mitt.study.aim import aim_of
 from mitt.study.lesson import learn
-from mitt.study.neighbourhood import aim_of
 from mitt.study.result import STATUSES
-from mitt.study.score import measure
+from mitt.study.score import HELD_AFTER, measure
 from mitt.study.stats import wilson
-from mitt.study.trial import Bench
+from mitt.study.trial import LONGEST, Bench
 from mitt.world.scene import Scene
 from mitt.world.throws import Throw, default_throw
+from mitt.world.truth import Trace
 
 SEED = 9000
 #: Moments at which a fault begins, after release [s].
 STARTS = tuple(float(t) for t in np.round(np.linspace(0.05, 0.40, 8), 3))
-#: Speed below which the arm stands still [rad/s], and ticks after which a fault trial ends.
-STILL, TICKS = 0.1, 900
+#: Speed below which the arm stands still [rad/s], and ticks after the brakes' time from which no
+#: joint may creep.
+STILL, SETTLED = 0.1, 300
 #: Counts of motion from which a stuck encoder is due.
 COUNTS = 5.0
 
@@ -85,7 +94,9 @@ PIXELS: dict[str, Plan] = {
     "one camera lost 100 ms": alone(0.100, kind="dropout"),
     "one camera frozen 100 ms": alone(0.100, kind="frozen"),
 }
-ENCODERS = ("stuck", "jump", "dropout", "sign")
+ENCODERS = ("stuck", "jump", "dropout", "sign", "30 % lost")
+#: Resolutions of encoders, 0 for exact ones [rad].
+STEPS = (0.0, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3)
 
 
 def scene_of(plan: list[dict[str, Any]]) -> Scene:
@@ -138,21 +149,14 @@ def vision(
 
 def broken(f: DirectMap, kind: str, throws: list[Throw], seed: int) -> Row:
     """Break an encoder in each throw; return delays [ms] and what became of the arm."""
-    rows: Row = {
-        "delay_ms": [],
-        "told_ms": [],
-        "stop_ms": [],
-        "brake_ms": [],
-        "unseen": 0,
-        "violations": 0,
-    }
+    rows: Row = {name: [] for name in ("delay_ms", "told_ms", "stop_ms", "brake_ms", "creep_mrad")}
+    rows |= {"unseen": 0, "violations": 0, "after_brakes": 0}
     rng, reasons = np.random.default_rng(seed), set()
     for k, throw in enumerate(throws):
         start, joint = float(rng.uniform(0.15, 0.45)), int(rng.integers(f.arm.n))
-        fault = {"kind": "encoder", "fault": kind, "joint": joint, "start": start,
-                 "magnitude": float(rng.choice([-1.0, 1.0]) * rng.uniform(0.05, 1.0))}  # fmt: skip
-        bench = Bench(f.arm, Direct(f), scene_of([fault]), pixels=False)
-        ticks, q, dq, violations = _run(bench, throw, seed + k)
+        size = float(rng.choice([-1.0, 1.0]) * rng.uniform(0.05, 1.0))
+        bench = Bench(f.arm, Direct(f), scene_of([_fault(kind, joint, start, size)]), pixels=False)
+        ticks, truth, violations = _run(bench, throw, seed + k)
         rows["violations"] += violations
         stopped = np.flatnonzero(ticks["state"] == ABORT)
         if not len(stopped):
@@ -160,16 +164,34 @@ def broken(f: DirectMap, kind: str, throws: list[Throw], seed: int) -> Row:
             continue
         reasons.add(REASONS[ticks["reason"][stopped[0]]].value)
         stop, first = int(stopped[0]), round(start / 0.001)
-        shows = _shows(kind, q[:, joint], first, f.arm.encoder_step[joint])
+        shows = _shows(kind, truth.q[:, joint], first, f.arm.encoder_step[joint])
         rows["delay_ms"].append(max(stop - shows, 0))
-        moving = np.flatnonzero(np.abs(dq).max(axis=1) > STILL)
-        rows["stop_ms"].append(max(int(moving[-1]) + 1 - stop, 0) if len(moving) else 0)
         told = np.flatnonzero(ticks["told"][:, 1].any(axis=1))
         rows["told_ms"].append(max(int(told[-1]) + 1 - stop, 0) if len(told) else 0)
-        told, brake = ticks["told"][max(stop - 1, 0), 1], bench.catcher().deceleration
-        rows["brake_ms"].append(float(1e3 * np.max(np.abs(told) / brake)))
+        command, brake = ticks["told"][max(stop - 1, 0), 1], bench.catcher().deceleration
+        rows["brake_ms"].append(float(1e3 * np.max(np.abs(command) / brake)))
+        _at_rest(rows, f.arm, ticks, truth, stop)
     rows["reasons"] = sorted(reasons)
     return rows
+
+
+def _fault(kind: str, joint: int, start: float, size: float) -> dict[str, Any]:
+    """Return a fault of an encoder, or of all where readings are lost now and then."""
+    if kind == "30 % lost":
+        return {"kind": "nan", "where": "encoders", "magnitude": 0.3}
+    return {"kind": "encoder", "fault": kind, "joint": joint, "start": start, "magnitude": size}
+
+
+def _at_rest(rows: Row, arm: Arm, ticks: Any, truth: Trace, stop: int) -> None:  # noqa: ANN401
+    """Note what became of the arm after a stop: when it rested, and whether it stayed."""
+    moving = np.flatnonzero(np.abs(truth.dq).max(axis=1) > STILL)
+    rows["stop_ms"].append(max(int(moving[-1]) + 1 - stop, 0) if len(moving) else 0)
+    held = stop + round(max(brake.delay for brake in arm.brakes) / 0.001)
+    later = replace(truth, **{x.name: getattr(truth, x.name)[held:] for x in fields(truth)})
+    if len(later.t) > 1:
+        rows["after_brakes"] += measure(arm, ticks[held:], later).limit_violations
+        rest = truth.q[min(held + SETTLED, len(truth.t) - 1) :]
+        rows["creep_mrad"].append(float(1e3 * np.ptp(rest, axis=0).max()))
 
 
 def _shows(kind: str, q: Array, first: int, count: float) -> int:
@@ -180,38 +202,51 @@ def _shows(kind: str, q: Array, first: int, count: float) -> int:
     return first + int(np.argmax(moved)) if moved.any() else first
 
 
-def _run(bench: Bench, throw: Throw, seed: int) -> tuple[Any, Array, Array, int]:
-    """Run to standstill; return ticks, true q and dq, and how many ticks broke a limit."""
+def _run(bench: Bench, throw: Throw, seed: int) -> tuple[Any, Trace, int]:
+    """Run to the end, 3 s after a stop; return ticks, truth, how many ticks broke a limit."""
     world, catcher, rows = bench.world, bench.catcher(), []
     world.reset(throw, seed)
-    for k in range(TICKS):
-        command = catcher.step(world.sense(look=catcher.looking))
-        world.apply(command)
+    while not world.over(longest=LONGEST, held=HELD_AFTER):
+        world.apply(catcher.step(world.sense(look=catcher.looking)))
         catcher.think()
+        if catcher.stopped_by is not None:
+            world.watch_on()
         rows.append(catcher.result.copy())
-        at_rest = catcher.phase is Phase.STOPPED and not command.dq.any()
-        if at_rest and k > 30 and not any(r["told"][0, 1].any() for r in rows[-30:]):
-            break
     ticks, truth = np.concatenate(rows), world.trace()
-    return ticks, truth.q, truth.dq, measure(bench.arm, ticks, truth).limit_violations
+    return ticks, truth, measure(bench.arm, ticks, truth).limit_violations
 
 
 def encoders(f: DirectMap, throws: list[Throw], seed: int) -> Row:
     """Print and return the table of broken encoders."""
     table: Row = {}
-    print("encoder   detected   delay [ms] p50 p99 max   command at rest [ms] p50 p99 max   "
-          "arm at rest p50 p99 max   brake alone p50 max   violations")  # fmt: skip
+    print("encoder   stopped   delay [ms] p50 p99 max   command at rest [ms] p50 p99 max   "
+          "arm at rest p50 p99 max   brake alone p50 max   creep [mrad] p50 p99 max   "
+          "ticks beyond a limit, after the brakes' time")  # fmt: skip
     for kind in ENCODERS:
         row = broken(f, kind, throws, seed)
-        names = ("delay_ms", "told_ms", "stop_ms", "brake_ms")
-        delay, told, stop, brake = (np.array(row[name]) for name in names)
-        table[kind] = {"throws": len(throws), "detected": len(delay), **row}
-        if not len(delay):
-            continue
-        spread = "   ".join(f"{np.median(x):4.0f}{np.quantile(x, 0.99):5.0f}{x.max():5.0f}"
-                            for x in (delay, told, stop, brake))  # fmt: skip
-        print(f"{kind:9s}{len(delay):4d} of {len(throws)}   {spread}   {row['violations']}"
-              f"   {row['unseen']} unseen   {row['reasons']}", flush=True)  # fmt: skip
+        names = ("delay_ms", "told_ms", "stop_ms", "brake_ms", "creep_mrad")
+        columns = [np.array(row[name]) for name in names]
+        table[kind] = {"throws": len(throws), "detected": len(columns[0]), **row}
+        spread = "   ".join(f"{np.median(x):4.0f}{np.quantile(x, 0.99):5.0f}{x.max():5.1f}"
+                            for x in columns if len(x))  # fmt: skip
+        print(f"{kind:9s}{len(columns[0]):4d} of {len(throws)}   {spread}   "
+              f"{row['violations']}, {row['after_brakes']}   {row['unseen']} unseen   "
+              f"{row['reasons']}", flush=True)  # fmt: skip
+    return table
+
+
+def resolutions(f: DirectMap, throws: list[Throw], seed: int, *, pixels: bool) -> Row:
+    """Print and return what the encoders' resolution costs; no throw may be stopped."""
+    table: Row = {}
+    for step in STEPS:
+        scene = Scene.model_validate({"sensing": {"encoder_step": step}})
+        bench = Bench(f.arm, Direct(f), scene, pixels=pixels)
+        trials = [bench.run(k, x, seed=seed + k).trial for k, x in enumerate(throws)]
+        status = [trial.status for trial in trials]
+        row = {name: status.count(name) for name in sorted(set(status))}
+        row["violations"] = sum(trial.limit_violations for trial in trials)
+        table[f"{step:g}"] = row
+        print(f"encoders of {step:g} rad, {'images' if pixels else 'points'}: {row}", flush=True)
     return table
 
 
@@ -221,16 +256,39 @@ def _asked(plans: dict[str, Plan], rows: str) -> dict[str, Plan]:
     return {name: plan for name, plan in plans.items() if name in wanted}
 
 
+def _arm(options: argparse.Namespace) -> tuple[Arm, MapDesign | None]:
+    """Return the arm that is asked for, and the design of its map."""
+    if options.arm == "wam":
+        return load_arm("wam", limits=options.limits), None
+    held = dict(x.split("=") for x in options.hold.split(",") if x)
+    names = options.joints.split(",")
+    arm = load_arm(options.arm, tip=options.tip, joints=names, hand=HandModel())
+    links = [replace(link, held=float(held[link.name])) if link.name in held else link
+             for link in arm.model.links]  # fmt: skip
+    q_ready = np.array([float(x) for x in options.ready.split(",")])
+    model = replace(arm.model, links=tuple(links), q_ready=q_ready)
+    return Arm(model, arm.limits), MapDesign(q_catch=options.q_catch, inward=options.inward)
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("--throws", type=int, default=300, metavar="N")
-    parser.add_argument("--only", choices=("points", "pixels", "encoders"))
+    parser.add_argument("--only", choices=("points", "pixels", "encoders", "steps"))
     parser.add_argument("--rows", default="", metavar="A;B", help="faults of vision, besides clean")
     parser.add_argument("--seed", type=int, default=SEED, metavar="S")
     parser.add_argument("--json", type=Path, metavar="FILE")
+    parser.add_argument("--arm", default="wam", metavar="NAME or FILE")
+    parser.add_argument("--limits", default="paper", metavar="SET")
+    parser.add_argument("--tip", metavar="FRAME", help="of an arm from a file")
+    parser.add_argument("--joints", metavar="A,B,...", help="of an arm from a file, held ones too")
+    parser.add_argument("--hold", default="", metavar="JOINT=RAD,...", help="joints that are held")
+    parser.add_argument("--ready", default="0,0,0", metavar="RAD,...", help="ready pose")
+    parser.add_argument("--q-catch", type=float, default=np.pi / 2, metavar="RAD")
+    parser.add_argument("--inward", type=float, default=0.0, metavar="RATIO")
     options = parser.parse_args()
-    f, seed = learn(load_arm("wam", limits="paper")).map, options.seed
+    arm, design = _arm(options)
+    f, seed = learn(arm, design=design).map, options.seed
     throws, tables = thrown(options.throws, f, seed), {}
     if options.only in (None, "points"):
         plans = _asked(COMMON, options.rows)
@@ -240,6 +298,10 @@ def main() -> None:
         tables["pixels"] = vision(f, plans, throws, pixels=True, seed=seed)
     if options.only in (None, "encoders"):
         tables["encoders"] = encoders(f, throws, seed)
+    if options.only in (None, "steps"):
+        for pixels in (False, True):
+            name = "steps, images" if pixels else "steps, points"
+            tables[name] = resolutions(f, throws, seed, pixels=pixels)
     if options.json:
         options.json.write_text(json.dumps(tables))
 

@@ -24,9 +24,9 @@ from mitt.generator.online import Online, OnlineSettings
 from mitt.generator.program import cost, limit_rows, sensitivity, solve
 from mitt.robot.load import load_arm
 from mitt.signals import Array, Sighting
+from mitt.study.aim import aim_of
 from mitt.study.bench_rivals import ball_at
 from mitt.study.lesson import learn
-from mitt.study.neighbourhood import aim_of
 from mitt.vision.filter import THROWN_BALL, BallFilter
 from mitt.world.throws import Throw, default_throw
 

@@ -23,8 +23,8 @@ from mitt.options import CatchOptions
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import Array
+from mitt.study.aim import aim_of
 from mitt.study.catch import Finished, prepare, run
-from mitt.study.neighbourhood import aim_of
 from mitt.study.score import Trial
 from mitt.world.throws import Throw, ThrowRanges, default_throw
 

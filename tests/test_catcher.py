@@ -9,14 +9,15 @@ import pytest
 
 from mitt.catcher import Catcher, Phase
 from mitt.control.condition import Reason
+from mitt.control.monitor import GOOD_TICKS, LOSSY_TICKS, SILENT_TICKS
 from mitt.errors import InputError
 from mitt.generator.certificate import Outcome as Feasible
 from mitt.generator.generators import Direct, refining
 from mitt.generator.learn import Learned
 from mitt.robot.arm import Arm
 from mitt.signals import ArmState, Command, Senses, Sighting
+from mitt.study.aim import aim_of
 from mitt.study.lesson import learn
-from mitt.study.neighbourhood import aim_of
 from mitt.study.score import held
 from mitt.study.trial import Bench, Outcome
 from mitt.world.faults.plan import Spring
@@ -280,20 +281,20 @@ def test_points_that_are_no_numbers_never_reach_a_command(
     assert was_held
 
 
-@pytest.mark.parametrize(("ticks", "after"), [(2, "goes on"), (5, "stops")])
+@pytest.mark.parametrize(("ticks", "after"), [(5, "goes on"), (LOSSY_TICKS, "stops")])
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 @pytest.mark.parametrize("phase", list(Phase)[:3])
 def test_an_encoder_that_gives_no_number_never_reaches_a_command(
     bench: Bench, throws: list[Throw], phase: Phase, bad: float, ticks: int, after: str
 ) -> None:
-    """Two such ticks are bridged, five stop the arm; in every phase all commands are finite."""
+    """Five such ticks are bridged, fifteen stop the arm; in all phases all commands are finite."""
     spoilt: list[float] = []
     catcher = bench.catcher()
     bench.world.reset(throws[0], 5)
     for _ in range(700):
         senses = bench.world.sense()
         now = Phase.WATCH if catcher.tick is None else catcher.tick.phase
-        if len(spoilt) < ticks and (spoilt or now is phase):
+        if len(spoilt) < ticks and (spoilt or (now is phase and senses.t > 0.01)):
             spoilt.append(senses.t)
             senses = replace(senses, arm=spoil_joint(senses.arm, bad))
         command = catcher.step(senses)
@@ -308,6 +309,9 @@ def test_an_encoder_that_gives_no_number_never_reaches_a_command(
         assert by is not None
         assert by.reason is Reason.SILENT
         assert by.joint in bench.arm.names
+        assert by.brakes
+        assert command.brakes
+        assert not command.tau.any()
         assert json.loads(json.dumps(by.plain()))["reason"] == "encoder silent"
         assert np.abs(command.dq).max() < 1e-6
 
@@ -345,7 +349,54 @@ def spoil_joint(arm: ArmState, bad: float) -> ArmState:
     return replace(arm, q=q)
 
 
-@pytest.mark.parametrize("step", [3e-5, 6e-5])
+def silenced(bench: Bench, throw: Throw, ticks: int) -> Catcher:
+    """Return a catcher that lost joint 2's encoder at 0.3 s, so many ticks later."""
+    catcher = bench.catcher()
+    bench.world.reset(throw, 5)
+    while bench.world.t < 0.3 + 0.001 * ticks:
+        senses = bench.world.sense()
+        if senses.t >= 0.3:
+            senses = replace(senses, arm=spoil_joint(senses.arm, np.nan))
+        bench.world.apply(catcher.step(senses))
+        catcher.think()
+    return catcher
+
+
+def test_an_arm_with_a_joint_that_nobody_measures_stays_where_its_brakes_hold_it(
+    bench: Bench, throws: list[Throw]
+) -> None:
+    """From the brakes' time on it rests for three seconds: no joint moves by a milliradian."""
+    silenced(bench, throws[0], 3500)
+    truth, brakes = bench.world.trace(), bench.arm.brakes
+    stopped = 0.3 + 0.001 * SILENT_TICKS + max(brake.delay for brake in brakes)
+    rest = truth.t >= stopped + 0.2
+    assert np.abs(truth.dq[rest]).max() < 1e-3
+    assert np.ptp(truth.q[rest], axis=0).max() < 1e-3
+    after = truth.t >= stopped
+    assert np.all((truth.q[after] > bench.arm.q_min) & (truth.q[after] < bench.arm.q_max))
+    assert np.all(np.abs(truth.dq[after]) <= bench.arm.dq_max)
+
+
+def test_a_person_recovers_once_all_encoders_are_good_again(
+    bench: Bench, throws: list[Throw]
+) -> None:
+    """While one is in doubt it is refused; after good readings, or checked by hand, it is not."""
+    catcher = silenced(bench, throws[0], 400)
+    with pytest.raises(InputError, match="doubt about"):
+        catcher.recover()
+    for _ in range(GOOD_TICKS + 1):
+        command = catcher.step(bench.world.sense())
+        bench.world.apply(command)
+    assert command.brakes
+    catcher.recover()
+    assert catcher.stopped_by is None
+    assert not catcher.step(bench.world.sense()).brakes
+    catcher = silenced(bench, throws[0], 400)
+    catcher.recover(checked=True)
+    assert catcher.phase is Phase.WATCH
+
+
+@pytest.mark.parametrize("step", [6e-5, 1e-4, 1e-3])
 def test_the_monitor_knows_the_resolution_that_the_scene_says(
     taught: Learned, throws: list[Throw], step: float
 ) -> None:

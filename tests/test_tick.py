@@ -13,13 +13,18 @@ from numba.core.runtime import rtsys
 from mitt.catcher import Catcher, CatcherSettings, Phase
 from mitt.control.brake import Brake, plan_brake
 from mitt.control.condition import State
+from mitt.control.encoders import Encoders, bring
+from mitt.control.envelope import bounds_of
 from mitt.control.hand import Closing
+from mitt.control.monitor import believe, memory_of
 from mitt.control.tracking import Tracker
 from mitt.generator.certificate import Verdict
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
+from mitt.robot.slopes import slopes_work
 from mitt.signals import (
+    ArmState,
     Array,
     BallState,
     Command,
@@ -28,8 +33,8 @@ from mitt.signals import (
     Senses,
     command_of,
 )
+from mitt.study.aim import aim_of
 from mitt.study.lesson import learn
-from mitt.study.neighbourhood import aim_of
 from mitt.study.trial import Bench, known_ball
 from mitt.tick import BESIDE, TOUCHED, tick
 from mitt.vision.camera import fixed_rig
@@ -113,6 +118,33 @@ class Watched:
         return None if self.hidden else self.inner.as_map()
 
 
+class Joints:
+    """The estimate of the joints, by the monitor as an object."""
+
+    def __init__(self, arm: Arm) -> None:
+        """Start with nothing read."""
+        n, links = arm.n, len(arm.bodies)
+        self.table, self.memory = Encoders().table(arm), memory_of(n)
+        self.doubt = self.table[1] / np.diag(arm.mass_matrix(arm.q_ready))
+        self.rows, self.believed = np.zeros((5, n)), np.array([arm.q_ready, np.zeros(n)])
+        self.scratch = np.zeros(links), np.zeros((links, n)), slopes_work(links)
+        self.solved, self.bounds = np.zeros((n + 2, 2 * n)), bounds_of(arm)
+
+    def read(self, senses: Senses) -> ArmState:
+        """Return the joints as they are estimated."""
+        read = np.array([senses.arm.q, senses.arm.dq])
+        believe(self.memory, self.bounds, self.table[0], self.doubt, read, self.rows, False,
+                self.believed)  # fmt: skip
+        return ArmState(t=senses.t, q=self.believed[0].copy(), dq=self.believed[1].copy())
+
+    def told(self, arm: Arm, command: Command) -> None:
+        """Note what was commanded, and what acceleration it brings."""
+        self.rows[:4] = command.told
+        self.bounds = bounds_of(arm)
+        bring(arm.bodies, np.array(arm.model.active), self.believed, self.table[1], *self.scratch,
+              self.solved, self.rows, self.doubt)  # fmt: skip
+
+
 class Staged:
     """The stages one by one, as objects; which phase it is, and which map, it is told."""
 
@@ -123,6 +155,7 @@ class Staged:
         self.track = BallFilter(settings.flight)
         self.closing = Closing(arm.model.hand, ball_radius=settings.ball_radius)
         self.tracker = Tracker(arm, bandwidth=settings.bandwidth)
+        self.joints = Joints(arm)
         self.wanted = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)])
         self.brake: Brake | None = None
         self.command: Command | None = None
@@ -131,6 +164,7 @@ class Staged:
     def step(self, senses: Senses, phase: Phase) -> tuple[Command, JointReference | None]:
         """Make one tick."""
         reference, time = None, np.inf
+        arm = self.joints.read(senses)
         if phase is not Phase.BRAKE:
             seen = (self.eyes.step(senses.frames),) if senses.frames else senses.points
             for sighting in seen:
@@ -150,7 +184,8 @@ class Staged:
             self.wanted = self._braking().at(senses.t)
         self.beside = time < BESIDE
         hand = self.closing.step(senses.t, time)
-        self.command = self.tracker.step(senses.arm, self.wanted, hand=hand).command
+        self.command = self.tracker.step(arm, self.wanted, hand=hand).command
+        self.joints.told(self.tracker.arm, self.command)
         self.t_last = senses.t
         return self.command, reference
 
@@ -163,7 +198,7 @@ class Staged:
             self.brake = plan_brake(loaded, self.t_last, last)
             told = self.tracker.guard.last
             self.tracker = Tracker(loaded, bandwidth=self.settings.bandwidth)
-            self.tracker.guard.begin(*told)
+            self.tracker.guard.begin(told[0], told[1])
         return self.brake
 
 
@@ -276,12 +311,12 @@ def test_thinking_late_is_thinking(
 
 
 @njit
-def again(times, start, images, q, dq, brake, state, result):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+def again(times, start, images, backgrounds, q, dq, brake, state, result):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
     """Make the same tick many times."""
     todo = 0
     for k in range(times):
         t = start + 0.001 * k
-        todo |= tick(images, 0, t - 0.001, t, q, dq, brake, state, result)
+        todo |= tick(images, backgrounds, 0, t - 0.001, t, q, dq, brake, state, result)
     return todo
 
 
@@ -293,12 +328,20 @@ def test_the_tick_allocates_nothing(
     bench = Bench(arm, Direct(taught), Scene(), pixels=True)
     catcher = bench.catcher()
     bench.world.reset(throws[0], 3)
+    catcher.learn_background(bench.world.views_before(2))
     while bench.world.t < until:
         senses = bench.world.sense()
         bench.world.apply(catcher.step(senses))
         catcher.think()
     images = tuple(frame.pixels for frame in senses.frames)
-    rest = (senses.t + 0.001, images, senses.arm.q, senses.arm.dq, catcher._brake)
+    rest = (
+        senses.t + 0.001,
+        images,
+        catcher.backgrounds,
+        senses.arm.q,
+        senses.arm.dq,
+        catcher._brake,
+    )
     nrt.memsys_enable_stats()
     counts = []
     for times in (1, 1, 50):

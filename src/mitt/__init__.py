@@ -6,7 +6,7 @@ Names are imported when they are first used, so that ``import mitt`` stays quick
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-__version__ = "0.1.0"
+from mitt.version import __version__
 
 if TYPE_CHECKING:
     from mitt.catcher import Catcher as Catcher

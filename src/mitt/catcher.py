@@ -9,20 +9,24 @@ The catcher takes senses and gives commands, so it does not know whether a simul
 arm is at the other end.
 """
 
-from copy import copy
-from typing import final
+from collections.abc import Sequence
+from copy import copy, deepcopy
+from typing import Any, final
 
 import numpy as np
 
+from mitt import checks
 from mitt.control.brake import plan_brake
 from mitt.control.condition import ENCODER_REASONS
 from mitt.control.envelope import TICK
-from mitt.control.monitor import doubted
+from mitt.control.monitor import doubted, good_again
 from mitt.control.stopped import StoppedBy
-from mitt.errors import InputError
+from mitt.errors import InputError, ShapeError
 from mitt.generator.certificate import Outcome, Verdict
 from mitt.generator.generators import Direct, Generator, Unoptimised
+from mitt.generator.mapping import DirectMap
 from mitt.generator.several import Several
+from mitt.impact import CaughtBall, examined, speed_caps
 from mitt.records import (
     BRAKE,
     FOLLOW,
@@ -40,12 +44,24 @@ from mitt.records import (
     ball_parts,
     catcher_fields,
     fresh_result,
+    known_layout,
     map_fields,
     record_of,
     tick_of,
 )
 from mitt.robot.arm import Arm
-from mitt.signals import Array, BallState, Command, MapStatus, Senses, Sighting, command_of
+from mitt.signals import (
+    ArmState,
+    Array,
+    BallState,
+    Command,
+    Frame,
+    Image,
+    MapStatus,
+    Senses,
+    Sighting,
+    command_of,
+)
 from mitt.tick import DECIDE, GRASPS, LAGS, REVIEWS, STOPS, act, perceive, tick
 from mitt.vision.belief import absorb
 from mitt.vision.eyes import Eyes
@@ -56,6 +72,11 @@ __all__ = ["Catcher", "CatcherSettings", "Phase", "Tick"]
 _AT_REST = 1e-3
 #: Beside the bits of a tick: the map can be refined.
 REFINES = 32
+#: Attributes of a catcher that are views of its records, or scratch; not kept in a copy.
+_SHOWN = frozenset(
+    ("_numbers", "_hand", "_gaze", "_clock", "_told", "believed", "_ball", "_answer", "_filter",
+     "_q", "_dq")
+)  # fmt: skip
 
 
 @final
@@ -75,9 +96,20 @@ class Catcher:
     def __init__(
         self, arm: Arm, generator: Generator, eyes: Eyes, *, settings: CatcherSettings
     ) -> None:
-        """Take the arm, the generator and the eyes."""
+        """Take the arm, the generator and the eyes, of which the catcher keeps a copy."""
+        checks.instance("arm", arm, Arm)
+        _check_generator(generator)
+        checks.instance("eyes", eyes, Eyes)
+        checks.instance("settings", settings, CatcherSettings)
         self._arm, self._settings, self._map = arm, settings, generator.as_map()
         self._turns = eyes.heads > 0
+        self._caught = CaughtBall(
+            mass=settings.ball_mass,
+            radius=settings.ball_radius,
+            restitution=settings.ball_restitution,
+            friction=settings.ball_friction,
+            doubt=settings.ball_doubt,
+        )
         self._refines = isinstance(generator, Direct) and generator.online is not None
         fields = catcher_fields(arm, eyes, settings) | arm_fields(arm, settings.around)
         known: Fields = {"several": np.bool_(isinstance(generator, Several))}
@@ -86,15 +118,40 @@ class Catcher:
         plain = isinstance(generator, Direct | Unoptimised)
         known["sigma_ready"] = settings.sigma_ready if plain else np.inf
         self._blank = record_of(fields | known), fresh_result(arm.n, max(eyes.heads, 1))
-        self._begin(generator, eyes)
+        self._state: Record
+        self.result: Record
+        self._begin(generator, copy(eyes))
+
+    def __copy__(self) -> "Catcher":
+        """Return a catcher that goes on from here on its own; the arm is shared."""
+        return deepcopy(self, {id(self._arm): self._arm})
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what makes the catcher, without what only shows parts of it."""
+        return {name: value for name, value in vars(self).items() if name not in _SHOWN}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take what :meth:`__getstate__` returned, and show its parts again."""
+        self.__dict__.update(state)
+        self._blank = known_layout(self._blank[0]), known_layout(self._blank[1])
+        self._state, self.result = known_layout(self._state), known_layout(self.result)
+        self._show()
 
     def again(self, generator: Generator) -> "Catcher":
         """Return a catcher for another throw, as this one was when it was made.
 
         Args:
             generator: Of the same kind and with the same map, if any.
+
+        Raises:
+            InputError: It is of another.
         """
-        other, eyes = copy(self), copy(self._eyes)
+        f, mine = _check_generator(generator), self._map
+        same = f is mine or (f is not None and mine is not None and f.equals(mine))
+        if not same:
+            raise InputError("generator", "one with the map of this catcher", "another")
+        other, eyes = object.__new__(Catcher), copy(self._eyes)
+        other.__dict__.update(self.__dict__)
         other._begin(generator, eyes)
         eyes.reset()
         return other
@@ -103,16 +160,7 @@ class Catcher:
         """Begin a throw with a state of its own."""
         self._generator, self._given, self._eyes = generator, generator, eyes
         self._state, self.result = (record.copy() for record in self._blank)
-        eyes.move_to({name: self._state[f"eyes_{name}"][0] for name in eyes.parts()})
-        self._numbers = self._state[0]
-        self._hand, self._gaze = self.result["hand"], self.result["gaze"][0]
-        self._clock = self.result["t"]
-        self._told, self.believed = self.result["told"][0, :4], self._state["believed"][0]
-        self._ball, out = ball_parts(self.result), self.result
-        self._answer = out["asked"][0], out["inside"], out["time_to_catch"]
-        names = ("ball_memory", "ball_settings", "ball_work")
-        memory, table, work = (self._state[name][0] for name in names)
-        self._filter = memory, table, work
+        self._show()
         self._brake = np.zeros((1, 3, self._arm.n))
         self._phase, self._todo, self._ticked = WATCH, 0, False
         self._verdict: Verdict | None = None
@@ -120,6 +168,22 @@ class Catcher:
         self.certificate: Verdict | None = None
         self.stopped_by: StoppedBy | None = None
         self.t_0 = np.inf
+
+    def _show(self) -> None:
+        """Lay the eyes into the state, and take views of what is often asked for."""
+        eyes = self._eyes
+        eyes.move_to({name: self._state[f"eyes_{name}"][0] for name in eyes.parts()})
+        self._q, self._dq = np.zeros((2, self._arm.n))
+        self._numbers = self._state[0]
+        self._hand, self._gaze = self.result["hand"], self.result["gaze"][0]
+        self._brakes = self.result["brakes"]
+        self._clock = self.result["t"]
+        self._told, self.believed = self.result["told"][0, :4], self._state["believed"][0]
+        self._ball, out = ball_parts(self.result), self.result
+        self._answer = out["asked"][0], out["inside"], out["time_to_catch"]
+        names = ("ball_memory", "ball_settings", "ball_work")
+        memory, table, work = (self._state[name][0] for name in names)
+        self._filter = memory, table, work
 
     @property
     def phase(self) -> Phase:
@@ -145,20 +209,30 @@ class Catcher:
         return tick_of(self.result.copy()) if self._ticked else None
 
     def step(self, senses: Senses) -> Command:
-        """See, estimate, generate, close, track: one tick."""
+        """See, estimate, generate, close, track: one tick.
+
+        Raises:
+            ShapeError: The encoders, or an image, have not the size of this arm or camera.
+            InputError: Something else in ``senses`` is not what it should be. The tick is not
+                made then, and the catcher is as it was before.
+        """
+        if senses.__class__ is not Senses:
+            checks.instance("senses", senses, Senses)
+        self._read(senses.arm)
+        images, apart, t_exposed = self._eyes.arrange(senses.frames)
         if self._todo:
             self.think()
+        t = senses.t
         if senses.points and self.looking:
-            self._take(senses.points, senses.t)
-        images, apart, t_exposed = self._eyes.arrange(senses.frames)
-        arm, state, out = senses.arm, self._state, self.result
+            self._take(senses.points, t)
+        q, dq, state, out = self._q, self._dq, self._state, self.result
         if self._map is None:
-            perceive(images, apart, t_exposed, senses.t, arm.q, arm.dq, state, out)
+            perceive(images, self.backgrounds, apart, t_exposed, t, q, dq, state, out)
             self._ask()
             self._todo = act(self._brake, state, out)
         else:
             self._todo = tick(
-                images, apart, t_exposed, senses.t, arm.q, arm.dq, self._brake, state, out
+                images, self.backgrounds, apart, t_exposed, t, q, dq, self._brake, state, out
             )
         self._ticked = True
         if self._todo & STOPS:
@@ -169,7 +243,24 @@ class Catcher:
             if self._refines and self.result["inside"].item():
                 self._todo |= REFINES
         gaze = self._gaze.copy() if self._turns else None
-        return command_of(t, self._told.copy(), self._hand.item(), gaze)
+        return command_of(t, self._told.copy(), self._hand.item(), gaze, self._brakes.item())
+
+    def _read(self, arm: ArmState) -> None:
+        """Take the encoders over: compiled code sees buffers of one type and the right length."""
+        q, dq, n = arm.q, arm.dq, self._arm.n
+        if q.shape != (n,) or dq.shape != (n,):
+            raise ShapeError("senses.arm.q, .dq", f"({n},)", q.shape if len(q) != n else dq.shape,
+                             do=f"give the active joints {', '.join(self._arm.names)}")  # fmt: skip
+        self._q[:], self._dq[:] = q, dq
+
+    def learn_background(self, views: Sequence[tuple[Frame, ...]]) -> None:
+        """Learn what the cameras see before the throw, as :meth:`Eyes.learn_background`."""
+        self._eyes.learn_background(views)
+
+    @property
+    def backgrounds(self) -> tuple[Image, ...]:
+        """What :func:`mitt.tick.tick` takes as backgrounds."""
+        return self._eyes.backgrounds
 
     @property
     def parts(self) -> tuple[Array, Record, Record] | None:
@@ -194,6 +285,7 @@ class Catcher:
             todo: What the last tick left to be thought about.
             since: Time of the first tick [s].
         """
+        todo, since = checks.whole("todo", todo, least=0), checks.number("since", since)
         self._todo, self._ticked = todo, True
         if todo & STOPS:
             self._note_stop()
@@ -249,24 +341,34 @@ class Catcher:
             q_read=encoders[0],
             dq_read=encoders[1],
             command=self._told.copy(),
-            brakes=False,
+            brakes=self._brakes.item(),
         )
 
     def stop(self) -> None:
         """Stop with the next tick, within all limits, and stay until :meth:`recover`."""
         self._numbers["asked_to_stop"] = True
 
-    def recover(self) -> None:
-        """Watch for a ball again after a stop, from where the encoders say that the arm is.
+    def recover(self, *, checked: bool = False) -> None:
+        """Release the brakes and watch for a ball again, from where the encoders say the arm is.
 
-        An encoder that still says nothing leaves its joint where it was last believed to be.
+        Args:
+            checked: Whether a person has checked the encoders that were in doubt. If not, each has
+                to have read well for 50 ticks, near to where its joint was reckoned to be, and one
+                that was stuck has to have moved.
 
         Raises:
-            InputError: The catcher has not stopped, or the arm is not at rest yet.
+            InputError: The catcher has not stopped, the arm is not at rest yet, or the encoder of a
+                joint is still in doubt.
         """
         at_rest = bool(np.all(np.abs(self._told[1]) < _AT_REST))
         if self._phase != STOPPED or not at_rest:
             raise InputError("recover", "a catcher that has stopped, its arm at rest", self.phase)
+        good = good_again(self._state["encoder_memory"][0])
+        if not checked and not np.all(good):
+            pairs = zip(self._arm.names, good, strict=True)
+            bad = ", ".join(name for name, fine in pairs if not fine)
+            do = "check the encoder, then recover(checked=True)"
+            raise InputError("recover", "encoders that read well", f"doubt about {bad}", do=do)
         fresh = catcher_fields(self._arm, self._eyes, self._settings)
         fresh |= arm_fields(self._arm, self._settings.around)  # the hand opens, a ball drops
         kept = {"believed", *(name for name in fresh if name.startswith("eyes_"))}
@@ -298,8 +400,10 @@ class Catcher:
         ball = self._generator.waiting(ball) if self._numbers["open"] else ball
         asked = self._generator.reference(ball)
         rows, inside, left = self._answer
-        rows[0], rows[1], rows[2] = asked.q_d, asked.dq_d, asked.ddq_d
-        rows[3], rows[4] = asked.q_o, asked.dq_o
+        motion = {"q_d": asked.q_d, "dq_d": asked.dq_d, "ddq_d": asked.ddq_d, "q_o": asked.q_o,
+                  "dq_o": asked.dq_o}  # fmt: skip
+        for row, (name, value) in zip(rows, motion.items(), strict=False):
+            row[:] = checks.vector(f"reference.{name}", value, self._arm.n)
         is_inside = asked.status is MapStatus.INSIDE
         inside[0], left[0] = is_inside, asked.time_to_catch if is_inside else np.inf
 
@@ -317,8 +421,11 @@ class Catcher:
             # What the verdict says besides is reckoned where somebody asks for it.
             self._unasked = ball, self.believed[0].copy()
             return
-        self._verdict, self._unasked = self._generator.verdict(ball, self.believed[0]), None
-        verdict = self._verdict
+        verdict = self._generator.verdict(ball, self.believed[0])
+        if not isinstance(self._generator, Unoptimised):  # alpha = 0 is never refused
+            bandwidth = self._settings.bandwidth
+            verdict = examined(self._arm, verdict, self._caught, bandwidth=bandwidth)
+        self._verdict, self._unasked = verdict, None
         hasty = verdict.outcome is Outcome.UNREACHABLE and not due  # a refusal is for good
         if hasty or verdict.outcome is Outcome.UNSETTLED:
             return
@@ -327,7 +434,14 @@ class Catcher:
             return
         self._numbers["open"] = verdict.outcome is Outcome.OPEN
         self._adapt(self._generator.waiting(ball) if self._numbers["open"] else ball)
+        self._make_room(verdict)
         self._enter(FOLLOW)
+
+    def _make_room(self, verdict: Verdict) -> None:
+        """Keep the joints that the ball will drive on below their speed limits by as much."""
+        if verdict.approach is not None:
+            caps = speed_caps(self._arm, verdict.approach, self._caught)
+            self._state["bounds"][0][2] = caps
 
     def _reconsider(self, ball: BallState) -> None:
         """Follow the ball itself as soon as it can be caught; its stand-in until then."""
@@ -367,3 +481,10 @@ class Catcher:
         self._write(arm_fields(loaded, self._settings.around))
         self._numbers["t_brake"] = t
         self._enter(BRAKE)
+
+
+def _check_generator(generator: Generator) -> DirectMap | None:
+    """Return the map of a generator, if it is one; refuse what is no generator."""
+    if not isinstance(generator, Generator):
+        raise InputError("generator", "a generator", checks.shown(generator))
+    return generator.as_map()

@@ -7,21 +7,27 @@ of a result; only a caller's mistake or a broken file raises.
 import os
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 
 class MittError(Exception):
     """Base of every error that mitt raises on purpose; its text is one line."""
 
+    def __reduce__(self) -> tuple[Callable[..., "MittError"], tuple[object, ...]]:
+        """Say how to make the same error in another process, whatever its constructor takes."""
+        data = {name: _plain(value) for name, value in vars(self).items()}
+        return _restored, (type(self), tuple(map(_plain, self.args)), data)
+
 
 class ShapeError(MittError, ValueError):
     """An array has the wrong shape."""
 
-    def __init__(self, name: str, wanted: str, given: tuple[int, ...]) -> None:
-        """Name the array, the shape wanted and the shape given."""
+    def __init__(self, name: str, wanted: str, given: tuple[int, ...], *, do: str = "") -> None:
+        """Name the array, the shape wanted, the shape given and, where it helps, what to do."""
         self.name, self.wanted, self.given = name, wanted, given
-        super().__init__(f"{name} must have shape {wanted}, not {given}")
+        text = f"{name} must have shape {wanted}, not {given}"
+        super().__init__(f"{text}; {do}" if do else text)
 
 
 class InputError(MittError, ValueError):
@@ -53,6 +59,22 @@ class UnknownNameError(InputError, KeyError):
     def __str__(self) -> str:
         """Show the message itself; KeyError would quote it."""
         return str(self.args[0])
+
+
+def _restored(
+    kind: type[MittError], args: tuple[object, ...], data: dict[str, object]
+) -> MittError:
+    """Return an error with its text and its data, past its constructor."""
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(data)
+    return error
+
+
+def _plain(value: object) -> object:
+    """Return a value that any process can read: itself, or else its text."""
+    if isinstance(value, tuple):
+        return tuple(map(_plain, value))
+    return value if value is None or type(value) in (bool, int, float, str) else str(value)
 
 
 @contextmanager

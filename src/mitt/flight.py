@@ -12,6 +12,7 @@ from math import ceil, exp, sqrt
 
 import numpy as np
 
+from mitt import checks
 from mitt.errors import InputError
 from mitt.jit import kernel
 from mitt.signals import Array, BallState
@@ -247,15 +248,17 @@ def forecast(
     Raises:
         InputError: ``t`` is not within ``MAX_FORECAST`` of the estimate.
     """
-    if not state.tracked:
+    if not checks.instance("state", state, BallState).tracked:
         return state
+    t, accel_density = checks.number("t", t), checks.number("accel_density", accel_density)
+    drag_sigma = checks.number("drag_sigma", drag_sigma)
     if not abs(t - state.t) <= MAX_FORECAST:
         raise InputError("t", f"within {MAX_FORECAST} s of the estimate at {state.t} s", t)
     track = np.zeros(TRACK)
     track[:STATES] = (*state.r_o, *state.dr_o, state.drag, 0.0, 0.0, 0.0)
     P = track[STATES:].reshape(STATES, STATES)
     P[:6, :6] = state.covariance
-    P[6, 6] = drag_sigma**2
+    P[6, 6] = drag_sigma * drag_sigma
     law = np.array([[GRAVITY, accel_density, 0.0, 0.0, 1.0]])
     advance_uncertain(track, 0, t - state.t, law, 0, np.empty((2, STATES, STATES)))
     ddr = np.empty(3)

@@ -4,6 +4,7 @@ A record is a structured array of shape (1,): compiled code reads and writes its
 and Python sees the same fields by the same names.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import lru_cache
@@ -14,8 +15,8 @@ from numpy.typing import NDArray
 
 from mitt.control import condition, monitor
 from mitt.control.condition import Reason, State
+from mitt.control.encoders import Encoders
 from mitt.control.hand import pack_grip
-from mitt.control.monitor import Encoders
 from mitt.control.tracking import NOTES, ROWS, Tracked
 from mitt.control.viability import Guard
 from mitt.generator.certificate import trusted, waiting_height
@@ -23,7 +24,7 @@ from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Surroundings
 from mitt.robot.slopes import slopes_work
-from mitt.signals import BallState, Command, JointReference, MapStatus
+from mitt.signals import BallState, Command, JointReference, MapStatus, ball_of
 from mitt.vision import memory
 from mitt.vision.eyes import Eyes
 from mitt.vision.filter import THROWN_BALL, FilterConfig, settings_of
@@ -65,6 +66,9 @@ class CatcherSettings:
         review: Time between two reviews of the choice among several maps [s].
         ball_mass: Mass of the ball, carried by the model while it is held [kg].
         ball_radius: Radius of the ball [m]; the eyes are told the same.
+        ball_restitution: Share of its speed with which the ball springs back from the palm.
+        ball_friction: Coefficient of friction of ball and hand.
+        ball_doubt: Relative error that its mass may have.
         flight: What the filter believes of the ball's flight.
         around: What stands around the arm and is not to be touched.
         encoders: What is known of the joint encoders.
@@ -83,6 +87,9 @@ class CatcherSettings:
     review: float = 0.02
     ball_mass: float = 0.07
     ball_radius: float = 0.04
+    ball_restitution: float = 0.2
+    ball_friction: float = 1.0
+    ball_doubt: float = 0.1
     flight: FilterConfig = field(default_factory=lambda: THROWN_BALL)
     around: Surroundings = field(default_factory=Surroundings)
     encoders: Encoders = field(default_factory=Encoders)
@@ -125,6 +132,19 @@ def record_of(fields: Fields) -> Record:
     return record
 
 
+def known_layout(record: Record) -> Record:
+    """Return a record with the layout that others of its fields have, as after unpickling."""
+    layout = tuple((name, sub[0].str, sub[1]) for name, sub in _fields(record.dtype))
+    return record.view(_layout(layout))
+
+
+def _fields(kind: np.dtype[np.void]) -> Iterator[tuple[str, tuple[np.dtype[Any], tuple[int, ...]]]]:
+    """Return name, base type and shape of each field of a layout."""
+    for name in kind.names or ():
+        part = kind[name]
+        yield name, part.subdtype or (part, ())
+
+
 @lru_cache(maxsize=64)
 def _layout(fields: tuple[tuple[str, str, tuple[int, ...]], ...]) -> np.dtype[np.void]:
     """Return the layout of a record; the same object for the same fields.
@@ -156,6 +176,7 @@ def fresh_result(n: int, heads: int = 1) -> Record:
         age: Age of the last good measurement [s]; infinite without a track.
         sigma: 1-sigma of the ball's predicted position [m]; infinite without a track.
         gaze: Where the heads are to look, as of ``Command``, shape (heads, 4).
+        brakes: Whether the brakes are to be engaged.
     """
     fields: Fields = {
         "t": 0.0, "phase": np.int64(WATCH), "encoders": np.zeros((2, n)),
@@ -166,7 +187,7 @@ def fresh_result(n: int, heads: int = 1) -> Record:
         "time_to_catch": np.inf, "told": np.zeros((ROWS, n)), "hand": 0.0,
         "saturated": np.bool_(False), "state": np.int64(0), "reason": np.int64(0),
         "age": np.inf, "sigma": np.inf,
-        "gaze": np.zeros((heads, 4)),
+        "gaze": np.zeros((heads, 4)), "brakes": np.bool_(False),
     }  # fmt: skip
     return record_of(fields)
 
@@ -178,7 +199,10 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         phase, open: Phase, and whether the ball's stand-in is followed.
         believed: q, dq of the joints as the monitor believes them [rad, rad/s], shape (2, n).
         begun: Whether there was a tick.
-        encoder_memory, encoder_steps: As in :mod:`mitt.control.monitor`.
+        encoder_memory: As in :mod:`mitt.control.monitor`; encoder_table, encoder_doubt,
+            encoder_work: as in :mod:`mitt.control.encoders`.
+        t_brakes, braked, brake_delay: When the brakes were told to engage [s], whether they have,
+            and how long they take [s].
         condition, clock, encoders, tolerance, stray: As in :mod:`mitt.control.condition`.
         shapes, pairs, guard_..., last: As in :mod:`mitt.control.viability`.
         wanted: q_d, dq_d, ddq_d of the last tick, shape (3, n).
@@ -191,7 +215,7 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         adapt_...: As in :class:`CatcherSettings`.
         bandwidth, track_notes, target: For the tracking, and scratch.
     """
-    s, n = settings, arm.n
+    s, n, table = settings, arm.n, settings.encoders.table(arm)
     still = np.zeros(n)
     fields: Fields = {
         "phase": np.int64(WATCH), "open": np.bool_(False),
@@ -202,12 +226,16 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         "grip": pack_grip(arm.model.hand, s.ball_radius), "adapt_q": s.adapt_q,
         "adapt_dq": s.adapt_dq, "adapt_until": s.adapt_until, "bandwidth": s.bandwidth,
         "track_notes": np.zeros((len(arm.model.links), NOTES)), "begun": np.bool_(False),
-        "encoder_memory": monitor.memory_of(n), "encoder_steps": s.encoders.steps(arm.encoder_step),
+        "encoder_memory": monitor.memory_of(n), "encoder_table": table,
+        "encoder_doubt": table[1] / np.diag(arm.mass_matrix(arm.q_ready)),
+        "encoder_work": np.zeros((n + 2, 2 * n)),
+        "t_brakes": np.inf, "braked": np.bool_(False),
+        "brake_delay": max(brake.delay for brake in arm.brakes),
         "condition": condition.memory(), "clock": np.int64(0), "encoders": np.int64(0),
         "tolerance": s.tolerance, "stray": s.stray, "asked_to_stop": np.bool_(False),
         "review": s.review, "t_reviewed": -np.inf, "watch": s.watch,
         "heads": np.int64(eyes.heads), "t_exposed": 0.0,
-        "last": np.array([arm.q_ready, still]),
+        "last": np.array([arm.q_ready, still, still]),
     }  # fmt: skip
     return fields | {f"eyes_{name}": value for name, value in eyes.parts().items()}
 
@@ -252,7 +280,8 @@ def map_fields(f: DirectMap) -> Fields:
 
 def tick_of(row: Record) -> Tick:
     """Return a copied result as what it means."""
-    command = Command(t=row["t"].item(), told=row["told"][0, :4], hand=row["hand"].item())
+    told, brakes = row["told"][0, :4], row["brakes"].item()
+    command = Command(t=row["t"].item(), told=told, hand=row["hand"].item(), brakes=brakes)
     return Tick(
         phase=PHASES[row["phase"].item()],
         ball=ball_in(ball_parts(row)),
@@ -274,19 +303,10 @@ def ball_parts(row: Record) -> tuple[NDArray[Any], ...]:
 def ball_in(parts: tuple[NDArray[Any], ...]) -> BallState:
     """Return the estimate that a result holds now, a copy."""
     t, tracked, ball, drag, covariance, t_seen, t_first, led = parts
-    rows = ball[0].copy()
-    return BallState(
-        t=t.item(),
-        tracked=tracked.item(),
-        r_o=rows[0],
-        dr_o=rows[1],
-        ddr_o=rows[2],
-        drag=drag.item(),
-        covariance=covariance[0].copy(),
-        t_seen=t_seen.item(),
-        t_first=t_first.item(),
-        led=led.item(),
-    )
+    return ball_of(
+        t.item(), tracked.item(), *ball[0].copy(), drag.item(), covariance[0].copy(),
+        t_seen.item(), t_first.item(), led.item(),
+    )  # fmt: skip
 
 
 def _reference_of(row: Record) -> JointReference:

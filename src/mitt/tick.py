@@ -13,9 +13,10 @@ its own ``reference`` between them.
 import numpy as np
 
 from mitt.control.condition import ABORT, ASKED, assess, pass_time
+from mitt.control.encoders import bring
 from mitt.control.envelope import TICK, slow_down
 from mitt.control.hand import close, has_closed
-from mitt.control.monitor import believe
+from mitt.control.monitor import BRIDGED, believe
 from mitt.control.stop import short_of_room
 from mitt.control.tracking import largest_gap, track
 from mitt.control.viability import BLOCKED, guard
@@ -50,6 +51,7 @@ BESIDE, TOUCHED = 0.08, 0.002
 @kernel
 def tick(
     images: tuple[Image, ...],
+    backgrounds: tuple[Image, ...],
     apart: int,
     t_exposed: float,
     t: float,
@@ -63,6 +65,7 @@ def tick(
 
     Args:
         images: One a camera, shape (height, width); empty where there is none.
+        backgrounds: As of :func:`mitt.vision.looking.look`.
         apart: Those not exposed at ``t_exposed``, a bit each.
         t_exposed: Instant of the exposure [s].
         t: Time of the tick [s].
@@ -75,8 +78,8 @@ def tick(
     Returns:
         What is to be thought about: bits.
     """
-    images, q, dq = lent((images, q, dq))
-    perceive(images, apart, t_exposed, t, q, dq, state, result)
+    images, backgrounds, q, dq = lent((images, backgrounds, q, dq))
+    perceive(images, backgrounds, apart, t_exposed, t, q, dq, state, result)
     refer(state, result)
     return int(act(brake, state, result))
 
@@ -84,6 +87,7 @@ def tick(
 @kernel
 def perceive(
     images: tuple[Image, ...],
+    backgrounds: tuple[Image, ...],
     apart: int,
     t_exposed: float,
     t: float,
@@ -102,11 +106,9 @@ def perceive(
     encoders = out["encoders"]
     for k in range(len(q)):
         encoders[0, k], encoders[1, k] = q[k], dq[k]
-    s["encoders"] = believe(
-        s["encoder_memory"], s["bounds"], s["encoder_steps"], encoders, out["told"], s["believed"]
-    )
+    _measure(state, result)
     if not s["begun"]:  # nothing is wanted yet but to stay
-        s["last"][:] = s["believed"]
+        s["last"][0], s["last"][1] = s["believed"][0], s["believed"][1]
         s["wanted"][0] = s["believed"][0]
         s["begun"] = True
     if s["phase"] in (BRAKE, STOPPED):  # the estimate stays
@@ -116,6 +118,7 @@ def perceive(
     if (
         look(
             images,
+            backgrounds,
             apart,
             s["eyes_memory"],
             s["eyes_settings"],
@@ -141,6 +144,16 @@ def perceive(
     out["t_first"] = memory[at.T_FIRST] if tracked else -np.inf
     if s["heads"] > 0:
         _turn_heads(images, t_exposed, state, result)
+
+
+@kernel
+def _measure(state: Record, result: Record) -> None:
+    """Let the monitor estimate the joints."""
+    s, out = state[0], result[0]
+    s["encoders"] = believe(
+        s["encoder_memory"], s["bounds"], s["encoder_table"][0], s["encoder_doubt"],
+        out["encoders"], out["told"], s["braked"], s["believed"],
+    )  # fmt: skip
 
 
 @kernel
@@ -221,11 +234,29 @@ def act(brake: Array, state: Record, result: Record) -> int:
         s["track_notes"],
     )
     _report(passed == BLOCKED, state, result)
+    _engage(state, result)
+    bring(
+        s["bodies"], s["index"], believed, s["encoder_table"][1], s["room_tau"], s["room_mass"],
+        s["room_work"], s["encoder_work"], out["told"], s["encoder_doubt"],
+    )  # fmt: skip
+    if s["braked"]:
+        out["told"][4] = 0.0
     if s["phase"] == STOPPED:
         return STOPS if phase != STOPPED else 0
     if phase == WATCH:
         return DECIDE if out["tracked"] else 0
     return _afterwards(state, result) if phase == FOLLOW else 0
+
+
+@kernel
+def _engage(state: Record, result: Record) -> None:
+    """Engage the brakes once a joint is not measured; no torques from when they act."""
+    s, out = state[0], result[0]
+    if s["encoders"] > BRIDGED and not out["brakes"]:
+        out["brakes"], s["t_brakes"] = True, out["t"]
+    if out["brakes"] and out["t"] - s["t_brakes"] > s["brake_delay"] - 0.5 * TICK:
+        s["braked"] = True
+        out["told"][3] = 0.0
 
 
 @kernel

@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from mitt.control.encoders import bring
 from mitt.control.tracking import Tracker
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
+from mitt.robot.slopes import slopes_work
 from mitt.signals import ArmState, Array, Command
 
 BANDWIDTH = 80.0
@@ -173,3 +175,42 @@ def test_an_encoder_that_gives_no_number_never_reaches_the_command(
     (q if which == "q" else dq)[1] = bad
     kept = command(arm, q, dq, np.array([arm.q_ready, np.zeros(3), np.zeros(3)]))
     assert all(np.all(np.isfinite(x)) for x in (kept.q, kept.dq, kept.ddq, kept.tau))
+
+
+@given(seed=st.integers(0, 2**31))
+def test_the_acceleration_that_torques_bring_is_the_models(arm: Arm, seed: int) -> None:
+    """Whatever was cut: Pinocchio's forward dynamics of the torques as commanded."""
+    rng, n = np.random.default_rng(seed), arm.n
+    q, dq = rng.uniform(arm.q_min, arm.q_max), rng.uniform(-1.5, 1.5, n) * arm.dq_max
+    tracker, rows, doubt = Tracker(arm, bandwidth=80.0), np.zeros((5, n)), np.zeros(n)
+    tracker.guard.begin(q, dq)
+    wanted = np.array([q, dq, np.zeros(n)]) + rng.standard_normal((3, n))
+    rows[:4] = tracker.step(ArmState(t=0.0, q=q, dq=dq), wanted, hand=0.0).command.told
+    unknown, links = rng.uniform(0.0, 3.0, n), len(arm.bodies)
+    scratch = np.zeros(links), np.zeros((links, n)), slopes_work(links), np.zeros((n + 2, 2 * n))
+    index = np.array(arm.model.active)
+    bring(arm.bodies, index, np.array([q, dq]), unknown, *scratch, rows, doubt)
+    bias, M = arm.inverse_dynamics(q, dq, np.zeros(n)), arm.mass_matrix(q)
+    assert np.allclose(rows[4], np.linalg.solve(M, rows[3] - bias), rtol=1e-8, atol=1e-8)
+    assert np.allclose(doubt, np.abs(np.linalg.inv(M)) @ unknown, rtol=1e-8, atol=1e-8)
+
+
+@given(seed=st.integers(0, 2**31))
+def test_torque_that_runs_out_speeds_up_no_joint_beyond_its_limit(arm: Arm, seed: int) -> None:
+    """Also where slowing down as fast as the bounds ask takes more torque than there is.
+
+    As long as the drives can at least keep the speed, a joint beyond its limit gets no faster.
+    """
+    rng, n = np.random.default_rng(seed), arm.n
+    middle, half = 0.5 * (arm.q_min + arm.q_max), 0.25 * (arm.q_max - arm.q_min)
+    q, dq = middle + rng.uniform(-half, half), rng.uniform(-1.5, 1.5, n) * arm.dq_max
+    torque = arm.torque(q, dq, np.zeros(n))
+    speed = arm.all_joints(dq)
+    assume(arm.limits.torque_ratio(torque, speed).max() < 1.0)
+    tracker = Tracker(arm, bandwidth=80.0)
+    tracker.guard.begin(q, dq)
+    wanted = np.array([q, dq, np.zeros(n)]) + rng.standard_normal((3, n))
+    tau = tracker.step(ArmState(t=0.0, q=q, dq=dq), wanted, hand=0.0).command.tau
+    ddq = np.linalg.solve(arm.mass_matrix(q), tau - arm.inverse_dynamics(q, dq, np.zeros(n)))
+    beyond = np.abs(dq) > arm.dq_max
+    assert np.all(ddq[beyond] * np.sign(dq[beyond]) <= 1e-6)

@@ -13,8 +13,8 @@ from mitt.generator.learn import Learned
 from mitt.records import REASONS, STATES, Record
 from mitt.robot.arm import Arm
 from mitt.signals import Senses
+from mitt.study.aim import aim_of
 from mitt.study.lesson import learn
-from mitt.study.neighbourhood import aim_of
 from mitt.study.score import held, measure, status_of
 from mitt.study.trial import Bench
 from mitt.world.scene import Scene

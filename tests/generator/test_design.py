@@ -1,5 +1,7 @@
 """What is left out of a design follows from the arm and its limits; the throws do not."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -32,3 +34,29 @@ def test_throws_are_the_same_for_every_limit_set(arm: Arm) -> None:
     for limits in ("wam-48v", "wam-80v"):
         other = load_arm("wam", limits=limits)
         assert np.array_equal(nominal_catch(other), nominal_catch(arm))
+
+
+LINK = """<link name="l{k}"><inertial><origin xyz="0 0 0.2"/><mass value="2"/>
+<inertia ixx="0.02" iyy="0.02" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+JOINT = """<joint name="j{k}" type="revolute"><parent link="l{p}"/><child link="l{k}"/>
+<origin xyz="0 0 {up}"/><axis xyz="{axis}"/>
+<limit lower="-2" upper="2" effort="80" velocity="5"/></joint>"""
+
+
+@pytest.mark.parametrize("elbow", ["0 1 0", "0 -1 0"])
+def test_an_elbow_is_bent_towards_the_thrower_whichever_way_it_turns(
+    tmp_path: Path, elbow: str
+) -> None:
+    """An arm whose elbow turns the other way is thrown at in front of its base all the same."""
+    parts = [LINK.format(k=k) for k in range(5)]
+    axes = ("0 0 1", "0 1 0", elbow)
+    parts += [JOINT.format(k=k, p=k - 1, up=0.4, axis=a) for k, a in enumerate(axes, start=1)]
+    tip = '<joint name="j4" type="fixed"><parent link="l3"/><child link="l4"/>'
+    parts.append(tip + '<origin xyz="0 0 0.4"/></joint>')
+    path = tmp_path / "arm.urdf"
+    path.write_text(f'<robot name="three">{"".join(parts)}</robot>')
+    arm = load_arm(path, tip="l4", joints=["j1", "j2", "j3"])
+    q = nominal_catch(arm)
+    assert abs(q[2]) == pytest.approx(np.pi / 2)
+    assert arm.position(q)[0] > 0.3
+    assert default_design(arm).q_catch == q[2]

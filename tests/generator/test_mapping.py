@@ -128,6 +128,18 @@ def test_where_the_map_has_no_value_it_says_so_with_finite_numbers(
     assert all(np.all(np.isfinite(row)) for row in rows)
 
 
+@pytest.mark.parametrize("size", [1e10, 1e154, 1e300])
+def test_numbers_that_overflow_are_no_reference(learned: Learned, size: float) -> None:
+    """A ball at 1e300 m or as fast, as no ball is, gives rest or a motion, never NaN."""
+    near, still = np.array([2.0, 0.0, 0.0]), np.zeros(3)
+    fast = np.array([-size, 0.0, 1.0])
+    for ball in (ball_state(near, fast, still), ball_state(-fast, fast, fast)):
+        reference = learned.map.reference(ball)
+        rows = (reference.q_d, reference.dq_d, reference.ddq_d, reference.q_o, reference.dq_o)
+        assert all(np.all(np.isfinite(row)) for row in rows)
+        assert not np.isnan(reference.time_to_catch)
+
+
 @given(seed=seeds)
 def test_an_adapted_map_starts_where_the_arm_is(learned: Learned, seed: int) -> None:
     """Eq. (8): after adaptation q_d and dq_d at t_0 are the arm's, moving or at rest."""

@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -102,6 +103,55 @@ def test_a_map_of_other_limits_is_refused(saved: Path) -> None:
         read_map(saved, load_arm("wam", limits="wam-48v"))
 
 
+def _other_link(arm: Arm, **changed: Any) -> Arm:  # noqa: ANN401
+    """Return the arm with something else in its last link."""
+    links = arm.model.links
+    model = replace(arm.model, links=(*links[:-1], replace(links[-1], **changed)))
+    return Arm(model, arm.limits)
+
+
+def _others(arm: Arm) -> dict[str, Arm]:
+    """Return arms of the same name, joints and limit set's name that are others."""
+    model, limits = arm.model, arm.limits
+    longer, last = model.tool.copy(), model.links[-1]
+    longer[2, 3] += 0.05
+    weaker = replace(limits, tau_peak=0.1 * limits.tau_peak)
+    return {
+        "masses": _other_link(arm, mass=1.001 * last.mass),
+        "inertias": _other_link(arm, inertia=1.01 * last.inertia),
+        "rotor inertias": _other_link(arm, armature=last.armature + 1e-4),
+        "joint ranges": _other_link(arm, q_max=last.q_max - 0.01),
+        "tool frame": Arm(replace(model, tool=longer), limits),
+        "ready pose": Arm(replace(model, q_ready=model.q_ready + 1e-3), limits),
+        "peak torques": Arm(model, weaker),
+        "jerks": Arm(model, replace(limits, jerk=np.full(len(model.links), 1e4))),
+    }
+
+
+@pytest.mark.parametrize("what", sorted(_others(load_arm("wam"))))
+def test_a_map_knows_its_arm_by_its_numbers(saved: Path, arm: Arm, what: str) -> None:
+    """An arm of the same name is refused, in one line that says what differs."""
+    with pytest.raises(FileError, match=f"its {what} ") as caught:
+        read_map(saved, _others(arm)[what])
+    assert "\n" not in str(caught.value)
+
+
+def test_an_arm_whose_last_digits_differ_is_the_same(saved: Path, arm: Arm) -> None:
+    """Rounding of another platform, 1e-13, is no other arm."""
+    other = _other_link(arm, mass=arm.model.links[-1].mass * (1.0 + 1e-13))
+    assert read_map(saved, other).map.alpha.shape[1] == arm.n
+
+
+def test_a_map_of_a_later_version_is_refused(tmp_path: Path, saved: Path, arm: Arm) -> None:
+    """What a later mitt wrote may mean something else; the message names the version."""
+    content = json.loads(saved.read_text())
+    content["version"] = "99.0.0"
+    path = tmp_path / "later.json"
+    path.write_text(signed(content))
+    with pytest.raises(FileError, match=r"version.*99\.0\.0"):
+        read_map(path, arm)
+
+
 def _unknown(content: dict[str, Any]) -> None:
     content["comment"] = "hello"
 
@@ -111,7 +161,19 @@ def _missing(content: dict[str, Any]) -> None:
 
 
 def _schema(content: dict[str, Any]) -> None:
-    content["schema"] = "mitt.map/2"
+    content["schema"] = "mitt.map/1"
+
+
+def _later(content: dict[str, Any]) -> None:
+    content["version"] = "99.0.0"
+
+
+def _no_version(content: dict[str, Any]) -> None:
+    content["version"] = "new"
+
+
+def _no_numbers(content: dict[str, Any]) -> None:
+    content["identity"] = {}
 
 
 def _ragged(content: dict[str, Any]) -> None:
@@ -162,7 +224,8 @@ def _short_region(content: dict[str, Any]) -> None:
     "spoil",
     [
         _unknown, _missing, _schema, _ragged, _too_few, _indefinite, _void_scale, _wrong_joint,
-        _unknown_free, _text_number, _huge_order, _far_catch, _small_kappa, _short_region,
+        _later, _no_version, _no_numbers, _unknown_free, _text_number, _huge_order, _far_catch,
+        _small_kappa, _short_region,
     ],
 )  # fmt: skip
 def test_a_signed_map_that_does_not_fit_together_is_refused(

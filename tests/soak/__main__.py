@@ -4,6 +4,7 @@ The last line is JSON; the status is 1 where anything was found.
 """
 
 import argparse
+import faulthandler
 import json
 import sys
 import tempfile
@@ -11,7 +12,7 @@ from pathlib import Path
 
 from mitt.robot.load import load_arm
 from mitt.study.lesson import learn
-from soak import commands, files, kills, ticks
+from soak import arrays, commands, files, kills, ticks
 
 #: Where files that did harm are kept.
 _HARMFUL = Path("runs/soak")
@@ -21,13 +22,17 @@ def main() -> int:
     """Run all parts."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     for name, default in (("commands", 20_000_000), ("ticks", 5_000), ("files", 300),
-                          ("processes", 6), ("kills", 3), ("seed", 1)):  # fmt: skip
+                          ("calls", 20_000), ("processes", 6), ("kills", 3),
+                          ("seed", 1)):  # fmt: skip
         parser.add_argument(f"--{name}", type=int, default=default, metavar="N")
     options = parser.parse_args()
+    faulthandler.enable()  # a crash of the interpreter says where
     sent = commands.soak(options.commands, seed=options.seed)
     print(sent)  # noqa: T201
     made = ticks.soak(options.ticks, seed=options.seed, f=learn(load_arm("wam")).map)
     print(dict(made.phases), dict(made.states), f"{made.recovered} recoveries")  # noqa: T201
+    called = arrays.soak(options.calls, seed=options.seed)
+    print(f"{called.calls} calls of {len(called.functions)} functions, {called.refused} refused")  # noqa: T201
     with tempfile.TemporaryDirectory() as folder:
         here, apart, dying = (Path(folder) / name for name in ("here", "apart", "dying"))
         for place in (here, apart, dying):
@@ -35,7 +40,7 @@ def main() -> int:
         read = files.soak(options.files, seed=options.seed, folder=here, keep=_keep)
         alone = files.soak_processes(options.processes, seed=options.seed, folder=apart, keep=_keep)
         killed = kills.soak(options.kills, seed=options.seed, folder=dying)
-    for fault in made.faults + read.faults + alone.faults + killed.unreadable:
+    for fault in made.faults + called.faults[:20] + read.faults + alone.faults + killed.unreadable:
         print(fault)  # noqa: T201
     result = {
         "commands": sent.commands,
@@ -43,13 +48,15 @@ def main() -> int:
         "non_finite": sent.non_finite + made.non_finite,
         "ticks": made.ticks,
         "tick_faults": made.fault_ticks,
+        "calls": called.calls,
+        "call_faults": len(called.faults),
         "files": read.files + alone.files,
         "file_faults": len(read.faults) + len(alone.faults),
         "kills": killed.kills,
         "unreadable": len(killed.unreadable),
     }
     print(json.dumps(result))  # noqa: T201
-    bad = ("violations", "non_finite", "tick_faults", "file_faults", "unreadable")
+    bad = ("violations", "non_finite", "tick_faults", "call_faults", "file_faults", "unreadable")
     return int(any(result[key] for key in bad))
 
 

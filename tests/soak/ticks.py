@@ -14,14 +14,14 @@ import numpy as np
 
 from mitt.catcher import Catcher, CatcherSettings, Phase
 from mitt.control.envelope import TICK
-from mitt.errors import InputError
+from mitt.errors import InputError, ShapeError
 from mitt.generator.certificate import Outcome, Verdict
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import ArmState, Array, BallState, JointReference, Senses
-from mitt.study.neighbourhood import aim_of
+from mitt.study.aim import aim_of
 from mitt.vision.camera import fixed_rig
 from mitt.vision.eyes import Eyes
 from mitt.vision.head import active_rig
@@ -35,6 +35,8 @@ from soak.judge import Judge
 _EPISODE, _CALM = 900, 0.4
 #: Flights that are flown once, and faults kept for the report.
 _FLIGHTS, _KEPT = 24, 20
+#: Rows and columns of an image [px].
+_SIDE = 128
 #: Rates at which faults strike a channel, a tick.
 _RATES = (0.0, 0.001, 0.003, 0.01, 0.3)
 
@@ -213,9 +215,18 @@ class _Episode:
         return Senses(t=t, arm=arm, frames=seen)
 
     def _tick(self, senses: Senses) -> str:
-        """Make a tick; return what went wrong."""
+        """Make a tick; return what went wrong.
+
+        An image of another size is refused, and the tick is made without it.
+        """
         try:
-            command = self._catcher.step(senses)
+            try:
+                command = self._catcher.step(senses)
+            except ShapeError:
+                fitting = tuple(x for x in senses.frames if x.pixels.shape == (_SIDE, _SIDE))
+                if len(fitting) == len(senses.frames):
+                    raise
+                command = self._catcher.step(replace(senses, frames=fitting))
             self._catcher.think()
         except Exception as error:
             return f"raised {type(error).__name__}: {error}"
@@ -226,13 +237,15 @@ class _Episode:
         """Let the arm do what the torques bring, within what joints and drives can do at all."""
         (q, dq), arm = self._joints, self._arm
         push = self._catcher.result["told"][0, 4]
+        if self._catcher.result["brakes"].item() and not self._catcher.result["told"][0, 3].any():
+            dq = 0.0 * dq  # the brakes hold
         dq = np.clip(dq + TICK * np.nan_to_num(push), -arm.dq_max, arm.dq_max)
         self._joints = np.array([np.clip(q + TICK * dq, arm.q_min, arm.q_max), dq])
 
     def _recovers(self) -> bool:
         """Ask the catcher to recover; return whether it did."""
         try:
-            self._catcher.recover()
+            self._catcher.recover(checked=bool(self._rng.random() < 0.5))
         except InputError:
             return False
         self._judge.reset()

@@ -7,7 +7,7 @@ from mitt.generator.generators import Direct, Unoptimised
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
-from mitt.study.neighbourhood import aim_of
+from mitt.study.aim import aim_of
 from mitt.study.trial import Bench, Outcome
 from mitt.world.scene import Scene
 from mitt.world.throws import Throw, default_throw

@@ -1,11 +1,17 @@
 """Flights to learn from: as many as asked, all caught, seeded, kicked and bounced among them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from mitt.flight import advance
 from mitt.generator.flights import Flight
 from mitt.generator.mapping import DirectMap
-from mitt.study.neighbourhood import Neighbourhood, aim_of, neighbourhood
+from mitt.signals import Array
+from mitt.study.aim import aim_of
+from mitt.study.neighbourhood import Neighbourhood, neighbourhood, neighbourhood_of_ball
+from mitt.world.throws import default_throw
 
 AROUND = Neighbourhood(flights=24)
 #: Largest deviation of an undisturbed flight's rows from a parabola with little drag [m].
@@ -85,3 +91,39 @@ def test_the_aim_is_the_box_of_the_contract(plain: DirectMap) -> None:
     aim = aim_of(plain.arm)
     assert np.allclose(aim.q_low, [-0.3, np.pi / 4 - 0.22, np.pi / 2])
     assert np.allclose(aim.q_high, [0.3, np.pi / 4 + 0.22, np.pi / 2])
+
+
+def test_learning_flights_reach_beyond_the_default_throws(plain: DirectMap) -> None:
+    """At the nominal catch's distance they are farther to the side and up, slower and faster."""
+    flights = drawn(plain, 7, Neighbourhood(flights=150, kicked=0.0, bounced=0.0))
+    radius = float(np.hypot(*plain.arm.position(plain.start)[:2]))
+    learned = [passing(flight.ball[:, 0], flight.ball[:, 1], radius) for flight in flights]
+    rng, aim = np.random.default_rng(7), aim_of(plain.arm)
+    tested = []
+    for throw in (default_throw(rng, aim) for _ in range(60)):
+        r, dr, rows = throw.r.copy(), throw.dr.copy(), []
+        for _ in range(70):
+            advance(r, dr, 0.04, 0.01)
+            rows.append((r.copy(), dr.copy()))
+        path = np.array(rows)
+        tested.append(passing(path[:, 0], path[:, 1], radius))
+    low, high = np.nanpercentile(np.array(learned), [3, 97], axis=0)
+    assert np.all(low < np.nanpercentile(np.array(tested), 8, axis=0))
+    assert np.all(high > np.nanpercentile(np.array(tested), 92, axis=0))
+
+
+def passing(r: Array, dr: Array, radius: float) -> Array:
+    """Return y, z and speed where positions (K, 3) come within a distance of the axis; or NaN."""
+    k = int(np.argmax(np.hypot(r[:, 0], r[:, 1]) <= radius))
+    near = np.hypot(*r[k, :2]) <= radius
+    return np.array([*r[k, 1:], np.linalg.norm(dr[k])]) if near else np.full(3, np.nan)
+
+
+def test_learning_flights_have_the_drag_of_the_ball(plain: DirectMap) -> None:
+    """A ball with more drag is slowed down more on its way, by its own share of v^2."""
+    for drag in (0.0, 0.3):
+        settings = replace(neighbourhood_of_ball(drag), flights=10, kicked=0.0, bounced=0.0)
+        for flight in drawn(plain, 8, settings):
+            v, a = flight.ball[0, 1], flight.ball[0, 2] + np.array([0.0, 0.0, 9.81])
+            k = float(np.linalg.norm(a) / (v @ v))
+            assert 0.75 * drag - 1e-3 <= k <= 1.25 * drag + 1e-3

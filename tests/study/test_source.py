@@ -37,6 +37,19 @@ def test_a_ball_depends_on_seed_and_index_alone(plain: DirectMap, seed: int, ind
     assert not np.array_equal(first.r, other.r)
 
 
+def test_default_throws_follow_the_scene_s_drag(plain: DirectMap) -> None:
+    """The drag of a source is what its throws are aimed with: more drag is thrown harder."""
+    thick, thin = (
+        source_of(plain, seed=3, count=5, throws_file=None, flights_file=None, drag=drag)
+        for drag in (0.3, 0.0)
+    )
+    for index in range(5):
+        heavy, light = thick.ball(index), thin.ball(index)
+        assert isinstance(heavy, Throw)
+        assert isinstance(light, Throw)
+        assert np.linalg.norm(heavy.dr) > np.linalg.norm(light.dr) + 0.5
+
+
 def test_the_seeds_of_trials_are_all_different(plain: DirectMap) -> None:
     """Over 40 seeds and 50 throws no two trials share their noise."""
     seeds = {source(plain, seed=s).trial_seed(k) for s in range(40) for k in range(50)}

@@ -30,7 +30,7 @@ def test_the_clairvoyant_runs_what_is_lost_or_sampled() -> None:
 
 
 def test_every_failure_is_of_one_kind() -> None:
-    """A promise that neither keeps and a refusal of what can be caught are told apart."""
+    """A promise that is not kept and a refusal of what can be caught are told apart."""
     rows = [
         *(_row("caught", "caught") for _ in range(6)),
         _row("dropped", "caught"),
@@ -42,9 +42,32 @@ def test_every_failure_is_of_one_kind() -> None:
     assert found["throws"] == 10
     assert found["catchable"] == 8
     assert found["caught_of_catchable"]["rate"] == pytest.approx(6 / 8)
-    assert (found["false_feasible"]["count"], found["false_feasible"]["of"]) == (1, 8)
+    assert (found["false_feasible"]["count"], found["false_feasible"]["of"]) == (2, 8)
     assert (found["false_unreachable"]["count"], found["false_unreachable"]["of"]) == (1, 10)
     assert len(found["failures"]) == 4
+
+
+def test_a_catch_beyond_a_limit_is_a_broken_promise() -> None:
+    """A promised catch with one violating tick is false feasible, and proves nothing catchable."""
+    beyond = replace(PLAIN, limit_violations=1)
+    kept = judged(lambda _: PLAIN, lambda _: PLAIN, 0, sampled=False)
+    broken = judged(lambda _: beyond, lambda _: PLAIN, 1, sampled=False)
+    assert counted([kept, broken])["false_feasible"]["count"] == 1
+    refused = replace(PLAIN, status="unreachable", certificate={"outcome": "unreachable"})
+    row = judged(lambda _: refused, lambda _: beyond, 2, sampled=False)
+    assert counted([row])["false_unreachable"]["count"] == 0
+
+
+def test_few_answers_of_the_clairvoyant_stand_for_all_refusals() -> None:
+    """Half of four refusals that were asked about can be caught: so half of all eight."""
+    refused = replace(PLAIN, status="unreachable", certificate={"outcome": "unreachable"})
+    asked = [_row("unreachable", best, verdict="unreachable") for best in ("caught", "missed") * 2]
+    others = [
+        judged(lambda _: refused, lambda _: PLAIN, k, sampled=False, oracle=False) for k in range(4)
+    ]
+    found = counted(asked + others)
+    assert (found["refused"], found["refused_and_asked"]) == (8, 4)
+    assert found["false_unreachable"]["count"] == 4
 
 
 def test_the_sample_stands_for_all_that_is_caught() -> None:

@@ -5,15 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mitt.signals import Array, Image
-from mitt.vision.outlook import field, suffices
-from mitt.vision.segmentation import (
-    MEMORY,
-    WORK,
-    SegmenterConfig,
-    forget,
-    pack_segmenter,
-    watch,
-)
+from mitt.vision.outlook import suffices
+from mitt.vision.segmentation import SegmenterConfig, pack_segmenter, watch
+from mitt.vision.target import MEMORY, WORK, field, forget
 
 HEIGHT, WIDTH = 64, 80
 SETTINGS = pack_segmenter(SegmenterConfig())
@@ -39,17 +33,21 @@ def fresh() -> Array:
 @settings(max_examples=40, deadline=None)
 @given(
     st.integers(0, 2**32), st.floats(-2.5, 2.5), st.floats(-2.5, 2.5), st.floats(1.5, 6.0),
-    st.booleans(),
+    st.booleans(), st.booleans(),
 )  # fmt: skip
 def test_the_rest_of_an_image_is_not_looked_at(
-    seed: int, du: float, dv: float, radius: float, second: bool
+    seed: int, du: float, dv: float, radius: float, second: bool, learned: bool
 ) -> None:
     """Where the window suffices, images that differ beyond it leave the same bits in the memory.
 
-    A ball crosses the image and leaves it, a second one standing in its way or not.
+    A ball crosses the image and leaves it, a second one standing in its way or not, with a
+    background that was learned or without.
     """
     rng, memory, window = np.random.default_rng(seed), fresh(), np.empty(4, np.int64)
     work, other, weights = np.zeros((WORK, 4), np.int64), np.zeros((WORK, 4), np.int64), np.zeros(7)
+    background, scratch, rest = np.empty((0, 0), np.uint8), *np.empty((2, HEIGHT, WIDTH), np.uint8)
+    if learned:
+        background = np.full((HEIGHT, WIDTH), 24, np.uint8)
     enough = 0
     for k in range(24):
         balls = [(40.0 + k * du, 30.0 + k * dv, radius)]
@@ -61,11 +59,12 @@ def test_the_rest_of_an_image_is_not_looked_at(
         seen = slice(window[0], window[1] + 1), slice(window[2], window[3] + 1)
         part[seen] = pixels[seen]
         copy, before = memory.copy(), memory.copy()
-        if known and suffices(part, copy, SETTINGS, other, weights):
+        if known and suffices(part, background, scratch, window, copy, SETTINGS, other, weights):
             assert copy.tobytes() == before.tobytes()
             enough += 1
-            assert watch(part, copy, SETTINGS, other) == watch(pixels, memory, SETTINGS, work)
+            part_seen = watch(part, background, scratch, copy, SETTINGS, other)
+            assert part_seen == watch(pixels, background, rest, memory, SETTINGS, work)
             assert copy.tobytes() == memory.tobytes()
         else:
-            watch(pixels, memory, SETTINGS, work)
+            watch(pixels, background, rest, memory, SETTINGS, work)
     assert enough > 0 or second

@@ -1,5 +1,7 @@
 """The image sensor against brute force, and its noise against its settings."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -134,6 +136,13 @@ def test_frames_may_be_kept() -> None:
 
 def test_impossible_sensors_are_refused() -> None:
     """Settings outside an 8-bit sensor raise."""
-    for settings_ in ({"read_noise": -1.0}, {"brightness": 250.0}, {"background": np.nan}):
+    made: tuple[Callable[[], ImageSensor], ...] = (
+        lambda: ImageSensor(read_noise=-1.0),
+        lambda: ImageSensor(brightness=250.0),
+        lambda: ImageSensor(background=np.nan),
+        lambda: ImageSensor(hand=256.0),
+        lambda: ImageSensor(blur=4.0),
+    )
+    for make in made:
         with pytest.raises(InputError):
-            ImageSensor(**settings_)
+            make()

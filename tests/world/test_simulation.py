@@ -115,7 +115,7 @@ class Card:
     ) -> tuple[Frame, ...]:
         """Return one tiny frame whose number is the tick."""
         assert dr_o is not None
-        assert capsules.shape[1] == 7
+        assert capsules.shape[1] == 8
         assert r_o is not None
         assert radius == 0.04
         pixels = np.zeros((1, 1), np.uint8)

@@ -40,6 +40,23 @@ def test_default_throws_keep_the_contract(aim: Aim) -> None:
         assert abs(azimuth) < 0.125
 
 
+@pytest.mark.parametrize("drag", [0.0, 0.3, 0.5])
+def test_throws_are_aimed_with_the_drag_of_the_ball(aim: Aim, drag: float) -> None:
+    """A ball with another drag leaves the same hand and passes the same point at the same time."""
+    nominal, other = ThrowRanges(), ThrowRanges(drag=drag)
+    for seed in range(20):
+        throw, usual = (
+            default_throw(np.random.default_rng(seed), aim, ranges) for ranges in (other, nominal)
+        )
+        assert np.array_equal(throw.r, usual.r)
+        t = np.linspace(*nominal.duration, 400)
+        ways = [
+            np.array([fly(x.r, x.dr, drag=k, duration=s)[0] for s in t])
+            for x, k in ((throw, drag), (usual, 0.04))
+        ]
+        assert np.linalg.norm(ways[0] - ways[1], axis=1).min() < NEAR_M + 2e-2 * abs(drag - 0.04)
+
+
 def test_a_seed_is_a_throw(aim: Aim) -> None:
     """The same seed draws the same throw, another seed another."""
     first, again, other = (default_throw(np.random.default_rng(s), aim) for s in (1, 1, 2))

@@ -17,7 +17,7 @@ from enum import Enum
 import numpy as np
 
 from mitt.control.envelope import TICK
-from mitt.control.monitor import BRIDGED, FINE
+from mitt.control.monitor import BRIDGED, FAST, FINE
 from mitt.jit import kernel
 from mitt.signals import Array
 
@@ -52,13 +52,14 @@ class Reason(Enum):
     OVERRUN = "overrun"
     TRACKING = "far from the told motion"
     ASKED = "stop asked for"
+    FAST = "joint beyond its speed"
 
 
 (_NONE, _UNSEEN, _ONE_CAMERA, _LATE, _BRIDGED, _BLOCKED, LOST, _SILENT, _JUMPED, _STUCK, _REVERSED,
- CLOCK, OVERRUN, _TRACKING, ASKED) = range(15)  # fmt: skip
+ CLOCK, OVERRUN, _TRACKING, ASKED, _FAST) = range(16)  # fmt: skip
 
 #: Reasons that one joint's encoder gives.
-ENCODER_REASONS = (Reason.SILENT, Reason.JUMPED, Reason.STUCK, Reason.REVERSED)
+ENCODER_REASONS = (Reason.SILENT, Reason.JUMPED, Reason.STUCK, Reason.REVERSED, Reason.FAST)
 
 _T, _TIMELESS, _FAR, _LATES = range(4)
 MEMORY = 4
@@ -137,6 +138,8 @@ def assess(
         stray: Gap that is too large, if it lasts [rad].
     """
     m[_FAR] = m[_FAR] + 1.0 if gap > stray else 0.0
+    if encoders == FAST:
+        return ABORT, _FAST
     if encoders > BRIDGED:
         return ABORT, _SILENT + encoders - BRIDGED - 1
     if clock > _LATE:

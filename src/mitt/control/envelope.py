@@ -6,22 +6,27 @@ Each emitted motion q, dq, ddq is finite and, tick after tick,
 * dq stays below dq_max and changes by no more than ddq_max in a tick; ddq stays below ddq_max;
 * every joint can still stop before the end of its range, braking at its trusted deceleration
   (viability: a clamp alone would let a joint arrive at its stop at full speed);
+* where the limit set has jerk, the acceleration changes by no more than jerk T in a tick, and the
+  way to standstill knows it (:mod:`mitt.control.jerk`); where it has none, the acceleration may
+  step by up to twice ddq_max in a tick;
 * and, where there are bodies to keep clear of, the way to standstill is clear of them
   (:mod:`mitt.control.viability`).
 
-A wish inside these limits passes bit by bit. From outside them the motion returns monotonically.
-The acceleration that the controller wants of the measured joint is bounded likewise; torques are
-cut in :mod:`mitt.control.tracking`, all joints together.
+A wish inside these limits passes bit by bit (with jerk: to rounding). From outside them the motion
+returns monotonically. The acceleration that the controller wants of the measured joint is bounded
+likewise; torques are cut in :mod:`mitt.control.tracking`, all joints together.
 
 | here      | meaning                                                        | unit     | shape  |
 |-----------|----------------------------------------------------------------|----------|--------|
 | ``wanted``| q_d, dq_d, ddq_d before, q, dq, ddq after                      | rad ...  | (3, n) |
-| ``last``  | q, dq emitted in the tick before                               | rad ...  | (2, n) |
-| ``b``     | q_min, q_max, dq_max, deceleration to be trusted, ddq_max      | rad ...  | (5, n) |
+| ``last``  | q, dq, ddq emitted in the tick before; ddq counts for jerk     | rad ...  | (3, n) |
+| ``b``     | q_min, q_max, dq_max, deceleration to be trusted, ddq_max,     | rad ...  | (6, n) |
+|           | jerk, infinite where the limit set has none                    |          |        |
 """
 
 import numpy as np
 
+from mitt.control.jerk import calm, keep_smooth, onwards
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.signals import Array
@@ -37,13 +42,14 @@ _POSES, _SEED = 256, 1
 
 
 def bounds_of(arm: Arm) -> Array:
-    """Return the limits of the active joints with their gaps, shape (5, n).
+    """Return the limits of the active joints with their gaps, shape (6, n).
 
     The trusted deceleration is that of the joint alone in the ready pose; ``ddq_max`` is what the
     torques of all joints together can bring in any of many poses, so that it binds nothing that
     an arm within its torques can do.
     """
     brake = arm.tau_max / np.diag(arm.mass_matrix(arm.q_ready))
+    jerk = arm.limits.jerk
     return np.array(
         [
             arm.q_min + _STOP_GAP,
@@ -51,6 +57,7 @@ def bounds_of(arm: Arm) -> Array:
             _SPEED_SHARE * arm.dq_max,
             brake,
             np.maximum(_largest_acceleration(arm), brake),
+            np.full(arm.n, np.inf) if jerk is None else arm.active(jerk),
         ]
     )
 
@@ -120,10 +127,16 @@ def keep(b: Array, last: Array, wanted: Array) -> bool:
     """Replace a wanted motion by what is emitted, joint by joint; say whether anything changed."""
     changed = False
     for k in range(wanted.shape[1]):
-        q, dq, ddq = keep_joint(
-            b[0, k], b[1, k], b[2, k], b[3, k], b[4, k],
-            last[0, k], last[1, k], wanted[0, k], wanted[1, k], wanted[2, k],
-        )  # fmt: skip
+        if np.isinf(b[5, k]):
+            q, dq, ddq = keep_joint(
+                b[0, k], b[1, k], b[2, k], b[3, k], b[4, k],
+                last[0, k], last[1, k], wanted[0, k], wanted[1, k], wanted[2, k],
+            )  # fmt: skip
+        else:
+            q, dq, ddq = keep_smooth(
+                b[0, k], b[1, k], b[2, k], b[3, k], b[4, k], b[5, k],
+                (last[0, k], last[1, k], last[2, k]), wanted[0, k], wanted[1, k],
+            )  # fmt: skip
         changed |= q != wanted[0, k] or dq != wanted[1, k] or ddq != wanted[2, k]
         wanted[0, k], wanted[1, k], wanted[2, k] = q, dq, ddq
     return changed
@@ -143,7 +156,11 @@ def brake_joint(brake: float, last_q: float, last_dq: float) -> tuple[float, flo
 def slow_down(b: Array, last: Array, wanted: Array) -> None:
     """Want of every joint to brake; q, dq, ddq for the next tick, shape (3, n)."""
     for k in range(wanted.shape[1]):
-        q, dq, ddq = brake_joint(b[3, k], last[0, k], last[1, k])
+        if np.isinf(b[5, k]):
+            q, dq, ddq = brake_joint(b[3, k], last[0, k], last[1, k])
+        else:
+            ddq = calm(last[1, k], last[2, k], b[3, k], b[5, k])
+            q, dq, ddq = onwards(last[0, k], last[1, k], ddq)
         wanted[0, k], wanted[1, k], wanted[2, k] = q, dq, ddq
 
 

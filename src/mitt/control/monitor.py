@@ -1,89 +1,83 @@
-"""Whether the encoders can be believed, and what state the catcher is in.
+"""What the joints do, and whether their encoders can be believed.
 
-An encoder is held to what it read a tick ago and to the motion that the arm was told:
+Positions alone are used: encoders count, and a velocity that is a difference of counts is wrong by
+up to a count in a tick. Each joint has a Kalman filter of position and velocity that is driven by
+the acceleration that the command's torques bring by the model. Its process noise is a third of the
+model's largest error (unknown torque, a fifth of the acceleration, its change since the tick
+before), its measurement noise that of rounding, so it trusts the counts as far as they go.
 
-* a first reading has to lie near the joint's range;
-* a reading that is not finite, or that no motion within the limits explains, is replaced by dead
-  reckoning along the told motion; the third in a row is a fault, so a single glitch passes;
-* an encoder that does not move is stuck if its joint must have moved by more than five counts
-  since: from the speed last read, under the torques, with all that friction may hold and an error
-  of the model against it;
-* one that runs backwards against the acceleration that the torques bring has lost its sign.
+An encoder is in doubt only where no admissible plant explains what it reads:
 
-From a fault on, the joint is reckoned, not read: the arm is stopped along the model. A reversed
-encoder is read with its sign turned: it has driven the joint the wrong way, and only it can tell
-how fast. A stuck encoder that moves on, the same way for some ticks, adds its motion to where the
-joint was reckoned to be: the stop stays, but if it was a false alarm, nobody else sees where the
-joint goes, and if it has lost counts, what is believed does not jump.
+* SILENT: no number for ``SILENT_TICKS`` in a row. Shorter gaps are bridged by the prediction, and
+  up to ``LOSSY_TICKS`` where the joint rests or the encoder has had gaps of late: with 30 % of the
+  readings lost, fifteen in a row are lost once in 7e7 ticks;
+* JUMPED: three readings in a row lie where no motion within the limits leads, impacts included: an
+  impact changes the velocity, not the place;
+* STUCK: the reading stands still while the joint must have moved on by more than five counts,
+  whatever friction and model error hold it;
+* REVERSED: the velocity turns round at once to its mirror image; or for some ticks the reading
+  moves against the torques, and faster than the joint was of late. What is passive does not do
+  that: a wall gives back no more speed than it took;
+* FAST: the joint is half as fast again as its limit.
 
-Memory of the encoders, a row a joint: last believed q and dq, readings refused in a row, least
-motion since the reading changed [rad], ticks stuck, sums of the speed gained by the torques and by
-the reading over a fading window [rad/s], ticks of disagreement, whether the joint is reckoned (1,
-or 2 for a stuck encoder) or read with its sign turned (-1), the reading that it has not left [rad],
-the least speed that the joint has had since [rad/s], and ticks in which a stuck encoder has moved
-one way.
+Then the joint is *unmeasured*: nothing that is read of it reaches the controller. It is reckoned by
+the model from the last state that was trusted. Good readings end that once a person recovers.
+
+Memory, a row a joint: the columns below.
 """
-
-from dataclasses import dataclass
 
 import numpy as np
 
 from mitt.control.envelope import TICK
-from mitt.errors import InputError
 from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.views import view
 
-#: Columns of the memory.
-_Q, _DQ, _REFUSED, _DUE, _STUCK, _GAINED, _READ, _APART, _RECKONED, _HELD, _SPEED, _BACK = range(12)
-COLUMNS = 12
+#: Columns of the memory: estimate, its covariance; ticks without a number, refused readings in a
+#: row, the first of them; estimate at the last reading that was taken, and ticks since.
+_Q, _DQ, _PQ, _PX, _PV, _GONE, _REFUSED, _FIRST, _Q0, _DQ0, _SINCE = range(11)
+#: Reading that the encoder has not left, ticks since, least speed and least way since.
+_HELD, _STILL, _LEAST, _DUE = range(11, 15)
+#: Ticks in which the joint moved against the torques, largest speed of late before them, the joint
+#: reckoned since then; ticks too fast; acceleration told before; what is wrong; good readings since
+#: then, the last one, whether it has moved.
+_AGAINST, _FROM, _SHADOW_Q, _SHADOW_DQ, _FASTS, _PUSH, _DOUBT, _GOOD, _LAST, _MOVED = range(15, 25)
+#: Gaps in the readings of late.
+_GAPS = 25
+COLUMNS = 26
 
 #: What is wrong with an encoder; the first two are not a fault yet.
-FINE, BRIDGED, SILENT, JUMPED, STUCK, REVERSED = range(6)
+FINE, BRIDGED, SILENT, JUMPED, STUCK, REVERSED, FAST = range(7)
 
-#: A joint that is reckoned since its encoder stuck.
-_LEFT = 2.0
-
-#: Readings in a row that make a fault, or show that a stuck encoder moves on, and a reading's
-#: excess over what a limit explains.
+#: Ticks without a number after which an encoder is silent, for one that has read well and for one
+#: that loses readings, and before its first reading.
+SILENT_TICKS, LOSSY_TICKS, _UNREAD = 6, 15, 3
+#: Share of a gap that is forgotten in a tick, and of one that still counts; speed at rest [rad/s].
+_HEALS, _GAP, _RESTS = 0.002, 0.3, 0.05
+#: Refused readings in a row that make a fault, and excess over a speed limit.
 _IN_A_ROW, _EXCESS = 3, 1.5
 #: How far outside a joint's range a first reading may lie [rad].
 _BEYOND = 0.5
-#: Counts of least motion after which a still encoder is suspicious, and ticks until it is stuck.
-_COUNTS, _STILL = 5.0, 2
-#: Share of a joint's largest torque that friction may take, and share of the acceleration by the
-#: model that may be wrong.
-_FRICTION, _DOUBT = 0.1, 0.2
-#: Share of the window that fades each tick; gained speed from which the signs are compared
-#: [rad/s], the share of it that a reversed encoder shows, and ticks until it counts.
-_FADING, _GAIN, _AGAINST, _TICKS_APART = 0.2, 0.25, 0.3, 3
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Encoders:
-    """What is known of the encoders.
-
-    Attributes:
-        step: Resolution of each joint's encoder [rad], one number for all or one a joint; None:
-            the arm's own.
-    """
-
-    step: float | tuple[float, ...] | None = None
-
-    def steps(self, own: Array) -> Array:
-        """Return the resolution of each joint's encoder [rad], shape (n,).
-
-        Args:
-            own: The arm's, shape (n,).
-
-        Raises:
-            InputError: Not one number above 0 for each joint.
-        """
-        given = own if self.step is None else np.atleast_1d(np.asarray(self.step, np.float64))
-        if given.shape not in ((1,), own.shape) or not np.all((given > 0.0) & (given < 0.1)):
-            wanted = f"one number or {len(own)}, above 0 and below 0.1 rad"
-            raise InputError("encoder step", wanted, self.step)
-        return np.array(np.broadcast_to(given, own.shape))
+#: Counts of least motion after which a still encoder is stuck, and ticks that it takes at least.
+_COUNTS, _STILL_TICKS = 5.0, 3
+#: Room before the end of a joint's range in which the end stop may hold it [rad].
+_STOP = 0.03
+#: Share of the modelled acceleration that may be wrong, and of the largest error that is one sigma.
+_MODEL, _SIGMA = 0.2, 1.0 / 3.0
+#: For how many ticks a model error lasts, which the process noise allows for.
+_LASTING = 5.0
+#: Sigmas of an innovation beyond which a reading is refused.
+_GATE = 6.0
+#: Mirror image of a velocity: smallest speed [rad/s], and how alike the two have to be.
+_MIRROR, _ALIKE = 0.3, 0.05
+#: Multiple of the unknown acceleration from which torques tell a sign, ticks that the speed has to
+#: grow against them, and by how much [rad/s].
+_SURE, _TICKS_AGAINST, _GAINED = 2.0, 10, 0.1
+#: Share of the largest speed of late that is forgotten in a tick: what gave way then gives it back.
+_FORGETS = 0.005
+#: Good readings in a row after which an encoder in doubt counts as good again, how near they have
+#: to be to where the joint is reckoned [rad], and counts that a stuck one has to move.
+GOOD_TICKS, _NEAR, _MOVES = 50, 0.1, 3.0
 
 
 def memory_of(n: int) -> Array:
@@ -94,8 +88,16 @@ def memory_of(n: int) -> Array:
 
 
 def doubted(memory: Array) -> list[int]:
-    """Return the joints whose encoders are not believed, by their indices."""
-    return [int(k) for k in np.flatnonzero(memory[:, _RECKONED])]
+    """Return the joints whose encoders are in doubt, by their indices."""
+    return [int(k) for k in np.flatnonzero(memory[:, _DOUBT])]
+
+
+def good_again(memory: Array) -> Array:
+    """Say of each encoder whether it is believed, or has read well since it was in doubt, (n,)."""
+    fine = (memory[:, _DOUBT] == FINE) & (memory[:, _GONE] == 0.0)
+    moved = (memory[:, _DOUBT] != STUCK) | (memory[:, _MOVED] > 0.0)
+    out: Array = fine | ((memory[:, _GOOD] >= GOOD_TICKS) & moved)
+    return out
 
 
 @kernel
@@ -103,8 +105,10 @@ def believe(
     memory: Array,
     b: Array,
     steps: Array,
+    doubt: Array,
     read: Array,
     told: Array,
+    held: bool,
     believed: Array,
 ) -> int:
     """Write what is believed of the joints, and say what is wrong with the worst encoder.
@@ -113,30 +117,27 @@ def believe(
         memory: Overwritten, shape (n, COLUMNS).
         b: Limits, as of :mod:`mitt.control.envelope`, shape (>= 5, n).
         steps: Resolution of the encoders [rad], shape (n,).
-        read: q, dq as read [rad, rad/s], shape (2, n).
+        doubt: Acceleration that unknown torques can bring [rad/s^2], shape (n,).
+        read: q, dq as read [rad, rad/s], shape (2, n); dq counts in the first tick alone.
         told: q, dq, ddq, tau told in the tick before, and the acceleration that its torques
             bring by the model, shape (5, n).
+        held: Whether brakes hold the joints: one that is not measured rests.
         believed: Result: q, dq, shape (2, n).
     """
     worst = FINE
     for k in range(read.shape[1]):
-        count = steps[k]
-        m, q, dq = view(memory, k * COLUMNS, (COLUMNS,)), read[0, k], read[1, k]
-        if np.isnan(m[_Q]) and _may_begin(b, k, q, dq):
-            m[_Q], m[_DQ], m[_HELD] = q, dq, q
-        moved = q - m[_HELD]
-        moves_on = m[_RECKONED] == _LEFT and _moves_on(m, b, k, count, q, dq)
-        found = _judge(m, b[2, k], b[3, k], b[4, k], count, q, dq, told[4, k])
-        if found >= SILENT and m[_RECKONED] == 0.0:
-            m[_RECKONED] = -1.0 if found == REVERSED else (_LEFT if found == STUCK else 1.0)
-        if found == FINE and m[_RECKONED] == 0.0:
-            m[_Q], m[_DQ] = q, dq
-        elif moves_on:
-            m[_Q], m[_DQ] = m[_Q] + moved, dq
-        elif m[_RECKONED] < 0.0 and _may_begin(b, k, -q, -dq):
-            m[_Q], m[_DQ] = -q, -dq
-        elif not np.isnan(m[_Q]):
-            m[_Q], m[_DQ] = m[_Q] + TICK * told[1, k], told[1, k]
+        m, q = view(memory, k * COLUMNS, (COLUMNS,)), read[0, k]
+        push = told[4, k] if np.isfinite(told[4, k]) else 0.0
+        if np.isnan(m[_Q]):
+            found = _begin(m, b, k, steps[k], q, read[1, k])
+        elif m[_DOUBT] != FINE:
+            found = int(m[_DOUBT])
+            _reckon(m, b[2, k], steps[k], q, push, held)
+        else:
+            found = _observe(m, b, k, steps[k], doubt[k], q, push)
+            if found >= SILENT:
+                m[_DOUBT], m[_GOOD], m[_MOVED], m[_LAST] = found, 0.0, 0.0, q
+        m[_PUSH] = push
         if not np.isnan(m[_Q]):
             believed[0, k], believed[1, k] = m[_Q], m[_DQ]
         worst = max(worst, found)
@@ -144,61 +145,156 @@ def believe(
 
 
 @kernel
-def _may_begin(b: Array, k: int, q: float, dq: float) -> bool:
-    """Say whether a reading by itself can be one of this joint; one that is no number cannot."""
-    return bool(b[0, k] - _BEYOND <= q <= b[1, k] + _BEYOND and abs(dq) <= _EXCESS * b[2, k])
+def _begin(m: Array, b: Array, k: int, step: float, q: float, dq: float) -> int:
+    """Take the first reading, if it can be one of this joint."""
+    if not b[0, k] - _BEYOND <= q <= b[1, k] + _BEYOND:
+        m[_GONE] += 1.0
+        return SILENT if m[_GONE] >= _UNREAD else BRIDGED
+    known = abs(dq) <= _EXCESS * b[2, k]
+    _take(m, q, dq if known else 0.0, step)
+    m[_GONE], m[_HELD], m[_LEAST] = 0.0, q, 0.0
+    return FINE
 
 
 @kernel
-def _moves_on(m: Array, b: Array, k: int, count: float, q: float, dq: float) -> bool:
-    """Say whether a stuck encoder has moved one way for some ticks, by a count or more in each."""
-    moved = q - m[_HELD]
-    if not (abs(moved) >= 0.5 * count and moved * dq > 0.0 and _may_begin(b, k, q, dq)):
-        m[_BACK] = 0.0
-        return False
-    way = np.copysign(1.0, moved)
-    m[_BACK] = m[_BACK] + way if m[_BACK] * way > 0.0 else way
-    m[_HELD] = q
-    return bool(abs(m[_BACK]) >= _IN_A_ROW)
+def _take(m: Array, q: float, dq: float, step: float) -> None:
+    """Begin the filter from a reading and a velocity that is a difference of readings."""
+    r = step * step / 12.0
+    m[_Q], m[_DQ], m[_Q0], m[_DQ0], m[_SINCE] = q, dq, q, dq, 0.0
+    m[_PQ], m[_PX], m[_PV] = r, r / TICK, 2.0 * r / (TICK * TICK)
+    m[_REFUSED], m[_AGAINST], m[_FROM] = 0.0, 0.0, max(m[_FROM], abs(dq))
 
 
 @kernel
-def _judge(
-    m: Array,
-    dq_max: float,
-    brake: float,
-    ddq_max: float,
-    count: float,
-    q: float,
-    dq: float,
-    push: float,
-) -> int:
-    """Say what is wrong with one encoder."""
-    finite = np.isfinite(q) and np.isfinite(dq)
-    if not finite or np.isnan(m[_Q]):
-        m[_REFUSED] += 1.0
-        return SILENT if m[_REFUSED] >= _IN_A_ROW else BRIDGED
-    moved, gained = q - m[_Q], dq - m[_DQ]
-    far = abs(moved) > _EXCESS * dq_max * TICK + _COUNTS * count
-    fast = abs(dq) > _EXCESS * dq_max or abs(gained) > _EXCESS * ddq_max * TICK + count / TICK
-    still = abs(q - m[_HELD]) < 0.5 * count
-    speed = (m[_SPEED] if still else m[_DQ]) + push * TICK
-    least = abs(speed) - (_FRICTION * brake + _DOUBT * abs(push)) * TICK
-    least = np.copysign(max(least, 0.0), speed)
-    if still:
-        m[_SPEED], m[_DUE] = least, m[_DUE] + least * TICK
+def _reckon(m: Array, dq_max: float, step: float, q: float, push: float, held: bool) -> None:
+    """Carry an unmeasured joint on by the model, and watch what its encoder reads."""
+    if held:
+        m[_DQ] = 0.0
     else:
-        slow = far or fast or abs(dq) < abs(least)
-        m[_HELD], m[_DUE], m[_SPEED] = q, 0.0, least if slow else dq
-    m[_STUCK] = m[_STUCK] + 1.0 if abs(m[_DUE]) > _COUNTS * count else 0.0
-    if m[_STUCK] >= _STILL:
+        m[_Q] += TICK * (m[_DQ] + 0.5 * TICK * push)
+        m[_DQ] = min(max(m[_DQ] + TICK * push, -dq_max), dq_max)
+    moved = abs(q - m[_LAST]) if np.isfinite(q) and np.isfinite(m[_LAST]) else np.inf
+    likely = moved <= _EXCESS * dq_max * TICK + 2.0 * step and abs(q - m[_Q]) <= _NEAR
+    m[_GOOD] = m[_GOOD] + 1.0 if likely else 0.0
+    if likely and abs(q - m[_HELD]) >= _MOVES * step:
+        m[_MOVED] = 1.0
+    m[_LAST] = q
+
+
+@kernel
+def _observe(m: Array, b: Array, k: int, step: float, doubt: float, q: float, push: float) -> int:
+    """Predict a measured joint, correct it by its reading, and say what is wrong with that."""
+    error = doubt + _MODEL * abs(push) + abs(push - m[_PUSH])
+    _predict(m, push, error)
+    if not np.isfinite(q):
+        m[_GONE] += 1.0
+        lossy = m[_GAPS] > _GAP or abs(m[_DQ]) < _RESTS
+        return SILENT if m[_GONE] >= (LOSSY_TICKS if lossy else SILENT_TICKS) else BRIDGED
+    m[_GAPS] = (1.0 - _HEALS) * m[_GAPS] + (1.0 if m[_GONE] > 0.0 else 0.0)
+    m[_GONE] = 0.0
+    if _stands_still(m, b, k, step, error, q, push):
         return STUCK
-    if far or fast:
+    off, r = q - m[_Q], step * step / 12.0
+    gate = _GATE * np.sqrt(m[_PQ] + r) + step + _EXCESS * b[4, k] * TICK * TICK
+    if abs(off) > gate:
+        m[_FIRST] = q if m[_REFUSED] == 0.0 else m[_FIRST]
         m[_REFUSED] += 1.0
-        return JUMPED if m[_REFUSED] >= _IN_A_ROW else BRIDGED
-    m[_REFUSED] = 0.0
-    m[_GAINED] += push * TICK - _FADING * m[_GAINED]
-    m[_READ] += gained - _FADING * m[_READ]
-    against = m[_READ] * np.copysign(1.0, m[_GAINED]) < -_AGAINST * abs(m[_GAINED])
-    m[_APART] = m[_APART] + 1.0 if abs(m[_GAINED]) > _GAIN and against else 0.0
-    return REVERSED if m[_APART] >= _TICKS_APART else FINE
+        return _refused(m, b[2, k], b[4, k], step, q) if m[_REFUSED] >= _IN_A_ROW else BRIDGED
+    _correct(m, off, r)
+    m[_FASTS] = m[_FASTS] + 1.0 if abs(m[_DQ]) - 3.0 * np.sqrt(m[_PV]) > _EXCESS * b[2, k] else 0.0
+    if m[_FASTS] >= _IN_A_ROW:
+        return FAST
+    return REVERSED if _against(m, doubt, push) else FINE
+
+
+@kernel
+def _predict(m: Array, push: float, error: float) -> None:
+    """Carry estimate and covariance on by a tick."""
+    sigma = _SIGMA * error
+    v = _LASTING * sigma * sigma * TICK * TICK
+    m[_Q] += TICK * (m[_DQ] + 0.5 * TICK * push)
+    m[_DQ] += TICK * push
+    m[_PQ] += TICK * (2.0 * m[_PX] + TICK * (m[_PV] + 0.25 * v))
+    m[_PX] += TICK * (m[_PV] + 0.5 * v)
+    m[_PV] += v
+    m[_SINCE] += 1.0
+
+
+@kernel
+def _correct(m: Array, off: float, r: float) -> None:
+    """Take a reading in that is off by so much [rad], with a variance [rad^2]."""
+    s = m[_PQ] + r
+    gain, rate = m[_PQ] / s, m[_PX] / s
+    m[_Q] += gain * off
+    m[_DQ] += rate * off
+    m[_PV] -= rate * m[_PX]
+    m[_PX] *= 1.0 - gain
+    m[_PQ] *= 1.0 - gain
+    m[_Q0], m[_DQ0], m[_SINCE], m[_REFUSED] = m[_Q], m[_DQ], 0.0, 0.0
+
+
+@kernel
+def _refused(m: Array, dq_max: float, ddq_max: float, step: float, q: float) -> int:
+    """Say what three readings in a row mean that the prediction does not explain.
+
+    If the joint was struck at some instant since the last good reading, the line through the new
+    readings meets the one that it was on then. A jump leaves a gap between them.
+    """
+    ticks = m[_SINCE]
+    dq = (q - m[_FIRST]) / ((_IN_A_ROW - 1) * TICK)
+    change = abs(dq - m[_DQ0])
+    gap = abs(q - dq * ticks * TICK - m[_Q0])
+    bent = _EXCESS * ddq_max * (ticks * TICK) ** 2
+    if abs(dq) > _EXCESS * dq_max or gap > change * ticks * TICK + bent + 4.0 * step:
+        return JUMPED
+    alike = abs(dq + m[_DQ0]) < _ALIKE * abs(m[_DQ0]) + 2.0 * step / TICK
+    if alike and abs(m[_DQ0]) > max(_MIRROR, 10.0 * step / TICK):
+        return REVERSED
+    _take(m, q, dq, step)
+    return FINE
+
+
+@kernel
+def _stands_still(
+    m: Array, b: Array, k: int, step: float, error: float, q: float, push: float
+) -> bool:
+    """Say whether a reading stands still that must have moved."""
+    if abs(q - m[_HELD]) >= 0.5 * step:
+        sure = max(abs(m[_DQ]) - 3.0 * np.sqrt(m[_PV]), 0.0)
+        m[_HELD], m[_STILL], m[_DUE] = q, 0.0, 0.0
+        m[_LEAST] = np.copysign(sure, m[_DQ])
+        return False
+    speed = m[_LEAST] + push * TICK
+    m[_STILL] += 1.0
+    m[_LEAST] = np.copysign(max(abs(speed) - error * TICK, 0.0), speed)
+    m[_DUE] += m[_LEAST] * TICK
+    if m[_LEAST] == 0.0:
+        m[_DUE] = 0.0
+    at_stop = (m[_DUE] > 0.0 and q > b[1, k] + _STOP) or (m[_DUE] < 0.0 and q < b[0, k] - _STOP)
+    due = abs(m[_DUE]) > (_COUNTS + 1.0) * step and m[_STILL] >= _STILL_TICKS
+    if due and not at_stop and abs(m[_DQ]) < abs(m[_LEAST]):  # the reading has led it astray
+        m[_Q], m[_DQ] = m[_HELD] + m[_DUE], m[_LEAST]
+    return bool(due and not at_stop)
+
+
+@kernel
+def _against(m: Array, doubt: float, push: float) -> bool:
+    """Say whether a reading has gained speed against the torques for too long to be true.
+
+    The state of the joint is then that of the beginning, carried on by the model.
+    """
+    speed = abs(m[_DQ])
+    if not (abs(push) > _SURE * doubt and m[_DQ] * push < 0.0):
+        m[_AGAINST], m[_FROM] = 0.0, max(speed, (1.0 - _FORGETS) * m[_FROM])
+        m[_SHADOW_Q], m[_SHADOW_DQ] = m[_Q], m[_DQ]
+        return False
+    m[_SHADOW_Q] += TICK * (m[_SHADOW_DQ] + 0.5 * TICK * push)
+    m[_SHADOW_DQ] += TICK * push
+    m[_AGAINST] += 1.0
+    if m[_AGAINST] == _TICKS_AGAINST // 2:  # a blow is over by now
+        m[_FROM] = max(m[_FROM], speed)
+    least = _GAINED + 3.0 * np.sqrt(m[_PV])
+    if m[_AGAINST] < _TICKS_AGAINST or speed - m[_FROM] < least:
+        return False
+    m[_Q], m[_DQ] = m[_SHADOW_Q], m[_SHADOW_DQ]
+    return True

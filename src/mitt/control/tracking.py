@@ -15,15 +15,15 @@ from mitt.control.viability import Guard
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.dynamics import inverse_dynamics
-from mitt.robot.limits import bound_of, drive_asked, saturate
+from mitt.robot.limits import bound_of, drive_asked, largest_share, saturate
 from mitt.robot.shapes import Surroundings
 from mitt.signals import ArmState, Array, Command
 from mitt.views import view
 
 #: Change of a torque that counts as meeting a limit [N m].
 _TOUCH = 1e-9
-#: Numbers that the tracking notes of each link: four of its own, the rest of its dynamics.
-NOTES = 22
+#: Numbers that the tracking notes of each link: five of its own, the rest of its dynamics.
+NOTES = 23
 #: Rows of what a tick tells the arm: q, dq, ddq, tau, and the acceleration that tau brings.
 ROWS = 5
 
@@ -107,8 +107,8 @@ def track(
         index: Active joints among the links, shape (n,).
         q: Encoders [rad], shape (n,).
         dq: Encoders [rad/s], shape (n,).
-        told: q, dq, ddq as the envelope let them pass; result: tau of the active joints, and the
-            acceleration that it brings by the model, shape (ROWS, n).
+        told: q, dq, ddq as the envelope let them pass; result: tau of the active joints in the
+            fourth row; the fifth is scratch, shape (ROWS, n).
         notes: Scratch, shape (N, NOTES).
 
     Returns:
@@ -117,7 +117,7 @@ def track(
     links, n = len(bodies), len(index)
     asked, speed = view(notes, 0, (links,)), view(notes, links, (links,))
     kept, push = view(notes, 2 * links, (links,)), view(told, 4 * n, (n,))
-    scratch = view(notes, 4 * links, (links, NOTES - 4))
+    scratch = view(notes, 5 * links, (links, NOTES - 5))
     for k in range(n):
         lag, slow = told[0, k] - q[k], told[1, k] - dq[k]
         push[k] = told[2, k] + 2.0 * bandwidth * slow + bandwidth * bandwidth * lag
@@ -135,28 +135,34 @@ def track(
         coast[:] = 0.0
         bound_acceleration(bounds, q, dq, coast)
         inverse_dynamics(bodies, q, dq, coast, given, scratch)
-        share = _cut(drives, given, asked, speed, kept)
-        for k in range(n):
-            push[k] = coast[k] + share * (push[k] - coast[k])
+        if largest_share(drives, given, speed) <= 1.0:
+            _cut(drives, given, asked, speed, kept)
+        else:
+            level = view(notes, 4 * links, (links,))
+            coast[:] = 0.0
+            inverse_dynamics(bodies, q, dq, coast, level, scratch)
+            if largest_share(drives, level, speed) > 1.0:
+                level[:] = 0.0
+            _cut(drives, level, given, speed, kept)
     for k in range(n):
         told[3, k] = kept[index[k]]
     return met
 
 
 @kernel
-def _cut(drives: Array, rest: Array, asked: Array, speed: Array, kept: Array) -> float:
+def _cut(drives: Array, rest: Array, asked: Array, speed: Array, kept: Array) -> None:
     """Write torques within every limit that lead as far towards the wish as they can.
 
     Torques are cut along the line from those of coasting to those asked for, all joints by the
-    same share, which is returned: then each acceleration stays between coasting and the wish,
-    which both respect the speed limits and the stops. Cutting joint by joint would let one
-    joint's limit push another beyond its own.
+    same share: then each acceleration stays between coasting and the wish, which both respect the
+    speed limits and the stops. Cutting joint by joint would let one joint's limit push another
+    beyond its own. Where the torques cannot even keep coasting within the limits, the line leads
+    there from constant speed, or, where those torques are beyond the limits too, from none at all.
     """
     share = _share(drives, rest, asked, speed)
     for k in range(len(asked)):
         asked[k] = rest[k] + share * (asked[k] - rest[k])
     saturate(drives, asked, speed, kept)
-    return float(share)
 
 
 def all_finite(x: Array) -> bool:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.control.envelope import bounds_of, keep, slow_down
+from mitt.control.jerk import braked
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Shapes, Surroundings, clearance, shapes_of
@@ -37,12 +38,11 @@ def stops_clear(
     table: Array,
     pairs: NDArray[np.int64],
     b: Array,
-    q: Array,
-    dq: Array,
+    motion: Array,
     known: Array,
     work: Array,
 ) -> bool:
-    """Say whether the way to standstill from ``q``, ``dq`` keeps ``MARGIN`` from everything.
+    """Say whether the way to standstill from a motion keeps ``MARGIN`` from everything.
 
     Where the room that was last measured suffices, less what the arm has moved since, it is not
     measured again.
@@ -51,31 +51,36 @@ def stops_clear(
         bodies: Table of :mod:`mitt.robot.dynamics`, shape (N, 31).
         table: Shapes, shape (m, 8).
         pairs: Those to be kept apart, shape (p, 2).
-        b: Limits, as of :mod:`mitt.control.envelope`, shape (6, n).
-        q: Positions [rad], shape (n,).
-        dq: Speeds [rad/s], shape (n,).
+        b: Limits, as of :mod:`mitt.control.envelope`, then the reach of each joint, shape (7, n).
+        motion: q, dq, ddq, shape (3, n).
         known: Where room was last measured [rad], and how much there was [m], overwritten,
             shape (n + 1,).
         work: Scratch, shape (2 m + n, 3).
     """
     bodies, table, pairs, known, work = lent((bodies, table, pairs, known, work))
-    n, t = len(q), 0.0
+    n, t = motion.shape[1], 0.0
     ends, way = view(work, 3 * n, (len(work) - n, 3)), view(work, 0, (n,))
     for look in range(_LOOKS):
-        left, pace, moved = 0.0, 0.0, _TRIFLE
+        left, pace, moved, unsure = 0.0, 0.0, _TRIFLE, 0.0
         for k in range(n):
-            brake, speed, reach = b[3, k], abs(dq[k]), b[5, k]
+            brake, speed, reach, jerk = b[3, k], abs(motion[1, k]), b[6, k], b[5, k]
             passed = min(t, speed / brake)
-            gone = passed * (speed - 0.5 * brake * passed)
-            way[k] = q[k] + np.copysign(gone, dq[k])
-            left += reach * (0.5 * speed * speed / brake - gone)
-            pace += reach * max(speed - brake * t, 0.0)
-            moved += reach * abs(q[k] - known[k])
+            gone, then = passed * (speed - 0.5 * brake * passed), max(speed - brake * t, 0.0)
+            whole = 0.5 * speed * speed / brake
+            if not np.isinf(jerk):  # where it is at most; where it is for sure is not known
+                least, turns = gone, 0.5 * motion[2, k] ** 2 / jerk > speed
+                gone, then = braked(motion[1, k], motion[2, k], brake, jerk, t)
+                whole, _ = braked(motion[1, k], motion[2, k], brake, jerk, np.inf)
+                unsure += 2.0 * reach * (gone if turns else gone - least)
+            way[k] = motion[0, k] + np.copysign(gone, motion[1, k])
+            left += reach * (whole - gone)
+            pace += reach * then
+            moved += reach * abs(motion[0, k] - known[k])
         if look == 0 and max(left, _SLIVER) < known[n] - moved:
             return True
-        room = clearance(bodies, way, table, pairs, ends) - MARGIN
+        room = clearance(bodies, way, table, pairs, ends) - MARGIN - unsure
         if look == 0:
-            known[:n], known[n] = q, room
+            known[:n], known[n] = motion[0], room
         if room < 0.0 or (room < _SLIVER and left > 0.0):
             return False
         if left <= room:
@@ -105,8 +110,8 @@ def guard(
         bodies: Table of :mod:`mitt.robot.dynamics`, shape (N, 31).
         table: Shapes, shape (m, 8).
         pairs: Those to be kept apart, shape (p, 2).
-        b: Limits, as of :mod:`mitt.control.envelope`, shape (6, n).
-        last: q, dq emitted in the tick before, overwritten, shape (2, n).
+        b: As for :func:`stops_clear`, shape (7, n).
+        last: q, dq, ddq emitted in the tick before, overwritten, shape (3, n).
         wanted: q_d, dq_d, ddq_d; q, dq, ddq afterwards, shape (3, n).
         known: As for :func:`stops_clear`.
         work: Scratch, shape (2 m + n, 3).
@@ -116,12 +121,12 @@ def guard(
     """
     b, last, wanted = lent((b, last, wanted))
     result = KEPT if keep(b, last, wanted) else PASSED
-    blocked = not stops_clear(bodies, table, pairs, b, wanted[0], wanted[1], known, work)
+    blocked = not stops_clear(bodies, table, pairs, b, wanted, known, work)
     if blocked and not _leads_out(bodies, table, pairs, last, wanted, work):
         result = BLOCKED
         slow_down(b, last, wanted)
     for k in range(wanted.shape[1]):
-        last[0, k], last[1, k] = wanted[0, k], wanted[1, k]
+        last[0, k], last[1, k], last[2, k] = wanted[0, k], wanted[1, k], wanted[2, k]
     return result
 
 
@@ -147,9 +152,9 @@ class Guard:
     """The envelope of one arm: what is emitted passes through here and nowhere else.
 
     Attributes:
-        bounds: Limits, as of :mod:`mitt.control.envelope`, shape (6, n).
+        bounds: As for :func:`stops_clear`, shape (7, n).
         shapes: Shapes of the arm and of what stands around it.
-        last: q, dq emitted in the tick before, shape (2, n).
+        last: q, dq, ddq emitted in the tick before, shape (3, n).
         known: As for :func:`stops_clear`.
         work: Scratch.
     """
@@ -157,7 +162,7 @@ class Guard:
     def __init__(self, arm: Arm, around: Surroundings) -> None:
         """Take the arm and what stands around it; the arm is taken to rest in its ready pose."""
         self.shapes, self.bounds = _numbers(arm, around)
-        self.last = np.array([arm.q_ready, np.zeros(arm.n)])
+        self.last = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)])
         self.known = np.full(arm.n + 1, -np.inf)
         self.work = np.zeros((arm.n + 2 * len(self.shapes.table), 3))
         self._packed = arm.bodies, self.shapes.table, self.shapes.pairs, self.bounds
@@ -165,7 +170,7 @@ class Guard:
     def begin(self, q: Array, dq: Array) -> None:
         """Start from where the arm is, [rad, rad/s], shapes (n,); what is not finite is left."""
         if np.all(np.isfinite(q)) and np.all(np.isfinite(dq)):
-            self.last[0], self.last[1] = q, dq
+            self.last[0], self.last[1], self.last[2] = q, dq, 0.0
 
     def step(self, wanted: Array) -> int:
         """Replace a wanted motion, shape (3, n), by what is emitted; see :func:`guard`."""
@@ -173,7 +178,8 @@ class Guard:
 
     def clear(self, q: Array, dq: Array) -> bool:
         """Say whether an arm that moves so can come to standstill without touching anything."""
-        return bool(stops_clear(*self._packed, q, dq, self.known, self.work))
+        motion = np.array([q, dq, np.zeros_like(q)])
+        return bool(stops_clear(*self._packed, motion, self.known, self.work))
 
 
 @lru_cache(maxsize=32)

@@ -4,11 +4,12 @@ The ball's estimate is flown on by the flight model to the catch, the map is ada
 and what the motion asks of the arm is held against its limits.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
 
+from mitt import checks
 from mitt.generator import foresight
 from mitt.generator.demand import Tolerance, shares_of
 from mitt.generator.foresight import Foresight, flown, foresee, spread
@@ -41,6 +42,21 @@ class Outcome(Enum):
     UNREACHABLE = "unreachable"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Approach:
+    """The motion that a verdict rests on, from now to the catch.
+
+    Attributes:
+        motion: q, dq, ddq asked at even instants, the last at the catch, shape (K, 3, n).
+        step: Time between two of them [s].
+        dr_o: Velocity of the ball at the catch [m/s], shape (3,).
+    """
+
+    motion: Array
+    step: float
+    dr_o: Array
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
     """What the certificate says.
@@ -52,6 +68,7 @@ class Verdict:
         t_catch: Predicted time of the catch [s]; infinite without one.
         sigma: Predicted 1-sigma of the ball's position then [m].
         probability: Of a catch, given the ball's uncertainty; NaN where it was not reckoned.
+        approach: The motion that it rests on; None where there is none.
     """
 
     outcome: Outcome
@@ -60,6 +77,7 @@ class Verdict:
     t_catch: float
     sigma: float
     probability: float = np.nan
+    approach: Approach | None = field(default=None, compare=False, repr=False)
 
     @property
     def margin(self) -> float:
@@ -71,6 +89,7 @@ def judge(
     f: DirectMap, ball: BallState, q: Array, *, tolerance: Tolerance, dq: Array | None = None
 ) -> Verdict:
     """Return the verdict on a ball for an arm in ``q`` [rad], (n,), at rest or moving at ``dq``."""
+    ball, q = _checked(ball), checks.vector("q", q, f.arm.n, finite=True)
     return tempered(_judged(f, ball, q, tolerance=tolerance, dq=dq), ball)
 
 
@@ -85,10 +104,15 @@ def unsettled(f: DirectMap, ball: BallState) -> bool:
 
     The ball is led, and its catch is far ahead or lies outside the map's region.
     """
-    if not ball.led:
+    if not _checked(ball).led:
         return False
     seen = foresee(f, ball)
     return not _comes_soon(ball, ball.t + seen.after) or _where(f, seen) is not None
+
+
+def _checked(ball: BallState) -> BallState:
+    """Return an estimate of a ball; InputError where it is something else."""
+    return checks.instance("ball", ball, BallState)
 
 
 def _comes_soon(ball: BallState, t_catch: float) -> bool:
@@ -108,7 +132,8 @@ def _judged(
     if alpha is None:
         return _turned_down(f, ball, seen, "domain")
     path = flown(ball, np.linspace(0.0, seen.after, _INSTANTS))
-    shares = shares_of(f.arm, f.motions(path, alpha), tolerance)
+    motion = f.motions(path, alpha)
+    shares = shares_of(f.arm, motion, tolerance)
     binding = max(shares, key=lambda name: shares[name])
     return Verdict(
         outcome=Outcome.FEASIBLE if shares[binding] <= 1.0 else Outcome.UNREACHABLE,
@@ -116,6 +141,7 @@ def _judged(
         share=shares[binding],
         t_catch=ball.t + seen.after,
         sigma=spread(ball, seen.after),
+        approach=Approach(motion=motion, step=seen.after / (_INSTANTS - 1), dr_o=path[-1, 1]),
     )
 
 
@@ -141,12 +167,12 @@ def trusted(f: DirectMap) -> Array:
 
 def sharpness(f: DirectMap, ball: BallState) -> float:
     """Return the predicted 1-sigma of the ball at the catch [m]; infinite without a catch."""
-    return foresight.sharpness(f, ball, *trusted(f))
+    return foresight.sharpness(f, _checked(ball), *trusted(f))
 
 
 def returns(f: DirectMap, ball: BallState) -> bool:
     """Say whether an open throw has come back: its predicted catch lies in the map's region."""
-    return _where(f, foresee(f, ball)) is None
+    return _where(f, foresee(f, _checked(ball))) is None
 
 
 def levelled(f: DirectMap, ball: BallState) -> BallState:
@@ -154,6 +180,7 @@ def levelled(f: DirectMap, ball: BallState) -> BallState:
 
     A bounce changes neither where over the ground the ball flies nor, much, how fast.
     """
+    ball = _checked(ball)
     motion = np.array([ball.r_o, ball.dr_o, ball.ddr_o])
     level(motion, waiting_height(f))
     return replace(ball, r_o=motion[0], dr_o=motion[1], ddr_o=motion[2])

@@ -4,14 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mitt import checks
 from mitt.errors import InputError, ModelError
 from mitt.generator.planar import plane_of
+from mitt.generator.polynomial import MOST_ORDER
 from mitt.generator.tangent import Tangent
 from mitt.robot.arm import Arm
 from mitt.signals import Array
-
-#: Highest degree of a map's polynomial: 120 monomials of three joints.
-MOST_ORDER = 9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +34,25 @@ class MapDesign:
     inward: float = 0.0
     order: int = 4
     free: tuple[int, int, int] = (0, 1, 2)
+
+    def __post_init__(self) -> None:
+        """Refuse what no map can have; an arm may refuse more."""
+        fields: dict[str, object] = {
+            "catch_joint": checks.whole("catch_joint", self.catch_joint, least=0),
+            "order": checks.whole("order", self.order, least=2, most=MOST_ORDER),
+        }
+        for name, value in (
+            ("q_catch", self.q_catch), ("kappa", self.kappa), ("inward", self.inward)
+        ):  # fmt: skip
+            fields[name] = checks.number(name, value)
+            if not np.isfinite(value):
+                raise ModelError(name, "a finite number", value)
+        given = self.free if isinstance(self.free, tuple | list) else ()
+        if len(given) != 3:
+            raise InputError("free", "three indices of joints", checks.shown(self.free))
+        fields["free"] = tuple(checks.whole("free", k, least=0) for k in given)
+        for name, kept in fields.items():
+            object.__setattr__(self, name, kept)
 
 
 #: Designs chosen by computation, by arm and limit set; any other arm or set has the paper's.
@@ -94,28 +112,38 @@ def default_design(
     if arm.n < 3:
         raise InputError("--joints", "at least three active joints", arm.n)
     i = arm.n - 1 if catch_joint is None else catch_joint
-    if not 0 <= i < arm.n:
-        raise InputError("--catch-joint", f"an index in 0..{arm.n - 1}", i)
+    i = checks.whole("--catch-joint", i, least=0, most=arm.n - 1)
     a, b, c = sorted({*[k for k in range(arm.n) if k != i][:2], i})
     usual = MapDesign(catch_joint=i, q_catch=nominal_angle(arm, i), free=(a, b, c))
     chosen = _CHOSEN.get((arm.model.name, arm.limits.name), usual)
+    if order is not None:
+        checks.whole("--order", order, least=2, most=MOST_ORDER)
     base = chosen if (chosen.catch_joint, chosen.free) == (i, usual.free) else usual
-    design = replace(
+    return replace(
         base,
         q_catch=base.q_catch if q_catch is None else q_catch,
         kappa=base.kappa if kappa is None else kappa,
         inward=base.inward if inward is None else inward,
         order=base.order if order is None else order,
     )
-    if not 2 <= design.order <= MOST_ORDER:
-        raise InputError("--order", f"a degree in 2..{MOST_ORDER}", design.order)
-    return design
 
 
 def nominal_angle(arm: Arm, joint: int) -> float:
-    """Return the paper's q_alpha for a joint [rad]: pi/2, or mid-range where that is outside."""
+    """Return the paper's q_alpha for a joint [rad]: a right angle towards the thrower.
+
+    That is pi/2 or -pi/2, whichever is in the range and brings the catch point farther to +x; the
+    middle of the range where neither is.
+    """
     low, high = float(arm.q_min[joint]), float(arm.q_max[joint])
-    return np.pi / 2 if low < np.pi / 2 < high else 0.5 * (low + high)
+    angles = [x for x in (np.pi / 2, -np.pi / 2) if low < x < high] or [0.5 * (low + high)]
+    return max(angles, key=lambda x: _forward(arm, joint, x))
+
+
+def _forward(arm: Arm, joint: int, angle: float) -> float:
+    """Return how far towards the thrower the catch point of the ready pose is at an angle [m]."""
+    q = arm.q_ready.copy()
+    q[joint] = angle
+    return float(arm.position(q)[0])
 
 
 def nominal_catch(arm: Arm) -> Array:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mitt.errors import ShapeError
+from mitt import checks
 from mitt.generator.constraints import initial_gap
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array
@@ -28,10 +28,11 @@ class Flight:
 
     def __post_init__(self) -> None:
         """Hold the arrays to each other."""
-        if self.ball.shape != (len(self.t), 3, 3):
-            raise ShapeError("ball", f"({len(self.t)}, 3, 3)", self.ball.shape)
-        if self.seen.shape != (3, 3):
-            raise ShapeError("seen", "(3, 3)", self.seen.shape)
+        t = checks.array("t", self.t, (None,), finite=True)
+        ball = checks.array("ball", self.ball, (len(t), 3, 3))
+        fields = {"t": t, "ball": ball, "seen": checks.array("seen", self.seen, (3, 3))}
+        for name, value in fields.items():
+            object.__setattr__(self, name, value)
 
 
 class Lifted(NamedTuple):

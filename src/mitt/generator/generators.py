@@ -1,10 +1,11 @@
 """Generators of desired joint motion behind one call; rivals implement the same methods."""
 
 from dataclasses import dataclass, field, replace
-from typing import Protocol, Self, final
+from typing import Protocol, Self, final, runtime_checkable
 
 import numpy as np
 
+from mitt import checks
 from mitt.generator.certificate import (
     Outcome,
     Verdict,
@@ -24,6 +25,7 @@ from mitt.signals import Array, BallState, JointReference
 _STEPS_BEFORE = 3
 
 
+@runtime_checkable
 class Generator(Protocol):
     """What turns the ball's estimate into desired joint motion."""
 
@@ -77,6 +79,10 @@ class Direct:
     online: Online | None = None
     learned: DirectMap | None = None
 
+    def __post_init__(self) -> None:
+        """Refuse what is no map."""
+        checks.instance("map", self.map, DirectMap)
+
     def sharpness(self, ball: BallState) -> float:
         """Fly the estimate on to the catch."""
         return sharpness(self.map, ball)
@@ -89,7 +95,8 @@ class Direct:
         g = self.adapt(ball, q, np.zeros(len(q)))
         for _ in range(_STEPS_BEFORE):
             g = g.refined(ball)
-        return g.certificate(ball) or judged
+        refined = g.certificate(ball)
+        return judged if refined is None else replace(refined, approach=judged.approach)
 
     def unsettled(self, ball: BallState, q: Array) -> bool:  # noqa: ARG002
         """Look whether the ball is led and its catch far ahead or outside the region."""
@@ -112,7 +119,7 @@ class Direct:
 
     def refined(self, ball: BallState) -> "Direct":
         """Return the generator of the next tick, one online step better for the flight's rest."""
-        if self.online is None or ball.led:
+        if checks.instance("ball", ball, BallState).led or self.online is None:
             return self
         answer = self.online.refine(self.map.alpha, ball)
         if answer.status is not Refinement.REFINED:
@@ -145,6 +152,10 @@ class Unoptimised:
     """The map with alpha = 0, as the paper's figs. 10 and 11 show it; it never refuses."""
 
     map: DirectMap
+
+    def __post_init__(self) -> None:
+        """Refuse what is no map."""
+        checks.instance("map", self.map, DirectMap)
 
     def sharpness(self, ball: BallState) -> float:
         """Fly the estimate on to the catch."""

@@ -10,13 +10,14 @@ derivatives vanish, and position and velocity match whatever the coefficients ar
 | ``H``    | ours: Hessian of the learned cost at alpha | | (m n, m n) |
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import final
 
 import numpy as np
 
-from mitt.errors import ModelError, ShapeError
+from mitt import checks
+from mitt.errors import InputError, ModelError
 from mitt.generator.constraints import initial_gap, project
 from mitt.generator.design import MapDesign, tangent_of
 from mitt.generator.evaluation import reference, references, time_to_catch, virtual
@@ -27,7 +28,7 @@ from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState, JointReference, MapStatus
 
 #: What maps with the same design, basis and metric have in common, once it has been computed.
-_SHARED = ("tangent", "packed", "H_inverse", "window", "work", "_scratch", "start")
+_SHARED = ("tangent", "packed", "H_inverse", "window", "work", "start")
 
 
 @final
@@ -54,16 +55,29 @@ class DirectMap:
     status: MapStatus = MapStatus.INSIDE
 
     def __post_init__(self) -> None:
-        """Hold the arrays to the design."""
+        """Hold the parts to each other: kernels trust that they fit."""
+        for name, part, kind in (
+            ("arm", self.arm, Arm), ("design", self.design, MapDesign),
+            ("basis", self.basis, CatchBasis), ("status", self.status, MapStatus),
+        ):  # fmt: skip
+            checks.instance(name, part, kind)
         m, n = len(self.basis.powers), self.arm.n
-        if self.alpha.shape != (m, n):
-            raise ShapeError("alpha", f"({m}, {n})", self.alpha.shape)
-        if self.H.shape != (m * n, m * n):
-            raise ShapeError("H", f"({m * n}, {m * n})", self.H.shape)
-        if self.region.shape != (2, n):
-            raise ShapeError("region", f"(2, {n})", self.region.shape)
-        if not (np.all(np.isfinite(self.alpha)) and np.all(np.isfinite(self.H))):
-            raise ModelError("alpha and H", "finite numbers", "NaN or infinity")
+        if max(*self.design.free, self.design.catch_joint) >= n:
+            raise ModelError("design", f"joints in 0..{n - 1}", self.design.free)
+        if len(self.basis.centre) != 3:
+            raise ModelError("basis", "monomials of three joints", len(self.basis.centre))
+        size = m * n
+        arrays = {
+            "alpha": checks.array("alpha", self.alpha, (m, n), finite=True),
+            "H": checks.array("H", self.H, (size, size), finite=True),
+            "region": checks.array("region", self.region, (2, n)),
+        }
+        for name, value in arrays.items():
+            object.__setattr__(self, name, value)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return the fields; what follows from them is worked out anew."""
+        return {field.name: vars(self)[field.name] for field in fields(self)}
 
     @cached_property
     def tangent(self) -> Tangent:
@@ -72,8 +86,12 @@ class DirectMap:
 
     @cached_property
     def H_inverse(self) -> Array:  # noqa: N802 (the paper has no letter; ours is H)
-        """Inverse of H."""
-        return np.asarray(np.linalg.inv(self.H), np.float64)
+        """Inverse of H; ModelError where H is not positive definite."""
+        try:
+            np.linalg.cholesky(self.H)
+            return np.asarray(np.linalg.inv(self.H), np.float64)
+        except np.linalg.LinAlgError:
+            raise ModelError("H", "a positive definite matrix", "another") from None
 
     @cached_property
     def packed(self) -> Array:
@@ -91,10 +109,6 @@ class DirectMap:
         return workspace(self.arm.n, len(self.basis.powers))
 
     @cached_property
-    def _scratch(self) -> Scratch:
-        return scratch_of(self.arm.n)
-
-    @cached_property
     def start(self) -> Array:
         """Virtual joints in the middle of the region, where the inverse starts [rad], (n,).
 
@@ -109,15 +123,22 @@ class DirectMap:
         """Return virtual joints and two derivatives, shape (3, n), of r_o, dr_o, ddr_o, (3, 3)."""
         out = np.zeros((3, self.arm.n))
         out[0] = self.start
+        ball = checks.array("ball", ball, (3, 3))
         return bool(virtual(self.packed, ball, out, self.work)), out
 
     def motion(self, ball: Array) -> tuple[bool, Array]:
-        """Return q_d, q_o and their derivatives, shape (6, n), of r_o, dr_o, ddr_o, (3, 3)."""
-        rows = np.zeros((6, self.arm.n))
+        """Return q_d, q_o and their derivatives, shape (6, n), of r_o, dr_o, ddr_o, (3, 3).
+
+        At rest, as outside the domain, where a ball so far away or so fast that numbers overflow.
+        """
+        rows, ball = np.zeros((6, self.arm.n)), checks.array("ball", ball, (3, 3))
         rows[3] = self.start
         inside = reference(
             self.packed, self.basis.powers, self.window, self.alpha, ball, rows, self.work
         )
+        if not np.all(np.isfinite(rows)):
+            inside, rows[:] = False, 0.0
+            rows[0], rows[3] = self.tangent.q_rest, self.tangent.q_rest
         return bool(inside), rows
 
     def motions(self, path: Array, alpha: Array | None = None) -> Array:
@@ -129,27 +150,27 @@ class DirectMap:
             path: Motion of the ball [m ...].
             alpha: Coefficients instead of the map's own [rad], shape (m, n).
         """
+        path = checks.array("path", path, (None, 3, 3))
+        alpha = self.alpha if alpha is None else checks.array("alpha", alpha, self.alpha.shape)
         rows, out = np.zeros((6, self.arm.n)), np.empty((len(path), 3, self.arm.n))
-        of = self.packed, self.basis.powers, self.window, self.alpha if alpha is None else alpha
+        of = self.packed, self.basis.powers, self.window, alpha
         references(*of, path, self.start, rows, out, self.work)
         return out
 
     def to_joints(self, r_o: Array) -> tuple[MapStatus, Array]:
         """Return l_c^-1(r_o) of eq. (6) [rad], shape (n,), and whether r_o is in its domain."""
-        if r_o.shape != (3,):
-            raise ShapeError("r_o", "(3,)", r_o.shape)
-        inside, rows = self.virtual(np.array([r_o, np.zeros(3), np.zeros(3)]))
+        still = np.zeros(3)
+        inside, rows = self.virtual(np.array([checks.vector("r_o", r_o, 3), still, still]))
         return (MapStatus.INSIDE if inside else MapStatus.DOMAIN), rows[0]
 
     def to_ball(self, q_o: Array) -> Array:
-        """Return l_c(q_o) of eq. (5) [m], shape (3,)."""
-        expand(self.tangent, q_o, self._scratch)
-        r_o: Array = self._scratch.point[0].copy()
+        """Return l_c(q_o) of eq. (5) [m], shape (3,), for q_o [rad], shape (n,)."""
+        r_o: Array = self._expanded("q_o", q_o).point[0]
         return r_o
 
     def bend(self, q: Array) -> Array:
         """Return g(q) = q + b(q) of eqs. (7) and (11) [rad], shape (n,)."""
-        still = np.zeros(3)
+        still, q = np.zeros(3), checks.vector("q", q, self.arm.n)
         b: Array = self.basis.jets(q[list(self.design.free)], still, still)[0] @ self.alpha
         return q + b
 
@@ -159,27 +180,42 @@ class DirectMap:
         It and its rate vanish at the catch, eq. (3), for any alpha (the rate at kappa = 1 and
         inward = 0).
         """
+        r_o = checks.vector("r_o", r_o, 3)
         _, q_o = self.to_joints(r_o)
         gap: Array = self.arm.position(self.bend(q_o)) - r_o
         return gap
 
     def F(self, r_o: Array) -> Array:  # noqa: N802 (the paper's letter)
-        """Return df/dr_o of eq. (15) [rad/m], shape (n, 3); r_o must be in the domain."""
-        _, q_o = self.to_joints(r_o)
-        expand(self.tangent, q_o, self._scratch)
+        """Return df/dr_o of eq. (15) [rad/m], shape (n, 3).
+
+        Raises:
+            InputError: r_o is outside the domain.
+        """
+        status, q_o = self.to_joints(r_o)
+        if status is not MapStatus.INSIDE:
+            raise InputError("r_o", "a position in the domain of the map", np.asarray(r_o).tolist(),
+                             do="ask to_joints whether it is")  # fmt: skip
+        J_c = self._expanded("q_o", q_o).J_c
         free = list(self.design.free)
         per_ball = np.zeros((self.arm.n, 3))
-        per_ball[free] = np.linalg.inv(self._scratch.J_c.T)
+        per_ball[free] = np.linalg.inv(J_c.T)
         slope = np.zeros((self.arm.n, self.arm.n))
         slope[:, free] = self.alpha.T @ self.basis.gradient(q_o[free])
         out: Array = (np.eye(self.arm.n) + slope) @ per_ball
         return out
+
+    def _expanded(self, name: str, q_o: Array) -> Scratch:
+        """Return buffers of this call's own, with l_c and J_c at virtual joints, shape (n,)."""
+        scratch = scratch_of(self.arm.n)
+        expand(self.tangent, checks.vector(name, q_o, self.arm.n), scratch)
+        return scratch
 
     def reference(self, ball: BallState) -> JointReference:
         """Return q_d = f(r_o) of eq. (1) and its derivatives along a ball's motion.
 
         A pure function; what it returns is finite whatever the ball.
         """
+        ball = checks.instance("ball", ball, BallState)
         inside, rows = self.motion(np.array([ball.r_o, ball.dr_o, ball.ddr_o]))
         return JointReference(
             t=ball.t,
@@ -191,6 +227,14 @@ class DirectMap:
             dq_o=rows[4],
             time_to_catch=time_to_catch(self.packed, rows) if inside else np.inf,
         )
+
+    def equals(self, other: "DirectMap") -> bool:
+        """Say whether another map gives the same motions."""
+        other = checks.instance("other", other, DirectMap)
+        mine, theirs = (
+            (f.packed, f.basis.powers, f.window, f.alpha, f.H, f.region) for f in (self, other)
+        )
+        return all(np.array_equal(a, b) for a, b in zip(mine, theirs, strict=True))
 
     def with_alpha(self, alpha: Array) -> "DirectMap":
         """Return the map with other coefficients [rad], shape (m, n); all else is shared."""
@@ -209,6 +253,8 @@ class DirectMap:
 
     def adapted(self, ball: BallState, q: Array, dq: Array) -> Array | None:
         """Return alpha of :meth:`adapt` [rad], shape (m, n); None outside the domain."""
+        ball = checks.instance("ball", ball, BallState)
+        q, dq = (checks.vector(*x, self.arm.n, finite=True) for x in (("q", q), ("dq", dq)))
         inside, rows = self.virtual(np.array([ball.r_o, ball.dr_o, ball.ddr_o]))
         if not inside:
             return None

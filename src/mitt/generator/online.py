@@ -19,11 +19,12 @@ next step is tried at a smaller share first.
 from dataclasses import dataclass
 from enum import Enum
 from math import inf, isfinite
-from typing import final
+from typing import Any, final
 
 import daqp
 import numpy as np
 
+from mitt import checks
 from mitt.generator.approach import palm_of
 from mitt.generator.assurance import KINDS, spread_ahead
 from mitt.generator.certificate import Outcome, Verdict, trusted
@@ -119,7 +120,8 @@ class Online:
         around: Surroundings | None = None,
     ) -> None:
         """Take the learned map, whose alpha is alpha*, H the metric; and what stands around."""
-        self._f, self.settings = f, settings or OnlineSettings()
+        self._f = checks.instance("f", f, DirectMap)
+        self.settings, self._around = settings or OnlineSettings(), around
         s, (m, n), links = self.settings, f.alpha.shape, len(f.arm.model.links)
         weights = np.array([s.pull, s.share, s.near, s.weight, s.gap])
         space = space_of(f.arm, around or Surroundings())
@@ -146,6 +148,15 @@ class Online:
         self._state = np.zeros(7)
         self._t_catch, self._share = inf, 1.0
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Say how to build the same again; its buffers and solvers are made anew."""
+        progress = self._t_catch, self._share, self._state.copy(), self._sigma.copy()
+        return _built, (self._f, self.settings, self._around), progress
+
+    def __setstate__(self, progress: tuple[float, float, Array, Array]) -> None:
+        """Go on where the one that was copied is."""
+        self._t_catch, self._share, self._state[:], self._sigma[:] = progress
+
     def restart(self) -> None:
         """Forget the flight: the next ball is another, or its way has changed."""
         self._t_catch, self._share = inf, 1.0
@@ -157,6 +168,8 @@ class Online:
             alpha: Coefficients now in use [rad], shape (m, n).
             ball: Estimate of the ball at the time of this tick's command.
         """
+        alpha = checks.array("alpha", alpha, self._f.alpha.shape, finite=True)
+        ball = checks.instance("ball", ball, BallState)
         s, t = self.settings, ball.t + self.settings.lead
         if not isfinite(self._t_catch):
             self._t_catch = ball.t + foresee(self._f, ball).after
@@ -191,7 +204,8 @@ class Online:
             ball: The estimate it was laid from.
             tolerance: Share of each limit at which a throw is refused.
         """
-        arm = self._f.arm
+        arm, ball = self._f.arm, checks.instance("ball", ball, BallState)
+        alpha = checks.array("alpha", alpha, self._f.alpha.shape, finite=True)
         if not isfinite(self._t_catch):
             return None
         limit, probability, share = vouch(
@@ -230,3 +244,8 @@ class Online:
         return Refined(
             status=status, alpha=alpha, ahead=ahead, cost=cost, shares=self._buffers.shares.copy()
         )
+
+
+def _built(f: DirectMap, settings: OnlineSettings, around: Surroundings | None) -> Online:
+    """Return one that refines a map."""
+    return Online(f, settings, around=around)

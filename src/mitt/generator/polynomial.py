@@ -20,9 +20,13 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt import checks
 from mitt.errors import ModelError
 from mitt.jit import kernel
 from mitt.signals import Array
+
+#: Highest degree of a map's polynomial: 120 monomials of three joints.
+MOST_ORDER = 9
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,13 +47,19 @@ class CatchBasis:
 
     def __post_init__(self) -> None:
         """Refuse a basis without terms, without its catch joint, or with a void scale."""
-        if self.order < 2:
-            raise ModelError("order", "at least 2", self.order)
-        n = len(self.centre)
-        if not 0 <= self.catch_joint < n:
-            raise ModelError("catch_joint", f"an index in 0..{n - 1}", self.catch_joint)
-        if self.scale.shape != self.centre.shape or not np.all(self.scale > 0.0):
-            raise ModelError("scale", f"{n} numbers above 0", self.scale)
+        centre = checks.array("centre", self.centre, (None,), finite=True)
+        scale = checks.vector("scale", self.scale, len(centre), finite=True)
+        if not np.all(scale > 0.0):
+            raise ModelError("scale", f"{len(centre)} numbers above 0", scale)
+        order = checks.whole("order", self.order)
+        if not 2 <= order <= MOST_ORDER:
+            raise ModelError("order", f"a degree in 2..{MOST_ORDER}", order)
+        catch_joint = checks.whole("catch_joint", self.catch_joint)
+        if not 0 <= catch_joint < len(centre):
+            raise ModelError("catch_joint", f"an index in 0..{len(centre) - 1}", catch_joint)
+        fields = {"order": order, "catch_joint": catch_joint, "centre": centre, "scale": scale}
+        for name, value in fields.items():
+            object.__setattr__(self, name, value)
 
     @cached_property
     def powers(self) -> NDArray[np.int64]:
@@ -62,8 +72,9 @@ class CatchBasis:
 
     def jets(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return phi, its first and its second time derivative along a motion, shape (3, m)."""
-        out = np.empty((3, len(self.powers)))
-        jets(self.powers, self.centre, self.scale, q, dq, ddq, out)
+        n, out = len(self.centre), np.empty((3, len(self.powers)))
+        motion = (checks.vector(*x, n) for x in (("q", q), ("dq", dq), ("ddq", ddq)))
+        jets(self.powers, self.centre, self.scale, *motion, out)
         return out
 
     def gradient(self, q: Array) -> Array:

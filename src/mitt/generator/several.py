@@ -16,6 +16,7 @@ from typing import final
 
 import numpy as np
 
+from mitt import checks
 from mitt.errors import InputError
 from mitt.generator.certificate import Outcome, Verdict, judge
 from mitt.generator.demand import Tolerance
@@ -45,6 +46,8 @@ class Several:
 
     def __post_init__(self) -> None:
         """Refuse a choice among nothing."""
+        for f in checks.instance("maps", self.maps, tuple):
+            checks.instance("maps", f, Direct)
         sizes = {f.map.alpha.shape for f in self.maps}
         if len(sizes) != 1:
             raise InputError("maps", "maps of one arm and one degree", f"{len(self.maps)} others")
@@ -60,7 +63,7 @@ class Several:
 
     def verdict(self, ball: BallState, q: Array) -> Verdict:
         """Return the verdict of the map that the throw would be given to."""
-        return self.maps[self._best(ball, q, np.zeros_like(q))].verdict(ball, q)
+        return self.maps[self._best(ball, q, np.zeros(self.map.map.arm.n))].verdict(ball, q)
 
     def unsettled(self, ball: BallState, q: Array) -> bool:
         """Look whether no map's verdict could settle it."""

@@ -32,6 +32,10 @@ _SINGULAR = 1e-9
 #: Newton: largest step of a joint [rad], largest residual [m], steps allowed, stride [m].
 _NEWTON_STEP, _NEWTON_RESIDUAL, _NEWTON_STEPS, _STRIDE = 0.5, 1e-11, 40, 0.25
 
+#: Beyond these a ball counts as outside the domain [m; m/s and m/s^2]: so what the map says stays
+#: finite, and the straight line of Newton's strides stays short.
+_FARTHEST, _FASTEST = 1e3, 1e6
+
 
 class Tangent(NamedTuple):
     """The map l_c of one arm as arrays.
@@ -178,7 +182,7 @@ def invert_newton(g: Tangent, r_o: Array, q_o: Array, w: Scratch) -> bool:
     for c in range(3):
         w.ends[1, c] = r_o[c] - w.ends[0, c]
     way = np.sqrt(w.ends[1, 0] ** 2 + w.ends[1, 1] ** 2 + w.ends[1, 2] ** 2)
-    if not np.isfinite(way):
+    if not way <= _FARTHEST:
         return False
     parts = int(way / _STRIDE) + 1
     sign = _orientation(w.J_c)
@@ -222,7 +226,7 @@ def lift(g: Tangent, ball: Array, virtual: Array, w: Scratch) -> bool:
     Row 0 of ``virtual`` is the starting point where the inverse is not closed-form.
     """
     for c in range(9):
-        if not np.isfinite(ball[c // 3, c % 3]):
+        if not abs(ball[c // 3, c % 3]) <= (_FARTHEST if c < 3 else _FASTEST):
             return False
     g, ball, virtual, w = lent((g, ball, virtual, w))
     n = virtual.shape[1]

@@ -1,7 +1,8 @@
-"""Learned maps on disk: JSON with a schema, a version and a checksum."""
+"""Learned maps on disk: JSON with a schema, a version, the arm's numbers and a checksum."""
 
 import hashlib
 import json
+import re
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -10,15 +11,18 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from mitt.errors import FileError, MittError
-from mitt.generator.design import MOST_ORDER, MapDesign, tangent_of
+from mitt.generator.design import MapDesign, tangent_of
 from mitt.generator.learn import Learned, Step
 from mitt.generator.mapping import DirectMap
-from mitt.generator.polynomial import CatchBasis
+from mitt.generator.polynomial import MOST_ORDER, CatchBasis
 from mitt.link.files import read_json, write_json
 from mitt.robot.arm import Arm
+from mitt.robot.identity import difference, identity_of
+from mitt.version import __version__
 
-SCHEMA = "mitt.map/1"
-#: Largest map file read [byte]; one of the highest order for seven joints stays below.
+SCHEMA = "mitt.map/2"
+
+_AGAIN = "learn it again with mitt learn"
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -47,11 +51,12 @@ class _Step(_Part):
 class _MapFile(_Part):
     """Content of a map file; ``checksum`` covers all the rest."""
 
-    schema_name: Literal["mitt.map/1"] = Field(alias="schema")
+    schema_name: Literal["mitt.map/2"] = Field(alias="schema")
     version: str
     arm: str
     limits: str
     joints: list[str]
+    identity: dict[str, list[Finite | None]]
     design: _Design
     centre: list[Finite]
     scale: list[Finite]
@@ -74,6 +79,7 @@ def save_map(path: Path, learned: Learned, *, version: str) -> None:
         "arm": f.arm.model.name,
         "limits": f.arm.limits.name,
         "joints": list(f.arm.names),
+        "identity": identity_of(f.arm),
         "design": asdict(f.design),
         "centre": f.basis.centre.tolist(),
         "scale": f.basis.scale.tolist(),
@@ -92,8 +98,8 @@ def read_map(path: Path, arm: Arm) -> Learned:
     """Return a learned map for an arm.
 
     Raises:
-        FileError: The file is missing, cut short, altered, of another schema, or was learned for
-            another arm or other limits.
+        FileError: The file is missing, cut short, altered, of another schema or of a later
+            version, or was learned for another arm or other limits.
     """
     return map_of(read_json(path), arm, place=str(path))
 
@@ -114,23 +120,31 @@ def map_of(raw: Any, arm: Arm, *, place: str) -> Learned:  # noqa: ANN401 (any J
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"])
-        raise FileError(f"{place} key {key!r}", f"a map of schema {SCHEMA}", first["msg"]) from None
+        raise FileError(f"{place} key {key!r}", f"a map of schema {SCHEMA}", first["msg"],
+                        do=_AGAIN) from None  # fmt: skip
     stated = {key: value for key, value in raw.items() if key != "checksum"}
     if _checksum(stated) != content.checksum:
         raise FileError(place, "a map that matches its checksum", "one that was altered",
-                        do="learn it again with mitt learn")  # fmt: skip
+                        do=_AGAIN)  # fmt: skip
+    if not _is_known(content.version):
+        raise FileError(f"{place} key 'version'", f"a map of mitt {__version__} or before",
+                        repr(content.version[:20]), do=_AGAIN)  # fmt: skip
     mine = (arm.model.name, arm.limits.name, list(arm.names))
     given = (content.arm, content.limits, content.joints)
     if mine != given:
         wanted, other = ("arm {}, limits {}, joints {}".format(*x) for x in (mine, given))
         raise FileError(place, f"a map for {wanted}", f"one for {other}")
+    unlike = difference(identity_of(arm), content.identity)
+    if unlike is not None:
+        raise FileError(place, f"a map for this arm {arm.model.name}",
+                        f"one for another of that name: {unlike}", do=_AGAIN)  # fmt: skip
     return _learned(place, content, arm)
 
 
 def _learned(place: str, content: _MapFile, arm: Arm) -> Learned:
     """Build the map from a file's content."""
-    design = MapDesign(**content.design.model_dump())
     try:
+        design = MapDesign(**content.design.model_dump())
         index = design.free.index(design.catch_joint)
         basis = CatchBasis(design.order, index, np.array(content.centre), np.array(content.scale))
         f = DirectMap(
@@ -153,6 +167,13 @@ def _learned(place: str, content: _MapFile, arm: Arm) -> Learned:
         left_out=content.left_out,
         status=content.status,
     )
+
+
+def _is_known(version: str) -> bool:
+    """Say whether a version is this program's or an earlier one."""
+    mine, given = (re.findall(r"\d+", text)[:3] for text in (__version__, version))
+    plain = re.match(r"\d", version) is not None and all(len(x) < 9 for x in given)
+    return plain and [int(x) for x in given] <= [int(x) for x in mine]
 
 
 def _checksum(content: dict[str, object]) -> str:

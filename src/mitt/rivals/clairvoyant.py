@@ -12,6 +12,7 @@ from typing import final
 
 import numpy as np
 
+from mitt import checks
 from mitt.generator.certificate import Outcome, Verdict
 from mitt.generator.mapping import DirectMap
 from mitt.rivals.course import Chooser, Course
@@ -81,10 +82,13 @@ class Clairvoyant:
 
     def sharpness(self, ball: BallState) -> float:
         """Return 0: there is nothing to wait for."""
+        ball = checks.instance("ball", ball, BallState)
         return 0.0 if ball.tracked else np.inf
 
     def verdict(self, ball: BallState, q: Array) -> Verdict:
         """Plan; where no plan keeps the limits, the throw is out of reach."""
+        ball = checks.instance("ball", ball, BallState)
+        q = checks.vector("q", q, self.chooser.arm.n, finite=True)
         plan = self._planned(ball.t, still(q))
         if plan is None:
             return Verdict(
@@ -118,6 +122,9 @@ class Clairvoyant:
 
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "Clairvoyant":
         """Plan from where the arm is."""
+        ball = checks.instance("ball", ball, BallState)
+        given, n = (("q", q), ("dq", dq)), self.chooser.arm.n
+        q, dq = (checks.vector(*x, n, finite=True) for x in given)
         plan = self._planned(ball.t, np.array([q, dq, np.zeros(len(q))]))
         return replace(self, plan=plan or self.plan)
 
@@ -126,6 +133,7 @@ class Clairvoyant:
 
     def reference(self, ball: BallState) -> JointReference:
         """Evaluate the plan; after the catch, stay on the ball."""
+        ball = checks.instance("ball", ball, BallState)
         plan = self.plan
         if plan is None or self.flight is None:
             return resting(ball.t, self.chooser.arm.q_ready)

@@ -15,6 +15,7 @@ from typing import Protocol, Self, final
 
 import numpy as np
 
+from mitt import checks
 from mitt.flight import GRAVITY, forecast
 from mitt.generator.certificate import Outcome, Verdict, tempered
 from mitt.generator.foresight import flown, state_of
@@ -90,28 +91,34 @@ class Rival:
 
     def sharpness(self, ball: BallState) -> float:
         """Return the 1-sigma of the ball where it passes nearest to the nominal catch [m]."""
+        ball = checks.instance("ball", ball, BallState)
         return spread(ball, _passing(self.chooser.map, ball))
 
     def verdict(self, ball: BallState, q: Array) -> Verdict:
         """Refuse where no catch is within a generous share of the limits."""
-        course = self._choose(ball, still(q))
+        ball = checks.instance("ball", ball, BallState)
+        motion = self._moving(q, None)
+        course = self._choose(ball, motion)
         judged = self.chooser.verdict(course, sigma=self.sharpness(ball))
         if ball.led:
             return tempered(judged, ball)
         easy = course is not None and not course.low and course.share <= _HARD
-        if not easy and self._may_rise(ball, q):
+        if not easy and self._may_rise(ball, motion):
             return replace(judged, outcome=Outcome.OPEN)
         return judged
 
     def unsettled(self, ball: BallState, q: Array) -> bool:
         """Look whether the ball is led and the best catch far ahead or beyond the limits."""
+        ball = checks.instance("ball", ball, BallState)
         if not ball.led:
             return False
-        judged = self.chooser.verdict(self._choose(ball, still(q)), sigma=np.inf)
+        course = self._choose(ball, self._moving(q, None))
+        judged = self.chooser.verdict(course, sigma=np.inf)
         return tempered(judged, ball).outcome is Outcome.UNSETTLED
 
     def returns(self, ball: BallState) -> bool:
         """Say whether the ball has come back: an arm that moves as this one does can catch it."""
+        ball = checks.instance("ball", ball, BallState)
         f, after = self.chooser.map, _passing(self.chooser.map, ball)
         gap = flown(ball, np.array([after]))[0, 0] - f.arm.position(f.start)
         if not np.linalg.norm(gap) < _NEAR:
@@ -122,23 +129,26 @@ class Rival:
 
     def waiting(self, ball: BallState) -> BallState:
         """Wait for a ball that rises to the nominal catch height as it comes within reach."""
+        ball = checks.instance("ball", ball, BallState)
         return lobbed(self.chooser.map, ball)
 
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "Rival":
         """Choose a catch and pursue it from where the arm is."""
-        motion = np.array([q, dq, np.zeros(len(q))])
+        ball = checks.instance("ball", ball, BallState)
+        motion = self._moving(q, checks.vector("dq", dq, self.chooser.arm.n))
         course = self._choose(ball, motion)
         chase = None
         if course is not None:
             pursuit = self.pursuit.begin(course, ball.t, motion)
             chase = _Chase(ball.t, pursuit, course, course.r_c, motion)
-        return replace(self, q_hold=q, memory=_Memory(chase))
+        return replace(self, q_hold=motion[0].copy(), memory=_Memory(chase))
 
     def as_map(self) -> None:
         """Say that this is no map."""
 
     def reference(self, ball: BallState) -> JointReference:
         """Go on with the pursuit; at rest where there is nothing to pursue."""
+        ball = checks.instance("ball", ball, BallState)
         chase, state, t = self.memory.at(ball.t), state_of(ball), ball.t
         if chase is None or not within(state, _SANE):
             return resting(t, self.q_hold if chase is None else chase.motion[0])
@@ -160,6 +170,13 @@ class Rival:
             dq_o=course.end[1],
             time_to_catch=course.t_c - t,
         )
+
+    def _moving(self, q: Array, dq: Array | None) -> Array:
+        """Return q, dq, ddq of an arm, shape (3, n); at rest where there is no ``dq``."""
+        n = self.chooser.arm.n
+        q = checks.vector("q", q, n, finite=True)
+        dq = np.zeros(n) if dq is None else checks.vector("dq", dq, n, finite=True)
+        return np.array([q, dq, np.zeros(n)])
 
     def _choose(self, ball: BallState, motion: Array) -> Course | None:
         """Return the best course; None too where the ball cannot be."""
@@ -194,13 +211,13 @@ class Rival:
         after = ball.t - chase.t
         return np.array([chase.motion[0] + after * chase.motion[1], chase.motion[1], 0.0 * rows[0]])
 
-    def _may_rise(self, ball: BallState, q: Array) -> bool:
+    def _may_rise(self, ball: BallState, motion: Array) -> bool:
         """Say whether a bounce could make the ball catchable: it comes in low."""
         if not _sane(ball):
             return False
         f, after = self.chooser.map, _passing(self.chooser.map, ball)
         low = flown(ball, np.array([after]))[0, 0, 2] < f.arm.position(f.start)[2]
-        return bool(low) and self._choose(lobbed(f, ball), still(q)) is not None
+        return bool(low) and self._choose(lobbed(f, ball), motion) is not None
 
 
 def rival(f: DirectMap, pursuit: Pursuit) -> Rival:

@@ -5,13 +5,15 @@ matrix from Pinocchio. All are built from one :class:`ArmModel`, and tests hold 
 and to MuJoCo.
 """
 
+import threading
 from typing import TypeAlias, final
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from mitt.errors import ShapeError
+from mitt import checks
+from mitt.errors import InputError, ShapeError
 from mitt.robot.chain import chain_of, motion_of, place
 from mitt.robot.description import ArmModel, Brake, transform
 from mitt.robot.dynamics import GRAVITY, bodies_of, inverse_dynamics, notes_of, torques
@@ -41,9 +43,29 @@ def to_pinocchio(model: ArmModel) -> pin.Model:
     return built
 
 
+class _Scratch(threading.local):
+    """What a call on an arm writes into before it copies its answer out; each thread has its own.
+
+    Attributes:
+        motion: Of the kinematic kernels.
+        notes: Of the dynamic kernel.
+        data: Of Pinocchio.
+        rows: q, dq, ddq of all N links, held ones where they are held, shape (3, N).
+    """
+
+    def __init__(self, n: int, model: pin.Model, held: Array) -> None:
+        """Make the buffers of this thread."""
+        self.motion, self.notes = motion_of(n), notes_of(len(held))
+        self.data = model.createData()
+        self.rows: Array = np.array([held, np.zeros(len(held)), np.zeros(len(held))])
+
+
 @final
 class Arm:
     """An arm with its limit set.
+
+    Its methods check the shapes of what they are given, and may be called from several threads.
+    A copy is built from the same table; NaN among the numbers given leads to NaN.
 
     Attributes:
         model: The table it was built from.
@@ -64,7 +86,10 @@ class Arm:
 
     def __init__(self, model: ArmModel, limits: Limits) -> None:
         """Build kinematics and dynamics from the table."""
-        self.model, self.limits = model, limits
+        self.model = checks.instance("model", model, ArmModel)
+        self.limits = checks.instance("limits", limits, Limits)
+        if len(limits.dq_max) != len(model.links):
+            raise ShapeError("limits", f"({len(model.links)},)", limits.dq_max.shape)
         complete = model.complete()
         self._index = np.array(model.active)
         self.n, self.names = len(self._index), model.names
@@ -79,17 +104,20 @@ class Arm:
             for link, tau in zip(active, self.tau_max, strict=True)
         )
         self.chain = chain_of(complete)
-        self.bodies, self._notes = bodies_of(complete), notes_of(len(model.links))
+        self.bodies = bodies_of(complete)
         self._moved = limits.transmission[:, self._index] != 0.0
         self.tables: Tables = self.bodies, limits.packed, self._index
-        self._motion, self._still = motion_of(self.n), np.zeros(self.n)
+        self._still = np.zeros(self.n)
         self._pin = to_pinocchio(complete)
-        self._data = self._pin.createData()
         self._holding: dict[float, Arm] = {}
         size = len(model.links)
         self._lower = np.tril_indices(size, -1)
-        self._q = np.array([0.0 if link.held is None else link.held for link in model.links])
-        self._dq, self._ddq = np.zeros(size), np.zeros(size)
+        held = np.array([0.0 if link.held is None else link.held for link in model.links])
+        self._scratch = _Scratch(self.n, self._pin, held)
+
+    def __reduce__(self) -> tuple[type["Arm"], tuple[ArmModel, Limits]]:
+        """Say how to build the same arm again, in this process or another."""
+        return Arm, (self.model, self.limits)
 
     def __repr__(self) -> str:
         """Say which arm, which joints, which limits."""
@@ -104,30 +132,30 @@ class Arm:
 
     def position(self, q: Array) -> Array:
         """Return the catch point l(q), eq. (2) [m], shape (3,), for q [rad], shape (n,)."""
-        self._check(q)
-        place(self.chain, q, self._motion)
-        p: Array = self._motion.tip[0].copy()
+        motion = self._scratch.motion
+        place(self.chain, self._checked("q", q), motion)
+        p: Array = motion.tip[0].copy()
         return p
 
     def jacobian(self, q: Array) -> Array:
         """Return J = dl/dq [m/rad], shape (3, n), for q [rad], shape (n,)."""
-        self._check(q)
-        place(self.chain, q, self._motion)
-        J: Array = self._motion.J.T.copy()
+        motion = self._scratch.motion
+        place(self.chain, self._checked("q", q), motion)
+        J: Array = motion.J.T.copy()
         return J
 
     def orientation(self, q: Array) -> Array:
         """Return the rotation of the tool plate in the world, shape (3, 3)."""
-        self._check(q)
-        self._q[self._index] = q
-        pin.framesForwardKinematics(self._pin, self._data, self._q)
-        return np.array(self._data.oMf[self._pin.getFrameId("catch_point")].rotation)
+        scratch = self._scratch
+        scratch.rows[0, self._index] = self._checked("q", q)
+        pin.framesForwardKinematics(self._pin, scratch.data, scratch.rows[0])
+        return np.array(scratch.data.oMf[self._pin.getFrameId("catch_point")].rotation)
 
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return tau of eq. (14) for all N links, held ones included [N m], shape (N,)."""
         tau = np.empty(len(self.bodies))
-        state = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, dq, ddq))
-        inverse_dynamics(self.bodies, *state, tau, self._notes)
+        state = self._checked("q", q), self._checked("dq", dq), self._checked("ddq", ddq)
+        inverse_dynamics(self.bodies, *state, tau, self._scratch.notes)
         return tau
 
     def torques(self, motion: Array) -> Array:
@@ -136,8 +164,9 @@ class Arm:
         Args:
             motion: q, dq, ddq [rad ...], shape (K, 3, n).
         """
+        motion = checks.array("motion", motion, (None, 3, self.n))
         tau = np.empty((len(motion), len(self.bodies)))
-        torques(self.bodies, np.ascontiguousarray(motion, dtype=np.float64), tau, self._notes)
+        torques(self.bodies, motion, tau, self._scratch.notes)
         return tau
 
     def inverse_dynamics(self, q: Array, dq: Array, ddq: Array) -> Array:
@@ -147,28 +176,27 @@ class Arm:
 
     def torque_derivatives(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array, Array]:
         """Return d tau/dq, d tau/d dq and M over the active joints, shapes (N, n)."""
-        self._fill(q, dq, ddq)
-        parts = pin.computeRNEADerivatives(self._pin, self._data, self._q, self._dq, self._ddq)
-        tau_q, tau_dq, mass = parts
+        data, rows = self._filled(q, dq, ddq)
+        tau_q, tau_dq, mass = pin.computeRNEADerivatives(self._pin, data, *rows)
         i = self._index
         return tau_q[:, i], tau_dq[:, i], self._mirrored(mass)[:, i]
 
     def mass_matrix(self, q: Array) -> Array:
         """Return M(q) over the active joints [kg m^2], shape (n, n)."""
-        self._fill(q, self._still, self._still)
-        mass = self._mirrored(pin.crba(self._pin, self._data, self._q))
+        data, rows = self._filled(q, self._still, self._still)
+        mass = self._mirrored(pin.crba(self._pin, data, rows[0]))
         M: Array = mass[np.ix_(self._index, self._index)]
         return M
 
     def all_joints(self, x: Array) -> Array:
         """Return active joint speeds or torques set among all N links, zero elsewhere, (N,)."""
         out = np.zeros(len(self.model.links))
-        out[self._index] = x
+        out[self._index] = self._checked("x", x)
         return out
 
     def active(self, x: Array) -> Array:
         """Return the active joints' entries, shape (..., n), of one for all links, (..., N)."""
-        out: Array = x[..., self._index]
+        out: Array = checks.rows("x", x, len(self.model.links))[..., self._index]
         return out
 
     def by_joint(self, share: Array) -> Array:
@@ -177,11 +205,15 @@ class Arm:
         The largest of the drives that move the joint: both motors of a differential, so that what
         a held joint asks of them is counted.
         """
+        share = checks.rows("share", share, len(self.model.links))
         out: Array = np.where(self._moved, share[..., None], 0.0).max(axis=-2)
         return out
 
     def holding(self, mass: float) -> "Arm":
         """Return the arm with a ball of some mass [kg] held at the catch point; built once."""
+        mass = checks.number("mass", mass, finite=True)
+        if mass < 0.0:
+            raise InputError("mass", "at least 0 kg", mass)
         if mass not in self._holding:
             self._holding[mass] = self._loaded(mass)
         return self._holding[mass]
@@ -191,16 +223,18 @@ class Arm:
         at = np.array([0.0, 0.0, 0.0 if self.model.hand is None else self.model.hand.catch_offset])
         return Arm(self.model.loaded(mass, at=at, inertia=np.zeros((3, 3))), self.limits)
 
-    def _fill(self, q: Array, dq: Array, ddq: Array) -> None:
-        """Set the active joints' entries in the buffers over all links."""
-        self._q[self._index], self._dq[self._index], self._ddq[self._index] = q, dq, ddq
+    def _filled(self, q: Array, dq: Array, ddq: Array) -> tuple[pin.Data, Array]:
+        """Return this thread's data and rows over all links, the active joints' entries set."""
+        scratch = self._scratch
+        for row, name, x in zip(scratch.rows, ("q", "dq", "ddq"), (q, dq, ddq), strict=True):
+            row[self._index] = self._checked(name, x)
+        return scratch.data, scratch.rows
 
     def _mirrored(self, M: Array) -> Array:
         """Return a symmetric matrix of which Pinocchio fills only the upper half."""
         M[self._lower] = M.T[self._lower]
         return M
 
-    def _check(self, q: Array) -> None:
-        """Refuse joint positions of the wrong shape."""
-        if q.shape != (self.n,):
-            raise ShapeError("q", f"({self.n},)", q.shape)
+    def _checked(self, name: str, x: Array) -> Array:
+        """Return numbers of the active joints as kernels take them; refuse any other shape."""
+        return checks.vector(name, x, self.n)

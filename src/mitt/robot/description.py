@@ -9,10 +9,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mitt import checks
 from mitt.errors import ModelError
 from mitt.robot.hands import HandModel
 from mitt.signals import Array
 
+_keep = object.__setattr__
 #: Slack of the triangle inequality of principal moments [kg m^2]: files round their figures.
 _INERTIA_SLACK = 1e-6
 #: Largest length, mass or inertia of a link that is taken for meant [m, kg, kg m^2].
@@ -39,7 +41,8 @@ class Brake:
 
     def __post_init__(self) -> None:
         """Refuse what no brake can be."""
-        numbers = (self.torque, self.damping, self.delay)
+        given = {"torque": self.torque, "damping": self.damping, "delay": self.delay}
+        numbers = [checks.number(f"brake.{name}", value) for name, value in given.items()]
         if not all(0.0 <= x < np.inf for x in numbers) or self.delay > 1.0:
             wanted = "a torque, a damping and a delay of at least 0, the delay at most 1 s"
             raise ModelError("brake", wanted, numbers)
@@ -94,6 +97,7 @@ class Link:
     def __post_init__(self) -> None:
         """Refuse what no real link can have."""
         where = f"joint {self.name!r}"
+        self._hold_shapes(where)
         if not 0.0 < self.encoder_step < 0.1:
             wanted = "an encoder resolution above 0 and below 0.1 rad"
             raise ModelError(where, wanted, f"{self.encoder_step:g}")
@@ -114,6 +118,23 @@ class Link:
             raise ModelError(where, wanted, np.array2string(moments, precision=6))
         if self.armature < 0.0:
             raise ModelError(where, "an armature of at least 0", f"{self.armature:g}")
+
+    def _hold_shapes(self, where: str) -> None:
+        """Convert the fields to what kernels and Pinocchio take; refuse other shapes."""
+        for name, value, shape in (
+            ("placement", self.placement, (4, 4)), ("axis", self.axis, (3,)),
+            ("com", self.com, (3,)), ("inertia", self.inertia, (3, 3)),
+        ):  # fmt: skip
+            _keep(self, name, checks.array(f"{where} {name}", value, shape))
+        for name, plain in (
+            ("q_min", self.q_min), ("q_max", self.q_max), ("mass", self.mass),
+            ("armature", self.armature), ("encoder_step", self.encoder_step),
+        ):  # fmt: skip
+            _keep(self, name, checks.number(f"{where} {name}", plain))
+        if self.brake is not None:
+            checks.instance(f"{where} brake", self.brake, Brake)
+        if self.held is not None:
+            _keep(self, "held", checks.number(f"{where} held", self.held, finite=True))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -138,6 +159,19 @@ class ArmModel:
     q_ready: Array
     base_capsules: tuple[Capsule, ...]
     mount: Array
+
+    def __post_init__(self) -> None:
+        """Refuse an arm without links or joints, and arrays of other shapes."""
+        if not self.links:
+            raise ModelError("links", "at least one link", "none")
+        for link in checks.instance("links", self.links, tuple):
+            checks.instance("link", link, Link)
+        if self.hand is not None:
+            checks.instance("hand", self.hand, HandModel)
+        _keep(self, "tool", checks.array("tool", self.tool, (4, 4), finite=True))
+        _keep(self, "mount", checks.array("mount", self.mount, (4, 4), finite=True))
+        q_ready = checks.vector("q_ready", self.q_ready, len(self.active), finite=True)
+        _keep(self, "q_ready", q_ready)
 
     @property
     def active(self) -> tuple[int, ...]:
@@ -171,6 +205,12 @@ class ArmModel:
             at: Its centre of mass in the frame of the tool plate [m], shape (3,).
             inertia: Inertia about that point, axes of the tool plate [kg m^2], shape (3, 3).
         """
+        mass = checks.number("mass", mass, finite=True)
+        at = checks.vector("at", at, 3, finite=True)
+        inertia = checks.array("inertia", inertia, (3, 3), finite=True)
+        largest = max(abs(mass), np.abs(at).max(), np.abs(inertia).max())
+        if not largest <= _LARGEST:
+            raise ModelError("body", f"numbers within +-{_LARGEST:g}", f"{largest:g}")
         last = self.links[-1]
         R, p = self.tool[:3, :3], self.tool[:3, 3]
         total = last.mass + mass

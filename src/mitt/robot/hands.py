@@ -58,6 +58,22 @@ class Finger:
         tip = knuckle + self.distal * np.array([-np.sin(second), np.cos(second)])
         return base, knuckle, tip
 
+    def touches(self, angle: float, ball_height: float) -> tuple[Array, Array]:
+        """Return where the finger comes nearest to the palm's axis at a height, and its joint [m].
+
+        Args:
+            angle: Closing angle [rad].
+            ball_height: Height above the tool plate [m].
+
+        Returns:
+            Two points in the finger's plane, outward and along the palm normal, shape (2,) each.
+        """
+        base, knuckle, tip = self.points(angle)
+        ball = np.array([0.0, ball_height])
+        rods = ((base, knuckle), (knuckle, tip))
+        nearest = min(rods, key=lambda rod: _distance(ball, *rod))
+        return _nearest(ball, *nearest), base
+
     def gap(self, angle: float, ball_radius: float, ball_height: float) -> float:
         """Return the free way between the finger and a ball on the palm's axis [m].
 
@@ -161,6 +177,25 @@ class HandModel:
                 high = middle
         return high
 
+    def holding_force(self, ball_radius: float, friction: float) -> float:
+        """Return how hard a ball at the catch point can be pulled out of the closed hand [N].
+
+        Each finger presses on the ball where it touches it, as hard as its drive can; what holds
+        the ball along the palm's normal is that force's own part and its friction.
+
+        Args:
+            ball_radius: Radius of the ball [m].
+            friction: Coefficient of friction of ball and fingers.
+        """
+        point, base = self.finger.touches(self.touch_angle(ball_radius), self.catch_offset)
+        inward = np.array([-point[0], -self.finger.offset, self.catch_offset - point[1]])
+        inward = inward / np.linalg.norm(inward)
+        arm = point - base
+        lever = abs(float(arm[0] * inward[2] - arm[1] * inward[0]))
+        press = self.drive.tau_max / max(lever, 1e-6)
+        held = -inward[2] + friction * float(np.hypot(inward[0], inward[1]))
+        return self.fingers * press * max(float(held), 0.0)
+
     def closing_angle(self, elapsed: float, ball_radius: float) -> float:
         """Return the angle to be commanded so long after the start of the closing [rad].
 
@@ -211,6 +246,12 @@ def closing_angle(
 
 def _distance(point: Array, start: Array, end: Array) -> float:
     """Return the distance of a point from a segment [m]."""
+    return float(np.linalg.norm(_nearest(point, start, end) - point))
+
+
+def _nearest(point: Array, start: Array, end: Array) -> Array:
+    """Return the point of a segment nearest to a point [m], shape (2,)."""
     along = end - start
     share = np.clip((point - start) @ along / (along @ along), 0.0, 1.0)
-    return float(np.linalg.norm(start + share * along - point))
+    out: Array = start + share * along
+    return out

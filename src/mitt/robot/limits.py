@@ -12,6 +12,8 @@ from typing import Final
 
 import numpy as np
 
+from mitt import checks
+from mitt.errors import ShapeError
 from mitt.jit import kernel
 from mitt.signals import Array
 
@@ -42,6 +44,22 @@ class Limits:
     tau_rms: Array
     jerk: Array | None = None
 
+    def __post_init__(self) -> None:
+        """Hold the arrays to the number of drives; ShapeError or InputError where they differ."""
+        bounds = {"tau_peak": self.tau_peak, "tau_stall": self.tau_stall, "dq_max": self.dq_max,
+                  "tau_rms": self.tau_rms}  # fmt: skip
+        transmission = checks.array("transmission", self.transmission, (None, None), finite=True)
+        size = len(transmission)
+        kept = {"transmission": checks.array("transmission", transmission, (size, size))}
+        kept |= {name: checks.vector(name, bound, size) for name, bound in bounds.items()}
+        kept |= {} if self.jerk is None else {"jerk": checks.vector("jerk", self.jerk, size)}
+        for name, value in kept.items():
+            object.__setattr__(self, name, value)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Return the fields; what follows from them is worked out anew."""
+        return {name: vars(self)[name] for name in _FIELDS}
+
     @cached_property
     def to_drive(self) -> Array:
         """Drive torque per joint torque, shape (N, N): the inverse transpose of transmission."""
@@ -60,19 +78,26 @@ class Limits:
 
     def drive_torque(self, tau: Array) -> Array:
         """Return drive torques [N m] for joint torques [N m], shapes (..., N)."""
-        out: Array = tau @ self.to_drive.T
+        out: Array = self._rows("tau", tau) @ self.to_drive.T
         return out
 
     def drive_speed(self, dq: Array) -> Array:
         """Return drive speeds [rad/s] for joint speeds [rad/s], shapes (..., N)."""
-        out: Array = dq @ self.transmission.T
+        out: Array = self._rows("dq", dq) @ self.transmission.T
         return out
 
     def torque_bound(self, tau_drive: Array, dq_drive: Array, *, least: float = 0.0) -> Array:
         """Return the bound on the size of each drive torque in its direction [N m].
 
-        ``least`` as in :func:`bound_of`.
+        Args:
+            tau_drive: Drive torques [N m], shape (..., N).
+            dq_drive: Drive speeds [rad/s], of the same shape.
+            least: As in :func:`bound_of`.
         """
+        tau_drive, dq_drive = self._rows("tau_drive", tau_drive), self._rows("dq_drive", dq_drive)
+        least = checks.number("least", least)
+        if tau_drive.shape != dq_drive.shape:
+            raise ShapeError("dq_drive", str(tau_drive.shape), dq_drive.shape)
         out = np.asarray(np.broadcast_to(self.tau_peak, tau_drive.shape), np.float64)
         if self.no_load:
             line = self.tau_stall * np.maximum(1.0 - np.abs(dq_drive) / self.dq_max, least)
@@ -93,9 +118,18 @@ class Limits:
 
     def saturate(self, tau: Array, dq: Array) -> Array:
         """Return joint torques within every drive's bound [N m], shape (N,)."""
-        out = np.empty(len(tau))
+        out = np.empty(len(self.dq_max))
+        tau, dq = (checks.vector(*x, len(out)) for x in (("tau", tau), ("dq", dq)))
         saturate(self.packed, tau, dq, out)
         return out
+
+    def _rows(self, name: str, x: Array) -> Array:
+        """Return numbers of all N joints or drives, shape (..., N); refuse any other shape."""
+        return checks.rows(name, x, len(self.dq_max))
+
+
+_FIELDS = ("name", "transmission", "tau_peak", "tau_stall", "dq_max", "tau_rms", "jerk")
+"""Fields of a limit set."""
 
 
 @kernel

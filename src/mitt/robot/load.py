@@ -9,7 +9,8 @@ import numpy as np
 import pinocchio as pin
 from defusedxml import DefusedXmlException, ElementTree
 
-from mitt.errors import FileError, ModelError, UnknownNameError, heard
+from mitt import checks
+from mitt.errors import FileError, InputError, ModelError, UnknownNameError, heard
 from mitt.reading import read_text
 from mitt.robot.arm import Arm
 from mitt.robot.description import ArmModel, Link, transform
@@ -51,6 +52,13 @@ def load_arm(
         FileError: The file cannot be read or parsed.
         ModelError: What it describes is no arm that can be used.
     """
+    for name, value in (("tip", tip), ("limits", limits)):
+        if value is not None:
+            checks.instance(name, value, str)
+    if hand is not None:
+        checks.instance("hand", hand, HandModel)
+    if not isinstance(name_or_path, str | Path):
+        raise InputError("arm", "a name or a path", checks.shown(name_or_path))
     if str(name_or_path) == "wam":
         if tip is not None or joints is not None:
             raise ModelError("arm wam", "no tip and no joints: they are fixed", f"{tip}, {joints}")
@@ -65,7 +73,10 @@ def load_arm(
     if tip is None or not joints:
         raise ModelError(str(path), "tip and joints", f"tip={tip}, joints={joints}",
                          do="name the frame of the catch point and the active joints")  # fmt: skip
-    arm = _from_pinocchio(_parse(path), path.stem, tip, tuple(joints), hand)
+    if isinstance(joints, str) or not isinstance(joints, Sequence):
+        raise InputError("joints", "a list of names", checks.shown(joints))
+    names = tuple(checks.instance("joints", joint, str) for joint in joints)
+    arm = _from_pinocchio(_parse(path), path.stem, tip, names, hand)
     model = _with_encoders(arm.model, encoder_step)
     return arm if model is arm.model else Arm(model, arm.limits)
 
@@ -74,7 +85,8 @@ def _with_encoders(model: ArmModel, step: float | Sequence[float] | None) -> Arm
     """Return an arm whose active joints have encoders of a resolution [rad], if one is given."""
     if step is None:
         return model
-    steps = [step] * len(model.active) if isinstance(step, int | float) else list(step)
+    one = isinstance(step, int | float)
+    steps = np.full(len(model.active), step) if one else checks.array("encoder_step", step, (None,))
     if len(steps) != len(model.active):
         wanted = f"one number, or one for each of {len(model.active)} joints"
         raise ModelError("encoder_step", wanted, f"{len(steps)}")

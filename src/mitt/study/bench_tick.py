@@ -7,7 +7,7 @@ import numpy as np
 
 from mitt.link.clock import Stopwatch, steady_ns
 from mitt.study.source import Source
-from mitt.study.trial import Bench
+from mitt.study.trial import LOOKS, Bench
 
 Call: TypeAlias = Callable[[], object]
 Rivals: TypeAlias = dict[str, tuple[Call, int]]
@@ -52,6 +52,8 @@ def time_throw(bench: Bench, source: Source, index: int, stopwatch: Stopwatch) -
     """
     world, catcher, took = bench.world, bench.catcher(), []
     world.reset(source.ball(index), source.trial_seed(index))
+    if views := world.views_before(LOOKS):
+        catcher.learn_background(views)
     while catcher.looking and world.first_contact is None and world.t < 1.0:
         senses = world.sense()
         start = steady_ns()

@@ -23,6 +23,7 @@ from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
 from mitt.robot.shapes import Surroundings
 from mitt.study.lesson import learn
+from mitt.study.neighbourhood import neighbourhood_of_ball
 from mitt.study.registry import check_name, make_generator
 from mitt.study.result import result
 from mitt.study.score import Trial
@@ -186,7 +187,11 @@ def run(
     """
     job, count = prepared.job, prepared.source.count
     progress("learning", 0, 1)
-    learned = prepared.learned or learn(prepared.arm, design=design_of(job, prepared.arm))
+    learned = prepared.learned or learn(
+        prepared.arm,
+        design=design_of(job, prepared.arm),
+        around=neighbourhood_of_ball(prepared.scene.ball.drag),
+    )
     progress("learning", 1, 1)
     bench = make_bench(prepared, learned, generator=job.generator)
     bench.run(-1, prepared.source.ball(_WARM_UP), seed=0)

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from mitt.catcher import Catcher
 from mitt.jit import kernel
 from mitt.link.clock import Stopwatch, now_ns
-from mitt.records import Record
+from mitt.records import STOPPED, Record
 from mitt.signals import Array, Image
 from mitt.study.play import NOTHING
 from mitt.tick import act, perceive
 from mitt.views import lent
-from mitt.world.motion import STATE, TICK, TICKS, Plant, move, over
+from mitt.world.motion import STATE, TICK, TICKS, Plant, move, over, tell
 from mitt.world.sensors import DQ, Q, read_encoders
 from mitt.world.truth import Tape
 
@@ -49,15 +49,16 @@ def _play(
     """
     plant, rows, nothing, encoders = lent((plant, rows, nothing, encoders))
     (brake, state, result), log, times = lent(catcher), lent(log), lent(times)
-    out, p, qpos, qvel, n = result[0], plant[STATE], plant[4], plant[5], len(plant[12])
+    s, out, p, qpos, qvel, n = state[0], result[0], plant[STATE], plant[4], plant[5], len(plant[12])
     clock = times[len(times) - 2 :]
     for k in range(len(log)):
         t = int(p[TICKS]) * TICK
         read_encoders(encoders, t, qpos[:n], qvel[:n])
         before = now_ns(clock)
-        perceive(nothing, 0, 0.0, t, encoders[Q], encoders[DQ], state, result)
+        perceive(nothing, nothing, 0, 0.0, t, encoders[Q], encoders[DQ], state, result)
         todo = act(brake, state, result)
         times[k] = now_ns(clock) - before
+        tell(p, out["brakes"], s["phase"] == STOPPED)
         move(plant, out["told"][3], out["hand"], rows)
         log[k] = result[0]
         if todo != 0 or over(p, rules[0], rules[1]):

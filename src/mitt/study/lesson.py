@@ -4,6 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mitt import checks
+from mitt.errors import InputError
 from mitt.generator.design import MapDesign, default_design, further_designs
 from mitt.generator.flights import Flight
 from mitt.generator.generators import Direct
@@ -40,10 +42,22 @@ def learn(
     Returns:
         The map (``.map``) and the cost at each step (``.steps``).
     """
-    design = design or default_design(arm)
+    checks.instance("arm", arm, Arm)
+    seed = checks.whole("seed", seed, least=0)
+    design = default_design(arm) if design is None else checks.instance("design", design, MapDesign)
+    if flights is not None and not isinstance(flights, Sequence):
+        raise InputError("flights", "a sequence of flights", checks.shown(flights))
+    for name, value, kind in (
+        ("around", around, Neighbourhood),
+        ("settings", settings, LearnSettings),
+    ):
+        if value is not None:
+            checks.instance(name, value, kind)
     if flights is None:
         start = unlearned(arm, design)
         flights = neighbourhood(start, np.random.default_rng(seed), around)
+    for flight in flights:
+        checks.instance("flights", flight, Flight)
     return learn_from(arm, design, flights, settings=settings)
 
 

@@ -1,4 +1,9 @@
-"""The neighbourhood of flights to learn from: default throws, kicked ones, bounced ones.
+"""Flights to learn from: the other half of the table in docs/throws.md.
+
+They are not the throws that a run makes (:mod:`mitt.world.throws`). A learning flight is drawn
+where it ends: a point of a box in space about the nominal catch, a speed and a direction there,
+and it is flown backwards to its release. Its ranges are wider than those of the default throws, and
+all are centred on the arm, so other arms have theirs; the drag is that of the ball.
 
 The learner sees what can happen, not what will: a share of the flights changes its velocity on
 the way, by a kick or by a bounce off a surface that nobody announced, and all are believed
@@ -14,9 +19,7 @@ from mitt.flight import acceleration, advance
 from mitt.generator.design import nominal_catch
 from mitt.generator.flights import Flight
 from mitt.generator.mapping import DirectMap
-from mitt.robot.arm import Arm
 from mitt.signals import Array
-from mitt.world.throws import Aim, default_throw
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,6 +38,11 @@ class Neighbourhood:
         sigma_r: Error of the position believed at t_0, 1 sigma an axis [m].
         sigma_dr: Error of the velocity believed at t_0, 1 sigma an axis [m/s].
         drag: Range of the drag coefficient [1/m].
+        box: Half-widths of the box of arrivals about the nominal catch point [m], (x, y, z).
+        arrival: Speed of the ball there [m/s].
+        descent: Angle by which it comes down there [rad].
+        azimuth: Where it comes from, seen from there, off the direction of +x [rad].
+        flight: Time of its flight before that [s].
     """
 
     flights: int = 120
@@ -47,6 +55,16 @@ class Neighbourhood:
     sigma_r: float = 0.003
     sigma_dr: float = 0.1
     drag: tuple[float, float] = (0.03, 0.05)
+    box: tuple[float, float, float] = (0.08, 0.28, 0.24)
+    arrival: tuple[float, float] = (4.5, 7.3)
+    descent: tuple[float, float] = (0.24, 0.78)
+    azimuth: float = 0.15
+    flight: tuple[float, float] = (0.42, 0.65)
+
+
+def neighbourhood_of_ball(drag: float) -> Neighbourhood:
+    """Return the flights to learn from for a ball with a drag coefficient [1/m]: a quarter off."""
+    return Neighbourhood(drag=(0.75 * drag, 1.25 * drag))
 
 
 #: A motion of the ball: time [s] to position [m] and velocity [m/s].
@@ -55,16 +73,6 @@ _Motion = Callable[[float], tuple[Array, Array]]
 _LONGEST, _GRID = 1.1, 0.005
 #: Drag of the flights that bounce, a table-tennis ball's (facts of the recorded flights) [1/m].
 _BOUNCED_DRAG = 0.1
-
-
-def aim_of(arm: Arm) -> Aim:
-    """Return where default throws are aimed: design of the contract, q1 +-0.3, q2 pi/4 +-0.22.
-
-    The ready pose gives the centre of the box, so other arms have theirs.
-    """
-    middle, half = nominal_catch(arm), np.zeros(arm.n)
-    half[:2] = 0.3, 0.22
-    return Aim(position=arm.position, q_low=middle - half, q_high=middle + half)
 
 
 def neighbourhood(
@@ -86,10 +94,11 @@ def neighbourhood(
 def _draw(f: DirectMap, rng: np.random.Generator, settings: Neighbourhood) -> tuple[_Motion, float]:
     """Draw one motion of the ball and its drag."""
     drag, kind = float(rng.uniform(*settings.drag)), rng.random()
-    aim = aim_of(f.arm)
+    centre = f.arm.position(nominal_catch(f.arm))
+    arrival = centre + np.array(settings.box) * rng.uniform(-1.0, 1.0, 3)
     if kind < settings.bounced:
-        return _bounced(aim, rng), _BOUNCED_DRAG
-    throw = default_throw(rng, aim)
+        return _bounced(arrival, rng), _BOUNCED_DRAG
+    release = _release(arrival, drag, rng, settings)
     change = np.zeros(3)
     t_change = float(rng.uniform(0.15, 0.4))
     if kind < settings.bounced + settings.kicked:
@@ -97,7 +106,7 @@ def _draw(f: DirectMap, rng: np.random.Generator, settings: Neighbourhood) -> tu
         change *= settings.kick * rng.random() / np.linalg.norm(change)
 
     def motion(t: float) -> tuple[Array, Array]:
-        r, dr = throw.r.copy(), throw.dr.copy()
+        r, dr = release[0].copy(), release[1].copy()
         advance(r, dr, drag, min(t, t_change))
         if t > t_change:
             dr += change
@@ -107,19 +116,31 @@ def _draw(f: DirectMap, rng: np.random.Generator, settings: Neighbourhood) -> tu
     return motion, drag
 
 
-def _bounced(aim: Aim, rng: np.random.Generator) -> _Motion:
-    """Draw a flight that bounces off a level surface shortly before it passes an aim point.
+def _release(
+    arrival: Array, drag: float, rng: np.random.Generator, settings: Neighbourhood
+) -> tuple[Array, Array]:
+    """Draw how a ball arrives at a point [m], shape (3,), and return its release [m, m/s]."""
+    speed = float(rng.uniform(*settings.arrival))
+    down, side = rng.uniform(*settings.descent), rng.uniform(-settings.azimuth, settings.azimuth)
+    ahead = np.cos(down)
+    dr = -speed * np.array([ahead * np.cos(side), ahead * np.sin(side), np.sin(down)])
+    r = arrival.copy()
+    advance(r, dr, drag, -float(rng.uniform(*settings.flight)))
+    return r, dr
 
-    Drawn backwards from the aim point. Speeds after and losses at the bounce as in the recorded
+
+def _bounced(arrival: Array, rng: np.random.Generator) -> _Motion:
+    """Draw a flight that bounces off a level surface shortly before it passes a point [m], (3,).
+
+    Drawn backwards from that point. Speeds after and losses at the bounce as in the recorded
     table-tennis flights: 1.6 to 3.5 m/s, 0.75 to 0.9 of the vertical speed kept, 0.55 to 0.85 of
     the horizontal.
     """
-    r_aim = aim.position(rng.uniform(aim.q_low, aim.q_high))
     dr_aim = np.array([-rng.uniform(1.6, 3.5), rng.uniform(-0.3, 0.3), rng.uniform(0.3, 2.2)])
     since, before = float(rng.uniform(0.08, 0.25)), float(rng.uniform(0.4, 0.55))
     kept = np.array([1.0, 1.0, 0.0]) * rng.uniform(0.55, 0.85)
     kept[2] = -rng.uniform(0.75, 0.9)
-    r_up, dr_up = r_aim.copy(), dr_aim.copy()
+    r_up, dr_up = arrival.copy(), dr_aim.copy()
     advance(r_up, dr_up, _BOUNCED_DRAG, -since)
     r_0, dr_0 = r_up.copy(), dr_up / kept
     advance(r_0, dr_0, _BOUNCED_DRAG, -before)

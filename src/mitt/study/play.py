@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.catcher import Catcher
-from mitt.errors import InputError
+from mitt.errors import InputError, ShapeError
 from mitt.jit import kernel
 from mitt.link.clock import Stopwatch, now_ns
 from mitt.records import BRAKE, STOPPED, Record
@@ -19,17 +19,18 @@ from mitt.signals import Array, Image
 from mitt.tick import tick, undecided
 from mitt.views import lent
 from mitt.vision.belief import absorb
-from mitt.vision.outlook import field, suffices
-from mitt.vision.segmentation import WORK
+from mitt.vision.outlook import suffices
+from mitt.vision.target import WORK, field
 from mitt.world.exposure import Bank, Cameras, snap
 from mitt.world.imaging import BLOCK, Film
-from mitt.world.motion import STATE, TICK, TICKS, Plant, move, over
+from mitt.world.motion import STATE, TICK, TICKS, WATCHED, Plant, move, over, tell
+from mitt.world.painting import LIGHT
 from mitt.world.sensors import DQ, Q, read_encoders
 from mitt.world.silhouettes import lay_capsules
 from mitt.world.stage import Body, Stage
 
 #: Ticks that a log holds: more than any trial has.
-_MOST = 4096
+_MOST = 8192
 
 Points: TypeAlias = tuple[Array, Array, Array]
 """How far off the points of a block are, shape (BLOCK, 3), or (0, 3) where there are images; their
@@ -37,7 +38,7 @@ covariance, shape (3, 3); those that are on their way, shape (latency + 1, 3); a
 
 Shots: TypeAlias = tuple[Array, NDArray[np.int64], NDArray[np.uint8]]
 """What was exposed and is on its way: arm and hand, then the ball and its velocity, a row a tick,
-shape (latency + 1, c + 2, 7); offsets into the banks of noise, shape (latency + 1, 2, 2); room for
+shape (latency + 1, c + 2, 8); offsets into the banks of noise, shape (latency + 1, 2, 2); room for
 the two images of one tick, shape (2, height, width)."""
 
 Eyes: TypeAlias = tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64], Array]
@@ -51,7 +52,7 @@ Sight: TypeAlias = tuple[Body, Film, Shots, Points]
 _DARK: Film = (
     (
         np.zeros((0, 1)), np.zeros((0, 4)), np.zeros((0, 2, 5, 3)), np.zeros((0, 2)),
-        np.zeros((1, 8)), np.zeros(3), np.zeros(0),
+        np.zeros((1, 14)), np.zeros(LIGHT), np.zeros(0), np.zeros(0, np.float32),
     ),
     (np.zeros((0, 0), np.uint8), np.zeros(0, np.uint8), np.zeros(0)),
     np.zeros((BLOCK, 0, 2), np.int64),
@@ -63,24 +64,28 @@ NOTHING = np.empty((0, 0), np.uint8), np.empty((0, 0), np.uint8)
 @kernel
 def develop(
     shot: Array, starts: NDArray[np.int64], images: tuple[Image, Image], camera: Cameras,
-    bank: Bank, half: float, radius: float, state: Record, eyes: Eyes,
+    bank: Bank, half: float, radius: float, t: float, backgrounds: tuple[Image, ...], state: Record,
+    eyes: Eyes,
 ) -> None:  # fmt: skip
     """Draw of the images of an exposure what the eyes are going to look at.
 
     That is where they find the ball again; where they do not, and so look everywhere, all.
 
     Args:
-        shot: Of ``Shots``, shape (c + 2, 7).
+        shot: Of ``Shots``, shape (c + 2, 8).
         starts: Of ``Shots``, shape (2, 2).
         images: Result.
         camera: As of ``Film``.
         bank: As of ``Film``.
         half: Half the exposure [s].
         radius: Of the ball [m].
+        t: Middle of the exposure [s].
+        backgrounds: As of ``Catcher.backgrounds``.
         state: As of ``Catcher.parts``.
         eyes: Scratch.
     """
     camera, bank, images, eyes = lent(camera), lent(bank), lent(images), lent(eyes)
+    backgrounds = lent(backgrounds)
     s, (windows, known, work, weights) = lent(state)[0], eyes
     memory, settings, count = s["eyes_memory"], s["eyes_settings"], len(shot) - 2
     r_o, dr_o = shot[count, :3], shot[count + 1, :3]
@@ -90,9 +95,12 @@ def develop(
             windows[n, 0], windows[n, 1] = 0, images[n].shape[0] - 1
             windows[n, 2], windows[n, 3] = 0, images[n].shape[1] - 1
             known[n] = not whole and field(memory[n], settings, windows[n])
-        snap(images, camera, bank, starts, half, radius, r_o, dr_o, shot[:count], windows)
+        snap(images, camera, bank, starts, half, radius, r_o, dr_o, shot[:count], windows, t)
         for n in range(2):
-            missed |= known[n] and not suffices(images[n], memory[n], settings, work, weights)
+            missed |= known[n] and not suffices(
+                images[n], backgrounds[n], backgrounds[2], windows[n], memory[n], settings, work,
+                weights,
+            )  # fmt: skip
         if not missed:
             return
 
@@ -104,6 +112,7 @@ def play(
     sight: Sight,
     scalars: tuple[float, float, float, float],
     nothing: tuple[Image, Image],
+    backgrounds: tuple[Image, ...],
     encoders: Array,
     catcher: tuple[Array, Record, Record],
     eyes: Eyes,
@@ -120,6 +129,7 @@ def play(
         scalars: Half the exposure [s], radius of the ball [m], and two of
             :func:`mitt.world.motion.over`.
         nothing: Images where none has arrived yet.
+        backgrounds: As of ``Catcher.backgrounds``.
         encoders: As of :func:`mitt.world.sensors.fresh_encoders`.
         catcher: As of ``Catcher.parts``.
         eyes: Scratch.
@@ -131,6 +141,7 @@ def play(
         What is to be thought about: bits of :mod:`mitt.tick`.
     """
     plant, rows, sight, nothing, eyes = lent((plant, rows, sight, nothing, eyes))
+    backgrounds = lent(backgrounds)
     body, (camera, bank, starts), (shots, begun, pixels), (scatter, covariance, line) = sight
     (brake, state, result), log, times = lent(catcher), lent(log), lent(times)
     s, out, encoders = state[0], result[0], lent(encoders)
@@ -155,7 +166,7 @@ def play(
                     images, exposed = (pixels[0], pixels[1]), (k - latency) * TICK
                     develop(
                         shots[place], begun[place], images, camera, bank, scalars[0], scalars[1],
-                        state, eyes,
+                        exposed, backgrounds, state, eyes,
                     )  # fmt: skip
         read_encoders(encoders, k * TICK, qpos[:n], qvel[:n])
         before = now_ns(clock)
@@ -165,8 +176,12 @@ def play(
                 s["ball_memory"], (k - latency) * TICK, seen, covariance, s["ball_settings"],
                 s["ball_work"],
             )  # fmt: skip
-        todo = tick(images, 0, exposed, k * TICK, encoders[Q], encoders[DQ], brake, state, result)
+        todo = tick(
+            images, backgrounds, 0, exposed, k * TICK, encoders[Q], encoders[DQ], brake, state,
+            result,
+        )  # fmt: skip
         times[k] = now_ns(clock) - before
+        tell(p, out["brakes"], s["phase"] == STOPPED)
         move(plant, out["told"][3], out["hand"], rows)
         log[k] = result[0]
         if undecided(todo, state, result):
@@ -190,8 +205,9 @@ class Player:
         Raises:
             InputError: A trial could last longer than the buffers do.
         """
-        if not (longest + held) / TICK + 1 < _MOST:
-            raise InputError("trial", f"at most {_MOST} ticks", (longest + held) / TICK)
+        most = (longest + held + WATCHED) / TICK + 1
+        if not most < _MOST:
+            raise InputError("trial", f"at most {_MOST} ticks", most)
         self.stopwatch, self._rules = stopwatch, (longest, held)
         self._times = np.zeros(_MOST + 2, dtype=np.int64)
         self._eyes: Eyes = (
@@ -204,12 +220,18 @@ class Player:
         """Play a trial from its first tick to its end and return the results of all ticks.
 
         They are overwritten by the next trial.
+
+        Raises:
+            ShapeError: The catcher's arm has another number of joints than the stage's.
         """
+        n, mine = len(stage.plant[12]), catcher.result.dtype["told"].shape[1]
+        if mine != n:
+            raise ShapeError("catcher", f"an arm of {n} joints", (mine,))
         imager, p = stage.imager, stage.plant[STATE]
         latency = stage.scene.sensing.latency
         shape = (0, 0) if imager is None else imager.shape
         shots = (
-            np.zeros((latency + 1, len(stage.body[4]) + 2, 7)),
+            np.zeros((latency + 1, len(stage.body[4]) + 2, 8)),
             np.zeros((latency + 1, 2, 2), np.int64),
             np.empty((2, *shape), np.uint8),
         )
@@ -225,8 +247,8 @@ class Player:
                 scatter = stage.sensors.scatter(BLOCK)
             sight = stage.body, cameras, shots, (scatter, covariance, line)
             todo = play(
-                stage.plant, rows, sight, scalars, NOTHING, stage.sensors.encoders, parts,
-                self._eyes, log, self._times, BLOCK - k % BLOCK,
+                stage.plant, rows, sight, scalars, NOTHING, catcher.backgrounds,
+                stage.sensors.encoders, parts, self._eyes, log, self._times, BLOCK - k % BLOCK,
             )  # fmt: skip
             if imager is not None and catcher.looking:
                 imager.expose(int(p[TICKS]) - k)

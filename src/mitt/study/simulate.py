@@ -1,5 +1,6 @@
 """Throws in the simulated world from Python, without files."""
 
+from mitt import checks
 from mitt.errors import InputError
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
@@ -30,8 +31,11 @@ def simulate(
             left out.
         pixels: Whether the catcher sees images; noisy points otherwise.
     """
-    if throws < 1:
-        raise InputError("throws", "at least 1", throws)
+    checks.instance("f", f, DirectMap)
+    throws = checks.whole("throws", throws, least=1)
+    seed, pixels = checks.whole("seed", seed, least=0), checks.flag("pixels", pixels)
+    if scene is not None and not isinstance(scene, Scene | str):
+        raise InputError("scene", "a Scene, or the name or file of one", checks.shown(scene))
     scene = scene if isinstance(scene, Scene) else read_scene(scene or DEFAULT)
     source = source_of(
         f, seed=seed, count=throws, throws_file=None, flights_file=None, drag=scene.ball.drag

@@ -1,6 +1,6 @@
 """Where the balls of a run come from: drawn by seed, read as throws, or recorded."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import final
 
@@ -9,7 +9,7 @@ import numpy as np
 from mitt.generator.design import nominal_catch
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array
-from mitt.study.neighbourhood import aim_of
+from mitt.study.aim import aim_of
 from mitt.world.flights import BallPath, Recording, place_flight, read_flights
 from mitt.world.throws import Aim, Throw, ThrowRanges, default_throw, read_throws
 
@@ -29,7 +29,8 @@ class Source:
         catch_point: Where recorded flights are led past [m], shape (3,).
         throws: Throws from a file, empty otherwise.
         recordings: Recorded flights, empty otherwise.
-        drag: Drag of recorded balls after their last sample [1/m].
+        drag: Drag of the balls [1/m]: default throws are aimed with it, and recorded balls have
+            it after their last sample.
         ranges: Ranges of the default throws; the contract's if left out.
     """
 
@@ -50,7 +51,7 @@ class Source:
             return place_flight(recording, self.catch_point, rng=rng, drag=self.drag)
         if self.throws:
             return self.throws[index % len(self.throws)]
-        return default_throw(rng, self.aim, self.ranges)
+        return default_throw(rng, self.aim, replace(self.ranges or ThrowRanges(), drag=self.drag))
 
     def trial_seed(self, index: int) -> int:
         """Return the seed of a trial's plant and noise."""

@@ -1,10 +1,14 @@
 """The map held against the clairvoyant, throw by throw: what could have been caught, and was not.
 
 A throw is catchable where the clairvoyant's plan, run in the same plant with the same hand and
-noise, catches it. Every throw that the map does not catch is run by the clairvoyant too, and a
-random sample of those that it catches, which says how often the clairvoyant fails there.
+noise, catches it within all limits. Every throw that the map does not catch is run by the
+clairvoyant too, as long as it may be asked, and a random sample of those that it catches, which
+says how often the clairvoyant fails there. A verdict is *false feasible* where the map promised and
+then did not catch, or caught beyond a limit; *false unreachable* where it refused what can be
+caught.
 """
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any
@@ -25,8 +29,8 @@ Row = dict[str, Any]
 Run = Callable[[int], Trial]
 
 
-def judged(by_map: Run, by_optimum: Run, index: int, *, sampled: bool) -> Row:
-    """Run a throw by the map and, where it fails or is sampled, by the clairvoyant."""
+def judged(by_map: Run, by_optimum: Run, index: int, *, sampled: bool, oracle: bool = True) -> Row:
+    """Run a throw by the map and, where it fails or is sampled, by the clairvoyant if wished."""
     trial = by_map(index)
     caught, told = trial.status == "caught", trial.certificate or {}
     row: Row = {
@@ -34,7 +38,7 @@ def judged(by_map: Run, by_optimum: Run, index: int, *, sampled: bool) -> Row:
         "binding_limit": trial.binding_limit, "margin": told.get("margin"),
         "violations": trial.limit_violations, "clairvoyant": None,
     }  # fmt: skip
-    if not caught or sampled:
+    if oracle and (not caught or sampled):
         best = by_optimum(index)
         row |= {"clairvoyant": best.status, "clairvoyant_violations": best.limit_violations}
     return row
@@ -49,8 +53,11 @@ def counted(rows: Sequence[Row]) -> Row:
     # The sample stands for all that the map catches.
     common = round(share * caught)
     feasible = sum(row["verdict"] == "feasible" for row in rows)
-    hopeful = sum(_vain(row) for row in failed)
-    timid = sum(_refused(row) and row["clairvoyant"] == "caught" for row in failed)
+    broken = sum(_broken(row) for row in rows)
+    refused = [row for row in failed if _refused(row)]
+    asked = [row for row in refused if row["clairvoyant"] is not None]
+    # Those that the clairvoyant was asked about stand for all that were refused.
+    timid = round(_caught_by_optimum(asked) / len(asked) * len(refused)) if asked else 0
     return {
         "throws": len(rows),
         "caught": caught,
@@ -60,9 +67,11 @@ def counted(rows: Sequence[Row]) -> Row:
         "catchable": common + lost,
         "caught_of_catchable": _rate(common, common + lost),
         "caught_of_what_either_catches": _rate(caught, caught + lost),
-        "false_feasible": _rate(hopeful, feasible),
+        "false_feasible": _rate(broken, feasible),
         "false_unreachable": _rate(timid, len(rows)),
-        "refused": sum(_refused(row) for row in rows),
+        "refused": len(refused),
+        "refused_and_asked": len(asked),
+        "refused_by": dict(Counter(row["binding_limit"] for row in refused)),
         "violations": sum(row["violations"] for row in rows),
         "violations_of_clairvoyant": sum(row.get("clairvoyant_violations", 0) for row in rows),
         "failures": failed,
@@ -70,8 +79,8 @@ def counted(rows: Sequence[Row]) -> Row:
 
 
 def _caught_by_optimum(rows: Sequence[Row]) -> int:
-    """Return how many of some throws the clairvoyant caught."""
-    return sum(row["clairvoyant"] == "caught" for row in rows)
+    """Return how many of some throws the clairvoyant caught within all limits."""
+    return sum(row["clairvoyant"] == "caught" and not row["clairvoyant_violations"] for row in rows)
 
 
 def _refused(row: Row) -> bool:
@@ -79,9 +88,10 @@ def _refused(row: Row) -> bool:
     return bool(row["status"] == "unreachable")
 
 
-def _vain(row: Row) -> bool:
-    """Say whether a throw was promised and neither caught it."""
-    return bool(row["verdict"] == "feasible" and row["clairvoyant"] != "caught")
+def _broken(row: Row) -> bool:
+    """Say whether a throw was promised and then not caught, or caught beyond a limit."""
+    kept = row["status"] == "caught" and not row["violations"]
+    return bool(row["verdict"] == "feasible" and not kept)
 
 
 def _rate(k: int, n: int) -> Row:

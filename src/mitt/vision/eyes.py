@@ -1,6 +1,7 @@
 """The eyes of the catcher: images in, ball position out, in one compiled call."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field
 from enum import Enum
 from math import inf, isfinite
@@ -9,14 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt import checks
 from mitt.errors import InputError, ShapeError
 from mitt.signals import Array, BallState, Frame, Image, Sighting
-from mitt.vision import looking, segmentation, triangulation
+from mitt.vision import looking, target, triangulation
 from mitt.vision.camera import Rig
 from mitt.vision.gaze import empty_gaze, lead
 from mitt.vision.head import HEAD, aim, pack_heads
 from mitt.vision.looking import STATUS, look
-from mitt.vision.segmentation import SegmenterConfig, forget, pack_segmenter
+from mitt.vision.segmentation import SegmenterConfig, pack_segmenter
+from mitt.vision.target import forget
 from mitt.vision.triangulation import TriangulatorConfig, pack_belief, pack_cameras, unseen
 
 
@@ -44,6 +47,9 @@ class EyesStatus(Enum):
     AT_ODDS = looking.AT_ODDS
 
 
+#: Type of an image.
+_GREY = np.dtype(np.uint8)
+
 LET_GO = 0.1
 """Time without a sighting after which the heads no longer follow the filter [s]."""
 
@@ -61,35 +67,72 @@ class Eyes:
 
     Attributes:
         heads: Number of heads; 0 where the cameras stand still.
+        backgrounds: As of :func:`mitt.vision.looking.look`; empty until they are learned.
     """
+
+    backgrounds: tuple[Image, ...]
 
     def __init__(self, rig: Rig, config: EyesConfig | None = None) -> None:
         """Open the eyes; the first frames tell them the ground."""
+        checks.instance("rig", rig, Rig)
         config = config or EyesConfig()
         n = len(rig.cameras)
         self._max_skew = config.triangulator.max_skew
         self._settings = pack_segmenter(config.segmenter)
         self._cameras = pack_cameras(rig)
         self._belief = pack_belief(config.triangulator, config.ball_radius, rig)
-        self._memory = np.empty((n + 1, segmentation.MEMORY))
+        self._memory = np.empty((n + 1, target.MEMORY))
         self.heads = len(rig.heads)
         rows = max(self.heads, 1)  # a rig that stands still has a row that is not used
         self._heads, self._angles = np.zeros((rows, HEAD)), np.zeros((rows, 2))
         self._heads[: self.heads] = pack_heads(rig)
         self._gaze, self._gaze_work = empty_gaze(rows), np.zeros((7, 3))
         self._numbers, self._t = [-1] * n, 0.0
-        self._boxes = np.zeros((segmentation.WORK, 4), dtype=np.int64)
+        self._boxes = np.zeros((target.WORK, 4), dtype=np.int64)
         self._work = np.empty((triangulation.WORK + n, 3))
         self._none = [np.empty((0, 0), dtype=np.uint8)] * n
+        self._shapes = [(camera.height, camera.width) for camera in rig.cameras]
         self._nothing = tuple(self._none), 0, 0.0
         self.reset()
 
+    def __copy__(self) -> "Eyes":
+        """Return eyes that know the same, with memory of their own."""
+        return deepcopy(self)
+
     def reset(self) -> None:
-        """Forget the last ball, as before a new throw."""
+        """Forget the last ball and the background, as before a new throw."""
         forget(self._memory)
+        self.backgrounds = (*self._none, self._none[0])
         self._memory[-1] = 0.0
         self._gaze[:] = empty_gaze(len(self._gaze))
         self._numbers = [-1] * len(self._none)
+
+    def learn_background(self, views: Sequence[tuple[Frame, ...]]) -> None:
+        """Learn what the cameras see without the thrown ball; best from ten looks or more.
+
+        The arm is to be where it waits, and what rests may be in view. It holds until ``reset``.
+        Cameras that turn have no background, and learn none.
+
+        Args:
+            views: Frames of each look, one a camera.
+
+        Raises:
+            InputError: A camera was not shown.
+            ShapeError: A frame is not as large as the images of its camera.
+        """
+        if self.heads:
+            return
+        means = []
+        for n, shape in enumerate(self._shapes):
+            seen = [frame.pixels for frames in views for frame in frames if frame.camera == n]
+            if not seen:
+                raise InputError("views", f"a frame of camera {n}", "none")
+            for pixels in seen:
+                if pixels.shape != shape:
+                    raise ShapeError("frame.pixels", str(shape), pixels.shape)
+            means.append(np.rint(np.mean(seen, axis=0)).astype(np.uint8))
+        rows, columns = np.max(self._shapes, axis=0)
+        self.backgrounds = (*means, np.zeros((rows, columns), np.uint8))
 
     @property
     def status(self) -> EyesStatus:
@@ -110,6 +153,7 @@ class Eyes:
             ball: Estimate of the ball, at a time near ``t``.
             t: Time at which the heads are to be there [s].
         """
+        ball, t = checks.instance("ball", ball, BallState), checks.number("t", t)
         if not self.heads:
             return None
         wanted, motion = np.empty((self.heads, 4)), np.zeros((2, 3))
@@ -134,7 +178,17 @@ class Eyes:
         return {name: vars(self)[f"_{name}"] for name in _PARTS}
 
     def move_to(self, parts: Mapping[str, NDArray[Any]]) -> None:
-        """Use other arrays from now on, named and shaped as :meth:`parts`; values as they are."""
+        """Use other arrays from now on, named and shaped as :meth:`parts`; values as they are.
+
+        Raises:
+            ShapeError: One of them has another shape or type.
+        """
+        for name, mine in self.parts().items():
+            other = checks.instance("parts", parts, dict).get(name)
+            if not isinstance(other, np.ndarray) or other.dtype != mine.dtype:
+                raise InputError(f"parts.{name}", f"an array of {mine.dtype}", checks.shown(other))
+            if other.shape != mine.shape or not other.flags.carray:
+                raise ShapeError(f"parts.{name}", f"{mine.shape} in C order", other.shape)
         for name in _PARTS:
             vars(self)[f"_{name}"] = parts[name]
 
@@ -146,8 +200,9 @@ class Eyes:
                 seen before, by its number, counts as missing.
 
         Raises:
-            InputError: A frame comes from a camera that the rig does not have.
-            ShapeError: A frame is not a two-dimensional image.
+            InputError: A frame comes from a camera that the rig does not have, or its image is
+                not of type uint8.
+            ShapeError: An image has not the size of its camera.
         """
         images, apart, t = self.arrange(frames)
         self._t = t
@@ -156,6 +211,7 @@ class Eyes:
         r_o, covariance = np.empty(3), np.empty((3, 3))
         if look(
             images,
+            self.backgrounds,
             apart,
             self._memory,
             self._settings,
@@ -177,25 +233,24 @@ class Eyes:
         Args:
             frames: As for :meth:`step`.
         """
+        if frames.__class__ is not tuple:
+            checks.instance("frames", frames, tuple)
         if not frames:
             return self._nothing
-        t = -inf
+        t, shapes = -inf, self._shapes
         for frame in frames:
+            self._check(frame, shapes)
             if t < frame.t < inf:
                 t = frame.t
-        images, apart, numbers = self._none.copy(), 0, self._numbers
-        heads, count = self.heads, len(images)
+        images, apart, numbers, heads = self._none.copy(), 0, self._numbers, self.heads
         for frame in frames:
             k, number, pixels = frame.camera, frame.number, frame.pixels
-            if not 0 <= k < count:
-                raise InputError("frame.camera", f"0 to {count - 1}", k)
             if number == numbers[k]:
                 continue
             if heads and not (isfinite(frame.pan) and isfinite(frame.tilt)):
                 continue  # nobody knows where it looks
             numbers[k] = number
-            plain = pixels.flags.carray and pixels.ndim == 2 and pixels.size
-            images[k] = pixels if plain else _plain(pixels)
+            images[k] = pixels if pixels.flags.carray else pixels.copy(order="C")
             if frame.t == t or abs(frame.t - t) <= self._max_skew:
                 apart &= ~(1 << k)
             else:
@@ -204,9 +259,13 @@ class Eyes:
                 self._angles[k] = frame.pan, frame.tilt
         return tuple(images), apart, t
 
-
-def _plain(pixels: Image) -> Image:
-    """Return a copy, as the kernels take it, of an image that is a window or write-protected."""
-    if pixels.ndim != 2 or pixels.size == 0:
-        raise ShapeError("frame.pixels", "(height, width)", pixels.shape)
-    return np.array(pixels, dtype=np.uint8, order="C")
+    @staticmethod
+    def _check(frame: Frame, shapes: list[tuple[int, int]]) -> None:
+        """Refuse a frame of a camera that is not there, or an image that is not of its size."""
+        if frame.__class__ is not Frame:
+            checks.instance("frame", frame, Frame)
+        if not 0 <= frame.camera < len(shapes):
+            raise InputError("frame.camera", f"0 to {len(shapes) - 1}", frame.camera)
+        pixels, shape = frame.pixels, shapes[frame.camera]
+        if pixels.shape != shape or pixels.dtype != _GREY:
+            checks.image("frame.pixels", pixels, shape)

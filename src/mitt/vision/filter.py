@@ -13,6 +13,7 @@ from typing import final
 
 import numpy as np
 
+from mitt import checks
 from mitt.flight import GRAVITY
 from mitt.signals import Array, BallState, Sighting
 from mitt.vision import memory as at
@@ -167,7 +168,7 @@ class BallFilter:
 
     def update(self, sighting: Sighting) -> None:
         """Take a sighting in at its own time, whatever the order of arrival."""
-        s = sighting
+        s = checks.instance("sighting", sighting, Sighting)
         if s.found:
             absorb(self._memory, s.t, s.r_o, s.covariance, self._settings, self._work)
         else:
@@ -178,8 +179,8 @@ class BallFilter:
 
         Not tracked without an estimate, or further than ``belief.MAX_HORIZON`` from it.
         """
+        t, m = checks.number("t", t), self._memory
         motion, covariance = np.empty((3, 3)), np.empty((6, 6))
-        m = self._memory
         tracked = speak(m, t, self._settings, motion, covariance, self._work)
         return BallState(
             t=t,

@@ -20,7 +20,7 @@ import numpy as np
 from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.vision.head import aim_one, bearing
-from mitt.vision.segmentation import GOOD, STATE
+from mitt.vision.target import GOOD, STATE
 
 GAZE = 6
 """Numbers that the gaze law remembers of a head."""

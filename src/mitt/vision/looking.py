@@ -6,17 +6,21 @@ from mitt.jit import kernel
 from mitt.signals import Array, Image
 from mitt.views import lent, view
 from mitt.vision import triangulation
+from mitt.vision.candidates import seek
 from mitt.vision.moments import Box
-from mitt.vision.segmentation import (
+from mitt.vision.segmentation import watch
+from mitt.vision.target import (
     EXPECTED,
     GAIN,
     GOOD,
+    LOST,
     MEMORY,
     MERGED,
+    NEAR,
     STATE,
     WEIGHED,
     WEIGHTS,
-    watch,
+    expect,
 )
 from mitt.vision.triangulation import note, on_ray, triangulate
 
@@ -30,12 +34,16 @@ BLIND, ONE, BOTH, AT_ODDS = range(4)
 ALONG = 1.0
 """Standard deviation along the ray of a ball that one camera alone sees [m]: a thousand times what
 is known of it, and few enough digits away from what is seen across."""
-FORGET, STUBBORN = 100.0, 20.0
-"""Looks without both eyes after which a place is old; looks at odds that are no accident."""
+FORGET, HASTY, STUBBORN = 100.0, 5.0, 20.0
+"""Looks without both eyes after which a place is old, and no more than so many for each sighting
+that it rests on, as its motion is then a guess; looks at odds that are no accident."""
 SURE, MISFIT, SMALL, DRIFT, SLOWLY = 0.002, 0.01, 0.05, 0.0005, 20.0
 """Share of the ball's mass by which a target differs by noise; by which it may differ; what
 patches of the ground add to that, over the radius [px]; what each look without both eyes adds;
 looks over which the contrast may change."""
+REACH, ASTRAY = 0.12, 0.01
+"""Distance from where it should be within which a lost ball is looked for, and what each look
+without both eyes adds [m]: it may change its speed by 10 m/s."""
 ALPHA, BETA, RESTART = 0.5, 0.1, 20.0
 """Gains of position and motion from look to look; looks after which motion is estimated anew."""
 
@@ -72,25 +80,11 @@ def _learn_contrast(memory: Array) -> None:
 
 
 @kernel
-def _expect(memory: Array, cameras: Array, radius: float, r: Array) -> None:
-    """Write what area the ball should have in each image where it is believed to be."""
-    for n in range(cameras.shape[0]):
-        z, far = 0.0, 0.0
-        for i in range(3):
-            d = r[i] - cameras[n, 3, i]
-            z += cameras[n, i, 2] * d
-            far += d * d
-        far = sqrt(max(far - radius * radius, radius * radius))
-        sine = radius / far
-        memory[n, EXPECTED] = pi * (cameras[n, 4, 0] * sine) ** 2 * (far / max(z, radius)) ** 3
-
-
-@kernel
 def _foresee(rig: Array) -> None:
     """Move the last position on by one look; forget it where it is old."""
     rig[SINCE] += 1.0
     rig[AGE] += 1.0
-    if rig[SINCE] > FORGET:
+    if rig[SINCE] > min(FORGET, HASTY * rig[KNOWN]):
         rig[KNOWN] = 0.0
     for i in range(3):
         rig[i] += rig[SPEED + i] if rig[KNOWN] > 0.0 else 0.0
@@ -112,8 +106,20 @@ def _remember(rig: Array, r: Array) -> None:
 
 
 @kernel
+def _is_lost(
+    images: tuple[Image, ...], apart: int, memory: Array, rig: Array, belief: Array
+) -> bool:
+    """Tell whether two cameras that stand still look for a ball, and nothing is known of it."""
+    if rig[KNOWN] > 0.0 or belief[4] == 0.0 or apart & 3:
+        return False
+    shown = images[0].size > 0 and images[1].size > 0
+    return bool(shown and memory[0, STATE] == LOST and memory[1, STATE] == LOST)
+
+
+@kernel
 def look(
     images: tuple[Image, ...],
+    backgrounds: tuple[Image, ...],
     apart: int,
     memory: Array,
     settings: Array,
@@ -128,13 +134,15 @@ def look(
 
     Args:
         images: One a camera, each shape (height, width); empty where there is none.
+        backgrounds: One a camera, as in :mod:`mitt.vision.background`, then scratch as large as the
+            largest image.
         apart: Images that were not exposed at the instant that is asked for, a bit each.
         memory: What is remembered of each camera, and in the last row of the rig: last position
             [m], and what ``KNOWN`` and its likes say; overwritten, shape (n + 1, MEMORY).
         settings: Numbers of the segmenter, shape (6,).
         boxes: Scratch, shape (segmentation.WORK, 4).
         cameras: As in the table of :mod:`mitt.vision.triangulation`, shape (n, 5, 3).
-        belief: As of :func:`mitt.vision.triangulation.pack_belief`, shape (4,).
+        belief: As of :func:`mitt.vision.triangulation.pack_belief`, shape (5,).
         work: Scratch, shape (triangulation.WORK + n, 3).
         r: Result, centre of the ball [m], shape (3,).
         P: Result, its covariance [m^2], shape (3, 3).
@@ -145,22 +153,28 @@ def look(
         hidden from one is soon half hidden from both, and the flight model knows better.
     """
     images, memory, work = lent((images, memory, work))
+    backgrounds, difference = lent(backgrounds), lent(backgrounds[len(backgrounds) - 1])
     eyes, hidden, count, one = len(images), False, 0, -1
     points = view(work, 3 * triangulation.WORK, (eyes, 3))
     rig = view(memory, eyes * MEMORY, (MEMORY,))
     _foresee(rig)
+    if _is_lost(images, apart, memory, rig, belief) and not seek(
+        images, backgrounds, memory, settings, boxes, cameras, belief, points, work, r, P
+    ):
+        rig[STATUS] = float(BLIND)
+        return False
     if rig[KNOWN] > 0.0:
-        _expect(memory, cameras, belief[0], rig)
+        expect(memory, cameras, belief[0], rig, REACH + ASTRAY * rig[SINCE])
     else:
         for n in range(eyes):
-            memory[n, EXPECTED], memory[n, WEIGHED] = 0.0, 0.0
+            memory[n, EXPECTED], memory[n, WEIGHED], memory[n, NEAR] = 0.0, 0.0, 0.0
     for n in range(eyes):
         pixels, own = images[n], view(memory, n * MEMORY, (MEMORY,))
         point = view(points, 3 * n, (3,))
         point[2] = -1.0
         if pixels.size == 0:
             continue
-        area, clipped = watch(pixels, own, settings, boxes)
+        area, clipped = watch(pixels, backgrounds[n], difference, own, settings, boxes)
         hidden |= own[STATE] >= MERGED
         if apart >> n & 1 or area == 0 or own[STATE] != GOOD:
             continue

@@ -93,24 +93,19 @@ def _area(pixels: Image, threshold: int, box: Box) -> int:
 
 
 @kernel
-def find_target(
-    pixels: Image, window: Box, threshold: int, min_area: int, boxes: Box, expected: float
-) -> int:
-    """Write the box of the best target that begins in ``window`` into ``boxes[0]``.
+def find_targets(pixels: Image, window: Box, threshold: int, boxes: Box) -> int:
+    """Write the boxes of all targets that begin in ``window`` into ``boxes``, from row 1 on.
 
     Args:
         pixels: Image, shape (height, width).
         window: Columns and rows to search: u0, v0, u1, v1, inclusive [px], shape (4,).
         threshold: Grey value that a target exceeds.
-        min_area: Least number of pixels of a target.
-        boxes: Result in row 0, scratch behind it [px], shape (MAX_BLOBS + 1, 4).
-        expected: Area that the ball should have [px^2]: the nearest to it wins; the largest, the
-            round ones before the long, if it is 0.
+        boxes: Result [px], shape (MAX_BLOBS + 1, 4).
 
     Returns:
-        Pixels of the target above the threshold; 0 if there is none.
+        Their number.
     """
-    best, best_area, count = -np.inf, 0, 0
+    count = 0
     for v in range(window[1], window[3] + 1):
         if count == MAX_BLOBS or not _row_has(pixels, v, window[0], window[2], threshold):
             continue
@@ -125,14 +120,48 @@ def find_target(
                 box = boxes[count]
                 box[0], box[1], box[2], box[3] = u, v, u, v
                 _grow(pixels, threshold, box)
-                area = _area(pixels, threshold, box)
-                sides = box[2] - box[0] + 1, box[3] - box[1] + 1
-                score = area * min(sides) / max(sides)
-                if expected > 0.0:
-                    score = min(score / expected, expected / score)
-                if area >= min_area and score > best:
-                    best, best_area = score, area
-                    boxes[0] = box
                 u = box[2]
             u += 1
+    return count
+
+
+@kernel
+def find_target(
+    pixels: Image,
+    window: Box,
+    threshold: int,
+    min_area: int,
+    boxes: Box,
+    expected: float,
+    place: tuple[float, float, float],
+) -> int:
+    """Write the box of the best target that begins in ``window`` into ``boxes[0]``.
+
+    Args:
+        pixels: Image, shape (height, width).
+        window: Columns and rows to search: u0, v0, u1, v1, inclusive [px], shape (4,).
+        threshold: Grey value that a target exceeds.
+        min_area: Least number of pixels of a target.
+        boxes: Result in row 0, scratch behind it [px], shape (MAX_BLOBS + 1, 4).
+        expected: Area that the ball should have [px^2]: the nearest to it wins; the largest, the
+            round ones before the long, if it is 0.
+        place: Where the ball should be and how far from there it may be [px]; anywhere if that
+            is 0.
+
+    Returns:
+        Pixels of the target above the threshold; 0 if there is none.
+    """
+    best, best_area = -np.inf, 0
+    for k in range(1, find_targets(pixels, window, threshold, boxes) + 1):
+        box = boxes[k]
+        area = _area(pixels, threshold, box)
+        sides = box[2] - box[0] + 1, box[3] - box[1] + 1
+        score = area * min(sides) / max(sides)
+        if expected > 0.0:
+            score = min(score / expected, expected / score)
+        du, dv = 0.5 * (box[0] + box[2]) - place[0], 0.5 * (box[1] + box[3]) - place[1]
+        far = place[2] > 0.0 and max(abs(du), abs(dv)) > place[2]
+        if area >= min_area and score > best and not far:
+            best, best_area = score, area
+            boxes[0] = box
     return best_area

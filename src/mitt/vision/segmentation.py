@@ -1,54 +1,68 @@
 """Finding the ball in the images of one camera, first where it was, then everywhere.
 
-The memory of a camera, one row of numbers (the names are their places):
-
-| here                   | meaning                                              | unit        |
-|------------------------|------------------------------------------------------|-------------|
-| 0, 1                   | last centroid (u, v); NaN if there is none           | px          |
-| ``LEVEL``, ``THRESHOLD`` | of the ground, of a target                         | grey levels |
-| ``DUE``                | frames since the ground was measured                 |             |
-| ``DU``, ``DV``         | motion of the centroid                               | px a frame  |
-| ``AREA``               | of the last target                                   | px^2        |
-| ``STATE``              | LOST, GOOD, or MERGED and more: frames since merging |             |
-| ``TOP``, ``HEIGHT``    | first row of the mask and its rows                   | px          |
-| ``MARK``, ``FROZEN``   | mark of the last target, frames it has been the same |             |
-| ``EXPECTED``           | area that the ball should have; 0 if unknown         | px^2        |
-| ``MASS``               | of the last target that was the ball alone           | grey levels |
-| ``GAIN``, ``WEIGHED``  | mass of the ball over that area, from how many looks | grey levels |
-| ``WEIGHTS``            | moments of the last target (:mod:`mitt.vision.window`) |           |
-| ``RUNS``               | the mask, first columns and then last columns        | px          |
+The memory of a camera: :mod:`mitt.vision.target`.
 """
 
 from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
-from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from mitt.errors import ShapeError
 from mitt.jit import kernel
 from mitt.signals import Array, Frame, Image, Moments
 from mitt.views import lent, view
+from mitt.vision.background import mean_of, subtract
 from mitt.vision.moments import MAX_BLOBS, Box, estimate_ground, find_target
+from mitt.vision.target import (
+    AREA,
+    AT_U,
+    AT_V,
+    DU,
+    DUE,
+    DV,
+    EXPECTED,
+    FROZEN,
+    GOOD,
+    HEIGHT,
+    LEVEL,
+    LIGHT,
+    LOST,
+    MARK,
+    MASS,
+    MEAN,
+    MEMORY,
+    MERGED,
+    NEAR,
+    RUNS,
+    STATE,
+    THRESHOLD,
+    TOP,
+    WEIGHTS,
+    WILD,
+    WORK,
+    field,
+    forget,
+    keep,
+    masks,
+    pace,
+    trim,
+)
 from mitt.vision.window import ROWS, Runs, connect, dilate, is_merged, weigh
 
-LEVEL, THRESHOLD, DUE, DU, DV, AREA, STATE, TOP, HEIGHT, MARK, FROZEN = range(2, 13)
-EXPECTED, GAIN, WEIGHED, MASS, WEIGHTS, RUNS = 13, 14, 15, 16, 17, 24
-LOST, GOOD, MERGED = 0, 1, 2
-
-MEMORY, WORK = RUNS + 2 * ROWS, MAX_BLOBS + 66 + ROWS
-"""Sizes of a camera's memory and of the scratch array."""
-
-KEPT, PATIENCE, STEADY, WILD = 0.85, 40, 0.6, 8
+KEPT, PATIENCE, STEADY = 0.85, 40, 0.6
 """Share of its area below which a target is looked for anew; frames that a merged one is kept;
-share of a new motion in the motion kept; reach while no motion is known, as on the first frame
-that a turning head gets [px]."""
+share of a new motion in the motion kept."""
 
 
 GROWN, RAGGED = 1.08, 0.5
 """Growth of its mass in one frame, and what noise adds to that over the root of its area [px],
 above which a target is the ball and something else."""
+
+
+_NONE = np.empty((0, 0), np.uint8)
+"""No background."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,32 +91,6 @@ class SegmenterConfig:
 
 
 @kernel
-def _keep(memory: Array, top: int, rows: int, runs: Runs, area: float) -> None:
-    """Keep a target's mask and area for the next frame."""
-    memory[AREA], memory[TOP], memory[HEIGHT] = area, float(top), float(rows)
-    for k in range(rows):
-        memory[RUNS + k], memory[RUNS + ROWS + k] = float(runs[0, k]), float(runs[1, k])
-
-
-@kernel
-def _trim(top: int, rows: int, runs: Runs) -> tuple[int, int]:
-    """Move runs up to their first row that is not empty; return where they begin and how many."""
-    first, last = rows, -1
-    for k in range(rows):
-        if runs[0, k] <= runs[1, k]:
-            first, last = min(first, k), k
-    for k in range(first, last + 1):
-        runs[0, k - first], runs[1, k - first] = runs[0, k], runs[1, k]
-    return top + first, max(last - first + 1, 0)
-
-
-@kernel
-def pace(place: float, motion: float) -> int:
-    """Return the whole pixels that a motion takes a place on; they add up over the frames."""
-    return round(place + motion) - round(place)
-
-
-@kernel
 def _window(
     pixels: Image, memory: Array, reach: int, old: Runs, new: Runs, weights: Array
 ) -> tuple[int, int]:
@@ -120,7 +108,7 @@ def _window(
     top, rows = int(memory[TOP]) + dv - reach, rows + 2 * reach
     if connect(pixels, int(memory[THRESHOLD]), top, rows, new, round(memory[0]) + du) == 0:
         return 0, 0
-    top, rows = _trim(top, rows, new)
+    top, rows = trim(top, rows, new)
     if not weigh(pixels, top, rows, new, int(memory[THRESHOLD]), memory[LEVEL], weights):
         return 0, 0
     return top, rows
@@ -138,24 +126,30 @@ def found_again(
 
 
 @kernel
+def outline(pixels: Image, memory: Array, box: Box, runs: Runs, weights: Array) -> int:
+    """Write runs and moments of the target in a box; return its rows, 0 if there is none."""
+    rows, threshold = min(box[3] - box[1] + 1, ROWS), int(memory[THRESHOLD])
+    for k in range(rows):
+        runs[0, k], runs[1, k] = box[0], box[2]
+    if connect(pixels, threshold, box[1], rows, runs, (box[0] + box[2]) // 2) == 0:
+        return 0
+    if not weigh(pixels, box[1], rows, runs, threshold, memory[LEVEL], weights):
+        return 0
+    return int(rows)
+
+
+@kernel
 def _everywhere(
     pixels: Image, memory: Array, min_area: int, boxes: Box, new: Runs, weights: Array
 ) -> tuple[int, int]:
     """Find the target in the whole image; return first row and rows, 0 if there is none."""
     height, width = pixels.shape
-    window, box, threshold = boxes[MAX_BLOBS + 1], boxes[0], int(memory[THRESHOLD])
+    window, threshold = boxes[MAX_BLOBS + 1], int(memory[THRESHOLD])
     window[0], window[1], window[2], window[3] = 0, 0, width - 1, height - 1
-    if find_target(pixels, window, threshold, min_area, boxes, memory[EXPECTED]) == 0:
+    place = memory[AT_U], memory[AT_V], memory[NEAR]
+    if find_target(pixels, window, threshold, min_area, boxes, memory[EXPECTED], place) == 0:
         return 0, 0
-    rows = min(box[3] - box[1] + 1, ROWS)
-    for k in range(rows):
-        new[0, k], new[1, k] = box[0], box[2]
-    middle = (box[0] + box[2]) // 2
-    if connect(pixels, threshold, box[1], rows, new, middle) == 0:
-        return 0, 0
-    if not weigh(pixels, box[1], rows, new, threshold, memory[LEVEL], weights):
-        return 0, 0
-    return box[1], rows
+    return boxes[0, 1], outline(pixels, memory, boxes[0], new, weights)
 
 
 @kernel
@@ -176,15 +170,43 @@ def _has_grown(memory: Array) -> bool:
     return bool(memory[WEIGHTS] > (GROWN + RAGGED / sqrt(memory[AREA])) * memory[MASS])
 
 
-@register_jitable
-def masks(work: Box) -> tuple[Runs, Runs]:
-    """Return scratch for the masks of the last frame and of this one, shapes (2, ROWS)."""
-    at = 4 * (WORK - ROWS)
-    return view(work, at, (2, ROWS)), view(work, at + 2 * ROWS, (2, ROWS))
+@kernel
+def show(
+    pixels: Image, background: Image, difference: Image, memory: Array, window: NDArray[np.int64],
+    whole: bool,
+) -> Image:  # fmt: skip
+    """Return what of an image is looked at within a window: its difference from the background.
+
+    The image itself where no background was learned. Light and mean go into the memory.
+    """
+    if background.size != pixels.size or difference.size < pixels.size:
+        return pixels
+    shown = view(difference, 0, pixels.shape)
+    if whole:
+        window[0], window[1], window[2], window[3] = 0, pixels.shape[0] - 1, 0, pixels.shape[1] - 1
+        memory[MEAN] = mean_of(background)
+    memory[LIGHT] = subtract(pixels, background, window, whole, memory, shown)
+    return shown
 
 
 @kernel
-def segment(pixels: Image, memory: Array, settings: Array, work: Box) -> tuple[int, bool]:
+def measure_if_due(shown: Image, memory: Array, settings: Array, work: Box) -> None:
+    """Measure level and threshold of the ground where that is due."""
+    if memory[DUE] == 0.0:
+        counts, ground = view(work, 4 * (MAX_BLOBS + 2), (256,)), view(memory, LEVEL, (2,))
+        measure_ground(shown, settings[2], settings[3], counts, ground)
+    memory[DUE] = (memory[DUE] + 1.0) % settings[4]
+
+
+@kernel
+def segment(
+    pixels: Image,
+    background: Image,
+    difference: Image,
+    memory: Array,
+    settings: Array,
+    work: Box,
+) -> tuple[int, bool]:
     """Find the target in the dilated mask of the last, or else in the whole image.
 
     A merged target is flagged in ``memory[STATE]`` and keeps the mask of the ball that went into
@@ -192,6 +214,8 @@ def segment(pixels: Image, memory: Array, settings: Array, work: Box) -> tuple[i
 
     Args:
         pixels: Image, shape (height, width).
+        background: As in :mod:`mitt.vision.background`.
+        difference: Scratch as large as the image, if there is a background.
         memory: As in the module's table, overwritten.
         settings: As of :func:`pack_segmenter`, shape (6,).
         work: Scratch, shape (WORK, 4).
@@ -199,15 +223,22 @@ def segment(pixels: Image, memory: Array, settings: Array, work: Box) -> tuple[i
     Returns:
         Pixels of the target, 0 if there is none, and whether it touches the border.
     """
-    pixels, memory, work = lent((pixels, memory, work))
+    pixels, background, memory, work = lent((pixels, background, memory, work))
+    difference, window = lent(difference), view(work, 4 * (MAX_BLOBS + 1), (4,))
+    window[0], window[1], window[2], window[3] = 0, pixels.shape[0] - 1, 0, pixels.shape[1] - 1
+    part = field(memory, settings, window)
+    shown = show(pixels, background, difference, memory, window, not part)
+    measure_if_due(shown, memory, settings, work)
     old, new = masks(work)
     weights = view(memory, WEIGHTS, (7,))
     u, v, top, rows = memory[0], memory[1], 0, 0
     if memory[STATE] != LOST:
-        top, rows = found_again(pixels, memory, settings, old, new, weights)
+        top, rows = found_again(shown, memory, settings, old, new, weights)
     again = rows > 0
     if not again:
-        top, rows = _everywhere(pixels, memory, int(settings[0]), work, new, weights)
+        if part:
+            shown = show(pixels, background, difference, memory, window, True)
+        top, rows = _everywhere(shown, memory, int(settings[0]), work, new, weights)
     if rows == 0:
         memory[0], memory[1], memory[STATE] = np.nan, np.nan, float(LOST)
         return 0, False
@@ -228,20 +259,27 @@ def segment(pixels: Image, memory: Array, settings: Array, work: Box) -> tuple[i
     memory[DV] = memory[DV] + share * (weights[2] - v - memory[DV]) if steady else 0.0
     memory[0], memory[1], memory[STATE] = weights[1], weights[2], float(GOOD)
     memory[MASS] = weights[0]
-    _keep(memory, top, rows, new, weights[6])
+    keep(memory, top, rows, new, weights[6])
     return int(weights[6]), clipped
 
 
 @kernel
-def is_frozen(memory: Array, patience: int) -> bool:
+def is_frozen(pixels: Image, memory: Array, patience: int) -> bool:
     """Tell whether a target has been the same, noise and all, for more than ``patience`` frames.
 
-    Mass and centroid of one frame are never those of the next to the last bit.
+    The pixels of one frame under the mask, each weighted by its place, are never those of the
+    next to the last bit in sum.
     """
-    mark = memory[WEIGHTS] + memory[WEIGHTS + 1] + memory[WEIGHTS + 2]
-    same = patience > 0 and mark == memory[MARK]
+    mark = 0
+    for k in range(int(memory[HEIGHT])):
+        row = int(memory[TOP]) + k
+        first, last = int(memory[RUNS + k]), int(memory[RUNS + ROWS + k])
+        if 0 <= row < pixels.shape[0]:
+            for u in range(max(first, 0), min(last + 1, pixels.shape[1])):
+                mark += pixels[row, u] * (1 + 31 * u + 17 * row)
+    same = patience > 0 and float(mark) == memory[MARK]
     memory[FROZEN] = memory[FROZEN] + 1.0 if same else 0.0
-    memory[MARK] = mark
+    memory[MARK] = float(mark)
     return bool(memory[FROZEN] >= patience > 0)
 
 
@@ -256,11 +294,20 @@ def measure_ground(
 
 
 @kernel
-def watch(pixels: Image, memory: Array, settings: Array, work: Box) -> tuple[int, bool]:
+def watch(
+    pixels: Image,
+    background: Image,
+    difference: Image,
+    memory: Array,
+    settings: Array,
+    work: Box,
+) -> tuple[int, bool]:
     """Take one frame of one camera in: measure the ground when it is due, find the target.
 
     Args:
         pixels: Image, shape (height, width).
+        background: As for :func:`segment`.
+        difference: As for :func:`segment`.
         memory: As in the module's table, overwritten, shape (MEMORY,).
         settings: As of :func:`pack_segmenter`, shape (6,).
         work: Scratch, shape (WORK, 4).
@@ -268,12 +315,8 @@ def watch(pixels: Image, memory: Array, settings: Array, work: Box) -> tuple[int
     Returns:
         As :func:`segment`; the centroid is in the memory. Nothing in a frozen image.
     """
-    if memory[DUE] == 0.0:
-        counts, ground = view(work, 4 * (MAX_BLOBS + 2), (256,)), view(memory, LEVEL, (2,))
-        measure_ground(pixels, settings[2], settings[3], counts, ground)
-    memory[DUE] = (memory[DUE] + 1.0) % settings[4]
-    area, clipped = segment(pixels, memory, settings, work)
-    if area > 0 and is_frozen(memory, int(settings[5])):
+    area, clipped = segment(pixels, background, difference, memory, settings, work)
+    if area > 0 and is_frozen(pixels, memory, int(settings[5])):
         return 0, False
     return area, clipped
 
@@ -283,12 +326,6 @@ def pack_segmenter(config: SegmenterConfig) -> Array:
     c = config
     settings = (c.min_area, c.reach, c.min_contrast, c.noise_factor, c.background_period, c.frozen)
     return np.array(settings, dtype=np.float64)
-
-
-def forget(memory: Array) -> None:
-    """Forget target and ground, in the memory of one camera or of many, shape (..., MEMORY)."""
-    memory[...] = 0.0
-    memory[..., :2] = np.nan
 
 
 class Segmenter:
@@ -315,7 +352,7 @@ class Segmenter:
         if pixels.ndim != 2 or pixels.size == 0:
             raise ShapeError("frame.pixels", "(height, width)", pixels.shape)
         pixels = np.ascontiguousarray(pixels)
-        area, clipped = watch(pixels, self._memory, self._settings, self._work)
+        area, clipped = watch(pixels, _NONE, _NONE, self._memory, self._settings, self._work)
         if area == 0:
             return Moments(t=frame.t, camera=frame.camera, found=False)
         return Moments(

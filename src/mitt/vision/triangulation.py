@@ -199,10 +199,11 @@ def pack_cameras(rig: Rig) -> Array:
 
 
 def pack_belief(config: TriangulatorConfig, ball_radius: float, rig: Rig) -> Array:
-    """Return radius [m], floor and spread of :func:`note` and the largest residual [px], (4,).
+    """Return what is believed of ball and cameras, shape (5,).
 
-    The floor holds what the encoders of the heads add: a step, uniformly distributed, through the
-    focal length.
+    Radius [m], floor and spread of :func:`note`, the largest residual [px], and 1 for cameras that
+    stand still, else 0. The floor holds what the encoders of the heads add: a step, uniformly
+    distributed, through the focal length.
 
     Raises:
         InputError: The radius is not that of a ball.
@@ -213,7 +214,8 @@ def pack_belief(config: TriangulatorConfig, ball_radius: float, rig: Rig) -> Arr
     pairs = zip(rig.heads, rig.cameras, strict=False)
     steps = max((h.encoder_step * camera.f_px for h, camera in pairs), default=0.0)
     floor = c.sigma_floor**2 + steps**2 / 12.0
-    return np.array((ball_radius, floor, c.sigma_spread**2 * pi**1.5, c.max_residual))
+    still = float(not rig.heads)
+    return np.array((ball_radius, floor, c.sigma_spread**2 * pi**1.5, c.max_residual, still))
 
 
 @kernel

@@ -79,7 +79,7 @@ def in_front(seen: Seen, point: Point) -> bool:
 
 
 @kernel
-def _misses(lens: Point, seen: Seen, window: Edges) -> bool:
+def misses(lens: Point, seen: Seen, window: Edges) -> bool:
     """Tell, without a division, whether a capsule is more than a pixel beyond a window.
 
     Args:
@@ -182,7 +182,7 @@ def draw_body(
     others, lens = 0, (camera[12], camera[13], camera[14])
     for k in range(capsules.shape[0]):
         ahead, seen = seen_from(camera, capsules, k)
-        if not ahead or _misses(lens, seen, window):
+        if not ahead or misses(lens, seen, window):
             continue
         if in_front(seen, ball) == nearer:
             draw_capsule(pixels, lens, seen, level, noise, start, window)

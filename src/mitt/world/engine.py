@@ -59,7 +59,8 @@ def views_of(model: mujoco.MjModel, data: mujoco.MjData, site: int, joints: int)
     """Return what compiled code needs of a simulation.
 
     Args:
-        model: The model; it and ``data`` must outlive the views.
+        model: The model. The views own it and ``data``: neither is freed while one of them is
+            held.
         data: Its state.
         site: The catch point's site.
         joints: Number n of joints of the arm.
@@ -73,20 +74,36 @@ def views_of(model: mujoco.MjModel, data: mujoco.MjData, site: int, joints: int)
         ModelError: MuJoCo's structures are not as its package describes them.
     """
     at, option = data._address, model._address + _offset("mjModel", "opt")
-    counts = _view(at + _offset("mjData", "ncon"), "<i4", (1,))
-    table = _view(at + _offset("mjData", "contact"), "<u8", (1,))
-    seen = _view(at + _offset("mjData", "qpos"), "<u8", (1,))
-    step = _view(option + _offset("mjOption", "timestep"), "<f8", (1,))
+    owner = model, data
+    counts = _view(owner, at + _offset("mjData", "ncon"), "<i4", (1,))
+    table = _view(owner, at + _offset("mjData", "contact"), "<u8", (1,))
+    seen = _view(owner, at + _offset("mjData", "qpos"), "<u8", (1,))
+    step = _view(owner, option + _offset("mjOption", "timestep"), "<f8", (1,))
     if step[0] != model.opt.timestep or counts[0] != data.ncon or seen[0] != data.qpos.ctypes.data:
         raise ModelError("mujoco", "structures as its package describes them", mujoco.__version__)
     one = ctypes.sizeof(_mirror("mjContact", "efc_address"))
-    geoms = _view(int(table[0]) + _offset("mjContact", "geom"), "<i4", (MOST, 2), (one, 4))
+    geoms = _view(owner, int(table[0]) + _offset("mjContact", "geom"), "<i4", (MOST, 2), (one, 4))
     slides = model.jnt_type[:joints] == mujoco.mjtJoint.mjJNT_SLIDE
+    shown = (
+        data.qpos, data.qvel, data.ctrl, data.qfrc_applied, data.qacc, data.site_xpos[site],
+        data.xanchor, data.xaxis,
+    )  # fmt: skip
     return (
-        np.array([model._address, at]), counts, geoms, step, data.qpos, data.qvel, data.ctrl,
-        data.qfrc_applied, data.qacc, data.site_xpos[site], data.xanchor, data.xaxis,
+        np.array([model._address, at]), counts, geoms, step, *(owned(owner, x) for x in shown),
         np.ascontiguousarray(slides),
     )  # fmt: skip
+
+
+def owned(owner: object, memory: NDArray[Any]) -> NDArray[Any]:
+    """Return an array that shows the same memory and keeps the owner of that alive.
+
+    MuJoCo's own arrays do not: they show memory that is freed with model or data.
+
+    Args:
+        owner: What frees the memory when it is collected.
+        memory: Contiguous.
+    """
+    return _view(owner, memory.ctypes.data, memory.dtype.str, memory.shape)
 
 
 def switches_of(model: mujoco.MjModel) -> NDArray[Any]:
@@ -96,7 +113,7 @@ def switches_of(model: mujoco.MjModel) -> NDArray[Any]:
         ModelError: MuJoCo's structures are not as its package describes them.
     """
     place = model._address + _offset("mjModel", "opt") + _offset("mjOption", "disableflags")
-    switches = _view(place, "<i4", (1,))
+    switches = _view(model, place, "<i4", (1,))
     if switches[0] != model.opt.disableflags:
         raise ModelError("mujoco", "structures as its package describes them", mujoco.__version__)
     return switches
@@ -111,13 +128,27 @@ def stop_clocks() -> None:
         ctypes.c_void_p.in_dll(_LIBRARY, "mjcb_time").value = None
 
 
+class _Owned:
+    """Memory that belongs to another object, as NumPy takes it over; it keeps its owner alive."""
+
+    def __init__(self, owner: object, interface: dict[str, object]) -> None:
+        """Take the owner, and where its memory lies and what it holds."""
+        self._owner, self.__array_interface__ = owner, interface
+
+
 def _view(
-    address: int, kind: str, shape: Sequence[int], strides: tuple[int, ...] | None = None
+    owner: object,
+    address: int,
+    kind: str,
+    shape: Sequence[int],
+    strides: tuple[int, ...] | None = None,
 ) -> NDArray[Any]:
-    """Return memory at an address as an array."""
-    size = 8 * prod(shape) if strides is None else shape[0] * strides[0]
-    memory = memoryview((ctypes.c_char * size).from_address(address)).cast("B")
-    return np.ndarray(tuple(shape), kind, memory, strides=strides)
+    """Return memory of an owner at an address as an array, which keeps the owner alive."""
+    interface: dict[str, object] = {
+        "version": 3, "typestr": kind, "shape": tuple(shape), "strides": strides,
+        "data": (address, False),
+    }  # fmt: skip
+    return np.asarray(_Owned(owner, interface))
 
 
 def _offset(name: str, field: str) -> int:

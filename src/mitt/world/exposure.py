@@ -10,7 +10,8 @@ far away; it does not smear, nor do arm and hand.
 |          | :mod:`mitt.vision.triangulation`                               | px   |              |
 | windows  | part of each image that is drawn: first and last row, first    | px   | (n, 4)       |
 |          | and last column; beyond it nothing that counts is drawn        |      |              |
-| balls    | centre in the world at begin and end, radius; then grey level  | m    | (k, 8)       |
+| balls    | centre in the world at begin and end, radius; then grey level, | m    | (k, 14)      |
+|          | centre at time zero and velocity (not of the first ball)       | m/s  |              |
 """
 
 from typing import TypeAlias
@@ -25,8 +26,9 @@ from mitt.world.capsules import Camera, Edges, Point, draw_body, into
 from mitt.world.heads import open_and_shut
 from mitt.world.noise import PERIOD
 from mitt.world.outline import draw_ball
+from mitt.world.painting import BODY, PAINTED, Canvas, paint
 
-Cameras: TypeAlias = tuple[Array, Array, Array, Array, Array, Array, Array]
+Cameras: TypeAlias = tuple[Array, Array, Array, Array, Array, Array, Array, Canvas]
 Bank: TypeAlias = tuple[Image, Image, Array]
 Window: TypeAlias = NDArray[np.int64]
 
@@ -123,6 +125,8 @@ def expose(
     starts: NDArray[np.int64],
     windows: Window,
     work: Array,
+    canvas: Canvas,
+    t: float,
 ) -> None:
     """Draw what all cameras of a rig see.
 
@@ -132,17 +136,19 @@ def expose(
         places: Pan and tilt of each camera [rad], shape (n, 2).
         balls: As in the module's table; one that is not finite is left out.
         capsules: Arm and hand, as in :mod:`mitt.world.capsules`.
-        light: Read noise [grey levels], electrons a level, grey level of arm and hand, shape (3,).
+        light: Light and noise, as in :mod:`mitt.world.painting`.
         wall: The background.
         ground: Noise of the ground, modulo 256, shape (b,).
         normal: Standard normal numbers, shape (c,).
         starts: Offsets of each camera into both banks, shape (n, 2).
         windows: As in the module's table.
         work: Scratch, as of :func:`mitt.world.outline.draw_ball` for the widest image.
+        canvas: Scratch, as of :func:`mitt.world.painting.paint` for the largest image.
+        t: Middle of the exposure [s].
     """
     optics, balls, capsules, light = lent((optics, balls, capsules, light))
     wall, ground, normal, work = lent((wall, ground, normal, work))
-    body = int(light[2])
+    body, painted = int(light[BODY]), light[PAINTED] > 0.0
     for n in range(len(images)):
         window = windows[n, 0], windows[n, 1], windows[n, 2], windows[n, 3]
         width, quiet, loud = images[n].shape[1], starts[n, 0], starts[n, 1]
@@ -151,6 +157,12 @@ def expose(
         pixels, begin, end = lent(images[n]), _camera(optics, n, 0), _camera(optics, n, 1)
         quiet, loud = starts[n, 0], starts[n, 1]
         window = windows[n, 0], windows[n, 1], windows[n, 2], windows[n, 3]
+        if painted:
+            paint(
+                pixels, begin, end, (begin[12], places[n, 0], places[n, 1]), balls, capsules, light,
+                t, wall, normal, loud, window, work, canvas,
+            )  # fmt: skip
+            continue
         _hang(pixels, (begin[12], places[n, 0], places[n, 1]), wall, ground, quiet, window)
         ball = into(begin, balls[0, 0], balls[0, 1], balls[0, 2])
         if not np.isfinite(ball[0] + ball[1] + ball[2]):
@@ -173,14 +185,16 @@ def snap(
     dr_o: Array,
     capsules: Array,
     windows: Window,
+    t: float,
 ) -> None:
     """Place cameras and ball as the shutter opens and as it closes, and draw what is seen.
 
     Args:
         images: As for :func:`expose`.
         camera: Heads and their state in the middle of the exposure, as in
-            :mod:`mitt.vision.head`; then ``optics``, ``places``, ``balls``, ``light`` and
-            ``work`` of :func:`expose`, of which the first two and the first ball are overwritten.
+            :mod:`mitt.vision.head`; then ``optics``, ``places``, ``balls``, ``light``, ``work``
+            and ``canvas`` of :func:`expose`, of which the first two and the balls are
+            overwritten.
         bank: ``wall``, ``ground`` and ``normal`` of :func:`expose`.
         starts: As for :func:`expose`.
         half: Half the exposure [s].
@@ -189,14 +203,19 @@ def snap(
         dr_o: Its velocity [m/s], shape (3,).
         capsules: As for :func:`expose`.
         windows: As for :func:`expose`.
+        t: Middle of the exposure [s].
     """
-    heads, state, optics, places, balls, light, work = lent(camera)
+    heads, state, optics, places, balls, light, work, canvas = lent(camera)
     r_o, dr_o = lent(r_o), lent(dr_o)
     for i in range(3):
         balls[0, i], balls[0, 3 + i] = r_o[i] - half * dr_o[i], r_o[i] + half * dr_o[i]
     balls[0, 6] = radius
+    for k in range(1, len(balls)):
+        for i in range(3):
+            balls[k, i] = balls[k, 8 + i] + (t - half) * balls[k, 11 + i]
+            balls[k, 3 + i] = balls[k, 8 + i] + (t + half) * balls[k, 11 + i]
     open_and_shut(heads, state, half, optics, places)
     expose(
         images, optics, places, balls, capsules, light, bank[0], bank[1], bank[2], starts, windows,
-        work,
+        work, canvas, t,
     )  # fmt: skip

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -28,6 +28,7 @@ JITTER_YAW = np.deg2rad(3.0)
 """Half-widths of the uniform jitter [m], [rad]."""
 
 
+@runtime_checkable
 class BallPath(Protocol):
     """A motion that the ball is led along until it is first touched."""
 

@@ -10,6 +10,7 @@ from math import sqrt
 
 import numpy as np
 
+from mitt import checks
 from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.vision.camera import Rig
@@ -85,6 +86,8 @@ class Heads:
 
     def turn(self, wanted: Array | None, duration: float) -> None:
         """Follow ``wanted`` for ``duration`` [s]; stay where there is none or it is not finite."""
+        if wanted is not None:
+            wanted = checks.array("gaze", wanted, self.state.shape)
         if wanted is None or not np.all(np.isfinite(wanted)):
             wanted = self.state * (1.0, 1.0, 0.0, 0.0)
         follow(self.packed, self.state, wanted, BANDWIDTH, duration)

@@ -18,6 +18,7 @@ from mitt.world.exposure import Bank, Cameras, snap
 from mitt.world.heads import Heads
 from mitt.world.noise import NOISE_SIZE, PERIOD, SIDE, noise_bank
 from mitt.world.outline import SCRATCH
+from mitt.world.painting import BLUR, LIGHT
 
 BLOCK = 512
 """Frames whose offsets into the noise banks are drawn at once."""
@@ -25,7 +26,11 @@ BLOCK = 512
 Film: TypeAlias = tuple[Cameras, Bank, NDArray[np.int64]]
 """Cameras and banks as :func:`mitt.world.exposure.snap` takes them, and offsets of a block."""
 
-_NOTHING = np.zeros((0, 7))
+BEFORE = 0.008
+"""Time between looks before a throw [s]: ten of them see a lamp of 100 Hz in all its phases."""
+_DARK = 64.0
+"""Grey level up to which arm and hand may take their noise from the background's."""
+_NOTHING = np.zeros((0, 8))
 _NOWHERE, _STILL = np.full(3, np.nan), np.zeros(3)
 
 
@@ -44,6 +49,14 @@ class ImageSensor:
         read_noise: Standard deviation of the Gaussian read noise [grey levels].
         electrons: Photo-electrons a grey level; shot noise has the variance value / electrons.
         exposure: How long the shutter is open [s].
+        hand: Grey level of the hand; that of the arm if None.
+        shading: Relative difference between the middle of arm and hand and their lit side.
+        grain: Relative amplitude of the texture of arm and hand.
+        blur: Standard deviation of the blur of the lens [px].
+        pattern: Contrast [grey levels] and size [px] of squares on the background.
+        light: Relative amplitude and frequency [Hz] of the illumination; its phase is random.
+        shadow: Relative depth of a soft shadow, and the speed of its edge [px/s]; at a random
+            place as the ball is released.
     """
 
     brightness: float = 160.0
@@ -53,6 +66,13 @@ class ImageSensor:
     read_noise: float = 2.0
     electrons: float = 30.0
     exposure: float = 5e-4
+    hand: float | None = None
+    shading: float = 0.0
+    grain: float = 0.0
+    blur: float = 0.0
+    pattern: tuple[float, float] = (0.0, 8.0)
+    light: tuple[float, float] = (0.0, 100.0)
+    shadow: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         """Refuse values that no 8-bit sensor has."""
@@ -64,19 +84,64 @@ class ImageSensor:
             "read_noise": self.read_noise,
             "electrons": self.electrons,
             "exposure": self.exposure,
+            "hand": self.hand_level,
+            "shading": self.shading,
+            "grain": self.grain,
+            "blur": self.blur,
+            "pattern": min(self.pattern),
+            "light": min(self.light),
+            "shadow": self.shadow[0],
         }
         for name, value in values.items():
             if not 0.0 <= value < float("inf"):
                 raise InputError(name, "a finite number, not negative", value)
-        if self.electrons == 0.0 or max(self.background + self.brightness, self.body) > 255.0:
+        brightest = max(self.background + self.brightness, self.body, self.hand_level)
+        if self.electrons == 0.0 or brightest > 255.0:
             raise InputError(
-                "image sensor", "electrons > 0, background + brightness and body <= 255", self
+                "image sensor", "electrons > 0, background + brightness, body, hand <= 255", self
             )
+        if self.blur > 3.0 or max(self.light[0], self.shadow[0], self.shading, self.grain) > 0.9:
+            raise InputError("image sensor", "blur <= 3 px, relative amplitudes <= 0.9", self)
+
+    @property
+    def hand_level(self) -> float:
+        """Grey level of the hand."""
+        return self.body if self.hand is None else self.hand
+
+    @property
+    def painted(self) -> bool:
+        """Whether images need :mod:`mitt.world.painting`.
+
+        Without, noise is that of the background wherever the ball is not.
+        """
+        shares = self.shading, self.grain, self.blur, self.pattern[0], self.light[0], self.shadow[0]
+        return max(shares) > 0.0 or self.hand_level != self.body or self.body > _DARK
 
 
 def whole_images(shapes: Sequence[tuple[int, int]]) -> NDArray[np.int64]:
     """Return windows that are whole images, as :func:`mitt.world.exposure.expose` takes them."""
     return np.array([(0, height - 1, 0, width - 1) for height, width in shapes], dtype=np.int64)
+
+
+def _light(sensor: ImageSensor, side: int, rng: np.random.Generator) -> Array:
+    """Return light and noise as in :mod:`mitt.world.painting`.
+
+    Args:
+        sensor: Settings.
+        side: Pixels of the largest image.
+        rng: Not drawn from; what moves has a stream of its own.
+    """
+    phase, place = rng.spawn(1)[0].random(2)
+    light = np.zeros(LIGHT)
+    light[:BLUR] = (
+        sensor.read_noise, sensor.electrons, sensor.body, sensor.hand_level, sensor.shading,
+        sensor.grain,
+    )  # fmt: skip
+    light[BLUR:] = (
+        sensor.blur, *sensor.light, 2.0 * np.pi * phase, *sensor.shadow, side * place,
+        sensor.painted,
+    )  # fmt: skip
+    return light
 
 
 class Imager:
@@ -89,6 +154,7 @@ class Imager:
         rng: np.random.Generator,
         *,
         second: tuple[float, float, float, float] | None = None,
+        second_velocity: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
         """Lay the cameras out in arrays.
 
@@ -96,7 +162,8 @@ class Imager:
             rig: Cameras to see with; their heads begin where they wait for a ball.
             sensor: Light and noise.
             rng: Source of every frame's offset into the noise banks.
-            second: A second bright ball that stands still: its centre and its radius [m].
+            second: A second bright ball: its centre as the first is released, its radius [m].
+            second_velocity: Its velocity [m/s].
 
         Raises:
             InputError: An image is larger than the banks.
@@ -110,25 +177,29 @@ class Imager:
         self._heads = Heads(rig)
         self._packed, self._state = self._heads.packed, self._heads.state
         self._turnable, self._half = len(self._state) > 0, 0.5 * sensor.exposure
-        light = np.array((sensor.read_noise, sensor.electrons, sensor.body))
+        light = _light(sensor, largest, rng)
         level = sensor.background + sensor.brightness
-        balls = np.full((1 if second is None else 2, 8), level)
+        balls = np.full((1 if second is None else 2, 14), level)
         if second is not None:
             balls[1, :7] = (*second[:3], *second)
+            balls[1, 8:] = (*second[:3], *second_velocity)
         bank = noise_bank(
             background=sensor.background,
             texture=sensor.texture,
             body=sensor.body,
             read_noise=sensor.read_noise,
             electrons=sensor.electrons,
+            pattern=sensor.pattern,
         )
         self._whole = whole_images(self._shapes)
         work = np.zeros(SCRATCH + 2 * max(c.width for c in rig.cameras) + 1)
-        self._rng = rng
+        self._rng, self._early = rng, rng.spawn(1)[0]
         self._number = 0
-        self._starts = self._draw_starts()
+        self._starts = self._draw_starts(rng)
+        canvas = np.zeros(2 * largest * largest if sensor.painted else 0, np.float32)
         self._camera: Cameras = (
-            self._packed, self._state, optics, np.zeros((len(cameras), 2)), balls, light, work
+            self._packed, self._state, optics, np.zeros((len(cameras), 2)), balls, light, work,
+            canvas,
         )  # fmt: skip
         self._banks: Bank = bank.wall, bank.ground, bank.normal
 
@@ -156,7 +227,7 @@ class Imager:
         """Count frames that compiled code has exposed; no more than are left of a block."""
         self._number += frames
         if self._number % BLOCK == 0 and frames > 0:
-            self._starts = self._draw_starts()
+            self._starts = self._draw_starts(self._rng)
 
     def turn(self, gaze: Array | None, duration: float) -> None:
         """Let the heads, if there are any, follow ``gaze`` for ``duration`` [s].
@@ -167,6 +238,23 @@ class Imager:
         """
         if self._turnable:
             self._heads.turn(gaze, duration)
+
+    def before(self, count: int, capsules: Array) -> list[tuple[Frame, ...]]:
+        """Return looks at the scene before the release, as :meth:`render` without a ball.
+
+        Args:
+            count: Number of looks, BEFORE apart.
+            capsules: As for :meth:`render`.
+        """
+        starts, views = self._draw_starts(self._early), []
+        for k in range(count):
+            t, images = BEFORE * (k - count), [np.empty(shape, np.uint8) for shape in self._shapes]
+            snap(
+                tuple(images), self._camera, self._banks, starts[k], self._half, 0.0, _NOWHERE,
+                _STILL, capsules, self._whole, t,
+            )  # fmt: skip
+            views.append(tuple([frame_of(t, n, k - count, x) for n, x in enumerate(images)]))
+        return views
 
     def render(
         self,
@@ -184,7 +272,7 @@ class Imager:
             r_o: Ball centre [m], shape (3,); None for an empty scene.
             radius: Ball radius [m].
             dr_o: Ball velocity [m/s], shape (3,); at rest if left out.
-            capsules: Arm and hand, as in :mod:`mitt.world.capsules`.
+            capsules: Arm and hand, as in :mod:`mitt.world.painting`.
         """
         number, row = self._number, self._number % BLOCK
         images = tuple([np.empty(shape, np.uint8) for shape in self._shapes])
@@ -199,6 +287,7 @@ class Imager:
             _STILL if dr_o is None else dr_o,
             capsules,
             self._whole,
+            t,
         )
         self.expose(1)
         if self._turnable:
@@ -206,7 +295,7 @@ class Imager:
             return tuple([frame_of(t, n, number, x, read(n)) for n, x in enumerate(images)])
         return tuple([frame_of(t, n, number, x) for n, x in enumerate(images)])
 
-    def _draw_starts(self) -> NDArray[np.int64]:
+    def _draw_starts(self, rng: np.random.Generator) -> NDArray[np.int64]:
         """Return offsets of the next frames into both banks, shape (block, n, 2)."""
         most = [[NOISE_SIZE - height * width] * 2 for height, width in self._shapes]
-        return self._rng.integers(0, most, size=(BLOCK, len(most), 2))
+        return rng.integers(0, most, size=(BLOCK, len(most), 2))

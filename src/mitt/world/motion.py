@@ -18,7 +18,10 @@ that it counts no references to what it takes out.
 | FIRST      | r_o, dr_o, position, velocity then, as in ``FirstContact``           | m, m/s |
 | FLIGHT     | ball at the end of a step if it flies freely: position, velocity     | m, m/s |
 | SURVEY     | scratch                                                              |        |
+| BRAKED     | when the brakes were told to engage; negative before                 | s      |
+| STOPPED    | when the catcher stopped, after which is watched on; negative before | s      |
 | NUMBERS    | of the plant, as in :mod:`mitt.world.stepping`                       |        |
+| the rest   | the brakes, as in :mod:`mitt.world.brakes`                           |        |
 """
 
 from typing import TypeAlias
@@ -28,6 +31,7 @@ import numpy as np
 from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.views import lent
+from mitt.world.brakes import ROWS, hold
 from mitt.world.build import STEP
 from mitt.world.clearing import OFF, is_clear
 from mitt.world.contacts import BALL_ANY, BALL_FLOOR, BALL_HAND, survey
@@ -48,14 +52,35 @@ TICK = 0.001
 FINE_STEPS = round(TICK / STEP)
 
 TICKS, STEPS, SEEN, BROKEN, FORCE, PEAK, TOUCHED = range(7)
-FIRST, FLIGHT, SURVEY, NUMBERS = 7, 19, 25, 32
+FIRST, FLIGHT, SURVEY, BRAKED, STOPPED, NUMBERS = 7, 19, 25, 32, 33, 34
+
+#: How long a trial goes on after the catcher has stopped [s].
+WATCHED = 3.0
 
 
-def fresh_motion(numbers: Array) -> Array:
+def fresh_motion(numbers: Array, brakes: Array) -> Array:
     """Return the vector of the module's table at release."""
-    state = np.zeros(NUMBERS + len(numbers))
-    state[STEPS], state[TOUCHED], state[NUMBERS:] = 1.0, -1.0, numbers
+    state = np.concatenate([np.zeros(NUMBERS), numbers, brakes.ravel()])
+    state[STEPS], state[TOUCHED], state[BRAKED], state[STOPPED] = 1.0, -1.0, -1.0, -1.0
     return state
+
+
+@kernel
+def tell(state: Array, brakes: bool, stopped: bool) -> None:
+    """Tell the plant whether brakes are to engage, for good, and whether the catcher has stopped.
+
+    Args:
+        state: As in the module's table.
+        brakes: Of the command for the next tick.
+        stopped: Whether the catcher has stopped: the trial is watched on.
+    """
+    t = state[TICKS] * TICK
+    if brakes and state[BRAKED] < 0.0:
+        state[BRAKED] = t
+    if not brakes:
+        state[BRAKED] = -1.0
+    if stopped and state[STOPPED] < 0.0:
+        state[STOPPED] = t
 
 
 @kernel
@@ -85,6 +110,10 @@ def leave(plant: Plant) -> None:
     tau = plant[DRIVES][MEAN, : len(plant[12])]
     if not prepare(qpos, qvel, ctrl, passive, tau, hand, state[NUMBERS:], h, alone, flight):
         state[BROKEN] = 1.0
+    if state[BRAKED] >= 0.0:
+        n = len(plant[12])
+        since = state[TICKS] * TICK - state[BRAKED]
+        hold(state[len(state) - ROWS * n :], since, qvel, ctrl, passive, h)
     step2(address[0], address[1])
     if alone:
         return
@@ -188,7 +217,7 @@ def move(plant: Plant, tau: Array, hand: float, rows: Array) -> None:
 
 @kernel
 def over(state: Array, longest: float, held: float) -> bool:
-    """Say whether a trial is at its end.
+    """Say whether a trial is at its end; one whose catcher stopped is watched for a while.
 
     Args:
         state: As in the module's table.
@@ -198,6 +227,8 @@ def over(state: Array, longest: float, held: float) -> bool:
     t = state[TICKS] * TICK
     if state[BROKEN] > 0.0:
         return True
+    if state[STOPPED] >= 0.0:
+        return bool(t >= state[STOPPED] + WATCHED)
     if state[TOUCHED] >= 0.0:
         return bool(t >= state[TOUCHED] + held)
     return bool(t >= longest or int(state[SEEN]) & BALL_FLOOR)

@@ -41,7 +41,13 @@ class NoiseBank:
 
 @lru_cache(maxsize=8)
 def noise_bank(
-    *, background: float, texture: float, body: float, read_noise: float, electrons: float
+    *,
+    background: float,
+    texture: float,
+    body: float,
+    read_noise: float,
+    electrons: float,
+    pattern: tuple[float, float] = (0.0, 1.0),
 ) -> NoiseBank:
     """Return the banks of a sensor; the same object for the same settings.
 
@@ -51,11 +57,14 @@ def noise_bank(
         body: Grey level of arm and hand.
         read_noise: Standard deviation of the Gaussian read noise [grey levels].
         electrons: Photo-electrons a grey level.
+        pattern: Contrast [grey levels] and size [px] of squares on the background.
     """
     rng = np.random.default_rng(_SEED)
     sigma = sqrt(read_noise**2 + background / electrons)
     noise = np.rint(sigma * rng.standard_normal(NOISE_SIZE, dtype=np.float32))
     normal, wall = rng.standard_normal(NOISE_SIZE), _wall(background, texture, rng)
+    if pattern[0] > 0.0:
+        wall = _squares(wall, *pattern)
     low, high = min(int(body), int(wall.min())), max(int(body), int(wall.max()))
     ground = np.clip(noise, -low, 255 - high).astype(np.int16).astype(np.uint8)
     return NoiseBank(ground=ground, normal=normal, wall=wall)
@@ -71,3 +80,10 @@ def _wall(background: float, texture: float, rng: np.random.Generator) -> Image:
     shape = sqrt(1.0 - _GRADIENT) * patches / patches.std() + sqrt(_GRADIENT) * slope / slope.std()
     tile = np.clip(np.rint(background + texture * shape), 0.0, 255.0).astype(np.uint8)
     return np.ascontiguousarray(np.tile(tile, (2, 2)))
+
+
+def _squares(wall: Image, contrast: float, size: float) -> Image:
+    """Return a wall with squares in turn brighter and darker by half a contrast."""
+    k = np.arange(SIDE) % PERIOD // max(round(size), 1)
+    sign = 1.0 - 2.0 * ((k[:, None] + k[None, :]) % 2)
+    return np.clip(np.rint(wall + 0.5 * contrast * sign), 0.0, 255.0).astype(np.uint8)

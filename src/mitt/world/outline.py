@@ -21,6 +21,7 @@ from math import ceil, floor, sqrt
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mitt.jit import kernel
 from mitt.signals import Array, Image
@@ -199,3 +200,34 @@ def draw_ball(
         columns = _cover(work, width, lens, row, lines, k)
         if columns[1] >= columns[0]:
             _paint(pixels, row, columns, work, noise, start, light)
+
+
+@kernel
+def _blend(
+    canvas: NDArray[np.float32], row: int, columns: tuple[int, int], work: Array, level: float
+) -> None:
+    """Mix a ball into pixels it covers in part or whole, without noise."""
+    part, full, inside = SCRATCH, SCRATCH + canvas.shape[1], 0.0
+    for u in range(columns[0], columns[1] + 1):
+        inside += work[full + u]
+        c = work[part + u] + inside
+        work[part + u], work[full + u] = 0.0, 0.0
+        canvas[row, u] = np.float32((1.0 - c) * canvas[row, u] + c * level)
+
+
+@kernel
+def blend_ball(
+    canvas: NDArray[np.float32], lens: Point, ball: Seen, level: float, window: Edges, work: Array
+) -> None:
+    """As :func:`draw_ball`, on an image of real numbers without noise."""
+    canvas, work, width = lent(canvas), lent(work), canvas.shape[1]
+    k, lines, low, high = _lay_path(lens, ball, work)
+    if k == 0:
+        return
+    low, high = floor(low + 0.5 - _SLACK), ceil(high - 0.5 + _SLACK)
+    first = int(min(max(low, float(window[0])), float(window[1] + 1)))
+    last = int(min(max(high, -1.0), float(window[1])))
+    for row in range(first, last + 1):
+        columns = _cover(work, width, lens, row, lines, k)
+        if columns[1] >= columns[0]:
+            _blend(canvas, row, columns, work, level)

@@ -68,8 +68,16 @@ class Sensing(Settings):
         cameras: Cameras that stand still and see all, or that pan-tilt heads turn to the ball.
         exposure: How long a shutter is open [s].
         texture: Standard deviation of the background's brightness [grey levels].
-        body: Grey level of arm and hand in the images; the background has 24.
-        second: A second bright ball that stands still: centre and radius [m].
+        body: Grey level of the arm in the images; the background has 24.
+        hand: Grey level of the hand; that of the arm if left out.
+        shading: Relative difference between the middle of arm and hand and their lit side.
+        grain: Relative amplitude of the texture of arm and hand.
+        pattern: Contrast [grey levels] and size [px] of squares on the background.
+        light: Relative amplitude and frequency [Hz] of the illumination, in phase for both
+            cameras; lamps at the mains flicker at twice its frequency, 100 or 120 Hz.
+        shadow: Relative depth of a soft shadow and the speed of its edge in the images [px/s].
+        second: A second bright ball: centre as the first is released, and radius [m].
+        second_velocity: Velocity at which it rolls [m/s].
         views: Views of a board, at least 6, from which cameras that stand still were calibrated,
             and places of a ball in the hand by which they were placed; 0 is an exact calibration.
         corner_noise: Error of a corner or of a ball's centre in these views, 1 sigma an axis [px].
@@ -84,7 +92,20 @@ class Sensing(Settings):
     exposure: Annotated[float, Field(ge=0.0, le=0.001)] = 0.0005
     texture: Annotated[float, Field(ge=0.0, le=8.0)] = 3.0
     body: Annotated[float, Field(ge=0.0, le=255.0)] = 12.0
+    hand: Annotated[float, Field(ge=0.0, le=255.0)] | None = None
+    shading: Annotated[float, Field(ge=0.0, le=0.9)] = 0.0
+    grain: Annotated[float, Field(ge=0.0, le=0.9)] = 0.0
+    pattern: tuple[
+        Annotated[float, Field(ge=0.0, le=60.0)], Annotated[float, Field(ge=1.0, le=64.0)]
+    ] = (0.0, 8.0)
+    light: tuple[
+        Annotated[float, Field(ge=0.0, le=0.5)], Annotated[float, Field(ge=0.0, le=1000.0)]
+    ] = (0.0, 100.0)
+    shadow: tuple[
+        Annotated[float, Field(ge=0.0, le=0.5)], Annotated[float, Field(ge=-1000.0, le=1000.0)]
+    ] = (0.0, 0.0)
     second: Annotated[tuple[float, float, float, float], Field(strict=False)] | None = None
+    second_velocity: Annotated[tuple[float, float, float], Field(strict=False)] = (0.0, 0.0, 0.0)
     views: Annotated[int, Field(ge=0, le=200)] = 0
     corner_noise: Annotated[float, Field(gt=0.0, le=5.0)] = 0.2
     distortion: Annotated[tuple[Bend, Bend], Field(strict=False)] = (0.0, 0.0)

@@ -2,16 +2,19 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import final
+from typing import NoReturn, final
 
 import mujoco
 import numpy as np
 
+from mitt import checks
+from mitt.errors import InputError
 from mitt.robot.description import ArmModel
 from mitt.robot.hands import HandModel
 from mitt.robot.limits import Limits
-from mitt.signals import Array, Command, Senses
+from mitt.signals import Array, Command, Frame, Senses
 from mitt.world.ballistics import fly
+from mitt.world.brakes import brake_numbers
 from mitt.world.build import build_plant
 from mitt.world.clearing import fresh_table, joints_of
 from mitt.world.contacts import (
@@ -24,7 +27,7 @@ from mitt.world.contacts import (
     survey,
 )
 from mitt.world.drives import MEAN, fresh_drives
-from mitt.world.engine import switches_of, views_of
+from mitt.world.engine import owned, switches_of, views_of
 from mitt.world.faults.flight import Undisturbed
 from mitt.world.faults.trial import Sensor, Troubles
 from mitt.world.flights import BallPath
@@ -33,6 +36,7 @@ from mitt.world.leading import lead
 from mitt.world.meeting import meet_by_name
 from mitt.world.mismatch import Drawn, PlantDraw
 from mitt.world.motion import (
+    BRAKED,
     BROKEN,
     FIRST,
     FLIGHT,
@@ -51,6 +55,7 @@ from mitt.world.motion import (
     move,
     note,
     over,
+    tell,
 )
 from mitt.world.scene import Scene
 from mitt.world.sensors import CameraMaker, Sensors, encoder_steps
@@ -94,26 +99,35 @@ class World:
         Raises:
             ModelError: The arm carries no hand.
         """
+        checks.instance("scene", scene, Scene)
+        checks.instance("arm", arm, ArmModel)
         self._scene, self._arm, self._cameras, self._limits = scene, arm, cameras, limits
         self._plant = build_plant(scene, arm)
         self.model = self._plant.model
         self.data = mujoco.MjData(self.model)
+        self._brakes = brake_numbers(arm.complete(), limits)
         self._draw = PlantDraw(scene, self._plant)
         self._n, self._f = self._plant.joints, self._plant.fingers
         self._servo = servo_numbers((arm.hand or HandModel()).drive)
         d, n, ball = self.data, self._n, self._n + self._f
         self._views = views_of(self.model, d, self._plant.site, n)
         self._switches, self._always = switches_of(self.model), self.model.opt.disableflags
-        tables = self._draw.pairs(), joints_of(self._plant)
-        self._clearing = self._switches, d.geom_xpos, d.geom_xmat, *tables
+        tables, owner = (self._draw.pairs(), joints_of(self._plant)), (self.model, d)
+        geoms = owned(owner, d.geom_xpos), owned(owner, d.geom_xmat)
+        self._clearing = self._switches, *geoms, *tables
         self._kinds, self._names = self.model.geom_contype.copy(), hand_names(self.model)
         self._touching = np.zeros(self.model.ngeom, dtype=np.bool_)
-        self._senses = d.qpos[:n], d.qvel[:n], d.qpos[ball : ball + 3], d.qvel[ball : ball + 3]
+        qpos, qvel, self._site = self._views[4], self._views[5], self._views[9]
+        self._senses = qpos[:n], qvel[:n], qpos[ball : ball + 3], qvel[ball : ball + 3]
         self._body, self._steps = Silhouettes(self.model, d), encoder_steps(scene, arm)
         self._ball = self._senses[2:]
-        self._site = d.site_xpos[self._plant.site]
         self._tape = Tape((1, self.model.nq, self.model.nv, n, 3, 3, 1, 1))
         self._start(None, self._draw.nominal)
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse to be copied: what compiled code works on lies in MuJoCo's memory."""
+        raise InputError("world", "a world that is not copied or sent elsewhere", "a copy",
+                         do="make another from the same scene and arm, and reset it")  # fmt: skip
 
     @property
     def t(self) -> float:
@@ -144,6 +158,10 @@ class World:
         """Largest single contact force on the ball so far [N]."""
         return self._state.item(PEAK)
 
+    def watch_on(self) -> None:
+        """Go on for :data:`mitt.world.motion.WATCHED` from now on: the catcher has stopped."""
+        tell(self._state, bool(self._state[BRAKED] >= 0.0), True)
+
     def over(self, *, longest: float, held: float) -> bool:
         """Say whether the trial is at its end, by :func:`mitt.world.motion.over`."""
         return bool(over(self._state, longest, held))
@@ -160,6 +178,9 @@ class World:
             ball: A throw, which flies freely, or a path, which leads the ball until it is touched.
             seed: Seed of the plant mismatch and of all noise in this trial.
         """
+        seed = checks.whole("seed", seed, least=0)
+        if not isinstance(ball, Throw | BallPath):
+            raise InputError("ball", "a Throw or a BallPath", checks.shown(ball))
         plant, noise, own = (
             np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)
         )
@@ -171,6 +192,7 @@ class World:
         )
         self._encoders = sensors.encoders
         self._sensors: Sensor = sensors
+        self._imager = sensors.imager if isinstance(sensors.imager, Imager) else None
         if troubles is not None:
             self._sensors = troubles.sensors(sensors, pixels=self._cameras is not None)
             ball = troubles.ball
@@ -190,6 +212,19 @@ class World:
             look: Whether ball and images are exposed in this tick; encoders always are.
         """
         return self._sensors.read(self.t, *self._senses, look=look)
+
+    def views_before(self, count: int) -> list[tuple[Frame, ...]]:
+        """Return looks at the scene before the release, without the thrown ball.
+
+        None where cameras turn or the ball is seen as points. No noise of the trial is used up.
+
+        Args:
+            count: Number of looks.
+        """
+        if self._imager is None or self._scene.sensing.cameras == "active":
+            return []
+        self._body.update()
+        return self._imager.before(count, self._body.capsules)
 
     @property
     def stage(self) -> Stage | None:
@@ -226,12 +261,22 @@ class World:
 
     def apply(self, command: Command) -> None:
         """Let the motors follow a command for one tick; nothing here clips it."""
+        command = self._checked(command)
         if self._troubles is not None:
             command = self._troubles.command(self.t, command)
-        tau, hand = np.asarray(command.tau, float), command.hand
+        tell(self._state, command.brakes, False)
+        tau, hand = command.tau, command.hand
         rows = self._tape.reserve(self._ticks + 2)
         self._move(tau, hand, rows)
         self._sensors.turn(command.gaze, TICK)
+
+    def _checked(self, command: Command) -> Command:
+        """Return a command as compiled code takes it; refuse another shape."""
+        given = checks.instance("command", command, Command)
+        told = checks.array("command.told", given.told, (4, self._n))
+        hand = checks.number("command.hand", given.hand)
+        same = told is given.told and hand is given.hand
+        return given if same else given._replace(told=told, hand=hand)
 
     def truth(self) -> Truth:
         """Return the true state at the end of the last tick."""
@@ -287,7 +332,7 @@ class World:
         """Forget the trial before and bring all derived quantities up to date."""
         self._path, self.radius = path, drawn.radius
         numbers = pack_plant(self._servo, drawn.friction, drawn.drag_force, drawn.mass)
-        self._state, self._drag = fresh_motion(numbers), float(numbers[5])
+        self._state, self._drag = fresh_motion(numbers, self._brakes), float(numbers[5])
         self._switches[0] = self._always
         meet_by_name(self.model)  # the draw of the masses has brought the kinds back
         self.model.opt.timestep = TICK

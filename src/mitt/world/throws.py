@@ -6,12 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
+from mitt import checks
 from mitt.errors import FileError, InputError, ShapeError
 from mitt.signals import Array
 from mitt.world.ballistics import release_velocity
 from mitt.world.tables import number, read_rows
 
 COLUMNS = ("x", "y", "z", "vx", "vy", "vz")
+NOMINAL_DRAG = 0.04
+"""Drag of the default ball [1/m], for which the speeds of the default throws are stated."""
 MAX_DISTANCE = 100.0
 MAX_SPEED = 100.0
 """Bounds of a release that can be meant [m], [m/s]; beyond them a unit was confused."""
@@ -28,6 +31,12 @@ class Throw:
 
     r: Array
     dr: Array
+
+    def __post_init__(self) -> None:
+        """Hold both to three finite numbers; ShapeError or InputError where they are not."""
+        for name, value in (("r", self.r), ("dr", self.dr)):
+            kept = checks.vector(f"throw.{name}", value, 3, finite=True)
+            object.__setattr__(self, name, kept)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,15 +63,16 @@ class Aim:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThrowRanges:
-    """Ranges of the default throws, a choice of this project.
+    """Ranges of the default throws, the table of docs/throws.md.
 
     Attributes:
         duration: Time of flight to the aim point [s].
-        speed: Speed at release [m/s].
+        speed: Speed at release of a ball with the drag ``NOMINAL_DRAG`` [m/s]. One with another
+            drag is thrown so that it passes the same point after the same time.
         distance: Horizontal distance of the release from the aim point [m].
         azimuth: Direction of the release seen from the aim point, from +x [rad].
         height: Height of the release above the shoulder centre [m].
-        drag: Quadratic drag coefficient k [1/m].
+        drag: Quadratic drag coefficient k of the ball that is thrown [1/m].
     """
 
     duration: tuple[float, float] = (0.45, 0.62)
@@ -70,7 +80,7 @@ class ThrowRanges:
     distance: tuple[float, float] = (2.5, 4.2)
     azimuth: tuple[float, float] = (-0.12, 0.12)
     height: tuple[float, float] = (-0.2, 0.6)
-    drag: float = 0.04
+    drag: float = NOMINAL_DRAG
 
 
 def default_throw(
@@ -97,9 +107,12 @@ def default_throw(
         azimuth, distance, height, duration = drawn[-4:].tolist()
         x, y = target[0] + distance * np.cos(azimuth), target[1] + distance * np.sin(azimuth)
         start = np.array([x, y, height])
-        dr = release_velocity(start, target, drag=ranges.drag, duration=duration)
-        if ranges.speed[0] <= np.linalg.norm(dr) <= ranges.speed[1]:
-            return Throw(r=start, dr=dr)
+        dr = release_velocity(start, target, drag=NOMINAL_DRAG, duration=duration)
+        if not ranges.speed[0] <= np.linalg.norm(dr) <= ranges.speed[1]:
+            continue
+        if ranges.drag != NOMINAL_DRAG:
+            dr = release_velocity(start, target, drag=ranges.drag, duration=duration)
+        return Throw(r=start, dr=dr)
     wanted = f"a release speed of {ranges.speed[0]:g} to {ranges.speed[1]:g} m/s"
     raise InputError("throw ranges", wanted, f"none in {tries} draws")
 

@@ -1,0 +1,192 @@
+"""Checks at public entry points, made before compiled code sees a value.
+
+A kernel trusts its arguments: it reads beyond an array that is too short, and it is compiled anew
+for a number or an array of another type. So every public call passes what a user gives through
+one of these functions. What comes back has one type only: ``float``, ``int``, ``bool``, or an
+array of float64 in C order that can be written to. An array that is so already comes back as it
+is, any other is copied; what cannot be taken raises a :class:`mitt.errors.MittError` of one line.
+"""
+
+from collections.abc import Sequence
+from math import isfinite
+from operator import index
+from typing import Any, Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitt.errors import InputError, ShapeError
+
+_Kind = TypeVar("_Kind")
+
+#: Length of an axis; None for any.
+_Shape = Sequence[int | None]
+
+_FLOAT: Final = np.dtype(np.float64)
+_GREY: Final = np.dtype(np.uint8)
+#: Largest text of a refused value in a message [characters].
+_MOST = 60
+
+
+def array(name: str, value: object, shape: _Shape, *, finite: bool = False) -> NDArray[np.float64]:
+    """Return a value as an array of float64.
+
+    Args:
+        name: What an error calls it.
+        value: Given by a user.
+        shape: Wanted; None where an axis may have any length.
+        finite: Whether NaN and infinity are refused.
+
+    Raises:
+        InputError: It is not made of real numbers, or not finite.
+        ShapeError: It has another shape.
+    """
+    given = value
+    if not (isinstance(given, np.ndarray) and given.dtype == _FLOAT and given.flags.carray):
+        given = _numbers(name, value)
+    if len(given.shape) != len(shape) or any(
+        wanted is not None and wanted != side
+        for wanted, side in zip(shape, given.shape, strict=True)
+    ):
+        raise ShapeError(name, _shown(shape), given.shape)
+    if type(given) is not np.ndarray:
+        given = np.array(given, order="C")
+    if finite and not np.isfinite(given).all():
+        raise InputError(name, "finite numbers", "NaN or infinity")
+    return given
+
+
+def vector(name: str, value: object, n: int, *, finite: bool = False) -> NDArray[np.float64]:
+    """Return a value as an array of ``n`` numbers; see :func:`array`."""
+    return array(name, value, (n,), finite=finite)
+
+
+def rows(name: str, value: object, width: int) -> NDArray[np.float64]:
+    """Return a value as an array of shape (..., ``width``), of at least one axis."""
+    given = _numbers(name, value)
+    if given.ndim == 0 or given.shape[-1] != width:
+        raise ShapeError(name, f"(..., {width})", given.shape)
+    return given
+
+
+def number(name: str, value: object, *, finite: bool = False) -> float:
+    """Return a real number; infinity and NaN pass unless ``finite`` is wanted.
+
+    Raises:
+        InputError: It is no real number.
+    """
+    if isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool):
+        try:
+            given = float(value)
+        except OverflowError:
+            raise InputError(name, "a number", "an integer too large for one") from None
+        if not finite or isfinite(given):
+            return given
+    elif isinstance(value, np.ndarray) and value.ndim == 0 and value.dtype.kind in "fiu":
+        return number(name, value[()], finite=finite)
+    raise InputError(name, "a finite number" if finite else "a number", shown(value))
+
+
+def whole(name: str, value: object, *, least: int | None = None, most: int | None = None) -> int:
+    """Return an integer within bounds.
+
+    Raises:
+        InputError: It is none, or out of bounds.
+    """
+    try:
+        given = index(value) if not isinstance(value, bool) else None  # type: ignore[arg-type]
+    except TypeError:
+        given = None
+    low, high = least is None or (given or 0) >= least, most is None or (given or 0) <= most
+    if given is None or not (low and high):
+        raise InputError(name, _range(least, most), shown(value))
+    return given
+
+
+def flag(name: str, value: object) -> bool:
+    """Return a truth value.
+
+    Raises:
+        InputError: It is none.
+    """
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    raise InputError(name, "True or False", shown(value))
+
+
+def instance(name: str, value: object, kind: type[_Kind]) -> _Kind:
+    """Return a value that is of a class.
+
+    Raises:
+        InputError: It is of another.
+    """
+    if not isinstance(value, kind):
+        raise InputError(name, f"a {kind.__name__}", shown(value))
+    return value
+
+
+def image(name: str, value: object, shape: tuple[int, int] | None = None) -> NDArray[np.uint8]:
+    """Return an image of grey values; it may be a window or write-protected.
+
+    Args:
+        name: What an error calls it.
+        value: Given by a user.
+        shape: Rows and columns wanted [px]; any where None.
+
+    Raises:
+        InputError: It is no array of uint8.
+        ShapeError: It has another shape, or no pixel.
+    """
+    if not isinstance(value, np.ndarray) or value.dtype != _GREY:
+        given = f"dtype {value.dtype}" if isinstance(value, np.ndarray) else shown(value)
+        raise InputError(name, "an array of uint8", given,
+                         do="scale grey values to 0..255 and use astype(np.uint8)")  # fmt: skip
+    pixels: NDArray[np.uint8] = value
+    if pixels.ndim != 2 or pixels.size == 0 or (shape is not None and pixels.shape != shape):
+        wanted = "(height, width)" if shape is None else str(shape)
+        raise ShapeError(name, wanted, pixels.shape)
+    return pixels
+
+
+def shown(value: object) -> str:
+    """Return what an error says of a value: its type, and the value where that is short."""
+    kind = type(value).__name__
+    if isinstance(value, np.ndarray):
+        return f"an array of {value.dtype}, shape {value.shape}"
+    if value is None or isinstance(value, bool | int | float | str):
+        try:
+            text = repr(value)
+        except ValueError:  # an integer of thousands of digits
+            return f"a huge {kind}"
+        return text if len(text) <= _MOST else f"{text[:_MOST]}..."
+    return f"a {kind}"
+
+
+def _numbers(name: str, value: object) -> NDArray[np.float64]:
+    """Return a value as an array of float64 in C order, whatever its shape."""
+    try:
+        given: NDArray[Any] = np.asarray(value)
+    except Exception as error:  # what a value's own conversion raises is unknown
+        raise InputError(name, "an array of numbers", _why(value, error)) from None
+    if given.dtype.kind not in "fiu":
+        raise InputError(name, "an array of numbers", shown(given))
+    with np.errstate(over="ignore"):
+        return np.array(given, dtype=np.float64, order="C")
+
+
+def _why(value: object, error: Exception) -> str:
+    """Return why a value is no array."""
+    return f"{shown(value)} ({str(error)[:_MOST]})" if str(error) else shown(value)
+
+
+def _shown(shape: _Shape) -> str:
+    """Return a shape as text; an axis of any length is a letter."""
+    sides = ["K" if side is None else str(side) for side in shape]
+    return f"({sides[0]},)" if len(sides) == 1 else f"({', '.join(sides)})"
+
+
+def _range(least: int | None, most: int | None) -> str:
+    """Return what integers are wanted."""
+    if least is None or most is None:
+        return "an integer" if least is None else f"an integer of at least {least}"
+    return f"an integer in {least}..{most}"

@@ -1,0 +1,148 @@
+"""The envelope of a joint whose limit set has jerk: acceleration changes by a bounded step a tick.
+
+The joint is emitted as a chain of ticks of constant acceleration a:
+
+    dq' = dq + T a,    q' = q + T (dq + dq') / 2,    |a - a before| <= jerk T.
+
+A joint can stop if the ticks that :func:`calm` would make from here end at rest within its range
+and below its speed. That is checked tick by tick, so there is nothing that a formula forgets; a
+bound that is quickly worked out spares the walk where there is room. The wish is followed as far
+as the next state can still stop, else the joint brakes, which by induction it can.
+"""
+
+import numpy as np
+
+from mitt.jit import kernel
+
+#: Control tick [s]; as in :mod:`mitt.control.envelope`.
+_TICK = 0.001
+#: Rate at which a gap to the wished position is closed [1/s].
+_CLOSING = 50.0
+#: Ticks in which a joint has to come to rest, halvings between wish and brake, and rounding.
+_LONGEST, _HALVINGS, _ROUNDING = 5000, 10, 1e-12
+
+
+@kernel
+def calm(dq: float, ddq: float, brake: float, jerk: float) -> float:
+    """Return the acceleration of the next tick of a joint that comes to rest.
+
+    Args:
+        dq: Speed now [rad/s].
+        ddq: Acceleration in the tick before [rad/s^2].
+        brake: Largest deceleration [rad/s^2].
+        jerk: Largest change of the acceleration [rad/s^3].
+    """
+    speed = abs(dq)
+    # With steps of jerk T back to none, a deceleration x takes x^2 / (2 jerk) + x T / 2 of speed.
+    rate = jerk * (np.sqrt(0.25 * _TICK * _TICK + 2.0 * speed / jerk) - 0.5 * _TICK)
+    wish = -np.copysign(min(rate, speed / _TICK, brake), dq)
+    return float(min(max(wish, ddq - jerk * _TICK), ddq + jerk * _TICK))
+
+
+@kernel
+def can_stop(
+    low: float, high: float, dq_max: float, brake: float, jerk: float,
+    q: float, dq: float, ddq: float,
+) -> bool:  # fmt: skip
+    """Say whether a joint comes to rest in its range and below its speed.
+
+    Args:
+        low: Lower end of the range [rad].
+        high: Upper end of the range [rad].
+        dq_max: Largest speed [rad/s].
+        brake: Deceleration to be trusted [rad/s^2].
+        jerk: Largest jerk [rad/s^3].
+        q: Position [rad].
+        dq: Speed [rad/s].
+        ddq: Acceleration in the tick that led there [rad/s^2].
+    """
+    if not (low <= q <= high and abs(dq) <= dq_max + _ROUNDING):
+        return False
+    rise = abs(ddq) / jerk + _TICK
+    top = abs(dq) + abs(ddq) * rise
+    way = top * (rise + 0.5 * top / brake + brake / jerk + 2.0 * _TICK)
+    if top <= dq_max and way <= min(high - q, q - low):
+        return True
+    for _ in range(_LONGEST):
+        if dq == 0.0 and ddq == 0.0:
+            return True
+        ddq = calm(dq, ddq, brake, jerk)
+        before = dq
+        dq += _TICK * ddq
+        if abs(dq) <= _ROUNDING and abs(ddq) <= jerk * _TICK:
+            dq = 0.0
+        q += 0.5 * _TICK * (before + dq)
+        if not (low <= q <= high and abs(dq) <= dq_max + _ROUNDING):
+            return False
+    return False
+
+
+@kernel
+def keep_smooth(
+    low: float, high: float, dq_max: float, brake: float, ddq_max: float, jerk: float,
+    last: tuple[float, float, float], q: float, dq: float,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Return what a joint with a jerk limit is told when ``q``, ``dq`` is wanted of it.
+
+    Args:
+        low: Lower end of the range [rad].
+        high: Upper end of the range [rad].
+        dq_max: Largest speed [rad/s].
+        brake: Deceleration to be trusted [rad/s^2], at most ``ddq_max``.
+        ddq_max: Largest acceleration [rad/s^2].
+        jerk: Largest jerk [rad/s^3].
+        last: q, dq, ddq emitted in the tick before, finite.
+        q: Wanted position [rad]; of a wish with anything not finite nothing is taken.
+        dq: Wanted speed [rad/s].
+    """
+    q0, dq0, ddq0 = last
+    near = calm(dq0, ddq0, brake, jerk)
+    if not (np.isfinite(q) and np.isfinite(dq)):
+        q, dq = q0, 0.0
+    gap = min(max(q - q0 - 0.5 * _TICK * (dq + dq0), -1e3), 1e3)
+    wish = (min(max(dq, -2.0 * dq_max), 2.0 * dq_max) + _CLOSING * gap - dq0) / _TICK
+    wish = min(max(wish, -ddq_max), ddq_max)
+    wish = min(max(wish, ddq0 - jerk * _TICK), ddq0 + jerk * _TICK)
+    q1, dq1, _ = onwards(q0, dq0, wish)
+    if can_stop(low, high, dq_max, brake, jerk, q1, dq1, wish):
+        return q1, dq1, wish
+    far = wish
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (near + far)
+        q1, dq1, _ = onwards(q0, dq0, middle)
+        if can_stop(low, high, dq_max, brake, jerk, q1, dq1, middle):
+            near = middle
+        else:
+            far = middle
+    q1, dq1, _ = onwards(q0, dq0, near)
+    return q1, dq1, near
+
+
+@kernel
+def onwards(q: float, dq: float, ddq: float) -> tuple[float, float, float]:
+    """Return q, dq, ddq after a tick of constant acceleration."""
+    after = dq + _TICK * ddq
+    if abs(after) <= _ROUNDING:
+        after = 0.0
+    return q + 0.5 * _TICK * (dq + after), after, ddq
+
+
+@kernel
+def braked(dq: float, ddq: float, brake: float, jerk: float, t: float) -> tuple[float, float]:
+    """Return how far a joint that comes to rest has moved after a time at most, and its speed then.
+
+    An upper bound of the motion of :func:`calm`, in its first direction: the acceleration stays
+    until it would be turned to braking and then lets go of nothing early.
+
+    Args:
+        dq: Speed now [rad/s].
+        ddq: Acceleration in the tick before [rad/s^2].
+        brake: Largest deceleration [rad/s^2].
+        jerk: Largest jerk [rad/s^3].
+        t: Time [s].
+    """
+    delay = (abs(ddq) + 2.0 * brake) / jerk + 2.0 * _TICK
+    top = abs(dq) + 0.5 * ddq * ddq / jerk + abs(ddq) * _TICK
+    slow = max(t - delay, 0.0)
+    slow = min(slow, top / brake)
+    return top * min(t, delay) + slow * (top - 0.5 * brake * slow), top - brake * slow

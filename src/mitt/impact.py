@@ -1,0 +1,215 @@
+"""What a caught ball does to the arm: its impact, its weight in the brake, its pull on the fingers.
+
+A verdict of a generator knows the way to the catch; here is what comes after it. The ball and the
+hand become one body: an impulse p = (1/m + J M^-1 J')^-1 v_rel passes between them (momentum is
+kept, the ball sticks), and the joints change their speed by M^-1 J' p, the more the farther the
+ball springs back at first. Then the arm brakes with the ball's mass at its hand, and the fingers
+hold the ball against gravity and the brake.
+
+| here      | meaning                                                       | unit  | shape    |
+|-----------|---------------------------------------------------------------|-------|----------|
+| ``v_rel`` | velocity of the ball relative to the catch point at the catch | m/s   | (3,)     |
+| ``jump``  | change of the joint speeds by the impact                      | rad/s | (n,)     |
+| ``cap``   | largest joint speeds before the catch that leave room for it  | rad/s | (n,)     |
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from mitt.control.brake import Brake, plan_brake
+from mitt.control.envelope import bounds_of
+from mitt.control.hand import TOUCH_BEFORE
+from mitt.flight import GRAVITY
+from mitt.generator.certificate import Approach, Outcome, Verdict
+from mitt.generator.demand import Tolerance, shares_of
+from mitt.rehearsal import gap_at_catch
+from mitt.robot.arm import Arm
+from mitt.robot.hands import HandModel
+from mitt.signals import Array
+
+#: Distance of the ball from the catch point at which the fingers still close around it [m].
+GRASP = 0.030
+#: Share of its way that the planned brake needs at most: it is found to within 4 % of its rate, and
+#: leaves 2 % of the torque to feedback (:mod:`mitt.control.stop`).
+_HARDEST = 0.94
+#: Rounds in which caps and the impact at these caps are made to agree.
+_ROUNDS = 4
+#: Relative excess of a speed limit that is rounding.
+_ROUNDED = 1e-3
+#: What a joint that is made slower must at least gain in room, as share of what it gives up.
+_GIVE = 0.05
+#: Instants of the brake at which the pull on the fingers is looked at, and a difference's step [s].
+_INSTANTS, _STEP = 8, 1e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CaughtBall:
+    """What is known of the ball that will be in the hand.
+
+    Attributes:
+        mass: Its mass [kg].
+        radius: Its radius [m].
+        restitution: Share of the approach speed with which it springs back from the palm.
+        friction: Coefficient of friction of ball and hand.
+        doubt: Relative error that the mass may have.
+    """
+
+    mass: float
+    radius: float
+    restitution: float = 0.2
+    friction: float = 1.0
+    doubt: float = 0.1
+
+    @property
+    def heaviest(self) -> float:
+        """Largest mass that the ball may have [kg]."""
+        return self.mass * (1.0 + self.doubt)
+
+
+def speed_jump(arm: Arm, q: Array, v_rel: Array, mass: float) -> Array:
+    """Return the change of the joint speeds when a ball sticks to the catch point [rad/s], (n,).
+
+    Args:
+        arm: The arm, without the ball.
+        q: Joint angles at the catch [rad], shape (n,).
+        v_rel: Velocity of the ball relative to the catch point [m/s], shape (3,).
+        mass: Of the ball [kg].
+    """
+    jump: Array = _answer(arm, q, mass) @ v_rel
+    return jump
+
+
+def _answer(arm: Arm, q: Array, mass: float) -> Array:
+    """Return how the joint speeds answer to the ball's relative velocity [rad/m], shape (n, 3)."""
+    J = arm.jacobian(q)
+    push = np.linalg.solve(arm.mass_matrix(q), J.T)  # M^-1 J'
+    answer: Array = np.linalg.solve((np.eye(3) / mass + J @ push).T, push.T).T
+    return answer
+
+
+def speed_caps(arm: Arm, approach: Approach, ball: CaughtBall) -> Array:
+    """Return the joint speeds that leave room for the impact [rad/s], shape (n,).
+
+    A joint that the ball drives on in its own direction must stay below its limit afterwards;
+    one that it slows down needs no room.
+    """
+    fastest, (q, wanted) = _fastest(arm), approach.motion[-1, :2]
+    J, way = arm.jacobian(q), np.sign(wanted)
+    answer = (1.0 + ball.restitution) * _answer(arm, q, ball.heaviest)
+    give = np.clip(np.diag(answer @ J), 0.0, 1.0 - _GIVE)  # a slower joint is driven on farther
+    cap: Array = fastest
+    for _ in range(_ROUNDS):
+        dq = np.clip(wanted, -cap, cap)
+        jump = way * (answer @ (approach.dr_o - J @ dq))
+        room = (arm.dq_max - jump - give * np.abs(dq)) / (1.0 - give)
+        cap = np.where(jump > 0.0, np.clip(room, 0.0, fastest), fastest)
+    return cap
+
+
+@lru_cache(maxsize=32)
+def _fastest(arm: Arm) -> Array:
+    """Return the largest speeds that the envelope emits [rad/s], shape (n,)."""
+    speeds: Array = bounds_of(arm)[2]
+    return speeds
+
+
+def examined(arm: Arm, verdict: Verdict, ball: CaughtBall, *, bandwidth: float) -> Verdict:
+    """Return a verdict that has looked at what the arm will do, up to the catch and after it.
+
+    One that refuses for torque or speed is run on the model (:mod:`mitt.rehearsal`); one that is
+    feasible, then, looks beyond the catch. Any other stays as it is.
+    """
+    if verdict.approach is None:
+        return verdict
+    if verdict.outcome is Outcome.UNREACHABLE:
+        verdict = _rehearsed(arm, verdict, verdict.approach, ball, bandwidth)
+    if verdict.outcome is not Outcome.FEASIBLE or verdict.approach is None:
+        return verdict
+    shares = shares_after(arm, verdict.approach, ball)
+    binding = max(shares, key=lambda name: shares[name])
+    if shares[binding] <= verdict.share:
+        return verdict
+    outcome = Outcome.FEASIBLE if shares[binding] <= 1.0 else Outcome.UNREACHABLE
+    return replace(verdict, outcome=outcome, binding_limit=binding, share=shares[binding])
+
+
+def _rehearsed(
+    arm: Arm, verdict: Verdict, approach: Approach, ball: CaughtBall, bandwidth: float
+) -> Verdict:
+    """Return the verdict by how far the hand will be from its place, where no range is exceeded."""
+    endless = Tolerance(torque=np.inf, speed=np.inf)
+    shares = shares_of(arm, approach.motion, endless)
+    if not np.all(np.isfinite(approach.motion)) or max(shares.values()) > 1.0:
+        return verdict
+    caps = speed_caps(arm, approach, ball)
+    share = gap_at_catch(arm, approach, caps, bandwidth) / GRASP
+    outcome = Outcome.FEASIBLE if share <= 1.0 else Outcome.UNREACHABLE
+    return replace(verdict, outcome=outcome, share=share)
+
+
+def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, float]:
+    """Return the largest share of each limit that catch and brake ask for; 1 is the limit.
+
+    Returns:
+        ``impact:NAME`` the way by which the hand comes late where the joint is kept slow for the
+        impact, in units of what the hand tolerates, or the speed that the ball drives it to where
+        no room suffices (``speed:NAME`` where its own limit keeps it slow); ``brake:NAME`` where
+        the joint comes to rest, in its range; ``grip`` the pull on the fingers, in units of what
+        they hold.
+    """
+    cap = speed_caps(arm, approach, ball)
+    q, dq = approach.motion[-1, 0], np.clip(approach.motion[-1, 1], -cap, cap)
+    v_rel = approach.dr_o - arm.jacobian(q) @ dq
+    after = dq + speed_jump(arm, q, v_rel, ball.heaviest)
+    loaded = arm.holding(ball.heaviest)
+    # An arm that is short of room brakes from the first touch of the fingers on.
+    start = q + TOUCH_BEFORE * dq
+    brake = plan_brake(loaded, 0.0, np.array([start, after, np.zeros(arm.n)]))
+    middle, half = 0.5 * (arm.q_max + arm.q_min), 0.5 * (arm.q_max - arm.q_min)
+    rest = np.abs(start + _HARDEST * (brake.q_end - start) - middle) / half
+    late = _lateness(arm, approach, cap) / GRASP
+    driven = np.abs(dq + (1.0 + ball.restitution) * (after - dq)) / arm.dq_max
+    late = np.where(driven > 1.0 + _ROUNDED, np.maximum(late, driven), late)
+    slowed = cap < _fastest(arm)
+    shares = {f"brake:{name}": float(x) for name, x in zip(arm.names, rest, strict=True)}
+    for name, x, kept in zip(arm.names, late.tolist(), slowed.tolist(), strict=True):
+        shares[f"{'impact' if kept else 'speed'}:{name}"] = x
+    shares["grip"] = _pull(arm, brake, ball)
+    return shares
+
+
+def _lateness(arm: Arm, approach: Approach, cap: Array) -> Array:
+    """Return by how far each joint, kept below its cap, brings the hand late [m], shape (n,)."""
+    place, step = approach.motion[0, 0].copy(), cap * approach.step
+    for wanted in approach.motion[1:, 0]:
+        place = np.clip(wanted, place - step, place + step)
+    gap = np.abs(approach.motion[-1, 0] - place)
+    late: Array = gap * np.linalg.norm(arm.jacobian(approach.motion[-1, 0]), axis=0)
+    return late
+
+
+def _pull(arm: Arm, brake: Brake, ball: CaughtBall) -> float:
+    """Return the largest pull of the ball on the fingers while the arm brakes, as share.
+
+    What presses it into the palm costs the fingers nothing. Without a hand there is no bound.
+    """
+    hand = arm.model.hand
+    if hand is None:
+        return 0.0
+    up, most = np.array([0.0, 0.0, GRAVITY]), 0.0
+    for t in np.linspace(0.0, brake.duration, _INSTANTS).tolist():
+        (q, dq, _), (p, dp, _) = brake.at(t), brake.at(t + _STEP)
+        force = (arm.jacobian(p) @ dp - arm.jacobian(q) @ dq) / _STEP + up
+        normal = arm.orientation(q)[:, 2]
+        out = float(force @ normal)
+        across = float(np.linalg.norm(force - out * normal))
+        most = max(most, max(-out, 0.0) + across)
+    return ball.heaviest * most / _holding_force(hand, ball.radius, ball.friction)
+
+
+@lru_cache(maxsize=32)
+def _holding_force(hand: HandModel, radius: float, friction: float) -> float:
+    """Return what a hand holds a ball with [N]; worked out once."""
+    return hand.holding_force(radius, friction)

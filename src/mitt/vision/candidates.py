@@ -1,0 +1,291 @@
+"""Which of several bright things is the ball: what flies is faster than what rests or rolls.
+
+While nothing is known of a ball and more than one target shows, all are followed for some looks.
+A pair of targets, one in each of the first two cameras, is a candidate if their lines of sight meet
+and both look as large as the ball would there. The candidate that has moved fastest is the ball. A
+single target in each camera is taken at once.
+
+| here          | meaning                                                        | unit | shape   |
+|---------------|----------------------------------------------------------------|------|---------|
+| ``targets``   | a target each: centroid, area, box (u0, v0, u1, v1)            | px   | (k, 7)  |
+| ``tracks``    | a candidate each: last position, first position, look of the   | m, 1 | (k, 11) |
+|               | first and of the last, looks in which it was seen, its targets |      |         |
+| ``residuals`` | of each pair of targets; infinite where they are not the ball  | px   | (k, k)  |
+"""
+
+from math import pi, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitt.jit import kernel
+from mitt.signals import Array, Image
+from mitt.views import view
+from mitt.vision.moments import MAX_BLOBS, Box, find_targets
+from mitt.vision.segmentation import measure_if_due, outline, show
+from mitt.vision.target import (
+    DU,
+    DV,
+    EXPECTED,
+    GOOD,
+    MASS,
+    MEMORY,
+    STATE,
+    THRESHOLD,
+    WEIGHTS,
+    WORK,
+    expect,
+    keep,
+    masks,
+)
+from mitt.vision.triangulation import note, triangulate
+from mitt.vision.window import ROWS, is_merged
+
+MOST = 6
+"""Targets of a camera, and candidates, that are followed."""
+LOOKS, SEEN = 8, 5
+"""Looks for which candidates are followed, and in how many of them the ball is seen at least. In
+8 ms a thrown ball goes 40 mm, and 5 m away its place is known to a few millimetres."""
+PATIENCE = 24
+"""Looks after which the search begins anew."""
+LEAP = 0.05
+"""Distance that a candidate goes from look to look at most [m]: 50 m/s at a kilohertz."""
+TALL, ROUGH = 0.35, 0.7
+"""Difference from the radius that the ball should have: relative, and in pixels."""
+
+_PAIRED, _FINE = 1e3, 1e6
+"""What a pair is worth, against residuals [px]; steps of a pixel in which they are added up."""
+_LOOK, _COUNT, _TRACKS = 16, 17, 18
+_TARGETS = _TRACKS + 11 * MOST
+_RESIDUALS = _TARGETS + 2 * 7 * MOST
+"""Places in the rig's row of the memory: looks so far, number of tracks, the three tables."""
+
+
+@kernel
+def _list_targets(shown: Image, memory: Array, settings: Array, boxes: Box, targets: Array) -> int:
+    """Write the whole, round targets of an image; return their number."""
+    height, width = shown.shape
+    window = boxes[MAX_BLOBS + 1]
+    window[0], window[1], window[2], window[3] = 0, 0, width - 1, height - 1
+    found, count = find_targets(shown, window, int(memory[THRESHOLD]), boxes), 0
+    runs, weights = masks(boxes)[1], view(memory, WEIGHTS, (7,))
+    for k in range(1, found + 1):
+        box = boxes[k]
+        inside = box[0] > 0 and box[1] > 0 and box[2] < width - 1 and box[3] < height - 1
+        if count == len(targets) or not inside or box[3] - box[1] >= ROWS:
+            continue
+        rows = outline(shown, memory, box, runs, weights)
+        if rows == 0 or weights[6] < settings[0] or is_merged(weights):
+            continue
+        targets[count, 0], targets[count, 1], targets[count, 2] = weights[1], weights[2], weights[6]
+        for i in range(4):
+            targets[count, 3 + i] = box[i]
+        count += 1
+    return count
+
+
+@kernel
+def _fits(memory: Array, area: float) -> bool:
+    """Tell whether a target is as large as the ball should be; its rim adds half a pixel."""
+    radius = sqrt(memory[EXPECTED] / pi)
+    return bool(abs(sqrt(area / pi) - 0.5 - radius) < TALL * radius + ROUGH)
+
+
+@kernel
+def _meet(
+    a: Array, b: Array, memory: Array, cameras: Array, belief: Array, points: Array, work: Array,
+    r: Array, P: Array,
+) -> float:  # fmt: skip
+    """Write where two targets are if they are the ball; return the residual, or infinity [px]."""
+    for n in range(len(points)):
+        points[n, 2] = -1.0
+    for n in range(2):
+        target = a if n == 0 else b
+        if note(points[n], target[0], target[1], target[2], False, belief[1], belief[2]) == 0:
+            return np.inf
+    residual = triangulate(cameras, points, belief[0], r, P, work)
+    if not residual <= belief[3]:
+        return np.inf
+    expect(memory, cameras, belief[0], r, 0.0)
+    if not (_fits(memory[0], a[2]) and _fits(memory[1], b[2])):
+        return np.inf
+    return float(residual)
+
+
+@kernel
+def _match(residuals: Array, boxes: Box, partners: NDArray[np.int64]) -> None:
+    """Pair targets so that most have a partner, and then the residuals in sum are smallest.
+
+    Two targets of different balls may meet by chance; their true partners would be left alone.
+
+    Args:
+        residuals: As in the module's table.
+        boxes: Scratch.
+        partners: Result, target of the second camera for each of the first; -1 for none.
+    """
+    at, sets = 4 * (WORK - ROWS), 1 << MOST
+    least, choice = view(boxes, at, (sets,)), view(boxes, at + sets, (MOST, sets))
+    for taken in range(sets):
+        least[taken] = 0 if taken == 0 else 1 << 40
+    for i in range(MOST):
+        for taken in range(sets - 1, -1, -1):  # sets that a target is taken from are still old
+            choice[i, taken] = -1
+            for j in range(MOST):
+                if taken >> j & 1 and residuals[i, j] < np.inf:
+                    cost = least[taken ^ 1 << j] + int(_FINE * (residuals[i, j] - _PAIRED))
+                    if cost < least[taken]:
+                        least[taken], choice[i, taken] = cost, j
+    taken = 0
+    for other in range(sets):
+        if least[other] < least[taken]:
+            taken = other
+    for i in range(MOST - 1, -1, -1):
+        j = choice[i, taken]
+        partners[i] = j
+        if j >= 0:
+            taken ^= 1 << j
+
+
+@kernel
+def _follow(tracks: Array, count: int, look: float, r: Array, pair: tuple[int, int]) -> int:
+    """Take a position into the track that it goes on with, or a new one; return their number."""
+    near, best = LEAP, count
+    for k in range(count):
+        gap, away = look - tracks[k, 7], 0.0
+        for i in range(3):
+            away += (tracks[k, i] - r[i]) ** 2
+        if gap > 0.0 and sqrt(away) < near * gap:
+            best, near = k, sqrt(away) / gap
+    if best == len(tracks):
+        return count
+    track = tracks[best]
+    for i in range(3):
+        track[i] = r[i]
+        if best == count:
+            track[3 + i] = r[i]
+    if best == count:
+        track[6], track[8] = look, 0.0
+    track[7], track[9], track[10] = look, float(pair[0]), float(pair[1])
+    track[8] += 1.0
+    return max(count, best + 1)
+
+
+@kernel
+def _fastest(tracks: Array, count: int) -> int:
+    """Return the track that has moved fastest; -1 if none was seen often enough."""
+    best, speed = -1, -1.0
+    for k in range(count):
+        track, way = tracks[k], 0.0
+        for i in range(3):
+            way += (track[i] - track[3 + i]) ** 2
+        way = sqrt(way) / max(track[7] - track[6], 1.0)
+        if track[8] >= SEEN and way > speed:
+            best, speed = k, way
+    return best
+
+
+@kernel
+def _take(shown: Image, memory: Array, target: Array, boxes: Box) -> None:
+    """Let a camera look at a target from now on."""
+    weights, runs, box = view(memory, WEIGHTS, (7,)), masks(boxes)[1], boxes[0]
+    for i in range(4):
+        box[i] = int(target[3 + i])
+    rows = outline(shown, memory, box, runs, weights)
+    if rows > 0:
+        memory[0], memory[1], memory[STATE] = weights[1], weights[2], float(GOOD)
+        memory[DU], memory[DV], memory[MASS] = 0.0, 0.0, weights[0]
+        keep(memory, box[1], rows, runs, weights[6])
+
+
+@kernel
+def _show(
+    images: tuple[Image, ...], backgrounds: tuple[Image, ...], n: int, memory: Array, boxes: Box
+) -> Image:
+    """Return the whole image of a camera, or its difference from the background."""
+    scratch, window = backgrounds[len(backgrounds) - 1], view(boxes, 4 * (MAX_BLOBS + 1), (4,))
+    shown: Image = show(images[n], backgrounds[n], scratch, memory[n], window, True)
+    return shown
+
+
+@kernel
+def _take_both(
+    images: tuple[Image, ...], backgrounds: tuple[Image, ...], memory: Array, a: Array, b: Array,
+    boxes: Box,
+) -> None:  # fmt: skip
+    """Let both cameras look at a target each."""
+    for n in range(2):
+        _take(_show(images, backgrounds, n, memory, boxes), memory[n], a if n == 0 else b, boxes)
+
+
+@kernel
+def _listed(
+    images: tuple[Image, ...], backgrounds: tuple[Image, ...], n: int, memory: Array,
+    settings: Array, boxes: Box, targets: Array,
+) -> int:  # fmt: skip
+    """Write the targets of a camera; return their number."""
+    shown = _show(images, backgrounds, n, memory, boxes)
+    measure_if_due(shown, memory[n], settings, boxes)
+    return int(_list_targets(shown, memory[n], settings, boxes, targets))
+
+
+@kernel
+def seek(
+    images: tuple[Image, ...], backgrounds: tuple[Image, ...], memory: Array, settings: Array,
+    boxes: Box, cameras: Array, belief: Array, points: Array, work: Array, r: Array, P: Array,
+) -> bool:  # fmt: skip
+    """Choose the ball in two cameras that see it for the first time.
+
+    Args:
+        images: As of :func:`mitt.vision.looking.look`, as all that follows.
+        backgrounds: See ``images``.
+        memory: See ``images``; both cameras look at what was chosen from now on.
+        settings: See ``images``.
+        boxes: See ``images``.
+        cameras: See ``images``.
+        belief: See ``images``.
+        points: Scratch, shape (n, 3).
+        work: See ``images``.
+        r: Scratch, shape (3,).
+        P: Scratch, shape (3, 3).
+
+    Returns:
+        Whether both cameras know what to look at: chosen, or the only target of each.
+    """
+    rig = view(memory, len(images) * MEMORY, (MEMORY,))
+    tracks, count = view(rig, _TRACKS, (MOST, 11)), int(rig[_COUNT])
+    targets = view(rig, _TARGETS, (2, MOST, 7))
+    residuals = view(rig, _RESIDUALS, (MOST, MOST))
+    a = _listed(images, backgrounds, 0, memory, settings, boxes, targets[0])
+    b = _listed(images, backgrounds, 1, memory, settings, boxes, targets[1])
+    if a == 0 or b == 0:
+        return False
+    if count == 0 and a == 1 and b == 1:
+        _take_both(images, backgrounds, memory, targets[0, 0], targets[1, 0], boxes)
+        return True
+    rig[_LOOK] += 1.0
+    for i in range(MOST):
+        for j in range(MOST):
+            residuals[i, j] = np.inf
+            if i < a and j < b:
+                residuals[i, j] = _meet(
+                    targets[0, i], targets[1, j], memory, cameras, belief, points, work, r, P
+                )
+    partners = view(boxes, 0, (MOST,))
+    _match(residuals, boxes, partners)
+    for i in range(MOST):
+        j = partners[i]
+        if j >= 0:
+            _meet(targets[0, i], targets[1, j], memory, cameras, belief, points, work, r, P)
+            count = _follow(tracks, count, rig[_LOOK], r, (i, j))
+    rig[_COUNT] = float(count)
+    if rig[_LOOK] < LOOKS:
+        return False
+    chosen, now = _fastest(tracks, count), rig[_LOOK]
+    if chosen < 0 or tracks[chosen, 7] < now:
+        if now >= PATIENCE:
+            rig[_LOOK], rig[_COUNT] = 0.0, 0.0
+        return False
+    rig[_LOOK], rig[_COUNT] = 0.0, 0.0
+    i, j = int(tracks[chosen, 9]), int(tracks[chosen, 10])
+    _take_both(images, backgrounds, memory, targets[0, i], targets[1, j], boxes)
+    return True

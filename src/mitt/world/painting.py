@@ -1,0 +1,254 @@
+"""Images of a plainer kind of truth: shaded arm, moving light, patterns, a lens that blurs.
+
+Everything is painted without noise on a canvas of real numbers, balls and capsules in the order
+of their depth; then come the lens, the light and the noise of the sensor. ``exposure`` uses it
+where its own faster way, without any of this, will not do.
+
+| here     | meaning                                                          | unit   | shape     |
+|----------|------------------------------------------------------------------|--------|-----------|
+| canvas   | an image without noise                                           | levels | (h, w)    |
+| capsules | as in :mod:`mitt.world.capsules`, then 1 for the hand, else 0    |        | (k, 8)    |
+| light    | settings by the names below                                      |        | (LIGHT,)  |
+| window   | first and last row, first and last column                        | px     | 4         |
+"""
+
+from math import floor, pi, sin, sqrt
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitt.jit import kernel
+from mitt.signals import Array, Image
+from mitt.views import lent, view
+from mitt.world.capsules import Camera, Edges, Point, Seen, in_front, into, misses, seen_from
+from mitt.world.noise import PERIOD
+from mitt.world.outline import blend_ball
+
+Canvas: TypeAlias = NDArray[np.float32]
+
+READ, ELECTRONS, BODY, HAND, SHADING, GRAIN, BLUR, AMPLITUDE, FREQUENCY, PHASE = range(10)
+SHADOW, SHADOW_SPEED, SHADOW_AT, PAINTED = range(10, 14)
+LIGHT = 14
+"""Read noise [levels], electrons a level, levels of arm and hand, relative shading and grain, blur
+(1 sigma) [px]; relative amplitude, frequency [Hz] and phase [rad] of the light; relative depth of
+a shadow, speed of its edge [px/s], its column at time zero [px]; whether images are painted."""
+
+LIT_FROM: Point = (-0.6, -0.8, 0.0)
+"""Direction in the image, right and down, from which arm and hand are lit."""
+GRAIN_SIZE = 5.0
+"""Half a period of the arm's grain [px]."""
+EDGE = 24.0
+"""Width of the shadow's soft edge [px]."""
+WIDEST = 9
+"""Pixels that the blur of a lens reaches at most."""
+
+
+@kernel
+def _wave(x: float) -> float:
+    """Return a triangle wave of period 2 between -1 and 1."""
+    return 2.0 * abs(x - 2.0 * floor(0.5 * x + 0.5)) - 1.0
+
+
+@kernel
+def _hang(canvas: Canvas, turn: Point, wall: Image, window: Edges) -> None:
+    """Fill a window with the wall, which turns with the camera; see ``exposure``."""
+    f, pan, tilt = turn
+    column, row = round(f * pan) % PERIOD, round(-f * tilt) % PERIOD
+    for v in range(window[0], window[1] + 1):
+        for u in range(window[2], window[3] + 1):
+            canvas[v, u] = wall[row + v, column + u]
+
+
+@kernel
+def _paint_capsule(
+    canvas: Canvas, lens: Point, seen: Seen, level: float, style: Point, window: Edges
+) -> None:
+    """Paint the hull of two discs with a smooth edge, a lit side and a grain.
+
+    Args:
+        canvas: Overwritten where the capsule is.
+        lens: f_px, cu, cv [px].
+        seen: The capsule, as in :mod:`mitt.world.capsules`.
+        level: Its grey level.
+        style: Relative shading, relative grain and phase of the grain [1].
+        window: As in the module's table.
+    """
+    f0, f1 = lens[0] / seen[2], lens[0] / seen[5]
+    u0, v0, r0 = lens[1] + f0 * seen[0], lens[2] + f0 * seen[1], f0 * seen[6]
+    u1, v1, r1 = lens[1] + f1 * seen[3], lens[2] + f1 * seen[4], f1 * seen[6]
+    if r0 < r1:
+        u0, v0, r0, u1, v1, r1 = u1, v1, r1, u0, v0, r0
+    du, dv = u1 - u0, v1 - v0
+    length = sqrt(du * du + dv * dv)
+    if length <= r0 - r1 + 1e-6:
+        length, du, dv = 0.0, 0.0, 1.0
+    else:
+        du, dv = du / length, dv / length
+    lean = (r0 - r1) / length if length > 0.0 else 0.0
+    rise = sqrt(max(1.0 - lean * lean, 0.0))
+    top, bottom = min(v0 - r0, v1 - r1) - 1.0, max(v0 + r0, v1 + r1) + 1.0
+    west, east = min(u0 - r0, u1 - r1) - 1.0, max(u0 + r0, u1 + r1) + 1.0
+    if length == 0.0:
+        top, bottom, west, east = v0 - r0 - 1.0, v0 + r0 + 1.0, u0 - r0 - 1.0, u0 + r0 + 1.0
+    first, last = int(max(top, float(window[0]))), int(min(bottom, float(window[1])))
+    left, right = int(max(west, float(window[2]))), int(min(east, float(window[3])))
+    for v in range(first, last + 1):
+        for u in range(left, right + 1):
+            x, y = u - u0, v - v0
+            along, aside = x * du + y * dv, x * dv - y * du
+            across = abs(aside)
+            at = rise * along - lean * across
+            if at <= 0.0:
+                cover, r = r0 - sqrt(x * x + y * y), r0
+            elif at >= rise * length:
+                x, y = u - u1, v - v1
+                cover, r = r1 - sqrt(x * x + y * y), r1
+            else:
+                cover, r = r0 - rise * across - lean * along, r0 + (r1 - r0) * along / length
+                x, y = aside * dv, -aside * du
+            cover = min(max(cover + 0.5, 0.0), 1.0)
+            if cover > 0.0:
+                lit = (x * LIT_FROM[0] + y * LIT_FROM[1]) / max(r, 0.5)
+                grain = _wave(along / GRAIN_SIZE + style[2]) * _wave(aside / GRAIN_SIZE)
+                paint = level * (1.0 + style[0] * lit + style[1] * grain)
+                paint = min(max(paint, 0.0), 255.0)
+                canvas[v, u] += np.float32(cover * (paint - canvas[v, u]))
+
+
+@kernel
+def _soften(canvas: Canvas, other: Canvas, sigma: float, wide: Edges, window: Edges) -> None:
+    """Blur a window by a Gaussian; ``wide`` is the window and what the blur reaches beyond it."""
+    height, width, reach = canvas.shape[0], canvas.shape[1], wide_of(sigma)
+    total = 0.0
+    for k in range(-reach, reach + 1):
+        total += np.exp(-0.5 * (k / sigma) ** 2)
+    for v in range(wide[0], wide[1] + 1):
+        for u in range(window[2], window[3] + 1):
+            other[v, u] = 0.0
+    for k in range(-reach, reach + 1):
+        weight = np.float32(np.exp(-0.5 * (k / sigma) ** 2) / total)
+        for v in range(wide[0], wide[1] + 1):
+            for u in range(window[2], window[3] + 1):
+                other[v, u] += weight * canvas[v, min(max(u + k, 0), width - 1)]
+    for v in range(window[0], window[1] + 1):
+        for u in range(window[2], window[3] + 1):
+            canvas[v, u] = 0.0
+    for k in range(-reach, reach + 1):
+        weight = np.float32(np.exp(-0.5 * (k / sigma) ** 2) / total)
+        for v in range(window[0], window[1] + 1):
+            row = min(max(v + k, 0), height - 1)
+            for u in range(window[2], window[3] + 1):
+                canvas[v, u] += weight * other[row, u]
+
+
+@kernel
+def wide_of(sigma: float) -> int:
+    """Return how far the blur of a lens reaches [px]."""
+    return min(int(np.ceil(3.0 * sigma)), WIDEST)
+
+
+@kernel
+def brightness(light: Array, t: float) -> float:
+    """Return the illumination at an instant over its mean [1]."""
+    return float(1.0 + light[AMPLITUDE] * sin(2.0 * pi * light[FREQUENCY] * t + light[PHASE]))
+
+
+@kernel
+def _develop(
+    pixels: Image, canvas: Canvas, light: Array, t: float, normal: Array, start: int, window: Edges
+) -> None:
+    """Light a window, add read and shot noise, and round to bytes."""
+    read, shot, lit = light[READ] * light[READ], 1.0 / light[ELECTRONS], brightness(light, t)
+    edge = light[SHADOW_AT] + light[SHADOW_SPEED] * t
+    width = pixels.shape[1]
+    for v in range(window[0], window[1] + 1):
+        for u in range(window[2], window[3] + 1):
+            mean = lit * canvas[v, u]
+            if light[SHADOW] > 0.0:
+                mean *= 1.0 - light[SHADOW] * min(max(0.5 - (u - edge) / EDGE, 0.0), 1.0)
+            value = mean + sqrt(read + shot * mean) * normal[start + v * width + u] + 0.5
+            pixels[v, u] = np.uint8(min(max(value, 0.0), 255.0))
+
+
+@kernel
+def _count_behind(seen: Seen, depths: Array) -> int:
+    """Return how many balls a capsule is nearer than."""
+    count = 0
+    for k in range(depths.shape[0]):
+        ball = depths[k, 0], depths[k, 1], depths[k, 2]
+        count += np.isfinite(ball[0] + ball[1] + ball[2]) and in_front(seen, ball)
+    return count
+
+
+@kernel
+def _paint_all(
+    canvas: Canvas, begin: Camera, end: Camera, balls: Array, capsules: Array, light: Array,
+    window: Edges, work: Array,
+) -> None:  # fmt: skip
+    """Paint capsules and balls, the far ones first."""
+    lens, count = (begin[12], begin[13], begin[14]), balls.shape[0]
+    order, centres = np.zeros(2, np.int64), np.empty((2, 3))
+    for k in range(count):
+        x, y, z = into(begin, balls[k, 0], balls[k, 1], balls[k, 2])
+        centres[k, 0], centres[k, 1], centres[k, 2] = x, y, z
+    order[0], order[1] = 0, count - 1
+    if count == 2 and centres[1, 2] > centres[0, 2]:
+        order[0], order[1] = 1, 0
+    for stage in range(count + 1):
+        for k in range(capsules.shape[0]):
+            ahead, seen = seen_from(begin, capsules, k)
+            if not ahead or misses(lens, seen, window):
+                continue
+            if _count_behind(seen, centres[:count]) == stage:
+                level = light[HAND] if capsules[k, 7] > 0.0 else light[BODY]
+                style = light[SHADING], light[GRAIN], 0.7 * k
+                _paint_capsule(canvas, lens, seen, level, style, window)
+        if stage < count:
+            b = order[stage]
+            x1, y1, z1 = into(end, balls[b, 3], balls[b, 4], balls[b, 5])
+            x, y, z = centres[b, 0], centres[b, 1], centres[b, 2]
+            if np.isfinite(x + y + z + x1 + y1 + z1):
+                ball = x, y, z, x1, y1, z1, balls[b, 6]
+                blend_ball(canvas, lens, ball, balls[b, 7], window, work)
+
+
+@kernel
+def paint(
+    pixels: Image, begin: Camera, end: Camera, turn: Point, balls: Array, capsules: Array,
+    light: Array, t: float, wall: Image, normal: Array, start: int, window: Edges, work: Array,
+    canvas: Canvas,
+) -> None:  # fmt: skip
+    """Draw what one camera sees.
+
+    Args:
+        pixels: Result, true within the window, shape (height, width).
+        begin: Camera as the shutter opens, as in :mod:`mitt.world.capsules`.
+        end: Camera as it closes.
+        turn: f_px [px], pan and tilt [rad].
+        balls: As in :mod:`mitt.world.exposure`, at most two.
+        capsules: Arm and hand.
+        light: Light and noise.
+        t: Middle of the exposure [s].
+        wall: The background.
+        normal: Standard normal numbers, shape (c,).
+        start: Where in them the image begins, which takes one number a pixel.
+        window: What is drawn.
+        work: Scratch, as of :func:`mitt.world.outline.draw_ball`.
+        canvas: Scratch, two images, flat.
+    """
+    pixels, balls, capsules, light = lent((pixels, balls, capsules, light))
+    wall, normal, work, canvas = lent((wall, normal, work, canvas))
+    height, width = pixels.shape
+    first, other = view(canvas, 0, (height, width)), view(canvas, height * width, (height, width))
+    sigma = light[BLUR]
+    reach = wide_of(sigma) if sigma > 0.0 else 0
+    wide = (
+        max(window[0] - reach, 0), min(window[1] + reach, height - 1),
+        max(window[2] - reach, 0), min(window[3] + reach, width - 1),
+    )  # fmt: skip
+    _hang(first, turn, wall, wide)
+    _paint_all(first, begin, end, balls, capsules, light, wide, work)
+    if reach > 0:
+        _soften(first, other, sigma, wide, window)
+    _develop(pixels, first, light, t, normal, start, window)

@@ -1,0 +1,90 @@
+"""Laws of the envelope with jerk: no step of acceleration beyond it, and standstill in range."""
+
+from dataclasses import replace
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mitt.control.envelope import TICK, bounds_of, keep, slow_down
+from mitt.control.jerk import braked
+from mitt.robot.arm import Arm
+from mitt.signals import Array
+
+ROUNDING = 1e-9
+
+seeds = st.integers(0, 2**31)
+rates = st.floats(10.0, 1000.0)
+
+
+def smooth(arm: Arm, rate: float) -> Array:
+    """Return the bounds of an arm whose jerk is so many times its trusted deceleration a second."""
+    b = bounds_of(arm)
+    b[5] = rate * b[3]
+    return b
+
+
+def settle(b: Array, last: Array) -> Array:
+    """Brake to rest; return all motions on the way, shape (k, 3, n)."""
+    rows, wanted = [], last.copy()
+    for _ in range(5000):
+        slow_down(b, last, wanted)
+        keep(b, last, wanted)
+        last[:] = wanted
+        rows.append(wanted.copy())
+        if not wanted[1:].any():
+            return np.array(rows)
+    raise AssertionError(f"no rest: {wanted.tolist()}")
+
+
+def test_bounds_have_the_jerk_of_the_limit_set(arm: Arm) -> None:
+    """Infinite where the set has none."""
+    assert np.all(np.isinf(bounds_of(arm)[5]))
+    jerk = np.arange(1.0, len(arm.model.links) + 1.0)
+    other = Arm(arm.model, replace(arm.limits, jerk=jerk))
+    assert np.array_equal(bounds_of(other)[5], jerk[list(arm.model.active)])
+
+
+@given(seed=seeds, rate=rates, hold=st.integers(1, 200), size=st.sampled_from([0.1, 3.0, 1e6]))
+def test_no_wish_takes_a_joint_beyond_its_jerk(
+    arm: Arm, seed: int, rate: float, hold: int, size: float
+) -> None:
+    """Range, speed, acceleration and its step hold for any wish, and the arm can always stop."""
+    b, rng = smooth(arm, rate), np.random.default_rng(seed)
+    last, wish = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)]), np.zeros((3, arm.n))
+    for tick in range(200):
+        if tick % hold == 0:
+            wish = last + size * rng.standard_normal((3, arm.n))
+            wish[0, 0] = np.nan if rng.random() < 0.1 else wish[0, 0]
+        kept = wish.copy()
+        keep(b, last, kept)
+        q, dq, ddq = kept
+        assert np.all((q >= b[0]) & (q <= b[1]))
+        assert np.all(np.abs(dq) <= b[2] + ROUNDING)
+        assert np.all(np.abs(ddq) <= b[4] + ROUNDING)
+        assert np.all(np.abs(ddq - last[2]) <= b[5] * TICK * (1.0 + ROUNDING) + ROUNDING)
+        assert np.allclose(dq, last[1] + TICK * ddq, rtol=0.0, atol=ROUNDING)
+        assert np.allclose(q, last[0] + 0.5 * TICK * (dq + last[1]), rtol=0.0, atol=ROUNDING)
+        last = kept
+    start = last.copy()
+    rows = settle(b, last)
+    assert np.all((rows[:, 0] >= b[0] - ROUNDING) & (rows[:, 0] <= b[1] + ROUNDING))
+    for k in range(arm.n):
+        way = [braked(start[1, k], start[2, k], b[3, k], b[5, k], TICK * (i + 1.0))[0]
+               for i in range(len(rows))]  # fmt: skip
+        assert np.all(np.abs(rows[:, 0, k] - start[0, k]) <= np.array(way) + ROUNDING)
+
+
+@given(seed=seeds)
+def test_a_motion_within_the_jerk_is_followed(arm: Arm, seed: int) -> None:
+    """A motion of constant jerk is emitted as it was wanted, to a microradian."""
+    b, rng = smooth(arm, 300.0), np.random.default_rng(seed)
+    jerk = 0.5 * rng.uniform(-1.0, 1.0, arm.n)
+    last = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)])
+    for k in range(1, 500):
+        t = k * TICK
+        wanted = np.array([arm.q_ready + jerk * t**3 / 6.0, jerk * t**2 / 2.0, jerk * t])
+        kept = wanted.copy()
+        keep(b, last, kept)
+        last = kept
+        assert np.abs(kept[0] - wanted[0]).max() < 1e-6

@@ -1,0 +1,134 @@
+"""What a caught ball does to the arm: momentum, room below the speed limits, brake, fingers."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mitt.control.envelope import bounds_of
+from mitt.generator.certificate import Approach, Outcome, Verdict
+from mitt.impact import CaughtBall, examined, shares_after, speed_caps, speed_jump
+from mitt.robot.arm import Arm
+from mitt.robot.hands import HandModel
+from mitt.robot.load import load_arm
+
+#: Arithmetic of an impulse [kg m/s].
+EXACT = 1e-9
+#: What the rounds in which cap and impact agree leave [rad/s].
+ROUNDED = 2e-3
+#: Bandwidth of the tracking [rad/s].
+BANDWIDTH = 80.0
+Q = np.array([0.2, 1.2, 0.6])
+V = np.array([-5.0, 0.4, -1.0])
+
+
+@pytest.fixture(scope="module")
+def motors() -> Arm:
+    """The arm with its 48 V motors."""
+    return load_arm("wam", limits="wam-48v")
+
+
+def approach(q: np.ndarray, dq: np.ndarray, dr_o: np.ndarray) -> Approach:
+    """Return a steady motion that ends in q, dq."""
+    t = np.linspace(-0.48, 0.0, 25)
+    rows = np.zeros((25, 3, len(q)))
+    rows[:, 0], rows[:, 1] = q + t[:, None] * dq, dq
+    return Approach(motion=rows, step=0.02, dr_o=dr_o)
+
+
+def ball(mass: float) -> CaughtBall:
+    """Return a ball of a known mass [kg]."""
+    return CaughtBall(mass=mass, radius=0.04, doubt=0.0)
+
+
+@pytest.mark.parametrize("mass", [0.02, 0.5, 2.0])
+def test_momentum_is_kept_and_the_ball_sticks(motors: Arm, mass: float) -> None:
+    """Along every direction that the arm can move, M times the jump is what the ball gives."""
+    J, M = motors.jacobian(Q), motors.mass_matrix(Q)
+    jump = speed_jump(motors, Q, V, mass)
+    lost = mass * (V - J @ jump)  # the ball then moves as the hand does
+    assert np.allclose(M @ jump, J.T @ lost, atol=EXACT)
+
+
+def test_an_impact_is_that_of_two_bodies_with_a_constraint(motors: Arm) -> None:
+    """The jump is that of a joint system of arm and ball whose velocities must agree (KKT)."""
+    mass, J = 0.5, motors.jacobian(Q)
+    M = motors.mass_matrix(Q)
+    whole = np.zeros((6, 6))
+    whole[:3, :3], whole[3:, 3:] = M, mass * np.eye(3)
+    constraint = np.hstack([J, -np.eye(3)])
+    before = np.concatenate([np.zeros(3), V])
+    system = np.block([[whole, constraint.T], [constraint, np.zeros((3, 3))]])
+    after = np.linalg.solve(system, np.concatenate([whole @ before, np.zeros(3)]))
+    assert np.allclose(speed_jump(motors, Q, V, mass), after[:3], atol=EXACT)
+
+
+def test_caps_leave_room_for_the_impact(motors: Arm) -> None:
+    """A joint that the ball drives on stays below its limit with the jump on top of its cap."""
+    fastest = bounds_of(motors)[2]
+    dq = np.array([0.0, 0.5, 0.99 * motors.dq_max[2]])
+    relative = np.array([-7.5, 0.3, 1.3])  # as of a ball of 9 m/s that a throw brought
+    for mass in (0.07, 0.2, 0.5):
+        caps = speed_caps(motors, approach(Q, dq, relative + motors.jacobian(Q) @ dq), ball(mass))
+        slower = relative + motors.jacobian(Q) @ (dq - np.clip(dq, -caps, caps))
+        jump = 1.2 * speed_jump(motors, Q, slower, mass)
+        assert caps[2] + abs(jump[2]) <= motors.dq_max[2] + ROUNDED
+        assert np.all(caps <= fastest)
+        assert caps[2] < fastest[2] - 0.01
+
+
+def test_a_ball_that_slows_a_joint_down_needs_no_room(motors: Arm) -> None:
+    """Where the impact is against the motion, the joint keeps its whole speed."""
+    dq = np.array([0.0, 0.5, -0.99 * motors.dq_max[2]])
+    relative = np.array([-7.5, 0.3, 1.3])
+    dr_o = relative + motors.jacobian(Q) @ dq
+    caps = speed_caps(motors, approach(Q, dq, dr_o), ball(0.2))
+    assert caps[2] == bounds_of(motors)[2][2]
+
+
+def test_heavier_balls_ask_for_more(motors: Arm) -> None:
+    """The pull on the fingers rises with the mass; 70 g pass all limits, 2 kg do not."""
+    way = approach(Q, np.array([0.0, 0.5, 3.5]), V)
+    shares = [shares_after(motors, way, ball(mass)) for mass in (0.07, 0.5, 1.0, 2.0)]
+    pulls = [share["grip"] for share in shares]
+    assert pulls == sorted(pulls)
+    assert max(shares[0].values()) < 1.0 < max(shares[-1].values())
+
+
+def test_a_refusal_names_what_binds_and_a_pass_keeps_the_verdict(motors: Arm) -> None:
+    """2 kg at 5 m/s are refused by impact, brake or grip; 70 g pass; refusals stay as they are."""
+    way = approach(Q, np.array([0.0, 0.5, 3.5]), V)
+    given = Verdict(
+        outcome=Outcome.FEASIBLE, binding_limit="range:j4", share=0.9, t_catch=0.5, sigma=0.001,
+        approach=way,
+    )  # fmt: skip
+    refused = examined(motors, given, ball(2.0), bandwidth=BANDWIDTH)
+    assert refused.outcome is Outcome.UNREACHABLE
+    assert refused.binding_limit.split(":")[0] in ("impact", "brake", "grip")
+    assert refused.margin < 0.0
+    assert examined(motors, given, ball(0.07), bandwidth=BANDWIDTH).outcome is Outcome.FEASIBLE
+    blind = replace(given, approach=None)
+    assert examined(motors, blind, ball(2.0), bandwidth=BANDWIDTH) is blind
+
+
+def test_a_refusal_for_torque_is_run_on_the_model(motors: Arm) -> None:
+    """A verdict that refused for a share of 50 is feasible where the arm is in time; not else."""
+    slow = approach(Q, np.array([0.0, 0.1, 0.2]), np.array([-5.0, 0.0, 0.0]))
+    refused = Verdict(
+        outcome=Outcome.UNREACHABLE, binding_limit="torque:j4", share=50.0, t_catch=0.5,
+        sigma=0.001, approach=slow,
+    )  # fmt: skip
+    assert examined(motors, refused, ball(0.07), bandwidth=BANDWIDTH).outcome is Outcome.FEASIBLE
+    fast = approach(Q, np.array([5.0, 0.0, 0.0]), np.array([-5.0, 0.0, 0.0]))
+    late = examined(motors, replace(refused, approach=fast), ball(0.07), bandwidth=BANDWIDTH)
+    assert late.outcome is Outcome.UNREACHABLE
+    assert late.share > 1.0
+
+
+def test_fingers_hold_more_with_friction() -> None:
+    """Without friction they pull by their slant alone; a hand that slips holds less."""
+    hand = HandModel()
+    forces = [hand.holding_force(0.04, friction) for friction in (0.0, 0.3, 1.0)]
+    assert 0.0 < forces[0] < forces[1] < forces[2]
+    strong = replace(hand, drive=replace(hand.drive, tau_max=2.0 * hand.drive.tau_max))
+    assert strong.holding_force(0.04, 1.0) == pytest.approx(2.0 * forces[2])
