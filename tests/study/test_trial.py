@@ -20,8 +20,9 @@ from mitt.study.lesson import learn
 from mitt.study.record import recording_of
 from mitt.study.score import HELD_AFTER
 from mitt.study.simulate import simulate
-from mitt.study.trial import Bench, Outcome, known_ball
+from mitt.study.trial import Bench, Outcome, driven, known_ball
 from mitt.world.scene import Scene, Sensing
+from mitt.world.scenes import named_scene
 from mitt.world.throws import Throw, default_throw
 
 #: Agreement of figures reckoned two ways.
@@ -123,6 +124,21 @@ def test_real_motors_catch_with_the_design_chosen_for_them(limits: str) -> None:
     assert [trial.status for trial in trials] == ["caught"] * 4
     assert sum(trial.limit_violations for trial in trials) == 0
     assert 0.0 < max(max(trial.rms_torque_ratio) for trial in trials) < 1.0
+
+
+def test_drives_that_lag_are_not_asked_for_all_their_torque(arm: Arm) -> None:
+    """Two per cent are kept for what a millisecond and counts of encoders change."""
+    assert driven(arm, named_scene("ideal")) is arm
+    for name in ("lab", "rough"):
+        weaker = driven(arm, named_scene(name)).limits
+        assert np.allclose(weaker.tau_peak, 0.98 * arm.limits.tau_peak)
+        assert np.array_equal(weaker.dq_max, arm.limits.dq_max)
+
+
+def test_the_filter_believes_what_it_is_told_of_the_drag() -> None:
+    """A uniform error of 60 % is 0.35 of the drag, 1 sigma; of 30 % less than the usual quarter."""
+    assert known_ball(0.1, 0.07, spread=0.3).drag_sigma == known_ball(0.1, 0.07).drag_sigma
+    assert known_ball(0.1, 0.07, spread=0.6).drag_sigma == pytest.approx(0.1 * 0.6 / np.sqrt(3.0))
 
 
 def test_a_trial_that_is_over_before_its_first_tick_is_a_result(
