@@ -52,8 +52,7 @@ FINE, BRIDGED, SILENT, JUMPED, STUCK, REVERSED, FAST = range(7)
 #: Ticks without a number after which an encoder is silent, for one that has read well and for one
 #: that loses readings, and before its first reading.
 SILENT_TICKS, LOSSY_TICKS, _UNREAD = 6, 15, 3
-#: Share of a gap that is forgotten in a tick, of one that still counts, and with which a new encoder
-#: begins.
+#: Share of a gap that is forgotten in a tick, of one that still counts, and of a new encoder.
 _HEALS, _GAP, _NEW = 0.002, 0.3, 0.37
 #: Refused readings in a row that make a fault, and excess over a speed limit.
 _IN_A_ROW, _EXCESS = 3, 1.5
