@@ -68,13 +68,22 @@ def test_caps_leave_room_for_the_impact(motors: Arm) -> None:
     fastest = bounds_of(motors)[2]
     dq = np.array([0.0, 0.5, 0.99 * motors.dq_max[2]])
     relative = np.array([-7.5, 0.3, 1.3])  # as of a ball of 9 m/s that a throw brought
-    for mass in (0.07, 0.2, 0.5):
+    for mass in (0.07, 0.15, 0.25):
         caps = speed_caps(motors, approach(Q, dq, relative + motors.jacobian(Q) @ dq), ball(mass))
         slower = relative + motors.jacobian(Q) @ (dq - np.clip(dq, -caps, caps))
         jump = 1.2 * speed_jump(motors, Q, slower, mass)
         assert caps[2] + abs(jump[2]) <= motors.dq_max[2] + ROUNDED
         assert np.all(caps <= fastest)
         assert caps[2] < fastest[2] - 0.01
+
+
+def test_a_joint_is_not_slowed_beyond_what_its_monitor_bears(motors: Arm) -> None:
+    """Where 0.7 of its speed leave no room the caps end and the impact itself is refused."""
+    dq = np.array([0.0, 0.5, 0.99 * motors.dq_max[2]])
+    way = approach(Q, dq, np.array([-7.5, 0.3, 1.3]) + motors.jacobian(Q) @ dq)
+    caps = speed_caps(motors, way, ball(0.5))
+    assert caps[2] == pytest.approx(0.7 * bounds_of(motors)[2][2])
+    assert shares_after(motors, way, ball(0.5))["impact:j4"] > 1.0
 
 
 def test_a_ball_that_slows_a_joint_down_needs_no_room(motors: Arm) -> None:

@@ -75,7 +75,7 @@ REFINES = 32
 #: Attributes of a catcher that are views of its records, or scratch; not kept in a copy.
 _SHOWN = frozenset(
     ("_numbers", "_hand", "_gaze", "_clock", "_told", "believed", "_ball", "_answer", "_filter",
-     "_q", "_dq")
+     "_q", "_dq", "_brakes")
 )  # fmt: skip
 
 

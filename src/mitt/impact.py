@@ -36,6 +36,9 @@ GRASP = 0.030
 _HARDEST = 0.94
 #: Rounds in which caps and the impact at these caps are made to agree.
 _ROUNDS = 4
+#: Share of its speed limit to which a joint is slowed down at most: the encoders' monitor holds for
+#: a fault what is 1.5 times as fast as a joint may be, and after the impact it may be at its limit.
+_SLOWEST = 0.7
 #: Relative excess of a speed limit that is rounding.
 _ROUNDED = 1e-3
 #: What a joint that is made slower must at least gain in room, as share of what it gives up.
@@ -104,7 +107,7 @@ def speed_caps(arm: Arm, approach: Approach, ball: CaughtBall) -> Array:
         dq = np.clip(wanted, -cap, cap)
         jump = way * (answer @ (approach.dr_o - J @ dq))
         room = (arm.dq_max - jump - give * np.abs(dq)) / (1.0 - give)
-        cap = np.where(jump > 0.0, np.clip(room, 0.0, fastest), fastest)
+        cap = np.where(jump > 0.0, np.clip(room, _SLOWEST * fastest, fastest), fastest)
     return cap
 
 

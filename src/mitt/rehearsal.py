@@ -9,7 +9,7 @@ catch.
 | here     | meaning                                              | unit  | shape     |
 |----------|------------------------------------------------------|-------|-----------|
 | ``rows`` | q_d, dq_d, ddq_d at each tick                        | rad.. | (K, 3, n) |
-| ``b``    | limits, as of :func:`mitt.control.envelope.bounds_of`| rad.. | (5, n)    |
+| ``b``    | limits, as of :func:`mitt.control.envelope.bounds_of`| rad.. | (6, n)    |
 """
 
 import numpy as np
@@ -73,11 +73,12 @@ def rehearse(
         notes: Scratch of the tracking.
     """
     n = state.shape[1]
-    told, last = np.zeros((ROWS, n)), state.copy()
+    told, last = np.zeros((ROWS, n)), np.zeros((3, n))
+    last[:2] = state
     for k in range(len(rows) - 1):
         told[:3] = rows[k]
         keep(b, last, told[:3])
-        last[:] = told[:2]
+        last[:] = told[:3]
         track(b, bandwidth, drives, bodies, index, state[0], state[1], told, notes)
         for j in range(n):
             state[0, j] += TICK * (state[1, j] + 0.5 * TICK * told[4, j])

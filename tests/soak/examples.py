@@ -51,7 +51,7 @@ class Examples:
         self.f = f = unlearned(arm, default_design(arm)) if f is None else f
         self.arm = arm
         n, links = arm.n, len(arm.model.links)
-        q = np.round(64.0 * arm.q_ready) / 64.0
+        q, grey = np.round(64.0 * arm.q_ready) / 64.0, np.zeros((128, 128), np.uint8)
         self.values: dict[str, Value] = {
             "q": q, "dq": 0.0 * q, "ddq": 0.0 * q, "q_o": q, "x": q, "tau": np.ones(links),
             "tau_drive": np.ones(links), "dq_drive": np.zeros(links), "share": np.ones(links),
@@ -61,6 +61,7 @@ class Examples:
             "ball": ball_of(), "state": ball_of(), "senses": self._senses(q),
             "sighting": Sighting(t=0.25, found=True, r_o=_R, covariance=2.0**-20 * np.eye(3)),
             "frames": (), "least": 0.0, "other": f,
+            "views": [tuple(Frame(t=0.0, camera=k, number=0, pixels=grey) for k in range(2))],
             "generator": Direct(f), "todo": 0, "since": 0.0, "parts": Eyes(fixed_rig()).parts(),
         }  # fmt: skip
         self.special: dict[str, dict[str, Value]] = {

@@ -88,6 +88,20 @@ def test_both_ways_through_a_trial_are_the_same(
         assert log.phase[BLOCK + 20] == FOLLOW
 
 
+def test_a_bright_world_is_the_same(
+    arm: Arm, learned: Learned, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Painted images, and what is drawn of them where the eyes look, are those of the whole."""
+    sensing = Sensing(
+        body=180.0, hand=220.0, shading=0.3, grain=0.2, pattern=(30.0, 8.0), light=(0.1, 100.0),
+        shadow=(0.2, 50.0), blur=0.5, second=(2.0, 0.6, -0.8, 0.06),
+        second_velocity=(-1.0, 0.0, 0.0),
+    )  # fmt: skip
+    bench = Bench(arm, Direct(learned.map), Scene(sensing=sensing))
+    log = through_both(bench, throws(learned, 1), monkeypatch)[0]
+    assert {WATCH, FOLLOW, BRAKE} <= set(log.phase.tolist())
+
+
 @pytest.mark.parametrize("pixels", [True, False])
 def test_a_throw_that_is_refused_is_the_same(
     arm: Arm, learned: Learned, pixels: bool, monkeypatch: pytest.MonkeyPatch

@@ -120,16 +120,18 @@ class Eyes:
             InputError: A camera was not shown.
             ShapeError: A frame is not as large as the images of its camera.
         """
+        if not isinstance(views, tuple | list):
+            raise InputError("views", "a list of tuples of frames", checks.shown(views))
+        shown = [frame for frames in views for frame in checks.instance("views", frames, tuple)]
+        for frame in shown:
+            self._check(frame, self._shapes)
         if self.heads:
             return
         means = []
-        for n, shape in enumerate(self._shapes):
-            seen = [frame.pixels for frames in views for frame in frames if frame.camera == n]
+        for n in range(len(self._shapes)):
+            seen = [frame.pixels for frame in shown if frame.camera == n]
             if not seen:
                 raise InputError("views", f"a frame of camera {n}", "none")
-            for pixels in seen:
-                if pixels.shape != shape:
-                    raise ShapeError("frame.pixels", str(shape), pixels.shape)
             means.append(np.rint(np.mean(seen, axis=0)).astype(np.uint8))
         rows, columns = np.max(self._shapes, axis=0)
         self.backgrounds = (*means, np.zeros((rows, columns), np.uint8))

@@ -54,10 +54,23 @@ def _wave(x: float) -> float:
 def _hang(canvas: Canvas, turn: Point, wall: Image, window: Edges) -> None:
     """Fill a window with the wall, which turns with the camera; see ``exposure``."""
     f, pan, tilt = turn
-    column, row = round(f * pan) % PERIOD, round(-f * tilt) % PERIOD
-    for v in range(window[0], window[1] + 1):
-        for u in range(window[2], window[3] + 1):
-            canvas[v, u] = wall[row + v, column + u]
+    column, row = np.uint64(round(f * pan) % PERIOD), np.uint64(round(-f * tilt) % PERIOD)
+    for v in range(np.uint64(window[0]), np.uint64(window[1] + 1)):  # none counts from the end
+        for u in range(np.uint64(window[2]), np.uint64(window[3] + 1)):
+            canvas[v, u] = np.float32(wall[row + v, column + u])
+
+
+@kernel
+def _beside(
+    u0: float, v0: float, du: float, dv: float, length: float, reach: float, row: int
+) -> tuple[float, float]:
+    """Return first and last column that may be within reach of a segment in a row."""
+    begin, end = 0.0, length
+    if abs(dv) > 1e-6:
+        a, b = (row - reach - v0) / dv, (row + reach - v0) / dv
+        begin, end = min(max(min(a, b), 0.0), length), min(max(a, b, 0.0), length)
+    a, b = u0 + begin * du, u0 + end * du
+    return min(a, b) - reach, max(a, b) + reach
 
 
 @kernel
@@ -94,7 +107,9 @@ def _paint_capsule(
     first, last = int(max(top, float(window[0]))), int(min(bottom, float(window[1])))
     left, right = int(max(west, float(window[2]))), int(min(east, float(window[3])))
     for v in range(first, last + 1):
-        for u in range(left, right + 1):
+        near, far = _beside(u0, v0, du, dv, length, r0 + 1.0, v)
+        begin, end = int(max(near, float(left))), int(min(far, float(right)))
+        for u in range(begin, end + 1):
             x, y = u - u0, v - v0
             along, aside = x * du + y * dv, x * dv - y * du
             across = abs(aside)
@@ -120,26 +135,32 @@ def _paint_capsule(
 def _soften(canvas: Canvas, other: Canvas, sigma: float, wide: Edges, window: Edges) -> None:
     """Blur a window by a Gaussian; ``wide`` is the window and what the blur reaches beyond it."""
     height, width, reach = canvas.shape[0], canvas.shape[1], wide_of(sigma)
+    left, right = np.uint64(window[2]), np.uint64(window[3] + 1)
     total = 0.0
     for k in range(-reach, reach + 1):
         total += np.exp(-0.5 * (k / sigma) ** 2)
-    for v in range(wide[0], wide[1] + 1):
-        for u in range(window[2], window[3] + 1):
-            other[v, u] = 0.0
+    for v in range(np.uint64(wide[0]), np.uint64(wide[1] + 1)):
+        for u in range(left, right):
+            other[v, u] = np.float32(0.0)
     for k in range(-reach, reach + 1):
         weight = np.float32(np.exp(-0.5 * (k / sigma) ** 2) / total)
-        for v in range(wide[0], wide[1] + 1):
-            for u in range(window[2], window[3] + 1):
-                other[v, u] += weight * canvas[v, min(max(u + k, 0), width - 1)]
-    for v in range(window[0], window[1] + 1):
-        for u in range(window[2], window[3] + 1):
-            canvas[v, u] = 0.0
+        first, last = max(window[2], -k), min(window[3], width - 1 - k)
+        for v in range(np.uint64(wide[0]), np.uint64(wide[1] + 1)):
+            for u in range(np.uint64(first), np.uint64(last + 1)):
+                other[v, u] += weight * canvas[v, u + np.uint64(k)]
+            for u in range(left, np.uint64(max(first, window[2]))):
+                other[v, u] += weight * canvas[v, np.uint64(0)]
+            for u in range(np.uint64(last + 1), right):
+                other[v, u] += weight * canvas[v, np.uint64(width - 1)]
+    for v in range(np.uint64(window[0]), np.uint64(window[1] + 1)):
+        for u in range(left, right):
+            canvas[v, u] = np.float32(0.0)
     for k in range(-reach, reach + 1):
         weight = np.float32(np.exp(-0.5 * (k / sigma) ** 2) / total)
         for v in range(window[0], window[1] + 1):
-            row = min(max(v + k, 0), height - 1)
-            for u in range(window[2], window[3] + 1):
-                canvas[v, u] += weight * other[row, u]
+            line, row = np.uint64(v), np.uint64(min(max(v + k, 0), height - 1))
+            for u in range(left, right):
+                canvas[line, u] += weight * other[row, u]
 
 
 @kernel
@@ -155,20 +176,31 @@ def brightness(light: Array, t: float) -> float:
 
 
 @kernel
+def _cast(canvas: Canvas, light: Array, t: float, window: Edges) -> None:
+    """Cast the shadow on a window."""
+    edge = light[SHADOW_AT] + light[SHADOW_SPEED] * t
+    for v in range(np.uint64(window[0]), np.uint64(window[1] + 1)):
+        for u in range(np.uint64(window[2]), np.uint64(window[3] + 1)):
+            into = 0.5 - (np.int64(u) - edge) / EDGE
+            canvas[v, u] *= np.float32(1.0 - light[SHADOW] * min(max(into, 0.0), 1.0))
+
+
+@kernel
 def _develop(
     pixels: Image, canvas: Canvas, light: Array, t: float, normal: Array, start: int, window: Edges
 ) -> None:
     """Light a window, add read and shot noise, and round to bytes."""
-    read, shot, lit = light[READ] * light[READ], 1.0 / light[ELECTRONS], brightness(light, t)
-    edge = light[SHADOW_AT] + light[SHADOW_SPEED] * t
-    width = pixels.shape[1]
-    for v in range(window[0], window[1] + 1):
-        for u in range(window[2], window[3] + 1):
+    if light[SHADOW] > 0.0:
+        _cast(canvas, light, t, window)
+    read, shot = np.float32(light[READ] * light[READ]), np.float32(1.0 / light[ELECTRONS])
+    lit, half = np.float32(brightness(light, t)), np.float32(0.5)
+    zero, top, width = np.float32(0.0), np.float32(255.0), np.uint64(pixels.shape[1])
+    for v in range(np.uint64(window[0]), np.uint64(window[1] + 1)):
+        at = np.uint64(start) + v * width
+        for u in range(np.uint64(window[2]), np.uint64(window[3] + 1)):
             mean = lit * canvas[v, u]
-            if light[SHADOW] > 0.0:
-                mean *= 1.0 - light[SHADOW] * min(max(0.5 - (u - edge) / EDGE, 0.0), 1.0)
-            value = mean + sqrt(read + shot * mean) * normal[start + v * width + u] + 0.5
-            pixels[v, u] = np.uint8(min(max(value, 0.0), 255.0))
+            value = mean + np.sqrt(read + shot * mean) * np.float32(normal[at + u]) + half
+            pixels[v, u] = np.uint8(min(max(value, zero), top))
 
 
 @kernel
