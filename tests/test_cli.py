@@ -15,7 +15,10 @@ from mitt.cli import main
 from mitt.generator.learn import Learned
 from mitt.link.maps import save_map
 
-TOP = {"schema", "version", "arm", "limits", "generator", "vision", "seed", "trials", "summary"}
+TOP = {
+    "schema", "version", "arm", "limits", "generator", "vision", "seed", "scene", "trials",
+    "summary",
+}  # fmt: skip
 TRIAL = {
     "index", "status", "t_catch_s", "position_error_mm", "velocity_error_m_s",
     "peak_torque_ratio", "peak_speed_ratio", "limit_violations", "demand_cost",
@@ -28,6 +31,7 @@ BEYOND = {
     "rms_torque_ratio",
     "certificate",
     "certificate_last",
+    "stopped_by",
 }
 SUMMARY = {
     "throws", "caught", "dropped", "missed", "unreachable", "stopped", "aborted", "catch_rate",
@@ -106,9 +110,9 @@ def timeless(result: dict[str, Any]) -> dict[str, Any]:
     return result | {"summary": summary}
 
 
-def check_contract(result: dict[str, Any], throws: int) -> None:
+def check_contract(result: dict[str, Any], throws: int, *, incomplete: bool = False) -> None:
     """Hold a result to the contract ``mitt.catch/1``, key by key and type by type."""
-    assert set(result) == TOP
+    assert set(result) == TOP | ({"incomplete"} if incomplete else set())
     assert result["schema"] == "mitt.catch/1"
     assert len(result["trials"]) == result["summary"]["throws"] == throws
     summary = result["summary"]
@@ -382,8 +386,9 @@ def test_a_signal_keeps_what_is_finished(
     )  # fmt: skip
     assert done.returncode == status, done.stderr
     result = json.loads((tmp_path / "out" / "result.json").read_text())
-    check_contract(result, 2)
+    check_contract(result, 2, incomplete=True)
     assert json.loads(done.stdout) == result
+    assert signal.Signals(number).name in done.stderr
     assert "Traceback" not in done.stderr
 
 
@@ -431,3 +436,33 @@ def test_a_closed_pipe_is_no_fault(a_map: Path, tmp_path: Path) -> None:
     assert done.returncode in (0, 141)
     assert "Traceback" not in done.stderr
     assert a_map.exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "said"),
+    [
+        ("--version | head -0", (0, 141), ""),
+        ("--help | head -1", (0, 141), "usage"),
+        ("--version >/dev/full", (2,), "No space left"),
+        ("--help >/dev/full", (2,), "No space left"),
+        ("--version 2>&-", (0,), mitt.__version__),
+        ("catch --throws 0 2>&-", (2,), ""),
+        ("catch --throws 0 2>/dev/full", (2,), ""),
+        ("--version >&-", (0,), ""),
+    ],
+)
+def test_streams_that_are_closed_or_full_are_answered_as_other_commands_do(
+    tmp_path: Path, words: str, status: tuple[int, ...], said: str
+) -> None:
+    """The right status, at most one line, never a traceback or a complaint of the interpreter."""
+    script = f"{sys.executable} -m mitt {words}; exit ${{PIPESTATUS[0]}}"
+    done = subprocess.run(
+        ["bash", "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=120,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode in status, done.stderr
+    told = done.stdout + done.stderr
+    assert said in told
+    assert "Traceback" not in told
+    assert "Exception ignored" not in told
+    assert len(done.stderr.splitlines()) <= 1

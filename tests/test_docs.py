@@ -5,9 +5,10 @@ import importlib
 import json
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import fields
 from pathlib import Path
-from typing import get_args
+from typing import get_args, get_origin
 
 import annotated_types
 import pytest
@@ -164,6 +165,17 @@ def parts_of(annotation: object) -> tuple[list[object], list[str]]:
     return bounds, words
 
 
+def span_of(bounds: Iterable[object]) -> str:
+    """Return the range that some bounds leave, as the document writes it."""
+    low, high = "(-inf", "inf)"
+    for bound in bounds:
+        low = f"[{bound.ge:g}" if isinstance(bound, annotated_types.Ge) else low
+        low = f"({bound.gt:g}" if isinstance(bound, annotated_types.Gt) else low
+        high = f"{bound.le:g}]" if isinstance(bound, annotated_types.Le) else high
+        high = f"{bound.lt:g})" if isinstance(bound, annotated_types.Lt) else high
+    return f"{low}, {high.replace('1e+05', '100000')}"
+
+
 def scene_keys(model: BaseModel, prefix: str = "") -> dict[str, tuple[str, str]]:
     """Return default and range of each key of a scene, as the document writes them."""
     out: dict[str, tuple[str, str]] = {}
@@ -171,21 +183,20 @@ def scene_keys(model: BaseModel, prefix: str = "") -> dict[str, tuple[str, str]]
         if isinstance(field.default, BaseModel):
             out |= scene_keys(field.default, f"{prefix}{name}.")
             continue
-        if name in ("second", "distortion"):
-            spans = {"second": "x, y, z, radius", "distortion": "[-0.5, 0.5] each"}
+        spans = {"second": "x, y, z, radius", "second_velocity": "x, y, z",
+                 "distortion": "[-0.5, 0.5] each"}  # fmt: skip
+        if name in spans:
             out[prefix + name] = (str(field.default), spans[name])
+            continue
+        if get_origin(field.annotation) is tuple:
+            each = [span_of(parts_of(part)[0]) for part in get_args(field.annotation)]
+            out[prefix + name] = (str(field.default), ", ".join(each))
             continue
         bounds, words = parts_of(field.annotation)
         if words and not (field.metadata or bounds):
             out[prefix + name] = (str(field.default), ", ".join(words))
             continue
-        low, high = "(-inf", "inf)"
-        for bound in (*field.metadata, *bounds):
-            low = f"[{bound.ge:g}" if isinstance(bound, annotated_types.Ge) else low
-            low = f"({bound.gt:g}" if isinstance(bound, annotated_types.Gt) else low
-            high = f"{bound.le:g}]" if isinstance(bound, annotated_types.Le) else high
-            high = f"{bound.lt:g})" if isinstance(bound, annotated_types.Lt) else high
-        span = f"{low}, {high.replace('1e+05', '100000')}"
+        span = span_of((*field.metadata, *bounds))
         out[prefix + name] = (str(field.default), ", ".join((span, *words)))
     return out
 
@@ -197,7 +208,7 @@ def test_the_scene_table_is_the_scene() -> None:
     wanted = {key: said for key, said in scene_keys(Scene()).items() if key != "faults"}
     assert written == wanted
     numbers = [
-        default for default, span in written.values() if span[0] in "[(" and "each" not in span
+        default for default, span in written.values() if span[0] in "[(" and default[0] != "("
     ]
     assert all(default == "None" or math.isfinite(float(default)) for default in numbers)
 
@@ -247,7 +258,7 @@ def test_the_keys_of_a_result_are_those_of_the_document() -> None:
     """Head, trial and summary of a result have the keys of notation.md, and no others."""
     head = {"version": "", "arm": "", "limits": "", "generator": "", "vision": "", "seed": 0,
             "scene": "ideal", "scene_changed": {}}  # fmt: skip
-    written = result([], Stopwatch(), head)
+    written = result([], Stopwatch(), head, 1)
     text = section("Result")
     assert keys_of(rows(text, "key")) == sorted(written)
     trial = rows(text, "key of a trial")

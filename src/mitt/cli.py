@@ -7,6 +7,7 @@ and SIGTERM. Every failure is one line on stderr.
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 
 from mitt.interrupts import Interrupted, listening, notice, status_of, words_of
 
@@ -34,6 +35,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 status = _tell(status_of(stop), words_of(status_of(stop)))
     except Interrupted as stop:  # in the moment in which signals are handed back
         status = status or status_of(stop)
+    except SystemExit:  # help was asked for, and printed
+        if _flushed(0) == 0:
+            raise
+        return 2
     status = _flushed(status)
     if alone and status > _SIGNALLED:
         os._exit(status)
@@ -77,8 +82,6 @@ def _flushed(status: int) -> int:
 
 def _tell(status: int, text: str) -> int:
     """Say one line on stderr, if anybody can hear it; return the status."""
-    try:
+    with suppress(OSError):
         print(f"mitt: {text}", file=sys.stderr, flush=True)  # noqa: T201
-    except OSError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
     return status

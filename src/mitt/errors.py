@@ -7,7 +7,7 @@ of a result; only a caller's mistake or a broken file raises.
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 
 
@@ -74,7 +74,26 @@ def _plain(value: object) -> object:
     """Return a value that any process can read: itself, or else its text."""
     if isinstance(value, tuple):
         return tuple(map(_plain, value))
+    if isinstance(value, list):
+        return [_plain(inner) for inner in value]
+    if isinstance(value, dict):
+        return {str(key): _plain(inner) for key, inner in value.items()}
     return value if value is None or type(value) in (bool, int, float, str) else str(value)
+
+
+class StoppedError(MittError):
+    """A throw was stopped, and whoever asked for it wanted to be told by an exception.
+
+    Attributes:
+        index: Number of the throw.
+        stopped_by: Why, and what the catcher believed, read and commanded then, as it stands in
+            ``result.json``.
+    """
+
+    def __init__(self, index: int, why: str, stopped_by: Mapping[str, object]) -> None:
+        """Name the throw and the reason."""
+        self.index, self.stopped_by = index, dict(stopped_by)
+        super().__init__(f"throw {index} was stopped: {why}")
 
 
 @contextmanager

@@ -1,19 +1,28 @@
 """One trial: what it reports agrees with its own log."""
 
+import copy
+import json
+from dataclasses import asdict
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from mitt.errors import InputError, StoppedError
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
+from mitt.link.recording import write_recording
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
+from mitt.study.aim import aim_of
 from mitt.study.lesson import learn
+from mitt.study.record import recording_of
 from mitt.study.score import HELD_AFTER
 from mitt.study.simulate import simulate
 from mitt.study.trial import Bench, Outcome, known_ball
 from mitt.world.scene import Scene
-from mitt.world.throws import Throw
+from mitt.world.throws import Throw, default_throw
 
 #: Agreement of figures reckoned two ways.
 EXACT = 1e-12
@@ -114,3 +123,49 @@ def test_real_motors_catch_with_the_design_chosen_for_them(limits: str) -> None:
     assert [trial.status for trial in trials] == ["caught"] * 4
     assert sum(trial.limit_violations for trial in trials) == 0
     assert 0.0 < max(max(trial.rms_torque_ratio) for trial in trials) < 1.0
+
+
+def test_a_trial_that_is_over_before_its_first_tick_is_a_result(
+    arm: Arm, learned: Learned, tmp_path: Path
+) -> None:
+    """A ball faster than the physics is trusted: every number finite, and it can be recorded."""
+    ball = Throw(r=np.array([3.0, 0.0, 0.5]), dr=np.array([-100.0, 0.0, 0.0]))
+    bench = Bench(arm, Direct(learned.map), Scene(), pixels=False)
+    outcome = bench.run(0, ball, seed=1, log=True)
+    assert outcome.log is not None
+    assert len(outcome.log.t) == 0
+    assert outcome.trial.status == "aborted"
+    text = json.dumps(asdict(outcome.trial), allow_nan=False)
+    assert json.loads(text)["rms_torque_ratio"] == [0.0] * len(outcome.trial.rms_torque_ratio)
+    write_recording(
+        tmp_path / "x.mcap", recording_of(outcome.log, outcome.trial, arm.names, about={})
+    )
+    after = bench.run(1, default_throw(np.random.default_rng(5), aim_of(arm)), seed=3)
+    assert after.trial.status == "caught"
+
+
+def test_simulate_takes_what_learn_returns(learned: Learned) -> None:
+    """The map and what came of learning it are thrown at alike; anything else is one line."""
+    found = [simulate(f, throws=1, seed=3, pixels=False) for f in (learned, learned.map)]
+    assert found[0] == found[1]
+    for wrong in (None, 3, [learned.map]):
+        with pytest.raises(InputError, match="DirectMap"):
+            simulate(wrong, throws=1)  # type: ignore[arg-type]  # what is refused
+    with pytest.raises(InputError, match="seed"):
+        simulate(learned, throws=1, seed=-1)
+
+
+def test_a_stop_is_an_exception_s_data_where_that_is_asked_for(learned: Learned) -> None:
+    """A lying encoder: the error carries what the trial says, also from another process."""
+    scene = Scene.model_validate(
+        {"faults": [{"kind": "encoder", "fault": "stuck", "joint": 1, "start": 0.3}]}
+    )
+    (trial,) = simulate(learned, throws=1, seed=3, scene=scene, pixels=False)
+    assert trial.status == "stopped"
+    assert trial.stopped_by is not None
+    with pytest.raises(StoppedError) as caught:
+        simulate(learned, throws=1, seed=3, scene=scene, pixels=False, raise_stopped=True)
+    assert caught.value.stopped_by == trial.stopped_by
+    assert str(trial.stopped_by["reason"]) in str(caught.value)
+    again = copy.deepcopy(caught.value)
+    assert (again.index, again.stopped_by, str(again)) == (0, trial.stopped_by, str(caught.value))

@@ -2,6 +2,7 @@
 
 import csv
 from collections import defaultdict
+from dataclasses import fields, replace
 from importlib import resources
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mitt.errors import InputError
 from mitt.flight import advance, forecast
 from mitt.signals import Array, BallState, Sighting
 from mitt.vision.filter import TABLE_TENNIS_BALL, THROWN_BALL, BallFilter, FilterConfig
@@ -312,3 +314,18 @@ def test_recorded_flights_are_forecast() -> None:
     assert rms["50"] < 6e-3
     assert rms["100"] < 13e-3
     assert rms["bounced"] < 10e-3
+
+
+@pytest.mark.parametrize("name", [x.name for x in fields(FilterConfig) if x.name != "watchful"])
+@pytest.mark.parametrize("bad", [-1.0, np.nan, np.inf, 1e300, "much", True])
+def test_a_number_with_which_the_filter_cannot_work_is_refused(name: str, bad: object) -> None:
+    """Every field has a range: one line that names it, before a kernel divides by it."""
+    with pytest.raises(InputError, match=f"FilterConfig.{name}"):
+        replace(FilterConfig(), **{name: bad})  # type: ignore[arg-type]  # what is refused
+
+
+@pytest.mark.parametrize("name", ["push_time", "driven_time", "switch_time", "max_gap", "gate"])
+def test_no_time_and_no_gate_is_zero(name: str) -> None:
+    """They stand in denominators."""
+    with pytest.raises(InputError, match=name):
+        replace(FilterConfig(), **{name: 0.0})  # type: ignore[arg-type]  # numbers all

@@ -63,3 +63,11 @@ def test_settings_cannot_be_changed() -> None:
     """A scene is a value."""
     with pytest.raises(ValidationError):
         Scene().floor = -3.0
+
+
+def test_pairs_of_numbers_can_be_said_in_a_file(tmp_path: Path) -> None:
+    """TOML has lists and no tuples: pattern, light and shadow take them."""
+    text = "[sensing]\npattern = [30.0, 12.0]\nlight = [0.1, 100]\nshadow = [0.2, 50.0]\n"
+    sensing = read_scene(written(tmp_path, text)).sensing
+    assert (sensing.pattern, sensing.light) == ((30.0, 12.0), (0.1, 100.0))
+    assert sensing.shadow == (0.2, 50.0)

@@ -113,6 +113,7 @@ def _one_line(framed: str) -> str:
 
 
 def _fail(status: int, text: str) -> int:
-    """Say one line and return the status."""
-    print(f"mitt: {text}", file=sys.stderr)  # noqa: T201
+    """Say one line, if anybody can hear it, and return the status."""
+    with contextlib.suppress(OSError):
+        print(f"mitt: {text}", file=sys.stderr, flush=True)  # noqa: T201
     return status

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -22,8 +22,9 @@ def checked(what: str) -> int:
 
 
 def tell(text: str) -> None:
-    """Say one line on stderr."""
-    print(f"mitt: {text}", file=sys.stderr, flush=True)  # noqa: T201
+    """Say one line on stderr, if anybody can hear it."""
+    with suppress(OSError):
+        print(f"mitt: {text}", file=sys.stderr, flush=True)  # noqa: T201
 
 
 def tell_of_kernels() -> None:

@@ -8,6 +8,7 @@ import mitt
 from mitt.commands.calibrate import new_file
 from mitt.commands.screen import checked, console_of, progress
 from mitt.errors import InputError
+from mitt.interrupts import notice
 from mitt.link.rig import CalibratedRig
 from mitt.link.video import SUFFIXES, VideoWriter
 from mitt.options import SeeOptions
@@ -33,6 +34,9 @@ def run(options: SeeOptions) -> int:
             nullcontext() if video is None else VideoWriter(video, rate=WATCHED) as writer,
         ):
             see(options, rig, seen, writer, report)
+    except KeyboardInterrupt:
+        notice()
+        raise
     finally:
         _write(options, seen)  # what is finished is kept, also of an interrupted run
     said = complaints(seen, tuple(c.name for c in rig.cameras))

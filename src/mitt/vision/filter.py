@@ -8,16 +8,29 @@ after ``min_sightings``. The work is done by the kernels of ``belief`` on one ve
 here they get their settings, and their results a name.
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import final
 
 import numpy as np
 
 from mitt import checks
+from mitt.errors import InputError
 from mitt.flight import GRAVITY
 from mitt.signals import Array, BallState, Sighting
 from mitt.vision import memory as at
 from mitt.vision.belief import absorb, is_tracked, speak
+
+#: Least and largest value of each number; those that stand in a denominator are above 0. Choices of
+#: this project, far beyond what balls and sightings ask for.
+_RANGES: dict[str, tuple[float, float]] = {
+    "drag_mean": (0.0, 10.0), "drag_sigma": (0.0, 10.0), "drag_max": (1e-6, 10.0),
+    "drag_density": (0.0, 1e3), "accel_density": (0.0, 1e6), "speed_sigma": (1e-6, 1e3),
+    "min_sightings": (1, 1000), "gate": (1e-6, 1e6), "first_gate": (1e-6, 1e6),
+    "max_rejections": (1, 8), "max_rejection_time": (0.0, 1.0), "kick_sigma": (0.0, 1e3),
+    "max_gap": (1e-6, 10.0), "push_sigma": (0.0, 1e3), "push_time": (1e-6, 1e3),
+    "steady_density": (0.0, 1e6), "driven_sigma": (0.0, 1e4), "driven_time": (1e-6, 1e3),
+    "other_motion": (0.0, 0.999), "switch_time": (1e-6, 1e6), "speaks_after": (1, 1000),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,6 +92,22 @@ class FilterConfig:
     switch_time: float = 2.0
     watchful: bool = False
     speaks_after: int | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse numbers with which the filter cannot work.
+
+        Raises:
+            InputError: A field is no number, or out of its range.
+        """
+        given = asdict(self)
+        if self.speaks_after is None:
+            given.pop("speaks_after")
+        for name, (low, high) in _RANGES.items():
+            value, whole = given.get(name, low), isinstance(low, int)
+            kind = int if whole else int | float
+            if not isinstance(value, kind) or isinstance(value, bool) or not low <= value <= high:
+                wanted = f"{'a whole number' if whole else 'a number'} from {low} to {high}"
+                raise InputError(f"FilterConfig.{name}", wanted, repr(value)[:60])
 
 
 THROWN_BALL = FilterConfig(

@@ -85,7 +85,7 @@ class Sensing(Settings):
         blur: Standard deviation of the lenses' blur [px].
     """
 
-    point_noise: NotNegative = 0.001
+    point_noise: Annotated[float, Field(ge=0.0, le=10.0)] = 0.001
     latency: Annotated[int, Field(ge=0, le=20)] = 1
     encoder_step: NotNegative | Literal["arm"] = 0.0
     cameras: Literal["fixed", "active"] = "fixed"
@@ -95,14 +95,19 @@ class Sensing(Settings):
     hand: Annotated[float, Field(ge=0.0, le=255.0)] | None = None
     shading: Annotated[float, Field(ge=0.0, le=0.9)] = 0.0
     grain: Annotated[float, Field(ge=0.0, le=0.9)] = 0.0
-    pattern: tuple[
-        Annotated[float, Field(ge=0.0, le=60.0)], Annotated[float, Field(ge=1.0, le=64.0)]
+    pattern: Annotated[
+        tuple[Annotated[float, Field(ge=0.0, le=60.0)], Annotated[float, Field(ge=1.0, le=64.0)]],
+        Field(strict=False),
     ] = (0.0, 8.0)
-    light: tuple[
-        Annotated[float, Field(ge=0.0, le=0.5)], Annotated[float, Field(ge=0.0, le=1000.0)]
+    light: Annotated[
+        tuple[Annotated[float, Field(ge=0.0, le=0.5)], Annotated[float, Field(ge=0.0, le=1000.0)]],
+        Field(strict=False),
     ] = (0.0, 100.0)
-    shadow: tuple[
-        Annotated[float, Field(ge=0.0, le=0.5)], Annotated[float, Field(ge=-1000.0, le=1000.0)]
+    shadow: Annotated[
+        tuple[
+            Annotated[float, Field(ge=0.0, le=0.5)], Annotated[float, Field(ge=-1000.0, le=1000.0)]
+        ],
+        Field(strict=False),
     ] = (0.0, 0.0)
     second: Annotated[tuple[float, float, float, float], Field(strict=False)] | None = None
     second_velocity: Annotated[tuple[float, float, float], Field(strict=False)] = (0.0, 0.0, 0.0)

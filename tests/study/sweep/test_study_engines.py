@@ -83,6 +83,22 @@ def test_a_task_that_raises_costs_nobody_else_anything() -> None:
     assert got == {number: said(number) for number in (0, 1, 2, 4, 5)}
 
 
+@pytest.mark.slow
+def test_what_a_chunk_cannot_be_thrown_for_is_one_line_and_bad_input(
+    tmp_path: Path, learned: Learned
+) -> None:
+    """Speeds that no throw has: the worker lives, its reason is told, the status is 2."""
+    text = TEXT.replace('name = "clean"', 'name = "clean"\nthrows = { speed = [90.0, 91.0] }')
+    study = write_study(tmp_path, text)
+    folder = ready(tmp_path / "out", study, learned)
+    engine = Processes(1)
+    finished = run_study(study, folder, engine, progress=quiet)
+    assert finished.status == 2
+    assert len(finished.lost) == 4
+    assert all("a release speed of 90 to 91 m/s" in line for line in finished.lost)
+    assert not any("died" in line for line in finished.lost)
+
+
 def _start(study: Path, out: Path) -> "subprocess.Popen[bytes]":
     """Start ``mitt study --resume`` as a process."""
     words = ["study", str(study), "--out", str(out), "--workers", "2", "--resume"]

@@ -18,7 +18,7 @@ from mitt.study.sweep.settings import ArmSettings
 from mitt.study.sweep.spread import spread
 from mitt.study.sweep.study import Condition, Study
 from mitt.study.sweep.summary import Cell, cell_of, summary
-from mitt.study.sweep.work import Job, arm_options, throw_chunk
+from mitt.study.sweep.work import ChunkError, Job, arm_options, throw_chunk
 from mitt.world.flights import Recording, builtin_flights, read_flights
 
 Progress = Callable[[str, int, int], None]
@@ -35,6 +35,7 @@ class Finished:
         interrupt: Exit status after an interrupt.
         thrown: Throws that are done.
         total: Throws of the whole study.
+        refused: Whether a chunk asked for what cannot be: bad input, not a fault of ours.
     """
 
     rows: list[dict[str, object]] = field(default_factory=list)
@@ -42,11 +43,12 @@ class Finished:
     interrupt: int | None = None
     thrown: int = 0
     total: int = 0
+    refused: bool = False
 
     @property
     def status(self) -> int:
         """Exit status of the command."""
-        return self.interrupt or (1 if self.lost else 0)
+        return self.interrupt or (2 if self.refused else 1 if self.lost else 0)
 
 
 def run_study(study: Study, folder: Folder, engine: Engine, *, progress: Progress) -> Finished:
@@ -153,6 +155,7 @@ def _throw(
         elif engine.died(outcome):
             suspects.append(job)
         else:
+            done.refused |= isinstance(outcome, ChunkError)
             done.lost.append(_line(job, outcome))
     return suspects
 
@@ -176,6 +179,7 @@ def _is_done(folder: Folder, job: Job) -> bool:
 def _line(job: Job, error: object) -> str:
     """Say in one line which chunk was lost, and why."""
     why = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    why = str(error) if isinstance(error, ChunkError) else why
     place = f"{job.generator}, {job.condition.name!r}, throws {job.start} to {job.stop - 1}"
     return " ".join(f"{place} lost: {why}".split())[:300]
 

@@ -13,6 +13,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from mitt.errors import MittError
 from mitt.generator.generators import Generator
 from mitt.generator.learn import Learned
 from mitt.link.clock import Stopwatch
@@ -110,7 +111,23 @@ def _widened(source: Source, throws: ThrowSettings) -> Source:
     return replace(source, aim=aim, ranges=ThrowRanges(**given))
 
 
+class ChunkError(MittError):
+    """What a chunk cannot be thrown for; one text, so that it comes back from any worker."""
+
+
 def throw_chunk(job: Job) -> bytes:
+    """Throw the balls of a chunk and return its part of the table.
+
+    Raises:
+        ChunkError: What the job asks for cannot be.
+    """
+    try:
+        return _thrown(job)
+    except MittError as error:
+        raise ChunkError(str(error)) from None
+
+
+def _thrown(job: Job) -> bytes:
     """Throw the balls of a chunk and return its part of the table."""
     watch = Stopwatch()
     with watch:
