@@ -73,7 +73,7 @@ def run(code: str) -> Any:  # noqa: ANN401 (any JSON value)
     """Return what code prints as JSON in a fresh interpreter, which must not crash."""
     done = subprocess.run(
         [sys.executable, "-X", "faulthandler", "-c", code],
-        capture_output=True, text=True, timeout=900, check=False,
+        capture_output=True, text=True, timeout=2400, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-3000:]
     return json.loads(done.stdout.splitlines()[-1])
