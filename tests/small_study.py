@@ -98,7 +98,7 @@ def ready(path: Path, study: Study, learned: Learned) -> Folder:
     folder = Folder(path)
     folder.claim(study, resume=True, overwrite=False)
     for condition in study.conditions:
-        save_map(folder.map(condition.arm), learned, version="test")
+        save_map(folder.map(condition.arm), learned, version="0.1.0")
     return folder
 
 

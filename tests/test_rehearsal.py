@@ -7,6 +7,7 @@ from mitt.control.envelope import bounds_of
 from mitt.generator.certificate import Approach
 from mitt.rehearsal import gap_at_catch
 from mitt.robot.arm import Arm
+from mitt.robot.limits import joint_level
 from mitt.robot.load import load_arm
 from mitt.signals import Array
 
@@ -56,6 +57,16 @@ def test_torque_beyond_all_limits_leaves_the_hand_behind(motors: Arm) -> None:
     """0.6 rad of joint 1 in 60 ms are beyond any motor."""
     approach = swing(motors, np.array([0.3, 0.0, 0.0]), 0.06)
     assert gap_at_catch(motors, approach, motors.dq_max, BANDWIDTH) > 0.05
+
+
+def test_what_a_weak_arm_cannot_follow_it_misses() -> None:
+    """With limits of speed alone out of the way, torque makes the hand late: eq. (14) is obeyed."""
+    strong = load_arm("wam", limits="paper")
+    tau = np.array([8.0, 60.0, 60.0, 9.0])
+    weak = Arm(strong.model, joint_level("weak", tau=tau, speed=np.full(4, 50.0)))
+    approach = swing(strong, np.array([0.5, 0.0, 1.0]), 0.25)
+    gaps = [gap_at_catch(arm, approach, np.full(3, 50.0), BANDWIDTH) for arm in (strong, weak)]
+    assert gaps[0] < CLOSE < 0.05 < gaps[1]
 
 
 def test_caps_make_a_fast_motion_late(motors: Arm) -> None:

@@ -130,12 +130,17 @@ class Joints:
         self.scratch = np.zeros(links), np.zeros((links, n)), slopes_work(links)
         self.solved, self.bounds = np.zeros((n + 2, 2 * n)), bounds_of(arm)
 
-    def read(self, senses: Senses) -> ArmState:
-        """Return the joints as they are estimated."""
+    def read(self, senses: Senses, believed: Array) -> ArmState:
+        """Return the joints as the catcher estimates them, which has to be the monitor's estimate.
+
+        The stages go on from the catcher's own: feedback makes 6,400 of each rounding.
+        """
         read = np.array([senses.arm.q, senses.arm.dq])
         believe(self.memory, self.bounds, self.table[0], self.doubt, read, self.rows, False,
                 self.believed)  # fmt: skip
-        return ArmState(t=senses.t, q=self.believed[0].copy(), dq=self.believed[1].copy())
+        assert np.allclose(self.believed, believed, rtol=SAME, atol=SAME)
+        self.believed[:] = believed
+        return ArmState(t=senses.t, q=believed[0].copy(), dq=believed[1].copy())
 
     def told(self, arm: Arm, command: Command) -> None:
         """Note what was commanded, and what acceleration it brings."""
@@ -161,10 +166,12 @@ class Staged:
         self.command: Command | None = None
         self.t_last, self.beside = 0.0, False
 
-    def step(self, senses: Senses, phase: Phase) -> tuple[Command, JointReference | None]:
-        """Make one tick."""
+    def step(
+        self, senses: Senses, phase: Phase, believed: Array
+    ) -> tuple[Command, JointReference | None]:
+        """Make one tick; what the catcher believes of the joints is held to the monitor."""
         reference, time = None, np.inf
-        arm = self.joints.read(senses)
+        arm = self.joints.read(senses, believed)
         if phase is not Phase.BRAKE:
             seen = (self.eyes.step(senses.frames),) if senses.frames else senses.points
             for sighting in seen:
@@ -224,8 +231,8 @@ def compare(
         senses, phase = bench.world.sense(look=catcher.looking), catcher.phase
         if phase is Phase.STOPPED:  # the stages have no monitor that could stop them
             break
-        command, reference = staged.step(senses, phase)
         told = catcher.step(senses)
+        command, reference = staged.step(senses, phase, catcher.believed)
         if catcher.tick is not None and catcher.tick.state is State.ABORT:
             break
         differ(told, command, catcher, reference)

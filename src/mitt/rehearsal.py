@@ -20,6 +20,7 @@ from mitt.control.tracking import NOTES, ROWS, track
 from mitt.generator.certificate import Approach
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
+from mitt.robot.slopes import bias_and_mass, slopes_work
 from mitt.signals import Array
 
 
@@ -36,7 +37,8 @@ def gap_at_catch(arm: Arm, approach: Approach, caps: Array, bandwidth: float) ->
     b[2] = np.minimum(b[2], caps)
     state = rows[0, :2].copy()
     bodies, drives, index = arm.tables
-    rehearse(b, bandwidth, drives, bodies, index, rows, state, np.zeros((len(bodies), NOTES)))
+    notes, work = np.zeros((len(bodies), NOTES)), slopes_work(len(bodies))
+    rehearse(b, bandwidth, drives, bodies, index, rows, state, notes, work)
     there, wanted = arm.position(state[0]), arm.position(rows[-1, 0])
     return float(np.linalg.norm(there - wanted))
 
@@ -58,7 +60,7 @@ def _each_tick(approach: Approach) -> Array:
 @kernel
 def rehearse(
     b: Array, bandwidth: float, drives: Array, bodies: Array, index: NDArray[np.int64],
-    rows: Array, state: Array, notes: Array,
+    rows: Array, state: Array, notes: Array, work: Array,
 ) -> None:  # fmt: skip
     """Carry q, dq on along a motion within all limits, on the model of the arm.
 
@@ -71,15 +73,25 @@ def rehearse(
         rows: As in the module's table; the last is where the motion ends.
         state: q, dq, overwritten [rad, rad/s], shape (2, n).
         notes: Scratch of the tracking.
+        work: Scratch of :mod:`mitt.robot.slopes`.
     """
     n = state.shape[1]
     told, last = np.zeros((ROWS, n)), np.zeros((3, n))
     last[:2] = state
+    motion, tau, push = np.zeros((3, n)), np.zeros(len(bodies)), np.zeros(n)
+    mass, system = np.zeros((len(bodies), n)), np.zeros((n, n))
     for k in range(len(rows) - 1):
         told[:3] = rows[k]
         keep(b, last, told[:3])
         last[:] = told[:3]
         track(b, bandwidth, drives, bodies, index, state[0], state[1], told, notes)
+        motion[:2] = state
+        bias_and_mass(bodies, motion, tau, mass, work)
+        for i in range(n):
+            for j in range(n):
+                system[i, j] = mass[index[i], j]
+            push[i] = told[3, i] - tau[index[i]]
+        ddq = np.linalg.solve(system, push)
         for j in range(n):
-            state[0, j] += TICK * (state[1, j] + 0.5 * TICK * told[4, j])
-            state[1, j] += TICK * told[4, j]
+            state[0, j] += TICK * (state[1, j] + 0.5 * TICK * ddq[j])
+            state[1, j] += TICK * ddq[j]

@@ -187,13 +187,13 @@ def test_silence_is_bridged_for_a_stated_time(
     """The sixth missing reading in a row is a fault in motion, the fifteenth after other gaps."""
     watch, dq = Watch(arm), np.zeros(arm.n)
     dq[joint], allowed = 0.5, LOSSY_TICKS if lossy else SILENT_TICKS
-    for k in range(100):
+    for k in range(200):
         read = arm.q_ready + TICK * k * dq
-        if k >= 50 or (lossy and k == 45):
+        if k >= 150 or (lossy and k == 145):
             read[joint] = bad
         said = watch.read(read, 0.0 * dq, dq)
-        if k >= 50:
-            assert said == (BRIDGED if k < 49 + allowed else SILENT)
+        if k >= 150:
+            assert said == (BRIDGED if k < 149 + allowed else SILENT)
 
 
 @given(seed=seeds, joint=joints, jump=st.floats(0.05, 2.0), side=st.sampled_from((-1.0, 1.0)))

@@ -30,7 +30,7 @@ from mitt.study.registry import make_generator
 def job(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> CatchOptions:
     """Two throws with a map of its own, seen as points."""
     folder = tmp_path_factory.mktemp("job")
-    save_map(folder / "map.json", learned, version="test")
+    save_map(folder / "map.json", learned, version="0.1.0")
     return CatchOptions(
         throws=2, seed=5, map=folder / "map.json", vision="points", out=folder / "out"
     )

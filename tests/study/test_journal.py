@@ -43,7 +43,7 @@ def trial(index: int) -> Trial:
 def a_map(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> Path:
     """A learned map, so that runs need not learn."""
     path = tmp_path_factory.mktemp("map") / "map.json"
-    save_map(path, learned, version="test")
+    save_map(path, learned, version="0.1.0")
     return path
 
 

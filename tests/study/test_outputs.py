@@ -31,7 +31,7 @@ def quiet(_name: str, _done: int, _of: int) -> None:
 def finished(tmp_path: Path, learned: Learned, monkeypatch: pytest.MonkeyPatch) -> Finished:
     """A finished run of two throws whose report is not drawn."""
     monkeypatch.setattr("mitt.study.outputs.write_report", lambda path, _: path.write_text("page"))
-    save_map(tmp_path / "map.json", learned, version="test")
+    save_map(tmp_path / "map.json", learned, version="0.1.0")
     job = CatchOptions(
         throws=2, seed=5, map=tmp_path / "map.json", vision="points", out=tmp_path / "out"
     )

@@ -9,8 +9,8 @@ before), its measurement noise that of rounding, so it trusts the counts as far 
 An encoder is in doubt only where no admissible plant explains what it reads:
 
 * SILENT: no number for ``SILENT_TICKS`` in a row. Shorter gaps are bridged by the prediction, and
-  up to ``LOSSY_TICKS`` where the joint rests or the encoder has had gaps of late: with 30 % of the
-  readings lost, fifteen in a row are lost once in 7e7 ticks;
+  up to ``LOSSY_TICKS`` where the encoder has had gaps of late, or has only been read for 0.1 s:
+  with 30 % of the readings lost, fifteen in a row are lost once in 7e7 ticks;
 * JUMPED: three readings in a row lie where no motion within the limits leads, impacts included: an
   impact changes the velocity, not the place;
 * STUCK: the reading stands still while the joint must have moved on by more than five counts,
@@ -52,8 +52,8 @@ FINE, BRIDGED, SILENT, JUMPED, STUCK, REVERSED, FAST = range(7)
 #: Ticks without a number after which an encoder is silent, for one that has read well and for one
 #: that loses readings, and before its first reading.
 SILENT_TICKS, LOSSY_TICKS, _UNREAD = 6, 15, 3
-#: Share of a gap that is forgotten in a tick, and of one that still counts; speed at rest [rad/s].
-_HEALS, _GAP, _RESTS = 0.002, 0.3, 0.05
+#: Share of a gap that is forgotten in a tick, of one that still counts, and of a new encoder.
+_HEALS, _GAP, _NEW = 0.002, 0.3, 0.37
 #: Refused readings in a row that make a fault, and excess over a speed limit.
 _IN_A_ROW, _EXCESS = 3, 1.5
 #: How far outside a joint's range a first reading may lie [rad].
@@ -152,7 +152,7 @@ def _begin(m: Array, b: Array, k: int, step: float, q: float, dq: float) -> int:
         return SILENT if m[_GONE] >= _UNREAD else BRIDGED
     known = abs(dq) <= _EXCESS * b[2, k]
     _take(m, q, dq if known else 0.0, step)
-    m[_GONE], m[_HELD], m[_LEAST] = 0.0, q, 0.0
+    m[_GONE], m[_HELD], m[_LEAST], m[_GAPS] = 0.0, q, 0.0, _NEW
     return FINE
 
 
@@ -188,7 +188,7 @@ def _observe(m: Array, b: Array, k: int, step: float, doubt: float, q: float, pu
     _predict(m, push, error)
     if not np.isfinite(q):
         m[_GONE] += 1.0
-        lossy = m[_GAPS] > _GAP or abs(m[_DQ]) < _RESTS
+        lossy = m[_GAPS] > _GAP
         return SILENT if m[_GONE] >= (LOSSY_TICKS if lossy else SILENT_TICKS) else BRIDGED
     m[_GAPS] = (1.0 - _HEALS) * m[_GAPS] + (1.0 if m[_GONE] > 0.0 else 0.0)
     m[_GONE] = 0.0

@@ -13,7 +13,7 @@ from mitt.world.settings import merged, validated
 NAMES: tuple[str, ...] = get_args(SceneName)
 """Names of the scenes that ship."""
 
-DEFAULT: SceneName = "ideal"
+DEFAULT: SceneName = "lab"
 """The scene of ``mitt catch`` and of studies where none is asked for."""
 
 _FILE_BASE: SceneName = "ideal"
