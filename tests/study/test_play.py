@@ -20,6 +20,7 @@ from mitt.study.source import source_of
 from mitt.study.trial import Bench, Outcome
 from mitt.world.imaging import BLOCK
 from mitt.world.scene import Scene, Sensing
+from mitt.world.scenes import named_scene
 from mitt.world.simulation import World
 from mitt.world.throws import Throw
 
@@ -100,6 +101,18 @@ def test_a_bright_world_is_the_same(
     bench = Bench(arm, Direct(learned.map), Scene(sensing=sensing))
     log = through_both(bench, throws(learned, 1), monkeypatch)[0]
     assert {WATCH, FOLLOW, BRAKE} <= set(log.phase.tolist())
+
+
+@pytest.mark.parametrize(("name", "pixels"), [("lab", True), ("lab", False), ("rough", True)])
+def test_a_laboratory_is_the_same_both_ways(
+    arm: Arm, learned: Learned, name: str, pixels: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Counting encoders, late drives, a ball and cameras that are not as the catcher was told."""
+    bench = Bench(arm, Direct(learned.map), named_scene(name), pixels=pixels)
+    bench.world.reset(throws(learned, 1)[0], 1)
+    assert bench.world.stage is not None
+    logs = through_both(bench, throws(learned, 2), monkeypatch)
+    assert all({WATCH, FOLLOW, BRAKE} <= set(log.phase.tolist()) for log in logs)
 
 
 @pytest.mark.parametrize("pixels", [True, False])
