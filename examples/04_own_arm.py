@@ -12,11 +12,13 @@ from pathlib import Path
 import numpy as np
 
 import mitt
+from mitt.study.neighbourhood import Neighbourhood
 
 urdf = Path(__file__).with_name("own_arm.urdf")
 arm = mitt.load_arm(urdf, tip="palm", joints=["yaw", "pitch", "elbow"])
 design = mitt.MapDesign(catch_joint=2, q_catch=1.4)
-learned = mitt.learn(arm, design=design)
+around = Neighbourhood(arrival=(4.0, 5.0), box=(0.05, 0.1, 0.1), kicked=0.0, bounced=0.0)
+learned = mitt.learn(arm, design=design, around=around)  # gentle flights: this arm is not strong
 first, last = learned.steps[0], learned.steps[-1]
 print(f"{arm}\nlearned from {learned.flights} flights: cost {first.cost_torque:.2f} + "
       f"{first.cost_speed:.2f} at alpha = 0, {last.cost_torque:.2f} + {last.cost_speed:.2f} "

@@ -19,6 +19,7 @@ from mitt.study.play import Player
 from mitt.study.source import source_of
 from mitt.study.trial import Bench, Outcome
 from mitt.world.imaging import BLOCK
+from mitt.world.motion import WATCHED
 from mitt.world.scene import Scene, Sensing
 from mitt.world.scenes import named_scene
 from mitt.world.simulation import World
@@ -133,7 +134,8 @@ def test_a_catcher_that_stops_is_the_same(
     monkeypatch.setattr("mitt.study.trial._patience", lambda _: 0.001)
     bench = Bench(arm, Direct(learned.map), Scene())
     log = through_both(bench, throws(learned, 1), monkeypatch)[0]
-    assert {FOLLOW, BRAKE, STOPPED} <= set(log.phase.tolist())
+    assert {FOLLOW, STOPPED} <= set(log.phase.tolist())
+    assert log.t[-1] - log.t[log.phase == STOPPED][0] == pytest.approx(WATCHED, abs=0.003)
 
 
 def test_a_choice_among_maps_is_the_same(
@@ -187,5 +189,5 @@ def test_a_verdict_that_cannot_be_given_yet_asks_for_no_python(
 def test_a_trial_longer_than_the_buffers_is_refused(arm: Arm, learned: Learned) -> None:
     """What a trial may last is held against the tables that take it."""
     stopwatch = Bench(arm, Direct(learned.map), Scene()).stopwatch
-    with pytest.raises(ValueError, match="at most 4096 ticks"):
-        Player(stopwatch, longest=4.0, held=0.5)
+    with pytest.raises(ValueError, match="at most 8192 ticks"):
+        Player(stopwatch, longest=8.0, held=0.5)

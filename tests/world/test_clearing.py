@@ -30,7 +30,8 @@ def _telescope() -> Plant:
     model = load_arm("wam").model
     links = list(model.links)
     links[2] = replace(links[2], prismatic=True, held=None, q_min=0.0, q_max=0.4)
-    return build_plant(exact_scene(), replace(model, links=tuple(links)))
+    q_ready = np.insert(model.q_ready, 2, 0.0)
+    return build_plant(exact_scene(), replace(model, links=tuple(links), q_ready=q_ready))
 
 
 SLIDING = _telescope()

@@ -98,8 +98,9 @@ class Direct:
         refined = g.certificate(ball)
         return judged if refined is None else replace(refined, approach=judged.approach)
 
-    def unsettled(self, ball: BallState, q: Array) -> bool:  # noqa: ARG002
+    def unsettled(self, ball: BallState, q: Array) -> bool:
         """Look whether the ball is led and its catch far ahead or outside the region."""
+        checks.vector("q", q, self.map.arm.n)
         return unsettled(self.map, ball)
 
     def returns(self, ball: BallState) -> bool:

@@ -110,6 +110,7 @@ class Rival:
     def unsettled(self, ball: BallState, q: Array) -> bool:
         """Look whether the ball is led and the best catch far ahead or beyond the limits."""
         ball = checks.instance("ball", ball, BallState)
+        q = checks.vector("q", q, self.chooser.arm.n)
         if not ball.led:
             return False
         course = self._choose(ball, self._moving(q, None))
