@@ -104,6 +104,7 @@ def test_a_catch_bears_a_collection_of_garbage_between_all_steps() -> None:
         "    del f, eyes, generator\n"
         "    world.reset(throw, 7)\n"
         "    rows = []\n"
+        "    gc.freeze()\n"  # what was there before is not looked through in each tick
         "    for k in range(250):\n"
         "        senses = world.sense()\n"
         "        command = catcher.step(senses)\n"
