@@ -4,6 +4,7 @@ What could crash the interpreter runs in one of its own, under ``faulthandler``.
 """
 
 import json
+import os
 import pickle
 import subprocess
 import sys
@@ -73,6 +74,7 @@ def run(code: str) -> Any:  # noqa: ANN401 (any JSON value)
     """Return what code prints as JSON in a fresh interpreter, which must not crash."""
     done = subprocess.run(
         [sys.executable, "-X", "faulthandler", "-c", code],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
         capture_output=True, text=True, timeout=2400, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-3000:]
