@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from mitt.cli import main
 from mitt.interrupts import Interrupted, listening, status_of, words_of
 
 #: How long a process may go on after a signal [s]: a second is promised, on a machine of its own.
@@ -82,3 +83,19 @@ def test_a_main_thread_that_does_not_hear_is_ended(tmp_path: Path, number: signa
     assert process.returncode == 128 + number
     assert err == "mitt: two throws are kept\n"
     assert (tmp_path / "kept").exists()
+
+
+def test_an_interrupt_that_a_library_makes_another_error_of_is_an_interrupt(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As where an extension module is being loaded: the signal's status and line, no fault."""
+
+    def load(_job: object) -> None:
+        try:
+            _signal_myself(signal.SIGTERM)
+        except KeyboardInterrupt:
+            raise ImportError("initialization failed") from None
+
+    monkeypatch.setattr("mitt.commands.catch.prepare", load)
+    assert main(["catch"]) == 143
+    assert capsys.readouterr().err == "mitt: interrupted by SIGTERM\n"

@@ -6,13 +6,15 @@ thread of our own is woken by the signal as well: where the exception has not be
 it calls what was registered with :func:`finally_do` and ends the process.
 """
 
+import io
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import NoReturn
+from typing import NoReturn, TextIO
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals that end a command; one that was ignored at the start stays ignored, as with nohup."""
@@ -21,6 +23,8 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _PATIENCE = 0.5
 
 _noticed = threading.Event()
+_arrived: list[int] = []
+_aside: list[TextIO] = []
 _last_words: list[Callable[[], str]] = []
 
 
@@ -47,9 +51,20 @@ def words_of(status: int) -> str:
     return f"interrupted by {signal.Signals(status - 128).name}"
 
 
+def raise_again() -> None:
+    """Raise the interrupt that has arrived, if a library made another exception of it.
+
+    An extension module that is interrupted while it is loaded says that it cannot be loaded.
+    """
+    if _arrived and not _noticed.is_set():
+        raise Interrupted(_arrived[0])
+
+
 def notice() -> None:
     """Say that the exception has arrived and that the main thread sees to the rest."""
     _noticed.set()
+    while _aside:
+        sys.stderr = _aside.pop()
 
 
 @contextmanager
@@ -78,6 +93,7 @@ def listening(*, for_good: bool = False) -> Iterator[None]:
         yield
         return
     _noticed.clear()
+    _arrived.clear()
     before = {n: signal.getsignal(n) for n in SIGNALS if signal.getsignal(n) != signal.SIG_IGN}
     for number in before:
         signal.signal(number, _interrupt)
@@ -99,9 +115,15 @@ def listening(*, for_good: bool = False) -> Iterator[None]:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> NoReturn:  # noqa: ARG001
-    """Turn the first signal into an exception; further ones change nothing."""
+    """Turn the first signal into an exception; further ones change nothing.
+
+    What libraries say of it on their way out is not shown.
+    """
+    _aside.append(sys.stderr)
+    sys.stderr = io.StringIO()
     for other in SIGNALS:
         signal.signal(other, signal.SIG_IGN)
+    _arrived.append(number)
     raise Interrupted(number)
 
 

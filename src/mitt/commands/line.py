@@ -13,6 +13,7 @@ from tyro.conf import FlagCreatePairsOff
 
 import mitt
 from mitt.errors import MittError
+from mitt.interrupts import raise_again
 from mitt.options import (
     BenchOptions,
     CalibrateOptions,
@@ -49,11 +50,13 @@ def run(words: list[str]) -> int:
             return 0
         return _run(*_parse(words))
     except (MittError, _UsageError) as error:
+        raise_again()
         return _fail(2, str(error))
     except BrokenPipeError:  # nobody reads on: no fault, as for other commands in a pipe
         _silence()
         return 0
     except Exception as error:  # the last resort: one line, never a traceback
+        raise_again()
         if isinstance(error, OSError) and error.errno in _NOT_WRITTEN and error.filename is None:
             _silence()
             return _fail(2, f"stdout: wanted a place that can be written, got {error.strerror}")
