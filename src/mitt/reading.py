@@ -46,13 +46,14 @@ def read_bytes(path: Path, *, max_bytes: int, wanted: str = "a readable file") -
     try:
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)  # no waiting for a pipe
         with os.fdopen(handle, "rb") as file:
-            if not stat.S_ISREG(os.fstat(handle).st_mode):
-                raise FileError(str(path), wanted, "a device, a pipe or a folder")
-            content = file.read(max_bytes + 1)
+            regular = stat.S_ISREG(os.fstat(handle).st_mode)
+            content = file.read(max_bytes + 1) if regular else b""
     except OSError as error:
         raise FileError(str(path), wanted, error.strerror or "an error") from None
     except ValueError as error:  # a name with a NUL in it
         raise FileError(str(path), wanted, error) from None
+    if not regular:
+        raise FileError(str(path), wanted, "a device, a pipe or a folder")
     if len(content) > max_bytes:
         raise FileError(str(path), f"at most {max_bytes} bytes", "more")
     return content

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from mitt.robot.load import load_arm
 from mitt.study.lesson import learn
-from soak import arrays, commands, files, kills, ticks
+from soak import arrays, commands, files, kills, runs, ticks
 
 #: Where files that did harm are kept.
 _HARMFUL = Path("runs/soak")
@@ -23,8 +23,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     for name, default in (("commands", 20_000_000), ("ticks", 5_000), ("files", 300),
                           ("calls", 20_000), ("processes", 6), ("kills", 3),
+                          ("run_kills", 2), ("run_signals", 4),
                           ("seed", 1)):  # fmt: skip
-        parser.add_argument(f"--{name}", type=int, default=default, metavar="N")
+        parser.add_argument(f"--{name.replace('_', '-')}", type=int, default=default, metavar="N")
     options = parser.parse_args()
     faulthandler.enable()  # a crash of the interpreter says where
     sent = commands.soak(options.commands, seed=options.seed)
@@ -34,13 +35,19 @@ def main() -> int:
     called = arrays.soak(options.calls, seed=options.seed)
     print(f"{called.calls} calls of {len(called.functions)} functions, {called.refused} refused")  # noqa: T201
     with tempfile.TemporaryDirectory() as folder:
-        here, apart, dying = (Path(folder) / name for name in ("here", "apart", "dying"))
-        for place in (here, apart, dying):
+        here, apart, dying, running = (
+            Path(folder) / name for name in ("here", "apart", "dying", "runs")
+        )
+        for place in (here, apart, dying, running):
             place.mkdir()
         read = files.soak(options.files, seed=options.seed, folder=here, keep=_keep)
         alone = files.soak_processes(options.processes, seed=options.seed, folder=apart, keep=_keep)
         killed = kills.soak(options.kills, seed=options.seed, folder=dying)
-    for fault in made.faults + called.faults[:20] + read.faults + alone.faults + killed.unreadable:
+        ended = runs.soak(options.run_kills, options.run_signals, seed=options.seed, folder=running)
+        print(ended)  # noqa: T201
+    for fault in made.faults + called.faults[:20] + read.faults + alone.faults:
+        print(fault)  # noqa: T201
+    for fault in killed.unreadable + ended.faults:
         print(fault)  # noqa: T201
     result = {
         "commands": sent.commands,
@@ -54,9 +61,12 @@ def main() -> int:
         "file_faults": len(read.faults) + len(alone.faults),
         "kills": killed.kills,
         "unreadable": len(killed.unreadable),
+        "runs_ended": ended.killed + ended.signalled,
+        "run_faults": len(ended.faults),
     }
     print(json.dumps(result))  # noqa: T201
-    bad = ("violations", "non_finite", "tick_faults", "call_faults", "file_faults", "unreadable")
+    bad = ("violations", "non_finite", "tick_faults", "call_faults", "file_faults", "unreadable",
+           "run_faults")  # fmt: skip
     return int(any(result[key] for key in bad))
 
 
