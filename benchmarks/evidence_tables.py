@@ -12,8 +12,8 @@ from typing import Any
 
 import pyarrow.parquet as pq
 
-from mitt.study.result import STATUSES
-from mitt.study.sweep.summary import correct, paired
+from mitt.sweep.summary import correct, paired
+from mitt.trials.result import STATUSES
 
 BEGIN, END = "<!-- tables -->", "<!-- end of tables -->"
 #: Corrected p from which two generators count as different.
