@@ -1,6 +1,7 @@
 """Laws of the closing hand: it starts once, never opens again, and never without a catch."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -45,6 +46,16 @@ def test_the_hand_starts_its_lead_before_the_catch() -> None:
     for k in range(-200, 100):
         hand.step(k * TICK, -k * TICK)
     assert abs(hand.t_start + LEAD) <= TICK
+
+
+@given(e=st.floats(0.0, 1.0), harder=st.floats(0.0, 1.0))
+def test_a_ball_that_springs_back_is_met_earlier(e: float, harder: float) -> None:
+    """The lead grows with restitution, is that of soft balls up to 0.5, and brakes wait as long."""
+    soft, hard = (Closing(HandModel(), ball_radius=RADIUS, restitution=x) for x in (e, e + harder))
+    assert LEAD <= soft.grip[0] <= hard.grip[0] <= LEAD + HandModel().closing.earlier
+    assert soft.grip[0] == LEAD or e > HandModel().closing.soft
+    for hand in (soft, hard):
+        assert hand.grip[6:] - hand.grip[0] == pytest.approx((TOUCH_BEFORE, FOLLOW_ON), abs=1e-12)
 
 
 def test_at_the_catch_the_fingers_are_about_to_touch() -> None:

@@ -14,6 +14,8 @@ from mitt.world.build import STEP
 from mitt.world.contacts import survey
 from mitt.world.engine import views_of
 from mitt.world.hand import BALL, FRICTION, HAND, add_hand, finger_inertial, steiner
+from mitt.world.materials import contact_of, friction_of
+from mitt.world.scene import Ball, Contact, Scene
 from mitt.world.servo import finger_torque, servo_numbers
 
 HAND_MODEL = HandModel()
@@ -26,8 +28,10 @@ FORCE_N = 80.0
 TURN = 1000.0  # inertia of the turning arm [kg m^2]: contact does not slow it
 
 
-def rig(radius: float, mass: float, *, gravity: bool = True) -> mujoco.MjModel:
-    """Return a hand on an arm that turns about an elbow axis, and a free ball."""
+def rig(
+    radius: float, mass: float, *, gravity: bool = True, scene: Scene | None = None
+) -> mujoco.MjModel:
+    """Return a hand on an arm that turns about an elbow axis, and a free ball; soft without one."""
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     spec.option.timestep = STEP
@@ -45,6 +49,8 @@ def rig(radius: float, mass: float, *, gravity: bool = True) -> mujoco.MjModel:
     geom = body.add_geom(name="ball", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[radius, 0.0, 0.0])
     geom.mass, geom.contype, geom.conaffinity = mass, BALL, HAND
     geom.condim, geom.priority, geom.friction, geom.solref = 4, 1, FRICTION, (0.004, 1.0)
+    if scene is not None:
+        geom.friction, geom.solref = (friction_of(scene), *FRICTION[1:]), contact_of(scene)
     return spec.compile()
 
 
@@ -81,7 +87,8 @@ def catch(
     """Meet a ball on the tangent at ``speed`` [rad/s]; None where it starts inside the palm."""
     data, start = mujoco.MjData(model), -0.04
     radius = float(model.geom("ball").size[0])
-    touch, servo = HAND_MODEL.touch_angle(radius), servo_numbers(HAND_MODEL.drive)
+    touch, hold = HAND_MODEL.touch_angle(radius), HAND_MODEL.hold_angle(radius)
+    servo = servo_numbers(HAND_MODEL.drive)
     g, velocity = model.opt.gravity, np.array([speed * ELBOW, 0.0, 0.0]) + errors.velocity
     data.qpos[0], data.qvel[0] = speed * start, speed
     data.qpos[4:7] = [0.0, 0.0, ELBOW] + errors.position + velocity * start + 0.5 * g * start**2
@@ -94,7 +101,7 @@ def catch(
     t, end = start, np.inf
     while t < min(0.7, end):
         elapsed = t + HAND_MODEL.closing.lead + errors.lead
-        angle = HAND_MODEL.closing_angle_towards(elapsed, touch) if close else 0.0
+        angle = HAND_MODEL.closing_angle_towards(elapsed, touch, hold) if close else 0.0
         for k in range(3):
             data.ctrl[k] = finger_torque(data.qpos[1 + k], data.qvel[1 + k], angle, *servo)
         data.qfrc_applied[0] = -TURN * BRAKE if t > FOLLOW and data.qvel[0] > 0.1 else 0.0
@@ -126,6 +133,55 @@ def test_fingers_hold_the_ball_against_the_brake(ball: tuple[float, float]) -> N
     assert len(seen) > 10
     assert all(o.held for o in seen)
     assert np.median([o.force for o in seen]) < FORCE_N
+
+
+def lies_on(model: mujoco.MjModel, away: Array, tilt: float) -> bool:
+    """Close the hand on a ball that lies on the palm, ``away`` from its middle [m], shape (2,).
+
+    Args:
+        model: As of :func:`rig`.
+        away: Place along the plate's x and y axes.
+        tilt: Of the palm, that looks up at 0 [rad].
+
+    Returns:
+        Whether the ball is still in the hand 0.6 s later.
+    """
+    data, radius = mujoco.MjData(model), float(model.geom("ball").size[0])
+    touch, hold = HAND_MODEL.touch_angle(radius), HAND_MODEL.hold_angle(radius)
+    servo = servo_numbers(HAND_MODEL.drive)
+    data.qpos[0] = tilt
+    mujoco.mj_kinematics(model, data)
+    site = data.site("catch")
+    low = HAND_MODEL.palm_height + radius - HAND_MODEL.catch_offset
+    data.qpos[4:7] = site.xpos + site.xmat.reshape(3, 3) @ np.array([*away, low])
+    for k in range(round(0.6 / STEP)):
+        angle = HAND_MODEL.closing_angle_towards(k * STEP, touch, hold)
+        for j in range(3):
+            data.ctrl[j] = finger_torque(data.qpos[1 + j], data.qvel[1 + j], angle, *servo)
+        mujoco.mj_step(model, data)
+        data.qpos[0], data.qvel[0] = tilt, 0.0
+    mujoco.mj_kinematics(model, data)
+    return float(np.linalg.norm(data.qpos[4:7] - site.xpos)) < radius + 1e-3 * HELD_MM
+
+
+@pytest.mark.parametrize("tilt", [0.0, np.pi / 2])
+@pytest.mark.parametrize("friction", [0.3, 1.0])
+def test_a_ball_off_the_middle_is_not_squeezed_out(friction: float, tilt: float) -> None:
+    """Fingers that close on a hard ball on the palm, 6 mm off its middle to any side, hold it."""
+    scene = Scene(ball=Ball(material="table-tennis"), contact=Contact(friction=friction))
+    model = rig(*SMALL, scene=scene)
+    ways = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
+    assert all(lies_on(model, 0.006 * np.array([np.cos(w), np.sin(w)]), tilt) for w in ways)
+
+
+@given(radius=st.floats(0.018, 0.045))
+def test_the_closed_hand_is_a_cage_for_the_ball_on_the_palm(radius: float) -> None:
+    """Short of the squeeze the fingers touch a ball on the palm, or one at the catch point."""
+    hand = HAND_MODEL
+    touch = hand.hold_angle(radius) - hand.closing.squeeze
+    heights = hand.palm_height + radius, hand.catch_offset
+    gaps = [hand.finger.gap(touch, radius, height) for height in heights]
+    assert max(gaps) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_nothing_but_the_fingers_holds_the_ball() -> None:
@@ -216,17 +272,17 @@ def test_the_open_hand_leaves_the_ball_free_way(radius: float) -> None:
 
 @given(radius=st.floats(0.015, 0.045))
 def test_closing_is_smooth_and_within_the_drive(radius: float) -> None:
-    """The commanded angle rises without jumps, no faster than the servo can follow, to closed."""
-    touch = HAND_MODEL.touch_angle(radius)
+    """The commanded angle rises without jumps, no faster than the servo follows, to the hold."""
+    touch, hold = HAND_MODEL.touch_angle(radius), HAND_MODEL.hold_angle(radius)
     t = np.arange(0.0, 0.25, 0.0005)
-    angle = np.array([HAND_MODEL.closing_angle_towards(s, touch) for s in t])
+    angle = np.array([HAND_MODEL.closing_angle_towards(s, touch, hold) for s in t])
     rate = np.diff(angle) / 0.0005
     assert angle[0] == 0.0
-    assert angle[-1] == HAND_MODEL.drive.closed
+    assert angle[-1] == hold <= HAND_MODEL.drive.closed
     assert np.all(rate >= -1e-9)
     assert rate.max() < 120.0
     firm = t[:-1][(angle[:-1] > touch - HAND_MODEL.closing.margin + 1e-6)]
-    slow = rate[(t[:-1] >= firm[0]) & (angle[1:] < HAND_MODEL.drive.closed)]
+    slow = rate[(t[:-1] >= firm[0]) & (angle[1:] < hold)]
     assert slow == pytest.approx(HAND_MODEL.closing.touch_speed, rel=1e-6)
 
 

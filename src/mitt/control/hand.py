@@ -2,13 +2,13 @@
 
 The fingers start a fixed lead before the catch, which the map itself announces as the time until
 q_o,i reaches q_alpha, and from then on run through the hand's closing profile by the clock: a
-started closing is not taken back.
+started closing is not taken back. A ball that springs back from the palm is met earlier.
 
 | here       | meaning                                                                     | unit  |
 |------------|-----------------------------------------------------------------------------|-------|
 | ``memory`` | time at which the closing began, infinite before                            | s     |
-| ``grip``   | lead, touch angle, acceleration, speed and margin at the touch, closed      | s ... |
-|            | angle, time from the start to the first touch and to the grip               |       |
+| ``grip``   | lead, touch angle, acceleration, speed and margin at the touch, hold angle, | s ... |
+|            | time from the start to the first touch and to the grip                      |       |
 """
 
 from functools import lru_cache
@@ -29,17 +29,23 @@ TOUCH_BEFORE = -0.004
 
 
 @lru_cache(maxsize=8)
-def pack_grip(hand: HandModel | None, ball_radius: float) -> Array:
+def pack_grip(hand: HandModel | None, ball_radius: float, restitution: float = 0.0) -> Array:
     """Return a hand's closing as numbers, shape (8,), not to be written to.
 
     No hand is one that stays open.
+
+    Args:
+        hand: The hand.
+        ball_radius: Radius of the ball [m].
+        restitution: Share of its speed with which the ball springs back from the palm.
     """
     if hand is None:
         return np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
     c = hand.closing
-    touch, closed = hand.touch_angle(ball_radius), hand.drive.closed
-    times = (c.lead + TOUCH_BEFORE, c.lead + FOLLOW_ON)
-    return np.array([c.lead, touch, c.acceleration, c.touch_speed, c.margin, closed, *times])
+    touch, hold = hand.touch_angle(ball_radius), hand.hold_angle(ball_radius)
+    lead = c.lead_for(restitution)
+    times = (lead + TOUCH_BEFORE, lead + FOLLOW_ON)
+    return np.array([lead, touch, c.acceleration, c.touch_speed, c.margin, hold, *times])
 
 
 @kernel
@@ -82,9 +88,18 @@ class Closing:
         grip: As in the module's table, shape (8,).
     """
 
-    def __init__(self, hand: HandModel | None, *, ball_radius: float) -> None:
-        """Take the hand (None leaves a hand that does not exist open) and the ball's radius [m]."""
-        self.memory, self.grip = np.array([inf]), pack_grip(hand, ball_radius)
+    def __init__(
+        self, hand: HandModel | None, *, ball_radius: float, restitution: float = 0.0
+    ) -> None:
+        """Take the hand (None leaves a hand that does not exist open) and what the ball is like.
+
+        Args:
+            hand: The hand.
+            ball_radius: Radius of the ball [m].
+            restitution: Share of its speed with which the ball springs back from the palm.
+        """
+        self.memory = np.array([inf])
+        self.grip = pack_grip(hand, ball_radius, restitution)
 
     @property
     def t_start(self) -> float:

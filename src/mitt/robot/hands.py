@@ -112,17 +112,36 @@ class FingerDrive:
 class Closing:
     """How the fingers are led: fast until just before they touch, slow and firm from there.
 
+    They end a little beyond the angle at which they touch a ball that lies on the palm: a cage
+    whose fingers each push back what comes towards them. Fingers that press on at full torque
+    push a ball that lies off the middle out of the hand, the sooner the more slippery it is.
+
     Attributes:
         acceleration: Acceleration and braking of the fast part [rad/s^2].
         touch_speed: Speed at which the ball is met [rad/s]; it sets the force of the impact.
         margin: Angle before touching at which the fast part ends [rad].
         lead: Start of the closing before the catch [s].
+        squeeze: Angle beyond the touch of a ball on the palm at which the closing ends [rad]; it
+            asks the default drives for their full torque.
+        soft: Restitution up to which ``lead`` holds; a harder ball is met earlier, to be in the
+            cage before it has come back from the palm.
+        hard: Restitution from which ``earlier`` is added in full, in proportion between the two.
+        earlier: What is added to the lead for the hardest balls [s].
     """
 
     acceleration: float = 11_000.0
     touch_speed: float = 12.0
     margin: float = 0.12
     lead: float = 0.020
+    squeeze: float = 0.04
+    soft: float = 0.5
+    hard: float = 0.85
+    earlier: float = 0.009
+
+    def lead_for(self, restitution: float) -> float:
+        """Return the start of the closing before the catch [s], for a ball's restitution."""
+        share = (restitution - self.soft) / (self.hard - self.soft)
+        return self.lead + self.earlier * min(max(share, 0.0), 1.0)
 
 
 def _cylinder(mass: float, radius: float, length: float) -> Array:
@@ -166,12 +185,26 @@ class HandModel:
             ball_radius: Radius of the ball [m]; where the fingers never touch it, the closed
                 angle is returned.
         """
+        return self._touch(ball_radius, self.catch_offset)
+
+    def hold_angle(self, ball_radius: float) -> float:
+        """Return the closing angle at which the closing ends [rad]: see :class:`Closing`.
+
+        Args:
+            ball_radius: Radius of the ball [m].
+        """
+        on_palm = self._touch(ball_radius, self.palm_height + ball_radius)
+        touch = max(on_palm, self.touch_angle(ball_radius))
+        return min(touch + self.closing.squeeze, self.drive.closed)
+
+    def _touch(self, ball_radius: float, height: float) -> float:
+        """Return the angle at which the fingers touch a ball on the axis at a height [rad]."""
         low, high = 0.0, self.drive.closed
-        if self.finger.gap(high, ball_radius, self.catch_offset) > 0.0:
+        if self.finger.gap(high, ball_radius, height) > 0.0:
             return high
         for _ in range(40):
             middle = 0.5 * (low + high)
-            if self.finger.gap(middle, ball_radius, self.catch_offset) > 0.0:
+            if self.finger.gap(middle, ball_radius, height) > 0.0:
                 low = middle
             else:
                 high = middle
@@ -203,21 +236,18 @@ class HandModel:
             elapsed: Time since the start [s]; 0 or less is open.
             ball_radius: Radius of the ball [m].
         """
-        return self.closing_angle_towards(elapsed, self.touch_angle(ball_radius))
+        touch, hold = self.touch_angle(ball_radius), self.hold_angle(ball_radius)
+        return self.closing_angle_towards(elapsed, touch, hold)
 
-    def closing_angle_towards(self, elapsed: float, touch: float) -> float:
-        """Return the commanded angle [rad] where ``touch`` = ``touch_angle(...)`` is at hand."""
+    def closing_angle_towards(self, elapsed: float, touch: float, hold: float) -> float:
+        """Return the commanded angle [rad] where touch and hold angle are at hand."""
         c = self.closing
-        return float(
-            closing_angle(
-                elapsed, touch, c.acceleration, c.touch_speed, c.margin, self.drive.closed
-            )
-        )
+        return float(closing_angle(elapsed, touch, c.acceleration, c.touch_speed, c.margin, hold))
 
 
 @kernel
 def closing_angle(
-    elapsed: float, touch: float, a: float, slow: float, margin: float, closed: float
+    elapsed: float, touch: float, a: float, slow: float, margin: float, hold: float
 ) -> float:
     """Return the commanded angle [rad] so long after the start of the closing.
 
@@ -227,7 +257,7 @@ def closing_angle(
         a: Acceleration and braking of the fast part [rad/s^2].
         slow: Speed at which the ball is met [rad/s].
         margin: Angle before touching at which the fast part ends [rad].
-        closed: Largest closing angle [rad].
+        hold: Angle at which the closing ends [rad].
     """
     fast_part = max(0.0, touch - margin)
     peak = max(np.sqrt(a * fast_part + 0.5 * slow * slow), slow)
@@ -241,7 +271,7 @@ def closing_angle(
         angle = fast_part - slow * left - 0.5 * a * left * left
     else:
         angle = fast_part + slow * (elapsed - rise - fall)
-    return min(angle, closed)
+    return min(angle, hold)
 
 
 def _distance(point: Array, start: Array, end: Array) -> float:
