@@ -14,7 +14,7 @@ from mitt.catcher import Catcher, CatcherSettings, Phase
 from mitt.control.brake import Brake, plan_brake
 from mitt.control.condition import State
 from mitt.control.encoders import Encoders, bring
-from mitt.control.envelope import bounds_of
+from mitt.control.envelope import TICK, bounds_of
 from mitt.control.hand import Closing
 from mitt.control.monitor import believe, memory_of
 from mitt.control.tracking import Tracker
@@ -173,6 +173,7 @@ class Staged:
         reference, time = None, np.inf
         arm = self.joints.read(senses, believed)
         if phase is not Phase.BRAKE:
+            self._guide(senses)
             seen = (self.eyes.step(senses.frames),) if senses.frames else senses.points
             for sighting in seen:
                 P = sighting.covariance
@@ -195,6 +196,16 @@ class Staged:
         self.joints.told(self.tracker.arm, self.command)
         self.t_last = senses.t
         return self.command, reference
+
+    def _guide(self, senses: Senses) -> None:
+        """Tell the eyes what the estimate of the tick before says of the ball."""
+        if not senses.frames:
+            return
+        ball = self.track.state(self.t_last)
+        sigma = np.sqrt(np.trace(ball.covariance[:3, :3]) / 3.0)
+        known = bool(sigma < self.settings.tolerance)
+        t = max(frame.t for frame in senses.frames)
+        self.eyes.guide(ball, t, gap=TICK, known=known, alone=not self.beside)
 
     def _braking(self) -> Brake:
         """Return the brake, planned from the last command when it is first asked for."""

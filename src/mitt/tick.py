@@ -33,7 +33,7 @@ from mitt.vision.belief import absorb, speak
 from mitt.vision.eyes import LET_GO
 from mitt.vision.gaze import lead
 from mitt.vision.head import aim
-from mitt.vision.looking import look
+from mitt.vision.looking import ALONE, guide, look
 
 #: What is to be thought about after a tick, as bits of its result: the verdict is open, the ball
 #: has left the arm behind, the fingers have closed as far as there is time for, the catcher has
@@ -116,6 +116,7 @@ def perceive(
         return
     if s["heads"] > 0:
         aim(s["eyes_heads"], s["eyes_angles"], s["eyes_cameras"])
+    _guide(images, t_exposed, beside, state, result)
     if (
         look(
             images,
@@ -145,6 +146,22 @@ def perceive(
     out["t_first"] = memory[at.T_FIRST] if tracked else -np.inf
     if s["heads"] > 0:
         _turn_heads(images, t_exposed, state, result)
+
+
+@kernel
+def _guide(
+    images: tuple[Image, ...], t_exposed: float, beside: bool, state: Record, result: Record
+) -> None:
+    """Tell the eyes what the estimate of the tick before says of the ball; see :func:`tick`."""
+    s, out = state[0], result[0]
+    memory, ball = s["eyes_memory"], out["ball"]
+    rig, shown = memory[len(memory) - 1], False
+    for n in range(len(images)):
+        shown |= images[n].size > 0
+    if shown:
+        rig[ALONE] = 0.0 if beside else 1.0
+        known = out["tracked"] and out["sigma"] < s["tolerance"]
+        guide(rig, ball[0], ball[1], t_exposed - out["t_ball"], TICK, known)
 
 
 @kernel

@@ -22,7 +22,7 @@ from mitt.trials.runner import LoggedTrial, TrialRunner, driven, known_ball
 from mitt.trials.score import HELD_AFTER
 from mitt.trials.simulate import simulate
 from mitt.world.scene import Scene, Sensing
-from mitt.world.scenes import named_scene
+from mitt.world.scenes import named_scene, scene_of
 from mitt.world.throws import Throw, default_throw
 
 #: Agreement of figures reckoned two ways.
@@ -126,6 +126,23 @@ def test_real_motors_catch_with_the_design_chosen_for_them(limits: str) -> None:
     assert [trial.status for trial in trials] == ["caught"] * 4
     assert sum(trial.limit_violations for trial in trials) == 0
     assert 0.0 < max(max(trial.rms_torque_ratio) for trial in trials) < 1.0
+
+
+@pytest.mark.parametrize("limits", ["paper", "wam-80v"])
+def test_a_ball_that_springs_back_from_the_palm_is_caught(limits: str) -> None:
+    """A ball that keeps 70 % of its speed, met by motors that cannot match it: four of four."""
+    arm = load_arm("wam", limits=limits, hand=HandModel())
+    scene = scene_of({"contact": {"restitution": 0.7}}, place="test", base="lab")
+    trials = simulate(learn(arm).map, throws=4, seed=11, pixels=False, scene=scene)
+    assert [trial.status for trial in trials] == ["caught"] * 4
+
+
+def test_a_ball_that_rolls_before_the_thrown_one_does_not_end_the_throw(arm: Arm) -> None:
+    """It hides the flight from one camera for 0.2 s, larger and nearer: three of three caught."""
+    sensing = {"second": (0.9, 0.6, 0.0, 0.08), "second_velocity": (0.0, -1.0, 0.0)}
+    scene = scene_of({"sensing": sensing}, place="test", base="lab")
+    trials = simulate(learn(arm).map, throws=3, seed=5, scene=scene)
+    assert [trial.status for trial in trials] == ["caught"] * 3
 
 
 def test_drives_that_lag_are_not_asked_for_all_their_torque(arm: Arm) -> None:

@@ -2,8 +2,9 @@
 
 While nothing is known of a ball and more than one target shows, all are followed for some looks.
 A pair of targets, one in each of the first two cameras, is a candidate if their lines of sight meet
-and both look as large as the ball would there. The candidate that has moved fastest is the ball. A
-single target in each camera is taken at once.
+and both look as large as the ball would there. The candidate that has moved fastest is the ball.
+One that is slow, as if it rolled, is taken only when no other has come for a while: a thrown ball
+may show late beside it. A single target in each camera is taken at once.
 
 | here          | meaning                                                        | unit | shape   |
 |---------------|----------------------------------------------------------------|------|---------|
@@ -48,6 +49,10 @@ LOOKS, SEEN = 8, 5
 8 ms a thrown ball goes 40 mm, and 5 m away its place is known to a few millimetres."""
 PATIENCE = 24
 """Looks after which the search begins anew."""
+SLOW, BLUR, ROUNDS = 0.002, 0.01, 6
+"""Way of a look [m] below which a candidate may be a ball that rolls, 2 m/s at a kilohertz, and
+what the noise of two places adds to a way [m]; how often the search begins anew before such a
+one is taken all the same."""
 LEAP = 0.05
 """Distance that a candidate goes from look to look at most [m]: 50 m/s at a kilohertz."""
 TALL, ROUGH = 0.35, 0.7
@@ -55,10 +60,11 @@ TALL, ROUGH = 0.35, 0.7
 
 _PAIRED, _FINE = 1e3, 1e6
 """What a pair is worth, against residuals [px]; steps of a pixel in which they are added up."""
-_LOOK, _COUNT, _TRACKS = 16, 17, 18
+_ROUNDS, _LOOK, _COUNT, _TRACKS = 15, 16, 17, 18
 _TARGETS = _TRACKS + 11 * MOST
 _RESIDUALS = _TARGETS + 2 * 7 * MOST
-"""Places in the rig's row of the memory: looks so far, number of tracks, the three tables."""
+"""Places in the rig's row of the memory: searches begun anew, looks so far, number of tracks, the
+three tables."""
 
 
 @kernel
@@ -171,16 +177,24 @@ def _follow(tracks: Array, count: int, look: float, r: Array, pair: tuple[int, i
 
 
 @kernel
-def _fastest(tracks: Array, count: int) -> int:
-    """Return the track that has moved fastest; -1 if none was seen often enough."""
+def _fastest(tracks: Array, count: int, slow: bool) -> int:
+    """Return the track that has moved fastest; -1 if none was seen often enough.
+
+    Args:
+        tracks: As in the module's table.
+        count: Number of tracks.
+        slow: Whether one that may be a rolling ball is taken.
+    """
     best, speed = -1, -1.0
     for k in range(count):
         track, way = tracks[k], 0.0
         for i in range(3):
             way += (track[i] - track[3 + i]) ** 2
-        way = sqrt(way) / max(track[7] - track[6], 1.0)
-        if track[8] >= SEEN and way > speed:
-            best, speed = k, way
+        way, looks = sqrt(way), max(track[7] - track[6], 1.0)
+        if not slow and way < BLUR + SLOW * looks:
+            continue
+        if track[8] >= SEEN and way / looks > speed:
+            best, speed = k, way / looks
     return best
 
 
@@ -258,8 +272,9 @@ def seek(
     a = _listed(images, backgrounds, 0, memory, settings, boxes, targets[0])
     b = _listed(images, backgrounds, 1, memory, settings, boxes, targets[1])
     if a == 0 or b == 0:
+        rig[_LOOK] += 1.0 if rig[_LOOK] > 0.0 else 0.0
         return False
-    if count == 0 and a == 1 and b == 1:
+    if rig[_LOOK] == 0.0 and rig[_ROUNDS] == 0.0 and a == 1 and b == 1:
         _take_both(images, backgrounds, memory, targets[0, 0], targets[1, 0], boxes)
         return True
     rig[_LOOK] += 1.0
@@ -280,12 +295,13 @@ def seek(
     rig[_COUNT] = float(count)
     if rig[_LOOK] < LOOKS:
         return False
-    chosen, now = _fastest(tracks, count), rig[_LOOK]
+    chosen, now = _fastest(tracks, count, rig[_ROUNDS] >= ROUNDS), rig[_LOOK]
     if chosen < 0 or tracks[chosen, 7] < now:
         if now >= PATIENCE:
             rig[_LOOK], rig[_COUNT] = 0.0, 0.0
+            rig[_ROUNDS] += 1.0
         return False
-    rig[_LOOK], rig[_COUNT] = 0.0, 0.0
+    rig[_LOOK], rig[_COUNT], rig[_ROUNDS] = 0.0, 0.0, 0.0
     i, j = int(tracks[chosen, 9]), int(tracks[chosen, 10])
     _take_both(images, backgrounds, memory, targets[0, i], targets[1, j], boxes)
     return True

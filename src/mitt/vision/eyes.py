@@ -175,6 +175,20 @@ class Eyes:
         )
         return wanted
 
+    def guide(self, ball: BallState, t: float, *, gap: float, known: bool, alone: bool) -> None:
+        """Say where the ball should be; where both cameras see it, that changes nothing.
+
+        Args:
+            ball: Estimate of the ball, at a time near ``t``.
+            t: Time of the frames that come next [s].
+            gap: Time between two frames [s].
+            known: Whether the estimate is good to about 20 mm.
+            alone: Whether one camera counts while something hides the ball from the other.
+        """
+        rig = self._memory[-1]
+        rig[looking.ALONE] = float(alone)
+        looking.guide(rig, ball.r_o, ball.dr_o, t - ball.t, gap, known and ball.tracked)
+
     def parts(self) -> dict[str, NDArray[Any]]:
         """Return the arrays of :func:`look` and of the gaze, for whoever composes them."""
         return {name: vars(self)[f"_{name}"] for name in _PARTS}

@@ -10,6 +10,8 @@ from mitt.vision.candidates import seek
 from mitt.vision.moments import Box
 from mitt.vision.segmentation import watch
 from mitt.vision.target import (
+    AT_U,
+    AT_V,
     EXPECTED,
     GAIN,
     GOOD,
@@ -25,10 +27,11 @@ from mitt.vision.target import (
 from mitt.vision.triangulation import note, on_ray, triangulate
 
 KNOWN, SINCE, ODDS, STATUS, SPEED = range(3, 8)
-AGE = 10
+AGE, ALONE, GUIDED = 10, 11, 12
 """Places in the rig's row of the memory, after the position: sightings that it rests on, looks
 since both eyes saw the ball, looks at odds in a row, status, motion a look, looks since the
-position was corrected."""
+position was corrected, whether one eye counts while something hides the ball from the other,
+whether the position is that of :func:`guide`."""
 BLIND, ONE, BOTH, AT_ODDS = range(4)
 
 ALONG = 1.0
@@ -41,9 +44,15 @@ SURE, MISFIT, SMALL, DRIFT, SLOWLY = 0.002, 0.01, 0.05, 0.0005, 20.0
 """Share of the ball's mass by which a target differs by noise; by which it may differ; what
 patches of the ground add to that, over the radius [px]; what each look without both eyes adds;
 looks over which the contrast may change."""
-REACH, ASTRAY = 0.12, 0.01
+LARGE = 2.0
+"""Mass over the one that the ball should have above which a target is something else."""
+GUIDES = 30.0
+"""Looks without a sighting after which the flight no longer says where the ball is: it may have
+bounced where nothing saw it."""
+REACH, ASTRAY, GUIDED_REACH = 0.12, 0.01, 0.06
 """Distance from where it should be within which a lost ball is looked for, and what each look
-without both eyes adds [m]: it may change its speed by 10 m/s."""
+without both eyes adds [m]: it may change its speed by 10 m/s. Where its flight says where it should
+be, it is nowhere else, and each look without any eye counts."""
 ALPHA, BETA, RESTART = 0.5, 0.1, 20.0
 """Gains of position and motion from look to look; looks after which motion is estimated anew."""
 
@@ -91,6 +100,25 @@ def _foresee(rig: Array) -> None:
 
 
 @kernel
+def guide(rig: Array, r: Array, dr: Array, ahead: float, gap: float, known: bool) -> None:
+    """Tell eyes that do not both see the ball where it should be by its flight.
+
+    Args:
+        rig: Row of the rig in the memory.
+        r: Position [m], shape (3,).
+        dr: Velocity [m/s], shape (3,).
+        ahead: Time from there to the look that comes [s].
+        gap: Time between two looks [s].
+        known: Whether the flight is known well enough.
+    """
+    if not known or rig[SINCE] == 0.0 or rig[AGE] >= GUIDES:
+        return
+    for i in range(3):
+        rig[i], rig[SPEED + i] = r[i] + (ahead - gap) * dr[i], gap * dr[i]
+    rig[KNOWN], rig[GUIDED], rig[SINCE] = SLOWLY, 1.0, min(rig[SINCE], FORGET - 2.0)
+
+
+@kernel
 def _remember(rig: Array, r: Array) -> None:
     """Correct position and motion from look to look by an alpha-beta filter."""
     looks = max(rig[AGE], 1.0)
@@ -103,6 +131,14 @@ def _remember(rig: Array, r: Array) -> None:
         else:
             rig[SPEED + i] += (1.0 if count == 1.0 else BETA) * error / looks
     rig[KNOWN], rig[AGE] = min(count + 1.0, SLOWLY), 0.0
+
+
+@kernel
+def _is_elsewhere(memory: Array) -> bool:
+    """Tell whether a target is not where the ball is by its flight, or much heavier than it."""
+    off = max(abs(memory[0] - memory[AT_U]), abs(memory[1] - memory[AT_V]))
+    ball = memory[GAIN] * memory[EXPECTED]
+    return bool(off > memory[NEAR] or (memory[WEIGHED] > 0.0 and memory[WEIGHTS] > LARGE * ball))
 
 
 @kernel
@@ -148,9 +184,10 @@ def look(
         P: Result, its covariance [m^2], shape (3, 3).
 
     Returns:
-        Whether two or more cameras agree on the ball, or one alone sees it go on; one does not
-        count while something comes between the ball and the other, as before a catch: what is
-        hidden from one is soon half hidden from both, and the flight model knows better.
+        Whether two or more cameras agree on the ball, or one alone sees it go on. While something
+        comes between the ball and the other, one counts only where ``ALONE`` says so, and not
+        before a catch: what is hidden from one is then soon half hidden from both, and the flight
+        model knows better.
     """
     images, memory, work = lent((images, memory, work))
     backgrounds, difference = lent(backgrounds), lent(backgrounds[len(backgrounds) - 1])
@@ -163,8 +200,11 @@ def look(
     ):
         rig[STATUS] = float(BLIND)
         return False
+    guided = rig[GUIDED] > 0.0
+    since, reach = (rig[AGE], GUIDED_REACH) if guided else (rig[SINCE], REACH)
+    rig[GUIDED] = 0.0
     if rig[KNOWN] > 0.0:
-        expect(memory, cameras, belief[0], rig, REACH + ASTRAY * rig[SINCE])
+        expect(memory, cameras, belief[0], rig, reach + ASTRAY * since)
     else:
         for n in range(eyes):
             memory[n, EXPECTED], memory[n, WEIGHED], memory[n, NEAR] = 0.0, 0.0, 0.0
@@ -180,7 +220,9 @@ def look(
             continue
         if note(point, own[0], own[1], float(area), clipped, belief[1], belief[2]) == 0:
             continue
-        if _judge(own, rig[SINCE], point):
+        if guided and _is_elsewhere(own):
+            point[2], hidden, own[STATE] = -1.0, True, float(LOST)  # to be looked for anew
+        elif _judge(own, since, point):
             count, one = count + 1, n
         else:
             point[2], hidden = -1.0, True
@@ -198,11 +240,14 @@ def look(
         return False
     if (
         count == 1
-        and not hidden
+        and (not hidden or rig[ALONE] > 0.0)
         and rig[KNOWN] > 0.0
         and on_ray(cameras[one], points[one], belief[0], rig[:3], r, P, ALONG)
     ):
+        known = rig[KNOWN]
         _remember(rig, r)
+        if hidden:  # if that lasts, what was learned of the ball may be wrong, and is forgotten
+            rig[KNOWN] = min(rig[KNOWN], known)
         rig[STATUS] = float(ONE)
         return True
     return False
