@@ -254,6 +254,7 @@ def arm_fields(arm: Arm, around: Surroundings) -> Fields:
         "pairs": guard.shapes.pairs,
         "guard_known": guard.known,
         "guard_work": guard.work,
+        "guard_reserve": guard.reserve,
         "drives": arm.limits.packed,
         "bodies": arm.bodies,
         "index": np.array(arm.model.active),
