@@ -47,7 +47,7 @@ GOOD_THROW = "3.5,0.1,0.2,-6,0,1.5\n"
 SIGNALLED = """
 import os, signal, sys
 import mitt.study.catch as runs
-import mitt.study.outputs as outputs
+import mitt.report.outputs as outputs
 from mitt.cli import main
 inner = runs.one_throw
 def one_throw(bench, prepared, index, *, log=False):
@@ -66,7 +66,7 @@ Call = Callable[..., tuple[int, str, str]]
 @pytest.fixture
 def call(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Iterator[Call]:
     """Run a command in this process; return exit status, stdout and stderr."""
-    monkeypatch.setattr("mitt.study.outputs.write_report", lambda path, _: path.write_text("page"))
+    monkeypatch.setattr("mitt.report.outputs.write_report", lambda path, _: path.write_text("page"))
     before = signal.getsignal(signal.SIGTERM)
 
     def run(*words: str | Path) -> tuple[int, str, str]:

@@ -24,9 +24,9 @@ from mitt.generator.learn import Learned
 from mitt.link.files import locked, write_text
 from mitt.link.maps import read_map, save_map
 from mitt.link.realtime import uncollected
+from mitt.report.replay import _server
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
-from mitt.study.replay import _server
 from mitt.study.sweep.parts import read_part
 from mitt.study.sweep.run import run_study
 from mitt.study.trial import Bench

@@ -56,7 +56,7 @@ def new_file(name: str, path: Path, *, overwrite: bool) -> None:
 
 def _draw(done: Calibration, picture: Path) -> None:
     """Draw the coverage of the boards."""
-    from mitt.study.figures.coverage import draw_coverage  # noqa: PLC0415 (plots: only when drawn)
+    from mitt.report.figures.coverage import draw_coverage  # noqa: PLC0415 (plots: only when drawn)
 
     if done.boards is None or done.views is None:
         return

@@ -38,7 +38,7 @@ def run(options: CatchOptions) -> int:
 
 def _run(prepared: Prepared, report: Report) -> Finished:
     """Throw and write; an interrupt that comes while pages are drawn leaves the result."""
-    from mitt.study.outputs import keeping, write_outputs  # noqa: PLC0415 (plots: when written)
+    from mitt.report.outputs import keeping, write_outputs  # noqa: PLC0415 (plots: when written)
 
     finished = run_throws(prepared, progress=report, keeping=partial(keeping, prepared))
     try:

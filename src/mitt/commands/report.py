@@ -6,10 +6,10 @@ from mitt.commands.screen import checked, console_of, progress
 from mitt.errors import InputError
 from mitt.link.files import locked, write_json
 from mitt.options import ReportOptions
+from mitt.report.study_page import write_study_report
 from mitt.study.journal import RESULT, died, recovered
 from mitt.study.sweep.folder import Folder
-from mitt.study.sweep.report import write_study_report
-from mitt.study.sweep.result import read_result
+from mitt.study.sweep.summary import read_result
 
 #: Most replays beside one page; each weighs a megabyte.
 _MOST_REPLAYS = 200

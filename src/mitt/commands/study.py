@@ -10,10 +10,9 @@ from mitt.options import StudyOptions
 from mitt.study.registry import available
 from mitt.study.sweep.engine import check_engine, engine_of
 from mitt.study.sweep.folder import Folder
-from mitt.study.sweep.numbers import extent
 from mitt.study.sweep.read import read_study
 from mitt.study.sweep.run import Finished, run_study
-from mitt.study.sweep.study import Study
+from mitt.study.sweep.study import Study, extent
 
 
 def run(options: StudyOptions) -> int:

@@ -7,10 +7,9 @@ from small_study import GENERATORS, TEXT, write_study
 
 from mitt.errors import InputError, MittError, UnknownNameError
 from mitt.study.sweep.folder import Folder
-from mitt.study.sweep.numbers import extent
 from mitt.study.sweep.read import read_study, shipped
 from mitt.study.sweep.recordings import recording_path
-from mitt.study.sweep.study import Study
+from mitt.study.sweep.study import Study, extent
 from mitt.study.sweep.work import Job
 from mitt.world.faults.plan import Kick
 from mitt.world.settings import merged

@@ -12,7 +12,7 @@ from mitt.study.score import Trial, reason_of, stop_as_json
 from mitt.study.stats import wilson
 from mitt.study.sweep.parts import Row, read_part, write_rows
 from mitt.study.sweep.study import Study
-from mitt.study.sweep.summary import cell_of, summary
+from mitt.study.sweep.summary import cell_of, compared
 
 STOP = StoppedBy(
     state=State.ABORT, reason=Reason.STUCK, joint="j2", t=0.31, q=np.array([0.1, 0.2, 0.3]),
@@ -76,7 +76,7 @@ def test_every_throw_counts_in_rates_and_pairs(tmp_path: Path, study: Study) -> 
         path = tmp_path / f"{generator}.parquet"
         path.write_bytes(write_rows(rows_of(generator, trials), {}))
         cells += [cell_of(generator, c, 4, read_part(path)[0]) for c in study.conditions]
-    first, *_, last = summary(study, cells)["rows"]
+    first, *_, last = compared(study, cells)
     assert (first["throws"], first["caught"], first["catch_rate"]) == (4, 1, 0.25)
     assert first["ci95"] == list(wilson(1, 4))
     assert (first["stopped"], first["aborted"]) == (1, 1)

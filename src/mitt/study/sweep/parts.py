@@ -159,7 +159,8 @@ def _groups(parts: Sequence[Path]) -> Iterator[Any]:
         yield pa.concat_tables(held).combine_chunks()
 
 
-def timing_of(notes: dict[str, str]) -> dict[str, float]:
+def timing_of(path: Path) -> dict[str, float]:
     """Return the wall-clock figures of a part."""
-    found: dict[str, float] = json.loads(notes.get("timing", "{}"))
+    notes = pq.read_schema(path).metadata or {}
+    found: dict[str, float] = json.loads(notes.get(b"timing", b"{}"))
     return found

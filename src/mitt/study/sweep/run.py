@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any, final
+from typing import final
 
 from mitt.errors import FileError
 from mitt.interrupts import notice, status_of
@@ -16,8 +16,8 @@ from mitt.study.sweep.parts import merge, read_part, timing_of
 from mitt.study.sweep.recordings import record_failures
 from mitt.study.sweep.settings import ArmSettings
 from mitt.study.sweep.spread import spread
-from mitt.study.sweep.study import Condition, Study
-from mitt.study.sweep.summary import Cell, cell_of, summary
+from mitt.study.sweep.study import SCHEMA, Condition, Study
+from mitt.study.sweep.summary import summary
 from mitt.study.sweep.work import ChunkError, Job, arm_options, throw_chunk
 from mitt.world.flights import Recording, builtin_flights, read_flights
 
@@ -194,37 +194,24 @@ def by_cell(jobs: list[Job]) -> list[list[Job]]:
 
 def _sum_up(study: Study, jobs: list[Job], folder: Folder, done: Finished) -> None:
     """Write the whole table, the summary and the wall-clock figures."""
-    ordered = [job for group in by_cell(jobs) for job in group]
-    parts = [p for p in (folder.part(job.number) for job in ordered) if p.exists()]
+    cells = by_cell(jobs)
+    parts = [p for group in cells for job in group if (p := folder.part(job.number)).exists()]
     notes = notes_of(study) | {"configuration": study.model_dump_json()}
     write_atomically(folder.trials, lambda temporary: merge(parts, temporary, notes))
-    cells, timing = [], []
-    for group in by_cell(jobs):
-        cell, seconds = _cell(group, folder, study)
-        cells.append(cell)
-        timing.append(seconds)
-    result = summary(study, cells)
-    write_json(folder.summary, result)
+    done.rows = summary(study, folder)
+    write_json(folder.summary, {"schema": SCHEMA, "rows": done.rows})
+    timing = [_timing(group, folder) for group in cells]
     write_json(folder.path / "timing.json", {"schema": "mitt.timing/1", "rows": timing})
-    done.rows = result["rows"]
 
 
-def _cell(group: list[Job], folder: Folder, study: Study) -> tuple[Cell, dict[str, object]]:
-    """Return a cell of the summary, and what it took; one part is in memory at a time."""
-    first, figures = group[0], list[dict[str, float]]()
-
-    def trials() -> Iterator[dict[str, Any]]:
-        for job in group:
-            if folder.part(job.number).exists():
-                rows, notes = read_part(folder.part(job.number))
-                figures.append(timing_of(notes))
-                yield from rows
-
-    cell = cell_of(first.generator, first.condition, study.counts[first.generator], trials())
+def _timing(group: list[Job], folder: Folder) -> dict[str, object]:
+    """Return what a cell took."""
+    parts = [p for job in group if (p := folder.part(job.number)).exists()]
+    figures = [timing_of(path) for path in parts]
     medians = sorted(f.get("p50", 0.0) for f in figures) or [0.0]
-    return cell, {
-        "generator": first.generator,
-        "condition": first.condition.name,
+    return {
+        "generator": group[0].generator,
+        "condition": group[0].condition.name,
         "seconds": sum(f.get("seconds", 0.0) for f in figures),
         "tick_us_p50": medians[len(medians) // 2],
         "tick_us_p99": max((f.get("p99", 0.0) for f in figures), default=0.0),

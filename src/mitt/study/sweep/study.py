@@ -77,3 +77,13 @@ class Study(Settings):
             condition["flights"] = self.flights.get(condition["flights"], condition["flights"])
         canonical = json.dumps(decisive, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def extent(study: Study, throws: int) -> str:
+    """Return how large a study is: ``9 generators, 1 condition, 2,700 throws``."""
+    counts = {
+        "generator": len(study.generators),
+        "condition": len(study.conditions),
+        "throw": throws,
+    }
+    return ", ".join(f"{n:,} {what}{'s' * (n != 1)}" for what, n in counts.items())

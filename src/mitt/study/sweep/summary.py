@@ -1,29 +1,75 @@
-"""What a study comes to: a row for each generator in each condition, and the pairs."""
+"""What a study comes to: a row for each generator in each condition, and the pairs.
+
+All of it follows from the table of throws, ``trials.parquet``; ``summary.json`` is written for
+others and never read back.
+"""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from mitt.errors import FileError
 from mitt.study.result import STATUSES
 from mitt.study.score import reason_of
 from mitt.study.stats import holm, mcnemar, wilson
-from mitt.study.sweep.study import SCHEMA, Condition, Study
+from mitt.study.sweep.folder import Folder, read_manifest
+from mitt.study.sweep.parts import read_columns
+from mitt.study.sweep.study import Condition, Study
 
 #: The generator that all others are compared with.
 REFERENCE = "direct"
-#: Columns of which the rows give the median, and what they call it.
-_MEDIANS = {
-    "position_error_mm": "position_error_mm",
-    "velocity_error_m_s": "velocity_error_m_s",
-    "peak_contact_force_n": "peak_contact_force_n",
-    "energy_j": "energy_j",
-    "demand_cost": "demand_cost",
-    "peak_torque_ratio": "peak_torque_ratio",
-    "peak_speed_ratio": "peak_speed_ratio",
-}
+#: Columns of which the rows give the median.
+_MEDIANS = ("position_error_mm", "velocity_error_m_s", "peak_contact_force_n", "energy_j",
+            "demand_cost", "peak_torque_ratio", "peak_speed_ratio")  # fmt: skip
+#: Columns that a summary needs.
+_COLUMNS = ("index", "status", "limit_violations", "stopped_by_reason", "stopped_by_joint",
+            *_MEDIANS)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StudyResult:
+    """What the folder of a study holds.
+
+    Attributes:
+        study: The study.
+        folder: The folder.
+        rows: A row for each generator in each condition.
+    """
+
+    study: Study
+    folder: Folder
+    rows: list[dict[str, Any]]
+
+
+def read_result(folder: Folder) -> StudyResult:
+    """Read the folder of a study.
+
+    Raises:
+        FileError: It holds no study, one without a table of throws, or one that was altered.
+    """
+    study = read_manifest(folder.path)
+    if not folder.summary.exists() or not folder.trials.exists():
+        raise FileError(str(folder.path), "a study with a summary", "one that is not over",
+                        do="finish it with mitt study --resume")  # fmt: skip
+    return StudyResult(study=study, folder=folder, rows=summary(study, folder))
+
+
+def summary(study: Study, folder: Folder) -> list[dict[str, Any]]:
+    """Return the rows of a study's summary, from its table of throws.
+
+    Raises:
+        FileError: The table is missing, cut short or altered.
+    """
+    cells = []
+    for condition in study.conditions:
+        for generator, wanted in study.counts.items():
+            cell = [("generator", "=", generator), ("condition", "=", condition.name)]
+            throws = read_columns(folder.trials, _COLUMNS, cell).to_pylist()
+            cells.append(cell_of(generator, condition, wanted, throws))
+    return compared(study, cells)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,25 +131,22 @@ def cell_of(
     return Cell(row=row, caught=caught)
 
 
-def summary(study: Study, cells: list[Cell]) -> dict[str, Any]:
-    """Return the summary; each rival is compared with the direct map on the same throws."""
-    rows = [cell.row for cell in cells]
+def compared(study: Study, cells: Sequence[Cell]) -> list[dict[str, Any]]:
+    """Return the rows; each rival is compared with the direct map on the same throws."""
     by_place = {(c.row["generator"], c.row["condition"]): c for c in cells}
     for generator in study.generators:
         mine = [by_place[generator, c.name] for c in study.conditions]
         for cell in mine:
             reference = by_place.get((REFERENCE, cell.row["condition"]))
-            against = None
-            if reference is not None and generator != REFERENCE:
-                against = _pairs(reference.caught, cell.caught)
-            cell.row["against_direct"] = against
-        pairs = [c.row["against_direct"] for c in mine if c.row["against_direct"] is not None]
-        for pair, p in zip(pairs, holm([pair["p"] for pair in pairs]), strict=True):
-            pair["p_holm"] = p
-    return {"schema": SCHEMA, "rows": rows}
+            if generator == REFERENCE or reference is None:
+                cell.row["against_direct"] = None
+            else:
+                cell.row["against_direct"] = paired(reference.caught, cell.caught)
+        correct([c.row["against_direct"] for c in mine if c.row["against_direct"] is not None])
+    return [cell.row for cell in cells]
 
 
-def _pairs(first: Mapping[int, bool], second: Mapping[int, bool]) -> dict[str, float]:
+def paired(first: Mapping[int, bool], second: Mapping[int, bool]) -> dict[str, float]:
     """Return how two generators differ on the throws that both had, McNemar's test."""
     both = first.keys() & second.keys()
     only_direct = sum(first[k] and not second[k] for k in both)
@@ -114,3 +157,9 @@ def _pairs(first: Mapping[int, bool], second: Mapping[int, bool]) -> dict[str, f
         "only_this": only_this,
         "p": mcnemar(only_direct, only_this),
     }
+
+
+def correct(pairs: Sequence[dict[str, float]]) -> None:
+    """Add to some pairs their p after Holm's correction, ``p_holm``."""
+    for pair, p in zip(pairs, holm([pair["p"] for pair in pairs]), strict=True):
+        pair["p_holm"] = p

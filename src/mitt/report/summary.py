@@ -22,7 +22,7 @@ class Spread:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Digest:
+class ResultSummary:
     """What a result of ``mitt.catch/1`` comes to.
 
     Attributes:
@@ -54,12 +54,12 @@ class Digest:
     violations: int
 
 
-def digest(result: dict[str, Any]) -> Digest:
-    """Return the digest of a result."""
+def result_summary(result: dict[str, Any]) -> ResultSummary:
+    """Return the figures of a result."""
     summary, trials = result["summary"], result["trials"]
     low, high = summary["ci95"]
     violations = [int(t["limit_violations"]) for t in trials]
-    return Digest(
+    return ResultSummary(
         throws=int(summary["throws"]),
         counts={s: int(summary[s]) for s in ("caught", *FAILURES)},
         rate=float(summary["catch_rate"]),

@@ -11,8 +11,8 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from mitt.link.files import write_atomically
+from mitt.report.figures.style import GREY, INK, PALE
 from mitt.signals import Array
-from mitt.study.figures.style import GREY, INK, PALE
 
 #: Errors are shown this many times as long [1].
 _STRETCH = 100.0

@@ -11,19 +11,19 @@ from matplotlib.figure import Figure
 
 from mitt.errors import ShapeError
 from mitt.generator.learn import Learned
-from mitt.robot.arm import Arm
-from mitt.signals import Array
-from mitt.study.figures.learning import (
+from mitt.report.figures.learning import (
     feedback_by_step,
     feedback_pair,
     feedback_share,
     learning_cost,
 )
-from mitt.study.figures.pictures import picture_strip
-from mitt.study.figures.response import joint_angles, joint_torques, target_and_hand
-from mitt.study.figures.style import LEARNED, Plot, plot
-from mitt.study.figures.throws import contact_errors, releases
-from mitt.study.figures.trajectory import catching_trajectory
+from mitt.report.figures.pictures import picture_strip
+from mitt.report.figures.response import joint_angles, joint_torques, target_and_hand
+from mitt.report.figures.style import LEARNED, Plot, plot
+from mitt.report.figures.throws import contact_errors, releases
+from mitt.report.figures.trajectory import catching_trajectory
+from mitt.robot.arm import Arm
+from mitt.signals import Array
 from mitt.study.log import TrialLog
 from mitt.study.trial import Outcome
 from mitt.world.scene import Scene

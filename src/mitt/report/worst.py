@@ -1,27 +1,38 @@
 """The worst throws of a study: thrown once more, and kept as 3-D replays beside the page."""
 
 from collections.abc import Callable
-from html import escape
-from typing import Any
+from typing import Any, TypedDict
 
 import mitt
 from mitt.link.files import write_text
-from mitt.study.replay import replay_page
+from mitt.report.replay import replay_page
 from mitt.study.sweep.parts import read_columns
 from mitt.study.sweep.recordings import recording_path
-from mitt.study.sweep.result import StudyResult
 from mitt.study.sweep.run import all_jobs, by_cell
+from mitt.study.sweep.summary import StudyResult
 from mitt.study.sweep.work import Job, throw_again
 
 Progress = Callable[[str, int, int], None]
 
 
-def worst_throws(result: StudyResult, count: int, progress: Progress) -> str:
-    """Return the table of throws with a replay, and write the replays."""
+class Link(TypedDict):
+    """A cell of a table that leads somewhere."""
+
+    href: str
+    text: str
+
+
+def worst_throws(
+    result: StudyResult, count: int, progress: Progress
+) -> list[tuple[str | Link, ...]]:
+    """Return a row for each throw with a replay, and write the replays.
+
+    One failure of each condition in which the direct map lost most, then of the others.
+    """
     if count < 1 or result.study.version != mitt.__version__:
-        return ""
+        return []
     tasks = _candidates(result, count, progress)
-    lines = []
+    rows: list[tuple[str | Link, ...]] = []
     for done, (job, row) in enumerate(tasks):
         progress("replays", done, len(tasks))
         recording = recording_path(result.folder, job, row["index"])
@@ -30,18 +41,14 @@ def worst_throws(result: StudyResult, count: int, progress: Progress) -> str:
         if outcome.log is None or outcome.trial.status != row["status"]:
             continue
         write_text(path, replay_page(arm, job.condition.scene, outcome.log))
-        lines.append(_line(job, row, path.name, recording.name if recording.exists() else None))
+        kept = Link(href=f"recordings/{recording.name}", text="recording")
+        rows.append((
+            job.condition.name, job.generator, str(row["index"]), str(row["status"]),
+            str(row["binding_limit"] or ""), Link(href=f"replays/{path.name}", text="replay"),
+            kept if recording.exists() else "",
+        ))  # fmt: skip
     progress("replays", len(tasks), len(tasks))
-    if not lines:
-        return ""
-    head = ("condition", "generator", "throw", "became", "asked most", "replay", "recording")
-    cells = "".join(f"<th>{name}</th>" for name in head)
-    return (
-        "<p>One failure of each condition in which the direct map lost most, then of the others. "
-        "A click opens its 3-D replay; recordings open in Foxglove.</p>"
-        f'<div class="wide"><table><thead><tr>{cells}</tr></thead><tbody>'
-        f"{''.join(lines)}</tbody></table></div>"
-    )
+    return rows
 
 
 def _candidates(
@@ -74,12 +81,3 @@ def _first_failure(result: StudyResult, generator: str, condition: str) -> dict[
     rows: list[dict[str, Any]] = table.to_pylist()
     moved = [row for row in rows if row["status"] in ("dropped", "missed")]
     return next(iter(moved or rows), None)
-
-
-def _line(job: Job, row: dict[str, Any], replay: str, recording: str | None) -> str:
-    """Return one throw as a row of the table."""
-    cells = [job.condition.name, job.generator, str(row["index"]), row["status"],
-             row["binding_limit"] or ""]  # fmt: skip
-    kept = f'<a href="recordings/{escape(recording)}">recording</a>' if recording else ""
-    links = [f'<a href="replays/{escape(replay)}">replay</a>', kept]
-    return "<tr>" + "".join(f"<td>{x}</td>" for x in (*map(escape, cells), *links)) + "</tr>"

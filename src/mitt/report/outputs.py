@@ -13,11 +13,11 @@ from mitt.link.clock import Stopwatch
 from mitt.link.files import claim_folder, write_json
 from mitt.link.maps import save_map
 from mitt.link.recording import write_recording
+from mitt.report.figures.learning import feedback_share
+from mitt.report.run_page import ReportContent, write_report
 from mitt.study.catch import Finished, Prepared, bench_for, make_bench, one_throw
-from mitt.study.figures.learning import feedback_share
 from mitt.study.journal import NAME, RESULT, Journal
 from mitt.study.record import recording_of
-from mitt.study.report import ReportContent, write_report
 from mitt.study.result import result
 from mitt.study.score import Trial
 from mitt.study.source import release_of

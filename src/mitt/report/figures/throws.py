@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mitt.errors import ShapeError
+from mitt.report.figures.style import GREY, INK, STATUS, Plot, plot
 from mitt.signals import Array
-from mitt.study.figures.style import GREY, INK, STATUS, Plot, plot
 
 #: Bars of a histogram, points drawn at most, and marks below it at most.
 _BARS, _MOST, _MOST_MARKS = 24, 2000, 300

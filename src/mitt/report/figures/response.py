@@ -4,9 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mitt.robot.arm import Arm
-from mitt.signals import Array
-from mitt.study.figures.style import (
+from mitt.report.figures.style import (
     ALPHA_0,
     BALL,
     BAND,
@@ -18,6 +16,8 @@ from mitt.study.figures.style import (
     mark_time,
     plot,
 )
+from mitt.robot.arm import Arm
+from mitt.signals import Array
 from mitt.study.log import TrialLog
 
 #: How long after the catch is shown [s], and half the width of the close-up [s].

@@ -13,9 +13,9 @@ from mitt.generator.learn import Learned
 from mitt.link.clock import Stopwatch
 from mitt.link.maps import read_map, save_map
 from mitt.options import CatchOptions
+from mitt.report.outputs import LEAVES, keeping, write_outputs
 from mitt.study.catch import Finished, prepare, run
 from mitt.study.journal import recovered
-from mitt.study.outputs import LEAVES, keeping, write_outputs
 from mitt.study.result import STATUSES, result
 from mitt.study.score import Trial
 from mitt.study.stats import wilson
@@ -30,7 +30,7 @@ def quiet(_name: str, _done: int, _of: int) -> None:
 @pytest.fixture
 def finished(tmp_path: Path, learned: Learned, monkeypatch: pytest.MonkeyPatch) -> Finished:
     """A finished run of two throws whose report is not drawn."""
-    monkeypatch.setattr("mitt.study.outputs.write_report", lambda path, _: path.write_text("page"))
+    monkeypatch.setattr("mitt.report.outputs.write_report", lambda path, _: path.write_text("page"))
     save_map(tmp_path / "map.json", learned, version="0.1.0")
     job = CatchOptions(
         throws=2, seed=5, map=tmp_path / "map.json", vision="points", out=tmp_path / "out"

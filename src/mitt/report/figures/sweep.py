@@ -10,8 +10,8 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from mitt.report.figures.style import BLUE, GENERATORS, GREY, INK, UNNAMED, Plot, plot
 from mitt.signals import Array
-from mitt.study.figures.style import BLUE, GENERATORS, GREY, INK, UNNAMED, Plot, plot
 
 Row = Mapping[str, Any]
 
@@ -109,7 +109,8 @@ def reach(trials: Mapping[str, Array]) -> Plot:
             upper, lower = panels[:, column]
             shown = _draw_map(upper, points, edges, (0, 1))
             _draw_map(lower, points, edges, (2, 1))
-            upper.set_title(generator, color=GENERATORS.get(generator, UNNAMED)[0])
+            colour = GENERATORS.get(generator, UNNAMED)[0]
+            upper.set_title(generator, color=colour, fontsize=min(10.5, 62.0 / rows))
             upper.set_xlabel("sideways [m]")
             lower.set_xlabel("speed [m/s]")
         for axes in panels[:, 0]:
@@ -156,7 +157,7 @@ def effort(rows: Sequence[Row], columns: Sequence[tuple[str, str, float]]) -> Pl
                 axes.plot([k - 0.36, k + 0.36], [np.median(values)] * 2, color=colour, lw=2.2)
             axes.set_xticks(range(len(names)), names, rotation=55, ha="right")
             axes.set_title(title, color=INK)
-            axes.set_ylim(bottom=0.0)
+            axes.set_ylim(0.0, 1.05 * axes.get_ylim()[1])
             axes.grid(visible=False, axis="x")
 
     return plot("effort", (_COLUMNS * _WIDE, 3.4), draw)

@@ -7,18 +7,16 @@ this machine alone for as long as the page is made; nothing ever connects to it.
 import contextlib
 import io
 from collections.abc import Iterator
-from itertools import pairwise
 from typing import Any
 
 import mujoco
 import numpy as np
 import viser
 
+from mitt.report.meshes import BALL, body_meshes
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.study.log import PHASES, TrialLog
-from mitt.study.skeleton import bones
-from mitt.study.solids import Mesh, cylinder, joined, of_geom, placed, rod, towards
 from mitt.world.build import build_plant
 from mitt.world.scene import Scene
 
@@ -28,11 +26,8 @@ _EACH, _SLOWER = 4, 5.0
 _DOT_EACH = 24
 #: How long after first contact the replay goes on [s].
 _AFTER = 0.45
-#: Drums at the joints: radius, half length; and the struts that join the shapes of a link [m].
-_DRUM, _STRUT, _STAND = (0.052, 0.062), 0.028, 0.07
-
-_METAL, _DARK, _FINGER = (214, 218, 224), (92, 100, 112), (150, 158, 170)
-_BALL, _HAND = (213, 94, 0), (0, 114, 178)
+#: Colour of the way of the catch point.
+_HAND = (0, 114, 178)
 
 
 def replay_page(arm: Arm, scene: Scene, log: TrialLog) -> str:
@@ -83,9 +78,10 @@ def _furnish(scene_api: Any, arm: Arm, scene: Scene, model: mujoco.MjModel) -> N
         plane_color=(246, 248, 250), plane_opacity=1.0, shadow_opacity=0.25, fade_distance=30.0,
     )  # fmt: skip
     for body in range(model.nbody):
-        for k, (mesh, colour) in enumerate(_shapes(model, body, arm, scene)):
+        for k, (mesh, colour) in enumerate(body_meshes(model, body, arm, scene)):
             scene_api.add_mesh_simple(
-                f"{_node(body)}/{k}", mesh.vertices.astype(np.float32), mesh.faces,
+                f"{_node(body)}/{k}", mesh.vertices.astype(np.float32),
+                mesh.faces.astype(np.uint32),
                 color=colour, side="double",
                 receive_shadow=False,
             )  # fmt: skip
@@ -96,48 +92,6 @@ def _node(body: int) -> str:
     return f"/bodies/{body:02d}"
 
 
-def _shapes(
-    model: mujoco.MjModel, body: int, arm: Arm, scene: Scene
-) -> list[tuple[Mesh, tuple[int, int, int]]]:
-    """Return the meshes of a body, one a colour."""
-    by_colour: dict[tuple[int, int, int], list[Mesh]] = {}
-    name = model.body(body).name
-    for g in np.flatnonzero(model.geom_bodyid == body):
-        mesh = of_geom(model, int(g))
-        if mesh is not None:
-            by_colour.setdefault(_colour(model.geom(int(g)).name, name), []).append(mesh)
-    by_colour.setdefault(_DARK, []).extend(_extras(arm, scene, name))
-    return [(joined(meshes), colour) for colour, meshes in by_colour.items() if meshes]
-
-
-def _colour(geom: str, body: str) -> tuple[int, int, int]:
-    """Return the colour of a geom."""
-    if geom == "ball":
-        return _BALL
-    if geom.startswith("finger"):
-        return _FINGER
-    return _METAL if body.startswith("link_") else _DARK
-
-
-def _extras(arm: Arm, scene: Scene, body: str) -> list[Mesh]:
-    """Return what is only for the eye: struts along a link, a drum at its joint, the stand."""
-    if body == "world":
-        top = min([c.start[2] for c in arm.model.base_capsules] or [0.0])
-        half = 0.5 * (top - scene.floor)
-        at = np.array([*arm.model.mount[:2, 3], scene.floor + half])
-        return [placed(cylinder(_STAND, half), np.eye(3), at)] if half > 0.0 else []
-    names = [f"link_{link.name}" for link in arm.model.links]
-    if body not in names:
-        return []
-    k = names.index(body)
-    points, link = bones(arm.model)[k].points, arm.model.links[k]
-    struts = [rod(a, b, _STRUT) for a, b in pairwise(points)]
-    if k + 1 == len(names):
-        struts = struts[:-1] or struts
-    drum = placed(cylinder(*_DRUM), towards(link.axis), np.zeros(3))
-    return [*struts, *([] if link.prismatic or link.held is not None else [drum])]
-
-
 def _recorded(server: Any, model: mujoco.MjModel, log: TrialLog) -> str:  # noqa: ANN401
     """Move the bodies through the trial while Viser records, and return its page."""
     api, trace = server.scene, log.truth
@@ -146,7 +100,7 @@ def _recorded(server: Any, model: mujoco.MjModel, log: TrialLog) -> str:  # noqa
     label = api.add_label("/clock", "", position=(0.78, 0.0, 0.85), anchor="center-center")
     ticks = np.arange(0, _last(log), _EACH)
     dots = [
-        (k, api.add_icosphere(f"/trail/{k:05d}", radius=0.008, color=_BALL, subdivisions=1,
+        (k, api.add_icosphere(f"/trail/{k:05d}", radius=0.008, color=BALL, subdivisions=1,
                               position=tuple(trace.r_o[k]), visible=False, cast_shadow=False))
         for k in range(0, _catch_tick(log), _DOT_EACH)
     ]  # fmt: skip

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from mitt.generator.learn import Step
+from mitt.report.figures.style import ALPHA_0, BLUE, GREY, INK, ORANGE, PALE, Plot, plot
 from mitt.signals import Array
-from mitt.study.figures.style import ALPHA_0, BLUE, GREY, INK, ORANGE, PALE, Plot, plot
 from mitt.study.log import TrialLog
 
 

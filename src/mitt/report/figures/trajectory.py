@@ -5,11 +5,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from mitt.report.figures.style import ALPHA_0, BALL, GREY, INK, LEARNED, Plot, dots, plot
+from mitt.report.skeleton import skeleton
 from mitt.robot.arm import Arm
 from mitt.signals import Array
-from mitt.study.figures.style import ALPHA_0, BALL, GREY, INK, LEARNED, Plot, dots, plot
 from mitt.study.log import TrialLog
-from mitt.study.skeleton import skeleton
 
 #: A line of the arm each so many ticks, and how long after the catch all is drawn [s].
 _ARM_EACH, _AFTER = 50, 0.1

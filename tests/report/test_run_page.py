@@ -11,9 +11,9 @@ import pytest
 
 from mitt.generator.learn import Learned
 from mitt.link.clock import Stopwatch
+from mitt.report.run_page import ReportContent, report, write_report
+from mitt.report.summary import result_summary
 from mitt.robot.arm import Arm
-from mitt.study.digest import digest
-from mitt.study.report import ReportContent, report, write_report
 from mitt.study.result import result
 from mitt.study.stats import wilson
 from mitt.study.trial import Outcome
@@ -213,11 +213,11 @@ def test_the_report_is_written_whole(tmp_path: Path, content: ReportContent) -> 
     assert [x.name for x in tmp_path.iterdir()] == ["report.html"]
 
 
-def test_the_digest_is_taken_from_the_trials(direct: Outcome) -> None:
+def test_the_result_summary_is_taken_from_the_trials(direct: Outcome) -> None:
     """Medians and percentiles are NumPy's, over the throws that have the figure."""
     trials = [asdict(replace(direct.trial, index=k, position_error_mm=float(k))) for k in range(9)]
     trials[4]["position_error_mm"] = None
-    short = digest({**_result(direct), "trials": trials})
+    short = result_summary({**_result(direct), "trials": trials})
     values = [0.0, 1.0, 2.0, 3.0, 5.0, 6.0, 7.0, 8.0]
     assert short.position_mm is not None
     assert short.position_mm.median == np.median(values)

@@ -1,0 +1,113 @@
+"""Triangle meshes of what a scene consists of, for pictures and replays."""
+
+from itertools import pairwise
+from typing import TypeAlias
+
+import mujoco
+import numpy as np
+import trimesh
+from trimesh import Trimesh
+
+from mitt.report.skeleton import bones
+from mitt.robot.arm import Arm
+from mitt.signals import Array
+from mitt.world.scene import Scene
+
+Colour: TypeAlias = tuple[int, int, int]
+"""Red, green, blue, 0 to 255."""
+
+#: Corners around the axis of a round shape.
+_AROUND = 24
+#: Angle between faces from which an edge is seen as one [rad].
+_SHARP = 0.5
+#: Drums at the joints: radius, half length; and the struts that join the shapes of a link [m].
+_DRUM, _STRUT, _STAND = (0.052, 0.062), 0.028, 0.07
+METAL, DARK, FINGER, BALL = (214, 218, 224), (92, 100, 112), (150, 158, 170), (213, 94, 0)
+"""Colours of links, joints, fingers and ball."""
+
+
+def body_meshes(
+    model: mujoco.MjModel, body: int, arm: Arm, scene: Scene
+) -> list[tuple[Trimesh, Colour]]:
+    """Return the meshes of a body of the plant in its own frame, one a colour."""
+    by_colour: dict[Colour, list[Trimesh]] = {}
+    name = model.body(body).name
+    for g in np.flatnonzero(model.geom_bodyid == body):
+        mesh = geom_mesh(model, int(g))
+        if mesh is not None:
+            by_colour.setdefault(_colour(model.geom(int(g)).name, name), []).append(mesh)
+    by_colour.setdefault(DARK, []).extend(_extras(arm, scene, name))
+    return [(trimesh.util.concatenate(found), colour)
+            for colour, found in by_colour.items() if found]  # fmt: skip
+
+
+def geom_mesh(model: mujoco.MjModel, g: int) -> Trimesh | None:
+    """Return a geom's mesh in the frame of its body; None for shapes that are not round."""
+    size, kind = model.geom_size[g], int(model.geom_type[g])
+    if kind == int(mujoco.mjtGeom.mjGEOM_SPHERE):
+        mesh = sphere(float(size[0]))
+    elif kind == int(mujoco.mjtGeom.mjGEOM_CAPSULE):
+        mesh = capsule(float(size[0]), 2.0 * float(size[1]))
+    elif kind == int(mujoco.mjtGeom.mjGEOM_CYLINDER):
+        mesh = cylinder(float(size[0]), 2.0 * float(size[1]))
+    else:
+        return None
+    T = trimesh.transformations.quaternion_matrix(model.geom_quat[g])
+    T[:3, 3] = model.geom_pos[g]
+    return mesh.apply_transform(T)
+
+
+def sphere(radius: float, *, corners: int = _AROUND) -> Trimesh:
+    """Return a sphere [m]."""
+    return trimesh.creation.uv_sphere(radius, count=(corners // 2, corners))
+
+
+def capsule(radius: float, length: float) -> Trimesh:
+    """Return a capsule about z, its straight part so long [m]."""
+    return trimesh.creation.capsule(length, radius, count=(_AROUND // 2, _AROUND))
+
+
+def cylinder(radius: float, length: float) -> Trimesh:
+    """Return a cylinder about z, its edges doubled, so that they shade as edges [m]."""
+    mesh = trimesh.creation.cylinder(radius, length, sections=_AROUND)
+    return trimesh.graph.smooth_shade(mesh, angle=_SHARP)
+
+
+def rod(start: Array, end: Array, radius: float) -> Trimesh:
+    """Return a capsule from one point to another [m], shape (3,) each."""
+    along = end - start
+    T = trimesh.geometry.align_vectors((0.0, 0.0, 1.0), along)
+    T[:3, 3] = 0.5 * (start + end)
+    return capsule(radius, float(np.linalg.norm(along))).apply_transform(T)
+
+
+def _colour(geom: str, body: str) -> Colour:
+    """Return the colour of a geom."""
+    if geom == "ball":
+        return BALL
+    if geom.startswith("finger"):
+        return FINGER
+    return METAL if body.startswith("link_") else DARK
+
+
+def _extras(arm: Arm, scene: Scene, body: str) -> list[Trimesh]:
+    """Return what is only for the eye: struts along a link, a drum at its joint, the stand."""
+    if body == "world":
+        top = float(arm.model.mount[2, 3])
+        if top <= scene.floor:
+            return []
+        stand = cylinder(_STAND, top - scene.floor)
+        return [stand.apply_translation((*arm.model.mount[:2, 3], 0.5 * (top + scene.floor)))]
+    names = [f"link_{link.name}" for link in arm.model.links]
+    if body not in names:
+        return []
+    k = names.index(body)
+    points, link = bones(arm.model)[k].points, arm.model.links[k]
+    struts = [rod(a, b, _STRUT) for a, b in pairwise(points)]
+    if k + 1 == len(names):
+        struts = struts[:-1] or struts
+    if link.prismatic or link.held is not None:
+        return struts
+    drum = cylinder(_DRUM[0], 2.0 * _DRUM[1])
+    turn = trimesh.geometry.align_vectors((0.0, 0.0, 1.0), link.axis)
+    return [*struts, drum.apply_transform(turn)]

@@ -1,0 +1,83 @@
+"""HTML pages that stand alone: a layout and templates of ``data/pages``, filled by Jinja2.
+
+A page is a list of sections. Each is a block of the page's template, and is left out, with its
+link, where the block comes out empty. Text is escaped by the templates; drawings and replays, which
+come from this package, are not.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+_NONE = "\u2013"
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A section of a page.
+
+    Attributes:
+        name: Its block in the template, and its address in the page with hyphens.
+        link: What the link at the top says.
+        title: Its heading.
+    """
+
+    name: str
+    link: str
+    title: str
+
+
+def page(
+    template: str, sections: Sequence[Section], *, title: str, command: str, **values: object
+) -> str:
+    """Return a page.
+
+    Args:
+        template: Name of the template; besides its sections it has blocks ``settings`` and
+            ``footer``.
+        sections: Sections in their order.
+        title: Heading of the page.
+        command: Command that made it.
+        values: What the blocks show.
+    """
+    source = _environment().get_template(f"{template}.html")
+
+    def block(name: str) -> str:
+        return "".join(source.blocks[name](source.new_context(values))).strip()
+
+    parts = [
+        {"name": s.name.replace("_", "-"), "link": s.link, "title": s.title, "html": html}
+        for s in sections
+        if (html := block(s.name))
+    ]
+    return _environment().get_template("layout.html").render(
+        title=title, command=command, settings=block("settings"), footer=block("footer"),
+        sections=parts,
+    )  # fmt: skip
+
+
+@cache
+def _environment() -> Environment:
+    """Return the templates with what all of them use."""
+    environment = Environment(
+        loader=PackageLoader("mitt", "data/pages"), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
+    )  # fmt: skip
+    style = files("mitt").joinpath("data/pages/page.css").read_text(encoding="utf-8")
+    environment.filters["num"] = number
+    environment.globals["style"] = style
+    environment.globals["piece"] = environment.get_template("pieces.html").module
+    return environment
+
+
+def number(value: float | None, digits: int) -> str:
+    """Return a number with so many digits, or a dash where there is none."""
+    return _NONE if value is None else f"{value:.{digits}f}"
+
+
+def interval(ends: Sequence[float]) -> str:
+    """Return an interval of rates in percent."""
+    return f"{100.0 * ends[0]:.1f}{_NONE}{100.0 * ends[1]:.1f}"

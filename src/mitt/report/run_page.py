@@ -1,0 +1,188 @@
+"""The page that a run leaves behind: one file that opens anywhere and loads nothing."""
+
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mitt.generator.learn import Step
+from mitt.link.files import write_text
+from mitt.report.figures.learning import (
+    feedback_by_step,
+    feedback_pair,
+    feedback_share,
+    learning_cost,
+)
+from mitt.report.figures.pictures import picture_strip
+from mitt.report.figures.response import joint_angles, joint_torques, target_and_hand
+from mitt.report.figures.style import STATUS, Plot
+from mitt.report.figures.throws import contact_errors, releases
+from mitt.report.figures.trajectory import catching_trajectory
+from mitt.report.page import Section, interval, number, page
+from mitt.report.replay import replay_page
+from mitt.report.summary import FAILURES, ResultSummary, result_summary
+from mitt.report.table_1 import table_1
+from mitt.robot.arm import Arm
+from mitt.signals import Array
+from mitt.study.log import TrialLog
+from mitt.study.score import reason_of
+from mitt.study.trial import Outcome
+from mitt.world.scene import Scene
+
+_SECTIONS = (
+    Section("summary", "Summary", "What happened"),
+    Section("failures", "Failures", "Throws that failed"),
+    Section("replay", "3-D replay", "One throw in 3-D"),
+    Section("figures", "Figures", "Figures, by the paper's numbers"),
+    Section("rivals", "Comparison", "Beside other generators"),
+    Section("table_1", "Table 1", "The system beside the paper's Table 1"),
+    Section("trials", "All throws", "All throws"),
+)
+#: What became of throws that were not caught, in words.
+_FAILED = {
+    "dropped": "it dropped",
+    "missed": "it missed",
+    "unreachable": "it refused before moving",
+    "stopped": "ended in a stop",
+    "aborted": "ended with physics that diverged",
+}
+_NONE = "\u2013"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReportContent:
+    """What a report is made from; what is None or empty is left out of the page.
+
+    Attributes:
+        result: The result, ``mitt.catch/1``.
+        arm: The arm of the run.
+        scene: The world's settings of the run.
+        steps: Costs over the steps of learning; None where the map brought none with it.
+        direct: One throw with the generator of the run, with its log.
+        unoptimised: The same throw with alpha = 0, with its log.
+        releases: Ball centre at the release of each trial [m], shape (trials, 3).
+        shares: Share of feedback in the torque with alpha = 0 and after each step of learning.
+        rivals: Results of the same throws with other generators or settings.
+        pictures: Whether to draw fig. 12; it takes some seconds.
+        replay: Whether to put in the 3-D replay; it weighs 1 MB.
+    """
+
+    result: dict[str, Any]
+    arm: Arm
+    scene: Scene
+    steps: tuple[Step, ...] | None = None
+    direct: Outcome | None = None
+    unoptimised: Outcome | None = None
+    releases: Array | None = None
+    shares: tuple[float, ...] | None = None
+    rivals: tuple[dict[str, Any], ...] = ()
+    pictures: bool = True
+    replay: bool = True
+
+
+def write_report(path: Path, content: ReportContent) -> None:
+    """Write the page whole or not at all.
+
+    Raises:
+        FileError: The file cannot be written.
+    """
+    write_text(path, report(content))
+
+
+def report(content: ReportContent) -> str:
+    """Return the page."""
+    result, arm, scene = content.result, content.arm, content.scene
+    short, log, plain = result_summary(result), _log(content.direct), _log(content.unoptimised)
+    balls = "ball" if short.throws == 1 else "balls"
+    return page(
+        "run",
+        _SECTIONS,
+        title=f"{short.counts['caught']} of {short.throws} {balls} caught",
+        command="catch",
+        result=result,
+        short=short,
+        failed_words="".join(_failed_words(short)),
+        failed_counts=", ".join(f"{short.counts[s]} {s}" for s in FAILURES),
+        failed=[t for t in result["trials"] if t["status"] != "caught"],
+        direct=content.direct if log else None,
+        plain=content.unoptimised if plain else None,
+        feedback_share=feedback_share,
+        colour={status: colour for status, (colour, _) in STATUS.items()},
+        rows_of=_rows,
+        replay=replay_page(arm, scene, log) if log is not None and content.replay else None,
+        drawn={plot.name: plot.svg for plot in _plots(content, log, plain)},
+        strip=picture_strip(arm, scene, log) if log is not None and content.pictures else None,
+        rivals=[_compared(other) for other in (result, *content.rivals)] if content.rivals else [],
+        system=[astuple(row) for row in table_1(arm, log, vision=str(result["vision"]))],
+    )
+
+
+def _log(outcome: Outcome | None) -> TrialLog | None:
+    """Return the log of a throw, where there is one."""
+    return None if outcome is None else outcome.log
+
+
+def _failed_words(short: ResultSummary) -> list[str]:
+    """Return what became of the throws that were not caught, to follow what was caught."""
+    failed = [f"{short.counts[s]} {words}" for s, words in _FAILED.items() if short.counts[s]]
+    return ["; ", ", ".join(failed)] if failed else []
+
+
+def _rows(trials: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
+    """Return a row of the table a trial."""
+    return [
+        (
+            str(t["index"]),
+            str(t["status"]),
+            str(t["binding_limit"] or _NONE),
+            reason_of(t.get("stopped_by")) or _NONE,
+            number(t["position_error_mm"], 1),
+            number(t["velocity_error_m_s"], 2),
+            number(t["peak_contact_force_n"], 0),
+            str(t["limit_violations"]),
+        )
+        for t in trials
+    ]
+
+
+def _compared(result: dict[str, Any]) -> tuple[str, ...]:
+    """Return a result as a row of the table that compares generators."""
+    d = result_summary(result)
+    place, speed, cost = (None if s is None else s.median
+                          for s in (d.position_mm, d.velocity_m_s, d.cost))  # fmt: skip
+    return (
+        str(result["generator"]), str(result["limits"]), f"{d.counts['caught']} of {d.throws}",
+        f"{100 * d.rate:.1f}", interval(d.ci95), number(place, 1), number(speed, 2),
+        number(cost, 3), str(d.violating_throws),
+    )  # fmt: skip
+
+
+def _plots(content: ReportContent, log: TrialLog | None, plain: TrialLog | None) -> list[Plot]:
+    """Return all drawings for which there are data."""
+    arm, trials = content.arm, content.result["trials"]
+    out = [] if content.steps is None else [learning_cost(content.steps)]
+    if log is not None:
+        out += [
+            catching_trajectory(arm, log, plain),
+            target_and_hand(arm, log),
+            joint_angles(arm, log, plain),
+            joint_torques(arm, log, plain),
+        ]
+        if content.shares:
+            out.append(feedback_by_step(content.shares))
+        elif plain is not None:
+            out.append(feedback_pair(feedback_share(plain), feedback_share(log)))
+    out.append(contact_errors(trials))
+    if content.releases is not None and len(trials):
+        out.append(releases(trials, content.releases[: len(trials)], _catch_point(log)))
+    return out
+
+
+def _catch_point(log: TrialLog | None) -> Array | None:
+    """Return where the hand was at the catch [m], shape (3,); None without a catch."""
+    if log is None or not np.isfinite(log.t_catch):
+        return None
+    at: Array = log.truth.position[int(np.argmin(np.abs(log.truth.t - log.t_catch)))]
+    return at

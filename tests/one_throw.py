@@ -1,0 +1,37 @@
+"""One throw at the learned map and at alpha = 0, shared by the tests of what people see."""
+
+import numpy as np
+import pytest
+
+from mitt.generator.generators import Direct, Unoptimised
+from mitt.generator.learn import Learned
+from mitt.generator.mapping import DirectMap
+from mitt.robot.arm import Arm
+from mitt.study.aim import aim_of
+from mitt.study.trial import Bench, Outcome
+from mitt.world.scene import Scene
+from mitt.world.throws import Throw, default_throw
+
+
+@pytest.fixture(scope="session")
+def scene() -> Scene:
+    """The default world."""
+    return Scene()
+
+
+@pytest.fixture(scope="session")
+def throw(arm: Arm) -> Throw:
+    """A default throw."""
+    return default_throw(np.random.default_rng(5), aim_of(arm))
+
+
+@pytest.fixture(scope="session")
+def direct(arm: Arm, learned: Learned, scene: Scene, throw: Throw) -> Outcome:
+    """The throw with the learned map, seen as points."""
+    return Bench(arm, Direct(learned.map), scene, pixels=False).run(0, throw, seed=3, log=True)
+
+
+@pytest.fixture(scope="session")
+def unoptimised(arm: Arm, plain: DirectMap, scene: Scene, throw: Throw) -> Outcome:
+    """The same throw with alpha = 0."""
+    return Bench(arm, Unoptimised(plain), scene, pixels=False).run(0, throw, seed=3, log=True)

@@ -1,0 +1,17 @@
+"""Fixtures of the tests of pages and figures."""
+
+from pathlib import Path
+
+import pytest
+from one_throw import direct, scene, throw, unoptimised
+from small_study import TEXT, write_study
+
+from mitt.study.sweep.study import Study
+
+__all__ = ["direct", "scene", "study", "throw", "unoptimised"]
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Study:
+    """A study of 24 throws in twelve chunks."""
+    return write_study(tmp_path, TEXT)
