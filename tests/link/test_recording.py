@@ -104,6 +104,7 @@ def test_topics_have_the_types_that_foxglove_knows(tmp_path: Path) -> None:
     assert {topic: schema.name for topic, schema in kinds.items()} == {
         "/joint_states": "sensor_msgs/msg/JointState",
         "/joint_commands": "sensor_msgs/msg/JointState",
+        "/brakes": "std_msgs/msg/Bool",
         ESTIMATE: "geometry_msgs/msg/PointStamped",
         PHASE: "std_msgs/msg/String",
     }

@@ -50,7 +50,8 @@ class RobotLink:
         Raises:
             InputError: The robot has no brakes, or is no driver.
         """
-        checks.instance("robot", robot, Robot)
+        if not isinstance(robot, Robot):
+            raise InputError("robot", "a driver (mitt.link.robot.Robot)", checks.shown(robot))
         if not robot.brakes and not unbraked:
             do = "if the arm stays where it is without its drives, say unbraked=True"
             raise InputError("robot", "brakes that a stop can engage", "none", do=do)
