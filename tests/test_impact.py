@@ -77,13 +77,23 @@ def test_caps_leave_room_for_the_impact(motors: Arm) -> None:
         assert caps[2] < fastest[2] - 0.01
 
 
-def test_a_joint_is_not_slowed_beyond_what_its_monitor_bears(motors: Arm) -> None:
+def test_a_joint_is_not_slowed_without_end(motors: Arm) -> None:
     """Where 0.7 of its speed leave no room the caps end and the impact itself is refused."""
     dq = np.array([0.0, 0.5, 0.99 * motors.dq_max[2]])
     way = approach(Q, dq, np.array([-7.5, 0.3, 1.3]) + motors.jacobian(Q) @ dq)
     caps = speed_caps(motors, way, ball(0.5))
     assert caps[2] == pytest.approx(0.7 * bounds_of(motors)[2][2])
     assert shares_after(motors, way, ball(0.5))["impact:j4"] > 1.0
+
+
+def test_a_joint_that_would_run_out_of_room_to_brake_is_kept_slower(arm: Arm) -> None:
+    """With half a kilogram at the hand it comes to rest within nine tenths of the way."""
+    q, dq = np.array([0.0, 0.6, 1.63]), np.array([0.0, -2.0, 15.8])
+    way = approach(q, dq, arm.jacobian(q) @ dq)
+    caps = speed_caps(arm, way, ball(0.5))
+    assert caps[2] < 0.95 * dq[2]
+    assert shares_after(arm, way, ball(0.5))["brake:j4"] < 0.91
+    assert speed_caps(arm, way, ball(0.03))[2] > dq[2]
 
 
 def test_a_ball_that_slows_a_joint_down_needs_no_room(motors: Arm) -> None:

@@ -22,11 +22,11 @@ from mitt.control.envelope import TICK
 from mitt.control.monitor import doubted, good_again
 from mitt.control.stopped import StoppedBy
 from mitt.errors import InputError, ShapeError
-from mitt.generator.certificate import Outcome, Verdict
+from mitt.generator.certificate import Outcome, Verdict, is_far
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.mapping import DirectMap
 from mitt.generator.several import Several
-from mitt.impact import CaughtBall, examined, speed_caps
+from mitt.impact import CaughtBall, examined, speed_caps, speed_jumps
 from mitt.records import (
     BRAKE,
     FOLLOW,
@@ -70,6 +70,8 @@ __all__ = ["Catcher", "CatcherSettings", "Phase", "Tick"]
 
 #: Speed below which a joint that brakes counts as at rest [rad/s].
 _AT_REST = 1e-3
+#: Time after which the verdict on a ball that is far is given again [s].
+_LOOK_AGAIN = 0.02
 #: Beside the bits of a tick: the map can be refined.
 REFINES = 32
 #: Attributes of a catcher that are views of its records, or scratch; not kept in a copy.
@@ -413,7 +415,12 @@ class Catcher:
         self._numbers["phase"] = phase
 
     def _watch(self, ball: BallState) -> None:
-        """Give the verdict once the ball is known well enough, or when it is due."""
+        """Give the verdict once the ball is known well enough, or when it is due.
+
+        A refusal is for good, so it waits until the ball is as near as it has to be for a start.
+        """
+        if ball.t < self._numbers["t_look"]:
+            return
         due = ball.t - ball.t_first >= self._settings.watch
         if not due and self._generator.sharpness(ball) > self._settings.sigma_ready:
             return
@@ -426,11 +433,13 @@ class Catcher:
             bandwidth = self._settings.bandwidth
             verdict = examined(self._arm, verdict, self._caught, bandwidth=bandwidth)
         self._verdict, self._unasked = verdict, None
-        hasty = verdict.outcome is Outcome.UNREACHABLE and not due  # a refusal is for good
-        if hasty or verdict.outcome is Outcome.UNSETTLED:
+        if verdict.outcome is Outcome.UNSETTLED:
             return
         if verdict.outcome is Outcome.UNREACHABLE:
-            self._enter(REFUSED)
+            if due and is_far(ball, self._arm.position(self.believed[0])):
+                self._numbers["t_look"] = ball.t + _LOOK_AGAIN
+            elif due:
+                self._enter(REFUSED)
             return
         self._numbers["open"] = verdict.outcome is Outcome.OPEN
         self._adapt(self._generator.waiting(ball) if self._numbers["open"] else ball)
@@ -438,10 +447,14 @@ class Catcher:
         self._enter(FOLLOW)
 
     def _make_room(self, verdict: Verdict) -> None:
-        """Keep the joints that the ball will drive on below their speed limits by as much."""
+        """Keep the joints that the ball will drive on below their speed limits by as much.
+
+        The motors' torque is kept to what is left of it at such speeds.
+        """
         if verdict.approach is not None:
-            caps = speed_caps(self._arm, verdict.approach, self._caught)
-            self._state["bounds"][0][2] = caps
+            given = self._arm, verdict.approach, self._caught
+            self._state["bounds"][0][2] = speed_caps(*given)
+            self._state["jump"][0] = speed_jumps(*given)
 
     def _reconsider(self, ball: BallState) -> None:
         """Follow the ball itself as soon as it can be caught; its stand-in until then."""

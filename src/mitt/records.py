@@ -76,6 +76,8 @@ class CatcherSettings:
             needs about 2 cm (Baeuml and others, ICRA 2011).
         stray: Gap between told and true joint angles at which the arm is stopped if it lasts
             20 ms [rad]; infinite for the map with alpha = 0, which saturates for longer.
+        torque_lead: Time from the reading of the joints until the torque that is commanded then
+            ceases to act [s]: a tick, and what the drives take to answer.
     """
 
     bandwidth: float = 80.0
@@ -95,6 +97,7 @@ class CatcherSettings:
     encoders: Encoders = field(default_factory=Encoders)
     tolerance: float = 0.02
     stray: float = 0.8
+    torque_lead: float = 0.001
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -208,12 +211,14 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         wanted: q_d, dq_d, ddq_d of the last tick, shape (3, n).
         t_brake: Time at which braking began [s].
         watch: Longest time from first sight to the verdict [s].
+        t_look: Time before which there is no verdict: one that refuses a far ball waits [s].
         review, t_reviewed: How often the choice of the map is reviewed, and when it was last [s].
         eyes_...: Arrays of :func:`mitt.vision.looking.look`; z, R: its results.
         ball_...: Memory, settings and scratch of :mod:`mitt.vision.belief`.
         closing, grip: As in :mod:`mitt.control.hand`.
         adapt_...: As in :class:`CatcherSettings`.
         bandwidth, track_notes, target: For the tracking, and scratch.
+        jump, torque_lead: As in :mod:`mitt.control.margin`.
     """
     s, n, table = settings, arm.n, settings.encoders.table(arm)
     still = np.zeros(n)
@@ -233,9 +238,10 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         "brake_delay": max(brake.delay for brake in arm.brakes),
         "condition": condition.memory(), "clock": np.int64(0), "encoders": np.int64(0),
         "tolerance": s.tolerance, "stray": s.stray, "asked_to_stop": np.bool_(False),
-        "review": s.review, "t_reviewed": -np.inf, "watch": s.watch,
+        "review": s.review, "t_reviewed": -np.inf, "watch": s.watch, "t_look": -np.inf,
         "heads": np.int64(eyes.heads), "t_exposed": 0.0,
         "last": np.array([arm.q_ready, still, still]),
+        "jump": np.zeros(n), "torque_lead": s.torque_lead,
     }  # fmt: skip
     return fields | {f"eyes_{name}": value for name, value in eyes.parts().items()}
 
@@ -244,18 +250,22 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
 def arm_fields(arm: Arm, around: Surroundings) -> Fields:
     """Return what the tracking knows of an arm, which changes when it holds the ball.
 
-    Worked out once, not to be written to. ``room`` and what follows is for
+    Worked out once, not to be written to. ``encoder_bounds`` are the bounds for the encoders'
+    monitor, those of ``bounds`` without room for an impact; ``drives_now`` are the drives as of
+    :mod:`mitt.control.margin`; ``room`` and what follows is for
     :func:`mitt.control.stop.short_of_room`.
     """
     guard, links = Guard(arm, around), len(arm.bodies)
     return {
         "bounds": guard.bounds,
+        "encoder_bounds": guard.bounds,
         "shapes": guard.shapes.table,
         "pairs": guard.shapes.pairs,
         "guard_known": guard.known,
         "guard_work": guard.work,
         "guard_reserve": guard.reserve,
         "drives": arm.limits.packed,
+        "drives_now": arm.limits.packed,
         "bodies": arm.bodies,
         "index": np.array(arm.model.active),
         "room": np.array([arm.tau_max, arm.q_min, arm.q_max]),

@@ -16,6 +16,7 @@ from mitt.control.condition import ABORT, ASKED, assess, pass_time
 from mitt.control.encoders import bring
 from mitt.control.envelope import TICK
 from mitt.control.hand import close, has_closed
+from mitt.control.margin import derate
 from mitt.control.monitor import BRIDGED, believe
 from mitt.control.reserve import HARDEST, choose_stop, stop_by
 from mitt.control.stop import short_of_room
@@ -152,7 +153,7 @@ def _measure(state: Record, result: Record) -> None:
     """Let the monitor estimate the joints."""
     s, out = state[0], result[0]
     s["encoders"] = believe(
-        s["encoder_memory"], s["bounds"], s["encoder_table"][0], s["encoder_doubt"],
+        s["encoder_memory"], s["encoder_bounds"], s["encoder_table"][0], s["encoder_doubt"],
         out["encoders"], out["told"], s["braked"], s["believed"],
     )  # fmt: skip
 
@@ -226,10 +227,14 @@ def act(brake: Array, state: Record, result: Record) -> int:
         s["guard_reserve"],
     )
     out["hand"] = close(s["closing"], s["grip"], t, out["time_to_catch"])
+    derate(
+        s["drives"], s["index"], s["encoder_memory"], believed[1], out["told"], s["encoder_doubt"],
+        s["jump"], s["torque_lead"], s["closing"][0] < np.inf, s["drives_now"],
+    )  # fmt: skip
     out["saturated"] = track(
         s["bounds"],
         s["bandwidth"],
-        s["drives"],
+        s["drives_now"],
         s["bodies"],
         s["index"],
         believed[0],
@@ -333,7 +338,8 @@ def _afterwards(state: Record, result: Record) -> int:
 def undecided(todo: int, state: Record, result: Record) -> bool:
     """Say that all there is to be thought about is a verdict that cannot be given yet.
 
-    The ball is not known well enough at its catch, and the verdict is not due. Saves a compiled
+    The ball is not known well enough at its catch, and the verdict is not due; or it would be
+    refused, and is still far. Saves a compiled
     loop the way through ``Catcher.think``, which finds the same.
 
     Args:
@@ -342,7 +348,11 @@ def undecided(todo: int, state: Record, result: Record) -> bool:
         result: As for :func:`tick`.
     """
     s, out = state[0], result[0]
-    if todo != DECIDE or s["phase"] != WATCH or s["sigma_ready"] == np.inf:
+    if todo != DECIDE or s["phase"] != WATCH:
+        return False
+    if out["t_ball"] < s["t_look"]:
+        return True
+    if s["sigma_ready"] == np.inf:
         return False
     if out["t_ball"] - out["t_first"] >= s["watch"]:
         return False

@@ -47,6 +47,22 @@ def test_every_failure_is_of_one_kind() -> None:
     assert len(found["failures"]) == 4
 
 
+def test_a_ball_that_springs_back_breaks_no_promise() -> None:
+    """One that was met within 30 mm and within all limits is let go; any other is not."""
+    fair = replace(PLAIN, status="dropped", position_error_mm=2.0, velocity_error_m_s=4.0)
+    others = [
+        replace(fair, position_error_mm=40.0),
+        replace(fair, limit_violations=1),
+        replace(fair, status="stopped"),
+    ]
+    trials = [fair, *others]
+    rows = [judged(lambda k: trials[k], lambda _: PLAIN, k, sampled=False) for k in range(4)]
+    found = counted(rows)
+    assert (found["let_go"], found["let_go_at_m_s"]) == (1, 4.0)
+    assert found["false_feasible"]["count"] == len(others)
+    assert found["false"]["count"] == len(others)
+
+
 def test_a_catch_beyond_a_limit_is_a_broken_promise() -> None:
     """A promised catch with one violating tick is false feasible, and proves nothing catchable."""
     beyond = replace(PLAIN, limit_violations=1)
@@ -68,6 +84,19 @@ def test_few_answers_of_the_clairvoyant_stand_for_all_refusals() -> None:
     found = counted(asked + others)
     assert (found["refused"], found["refused_and_asked"]) == (8, 4)
     assert found["false_unreachable"]["count"] == 4
+
+
+def test_conditions_stand_for_themselves() -> None:
+    """One answer about one refusal says nothing of nine refusals of another condition."""
+    refused = replace(PLAIN, status="unreachable", certificate={"outcome": "unreachable"})
+    hard, easy = refused, replace(PLAIN, status="caught")
+    alone = judged(lambda _: refused, lambda _: easy, 0, sampled=False) | {"condition": "a"}
+    others = [
+        judged(lambda _: refused, lambda _: hard, k, sampled=False, oracle=k < 2)
+        | {"condition": "b"}
+        for k in range(9)
+    ]
+    assert counted([alone, *others])["false_unreachable"]["count"] == 1
 
 
 def test_the_sample_stands_for_all_that_is_caught() -> None:

@@ -45,6 +45,8 @@ _AGAINST, _FROM, _SHADOW_Q, _SHADOW_DQ, _FASTS, _PUSH, _DOUBT, _GOOD, _LAST, _MO
 #: Gaps in the readings of late.
 _GAPS = 25
 COLUMNS = 26
+#: Column of the variance of the estimated speed [rad^2/s^2].
+SPEED_VARIANCE = _PV
 
 #: What is wrong with an encoder; the first two are not a fault yet.
 FINE, BRIDGED, SILENT, JUMPED, STUCK, REVERSED, FAST = range(7)

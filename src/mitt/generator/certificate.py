@@ -23,8 +23,9 @@ _INSTANTS = 25
 _REGION_GAP = 0.3
 #: How far ahead the ball's way over the ground is looked at [s], and in what steps.
 _AHEAD, _STRIDE = 1.0, 0.01
-#: How long before its catch the arm begins to follow a ball that is led [s].
-_LED_AHEAD = 0.5
+#: How long before its catch the arm begins to follow a ball that is led, and is told for good that
+#: it cannot catch one that flies [s]: about what learned flights last.
+_START_AHEAD = 0.5
 
 
 class Outcome(Enum):
@@ -117,7 +118,7 @@ def _checked(ball: BallState) -> BallState:
 
 def _comes_soon(ball: BallState, t_catch: float) -> bool:
     """Say whether the catch is so near that a start is not long before it."""
-    return t_catch - ball.t <= _LED_AHEAD
+    return t_catch - ball.t <= _START_AHEAD
 
 
 def _judged(
@@ -163,6 +164,20 @@ def trusted(f: DirectMap) -> Array:
     """
     region: Array = f.region + np.array([[-_REGION_GAP], [_REGION_GAP]])
     return region
+
+
+def is_far(ball: BallState, hand: Array) -> bool:
+    """Say whether a ball comes nearest to a hand only later than a motion has to begin.
+
+    Until then it may be known better, or caught by a motion that begins later.
+
+    Args:
+        ball: Estimate of the ball.
+        hand: Where the hand waits [m], shape (3,).
+    """
+    path = flown(_checked(ball), np.arange(0.0, _AHEAD, _STRIDE))[:, 0]
+    nearest = int(np.argmin(np.linalg.norm(path - checks.vector("hand", hand, 3), axis=1)))
+    return nearest * _STRIDE > _START_AHEAD
 
 
 def sharpness(f: DirectMap, ball: BallState) -> float:

@@ -2,13 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import sqrt
+from math import pi, sqrt
 from typing import final
 
 import numpy as np
 
 from mitt.catcher import Catcher, CatcherSettings
 from mitt.control.encoders import Encoders
+from mitt.control.envelope import TICK
 from mitt.generator.generators import Generator
 from mitt.link.clock import Stopwatch
 from mitt.records import Record
@@ -108,6 +109,7 @@ class Bench:
             around=Surroundings(floor=self._scene.floor),
             encoders=known_encoders(self._scene, self.arm),
             stray=_patience(self._generator),
+            torque_lead=lead_of(self._scene.actuation),
         )
         return Catcher(driven(self.arm, self._scene), self._generator, eyes, settings=settings)
 
@@ -242,6 +244,15 @@ def driven(arm: Arm, scene: Scene) -> Arm:
     limits, left = arm.limits, 1.0 - RESERVE
     weaker = replace(limits, tau_peak=left * limits.tau_peak, tau_stall=left * limits.tau_stall)
     return Arm(arm.model, weaker)
+
+
+def lead_of(actuation: Actuation) -> float:
+    """Return from when joints are read until the torque commanded then ceases to act [s].
+
+    A tick, the delay of the command, and the time constant of the drives.
+    """
+    rate = 2.0 * pi * actuation.bandwidth
+    return TICK * (1.0 + actuation.delay) + (1.0 / rate if rate > 0.0 else 0.0)
 
 
 def known_ball(drag: float, mass: float, *, spread: float = 0.0) -> FilterConfig:

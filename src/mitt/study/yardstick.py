@@ -4,8 +4,9 @@ A throw is catchable where the clairvoyant's plan, run in the same plant with th
 noise, catches it within all limits. Every throw that the map does not catch is run by the
 clairvoyant too, as long as it may be asked, and a random sample of those that it catches, which
 says how often the clairvoyant fails there. A verdict is *false feasible* where the map promised and
-then did not catch, or caught beyond a limit; *false unreachable* where it refused what can be
-caught.
+then did not catch, or went beyond a limit; *false unreachable* where it refused what can be
+caught. A ball that the hand met where it tolerates it, within all limits, and that sprang back or
+slipped out all the same, is *let go*: the verdict on the way was right, and it is counted apart.
 """
 
 from collections import Counter
@@ -16,13 +17,15 @@ from typing import Any
 import numpy as np
 
 from mitt.study.result import STATUSES
-from mitt.study.score import Trial
+from mitt.study.score import Trial, reason_of
 from mitt.study.source import Source
 from mitt.study.stats import wilson
 from mitt.study.trial import Bench
 
 #: The stream that a sample is drawn from.
 _STREAM = 7
+#: Distance of ball and catch point at first contact within which a contact is fair [mm].
+FAIR = 30.0
 
 Row = dict[str, Any]
 #: Runs a throw by its index.
@@ -36,7 +39,9 @@ def judged(by_map: Run, by_optimum: Run, index: int, *, sampled: bool, oracle: b
     row: Row = {
         "index": index, "status": trial.status, "verdict": told.get("outcome"),
         "binding_limit": trial.binding_limit, "margin": told.get("margin"),
-        "violations": trial.limit_violations, "clairvoyant": None,
+        "violations": trial.limit_violations, "position_error_mm": trial.position_error_mm,
+        "velocity_error_m_s": trial.velocity_error_m_s, "stopped_by": reason_of(trial.stopped_by),
+        "clairvoyant": None,
     }  # fmt: skip
     if oracle and (not caught or sampled):
         best = by_optimum(index)
@@ -53,11 +58,10 @@ def counted(rows: Sequence[Row]) -> Row:
     # The sample stands for all that the map catches.
     common = round(share * caught)
     feasible = sum(row["verdict"] == "feasible" for row in rows)
-    broken = sum(_broken(row) for row in rows)
+    broken, let_go = sum(_broken(row) for row in rows), [row for row in rows if _let_go(row)]
     refused = [row for row in failed if _refused(row)]
     asked = [row for row in refused if row["clairvoyant"] is not None]
-    # Those that the clairvoyant was asked about stand for all that were refused.
-    timid = round(_caught_by_optimum(asked) / len(asked) * len(refused)) if asked else 0
+    timid = round(sum(_timid(refused, name) for name in {row.get("condition") for row in refused}))
     return {
         "throws": len(rows),
         "caught": caught,
@@ -69,6 +73,9 @@ def counted(rows: Sequence[Row]) -> Row:
         "caught_of_what_either_catches": _rate(caught, caught + lost),
         "false_feasible": _rate(broken, feasible),
         "false_unreachable": _rate(timid, len(rows)),
+        "false": _rate(broken + timid, len(rows)),
+        "let_go": len(let_go),
+        "let_go_at_m_s": _median([row["velocity_error_m_s"] for row in let_go]),
         "refused": len(refused),
         "refused_and_asked": len(asked),
         "refused_by": dict(Counter(row["binding_limit"] for row in refused)),
@@ -83,15 +90,37 @@ def _caught_by_optimum(rows: Sequence[Row]) -> int:
     return sum(row["clairvoyant"] == "caught" and not row["clairvoyant_violations"] for row in rows)
 
 
+def _timid(refused: list[Row], condition: str | None) -> float:
+    """Return how many refused throws of a condition could have been caught.
+
+    Those that the clairvoyant was asked about stand for all that were refused.
+    """
+    here = [row for row in refused if row.get("condition") == condition]
+    asked = [row for row in here if row["clairvoyant"] is not None]
+    return _caught_by_optimum(asked) / len(asked) * len(here) if asked else 0.0
+
+
 def _refused(row: Row) -> bool:
     """Say whether a throw was refused before moving."""
     return bool(row["status"] == "unreachable")
 
 
+def _let_go(row: Row) -> bool:
+    """Say whether a ball that was met as promised, within all limits, left the hand again."""
+    gap = row["position_error_mm"]
+    fair = gap is not None and gap <= FAIR and not row["violations"]
+    return bool(row["status"] == "dropped" and row["verdict"] == "feasible" and fair)
+
+
 def _broken(row: Row) -> bool:
-    """Say whether a throw was promised and then not caught, or caught beyond a limit."""
-    kept = row["status"] == "caught" and not row["violations"]
+    """Say whether a throw was promised and then not caught, or taken beyond a limit."""
+    kept = (row["status"] == "caught" and not row["violations"]) or _let_go(row)
     return bool(row["verdict"] == "feasible" and not kept)
+
+
+def _median(values: list[float]) -> float | None:
+    """Return the median; None of nothing."""
+    return float(np.median(values)) if values else None
 
 
 def _rate(k: int, n: int) -> Row:

@@ -98,10 +98,10 @@ def bench_of(job: Job) -> tuple[Bench, Source, Learned]:
         recordings=job.recordings,
         drag=job.condition.scene.ball.drag,
     )
-    return bench, _widened(source, job.condition.throws), learned
+    return bench, widened(source, job.condition.throws), learned
 
 
-def _widened(source: Source, throws: ThrowSettings) -> Source:
+def widened(source: Source, throws: ThrowSettings) -> Source:
     """Return a source with other ranges of throws."""
     given = throws.model_dump(exclude={"spread"}, exclude_none=True)
     aim = source.aim
