@@ -1,6 +1,6 @@
 # make catch    throw balls at the simulated arm and write runs/0-direct/report.html
 # make test     run the tests
-# make soak     fuzz envelope, ticks, calls and readers: COMMANDS=N TICKS=N CALLS=N FILES=N PROCESSES=N KILLS=N RUN_KILLS=N RUN_SIGNALS=N SEED=S
+# make soak     fuzz envelope, ticks, calls and readers: COMMANDS=N TICKS=N CALLS=N FILES=N PROCESSES=N KILLS=N RUN_KILLS=N RUN_SIGNALS=N STUDY_KILLS=N SEED=S
 # make check    format, lint, types, import contracts, then make test
 # Each builds .venv with exactly pinned versions first if it is missing; Python >= 3.11 is enough.
 
@@ -15,6 +15,7 @@ PROCESSES ?= 6
 KILLS ?= 3
 RUN_KILLS ?= 2
 RUN_SIGNALS ?= 4
+STUDY_KILLS ?= 2
 SEED ?= 1
 
 .PHONY: catch test check bench soak clean
@@ -46,10 +47,10 @@ check: .venv/complete
 	$(MAKE) --no-print-directory test
 
 bench: .venv/complete
-	$(BIN)/python benchmarks/trial.py
+	$(BIN)/mitt bench
 
 soak: .venv/complete
-	PYTHONPATH=tests $(BIN)/python -m soak --commands $(COMMANDS) --ticks $(TICKS) --calls $(CALLS) --files $(FILES) --processes $(PROCESSES) --kills $(KILLS) --run-kills $(RUN_KILLS) --run-signals $(RUN_SIGNALS) --seed $(SEED)
+	PYTHONPATH=tests $(BIN)/python -m soak --commands $(COMMANDS) --ticks $(TICKS) --calls $(CALLS) --files $(FILES) --processes $(PROCESSES) --kills $(KILLS) --run-kills $(RUN_KILLS) --run-signals $(RUN_SIGNALS) --study-kills $(STUDY_KILLS) --seed $(SEED)
 
 clean:
 	rm -rf .venv build

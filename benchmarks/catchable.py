@@ -29,7 +29,7 @@ from mitt.study.source import source_for
 from mitt.study.sweep.read import read_study
 from mitt.study.sweep.settings import ArmSettings
 from mitt.study.sweep.study import Condition
-from mitt.study.sweep.work import arm_options, widened
+from mitt.study.sweep.work import widened
 from mitt.study.trial import Bench
 from mitt.study.yardstick import Row, counted, is_sampled, judged, parallel, thrown
 from mitt.world.scenes import read_scene
@@ -57,9 +57,8 @@ def conditions(limits: str, names: str, scene: str) -> Iterator[Condition]:
 @lru_cache(maxsize=len(LIMITS))
 def learned(settings: ArmSettings) -> Learned:
     """Return the map of an arm, learned once in a process."""
-    options = arm_options(settings)
-    arm = arm_of(options)
-    return learn(arm, design=design_of(options, arm))
+    arm = arm_of(settings)
+    return learn(arm, design=design_of(settings, arm))
 
 
 def part(options: argparse.Namespace, condition: Condition, number: int) -> list[Row]:

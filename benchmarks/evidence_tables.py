@@ -13,7 +13,7 @@ from typing import Any
 import pyarrow.parquet as pq
 
 from mitt.study.result import STATUSES
-from mitt.study.stats import holm, mcnemar
+from mitt.study.sweep.summary import correct, paired
 
 BEGIN, END = "<!-- tables -->", "<!-- end of tables -->"
 #: Corrected p from which two generators count as different.
@@ -86,26 +86,14 @@ def _add_pairs(rows: list[Row], trials: Path) -> None:
     for row in rows:
         mine = caught[row["condition"], row["generator"]]
         row["against"] = {
-            name: pair
+            name: paired(caught[row["condition"], name], mine)
             for name in REFERENCES.keys() - {row["generator"]}
-            if (pair := _pair(caught.get((row["condition"], name)), mine)) is not None
+            if (row["condition"], name) in caught
         }
     for generator in {row["generator"] for row in rows}:
         for name in REFERENCES:
             mine_all = [r["against"] for r in rows if r["generator"] == generator]
-            known = [pairs[name] for pairs in mine_all if name in pairs]
-            for pair, p in zip(known, holm([pair["p"] for pair in known]), strict=True):
-                pair["p_holm"] = p
-
-
-def _pair(reference: dict[int, bool] | None, mine: dict[int, bool]) -> Row | None:
-    """Return how often each of two caught alone, and McNemar's p."""
-    if reference is None:
-        return None
-    both = mine.keys() & reference.keys()
-    alone = sum(reference[k] and not mine[k] for k in both)
-    other = sum(mine[k] and not reference[k] for k in both)
-    return {"alone": alone, "other": other, "p": mcnemar(alone, other)}
+            correct([pairs[name] for pairs in mine_all if name in pairs])
 
 
 def _table(head: list[str], body: list[list[str]]) -> str:
@@ -136,7 +124,7 @@ def _duel(row: Row | None, reference: str) -> str:
     pair = None if row is None else row["against"].get(reference)
     if pair is None:
         return ""
-    text = f"{pair['alone']} : {pair['other']}"
+    text = f"{pair['only_direct']} : {pair['only_this']}"
     return f"{text}, p = {pair['p_holm']:.2g}" if pair["p_holm"] < LEVEL else text
 
 
@@ -149,7 +137,7 @@ def _differences(rows: list[Row], reference: str) -> str:
         if pair is None or pair["p_holm"] >= LEVEL:
             continue
         line = f"{row['condition']}: {row['generator']} ({_duel(row, reference)})"
-        (ahead if pair["alone"] > pair["other"] else behind).append(line)
+        (ahead if pair["only_direct"] > pair["only_this"] else behind).append(line)
     lost = [line for line in behind if f": {CEILING} (" not in line]
     known = [line for line in behind if line not in lost]
     name = REFERENCES[reference]

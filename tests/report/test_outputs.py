@@ -8,13 +8,14 @@ from pathlib import Path
 
 import pytest
 
+from mitt.commands.catch import prepare
+from mitt.commands.options import CatchOptions
 from mitt.errors import InputError, MittError
 from mitt.generator.learn import Learned
 from mitt.link.clock import Stopwatch
 from mitt.link.maps import read_map, save_map
-from mitt.options import CatchOptions
 from mitt.report.outputs import LEAVES, keeping, write_outputs
-from mitt.study.catch import Finished, prepare, run
+from mitt.study.catch import Finished, run
 from mitt.study.journal import recovered
 from mitt.study.result import STATUSES, result
 from mitt.study.score import Trial
@@ -72,8 +73,8 @@ def test_a_run_leaves_result_map_report_and_the_first_recording(finished: Finish
 @pytest.mark.parametrize(("record", "count"), [("none", 0), ("all", 2)])
 def test_recordings_are_as_many_as_asked(finished: Finished, record: str, count: int) -> None:
     """None at all, or each throw."""
-    job = replace(finished.prepared.job, record=record)  # type: ignore[arg-type]  # a name
-    told = replace(finished, prepared=replace(finished.prepared, job=job))
+    settings = replace(finished.prepared.settings, record=record)  # type: ignore[arg-type]  # a name
+    told = replace(finished, prepared=replace(finished.prepared, settings=settings))
     write_outputs(told, progress=quiet)
     assert len(list(told.prepared.out.glob("recordings/*.mcap"))) == count
 
@@ -89,8 +90,8 @@ def test_strangers_are_refused_and_with_overwrite_left_alone(finished: Finished)
         keeping(finished.prepared, finished.learned),
     ):
         pass
-    job = replace(finished.prepared.job, overwrite=True)
-    with keeping(replace(finished.prepared, job=job), finished.learned) as keep:
+    settings = replace(finished.prepared.settings, overwrite=True)
+    with keeping(replace(finished.prepared, settings=settings), finished.learned) as keep:
         keep(finished.trials[0])
     assert (out / "notes.txt").read_text() == "mine"
     assert not (out / "recordings" / "old.mcap").exists()

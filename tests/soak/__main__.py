@@ -12,7 +12,7 @@ from pathlib import Path
 
 from mitt.robot.load import load_arm
 from mitt.study.lesson import learn
-from soak import arrays, commands, files, kills, runs, ticks
+from soak import arrays, commands, files, kills, runs, studies, ticks
 
 #: Where files that did harm are kept.
 _HARMFUL = Path("runs/soak")
@@ -23,7 +23,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     for name, default in (("commands", 20_000_000), ("ticks", 5_000), ("files", 300),
                           ("calls", 20_000), ("processes", 6), ("kills", 3),
-                          ("run_kills", 2), ("run_signals", 4),
+                          ("run_kills", 2), ("run_signals", 4), ("study_kills", 2),
                           ("seed", 1)):  # fmt: skip
         parser.add_argument(f"--{name.replace('_', '-')}", type=int, default=default, metavar="N")
     options = parser.parse_args()
@@ -35,16 +35,17 @@ def main() -> int:
     called = arrays.soak(options.calls, seed=options.seed)
     print(f"{called.calls} calls of {len(called.functions)} functions, {called.refused} refused")  # noqa: T201
     with tempfile.TemporaryDirectory() as folder:
-        here, apart, dying, running = (
-            Path(folder) / name for name in ("here", "apart", "dying", "runs")
-        )
-        for place in (here, apart, dying, running):
+        names = ("here", "apart", "dying", "runs", "studies")
+        places = here, apart, dying, running, resumed = [Path(folder) / name for name in names]
+        for place in places:
             place.mkdir()
         read = files.soak(options.files, seed=options.seed, folder=here, keep=_keep)
         alone = files.soak_processes(options.processes, seed=options.seed, folder=apart, keep=_keep)
         killed = kills.soak(options.kills, seed=options.seed, folder=dying)
         ended = runs.soak(options.run_kills, options.run_signals, seed=options.seed, folder=running)
         print(ended)  # noqa: T201
+        again = studies.soak(options.study_kills, seed=options.seed, folder=resumed)
+        print(dict(again))  # noqa: T201
     for fault in made.faults + called.faults[:20] + read.faults + alone.faults:
         print(fault)  # noqa: T201
     for fault in killed.unreadable + ended.faults:
@@ -63,10 +64,12 @@ def main() -> int:
         "unreadable": len(killed.unreadable),
         "runs_ended": ended.killed + ended.signalled,
         "run_faults": len(ended.faults),
+        "study_kills": again.pop("kills"),
+        "study_faults": int(again.pop("faults")),
     }
     print(json.dumps(result))  # noqa: T201
     bad = ("violations", "non_finite", "tick_faults", "call_faults", "file_faults", "unreadable",
-           "run_faults")  # fmt: skip
+           "run_faults", "study_faults")  # fmt: skip
     return int(any(result[key] for key in bad))
 
 

@@ -8,19 +8,19 @@ from signal import SIGHUP, SIGTERM
 import numpy as np
 import pytest
 
+from mitt.commands.catch import prepare
+from mitt.commands.options import CatchOptions
 from mitt.errors import InputError, MittError
 from mitt.generator.generators import Direct, Unoptimised
 from mitt.generator.learn import Learned
 from mitt.interrupts import Interrupted
 from mitt.link.maps import save_map
-from mitt.options import CatchOptions
 from mitt.robot.load import load_arm
 from mitt.study.catch import (
     Finished,
     Prepared,
     design_of,
     one_throw,
-    prepare,
     run,
 )
 from mitt.study.registry import make_generator

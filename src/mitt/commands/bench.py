@@ -5,8 +5,8 @@ from typing import Any
 
 from rich.table import Table
 
+from mitt.commands.options import BenchOptions
 from mitt.commands.screen import checked, console_of, progress, tell, tell_of_kernels
-from mitt.options import BenchOptions
 from mitt.study.bench import QUICK, BenchSettings, measure
 
 #: Rows of the table: key, words, unit.

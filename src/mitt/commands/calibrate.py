@@ -8,12 +8,11 @@ from pathlib import Path
 from rich.table import Table
 
 import mitt
-from mitt.commands.screen import checked, console_of, progress
+from mitt.commands.options import CalibrateOptions
+from mitt.commands.screen import check_new_file, checked, console_of, progress
+from mitt.commands.stages import Calibration, calibrate, prepare
 from mitt.errors import InputError
-from mitt.link.files import check_folder
 from mitt.link.rig import write_rig
-from mitt.options import CalibrateOptions
-from mitt.study.rig.calibrate import Calibration, calibrate, prepare
 from mitt.study.rig.views import CELLS
 
 
@@ -25,7 +24,7 @@ def run(options: CalibrateOptions) -> int:
         raise InputError("--picture", "a name that ends with .png", picture.name)
     for name, path in (("--out", options.out), ("--picture", picture)):
         if path is not None:
-            new_file(name, path, overwrite=options.overwrite)
+            check_new_file(name, path, overwrite=options.overwrite)
     if options.check:
         return checked(f"{', '.join(job.stages)}, output to {options.out}")
     with progress() as report:
@@ -38,20 +37,6 @@ def run(options: CalibrateOptions) -> int:
     else:
         _show(done, options.out, picture)
     return 0
-
-
-def new_file(name: str, path: Path, *, overwrite: bool) -> None:
-    """Refuse a file that exists, or a folder that cannot be written.
-
-    Raises:
-        InputError: The file may not be written.
-    """
-    if path.is_dir():
-        raise InputError(name, "a file", f"{path}, which is a folder")
-    if path.exists() and not overwrite:
-        raise InputError(name, "a new file", f"{path}, which exists",
-                         do="choose another or say --overwrite")  # fmt: skip
-    check_folder(path.parent, overwrite=True)
 
 
 def _draw(done: Calibration, picture: Path) -> None:

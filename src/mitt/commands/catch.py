@@ -3,18 +3,28 @@
 import json
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 from rich.table import Table
 
+from mitt.commands.options import CatchOptions
 from mitt.commands.screen import Report, checked, console_of, progress, tell, tell_of_kernels
+from mitt.errors import InputError
+from mitt.generator.mapping import unlearned
 from mitt.interrupts import notice, status_of, words_of
-from mitt.link.files import locked
-from mitt.options import CatchOptions
-from mitt.study.catch import Finished, Prepared, prepare
+from mitt.link.files import check_folder, locked
+from mitt.link.maps import read_map
+from mitt.study.catch import Finished, Prepared, RunSettings, arm_of, design_of
 from mitt.study.catch import run as run_throws
 from mitt.study.journal import kept_words
+from mitt.study.registry import check_name
 from mitt.study.result import STATUSES
 from mitt.study.score import Trial, reason_of
+from mitt.study.source import source_of
+from mitt.world.scenes import DEFAULT, read_scene
+
+#: Most throws in one run; more belong into a study.
+_MOST_THROWS = 100_000
 
 
 def run(options: CatchOptions) -> int:
@@ -34,6 +44,63 @@ def run(options: CatchOptions) -> int:
         kept = kept_words(len(finished.trials), prepared.source.count, prepared.out)
         tell(f"{words_of(finished.interrupt)}; {kept}")
     return finished.status
+
+
+def prepare(options: CatchOptions) -> Prepared:
+    """Read and check all that a run needs, without learning or writing anything.
+
+    Raises:
+        MittError: An input cannot be used.
+    """
+    check_name(options.generator)
+    if options.adapt == "refine" and options.generator != "direct":
+        raise InputError("--adapt refine", "--generator direct", options.generator)
+    if options.throws is not None and not 1 <= options.throws <= _MOST_THROWS:
+        raise InputError("--throws", f"a number in 1..{_MOST_THROWS}", options.throws)
+    if not 0 <= options.seed < 2**63:
+        raise InputError("--seed", "a number from 0 to 2^63 - 1", options.seed)
+    if options.throws_file is not None and options.flights is not None:
+        raise InputError("--throws-file and --flights", "one of them", "both")
+    arm = arm_of(options)
+    scene = read_scene(options.scene or DEFAULT, flights=options.flights is not None)
+    if options.cameras is not None:
+        sensing = scene.sensing.model_copy(update={"cameras": options.cameras})
+        scene = scene.model_copy(update={"sensing": sensing})
+    if options.map is not None:
+        _refuse_design(options)
+    learned = None if options.map is None else read_map(options.map, arm)
+    design = design_of(options, arm) if learned is None else learned.map.design
+    f = unlearned(arm, design) if learned is None else learned.map
+    source = source_of(
+        f,
+        seed=options.seed,
+        count=options.throws,
+        throws_file=options.throws_file,
+        flights_file=options.flights,
+        drag=scene.ball.drag,
+    )
+    out = options.out or Path("runs") / f"{options.seed}-{options.generator}"
+    check_folder(out, overwrite=options.overwrite)
+    settings = RunSettings(
+        generator=options.generator, adapt=options.adapt, vision=options.vision, seed=options.seed,
+        record=options.record, overwrite=options.overwrite,
+    )  # fmt: skip
+    return Prepared(settings=settings, arm=arm, design=design, scene=scene, source=source,
+                    learned=learned, out=out)  # fmt: skip
+
+
+def _refuse_design(options: CatchOptions) -> None:
+    """Refuse options of the design beside a map, which has its own."""
+    stated = {
+        "--catch-joint": options.catch_joint,
+        "--q-catch": options.q_catch,
+        "--kappa": options.kappa,
+        "--inward": options.inward,
+        "--order": options.order,
+    }
+    given = [name for name, value in stated.items() if value is not None]
+    if given:
+        raise InputError("--map", "no option that the map itself decides", " and ".join(given))
 
 
 def _run(prepared: Prepared, report: Report) -> Finished:

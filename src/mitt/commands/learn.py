@@ -6,12 +6,11 @@ from pathlib import Path
 from rich.table import Table
 
 import mitt
-from mitt.commands.screen import checked, console_of, progress
+from mitt.commands.options import LearnOptions
+from mitt.commands.screen import check_new_file, checked, console_of, progress
 from mitt.errors import InputError
 from mitt.generator.learn import Learned
-from mitt.link.files import check_folder
 from mitt.link.maps import save_map
-from mitt.options import LearnOptions
 from mitt.study.catch import arm_of, design_of
 from mitt.study.lesson import LEARNING_SEED
 from mitt.study.lesson import learn as learn_map
@@ -29,12 +28,7 @@ def run(options: LearnOptions) -> int:
         raise InputError("--flights", f"a number in 1..{_MOST_FLIGHTS}", options.flights_count)
     if options.seed is not None and not 0 <= options.seed < 2**63:
         raise InputError("--seed", "a number from 0 to 2^63 - 1", options.seed)
-    if options.out.exists() and not options.overwrite:
-        raise InputError("--out", "a new file", f"{options.out}, which exists",
-                         do="choose another or say --overwrite")  # fmt: skip
-    if options.out.is_dir():
-        raise InputError("--out", "a file", f"{options.out}, which is a folder")
-    check_folder(options.out.parent, overwrite=True)
+    check_new_file("--out", options.out, overwrite=options.overwrite)
     if options.check:
         return checked(f"{options.flights_count} flights, output to {options.out}")
     with progress() as report:

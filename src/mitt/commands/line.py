@@ -12,9 +12,7 @@ import tyro
 from tyro.conf import FlagCreatePairsOff
 
 import mitt
-from mitt.errors import MittError
-from mitt.interrupts import raise_again
-from mitt.options import (
+from mitt.commands.options import (
     BenchOptions,
     CalibrateOptions,
     CatchOptions,
@@ -24,6 +22,8 @@ from mitt.options import (
     StudyOptions,
     TrackOptions,
 )
+from mitt.errors import MittError
+from mitt.interrupts import raise_again
 
 #: Options of every command; the module of ``mitt.commands`` of the same name does what is asked.
 _OPTIONS: dict[str, Callable[..., object]] = {

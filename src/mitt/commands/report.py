@@ -2,10 +2,10 @@
 
 import json
 
+from mitt.commands.options import ReportOptions
 from mitt.commands.screen import checked, console_of, progress
 from mitt.errors import InputError
 from mitt.link.files import locked, write_json
-from mitt.options import ReportOptions
 from mitt.report.study_page import write_study_report
 from mitt.study.journal import RESULT, died, recovered
 from mitt.study.sweep.folder import Folder

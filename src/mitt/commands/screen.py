@@ -1,13 +1,16 @@
-"""What the commands share: progress on stderr, tables on stdout."""
+"""What the commands share: checks of output files, progress on stderr, tables on stdout."""
 
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from mitt.errors import InputError
 from mitt.link.clock import Pace
+from mitt.link.files import check_folder
 
 Report = Callable[[str, int, int], None]
 
@@ -19,6 +22,20 @@ def checked(what: str) -> int:
     """Say that the input is good."""
     tell(f"the input is good: {what}")
     return 0
+
+
+def check_new_file(name: str, path: Path, *, overwrite: bool) -> None:
+    """Refuse a file that exists, or a folder that cannot be written.
+
+    Raises:
+        InputError: The file may not be written.
+    """
+    if path.is_dir():
+        raise InputError(name, "a file", f"{path}, which is a folder")
+    if path.exists() and not overwrite:
+        raise InputError(name, "a new file", f"{path}, which exists",
+                         do="choose another or say --overwrite")  # fmt: skip
+    check_folder(path.parent, overwrite=True)
 
 
 def tell(text: str) -> None:

@@ -5,14 +5,13 @@ from contextlib import nullcontext
 from pathlib import Path
 
 import mitt
-from mitt.commands.calibrate import new_file
-from mitt.commands.screen import checked, console_of, progress
+from mitt.commands.options import SeeOptions
+from mitt.commands.screen import check_new_file, checked, console_of, progress
 from mitt.errors import InputError
 from mitt.interrupts import notice
-from mitt.link.rig import CalibratedRig
+from mitt.link.rig import CalibratedRig, read_rig
 from mitt.link.video import SUFFIXES, VideoWriter
-from mitt.options import SeeOptions
-from mitt.study.rig.see import WATCHED, Seen, check_rig, complaints, rate_of, see, status_of
+from mitt.study.rig.see import WATCHED, Seen, SeeSettings, complaints, rate_of, see, status_of
 from mitt.study.track_table import POINTS, STATE, write_table
 
 
@@ -21,19 +20,23 @@ def run(options: SeeOptions) -> int:
     rig, video = check_rig(options), _video(options)
     for name, path in (("--out", options.out), ("--points", options.points), ("--video", video)):
         if path is not None:
-            new_file(name, path, overwrite=options.overwrite)
+            check_new_file(name, path, overwrite=options.overwrite)
     for spec in (options.left, options.right):
         if ":" not in spec and not Path(spec).exists():
             raise InputError(spec, "a video, a folder of images or a camera", "nothing there")
     if options.check:
         return checked(f"{options.left} and {options.right}, output to {options.out}")
+    settings = SeeSettings(
+        left=options.left, right=options.right, ball=options.ball, ball_radius=options.ball_radius,
+        max_skew=options.max_skew, fps=options.fps, frames=options.frames,
+    )  # fmt: skip
     seen = Seen()
     try:
         with (
             progress() as report,
             nullcontext() if video is None else VideoWriter(video, rate=WATCHED) as writer,
         ):
-            see(options, rig, seen, writer, report)
+            see(settings, rig, seen, writer, report)
     except KeyboardInterrupt:
         notice()
         raise
@@ -48,6 +51,30 @@ def run(options: SeeOptions) -> int:
     else:
         _show(options, seen, said, video)
     return 0
+
+
+def check_rig(options: SeeOptions) -> CalibratedRig:
+    """Return the rig, checked with the other numbers of the options.
+
+    Raises:
+        InputError: The rig cannot be seen with, or a number is out of range.
+    """
+    rig = read_rig(options.rig)
+    if len(rig.cameras) != 2:
+        raise InputError(str(options.rig), "two cameras", len(rig.cameras))
+    if rig.frame == "camera":
+        raise InputError(str(options.rig), "poses in a frame with z up, for gravity",
+                         "poses in the left camera's frame",
+                         do="calibrate with --level or --hand")  # fmt: skip
+    if options.left == options.right:
+        raise InputError("LEFT and RIGHT", "two different cameras", f"{options.left} twice")
+    if not 0.0 < options.ball_radius < 1.0:
+        raise InputError("--ball-radius", "a length between 0 and 1 m", options.ball_radius)
+    if not 0.0 <= options.max_skew <= 1.0:
+        raise InputError("--max-skew", "seconds in 0..1", options.max_skew)
+    if options.frames is not None and options.frames < 1:
+        raise InputError("--frames", "1 or more", options.frames)
+    return rig
 
 
 def _video(options: SeeOptions) -> Path | None:

@@ -2,11 +2,11 @@
 
 from rich.table import Table
 
+from mitt.commands.options import StudyOptions
 from mitt.commands.screen import checked, console_of, progress, tell, tell_of_kernels
 from mitt.errors import InputError
 from mitt.interrupts import words_of
 from mitt.link.files import check_folder, locked
-from mitt.options import StudyOptions
 from mitt.study.registry import available
 from mitt.study.sweep.engine import check_engine, engine_of
 from mitt.study.sweep.folder import Folder

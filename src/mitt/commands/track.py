@@ -3,10 +3,9 @@
 import json
 
 import mitt
-from mitt.commands.screen import checked, console_of
+from mitt.commands.options import TrackOptions
+from mitt.commands.screen import check_new_file, checked, console_of
 from mitt.errors import InputError
-from mitt.link.files import check_folder
-from mitt.options import TrackOptions
 from mitt.study.positions import read_positions, write_track
 from mitt.study.track import follow_all
 from mitt.vision.belief import MAX_HORIZON
@@ -54,9 +53,4 @@ def _check(options: TrackOptions) -> None:
         raise InputError("--ahead", f"a time from 0 to {MAX_HORIZON:g} s", ahead)
     if sigma is not None and not 0.0 < sigma <= _MAX_SIGMA:
         raise InputError("--sigma", f"a length above 0, up to {_MAX_SIGMA:g} m", sigma)
-    if options.out.is_dir():
-        raise InputError("--out", "a file", f"{options.out}, which is a folder")
-    if options.out.exists() and not options.overwrite:
-        raise InputError("--out", "a new file", f"{options.out}, which exists",
-                         do="choose another or say --overwrite")  # fmt: skip
-    check_folder(options.out.parent, overwrite=True)
+    check_new_file("--out", options.out, overwrite=options.overwrite)

@@ -39,7 +39,7 @@ def keeping(prepared: Prepared, learned: Learned) -> Iterator[Callable[[Trial], 
 
     A process that cannot be reached by a signal leaves the result of the throws that are done.
     """
-    claim_folder(prepared.out, overwrite=prepared.job.overwrite, ours=LEAVES)
+    claim_folder(prepared.out, overwrite=prepared.settings.overwrite, ours=LEAVES)
     save_map(prepared.out / "map.json", learned, version=mitt.__version__)
     journal = Journal(prepared.out, prepared.head, prepared.source.count)
     with journal, finally_do(journal.last_words):
@@ -63,7 +63,7 @@ def write_outputs(finished: Finished, *, progress: Progress) -> None:
 def _write_recordings(finished: Finished, progress: Progress) -> None:
     """Throw the balls to be recorded once more, which gives the same trials, and record them."""
     prepared, kept = finished.prepared, _recorded(finished)
-    bench = make_bench(prepared, finished.learned, generator=prepared.job.generator)
+    bench = make_bench(prepared, finished.learned, generator=prepared.settings.generator)
     for done, index in enumerate(kept):
         progress("recordings", done, len(kept))
         outcome = one_throw(bench, prepared, index, log=True)
@@ -77,17 +77,17 @@ def _write_recordings(finished: Finished, progress: Progress) -> None:
 
 def _recorded(finished: Finished) -> list[int]:
     """Return the throws to record: the first and the failures, or as the options say."""
-    job = finished.prepared.job
-    if job.record == "none":
+    settings = finished.prepared.settings
+    if settings.record == "none":
         return []
-    every = job.record == "all"
+    every = settings.record == "all"
     return [t.index for t in finished.trials if every or t.index == 0 or t.status != "caught"]
 
 
 def _content(finished: Finished, progress: Progress) -> ReportContent:
     """Collect what the report shows."""
     prepared, learned = finished.prepared, finished.learned
-    bench = make_bench(prepared, learned, generator=prepared.job.generator)
+    bench = make_bench(prepared, learned, generator=prepared.settings.generator)
     whole = len(learned.maps) > 1
     balls = [prepared.source.ball(trial.index) for trial in finished.trials]
     return ReportContent(
@@ -111,7 +111,7 @@ def _shown(outcome: Outcome) -> Outcome | None:
 def _plain(finished: Finished) -> Outcome | None:
     """Return the first throw with alpha = 0; None where the run itself was that."""
     prepared = finished.prepared
-    if prepared.job.generator == "unoptimised":
+    if prepared.settings.generator == "unoptimised":
         return None
     bench = make_bench(prepared, finished.learned, generator="unoptimised")
     return _shown(one_throw(bench, prepared, 0, log=True))
@@ -134,7 +134,7 @@ def _feedback(finished: Finished, progress: Progress) -> tuple[float, ...]:
 def _rivals(finished: Finished, progress: Progress) -> tuple[dict[str, object], ...]:
     """Return the result of the first throws with alpha = 0, to be compared with."""
     prepared = finished.prepared
-    if prepared.job.generator == "unoptimised":
+    if prepared.settings.generator == "unoptimised":
         return ()
     bench = make_bench(prepared, finished.learned, generator="unoptimised")
     count, trials = min(len(finished.trials), _COMPARED), []

@@ -1,81 +1,100 @@
-"""A run of throws as ``mitt catch`` makes it: prepare, throw, write."""
+"""A run of throws as ``mitt catch`` makes it: learn, throw, keep."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, final
+from typing import Any, Literal, final
 
 import mitt
-from mitt.errors import InputError
 from mitt.generator.design import MapDesign, default_design, tangent_of
 from mitt.generator.generators import Generator, refining
 from mitt.generator.learn import Learned
-from mitt.generator.mapping import unlearned
 from mitt.interrupts import notice, status_of
 from mitt.link.clock import Stopwatch
-from mitt.link.files import check_folder
-from mitt.link.maps import read_map
 from mitt.link.realtime import settled
-from mitt.options import ArmOptions, CatchOptions
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
 from mitt.robot.shapes import Surroundings
+from mitt.study.choice import ArmChoice
 from mitt.study.lesson import learn
 from mitt.study.neighbourhood import neighbourhood_of_ball
-from mitt.study.registry import check_name, make_generator
+from mitt.study.registry import make_generator
 from mitt.study.result import result
 from mitt.study.score import Trial
-from mitt.study.source import Source, source_of
+from mitt.study.source import Source
 from mitt.study.trial import Bench, Outcome
 from mitt.world.scene import Scene
-from mitt.world.scenes import DEFAULT, changed, read_scene
+from mitt.world.scenes import changed
 
-#: Most throws in one run; more belong into a study.
-_MOST_THROWS = 100_000
 #: Index of the throw that is run once before the others, so that compiling is not measured.
 _WARM_UP = 2**31
 
 
-def arm_of(options: ArmOptions) -> Arm:
-    """Return the arm that the options name, a hand mounted at its tip."""
-    names = None if options.joints is None else [x.strip() for x in options.joints.split(",")]
+def arm_of(choice: ArmChoice) -> Arm:
+    """Return the arm that is chosen, a hand mounted at its tip."""
+    names = None if choice.joints is None else [x.strip() for x in choice.joints.split(",")]
     return load_arm(
-        options.arm, tip=options.tip, joints=names, limits=options.limits, hand=HandModel()
+        choice.arm, tip=choice.tip, joints=names, limits=choice.limits, hand=HandModel()
     )
 
 
-def design_of(options: ArmOptions, arm: Arm) -> MapDesign:
-    """Return the map design that the options name; what they leave out follows from the arm."""
+def design_of(choice: ArmChoice, arm: Arm) -> MapDesign:
+    """Return the map design that is chosen; what is left out follows from the arm."""
     design = default_design(
         arm,
-        catch_joint=options.catch_joint,
-        q_catch=options.q_catch,
-        kappa=options.kappa,
-        inward=options.inward,
-        order=options.order,
+        catch_joint=choice.catch_joint,
+        q_catch=choice.q_catch,
+        kappa=choice.kappa,
+        inward=choice.inward,
+        order=choice.order,
     )
     tangent_of(arm, design)  # refuses angles and ratios that cannot be, before anything is run
     return design
 
 
-def _refuse_design(job: CatchOptions) -> None:
-    """Refuse options of the design beside a map, which has its own."""
-    stated = {"--catch-joint": job.catch_joint, "--q-catch": job.q_catch, "--kappa": job.kappa,
-              "--inward": job.inward, "--order": job.order}  # fmt: skip
-    given = [name for name, value in stated.items() if value is not None]
-    if given:
-        raise InputError("--map", "no option that the map itself decides", " and ".join(given))
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunSettings:
+    """How a run throws, and what it leaves.
+
+    Attributes:
+        generator: Name of the generator.
+        adapt: How the direct map is adapted to a throw: once before moving, by ``projection``, or
+            besides refined each millisecond (``refine``).
+        vision: What the catcher sees: ``pixels`` of two cameras, or noisy ``points``.
+        seed: Seed of throws, plant and noise.
+        record: Which throws to record besides the first: ``none`` at all, ``failures`` or ``all``.
+        overwrite: Use a folder that has files in it.
+    """
+
+    generator: str = "direct"
+    adapt: Literal["projection", "refine"] = "projection"
+    vision: Literal["pixels", "points"] = "pixels"
+    seed: int = 0
+    record: Literal["none", "failures", "all"] = "failures"
+    overwrite: bool = False
 
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prepared:
-    """A run that can start: every input read and found good."""
+    """A run that can start: every input read and found good.
 
-    job: CatchOptions
+    Attributes:
+        settings: How it throws.
+        arm: The arm.
+        design: Design of the map to be learned, where none is given.
+        scene: The world.
+        source: What is thrown.
+        learned: The map; None to learn it first.
+        out: Folder to write.
+    """
+
+    settings: RunSettings
     arm: Arm
+    design: MapDesign
     scene: Scene
     source: Source
     learned: Learned | None
@@ -84,55 +103,18 @@ class Prepared:
     @property
     def head(self) -> dict[str, object]:
         """What the result says of the run; the scene, and in what it was changed."""
-        settings = changed(self.scene)
+        changes, of = changed(self.scene), self.settings
         return {
             "version": mitt.__version__,
             "arm": self.arm.model.name,
             "limits": self.arm.limits.name,
-            "generator": self.job.generator,
-            "vision": self.job.vision,
-            "seed": self.job.seed,
-            **({"adapt": self.job.adapt} if self.job.adapt != "projection" else {}),
+            "generator": of.generator,
+            "vision": of.vision,
+            "seed": of.seed,
+            **({"adapt": of.adapt} if of.adapt != "projection" else {}),
             "scene": self.scene.base,
-            **({"scene_changed": settings} if settings else {}),
+            **({"scene_changed": changes} if changes else {}),
         }
-
-
-def prepare(job: CatchOptions) -> Prepared:
-    """Read and check all that a run needs, without learning or writing anything.
-
-    Raises:
-        MittError: An input cannot be used.
-    """
-    check_name(job.generator)
-    if job.adapt == "refine" and job.generator != "direct":
-        raise InputError("--adapt refine", "--generator direct", job.generator)
-    if job.throws is not None and not 1 <= job.throws <= _MOST_THROWS:
-        raise InputError("--throws", f"a number in 1..{_MOST_THROWS}", job.throws)
-    if not 0 <= job.seed < 2**63:
-        raise InputError("--seed", "a number from 0 to 2^63 - 1", job.seed)
-    if job.throws_file is not None and job.flights is not None:
-        raise InputError("--throws-file and --flights", "one of them", "both")
-    arm = arm_of(job)
-    scene = read_scene(job.scene or DEFAULT, flights=job.flights is not None)
-    if job.cameras is not None:
-        sensing = scene.sensing.model_copy(update={"cameras": job.cameras})
-        scene = scene.model_copy(update={"sensing": sensing})
-    if job.map is not None:
-        _refuse_design(job)
-    learned = None if job.map is None else read_map(job.map, arm)
-    f = unlearned(arm, design_of(job, arm)) if learned is None else learned.map
-    source = source_of(
-        f,
-        seed=job.seed,
-        count=job.throws,
-        throws_file=job.throws_file,
-        flights_file=job.flights,
-        drag=scene.ball.drag,
-    )
-    out = job.out or Path("runs") / f"{job.seed}-{job.generator}"
-    check_folder(out, overwrite=job.overwrite)
-    return Prepared(job=job, arm=arm, scene=scene, source=source, learned=learned, out=out)
 
 
 @final
@@ -159,7 +141,7 @@ class Finished:
 
 def make_bench(prepared: Prepared, learned: Learned, *, generator: str) -> Bench:
     """Return the bench of a run, for a generator by name."""
-    if prepared.job.adapt == "refine" and generator == "direct":
+    if prepared.settings.adapt == "refine" and generator == "direct":
         around = Surroundings(floor=prepared.scene.floor)
         return bench_for(prepared, refining(learned.map, around))
     return bench_for(prepared, make_generator(generator, learned.map))
@@ -167,7 +149,7 @@ def make_bench(prepared: Prepared, learned: Learned, *, generator: str) -> Bench
 
 def bench_for(prepared: Prepared, generator: Generator) -> Bench:
     """Return the bench of a run, for any generator."""
-    pixels = prepared.job.vision == "pixels"
+    pixels = prepared.settings.vision == "pixels"
     return Bench(prepared.arm, generator, prepared.scene, pixels=pixels)
 
 
@@ -185,15 +167,15 @@ def run(
         keeping: Is called when the first ball is about to be thrown, and gives what keeps each
             throw that has ended.
     """
-    job, count = prepared.job, prepared.source.count
+    count = prepared.source.count
     progress("learning", 0, 1)
     learned = prepared.learned or learn(
         prepared.arm,
-        design=design_of(job, prepared.arm),
+        design=prepared.design,
         around=neighbourhood_of_ball(prepared.scene.ball.drag),
     )
     progress("learning", 1, 1)
-    bench = make_bench(prepared, learned, generator=job.generator)
+    bench = make_bench(prepared, learned, generator=prepared.settings.generator)
     bench.run(-1, prepared.source.ball(_WARM_UP), seed=0)
     bench.stopwatch.clear()
     trials: list[Trial] = []

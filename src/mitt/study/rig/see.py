@@ -6,11 +6,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from mitt.errors import InputError
 from mitt.link.cameras.opening import open_cameras
-from mitt.link.rig import CalibratedRig, read_rig
+from mitt.link.rig import CalibratedRig
 from mitt.link.video import VideoWriter
-from mitt.options import SeeOptions
 from mitt.signals import Array, Frame
 from mitt.study.rig.fall import fall_error
 from mitt.study.rig.overlay import Overlay
@@ -19,7 +17,7 @@ from mitt.study.rig.watcher import Look, Watcher
 from mitt.study.track_table import point_row, state_row
 from mitt.vision.filter import TABLE_TENNIS_BALL, THROWN_BALL, BallFilter, FilterConfig
 
-BELIEFS = {"any": FilterConfig(), "thrown": THROWN_BALL, "table-tennis": TABLE_TENNIS_BALL}
+BALLS = {"any": FilterConfig(), "thrown": THROWN_BALL, "table-tennis": TABLE_TENNIS_BALL}
 #: Frames taken from live cameras; frames a second at which people watch [Hz].
 LIVE_FRAMES, WATCHED = 1000, 30.0
 #: Share of the instants with two targets below which the eyes disagree.
@@ -64,50 +62,49 @@ class Seen:
             self.points.append(point_row(look.sighting))
 
 
-def check_rig(options: SeeOptions) -> CalibratedRig:
-    """Return the rig, checked with the other numbers of the options.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeeSettings:
+    """What is looked at, and how.
 
-    Raises:
-        InputError: The rig cannot be seen with, or a number is out of range.
+    Attributes:
+        left: Video, folder of images or camera.
+        right: The same of the right camera.
+        ball: What is assumed of the flight: a key of ``BALLS``.
+        ball_radius: Radius of the ball [m].
+        max_skew: Largest difference of two frames' times that are taken as one instant [s].
+        fps: Frames a second, where files and cameras do not tell the time.
+        frames: Most frames to take from each camera.
     """
-    rig = read_rig(options.rig)
-    if len(rig.cameras) != 2:
-        raise InputError(str(options.rig), "two cameras", len(rig.cameras))
-    if rig.frame == "camera":
-        raise InputError(str(options.rig), "poses in a frame with z up, for gravity",
-                         "poses in the left camera's frame",
-                         do="calibrate with --level or --hand")  # fmt: skip
-    if options.left == options.right:
-        raise InputError("LEFT and RIGHT", "two different cameras", f"{options.left} twice")
-    if not 0.0 < options.ball_radius < 1.0:
-        raise InputError("--ball-radius", "a length between 0 and 1 m", options.ball_radius)
-    if not 0.0 <= options.max_skew <= 1.0:
-        raise InputError("--max-skew", "seconds in 0..1", options.max_skew)
-    if options.frames is not None and options.frames < 1:
-        raise InputError("--frames", "1 or more", options.frames)
-    return rig
+
+    left: str
+    right: str
+    ball: str
+    ball_radius: float
+    max_skew: float
+    fps: float | None
+    frames: int | None
 
 
 def see(
-    options: SeeOptions, rig: CalibratedRig, seen: Seen, writer: VideoWriter | None,
+    settings: SeeSettings, rig: CalibratedRig, seen: Seen, writer: VideoWriter | None,
     progress: Progress,
 ) -> None:  # fmt: skip
     """Follow the ball to the end of the frames; what is found stands in ``seen`` as it comes.
 
     Args:
-        options: What the user wants.
+        settings: What is looked at.
         rig: Two cameras.
         seen: Result.
         writer: Where the pictures go; None for none.
         progress: Told how far it is.
     """
-    watcher = Watcher(rig, radius=options.ball_radius, max_skew=options.max_skew)
-    track = BallFilter(BELIEFS[options.ball])
+    watcher = Watcher(rig, radius=settings.ball_radius, max_skew=settings.max_skew)
+    track = BallFilter(BALLS[settings.ball])
     sizes = tuple((c.lens.width, c.lens.height) for c in rig.cameras)
     overlay = None if writer is None else Overlay(sizes, tuple(c.name for c in rig.cameras))
-    with open_cameras((options.left, options.right), fps=options.fps) as (left, right):
-        most = options.frames or (LIVE_FRAMES if left.live or right.live else None)
-        pairing = Pairing(left, right, max_skew=options.max_skew, most=most)
+    with open_cameras((settings.left, settings.right), fps=settings.fps) as (left, right):
+        most = settings.frames or (LIVE_FRAMES if left.live or right.live else None)
+        pairing = Pairing(left, right, max_skew=settings.max_skew, most=most)
         seen.counts = pairing.counts
         for n, pair in enumerate(pairing):
             frames: tuple[Frame, ...] = tuple(f for f in pair if f is not None)

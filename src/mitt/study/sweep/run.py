@@ -18,7 +18,7 @@ from mitt.study.sweep.settings import ArmSettings
 from mitt.study.sweep.spread import spread
 from mitt.study.sweep.study import SCHEMA, Condition, Study
 from mitt.study.sweep.summary import summary
-from mitt.study.sweep.work import ChunkError, Job, arm_options, throw_chunk
+from mitt.study.sweep.work import ChunkError, Job, throw_chunk
 from mitt.world.flights import Recording, builtin_flights, read_flights
 
 Progress = Callable[[str, int, int], None]
@@ -105,9 +105,8 @@ def _map_text(settings: ArmSettings, folder: Folder, version: str, progress: Pro
     path = folder.map(settings)
     if not path.exists():
         progress("learning", 0, 1)
-        options = arm_options(settings)
-        arm = arm_of(options)
-        save_map(path, learn(arm, design=design_of(options, arm)), version=version)
+        arm = arm_of(settings)
+        save_map(path, learn(arm, design=design_of(settings, arm)), version=version)
         progress("learning", 1, 1)
     read_json(path)  # refuses a file that was altered into no JSON
     return path.read_text(encoding="utf-8")

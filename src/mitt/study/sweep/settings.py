@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator
 
-from mitt.options import LimitName
+from mitt.study.choice import LimitName
 from mitt.world.settings import Settings
 
 #: Most throws in a study, and most values of one sweep.

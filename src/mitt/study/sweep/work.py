@@ -19,7 +19,6 @@ from mitt.generator.learn import Learned
 from mitt.link.clock import Stopwatch
 from mitt.link.maps import map_of
 from mitt.link.recording import write_recording
-from mitt.options import ArmOptions
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.study.catch import arm_of
@@ -65,15 +64,10 @@ class Job:
     notes: tuple[tuple[str, str], ...]
 
 
-def arm_options(settings: ArmSettings) -> ArmOptions:
-    """Return the settings of an arm as options of a command."""
-    return ArmOptions(**settings.model_dump())
-
-
 @lru_cache(maxsize=_KEPT)
 def _learned(settings: ArmSettings, text: str, thread: int) -> Learned:  # noqa: ARG001
     """Return arm and map, kept for the thread alone: an arm's scratch is not to be shared."""
-    return map_of(json.loads(text), arm_of(arm_options(settings)), place="map of the study")
+    return map_of(json.loads(text), arm_of(settings), place="map of the study")
 
 
 @lru_cache(maxsize=_KEPT)

@@ -1,8 +1,8 @@
 """Options of the commands as plain data; light to import, so that ``--help`` is quick."""
 
-from mitt.options.catching import ArmOptions, CatchOptions, LearnOptions, LimitName
-from mitt.options.seeing import CalibrateOptions, SeeOptions, TrackOptions
-from mitt.options.studying import BenchOptions, ReportOptions, StudyOptions
+from mitt.commands.options.catching import ArmOptions, CatchOptions, LearnOptions
+from mitt.commands.options.seeing import CalibrateOptions, SeeOptions, TrackOptions
+from mitt.commands.options.studying import BenchOptions, ReportOptions, StudyOptions
 
 __all__ = [
     "ArmOptions",
@@ -10,7 +10,6 @@ __all__ = [
     "CalibrateOptions",
     "CatchOptions",
     "LearnOptions",
-    "LimitName",
     "ReportOptions",
     "SeeOptions",
     "StudyOptions",

@@ -6,9 +6,8 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from mitt.options.common import Csv, Folder, Map
-
-LimitName = Literal["paper", "wam-48v", "wam-80v", "model"]
+from mitt.commands.options.common import Csv, Folder, Map
+from mitt.study.choice import LimitName
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar
 
+from mitt.commands.options import CalibrateOptions
 from mitt.errors import FileError, InputError
 from mitt.link.cameras.opening import open_cameras
 from mitt.link.charuco import Board, BoardSpec
 from mitt.link.rig import CalibratedRig, read_rig
-from mitt.options import CalibrateOptions
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.study.rig.boards import calibrate_boards

@@ -1,18 +1,9 @@
-"""Kill a study with SIGKILL at random moments, resume it, and compare with one left in peace.
+"""A study killed by SIGKILL at random moments and resumed comes to the same as one left alone."""
 
-    python benchmarks/kill.py [--kills 20] [--seed 1] [--study FILE] [--longest 20]
-
-The last line is JSON: kills, whether the summary and the table are the same byte by byte,
-unreadable files, throws lost and doubled.
-"""
-
-# ruff: noqa: S603 (it runs mitt itself)
-import argparse
 import json
 import random
 import subprocess
 import sys
-import tempfile
 import time
 from pathlib import Path
 
@@ -35,20 +26,16 @@ scene.faults = [{ kind = "kick", magnitude = 1.0 }]
 """
 
 
-def main() -> None:
-    """Do it, and say what came out."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kills", type=int, default=20)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--longest", type=float, default=20.0, help="longest time to a kill [s]")
-    options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as place:
-        result = torment(Path(place), options.kills, random.Random(options.seed), options.longest)  # noqa: S311
-    print(json.dumps(result))
+def soak(kills: int, *, seed: int, folder: Path, longest: float = 20.0) -> dict[str, int]:
+    """Return what a study comes to that is killed again and again.
 
-
-def torment(place: Path, kills: int, rng: random.Random, longest: float) -> dict[str, object]:
-    """Return what a study comes to that is killed again and again."""
+    Args:
+        kills: How often.
+        seed: Seed of the moments.
+        folder: An empty folder.
+        longest: Longest time to a kill [s].
+    """
+    rng, place = random.Random(seed), folder  # noqa: S311
     study, peace, killed = place / "study.toml", place / "peace", place / "killed"
     study.write_text(STUDY)
     subprocess.run(words(study, peace), check=True)
@@ -68,13 +55,14 @@ def torment(place: Path, kills: int, rng: random.Random, longest: float) -> dict
     rows = [keys(folder / "trials.parquet") for folder in (peace, killed)]
     same = all((peace / n).read_bytes() == (killed / n).read_bytes()
                for n in ("summary.json", "trials.parquet"))  # fmt: skip
+    lost, doubled = set(rows[0]) - set(rows[1]), len(rows[1]) - len(set(rows[1]))
     return {
         "kills": kills,
         "hit_while_running": rounds,
-        "same": same,
         "unreadable": unreadable,
-        "lost": len(set(rows[0]) - set(rows[1])),
-        "doubled": len(rows[1]) - len(set(rows[1])),
+        "lost": len(lost),
+        "doubled": doubled,
+        "faults": (not same) + unreadable + len(lost) + doubled,
     }
 
 
@@ -101,7 +89,3 @@ def keys(path: Path) -> list[tuple[str, str, int]]:
     """Return which throws a table holds."""
     table = pq.read_table(path, columns=["generator", "condition", "index"])
     return list(zip(*(table[name].to_pylist() for name in table.column_names), strict=True))
-
-
-if __name__ == "__main__":
-    main()

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from mitt.options.common import Csv, Toml
+from mitt.commands.options.common import Csv, Toml
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
