@@ -25,11 +25,11 @@ from arms import SETUPS, WAM, named
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
-from mitt.study.aim import aim_of
-from mitt.study.lesson import learn
-from mitt.study.score import reason_of
-from mitt.study.stats import wilson
-from mitt.study.trial import Bench
+from mitt.trials.aim import aim_of
+from mitt.trials.learning import learn
+from mitt.trials.runner import TrialRunner
+from mitt.trials.score import reason_of
+from mitt.trials.statistics import wilson
 from mitt.world.scene import Scene
 from mitt.world.throws import default_throw
 
@@ -57,10 +57,10 @@ def group(name: str, f: DirectMap, number: int, count: int, seed: int) -> Table:
     seed += 1000 * number
     rng = np.random.default_rng(seed)
     scene, aim = drawn_scene(f.arm, rng), aim_of(f.arm)
-    bench = Bench(f.arm, Direct(f), scene, pixels=False)
+    runner = TrialRunner(f.arm, Direct(f), scene, pixels=False)
     out: Table = {"arm": name, "status": [], "alarms": [], "violations": []}
     for k in range(count):
-        trial = bench.run(k, default_throw(rng, aim), seed=seed + k).trial
+        trial = runner.run(k, default_throw(rng, aim), seed=seed + k).trial
         out["status"].append(trial.status)
         out["violations"].append(trial.limit_violations)
         if trial.stopped_by is not None:
