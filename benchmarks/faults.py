@@ -3,10 +3,8 @@ r"""What faults cost: catches with faults of vision, and how soon a broken encod
     python benchmarks/faults.py                              all tables, 300 throws a row
     python benchmarks/faults.py --throws 1000 --only points  one table, more throws
     python benchmarks/faults.py --only pixels --rows "dropout 20 ms;10 % outliers" --seed 9000
-    python benchmarks/faults.py --only encoders --limits wam-48v   another limit set
-    python benchmarks/faults.py --only steps --arm panda.urdf --tip panda_hand_tcp \
-        --joints panda_joint1,panda_joint2,panda_joint4,panda_joint6 --hold panda_joint6=3.1416 \
-        --ready 0,0.785,-0.3 --q-catch -0.6 --inward -5      another arm
+    python benchmarks/faults.py --only encoders --limits all --throws 200 --workers 2
+    python benchmarks/faults.py --only steps --limits panda        another arm
     python benchmarks/faults.py --json faults.json           keep the numbers
 
 Throws, seeds and plants are the same in every row; a fault of some length begins at eight moments
@@ -17,20 +15,21 @@ estimate: ``benchmarks/track.py``.
 import argparse
 import json
 from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import fields, replace
+from multiprocessing import get_context
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import numpy as np
+from arms import WAM, named
 
 from mitt.control.condition import ABORT
-from mitt.generator.design import MapDesign
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.records import REASONS
 from mitt.robot.arm import Arm
-from mitt.robot.hands import HandModel
-from mitt.robot.load import load_arm
 from mitt.signals import Array
 from mitt.trials.aim import aim_of
 from mitt.trials.learning import learn
@@ -50,6 +49,12 @@ STARTS = tuple(float(t) for t in np.round(np.linspace(0.05, 0.40, 8), 3))
 STILL, SETTLED = 0.1, 300
 #: Counts of motion from which a stuck encoder is due.
 COUNTS = 5.0
+#: Parts into which the throws of a row are dealt for several processes.
+PARTS = 8
+#: Columns of the table of encoders.
+SPREADS = ("delay_ms", "told_ms", "stop_ms", "brake_ms", "creep_mrad")
+#: Arms that can be asked for, as of :mod:`arms`.
+ALL = (*WAM, "panda")
 
 Plan = Callable[[float], list[dict[str, Any]]]
 Row = dict[str, Any]
@@ -147,24 +152,28 @@ def vision(
     return table
 
 
-def broken(f: DirectMap, kind: str, throws: list[Throw], seed: int) -> Row:
-    """Break an encoder in each throw; return delays [ms] and what became of the arm."""
-    rows: Row = {name: [] for name in ("delay_ms", "told_ms", "stop_ms", "brake_ms", "creep_mrad")}
-    rows |= {"unseen": 0, "violations": 0, "after_brakes": 0}
-    rng, reasons = np.random.default_rng(seed), set()
-    for k, throw in enumerate(throws):
-        start, joint = float(rng.uniform(0.15, 0.45)), int(rng.integers(f.arm.n))
-        size = float(rng.choice([-1.0, 1.0]) * rng.uniform(0.05, 1.0))
+def broken(f: DirectMap, kind: str, throws: list[Throw], seed: int, numbers: range) -> Row:
+    """Break an encoder in some of the throws, each joint in turn.
+
+    Returns:
+        Delays [ms], and what became of the arm.
+    """
+    rows: Row = {name: [] for name in SPREADS}
+    rows |= {"unseen": 0, "violations": 0, "after_brakes": 0, "restless": 0, "reasons": []}
+    for k in numbers:
+        rng, joint = np.random.default_rng((seed, k)), k % f.arm.n
+        start, size = float(rng.uniform(0.15, 0.45)), float(rng.uniform(0.05, 1.0))
+        size *= float(rng.choice([-1.0, 1.0]))
         runner = TrialRunner(
             f.arm, Direct(f), scene_of([_fault(kind, joint, start, size)]), pixels=False
         )
-        ticks, truth, violations = _run(runner, throw, seed + k)
+        ticks, truth, violations = _run(runner, throws[k], seed + k)
         rows["violations"] += violations
         stopped = np.flatnonzero(ticks["state"] == ABORT)
         if not len(stopped):
             rows["unseen"] += 1
             continue
-        reasons.add(REASONS[ticks["reason"][stopped[0]]].value)
+        rows["reasons"].append(REASONS[ticks["reason"][stopped[0]]].value)
         stop, first = int(stopped[0]), round(start / 0.001)
         shows = _shows(kind, truth.q[:, joint], first, f.arm.encoder_step[joint])
         rows["delay_ms"].append(max(stop - shows, 0))
@@ -173,8 +182,17 @@ def broken(f: DirectMap, kind: str, throws: list[Throw], seed: int) -> Row:
         command, brake = ticks["told"][max(stop - 1, 0), 1], runner.catcher().deceleration
         rows["brake_ms"].append(float(1e3 * np.max(np.abs(command) / brake)))
         _at_rest(rows, f.arm, ticks, truth, stop)
-    rows["reasons"] = sorted(reasons)
     return rows
+
+
+def gathered(parts: list[Row]) -> Row:
+    """Return the rows of several processes as one."""
+    out: Row = {}
+    for part in parts:
+        for name, value in part.items():
+            out[name] = out[name] + value if name in out else value
+    out["reasons"] = sorted(set(out["reasons"]))
+    return out
 
 
 def _fault(kind: str, joint: int, start: float, size: float) -> dict[str, Any]:
@@ -193,6 +211,7 @@ def _at_rest(rows: Row, arm: Arm, ticks: Any, truth: Trace, stop: int) -> None: 
     if len(later.t) > 1:
         rows["after_brakes"] += measure(arm, ticks[held:], later).limit_violations
         rest = truth.q[min(held + SETTLED, len(truth.t) - 1) :]
+        rows["restless"] += int(np.abs(truth.dq[-1]).max() > STILL)
         rows["creep_mrad"].append(float(1e3 * np.ptp(rest, axis=0).max()))
 
 
@@ -213,27 +232,31 @@ def _run(runner: TrialRunner, throw: Throw, seed: int) -> tuple[Any, Trace, int]
         catcher.think()
         if catcher.stopped_by is not None:
             world.watch_on()
-        rows.append(catcher.result.copy())
-    ticks, truth = np.concatenate(rows), world.trace()
+        rows.append(catcher.result.tobytes())
+    ticks, truth = np.frombuffer(bytearray().join(rows), catcher.result.dtype), world.trace()
     return ticks, truth, measure(runner.arm, ticks, truth).limit_violations
 
 
-def encoders(f: DirectMap, throws: list[Throw], seed: int) -> Row:
+def encoders(f: DirectMap, throws: list[Throw], seed: int, workers: int) -> Row:
     """Print and return the table of broken encoders."""
     table: Row = {}
     print("encoder   stopped   delay [ms] p50 p99 max   command at rest [ms] p50 p99 max   "
           "arm at rest p50 p99 max   brake alone p50 max   creep [mrad] p50 p99 max   "
-          "ticks beyond a limit, after the brakes' time")  # fmt: skip
-    for kind in ENCODERS:
-        row = broken(f, kind, throws, seed)
-        names = ("delay_ms", "told_ms", "stop_ms", "brake_ms", "creep_mrad")
-        columns = [np.array(row[name]) for name in names]
-        table[kind] = {"throws": len(throws), "detected": len(columns[0]), **row}
-        spread = "   ".join(f"{np.median(x):4.0f}{np.quantile(x, 0.99):5.0f}{x.max():5.1f}"
-                            for x in columns if len(x))  # fmt: skip
-        print(f"{kind:9s}{len(columns[0]):4d} of {len(throws)}   {spread}   "
-              f"{row['violations']}, {row['after_brakes']}   {row['unseen']} unseen   "
-              f"{row['reasons']}", flush=True)  # fmt: skip
+          "ticks beyond a limit, after the brakes' time, arms not at rest at the end")  # fmt: skip
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        for kind in ENCODERS:
+            jobs = [
+                pool.submit(broken, f, kind, throws, seed, range(part, len(throws), PARTS))
+                for part in range(PARTS)
+            ]
+            row = gathered([job.result() for job in jobs])
+            columns = [np.array(row[name]) for name in SPREADS]
+            table[kind] = {"throws": len(throws), "detected": len(columns[0]), **row}
+            spread = "   ".join(f"{np.median(x):4.0f}{np.quantile(x, 0.99):5.0f}{x.max():5.1f}"
+                                for x in columns if len(x))  # fmt: skip
+            print(f"{kind:9s}{len(columns[0]):4d} of {len(throws)}   {spread}   "
+                  f"{row['violations']}, {row['after_brakes']}, {row['restless']}   "
+                  f"{row['unseen']} unseen   {row['reasons']}", flush=True)  # fmt: skip
     return table
 
 
@@ -258,20 +281,6 @@ def _asked(plans: dict[str, Plan], rows: str) -> dict[str, Plan]:
     return {name: plan for name, plan in plans.items() if name in wanted}
 
 
-def _arm(options: argparse.Namespace) -> tuple[Arm, MapDesign | None]:
-    """Return the arm that is asked for, and the design of its map."""
-    if options.arm == "wam":
-        return load_arm("wam", limits=options.limits), None
-    held = dict(x.split("=") for x in options.hold.split(",") if x)
-    names = options.joints.split(",")
-    arm = load_arm(options.arm, tip=options.tip, joints=names, hand=HandModel())
-    links = [replace(link, held=float(held[link.name])) if link.name in held else link
-             for link in arm.model.links]  # fmt: skip
-    q_ready = np.array([float(x) for x in options.ready.split(",")])
-    model = replace(arm.model, links=tuple(links), q_ready=q_ready)
-    return Arm(model, arm.limits), MapDesign(q_catch=options.q_catch, inward=options.inward)
-
-
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
@@ -280,18 +289,26 @@ def main() -> None:
     parser.add_argument("--rows", default="", metavar="A;B", help="faults of vision, besides clean")
     parser.add_argument("--seed", type=int, default=SEED, metavar="S")
     parser.add_argument("--json", type=Path, metavar="FILE")
-    parser.add_argument("--arm", default="wam", metavar="NAME or FILE")
-    parser.add_argument("--limits", default="paper", metavar="SET")
-    parser.add_argument("--tip", metavar="FRAME", help="of an arm from a file")
-    parser.add_argument("--joints", metavar="A,B,...", help="of an arm from a file, held ones too")
-    parser.add_argument("--hold", default="", metavar="JOINT=RAD,...", help="joints that are held")
-    parser.add_argument("--ready", default="0,0,0", metavar="RAD,...", help="ready pose")
-    parser.add_argument("--q-catch", type=float, default=np.pi / 2, metavar="RAD")
-    parser.add_argument("--inward", type=float, default=0.0, metavar="RATIO")
+    parser.add_argument(
+        "--limits",
+        default="paper",
+        metavar="NAME",
+        help=f"{', '.join(ALL)}, several with commas between them, or all",
+    )
+    parser.add_argument("--workers", type=int, default=1, metavar="N", help="for encoders")
     options = parser.parse_args()
-    arm, design = _arm(options)
-    f, seed = learn(arm, design=design).map, options.seed
+    names = ALL if options.limits == "all" else options.limits.split(",")
+    tables = {name: tables_of(name, options) for name in names}
+    if options.json:
+        options.json.write_text(json.dumps(tables if len(names) > 1 else tables[names[0]]))
+
+
+def tables_of(name: str, options: argparse.Namespace) -> Row:
+    """Print and return the tables of an arm."""
+    arm, design = named(name)
+    f, seed, begun = learn(arm, design=design).map, options.seed, perf_counter()
     throws, tables = thrown(options.throws, f, seed), {}
+    print(f"{name}, seed {seed}")
     if options.only in (None, "points"):
         plans = _asked(COMMON, options.rows)
         tables["points"] = vision(f, plans, throws, pixels=False, seed=seed)
@@ -299,13 +316,13 @@ def main() -> None:
         plans = _asked(COMMON | PIXELS, options.rows)
         tables["pixels"] = vision(f, plans, throws, pixels=True, seed=seed)
     if options.only in (None, "encoders"):
-        tables["encoders"] = encoders(f, throws, seed)
+        tables["encoders"] = encoders(f, throws, seed, options.workers)
     if options.only in (None, "steps"):
         for pixels in (False, True):
-            name = "steps, images" if pixels else "steps, points"
-            tables[name] = resolutions(f, throws, seed, pixels=pixels)
-    if options.json:
-        options.json.write_text(json.dumps(tables))
+            title = "steps, images" if pixels else "steps, points"
+            tables[title] = resolutions(f, throws, seed, pixels=pixels)
+    print(f"{perf_counter() - begun:.0f} s")
+    return tables
 
 
 if __name__ == "__main__":

@@ -207,6 +207,13 @@ class Staged:
         t = max(frame.t for frame in senses.frames)
         self.eyes.guide(ball, t, gap=TICK, known=known, alone=not self.beside)
 
+    def keep_below(self, speeds: Array) -> None:
+        """Take the speeds below which the catcher keeps the joints, as its verdict says."""
+        guard = self.tracker.guard
+        guard.bounds = guard.bounds.copy()
+        guard.bounds[2] = speeds
+        guard._packed = (*guard._packed[:3], guard.bounds)
+
     def _braking(self) -> Brake:
         """Return the brake, planned from the last command when it is first asked for."""
         if self.brake is None:
@@ -242,6 +249,8 @@ def compare(
         senses, phase = runner.world.sense(look=catcher.looking), catcher.phase
         if phase is Phase.STOPPED:  # the stages have no monitor that could stop them
             break
+        if phase is Phase.FOLLOW:
+            staged.keep_below(catcher._state["bounds"][0][2])
         told = catcher.step(senses)
         command, reference = staged.step(senses, phase, catcher.believed)
         if catcher.tick is not None and catcher.tick.state is State.ABORT:

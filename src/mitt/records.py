@@ -264,6 +264,7 @@ def arm_fields(arm: Arm, around: Surroundings) -> Fields:
         "pairs": guard.shapes.pairs,
         "guard_known": guard.known,
         "guard_work": guard.work,
+        "guard_reserve": guard.reserve,
         "drives": arm.limits.packed,
         "drives_now": arm.limits.packed,
         "bodies": arm.bodies,

@@ -14,10 +14,11 @@ import numpy as np
 
 from mitt.control.condition import ABORT, ASKED, assess, pass_time
 from mitt.control.encoders import bring
-from mitt.control.envelope import TICK, slow_down
+from mitt.control.envelope import TICK
 from mitt.control.hand import close, has_closed
 from mitt.control.margin import derate
 from mitt.control.monitor import BRIDGED, believe
+from mitt.control.reserve import HARDEST, choose_stop, stop_by
 from mitt.control.stop import short_of_room
 from mitt.control.tracking import largest_gap, track
 from mitt.control.viability import BLOCKED, guard
@@ -227,17 +228,20 @@ def act(brake: Array, state: Record, result: Record) -> int:
     elif phase == BRAKE:
         wanted[:] = brake[min(max(round((t - s["t_brake"]) / TICK), 0), len(brake) - 1)]
     elif phase == STOPPED:
-        slow_down(s["bounds"], s["last"], wanted)
+        _slow_down(state)
     out["told"][:3] = wanted
     passed = guard(
         s["bodies"],
         s["shapes"],
         s["pairs"],
         s["bounds"],
+        s["drives"],
+        s["index"],
         s["last"],
         out["told"][:3],
         s["guard_known"],
         s["guard_work"],
+        s["guard_reserve"],
     )
     out["hand"] = close(s["closing"], s["grip"], t, out["time_to_catch"])
     derate(
@@ -268,6 +272,16 @@ def act(brake: Array, state: Record, result: Record) -> int:
     if phase == WATCH:
         return DECIDE if out["tracked"] else 0
     return _afterwards(state, result) if phase == FOLLOW else 0
+
+
+@kernel
+def _slow_down(state: Record) -> None:
+    """Want of the joints to brake as hard as the drives can, all at once."""
+    s = state[0]
+    choose_stop(
+        s["bodies"], s["drives"], s["index"], s["bounds"], s["last"], HARDEST, s["guard_reserve"]
+    )
+    stop_by(s["bounds"], s["last"], s["guard_reserve"], s["wanted"])
 
 
 @kernel

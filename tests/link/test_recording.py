@@ -1,5 +1,6 @@
 """Recordings come back number for number through mcap_ros2's own decoder."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 from mitt.errors import FileError, ShapeError
 from mitt.link.recording import (
+    BRAKES,
     ESTIMATE,
     METADATA,
     PHASE,
@@ -35,6 +37,7 @@ def _recording(k: int, n: int, seed: int) -> Recording:
         encoders=rng.standard_normal((k, 2, n)),
         command=rng.standard_normal((k, 2, n)),
         tau=rng.standard_normal((k, n)),
+        brakes=t >= t[rng.integers(k)],
         tracks=(Track(topic=ESTIMATE, t=t[k // 2 :], r=rng.standard_normal((k - k // 2, 3))),),
         notices=(Notice(topic=PHASE, t=0.0, text="watch"), Notice(topic=PHASE, t=0.5, text="ä\n")),
         metadata={"seed": str(seed), "trial": '{"index": 0}'},
@@ -64,6 +67,7 @@ def test_numbers_come_back_exactly(tmp_path: Path, k: int, n: int, seed: int) ->
     np.testing.assert_array_equal([m.velocity for _, m in states], sent.encoders[:, 1])
     np.testing.assert_array_equal([m.position for _, m in commands], sent.command[:, 0])
     np.testing.assert_array_equal([m.effort for _, m in commands], sent.tau)
+    assert [m.data for _, m in topics[BRAKES]] == sent.brakes.tolist()
     assert all(tuple(m.name) == sent.joints for _, m in states + commands)
     points = [(m.point.x, m.point.y, m.point.z) for _, m in topics[ESTIMATE]]
     np.testing.assert_array_equal(points, sent.tracks[0].r)
@@ -100,6 +104,7 @@ def test_topics_have_the_types_that_foxglove_knows(tmp_path: Path) -> None:
     assert {topic: schema.name for topic, schema in kinds.items()} == {
         "/joint_states": "sensor_msgs/msg/JointState",
         "/joint_commands": "sensor_msgs/msg/JointState",
+        "/brakes": "std_msgs/msg/Bool",
         ESTIMATE: "geometry_msgs/msg/PointStamped",
         PHASE: "std_msgs/msg/String",
     }
@@ -116,10 +121,15 @@ def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path: Path) -> Non
 
 def test_columns_of_other_lengths_are_refused() -> None:
     """The shapes are checked when a recording is put together, not when it is written."""
-    t, two = np.zeros(3), np.zeros((3, 2, 2))
+    t, two, tau = np.zeros(3), np.zeros((3, 2, 2)), np.zeros((3, 2))
+    good = Recording(
+        joints=("a", "b"), t=t, encoders=two, command=two, tau=tau, brakes=np.zeros(3, bool)
+    )
     with pytest.raises(ShapeError, match="tau"):
-        Recording(joints=("a", "b"), t=t, encoders=two, command=two, tau=np.zeros((3, 1)))
+        replace(good, tau=np.zeros((3, 1)))
     with pytest.raises(ShapeError, match="command"):
-        Recording(joints=("a", "b"), t=t, encoders=two, command=two[:2], tau=np.zeros((3, 2)))
+        replace(good, command=two[:2])
+    with pytest.raises(ShapeError, match="brakes"):
+        replace(good, brakes=np.zeros(2, bool))
     with pytest.raises(ShapeError, match=ESTIMATE):
         Track(topic=ESTIMATE, t=t, r=np.zeros((2, 3)))

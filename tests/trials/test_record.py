@@ -5,9 +5,14 @@ from dataclasses import asdict
 
 import numpy as np
 
+from mitt.generator.generators import Direct
+from mitt.generator.learn import Learned
 from mitt.link.recording import CATCH_POINT, ESTIMATE, EVENT, PHASE, TRUTH
 from mitt.trials.record import recording_of
-from mitt.trials.runner import LoggedTrial
+from mitt.trials.runner import LoggedTrial, TrialRunner
+from mitt.trials.source import source_of
+from mitt.world.faults.plan import Encoder
+from mitt.world.scene import Scene
 
 _JOINTS = ("j1", "j2", "j4")
 _ABOUT: dict[str, object] = {"version": "0.1.0", "seed": 3, "generator": "direct"}
@@ -46,3 +51,25 @@ def test_metadata_carries_the_trial_as_json(direct: LoggedTrial) -> None:
     assert json.loads(notes["trial"]) == asdict(direct.trial)
     assert notes["throw"] == "0"
     assert notes["seed"] == "3"
+
+
+def test_the_recording_of_a_stopped_throw_says_when_the_brakes_engaged_and_why(
+    learned: Learned,
+) -> None:
+    """From the tick of the stop to the end, with the reason as an event and in the metadata."""
+    f = learned.map
+    scene = Scene(faults=(Encoder(kind="encoder", fault="dropout", joint=1, start=0.3),))
+    source = source_of(f, seed=91, count=1, throws_file=None, flights_file=None, drag=0.04)
+    runner = TrialRunner(f.arm, Direct(f), scene, pixels=False)
+    outcome = runner.run(0, source.ball(0), seed=source.trial_seed(0), log=True)
+    assert outcome.log is not None
+    recording = recording_of(outcome.log, outcome.trial, _JOINTS, _ABOUT)
+    stop = outcome.trial.stopped_by
+    assert stop is not None
+    at = int(np.argmax(recording.brakes))
+    assert recording.t[at] == stop["t_s"]
+    assert recording.brakes[at:].all()
+    assert not recording.brakes[:at].any()
+    events = {n.text: n.t for n in recording.notices if n.topic == EVENT}
+    assert events["stopped by encoder silent j2"] == stop["t_s"]
+    assert json.loads(recording.metadata["trial"])["stopped_by"] == stop

@@ -52,8 +52,8 @@ SPEED_VARIANCE = _PV
 FINE, BRIDGED, SILENT, JUMPED, STUCK, REVERSED, FAST = range(7)
 
 #: Ticks without a number after which an encoder is silent, for one that has read well and for one
-#: that loses readings, and before its first reading.
-SILENT_TICKS, LOSSY_TICKS, _UNREAD = 6, 15, 3
+#: that loses readings or has not been read yet; first readings that no joint of the arm can have.
+SILENT_TICKS, LOSSY_TICKS, _IMPOSSIBLE = 6, 15, 3
 #: Share of a gap that is forgotten in a tick, of one that still counts, and of a new encoder.
 _HEALS, _GAP, _NEW = 0.002, 0.3, 0.37
 #: Refused readings in a row that make a fault, and excess over a speed limit.
@@ -151,7 +151,9 @@ def _begin(m: Array, b: Array, k: int, step: float, q: float, dq: float) -> int:
     """Take the first reading, if it can be one of this joint."""
     if not b[0, k] - _BEYOND <= q <= b[1, k] + _BEYOND:
         m[_GONE] += 1.0
-        return SILENT if m[_GONE] >= _UNREAD else BRIDGED
+        m[_REFUSED] += 1.0 if np.isfinite(q) else 0.0
+        silent = m[_GONE] >= LOSSY_TICKS or m[_REFUSED] >= _IMPOSSIBLE
+        return SILENT if silent else BRIDGED
     known = abs(dq) <= _EXCESS * b[2, k]
     _take(m, q, dq if known else 0.0, step)
     m[_GONE], m[_HELD], m[_LEAST], m[_GAPS] = 0.0, q, 0.0, _NEW

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mitt.control.envelope import bounds_of, keep, slow_down
 from mitt.control.jerk import braked
+from mitt.control.reserve import gentle_rates, keep_reserve, reserve_work
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Shapes, Surroundings, clearance, shapes_of
@@ -51,7 +52,8 @@ def stops_clear(
         bodies: Table of :mod:`mitt.robot.dynamics`, shape (N, 31).
         table: Shapes, shape (m, 8).
         pairs: Those to be kept apart, shape (p, 2).
-        b: Limits, as of :mod:`mitt.control.envelope`, then the reach of each joint, shape (7, n).
+        b: Limits, as of :mod:`mitt.control.envelope`, then the reach of each joint and its gentle
+            deceleration (:mod:`mitt.control.reserve`), shape (8, n).
         motion: q, dq, ddq, shape (3, n).
         known: Where room was last measured [rad], and how much there was [m], overwritten,
             shape (n + 1,).
@@ -95,32 +97,41 @@ def guard(
     table: Array,
     pairs: NDArray[np.int64],
     b: Array,
+    drives: Array,
+    index: NDArray[np.int64],
     last: Array,
     wanted: Array,
     known: Array,
     work: Array,
+    reserve: Array,
 ) -> int:
     """Replace a wanted motion by what is emitted, and remember it.
 
-    A motion from which the way to standstill is blocked is not emitted: the joints brake from
-    where they are instead, along the way that was found clear in the tick before. Motion that
-    was blocked from the start may only lead out.
+    A motion that the drives could not stop any more is replaced by the stop that was possible in
+    the tick before (:mod:`mitt.control.reserve`). A motion from which the way to standstill is
+    blocked is not emitted either: the joints brake from where they are instead, along the way that
+    was found clear in the tick before. Motion that was blocked from the start may only lead out.
 
     Args:
         bodies: Table of :mod:`mitt.robot.dynamics`, shape (N, 31).
         table: Shapes, shape (m, 8).
         pairs: Those to be kept apart, shape (p, 2).
-        b: As for :func:`stops_clear`, shape (7, n).
+        b: As for :func:`stops_clear`, shape (8, n).
+        drives: ``Limits.packed``, shape (2 N + 3, N).
+        index: Active joints among the links, shape (n,).
         last: q, dq, ddq emitted in the tick before, overwritten, shape (3, n).
         wanted: q_d, dq_d, ddq_d; q, dq, ddq afterwards, shape (3, n).
         known: As for :func:`stops_clear`.
         work: Scratch, shape (2 m + n, 3).
+        reserve: Scratch, of :func:`mitt.control.reserve.reserve_work`.
 
     Returns:
         ``PASSED``, ``KEPT`` or ``BLOCKED``.
     """
     b, last, wanted = lent((b, last, wanted))
     result = KEPT if keep(b, last, wanted) else PASSED
+    if keep_reserve(bodies, drives, index, b, last, wanted, reserve):
+        result = BLOCKED
     blocked = not stops_clear(bodies, table, pairs, b, wanted, known, work)
     if blocked and not _leads_out(bodies, table, pairs, last, wanted, work):
         result = BLOCKED
@@ -152,11 +163,12 @@ class Guard:
     """The envelope of one arm: what is emitted passes through here and nowhere else.
 
     Attributes:
-        bounds: As for :func:`stops_clear`, shape (7, n).
+        bounds: As for :func:`stops_clear`, shape (8, n).
         shapes: Shapes of the arm and of what stands around it.
         last: q, dq, ddq emitted in the tick before, shape (3, n).
         known: As for :func:`stops_clear`.
         work: Scratch.
+        reserve: Scratch, of :func:`mitt.control.reserve.reserve_work`.
     """
 
     def __init__(self, arm: Arm, around: Surroundings) -> None:
@@ -165,7 +177,9 @@ class Guard:
         self.last = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)])
         self.known = np.full(arm.n + 1, -np.inf)
         self.work = np.zeros((arm.n + 2 * len(self.shapes.table), 3))
+        self.reserve = reserve_work(arm)
         self._packed = arm.bodies, self.shapes.table, self.shapes.pairs, self.bounds
+        self._drives = arm.limits.packed, np.array(arm.model.active)
 
     def begin(self, q: Array, dq: Array) -> None:
         """Start from where the arm is, [rad, rad/s], shapes (n,); what is not finite is left."""
@@ -174,7 +188,10 @@ class Guard:
 
     def step(self, wanted: Array) -> int:
         """Replace a wanted motion, shape (3, n), by what is emitted; see :func:`guard`."""
-        return int(guard(*self._packed, self.last, wanted, self.known, self.work))
+        return int(
+            guard(*self._packed, *self._drives, self.last, wanted, self.known, self.work,
+                  self.reserve)
+        )  # fmt: skip
 
     def clear(self, q: Array, dq: Array) -> bool:
         """Say whether an arm that moves so can come to standstill without touching anything."""
@@ -185,5 +202,5 @@ class Guard:
 @lru_cache(maxsize=32)
 def _numbers(arm: Arm, around: Surroundings) -> tuple[Shapes, Array]:
     """Return shapes and limits; they are worked out once, not each throw."""
-    shapes = shapes_of(arm, around)
-    return shapes, np.array([*bounds_of(arm), shapes.reach])
+    shapes, bounds = shapes_of(arm, around), bounds_of(arm)
+    return shapes, np.array([*bounds, shapes.reach, gentle_rates(arm, bounds[3])])

@@ -5,6 +5,7 @@
 | `/joint_states`     | sensor_msgs/msg/JointState     | encoders                          |
 | `/joint_commands`   | sensor_msgs/msg/JointState     | commanded position, speed, torque |
 | any, one a track    | geometry_msgs/msg/PointStamped | positions in the frame `world`    |
+| `/brakes`           | std_msgs/msg/Bool              | whether the brakes are to engage  |
 | any, one a notice   | std_msgs/msg/String            | what changed, when it changed     |
 
 Names and units by REP 103: metres, radians, seconds. Time is the trial's own, 0 at release.
@@ -28,6 +29,8 @@ FRAME = "world"
 #: Topics of the points and notices of a trial.
 ESTIMATE, TRUTH, CATCH_POINT = "/ball/estimate", "/ball/truth", "/hand/catch_point"
 PHASE, EVENT = "/phase", "/events"
+#: Topic of the command to the brakes.
+BRAKES = "/brakes"
 #: Name of the metadata record.
 METADATA = "mitt"
 
@@ -57,6 +60,7 @@ SCHEMAS = {
         **_STAMPED,
     ),
     "std_msgs/msg/String": "string data\n",
+    "std_msgs/msg/Bool": "bool data\n",
 }
 
 
@@ -99,6 +103,7 @@ class Recording:
         encoders: q, dq as read [rad, rad/s], shape (k, 2, n).
         command: q, dq commanded [rad, rad/s], shape (k, 2, n).
         tau: Torque commanded [N m], shape (k, n).
+        brakes: Whether the joints' brakes are commanded to engage, shape (k,).
         tracks: Points over time.
         notices: What changed.
         metadata: Text by name, written as one record.
@@ -109,6 +114,7 @@ class Recording:
     encoders: Array
     command: Array
     tau: Array
+    brakes: NDArray[np.bool_]
     tracks: tuple[Track, ...] = ()
     notices: tuple[Notice, ...] = ()
     metadata: Mapping[str, str] = field(default_factory=dict)
@@ -121,6 +127,8 @@ class Recording:
                 raise ShapeError(name, f"({k}, 2, {n})", x.shape)
         if self.tau.shape != (k, n):
             raise ShapeError("tau", f"({k}, {n})", self.tau.shape)
+        if self.brakes.shape != (k,):
+            raise ShapeError("brakes", f"({k},)", self.brakes.shape)
 
 
 def write_recording(path: Path, recording: Recording) -> None:
@@ -158,6 +166,8 @@ def _messages(recording: Recording) -> list[_Message]:
     ):
         for ns, (q, dq), effort in zip(_ns(recording.t), motion, tau, strict=True):
             out.append((ns, topic, kinds[0], _joint_state(ns, recording.joints, (q, dq, effort))))
+    for ns, engaged in zip(_ns(recording.t), recording.brakes.tolist(), strict=True):
+        out.append((ns, BRAKES, kinds[3], {"data": engaged}))
     for track in recording.tracks:
         for ns, r in zip(_ns(track.t), track.r, strict=True):
             point = dict(zip("xyz", r.tolist(), strict=True))

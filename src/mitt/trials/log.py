@@ -30,6 +30,7 @@ class TrialLog:
         tau: Torque commanded [N m], shape (k, n).
         feedforward: Torque that the commanded motion alone would take [N m], shape (k, n).
         hand: Closing angle commanded [rad], shape (k,).
+        brakes: Whether the brakes are commanded to engage, shape (k,).
         t_0: Time at which the arm began to move [s]; infinite if it did not.
         t_catch: Time of the catch by the map [s]; infinite if there was none.
         truth: True states, k + 1 rows.
@@ -47,6 +48,7 @@ class TrialLog:
     tau: Array
     feedforward: Array
     hand: Array
+    brakes: NDArray[np.bool_]
     t_0: float
     t_catch: float
     truth: Trace
@@ -77,6 +79,7 @@ def log_of(arm: Arm, ticks: Record, truth: Trace, *, t_0: float, t_catch: float)
         tau=told[:, 3],
         feedforward=arm.active(arm.torques(told[:, :3])),
         hand=ticks["hand"],
+        brakes=ticks["brakes"],
         t_0=t_0,
         t_catch=t_catch,
         truth=truth,

@@ -45,6 +45,7 @@ def recording_of(
         encoders=log.encoders,
         command=log.command[:, :2],
         tau=log.tau,
+        brakes=log.brakes,
         tracks=(
             Track(topic=ESTIMATE, t=log.t[seen], r=log.ball[seen, 0]),
             Track(topic=TRUTH, t=truth.t, r=truth.r_o),

@@ -1,0 +1,84 @@
+"""Arms that benchmarks ask for by name: the WAM, and two of the package example-robot-data.
+
+Joints, held angles, ready poses and catch angles of the two are choices of this project: found by
+hand on default throws, so that the arm catches some of them.
+"""
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from sysconfig import get_paths
+
+import numpy as np
+
+from mitt.generator.design import MapDesign
+from mitt.robot.arm import Arm
+from mitt.robot.hands import HandModel
+from mitt.robot.load import load_arm
+
+_ROBOTS = Path(get_paths()["purelib"]) / "cmeel.prefix/share/example-robot-data/robots"
+#: Limit sets of the WAM, which are names of arms here.
+WAM = ("paper", "wam-48v", "wam-80v")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setup:
+    """An arm from a file, and the design of its map.
+
+    Attributes:
+        file: Below the package's robots, or a path.
+        tip: Frame of the catch point.
+        joints: Active joints, those to be held included.
+        held: Angle of each joint that is held [rad].
+        ready: Ready pose of the active joints [rad].
+        q_catch: Angle of the catch joint at the catch [rad].
+        inward: As of ``MapDesign``.
+    """
+
+    file: str
+    tip: str
+    joints: Sequence[str]
+    held: dict[str, float] = field(default_factory=dict)
+    ready: Sequence[float]
+    q_catch: float
+    inward: float
+
+
+SETUPS = {
+    "panda": Setup(
+        file="panda_description/urdf/panda.urdf",
+        tip="panda_hand_tcp",
+        joints=("panda_joint1", "panda_joint2", "panda_joint4", "panda_joint6"),
+        held={"panda_joint6": 3.1416},
+        ready=(0.0, 0.785, -0.3),
+        q_catch=-0.6,
+        inward=-5.0,
+    ),
+    "so101": Setup(
+        file="so_arm_description/urdf/so101.urdf",
+        tip="gripper_frame_link",
+        joints=("shoulder_pan", "shoulder_lift", "elbow_flex"),
+        ready=(0.0, 0.0, 0.0),
+        q_catch=0.8,
+        inward=0.0,
+    ),
+}
+
+
+def arm_of(setup: Setup) -> tuple[Arm, MapDesign]:
+    """Load an arm and mount the hand; zero axes of fixed joints are given a direction."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = _ROBOTS / setup.file
+        mended = Path(folder) / path.name
+        mended.write_text(path.read_text().replace('xyz="0 0 0"/>\n  </joint>', "/>\n  </joint>"))
+        arm = load_arm(mended, tip=setup.tip, joints=setup.joints, hand=HandModel())
+    held = setup.held
+    links = tuple(replace(x, held=held[x.name]) if x.name in held else x for x in arm.model.links)
+    model = replace(arm.model, links=links, q_ready=np.array(setup.ready))
+    return Arm(model, arm.limits), MapDesign(q_catch=setup.q_catch, inward=setup.inward)
+
+
+def named(name: str) -> tuple[Arm, MapDesign | None]:
+    """Return an arm by name, and the design of its map; None for that of its limit set."""
+    return (load_arm("wam", limits=name), None) if name in WAM else arm_of(SETUPS[name])

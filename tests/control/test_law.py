@@ -1,0 +1,197 @@
+"""The law of a stop, over random arms and plants unlike them: see the sentences of the tests.
+
+The plant is Pinocchio's forward dynamics of an arm whose masses are off, with friction that the
+controller does not know; the controller is the envelope, the tracker and the encoders' monitor.
+``MITT_LAW`` sets how many arms are drawn, 3 by default.
+"""
+
+import os
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from mitt.control import monitor
+from mitt.control.encoders import Encoders, bring
+from mitt.control.envelope import TICK
+from mitt.control.monitor import BRIDGED, believe
+from mitt.control.reserve import HARDEST, choose_stop, stop_by
+from mitt.control.tracking import ROWS, Tracker
+from mitt.robot.arm import Arm, to_pinocchio
+from mitt.robot.description import ArmModel, Link, rotation, transform
+from mitt.robot.limits import joint_level
+from mitt.robot.slopes import slopes_work
+from mitt.signals import ArmState, Array
+
+ARMS = int(os.environ.get("MITT_LAW", "3"))
+#: Ticks before a fault, to be found in, and to come to rest in; the delay of the brakes [s].
+BEFORE, WITHIN, AFTER, DELAY = 250, 100, 500, 0.05
+#: Steps of the plant in a tick, and sweeps of its friction.
+PARTS, SWEEPS = 4, 60
+#: Change of a speed in a sweep that ends it [rad/s].
+CONVERGED = 1e-12
+#: Mass and friction of a plant beyond what is known, shares of mass and of the largest torque.
+MASS, FRICTION = 0.2, 0.05
+
+
+def random_arm(rng: np.random.Generator) -> Arm:
+    """Draw an arm of 2 to 7 hinges that half its torque holds in any pose.
+
+    Each joint alone can stop from its largest speed in 0.2 s.
+    """
+    n = int(rng.integers(2, 8))
+    links = []
+    for k in range(n):
+        size = float(rng.uniform(0.1, 0.4))
+        mass, axis = float(rng.uniform(0.5, 3.0)), np.eye(3)[int(rng.integers(0, 3))]
+        placement = transform(rotation(np.eye(3)[k % 3], float(rng.uniform(-1.0, 1.0))),
+                              np.array([0.0, 0.0, size if k else 0.3]))  # fmt: skip
+        links.append(Link(name=f"r{k}", placement=placement, axis=axis, q_min=-2.0, q_max=2.0,
+                          mass=mass, com=np.array([0.0, 0.0, 0.5 * size]),
+                          inertia=mass * size**2 / 6.0 * np.eye(3), armature=0.05))  # fmt: skip
+    model = ArmModel(name="random", links=tuple(links), tool=transform(p=np.array([0.0, 0.0, 0.2])),
+                     hand=None, q_ready=np.zeros(n), base_capsules=(), mount=np.eye(4))  # fmt: skip
+    free = Arm(model, joint_level("free", tau=np.full(n, 1e3), speed=np.full(n, 10.0)))
+    poses, still = rng.uniform(-2.0, 2.0, (100, n)), np.zeros(n)
+    weight = np.max([np.abs(free.inverse_dynamics(q, still, still)) for q in poses], axis=0)
+    speed = rng.uniform(1.0, 4.0, n)
+    inertia = np.max([np.diag(free.mass_matrix(q)) for q in poses], axis=0)
+    tau = np.maximum(2.0 * weight, inertia * speed / 0.2) * rng.uniform(1.0, 2.0, n)
+    return Arm(model, joint_level("random", tau=tau, speed=speed))
+
+
+class Cell:
+    """An arm unlike its model, with its controller."""
+
+    def __init__(self, arm: Arm, rng: np.random.Generator) -> None:
+        """Draw the plant."""
+        self.arm, n = arm, arm.n
+        off = rng.uniform(1.0 - MASS, 1.0 + MASS, n)
+        links = [replace(x, mass=m * x.mass, inertia=m * x.inertia)
+                 for x, m in zip(arm.model.links, off, strict=True)]  # fmt: skip
+        self.plant = to_pinocchio(replace(arm.model, links=tuple(links)))
+        self.data = self.plant.createData()
+        self.friction = FRICTION * arm.tau_max * rng.uniform(0.0, 1.0, n)
+        self.q, self.dq, self.step = arm.q_ready.copy(), np.zeros(n), arm.encoder_step
+        self.tracker, self.told = Tracker(arm, bandwidth=40.0), np.zeros((ROWS, n))
+        self.memory, self.believed = monitor.memory_of(n), np.zeros((2, n))
+        self.table = Encoders().table(arm)
+        self.doubt, self.index = np.full(n, 1.0), np.array(arm.model.active)
+        links_n = len(arm.bodies)
+        self.scratch = (np.zeros(links_n), np.zeros((links_n, n)), slopes_work(links_n),
+                        np.zeros((n + 2, 2 * n)))  # fmt: skip
+        self.since, self.rubbed = -1, np.zeros(n)
+
+    def energy(self) -> float:
+        """Return the true kinetic energy [J]."""
+        M = pin.crba(self.plant, self.data, self.q)
+        M = np.triu(M) + np.triu(M, 1).T
+        return float(0.5 * self.dq @ M @ self.dq)
+
+    def tick(self, wish: Array, read: Array) -> int:
+        """Make a tick; return what the monitor says."""
+        tracker, arm = self.tracker, self.arm
+        b, last = tracker.guard.bounds, tracker.guard.last
+        held = self.since * TICK >= DELAY
+        code = int(believe(self.memory, b, self.table[0], self.doubt, np.array([read, 0.0 * read]),
+                           self.told, held, self.believed))  # fmt: skip
+        if code > BRIDGED or self.since >= 0:
+            self.since += 1
+            wish = last.copy()
+            work = tracker.guard.reserve
+            choose_stop(arm.bodies, arm.limits.packed, self.index, b, last, HARDEST, work)
+            stop_by(b, last, work[: arm.n], wish)
+        state = ArmState(t=0.0, q=self.believed[0], dq=self.believed[1])
+        self.told[:4] = tracker.step(state, wish, hand=0.0).command.told
+        bring(arm.bodies, self.index, self.believed, self.table[1], *self.scratch, self.told,
+              self.doubt)  # fmt: skip
+        if held:
+            self.told[3:] = 0.0
+        self._move(self.told[3], held)
+        return code
+
+    def _move(self, tau: Array, held: bool) -> None:
+        """Move the plant on by a tick in parts; brakes as strong as the joints' torques.
+
+        Friction and brakes are impulses of bounded size that bring the joints to rest where they
+        can, all together: Gauss-Seidel, from those of the step before.
+        """
+        h, rub = TICK / PARTS, self.friction + (self.arm.tau_max if held else 0.0)
+        for _ in range(PARTS):
+            free = self.dq + h * pin.aba(self.plant, self.data, self.q, self.dq, tau)
+            inverse = pin.computeMinverse(self.plant, self.data, self.q)
+            inverse = np.triu(inverse) + np.triu(inverse, 1).T
+            p = self.rubbed
+            v = free + inverse @ p
+            for _ in range(SWEEPS):
+                before = v
+                for k in range(len(p)):
+                    kept = p[k]
+                    p[k] = min(max(kept - v[k] / inverse[k, k], -h * rub[k]), h * rub[k])
+                    v = v + (p[k] - kept) * inverse[k]
+                if np.max(np.abs(v - before)) < CONVERGED:
+                    break
+            self.dq = v
+            self.q = self.q + h * v
+
+
+def wish_at(arm: Arm, swing: Array, k: int) -> Array:
+    """Return a smooth motion from rest, well within the limits, shape (3, n)."""
+    t, w = TICK * k, 5.0
+    size = swing * np.minimum(0.5 * arm.dq_max / w, 0.4)
+    return np.array([size * (1.0 - np.cos(w * t)), size * w * np.sin(w * t),
+                     size * w * w * np.cos(w * t)])  # fmt: skip
+
+
+def reading(kind: str, q: Array, joint: int, kept: Array, step: Array) -> Array:
+    """Return what the encoders read."""
+    read = np.rint(q / step) * step
+    wrong = {"silent": np.nan, "stuck": kept[joint], "jumped": read[joint] + 0.3,
+             "reversed": -read[joint]}  # fmt: skip
+    read[joint] = wrong.get(kind, read[joint])
+    return read
+
+
+@pytest.mark.parametrize("seed", range(ARMS))
+def test_without_a_fault_no_alarm(seed: int) -> None:
+    """Whatever the arm, masses 20 % off and friction that nobody knows: no encoder is doubted."""
+    rng = np.random.default_rng(seed)
+    arm = random_arm(rng)
+    cell, swing = Cell(arm, rng), rng.uniform(-1.0, 1.0, arm.n)
+    for k in range(2 * BEFORE):
+        read = reading("none", cell.q, 0, cell.q, cell.step)
+        assert cell.tick(wish_at(arm, swing, k), read) <= BRIDGED
+
+
+@pytest.mark.parametrize("kind", ["silent", "stuck", "jumped", "reversed"])
+@pytest.mark.parametrize("seed", range(ARMS))
+def test_after_an_alarm_the_arm_only_comes_to_rest(seed: int, kind: str) -> None:
+    """Kinetic energy never exceeds that at the alarm and what gravity can add in the brakes' delay.
+
+    That is, per joint, the weight at most times the way that its largest speed since the alarm
+    makes in the delay. From the delay on it only shrinks, and the arm is at rest at the end.
+    """
+    rng = np.random.default_rng(seed)
+    arm = random_arm(rng)
+    cell, swing, joint = Cell(arm, rng), rng.uniform(-1.0, 1.0, arm.n), int(rng.integers(arm.n))
+    kept, energies, speeds, weights = cell.q, list[float](), list[Array](), list[Array]()
+    still = np.zeros(arm.n)
+    for k in range(BEFORE + WITHIN + AFTER):
+        kept = cell.q.copy() if k < BEFORE else kept
+        kind_now = kind if k >= BEFORE else "none"
+        cell.tick(wish_at(arm, swing, k), reading(kind_now, cell.q, joint, kept, cell.step))
+        if cell.since >= 0:
+            energies.append(cell.energy())
+            speeds.append(np.abs(cell.dq))
+            weights.append(np.abs(pin.rnea(cell.plant, cell.data, cell.q, still, still)))
+    if kind in ("silent", "jumped"):
+        assert energies
+    if not energies:  # it hardly moved: nothing that could be seen
+        return
+    delay = round(DELAY / TICK) + 1
+    added = float(np.max(weights, axis=0) @ np.max(speeds, axis=0)) * DELAY
+    assert max(energies) <= energies[0] + added + 1e-9
+    later = np.array(energies[delay + 1 :])
+    assert np.all(np.diff(later) <= 1e-6)
+    assert np.max(speeds[-1]) < 1e-3

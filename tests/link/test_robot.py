@@ -1,0 +1,69 @@
+"""A link passes the command to the brakes on, and refuses a robot that has none."""
+
+import numpy as np
+import pytest
+
+from mitt.errors import InputError
+from mitt.link.robot import RobotLink
+from mitt.signals import ArmState, Command
+
+
+class Driver:
+    """Notes what it is told."""
+
+    def __init__(self, *, brakes: bool, fails: bool = False) -> None:
+        """Say whether there are brakes, and whether the drives answer."""
+        self.brakes, self._fails, self.said = brakes, fails, list[str]()
+
+    def read(self) -> ArmState:
+        """Return an arm at rest."""
+        return ArmState(t=1.0, q=np.zeros(2), dq=np.zeros(2))
+
+    def write(self, command: Command) -> None:
+        """Note a command to the drives."""
+        if self._fails:
+            raise OSError("no answer")
+        self.said.append(f"{command.tau.tolist()}")
+
+    def engage_brakes(self) -> None:
+        """Note a command to the brakes."""
+        self.said.append("brakes")
+
+
+def command(*, brakes: bool) -> Command:
+    """Return a command of zero torque."""
+    return Command(t=0.0, told=np.zeros((4, 2)), hand=0.0, brakes=brakes)
+
+
+def test_a_command_to_the_brakes_reaches_the_robot() -> None:
+    """Nothing engages them before, and each command with them does, before the torques."""
+    driver = Driver(brakes=True)
+    link = RobotLink(driver)
+    for brakes in (False, True, True):
+        link.write(command(brakes=brakes))
+        assert link.braked == brakes
+    assert driver.said == ["[0.0, 0.0]", "brakes", "[0.0, 0.0]", "brakes", "[0.0, 0.0]"]
+    assert link.read().t == 1.0
+
+
+def test_drives_that_do_not_answer_do_not_keep_the_brakes_off() -> None:
+    """The brakes are engaged before the drives are told."""
+    driver = Driver(brakes=True, fails=True)
+    with pytest.raises(OSError, match="no answer"):
+        RobotLink(driver).write(command(brakes=True))
+    assert driver.said == ["brakes"]
+
+
+def test_a_robot_without_brakes_says_so_when_the_link_is_made() -> None:
+    """Refused in one line, unless the caller accepts an arm that is only de-energised."""
+    with pytest.raises(InputError, match="wanted brakes"):
+        RobotLink(Driver(brakes=False))
+    driver = Driver(brakes=False)
+    RobotLink(driver, unbraked=True).write(command(brakes=True))
+    assert driver.said == ["[0.0, 0.0]"]
+
+
+def test_what_is_no_driver_is_refused() -> None:
+    """In one line, before any command."""
+    with pytest.raises(InputError, match="robot"):
+        RobotLink(object())  # type: ignore[arg-type]
