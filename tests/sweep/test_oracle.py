@@ -1,4 +1,4 @@
-"""The comparison with the oracle counts what it says, and asks the clairvoyant only where it must."""
+"""The comparison with the oracle counts what it says, and asks the oracle only where it must."""
 
 from dataclasses import replace
 
