@@ -23,16 +23,16 @@ from pathlib import Path
 
 from mitt.generator.learn import Learned
 from mitt.rivals.clairvoyant import make_clairvoyant
-from mitt.study.catch import arm_of, design_of
-from mitt.study.lesson import learn
-from mitt.study.registry import make_generator
-from mitt.study.source import source_for
-from mitt.study.sweep.read import read_study
-from mitt.study.sweep.settings import ArmSettings
-from mitt.study.sweep.study import Condition
-from mitt.study.sweep.work import widened
-from mitt.study.trial import Bench
-from mitt.study.yardstick import Row, counted, is_sampled, judged, parallel, thrown
+from mitt.sweep.oracle import Row, counted, is_sampled, judged, parallel, thrown
+from mitt.sweep.read import read_study
+from mitt.sweep.settings import ArmSettings
+from mitt.sweep.study import Condition
+from mitt.sweep.work import widened
+from mitt.trials.learning import learn
+from mitt.trials.registry import make_generator
+from mitt.trials.run import arm_of, design_of
+from mitt.trials.runner import TrialRunner
+from mitt.trials.source import source_for
 from mitt.world.scenes import read_scene
 
 #: Share of the throws that the map catches which are given to the clairvoyant as well.
@@ -68,8 +68,10 @@ def part(options: argparse.Namespace, condition: Condition, number: int) -> list
     source = source_for(f, seed=options.seed, count=options.throws, drag=scene.ball.drag)
     source = widened(source, condition.throws)
     made = make_generator(options.generator, f)
-    by_map = partial(thrown, source, Bench(f.arm, made, scene, pixels=pixels))
-    by_optimum = partial(thrown, source, Bench(f.arm, make_clairvoyant(f), scene, pixels=pixels))
+    by_map = partial(thrown, source, TrialRunner(f.arm, made, scene, pixels=pixels))
+    by_optimum = partial(
+        thrown, source, TrialRunner(f.arm, make_clairvoyant(f), scene, pixels=pixels)
+    )
     rows: list[Row] = []
     left = options.oracle // options.workers
     for k in range(number, options.throws, options.workers):

@@ -20,10 +20,10 @@ from mitt.generator.select import Assessment, Choice, assess, choose
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
-from mitt.study.lesson import learn
-from mitt.study.neighbourhood import Neighbourhood, neighbourhood
-from mitt.study.simulate import simulate
-from mitt.study.stats import wilson
+from mitt.trials.learning import learn
+from mitt.trials.neighbourhood import Neighbourhood, neighbourhood
+from mitt.trials.simulate import simulate
+from mitt.trials.statistics import wilson
 
 #: The grid: catch joint, q_alpha [rad], inward, kappa.
 ELBOW = tuple(

@@ -12,8 +12,8 @@ from typing import Any
 
 import pyarrow.parquet as pq
 
-from mitt.study.result import STATUSES
-from mitt.study.sweep.summary import correct, paired
+from mitt.sweep.summary import correct, paired
+from mitt.trials.result import STATUSES
 
 BEGIN, END = "<!-- tables -->", "<!-- end of tables -->"
 #: Corrected p from which two generators count as different.
@@ -142,7 +142,7 @@ def _differences(rows: list[Row], reference: str) -> str:
     known = [line for line in behind if line not in lost]
     name = REFERENCES[reference]
     parts = [(f"Ahead with {name}", ahead), ("Behind", lost),
-             ("Behind the yardstick that sees the future", known)]  # fmt: skip
+             ("Behind the oracle that knows the flight", known)]  # fmt: skip
     return "\n\n".join(_listed(title, lines) for title, lines in parts)
 
 

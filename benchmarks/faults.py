@@ -32,12 +32,12 @@ from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
 from mitt.signals import Array
-from mitt.study.aim import aim_of
-from mitt.study.lesson import learn
-from mitt.study.result import STATUSES
-from mitt.study.score import HELD_AFTER, measure
-from mitt.study.stats import wilson
-from mitt.study.trial import LONGEST, Bench
+from mitt.trials.aim import aim_of
+from mitt.trials.learning import learn
+from mitt.trials.result import STATUSES
+from mitt.trials.runner import LONGEST, TrialRunner
+from mitt.trials.score import HELD_AFTER, measure
+from mitt.trials.statistics import wilson
 from mitt.world.scene import Scene
 from mitt.world.throws import Throw, default_throw
 from mitt.world.truth import Trace
@@ -115,9 +115,9 @@ def catches(f: DirectMap, plan: Plan, throws: Sequence[Throw], *, pixels: bool, 
     status: list[str] = []
     violations = 0
     for part, start in enumerate(STARTS):
-        bench = Bench(f.arm, Direct(f), scene_of(plan(start)), pixels=pixels)
+        runner = TrialRunner(f.arm, Direct(f), scene_of(plan(start)), pixels=pixels)
         for k in range(part, len(throws), len(STARTS)):
-            trial = bench.run(k, throws[k], seed=seed + k).trial
+            trial = runner.run(k, throws[k], seed=seed + k).trial
             status.append(trial.status)
             violations += trial.limit_violations
     caught = status.count("caught")
@@ -155,8 +155,10 @@ def broken(f: DirectMap, kind: str, throws: list[Throw], seed: int) -> Row:
     for k, throw in enumerate(throws):
         start, joint = float(rng.uniform(0.15, 0.45)), int(rng.integers(f.arm.n))
         size = float(rng.choice([-1.0, 1.0]) * rng.uniform(0.05, 1.0))
-        bench = Bench(f.arm, Direct(f), scene_of([_fault(kind, joint, start, size)]), pixels=False)
-        ticks, truth, violations = _run(bench, throw, seed + k)
+        runner = TrialRunner(
+            f.arm, Direct(f), scene_of([_fault(kind, joint, start, size)]), pixels=False
+        )
+        ticks, truth, violations = _run(runner, throw, seed + k)
         rows["violations"] += violations
         stopped = np.flatnonzero(ticks["state"] == ABORT)
         if not len(stopped):
@@ -168,7 +170,7 @@ def broken(f: DirectMap, kind: str, throws: list[Throw], seed: int) -> Row:
         rows["delay_ms"].append(max(stop - shows, 0))
         told = np.flatnonzero(ticks["told"][:, 1].any(axis=1))
         rows["told_ms"].append(max(int(told[-1]) + 1 - stop, 0) if len(told) else 0)
-        command, brake = ticks["told"][max(stop - 1, 0), 1], bench.catcher().deceleration
+        command, brake = ticks["told"][max(stop - 1, 0), 1], runner.catcher().deceleration
         rows["brake_ms"].append(float(1e3 * np.max(np.abs(command) / brake)))
         _at_rest(rows, f.arm, ticks, truth, stop)
     rows["reasons"] = sorted(reasons)
@@ -202,9 +204,9 @@ def _shows(kind: str, q: Array, first: int, count: float) -> int:
     return first + int(np.argmax(moved)) if moved.any() else first
 
 
-def _run(bench: Bench, throw: Throw, seed: int) -> tuple[Any, Trace, int]:
+def _run(runner: TrialRunner, throw: Throw, seed: int) -> tuple[Any, Trace, int]:
     """Run to the end, 3 s after a stop; return ticks, truth, how many ticks broke a limit."""
-    world, catcher, rows = bench.world, bench.catcher(), []
+    world, catcher, rows = runner.world, runner.catcher(), []
     world.reset(throw, seed)
     while not world.over(longest=LONGEST, held=HELD_AFTER):
         world.apply(catcher.step(world.sense(look=catcher.looking)))
@@ -213,7 +215,7 @@ def _run(bench: Bench, throw: Throw, seed: int) -> tuple[Any, Trace, int]:
             world.watch_on()
         rows.append(catcher.result.copy())
     ticks, truth = np.concatenate(rows), world.trace()
-    return ticks, truth, measure(bench.arm, ticks, truth).limit_violations
+    return ticks, truth, measure(runner.arm, ticks, truth).limit_violations
 
 
 def encoders(f: DirectMap, throws: list[Throw], seed: int) -> Row:
@@ -240,8 +242,8 @@ def resolutions(f: DirectMap, throws: list[Throw], seed: int, *, pixels: bool) -
     table: Row = {}
     for step in STEPS:
         scene = Scene.model_validate({"sensing": {"encoder_step": step}})
-        bench = Bench(f.arm, Direct(f), scene, pixels=pixels)
-        trials = [bench.run(k, x, seed=seed + k).trial for k, x in enumerate(throws)]
+        runner = TrialRunner(f.arm, Direct(f), scene, pixels=pixels)
+        trials = [runner.run(k, x, seed=seed + k).trial for k, x in enumerate(throws)]
         status = [trial.status for trial in trials]
         row = {name: status.count(name) for name in sorted(set(status))}
         row["violations"] = sum(trial.limit_violations for trial in trials)

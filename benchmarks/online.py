@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mitt.bench.libraries import ball_at
 from mitt.generator.constraints import initial_gap, initial_matrix, project
 from mitt.generator.demand import Demand, Tolerance, demand
 from mitt.generator.foresight import flown, foresee
@@ -24,9 +25,8 @@ from mitt.generator.online import Online, OnlineSettings
 from mitt.generator.program import cost, limit_rows, sensitivity, solve
 from mitt.robot.load import load_arm
 from mitt.signals import Array, Sighting
-from mitt.study.aim import aim_of
-from mitt.study.bench_rivals import ball_at
-from mitt.study.lesson import learn
+from mitt.trials.aim import aim_of
+from mitt.trials.learning import learn
 from mitt.vision.filter import THROWN_BALL, BallFilter
 from mitt.world.throws import Throw, default_throw
 

@@ -14,8 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from mitt.signals import Array, Sighting
-from mitt.study.track import UNKNOWN_BALL, follow
-from mitt.study.trial import known_ball
+from mitt.tracks.filtering import UNKNOWN_BALL, follow
+from mitt.trials.runner import known_ball
 from mitt.vision.filter import BallFilter, FilterConfig
 from mitt.world.ballistics import fly
 from mitt.world.flights import Recording, builtin_flights

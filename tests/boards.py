@@ -3,9 +3,9 @@
 import cv2
 import numpy as np
 
+from mitt.calibration.views import BoardViews
 from mitt.link.charuco import Board, BoardSpec, Seen
 from mitt.signals import Array, Image
-from mitt.study.rig.views import BoardViews
 from mitt.vision.lens import Lens
 from mitt.vision.poses import applied, turned
 

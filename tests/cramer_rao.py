@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 from boards import SPEC, many_views, true_lens, true_stereo
 
+from mitt.calibration.boards import board_problem, free_numbers
 from mitt.link.charuco import Board
 from mitt.signals import Array
-from mitt.study.rig.boards import board_problem, free_numbers
 from mitt.vision.calibration.boards import BoardProblem
 from mitt.vision.calibration.fit import fit
 from mitt.vision.lens import Lens

@@ -7,8 +7,8 @@ from mitt.generator.generators import Direct, Unoptimised
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
-from mitt.study.aim import aim_of
-from mitt.study.trial import Bench, Outcome
+from mitt.trials.aim import aim_of
+from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.world.scene import Scene
 from mitt.world.throws import Throw, default_throw
 
@@ -26,12 +26,14 @@ def throw(arm: Arm) -> Throw:
 
 
 @pytest.fixture(scope="session")
-def direct(arm: Arm, learned: Learned, scene: Scene, throw: Throw) -> Outcome:
+def direct(arm: Arm, learned: Learned, scene: Scene, throw: Throw) -> LoggedTrial:
     """The throw with the learned map, seen as points."""
-    return Bench(arm, Direct(learned.map), scene, pixels=False).run(0, throw, seed=3, log=True)
+    return TrialRunner(arm, Direct(learned.map), scene, pixels=False).run(
+        0, throw, seed=3, log=True
+    )
 
 
 @pytest.fixture(scope="session")
-def unoptimised(arm: Arm, plain: DirectMap, scene: Scene, throw: Throw) -> Outcome:
+def unoptimised(arm: Arm, plain: DirectMap, scene: Scene, throw: Throw) -> LoggedTrial:
     """The same throw with alpha = 0."""
-    return Bench(arm, Unoptimised(plain), scene, pixels=False).run(0, throw, seed=3, log=True)
+    return TrialRunner(arm, Unoptimised(plain), scene, pixels=False).run(0, throw, seed=3, log=True)

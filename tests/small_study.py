@@ -7,10 +7,10 @@ from pathlib import Path
 
 from mitt.generator.learn import Learned
 from mitt.link.maps import save_map
-from mitt.study.sweep.folder import Folder
-from mitt.study.sweep.read import read_study
-from mitt.study.sweep.study import Study
-from mitt.study.sweep.work import Job
+from mitt.sweep.folder import Folder
+from mitt.sweep.read import read_study
+from mitt.sweep.study import Study
+from mitt.sweep.work import Job
 
 TEXT = """
 name = "small"

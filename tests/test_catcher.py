@@ -16,10 +16,10 @@ from mitt.generator.generators import Direct, refining
 from mitt.generator.learn import Learned
 from mitt.robot.arm import Arm
 from mitt.signals import ArmState, Command, Senses, Sighting
-from mitt.study.aim import aim_of
-from mitt.study.lesson import learn
-from mitt.study.score import held
-from mitt.study.trial import Bench, Outcome
+from mitt.trials.aim import aim_of
+from mitt.trials.learning import learn
+from mitt.trials.runner import LoggedTrial, TrialRunner
+from mitt.trials.score import held
 from mitt.world.faults.plan import Spring
 from mitt.world.flights import builtin_flights, place_flight
 from mitt.world.scene import TABLE_TENNIS, Scene
@@ -43,9 +43,9 @@ def taught(arm: Arm) -> Learned:
 
 
 @pytest.fixture(scope="module")
-def bench(arm: Arm, taught: Learned) -> Bench:
+def runner(arm: Arm, taught: Learned) -> TrialRunner:
     """The default world, seen as points."""
-    return Bench(arm, Direct(taught.map), Scene(), pixels=False)
+    return TrialRunner(arm, Direct(taught.map), Scene(), pixels=False)
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def throws(arm: Arm) -> list[Throw]:
     return [default_throw(rng, aim_of(arm)) for _ in range(4)]
 
 
-def logs_equal(a: Outcome, b: Outcome) -> bool:
+def logs_equal(a: LoggedTrial, b: LoggedTrial) -> bool:
     """Say whether two trials are equal to the bit, commands and true states included."""
     assert a.log is not None
     assert b.log is not None
@@ -76,9 +76,11 @@ def values(catcher: Catcher) -> list[bytes]:
     return [record[name].tobytes() for record in records for name in record.dtype.names or ()]
 
 
-def stepped(bench: Bench, throw: Throw, change: Change) -> tuple[Catcher, list[Command], bool]:
+def stepped(
+    runner: TrialRunner, throw: Throw, change: Change
+) -> tuple[Catcher, list[Command], bool]:
     """Run a trial with changed senses; return catcher, commands, whether the ball was held."""
-    world, catcher, commands = bench.world, bench.catcher(), []
+    world, catcher, commands = runner.world, runner.catcher(), []
     world.reset(throw, 5)
     for _ in range(TICKS):
         command = catcher.step(change(world.sense()))
@@ -98,9 +100,9 @@ def without_points(start: float, end: float) -> Change:
     return lambda s: replace(s, points=()) if start <= s.t < end else s
 
 
-def test_default_throws_are_caught(bench: Bench, throws: list[Throw]) -> None:
+def test_default_throws_are_caught(runner: TrialRunner, throws: list[Throw]) -> None:
     """Four default throws: caught by the rules of the score, with no limit violated."""
-    trials = [bench.run(k, throw, seed=40 + k).trial for k, throw in enumerate(throws)]
+    trials = [runner.run(k, throw, seed=40 + k).trial for k, throw in enumerate(throws)]
     assert [trial.status for trial in trials] == ["caught"] * 4
     assert [trial.limit_violations for trial in trials] == [0] * 4
 
@@ -110,10 +112,10 @@ def test_a_verdict_that_was_put_off_is_the_one_that_would_have_been_given(
 ) -> None:
     """Of a ball on a spring: asked for at every tick it is UNSETTLED, and the throw is the same."""
     scene = Scene(faults=(Spring(kind="spring", magnitude=5.0),))
-    bench, said = Bench(arm, Direct(taught.map), scene, pixels=False), []
+    runner, said = TrialRunner(arm, Direct(taught.map), scene, pixels=False), []
     told: list[list[bytes]] = []
     for asks in (False, True):
-        world, catcher, rows = bench.world, bench.catcher(), []
+        world, catcher, rows = runner.world, runner.catcher(), []
         world.reset(SIDE, 5)
         for _ in range(600):
             command = catcher.step(world.sense())
@@ -134,39 +136,41 @@ def test_a_verdict_that_was_put_off_is_the_one_that_would_have_been_given(
 
 
 def test_the_same_seed_is_the_same_trial_whatever_ran_before(
-    arm: Arm, taught: Learned, bench: Bench, throws: list[Throw]
+    arm: Arm, taught: Learned, runner: TrialRunner, throws: list[Throw]
 ) -> None:
-    """To the bit: on a fresh bench, on a used one, and after another throw in between."""
-    fresh = Bench(arm, Direct(taught.map), Scene(), pixels=False)
+    """To the bit: on a fresh runner, on a used one, and after another throw in between."""
+    fresh = TrialRunner(arm, Direct(taught.map), Scene(), pixels=False)
     first = fresh.run(0, throws[0], seed=7, log=True)
-    bench.run(1, throws[1], seed=8)
-    bench.run(2, SIDE, seed=9)
-    assert logs_equal(first, bench.run(0, throws[0], seed=7, log=True))
+    runner.run(1, throws[1], seed=8)
+    runner.run(2, SIDE, seed=9)
+    assert logs_equal(first, runner.run(0, throws[0], seed=7, log=True))
     assert logs_equal(first, fresh.run(0, throws[0], seed=7, log=True))
 
 
-def test_a_catcher_knows_nothing_of_the_one_before(bench: Bench, throws: list[Throw]) -> None:
+def test_a_catcher_knows_nothing_of_the_one_before(
+    runner: TrialRunner, throws: list[Throw]
+) -> None:
     """State, result and eyes of a catcher are those before the first throw, and its own."""
-    before = bench.catcher()
+    before = runner.catcher()
     known = values(before)
-    used, _, _ = stepped(bench, throws[0], lambda senses: senses)
+    used, _, _ = stepped(runner, throws[0], lambda senses: senses)
     assert values(used) != known
-    after = bench.catcher()
+    after = runner.catcher()
     assert values(after) == values(before) == known
     assert (after.phase, after.verdict, after.t_0) == (Phase.WATCH, None, np.inf)
 
 
-def test_another_seed_is_another_trial(bench: Bench, throws: list[Throw]) -> None:
+def test_another_seed_is_another_trial(runner: TrialRunner, throws: list[Throw]) -> None:
     """The seed does reach plant and noise: with another one the torques differ."""
-    a, b = (bench.run(0, throws[0], seed=s, log=True) for s in (7, 8))
+    a, b = (runner.run(0, throws[0], seed=s, log=True) for s in (7, 8))
     assert not logs_equal(a, b)
 
 
 def test_refining_in_flight_repeats_itself_and_costs_less(
-    arm: Arm, taught: Learned, bench: Bench, throws: list[Throw]
+    arm: Arm, taught: Learned, runner: TrialRunner, throws: list[Throw]
 ) -> None:
     """With an online step a tick: caught with less demand, to the bit whatever ran before."""
-    refined = Bench(arm, refining(taught.map), Scene(), pixels=False)
+    refined = TrialRunner(arm, refining(taught.map), Scene(), pixels=False)
     first = refined.run(0, throws[0], seed=7, log=True)
     refined.run(1, throws[1], seed=8)
     assert logs_equal(first, refined.run(0, throws[0], seed=7, log=True))
@@ -174,14 +178,14 @@ def test_refining_in_flight_repeats_itself_and_costs_less(
     assert first.trial.limit_violations == 0
     assert first.trial.certificate_last is not None
     assert first.trial.certificate_last["outcome"] == "feasible"
-    plain = bench.run(0, throws[0], seed=7).trial
+    plain = runner.run(0, throws[0], seed=7).trial
     assert first.trial.demand_cost < plain.demand_cost
     assert plain.certificate_last is None
 
 
 def test_refining_keeps_a_certificate(arm: Arm, taught: Learned, throws: list[Throw]) -> None:
     """While a ball is followed the catcher says each tick what it makes of the catch."""
-    refined = Bench(arm, refining(taught.map), Scene(), pixels=False)
+    refined = TrialRunner(arm, refining(taught.map), Scene(), pixels=False)
     world, catcher = refined.world, refined.catcher()
     world.reset(throws[0], 5)
     while catcher.certificate is None and world.t < 1.0:
@@ -195,7 +199,7 @@ def test_refining_keeps_a_certificate(arm: Arm, taught: Learned, throws: list[Th
 
 def test_images_lead_to_the_same_catch(arm: Arm, taught: Learned, throws: list[Throw]) -> None:
     """Seen by two cameras instead of as points, a throw is caught as well, and repeats itself."""
-    seeing = Bench(arm, Direct(taught.map), Scene(), pixels=True)
+    seeing = TrialRunner(arm, Direct(taught.map), Scene(), pixels=True)
     first, again = (seeing.run(0, throws[0], seed=7, log=True) for _ in range(2))
     assert first.trial.status == "caught"
     assert logs_equal(first, again)
@@ -203,19 +207,19 @@ def test_images_lead_to_the_same_catch(arm: Arm, taught: Learned, throws: list[T
 
 def test_recorded_flights_are_caught(arm: Arm, taught: Learned) -> None:
     """Of four recorded table-tennis flights at least three are caught, none violates a limit."""
-    bench = Bench(arm, Direct(taught.map), Scene(ball=TABLE_TENNIS), pixels=False)
+    runner = TrialRunner(arm, Direct(taught.map), Scene(ball=TABLE_TENNIS), pixels=False)
     rng = np.random.default_rng(2)
     trials = []
     for k, recording in enumerate(builtin_flights()[:4]):
         ball = place_flight(recording, arm.position(taught.map.start), rng=rng)
-        trials.append(bench.run(k, ball, seed=k).trial)
+        trials.append(runner.run(k, ball, seed=k).trial)
     assert sum(trial.status == "caught" for trial in trials) >= 3
     assert all(trial.limit_violations == 0 for trial in trials)
 
 
-def test_an_unreachable_throw_leaves_arm_and_hand_still(bench: Bench, arm: Arm) -> None:
+def test_an_unreachable_throw_leaves_arm_and_hand_still(runner: TrialRunner, arm: Arm) -> None:
     """Refused with its limit before moving: the ready pose is commanded, the fingers stay open."""
-    outcome = bench.run(0, SIDE, seed=3, log=True)
+    outcome = runner.run(0, SIDE, seed=3, log=True)
     log = outcome.log
     assert (outcome.trial.status, outcome.trial.binding_limit) == ("unreachable", "domain")
     assert outcome.trial.demand_cost == 0.0
@@ -226,9 +230,11 @@ def test_an_unreachable_throw_leaves_arm_and_hand_still(bench: Bench, arm: Arm) 
     assert np.abs(log.truth.q - arm.q_ready).max() < STILL
 
 
-def test_the_arm_holds_its_pose_until_t_0(bench: Bench, arm: Arm, throws: list[Throw]) -> None:
+def test_the_arm_holds_its_pose_until_t_0(
+    runner: TrialRunner, arm: Arm, throws: list[Throw]
+) -> None:
     """Before t_0, at most 80 ms after first sight, nothing but the ready pose is commanded."""
-    log = bench.run(0, throws[0], seed=7, log=True).log
+    log = runner.run(0, throws[0], seed=7, log=True).log
     assert log is not None
     before = log.t < log.t_0
     assert np.all(log.command[before, 0] == arm.q_ready)
@@ -237,24 +243,28 @@ def test_the_arm_holds_its_pose_until_t_0(bench: Bench, arm: Arm, throws: list[T
 
 @pytest.mark.parametrize("start", [0.10, 0.20, 0.30])
 def test_30_ms_without_sight_do_not_lose_the_ball(
-    bench: Bench, throws: list[Throw], start: float
+    runner: TrialRunner, throws: list[Throw], start: float
 ) -> None:
     """Sightings missing for 30 ms in flight: the filter bridges them, the ball is held."""
-    _, _, was_held = stepped(bench, throws[0], without_points(start, start + GAP))
+    _, _, was_held = stepped(runner, throws[0], without_points(start, start + GAP))
     assert was_held
 
 
-def test_the_last_30_ms_before_the_catch_may_be_dark(bench: Bench, throws: list[Throw]) -> None:
+def test_the_last_30_ms_before_the_catch_may_be_dark(
+    runner: TrialRunner, throws: list[Throw]
+) -> None:
     """Blind in the last moment, as when the hand hides the ball: still held."""
-    catch = bench.run(0, throws[0], seed=5).trial.t_catch_s
+    catch = runner.run(0, throws[0], seed=5).trial.t_catch_s
     assert catch is not None
-    _, _, was_held = stepped(bench, throws[0], without_points(catch - GAP, np.inf))
+    _, _, was_held = stepped(runner, throws[0], without_points(catch - GAP, np.inf))
     assert was_held
 
 
-def test_a_ball_never_seen_moves_nothing(bench: Bench, arm: Arm, throws: list[Throw]) -> None:
+def test_a_ball_never_seen_moves_nothing(
+    runner: TrialRunner, arm: Arm, throws: list[Throw]
+) -> None:
     """Without a single sighting the catcher watches, gives no verdict and commands rest."""
-    catcher, commands, was_held = stepped(bench, throws[0], without_points(0.0, np.inf))
+    catcher, commands, was_held = stepped(runner, throws[0], without_points(0.0, np.inf))
     assert catcher.verdict is None
     assert not was_held
     assert all(np.array_equal(command.q, arm.q_ready) for command in commands)
@@ -262,7 +272,7 @@ def test_a_ball_never_seen_moves_nothing(bench: Bench, arm: Arm, throws: list[Th
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300])
 def test_points_that_are_no_numbers_never_reach_a_command(
-    bench: Bench, throws: list[Throw], bad: float
+    runner: TrialRunner, throws: list[Throw], bad: float
 ) -> None:
     """One coordinate in ten ticks of three is no number: all commands finite, the ball is held."""
 
@@ -276,7 +286,7 @@ def test_points_that_are_no_numbers_never_reach_a_command(
         r_o[1] = bad
         return replace(sighting, r_o=r_o)
 
-    _, commands, was_held = stepped(bench, throws[0], spoiled)
+    _, commands, was_held = stepped(runner, throws[0], spoiled)
     assert all(finite(command) for command in commands)
     assert was_held
 
@@ -285,21 +295,21 @@ def test_points_that_are_no_numbers_never_reach_a_command(
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 @pytest.mark.parametrize("phase", list(Phase)[:3])
 def test_an_encoder_that_gives_no_number_never_reaches_a_command(
-    bench: Bench, throws: list[Throw], phase: Phase, bad: float, ticks: int, after: str
+    runner: TrialRunner, throws: list[Throw], phase: Phase, bad: float, ticks: int, after: str
 ) -> None:
     """Five such ticks are bridged, fifteen stop the arm; in all phases all commands are finite."""
     spoilt: list[float] = []
-    catcher = bench.catcher()
-    bench.world.reset(throws[0], 5)
+    catcher = runner.catcher()
+    runner.world.reset(throws[0], 5)
     for _ in range(700):
-        senses = bench.world.sense()
+        senses = runner.world.sense()
         now = Phase.WATCH if catcher.tick is None else catcher.tick.phase
         if len(spoilt) < ticks and (spoilt or (now is phase and senses.t > 0.01)):
             spoilt.append(senses.t)
             senses = replace(senses, arm=spoil_joint(senses.arm, bad))
         command = catcher.step(senses)
         assert finite(command), f"at {senses.t:.3f} s, {now.value}"
-        bench.world.apply(command)
+        runner.world.apply(command)
     assert len(spoilt) == ticks
     assert (catcher.phase is Phase.STOPPED) == (after == "stops")
     if after == "stops":
@@ -308,7 +318,7 @@ def test_an_encoder_that_gives_no_number_never_reaches_a_command(
         by = catcher.stopped_by
         assert by is not None
         assert by.reason is Reason.SILENT
-        assert by.joint in bench.arm.names
+        assert by.joint in runner.arm.names
         assert by.brakes
         assert command.brakes
         assert not command.tau.any()
@@ -316,15 +326,15 @@ def test_an_encoder_that_gives_no_number_never_reaches_a_command(
         assert np.abs(command.dq).max() < 1e-6
 
 
-def test_a_stopped_catcher_recovers_when_told_to(bench: Bench, throws: list[Throw]) -> None:
+def test_a_stopped_catcher_recovers_when_told_to(runner: TrialRunner, throws: list[Throw]) -> None:
     """It comes to rest and stays; told to recover, it catches again, as a fresh one would."""
-    catcher = bench.catcher()
-    bench.world.reset(throws[0], 5)
-    while bench.world.t < 0.3:
-        bench.world.apply(catcher.step(bench.world.sense()))
+    catcher = runner.catcher()
+    runner.world.reset(throws[0], 5)
+    while runner.world.t < 0.3:
+        runner.world.apply(catcher.step(runner.world.sense()))
     catcher.stop()
     for k in range(400):
-        bench.world.apply(catcher.step(bench.world.sense()))
+        runner.world.apply(catcher.step(runner.world.sense()))
         if k < 3:
             with pytest.raises(InputError):
                 catcher.recover()
@@ -333,12 +343,12 @@ def test_a_stopped_catcher_recovers_when_told_to(bench: Bench, throws: list[Thro
     assert catcher.tick.reason is Reason.ASKED
     catcher.recover()
     torques = []
-    for each in (catcher, bench.catcher()):
-        bench.world.reset(throws[1], 6)
+    for each in (catcher, runner.catcher()):
+        runner.world.reset(throws[1], 6)
         for _ in range(1100):
-            bench.world.apply(each.step(bench.world.sense()))
-        assert held(bench.world.truth(), 0.04)
-        torques.append(bench.world.trace().tau)
+            runner.world.apply(each.step(runner.world.sense()))
+        assert held(runner.world.truth(), 0.04)
+        torques.append(runner.world.trace().tau)
     assert np.array_equal(torques[0], torques[1])
 
 
@@ -349,49 +359,49 @@ def spoil_joint(arm: ArmState, bad: float) -> ArmState:
     return replace(arm, q=q)
 
 
-def silenced(bench: Bench, throw: Throw, ticks: int) -> Catcher:
+def silenced(runner: TrialRunner, throw: Throw, ticks: int) -> Catcher:
     """Return a catcher that lost joint 2's encoder at 0.3 s, so many ticks later."""
-    catcher = bench.catcher()
-    bench.world.reset(throw, 5)
-    while bench.world.t < 0.3 + 0.001 * ticks:
-        senses = bench.world.sense()
+    catcher = runner.catcher()
+    runner.world.reset(throw, 5)
+    while runner.world.t < 0.3 + 0.001 * ticks:
+        senses = runner.world.sense()
         if senses.t >= 0.3:
             senses = replace(senses, arm=spoil_joint(senses.arm, np.nan))
-        bench.world.apply(catcher.step(senses))
+        runner.world.apply(catcher.step(senses))
         catcher.think()
     return catcher
 
 
 def test_an_arm_with_a_joint_that_nobody_measures_stays_where_its_brakes_hold_it(
-    bench: Bench, throws: list[Throw]
+    runner: TrialRunner, throws: list[Throw]
 ) -> None:
     """From the brakes' time on it rests for three seconds: no joint moves by a milliradian."""
-    silenced(bench, throws[0], 3500)
-    truth, brakes = bench.world.trace(), bench.arm.brakes
+    silenced(runner, throws[0], 3500)
+    truth, brakes = runner.world.trace(), runner.arm.brakes
     stopped = 0.3 + 0.001 * SILENT_TICKS + max(brake.delay for brake in brakes)
     rest = truth.t >= stopped + 0.2
     assert np.abs(truth.dq[rest]).max() < 1e-3
     assert np.ptp(truth.q[rest], axis=0).max() < 1e-3
     after = truth.t >= stopped
-    assert np.all((truth.q[after] > bench.arm.q_min) & (truth.q[after] < bench.arm.q_max))
-    assert np.all(np.abs(truth.dq[after]) <= bench.arm.dq_max)
+    assert np.all((truth.q[after] > runner.arm.q_min) & (truth.q[after] < runner.arm.q_max))
+    assert np.all(np.abs(truth.dq[after]) <= runner.arm.dq_max)
 
 
 def test_a_person_recovers_once_all_encoders_are_good_again(
-    bench: Bench, throws: list[Throw]
+    runner: TrialRunner, throws: list[Throw]
 ) -> None:
     """While one is in doubt it is refused; after good readings, or checked by hand, it is not."""
-    catcher = silenced(bench, throws[0], 400)
+    catcher = silenced(runner, throws[0], 400)
     with pytest.raises(InputError, match="doubt about"):
         catcher.recover()
     for _ in range(GOOD_TICKS + 1):
-        command = catcher.step(bench.world.sense())
-        bench.world.apply(command)
+        command = catcher.step(runner.world.sense())
+        runner.world.apply(command)
     assert command.brakes
     catcher.recover()
     assert catcher.stopped_by is None
-    assert not catcher.step(bench.world.sense()).brakes
-    catcher = silenced(bench, throws[0], 400)
+    assert not catcher.step(runner.world.sense()).brakes
+    catcher = silenced(runner, throws[0], 400)
     catcher.recover(checked=True)
     assert catcher.phase is Phase.WATCH
 
@@ -402,6 +412,6 @@ def test_the_monitor_knows_the_resolution_that_the_scene_says(
 ) -> None:
     """Counting encoders are believed: no throw is stopped for them."""
     scene = Scene.model_validate({"sensing": {"encoder_step": step}})
-    bench = Bench(taught.map.arm, Direct(taught.map), scene, pixels=False)
+    runner = TrialRunner(taught.map.arm, Direct(taught.map), scene, pixels=False)
     for k, throw in enumerate(throws[:4]):
-        assert bench.run(k, throw, seed=k).trial.status == "caught"
+        assert runner.run(k, throw, seed=k).trial.status == "caught"

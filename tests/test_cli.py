@@ -46,7 +46,7 @@ GOOD_THROW = "3.5,0.1,0.2,-6,0,1.5\n"
 #: Runs the command line and sends its own process a signal before the third throw.
 SIGNALLED = """
 import os, signal, sys
-import mitt.study.catch as runs
+import mitt.trials.run as runs
 import mitt.report.outputs as outputs
 from mitt.cli import main
 inner = runs.one_throw

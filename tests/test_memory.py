@@ -26,7 +26,7 @@ from mitt.generator.learn import Learned
 from mitt.generator.several import Several
 from mitt.robot.arm import Arm
 from mitt.signals import ArmState, Command, Frame, Senses
-from mitt.study.trial import Bench
+from mitt.trials.runner import TrialRunner
 from mitt.vision.camera import fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig
 from mitt.world.scene import Scene
@@ -47,19 +47,20 @@ from mitt.generator.generators import Unoptimised
 from mitt.generator.mapping import unlearned
 from mitt.link.clock import Stopwatch
 from mitt.robot.load import load_arm
-from mitt.study.play import Player
-from mitt.study.trial import Bench
+from mitt.trials.play import Player
+from mitt.trials.runner import TrialRunner
 from mitt.world.scene import Scene
 from mitt.world.simulation import World
 from mitt.world.throws import Throw
 arm = load_arm("wam")
 throw = Throw(r=np.array([3.2, 0.05, 0.1]), dr=np.array([-5.0, -0.05, 2.4]))
 def played(alone):
-    bench = Bench(arm, Unoptimised(unlearned(arm, default_design(arm))), Scene(), pixels=False)
-    bench.world.reset(throw, 7)
-    catcher, stage, world = bench.catcher(), bench.world.stage, bench.world
+    f = unlearned(arm, default_design(arm))
+    runner = TrialRunner(arm, Unoptimised(f), Scene(), pixels=False)
+    runner.world.reset(throw, 7)
+    catcher, stage, world = runner.catcher(), runner.world.stage, runner.world
     if alone:
-        del bench, world
+        del runner, world
         gc.collect()
         others = [World(Scene(), arm.model) for _ in range(3)]
         for other in others:
@@ -82,13 +83,13 @@ def run(code: str) -> Any:  # noqa: ANN401 (any JSON value)
 
 
 @pytest.fixture(scope="module")
-def bench(arm: Arm, learned: Learned) -> Bench:
+def runner(arm: Arm, learned: Learned) -> TrialRunner:
     """The default world, seen as points."""
-    return Bench(arm, Direct(learned.map), Scene(), pixels=False)
+    return TrialRunner(arm, Direct(learned.map), Scene(), pixels=False)
 
 
 def test_a_stage_outlives_its_world() -> None:
-    """The throw is the same, to the bit, when world and bench have been collected before it."""
+    """The throw is the same, to the bit, when world and runner have been collected before it."""
     assert run(_STAGE) is True
 
 
@@ -142,9 +143,9 @@ def test_no_value_of_the_wrong_shape_or_type_gets_past_a_public_function() -> No
     assert 0.2 * calls < refused < calls
 
 
-def begun(bench: Bench, ticks: int = UNDER_WAY) -> tuple[Catcher, list[Senses]]:
+def begun(runner: TrialRunner, ticks: int = UNDER_WAY) -> tuple[Catcher, list[Senses]]:
     """Return a catcher some ticks into a throw, and what reaches it in the ticks after."""
-    world, catcher = bench.world, bench.catcher()
+    world, catcher = runner.world, runner.catcher()
     world.reset(THROW, 5)
     for _ in range(ticks):
         world.apply(catcher.step(world.sense()))
@@ -177,12 +178,12 @@ _COPIES: dict[str, Callable[[Any], Any]] = {
 @pytest.mark.parametrize("how", sorted(_COPIES))
 @pytest.mark.parametrize("kind", ["direct", "refining"])
 def test_a_copied_catcher_goes_on_as_the_first_would(
-    arm: Arm, learned: Learned, bench: Bench, kind: str, how: str
+    arm: Arm, learned: Learned, runner: TrialRunner, kind: str, how: str
 ) -> None:
     """In the middle of a throw: the same commands, and neither of the two knows of the other."""
     if kind == "refining":
-        bench = Bench(arm, refining(learned.map), Scene(), pixels=False)
-    catcher, senses = begun(bench)
+        runner = TrialRunner(arm, refining(learned.map), Scene(), pixels=False)
+    catcher, senses = begun(runner)
     other = _COPIES[how](catcher)
     mine = commands(catcher, senses)
     theirs = commands(other, senses)
@@ -235,11 +236,11 @@ def test_arms_maps_and_generators_survive_copies(arm: Arm, learned: Learned, how
     assert np.array_equal(limits.packed, arm.limits.packed)
 
 
-def test_a_world_refuses_to_be_copied(bench: Bench) -> None:
+def test_a_world_refuses_to_be_copied(runner: TrialRunner) -> None:
     """In one line that says what to do: its state lies in MuJoCo's memory."""
     for how in _COPIES.values():
         with pytest.raises(InputError, match="make another"):
-            how(bench.world)
+            how(runner.world)
 
 
 def _errors() -> list[MittError]:
@@ -370,8 +371,8 @@ def test_an_image_of_another_size_is_refused_and_leaves_no_trace(
     catcher.step(replace(senses, frames=frames))
 
 
-def test_a_command_of_another_arm_is_refused(bench: Bench, arm: Arm) -> None:
+def test_a_command_of_another_arm_is_refused(runner: TrialRunner, arm: Arm) -> None:
     """The simulated arm takes torques for its own joints only."""
-    bench.world.reset(THROW, 5)
+    runner.world.reset(THROW, 5)
     with pytest.raises(ShapeError, match=r"command\.told"):
-        bench.world.apply(Command(t=0.0, told=np.zeros((4, arm.n + 1)), hand=0.0))
+        runner.world.apply(Command(t=0.0, told=np.zeros((4, arm.n + 1)), hand=0.0))

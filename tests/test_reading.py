@@ -9,6 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from mitt.calibration.tables import header_of
 from mitt.errors import FileError
 from mitt.generator.mapping import DirectMap
 from mitt.link.cameras.folder import read_image
@@ -18,9 +19,8 @@ from mitt.link.rig import read_rig
 from mitt.reading import MAX_JSON_BYTES, MAX_TOML_BYTES, read_bytes, read_toml
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
-from mitt.study.positions import read_positions
-from mitt.study.rig.tables import header_of
-from mitt.study.sweep.read import read_study
+from mitt.sweep.read import read_study
+from mitt.tracks.positions import read_positions
 from mitt.world.flights import read_flights
 from mitt.world.scenes import read_scene
 from mitt.world.throws import read_throws

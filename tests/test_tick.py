@@ -33,10 +33,10 @@ from mitt.signals import (
     Senses,
     command_of,
 )
-from mitt.study.aim import aim_of
-from mitt.study.lesson import learn
-from mitt.study.trial import Bench, known_ball
 from mitt.tick import BESIDE, TOUCHED, tick
+from mitt.trials.aim import aim_of
+from mitt.trials.learning import learn
+from mitt.trials.runner import TrialRunner, known_ball
 from mitt.vision.camera import fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig
 from mitt.vision.filter import BallFilter
@@ -220,15 +220,15 @@ def compare(
     """Hold a trial's ticks to the stages; return the phases that it went through."""
     scene = Scene(ball=kind or Ball())
     notes, b = Notes(generator), scene.ball
-    bench = Bench(arm, Watched(generator, notes), scene, pixels=pixels)
+    runner = TrialRunner(arm, Watched(generator, notes), scene, pixels=pixels)
     settings = CatcherSettings(
         ball_mass=b.mass, ball_radius=b.radius, flight=known_ball(b.drag, b.mass)
     )
-    catcher, staged = bench.catcher(), Staged(arm, settings, notes)
+    catcher, staged = runner.catcher(), Staged(arm, settings, notes)
     phases: set[Phase] = set()
-    bench.world.reset(ball, 5)
-    while bench.world.t < LONGEST:
-        senses, phase = bench.world.sense(look=catcher.looking), catcher.phase
+    runner.world.reset(ball, 5)
+    while runner.world.t < LONGEST:
+        senses, phase = runner.world.sense(look=catcher.looking), catcher.phase
         if phase is Phase.STOPPED:  # the stages have no monitor that could stop them
             break
         told = catcher.step(senses)
@@ -236,7 +236,7 @@ def compare(
         if catcher.tick is not None and catcher.tick.state is State.ABORT:
             break
         differ(told, command, catcher, reference)
-        bench.world.apply(told)
+        runner.world.apply(told)
         catcher.think()
         phases.add(phase)
     return phases
@@ -291,8 +291,8 @@ def test_two_halves_are_the_whole(
     for hidden in (False, True):
         notes = Notes(Direct(taught))
         watched = Watched(Direct(taught), notes, hidden=hidden)
-        bench = Bench(arm, watched, Scene(), pixels=pixels)
-        logs.append(bench.run(0, throws[0], seed=7, log=True).log)
+        runner = TrialRunner(arm, watched, Scene(), pixels=pixels)
+        logs.append(runner.run(0, throws[0], seed=7, log=True).log)
         assert bool(watched.asked) == hidden
     assert logs[0] is not None
     assert logs[1] is not None
@@ -305,15 +305,15 @@ def test_thinking_late_is_thinking(
     arm: Arm, taught: DirectMap, throws: list[Throw], early: bool
 ) -> None:
     """A loop that never calls ``think`` gets the same commands: the next step does it first."""
-    bench = Bench(arm, Direct(taught), Scene(), pixels=False)
-    catchers = [bench.catcher(), bench.catcher()]
-    bench.world.reset(throws[1], 3)
+    runner = TrialRunner(arm, Direct(taught), Scene(), pixels=False)
+    catchers = [runner.catcher(), runner.catcher()]
+    runner.world.reset(throws[1], 3)
     for _ in range(700):
-        senses = bench.world.sense()
+        senses = runner.world.sense()
         told = [catcher.step(senses) for catcher in catchers]
         assert np.array_equal(told[0].tau, told[1].tau)
         catchers[int(early)].think()
-        bench.world.apply(told[0])
+        runner.world.apply(told[0])
     assert catchers[0].phase is Phase.BRAKE
 
 
@@ -332,13 +332,13 @@ def test_the_tick_allocates_nothing(
     arm: Arm, taught: DirectMap, throws: list[Throw], until: float
 ) -> None:
     """Watching, following, braking: memory is asked for no more often in 50 ticks than in one."""
-    bench = Bench(arm, Direct(taught), Scene(), pixels=True)
-    catcher = bench.catcher()
-    bench.world.reset(throws[0], 3)
-    catcher.learn_background(bench.world.views_before(2))
-    while bench.world.t < until:
-        senses = bench.world.sense()
-        bench.world.apply(catcher.step(senses))
+    runner = TrialRunner(arm, Direct(taught), Scene(), pixels=True)
+    catcher = runner.catcher()
+    runner.world.reset(throws[0], 3)
+    catcher.learn_background(runner.world.views_before(2))
+    while runner.world.t < until:
+        senses = runner.world.sense()
+        runner.world.apply(catcher.step(senses))
         catcher.think()
     images = tuple(frame.pixels for frame in senses.frames)
     rest = (

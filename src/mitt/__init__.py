@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from mitt.signals import BallState as BallState
     from mitt.signals import Command as Command
     from mitt.signals import JointReference as JointReference
-    from mitt.study.lesson import learn as learn
-    from mitt.study.simulate import simulate as simulate
+    from mitt.trials.learning import learn as learn
+    from mitt.trials.simulate import simulate as simulate
 
 _HOMES = {
     "ArmState": "mitt.signals",
@@ -30,9 +30,9 @@ _HOMES = {
     "JointReference": "mitt.signals",
     "MapDesign": "mitt.generator.design",
     "MittError": "mitt.errors",
-    "learn": "mitt.study.lesson",
+    "learn": "mitt.trials.learning",
     "load_arm": "mitt.robot.load",
-    "simulate": "mitt.study.simulate",
+    "simulate": "mitt.trials.simulate",
 }
 __all__ = [  # noqa: PLE0604 (strings all the same)
     "__version__",

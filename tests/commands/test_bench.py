@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mitt.bench import measure as bench
+from mitt.bench.problem import judged, learning_problem, solve
 from mitt.cli import main
 from mitt.generator.learn import Learned
-from mitt.study import bench
-from mitt.study.bench_lesson import judged, problem, solve
-from mitt.study.source import source_of
+from mitt.trials.source import source_of
 
 KEYS = {
     "schema", "version", "machine", "tick_us", "tick_without_images_us", "adapt_us", "learn_ms",
@@ -35,7 +35,7 @@ def test_the_json_has_the_keys_of_the_contract(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Every key is there, a time has its three figures in order, and stdout is JSON alone."""
-    tiny = bench.BenchSettings(throws=1, repeats=20, lessons=1, flights=3, ipopt=False)
+    tiny = bench.BenchSettings(throws=1, repeats=20, solves=1, flights=3, ipopt=False)
     monkeypatch.setattr("mitt.commands.bench.QUICK", tiny)
     assert main(["bench", "--quick", "--json"]) == 0
     result: dict[str, Any] = json.loads(capsys.readouterr().out)
@@ -73,13 +73,13 @@ def test_a_library_that_is_missing_is_said_and_left_out(
     assert all("mitt[bench]" in line for line in said)
 
 
-def test_the_lesson_is_solved_within_its_bound(taught: Learned) -> None:
+def test_the_learning_problem_is_solved_within_its_bound(taught: Learned) -> None:
     """Rows bind at the optimum, and no small step within them lowers the cost."""
-    lesson = problem(taught.map.arm, flights=4, seed=2)
-    answer = solve(lesson)
+    problem = learning_problem(taught.map.arm, flights=4, seed=2)
+    answer = solve(problem)
     assert answer.good
     assert answer.worst == pytest.approx(1.0, abs=1e-5)
     rng = np.random.default_rng(3)
     for _ in range(50):
-        near = judged(lesson, answer.alpha + 1e-4 * rng.standard_normal(lesson.size), good=True)
+        near = judged(problem, answer.alpha + 1e-4 * rng.standard_normal(problem.size), good=True)
         assert near.worst > 1.0 or near.cost > answer.cost - 1e-7

@@ -13,10 +13,10 @@ from mitt.generator.learn import Learned
 from mitt.records import REASONS, STATES, Record
 from mitt.robot.arm import Arm
 from mitt.signals import Senses
-from mitt.study.aim import aim_of
-from mitt.study.lesson import learn
-from mitt.study.score import held, measure, status_of
-from mitt.study.trial import Bench
+from mitt.trials.aim import aim_of
+from mitt.trials.learning import learn
+from mitt.trials.runner import TrialRunner
+from mitt.trials.score import held, measure, status_of
 from mitt.world.scene import Scene
 from mitt.world.throws import Throw, default_throw
 
@@ -78,8 +78,8 @@ class Range:
         """Throw once with a plan of faults and a change of the senses."""
         arm = self.taught.map.arm
         scene = Scene.model_validate({"faults": list(faults)})
-        bench = Bench(arm, Direct(self.taught.map), scene, pixels=pixels)
-        world, catcher, rows, finite = bench.world, bench.catcher(), [], True
+        runner = TrialRunner(arm, Direct(self.taught.map), scene, pixels=pixels)
+        world, catcher, rows, finite = runner.world, runner.catcher(), [], True
         world.reset(ball or self.throws[number], SEED + number)
         for _ in range(TICKS):
             senses = world.sense(look=catcher.looking)

@@ -27,9 +27,9 @@ from mitt.link.realtime import uncollected
 from mitt.report.replay import _server
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
-from mitt.study.sweep.parts import read_part
-from mitt.study.sweep.run import run_study
-from mitt.study.trial import Bench
+from mitt.sweep.parts import read_part
+from mitt.sweep.run import run_study
+from mitt.trials.runner import TrialRunner
 from mitt.world.scene import Scene
 from mitt.world.scenes import read_scene
 
@@ -274,20 +274,20 @@ def test_row_35_signals(tmp_path: Path, number: int, status: int) -> None:
 
 def test_row_36_no_collection_in_the_loop(place: Range) -> None:
     """Four hundred ticks within ``uncollected``: the garbage collector does not run once."""
-    bench = Bench(place.taught.map.arm, Direct(place.taught.map), Scene(), pixels=False)
+    runner = TrialRunner(place.taught.map.arm, Direct(place.taught.map), Scene(), pixels=False)
     ran: list[int] = []
 
     def note(phase: str, info: dict[str, int]) -> None:
         if phase == "start":
             ran.append(info["generation"])
 
-    catcher: Catcher = bench.catcher()
-    bench.world.reset(place.throws[0], 1)
+    catcher: Catcher = runner.catcher()
+    runner.world.reset(place.throws[0], 1)
     with uncollected():
         gc.callbacks.append(note)
         try:
             for _ in range(400):
-                bench.world.apply(catcher.step(bench.world.sense()))
+                runner.world.apply(catcher.step(runner.world.sense()))
                 catcher.think()
         finally:
             gc.callbacks.remove(note)

@@ -24,20 +24,20 @@ from mitt.report.figures.throws import contact_errors, releases
 from mitt.report.figures.trajectory import catching_trajectory
 from mitt.robot.arm import Arm
 from mitt.signals import Array
-from mitt.study.log import TrialLog
-from mitt.study.trial import Outcome
+from mitt.trials.log import TrialLog
+from mitt.trials.runner import LoggedTrial
 from mitt.world.scene import Scene
 
 #: A curve on the page may be off by this share of its height: simplified, two decimals.
 _ON_PAGE = 0.02
 
 
-def _log(outcome: Outcome) -> TrialLog:
+def _log(outcome: LoggedTrial) -> TrialLog:
     assert outcome.log is not None
     return outcome.log
 
 
-def _all(arm: Arm, learned: Learned, direct: Outcome, unoptimised: Outcome) -> list[Plot]:
+def _all(arm: Arm, learned: Learned, direct: LoggedTrial, unoptimised: LoggedTrial) -> list[Plot]:
     """Draw every figure."""
     log, plain = _log(direct), _log(unoptimised)
     trials = [asdict(direct.trial), asdict(unoptimised.trial)]
@@ -54,7 +54,7 @@ def _all(arm: Arm, learned: Learned, direct: Outcome, unoptimised: Outcome) -> l
 
 
 @pytest.fixture(scope="module")
-def plots(arm: Arm, learned: Learned, direct: Outcome, unoptimised: Outcome) -> list[Plot]:
+def plots(arm: Arm, learned: Learned, direct: LoggedTrial, unoptimised: LoggedTrial) -> list[Plot]:
     """All figures, drawn once."""
     return _all(arm, learned, direct, unoptimised)
 
@@ -78,7 +78,7 @@ def test_ids_differ_between_figures_and_every_reference_is_kept(plots: list[Plot
 
 
 def test_the_same_data_give_the_same_text(
-    arm: Arm, learned: Learned, direct: Outcome, unoptimised: Outcome, plots: list[Plot]
+    arm: Arm, learned: Learned, direct: LoggedTrial, unoptimised: LoggedTrial, plots: list[Plot]
 ) -> None:
     """A figure drawn twice is the same, byte for byte."""
     again = _all(arm, learned, direct, unoptimised)
@@ -86,7 +86,7 @@ def test_the_same_data_give_the_same_text(
 
 
 def test_figures_leave_their_inputs_alone(
-    arm: Arm, learned: Learned, direct: Outcome, unoptimised: Outcome
+    arm: Arm, learned: Learned, direct: LoggedTrial, unoptimised: LoggedTrial
 ) -> None:
     """Drawing changes no array of a log: they may be read-only."""
     frozen = []
@@ -95,7 +95,7 @@ def test_figures_leave_their_inputs_alone(
         parts = {n: getattr(log, n).copy() for n in ("asked", "encoders", "tau", "ball", "t")}
         for array in parts.values():
             array.setflags(write=False)
-        frozen.append(Outcome(outcome.trial, replace(log, **parts)))
+        frozen.append(LoggedTrial(outcome.trial, replace(log, **parts)))
     _all(arm, learned, frozen[0], frozen[1])
     for name in ("qpos", "position", "t"):
         before = getattr(_log(direct).truth, name).copy()
@@ -121,7 +121,7 @@ def _dots(svg: str) -> list[Array]:
     return [np.array(p, float) for p in points if len(p) > 100]
 
 
-def test_fig_8_has_a_dot_for_each_millisecond(arm: Arm, direct: Outcome) -> None:
+def test_fig_8_has_a_dot_for_each_millisecond(arm: Arm, direct: LoggedTrial) -> None:
     """Each tick's catch point is drawn until 0.1 s after the catch, and the ball where in view.
 
     One scale takes the world to the page: fitted to the catch point it holds for the ball.
@@ -138,7 +138,7 @@ def test_fig_8_has_a_dot_for_each_millisecond(arm: Arm, direct: Outcome) -> None
             np.testing.assert_allclose(ball[:, column], seen, atol=0.1)
 
 
-def test_fig_10_draws_the_arm_where_its_encoders_were(arm: Arm, direct: Outcome) -> None:
+def test_fig_10_draws_the_arm_where_its_encoders_were(arm: Arm, direct: LoggedTrial) -> None:
     """The dotted curve of joint 1, scaled back from the page, is the log's own curve."""
     log = _log(direct)
     svg = joint_angles(arm, log, None).svg
@@ -152,7 +152,7 @@ def test_fig_10_draws_the_arm_where_its_encoders_were(arm: Arm, direct: Outcome)
                                atol=_ON_PAGE * np.ptp(q))  # fmt: skip
 
 
-def test_feedback_share_is_that_of_the_formula(direct: Outcome) -> None:
+def test_feedback_share_is_that_of_the_formula(direct: LoggedTrial) -> None:
     """The share is 0 for pure feedforward, 1 without feedforward, and scales with the rest."""
     log = _log(direct)
     assert feedback_share(replace(log, feedforward=log.tau)) == 0.0
@@ -161,7 +161,9 @@ def test_feedback_share_is_that_of_the_formula(direct: Outcome) -> None:
     assert feedback_share(replace(log, following=np.zeros_like(log.following))) == 0.0
 
 
-def test_learning_lowers_the_controllers_load(direct: Outcome, unoptimised: Outcome) -> None:
+def test_learning_lowers_the_controllers_load(
+    direct: LoggedTrial, unoptimised: LoggedTrial
+) -> None:
     """Section 3.6: with the learned map the share of feedback is below that of alpha = 0."""
     assert feedback_share(_log(direct)) < 0.5 * feedback_share(_log(unoptimised))
 
@@ -174,7 +176,7 @@ def test_pair_shows_both_shares() -> None:
 
 
 def test_pictures_come_every_33_ms_and_one_shows_the_catch(
-    arm: Arm, scene: Scene, direct: Outcome
+    arm: Arm, scene: Scene, direct: LoggedTrial
 ) -> None:
     """Fig. 12: distances of 33 ms to a millisecond, PNGs, one of them at the catch."""
     strip = picture_strip(arm, scene, _log(direct))
@@ -185,7 +187,7 @@ def test_pictures_come_every_33_ms_and_one_shows_the_catch(
     assert all(base64.b64decode(shot.png).startswith(b"\x89PNG") for shot in strip)
 
 
-def test_throws_without_contact_can_be_drawn(direct: Outcome) -> None:
+def test_throws_without_contact_can_be_drawn(direct: LoggedTrial) -> None:
     """A run in which nothing was touched still has its figures."""
     missed = asdict(replace(direct.trial, status="missed", position_error_mm=None,
                             velocity_error_m_s=None))  # fmt: skip
@@ -193,7 +195,7 @@ def test_throws_without_contact_can_be_drawn(direct: Outcome) -> None:
     assert "missed (1)" in releases([missed], np.array([[3.0, 0.0, 0.0]])).svg
 
 
-def test_a_throw_that_was_never_followed_can_be_drawn(arm: Arm, direct: Outcome) -> None:
+def test_a_throw_that_was_never_followed_can_be_drawn(arm: Arm, direct: LoggedTrial) -> None:
     """A refused throw has a log without references and without a catch."""
     log = _log(direct)
     idle = replace(log, following=np.zeros_like(log.following), t_0=np.inf, t_catch=np.inf)
@@ -206,7 +208,7 @@ def test_a_throw_that_was_never_followed_can_be_drawn(arm: Arm, direct: Outcome)
         assert drawn.svg.startswith("<svg")
 
 
-def test_releases_must_match_the_trials(direct: Outcome) -> None:
+def test_releases_must_match_the_trials(direct: LoggedTrial) -> None:
     """One release for each trial, else a refusal that says so."""
     with pytest.raises(ShapeError, match=r"\(1, 3\)"):
         releases([asdict(direct.trial)], np.zeros((2, 3)))

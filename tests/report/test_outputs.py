@@ -15,11 +15,11 @@ from mitt.generator.learn import Learned
 from mitt.link.clock import Stopwatch
 from mitt.link.maps import read_map, save_map
 from mitt.report.outputs import LEAVES, keeping, write_outputs
-from mitt.study.catch import Finished, run
-from mitt.study.journal import recovered
-from mitt.study.result import STATUSES, result
-from mitt.study.score import Trial
-from mitt.study.stats import wilson
+from mitt.trials.journal import recovered
+from mitt.trials.result import STATUSES, result
+from mitt.trials.run import Finished, run
+from mitt.trials.score import Trial
+from mitt.trials.statistics import wilson
 
 HEAD: dict[str, object] = {"version": "0", "arm": "wam"}
 

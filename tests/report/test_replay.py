@@ -15,7 +15,7 @@ from mitt.report.meshes import capsule, cylinder, geom_mesh, rod, sphere
 from mitt.report.replay import replay_page
 from mitt.report.skeleton import bones, frames, skeleton
 from mitt.robot.arm import Arm
-from mitt.study.trial import Outcome
+from mitt.trials.runner import LoggedTrial
 from mitt.world.build import build_plant
 from mitt.world.scene import Scene
 
@@ -82,7 +82,7 @@ def test_the_skeleton_shows_both_offsets_of_the_elbow(arm: Arm) -> None:
 
 
 def test_the_replay_shows_the_arm_moving_the_ball_flying_and_the_fingers_closing(
-    arm: Arm, scene: Scene, direct: Outcome, capsys: pytest.CaptureFixture[str]
+    arm: Arm, scene: Scene, direct: LoggedTrial, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Node poses in the recording are those of the plant; stdout and threads stay as they were."""
     assert direct.log is not None

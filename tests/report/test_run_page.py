@@ -14,9 +14,9 @@ from mitt.link.clock import Stopwatch
 from mitt.report.run_page import ReportContent, report, write_report
 from mitt.report.summary import result_summary
 from mitt.robot.arm import Arm
-from mitt.study.result import result
-from mitt.study.stats import wilson
-from mitt.study.trial import Outcome
+from mitt.trials.result import result
+from mitt.trials.runner import LoggedTrial
+from mitt.trials.statistics import wilson
 from mitt.world.scene import Scene
 
 #: Elements that never close, and the attributes that make a browser load something.
@@ -75,7 +75,7 @@ def _read(page: str) -> _Reader:
     return reader
 
 
-def _result(direct: Outcome, **head: object) -> dict[str, Any]:
+def _result(direct: LoggedTrial, **head: object) -> dict[str, Any]:
     """Return a result of three throws: caught, dropped, missed."""
     caught = replace(direct.trial, status="caught", position_error_mm=3.25,
                      velocity_error_m_s=0.875, peak_contact_force_n=41.0,
@@ -90,7 +90,7 @@ def _result(direct: Outcome, **head: object) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def content(
-    arm: Arm, scene: Scene, learned: Learned, direct: Outcome, unoptimised: Outcome
+    arm: Arm, scene: Scene, learned: Learned, direct: LoggedTrial, unoptimised: LoggedTrial
 ) -> ReportContent:
     """Everything that a report can hold."""
     return ReportContent(
@@ -173,7 +173,7 @@ def test_failed_throws_are_listed_with_their_reason(page: str) -> None:
     assert rows == [("1", "dropped", "torque:j2"), ("2", "missed", "domain")]
 
 
-def test_hostile_names_do_no_harm(content: ReportContent, direct: Outcome) -> None:
+def test_hostile_names_do_no_harm(content: ReportContent, direct: LoggedTrial) -> None:
     """Names of arms, limits, generators and reasons show as text, whatever is in them."""
     hostile = _result(direct, **dict.fromkeys(("arm", "limits", "generator", "version"), _HOSTILE))
     for trial in hostile["trials"]:
@@ -186,7 +186,7 @@ def test_hostile_names_do_no_harm(content: ReportContent, direct: Outcome) -> No
     assert _HOSTILE in "".join(reader.text)
 
 
-def test_a_report_without_logs_still_stands(content: ReportContent, direct: Outcome) -> None:
+def test_a_report_without_logs_still_stands(content: ReportContent, direct: LoggedTrial) -> None:
     """What was not run is left out: no empty section, no broken link."""
     bare = ReportContent(result=_result(direct), arm=content.arm, scene=content.scene)
     page = report(bare)
@@ -213,7 +213,7 @@ def test_the_report_is_written_whole(tmp_path: Path, content: ReportContent) -> 
     assert [x.name for x in tmp_path.iterdir()] == ["report.html"]
 
 
-def test_the_result_summary_is_taken_from_the_trials(direct: Outcome) -> None:
+def test_the_result_summary_is_taken_from_the_trials(direct: LoggedTrial) -> None:
     """Medians and percentiles are NumPy's, over the throws that have the figure."""
     trials = [asdict(replace(direct.trial, index=k, position_error_mm=float(k))) for k in range(9)]
     trials[4]["position_error_mm"] = None

@@ -12,10 +12,10 @@ from mitt.generator.learn import Learned
 from mitt.link.files import write_json
 from mitt.report.differences import break_even, paired_tests, sweeps_of
 from mitt.report.study_page import write_study_report
-from mitt.study.sweep.folder import Folder
-from mitt.study.sweep.run import run_study
-from mitt.study.sweep.study import Study
-from mitt.study.sweep.summary import read_result
+from mitt.sweep.folder import Folder
+from mitt.sweep.run import run_study
+from mitt.sweep.study import Study
+from mitt.sweep.summary import read_result
 
 
 @pytest.fixture(scope="session")

@@ -5,12 +5,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from mitt.bench.libraries import ball_at
 from mitt.generator.learn import Learned
 from mitt.rivals.course import Chooser
 from mitt.robot.arm import Arm
 from mitt.signals import BallState
-from mitt.study.aim import aim_of
-from mitt.study.bench_rivals import ball_at
+from mitt.trials.aim import aim_of
 from mitt.world.throws import Throw, default_throw
 
 

@@ -15,9 +15,9 @@ from mitt.generator.generators import Generator
 from mitt.generator.learn import Learned
 from mitt.robot.arm import Arm
 from mitt.signals import BallState, MapStatus
-from mitt.study import registry
-from mitt.study.registry import available, check_name, make_generator
-from mitt.study.trial import Bench
+from mitt.trials import registry
+from mitt.trials.registry import available, check_name, make_generator
+from mitt.trials.runner import TrialRunner
 from mitt.world.scene import Scene
 from mitt.world.throws import Throw
 
@@ -126,8 +126,8 @@ def test_a_rival_catches(
     name: str, arm: Arm, learned: Learned, throw_of: Callable[[int], Throw]
 ) -> None:
     """One default throw, seen as points, is caught within every limit."""
-    bench = Bench(arm, make_generator(name, learned.map), Scene(), pixels=False)
-    trial = bench.run(0, throw_of(5), seed=3).trial
+    runner = TrialRunner(arm, make_generator(name, learned.map), Scene(), pixels=False)
+    trial = runner.run(0, throw_of(5), seed=3).trial
     assert trial.status == "caught"
     assert trial.limit_violations == 0
 

@@ -11,7 +11,7 @@ import tempfile
 from pathlib import Path
 
 from mitt.robot.load import load_arm
-from mitt.study.lesson import learn
+from mitt.trials.learning import learn
 from soak import arrays, commands, files, kills, runs, studies, ticks
 
 #: Where files that did harm are kept.

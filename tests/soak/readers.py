@@ -10,7 +10,7 @@ from small_study import TEXT, Here, quiet, ready, write_study
 from throws_on_film import calibrated, film, write_film
 
 from mitt.link.rig import write_rig
-from mitt.study.sweep.run import run_study
+from mitt.sweep.run import run_study
 from soak.samples import CATCHING, Sample, no_lesson
 
 #: Frames of the film; rounds of which one reads what takes long.

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from mitt.errors import FileError
-from mitt.study.journal import NAME, recovered
+from mitt.trials.journal import NAME, recovered
 
 #: Throws of a run: enough that the moments fall before, among and behind them.
 THROWS = 40

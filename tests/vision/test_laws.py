@@ -5,7 +5,7 @@ import pytest
 
 from mitt.flight import advance
 from mitt.signals import Array
-from mitt.study.track import UNKNOWN_BALL, follow
+from mitt.tracks.filtering import UNKNOWN_BALL, follow
 from mitt.vision import memory as at
 from mitt.vision.belief import absorb
 from mitt.vision.filter import settings_of

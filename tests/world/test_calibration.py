@@ -101,7 +101,7 @@ def test_too_few_views_are_refused() -> None:
 
 def test_images_come_from_another_rig_than_the_catcher_has() -> None:
     """Drawn from the trial's seed: other trials have other rigs, an exact scene has none."""
-    from mitt.study.trial import _cameras  # noqa: PLC0415 (beside its use)
+    from mitt.trials.runner import _cameras  # noqa: PLC0415 (beside its use)
 
     rig = fixed_rig()
     for views, equal in ((0, True), (20, False)):

@@ -5,9 +5,9 @@ from typing import Any
 
 from rich.table import Table
 
+from mitt.bench.measure import QUICK, BenchSettings, measure
 from mitt.commands.options import BenchOptions
 from mitt.commands.screen import checked, console_of, progress, tell, tell_of_kernels
-from mitt.study.bench import QUICK, BenchSettings, measure
 
 #: Rows of the table: key, words, unit.
 _ROWS = (

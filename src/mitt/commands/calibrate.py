@@ -8,12 +8,12 @@ from pathlib import Path
 from rich.table import Table
 
 import mitt
+from mitt.calibration.views import CELLS
 from mitt.commands.options import CalibrateOptions
 from mitt.commands.screen import check_new_file, checked, console_of, progress
 from mitt.commands.stages import Calibration, calibrate, prepare
 from mitt.errors import InputError
 from mitt.link.rig import write_rig
-from mitt.study.rig.views import CELLS
 
 
 def run(options: CalibrateOptions) -> int:

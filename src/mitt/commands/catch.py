@@ -14,13 +14,13 @@ from mitt.generator.mapping import unlearned
 from mitt.interrupts import notice, status_of, words_of
 from mitt.link.files import check_folder, locked
 from mitt.link.maps import read_map
-from mitt.study.catch import Finished, Prepared, RunSettings, arm_of, design_of
-from mitt.study.catch import run as run_throws
-from mitt.study.journal import kept_words
-from mitt.study.registry import check_name
-from mitt.study.result import STATUSES
-from mitt.study.score import Trial, reason_of
-from mitt.study.source import source_of
+from mitt.trials.journal import kept_words
+from mitt.trials.registry import check_name
+from mitt.trials.result import STATUSES
+from mitt.trials.run import Finished, Prepared, RunSettings, arm_of, design_of
+from mitt.trials.run import run as run_throws
+from mitt.trials.score import Trial, reason_of
+from mitt.trials.source import source_of
 from mitt.world.scenes import DEFAULT, read_scene
 
 #: Most throws in one run; more belong into a study.

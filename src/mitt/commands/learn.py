@@ -11,10 +11,10 @@ from mitt.commands.screen import check_new_file, checked, console_of, progress
 from mitt.errors import InputError
 from mitt.generator.learn import Learned
 from mitt.link.maps import save_map
-from mitt.study.catch import arm_of, design_of
-from mitt.study.lesson import LEARNING_SEED
-from mitt.study.lesson import learn as learn_map
-from mitt.study.neighbourhood import Neighbourhood
+from mitt.trials.learning import LEARNING_SEED
+from mitt.trials.learning import learn as learn_map
+from mitt.trials.neighbourhood import Neighbourhood
+from mitt.trials.run import arm_of, design_of
 
 #: Most flights to learn from; more only takes longer.
 _MOST_FLIGHTS = 10_000
@@ -42,13 +42,13 @@ def run(options: LearnOptions) -> int:
         report("learning", 1, 1)
     save_map(options.out, learned, version=mitt.__version__)
     if options.json:
-        print(json.dumps(_lesson(learned, options.out), allow_nan=False))  # noqa: T201
+        print(json.dumps(_result(learned, options.out), allow_nan=False))  # noqa: T201
     else:
         _show(learned, options.out)
     return 0
 
 
-def _lesson(learned: Learned, out: Path) -> dict[str, object]:
+def _result(learned: Learned, out: Path) -> dict[str, object]:
     """Return what ``mitt learn --json`` prints."""
     return {
         "schema": "mitt.learn/1",

@@ -7,9 +7,9 @@ from mitt.commands.screen import checked, console_of, progress
 from mitt.errors import InputError
 from mitt.link.files import locked, write_json
 from mitt.report.study_page import write_study_report
-from mitt.study.journal import RESULT, died, recovered
-from mitt.study.sweep.folder import Folder
-from mitt.study.sweep.summary import read_result
+from mitt.sweep.folder import Folder
+from mitt.sweep.summary import read_result
+from mitt.trials.journal import RESULT, died, recovered
 
 #: Most replays beside one page; each weighs a megabyte.
 _MOST_REPLAYS = 200

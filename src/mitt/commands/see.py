@@ -11,8 +11,8 @@ from mitt.errors import InputError
 from mitt.interrupts import notice
 from mitt.link.rig import CalibratedRig, read_rig
 from mitt.link.video import SUFFIXES, VideoWriter
-from mitt.study.rig.see import WATCHED, Seen, SeeSettings, complaints, rate_of, see, status_of
-from mitt.study.track_table import POINTS, STATE, write_table
+from mitt.tracks.see import WATCHED, Seen, SeeSettings, complaints, rate_of, see, status_of
+from mitt.tracks.table import POINTS, STATE, write_table
 
 
 def run(options: SeeOptions) -> int:

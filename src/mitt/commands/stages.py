@@ -5,6 +5,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar
 
+from mitt.calibration.boards import calibrate_boards
+from mitt.calibration.hand import calibrate_clock, calibrate_hand, centroid_columns, centroids_in
+from mitt.calibration.heads import FACE_UP, calibrate_head, read_head_views, with_heads
+from mitt.calibration.stage import Stage
+from mitt.calibration.tables import header_of, read_places
+from mitt.calibration.views import BoardViews, look_for_board
 from mitt.commands.options import CalibrateOptions
 from mitt.errors import FileError, InputError
 from mitt.link.cameras.opening import open_cameras
@@ -12,12 +18,6 @@ from mitt.link.charuco import Board, BoardSpec
 from mitt.link.rig import CalibratedRig, read_rig
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
-from mitt.study.rig.boards import calibrate_boards
-from mitt.study.rig.hand import calibrate_clock, calibrate_hand, centroid_columns, centroids_in
-from mitt.study.rig.heads import FACE_UP, calibrate_head, read_head_views, with_heads
-from mitt.study.rig.stage import Stage
-from mitt.study.rig.tables import header_of, read_places
-from mitt.study.rig.views import BoardViews, look_for_board
 from mitt.vision.calibration.boards import BoardProblem
 from mitt.vision.calibration.fit import Fit
 from mitt.vision.poses import inverse

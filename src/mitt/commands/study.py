@@ -7,12 +7,12 @@ from mitt.commands.screen import checked, console_of, progress, tell, tell_of_ke
 from mitt.errors import InputError
 from mitt.interrupts import words_of
 from mitt.link.files import check_folder, locked
-from mitt.study.registry import available
-from mitt.study.sweep.engine import check_engine, engine_of
-from mitt.study.sweep.folder import Folder
-from mitt.study.sweep.read import read_study
-from mitt.study.sweep.run import Finished, run_study
-from mitt.study.sweep.study import Study, extent
+from mitt.sweep.engine import check_engine, engine_of
+from mitt.sweep.folder import Folder
+from mitt.sweep.read import read_study
+from mitt.sweep.run import Finished, run_study
+from mitt.sweep.study import Study, extent
+from mitt.trials.registry import available
 
 
 def run(options: StudyOptions) -> int:

@@ -6,8 +6,8 @@ import mitt
 from mitt.commands.options import TrackOptions
 from mitt.commands.screen import check_new_file, checked, console_of
 from mitt.errors import InputError
-from mitt.study.positions import read_positions, write_track
-from mitt.study.track import follow_all
+from mitt.tracks.filtering import follow_all
+from mitt.tracks.positions import read_positions, write_track
 from mitt.vision.belief import MAX_HORIZON
 
 #: Largest standard deviation of a coordinate that makes sense [m].

@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from mitt.study.sweep.study import Study
-from mitt.study.sweep.summary import REFERENCE
+from mitt.sweep.study import Study
+from mitt.sweep.summary import REFERENCE
 
 Row = Mapping[str, Any]
 

@@ -15,13 +15,13 @@ from mitt.link.maps import save_map
 from mitt.link.recording import write_recording
 from mitt.report.figures.learning import feedback_share
 from mitt.report.run_page import ReportContent, write_report
-from mitt.study.catch import Finished, Prepared, bench_for, make_bench, one_throw
-from mitt.study.journal import NAME, RESULT, Journal
-from mitt.study.record import recording_of
-from mitt.study.result import result
-from mitt.study.score import Trial
-from mitt.study.source import release_of
-from mitt.study.trial import Outcome
+from mitt.trials.journal import NAME, RESULT, Journal
+from mitt.trials.record import recording_of
+from mitt.trials.result import result
+from mitt.trials.run import Finished, Prepared, make_runner, one_throw, runner_for
+from mitt.trials.runner import LoggedTrial
+from mitt.trials.score import Trial
+from mitt.trials.source import release_of
 
 #: Everything a run leaves; an earlier run's is removed first.
 LEAVES = (NAME, RESULT, "report.html", "map.json", "recordings")
@@ -63,10 +63,10 @@ def write_outputs(finished: Finished, *, progress: Progress) -> None:
 def _write_recordings(finished: Finished, progress: Progress) -> None:
     """Throw the balls to be recorded once more, which gives the same trials, and record them."""
     prepared, kept = finished.prepared, _recorded(finished)
-    bench = make_bench(prepared, finished.learned, generator=prepared.settings.generator)
+    runner = make_runner(prepared, finished.learned, generator=prepared.settings.generator)
     for done, index in enumerate(kept):
         progress("recordings", done, len(kept))
-        outcome = one_throw(bench, prepared, index, log=True)
+        outcome = one_throw(runner, prepared, index, log=True)
         if outcome.log is not None:
             recording = recording_of(
                 outcome.log, outcome.trial, prepared.arm.names, about=prepared.head
@@ -87,7 +87,7 @@ def _recorded(finished: Finished) -> list[int]:
 def _content(finished: Finished, progress: Progress) -> ReportContent:
     """Collect what the report shows."""
     prepared, learned = finished.prepared, finished.learned
-    bench = make_bench(prepared, learned, generator=prepared.settings.generator)
+    runner = make_runner(prepared, learned, generator=prepared.settings.generator)
     whole = len(learned.maps) > 1
     balls = [prepared.source.ball(trial.index) for trial in finished.trials]
     return ReportContent(
@@ -95,7 +95,7 @@ def _content(finished: Finished, progress: Progress) -> ReportContent:
         arm=prepared.arm,
         scene=prepared.scene,
         steps=learned.steps if whole else None,
-        direct=_shown(one_throw(bench, prepared, 0, log=True)),
+        direct=_shown(one_throw(runner, prepared, 0, log=True)),
         unoptimised=_plain(finished),
         releases=np.array([release_of(ball) for ball in balls]),
         shares=_feedback(finished, progress) if whole else None,
@@ -103,18 +103,18 @@ def _content(finished: Finished, progress: Progress) -> ReportContent:
     )
 
 
-def _shown(outcome: Outcome) -> Outcome | None:
+def _shown(outcome: LoggedTrial) -> LoggedTrial | None:
     """Return a throw that can be drawn; None for one that ended before it began."""
     return outcome if outcome.log is not None and len(outcome.log.t) >= _FEWEST_TICKS else None
 
 
-def _plain(finished: Finished) -> Outcome | None:
+def _plain(finished: Finished) -> LoggedTrial | None:
     """Return the first throw with alpha = 0; None where the run itself was that."""
     prepared = finished.prepared
     if prepared.settings.generator == "unoptimised":
         return None
-    bench = make_bench(prepared, finished.learned, generator="unoptimised")
-    return _shown(one_throw(bench, prepared, 0, log=True))
+    runner = make_runner(prepared, finished.learned, generator="unoptimised")
+    return _shown(one_throw(runner, prepared, 0, log=True))
 
 
 def _feedback(finished: Finished, progress: Progress) -> tuple[float, ...]:
@@ -124,7 +124,7 @@ def _feedback(finished: Finished, progress: Progress) -> tuple[float, ...]:
     for k, f in enumerate(maps):
         progress("feedback", k, len(maps))
         generator = Unoptimised(f) if k == 0 else Direct(f)
-        log = one_throw(bench_for(prepared, generator), prepared, 0, log=True).log
+        log = one_throw(runner_for(prepared, generator), prepared, 0, log=True).log
         if log is not None and np.any(log.following):
             shares.append(feedback_share(log))
     progress("feedback", len(maps), len(maps))
@@ -136,11 +136,11 @@ def _rivals(finished: Finished, progress: Progress) -> tuple[dict[str, object], 
     prepared = finished.prepared
     if prepared.settings.generator == "unoptimised":
         return ()
-    bench = make_bench(prepared, finished.learned, generator="unoptimised")
+    runner = make_runner(prepared, finished.learned, generator="unoptimised")
     count, trials = min(len(finished.trials), _COMPARED), []
     for index in range(count):
         progress("alpha = 0", index, count)
-        trials.append(one_throw(bench, prepared, index).trial)
+        trials.append(one_throw(runner, prepared, index).trial)
     progress("alpha = 0", count, count)
     head = prepared.head | {"generator": "unoptimised"}
     return (result(trials, Stopwatch(), head),)

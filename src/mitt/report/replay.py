@@ -16,7 +16,7 @@ import viser
 from mitt.report.meshes import BALL, body_meshes
 from mitt.robot.arm import Arm
 from mitt.signals import Array
-from mitt.study.log import PHASES, TrialLog
+from mitt.trials.log import PHASES, TrialLog
 from mitt.world.build import build_plant
 from mitt.world.scene import Scene
 

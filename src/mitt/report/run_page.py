@@ -26,9 +26,9 @@ from mitt.report.summary import FAILURES, ResultSummary, result_summary
 from mitt.report.table_1 import table_1
 from mitt.robot.arm import Arm
 from mitt.signals import Array
-from mitt.study.log import TrialLog
-from mitt.study.score import reason_of
-from mitt.study.trial import Outcome
+from mitt.trials.log import TrialLog
+from mitt.trials.runner import LoggedTrial
+from mitt.trials.score import reason_of
 from mitt.world.scene import Scene
 
 _SECTIONS = (
@@ -73,8 +73,8 @@ class ReportContent:
     arm: Arm
     scene: Scene
     steps: tuple[Step, ...] | None = None
-    direct: Outcome | None = None
-    unoptimised: Outcome | None = None
+    direct: LoggedTrial | None = None
+    unoptimised: LoggedTrial | None = None
     releases: Array | None = None
     shares: tuple[float, ...] | None = None
     rivals: tuple[dict[str, Any], ...] = ()
@@ -119,7 +119,7 @@ def report(content: ReportContent) -> str:
     )
 
 
-def _log(outcome: Outcome | None) -> TrialLog | None:
+def _log(outcome: LoggedTrial | None) -> TrialLog | None:
     """Return the log of a throw, where there is one."""
     return None if outcome is None else outcome.log
 

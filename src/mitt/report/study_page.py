@@ -11,11 +11,11 @@ from mitt.report.figures.sweep import effort, rates_against, rates_by_condition,
 from mitt.report.page import Section, interval, number, page
 from mitt.report.worst import Link, worst_throws
 from mitt.signals import Array
-from mitt.study.result import STATUSES
-from mitt.study.sweep.parts import read_columns
-from mitt.study.sweep.settings import ThrowSettings
-from mitt.study.sweep.study import SCHEMA, Condition, extent
-from mitt.study.sweep.summary import REFERENCE, StudyResult
+from mitt.sweep.parts import read_columns
+from mitt.sweep.settings import ThrowSettings
+from mitt.sweep.study import SCHEMA, Condition, extent
+from mitt.sweep.summary import REFERENCE, StudyResult
+from mitt.trials.result import STATUSES
 
 Progress = Callable[[str, int, int], None]
 _EFFORT = (

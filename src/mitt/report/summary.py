@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mitt.study.result import STATUSES
+from mitt.trials.result import STATUSES
 
 #: Everything but what was caught.
 FAILURES = STATUSES[1:]

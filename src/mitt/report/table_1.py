@@ -6,7 +6,7 @@ import numpy as np
 
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
-from mitt.study.log import TrialLog
+from mitt.trials.log import TrialLog
 from mitt.vision.camera import fixed_rig
 from mitt.world.motion import TICK
 

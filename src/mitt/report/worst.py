@@ -6,11 +6,11 @@ from typing import Any, TypedDict
 import mitt
 from mitt.link.files import write_text
 from mitt.report.replay import replay_page
-from mitt.study.sweep.parts import read_columns
-from mitt.study.sweep.recordings import recording_path
-from mitt.study.sweep.run import all_jobs, by_cell
-from mitt.study.sweep.summary import StudyResult
-from mitt.study.sweep.work import Job, throw_again
+from mitt.sweep.parts import read_columns
+from mitt.sweep.recordings import recording_path
+from mitt.sweep.run import all_jobs, by_cell
+from mitt.sweep.summary import StudyResult
+from mitt.sweep.work import Job, throw_again
 
 Progress = Callable[[str, int, int], None]
 

@@ -1,4 +1,4 @@
-"""A world as compiled code plays on it: see :mod:`mitt.study.play`."""
+"""A world as compiled code plays on it: see :mod:`mitt.trials.play`."""
 
 from dataclasses import dataclass
 from typing import TypeAlias

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from tyro.conf import arg
 
 from mitt.commands.options.common import Csv, Folder, Map
-from mitt.study.choice import LimitName
+from mitt.trials.choice import LimitName
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator, PercentFormatter
 from mitt.generator.learn import Step
 from mitt.report.figures.style import ALPHA_0, BLUE, GREY, INK, ORANGE, PALE, Plot, plot
 from mitt.signals import Array
-from mitt.study.log import TrialLog
+from mitt.trials.log import TrialLog
 
 
 def learning_cost(steps: Sequence[Step]) -> Plot:

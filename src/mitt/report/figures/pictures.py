@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from mitt.report.meshes import BALL, body_meshes, sphere
 from mitt.robot.arm import Arm
 from mitt.signals import Array
-from mitt.study.log import TrialLog
+from mitt.trials.log import TrialLog
 from mitt.world.build import build_plant
 from mitt.world.scene import Scene
 

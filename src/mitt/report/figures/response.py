@@ -18,7 +18,7 @@ from mitt.report.figures.style import (
 )
 from mitt.robot.arm import Arm
 from mitt.signals import Array
-from mitt.study.log import TrialLog
+from mitt.trials.log import TrialLog
 
 #: How long after the catch is shown [s], and half the width of the close-up [s].
 _AFTER, _CLOSE = 0.20, 0.05

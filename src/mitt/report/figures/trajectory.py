@@ -9,7 +9,7 @@ from mitt.report.figures.style import ALPHA_0, BALL, GREY, INK, LEARNED, Plot, d
 from mitt.report.skeleton import skeleton
 from mitt.robot.arm import Arm
 from mitt.signals import Array
-from mitt.study.log import TrialLog
+from mitt.trials.log import TrialLog
 
 #: A line of the arm each so many ticks, and how long after the catch all is drawn [s].
 _ARM_EACH, _AFTER = 50, 0.1

@@ -1,0 +1,246 @@
+"""All figures of speed in one run, beside other libraries, and the noise of the machine.
+
+A time is ``{"p50", "p99", "p99_9"}``. Everything is timed around the call from Python, as a robot's
+loop would see it; numbers of different runs are compared by their ratios within each. A machine has
+fast and slow minutes: the ticks of this package and of others take turns, a throw of each and then
+a share of each other's calls, so that their ratios are those of the same minutes.
+"""
+
+import os
+import platform
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+import mitt
+from mitt.bench import libraries as by
+from mitt.bench.problem import Answer, LearningProblem, learning_problem
+from mitt.bench.problem import solve as solve_problem
+from mitt.bench.ticks import Rivals, take_turns, timed
+from mitt.errors import InputError
+from mitt.generator.generators import Direct
+from mitt.generator.mapping import DirectMap
+from mitt.generator.online import Online
+from mitt.link.clock import Stopwatch, processor_time
+from mitt.link.realtime import settle
+from mitt.robot.arm import Arm
+from mitt.robot.hands import HandModel
+from mitt.robot.load import load_arm
+from mitt.signals import Frame
+from mitt.trials.learning import learn
+from mitt.trials.runner import TrialRunner
+from mitt.trials.source import Source, source_of
+from mitt.vision.camera import fixed_rig
+from mitt.world.scene import Scene
+from mitt.world.throws import Throw
+
+SCHEMA = "mitt.speed/1"
+
+#: Seed of the throws that are timed, and when the ball of an online step is seen [s].
+SEED, _T_0 = 20_300, 0.082
+#: Most times that a map is learned as a user does.
+_MOST_LEARNED = 5
+#: The probe: additions of one piece of fixed work.
+_PROBE = 2000
+
+Time = dict[str, float]
+Result = dict[str, object]
+Progress = Callable[[str, int, int], None]
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchSettings:
+    """How much to measure.
+
+    Attributes:
+        throws: Throws of the ticks and of the throughput.
+        repeats: Calls of a rival, of an online step and of the probe.
+        solves: How often the learning problem is solved.
+        flights: Flights of the learning problem, 30 samples each.
+        ipopt: Whether IPOPT learns it too, and plans a catch.
+    """
+
+    throws: int = 20
+    repeats: int = 2000
+    solves: int = 11
+    flights: int = 50
+    ipopt: bool = True
+
+
+QUICK = BenchSettings(throws=2, repeats=200, solves=3, flights=10, ipopt=False)
+
+
+def measure(settings: BenchSettings, *, progress: Progress, say: Say) -> Result:
+    """Measure everything.
+
+    Args:
+        settings: How much.
+        progress: Is told what is being done.
+        say: Is told in one line what is left out, and why.
+    """
+    arm = load_arm("wam", hand=HandModel())
+    progress("learning", 0, 1)
+    f = learn(arm).map
+    progress("learning", 1, 1)
+    source = source_of(f, seed=SEED, count=settings.throws, throws_file=None, flights_file=None,
+                       drag=Scene().ball.drag)  # fmt: skip
+    progress("ticks", 0, 3)
+    seeing, told = (TrialRunner(arm, Direct(f), Scene(), pixels=pixels) for pixels in (True, False))
+    rivals = rivals_of(f, source, frames_of(seeing, source), settings, say)
+    settle()
+    before = noise(settings.repeats)
+    ticks, others = take_turns((seeing, told), rivals, source)
+    progress("ticks", 1, 3)
+    adapt = time_adapting(f, source, settings.repeats)
+    progress("ticks", 2, 3)
+    throws = throughput(seeing, source)
+    progress("ticks", 3, 3)
+    return {
+        "schema": SCHEMA,
+        "version": mitt.__version__,
+        "machine": f"{platform.machine()}, {os.cpu_count()} cores",
+        "tick_us": figures(ticks[0]),
+        "tick_without_images_us": figures(ticks[1]),
+        "adapt_us": figures(adapt),
+        **learning(arm, settings, progress, say),
+        "throws_per_s_core": throws,
+        "rivals_us": {name: figures(stopwatch) for name, stopwatch in others.items()},
+        "noise_us": worse(before, noise(settings.repeats)),
+    }
+
+
+def figures(stopwatch: Stopwatch, *, per: float = 1.0) -> Time:
+    """Return median, p99 and p99.9 [us / per]."""
+    found = stopwatch.percentiles_us()
+    return {name: found[name] / per for name in ("p50", "p99", "p99_9")}
+
+
+def worse(a: Time, b: Time) -> Time:
+    """Return the larger of each."""
+    return {name: max(a[name], b[name]) for name in a}
+
+
+def noise(repeats: int) -> Time:
+    """Return how long a fixed piece of work takes: what the machine itself adds shows in p99.9."""
+    return figures(timed(lambda: sum(range(_PROBE)), repeats))
+
+
+def frames_of(bench: TrialRunner, source: Source) -> list[tuple[Frame, ...]]:
+    """Return the images of the first throw while its ball is watched."""
+    world, catcher, kept = bench.world, bench.catcher(), []
+    world.reset(source.ball(0), source.trial_seed(0))
+    while world.t < 0.3:
+        senses = world.sense()
+        if len(senses.frames) == len(fixed_rig().cameras):
+            kept.append(senses.frames)
+        world.apply(catcher.step(senses))
+        catcher.think()
+    return kept
+
+
+def rivals_of(
+    f: DirectMap, source: Source, kept: list[tuple[Frame, ...]], settings: BenchSettings, say: Say
+) -> Rivals:
+    """Return a tick of each rival whose library is installed, and how often it is to be timed."""
+    ball = by.ball_at(thrown(source, 0), _T_0)
+    makers: dict[str, Callable[[], by.Tick]] = {
+        "ruckig": lambda: by.by_ruckig(f.arm, by.catches(f, ball, np.random.default_rng(SEED))),
+        "mink": lambda: by.by_mink(f.arm, by.places(ball)),
+        "pink": lambda: by.by_pink(f.arm, by.places(ball)),
+        "opencv": lambda: by.by_opencv(kept),
+        "mpc": lambda: by.by_mpc(f, ball),
+    }
+    rivals: Rivals = {}
+    for name, make in makers.items():
+        try:
+            tick = make()
+        except ImportError as error:
+            say(f"{name} is left out: wanted {error.name}, not installed; install mitt[bench]")
+            continue
+        rivals[name] = tick, settings.repeats if name != "mpc" else settings.repeats // 10
+    return rivals
+
+
+def thrown(source: Source, index: int) -> Throw:
+    """Return a throw of a source that throws."""
+    ball = source.ball(index)
+    if not isinstance(ball, Throw):
+        raise InputError("bench", "default throws", type(ball).__name__)
+    return ball
+
+
+def time_adapting(f: DirectMap, source: Source, repeats: int) -> Stopwatch:
+    """Return the times of online steps, with all rows, along flights from their start on."""
+    stopwatch, online = Stopwatch(), Online(f)
+    for index in range(-1, source.count):
+        if index == 0:
+            stopwatch.clear()
+        throw = thrown(source, max(index, 0))
+        online.restart()
+        alpha = f.adapt(by.ball_at(throw, _T_0), f.arm.q_ready, np.zeros(f.arm.n)).alpha
+        for tick in range(min(300, max(repeats // source.count, 1))):
+            ball = by.ball_at(throw, _T_0 + 1e-3 * tick)
+            with stopwatch:
+                answer = online.refine(alpha, ball)
+            alpha = answer.alpha
+    return stopwatch
+
+
+def throughput(bench: TrialRunner, source: Source) -> float:
+    """Return whole throws per second of processor time: pixels, finger contact.
+
+    One throw before the clock starts compiles and warms up what is not yet.
+    """
+    bench.run(0, source.ball(0), seed=source.trial_seed(0))
+    start = processor_time()
+    for index in range(source.count):
+        bench.run(index, source.ball(index), seed=source.trial_seed(index))
+    return source.count / (processor_time() - start)
+
+
+def learning(arm: Arm, settings: BenchSettings, progress: Progress, say: Say) -> Result:
+    """Return how long learning takes, and one problem of learning by our way and by IPOPT's best.
+
+    ``learn_ms`` is :func:`mitt.learn` as a user calls it: flights, soft limits of torque, speed and
+    range, all steps. The problem that both solvers are given has fixed flights and hard torque rows
+    alone; its time is ``learn_solver_ms``.
+    """
+    progress("solvers", 0, 1)
+    whole = figures(timed(partial(learn, arm), min(settings.solves, _MOST_LEARNED)), per=1e3)
+    problem = learning_problem(arm, flights=settings.flights, seed=SEED)
+    ours = figures(timed(partial(solve_problem, problem), settings.solves), per=1e3)
+    result: Result = {"learn_ms": whole, "learn_solver_ms": ours, "learn_ipopt_ms": None,
+                      "learn_cost_gap": None}  # fmt: skip
+    if settings.ipopt:
+        best = _by_ipopt(problem, say)
+        if best is not None:
+            took, answer = best
+            result["learn_ipopt_ms"] = took
+            result["learn_cost_gap"] = solve_problem(problem).cost / answer.cost - 1.0
+    progress("solvers", 1, 1)
+    return result
+
+
+def _by_ipopt(problem: LearningProblem, say: Say) -> tuple[Time, Answer] | None:
+    """Return time [ms] and answer of the fastest set-up that converges; None without one."""
+    from mitt.bench import ipopt  # noqa: PLC0415 (CasADi is an extra)
+
+    found: list[tuple[Time, Answer]] = []
+    for setup in ipopt.SETUPS:
+        try:
+            solver = ipopt.solver(problem, setup)
+        except InputError as error:
+            say(f"ipopt is left out: {error}")
+            return None
+        stopwatch = Stopwatch()
+        with stopwatch:
+            answer = ipopt.run(problem, solver)
+        took = figures(stopwatch, per=1e3)
+        state = f"{took['p50']:.0f} ms, cost {answer.cost:.6f}"
+        say(f"ipopt, {setup}: {state if answer.good else state + ', not converged'}")
+        if answer.good:
+            found.append((took, answer))
+    return min(found, key=lambda x: x[0]["p50"]) if found else None

@@ -1,0 +1,181 @@
+"""Learning as one problem that two solvers can be given: Gauss-Newton with DAQP, and IPOPT.
+
+min over alpha* of the mean of (22) over all instants of all flights, each flight with its own
+alpha_f = keep_f alpha* + W_f d_f, the projection of alpha* onto its start, eq. (12), in a fixed
+metric; subject to eq. (18), |tau| <= bound at every instant, hard. The bound is a share of the
+torque that the optimum without it asks for, so that rows bind.
+
+| here     | meaning                                          | shape         |
+|----------|--------------------------------------------------|---------------|
+| ``base`` | q, dq, ddq at alpha* = 0, instant by instant     | (S, 3 n)      |
+| ``slope``| their slope in alpha*                            | (S, 3 n, m n) |
+| ``bound``| share of tau_max that may be asked               |               |
+"""
+
+from dataclasses import dataclass, replace
+
+import daqp
+import numpy as np
+
+from mitt.generator.constraints import initial_matrix, shift
+from mitt.generator.design import default_design
+from mitt.generator.flights import lift_flight
+from mitt.generator.learn import LearnSettings
+from mitt.generator.learn import learn as learn_from
+from mitt.generator.mapping import unlearned
+from mitt.generator.strain import Plant, plant_of
+from mitt.jit import kernel
+from mitt.robot.arm import Arm
+from mitt.robot.slopes import slopes_work, torque_slopes
+from mitt.signals import Array
+from mitt.trials.neighbourhood import Neighbourhood, neighbourhood
+
+#: Share of the unbounded optimum's torque that is allowed; share of the bound from which an
+#: instant gets a row; most steps; relative gain, and excess, at which a solver has converged.
+_TIGHT, _NEAR, _STEPS, _SMALL, _EXCESS = 0.95, 0.7, 40, 1e-7, 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LearningProblem:
+    """The problem; see the module's table."""
+
+    arm: Arm
+    base: Array
+    slope: Array
+    bound: float
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return int(self.slope.shape[2])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Answer:
+    """What a solver found.
+
+    Attributes:
+        alpha: Coefficients [rad], shape (m n,).
+        cost: Mean of (22).
+        worst: Largest share of the bound.
+        good: Whether the solver says that it has converged.
+    """
+
+    alpha: Array
+    cost: float
+    worst: float
+    good: bool
+
+
+def learning_problem(arm: Arm, *, flights: int, seed: int) -> LearningProblem:
+    """Build the problem from a neighbourhood of default throws, 30 instants each."""
+    design = default_design(arm)
+    around = Neighbourhood(flights=flights, instants=30)
+    drawn = neighbourhood(unlearned(arm, design), np.random.default_rng(seed), around)
+    start = learn_from(arm, design, drawn, settings=LearnSettings(steps=1)).map
+    lifted = [x for x in (lift_flight(start, flight) for flight in drawn) if x is not None]
+    base, slope, n = [], [], arm.n
+    for x in lifted:
+        C = initial_matrix(x.phi_0, n)
+        W = shift(C, start.H_inverse)
+        per = np.array([[np.kron(row, np.eye(n)) for row in phi] for phi in x.phi])
+        per = per.reshape(len(x.phi), 3 * n, -1)
+        slope.append(per @ (np.eye(C.shape[1]) - W @ C))
+        base.append(x.virtual.reshape(len(x.phi), -1) + per @ (W @ x.gap))
+    free = LearningProblem(
+        arm=arm, base=np.concatenate(base), slope=np.concatenate(slope), bound=np.inf
+    )
+    return replace(free, bound=_TIGHT * solve(free).worst)
+
+
+def solve(problem: LearningProblem) -> Answer:
+    """Solve by Gauss-Newton steps, each a quadratic programme of DAQP with the rows near a bound.
+
+    A step is halved while neither cost nor excess gets better.
+    """
+    p, alpha, bounded = plant_of(problem.arm), np.zeros(problem.size), np.isfinite(problem.bound)
+    r, J = reckon(problem, p, alpha)
+    best, good = _merit(problem, r), False
+    for _ in range(_STEPS):
+        step = _step(problem, r, J, bounded=bounded)
+        if step is None:
+            break
+        share, found = 1.0, np.inf
+        while share > 1e-3:
+            r, J = reckon(problem, p, alpha + share * step)
+            found = _merit(problem, r)
+            if found < best:
+                break
+            share *= 0.5
+        if not found < best:
+            good = True
+            break
+        alpha, gain, best = alpha + share * step, best - found, found
+        if gain < _SMALL * best:
+            good = True
+            break
+    return judged(problem, alpha, good=good)
+
+
+def judged(problem: LearningProblem, alpha: Array, *, good: bool) -> Answer:
+    """Return an answer with cost and largest share of the bound reckoned anew."""
+    n = problem.arm.n
+    r, _ = reckon(problem, plant_of(problem.arm), alpha)
+    torque = float(np.abs(r[:, :n]).max())
+    worst = torque / problem.bound if np.isfinite(problem.bound) else torque
+    return Answer(
+        alpha=alpha, cost=float(np.sum(r * r)) / len(r), worst=worst,
+        good=good and (worst <= 1.0 + _EXCESS or not np.isfinite(problem.bound)),
+    )  # fmt: skip
+
+
+def reckon(problem: LearningProblem, p: Plant, alpha: Array) -> tuple[Array, Array]:
+    """Return torques and speeds over their bounds, (S, 2 n), and their slopes, (S, 2 n, m n)."""
+    n, links = problem.arm.n, len(problem.arm.model.links)
+    z = problem.base + problem.slope @ alpha
+    r, R = np.empty((len(z), 2 * n)), np.zeros((len(z), 2 * n, 3 * n))
+    work = np.zeros(links), np.zeros((3, links, n)), slopes_work(links)
+    _respond(p, z.reshape(len(z), 3, n), work, r, R)
+    return r, R @ problem.slope
+
+
+@kernel
+def _respond(p: Plant, z: Array, work: tuple[Array, Array, Array], r: Array, R: Array) -> None:
+    """Write torques and speeds over their bounds, and their slopes in q, dq, ddq."""
+    tau, slope, links = work
+    n = z.shape[2]
+    for s in range(len(z)):
+        torque_slopes(p.bodies, z[s], tau, slope, links)
+        for j in range(n):
+            r[s, j] = tau[p.joints[j]] / p.scales[0, j]
+            r[s, n + j] = z[s, 1, j] / p.scales[1, j]
+            R[s, n + j, n + j] = 1.0 / p.scales[1, j]
+            for d in range(3):
+                for i in range(n):
+                    R[s, j, d * n + i] = slope[d, p.joints[j], i] / p.scales[0, j]
+
+
+def _merit(problem: LearningProblem, r: Array) -> float:
+    """Return the mean cost and a price of exceeding the bound, dear enough to be exact."""
+    over = np.maximum(np.abs(r[:, : problem.arm.n]) - problem.bound, 0.0)
+    return float(np.sum(r * r)) / len(r) + 10.0 * float(np.max(over))
+
+
+def _step(problem: LearningProblem, r: Array, J: Array, *, bounded: bool) -> Array | None:
+    """Return one Gauss-Newton step within the linearised bound; None where DAQP finds none."""
+    size, n = problem.size, problem.arm.n
+    flat = J.reshape(-1, size)
+    H = 2.0 * flat.T @ flat / len(r)
+    H += 1e-10 * np.trace(H) / size * np.eye(size)
+    g = 2.0 * flat.T @ r.ravel() / len(r)
+    torque = r[:, :n]
+    near = np.abs(torque) > _NEAR * problem.bound
+    if not bounded or not near.any():
+        return np.asarray(-np.linalg.solve(H, g), np.float64)
+    sign = np.sign(torque[near])
+    rows = np.ascontiguousarray(sign[:, None] * J[:, :n][near])
+    room = problem.bound - np.abs(torque[near])
+    low, kind = np.full(len(room), -1e30), np.zeros(len(room), dtype=np.int32)
+    x, _, flag, _ = daqp.solve(H, g, rows, room, low, kind)
+    x = np.asarray(x, np.float64)
+    return x if flag > 0 and np.all(np.isfinite(x)) else None

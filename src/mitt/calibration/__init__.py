@@ -1,0 +1,1 @@
+"""Calibration of a rig: boards, heads, the hand, the clock."""

@@ -1,1 +1,0 @@
-"""Trials, their scores, and what is made of them."""

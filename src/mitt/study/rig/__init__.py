@@ -1,1 +1,0 @@
-"""Calibration of a rig, and seeing with it."""

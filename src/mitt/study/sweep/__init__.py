@@ -1,1 +1,0 @@
-"""Studies: many throws, several generators, a grid of conditions; resumable, on any engine."""

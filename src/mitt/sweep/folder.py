@@ -1,0 +1,163 @@
+"""The folder of a study: what belongs to it, who may write to it, what is done already.
+
+study.json       the study, spelled out, and its digest
+maps/            learned maps, one an arm with its limits
+flights/         recorded flights that are thrown, named by what they hold
+parts/           one Parquet file a chunk, whole or not there
+recordings/      failures
+trials.parquet   all throws
+summary.json     rates by generator and condition
+timing.json      wall-clock figures, which no comparison reads
+"""
+
+import hashlib
+from pathlib import Path
+from typing import final
+
+from mitt.errors import FileError, InputError
+from mitt.link.files import claim_folder, make_folder, read_json, write_atomically, write_json
+from mitt.reading import read_bytes
+from mitt.sweep.settings import ArmSettings
+from mitt.sweep.study import SCHEMA, Study
+from mitt.world.settings import validated
+from mitt.world.tables import MAX_BYTES
+
+LEAVES = ("study.json", "maps", "flights", "parts", "recordings", "replays", "trials.parquet",
+          "summary.json", "timing.json", "report.html")  # fmt: skip
+#: Temporary files that a killed run may have left.
+_TEMPORARY = (".*.json.*", ".trials.*", ".report.*", "parts/.part-*", "maps/.map-*", "flights/.*",
+              "recordings/.*", "replays/.*")  # fmt: skip
+
+
+@final
+class Folder:
+    """The folder of a study."""
+
+    def __init__(self, path: Path) -> None:
+        """Take the place; nothing is read or written yet."""
+        self.path = path
+
+    @property
+    def recordings(self) -> Path:
+        """Where recordings are kept."""
+        return self.path / "recordings"
+
+    @property
+    def trials(self) -> Path:
+        """The table of all throws."""
+        return self.path / "trials.parquet"
+
+    @property
+    def summary(self) -> Path:
+        """The summary."""
+        return self.path / "summary.json"
+
+    def part(self, number: int) -> Path:
+        """Return where the part of a chunk is kept."""
+        return self.path / "parts" / f"part-{number:06d}.parquet"
+
+    def map(self, arm: ArmSettings) -> Path:
+        """Return where the map of an arm is kept."""
+        name = hashlib.sha256(arm.model_dump_json().encode()).hexdigest()[:12]
+        return self.path / "maps" / f"map-{name}.json"
+
+    def flights(self, study: Study, address: str) -> Path:
+        """Return where recorded flights are kept; copied there when they are first asked for.
+
+        Args:
+            study: The study.
+            address: Address of the file as the study has it.
+
+        Raises:
+            FileError: The file is not there any more, or holds something else.
+        """
+        digest = study.flights[address]
+        kept = self.path / "flights" / f"{digest[:16]}.csv"
+        place = kept if kept.exists() else Path(address)
+        content = read_bytes(place, max_bytes=MAX_BYTES, wanted="a readable CSV file")
+        if hashlib.sha256(content).hexdigest() != digest:
+            raise FileError(str(place), "the flights that the study was made with", "others")
+        if place is not kept:
+            write_bytes(kept, content)
+        return kept
+
+    def claim(self, study: Study, *, resume: bool, overwrite: bool) -> None:
+        """Make the folder ready for a study.
+
+        Raises:
+            InputError: It has files in it and neither option was said, or it is another study's.
+            FileError: It cannot be made or written.
+        """
+        if not (resume and self._is_ours(study)):
+            claim_folder(self.path, overwrite=overwrite or resume, ours=LEAVES)
+            write_json(self.path / "study.json", _manifest(study))
+        make_folder(self.path / "parts")
+        for pattern in _TEMPORARY:
+            for left in self.path.glob(pattern):
+                left.unlink(missing_ok=True)
+
+    def check(self, study: Study, *, resume: bool) -> None:
+        """Refuse a folder that a study cannot go on in; for resuming only."""
+        if resume:
+            self._is_ours(study)
+
+    def _is_ours(self, study: Study) -> bool:
+        """Say whether the folder holds the beginning of this study; False where it is empty."""
+        files = [p for p in self.path.glob("*") if not p.name.startswith(".")]
+        if not files:
+            return False
+        manifest = self.path / "study.json"
+        if not manifest.exists():
+            raise InputError("--resume", "the folder of a study", f"{self.path}, which is none")
+        given = read_json(manifest)
+        digest = given.get("digest") if isinstance(given, dict) else None
+        if digest != study.digest:
+            version = given.get("version") if isinstance(given, dict) else None
+            other = "another study" if version == study.version else f"a study of mitt {version}"
+            raise InputError("--resume", f"a folder of the study {study.name!r} as it is now",
+                             f"{self.path}, made by {other}",
+                             do="choose another folder or say --overwrite instead")  # fmt: skip
+        return True
+
+
+def _manifest(study: Study) -> dict[str, object]:
+    """Return what ``study.json`` says."""
+    return {
+        "schema": "mitt.study-run/1",
+        "version": study.version,
+        "digest": study.digest,
+        "study": study.model_dump(mode="json"),
+    }
+
+
+def read_manifest(path: Path) -> Study:
+    """Return the study that a folder was made by.
+
+    Raises:
+        FileError: The folder holds no study.
+    """
+    if not (path / "study.json").is_file():
+        if (path / "result.json").is_file():
+            raise FileError(str(path), "the folder of a study", "one of mitt catch",
+                            do="its page is report.html, written by mitt catch itself")  # fmt: skip
+        raise FileError(str(path), "the folder of a study, with study.json in it", "none")
+    raw = read_json(path / "study.json")
+    if not isinstance(raw, dict) or raw.get("schema") != "mitt.study-run/1":
+        raise FileError(str(path / "study.json"), "schema mitt.study-run/1", "another")
+    return validated(Study, raw.get("study"), place=str(path / "study.json"))
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file atomically."""
+    write_atomically(path, lambda temporary: temporary.write_bytes(content))
+
+
+def notes_of(study: Study) -> dict[str, str]:
+    """Return what the metadata of a table say of its study."""
+    return {
+        "schema": SCHEMA,
+        "study": study.name,
+        "digest": study.digest,
+        "seed": str(study.seed),
+        "version": study.version,
+    }

@@ -1,0 +1,217 @@
+"""Running a study: split, throw wherever there is a worker, keep, and sum up at the end."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import final
+
+from mitt.errors import FileError
+from mitt.interrupts import notice, status_of
+from mitt.link.files import read_json, write_atomically, write_json
+from mitt.link.maps import save_map
+from mitt.sweep.engine import Engine
+from mitt.sweep.folder import Folder, notes_of, write_bytes
+from mitt.sweep.parts import merge, read_part, timing_of
+from mitt.sweep.recordings import record_failures
+from mitt.sweep.settings import ArmSettings
+from mitt.sweep.study import SCHEMA, Condition, Study
+from mitt.sweep.summary import summary
+from mitt.sweep.tasks import run_tasks
+from mitt.sweep.work import ChunkError, Job, throw_chunk
+from mitt.trials.learning import learn
+from mitt.trials.run import arm_of, design_of
+from mitt.world.flights import Recording, builtin_flights, read_flights
+
+Progress = Callable[[str, int, int], None]
+
+
+@final
+@dataclass(slots=True, kw_only=True)
+class Finished:
+    """A study that is over, by itself or because it was interrupted.
+
+    Attributes:
+        rows: Rows of the summary.
+        lost: What became of chunks that could not be thrown, a line each.
+        interrupt: Exit status after an interrupt.
+        thrown: Throws that are done.
+        total: Throws of the whole study.
+        refused: Whether a chunk asked for what cannot be: bad input, not a fault of ours.
+    """
+
+    rows: list[dict[str, object]] = field(default_factory=list)
+    lost: list[str] = field(default_factory=list)
+    interrupt: int | None = None
+    thrown: int = 0
+    total: int = 0
+    refused: bool = False
+
+    @property
+    def status(self) -> int:
+        """Exit status of the command."""
+        return self.interrupt or (2 if self.refused else 1 if self.lost else 0)
+
+
+def run_study(study: Study, folder: Folder, engine: Engine, *, progress: Progress) -> Finished:
+    """Throw what is not there yet, and write table and summary.
+
+    Args:
+        study: The study.
+        folder: Its folder, claimed and locked.
+        engine: Where to throw.
+        progress: Is told what is being done, how many are done, and of how many.
+    """
+    jobs, done = list(all_jobs(study, folder, progress)), Finished()
+    try:
+        _throw_all(jobs, folder, engine, done, progress)
+        record_failures(by_cell(jobs), folder, engine, study.record, progress)
+    except KeyboardInterrupt as stop:
+        notice()
+        done.interrupt = status_of(stop)
+    finally:
+        engine.close(at_once=done.interrupt is not None)
+    _sum_up(study, jobs, folder, done)
+    return done
+
+
+def all_jobs(study: Study, folder: Folder, progress: Progress) -> Iterator[Job]:
+    """Yield all chunks of a study, in an order that depends on nothing else.
+
+    The first chunk of every cell comes before the second of any, so that a study that is broken
+    off has something to say about all of them.
+    """
+    notes, places = tuple(notes_of(study).items()), []
+    for condition in study.conditions:
+        text = _map_text(condition.arm, folder, study.version, progress)
+        recordings = _recordings(condition, study, folder)
+        places += [(condition, text, recordings, each) for each in study.counts.items()]
+    starts = range(0, max(study.counts.values(), default=0), study.chunk)
+    cells = ((start, *place) for start in starts for place in places if start < place[3][1])
+    for number, (start, condition, text, recordings, (generator, count)) in enumerate(cells):
+        yield Job(
+            number=number,
+            generator=generator,
+            condition=condition,
+            seed=study.seed,
+            start=start,
+            stop=min(start + study.chunk, count),
+            map=text,
+            recordings=recordings,
+            notes=notes,
+        )
+
+
+def _map_text(settings: ArmSettings, folder: Folder, version: str, progress: Progress) -> str:
+    """Return the map of an arm as its file says it; learned once, and kept in the folder."""
+    path = folder.map(settings)
+    if not path.exists():
+        progress("learning", 0, 1)
+        arm = arm_of(settings)
+        save_map(path, learn(arm, design=design_of(settings, arm)), version=version)
+        progress("learning", 1, 1)
+    read_json(path)  # refuses a file that was altered into no JSON
+    return path.read_text(encoding="utf-8")
+
+
+def _recordings(condition: Condition, study: Study, folder: Folder) -> tuple[Recording, ...]:
+    """Return the recorded flights of a condition, from the copy that the study's folder keeps."""
+    if condition.flights is None:
+        return ()
+    if condition.flights == "builtin":
+        return builtin_flights()
+    return read_flights(folder.flights(study, condition.flights))
+
+
+def _throw_all(
+    jobs: list[Job], folder: Folder, engine: Engine, done: Finished, progress: Progress
+) -> None:
+    """Throw the chunks that are not there yet."""
+    todo = [job for job in jobs if not _is_done(folder, job)]
+    done.total = sum(job.stop - job.start for job in jobs)
+    done.thrown = done.total - sum(job.stop - job.start for job in todo)
+    progress("throwing", done.thrown, done.total)
+    suspects = _throw(todo, folder, engine, done, progress, window=engine.workers + 1)
+    for job in suspects:  # once more, one at a time, so that each answers for itself
+        if _throw([job], folder, engine, done, progress, window=1):
+            done.lost.append(_line(job, "its worker died twice"))
+
+
+def _throw(
+    jobs: list[Job],
+    folder: Folder,
+    engine: Engine,
+    done: Finished,
+    progress: Progress,
+    *,
+    window: int,
+) -> list[Job]:
+    """Throw chunks and keep their parts; return those whose worker died."""
+    suspects = []
+    for job, outcome in run_tasks(engine, throw_chunk, jobs, window=window):
+        if isinstance(outcome, bytes):
+            write_bytes(folder.part(job.number), outcome)
+            done.thrown += job.stop - job.start
+            progress("throwing", done.thrown, done.total)
+        elif engine.died(outcome):
+            suspects.append(job)
+        else:
+            done.refused |= isinstance(outcome, ChunkError)
+            done.lost.append(_line(job, outcome))
+    return suspects
+
+
+def _is_done(folder: Folder, job: Job) -> bool:
+    """Say whether the part of a chunk is there, whole and its own; one that is not is dropped."""
+    path = folder.part(job.number)
+    if not path.exists():
+        return False
+    try:
+        rows, notes = read_part(path)
+    except FileError:
+        path.unlink()
+        return False
+    place = {(r["generator"], r["condition"]) for r in rows}
+    indices = [r["index"] for r in rows] == list(range(job.start, job.stop))
+    own = notes.get("digest") == dict(job.notes)["digest"]
+    return own and indices and place == {(job.generator, job.condition.name)}
+
+
+def _line(job: Job, error: object) -> str:
+    """Say in one line which chunk was lost, and why."""
+    why = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+    why = str(error) if isinstance(error, ChunkError) else why
+    place = f"{job.generator}, {job.condition.name!r}, throws {job.start} to {job.stop - 1}"
+    return " ".join(f"{place} lost: {why}".split())[:300]
+
+
+def by_cell(jobs: list[Job]) -> list[list[Job]]:
+    """Return the chunks of each generator in each condition."""
+    cells: dict[tuple[str, str], list[Job]] = {}
+    for job in jobs:
+        cells.setdefault((job.condition.name, job.generator), []).append(job)
+    return list(cells.values())
+
+
+def _sum_up(study: Study, jobs: list[Job], folder: Folder, done: Finished) -> None:
+    """Write the whole table, the summary and the wall-clock figures."""
+    cells = by_cell(jobs)
+    parts = [p for group in cells for job in group if (p := folder.part(job.number)).exists()]
+    notes = notes_of(study) | {"configuration": study.model_dump_json()}
+    write_atomically(folder.trials, lambda temporary: merge(parts, temporary, notes))
+    done.rows = summary(study, folder)
+    write_json(folder.summary, {"schema": SCHEMA, "rows": done.rows})
+    timing = [_timing(group, folder) for group in cells]
+    write_json(folder.path / "timing.json", {"schema": "mitt.timing/1", "rows": timing})
+
+
+def _timing(group: list[Job], folder: Folder) -> dict[str, object]:
+    """Return what a cell took."""
+    parts = [p for job in group if (p := folder.part(job.number)).exists()]
+    figures = [timing_of(path) for path in parts]
+    medians = sorted(f.get("p50", 0.0) for f in figures) or [0.0]
+    return {
+        "generator": group[0].generator,
+        "condition": group[0].condition.name,
+        "seconds": sum(f.get("seconds", 0.0) for f in figures),
+        "tick_us_p50": medians[len(medians) // 2],
+        "tick_us_p99": max((f.get("p99", 0.0) for f in figures), default=0.0),
+    }

@@ -1,0 +1,187 @@
+"""What a worker does: throw one chunk, or one ball once more to record it.
+
+A worker gets everything it needs in its job and gives back bytes, so that it need not see the
+folder of the study. A chunk is the same whoever throws it and whatever was thrown before.
+"""
+
+import json
+import threading
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from mitt.errors import MittError
+from mitt.generator.generators import Generator
+from mitt.generator.learn import Learned
+from mitt.link.clock import Stopwatch
+from mitt.link.maps import map_of
+from mitt.link.recording import write_recording
+from mitt.robot.arm import Arm
+from mitt.signals import Array
+from mitt.sweep.parts import Row, write_rows
+from mitt.sweep.settings import ArmSettings, ThrowSettings
+from mitt.sweep.study import Condition
+from mitt.trials.record import recording_of
+from mitt.trials.registry import make_generator
+from mitt.trials.run import arm_of
+from mitt.trials.runner import LoggedTrial, TrialRunner
+from mitt.trials.source import Source, source_for
+from mitt.world.faults.flight import Undisturbed
+from mitt.world.flights import BallPath, Recording
+from mitt.world.throws import Aim, Throw, ThrowRanges
+
+#: Arms with their maps, and generators, that a worker keeps.
+_KEPT = 16
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """A chunk of one generator in one condition.
+
+    Attributes:
+        number: Number of the chunk in the study.
+        generator: Name of the generator.
+        condition: The condition.
+        seed: Seed of the study.
+        start: First throw.
+        stop: Throw after the last.
+        map: The learned map as its file says it.
+        recordings: Recorded flights to throw; none for default throws.
+        notes: What the metadata of a part say of the study.
+    """
+
+    number: int
+    generator: str
+    condition: Condition
+    seed: int
+    start: int
+    stop: int
+    map: str
+    recordings: tuple[Recording, ...]
+    notes: tuple[tuple[str, str], ...]
+
+
+@lru_cache(maxsize=_KEPT)
+def _learned(settings: ArmSettings, text: str, thread: int) -> Learned:  # noqa: ARG001
+    """Return arm and map, kept for the thread alone: an arm's scratch is not to be shared."""
+    return map_of(json.loads(text), arm_of(settings), place="map of the study")
+
+
+@lru_cache(maxsize=_KEPT)
+def _generator(name: str, settings: ArmSettings, text: str, thread: int) -> Generator:
+    """Return a generator, kept as its map is: some learn or build much before they begin."""
+    return make_generator(name, _learned(settings, text, thread).map)
+
+
+def runner_of(job: Job) -> tuple[TrialRunner, Source, Learned]:
+    """Return a fresh runner for a job, so that no chunk depends on one before it.
+
+    A generator is a value and may be shared; what a throw teaches it stays with that throw.
+    """
+    of = job.condition.arm, job.map, threading.get_ident()
+    learned, generator = _learned(*of), _generator(job.generator, *of)
+    pixels = job.condition.vision == "pixels"
+    runner = TrialRunner(learned.map.arm, generator, job.condition.scene, pixels=pixels)
+    source = source_for(
+        learned.map,
+        seed=job.seed,
+        count=job.stop,
+        recordings=job.recordings,
+        drag=job.condition.scene.ball.drag,
+    )
+    return runner, widened(source, job.condition.throws), learned
+
+
+def widened(source: Source, throws: ThrowSettings) -> Source:
+    """Return a source with other ranges of throws."""
+    given = throws.model_dump(exclude={"spread"}, exclude_none=True)
+    aim = source.aim
+    middle, half = 0.5 * (aim.q_low + aim.q_high), 0.5 * throws.spread * (aim.q_high - aim.q_low)
+    if throws.spread != 1.0:
+        aim = Aim(position=aim.position, q_low=middle - half, q_high=middle + half)
+    return replace(source, aim=aim, ranges=ThrowRanges(**given))
+
+
+class ChunkError(MittError):
+    """What a chunk cannot be thrown for; one text, so that it comes back from any worker."""
+
+
+def throw_chunk(job: Job) -> bytes:
+    """Throw the balls of a chunk and return its part of the table.
+
+    Raises:
+        ChunkError: What the job asks for cannot be.
+    """
+    try:
+        return _thrown(job)
+    except MittError as error:
+        raise ChunkError(str(error)) from None
+
+
+def _thrown(job: Job) -> bytes:
+    """Throw the balls of a chunk and return its part of the table."""
+    watch = Stopwatch()
+    with watch:
+        runner, source, learned = runner_of(job)
+        rows = [_row(job, runner, source, learned.map.arm, k) for k in range(job.start, job.stop)]
+    timing = runner.stopwatch.percentiles_us() | {"seconds": 1e-6 * watch.percentiles_us()["max"]}
+    timing["deadline_misses"] = float(runner.stopwatch.misses())
+    notes = {"condition": job.condition.model_dump_json(), "timing": json.dumps(timing)}
+    return write_rows(rows, dict(job.notes) | notes)
+
+
+def throw_again(job: Job, index: int) -> tuple[LoggedTrial, Arm]:
+    """Throw one ball of a chunk once more, with a log; it gives the same trial."""
+    runner, source, learned = runner_of(job)
+    ball, seed = source.ball(index), source.trial_seed(index)
+    return runner.run(index, ball, seed=seed, log=True), learned.map.arm
+
+
+def record_throw(task: tuple[Job, int]) -> bytes:
+    """Return the recording of one throw of a chunk, by its index."""
+    job, index = task
+    outcome, arm = throw_again(job, index)
+    if outcome.log is None:
+        raise RuntimeError("a throw left no log")
+    condition = job.condition
+    about = dict(job.notes) | {
+        "arm": arm.model.name,
+        "limits": arm.limits.name,
+        "generator": job.generator,
+        "condition": condition.model_dump_json(),
+        "seed": job.seed,
+    }
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "throw.mcap"
+        write_recording(path, recording_of(outcome.log, outcome.trial, arm.names, about=about))
+        return path.read_bytes()
+
+
+def _row(job: Job, runner: TrialRunner, source: Source, arm: Arm, index: int) -> Row:
+    """Throw one ball and return its row."""
+    ball = source.ball(index)
+    trial = runner.run(index, ball, seed=source.trial_seed(index)).trial
+    truth = runner.world.trace()
+    power = np.abs(truth.tau * truth.dq).sum(axis=1)
+    return Row(
+        generator=job.generator,
+        condition=job.condition.name,
+        trial=trial,
+        energy_j=float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(truth.t))),
+        release=_release(ball),
+        passing=_passing(ball, arm, source.drag),
+    )
+
+
+def _release(ball: Throw | BallPath) -> Array:
+    """Return position [m] and velocity [m/s] at release, shape (6,)."""
+    return np.concatenate((ball.r, ball.dr) if isinstance(ball, Throw) else ball.at(0.0))
+
+
+def _passing(ball: Throw | BallPath, arm: Arm, drag: float) -> Array:
+    """Return where the undisturbed ball is nearest to the waiting hand [m, m/s], shape (6,)."""
+    flight = Undisturbed(ball=ball, drag=drag, hand=arm.position(arm.q_ready))
+    return np.concatenate(flight.at(flight.nearest()))

@@ -1,0 +1,1 @@
+"""Recorded positions and videos to tracks of a ball."""

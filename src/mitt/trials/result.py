@@ -1,0 +1,56 @@
+"""The result of a run, as the contract ``mitt.catch/1`` writes it."""
+
+from dataclasses import asdict
+from math import isfinite
+from typing import Any
+
+from mitt.link.clock import Stopwatch
+from mitt.trials.score import Trial
+from mitt.trials.statistics import wilson
+
+SCHEMA = "mitt.catch/1"
+STATUSES = ("caught", "dropped", "missed", "unreachable", "stopped", "aborted")
+
+
+def result(
+    trials: list[Trial], stopwatch: Stopwatch, head: dict[str, object], wanted: int | None = None
+) -> dict[str, Any]:
+    """Return the whole result.
+
+    Args:
+        trials: Finished trials.
+        stopwatch: Times of the catcher's ticks.
+        head: version, arm, limits, generator, vision, seed.
+        wanted: How many throws there should have been; a result of fewer says that it is
+            incomplete. As many as there are if left out.
+    """
+    return {
+        "schema": SCHEMA,
+        **head,
+        **({"incomplete": True} if wanted is not None and len(trials) < wanted else {}),
+        "trials": [finite(asdict(trial)) for trial in trials],
+        "summary": summary(trials, stopwatch),
+    }
+
+
+def finite(value: Any) -> Any:  # noqa: ANN401 (any JSON value)
+    """Return a value as JSON has it: numbers that are not finite are None, at any depth."""
+    if isinstance(value, dict):
+        return {key: finite(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [finite(inner) for inner in value]
+    return None if isinstance(value, float) and not isfinite(value) else value
+
+
+def summary(trials: list[Trial], stopwatch: Stopwatch) -> dict[str, Any]:
+    """Return counts, catch rate over all throws with its 95 % Wilson interval, and tick times."""
+    counts = {status: sum(t.status == status for t in trials) for status in STATUSES}
+    low, high = wilson(counts["caught"], len(trials))
+    return {
+        "throws": len(trials),
+        **counts,
+        "catch_rate": counts["caught"] / len(trials) if trials else 0.0,
+        "ci95": [low, high],
+        "tick_us": stopwatch.percentiles_us(),
+        "deadline_misses": stopwatch.misses(),
+    }

@@ -1,0 +1,212 @@
+"""A run of throws as ``mitt catch`` makes it: learn, throw, keep."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, final
+
+import mitt
+from mitt.generator.design import MapDesign, default_design, tangent_of
+from mitt.generator.generators import Generator, refining
+from mitt.generator.learn import Learned
+from mitt.interrupts import notice, status_of
+from mitt.link.clock import Stopwatch
+from mitt.link.realtime import settled
+from mitt.robot.arm import Arm
+from mitt.robot.hands import HandModel
+from mitt.robot.load import load_arm
+from mitt.robot.shapes import Surroundings
+from mitt.trials.choice import ArmChoice
+from mitt.trials.learning import learn
+from mitt.trials.neighbourhood import neighbourhood_of_ball
+from mitt.trials.registry import make_generator
+from mitt.trials.result import result
+from mitt.trials.runner import LoggedTrial, TrialRunner
+from mitt.trials.score import Trial
+from mitt.trials.source import Source
+from mitt.world.scene import Scene
+from mitt.world.scenes import changed
+
+#: Index of the throw that is run once before the others, so that compiling is not measured.
+_WARM_UP = 2**31
+
+
+def arm_of(choice: ArmChoice) -> Arm:
+    """Return the arm that is chosen, a hand mounted at its tip."""
+    names = None if choice.joints is None else [x.strip() for x in choice.joints.split(",")]
+    return load_arm(
+        choice.arm, tip=choice.tip, joints=names, limits=choice.limits, hand=HandModel()
+    )
+
+
+def design_of(choice: ArmChoice, arm: Arm) -> MapDesign:
+    """Return the map design that is chosen; what is left out follows from the arm."""
+    design = default_design(
+        arm,
+        catch_joint=choice.catch_joint,
+        q_catch=choice.q_catch,
+        kappa=choice.kappa,
+        inward=choice.inward,
+        order=choice.order,
+    )
+    tangent_of(arm, design)  # refuses angles and ratios that cannot be, before anything is run
+    return design
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunSettings:
+    """How a run throws, and what it leaves.
+
+    Attributes:
+        generator: Name of the generator.
+        adapt: How the direct map is adapted to a throw: once before moving, by ``projection``, or
+            besides refined each millisecond (``refine``).
+        vision: What the catcher sees: ``pixels`` of two cameras, or noisy ``points``.
+        seed: Seed of throws, plant and noise.
+        record: Which throws to record besides the first: ``none`` at all, ``failures`` or ``all``.
+        overwrite: Use a folder that has files in it.
+    """
+
+    generator: str = "direct"
+    adapt: Literal["projection", "refine"] = "projection"
+    vision: Literal["pixels", "points"] = "pixels"
+    seed: int = 0
+    record: Literal["none", "failures", "all"] = "failures"
+    overwrite: bool = False
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prepared:
+    """A run that can start: every input read and found good.
+
+    Attributes:
+        settings: How it throws.
+        arm: The arm.
+        design: Design of the map to be learned, where none is given.
+        scene: The world.
+        source: What is thrown.
+        learned: The map; None to learn it first.
+        out: Folder to write.
+    """
+
+    settings: RunSettings
+    arm: Arm
+    design: MapDesign
+    scene: Scene
+    source: Source
+    learned: Learned | None
+    out: Path
+
+    @property
+    def head(self) -> dict[str, object]:
+        """What the result says of the run; the scene, and in what it was changed."""
+        changes, of = changed(self.scene), self.settings
+        return {
+            "version": mitt.__version__,
+            "arm": self.arm.model.name,
+            "limits": self.arm.limits.name,
+            "generator": of.generator,
+            "vision": of.vision,
+            "seed": of.seed,
+            **({"adapt": of.adapt} if of.adapt != "projection" else {}),
+            "scene": self.scene.base,
+            **({"scene_changed": changes} if changes else {}),
+        }
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finished:
+    """A run that is over, by itself or because it was interrupted."""
+
+    prepared: Prepared
+    learned: Learned
+    trials: list[Trial]
+    stopwatch: Stopwatch
+    interrupt: int | None
+
+    @property
+    def status(self) -> int:
+        """Exit status of the command."""
+        return 0 if self.interrupt is None else self.interrupt
+
+    @property
+    def result(self) -> dict[str, Any]:
+        """The result as the contract writes it."""
+        return result(self.trials, self.stopwatch, self.prepared.head, self.prepared.source.count)
+
+
+def make_runner(prepared: Prepared, learned: Learned, *, generator: str) -> TrialRunner:
+    """Return the runner of a run, for a generator by name."""
+    if prepared.settings.adapt == "refine" and generator == "direct":
+        around = Surroundings(floor=prepared.scene.floor)
+        return runner_for(prepared, refining(learned.map, around))
+    return runner_for(prepared, make_generator(generator, learned.map))
+
+
+def runner_for(prepared: Prepared, generator: Generator) -> TrialRunner:
+    """Return the runner of a run, for any generator."""
+    pixels = prepared.settings.vision == "pixels"
+    return TrialRunner(prepared.arm, generator, prepared.scene, pixels=pixels)
+
+
+def run(
+    prepared: Prepared,
+    *,
+    progress: Callable[[str, int, int], None],
+    keeping: Callable[[Learned], AbstractContextManager[Callable[[Trial], None]]] | None = None,
+) -> Finished:
+    """Learn if no map was given, and throw; an interrupt ends the run and keeps what is done.
+
+    Args:
+        prepared: The run.
+        progress: Is told what is being done, how many are done, and of how many.
+        keeping: Is called when the first ball is about to be thrown, and gives what keeps each
+            throw that has ended.
+    """
+    count = prepared.source.count
+    progress("learning", 0, 1)
+    learned = prepared.learned or learn(
+        prepared.arm,
+        design=prepared.design,
+        around=neighbourhood_of_ball(prepared.scene.ball.drag),
+    )
+    progress("learning", 1, 1)
+    runner = make_runner(prepared, learned, generator=prepared.settings.generator)
+    runner.run(-1, prepared.source.ball(_WARM_UP), seed=0)
+    runner.stopwatch.clear()
+    trials: list[Trial] = []
+    interrupt = None
+    try:
+        with settled(), nullcontext(_forget) if keeping is None else keeping(learned) as keep:
+            for index in range(count):
+                progress("throwing", index, count)
+                trial = one_throw(runner, prepared, index).trial
+                keep(trial)
+                trials.append(trial)
+        progress("throwing", count, count)
+    except KeyboardInterrupt as stop:
+        notice()
+        interrupt = status_of(stop)
+    return Finished(
+        prepared=prepared,
+        learned=learned,
+        trials=trials,
+        stopwatch=runner.stopwatch,
+        interrupt=interrupt,
+    )
+
+
+def _forget(trial: Trial) -> None:
+    """Keep nothing."""
+
+
+def one_throw(
+    runner: TrialRunner, prepared: Prepared, index: int, *, log: bool = False
+) -> LoggedTrial:
+    """Throw one ball of a run; run again, it gives the same trial."""
+    source = prepared.source
+    return runner.run(index, source.ball(index), seed=source.trial_seed(index), log=log)

@@ -1,0 +1,152 @@
+"""How a trial is scored, by the rules of the contract, from the true states of the world."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mitt.control.stopped import Plain, StoppedBy
+from mitt.generator.certificate import Verdict
+from mitt.generator.demand import demand
+from mitt.records import Phase, Record
+from mitt.robot.arm import Arm
+from mitt.trials.drives import MEASURED, fresh_tally, tally
+from mitt.world.simulation import World
+from mitt.world.truth import Trace, Truth
+
+#: Caught: the ball's centre so near the catch point beyond its radius [m], touched by so many
+#: geoms of the hand, so long after first contact [s].
+HELD_GAP, HELD_GEOMS, HELD_AFTER = 0.020, 2, 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """One trial, field by field as in ``result.json``.
+
+    Attributes:
+        index: Number of the throw.
+        status: ``caught``, ``dropped``, ``missed``, ``unreachable``, ``stopped`` or ``aborted``.
+        t_catch_s: From release to q_o,i = q_alpha [s].
+        position_error_mm: Distance of ball and catch point at first contact [mm].
+        velocity_error_m_s: Difference of their velocities then [m/s].
+        peak_torque_ratio: Largest share of each active joint's torque limit.
+        peak_speed_ratio: Largest share of each active joint's speed limit.
+        limit_violations: Ticks with a limit exceeded, commanded or true, or with the arm
+            touching itself or the floor; and one for each drive beyond its continuous torque.
+        demand_cost: Mean cost (22) of the reference before saturation.
+        peak_contact_force_n: Largest single contact force on the ball [N].
+        binding_limit: The limit that the verdict found asked most, or what ended the trial.
+        saturated_ticks: Ticks in which a torque limit was met.
+        range_excess_rad: Largest reference angle beyond a joint's range [rad].
+        rms_torque_ratio: Share of each drive's continuous torque, as root mean square over the
+            trial; 0 where the limit set has none.
+        certificate: The verdict before moving: outcome, binding limit, margin and probability.
+        certificate_last: The same of the last online step before the catch; None where nothing was
+            refined in flight.
+        stopped_by: Why the catcher stopped: state, reason, joint, time, and what it believed, read
+            and commanded then; None where it did not.
+    """
+
+    index: int
+    status: str
+    t_catch_s: float | None
+    position_error_mm: float | None
+    velocity_error_m_s: float | None
+    peak_torque_ratio: list[float]
+    peak_speed_ratio: list[float]
+    limit_violations: int
+    demand_cost: float
+    peak_contact_force_n: float | None
+    binding_limit: str | None
+    saturated_ticks: int
+    range_excess_rad: float
+    rms_torque_ratio: list[float] = field(default_factory=list)
+    certificate: dict[str, str | float | None] | None = None
+    certificate_last: dict[str, str | float | None] | None = None
+    stopped_by: dict[str, Plain] | None = None
+
+
+def certificate_of(verdict: Verdict | None) -> dict[str, str | float | None] | None:
+    """Return a verdict as it stands in ``result.json``; numbers that are not finite are None."""
+    if verdict is None:
+        return None
+    return {
+        "outcome": verdict.outcome.value,
+        "binding_limit": verdict.binding_limit,
+        "margin": verdict.margin if np.isfinite(verdict.margin) else None,
+        "probability": verdict.probability if np.isfinite(verdict.probability) else None,
+    }
+
+
+def reason_of(stopped_by: Mapping[str, object] | None) -> str:
+    """Return why a throw was stopped, in a few words; nothing where it was not."""
+    if stopped_by is None:
+        return ""
+    joint = stopped_by["joint"]
+    return f"{stopped_by['reason']}" + ("" if joint is None else f" {joint}")
+
+
+def stop_as_json(stopped_by: StoppedBy | None) -> dict[str, Plain] | None:
+    """Return why a catcher stopped as it stands in ``result.json``; None where it did not."""
+    if stopped_by is None:
+        return None
+    plain = stopped_by.plain()
+    return {"t_s" if name == "t" else name: value for name, value in plain.items()}
+
+
+def held(truth: Truth, radius: float) -> bool:
+    """Say whether the ball is held: near the catch point and touched by two geoms or more."""
+    gap = float(np.linalg.norm(truth.r_o - truth.position)) - radius
+    return gap <= HELD_GAP and len(truth.touching) >= HELD_GEOMS
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measured:
+    """What the arm was asked and told in a trial, fields as in :class:`Trial`."""
+
+    peak_torque_ratio: list[float]
+    peak_speed_ratio: list[float]
+    rms_torque_ratio: list[float]
+    limit_violations: int
+    demand_cost: float
+    range_excess_rad: float
+    saturated_ticks: int
+
+
+def measure(arm: Arm, ticks: Record, truth: Trace) -> Measured:
+    """Return what a trial was by the numbers.
+
+    Args:
+        arm: The arm.
+        ticks: Results of all ticks, fields as of ``fresh_result``, shape (k,).
+        truth: True states, k + 1 rows.
+    """
+    sums, most = fresh_tally(arm), np.array([arm.q_min, arm.q_max, arm.dq_max])
+    told = np.ascontiguousarray(ticks["told"][:, (0, 1, 3)].transpose(1, 0, 2))
+    rows = (np.ascontiguousarray(x) for x in (truth.q, truth.dq, truth.tau))
+    bad = tally(arm.tables, most, told, *rows, truth.seen, sums)
+    rms = (np.sqrt(sums.square / max(len(ticks), 1)) / arm.limits.tau_rms).tolist()
+    asked = demand(arm, ticks["asked"][ticks["following"], :3])
+    following = len(asked.excess) > 0
+    return Measured(
+        peak_torque_ratio=arm.by_joint(sums.torque).tolist(),
+        peak_speed_ratio=sums.speed.tolist(),
+        rms_torque_ratio=rms,
+        limit_violations=bad + sum(share > 1.0 + MEASURED for share in rms),
+        demand_cost=asked.cost if following else 0.0,
+        range_excess_rad=float(asked.excess.max()) if following else 0.0,
+        saturated_ticks=int(np.sum(ticks["saturated"])),
+    )
+
+
+def status_of(world: World, phase: Phase, *, was_held: bool) -> str:
+    """Return the status of a finished trial, after which the catcher was in a phase."""
+    if world.diverged:
+        return "aborted"
+    if phase is Phase.STOPPED:
+        return "stopped"
+    if phase is Phase.REFUSED:
+        return "unreachable"
+    if world.first_contact is None:
+        return "missed"
+    return "caught" if was_held else "dropped"

@@ -1,0 +1,107 @@
+"""Where the balls of a run come from: drawn by seed, read as throws, or recorded."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import final
+
+import numpy as np
+
+from mitt.generator.design import nominal_catch
+from mitt.generator.mapping import DirectMap
+from mitt.signals import Array
+from mitt.trials.aim import aim_of
+from mitt.world.flights import BallPath, Recording, place_flight, read_flights
+from mitt.world.throws import Aim, Throw, ThrowRanges, default_throw, read_throws
+
+#: Streams drawn from one seed and index, so that no use of one disturbs another.
+_BALL, _TRIAL = 0, 1
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """Balls of a run, each a pure function of seed and index.
+
+    Attributes:
+        seed: Seed of the run.
+        count: Number of trials.
+        aim: Where default throws are aimed.
+        catch_point: Where recorded flights are led past [m], shape (3,).
+        throws: Throws from a file, empty otherwise.
+        recordings: Recorded flights, empty otherwise.
+        drag: Drag of the balls [1/m]: default throws are aimed with it, and recorded balls have
+            it after their last sample.
+        ranges: Ranges of the default throws; the contract's if left out.
+    """
+
+    seed: int
+    count: int
+    aim: Aim
+    catch_point: Array
+    throws: tuple[Throw, ...] = ()
+    recordings: tuple[Recording, ...] = ()
+    drag: float = 0.12
+    ranges: ThrowRanges | None = None
+
+    def ball(self, index: int) -> Throw | BallPath:
+        """Return what is thrown in a trial."""
+        rng = np.random.default_rng([self.seed, index, _BALL])
+        if self.recordings:
+            recording = self.recordings[index % len(self.recordings)]
+            return place_flight(recording, self.catch_point, rng=rng, drag=self.drag)
+        if self.throws:
+            return self.throws[index % len(self.throws)]
+        return default_throw(rng, self.aim, replace(self.ranges or ThrowRanges(), drag=self.drag))
+
+    def trial_seed(self, index: int) -> int:
+        """Return the seed of a trial's plant and noise."""
+        state = np.random.SeedSequence([self.seed, index, _TRIAL]).generate_state(1, np.uint64)
+        return int(state[0])
+
+    def name(self, index: int) -> str:
+        """Return what the ball of a trial is called."""
+        if self.recordings:
+            return self.recordings[index % len(self.recordings)].name
+        return f"row {index % len(self.throws) + 1}" if self.throws else f"throw {index}"
+
+
+def source_of(
+    f: DirectMap,
+    *,
+    seed: int,
+    count: int | None,
+    throws_file: Path | None,
+    flights_file: Path | None,
+    drag: float,
+) -> Source:
+    """Return the balls that the options name; each throw or flight of a file once by default."""
+    throws = () if throws_file is None else read_throws(throws_file)
+    recordings = () if flights_file is None else read_flights(flights_file)
+    count = count or len(throws) or len(recordings) or 10
+    return source_for(f, seed=seed, count=count, throws=throws, recordings=recordings, drag=drag)
+
+
+def source_for(
+    f: DirectMap,
+    *,
+    seed: int,
+    count: int,
+    drag: float,
+    throws: tuple[Throw, ...] = (),
+    recordings: tuple[Recording, ...] = (),
+) -> Source:
+    """Return balls for the arm of a map; default throws without throws and recordings."""
+    return Source(
+        seed=seed,
+        count=count,
+        aim=aim_of(f.arm),
+        catch_point=f.arm.position(nominal_catch(f.arm)),
+        throws=throws,
+        recordings=recordings,
+        drag=drag,
+    )
+
+
+def release_of(ball: Throw | BallPath) -> Array:
+    """Return where a ball is released [m], shape (3,)."""
+    return ball.r if isinstance(ball, Throw) else ball.at(0.0)[0]

@@ -1,0 +1,94 @@
+"""Balls of a run: each a pure function of seed and index, from a draw or from a file."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mitt.generator.mapping import DirectMap
+from mitt.trials.source import Source, release_of, source_of
+from mitt.world.flights import PlacedFlight, builtin_flights
+from mitt.world.throws import Throw
+
+
+def source(
+    f: DirectMap, *, seed: int = 0, count: int | None = None, throws: Path | None = None,
+    flights: Path | None = None,
+) -> Source:  # fmt: skip
+    """Return a source with the files given."""
+    return source_of(f, seed=seed, count=count, throws_file=throws, flights_file=flights, drag=0.12)
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 2**62), index=st.integers(0, 10**6))
+def test_a_ball_depends_on_seed_and_index_alone(plain: DirectMap, seed: int, index: int) -> None:
+    """Drawn again, in any order, the ball is the same to the bit; its neighbours differ."""
+    run = source(plain, seed=seed)
+    first = run.ball(index)
+    other = run.ball(index + 1)
+    again = source(plain, seed=seed, count=3).ball(index)
+    assert isinstance(first, Throw)
+    assert isinstance(again, Throw)
+    assert isinstance(other, Throw)
+    assert np.array_equal(first.r, again.r)
+    assert np.array_equal(first.dr, again.dr)
+    assert not np.array_equal(first.r, other.r)
+
+
+def test_default_throws_follow_the_scene_s_drag(plain: DirectMap) -> None:
+    """The drag of a source is what its throws are aimed with: more drag is thrown harder."""
+    thick, thin = (
+        source_of(plain, seed=3, count=5, throws_file=None, flights_file=None, drag=drag)
+        for drag in (0.3, 0.0)
+    )
+    for index in range(5):
+        heavy, light = thick.ball(index), thin.ball(index)
+        assert isinstance(heavy, Throw)
+        assert isinstance(light, Throw)
+        assert np.linalg.norm(heavy.dr) > np.linalg.norm(light.dr) + 0.5
+
+
+def test_the_seeds_of_trials_are_all_different(plain: DirectMap) -> None:
+    """Over 40 seeds and 50 throws no two trials share their noise."""
+    seeds = {source(plain, seed=s).trial_seed(k) for s in range(40) for k in range(50)}
+    assert len(seeds) == 2000
+
+
+def test_counts_follow_the_file_unless_said(plain: DirectMap, tmp_path: Path) -> None:
+    """10 throws without a file, each row of a file once, or as many as --throws says."""
+    path = tmp_path / "t.csv"
+    path.write_text("x,y,z,vx,vy,vz\n3,0,0.2,-6,0,1.5\n3.5,0,0.2,-6,0,1\n")
+    assert source(plain).count == 10
+    run = source(plain, throws=path)
+    assert run.count == 2
+    assert source(plain, throws=path, count=5).count == 5
+    rows = [run.ball(k) for k in range(4)]
+    assert release_of(rows[1]).tolist() == [3.5, 0.0, 0.2]
+    assert np.array_equal(release_of(rows[0]), release_of(rows[2]))
+    assert [run.name(k) for k in range(3)] == ["row 1", "row 2", "row 1"]
+
+
+def test_recorded_flights_pass_the_nominal_catch_point(plain: DirectMap, tmp_path: Path) -> None:
+    """At 75 % of its duration each flight is within the jitter of l([0, pi/4, pi/2])."""
+    recording = builtin_flights()[0]
+    path = tmp_path / "f.csv"
+    rows = [f"a,{t},{r[0]},{r[1]},{r[2]}" for t, r in zip(recording.t, recording.r, strict=True)]
+    path.write_text("\n".join(["flight,t_s,x_m,y_m,z_m", *rows]))
+    run = source(plain, flights=path)
+    assert run.count == 1
+    nominal = plain.arm.position(plain.start)
+    for index in range(5):
+        ball = run.ball(index)
+        assert isinstance(ball, PlacedFlight)
+        gap = ball.at(0.75 * ball.duration)[0] - nominal
+        assert np.all(np.abs(gap) <= 0.030 + 1e-9)
+    assert np.array_equal(release_of(run.ball(3)), release_of(run.ball(3)))
+    assert not np.array_equal(release_of(run.ball(3)), release_of(run.ball(4)))
+
+
+@pytest.mark.parametrize("index", [0, 2**31])
+def test_a_default_ball_has_a_name_by_its_number(plain: DirectMap, index: int) -> None:
+    """Names tell trials apart in the report."""
+    assert source(plain).name(index) == f"throw {index}"
