@@ -8,7 +8,8 @@ Each throw is given to the direct map. What the map does not catch, and a random
 catches, is given to the clairvoyant optimum as well: same ball, plant, hand and noise. A throw
 counts as catchable where the clairvoyant's plan, run, catches it within all limits; of the throws
 that the map catches that share is estimated from the sample. ``--oracle`` bounds how many throws
-of a condition go to the clairvoyant, which takes seconds for each. Conditions are ``default`` and
+of a condition go to the clairvoyant, which takes seconds for each; balls that the hand let go are
+then not among them. Conditions are ``default`` and
 those of the study show-throws. Prints a JSON object a line, one for each condition, and with
 several a last one of all together.
 """
@@ -75,7 +76,8 @@ def part(options: argparse.Namespace, condition: Condition, number: int) -> list
     left = options.oracle // options.workers
     for k in range(number, options.throws, options.workers):
         sampled = is_sampled(options.seed, k, options.sample)
-        row = judged(by_map, by_optimum, k, sampled=sampled, oracle=left > 0)
+        thrifty = options.oracle < sys.maxsize
+        row = judged(by_map, by_optimum, k, sampled=sampled, oracle=left > 0, thrifty=thrifty)
         rows.append(row | {"condition": f"{f.arm.limits.name} {condition.name}"})
         left -= rows[-1]["clairvoyant"] is not None
     return rows

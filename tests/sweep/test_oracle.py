@@ -61,6 +61,8 @@ def test_a_ball_that_springs_back_breaks_no_promise() -> None:
     assert (found["let_go"], found["let_go_at_m_s"]) == (1, 4.0)
     assert found["false_feasible"]["count"] == len(others)
     assert found["false"]["count"] == len(others)
+    spared = judged(lambda _: fair, lambda _: PLAIN, 0, sampled=False, thrifty=True)
+    assert spared["clairvoyant"] is None
 
 
 def test_a_catch_beyond_a_limit_is_a_broken_promise() -> None:

@@ -32,8 +32,14 @@ Row = dict[str, Any]
 Run = Callable[[int], Trial]
 
 
-def judged(by_map: Run, by_optimum: Run, index: int, *, sampled: bool, oracle: bool = True) -> Row:
-    """Run a throw by the map and, where it fails or is sampled, by the clairvoyant if wished."""
+def judged(
+    by_map: Run, by_optimum: Run, index: int, *, sampled: bool, oracle: bool = True,
+    thrifty: bool = False,
+) -> Row:  # fmt: skip
+    """Run a throw by the map and, where it fails or is sampled, by the clairvoyant if wished.
+
+    One that is thrifty is not asked about balls that were let go: the verdict was right.
+    """
     trial = by_map(index)
     caught, told = trial.status == "caught", trial.certificate or {}
     row: Row = {
@@ -43,7 +49,7 @@ def judged(by_map: Run, by_optimum: Run, index: int, *, sampled: bool, oracle: b
         "velocity_error_m_s": trial.velocity_error_m_s, "stopped_by": reason_of(trial.stopped_by),
         "clairvoyant": None,
     }  # fmt: skip
-    if oracle and (not caught or sampled):
+    if oracle and (sampled or not (caught or (thrifty and _let_go(row)))):
         best = by_optimum(index)
         row |= {"clairvoyant": best.status, "clairvoyant_violations": best.limit_violations}
     return row
