@@ -7,19 +7,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitt.catcher import Catcher, Phase
+from mitt.catcher import Catcher, CatcherSettings, Phase
 from mitt.control.condition import Reason
 from mitt.control.monitor import GOOD_TICKS, LOSSY_TICKS, SILENT_TICKS
 from mitt.errors import InputError
 from mitt.generator.certificate import Outcome as Feasible
+from mitt.generator.design import default_design
 from mitt.generator.generators import Direct, refining
 from mitt.generator.learn import Learned
+from mitt.generator.mapping import unlearned
+from mitt.records import arm_fields
 from mitt.robot.arm import Arm
+from mitt.robot.load import load_arm
 from mitt.signals import ArmState, Command, Senses, Sighting
 from mitt.trials.aim import aim_of
 from mitt.trials.learning import learn
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.score import held
+from mitt.vision.camera import fixed_rig
+from mitt.vision.eyes import Eyes
 from mitt.world.faults.plan import Spring
 from mitt.world.flights import builtin_flights, place_flight
 from mitt.world.scene import TABLE_TENNIS, Scene
@@ -228,6 +234,18 @@ def test_an_unreachable_throw_leaves_arm_and_hand_still(runner: TrialRunner, arm
     assert not np.any(log.command[:, 1:])
     assert not np.any(log.hand)
     assert np.abs(log.truth.q - arm.q_ready).max() < STILL
+
+
+def test_no_catch_waits_for_what_is_known_of_the_arm_with_the_ball() -> None:
+    """It takes some 25 ms to work out, which is done before the first tick."""
+    arm = load_arm("wam")
+    catcher = Catcher(
+        arm, Direct(unlearned(arm, default_design(arm))), Eyes(fixed_rig()),
+        settings=CatcherSettings(ball_mass=0.123),
+    )  # fmt: skip
+    before = arm_fields.cache_info().misses
+    arm_fields(arm.holding(0.123), catcher._settings.around)
+    assert arm_fields.cache_info().misses == before
 
 
 def test_the_arm_holds_its_pose_until_t_0(

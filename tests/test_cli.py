@@ -187,10 +187,10 @@ def test_learn_writes_a_map_that_catch_takes(call: Call, tmp_path: Path) -> None
     """Learning with --json lists the cost at each step; its map passes catch --check."""
     path = tmp_path / "map.json"
     status, out, _ = call("learn", "--flights", "12", "--out", path, "--json")
-    lesson = json.loads(out)
+    learned = json.loads(out)
     assert status == 0
-    assert lesson["schema"] == "mitt.learn/1"
-    assert len(lesson["cost_torque"]) == len(lesson["cost_speed"]) > 2
+    assert learned["schema"] == "mitt.learn/1"
+    assert len(learned["cost_torque"]) == len(learned["cost_speed"]) > 2
     assert call("catch", "--map", path, "--check", "--out", tmp_path / "o")[0] == 0
     status, _, err = call("learn", "--flights", "12", "--out", path)
     assert status == 2

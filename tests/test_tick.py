@@ -35,8 +35,9 @@ from mitt.signals import (
 )
 from mitt.tick import BESIDE, TOUCHED, tick
 from mitt.trials.aim import aim_of
+from mitt.trials.known import known_ball
 from mitt.trials.learning import learn
-from mitt.trials.runner import TrialRunner, known_ball
+from mitt.trials.runner import TrialRunner
 from mitt.vision.camera import fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig
 from mitt.vision.filter import BallFilter

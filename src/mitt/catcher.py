@@ -114,6 +114,8 @@ class Catcher:
         )
         self._refines = isinstance(generator, Direct) and generator.online is not None
         fields = catcher_fields(arm, eyes, settings) | arm_fields(arm, settings.around)
+        # What is kept of the arm with the ball is worked out now, not in the middle of a catch.
+        arm_fields(arm.holding(settings.ball_mass), settings.around)
         known: Fields = {"several": np.bool_(isinstance(generator, Several))}
         known |= {} if self._map is None else map_fields(self._map)
         # Who else looks for sharpness elsewhere than at the catch of the map is asked at each tick.

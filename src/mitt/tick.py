@@ -34,7 +34,7 @@ from mitt.vision.belief import absorb, speak
 from mitt.vision.eyes import LET_GO
 from mitt.vision.gaze import lead
 from mitt.vision.head import aim
-from mitt.vision.looking import ALONE, guide, look
+from mitt.vision.looking import guide, look
 
 #: What is to be thought about after a tick, as bits of its result: the verdict is open, the ball
 #: has left the arm behind, the fingers have closed as far as there is time for, the catcher has
@@ -49,9 +49,10 @@ SOON = 0.1
 #: sighting's error [m].
 BESIDE, TOUCHED = 0.08, 0.002
 
-#: Time from the closing of the fingers in which the ball may strike [s]: it comes about 12 ms after
-#: it. How much harder than reckoned the impact may be: a choice of this project.
-STRIKES, HARDER = 0.05, 1.5
+#: Time from the start of the closing in which the ball may strike [s]: it comes 20 to 29 ms after.
+#: Multiple of the hardest impact by :mod:`mitt.impact` that is still no fault of an encoder. Both
+#: are choices of this project.
+STRIKES, NO_FAULT = 0.05, 1.5
 
 
 @kernel
@@ -164,9 +165,8 @@ def _guide(
     for n in range(len(images)):
         shown |= images[n].size > 0
     if shown:
-        rig[ALONE] = 0.0 if beside else 1.0
         known = out["tracked"] and out["sigma"] < s["tolerance"]
-        guide(rig, ball[0], ball[1], t_exposed - out["t_ball"], TICK, known)
+        guide(rig, ball[0], ball[1], t_exposed - out["t_ball"], TICK, known, not beside)
 
 
 @kernel
@@ -175,7 +175,7 @@ def _measure(state: Record, result: Record) -> None:
     s, out = state[0], result[0]
     may_strike, blow = s["closing"][0] <= out["t"] <= s["closing"][0] + STRIKES, s["blow"]
     for k in range(len(blow)):
-        blow[k] = HARDER * abs(s["jump"][k]) if may_strike else 0.0
+        blow[k] = NO_FAULT * abs(s["jump"][k]) if may_strike else 0.0
     s["encoders"] = believe(
         s["encoder_memory"], s["encoder_bounds"], s["encoder_table"][0], s["encoder_doubt"],
         out["encoders"], out["told"], s["braked"], blow, s["believed"],
@@ -362,9 +362,9 @@ def _afterwards(state: Record, result: Record) -> int:
 def undecided(todo: int, state: Record, result: Record) -> bool:
     """Say that all there is to be thought about is a verdict that cannot be given yet.
 
-    The ball is not known well enough at its catch, and the verdict is not due; or it would be
-    refused, and is still far. Saves a compiled
-    loop the way through ``Catcher.think``, which finds the same.
+    The ball is not known well enough at its catch, and the verdict is not due; or the ball was
+    refused while it was far, and it is too soon to look again. Saves a compiled loop the way
+    through ``Catcher.think``, which finds the same.
 
     Args:
         todo: What a tick returned.

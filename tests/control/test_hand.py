@@ -52,7 +52,7 @@ def test_the_hand_starts_its_lead_before_the_catch() -> None:
 def test_a_ball_that_springs_back_is_met_earlier(e: float, harder: float) -> None:
     """The lead grows with restitution, is that of soft balls up to 0.5, and brakes wait as long."""
     soft, hard = (Closing(HandModel(), ball_radius=RADIUS, restitution=x) for x in (e, e + harder))
-    assert LEAD <= soft.grip[0] <= hard.grip[0] <= LEAD + HandModel().closing.earlier
+    assert LEAD <= soft.grip[0] <= hard.grip[0] <= LEAD + HandModel().closing.extra_lead
     assert soft.grip[0] == LEAD or e > HandModel().closing.soft
     for hand in (soft, hard):
         assert hand.grip[6:] - hand.grip[0] == pytest.approx((TOUCH_BEFORE, FOLLOW_ON), abs=1e-12)

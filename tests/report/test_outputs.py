@@ -17,7 +17,7 @@ from mitt.link.maps import read_map, save_map
 from mitt.report.outputs import LEAVES, keeping, write_outputs
 from mitt.trials.journal import recovered
 from mitt.trials.result import STATUSES, result
-from mitt.trials.run import Finished, run
+from mitt.trials.run import FinishedRun, run
 from mitt.trials.score import Trial
 from mitt.trials.statistics import wilson
 
@@ -29,7 +29,7 @@ def quiet(_name: str, _done: int, _of: int) -> None:
 
 
 @pytest.fixture
-def finished(tmp_path: Path, learned: Learned, monkeypatch: pytest.MonkeyPatch) -> Finished:
+def finished(tmp_path: Path, learned: Learned, monkeypatch: pytest.MonkeyPatch) -> FinishedRun:
     """A finished run of two throws whose report is not drawn."""
     monkeypatch.setattr("mitt.report.outputs.write_report", lambda path, _: path.write_text("page"))
     save_map(tmp_path / "map.json", learned, version="0.1.0")
@@ -57,7 +57,7 @@ def summary(statuses: Sequence[str]) -> dict[str, object]:
     return out
 
 
-def test_a_run_leaves_result_map_report_and_the_first_recording(finished: Finished) -> None:
+def test_a_run_leaves_result_map_report_and_the_first_recording(finished: FinishedRun) -> None:
     """Exactly those names, and both files read back as what was run."""
     out = finished.prepared.out
     write_outputs(finished, progress=quiet)
@@ -71,7 +71,7 @@ def test_a_run_leaves_result_map_report_and_the_first_recording(finished: Finish
 
 
 @pytest.mark.parametrize(("record", "count"), [("none", 0), ("all", 2)])
-def test_recordings_are_as_many_as_asked(finished: Finished, record: str, count: int) -> None:
+def test_recordings_are_as_many_as_asked(finished: FinishedRun, record: str, count: int) -> None:
     """None at all, or each throw."""
     settings = replace(finished.prepared.settings, record=record)  # type: ignore[arg-type]  # a name
     told = replace(finished, prepared=replace(finished.prepared, settings=settings))
@@ -79,7 +79,7 @@ def test_recordings_are_as_many_as_asked(finished: Finished, record: str, count:
     assert len(list(told.prepared.out.glob("recordings/*.mcap"))) == count
 
 
-def test_strangers_are_refused_and_with_overwrite_left_alone(finished: Finished) -> None:
+def test_strangers_are_refused_and_with_overwrite_left_alone(finished: FinishedRun) -> None:
     """A folder with files is not used; with --overwrite only our own names are replaced."""
     out = finished.prepared.out
     (out / "recordings").mkdir(parents=True)
@@ -98,7 +98,7 @@ def test_strangers_are_refused_and_with_overwrite_left_alone(finished: Finished)
     assert recovered(out)["trials"] == finished.result["trials"][:1]
 
 
-def test_a_run_without_trials_leaves_a_valid_result(finished: Finished) -> None:
+def test_a_run_without_trials_leaves_a_valid_result(finished: FinishedRun) -> None:
     """Interrupted before its first throw: an empty result, and no page about nothing."""
     empty = replace(finished, trials=[], interrupt=130)
     write_outputs(empty, progress=quiet)
@@ -107,7 +107,7 @@ def test_a_run_without_trials_leaves_a_valid_result(finished: Finished) -> None:
     assert not (out / "report.html").exists()
 
 
-def test_a_place_that_cannot_be_written_is_an_error_of_ours(finished: Finished) -> None:
+def test_a_place_that_cannot_be_written_is_an_error_of_ours(finished: FinishedRun) -> None:
     """A path below a file: one line, no OSError."""
     place = finished.prepared.out / "result.json" / "below"
     write_outputs(finished, progress=quiet)

@@ -11,7 +11,7 @@ from throws_on_film import calibrated, film, write_film
 
 from mitt.link.rig import write_rig
 from mitt.sweep.run import run_study
-from soak.samples import CATCHING, Sample, no_lesson
+from soak.samples import CATCHING, Sample, no_learning
 
 #: Frames of the film; rounds of which one reads what takes long.
 _FRAMES, _RARELY = 12, 10
@@ -148,7 +148,7 @@ def _of_study(name: str) -> Callable[[Path], Sample]:
         if not made.exists():
             made.mkdir()
             study = write_study(made, TEXT)
-            run_study(study, ready(made / "run", study, no_lesson()), Here(), progress=quiet)
+            run_study(study, ready(made / "run", study, no_learning()), Here(), progress=quiet)
         shutil.copytree(made / "run", place)
         words = ("report", str(place), "--replays", "0")
         path = place / name

@@ -116,7 +116,7 @@ def _flights() -> bytes:
     return "\n".join(rows).encode()
 
 
-def no_lesson() -> Learned:
+def no_learning() -> Learned:
     """Return the map of the WAM with alpha = 0, as if it had been learned."""
     arm = load_arm("wam")
     f = unlearned(arm, default_design(arm))
@@ -127,7 +127,7 @@ def no_lesson() -> Learned:
 def _map(folder: Path) -> bytes:
     """Return a map, as a file."""
     path = folder / "valid.map.json"
-    save_map(path, no_lesson(), version="0")
+    save_map(path, no_learning(), version="0")
     return path.read_bytes()
 
 

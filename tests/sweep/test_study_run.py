@@ -14,7 +14,7 @@ from mitt.generator.learn import Learned
 from mitt.link.files import locked, write_json
 from mitt.sweep.folder import Folder
 from mitt.sweep.parts import read_part
-from mitt.sweep.run import Finished, all_jobs, run_study
+from mitt.sweep.run import FinishedStudy, all_jobs, run_study
 from mitt.sweep.study import Study
 
 #: What a finished study's folder is compared by.
@@ -30,7 +30,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> Folder:
     return folder
 
 
-def _run(study: Study, folder: Folder, engine: Here | None = None) -> Finished:
+def _run(study: Study, folder: Folder, engine: Here | None = None) -> FinishedStudy:
     """Run a study here."""
     return run_study(study, folder, engine or Here(), progress=quiet)
 

@@ -18,7 +18,7 @@ from mitt.link.maps import save_map
 from mitt.robot.load import load_arm
 from mitt.trials.registry import make_generator
 from mitt.trials.run import (
-    Finished,
+    FinishedRun,
     Prepared,
     design_of,
     one_throw,
@@ -46,7 +46,7 @@ def quiet(_name: str, _done: int, _of: int) -> None:
     """Report nothing."""
 
 
-def timeless(finished: Finished) -> str:
+def timeless(finished: FinishedRun) -> str:
     """Return the result as JSON without wall-clock figures."""
     result = finished.result
     for name in ("tick_us", "deadline_misses"):

@@ -16,9 +16,10 @@ from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
 from mitt.trials.aim import aim_of
+from mitt.trials.known import driven, known_ball
 from mitt.trials.learning import learn
 from mitt.trials.record import recording_of
-from mitt.trials.runner import LoggedTrial, TrialRunner, driven, known_ball
+from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.score import HELD_AFTER
 from mitt.trials.simulate import simulate
 from mitt.world.scene import Scene, Sensing

@@ -128,9 +128,9 @@ def noise(repeats: int) -> Time:
     return figures(timed(lambda: sum(range(_PROBE)), repeats))
 
 
-def frames_of(bench: TrialRunner, source: Source) -> list[tuple[Frame, ...]]:
+def frames_of(runner: TrialRunner, source: Source) -> list[tuple[Frame, ...]]:
     """Return the images of the first throw while its ball is watched."""
-    world, catcher, kept = bench.world, bench.catcher(), []
+    world, catcher, kept = runner.world, runner.catcher(), []
     world.reset(source.ball(0), source.trial_seed(0))
     while world.t < 0.3:
         senses = world.sense()
@@ -189,15 +189,15 @@ def time_adapting(f: DirectMap, source: Source, repeats: int) -> Stopwatch:
     return stopwatch
 
 
-def throughput(bench: TrialRunner, source: Source) -> float:
+def throughput(runner: TrialRunner, source: Source) -> float:
     """Return whole throws per second of processor time: pixels, finger contact.
 
     One throw before the clock starts compiles and warms up what is not yet.
     """
-    bench.run(0, source.ball(0), seed=source.trial_seed(0))
+    runner.run(0, source.ball(0), seed=source.trial_seed(0))
     start = processor_time()
     for index in range(source.count):
-        bench.run(index, source.ball(index), seed=source.trial_seed(index))
+        runner.run(index, source.ball(index), seed=source.trial_seed(index))
     return source.count / (processor_time() - start)
 
 

@@ -38,19 +38,19 @@ def time_calls(call: Call, repeats: int, stopwatch: Stopwatch) -> None:
     stopwatch.add(took)
 
 
-def time_throw(bench: TrialRunner, source: Source, index: int, stopwatch: Stopwatch) -> None:
+def time_throw(runner: TrialRunner, source: Source, index: int, stopwatch: Stopwatch) -> None:
     """Let a stopwatch time all ticks of a throw in which the ball is watched or followed.
 
     With pixels, each takes two images to torques; without, a position to torques. Thinking, which
     comes after the command, is left out.
 
     Args:
-        bench: Arm, generator and world.
+        runner: Arm, generator and world.
         source: Balls to throw.
         index: Which of them.
         stopwatch: Is told each time.
     """
-    world, catcher, took = bench.world, bench.catcher(), []
+    world, catcher, took = runner.world, runner.catcher(), []
     world.reset(source.ball(index), source.trial_seed(index))
     if views := world.views_before(LOOKS):
         catcher.learn_background(views)
@@ -65,22 +65,22 @@ def time_throw(bench: TrialRunner, source: Source, index: int, stopwatch: Stopwa
 
 
 def take_turns(
-    benches: tuple[TrialRunner, TrialRunner], rivals: Rivals, source: Source
+    runners: tuple[TrialRunner, TrialRunner], rivals: Rivals, source: Source
 ) -> tuple[tuple[Stopwatch, Stopwatch], dict[str, Stopwatch]]:
-    """Return the times of the ticks on two benches and of the rivals'.
+    """Return the times of the ticks of two runners and of the rivals'.
 
     After each throw every rival makes its share of calls. A first throw, which warms caches up, is
     not timed.
     """
     ours, others = (Stopwatch(), Stopwatch()), {name: Stopwatch() for name in rivals}
-    for bench, stopwatch in zip(benches, ours, strict=True):
-        time_throw(bench, source, 0, stopwatch)
+    for runner, stopwatch in zip(runners, ours, strict=True):
+        time_throw(runner, source, 0, stopwatch)
         stopwatch.clear()
     for call, repeats in rivals.values():
         warm(call, repeats)
     for index in range(source.count):
-        for bench, stopwatch in zip(benches, ours, strict=True):
-            time_throw(bench, source, index, stopwatch)
+        for runner, stopwatch in zip(runners, ours, strict=True):
+            time_throw(runner, source, index, stopwatch)
         for name, (call, repeats) in rivals.items():
             time_calls(call, -(-repeats // source.count), others[name])
     return ours, others

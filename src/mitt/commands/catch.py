@@ -17,7 +17,7 @@ from mitt.link.maps import read_map
 from mitt.trials.journal import kept_words
 from mitt.trials.registry import check_name
 from mitt.trials.result import STATUSES
-from mitt.trials.run import Finished, Prepared, RunSettings, arm_of, design_of
+from mitt.trials.run import FinishedRun, Prepared, RunSettings, arm_of, design_of
 from mitt.trials.run import run as run_throws
 from mitt.trials.score import Trial, reason_of
 from mitt.trials.source import source_of
@@ -103,7 +103,7 @@ def _refuse_design(options: CatchOptions) -> None:
         raise InputError("--map", "no option that the map itself decides", " and ".join(given))
 
 
-def _run(prepared: Prepared, report: Report) -> Finished:
+def _run(prepared: Prepared, report: Report) -> FinishedRun:
     """Throw and write; an interrupt that comes while pages are drawn leaves the result."""
     from mitt.report.outputs import keeping, write_outputs  # noqa: PLC0415 (plots: when written)
 
@@ -116,7 +116,7 @@ def _run(prepared: Prepared, report: Report) -> Finished:
     return finished
 
 
-def _show(finished: Finished) -> None:
+def _show(finished: FinishedRun) -> None:
     """Print the table of a run."""
     console, summary = console_of(), finished.result["summary"]
     table = Table(title=_title(finished), title_justify="left", padding=(0, 1))
@@ -142,7 +142,7 @@ def _show(finished: Finished) -> None:
     console.print(f"written: {finished.prepared.out / page}", soft_wrap=True)
 
 
-def _title(finished: Finished) -> str:
+def _title(finished: FinishedRun) -> str:
     """Return the title of a run's table."""
     head = finished.prepared.head
     scene = f"scene {head['scene']}" + (", changed" if "scene_changed" in head else "")

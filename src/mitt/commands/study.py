@@ -10,7 +10,7 @@ from mitt.link.files import check_folder, locked
 from mitt.sweep.engine import check_engine, engine_of
 from mitt.sweep.folder import Folder
 from mitt.sweep.read import read_study
-from mitt.sweep.run import Finished, run_study
+from mitt.sweep.run import FinishedStudy, run_study
 from mitt.sweep.study import Study, extent
 from mitt.trials.registry import available
 
@@ -36,7 +36,7 @@ def run(options: StudyOptions) -> int:
     return _tell(options, study, folder, finished)
 
 
-def _tell(options: StudyOptions, study: Study, folder: Folder, finished: Finished) -> int:
+def _tell(options: StudyOptions, study: Study, folder: Folder, finished: FinishedStudy) -> int:
     """Print what came out; return the exit status."""
     if options.json:
         print(folder.summary.read_text(encoding="utf-8"), end="")  # noqa: T201
@@ -51,7 +51,7 @@ def _tell(options: StudyOptions, study: Study, folder: Folder, finished: Finishe
     return finished.status
 
 
-def _show(study: Study, folder: Folder, finished: Finished) -> None:
+def _show(study: Study, folder: Folder, finished: FinishedStudy) -> None:
     """Print the catch rates: a row a condition, a column a generator."""
     console = console_of()
     table = Table(title=f"{study.name}: caught [%]", title_justify="left", padding=(0, 1))

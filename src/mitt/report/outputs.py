@@ -18,7 +18,7 @@ from mitt.report.run_page import ReportContent, write_report
 from mitt.trials.journal import NAME, RESULT, Journal
 from mitt.trials.record import recording_of
 from mitt.trials.result import result
-from mitt.trials.run import Finished, Prepared, make_runner, one_throw, runner_for
+from mitt.trials.run import FinishedRun, Prepared, make_runner, one_throw, runner_for
 from mitt.trials.runner import LoggedTrial
 from mitt.trials.score import Trial
 from mitt.trials.source import release_of
@@ -46,7 +46,7 @@ def keeping(prepared: Prepared, learned: Learned) -> Iterator[Callable[[Trial], 
         yield journal.add
 
 
-def write_outputs(finished: Finished, *, progress: Progress) -> None:
+def write_outputs(finished: FinishedRun, *, progress: Progress) -> None:
     """Fill the claimed folder of a run; the result first, so that it is never lost.
 
     An interrupted run has the result of what is done and nothing that would take time.
@@ -60,7 +60,7 @@ def write_outputs(finished: Finished, *, progress: Progress) -> None:
         progress("report", 1, 1)
 
 
-def _write_recordings(finished: Finished, progress: Progress) -> None:
+def _write_recordings(finished: FinishedRun, progress: Progress) -> None:
     """Throw the balls to be recorded once more, which gives the same trials, and record them."""
     prepared, kept = finished.prepared, _recorded(finished)
     runner = make_runner(prepared, finished.learned, generator=prepared.settings.generator)
@@ -75,7 +75,7 @@ def _write_recordings(finished: Finished, progress: Progress) -> None:
     progress("recordings", len(kept), len(kept))
 
 
-def _recorded(finished: Finished) -> list[int]:
+def _recorded(finished: FinishedRun) -> list[int]:
     """Return the throws to record: the first and the failures, or as the options say."""
     settings = finished.prepared.settings
     if settings.record == "none":
@@ -84,7 +84,7 @@ def _recorded(finished: Finished) -> list[int]:
     return [t.index for t in finished.trials if every or t.index == 0 or t.status != "caught"]
 
 
-def _content(finished: Finished, progress: Progress) -> ReportContent:
+def _content(finished: FinishedRun, progress: Progress) -> ReportContent:
     """Collect what the report shows."""
     prepared, learned = finished.prepared, finished.learned
     runner = make_runner(prepared, learned, generator=prepared.settings.generator)
@@ -108,7 +108,7 @@ def _shown(outcome: LoggedTrial) -> LoggedTrial | None:
     return outcome if outcome.log is not None and len(outcome.log.t) >= _FEWEST_TICKS else None
 
 
-def _plain(finished: Finished) -> LoggedTrial | None:
+def _plain(finished: FinishedRun) -> LoggedTrial | None:
     """Return the first throw with alpha = 0; None where the run itself was that."""
     prepared = finished.prepared
     if prepared.settings.generator == "unoptimised":
@@ -117,7 +117,7 @@ def _plain(finished: Finished) -> LoggedTrial | None:
     return _shown(one_throw(runner, prepared, 0, log=True))
 
 
-def _feedback(finished: Finished, progress: Progress) -> tuple[float, ...]:
+def _feedback(finished: FinishedRun, progress: Progress) -> tuple[float, ...]:
     """Return the share of feedback in the torque with the map of each step of learning."""
     prepared, maps = finished.prepared, finished.learned.maps
     shares = []
@@ -131,7 +131,7 @@ def _feedback(finished: Finished, progress: Progress) -> tuple[float, ...]:
     return tuple(shares)
 
 
-def _rivals(finished: Finished, progress: Progress) -> tuple[dict[str, object], ...]:
+def _rivals(finished: FinishedRun, progress: Progress) -> tuple[dict[str, object], ...]:
     """Return the result of the first throws with alpha = 0, to be compared with."""
     prepared = finished.prepared
     if prepared.settings.generator == "unoptimised":

@@ -12,7 +12,8 @@ from importlib.resources import files
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-_NONE = "\u2013"
+NONE = "\u2013"
+"""A dash: where there is no value, and between the ends of an interval."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +76,9 @@ def _environment() -> Environment:
 
 def number(value: float | None, digits: int) -> str:
     """Return a number with so many digits, or a dash where there is none."""
-    return _NONE if value is None else f"{value:.{digits}f}"
+    return NONE if value is None else f"{value:.{digits}f}"
 
 
 def interval(ends: Sequence[float]) -> str:
     """Return an interval of rates in percent."""
-    return f"{100.0 * ends[0]:.1f}{_NONE}{100.0 * ends[1]:.1f}"
+    return f"{100.0 * ends[0]:.1f}{NONE}{100.0 * ends[1]:.1f}"

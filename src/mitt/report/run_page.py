@@ -20,7 +20,7 @@ from mitt.report.figures.response import joint_angles, joint_torques, target_and
 from mitt.report.figures.style import STATUS, Plot
 from mitt.report.figures.throws import contact_errors, releases
 from mitt.report.figures.trajectory import catching_trajectory
-from mitt.report.page import Section, interval, number, page
+from mitt.report.page import NONE, Section, interval, number, page
 from mitt.report.replay import replay_page
 from mitt.report.summary import FAILURES, ResultSummary, result_summary
 from mitt.report.table_1 import table_1
@@ -48,7 +48,6 @@ _FAILED = {
     "stopped": "ended in a stop",
     "aborted": "ended with physics that diverged",
 }
-_NONE = "\u2013"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -136,8 +135,8 @@ def _rows(trials: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
         (
             str(t["index"]),
             str(t["status"]),
-            str(t["binding_limit"] or _NONE),
-            reason_of(t.get("stopped_by")) or _NONE,
+            str(t["binding_limit"] or NONE),
+            reason_of(t.get("stopped_by")) or NONE,
             number(t["position_error_mm"], 1),
             number(t["velocity_error_m_s"], 2),
             number(t["peak_contact_force_n"], 0),

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mitt.report.page import NONE
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.trials.log import TrialLog
@@ -12,7 +13,7 @@ from mitt.world.motion import TICK
 
 #: Width of the window over which the hand's acceleration is averaged [ticks].
 _WINDOW = 5
-_NONE, _BY = "\u2013", "\u00d7"
+_BY = "\u00d7"
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,10 +44,10 @@ def _vision_rows(vision: str) -> tuple[Row, ...]:
     pixels = vision == "pixels"
     return (
         Row("Vision", "heads", f"2 {_BY} 2 DOF (pan, tilt)", f"{len(cameras)}, fixed"),
-        Row("Vision", "speed of a joint", "525 rad/s (so printed)", f"{_NONE} (fixed)"),
+        Row("Vision", "speed of a joint", "525 rad/s (so printed)", f"{NONE} (fixed)"),
         Row("Vision", "resolution", f"128 {_BY} 128",
             f"{width} {_BY} {height}" if pixels else "points instead of images"),
-        Row("Vision", "density", "8 bit", "8 bit" if pixels else _NONE),
+        Row("Vision", "density", "8 bit", "8 bit" if pixels else NONE),
         Row("Vision", "rate", "1 kHz", f"{1e-3 / TICK:.0f} kHz"),
     )  # fmt: skip
 
@@ -55,7 +56,7 @@ def _arm_rows(arm: Arm, log: TrialLog | None) -> tuple[Row, ...]:
     """Return the lines on the arm."""
     held = len(arm.model.links) - arm.n
     used = f"{len(arm.model.links)}, of which {arm.n} used" if held else f"{arm.n}"
-    speed, acceleration = _NONE, _NONE
+    speed, acceleration = NONE, NONE
     if log is not None and log.following.any():
         v, a = _reached(log)
         speed, acceleration = f"{v:.1f} m/s reached", f"{a:.0f} m/s² reached"
@@ -65,8 +66,8 @@ def _arm_rows(arm: Arm, log: TrialLog | None) -> tuple[Row, ...]:
         Row("Arm", "acceleration of the tip, at most", "30 m/s²", acceleration),
         Row("Arm", "force of the tip", "26 N, at most", f"{_force(arm):.0f} N in any direction"),
         Row("Arm", "length, upright, to the tool plate", "0.9 m", f"{_length(arm):.2f} m"),
-        Row("Arm", "torque limits", _NONE, _listed(arm.tau_max, "N m", arm.limits.name)),
-        Row("Arm", "speed limits", _NONE, _listed(arm.dq_max, "rad/s", arm.limits.name)),
+        Row("Arm", "torque limits", NONE, _listed(arm.tau_max, "N m", arm.limits.name)),
+        Row("Arm", "speed limits", NONE, _listed(arm.dq_max, "rad/s", arm.limits.name)),
     )
 
 
@@ -121,7 +122,7 @@ def _length(arm: Arm) -> float:
 def _closing(log: TrialLog | None, hand: HandModel) -> str:
     """Return how far and how fast the fingers closed in the throw, to first touch."""
     if log is None or not (log.hand > 0.0).any() or not (log.truth.force > 0.0).any():
-        return _NONE
+        return NONE
     trace = log.truth
     n = trace.tau.shape[1]
     fingers = trace.qpos[:, n : n + hand.fingers].mean(axis=1)

@@ -125,8 +125,8 @@ class Closing:
             asks the default drives for their full torque.
         soft: Restitution up to which ``lead`` holds; a harder ball is met earlier, to be in the
             cage before it has come back from the palm.
-        hard: Restitution from which ``earlier`` is added in full, in proportion between the two.
-        earlier: What is added to the lead for the hardest balls [s].
+        hard: Restitution from which ``extra_lead`` is added in full, in proportion between the two.
+        extra_lead: What is added to the lead for the hardest balls [s].
     """
 
     acceleration: float = 11_000.0
@@ -136,12 +136,12 @@ class Closing:
     squeeze: float = 0.04
     soft: float = 0.5
     hard: float = 0.85
-    earlier: float = 0.009
+    extra_lead: float = 0.009
 
     def lead_for(self, restitution: float) -> float:
         """Return the start of the closing before the catch [s], for a ball's restitution."""
         share = (restitution - self.soft) / (self.hard - self.soft)
-        return self.lead + self.earlier * min(max(share, 0.0), 1.0)
+        return self.lead + self.extra_lead * min(max(share, 0.0), 1.0)
 
 
 def _cylinder(mass: float, radius: float, length: float) -> Array:

@@ -26,7 +26,7 @@ Progress = Callable[[str, int, int], None]
 
 @final
 @dataclass(slots=True, kw_only=True)
-class Finished:
+class FinishedStudy:
     """A study that is over, by itself or because it was interrupted.
 
     Attributes:
@@ -51,7 +51,7 @@ class Finished:
         return self.interrupt or (2 if self.refused else 1 if self.lost else 0)
 
 
-def run_study(study: Study, folder: Folder, engine: Engine, *, progress: Progress) -> Finished:
+def run_study(study: Study, folder: Folder, engine: Engine, *, progress: Progress) -> FinishedStudy:
     """Throw what is not there yet, and write table and summary.
 
     Args:
@@ -60,7 +60,7 @@ def run_study(study: Study, folder: Folder, engine: Engine, *, progress: Progres
         engine: Where to throw.
         progress: Is told what is being done, how many are done, and of how many.
     """
-    jobs, done = list(all_jobs(study, folder, progress)), Finished()
+    jobs, done = list(all_jobs(study, folder, progress)), FinishedStudy()
     try:
         _throw_all(jobs, folder, engine, done, progress)
         record_failures(by_cell(jobs), folder, engine, study.record, progress)
@@ -122,7 +122,7 @@ def _recordings(condition: Condition, study: Study, folder: Folder) -> tuple[Rec
 
 
 def _throw_all(
-    jobs: list[Job], folder: Folder, engine: Engine, done: Finished, progress: Progress
+    jobs: list[Job], folder: Folder, engine: Engine, done: FinishedStudy, progress: Progress
 ) -> None:
     """Throw the chunks that are not there yet."""
     todo = [job for job in jobs if not _is_done(folder, job)]
@@ -139,7 +139,7 @@ def _throw(
     jobs: list[Job],
     folder: Folder,
     engine: Engine,
-    done: Finished,
+    done: FinishedStudy,
     progress: Progress,
     *,
     window: int,
@@ -191,7 +191,7 @@ def by_cell(jobs: list[Job]) -> list[list[Job]]:
     return list(cells.values())
 
 
-def _sum_up(study: Study, jobs: list[Job], folder: Folder, done: Finished) -> None:
+def _sum_up(study: Study, jobs: list[Job], folder: Folder, done: FinishedStudy) -> None:
     """Write the whole table, the summary and the wall-clock figures."""
     cells = by_cell(jobs)
     parts = [p for group in cells for job in group if (p := folder.part(job.number)).exists()]

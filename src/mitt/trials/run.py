@@ -119,7 +119,7 @@ class Prepared:
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Finished:
+class FinishedRun:
     """A run that is over, by itself or because it was interrupted."""
 
     prepared: Prepared
@@ -158,7 +158,7 @@ def run(
     *,
     progress: Callable[[str, int, int], None],
     keeping: Callable[[Learned], AbstractContextManager[Callable[[Trial], None]]] | None = None,
-) -> Finished:
+) -> FinishedRun:
     """Learn if no map was given, and throw; an interrupt ends the run and keeps what is done.
 
     Args:
@@ -191,7 +191,7 @@ def run(
     except KeyboardInterrupt as stop:
         notice()
         interrupt = status_of(stop)
-    return Finished(
+    return FinishedRun(
         prepared=prepared,
         learned=learned,
         trials=trials,

@@ -191,9 +191,8 @@ class Eyes:
         ball = checks.instance("ball", ball, BallState)
         ahead = checks.number("t", t, finite=True) - ball.t
         gap, known = checks.number("gap", gap, finite=True), checks.flag("known", known)
-        rig = self._memory[-1]
-        rig[looking.ALONE] = float(checks.flag("alone", alone))
-        looking.guide(rig, ball.r_o, ball.dr_o, ahead, gap, known and ball.tracked)
+        alone, rig = checks.flag("alone", alone), self._memory[-1]
+        looking.guide(rig, ball.r_o, ball.dr_o, ahead, gap, known and ball.tracked, alone)
 
     def parts(self) -> dict[str, NDArray[Any]]:
         """Return the arrays of :func:`look` and of the gaze, for whoever composes them."""

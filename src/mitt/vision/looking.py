@@ -100,7 +100,9 @@ def _foresee(rig: Array) -> None:
 
 
 @kernel
-def guide(rig: Array, r: Array, dr: Array, ahead: float, gap: float, known: bool) -> None:
+def guide(
+    rig: Array, r: Array, dr: Array, ahead: float, gap: float, known: bool, alone: bool
+) -> None:
     """Tell eyes that do not both see the ball where it should be by its flight.
 
     Args:
@@ -110,7 +112,9 @@ def guide(rig: Array, r: Array, dr: Array, ahead: float, gap: float, known: bool
         ahead: Time from there to the look that comes [s].
         gap: Time between two looks [s].
         known: Whether the flight is known well enough.
+        alone: Whether one eye counts while something hides the ball from the other.
     """
+    rig[ALONE] = 1.0 if alone else 0.0
     if not known or rig[SINCE] == 0.0 or rig[AGE] >= GUIDES:
         return
     for i in range(3):

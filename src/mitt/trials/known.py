@@ -1,0 +1,81 @@
+"""What a catcher is told of a scene: what a user of a real cell knows of it, and no more."""
+
+from dataclasses import replace
+from math import pi, sqrt
+
+import numpy as np
+
+from mitt.control.encoders import Encoders
+from mitt.control.envelope import TICK
+from mitt.robot.arm import Arm
+from mitt.vision.eyes import EyesConfig
+from mitt.vision.filter import FilterConfig
+from mitt.vision.triangulation import TriangulatorConfig
+from mitt.world.scene import Actuation, Scene
+from mitt.world.sensors import encoder_steps
+
+#: Share of each torque limit that is not commanded to drives that lag behind their commands: the
+#: WAM's command stays within its limits as the motors see them (a choice of this project).
+RESERVE = 0.02
+#: Share of a corner's error in the calibration that its result leaves in the images.
+_UNCALIBRATED = 0.25
+
+
+def known_eyes(scene: Scene) -> EyesConfig:
+    """Return what the catcher knows of its cameras: a calibration leaves errors in the images.
+
+    A quarter of a corner's error, 0.05 px for corners found to within 0.2 px, is a choice of this
+    project.
+    """
+    sensing, exact = scene.sensing, TriangulatorConfig()
+    left = _UNCALIBRATED * sensing.corner_noise if sensing.views > 0 else 0.0
+    floor = float(np.hypot(exact.sigma_floor, left))
+    return EyesConfig(
+        ball_radius=scene.ball.radius, triangulator=TriangulatorConfig(sigma_floor=floor)
+    )
+
+
+def known_encoders(scene: Scene, arm: Arm) -> Encoders:
+    """Return what the catcher knows of the encoders: a scene's resolution, or else the arm's."""
+    steps = encoder_steps(scene, arm.model)
+    return Encoders(step=tuple(np.where(steps > 0.0, steps, arm.encoder_step).tolist()))
+
+
+def driven(arm: Arm, scene: Scene) -> Arm:
+    """Return an arm as its catcher may drive it: with torque in reserve where drives lag.
+
+    A torque that was within the limit of one state acts in another, a millisecond later; and which
+    state it is, counts of an encoder do not say exactly.
+    """
+    if scene.actuation == Actuation() and scene.sensing.encoder_step == 0.0:
+        return arm
+    limits, left = arm.limits, 1.0 - RESERVE
+    weaker = replace(limits, tau_peak=left * limits.tau_peak, tau_stall=left * limits.tau_stall)
+    return Arm(arm.model, weaker)
+
+
+def torque_lead_of(actuation: Actuation) -> float:
+    """Return from when joints are read until the torque commanded then ceases to act [s].
+
+    A tick, the delay of the command, and the time constant of the drives.
+    """
+    rate = 2.0 * pi * actuation.bandwidth
+    return TICK * (1.0 + actuation.delay) + (1.0 / rate if rate > 0.0 else 0.0)
+
+
+def known_ball(drag: float, mass: float, *, spread: float = 0.0) -> FilterConfig:
+    """Return what the filter may believe of a ball with known nominal drag [1/m] and mass [kg].
+
+    A quarter of the drag either way, or what a uniform error up to ``spread`` makes. What drag does
+    not explain grows as the ball gets lighter: white acceleration (gusts) of 1e-4 m^2/s^3 for the
+    thrown ball of 70 g and 0.0026 for one of table tennis, a lasting push (spin) of 0.04 and
+    1 m/s^2.
+    """
+    lightness = max(0.07 / mass, 1.0)
+    return FilterConfig(
+        drag_mean=drag,
+        drag_sigma=max(max(0.25, spread / sqrt(3.0)) * drag, 0.005),
+        drag_density=1e-6,
+        accel_density=1e-4 * lightness,
+        push_sigma=0.04 * lightness,
+    )
