@@ -130,14 +130,14 @@ class Joints:
         self.scratch = np.zeros(links), np.zeros((links, n)), slopes_work(links)
         self.solved, self.bounds = np.zeros((n + 2, 2 * n)), bounds_of(arm)
 
-    def read(self, senses: Senses, believed: Array) -> ArmState:
+    def read(self, senses: Senses, believed: Array, blow: Array) -> ArmState:
         """Return the joints as the catcher estimates them, which has to be the monitor's estimate.
 
         The stages go on from the catcher's own: feedback makes 6,400 of each rounding.
         """
         read = np.array([senses.arm.q, senses.arm.dq])
         believe(self.memory, self.bounds, self.table[0], self.doubt, read, self.rows, False,
-                self.believed)  # fmt: skip
+                blow, self.believed)  # fmt: skip
         assert np.allclose(self.believed, believed, rtol=SAME, atol=SAME)
         self.believed[:] = believed
         return ArmState(t=senses.t, q=believed[0].copy(), dq=believed[1].copy())
@@ -164,14 +164,14 @@ class Staged:
         self.wanted = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)])
         self.brake: Brake | None = None
         self.command: Command | None = None
-        self.t_last, self.beside = 0.0, False
+        self.t_last, self.beside, self.blow = 0.0, False, np.zeros(arm.n)
 
     def step(
         self, senses: Senses, phase: Phase, believed: Array
     ) -> tuple[Command, JointReference | None]:
         """Make one tick; what the catcher believes of the joints is held to the monitor."""
         reference, time = None, np.inf
-        arm = self.joints.read(senses, believed)
+        arm = self.joints.read(senses, believed, self.blow)
         if phase is not Phase.BRAKE:
             self._guide(senses)
             seen = (self.eyes.step(senses.frames),) if senses.frames else senses.points
@@ -252,6 +252,7 @@ def compare(
         if phase is Phase.FOLLOW:
             staged.keep_below(catcher._state["bounds"][0][2])
         told = catcher.step(senses)
+        staged.blow = catcher._state["blow"][0]
         command, reference = staged.step(senses, phase, catcher.believed)
         if catcher.tick is not None and catcher.tick.state is State.ABORT:
             break

@@ -219,6 +219,7 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         adapt_...: As in :class:`CatcherSettings`.
         bandwidth, track_notes, target: For the tracking, and scratch.
         jump, torque_lead: As in :mod:`mitt.control.margin`.
+        blow: Change of the joint speeds that the ball may bring now, shape (n,) [rad/s].
     """
     s, n, table = settings, arm.n, settings.encoders.table(arm)
     still = np.zeros(n)
@@ -242,7 +243,7 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         "review": s.review, "t_reviewed": -np.inf, "watch": s.watch, "t_look": -np.inf,
         "heads": np.int64(eyes.heads), "t_exposed": 0.0,
         "last": np.array([arm.q_ready, still, still]),
-        "jump": np.zeros(n), "torque_lead": s.torque_lead,
+        "jump": np.zeros(n), "blow": np.zeros(n), "torque_lead": s.torque_lead,
     }  # fmt: skip
     return fields | {f"eyes_{name}": value for name, value in eyes.parts().items()}
 

@@ -49,6 +49,10 @@ SOON = 0.1
 #: sighting's error [m].
 BESIDE, TOUCHED = 0.08, 0.002
 
+#: Time from the closing of the fingers in which the ball may strike [s]: it comes about 12 ms after
+#: it. How much harder than reckoned the impact may be: a choice of this project.
+STRIKES, HARDER = 0.05, 1.5
+
 
 @kernel
 def tick(
@@ -167,11 +171,14 @@ def _guide(
 
 @kernel
 def _measure(state: Record, result: Record) -> None:
-    """Let the monitor estimate the joints."""
+    """Let the monitor estimate the joints; the ball may strike soon after the fingers close."""
     s, out = state[0], result[0]
+    may_strike, blow = s["closing"][0] <= out["t"] <= s["closing"][0] + STRIKES, s["blow"]
+    for k in range(len(blow)):
+        blow[k] = HARDER * abs(s["jump"][k]) if may_strike else 0.0
     s["encoders"] = believe(
         s["encoder_memory"], s["encoder_bounds"], s["encoder_table"][0], s["encoder_doubt"],
-        out["encoders"], out["told"], s["braked"], s["believed"],
+        out["encoders"], out["told"], s["braked"], blow, s["believed"],
     )  # fmt: skip
 
 

@@ -95,7 +95,7 @@ class Cell:
         b, last = tracker.guard.bounds, tracker.guard.last
         held = self.since * TICK >= DELAY
         code = int(believe(self.memory, b, self.table[0], self.doubt, np.array([read, 0.0 * read]),
-                           self.told, held, self.believed))  # fmt: skip
+                           self.told, held, np.zeros(arm.n), self.believed))  # fmt: skip
         if code > BRIDGED or self.since >= 0:
             self.since += 1
             wish = last.copy()

@@ -64,6 +64,7 @@ class Watch:
         self.b, self.step = bounds_of(arm), step
         self.memory, self.believed = monitor.memory_of(arm.n), np.zeros((2, arm.n))
         self.steps, self.doubt = np.full(arm.n, step), np.full(arm.n, DOUBT)
+        self.blow = np.zeros(arm.n)
 
     def read(self, q: Array, push: Array, dq: Array | None = None, *, held: bool = False) -> int:
         """Feed positions as they are."""
@@ -77,6 +78,7 @@ class Watch:
                 read,
                 telling(push),
                 held,
+                self.blow,
                 self.believed,
             )
         )
@@ -115,6 +117,38 @@ def test_a_third_of_the_readings_may_be_lost(arm: Arm, seed: int, step: float) -
         assert watch.read(read, (1.0 + WRONG) * ddq[k - 1], dq[k]) <= BRIDGED
         if k > 50:
             assert np.all(np.abs(watch.believed[0] - q[k]) <= 2.0 * step + 2e-3)
+
+
+@given(joint=joints, speed=st.floats(1.0, 2.0), step=st.sampled_from(STEPS[:2]))
+def test_an_impact_may_mirror_a_velocity(arm: Arm, joint: int, speed: float, step: float) -> None:
+    """While the ball may strike, its impact may turn a velocity round; else the encoder is."""
+    for may_strike in (True, False):
+        watch, dq = Watch(arm, step), np.zeros(arm.n)
+        watch.blow[joint] = 2.5 * speed if may_strike else 0.0
+        q, dq[joint] = arm.q_ready.copy(), speed
+        found = FINE
+        for k in range(100):
+            dq[joint] = speed if k < 60 else -speed
+            q = q + TICK * dq
+            found = max(found, watch.count(q, np.zeros(arm.n), dq))
+        assert found <= BRIDGED if may_strike else found == REVERSED
+
+
+@given(joint=joints, step=st.sampled_from(STEPS[:2]))
+def test_an_impact_may_halt_a_joint(arm: Arm, joint: int, step: float) -> None:
+    """While the ball may strike, its impact may bring a joint to rest; else the encoder is stuck.
+
+    The speed is so low that readings are refused in neither case.
+    """
+    for may_strike in (True, False):
+        watch, dq = Watch(arm, step), np.zeros(arm.n)
+        watch.blow[joint] = 1.0 if may_strike else 0.0
+        q, found = arm.q_ready.copy(), FINE
+        for k in range(100):
+            dq[joint] = 0.5 if k < 60 else 0.0
+            q = q + TICK * dq
+            found = max(found, watch.count(q, np.zeros(arm.n), dq))
+        assert found <= BRIDGED if may_strike else found == STUCK
 
 
 @given(seed=seeds, joint=joints, change=st.floats(0.5, 3.0), step=steps)

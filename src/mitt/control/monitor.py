@@ -17,7 +17,8 @@ An encoder is in doubt only where no admissible plant explains what it reads:
   whatever friction and model error hold it;
 * REVERSED: a steady velocity turns round at once to its mirror image; or for some ticks the reading
   moves against the torques, and faster than the joint was of late. What is passive does not do
-  that: a wall gives back no more speed than it took;
+  that: a wall gives back no more speed than it took. While the ball may strike, a change of
+  velocity that its impact explains is none;
 * FAST: the joint is half as fast again as its limit.
 
 Then the joint is *unmeasured*: nothing that is read of it reaches the controller. It is reckoned by
@@ -114,6 +115,7 @@ def believe(
     read: Array,
     told: Array,
     held: bool,
+    blow: Array,
     believed: Array,
 ) -> int:
     """Write what is believed of the joints, and say what is wrong with the worst encoder.
@@ -127,6 +129,7 @@ def believe(
         told: q, dq, ddq, tau told in the tick before, and the acceleration that its torques
             bring by the model, shape (5, n).
         held: Whether brakes hold the joints: one that is not measured rests.
+        blow: Change of speed that the ball's impact may bring now [rad/s], shape (n,).
         believed: Result: q, dq, shape (2, n).
     """
     worst = FINE
@@ -139,7 +142,7 @@ def believe(
             found = int(m[_DOUBT])
             _reckon(m, b[2, k], steps[k], q, push, held)
         else:
-            found = _observe(m, b, k, steps[k], doubt[k], q, push)
+            found = _observe(m, b, k, steps[k], doubt[k], q, push, blow[k])
             if found >= SILENT:
                 m[_DOUBT], m[_GOOD], m[_MOVED], m[_LAST] = found, 0.0, 0.0, q
         m[_PUSH] = push
@@ -190,7 +193,9 @@ def _reckon(m: Array, dq_max: float, step: float, q: float, push: float, held: b
 
 
 @kernel
-def _observe(m: Array, b: Array, k: int, step: float, doubt: float, q: float, push: float) -> int:
+def _observe(
+    m: Array, b: Array, k: int, step: float, doubt: float, q: float, push: float, blow: float
+) -> int:
     """Predict a measured joint, correct it by its reading, and say what is wrong with that."""
     error = doubt + _MODEL * abs(push) + abs(push - m[_PUSH])
     _predict(m, push, error)
@@ -200,14 +205,14 @@ def _observe(m: Array, b: Array, k: int, step: float, doubt: float, q: float, pu
         return SILENT if m[_GONE] >= (LOSSY_TICKS if lossy else SILENT_TICKS) else BRIDGED
     m[_GAPS] = (1.0 - _HEALS) * m[_GAPS] + (1.0 if m[_GONE] > 0.0 else 0.0)
     m[_GONE] = 0.0
-    if _stands_still(m, b, k, step, error, q, push):
+    if _stands_still(m, b, k, step, error, q, push, blow):
         return STUCK
     off, r = q - m[_Q], step * step / 12.0
     gate = _GATE * np.sqrt(m[_PQ] + r) + step + _EXCESS * b[4, k] * TICK * TICK
     if abs(off) > gate:
         m[_FIRST] = q if m[_REFUSED] == 0.0 else m[_FIRST]
         m[_REFUSED] += 1.0
-        return _refused(m, b[2, k], b[4, k], step, q) if m[_REFUSED] >= _IN_A_ROW else BRIDGED
+        return _refused(m, b[2, k], b[4, k], step, q, blow) if m[_REFUSED] >= _IN_A_ROW else BRIDGED
     _correct(m, off, r)
     m[_FASTS] = m[_FASTS] + 1.0 if abs(m[_DQ]) - 3.0 * np.sqrt(m[_PV]) > _EXCESS * b[2, k] else 0.0
     if m[_FASTS] >= _IN_A_ROW:
@@ -247,7 +252,7 @@ def _correct(m: Array, off: float, r: float) -> None:
 
 
 @kernel
-def _refused(m: Array, dq_max: float, ddq_max: float, step: float, q: float) -> int:
+def _refused(m: Array, dq_max: float, ddq_max: float, step: float, q: float, blow: float) -> int:
     """Say what three readings in a row mean that the prediction does not explain.
 
     If the joint was struck at some instant since the last good reading, the line through the new
@@ -261,7 +266,7 @@ def _refused(m: Array, dq_max: float, ddq_max: float, step: float, q: float) -> 
     if abs(dq) > _EXCESS * dq_max or gap > change * ticks * TICK + bent + 4.0 * step:
         return JUMPED
     alike = abs(dq + m[_DQ0]) < _ALIKE * abs(m[_DQ0]) + 2.0 * step / TICK
-    alike &= abs(m[_DQ0]) >= _STEADY * m[_FRESH]
+    alike &= change > blow and abs(m[_DQ0]) >= _STEADY * m[_FRESH]
     if alike and abs(m[_DQ0]) > max(_MIRROR, 10.0 * step / TICK):
         return REVERSED
     _take(m, q, dq, step)
@@ -270,9 +275,9 @@ def _refused(m: Array, dq_max: float, ddq_max: float, step: float, q: float) -> 
 
 @kernel
 def _stands_still(
-    m: Array, b: Array, k: int, step: float, error: float, q: float, push: float
+    m: Array, b: Array, k: int, step: float, error: float, q: float, push: float, blow: float
 ) -> bool:
-    """Say whether a reading stands still that must have moved."""
+    """Say whether a reading stands still that must have moved, whether or not the ball struck."""
     if abs(q - m[_HELD]) >= 0.5 * step:
         sure = max(abs(m[_DQ]) - 3.0 * np.sqrt(m[_PV]), 0.0)
         m[_HELD], m[_STILL], m[_DUE] = q, 0.0, 0.0
@@ -281,8 +286,9 @@ def _stands_still(
     speed = m[_LEAST] + push * TICK
     m[_STILL] += 1.0
     m[_LEAST] = np.copysign(max(abs(speed) - error * TICK, 0.0), speed)
-    m[_DUE] += m[_LEAST] * TICK
-    if m[_LEAST] == 0.0:
+    least = max(abs(m[_LEAST]) - blow, 0.0)
+    m[_DUE] += np.copysign(least, m[_LEAST]) * TICK
+    if least == 0.0:
         m[_DUE] = 0.0
     at_stop = (m[_DUE] > 0.0 and q > b[1, k] + _STOP) or (m[_DUE] < 0.0 and q < b[0, k] - _STOP)
     due = abs(m[_DUE]) > (_COUNTS + 1.0) * step and m[_STILL] >= _STILL_TICKS

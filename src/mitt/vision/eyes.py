@@ -184,10 +184,16 @@ class Eyes:
             gap: Time between two frames [s].
             known: Whether the estimate is good to about 20 mm.
             alone: Whether one camera counts while something hides the ball from the other.
+
+        Raises:
+            InputError: One of them is not what it should be.
         """
+        ball = checks.instance("ball", ball, BallState)
+        ahead = checks.number("t", t, finite=True) - ball.t
+        gap, known = checks.number("gap", gap, finite=True), checks.flag("known", known)
         rig = self._memory[-1]
-        rig[looking.ALONE] = float(alone)
-        looking.guide(rig, ball.r_o, ball.dr_o, t - ball.t, gap, known and ball.tracked)
+        rig[looking.ALONE] = float(checks.flag("alone", alone))
+        looking.guide(rig, ball.r_o, ball.dr_o, ahead, gap, known and ball.tracked)
 
     def parts(self) -> dict[str, NDArray[Any]]:
         """Return the arrays of :func:`look` and of the gaze, for whoever composes them."""
