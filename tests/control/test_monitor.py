@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mitt.control import monitor
@@ -211,6 +211,25 @@ def test_a_first_reading_may_be_lost(arm: Arm, bad: float) -> None:
             assert watch.believed[0, 1] == arm.q_ready[1]
 
 
+@pytest.mark.parametrize("step", [1e-7, 1e-6, 1e-5])
+@pytest.mark.parametrize("doubt", [15.0, 400.0, 4000.0])
+def test_a_wrong_velocity_dies_out_however_fine_the_encoder(
+    arm: Arm, step: float, doubt: float
+) -> None:
+    """A joint that is struck within a tick: the estimate is off for some ticks, not for ever.
+
+    With noise that is constant within a tick the velocity of a light arm with fine encoders swung
+    about the truth without end, the controller with it, until the joint seemed too fast.
+    """
+    watch, speed, found = Watch(arm, step), 0.5, []
+    watch.doubt[:] = doubt
+    for k in range(60):
+        way = speed * TICK * max(k - 29.75, 0.0)
+        assert watch.read(arm.q_ready + way, np.zeros(arm.n)) == FINE
+        found.append(watch.believed[1].copy())
+    assert np.all(np.abs(np.array(found[50:]) - speed) < 0.02)
+
+
 @given(seed=seeds, joint=joints, bad=st.sampled_from([np.nan, np.inf, 9.0, -40.0, 1e300]))
 def test_a_single_glitch_is_bridged(arm: Arm, seed: int, joint: int, bad: float) -> None:
     """One absurd reading leaves what is believed within a tenth of a milliradian of the truth."""
@@ -308,6 +327,7 @@ def test_a_reading_that_gains_speed_against_the_torques_has_the_wrong_sign(
     assert watch.believed[1, 0] == pytest.approx(dq[0], abs=0.6)
 
 
+@settings(max_examples=300)
 @given(seed=seeds, joint=joints)
 def test_a_passive_contact_is_not_a_wrong_sign(arm: Arm, seed: int, joint: int) -> None:
     """A joint pushed into an elastic wall rebounds against its torques; that is believed."""

@@ -15,7 +15,7 @@ An encoder is in doubt only where no admissible plant explains what it reads:
   impact changes the velocity, not the place;
 * STUCK: the reading stands still while the joint must have moved on by more than five counts,
   whatever friction and model error hold it;
-* REVERSED: the velocity turns round at once to its mirror image; or for some ticks the reading
+* REVERSED: a steady velocity turns round at once to its mirror image; or for some ticks the reading
   moves against the torques, and faster than the joint was of late. What is passive does not do
   that: a wall gives back no more speed than it took. While the ball may strike, a change of
   velocity that its impact explains is none;
@@ -43,9 +43,9 @@ _HELD, _STILL, _LEAST, _DUE = range(11, 15)
 #: reckoned since then; ticks too fast; acceleration told before; what is wrong; good readings since
 #: then, the last one, whether it has moved.
 _AGAINST, _FROM, _SHADOW_Q, _SHADOW_DQ, _FASTS, _PUSH, _DOUBT, _GOOD, _LAST, _MOVED = range(15, 25)
-#: Gaps in the readings of late.
-_GAPS = 25
-COLUMNS = 26
+#: Gaps in the readings of late; largest speed in the last few ticks.
+_GAPS, _FRESH = 25, 26
+COLUMNS = 27
 #: Column of the variance of the estimated speed [rad^2/s^2].
 SPEED_VARIANCE = _PV
 
@@ -73,6 +73,9 @@ _LASTING = 5.0
 _GATE = 6.0
 #: Mirror image of a velocity: smallest speed [rad/s], and how alike the two have to be.
 _MIRROR, _ALIKE = 0.3, 0.05
+#: Share of the speed a few ticks ago that a joint still has whose sign turns at once: one that a
+#: wall throws back has lost its speed by then; and share of that speed that is kept in a tick.
+_STEADY, _KEEPS = 0.8, 0.85
 #: Multiple of the unknown acceleration from which torques tell a sign, ticks that the speed has to
 #: grow against them, and by how much [rad/s].
 _SURE, _TICKS_AGAINST, _GAINED = 2.0, 10, 0.1
@@ -170,6 +173,7 @@ def _take(m: Array, q: float, dq: float, step: float) -> None:
     m[_Q], m[_DQ], m[_Q0], m[_DQ0], m[_SINCE] = q, dq, q, dq, 0.0
     m[_PQ], m[_PX], m[_PV] = r, r / TICK, 2.0 * r / (TICK * TICK)
     m[_REFUSED], m[_AGAINST], m[_FROM] = 0.0, 0.0, max(m[_FROM], abs(dq))
+    m[_FRESH] = max(abs(dq), _KEEPS**_IN_A_ROW * m[_FRESH])
 
 
 @kernel
@@ -218,12 +222,16 @@ def _observe(
 
 @kernel
 def _predict(m: Array, push: float, error: float) -> None:
-    """Carry estimate and covariance on by a tick."""
+    """Carry estimate and covariance on by a tick.
+
+    What the model misses is white within the tick. Were it constant there, a fine encoder would
+    leave an error of the velocity undamped: its sign would change from tick to tick for ever.
+    """
     sigma = _SIGMA * error
     v = _LASTING * sigma * sigma * TICK * TICK
     m[_Q] += TICK * (m[_DQ] + 0.5 * TICK * push)
     m[_DQ] += TICK * push
-    m[_PQ] += TICK * (2.0 * m[_PX] + TICK * (m[_PV] + 0.25 * v))
+    m[_PQ] += TICK * (2.0 * m[_PX] + TICK * (m[_PV] + v / 3.0))
     m[_PX] += TICK * (m[_PV] + 0.5 * v)
     m[_PV] += v
     m[_SINCE] += 1.0
@@ -240,6 +248,7 @@ def _correct(m: Array, off: float, r: float) -> None:
     m[_PX] *= 1.0 - gain
     m[_PQ] *= 1.0 - gain
     m[_Q0], m[_DQ0], m[_SINCE], m[_REFUSED] = m[_Q], m[_DQ], 0.0, 0.0
+    m[_FRESH] = max(abs(m[_DQ]), _KEEPS * m[_FRESH])
 
 
 @kernel
@@ -257,7 +266,8 @@ def _refused(m: Array, dq_max: float, ddq_max: float, step: float, q: float, blo
     if abs(dq) > _EXCESS * dq_max or gap > change * ticks * TICK + bent + 4.0 * step:
         return JUMPED
     alike = abs(dq + m[_DQ0]) < _ALIKE * abs(m[_DQ0]) + 2.0 * step / TICK
-    if change > blow and alike and abs(m[_DQ0]) > max(_MIRROR, 10.0 * step / TICK):
+    alike &= change > blow and abs(m[_DQ0]) >= _STEADY * m[_FRESH]
+    if alike and abs(m[_DQ0]) > max(_MIRROR, 10.0 * step / TICK):
         return REVERSED
     _take(m, q, dq, step)
     return FINE
