@@ -17,7 +17,7 @@ import numpy as np
 
 from mitt import checks
 from mitt.control.brake import plan_brake
-from mitt.control.condition import ENCODER_REASONS
+from mitt.control.condition import ENCODER_REASONS, is_lost
 from mitt.control.envelope import TICK
 from mitt.control.monitor import doubted, good_again
 from mitt.control.stopped import StoppedBy
@@ -419,7 +419,8 @@ class Catcher:
     def _watch(self, ball: BallState) -> None:
         """Give the verdict once the ball is known well enough, or when it is due.
 
-        A refusal is for good, so it waits until the ball is as near as it has to be for a start.
+        A verdict is for good, so it waits until the ball is as near as it has to be for a start,
+        and until a ball that has left the images is back in them.
         """
         if ball.t < self._numbers["t_look"]:
             return
@@ -430,6 +431,10 @@ class Catcher:
             # What the verdict says besides is reckoned where somebody asks for it.
             self._unasked = ball, self.believed[0].copy()
             return
+        if self._is_out_of_sight() or is_far(ball, self._arm.position(self.believed[0])):
+            self._unasked = ball, self.believed[0].copy()
+            self._numbers["t_look"] = ball.t + _LOOK_AGAIN
+            return
         verdict = self._generator.verdict(ball, self.believed[0])
         if not isinstance(self._generator, Unoptimised):  # alpha = 0 is never refused
             bandwidth = self._settings.bandwidth
@@ -438,15 +443,18 @@ class Catcher:
         if verdict.outcome is Outcome.UNSETTLED:
             return
         if verdict.outcome is Outcome.UNREACHABLE:
-            if due and is_far(ball, self._arm.position(self.believed[0])):
-                self._numbers["t_look"] = ball.t + _LOOK_AGAIN
-            elif due:
+            if due:
                 self._enter(REFUSED)
             return
         self._numbers["open"] = verdict.outcome is Outcome.OPEN
         self._adapt(self._generator.waiting(ball) if self._numbers["open"] else ball)
         self._make_room(verdict)
         self._enter(FOLLOW)
+
+    def _is_out_of_sight(self) -> bool:
+        """Say whether an arm that followed the ball would stop at once: it is not seen any more."""
+        age, sigma = self.result["age"].item(), self.result["sigma"].item()
+        return bool(is_lost(age, sigma, self._settings.tolerance))
 
     def _make_room(self, verdict: Verdict) -> None:
         """Keep the joints that the ball will drive on below their speed limits by as much.

@@ -107,6 +107,18 @@ def pass_time(m: Array, t: float) -> tuple[float, int]:
 
 
 @kernel
+def is_lost(age: float, sigma: float, tolerance: float) -> bool:
+    """Say whether the ball is lost: not seen of late, and not known as well as it has to be.
+
+    Args:
+        age: Age of the last good measurement [s].
+        sigma: 1-sigma of the ball's predicted position [m].
+        tolerance: What the hand tolerates of it [m].
+    """
+    return bool(age > _OLD and sigma > tolerance)
+
+
+@kernel
 def assess(
     m: Array,
     clock: int,
@@ -146,7 +158,7 @@ def assess(
         return ABORT, clock
     if m[_FAR] >= _FAR_TICKS:
         return ABORT, _TRACKING
-    if following and not near and age > _OLD and sigma > tolerance:
+    if following and not near and is_lost(age, sigma, tolerance):
         return ABORT, LOST
     if blocked:
         return DEGRADED, _BLOCKED

@@ -82,7 +82,7 @@ class FilterConfig:
     max_rejections: int = 6
     max_rejection_time: float = 0.008
     kick_sigma: float = 6.0
-    max_gap: float = 0.3
+    max_gap: float = 0.6
     push_sigma: float = 0.0
     push_time: float = 1.0
     steady_density: float = 0.02

@@ -19,12 +19,14 @@ from mitt.vision.target import (
     MEMORY,
     MERGED,
     NEAR,
+    OFF_U,
+    OFF_V,
     STATE,
     WEIGHED,
     WEIGHTS,
     expect,
 )
-from mitt.vision.triangulation import note, on_ray, triangulate
+from mitt.vision.triangulation import note, on_ray, project, triangulate
 
 KNOWN, SINCE, ODDS, STATUS, SPEED = range(3, 8)
 AGE, ALONE, GUIDED = 10, 11, 12
@@ -48,7 +50,8 @@ LARGE = 2.0
 """Mass over the one that the ball should have above which a target is something else."""
 GUIDES = 30.0
 """Looks without a sighting after which the flight no longer says where the ball is: it may have
-bounced where nothing saw it."""
+bounced where nothing saw it. While it is above an image they do not count: there is nothing to
+bounce off, and it comes back."""
 REACH, ASTRAY, GUIDED_REACH = 0.12, 0.01, 0.06
 """Distance from where it should be within which a lost ball is looked for, and what each look
 without both eyes adds [m]: it may change its speed by 10 m/s. Where its flight says where it should
@@ -86,6 +89,29 @@ def _learn_contrast(memory: Array) -> None:
         memory[WEIGHED] = min(memory[WEIGHED] + 1.0, SLOWLY)
         gain = memory[WEIGHTS] / memory[EXPECTED]
         memory[GAIN] += (gain - memory[GAIN]) / memory[WEIGHED]
+
+
+@kernel
+def _learn_offset(memory: Array, camera: Array, point: Array, radius: float, known: float,
+                  r: Array, uv: Array) -> None:  # fmt: skip
+    """Take into a running mean by how much a camera differs from where all of them see the ball.
+
+    A calibration leaves such a difference, ten times the noise of a look. Without it a camera that
+    goes on alone would see the ball jump, which the filter would take for a kick.
+
+    Args:
+        memory: Of the camera.
+        camera: Row of ``cameras``.
+        point: Row of ``points``.
+        radius: Ball radius [m].
+        known: Sightings that the position rests on, this one included.
+        r: Where all cameras see the ball [m], shape (3,).
+        uv: Scratch, shape (2,).
+    """
+    if project(camera, r, radius, uv):
+        share = 1.0 / max(known, 1.0)
+        memory[OFF_U] += share * (point[0] - uv[0] - memory[OFF_U])
+        memory[OFF_V] += share * (point[1] - uv[1] - memory[OFF_V])
 
 
 @kernel
@@ -209,6 +235,8 @@ def look(
     rig[GUIDED] = 0.0
     if rig[KNOWN] > 0.0:
         expect(memory, cameras, belief[0], rig, reach + ASTRAY * since)
+        if guided and min(memory[0, AT_V], memory[1, AT_V]) < 0.0:
+            rig[AGE] -= 1.0
     else:
         for n in range(eyes):
             memory[n, EXPECTED], memory[n, WEIGHED], memory[n, NEAR] = 0.0, 0.0, 0.0
@@ -237,17 +265,18 @@ def look(
             rig[SINCE], rig[ODDS], rig[STATUS] = 0.0, 0.0, float(BOTH)
             for n in range(eyes):
                 if points[n, 2] > 0.0:
-                    _learn_contrast(view(memory, n * MEMORY, (MEMORY,)))
+                    own = view(memory, n * MEMORY, (MEMORY,))
+                    _learn_contrast(own)
+                    _learn_offset(own, cameras[n], points[n], belief[0], rig[KNOWN], r, work[0])
             return True
         rig[ODDS] += 1.0
         rig[STATUS] = float(AT_ODDS if rig[ODDS] >= STUBBORN else BLIND)
         return False
-    if (
-        count == 1
-        and (not hidden or rig[ALONE] > 0.0)
-        and rig[KNOWN] > 0.0
-        and on_ray(cameras[one], points[one], belief[0], rig[:3], r, P, ALONG)
-    ):
+    if count == 1 and (not hidden or rig[ALONE] > 0.0) and rig[KNOWN] > 0.0:
+        points[one, 0] -= memory[one, OFF_U]
+        points[one, 1] -= memory[one, OFF_V]
+        if not on_ray(cameras[one], points[one], belief[0], rig[:3], r, P, ALONG):
+            return False
         known = rig[KNOWN]
         _remember(rig, r)
         if hidden:  # if that lasts, what was learned of the ball may be wrong, and is forgotten

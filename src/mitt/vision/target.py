@@ -19,6 +19,7 @@ One row of numbers a camera; the names are their places.
 | ``NEAR``               | how far from there it may be; 0 if unknown           | px          |
 | ``LIGHT``, ``MEAN``    | of :mod:`mitt.vision.background`                     | 1, levels   |
 | ``WEIGHTS``            | moments of the last target (:mod:`mitt.vision.window`) |           |
+| ``OFF_U``, ``OFF_V``   | how far the centroid is off where all cameras together see the ball | px |
 | ``RUNS``               | the mask, first columns and then last columns        | px          |
 """
 
@@ -36,7 +37,7 @@ from mitt.vision.window import ROWS, Runs
 
 LEVEL, THRESHOLD, DUE, DU, DV, AREA, STATE, TOP, HEIGHT, MARK, FROZEN = range(2, 13)
 EXPECTED, GAIN, WEIGHED, MASS, AT_U, AT_V, NEAR, LIGHT, MEAN, WEIGHTS = range(13, 23)
-RUNS = 30
+OFF_U, OFF_V, RUNS = 29, 30, 31
 LOST, GOOD, MERGED = 0, 1, 2
 
 MEMORY, WORK = RUNS + 2 * ROWS, MAX_BLOBS + 66 + ROWS

@@ -94,6 +94,31 @@ def sphere_centroid(lens: Array, x: float, y: float, z: float, radius: float, uv
 
 
 @kernel
+def project(camera: Array, r: Array, radius: float, uv: Array) -> bool:
+    """Write where in an image the centroid of a ball lies.
+
+    Args:
+        camera: A row of ``cameras``.
+        r: Ball centre [m], shape (3,).
+        radius: Ball radius [m].
+        uv: Result, column and row [px], shape (2,); unchanged where there is none.
+
+    Returns:
+        Whether the ball is in front of the camera.
+    """
+    x, y, z = 0.0, 0.0, 0.0
+    for i in range(3):
+        d = r[i] - camera[3, i]
+        x += camera[i, 0] * d
+        y += camera[i, 1] * d
+        z += camera[i, 2] * d
+    if not z > 1.01 * radius:
+        return False
+    sphere_centroid(camera[4], x, y, z, radius, uv)
+    return True
+
+
+@kernel
 def _refine(cameras: Array, points: Array, radius: float, r: Array, P: Array, work: Array) -> float:
     """Move ``r`` by one Gauss-Newton step, write its covariance into ``P``.
 
