@@ -113,6 +113,19 @@ def test_default_throws_are_caught(runner: TrialRunner, throws: list[Throw]) -> 
     assert [trial.limit_violations for trial in trials] == [0] * 4
 
 
+def test_a_ball_that_comes_late_is_watched_until_it_is_near(runner: TrialRunner) -> None:
+    """Of a high throw there is a verdict at once; the arm begins within 0.7 s of the catch."""
+    world, catcher = runner.world, runner.catcher()
+    world.reset(Throw(r=np.array([2.97, 0.25, 0.21]), dr=np.array([-2.21, -0.21, 5.46])), 5)
+    while catcher.phase is Phase.WATCH:
+        world.apply(catcher.step(world.sense()))
+        catcher.think()
+    t = world.truth().t
+    assert t > 0.4
+    assert catcher.verdict is not None
+    assert catcher.verdict.t_catch - t < 0.7
+
+
 def test_a_verdict_that_was_put_off_is_the_one_that_would_have_been_given(
     arm: Arm, taught: Learned
 ) -> None:

@@ -111,6 +111,7 @@ def test_heavier_balls_ask_for_more(motors: Arm) -> None:
     shares = [shares_after(motors, way, ball(mass)) for mass in (0.07, 0.5, 1.0, 2.0)]
     pulls = [share["grip"] for share in shares]
     assert pulls == sorted(pulls)
+    assert pulls[1] < 1.0 < pulls[3]
     assert max(shares[0].values()) < 1.0 < max(shares[-1].values())
 
 

@@ -70,7 +70,7 @@ __all__ = ["Catcher", "CatcherSettings", "Phase", "Tick"]
 
 #: Speed below which a joint that brakes counts as at rest [rad/s].
 _AT_REST = 1e-3
-#: Time after which the verdict on a ball that is far is given again [s].
+#: Time after which a ball that is far, or not seen, is looked at again for a verdict [s].
 _LOOK_AGAIN = 0.02
 #: Beside the bits of a tick: the map can be refined.
 REFINES = 32

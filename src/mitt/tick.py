@@ -363,7 +363,7 @@ def undecided(todo: int, state: Record, result: Record) -> bool:
     """Say that all there is to be thought about is a verdict that cannot be given yet.
 
     The ball is not known well enough at its catch, and the verdict is not due; or the ball was
-    refused while it was far, and it is too soon to look again. Saves a compiled loop the way
+    far, and it is too soon to look again. Saves a compiled loop the way
     through ``Catcher.think``, which finds the same.
 
     Args:

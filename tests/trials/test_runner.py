@@ -22,6 +22,7 @@ from mitt.trials.record import recording_of
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.score import HELD_AFTER
 from mitt.trials.simulate import simulate
+from mitt.vision.filter import FilterConfig
 from mitt.world.scene import Scene, Sensing
 from mitt.world.scenes import named_scene, scene_of
 from mitt.world.throws import Throw, default_throw
@@ -146,6 +147,14 @@ def test_a_ball_that_rolls_before_the_thrown_one_does_not_end_the_throw(arm: Arm
     assert [trial.status for trial in trials] == ["caught"] * 3
 
 
+def test_a_ball_that_leaves_the_images_upwards_is_caught() -> None:
+    """It is not seen for 0.4 s, beside an arm that waits: caught, as no new track is begun."""
+    arm = load_arm("wam", limits="wam-80v", hand=HandModel())
+    runner = TrialRunner(arm, Direct(learn(arm).map), named_scene("lab"))
+    throw = Throw(r=np.array([2.97, 0.25, 0.21]), dr=np.array([-2.21, -0.21, 5.46]))
+    assert [runner.run(0, throw, seed=seed).trial.status for seed in range(3)] == ["caught"] * 3
+
+
 def test_drives_that_lag_are_not_asked_for_all_their_torque(arm: Arm) -> None:
     """Two per cent are kept for what a millisecond and counts of encoders change."""
     assert driven(arm, named_scene("ideal")) is arm
@@ -159,6 +168,12 @@ def test_the_filter_believes_what_it_is_told_of_the_drag() -> None:
     """A uniform error of 60 % is 0.35 of the drag, 1 sigma; of 30 % less than the usual quarter."""
     assert known_ball(0.1, 0.07, spread=0.3).drag_sigma == known_ball(0.1, 0.07).drag_sigma
     assert known_ball(0.1, 0.07, spread=0.6).drag_sigma == pytest.approx(0.1 * 0.6 / np.sqrt(3.0))
+
+
+def test_the_filter_may_find_twice_the_drag_that_it_was_told() -> None:
+    """The usual bound, 0.3 per metre, is below what a very light ball has."""
+    assert known_ball(0.5, 0.07).drag_max == 1.0
+    assert known_ball(0.04, 0.07).drag_max == FilterConfig().drag_max
 
 
 def test_a_trial_that_is_over_before_its_first_tick_is_a_result(

@@ -64,6 +64,32 @@ def test_eighty_milliseconds_of_images_tell_where_the_catch_will_be() -> None:
     assert np.sqrt(np.sum(np.mean(np.square(errors), axis=0))) < 20e-3
 
 
+def test_a_camera_that_goes_on_alone_sees_no_jump() -> None:
+    """A calibration that is 0.3 px off shifts the ball, but not once more where one eye is hidden.
+
+    Both eyes share the error; one alone would have all of it.
+    """
+    rig = fixed_rig()
+    true = replace(
+        rig, cameras=(replace(rig.cameras[0], cv=rig.cameras[0].cv + 0.3), rig.cameras[1])
+    )
+    imager, eyes = Imager(true, ImageSensor(texture=0.0), np.random.default_rng(6)), Eyes(rig)
+    r, dr = np.array((3.4, 0.1, 0.3)), np.array((-6.0, 0.0, 1.5))
+    ray = r - rig.cameras[0].centre
+    across = np.eye(3) - np.outer(ray, ray) / (ray @ ray)
+    both, alone = [], []
+    for k in range(60):
+        frames = imager.render(1e-3 * k, r, 0.04)
+        s = eyes.step(frames if k < 50 else frames[:1])
+        if k >= 30:
+            assert s.found
+            (both if k < 50 else alone).append(across @ (s.r_o - r))
+        advance(r, dr, 0.04, 1e-3)
+    shared, whole = np.linalg.norm(np.mean(both, axis=0)), 0.3 / 220.0 * np.linalg.norm(ray)
+    assert 1e-3 < shared < whole - 1e-3
+    assert np.linalg.norm(np.mean(alone, axis=0) - np.mean(both, axis=0)) < 0.5e-3
+
+
 def test_without_a_ball_nothing_is_seen_and_it_is_found_when_it_comes() -> None:
     """Empty images give no sighting; the first images with a ball do."""
     rig = fixed_rig()

@@ -324,6 +324,12 @@ def test_a_number_with_which_the_filter_cannot_work_is_refused(name: str, bad: o
         replace(FilterConfig(), **{name: bad})  # type: ignore[arg-type]  # what is refused
 
 
+def test_a_mean_drag_beyond_the_largest_is_refused() -> None:
+    """The filter would cut every estimate down to the largest."""
+    with pytest.raises(InputError, match=r"drag_mean: wanted at most drag_max, 0\.3"):
+        FilterConfig(drag_mean=0.5)
+
+
 @pytest.mark.parametrize("name", ["push_time", "driven_time", "switch_time", "max_gap", "gate"])
 def test_no_time_and_no_gate_is_zero(name: str) -> None:
     """They stand in denominators."""

@@ -19,6 +19,8 @@ from mitt.world.sensors import encoder_steps
 RESERVE = 0.02
 #: Share of a corner's error in the calibration that its result leaves in the images.
 _UNCALIBRATED = 0.25
+#: Multiple of the nominal drag that the filter may find at most.
+_DRAGGIEST = 2.0
 
 
 def known_eyes(scene: Scene) -> EyesConfig:
@@ -74,6 +76,7 @@ def known_ball(drag: float, mass: float, *, spread: float = 0.0) -> FilterConfig
     lightness = max(0.07 / mass, 1.0)
     return FilterConfig(
         drag_mean=drag,
+        drag_max=max(FilterConfig().drag_max, _DRAGGIEST * drag),
         drag_sigma=max(max(0.25, spread / sqrt(3.0)) * drag, 0.005),
         drag_density=1e-6,
         accel_density=1e-4 * lightness,

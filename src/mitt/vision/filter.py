@@ -97,7 +97,8 @@ class FilterConfig:
         """Refuse numbers with which the filter cannot work.
 
         Raises:
-            InputError: A field is no number, or out of its range.
+            InputError: A field is no number, or out of its range; ``drag_mean`` exceeds
+                ``drag_max``.
         """
         given = asdict(self)
         if self.speaks_after is None:
@@ -108,6 +109,10 @@ class FilterConfig:
             if not isinstance(value, kind) or isinstance(value, bool) or not low <= value <= high:
                 wanted = f"{'a whole number' if whole else 'a number'} from {low} to {high}"
                 raise InputError(f"FilterConfig.{name}", wanted, repr(value)[:60])
+        if self.drag_mean > self.drag_max:
+            raise InputError(
+                "FilterConfig.drag_mean", f"at most drag_max, {self.drag_max}", self.drag_mean
+            )
 
 
 THROWN_BALL = FilterConfig(

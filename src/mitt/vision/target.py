@@ -19,7 +19,7 @@ One row of numbers a camera; the names are their places.
 | ``NEAR``               | how far from there it may be; 0 if unknown           | px          |
 | ``LIGHT``, ``MEAN``    | of :mod:`mitt.vision.background`                     | 1, levels   |
 | ``WEIGHTS``            | moments of the last target (:mod:`mitt.vision.window`) |           |
-| ``OFF_U``, ``OFF_V``   | how far the centroid is off where all cameras together see the ball | px |
+| ``OFF_U``, ``OFF_V``   | centroid less that of the ball where all cameras see it | px       |
 | ``RUNS``               | the mask, first columns and then last columns        | px          |
 """
 
