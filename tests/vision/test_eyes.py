@@ -7,6 +7,7 @@ import pytest
 
 from mitt.errors import InputError, ShapeError
 from mitt.flight import advance
+from mitt.signals import Array
 from mitt.vision.camera import fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig
 from mitt.vision.filter import THROWN_BALL, BallFilter
@@ -77,7 +78,8 @@ def test_a_camera_that_goes_on_alone_sees_no_jump() -> None:
     r, dr = np.array((3.4, 0.1, 0.3)), np.array((-6.0, 0.0, 1.5))
     ray = r - rig.cameras[0].centre
     across = np.eye(3) - np.outer(ray, ray) / (ray @ ray)
-    both, alone = [], []
+    both: list[Array] = []
+    alone: list[Array] = []
     for k in range(60):
         frames = imager.render(1e-3 * k, r, 0.04)
         s = eyes.step(frames if k < 50 else frames[:1])
