@@ -179,6 +179,20 @@ def test_a_joint_that_friction_holds_is_not_a_stuck_encoder(
         assert watch.count(arm.q_ready, push) == FINE
 
 
+@pytest.mark.parametrize("late", range(4))
+@pytest.mark.parametrize("step", [1e-6, 1e-5])
+def test_a_joint_whose_torque_acts_late_is_not_a_stuck_encoder(
+    arm: Arm, late: int, step: float
+) -> None:
+    """It has rested for long, and stays so for some ticks after the torque was commanded."""
+    watch, push, dq, q = Watch(arm, step), np.zeros(arm.n), np.zeros(arm.n), arm.q_ready.copy()
+    for k in range(120):
+        push[2] = 8.0 * DOUBT if k >= 60 else 0.0
+        dq[2] += TICK * push[2] if k >= 60 + late else 0.0
+        q = q + TICK * dq
+        assert watch.count(q, push) <= BRIDGED
+
+
 @given(joint=joints, side=st.sampled_from((-1.0, 1.0)))
 def test_an_end_stop_is_not_a_stuck_encoder(arm: Arm, joint: int, side: float) -> None:
     """Driven into the end of its range with much more, it is believed too."""

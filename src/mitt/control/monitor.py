@@ -37,7 +37,8 @@ from mitt.views import view
 #: Columns of the memory: estimate, its covariance; ticks without a number, refused readings in a
 #: row, the first of them; estimate at the last reading that was taken, and ticks since.
 _Q, _DQ, _PQ, _PX, _PV, _GONE, _REFUSED, _FIRST, _Q0, _DQ0, _SINCE = range(11)
-#: Reading that the encoder has not left, ticks since, least speed and least way since.
+#: Reading that the encoder has not left; ticks in a row in which the joint must have moved since
+#: then, its least speed and least way in them.
 _HELD, _STILL, _LEAST, _DUE = range(11, 15)
 #: Ticks in which the joint moved against the torques, largest speed of late before them, the joint
 #: reckoned since then; ticks too fast; acceleration told before; what is wrong; good readings since
@@ -61,8 +62,9 @@ _HEALS, _GAP, _NEW = 0.002, 0.3, 0.37
 _IN_A_ROW, _EXCESS = 3, 1.5
 #: How far outside a joint's range a first reading may lie [rad].
 _BEYOND = 0.5
-#: Counts of least motion after which a still encoder is stuck, and ticks that it takes at least.
-_COUNTS, _STILL_TICKS = 5.0, 3
+#: Counts of least motion after which a still encoder is stuck, and ticks in which it must have
+#: moved: a torque may act some ticks after its command.
+_COUNTS, _STILL_TICKS = 5.0, 5
 #: Room before the end of a joint's range in which the end stop may hold it [rad].
 _STOP = 0.03
 #: Share of the modelled acceleration that may be wrong, and of the largest error that is one sigma.
@@ -289,7 +291,7 @@ def _stands_still(
     least = max(abs(m[_LEAST]) - blow, 0.0)
     m[_DUE] += np.copysign(least, m[_LEAST]) * TICK
     if least == 0.0:
-        m[_DUE] = 0.0
+        m[_DUE] = m[_STILL] = 0.0
     at_stop = (m[_DUE] > 0.0 and q > b[1, k] + _STOP) or (m[_DUE] < 0.0 and q < b[0, k] - _STOP)
     due = abs(m[_DUE]) > (_COUNTS + 1.0) * step and m[_STILL] >= _STILL_TICKS
     if due and not at_stop and abs(m[_DQ]) < abs(m[_LEAST]):  # the reading has led it astray
