@@ -11,6 +11,7 @@ from mitt.signals import Frame, Image, Moments
 from mitt.vision.camera import Camera, Rig, look_at
 from mitt.vision.moments import estimate_ground
 from mitt.vision.segmentation import Segmenter, SegmenterConfig
+from mitt.vision.window import weigh
 from mitt.world.imaging import Imager, ImageSensor
 
 BIAS = 0.01
@@ -210,3 +211,13 @@ def test_what_is_no_image_is_refused() -> None:
     """A frame of the wrong dimension raises."""
     with pytest.raises(ShapeError):
         Segmenter().step(frame(np.zeros((4, 4, 3), dtype=np.uint8)))
+
+
+def test_a_target_as_dark_as_the_ground_has_no_centroid() -> None:
+    """Its mass is what rounding leaves, and its centroid would lie 1e15 pixels off."""
+    pixels, runs, weights = np.array([[10, 41, 30]], np.uint8), np.array([[1], [1]]), np.zeros(7)
+    assert weigh(pixels, 0, 1, runs, 40, 20.0, weights)
+    assert weights[1] == pytest.approx(1.0 + 20.0 / 21.0)
+    level = np.nextafter(27.0, 0.0)
+    assert 0.0 < pixels.sum() - 3.0 * level < 1e-13
+    assert not weigh(pixels, 0, 1, runs, 40, level, weights)

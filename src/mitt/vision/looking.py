@@ -172,7 +172,7 @@ def _is_elsewhere(memory: Array) -> bool:
 
 
 @kernel
-def _is_lost(
+def _is_searching(
     images: tuple[Image, ...], apart: int, memory: Array, rig: Array, belief: Array
 ) -> bool:
     """Tell whether two cameras that stand still look for a ball, and nothing is known of it."""
@@ -225,7 +225,7 @@ def look(
     points = view(work, 3 * triangulation.WORK, (eyes, 3))
     rig = view(memory, eyes * MEMORY, (MEMORY,))
     _foresee(rig)
-    if _is_lost(images, apart, memory, rig, belief) and not seek(
+    if _is_searching(images, apart, memory, rig, belief) and not seek(
         images, backgrounds, memory, settings, boxes, cameras, belief, points, work, r, P
     ):
         rig[STATUS] = float(BLIND)

@@ -165,13 +165,6 @@ def _touches_border(shape: tuple[int, int], top: int, rows: int, runs: Runs) -> 
 
 
 @kernel
-def _has_centroid(weights: Array, shape: tuple[int, int]) -> bool:
-    """Tell whether a target's centroid lies in the image: one as dark as the ground has none."""
-    inside = 0.0 <= weights[1] <= shape[1] - 1.0 and 0.0 <= weights[2] <= shape[0] - 1.0
-    return bool(weights[0] > 0.0 and inside)
-
-
-@kernel
 def _has_grown(memory: Array) -> bool:
     """Tell whether a target is heavier than the ball was: something bright touches it."""
     return bool(memory[WEIGHTS] > (GROWN + RAGGED / sqrt(memory[AREA])) * memory[MASS])
@@ -246,7 +239,7 @@ def segment(
         if part:
             shown = show(pixels, background, difference, memory, window, True)
         top, rows = _everywhere(shown, memory, int(settings[0]), work, new, weights)
-    if rows == 0 or not _has_centroid(weights, shown.shape):
+    if rows == 0:
         memory[0], memory[1], memory[STATE] = np.nan, np.nan, float(LOST)
         return 0, False
     clipped = _touches_border(pixels.shape, top, rows, new)

@@ -33,6 +33,7 @@ from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.views import view
 from mitt.vision.moments import MAX_BLOBS, Box
+from mitt.vision.triangulation import in_camera
 from mitt.vision.window import ROWS, Runs
 
 LEVEL, THRESHOLD, DUE, DU, DV, AREA, STATE, TOP, HEIGHT, MARK, FROZEN = range(2, 13)
@@ -119,18 +120,12 @@ def expect(memory: Array, cameras: Array, radius: float, r: Array, reach: float)
         reach: How far from there it may be [m].
     """
     for n in range(cameras.shape[0]):
-        x, y, z, far = 0.0, 0.0, 0.0, 0.0
-        for i in range(3):
-            d = r[i] - cameras[n, 3, i]
-            x += cameras[n, i, 0] * d
-            y += cameras[n, i, 1] * d
-            z += cameras[n, i, 2] * d
-            far += d * d
+        x, y, z = in_camera(cameras[n], r)
         scale = cameras[n, 4, 0] / max(z, radius)
         memory[n, AT_U] = cameras[n, 4, 1] + scale * x
         memory[n, AT_V] = cameras[n, 4, 2] + scale * y
         memory[n, NEAR] = scale * reach
-        far = sqrt(max(far - radius * radius, radius * radius))
+        far = sqrt(max(x * x + y * y + z * z - radius * radius, radius * radius))
         sine = radius / far
         memory[n, EXPECTED] = pi * (cameras[n, 4, 0] * sine) ** 2 * (far / max(z, radius)) ** 3
 

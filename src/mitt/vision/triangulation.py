@@ -94,6 +94,23 @@ def sphere_centroid(lens: Array, x: float, y: float, z: float, radius: float, uv
 
 
 @kernel
+def in_camera(camera: Array, r: Array) -> tuple[float, float, float]:
+    """Return a place in the optical frame of a camera [m].
+
+    Args:
+        camera: A row of ``cameras``.
+        r: The place in the world [m], shape (3,) or more.
+    """
+    x, y, z = 0.0, 0.0, 0.0
+    for i in range(3):
+        d = r[i] - camera[3, i]
+        x += camera[i, 0] * d
+        y += camera[i, 1] * d
+        z += camera[i, 2] * d
+    return x, y, z
+
+
+@kernel
 def project(camera: Array, r: Array, radius: float, uv: Array) -> bool:
     """Write where in an image the centroid of a ball lies.
 
@@ -106,12 +123,7 @@ def project(camera: Array, r: Array, radius: float, uv: Array) -> bool:
     Returns:
         Whether the ball is in front of the camera.
     """
-    x, y, z = 0.0, 0.0, 0.0
-    for i in range(3):
-        d = r[i] - camera[3, i]
-        x += camera[i, 0] * d
-        y += camera[i, 1] * d
-        z += camera[i, 2] * d
+    x, y, z = in_camera(camera, r)
     if not z > 1.01 * radius:
         return False
     sphere_centroid(camera[4], x, y, z, radius, uv)
@@ -133,12 +145,8 @@ def _refine(cameras: Array, points: Array, radius: float, r: Array, P: Array, wo
     for n in range(cameras.shape[0]):
         if points[n, 2] < 0.0:
             continue
-        at = 15 * n
-        R, c = view(cameras, at, (3, 3)), view(cameras, at + 9, (3,))
-        lens = view(cameras, at + 12, (3,))
-        x = R[0, 0] * (r[0] - c[0]) + R[1, 0] * (r[1] - c[1]) + R[2, 0] * (r[2] - c[2])
-        y = R[0, 1] * (r[0] - c[0]) + R[1, 1] * (r[1] - c[1]) + R[2, 1] * (r[2] - c[2])
-        z = R[0, 2] * (r[0] - c[0]) + R[1, 2] * (r[1] - c[1]) + R[2, 2] * (r[2] - c[2])
+        R, lens = cameras[n, :3], cameras[n, 4]
+        x, y, z = in_camera(cameras[n], r)
         if not z > 1.01 * radius:
             return np.inf
         sphere_centroid(lens, x, y, z, radius, uv)
@@ -262,10 +270,7 @@ def on_ray(
         Whether the known place is in front of the camera.
     """
     x, y = (point[0] - camera[4, 1]) / camera[4, 0], (point[1] - camera[4, 2]) / camera[4, 0]
-    c = camera[3]
-    z = 0.0
-    for i in range(3):
-        z += camera[i, 2] * (known[i] - c[i])
+    c, z = camera[3], in_camera(camera, known)[2]
     if not z > 1.01 * radius:
         return False
     shrink = 1.0 - radius * radius / (z * z)

@@ -183,7 +183,8 @@ def weigh(
         weights: Result, as in the module's table.
 
     Returns:
-        Whether there is any mass.
+        Whether there is any mass, and its centroid lies in the image: that of a target as dark as
+        the ground may lie anywhere.
     """
     height, width = pixels.shape
     level = _around(pixels, top, rows, runs, threshold, level)
@@ -214,6 +215,8 @@ def weigh(
     if not (mass > 0.0 and area > 0.0):
         return False
     mu, mv = mu / mass, mv / mass
+    if not (0.0 <= origin + mu <= width - 1.0 and 0.0 <= top + mv <= height - 1.0):
+        return False
     weights[0], weights[1], weights[2] = mass, origin + mu, top + mv
     weights[3], weights[4], weights[5] = (
         uu / mass - mu * mu,
