@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support import ball_state
 
 from mitt.errors import InputError, ShapeError
 from mitt.flight import advance
 from mitt.signals import Array
 from mitt.vision.camera import fixed_rig
-from mitt.vision.eyes import Eyes, EyesConfig
+from mitt.vision.eyes import Eyes, EyesConfig, EyesStatus
 from mitt.vision.filter import THROWN_BALL, BallFilter
 from mitt.vision.segmentation import Segmenter
 from mitt.vision.triangulation import Triangulator
@@ -90,6 +91,24 @@ def test_a_camera_that_goes_on_alone_sees_no_jump() -> None:
     shared, whole = np.linalg.norm(np.mean(both, axis=0)), 0.3 / 220.0 * np.linalg.norm(ray)
     assert 1e-3 < shared < whole - 1e-3
     assert np.linalg.norm(np.mean(alone, axis=0) - np.mean(both, axis=0)) < 0.5e-3
+
+
+def test_a_contrast_known_from_one_odd_look_is_learned_anew() -> None:
+    """The ball looks a quarter brighter at first; its flight says all along where it should be."""
+    rig, r, dr = fixed_rig(), np.array((3.4, 0.1, 0.3)), np.array((-6.0, 0.0, 1.5))
+    odd, usual = (
+        Imager(rig, ImageSensor(texture=0.0, brightness=b), np.random.default_rng(7))
+        for b in (200.0, 160.0)
+    )
+    eyes, seen = Eyes(rig), list[EyesStatus]()
+    for k in range(40):
+        t = 1e-3 * k
+        eyes.step((odd if k < 3 else usual).render(t, r, 0.04))
+        seen.append(eyes.status)
+        advance(r, dr, 0.04, 1e-3)
+        ball = ball_state(r, dr, np.zeros(3), t=t + 1e-3)
+        eyes.guide(ball, t + 1e-3, gap=1e-3, known=True, alone=True)
+    assert seen.count(EyesStatus.BOTH) > 20
 
 
 def test_without_a_ball_nothing_is_seen_and_it_is_found_when_it_comes() -> None:

@@ -66,14 +66,16 @@ def _judge(memory: Array, since: float, point: Array) -> bool:
 
     The mass over the area that the ball should have is its contrast, which changes slowly; a
     ball that is hidden in part has less, long before its shape gives it away. A rim that hides a
-    share s of the disc moves the centroid by up to s radii: its error widens by that.
+    share s of the disc moves the centroid by up to s radii: its error widens by that. A contrast
+    that rests on few looks is soon forgotten: they may have been odd.
 
     Args:
         memory: Of the camera.
         since: Looks since both eyes saw the ball.
         point: Row of ``points``; its standard deviation is overwritten.
     """
-    if memory[EXPECTED] == 0.0 or memory[WEIGHED] == 0.0:
+    if memory[EXPECTED] == 0.0 or since >= HASTY * memory[WEIGHED]:
+        memory[WEIGHED] = 0.0
         return True
     lacking = abs(memory[WEIGHTS] / (memory[GAIN] * memory[EXPECTED]) - 1.0)
     radius = sqrt(memory[EXPECTED] / pi)
