@@ -7,8 +7,10 @@ from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState
 
 
-def ball_state(r_o: Array, dr_o: Array, ddr_o: Array, *, t: float = 0.0) -> BallState:
-    """Return a ball that is known exactly."""
+def ball_state(
+    r_o: Array, dr_o: Array, ddr_o: Array, *, t: float = 0.0, sigma: float = 1e-6
+) -> BallState:
+    """Return a ball that is known to ``sigma`` [m, m/s], by default exactly."""
     return BallState(
         t=t,
         tracked=True,
@@ -16,7 +18,7 @@ def ball_state(r_o: Array, dr_o: Array, ddr_o: Array, *, t: float = 0.0) -> Ball
         dr_o=dr_o,
         ddr_o=ddr_o,
         drag=0.0,
-        covariance=1e-12 * np.eye(6),
+        covariance=sigma**2 * np.eye(6),
         t_seen=t,
         t_first=0.0,
     )

@@ -203,10 +203,8 @@ class Staged:
         if not senses.frames:
             return
         ball = self.track.state(self.t_last)
-        sigma = np.sqrt(np.trace(ball.covariance[:3, :3]) / 3.0)
-        known = bool(sigma < self.settings.tolerance)
         t = max(frame.t for frame in senses.frames)
-        self.eyes.guide(ball, t, gap=TICK, known=known, alone=not self.beside)
+        self.eyes.guide(ball, t, gap=TICK, alone=not self.beside)
 
     def keep_below(self, speeds: Array) -> None:
         """Take the speeds below which the catcher keeps the joints, as its verdict says."""

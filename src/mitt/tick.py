@@ -165,8 +165,7 @@ def _guide(
     for n in range(len(images)):
         shown |= images[n].size > 0
     if shown:
-        known = out["tracked"] and out["sigma"] < s["tolerance"]
-        guide(rig, ball[0], ball[1], t_exposed - out["t_ball"], TICK, known, not beside)
+        guide(rig, ball[0], ball[1], t_exposed - out["t_ball"], TICK, out["sigma"], not beside)
 
 
 @kernel

@@ -107,8 +107,28 @@ def test_a_contrast_known_from_one_odd_look_is_learned_anew() -> None:
         seen.append(eyes.status)
         advance(r, dr, 0.04, 1e-3)
         ball = ball_state(r, dr, np.zeros(3), t=t + 1e-3)
-        eyes.guide(ball, t + 1e-3, gap=1e-3, known=True, alone=True)
+        eyes.guide(ball, t + 1e-3, gap=1e-3, alone=True)
     assert seen.count(EyesStatus.BOTH) > 20
+
+
+@pytest.mark.parametrize(("sigma", "guided"), [(0.01, True), (0.04, True), (0.08, False)])
+def test_a_flight_that_is_roughly_known_keeps_the_eyes_off_another_ball(
+    sigma: float, guided: bool
+) -> None:
+    """For 0.12 s one camera sees a ball 0.35 m beside the flight, the other the right one."""
+    rig, r, dr = fixed_rig(), np.array((3.0, 0.0, 0.5)), np.array((-4.0, 0.0, 1.0))
+    imager = Imager(rig, ImageSensor(texture=0.0), np.random.default_rng(8))
+    eyes, errors = Eyes(rig), list[float]()
+    for k in range(200):
+        t, beside = 1e-3 * k, r + np.array((0.0, 0.35, 0.0))
+        right, wrong = imager.render(t, r, 0.04), imager.render(t, beside, 0.04)
+        s = eyes.step((wrong[0], right[1]) if 40 <= k < 160 else right)
+        if s.found:
+            errors.append(float(np.linalg.norm(s.r_o - r)))
+        advance(r, dr, 0.04, 1e-3)
+        ball = ball_state(r, dr, np.zeros(3), t=t + 1e-3, sigma=sigma)
+        eyes.guide(ball, t + 1e-3, gap=1e-3, alone=True)
+    assert (len(errors) > 180 and max(errors) < 0.02) == guided
 
 
 def test_without_a_ball_nothing_is_seen_and_it_is_found_when_it_comes() -> None:

@@ -175,14 +175,13 @@ class Eyes:
         )
         return wanted
 
-    def guide(self, ball: BallState, t: float, *, gap: float, known: bool, alone: bool) -> None:
+    def guide(self, ball: BallState, t: float, *, gap: float, alone: bool) -> None:
         """Say where the ball should be; where both cameras see it, that changes nothing.
 
         Args:
             ball: Estimate of the ball, at a time near ``t``.
             t: Time of the frames that come next [s].
             gap: Time between two frames [s].
-            known: Whether the estimate is good to about 20 mm.
             alone: Whether one camera counts while something hides the ball from the other.
 
         Raises:
@@ -190,9 +189,10 @@ class Eyes:
         """
         ball = checks.instance("ball", ball, BallState)
         ahead = checks.number("t", t, finite=True) - ball.t
-        gap, known = checks.number("gap", gap, finite=True), checks.flag("known", known)
-        alone, rig = checks.flag("alone", alone), self._memory[-1]
-        looking.guide(rig, ball.r_o, ball.dr_o, ahead, gap, known and ball.tracked, alone)
+        gap, alone = checks.number("gap", gap, finite=True), checks.flag("alone", alone)
+        known, rig = ball.tracked, self._memory[-1]
+        sigma = np.sqrt(np.trace(ball.covariance[:3, :3]) / 3.0) if known else np.inf
+        looking.guide(rig, ball.r_o, ball.dr_o, ahead, gap, sigma, alone)
 
     def parts(self) -> dict[str, NDArray[Any]]:
         """Return the arrays of :func:`look` and of the gaze, for whoever composes them."""

@@ -33,7 +33,7 @@ AGE, ALONE, GUIDED = 10, 11, 12
 """Places in the rig's row of the memory, after the position: sightings that it rests on, looks
 since both eyes saw the ball, looks at odds in a row, status, motion a look, looks since the
 position was corrected, whether one eye counts while something hides the ball from the other,
-whether the position is that of :func:`guide`."""
+how far from there the ball may be if the position is that of :func:`guide` [m], else 0."""
 BLIND, ONE, BOTH, AT_ODDS = range(4)
 
 ALONG = 1.0
@@ -55,7 +55,9 @@ bounce off, and it comes back."""
 REACH, ASTRAY, GUIDED_REACH = 0.12, 0.01, 0.06
 """Distance from where it should be within which a lost ball is looked for, and what each look
 without both eyes adds [m]: it may change its speed by 10 m/s. Where its flight says where it should
-be, it is nowhere else, and each look without any eye counts."""
+be, it is nowhere else (two standard deviations are added), and each look without any eye counts."""
+GUIDED_SIGMA = 0.06
+"""Standard deviation of the flight's position below which it guides the eyes [m]."""
 ALPHA, BETA, RESTART = 0.5, 0.1, 20.0
 """Gains of position and motion from look to look; looks after which motion is estimated anew."""
 
@@ -129,7 +131,7 @@ def _foresee(rig: Array) -> None:
 
 @kernel
 def guide(
-    rig: Array, r: Array, dr: Array, ahead: float, gap: float, known: bool, alone: bool
+    rig: Array, r: Array, dr: Array, ahead: float, gap: float, sigma: float, alone: bool
 ) -> None:
     """Tell eyes that do not both see the ball where it should be by its flight.
 
@@ -139,15 +141,16 @@ def guide(
         dr: Velocity [m/s], shape (3,).
         ahead: Time from there to the look that comes [s].
         gap: Time between two looks [s].
-        known: Whether the flight is known well enough.
+        sigma: Standard deviation of that position [m]; infinite without a flight.
         alone: Whether one eye counts while something hides the ball from the other.
     """
     rig[ALONE] = 1.0 if alone else 0.0
-    if not known or rig[SINCE] == 0.0 or rig[AGE] >= GUIDES:
+    if not sigma < GUIDED_SIGMA or rig[SINCE] == 0.0 or rig[AGE] >= GUIDES:
         return
     for i in range(3):
         rig[i], rig[SPEED + i] = r[i] + (ahead - gap) * dr[i], gap * dr[i]
-    rig[KNOWN], rig[GUIDED], rig[SINCE] = SLOWLY, 1.0, min(rig[SINCE], FORGET - 2.0)
+    reach = GUIDED_REACH + 2.0 * sigma
+    rig[KNOWN], rig[GUIDED], rig[SINCE] = SLOWLY, reach, min(rig[SINCE], FORGET - 2.0)
 
 
 @kernel
@@ -233,7 +236,7 @@ def look(
         rig[STATUS] = float(BLIND)
         return False
     guided = rig[GUIDED] > 0.0
-    since, reach = (rig[AGE], GUIDED_REACH) if guided else (rig[SINCE], REACH)
+    since, reach = (rig[AGE], rig[GUIDED]) if guided else (rig[SINCE], REACH)
     rig[GUIDED] = 0.0
     if rig[KNOWN] > 0.0:
         expect(memory, cameras, belief[0], rig, reach + ASTRAY * since)
