@@ -126,7 +126,9 @@ class Joints:
         """Start with nothing read."""
         n, links = arm.n, len(arm.bodies)
         self.table, self.memory = Encoders().table(arm), memory_of(n)
-        self.doubt = self.table[1] / np.diag(arm.mass_matrix(arm.q_ready))
+        M = arm.mass_matrix(arm.q_ready)
+        self.doubt = np.array([self.table[1] / np.diag(M)] * 2)
+        self.coupling = M / np.diag(M)[:, None]
         self.rows, self.believed = np.zeros((5, n)), np.array([arm.q_ready, np.zeros(n)])
         self.scratch = np.zeros(links), np.zeros((links, n)), slopes_work(links)
         self.solved, self.bounds = np.zeros((n + 2, 2 * n)), bounds_of(arm)
@@ -137,8 +139,8 @@ class Joints:
         The stages go on from the catcher's own: feedback makes 6,400 of each rounding.
         """
         read = np.array([senses.arm.q, senses.arm.dq])
-        believe(self.memory, self.bounds, self.table[0], self.doubt, read, self.rows, False,
-                blow, self.believed)  # fmt: skip
+        believe(self.memory, self.bounds, self.table[0], self.doubt, self.coupling, read, self.rows,
+                False, blow, self.believed)  # fmt: skip
         assert np.allclose(self.believed, believed, rtol=SAME, atol=SAME)
         self.believed[:] = believed
         return ArmState(t=senses.t, q=believed[0].copy(), dq=believed[1].copy())
@@ -148,7 +150,7 @@ class Joints:
         self.rows[:4] = command.told
         self.bounds = bounds_of(arm)
         bring(arm.bodies, np.array(arm.model.active), self.believed, self.table[1], *self.scratch,
-              self.solved, self.rows, self.doubt)  # fmt: skip
+              self.solved, self.rows, self.doubt, self.coupling)  # fmt: skip
 
 
 class Staged:

@@ -177,7 +177,7 @@ def _measure(state: Record, result: Record) -> None:
         blow[k] = NO_FAULT * abs(s["jump"][k]) if may_strike else 0.0
     s["encoders"] = believe(
         s["encoder_memory"], s["encoder_bounds"], s["encoder_table"][0], s["encoder_doubt"],
-        out["encoders"], out["told"], s["braked"], blow, s["believed"],
+        s["encoder_coupling"], out["encoders"], out["told"], s["braked"], blow, s["believed"],
     )  # fmt: skip
 
 
@@ -269,7 +269,7 @@ def act(brake: Array, state: Record, result: Record) -> int:
     _engage(state, result)
     bring(
         s["bodies"], s["index"], believed, s["encoder_table"][1], s["room_tau"], s["room_mass"],
-        s["room_work"], s["encoder_work"], out["told"], s["encoder_doubt"],
+        s["room_work"], s["encoder_work"], out["told"], s["encoder_doubt"], s["encoder_coupling"],
     )  # fmt: skip
     if s["braked"]:
         out["told"][4] = 0.0

@@ -63,7 +63,8 @@ class Watch:
         """Start with nothing read."""
         self.b, self.step = bounds_of(arm), step
         self.memory, self.believed = monitor.memory_of(arm.n), np.zeros((2, arm.n))
-        self.steps, self.doubt = np.full(arm.n, step), np.full(arm.n, DOUBT)
+        self.steps, self.doubt = np.full(arm.n, step), np.full((2, arm.n), DOUBT)
+        self.coupling = np.eye(arm.n)
         self.blow = np.zeros(arm.n)
 
     def read(self, q: Array, push: Array, dq: Array | None = None, *, held: bool = False) -> int:
@@ -75,6 +76,7 @@ class Watch:
                 self.b,
                 self.steps,
                 self.doubt,
+                self.coupling,
                 read,
                 telling(push),
                 held,
@@ -177,6 +179,26 @@ def test_a_joint_that_friction_holds_is_not_a_stuck_encoder(
     push[joint] = side * DOUBT
     for _ in range(300):
         assert watch.count(arm.q_ready, push) == FINE
+
+
+@given(step=st.sampled_from(STEPS[:2]), held=st.booleans())
+def test_how_the_others_move_says_whether_something_holds_a_joint(
+    arm: Arm, step: float, held: bool
+) -> None:
+    """Whatever holds joint 4 pushes joint 2; if joint 2 does as commanded, nothing holds joint 4.
+
+    By unknown torques at all joints it could be held.
+    """
+    watch, push, found = Watch(arm, step), np.array([0.0, 0.0, -60.0]), FINE
+    watch.doubt[0], watch.doubt[1], watch.coupling[2, 1] = 80.0, 8.0, 1.6
+    for k in range(100):
+        t = TICK * max(k - 40, 0)
+        q = arm.q_ready + np.array([0.0, -0.5 * t * t * 60.0 / 1.6 if held else 0.0, 0.0])
+        found = max(found, watch.count(q, push if k >= 40 else 0.0 * push))
+        if found > BRIDGED:
+            break
+    assert found == (FINE if held else STUCK)
+    assert held or k <= 40 + 3 * WITHIN
 
 
 @pytest.mark.parametrize("late", range(4))

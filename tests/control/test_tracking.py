@@ -182,17 +182,24 @@ def test_the_acceleration_that_torques_bring_is_the_models(arm: Arm, seed: int) 
     """Whatever was cut: Pinocchio's forward dynamics of the torques as commanded."""
     rng, n = np.random.default_rng(seed), arm.n
     q, dq = rng.uniform(arm.q_min, arm.q_max), rng.uniform(-1.5, 1.5, n) * arm.dq_max
-    tracker, rows, doubt = Tracker(arm, bandwidth=80.0), np.zeros((5, n)), np.zeros(n)
+    tracker, rows, doubt = Tracker(arm, bandwidth=80.0), np.zeros((5, n)), np.zeros((2, n))
     tracker.guard.begin(q, dq)
     wanted = np.array([q, dq, np.zeros(n)]) + rng.standard_normal((3, n))
     rows[:4] = tracker.step(ArmState(t=0.0, q=q, dq=dq), wanted, hand=0.0).command.told
     unknown, links = rng.uniform(0.0, 3.0, n), len(arm.bodies)
     scratch = np.zeros(links), np.zeros((links, n)), slopes_work(links), np.zeros((n + 2, 2 * n))
     index = np.array(arm.model.active)
-    bring(arm.bodies, index, np.array([q, dq]), unknown, *scratch, rows, doubt)
+    coupling = np.zeros((n, n))
+    bring(arm.bodies, index, np.array([q, dq]), unknown, *scratch, rows, doubt, coupling)
     bias, M = arm.inverse_dynamics(q, dq, np.zeros(n)), arm.mass_matrix(q)
     assert np.allclose(rows[4], np.linalg.solve(M, rows[3] - bias), rtol=1e-8, atol=1e-8)
-    assert np.allclose(doubt, np.abs(np.linalg.inv(M)) @ unknown, rtol=1e-8, atol=1e-8)
+    assert np.allclose(doubt[0], np.abs(np.linalg.inv(M)) @ unknown, rtol=1e-8, atol=1e-8)
+    assert np.allclose(doubt[1], unknown / np.diag(M), rtol=1e-8, atol=1e-8)
+    a, k = rng.standard_normal(n), int(rng.integers(n))  # the others move otherwise than modelled
+    others = np.arange(n) != k
+    alone = (rows[3, k] - bias[k] - M[k, others] @ a[others]) / M[k, k]
+    given_others = rows[4, k] + coupling[k, others] @ (rows[4] - a)[others]
+    assert np.isclose(given_others, alone, rtol=1e-6, atol=1e-6)
 
 
 @given(seed=st.integers(0, 2**31))

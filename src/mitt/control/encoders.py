@@ -67,9 +67,12 @@ class Encoders:
 @kernel
 def bring(
     bodies: Array, index: NDArray[np.int64], believed: Array, unknown: Array,
-    tau: Array, mass: Array, work: Array, solved: Array, told: Array, doubt: Array,
+    tau: Array, mass: Array, work: Array, solved: Array, told: Array, doubt: Array, coupling: Array,
 ) -> None:  # fmt: skip
     """Write the acceleration that a tick's torques bring, and what unknown torques can add to it.
+
+    With M the mass matrix, a torque w_k at joint k that nobody knows, and accelerations a_j of the
+    others that are measured, joint k moves by ddq_k = (tau_k - bias_k + w_k - sum M_kj a_j) / M_kk.
 
     Args:
         bodies: Table of :mod:`mitt.robot.dynamics`, shape (N, 31).
@@ -81,7 +84,9 @@ def bring(
         work: Scratch of :mod:`mitt.robot.slopes`, shape (N, 46).
         solved: Scratch, shape (n + 2, 2 n).
         told: Torques in the fourth row [N m]; result in the fifth [rad/s^2], shape (5, n).
-        doubt: Result: acceleration that unknown torques can bring [rad/s^2], shape (n,).
+        doubt: Result: acceleration that the unknown torques of all joints can bring, and the one
+            that a joint's own can while the others move as they do [rad/s^2], shape (2, n).
+        coupling: Result: M_kj / M_kk, shape (n, n).
     """
     n = len(index)
     motion = view(solved, 2 * n * n, (3, n))
@@ -100,7 +105,9 @@ def bring(
                 for c in range(2 * n):
                     solved[j, c] -= factor * solved[i, c]
     for i in range(n):
-        told[4, i], doubt[i] = 0.0, 0.0
+        own = max(mass[index[i], i], 1e-9)
+        told[4, i], doubt[0, i], doubt[1, i] = 0.0, 0.0, unknown[i] / own
         for j in range(n):
             told[4, i] += solved[i, n + j] * (told[3, j] - tau[index[j]])
-            doubt[i] += abs(solved[i, n + j]) * unknown[j]
+            doubt[0, i] += abs(solved[i, n + j]) * unknown[j]
+            coupling[i, j] = mass[index[i], j] / own

@@ -14,7 +14,7 @@ drive whose stall torque and no-load speed are both smaller by the share w_m / w
 |------------|-------------------------------------------------------------------|---------|-------|
 | ``lead``   | T, from the reading of the joints until the command has acted     | s       |       |
 | ``told``   | fifth row: accelerations by the torques before, by the model      | rad/s^2 | (5, n)|
-| ``doubt``  | a_k, accelerations that unknown torques can add                   | rad/s^2 | (n,)  |
+| ``doubt``  | a_k, accelerations that unknown torques can add, in row 0         | rad/s^2 | (2, n) |
 | ``jump``   | change of the joint speeds by the ball, where it may come         | rad/s   | (n,)  |
 | ``memory`` | of :mod:`mitt.control.monitor`, sigma_k among it                  |         | (n, .)|
 """
@@ -63,7 +63,7 @@ def derate(
             rate += ratio * told[4, k]
             blow += ratio * jump[k]
             sigma = np.sqrt(max(memory[k, SPEED_VARIANCE], 0.0))
-            margin += abs(ratio) * (_SIGMAS * sigma + lead * doubt[k])
+            margin += abs(ratio) * (_SIGMAS * sigma + lead * doubt[0, k])
         way = 1.0 if speed >= 0.0 else -1.0
         margin += lead * max(way * rate, 0.0) + (max(way * blow, 0.0) if struck else 0.0)
         left = max(1.0 - margin / top, LEAST)

@@ -13,8 +13,9 @@ An encoder is in doubt only where no admissible plant explains what it reads:
   with 30 % of the readings lost, fifteen in a row are lost once in 7e7 ticks;
 * JUMPED: three readings in a row lie where no motion within the limits leads, impacts included: an
   impact changes the velocity, not the place;
-* STUCK: the reading stands still while the joint must have moved on by more than five counts,
-  whatever friction and model error hold it;
+* STUCK: the reading stands still while the joint must have moved on by more than five counts. How
+  the other joints move is measured, so only a torque at this joint itself can hold it: friction and
+  model error have to be larger than is known of them;
 * REVERSED: a steady velocity turns round at once to its mirror image; or for some ticks the reading
   moves against the torques, and faster than the joint was of late. What is passive does not do
   that: a wall gives back no more speed than it took. While the ball may strike, a change of
@@ -44,9 +45,10 @@ _HELD, _STILL, _LEAST, _DUE = range(11, 15)
 #: reckoned since then; ticks too fast; acceleration told before; what is wrong; good readings since
 #: then, the last one, whether it has moved.
 _AGAINST, _FROM, _SHADOW_Q, _SHADOW_DQ, _FASTS, _PUSH, _DOUBT, _GOOD, _LAST, _MOVED = range(15, 25)
-#: Gaps in the readings of late; largest speed in the last few ticks.
-_GAPS, _FRESH = 25, 26
-COLUMNS = 27
+#: Gaps in the readings of late; largest speed in the last few ticks; by how much readings corrected
+#: the velocity in this tick, and in the tick before.
+_GAPS, _FRESH, _CORRECTED, _BEFORE = 25, 26, 27, 28
+COLUMNS = 29
 #: Column of the variance of the estimated speed [rad^2/s^2].
 SPEED_VARIANCE = _PV
 
@@ -114,6 +116,7 @@ def believe(
     b: Array,
     steps: Array,
     doubt: Array,
+    coupling: Array,
     read: Array,
     told: Array,
     held: bool,
@@ -126,7 +129,8 @@ def believe(
         memory: Overwritten, shape (n, COLUMNS).
         b: Limits, as of :mod:`mitt.control.envelope`, shape (>= 5, n).
         steps: Resolution of the encoders [rad], shape (n,).
-        doubt: Acceleration that unknown torques can bring [rad/s^2], shape (n,).
+        doubt: As of :func:`mitt.control.encoders.bring`, shape (2, n).
+        coupling: As of that function, shape (n, n).
         read: q, dq as read [rad, rad/s], shape (2, n); dq counts in the first tick alone.
         told: q, dq, ddq, tau told in the tick before, and the acceleration that its torques
             bring by the model, shape (5, n).
@@ -134,8 +138,10 @@ def believe(
         blow: Change of speed that the ball's impact may bring now [rad/s], shape (n,).
         believed: Result: q, dq, shape (2, n).
     """
-    worst = FINE
-    for k in range(read.shape[1]):
+    worst, n = FINE, read.shape[1]
+    for k in range(n):
+        memory[k, _BEFORE], memory[k, _CORRECTED] = memory[k, _CORRECTED], 0.0
+    for k in range(n):
         m, q = view(memory, k * COLUMNS, (COLUMNS,)), read[0, k]
         push = told[4, k] if np.isfinite(told[4, k]) else 0.0
         if np.isnan(m[_Q]):
@@ -144,7 +150,8 @@ def believe(
             found = int(m[_DOUBT])
             _reckon(m, b[2, k], steps[k], q, push, held)
         else:
-            found = _observe(m, b, k, steps[k], doubt[k], q, push, blow[k])
+            alone = _held_alone(memory, k, doubt[1, k], coupling, told, push)
+            found = _observe(m, b, k, steps[k], doubt[0, k], q, push, blow[k], alone)
             if found >= SILENT:
                 m[_DOUBT], m[_GOOD], m[_MOVED], m[_LAST] = found, 0.0, 0.0, q
         m[_PUSH] = push
@@ -164,7 +171,7 @@ def _begin(m: Array, b: Array, k: int, step: float, q: float, dq: float) -> int:
         return SILENT if silent else BRIDGED
     known = abs(dq) <= _EXCESS * b[2, k]
     _take(m, q, dq if known else 0.0, step)
-    m[_GONE], m[_HELD], m[_LEAST], m[_GAPS] = 0.0, q, 0.0, _NEW
+    m[_GONE], m[_HELD], m[_LEAST], m[_GAPS], m[_CORRECTED] = 0.0, q, 0.0, _NEW, 0.0
     return FINE
 
 
@@ -172,6 +179,7 @@ def _begin(m: Array, b: Array, k: int, step: float, q: float, dq: float) -> int:
 def _take(m: Array, q: float, dq: float, step: float) -> None:
     """Begin the filter from a reading and a velocity that is a difference of readings."""
     r = step * step / 12.0
+    m[_CORRECTED] += dq - m[_DQ]
     m[_Q], m[_DQ], m[_Q0], m[_DQ0], m[_SINCE] = q, dq, q, dq, 0.0
     m[_PQ], m[_PX], m[_PV] = r, r / TICK, 2.0 * r / (TICK * TICK)
     m[_REFUSED], m[_AGAINST], m[_FROM] = 0.0, 0.0, max(m[_FROM], abs(dq))
@@ -195,9 +203,31 @@ def _reckon(m: Array, dq_max: float, step: float, q: float, push: float, held: b
 
 
 @kernel
+def _held_alone(
+    memory: Array, k: int, own: float, coupling: Array, told: Array, push: float
+) -> tuple[float, float, float]:
+    """Return what a torque at this joint has to overcome to hold it while the others move as read.
+
+    Returns:
+        The acceleration that the commanded torques would bring then, its largest error
+        [rad/s^2], and by how much the speed may be wrong because those of the others are [rad/s].
+    """
+    moved, variance, alone = 0.0, 0.0, push
+    for j in range(len(memory)):
+        if j != k:
+            ratio, other = coupling[k, j], memory[j]
+            alone -= ratio * other[_BEFORE] / TICK
+            moved += ratio * told[4, j] if np.isfinite(told[4, j]) else 0.0
+            variance += ratio * ratio * other[_PV]
+    error = own + _MODEL * (abs(push) + abs(moved)) + abs(push - memory[k, _PUSH])
+    return alone, error, 3.0 * np.sqrt(variance)
+
+
+@kernel
 def _observe(
-    m: Array, b: Array, k: int, step: float, doubt: float, q: float, push: float, blow: float
-) -> int:
+    m: Array, b: Array, k: int, step: float, doubt: float, q: float, push: float, blow: float,
+    alone: tuple[float, float, float],
+) -> int:  # fmt: skip
     """Predict a measured joint, correct it by its reading, and say what is wrong with that."""
     error = doubt + _MODEL * abs(push) + abs(push - m[_PUSH])
     _predict(m, push, error)
@@ -207,7 +237,7 @@ def _observe(
         return SILENT if m[_GONE] >= (LOSSY_TICKS if lossy else SILENT_TICKS) else BRIDGED
     m[_GAPS] = (1.0 - _HEALS) * m[_GAPS] + (1.0 if m[_GONE] > 0.0 else 0.0)
     m[_GONE] = 0.0
-    if _stands_still(m, b, k, step, error, q, push, blow):
+    if _stands_still(m, b, k, step, q, blow, alone):
         return STUCK
     off, r = q - m[_Q], step * step / 12.0
     gate = _GATE * np.sqrt(m[_PQ] + r) + step + _EXCESS * b[4, k] * TICK * TICK
@@ -246,6 +276,7 @@ def _correct(m: Array, off: float, r: float) -> None:
     gain, rate = m[_PQ] / s, m[_PX] / s
     m[_Q] += gain * off
     m[_DQ] += rate * off
+    m[_CORRECTED] += rate * off
     m[_PV] -= rate * m[_PX]
     m[_PX] *= 1.0 - gain
     m[_PQ] *= 1.0 - gain
@@ -277,18 +308,20 @@ def _refused(m: Array, dq_max: float, ddq_max: float, step: float, q: float, blo
 
 @kernel
 def _stands_still(
-    m: Array, b: Array, k: int, step: float, error: float, q: float, push: float, blow: float
-) -> bool:
+    m: Array, b: Array, k: int, step: float, q: float, blow: float,
+    alone: tuple[float, float, float],
+) -> bool:  # fmt: skip
     """Say whether a reading stands still that must have moved, whether or not the ball struck."""
+    push, error, slack = alone
     if abs(q - m[_HELD]) >= 0.5 * step:
-        sure = max(abs(m[_DQ]) - 3.0 * np.sqrt(m[_PV]), 0.0)
+        sure = max(abs(m[_DQ]) - 3.0 * np.sqrt(m[_PV]) - slack, 0.0)
         m[_HELD], m[_STILL], m[_DUE] = q, 0.0, 0.0
         m[_LEAST] = np.copysign(sure, m[_DQ])
         return False
     speed = m[_LEAST] + push * TICK
     m[_STILL] += 1.0
     m[_LEAST] = np.copysign(max(abs(speed) - error * TICK, 0.0), speed)
-    least = max(abs(m[_LEAST]) - blow, 0.0)
+    least = max(abs(m[_LEAST]) - blow - slack, 0.0)
     m[_DUE] += np.copysign(least, m[_LEAST]) * TICK
     if least == 0.0:
         m[_DUE] = m[_STILL] = 0.0
