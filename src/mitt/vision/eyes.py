@@ -179,7 +179,8 @@ class Eyes:
         """Say where the ball should be; where both cameras see it, that changes nothing.
 
         Args:
-            ball: Estimate of the ball, at a time near ``t``.
+            ball: Estimate of the ball, at a time near ``t``; it counts if its position is known to
+                60 mm.
             t: Time of the frames that come next [s].
             gap: Time between two frames [s].
             alone: Whether one camera counts while something hides the ball from the other.
