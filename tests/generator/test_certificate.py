@@ -122,6 +122,16 @@ def test_a_ball_that_falls_short_is_open(learned: Learned, below: float) -> None
     assert said.outcome is Outcome.OPEN
 
 
+@pytest.mark.parametrize("before", [0.1, 0.03, -0.03, -0.1])
+def test_a_ball_that_falls_short_is_refused_once_the_arm_cannot_wait_for_it(
+    learned: Learned, before: float
+) -> None:
+    """Seen too late, or past the place of the catch: the way to its stand-in takes too much."""
+    ball = thrown(learned.map, before=before)
+    said = verdict(learned.map, replace(ball, r_o=ball.r_o - np.array([0.0, 0.0, 0.8])))
+    assert said.outcome is Outcome.UNREACHABLE
+
+
 @given(speed=st.floats(7.1, 8.2))
 def test_a_ball_a_little_too_fast_names_the_speed_of_the_elbow(
     learned: Learned, speed: float

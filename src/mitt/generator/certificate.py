@@ -125,13 +125,18 @@ def _judged(
     f: DirectMap, ball: BallState, q: Array, *, tolerance: Tolerance, dq: Array | None
 ) -> Verdict:
     """Return the verdict on a ball that goes on by its law of motion; see :func:`judge`."""
-    seen = foresee(f, ball)
+    seen, start = foresee(f, ball), np.array([q, np.zeros(f.arm.n) if dq is None else dq])
     where = _where(f, seen)
-    if where is not None:
-        return _turned_down(f, ball, seen, where)
-    alpha = f.adapted(ball, q, np.zeros(f.arm.n) if dq is None else dq)
+    alpha = f.adapted(ball, *start) if where is None else None
     if alpha is None:
-        return _turned_down(f, ball, seen, "domain")
+        waits = _may_rise(f, ball, seen) and _can_wait(f, ball, start, tolerance)
+        return Verdict(
+            outcome=Outcome.OPEN if waits else Outcome.UNREACHABLE,
+            binding_limit=where or "domain",
+            share=np.inf,
+            t_catch=ball.t + seen.after,
+            sigma=np.inf,
+        )
     path = flown(ball, np.linspace(0.0, seen.after, _INSTANTS))
     motion = f.motions(path, alpha)
     shares = shares_of(f.arm, motion, tolerance)
@@ -143,17 +148,6 @@ def _judged(
         t_catch=ball.t + seen.after,
         sigma=spread(ball, seen.after),
         approach=Approach(motion=motion, step=seen.after / (_INSTANTS - 1), dr_o=path[-1, 1]),
-    )
-
-
-def _turned_down(f: DirectMap, ball: BallState, seen: Foresight, where: str) -> Verdict:
-    """Return the verdict on a ball that does not come through the map's region."""
-    return Verdict(
-        outcome=Outcome.OPEN if _may_rise(f, ball, seen) else Outcome.UNREACHABLE,
-        binding_limit=where,
-        share=np.inf,
-        t_catch=ball.t + seen.after,
-        sigma=np.inf,
     )
 
 
@@ -232,6 +226,35 @@ def _may_rise(f: DirectMap, ball: BallState, seen: Foresight) -> bool:
     if np.isfinite(seen.after):
         low = bool(f.to_ball(seen.q_o)[2] < f.arm.position(f.start)[2])
     return low and _passes_over(f, ball)
+
+
+def _can_wait(f: DirectMap, ball: BallState, start: Array, tolerance: Tolerance) -> bool:
+    """Say whether the arm can follow a ball's stand-in to its catch within the limits.
+
+    It cannot where the ball has passed by already, or is about to.
+
+    Args:
+        f: The map.
+        ball: Estimate of the ball.
+        start: q, dq of the arm [rad, rad/s], shape (2, n).
+        tolerance: Share of each limit that may be asked for.
+    """
+    path, i = flown(ball, np.arange(0.0, _AHEAD, _STRIDE)), f.design.catch_joint
+    to_go = list[float]()
+    for motion in path:
+        level(motion, waiting_height(f))
+        inside, rows = f.virtual(motion)
+        if not inside:
+            return False
+        to_go.append(rows[0, i] - f.design.q_catch)
+        if to_go[0] * to_go[-1] <= 0.0:
+            break
+    else:
+        return False
+    alpha = f.adapted(levelled(f, ball), *start)
+    if alpha is None:
+        return False
+    return max(shares_of(f.arm, f.motions(path[: len(to_go)], alpha), tolerance).values()) <= 1.0
 
 
 def _passes_over(f: DirectMap, ball: BallState) -> bool:
