@@ -27,10 +27,8 @@ def derated(arm: Arm, given: dict[str, np.ndarray], *, struck: bool) -> np.ndarr
     told = np.zeros((5, arm.n))
     told[4] = given["rate"]
     drives, index = arm.limits.packed, np.array(arm.model.active)
-    out = np.zeros_like(drives)
-    derate(
-        drives, index, memory, given["dq"], told, given["doubt"], given["jump"], LEAD, struck, out
-    )  # fmt: skip
+    out, doubt = np.zeros_like(drives), np.array([given["doubt"], np.zeros(arm.n)])
+    derate(drives, index, memory, given["dq"], told, doubt, given["jump"], LEAD, struck, out)
     assert memory.shape == (arm.n, COLUMNS)
     return out
 

@@ -67,6 +67,12 @@ class Watch:
         self.coupling = np.eye(arm.n)
         self.blow = np.zeros(arm.n)
 
+    def couple(self, arm: Arm) -> None:
+        """Let joints drive each other as the arm's, with a tenth of its torque unknown."""
+        M, unknown = arm.mass_matrix(arm.q_ready), 0.1 * arm.tau_max
+        self.coupling = M / np.diag(M)[:, None]
+        self.doubt = np.array([np.abs(np.linalg.inv(M)) @ unknown, unknown / np.diag(M)])
+
     def read(self, q: Array, push: Array, dq: Array | None = None, *, held: bool = False) -> int:
         """Feed positions as they are."""
         read = np.array([q, np.zeros_like(q) if dq is None else dq])
@@ -199,6 +205,48 @@ def test_how_the_others_move_says_whether_something_holds_a_joint(
             break
     assert found == (FINE if held else STUCK)
     assert held or k <= 40 + 3 * WITHIN
+
+
+@given(joint=joints, times=st.floats(3.0, 12.0), step=st.sampled_from(STEPS[:2]))
+def test_a_stuck_encoder_puts_no_other_in_doubt(
+    arm: Arm, joint: int, times: float, step: float
+) -> None:
+    """One joint is driven and reads nothing of it, the others rest: it alone is in doubt."""
+    watch, push = Watch(arm, step), np.zeros(arm.n)
+    watch.couple(arm)
+    push[joint] = times * watch.doubt[1, joint]
+    for k in range(300):
+        watch.count(arm.q_ready, push if k >= 40 else 0.0 * push)
+    assert monitor.doubted(watch.memory) == [joint]
+
+
+@given(joint=joints, change=st.floats(-1.0, 1.0), step=st.sampled_from(STEPS[:2]))
+def test_a_blow_to_one_joint_puts_no_other_in_doubt(
+    arm: Arm, joint: int, change: float, step: float
+) -> None:
+    """The ball strikes so that one joint moves and the others, which are coupled to it, rest."""
+    watch, dq = Watch(arm, step), np.zeros(arm.n)
+    watch.couple(arm)
+    watch.blow[joint] = 1.5 * abs(change)
+    q = arm.q_ready.copy()
+    for k in range(200):
+        dq[joint] = change if k >= 60 else 0.0
+        q = q + TICK * dq
+        assert watch.count(q, np.zeros(arm.n)) <= BRIDGED
+
+
+@given(joint=joints, speed=st.floats(0.3, 2.0), step=st.sampled_from(STEPS[:2]))
+def test_brakes_that_hold_a_joint_are_no_stuck_encoder(
+    arm: Arm, joint: int, speed: float, step: float
+) -> None:
+    """They bring it to rest within some ticks, without a torque of the drives."""
+    watch, dq, q = Watch(arm, step), np.zeros(arm.n), arm.q_ready.copy()
+    watch.couple(arm)
+    for k in range(200):
+        dq[joint] = speed * min(max(1.0 - (k - 60) / 20.0, 0.0), 1.0)
+        q = q + TICK * dq
+        read = step * np.round(q / step)
+        assert watch.read(read, np.zeros(arm.n), dq, held=k >= 60) <= BRIDGED
 
 
 @pytest.mark.parametrize("late", range(4))

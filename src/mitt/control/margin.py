@@ -14,7 +14,7 @@ drive whose stall torque and no-load speed are both smaller by the share w_m / w
 |------------|-------------------------------------------------------------------|---------|-------|
 | ``lead``   | T, from the reading of the joints until the command has acted     | s       |       |
 | ``told``   | fifth row: accelerations by the torques before, by the model      | rad/s^2 | (5, n)|
-| ``doubt``  | a_k, accelerations that unknown torques can add, in row 0         | rad/s^2 | (2, n) |
+| ``doubt``  | first row: a_k, accelerations that unknown torques can add        | rad/s^2 | (2, n)|
 | ``jump``   | change of the joint speeds by the ball, where it may come         | rad/s   | (n,)  |
 | ``memory`` | of :mod:`mitt.control.monitor`, sigma_k among it                  |         | (n, .)|
 """

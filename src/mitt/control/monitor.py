@@ -46,9 +46,9 @@ _HELD, _STILL, _LEAST, _DUE = range(11, 15)
 #: then, the last one, whether it has moved.
 _AGAINST, _FROM, _SHADOW_Q, _SHADOW_DQ, _FASTS, _PUSH, _DOUBT, _GOOD, _LAST, _MOVED = range(15, 25)
 #: Gaps in the readings of late; largest speed in the last few ticks; by how much readings corrected
-#: the velocity in this tick, and in the tick before.
-_GAPS, _FRESH, _CORRECTED, _BEFORE = 25, 26, 27, 28
-COLUMNS = 29
+#: the velocity in this tick, and in the tick before; ticks since the reading last changed.
+_GAPS, _FRESH, _CORRECTED, _BEFORE, _RESTS = 25, 26, 27, 28, 29
+COLUMNS = 30
 #: Column of the variance of the estimated speed [rad^2/s^2].
 SPEED_VARIANCE = _PV
 
@@ -150,9 +150,10 @@ def believe(
             found = int(m[_DOUBT])
             _reckon(m, b[2, k], steps[k], q, push, held)
         else:
-            alone = _held_alone(memory, k, doubt[1, k], coupling, told, push)
-            found = _observe(m, b, k, steps[k], doubt[0, k], q, push, blow[k], alone)
+            alone = _held_alone(memory, k, doubt, coupling, told, push, blow)
+            found = _observe(m, b, k, steps[k], doubt[0, k], q, push, blow[k], alone, held)
             if found >= SILENT:
+                memory[:, _STILL], memory[:, _DUE], memory[:, _LEAST] = 0.0, 0.0, 0.0
                 m[_DOUBT], m[_GOOD], m[_MOVED], m[_LAST] = found, 0.0, 0.0, q
         m[_PUSH] = push
         if not np.isnan(m[_Q]):
@@ -204,29 +205,38 @@ def _reckon(m: Array, dq_max: float, step: float, q: float, push: float, held: b
 
 @kernel
 def _held_alone(
-    memory: Array, k: int, own: float, coupling: Array, told: Array, push: float
-) -> tuple[float, float, float]:
+    memory: Array, k: int, doubt: Array, coupling: Array, told: Array, push: float, blow: Array
+) -> tuple[float, float, float, float]:
     """Return what a torque at this joint has to overcome to hold it while the others move as read.
 
+    A reading that stands still may be a stuck one: then its joint moves as it is read, or as the
+    model says, or in between. A joint in doubt may do anything that unknown torques explain.
+
     Returns:
-        The acceleration that the commanded torques would bring then, its largest error
-        [rad/s^2], and by how much the speed may be wrong because those of the others are [rad/s].
+        The least and the largest acceleration that the commanded torques would bring then, their
+        error [rad/s^2], and by how much the speed may be wrong because those of the others are,
+        or because the ball struck [rad/s].
     """
-    moved, variance, alone = 0.0, 0.0, push
+    low, high, own, moved, variance, struck = push, push, doubt[1, k], 0.0, 0.0, 0.0
     for j in range(len(memory)):
-        if j != k:
-            ratio, other = coupling[k, j], memory[j]
-            alone -= ratio * other[_BEFORE] / TICK
+        ratio, other = coupling[k, j], memory[j]
+        struck += abs(ratio) * blow[j]
+        if other[_DOUBT] != FINE:
+            own = max(own, doubt[0, k])
+        elif j != k:
+            pull = -ratio * other[_BEFORE] / TICK
+            low += min(pull, 0.0) if other[_RESTS] > 0.0 else pull
+            high += max(pull, 0.0) if other[_RESTS] > 0.0 else pull
             moved += ratio * told[4, j] if np.isfinite(told[4, j]) else 0.0
             variance += ratio * ratio * other[_PV]
     error = own + _MODEL * (abs(push) + abs(moved)) + abs(push - memory[k, _PUSH])
-    return alone, error, 3.0 * np.sqrt(variance)
+    return low, high, error, 3.0 * np.sqrt(variance) + struck
 
 
 @kernel
 def _observe(
     m: Array, b: Array, k: int, step: float, doubt: float, q: float, push: float, blow: float,
-    alone: tuple[float, float, float],
+    alone: tuple[float, float, float, float], held: bool,
 ) -> int:  # fmt: skip
     """Predict a measured joint, correct it by its reading, and say what is wrong with that."""
     error = doubt + _MODEL * abs(push) + abs(push - m[_PUSH])
@@ -237,7 +247,7 @@ def _observe(
         return SILENT if m[_GONE] >= (LOSSY_TICKS if lossy else SILENT_TICKS) else BRIDGED
     m[_GAPS] = (1.0 - _HEALS) * m[_GAPS] + (1.0 if m[_GONE] > 0.0 else 0.0)
     m[_GONE] = 0.0
-    if _stands_still(m, b, k, step, q, blow, alone):
+    if not held and _stands_still(m, b, k, step, q, alone):  # brakes hold as hard as they do
         return STUCK
     off, r = q - m[_Q], step * step / 12.0
     gate = _GATE * np.sqrt(m[_PQ] + r) + step + _EXCESS * b[4, k] * TICK * TICK
@@ -308,20 +318,21 @@ def _refused(m: Array, dq_max: float, ddq_max: float, step: float, q: float, blo
 
 @kernel
 def _stands_still(
-    m: Array, b: Array, k: int, step: float, q: float, blow: float,
-    alone: tuple[float, float, float],
+    m: Array, b: Array, k: int, step: float, q: float, alone: tuple[float, float, float, float]
 ) -> bool:  # fmt: skip
     """Say whether a reading stands still that must have moved, whether or not the ball struck."""
-    push, error, slack = alone
+    low, high, error, slack = alone
     if abs(q - m[_HELD]) >= 0.5 * step:
         sure = max(abs(m[_DQ]) - 3.0 * np.sqrt(m[_PV]) - slack, 0.0)
-        m[_HELD], m[_STILL], m[_DUE] = q, 0.0, 0.0
+        m[_HELD], m[_STILL], m[_DUE], m[_RESTS] = q, 0.0, 0.0, 0.0
         m[_LEAST] = np.copysign(sure, m[_DQ])
         return False
-    speed = m[_LEAST] + push * TICK
+    slowest, fastest = m[_LEAST] + low * TICK, m[_LEAST] + high * TICK
+    speed = slowest if slowest > 0.0 else min(fastest, 0.0)
     m[_STILL] += 1.0
+    m[_RESTS] += 1.0
     m[_LEAST] = np.copysign(max(abs(speed) - error * TICK, 0.0), speed)
-    least = max(abs(m[_LEAST]) - blow - slack, 0.0)
+    least = max(abs(m[_LEAST]) - slack, 0.0)
     m[_DUE] += np.copysign(least, m[_LEAST]) * TICK
     if least == 0.0:
         m[_DUE] = m[_STILL] = 0.0
