@@ -125,7 +125,7 @@ def _judged(
     f: DirectMap, ball: BallState, q: Array, *, tolerance: Tolerance, dq: Array | None
 ) -> Verdict:
     """Return the verdict on a ball that goes on by its law of motion; see :func:`judge`."""
-    seen, start = foresee(f, ball), np.array([q, np.zeros(f.arm.n) if dq is None else dq])
+    seen, start = foresee(f, ball), (q, np.zeros(f.arm.n) if dq is None else dq)
     where = _where(f, seen)
     alpha = f.adapted(ball, *start) if where is None else None
     if alpha is None:
@@ -228,7 +228,9 @@ def _may_rise(f: DirectMap, ball: BallState, seen: Foresight) -> bool:
     return low and _passes_over(f, ball)
 
 
-def _can_wait(f: DirectMap, ball: BallState, start: Array, tolerance: Tolerance) -> bool:
+def _can_wait(
+    f: DirectMap, ball: BallState, start: tuple[Array, Array], tolerance: Tolerance
+) -> bool:
     """Say whether the arm can follow a ball's stand-in to its catch within the limits.
 
     It cannot where the ball has passed by already, or is about to.
@@ -236,7 +238,7 @@ def _can_wait(f: DirectMap, ball: BallState, start: Array, tolerance: Tolerance)
     Args:
         f: The map.
         ball: Estimate of the ball.
-        start: q, dq of the arm [rad, rad/s], shape (2, n).
+        start: q, dq of the arm [rad, rad/s], shape (n,) each.
         tolerance: Share of each limit that may be asked for.
     """
     path, i = flown(ball, np.arange(0.0, _AHEAD, _STRIDE)), f.design.catch_joint
