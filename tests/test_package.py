@@ -3,9 +3,14 @@
 import ast
 import re
 import subprocess
+import sys
+import tomllib
+from importlib.metadata import PackageNotFoundError, packages_distributions, requires
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "mitt"
@@ -117,3 +122,46 @@ def test_no_module_draws_from_global_randomness() -> None:
             if name.startswith("np.random."):
                 allowed = ("np.random.default_rng", "np.random.SeedSequence")
                 assert name.startswith(allowed), (path, name)
+
+
+def core() -> set[str]:
+    """Return the distributions that an installation without extras has."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    todo, found = list(map(Requirement, project["dependencies"])), {"mitt"}
+    while todo:
+        needed = todo.pop()
+        wanted = [{"extra": extra} for extra in ("", *needed.extras)]
+        name = canonicalize_name(needed.name)
+        if name in found or not (needed.marker is None or needed.marker.evaluate({"extra": ""})):
+            continue
+        found.add(name)
+        try:
+            further = map(Requirement, requires(needed.name) or ())
+        except PackageNotFoundError:
+            continue
+        todo.extend(
+            Requirement(str(x).split(";")[0])
+            for x in further
+            if x.marker is None or any(map(x.marker.evaluate, wanted))
+        )
+    return found
+
+
+def test_catching_and_its_page_need_no_extra(tmp_path: Path) -> None:
+    """``mitt catch`` works where only the core is installed: nothing else can be imported."""
+    inside = core()
+    others = sorted(
+        module
+        for module, names in packages_distributions().items()
+        if not inside & {canonicalize_name(name) for name in names}
+    )
+    assert {"pytest", "cv2"} <= set(others)
+    code = (
+        "import sys; sys.modules.update(dict.fromkeys(sys.argv.pop(1).split(',')))\n"
+        "from mitt.cli import main; raise SystemExit(main())"
+    )
+    command = [sys.executable, "-c", code, ",".join(others), "catch", "--throws", "1", "--out"]
+    done = subprocess.run([*command, str(tmp_path / "run")], capture_output=True, text=True,
+                          check=False)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "run" / "report.html").stat().st_size > 100_000
