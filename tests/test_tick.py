@@ -126,9 +126,8 @@ class Joints:
         """Start with nothing read."""
         n, links = arm.n, len(arm.bodies)
         self.table, self.memory = Encoders().table(arm), memory_of(n)
-        M = arm.mass_matrix(arm.q_ready)
-        self.doubt = np.array([self.table[1] / np.diag(M)] * 2)
-        self.coupling = M / np.diag(M)[:, None]
+        self.doubt = np.array([self.table[1] / np.diag(arm.mass_matrix(arm.q_ready))] * 2)
+        self.coupling = np.zeros((n, n))
         self.rows, self.believed = np.zeros((5, n)), np.array([arm.q_ready, np.zeros(n)])
         self.scratch = np.zeros(links), np.zeros((links, n)), slopes_work(links)
         self.solved, self.bounds = np.zeros((n + 2, 2 * n)), bounds_of(arm)

@@ -222,7 +222,7 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         blow: Change of the joint speeds that the ball may bring now, shape (n,) [rad/s].
     """
     s, n, table = settings, arm.n, settings.encoders.table(arm)
-    still, M = np.zeros(n), arm.mass_matrix(arm.q_ready)
+    still = np.zeros(n)
     fields: Fields = {
         "phase": np.int64(WATCH), "open": np.bool_(False),
         "believed": np.array([arm.q_ready, still]), "wanted": np.array([arm.q_ready, still, still]),
@@ -234,8 +234,8 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         "adapt_dq": s.adapt_dq, "adapt_until": s.adapt_until, "bandwidth": s.bandwidth,
         "track_notes": np.zeros((len(arm.model.links), NOTES)), "begun": np.bool_(False),
         "encoder_memory": monitor.memory_of(n), "encoder_table": table,
-        "encoder_doubt": np.array([table[1] / np.diag(M)] * 2),
-        "encoder_coupling": M / np.diag(M)[:, None],
+        "encoder_doubt": np.array([table[1] / np.diag(arm.mass_matrix(arm.q_ready))] * 2),
+        "encoder_coupling": np.zeros((n, n)),
         "encoder_work": np.zeros((n + 2, 2 * n)),
         "t_brakes": np.inf, "braked": np.bool_(False),
         "brake_delay": max(brake.delay for brake in arm.brakes),

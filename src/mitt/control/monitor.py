@@ -152,7 +152,7 @@ def believe(
         else:
             alone = _held_alone(memory, k, doubt, coupling, told, push, blow)
             found = _observe(m, b, k, steps[k], doubt[0, k], q, push, blow[k], alone, held)
-            if found >= SILENT:
+            if found >= SILENT:  # what it read may have been taken for a motion that pushes others
                 memory[:, _STILL], memory[:, _DUE], memory[:, _LEAST] = 0.0, 0.0, 0.0
                 m[_DOUBT], m[_GOOD], m[_MOVED], m[_LAST] = found, 0.0, 0.0, q
         m[_PUSH] = push
