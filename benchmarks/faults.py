@@ -17,6 +17,7 @@ import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import fields, replace
+from math import ceil
 from multiprocessing import get_context
 from pathlib import Path
 from time import perf_counter
@@ -51,7 +52,8 @@ STILL, SETTLED = 0.1, 300
 COUNTS = 5.0
 #: Parts into which the throws of a row are dealt for several processes.
 PARTS = 8
-#: Columns of the table of encoders.
+#: Columns of the table of encoders: counts, and spreads.
+COUNTED = ("unseen", "violations", "engaged", "after_brakes", "restless")
 SPREADS = ("delay_ms", "told_ms", "stop_ms", "brake_ms", "creep_mrad")
 #: Arms that can be asked for, as of :mod:`arms`.
 ALL = (*WAM, "panda")
@@ -159,7 +161,7 @@ def broken(f: DirectMap, kind: str, throws: list[Throw], seed: int, numbers: ran
         Delays [ms], and what became of the arm.
     """
     rows: Row = {name: [] for name in SPREADS}
-    rows |= {"unseen": 0, "violations": 0, "after_brakes": 0, "restless": 0, "reasons": []}
+    rows |= dict.fromkeys(COUNTED, 0) | {"reasons": []}
     for k in numbers:
         rng, joint = np.random.default_rng((seed, k)), k % f.arm.n
         start, size = float(rng.uniform(0.15, 0.45)), float(rng.uniform(0.05, 1.0))
@@ -203,13 +205,18 @@ def _fault(kind: str, joint: int, start: float, size: float) -> dict[str, Any]:
 
 
 def _at_rest(rows: Row, arm: Arm, ticks: Any, truth: Trace, stop: int) -> None:  # noqa: ANN401
-    """Note what became of the arm after a stop: when it rested, and whether it stayed."""
+    """Note what became of the arm after a stop: when it rested, and whether it stayed.
+
+    The brakes' time is their delay and what the slowest joint needs to brake.
+    """
     moving = np.flatnonzero(np.abs(truth.dq).max(axis=1) > STILL)
     rows["stop_ms"].append(max(int(moving[-1]) + 1 - stop, 0) if len(moving) else 0)
     held = stop + round(max(brake.delay for brake in arm.brakes) / 0.001)
-    later = replace(truth, **{x.name: getattr(truth, x.name)[held:] for x in fields(truth)})
-    if len(later.t) > 1:
-        rows["after_brakes"] += measure(arm, ticks[held:], later).limit_violations
+    for name, since in (("engaged", held), ("after_brakes", held + ceil(rows["brake_ms"][-1]))):
+        later = replace(truth, **{x.name: getattr(truth, x.name)[since:] for x in fields(truth)})
+        if len(later.t) > 1:
+            rows[name] += measure(arm, ticks[since:], later).limit_violations
+    if held + 1 < len(truth.t):
         rest = truth.q[min(held + SETTLED, len(truth.t) - 1) :]
         rows["restless"] += int(np.abs(truth.dq[-1]).max() > STILL)
         rows["creep_mrad"].append(float(1e3 * np.ptp(rest, axis=0).max()))
@@ -242,7 +249,8 @@ def encoders(f: DirectMap, throws: list[Throw], seed: int, workers: int) -> Row:
     table: Row = {}
     print("encoder   stopped   delay [ms] p50 p99 max   command at rest [ms] p50 p99 max   "
           "arm at rest p50 p99 max   brake alone p50 max   creep [mrad] p50 p99 max   "
-          "ticks beyond a limit, after the brakes' time, arms not at rest at the end")  # fmt: skip
+          "ticks beyond a limit, once brakes act, after the brakes' time, "
+          "arms not at rest at the end")  # fmt: skip
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         for kind in ENCODERS:
             jobs = [
@@ -255,8 +263,9 @@ def encoders(f: DirectMap, throws: list[Throw], seed: int, workers: int) -> Row:
             spread = "   ".join(f"{np.median(x):4.0f}{np.quantile(x, 0.99):5.0f}{x.max():5.1f}"
                                 for x in columns if len(x))  # fmt: skip
             print(f"{kind:9s}{len(columns[0]):4d} of {len(throws)}   {spread}   "
-                  f"{row['violations']}, {row['after_brakes']}, {row['restless']}   "
-                  f"{row['unseen']} unseen   {row['reasons']}", flush=True)  # fmt: skip
+                  f"{row['violations']}, {row['engaged']}, {row['after_brakes']}, "
+                  f"{row['restless']}   {row['unseen']} unseen   {row['reasons']}",
+                  flush=True)  # fmt: skip
     return table
 
 

@@ -13,7 +13,7 @@ from mitt.control.monitor import GOOD_TICKS, LOSSY_TICKS, SILENT_TICKS
 from mitt.errors import InputError
 from mitt.generator.certificate import Outcome as Feasible
 from mitt.generator.design import default_design
-from mitt.generator.generators import Direct, refining
+from mitt.generator.generators import Direct, Unoptimised, refining
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import unlearned
 from mitt.records import arm_fields
@@ -381,6 +381,33 @@ def test_a_stopped_catcher_recovers_when_told_to(runner: TrialRunner, throws: li
         assert held(runner.world.truth(), 0.04)
         torques.append(runner.world.trace().tau)
     assert np.array_equal(torques[0], torques[1])
+
+
+def test_an_arm_that_was_left_behind_stops_where_it_is(
+    arm: Arm, taught: Learned, throws: list[Throw]
+) -> None:
+    """A stop far from the command brakes at once: the way to the command would be one more motion.
+
+    With alpha = 0 the command jumps away from the arm: 10 rad/s of joint 4, and on from there.
+    """
+    generator, settings = Unoptimised(taught.map), CatcherSettings(stray=0.3)
+    runner, far = TrialRunner(arm, generator, Scene(), pixels=False), 0
+    for throw in throws[:6]:
+        catcher = Catcher(arm, generator, Eyes(fixed_rig()), settings=settings)
+        runner.world.reset(throw, 5)
+        for _ in range(TICKS):
+            runner.world.apply(catcher.step(runner.world.sense()))
+            catcher.think()
+        by, truth = catcher.stopped_by, runner.world.trace()
+        if by is None or by.reason is not Reason.TRACKING:
+            continue
+        far += 1
+        after = truth.t >= by.t
+        way = np.ptp(truth.q[after], axis=0)
+        assert np.all(way <= 1.6 * by.dq**2 / (2.0 * catcher.deceleration) + 0.05), way
+        assert np.all(np.abs(truth.dq[after]).max(axis=0) <= np.abs(by.dq) + 0.7)
+        assert np.abs(truth.dq[-1]).max() < 1e-2
+    assert far >= 3
 
 
 def spoil_joint(arm: ArmState, bad: float) -> ArmState:

@@ -303,14 +303,18 @@ def _engage(state: Record, result: Record) -> None:
 
 @kernel
 def _report(blocked: bool, state: Record, result: Record) -> None:
-    """Write state, reason, age and sigma; from an abort on the arm stops and stays."""
+    """Write state, reason, age and sigma; from an abort on the arm stops and stays.
+
+    The stop starts from the last command, or from the estimate where that is far from it: the way
+    to the command would be one more motion.
+    """
     s, out = lent(state)[0], lent(result)[0]
     P, believed, told = out["covariance"], s["believed"], out["told"]
     out["age"] = out["t"] - out["t_seen"]
     out["sigma"] = np.sqrt((P[0, 0] + P[1, 1] + P[2, 2]) / 3.0) if out["tracked"] else np.inf
     if out["state"] == ABORT:
         return
-    R = s["R"]
+    R, gap = s["R"], largest_gap(told[0], believed[0])
     out["state"], out["reason"] = assess(
         s["condition"],
         s["clock"],
@@ -322,13 +326,15 @@ def _report(blocked: bool, state: Record, result: Record) -> None:
         out["sigma"],
         s["tolerance"],
         R[0, 0] + R[1, 1] + R[2, 2] > at.LOOSE,
-        largest_gap(told[0], believed[0]),
+        gap,
         s["stray"],
     )
     if s["asked_to_stop"]:
         out["state"], out["reason"] = ABORT, ASKED
     if out["state"] == ABORT:
         s["phase"] = STOPPED
+        if gap > s["stray"] and s["encoders"] <= BRIDGED:
+            s["last"][0], s["last"][1], s["last"][2] = believed[0], believed[1], 0.0
 
 
 @kernel

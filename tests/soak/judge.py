@@ -6,7 +6,8 @@
 * Where the way to standstill is blocked, or the arm is stopping, a joint that is outside may brake
   instead: at its trusted deceleration, no slower, and never away from where braking leads.
 * An arm that could stop clear of itself and the floor once never comes closer to them than is kept.
-* After a stop nothing gets faster, and the stop is latched.
+* After a stop nothing gets faster, and the stop is latched. A stop far from the command starts
+  from the estimate.
 """
 
 from typing import final
@@ -14,7 +15,7 @@ from typing import final
 import numpy as np
 
 from mitt.catcher import Catcher, CatcherSettings, Phase
-from mitt.control.condition import ABORT, Reason
+from mitt.control.condition import ABORT, ENCODER_REASONS, Reason
 from mitt.control.envelope import TICK, bounds_of
 from mitt.control.viability import MARGIN
 from mitt.jit import kernel
@@ -79,6 +80,7 @@ class Judge:
     def __init__(self, arm: Arm, settings: CatcherSettings) -> None:
         """Take the arm, empty and with the ball."""
         self._arms = arm, arm.holding(settings.ball_mass)
+        self._stray = settings.stray
         self._bounds = tuple(bounds_of(a) for a in self._arms)
         self._shapes = shapes_of(arm, settings.around)
         self._closed = arm.model.hand.drive.closed if arm.model.hand else 0.0
@@ -119,7 +121,13 @@ class Judge:
         self._loaded |= loads
         if last is None or loads:
             self._clear = self._stops_clear(told)
-        self._stopped |= catcher.phase is Phase.STOPPED
+        stops = catcher.phase is Phase.STOPPED and not self._stopped
+        self._stopped |= stops
+        measured = REASONS[reason] not in ENCODER_REASONS
+        far = np.max(np.abs(told[0] - catcher.believed[0])) > self._stray
+        if stops and measured and far:
+            self._last = np.array([*catcher.believed, 0.0 * believed])
+            self._clear = self._stops_clear(self._last)
         return ""
 
     def _gap(self, q: Array) -> float:
