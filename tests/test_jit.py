@@ -58,7 +58,21 @@ def test_a_cached_kernel_follows_the_kernels_that_it_calls(package: Path, tmp_pa
     assert call(package, **cache) == "2.0 1"
     (package / "callee.py").write_text(CALLEE.format(factor=3.0))
     assert call(package, **cache) == "3.0 0"
+    (package / "callee.py").write_text(CALLEE.format(factor=2.0))
+    assert call(package, **cache) == "2.0 1"
     assert not list(package.rglob("*.nb[ic]"))
+
+
+def test_clones_share_compiled_kernels_and_old_versions_go(package: Path, tmp_path: Path) -> None:
+    cache = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    clone = shutil.copytree(package, tmp_path / "clone" / "mitt")
+    assert call(package, **cache) == "2.0 0"
+    assert call(clone, **cache) == "2.0 1"
+    (old,) = (tmp_path / "cache").rglob("caller-*")
+    os.utime(old, (0.0, 0.0))
+    (clone / "callee.py").write_text(CALLEE.format(factor=3.0))
+    assert call(clone, **cache) == "3.0 0"
+    assert not old.exists()
 
 
 def test_without_a_folder_that_can_be_written_to_nothing_is_kept(

@@ -1,25 +1,32 @@
 """How kernels are compiled, and where the compiled code is kept.
 
 Numba recompiles a cached kernel when its own file changes, but not when a kernel that it calls has
-changed in another file. Here the key of a cached kernel is a hash of its file and of every file of
-mitt that it imports, directly or not. So the cache is right however mitt is started.
+changed in another file. Here the folder of a cached kernel is named after a hash of its file and of
+every file of mitt that it imports, directly or not. So the cache is right however mitt is started,
+and versions, clones and environments share what they have in common.
 """
 
 import hashlib
 import os
 import re
+import shutil
 import sys
 import tempfile
+import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
-from numba import config, njit
+from numba import __version__, config, njit
 from numba.core.caching import CacheImpl, _CacheLocator
 
 PACKAGE: Final = Path(__file__).parent
 """Folder of mitt's source."""
+
+_KEPT_DAYS: Final = 30.0
+"""Time after which compiled code of an older version of a file is deleted."""
 
 _IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+(mitt[\w.]*)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)"
@@ -88,20 +95,37 @@ def cache_folder() -> Path | None:
     return next((folder for folder in folders if _is_writable(folder)), None)
 
 
+def _folder_of(file: Path, cache: Path) -> Path:
+    """Return where the compiled kernels of a file are kept, below the cache's folder."""
+    name = file.relative_to(PACKAGE) if file.is_relative_to(PACKAGE) else Path(file.name)
+    folder = f"{'.'.join(name.with_suffix('').parts)}-{stamp_of(file).hex()[:16]}"
+    return cache / f"numba-{__version__}" / folder
+
+
 def is_cold() -> bool:
-    """Tell whether no kernel of this source tree has been compiled yet."""
-    folder = cache_folder()
-    name = _CacheLocator.get_suitable_cache_subpath(str(PACKAGE / "tick.py"))
-    return folder is None or not any((folder / name).glob("tick.tick*.nbc"))
+    """Tell whether no kernel of this source has been compiled yet."""
+    cache = cache_folder()
+    return cache is None or not any(_folder_of(PACKAGE / "tick.py", cache).glob("tick.tick*.nbc"))
+
+
+def _delete_old(folder: Path) -> None:
+    """Delete what other versions of a file compiled to, if it is old."""
+    limit = time.time() - 86400.0 * _KEPT_DAYS
+    for other in folder.parent.glob(folder.name[:-16] + "?" * 16):
+        with suppress(OSError):  # another process may do the same
+            if other != folder and other.stat().st_mtime < limit:
+                shutil.rmtree(other)
 
 
 class _KernelLocator(_CacheLocator):  # type: ignore[misc]
     """Tells Numba where a kernel of mitt is kept and when it has to be compiled anew."""
 
-    def __init__(self, file: Path, line: int, folder: Path) -> None:
+    def __init__(self, file: Path, line: int, cache: Path) -> None:
         """Take where the kernel stands and where the cache is."""
         self._file, self._line = file, line
-        self._folder = folder / self.get_suitable_cache_subpath(str(file))
+        self._folder = _folder_of(file, cache)
+        if not self._folder.exists():
+            _delete_old(self._folder)
 
     def get_cache_path(self) -> str:
         """Return the folder of this kernel's compiled code."""
