@@ -13,14 +13,15 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
-from numba import __version__, config, njit
+from numba import __version__, config, njit, types
 from numba.core.caching import CacheImpl, _CacheLocator
+from numba.core.imputils import lower_cast
 
 PACKAGE: Final = Path(__file__).parent
 """Folder of mitt's source."""
@@ -153,10 +154,40 @@ CacheImpl._locator_classes.insert(0, _KernelLocator)
 _kernels: set[Callable[..., Any]] = set()
 
 
+def _general(kind: types.Type) -> types.Type:
+    """Return the type for which a kernel is compiled when another kernel calls it.
+
+    An array that is a field of a record has its shape in its type, and a constant its value: each
+    shape and each value would be compiled anew.
+    """
+    if isinstance(kind, types.NestedArray):
+        return types.Array(kind.dtype, kind.ndim, "C")
+    if isinstance(kind, types.IntegerLiteral | types.BooleanLiteral):
+        return types.unliteral(kind)
+    if isinstance(kind, types.Tuple | types.UniTuple):
+        return types.Tuple.from_types([_general(part) for part in kind])
+    return kind
+
+
+@lower_cast(types.NestedArray, types.Array)
+def _cast_field(_: Any, __: Any, ___: types.Type, ____: types.Type, value: Any) -> Any:  # noqa: ANN401
+    """Take a field of a record for an array: both are the same in memory."""
+    return value
+
+
 def _compiled(function: Callable[..., Any], **options: object) -> Any:  # noqa: ANN401
     """Return a function that Numba compiles when it is first called."""
     _kernels.add(function)
-    return njit(cache=cache_folder() is not None, **options)(function)
+    found = njit(cache=cache_folder() is not None, no_cfunc_wrapper=True, **options)(function)
+    template = found.get_call_template
+
+    def general_template(args: Sequence[types.Type], kws: Mapping[str, types.Type]) -> Any:  # noqa: ANN401
+        """Compile for general types before the call is typed."""
+        known = {name: _general(kind) for name, kind in kws.items()}
+        return template([_general(kind) for kind in args], known)
+
+    found.get_call_template = general_template
+    return found
 
 
 def kernel(function: Callable[..., Any]) -> Any:  # noqa: ANN401
