@@ -109,6 +109,15 @@ def is_cold() -> bool:
     return cache is None or not any(_folder_of(PACKAGE / "tick.py", cache).glob("tick.tick*.nbc"))
 
 
+def compiled_since(t: float) -> int:
+    """Return how many kernels were compiled, by any process, since a time of ``time.time`` [s]."""
+    cache, count = cache_folder(), 0
+    for file in cache.rglob("*.nbc") if cache else ():
+        with suppress(OSError):
+            count += file.stat().st_mtime >= t
+    return count
+
+
 def _delete_old(folder: Path) -> None:
     """Delete what other versions of a file compiled to, if it is old."""
     limit = time.time() - 86400.0 * _KEPT_DAYS

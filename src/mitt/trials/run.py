@@ -10,6 +10,7 @@ import mitt
 from mitt.generator.design import MapDesign, default_design, tangent_of
 from mitt.generator.generators import Generator, refining
 from mitt.generator.learn import Learned
+from mitt.generator.mapping import unlearned
 from mitt.interrupts import notice, status_of
 from mitt.link.clock import Stopwatch
 from mitt.link.realtime import settled
@@ -25,6 +26,7 @@ from mitt.trials.result import result
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.score import Trial
 from mitt.trials.source import Source
+from mitt.trials.warm import warming
 from mitt.world.scene import Scene
 from mitt.world.scenes import changed
 
@@ -168,15 +170,18 @@ def run(
             throw that has ended.
     """
     count = prepared.source.count
-    progress("learning", 0, 1)
-    learned = prepared.learned or learn(
-        prepared.arm,
-        design=prepared.design,
-        around=neighbourhood_of_ball(prepared.scene.ball.drag),
-    )
-    progress("learning", 1, 1)
+    ball, pixels = prepared.source.ball(_WARM_UP), prepared.settings.vision == "pixels"
+    plain = unlearned(prepared.arm, prepared.design)
+    with warming(plain, prepared.scene, ball, pixels=pixels, progress=progress):
+        progress("learning", 0, 1)
+        learned = prepared.learned or learn(
+            prepared.arm,
+            design=prepared.design,
+            around=neighbourhood_of_ball(prepared.scene.ball.drag),
+        )
+        progress("learning", 1, 1)
     runner = make_runner(prepared, learned, generator=prepared.settings.generator)
-    runner.run(-1, prepared.source.ball(_WARM_UP), seed=0)
+    runner.run(-1, ball, seed=0)
     runner.stopwatch.clear()
     trials: list[Trial] = []
     interrupt = None
