@@ -70,6 +70,8 @@ def test_clones_share_compiled_kernels_and_old_versions_go(package: Path, tmp_pa
     assert call(clone, **cache) == "2.0 1"
     (old,) = (tmp_path / "cache").rglob("caller-*")
     os.utime(old, (0.0, 0.0))
+    for k in range(8):
+        (old.parent / f"{old.name[:-16]}{k:016}").mkdir()
     (clone / "callee.py").write_text(CALLEE.format(factor=3.0))
     assert call(clone, **cache) == "3.0 0"
     assert not old.exists()

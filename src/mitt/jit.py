@@ -12,7 +12,6 @@ import re
 import shutil
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
@@ -26,8 +25,8 @@ from numba.core.imputils import lower_cast
 PACKAGE: Final = Path(__file__).parent
 """Folder of mitt's source."""
 
-_KEPT_DAYS: Final = 30.0
-"""Time after which compiled code of an older version of a file is deleted."""
+_KEPT: Final = 8
+"""Versions of a file whose compiled code is kept beside that of the present one."""
 
 _IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+(mitt[\w.]*)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)"
@@ -109,22 +108,20 @@ def is_cold() -> bool:
     return cache is None or not any(_folder_of(PACKAGE / "tick.py", cache).glob("tick.tick*.nbc"))
 
 
-def compiled_since(t: float) -> int:
-    """Return how many kernels were compiled, by any process, since a time of ``time.time`` [s]."""
-    cache, count = cache_folder(), 0
-    for file in cache.rglob("*.nbc") if cache else ():
-        with suppress(OSError):
-            count += file.stat().st_mtime >= t
-    return count
+def compiled_count() -> int:
+    """Return how many compiled kernels are kept."""
+    cache = cache_folder()
+    return 0 if cache is None else sum(1 for _ in cache.rglob("*.nbc"))
 
 
 def _delete_old(folder: Path) -> None:
-    """Delete what other versions of a file compiled to, if it is old."""
-    limit = time.time() - 86400.0 * _KEPT_DAYS
+    """Delete what earlier versions of a file compiled to, but for the newest."""
+    others = {}
     for other in folder.parent.glob(folder.name[:-16] + "?" * 16):
         with suppress(OSError):  # another process may do the same
-            if other != folder and other.stat().st_mtime < limit:
-                shutil.rmtree(other)
+            others[other] = other.stat().st_mtime
+    for other in sorted(others, key=others.__getitem__)[:-_KEPT]:
+        shutil.rmtree(other, ignore_errors=True)
 
 
 class _KernelLocator(_CacheLocator):  # type: ignore[misc]

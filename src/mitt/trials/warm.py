@@ -1,7 +1,6 @@
 """All that a throw needs is compiled in two processes at once, before the first ball flies."""
 
 import signal
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing import get_context
@@ -14,7 +13,7 @@ from numba import typeof
 from mitt.catcher import Catcher
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
-from mitt.jit import compiled_since, is_cold
+from mitt.jit import compiled_count, is_cold
 from mitt.tick import act, perceive, refer, undecided
 from mitt.trials.play import NOTHING
 from mitt.trials.runner import LOOKS, TrialRunner
@@ -66,9 +65,9 @@ def warming(
 
 def _watch(over: Event, progress: Report) -> None:
     """Report how many kernels are compiled until it is over."""
-    begun = time.time()
+    before = compiled_count()
     while not over.wait(_PERIOD):
-        count = min(compiled_since(begun), _KERNELS - 1)
+        count = min(compiled_count() - before, _KERNELS - 1)
         progress("compiling kernels, once for this version", count, _KERNELS)
 
 
