@@ -5,7 +5,7 @@ link, where the block comes out empty. Text is escaped by the templates; drawing
 come from this package, are not.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -14,6 +14,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 NONE = "\u2013"
 """A dash: where there is no value, and between the ends of an interval."""
+
+Cell = str | Mapping[str, str]
+"""A cell of a table: its text, or ``href`` and ``text`` where it leads somewhere."""
 
 
 @dataclass(frozen=True, slots=True)

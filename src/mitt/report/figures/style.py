@@ -4,6 +4,7 @@ import io
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -133,18 +134,17 @@ def dots(axes: Axes, points: Array, *, colour: str, size: float, label: str) -> 
     axes.plot([], [], "o", color=colour, markersize=size + 1.0, label=label)
 
 
-def mark_time(axes: Axes, t: float, text: str, *, top: bool = True) -> None:
-    """Mark an instant by a fine line, and name it at the upper edge."""
+def mark_time(axes: Axes, t: float, text: str, *, named: bool) -> None:
+    """Mark an instant by a fine line, and perhaps name it at the upper edge."""
     axes.axvline(t, color=GREY, linewidth=0.9, linestyle=(0, (4, 2)), zorder=1)
-    if top:
-        axes.annotate(
-            text,
-            (t, 1.0),
-            xycoords=("data", "axes fraction"),
-            xytext=(3, -3),
-            textcoords="offset points",
-            ha="left",
-            va="top",
-            color=GREY,
-            fontsize=8.5,
-        )
+    if named:
+        axes.annotate(text, (t, 1.0), (3, -3), xycoords=("data", "axes fraction"), color=GREY,
+                      textcoords="offset points", ha="left", va="top", fontsize=8.5)  # fmt: skip
+
+
+def legend_above(figure: Figure, axes: Axes, **how: Any) -> None:  # noqa: ANN401 (matplotlib)
+    """Put one legend for all axes above them, with the names that one of them has."""
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        figure.legend(handles, labels, loc="outside upper left",
+                      **{"ncols": len(labels), **how})  # fmt: skip

@@ -10,7 +10,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from mitt.report.figures.style import BLUE, GENERATORS, GREY, INK, UNNAMED, Plot, plot
+from mitt.report.figures.style import BLUE, GENERATORS, GREY, INK, UNNAMED, Plot, legend_above, plot
 from mitt.signals import Array
 
 Row = Mapping[str, Any]
@@ -173,5 +173,4 @@ def _name_generators(figure: Figure, rows: Sequence[Row]) -> None:
     for name in _generators(rows):
         colour, marker, line = GENERATORS.get(name, UNNAMED)
         figure.axes[0].plot([], [], marker + line, color=colour, label=name, ms=4.5)
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=len(labels), labelcolor=GREY)
+    legend_above(figure, figure.axes[0], labelcolor=GREY)
