@@ -46,10 +46,7 @@ def run(options: SeeOptions) -> int:
     said = complaints(seen, tuple(c.name for c in rig.cameras))
     if not seen.points:
         raise InputError("cameras", "a ball that both see", "; ".join(said) or "none")
-    if options.json:
-        print_json(_result(options, rig, seen, said, video))
-    else:
-        _show(options, seen, said, video)
+    _tell(options, rig, seen, said, video)
     return 0
 
 
@@ -87,34 +84,32 @@ def _video(options: SeeOptions) -> Path | None:
     return video
 
 
-def _result(
+def _tell(
     options: SeeOptions, rig: CalibratedRig, seen: Seen, said: tuple[str, ...], video: Path | None
-) -> dict[str, object]:
-    """Return what ``mitt see --json`` prints."""
-    left, right = seen.counts.frames
-    return {
-        "schema": "mitt.see/1",
-        "version": mitt.__version__,
-        "status": status_of(seen),
-        "track": str(options.out),
-        "points": None if options.points is None else str(options.points),
-        "video": None if video is None else str(video),
-        "frame": rig.frame,
-        "frames": {"left": left, "right": right, "paired": seen.counts.paired},
-        "targets": {"left": seen.targets[0], "right": seen.targets[1], "both": seen.both},
-        "sightings": seen.agreed,
-        "rows": len(seen.states),
-        "rate_hz": rate_of(seen.points),
-        "warnings": list(said),
-    }
-
-
-def _show(options: SeeOptions, seen: Seen, said: tuple[str, ...], video: Path | None) -> None:
+) -> None:
     """Print what was seen."""
-    (left, right), counts = seen.counts.frames, seen.counts
+    counts, status = seen.counts, status_of(seen)
+    left, right = counts.frames
+    if options.json:
+        print_json({
+            "schema": "mitt.see/1",
+            "version": mitt.__version__,
+            "status": status,
+            "track": str(options.out),
+            "points": None if options.points is None else str(options.points),
+            "video": None if video is None else str(video),
+            "frame": rig.frame,
+            "frames": {"left": left, "right": right, "paired": counts.paired},
+            "targets": {"left": seen.targets[0], "right": seen.targets[1], "both": seen.both},
+            "sightings": seen.agreed,
+            "rows": len(seen.states),
+            "rate_hz": rate_of(seen.points),
+            "warnings": list(said),
+        })  # fmt: skip
+        return
     show(f"{left} and {right} frames, {counts.paired} pairs; the ball in "
          f"{seen.targets[0]} and {seen.targets[1]} of them, {seen.agreed} sightings, "
          f"{len(seen.states)} rows")  # fmt: skip
     warn(said)
     files = ", ".join(str(p) for p in (options.out, options.points, video) if p is not None)
-    show(f"status {status_of(seen)}; written: {files}")
+    show(f"status {status}; written: {files}")

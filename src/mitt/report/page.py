@@ -48,17 +48,17 @@ def page(
         values: What the blocks show.
     """
     source = _environment().get_template(f"{template}.html")
-
-    def block(name: str) -> str:
-        return "".join(source.blocks[name](source.new_context(values))).strip()
-
+    html = {
+        name: "".join(block(source.new_context(values))).strip()
+        for name, block in source.blocks.items()
+    }
     parts = [
-        {"name": s.name.replace("_", "-"), "link": s.link, "title": s.title, "html": html}
+        {"name": s.name.replace("_", "-"), "link": s.link, "title": s.title, "html": html[s.name]}
         for s in sections
-        if (html := block(s.name))
+        if html[s.name]
     ]
     return _environment().get_template("layout.html").render(
-        title=title, command=command, settings=block("settings"), footer=block("footer"),
+        title=title, command=command, settings=html["settings"], footer=html["footer"],
         sections=parts,
     )  # fmt: skip
 

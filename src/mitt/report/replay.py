@@ -106,7 +106,7 @@ def _recorded(server: Any, model: mujoco.MjModel, log: TrialLog) -> str:  # noqa
         api.add_line_segments("/hand_path", segments, colors=_HAND, thickness=0.006)
     data = mujoco.MjData(model)
     recorder = server.get_scene_serializer()
-    for k in ticks:
+    for k in ticks.tolist():
         data.qpos[:] = trace.qpos[k]
         mujoco.mj_kinematics(model, data)
         for b, handle in handles.items():

@@ -1,7 +1,7 @@
 """The page that a run leaves behind: one file that opens anywhere and loads nothing."""
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +9,7 @@ import numpy as np
 
 from mitt.generator.learn import Step
 from mitt.link.files import write_text
-from mitt.report.figures.learning import (
-    feedback_by_step,
-    feedback_pair,
-    feedback_share,
-    learning_cost,
-)
+from mitt.report.figures.learning import feedback_by_step, feedback_share, learning_cost
 from mitt.report.figures.pictures import picture_strip
 from mitt.report.figures.response import joint_angles, joint_torques, target_and_hand
 from mitt.report.figures.style import STATUS, Plot
@@ -113,7 +108,7 @@ def report(content: ReportContent) -> str:
         drawn={plot.name: plot.svg for plot in _plots(content, log, plain)},
         strip=None if log is None else picture_strip(arm, scene, log),
         rivals=[_compared(other) for other in (result, *content.rivals)] if content.rivals else [],
-        system=[astuple(row) for row in table_1(arm, log, vision=str(result["vision"]))],
+        system=table_1(arm, log, vision=str(result["vision"])),
     )
 
 
@@ -189,10 +184,11 @@ def _plots(content: ReportContent, log: TrialLog | None, plain: TrialLog | None)
             joint_angles(arm, log, plain),
             joint_torques(arm, log, plain),
         ]
-        if content.shares:
-            out.append(feedback_by_step(content.shares))
-        elif plain is not None:
-            out.append(feedback_pair(feedback_share(plain), feedback_share(log)))
+        shares = content.shares
+        if not shares and plain is not None:
+            shares = feedback_share(plain), feedback_share(log)
+        if shares:
+            out.append(feedback_by_step(shares))
         if np.isfinite(log.t_catch):
             caught_at = log.truth.position[int(np.argmin(np.abs(log.truth.t - log.t_catch)))]
     out.append(contact_errors(trials))

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from mitt.generator.learn import Step
-from mitt.report.figures.style import ALPHA_0, BLUE, GREY, INK, ORANGE, PALE, Plot, plot
+from mitt.report.figures.style import ALPHA_0, BLUE, GREY, INK, ORANGE, Plot, plot
 from mitt.trials.log import TrialLog
 
 
@@ -67,23 +67,3 @@ def feedback_by_step(shares: Sequence[float]) -> Plot:
         axes.yaxis.set_major_formatter(PercentFormatter(1.0))
 
     return plot("feedback", (10.0, 2.8), draw)
-
-
-def feedback_pair(plain: float, learned: float) -> Plot:
-    """Draw the share of feedback for alpha = 0 and for the learned map."""
-
-    def draw(figure: Figure) -> None:
-        axes = figure.subplots()
-        values = (learned, plain)
-        axes.barh((0, 1), values, height=0.55, color=(BLUE, PALE))
-        for row, value in enumerate(values):
-            axes.annotate(
-                f"{value:.0%}", (value, row), (6, 0), textcoords="offset points", va="center"
-            )
-        axes.set_yticks((0, 1), ("learned map", ALPHA_0))
-        axes.set(xlabel="feedback in the torque, rms over the time of following")
-        axes.set_xlim(0.0, 1.15 * max(*values, 0.05))
-        axes.xaxis.set_major_formatter(PercentFormatter(1.0))
-        axes.grid(visible=False, axis="y")
-
-    return plot("feedback", (10.0, 1.7), draw)

@@ -60,31 +60,27 @@ def picture_strip(arm: Arm, scene: Scene, log: TrialLog) -> tuple[Picture, ...]:
     trace = log.truth
     caught = bool(np.isfinite(log.t_catch))
     last = log.t_catch if caught else float(trace.t[-1])
-    steps = np.arange(-_BEFORE, (_LATER if caught else 0) + 1)
     model = build_plant(scene, arm.model).model
     bodies = [body_faces(model, body, arm, scene) for body in range(model.nbody)]
     out = []
-    for step in steps:
+    for step in range(-_BEFORE, (_LATER if caught else 0) + 1):
         t = last + step * _PERIOD
-        if not trace.t[0] <= t <= trace.t[-1] + 1e-9:
-            continue
-        k = int(np.argmin(np.abs(trace.t - t)))
-        trail = trace.r_o[max(k - _TRAIL * _DOTS, 0) : k : _DOTS]
-        corners, colours = placed(model, bodies, trace.qpos[k], trail)
-        png = base64.b64encode(drawn(corners, colours, scene.floor)).decode("ascii")
-        out.append(Picture(t=float(trace.t[k]), catch=bool(caught and step == 0), png=png))
+        if trace.t[0] <= t <= trace.t[-1] + 1e-9:
+            k = int(np.argmin(np.abs(trace.t - t)))
+            trail = trace.r_o[max(k - _TRAIL * _DOTS, 0) : k : _DOTS]
+            png = drawn(*placed(model, bodies, trace.qpos[k], trail), scene.floor)
+            text = base64.b64encode(png).decode("ascii")
+            out.append(Picture(t=float(trace.t[k]), catch=caught and step == 0, png=text))
     return tuple(out)
 
 
 def body_faces(model: mujoco.MjModel, body: int, arm: Arm, scene: Scene) -> Faces:
     """Return the faces of a body in its own frame."""
-    meshes = [(mesh.subdivide_to_size(_LONGEST), rgb)
-              for mesh, rgb in body_meshes(model, body, arm, scene)]  # fmt: skip
-    corners = [mesh.triangles for mesh, _ in meshes]
-    colours = [np.tile(np.array(rgb) / 255.0, (len(mesh.faces), 1)) for mesh, rgb in meshes]
-    return np.concatenate([np.zeros((0, 3, 3)), *corners]), np.concatenate(
-        [np.zeros((0, 3)), *colours]
-    )
+    corners, colours = [np.zeros((0, 3, 3))], [np.zeros((0, 3))]
+    for mesh, rgb in body_meshes(model, body, arm, scene):
+        corners.append(mesh.subdivide_to_size(_LONGEST).triangles)
+        colours.append(np.tile(np.array(rgb) / 255.0, (len(corners[-1]), 1)))
+    return np.concatenate(corners), np.concatenate(colours)
 
 
 def placed(model: mujoco.MjModel, bodies: list[Faces], qpos: Array, trail: Array) -> Faces:
@@ -140,9 +136,12 @@ def drawn(corners: Array, colours: Array, floor: float) -> bytes:
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set(xlim=(-width / height, width / height), ylim=(-1.0, 1.0))
     axes.set_axis_off()
-    ground = np.array([[(x, y, floor) for x, y in zip(_X * 2, np.repeat(_Y, 2), strict=True)]])
-    axes.add_collection(PolyCollection([*project(ground[:, [0, 1, 3, 2]])], facecolors=_FLOOR))
-    axes.add_collection(LineCollection([*project(_grid(floor))], colors=_LINES, linewidths=0.7,
+    xs, ys = np.arange(*_X, _SPACING), np.arange(*_Y, _SPACING)
+    ends = zip((*_X, *_X[::-1]), np.repeat(_Y, 2), strict=True)
+    ground = np.array([[(x, y, floor) for x, y in ends]])
+    lines = [[(x, y, floor) for y in _Y] for x in xs] + [[(x, y, floor) for x in _X] for y in ys]
+    axes.add_collection(PolyCollection([*project(ground)], facecolors=_FLOOR))
+    axes.add_collection(LineCollection([*project(np.array(lines))], colors=_LINES, linewidths=0.7,
                                        zorder=1))  # fmt: skip
     near, shades = shaded(corners, colours)
     axes.add_collection(PolyCollection([*project(near)], facecolors=shades, edgecolors=shades,
@@ -150,10 +149,3 @@ def drawn(corners: Array, colours: Array, floor: float) -> bytes:
     out = io.BytesIO()
     canvas.print_png(out, metadata={"Software": "mitt"})
     return out.getvalue()
-
-
-def _grid(floor: float) -> Array:
-    """Return the lines of the floor's grid [m], shape (k, 2, 3)."""
-    xs, ys = np.arange(*_X, _SPACING), np.arange(*_Y, _SPACING)
-    return np.array([[(x, y, floor) for y in _Y] for x in xs]
-                    + [[(x, y, floor) for x in _X] for y in ys])  # fmt: skip

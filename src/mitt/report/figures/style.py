@@ -51,7 +51,8 @@ UNNAMED = (PALE, ".", "-")
 #: Attributes that hold coordinates, and digits that nobody sees in them.
 _DRAWN, _DIGITS = re.compile(r'\b(?:d|x|y)="[^"]*"'), re.compile(r"(\.\d\d)\d+")
 
-_RC: dict[str, object] = {
+#: How Matplotlib is told to draw.
+RC: dict[str, object] = {
     "svg.fonttype": "none",
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
@@ -100,7 +101,7 @@ class Plot:
 
 def plot(name: str, size: tuple[float, float], draw: Callable[[Figure], None]) -> Plot:
     """Draw a figure of a size [inch] and return it; the same data give the same text."""
-    with matplotlib.rc_context({**_RC, "svg.hashsalt": name}):
+    with matplotlib.rc_context({**RC, "svg.hashsalt": name}):
         figure = Figure(figsize=size, layout="constrained")
         canvas = FigureCanvasSVG(figure)
         draw(figure)
