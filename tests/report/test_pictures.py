@@ -34,7 +34,7 @@ def _square(at: Array, half: float) -> Array:
 
 def _beside(x: float, y: float, z: float) -> Array:
     """Return the point that the camera looks at, moved by so much [m]."""
-    return np.array(TARGET) + np.array((x, y, z))
+    return np.add(TARGET, (x, y, z), dtype=np.float64)
 
 
 def _red(image: Array) -> tuple[float, float, int]:

@@ -6,6 +6,7 @@ Faces are painted from far to near, each in one shade.
 import base64
 import io
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -111,9 +112,10 @@ def drawn(corners: Array, colours: Array, floor: float) -> bytes:
     figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI, facecolor=_SKY)
     canvas = FigureCanvasAgg(figure)
     square = (0.0, 0.5 - 0.5 * width / height, 1.0, width / height)  # higher than the picture
-    axes = figure.add_axes(square, projection="3d", proj_type="persp", focal_length=_FOCAL,
-                           elev=_FROM[0], azim=_FROM[1], computed_zorder=False,
-                           facecolor="none")  # fmt: skip
+    axes: Any = figure.add_axes(
+        square, projection="3d", proj_type="persp", focal_length=_FOCAL, elev=_FROM[0],
+        azim=_FROM[1], computed_zorder=False, facecolor="none",
+    )  # fmt: skip
     axes.set_axis_off()
     axes.set(**{f"{k}lim": (at - _HALF, at + _HALF) for k, at in zip("xyz", _TARGET, strict=True)})
     axes.set_box_aspect((1, 1, 1), zoom=_ZOOM)
