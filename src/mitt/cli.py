@@ -4,15 +4,26 @@ Exit status: 0 done, 1 a fault of ours, 2 bad input, 129, 130 and 143 interrupte
 and SIGTERM. Every failure is one line on stderr.
 """
 
+import errno
 import os
 import sys
 from collections.abc import Sequence
-from contextlib import suppress
 
-from mitt.interrupts import Interrupted, listening, notice, status_of, words_of
+from mitt.errors import MittError
+from mitt.interrupts import (
+    Interrupted,
+    listening,
+    notice,
+    raise_again,
+    status_of,
+    tell,
+    words_of,
+)
 
 #: Exit statuses above this are those of signals.
 _SIGNALLED = 128
+#: What the system says where a standard stream cannot be written.
+_NOT_WRITTEN = (errno.ENOSPC, errno.EIO, errno.EBADF, errno.EDQUOT, errno.EFBIG)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -27,12 +38,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with listening(for_good=alone):
             try:
-                from mitt.commands.line import run  # noqa: PLC0415 (once signals are in order)
-
-                status = run(sys.argv[1:] if arguments is None else list(arguments))
+                status = _run(sys.argv[1:] if arguments is None else list(arguments))
             except KeyboardInterrupt as stop:
                 notice()
-                status = _tell(status_of(stop), words_of(status_of(stop)))
+                status = _failed(status_of(stop), words_of(status_of(stop)))
     except Interrupted as stop:  # in the moment in which signals are handed back
         status = status or status_of(stop)
     except SystemExit:  # help was asked for, and printed
@@ -43,6 +52,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if alone and status > _SIGNALLED:
         os._exit(status)
     return status
+
+
+def _run(words: list[str]) -> int:
+    """Run a command; say what went wrong in one line, never in a traceback."""
+    try:
+        from mitt.commands.line import run  # noqa: PLC0415 (once signals are in order)
+
+        return run(words)
+    except MittError as error:
+        raise_again()
+        return _failed(2, str(error))
+    except Exception as error:
+        raise_again()
+        if isinstance(error, OSError) and error.filename is None:
+            if isinstance(error, BrokenPipeError):
+                return _unwritten(0)
+            if error.errno in _NOT_WRITTEN:
+                return _unwritten(0, error.strerror or "an error")
+        if os.environ.get("MITT_TRACEBACK"):
+            raise
+        text = " ".join(f"{type(error).__name__}: {error}".split())
+        return _failed(
+            1, f"a fault of mitt, please report it: {text} (MITT_TRACEBACK=1 shows where)"
+        )
 
 
 def _open_streams() -> None:
@@ -61,27 +94,31 @@ def _open_streams() -> None:
 
 
 def _flushed(status: int) -> int:
-    """Write what is left for stdout; return the exit status.
-
-    Nobody who reads is no fault, as for other commands in a pipe. What is not written is gone: the
-    stream is pointed at the null device, or Python would try again and complain at its end.
-    """
+    """Write what is left for stdout; return the exit status."""
     try:
         sys.stdout.flush()
         return status
     except BrokenPipeError:
-        failed = status
+        return _unwritten(status)
     except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        failed = _tell(2, f"stdout: wanted a place that can be written, got {reason}")
+        return _unwritten(status, error.strerror if isinstance(error, OSError) else str(error))
+
+
+def _unwritten(status: int, reason: str | None = None) -> int:
+    """Give up stdout; return the exit status, 2 where there is a reason for it.
+
+    Nobody who reads is no fault, as for other commands in a pipe. What is not written is gone: the
+    stream is pointed at the null device, or Python would try again and complain at its end.
+    """
+    if reason is not None:
+        status = _failed(2, f"stdout: wanted a place that can be written, got {reason}")
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, sys.stdout.fileno())
     os.close(null)
-    return failed
+    return status
 
 
-def _tell(status: int, text: str) -> int:
-    """Say one line on stderr, if anybody can hear it; return the status."""
-    with suppress(OSError):
-        print(f"mitt: {text}", file=sys.stderr, flush=True)  # noqa: T201
+def _failed(status: int, text: str) -> int:
+    """Say one line on stderr; return the status."""
+    tell(text)
     return status

@@ -51,6 +51,12 @@ def words_of(status: int) -> str:
     return f"interrupted by {signal.Signals(status - 128).name}"
 
 
+def tell(text: str) -> None:
+    """Say one line on stderr, if anybody can hear it."""
+    with suppress(OSError):
+        print(f"mitt: {text}", file=sys.stderr, flush=True)  # noqa: T201
+
+
 def raise_again() -> None:
     """Raise the interrupt that has arrived, if a library made another exception of it.
 

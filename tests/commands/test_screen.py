@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from mitt import jit
-from mitt.commands.screen import tell, tell_of_kernels
+from mitt.commands.screen import tell_of_kernels
+from mitt.interrupts import tell
 
 
 class Full:

@@ -11,12 +11,7 @@ from matplotlib.figure import Figure
 
 from mitt.errors import ShapeError
 from mitt.generator.learn import Learned
-from mitt.report.figures.learning import (
-    feedback_by_step,
-    feedback_pair,
-    feedback_share,
-    learning_cost,
-)
+from mitt.report.figures.learning import feedback_by_step, feedback_share, learning_cost
 from mitt.report.figures.pictures import picture_strip
 from mitt.report.figures.response import joint_angles, joint_torques, target_and_hand
 from mitt.report.figures.style import LEARNED, Plot, plot
@@ -166,13 +161,6 @@ def test_learning_lowers_the_controllers_load(
 ) -> None:
     """Section 3.6: with the learned map the share of feedback is below that of alpha = 0."""
     assert feedback_share(_log(direct)) < 0.5 * feedback_share(_log(unoptimised))
-
-
-def test_pair_shows_both_shares() -> None:
-    """The bars carry their values as text."""
-    svg = feedback_pair(0.97, 0.21).svg
-    assert "97%" in svg
-    assert "21%" in svg
 
 
 def test_pictures_come_every_33_ms_and_one_shows_the_catch(

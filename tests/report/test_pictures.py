@@ -7,13 +7,15 @@ import mujoco
 import numpy as np
 import pytest
 
-from mitt.report.figures.pictures import body_faces, drawn, placed, project, shaded
+from mitt.report.figures.pictures import body_faces, drawn, placed
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.world.build import build_plant
 from mitt.world.scene import Scene
 
 _FLOOR = -1.0
+#: What the camera looks at [m].
+TARGET = (0.72, 0.0, 0.16)
 
 
 def _pixels(corners: Array, colours: Array) -> Array:
@@ -30,36 +32,41 @@ def _square(at: Array, half: float) -> Array:
     return np.array([[a, b, c], [a, c, d]])
 
 
-def _place(at: Array) -> tuple[int, int]:
-    """Return row and column of a point in a picture of 340 x 262 pixels."""
-    x, y = project(at)
-    return round(0.5 * 262 * (1.0 - y) - 0.5), round(0.5 * 262 * x + 0.5 * 340 - 0.5)
+def _beside(x: float, y: float, z: float) -> Array:
+    """Return the point that the camera looks at, moved by so much [m]."""
+    return np.add(TARGET, (x, y, z), dtype=np.float64)
 
 
-@pytest.mark.parametrize("at", [(0.7, 0.0, 0.2), (1.2, 0.3, 0.5), (0.3, -0.3, 0.0)])
-def test_a_face_is_drawn_where_it_is_projected_to(at: tuple[float, float, float]) -> None:
-    """The middle of a small red square is red, a little beside it is not."""
-    corners, red = _square(np.array(at), 0.03), np.tile((0.9, 0.1, 0.1), (2, 1))
-    image, (row, column) = _pixels(corners, red), _place(np.array(at))
-    assert image[row, column, 0] > 2.0 * image[row, column, 1]
-    assert image[row - 25, column, 0] < 1.2 * image[row - 25, column, 1]
+def _red(image: Array) -> tuple[float, float, int]:
+    """Return the mean row and column of what is red in a picture, and how many pixels it has."""
+    rows, columns = np.nonzero(image[:, :, 0] > 2.0 * image[:, :, 1])
+    return float(rows.mean()), float(columns.mean()), len(rows)
+
+
+def test_a_face_is_drawn_where_it_is() -> None:
+    """What the camera looks at is near the middle, x to the right, z up; far is small."""
+    red = np.tile((0.9, 0.1, 0.1), (2, 1))
+    row, column, size = _red(_pixels(_square(_beside(0.0, 0.0, 0.0), 0.03), red))
+    assert (row, column) == pytest.approx((130.5, 169.5), abs=6.0)
+    right = _red(_pixels(_square(_beside(0.4, 0.0, 0.0), 0.03), red))
+    up = _red(_pixels(_square(_beside(0.0, 0.0, 0.4), 0.03), red))
+    assert right[1] > column + 50.0
+    assert abs(right[0] - row) < 10.0
+    assert up[0] < row - 50.0
+    assert abs(up[1] - column) < 10.0
+    far = _red(_pixels(_square(_beside(0.0, 2.0, 0.0), 0.03), red))
+    assert far[2] < 0.6 * size
 
 
 def test_what_is_nearer_hides_what_is_behind_it() -> None:
     """Whatever the order of the faces, the square nearer to the camera is the one that shows."""
-    near, far = _square(np.array([0.7, -0.5, 0.2]), 0.05), _square(np.array([0.7, 0.5, 0.17]), 0.5)
+    near, far = _square(_beside(0.0, -0.5, 0.0), 0.05), _square(_beside(0.0, 0.5, 0.0), 0.5)
     red, blue = np.tile((0.9, 0.1, 0.1), (2, 1)), np.tile((0.1, 0.1, 0.9), (2, 1))
-    row, column = _place(np.array([0.7, -0.5, 0.2]))
     for order in ((near, far, red, blue), (far, near, blue, red)):
         image = _pixels(np.concatenate(order[:2]), np.concatenate(order[2:]))
-        assert image[row, column, 0] > image[row, column, 2]
-
-
-def test_faces_that_look_away_are_left_out() -> None:
-    """Of a square only the side that faces the camera is drawn."""
-    square, grey = _square(np.array([0.7, 0.0, 0.2]), 0.05), np.full((2, 3), 0.5)
-    assert len(shaded(square, grey)[0]) == 2
-    assert len(shaded(square[:, ::-1], grey)[0]) == 0
+        row, column, _ = _red(image)
+        assert image[round(row), round(column), 0] > image[round(row), round(column), 2]
+        assert np.sum(image[:, :, 2] > 2.0 * image[:, :, 0]) > 1000
 
 
 def test_the_ball_is_drawn_where_the_plant_has_it(arm: Arm) -> None:

@@ -10,8 +10,7 @@ from mitt.cli import main
 from mitt.errors import FileError
 from mitt.generator.learn import Learned
 from mitt.link.files import write_json
-from mitt.report.differences import break_even, paired_tests, sweeps_of
-from mitt.report.study_page import write_study_report
+from mitt.report.study_page import break_even, paired_tests, sweeps_of, write_study_report
 from mitt.sweep.folder import Folder
 from mitt.sweep.run import run_study
 from mitt.sweep.study import Study

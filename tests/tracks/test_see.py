@@ -17,7 +17,7 @@ from mitt.flight import GRAVITY
 from mitt.link.rig import CalibratedRig, write_rig
 from mitt.link.video import VideoWriter
 from mitt.signals import Array, Image
-from mitt.tracks.fall import fall_error
+from mitt.tracks.see import fall_error
 from mitt.vision.camera import Camera, Rig, fixed_rig
 from mitt.vision.lens import Lens
 

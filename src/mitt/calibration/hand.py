@@ -67,7 +67,6 @@ def hand_problem(
     Raises:
         InputError: Too few places were seen by two cameras, or they lie on one line.
     """
-    cameras = rig.rig().cameras
     straight = np.stack(
         [c.lens.straighten(centroids[:, 2 * k : 2 * k + 2]) for k, c in enumerate(rig.cameras)],
         axis=1,
@@ -89,8 +88,8 @@ def hand_problem(
     good = np.isfinite(straight).all(axis=2)
     place, camera = np.nonzero(good)
     return HandProblem(
-        cameras=cameras, camera=camera, p_world=p_world[place], uv=straight[good], radius=radius,
-        T_rig_world=T,
+        cameras=rig.rig().cameras, camera=camera, p_world=p_world[place], uv=straight[good],
+        radius=radius, T_rig_world=T,
     )  # fmt: skip
 
 
@@ -118,11 +117,7 @@ def calibrate_hand(
         "position_sigma_mm": 1e3 * float(sigma[3:].max())
     }  # fmt: skip
     moved = rig.seen_from(inverse(solved.problem.T_rig_world), "robot")
-    return (
-        moved,
-        solved,
-        Stage(name="hand", status=solved.status, numbers=numbers, warnings=tuple(warnings)),
-    )
+    return moved, solved, Stage("hand", solved.status, numbers, tuple(warnings))
 
 
 def calibrate_clock(
@@ -154,6 +149,4 @@ def calibrate_clock(
         "rms_mm": 1e3 * solved.rms, "gap_mm": 1e3 * gap, "top_speed_m_s": float(speed.max())
     }  # fmt: skip
     known = replace(rig, clock_offset=offset, clock_sigma=sigma if np.isfinite(sigma) else 1e3)
-    return known, Stage(
-        name="clock", status=solved.status, numbers=numbers, warnings=tuple(warnings)
-    )
+    return known, Stage("clock", solved.status, numbers, tuple(warnings))

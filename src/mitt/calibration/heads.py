@@ -9,7 +9,7 @@ from mitt.calibration.stage import Stage, weak
 from mitt.errors import FileError
 from mitt.link.cameras.folder import read_image
 from mitt.link.charuco import Board, Seen
-from mitt.link.rig import CalibratedRig, RigCamera
+from mitt.link.rig import RigCamera
 from mitt.signals import Array
 from mitt.vision.calibration.fit import Fit, fit
 from mitt.vision.calibration.heads import HeadProblem, first_head
@@ -49,16 +49,15 @@ def read_head_views(path: Path, board: Board, size: tuple[int, int]) -> tuple[Ar
 def head_problem(camera: RigCamera, board: Board, angles: Array, views: list[Seen]) -> HeadProblem:
     """Return the problem of a camera's head at its first guess."""
     poses = np.array([inverse(board.pose(v, camera.lens)) for v in views]).reshape(-1, 4, 4)
+    numbers = [np.full(len(v.ids), k) for k, v in enumerate(views)]
     return HeadProblem(
         lens=camera.lens,
         angles=angles,
-        view=np.concatenate([np.full(len(v.ids), k) for k, v in enumerate(views)])
-        if views else np.zeros(0, dtype=np.int64),
-        on_board=np.concatenate([board.corners[v.ids] for v in views])
-        if views else np.zeros((0, 3)),
-        uv=np.concatenate([v.uv for v in views]) if views else np.zeros((0, 2)),
+        view=np.concatenate([np.zeros(0, dtype=np.int64), *numbers]),
+        on_board=np.concatenate([np.zeros((0, 3)), *(board.corners[v.ids] for v in views)]),
+        uv=np.concatenate([np.zeros((0, 2)), *(v.uv for v in views)]),
         head=first_head(angles, poses),
-    )  # fmt: skip
+    )
 
 
 def calibrate_head(
@@ -66,9 +65,9 @@ def calibrate_head(
 ) -> tuple[RigCamera, Fit[HeadProblem], Stage]:
     """Return the camera with its head, the world being the board, z up out of its face."""
     solved = fit(head_problem(camera, board, angles, views))
-    wider = "add views at angles farther apart, pan and tilt in turn"
-    limits = {f"{axis}_direction_{k}": (2e-3, wider) for axis in ("pan", "tilt") for k in (1, 2)}
-    limits |= {f"{axis}_place_{k}": (2e-3, wider) for axis in ("pan", "tilt") for k in (1, 2)}
+    wider = (2e-3, "add views at angles farther apart, pan and tilt in turn")
+    limits = {f"{axis}_{what}_{k}": wider for axis in ("pan", "tilt")
+              for what in ("direction", "place") for k in (1, 2)}  # fmt: skip
     warnings = tuple(f"{camera.name}: {text}" for text in weak(solved, limits))
     head = solved.problem.head
     apart = abs(float(head.pan_axis @ head.tilt_axis))
@@ -78,13 +77,4 @@ def calibrate_head(
     }  # fmt: skip
     turned = head.seen_from(FACE_UP)
     moved = replace(camera, T_world_cam=turned.T_world_cam, head=turned, rms_px=solved.rms)
-    return (
-        moved,
-        solved,
-        Stage(name=f"head {camera.name}", status=solved.status, numbers=numbers, warnings=warnings),
-    )
-
-
-def with_heads(rig: CalibratedRig, cameras: tuple[RigCamera, ...]) -> CalibratedRig:
-    """Return the rig with all cameras on heads, in the board's frame."""
-    return replace(rig, frame="board", cameras=cameras)
+    return moved, solved, Stage(f"head {camera.name}", solved.status, numbers, warnings)

@@ -1,12 +1,12 @@
 """What each stage of a calibration hands on: numbers to print, and warnings."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from mitt.vision.calibration.fit import Fit, P
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Stage:
     """One stage of a calibration.
 
@@ -20,7 +20,7 @@ class Stage:
     name: str
     status: str
     numbers: Mapping[str, float]
-    warnings: tuple[str, ...] = field(default=())
+    warnings: tuple[str, ...]
 
 
 def weak(fit: Fit[P], limits: Mapping[str, tuple[float, str]]) -> tuple[str, ...]:

@@ -25,15 +25,12 @@ def read_columns(path: Path, columns: Sequence[str]) -> Array:
     Raises:
         FileError: It cannot be read, has other columns, no rows, or a cell that is no number.
     """
-    rows = []
-    for line, cells in read_rows(path, columns):
-        limits = [_LIMITS[name.rsplit("_", 1)[1]] for name in columns]
-        rows.append(
-            [
-                number(path, line, name, cells[name], limit=limit)
-                for name, limit in zip(columns, limits, strict=True)
-            ]
-        )
+    limits = [_LIMITS[name.rsplit("_", 1)[1]] for name in columns]
+    rows = [
+        [number(path, line, name, cells[name], limit=limit)
+         for name, limit in zip(columns, limits, strict=True)]
+        for line, cells in read_rows(path, columns)
+    ]  # fmt: skip
     if not rows:
         raise FileError(str(path), "a table with rows", "none")
     return np.array(rows, dtype=np.float64)
@@ -71,8 +68,6 @@ def read_places(path: Path, arm: Arm, others: Sequence[str]) -> tuple[Array, Arr
     by_angles = "q1_rad" in header_of(path)
     names = joints if by_angles else POINT
     table = read_columns(path, (*names, *others))
-    if len(table) == 0:
-        raise FileError(str(path), "rows", "none")
     places, rest = table[:, : len(names)], table[:, len(names) :]
     if by_angles:
         places = np.array([arm.position(q) for q in places])

@@ -1,13 +1,11 @@
 """``mitt bench``: how fast everything is on this machine, beside other libraries."""
 
-import json
 from typing import Any
-
-from rich.table import Table
 
 from mitt.bench.measure import QUICK, BenchSettings, measure
 from mitt.commands.options import BenchOptions
-from mitt.commands.screen import checked, console_of, progress, tell, tell_of_kernels
+from mitt.commands.screen import checked, print_json, progress, show, table, tell_of_kernels
+from mitt.interrupts import tell
 
 #: Rows of the table: key, words, unit.
 _ROWS = (
@@ -30,7 +28,7 @@ def run(options: BenchOptions) -> int:
     with progress() as report:
         result = measure(settings, progress=report, say=tell)
     if options.json:
-        print(json.dumps(result, allow_nan=False))  # noqa: T201
+        print_json(result)
     else:
         _show(result)
     return 0
@@ -38,28 +36,17 @@ def run(options: BenchOptions) -> int:
 
 def _show(result: dict[str, Any]) -> None:
     """Print the table."""
-    console, tick = console_of(), result["tick_us"]["p50"]
-    table = Table(title=f"speed, mitt {result['version']}, {result['machine']}",
-                  title_justify="left")  # fmt: skip
-    table.add_column("what")
-    for name in ("median", "p99", "p99.9", "unit", "ticks of ours"):
-        table.add_column(name, justify="right")
-    for key, words, unit in _ROWS:
-        if result[key] is not None:
-            ratio = f"{result[key]['p50'] / tick:.1f}" if unit == "us" else ""
-            table.add_row(words, *_cells(result[key]), unit, ratio)
-    for name, time in result["rivals_us"].items():
-        table.add_row(name, *_cells(time), "us", f"{time['p50'] / tick:.1f}")
-    console.print(table)
-    console.print(f"{result['throws_per_s_core']:.1f} throws per second and core")
+    tick = result["tick_us"]["p50"]
+    times = table(f"speed, mitt {result['version']}, {result['machine']}",
+                  ("what", "median", "p99", "p99.9", "unit", "ticks of ours"),
+                  left=("what",))  # fmt: skip
+    rows = [(words, result[key], unit) for key, words, unit in _ROWS if result[key] is not None]
+    rows += [(name, time, "us") for name, time in result["rivals_us"].items()]
+    for words, time, unit in rows:
+        cells = [f"{time[name]:.2f}" for name in ("p50", "p99", "p99_9")]
+        times.add_row(words, *cells, unit, f"{time['p50'] / tick:.1f}" if unit == "us" else "")
+    show(times, f"{result['throws_per_s_core']:.1f} throws per second and core")
     if result["learn_ipopt_ms"] is not None:
         ratio = result["learn_ipopt_ms"]["p50"] / result["learn_solver_ms"]["p50"]
-        console.print(
-            f"solver of learning: {ratio:.0f} times faster than IPOPT, "
-            f"cost {result['learn_cost_gap']:+.1e}"
-        )
-
-
-def _cells(time: dict[str, float]) -> list[str]:
-    """Return a time as cells."""
-    return [f"{time[name]:.2f}" for name in ("p50", "p99", "p99_9")]
+        show(f"solver of learning: {ratio:.0f} times faster than IPOPT, "
+             f"cost {result['learn_cost_gap']:+.1e}")  # fmt: skip

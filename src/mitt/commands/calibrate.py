@@ -1,71 +1,101 @@
-"""``mitt calibrate``: cameras, heads, place and clock from what was seen; writes RIG.toml."""
+"""``mitt calibrate``: cameras, heads, place and clock from what was seen; writes RIG.toml.
 
-import json
+The stages that the given files allow run one after the other: boards, heads, hand, clock.
+"""
+
 from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
 
 from rich.table import Table
 
 import mitt
-from mitt.calibration.views import CELLS
+from mitt.calibration.boards import CELLS, BoardViews, calibrate_boards, look_for_board
+from mitt.calibration.hand import calibrate_clock, calibrate_hand, centroid_columns, centroids_in
+from mitt.calibration.heads import FACE_UP, calibrate_head, read_head_views
+from mitt.calibration.stage import Stage
+from mitt.calibration.tables import header_of, read_places
 from mitt.commands.options import CalibrateOptions
-from mitt.commands.screen import check_new_file, checked, console_of, progress
-from mitt.commands.stages import Calibration, calibrate, prepare
-from mitt.errors import InputError
-from mitt.link.rig import write_rig
+from mitt.commands.screen import (
+    Report,
+    check_new_file,
+    checked,
+    print_json,
+    progress,
+    show,
+    warn,
+)
+from mitt.errors import FileError, InputError
+from mitt.link.cameras.opening import open_cameras
+from mitt.link.charuco import Board, BoardSpec
+from mitt.link.rig import CalibratedRig, read_rig, write_rig
+from mitt.robot.arm import Arm
+from mitt.robot.load import load_arm
+from mitt.vision.calibration.boards import BoardProblem
+from mitt.vision.calibration.fit import Fit
+from mitt.vision.poses import inverse
+
+NAMES = ("left", "right")
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Calibration:
+    """A calibration under way.
+
+    Attributes:
+        options: What the user wants.
+        names: Stages to come.
+        board: The board; None where no stage needs one.
+        arm: The arm; None where no stage needs one.
+        rig: The rig to begin with; None where boards give it.
+        stages: What each stage found.
+        boards: What the cameras saw of the boards, and the solution; None without boards.
+    """
+
+    options: CalibrateOptions
+    names: tuple[str, ...]
+    board: Board | None
+    arm: Arm | None
+    rig: CalibratedRig | None
+    stages: list[Stage] = field(default_factory=list)
+    boards: tuple[BoardViews, Fit[BoardProblem]] | None = None
 
 
 def run(options: CalibrateOptions) -> int:
     """Run ``mitt calibrate``; return its exit status."""
-    job = prepare(options)
+    job = _prepare(options)
     picture = (options.picture or options.out.with_suffix(".png")) if options.left else None
     if picture is not None and picture.suffix.lower() != ".png":
         raise InputError("--picture", "a name that ends with .png", picture.name)
     for name, path in (("--out", options.out), ("--picture", picture)):
-        if path is not None:
-            check_new_file(name, path, overwrite=options.overwrite)
+        check_new_file(name, path, overwrite=options.overwrite)
     if options.check:
-        return checked(f"{', '.join(job.stages)}, output to {options.out}")
+        return checked(f"{', '.join(job.names)}, output to {options.out}")
     with progress() as report:
-        done = calibrate(job, progress=report)
-    write_rig(options.out, done.rig, version=mitt.__version__)
-    if picture is not None:
-        _draw(done, picture)
+        rig = _calibrate(job, report)
+    write_rig(options.out, rig, version=mitt.__version__)
+    if picture is not None and job.boards is not None:
+        _draw(picture, *job.boards)
+    warnings = [text for stage in job.stages for text in stage.warnings]
     if options.json:
-        print(json.dumps(_result(done, options.out, picture), allow_nan=False))  # noqa: T201
+        print_json({
+            "schema": "mitt.calibrate/1",
+            "version": mitt.__version__,
+            "rig": str(options.out),
+            "picture": None if picture is None else str(picture),
+            "frame": rig.frame,
+            "cameras": [c.name for c in rig.cameras],
+            "stages": {s.name: {"status": s.status, **_finite(s.numbers)} for s in job.stages},
+            "warnings": warnings,
+        })  # fmt: skip
     else:
-        _show(done, options.out, picture)
+        for stage in job.stages:
+            _show(stage)
+        warn(warnings)
+        files = ", ".join(str(path) for path in (options.out, picture) if path is not None)
+        show(f"poses in the frame of the {rig.frame}; written: {files}")
     return 0
-
-
-def _draw(done: Calibration, picture: Path) -> None:
-    """Draw the coverage of the boards."""
-    from mitt.report.figures.coverage import draw_coverage  # noqa: PLC0415 (plots: only when drawn)
-
-    if done.boards is None or done.views is None:
-        return
-    corners = done.boards.problem.corners
-    r = done.boards.problem.residuals().reshape(-1, 2)
-    seen = {
-        name: (size, corners.uv[corners.camera == k], r[corners.camera == k])
-        for k, (name, size) in enumerate(zip(done.views.names, done.views.sizes, strict=True))
-    }
-    draw_coverage(picture, seen, CELLS)
-
-
-def _result(done: Calibration, out: Path, picture: Path | None) -> dict[str, object]:
-    """Return what ``mitt calibrate --json`` prints."""
-    return {
-        "schema": "mitt.calibrate/1",
-        "version": mitt.__version__,
-        "rig": str(out),
-        "picture": None if picture is None else str(picture),
-        "frame": done.rig.frame,
-        "cameras": [c.name for c in done.rig.cameras],
-        "stages": {s.name: {"status": s.status, **_finite(s.numbers)} for s in done.stages},
-        "warnings": list(done.warnings),
-    }
 
 
 def _finite(numbers: Mapping[str, float]) -> dict[str, float | None]:
@@ -73,19 +103,148 @@ def _finite(numbers: Mapping[str, float]) -> dict[str, float | None]:
     return {name: value if isfinite(value) else None for name, value in numbers.items()}
 
 
-def _show(done: Calibration, out: Path, picture: Path | None) -> None:
-    """Print what was found."""
-    console = console_of()
-    for stage in done.stages:
-        table = Table(
-            title=f"{stage.name}: {stage.status}", title_justify="left", show_header=False
-        )
-        table.add_column(no_wrap=True)
-        table.add_column(justify="right", no_wrap=True)
-        for name, value in stage.numbers.items():
-            table.add_row(name.replace("_", " "), f"{value:.5g}")
-        console.print(table)
-    for text in done.warnings:
-        console.print(f"warning: {text}", style="yellow", soft_wrap=True)
-    files = ", ".join(str(path) for path in (out, picture) if path is not None)
-    console.print(f"poses in the frame of the {done.rig.frame}; written: {files}", soft_wrap=True)
+def _show(stage: Stage) -> None:
+    """Print what a stage found."""
+    table = Table(title=f"{stage.name}: {stage.status}", title_justify="left", show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column(justify="right", no_wrap=True)
+    for name, value in stage.numbers.items():
+        table.add_row(name.replace("_", " "), f"{value:.5g}")
+    show(table)
+
+
+def _draw(picture: Path, views: BoardViews, solved: Fit[BoardProblem]) -> None:
+    """Draw the coverage of the boards."""
+    from mitt.report.figures.coverage import draw_coverage  # noqa: PLC0415 (plots: only when drawn)
+
+    corners = solved.problem.corners
+    r = solved.problem.residuals().reshape(-1, 2)
+    seen = {
+        name: (size, corners.uv[corners.camera == k], r[corners.camera == k])
+        for k, (name, size) in enumerate(zip(views.names, views.sizes, strict=True))
+    }
+    draw_coverage(picture, seen, CELLS)
+
+
+def _prepare(options: CalibrateOptions) -> Calibration:
+    """Check what can be checked without the work, and return the calibration to be made.
+
+    Raises:
+        InputError: The options do not go together; also its child FileError.
+    """
+    o = options
+    heads = [path for path in (o.left_head, o.right_head) if path is not None]
+    stages = [name for name, given in (("boards", o.left), ("heads", heads), ("hand", o.hand),
+              ("clock", o.arm_log)) if given]  # fmt: skip
+    if o.right is not None and o.left is None:
+        raise InputError("--right", "--left as well (one camera alone is --left)", "--right alone")
+    if not stages:
+        raise InputError("mitt calibrate", "--left and --right, --left-head, --hand or --arm-log",
+                         "none of them", do="see docs/rig.md")  # fmt: skip
+    if (o.rig is None) == (o.left is None):
+        raise InputError("mitt calibrate", "either --left (boards) or --rig (a rig to begin with)",
+                         "both" if o.rig else "neither")  # fmt: skip
+    if (o.arm_log is None) != (o.points is None):
+        raise InputError("--arm-log and --points", "both or neither", "one of them")
+    if o.level is not None and o.left is None:
+        raise InputError("--level", "boards (--left) in the same run", "none")
+    if not 0.0 < o.ball_radius < 1.0:
+        raise InputError("--ball-radius", "a length between 0 and 1 m", o.ball_radius)
+    for path in (*heads, *(p for p in (o.hand, o.arm_log, o.points) if p)):
+        if not path.is_file():
+            raise FileError(str(path), "a CSV file", "no such file")
+    for spec in (o.left, o.right, o.hand_left, o.hand_right):
+        if spec is not None and ":" not in spec and not Path(spec).exists():
+            raise FileError(spec, "a folder of images or a video", "nothing there")
+    joints = None if o.joints is None else [x.strip() for x in o.joints.split(",")]
+    return Calibration(
+        options=o,
+        names=tuple(stages),
+        board=Board(_spec(o)) if o.left or heads else None,
+        arm=load_arm(o.arm, tip=o.tip, joints=joints) if o.hand or o.arm_log else None,
+        rig=None if o.rig is None else read_rig(o.rig),
+    )
+
+
+def _spec(options: CalibrateOptions) -> BoardSpec:
+    """Return the board that the options describe."""
+    columns, cross, rows = options.board.lower().partition("x")
+    if not (cross and columns.isdecimal() and rows.isdecimal()):
+        raise InputError("--board", "squares across and down as 9x6", options.board)
+    return BoardSpec(
+        columns=int(columns), rows=int(rows), square=options.square, marker=options.marker,
+        dictionary=options.dictionary,
+    )  # fmt: skip
+
+
+def _calibrate(job: Calibration, report: Report) -> CalibratedRig:
+    """Run the stages, and return the rig."""
+    o, board, arm = job.options, job.board, job.arm
+    rig = job.rig
+    if rig is None:
+        assert board is not None
+        rig = _from_boards(job, board, report)
+    if board is not None and (o.left_head or o.right_head):
+        rig = _with_heads(job, rig, board)
+    if arm is not None and o.hand is not None:
+        rig = _with_hand(job, rig, arm, o.hand)
+    if arm is not None and o.arm_log is not None and o.points is not None:
+        rig, stage = calibrate_clock(rig, arm, log=o.arm_log, points=o.points, search=o.search)
+        job.stages.append(stage)
+    return rig
+
+
+def _from_boards(job: Calibration, board: Board, report: Report) -> CalibratedRig:
+    """Return lenses and stereo pose from boards."""
+    o = job.options
+    given = [spec for spec in (o.left, o.right) if spec is not None]
+    with open_cameras(given, fps=1.0) as sources:
+        views = look_for_board(board, sources, NAMES[: len(given)], progress=report)
+    rig, solved, stage = calibrate_boards(board, views, coefficients=o.coefficients)
+    if o.level is not None:
+        if o.level not in views.numbers:
+            raise InputError("--level", f"an image that was used: {views.numbers}", o.level)
+        T_rig_board = solved.problem.T_rig_board[views.numbers.index(o.level)]
+        rig = rig.seen_from(FACE_UP @ inverse(T_rig_board), "board")
+    job.stages.append(stage)
+    job.boards = views, solved
+    return rig
+
+
+def _with_heads(job: Calibration, rig: CalibratedRig, board: Board) -> CalibratedRig:
+    """Return the rig with the axes of its heads, all in the frame of the board."""
+    given = zip(NAMES, (job.options.left_head, job.options.right_head), strict=True)
+    tables = {name: path for name, path in given if path is not None}
+    missing = [c.name for c in rig.cameras if c.name not in tables]
+    if missing:
+        raise InputError("heads", "views of every camera of the rig, of one board in one place",
+                         f"none of {', '.join(missing)}")  # fmt: skip
+    cameras = []
+    for camera in rig.cameras:
+        size = (camera.lens.width, camera.lens.height)
+        angles, seen = read_head_views(tables[camera.name], board, size)
+        moved, _, stage = calibrate_head(camera, board, angles, seen)
+        cameras.append(moved)
+        job.stages.append(stage)
+    return replace(rig, frame="board", cameras=tuple(cameras))
+
+
+def _with_hand(job: Calibration, rig: CalibratedRig, arm: Arm, hand: Path) -> CalibratedRig:
+    """Return the rig in the robot's frame, from places of the hand."""
+    o = job.options
+    if len(rig.cameras) < 2:
+        raise InputError("--hand", "a rig of two cameras", "one of a single camera")
+    columns = centroid_columns(rig)
+    specs = [spec for spec in (o.hand_left, o.hand_right) if spec is not None]
+    if columns[0] in header_of(hand):
+        places, centroids = read_places(hand, arm, columns)
+    elif len(specs) == len(rig.cameras):
+        places, _ = read_places(hand, arm, ())
+        with open_cameras(specs, fps=1.0) as sources:
+            centroids = centroids_in(sources, len(places))
+    else:
+        raise FileError(f"{hand} line 1", f"columns {','.join(columns)}", "none of them",
+                        do="add them or say --hand-left and --hand-right")  # fmt: skip
+    rig, _, stage = calibrate_hand(rig, places, centroids, radius=o.ball_radius)
+    job.stages.append(stage)
+    return rig

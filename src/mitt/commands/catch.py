@@ -1,17 +1,22 @@
 """``mitt catch``: throw, see, map, catch; a table and a folder."""
 
-import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
-from rich.table import Table
-
 from mitt.commands.options import CatchOptions
-from mitt.commands.screen import Report, checked, console_of, progress, tell, tell_of_kernels
+from mitt.commands.screen import (
+    Report,
+    checked,
+    print_json,
+    progress,
+    show,
+    table,
+    tell_of_kernels,
+)
 from mitt.errors import InputError
 from mitt.generator.mapping import unlearned
-from mitt.interrupts import notice, status_of, words_of
+from mitt.interrupts import notice, status_of, tell, words_of
 from mitt.link.files import check_folder, locked
 from mitt.link.maps import read_map
 from mitt.trials.journal import kept_words
@@ -25,6 +30,8 @@ from mitt.world.scenes import DEFAULT, read_scene
 
 #: Most throws in one run; more belong into a study.
 _MOST_THROWS = 100_000
+#: Options that a map has decided already.
+_OF_THE_MAP = ("catch_joint", "q_catch", "kappa", "inward", "order")
 
 
 def run(options: CatchOptions) -> int:
@@ -37,7 +44,7 @@ def run(options: CatchOptions) -> int:
         with progress() as report:
             finished = _run(prepared, report)
     if options.json:
-        print(json.dumps(finished.result, allow_nan=False))  # noqa: T201
+        print_json(finished.result)
     else:
         _show(finished)
     if finished.interrupt is not None:
@@ -66,8 +73,10 @@ def prepare(options: CatchOptions) -> Prepared:
     if options.cameras is not None:
         sensing = scene.sensing.model_copy(update={"cameras": options.cameras})
         scene = scene.model_copy(update={"sensing": sensing})
-    if options.map is not None:
-        _refuse_design(options)
+    given = [f"--{name.replace('_', '-')}" for name, value in asdict(options).items()
+             if name in _OF_THE_MAP and value is not None]  # fmt: skip
+    if options.map is not None and given:
+        raise InputError("--map", "no option that the map itself decides", " and ".join(given))
     learned = None if options.map is None else read_map(options.map, arm)
     design = design_of(options, arm) if learned is None else learned.map.design
     f = unlearned(arm, design) if learned is None else learned.map
@@ -89,20 +98,6 @@ def prepare(options: CatchOptions) -> Prepared:
                     learned=learned, out=out)  # fmt: skip
 
 
-def _refuse_design(options: CatchOptions) -> None:
-    """Refuse options of the design beside a map, which has its own."""
-    stated = {
-        "--catch-joint": options.catch_joint,
-        "--q-catch": options.q_catch,
-        "--kappa": options.kappa,
-        "--inward": options.inward,
-        "--order": options.order,
-    }
-    given = [name for name, value in stated.items() if value is not None]
-    if given:
-        raise InputError("--map", "no option that the map itself decides", " and ".join(given))
-
-
 def _run(prepared: Prepared, report: Report) -> FinishedRun:
     """Throw and write; an interrupt that comes while pages are drawn leaves the result."""
     from mitt.report.outputs import keeping, write_outputs  # noqa: PLC0415 (plots: when written)
@@ -117,37 +112,30 @@ def _run(prepared: Prepared, report: Report) -> FinishedRun:
 
 
 def _show(finished: FinishedRun) -> None:
-    """Print the table of a run."""
-    console, summary = console_of(), finished.result["summary"]
-    table = Table(title=_title(finished), title_justify="left", padding=(0, 1))
-    for name in ("throw", "status", "t [s]", "miss [mm]", "rel. [m/s]", "torque", "speed", "[N]",
-                 "asks most, stopped by"):  # fmt: skip
-        words = name in ("status", "asks most, stopped by")
-        table.add_column(name, justify="left" if words else "right", no_wrap=True)
+    """Print the table of a run: the first 20 throws, and 40 of the others that failed."""
+    head, summary = finished.prepared.head, finished.result["summary"]
+    scene = f"scene {head['scene']}" + (", changed" if "scene_changed" in head else "")
+    throws = table(
+        f"{head['arm']}, limits {head['limits']}, {head['generator']}, {head['vision']}, {scene}",
+        ("throw", "status", "t [s]", "miss [mm]", "rel. [m/s]", "torque", "speed", "[N]",
+         "asks most, stopped by"), left=("status", "asks most, stopped by"),
+    )  # fmt: skip
     shown = finished.trials[:20] + [t for t in finished.trials[20:] if t.status != "caught"][:40]
     for trial in shown:
-        table.add_row(*_row(trial))
-    console.print(table)
+        throws.add_row(*_row(trial))
+    show(throws)
     if len(shown) < len(finished.trials):
-        console.print(f"{len(finished.trials) - len(shown)} more throws, all in result.json")
+        show(f"{len(finished.trials) - len(shown)} more throws, all in result.json")
     low, high = summary["ci95"]
-    console.print(
+    whole = finished.trials and finished.interrupt is None
+    page = "report.html" if whole else "result.json"
+    show(
         f"caught {summary['caught']} of {summary['throws']}: {100 * summary['catch_rate']:.1f} % "
         f"(95 % interval {100 * low:.1f} to {100 * high:.1f} %), "
         f"{', '.join(f'{status} {summary[status]}' for status in STATUSES[1:])}; "
-        f"tick {summary['tick_us']['p50']:.0f} us median"
+        f"tick {summary['tick_us']['p50']:.0f} us median",
+        f"written: {finished.prepared.out / page}",
     )
-    whole = finished.trials and finished.interrupt is None
-    page = "report.html" if whole else "result.json"
-    console.print(f"written: {finished.prepared.out / page}", soft_wrap=True)
-
-
-def _title(finished: FinishedRun) -> str:
-    """Return the title of a run's table."""
-    head = finished.prepared.head
-    scene = f"scene {head['scene']}" + (", changed" if "scene_changed" in head else "")
-    run = f"{head['arm']}, limits {head['limits']}, {head['generator']}, {head['vision']}"
-    return f"{run}, {scene}"
 
 
 def _row(trial: Trial) -> tuple[str, ...]:

@@ -1,13 +1,10 @@
 """``mitt learn``: learn a map, show the cost at each step, write the map."""
 
-import json
 from pathlib import Path
-
-from rich.table import Table
 
 import mitt
 from mitt.commands.options import LearnOptions
-from mitt.commands.screen import check_new_file, checked, console_of, progress
+from mitt.commands.screen import check_new_file, checked, print_json, progress, show, table
 from mitt.errors import InputError
 from mitt.generator.learn import Learned
 from mitt.link.maps import save_map
@@ -42,39 +39,28 @@ def run(options: LearnOptions) -> int:
         report("learning", 1, 1)
     save_map(options.out, learned, version=mitt.__version__)
     if options.json:
-        print(json.dumps(_result(learned, options.out), allow_nan=False))  # noqa: T201
+        print_json({
+            "schema": "mitt.learn/1",
+            "version": mitt.__version__,
+            "map": str(options.out),
+            "status": learned.status,
+            "flights": learned.flights,
+            "left_out": learned.left_out,
+            "cost_torque": [step.cost_torque for step in learned.steps],
+            "cost_speed": [step.cost_speed for step in learned.steps],
+        })  # fmt: skip
     else:
         _show(learned, options.out)
     return 0
 
 
-def _result(learned: Learned, out: Path) -> dict[str, object]:
-    """Return what ``mitt learn --json`` prints."""
-    return {
-        "schema": "mitt.learn/1",
-        "version": mitt.__version__,
-        "map": str(out),
-        "status": learned.status,
-        "flights": learned.flights,
-        "left_out": learned.left_out,
-        "cost_torque": [step.cost_torque for step in learned.steps],
-        "cost_speed": [step.cost_speed for step in learned.steps],
-    }
-
-
 def _show(learned: Learned, out: Path) -> None:
     """Print the cost at each step, the numbers behind fig. 7."""
-    console = console_of()
-    table = Table(title="cost over the optimisation (fig. 7)", title_justify="left")
-    for name in ("step", "torque", "speed", "sum", "largest share of a limit"):
-        table.add_column(name, justify="right")
+    costs = table("cost over the optimisation (fig. 7)",
+                  ("step", "torque", "speed", "sum", "largest share of a limit"))  # fmt: skip
     for k, step in enumerate(learned.steps):
-        name = "alpha = 0" if k == 0 else str(k - 1)
-        both = step.cost_torque + step.cost_speed
-        table.add_row(name, f"{step.cost_torque:.4f}", f"{step.cost_speed:.4f}", f"{both:.4f}",
+        numbers = step.cost_torque, step.cost_speed, step.cost_torque + step.cost_speed
+        costs.add_row("alpha = 0" if k == 0 else str(k - 1), *(f"{x:.4f}" for x in numbers),
                       f"{step.worst:.2f}")  # fmt: skip
-    console.print(table)
-    console.print(
-        f"{learned.status}: {learned.flights} flights, {learned.left_out} left out; written: {out}",
-        soft_wrap=True,
-    )
+    show(costs, f"{learned.status}: {learned.flights} flights, {learned.left_out} left out; "
+                f"written: {out}")  # fmt: skip

@@ -1,9 +1,9 @@
 """``mitt report``: the page of a study; the result of a run that died."""
 
-import json
+from pathlib import Path
 
 from mitt.commands.options import ReportOptions
-from mitt.commands.screen import checked, console_of, progress
+from mitt.commands.screen import checked, print_json, progress, show
 from mitt.errors import InputError
 from mitt.link.files import locked, write_json
 from mitt.report.study_page import write_study_report
@@ -27,26 +27,24 @@ def run(options: ReportOptions) -> int:
         return checked(f"study {result.study.name!r}, {len(result.rows)} rows")
     with locked(folder.path), progress() as report:
         write_study_report(result, replays=options.replays, progress=report)
-    path = folder.path / "report.html"
-    if options.json:
-        print(json.dumps({"schema": "mitt.report/1", "report": str(path)}))  # noqa: T201
-    else:
-        console_of().print(f"written: {path}", soft_wrap=True)
-    return 0
+    return _written(options, folder.path / "report.html", "")
 
 
 def _recover(options: ReportOptions) -> int:
     """Write the result of a run of ``mitt catch`` that died, from the throws that it kept."""
     result = recovered(options.folder)
-    count, path = len(result["trials"]), options.folder / RESULT
+    said, path = f"{len(result['trials'])} throws of a run that died", options.folder / RESULT
     if options.check:
-        return checked(f"{count} throws of a run that died")
+        return checked(said)
     with locked(options.folder):
         write_json(path, result)
+    return _written(options, path, f"{said}, {result['summary']['caught']} of them caught; ")
+
+
+def _written(options: ReportOptions, path: Path, said: str) -> int:
+    """Print what was written, and return the exit status."""
     if options.json:
-        print(json.dumps({"schema": "mitt.report/1", "report": str(path)}))  # noqa: T201
+        print_json({"schema": "mitt.report/1", "report": str(path)})
     else:
-        caught = result["summary"]["caught"]
-        console_of().print(f"{count} throws of a run that died, {caught} of them caught; "
-                           f"written: {path}", soft_wrap=True)  # fmt: skip
+        show(f"{said}written: {path}")
     return 0

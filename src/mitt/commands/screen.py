@@ -1,14 +1,17 @@
 """What the commands share: checks of output files, progress on stderr, tables on stdout."""
 
+import json
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
 
 from mitt.errors import InputError
+from mitt.interrupts import tell
 from mitt.link.clock import Pace
 from mitt.link.files import check_folder
 
@@ -24,24 +27,20 @@ def checked(what: str) -> int:
     return 0
 
 
-def check_new_file(name: str, path: Path, *, overwrite: bool) -> None:
-    """Refuse a file that exists, or a folder that cannot be written.
+def check_new_file(name: str, path: Path | None, *, overwrite: bool) -> None:
+    """Refuse an output file that exists, or whose folder cannot be written; None is no file.
 
     Raises:
         InputError: The file may not be written.
     """
+    if path is None:
+        return
     if path.is_dir():
         raise InputError(name, "a file", f"{path}, which is a folder")
     if path.exists() and not overwrite:
         raise InputError(name, "a new file", f"{path}, which exists",
                          do="choose another or say --overwrite")  # fmt: skip
     check_folder(path.parent, overwrite=True)
-
-
-def tell(text: str) -> None:
-    """Say one line on stderr, if anybody can hear it."""
-    with suppress(OSError):
-        print(f"mitt: {text}", file=sys.stderr, flush=True)  # noqa: T201
 
 
 def tell_of_kernels() -> None:
@@ -59,7 +58,15 @@ def tell_of_kernels() -> None:
 def progress() -> Iterator[Report]:
     """Show progress on stderr: a bar on a terminal, else a line now and then."""
     if not sys.stderr.isatty():
-        yield _lines()
+        paces: dict[str, Pace] = {}
+
+        def line(name: str, done: int, of: int) -> None:
+            pace = paces.setdefault(name, Pace())
+            left = pace.left(done, of)
+            if left is not None and done < of and pace.due():
+                tell(f"{name} {done} of {of}, {left / 60.0:.1f} min left")
+
+        yield line
         return
     columns = (
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
@@ -75,20 +82,27 @@ def progress() -> Iterator[Report]:
         yield report
 
 
-def _lines() -> Report:
-    """Return what writes a line of progress now and then, with the time left."""
-    paces: dict[str, Pace] = {}
-
-    def report(name: str, done: int, of: int) -> None:
-        pace = paces.setdefault(name, Pace())
-        left = pace.left(done, of)
-        if left is not None and done < of and pace.due():
-            tell(f"{name} {done} of {of}, {left / 60.0:.1f} min left")
-
-    return report
+def print_json(value: object) -> None:
+    """Print one JSON object on stdout; NaN and infinity are refused."""
+    print(json.dumps(value, allow_nan=False))  # noqa: T201
 
 
-def console_of() -> Console:
-    """Return the console of tables: as wide as the terminal, wide enough in a file."""
+def show(*parts: str | Table, style: str | None = None) -> None:
+    """Print tables and lines on stdout: as wide as the terminal, wide enough in a file."""
     console = Console()
-    return console if console.is_terminal else Console(width=_FILE_WIDTH)
+    console = console if console.is_terminal else Console(width=_FILE_WIDTH)
+    for part in parts:
+        console.print(part, soft_wrap=isinstance(part, str), style=style)
+
+
+def warn(texts: Sequence[str]) -> None:
+    """Print warnings on stdout."""
+    show(*(f"warning: {text}" for text in texts), style="yellow")
+
+
+def table(title: str, columns: Sequence[str], *, left: Sequence[str] = ()) -> Table:
+    """Return an empty table; all columns but those in ``left`` are aligned to the right."""
+    out = Table(title=title, title_justify="left")
+    for name in columns:
+        out.add_column(name, justify="left" if name in left else "right", no_wrap=True)
+    return out

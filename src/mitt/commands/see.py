@@ -1,59 +1,56 @@
 """``mitt see``: two videos, folders or cameras to a track and a side-by-side video."""
 
-import json
 from contextlib import nullcontext
 from pathlib import Path
 
 import mitt
 from mitt.commands.options import SeeOptions
-from mitt.commands.screen import check_new_file, checked, console_of, progress
+from mitt.commands.screen import check_new_file, checked, print_json, progress, show, warn
 from mitt.errors import InputError
 from mitt.interrupts import notice
 from mitt.link.rig import CalibratedRig, read_rig
 from mitt.link.video import SUFFIXES, VideoWriter
-from mitt.tracks.see import WATCHED, Seen, SeeSettings, complaints, rate_of, see, status_of
-from mitt.tracks.table import POINTS, STATE, write_table
+from mitt.tracks.see import WATCHED, Seen, complaints, rate_of, see, status_of
+from mitt.tracks.tables import POINTS, STATE, write_table
 
 
 def run(options: SeeOptions) -> int:
     """Run ``mitt see``; return its exit status."""
-    rig, video = check_rig(options), _video(options)
+    rig, video = _checked_rig(options), _video(options)
     for name, path in (("--out", options.out), ("--points", options.points), ("--video", video)):
-        if path is not None:
-            check_new_file(name, path, overwrite=options.overwrite)
+        check_new_file(name, path, overwrite=options.overwrite)
     for spec in (options.left, options.right):
         if ":" not in spec and not Path(spec).exists():
             raise InputError(spec, "a video, a folder of images or a camera", "nothing there")
     if options.check:
         return checked(f"{options.left} and {options.right}, output to {options.out}")
-    settings = SeeSettings(
-        left=options.left, right=options.right, ball=options.ball, ball_radius=options.ball_radius,
-        max_skew=options.max_skew, fps=options.fps, frames=options.frames,
-    )  # fmt: skip
     seen = Seen()
     try:
         with (
             progress() as report,
             nullcontext() if video is None else VideoWriter(video, rate=WATCHED) as writer,
         ):
-            see(settings, rig, seen, writer, report)
+            see(
+                options.left, options.right, rig, seen, writer, ball=options.ball,
+                radius=options.ball_radius, max_skew=options.max_skew, fps=options.fps,
+                frames=options.frames, progress=report,
+            )  # fmt: skip
     except KeyboardInterrupt:
         notice()
         raise
     finally:
-        _write(options, seen)  # what is finished is kept, also of an interrupted run
+        if seen.points:  # what is finished is kept, also of an interrupted run
+            write_table(options.out, STATE, seen.states)
+            if options.points is not None:
+                write_table(options.points, POINTS, seen.points)
     said = complaints(seen, tuple(c.name for c in rig.cameras))
     if not seen.points:
-        reason = "; ".join(said) or "none"
-        raise InputError("cameras", "a ball that both see", reason)
-    if options.json:
-        print(json.dumps(_result(options, rig, seen, said, video), allow_nan=False))  # noqa: T201
-    else:
-        _show(options, seen, said, video)
+        raise InputError("cameras", "a ball that both see", "; ".join(said) or "none")
+    _tell(options, rig, seen, said, video)
     return 0
 
 
-def check_rig(options: SeeOptions) -> CalibratedRig:
+def _checked_rig(options: SeeOptions) -> CalibratedRig:
     """Return the rig, checked with the other numbers of the options.
 
     Raises:
@@ -87,44 +84,32 @@ def _video(options: SeeOptions) -> Path | None:
     return video
 
 
-def _write(options: SeeOptions, seen: Seen) -> None:
-    """Write the tables, if there is anything in them."""
-    if not seen.points:
-        return
-    write_table(options.out, STATE, seen.states)
-    if options.points is not None:
-        write_table(options.points, POINTS, seen.points)
-
-
-def _result(
+def _tell(
     options: SeeOptions, rig: CalibratedRig, seen: Seen, said: tuple[str, ...], video: Path | None
-) -> dict[str, object]:
-    """Return what ``mitt see --json`` prints."""
-    left, right = seen.counts.frames
-    return {
-        "schema": "mitt.see/1",
-        "version": mitt.__version__,
-        "status": status_of(seen),
-        "track": str(options.out),
-        "points": None if options.points is None else str(options.points),
-        "video": None if video is None else str(video),
-        "frame": rig.frame,
-        "frames": {"left": left, "right": right, "paired": seen.counts.paired},
-        "targets": {"left": seen.targets[0], "right": seen.targets[1], "both": seen.both},
-        "sightings": seen.agreed,
-        "rows": len(seen.states),
-        "rate_hz": rate_of(seen.points),
-        "warnings": list(said),
-    }
-
-
-def _show(options: SeeOptions, seen: Seen, said: tuple[str, ...], video: Path | None) -> None:
+) -> None:
     """Print what was seen."""
-    console, (left, right) = console_of(), seen.counts.frames
-    console.print(f"{left} and {right} frames, {seen.counts.paired} pairs; the ball in "
-                  f"{seen.targets[0]} and {seen.targets[1]} of them, {seen.agreed} sightings, "
-                  f"{len(seen.states)} rows", soft_wrap=True)  # fmt: skip
-    for text in said:
-        console.print(f"warning: {text}", style="yellow", soft_wrap=True)
+    counts, status = seen.counts, status_of(seen)
+    left, right = counts.frames
+    if options.json:
+        print_json({
+            "schema": "mitt.see/1",
+            "version": mitt.__version__,
+            "status": status,
+            "track": str(options.out),
+            "points": None if options.points is None else str(options.points),
+            "video": None if video is None else str(video),
+            "frame": rig.frame,
+            "frames": {"left": left, "right": right, "paired": counts.paired},
+            "targets": {"left": seen.targets[0], "right": seen.targets[1], "both": seen.both},
+            "sightings": seen.agreed,
+            "rows": len(seen.states),
+            "rate_hz": rate_of(seen.points),
+            "warnings": list(said),
+        })  # fmt: skip
+        return
+    show(f"{left} and {right} frames, {counts.paired} pairs; the ball in "
+         f"{seen.targets[0]} and {seen.targets[1]} of them, {seen.agreed} sightings, "
+         f"{len(seen.states)} rows")  # fmt: skip
+    warn(said)
     files = ", ".join(str(p) for p in (options.out, options.points, video) if p is not None)
-    console.print(f"status {status_of(seen)}; written: {files}", soft_wrap=True)
+    show(f"status {status}; written: {files}")

@@ -1,11 +1,9 @@
 """``mitt study``: many throws, several generators, a grid of conditions."""
 
-from rich.table import Table
-
 from mitt.commands.options import StudyOptions
-from mitt.commands.screen import checked, console_of, progress, tell, tell_of_kernels
+from mitt.commands.screen import checked, progress, show, table, tell_of_kernels
 from mitt.errors import InputError
-from mitt.interrupts import words_of
+from mitt.interrupts import tell, words_of
 from mitt.link.files import check_folder, locked
 from mitt.sweep.engine import check_engine, engine_of
 from mitt.sweep.folder import Folder
@@ -33,11 +31,6 @@ def run(options: StudyOptions) -> int:
         folder.claim(study, resume=options.resume, overwrite=options.overwrite)
         with progress() as report:
             finished = run_study(study, folder, engine, progress=report)
-    return _tell(options, study, folder, finished)
-
-
-def _tell(options: StudyOptions, study: Study, folder: Folder, finished: FinishedStudy) -> int:
-    """Print what came out; return the exit status."""
     if options.json:
         print(folder.summary.read_text(encoding="utf-8"), end="")  # noqa: T201
     else:
@@ -53,21 +46,17 @@ def _tell(options: StudyOptions, study: Study, folder: Folder, finished: Finishe
 
 def _show(study: Study, folder: Folder, finished: FinishedStudy) -> None:
     """Print the catch rates: a row a condition, a column a generator."""
-    console = console_of()
-    table = Table(title=f"{study.name}: caught [%]", title_justify="left", padding=(0, 1))
-    table.add_column("condition", no_wrap=True)
-    for generator in study.generators:
-        table.add_column(generator, justify="right", no_wrap=True)
-    rates = {(row["condition"], row["generator"]): row for row in finished.rows}
+    rates = table(f"{study.name}: caught [%]", ("condition", *study.generators),
+                  left=("condition",))  # fmt: skip
+    rows = {(row["condition"], row["generator"]): row for row in finished.rows}
     for condition in study.conditions:
-        rows = [rates[condition.name, generator] for generator in study.generators]
-        table.add_row(condition.name, *(_rate(row) for row in rows))
-    console.print(table)
-    console.print(f"written: {folder.summary} and {folder.trials.name}", soft_wrap=True)
+        cells = [rows[condition.name, generator] for generator in study.generators]
+        rates.add_row(condition.name, *(_rate(row) for row in cells))
+    show(rates, f"written: {folder.summary} and {folder.trials.name}")
 
 
 def _rate(row: dict[str, object]) -> str:
-    """Return a catch rate for the table; nothing where nothing was thrown."""
+    """Return a catch rate for the table, with a star where throws are missing."""
     if not row["throws"]:
         return ""
     return f"{100 * float(str(row['catch_rate'])):.1f}{'' if row['complete'] else ' *'}"

@@ -1,13 +1,11 @@
 """``mitt track``: the ball filter alone, on recorded positions."""
 
-import json
-
 import mitt
 from mitt.commands.options import TrackOptions
-from mitt.commands.screen import check_new_file, checked, console_of
+from mitt.commands.screen import check_new_file, checked, print_json, show
 from mitt.errors import InputError
 from mitt.tracks.filtering import follow_all
-from mitt.tracks.positions import read_positions, write_track
+from mitt.tracks.tables import read_positions, write_track
 from mitt.vision.belief import MAX_HORIZON
 
 #: Largest standard deviation of a coordinate that makes sense [m].
@@ -16,41 +14,28 @@ _MAX_SIGMA = 1.0
 
 def run(options: TrackOptions) -> int:
     """Run ``mitt track``; return its exit status."""
-    _check(options)
-    positions = read_positions(options.points)
-    rows, flights = len(positions.samples), len(positions.rows)
-    if options.check:
-        return checked(f"{rows} rows, {flights} flights, output to {options.out}")
-    track = follow_all(
-        positions.samples, positions.rows.values(), ahead=options.ahead or 0.0, sigma=options.sigma
-    )
-    write_track(options.out, positions, track, ahead=options.ahead is not None)
-    if options.json:
-        said = {
-            "schema": "mitt.track/1",
-            "version": mitt.__version__,
-            "rows": rows,
-            "flights": flights,
-            "ahead_s": options.ahead,
-            "sigma_m": options.sigma,
-            "out": str(options.out),
-        }
-        print(json.dumps(said, allow_nan=False))  # noqa: T201
-    else:
-        console_of().print(f"{rows} rows, {flights} flights; written: {options.out}",
-                           soft_wrap=True)  # fmt: skip
-    return 0
-
-
-def _check(options: TrackOptions) -> None:
-    """Check what can be checked without reading the table.
-
-    Raises:
-        InputError: A number out of range, or an output that cannot be written.
-    """
     ahead, sigma = options.ahead, options.sigma
     if ahead is not None and not 0.0 <= ahead <= MAX_HORIZON:
         raise InputError("--ahead", f"a time from 0 to {MAX_HORIZON:g} s", ahead)
     if sigma is not None and not 0.0 < sigma <= _MAX_SIGMA:
         raise InputError("--sigma", f"a length above 0, up to {_MAX_SIGMA:g} m", sigma)
     check_new_file("--out", options.out, overwrite=options.overwrite)
+    positions = read_positions(options.points)
+    rows, flights = len(positions.samples), len(positions.rows)
+    if options.check:
+        return checked(f"{rows} rows, {flights} flights, output to {options.out}")
+    track = follow_all(positions.samples, positions.rows.values(), ahead=ahead or 0.0, sigma=sigma)
+    write_track(options.out, positions, track, ahead=ahead is not None)
+    if options.json:
+        print_json({
+            "schema": "mitt.track/1",
+            "version": mitt.__version__,
+            "rows": rows,
+            "flights": flights,
+            "ahead_s": ahead,
+            "sigma_m": sigma,
+            "out": str(options.out),
+        })  # fmt: skip
+    else:
+        show(f"{rows} rows, {flights} flights; written: {options.out}")
+    return 0

@@ -30,13 +30,15 @@ def body_meshes(
     model: mujoco.MjModel, body: int, arm: Arm, scene: Scene
 ) -> list[tuple[Trimesh, Colour]]:
     """Return the meshes of a body of the plant in its own frame, one a colour."""
-    by_colour: dict[Colour, list[Trimesh]] = {}
     name = model.body(body).name
+    by_colour: dict[Colour, list[Trimesh]] = {DARK: _extras(arm, scene, name)}
     for g in np.flatnonzero(model.geom_bodyid == body):
         mesh = geom_mesh(model, int(g))
-        if mesh is not None:
-            by_colour.setdefault(_colour(model.geom(int(g)).name, name), []).append(mesh)
-    by_colour.setdefault(DARK, []).extend(_extras(arm, scene, name))
+        if mesh is None:
+            continue
+        geom, colour = model.geom(int(g)).name, METAL if name.startswith("link_") else DARK
+        colour = BALL if geom == "ball" else FINGER if geom.startswith("finger") else colour
+        by_colour.setdefault(colour, []).append(mesh)
     return [(trimesh.util.concatenate(found), colour)
             for colour, found in by_colour.items() if found]  # fmt: skip
 
@@ -81,15 +83,6 @@ def rod(start: Array, end: Array, radius: float) -> Trimesh:
     return capsule(radius, float(np.linalg.norm(along))).apply_transform(T)
 
 
-def _colour(geom: str, body: str) -> Colour:
-    """Return the colour of a geom."""
-    if geom == "ball":
-        return BALL
-    if geom.startswith("finger"):
-        return FINGER
-    return METAL if body.startswith("link_") else DARK
-
-
 def _extras(arm: Arm, scene: Scene, body: str) -> list[Trimesh]:
     """Return what is only for the eye: struts along a link, a drum at its joint, the stand."""
     if body == "world":
@@ -102,7 +95,7 @@ def _extras(arm: Arm, scene: Scene, body: str) -> list[Trimesh]:
     if body not in names:
         return []
     k = names.index(body)
-    points, link = bones(arm.model)[k].points, arm.model.links[k]
+    points, link = bones(arm.model)[k], arm.model.links[k]
     struts = [rod(a, b, _STRUT) for a, b in pairwise(points)]
     if k + 1 == len(names):
         struts = struts[:-1] or struts

@@ -19,7 +19,7 @@ from mitt.trials.journal import NAME, RESULT, Journal
 from mitt.trials.record import recording_of
 from mitt.trials.result import result
 from mitt.trials.run import FinishedRun, Prepared, make_runner, one_throw, runner_for
-from mitt.trials.runner import LoggedTrial
+from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.score import Trial
 from mitt.trials.source import release_of
 
@@ -62,7 +62,10 @@ def write_outputs(finished: FinishedRun, *, progress: Progress) -> None:
 
 def _write_recordings(finished: FinishedRun, progress: Progress) -> None:
     """Throw the balls to be recorded once more, which gives the same trials, and record them."""
-    prepared, kept = finished.prepared, _recorded(finished)
+    prepared, record = finished.prepared, finished.prepared.settings.record
+    kept = [t.index for t in finished.trials
+            if record == "all" or (record == "failures" and (t.index == 0 or t.status != "caught"))
+            ]  # fmt: skip
     runner = make_runner(prepared, finished.learned, generator=prepared.settings.generator)
     for done, index in enumerate(kept):
         progress("recordings", done, len(kept))
@@ -75,19 +78,14 @@ def _write_recordings(finished: FinishedRun, progress: Progress) -> None:
     progress("recordings", len(kept), len(kept))
 
 
-def _recorded(finished: FinishedRun) -> list[int]:
-    """Return the throws to record: the first and the failures, or as the options say."""
-    settings = finished.prepared.settings
-    if settings.record == "none":
-        return []
-    every = settings.record == "all"
-    return [t.index for t in finished.trials if every or t.index == 0 or t.status != "caught"]
-
-
 def _content(finished: FinishedRun, progress: Progress) -> ReportContent:
-    """Collect what the report shows."""
+    """Collect what the report shows; alpha = 0 is thrown beside it, if the run was not that."""
     prepared, learned = finished.prepared, finished.learned
-    runner = make_runner(prepared, learned, generator=prepared.settings.generator)
+    generator = prepared.settings.generator
+    runner = make_runner(prepared, learned, generator=generator)
+    plain = None
+    if generator != "unoptimised":
+        plain = make_runner(prepared, learned, generator="unoptimised")
     whole = len(learned.maps) > 1
     balls = [prepared.source.ball(trial.index) for trial in finished.trials]
     return ReportContent(
@@ -95,26 +93,18 @@ def _content(finished: FinishedRun, progress: Progress) -> ReportContent:
         arm=prepared.arm,
         scene=prepared.scene,
         steps=learned.steps if whole else None,
-        direct=_shown(one_throw(runner, prepared, 0, log=True)),
-        unoptimised=_plain(finished),
+        direct=_shown(runner, prepared),
+        unoptimised=None if plain is None else _shown(plain, prepared),
         releases=np.array([release_of(ball) for ball in balls]),
         shares=_feedback(finished, progress) if whole else None,
-        rivals=_rivals(finished, progress),
+        rivals=() if plain is None else (_compared(plain, finished, progress),),
     )
 
 
-def _shown(outcome: LoggedTrial) -> LoggedTrial | None:
-    """Return a throw that can be drawn; None for one that ended before it began."""
+def _shown(runner: TrialRunner, prepared: Prepared) -> LoggedTrial | None:
+    """Return the first throw with its log; None where it ended before it began."""
+    outcome = one_throw(runner, prepared, 0, log=True)
     return outcome if outcome.log is not None and len(outcome.log.t) >= _FEWEST_TICKS else None
-
-
-def _plain(finished: FinishedRun) -> LoggedTrial | None:
-    """Return the first throw with alpha = 0; None where the run itself was that."""
-    prepared = finished.prepared
-    if prepared.settings.generator == "unoptimised":
-        return None
-    runner = make_runner(prepared, finished.learned, generator="unoptimised")
-    return _shown(one_throw(runner, prepared, 0, log=True))
 
 
 def _feedback(finished: FinishedRun, progress: Progress) -> tuple[float, ...]:
@@ -131,16 +121,12 @@ def _feedback(finished: FinishedRun, progress: Progress) -> tuple[float, ...]:
     return tuple(shares)
 
 
-def _rivals(finished: FinishedRun, progress: Progress) -> tuple[dict[str, object], ...]:
+def _compared(runner: TrialRunner, finished: FinishedRun, progress: Progress) -> dict[str, object]:
     """Return the result of the first throws with alpha = 0, to be compared with."""
     prepared = finished.prepared
-    if prepared.settings.generator == "unoptimised":
-        return ()
-    runner = make_runner(prepared, finished.learned, generator="unoptimised")
     count, trials = min(len(finished.trials), _COMPARED), []
     for index in range(count):
         progress("alpha = 0", index, count)
         trials.append(one_throw(runner, prepared, index).trial)
     progress("alpha = 0", count, count)
-    head = prepared.head | {"generator": "unoptimised"}
-    return (result(trials, Stopwatch(), head),)
+    return result(trials, Stopwatch(), prepared.head | {"generator": "unoptimised"})

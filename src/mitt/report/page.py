@@ -5,7 +5,7 @@ link, where the block comes out empty. Text is escaped by the templates; drawing
 come from this package, are not.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -14,6 +14,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 NONE = "\u2013"
 """A dash: where there is no value, and between the ends of an interval."""
+
+Cell = str | Mapping[str, str]
+"""A cell of a table: its text, or ``href`` and ``text`` where it leads somewhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,17 +48,17 @@ def page(
         values: What the blocks show.
     """
     source = _environment().get_template(f"{template}.html")
-
-    def block(name: str) -> str:
-        return "".join(source.blocks[name](source.new_context(values))).strip()
-
+    html = {
+        name: "".join(block(source.new_context(values))).strip()
+        for name, block in source.blocks.items()
+    }
     parts = [
-        {"name": s.name.replace("_", "-"), "link": s.link, "title": s.title, "html": html}
+        {"name": s.name.replace("_", "-"), "link": s.link, "title": s.title, "html": html[s.name]}
         for s in sections
-        if (html := block(s.name))
+        if html[s.name]
     ]
     return _environment().get_template("layout.html").render(
-        title=title, command=command, settings=block("settings"), footer=block("footer"),
+        title=title, command=command, settings=html["settings"], footer=html["footer"],
         sections=parts,
     )  # fmt: skip
 

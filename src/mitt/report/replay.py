@@ -15,7 +15,6 @@ import viser
 
 from mitt.report.meshes import BALL, body_meshes
 from mitt.robot.arm import Arm
-from mitt.signals import Array
 from mitt.trials.log import PHASES, TrialLog
 from mitt.world.build import build_plant
 from mitt.world.scene import Scene
@@ -26,8 +25,8 @@ _EACH, _SLOWER = 4, 5.0
 _DOT_EACH = 24
 #: How long after first contact the replay goes on [s].
 _AFTER = 0.45
-#: Colour of the way of the catch point.
-_HAND = (0, 114, 178)
+#: Colour of the path of the catch point; name of a body's node.
+_HAND, _NODE = (0, 114, 178), "/bodies/{:02d}"
 
 
 def replay_page(arm: Arm, scene: Scene, log: TrialLog) -> str:
@@ -80,39 +79,40 @@ def _furnish(scene_api: Any, arm: Arm, scene: Scene, model: mujoco.MjModel) -> N
     for body in range(model.nbody):
         for k, (mesh, colour) in enumerate(body_meshes(model, body, arm, scene)):
             scene_api.add_mesh_simple(
-                f"{_node(body)}/{k}", mesh.vertices.astype(np.float32),
+                f"{_NODE.format(body)}/{k}", mesh.vertices.astype(np.float32),
                 mesh.faces.astype(np.uint32),
                 color=colour, side="double",
                 receive_shadow=False,
             )  # fmt: skip
 
 
-def _node(body: int) -> str:
-    """Return the name of a body's node."""
-    return f"/bodies/{body:02d}"
-
-
 def _recorded(server: Any, model: mujoco.MjModel, log: TrialLog) -> str:  # noqa: ANN401
     """Move the bodies through the trial while Viser records, and return its page."""
     api, trace = server.scene, log.truth
     moving = [b for b in range(1, model.nbody) if model.body_weldid[b] != 0]
-    handles = {b: api.add_frame(_node(b), show_axes=False) for b in moving}
+    handles = {b: api.add_frame(_NODE.format(b), show_axes=False) for b in moving}
     label = api.add_label("/clock", "", position=(0.78, 0.0, 0.85), anchor="center-center")
-    ticks = np.arange(0, _last(log), _EACH)
+    last = _last(log)
+    ticks = np.arange(0, last, _EACH)
+    catch = int(np.searchsorted(trace.t, log.t_catch)) if np.isfinite(log.t_catch) else last
     dots = [
         (k, api.add_icosphere(f"/trail/{k:05d}", radius=0.008, color=BALL, subdivisions=1,
                               position=tuple(trace.r_o[k]), visible=False, cast_shadow=False))
-        for k in range(0, _catch_tick(log), _DOT_EACH)
+        for k in range(0, catch, _DOT_EACH)
     ]  # fmt: skip
-    _draw_path(api, "/hand_path", trace.position[: int(ticks[-1])], _HAND)
+    path = trace.position[: int(ticks[-1]) : 8].astype(np.float32)
+    if len(path) > 1:
+        segments = np.stack([path[:-1], path[1:]], axis=1)
+        api.add_line_segments("/hand_path", segments, colors=_HAND, thickness=0.006)
     data = mujoco.MjData(model)
     recorder = server.get_scene_serializer()
-    for k in ticks:
+    for k in ticks.tolist():
         data.qpos[:] = trace.qpos[k]
         mujoco.mj_kinematics(model, data)
         for b, handle in handles.items():
             handle.position, handle.wxyz = tuple(data.xpos[b]), tuple(data.xquat[b])
-        label.text = _clock(log, int(k))
+        phase = PHASES[log.phase[min(k, len(log.phase) - 1)]].value
+        label.text = f"{1e3 * trace.t[k]:.0f} ms  {phase}"
         for at, dot in dots:
             if at <= k < at + _EACH:
                 dot.visible = True
@@ -120,27 +120,6 @@ def _recorded(server: Any, model: mujoco.MjModel, log: TrialLog) -> str:  # noqa
     recorder.insert_sleep(1.0)
     page: str = recorder.as_html()
     return page
-
-
-def _draw_path(api: Any, name: str, points: Array, colour: tuple[int, int, int]) -> None:  # noqa: ANN401
-    """Draw the way of a point."""
-    thinned = points[::8].astype(np.float32)
-    if len(thinned) > 1:
-        segments = np.stack([thinned[:-1], thinned[1:]], axis=1)
-        api.add_line_segments(name, segments, colors=colour, thickness=0.006)
-
-
-def _clock(log: TrialLog, k: int) -> str:
-    """Return what the clock says at a tick."""
-    phase = PHASES[log.phase[min(k, len(log.phase) - 1)]].value
-    return f"{1e3 * log.truth.t[k]:.0f} ms  {phase}"
-
-
-def _catch_tick(log: TrialLog) -> int:
-    """Return the row of the truth at the catch, or the last one that is shown."""
-    if np.isfinite(log.t_catch):
-        return int(np.searchsorted(log.truth.t, log.t_catch))
-    return _last(log)
 
 
 def _last(log: TrialLog) -> int:

@@ -1,7 +1,7 @@
 """The page that a run leaves behind: one file that opens anywhere and loads nothing."""
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +9,7 @@ import numpy as np
 
 from mitt.generator.learn import Step
 from mitt.link.files import write_text
-from mitt.report.figures.learning import (
-    feedback_by_step,
-    feedback_pair,
-    feedback_share,
-    learning_cost,
-)
+from mitt.report.figures.learning import feedback_by_step, feedback_share, learning_cost
 from mitt.report.figures.pictures import picture_strip
 from mitt.report.figures.response import joint_angles, joint_torques, target_and_hand
 from mitt.report.figures.style import STATUS, Plot
@@ -22,11 +17,11 @@ from mitt.report.figures.throws import contact_errors, releases
 from mitt.report.figures.trajectory import catching_trajectory
 from mitt.report.page import NONE, Section, interval, number, page
 from mitt.report.replay import replay_page
-from mitt.report.summary import FAILURES, ResultSummary, result_summary
 from mitt.report.table_1 import table_1
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.trials.log import TrialLog
+from mitt.trials.result import STATUSES
 from mitt.trials.runner import LoggedTrial
 from mitt.trials.score import reason_of
 from mitt.world.scene import Scene
@@ -64,8 +59,6 @@ class ReportContent:
         releases: Ball centre at the release of each trial [m], shape (trials, 3).
         shares: Share of feedback in the torque with alpha = 0 and after each step of learning.
         rivals: Results of the same throws with other generators or settings.
-        pictures: Whether to draw fig. 12; it takes some seconds.
-        replay: Whether to put in the 3-D replay; it weighs 1 MB.
     """
 
     result: dict[str, Any]
@@ -77,8 +70,6 @@ class ReportContent:
     releases: Array | None = None
     shares: tuple[float, ...] | None = None
     rivals: tuple[dict[str, Any], ...] = ()
-    pictures: bool = True
-    replay: bool = True
 
 
 def write_report(path: Path, content: ReportContent) -> None:
@@ -93,40 +84,62 @@ def write_report(path: Path, content: ReportContent) -> None:
 def report(content: ReportContent) -> str:
     """Return the page."""
     result, arm, scene = content.result, content.arm, content.scene
-    short, log, plain = result_summary(result), _log(content.direct), _log(content.unoptimised)
-    balls = "ball" if short.throws == 1 else "balls"
+    log, plain = (None if outcome is None else outcome.log
+                  for outcome in (content.direct, content.unoptimised))  # fmt: skip
+    short = result_summary(result)
+    counts, throws = short["counts"], short["throws"]
+    failed = ", ".join(f"{counts[s]} {words}" for s, words in _FAILED.items() if counts[s])
     return page(
         "run",
         _SECTIONS,
-        title=f"{short.counts['caught']} of {short.throws} {balls} caught",
+        title=f"{counts['caught']} of {throws} {'ball' if throws == 1 else 'balls'} caught",
         command="catch",
         result=result,
         short=short,
-        failed_words="".join(_failed_words(short)),
-        failed_counts=", ".join(f"{short.counts[s]} {s}" for s in FAILURES),
+        failed_words=f"; {failed}" if failed else "",
+        failed_counts=", ".join(f"{counts[s]} {s}" for s in STATUSES[1:]),
         failed=[t for t in result["trials"] if t["status"] != "caught"],
         direct=content.direct if log else None,
         plain=content.unoptimised if plain else None,
         feedback_share=feedback_share,
         colour={status: colour for status, (colour, _) in STATUS.items()},
         rows_of=_rows,
-        replay=replay_page(arm, scene, log) if log is not None and content.replay else None,
+        replay=None if log is None else replay_page(arm, scene, log),
         drawn={plot.name: plot.svg for plot in _plots(content, log, plain)},
-        strip=picture_strip(arm, scene, log) if log is not None and content.pictures else None,
+        strip=None if log is None else picture_strip(arm, scene, log),
         rivals=[_compared(other) for other in (result, *content.rivals)] if content.rivals else [],
-        system=[astuple(row) for row in table_1(arm, log, vision=str(result["vision"]))],
+        system=table_1(arm, log, vision=str(result["vision"])),
     )
 
 
-def _log(outcome: LoggedTrial | None) -> TrialLog | None:
-    """Return the log of a throw, where there is one."""
-    return None if outcome is None else outcome.log
+def result_summary(result: dict[str, Any]) -> dict[str, Any]:
+    """Return what people ask first of a result: its summary, counts and spreads over the throws.
+
+    A spread is the median, the 95th percentile and the largest of a figure over the throws that
+    have it, or None where none has: ``position_mm`` and ``velocity_m_s`` at first contact,
+    ``force_n``, ``cost`` (eq. (22)).
+    """
+    summary, trials = result["summary"], result["trials"]
+    violations = [int(t["limit_violations"]) for t in trials]
+    return {
+        **summary,
+        "counts": {status: int(summary[status]) for status in STATUSES},
+        "position_mm": _spread(trials, "position_error_mm"),
+        "velocity_m_s": _spread(trials, "velocity_error_m_s"),
+        "force_n": _spread(trials, "peak_contact_force_n"),
+        "cost": _spread(trials, "demand_cost"),
+        "violating_throws": sum(v > 0 for v in violations),
+        "violations": sum(violations),
+    }
 
 
-def _failed_words(short: ResultSummary) -> list[str]:
-    """Return what became of the throws that were not caught, to follow what was caught."""
-    failed = [f"{short.counts[s]} {words}" for s, words in _FAILED.items() if short.counts[s]]
-    return ["; ", ", ".join(failed)] if failed else []
+def _spread(trials: Sequence[dict[str, Any]], key: str) -> dict[str, float] | None:
+    """Return the spread of a field; None where no trial has it."""
+    values = [float(t[key]) for t in trials if t[key] is not None]
+    if not values:
+        return None
+    median, p95 = np.percentile(values, [50.0, 95.0])
+    return {"median": float(median), "p95": float(p95), "most": max(values)}
 
 
 def _rows(trials: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
@@ -149,19 +162,21 @@ def _rows(trials: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
 def _compared(result: dict[str, Any]) -> tuple[str, ...]:
     """Return a result as a row of the table that compares generators."""
     d = result_summary(result)
-    place, speed, cost = (None if s is None else s.median
-                          for s in (d.position_mm, d.velocity_m_s, d.cost))  # fmt: skip
+    place, speed, cost = (None if d[name] is None else d[name]["median"]
+                          for name in ("position_mm", "velocity_m_s", "cost"))  # fmt: skip
     return (
-        str(result["generator"]), str(result["limits"]), f"{d.counts['caught']} of {d.throws}",
-        f"{100 * d.rate:.1f}", interval(d.ci95), number(place, 1), number(speed, 2),
-        number(cost, 3), str(d.violating_throws),
+        str(result["generator"]), str(result["limits"]), f"{d['caught']} of {d['throws']}",
+        f"{100 * d['catch_rate']:.1f}", interval(d["ci95"]), number(place, 1), number(speed, 2),
+        number(cost, 3), str(d["violating_throws"]),
     )  # fmt: skip
 
 
 def _plots(content: ReportContent, log: TrialLog | None, plain: TrialLog | None) -> list[Plot]:
     """Return all drawings for which there are data."""
     arm, trials = content.arm, content.result["trials"]
-    out = [] if content.steps is None else [learning_cost(content.steps)]
+    out, caught_at = [], None
+    if content.steps is not None:
+        out.append(learning_cost(content.steps))
     if log is not None:
         out += [
             catching_trajectory(arm, log, plain),
@@ -169,19 +184,14 @@ def _plots(content: ReportContent, log: TrialLog | None, plain: TrialLog | None)
             joint_angles(arm, log, plain),
             joint_torques(arm, log, plain),
         ]
-        if content.shares:
-            out.append(feedback_by_step(content.shares))
-        elif plain is not None:
-            out.append(feedback_pair(feedback_share(plain), feedback_share(log)))
+        shares = content.shares
+        if not shares and plain is not None:
+            shares = feedback_share(plain), feedback_share(log)
+        if shares:
+            out.append(feedback_by_step(shares))
+        if np.isfinite(log.t_catch):
+            caught_at = log.truth.position[int(np.argmin(np.abs(log.truth.t - log.t_catch)))]
     out.append(contact_errors(trials))
     if content.releases is not None and len(trials):
-        out.append(releases(trials, content.releases[: len(trials)], _catch_point(log)))
+        out.append(releases(trials, content.releases[: len(trials)], caught_at))
     return out
-
-
-def _catch_point(log: TrialLog | None) -> Array | None:
-    """Return where the hand was at the catch [m], shape (3,); None without a catch."""
-    if log is None or not np.isfinite(log.t_catch):
-        return None
-    at: Array = log.truth.position[int(np.argmin(np.abs(log.truth.t - log.t_catch)))]
-    return at

@@ -5,9 +5,6 @@ joint is off that axis; the last one arrives along the palm's normal. So the WAM
 both of its 45 mm offsets.
 """
 
-from dataclasses import dataclass
-from typing import final
-
 import numpy as np
 
 from mitt.robot.description import ArmModel, joint_motion
@@ -17,53 +14,34 @@ from mitt.signals import Array
 _SAME = 1e-4
 
 
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class Bone:
-    """The part of the line that moves with one link.
-
-    Attributes:
-        link: Index of the link.
-        points: Corners in the link's frame [m], shape (k, 3), k >= 1.
-    """
-
-    link: int
-    points: Array
-
-
-def bones(model: ArmModel) -> tuple[Bone, ...]:
-    """Return the line of an arm, link by link."""
+def bones(model: ArmModel) -> list[Array]:
+    """Return the corners of the line in the frame of each link [m], shape (k, 3) each, k >= 1."""
     out = []
-    for k, link in enumerate(model.links):
-        if k + 1 < len(model.links):
-            end = model.links[k + 1].placement[:3, 3]
-            corner = link.axis * (link.axis @ end)
+    for link, after in zip(model.links, (*model.links[1:], None), strict=True):
+        if after is not None:
+            end = after.placement[:3, 3]
+            corners = [np.zeros(3), link.axis * (link.axis @ end), end]
         else:
             end, normal = model.tool[:3, 3], model.tool[:3, 2]
-            corner = end - normal * (normal @ end)
-        corners = [np.zeros(3), corner, end]
-        if k + 1 == len(model.links):
-            corners.append(model.catch_point)
-        out.append(Bone(k, _distinct(np.array(corners))))
-    return tuple(out)
+            corners = [np.zeros(3), end - normal * (normal @ end), end, model.catch_point]
+        out.append(_distinct(np.array(corners)))
+    return out
 
 
 def frames(model: ArmModel, q: Array) -> Array:
     """Return T_world_link of every link, shape (N, 4, 4), for q of the active joints (n,)."""
-    T, active = model.mount, iter(q)
-    out = np.empty((len(model.links), 4, 4))
-    for k, link in enumerate(model.links):
+    T, active, out = model.mount, iter(q), []
+    for link in model.links:
         value = float(next(active)) if link.held is None else link.held
         T = T @ link.placement @ joint_motion(link, value)
-        out[k] = T
-    return out
+        out.append(T)
+    return np.array(out)
 
 
 def skeleton(model: ArmModel, q: Array) -> Array:
     """Return the corners of the line in the world [m], shape (k, 3), for q (n,)."""
-    T = frames(model, q)
-    parts = [bone.points @ T[bone.link][:3, :3].T + T[bone.link][:3, 3] for bone in bones(model)]
-    return _distinct(np.concatenate(parts))
+    parts = zip(bones(model), frames(model, q), strict=True)
+    return _distinct(np.concatenate([points @ T[:3, :3].T + T[:3, 3] for points, T in parts]))
 
 
 def _distinct(points: Array) -> Array:

@@ -1,23 +1,28 @@
 """The page of a study: one file that opens anywhere, replays of the worst throws beside it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from mitt.link.files import write_text
-from mitt.report.differences import break_even, decided, paired_tests, sweeps_of
 from mitt.report.figures.sweep import effort, rates_against, rates_by_condition, reach
-from mitt.report.page import Section, interval, number, page
-from mitt.report.worst import Link, worst_throws
+from mitt.report.page import Cell, Section, interval, number, page
+from mitt.report.worst import worst_throws
 from mitt.signals import Array
 from mitt.sweep.parts import read_columns
+from mitt.sweep.run import Progress
 from mitt.sweep.settings import ThrowSettings
-from mitt.sweep.study import SCHEMA, Condition, extent
+from mitt.sweep.study import SCHEMA, Condition, Study, extent
 from mitt.sweep.summary import REFERENCE, StudyResult
 from mitt.trials.result import STATUSES
 
-Progress = Callable[[str, int, int], None]
+Row = Mapping[str, Any]
+Curve = list[tuple[float, float]]
+"""Value of a disturbance and catch rate, in the order of the values."""
+
+#: Below this, after Holm's correction, a difference is called one.
+_LEVEL = 0.05
 _EFFORT = (
     ("peak_torque_ratio", "peak torque [% of limit]", 100.0),
     ("energy_j", "work of the joints [J]", 1.0),
@@ -47,7 +52,7 @@ def write_study_report(result: StudyResult, *, replays: int, progress: Progress)
     progress("page", 1, 1)
 
 
-def study_page(result: StudyResult, worst: Sequence[Sequence[str | Link]]) -> str:
+def study_page(result: StudyResult, worst: Sequence[Sequence[Cell]]) -> str:
     """Return the page.
 
     Args:
@@ -56,8 +61,12 @@ def study_page(result: StudyResult, worst: Sequence[Sequence[str | Link]]) -> st
     """
     study, rows = result.study, result.rows
     pairs = [row for row in rows if row["against_direct"] is not None]
-    ahead, behind = decided(pairs)
-    condition = _widest(study.conditions)
+    sure = [row for row in pairs if row["against_direct"]["p_holm"] < _LEVEL]
+    ahead = [row for row in sure
+             if row["against_direct"]["only_direct"] > row["against_direct"]["only_this"]
+             ]  # fmt: skip
+    wide = [c for c in study.conditions if c.throws != ThrowSettings()]
+    widest = max(wide, key=lambda c: c.throws.spread, default=study.conditions[0])
     throws = extent(study, sum(int(row["throws"]) for row in rows))
     arms = {f"{c.arm.arm}, limits {c.arm.limits or 'default'}" for c in study.conditions}
     return page(
@@ -73,29 +82,23 @@ def study_page(result: StudyResult, worst: Sequence[Sequence[str | Link]]) -> st
         unfinished=sum(not row["complete"] for row in rows),
         pairs=len(pairs),
         ahead=ahead,
-        behind=behind,
-        drawn=_drawn(result, condition),
+        behind=[row for row in sure if row not in ahead],
+        drawn=_drawn(result, widest),
         rivals=[name for name in study.generators if name != REFERENCE],
         paired=paired_tests(study, rows),
         even=break_even(rows),
-        widest=condition.name,
+        widest=widest.name,
         worst=worst,
         head=_HEAD,
         numbers=[_cells(row) for row in rows],
     )
 
 
-def _widest(conditions: Sequence[Condition]) -> Condition:
-    """Return the condition whose throws are spread widest."""
-    wide = [c for c in conditions if c.throws != ThrowSettings()]
-    return max(wide, key=lambda c: c.throws.spread, default=conditions[0])
-
-
-def _drawn(result: StudyResult, condition: Condition) -> dict[str, str]:
+def _drawn(result: StudyResult, widest: Condition) -> dict[str, str]:
     """Return all drawings for which there are data; the heat maps are those of a condition."""
     sweeps = sweeps_of(result.rows)
     single = [row for row in result.rows if row["disturbance"] not in sweeps]
-    trials = {g: _passings(result, g, condition.name) for g in result.study.generators}
+    trials = {g: _passings(result, g, widest.name) for g in result.study.generators}
     trials = {g: points for g, points in trials.items() if len(points)}
     plots = [
         *([rates_against(sweeps)] if sweeps else []),
@@ -116,7 +119,7 @@ def _passings(result: StudyResult, generator: str, condition: str) -> Array:
     return np.column_stack((y, z, np.linalg.norm(v, axis=0), caught)).reshape(-1, 4)
 
 
-def _cells(row: dict[str, Any]) -> list[str]:
+def _cells(row: Row) -> list[str]:
     """Return a row of the summary as cells of the table of all numbers."""
     median = row["median"]
     return [
@@ -129,3 +132,77 @@ def _cells(row: dict[str, Any]) -> list[str]:
         number(median["peak_contact_force_n"], 0), number(median["energy_j"], 0),
         str(row["violating_throws"]),
     ]  # fmt: skip
+
+
+def sweeps_of(rows: Sequence[Row]) -> dict[str, list[Row]]:
+    """Return the rows of each swept disturbance."""
+    out: dict[str, list[Row]] = {}
+    for row in rows:
+        if row["value"] is not None:
+            out.setdefault(str(row["disturbance"]), []).append(row)
+    return {name: found for name, found in out.items() if len({r["value"] for r in found}) > 1}
+
+
+def paired_tests(study: Study, rows: Sequence[Row]) -> list[list[str]]:
+    """Return the table of paired differences, a row a condition, a column a rival.
+
+    A difference stands in percentage points; after it p, where it is below 0.05.
+    """
+    rivals = [name for name in study.generators if name != REFERENCE]
+    if not rivals or REFERENCE not in study.generators:
+        return []
+    found = {(row["condition"], row["generator"]): row["against_direct"] for row in rows}
+
+    def difference(pair: Row | None) -> str:
+        if pair is None or not pair["pairs"]:
+            return ""
+        points = 100.0 * (pair["only_direct"] - pair["only_this"]) / pair["pairs"]
+        p = pair["p_holm"]
+        return f"{points:+.1f}" + (f" ({max(p, 1e-4):.2g})" if p < _LEVEL else "")
+
+    return [
+        [c.name, *(difference(found.get((c.name, rival))) for rival in rivals)]
+        for c in study.conditions
+    ]
+
+
+def break_even(rows: Sequence[Row]) -> list[list[str]]:
+    """Return where half of the balls are lost, and where a rival draws level with the map."""
+    out = []
+    for name, points in sweeps_of(rows).items():
+        unit = str(points[0]["unit"])
+        curves: dict[str, Curve] = {}
+        for row in points:
+            at = float(row["value"]), float(row["catch_rate"])
+            curves.setdefault(str(row["generator"]), []).append(at)
+        curves = {generator: sorted(curve) for generator, curve in curves.items()}
+        mine = curves.get(REFERENCE)
+        for generator, curve in curves.items():
+            half = _crossing(curve, [0.5] * len(curve), unit) or "not in this range"
+            level = "" if mine is None or generator == REFERENCE else _level(mine, curve, unit)
+            out.append([name, generator, half, level])
+    return out
+
+
+def _level(mine: Curve, other: Curve, unit: str) -> str:
+    """Return where two curves cross; who is ahead everywhere where they do not."""
+    if [x for x, _ in mine] != [x for x, _ in other]:
+        return ""
+    crossing = _crossing(other, [rate for _, rate in mine], unit)
+    if crossing:
+        return crossing
+    gaps = [b - a for (_, a), (_, b) in zip(mine, other, strict=True)]
+    if all(gap == 0.0 for gap in gaps):
+        return "level everywhere"
+    return "never: direct ahead" if min(gaps) < 0.0 else "never: direct behind"
+
+
+def _crossing(curve: Curve, bar: Sequence[float], unit: str) -> str:
+    """Return where a curve first passes from one side of a bar to the other; empty if nowhere."""
+    gaps = [rate - height for (_, rate), height in zip(curve, bar, strict=True)]
+    for k in range(len(gaps) - 1):
+        if gaps[k] * gaps[k + 1] < 0.0:
+            share = gaps[k] / (gaps[k] - gaps[k + 1])
+            value = curve[k][0] + share * (curve[k + 1][0] - curve[k][0])
+            return f"{value:.3g} {unit}".strip()
+    return ""

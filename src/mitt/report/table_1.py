@@ -1,7 +1,5 @@
 """Table 1 of the paper beside the system simulated here."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mitt.report.page import NONE
@@ -16,14 +14,8 @@ _WINDOW = 5
 _BY = "\u00d7"
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One line of the table: part, property, the paper's figure, ours."""
-
-    part: str
-    what: str
-    paper: str
-    ours: str
+Row = tuple[str, str, str, str]
+"""One line of the table: part, property, the paper's figure, ours."""
 
 
 def table_1(arm: Arm, log: TrialLog | None, *, vision: str) -> tuple[Row, ...]:
@@ -43,12 +35,12 @@ def _vision_rows(vision: str) -> tuple[Row, ...]:
     width, height = cameras[0].width, cameras[0].height
     pixels = vision == "pixels"
     return (
-        Row("Vision", "heads", f"2 {_BY} 2 DOF (pan, tilt)", f"{len(cameras)}, fixed"),
-        Row("Vision", "speed of a joint", "525 rad/s (so printed)", f"{NONE} (fixed)"),
-        Row("Vision", "resolution", f"128 {_BY} 128",
+        ("Vision", "heads", f"2 {_BY} 2 DOF (pan, tilt)", f"{len(cameras)}, fixed"),
+        ("Vision", "speed of a joint", "525 rad/s (so printed)", f"{NONE} (fixed)"),
+        ("Vision", "resolution", f"128 {_BY} 128",
             f"{width} {_BY} {height}" if pixels else "points instead of images"),
-        Row("Vision", "density", "8 bit", "8 bit" if pixels else NONE),
-        Row("Vision", "rate", "1 kHz", f"{1e-3 / TICK:.0f} kHz"),
+        ("Vision", "density", "8 bit", "8 bit" if pixels else NONE),
+        ("Vision", "rate", "1 kHz", f"{1e-3 / TICK:.0f} kHz"),
     )  # fmt: skip
 
 
@@ -61,25 +53,25 @@ def _arm_rows(arm: Arm, log: TrialLog | None) -> tuple[Row, ...]:
         v, a = _reached(log)
         speed, acceleration = f"{v:.1f} m/s reached", f"{a:.0f} m/s² reached"
     return (
-        Row("Arm", "degrees of freedom", "4 (axis 3 held)", used),
-        Row("Arm", "speed of the tip, at most", "6 m/s", speed),
-        Row("Arm", "acceleration of the tip, at most", "30 m/s²", acceleration),
-        Row("Arm", "force of the tip", "26 N, at most", f"{_force(arm):.0f} N in any direction"),
-        Row("Arm", "length, upright, to the tool plate", "0.9 m", f"{_length(arm):.2f} m"),
-        Row("Arm", "torque limits", NONE, _listed(arm.tau_max, "N m", arm.limits.name)),
-        Row("Arm", "speed limits", NONE, _listed(arm.dq_max, "rad/s", arm.limits.name)),
+        ("Arm", "degrees of freedom", "4 (axis 3 held)", used),
+        ("Arm", "speed of the tip, at most", "6 m/s", speed),
+        ("Arm", "acceleration of the tip, at most", "30 m/s²", acceleration),
+        ("Arm", "force of the tip", "26 N, at most", f"{_force(arm):.0f} N in any direction"),
+        ("Arm", "length, upright, to the tool plate", "0.9 m", f"{_length(arm):.2f} m"),
+        ("Arm", "torque limits", NONE, _listed(arm.tau_max, "N m", arm.limits.name)),
+        ("Arm", "speed limits", NONE, _listed(arm.dq_max, "rad/s", arm.limits.name)),
     )
 
 
 def _hand_rows(hand: HandModel | None, log: TrialLog | None) -> tuple[Row, ...]:
     """Return the lines on the hand."""
     if hand is None:
-        return (Row("Hand", "fingers", "3, with 3 DOF", "none"),)
+        return (("Hand", "fingers", "3, with 3 DOF", "none"),)
     length = hand.finger.proximal + hand.finger.distal
     return (
-        Row("Hand", "fingers", "3, with 3 DOF", f"{hand.fingers}, with {hand.fingers} DOF"),
-        Row("Hand", "closing", "90° in 20 ms", _closing(log, hand)),
-        Row("Hand", "length of a finger", "0.1 m", f"{length:.1f} m"),
+        ("Hand", "fingers", "3, with 3 DOF", f"{hand.fingers}, with {hand.fingers} DOF"),
+        ("Hand", "closing", "90° in 20 ms", _closing(log, hand)),
+        ("Hand", "length of a finger", "0.1 m", f"{length:.1f} m"),
     )
 
 

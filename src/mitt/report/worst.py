@@ -1,30 +1,19 @@
 """The worst throws of a study: thrown once more, and kept as 3-D replays beside the page."""
 
-from collections.abc import Callable
-from typing import Any, TypedDict
+from typing import Any
 
 import mitt
 from mitt.link.files import write_text
+from mitt.report.page import Cell
 from mitt.report.replay import replay_page
 from mitt.sweep.parts import read_columns
 from mitt.sweep.recordings import recording_path
-from mitt.sweep.run import all_jobs, by_cell
+from mitt.sweep.run import Progress, all_jobs, by_cell
 from mitt.sweep.summary import StudyResult
 from mitt.sweep.work import Job, throw_again
 
-Progress = Callable[[str, int, int], None]
 
-
-class Link(TypedDict):
-    """A cell of a table that leads somewhere."""
-
-    href: str
-    text: str
-
-
-def worst_throws(
-    result: StudyResult, count: int, progress: Progress
-) -> list[tuple[str | Link, ...]]:
+def worst_throws(result: StudyResult, count: int, progress: Progress) -> list[tuple[Cell, ...]]:
     """Return a row for each throw with a replay, and write the replays.
 
     One failure of each condition in which the direct map lost most, then of the others.
@@ -32,7 +21,7 @@ def worst_throws(
     if count < 1 or result.study.version != mitt.__version__:
         return []
     tasks = _candidates(result, count, progress)
-    rows: list[tuple[str | Link, ...]] = []
+    rows: list[tuple[Cell, ...]] = []
     for done, (job, row) in enumerate(tasks):
         progress("replays", done, len(tasks))
         recording = recording_path(result.folder, job, row["index"])
@@ -41,10 +30,10 @@ def worst_throws(
         if outcome.log is None or outcome.trial.status != row["status"]:
             continue
         write_text(path, replay_page(arm, job.condition.scene, outcome.log))
-        kept = Link(href=f"recordings/{recording.name}", text="recording")
+        kept = {"href": f"recordings/{recording.name}", "text": "recording"}
         rows.append((
             job.condition.name, job.generator, str(row["index"]), str(row["status"]),
-            str(row["binding_limit"] or ""), Link(href=f"replays/{path.name}", text="replay"),
+            str(row["binding_limit"] or ""), {"href": f"replays/{path.name}", "text": "replay"},
             kept if recording.exists() else "",
         ))  # fmt: skip
     progress("replays", len(tasks), len(tasks))
@@ -54,30 +43,22 @@ def worst_throws(
 def _candidates(
     result: StudyResult, count: int, progress: Progress
 ) -> list[tuple[Job, dict[str, Any]]]:
-    """Return failures to show: those of the direct map where it lost most first, one a cell."""
+    """Return failures to show: those of the direct map where it lost most first, one a cell.
+
+    Of a cell it is the first throw in which the arm moved and the ball was lost, or else any lost.
+    """
     cells = {(g[0].condition.name, g[0].generator): g
              for g in by_cell(list(all_jobs(result.study, result.folder, progress)))}  # fmt: skip
-    order = sorted(result.rows, key=lambda r: (r["generator"] != "direct", r["catch_rate"]))
     out: list[tuple[Job, dict[str, Any]]] = []
-    for row in order:
+    for row in sorted(result.rows, key=lambda r: (r["generator"] != "direct", r["catch_rate"])):
         if len(out) == count:
             break
-        failed = _first_failure(result, row["generator"], row["condition"])
-        if failed is not None:
+        lost = [("generator", "=", row["generator"]), ("condition", "=", row["condition"]),
+                ("status", "!=", "caught")]  # fmt: skip
+        table = read_columns(result.folder.trials, ("index", "status", "binding_limit"), lost)
+        failed: list[dict[str, Any]] = table.to_pylist()
+        moved = [throw for throw in failed if throw["status"] in ("dropped", "missed")]
+        for throw in (moved or failed)[:1]:
             group = cells[row["condition"], row["generator"]]
-            job = next(j for j in group if j.start <= failed["index"] < j.stop)
-            out.append((job, failed))
+            out.append((next(j for j in group if j.start <= throw["index"] < j.stop), throw))
     return out
-
-
-def _first_failure(result: StudyResult, generator: str, condition: str) -> dict[str, Any] | None:
-    """Return the first throw of a cell that was touched and lost, or else merely lost."""
-    lost = [
-        ("generator", "=", generator),
-        ("condition", "=", condition),
-        ("status", "!=", "caught"),
-    ]
-    table = read_columns(result.folder.trials, ("index", "status", "binding_limit"), lost)
-    rows: list[dict[str, Any]] = table.to_pylist()
-    moved = [row for row in rows if row["status"] in ("dropped", "missed")]
-    return next(iter(moved or rows), None)

@@ -1,7 +1,7 @@
 """The ball filter on recorded positions: each row of the track uses only rows up to itself."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,8 +25,7 @@ UNKNOWN_BALL = FilterConfig(
 """Any ball, and whatever else moves: the other laws of motion count from the first position."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Track:
+class Track(NamedTuple):
     """Estimates at the times of the positions, shape (n, 3) each.
 
     Attributes:
@@ -34,7 +33,7 @@ class Track:
         dr: Velocity [m/s].
         ddr: Acceleration [m/s^2].
         sigma: Standard deviation of the position [m].
-        ahead: Position foretold, a while later [m].
+        ahead: Predicted position, a while later [m].
     """
 
     r: Array
@@ -59,17 +58,17 @@ def follow(
         points: Positions [m], shape (n, 3).
         ahead: How far to look ahead [s].
         sigma: Standard deviation of each coordinate [m]; learned from the positions if None.
-        config: What is believed of the ball.
+        config: What is assumed of the ball.
     """
     rows = np.zeros((len(t), 5, 3))
     _follow(t, points, ahead, sigma or 0.0, settings_of(config), at.fresh(), rows)
-    return _track(rows)
+    return Track(*rows.transpose(1, 0, 2))
 
 
 def follow_all(
     samples: Array, flights: Iterable[list[int]], *, ahead: float = 0.0, sigma: float | None = None
 ) -> Track:
-    """Filter several flights, each on its own.
+    """Filter several flights, each on its own; see :func:`follow`.
 
     Args:
         samples: Times and positions [s, m], shape (n, 4).
@@ -80,19 +79,11 @@ def follow_all(
     Returns:
         The track, its rows in the order of the samples.
     """
-    rows, settings = np.zeros((len(samples), 5, 3)), settings_of(UNKNOWN_BALL)
+    rows = np.zeros((5, len(samples), 3))
     for flight in flights:
-        part = np.zeros((len(flight), 5, 3))
         t, points = samples[flight, 0], samples[flight, 1:]
-        _follow(t - t[0], points, ahead, sigma or 0.0, settings, at.fresh(), part)
-        rows[flight] = part
-    return _track(rows)
-
-
-def _track(rows: Array) -> Track:
-    """Return what the rows of a track hold, shape (n, 5, 3)."""
-    r, dr, ddr, spread, later = (rows[:, k] for k in range(5))
-    return Track(r=r, dr=dr, ddr=ddr, sigma=spread, ahead=later)
+        rows[:, flight] = follow(t - t[0], points, ahead=ahead, sigma=sigma)
+    return Track(*rows)
 
 
 @kernel

@@ -43,7 +43,8 @@ class Overlay:
             start = sum(w for _, w in self._shapes[:k]) + _GAP * k
             h, w = self._shapes[k]
             canvas[:h, start : start + w] = self._picture(frame, seen[k], sighting.found)
-        self._say(canvas, f"t = {t:8.4f} s", self._told(sighting, ball))
+        for k, text in enumerate((f"t = {t:8.4f} s", _told(sighting, ball))):
+            self._write(canvas, text, (10, height - _STRIP + 20 + 22 * k))
         return canvas
 
     def _picture(self, frame: Frame, m: Moments, agreed: bool) -> Image:
@@ -61,24 +62,19 @@ class Overlay:
                 begin = (at[0] + du * (radius + 2), at[1] + dv * (radius + 2))
                 end = (at[0] + du * (radius + 9), at[1] + dv * (radius + 9))
                 cv2.line(picture, begin, end, colour, 1, cv2.LINE_AA)
-        text = f"{self._names[frame.camera]}  {frame.number}"
-        cv2.putText(picture, text, (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.5, _TEXT, 1, cv2.LINE_AA)
+        self._write(picture, f"{self._names[frame.camera]}  {frame.number}", (8, 20))
         return np.asarray(picture, dtype=np.uint8)
 
-    def _told(self, sighting: Sighting, ball: BallState) -> str:
-        """Return the second line of text."""
-        if ball.tracked:
-            x, y, z = ball.r_o
-            speed = float(np.linalg.norm(ball.dr_o))
-            return f"x {x:7.3f}  y {y:7.3f}  z {z:7.3f} m   speed {speed:5.2f} m/s"
-        if sighting.found:
-            x, y, z = sighting.r_o
-            return f"x {x:7.3f}  y {y:7.3f}  z {z:7.3f} m   no track yet"
-        return "no ball that both cameras agree on"
+    def _write(self, picture: Image, text: str, at: tuple[int, int]) -> None:
+        """Write text into a picture."""
+        cv2 = self._cv2
+        cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.5, _TEXT, 1, cv2.LINE_AA)
 
-    def _say(self, canvas: Image, *lines: str) -> None:
-        """Write lines of text into the strip below the pictures."""
-        for k, line in enumerate(lines):
-            at = (10, canvas.shape[0] - _STRIP + 20 + 22 * k)
-            self._cv2.putText(canvas, line, at, self._cv2.FONT_HERSHEY_SIMPLEX, 0.5, _TEXT, 1,
-                              self._cv2.LINE_AA)  # fmt: skip
+
+def _told(sighting: Sighting, ball: BallState) -> str:
+    """Return the second line of text."""
+    if not (ball.tracked or sighting.found):
+        return "no ball that both cameras agree on"
+    x, y, z = ball.r_o if ball.tracked else sighting.r_o
+    speed = f"speed {np.linalg.norm(ball.dr_o):5.2f} m/s" if ball.tracked else "no track yet"
+    return f"x {x:7.3f}  y {y:7.3f}  z {z:7.3f} m   {speed}"

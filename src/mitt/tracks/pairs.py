@@ -1,12 +1,10 @@
 """Frames of two cameras, put together by their times."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from mitt.link.cameras.source import Camera
 from mitt.signals import Frame
-
-Pair = tuple[Frame | None, Frame | None]
 
 
 @dataclass(slots=True)
@@ -21,71 +19,55 @@ class PairCounts:
         backward: Frames dropped because their time did not rise.
     """
 
-    frames: tuple[int, int] = (0, 0)
+    frames: list[int] = field(default_factory=lambda: [0, 0])
     paired: int = 0
     ended: str = ""
     left_over: int = 0
     backward: int = 0
 
 
-class Pairing:
-    """Two cameras read as one.
+def pairs(
+    cameras: tuple[Camera, Camera], counts: PairCounts, *, max_skew: float, most: int | None
+) -> Iterator[tuple[Frame, ...]]:
+    """Yield the frames of each instant, left before right; one where the other camera has none.
 
-    Attributes:
-        counts: What became of the frames so far.
+    Args:
+        cameras: Left and right.
+        counts: Is kept up to date.
+        max_skew: Largest difference of two times that are one instant [s].
+        most: Most frames from each camera; None for all.
     """
+    sources = [_rising(camera, k, counts, most) for k, camera in enumerate(cameras)]
+    left, right = (next(source, None) for source in sources)
+    while left is not None and right is not None:
+        gap = left.t - right.t
+        if abs(gap) <= max_skew:
+            counts.paired += 1
+            yield left, right
+            left, right = (next(source, None) for source in sources)
+        elif gap < 0.0:
+            yield (left,)
+            left = next(sources[0], None)
+        else:
+            yield (right,)
+            right = next(sources[1], None)
+    if left is not None or right is not None:
+        ended = 0 if left is None else 1
+        counts.ended, counts.left_over = cameras[ended].name, 1
+        if not cameras[1 - ended].live:
+            counts.left_over += sum(1 for _ in sources[1 - ended])
 
-    def __init__(self, left: Camera, right: Camera, *, max_skew: float, most: int | None) -> None:
-        """Take two cameras.
 
-        Args:
-            left: Camera 0.
-            right: Camera 1.
-            max_skew: Largest difference of two times that are one instant [s].
-            most: Most frames from each camera.
-        """
-        self.counts = PairCounts()
-        self._cameras, self._max_skew, self._most = (left, right), max_skew, most
-        self._last = [-float("inf"), -float("inf")]
-
-    def _next(self, k: int) -> Frame | None:
-        """Return the next frame of a camera whose time rises; None at the end."""
-        while self._most is None or self.counts.frames[k] < self._most:
-            frame = self._cameras[k].read()
-            if frame is None:
-                return None
-            a, b = self.counts.frames
-            self.counts.frames = (a + 1, b) if k == 0 else (a, b + 1)
-            if frame.t > self._last[k]:
-                self._last[k] = frame.t
-                return frame
-            self.counts.backward += 1
-        return None
-
-    def __iter__(self) -> Iterator[Pair]:
-        """Yield the frames of each instant; one alone where the other camera has none."""
-        left, right = self._next(0), self._next(1)
-        while left is not None and right is not None:
-            gap = left.t - right.t
-            if abs(gap) <= self._max_skew:
-                self.counts.paired += 1
-                yield left, right
-                left, right = self._next(0), self._next(1)
-            elif gap < 0.0:
-                yield left, None
-                left = self._next(0)
-            else:
-                yield None, right
-                right = self._next(1)
-        self._finish(left, right)
-
-    def _finish(self, left: Frame | None, right: Frame | None) -> None:
-        """Count what one camera has left when the other has ended."""
-        if left is None and right is None:
+def _rising(camera: Camera, k: int, counts: PairCounts, most: int | None) -> Iterator[Frame]:
+    """Yield the frames of camera k whose time rises."""
+    last = -float("inf")
+    while most is None or counts.frames[k] < most:
+        frame = camera.read()
+        if frame is None:
             return
-        k = 0 if left is None else 1
-        self.counts.ended, self.counts.left_over = self._cameras[k].name, 1
-        if self._cameras[1 - k].live:
-            return
-        while self._next(1 - k) is not None:
-            self.counts.left_over += 1
+        counts.frames[k] += 1
+        if frame.t > last:
+            last = frame.t
+            yield frame
+        else:
+            counts.backward += 1

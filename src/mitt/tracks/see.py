@@ -1,31 +1,36 @@
 """``mitt see``: two cameras to a track, with what went wrong on the way."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
+from mitt.errors import InputError
+from mitt.flight import GRAVITY
 from mitt.link.cameras.opening import open_cameras
 from mitt.link.rig import CalibratedRig
 from mitt.link.video import VideoWriter
-from mitt.signals import Array, Frame
-from mitt.tracks.fall import fall_error
+from mitt.signals import Array, Frame, Moments, Sighting
 from mitt.tracks.overlay import Overlay
-from mitt.tracks.pairs import PairCounts, Pairing
-from mitt.tracks.table import point_row, state_row
-from mitt.tracks.watcher import Look, Watcher
+from mitt.tracks.pairs import PairCounts, pairs
 from mitt.vision.filter import TABLE_TENNIS_BALL, THROWN_BALL, BallFilter, FilterConfig
+from mitt.vision.segmentation import Segmenter
+from mitt.vision.triangulation import Triangulator, TriangulatorConfig
 
 BALLS = {"any": FilterConfig(), "thrown": THROWN_BALL, "table-tennis": TABLE_TENNIS_BALL}
 #: Frames taken from live cameras; frames a second at which people watch [Hz].
 LIVE_FRAMES, WATCHED = 1000, 30.0
-#: Share of the instants with two targets below which the eyes disagree.
+#: A real camera's error of centroid, besides what its calibration left [px].
+_FLOOR = 0.05
+#: Distance of centroid and projected ball at which the cameras disagree, in calibration errors
+#: and at least [px].
+_RESIDUAL, _LEAST = 6.0, 2.0
+#: Share of the instants with two targets below which the cameras disagree.
 _AGREE = 0.5
-#: Error of the fall beyond which it is none [m/s^2]; drag makes 2 at 7 m/s.
-_FALL = 5.0
-
-Progress = Callable[[str, int, int], None]
+#: Length of the pieces whose fall is looked at [s], fewest sightings in one, and the error beyond
+#: which it is no fall [m/s^2]; drag makes 2 at 7 m/s.
+_PIECE, _FEWEST, _FALL = 0.15, 8, 5.0
 
 
 @dataclass(slots=True, kw_only=True)
@@ -33,12 +38,12 @@ class Seen:
     """What was seen so far.
 
     Attributes:
-        states: Rows of ``track_table.STATE``.
-        points: Rows of ``track_table.POINTS``.
+        states: Time, position, velocity, acceleration, standard deviation, shape (13,) each.
+        points: Time and position of each sighting, shape (4,).
         targets: Frames of each camera with a target in them.
         both: Instants at which both cameras had one.
         agreed: Instants at which they agreed on a ball.
-        exchanged: Points with left and right exchanged.
+        exchanged: Time and position of the sightings with left and right exchanged.
         counts: What became of the frames.
     """
 
@@ -50,73 +55,101 @@ class Seen:
     exchanged: list[Array] = field(default_factory=list)
     counts: PairCounts = field(default_factory=PairCounts)
 
-    def note(self, look: Look) -> None:
-        """Count what one instant brought."""
-        for m in look.moments:
-            self.targets[m.camera] += m.found
-        self.both += len(look.moments) == 2 and all(m.found for m in look.moments)
-        if look.exchanged.found:
-            self.exchanged.append(point_row(look.exchanged))
-        if look.sighting.found:
-            self.agreed += 1
-            self.points.append(point_row(look.sighting))
 
+class Watcher:
+    """Segmentation and triangulation of the catcher, on images of calibrated cameras.
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SeeSettings:
-    """What is looked at, and how.
-
-    Attributes:
-        left: Video, folder of images or camera.
-        right: The same of the right camera.
-        ball: What is assumed of the flight: a key of ``BALLS``.
-        ball_radius: Radius of the ball [m].
-        max_skew: Largest difference of two frames' times that are taken as one instant [s].
-        fps: Frames a second, where files and cameras do not tell the time.
-        frames: Most frames to take from each camera.
+    Centroids are straightened by the lens, images are left as they are.
     """
 
-    left: str
-    right: str
-    ball: str
-    ball_radius: float
-    max_skew: float
-    fps: float | None
-    frames: int | None
+    def __init__(self, rig: CalibratedRig, *, radius: float, max_skew: float) -> None:
+        """Take two cameras in a frame with z up, and a ball's radius [m]."""
+        worst = max(c.rms_px for c in rig.cameras)
+        config = TriangulatorConfig(
+            sigma_floor=float(np.hypot(_FLOOR, worst)),
+            max_residual=max(_LEAST, _RESIDUAL * worst),
+            max_skew=max_skew,
+        )
+        self._cameras = rig.cameras
+        self._segmenters = [Segmenter() for _ in rig.cameras]
+        self._triangulator = Triangulator(rig.rig(), radius, config)
+
+    def step(self, frames: tuple[Frame, ...], seen: Seen) -> tuple[tuple[Moments, ...], Sighting]:
+        """Return what each camera sees [px] and the ball in the world; count it in ``seen``.
+
+        Raises:
+            InputError: An image has another size than the rig says.
+        """
+        moments = tuple(self._moments(frame) for frame in frames)
+        sighting = self._triangulator.step(tuple(self._straight(m) for m in moments))
+        other = tuple(self._straight(replace(m, camera=1 - m.camera)) for m in moments)
+        exchanged = self._triangulator.step(other)
+        for m in moments:
+            seen.targets[m.camera] += m.found
+        seen.both += len(moments) == 2 and all(m.found for m in moments)
+        seen.agreed += sighting.found
+        for found, rows in ((sighting, seen.points), (exchanged, seen.exchanged)):
+            if found.found:
+                rows.append(np.array((found.t, *found.r_o)))
+        return moments, sighting
+
+    def _moments(self, frame: Frame) -> Moments:
+        """Return what a camera sees in one image."""
+        camera = self._cameras[frame.camera]
+        width, height = camera.lens.width, camera.lens.height
+        if frame.pixels.shape != (height, width):
+            raise InputError(f"images of camera {camera.name}",
+                             f"{width} x {height} pixels as the rig says",
+                             f"{frame.pixels.shape[1]} x {frame.pixels.shape[0]}")  # fmt: skip
+        return self._segmenters[frame.camera].step(frame)
+
+    def _straight(self, m: Moments) -> Moments:
+        """Return moments in the image of the camera without distortion."""
+        if not m.found:
+            return m
+        ((u, v),) = self._cameras[m.camera].lens.straighten(np.array(((m.u, m.v),)))
+        return replace(m, u=float(u), v=float(v), found=bool(np.isfinite(u + v)))
 
 
 def see(
-    settings: SeeSettings, rig: CalibratedRig, seen: Seen, writer: VideoWriter | None,
-    progress: Progress,
+    left: str, right: str, rig: CalibratedRig, seen: Seen, writer: VideoWriter | None, *,
+    ball: str, radius: float, max_skew: float, fps: float | None, frames: int | None,
+    progress: Callable[[str, int, int], None],
 ) -> None:  # fmt: skip
     """Follow the ball to the end of the frames; what is found stands in ``seen`` as it comes.
 
     Args:
-        settings: What is looked at.
+        left: Video, folder of images or camera.
+        right: The same of the right camera.
         rig: Two cameras.
         seen: Result.
         writer: Where the pictures go; None for none.
+        ball: What is assumed of the flight: a key of ``BALLS``.
+        radius: Radius of the ball [m].
+        max_skew: Largest difference of two frames' times that are taken as one instant [s].
+        fps: Frames a second, where files and cameras do not tell the time.
+        frames: Most frames to take from each camera.
         progress: Told how far it is.
     """
-    watcher = Watcher(rig, radius=settings.ball_radius, max_skew=settings.max_skew)
-    track = BallFilter(BALLS[settings.ball])
+    watcher = Watcher(rig, radius=radius, max_skew=max_skew)
+    track = BallFilter(BALLS[ball])
     sizes = tuple((c.lens.width, c.lens.height) for c in rig.cameras)
     overlay = None if writer is None else Overlay(sizes, tuple(c.name for c in rig.cameras))
-    with open_cameras((settings.left, settings.right), fps=settings.fps) as (left, right):
-        most = settings.frames or (LIVE_FRAMES if left.live or right.live else None)
-        pairing = Pairing(left, right, max_skew=settings.max_skew, most=most)
-        seen.counts = pairing.counts
-        for n, pair in enumerate(pairing):
-            frames: tuple[Frame, ...] = tuple(f for f in pair if f is not None)
-            look = watcher.step(frames)
-            seen.note(look)
-            if look.sighting.found:
-                track.update(look.sighting)
-            ball = track.state(frames[0].t)
-            if look.sighting.found and ball.tracked:
-                seen.states.append(state_row(ball))
+    with open_cameras((left, right), fps=fps) as (a, b):
+        most = frames or (LIVE_FRAMES if a.live or b.live else None)
+        instants = pairs((a, b), seen.counts, max_skew=max_skew, most=most)
+        for n, images in enumerate(instants):
+            moments, sighting = watcher.step(images, seen)
+            if sighting.found:
+                track.update(sighting)
+            state = track.state(images[0].t)
+            if sighting.found and state.tracked:
+                sigma = np.sqrt(np.diag(state.covariance)[:3])
+                seen.states.append(
+                    np.concatenate(((state.t,), state.r_o, state.dr_o, state.ddr_o, sigma))
+                )
             if writer is not None and overlay is not None:
-                writer.write(overlay.draw(frames[0].t, frames, look.moments, look.sighting, ball))
+                writer.write(overlay.draw(images[0].t, images, moments, sighting, state))
             progress("frames", n + 1, n + 2)
 
 
@@ -125,46 +158,33 @@ def complaints(seen: Seen, names: tuple[str, ...]) -> tuple[str, ...]:
     said, counts = [], seen.counts
     a, b = counts.frames
     if counts.ended:
-        said.append(
-            f"{counts.ended} ended early: {a} frames left, {b} right; "
-            f"{counts.left_over} without a partner are left out"
-        )
+        said.append(f"{counts.ended} ended early: {a} frames left, {b} right; "
+                    f"{counts.left_over} without a partner are left out")  # fmt: skip
     alone = min(a, b) - counts.paired
     if alone > 0.05 * max(min(a, b), 1):
-        said.append(
-            f"{alone} of {min(a, b)} frames have no partner in time: "
-            "say --fps, or a larger --max-skew"
-        )
+        said.append(f"{alone} of {min(a, b)} frames have no partner in time: "
+                    "say --fps, or a larger --max-skew")  # fmt: skip
     if counts.backward:
         said.append(f"{counts.backward} frames dropped, as their time did not rise")
     for name, count in zip(names, seen.targets, strict=True):
         if count == 0:
             said.append(f"camera {name} saw no ball in any frame: is it dark or covered?")
-    return (*said, *_doubts(seen))
-
-
-def _doubts(seen: Seen) -> tuple[str, ...]:
-    """Return what speaks against the sightings themselves."""
-    if exchanged(seen):
-        return (
-            f"left and right seem exchanged: {len(seen.exchanged)} sightings the other way "
-            f"round, {seen.agreed} as given, which do not fall as a ball does",
-        )
-    if seen.agreed < _AGREE * seen.both:
-        return (
-            f"the cameras agree on a ball in {seen.agreed} of {seen.both} instants only: "
-            "the rig is another's, a camera was moved, or something else is bright",
-        )
     error = fall_error(seen.points)
-    if error is not None and error > _FALL:
-        return (
-            f"what was seen does not fly: its acceleration is {error:.0f} m/s^2 off gravity; "
-            "a hand that carries the ball, or a rig that is another's",
-        )
-    return ()
+    if _exchanged(seen):
+        said.append(f"left and right seem exchanged: {len(seen.exchanged)} sightings the other way "
+                    f"round, {seen.agreed} as given, which do not fall as a ball does")  # fmt: skip
+    elif seen.agreed < _AGREE * seen.both:
+        said.append(f"the cameras agree on a ball in {seen.agreed} of {seen.both} instants only: "
+                    "the rig is another's, a camera was moved, or something else is "
+                    "bright")  # fmt: skip
+    elif error is not None and error > _FALL:
+        said.append(f"what was seen does not fly: its acceleration is {error:.0f} m/s^2 off "
+                    "gravity; a hand that carries the ball, or a rig that is "
+                    "another's")  # fmt: skip
+    return tuple(said)
 
 
-def exchanged(seen: Seen) -> bool:
+def _exchanged(seen: Seen) -> bool:
     """Say whether left and right seem exchanged: more sightings that way, or a truer fall."""
     if len(seen.exchanged) > 2 * seen.agreed:
         return True
@@ -174,13 +194,37 @@ def exchanged(seen: Seen) -> bool:
     return as_given > _FALL and other < 0.5 * as_given
 
 
+def fall_error(points: Sequence[Array]) -> float | None:
+    """Return how far from gravity the acceleration of the points is [m/s^2].
+
+    The median over pieces of 0.15 s of |a - g|, a from a parabola; drag makes it 1 to 2 m/s^2 at
+    the speeds of a throw. None where no piece has enough points. It tells a wrong rig, or left and
+    right exchanged.
+
+    Args:
+        points: Rows t, x, y, z [s, m], each shape (4,), in the order of time.
+    """
+    errors, start = [], 0
+    for n in range(len(points)):
+        if points[n][0] - points[start][0] < _PIECE:
+            continue
+        piece = np.array(points[start : n + 1])
+        start = n + 1 if n + 1 < len(points) else n
+        if len(piece) < _FEWEST:
+            continue
+        t = piece[:, 0] - piece[:, 0].mean()
+        a = 2.0 * np.polyfit(t, piece[:, 1:], 2)[0]
+        errors.append(float(np.linalg.norm(a - np.array((0.0, 0.0, -GRAVITY)))))
+    return float(np.median(errors)) if errors else None
+
+
 def status_of(seen: Seen) -> str:
     """Return ok, or what is wrong: no_frames, no_ball, exchanged, disagree, short."""
     if seen.counts.paired == 0:
         return "no_frames"
     if seen.both == 0:
         return "no_ball"
-    if exchanged(seen):
+    if _exchanged(seen):
         return "exchanged"
     if seen.agreed < _AGREE * seen.both:
         return "disagree"

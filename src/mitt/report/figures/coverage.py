@@ -11,7 +11,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from mitt.link.files import write_atomically
-from mitt.report.figures.style import GREY, INK, PALE
+from mitt.report.figures.style import GREY, INK, RC
 from mitt.signals import Array
 
 #: Errors are shown this many times as long [1].
@@ -31,7 +31,7 @@ def draw_coverage(
     """
     top = max(float(np.percentile(np.linalg.norm(r, axis=1), 98)) for _, _, r in seen.values())
     norm = Normalize(0.0, max(top, 1e-3))
-    with matplotlib.rc_context({"font.family": "DejaVu Sans", "font.size": 9.0}):
+    with matplotlib.rc_context(RC):
         figure = Figure(figsize=(4.9 * len(seen) + 0.9, 4.4), dpi=140, layout="constrained")
         canvas = FigureCanvasAgg(figure)
         panels = figure.subplots(1, len(seen), squeeze=False)[0]
@@ -65,10 +65,6 @@ def _panel(
              xlabel="u [px]", ylabel="v [px]")  # fmt: skip
     for k, edge in enumerate(edges):
         (axes.set_xticks if k == 0 else axes.set_yticks)(np.rint(edge + 0.5))
-    axes.grid(color=PALE, lw=0.5, zorder=0)
-    axes.tick_params(length=0, labelcolor=GREY)
     axes.set_title(f"{name}: rms {np.sqrt(np.mean(r**2)):.2f} px, corners in "
                    f"{int((count > 0).sum())} of {count.size} cells",
-                   loc="left", color=INK, fontsize=9.5, fontweight="bold")  # fmt: skip
-    for spine in axes.spines.values():
-        spine.set_color(PALE)
+                   fontsize=9.5)  # fmt: skip

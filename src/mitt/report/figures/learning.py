@@ -8,8 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from mitt.generator.learn import Step
-from mitt.report.figures.style import ALPHA_0, BLUE, GREY, INK, ORANGE, PALE, Plot, plot
-from mitt.signals import Array
+from mitt.report.figures.style import ALPHA_0, BLUE, GREY, INK, ORANGE, Plot, plot
 from mitt.trials.log import TrialLog
 
 
@@ -22,26 +21,28 @@ def learning_cost(steps: Sequence[Step]) -> Plot:
             (left, [s.cost_torque for s in steps], BLUE, "Torque, τᵀKτ τ"),
             (right, [s.cost_speed for s in steps], ORANGE, "Speed, ωᵀKω ω"),
         ):
-            k = np.arange(len(values))
-            axes.plot(k, values, "-", color=colour, zorder=3)
-            axes.plot(k[1:], values[1:], "o", color=colour, markersize=5, zorder=4)
-            axes.plot(0, values[0], "o", color=colour, mfc="white", mew=1.6, ms=7, zorder=4)
-            _name_start(axes, values[0])
+            _draw_steps(axes, values, colour)
             axes.annotate(
-                f"{values[-1]:.3f}", (k[-1], values[-1]), (0, 8), textcoords="offset points",
-                ha="center", color=INK,
+                f"{values[-1]:.3f}", (len(values) - 1, values[-1]), (0, 8),
+                textcoords="offset points", ha="center", color=INK,
             )  # fmt: skip
-            axes.set(title=title, xlabel="learning step", ylabel="mean cost per instant [1]")
+            axes.set(title=title, ylabel="mean cost per instant [1]")
             axes.set_ylim(0.0, 1.18 * max(values))
             axes.set_xlim(-0.5, len(values) - 0.5)
-            axes.xaxis.set_major_locator(MaxNLocator(integer=True))
 
     return plot("fig7", (10.0, 3.2), draw)
 
 
-def _name_start(axes: Axes, value: float) -> None:
-    """Name the first point, which has not learned anything."""
-    axes.annotate(ALPHA_0, (0, value), (0, 8), textcoords="offset points", color=GREY, ha="center")
+def _draw_steps(axes: Axes, values: Sequence[float], colour: str) -> None:
+    """Draw a figure over the steps; name the first point, which has not learned anything."""
+    k = np.arange(len(values))
+    axes.plot(k, values, "-", color=colour, zorder=3)
+    axes.plot(k[1:], values[1:], "o", color=colour, markersize=5, zorder=4)
+    axes.plot(0, values[0], "o", color=colour, mfc="white", mew=1.6, ms=7, zorder=4)
+    axes.annotate(ALPHA_0, (0, values[0]), (0, 8), textcoords="offset points", color=GREY,
+                  ha="center")  # fmt: skip
+    axes.set(xlabel="learning step")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
 
 
 def feedback_share(log: TrialLog) -> float:
@@ -52,13 +53,8 @@ def feedback_share(log: TrialLog) -> float:
     controller's load falls as the generator nears its optimum.
     """
     tau, feedforward = log.tau[log.following], log.feedforward[log.following]
-    total = _size(tau)
-    return _size(tau - feedforward) / total if total > 0.0 else 0.0
-
-
-def _size(x: Array) -> float:
-    """Return the root of the sum of squares."""
-    return float(np.sqrt(np.sum(np.square(x))))
+    total = np.linalg.norm(tau)
+    return float(np.linalg.norm(tau - feedforward) / total) if total > 0.0 else 0.0
 
 
 def feedback_by_step(shares: Sequence[float]) -> Plot:
@@ -66,33 +62,8 @@ def feedback_by_step(shares: Sequence[float]) -> Plot:
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
-        k = np.arange(len(shares))
-        axes.plot(k, shares, "-o", color=BLUE, markersize=5)
-        axes.plot(0, shares[0], "o", color=BLUE, mfc="white", mew=1.6, ms=7)
-        _name_start(axes, shares[0])
-        axes.set(xlabel="learning step", ylabel="feedback in the torque (rms)")
-        axes.set_ylim(0.0, 1.2 * max(*shares, 0.05))
+        _draw_steps(axes, shares, BLUE)
+        axes.set(ylabel="feedback in the torque (rms)", ylim=(0.0, 1.2 * max(*shares, 0.05)))
         axes.yaxis.set_major_formatter(PercentFormatter(1.0))
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
 
     return plot("feedback", (10.0, 2.8), draw)
-
-
-def feedback_pair(plain: float, learned: float) -> Plot:
-    """Draw the share of feedback for alpha = 0 and for the learned map."""
-
-    def draw(figure: Figure) -> None:
-        axes = figure.subplots()
-        values = (learned, plain)
-        axes.barh((0, 1), values, height=0.55, color=(BLUE, PALE))
-        for row, value in enumerate(values):
-            axes.annotate(
-                f"{value:.0%}", (value, row), (6, 0), textcoords="offset points", va="center"
-            )
-        axes.set_yticks((0, 1), ("learned map", ALPHA_0))
-        axes.set(xlabel="feedback in the torque, rms over the time of following")
-        axes.set_xlim(0.0, 1.15 * max(*values, 0.05))
-        axes.xaxis.set_major_formatter(PercentFormatter(1.0))
-        axes.grid(visible=False, axis="y")
-
-    return plot("feedback", (10.0, 1.7), draw)

@@ -1,5 +1,7 @@
 """Figs. 9 to 11: target and hand, joint angles and torques over time."""
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -13,6 +15,7 @@ from mitt.report.figures.style import (
     ORANGE,
     PLAIN,
     Plot,
+    legend_above,
     mark_time,
     plot,
 )
@@ -44,7 +47,7 @@ def target_and_hand(arm: Arm, log: TrialLog) -> Plot:
                 _fit(row[1], log, axis, around)
         grid[0, 0].set_title("Whole flight")
         grid[0, 1].set_title("Around the catch")
-        _legend_above(figure, grid[0, 0])
+        legend_above(figure, grid[0, 0], handlelength=2.2)
         for axes in grid[2]:
             axes.set_xlabel("time from release [s]")
         for k, axes in enumerate(grid.flat):
@@ -69,8 +72,7 @@ def _fit(axes: Axes, log: TrialLog, axis: int, window: tuple[float, float]) -> N
     """Set the height to what ball and hand do in a window of time."""
     truth = log.truth
     inside = (truth.t >= window[0]) & (truth.t <= window[1])
-    values = np.concatenate([truth.r_o[inside, axis], truth.position[inside, axis]])
-    low, high = float(values.min()), float(values.max())
+    low, high = _ends([truth.r_o[inside, axis], truth.position[inside, axis]])
     room = 0.08 * max(high - low, 0.05)
     axes.set_ylim(low - room, high + room)
 
@@ -78,53 +80,54 @@ def _fit(axes: Axes, log: TrialLog, axis: int, window: tuple[float, float]) -> N
 def joint_angles(arm: Arm, learned: TrialLog, plain: TrialLog | None) -> Plot:
     """Draw the joint angles, learned dotted and alpha = 0 solid, with their ranges: fig. 10."""
 
-    def draw(figure: Figure) -> None:
-        rows = figure.subplots(arm.n, 1, sharex=True, squeeze=False)[:, 0]
-        for j, axes in enumerate(rows):
-            axes.axhspan(arm.q_min[j], arm.q_max[j], color=BAND, zorder=0, label="range")
-            shown = [arm.q_ready[j], arm.q_ready[j]]
-            if plain is not None:
-                f = plain.following
-                axes.plot(plain.t[f], plain.asked[f, 0, j], color=ORANGE, lw=1.1,
-                          label=f"{ALPHA_0}, asked for")  # fmt: skip
-                axes.plot(plain.t, plain.encoders[:, 0, j], color=PLAIN, label=f"{ALPHA_0}, arm")
-                shown += [*_ends(plain.asked[f, 0, j]), *_ends(plain.encoders[:, 0, j])]
-            _dotted(axes, learned.t, learned.encoders[:, 0, j], "learned, arm")
-            shown += _ends(learned.encoders[:, 0, j])
-            axes.set(ylabel=f"{arm.names[j]} [rad]")
-            _limit_height(axes, shown)
-            _marks(axes, learned, named=j == 0)
-        _finish_rows(figure, rows, learned)
+    def draw_joint(axes: Axes, j: int) -> None:
+        axes.axhspan(arm.q_min[j], arm.q_max[j], color=BAND, zorder=0, label="range")
+        shown = [arm.q_ready[j : j + 1], learned.encoders[:, 0, j]]
+        if plain is not None:
+            asked, q = plain.asked[plain.following, 0, j], plain.encoders[:, 0, j]
+            _solid(axes, plain, (asked, f"{ALPHA_0}, asked for"), (q, f"{ALPHA_0}, arm", 1.6))
+            shown += [asked, q]
+        _dotted(axes, learned.t, learned.encoders[:, 0, j], "learned, arm")
+        low, high = _ends(shown)
+        room = 0.1 * max(high - low, 0.2)
+        axes.set(ylabel=f"{arm.names[j]} [rad]", ylim=(low - room, high + room))
 
-    return plot("fig10", (11.0, 2.1 * arm.n + 0.6), draw)
+    return _by_joint("fig10", arm, learned, draw_joint)
 
 
 def joint_torques(arm: Arm, learned: TrialLog, plain: TrialLog | None) -> Plot:
     """Draw the torques commanded, learned dotted and alpha = 0 solid, with limits: fig. 11."""
+    wanted = _asked_torque(arm, learned)
+    plainly = None if plain is None else _asked_torque(arm, plain)
+
+    def draw_joint(axes: Axes, j: int) -> None:
+        bound = float(arm.tau_max[j])
+        axes.axhspan(-bound, bound, color=BAND, zorder=0, label="within the limit")
+        shown = [np.zeros(1), learned.tau[:, j], wanted[:, j]]
+        if plain is not None and plainly is not None:
+            _solid(axes, plain, (plainly[:, j], f"{ALPHA_0}, asked for, eq. (16)"),
+                   (plain.tau[:, j], f"{ALPHA_0}, commanded", 1.2))  # fmt: skip
+            shown += [plain.tau[:, j], plainly[:, j]]
+        _dotted(axes, learned.t, learned.tau[:, j], "learned, commanded")
+        most = min(max(map(abs, _ends(shown))) * 1.15, _ABOVE * bound)
+        axes.set(ylabel=f"{arm.names[j]} [N m]", ylim=(-most, most))
+
+    return _by_joint("fig11", arm, learned, draw_joint)
+
+
+def _by_joint(name: str, arm: Arm, log: TrialLog, draw_joint: Callable[[Axes, int], None]) -> Plot:
+    """Draw a panel a joint, one above the other, with their common time and one legend."""
 
     def draw(figure: Figure) -> None:
         rows = figure.subplots(arm.n, 1, sharex=True, squeeze=False)[:, 0]
-        wanted = {id(log): _asked_torque(arm, log) for log in (learned, plain) if log is not None}
         for j, axes in enumerate(rows):
-            bound = float(arm.tau_max[j])
-            axes.axhspan(-bound, bound, color=BAND, zorder=0, label="within the limit")
-            shown = [0.0]
-            if plain is not None:
-                asked = wanted[id(plain)]
-                axes.plot(plain.t[plain.following], asked[:, j], color=ORANGE, lw=1.1,
-                          label=f"{ALPHA_0}, asked for, eq. (16)")  # fmt: skip
-                axes.plot(
-                    plain.t, plain.tau[:, j], color=PLAIN, lw=1.2, label=f"{ALPHA_0}, commanded"
-                )
-                shown += [*_ends(plain.tau[:, j]), *_ends(asked[:, j])]
-            _dotted(axes, learned.t, learned.tau[:, j], "learned, commanded")
-            shown += [*_ends(learned.tau[:, j]), *_ends(wanted[id(learned)][:, j])]
-            most = min(max(abs(x) for x in shown) * 1.15, _ABOVE * bound)
-            axes.set(ylabel=f"{arm.names[j]} [N m]", ylim=(-most, most))
-            _marks(axes, learned, named=j == 0)
-        _finish_rows(figure, rows, learned)
+            draw_joint(axes, j)
+            _marks(axes, log, named=j == 0)
+        rows[-1].set_xlabel("time from release [s]")
+        rows[-1].set_xlim(0.0, _end(log))
+        legend_above(figure, rows[0], handlelength=2.2)
 
-    return plot("fig11", (11.0, 2.1 * arm.n + 0.6), draw)
+    return plot(name, (11.0, 2.1 * arm.n + 0.6), draw)
 
 
 def _asked_torque(arm: Arm, log: TrialLog) -> Array:
@@ -133,41 +136,30 @@ def _asked_torque(arm: Arm, log: TrialLog) -> Array:
     return np.array(rows).reshape(-1, arm.n)
 
 
+def _solid(
+    axes: Axes, log: TrialLog, asked: tuple[Array, str], done: tuple[Array, str, float]
+) -> None:
+    """Draw the curves of alpha = 0: what it asks for while it follows, and what came of it."""
+    axes.plot(log.t[log.following], asked[0], color=ORANGE, lw=1.1, label=asked[1])
+    axes.plot(log.t, done[0], color=PLAIN, label=done[1], lw=done[2])
+
+
 def _dotted(axes: Axes, t: Array, values: Array, label: str) -> None:
     """Draw a curve of the learned map: dotted, as the paper draws it."""
     axes.plot(t, values, linestyle=(0, (1.2, 1.1)), color=LEARNED, lw=2.4, label=label, zorder=4)
 
 
-def _ends(values: Array) -> list[float]:
-    """Return the least and the greatest value, nothing where there is none."""
-    return [float(values.min()), float(values.max())] if len(values) else []
-
-
-def _limit_height(axes: Axes, shown: list[float]) -> None:
-    """Set the height so that all curves show."""
-    low, high = min(shown), max(shown)
-    room = 0.1 * max(high - low, 0.2)
-    axes.set_ylim(low - room, high + room)
-
-
-def _finish_rows(figure: Figure, rows: Array, log: TrialLog) -> None:
-    """Give stacked axes their common time and one legend above them."""
-    rows[-1].set_xlabel("time from release [s]")
-    rows[-1].set_xlim(0.0, _end(log))
-    _legend_above(figure, rows[0])
-
-
-def _legend_above(figure: Figure, axes: Axes) -> None:
-    """Put one legend for all axes above them."""
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=len(labels), handlelength=2.2)
+def _ends(shown: Sequence[Array]) -> tuple[float, float]:
+    """Return the least and the greatest of all values."""
+    values = np.concatenate(shown)
+    return float(values.min()), float(values.max())
 
 
 def _marks(axes: Axes, log: TrialLog, *, named: bool) -> None:
     """Mark the start of the arm and the catch."""
     for t, text in ((log.t_0, "start"), (log.t_catch, "catch")):
         if np.isfinite(t) and axes.get_xlim()[0] <= t <= axes.get_xlim()[1]:
-            mark_time(axes, t, text, top=named)
+            mark_time(axes, t, text, named=named)
 
 
 def _end(log: TrialLog) -> float:

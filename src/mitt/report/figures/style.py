@@ -4,6 +4,7 @@ import io
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -50,7 +51,8 @@ UNNAMED = (PALE, ".", "-")
 #: Attributes that hold coordinates, and digits that nobody sees in them.
 _DRAWN, _DIGITS = re.compile(r'\b(?:d|x|y)="[^"]*"'), re.compile(r"(\.\d\d)\d+")
 
-_RC: dict[str, object] = {
+#: How Matplotlib is told to draw.
+RC: dict[str, object] = {
     "svg.fonttype": "none",
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
@@ -99,7 +101,7 @@ class Plot:
 
 def plot(name: str, size: tuple[float, float], draw: Callable[[Figure], None]) -> Plot:
     """Draw a figure of a size [inch] and return it; the same data give the same text."""
-    with matplotlib.rc_context({**_RC, "svg.hashsalt": name}):
+    with matplotlib.rc_context({**RC, "svg.hashsalt": name}):
         figure = Figure(figsize=size, layout="constrained")
         canvas = FigureCanvasSVG(figure)
         draw(figure)
@@ -133,18 +135,17 @@ def dots(axes: Axes, points: Array, *, colour: str, size: float, label: str) -> 
     axes.plot([], [], "o", color=colour, markersize=size + 1.0, label=label)
 
 
-def mark_time(axes: Axes, t: float, text: str, *, top: bool = True) -> None:
-    """Mark an instant by a fine line, and name it at the upper edge."""
+def mark_time(axes: Axes, t: float, text: str, *, named: bool) -> None:
+    """Mark an instant by a fine line, and perhaps name it at the upper edge."""
     axes.axvline(t, color=GREY, linewidth=0.9, linestyle=(0, (4, 2)), zorder=1)
-    if top:
-        axes.annotate(
-            text,
-            (t, 1.0),
-            xycoords=("data", "axes fraction"),
-            xytext=(3, -3),
-            textcoords="offset points",
-            ha="left",
-            va="top",
-            color=GREY,
-            fontsize=8.5,
-        )
+    if named:
+        axes.annotate(text, (t, 1.0), (3, -3), xycoords=("data", "axes fraction"), color=GREY,
+                      textcoords="offset points", ha="left", va="top", fontsize=8.5)  # fmt: skip
+
+
+def legend_above(figure: Figure, axes: Axes, **how: Any) -> None:  # noqa: ANN401 (matplotlib)
+    """Put one legend for all axes above them, with the names that one of them has."""
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        figure.legend(handles, labels, loc="outside upper left",
+                      **{"ncols": len(labels), **how})  # fmt: skip

@@ -10,7 +10,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from mitt.report.figures.style import BLUE, GENERATORS, GREY, INK, UNNAMED, Plot, plot
+from mitt.report.figures.style import BLUE, GENERATORS, GREY, INK, UNNAMED, Plot, legend_above, plot
 from mitt.signals import Array
 
 Row = Mapping[str, Any]
@@ -45,16 +45,14 @@ def _draw_sweep(axes: Axes, name: str, points: Sequence[Row]) -> None:
     """Draw one panel."""
     values = sorted({float(row["value"]) for row in points})
     for generator in _generators(points):
-        mine = sorted(
-            (row for row in points if row["generator"] == generator), key=lambda row: row["value"]
-        )
+        mine = [row for row in points if row["generator"] == generator]
+        mine.sort(key=lambda row: float(row["value"]))
         x = [row["value"] for row in mine]
         low, high = (np.array([100.0 * row["ci95"][k] for row in mine]) for k in (0, 1))
         colour, marker, line = GENERATORS.get(generator, UNNAMED)
         axes.fill_between(x, low, high, color=colour, alpha=0.13, linewidth=0)
-        axes.plot(
-            x, [100.0 * row["catch_rate"] for row in mine], marker + line, color=colour, ms=4.5
-        )
+        rates = [100.0 * row["catch_rate"] for row in mine]
+        axes.plot(x, rates, marker + line, color=colour, ms=4.5)
     if values[0] > 0.0 and values[-1] > _DECADE * values[0]:
         axes.set_xscale("log")
         axes.set_xticks(values, [f"{value:g}" for value in values], rotation=0)
@@ -173,5 +171,4 @@ def _name_generators(figure: Figure, rows: Sequence[Row]) -> None:
     for name in _generators(rows):
         colour, marker, line = GENERATORS.get(name, UNNAMED)
         figure.axes[0].plot([], [], marker + line, color=colour, label=name, ms=4.5)
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper left", ncols=len(labels), labelcolor=GREY)
+    legend_above(figure, figure.axes[0], labelcolor=GREY)

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mitt.errors import ShapeError
-from mitt.report.figures.style import GREY, INK, STATUS, Plot, plot
+from mitt.report.figures.style import GREY, INK, STATUS, Plot, legend_above, plot
 from mitt.signals import Array
 
 #: Bars of a histogram, points drawn at most, and marks below it at most.
@@ -31,9 +31,7 @@ def contact_errors(trials: Sequence[dict[str, Any]]) -> Plot:
         for axes, (key, title) in zip(figure.subplots(1, 2), _ERRORS, strict=True):
             _draw_errors(axes, trials, key)
             axes.set(xlabel=title, ylabel="throws")
-        handles, labels = figure.axes[0].get_legend_handles_labels()
-        if handles:
-            figure.legend(handles, labels, loc="outside upper left", ncols=len(labels))
+        legend_above(figure, figure.axes[0])
 
     return plot("errors", (11.0, 3.4), draw)
 
@@ -100,8 +98,7 @@ def releases(
             axes.set(ylabel=name, xlim=(low[0], high[0]), ylim=(low[row], high[row]))
             axes.set_aspect("equal")
         top.set_xlabel("x [m], towards the thrower")
-        handles, labels = side.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper left", ncols=len(labels))
+        legend_above(figure, side)
 
     return plot("releases", (11.0, 10.0 * (y + z) / x + 1.1), draw)
 

@@ -5,7 +5,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from mitt.report.figures.style import ALPHA_0, BALL, GREY, INK, LEARNED, Plot, dots, plot
+from mitt.report.figures.style import (
+    ALPHA_0,
+    BALL,
+    GREY,
+    INK,
+    LEARNED,
+    Plot,
+    dots,
+    legend_above,
+    plot,
+)
 from mitt.report.skeleton import skeleton
 from mitt.robot.arm import Arm
 from mitt.signals import Array
@@ -22,7 +32,6 @@ def catching_trajectory(arm: Arm, learned: TrialLog, plain: TrialLog | None) -> 
     columns = [("Learned map", learned)] + ([] if plain is None else [(ALPHA_0, plain)])
     low, high = _extent(arm, [log for _, log in columns])
     x, y, z = high - low
-    width = 10.2 / 2
 
     def draw(figure: Figure) -> None:
         grid = figure.subplots(
@@ -36,10 +45,9 @@ def catching_trajectory(arm: Arm, learned: TrialLog, plain: TrialLog | None) -> 
             top.set_xlabel("x [m], towards the thrower")
         grid[0, 0].set_ylabel("z [m], from the side")
         grid[1, 0].set_ylabel("y [m], from above")
-        handles, labels = grid[0, 0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper left", ncols=4, handlelength=1.8)
+        legend_above(figure, grid[0, 0], ncols=4, handlelength=1.8)
 
-    return plot("fig8", (11.0, width * (y + z) / x + 1.2), draw)
+    return plot("fig8", (11.0, 5.1 * (y + z) / x + 1.2), draw)
 
 
 def _shown(log: TrialLog) -> NDArray[np.int64]:
@@ -50,12 +58,11 @@ def _shown(log: TrialLog) -> NDArray[np.int64]:
 
 def _extent(arm: Arm, logs: list[TrialLog]) -> tuple[Array, Array]:
     """Return the corners of a box [m] around arm and hand, with the ball's last stretch."""
-    points = [np.zeros((1, 3))]
+    cloud = np.zeros((1, 3))
     for log in logs:
         rows = _shown(log)
-        points += [log.truth.position[rows]]
-        points += [skeleton(arm.model, log.truth.q[k]) for k in rows[::_ARM_EACH]]
-    cloud = np.concatenate(points)
+        arms = [skeleton(arm.model, log.truth.q[k]) for k in rows[::_ARM_EACH]]
+        cloud = np.concatenate([cloud, log.truth.position[rows], *arms])
     low, high = cloud.min(axis=0), cloud.max(axis=0)
     near = high[0] + _AHEAD
     for log in logs:
