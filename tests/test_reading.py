@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mitt.calibration.tables import header_of
 from mitt.errors import FileError
 from mitt.generator.mapping import DirectMap
-from mitt.link.cameras.folder import read_image
+from mitt.link.cameras.recorded import read_image
 from mitt.link.files import read_json
 from mitt.link.maps import read_map
 from mitt.link.rig import read_rig

@@ -1,16 +1,15 @@
 """Checks at public entry points, made before compiled code sees a value.
 
-A kernel trusts its arguments: it reads beyond an array that is too short, and it is compiled anew
-for a number or an array of another type. So every public call passes what a user gives through
-one of these functions. What comes back has one type only: ``float``, ``int``, ``bool``, or an
-array of float64 in C order that can be written to. An array that is so already comes back as it
-is, any other is copied; what cannot be taken raises a :class:`mitt.errors.MittError` of one line.
+Compiled code reads beyond an array that is too short and is compiled again for another type. So
+each function here returns one type only: ``float``, ``int``, ``bool``, or a writable array of
+float64 in C order (the given array if it is one already, else a copy). Other values raise a
+:class:`mitt.errors.MittError` of one line.
 """
 
 from collections.abc import Sequence
-from math import isfinite
+from math import inf, isfinite
 from operator import index
-from typing import Any, Final, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,16 +18,13 @@ from mitt.errors import InputError, ShapeError
 
 _Kind = TypeVar("_Kind")
 
-#: Length of an axis; None for any.
-_Shape = Sequence[int | None]
-
-_FLOAT: Final = np.dtype(np.float64)
-_GREY: Final = np.dtype(np.uint8)
 #: Largest text of a refused value in a message [characters].
 _MOST = 60
 
 
-def array(name: str, value: object, shape: _Shape, *, finite: bool = False) -> NDArray[np.float64]:
+def array(
+    name: str, value: object, shape: Sequence[int | None], *, finite: bool = False
+) -> NDArray[np.float64]:
     """Return a value as an array of float64.
 
     Args:
@@ -42,13 +38,14 @@ def array(name: str, value: object, shape: _Shape, *, finite: bool = False) -> N
         ShapeError: It has another shape.
     """
     given = value
-    if not (isinstance(given, np.ndarray) and given.dtype == _FLOAT and given.flags.carray):
+    if not (isinstance(given, np.ndarray) and given.dtype == np.float64 and given.flags.carray):
         given = _numbers(name, value)
     if len(given.shape) != len(shape) or any(
         wanted is not None and wanted != side
         for wanted, side in zip(shape, given.shape, strict=True)
     ):
-        raise ShapeError(name, _shown(shape), given.shape)
+        sides = ", ".join("K" if side is None else str(side) for side in shape)
+        raise ShapeError(name, f"({sides},)" if len(shape) == 1 else f"({sides})", given.shape)
     if type(given) is not np.ndarray:
         given = np.array(given, order="C")
     if finite and not np.isfinite(given).all():
@@ -97,10 +94,13 @@ def whole(name: str, value: object, *, least: int | None = None, most: int | Non
         given = index(value) if not isinstance(value, bool) else None  # type: ignore[arg-type]
     except TypeError:
         given = None
-    low, high = least is None or (given or 0) >= least, most is None or (given or 0) <= most
-    if given is None or not (low and high):
-        raise InputError(name, _range(least, most), shown(value))
-    return given
+    low, high = -inf if least is None else least, inf if most is None else most
+    if given is not None and low <= given <= high:
+        return given
+    wanted = "an integer"
+    if least is not None:
+        wanted += f" of at least {least}" if most is None else f" in {least}..{most}"
+    raise InputError(name, wanted, shown(value))
 
 
 def flag(name: str, value: object) -> bool:
@@ -137,7 +137,7 @@ def image(name: str, value: object, shape: tuple[int, int] | None = None) -> NDA
         InputError: It is no array of uint8.
         ShapeError: It has another shape, or no pixel.
     """
-    if not isinstance(value, np.ndarray) or value.dtype != _GREY:
+    if not isinstance(value, np.ndarray) or value.dtype != np.uint8:
         given = f"dtype {value.dtype}" if isinstance(value, np.ndarray) else shown(value)
         raise InputError(name, "an array of uint8", given,
                          do="scale grey values to 0..255 and use astype(np.uint8)")  # fmt: skip
@@ -167,26 +167,9 @@ def _numbers(name: str, value: object) -> NDArray[np.float64]:
     try:
         given: NDArray[Any] = np.asarray(value)
     except Exception as error:  # what a value's own conversion raises is unknown
-        raise InputError(name, "an array of numbers", _why(value, error)) from None
+        why = f" ({str(error)[:_MOST]})" if str(error) else ""
+        raise InputError(name, "an array of numbers", shown(value) + why) from None
     if given.dtype.kind not in "fiu":
         raise InputError(name, "an array of numbers", shown(given))
     with np.errstate(over="ignore"):
         return np.array(given, dtype=np.float64, order="C")
-
-
-def _why(value: object, error: Exception) -> str:
-    """Return why a value is no array."""
-    return f"{shown(value)} ({str(error)[:_MOST]})" if str(error) else shown(value)
-
-
-def _shown(shape: _Shape) -> str:
-    """Return a shape as text; an axis of any length is a letter."""
-    sides = ["K" if side is None else str(side) for side in shape]
-    return f"({sides[0]},)" if len(sides) == 1 else f"({', '.join(sides)})"
-
-
-def _range(least: int | None, most: int | None) -> str:
-    """Return what integers are wanted."""
-    if least is None or most is None:
-        return "an integer" if least is None else f"an integer of at least {least}"
-    return f"an integer in {least}..{most}"

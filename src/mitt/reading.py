@@ -10,15 +10,12 @@ import re
 import stat
 import tomllib
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from mitt.errors import FileError
 
-MAX_TOML_BYTES: Final = 1_000_000
-"""Largest TOML file that is read [bytes]."""
-
-MAX_JSON_BYTES: Final = 10_000_000
-"""Largest JSON file that is read [bytes]; what it holds may take twenty times as much memory."""
+#: Largest TOML and JSON file that is read [bytes]; JSON may take twenty times as much memory.
+MAX_TOML_BYTES, MAX_JSON_BYTES = 1_000_000, 10_000_000
 
 #: Most parts of a dotted key, levels of brackets, and characters of a key.
 _MOST_PARTS, _MOST_LEVELS, _LONGEST_KEY = 16, 16, 256
@@ -50,7 +47,7 @@ def read_bytes(path: Path, *, max_bytes: int, wanted: str = "a readable file") -
             content = file.read(max_bytes + 1) if regular else b""
     except OSError as error:
         raise FileError(str(path), wanted, error.strerror or "an error") from None
-    except ValueError as error:  # a name with a NUL in it
+    except ValueError as error:  # a NUL in the name
         raise FileError(str(path), wanted, error) from None
     if not regular:
         raise FileError(str(path), wanted, "a device, a pipe or a folder")

@@ -152,84 +152,30 @@ def test_a_map_of_a_later_version_is_refused(tmp_path: Path, saved: Path, arm: A
         read_map(path, arm)
 
 
-def _unknown(content: dict[str, Any]) -> None:
-    content["comment"] = "hello"
+SPOILT: dict[str, Callable[[dict[str, Any]], object]] = {
+    "unknown key": lambda c: c.update(comment="hello"),
+    "missing key": lambda c: c.pop("alpha"),
+    "schema": lambda c: c.update(schema="mitt.map/1"),
+    "later version": lambda c: c.update(version="99.0.0"),
+    "no version": lambda c: c.update(version="new"),
+    "no numbers of the arm": lambda c: c.update(identity={}),
+    "ragged": lambda c: c["alpha"][0].pop(),
+    "too few rows": lambda c: c["alpha"].pop(),
+    "indefinite": lambda c: c.update(H=(-np.array(c["H"])).tolist()),
+    "void scale": lambda c: c["scale"].__setitem__(0, 0.0),
+    "wrong joint": lambda c: c["design"].update(catch_joint=7),
+    "unknown free joint": lambda c: c["design"].update(free=[0, 2, 9]),
+    "text": lambda c: c["alpha"][0].__setitem__(0, "a lot"),
+    "huge order": lambda c: c["design"].update(order=10**9),
+    "far catch": lambda c: c["design"].update(q_catch=40.0),
+    "small kappa": lambda c: c["design"].update(kappa=0.0),
+    "short region": lambda c: c["region"].pop(),
+}
 
 
-def _missing(content: dict[str, Any]) -> None:
-    del content["alpha"]
-
-
-def _schema(content: dict[str, Any]) -> None:
-    content["schema"] = "mitt.map/1"
-
-
-def _later(content: dict[str, Any]) -> None:
-    content["version"] = "99.0.0"
-
-
-def _no_version(content: dict[str, Any]) -> None:
-    content["version"] = "new"
-
-
-def _no_numbers(content: dict[str, Any]) -> None:
-    content["identity"] = {}
-
-
-def _ragged(content: dict[str, Any]) -> None:
-    content["alpha"][0].pop()
-
-
-def _too_few(content: dict[str, Any]) -> None:
-    content["alpha"].pop()
-
-
-def _indefinite(content: dict[str, Any]) -> None:
-    content["H"] = (-np.array(content["H"])).tolist()
-
-
-def _void_scale(content: dict[str, Any]) -> None:
-    content["scale"][0] = 0.0
-
-
-def _wrong_joint(content: dict[str, Any]) -> None:
-    content["design"]["catch_joint"] = 7
-
-
-def _unknown_free(content: dict[str, Any]) -> None:
-    content["design"]["free"] = [0, 2, 9]
-
-
-def _text_number(content: dict[str, Any]) -> None:
-    content["alpha"][0][0] = "a lot"
-
-
-def _huge_order(content: dict[str, Any]) -> None:
-    content["design"]["order"] = 10**9
-
-
-def _far_catch(content: dict[str, Any]) -> None:
-    content["design"]["q_catch"] = 40.0
-
-
-def _small_kappa(content: dict[str, Any]) -> None:
-    content["design"]["kappa"] = 0.0
-
-
-def _short_region(content: dict[str, Any]) -> None:
-    content["region"].pop()
-
-
-@pytest.mark.parametrize(
-    "spoil",
-    [
-        _unknown, _missing, _schema, _ragged, _too_few, _indefinite, _void_scale, _wrong_joint,
-        _later, _no_version, _no_numbers, _unknown_free, _text_number, _huge_order, _far_catch,
-        _small_kappa, _short_region,
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("spoil", SPOILT.values(), ids=SPOILT)
 def test_a_signed_map_that_does_not_fit_together_is_refused(
-    tmp_path: Path, saved: Path, arm: Arm, spoil: Callable[[dict[str, Any]], None]
+    tmp_path: Path, saved: Path, arm: Arm, spoil: Callable[[dict[str, Any]], object]
 ) -> None:
     """Even with a right checksum: unknown or missing keys, wrong shapes, impossible designs."""
     content = json.loads(saved.read_text())

@@ -7,7 +7,7 @@ import pytest
 
 from mitt.bench.libraries import ball_at
 from mitt.generator.learn import Learned
-from mitt.rivals.course import Chooser
+from mitt.rivals.choice import Chooser
 from mitt.robot.arm import Arm
 from mitt.signals import BallState
 from mitt.trials.aim import aim_of
@@ -17,7 +17,7 @@ from mitt.world.throws import Throw, default_throw
 @pytest.fixture(scope="session")
 def chooser(learned: Learned) -> Chooser:
     """Chooses catches for the WAM."""
-    return Chooser(map=learned.map)
+    return Chooser(learned.map)
 
 
 @pytest.fixture(scope="session")

@@ -1,4 +1,4 @@
-"""The yardstick: its model is the arm, its plan keeps the limits, and nothing is cheaper."""
+"""The oracle: its model is the arm, its plan keeps the limits, and nothing is cheaper."""
 
 import sys
 from collections.abc import Callable

@@ -8,13 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mitt.generator.demand import demand
-from mitt.rivals.course import Chooser, Course
+from mitt.rivals.choice import Chooser, Intercept
 from mitt.rivals.mpc import MpcPlanner, MpcSettings, solve
-from mitt.rivals.pieces import Motion, responses
-from mitt.rivals.planned import plan_quintic
+from mitt.rivals.paths import Motion, quintic, responses
 from mitt.rivals.pursuit import still
-from mitt.rivals.quintics import quintic
-from mitt.rivals.ruckig import RuckigPlanner, RuckigSettings
+from mitt.rivals.quintic import plan_quintic
+from mitt.rivals.ruckig import RuckigPlanner
 from mitt.signals import Array, BallState
 
 seeds = st.integers(0, 2**31)
@@ -25,9 +24,9 @@ START = 0.1
 
 
 @pytest.fixture(params=range(4))
-def course(
+def catch(
     request: pytest.FixtureRequest, chooser: Chooser, ball_of: Callable[[int, float], BallState]
-) -> Course:
+) -> Intercept:
     """Catches of a few throws."""
     ball = ball_of(int(request.param), START)
     chosen = chooser.choose(ball, still(chooser.arm.q_ready))
@@ -60,34 +59,34 @@ def test_the_quintics_derivatives_are_central_differences(seed: int) -> None:
 
 
 def test_ruckigs_plan_keeps_its_limits_and_ends_at_the_catch(
-    chooser: Chooser, course: Course
+    chooser: Chooser, catch: Intercept
 ) -> None:
     """Position and velocity are met at the time of the catch, speed and acceleration bounded."""
     arm, motion = chooser.arm, still(chooser.arm.q_ready)
-    planner = RuckigPlanner(arm, RuckigSettings())
-    plan = planner(motion, START, course)
+    planner = RuckigPlanner(arm)
+    plan = planner(motion, START, catch)
     assert plan is not None
-    most = planner.accelerations(motion, course.end)
-    t = np.linspace(START, course.t_c, 200)
+    most = planner.accelerations(motion, catch.end)
+    t = np.linspace(START, catch.t_c, 200)
     rows = np.array([plan.at(x) for x in t.tolist()])
-    assert np.allclose(rows[-1, :2], course.end[:2], atol=5e-3)
+    assert np.allclose(rows[-1, :2], catch.end[:2], atol=5e-3)
     assert np.all(np.abs(rows[:, 1]) <= arm.dq_max)
     assert np.all(np.abs(rows[:, 2]) <= most * (1.0 + EXACT))
 
 
-def test_ruckigs_refusals_are_no_errors(chooser: Chooser, course: Course) -> None:
+def test_ruckigs_refusals_are_no_errors(chooser: Chooser, catch: Intercept) -> None:
     """Too little time, or an end that is no number, give no plan."""
-    planner, motion = RuckigPlanner(chooser.arm, RuckigSettings()), still(chooser.arm.q_ready)
-    assert planner(motion, course.t_c - 0.02, course) is None
-    assert planner(np.full((3, 3), np.nan), START, course) is None
+    planner, motion = RuckigPlanner(chooser.arm), still(chooser.arm.q_ready)
+    assert planner(motion, catch.t_c - 0.02, catch) is None
+    assert planner(np.full((3, 3), np.nan), START, catch) is None
 
 
 def test_the_quadratic_programme_is_feasible_and_believed_rightly(
-    chooser: Chooser, course: Course
+    chooser: Chooser, catch: Intercept
 ) -> None:
     """DAQP's answer satisfies start, end, speeds and ranges; torques where they can be."""
     planner = MpcPlanner(chooser.arm, MpcSettings())
-    problem = planner.problem(still(chooser.arm.q_ready), course.end, (course.t_c - START) / 10)
+    problem = planner.problem(still(chooser.arm.q_ready), catch.end, (catch.t_c - START) / 10)
     a = solve(problem)
     assert a is not None
     rows = problem.A @ a
@@ -95,22 +94,24 @@ def test_the_quadratic_programme_is_feasible_and_believed_rightly(
     assert np.all(rows <= problem.high + SOLVED)
 
 
-def test_the_predictive_plan_costs_less_than_the_quintic(chooser: Chooser, course: Course) -> None:
+def test_the_predictive_plan_costs_less_than_the_quintic(
+    chooser: Chooser, catch: Intercept
+) -> None:
     """Between the same ends at the same times the programme's motion is cheaper by eq. (22)."""
     arm, motion = chooser.arm, still(chooser.arm.q_ready)
-    plan = MpcPlanner(arm, MpcSettings())(motion, START, course)
+    plan = MpcPlanner(arm, MpcSettings())(motion, START, catch)
     assert plan is not None
-    other = plan_quintic(motion, START, course)
-    t = np.linspace(START, course.t_c, 40).tolist()
-    assert np.allclose(plan.at(course.t_c), course.end, atol=SOLVED)
+    other = plan_quintic(motion, START, catch)
+    t = np.linspace(START, catch.t_c, 40).tolist()
+    assert np.allclose(plan.at(catch.t_c), catch.end, atol=SOLVED)
     costs = [demand(arm, np.array([x.at(s) for s in t])).cost for x in (plan, other)]
     assert costs[0] < costs[1]
 
 
-def test_a_programme_of_no_numbers_has_no_answer(chooser: Chooser, course: Course) -> None:
+def test_a_programme_of_no_numbers_has_no_answer(chooser: Chooser, catch: Intercept) -> None:
     """DAQP is not asked about NaN, and nothing is made of it."""
     motion = np.full((3, 3), np.nan)
-    assert MpcPlanner(chooser.arm, MpcSettings())(motion, START, course) is None
+    assert MpcPlanner(chooser.arm, MpcSettings())(motion, START, catch) is None
 
 
 @given(seed=seeds)

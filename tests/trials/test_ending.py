@@ -8,8 +8,7 @@ import pytest
 from mitt.generator.generators import Direct, Generator
 from mitt.generator.learn import Learned
 from mitt.records import BRAKE, Record
-from mitt.rivals.planned import Planned, PlannedSettings, plan_quintic
-from mitt.rivals.pursuit import rival
+from mitt.rivals.quintic import make_quintic
 from mitt.trials.ending import play_out
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.source import source_of
@@ -34,8 +33,7 @@ def test_the_end_of_a_trial_is_that_of_tick_by_tick(
 ) -> None:
     """Score, ticks and true states of a map and of a rival, with a fault of the eyes."""
     f, scene = learned.map, Scene(faults=(NOISE,))
-    pursuit = Planned(planner=plan_quintic, settings=PlannedSettings())
-    generator: Generator = rival(f, pursuit) if plans else Direct(f)
+    generator: Generator = make_quintic(f) if plans else Direct(f)
     runner = TrialRunner(f.arm, generator, scene, pixels=False)
     mine = _run(runner, learned)
     with monkeypatch.context() as patch:

@@ -7,7 +7,7 @@ import numpy as np
 
 from mitt.calibration.stage import Stage, weak
 from mitt.errors import FileError
-from mitt.link.cameras.folder import read_image
+from mitt.link.cameras.recorded import read_image
 from mitt.link.charuco import Board, Seen
 from mitt.link.rig import RigCamera
 from mitt.signals import Array

@@ -109,11 +109,9 @@ class Board:
             InputError: OpenCV finds none.
         """
         cv2 = self._cv2
-        flags = 0
-        for wanted, flag in zip(free[4:], (cv2.CALIB_FIX_K1, cv2.CALIB_FIX_K2, 0, 0,
-                                           cv2.CALIB_FIX_K3), strict=True):  # fmt: skip
-            flags |= 0 if wanted else flag
-        flags |= 0 if free[6] else cv2.CALIB_ZERO_TANGENT_DIST
+        fixed = {4: cv2.CALIB_FIX_K1, 5: cv2.CALIB_FIX_K2, 6: cv2.CALIB_ZERO_TANGENT_DIST,
+                 8: cv2.CALIB_FIX_K3}  # fmt: skip
+        flags = sum(flag for number, flag in fixed.items() if not free[number])
         points = [self.corners[v.ids].astype(np.float32) for v in views]
         images = [v.uv.astype(np.float32) for v in views]
         try:
@@ -157,7 +155,6 @@ def between(ours: list[Array], theirs: list[Array]) -> Array:
         ours: T_cam_board of one camera in each common view.
         theirs: The same of the other.
     """
-    all_of_them = np.array([b @ inverse(a) for a, b in zip(ours, theirs, strict=True)])
-    middle = np.median(all_of_them, axis=0)
-    far = np.linalg.norm((all_of_them - middle)[:, :3, :].reshape(len(all_of_them), -1), axis=1)
-    return np.asarray(all_of_them[int(np.argmin(far))])
+    poses = np.array([b @ inverse(a) for a, b in zip(ours, theirs, strict=True)])
+    far = np.linalg.norm((poses - np.median(poses, axis=0))[:, :3], axis=(1, 2))
+    return np.asarray(poses[int(np.argmin(far))])

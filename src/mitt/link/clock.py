@@ -1,7 +1,6 @@
 """The clock of the machine, read nowhere else; no result depends on it."""
 
 import time
-from types import TracebackType
 from typing import final
 
 import numpy as np
@@ -12,6 +11,9 @@ from mitt.jit import kernel
 
 steady_ns = time.perf_counter_ns
 """Returns the time of the machine's steady clock [ns]."""
+
+processor_time = time.process_time
+"""Returns the processor time that this process has used [s]."""
 
 _CLOCK = time.CLOCK_MONOTONIC
 _clock_gettime = types.ExternalFunction("clock_gettime", types.intc(types.intc, types.intp))
@@ -47,12 +49,7 @@ class Stopwatch:
         self._start = steady_ns()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Keep the time since."""
         self._ns.append(steady_ns() - self._start)
 
@@ -66,32 +63,21 @@ class Stopwatch:
 
     def percentiles_us(self) -> dict[str, float]:
         """Return median, p99, p99.9 and maximum [us]; zeros without entries."""
+        names = ("p50", "p99", "p99_9", "max")
         if not self._ns:
-            return {"p50": 0.0, "p99": 0.0, "p99_9": 0.0, "max": 0.0}
+            return dict.fromkeys(names, 0.0)
         us = np.array(self._ns) * 1e-3
-        p50, p99, p99_9 = np.percentile(us, [50.0, 99.0, 99.9])
-        return {
-            "p50": float(p50), "p99": float(p99), "p99_9": float(p99_9), "max": float(us.max())
-        }  # fmt: skip
+        values = [*np.percentile(us, [50.0, 99.0, 99.9]).tolist(), float(us.max())]
+        return dict(zip(names, values, strict=True))
 
     def misses(self) -> int:
         """Return how many entries took longer than the deadline."""
         return int(np.sum(np.array(self._ns, dtype=np.float64) > 1e3 * self.deadline_us))
 
 
-def processor_time() -> float:
-    """Return the processor time that this process has used [s]."""
-    return time.process_time()
-
-
-def monotonic() -> float:
-    """Return the time of the machine's steady clock [s], for cameras that have none."""
-    return time.monotonic()
-
-
 @final
 class Pace:
-    """How fast some work goes, for people who wait for it.
+    """Estimates the time left of some work, and says when to report it.
 
     Attributes:
         every: Shortest time between two reports [s].
@@ -101,26 +87,20 @@ class Pace:
         """Start now."""
         self.every = every
         self._begun: tuple[float, int] | None = None
-        self._told = 0.0
+        self._reported = 0.0
 
     def due(self) -> bool:
         """Say whether it is time for a report, and count it as given."""
         now = time.monotonic()
-        self._told = self._told or now
-        if now - self._told < self.every:
+        self._reported = self._reported or now
+        if now - self._reported < self.every:
             return False
-        self._told = now
+        self._reported = now
         return True
 
     def left(self, done: int, of: int) -> float | None:
-        """Return the time left at the pace since the first call [s]; None before anything is done.
-
-        Args:
-            done: How much is done.
-            of: How much there is.
-        """
+        """Return the time left [s] at the pace since the first call; None without progress."""
         now = time.monotonic()
-        if self._begun is None:
-            self._begun = now, done
+        self._begun = self._begun or (now, done)
         start, before = self._begun
         return None if done <= before else (now - start) / (done - before) * (of - done)

@@ -13,8 +13,20 @@ from typing import Any
 from mitt.errors import FileError, InputError
 from mitt.reading import MAX_JSON_BYTES, read_text
 
+_FILE, _FOLDER = "a file that can be written", "a folder that can be written"
+
 LOCK = ".lock"
 """File that keeps a second run out of a folder; alone it does not make the folder full."""
+
+
+@contextmanager
+def _reported(path: Path, wanted: str) -> Iterator[None]:
+    """Turn an error of the system into a file error."""
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise FileError(str(path), wanted, reason) from error
 
 
 def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
@@ -23,7 +35,7 @@ def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
     Raises:
         FileError: The file cannot be written; what stood there before is untouched.
     """
-    try:
+    with _reported(path, _FILE):
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         os.close(handle)
@@ -34,9 +46,6 @@ def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
             os.replace(temporary, path)
         finally:
             temporary.unlink(missing_ok=True)
-    except OSError as error:
-        reason = error.strerror or type(error).__name__
-        raise FileError(str(path), "a file that can be written", reason) from error
 
 
 def write_text(path: Path, text: str) -> None:
@@ -88,7 +97,7 @@ def claim_folder(folder: Path, *, overwrite: bool, ours: tuple[str, ...]) -> Non
         FileError: It cannot be made or written.
     """
     check_folder(folder, overwrite=overwrite)
-    try:
+    with _reported(folder, _FOLDER):
         folder.mkdir(parents=True, exist_ok=True)
         for name in ours:
             old = folder / name
@@ -96,8 +105,6 @@ def claim_folder(folder: Path, *, overwrite: bool, ours: tuple[str, ...]) -> Non
                 shutil.rmtree(old)
             else:
                 old.unlink(missing_ok=True)
-    except OSError as error:
-        raise FileError(str(folder), "a folder that can be written", error.strerror) from error
 
 
 def make_folder(folder: Path) -> None:
@@ -106,12 +113,10 @@ def make_folder(folder: Path) -> None:
     Raises:
         FileError: It cannot be made or written.
     """
-    try:
+    with _reported(folder, _FOLDER):
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
-    except OSError as error:
-        raise FileError(str(folder), "a folder that can be written", error.strerror) from error
 
 
 @contextmanager
@@ -123,10 +128,8 @@ def locked(folder: Path) -> Iterator[None]:
         FileError: The folder cannot be made or written.
     """
     make_folder(folder)
-    try:
+    with _reported(folder, _FOLDER):
         handle = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-    except OSError as error:
-        raise FileError(str(folder), "a folder that can be written", error.strerror) from error
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -140,14 +143,12 @@ def locked(folder: Path) -> Iterator[None]:
 
 def check_folder(folder: Path, *, overwrite: bool) -> None:
     """Say whether :func:`claim_folder` would succeed, without touching anything."""
-    try:
+    with _reported(folder, "a folder that can be read"):
         if folder.exists() and not folder.is_dir():
             raise InputError("--out", "a folder", f"{folder}, which is a file")
         if folder.is_dir() and not overwrite and any(p.name != LOCK for p in folder.iterdir()):
             raise InputError("--out", "a new or empty folder", f"{folder}, which has files in it",
                              do="choose another or say --overwrite")  # fmt: skip
         parent = next(p for p in (folder, *folder.parents) if p.exists())
-    except OSError as error:
-        raise FileError(str(folder), "a folder that can be read", error.strerror) from error
     if not os.access(parent, os.W_OK | os.X_OK):
-        raise FileError(str(folder), "a folder that can be written", f"{parent} is read-only")
+        raise FileError(str(folder), _FOLDER, f"{parent} is read-only")

@@ -5,10 +5,10 @@ import json
 import re
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field
 
 from mitt.errors import FileError, MittError
 from mitt.generator.design import MapDesign, tangent_of
@@ -16,6 +16,7 @@ from mitt.generator.learn import Learned, Step
 from mitt.generator.mapping import DirectMap
 from mitt.generator.polynomial import MOST_ORDER, CatchBasis
 from mitt.link.files import read_json, write_json
+from mitt.link.schema import Finite, Part, parsed
 from mitt.robot.arm import Arm
 from mitt.robot.identity import difference, identity_of
 from mitt.version import __version__
@@ -24,16 +25,8 @@ SCHEMA = "mitt.map/2"
 
 _AGAIN = "learn it again with mitt learn"
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
 
-
-class _Part(BaseModel):
-    """Part of a file; unknown keys are refused."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class _Design(_Part):
+class _Design(Part):
     catch_joint: int = Field(ge=0, le=20)
     q_catch: Finite
     kappa: Finite
@@ -42,13 +35,13 @@ class _Design(_Part):
     free: tuple[int, int, int]
 
 
-class _Step(_Part):
+class _Step(Part):
     cost_torque: Finite
     cost_speed: Finite
     worst: Finite
 
 
-class _MapFile(_Part):
+class _MapFile(Part):
     """Content of a map file; ``checksum`` covers all the rest."""
 
     schema_name: Literal["mitt.map/2"] = Field(alias="schema")
@@ -115,13 +108,7 @@ def map_of(raw: Any, arm: Arm, *, place: str) -> Learned:  # noqa: ANN401 (any J
     Raises:
         FileError: As for :func:`read_map`.
     """
-    try:
-        content = _MapFile.model_validate(raw)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise FileError(f"{place} key {key!r}", f"a map of schema {SCHEMA}", first["msg"],
-                        do=_AGAIN) from None  # fmt: skip
+    content = parsed(_MapFile, raw, place=place, wanted=f"a map of schema {SCHEMA}", do=_AGAIN)
     stated = {key: value for key, value in raw.items() if key != "checksum"}
     if _checksum(stated) != content.checksum:
         raise FileError(place, "a map that matches its checksum", "one that was altered",
@@ -147,26 +134,17 @@ def _learned(place: str, content: _MapFile, arm: Arm) -> Learned:
         design = MapDesign(**content.design.model_dump())
         index = design.free.index(design.catch_joint)
         basis = CatchBasis(design.order, index, np.array(content.centre), np.array(content.scale))
-        f = DirectMap(
-            arm=arm,
-            design=design,
-            basis=basis,
-            alpha=np.array(content.alpha),
-            H=np.array(content.H),
-            region=np.array(content.region),
-        )
+        alpha, H, region = map(np.array, (content.alpha, content.H, content.region))
+        f = DirectMap(arm=arm, design=design, basis=basis, alpha=alpha, H=H, region=region)
         tangent_of(arm, design)
         np.linalg.cholesky(f.H)
     except (MittError, ValueError, np.linalg.LinAlgError) as error:
         raise FileError(place, "a map that fits together", error) from error
+    steps = tuple(Step(**step.model_dump()) for step in content.steps)
     return Learned(
-        map=f,
-        maps=(f,),
-        steps=tuple(Step(**step.model_dump()) for step in content.steps),
-        flights=content.flights,
-        left_out=content.left_out,
+        map=f, maps=(f,), steps=steps, flights=content.flights, left_out=content.left_out,
         status=content.status,
-    )
+    )  # fmt: skip
 
 
 def _is_known(version: str) -> bool:

@@ -42,25 +42,23 @@ _BREAK = "=" * 80 + "\n"
 
 def _definition(own: str, **parts: str) -> str:
     """Return a message definition with those of its parts, as a ``ros2msg`` schema has it."""
-    named = (f"MSG: {name.replace('__', '/')}\n{text}" for name, text in parts.items())
-    return _BREAK.join((own, *named))
+    parts |= {"std_msgs/Header": _HEADER, "builtin_interfaces/Time": _TIME}
+    return _BREAK.join((own, *(f"MSG: {name}\n{text}" for name, text in parts.items())))
 
 
 # Definitions as in ROS 2's common_interfaces and rcl_interfaces, without their comments.
-_STAMPED = {"std_msgs__Header": _HEADER, "builtin_interfaces__Time": _TIME}
+STATE, STAMPED = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PointStamped"
+TEXT, FLAG = "std_msgs/msg/String", "std_msgs/msg/Bool"
 SCHEMAS = {
-    "sensor_msgs/msg/JointState": _definition(
+    STATE: _definition(
         "std_msgs/Header header\nstring[] name\n"
-        "float64[] position\nfloat64[] velocity\nfloat64[] effort\n",
-        **_STAMPED,
+        "float64[] position\nfloat64[] velocity\nfloat64[] effort\n"
     ),
-    "geometry_msgs/msg/PointStamped": _definition(
-        "std_msgs/Header header\ngeometry_msgs/Point point\n",
-        geometry_msgs__Point=_POINT,
-        **_STAMPED,
+    STAMPED: _definition(
+        "std_msgs/Header header\ngeometry_msgs/Point point\n", **{"geometry_msgs/Point": _POINT}
     ),
-    "std_msgs/msg/String": "string data\n",
-    "std_msgs/msg/Bool": "bool data\n",
+    TEXT: "string data\n",
+    FLAG: "bool data\n",
 }
 
 
@@ -122,13 +120,11 @@ class Recording:
     def __post_init__(self) -> None:
         """Refuse columns of different lengths."""
         k, n = len(self.t), len(self.joints)
-        for name, x in (("encoders", self.encoders), ("command", self.command)):
-            if x.shape != (k, 2, n):
-                raise ShapeError(name, f"({k}, 2, {n})", x.shape)
-        if self.tau.shape != (k, n):
-            raise ShapeError("tau", f"({k}, {n})", self.tau.shape)
-        if self.brakes.shape != (k,):
-            raise ShapeError("brakes", f"({k},)", self.brakes.shape)
+        shapes = {"encoders": (k, 2, n), "command": (k, 2, n), "tau": (k, n), "brakes": (k,)}
+        given = (self.encoders, self.command, self.tau, self.brakes)
+        for (name, wanted), x in zip(shapes.items(), given, strict=True):
+            if x.shape != wanted:
+                raise ShapeError(name, str(wanted), x.shape)
 
 
 def write_recording(path: Path, recording: Recording) -> None:
@@ -157,33 +153,27 @@ _Message = tuple[int, str, str, dict[str, Any]]
 
 def _messages(recording: Recording) -> list[_Message]:
     """Return time [ns], topic, type and content of every message."""
-    kinds = tuple(SCHEMAS)
     out: list[_Message] = []
-    nothing = np.zeros((len(recording.t), 0))
+    times, names = _ns(recording.t), list(recording.joints)
+    nothing = np.zeros((len(times), 0))  # efforts that are unknown
     for topic, motion, tau in (
         ("/joint_states", recording.encoders, nothing),
         ("/joint_commands", recording.command, recording.tau),
     ):
-        for ns, (q, dq), effort in zip(_ns(recording.t), motion, tau, strict=True):
-            out.append((ns, topic, kinds[0], _joint_state(ns, recording.joints, (q, dq, effort))))
-    for ns, engaged in zip(_ns(recording.t), recording.brakes.tolist(), strict=True):
-        out.append((ns, BRAKES, kinds[3], {"data": engaged}))
+        for ns, (q, dq), effort in zip(times, motion.tolist(), tau.tolist(), strict=True):
+            state = {"header": _header(ns, ""), "name": names, "position": q, "velocity": dq,
+                     "effort": effort}  # fmt: skip
+            out.append((ns, topic, STATE, state))
+    for ns, engaged in zip(times, recording.brakes.tolist(), strict=True):
+        out.append((ns, BRAKES, FLAG, {"data": engaged}))
     for track in recording.tracks:
-        for ns, r in zip(_ns(track.t), track.r, strict=True):
-            point = dict(zip("xyz", r.tolist(), strict=True))
-            message = {"header": _header(ns, FRAME), "point": point}
-            out.append((ns, track.topic, kinds[1], message))
+        for ns, r in zip(_ns(track.t), track.r.tolist(), strict=True):
+            point = {"header": _header(ns, FRAME), "point": dict(zip("xyz", r, strict=True))}
+            out.append((ns, track.topic, STAMPED, point))
     for notice in recording.notices:
-        ns = _ns(np.array([notice.t]))[0]
-        out.append((ns, notice.topic, kinds[2], {"data": notice.text}))
+        (ns,) = _ns(np.array([notice.t]))
+        out.append((ns, notice.topic, TEXT, {"data": notice.text}))
     return out
-
-
-def _joint_state(ns: int, joints: tuple[str, ...], columns: tuple[Array, ...]) -> dict[str, Any]:
-    """Return a joint state; empty columns are unknown ones."""
-    q, dq, tau = (x.tolist() for x in columns)
-    header = _header(ns, "")
-    return {"header": header, "name": list(joints), "position": q, "velocity": dq, "effort": tau}
 
 
 def _header(ns: int, frame: str) -> dict[str, Any]:
@@ -194,5 +184,5 @@ def _header(ns: int, frame: str) -> dict[str, Any]:
 
 def _ns(t: Array) -> list[int]:
     """Return times in whole nanoseconds; a tick before release counts as release."""
-    ns: NDArray[np.int64] = np.maximum(np.rint(t * 1e9), 0.0).astype(np.int64)
-    return [int(x) for x in ns]
+    ns: list[int] = np.maximum(np.rint(t * 1e9), 0.0).astype(np.int64).tolist()
+    return ns

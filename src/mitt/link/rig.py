@@ -1,15 +1,17 @@
 """RIG.toml: the cameras as calibrated, in a file that people can read (docs/rig.md)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from mitt.errors import FileError, MittError
 from mitt.link.files import write_text
+from mitt.link.schema import Part, parsed
 from mitt.reading import read_toml
 from mitt.signals import Array
 from mitt.vision.calibration.heads import HeadAxes
@@ -17,7 +19,6 @@ from mitt.vision.camera import Rig
 from mitt.vision.lens import Lens
 
 SCHEMA = "mitt.rig/1"
-#: Largest file read [byte]; that of ten cameras has 10 kB.
 
 #: Numbers of cameras [m, px, 1], and times [s]: no rig and no clock has larger ones.
 Finite = Annotated[float, Field(ge=-1e6, le=1e6)]
@@ -68,31 +69,21 @@ class CalibratedRig:
 
     def seen_from(self, T: Array, frame: Place) -> "CalibratedRig":
         """Return the rig in another frame: p_new = T @ p_old, shape (4, 4)."""
-        moved = tuple(
-            replace(
-                c,
-                T_world_cam=T @ c.T_world_cam,
-                head=None if c.head is None else c.head.seen_from(T),
-            )
-            for c in self.cameras
-        )
-        return replace(self, frame=frame, cameras=moved)
+        moved = []
+        for c in self.cameras:
+            head = None if c.head is None else c.head.seen_from(T)
+            moved.append(replace(c, T_world_cam=T @ c.T_world_cam, head=head))
+        return replace(self, frame=frame, cameras=tuple(moved))
 
 
-class _Part(BaseModel):
-    """Part of a file; unknown keys are refused."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class _Head(_Part):
+class _Head(Part):
     pan_axis: Three
     pan_point: Three
     tilt_axis: Three
     tilt_point: Three
 
 
-class _Camera(_Part):
+class _Camera(Part):
     name: str = Field(pattern=r"^[A-Za-z0-9_-]{1,40}$")
     width: int = Field(ge=8, le=100_000)
     height: int = Field(ge=8, le=100_000)
@@ -113,12 +104,12 @@ class _Camera(_Part):
         return self
 
 
-class _Clock(_Part):
+class _Clock(Part):
     offset_s: Time
     sigma_s: float = Field(ge=0.0, le=1e3)
 
 
-class _RigFile(_Part):
+class _RigFile(Part):
     schema_name: Literal["mitt.rig/1"] = Field(alias="schema")
     version: str
     frame: Place
@@ -132,16 +123,10 @@ def read_rig(path: Path) -> CalibratedRig:
     Raises:
         FileError: The file is missing, cut short, of another schema, or no rig can be so.
     """
-    try:
-        content = _RigFile.model_validate(
-            read_toml(path, wanted="TOML as mitt calibrate writes it")
-        )
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"]) or "the file"
-        raise FileError(
-            f"{path} key {key!r}", f"a rig of schema {SCHEMA}", first["msg"], do="see docs/rig.md"
-        ) from None
+    raw = read_toml(path, wanted="TOML as mitt calibrate writes it")
+    content = parsed(
+        _RigFile, raw, place=str(path), wanted=f"a rig of schema {SCHEMA}", do="see docs/rig.md"
+    )
     try:
         return _checked(content)
     except MittError as error:
@@ -154,13 +139,10 @@ def _checked(content: _RigFile) -> CalibratedRig:
     names = [c.name for c in cameras]
     if len(set(names)) < len(names):
         raise FileError("camera names", "all different", ", ".join(names))
-    clock = content.clock
-    rig = CalibratedRig(
-        frame=content.frame,
-        cameras=cameras,
-        clock_offset=None if clock is None else clock.offset_s,
-        clock_sigma=0.0 if clock is None else clock.sigma_s,
-    )
+    rig = CalibratedRig(frame=content.frame, cameras=cameras)
+    if content.clock is not None:
+        offset, sigma = content.clock.offset_s, content.clock.sigma_s
+        rig = replace(rig, clock_offset=offset, clock_sigma=sigma)
     rig.rig()  # refuses poses that are no rigid transform
     for a, b in pairwise(cameras):
         base = float(np.linalg.norm(a.T_world_cam[:3, 3] - b.T_world_cam[:3, 3]))
@@ -179,15 +161,9 @@ def _camera(c: _Camera) -> RigCamera:
             if abs(float(np.linalg.norm(lines[name])) - 1.0) > 1e-6:
                 raise FileError(f"{c.name} {name}", "a direction of length 1", c.head)
         head = HeadAxes(T_world_cam=np.array(c.T_world_cam), **lines)
-    return RigCamera(
-        name=c.name,
-        lens=Lens(
-            width=c.width, height=c.height, numbers=np.array((fu, fv, cu, cv, *c.distortion))
-        ),
-        T_world_cam=np.array(c.T_world_cam),
-        rms_px=c.rms_px,
-        head=head,
-    )
+    numbers = np.array((fu, fv, cu, cv, *c.distortion))
+    lens, T = Lens(width=c.width, height=c.height, numbers=numbers), np.array(c.T_world_cam)
+    return RigCamera(name=c.name, lens=lens, T_world_cam=T, rms_px=c.rms_px, head=head)
 
 
 def write_rig(path: Path, rig: CalibratedRig, *, version: str) -> None:
@@ -199,27 +175,26 @@ def write_rig(path: Path, rig: CalibratedRig, *, version: str) -> None:
         f'frame = "{rig.frame}"',
     ]
     if rig.clock_offset is not None:
-        lines += ["", "[clock]", f"offset_s = {_text(rig.clock_offset)}",
-                  f"sigma_s = {_text(rig.clock_sigma)}"]  # fmt: skip
+        clock = {"offset_s": rig.clock_offset, "sigma_s": rig.clock_sigma}
+        lines += ["", "[clock]", *_lines(clock)]
     for c in rig.cameras:
-        lines += ["", *_camera_lines(c)]
+        fu, fv, cu, cv = c.lens.numbers[:4]
+        K = np.array(((fu, 0.0, cu), (0.0, fv, cv), (0.0, 0.0, 1.0)))
+        lines += ["", "[[camera]]", f'name = "{c.name}"', f"width = {c.lens.width}",
+                  f"height = {c.lens.height}"]  # fmt: skip
+        lines += _lines({"K": K, "distortion": c.lens.numbers[4:], "T_world_cam": c.T_world_cam,
+                         "rms_px": c.rms_px})  # fmt: skip
+        if c.head is not None:
+            h = c.head
+            axes = {"pan_axis": h.pan_axis, "pan_point": h.pan_point,
+                    "tilt_axis": h.tilt_axis, "tilt_point": h.tilt_point}  # fmt: skip
+            lines += ["", "[camera.head]", *_lines(axes)]
     write_text(path, "\n".join(lines) + "\n")
 
 
-def _camera_lines(c: RigCamera) -> list[str]:
-    """Return the lines of one camera."""
-    fu, fv, cu, cv = c.lens.numbers[:4]
-    K = np.array(((fu, 0.0, cu), (0.0, fv, cv), (0.0, 0.0, 1.0)))
-    lines = ["[[camera]]", f'name = "{c.name}"', f"width = {c.lens.width}",
-             f"height = {c.lens.height}", f"K = {_text(K)}",
-             f"distortion = {_text(c.lens.numbers[4:])}",
-             f"T_world_cam = {_text(c.T_world_cam)}", f"rms_px = {_text(c.rms_px)}"]  # fmt: skip
-    if c.head is None:
-        return lines
-    h = c.head
-    return [*lines, "", "[camera.head]", f"pan_axis = {_text(h.pan_axis)}",
-            f"pan_point = {_text(h.pan_point)}", f"tilt_axis = {_text(h.tilt_axis)}",
-            f"tilt_point = {_text(h.tilt_point)}"]  # fmt: skip
+def _lines(values: Mapping[str, float | Array]) -> list[str]:
+    """Return a TOML line for each key."""
+    return [f"{key} = {_text(value)}" for key, value in values.items()]
 
 
 def _text(value: float | Array) -> str:

@@ -1,9 +1,9 @@
-"""Rival ``clairvoyant``: the optimum for an arm that knows the flight. A yardstick, no rival.
+"""Generator ``clairvoyant``: the optimum for an arm that knows the flight; an oracle, no rival.
 
-THE ONLY GENERATOR THAT IS GIVEN WHAT NO CATCHER CAN KNOW. Before each throw the bench hands it
-the true flight of the ball, as it will be if nothing touches it (:meth:`Clairvoyant.told`). It
-plans once, by :mod:`mitt.rivals.optimum`, and follows the plan by the clock; of the estimate it
-uses the time alone. What it cannot catch within the limits counts as out of reach.
+THE ONLY GENERATOR THAT IS GIVEN WHAT NO CATCHER CAN KNOW. Before each throw it gets the true
+flight of the ball, as it will be if nothing touches it (:meth:`Clairvoyant.told`). It plans once,
+by :mod:`mitt.rivals.optimum`, and follows the plan by the clock; of the estimate it uses the time
+alone. What it cannot catch within the limits counts as out of reach.
 """
 
 from collections.abc import Callable
@@ -14,11 +14,12 @@ import numpy as np
 
 from mitt import checks
 from mitt.generator.certificate import Outcome, Verdict
+from mitt.generator.demand import demand
 from mitt.generator.mapping import DirectMap
-from mitt.rivals.course import Chooser, Course
-from mitt.rivals.meeting import meet
+from mitt.rivals.choice import SOONEST, STRIDE, Chooser, Intercept
+from mitt.rivals.intercept import meet
 from mitt.rivals.optimum import DEGREE, Programme
-from mitt.rivals.pieces import Motion
+from mitt.rivals.paths import Motion
 from mitt.rivals.pursuit import resting, still
 from mitt.rivals.symbolic import casadi
 from mitt.signals import Array, BallState, JointReference, MapStatus
@@ -95,16 +96,12 @@ class Clairvoyant:
                 outcome=Outcome.UNREACHABLE, binding_limit="optimum", share=np.inf,
                 t_catch=np.inf, sigma=0.0,
             )  # fmt: skip
-        tau = [self.chooser.arm.torque(*plan.at(plan.t + k * plan.step))
-               for k in range(plan.q.shape[1])]  # fmt: skip
-        speed = np.zeros((len(tau), len(tau[0])))
-        speed[:, list(self.chooser.arm.model.active)] = plan.dq.T
-        shares = self.chooser.arm.active(
-            self.chooser.arm.limits.torque_ratio(np.array(tau), speed)
-        ).max(axis=0)
+        arm = self.chooser.arm
+        motion = [plan.at(plan.t + k * plan.step) for k in range(plan.q.shape[1])]
+        shares = arm.active(demand(arm, np.array(motion)).torque).max(axis=0)
         k = int(np.argmax(shares))
         return Verdict(
-            outcome=Outcome.FEASIBLE, binding_limit=f"torque:{self.chooser.arm.names[k]}",
+            outcome=Outcome.FEASIBLE, binding_limit=f"torque:{arm.names[k]}",
             share=float(shares[k]), t_catch=plan.t_c, sigma=0.0,
         )  # fmt: skip
 
@@ -123,8 +120,8 @@ class Clairvoyant:
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "Clairvoyant":
         """Plan from where the arm is."""
         ball = checks.instance("ball", ball, BallState)
-        given, n = (("q", q), ("dq", dq)), self.chooser.arm.n
-        q, dq = (checks.vector(*x, n, finite=True) for x in given)
+        n = self.chooser.arm.n
+        q, dq = (checks.vector(*x, n, finite=True) for x in (("q", q), ("dq", dq)))
         plan = self._planned(ball.t, np.array([q, dq, np.zeros(len(q))]))
         return replace(self, plan=plan or self.plan)
 
@@ -160,8 +157,7 @@ class Clairvoyant:
 
     def _plan(self, t: float, motion: Array) -> Motion | None:
         """Return the cheapest of the optima found from several starts; None without one."""
-        s = self.chooser.settings
-        after = np.arange(s.soonest, 1.2, s.stride)
+        after = np.arange(SOONEST, 1.2, STRIDE)
         balls = np.array([self._ball(t + x) for x in after.tolist()])
         first = self.chooser.best(after, balls, motion)
         if first is None:
@@ -176,15 +172,15 @@ class Clairvoyant:
                 break
         return min(found, key=lambda plan: plan.cost) if found else None
 
-    def _guess(self, first: Course, shift: float, t: float, motion: Array) -> Course | None:
+    def _guess(self, first: Intercept, shift: float, t: float, motion: Array) -> Intercept | None:
         """Return the catch so much later than the first [s]; None where there is none."""
         after = np.array([first.t_c + shift])
-        if after[0] < self.chooser.settings.soonest:
+        if after[0] < SOONEST:
             return None
         found = self.chooser.best(after, self._ball(t + float(after[0]))[None], motion)
         return None if found is None else replace(found, t_c=t + found.t_c)
 
-    def _optimum(self, t: float, motion: Array, guess: Course) -> Motion | None:
+    def _optimum(self, t: float, motion: Array, guess: Intercept) -> Motion | None:
         """Return the optimum about a guess; where the flight has a kink, close about it."""
         for window in _WINDOWS:
             flight, left = self._fitted(guess.t_c, window)
@@ -216,4 +212,4 @@ def make_clairvoyant(f: DirectMap) -> Clairvoyant:
         InputError: CasADi is not installed.
     """
     casadi()
-    return Clairvoyant(chooser=Chooser(map=f), programme=Programme(arm=f.arm))
+    return Clairvoyant(chooser=Chooser(f), programme=Programme(f.arm))

@@ -10,56 +10,40 @@ between M + 1 even instants, so the motion between them is exact. Solved by IPOP
 | ``c``  | the ball's flight around a time: r = sum c_k (t-t_m)^k | m/s^k         | (3, 7)   |
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from types import ModuleType
 from typing import final
 
 import numpy as np
 
-from mitt.rivals.course import Course, CourseSettings
-from mitt.rivals.meeting import hand_of
-from mitt.rivals.pieces import Motion
-from mitt.rivals.quintics import quintic
+from mitt.rivals.choice import APPROACH, FOLLOW, Intercept
+from mitt.rivals.intercept import hand_of
+from mitt.rivals.paths import Motion, quintic
 from mitt.rivals.symbolic import Expression, casadi, symbolic
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 
 #: Degree of the polynomial that stands for the ball's flight around the catch.
 DEGREE = 6
+#: Parts M of the motion.
+PARTS = 16
+#: Share of torque and speed limits that may be used; between the instants and in feedback a
+#: little more is needed.
+_SHARE = 0.95
+#: Bound on IPOPT's iterations, and gap to a joint stop that is kept [rad].
+_ITERATIONS, _GAP = 120, 0.08
 
 
 @final
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OptimumSettings:
-    """How the programme is set up.
-
-    Attributes:
-        parts: Parts M of the motion.
-        share: Share of torque and speed limits that may be used; between the instants and in
-            feedback a little more is needed.
-        iterations: Bound on IPOPT's iterations.
-        gap: Gap to a joint stop that is kept [rad].
-        course: Bounds of the approach, and the time that is followed after the catch.
-    """
-
-    parts: int = 16
-    share: float = 0.95
-    iterations: int = 120
-    gap: float = 0.08
-    course: CourseSettings = field(default_factory=CourseSettings)
-
-
-@final
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Programme:
     """The programme of one arm; built once, solved for each throw."""
 
     arm: Arm
-    settings: OptimumSettings = field(default_factory=OptimumSettings)
 
     def solve(
-        self, t: float, motion: Array, guess: Course, *, flight: Array, window: float
+        self, t: float, motion: Array, guess: Intercept, *, flight: Array, window: float
     ) -> Motion | None:
         """Return the least-cost catch near a guessed one; None where IPOPT finds none.
 
@@ -70,39 +54,36 @@ class Programme:
             flight: Polynomial of the ball's flight about the guess's time, shape (3, 7).
             window: How far the catch may move from the guess in time [s].
         """
-        n, M = self.arm.n, self.settings.parts
-        span = guess.t_c - t
+        n, M, span = self.arm.n, PARTS, guess.t_c - t
         rows = np.empty((M + 1, 3, n))
         for k in range(M + 1):
             quintic(motion, guess.end, span, span * k / M, rows[k])
         rows[:, 0] = np.clip(rows[:, 0], self.arm.q_min, self.arm.q_max)
         start = np.concatenate([rows[:, d].ravel() for d in range(3)])
-        soft, hard = self.settings.course.approach
+        soft, hard = APPROACH
         x0 = np.concatenate([start, [span, soft]])
         low = np.concatenate([self._bounds[0], [max(span - window, 0.05), soft]])
         high = np.concatenate([self._bounds[1], [span + window, hard]])
         p = np.concatenate([motion[0], motion[1], flight.ravel(order="F"), [span]])
-        answer = self._solver(x0=x0, lbx=low, ubx=high, p=p, lbg=self._rows[0], ubg=self._rows[1])
+        lbg, ubg = self._parts[4:]
+        answer = self._solver(x0=x0, lbx=low, ubx=high, p=p, lbg=lbg, ubg=ubg)
         if not self._solver.stats()["success"]:
             return None
-        return self._read(np.asarray(answer["x"]).ravel(), t, float(answer["f"]))
-
-    def _read(self, x: Array, t: float, cost: float) -> Motion | None:
-        """Return the solution as a motion; None where it is not finite."""
-        n, M = self.arm.n, self.settings.parts
+        x = np.asarray(answer["x"]).ravel()
         if not np.all(np.isfinite(x)):
             return None
         q, dq, ddq = x[: 3 * n * (M + 1)].reshape(3, M + 1, n).transpose(0, 2, 1)
-        return Motion(t=t, step=float(x[-2]) / M, q=q, dq=dq, ddq=ddq, cost=cost)
+        step = float(x[-2]) / M
+        return Motion(t=t, step=step, q=q, dq=dq, ddq=ddq, cost=float(answer["f"]))
 
     @cached_property
     def _bounds(self) -> tuple[Array, Array]:
         """Bounds of angles, speeds and accelerations at the instants, each (3 n (M + 1),)."""
-        arm, s, many = self.arm, self.settings, self.settings.parts + 1
+        arm, many = self.arm, PARTS + 1
         free = np.full(arm.n * many, np.inf)
-        speed = np.tile(s.share * arm.dq_max, many)
-        low = np.concatenate([np.tile(arm.q_min + s.gap, many), -speed, -free])
-        return low, np.concatenate([np.tile(arm.q_max - s.gap, many), speed, free])
+        speed = np.tile(_SHARE * arm.dq_max, many)
+        low = np.concatenate([np.tile(arm.q_min + _GAP, many), -speed, -free])
+        return low, np.concatenate([np.tile(arm.q_max - _GAP, many), speed, free])
 
     @cached_property
     def _solver(self) -> Expression:
@@ -110,21 +91,15 @@ class Programme:
         ca, (x, p, cost, g) = casadi(), self._parts[:4]
         options = {
             "ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False,
-            "ipopt.max_iter": self.settings.iterations, "ipopt.tol": 1e-5,
+            "ipopt.max_iter": _ITERATIONS, "ipopt.tol": 1e-5,
             "ipopt.acceptable_tol": 1e-4, "ipopt.mu_strategy": "adaptive", "expand": True,
         }  # fmt: skip
         return ca.nlpsol("catch", "ipopt", {"x": x, "p": p, "f": cost, "g": g}, options)
 
-    @property
-    def _rows(self) -> tuple[Array, Array]:
-        """Bounds of the constraints."""
-        low, high = self._parts[4:]
-        return low, high
-
     @cached_property
     def _parts(self) -> tuple[Expression, Expression, Expression, Expression, Array, Array]:
         """Variables, parameters, cost, constraints and their bounds."""
-        ca, arm, n, M = casadi(), self.arm, self.arm.n, self.settings.parts
+        ca, arm, n, M = casadi(), self.arm, self.arm.n, PARTS
         model = symbolic(arm)
         q, dq, a = (ca.MX.sym(name, n, M + 1) for name in ("q", "dq", "a"))
         span, approach = ca.MX.sym("span"), ca.MX.sym("approach")
@@ -144,8 +119,8 @@ class Programme:
         self._limits(ca, rows, tau, dq)
         inertia = hand_of(arm)[3:]
         size = ca.sqrt(dq[:, -1] ** 2 + 0.01)
-        way = self.settings.course.follow * dq[:, -1] + 0.5 * dq[:, -1] * size * inertia
-        rows.within(q[:, -1] + way, arm.q_min + self.settings.gap, arm.q_max - self.settings.gap)
+        way = FOLLOW * dq[:, -1] + 0.5 * dq[:, -1] * size * inertia
+        rows.within(q[:, -1] + way, arm.q_min + _GAP, arm.q_max - _GAP)
         active = tau[list(arm.model.active), :] / ca.DM(arm.tau_max)
         cost = (ca.sumsqr(active) + ca.sumsqr(dq / ca.DM(arm.dq_max))) / (M + 1)
         x = ca.vertcat(ca.vec(q), ca.vec(dq), ca.vec(a), span, approach)
@@ -154,15 +129,14 @@ class Programme:
 
     def _limits(self, ca: ModuleType, rows: "_Rows", tau: Expression, dq: Expression) -> None:
         """Add the drives' torques and speeds: peak, and the line from stall to no load."""
-        arm, limits, share = self.arm, self.arm.limits, self.settings.share
+        arm, limits, many = self.arm, self.arm.limits, np.ones(PARTS + 1)
         drive = ca.mtimes(ca.DM(limits.to_drive), tau)
         speed = ca.mtimes(ca.DM(limits.transmission[:, list(arm.model.active)]), dq)
-        for k, peak in enumerate(share * limits.tau_peak):
-            many = np.ones(self.settings.parts + 1)
+        for k, peak in enumerate(_SHARE * limits.tau_peak):
             rows.within(drive[k, :].T / peak, -many, many)
-            rows.within(speed[k, :].T / limits.dq_max[k], -share * many, share * many)
+            rows.within(speed[k, :].T / limits.dq_max[k], -_SHARE * many, _SHARE * many)
             if np.isfinite(limits.tau_stall[k]):
-                stall = share * limits.tau_stall[k]
+                stall = _SHARE * limits.tau_stall[k]
                 for sign in (1.0, -1.0):
                     line = sign * (drive[k, :].T / stall + speed[k, :].T / limits.dq_max[k])
                     rows.within(line, -np.inf * many, many)

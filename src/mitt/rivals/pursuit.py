@@ -1,12 +1,12 @@
-"""What the rivals share: a generator that predicts the catch and pursues it its own way.
+"""What the rivals share: a generator that predicts the catch and pursues it.
 
-A rival differs from the others in its :class:`Pursuit` alone. All choose the catch as
-:mod:`mitt.rivals.course` does, aim at the newest prediction every tick, choose anew where the
-ball was thrown off its course (a kick, a bounce), and once the catch is over stay on the ball.
+Rivals differ in their :class:`Pursuit` alone. All choose the catch by :mod:`mitt.rivals.choice`,
+aim at the newest prediction every tick, choose again where the ball left its path (a kick, a
+bounce), and stay on the ball after the catch.
 
-A pursuit has a memory, the motion asked for in the tick before. It is kept by time: asked again
-about the same instant, a rival answers from the same memory, so ``reference`` is a pure function
-of the balls that it was asked about before this instant.
+A pursuit remembers the motion of the tick before. The memory is kept by time: asked twice about
+one instant, a rival answers from the same memory, so ``reference`` is a pure function of the balls
+that it was given before this instant.
 """
 
 from dataclasses import dataclass, field, replace
@@ -20,16 +20,15 @@ from mitt.flight import GRAVITY, forecast
 from mitt.generator.certificate import Outcome, Verdict, tempered
 from mitt.generator.foresight import flown, state_of
 from mitt.generator.mapping import DirectMap
-from mitt.jit import kernel
-from mitt.rivals.course import Chooser, Course
-from mitt.rivals.meeting import meet
+from mitt.rivals.choice import Chooser, Intercept
+from mitt.rivals.intercept import meet
 from mitt.signals import Array, BallState, JointReference, MapStatus
 
 #: A predicted catch point that has moved so far since it was chosen is chosen anew [m], if the
 #: catch is at least so far away [s].
 _MOVED, _CHOOSE_UNTIL = 0.03, 0.021
-#: Share of a limit from which on a low catch is left for one after a bounce, and distance from
-#: the nominal catch point within which a ball has come back [m].
+#: Utilization of a limit from which on a low catch is left for one after a bounce, and distance
+#: from the nominal catch point within which a ball has come back [m].
 _HARD, _NEAR = 0.95, 0.5
 #: How far ahead a ball is looked for near the nominal catch point [s], and in what steps.
 _AHEAD, _STRIDE = 1.0, 0.02
@@ -38,13 +37,13 @@ _SANE = 1e3
 
 
 class Pursuit(Protocol):
-    """One rival's way to a predicted catch; a value, each step gives the next."""
+    """One rival's path to a predicted catch; a value, each step gives the next."""
 
-    def begin(self, course: Course, t: float, motion: Array) -> Self:
-        """Return the pursuit of a course from q, dq, ddq at time ``t`` [s], shape (3, n)."""
+    def begin(self, catch: Intercept, t: float, motion: Array) -> Self:
+        """Return the pursuit of a catch from q, dq, ddq at time ``t`` [s], shape (3, n)."""
         ...
 
-    def step(self, course: Course, ball: BallState) -> tuple[Array, Self]:
+    def step(self, catch: Intercept, ball: BallState) -> tuple[Array, Self]:
         """Return q, dq, ddq at the ball's time, shape (3, n), and the pursuit from there on."""
         ...
 
@@ -55,7 +54,7 @@ class _Chase:
 
     t: float
     pursuit: Pursuit
-    course: Course
+    catch: Intercept
     chosen_at: Array
     motion: Array
 
@@ -81,7 +80,9 @@ class Rival:
 
     Attributes:
         chooser: Chooses the catch.
-        pursuit: The way there.
+        pursuit: The path there.
+        q_hold: Where the arm rests without a catch [rad], shape (n,).
+        memory: What was commanded before.
     """
 
     chooser: Chooser
@@ -92,18 +93,20 @@ class Rival:
     def sharpness(self, ball: BallState) -> float:
         """Return the 1-sigma of the ball where it passes nearest to the nominal catch [m]."""
         ball = checks.instance("ball", ball, BallState)
-        return spread(ball, _passing(self.chooser.map, ball))
+        if not _sane(ball):
+            return np.inf
+        ahead = forecast(ball, ball.t + _passing(self.chooser.map, ball)).covariance[:3, :3]
+        return float(np.sqrt(max(np.linalg.eigvalsh(ahead)[-1], 0.0)))
 
     def verdict(self, ball: BallState, q: Array) -> Verdict:
         """Refuse where no catch is within a generous share of the limits."""
         ball = checks.instance("ball", ball, BallState)
         motion = self._moving(q, None)
-        course = self._choose(ball, motion)
-        judged = self.chooser.verdict(course, sigma=self.sharpness(ball))
+        catch = self._choose(ball, motion)
+        judged = self.chooser.verdict(catch, sigma=self.sharpness(ball))
         if ball.led:
             return tempered(judged, ball)
-        easy = course is not None and not course.low and course.share <= _HARD
-        if not easy and self._may_rise(ball, motion):
+        if not _easy(catch) and self._may_rise(ball, motion):
             return replace(judged, outcome=Outcome.OPEN)
         return judged
 
@@ -113,8 +116,8 @@ class Rival:
         q = checks.vector("q", q, self.chooser.arm.n)
         if not ball.led:
             return False
-        course = self._choose(ball, self._moving(q, None))
-        judged = self.chooser.verdict(course, sigma=np.inf)
+        catch = self._choose(ball, self._moving(q, None))
+        judged = self.chooser.verdict(catch, sigma=np.inf)
         return tempered(judged, ball).outcome is Outcome.UNSETTLED
 
     def returns(self, ball: BallState) -> bool:
@@ -125,8 +128,7 @@ class Rival:
         if not np.linalg.norm(gap) < _NEAR:
             return False
         chase = self.memory.after
-        course = self._choose(ball, still(self.q_hold) if chase is None else chase.motion)
-        return course is not None and not course.low and course.share <= _HARD
+        return _easy(self._choose(ball, still(self.q_hold) if chase is None else chase.motion))
 
     def waiting(self, ball: BallState) -> BallState:
         """Wait for a ball that rises to the nominal catch height as it comes within reach."""
@@ -137,11 +139,10 @@ class Rival:
         """Choose a catch and pursue it from where the arm is."""
         ball = checks.instance("ball", ball, BallState)
         motion = self._moving(q, checks.vector("dq", dq, self.chooser.arm.n))
-        course = self._choose(ball, motion)
-        chase = None
-        if course is not None:
-            pursuit = self.pursuit.begin(course, ball.t, motion)
-            chase = _Chase(ball.t, pursuit, course, course.r_c, motion)
+        catch, chase = self._choose(ball, motion), None
+        if catch is not None:
+            pursuit = self.pursuit.begin(catch, ball.t, motion)
+            chase = _Chase(ball.t, pursuit, catch, catch.r_c, motion)
         return replace(self, q_hold=motion[0].copy(), memory=_Memory(chase))
 
     def as_map(self) -> None:
@@ -150,27 +151,21 @@ class Rival:
     def reference(self, ball: BallState) -> JointReference:
         """Go on with the pursuit; at rest where there is nothing to pursue."""
         ball = checks.instance("ball", ball, BallState)
-        chase, state, t = self.memory.at(ball.t), state_of(ball), ball.t
-        if chase is None or not within(state, _SANE):
+        chase, t = self.memory.at(ball.t), ball.t
+        if chase is None or not _sane(ball):
             return resting(t, self.q_hold if chase is None else chase.motion[0])
-        course, pursuit, chosen_at = self._aimed(chase, ball, state)
-        if t <= course.t_c:
-            motion, pursuit = pursuit.step(course, ball)
+        catch, pursuit, chosen_at = self._aimed(chase, ball)
+        if t <= catch.t_c:
+            motion, pursuit = pursuit.step(catch, ball)
         else:
             motion = self._following(chase, ball)
-        if not within(motion, np.inf):
+        if not np.isfinite(motion).all():
             return resting(t, chase.motion[0])
-        self.memory.after = _Chase(t, pursuit, course, chosen_at, motion)
+        self.memory.after = _Chase(t, pursuit, catch, chosen_at, motion)
         return JointReference(
-            t=t,
-            status=MapStatus.INSIDE,
-            q_d=motion[0],
-            dq_d=motion[1],
-            ddq_d=motion[2],
-            q_o=course.end[0],
-            dq_o=course.end[1],
-            time_to_catch=course.t_c - t,
-        )
+            t=t, status=MapStatus.INSIDE, q_d=motion[0], dq_d=motion[1], ddq_d=motion[2],
+            q_o=catch.end[0], dq_o=catch.end[1], time_to_catch=catch.t_c - t,
+        )  # fmt: skip
 
     def _moving(self, q: Array, dq: Array | None) -> Array:
         """Return q, dq, ddq of an arm, shape (3, n); at rest where there is no ``dq``."""
@@ -179,25 +174,22 @@ class Rival:
         dq = np.zeros(n) if dq is None else checks.vector("dq", dq, n, finite=True)
         return np.array([q, dq, np.zeros(n)])
 
-    def _choose(self, ball: BallState, motion: Array) -> Course | None:
-        """Return the best course; None too where the ball cannot be."""
+    def _choose(self, ball: BallState, motion: Array) -> Intercept | None:
+        """Return the best catch; None too where the ball cannot be."""
         return self.chooser.choose(ball, motion) if _sane(ball) else None
 
-    def _aimed(self, chase: _Chase, ball: BallState, state: Array) -> tuple[Course, Pursuit, Array]:
-        """Return the course at the newest prediction, chosen anew if that has moved.
+    def _aimed(self, chase: _Chase, ball: BallState) -> tuple[Intercept, Pursuit, Array]:
+        """Return the catch at the newest prediction, chosen anew if that has moved.
 
         With it the pursuit of it, and where the catch was when it was chosen [m], shape (3,).
         """
-        old, pursuit, chosen_at = chase.course, chase.pursuit, chase.chosen_at
+        old, pursuit, chosen_at = chase.catch, chase.pursuit, chase.chosen_at
         if ball.t > old.t_c:
             return old, pursuit, chosen_at
-        aimed = self.chooser.aim(old, state, ball.t)
-        lost = aimed is old
-        if not lost and dist(aimed.r_c, chosen_at) <= _MOVED:
-            return aimed, pursuit, chosen_at
-        if aimed.t_c - ball.t < _CHOOSE_UNTIL:
-            return aimed, pursuit, chosen_at
-        chosen = self._choose(ball, chase.motion)
+        aimed = self.chooser.aim(old, ball)
+        near = aimed is not old and dist(aimed.r_c, chosen_at) <= _MOVED
+        late = aimed.t_c - ball.t < _CHOOSE_UNTIL
+        chosen = None if near or late else self._choose(ball, chase.motion)
         if chosen is None:
             return aimed, pursuit, chosen_at
         return chosen, pursuit.begin(chosen, chase.t, chase.motion), chosen.r_c
@@ -216,26 +208,23 @@ class Rival:
         """Say whether a bounce could make the ball catchable: it comes in low."""
         if not _sane(ball):
             return False
-        f, after = self.chooser.map, _passing(self.chooser.map, ball)
-        low = flown(ball, np.array([after]))[0, 0, 2] < f.arm.position(f.start)[2]
+        f = self.chooser.map
+        low = flown(ball, np.array([_passing(f, ball)]))[0, 0, 2] < f.arm.position(f.start)[2]
         return bool(low) and self._choose(lobbed(f, ball), motion) is not None
 
 
 def rival(f: DirectMap, pursuit: Pursuit) -> Rival:
-    """Return the rival with a way of its own for the arm of a map; of the map it uses no more."""
-    return Rival(Chooser(map=f), pursuit, f.arm.q_ready)
+    """Return the rival with a pursuit for the arm of a map."""
+    return Rival(Chooser(f), pursuit, f.arm.q_ready)
 
 
-def spread(ball: BallState, after: float) -> float:
-    """Return the largest 1-sigma of the ball's position some time ahead [m]."""
-    if not _sane(ball):
-        return np.inf
-    ahead = forecast(ball, ball.t + after).covariance[:3, :3]
-    return float(np.sqrt(max(np.linalg.eigvalsh(ahead)[-1], 0.0)))
+def _easy(catch: Intercept | None) -> bool:
+    """Say whether a catch is not low and within the limits."""
+    return catch is not None and not catch.low and catch.utilization <= _HARD
 
 
 def lobbed(f: DirectMap, ball: BallState) -> BallState:
-    """Return a ball with the same way over the ground that tops out at the nominal catch height.
+    """Return a ball with the same path over the ground that tops out at the nominal catch height.
 
     It does so as it comes within reach: where a ball is that bounced off a level surface.
     """
@@ -263,16 +252,7 @@ def _passing(f: DirectMap, ball: BallState) -> float:
 
 def _sane(ball: BallState) -> bool:
     """Say whether an estimate is finite and not absurd."""
-    return bool(within(state_of(ball), _SANE))
-
-
-@kernel
-def within(x: Array, most: float) -> bool:
-    """Say whether all numbers of an array are smaller in size than a bound; NaN never is."""
-    for value in x.flat:  # noqa: SIM110 (a loop compiles to less)
-        if not abs(value) < most:
-            return False
-    return True
+    return bool(np.all(np.abs(state_of(ball)) < _SANE))
 
 
 def resting(t: float, q: Array) -> JointReference:

@@ -1,11 +1,10 @@
 """Rival ``ruckig``: predict the catch and let Ruckig meet its position and velocity.
 
 Ruckig (Berscheid and Kroeger 2021) gives time-optimal motions of bounded speed, acceleration and
-jerk between any two states; here it is stretched to end at the time of the catch. Its limits are
-those of the torques at the pose: each joint may accelerate as its own inertia and a share of the
-torque that gravity and speed leave allow. A target that moves by a hair can make Ruckig fail,
-once in about 1e4 ticks, so the plan is kept within a dead-band, and whatever Ruckig
-refuses is left to the quintic.
+jerk between any two states; here it is stretched to end at the time of the catch. The largest
+accelerations follow from the torques that gravity and speed leave, each joint with its own inertia.
+A target that moves very little can make Ruckig fail, once in about 1e4 ticks, so the plan stays
+within a dead band; where Ruckig finds none, the quintic is taken.
 """
 
 from dataclasses import dataclass
@@ -16,29 +15,16 @@ from ruckig import InputParameter, Result, Ruckig, RuckigError, Synchronization,
 
 from mitt.generator.generators import Generator
 from mitt.generator.mapping import DirectMap
-from mitt.rivals.course import Course
-from mitt.rivals.planned import Plan, Planned, PlannedSettings
+from mitt.rivals.choice import Intercept
 from mitt.rivals.pursuit import rival
+from mitt.rivals.quintic import Plan, Planned
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 
-
-@final
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RuckigSettings:
-    """Limits given to Ruckig.
-
-    Attributes:
-        torque: Share of the free torque that one joint's acceleration may take.
-        speed: Share of the speed limits.
-        onset: Time in which the largest acceleration builds up [s].
-        late: Excess of the duration over the time left that is let pass [s].
-    """
-
-    torque: float = 1.0
-    speed: float = 0.98
-    onset: float = 0.04
-    late: float = 2e-4
+#: Share of the speed limits, and time in which the largest acceleration builds up [s].
+_SPEED, _ONSET = 0.98, 0.04
+#: Difference of the duration from the time left that is accepted [s].
+_LATE = 2e-4
 
 
 @final
@@ -61,11 +47,10 @@ class RuckigPlanner:
     """Plans for one arm."""
 
     arm: Arm
-    settings: RuckigSettings
 
-    def __call__(self, motion: Array, t: float, course: Course) -> Plan | None:
+    def __call__(self, motion: Array, t: float, catch: Intercept) -> Plan | None:
         """Return the plan that ends at the catch; None where Ruckig finds none in that time."""
-        request = self._request(motion, course, course.t_c - t)
+        request = self._request(motion, catch, catch.t_c - t)
         trajectory = Trajectory(self.arm.n)
         try:
             answer = Ruckig(self.arm.n).calculate(request, trajectory)
@@ -73,20 +58,20 @@ class RuckigPlanner:
             return None
         if answer not in (Result.Working, Result.Finished):
             return None
-        ends = abs(float(trajectory.duration) - (course.t_c - t)) <= self.settings.late
+        ends = abs(float(trajectory.duration) - (catch.t_c - t)) <= _LATE
         return RuckigPlan(t, trajectory) if ends else None
 
-    def _request(self, motion: Array, course: Course, left: float) -> InputParameter:
-        """Return the problem: from a motion to the end of a course in the time left [s]."""
-        s, most = self.settings, self.accelerations(motion, course.end)
+    def _request(self, motion: Array, catch: Intercept, left: float) -> InputParameter:
+        """Return the problem: from a motion to a catch in the time left [s]."""
+        most = self.accelerations(motion, catch.end)
         request = InputParameter(self.arm.n)
         request.synchronization = Synchronization.Time
         request.current_position, request.current_velocity = list(motion[0]), list(motion[1])
         request.current_acceleration = list(np.clip(motion[2], -most, most))
-        request.target_position, request.target_velocity = list(course.end[0]), list(course.end[1])
-        request.target_acceleration = list(np.clip(course.end[2], -0.98 * most, 0.98 * most))
-        request.max_velocity = list(s.speed * self.arm.dq_max)
-        request.max_acceleration, request.max_jerk = list(most), list(most / s.onset)
+        request.target_position, request.target_velocity = list(catch.end[0]), list(catch.end[1])
+        request.target_acceleration = list(np.clip(catch.end[2], -0.98 * most, 0.98 * most))
+        request.max_velocity = list(_SPEED * self.arm.dq_max)
+        request.max_acceleration, request.max_jerk = list(most), list(most / _ONSET)
         request.minimum_duration = max(left, 0.0)
         return request
 
@@ -96,11 +81,10 @@ class RuckigPlanner:
         for q, dq in ((motion[0], motion[1]), (end[0], end[1])):
             bias = arm.inverse_dynamics(q, dq, np.zeros(arm.n))
             free = np.maximum(arm.tau_max - np.abs(bias), 0.2 * arm.tau_max)
-            most = np.minimum(most, self.settings.torque * free / np.diag(arm.mass_matrix(q)))
+            most = np.minimum(most, free / np.diag(arm.mass_matrix(q)))
         return most
 
 
 def make_ruckig(f: DirectMap) -> Generator:
     """Return the rival for the arm of a map."""
-    planner = RuckigPlanner(f.arm, RuckigSettings())
-    return rival(f, Planned(planner=planner, settings=PlannedSettings()))
+    return rival(f, Planned(planner=RuckigPlanner(f.arm)))

@@ -81,13 +81,10 @@ def _placed(ca: ModuleType, link: Link, x: Expression) -> tuple[Expression, Expr
 
 def _values(arm: Arm, x: Expression, *, held: bool) -> list[Expression]:
     """Return active joints' values spread over all links; held ones' own, or zero."""
-    own, k = [], 0
+    own, given = [], iter(x[k] for k in range(arm.n))
     for link in arm.model.links:
-        if link.held is None:
-            own.append(x[k])
-            k += 1
-        else:
-            own.append(link.held if held else 0.0)
+        rest = link.held if held else 0.0
+        own.append(next(given) if link.held is None else rest)
     return own
 
 
@@ -122,19 +119,11 @@ def _torque(ca: ModuleType, arm: Arm, q: Expression, dq: Expression, ddq: Expres
         moment = ca.mtimes(inertia, dw) + ca.cross(w, ca.mtimes(inertia, w))
         frames.append((R, p))
         loads.append((force, moment + ca.cross(com, force)))
-    return _gathered(ca, links, frames, loads, up)
-
-
-def _gathered(
-    ca: ModuleType, links: tuple[Link, ...], frames: Expression, loads: Expression, up: Expression
-) -> Expression:
-    """Return joint torques from the links' own loads, from the tip to the base."""
     f, n = ca.SX(3, 1), ca.SX(3, 1)
     tau: list[Expression] = []
-    for k in reversed(range(len(links))):
+    for k in reversed(range(len(links))):  # from the tip to the base
         f, n = f + loads[k][0], n + loads[k][1]
-        axis = ca.DM(links[k].axis)
-        along = ca.dot(axis, f if links[k].prismatic else n)
+        along = ca.dot(ca.DM(links[k].axis), f if links[k].prismatic else n)
         tau.insert(0, along + links[k].armature * up[k])
         R, p = frames[k]
         f = ca.mtimes(R, f)

@@ -5,11 +5,9 @@ from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
 from mitt.errors import InputError
-from mitt.link.cameras.basler import Basler
-from mitt.link.cameras.folder import Folder
-from mitt.link.cameras.genicam import GenICam, Producers
+from mitt.link.cameras.live import Basler, GenICam, Producers
+from mitt.link.cameras.recorded import Folder, Video
 from mitt.link.cameras.source import Camera
-from mitt.link.cameras.video import Video
 
 
 @contextmanager

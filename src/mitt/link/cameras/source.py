@@ -1,8 +1,8 @@
 """What all cameras have in common: frames one after the other, each with its time and number."""
 
+from abc import ABC, abstractmethod
 from importlib import import_module
 from types import ModuleType
-from typing import Protocol
 
 import numpy as np
 
@@ -10,26 +10,49 @@ from mitt.errors import InputError
 from mitt.signals import Frame, Image
 
 
-class Camera(Protocol):
-    """A video, a folder of images, or a camera that runs.
+class Camera(ABC):
+    """A video, a folder of images, or a live camera.
+
+    The time of a frame is its number over ``fps`` or, without that, its stamp; the stamps of a
+    live camera count from the first frame.
 
     Attributes:
         name: What the user called it.
-        live: Whether it goes on until it is told to stop.
+        live: Whether it runs until it is closed.
     """
 
-    name: str
-    live: bool
+    live = False
+
+    def __init__(self, name: str, camera: int, fps: float | None) -> None:
+        """Take the name, the index in the rig, and frames a second [Hz], None for stamps."""
+        self.name, self._camera, self._fps = name, camera, fps
+        self._number, self._first = 0, 0.0
 
     def read(self) -> Frame | None:
         """Return the next frame; None at the end.
 
         Raises:
-            FileError: The file is damaged, or the camera stopped to answer.
+            FileError: The file is damaged, has no times, or the camera does not answer.
         """
+        got = self._grab()
+        if got is None:
+            return None
+        (t, pixels), number = got, self._number
+        if self._fps is not None:
+            t = number / self._fps
+        elif self.live:
+            self._first = self._first if number else t
+            t -= self._first
+        self._number += 1
+        return Frame(t=t, camera=self._camera, number=number, pixels=pixels)
 
+    @abstractmethod
+    def _grab(self) -> tuple[float, Image] | None:
+        """Return stamp [s], any if ``fps`` is given, and grey pixels; None at the end."""
+
+    @abstractmethod
     def close(self) -> None:
-        """Let go of file or device."""
+        """Close the file or release the device."""
 
 
 def optional(module: str) -> ModuleType:

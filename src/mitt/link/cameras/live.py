@@ -1,16 +1,14 @@
-"""GenICam cameras through harvesters: any producer (``.cti``) that a maker ships."""
+"""Live cameras: GenICam through harvesters, any maker's producer (``.cti``); Basler by pypylon."""
 
 from pathlib import Path
+from time import monotonic
 from typing import Any, final
 
-import numpy as np
-
 from mitt.errors import FileError
-from mitt.link.cameras.source import grey, optional
-from mitt.link.clock import monotonic
-from mitt.signals import Frame
+from mitt.link.cameras.source import Camera, grey, optional
+from mitt.signals import Image
 
-#: Channels and planes of the formats that are read.
+#: Channels of the formats that are read, and longest wait for a frame [s].
 _CHANNELS = {"Mono8": 1, "RGB8": 3, "BGR8": 3, "RGBa8": 4, "BGRa8": 4}
 _TIMEOUT = 2.0
 
@@ -63,12 +61,8 @@ class Producers:
 
 
 @final
-class GenICam:
-    """A camera behind a GenTL producer, 8 bits a channel.
-
-    The time of a frame is the device's stamp since its first frame; that of a device without
-    stamps is its number over ``fps`` or, without that, its arrival.
-    """
+class GenICam(Camera):
+    """A camera behind a GenTL producer, 8 bits a channel; without stamps, timed on arrival."""
 
     live = True
 
@@ -87,47 +81,85 @@ class GenICam:
             FileError: The producer does not load, has no such device, or it does not start.
         """
         self._producers, (self._producer, index) = producers, place
-        self.name = f"genicam:{self._producer}#{index}"
+        super().__init__(f"genicam:{self._producer}#{index}", camera, fps)
         self._device = producers.start(self._producer, index)
-        self._camera, self._fps, self._number = camera, fps, 0
-        self._first: float | None = None
 
-    def read(self) -> Frame | None:
-        """Return the next frame."""
+    def _grab(self) -> tuple[float, Image]:
+        """Fetch the next frame."""
         try:
             with self._device.fetch(timeout=_TIMEOUT) as buffer:
-                t = self._time(buffer)
-                pixels = _pixels(self.name, buffer.payload.components[0])
+                try:
+                    t = 1e-9 * float(buffer.timestamp_ns)
+                except Exception:
+                    t = monotonic()
+                return t, _pixels(self.name, buffer.payload.components[0])
         except FileError:
             raise
         except Exception as error:
             wanted = f"a frame within {_TIMEOUT:g} s"
             raise FileError(self.name, wanted, str(error)[:100] or "none") from error
-        number, self._number = self._number, self._number + 1
-        return Frame(t=t, camera=self._camera, number=number, pixels=pixels)
 
     def close(self) -> None:
-        """Stop the camera and let go of the producer."""
+        """Stop the camera and release the producer."""
         self._device.stop()
         self._device.destroy()
         self._producers.release(self._producer)
 
-    def _time(self, buffer: Any) -> float:  # noqa: ANN401 (harvesters has no types)
-        """Return the time of a frame since the first [s]."""
-        if self._fps is not None:
-            return self._number / self._fps
-        try:
-            t = 1e-9 * float(buffer.timestamp_ns)
-        except Exception:
-            t = monotonic()
-        self._first = t if self._first is None else self._first
-        return t - self._first
 
-
-def _pixels(name: str, part: Any) -> np.ndarray[Any, np.dtype[np.uint8]]:  # noqa: ANN401
+def _pixels(name: str, part: Any) -> Image:  # noqa: ANN401 (harvesters has no types)
     """Return a grey copy of a component's pixels."""
     channels = _CHANNELS.get(part.data_format)
     if channels is None:
         raise FileError(name, f"pixels as one of {', '.join(_CHANNELS)}", part.data_format,
                         do="set PixelFormat of the camera")  # fmt: skip
     return grey(part.data.reshape(part.height, part.width, channels).copy().squeeze())
+
+
+@final
+class Basler(Camera):
+    """A Basler camera, set to 8 grey bits; without stamps, timed on arrival."""
+
+    live = True
+
+    def __init__(self, which: str, camera: int, *, fps: float | None) -> None:
+        """Open a camera by its serial number or its index and start it.
+
+        Raises:
+            FileError: There is no such camera, or it does not start.
+        """
+        super().__init__(f"basler:{which}", camera, fps)
+        self._pylon = optional("pypylon.pylon")
+        factory = self._pylon.TlFactory.GetInstance()
+        found = list(factory.EnumerateDevices())
+        by_serial = {device.GetSerialNumber(): device for device in found}
+        by_index = {str(k): device for k, device in enumerate(found)}
+        device = by_serial.get(which) or by_index.get(which)
+        if device is None:
+            known = ", ".join(by_serial) or "no camera at all"
+            raise FileError(self.name, f"a serial number or an index ({known})", which)
+        try:
+            self._device = self._pylon.InstantCamera(factory.CreateDevice(device))
+            self._device.Open()
+            self._device.PixelFormat.Value = "Mono8"
+            self._device.StartGrabbing(self._pylon.GrabStrategy_OneByOne)
+        except self._pylon.GenericException as error:
+            raise FileError(self.name, "a camera that starts", str(error)[:100]) from error
+
+    def _grab(self) -> tuple[float, Image]:
+        """Retrieve the next frame."""
+        raises = self._pylon.TimeoutHandling_ThrowException
+        try:
+            got = self._device.RetrieveResult(int(1000 * _TIMEOUT), raises)
+        except self._pylon.GenericException as error:
+            raise FileError(self.name, "a frame within 2 s", str(error)[:100]) from error
+        try:
+            if not got.GrabSucceeded():
+                raise FileError(self.name, "a whole frame", got.GetErrorDescription())
+            return (1e-9 * got.TimeStamp if got.TimeStamp else monotonic()), grey(got.Array)
+        finally:
+            got.Release()
+
+    def close(self) -> None:
+        """Stop the camera and release it."""
+        self._device.StopGrabbing()
+        self._device.Close()

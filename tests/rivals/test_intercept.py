@@ -8,9 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mitt.generator.foresight import fly_on, state_of
-from mitt.rivals.course import Chooser
-from mitt.rivals.meeting import lift, lift_ahead, meet, reach, resolve
+from mitt.rivals.choice import APPROACH, Chooser
+from mitt.rivals.intercept import lift, meet, reach, resolve
 from mitt.robot.arm import Arm
+from mitt.robot.vectors import ZERO
 from mitt.signals import Array, BallState
 
 seeds = st.integers(0, 2**31)
@@ -59,7 +60,7 @@ def test_a_moving_point_is_followed_in_all_derivatives(chooser: Chooser, seed: i
     q = _angles(seed)
     point = np.array([chooser.arm.position(q), rng.normal(size=3), rng.normal(size=3)])
     rows = np.array([q, np.zeros(3), np.zeros(3)])
-    lift(f.packed, point, rows, f.work)
+    lift(f.packed, chooser.hand, ZERO, point, rows, f.work)
     h, near = 1e-3, []
     for s in (-h, h):
         at = q.copy()
@@ -77,7 +78,7 @@ def test_a_point_before_the_palm_is_followed(chooser: Chooser, seed: int) -> Non
     at = arm.position(q) + h[0] * arm.orientation(q)[:, 2]
     point = np.array([at, rng.normal(size=3), rng.normal(size=3)])
     rows = np.array([q, np.zeros(3), np.zeros(3)])
-    assert lift_ahead(f.packed, chooser.hand, h, point, rows, f.work) < EXACT
+    assert lift(f.packed, chooser.hand, h, point, rows, f.work) < EXACT
 
     def place(s: float) -> Array:
         x = rows[0] + s * rows[1] + 0.5 * s * s * rows[2]
@@ -97,11 +98,11 @@ def test_the_ball_is_met_from_the_front(
 ) -> None:
     """At the meeting position and velocity agree and the ball accelerates along the normal."""
     ball = ball_of(seed, 0.1)
-    course = chooser.choose(ball, np.array([chooser.arm.q_ready, np.zeros(3), np.zeros(3)]))
-    assert course is not None
-    arm, q, dq, ddq = chooser.arm, *course.end
+    catch = chooser.choose(ball, np.array([chooser.arm.q_ready, np.zeros(3), np.zeros(3)]))
+    assert catch is not None
+    arm, q, dq, ddq = chooser.arm, *catch.end
     at = np.empty((3, 3))
-    fly_on(state_of(ball), course.t_c - ball.t, at)
+    fly_on(state_of(ball), catch.t_c - ball.t, at)
     assert np.allclose(arm.position(q), at[0], atol=EXACT)
     assert np.allclose(arm.jacobian(q) @ dq, at[1], atol=EXACT)
     s = 1e-5
@@ -109,7 +110,7 @@ def test_the_ball_is_met_from_the_front(
     tip = arm.jacobian(q) @ ddq + slope @ dq / (2 * s)
     relative, normal = at[2] - tip, arm.orientation(q)[:, 2]
     a = float(relative @ normal)
-    low, high = chooser.settings.approach
+    low, high = APPROACH
     assert low - CLOSE <= a <= high + CLOSE
     assert np.allclose(relative, a * normal, atol=CLOSE)
 
@@ -118,4 +119,4 @@ def test_no_meeting_out_of_reach(chooser: Chooser, arm: Arm) -> None:
     """A ball that stays 3 m away is not met."""
     f, rows = chooser.map, np.array([arm.q_ready, np.zeros(3), np.zeros(3)])
     ball = np.array([[3.0, 0.0, 0.0], np.zeros(3), np.zeros(3)])
-    assert not meet(f.packed, chooser.hand, chooser.settings.approach, ball, rows, f.work)
+    assert not meet(f.packed, chooser.hand, APPROACH, ball, rows, f.work)

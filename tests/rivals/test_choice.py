@@ -4,22 +4,30 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from mitt.generator.demand import demand
 from mitt.generator.foresight import flown
-from mitt.rivals.course import Chooser
-from mitt.rivals.meeting import meetings, too_far
+from mitt.rivals.choice import (
+    APPROACH,
+    FOLLOW,
+    HORIZON,
+    INSTANTS,
+    LOW,
+    PRICE,
+    REFUSED,
+    SOONEST,
+    SPARE,
+    STRIDE,
+    Chooser,
+)
+from mitt.rivals.intercept import meetings
 from mitt.rivals.mpc import MpcPlanner, MpcSettings
-from mitt.rivals.pieces import responses
-from mitt.rivals.planned import QuinticPlan
-from mitt.rivals.pursuit import still, within
-from mitt.rivals.quintics import sample
+from mitt.rivals.paths import responses, sample
+from mitt.rivals.pursuit import still
+from mitt.rivals.quintic import QuinticPlan
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState
 
-seeds = st.integers(0, 2**31)
 #: Agreement of two ways of reckoning, relative to the size of what is reckoned.
 ROUNDING = 1e-9
 #: When the plans start [s].
@@ -28,9 +36,9 @@ START = 0.1
 
 def _price(chooser: Chooser, way: Array, end: Array) -> tuple[float, str, float]:
     """Return price of a way, shape (S, 3, n), its most asked limit and how much of it is asked."""
-    arm, s, asked = chooser.arm, chooser.settings, demand(chooser.arm, way)
+    arm, asked = chooser.arm, demand(chooser.arm, way)
     half, middle = 0.5 * (arm.q_max - arm.q_min), 0.5 * (arm.q_max + arm.q_min)
-    stop = end[0] + s.follow * end[1] + 0.5 * end[1] * np.abs(end[1]) * chooser.hand[3:]
+    stop = end[0] + FOLLOW * end[1] + 0.5 * end[1] * np.abs(end[1]) * chooser.hand[3:]
     kinds = {
         "torque": arm.active(asked.torque).max(axis=0),
         "speed": arm.active(asked.speed).max(axis=0),
@@ -42,7 +50,7 @@ def _price(chooser: Chooser, way: Array, end: Array) -> tuple[float, str, float]
         for name, x in zip(arm.names, values, strict=True)
     }
     name = max(shares, key=lambda key: shares[key])
-    return asked.cost + s.price * max(shares[name] - s.spare, 0.0) ** 2, name, shares[name]
+    return asked.cost + PRICE * max(shares[name] - SPARE, 0.0) ** 2, name, shares[name]
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -51,63 +59,47 @@ def test_the_chosen_catch_is_the_cheapest_of_all(
     chooser: Chooser, ball_of: Callable[[int, float], BallState], seed: int, moving: float
 ) -> None:
     """Every candidate weighed by the stages' own functions: the same is the best, at its share."""
-    s, f, arm = chooser.settings, chooser.map, chooser.arm
-    after, ball = np.arange(s.soonest, s.horizon, s.stride), ball_of(seed, START)
+    f, arm = chooser.map, chooser.arm
+    after, ball = np.arange(SOONEST, HORIZON, STRIDE), ball_of(seed, START)
     motion = still(arm.q_ready) + moving * np.random.default_rng(seed).normal(size=(3, arm.n))
     balls, ends = flown(ball, after), np.zeros((len(after), 3, arm.n))
     ends[0, 0] = f.start
-    found = meetings(f.packed, chooser.hand, s.approach, balls, ends, f.work)
+    found = meetings(f.packed, chooser.hand, APPROACH, balls, ends, f.work)
     found &= np.all((ends[:, 0] > arm.q_min) & (ends[:, 0] < arm.q_max), axis=1)
-    ways = np.empty((len(after), s.instants, 3, arm.n))
+    ways = np.empty((len(after), INSTANTS, 3, arm.n))
     for k in range(len(after)):
         sample(motion, ends[k], after[k], ways[k])
     quick = np.abs(ways[:, :, 1] / arm.dq_max).max(axis=(1, 2))
-    allowed = np.flatnonzero(found & (quick <= max(s.refused, float(quick[found].min()))))
+    allowed = np.flatnonzero(found & (quick <= max(REFUSED, float(quick[found].min()))))
     priced = {int(k): _price(chooser, ways[k], ends[k]) for k in allowed}
-    low = {k: s.low * float(balls[k, 0, 2] < chooser.floor) for k in priced}
+    low = {k: LOW * float(balls[k, 0, 2] < chooser.floor) for k in priced}
     k = min(priced, key=lambda key: priced[key][0] + low[key])
     best = chooser.best(after, balls, motion)
     assert best is not None
     assert best.t_c == after[k]
     assert best.binding_limit == priced[k][1]
-    assert best.share == pytest.approx(priced[k][2], rel=ROUNDING)
+    assert best.utilization == pytest.approx(priced[k][2], rel=ROUNDING)
     assert best.low == (low[k] > 0.0)
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_search_ends_with_the_best_about_the_best(
+def test_the_search_is_refined_about_the_best(
     chooser: Chooser, ball_of: Callable[[int, float], BallState], seed: int
 ) -> None:
-    """As the two elections one after the other, the second half a step about the first's."""
-    s, ball, rest = chooser.settings, ball_of(seed, START), still(chooser.arm.q_ready)
-    after = np.arange(s.soonest, s.horizon, s.stride)
-    first = chooser.best(after, flown(ball, after), rest)
+    """The second search is half a step about the best of the first."""
+    ball, rest = ball_of(seed, START), still(chooser.arm.q_ready)
+    after = np.arange(SOONEST, HORIZON, STRIDE)
+    first, found = chooser.best(after, flown(ball, after), rest), chooser.choose(ball, rest)
     assert first is not None
-    near = np.linspace(first.t_c - s.stride / 2, first.t_c + s.stride / 2, 3)
-    near = near[near >= s.soonest]
-    best, found = chooser.best(near, flown(ball, near), rest), chooser.choose(ball, rest)
-    assert best is not None
     assert found is not None
+    near = np.linspace(first.t_c - STRIDE / 2, first.t_c + STRIDE / 2, 3)
+    near = near[near >= SOONEST]
+    best = chooser.best(near, flown(ball, near), rest)
+    assert best is not None
     assert found.t_c == ball.t + best.t_c
-    assert found.share == best.share
     assert found.binding_limit == best.binding_limit
     assert np.array_equal(found.end, best.end)
     assert np.array_equal(found.r_c, best.r_c)
-
-
-@given(seed=seeds)
-def test_what_is_too_far_is_out_of_reach(chooser: Chooser, seed: int) -> None:
-    """Wherever the catch point is in any pose is not too far; ten metres off is."""
-    q = np.random.default_rng(seed).uniform(-np.pi, np.pi, chooser.arm.n)
-    assert not too_far(chooser.map.packed, chooser.arm.position(q))
-    assert too_far(chooser.map.packed, np.array([10.0, 0.0, 0.0]))
-    assert not too_far(chooser.map.packed, np.full(3, np.nan))
-
-
-@given(x=st.lists(st.floats(), min_size=1, max_size=10), most=st.floats(0.0, np.inf))
-def test_a_bound_is_that_of_numpy(x: list[float], most: float) -> None:
-    """All sizes below the bound, NaN never."""
-    assert within(np.array(x), most) == bool(np.all(np.abs(np.array(x)) < most))
 
 
 def _driven(
@@ -137,14 +129,14 @@ def _driven(
 def _asked(
     request: pytest.FixtureRequest, chooser: Chooser, ball_of: Callable[[int, float], BallState]
 ) -> tuple[Array, Array, float, Array]:
-    """A state of the arm, the end of a course, the step of its parts, and some accelerations."""
+    """A state of the arm, the end of a catch, the step of its parts, and some accelerations."""
     rng, rest = np.random.default_rng(request.param), still(chooser.arm.q_ready)
-    course = chooser.choose(ball_of(int(request.param), START), rest)
-    assert course is not None
+    catch = chooser.choose(ball_of(int(request.param), START), rest)
+    assert catch is not None
     motion = rest + 0.3 * rng.normal(size=rest.shape)
     parts = MpcSettings().parts
     a = rng.normal(size=(parts + 1) * chooser.arm.n)
-    return motion, course.end, (course.t_c - START) / parts, a
+    return motion, catch.end, (catch.t_c - START) / parts, a
 
 
 def test_the_programmes_bounds_are_those_of_the_linearised_arm(

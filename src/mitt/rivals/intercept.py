@@ -1,10 +1,10 @@
-"""How the arm meets a ball at an instant: joint angles, speeds and accelerations there.
+"""Inverse kinematics of the interception: joint angles, speeds and accelerations at the ball.
 
 Position and velocity of the catch point are those of the ball. Its acceleration is not: the ball
-has to come into the open hand from the front, so relative to the hand it accelerates along the
-palm's normal n, ddl = ddr_o - a n with a > 0; t seconds from the meeting it is then a t^2 / 2 in
-front of the palm. Of the accelerations ``a`` between two bounds the one that asks the least
-torque of the joints one by one is taken.
+must enter the open hand from the front, so relative to the hand it accelerates along the palm's
+normal n, ddl = ddr_o - a n with a > 0; t seconds before the catch it is a t^2 / 2 in front of the
+palm. Of the accelerations ``a`` between two bounds the one with the least joint torques is taken,
+each joint by itself.
 
 | here     | meaning                                          | unit          | shape  |
 |----------|--------------------------------------------------|---------------|--------|
@@ -16,7 +16,6 @@ torque of the joints one by one is taken.
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.generator.foresight import fly_on
 from mitt.generator.packing import unfold, unpack
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
@@ -35,19 +34,17 @@ from mitt.robot.vectors import (
     row,
     times,
     turn,
-)
+)  # fmt: skip
 from mitt.signals import Array
 
 #: det(J J') below which steps are damped [m^6], and the damping at 0 [m^2].
 _POOR, _DAMPING = 1e-3, 1e-2
 #: Newton: largest step of a joint [rad], residual [m], steps allowed.
 _STEP, _RESIDUAL, _STEPS = 0.4, 1e-9, 30
-#: What a point must be beyond the links in one line to be out of reach for sure [m].
-_SURE = 1e-3
 
 
 def hand_of(arm: Arm) -> Array:
-    """Return what :func:`meet` knows of the hand and the joints' strength, shape (3 + n,)."""
+    """Return ``hand`` of the module's table, shape (3 + n,)."""
     q = arm.q_ready
     frame = np.array([_frame(arm.chain, q, axis) for axis in np.eye(3)]).T
     normal = frame.T @ arm.orientation(q)[:, 2]
@@ -118,21 +115,44 @@ def reach(packed: Array, r: Array, q: Array, work: Array) -> float:
 
 
 @kernel
-def lift(packed: Array, point: Array, rows: Array, work: Array) -> float:
-    """Write q, dq, ddq of a moving point by inverse kinematics; return what is left of the way.
+def lift(packed: Array, hand: Array, ahead: Vec, point: Array, rows: Array, work: Array) -> float:
+    """Write q, dq, ddq at which a point in front of the palm follows a moving point.
 
     Args:
         packed: The arm.
-        point: Position, velocity, acceleration of the point [m ...], shape (3, 3).
+        hand: As of :func:`hand_of`.
+        ahead: Distance in front of the catch point along the palm's normal, and its two
+            derivatives in time [m, m/s, m/s^2].
+        point: Position, velocity, acceleration to be followed [m ...], shape (3, 3).
         rows: Result; row 0 is where the iteration starts and so chooses the branch, shape (3, n).
-        work: Workspace.
+        work: Scratch.
+
+    Returns:
+        Distance that is left [m].
     """
-    gap = reach(packed, point[0], rows[0], work)
+    longer = packed.copy()  # kept by its use as an argument below: views do not keep it
+    tip = unpack(longer).chain.tip
+    for c in range(3):
+        tip[c] += ahead[0] * hand[c]
+    gap: float = _lift(longer, hand, ahead, point, rows, work)
+    return gap
+
+
+@kernel
+def _lift(packed: Array, hand: Array, ahead: Vec, point: Array, rows: Array, work: Array) -> float:
+    """As :func:`lift`, for an arm whose tip is the point in front of the palm."""
     g = unpack(packed)
+    gap = reach(packed, point[0], rows[0], work)
     w = unfold(work, rows.shape[1])
-    resolve(w.motion.J, row(point, 1), rows[1])
-    sweep(g.chain, rows[0], rows[1], w.motion)
-    resolve(w.motion.J, minus(row(point, 2), row(w.motion.tip, 2)), rows[2])
+    m = w.motion
+    normal = _frame(g.chain, rows[0], hand[:3])
+    resolve(m.J, minus(row(point, 1), times(ahead[1], normal)), rows[1])
+    sweep(g.chain, rows[0], rows[1], m)
+    turning = ZERO
+    for k in range(rows.shape[1]):
+        turning = plus(turning, times(rows[1, k], cross(row(m.W, k), normal)))
+    fixed = plus(row(m.tip, 2), plus(times(2.0 * ahead[1], turning), times(ahead[2], normal)))
+    resolve(m.J, minus(row(point, 2), fixed), rows[2])
     return float(gap)
 
 
@@ -148,10 +168,10 @@ def meet(
         bounds: Smallest and largest relative acceleration a [m/s^2].
         ball: The ball, shape (3, 3).
         rows: Result, shape (3, n).
-        work: Workspace.
+        work: Scratch.
     """
     n = rows.shape[1]
-    if not lift(packed, ball, rows, work) <= 1e3 * _RESIDUAL:
+    if not _lift(packed, hand, ZERO, ball, rows, work) <= 1e3 * _RESIDUAL:
         return False
     g = unpack(packed)
     w = unfold(work, n)
@@ -167,22 +187,6 @@ def meet(
 
 
 @kernel
-def too_far(packed: Array, r: Array) -> bool:
-    """Say whether a point is farther off than all links in one line; never where one slides."""
-    chain = unpack(packed).chain
-    longest = _SURE
-    for k in range(len(chain.prismatic)):
-        if chain.prismatic[k] > 0.0:
-            return False
-        link = row(chain.p, k) if k > 0 else ZERO
-        longest += np.sqrt(dot(link, link))
-    tip = chain.tip[0], chain.tip[1], chain.tip[2]
-    away = minus((r[0], r[1], r[2]), row(chain.p, 0))
-    longest += np.sqrt(dot(tip, tip))
-    return bool(dot(away, away) > longest * longest)
-
-
-@kernel
 def meetings(
     packed: Array, hand: Array, bounds: tuple[float, float], balls: Array, rows: Array, work: Array
 ) -> NDArray[np.bool_]:
@@ -193,88 +197,6 @@ def meetings(
     found = np.zeros(len(balls), np.bool_)
     first = rows[0, 0].copy()
     for k in range(len(balls)):
-        if too_far(packed, balls[k, 0]):
-            continue
         rows[k, 0] = rows[k - 1, 0] if k > 0 and found[k - 1] else first
         found[k] = meet(packed, hand, bounds, balls[k], rows[k], work)
     return found
-
-
-@kernel
-def meet_at(
-    packed: Array,
-    hand: Array,
-    bounds: tuple[float, float],
-    state: Array,
-    after: float,
-    at: Array,
-    rows: Array,
-    work: Array,
-) -> bool:
-    """Write where a ball will be, ``at`` (3, 3), and how it is met there; see :func:`meet`.
-
-    Args:
-        packed: As of :func:`meet`.
-        hand: As of :func:`meet`.
-        bounds: As of :func:`meet`.
-        state: The ball now, as of :func:`mitt.generator.foresight.state_of`, shape (10,).
-        after: Time from now to the meeting [s].
-        at: Result, the ball then, shape (3, 3).
-        rows: As of :func:`meet`.
-        work: As of :func:`meet`.
-
-    Returns:
-        Whether there is a meeting; if not, ``rows`` are of no use.
-    """
-    fly_on(state, after, at)
-    for d in range(3):
-        for c in range(3):
-            if not np.isfinite(at[d, c]):
-                return False
-    return not too_far(packed, at[0]) and bool(meet(packed, hand, bounds, at, rows, work))
-
-
-@kernel
-def lift_ahead(
-    packed: Array, hand: Array, ahead: Vec, point: Array, rows: Array, work: Array
-) -> float:
-    """Write q, dq, ddq at which a point in front of the palm follows a moving point.
-
-    Args:
-        packed: The arm.
-        hand: As of :func:`hand_of`.
-        ahead: Distance in front of the catch point along the palm's normal, and its two
-            derivatives in time [m, m/s, m/s^2].
-        point: Position, velocity, acceleration to be followed [m ...], shape (3, 3).
-        rows: Result; row 0 is where the iteration starts and so chooses the branch, shape (3, n).
-        work: Workspace.
-
-    Returns:
-        What is left of the way [m].
-    """
-    longer = packed.copy()  # kept by its use as an argument below: views do not keep it
-    tip = unpack(longer).chain.tip
-    for c in range(3):
-        tip[c] += ahead[0] * hand[c]
-    gap: float = _follow(longer, hand, ahead, point, rows, work)
-    return gap
-
-
-@kernel
-def _follow(
-    packed: Array, hand: Array, ahead: Vec, point: Array, rows: Array, work: Array
-) -> float:
-    """As :func:`lift_ahead`, for an arm whose tip is the point in front of the palm."""
-    g = unpack(packed)
-    gap = reach(packed, point[0], rows[0], work)
-    w = unfold(work, rows.shape[1])
-    m = w.motion
-    normal = _frame(g.chain, rows[0], hand[:3])
-    resolve(m.J, minus(row(point, 1), times(ahead[1], normal)), rows[1])
-    sweep(g.chain, rows[0], rows[1], m)
-    turning = ZERO
-    for k in range(rows.shape[1]):
-        turning = plus(turning, times(rows[1, k], cross(row(m.W, k), normal)))
-    fixed = plus(row(m.tip, 2), plus(times(2.0 * ahead[1], turning), times(ahead[2], normal)))
-    resolve(m.J, minus(row(point, 2), fixed), rows[2])
-    return float(gap)

@@ -1,0 +1,39 @@
+"""JSON and TOML files of ours, checked against a model of their content."""
+
+from typing import Annotated, Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from mitt.errors import FileError
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class Part(BaseModel):
+    """Part of a file; unknown keys are refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+_Model = TypeVar("_Model", bound=Part)
+
+
+def parsed(model: type[_Model], raw: Any, *, place: str, wanted: str, do: str) -> _Model:  # noqa: ANN401 (any JSON value)
+    """Return what a file says as a model.
+
+    Args:
+        model: Class of the content.
+        raw: What the file says.
+        place: What an error calls the file.
+        wanted: What an error says was wanted.
+        do: What it says is to be done.
+
+    Raises:
+        FileError: A key is unknown, missing, or its value cannot be used.
+    """
+    try:
+        return model.model_validate(raw)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = ".".join(str(part) for part in first["loc"]) or "the file"
+        raise FileError(f"{place} key {key!r}", wanted, first["msg"], do=do) from None
