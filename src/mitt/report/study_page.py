@@ -12,8 +12,7 @@ from mitt.report.page import Section, interval, number, page
 from mitt.report.worst import Link, worst_throws
 from mitt.signals import Array
 from mitt.sweep.parts import read_columns
-from mitt.sweep.settings import ThrowSettings
-from mitt.sweep.study import SCHEMA, Condition, extent
+from mitt.sweep.study import SCHEMA, Condition, ThrowSettings, extent
 from mitt.sweep.summary import REFERENCE, StudyResult
 from mitt.trials.result import STATUSES
 
