@@ -27,10 +27,10 @@ from arms import SETUPS, WAM, named
 from mitt.generator.generators import Direct, Unoptimised
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.robot.arm import Arm
-from mitt.trials.aim import aim_of
 from mitt.trials.learning import learn
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import reason_of
+from mitt.trials.source import aim_of
 from mitt.trials.statistics import wilson
 from mitt.world.scene import Scene
 from mitt.world.throws import default_throw

@@ -17,22 +17,23 @@ several a last one of all together.
 import argparse
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import lru_cache, partial
 from pathlib import Path
 
+from mitt.generator.generators import Generator
 from mitt.generator.learn import Learned
 from mitt.rivals.clairvoyant import make_clairvoyant
-from mitt.sweep.oracle import Row, counted, is_sampled, judged, parallel, thrown
+from mitt.sweep.oracle import Row, counted, is_sampled, judged, parallel
 from mitt.sweep.read import read_study
-from mitt.sweep.settings import ArmSettings
-from mitt.sweep.study import Condition
+from mitt.sweep.study import ArmSettings, Condition
 from mitt.sweep.work import widened
 from mitt.trials.learning import learn
 from mitt.trials.registry import make_generator
 from mitt.trials.run import arm_of, design_of
 from mitt.trials.runner import TrialRunner
-from mitt.trials.source import source_for
+from mitt.trials.score import Trial
+from mitt.trials.source import source_of
 from mitt.world.scenes import read_scene
 
 #: Share of the throws that the map catches which are given to the clairvoyant as well.
@@ -65,13 +66,15 @@ def learned(settings: ArmSettings) -> Learned:
 def part(options: argparse.Namespace, condition: Condition, number: int) -> list[Row]:
     """Run one worker's share of the throws of a condition."""
     f, scene, pixels = learned(condition.arm).map, condition.scene, options.vision == "pixels"
-    source = source_for(f, seed=options.seed, count=options.throws, drag=scene.ball.drag)
+    source = source_of(f, seed=options.seed, count=options.throws, drag=scene.ball.drag)
     source = widened(source, condition.throws)
     made = make_generator(options.generator, f)
-    by_map = partial(thrown, source, TrialRunner(f.arm, made, scene, pixels=pixels))
-    by_optimum = partial(
-        thrown, source, TrialRunner(f.arm, make_clairvoyant(f), scene, pixels=pixels)
-    )
+
+    def thrower(generator: Generator) -> Callable[[int], Trial]:
+        runner = TrialRunner(f.arm, generator, scene, pixels=pixels)
+        return lambda index: runner.throw(source, index).trial
+
+    by_map, by_optimum = thrower(made), thrower(make_clairvoyant(f))
     rows: list[Row] = []
     left = options.oracle // options.workers
     for k in range(number, options.throws, options.workers):

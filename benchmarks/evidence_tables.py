@@ -12,7 +12,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 
-from mitt.sweep.summary import correct, paired
+from mitt.sweep.summary import against
 from mitt.trials.result import STATUSES
 
 BEGIN, END = "<!-- tables -->", "<!-- end of tables -->"
@@ -81,19 +81,12 @@ def _add_pairs(rows: list[Row], trials: Path) -> None:
     names = ["generator", "condition", "index", "status"]
     caught: dict[tuple[str, str], dict[int, bool]] = {}
     for row in pq.read_table(trials, columns=names).to_pylist():
-        cell = caught.setdefault((row["condition"], row["generator"]), {})
+        cell = caught.setdefault((row["generator"], row["condition"]), {})
         cell[row["index"]] = row["status"] == "caught"
+    pairs = {name: against(caught, name) for name in REFERENCES}
     for row in rows:
-        mine = caught[row["condition"], row["generator"]]
-        row["against"] = {
-            name: paired(caught[row["condition"], name], mine)
-            for name in REFERENCES.keys() - {row["generator"]}
-            if (row["condition"], name) in caught
-        }
-    for generator in {row["generator"] for row in rows}:
-        for name in REFERENCES:
-            mine_all = [r["against"] for r in rows if r["generator"] == generator]
-            correct([pairs[name] for pairs in mine_all if name in pairs])
+        place = row["generator"], row["condition"]
+        row["against"] = {name: found[place] for name, found in pairs.items() if place in found}
 
 
 def _table(head: list[str], body: list[list[str]]) -> str:

@@ -32,11 +32,11 @@ from mitt.generator.mapping import DirectMap
 from mitt.records import REASONS
 from mitt.robot.arm import Arm
 from mitt.signals import Array
-from mitt.trials.aim import aim_of
 from mitt.trials.learning import learn
 from mitt.trials.result import STATUSES
-from mitt.trials.runner import LONGEST, TrialRunner
-from mitt.trials.score import HELD_AFTER, measure
+from mitt.trials.runner import TrialRunner
+from mitt.trials.score import measure
+from mitt.trials.source import aim_of
 from mitt.trials.statistics import wilson
 from mitt.world.scene import Scene
 from mitt.world.throws import Throw, default_throw
@@ -169,8 +169,8 @@ def broken(f: DirectMap, kind: str, throws: list[Throw], seed: int, numbers: ran
         runner = TrialRunner(
             f.arm, Direct(f), scene_of([_fault(kind, joint, start, size)]), pixels=False
         )
-        ticks, truth, violations = _run(runner, throws[k], seed + k)
-        rows["violations"] += violations
+        rows["violations"] += runner.run(k, throws[k], seed=seed + k).trial.limit_violations
+        ticks, truth = runner.ticks, runner.world.trace()
         stopped = np.flatnonzero(ticks["state"] == ABORT)
         if not len(stopped):
             rows["unseen"] += 1
@@ -228,20 +228,6 @@ def _shows(kind: str, q: Array, first: int, count: float) -> int:
         return first
     moved = np.abs(q[first:] - q[max(first - 1, 0)]) > COUNTS * count
     return first + int(np.argmax(moved)) if moved.any() else first
-
-
-def _run(runner: TrialRunner, throw: Throw, seed: int) -> tuple[Any, Trace, int]:
-    """Run to the end, 3 s after a stop; return ticks, truth, how many ticks broke a limit."""
-    world, catcher, rows = runner.world, runner.catcher(), []
-    world.reset(throw, seed)
-    while not world.over(longest=LONGEST, held=HELD_AFTER):
-        world.apply(catcher.step(world.sense(look=catcher.looking)))
-        catcher.think()
-        if catcher.stopped_by is not None:
-            world.watch_on()
-        rows.append(catcher.result.tobytes())
-    ticks, truth = np.frombuffer(bytearray().join(rows), catcher.result.dtype), world.trace()
-    return ticks, truth, measure(runner.arm, ticks, truth).limit_violations
 
 
 def encoders(f: DirectMap, throws: list[Throw], seed: int, workers: int) -> Row:

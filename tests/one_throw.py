@@ -7,8 +7,8 @@ from mitt.generator.generators import Direct, Unoptimised
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
-from mitt.trials.aim import aim_of
 from mitt.trials.runner import LoggedTrial, TrialRunner
+from mitt.trials.source import aim_of
 from mitt.world.scene import Scene
 from mitt.world.throws import Throw, default_throw
 

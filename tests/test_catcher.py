@@ -20,10 +20,10 @@ from mitt.records import arm_fields
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import ArmState, Command, Senses, Sighting
-from mitt.trials.aim import aim_of
 from mitt.trials.learning import learn
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.score import held
+from mitt.trials.source import aim_of
 from mitt.vision.camera import fixed_rig
 from mitt.vision.eyes import Eyes
 from mitt.world.faults.plan import Spring

@@ -47,7 +47,7 @@ from mitt.generator.generators import Unoptimised
 from mitt.generator.mapping import unlearned
 from mitt.link.clock import Stopwatch
 from mitt.robot.load import load_arm
-from mitt.trials.play import Player
+from mitt.trials.play import play_out
 from mitt.trials.runner import TrialRunner
 from mitt.world.scene import Scene
 from mitt.world.simulation import World
@@ -65,7 +65,7 @@ def played(alone):
         others = [World(Scene(), arm.model) for _ in range(3)]
         for other in others:
             other.data.qpos[:] = 7.0
-    ticks = Player(Stopwatch(), longest=2.0, held=0.6).run(stage, catcher)
+    ticks = play_out(stage, catcher, Stopwatch(), longest=2.0, held=0.6)
     return ticks["told"].copy()
 print(json.dumps(bool(np.array_equal(played(False), played(True)))))
 """

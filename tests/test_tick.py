@@ -34,10 +34,10 @@ from mitt.signals import (
     command_of,
 )
 from mitt.tick import BESIDE, TOUCHED, tick
-from mitt.trials.aim import aim_of
 from mitt.trials.known import known_ball
 from mitt.trials.learning import learn
 from mitt.trials.runner import TrialRunner
+from mitt.trials.source import aim_of
 from mitt.vision.camera import fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig
 from mitt.vision.filter import BallFilter

@@ -13,10 +13,10 @@ from mitt.generator.learn import Learned
 from mitt.records import REASONS, STATES, Record
 from mitt.robot.arm import Arm
 from mitt.signals import Senses
-from mitt.trials.aim import aim_of
 from mitt.trials.learning import learn
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import held, measure, status_of
+from mitt.trials.source import aim_of
 from mitt.world.scene import Scene
 from mitt.world.throws import Throw, default_throw
 

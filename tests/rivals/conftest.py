@@ -10,7 +10,7 @@ from mitt.generator.learn import Learned
 from mitt.rivals.choice import Chooser
 from mitt.robot.arm import Arm
 from mitt.signals import BallState
-from mitt.trials.aim import aim_of
+from mitt.trials.source import aim_of
 from mitt.world.throws import Throw, default_throw
 
 

@@ -21,7 +21,7 @@ from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import ArmState, Array, BallState, JointReference, Senses
-from mitt.trials.aim import aim_of
+from mitt.trials.source import aim_of
 from mitt.vision.camera import fixed_rig
 from mitt.vision.eyes import Eyes
 from mitt.vision.head import active_rig

@@ -22,9 +22,8 @@ from small_study import (
 
 from mitt.errors import InputError
 from mitt.generator.learn import Learned
-from mitt.sweep.engine import Cluster, Processes, engine_of
+from mitt.sweep.engine import Cluster, Processes, engine_of, run_tasks
 from mitt.sweep.run import run_study
-from mitt.sweep.tasks import run_tasks
 
 COMPARED = ("summary.json", "trials.parquet")
 

@@ -8,7 +8,7 @@ from small_study import GENERATORS, TEXT, write_study
 from mitt.errors import InputError, MittError, UnknownNameError
 from mitt.sweep.folder import Folder
 from mitt.sweep.read import read_study, shipped
-from mitt.sweep.recordings import recording_path
+from mitt.sweep.run import recording_path
 from mitt.sweep.study import Study, extent
 from mitt.sweep.work import Job
 from mitt.world.faults.plan import Kick

@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 
 from mitt.control.condition import Reason, State
 from mitt.control.stopped import StoppedBy
-from mitt.sweep.parts import Row, read_part, write_rows
+from mitt.sweep.parts import Row, read_part, row_of, write_rows
 from mitt.sweep.study import Study
 from mitt.sweep.summary import cell_of, compared
 from mitt.trials.score import Trial, reason_of, stop_as_json
@@ -33,11 +33,7 @@ def trial(index: int, status: str, stop: StoppedBy | None = None) -> Trial:
 
 def rows_of(generator: str, trials: list[Trial]) -> list[Row]:
     """Return throws as rows of the table."""
-    return [
-        Row(generator=generator, condition="clean", trial=x, energy_j=1.0, release=np.zeros(6),
-            passing=np.zeros(6))
-        for x in trials
-    ]  # fmt: skip
+    return [row_of(generator, "clean", x, 1.0, np.zeros(6), np.zeros(6)) for x in trials]
 
 
 def test_a_stop_is_json_with_null_for_what_an_encoder_did_not_say() -> None:
@@ -76,7 +72,7 @@ def test_every_throw_counts_in_rates_and_pairs(tmp_path: Path, study: Study) -> 
         path = tmp_path / f"{generator}.parquet"
         path.write_bytes(write_rows(rows_of(generator, trials), {}))
         cells += [cell_of(generator, c, 4, read_part(path)[0]) for c in study.conditions]
-    first, *_, last = compared(study, cells)
+    first, *_, last = compared(cells)
     assert (first["throws"], first["caught"], first["catch_rate"]) == (4, 1, 0.25)
     assert first["ci95"] == list(wilson(1, 4))
     assert (first["stopped"], first["aborted"]) == (1, 1)

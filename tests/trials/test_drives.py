@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
-from mitt.trials.drives import fresh_tally, hold, tally
+from mitt.trials.drives import drive_loads, link_torques
 
 
 @pytest.fixture(name="motors", scope="module")
@@ -26,10 +26,7 @@ def test_holding_is_what_inverse_dynamics_says(motors: Arm, seed: int) -> None:
     rng = np.random.default_rng(seed)
     motion = rng.uniform(-1.0, 1.0, (4, 3, 3)) * np.array([1.0, 5.0, 60.0])[:, None]
     tau = np.array([motors.torque(*row) for row in motion])
-    found, sums = np.empty((4, 4)), fresh_tally(motors)
-    q, dq, active = motion[:, 0].copy(), motion[:, 1].copy(), motors.active(tau)
-    for t in range(4):
-        hold(motors.tables, q, dq, active, t, found[t], sums)
+    found = link_torques(motors, motion[:, 0], motion[:, 1], motors.active(tau))
     assert np.allclose(found, tau, atol=1e-9 * (1.0 + np.abs(tau).max()))
 
 
@@ -47,25 +44,20 @@ def test_without_held_joints_the_torques_are_those_of_the_active_ones(motors: Ar
     """An arm all of whose joints move has nobody to hold."""
     links = tuple(replace(link, held=None) for link in motors.model.links)
     arm = Arm(replace(motors.model, links=links, q_ready=np.zeros(4)), motors.limits)
-    tau, still, out = np.array([[1.0, 2.0, 3.0, 4.0]]), np.zeros((1, 4)), np.empty(4)
-    hold(arm.tables, still, still, tau, 0, out, fresh_tally(arm))
-    assert np.array_equal(out, tau[0])
+    tau, still = np.array([[1.0, 2.0, 3.0, 4.0]]), np.zeros((1, 4))
+    assert np.array_equal(link_torques(arm, still, still, tau), tau)
 
 
 @settings(max_examples=30)
 @given(seed=st.integers(0, 2**31))
-def test_continuous_torque_is_a_root_mean_square(motors: Arm, seed: int) -> None:
-    """The sums are the squares of what each drive gives to hold its links, tick by tick."""
-    rng, sums = np.random.default_rng(seed), fresh_tally(motors)
-    most = np.array([motors.q_min, motors.q_max, motors.dq_max])
-    q, dq = np.tile(motors.q_ready, (11, 1)), np.zeros((11, 3))
-    tau = rng.uniform(-20.0, 20.0, (11, 3))
-    told, seen = np.zeros((3, 10, 3)), np.zeros(11, dtype=np.int64)
-    told[0], told[2] = motors.q_ready, tau[1:]
-    assert tally(motors.tables, most, told, q, dq, tau, seen, sums) == 0
-    alone, total = fresh_tally(motors), np.zeros(4)
-    for t in range(1, 11):
-        out = np.empty(4)
-        hold(motors.tables, q, dq, tau, t, out, alone)
-        total += motors.limits.drive_torque(out) ** 2
-    assert sums.square == pytest.approx(total)
+def test_the_loads_are_those_of_the_limit_set(motors: Arm, seed: int) -> None:
+    """Torque and share of each drive, locked joints included, and which instants are over."""
+    rng = np.random.default_rng(seed)
+    q, dq = np.tile(motors.q_ready, (10, 1)), rng.uniform(-1.0, 1.0, (10, 3))
+    tau, limits = rng.uniform(-90.0, 90.0, (10, 3)), motors.limits
+    found, links = drive_loads(motors, q, dq, tau), link_torques(motors, q, dq, tau)
+    speeds = np.array([motors.all_joints(row) for row in dq])
+    assert np.array_equal(found.torque, limits.drive_torque(links))
+    assert np.array_equal(found.share, limits.torque_ratio(links, speeds))
+    assert np.array_equal(found.over(1e-9), np.any(found.share > 1.0 + 1e-9, axis=1))
+    assert not np.any(found.over(np.full(10, np.inf)))

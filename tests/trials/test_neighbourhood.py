@@ -9,8 +9,8 @@ from mitt.flight import advance
 from mitt.generator.flights import Flight
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array
-from mitt.trials.aim import aim_of
 from mitt.trials.neighbourhood import Neighbourhood, neighbourhood, neighbourhood_of_ball
+from mitt.trials.source import aim_of
 from mitt.world.throws import default_throw
 
 AROUND = Neighbourhood(flights=24)

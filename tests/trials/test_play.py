@@ -15,7 +15,6 @@ from mitt.robot.arm import Arm
 from mitt.trials.learning import learn
 from mitt.trials.log import TrialLog
 from mitt.trials.neighbourhood import Neighbourhood
-from mitt.trials.play import Player
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.source import source_of
 from mitt.world.imaging import BLOCK
@@ -31,9 +30,7 @@ ASIDE = Throw(r=np.array([3.0, 0.5, 0.5]), dr=np.array([-4.0, 3.0, 3.0]))
 
 def throws(learned: Learned, count: int) -> list[Throw]:
     """Return default throws, which fly for longer than a block of frames."""
-    source = source_of(
-        learned.map, seed=77, count=count, throws_file=None, flights_file=None, drag=0.04
-    )
+    source = source_of(learned.map, seed=77, count=count, drag=0.04)
     return [ball for k in range(count) if isinstance(ball := source.ball(k), Throw)]
 
 
@@ -47,7 +44,6 @@ def through_both(
     compiled = _all(runner, balls)
     with monkeypatch.context() as patch:
         patch.setattr(World, "stage", property(lambda _: None))
-        patch.setattr(World, "ending", property(lambda _: None))
         python = _all(runner, balls)
     for mine, theirs in zip(compiled, python, strict=True):
         assert mine.trial == theirs.trial
@@ -184,10 +180,3 @@ def test_a_verdict_that_cannot_be_given_yet_asks_for_no_python(
     watched = np.sum(log.phase == WATCH)
     assert watched > 20
     assert sum(t <= log.t[watched - 1] for t in asked) <= 2
-
-
-def test_a_trial_longer_than_the_buffers_is_refused(arm: Arm, learned: Learned) -> None:
-    """What a trial may last is held against the tables that take it."""
-    stopwatch = TrialRunner(arm, Direct(learned.map), Scene()).stopwatch
-    with pytest.raises(ValueError, match="at most 8192 ticks"):
-        Player(stopwatch, longest=8.0, held=0.5)

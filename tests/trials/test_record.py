@@ -8,7 +8,7 @@ import numpy as np
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
 from mitt.link.recording import CATCH_POINT, ESTIMATE, EVENT, PHASE, TRUTH
-from mitt.trials.record import recording_of
+from mitt.trials.log import recording_of
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.source import source_of
 from mitt.world.faults.plan import Encoder
@@ -59,7 +59,7 @@ def test_the_recording_of_a_stopped_throw_says_when_the_brakes_engaged_and_why(
     """From the tick of the stop to the end, with the reason as an event and in the metadata."""
     f = learned.map
     scene = Scene(faults=(Encoder(kind="encoder", fault="dropout", joint=1, start=0.3),))
-    source = source_of(f, seed=91, count=1, throws_file=None, flights_file=None, drag=0.04)
+    source = source_of(f, seed=91, count=1, drag=0.04)
     runner = TrialRunner(f.arm, Direct(f), scene, pixels=False)
     outcome = runner.run(0, source.ball(0), seed=source.trial_seed(0), log=True)
     assert outcome.log is not None

@@ -15,13 +15,13 @@ from mitt.link.recording import write_recording
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
-from mitt.trials.aim import aim_of
 from mitt.trials.known import driven, known_ball
 from mitt.trials.learning import learn
-from mitt.trials.record import recording_of
+from mitt.trials.log import recording_of
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.score import HELD_AFTER
 from mitt.trials.simulate import simulate
+from mitt.trials.source import aim_of
 from mitt.vision.filter import FilterConfig
 from mitt.world.scene import Scene, Sensing
 from mitt.world.scenes import named_scene, scene_of

@@ -39,10 +39,7 @@ def test_a_ball_depends_on_seed_and_index_alone(plain: DirectMap, seed: int, ind
 
 def test_default_throws_follow_the_scene_s_drag(plain: DirectMap) -> None:
     """The drag of a source is what its throws are aimed with: more drag is thrown harder."""
-    thick, thin = (
-        source_of(plain, seed=3, count=5, throws_file=None, flights_file=None, drag=drag)
-        for drag in (0.3, 0.0)
-    )
+    thick, thin = (source_of(plain, seed=3, count=5, drag=drag) for drag in (0.3, 0.0))
     for index in range(5):
         heavy, light = thick.ball(index), thin.ball(index)
         assert isinstance(heavy, Throw)

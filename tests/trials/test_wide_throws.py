@@ -10,7 +10,7 @@ from mitt.trials.learning import learn
 from mitt.trials.registry import make_generator
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial
-from mitt.trials.source import Source, source_for
+from mitt.trials.source import Source, source_of
 from mitt.world.scene import Scene
 from mitt.world.scenes import scene_of
 from mitt.world.throws import ThrowRanges
@@ -37,7 +37,7 @@ def thrown(learned: Learned, ranges: ThrowRanges, scene: Scene) -> list[Trial]:
     """Throw a few balls by points."""
     f = learned.map
     runner = TrialRunner(f.arm, make_generator("direct", f), scene, pixels=False)
-    source: Source = source_for(f, seed=SEED, count=COUNT, drag=scene.ball.drag)
+    source: Source = source_of(f, seed=SEED, count=COUNT, drag=scene.ball.drag)
     source = replace(source, ranges=ranges)
     return [runner.run(k, source.ball(k), seed=source.trial_seed(k)).trial for k in range(COUNT)]
 

@@ -18,7 +18,6 @@ import mitt
 from mitt.bench import libraries as by
 from mitt.bench.problem import Answer, LearningProblem, learning_problem
 from mitt.bench.problem import solve as solve_problem
-from mitt.bench.ticks import Rivals, take_turns, timed
 from mitt.errors import InputError
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
@@ -49,6 +48,8 @@ Time = dict[str, float]
 Result = dict[str, object]
 Progress = Callable[[str, int, int], None]
 Say = Callable[[str], None]
+Rivals = dict[str, tuple[by.Tick, int]]
+"""A tick of each rival, and how often it is to be timed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,30 +86,32 @@ def measure(settings: BenchSettings, *, progress: Progress, say: Say) -> Result:
     progress("learning", 0, 1)
     f = learn(arm).map
     progress("learning", 1, 1)
-    source = source_of(f, seed=SEED, count=settings.throws, throws_file=None, flights_file=None,
-                       drag=Scene().ball.drag)  # fmt: skip
+    source = source_of(f, seed=SEED, count=settings.throws, drag=Scene().ball.drag)
     progress("ticks", 0, 3)
-    seeing, told = (TrialRunner(arm, Direct(f), Scene(), pixels=pixels) for pixels in (True, False))
-    rivals = rivals_of(f, source, frames_of(seeing, source), settings, say)
+    with_images, with_points = (
+        TrialRunner(arm, Direct(f), Scene(), pixels=pixels) for pixels in (True, False)
+    )
+    rivals = rivals_of(f, source, frames_of(with_images, source), settings, say)
     settle()
     before = noise(settings.repeats)
-    ticks, others = take_turns((seeing, told), rivals, source)
+    (tick, tick_without_images), others = take_turns((with_images, with_points), rivals, source)
     progress("ticks", 1, 3)
-    adapt = time_adapting(f, source, settings.repeats)
+    adapt = figures(time_adapting(f, source, settings.repeats))
     progress("ticks", 2, 3)
-    throws = throughput(seeing, source)
+    throws = throughput(with_images, source)
     progress("ticks", 3, 3)
+    learned, after = learning(arm, settings, progress, say), noise(settings.repeats)
     return {
         "schema": SCHEMA,
         "version": mitt.__version__,
         "machine": f"{platform.machine()}, {os.cpu_count()} cores",
-        "tick_us": figures(ticks[0]),
-        "tick_without_images_us": figures(ticks[1]),
-        "adapt_us": figures(adapt),
-        **learning(arm, settings, progress, say),
+        "tick_us": tick,
+        "tick_without_images_us": tick_without_images,
+        "adapt_us": adapt,
+        **learned,
         "throws_per_s_core": throws,
-        "rivals_us": {name: figures(stopwatch) for name, stopwatch in others.items()},
-        "noise_us": worse(before, noise(settings.repeats)),
+        "rivals_us": others,
+        "noise_us": {name: max(before[name], after[name]) for name in before},
     }
 
 
@@ -118,9 +121,55 @@ def figures(stopwatch: Stopwatch, *, per: float = 1.0) -> Time:
     return {name: found[name] / per for name in ("p50", "p99", "p99_9")}
 
 
-def worse(a: Time, b: Time) -> Time:
-    """Return the larger of each."""
-    return {name: max(a[name], b[name]) for name in a}
+def timed(call: by.Tick, repeats: int) -> Stopwatch:
+    """Return the times of a call; the first ones, which warm caches up, are left out."""
+    stopwatch = Stopwatch()
+    time_calls(call, max(repeats // 10, 1), Stopwatch())
+    time_calls(call, repeats, stopwatch)
+    return stopwatch
+
+
+def time_calls(call: by.Tick, repeats: int, stopwatch: Stopwatch) -> None:
+    """Let a stopwatch time a call so many times."""
+    for _ in range(repeats):
+        with stopwatch:
+            call()
+
+
+def time_throw(runner: TrialRunner, source: Source, index: int) -> None:
+    """Let the runner's stopwatch time all ticks in which the ball is watched or followed.
+
+    With pixels, each takes two images to torques; without, a position to torques. Thinking, which
+    comes after the command, is left out.
+    """
+    catcher, world = runner.release(source.ball(index), seed=source.trial_seed(index)), runner.world
+    while catcher.looking and world.first_contact is None and world.t < 1.0:
+        runner.step(catcher)
+
+
+def take_turns(
+    runners: tuple[TrialRunner, ...], rivals: Rivals, source: Source
+) -> tuple[list[Time], dict[str, Time]]:
+    """Return the times of the ticks of our runners and of the rivals'.
+
+    After each throw every rival makes its share of calls. A first throw, which warms caches up, is
+    not timed.
+    """
+    for runner in runners:
+        time_throw(runner, source, 0)
+        runner.stopwatch.clear()
+    for call, repeats in rivals.values():
+        time_calls(call, max(repeats // 10, 1), Stopwatch())
+    others = {name: Stopwatch() for name in rivals}
+    for index in range(source.count):
+        for runner in runners:
+            time_throw(runner, source, index)
+        for name, (call, repeats) in rivals.items():
+            time_calls(call, -(-repeats // source.count), others[name])
+    return (
+        [figures(runner.stopwatch) for runner in runners],
+        {name: figures(stopwatch) for name, stopwatch in others.items()},
+    )
 
 
 def noise(repeats: int) -> Time:
@@ -130,14 +179,11 @@ def noise(repeats: int) -> Time:
 
 def frames_of(runner: TrialRunner, source: Source) -> list[tuple[Frame, ...]]:
     """Return the images of the first throw while its ball is watched."""
-    world, catcher, kept = runner.world, runner.catcher(), []
-    world.reset(source.ball(0), source.trial_seed(0))
-    while world.t < 0.3:
-        senses = world.sense()
+    catcher, kept = runner.release(source.ball(0), seed=source.trial_seed(0)), []
+    while runner.world.t < 0.3:
+        senses = runner.step(catcher)
         if len(senses.frames) == len(fixed_rig().cameras):
             kept.append(senses.frames)
-        world.apply(catcher.step(senses))
-        catcher.think()
     return kept
 
 
@@ -194,10 +240,10 @@ def throughput(runner: TrialRunner, source: Source) -> float:
 
     One throw before the clock starts compiles and warms up what is not yet.
     """
-    runner.run(0, source.ball(0), seed=source.trial_seed(0))
+    runner.throw(source, 0)
     start = processor_time()
     for index in range(source.count):
-        runner.run(index, source.ball(index), seed=source.trial_seed(index))
+        runner.throw(source, index)
     return source.count / (processor_time() - start)
 
 
@@ -209,22 +255,21 @@ def learning(arm: Arm, settings: BenchSettings, progress: Progress, say: Say) ->
     alone; its time is ``learn_solver_ms``.
     """
     progress("solvers", 0, 1)
-    whole = figures(timed(partial(learn, arm), min(settings.solves, _MOST_LEARNED)), per=1e3)
+    whole = timed(partial(learn, arm), min(settings.solves, _MOST_LEARNED))
     problem = learning_problem(arm, flights=settings.flights, seed=SEED)
-    ours = figures(timed(partial(solve_problem, problem), settings.solves), per=1e3)
-    result: Result = {"learn_ms": whole, "learn_solver_ms": ours, "learn_ipopt_ms": None,
-                      "learn_cost_gap": None}  # fmt: skip
-    if settings.ipopt:
-        best = _by_ipopt(problem, say)
-        if best is not None:
-            took, answer = best
-            result["learn_ipopt_ms"] = took
-            result["learn_cost_gap"] = solve_problem(problem).cost / answer.cost - 1.0
+    ours = timed(partial(solve_problem, problem), settings.solves)
+    took, answer = _by_ipopt(problem, say) if settings.ipopt else (None, None)
+    gap = None if answer is None else solve_problem(problem).cost / answer.cost - 1.0
     progress("solvers", 1, 1)
-    return result
+    return {
+        "learn_ms": figures(whole, per=1e3),
+        "learn_solver_ms": figures(ours, per=1e3),
+        "learn_ipopt_ms": took,
+        "learn_cost_gap": gap,
+    }
 
 
-def _by_ipopt(problem: LearningProblem, say: Say) -> tuple[Time, Answer] | None:
+def _by_ipopt(problem: LearningProblem, say: Say) -> tuple[Time | None, Answer | None]:
     """Return time [ms] and answer of the fastest set-up that converges; None without one."""
     from mitt.bench import ipopt  # noqa: PLC0415 (CasADi is an extra)
 
@@ -234,7 +279,7 @@ def _by_ipopt(problem: LearningProblem, say: Say) -> tuple[Time, Answer] | None:
             solver = ipopt.solver(problem, setup)
         except InputError as error:
             say(f"ipopt is left out: {error}")
-            return None
+            return None, None
         stopwatch = Stopwatch()
         with stopwatch:
             answer = ipopt.run(problem, solver)
@@ -243,4 +288,4 @@ def _by_ipopt(problem: LearningProblem, say: Say) -> tuple[Time, Answer] | None:
         say(f"ipopt, {setup}: {state if answer.good else state + ', not converged'}")
         if answer.good:
             found.append((took, answer))
-    return min(found, key=lambda x: x[0]["p50"]) if found else None
+    return min(found, key=lambda x: x[0]["p50"]) if found else (None, None)

@@ -12,8 +12,7 @@ from mitt.report.worst import worst_throws
 from mitt.signals import Array
 from mitt.sweep.parts import read_columns
 from mitt.sweep.run import Progress
-from mitt.sweep.settings import ThrowSettings
-from mitt.sweep.study import SCHEMA, Condition, Study, extent
+from mitt.sweep.study import SCHEMA, Condition, Study, ThrowSettings, extent
 from mitt.sweep.summary import REFERENCE, StudyResult
 from mitt.trials.result import STATUSES
 

@@ -7,8 +7,7 @@ from mitt.link.files import write_text
 from mitt.report.page import Cell
 from mitt.report.replay import replay_page
 from mitt.sweep.parts import read_columns
-from mitt.sweep.recordings import recording_path
-from mitt.sweep.run import Progress, all_jobs, by_cell
+from mitt.sweep.run import Progress, all_jobs, by_cell, recording_path
 from mitt.sweep.summary import StudyResult
 from mitt.sweep.work import Job, throw_again
 

@@ -1,4 +1,4 @@
-"""Where chunks are thrown: processes of this machine, or a Dask cluster by its address.
+"""Where tasks are done: processes of this machine, or a Dask cluster by its address.
 
 Both are a ``concurrent.futures.Executor``, so everything else is the same for both.
 """
@@ -8,13 +8,23 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
-from multiprocessing.connection import wait
-from typing import Protocol, final
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
+from multiprocessing.connection import wait as wait_for
+from typing import Protocol, TypeVar, final
 
 from mitt.errors import InputError
 from mitt.link.realtime import settle
+
+_Task = TypeVar("_Task")
 
 #: How long a scheduler may take to answer [s].
 _ANSWER = "5s"
@@ -92,7 +102,7 @@ def _begin() -> None:
 
 def _follow(sentinel: int) -> None:
     """Wait for the end of the parent, and end as well."""
-    wait([sentinel])
+    wait_for([sentinel])
     os._exit(1)
 
 
@@ -165,3 +175,45 @@ def check_engine(name: str) -> str:
     if name != "local" and not (name.startswith("dask://") and colon and port.isdigit()):
         raise InputError("--engine", "local or dask://HOST:PORT", repr(name))
     return name
+
+
+def run_tasks(
+    engine: Engine, work: Callable[[_Task], bytes], tasks: Sequence[_Task], *, window: int
+) -> Iterator[tuple[_Task, bytes | BaseException]]:
+    """Yield what became of each task, as they end.
+
+    A worker that dies takes with it what is under way in a pool of processes, so that few tasks
+    are under way at once; all of those are yielded with the error.
+
+    Args:
+        engine: Where the work is done.
+        work: What is done with each task.
+        tasks: The tasks.
+        window: Most tasks under way.
+    """
+    waiting, under_way = deque(tasks), dict[Future[bytes], _Task]()
+    while waiting or under_way:
+        broken = False
+        while waiting and len(under_way) < window and not broken:
+            try:
+                under_way[engine.submit(work, waiting[0])] = waiting[0]
+                waiting.popleft()
+            except Exception as error:
+                broken = engine.died(error)
+                if not broken:
+                    raise
+        for future in wait(under_way, return_when=FIRST_COMPLETED).done if under_way else set():
+            outcome = _outcome(future)
+            broken = broken or (isinstance(outcome, BaseException) and engine.died(outcome))
+            yield under_way.pop(future), outcome
+        if broken:
+            for future, task in under_way.items():
+                yield task, _outcome(future)
+            under_way.clear()
+            engine.restart()
+
+
+def _outcome(future: Future[bytes]) -> bytes | BaseException:
+    """Return the result of a task, or its error; waits for it."""
+    error = future.exception()
+    return future.result() if error is None else error

@@ -17,8 +17,7 @@ from typing import final
 from mitt.errors import FileError, InputError
 from mitt.link.files import claim_folder, make_folder, read_json, write_atomically, write_json
 from mitt.reading import read_bytes
-from mitt.sweep.settings import ArmSettings
-from mitt.sweep.study import SCHEMA, Study
+from mitt.sweep.study import SCHEMA, ArmSettings, Study
 from mitt.world.settings import validated
 from mitt.world.tables import MAX_BYTES
 

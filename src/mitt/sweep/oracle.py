@@ -17,9 +17,7 @@ from typing import Any
 import numpy as np
 
 from mitt.trials.result import STATUSES
-from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial, reason_of
-from mitt.trials.source import Source
 from mitt.trials.statistics import wilson
 
 #: The stream that a sample is drawn from.
@@ -28,7 +26,7 @@ _STREAM = 7
 FAIR = 30.0
 
 Row = dict[str, Any]
-#: Runs a throw by its index.
+#: Throws one ball, by its index.
 Run = Callable[[int], Trial]
 
 
@@ -60,19 +58,17 @@ def counted(rows: Sequence[Row]) -> Row:
     failed = [row for row in rows if row["status"] != "caught"]
     both = [row for row in rows if row["status"] == "caught" and row["clairvoyant"] is not None]
     caught, lost = len(rows) - len(failed), _caught_by_optimum(failed)
-    share = _caught_by_optimum(both) / len(both) if both else 1.0
     # The sample stands for all that the map catches.
-    common = round(share * caught)
+    common = round((_caught_by_optimum(both) / len(both) if both else 1.0) * caught)
     feasible = sum(row["verdict"] == "feasible" for row in rows)
     broken, let_go = sum(_broken(row) for row in rows), [row for row in rows if _let_go(row)]
-    refused = [row for row in failed if _refused(row)]
-    asked = [row for row in refused if row["clairvoyant"] is not None]
+    refused = [row for row in failed if row["status"] == "unreachable"]
     timid = round(sum(_timid(refused, name) for name in {row.get("condition") for row in refused}))
+    speeds = [row["velocity_error_m_s"] for row in let_go]
     return {
         "throws": len(rows),
         "caught": caught,
-        **{s: sum(row["status"] == s for row in rows)
-           for s in STATUSES[1:]},
+        **{status: sum(row["status"] == status for row in rows) for status in STATUSES[1:]},
         "sampled": {"throws": len(both), "caught_by_clairvoyant": _caught_by_optimum(both)},
         "catchable": common + lost,
         "caught_of_catchable": _rate(common, common + lost),
@@ -81,14 +77,14 @@ def counted(rows: Sequence[Row]) -> Row:
         "false_unreachable": _rate(timid, len(rows)),
         "false": _rate(broken + timid, len(rows)),
         "let_go": len(let_go),
-        "let_go_at_m_s": _median([row["velocity_error_m_s"] for row in let_go]),
+        "let_go_at_m_s": float(np.median(speeds)) if speeds else None,
         "refused": len(refused),
-        "refused_and_asked": len(asked),
+        "refused_and_asked": sum(row["clairvoyant"] is not None for row in refused),
         "refused_by": dict(Counter(row["binding_limit"] for row in refused)),
         "violations": sum(row["violations"] for row in rows),
         "violations_of_clairvoyant": sum(row.get("clairvoyant_violations", 0) for row in rows),
         "failures": failed,
-    }  # fmt: skip
+    }
 
 
 def _caught_by_optimum(rows: Sequence[Row]) -> int:
@@ -106,11 +102,6 @@ def _timid(refused: list[Row], condition: str | None) -> float:
     return _caught_by_optimum(asked) / len(asked) * len(here) if asked else 0.0
 
 
-def _refused(row: Row) -> bool:
-    """Say whether a throw was refused before moving."""
-    return bool(row["status"] == "unreachable")
-
-
 def _let_go(row: Row) -> bool:
     """Say whether a ball that was met as promised, within all limits, left the hand again."""
     gap = row["position_error_mm"]
@@ -124,20 +115,10 @@ def _broken(row: Row) -> bool:
     return bool(row["verdict"] == "feasible" and not kept)
 
 
-def _median(values: list[float]) -> float | None:
-    """Return the median; None of nothing."""
-    return float(np.median(values)) if values else None
-
-
 def _rate(k: int, n: int) -> Row:
     """Return a rate with its 95 % Wilson interval."""
     low, high = wilson(k, n)
     return {"of": n, "count": k, "rate": k / n if n else None, "low": low, "high": high}
-
-
-def thrown(source: Source, runner: TrialRunner, index: int) -> Trial:
-    """Throw one ball at a runner."""
-    return runner.run(index, source.ball(index), seed=source.trial_seed(index)).trial
 
 
 def is_sampled(seed: int, index: int, share: float) -> bool:

@@ -6,7 +6,7 @@ Pages carry checksums, and the metadata say which study, seed and version a part
 import io
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,9 @@ try:
 except ImportError as error:
     raise InputError("mitt study", "the package pyarrow", "a Python without it",
                      do="install mitt[study]") from error  # fmt: skip
+
+Row = dict[str, Any]
+"""A throw, by columns of the table."""
 
 #: Rows of one row group of the whole table.
 _GROUP = 4096
@@ -54,11 +57,12 @@ _COLUMNS = pa.schema(
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Row:
-    """One throw.
+def row_of(
+    generator: str, condition: str, trial: Trial, energy_j: float, release: Array, passing: Array
+) -> Row:
+    """Return a throw by columns.
 
-    Attributes:
+    Args:
         generator: Name of the generator.
         condition: Name of the condition.
         trial: Its score.
@@ -66,42 +70,26 @@ class Row:
         release: Position and velocity at release [m, m/s], shape (6,).
         passing: The same where the undisturbed ball is nearest to the waiting hand, shape (6,).
     """
-
-    generator: str
-    condition: str
-    trial: Trial
-    energy_j: float
-    release: Array
-    passing: Array
+    known = set(_COLUMNS.names)
+    row: Row = {key: value for key, value in asdict(trial).items() if key in known}
+    row |= {f"stopped_by_{name}": x for name, x in (trial.stopped_by or {}).items()}
+    row |= {"generator": generator, "condition": condition, "energy_j": energy_j}
+    for name, state in (("release", release), ("passing", passing)):
+        row |= {f"{name}_{axis}": float(x) for axis, x in zip(_AXES, state, strict=True)}
+    return row
 
 
 def write_rows(rows: Sequence[Row], notes: dict[str, str]) -> bytes:
     """Return a part as the bytes of a Parquet file."""
-    return write_table(pa.Table.from_pylist([_flat(row) for row in rows], schema=_COLUMNS), notes)
-
-
-def write_table(table: Any, notes: dict[str, str]) -> bytes:  # noqa: ANN401 (pyarrow has no types)
-    """Return a table as the bytes of a Parquet file."""
-    out = io.BytesIO()
-    with pq.ParquetWriter(out, _schema(notes), write_page_checksum=True) as writer:
-        writer.write_table(table.replace_schema_metadata(_schema(notes).metadata))
+    out, schema = io.BytesIO(), _schema(notes)
+    with pq.ParquetWriter(out, schema, write_page_checksum=True) as writer:
+        writer.write_table(pa.Table.from_pylist(list(rows), schema=schema))
     return out.getvalue()
 
 
-def _schema(notes: dict[str, str]) -> Any:  # noqa: ANN401
+def _schema(notes: dict[str, str]) -> Any:  # noqa: ANN401 (pyarrow has no types)
     """Return the columns with metadata."""
     return _COLUMNS.with_metadata(dict(sorted(notes.items())))
-
-
-def _flat(row: Row) -> dict[str, object]:
-    """Return a row by columns."""
-    known = set(_COLUMNS.names)
-    flat = {key: value for key, value in asdict(row.trial).items() if key in known}
-    flat |= {f"stopped_by_{name}": x for name, x in (row.trial.stopped_by or {}).items()}
-    flat |= {"generator": row.generator, "condition": row.condition, "energy_j": row.energy_j}
-    for name, state in (("release", row.release), ("passing", row.passing)):
-        flat |= {f"{name}_{axis}": float(x) for axis, x in zip(_AXES, state, strict=True)}
-    return flat
 
 
 def read_part(path: Path) -> tuple[list[dict[str, Any]], dict[str, str]]:

@@ -8,8 +8,15 @@ from typing import Any
 import mitt
 from mitt.errors import InputError, UnknownNameError
 from mitt.reading import read_bytes, read_toml
-from mitt.sweep.settings import ArmSettings, Overrides, StudySettings, SweepSettings, Table
-from mitt.sweep.study import Condition, Study
+from mitt.sweep.study import (
+    ArmSettings,
+    Condition,
+    Overrides,
+    Study,
+    StudySettings,
+    SweepSettings,
+    Table,
+)
 from mitt.world.scenes import DEFAULT, scene_of
 from mitt.world.settings import merged, validated
 from mitt.world.tables import MAX_BYTES

@@ -1,27 +1,29 @@
 """Running a study: split, throw wherever there is a worker, keep, and sum up at the end."""
 
+import hashlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import final
 
 from mitt.errors import FileError
 from mitt.interrupts import notice, status_of
 from mitt.link.files import read_json, write_atomically, write_json
 from mitt.link.maps import save_map
-from mitt.sweep.engine import Engine
+from mitt.sweep.engine import Engine, run_tasks
 from mitt.sweep.folder import Folder, notes_of, write_bytes
 from mitt.sweep.parts import merge, read_part, timing_of
-from mitt.sweep.recordings import record_failures
-from mitt.sweep.settings import ArmSettings
-from mitt.sweep.study import SCHEMA, Condition, Study
+from mitt.sweep.study import SCHEMA, ArmSettings, Condition, Study
 from mitt.sweep.summary import summary
-from mitt.sweep.tasks import run_tasks
-from mitt.sweep.work import ChunkError, Job, throw_chunk
+from mitt.sweep.work import ChunkError, Job, record_throw, throw_chunk
 from mitt.trials.learning import learn
 from mitt.trials.run import arm_of, design_of
 from mitt.world.flights import Recording, builtin_flights, read_flights
 
 Progress = Callable[[str, int, int], None]
+
+#: Characters of a condition's name that a file's name had better not have.
+_SAFE = str.maketrans({" ": "_", "/": "_", "%": "pc", "=": "_", "+": "_"})
 
 
 @final
@@ -189,6 +191,52 @@ def by_cell(jobs: list[Job]) -> list[list[Job]]:
     for job in jobs:
         cells.setdefault((job.condition.name, job.generator), []).append(job)
     return list(cells.values())
+
+
+def record_failures(
+    cells: list[list[Job]],
+    folder: Folder,
+    engine: Engine,
+    most: int,
+    progress: Callable[[str, int, int], None],
+) -> None:
+    """Record failures that are not recorded yet; one that cannot be is left out.
+
+    Args:
+        cells: Chunks of each generator in each condition.
+        folder: Folder of the study.
+        engine: Where the throws are made once more, which gives the same trials.
+        most: Most recordings of a cell.
+        progress: Is told how many are done, and of how many.
+    """
+    wanted = [task for group in cells for task in _failures(group, folder, most)]
+    missing = [task for task in wanted if not recording_path(folder, *task).exists()]
+    made = run_tasks(engine, record_throw, missing, window=engine.workers + 1)
+    for done, (task, outcome) in enumerate(made, start=1):
+        if isinstance(outcome, bytes):
+            write_bytes(recording_path(folder, *task), outcome)
+        progress("recording", done, len(missing))
+
+
+def recording_path(folder: Folder, job: Job, index: int) -> Path:
+    """Return where the recording of a throw is kept."""
+    name = job.condition.name
+    condition = name.translate(_SAFE)
+    if condition != name:  # another name may read the same now
+        condition += f"-{hashlib.sha256(name.encode()).hexdigest()[:6]}"
+    return folder.recordings / f"{job.generator}-{condition}-{index}.mcap"
+
+
+def _failures(group: list[Job], folder: Folder, most: int) -> list[tuple[Job, int]]:
+    """Return the first throws of a cell that were not caught."""
+    out: list[tuple[Job, int]] = []
+    for job in group:
+        if len(out) >= most:
+            break
+        if folder.part(job.number).exists():
+            rows, _ = read_part(folder.part(job.number))
+            out += [(job, row["index"]) for row in rows if row["status"] != "caught"]
+    return out[:most]
 
 
 def _sum_up(study: Study, jobs: list[Job], folder: Folder, done: FinishedStudy) -> None:

@@ -1,16 +1,148 @@
-"""A study that can run: every condition of its grid spelled out."""
+"""What a study file may say, key by key, and the study that follows from it."""
 
 import hashlib
 import json
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
-from mitt.sweep.settings import ArmSettings, ThrowSettings
+from mitt.trials.choice import LimitName
 from mitt.world.scene import Scene
 from mitt.world.settings import Settings
 
 SCHEMA = "mitt.study/1"
+
+#: Most throws in a study, and most values of one sweep.
+_MOST_THROWS, _MOST_VALUES = 10_000_000, 200
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._%+=/-]{0,63}$")]
+Range = Annotated[tuple[float, float], Field(strict=False)]
+Table = dict[str, Any]
+Number = Annotated[float, Field(ge=-1e6, le=1e6)]
+
+
+class ArmSettings(Settings):
+    """Which arm and which map, as the options of the same names of ``mitt catch``."""
+
+    arm: str = "wam"
+    tip: str | None = None
+    joints: str | None = None
+    limits: LimitName | None = None
+    catch_joint: int | None = None
+    q_catch: float | None = None
+    kappa: float | None = None
+    inward: float | None = None
+    order: int | None = None
+
+
+class ThrowSettings(Settings):
+    """Ranges that the default throws are drawn from; what is left out stays as it is.
+
+    Attributes:
+        duration: Time of flight to the aim point [s].
+        speed: Speed at release [m/s].
+        distance: Horizontal distance of the release from the aim point [m].
+        azimuth: Direction of the release [rad].
+        height: Height of the release above the shoulder [m].
+        spread: Factor on the width of the box of joint angles that is aimed at.
+    """
+
+    duration: Range | None = None
+    speed: Range | None = None
+    distance: Range | None = None
+    azimuth: Range | None = None
+    height: Range | None = None
+    spread: Annotated[float, Field(gt=0.0, le=10.0)] = 1.0
+
+    @field_validator("duration", "speed", "distance", "azimuth", "height")
+    @classmethod
+    def _ordered(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
+        """Refuse a range whose ends are the wrong way round."""
+        if value is not None and value[0] > value[1]:
+            raise ValueError("a lower end and then an upper end")
+        return value
+
+
+class Overrides(Settings):
+    """What a condition may change.
+
+    Attributes:
+        arm: Settings of arm and map, over those of the study.
+        scene: Settings of the world, as in a scene file, over those of the study.
+        vision: What the catcher sees.
+        flights: Recorded flights instead of throws: ``builtin`` or a CSV file.
+        throws: Ranges of the default throws.
+    """
+
+    arm: Table = Field(default_factory=dict)
+    scene: Table = Field(default_factory=dict)
+    vision: Literal["pixels", "points"] | None = None
+    flights: str | None = None
+    throws: ThrowSettings = ThrowSettings()
+
+
+class ConditionSettings(Overrides):
+    """One condition of a study file.
+
+    Attributes:
+        name: What it is called.
+    """
+
+    name: Name
+
+
+class SweepSettings(Overrides):
+    """A row of conditions that differ in one number.
+
+    Attributes:
+        name: What the number is.
+        unit: Its unit, for people.
+        set: Address of the number, as ``scene.sensing.latency`` or ``scene.faults.0.magnitude``.
+        values: Its values, each a condition.
+        factor: What a value is multiplied by before it is set: 0.001 for milliseconds.
+    """
+
+    name: Name
+    unit: Annotated[str, Field(max_length=16)] = ""
+    set: Annotated[str, Field(pattern=r"^(scene|arm|throws)(\.[a-z0-9_]+)+$")]
+    values: Annotated[
+        tuple[Number, ...], Field(strict=False, min_length=1, max_length=_MOST_VALUES)
+    ]
+    factor: float = 1.0
+
+
+class StudySettings(Settings):
+    """A study file.
+
+    Attributes:
+        name: What the study is called.
+        about: What it asks, for the page.
+        seed: Seed of throws, plant and noise; the same throws for all generators and conditions.
+        throws: Throws of each generator in each condition.
+        throws_of: Another number for some generators.
+        generators: Names of the generators; ``all`` alone stands for all that there are.
+        arm: Arm and map.
+        vision: What the catcher sees.
+        scene: Settings of the world.
+        conditions: Conditions one by one.
+        sweeps: Rows of conditions.
+        chunk: Throws of one piece of work.
+        record: Most failures to record, of each generator in each condition.
+    """
+
+    name: Name
+    about: Annotated[str, Field(max_length=2000)] = ""
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 8000
+    throws: Annotated[int, Field(ge=1, le=_MOST_THROWS)] = 100
+    throws_of: dict[str, Annotated[int, Field(ge=1, le=_MOST_THROWS)]] = Field(default_factory=dict)
+    generators: Annotated[tuple[str, ...], Field(strict=False, min_length=1, max_length=64)]
+    arm: ArmSettings = ArmSettings()
+    vision: Literal["pixels", "points"] = "pixels"
+    scene: Table = Field(default_factory=dict)
+    conditions: Annotated[tuple[ConditionSettings, ...], Field(strict=False)] = ()
+    sweeps: Annotated[tuple[SweepSettings, ...], Field(strict=False)] = ()
+    chunk: Annotated[int, Field(ge=1, le=1000)] = 25
+    record: Annotated[int, Field(ge=0, le=100)] = 1
 
 
 class Condition(Settings):

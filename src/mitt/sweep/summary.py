@@ -19,6 +19,13 @@ from mitt.trials.result import STATUSES
 from mitt.trials.score import reason_of
 from mitt.trials.statistics import holm, mcnemar, wilson
 
+Place = tuple[str, str]
+"""Generator and condition."""
+Pair = dict[str, float]
+"""How two generators differ on the same throws."""
+Cell = tuple[dict[str, Any], Mapping[int, bool]]
+"""A row of the summary, and whether each of its throws was caught, by its index."""
+
 #: The generator that all others are compared with.
 REFERENCE = "direct"
 #: Columns of which the rows give the median.
@@ -69,26 +76,13 @@ def summary(study: Study, folder: Folder) -> list[dict[str, Any]]:
             cell = [("generator", "=", generator), ("condition", "=", condition.name)]
             throws = read_columns(folder.trials, _COLUMNS, cell).to_pylist()
             cells.append(cell_of(generator, condition, wanted, throws))
-    return compared(study, cells)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Cell:
-    """The throws of one generator in one condition, as far as they are done.
-
-    Attributes:
-        row: Its row of the summary.
-        caught: Whether each throw was caught, by its index.
-    """
-
-    row: dict[str, Any]
-    caught: Mapping[int, bool]
+    return compared(cells)
 
 
 def cell_of(
     generator: str, condition: Condition, wanted: int, trials: Iterable[dict[str, Any]]
 ) -> Cell:
-    """Return a cell from its throws.
+    """Return the throws of one generator in one condition, as far as they are done.
 
     Args:
         generator: Name of the generator.
@@ -128,26 +122,43 @@ def cell_of(
         "violating_throws": violating,
         "median": {name: float(np.median(x)) if x else None for name, x in values.items()},
     }
-    return Cell(row=row, caught=caught)
+    return row, caught
 
 
-def compared(study: Study, cells: Sequence[Cell]) -> list[dict[str, Any]]:
+def compared(cells: Sequence[Cell]) -> list[dict[str, Any]]:
     """Return the rows; each rival is compared with the direct map on the same throws."""
-    by_place = {(c.row["generator"], c.row["condition"]): c for c in cells}
-    for generator in study.generators:
-        mine = [by_place[generator, c.name] for c in study.conditions]
-        for cell in mine:
-            reference = by_place.get((REFERENCE, cell.row["condition"]))
-            if generator == REFERENCE or reference is None:
-                cell.row["against_direct"] = None
-            else:
-                cell.row["against_direct"] = paired(reference.caught, cell.caught)
-        correct([c.row["against_direct"] for c in mine if c.row["against_direct"] is not None])
-    return [cell.row for cell in cells]
+    caught = {(row["generator"], row["condition"]): hits for row, hits in cells}
+    pairs = against(caught, REFERENCE)
+    return [
+        row | {"against_direct": pairs.get(place)}
+        for place, (row, _) in zip(caught, cells, strict=True)
+    ]
 
 
-def paired(first: Mapping[int, bool], second: Mapping[int, bool]) -> dict[str, float]:
-    """Return how two generators differ on the throws that both had, McNemar's test."""
+def against(caught: Mapping[Place, Mapping[int, bool]], reference: str) -> dict[Place, Pair]:
+    """Return how others differ from a generator on the throws that both had.
+
+    McNemar's test, ``p``, and the same after Holm's correction over the conditions of a generator,
+    ``p_holm``.
+
+    Args:
+        caught: Whether each throw was caught, by its index, of each generator in each condition.
+        reference: Name of the generator that all others are compared with.
+    """
+    out = {
+        (generator, condition): _paired(caught[reference, condition], hits)
+        for (generator, condition), hits in caught.items()
+        if generator != reference and (reference, condition) in caught
+    }
+    for generator in {name for name, _ in out}:
+        pairs = [pair for (name, _), pair in out.items() if name == generator]
+        for pair, p in zip(pairs, holm([pair["p"] for pair in pairs]), strict=True):
+            pair["p_holm"] = p
+    return out
+
+
+def _paired(first: Mapping[int, bool], second: Mapping[int, bool]) -> Pair:
+    """Return how two generators differ on the throws that both had."""
     both = first.keys() & second.keys()
     only_direct = sum(first[k] and not second[k] for k in both)
     only_this = sum(second[k] and not first[k] for k in both)
@@ -157,9 +168,3 @@ def paired(first: Mapping[int, bool], second: Mapping[int, bool]) -> dict[str, f
         "only_this": only_this,
         "p": mcnemar(only_direct, only_this),
     }
-
-
-def correct(pairs: Sequence[dict[str, float]]) -> None:
-    """Add to some pairs their p after Holm's correction, ``p_holm``."""
-    for pair, p in zip(pairs, holm([pair["p"] for pair in pairs]), strict=True):
-        pair["p_holm"] = p

@@ -21,14 +21,13 @@ from mitt.link.maps import map_of
 from mitt.link.recording import write_recording
 from mitt.robot.arm import Arm
 from mitt.signals import Array
-from mitt.sweep.parts import Row, write_rows
-from mitt.sweep.settings import ArmSettings, ThrowSettings
-from mitt.sweep.study import Condition
-from mitt.trials.record import recording_of
+from mitt.sweep.parts import Row, row_of, write_rows
+from mitt.sweep.study import ArmSettings, Condition, ThrowSettings
+from mitt.trials.log import recording_of
 from mitt.trials.registry import make_generator
 from mitt.trials.run import arm_of
 from mitt.trials.runner import LoggedTrial, TrialRunner
-from mitt.trials.source import Source, source_for
+from mitt.trials.source import Source, source_of
 from mitt.world.faults.flight import Undisturbed
 from mitt.world.flights import BallPath, Recording
 from mitt.world.throws import Aim, Throw, ThrowRanges
@@ -85,7 +84,7 @@ def runner_of(job: Job) -> tuple[TrialRunner, Source, Learned]:
     learned, generator = _learned(*of), _generator(job.generator, *of)
     pixels = job.condition.vision == "pixels"
     runner = TrialRunner(learned.map.arm, generator, job.condition.scene, pixels=pixels)
-    source = source_for(
+    source = source_of(
         learned.map,
         seed=job.seed,
         count=job.stop,
@@ -136,8 +135,7 @@ def _thrown(job: Job) -> bytes:
 def throw_again(job: Job, index: int) -> tuple[LoggedTrial, Arm]:
     """Throw one ball of a chunk once more, with a log; it gives the same trial."""
     runner, source, learned = runner_of(job)
-    ball, seed = source.ball(index), source.trial_seed(index)
-    return runner.run(index, ball, seed=seed, log=True), learned.map.arm
+    return runner.throw(source, index, log=True), learned.map.arm
 
 
 def record_throw(task: tuple[Job, int]) -> bytes:
@@ -162,18 +160,12 @@ def record_throw(task: tuple[Job, int]) -> bytes:
 
 def _row(job: Job, runner: TrialRunner, source: Source, arm: Arm, index: int) -> Row:
     """Throw one ball and return its row."""
-    ball = source.ball(index)
-    trial = runner.run(index, ball, seed=source.trial_seed(index)).trial
+    ball, trial = source.ball(index), runner.throw(source, index).trial
     truth = runner.world.trace()
     power = np.abs(truth.tau * truth.dq).sum(axis=1)
-    return Row(
-        generator=job.generator,
-        condition=job.condition.name,
-        trial=trial,
-        energy_j=float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(truth.t))),
-        release=_release(ball),
-        passing=_passing(ball, arm, source.drag),
-    )
+    energy_j = float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(truth.t)))
+    release, passing = _release(ball), _passing(ball, arm, source.drag)
+    return row_of(job.generator, job.condition.name, trial, energy_j, release, passing)
 
 
 def _release(ball: Throw | BallPath) -> Array:

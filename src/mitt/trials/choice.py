@@ -1,4 +1,5 @@
 """Which arm and which map: what commands, studies and runs are given; light to import."""
+# ruff: noqa: D102 (the options of ``mitt catch`` say what each property is)
 
 from typing import Literal, Protocol
 
@@ -10,37 +11,20 @@ class ArmChoice(Protocol):
     """Which arm and which map; the options of ``mitt catch`` of the same names say what each is."""
 
     @property
-    def arm(self) -> str:
-        """The arm: wam, or a URDF or MJCF file."""
-
+    def arm(self) -> str: ...
     @property
-    def tip(self) -> str | None:
-        """Frame of the file at the catch point."""
-
+    def tip(self) -> str | None: ...
     @property
-    def joints(self) -> str | None:
-        """Active joints of the file, as A,B,C."""
-
+    def joints(self) -> str | None: ...
     @property
-    def limits(self) -> LimitName | None:
-        """Limit set."""
-
+    def limits(self) -> LimitName | None: ...
     @property
-    def catch_joint(self) -> int | None:
-        """Index of the catch joint."""
-
+    def catch_joint(self) -> int | None: ...
     @property
-    def q_catch(self) -> float | None:
-        """Its angle at the catch [rad]."""
-
+    def q_catch(self) -> float | None: ...
     @property
-    def kappa(self) -> float | None:
-        """Velocity-match ratio."""
-
+    def kappa(self) -> float | None: ...
     @property
-    def inward(self) -> float | None:
-        """How much of the ball's line leads into the palm."""
-
+    def inward(self) -> float | None: ...
     @property
-    def order(self) -> int | None:
-        """Degree of the polynomial."""
+    def order(self) -> int | None: ...

@@ -7,10 +7,10 @@ with it. ``result.json`` is written from the same throws when the run is over.
 
 import io
 import json
+from contextlib import AbstractContextManager
 from dataclasses import asdict
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self, final
+from typing import Any, final
 
 from mitt.errors import FileError
 from mitt.link.clock import Stopwatch
@@ -27,7 +27,7 @@ _MAX_BYTES = 200_000_000
 
 
 @final
-class Journal:
+class Journal(AbstractContextManager["Journal"]):
     """Keeps the throws of a run as they end.
 
     Attributes:
@@ -48,16 +48,7 @@ class Journal:
             raise _unwritable(folder, error) from None
         self._write({"schema": SCHEMA, **head, "throws": wanted})
 
-    def __enter__(self) -> Self:
-        """Enter a block at whose end the list is closed."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close the list."""
         self._file.close()
 

@@ -4,10 +4,14 @@ A package adds one by an entry point of the group ``mitt.generators`` that names
 a :class:`DirectMap` (it knows the arm) to a :class:`Generator`. A built-in name cannot be taken.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
+from typing import final
 
-from mitt.errors import InputError, UnknownNameError
+from mitt.errors import InputError, MittError, UnknownNameError
+from mitt.generator.certificate import Verdict
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.rivals.clairvoyant import make_clairvoyant
@@ -16,7 +20,7 @@ from mitt.rivals.ik import make_ik
 from mitt.rivals.mpc import make_mpc
 from mitt.rivals.quintic import make_quintic
 from mitt.rivals.ruckig import make_ruckig
-from mitt.trials.external import Added, answered_by
+from mitt.signals import Array, BallState, JointReference
 from mitt.trials.learning import learn_several
 
 #: Makes a generator for the arm of a learned map.
@@ -76,12 +80,66 @@ def make_generator(name: str, f: DirectMap) -> Generator:
     except (ImportError, AttributeError) as error:
         wanted = f"the entry point {entry.value} to load"
         raise InputError(f"generator {name!r}", wanted, error, do="repair that package") from error
-    with answered_by(name):
+    with _answered_by(name):
         generator = factory(f)
     ours = type(generator).__module__.startswith("mitt.")
-    return generator if ours else Added(name, generator)
+    return generator if ours else _Added(name, generator)
 
 
 def _added() -> dict[str, EntryPoint]:
     """Return the entry points of other packages by name."""
     return {entry.name: entry for entry in entry_points(group=GROUP)}
+
+
+@contextmanager
+def _answered_by(name: str) -> Iterator[None]:
+    """Raise any exception of the block as an InputError of the package that adds a generator."""
+    try:
+        yield
+    except MittError:
+        raise
+    except Exception as error:
+        given = f"{type(error).__name__}: {error}"[:200]
+        raise InputError(f"generator {name!r}", "an answer of the package that adds it", given,
+                         do="repair that package") from error  # fmt: skip
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class _Added:
+    """A generator of another package: the same calls, its exceptions named after it."""
+
+    name: str
+    inner: Generator
+
+    def sharpness(self, ball: BallState) -> float:
+        with _answered_by(self.name):
+            return self.inner.sharpness(ball)
+
+    def verdict(self, ball: BallState, q: Array) -> Verdict:
+        with _answered_by(self.name):
+            return self.inner.verdict(ball, q)
+
+    def unsettled(self, ball: BallState, q: Array) -> bool:
+        with _answered_by(self.name):
+            return self.inner.unsettled(ball, q)
+
+    def returns(self, ball: BallState) -> bool:
+        with _answered_by(self.name):
+            return self.inner.returns(ball)
+
+    def waiting(self, ball: BallState) -> BallState:
+        with _answered_by(self.name):
+            return self.inner.waiting(ball)
+
+    def adapt(self, ball: BallState, q: Array, dq: Array) -> "_Added":
+        with _answered_by(self.name):
+            return _Added(self.name, self.inner.adapt(ball, q, dq))
+
+    def reference(self, ball: BallState) -> JointReference:
+        with _answered_by(self.name):
+            return self.inner.reference(ball)
+
+    def as_map(self) -> DirectMap | None:
+        with _answered_by(self.name):
+            return self.inner.as_map()

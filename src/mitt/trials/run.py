@@ -186,7 +186,7 @@ def run(
     trials: list[Trial] = []
     interrupt = None
     try:
-        with settled(), nullcontext(_forget) if keeping is None else keeping(learned) as keep:
+        with settled(), keeping(learned) if keeping else nullcontext(lambda _: None) as keep:
             for index in range(count):
                 progress("throwing", index, count)
                 trial = one_throw(runner, prepared, index).trial
@@ -205,13 +205,8 @@ def run(
     )
 
 
-def _forget(trial: Trial) -> None:
-    """Keep nothing."""
-
-
 def one_throw(
     runner: TrialRunner, prepared: Prepared, index: int, *, log: bool = False
 ) -> LoggedTrial:
     """Throw one ball of a run; run again, it gives the same trial."""
-    source = prepared.source
-    return runner.run(index, source.ball(index), seed=source.trial_seed(index), log=log)
+    return runner.throw(prepared.source, index, log=log)

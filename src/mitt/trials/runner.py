@@ -1,7 +1,7 @@
 """One throw from release to verdict: world and catcher, a tick at a time."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import final
 
 import numpy as np
@@ -13,10 +13,10 @@ from mitt.records import Record
 from mitt.rivals.clairvoyant import Clairvoyant
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Surroundings
-from mitt.trials.ending import play_out
+from mitt.signals import Senses
 from mitt.trials.known import driven, known_ball, known_encoders, known_eyes, torque_lead_of
 from mitt.trials.log import TrialLog, log_of
-from mitt.trials.play import Player
+from mitt.trials.play import play_out
 from mitt.trials.score import (
     HELD_AFTER,
     Measured,
@@ -27,6 +27,7 @@ from mitt.trials.score import (
     status_of,
     stop_as_json,
 )
+from mitt.trials.source import Source
 from mitt.vision.camera import Rig, fixed_rig
 from mitt.vision.eyes import Eyes
 from mitt.vision.head import active_rig
@@ -65,6 +66,7 @@ class TrialRunner:
         arm: The arm.
         world: The simulated world.
         stopwatch: Wall-clock time of the catcher's ticks.
+        ticks: Results of all ticks of the last trial, fields as of ``fresh_result``.
     """
 
     def __init__(
@@ -83,8 +85,8 @@ class TrialRunner:
         cameras = _cameras(self._rig, scene) if pixels else None
         self.world = World(scene, arm.model, cameras=cameras, limits=arm.limits)
         self.stopwatch = Stopwatch()
-        self._player = Player(self.stopwatch, longest=LONGEST, held=HELD_AFTER)
         self._catcher = self._made()
+        self.ticks: Record = np.zeros(0, self._catcher.result.dtype)
 
     def _made(self) -> Catcher:
         """Return the catcher that those of all throws begin as."""
@@ -110,6 +112,31 @@ class TrialRunner:
             generator = generator.told(self.world.flight)
         return self._catcher.again(generator)
 
+    def release(self, ball: Throw | BallPath, *, seed: int) -> Catcher:
+        """Begin a trial and return its catcher, which has looked at the scene before.
+
+        Args:
+            ball: What is thrown.
+            seed: Seed of the plant's mismatch and of all noise.
+        """
+        self.world.reset(ball, seed)
+        catcher = self.catcher()
+        if views := self.world.views_before(LOOKS):
+            catcher.learn_background(views)
+        return catcher
+
+    def step(self, catcher: Catcher) -> Senses:
+        """Make one tick through Python: sense, step, apply, think; return what was sensed."""
+        world = self.world
+        senses = world.sense(look=catcher.looking)
+        with self.stopwatch:
+            command = catcher.step(senses)
+        if catcher.stopped_by is not None:
+            world.watch_on()
+        world.apply(command)
+        catcher.think()
+        return senses
+
     def run(
         self, index: int, ball: Throw | BallPath, *, seed: int, log: bool = False
     ) -> LoggedTrial:
@@ -121,70 +148,44 @@ class TrialRunner:
             seed: Seed of the plant's mismatch and of all noise.
             log: Whether to keep a log.
         """
-        world = self.world
-        world.reset(ball, seed)
-        catcher, stage = self.catcher(), world.stage
-        if views := world.views_before(LOOKS):
-            catcher.learn_background(views)
-        if stage is None or catcher.parts is None:
-            ticks = self._step(catcher)
-        else:
-            ticks = self._player.run(stage, catcher)
-        truth = world.trace()
-        found, t_catch = measure(self.arm, ticks, truth), catch_time(ticks)
-        trial = self._score(index, catcher, found, t_catch)
-        kept = (
-            log_of(self.arm, ticks.copy(), truth, t_0=catcher.t_0, t_catch=t_catch) if log else None
-        )
+        catcher = self.release(ball, seed=seed)
+        self.ticks = ticks = self._play(catcher)
+        truth, t_catch = self.world.trace(), catch_time(ticks)
+        trial = self._score(index, catcher, measure(self.arm, ticks, truth), t_catch)
+        kept = log_of(self.arm, ticks, truth, t_0=catcher.t_0, t_catch=t_catch) if log else None
         return LoggedTrial(trial, kept)
 
-    def _step(self, catcher: Catcher) -> Record:
-        """Make a trial through Python, tick by tick, and return the results of all ticks.
+    def throw(self, source: Source, index: int, *, log: bool = False) -> LoggedTrial:
+        """Throw one ball of a source; thrown again, it gives the same trial."""
+        return self.run(index, source.ball(index), seed=source.trial_seed(index), log=log)
 
-        As soon as the catcher does not look any more, the rest is one compiled loop.
-        """
-        world, rows = self.world, []
-        while not world.over(longest=LONGEST, held=HELD_AFTER):
-            if not catcher.looking and (ending := world.ending) is not None:
-                rules = LONGEST, HELD_AFTER
-                rows.append(play_out(ending, catcher, self.stopwatch, rules=rules).tobytes())
-                continue
-            senses = world.sense(look=catcher.looking)
-            with self.stopwatch:
-                command = catcher.step(senses)
-            if catcher.stopped_by is not None:
-                world.watch_on()
-            world.apply(command)
-            catcher.think()
+    def _play(self, catcher: Catcher) -> Record:
+        """Play a trial to its end, compiled where that is possible; return all ticks' results."""
+        rules = {"longest": LONGEST, "held": HELD_AFTER}
+        stage, rows = self.world.stage, []
+        if stage is not None and catcher.parts is not None:
+            return play_out(stage, catcher, self.stopwatch, **rules)
+        while not self.world.over(**rules):
+            self.step(catcher)
             rows.append(catcher.result.tobytes())
         return np.frombuffer(bytearray().join(rows), catcher.result.dtype)
 
     def _score(self, index: int, catcher: Catcher, found: Measured, t_catch: float) -> Trial:
         """Score the finished trial."""
         world, verdict = self.world, catcher.verdict
-        contact = world.first_contact
+        contact, was_held = world.first_contact, held(world.truth(), world.radius)
         return Trial(
             index=index,
-            status=status_of(
-                world,
-                catcher.phase,
-                was_held=held(world.truth(), world.radius),
-            ),
+            status=status_of(world, catcher.phase, was_held=was_held),
             t_catch_s=float(t_catch) if np.isfinite(t_catch) else None,
             position_error_mm=None if contact is None else 1e3 * contact.position_error,
             velocity_error_m_s=None if contact is None else contact.velocity_error,
-            peak_torque_ratio=found.peak_torque_ratio,
-            peak_speed_ratio=found.peak_speed_ratio,
-            limit_violations=found.limit_violations,
-            demand_cost=found.demand_cost,
             peak_contact_force_n=None if contact is None else world.peak_force,
             binding_limit="unseen" if verdict is None else verdict.binding_limit,
-            saturated_ticks=found.saturated_ticks,
-            range_excess_rad=found.range_excess_rad,
-            rms_torque_ratio=found.rms_torque_ratio,
             certificate=certificate_of(verdict),
             certificate_last=certificate_of(catcher.certificate),
             stopped_by=stop_as_json(catcher.stopped_by),
+            **asdict(found),
         )
 
 

@@ -4,13 +4,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mitt.control.stopped import Plain, StoppedBy
 from mitt.generator.certificate import Verdict
 from mitt.generator.demand import demand
 from mitt.records import Phase, Record
 from mitt.robot.arm import Arm
-from mitt.trials.drives import MEASURED, fresh_tally, tally
+from mitt.signals import Array
+from mitt.trials.drives import COMMANDED, MEASURED, drive_loads
+from mitt.world.contacts import ARM_FLOOR, SELF
 from mitt.world.simulation import World
 from mitt.world.truth import Trace, Truth
 
@@ -102,7 +105,7 @@ def held(truth: Truth, radius: float) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measured:
-    """What the arm was asked and told in a trial, fields as in :class:`Trial`."""
+    """What the arm was asked and commanded in a trial, fields as in :class:`Trial`."""
 
     peak_torque_ratio: list[float]
     peak_speed_ratio: list[float]
@@ -116,27 +119,43 @@ class Measured:
 def measure(arm: Arm, ticks: Record, truth: Trace) -> Measured:
     """Return what a trial was by the numbers.
 
+    A tick violates a limit where a command or the plant exceeds one, or where the arm touches
+    itself or the floor: its range is where it can be.
+
     Args:
         arm: The arm.
         ticks: Results of all ticks, fields as of ``fresh_result``, shape (k,).
         truth: True states, k + 1 rows.
     """
-    sums, most = fresh_tally(arm), np.array([arm.q_min, arm.q_max, arm.dq_max])
-    told = np.ascontiguousarray(ticks["told"][:, (0, 1, 3)].transpose(1, 0, 2))
-    rows = (np.ascontiguousarray(x) for x in (truth.q, truth.dq, truth.tau))
-    bad = tally(arm.tables, most, told, *rows, truth.seen, sums)
-    rms = (np.sqrt(sums.square / max(len(ticks), 1)) / arm.limits.tau_rms).tolist()
+    commanded, given = ticks["told"], truth.tau[1:]
+    drives = drive_loads(arm, truth.q[:-1], truth.dq[:-1], given)
+    same = np.all(commanded[:, 3] == given, axis=1)
+    bad = drives.over(np.where(same, COMMANDED, MEASURED))
+    before = truth.q[:-1][~same], truth.dq[:-1][~same]
+    bad[~same] |= drive_loads(arm, *before, commanded[~same, 3]).over(COMMANDED)
+    bad |= _beyond(arm, truth.q[1:], truth.dq[1:], MEASURED)
+    bad |= _beyond(arm, commanded[:, 0], commanded[:, 1], COMMANDED)
+    bad |= truth.seen[1:] & (SELF | ARM_FLOOR) != 0
+    mean_square = np.sum(drives.torque**2, axis=0) / max(len(ticks), 1)
+    rms = (np.sqrt(mean_square) / arm.limits.tau_rms).tolist()
     asked = demand(arm, ticks["asked"][ticks["following"], :3])
     following = len(asked.excess) > 0
     return Measured(
-        peak_torque_ratio=arm.by_joint(sums.torque).tolist(),
-        peak_speed_ratio=sums.speed.tolist(),
+        peak_torque_ratio=arm.by_joint(np.max(drives.share, axis=0, initial=0.0)).tolist(),
+        peak_speed_ratio=np.max(np.abs(truth.dq) / arm.dq_max, axis=0).tolist(),
         rms_torque_ratio=rms,
-        limit_violations=bad + sum(share > 1.0 + MEASURED for share in rms),
+        limit_violations=int(np.sum(bad)) + sum(share > 1.0 + MEASURED for share in rms),
         demand_cost=asked.cost if following else 0.0,
         range_excess_rad=float(asked.excess.max()) if following else 0.0,
         saturated_ticks=int(np.sum(ticks["saturated"])),
     )
+
+
+def _beyond(arm: Arm, q: Array, dq: Array, slack: float) -> NDArray[np.bool_]:
+    """Say of each tick whether positions or speeds exceed their limits by a share."""
+    span = slack * (arm.q_max - arm.q_min)
+    out = (q < arm.q_min - span) | (q > arm.q_max + span) | (abs(dq) > arm.dq_max * (1.0 + slack))
+    return np.asarray(np.any(out, axis=1))
 
 
 def status_of(world: World, phase: Phase, *, was_held: bool) -> str:

@@ -43,13 +43,11 @@ def simulate(
     if scene is not None and not isinstance(scene, Scene | str):
         raise InputError("scene", "a Scene, or the name or file of one", checks.shown(scene))
     scene = scene if isinstance(scene, Scene) else read_scene(scene or DEFAULT)
-    source = source_of(
-        f, seed=seed, count=throws, throws_file=None, flights_file=None, drag=scene.ball.drag
-    )
+    source = source_of(f, seed=seed, count=throws, drag=scene.ball.drag)
     runner = TrialRunner(f.arm, Direct(f), scene, pixels=pixels)
     trials = []
     for k in range(source.count):
-        trial = runner.run(k, source.ball(k), seed=source.trial_seed(k)).trial
+        trial = runner.throw(source, k).trial
         if raise_stopped and trial.stopped_by is not None:
             raise StoppedError(k, reason_of(trial.stopped_by), trial.stopped_by)
         trials.append(trial)

@@ -8,13 +8,25 @@ import numpy as np
 
 from mitt.generator.design import nominal_catch
 from mitt.generator.mapping import DirectMap
+from mitt.robot.arm import Arm
 from mitt.signals import Array
-from mitt.trials.aim import aim_of
 from mitt.world.flights import BallPath, Recording, place_flight, read_flights
 from mitt.world.throws import Aim, Throw, ThrowRanges, default_throw, read_throws
 
 #: Streams drawn from one seed and index, so that no use of one disturbs another.
 _BALL, _TRIAL = 0, 1
+#: Half-widths of the box of joint angles that is aimed at, first and second joint [rad].
+_HALF = (0.3, 0.22)
+
+
+def aim_of(arm: Arm) -> Aim:
+    """Return where default throws are aimed: q1 +-0.3, q2 pi/4 +-0.22, q4 = q_alpha for the WAM.
+
+    The ready pose gives the centre of the box, so other arms have theirs (docs/throws.md).
+    """
+    middle, half = nominal_catch(arm), np.zeros(arm.n)
+    half[: len(_HALF)] = _HALF
+    return Aim(position=arm.position, q_low=middle - half, q_high=middle + half)
 
 
 @final
@@ -69,31 +81,31 @@ def source_of(
     f: DirectMap,
     *,
     seed: int,
-    count: int | None,
-    throws_file: Path | None,
-    flights_file: Path | None,
     drag: float,
-) -> Source:
-    """Return the balls that the options name; each throw or flight of a file once by default."""
-    throws = () if throws_file is None else read_throws(throws_file)
-    recordings = () if flights_file is None else read_flights(flights_file)
-    count = count or len(throws) or len(recordings) or 10
-    return source_for(f, seed=seed, count=count, throws=throws, recordings=recordings, drag=drag)
-
-
-def source_for(
-    f: DirectMap,
-    *,
-    seed: int,
-    count: int,
-    drag: float,
-    throws: tuple[Throw, ...] = (),
+    count: int | None = None,
+    throws_file: Path | None = None,
+    flights_file: Path | None = None,
     recordings: tuple[Recording, ...] = (),
 ) -> Source:
-    """Return balls for the arm of a map; default throws without throws and recordings."""
+    """Return balls for the arm of a map: those of a file, recordings, or else default throws.
+
+    Args:
+        f: The map.
+        seed: Seed of the run.
+        drag: Drag of the balls [1/m].
+        count: Number of trials; each throw or flight once if left out, or 10 default throws.
+        throws_file: CSV file of throws.
+        flights_file: CSV file of recorded flights.
+        recordings: Recorded flights that are read already.
+
+    Raises:
+        FileError: A file cannot be read, or holds no throws or flights.
+    """
+    throws = () if throws_file is None else read_throws(throws_file)
+    recordings = recordings if flights_file is None else read_flights(flights_file)
     return Source(
         seed=seed,
-        count=count,
+        count=count or len(throws) or len(recordings) or 10,
         aim=aim_of(f.arm),
         catch_point=f.arm.position(nominal_catch(f.arm)),
         throws=throws,
