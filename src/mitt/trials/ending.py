@@ -16,7 +16,8 @@ from mitt.signals import Array, Image
 from mitt.tick import act, perceive
 from mitt.trials.play import NOTHING
 from mitt.views import lent
-from mitt.world.motion import STATE, TICK, TICKS, Plant, move, over, tell
+from mitt.world.engine import Plant
+from mitt.world.motion import STATE, TICK, TICKS, move, over, tell
 from mitt.world.sensors import DQ, Q, read_encoders
 from mitt.world.truth import Tape
 
