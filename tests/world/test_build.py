@@ -13,7 +13,8 @@ from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import Array
 from mitt.world.build import build_plant
-from mitt.world.scene import Scene, exact_scene
+from mitt.world.mismatch import PlantDraw
+from mitt.world.scene import Mismatch, Scene, exact_scene
 
 ARM = load_arm("wam")
 PLANT = build_plant(exact_scene(), ARM.model)
@@ -85,3 +86,29 @@ def test_the_fixture_and_the_module_arm_are_the_same(arm: Arm) -> None:
     assert arm.names == ARM.names
     assert PLANT.joints == arm.n == 3
     assert PLANT.fingers == 3
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_ball_of_another_radius_touches_at_that_radius(seed: int) -> None:
+    """Whatever radius a trial draws, contact begins when a ball over the floor is that far off."""
+    scene = Scene(mismatch=Mismatch(ball_radius=0.2))
+    plant = build_plant(scene, ARM.model)
+    data, rng = mujoco.MjData(plant.model), np.random.default_rng(seed)
+    radius = PlantDraw(scene, plant).draw(data, rng, ball=rng).radius
+    assert radius != scene.ball.radius
+    data.qpos[:3], data.qpos[9] = ARM.model.q_ready, 1.0
+    for gap, contacts in ((1e-6, 0), (-1e-6, 1)):
+        data.qpos[6:9] = [0.0, 3.0, scene.floor + radius + gap]
+        mujoco.mj_fwdPosition(plant.model, data)
+        assert data.ncon == contacts
+    mujoco.mj_kinematics(plant.model, data)
+    pad = plant.model.geom("pad")
+    frame = data.geom_xmat[pad.id].reshape(3, 3)
+    for gap, touches in ((1e-6, False), (-1e-6, True)):
+        away = (plant.model.geom_size[pad.id, 1] + radius + gap) * frame[:, 2]
+        data.qpos[6:9] = data.geom_xpos[pad.id] + away
+        mujoco.mj_fwdPosition(plant.model, data)
+        pairs = data.contact.geom[: data.ncon]
+        assert (
+            bool(np.any(np.all(np.sort(pairs) == sorted((pad.id, plant.ball)), axis=1))) == touches
+        )

@@ -12,10 +12,10 @@ from mitt.robot.load import load_arm
 from mitt.signals import ArmState, Array, Command, Frame, Senses, Sighting
 from mitt.vision.camera import fixed_rig
 from mitt.world.ballistics import fly as exactly
-from mitt.world.faults.cameras import true_rig
 from mitt.world.faults.flight import Undisturbed, pushes
 from mitt.world.faults.plan import Fault
-from mitt.world.faults.trial import Troubles
+from mitt.world.faults.senses import true_rig
+from mitt.world.faults.trial import ActiveFaults
 from mitt.world.motion import TICK
 from mitt.world.scene import Scene, exact_scene
 from mitt.world.scenes import read_scene
@@ -62,16 +62,16 @@ def plan_of(*faults: dict[str, object]) -> tuple[Fault, ...]:
     return Scene.model_validate({"faults": list(faults)}).faults
 
 
-def troubles(plan: tuple[Fault, ...], *, seed: int = 7, arm: Arm | None = None) -> Troubles:
-    """Return the troubles of a trial."""
+def faults_of(plan: tuple[Fault, ...], *, seed: int = 7, arm: Arm | None = None) -> ActiveFaults:
+    """Return the faults of a trial."""
     flight = Undisturbed(ball=THROW, drag=0.04, hand=np.array([0.8, 0.0, 0.0]))
     limits, active = (None, (0, 1, 2)) if arm is None else (arm.limits, arm.model.active)
-    return Troubles(plan, seed, flight, limits=limits, active=active, tick=TICK)
+    return ActiveFaults(plan, seed, flight, limits=limits, active=active, tick=TICK)
 
 
 def run(*faults: dict[str, object], pixels: bool = False, seed: int = 7) -> list[Senses]:
     """Return what arrives in each tick of a run in which joint angles rise by 1 rad/s."""
-    sensors = troubles(plan_of(*faults), seed=seed).sensors(Plain(pixels=pixels), pixels=pixels)
+    sensors = faults_of(plan_of(*faults), seed=seed).sensors(Plain(pixels=pixels), pixels=pixels)
     rate = np.ones(3)
     return [sensors.read(k * TICK, k * TICK * rate, rate, PLACE, STILL) for k in range(TICKS)]
 
@@ -311,7 +311,7 @@ def test_calibration_of_angles_keeps_places_and_of_places_keeps_angles() -> None
 
 
 def test_weak_motors_give_a_share_of_their_limit_and_no_more(arm: Arm) -> None:
-    wire = troubles(plan_of({"kind": "torque", "magnitude": 0.5, "start": 0.1}), arm=arm)
+    wire = faults_of(plan_of({"kind": "torque", "magnitude": 0.5, "start": 0.1}), arm=arm)
     rest = np.zeros(3)
     strong = still(0.0)._replace(told=np.array([rest, rest, rest, [1e3, -1e3, 1.0]]))
     np.testing.assert_array_equal(wire.command(0.0, strong).tau, strong.tau)
@@ -321,14 +321,14 @@ def test_weak_motors_give_a_share_of_their_limit_and_no_more(arm: Arm) -> None:
 
 def test_weak_motors_need_to_know_the_limits() -> None:
     with pytest.raises(InputError, match="limits"):
-        troubles(plan_of({"kind": "torque"}))
+        faults_of(plan_of({"kind": "torque"}))
 
 
 def test_commands_come_late_or_not_at_all() -> None:
-    wire = troubles(plan_of({"kind": "command", "magnitude": 0.005}))
+    wire = faults_of(plan_of({"kind": "command", "magnitude": 0.005}))
     hands = [wire.command(k * TICK, still(0.0)._replace(hand=float(k))).hand for k in range(50)]
     assert hands == [max(float(k - 5), 0.0) for k in range(50)]
-    lossy = troubles(plan_of({"kind": "command", "lost": 0.5}))
+    lossy = faults_of(plan_of({"kind": "command", "lost": 0.5}))
     hands = [lossy.command(k * TICK, still(0.0)._replace(hand=float(k))).hand for k in range(400)]
     kept = np.diff(hands) == 0.0
     assert 0.4 < kept.mean() < 0.6
@@ -401,23 +401,23 @@ def test_a_ball_passes_a_plate_that_it_does_not_meet() -> None:
     ],
     ids=lambda fault: str(fault["kind"]),
 )
-def test_a_rehearsal_is_the_flight_that_then_happens(fault: dict[str, object]) -> None:
+def test_the_flight_beforehand_is_the_flight_that_then_happens(fault: dict[str, object]) -> None:
     """Within what steps of another length make of it, until anything is touched."""
     world = fly(fault, ticks=400)
     trace = world.trace()
     ticks = int(np.argmax(trace.seen != 0)) or len(trace.t)
-    rehearsed = _troubles_of(plan_of(fault)).rehearsed(0.04)
+    rehearsed = _faults_of(plan_of(fault)).undisturbed_path(0.04)
     for k in range(0, ticks, 20):
         gap = np.linalg.norm(rehearsed.at(float(trace.t[k]))[0] - trace.r_o[k])
         assert gap < 2e-3
 
 
-def _troubles_of(plan: tuple[Fault, ...]) -> Troubles:
-    """Return the troubles that a world of :func:`fly` had."""
+def _faults_of(plan: tuple[Fault, ...]) -> ActiveFaults:
+    """Return the faults that a world of :func:`fly` had."""
     start = _world(exact_scene())
     start.reset(THROW, 7)
     flight = Undisturbed(ball=THROW, drag=0.04, hand=start.truth().position)
-    return Troubles(plan, 7, flight, limits=None, active=(0, 1, 2), tick=TICK)
+    return ActiveFaults(plan, 7, flight, limits=None, active=(0, 1, 2), tick=TICK)
 
 
 def test_a_payload_weighs_on_the_hand() -> None:
@@ -427,7 +427,7 @@ def test_a_payload_weighs_on_the_hand() -> None:
 
 @pytest.mark.parametrize("kind", ["spring", "carried"])
 def test_a_led_ball_moves_as_its_velocity_says_and_not_as_a_throw(kind: str) -> None:
-    ball = troubles(plan_of({"kind": kind})).ball
+    ball = faults_of(plan_of({"kind": kind})).ball
     assert not isinstance(ball, Throw)
     for t in np.linspace(0.01, 1.2, 50):
         slope = (ball.at(t + 1e-6)[0] - ball.at(t - 1e-6)[0]) / 2e-6
@@ -436,7 +436,7 @@ def test_a_led_ball_moves_as_its_velocity_says_and_not_as_a_throw(kind: str) -> 
 
 
 def test_a_spring_passes_its_middle_at_the_speed_it_says() -> None:
-    ball = troubles(plan_of({"kind": "spring", "magnitude": 4.0})).ball
+    ball = faults_of(plan_of({"kind": "spring", "magnitude": 4.0})).ball
     assert not isinstance(ball, Throw)
     speeds = [np.linalg.norm(ball.at(t)[1]) for t in np.arange(0.0, 2.0, 1e-3)]
     assert max(speeds) == pytest.approx(4.0, rel=1e-4)
@@ -473,16 +473,16 @@ def test_a_fault_that_cannot_be_meant_is_refused_in_one_line(
         {"kind": "bounce", "magnitude": 0.2},
     ],
 )
-def test_what_rests_would_have_changed_nothing(fault: dict[str, object]) -> None:
-    """A push acts in no tick in which it says that it rests; it does both in its flight."""
+def test_an_inactive_push_would_have_changed_nothing(fault: dict[str, object]) -> None:
+    """A push acts in no tick in which it says that it is inactive; it does both in its flight."""
     flight = Undisturbed(ball=THROW, drag=0.04, hand=np.array([0.8, 0.0, 0.0]))
-    rested, acted = 0, 0
+    quiet, acted = 0, 0
     (push,) = pushes(plan_of(fault), 7, flight)
     for k in range(800):
-        rests = push.rests(k * TICK, (k + 1) * TICK)
+        inactive = push.is_inactive(k * TICK, (k + 1) * TICK)
         r, dr = flight.at(k * TICK)
         acts = push.act(k * TICK, TICK, r, dr)
-        assert not (rests and acts)
-        rested, acted = rested + rests, acted + acts
-    assert rested > 0
+        assert not (inactive and acts)
+        quiet, acted = quiet + inactive, acted + acts
+    assert quiet > 0
     assert acted > 0

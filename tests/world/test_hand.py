@@ -12,11 +12,11 @@ from mitt.robot.hands import HandModel
 from mitt.signals import Array
 from mitt.world.build import STEP
 from mitt.world.contacts import survey
-from mitt.world.engine import views_of
+from mitt.world.drives import finger_torque, servo_numbers
+from mitt.world.engine import plant_of
 from mitt.world.hand import BALL, FRICTION, HAND, add_hand, finger_inertial, steiner
 from mitt.world.materials import contact_of, friction_of
 from mitt.world.scene import Ball, Contact, Scene
-from mitt.world.servo import finger_torque, servo_numbers
 
 HAND_MODEL = HandModel()
 BIG, SMALL = (0.04, 0.07), (0.02, 0.0027)  # radius [m], mass [kg], a thrown and a table-tennis ball
@@ -96,8 +96,8 @@ def catch(
     mujoco.mj_forward(model, data)
     if data.ncon:
         return None
-    touching, force, kinds = np.zeros(model.ngeom, np.bool_), np.zeros(7), model.geom_contype.copy()
-    views = views_of(model, data, 0, 1)
+    plant, force = plant_of(model, data, 0, 1), np.zeros(7)
+    touching = plant.touching
     t, end = start, np.inf
     while t < min(0.7, end):
         elapsed = t + HAND_MODEL.closing.lead + errors.lead
@@ -109,11 +109,11 @@ def catch(
         mujoco.mj_step(model, data)
         t += STEP
         if data.ncon:
-            survey(views, kinds, touching, True, force)
+            survey(plant, True, force)
             end = min(end, t + 0.5) if touching.any() else end
     mujoco.mj_forward(model, data)
     off = float(np.linalg.norm(data.qpos[4:7] - data.site("catch").xpos))
-    survey(views, kinds, touching, False, np.zeros(7))
+    survey(plant, False, np.zeros(7))
     held = off < radius + 1e-3 * HELD_MM and int(touching.sum()) >= 2
     return Outcome(held=held, off=off, force=float(force[0]))
 

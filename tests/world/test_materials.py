@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mitt.robot.arm import Arm
-from mitt.world.build import Plant, build_plant
+from mitt.world.build import SceneModel, build_plant
 from mitt.world.materials import FRICTION, RESTITUTION, friction_of, on_pad, restitution_of
 from mitt.world.scene import Ball, Contact, Scene
 from mitt.world.scenes import named_scene
@@ -14,7 +14,7 @@ from mitt.world.scenes import named_scene
 STARTS = np.linspace(0.010, 0.012, 5)
 
 
-def rebound(plant: Plant, arm: Arm, speed: float, start: float) -> float:
+def rebound(plant: SceneModel, arm: Arm, speed: float, start: float) -> float:
     """Return the share of its speed that a ball keeps on a palm that is held still."""
     model = plant.model
     data, n, ball = mujoco.MjData(model), plant.joints + plant.fingers, -6

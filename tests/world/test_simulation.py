@@ -9,7 +9,7 @@ from mitt.robot.load import load_arm
 from mitt.signals import Array, Command, Frame, Senses
 from mitt.world.ballistics import fly
 from mitt.world.contacts import survey
-from mitt.world.engine import views_of
+from mitt.world.engine import plant_of
 from mitt.world.flights import builtin_flights, place_flight
 from mitt.world.motion import TICK
 from mitt.world.scene import TABLE_TENNIS, Scene, Sensing, exact_scene
@@ -192,15 +192,14 @@ def test_forces_are_those_that_mujoco_reports(exact: World, arm: Arm) -> None:
     while data.ncon == 0 and exact.t < 0.1:
         run(exact, arm, 1)
     mujoco.mj_forward(model, data)
-    kinds, touching = model.geom_contype.copy(), np.zeros(model.ngeom, np.bool_)
-    largest, six = np.zeros(7), np.zeros(6)
+    plant, largest, six = plant_of(model, data, 0, arm.n), np.zeros(7), np.zeros(6)
     assert data.ncon == 1
-    survey(views_of(model, data, 0, arm.n), kinds, touching, True, largest)
+    survey(plant, True, largest)
     mujoco.mj_contactForce(model, data, 0, six)
     assert largest[0] == pytest.approx(np.linalg.norm(six[:3]))
     assert exact.truth().ball_on_floor
-    assert touching[model.geom("floor").id]
-    assert touching.sum() == 1
+    assert plant.touching[model.geom("floor").id]
+    assert plant.touching.sum() == 1
 
 
 def test_the_world_sees_the_arm_touch_itself(exact: World, arm: Arm) -> None:

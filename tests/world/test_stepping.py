@@ -10,9 +10,9 @@ from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import Command
 from mitt.world.ballistics import fly
+from mitt.world.motion import NEAR
 from mitt.world.scene import exact_scene
 from mitt.world.simulation import World
-from mitt.world.stepping import NEAR
 from mitt.world.throws import Throw
 
 FLIGHT_M = 1e-6

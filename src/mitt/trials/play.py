@@ -23,12 +23,13 @@ from mitt.views import lent
 from mitt.vision.belief import absorb
 from mitt.vision.outlook import suffices
 from mitt.vision.target import WORK, field
+from mitt.world.capsules import lay_capsules
+from mitt.world.engine import Plant
 from mitt.world.exposure import Bank, Cameras, snap
 from mitt.world.imaging import BLOCK, Film
-from mitt.world.motion import STATE, TICK, TICKS, WATCHED, Plant, move, over, tell
+from mitt.world.motion import STATE, TICK, TICKS, WATCHED, move, over, tell
 from mitt.world.painting import LIGHT
 from mitt.world.sensors import DQ, Q, read_encoders
-from mitt.world.silhouettes import lay_capsules
 from mitt.world.stage import Body, Stage
 
 Points: TypeAlias = tuple[Array, Array, Array]

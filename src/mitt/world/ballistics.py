@@ -3,7 +3,6 @@
 import numpy as np
 
 from mitt.flight import GRAVITY, advance
-from mitt.jit import kernel
 from mitt.signals import Array
 
 
@@ -41,36 +40,13 @@ def release_velocity(
     """
     dr = (target - start) / duration
     dr[2] += 0.5 * GRAVITY * duration
-    miss, slope = np.empty(3), np.empty((3, 3))
+    slope, nudge = np.empty((3, 3)), 1e-5
+
+    def end(velocity: Array) -> Array:
+        return fly(start, velocity, drag=drag, duration=duration)[0]
+
     for _ in range(iterations):
-        _shoot(start, dr, target, drag, duration, miss, slope)
-        dr = dr - np.linalg.solve(slope, miss)
+        for i, step in enumerate(nudge * np.eye(3)):
+            slope[:, i] = (end(dr + step) - end(dr - step)) / (2.0 * nudge)
+        dr = dr - np.linalg.solve(slope, end(dr) - target)
     return dr
-
-
-@kernel
-def _shoot(
-    start: Array, dr: Array, target: Array, drag: float, duration: float, miss: Array, slope: Array
-) -> None:
-    """Write by how much a release misses, and how that answers to its velocity.
-
-    Args:
-        start: As for :func:`release_velocity`.
-        dr: Velocity at release [m/s], shape (3,).
-        target: As for :func:`release_velocity`.
-        drag: As for :func:`release_velocity`.
-        duration: As for :func:`release_velocity`.
-        miss: Result [m], shape (3,).
-        slope: Result [s], shape (3, 3), by central differences.
-    """
-    nudge, r, v = 1e-5, np.empty((2, 3)), np.empty(3)
-    r[0], v[:] = start, dr
-    advance(r[0], v, drag, duration)
-    miss[:] = r[0] - target
-    for i in range(3):
-        for side in range(2):
-            r[side], v[:] = start, dr
-            v[i] += nudge if side == 0 else -nudge
-            advance(r[side], v, drag, duration)
-        for k in range(3):
-            slope[k, i] = (r[0, k] - r[1, k]) / (2.0 * nudge)

@@ -12,7 +12,6 @@ from mitt.robot.plant import add_arm
 from mitt.world.engine import stop_clocks
 from mitt.world.hand import ARM, BALL, FLOOR, FRICTION, HAND, SMALL_PARTS, STIFF, add_hand
 from mitt.world.materials import contact_of, friction_of
-from mitt.world.meeting import name_pairs
 from mitt.world.scene import Scene
 
 #: Simulation step near a contact [s]; two make a control tick.
@@ -23,7 +22,7 @@ _WHITE = (0.93, 0.94, 0.95, 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Plant:
+class SceneModel:
     """A compiled scene and where its parts are.
 
     Degrees of freedom and motors come in the order arm (n), fingers (f), ball.
@@ -43,7 +42,7 @@ class Plant:
     site: int
 
 
-def build_plant(scene: Scene, arm: ArmModel) -> Plant:
+def build_plant(scene: Scene, arm: ArmModel) -> SceneModel:
     """Compile a scene.
 
     Raises:
@@ -52,8 +51,8 @@ def build_plant(scene: Scene, arm: ArmModel) -> Plant:
     _silence()
     stop_clocks()
     spec, fingers = describe(scene, arm)
-    model = name_pairs(spec)
-    return Plant(
+    model = spec.compile()
+    return SceneModel(
         model=model,
         joints=len(arm.names),
         fingers=fingers,

@@ -126,12 +126,7 @@ def _boards(
         J, B = [], []
         for c, camera in enumerate(rig.cameras):
             world = corners @ R.T + p
-            lens, by_point, ahead = _seen(camera, world, k)
-            own = np.zeros((len(world), 2, known))
-            own[:, :, _LENS * c : _LENS * (c + 1)] = lens
-            if c > 0:
-                at = _LENS * n + _POSE * (c - 1)
-                own[:, :, at : at + _POSE] = by_point @ _by_twist(camera, world)
+            own, by_point, ahead = _jacobian(rig, c, world, k)
             board = by_point @ camera.rotation.T @ R @ _by_body(corners)
             J.append(own[ahead].reshape(-1, known))
             B.append(board[ahead].reshape(-1, _POSE))
@@ -152,12 +147,7 @@ def _placed(
     ball = low + (high - low) * rng.random((places, 3))
     J, P = [], []
     for c, camera in enumerate(rig.cameras):
-        lens, by_point, ahead = _seen(camera, ball, k)
-        own = np.zeros((len(ball), 2, known))
-        own[:, :, _LENS * c : _LENS * (c + 1)] = lens
-        if c > 0:
-            at = _LENS * n + _POSE * (c - 1)
-            own[:, :, at : at + _POSE] = by_point @ _by_twist(camera, ball)
+        own, by_point, ahead = _jacobian(rig, c, ball, k)
         moved = by_point @ _by_twist(camera, ball) @ _own_twist(camera)
         J.append(own[ahead].reshape(-1, known))
         P.append(moved[ahead].reshape(-1, _POSE))
@@ -176,6 +166,22 @@ def _placed(
     return out.reshape(n * (_LENS + _POSE), -1)
 
 
+def _jacobian(rig: Rig, c: int, world: Array, k: tuple[float, float]) -> tuple[Array, Array, Array]:
+    """Return how a camera's image points move with what a board calibrates, shape (m, 2, 12 n - 6).
+
+    That is all lenses and the twists of all cameras but the first. Then as of :func:`_seen`: how
+    they move with the points in the camera's frame, and which of them are in the image.
+    """
+    n, camera = len(rig.cameras), rig.cameras[c]
+    lens, by_point, ahead = _seen(camera, world, k)
+    out = np.zeros((len(world), 2, _LENS * n + _POSE * (n - 1)))
+    out[:, :, _LENS * c : _LENS * (c + 1)] = lens
+    if c > 0:
+        at = _LENS * n + _POSE * (c - 1)
+        out[:, :, at : at + _POSE] = by_point @ _by_twist(camera, world)
+    return out, by_point, ahead
+
+
 def _corners() -> Array:
     """Return the corners of the board in its own frame [m], shape (m, 3)."""
     x, y = (_SQUARE * (np.arange(count) - 0.5 * (count - 1)) for count in _CORNERS)
@@ -192,15 +198,10 @@ def _board_pose(rig: Rig, rng: np.random.Generator) -> tuple[Array, Array]:
     x = np.cross((0.0, 0.0, 1.0), z)
     x /= np.linalg.norm(x)
     R = np.column_stack((x, np.cross(z, x), z))
-    axis = np.append(_on_circle(rng), 0.0)
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    axis = np.array([np.cos(angle), np.sin(angle), 0.0])
     turn = rotation(np.array([0.0, 0.0, 1.0]), rng.uniform(-np.pi, np.pi))
     return R @ rotation(axis, _TILT * rng.random()) @ turn, p
-
-
-def _on_circle(rng: np.random.Generator) -> Array:
-    """Return a random direction in a plane, shape (2,)."""
-    angle = rng.uniform(0.0, 2.0 * np.pi)
-    return np.array([np.cos(angle), np.sin(angle)])
 
 
 def _seen(camera: Camera, world: Array, k: tuple[float, float]) -> tuple[Array, Array, Array]:

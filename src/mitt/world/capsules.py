@@ -1,4 +1,4 @@
-"""Outlines of capsules in an image: how arm and hand are drawn.
+"""Arm and hand as capsules, and their outlines in an image.
 
 A capsule's outline is taken as the hull of two discs, one at each end; edges are not smoothed and
 do not smear: what matters is what they hide and where they are dark or bright beside the ball.
@@ -11,17 +11,20 @@ do not smear: what matters is what they hide and where they are dark or bright b
 |          | :mod:`mitt.vision.triangulation`                                   | px   |        |
 | window   | first and last row, first and last column that are drawn           | px   | 4      |
 
-What has a number for a shape is a tuple, which costs compiled code no count of references.
+What has a number for a shape is a tuple.
 """
 
 from math import sqrt
 from typing import TypeAlias
 
+import mujoco
 import numpy as np
 
 from mitt.jit import kernel
 from mitt.signals import Array, Image
 from mitt.views import lent
+from mitt.world.engine import owned
+from mitt.world.hand import ARM, HAND
 
 Camera: TypeAlias = tuple[float, ...]
 Seen: TypeAlias = tuple[float, float, float, float, float, float, float]
@@ -164,16 +167,8 @@ def draw_body(
 ) -> int:  # fmt: skip
     """Draw the capsules that are behind the ball, or those that are nearer than it.
 
-    Args:
-        pixels: As for :func:`draw_capsule`, as ``level``, ``noise``, ``start`` and ``window``.
-        camera: As in the module's table.
-        capsules: As in the module's table.
-        level: See ``pixels``.
-        noise: See ``pixels``.
-        start: See ``pixels``.
-        window: See ``pixels``.
-        ball: The ball's centre in the optical frame [m]; its depth is -inf where there is none.
-        nearer: Which of them.
+    Camera, capsules and window as in the module's table, the rest as for :func:`draw_capsule`.
+    ``ball`` is the ball's centre in the optical frame [m]; its depth is -inf where there is none.
 
     Returns:
         How many others may be seen in the window.
@@ -189,3 +184,66 @@ def draw_body(
         else:
             others += 1
     return others
+
+
+@kernel
+def lay_capsules(pos: Array, mat: Array, sizes: Array, which: Array, capsules: Array) -> None:
+    """Write the capsules of geoms.
+
+    Args:
+        pos: Centres of all geoms [m], shape (g, 3).
+        mat: Their axes, shape (g, 9).
+        sizes: Radius, half length [m] and axis of each capsule, 1 for the hand's, shape (k, 4).
+        which: The geom of each capsule, shape (k,).
+        capsules: Result, as in :mod:`mitt.world.painting`.
+    """
+    pos, mat, sizes, which, capsules = lent((pos, mat, sizes, which, capsules))
+    for k in range(capsules.shape[0]):
+        g, axis = int(which[k]), int(sizes[k, 2])
+        for i in range(3):
+            half = sizes[k, 1] * mat[g, 3 * i + axis]
+            capsules[k, i], capsules[k, 3 + i] = pos[g, i] - half, pos[g, i] + half
+        capsules[k, 6], capsules[k, 7] = sizes[k, 0], sizes[k, 3]
+
+
+class Silhouettes:
+    """Arm and hand of a world as capsules.
+
+    Attributes:
+        capsules: As in :mod:`mitt.world.painting`; brought up to date by ``update``.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Find the shapes of arm and hand."""
+        own = np.flatnonzero((model.geom_contype & (ARM | HAND)) != 0)
+        self._which = own.astype(np.float64)
+        hand = (model.geom_contype[own] & HAND) != 0
+        sizes = np.array([_size(model, int(g)) for g in own]).reshape(len(own), 3)
+        self._sizes = np.column_stack((sizes, hand.astype(np.float64)))
+        owner = model, data
+        self._pos, self._mat = owned(owner, data.geom_xpos), owned(owner, data.geom_xmat)
+        self.capsules = np.zeros((len(own), 8))
+
+    @property
+    def table(self) -> tuple[Array, Array, Array, Array, Array]:
+        """What :func:`lay_capsules` takes."""
+        return self._pos, self._mat, self._sizes, self._which, self.capsules
+
+    def update(self) -> None:
+        """Bring the capsules to where the plant is."""
+        lay_capsules(*self.table)
+
+
+def _size(model: mujoco.MjModel, geom: int) -> tuple[float, float, float]:
+    """Return radius, half length and axis of the capsule that stands for a geom."""
+    kind, size = model.geom_type[geom], model.geom_size[geom]
+    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+        return size[0], size[1], 2.0
+    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        return size[0], max(size[1] - size[0], 0.0), 2.0
+    if kind == mujoco.mjtGeom.mjGEOM_BOX:
+        axis = int(np.argmax(size))
+        radius = float(np.sqrt(np.prod(np.delete(size, axis))))
+        return radius, max(size[axis] - radius, 0.0), float(axis)
+    sphere = kind == mujoco.mjtGeom.mjGEOM_SPHERE
+    return float(size[0] if sphere else model.geom_rbound[geom]), 0.0, 2.0

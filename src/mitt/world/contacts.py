@@ -1,4 +1,4 @@
-"""Reading the contacts of a simulation step without allocating."""
+"""Reading contacts and the catch point's velocity from a simulation, without allocating."""
 
 import mujoco
 import numpy as np
@@ -7,27 +7,20 @@ from numpy.typing import NDArray
 from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.views import lent
-from mitt.world.engine import MOST, Views, contact_force
+from mitt.world.engine import MOST, Plant, contact_force
 from mitt.world.hand import ARM, BALL, FLOOR, HAND
 
 #: What touches what, as bits of the result of :func:`survey`.
 BALL_HAND, BALL_ARM, BALL_FLOOR, SELF, ARM_FLOOR = 1, 2, 4, 8, 16
 BALL_ANY = BALL_HAND | BALL_ARM | BALL_FLOOR
 
-#: No position, velocity or acceleration of ours is so large (SI units); NaN is not below it.
-HUGE = 1e8
-
 
 @kernel
-def survey(
-    views: Views, kinds: NDArray[np.int32], touching: NDArray[np.bool_], felt: bool, largest: Array
-) -> int:
-    """Sort the contacts of one step.
+def survey(plant: Plant, felt: bool, largest: Array) -> int:
+    """Sort the contacts of one step, and write which geoms touch the ball.
 
     Args:
-        views: As of :func:`mitt.world.engine.views_of`.
-        kinds: Kind of each geom, shape (g,).
-        touching: Result, whether a geom touches the ball, shape (g,).
+        plant: The plant; its ``touching`` is overwritten.
         felt: Whether forces are known, as they are after a step.
         largest: Result, raised to the largest contact force on the ball [N], then scratch,
             shape (7,).
@@ -35,11 +28,11 @@ def survey(
     Returns:
         Bits of what touches what.
     """
-    views, kinds, touching, largest = lent(views), lent(kinds), lent(touching), lent(largest)
-    address, counts, geoms = views[0], views[1], views[2]
+    plant, largest = lent(plant), lent(largest)
+    address, geoms, kinds, touching = plant.address, plant.geoms, plant.kinds, plant.touching
     found, force = 0, largest[1:7]
     touching[:] = False
-    for c in range(min(counts[0], MOST)):
+    for c in range(min(plant.contacts[0], MOST)):
         first, second = geoms[c, 0], geoms[c, 1]
         both = kinds[first] | kinds[second]
         if both & BALL:
@@ -59,23 +52,21 @@ def survey(
 
 
 @kernel
-def is_sane(qpos: Array, qvel: Array, qacc: Array, ball: int, top_speed: float) -> bool:
-    """Tell whether a state can be real; MuJoCo's own warnings come later, if they come.
-
-    Args:
-        qpos: Positions, shape (nq,).
-        qvel: Velocities, shape (nv,).
-        qacc: Accelerations, shape (nv,).
-        ball: Index of the ball's first degree of freedom.
-        top_speed: Largest speed that a ball can have [m/s].
-    """
-    qpos, qvel, qacc = lent((qpos, qvel, qacc))
-    for values in (qpos, qvel, qacc):
-        for x in values:
-            if not abs(x) < HUGE:
-                return False
-    square = qvel[ball] ** 2 + qvel[ball + 1] ** 2 + qvel[ball + 2] ** 2
-    return bool(square <= top_speed * top_speed)
+def tip_velocity(plant: Plant, out: Array) -> None:
+    """Write the velocity of the catch point [m/s], shape (3,), from those of the joints."""
+    plant, out = lent(plant), lent(out)
+    place, anchor, axis, dq = plant.place, plant.anchor, plant.axis, plant.qvel
+    out[:] = 0.0
+    for i in range(len(plant.slides)):
+        ax, ay, az = axis[i, 0], axis[i, 1], axis[i, 2]
+        if plant.slides[i]:
+            x, y, z = ax, ay, az
+        else:
+            rx, ry, rz = place[0] - anchor[i, 0], place[1] - anchor[i, 1], place[2] - anchor[i, 2]
+            x, y, z = ay * rz - az * ry, az * rx - ax * rz, ax * ry - ay * rx
+        out[0] += dq[i] * x
+        out[1] += dq[i] * y
+        out[2] += dq[i] * z
 
 
 def hand_names(model: mujoco.MjModel) -> tuple[str | None, ...]:

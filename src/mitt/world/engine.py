@@ -3,8 +3,8 @@
 ``mj_step1``, ``mj_step2`` and ``mj_contactForce`` are called by name in the library that the
 package ``mujoco`` has loaded; model and data are handed over by address. What Python's views do
 not show to compiled code (how many contacts there are, and their table) is read where the
-package's own description of its structures says that it lies. A world compares three of these
-places with what Python says; ``tests/world/test_engine.py`` compares the table of contacts.
+package's own description of its structures says that it lies. :func:`plant_of` compares three of
+these places with what Python says; ``tests/world/test_engine.py`` compares the table of contacts.
 
 An error that MuJoCo itself calls fatal (memory that runs out) ends the process here, as it does
 for every program in C; warnings are counted in the data, as ever.
@@ -12,10 +12,10 @@ for every program in C; warnings are counted in the data, as ever.
 
 import ctypes
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import prod
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -28,9 +28,6 @@ from mitt.errors import ModelError
 
 #: Contacts that compiled code looks at; a hand full of ball has nine.
 MOST = 256
-
-#: The views of :func:`views_of`, in its order.
-Views: TypeAlias = tuple[NDArray[Any], ...]
 
 # The library is in the process already; this makes its names known to compiled code.
 _PATH = next(path for path in Path(mujoco.__file__).parent.glob("*mujoco*.[sd]*"))
@@ -55,20 +52,57 @@ _PLAIN = {
 }
 
 
-def views_of(model: mujoco.MjModel, data: mujoco.MjData, site: int, joints: int) -> Views:
-    """Return what compiled code needs of a simulation.
+class Plant(NamedTuple):
+    """A plant as compiled code reads it, in MuJoCo's own memory where nothing else is said.
+
+    Attributes:
+        address: Addresses of model and data, shape (2,).
+        contacts: Number of contacts, shape (1,).
+        geoms: The two geoms of each contact, shape (MOST, 2).
+        step: Length of a step [s], shape (1,).
+        qpos: Positions, shape (nq,).
+        qvel: Velocities, shape (nv,).
+        ctrl: Motor torques [N m], shape (nu,).
+        passive: Friction and drag [N m, N], MuJoCo's ``qfrc_applied``, shape (nv,).
+        qacc: Accelerations, shape (nv,).
+        place: Catch point [m], shape (3,).
+        anchor: A point on each joint's axis [m], shape (j, 3).
+        axis: Unit axes of the joints, shape (j, 3).
+        slides: Copy: whether a joint of the arm is prismatic, shape (n,).
+        kinds: Copy: kind of each geom, shape (g,).
+        touching: Own: whether a geom touches the ball, shape (g,).
+        state: Own: as in :mod:`mitt.world.motion`.
+        drives: Own: as in :mod:`mitt.world.drives`.
+    """
+
+    address: NDArray[Any]
+    contacts: NDArray[Any]
+    geoms: NDArray[Any]
+    step: NDArray[Any]
+    qpos: NDArray[Any]
+    qvel: NDArray[Any]
+    ctrl: NDArray[Any]
+    passive: NDArray[Any]
+    qacc: NDArray[Any]
+    place: NDArray[Any]
+    anchor: NDArray[Any]
+    axis: NDArray[Any]
+    slides: NDArray[Any]
+    kinds: NDArray[Any]
+    touching: NDArray[Any]
+    state: NDArray[Any]
+    drives: NDArray[Any]
+
+
+def plant_of(model: mujoco.MjModel, data: mujoco.MjData, site: int, joints: int) -> Plant:
+    """Return a simulation as compiled code reads it, with empty ``state`` and ``drives``.
 
     Args:
-        model: The model. The views own it and ``data``: neither is freed while one of them is
+        model: The model. The arrays own it and ``data``: neither is freed while one of them is
             held.
         data: Its state.
         site: The catch point's site.
         joints: Number n of joints of the arm.
-
-    Returns:
-        Addresses of model and data, shape (2,); number of contacts, shape (1,); their geoms,
-        shape (MOST, 2); length of a step [s], shape (1,); qpos, qvel, ctrl, qfrc_applied, qacc;
-        place of the catch point, anchors and axes of the joints, and which of them slide.
 
     Raises:
         ModelError: MuJoCo's structures are not as its package describes them.
@@ -84,14 +118,26 @@ def views_of(model: mujoco.MjModel, data: mujoco.MjData, site: int, joints: int)
     one = ctypes.sizeof(_mirror("mjContact", "efc_address"))
     geoms = _view(owner, int(table[0]) + _offset("mjContact", "geom"), "<i4", (MOST, 2), (one, 4))
     slides = model.jnt_type[:joints] == mujoco.mjtJoint.mjJNT_SLIDE
-    shown = (
-        data.qpos, data.qvel, data.ctrl, data.qfrc_applied, data.qacc, data.site_xpos[site],
-        data.xanchor, data.xaxis,
-    )  # fmt: skip
-    return (
-        np.array([model._address, at]), counts, geoms, step, *(owned(owner, x) for x in shown),
-        np.ascontiguousarray(slides),
-    )  # fmt: skip
+    show = partial(owned, owner)
+    return Plant(
+        address=np.array([model._address, at]),
+        contacts=counts,
+        geoms=geoms,
+        step=step,
+        qpos=show(data.qpos),
+        qvel=show(data.qvel),
+        ctrl=show(data.ctrl),
+        passive=show(data.qfrc_applied),
+        qacc=show(data.qacc),
+        place=show(data.site_xpos[site]),
+        anchor=show(data.xanchor),
+        axis=show(data.xaxis),
+        slides=np.ascontiguousarray(slides),
+        kinds=model.geom_contype.copy(),
+        touching=np.zeros(model.ngeom, np.bool_),
+        state=np.zeros(0),
+        drives=np.zeros((0, 0)),
+    )
 
 
 def owned(owner: object, memory: NDArray[Any]) -> NDArray[Any]:
@@ -104,19 +150,6 @@ def owned(owner: object, memory: NDArray[Any]) -> NDArray[Any]:
         memory: Contiguous.
     """
     return _view(owner, memory.ctypes.data, memory.dtype.str, memory.shape)
-
-
-def switches_of(model: mujoco.MjModel) -> NDArray[Any]:
-    """Return what is switched off in a model, bits of ``mjtDisableBit``, shape (1,).
-
-    Raises:
-        ModelError: MuJoCo's structures are not as its package describes them.
-    """
-    place = model._address + _offset("mjModel", "opt") + _offset("mjOption", "disableflags")
-    switches = _view(model, place, "<i4", (1,))
-    if switches[0] != model.opt.disableflags:
-        raise ModelError("mujoco", "structures as its package describes them", mujoco.__version__)
-    return switches
 
 
 def stop_clocks() -> None:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from mitt.jit import kernel
 from mitt.signals import Array, Image
-from mitt.views import fetch, lent
+from mitt.views import lent
 from mitt.world.capsules import Camera, Edges, Point, draw_body, into
 from mitt.world.heads import open_and_shut
 from mitt.world.noise import PERIOD
@@ -35,15 +35,9 @@ Window: TypeAlias = NDArray[np.int64]
 
 @kernel
 def _hang(pixels: Image, turn: Point, wall: Image, noise: Image, start: int, window: Edges) -> None:
-    """Fill an image with the wall.
+    """Fill a window of an image with the wall and its noise, which begins at ``start``.
 
-    Args:
-        pixels: Result.
-        turn: f_px of the camera [px], its pan and tilt [rad].
-        wall: As for :func:`expose`.
-        noise: As for :func:`expose`.
-        start: Where in it the image begins, which takes one number a pixel.
-        window: A row of the module's table.
+    ``turn`` is f_px of the camera [px], its pan and tilt [rad].
     """
     f, pan, tilt = turn
     column, row = np.uint64(round(f * pan) % PERIOD), round(-f * tilt) % PERIOD
@@ -56,44 +50,11 @@ def _hang(pixels: Image, turn: Point, wall: Image, noise: Image, start: int, win
 @kernel
 def _camera(optics: Array, n: int, shut: int) -> Camera:
     """Return a camera as in :mod:`mitt.world.capsules`, at begin (0) or end (1)."""
-    o = optics
+    o = optics[n, shut]
     return (
-        o[n, shut, 0, 0], o[n, shut, 0, 1], o[n, shut, 0, 2],
-        o[n, shut, 1, 0], o[n, shut, 1, 1], o[n, shut, 1, 2],
-        o[n, shut, 2, 0], o[n, shut, 2, 1], o[n, shut, 2, 2],
-        o[n, shut, 3, 0], o[n, shut, 3, 1], o[n, shut, 3, 2],
-        o[n, shut, 4, 0], o[n, shut, 4, 1], o[n, shut, 4, 2],
+        o[0, 0], o[0, 1], o[0, 2], o[1, 0], o[1, 1], o[1, 2], o[2, 0], o[2, 1], o[2, 2],
+        o[3, 0], o[3, 1], o[3, 2], o[4, 0], o[4, 1], o[4, 2],
     )  # fmt: skip
-
-
-@kernel
-def _read_ahead(
-    camera: Camera, balls: Array, ground: Image, normal: Array, quiet: int, loud: int,
-    window: Edges, width: int,
-) -> None:  # fmt: skip
-    """Begin to read the noise that an image will take; it comes from anywhere in large banks.
-
-    Args:
-        camera: As of :func:`_camera`.
-        balls: As in the module's table.
-        ground: As for :func:`expose`.
-        normal: As for :func:`expose`.
-        quiet: Where the image begins in ``ground``.
-        loud: Where it begins in ``normal``.
-        window: A row of the module's table.
-        width: Of the image [px].
-    """
-    for row in range(window[0], window[1] + 1):
-        fetch(ground, quiet + row * width + window[2])
-        fetch(ground, quiet + row * width + window[3])
-    x, y, z = into(camera, balls[0, 0], balls[0, 1], balls[0, 2])
-    if z > balls[0, 6]:
-        f, reach = camera[12] / z, camera[12] / z * balls[0, 6]
-        u, v = camera[13] + f * x, camera[14] + f * y
-        first, last = max(v - reach, float(window[0])), min(v + reach + 1.0, float(window[1]))
-        for row in range(int(first), int(last) + 1):
-            fetch(normal, loud + row * width + int(u - reach))
-            fetch(normal, loud + row * width + int(u + reach))
 
 
 @kernel
@@ -149,10 +110,6 @@ def expose(
     optics, balls, capsules, light = lent((optics, balls, capsules, light))
     wall, ground, normal, work = lent((wall, ground, normal, work))
     body, painted = int(light[BODY]), light[PAINTED] > 0.0
-    for n in range(len(images)):
-        window = windows[n, 0], windows[n, 1], windows[n, 2], windows[n, 3]
-        width, quiet, loud = images[n].shape[1], starts[n, 0], starts[n, 1]
-        _read_ahead(_camera(optics, n, 0), balls, ground, normal, quiet, loud, window, width)
     for n in range(len(images)):
         pixels, begin, end = lent(images[n]), _camera(optics, n, 0), _camera(optics, n, 1)
         quiet, loud = starts[n, 0], starts[n, 1]

@@ -5,7 +5,7 @@ from the generator. The drawing itself is in ``exposure``.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -76,18 +76,8 @@ class ImageSensor:
 
     def __post_init__(self) -> None:
         """Refuse values that no 8-bit sensor has."""
-        values = {
-            "brightness": self.brightness,
-            "background": self.background,
-            "texture": self.texture,
-            "body": self.body,
-            "read_noise": self.read_noise,
-            "electrons": self.electrons,
-            "exposure": self.exposure,
+        values = asdict(self) | {
             "hand": self.hand_level,
-            "shading": self.shading,
-            "grain": self.grain,
-            "blur": self.blur,
             "pattern": min(self.pattern),
             "light": min(self.light),
             "shadow": self.shadow[0],
@@ -184,13 +174,9 @@ class Imager:
             balls[1, :7] = (*second[:3], *second)
             balls[1, 8:] = (*second[:3], *second_velocity)
         bank = noise_bank(
-            background=sensor.background,
-            texture=sensor.texture,
-            body=sensor.body,
-            read_noise=sensor.read_noise,
-            electrons=sensor.electrons,
-            pattern=sensor.pattern,
-        )
+            background=sensor.background, texture=sensor.texture, body=sensor.body,
+            read_noise=sensor.read_noise, electrons=sensor.electrons, pattern=sensor.pattern,
+        )  # fmt: skip
         self._whole = whole_images(self._shapes)
         work = np.zeros(SCRATCH + 2 * max(c.width for c in rig.cameras) + 1)
         self._rng, self._early = rng, rng.spawn(1)[0]
@@ -276,19 +262,11 @@ class Imager:
         """
         number, row = self._number, self._number % BLOCK
         images = tuple([np.empty(shape, np.uint8) for shape in self._shapes])
+        r_o, dr_o = _NOWHERE if r_o is None else r_o, _STILL if dr_o is None else dr_o
         snap(
-            images,
-            self._camera,
-            self._banks,
-            self._starts[row],
-            self._half,
-            radius,
-            _NOWHERE if r_o is None else r_o,
-            _STILL if dr_o is None else dr_o,
-            capsules,
-            self._whole,
-            t,
-        )
+            images, self._camera, self._banks, self._starts[row], self._half, radius, r_o, dr_o,
+            capsules, self._whole, t,
+        )  # fmt: skip
         self.expose(1)
         if self._turnable:
             read = self._heads.read

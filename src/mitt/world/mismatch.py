@@ -6,8 +6,7 @@ import mujoco
 import numpy as np
 
 from mitt.signals import Array
-from mitt.world.build import Plant
-from mitt.world.clearing import pairs_of
+from mitt.world.build import SceneModel
 from mitt.world.scene import Scene
 
 
@@ -31,7 +30,7 @@ class Drawn:
 class PlantDraw:
     """Draws a plant anew for each trial, always from the masses that the scene was built with."""
 
-    def __init__(self, scene: Scene, plant: Plant) -> None:
+    def __init__(self, scene: Scene, plant: SceneModel) -> None:
         """Remember the masses."""
         self._scene, self._plant = scene, plant
         self._mass = plant.model.body_mass.copy()
@@ -42,14 +41,6 @@ class PlantDraw:
         """A plant without friction and drag, with the ball of the scene."""
         ball, n = self._scene.ball, self._plant.joints
         return Drawn(friction=np.zeros((2, n)), drag_force=0.0, mass=ball.mass, radius=ball.radius)
-
-    def pairs(self) -> Array:
-        """Return the shapes that may meet, with the largest ball that may be drawn."""
-        scene = self._scene
-        self._resize(scene.ball.radius * (1.0 + scene.mismatch.ball_radius))
-        pairs = pairs_of(self._plant.model)
-        self._resize(scene.ball.radius)
-        return pairs
 
     def draw(
         self,

@@ -1,11 +1,11 @@
-"""A tick of the plant: motors, MuJoCo's steps, contacts, the trace; one compiled call.
+"""A tick of the plant: motors, MuJoCo's steps, contacts, the trace; compiled.
 
-A plant is one flat tuple: what :func:`mitt.world.engine.views_of` shows, the kind of each geom
-(KINDS), scratch for which of them touch the ball (TOUCHING), the state beside MuJoCo's own (STATE)
-in one vector, and what :mod:`mitt.world.clearing` needs: MuJoCo's switches (SWITCHES), centres and
-axes of the geoms (CENTRES, AXES) and its three tables (PAIRS, JOINTS, MEASURED); last, the drives
-between commands and torques (DRIVES) as of :mod:`mitt.world.drives`. Each kernel has it lent, so
-that it counts no references to what it takes out.
+MuJoCo's integrator is of first order: in half a second of flight it puts a ball 1.2 mm (steps of
+0.5 ms) or 2.5 mm (1 ms) too low. So a ball that touches nothing flies by the kernel of
+:mod:`mitt.flight`, independent of the length of the steps, and the integrator is given the force
+and the start with which dr' = dr + h ddr, r' = r + h dr' end where that kernel does.
+
+The state beside MuJoCo's own is one vector:
 
 | place      | meaning                                                              | unit   |
 |------------|----------------------------------------------------------------------|--------|
@@ -19,60 +19,91 @@ that it counts no references to what it takes out.
 | FLIGHT     | ball at the end of a step if it flies freely: position, velocity     | m, m/s |
 | SURVEY     | scratch                                                              |        |
 | BRAKED     | when the brakes were told to engage; negative before                 | s      |
-| STOPPED    | when the catcher stopped, after which is watched on; negative before | s      |
-| NUMBERS    | of the plant, as in :mod:`mitt.world.stepping`                       |        |
+| STOPPED    | when the catcher stopped; negative before                            | s      |
+| SERVO      | the finger servo, as of :func:`mitt.world.drives.servo_numbers`       |        |
+| MASS       | mass of the ball                                                     | kg     |
+| DRAG       | drag coefficient of the ball                                         | 1/m    |
+| FRICTION   | viscous, then dry friction of each joint                             | SI     |
 | the rest   | the brakes, as in :mod:`mitt.world.brakes`                           |        |
 """
 
-from typing import TypeAlias
-
 import numpy as np
 
+from mitt.flight import GRAVITY, advance
 from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.views import lent
 from mitt.world.brakes import ROWS, hold
 from mitt.world.build import STEP
-from mitt.world.clearing import OFF, is_clear
-from mitt.world.contacts import BALL_ANY, BALL_FLOOR, BALL_HAND, survey
-from mitt.world.drives import MEAN, command, follow
-from mitt.world.engine import Views, step1, step2
-from mitt.world.stepping import BROKEN as INSANE
-from mitt.world.stepping import FINE, finish, prepare, tip_velocity
+from mitt.world.contacts import BALL_ANY, BALL_FLOOR, BALL_HAND, survey, tip_velocity
+from mitt.world.drives import MEAN, actuate, command, follow
+from mitt.world.engine import Plant, step1, step2
 
-Plant: TypeAlias = Views
-
-KINDS, TOUCHING, STATE = 13, 14, 15
-SWITCHES, CENTRES, AXES, PAIRS, JOINTS, MEASURED, DRIVES = 16, 17, 18, 19, 20, 21, 22
+#: Place of the state in a :class:`mitt.world.engine.Plant`.
+STATE = 15
 
 #: Control tick [s].
 TICK = 0.001
 
-#: Simulation steps in a tick where a contact may begin; else one will do.
+#: Simulation steps in a tick where a contact may begin; elsewhere one is enough.
 FINE_STEPS = round(TICK / STEP)
 
 TICKS, STEPS, SEEN, BROKEN, FORCE, PEAK, TOUCHED = range(7)
-FIRST, FLIGHT, SURVEY, BRAKED, STOPPED, NUMBERS = 7, 19, 25, 32, 33, 34
+FIRST, FLIGHT, SURVEY, BRAKED, STOPPED, SERVO, MASS, DRAG, FRICTION = (
+    7,
+    19,
+    25,
+    32,
+    33,
+    34,
+    38,
+    39,
+    40,
+)
 
 #: How long a trial goes on after the catcher has stopped [s].
 WATCHED = 3.0
 
+#: No throw and no grip makes a ball this fast [m/s]; a contact that breaks down does.
+TOP_SPEED = 30.0
 
-def fresh_motion(numbers: Array, brakes: Array) -> Array:
-    """Return the vector of the module's table at release."""
-    state = np.concatenate([np.zeros(NUMBERS), numbers, brakes.ravel()])
+#: No position, velocity or acceleration is so large (SI units); NaN is not below it.
+HUGE = 1e8
+
+#: A ball farther than this from the catch point touches no part of the hand within a tick [m]:
+#: a fingertip of the default hand is 0.12 m away, the largest ball 0.06 m thick, and at 30 m/s
+#: a tick is 0.03 m.
+NEAR = 0.25
+
+#: A ball at rest in the hand: so slow against the catch point [m/s], so long after the first
+#: contact [s].
+REST_SPEED, REST_AFTER = 0.2, 0.08
+
+
+def fresh_motion(
+    servo: tuple[float, ...], friction: Array, ball: tuple[float, float], brakes: Array
+) -> Array:
+    """Return the vector of the module's table at release.
+
+    Args:
+        servo: As of :func:`mitt.world.drives.servo_numbers`.
+        friction: Viscous and dry friction of each joint, shape (2, n).
+        ball: Mass [kg] and drag coefficient [1/m] of the ball.
+        brakes: As of :func:`mitt.world.brakes.brake_numbers`.
+    """
+    state = np.concatenate([np.zeros(SERVO), servo, ball, friction.ravel(), brakes.ravel()])
     state[STEPS], state[TOUCHED], state[BRAKED], state[STOPPED] = 1.0, -1.0, -1.0, -1.0
     return state
 
 
 @kernel
 def tell(state: Array, brakes: bool, stopped: bool) -> None:
-    """Tell the plant whether brakes are to engage, for good, and whether the catcher has stopped.
+    """Tell the plant whether brakes are to engage, and whether the catcher has stopped.
 
     Args:
         state: As in the module's table.
         brakes: Of the command for the next tick.
-        stopped: Whether the catcher has stopped: the trial is watched on.
+        stopped: Whether the catcher has stopped: the trial then goes on for ``WATCHED``.
     """
     t = state[TICKS] * TICK
     if brakes and state[BRAKED] < 0.0:
@@ -85,46 +116,66 @@ def tell(state: Array, brakes: bool, stopped: bool) -> None:
 
 @kernel
 def begin(plant: Plant, tau: Array, hand: float) -> None:
-    """Take the command of a tick, and forget the contacts of the tick before.
+    """Take the command of a tick, torques [N m] and closing angle [rad]; forget old contacts."""
+    plant = lent(plant)
+    plant.state[FORCE], plant.state[SEEN] = 0.0, 0.0
+    command(plant.drives, int(plant.state[TICKS]), tau, hand)
+
+
+@kernel
+def _prepare(plant: Plant, h: float, alone: bool) -> None:
+    """Write what acts in the second half of a step, in which positions are no longer read.
 
     Args:
-        plant: As in the module's text.
-        tau: Commanded torques of the arm [N m], shape (n,).
-        hand: Commanded closing angle [rad].
+        plant: The plant.
+        h: Length of the step [s].
+        alone: Whether nothing is touched, so that the ball can be made to fly exactly.
     """
     plant = lent(plant)
-    state = plant[STATE]
-    state[FORCE], state[SEEN] = 0.0, 0.0
-    command(plant[DRIVES], int(state[TICKS]), tau, hand)
+    qpos, qvel, passive, state, n = (
+        plant.qpos,
+        plant.qvel,
+        plant.passive,
+        plant.state,
+        len(plant.slides),
+    )
+    flight, ball = state[FLIGHT : FLIGHT + 6], len(plant.ctrl)
+    hand = follow(plant.drives, int(state[TICKS]), h)
+    for i in range(3):
+        flight[i], flight[3 + i] = qpos[ball + i], qvel[ball + i]
+    advance(flight[:3], flight[3:], state[DRAG], h)
+    if not actuate(
+        qpos, qvel, plant.ctrl, passive, plant.drives[MEAN, :n], hand, state[SERVO:MASS],
+        state[FRICTION:], state[DRAG] * state[MASS],
+    ):  # fmt: skip
+        state[BROKEN] = 1.0
+    if alone:
+        for i in range(3):
+            weight = -GRAVITY if i == 2 else 0.0
+            passive[ball + i] = state[MASS] * ((flight[3 + i] - qvel[ball + i]) / h - weight)
+            qpos[ball + i] = flight[i] - h * flight[3 + i]
+    if state[BRAKED] >= 0.0:
+        since = state[TICKS] * TICK - state[BRAKED]
+        hold(state[len(state) - ROWS * n :], since, qvel, plant.ctrl, passive, h)
 
 
 @kernel
 def leave(plant: Plant) -> None:
     """Make a step up to the new positions and velocities, with the torques of the drives."""
     plant = lent(plant)
-    address, qpos, qvel, ctrl, passive = plant[0], plant[4], plant[5], plant[6], plant[7]
-    kinds, touching, state = plant[KINDS], plant[TOUCHING], plant[STATE]
-    flight, alone = state[FLIGHT : FLIGHT + 6], plant[1][0] == 0
-    h = TICK / state[STEPS]
-    hand = follow(plant[DRIVES], int(state[TICKS]), h)
-    tau = plant[DRIVES][MEAN, : len(plant[12])]
-    if not prepare(qpos, qvel, ctrl, passive, tau, hand, state[NUMBERS:], h, alone, flight):
-        state[BROKEN] = 1.0
-    if state[BRAKED] >= 0.0:
-        n = len(plant[12])
-        since = state[TICKS] * TICK - state[BRAKED]
-        hold(state[len(state) - ROWS * n :], since, qvel, ctrl, passive, h)
-    step2(address[0], address[1])
+    state, alone, ball = plant.state, plant.contacts[0] == 0, len(plant.ctrl)
+    _prepare(plant, TICK / state[STEPS], alone)
+    step2(plant.address[0], plant.address[1])
     if alone:
         return
     largest = state[SURVEY : SURVEY + 7]
     largest[0] = state[FORCE]
-    touched = survey(plant, kinds, touching, True, largest)
+    touched = survey(plant, True, largest)
     state[FORCE], state[SEEN] = largest[0], int(state[SEEN]) | touched
     if not touched & BALL_ANY:
-        ball = ctrl.shape[0]
         for i in range(3):
-            qpos[ball + i], qvel[ball + i] = flight[i], flight[3 + i]
+            plant.qpos[ball + i] = state[FLIGHT + i]
+            plant.qvel[ball + i] = state[FLIGHT + 3 + i]
 
 
 @kernel
@@ -135,20 +186,33 @@ def arrive(plant: Plant, t: float) -> int:
         Bits of what touches what, as long as the hand has not touched the ball before.
     """
     plant = lent(plant)
-    address, qpos, qvel, ball = plant[0], plant[4], plant[5], plant[6].shape[0]
-    kinds, touching, state = plant[KINDS], plant[TOUCHING], plant[STATE]
-    step1(address[0], address[1])
-    if plant[1][0] == 0 or state[TOUCHED] >= 0.0:
+    state, ball = plant.state, len(plant.ctrl)
+    step1(plant.address[0], plant.address[1])
+    if plant.contacts[0] == 0 or state[TOUCHED] >= 0.0:
         return 0
-    touched = survey(plant, kinds, touching, False, state[SURVEY : SURVEY + 7])
+    touched = survey(plant, False, state[SURVEY : SURVEY + 7])
     state[SEEN] = int(state[SEEN]) | touched
     if touched & BALL_HAND:
         state[TOUCHED] = t
         for i in range(3):
-            state[FIRST + i], state[FIRST + 3 + i] = qpos[ball + i], qvel[ball + i]
-            state[FIRST + 6 + i] = plant[9][i]
-        tip_velocity(plant[9], plant[10], plant[11], plant[12], qvel, state[FIRST + 9 : FIRST + 12])
+            state[FIRST + i], state[FIRST + 3 + i] = plant.qpos[ball + i], plant.qvel[ball + i]
+            state[FIRST + 6 + i] = plant.place[i]
+        velocity = state[FIRST + 9 : FIRST + 12]
+        tip_velocity(plant, velocity)
     return int(touched)
+
+
+@kernel
+def _is_sane(plant: Plant) -> bool:
+    """Tell whether a state can be real; MuJoCo's own warnings come later, if they come."""
+    plant = lent(plant)
+    for values in (plant.qpos, plant.qvel, plant.qacc):
+        for x in values:
+            if not abs(x) < HUGE:
+                return False
+    dr, ball = plant.qvel, len(plant.ctrl)
+    square = dr[ball] ** 2 + dr[ball + 1] ** 2 + dr[ball + 2] ** 2
+    return bool(square <= TOP_SPEED * TOP_SPEED)
 
 
 @kernel
@@ -156,56 +220,40 @@ def note(plant: Plant, rows: Array) -> None:
     """Write the present state into the trace, judge it, and set the steps of the next tick.
 
     Args:
-        plant: As in the module's text.
+        plant: The plant.
         rows: The trace, one row a tick, in the order of ``Trace``.
     """
     plant, rows = lent(plant), lent(rows)
-    state, tau = plant[STATE], plant[DRIVES][MEAN, : len(plant[12])]
-    t = state[TICKS] * TICK
-    judged = finish(
-        rows,
-        int(state[TICKS]),
-        int(state[SEEN]),
-        t,
-        plant[4],
-        plant[5],
-        plant[8],
-        tau,
-        plant[9],
-        plant[10],
-        plant[11],
-        plant[12],
-        state[FORCE : FORCE + 2],
-        -1.0 if state[TOUCHED] < 0.0 else t - state[TOUCHED],
-    )
-    if judged == INSANE:
+    state, ball, t = plant.state, len(plant.ctrl), plant.state[TICKS] * TICK
+    row, k = rows[int(state[TICKS])], 1
+    row[0] = t
+    tau = plant.drives[MEAN, : len(plant.slides)]
+    for column in (plant.qpos, plant.qvel, tau, plant.place):
+        for i in range(column.shape[0]):
+            row[k + i] = column[i]
+        k += column.shape[0]
+    velocity = row[k : k + 3]
+    tip_velocity(plant, velocity)
+    row[k + 3], row[k + 4] = state[FORCE], state[SEEN]
+    state[PEAK] = max(state[FORCE], state[PEAK])
+    gap, speed = 0.0, 0.0
+    for i in range(3):
+        gap += (plant.qpos[ball + i] - plant.place[i]) ** 2
+        speed += (plant.qvel[ball + i] - velocity[i]) ** 2
+    sane, touched = _is_sane(plant), state[TOUCHED] >= 0.0
+    if not sane:
         state[BROKEN] = 1.0
-    steps = FINE_STEPS if judged == FINE else 1
+    resting = touched and t - state[TOUCHED] > REST_AFTER and speed < REST_SPEED * REST_SPEED
+    steps = 1 if not sane or gap > NEAR * NEAR or resting else FINE_STEPS
     if steps != state[STEPS]:
-        state[STEPS], plant[3][0] = steps, TICK / steps
-    _switch(plant)
-
-
-@kernel
-def _switch(plant: Plant) -> None:
-    """Switch contacts and stops off for the next tick if there can be none, else on."""
-    plant = lent(plant)
-    switches, joints = plant[SWITCHES], plant[JOINTS]
-    off = switches[0] | OFF
-    if plant[STATE][TOUCHED] < 0.0 and is_clear(
-        plant[4], plant[5], plant[CENTRES], plant[AXES], plant[PAIRS], joints, plant[MEASURED],
-        TICK, len(plant[12]),
-    ):  # fmt: skip
-        switches[0] = off
-    else:
-        switches[0] = off - OFF
+        state[STEPS], plant.step[0] = steps, TICK / steps
 
 
 @kernel
 def move(plant: Plant, tau: Array, hand: float, rows: Array) -> None:
-    """Let the motors follow a command for one tick; see :func:`leave` and :func:`note`."""
+    """Let the motors follow a command for one tick; see :func:`begin` and :func:`note`."""
     plant, tau, rows = lent(plant), lent(tau), lent(rows)
-    state = plant[STATE]
+    state = plant.state
     start, steps = state[TICKS] * TICK, int(state[STEPS])
     begin(plant, tau, hand)
     for step in range(1, steps + 1):
@@ -217,7 +265,7 @@ def move(plant: Plant, tau: Array, hand: float, rows: Array) -> None:
 
 @kernel
 def over(state: Array, longest: float, held: float) -> bool:
-    """Say whether a trial is at its end; one whose catcher stopped is watched for a while.
+    """Tell whether a trial is at its end.
 
     Args:
         state: As in the module's table.

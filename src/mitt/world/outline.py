@@ -14,7 +14,7 @@ the lines take turns at the instants of the exposure, so it costs nothing more.
 |      | covered share of each pixel of a row, zero at entry and exit, and what | 1    |       |
 |      | begins and ends to cover whole pixels, the same                        |      |       |
 
-What has a number for a shape is a tuple, which costs compiled code no count of references.
+What has a number for a shape is a tuple.
 """
 
 from math import ceil, floor, sqrt
@@ -54,16 +54,8 @@ def _intersect(
     A ray (a, b, 1) meets the ball, centre c, where ((a, b, 1) . c)^2 >= (a^2 + b^2 + 1) D: on a
     line of constant b, between the roots of a quadratic in a; -1 is the end where there are none.
 
-    Args:
-        work: Result; those of an instant lie side by side.
-        at: Place of the first line's begin in it; ends are LINES further.
-        lens: As in the module's table.
-        far: Right end of the image [px].
-        place: The ball then: a row of the path in ``work``.
-        row: Row of the image.
-        lines: Lines in the row.
-        k: Number of instants.
-        j: Which of them.
+    The lines of an instant lie side by side in ``work``, their begins from ``at`` on, their ends
+    LINES further; ``far`` is the right end of the image, ``place`` a row of the ball's path.
     """
     (f, cu, cv), (x, y, z, D, A, scale), share = lens, place, 1.0 / lines
     start, pace = (row - 0.5 + 0.5 * share - cv) / f, share / f
@@ -79,19 +71,7 @@ def _intersect(
 
 @kernel
 def _cover(work: Array, width: int, lens: Point, row: int, lines: int, k: int) -> tuple[int, int]:
-    """Write what makes up the covered share of each pixel of a row; return what was touched.
-
-    Args:
-        work: As in the module's table.
-        width: Of the image [px].
-        lens: As in the module's table.
-        row: Row of the image.
-        lines: Lines in the row, a multiple of k.
-        k: Number of instants.
-
-    Returns:
-        First and last column.
-    """
+    """Write the covered share of each pixel of a row; return its first and last column."""
     part, full, per, share = SCRATCH, SCRATCH + width, lines // k, 1.0 / lines
     edge = 0
     for j in range(k):
@@ -118,22 +98,17 @@ def _cover(work: Array, width: int, lens: Point, row: int, lines: int, k: int) -
 
 
 @kernel
-def _lay_path(lens: Point, ball: Seen, work: Array) -> tuple[int, int, float, float]:
-    """Write the ball's places during the exposure.
-
-    Args:
-        lens: As in the module's table.
-        ball: As in the module's table.
-        work: As in the module's table.
+def _lay_path(lens: Point, ball: Seen, work: Array, window: Edges) -> tuple[int, int, int, int]:
+    """Write the ball's places during the exposure; lens, ball and work as in the module's table.
 
     Returns:
-        Their number, 0 for a ball that is not in front of the camera, how many lines a row is
-        cut into, and the first and last row they span.
+        Their number, how many lines a row is cut into, and the first and last row of the window
+        that they span; none for a ball that is not in front of the camera.
     """
     (f, _, cv), (x0, y0, z0, x1, y1, z1, R) = lens, ball
     near = min(z0, z1)
     if not near > 1.001 * R:
-        return 0, 0, 0.0, 0.0
+        return 0, 0, 0, -1
     smear = f / near * sqrt((x1 - x0) ** 2 + (y1 - y0) ** 2)
     k = 1 if smear < 0.25 else int(min(1 + ceil(2.0 * smear), float(INSTANTS)))
     lines = (LINES if f * R / near < SMALL else LINES // 2) // k * k
@@ -147,7 +122,9 @@ def _lay_path(lens: Point, ball: Seen, work: Array) -> tuple[int, int, float, fl
         side, depth = R * sqrt(y * y + z * z - R * R), z * z - R * R
         low = min(low, cv + f * (y * z - side) / depth)
         high = max(high, cv + f * (y * z + side) / depth)
-    return k, max(lines, k), low, high
+    low, high = floor(low + 0.5 - _SLACK), ceil(high - 0.5 + _SLACK)
+    first = int(min(max(low, float(window[0])), float(window[1] + 1)))
+    return k, max(lines, k), first, int(min(max(high, -1.0), float(window[1])))
 
 
 @kernel
@@ -190,12 +167,7 @@ def draw_ball(
         work: As in the module's table, shape (SCRATCH + 2 width + 1,).
     """
     pixels, noise, work, width = lent(pixels), lent(noise), lent(work), pixels.shape[1]
-    k, lines, low, high = _lay_path(lens, ball, work)
-    if k == 0:
-        return
-    low, high = floor(low + 0.5 - _SLACK), ceil(high - 0.5 + _SLACK)
-    first = int(min(max(low, float(window[0])), float(window[1] + 1)))
-    last = int(min(max(high, -1.0), float(window[1])))
+    k, lines, first, last = _lay_path(lens, ball, work, window)
     for row in range(first, last + 1):
         columns = _cover(work, width, lens, row, lines, k)
         if columns[1] >= columns[0]:
@@ -221,12 +193,7 @@ def blend_ball(
 ) -> None:
     """As :func:`draw_ball`, on an image of real numbers without noise."""
     canvas, work, width = lent(canvas), lent(work), canvas.shape[1]
-    k, lines, low, high = _lay_path(lens, ball, work)
-    if k == 0:
-        return
-    low, high = floor(low + 0.5 - _SLACK), ceil(high - 0.5 + _SLACK)
-    first = int(min(max(low, float(window[0])), float(window[1] + 1)))
-    last = int(min(max(high, -1.0), float(window[1])))
+    k, lines, first, last = _lay_path(lens, ball, work, window)
     for row in range(first, last + 1):
         columns = _cover(work, width, lens, row, lines, k)
         if columns[1] >= columns[0]:

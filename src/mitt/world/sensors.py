@@ -10,8 +10,8 @@ from mitt.jit import kernel
 from mitt.robot.description import ArmModel
 from mitt.signals import Array, Frame, Senses, Sighting, senses_of
 from mitt.views import lent
+from mitt.world.capsules import Silhouettes
 from mitt.world.scene import Scene, Sensing
-from mitt.world.silhouettes import Silhouettes
 
 
 class FrameSource(Protocol):

@@ -1,7 +1,6 @@
 """The simulated world: one plant, thrown at again and again, a tick at a time."""
 
 from collections.abc import Callable
-from functools import partial
 from typing import NoReturn, final
 
 import mujoco
@@ -13,56 +12,21 @@ from mitt.robot.description import ArmModel
 from mitt.robot.hands import HandModel
 from mitt.robot.limits import Limits
 from mitt.signals import Array, Command, Frame, Senses
+from mitt.world import contacts, motion
 from mitt.world.ballistics import fly
 from mitt.world.brakes import brake_numbers
 from mitt.world.build import build_plant
-from mitt.world.clearing import fresh_table, joints_of
-from mitt.world.contacts import (
-    ARM_FLOOR,
-    BALL_ANY,
-    BALL_FLOOR,
-    SELF,
-    hand_names,
-    names_touching,
-    survey,
-)
-from mitt.world.drives import MEAN, fresh_drives
-from mitt.world.engine import owned, switches_of, views_of
+from mitt.world.capsules import Silhouettes
+from mitt.world.drives import MEAN, fresh_drives, servo_numbers
+from mitt.world.engine import Plant, plant_of
 from mitt.world.faults.flight import Undisturbed
-from mitt.world.faults.trial import Sensor, Troubles
+from mitt.world.faults.trial import ActiveFaults, Sensor
 from mitt.world.flights import BallPath
 from mitt.world.imaging import Imager
-from mitt.world.leading import lead
-from mitt.world.meeting import meet_by_name
 from mitt.world.mismatch import Drawn, PlantDraw
-from mitt.world.motion import (
-    BRAKED,
-    BROKEN,
-    FIRST,
-    FLIGHT,
-    FORCE,
-    PEAK,
-    SEEN,
-    STEPS,
-    TICK,
-    TICKS,
-    TOUCHED,
-    Plant,
-    arrive,
-    begin,
-    fresh_motion,
-    leave,
-    move,
-    note,
-    over,
-    tell,
-)
 from mitt.world.scene import Scene
 from mitt.world.sensors import CameraMaker, Sensors, encoder_steps
-from mitt.world.servo import servo_numbers
-from mitt.world.silhouettes import Silhouettes
 from mitt.world.stage import Stage
-from mitt.world.stepping import pack_plant, tip_velocity
 from mitt.world.throws import Throw
 from mitt.world.truth import FirstContact, Tape, Trace, Truth
 
@@ -110,14 +74,9 @@ class World:
         self._n, self._f = self._plant.joints, self._plant.fingers
         self._servo = servo_numbers((arm.hand or HandModel()).drive)
         d, n, ball = self.data, self._n, self._n + self._f
-        self._views = views_of(self.model, d, self._plant.site, n)
-        self._switches, self._always = switches_of(self.model), self.model.opt.disableflags
-        tables, owner = (self._draw.pairs(), joints_of(self._plant)), (self.model, d)
-        geoms = owned(owner, d.geom_xpos), owned(owner, d.geom_xmat)
-        self._clearing = self._switches, *geoms, *tables
-        self._kinds, self._names = self.model.geom_contype.copy(), hand_names(self.model)
-        self._touching = np.zeros(self.model.ngeom, dtype=np.bool_)
-        qpos, qvel, self._site = self._views[4], self._views[5], self._views[9]
+        self._parts = plant_of(self.model, d, self._plant.site, n)
+        self._names = contacts.hand_names(self.model)
+        qpos, qvel, self._site = self._parts.qpos, self._parts.qvel, self._parts.place
         self._senses = qpos[:n], qvel[:n], qpos[ball : ball + 3], qvel[ball : ball + 3]
         self._body, self._steps = Silhouettes(self.model, d), encoder_steps(scene, arm)
         self._ball = self._senses[2:]
@@ -132,7 +91,7 @@ class World:
     @property
     def t(self) -> float:
         """Time since release [s]."""
-        return self._state.item(TICKS) * TICK
+        return self._state.item(motion.TICKS) * motion.TICK
 
     @property
     def flight(self) -> Callable[[float], tuple[Array, Array]]:
@@ -140,36 +99,37 @@ class World:
 
         For the clairvoyant alone; asked right after ``reset``.
         """
-        if self._troubles is not None:
-            return self._troubles.rehearsed(self._drag).at
+        if self._faults is not None:
+            return self._faults.undisturbed_path(self._drag).at
         if self._path is not None:
             return self._path.at
-        r, dr = (x.copy() for x in self._ball)
-        return partial(_flown, r, dr, self._drag)
+        r, dr, drag = *(x.copy() for x in self._ball), self._drag
+        return lambda t: fly(r, dr, drag=drag, duration=t)
 
     @property
     def first_contact(self) -> FirstContact | None:
         """True state at the first touch of ball and hand; None until then."""
-        t = self._state.item(TOUCHED)
-        return None if t < 0.0 else FirstContact(t, *self._state[FIRST:FLIGHT].copy().reshape(4, 3))
+        t = self._state.item(motion.TOUCHED)
+        vectors = self._state[motion.FIRST : motion.FLIGHT].copy().reshape(4, 3)
+        return None if t < 0.0 else FirstContact(t, *vectors)
 
     @property
     def peak_force(self) -> float:
         """Largest single contact force on the ball so far [N]."""
-        return self._state.item(PEAK)
+        return self._state.item(motion.PEAK)
 
     def watch_on(self) -> None:
         """Go on for :data:`mitt.world.motion.WATCHED` from now on: the catcher has stopped."""
-        tell(self._state, bool(self._state[BRAKED] >= 0.0), True)
+        motion.tell(self._state, bool(self._state[motion.BRAKED] >= 0.0), True)
 
     def over(self, *, longest: float, held: float) -> bool:
-        """Say whether the trial is at its end, by :func:`mitt.world.motion.over`."""
-        return bool(over(self._state, longest, held))
+        """Tell whether the trial is at its end, by :func:`mitt.world.motion.over`."""
+        return bool(motion.over(self._state, longest, held))
 
     @property
     def diverged(self) -> bool:
         """Whether the physics broke down in this trial, or a command was not finite."""
-        return bool(self._state[BROKEN])
+        return bool(self._state[motion.BROKEN])
 
     def reset(self, ball: Throw | BallPath, seed: int) -> None:
         """Start a trial.
@@ -184,8 +144,8 @@ class World:
         plant, noise, own = (
             np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)
         )
-        self._troubles = troubles = self._drawn_troubles(ball, seed)
-        payload = 0.0 if troubles is None else troubles.payload
+        self._faults = faults = self._drawn_faults(ball, seed)
+        payload = 0.0 if faults is None else faults.payload
         drawn = self._draw.draw(self.data, plant, ball=own, payload=payload)
         sensors = Sensors(
             self._scene.sensing, drawn.radius, self._cameras, noise, self._body, self._steps
@@ -193,9 +153,9 @@ class World:
         self._encoders = sensors.encoders
         self._sensors: Sensor = sensors
         self._imager = sensors.imager if isinstance(sensors.imager, Imager) else None
-        if troubles is not None:
-            self._sensors = troubles.sensors(sensors, pixels=self._cameras is not None)
-            ball = troubles.ball
+        if faults is not None:
+            self._sensors = faults.sensors(sensors, pixels=self._cameras is not None)
+            ball = faults.ball
         mujoco.mj_resetData(self.model, self.data)
         self.data.qpos[: self._n] = self._arm.q_ready
         if isinstance(ball, Throw):
@@ -234,7 +194,7 @@ class World:
         pair.
         """
         sensors, turns = self._sensors, self._scene.sensing.cameras == "active"
-        if self._troubles is not None or self._path is not None or turns:
+        if self._faults is not None or self._path is not None or turns:
             return None
         if not isinstance(sensors, Sensors):
             return None
@@ -252,23 +212,21 @@ class World:
         None where something other than arm and encoders as they are stands between the two, or
         where the ball is still led or may be pushed.
         """
-        sensing, troubles = self._scene.sensing, self._troubles
+        sensing, faults = self._scene.sensing, self._faults
         if self._path is not None or sensing.cameras == "active":
             return None
-        if troubles is not None and (troubles.near_arm or self._state[TOUCHED] < 0.0):
+        if faults is not None and (faults.near_arm or self._state[motion.TOUCHED] < 0.0):
             return None
         return self._parts, self._tape, self._encoders
 
     def apply(self, command: Command) -> None:
         """Let the motors follow a command for one tick; nothing here clips it."""
         command = self._checked(command)
-        if self._troubles is not None:
-            command = self._troubles.command(self.t, command)
-        tell(self._state, command.brakes, False)
-        tau, hand = command.tau, command.hand
-        rows = self._tape.reserve(self._ticks + 2)
-        self._move(tau, hand, rows)
-        self._sensors.turn(command.gaze, TICK)
+        if self._faults is not None:
+            command = self._faults.command(self.t, command)
+        motion.tell(self._state, command.brakes, False)
+        self._move(command.tau, command.hand, self._tape.reserve(self._ticks + 2))
+        self._sensors.turn(command.gaze, motion.TICK)
 
     def _checked(self, command: Command) -> Command:
         """Return a command as compiled code takes it; refuse another shape."""
@@ -280,10 +238,10 @@ class World:
 
     def truth(self) -> Truth:
         """Return the true state at the end of the last tick."""
-        qpos, qvel, seen = self.data.qpos.copy(), self.data.qvel.copy(), int(self._state[SEEN])
-        largest, velocity = np.zeros(7), np.empty(3)
-        survey(self._views, self._kinds, self._touching, False, largest)
-        tip_velocity(*self._views[9:13], self._views[5], velocity)
+        p, seen, velocity = self._parts, int(self._state[motion.SEEN]), np.empty(3)
+        qpos, qvel = p.qpos.copy(), p.qvel.copy()
+        contacts.survey(p, False, np.zeros(7))
+        contacts.tip_velocity(p, velocity)
         n, ball = self._n, self._n + self._f
         return Truth(
             t=self.t,
@@ -295,11 +253,11 @@ class World:
             dq=qvel[:n],
             tau=self._tape.last(self._ticks, column=3),
             fingers=qpos[n:ball],
-            touching=names_touching(self._names, self._touching),
-            contact_force=self._state.item(FORCE),
-            self_contact=bool(seen & SELF),
-            floor_contact=bool(seen & ARM_FLOOR),
-            ball_on_floor=bool(seen & BALL_FLOOR),
+            touching=contacts.names_touching(self._names, p.touching),
+            contact_force=self._state.item(motion.FORCE),
+            self_contact=bool(seen & contacts.SELF),
+            floor_contact=bool(seen & contacts.ARM_FLOOR),
+            ball_on_floor=bool(seen & contacts.BALL_FLOOR),
         )
 
     def trace(self) -> Trace:
@@ -316,7 +274,7 @@ class World:
             seen=seen[:, 0].astype(np.int64),
         )
 
-    def _drawn_troubles(self, ball: Throw | BallPath, seed: int) -> Troubles | None:
+    def _drawn_faults(self, ball: Throw | BallPath, seed: int) -> ActiveFaults | None:
         """Return what goes wrong in a trial; None where the plan is empty."""
         plan = self._scene.faults
         if not plan:
@@ -326,71 +284,50 @@ class World:
         mujoco.mj_kinematics(self.model, self.data)
         flight = Undisturbed(ball=ball, drag=self._scene.ball.drag, hand=self._site.copy())
         active = self._arm.active
-        return Troubles(plan, seed, flight, limits=self._limits, active=active, tick=TICK)
+        return ActiveFaults(
+            plan, seed, flight, limits=self._limits, active=active, tick=motion.TICK
+        )
 
     def _start(self, path: BallPath | None, drawn: Drawn) -> None:
         """Forget the trial before and bring all derived quantities up to date."""
         self._path, self.radius = path, drawn.radius
-        numbers = pack_plant(self._servo, drawn.friction, drawn.drag_force, drawn.mass)
-        self._state, self._drag = fresh_motion(numbers, self._brakes), float(numbers[5])
-        self._switches[0] = self._always
-        meet_by_name(self.model)  # the draw of the masses has brought the kinds back
-        self.model.opt.timestep = TICK
+        self._drag = float(drawn.drag_force / drawn.mass)
+        ball = drawn.mass, self._drag
+        self._state = motion.fresh_motion(self._servo, drawn.friction, ball, self._brakes)
+        self.model.opt.timestep = motion.TICK
         mujoco.mj_step1(self.model, self.data)
         drives = fresh_drives(self._scene.actuation, self.data.qfrc_bias[: self._n])
-        self._parts: Plant = (
-            *self._views, self._kinds, self._touching, self._state,
-            *self._clearing, fresh_table(self._n + self._f), drives,
-        )  # fmt: skip
+        self._parts = self._parts._replace(state=self._state, drives=drives)
         drives[MEAN] = 0.0  # nothing was commanded yet
-        note(self._parts, self._tape.rows)
+        motion.note(self._parts, self._tape.rows)
 
     @property
     def _ticks(self) -> int:
         """Ticks since release."""
-        return int(self._state[TICKS])
+        return int(self._state[motion.TICKS])
 
     def _move(self, tau: Array, hand: float, rows: Array) -> None:
-        """Make a tick; a ball that is led goes where its path says."""
-        path, steps, troubles = self._path, int(self._state[STEPS]), self._troubles
-        start, h = self._ticks * TICK, TICK / steps
-        untouched = self._state[TOUCHED] < 0.0
-        if troubles is not None and untouched and troubles.pushes(start, start + TICK):
-            self._switches[0] = self._always  # whether there can be contacts was foreseen without
-            if path is not None or steps > 1:
-                self._move_pushed(troubles, tau, hand, rows)
-                return
-            self._push(troubles, start, h)
-        if path is None:
-            move(self._parts, tau, hand, rows)
-            return
-        way = np.array([path.at(start + step * h) for step in range(1, steps + 1)])
-        if not lead(self._parts, tau, hand, rows, way):
-            self._path = None  # a ball that was led flies freely from its first touch on
+        """Make a tick; step by step where the ball follows a path or its flight is disturbed.
 
-    def _move_pushed(self, troubles: Troubles, tau: Array, hand: float, rows: Array) -> None:
-        """Make a tick in which the flight is disturbed, step by step."""
-        state = self._state
-        start, steps = self._ticks * TICK, int(state[STEPS])
-        h = TICK / steps
-        begin(self._parts, tau, hand)
+        From its first touch or disturbance on, a ball that followed a path flies freely.
+        """
+        state, faults = self._state, self._faults
+        start, steps = self._ticks * motion.TICK, int(state[motion.STEPS])
+        untouched = state[motion.TOUCHED] < 0.0
+        pushed = faults is not None and untouched and faults.pushes(start, start + motion.TICK)
+        if self._path is None and not pushed:
+            motion.move(self._parts, tau, hand, rows)
+            return
+        h = motion.TICK / steps
+        motion.begin(self._parts, tau, hand)
         for step in range(1, steps + 1):
-            if state[TOUCHED] < 0.0:
-                self._push(troubles, start + (step - 1) * h, h)
-            leave(self._parts)
+            flies = pushed and state[motion.TOUCHED] < 0.0
+            if faults and flies and faults.push(start + (step - 1) * h, h, *self._ball):
+                self._path = None
+            motion.leave(self._parts)
             if self._path is not None:
                 self._ball[0][:], self._ball[1][:] = self._path.at(start + step * h)
-            if arrive(self._parts, start + step * h) & BALL_ANY:
+            if motion.arrive(self._parts, start + step * h) & contacts.BALL_ANY:
                 self._path = None
-        state[TICKS] += 1.0
-        note(self._parts, rows)
-
-    def _push(self, troubles: Troubles, t: float, h: float) -> None:
-        """Let the flight be disturbed for a step; a ball that was led flies freely from then on."""
-        if troubles.push(t, h, *self._ball):
-            self._path = None
-
-
-def _flown(r: Array, dr: Array, drag: float, t: float) -> tuple[Array, Array]:
-    """Return a free flight from a release."""
-    return fly(r, dr, drag=drag, duration=t)
+        state[motion.TICKS] += 1.0
+        motion.note(self._parts, rows)

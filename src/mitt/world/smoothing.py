@@ -11,7 +11,6 @@ import numpy as np
 from numpy.polynomial import Polynomial, legendre
 from numpy.typing import NDArray
 
-from mitt.jit import kernel
 from mitt.signals import Array
 
 DEGREE = 6
@@ -49,20 +48,12 @@ class Pieces:
         """Position [m], shape (3,), and velocity [m/s], shape (3,), at ``t`` [s]."""
         piece = int(np.searchsorted(self.edges[1:-1], t, side="right"))
         start, end = self.edges[piece], self.edges[piece + 1]
-        out = np.empty((2, 3))
-        x = 2.0 * (t - start) / (end - start) - 1.0
-        _power_series(x, self.coefficients[piece], self.rates[piece], out)
-        return out[0], out[1]
-
-
-@kernel
-def _power_series(x: float, position: Array, rate: Array, out: Array) -> None:
-    """Write the values at ``x`` of two power series, lowest power first, shapes (d, 3)."""
-    for i in range(3):
-        r, dr = 0.0, 0.0
-        for k in range(len(position) - 1, -1, -1):
-            r, dr = r * x + position[k, i], dr * x + rate[k, i]
-        out[0, i], out[1, i] = r, dr
+        x, r, dr = 2.0 * (t - start) / (end - start) - 1.0, np.zeros(3), np.zeros(3)
+        for position, rate in zip(
+            self.coefficients[piece][::-1], self.rates[piece][::-1], strict=True
+        ):
+            r, dr = r * x + position, dr * x + rate
+        return r, dr
 
 
 def smooth(t: Array, r: Array) -> Pieces:

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from mitt.signals import Array
+from mitt.world.engine import Plant
 from mitt.world.imaging import Imager
-from mitt.world.motion import Plant
 from mitt.world.scene import Scene
 from mitt.world.sensors import Sensors
 from mitt.world.truth import Tape
@@ -20,7 +20,7 @@ class Stage:
     Attributes:
         plant: As in the text of :mod:`mitt.world.motion`.
         tape: The trace, whose row of a tick has its number.
-        body: As of :func:`mitt.world.silhouettes.lay_capsules`.
+        body: As of :func:`mitt.world.capsules.lay_capsules`.
         sensors: What the catcher is told.
         imager: The cameras, two that see images of one size and do not turn; None where the ball
             is seen as points.

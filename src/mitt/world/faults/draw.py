@@ -1,35 +1,20 @@
 """Randomness of a plan: a stream for each entry, so that none disturbs another or the trial."""
 
 from collections.abc import Iterator
-from typing import TypeVar
 
 import numpy as np
 
 from mitt.signals import Array
 from mitt.world.faults.plan import Fault
 
-#: Key of the streams of faults beside those of plant and sensors.
+#: First key of the random streams of faults, which plant and sensors do not use.
 _FAULTS = 0xFA17
-
-_Kind = TypeVar("_Kind")
 
 
 def drawn(plan: tuple[Fault, ...], seed: int) -> Iterator[tuple[Fault, np.random.Generator]]:
-    """Yield all entries, each with its own source of randomness.
-
-    Args:
-        plan: All entries.
-        seed: Seed of the trial.
-    """
+    """Yield all entries of a trial's plan, each with its own source of randomness."""
     for number, fault in enumerate(plan):
         yield fault, np.random.default_rng([_FAULTS, number, seed])
-
-
-def of_kind(
-    plan: tuple[Fault, ...], seed: int, kind: type[_Kind]
-) -> list[tuple[_Kind, np.random.Generator]]:
-    """Return the entries of one kind, each with its own source of randomness."""
-    return [(fault, rng) for fault, rng in drawn(plan, seed) if isinstance(fault, kind)]
 
 
 def direction(rng: np.random.Generator) -> Array:

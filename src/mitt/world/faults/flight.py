@@ -1,13 +1,12 @@
 """Disturbances of the ball's flight: wind, spin, unknown drag, kicks, and plates in the way."""
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from math import sqrt
 from typing import Protocol, final
 
 import numpy as np
 
-from mitt.jit import kernel
-from mitt.robot.vectors import Vec, cross, dot, minus, plus, times
 from mitt.signals import Array
 from mitt.world.ballistics import fly
 from mitt.world.faults.draw import direction, drawn
@@ -63,92 +62,40 @@ class Push(Protocol):
             Whether it changed anything.
         """
 
-    def rests(self, t: float, until: float) -> bool:
-        """Say whether ``act`` is sure to change nothing, itself included, between two times [s]."""
-
-
-@kernel
-def _accelerate(ddr: Vec, h: float, r: Array, dr: Array) -> None:
-    """Let an acceleration act for a step that is still to be flown, to second order."""
-    for i in range(3):
-        dr[i] += h * ddr[i]
-        r[i] -= 0.5 * h * h * ddr[i]
-
-
-@kernel
-def _drag(nominal: float, drag: float, wind: Array, h: float, r: Array, dr: Array) -> None:
-    """Let the difference of two drags act for a step, one of them in moving air."""
-    v = dr[0], dr[1], dr[2]
-    past = minus(v, (wind[0], wind[1], wind[2]))
-    wanted = times(-drag * sqrt(dot(past, past)), past)
-    _accelerate(plus(wanted, times(nominal * sqrt(dot(v, v)), v)), h, r, dr)
-
-
-@kernel
-def _lift(size: float, axis: Array, h: float, r: Array, dr: Array) -> None:
-    """Let the lift of a spinning ball act for a step; ``size`` is that per squared speed [1/m]."""
-    v = dr[0], dr[1], dr[2]
-    across = cross((axis[0], axis[1], axis[2]), v)
-    _accelerate(times(size * sqrt(dot(v, v)), across), h, r, dr)
+    def is_inactive(self, t: float, until: float) -> bool:
+        """Tell whether ``act`` changes nothing, itself included, throughout [t, until) [s]."""
 
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Air:
-    """Air that drags otherwise than the nominal drag: wind, or another coefficient.
+class Force:
+    """A force that acts as long as its fault does.
 
     Attributes:
         fault: The entry.
-        nominal: Drag that acts anyway [1/m].
-        drag: Drag that should act [1/m].
-        wind: Velocity of the air [m/s], shape (3,).
+        acceleration: Acceleration [m/s^2], shape (3,), at a velocity [m/s], shape (3,).
     """
 
-    fault: Gust | Drag
-    nominal: float
-    drag: float
-    wind: Array
+    fault: Gust | Drag | Spin
+    acceleration: Callable[[Array], Array]
 
     def act(self, t: float, h: float, r: Array, dr: Array) -> bool:
-        """Add the difference of the two drags."""
-        if not self.fault.holds(t):
+        """Add the force to a step that is still to be flown, to second order."""
+        if not self.fault.is_active(t):
             return False
-        _drag(self.nominal, self.drag, self.wind, h, r, dr)
+        ddr = self.acceleration(dr)
+        dr += h * ddr
+        r -= 0.5 * h * h * ddr
         return True
 
-    def rests(self, t: float, until: float) -> bool:
-        """Say whether it is not the time of the fault."""
-        return self.fault.rests(t, until)
-
-
-@final
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Lift:
-    """The Magnus force of a spinning ball, across spin and velocity, as their sizes' product.
-
-    Attributes:
-        fault: The entry.
-        axis: Axis of the spin, shape (3,).
-    """
-
-    fault: Spin
-    axis: Array
-
-    def act(self, t: float, h: float, r: Array, dr: Array) -> bool:
-        """Add the lift."""
-        if not self.fault.holds(t):
-            return False
-        _lift(self.fault.magnitude, self.axis, h, r, dr)
-        return True
-
-    def rests(self, t: float, until: float) -> bool:
-        """Say whether it is not the time of the fault."""
-        return self.fault.rests(t, until)
+    def is_inactive(self, t: float, until: float) -> bool:
+        """Tell whether the fault is inactive."""
+        return until <= self.fault.start or t >= self.fault.end
 
 
 @final
 @dataclass(slots=True, kw_only=True)
-class Blow:
+class Impulse:
     """A sudden change of velocity, once.
 
     Attributes:
@@ -169,8 +116,8 @@ class Blow:
         dr += self.change
         return True
 
-    def rests(self, t: float, until: float) -> bool:  # noqa: ARG002
-        """Say whether it has happened or is not due yet."""
+    def is_inactive(self, t: float, until: float) -> bool:  # noqa: ARG002
+        """Tell whether it has happened or is not due yet."""
         return self.over or until + _SURE <= self.when
 
 
@@ -192,7 +139,7 @@ class Plate:
     normal: Array
     restitution: float
     size: float
-    before: float = field(default=np.inf)
+    before: float = np.inf
     over: bool = False
 
     def act(self, t: float, h: float, r: Array, dr: Array) -> bool:  # noqa: ARG002
@@ -212,8 +159,8 @@ class Plate:
         dr -= (1.0 + self.restitution) * float(self.normal @ dr) * self.normal
         return True
 
-    def rests(self, t: float, until: float) -> bool:  # noqa: ARG002
-        """Say whether the ball has bounced or gone by."""
+    def is_inactive(self, t: float, until: float) -> bool:  # noqa: ARG002
+        """Tell whether the ball has bounced or gone by."""
         return self.over
 
 
@@ -224,26 +171,37 @@ def pushes(plan: tuple[Fault, ...], seed: int, flight: Undisturbed) -> tuple[Pus
         match fault:
             case Kick():
                 when = fault.start + fault.share * flight.nearest()
-                out.append(Blow(when=when, change=fault.magnitude * direction(rng)))
+                out.append(Impulse(when=when, change=fault.magnitude * direction(rng)))
             case Bounce():
                 out.append(_plate(fault, rng, flight))
             case Spin():
-                out.append(Lift(fault=fault, axis=direction(rng)))
+                out.append(Force(fault=fault, acceleration=_lift(fault.magnitude, direction(rng))))
             case Gust() | Drag():
-                out.append(_air(fault, rng, flight.drag))
+                out.append(Force(fault=fault, acceleration=_air(fault, rng, flight.drag)))
             case _:
                 pass
     return tuple(out)
 
 
-def _air(fault: Gust | Drag, rng: np.random.Generator, drag: float) -> Air:
-    """Return the air of a gust or of an unknown drag."""
-    heading = rng.uniform(-np.pi, np.pi)
-    wind = np.zeros(3)
+def _lift(size: float, axis: Array) -> Callable[[Array], Array]:
+    """Return the Magnus acceleration; ``size`` is that per squared speed [1/m]."""
+    return lambda dr: size * sqrt((dr * dr).sum()) * np.cross(axis, dr)
+
+
+def _air(fault: Gust | Drag, rng: np.random.Generator, nominal: float) -> Callable[[Array], Array]:
+    """Return what wind or another drag adds to the acceleration by the nominal drag [1/m]."""
+    heading, wind, drag = rng.uniform(-np.pi, np.pi), np.zeros(3), nominal
     if isinstance(fault, Gust):
         wind[:2] = fault.magnitude * np.cos(heading), fault.magnitude * np.sin(heading)
-    factor = fault.magnitude if isinstance(fault, Drag) else 1.0
-    return Air(fault=fault, nominal=drag, drag=factor * drag, wind=wind)
+    else:
+        drag = fault.magnitude * nominal
+
+    def acceleration(dr: Array) -> Array:
+        past = dr - wind
+        actual, usual = -drag * sqrt((past * past).sum()), nominal * sqrt((dr * dr).sum())
+        return np.asarray(actual * past + usual * dr)
+
+    return acceleration
 
 
 def _plate(fault: Bounce, rng: np.random.Generator, flight: Undisturbed) -> Plate:

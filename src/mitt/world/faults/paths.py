@@ -1,4 +1,8 @@
-"""Balls that are not thrown: on a spring, or carried by somebody's hand."""
+"""Paths of balls that are not thrown, and the undisturbed path of any ball.
+
+A ball is on a spring, or carried by somebody's hand. The path that a disturbed ball would take if
+nobody touched it is for the clairvoyant rival alone, which knows the future.
+"""
 
 from dataclasses import dataclass
 from math import cos, pi, sin
@@ -6,13 +10,17 @@ from typing import final
 
 import numpy as np
 
-from mitt.jit import kernel
+from mitt.flight import advance
 from mitt.signals import Array
+from mitt.world.ballistics import fly
 from mitt.world.faults.draw import drawn
-from mitt.world.faults.flight import Undisturbed
+from mitt.world.faults.flight import Push, Undisturbed
 from mitt.world.faults.plan import Carried, Fault, Spring
 from mitt.world.flights import BallPath
 from mitt.world.throws import Throw
+
+#: How far a flight is flown beforehand [s].
+_LONGEST = 2.0
 
 
 @final
@@ -59,34 +67,19 @@ class Walk:
 
     def at(self, t: float) -> tuple[Array, Array]:
         """Position [m], shape (3,), and velocity [m/s], shape (3,), ``t`` s after release."""
-        r, dr, rates = np.empty(3), np.empty(3), self.rates
-        _walked(self.start, self.along, (self.speed, self.run_up, t), self.sway, rates, r, dr)
+        s = min(max(t / self.run_up, 0.0), 1.0)
+        run_up = self.run_up * (s * s * s - 0.5 * (s * s * (s * s)))
+        way = self.speed * (run_up + max(t - self.run_up, 0.0))
+        r = self.start + way * self.along
+        dr = self.speed * (3.0 * (s * s) - 2.0 * (s * s * s)) * self.along
+        for rate, sway in zip(self.rates, self.sway, strict=True):
+            r += (1.0 - cos(rate * t)) * sway
+            dr += rate * sin(rate * t) * sway
         return r, dr
 
 
-@kernel
-def _walked(
-    start: Array,
-    along: Array,
-    numbers: tuple[float, float, float],
-    sway: Array,
-    rates: tuple[float, float],
-    r: Array,
-    dr: Array,
-) -> None:
-    """Write position and velocity of a :class:`Walk`; ``numbers`` are speed, run-up and time."""
-    speed, run_up, t = numbers
-    s = min(max(t / run_up, 0.0), 1.0)
-    way = speed * (run_up * (s**3 - 0.5 * s**4) + max(t - run_up, 0.0))
-    for i in range(3):
-        r[i], dr[i] = start[i] + way * along[i], speed * (3.0 * s**2 - 2.0 * s**3) * along[i]
-        for k in range(2):
-            r[i] += (1.0 - cos(rates[k] * t)) * sway[k, i]
-            dr[i] += rates[k] * sin(rates[k] * t) * sway[k, i]
-
-
-def led(plan: tuple[Fault, ...], seed: int, flight: Undisturbed) -> Throw | BallPath:
-    """Return what comes instead of the throw: the last spring or carrying hand of the plan."""
+def replaced_ball(plan: tuple[Fault, ...], seed: int, flight: Undisturbed) -> Throw | BallPath:
+    """Return the last spring or carrying hand of the plan, or the throw where there is none."""
     ball = flight.ball
     for fault, rng in drawn(plan, seed):
         if not isinstance(fault, Spring | Carried):
@@ -117,3 +110,53 @@ def _walk(fault: Carried, rng: np.random.Generator, start: Array, goal: Array) -
         sway=sway,
         rates=(float(rates[0]), float(rates[1])),
     )
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DisturbedFlight:
+    """A flight by its states at each tick.
+
+    Attributes:
+        tick: Time between two of them [s].
+        r: Positions [m], shape (k, 3).
+        dr: Velocities [m/s], shape (k, 3).
+        drag: Drag of the flight after the last [1/m].
+    """
+
+    tick: float
+    r: Array
+    dr: Array
+    drag: float
+
+    def at(self, t: float) -> tuple[Array, Array]:
+        """Position [m], shape (3,), and velocity [m/s], shape (3,), ``t`` s after release."""
+        k = min(max(int(t / self.tick), 0), len(self.r) - 1)
+        rest = t - k * self.tick
+        return fly(self.r[k], self.dr[k], drag=self.drag, duration=rest)
+
+
+def disturbed_flight(
+    ball: Throw | BallPath, pushes: tuple[Push, ...], *, drag: float, tick: float
+) -> DisturbedFlight:
+    """Fly a ball through its disturbances.
+
+    Args:
+        ball: What comes at the arm.
+        pushes: What disturbs it, a fresh copy: they remember what they did.
+        drag: Drag coefficient that acts [1/m].
+        tick: Time between two states [s].
+    """
+    path = None if isinstance(ball, Throw) else ball
+    r, dr = (ball.r.copy(), ball.dr.copy()) if isinstance(ball, Throw) else ball.at(0.0)
+    states = [(r.copy(), dr.copy())]
+    for k in range(round(_LONGEST / tick)):
+        changed = [push.act(k * tick, tick, r, dr) for push in pushes]
+        path = None if any(changed) else path
+        if path is None:
+            advance(r, dr, drag, tick)
+        else:
+            r, dr = path.at((k + 1) * tick)
+        states.append((r.copy(), dr.copy()))
+    positions, velocities = (np.array(column) for column in zip(*states, strict=True))
+    return DisturbedFlight(tick=tick, r=positions, dr=velocities, drag=drag)

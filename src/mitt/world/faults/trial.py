@@ -1,38 +1,19 @@
-"""All faults of one trial, ready to be asked by the world at its three seams."""
+"""All faults of one trial: at the sensors, on the way of the commands, and on the ball."""
 
+from collections import deque
 from typing import Protocol, final
 
 import numpy as np
 
+from mitt.errors import InputError
 from mitt.robot.limits import Limits
 from mitt.signals import Array, Command, Senses
-from mitt.world.faults.delivery import Delayed, Jumpy, Lossy, Misread, Still, Twice
 from mitt.world.faults.draw import drawn
-from mitt.world.faults.encoders import Lying
-from mitt.world.faults.exposure import Displaced, Slow, Turned
 from mitt.world.faults.flight import Undisturbed, pushes
-from mitt.world.faults.motors import Wire
-from mitt.world.faults.paths import led
-from mitt.world.faults.plan import (
-    Calibration,
-    Clock,
-    Dropout,
-    Duplicate,
-    Encoder,
-    Fault,
-    FrameRate,
-    Frozen,
-    Late,
-    Latency,
-    Noise,
-    NotNumber,
-    Outlier,
-    Payload,
-    Torque,
-)
+from mitt.world.faults.paths import DisturbedFlight, disturbed_flight, replaced_ball
+from mitt.world.faults.plan import Clock, Encoder, Fault, NotNumber, Payload, Torque
 from mitt.world.faults.plan import Command as CommandFault
-from mitt.world.faults.rehearsal import Rehearsed, rehearse
-from mitt.world.faults.stage import Stage
+from mitt.world.faults.senses import SensorFault, sensor_faults
 from mitt.world.flights import BallPath
 from mitt.world.throws import Throw
 
@@ -53,7 +34,7 @@ class Sensor(Protocol):
 class Disturbed:
     """Sensors with faults behind them, read like the sensors themselves."""
 
-    def __init__(self, sensors: Sensor, stages: tuple[Stage, ...]) -> None:
+    def __init__(self, sensors: Sensor, stages: tuple[SensorFault, ...]) -> None:
         """Put the stages behind the sensors, the first nearest to them."""
         self._sensors, self._stages = sensors, stages
 
@@ -75,7 +56,70 @@ class Disturbed:
 
 
 @final
-class Troubles:
+class CommandChannel:
+    """The commands on their way to the motors in one trial: late, lost, or too much for them."""
+
+    def __init__(
+        self,
+        plan: tuple[Fault, ...],
+        seed: int,
+        *,
+        limits: Limits | None,
+        active: tuple[int, ...],
+        tick: float,
+    ) -> None:
+        """Start with nothing on its way.
+
+        Args:
+            plan: All entries.
+            seed: Seed of the trial.
+            limits: Limit set that weak motors fall short of.
+            active: Indices of the active joints among those of the limit set.
+            tick: Time between two commands [s].
+
+        Raises:
+            InputError: Motors are to be weak, and no limit set was given.
+        """
+        self._weak = [fault for fault in plan if isinstance(fault, Torque)]
+        if self._weak and limits is None:
+            raise InputError("fault torque", "the limits of the arm", "none")
+        self._limits, self._active = limits, list(active)
+        self._slow = [
+            (fault, rng, deque[Command](), round(fault.magnitude / tick))
+            for fault, rng in drawn(plan, seed)
+            if isinstance(fault, CommandFault)
+        ]
+        self._last: Command | None = None
+
+    def through(self, t: float, command: Command) -> Command:
+        """Return the command that the motors follow at a time [s]; once a tick."""
+        for fault, rng, waiting, ticks in self._slow:
+            lost = rng.random() < fault.lost
+            waiting.append(command)
+            if fault.is_active(t):
+                command = waiting[max(len(waiting) - 1 - ticks, 0)]
+                command = self._last if lost and self._last is not None else command
+            if len(waiting) > ticks:
+                waiting.popleft()
+        self._last = command
+        for weak in self._weak:
+            if weak.is_active(t):
+                tau = self._limited(command.tau, weak.magnitude)
+                command = command._replace(told=np.array([*command.told[:3], tau]))
+        return command
+
+    def _limited(self, tau: Array, share: float) -> Array:
+        """Return the torques within a share of the limits [N m]."""
+        if self._limits is None:
+            return tau
+        every = np.zeros(len(self._limits.tau_peak))
+        every[self._active] = tau
+        limited = share * self._limits.saturate(every / share, np.zeros_like(every))
+        return np.asarray(limited[self._active])
+
+
+@final
+class ActiveFaults:
     """What goes wrong in one trial.
 
     Attributes:
@@ -94,85 +138,49 @@ class Troubles:
         active: tuple[int, ...],
         tick: float,
     ) -> None:
-        """Draw a trial's troubles.
+        """Draw the faults of a trial.
 
         Args:
             plan: All entries.
             seed: Seed of the trial.
             flight: The undisturbed flight.
-            limits: As for :class:`Wire`.
-            active: As for :class:`Wire`.
-            tick: As for :class:`Wire`.
+            limits: As for :class:`CommandChannel`, as are ``active`` and ``tick``.
+            active: See ``limits``.
+            tick: See ``limits``.
         """
         self._plan, self._seed, self._undisturbed, self._tick = plan, seed, flight, tick
-        self.ball: Throw | BallPath = led(plan, seed, flight)
+        self.ball: Throw | BallPath = replaced_ball(plan, seed, flight)
         self.payload = sum(fault.magnitude for fault in plan if isinstance(fault, Payload))
         self._pushes = pushes(plan, seed, flight)
-        on_wire = any(isinstance(fault, Torque | CommandFault) for fault in plan)
-        wire = Wire(plan, seed, limits=limits, active=active, tick=tick) if on_wire else None
-        self._wire = wire
-        self.near_arm = on_wire or any(
-            isinstance(fault, Clock | Encoder | NotNumber) for fault in plan
-        )
+        slow = any(isinstance(fault, Torque | CommandFault) for fault in plan)
+        self._channel = None
+        if slow:
+            self._channel = CommandChannel(plan, seed, limits=limits, active=active, tick=tick)
+        self.near_arm = slow or any(isinstance(f, Clock | Encoder | NotNumber) for f in plan)
 
-    def rehearsed(self, drag: float) -> Rehearsed:
+    def undisturbed_path(self, drag: float) -> DisturbedFlight:
         """Return the true flight if nobody touches the ball, for the clairvoyant alone.
 
         Args:
             drag: Drag coefficient of this trial's plant [1/m].
         """
         fresh = pushes(self._plan, self._seed, self._undisturbed)
-        return rehearse(self.ball, fresh, drag=drag, tick=self._tick)
+        return disturbed_flight(self.ball, fresh, drag=drag, tick=self._tick)
 
     def sensors(self, sensors: Sensor, *, pixels: bool) -> Sensor:
         """Return the sensors with their faults; the same ones where there are none."""
-        stages = _stages(self._plan, self._seed, pixels=pixels)
+        stages = sensor_faults(self._plan, self._seed, pixels=pixels)
         return Disturbed(sensors, stages) if stages else sensors
 
     def command(self, t: float, command: Command) -> Command:
         """Return the command that the motors follow."""
-        return command if self._wire is None else self._wire.through(t, command)
+        return command if self._channel is None else self._channel.through(t, command)
 
     def pushes(self, t: float, until: float) -> bool:
-        """Say whether anything may disturb the flying ball between two times [s]."""
-        return not all(push.rests(t, until) for push in self._pushes)
+        """Tell whether anything may disturb the flying ball between two times [s]."""
+        return not all(push.is_inactive(t, until) for push in self._pushes)
 
     def push(self, t: float, h: float, r: Array, dr: Array) -> bool:
-        """Disturb the flying ball in place for a step; say whether anything changed."""
-        changed = False
-        for push in self._pushes:
-            changed = push.act(t, h, r, dr) or changed
-        return changed
-
-
-def _stages(plan: tuple[Fault, ...], seed: int, *, pixels: bool) -> tuple[Stage, ...]:
-    """Return the stages between sensors and catcher, in the order of the plan."""
-    stages = (_stage(fault, rng, pixels=pixels) for fault, rng in drawn(plan, seed))
-    return tuple(stage for stage in stages if stage is not None)
-
-
-def _stage(fault: Fault, rng: np.random.Generator, *, pixels: bool) -> Stage | None:
-    """Return the stage of an entry; None where images carry the error themselves."""
-    match fault:
-        case Noise() | Outlier():
-            return Displaced(fault, rng)
-        case FrameRate():
-            return Slow(fault, rng)
-        case Calibration():
-            return None if pixels else Turned(fault, rng)
-        case Dropout():
-            return Lossy(fault, rng)
-        case Frozen():
-            return Still(fault, rng)
-        case Latency() | Late():
-            return Delayed(fault, rng)
-        case Duplicate():
-            return Twice(fault, rng)
-        case NotNumber():
-            return Misread(fault, rng)
-        case Clock():
-            return Jumpy(fault, rng)
-        case Encoder():
-            return Lying(fault, rng)
-        case _:
-            return None
+        """Disturb the flying ball in place for a step; tell whether anything changed."""
+        changed = [push.act(t, h, r, dr) for push in self._pushes]
+        return any(changed)
