@@ -1,55 +1,18 @@
-"""Level and noise of the ground, and targets anywhere in an image.
+"""Targets anywhere in an image: groups of touching pixels above a threshold.
 
-A target is a group of touching pixels above the threshold. Its moments: :mod:`mitt.vision.window`.
+Their moments: :mod:`mitt.vision.window`.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mitt.jit import kernel
-from mitt.signals import Array, Image
+from mitt.signals import Image
 
 Box = NDArray[np.int64]
 
 MAX_BLOBS = 16
 """Groups looked at in one image; more is noise, not a ball."""
-
-
-@kernel
-def estimate_ground(pixels: Image, counts: NDArray[np.int64], ground: Array) -> None:
-    """Write level and standard deviation of the ground from every third pixel of every third row.
-
-    Mean and spread of the values near the median, so that a ball or lamp does not count.
-
-    Args:
-        pixels: Image, shape (height, width).
-        counts: Scratch, shape (256,).
-        ground: Result: level and standard deviation [grey levels], shape (2,).
-    """
-    counts[:] = 0
-    total = 0
-    for v in range(min(1, pixels.shape[0] - 1), pixels.shape[0], 3):
-        for u in range(min(1, pixels.shape[1] - 1), pixels.shape[1], 3):
-            counts[pixels[v, u]] += 1
-            total += 1
-    low, middle, high, seen = 0, 0, 0, 0
-    for value in range(256):
-        if seen * 6 < total:
-            low = value
-        if seen * 2 < total:
-            middle = value
-        if seen * 6 < 5 * total:
-            high = value
-        seen += counts[value]
-    reach = 2 * (high - low) + 2
-    n, first, second = 0.0, 0.0, 0.0
-    for value in range(max(middle - reach, 0), min(middle + reach, 255) + 1):
-        d = float(value - middle)
-        n += counts[value]
-        first += counts[value] * d
-        second += counts[value] * d * d
-    ground[0] = middle + first / n
-    ground[1] = np.sqrt(max(second / n - (first / n) ** 2, 0.0))
 
 
 @kernel
