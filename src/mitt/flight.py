@@ -69,14 +69,9 @@ def _along(
 
 @kernel
 def _step(r: Array, dr: Array, k: float, push: tuple[float, float, float], h: float) -> None:
-    """Make one classical Runge-Kutta step, in place.
+    """Make one classical Runge-Kutta step of ``h`` [s], in place.
 
-    Args:
-        r: Position, overwritten [m], shape (3,).
-        dr: Velocity, overwritten [m/s], shape (3,).
-        k: Drag coefficient [1/m].
-        push: Acceleration besides drag, gravity included [m/s^2].
-        h: Duration [s].
+    ``push`` is the acceleration besides drag, gravity included [m/s^2].
     """
     v1 = (dr[0], dr[1], dr[2])
     a1 = _pull(v1, k, push)
@@ -142,15 +137,9 @@ def _differentiate(x: Array, gravity: float, h: float, A: Array) -> None:
 
 @kernel
 def _transition(A: Array, h: float, mean: float, left: float, P: Array, out: Array) -> None:
-    """Write F P, with F = d(state after h) / d(state).
+    """Write F P, with F = d(state after h) / d(state) and A of :func:`_differentiate`.
 
-    Args:
-        A: Result of :func:`_differentiate`.
-        h: Duration [s].
-        mean: Share of the push that acts, on average over the step.
-        left: Share of it that is left after the step.
-        P: Matrix, shape (10, 10).
-        out: Result, shape (10, 10).
+    Of the push, the share ``mean`` acts on average over the step, and ``left`` is left after it.
     """
     for i in range(3):
         r, v, push = A[i], A[3 + i], P[7 + i]

@@ -56,24 +56,23 @@ def _area(pixels: Image, threshold: int, box: Box) -> int:
 
 
 @kernel
-def find_targets(pixels: Image, window: Box, threshold: int, boxes: Box) -> int:
-    """Write the boxes of all targets that begin in ``window`` into ``boxes``, from row 1 on.
+def find_targets(pixels: Image, threshold: int, boxes: Box) -> int:
+    """Write the boxes of all targets of an image into ``boxes``, from row 1 on.
 
     Args:
         pixels: Image, shape (height, width).
-        window: Columns and rows to search: u0, v0, u1, v1, inclusive [px], shape (4,).
         threshold: Grey value that a target exceeds.
         boxes: Result [px], shape (MAX_BLOBS + 1, 4).
 
     Returns:
         Their number.
     """
-    count = 0
-    for v in range(window[1], window[3] + 1):
-        if count == MAX_BLOBS or not _row_has(pixels, v, window[0], window[2], threshold):
+    count, (height, width) = 0, pixels.shape
+    for v in range(height):
+        if count == MAX_BLOBS or not _row_has(pixels, v, 0, width - 1, threshold):
             continue
-        u = window[0]
-        while u <= window[2] and count < MAX_BLOBS:
+        u = 0
+        while u < width and count < MAX_BLOBS:
             inside = False
             for k in range(1, count + 1):
                 if boxes[k, 1] <= v <= boxes[k, 3] and boxes[k, 0] <= u <= boxes[k, 2]:
@@ -90,19 +89,13 @@ def find_targets(pixels: Image, window: Box, threshold: int, boxes: Box) -> int:
 
 @kernel
 def find_target(
-    pixels: Image,
-    window: Box,
-    threshold: int,
-    min_area: int,
-    boxes: Box,
-    expected: float,
+    pixels: Image, threshold: int, min_area: int, boxes: Box, expected: float,
     place: tuple[float, float, float],
-) -> int:
-    """Write the box of the best target that begins in ``window`` into ``boxes[0]``.
+) -> int:  # fmt: skip
+    """Write the box of the best target of an image into ``boxes[0]``.
 
     Args:
         pixels: Image, shape (height, width).
-        window: Columns and rows to search: u0, v0, u1, v1, inclusive [px], shape (4,).
         threshold: Grey value that a target exceeds.
         min_area: Least number of pixels of a target.
         boxes: Result in row 0, scratch behind it [px], shape (MAX_BLOBS + 1, 4).
@@ -115,7 +108,7 @@ def find_target(
         Pixels of the target above the threshold; 0 if there is none.
     """
     best, best_area = -np.inf, 0
-    for k in range(1, find_targets(pixels, window, threshold, boxes) + 1):
+    for k in range(1, find_targets(pixels, threshold, boxes) + 1):
         box = boxes[k]
         area = _area(pixels, threshold, box)
         sides = box[2] - box[0] + 1, box[3] - box[1] + 1

@@ -64,9 +64,7 @@ def _list_targets(
     shown, own = _show(images, backgrounds, n, memory, boxes), memory[n]
     measure_if_due(shown, own, settings, boxes)
     height, width = shown.shape
-    window = boxes[MAX_BLOBS + 1]
-    window[0], window[1], window[2], window[3] = 0, 0, width - 1, height - 1
-    found, count = find_targets(shown, window, int(own[at.THRESHOLD]), boxes), 0
+    found, count = find_targets(shown, int(own[at.THRESHOLD]), boxes), 0
     runs, weights = masks(boxes)[1], own[WEIGHTS : WEIGHTS + 7]
     for k in range(1, found + 1):
         box = boxes[k]
@@ -114,12 +112,8 @@ def _meet(
 def _match(residuals: Array, boxes: Box, partners: NDArray[np.int64]) -> None:
     """Pair targets so that most have a partner, and then the residuals in sum are smallest.
 
-    Two targets of different balls may meet by chance; their true partners would be left alone.
-
-    Args:
-        residuals: As in the module's table.
-        boxes: Scratch.
-        partners: Result, target of the second camera for each of the first; -1 for none.
+    Two targets of different balls may meet by chance; their true partners would be left alone. The
+    result holds a target of the second camera for each of the first; -1 for none.
     """
     start, sets = 4 * (at.WORK - ROWS), 1 << MOST
     least, choice = view(boxes, start, (sets,)), view(boxes, start + sets, (MOST, sets))
@@ -170,13 +164,7 @@ def _follow(tracks: Array, count: int, frame: float, r: Array, pair: tuple[int, 
 
 @kernel
 def _fastest(tracks: Array, count: int, slow: bool) -> int:
-    """Return the track that has moved fastest; -1 if none was seen often enough.
-
-    Args:
-        tracks: As in the module's table.
-        count: Number of tracks.
-        slow: Whether one that may be a rolling ball is taken.
-    """
+    """Return the track that moved fastest, or -1; one that may be a rolling ball if ``slow``."""
     best, speed = -1, -1.0
     for k in range(count):
         track, moved = tracks[k], 0.0

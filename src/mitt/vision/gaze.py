@@ -41,14 +41,7 @@ def _observe(
 ) -> None:
     """Update a head's row of ``gaze`` by the target's direction in its image.
 
-    Args:
-        head: A row of ``heads``.
-        camera: A row of ``cameras``.
-        memory: What the camera sees, as in :mod:`mitt.vision.target`.
-        track: The row of ``gaze``; its tail is scratch.
-        te: Time of the exposure [s].
-        away: Distance of the ball, or a guess [m].
-        work: Scratch, shape (2, 3).
+    ``te`` is the time of the exposure [s], ``away`` the distance of the ball, or a guess [m].
     """
     x, y = (memory[0] - camera[4, 1]) / camera[4, 0], (memory[1] - camera[4, 2]) / camera[4, 0]
     far, seen = away / sqrt(x * x + y * y + 1.0), track[GAZE : GAZE + 4]

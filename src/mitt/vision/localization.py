@@ -67,12 +67,8 @@ def _is_whole(memory: Array, since: float, point: Array) -> bool:
     The mass over the area that the ball should have is its contrast, which changes slowly; a
     ball that is hidden in part has less, long before its shape gives it away. A rim that hides a
     share s of the disc moves the centroid by up to s radii: its error widens by that. A contrast
-    that rests on few frames is soon forgotten: they may have been odd.
-
-    Args:
-        memory: Of the camera.
-        since: Frames since both cameras saw the ball.
-        point: Row of ``points``; its standard deviation is overwritten.
+    that rests on few frames is soon forgotten: they may have been odd. ``since`` counts the frames
+    since both cameras saw the ball.
     """
     if memory[EXPECTED] == 0.0 or since >= HASTY * memory[WEIGHED]:
         memory[WEIGHED] = 0.0
@@ -90,16 +86,8 @@ def _learn(memory: Array, camera: Array, point: Array, radius: float, known: flo
     """Update the ball's contrast, and by how much a camera differs from where all see the ball.
 
     A calibration leaves such an offset, ten times the noise of a frame. Without it a camera that
-    goes on alone would see the ball jump, which the filter would take for a kick.
-
-    Args:
-        memory: Of the camera.
-        camera: Row of ``cameras``.
-        point: Row of ``points``.
-        radius: Ball radius [m].
-        known: Sightings that the position rests on, this one included.
-        r: Where all cameras see the ball [m], shape (3,).
-        uv: Scratch, shape (2,).
+    goes on alone would see the ball jump, which the filter would take for a kick. ``known``
+    sightings were made, this one included; ``r`` is where all cameras see the ball [m].
     """
     if memory[EXPECTED] > 0.0:
         memory[WEIGHED] = min(memory[WEIGHED] + 1.0, SLOWLY)

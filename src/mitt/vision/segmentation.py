@@ -102,11 +102,8 @@ def _find_anywhere(
     pixels: Image, memory: Array, min_area: int, boxes: Box, new: Runs, weights: Array
 ) -> tuple[int, int]:
     """Find the target in the whole image; return first row and rows, 0 if there is none."""
-    height, width = pixels.shape
-    window, threshold = boxes[MAX_BLOBS + 1], int(memory[at.THRESHOLD])
-    window[0], window[1], window[2], window[3] = 0, 0, width - 1, height - 1
     place, expected = (memory[at.AT_U], memory[at.AT_V], memory[at.NEAR]), memory[at.EXPECTED]
-    if find_target(pixels, window, threshold, min_area, boxes, expected, place) == 0:
+    if find_target(pixels, int(memory[at.THRESHOLD]), min_area, boxes, expected, place) == 0:
         return 0, 0
     return boxes[0, 1], outline(pixels, memory, boxes[0], new, weights)
 
