@@ -63,7 +63,7 @@ from mitt.signals import (
     command_of,
 )
 from mitt.tick import DECIDE, GRASPS, LAGS, REVIEWS, STOPS, act, perceive, tick
-from mitt.vision.belief import absorb
+from mitt.vision.ball_filter import update
 from mitt.vision.eyes import Eyes
 
 __all__ = ["Catcher", "CatcherSettings", "Phase", "Tick"]
@@ -394,7 +394,7 @@ class Catcher:
         memory, settings, work = self._filter
         for point in points:
             if point.found and not point.t > t + TICK:
-                absorb(memory, point.t, point.r_o, point.covariance, settings, work)
+                update(memory, point.t, point.r_o, point.covariance, settings, work)
 
     def _ask(self) -> None:
         """Ask a generator that is no map for the desired motion."""

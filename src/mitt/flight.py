@@ -1,7 +1,7 @@
 """The flight of a ball in still air: gravity and quadratic drag, ddr_o = g - k |dr_o| dr_o.
 
 Everything that carries a ball through time uses these kernels: the filter, the verdict on a
-throw and the simulated world. They write into the arrays they are given and allocate nothing.
+throw and the simulated world. They write into the arrays they are given.
 Gravity is 9.81 m/s^2 (the standard value of ISO 80000-3, 9.80665, to three digits, as in
 MuJoCo). Drag coefficients are fitted to recorded flights: 0.036 to 0.042 per metre for a
 thrown ball, 0.09 to 0.15 for a table-tennis ball.
@@ -11,12 +11,13 @@ from dataclasses import replace
 from math import ceil, exp, sqrt
 
 import numpy as np
+from numba.extending import register_jitable
 
 from mitt import checks
 from mitt.errors import InputError
 from mitt.jit import kernel
 from mitt.signals import Array, BallState
-from mitt.views import lent, view
+from mitt.views import view
 
 GRAVITY = 9.81
 """Acceleration of free fall, towards -z [m/s^2]."""
@@ -50,38 +51,39 @@ def acceleration(dr: Array, k: float, ddr: Array) -> None:
 
 
 @kernel
-def _step(
-    v: tuple[float, float, float], k: float, push: tuple[float, float, float], h: float
-) -> tuple[float, float, float, float, float, float]:
-    """Return by how much position and velocity change in one classical Runge-Kutta step.
+def _pull(
+    v: tuple[float, float, float], k: float, push: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Return the acceleration [m/s^2] at velocity ``v``: ``push`` less drag."""
+    s = k * sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    return push[0] - s * v[0], push[1] - s * v[1], push[2] - s * v[2]
 
-    Args:
-        v: Velocity [m/s].
-        k: Drag coefficient [1/m].
-        push: Acceleration besides drag, gravity included [m/s^2].
-        h: Duration [s].
+
+@kernel
+def _along(
+    v: tuple[float, float, float], a: tuple[float, float, float], h: float
+) -> tuple[float, float, float]:
+    """Return the velocity [m/s] after ``h`` [s] of constant acceleration ``a``."""
+    return v[0] + h * a[0], v[1] + h * a[1], v[2] + h * a[2]
+
+
+@kernel
+def _step(r: Array, dr: Array, k: float, push: tuple[float, float, float], h: float) -> None:
+    """Make one classical Runge-Kutta step of ``h`` [s], in place.
+
+    ``push`` is the acceleration besides drag, gravity included [m/s^2].
     """
-    px, py, pz = push
-    x1, y1, z1 = v
-    s = k * sqrt(x1 * x1 + y1 * y1 + z1 * z1)
-    ax1, ay1, az1 = px - s * x1, py - s * y1, pz - s * z1
-    x2, y2, z2 = x1 + 0.5 * h * ax1, y1 + 0.5 * h * ay1, z1 + 0.5 * h * az1
-    s = k * sqrt(x2 * x2 + y2 * y2 + z2 * z2)
-    ax2, ay2, az2 = px - s * x2, py - s * y2, pz - s * z2
-    x3, y3, z3 = x1 + 0.5 * h * ax2, y1 + 0.5 * h * ay2, z1 + 0.5 * h * az2
-    s = k * sqrt(x3 * x3 + y3 * y3 + z3 * z3)
-    ax3, ay3, az3 = px - s * x3, py - s * y3, pz - s * z3
-    x4, y4, z4 = x1 + h * ax3, y1 + h * ay3, z1 + h * az3
-    s = k * sqrt(x4 * x4 + y4 * y4 + z4 * z4)
-    ax4, ay4, az4 = px - s * x4, py - s * y4, pz - s * z4
-    return (
-        h / 6.0 * (x1 + 2.0 * x2 + 2.0 * x3 + x4),
-        h / 6.0 * (y1 + 2.0 * y2 + 2.0 * y3 + y4),
-        h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4),
-        h / 6.0 * (ax1 + 2.0 * ax2 + 2.0 * ax3 + ax4),
-        h / 6.0 * (ay1 + 2.0 * ay2 + 2.0 * ay3 + ay4),
-        h / 6.0 * (az1 + 2.0 * az2 + 2.0 * az3 + az4),
-    )
+    v1 = (dr[0], dr[1], dr[2])
+    a1 = _pull(v1, k, push)
+    v2 = _along(v1, a1, 0.5 * h)
+    a2 = _pull(v2, k, push)
+    v3 = _along(v1, a2, 0.5 * h)
+    a3 = _pull(v3, k, push)
+    v4 = _along(v1, a3, h)
+    a4 = _pull(v4, k, push)
+    for i in range(3):
+        r[i] += h / 6.0 * (v1[i] + 2.0 * v2[i] + 2.0 * v3[i] + v4[i])
+        dr[i] += h / 6.0 * (a1[i] + 2.0 * a2[i] + 2.0 * a3[i] + a4[i])
 
 
 @kernel
@@ -96,113 +98,90 @@ def advance(r: Array, dr: Array, k: float, dt: float) -> None:
     """
     steps = max(1, ceil(abs(dt) / MAX_STEP))
     for _ in range(steps):
-        way = _step((dr[0], dr[1], dr[2]), k, (0.0, 0.0, -GRAVITY), dt / steps)
-        for i in range(3):
-            r[i] += way[i]
-            dr[i] += way[3 + i]
+        _step(r, dr, k, (0.0, 0.0, -GRAVITY), dt / steps)
+
+
+@register_jitable
+def track_at(m: Array, at: int) -> tuple[Array, Array]:
+    """Return the estimate, shape (10,), and its covariance, (10, 10), that begin at an index."""
+    return view(m, at, (STATES,)), view(m, at + STATES, (STATES, STATES))
 
 
 @kernel
-def _slopes(m: Array, at: int, law: Array, row: int, h: float, work: Array) -> None:
-    """Write d(position, velocity after h) / d(velocity, drag, push), with the step's middle.
+def _differentiate(x: Array, gravity: float, h: float, A: Array) -> None:
+    """Write d(position, velocity after h) / d(velocity, drag), taken at the step's middle.
 
-    Rows of ``work[0]``: 0 to 2 position, 3 to 5 velocity; columns: 0 to 2 velocity, 3 drag.
+    Rows of ``A``: 0 to 2 position, 3 to 5 velocity; columns: 0 to 2 velocity, 3 drag.
     """
-    k, half = m[at + 6], 0.5 * h
-    x, y, z = m[at + 3], m[at + 4], m[at + 5]
-    drag = k * sqrt(x * x + y * y + z * z)
-    x += half * (m[at + 7] - drag * x)
-    y += half * (m[at + 8] - drag * y)
-    z += half * (m[at + 9] - drag * z - law[row, 0])
-    speed = sqrt(x * x + y * y + z * z)
+    k, half = x[6], 0.5 * h
+    drag = k * sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5])
+    middle = (
+        x[3] + half * (x[7] - drag * x[3]),
+        x[4] + half * (x[8] - drag * x[4]),
+        x[5] + half * (x[9] - drag * x[5] - gravity),
+    )
+    speed = sqrt(middle[0] * middle[0] + middle[1] * middle[1] + middle[2] * middle[2])
     slope = k / speed if speed > 0.0 else 0.0
-    for i, v_i in enumerate((x, y, z)):
-        work[0, i, 3] = -half * h * speed * v_i
-        work[0, 3 + i, 3] = -h * speed * v_i * (1.0 - h * k * speed)
-        for j, v_j in enumerate((x, y, z)):
-            bend = -slope * v_i * v_j
+    for i in range(3):
+        A[i, 3] = -half * h * speed * middle[i]
+        A[3 + i, 3] = -h * speed * middle[i] * (1.0 - h * k * speed)
+        for j in range(3):
+            bend = -slope * middle[i] * middle[j]
             if i == j:
                 bend -= k * speed
-            work[0, i, j] = half * h * bend
-            work[0, 3 + i, j] = h * bend
-        work[0, i, i] += h
-        work[0, 3 + i, i] += 1.0
+            A[i, j] = half * h * bend
+            A[3 + i, j] = h * bend
+        A[i, i] += h
+        A[3 + i, i] += 1.0
 
 
 @kernel
-def _spread(m: Array, at: int, h: float, mean: float, left: float, work: Array) -> None:
-    """Replace P by F P F', F = d(state after h) / d(state) made of :func:`_slopes`.
+def _transition(A: Array, h: float, mean: float, left: float, P: Array, out: Array) -> None:
+    """Write F P, with F = d(state after h) / d(state) and A of :func:`_differentiate`.
 
-    Args:
-        m: Holds P, shape (10, 10), from ``at + 10`` on.
-        at: Index of the estimate.
-        h: Duration [s].
-        mean: Share of the push that acts, on average over the step.
-        left: Share of it that is left after the step.
-        work: Scratch, shape (2, 10, 10); the slopes in its first matrix.
+    Of the push, the share ``mean`` acts on average over the step, and ``left`` is left after it.
     """
-    square = (STATES, STATES)
-    P, M, A = (
-        view(m, at + STATES, square),
-        view(work, STATES * STATES, square),
-        view(work, 0, square),
-    )
-    r_a, v_a = 0.5 * h * h * mean, h * mean
     for i in range(3):
-        x, y, z, k = A[i, 0], A[i, 1], A[i, 2], A[i, 3]
-        for j in range(STATES):
-            M[i, j] = P[i, j] + x * P[3, j] + y * P[4, j] + z * P[5, j] + k * P[6, j]
-            M[i, j] += r_a * P[7 + i, j]
-        x, y, z, k = A[3 + i, 0], A[3 + i, 1], A[3 + i, 2], A[3 + i, 3]
-        for j in range(STATES):
-            M[3 + i, j] = x * P[3, j] + y * P[4, j] + z * P[5, j] + k * P[6, j]
-            M[3 + i, j] += v_a * P[7 + i, j]
-            M[7 + i, j] = left * P[7 + i, j]
-    for j in range(STATES):
-        M[6, j] = P[6, j]
-    for i in range(STATES):
-        x, y, z, k = M[i, 3], M[i, 4], M[i, 5], M[i, 6]
-        for j in range(3):
-            P[i, j] = M[i, j] + A[j, 0] * x + A[j, 1] * y + A[j, 2] * z + A[j, 3] * k
-            P[i, j] += r_a * M[i, 7 + j]
-            P[i, 3 + j] = A[3 + j, 0] * x + A[3 + j, 1] * y + A[3 + j, 2] * z + A[3 + j, 3] * k
-            P[i, 3 + j] += v_a * M[i, 7 + j]
-            P[i, 7 + j] = left * M[i, 7 + j]
-        P[i, 6] = k
+        r, v, push = A[i], A[3 + i], P[7 + i]
+        out[i] = P[i] + r[0] * P[3] + r[1] * P[4] + r[2] * P[5] + r[3] * P[6]
+        out[i] += 0.5 * h * h * mean * push
+        out[3 + i] = v[0] * P[3] + v[1] * P[4] + v[2] * P[5] + v[3] * P[6] + h * mean * push
+        out[7 + i] = left * push
+    out[6] = P[6]
 
 
 @kernel
-def _stir(m: Array, at: int, law: Array, row: int, h: float, left: float) -> None:
+def _add_noise(P: Array, model: Array, h: float, left: float) -> None:
     """Add what the unmodelled acceleration and the drift of drag and push do in ``abs(h)``."""
-    P, a, sign = at + STATES, abs(h), 1.0 if h > 0.0 else -1.0
-    white, jerk = law[row, 1], law[row, 3] ** 2 * (1.0 - left * left) / a if a > 0.0 else 0.0
+    a, sign = abs(h), 1.0 if h > 0.0 else -1.0
+    white, jerk = model[1], model[3] ** 2 * (1.0 - left * left) / a if a > 0.0 else 0.0
     rr = white * a**3 / 3.0 + jerk * a**5 / 20.0
     rv = sign * (white * a**2 / 2.0 + jerk * a**4 / 8.0)
     vv = white * a + jerk * a**3 / 3.0
     ra, va, aa = jerk * a**3 / 6.0, sign * jerk * a**2 / 2.0, jerk * a
-    for i in range(3):
-        r, v, b = 10 * i, 30 + 10 * i, 70 + 10 * i
-        m[P + r + i] += rr
-        m[P + v + 3 + i] += vv
-        m[P + b + 7 + i] += aa
-        m[P + r + 3 + i] += rv
-        m[P + v + i] += rv
-        m[P + r + 7 + i] += ra
-        m[P + b + i] += ra
-        m[P + v + 7 + i] += va
-        m[P + b + 3 + i] += va
-    m[P + 66] += law[row, 2] * a
+    for r in range(3):
+        v, push = r + 3, r + 7
+        P[r, r] += rr
+        P[v, v] += vv
+        P[push, push] += aa
+        P[r, v] += rv
+        P[v, r] += rv
+        P[r, push] += ra
+        P[push, r] += ra
+        P[v, push] += va
+        P[push, v] += va
+    P[6, 6] += model[2] * a
 
 
 @kernel
-def advance_uncertain(m: Array, at: int, dt: float, law: Array, row: int, work: Array) -> None:
+def advance_uncertain(m: Array, at: int, dt: float, models: Array, row: int, work: Array) -> None:
     """Carry an estimate and its covariance by ``dt``, in place; uncertainty grows either way.
 
     The estimate holds position [m], velocity [m/s], drag coefficient [1/m] and *push*, a slowly
     varying acceleration [m/s^2] that gravity and drag do not explain (the lift of a spinning
     ball, a hand): 10 numbers, and then their covariance, shape (10, 10), row by row.
 
-    A law of motion holds gravity [m/s^2], the spectral densities of the unmodelled acceleration
+    A motion model holds gravity [m/s^2], the spectral densities of the unmodelled acceleration
     [m^2/s^3] and of the drift of the drag coefficient [1/(m^2 s)], and standard deviation
     [m/s^2] and correlation time [s] of the push (a Gauss-Markov process of first order).
 
@@ -210,25 +189,26 @@ def advance_uncertain(m: Array, at: int, dt: float, law: Array, row: int, work: 
         m: Memory that holds the estimate.
         at: Index of the estimate in it.
         dt: Duration [s]; may be negative.
-        law: Laws of motion, shape (n, >= 5).
+        models: Motion models, shape (n, >= 5).
         row: Which of them holds.
         work: Scratch, overwritten, shape (2, 10, 10).
     """
-    m, law, work = lent((m, law, work))
+    x, P = track_at(m, at)
+    A, FP = view(work, 0, (STATES, STATES)), view(work, STATES * STATES, (STATES, STATES))
+    model = models[row]
     steps = max(1, ceil(abs(dt) / MAX_STEP))
     h = dt / steps
-    left = exp(-abs(h) / law[row, 4])
+    left = exp(-abs(h) / model[4])
     mean = 0.5 * (1.0 + left)
     for _ in range(steps):
-        _slopes(m, at, law, row, h, work)
-        _spread(m, at, h, mean, left, work)
-        _stir(m, at, law, row, h, left)
-        push = (mean * m[at + 7], mean * m[at + 8], mean * m[at + 9] - law[row, 0])
-        way = _step((m[at + 3], m[at + 4], m[at + 5]), m[at + 6], push, h)
-        for i in range(6):
-            m[at + i] += way[i]
-        for i in range(7, 10):
-            m[at + i] *= left
+        _differentiate(x, model[0], h, A)
+        _transition(A, h, mean, left, P, FP)
+        _transition(A, h, mean, left, FP.T, P.T)
+        _add_noise(P, model, h, left)
+        push = (mean * x[7], mean * x[8], mean * x[9] - model[0])
+        _step(x[:3], x[3:6], x[6], push, h)
+        for i in range(7, STATES):
+            x[i] *= left
 
 
 def forecast(
@@ -259,8 +239,8 @@ def forecast(
     P = track[STATES:].reshape(STATES, STATES)
     P[:6, :6] = state.covariance
     P[6, 6] = drag_sigma * drag_sigma
-    law = np.array([[GRAVITY, accel_density, 0.0, 0.0, 1.0]])
-    advance_uncertain(track, 0, t - state.t, law, 0, np.empty((2, STATES, STATES)))
+    flight = np.array([[GRAVITY, accel_density, 0.0, 0.0, 1.0]])
+    advance_uncertain(track, 0, t - state.t, flight, 0, np.empty((2, STATES, STATES)))
     ddr = np.empty(3)
     acceleration(track[3:6], state.drag, ddr)
     covariance = 0.5 * (P + P.T)[:6, :6]

@@ -213,8 +213,8 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         watch: Longest time from first sight to the verdict [s].
         t_look: Time before which there is no verdict: one that refuses a far ball waits [s].
         review, t_reviewed: How often the choice of the map is reviewed, and when it was last [s].
-        eyes_...: Arrays of :func:`mitt.vision.looking.look`; z, R: its results.
-        ball_...: Memory, settings and scratch of :mod:`mitt.vision.belief`.
+        eyes_...: Arrays of :func:`mitt.vision.localization.localize`; z, R: its results.
+        ball_...: Memory, settings and scratch of :mod:`mitt.vision.ball_filter`.
         closing, grip: As in :mod:`mitt.control.hand`.
         adapt_...: As in :class:`CatcherSettings`.
         bandwidth, track_notes, target: For the tracking, and scratch.

@@ -1,6 +1,6 @@
 """One tick, from images to torque, in one compiled call.
 
-    images -> look -> absorb, speak -> reference -> close, track -> torques, fingers
+    images -> localize -> update, predict -> reference -> close, track -> torques, fingers
 
 The kernels are those of the stages, composed; none is written a second time. All that they know
 and remember lies in one record, ``state``; what a tick brings about lies in another, ``result``
@@ -30,11 +30,11 @@ from mitt.records import BRAKE, FOLLOW, STOPPED, WATCH, Record
 from mitt.signals import Array, Image
 from mitt.views import lent
 from mitt.vision import memory as at
-from mitt.vision.belief import absorb, speak
+from mitt.vision.ball_filter import predict, update
 from mitt.vision.eyes import LET_GO
 from mitt.vision.gaze import lead
 from mitt.vision.head import aim
-from mitt.vision.looking import guide, look
+from mitt.vision.localization import guide, localize
 
 #: What is to be thought about after a tick, as bits of its result: the verdict is open, the ball
 #: has left the arm behind, the fingers have closed as far as there is time for, the catcher has
@@ -72,7 +72,7 @@ def tick(
 
     Args:
         images: One a camera, shape (height, width); empty where there is none.
-        backgrounds: As of :func:`mitt.vision.looking.look`.
+        backgrounds: As of :func:`mitt.vision.localization.localize`.
         apart: Those not exposed at ``t_exposed``, a bit each.
         t_exposed: Instant of the exposure [s].
         t: Time of the tick [s].
@@ -124,7 +124,7 @@ def perceive(
         aim(s["eyes_heads"], s["eyes_angles"], s["eyes_cameras"])
     _guide(images, t_exposed, beside, state, result)
     if (
-        look(
+        localize(
             images,
             backgrounds,
             apart,
@@ -132,7 +132,7 @@ def perceive(
             s["eyes_settings"],
             s["eyes_boxes"],
             s["eyes_cameras"],
-            s["eyes_belief"],
+            s["eyes_ball"],
             s["eyes_work"],
             s["z"],
             s["R"],
@@ -142,9 +142,9 @@ def perceive(
         if beside:
             for k in range(3):
                 s["R"][k, k] += TOUCHED * TOUCHED
-        absorb(s["ball_memory"], t_exposed, s["z"], s["R"], s["ball_settings"], s["ball_work"])
+        update(s["ball_memory"], t_exposed, s["z"], s["R"], s["ball_settings"], s["ball_work"])
     memory = s["ball_memory"]
-    tracked = speak(memory, t, s["ball_settings"], out["ball"], out["covariance"], s["ball_work"])
+    tracked = predict(memory, t, s["ball_settings"], out["ball"], out["covariance"], s["ball_work"])
     out["tracked"], out["t_ball"] = tracked, t
     out["led"] = tracked and memory[at.BEST] > 0.0
     out["drag"] = memory[at.DRAG] if tracked else 0.0

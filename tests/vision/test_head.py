@@ -46,7 +46,7 @@ def test_a_bearing_is_finite_wherever_the_point_is(size: float) -> None:
     for signs in ((1.0, -1.0, 1.0), (-1.0, 1.0, 1.0), (1.0, 1.0, -1.0)):
         r = size * np.array(signs)
         for v in (np.array([1.0, 2.0, -3.0]), -r, r[::-1]):
-            bearing(heads[0], *r, *v, goal)
+            bearing(heads[0], r, v, goal)
             assert np.all(np.isfinite(goal))
 
 
@@ -60,11 +60,11 @@ def test_a_bearing_puts_the_point_into_the_middle_and_its_rate_is_its_derivative
     r, v, wanted, h = np.array((x, y, z)), np.array((dx, dy, dz)), np.empty(4), 1e-6
     goals = np.empty((2, 4))
     for n in range(2):
-        bearing(heads[n], *r, *v, goals[n])
+        bearing(heads[n], r, v, goals[n])
         angles[n] = goals[n, :2]
         ends = []
         for step in (-h, h):
-            bearing(heads[n], *(r + step * v), *v, wanted)
+            bearing(heads[n], r + step * v, v, wanted)
             ends.append(wanted[:2].copy())
         assert goals[n, 2:] == pytest.approx((ends[1] - ends[0]) / (2 * h), rel=1e-4, abs=1e-6)
     aim(heads, angles, cameras)

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from mitt.errors import ShapeError
 from mitt.signals import Frame, Image, Moments
+from mitt.vision.background import measure_background
 from mitt.vision.camera import Camera, Rig, look_at
-from mitt.vision.moments import estimate_ground
 from mitt.vision.segmentation import Segmenter, SegmenterConfig
 from mitt.vision.window import weigh
 from mitt.world.imaging import Imager, ImageSensor
@@ -189,7 +189,7 @@ def test_a_flat_image_holds_nothing(value: int) -> None:
 def test_the_ground_is_measured_from_the_image_despite_a_ball() -> None:
     """Level and noise are those of the ground, and targets are found on a bright one too."""
     level, counts = np.empty(2), np.empty(256, dtype=np.int64)
-    estimate_ground(at(60, 40, r_px=15.0).pixels, counts, level)
+    measure_background(at(60, 40, r_px=15.0).pixels, counts, level)
     noise = np.sqrt(2.0**2 + 24.0 / 30.0 + 1.0 / 12.0)
     assert level == pytest.approx((24.0, noise), abs=LEVEL)
     bright = ImageSensor(brightness=60.0, background=180.0, texture=0.0, read_noise=3.0)

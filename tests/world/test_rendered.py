@@ -10,8 +10,7 @@ import pytest
 from rendered_views import SIDE
 
 from mitt.signals import Array
-from mitt.vision.camera import Camera, Rig
-from mitt.vision.triangulation import sphere_centroid
+from mitt.vision.camera import Camera, Rig, sphere_centroid
 from mitt.world.imaging import Imager, ImageSensor
 
 CLOSE = 0.1
@@ -68,6 +67,6 @@ def test_our_balls_are_where_mujoco_renders_them(f_px: float, tmp_path: Path) ->
     for view, image in zip(views, rendered(views, f_px, tmp_path), strict=True):
         theirs = centroid(image, FINE)
         ours = centroid(imager.render(0.0, view[:3], view[3])[0].pixels.astype(float), 1)
-        sphere_centroid(lens, *view, formula)
+        sphere_centroid(lens, (view[0], view[1], view[2]), view[3], formula)
         assert np.hypot(ours[0] - theirs[0], ours[1] - theirs[1]) < CLOSE
         assert np.hypot(formula[0] - theirs[0], formula[1] - theirs[1]) < CLOSE

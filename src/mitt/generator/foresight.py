@@ -1,8 +1,8 @@
 """Where and when a ball will be caught, by the law of motion that its estimate speaks by.
 
 A ball that flies goes on by gravity and drag. One that is led, by a hand or on a spring, goes on
-with an acceleration that fades away within ``FADES`` s, as the filter's law of what is driven has
-it (:mod:`mitt.vision.laws`); farther than a few tenths of a second that is no more than a guess.
+with an acceleration that fades away within ``FADES`` s, as the filter's model of what is driven has
+it (:mod:`mitt.vision.motion_models`); more than a few tenths of a second ahead that is a guess.
 One that falls although it is led is in the air, but pushed, as by a gust: the push fades.
 
 | here     | meaning                                        | unit                 | shape     |

@@ -7,9 +7,9 @@ import numpy as np
 
 from mitt.jit import kernel
 from mitt.signals import Array
+from mitt.vision import measurement_noise
 from mitt.vision import memory as at
-from mitt.vision import scatter as noise
-from mitt.vision.belief import absorb, speak
+from mitt.vision.ball_filter import predict, update
 from mitt.vision.filter import FilterConfig, settings_of
 
 UNKNOWN_BALL = FilterConfig(
@@ -91,17 +91,18 @@ def _follow(
     t: Array, points: Array, ahead: float, sigma: float, settings: Array, memory: Array, rows: Array
 ) -> None:
     """Fill the rows of a track, shape (n, 5, 3); the noise is learned if ``sigma`` is 0."""
-    R, work, scatter = np.zeros((3, 3)), np.zeros(at.WORK), np.zeros(noise.SCATTER)
+    R, work = np.zeros((3, 3)), np.zeros(at.WORK)
+    noise = np.zeros(measurement_noise.NOISE)
     motion, covariance = np.zeros((3, 3)), np.zeros((6, 6))
-    noise.reset(scatter)
+    measurement_noise.reset(noise)
     for n in range(len(t)):
-        noise.learn(scatter, t[n], points[n])
+        measurement_noise.learn(noise, t[n], points[n])
         for i in range(3):
-            R[i, i] = sigma * sigma if sigma > 0.0 else scatter[i]
-        absorb(memory, t[n], points[n], R, settings, work)
-        speak(memory, t[n] + ahead, settings, motion, covariance, work)
+            R[i, i] = sigma * sigma if sigma > 0.0 else noise[i]
+        update(memory, t[n], points[n], R, settings, work)
+        predict(memory, t[n] + ahead, settings, motion, covariance, work)
         rows[n, 4] = motion[0]
-        speak(memory, t[n], settings, motion, covariance, work)
+        predict(memory, t[n], settings, motion, covariance, work)
         rows[n, 0:3] = motion
         for i in range(3):
             rows[n, 3, i] = np.sqrt(covariance[i, i])

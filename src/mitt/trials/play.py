@@ -20,9 +20,9 @@ from mitt.records import BRAKE, STOPPED, Record
 from mitt.signals import Array, Image
 from mitt.tick import tick, undecided
 from mitt.views import lent
-from mitt.vision.belief import absorb
-from mitt.vision.outlook import suffices
-from mitt.vision.target import WORK, field
+from mitt.vision.ball_filter import update
+from mitt.vision.segmentation import suffices
+from mitt.vision.target import WORK, region_of_interest
 from mitt.world.capsules import lay_capsules
 from mitt.world.engine import Plant
 from mitt.world.exposure import Bank, Cameras, snap
@@ -43,7 +43,7 @@ the two images of one tick, shape (2, height, width)."""
 
 Eyes: TypeAlias = tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64], Array]
 """Scratch to look ahead where the eyes look: windows, shape (2, 4), whether they are less than the
-images, shape (2,), and that of :func:`mitt.vision.outlook.suffices`."""
+images, shape (2,), and that of :func:`mitt.vision.segmentation.suffices`."""
 
 Sight: TypeAlias = tuple[Body, Film, Shots, Points]
 """Arm and hand, cameras, exposures, points."""
@@ -94,7 +94,7 @@ def develop(
         for n in range(2):
             windows[n, 0], windows[n, 1] = 0, images[n].shape[0] - 1
             windows[n, 2], windows[n, 3] = 0, images[n].shape[1] - 1
-            known[n] = not whole and field(memory[n], settings, windows[n])
+            known[n] = not whole and region_of_interest(memory[n], settings, windows[n])
         snap(images, camera, bank, starts, half, radius, r_o, dr_o, shot[:count], windows, t)
         for n in range(2):
             missed |= known[n] and not suffices(
@@ -172,7 +172,7 @@ def play(
         before = now_ns(clock)
         if pointed:
             seen = line[(k - latency) % len(line)]
-            absorb(
+            update(
                 s["ball_memory"], (k - latency) * TICK, seen, covariance, s["ball_settings"],
                 s["ball_work"],
             )  # fmt: skip

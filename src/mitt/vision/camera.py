@@ -1,13 +1,17 @@
 """Where a point of the world appears in an image, and where an image point may lie.
 
 Pinhole cameras without distortion; optical frame z forward, x right, y down; pixel centres lie
-at integers. Distortion, when it comes, goes between ``_to_optical`` and the pixel scale.
+at integers. The centroid of a sphere's image is not the image of its centre: with angular radius
+rho, sin rho = R / d, and angle theta off the optical axis the ellipse's centre lies at
+tan(theta) / (1 - sin^2(rho) / cos^2(theta)), the mean of tan(theta + rho) and tan(theta - rho).
 
-| here          | meaning                                      | unit | shape  |
-|---------------|----------------------------------------------|------|--------|
-| ``T_world_cam`` | p_world = T_world_cam @ p_cam, homogeneous | m    | (4, 4) |
-| ``f_px``      | focal length over the pixel pitch            | px   |        |
-| ``cu, cv``    | principal point, column and row              | px   |        |
+| here            | meaning                                                  | unit | shape     |
+|-----------------|----------------------------------------------------------|------|-----------|
+| ``T_world_cam`` | p_world = T_world_cam @ p_cam, homogeneous               | m    | (4, 4)    |
+| ``f_px``        | focal length over the pixel pitch                        | px   |           |
+| ``cu, cv``      | principal point, column and row                          | px   |           |
+| ``cameras``     | for kernels: rotation in rows 0 to 2, centre in row 3,   | m    | (n, 5, 3) |
+|                 | f_px, cu, cv in row 4                                    | px   |           |
 """
 
 from dataclasses import dataclass, field
@@ -16,12 +20,13 @@ from math import pi
 import numpy as np
 
 from mitt.errors import InputError, ShapeError
+from mitt.jit import kernel
 from mitt.signals import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Camera:
-    """A pinhole camera that stands still.
+    """A pinhole camera that does not move.
 
     Attributes:
         width: Columns [px].
@@ -125,8 +130,8 @@ class Rig:
     """Cameras that see the same scene at the same instants; two or more to triangulate.
 
     Attributes:
-        cameras: In the order of ``Frame.camera``; with heads, as they stand while they wait.
-        heads: One a camera where cameras turn; none where they stand still.
+        cameras: In the order of ``Frame.camera``; with heads, their poses while they wait.
+        heads: One a camera where cameras turn; none where they are fixed.
     """
 
     cameras: tuple[Camera, ...]
@@ -162,31 +167,92 @@ def look_at(centre: Array, target: Array) -> Array:
     return T
 
 
-def fixed_rig() -> Rig:
-    """Return two 128 x 128 cameras that see the whole flight and the catch, standing still.
+def pack_cameras(rig: Rig) -> Array:
+    """Return a rig as the array ``cameras`` of the module's table.
 
-    They stand behind the arm, 1.8 m back, 1.25 m to either side and 0.9 m below the shoulder, and
-    look forward and up past it. Of 105 places those are left that keep in view every flight and
-    the box x 0.6 to 5.1 m, |y| to 0.75 m, z -0.4 to 1.4 m narrowing to |y| 0.4 m, z -0.3 to 0.6 m
-    at the catch; aim and focal length are the sharpest that do. From below, hand and arm hide
-    the ball in the last 40 ms before contact, from 0.35 m above the shoulder in the last 90 ms;
-    the error far away is 14 % larger. Base line at most 2.5 m. Looking along the flight beats
-    looking across it, as the pixels needed shrink with the field. Images are 128 x 128 as in
-    the paper. The left camera stands 0.1 m higher than the right: were they equally
-    high, swapped cables would go unnoticed, as lines of sight then meet as well.
+    Raises:
+        InputError: There are fewer than two cameras.
+    """
+    if len(rig.cameras) < 2:
+        raise InputError("rig", "at least two cameras", len(rig.cameras))
+    return np.array([(*c.rotation, c.centre, (c.f_px, c.cu, c.cv)) for c in rig.cameras])
+
+
+@kernel
+def in_camera(camera: Array, r: Array) -> tuple[float, float, float]:
+    """Return a place in the optical frame of a camera [m].
+
+    Args:
+        camera: A row of ``cameras``.
+        r: The place in the world [m], shape (3,) or more.
+    """
+    x, y, z = 0.0, 0.0, 0.0
+    for i in range(3):
+        d = r[i] - camera[3, i]
+        x += camera[i, 0] * d
+        y += camera[i, 1] * d
+        z += camera[i, 2] * d
+    return x, y, z
+
+
+@kernel
+def sphere_centroid(
+    lens: Array, place: tuple[float, float, float], radius: float, uv: Array
+) -> None:
+    """Write where the centroid of a ball's image lies.
+
+    Args:
+        lens: f_px, cu, cv [px], shape (3,).
+        place: Ball centre in the optical frame [m], its depth greater than ``radius``.
+        radius: Ball radius [m].
+        uv: Result, column and row [px], shape (2,).
+    """
+    x, y, z = place
+    stretch = 1.0 / (1.0 - radius * radius / (z * z))
+    uv[0] = lens[1] + lens[0] * stretch * x / z
+    uv[1] = lens[2] + lens[0] * stretch * y / z
+
+
+@kernel
+def project_ball(camera: Array, r: Array, radius: float, uv: Array) -> bool:
+    """Write where in an image the centroid of a ball lies.
+
+    Args:
+        camera: A row of ``cameras``.
+        r: Ball centre [m], shape (3,).
+        radius: Ball radius [m].
+        uv: Result, column and row [px], shape (2,); unchanged where there is none.
+
+    Returns:
+        Whether the ball is in front of the camera.
+    """
+    place = in_camera(camera, r)
+    if not place[2] > 1.01 * radius:
+        return False
+    sphere_centroid(camera[4], place, radius, uv)
+    return True
+
+
+def fixed_rig() -> Rig:
+    """Return two 128 x 128 cameras that do not move and see the whole flight and the catch.
+
+    They are behind the arm, 1.8 m back, 1.25 m to either side and 0.9 m below the shoulder, and
+    look forward and up past it. Of 105 positions those were considered that keep in view every
+    flight and the box x 0.6 to 5.1 m, |y| to 0.75 m, z -0.4 to 1.4 m narrowing to |y| 0.4 m, z -0.3
+    to 0.6 m at the catch; these are the most accurate. From below, hand and arm hide the ball in
+    the last 40 ms before contact, from 0.35 m above the shoulder in the last 90 ms; the error far
+    away is 14 % larger. Images are 128 x 128 as in the paper. The left camera is 0.1 m higher than
+    the right: were they equally high, swapped cables would go unnoticed, as lines of sight then
+    meet as well.
     """
     cameras = tuple(
         Camera(
-            width=128,
-            height=128,
-            f_px=220.0,
-            cu=63.5,
-            cv=63.5,
+            width=128, height=128, f_px=220.0, cu=63.5, cv=63.5,
             T_world_cam=look_at(
                 np.array((-1.8, side * 1.245, side * 0.05 - 0.9)),
                 np.array((2.7, side * -0.3, side * 0.05 + 0.45)),
             ),
         )
         for side in (1.0, -1.0)
-    )
+    )  # fmt: skip
     return Rig(cameras=cameras)

@@ -1,4 +1,4 @@
-"""The eyes of the catcher: images in, ball position out, in one compiled call."""
+"""The eyes of the catcher: images in, position of the ball out, in one compiled call."""
 
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from mitt import checks
 from mitt.errors import InputError, ShapeError
 from mitt.signals import Array, BallState, Frame, Image, Sighting
-from mitt.vision import looking, target, triangulation
-from mitt.vision.camera import Rig
+from mitt.vision import localization, target, triangulation
+from mitt.vision.camera import Rig, pack_cameras
 from mitt.vision.gaze import empty_gaze, lead
 from mitt.vision.head import HEAD, aim, pack_heads
-from mitt.vision.looking import STATUS, look
+from mitt.vision.localization import STATUS, localize
 from mitt.vision.segmentation import SegmenterConfig, pack_segmenter
 from mitt.vision.target import forget
-from mitt.vision.triangulation import TriangulatorConfig, pack_belief, pack_cameras, unseen
+from mitt.vision.triangulation import TriangulatorConfig, pack_ball, unseen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +30,7 @@ class EyesConfig:
     Attributes:
         ball_radius: Radius of the ball [m]; a choice of this project.
         segmenter: How targets are found in an image.
-        triangulator: What is believed of their centroids.
+        triangulator: How exact their centroids are.
     """
 
     ball_radius: float = 0.04
@@ -41,20 +41,14 @@ class EyesConfig:
 class EyesStatus(Enum):
     """What the eyes can say of the ball."""
 
-    BLIND = looking.BLIND
-    ONE = looking.ONE
-    BOTH = looking.BOTH
-    AT_ODDS = looking.AT_ODDS
+    BLIND, ONE, BOTH, AT_ODDS = range(4)
 
-
-#: Type of an image.
-_GREY = np.dtype(np.uint8)
 
 LET_GO = 0.1
 """Time without a sighting after which the heads no longer follow the filter [s]."""
 
 _PARTS = (
-    "memory", "settings", "boxes", "cameras", "belief", "work", "heads", "angles", "gaze",
+    "memory", "settings", "boxes", "cameras", "ball", "work", "heads", "angles", "gaze",
     "gaze_work",
 )  # fmt: skip
 """Arrays of the eyes that the compiled tick takes over."""
@@ -67,20 +61,20 @@ class Eyes:
 
     Attributes:
         heads: Number of heads; 0 where the cameras stand still.
-        backgrounds: As of :func:`mitt.vision.looking.look`; empty until they are learned.
+        backgrounds: As of :func:`mitt.vision.localization.localize`; empty until they are learned.
     """
 
     backgrounds: tuple[Image, ...]
 
     def __init__(self, rig: Rig, config: EyesConfig | None = None) -> None:
-        """Open the eyes; the first frames tell them the ground."""
+        """Open the eyes; the first frames tell them the background."""
         checks.instance("rig", rig, Rig)
         config = config or EyesConfig()
         n = len(rig.cameras)
         self._max_skew = config.triangulator.max_skew
         self._settings = pack_segmenter(config.segmenter)
         self._cameras = pack_cameras(rig)
-        self._belief = pack_belief(config.triangulator, config.ball_radius, rig)
+        self._ball = pack_ball(config.triangulator, config.ball_radius, rig)
         self._memory = np.empty((n + 1, target.MEMORY))
         self.heads = len(rig.heads)
         rows = max(self.heads, 1)  # a rig that stands still has a row that is not used
@@ -92,7 +86,6 @@ class Eyes:
         self._work = np.empty((triangulation.WORK + n, 3))
         self._none = [np.empty((0, 0), dtype=np.uint8)] * n
         self._shapes = [(camera.height, camera.width) for camera in rig.cameras]
-        self._nothing = tuple(self._none), 0, 0.0
         self.reset()
 
     def __copy__(self) -> "Eyes":
@@ -108,13 +101,13 @@ class Eyes:
         self._numbers = [-1] * len(self._none)
 
     def learn_background(self, views: Sequence[tuple[Frame, ...]]) -> None:
-        """Learn what the cameras see without the thrown ball; best from ten looks or more.
+        """Learn what the cameras see without the thrown ball; best from ten instants or more.
 
         The arm is to be where it waits, and what rests may be in view. It holds until ``reset``.
         Cameras that turn have no background, and learn none.
 
         Args:
-            views: Frames of each look, one a camera.
+            views: Frames of each instant, one a camera.
 
         Raises:
             InputError: A camera was not shown.
@@ -124,7 +117,7 @@ class Eyes:
             raise InputError("views", "a list of tuples of frames", checks.shown(views))
         shown = [frame for frames in views for frame in checks.instance("views", frames, tuple)]
         for frame in shown:
-            self._check(frame, self._shapes)
+            self._check(frame)
         if self.heads:
             return
         means = []
@@ -138,9 +131,9 @@ class Eyes:
 
     @property
     def status(self) -> EyesStatus:
-        """What the last look said.
+        """What the last frames said.
 
-        AT_ODDS: both cameras see a target, but for ``STUBBORN`` looks and more their lines of
+        AT_ODDS: both cameras see a target, but for ``STUBBORN`` frames and more their lines of
         sight have not met: two different things, cameras that are swapped, or a calibration that
         is not theirs.
         """
@@ -161,18 +154,11 @@ class Eyes:
         wanted, motion = np.empty((self.heads, 4)), np.zeros((2, 3))
         if ball.tracked:
             motion[0], motion[1] = ball.r_o + (t - ball.t) * ball.dr_o, ball.dr_o
+        follows = ball.tracked and ball.t - ball.t_seen < LET_GO
         lead(
-            self._heads,
-            self._cameras,
-            self._memory,
-            self._gaze,
-            motion,
-            ball.tracked and ball.t - ball.t_seen < LET_GO,
-            self._t,
-            t,
-            self._gaze_work,
-            wanted,
-        )
+            self._heads, self._cameras, self._memory, self._gaze, motion, follows, self._t, t,
+            self._gaze_work, wanted,
+        )  # fmt: skip
         return wanted
 
     def guide(self, ball: BallState, t: float, *, gap: float, alone: bool) -> None:
@@ -193,10 +179,10 @@ class Eyes:
         gap, alone = checks.number("gap", gap, finite=True), checks.flag("alone", alone)
         known, rig = ball.tracked, self._memory[-1]
         sigma = np.sqrt(np.trace(ball.covariance[:3, :3]) / 3.0) if known else np.inf
-        looking.guide(rig, ball.r_o, ball.dr_o, ahead, gap, sigma, alone)
+        localization.guide(rig, ball.r_o, ball.dr_o, ahead, gap, sigma, alone)
 
     def parts(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays of :func:`look` and of the gaze, for whoever composes them."""
+        """Return the arrays of ``localize`` and of the gaze, for the compiled tick."""
         return {name: vars(self)[f"_{name}"] for name in _PARTS}
 
     def move_to(self, parts: Mapping[str, NDArray[Any]]) -> None:
@@ -231,63 +217,46 @@ class Eyes:
         if self.heads:
             aim(self._heads, self._angles, self._cameras)
         r_o, covariance = np.empty(3), np.empty((3, 3))
-        if look(
-            images,
-            self.backgrounds,
-            apart,
-            self._memory,
-            self._settings,
-            self._boxes,
-            self._cameras,
-            self._belief,
-            self._work,
-            r_o,
-            covariance,
-        ):
+        found = localize(
+            images, self.backgrounds, apart, self._memory, self._settings, self._boxes,
+            self._cameras, self._ball, self._work, r_o, covariance,
+        )  # fmt: skip
+        if found:
             return Sighting(t=t, found=True, r_o=r_o, covariance=covariance)
         return unseen(t)
 
     def arrange(self, frames: tuple[Frame, ...]) -> tuple[tuple[Image, ...], int, float]:
-        """Return images, which stand apart, and the instant of the others, as :func:`look` does.
+        """Return images, which are apart, and the instant of the others, for ``localize``.
 
         Their instant is the newest: a camera that lags or repeats itself is left out, no other.
 
         Args:
             frames: As for :meth:`step`.
         """
-        if frames.__class__ is not tuple:
-            checks.instance("frames", frames, tuple)
+        images, apart = self._none.copy(), 0
+        for frame in checks.instance("frames", frames, tuple):
+            self._check(frame)
         if not frames:
-            return self._nothing
-        t, shapes = -inf, self._shapes
+            return tuple(images), apart, 0.0
+        t = max((frame.t for frame in frames if abs(frame.t) < inf), default=-inf)
         for frame in frames:
-            self._check(frame, shapes)
-            if t < frame.t < inf:
-                t = frame.t
-        images, apart, numbers, heads = self._none.copy(), 0, self._numbers, self.heads
-        for frame in frames:
-            k, number, pixels = frame.camera, frame.number, frame.pixels
-            if number == numbers[k]:
+            k = frame.camera
+            if frame.number == self._numbers[k]:
                 continue
-            if heads and not (isfinite(frame.pan) and isfinite(frame.tilt)):
+            if self.heads and not (isfinite(frame.pan) and isfinite(frame.tilt)):
                 continue  # nobody knows where it looks
-            numbers[k] = number
-            images[k] = pixels if pixels.flags.carray else pixels.copy(order="C")
-            if frame.t == t or abs(frame.t - t) <= self._max_skew:
-                apart &= ~(1 << k)
-            else:
+            self._numbers[k] = frame.number
+            images[k] = np.require(frame.pixels, requirements=("C", "A", "W"))
+            apart &= ~(1 << k)
+            if not abs(frame.t - t) <= self._max_skew:
                 apart |= 1 << k
-            if heads:
+            if self.heads:
                 self._angles[k] = frame.pan, frame.tilt
         return tuple(images), apart, t
 
-    @staticmethod
-    def _check(frame: Frame, shapes: list[tuple[int, int]]) -> None:
+    def _check(self, frame: Frame) -> None:
         """Refuse a frame of a camera that is not there, or an image that is not of its size."""
-        if frame.__class__ is not Frame:
-            checks.instance("frame", frame, Frame)
-        if not 0 <= frame.camera < len(shapes):
-            raise InputError("frame.camera", f"0 to {len(shapes) - 1}", frame.camera)
-        pixels, shape = frame.pixels, shapes[frame.camera]
-        if pixels.shape != shape or pixels.dtype != _GREY:
-            checks.image("frame.pixels", pixels, shape)
+        camera = checks.instance("frame", frame, Frame).camera
+        if not 0 <= camera < len(self._shapes):
+            raise InputError("frame.camera", f"0 to {len(self._shapes) - 1}", camera)
+        checks.image("frame.pixels", frame.pixels, self._shapes[camera])

@@ -1,10 +1,10 @@
-"""Estimate of the ball's motion from sightings: extended Kalman filters, a law of motion each.
+"""Estimate of the ball's motion from sightings: extended Kalman filters, a motion model each.
 
 State: position, velocity, drag coefficient k and push a; in flight ddr_o = g - k |dr_o| dr_o + a
-+ noise (``flight``). Targets that do not fly are followed by other laws (``laws``). The
++ noise (``flight``). Targets that do not fly are followed by other models (``motion_models``). The
 correction is in Joseph's form, in double precision. A track begins with a velocity as good as
 unknown, so that the first sightings amount to a least-squares fit with known gravity; it speaks
-after ``min_sightings``. The work is done by the kernels of ``belief`` on one vector (``memory``);
+after ``min_sightings``. The kernels of ``ball_filter`` do the work on one vector (``memory``);
 here they get their settings, and their results a name.
 """
 
@@ -18,7 +18,7 @@ from mitt.errors import InputError
 from mitt.flight import GRAVITY
 from mitt.signals import Array, BallState, Sighting
 from mitt.vision import memory as at
-from mitt.vision.belief import absorb, is_tracked, speak
+from mitt.vision.ball_filter import is_tracked, predict, update
 
 #: Least and largest value of each number; those that stand in a denominator are above 0. Choices of
 #: this project, far beyond what balls and sightings ask for.
@@ -35,7 +35,7 @@ _RANGES: dict[str, tuple[float, float]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilterConfig:
-    """What is believed of balls and of sightings.
+    """What is known beforehand of balls and of sightings.
 
     Attributes:
         drag_mean: Prior mean of the drag coefficient [1/m].
@@ -46,10 +46,10 @@ class FilterConfig:
         accel_density: Spectral density of the unmodelled acceleration [m^2/s^3].
         speed_sigma: Prior standard deviation of each velocity component [m/s].
         min_sightings: Sightings before the track speaks, and a rejection no longer ends it.
-        gate: Squared Mahalanobis distance beyond which a sighting is not believed; a true one
+        gate: Squared Mahalanobis distance beyond which a sighting is rejected; a true one
             is in 1.5e-5 of cases at 25 (chi-squared, 3 degrees of freedom).
         first_gate: The same before the track speaks; wider, as a rejection costs the track.
-        max_rejections: Rejections, with never three sightings in a row believed, that make a
+        max_rejections: Rejections, with never three sightings in a row accepted, that make a
             kick; at most 8.
         max_rejection_time: Time from the first of three rejections in a row that makes one,
             too [s].
@@ -64,8 +64,8 @@ class FilterConfig:
             by a hand or a spring [m/s^2].
         driven_time: Its correlation time [s].
         other_motion: Prior probability that the target does not fly; steady and driven share it.
-        switch_time: Mean time between changes of the law of motion [s].
-        watchful: Whether the other laws are weighed from the first sighting on; otherwise from
+        switch_time: Mean time between changes of the motion model [s].
+        watchful: Whether the other models are weighted from the first sighting on; otherwise from
             when flight does not fit.
         speaks_after: Sightings after which there is an estimate; ``min_sightings`` if None.
     """
@@ -155,14 +155,8 @@ def settings_of(config: FilterConfig) -> Array:
                 c.drag_sigma, 1.0 - c.other_motion)  # fmt: skip
     table[1] = (0.0, c.steady_density, 0.0, 0.0, 1.0, 0.0, 0.0, other)
     table[2] = (0.0, c.steady_density, 0.0, c.driven_sigma, c.driven_time, 0.0, 0.0, other)
-    table[at.GATES, :6] = (
-        c.gate,
-        c.first_gate,
-        c.min_sightings,
-        c.max_rejections,
-        c.max_rejection_time,
-        c.kick_sigma,
-    )
+    table[at.GATES, :6] = (c.gate, c.first_gate, c.min_sightings, c.max_rejections,
+                           c.max_rejection_time, c.kick_sigma)  # fmt: skip
     speaks = c.min_sightings if c.speaks_after is None else c.speaks_after
     table[at.LIMITS, :6] = (c.drag_max, c.speed_sigma, c.max_gap, speaks, c.watchful, c.switch_time)
     return table
@@ -191,40 +185,32 @@ class BallFilter:
     def counts(self) -> FilterCounts:
         """What became of the sightings so far."""
         m = self._memory
+        used, rejected, kicks, restarts = (int(count) for count in m[at.ALL_USED : at.ACTIVE])
         return FilterCounts(
-            used=int(m[at.ALL_USED]),
-            ignored=int(m[at.IGNORED]),
-            late=int(m[at.LATE]),
-            rejected=int(m[at.ALL_REJECTED]),
-            kicks=int(m[at.ALL_KICKS]),
-            restarts=int(m[at.ALL_RESTARTS]),
-        )
+            used=used, ignored=int(m[at.IGNORED]), late=int(m[at.LATE]), rejected=rejected,
+            kicks=kicks, restarts=restarts,
+        )  # fmt: skip
 
     def update(self, sighting: Sighting) -> None:
         """Take a sighting in at its own time, whatever the order of arrival."""
         s = checks.instance("sighting", sighting, Sighting)
         if s.found:
-            absorb(self._memory, s.t, s.r_o, s.covariance, self._settings, self._work)
+            update(self._memory, s.t, s.r_o, s.covariance, self._settings, self._work)
         else:
             self._memory[at.IGNORED] += 1.0
 
     def state(self, t: float) -> BallState:
         """Return the estimate carried by the flight model to ``t`` [s], near or far.
 
-        Not tracked without an estimate, or further than ``belief.MAX_HORIZON`` from it.
+        Not tracked without an estimate, or further than ``ball_filter.MAX_HORIZON`` from it.
         """
         t, m = checks.number("t", t), self._memory
         motion, covariance = np.empty((3, 3)), np.empty((6, 6))
-        tracked = speak(m, t, self._settings, motion, covariance, self._work)
+        tracked = predict(m, t, self._settings, motion, covariance, self._work)
         return BallState(
-            t=t,
-            tracked=tracked,
-            r_o=motion[0],
-            dr_o=motion[1],
-            ddr_o=motion[2],
-            drag=float(m[at.DRAG]) if tracked else 0.0,
-            covariance=covariance,
+            t=t, tracked=tracked, r_o=motion[0], dr_o=motion[1], ddr_o=motion[2],
+            drag=float(m[at.DRAG]) if tracked else 0.0, covariance=covariance,
             t_seen=float(m[at.T_SEEN]) if tracked else -np.inf,
             t_first=float(m[at.T_FIRST]) if tracked else -np.inf,
             led=bool(tracked and m[at.BEST] > 0.0),
-        )
+        )  # fmt: skip

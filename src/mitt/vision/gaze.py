@@ -3,8 +3,8 @@
 While the filter follows the ball, a head looks where the ball will be at the next exposure, and
 turns as fast as it will pass. Before that, and where its own image contradicts the filter, it
 follows its own image: the ball's direction and rate by an alpha-beta filter (Benedict and Bordner
-1962). A head that sees nothing looks where the other's line of sight is at the distance at which
-balls come into sight; when none sees a ball they nod over where throws come from, and sway.
+1962). A head that sees nothing looks where the line of sight of the other is at the distance at
+which balls come into sight; when none sees a ball they nod and sway over where throws come from.
 
 | here       | meaning                                                    | unit       | shape     |
 |------------|------------------------------------------------------------|------------|-----------|
@@ -29,7 +29,7 @@ ALPHA, BETA = 0.5, 0.15
 FRESH, STALE = 0.006, 0.03
 """Ages up to which an image contradicts the filter, and up to which it leads a head [s]."""
 DOUBT = 0.04
-"""Angle between image and filter above which a head believes its image [rad]."""
+"""Angle between image and filter above which a head follows its image [rad]."""
 NOD, SWAY, BREADTH = 0.052, 0.069, 1.375
 """Periods in which a waiting head nods and sways [s]; how far it sways, over the pan at which
 it waits: two heads that wait on either side look outwards and inwards together."""
@@ -37,25 +37,18 @@ it waits: two heads that wait on either side look outwards and inwards together.
 
 @kernel
 def _observe(
-    head: Array, camera: Array, memory: Array, track: Array, te: float, away: float
+    head: Array, camera: Array, memory: Array, track: Array, te: float, away: float, work: Array
 ) -> None:
-    """Take the target's direction in one image into a head's row of ``gaze``.
+    """Update a head's row of ``gaze`` by the target's direction in its image.
 
-    Args:
-        head: A row of ``heads``.
-        camera: A row of ``cameras``.
-        memory: What the camera sees, of :mod:`mitt.vision.segmentation`.
-        track: The row of ``gaze``; its tail is scratch.
-        te: Time of the exposure [s].
-        away: Distance of the ball, or a guess [m].
+    ``te`` is the time of the exposure [s], ``away`` the distance of the ball, or a guess [m].
     """
     x, y = (memory[0] - camera[4, 1]) / camera[4, 0], (memory[1] - camera[4, 2]) / camera[4, 0]
-    far = away / sqrt(x * x + y * y + 1.0)
-    px = camera[3, 0] + far * (camera[0, 0] * x + camera[0, 1] * y + camera[0, 2])
-    py = camera[3, 1] + far * (camera[1, 0] * x + camera[1, 1] * y + camera[1, 2])
-    pz = camera[3, 2] + far * (camera[2, 0] * x + camera[2, 1] * y + camera[2, 2])
-    seen = track[6:10]
-    bearing(head, px, py, pz, 0.0, 0.0, 0.0, seen)
+    far, seen = away / sqrt(x * x + y * y + 1.0), track[GAZE : GAZE + 4]
+    for i in range(3):
+        work[0, i] = camera[3, i] + far * (camera[i, 0] * x + camera[i, 1] * y + camera[i, 2])
+        work[1, i] = 0.0
+    bearing(head, work[0], work[1], seen)
     elapsed = te - track[5]
     if track[4] == 0.0 or not 0.0 < elapsed < STALE:
         track[0], track[1], track[2], track[3], track[4] = seen[0], seen[1], 0.0, 0.0, 1.0
@@ -81,39 +74,30 @@ def _along(head: Array, track: Array, t: float, camera: Array, point: Array) -> 
 @kernel
 def _from_others(heads: Array, gaze: Array, n: int, t: float, work: Array, wanted: Array) -> bool:
     """Write where head ``n`` looks to meet the line of sight of another; False if none sees."""
-    now, soon, h = work[5], work[6], 1e-3
+    now, rate, h = work[5], work[6], 1e-3
     for m in range(heads.shape[0]):
         if m == n or gaze[m, 4] < 1.0 or t - gaze[m, 5] > STALE:
             continue
         _along(heads[m], gaze[m], t, work[:5], now)
-        _along(heads[m], gaze[m], t + h, work[:5], soon)
-        bearing(
-            heads[n], now[0], now[1], now[2],
-            (soon[0] - now[0]) / h, (soon[1] - now[1]) / h, (soon[2] - now[2]) / h, wanted,
-        )  # fmt: skip
+        _along(heads[m], gaze[m], t + h, work[:5], rate)
+        for i in range(3):
+            rate[i] = (rate[i] - now[i]) / h
+        bearing(heads[n], now, rate, wanted)
         return True
     return False
 
 
 @kernel
 def lead(
-    heads: Array,
-    cameras: Array,
-    memory: Array,
-    gaze: Array,
-    motion: Array,
-    tracked: bool,
-    te: float,
-    t: float,
-    work: Array,
-    wanted: Array,
-) -> None:
+    heads: Array, cameras: Array, memory: Array, gaze: Array, motion: Array, tracked: bool,
+    te: float, t: float, work: Array, wanted: Array,
+) -> None:  # fmt: skip
     """Write where the heads are to look.
 
     Args:
         heads: As in :mod:`mitt.vision.head`.
         cameras: As they stood at the exposure.
-        memory: Of the eyes, after :func:`mitt.vision.looking.look`; its last row is the rig's.
+        memory: Of the eyes, after ``localize``; its last row is the rig's.
         gaze: As in the module's table, overwritten, shape (n, GAZE + 4).
         motion: Position [m] and velocity [m/s] of the ball at ``t``, rows 0 and 1.
         tracked: Whether ``motion`` is known.
@@ -130,14 +114,13 @@ def lead(
         if rig[3] > 0.0:
             c = cameras[n, 3]
             away = sqrt((rig[0] - c[0]) ** 2 + (rig[1] - c[1]) ** 2 + (rig[2] - c[2]) ** 2)
-        _observe(heads[n], cameras[n], memory[n], gaze[n], te, away)
+        _observe(heads[n], cameras[n], memory[n], gaze[n], te, away, work[5:])
     for n in range(count):
         head, track, goal = heads[n], gaze[n], wanted[n]
         later = t - track[5]
         sees = track[4] >= 1.0
         if tracked:
-            r, v = motion[0], motion[1]
-            bearing(head, r[0], r[1], r[2], v[0], v[1], v[2], goal)
+            bearing(head, motion[0], motion[1], goal)
             off = max(abs(goal[0] - track[0] - later * track[2]),
                       abs(goal[1] - track[1] - later * track[3]))  # fmt: skip
             if not (sees and later < FRESH and off > DOUBT):
@@ -146,8 +129,8 @@ def lead(
             goal[0], goal[1] = track[0] + later * track[2], track[1] + later * track[3]
             goal[2], goal[3] = track[2], track[3]
         elif not _from_others(heads, gaze, n, t, work, goal):
-            nod, sway, way = 2.0 * pi / NOD, 2.0 * pi / SWAY, BREADTH * head[21]
-            goal[0], goal[2] = head[21] + way * sin(sway * t), way * sway * cos(sway * t)
+            nod, sway, breadth = 2.0 * pi / NOD, 2.0 * pi / SWAY, BREADTH * head[21]
+            goal[0], goal[2] = head[21] + breadth * sin(sway * t), breadth * sway * cos(sway * t)
             goal[1] = head[22] + head[23] * sin(nod * t)
             goal[3] = head[23] * nod * cos(nod * t)
 

@@ -10,7 +10,7 @@ lens is carried beyond both: p_base = Ry(pan) Rx(tilt) (lens + p_cam).
 |             | cu, cv, greatest speed and acceleration, expected range, where | px    |           |
 |             | it waits (pan, tilt, nod), encoder step                        |       |           |
 | ``angles``  | pan, tilt of each head, read in the middle of the exposure     | rad   | (n, 2)    |
-| ``cameras`` | as in :mod:`mitt.vision.triangulation`                         |       | (n, 5, 3) |
+| ``cameras`` | as in :mod:`mitt.vision.camera`                                |       | (n, 5, 3) |
 """
 
 from math import atan2, cos, hypot, sin
@@ -39,13 +39,10 @@ def aim_one(head: Array, pan: float, tilt: float, camera: Array) -> None:
     for i in range(3):
         x, y, z = head[3 * i], head[3 * i + 1], head[3 * i + 2]
         forward = x * sp + z * cp
-        camera[i, 0] = x * cp - z * sp
-        camera[i, 1] = y * ct + forward * st
-        camera[i, 2] = -y * st + forward * ct
-    for i in range(3):
-        camera[3, i] = head[9 + i] + (
-            camera[i, 0] * head[12] + camera[i, 1] * head[13] + camera[i, 2] * head[14]
-        )
+        right, down = x * cp - z * sp, y * ct + forward * st
+        ahead = -y * st + forward * ct
+        camera[i, 0], camera[i, 1], camera[i, 2] = right, down, ahead
+        camera[3, i] = head[9 + i] + (right * head[12] + down * head[13] + ahead * head[14])
         camera[4, i] = head[15 + i]
 
 
@@ -63,9 +60,7 @@ def aim(heads: Array, angles: Array, cameras: Array) -> None:
 
 
 @kernel
-def bearing(
-    head: Array, x: float, y: float, z: float, dx: float, dy: float, dz: float, wanted: Array
-) -> None:
+def bearing(head: Array, r: Array, dr: Array, wanted: Array) -> None:
     """Write the angles at which a head looks at a point, and how fast they change.
 
     Exact for a lens on the optical axis; one beside it sees the point that much beside the
@@ -73,15 +68,11 @@ def bearing(
 
     Args:
         head: A row of ``heads``.
-        x: Point in the world [m], as ``y`` and ``z``.
-        y: See ``x``.
-        z: See ``x``.
-        dx: Its velocity [m/s], as ``dy`` and ``dz``.
-        dy: See ``dx``.
-        dz: See ``dx``.
+        r: Point in the world [m], shape (3,).
+        dr: Its velocity [m/s], shape (3,).
         wanted: Result, pan, tilt [rad] and their rates [rad/s], shape (4,).
     """
-    x, y, z = x - head[9], y - head[10], z - head[11]
+    x, y, z, dx, dy, dz = r[0] - head[9], r[1] - head[10], r[2] - head[11], dr[0], dr[1], dr[2]
     a = head[0] * x + head[3] * y + head[6] * z
     b = head[1] * x + head[4] * y + head[7] * z
     c = head[2] * x + head[5] * y + head[8] * z

@@ -27,15 +27,9 @@ def inverse(
 
 @kernel
 def invert_positive(S: Array, out: Array) -> bool:
-    """Write the inverse of a symmetric matrix by cofactors.
+    """Write the inverse of a symmetric matrix, shape (3, 3); return whether there is one.
 
-    Args:
-        S: Symmetric matrix, shape (3, 3).
-        out: Result, shape (3, 3).
-
-    Returns:
-        Whether ``S`` is positive definite with a condition that leaves digits; if not, ``out``
-        is unchanged.
+    That is as for :func:`inverse`; if there is none, ``out`` is unchanged.
     """
     ok, a, b, c, d, e, f = inverse(S[0, 0], S[0, 1], S[0, 2], S[1, 1], S[1, 2], S[2, 2])
     if ok:

@@ -32,22 +32,14 @@ def applied(T: Array, p: Array) -> Array:
     return np.asarray(p @ T[:3, :3].T + T[:3, 3])
 
 
-def skew(p: Array) -> Array:
-    """Return the matrices of the cross product with each vector, shape (n, 3, 3)."""
-    out = np.zeros((len(p), 3, 3))
-    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -p[:, 2], p[:, 1], -p[:, 0]
-    out[:, 1, 0], out[:, 2, 0], out[:, 2, 1] = p[:, 2], -p[:, 1], p[:, 0]
-    return out
-
-
 def by_pose(p_turned: Array) -> Array:
     """Return the derivative of R p + t with respect to a step of ``turned``, shape (n, 3, 6).
 
     Args:
         p_turned: R p [m], shape (n, 3).
     """
-    out = np.zeros((len(p_turned), 3, 6))
-    out[:, :, :3] = -skew(p_turned)
+    out = np.empty((len(p_turned), 3, 6))
+    out[:, :, :3] = np.cross(np.eye(3), p_turned[:, None]).swapaxes(1, 2)
     out[:, :, 3:] = np.eye(3)
     return out
 

@@ -5,8 +5,8 @@ One row of numbers a camera; the names are their places.
 | here                   | meaning                                              | unit        |
 |------------------------|------------------------------------------------------|-------------|
 | 0, 1                   | last centroid (u, v); NaN if there is none           | px          |
-| ``LEVEL``, ``THRESHOLD`` | of the ground, of a target                         | grey levels |
-| ``DUE``                | frames since the ground was measured                 |             |
+| ``LEVEL``, ``THRESHOLD`` | of the background, of a target                      | grey levels |
+| ``DUE``                | frames since the background was measured               |             |
 | ``DU``, ``DV``         | motion of the centroid                               | px a frame  |
 | ``AREA``               | of the last target                                   | px^2        |
 | ``STATE``              | LOST, GOOD, or MERGED and more: frames since merging |             |
@@ -14,7 +14,7 @@ One row of numbers a camera; the names are their places.
 | ``MARK``, ``FROZEN``   | mark of the last target, frames it has been the same |             |
 | ``EXPECTED``           | area that the ball should have; 0 if unknown         | px^2        |
 | ``MASS``               | of the last target that was the ball alone           | grey levels |
-| ``GAIN``, ``WEIGHED``  | mass of the ball over that area, from how many looks | grey levels |
+| ``GAIN``, ``WEIGHED``  | mass of the ball over that area, from how many frames| grey levels |
 | ``AT_U``, ``AT_V``     | where the ball should be                             | px          |
 | ``NEAR``               | how far from there it may be; 0 if unknown           | px          |
 | ``LIGHT``, ``MEAN``    | of :mod:`mitt.vision.background`                     | 1, levels   |
@@ -32,8 +32,8 @@ from numpy.typing import NDArray
 from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.views import view
-from mitt.vision.moments import MAX_BLOBS, Box
-from mitt.vision.triangulation import in_camera
+from mitt.vision.blobs import MAX_BLOBS, Box
+from mitt.vision.camera import in_camera
 from mitt.vision.window import ROWS, Runs
 
 LEVEL, THRESHOLD, DUE, DU, DV, AREA, STATE, TOP, HEIGHT, MARK, FROZEN = range(2, 13)
@@ -60,34 +60,22 @@ def keep(memory: Array, top: int, rows: int, runs: Runs, area: float) -> None:
 
 
 @kernel
-def trim(top: int, rows: int, runs: Runs) -> tuple[int, int]:
-    """Move runs up to their first row that is not empty; return where they begin and how many."""
-    first, last = rows, -1
-    for k in range(rows):
-        if runs[0, k] <= runs[1, k]:
-            first, last = min(first, k), k
-    for k in range(first, last + 1):
-        runs[0, k - first], runs[1, k - first] = runs[0, k], runs[1, k]
-    return top + first, max(last - first + 1, 0)
-
-
-@kernel
 def pace(place: float, motion: float) -> int:
-    """Return the whole pixels that a motion takes a place on; they add up over the frames."""
+    """Return the whole pixels by which a motion moves a place; they add up over the frames."""
     return round(place + motion) - round(place)
 
 
 @kernel
-def field(memory: Array, settings: Array, window: NDArray[np.int64]) -> bool:
-    """Cut a window down to what will be looked at first in the next image.
+def region_of_interest(memory: Array, settings: Array, window: NDArray[np.int64]) -> bool:
+    """Cut a window down to what will be searched first in the next image.
 
     Args:
-        memory: As in the table of :mod:`mitt.vision.segmentation`.
+        memory: As in the module's table.
         settings: As of :func:`mitt.vision.segmentation.pack_segmenter`, shape (6,).
         window: First and last row, first and last column, at entry of the image [px], shape (4,).
 
     Returns:
-        Whether it has: not where the target is lost or the ground is to be measured.
+        Whether it has: not where the target is lost or the background is to be measured.
     """
     rows, reach = int(memory[HEIGHT]), max(int(settings[1]), WILD)
     if memory[STATE] == LOST or memory[DUE] == 0.0 or rows + 2 * reach > ROWS:
@@ -99,7 +87,7 @@ def field(memory: Array, settings: Array, window: NDArray[np.int64]) -> bool:
             first, last = min(first, memory[RUNS + k]), max(last, memory[RUNS + ROWS + k])
     if first > last:
         return False
-    # The target is weighed a pixel beyond its rows, the ground seen three beyond its columns.
+    # The target is weighed a pixel beyond its rows, the background three beyond its columns.
     top, left, right = int(memory[TOP]) + dv, int(first) + du, int(last) + du
     window[0] = max(window[0], top - reach - 1)
     window[1] = min(window[1], top + rows + reach)
@@ -114,9 +102,9 @@ def expect(memory: Array, cameras: Array, radius: float, r: Array, reach: float)
 
     Args:
         memory: A row a camera, as in the module's table; more rows are left alone.
-        cameras: As in :mod:`mitt.vision.triangulation`.
+        cameras: As in :mod:`mitt.vision.camera`.
         radius: Radius of the ball [m].
-        r: Where it is believed to be [m], shape (3,) or more.
+        r: Where it is estimated to be [m], shape (3,) or more.
         reach: How far from there it may be [m].
     """
     for n in range(cameras.shape[0]):
@@ -138,6 +126,6 @@ def masks(work: Box) -> tuple[Runs, Runs]:
 
 
 def forget(memory: Array) -> None:
-    """Forget target and ground, in the memory of one camera or of many, shape (..., MEMORY)."""
+    """Forget target and background, in the memory of one camera or of many, shape (..., MEMORY)."""
     memory[...] = 0.0
     memory[..., :2] = np.nan

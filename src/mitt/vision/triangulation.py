@@ -1,14 +1,11 @@
 """From the moments of two or more images to the ball's centre in the world.
 
 Maximum likelihood on the image points: two Gauss-Newton steps from the point nearest to the
-rays. The centroid of a sphere's image is not the image of its centre: with angular radius rho,
-sin rho = R / d, and angle theta off the optical axis the ellipse's centre lies at
-tan(theta) / (1 - sin^2(rho) / cos^2(theta)), the mean of tan(theta + rho) and tan(theta - rho).
+rays.
 
 | here        | meaning                                                  | unit | shape      |
 |-------------|----------------------------------------------------------|------|------------|
-| ``cameras`` | a camera each: rotation in rows 0 to 2, centre in row 3, | m    | (n, 5, 3)  |
-|             | f_px, cu, cv in row 4                                    | px   |            |
+| ``cameras`` | as in :mod:`mitt.vision.camera`                          | m    | (n, 5, 3)  |
 | ``points``  | centroid and its standard deviation; negative if unseen  | px   | (n, 3)     |
 """
 
@@ -20,8 +17,7 @@ import numpy as np
 from mitt.errors import InputError
 from mitt.jit import kernel
 from mitt.signals import Array, Moments, Sighting
-from mitt.views import view
-from mitt.vision.camera import Rig
+from mitt.vision.camera import Rig, in_camera, pack_cameras, sphere_centroid
 from mitt.vision.linear import invert_positive
 
 WORK = 7
@@ -30,7 +26,7 @@ WORK = 7
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TriangulatorConfig:
-    """What is believed of the centroids.
+    """How exact the centroids are.
 
     The standard deviation of a centroid is sqrt(floor^2 + (spread / r^1.5)^2), r the radius of
     a disc of the target's area; fitted to rendered discs of 0.6 to 6 px with 2 grey levels of
@@ -52,13 +48,13 @@ class TriangulatorConfig:
 @kernel
 def _nearest(cameras: Array, points: Array, r: Array, work: Array) -> bool:
     """Write the point with the least squared distance to all rays; False if they are parallel."""
-    H, inverse, b = view(work, 0, (3, 3)), view(work, 9, (3, 3)), view(work, 18, (3,))
+    H, inverse, b = work[:3], work[3:6], work[6]
     H[:, :] = 0.0
     b[:] = 0.0
     for n in range(cameras.shape[0]):
         if points[n, 2] < 0.0:
             continue
-        pose = view(cameras, 15 * n, (5, 3))
+        pose = cameras[n]
         x = (points[n, 0] - pose[4, 1]) / pose[4, 0]
         y = (points[n, 1] - pose[4, 2]) / pose[4, 0]
         norm = sqrt(x * x + y * y + 1.0)
@@ -77,79 +73,24 @@ def _nearest(cameras: Array, points: Array, r: Array, work: Array) -> bool:
 
 
 @kernel
-def sphere_centroid(lens: Array, x: float, y: float, z: float, radius: float, uv: Array) -> None:
-    """Write where the centroid of a ball's image lies.
-
-    Args:
-        lens: f_px, cu, cv [px], shape (3,).
-        x: Ball centre in the optical frame [m], as ``y`` and ``z`` (> ``radius``).
-        y: See ``x``.
-        z: See ``x``.
-        radius: Ball radius [m].
-        uv: Result, column and row [px], shape (2,).
-    """
-    stretch = 1.0 / (1.0 - radius * radius / (z * z))
-    uv[0] = lens[1] + lens[0] * stretch * x / z
-    uv[1] = lens[2] + lens[0] * stretch * y / z
-
-
-@kernel
-def in_camera(camera: Array, r: Array) -> tuple[float, float, float]:
-    """Return a place in the optical frame of a camera [m].
-
-    Args:
-        camera: A row of ``cameras``.
-        r: The place in the world [m], shape (3,) or more.
-    """
-    x, y, z = 0.0, 0.0, 0.0
-    for i in range(3):
-        d = r[i] - camera[3, i]
-        x += camera[i, 0] * d
-        y += camera[i, 1] * d
-        z += camera[i, 2] * d
-    return x, y, z
-
-
-@kernel
-def project(camera: Array, r: Array, radius: float, uv: Array) -> bool:
-    """Write where in an image the centroid of a ball lies.
-
-    Args:
-        camera: A row of ``cameras``.
-        r: Ball centre [m], shape (3,).
-        radius: Ball radius [m].
-        uv: Result, column and row [px], shape (2,); unchanged where there is none.
-
-    Returns:
-        Whether the ball is in front of the camera.
-    """
-    x, y, z = in_camera(camera, r)
-    if not z > 1.01 * radius:
-        return False
-    sphere_centroid(camera[4], x, y, z, radius, uv)
-    return True
-
-
-@kernel
 def _refine(cameras: Array, points: Array, radius: float, r: Array, P: Array, work: Array) -> float:
     """Move ``r`` by one Gauss-Newton step, write its covariance into ``P``.
 
     Returns:
         The largest residual before the step [px], infinite where a camera cannot see ``r``.
     """
-    H, b, uv = view(work, 0, (3, 3)), view(work, 9, (3,)), view(work, 18, (3,))
-    axis_u, axis_v = view(work, 12, (3,)), view(work, 15, (3,))
+    H, b, axis_u, axis_v, uv = work[:3], work[3], work[4], work[5], work[6]
     H[:, :] = 0.0
     b[:] = 0.0
     worst = 0.0
     for n in range(cameras.shape[0]):
         if points[n, 2] < 0.0:
             continue
-        R, lens = cameras[n, :3], cameras[n, 4]
-        x, y, z = in_camera(cameras[n], r)
+        R, lens, place = cameras[n], cameras[n, 4], in_camera(cameras[n], r)
+        x, y, z = place
         if not z > 1.01 * radius:
             return np.inf
-        sphere_centroid(lens, x, y, z, radius, uv)
+        sphere_centroid(lens, place, radius, uv)
         du, dv = points[n, 0] - uv[0], points[n, 1] - uv[1]
         worst = max(worst, sqrt(du * du + dv * dv))
         weight = 1.0 / (points[n, 2] * points[n, 2])
@@ -196,10 +137,8 @@ def triangulate(
 
 
 @kernel
-def note(
-    point: Array, u: float, v: float, area: float, clipped: bool, floor: float, spread: float
-) -> int:
-    """Write what one camera sees into its row of ``points``.
+def note(point: Array, u: float, v: float, area: float, clipped: bool, ball: Array) -> bool:
+    """Write what one camera sees into its row of ``points``; return whether it counts.
 
     Args:
         point: Result, unchanged where the target does not count, shape (3,).
@@ -207,36 +146,22 @@ def note(
         v: Centroid, row [px].
         area: Pixels of the target [px^2].
         clipped: Whether it touches the border.
-        floor: Squared error that no disc falls below [px^2].
-        spread: Squared error of a disc, times its area^1.5 [px^5].
-
-    Returns:
-        1 if the target counts, else 0.
+        ball: As of :func:`pack_ball`.
     """
     if clipped or not area > 0.0 or not np.isfinite(u + v):
-        return 0
+        return False
     point[0], point[1] = u, v
-    point[2] = sqrt(floor + spread / (area * sqrt(area)))
-    return 1
+    point[2] = sqrt(ball[1] + ball[2] / (area * sqrt(area)))
+    return True
 
 
-def pack_cameras(rig: Rig) -> Array:
-    """Return a rig as the array ``cameras`` of the module's table.
+def pack_ball(config: TriangulatorConfig, ball_radius: float, rig: Rig) -> Array:
+    """Return what is known of ball and cameras, shape (5,).
 
-    Raises:
-        InputError: There are fewer than two cameras.
-    """
-    if len(rig.cameras) < 2:
-        raise InputError("rig", "at least two cameras", len(rig.cameras))
-    return np.array([(*c.rotation, c.centre, (c.f_px, c.cu, c.cv)) for c in rig.cameras])
-
-
-def pack_belief(config: TriangulatorConfig, ball_radius: float, rig: Rig) -> Array:
-    """Return what is believed of ball and cameras, shape (5,).
-
-    Radius [m], floor and spread of :func:`note`, the largest residual [px], and 1 for cameras that
-    stand still, else 0. The floor holds what the encoders of the heads add: a step, uniformly
-    distributed, through the focal length.
+    Radius [m]; squared error of a centroid that no disc falls below [px^2], and that of a disc
+    times its area^1.5 [px^5]; the largest residual [px]; 1 for fixed cameras, else 0. The floor
+    holds what the encoders of the heads add: a step, uniformly distributed, through the focal
+    length.
 
     Raises:
         InputError: The radius is not that of a ball.
@@ -303,7 +228,7 @@ class Triangulator:
         Args:
             rig: At least two cameras, in the order of ``Moments.camera``.
             ball_radius: Radius of the ball [m].
-            config: What is believed of the centroids.
+            config: How exact the centroids are.
 
         Raises:
             InputError: There are fewer than two cameras, or the radius is not positive.
@@ -311,7 +236,7 @@ class Triangulator:
         config = config or TriangulatorConfig()
         self._max_skew = config.max_skew
         self._cameras = pack_cameras(rig)
-        self._belief = pack_belief(config, ball_radius, rig)
+        self._ball = pack_ball(config, ball_radius, rig)
         self._points = np.empty((len(rig.cameras), 3))
         self._work = np.empty((WORK, 3))
 
@@ -320,26 +245,17 @@ class Triangulator:
 
         Moments without a target, clipped by the border or not finite do not count.
         """
-        t = moments[0].t if moments else 0.0
-        if self._gather(moments, t) >= 2:
-            r_o, covariance = np.empty(3), np.empty((3, 3))
-            worst = triangulate(
-                self._cameras, self._points, self._belief[0], r_o, covariance, self._work
-            )
-            if worst <= self._belief[3]:
-                return Sighting(t=t, found=True, r_o=r_o, covariance=covariance)
-        return unseen(t)
-
-    def _gather(self, moments: tuple[Moments, ...], t: float) -> int:
-        """Fill the array of points; return how many cameras see the ball at ``t``."""
+        t, ball, count = moments[0].t if moments else 0.0, self._ball, 0
         self._points[:, 2] = -1.0
-        count = 0
         for m in moments:
-            if not m.found or m.merged or abs(m.t - t) > self._max_skew:
-                continue
-            floor, spread = self._belief[1], self._belief[2]
-            count += note(self._points[m.camera], m.u, m.v, m.area, m.clipped, floor, spread)
-        return count
+            if m.found and not m.merged and abs(m.t - t) <= self._max_skew:
+                count += note(self._points[m.camera], m.u, m.v, m.area, m.clipped, ball)
+        if count >= 2:
+            r_o, P = np.empty(3), np.empty((3, 3))
+            worst = triangulate(self._cameras, self._points, ball[0], r_o, P, self._work)
+            if worst <= ball[3]:
+                return Sighting(t=t, found=True, r_o=r_o, covariance=P)
+        return unseen(t)
 
 
 def unseen(t: float) -> Sighting:

@@ -1,10 +1,10 @@
 """Self-windowing: the target is what is bright and lies in the dilated target of the last frame.
 
-So does the vision chip: Ishii and others, IEEE ICRA 1999. The chip keeps a mask; here it is kept as
-one run of pixels a row, first and last column: exactly the mask, for a target whose rows are
-unbroken, as those of a ball are, and dilated by a handful of comparisons a row. What stands beside
-the target is never looked at, however bright; nor is what reaches into the dilated mask without
-touching the target, where the chip would take it in. What touches it is found out by the moments.
+The vision chip of Ishii and others (IEEE ICRA 1999) works so. It keeps a mask, here kept
+as one run of pixels a row, first and last column: the same for a target whose rows are unbroken, as
+those of a ball are. What is beside the target is never looked at, however bright; nor is what
+reaches into the dilated mask without touching the target, which the chip would include. What
+touches the target shows in its moments.
 
 | here        | meaning                                                    | unit | shape   |
 |-------------|------------------------------------------------------------|------|---------|
@@ -18,9 +18,8 @@ from math import pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.jit import fast_kernel, kernel
+from mitt.jit import kernel
 from mitt.signals import Array, Image
-from mitt.views import view
 
 Runs = NDArray[np.int64]
 
@@ -133,27 +132,21 @@ def connect(pixels: Image, threshold: int, top: int, rows: int, runs: Runs, u0: 
     return filled
 
 
-@fast_kernel
-def _sums(line: Image, threshold: int) -> tuple[float, float, float, float]:
-    """Return pixels above the threshold and the sums of value, value k, value k^2 of a run.
-
-    In single precision, sixteen pixels at once: the first three sums are whole numbers and exact
-    for runs of up to 362 pixels; the last serves the shape only.
-    """
-    zero, one = np.float32(0.0), np.float32(1.0)
-    area, s0, s1, s2 = zero, zero, zero, zero
-    for k in range(line.shape[0]):
-        p, x = np.float32(line[k]), np.float32(k)
-        area += one if line[k] > threshold else zero
-        s0 += p
-        s1 += p * x
-        s2 += p * x * x
-    return float(area), float(s0), float(s1), float(s2)
+@kernel
+def trim(top: int, rows: int, runs: Runs) -> tuple[int, int]:
+    """Drop empty rows above and below the runs; return their first row and how many are left."""
+    first, last = rows, -1
+    for k in range(rows):
+        if runs[0, k] <= runs[1, k]:
+            first, last = min(first, k), k
+    for k in range(first, last + 1):
+        runs[0, k - first], runs[1, k - first] = runs[0, k], runs[1, k]
+    return top + first, max(last - first + 1, 0)
 
 
 @kernel
 def _around(pixels: Image, top: int, rows: int, runs: Runs, threshold: int, level: float) -> float:
-    """Return the level of the ground two and three pixels beside the runs; ``level`` if unseen."""
+    """Return the level of the background two and three pixels beside the runs, or ``level``."""
     width, total, count = pixels.shape[1], 0.0, 0
     for k in range(rows):
         if runs[0, k] > runs[1, k]:
@@ -179,12 +172,12 @@ def weigh(
         rows: Rows of the runs.
         runs: The target.
         threshold: Grey value that a target exceeds.
-        level: Grey level of the ground, used where none is seen beside the target.
+        level: Grey level of the background, used where none is seen beside the target.
         weights: Result, as in the module's table.
 
     Returns:
         Whether there is any mass, and its centroid lies in the image: that of a target as dark as
-        the ground may lie anywhere.
+        the background may lie anywhere.
     """
     height, width = pixels.shape
     level = _around(pixels, top, rows, runs, threshold, level)
@@ -198,9 +191,13 @@ def weigh(
         first, last = max(runs[0, near] - 1, 0), min(runs[1, near] + 1, width - 1)
         if area == 0.0:
             origin = first
-        n = float(last - first + 1)
-        line = view(pixels, v * width + first, (last - first + 1,))
-        above, s0, s1, s2 = _sums(line, threshold)
+        n, above, s0, s1, s2 = float(last - first + 1), 0, 0.0, 0.0, 0.0
+        for u in range(first, last + 1):
+            p, x = float(pixels[v, u]), float(u - first)
+            above += pixels[v, u] > threshold
+            s0 += p
+            s1 += p * x
+            s2 += p * x * x
         s0 -= level * n
         s1 -= level * 0.5 * n * (n - 1.0)
         s2 -= level * (n - 1.0) * n * (2.0 * n - 1.0) / 6.0
@@ -217,13 +214,9 @@ def weigh(
     mu, mv = mu / mass, mv / mass
     if not (0.0 <= origin + mu <= width - 1.0 and 0.0 <= top + mv <= height - 1.0):
         return False
-    weights[0], weights[1], weights[2] = mass, origin + mu, top + mv
-    weights[3], weights[4], weights[5] = (
-        uu / mass - mu * mu,
-        uv / mass - mu * mv,
-        vv / mass - mv * mv,
-    )
-    weights[6] = area
+    weights[0], weights[1], weights[2], weights[6] = mass, origin + mu, top + mv, area
+    weights[3], weights[4] = uu / mass - mu * mu, uv / mass - mu * mv
+    weights[5] = vv / mass - mv * mv
     return True
 
 

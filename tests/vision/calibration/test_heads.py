@@ -10,8 +10,7 @@ from mitt.link.charuco import Board, Seen
 from mitt.link.rig import RigCamera
 from mitt.signals import Array
 from mitt.vision.calibration.fit import fit
-from mitt.vision.calibration.heads import HeadAxes
-from mitt.vision.calibration.ideal import ideal
+from mitt.vision.calibration.heads import HeadAxes, ideal
 from mitt.vision.poses import inverse, turned
 
 #: Camera at encoder zero: 1.8 m above the face of the board, which is the world.

@@ -104,7 +104,10 @@ class BoardProblem:
         by_lens[:, 0, 0], by_lens[:, 1, 1] = bent[:, 0], bent[:, 1]
         by_lens[:, 0, 2] = by_lens[:, 1, 3] = 1.0
         by_lens[:, :, 4:] = focal[:, :, None] * by_k
-        by_p = focal[:, :, None] * (by_xy @ flattened(p))
+        by_p = np.zeros((n, 2, 3))
+        by_p[:, 0, 0] = by_p[:, 1, 1] = 1.0 / p[:, 2]
+        by_p[:, :, 2] = -p[:, :2] / p[:, 2:] ** 2
+        by_p = focal[:, :, None] * (by_xy @ by_p)
         J = np.zeros((n, 2, len(self.names)))
         rows, at = np.arange(n), np.arange(int(self.free.sum()))
         J[rows[:, None], :, c.camera[:, None] * len(at) + at] = by_lens[:, :, self.free].swapaxes(
@@ -137,11 +140,3 @@ class BoardProblem:
                 [turned(T, s) for T, s in zip(self.T_rig_board, poses[cameras - 1 :], strict=True)]
             ),
         )
-
-
-def flattened(p: Array) -> Array:
-    """Return the derivative of (X / Z, Y / Z) with respect to the point, shape (n, 2, 3)."""
-    out = np.zeros((len(p), 2, 3))
-    out[:, 0, 0] = out[:, 1, 1] = 1.0 / p[:, 2]
-    out[:, :, 2] = -p[:, :2] / p[:, 2:] ** 2
-    return out

@@ -86,9 +86,7 @@ def fit(problem: P, *, robust: bool = False) -> Fit[P]:
     cost, w = _cost(r, robust=robust)
     damping, status = 1e-4, "stopped"
     for _ in range(_ITERATIONS):
-        J = problem.jacobian()
-        scale = _scale(J)
-        A = (J / scale) * np.sqrt(w)[:, None]
+        A, scale = _scaled(problem, w)
         N, b = A.T @ A, A.T @ (r * np.sqrt(w))
         while damping < 1e8:
             step = np.linalg.solve(N + damping * np.eye(len(b)), b) / scale
@@ -111,10 +109,12 @@ def fit(problem: P, *, robust: bool = False) -> Fit[P]:
     return _concluded(problem, r, w, status)
 
 
-def _scale(J: Array) -> Array:
-    """Return the length of each column, 1 for those of zeros, shape (p,)."""
+def _scaled(problem: Problem, w: Array) -> tuple[Array, Array]:
+    """Return the weighted Jacobian with columns scaled by their lengths, and these, shape (p,)."""
+    J = problem.jacobian()
     length = np.linalg.norm(J, axis=0)
-    return np.asarray(np.where(length > 0.0, length, 1.0))
+    scale = np.where(length > 0.0, length, 1.0)
+    return (J / scale) * np.sqrt(w)[:, None], scale
 
 
 def _cost(r: Array, *, robust: bool) -> tuple[float, Array]:
@@ -133,16 +133,14 @@ def _cost(r: Array, *, robust: bool) -> tuple[float, Array]:
 
 def _concluded(problem: P, r: Array, w: Array, status: str) -> Fit[P]:
     """Return the fit with its covariance and what it leaves undetermined."""
-    J = problem.jacobian()
-    scale = _scale(J)
-    A = (J / scale) * np.sqrt(w)[:, None]
+    A, scale = _scaled(problem, w)
     values, vectors = np.linalg.eigh(A.T @ A)
     blind = values < _BLIND * values[-1]
     freedom = max(float(w.sum()) - int(np.sum(~blind)), 1.0)
     sigma = float(np.sqrt((w * r) @ r / freedom))
     known = vectors[:, ~blind]
     covariance = sigma**2 * ((known / values[~blind]) @ known.T) / np.outer(scale, scale)
-    lost = np.any(np.abs(vectors[:, blind]) > _PART, axis=1) | ~np.any(J != 0.0, axis=0)
+    lost = np.any(np.abs(vectors[:, blind]) > _PART, axis=1) | ~np.any(A != 0.0, axis=0)
     covariance[lost, lost] = np.inf
     return Fit(
         problem=problem,

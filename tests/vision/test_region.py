@@ -1,13 +1,12 @@
-"""What the eyes will look at first is known beforehand, and is all that they then look at."""
+"""Where the next image is searched first is known beforehand; where that suffices, only there."""
 
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mitt.signals import Array, Image
-from mitt.vision.outlook import suffices
-from mitt.vision.segmentation import SegmenterConfig, pack_segmenter, watch
-from mitt.vision.target import MEMORY, WORK, field, forget
+from mitt.vision.segmentation import SegmenterConfig, detect, pack_segmenter, suffices
+from mitt.vision.target import MEMORY, WORK, forget, region_of_interest
 
 HEIGHT, WIDTH = 64, 80
 SETTINGS = pack_segmenter(SegmenterConfig())
@@ -53,7 +52,7 @@ def test_the_rest_of_an_image_is_not_looked_at(
         balls = [(40.0 + k * du, 30.0 + k * dv, radius)]
         pixels = image_of(rng, [*balls, (60.0, 40.0, 4.0)] if second else balls)
         window[:] = 0, HEIGHT - 1, 0, WIDTH - 1
-        known = field(memory, SETTINGS, window)
+        known = region_of_interest(memory, SETTINGS, window)
         assert known == (k > 0 and not np.isnan(memory[0]))
         part = rng.integers(0, 256, pixels.shape).astype(np.uint8)
         seen = slice(window[0], window[1] + 1), slice(window[2], window[3] + 1)
@@ -62,9 +61,9 @@ def test_the_rest_of_an_image_is_not_looked_at(
         if known and suffices(part, background, scratch, window, copy, SETTINGS, other, weights):
             assert copy.tobytes() == before.tobytes()
             enough += 1
-            part_seen = watch(part, background, scratch, copy, SETTINGS, other)
-            assert part_seen == watch(pixels, background, rest, memory, SETTINGS, work)
+            part_seen = detect(part, background, scratch, copy, SETTINGS, other)
+            assert part_seen == detect(pixels, background, rest, memory, SETTINGS, work)
             assert copy.tobytes() == memory.tobytes()
         else:
-            watch(pixels, background, rest, memory, SETTINGS, work)
+            detect(pixels, background, rest, memory, SETTINGS, work)
     assert enough > 0 or second

@@ -1,55 +1,18 @@
-"""Level and noise of the ground, and targets anywhere in an image.
+"""Targets anywhere in an image: groups of touching pixels above a threshold.
 
-A target is a group of touching pixels above the threshold. Its moments: :mod:`mitt.vision.window`.
+Their moments: :mod:`mitt.vision.window`.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mitt.jit import kernel
-from mitt.signals import Array, Image
+from mitt.signals import Image
 
 Box = NDArray[np.int64]
 
 MAX_BLOBS = 16
 """Groups looked at in one image; more is noise, not a ball."""
-
-
-@kernel
-def estimate_ground(pixels: Image, counts: NDArray[np.int64], ground: Array) -> None:
-    """Write level and standard deviation of the ground from every third pixel of every third row.
-
-    Mean and spread of the values near the median, so that a ball or lamp does not count.
-
-    Args:
-        pixels: Image, shape (height, width).
-        counts: Scratch, shape (256,).
-        ground: Result: level and standard deviation [grey levels], shape (2,).
-    """
-    counts[:] = 0
-    total = 0
-    for v in range(min(1, pixels.shape[0] - 1), pixels.shape[0], 3):
-        for u in range(min(1, pixels.shape[1] - 1), pixels.shape[1], 3):
-            counts[pixels[v, u]] += 1
-            total += 1
-    low, middle, high, seen = 0, 0, 0, 0
-    for value in range(256):
-        if seen * 6 < total:
-            low = value
-        if seen * 2 < total:
-            middle = value
-        if seen * 6 < 5 * total:
-            high = value
-        seen += counts[value]
-    reach = 2 * (high - low) + 2
-    n, first, second = 0.0, 0.0, 0.0
-    for value in range(max(middle - reach, 0), min(middle + reach, 255) + 1):
-        d = float(value - middle)
-        n += counts[value]
-        first += counts[value] * d
-        second += counts[value] * d * d
-    ground[0] = middle + first / n
-    ground[1] = np.sqrt(max(second / n - (first / n) ** 2, 0.0))
 
 
 @kernel
@@ -93,24 +56,23 @@ def _area(pixels: Image, threshold: int, box: Box) -> int:
 
 
 @kernel
-def find_targets(pixels: Image, window: Box, threshold: int, boxes: Box) -> int:
-    """Write the boxes of all targets that begin in ``window`` into ``boxes``, from row 1 on.
+def find_targets(pixels: Image, threshold: int, boxes: Box) -> int:
+    """Write the boxes of all targets of an image into ``boxes``, from row 1 on.
 
     Args:
         pixels: Image, shape (height, width).
-        window: Columns and rows to search: u0, v0, u1, v1, inclusive [px], shape (4,).
         threshold: Grey value that a target exceeds.
         boxes: Result [px], shape (MAX_BLOBS + 1, 4).
 
     Returns:
         Their number.
     """
-    count = 0
-    for v in range(window[1], window[3] + 1):
-        if count == MAX_BLOBS or not _row_has(pixels, v, window[0], window[2], threshold):
+    count, (height, width) = 0, pixels.shape
+    for v in range(height):
+        if count == MAX_BLOBS or not _row_has(pixels, v, 0, width - 1, threshold):
             continue
-        u = window[0]
-        while u <= window[2] and count < MAX_BLOBS:
+        u = 0
+        while u < width and count < MAX_BLOBS:
             inside = False
             for k in range(1, count + 1):
                 if boxes[k, 1] <= v <= boxes[k, 3] and boxes[k, 0] <= u <= boxes[k, 2]:
@@ -127,19 +89,13 @@ def find_targets(pixels: Image, window: Box, threshold: int, boxes: Box) -> int:
 
 @kernel
 def find_target(
-    pixels: Image,
-    window: Box,
-    threshold: int,
-    min_area: int,
-    boxes: Box,
-    expected: float,
+    pixels: Image, threshold: int, min_area: int, boxes: Box, expected: float,
     place: tuple[float, float, float],
-) -> int:
-    """Write the box of the best target that begins in ``window`` into ``boxes[0]``.
+) -> int:  # fmt: skip
+    """Write the box of the best target of an image into ``boxes[0]``.
 
     Args:
         pixels: Image, shape (height, width).
-        window: Columns and rows to search: u0, v0, u1, v1, inclusive [px], shape (4,).
         threshold: Grey value that a target exceeds.
         min_area: Least number of pixels of a target.
         boxes: Result in row 0, scratch behind it [px], shape (MAX_BLOBS + 1, 4).
@@ -152,7 +108,7 @@ def find_target(
         Pixels of the target above the threshold; 0 if there is none.
     """
     best, best_area = -np.inf, 0
-    for k in range(1, find_targets(pixels, window, threshold, boxes) + 1):
+    for k in range(1, find_targets(pixels, threshold, boxes) + 1):
         box = boxes[k]
         area = _area(pixels, threshold, box)
         sides = box[2] - box[0] + 1, box[3] - box[1] + 1

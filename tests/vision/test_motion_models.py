@@ -7,7 +7,7 @@ from mitt.flight import advance
 from mitt.signals import Array
 from mitt.tracks.filtering import UNKNOWN_BALL, follow
 from mitt.vision import memory as at
-from mitt.vision.belief import absorb
+from mitt.vision.ball_filter import update
 from mitt.vision.filter import settings_of
 
 NOISE = 1.5e-3
@@ -50,7 +50,7 @@ def test_a_ball_let_go_is_known_to_fly() -> None:
     r, dr = np.array((4.0, 0.0, 0.3)), np.array((-5.0, 0.3, 4.0))
     for i in range(400):
         z = r + NOISE * rng.normal(size=3)
-        absorb(memory, i * h, z, NOISE**2 * np.eye(3), settings, work)
+        update(memory, i * h, z, NOISE**2 * np.eye(3), settings, work)
         best.append(int(memory[at.BEST]))
         if i >= 250:
             advance(r, dr, 0.04, h)
@@ -58,13 +58,13 @@ def test_a_ball_let_go_is_known_to_fly() -> None:
     assert set(best[300:]) == {0}
 
 
-def test_a_known_ball_in_flight_costs_one_law() -> None:
-    """While flight fits, the other laws sleep."""
+def test_a_known_ball_in_flight_costs_one_model() -> None:
+    """While flight fits, the other models are inactive."""
     rng, h = np.random.default_rng(3), 1e-3
     settings, memory = settings_of(UNKNOWN_BALL), at.fresh()
     settings[at.LIMITS, at.WATCHFUL] = 0.0
     r, dr, work = np.array((4.0, 0.0, 0.3)), np.array((-6.0, 0.3, 2.0)), np.zeros(at.WORK)
     for i in range(400):
-        absorb(memory, i * h, r + NOISE * rng.normal(size=3), NOISE**2 * np.eye(3), settings, work)
-        assert memory[at.AWAKE] == 0.0
+        update(memory, i * h, r + NOISE * rng.normal(size=3), NOISE**2 * np.eye(3), settings, work)
+        assert memory[at.ACTIVE] == 0.0
         advance(r, dr, 0.08, h)

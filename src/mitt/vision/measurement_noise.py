@@ -10,50 +10,50 @@ from mitt.jit import kernel
 from mitt.signals import Array
 
 START = 1.5e-3
-"""Standard deviation believed at first [m], of a good pair of cameras at a few metres."""
+"""Standard deviation assumed at first [m], of a good pair of cameras at a few metres."""
 LEAST = 5e-5
-"""Smallest standard deviation believed [m]."""
+"""Smallest standard deviation [m]."""
 BEFORE, WINDOW = 6.0, 100.0
-"""Samples that the first belief is worth, and that are remembered."""
+"""Samples that the first value is worth, and that are remembered."""
 CLIP = 5.0
 
-SCATTER = 16
+NOISE = 16
 """Numbers kept: variances of the axes [m^2], samples so far, three times [s] and positions [m]."""
 
 
 @kernel
-def reset(scatter: Array) -> None:
-    """Forget all but the first belief, shape (SCATTER,)."""
-    scatter[:] = 0.0
-    scatter[0] = scatter[1] = scatter[2] = START**2
+def reset(noise: Array) -> None:
+    """Forget all but the first value, shape (NOISE,)."""
+    noise[:] = 0.0
+    noise[0] = noise[1] = noise[2] = START**2
 
 
 @kernel
-def learn(scatter: Array, t: float, z: Array) -> None:
+def learn(noise: Array, t: float, z: Array) -> None:
     """Learn from the next position.
 
     Args:
-        scatter: What is known, shape (SCATTER,); its first three numbers are the variances.
+        noise: What is known, shape (NOISE,); its first three numbers are the variances.
         t: Its time, after all before it [s].
         z: Position [m], shape (3,).
     """
-    seen = scatter[3]
+    seen = noise[3]
     if seen >= 3.0:
-        a, b, c = scatter[4], scatter[5], scatter[6]
+        a, b, c = noise[4], noise[5], noise[6]
         wa = (t - b) * (t - c) / ((a - b) * (a - c))
         wb = (t - a) * (t - c) / ((b - a) * (b - c))
         wc = (t - a) * (t - b) / ((c - a) * (c - b))
         share = 1.0 / (BEFORE + min(seen - 2.0, WINDOW))
         for i in range(3):
-            e = z[i] - wa * scatter[7 + i] - wb * scatter[10 + i] - wc * scatter[13 + i]
+            e = z[i] - wa * noise[7 + i] - wb * noise[10 + i] - wc * noise[13 + i]
             sample = e * e / (1.0 + wa * wa + wb * wb + wc * wc)
-            so_far = scatter[i]
-            scatter[i] = max(so_far + share * (min(sample, CLIP * so_far) - so_far), LEAST**2)
-    scatter[3] = seen + 1.0
+            so_far = noise[i]
+            noise[i] = max(so_far + share * (min(sample, CLIP * so_far) - so_far), LEAST**2)
+    noise[3] = seen + 1.0
     for k in range(2):
-        scatter[4 + k] = scatter[5 + k]
+        noise[4 + k] = noise[5 + k]
         for i in range(3):
-            scatter[7 + 3 * k + i] = scatter[10 + 3 * k + i]
-    scatter[6] = t
+            noise[7 + 3 * k + i] = noise[10 + 3 * k + i]
+    noise[6] = t
     for i in range(3):
-        scatter[13 + i] = z[i]
+        noise[13 + i] = z[i]
