@@ -21,9 +21,9 @@ from collections.abc import Callable, Iterator
 from functools import lru_cache, partial
 from pathlib import Path
 
+from mitt.baselines.clairvoyant import make_clairvoyant
 from mitt.generator.generators import Generator
 from mitt.generator.learn import Learned
-from mitt.rivals.clairvoyant import make_clairvoyant
 from mitt.sweep.oracle import Row, counted, is_sampled, judged, parallel
 from mitt.sweep.read import read_study
 from mitt.sweep.study import ArmSettings, Condition

@@ -11,11 +11,11 @@ import argparse
 
 import numpy as np
 
-from mitt.flight import advance
+from mitt.ball.filter import THROWN_BALL, BallFilter
+from mitt.ball.flight import advance
 from mitt.signals import Array
 from mitt.vision.camera import Rig, fixed_rig
 from mitt.vision.eyes import Eyes, EyesStatus
-from mitt.vision.filter import THROWN_BALL, BallFilter
 from mitt.vision.head import active_rig
 from mitt.world.imaging import Imager, ImageSensor
 

@@ -26,10 +26,10 @@ from typing import Any
 import numpy as np
 from arms import WAM, named
 
-from mitt.control.condition import ABORT
+from mitt.catcher.state import REASONS
+from mitt.control.health import ABORT
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
-from mitt.records import REASONS
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.trials.learning import learn

@@ -13,10 +13,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from mitt.ball.filter import BallFilter, FilterConfig
 from mitt.signals import Array, Sighting
 from mitt.tracks.filtering import UNKNOWN_BALL, follow
 from mitt.trials.known import known_ball
-from mitt.vision.filter import BallFilter, FilterConfig
 from mitt.world.ballistics import fly
 from mitt.world.flights import Recording, builtin_flights
 

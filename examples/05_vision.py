@@ -5,10 +5,10 @@ The images are rendered here; hand in your own as ``Frame`` objects, one a camer
 
 import numpy as np
 
-from mitt.flight import advance
+from mitt.ball.filter import THROWN_BALL, BallFilter
+from mitt.ball.flight import advance
 from mitt.vision.camera import fixed_rig
 from mitt.vision.eyes import Eyes
-from mitt.vision.filter import THROWN_BALL, BallFilter
 from mitt.world.imaging import Imager, ImageSensor
 
 RADIUS, DRAG = 0.04, 0.04

@@ -7,8 +7,8 @@ cannot be known, and shows in the largest error but not in the median.
 import numpy as np
 
 import mitt
+from mitt.ball.filter import TABLE_TENNIS_BALL, BallFilter
 from mitt.signals import Array, Sighting
-from mitt.vision.filter import TABLE_TENNIS_BALL, BallFilter
 from mitt.world.flights import Recording, builtin_flights
 
 AHEAD = 0.05  # [s]

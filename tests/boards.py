@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from mitt.calibration.boards import BoardViews
-from mitt.link.charuco import Board, BoardSpec, Seen
+from mitt.calibration.charuco import Board, BoardSpec, Seen
 from mitt.signals import Array, Image
 from mitt.vision.lens import Lens
 from mitt.vision.poses import applied, turned

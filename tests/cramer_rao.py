@@ -7,7 +7,7 @@ import numpy as np
 from boards import SPEC, many_views, true_lens, true_stereo
 
 from mitt.calibration.boards import board_problem, free_numbers
-from mitt.link.charuco import Board
+from mitt.calibration.charuco import Board
 from mitt.signals import Array
 from mitt.vision.calibration.boards import BoardProblem
 from mitt.vision.calibration.fit import fit

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from pathlib import Path
 
+from mitt.files.maps import save_map
 from mitt.generator.learn import Learned
-from mitt.link.maps import save_map
 from mitt.sweep.folder import Folder
 from mitt.sweep.read import read_study
 from mitt.sweep.study import Study

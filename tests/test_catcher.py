@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitt.catcher import Catcher, CatcherSettings, Phase
-from mitt.control.condition import Reason
+from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
+from mitt.catcher.state import arm_fields
+from mitt.control.health import Reason
 from mitt.control.monitor import GOOD_TICKS, LOSSY_TICKS, SILENT_TICKS
 from mitt.errors import InputError
-from mitt.generator.certificate import Outcome as Feasible
 from mitt.generator.design import default_design
+from mitt.generator.feasibility import Outcome as Feasible
 from mitt.generator.generators import Direct, Unoptimised, refining
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import unlearned
-from mitt.records import arm_fields
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import ArmState, Command, Senses, Sighting

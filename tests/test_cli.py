@@ -12,8 +12,8 @@ import pytest
 
 import mitt
 from mitt.cli import main
+from mitt.files.maps import save_map
 from mitt.generator.learn import Learned
-from mitt.link.maps import save_map
 
 TOP = {
     "schema", "version", "arm", "limits", "generator", "vision", "seed", "scene", "trials",

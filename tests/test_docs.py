@@ -15,9 +15,9 @@ import pytest
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from mitt.files.maps import save_map
 from mitt.generator.learn import Learned
 from mitt.link.clock import Stopwatch
-from mitt.link.maps import save_map
 from mitt.sweep.read import read_study
 from mitt.trials.result import STATUSES, result
 from mitt.trials.score import Trial

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mitt.ball.flight import GRAVITY, STATES, acceleration, advance, advance_uncertain, forecast
 from mitt.errors import InputError
-from mitt.flight import GRAVITY, STATES, acceleration, advance, advance_uncertain, forecast
 from mitt.signals import Array, BallState
 
 ROUNDING = 1e-12

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mitt.control.envelope import bounds_of
-from mitt.generator.certificate import Approach, Outcome, Verdict
+from mitt.generator.feasibility import Approach, Outcome, Verdict
 from mitt.impact import CaughtBall, examined, shares_after, speed_caps, speed_jump
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel

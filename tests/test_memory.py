@@ -19,7 +19,7 @@ import pytest
 from numba.core import event
 
 import mitt
-from mitt.catcher import Catcher, CatcherSettings
+from mitt.catcher.catcher import Catcher, CatcherSettings
 from mitt.errors import FileError, InputError, MittError, ShapeError, UnknownNameError
 from mitt.generator.generators import Direct, Generator, Unoptimised, refining
 from mitt.generator.learn import Learned
@@ -96,7 +96,7 @@ def test_a_stage_outlives_its_world() -> None:
 def test_a_catch_bears_a_collection_of_garbage_between_all_steps() -> None:
     """Catcher, stepped by hand: every owner deleted, garbage collected in each tick."""
     code = _STAGE.split("def played", maxsplit=1)[0] + (
-        "from mitt.catcher import Catcher, CatcherSettings\n"
+        "from mitt.catcher.catcher import Catcher, CatcherSettings\n"
         "from mitt.vision.camera import fixed_rig\n"
         "from mitt.vision.eyes import Eyes\n"
         "def told(collects):\n"

@@ -65,6 +65,6 @@ def test_every_module_can_be_imported_first() -> None:
         "mitt.signals",
         "mitt.commands.options",
         "mitt.cli",
-        "mitt.catcher",
+        "mitt.catcher.catcher",
     ):
         assert import_module(name).__doc__

@@ -10,12 +10,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mitt.calibration.tables import header_of
+from mitt.cameras.recorded import read_image
 from mitt.errors import FileError
+from mitt.files.files import read_json
+from mitt.files.maps import read_map
+from mitt.files.rig import read_rig
 from mitt.generator.mapping import DirectMap
-from mitt.link.cameras.recorded import read_image
-from mitt.link.files import read_json
-from mitt.link.maps import read_map
-from mitt.link.rig import read_rig
 from mitt.reading import MAX_JSON_BYTES, MAX_TOML_BYTES, read_bytes, read_toml
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm

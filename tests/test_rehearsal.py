@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mitt.control.envelope import bounds_of
-from mitt.generator.certificate import Approach
+from mitt.generator.feasibility import Approach
 from mitt.rehearsal import gap_at_catch
 from mitt.robot.arm import Arm
 from mitt.robot.limits import joint_level

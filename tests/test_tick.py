@@ -10,15 +10,17 @@ from numba import njit
 from numba.core.runtime import _nrt_python as nrt
 from numba.core.runtime import rtsys
 
-from mitt.catcher import Catcher, CatcherSettings, Phase
+from mitt.ball.filter import BallFilter
+from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
+from mitt.catcher.tick import BESIDE, TOUCHED, tick
 from mitt.control.brake import Brake, plan_brake
-from mitt.control.condition import State
 from mitt.control.encoders import Encoders, bring
 from mitt.control.envelope import TICK, bounds_of
 from mitt.control.hand import Closing
+from mitt.control.health import State
 from mitt.control.monitor import believe, memory_of
 from mitt.control.tracking import Tracker
-from mitt.generator.certificate import Verdict
+from mitt.generator.feasibility import Verdict
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
@@ -33,14 +35,12 @@ from mitt.signals import (
     Senses,
     command_of,
 )
-from mitt.tick import BESIDE, TOUCHED, tick
 from mitt.trials.known import known_ball
 from mitt.trials.learning import learn
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import aim_of
 from mitt.vision.camera import fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig
-from mitt.vision.filter import BallFilter
 from mitt.world.flights import BallPath, builtin_flights, place_flight
 from mitt.world.scene import TABLE_TENNIS, Ball, Scene
 from mitt.world.throws import Throw, default_throw

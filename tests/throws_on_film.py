@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mitt.flight import advance
-from mitt.link.rig import CalibratedRig, RigCamera
-from mitt.link.video import VideoWriter
+from mitt.ball.flight import advance
+from mitt.cameras.video import VideoWriter
+from mitt.files.rig import CalibratedRig, RigCamera
 from mitt.signals import Array, Image
 from mitt.vision.camera import Camera, Rig, look_at
 from mitt.vision.lens import Lens

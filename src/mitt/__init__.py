@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from mitt.version import __version__
 
 if TYPE_CHECKING:
-    from mitt.catcher import Catcher as Catcher
+    from mitt.catcher.catcher import Catcher as Catcher
     from mitt.errors import MittError as MittError
     from mitt.generator.design import MapDesign as MapDesign
     from mitt.generator.mapping import DirectMap as DirectMap
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "ArmState": "mitt.signals",
     "BallState": "mitt.signals",
-    "Catcher": "mitt.catcher",
+    "Catcher": "mitt.catcher.catcher",
     "Command": "mitt.signals",
     "DirectMap": "mitt.generator.mapping",
     "JointReference": "mitt.signals",

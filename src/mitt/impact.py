@@ -18,12 +18,12 @@ from functools import lru_cache
 
 import numpy as np
 
+from mitt.ball.flight import GRAVITY
 from mitt.control.brake import Brake, plan_brake
 from mitt.control.envelope import bounds_of
 from mitt.control.hand import TOUCH_BEFORE
-from mitt.flight import GRAVITY
-from mitt.generator.certificate import Approach, Outcome, Verdict
 from mitt.generator.demand import Tolerance, shares_of
+from mitt.generator.feasibility import Approach, Outcome, Verdict
 from mitt.rehearsal import gap_at_catch
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel

@@ -105,7 +105,9 @@ def _folder_of(file: Path, cache: Path) -> Path:
 def is_cold() -> bool:
     """Tell whether no kernel of this source has been compiled yet."""
     cache = cache_folder()
-    return cache is None or not any(_folder_of(PACKAGE / "tick.py", cache).glob("tick.tick*.nbc"))
+    return cache is None or not any(
+        _folder_of(PACKAGE / "catcher" / "tick.py", cache).glob("tick.tick*.nbc")
+    )
 
 
 def compiled_count() -> int:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mitt.control.envelope import TICK, bounds_of, keep
 from mitt.control.tracking import NOTES, ROWS, track
-from mitt.generator.certificate import Approach
+from mitt.generator.feasibility import Approach
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.slopes import bias_and_mass, slopes_work

@@ -12,9 +12,9 @@ import pytest
 from boards import SPEC, board_pose, drawn, seen_by, true_lens, true_stereo
 from throws_on_film import RADIUS, calibrated
 
+from mitt.calibration.charuco import Board
 from mitt.cli import main
-from mitt.link.charuco import Board
-from mitt.link.rig import read_rig, write_rig
+from mitt.files.rig import read_rig, write_rig
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.vision.poses import inverse, turned

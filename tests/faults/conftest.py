@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mitt.catcher import Phase
+from mitt.catcher.catcher import Phase
+from mitt.catcher.state import REASONS, STATES, Record
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
-from mitt.records import REASONS, STATES, Record
 from mitt.robot.arm import Arm
 from mitt.signals import Senses
 from mitt.trials.learning import learn

@@ -9,8 +9,8 @@ import pytest
 from faults.conftest import Range, Thrown
 from support import ball_state
 
-from mitt.catcher import CatcherSettings
-from mitt.control.condition import CLOCK, OVERRUN, memory, pass_time
+from mitt.catcher.catcher import CatcherSettings
+from mitt.control.health import CLOCK, OVERRUN, memory, pass_time
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
 from mitt.signals import Command, MapStatus, Senses

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from faults.conftest import Range
 
+from mitt.ball.filter import THROWN_BALL, BallFilter
 from mitt.signals import Array, Sighting
-from mitt.vision.filter import THROWN_BALL, BallFilter
 from mitt.vision.window import is_merged
 
 

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import ball_state
 
-from mitt.generator.certificate import (
+from mitt.generator.demand import Tolerance, demand
+from mitt.generator.feasibility import (
     Outcome,
     Verdict,
     judge,
@@ -17,10 +18,9 @@ from mitt.generator.certificate import (
     sharpness,
     unsettled,
 )
-from mitt.generator.demand import Tolerance, demand
-from mitt.generator.foresight import flown
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap
+from mitt.generator.prediction import flown
 from mitt.signals import BallState
 
 G = np.array([0.0, 0.0, -9.81])

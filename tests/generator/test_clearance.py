@@ -8,17 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support import ball_state
 
+from mitt.ball.flight import advance
 from mitt.control.viability import MARGIN
-from mitt.flight import advance
 from mitt.generator.clearance import gap_slope, keep_clear, space_of
 from mitt.generator.flights import Flight
-from mitt.generator.foresight import foresee
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap
 from mitt.generator.online import Online
-from mitt.generator.step import begin
-from mitt.generator.strain import plant_of
+from mitt.generator.prediction import foresee
+from mitt.generator.sqp_step import begin
 from mitt.generator.tangent import scratch_of
+from mitt.generator.utilization import plant_of
 from mitt.robot import chain
 from mitt.robot.arm import Arm
 from mitt.robot.description import Capsule

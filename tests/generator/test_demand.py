@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from mitt.generator.demand import Tolerance, demand, shares_of
 from mitt.generator.program import limit_rows, sensitivity
-from mitt.generator.strain import assess, plant_of, work_of
+from mitt.generator.utilization import assess, plant_of, work_of
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.robot.plant import add_arm

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import ball_state
 
-from mitt.flight import forecast
-from mitt.generator.foresight import FADES, flown, foresee, sharpness, spread
+from mitt.ball.flight import forecast
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap
+from mitt.generator.prediction import FADES, flown, foresee, sharpness, spread
 from mitt.signals import Array, BallState, MapStatus
 
 G = np.array([0.0, 0.0, -9.81])

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support import ball_state
 
-from mitt.generator.certificate import Outcome
+from mitt.generator.feasibility import Outcome
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from support import ball_state
 
+from mitt.ball.flight import advance
 from mitt.control.brake import plan_brake
-from mitt.flight import advance
-from mitt.generator.certificate import Outcome
 from mitt.generator.demand import Tolerance, demand
+from mitt.generator.feasibility import Outcome
 from mitt.generator.flights import Flight
-from mitt.generator.foresight import flown, foresee
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap
 from mitt.generator.online import Online, OnlineSettings, Refinement
+from mitt.generator.prediction import flown, foresee
 from mitt.generator.program import cost, sensitivity
-from mitt.generator.step import begin, merit
+from mitt.generator.sqp_step import begin, merit
 from mitt.generator.stopping import spare
 from mitt.signals import Array, BallState
 

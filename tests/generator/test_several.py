@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from support import ball_state
 
 from mitt.errors import InputError
-from mitt.generator.certificate import Outcome, judge
 from mitt.generator.demand import Tolerance
 from mitt.generator.design import MapDesign
+from mitt.generator.feasibility import Outcome, judge
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
 from mitt.generator.several import Several

@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mitt.errors import FileError, InputError, MittError
-from mitt.link.files import (
+from mitt.files.files import (
     LOCK,
     check_folder,
     claim_folder,

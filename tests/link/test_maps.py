@@ -13,8 +13,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mitt.errors import FileError
+from mitt.files.maps import read_map, save_map
 from mitt.generator.learn import Learned
-from mitt.link.maps import read_map, save_map
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 

@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from mitt.errors import FileError, ShapeError
-from mitt.link.recording import (
+from mitt.files.recording import (
     BRAKES,
     ESTIMATE,
     METADATA,

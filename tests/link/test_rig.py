@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from throws_on_film import calibrated
 
 from mitt.errors import FileError
-from mitt.link.rig import CalibratedRig, read_rig, write_rig
+from mitt.files.rig import CalibratedRig, read_rig, write_rig
 from mitt.vision.calibration.heads import HeadAxes
 from mitt.vision.poses import turned
 

@@ -11,9 +11,9 @@ import pytest
 from mitt.commands.catch import prepare
 from mitt.commands.options import CatchOptions
 from mitt.errors import InputError, MittError
+from mitt.files.maps import read_map, save_map
 from mitt.generator.learn import Learned
 from mitt.link.clock import Stopwatch
-from mitt.link.maps import read_map, save_map
 from mitt.report.outputs import LEAVES, keeping, write_outputs
 from mitt.trials.journal import recovered
 from mitt.trials.result import STATUSES, result

@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from mitt.baselines.choice import Chooser
 from mitt.bench.libraries import ball_at
 from mitt.generator.learn import Learned
-from mitt.rivals.choice import Chooser
 from mitt.robot.arm import Arm
 from mitt.signals import BallState
 from mitt.trials.source import aim_of

@@ -5,9 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from mitt.generator.demand import demand
-from mitt.generator.foresight import flown
-from mitt.rivals.choice import (
+from mitt.baselines.choice import (
     APPROACH,
     FOLLOW,
     HORIZON,
@@ -20,11 +18,13 @@ from mitt.rivals.choice import (
     STRIDE,
     Chooser,
 )
-from mitt.rivals.intercept import meetings
-from mitt.rivals.mpc import MpcPlanner, MpcSettings
-from mitt.rivals.paths import responses, sample
-from mitt.rivals.pursuit import still
-from mitt.rivals.quintic import QuinticPlan
+from mitt.baselines.intercept import meetings
+from mitt.baselines.mpc import MpcPlanner, MpcSettings
+from mitt.baselines.paths import responses, sample
+from mitt.baselines.pursuit import still
+from mitt.baselines.quintic import QuinticPlan
+from mitt.generator.demand import demand
+from mitt.generator.prediction import flown
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState
 

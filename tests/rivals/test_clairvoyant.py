@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import ball_state
 
+from mitt.baselines.clairvoyant import Clairvoyant, make_clairvoyant
+from mitt.baselines.symbolic import Symbolic, symbolic
 from mitt.errors import InputError
-from mitt.generator.certificate import Outcome
 from mitt.generator.demand import demand
+from mitt.generator.feasibility import Outcome
 from mitt.generator.learn import Learned
-from mitt.rivals.clairvoyant import Clairvoyant, make_clairvoyant
-from mitt.rivals.symbolic import Symbolic, symbolic
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.wam import wam, wam_limits

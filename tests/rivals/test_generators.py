@@ -10,7 +10,7 @@ import pytest
 from support import ball_state
 
 from mitt.errors import InputError, UnknownNameError
-from mitt.generator.certificate import Outcome
+from mitt.generator.feasibility import Outcome
 from mitt.generator.generators import Generator
 from mitt.generator.learn import Learned
 from mitt.robot.arm import Arm
@@ -146,7 +146,7 @@ def test_another_package_adds_a_generator(
     from importlib.metadata import EntryPoint  # noqa: PLC0415 (beside its use)
 
     points = (
-        EntryPoint("mine", "mitt.rivals.quintic:make_quintic", registry.GROUP),
+        EntryPoint("mine", "mitt.baselines.quintic:make_quintic", registry.GROUP),
         EntryPoint("broken", "no_such_package:make", registry.GROUP),
     )
     monkeypatch.setattr(registry, "entry_points", lambda **_: points)

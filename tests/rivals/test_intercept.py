@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.generator.foresight import fly_on, state_of
-from mitt.rivals.choice import APPROACH, Chooser
-from mitt.rivals.intercept import lift, meet, reach, resolve
+from mitt.baselines.choice import APPROACH, Chooser
+from mitt.baselines.intercept import lift, meet, reach, resolve
+from mitt.generator.prediction import fly_on, state_of
 from mitt.robot.arm import Arm
 from mitt.robot.vectors import ZERO
 from mitt.signals import Array, BallState

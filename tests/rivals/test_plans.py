@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mitt.baselines.choice import Chooser, Intercept
+from mitt.baselines.mpc import MpcPlanner, MpcSettings, solve
+from mitt.baselines.paths import Motion, quintic, responses
+from mitt.baselines.pursuit import still
+from mitt.baselines.quintic import plan_quintic
+from mitt.baselines.ruckig import RuckigPlanner
 from mitt.generator.demand import demand
-from mitt.rivals.choice import Chooser, Intercept
-from mitt.rivals.mpc import MpcPlanner, MpcSettings, solve
-from mitt.rivals.paths import Motion, quintic, responses
-from mitt.rivals.pursuit import still
-from mitt.rivals.quintic import plan_quintic
-from mitt.rivals.ruckig import RuckigPlanner
 from mitt.signals import Array, BallState
 
 seeds = st.integers(0, 2**31)

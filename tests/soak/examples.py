@@ -10,20 +10,20 @@ from typing import final
 import numpy as np
 
 import mitt
-from mitt.catcher import Catcher, CatcherSettings
-from mitt.flight import forecast
+from mitt.ball.filter import BallFilter
+from mitt.ball.flight import forecast
+from mitt.baselines.quintic import make_quintic
+from mitt.catcher.catcher import Catcher, CatcherSettings
 from mitt.generator.design import default_design
 from mitt.generator.flights import Flight
 from mitt.generator.generators import Direct, Unoptimised, refining
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.generator.several import Several
-from mitt.rivals.quintic import make_quintic
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import ArmState, Frame, Senses, Sighting
 from mitt.vision.camera import fixed_rig
 from mitt.vision.eyes import Eyes
-from mitt.vision.filter import BallFilter
 from mitt.world.scene import Scene
 from mitt.world.simulation import World
 from mitt.world.throws import Throw

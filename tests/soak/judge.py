@@ -14,12 +14,12 @@ from typing import final
 
 import numpy as np
 
-from mitt.catcher import Catcher, CatcherSettings, Phase
-from mitt.control.condition import ABORT, ENCODER_REASONS, Reason
+from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
+from mitt.catcher.state import REASONS
 from mitt.control.envelope import TICK, bounds_of
+from mitt.control.health import ABORT, ENCODER_REASONS, Reason
 from mitt.control.viability import MARGIN
 from mitt.jit import kernel
-from mitt.records import REASONS
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import clearance, shapes_of
 from mitt.signals import Array, Command

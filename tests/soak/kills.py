@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
+from mitt.files.files import read_json, write_json, write_text
+from mitt.files.maps import read_map, save_map
 from mitt.generator.design import default_design
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import unlearned
-from mitt.link.files import read_json, write_json, write_text
-from mitt.link.maps import read_map, save_map
 from mitt.robot.load import load_arm
 
 #: What is saved: a result, a page, a map.

@@ -9,7 +9,7 @@ import numpy as np
 from small_study import TEXT, Here, quiet, ready, write_study
 from throws_on_film import calibrated, film, write_film
 
-from mitt.link.rig import write_rig
+from mitt.files.rig import write_rig
 from mitt.sweep.run import run_study
 from soak.samples import CATCHING, Sample, no_learning
 

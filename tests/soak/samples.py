@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from mitt.files.maps import save_map
 from mitt.generator.design import default_design
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import unlearned
-from mitt.link.maps import save_map
 from mitt.robot.load import load_arm
 
 #: Where the outputs would go; nothing is written by a check.

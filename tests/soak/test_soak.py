@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitt.catcher import Phase
+from mitt.catcher.catcher import Phase
 from mitt.control.envelope import TICK, bounds_of
 from mitt.generator.learn import Learned
 from mitt.robot.arm import Arm

@@ -12,10 +12,10 @@ from typing import final
 
 import numpy as np
 
-from mitt.catcher import Catcher, CatcherSettings, Phase
+from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
 from mitt.control.envelope import TICK
 from mitt.errors import InputError, ShapeError
-from mitt.generator.certificate import Outcome, Verdict
+from mitt.generator.feasibility import Outcome, Verdict
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm

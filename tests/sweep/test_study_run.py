@@ -10,8 +10,8 @@ import pytest
 from small_study import TEXT, Here, quiet, ready, write_study
 
 from mitt.errors import FileError, InputError
+from mitt.files.files import locked, write_json
 from mitt.generator.learn import Learned
-from mitt.link.files import locked, write_json
 from mitt.sweep.folder import Folder
 from mitt.sweep.parts import read_part
 from mitt.sweep.run import FinishedStudy, all_jobs, run_study

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 
-from mitt.control.condition import Reason, State
+from mitt.control.health import Reason, State
 from mitt.control.stopped import StoppedBy
 from mitt.sweep.parts import Row, read_part, row_of, write_rows
 from mitt.sweep.study import Study

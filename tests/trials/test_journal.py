@@ -15,10 +15,10 @@ import pytest
 
 from mitt.cli import main
 from mitt.errors import FileError, InputError
+from mitt.files.files import LOCK, locked
+from mitt.files.maps import save_map
 from mitt.generator.learn import Learned
 from mitt.link.clock import Stopwatch
-from mitt.link.files import LOCK, locked
-from mitt.link.maps import save_map
 from mitt.trials.journal import NAME, RESULT, Journal, died, recovered
 from mitt.trials.result import result
 from mitt.trials.score import Trial

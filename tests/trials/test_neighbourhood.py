@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitt.flight import advance
+from mitt.ball.flight import advance
 from mitt.generator.flights import Flight
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from mitt.catcher import Catcher
+from mitt.catcher.catcher import Catcher
+from mitt.catcher.state import BRAKE, FOLLOW, REFUSED, STOPPED, WATCH
 from mitt.generator.design import MapDesign
 from mitt.generator.generators import Direct, Generator
 from mitt.generator.learn import Learned
 from mitt.generator.several import Several
-from mitt.records import BRAKE, FOLLOW, REFUSED, STOPPED, WATCH
 from mitt.robot.arm import Arm
 from mitt.trials.learning import learn
 from mitt.trials.log import TrialLog

@@ -5,9 +5,9 @@ from dataclasses import asdict
 
 import numpy as np
 
+from mitt.files.recording import CATCH_POINT, ESTIMATE, EVENT, PHASE, TRUTH
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
-from mitt.link.recording import CATCH_POINT, ESTIMATE, EVENT, PHASE, TRUTH
 from mitt.trials.log import recording_of
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.source import source_of

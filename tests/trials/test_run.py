@@ -11,10 +11,10 @@ import pytest
 from mitt.commands.catch import prepare
 from mitt.commands.options import CatchOptions
 from mitt.errors import InputError, MittError
+from mitt.files.maps import save_map
 from mitt.generator.generators import Direct, Unoptimised
 from mitt.generator.learn import Learned
 from mitt.interrupts import Interrupted
-from mitt.link.maps import save_map
 from mitt.robot.load import load_arm
 from mitt.trials.registry import make_generator
 from mitt.trials.run import (

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mitt.ball.filter import FilterConfig
 from mitt.errors import InputError, StoppedError
+from mitt.files.recording import write_recording
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
-from mitt.link.recording import write_recording
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
@@ -22,7 +23,6 @@ from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.score import HELD_AFTER
 from mitt.trials.simulate import simulate
 from mitt.trials.source import aim_of
-from mitt.vision.filter import FilterConfig
 from mitt.world.scene import Scene, Sensing
 from mitt.world.scenes import named_scene, scene_of
 from mitt.world.throws import Throw, default_throw

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.records import Phase, Record, fresh_result
+from mitt.catcher.state import Phase, Record, fresh_result
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import Array, Command

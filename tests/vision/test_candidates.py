@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.flight import advance
+from mitt.ball.flight import advance
 from mitt.signals import Array
 from mitt.vision.camera import fixed_rig
 from mitt.vision.candidates import MOST, _fastest

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from mitt.flight import advance
+from mitt.ball.filter import THROWN_BALL, BallFilter
+from mitt.ball.flight import advance
 from mitt.signals import Array, Frame
 from mitt.vision.camera import Rig, fixed_rig
 from mitt.vision.eyes import Eyes, EyesStatus
-from mitt.vision.filter import THROWN_BALL, BallFilter
 from mitt.world.imaging import Imager, ImageSensor
 
 Frames = tuple[Frame, ...]

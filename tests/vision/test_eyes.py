@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from support import ball_state
 
+from mitt.ball.filter import THROWN_BALL, BallFilter
+from mitt.ball.flight import advance
 from mitt.errors import InputError, ShapeError
-from mitt.flight import advance
 from mitt.signals import Array
 from mitt.vision.camera import fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig, EyesStatus
-from mitt.vision.filter import THROWN_BALL, BallFilter
 from mitt.vision.segmentation import Segmenter
 from mitt.vision.triangulation import Triangulator
 from mitt.world.imaging import Imager, ImageSensor

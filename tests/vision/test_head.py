@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mitt.ball.filter import THROWN_BALL, BallFilter
+from mitt.ball.flight import advance
 from mitt.errors import InputError, ShapeError
-from mitt.flight import advance
 from mitt.signals import Array
 from mitt.vision.camera import Head, Rig, look_at
 from mitt.vision.eyes import Eyes, EyesStatus
-from mitt.vision.filter import THROWN_BALL, BallFilter
 from mitt.vision.head import active_rig, aim, bearing, pack_heads, pose_of
 from mitt.world.imaging import Imager, ImageSensor
 

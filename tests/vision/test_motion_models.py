@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from mitt.flight import advance
+from mitt.ball import memory as at
+from mitt.ball.estimator import update
+from mitt.ball.filter import settings_of
+from mitt.ball.flight import advance
 from mitt.signals import Array
 from mitt.tracks.filtering import UNKNOWN_BALL, follow
-from mitt.vision import memory as at
-from mitt.vision.ball_filter import update
-from mitt.vision.filter import settings_of
 
 NOISE = 1.5e-3
 """Of each coordinate [m]."""

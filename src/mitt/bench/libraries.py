@@ -10,9 +10,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mitt.flight import acceleration, advance
-from mitt.generator.foresight import flown, foresee
+from mitt.ball.flight import acceleration, advance
 from mitt.generator.mapping import DirectMap
+from mitt.generator.prediction import flown, foresee
 from mitt.robot.arm import Arm, to_pinocchio
 from mitt.robot.plant import add_arm
 from mitt.signals import Array, BallState, Frame
@@ -149,7 +149,7 @@ def by_opencv(kept: Sequence[tuple[Frame, ...]]) -> Tick:
 
 def by_mpc(f: DirectMap, ball: BallState) -> Tick:
     """Plan once to the catch by the model-predictive rival, a programme solved by DAQP."""
-    from mitt.rivals.mpc import MpcPlanner, MpcSettings, solve  # noqa: PLC0415 (timed alone)
+    from mitt.baselines.mpc import MpcPlanner, MpcSettings, solve  # noqa: PLC0415 (timed alone)
 
     planner, ends = MpcPlanner(f.arm, MpcSettings()), catches(f, ball, np.random.default_rng(0))
     start = np.array([f.arm.q_ready, np.zeros(f.arm.n), np.zeros(f.arm.n)])

@@ -23,7 +23,7 @@ from mitt.generator.flights import lift_flight
 from mitt.generator.learn import LearnSettings
 from mitt.generator.learn import learn as learn_from
 from mitt.generator.mapping import unlearned
-from mitt.generator.strain import Plant, plant_of
+from mitt.generator.utilization import Plant, plant_of
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.slopes import slopes_work, torque_slopes

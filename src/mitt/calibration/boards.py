@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt.calibration.charuco import Board, Seen, between, plain
 from mitt.calibration.stage import Stage, weak
+from mitt.cameras.source import Camera
 from mitt.errors import InputError
-from mitt.link.cameras.source import Camera
-from mitt.link.charuco import Board, Seen, between, plain
-from mitt.link.rig import CalibratedRig, RigCamera
+from mitt.files.rig import CalibratedRig, RigCamera
 from mitt.signals import Array
 from mitt.vision.calibration.boards import BoardProblem, Corners
 from mitt.vision.calibration.fit import Fit, fit

@@ -8,9 +8,9 @@ import numpy as np
 
 from mitt.calibration.stage import Stage, weak
 from mitt.calibration.tables import POINT, read_columns, read_places, read_times
+from mitt.cameras.source import Camera
 from mitt.errors import InputError
-from mitt.link.cameras.source import Camera
-from mitt.link.rig import CalibratedRig
+from mitt.files.rig import CalibratedRig
 from mitt.robot.arm import Arm
 from mitt.signals import Array, Moments
 from mitt.vision.calibration.clock import clock_problem

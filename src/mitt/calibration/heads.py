@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
+from mitt.calibration.charuco import Board, Seen
 from mitt.calibration.stage import Stage, weak
+from mitt.cameras.recorded import read_image
 from mitt.errors import FileError
-from mitt.link.cameras.recorded import read_image
-from mitt.link.charuco import Board, Seen
-from mitt.link.rig import RigCamera
+from mitt.files.rig import RigCamera
 from mitt.signals import Array
 from mitt.vision.calibration.fit import Fit, fit
 from mitt.vision.calibration.heads import HeadProblem, first_head

@@ -12,10 +12,12 @@ from rich.table import Table
 
 import mitt
 from mitt.calibration.boards import CELLS, BoardViews, calibrate_boards, look_for_board
+from mitt.calibration.charuco import Board, BoardSpec
 from mitt.calibration.hand import calibrate_clock, calibrate_hand, centroid_columns, centroids_in
 from mitt.calibration.heads import FACE_UP, calibrate_head, read_head_views
 from mitt.calibration.stage import Stage
 from mitt.calibration.tables import header_of, read_places
+from mitt.cameras.opening import open_cameras
 from mitt.commands.options import CalibrateOptions
 from mitt.commands.screen import (
     Report,
@@ -27,9 +29,7 @@ from mitt.commands.screen import (
     warn,
 )
 from mitt.errors import FileError, InputError
-from mitt.link.cameras.opening import open_cameras
-from mitt.link.charuco import Board, BoardSpec
-from mitt.link.rig import CalibratedRig, read_rig, write_rig
+from mitt.files.rig import CalibratedRig, read_rig, write_rig
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.vision.calibration.boards import BoardProblem

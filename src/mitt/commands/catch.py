@@ -15,10 +15,10 @@ from mitt.commands.screen import (
     tell_of_kernels,
 )
 from mitt.errors import InputError
+from mitt.files.files import check_folder, locked
+from mitt.files.maps import read_map
 from mitt.generator.mapping import unlearned
 from mitt.interrupts import notice, status_of, tell, words_of
-from mitt.link.files import check_folder, locked
-from mitt.link.maps import read_map
 from mitt.trials.journal import kept_words
 from mitt.trials.registry import check_name
 from mitt.trials.result import STATUSES

@@ -6,8 +6,8 @@ import mitt
 from mitt.commands.options import LearnOptions
 from mitt.commands.screen import check_new_file, checked, print_json, progress, show, table
 from mitt.errors import InputError
+from mitt.files.maps import save_map
 from mitt.generator.learn import Learned
-from mitt.link.maps import save_map
 from mitt.trials.learning import LEARNING_SEED
 from mitt.trials.learning import learn as learn_map
 from mitt.trials.neighbourhood import Neighbourhood

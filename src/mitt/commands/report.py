@@ -5,7 +5,7 @@ from pathlib import Path
 from mitt.commands.options import ReportOptions
 from mitt.commands.screen import checked, print_json, progress, show
 from mitt.errors import InputError
-from mitt.link.files import locked, write_json
+from mitt.files.files import locked, write_json
 from mitt.report.study_page import write_study_report
 from mitt.sweep.folder import Folder
 from mitt.sweep.summary import read_result

@@ -11,9 +11,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from mitt.errors import InputError
+from mitt.files.files import check_folder
 from mitt.interrupts import tell
 from mitt.link.clock import Pace
-from mitt.link.files import check_folder
 
 Report = Callable[[str, int, int], None]
 

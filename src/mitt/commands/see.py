@@ -4,12 +4,12 @@ from contextlib import nullcontext
 from pathlib import Path
 
 import mitt
+from mitt.cameras.video import SUFFIXES, VideoWriter
 from mitt.commands.options import SeeOptions
 from mitt.commands.screen import check_new_file, checked, print_json, progress, show, warn
 from mitt.errors import InputError
+from mitt.files.rig import CalibratedRig, read_rig
 from mitt.interrupts import notice
-from mitt.link.rig import CalibratedRig, read_rig
-from mitt.link.video import SUFFIXES, VideoWriter
 from mitt.tracks.see import WATCHED, Seen, complaints, rate_of, see, status_of
 from mitt.tracks.tables import POINTS, STATE, write_table
 

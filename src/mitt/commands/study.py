@@ -3,8 +3,8 @@
 from mitt.commands.options import StudyOptions
 from mitt.commands.screen import checked, progress, show, table, tell_of_kernels
 from mitt.errors import InputError
+from mitt.files.files import check_folder, locked
 from mitt.interrupts import tell, words_of
-from mitt.link.files import check_folder, locked
 from mitt.sweep.engine import check_engine, engine_of
 from mitt.sweep.folder import Folder
 from mitt.sweep.read import read_study

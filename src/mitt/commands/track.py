@@ -1,12 +1,12 @@
 """``mitt track``: the ball filter alone, on recorded positions."""
 
 import mitt
+from mitt.ball.estimator import MAX_HORIZON
 from mitt.commands.options import TrackOptions
 from mitt.commands.screen import check_new_file, checked, print_json, show
 from mitt.errors import InputError
 from mitt.tracks.filtering import follow_all
 from mitt.tracks.tables import read_positions, write_track
-from mitt.vision.ball_filter import MAX_HORIZON
 
 #: Largest standard deviation of a coordinate that makes sense [m].
 _MAX_SIGMA = 1.0

@@ -5,7 +5,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mitt.control.condition import Reason, State
+from mitt.control.health import Reason, State
 from mitt.signals import Array
 
 Plain: TypeAlias = str | float | bool | list[float | None] | None

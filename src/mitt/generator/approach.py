@@ -14,11 +14,11 @@ palm's normal and that direction.
 
 import numpy as np
 
-from mitt.generator.course import LATE, Course
-from mitt.generator.linear import Programme, spread
+from mitt.generator.horizon import LATE, Course
 from mitt.generator.mapping import DirectMap
-from mitt.generator.strain import Work, motion_at
+from mitt.generator.qp import Programme, spread
 from mitt.generator.tangent import Scratch, Tangent
+from mitt.generator.utilization import Work, motion_at
 from mitt.jit import kernel
 from mitt.robot.chain import Chain, place
 from mitt.robot.vectors import (

@@ -19,10 +19,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.generator.course import INSTANTS, Course
-from mitt.generator.linear import Programme, spread
-from mitt.generator.strain import Plant, Work, positions_at
+from mitt.generator.horizon import INSTANTS, Course
+from mitt.generator.qp import Programme, spread
 from mitt.generator.tangent import Scratch, Tangent
+from mitt.generator.utilization import Plant, Work, positions_at
 from mitt.jit import kernel
 from mitt.robot import chain
 from mitt.robot.arm import Arm

@@ -6,7 +6,8 @@ from typing import Protocol, Self, final, runtime_checkable
 import numpy as np
 
 from mitt import checks
-from mitt.generator.certificate import (
+from mitt.generator.demand import Tolerance
+from mitt.generator.feasibility import (
     Outcome,
     Verdict,
     judge,
@@ -15,7 +16,6 @@ from mitt.generator.certificate import (
     sharpness,
     unsettled,
 )
-from mitt.generator.demand import Tolerance
 from mitt.generator.mapping import DirectMap
 from mitt.generator.online import Online, Refinement
 from mitt.robot.shapes import Surroundings

@@ -26,17 +26,17 @@ import numpy as np
 
 from mitt import checks
 from mitt.generator.approach import palm_of
-from mitt.generator.assurance import KINDS, spread_ahead
-from mitt.generator.certificate import Outcome, Verdict, trusted
 from mitt.generator.clearance import space_of
-from mitt.generator.course import INSTANTS, course_of
 from mitt.generator.demand import Tolerance
-from mitt.generator.foresight import foresee
-from mitt.generator.linear import programme_of
+from mitt.generator.feasibility import Outcome, Verdict, trusted
+from mitt.generator.horizon import INSTANTS, course_of
 from mitt.generator.mapping import DirectMap
-from mitt.generator.step import Buffers, Goal, Map
-from mitt.generator.store import end, gather, opened, start, vouch
-from mitt.generator.strain import plant_of, work_of
+from mitt.generator.prediction import foresee
+from mitt.generator.probability import KINDS, spread_ahead
+from mitt.generator.qp import programme_of
+from mitt.generator.qp_buffers import end, gather, opened, start, vouch
+from mitt.generator.sqp_step import Buffers, Goal, Map
+from mitt.generator.utilization import plant_of, work_of
 from mitt.robot.shapes import Surroundings
 from mitt.signals import Array, BallState
 

@@ -18,8 +18,8 @@ import numpy as np
 
 from mitt import checks
 from mitt.errors import InputError
-from mitt.generator.certificate import Outcome, Verdict, judge
 from mitt.generator.demand import Tolerance
+from mitt.generator.feasibility import Outcome, Verdict, judge
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array, BallState, JointReference

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from mitt.generator.step import Buffers
-from mitt.generator.strain import Plant, motion_at
+from mitt.generator.sqp_step import Buffers
+from mitt.generator.utilization import Plant, motion_at
 from mitt.jit import kernel
 from mitt.robot.limits import LEAST, bound_of
 from mitt.robot.slopes import torque_slopes

@@ -1,1 +1,1 @@
-"""What connects the catcher to the outside: the clock, recordings, maps on disk."""
+"""What connects the catcher to the outside: the clock, real time, robots."""

@@ -6,13 +6,13 @@ from contextlib import contextmanager
 import numpy as np
 
 import mitt
+from mitt.files.files import claim_folder, write_json
+from mitt.files.maps import save_map
+from mitt.files.recording import write_recording
 from mitt.generator.generators import Direct, Unoptimised
 from mitt.generator.learn import Learned
 from mitt.interrupts import finally_do
 from mitt.link.clock import Stopwatch
-from mitt.link.files import claim_folder, write_json
-from mitt.link.maps import save_map
-from mitt.link.recording import write_recording
 from mitt.report.figures.learning import feedback_share
 from mitt.report.run_page import ReportContent, write_report
 from mitt.trials.journal import NAME, RESULT, Journal

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from mitt.files.files import write_text
 from mitt.generator.learn import Step
-from mitt.link.files import write_text
 from mitt.report.figures.learning import feedback_by_step, feedback_share, learning_cost
 from mitt.report.figures.pictures import picture_strip
 from mitt.report.figures.response import joint_angles, joint_torques, target_and_hand

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from mitt.link.files import write_text
+from mitt.files.files import write_text
 from mitt.report.figures.sweep import effort, rates_against, rates_by_condition, reach
 from mitt.report.page import Cell, Section, interval, number, page
 from mitt.report.worst import worst_throws

@@ -3,7 +3,7 @@
 from typing import Any
 
 import mitt
-from mitt.link.files import write_text
+from mitt.files.files import write_text
 from mitt.report.page import Cell
 from mitt.report.replay import replay_page
 from mitt.sweep.parts import read_columns

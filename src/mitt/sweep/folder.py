@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import final
 
 from mitt.errors import FileError, InputError
-from mitt.link.files import claim_folder, make_folder, read_json, write_atomically, write_json
+from mitt.files.files import claim_folder, make_folder, read_json, write_atomically, write_json
 from mitt.reading import read_bytes
 from mitt.sweep.study import SCHEMA, ArmSettings, Study
 from mitt.world.settings import validated

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import final
 
 from mitt.errors import FileError
+from mitt.files.files import read_json, write_atomically, write_json
+from mitt.files.maps import save_map
 from mitt.interrupts import notice, status_of
-from mitt.link.files import read_json, write_atomically, write_json
-from mitt.link.maps import save_map
 from mitt.sweep.engine import Engine, run_tasks
 from mitt.sweep.folder import Folder, notes_of, write_bytes
 from mitt.sweep.parts import merge, read_part, timing_of

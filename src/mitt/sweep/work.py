@@ -14,11 +14,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from mitt.errors import MittError
+from mitt.files.maps import map_of
+from mitt.files.recording import write_recording
 from mitt.generator.generators import Generator
 from mitt.generator.learn import Learned
 from mitt.link.clock import Stopwatch
-from mitt.link.maps import map_of
-from mitt.link.recording import write_recording
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.sweep.parts import Row, row_of, write_rows

@@ -5,12 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mitt.ball import measurement_noise
+from mitt.ball import memory as at
+from mitt.ball.estimator import predict, update
+from mitt.ball.filter import FilterConfig, settings_of
 from mitt.jit import kernel
 from mitt.signals import Array
-from mitt.vision import measurement_noise
-from mitt.vision import memory as at
-from mitt.vision.ball_filter import predict, update
-from mitt.vision.filter import FilterConfig, settings_of
 
 UNKNOWN_BALL = FilterConfig(
     drag_mean=0.08,

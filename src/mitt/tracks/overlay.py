@@ -4,7 +4,7 @@ from math import pi, sqrt
 
 import numpy as np
 
-from mitt.link.cameras.source import optional
+from mitt.cameras.source import optional
 from mitt.signals import BallState, Frame, Image, Moments, Sighting
 
 #: Colours (red, green, blue): both cameras agree, one sees something alone, text, ground.

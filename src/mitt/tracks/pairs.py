@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from mitt.link.cameras.source import Camera
+from mitt.cameras.source import Camera
 from mitt.signals import Frame
 
 

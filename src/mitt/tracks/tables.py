@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from mitt.errors import FileError
-from mitt.link.files import write_text
+from mitt.files.files import write_text
 from mitt.signals import Array
 from mitt.tracks.filtering import Track
 from mitt.world.tables import number, read_rows

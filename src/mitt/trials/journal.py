@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any, final
 
 from mitt.errors import FileError
+from mitt.files.files import write_json
 from mitt.link.clock import Stopwatch
-from mitt.link.files import write_json
 from mitt.reading import read_text
 from mitt.trials.result import SCHEMA, finite, result
 from mitt.trials.score import Trial

@@ -5,11 +5,11 @@ from math import pi, sqrt
 
 import numpy as np
 
+from mitt.ball.filter import FilterConfig
 from mitt.control.encoders import Encoders
 from mitt.control.envelope import TICK
 from mitt.robot.arm import Arm
 from mitt.vision.eyes import EyesConfig
-from mitt.vision.filter import FilterConfig
 from mitt.vision.triangulation import TriangulatorConfig
 from mitt.world.scene import Actuation, Scene
 from mitt.world.sensors import encoder_steps

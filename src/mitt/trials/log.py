@@ -7,7 +7,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.link.recording import (
+from mitt.catcher.state import PHASES, Phase, Record
+from mitt.files.recording import (
     CATCH_POINT,
     ESTIMATE,
     EVENT,
@@ -17,7 +18,6 @@ from mitt.link.recording import (
     Recording,
     Track,
 )
-from mitt.records import PHASES, Phase, Record
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.trials.result import finite

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitt.flight import acceleration, advance
+from mitt.ball.flight import acceleration, advance
 from mitt.generator.design import nominal_catch
 from mitt.generator.flights import Flight
 from mitt.generator.mapping import DirectMap

@@ -12,15 +12,15 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.catcher import Catcher
+from mitt.ball.estimator import update
+from mitt.catcher.catcher import Catcher
+from mitt.catcher.state import BRAKE, STOPPED, Record
+from mitt.catcher.tick import tick, undecided
 from mitt.errors import ShapeError
 from mitt.jit import kernel
 from mitt.link.clock import Stopwatch, now_ns
-from mitt.records import BRAKE, STOPPED, Record
 from mitt.signals import Array, Image
-from mitt.tick import tick, undecided
 from mitt.views import lent
-from mitt.vision.ball_filter import update
 from mitt.vision.segmentation import suffices
 from mitt.vision.target import WORK, region_of_interest
 from mitt.world.capsules import lay_capsules
@@ -138,7 +138,7 @@ def play(
         count: Most ticks to be made.
 
     Returns:
-        What is to be thought about: bits of :mod:`mitt.tick`.
+        What is to be thought about: bits of :mod:`mitt.catcher.tick`.
     """
     plant, rows, sight, nothing, eyes = lent((plant, rows, sight, nothing, eyes))
     backgrounds = lent(backgrounds)

@@ -10,16 +10,16 @@ from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from typing import final
 
+from mitt.baselines.clairvoyant import make_clairvoyant
+from mitt.baselines.ds import make_ds
+from mitt.baselines.ik import make_ik
+from mitt.baselines.mpc import make_mpc
+from mitt.baselines.quintic import make_quintic
+from mitt.baselines.ruckig import make_ruckig
 from mitt.errors import InputError, MittError, UnknownNameError
-from mitt.generator.certificate import Verdict
+from mitt.generator.feasibility import Verdict
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.mapping import DirectMap, unlearned
-from mitt.rivals.clairvoyant import make_clairvoyant
-from mitt.rivals.ds import make_ds
-from mitt.rivals.ik import make_ik
-from mitt.rivals.mpc import make_mpc
-from mitt.rivals.quintic import make_quintic
-from mitt.rivals.ruckig import make_ruckig
 from mitt.signals import Array, BallState, JointReference
 from mitt.trials.learning import learn_several
 

@@ -6,11 +6,11 @@ from typing import final
 
 import numpy as np
 
-from mitt.catcher import Catcher, CatcherSettings
+from mitt.baselines.clairvoyant import Clairvoyant
+from mitt.catcher.catcher import Catcher, CatcherSettings
+from mitt.catcher.state import Record
 from mitt.generator.generators import Generator
 from mitt.link.clock import Stopwatch
-from mitt.records import Record
-from mitt.rivals.clairvoyant import Clairvoyant
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Surroundings
 from mitt.signals import Senses

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt.catcher.state import Phase, Record
 from mitt.control.stopped import Plain, StoppedBy
-from mitt.generator.certificate import Verdict
 from mitt.generator.demand import demand
-from mitt.records import Phase, Record
+from mitt.generator.feasibility import Verdict
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.trials.drives import COMMANDED, MEASURED, drive_loads

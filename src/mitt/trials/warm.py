@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numba import typeof
 
-from mitt.catcher import Catcher
+from mitt.catcher.catcher import Catcher
+from mitt.catcher.tick import act, perceive, refer, undecided
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.jit import compiled_count, is_cold
-from mitt.tick import act, perceive, refer, undecided
 from mitt.trials.play import NOTHING
 from mitt.trials.runner import LOOKS, TrialRunner
 from mitt.world.flights import BallPath

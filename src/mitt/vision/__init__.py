@@ -1,1 +1,1 @@
-"""From two images to the motion of the ball: camera, moments, triangulation, filter."""
+"""From two images to the position of the ball: camera, segmentation, moments, triangulation."""

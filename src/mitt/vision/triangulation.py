@@ -14,11 +14,11 @@ from math import pi, sqrt
 
 import numpy as np
 
+from mitt.ball.linear import invert_positive
 from mitt.errors import InputError
 from mitt.jit import kernel
 from mitt.signals import Array, Moments, Sighting
 from mitt.vision.camera import Rig, in_camera, pack_cameras, sphere_centroid
-from mitt.vision.linear import invert_positive
 
 WORK = 7
 """Rows of the scratch array."""

@@ -1,8 +1,8 @@
-"""Flights of a ball from here to there, by the kernels of :mod:`mitt.flight`."""
+"""Flights of a ball from here to there, by the kernels of :mod:`mitt.ball.flight`."""
 
 import numpy as np
 
-from mitt.flight import GRAVITY, advance
+from mitt.ball.flight import GRAVITY, advance
 from mitt.signals import Array
 
 

@@ -2,8 +2,8 @@
 
 MuJoCo's integrator is of first order: in half a second of flight it puts a ball 1.2 mm (steps of
 0.5 ms) or 2.5 mm (1 ms) too low. So a ball that touches nothing flies by the kernel of
-:mod:`mitt.flight`, independent of the length of the steps, and the integrator is given the force
-and the start with which dr' = dr + h ddr, r' = r + h dr' end where that kernel does.
+:mod:`mitt.ball.flight`, independent of the length of the steps, and the integrator is given the
+force and the start with which dr' = dr + h ddr, r' = r + h dr' end where that kernel does.
 
 The state beside MuJoCo's own is one vector:
 
@@ -29,7 +29,7 @@ The state beside MuJoCo's own is one vector:
 
 import numpy as np
 
-from mitt.flight import GRAVITY, advance
+from mitt.ball.flight import GRAVITY, advance
 from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.views import lent

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from mitt.cameras import source
+from mitt.cameras.opening import open_cameras
+from mitt.cameras.source import grey, optional
+from mitt.cameras.video import VideoWriter
 from mitt.errors import FileError, InputError
-from mitt.link.cameras import source
-from mitt.link.cameras.opening import open_cameras
-from mitt.link.cameras.source import grey, optional
-from mitt.link.video import VideoWriter
 from mitt.signals import Frame, Image
 
 VIKY = Path(genicam.__file__).parent / "viky.cti"

@@ -9,7 +9,7 @@ from boards import SPEC, many_views, true_lens, true_stereo
 from cramer_rao import one_calibration
 
 from mitt.calibration.boards import board_problem, calibrate_boards, free_numbers
-from mitt.link.charuco import Board
+from mitt.calibration.charuco import Board
 from mitt.vision.calibration.fit import fit
 
 #: Largest ratio of rms error to the Cramer-Rao bound.

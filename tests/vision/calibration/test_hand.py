@@ -6,7 +6,7 @@ from throws_on_film import calibrated
 
 from mitt.calibration.hand import calibrate_hand, hand_problem
 from mitt.errors import InputError
-from mitt.link.rig import CalibratedRig
+from mitt.files.rig import CalibratedRig
 from mitt.signals import Array
 from mitt.vision.calibration.fit import fit
 from mitt.vision.poses import inverse, turned

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from boards import SPEC, seen_by, true_lens
 
+from mitt.calibration.charuco import Board, Seen
 from mitt.calibration.heads import calibrate_head, head_problem
 from mitt.errors import InputError
-from mitt.link.charuco import Board, Seen
-from mitt.link.rig import RigCamera
+from mitt.files.rig import RigCamera
 from mitt.signals import Array
 from mitt.vision.calibration.fit import fit
 from mitt.vision.calibration.heads import HeadAxes, ideal

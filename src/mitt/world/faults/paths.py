@@ -10,7 +10,7 @@ from typing import final
 
 import numpy as np
 
-from mitt.flight import advance
+from mitt.ball.flight import advance
 from mitt.signals import Array
 from mitt.world.ballistics import fly
 from mitt.world.faults.draw import drawn

@@ -1,0 +1,1 @@
+"""Readers and writers of files: maps, rigs, recordings, whole or not at all."""

@@ -1,0 +1,160 @@
+"""Learned maps on disk: JSON with a schema, a version, the arm's numbers and a checksum."""
+
+import hashlib
+import json
+import re
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from mitt.errors import FileError, MittError
+from mitt.files.files import read_json, write_json
+from mitt.files.schema import Finite, Part, parsed
+from mitt.generator.design import MapDesign, tangent_of
+from mitt.generator.learn import Learned, Step
+from mitt.generator.mapping import DirectMap
+from mitt.generator.polynomial import MOST_ORDER, CatchBasis
+from mitt.robot.arm import Arm
+from mitt.robot.identity import difference, identity_of
+from mitt.version import __version__
+
+SCHEMA = "mitt.map/2"
+
+_AGAIN = "learn it again with mitt learn"
+
+
+class _Design(Part):
+    catch_joint: int = Field(ge=0, le=20)
+    q_catch: Finite
+    kappa: Finite
+    inward: Finite = 0.0
+    order: int = Field(ge=2, le=MOST_ORDER)
+    free: tuple[int, int, int]
+
+
+class _Step(Part):
+    cost_torque: Finite
+    cost_speed: Finite
+    worst: Finite
+
+
+class _MapFile(Part):
+    """Content of a map file; ``checksum`` covers all the rest."""
+
+    schema_name: Literal["mitt.map/2"] = Field(alias="schema")
+    version: str
+    arm: str
+    limits: str
+    joints: list[str]
+    identity: dict[str, list[Finite | None]]
+    design: _Design
+    centre: list[Finite]
+    scale: list[Finite]
+    alpha: list[list[Finite]]
+    H: list[list[Finite]]
+    region: list[list[Finite]]
+    steps: list[_Step]
+    flights: int
+    left_out: int
+    status: str
+    checksum: str
+
+
+def save_map(path: Path, learned: Learned, *, version: str) -> None:
+    """Write a learned map."""
+    f = learned.map
+    content: dict[str, object] = {
+        "schema": SCHEMA,
+        "version": version,
+        "arm": f.arm.model.name,
+        "limits": f.arm.limits.name,
+        "joints": list(f.arm.names),
+        "identity": identity_of(f.arm),
+        "design": asdict(f.design),
+        "centre": f.basis.centre.tolist(),
+        "scale": f.basis.scale.tolist(),
+        "alpha": f.alpha.tolist(),
+        "H": f.H.tolist(),
+        "region": f.region.tolist(),
+        "steps": [asdict(step) for step in learned.steps],
+        "flights": learned.flights,
+        "left_out": learned.left_out,
+        "status": learned.status,
+    }
+    write_json(path, content | {"checksum": _checksum(content)})
+
+
+def read_map(path: Path, arm: Arm) -> Learned:
+    """Return a learned map for an arm.
+
+    Raises:
+        FileError: The file is missing, cut short, altered, of another schema or of a later
+            version, or was learned for another arm or other limits.
+    """
+    return map_of(read_json(path), arm, place=str(path))
+
+
+def map_of(raw: Any, arm: Arm, *, place: str) -> Learned:  # noqa: ANN401 (any JSON value)
+    """Return a learned map for an arm from what its file says.
+
+    Args:
+        raw: Content of the file.
+        arm: The arm.
+        place: What an error calls the file.
+
+    Raises:
+        FileError: As for :func:`read_map`.
+    """
+    content = parsed(_MapFile, raw, place=place, wanted=f"a map of schema {SCHEMA}", do=_AGAIN)
+    stated = {key: value for key, value in raw.items() if key != "checksum"}
+    if _checksum(stated) != content.checksum:
+        raise FileError(place, "a map that matches its checksum", "one that was altered",
+                        do=_AGAIN)  # fmt: skip
+    if not _is_known(content.version):
+        raise FileError(f"{place} key 'version'", f"a map of mitt {__version__} or before",
+                        repr(content.version[:20]), do=_AGAIN)  # fmt: skip
+    mine = (arm.model.name, arm.limits.name, list(arm.names))
+    given = (content.arm, content.limits, content.joints)
+    if mine != given:
+        wanted, other = ("arm {}, limits {}, joints {}".format(*x) for x in (mine, given))
+        raise FileError(place, f"a map for {wanted}", f"one for {other}")
+    unlike = difference(identity_of(arm), content.identity)
+    if unlike is not None:
+        raise FileError(place, f"a map for this arm {arm.model.name}",
+                        f"one for another of that name: {unlike}", do=_AGAIN)  # fmt: skip
+    return _learned(place, content, arm)
+
+
+def _learned(place: str, content: _MapFile, arm: Arm) -> Learned:
+    """Build the map from a file's content."""
+    try:
+        design = MapDesign(**content.design.model_dump())
+        index = design.free.index(design.catch_joint)
+        basis = CatchBasis(design.order, index, np.array(content.centre), np.array(content.scale))
+        alpha, H, region = map(np.array, (content.alpha, content.H, content.region))
+        f = DirectMap(arm=arm, design=design, basis=basis, alpha=alpha, H=H, region=region)
+        tangent_of(arm, design)
+        np.linalg.cholesky(f.H)
+    except (MittError, ValueError, np.linalg.LinAlgError) as error:
+        raise FileError(place, "a map that fits together", error) from error
+    steps = tuple(Step(**step.model_dump()) for step in content.steps)
+    return Learned(
+        map=f, maps=(f,), steps=steps, flights=content.flights, left_out=content.left_out,
+        status=content.status,
+    )  # fmt: skip
+
+
+def _is_known(version: str) -> bool:
+    """Say whether a version is this program's or an earlier one."""
+    mine, given = (re.findall(r"\d+", text)[:3] for text in (__version__, version))
+    plain = re.match(r"\d", version) is not None and all(len(x) < 9 for x in given)
+    return plain and [int(x) for x in given] <= [int(x) for x in mine]
+
+
+def _checksum(content: dict[str, object]) -> str:
+    """Return the SHA-256 of the content in canonical JSON."""
+    canonical = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(canonical.encode()).hexdigest()
