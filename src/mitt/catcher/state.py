@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mitt.ball import memory
 from mitt.ball.filter import THROWN_BALL, FilterConfig, settings_of
-from mitt.control import condition, monitor
+from mitt.control import health, monitor
 from mitt.control.encoders import Encoders
 from mitt.control.hand import pack_grip
 from mitt.control.health import Reason, State
@@ -239,7 +239,7 @@ def catcher_fields(arm: Arm, eyes: Eyes, settings: CatcherSettings) -> Fields:
         "encoder_work": np.zeros((n + 2, 2 * n)),
         "t_brakes": np.inf, "braked": np.bool_(False),
         "brake_delay": max(brake.delay for brake in arm.brakes),
-        "condition": condition.memory(), "clock": np.int64(0), "encoders": np.int64(0),
+        "condition": health.memory(), "clock": np.int64(0), "encoders": np.int64(0),
         "tolerance": s.tolerance, "stray": s.stray, "asked_to_stop": np.bool_(False),
         "review": s.review, "t_reviewed": -np.inf, "watch": s.watch, "t_look": -np.inf,
         "heads": np.int64(eyes.heads), "t_exposed": 0.0,

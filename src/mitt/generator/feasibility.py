@@ -10,7 +10,7 @@ from enum import Enum
 import numpy as np
 
 from mitt import checks
-from mitt.generator import prediction as foresight
+from mitt.generator import prediction
 from mitt.generator.demand import Tolerance, shares_of
 from mitt.generator.mapping import DirectMap
 from mitt.generator.prediction import Foresight, flown, foresee, spread
@@ -176,7 +176,7 @@ def is_far(ball: BallState, hand: Array) -> bool:
 
 def sharpness(f: DirectMap, ball: BallState) -> float:
     """Return the predicted 1-sigma of the ball at the catch [m]; infinite without a catch."""
-    return foresight.sharpness(f, _checked(ball), *trusted(f))
+    return prediction.sharpness(f, _checked(ball), *trusted(f))
 
 
 def returns(f: DirectMap, ball: BallState) -> bool:
