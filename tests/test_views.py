@@ -1,4 +1,4 @@
-"""Views in compiled code are those of numpy; what is lent or fetched early is what it was."""
+"""Views in compiled code are those of numpy; what is lent is what it was."""
 
 import os
 import re
@@ -14,7 +14,7 @@ from numba.typed import List
 from numpy.typing import NDArray
 
 from mitt.signals import Array
-from mitt.views import fetch, lent, view
+from mitt.views import lent, view
 
 
 @njit
@@ -52,16 +52,6 @@ def _write(pair: tuple[Array, Array], number: float) -> float:
     row = one[1]
     row[2] = number
     return float(other[0])
-
-
-@njit
-def _sum(numbers: Array, ahead: int) -> float:
-    """Add up numbers, each of which is fetched ``ahead`` before it is read."""
-    total = 0.0
-    for i in range(len(numbers)):
-        fetch(numbers, i + ahead)
-        total += numbers[i]
-    return total
 
 
 def test_a_lent_array_is_the_array() -> None:
@@ -144,9 +134,3 @@ def test_a_view_beyond_its_array_is_found_where_bounds_are_checked() -> None:
     )  # fmt: skip
     assert run.stdout == "4.0\n"
     assert "a view reaches beyond its array" in run.stderr
-
-
-@pytest.mark.parametrize("ahead", [0, 8, -(10**12), 10**15])
-def test_any_place_may_be_fetched(ahead: int) -> None:
-    """Numbers are what they are, and memory that is not there harms nobody."""
-    assert _sum(np.arange(100.0), ahead) == 4950.0

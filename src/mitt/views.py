@@ -1,4 +1,4 @@
-"""How compiled code reads arrays: parts in another shape, no references counted, early reads.
+"""How compiled code reads arrays: parts in another shape, no references counted.
 
 numba keeps alive each array that a kernel takes out of a tuple or cuts out of another array, by two
 atomic additions, and a ``reshape`` of its is a call into a library: together a tenth of a tick.
@@ -118,23 +118,3 @@ def _disown(
             item = _disown(context, builder, part, builder.extract_value(value, k))
             value = builder.insert_value(value, item, k)
     return value
-
-
-@intrinsic
-def fetch(_: Context, array: types.Array, index: types.Integer) -> Typed:
-    """Begin to read a number of a vector that will be wanted soon; nothing waits for it.
-
-    Any index will do: memory that is not there is not read.
-    """
-
-    def write(
-        context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]
-    ) -> ir.Value:
-        data = context.make_array(signature.args[0])(context, builder, given[0]).data
-        place = builder.bitcast(builder.gep(data, [given[1]]), cgutils.voidptr_t)
-        kind = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t] + 3 * [cgutils.int32_t])
-        read = builder.module.declare_intrinsic("llvm.prefetch", [cgutils.voidptr_t], kind)
-        builder.call(read, [place] + [cgutils.int32_t(k) for k in (0, 3, 1)])
-        return context.get_dummy_value()
-
-    return types.void(array, index), write
