@@ -141,13 +141,16 @@ def _transition(A: Array, h: float, mean: float, left: float, P: Array, out: Arr
 
     Of the push, the share ``mean`` acts on average over the step, and ``left`` is left after it.
     """
-    for i in range(3):
-        r, v, push = A[i], A[3 + i], P[7 + i]
-        out[i] = P[i] + r[0] * P[3] + r[1] * P[4] + r[2] * P[5] + r[3] * P[6]
-        out[i] += 0.5 * h * h * mean * push
-        out[3 + i] = v[0] * P[3] + v[1] * P[4] + v[2] * P[5] + v[3] * P[6] + h * mean * push
-        out[7 + i] = left * push
-    out[6] = P[6]
+    by_r, by_v = 0.5 * h * h * mean, h * mean
+    for j in range(STATES):
+        x, y, z, k = P[3, j], P[4, j], P[5, j], P[6, j]
+        for i in range(3):
+            push, v = P[7 + i, j], 3 + i
+            out[i, j] = P[i, j] + A[i, 0] * x + A[i, 1] * y + A[i, 2] * z + A[i, 3] * k
+            out[i, j] += by_r * push
+            out[v, j] = A[v, 0] * x + A[v, 1] * y + A[v, 2] * z + A[v, 3] * k + by_v * push
+            out[7 + i, j] = left * push
+        out[6, j] = k
 
 
 @kernel

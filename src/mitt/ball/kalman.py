@@ -47,13 +47,16 @@ def is_sane(z: Array, R: Array) -> bool:
 def _joseph(P: Array, K: Array, R: Array, half: Array) -> None:
     """Replace P by (I - K' H) P (I - K' H)' + K' R K, H = (I 0); ``half`` is scratch."""
     for i in range(STATES):
-        half[i] = P[i] - K[0, i] * P[0] - K[1, i] * P[1] - K[2, i] * P[2]
+        a, b, c = K[0, i], K[1, i], K[2, i]
+        for j in range(STATES):
+            half[i, j] = P[i, j] - a * P[0, j] - b * P[1, j] - c * P[2, j]
     for i in range(STATES):
         a, b, c = K[0, i], K[1, i], K[2, i]
         u = a * R[0, 0] + b * R[0, 1] + c * R[0, 2] - half[i, 0]
         v = a * R[0, 1] + b * R[1, 1] + c * R[1, 2] - half[i, 1]
         w = a * R[0, 2] + b * R[1, 2] + c * R[2, 2] - half[i, 2]
-        P[i] = half[i] + u * K[0] + v * K[1] + w * K[2]
+        for j in range(STATES):
+            P[i, j] = half[i, j] + u * K[0, j] + v * K[1, j] + w * K[2, j]
 
 
 @kernel
@@ -94,10 +97,12 @@ def correct(m: Array, at: int, slot: int, gate: float, work: Array) -> float:
     if not distance <= gate:
         return float(distance) if distance > gate else float(np.inf)
     K, half = view(work, 3 * STATES, (3, STATES)), view(work, STATES * STATES, (STATES, STATES))
-    K[0] = P[0] * a + P[1] * b + P[2] * c
-    K[1] = P[0] * b + P[1] * d + P[2] * e
-    K[2] = P[0] * c + P[1] * e + P[2] * f
-    x += P[0] * u0 + P[1] * u1 + P[2] * u2
+    for i in range(STATES):
+        p0, p1, p2 = P[0, i], P[1, i], P[2, i]
+        K[0, i] = p0 * a + p1 * b + p2 * c
+        K[1, i] = p0 * b + p1 * d + p2 * e
+        K[2, i] = p0 * c + p1 * e + p2 * f
+        x[i] += p0 * u0 + p1 * u1 + p2 * u2
     _joseph(P, K, R, half)
     return float(distance)
 
