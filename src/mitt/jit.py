@@ -42,7 +42,8 @@ def imports_of(source: str) -> list[str]:
     """
     found = []
     for module, names, plain in _IMPORT.findall(source):
-        found.append(module or plain)
+        if module != "mitt":  # which imports what a user asks for
+            found.append(module or plain)
         found += [f"{module}.{name}" for name in re.findall(r"\b\w+\b", names)]
     return found
 
@@ -183,10 +184,10 @@ def _cast_field(_: Any, __: Any, ___: types.Type, ____: types.Type, value: Any) 
     return value
 
 
-def _compiled(function: Callable[..., Any], **options: object) -> Any:  # noqa: ANN401
-    """Return a function that Numba compiles when it is first called."""
+def kernel(function: Callable[..., Any]) -> Any:  # noqa: ANN401
+    """Compile a function when it is first called, and keep the compiled code."""
     _kernels.add(function)
-    found = njit(cache=cache_folder() is not None, no_cfunc_wrapper=True, **options)(function)
+    found = njit(cache=cache_folder() is not None, no_cfunc_wrapper=True)(function)
     template = found.get_call_template
 
     def general_template(args: Sequence[types.Type], kws: Mapping[str, types.Type]) -> Any:  # noqa: ANN401
@@ -196,13 +197,3 @@ def _compiled(function: Callable[..., Any], **options: object) -> Any:  # noqa: 
 
     found.get_call_template = general_template
     return found
-
-
-def kernel(function: Callable[..., Any]) -> Any:  # noqa: ANN401
-    """Compile a function when it is first called, and keep the compiled code."""
-    return _compiled(function)
-
-
-def fast_kernel(function: Callable[..., Any]) -> Any:  # noqa: ANN401
-    """As :func:`kernel`, for sums whose order does not matter."""
-    return _compiled(function, fastmath={"reassoc", "contract"})
