@@ -1,5 +1,6 @@
 """Laws of the online step: what it keeps, what it improves, what it does with nonsense."""
 
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -121,6 +122,7 @@ def test_near_the_catch_nothing_is_changed(
     answer = online.refine(f.alpha, late)
     assert answer.status is Refinement.LATE
     assert np.array_equal(answer.alpha, f.alpha)
+    assert online.certify(f.alpha, late, tolerance=Tolerance()) is None
 
 
 def test_the_certificate_says_what_the_demand_says(
@@ -137,6 +139,7 @@ def test_the_certificate_says_what_the_demand_says(
     assert verdict.share == pytest.approx(largest, rel=0.05)
     assert verdict.outcome is Outcome.FEASIBLE
     assert verdict.margin == pytest.approx(1.0 - verdict.share)
+    assert deepcopy(online).certify(alpha, ball, tolerance=tolerance) == verdict
 
 
 def test_less_certainty_means_less_probability(

@@ -91,8 +91,15 @@ class Judge:
         self._last: Array | None = None
         self._loaded = self._stopped = self._clear = False
 
-    def fault(self, catcher: Catcher, command: Command) -> str:
-        """Return which rule a command breaks; the empty text if none."""
+    def fault(self, catcher: Catcher, command: Command, slowest: Array) -> str:
+        """Return which rule a command breaks; the empty text if none.
+
+        Args:
+            catcher: The catcher, after what it thought.
+            command: Its command.
+            slowest: Speeds to which it kept the joints in this tick [rad/s], shape (n,): slower
+                than their limits where it leaves room for an impact.
+        """
         told = np.array([command.q, command.dq, command.ddq])
         hand, tau = command.hand, command.tau
         gaze = np.zeros(1) if command.gaze is None else command.gaze
@@ -108,7 +115,9 @@ class Judge:
         if too_strong(self._arms[0], tau, believed):
             return f"torques {tau.tolist()} at {believed.tolist()}"
         if last is not None:
-            joint = breaks(self._bounds[self._loaded], last, told, blocked)
+            b = self._bounds[self._loaded].copy()
+            b[2] = np.minimum(b[2], slowest)
+            joint = breaks(b, last, told, blocked)
             if joint >= 0:
                 return f"joint {joint} from {last.tolist()} to {told.tolist()}"
             if self._stopped and np.any(np.abs(told[1]) > np.abs(last[1]) + ROUNDING):

@@ -227,11 +227,12 @@ class _Episode:
                 if len(fitting) == len(senses.frames):
                     raise
                 command = self._catcher.step(replace(senses, frames=fitting))
+            slowest = self._catcher.ending[1]["bounds"][0, 2].copy()
             self._catcher.think()
         except Exception as error:
             return f"raised {type(error).__name__}: {error}"
         self._move()
-        return self._judge.fault(self._catcher, command)
+        return self._judge.fault(self._catcher, command, slowest)
 
     def _move(self) -> None:
         """Let the arm do what the torques bring, within what joints and drives can do at all."""

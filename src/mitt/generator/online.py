@@ -146,20 +146,24 @@ class Online:
         self._region = trusted(f)
         self._sigma = np.zeros((2, n))
         self._state = np.zeros(7)
-        self._t_catch, self._share = inf, 1.0
+        self._t_catch, self._share, self._laid = inf, 1.0, False
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Say how to build the same again; its buffers and solvers are made anew."""
-        progress = self._t_catch, self._share, self._state.copy(), self._sigma.copy()
+        """Say how to build the same again; its solvers are made anew."""
+        progress = (
+            self._t_catch, self._share, self._laid, self._state.copy(), self._sigma.copy(),
+            self._known[0].copy(),
+        )  # fmt: skip
         return _built, (self._f, self.settings, self._around), progress
 
-    def __setstate__(self, progress: tuple[float, float, Array, Array]) -> None:
+    def __setstate__(self, progress: tuple[float, float, bool, Array, Array, Array]) -> None:
         """Go on where the one that was copied is."""
-        self._t_catch, self._share, self._state[:], self._sigma[:] = progress
+        self._t_catch, self._share, self._laid, *arrays = progress
+        self._state[:], self._sigma[:], self._known[0][:] = arrays
 
     def restart(self) -> None:
         """Forget the flight: the next ball is another, or its way has changed."""
-        self._t_catch, self._share = inf, 1.0
+        self._t_catch, self._share, self._laid = inf, 1.0, False
 
     def refine(self, alpha: Array, ball: BallState) -> Refined:
         """Return better coefficients for the rest of the flight.
@@ -181,7 +185,7 @@ class Online:
         self._state[:3], self._state[3:6], self._state[6] = ball.r_o, ball.dr_o, ball.drag
         self._buffers.course.rows[0, 0] = self._f.start
         better, count, before = start(*self._known, self._state, (s.lead, ahead), alpha)
-        self._t_catch = t + better if isfinite(better) else inf
+        self._t_catch, self._laid = (t + better, True) if isfinite(better) else (inf, False)
         step = self._solved(count) if count > 0 else None
         if step is None:
             status = Refinement.FAILED if isfinite(better) else Refinement.OUTSIDE
@@ -206,7 +210,7 @@ class Online:
         """
         arm, ball = self._f.arm, checks.instance("ball", ball, BallState)
         alpha = checks.array("alpha", alpha, self._f.alpha.shape, finite=True)
-        if not isfinite(self._t_catch):
+        if not self._laid:
             return None
         limit, probability, share = vouch(
             *self._known, alpha, ball.covariance, self._region,
