@@ -114,7 +114,8 @@ def predict(
     motion[0], motion[1] = x[:3], x[3:6]
     memory[at.DRAG] = x[6]
     acceleration(motion[1], x[6], motion[2])
-    motion[2] += x[7:]
+    for i in range(3):
+        motion[2, i] += x[7 + i]
     motion[2, 2] += GRAVITY - settings[best, at.GRAVITY_]
     _add_moment(motion, x, P, memory[at.WEIGHT + best] if active else 1.0, covariance)
     for model in range(at.MODELS):

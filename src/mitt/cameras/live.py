@@ -1,11 +1,11 @@
 """Live cameras: GenICam through harvesters, any maker's producer (``.cti``); Basler by pypylon."""
 
 from pathlib import Path
-from time import monotonic
 from typing import Any, final
 
 from mitt.cameras.source import Camera, grey, optional
 from mitt.errors import FileError
+from mitt.link.clock import monotonic
 from mitt.signals import Image
 
 #: Channels of the formats that are read, and longest wait for a frame [s].

@@ -15,6 +15,9 @@ steady_ns = time.perf_counter_ns
 processor_time = time.process_time
 """Returns the processor time that this process has used [s]."""
 
+monotonic = time.monotonic
+"""Returns the time of the machine's steady clock [s]."""
+
 _CLOCK = time.CLOCK_MONOTONIC
 _clock_gettime = types.ExternalFunction("clock_gettime", types.intc(types.intc, types.intp))
 

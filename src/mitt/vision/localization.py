@@ -107,7 +107,8 @@ def _predict(rig: Array) -> None:
     if rig[SINCE] > min(FORGET, HASTY * rig[KNOWN]):
         rig[KNOWN] = 0.0
     if rig[KNOWN] > 0.0:
-        rig[:3] += rig[SPEED : SPEED + 3]
+        for i in range(3):
+            rig[i] += rig[SPEED + i]
 
 
 @kernel

@@ -195,7 +195,9 @@ def _segment(
             return 0, False
         memory[STATE] = MERGED + merged
         memory[at.TOP] += pace(v, memory[at.DV])
-        memory[RUNS : RUNS + 2 * ROWS] += pace(u, memory[at.DU])
+        across = pace(u, memory[at.DU])
+        for k in range(RUNS, RUNS + 2 * ROWS):
+            memory[k] += across
         memory[0], memory[1] = u + memory[at.DU], v + memory[at.DV]
         return int(weights[6]), clipped
     steady = again and memory[STATE] == GOOD
