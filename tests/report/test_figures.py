@@ -196,6 +196,17 @@ def test_a_throw_that_was_never_followed_can_be_drawn(arm: Arm, direct: LoggedTr
         assert drawn.svg.startswith("<svg")
 
 
+def test_a_throw_with_lost_readings_can_be_drawn(arm: Arm, direct: LoggedTrial) -> None:
+    """Encoders that say nothing for a while, or nothing at all, leave a gap."""
+    log = _log(direct)
+    for lost in (slice(200, 260), slice(None)):
+        encoders = log.encoders.copy()
+        encoders[lost, :, 1] = np.nan
+        silent = replace(log, encoders=encoders)
+        assert joint_angles(arm, silent, silent).svg.startswith("<svg")
+        assert joint_torques(arm, silent, None).svg.startswith("<svg")
+
+
 def test_releases_must_match_the_trials(direct: LoggedTrial) -> None:
     """One release for each trial, else a refusal that says so."""
     with pytest.raises(ShapeError, match=r"\(1, 3\)"):

@@ -150,9 +150,10 @@ def _dotted(axes: Axes, t: Array, values: Array, label: str) -> None:
 
 
 def _ends(shown: Sequence[Array]) -> tuple[float, float]:
-    """Return the least and the greatest of all values."""
+    """Return the least and the greatest of all values that are finite: a reading may be lost."""
     values = np.concatenate(shown)
-    return float(values.min()), float(values.max())
+    values = values[np.isfinite(values)]
+    return (float(values.min()), float(values.max())) if len(values) else (0.0, 0.0)
 
 
 def _marks(axes: Axes, log: TrialLog, *, named: bool) -> None:
