@@ -5,10 +5,13 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
+from mitt import cli
 from mitt.cli import main
 from mitt.interrupts import Interrupted, listening, status_of, words_of
 
@@ -99,3 +102,20 @@ def test_an_interrupt_that_a_library_makes_another_error_of_is_an_interrupt(
     monkeypatch.setattr("mitt.commands.catch.prepare", load)
     assert main(["catch"]) == 143
     assert capsys.readouterr().err == "mitt: interrupted by SIGTERM\n"
+
+
+def test_a_signal_while_signals_are_taken_says_its_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It comes before the command has begun: one line and the status, as at any other time."""
+
+    @contextmanager
+    def taken(**_: object) -> Iterator[None]:
+        raise Interrupted(signal.SIGTERM)
+        yield
+
+    monkeypatch.setattr(cli, "listening", taken)
+    assert main(["bench", "--check"]) == 143
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert words_of(143) in said

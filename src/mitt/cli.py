@@ -42,8 +42,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             except KeyboardInterrupt as stop:
                 notice()
                 status = _failed(status_of(stop), words_of(status_of(stop)))
-    except Interrupted as stop:  # in the moment in which signals are handed back
-        status = status or status_of(stop)
+    except Interrupted as stop:  # in the moment in which signals are taken or handed back
+        notice()
+        status = status or _failed(status_of(stop), words_of(status_of(stop)))
     except SystemExit:  # help was asked for, and printed
         if _flushed(0) == 0:
             raise
