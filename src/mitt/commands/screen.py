@@ -51,7 +51,7 @@ def tell_of_kernels() -> None:
         tell("compiled code cannot be kept, since no folder for it can be written: each start "
              "compiles for about 3 minutes; set NUMBA_CACHE_DIR to a folder of yours")  # fmt: skip
     elif is_cold():
-        tell("compiling, once for this version: about 3 minutes")
+        tell("compiling, once for this version: 2 to 3 minutes")
 
 
 @contextmanager

@@ -24,7 +24,7 @@ from mitt.world.throws import Throw
 
 #: Kernels that a throw needs, those of several types counted for each, and how often the bar of
 #: progress looks at them [s].
-_KERNELS, _PERIOD = 427, 1.0
+_KERNELS, _PERIOD = 302, 1.0
 
 Report = Callable[[str, int, int], None]
 
