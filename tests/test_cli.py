@@ -46,16 +46,16 @@ GOOD_THROW = "3.5,0.1,0.2,-6,0,1.5\n"
 #: Runs the command line and sends its own process a signal before the third throw.
 SIGNALLED = """
 import os, signal, sys
-import mitt.trials.run as runs
 import mitt.report.outputs as outputs
 from mitt.cli import main
-inner = runs.one_throw
-def one_throw(bench, prepared, index, *, log=False):
+from mitt.trials.runner import TrialRunner
+inner = TrialRunner.throw
+def throw(runner, source, index, *, log=False):
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job starts without
     if index == 2:
         os.kill(os.getpid(), signal.Signals(int(sys.argv[1])))
-    return inner(bench, prepared, index, log=log)
-runs.one_throw = one_throw
+    return inner(runner, source, index, log=log)
+TrialRunner.throw = throw
 outputs.write_report = lambda path, content: None
 sys.exit(main(sys.argv[2:]))
 """

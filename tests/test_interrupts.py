@@ -119,3 +119,48 @@ def test_a_signal_while_signals_are_taken_says_its_line(
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert words_of(143) in said
+
+
+#: A process that starts another, which waits, and says what number it has.
+PARENT = """
+import multiprocessing, sys, time
+from mitt.interrupts import end_with_parent
+def child(ready):
+    end_with_parent()
+    ready.set()
+    time.sleep(60.0)
+if __name__ == "__main__":
+    context = multiprocessing.get_context("spawn")
+    ready = context.Event()
+    other = context.Process(target=child, args=(ready,))
+    other.start()
+    ready.wait()
+    print(other.pid, flush=True)
+    time.sleep(60.0)
+"""
+
+
+def test_a_second_process_does_not_outlive_the_first(tmp_path: Path) -> None:
+    """Not even where the first is killed, and can end nothing itself."""
+    script = tmp_path / "parent.py"
+    script.write_text(PARENT)
+    with subprocess.Popen(
+        [sys.executable, script], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    ) as first:
+        assert first.stdout is not None
+        second = int(first.stdout.readline())
+        assert _runs(second)
+        first.kill()
+    end = time.monotonic() + SOON
+    while _runs(second) and time.monotonic() < end:
+        time.sleep(0.01)
+    assert not _runs(second)
+
+
+def _runs(process: int) -> bool:
+    """Say whether a process is there and has not ended."""
+    try:
+        state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+    except FileNotFoundError:
+        return False
+    return state != "Z"

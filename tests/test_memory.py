@@ -205,9 +205,9 @@ def test_two_catchers_with_the_same_eyes_do_not_share_them(arm: Arm, learned: Le
     )
     pixels = np.random.default_rng(1).integers(0, 256, (128, 128), dtype=np.uint8)
     frames = tuple(Frame(t=0.0, camera=k, number=1, pixels=pixels) for k in range(2))
-    known = two.ending[1].tobytes()
+    known = two.kernel_arguments[1].tobytes()
     one.step(Senses(t=0.0, arm=ArmState(t=0.0, q=arm.q_ready, dq=np.zeros(arm.n)), frames=frames))
-    assert two.ending[1].tobytes() == known
+    assert two.kernel_arguments[1].tobytes() == known
     for name, value in eyes.parts().items():
         assert np.array_equal(value, before[name], equal_nan=True), name
 
@@ -345,11 +345,11 @@ def test_encoders_of_another_arm_are_refused(arm: Arm, learned: Learned, joints:
     catcher = Catcher(arm, Direct(learned.map), Eyes(fixed_rig()), settings=CatcherSettings())
     good = Senses(t=0.0, arm=ArmState(t=0.0, q=arm.q_ready, dq=np.zeros(arm.n)))
     catcher.step(good)
-    known = catcher.ending[1].tobytes()
+    known = catcher.kernel_arguments[1].tobytes()
     other = ArmState(t=0.001, q=np.zeros(joints), dq=np.zeros(joints))
     with pytest.raises(ShapeError, match=r"must have shape \(3,\)"):
         catcher.step(Senses(t=0.001, arm=other))
-    assert catcher.ending[1].tobytes() == known
+    assert catcher.kernel_arguments[1].tobytes() == known
 
 
 def test_an_image_of_another_size_is_refused_and_leaves_no_trace(
@@ -360,12 +360,12 @@ def test_an_image_of_another_size_is_refused_and_leaves_no_trace(
     good = np.zeros((128, 128), np.uint8)
     senses = Senses(t=0.0, arm=ArmState(t=0.0, q=arm.q_ready, dq=np.zeros(arm.n)))
     catcher.step(senses)
-    known = catcher.ending[1].tobytes()
+    known = catcher.kernel_arguments[1].tobytes()
     frames = tuple(Frame(t=0.0, camera=k, number=1, pixels=good) for k in range(2))
     large = replace(frames[1], pixels=np.zeros((480, 640), np.uint8))
     with pytest.raises(ShapeError, match=r"\(128, 128\), not \(480, 640\)"):
         catcher.step(replace(senses, frames=(frames[0], large)))
-    assert catcher.ending[1].tobytes() == known
+    assert catcher.kernel_arguments[1].tobytes() == known
     with pytest.raises(InputError, match="astype"):
         replace(frames[1], pixels=np.zeros((128, 128)))  # type: ignore[arg-type]
     catcher.step(replace(senses, frames=frames))

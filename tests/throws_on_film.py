@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from mitt.ball.flight import advance
-from mitt.cameras.video import VideoWriter
+from mitt.cameras.video_writer import VideoWriter
 from mitt.files.rig import CalibratedRig, RigCamera
 from mitt.signals import Array, Image
 from mitt.vision.camera import Camera, Rig, look_at

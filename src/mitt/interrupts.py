@@ -7,12 +7,14 @@ it calls what was registered with :func:`finally_do` and ends the process.
 """
 
 import io
+import multiprocessing
 import os
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from multiprocessing.connection import wait
 from types import FrameType
 from typing import NoReturn, TextIO
 
@@ -55,6 +57,19 @@ def tell(text: str) -> None:
     """Say one line on stderr, if anybody can hear it."""
     with suppress(OSError):
         print(f"mitt: {text}", file=sys.stderr, flush=True)  # noqa: T201
+
+
+def end_with_parent() -> None:
+    """Let this process end as soon as the one that started it has ended, however that came."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_follow, args=(parent.sentinel,), daemon=True).start()
+
+
+def _follow(sentinel: int) -> None:
+    """Wait for the end of the parent, and end as well."""
+    wait([sentinel])
+    os._exit(1)
 
 
 def raise_again() -> None:

@@ -118,7 +118,7 @@ def compiled_count() -> int:
 
 
 def _delete_old(folder: Path) -> None:
-    """Delete what earlier versions of a file compiled to, but for the newest."""
+    """Delete what other versions of a file compiled to, but for those compiled last."""
     others = {}
     for other in folder.parent.glob(folder.name[:-16] + "?" * 16):
         with suppress(OSError):  # another process may do the same
@@ -134,12 +134,16 @@ class _KernelLocator(_CacheLocator):  # type: ignore[misc]
         """Take where the kernel stands and where the cache is."""
         self._file, self._line = file, line
         self._folder = _folder_of(file, cache)
-        if not self._folder.exists():
-            _delete_old(self._folder)
 
     def get_cache_path(self) -> str:
         """Return the folder of this kernel's compiled code."""
         return str(self._folder)
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder; one of a new version lets the oldest go."""
+        if not self._folder.exists():
+            _delete_old(self._folder)
+        super().ensure_cache_path()
 
     def get_source_stamp(self) -> bytes:
         """Return what changes with the kernel's source and that of the kernels it calls."""

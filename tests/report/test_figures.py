@@ -147,6 +147,15 @@ def test_fig_10_draws_the_arm_where_its_encoders_were(arm: Arm, direct: LoggedTr
                                atol=_ON_PAGE * np.ptp(q))  # fmt: skip
 
 
+def test_a_map_that_was_given_is_no_step_of_learning() -> None:
+    """Its feedback stands beside that of alpha = 0, and says what it is."""
+    learned, given = (feedback_by_step([0.9, 0.3], given=given).svg for given in (False, True))
+    assert "learning step" in learned
+    assert "learning step" not in given
+    assert "the map given" in given
+    assert "the map given" not in learned
+
+
 def test_feedback_share_is_that_of_the_formula(direct: LoggedTrial) -> None:
     """The share is 0 for pure feedforward, 1 without feedforward, and scales with the rest."""
     log = _log(direct)

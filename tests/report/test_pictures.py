@@ -10,7 +10,7 @@ import pytest
 from mitt.report.figures.pictures import body_faces, drawn, placed
 from mitt.robot.arm import Arm
 from mitt.signals import Array
-from mitt.world.build import build_plant
+from mitt.world.build import build_scene
 from mitt.world.scene import Scene
 
 _FLOOR = -1.0
@@ -72,7 +72,7 @@ def test_what_is_nearer_hides_what_is_behind_it() -> None:
 def test_the_ball_is_drawn_where_the_plant_has_it(arm: Arm) -> None:
     """The middle of the ball's faces is the ball's place, in any state of the plant."""
     scene = Scene()
-    model = build_plant(scene, arm.model).model
+    model = build_scene(scene, arm.model).model
     bodies = [body_faces(model, b, arm, scene) for b in range(model.nbody)]
     data, ball = mujoco.MjData(model), model.body("ball").id
     mujoco.mj_resetData(model, data)

@@ -16,7 +16,7 @@ from mitt.report.replay import replay_page
 from mitt.report.skeleton import bones, frames, skeleton
 from mitt.robot.arm import Arm
 from mitt.trials.runner import LoggedTrial
-from mitt.world.build import build_plant
+from mitt.world.build import build_scene
 from mitt.world.scene import Scene
 
 #: Meshes of 24 corners around the axis: their volume is short by 1 %, domes by 5 %.
@@ -40,7 +40,7 @@ def test_meshes_enclose_the_volume_of_their_shapes(mesh: Trimesh, volume: float)
 
 def test_meshes_of_geoms_fill_their_bounds(arm: Arm, scene: Scene) -> None:
     """Each geom's mesh reaches as far from the geom's centre as MuJoCo's own bound."""
-    model = build_plant(scene, arm.model).model
+    model = build_scene(scene, arm.model).model
     for g in range(model.ngeom):
         mesh = geom_mesh(model, g)
         if mesh is not None:
@@ -59,7 +59,7 @@ def test_a_rod_ends_at_its_points() -> None:
 
 def test_the_skeleton_ends_at_the_catch_point_and_follows_mujoco(arm: Arm, scene: Scene) -> None:
     """The drawn line starts at the shoulder, ends at l(q), and its links lie where MuJoCo's do."""
-    plant = build_plant(scene, arm.model)
+    plant = build_scene(scene, arm.model)
     data, rng = mujoco.MjData(plant.model), np.random.default_rng(2)
     for q in rng.uniform(arm.q_min, arm.q_max, size=(20, arm.n)):
         line = skeleton(arm.model, q)
@@ -91,7 +91,7 @@ def test_the_replay_shows_the_arm_moving_the_ball_flying_and_the_fingers_closing
     assert capsys.readouterr().out == ""
     assert threading.active_count() <= before + 1
     moves = _moves(page)
-    model = build_plant(scene, arm.model).model
+    model = build_scene(scene, arm.model).model
     data = mujoco.MjData(model)
     for body in ("ball", "link_j4", "finger0"):
         b = model.body(body).id

@@ -97,6 +97,7 @@ def test_the_search_is_refined_about_the_best(
     best = chooser.best(near, flown(ball, near), rest)
     assert best is not None
     assert found.t_c == ball.t + best.t_c
+    assert found.utilization == best.utilization
     assert found.binding_limit == best.binding_limit
     assert np.array_equal(found.end, best.end)
     assert np.array_equal(found.r_c, best.r_c)

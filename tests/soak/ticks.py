@@ -227,7 +227,7 @@ class _Episode:
                 if len(fitting) == len(senses.frames):
                     raise
                 command = self._catcher.step(replace(senses, frames=fitting))
-            slowest = self._catcher.ending[1]["bounds"][0, 2].copy()
+            slowest = self._catcher.kernel_arguments[1]["bounds"][0, 2].copy()
             self._catcher.think()
         except Exception as error:
             return f"raised {type(error).__name__}: {error}"

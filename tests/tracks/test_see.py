@@ -13,7 +13,7 @@ import pytest
 from throws_on_film import RATE, Film, calibrated, film, lens_of, write_film
 
 from mitt.ball.flight import GRAVITY
-from mitt.cameras.video import VideoWriter
+from mitt.cameras.video_writer import VideoWriter
 from mitt.cli import main
 from mitt.files.rig import CalibratedRig, write_rig
 from mitt.signals import Array, Image

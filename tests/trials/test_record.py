@@ -61,7 +61,7 @@ def test_the_recording_of_a_stopped_throw_says_when_the_brakes_engaged_and_why(
     scene = Scene(faults=(Encoder(kind="encoder", fault="dropout", joint=1, start=0.3),))
     source = source_of(f, seed=91, count=1, drag=0.04)
     runner = TrialRunner(f.arm, Direct(f), scene, pixels=False)
-    outcome = runner.run(0, source.ball(0), seed=source.trial_seed(0), log=True)
+    outcome = runner.throw(source, 0, log=True)
     assert outcome.log is not None
     recording = recording_of(outcome.log, outcome.trial, _JOINTS, _ABOUT)
     stop = outcome.trial.stopped_by

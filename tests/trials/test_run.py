@@ -21,7 +21,6 @@ from mitt.trials.run import (
     FinishedRun,
     Prepared,
     design_of,
-    one_throw,
     run,
 )
 
@@ -107,8 +106,8 @@ def test_throwing_again_gives_the_same_trial(prepared: Prepared) -> None:
 
     finished = run(prepared, progress=quiet)
     bench = make_runner(prepared, finished.learned, generator="direct")
-    assert one_throw(bench, prepared, 1, log=True).trial == finished.trials[1]
-    assert one_throw(bench, prepared, 0, log=True).trial == finished.trials[0]
+    assert bench.throw(prepared.source, 1, log=True).trial == finished.trials[1]
+    assert bench.throw(prepared.source, 0, log=True).trial == finished.trials[0]
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,7 @@ def thrown(learned: Learned, ranges: ThrowRanges, scene: Scene) -> list[Trial]:
     runner = TrialRunner(f.arm, make_generator("direct", f), scene, pixels=False)
     source: Source = source_of(f, seed=SEED, count=COUNT, drag=scene.ball.drag)
     source = replace(source, ranges=ranges)
-    return [runner.run(k, source.ball(k), seed=source.trial_seed(k)).trial for k in range(COUNT)]
+    return [runner.throw(source, k).trial for k in range(COUNT)]
 
 
 @pytest.mark.parametrize("limits", ["wam-80v", "wam-48v"])

@@ -12,12 +12,12 @@ from mitt.errors import ModelError
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import Array
-from mitt.world.build import build_plant
+from mitt.world.build import build_scene
 from mitt.world.mismatch import PlantDraw
 from mitt.world.scene import Mismatch, Scene, exact_scene
 
 ARM = load_arm("wam")
-PLANT = build_plant(exact_scene(), ARM.model)
+PLANT = build_scene(exact_scene(), ARM.model)
 TORQUE = 1e-9  # [N m]
 PLACE = 1e-12  # [m]
 angles = st.tuples(st.floats(-2.5, 2.5), st.floats(-1.9, 1.9), st.floats(-0.8, 3.0)).map(np.array)
@@ -78,7 +78,7 @@ def test_the_forearm_meets_the_upper_arm() -> None:
 def test_an_arm_without_a_hand_is_refused() -> None:
     """The world needs fingers."""
     with pytest.raises(ModelError, match="hand"):
-        build_plant(Scene(), replace(ARM.model, hand=None))
+        build_scene(Scene(), replace(ARM.model, hand=None))
 
 
 def test_the_fixture_and_the_module_arm_are_the_same(arm: Arm) -> None:
@@ -92,7 +92,7 @@ def test_the_fixture_and_the_module_arm_are_the_same(arm: Arm) -> None:
 def test_a_ball_of_another_radius_touches_at_that_radius(seed: int) -> None:
     """Whatever radius a trial draws, contact begins when a ball over the floor is that far off."""
     scene = Scene(mismatch=Mismatch(ball_radius=0.2))
-    plant = build_plant(scene, ARM.model)
+    plant = build_scene(scene, ARM.model)
     data, rng = mujoco.MjData(plant.model), np.random.default_rng(seed)
     radius = PlantDraw(scene, plant).draw(data, rng, ball=rng).radius
     assert radius != scene.ball.radius

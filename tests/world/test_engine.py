@@ -5,11 +5,11 @@ import numpy as np
 from numba import njit
 
 from mitt.robot.load import load_arm
-from mitt.world.build import build_plant
+from mitt.world.build import build_scene
 from mitt.world.engine import MOST, Plant, contact_force, plant_of, step1, step2
 from mitt.world.scene import exact_scene
 
-SCENE = build_plant(exact_scene(), load_arm("wam").model)
+SCENE = build_scene(exact_scene(), load_arm("wam").model)
 
 
 @njit

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mitt.robot.arm import Arm
-from mitt.world.build import SceneModel, build_plant
+from mitt.world.build import SceneModel, build_scene
 from mitt.world.materials import FRICTION, RESTITUTION, friction_of, on_pad, restitution_of
 from mitt.world.scene import Ball, Contact, Scene
 from mitt.world.scenes import named_scene
@@ -14,14 +14,14 @@ from mitt.world.scenes import named_scene
 STARTS = np.linspace(0.010, 0.012, 5)
 
 
-def rebound(plant: SceneModel, arm: Arm, speed: float, start: float) -> float:
+def rebound(built: SceneModel, arm: Arm, speed: float, start: float) -> float:
     """Return the share of its speed that a ball keeps on a palm that is held still."""
-    model = plant.model
-    data, n, ball = mujoco.MjData(model), plant.joints + plant.fingers, -6
-    data.qpos[: plant.joints] = arm.q_ready
+    model = built.model
+    data, n, ball = mujoco.MjData(model), built.joints + built.fingers, -6
+    data.qpos[: built.joints] = arm.q_ready
     mujoco.mj_forward(model, data)
     held = data.qpos[:n].copy()
-    place, normal = data.site_xpos[plant.site], data.site_xmat[plant.site].reshape(3, 3)[:, 2]
+    place, normal = data.site_xpos[built.site], data.site_xmat[built.site].reshape(3, 3)[:, 2]
     data.qpos[-7:-4], data.qvel[ball : ball + 3] = place + start * normal, -speed * normal
     for _ in range(80):
         mujoco.mj_step(model, data)
@@ -31,9 +31,9 @@ def rebound(plant: SceneModel, arm: Arm, speed: float, start: float) -> float:
 
 def measured(scene: Scene, arm: Arm, speed: float) -> float:
     """Return the mean restitution on the palm at a speed [m/s], without weight."""
-    plant = build_plant(scene, arm.model)
-    plant.model.opt.gravity[:] = 0.0
-    return float(np.mean([rebound(plant, arm, speed, start) for start in STARTS]))
+    built = build_scene(scene, arm.model)
+    built.model.opt.gravity[:] = 0.0
+    return float(np.mean([rebound(built, arm, speed, start) for start in STARTS]))
 
 
 @pytest.mark.parametrize("speed", [3.0, 4.5, 6.0])

@@ -4,7 +4,7 @@ State: position, velocity, drag coefficient k and push a; in flight ddr_o = g - 
 + noise (``flight``). Targets that do not fly are followed by other models (``motion_models``). The
 correction is in Joseph's form, in double precision. A track begins with a velocity as good as
 unknown, so that the first sightings amount to a least-squares fit with known gravity; it speaks
-after ``min_sightings``. The kernels of ``ball_filter`` do the work on one vector (``memory``);
+after ``min_sightings``. The kernels of ``estimator`` do the work on one vector (``memory``);
 here they get their settings, and their results a name.
 """
 
@@ -202,7 +202,7 @@ class BallFilter:
     def state(self, t: float) -> BallState:
         """Return the estimate carried by the flight model to ``t`` [s], near or far.
 
-        Not tracked without an estimate, or further than ``ball_filter.MAX_HORIZON`` from it.
+        Not tracked without an estimate, or further than ``estimator.MAX_HORIZON`` from it.
         """
         t, m = checks.number("t", t), self._memory
         motion, covariance = np.empty((3, 3)), np.empty((6, 6))

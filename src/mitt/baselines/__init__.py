@@ -1,1 +1,1 @@
-"""Other ways from the ball to joint motion, behind the generator's own call."""
+"""Rivals: other methods of catching, and an oracle, with the interface of a generator."""

@@ -199,11 +199,15 @@ def weigh(g: Search, after: Array, balls: Array, motion: Array, ends: Array, tab
         if found[k]:
             sample(motion, ends[k], after[k], paths[k])
             speed[k] = np.max(np.abs(paths[k, :, 1] / p.scales[1]))
+            if not speed[k] < np.inf:  # one that is no number would win every comparison
+                found[k], speed[k] = False, np.inf
     most = max(REFUSED, np.min(speed))
     for k in range(len(after)):
         table[k, 0] = np.inf
         if found[k] and speed[k] <= most:
             _weigh(g, balls[k, 0, 2] < g.floor, ends[k], paths[k], table[k])
+            if not table[k, 0] < np.inf:
+                table[k, 0] = np.inf
 
 
 @kernel

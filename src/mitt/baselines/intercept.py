@@ -34,7 +34,7 @@ from mitt.robot.vectors import (
     row,
     times,
     turn,
-)  # fmt: skip
+)
 from mitt.signals import Array
 
 #: det(J J') below which steps are damped [m^6], and the damping at 0 [m^2].

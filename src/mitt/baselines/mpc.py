@@ -43,7 +43,7 @@ from mitt.signals import Array
 
 #: Kinds of DAQP's rows: an equality, an inequality that may give way.
 _EQUAL, _SOFT = 5, 8
-#: Residual of the meeting beyond which an answer is not believed [rad, rad/s].
+#: Residual at the intercept beyond which a solution is rejected [rad, rad/s].
 _RESIDUAL = 1e-4
 #: Share of a drive's peak torque that its bound never falls below.
 _LEAST = 0.05

@@ -276,11 +276,11 @@ class Catcher:
         None for a generator that is no map or that is refined in each tick: those ask for
         :meth:`step`.
         """
-        return None if self._map is None or self._refines else self.ending
+        return None if self._map is None or self._refines else self.kernel_arguments
 
     @property
-    def ending(self) -> tuple[Array, Record, Record]:
-        """What the two halves of a tick take after the senses; for a catcher that does not look."""
+    def kernel_arguments(self) -> tuple[Array, Record, Record]:
+        """What the kernels of a tick take after the senses: the brake, the state, the result."""
         return self._brake, self._state, self.result
 
     def ticked(self, todo: int, since: float) -> None:

@@ -119,6 +119,7 @@ def _show(finished: FinishedRun) -> None:
         f"{head['arm']}, limits {head['limits']}, {head['generator']}, {head['vision']}, {scene}",
         ("throw", "status", "t [s]", "miss [mm]", "rel. [m/s]", "torque", "speed", "[N]",
          "asks most, stopped by"), left=("status", "asks most, stopped by"),
+        no_wrap=True,
     )  # fmt: skip
     shown = finished.trials[:20] + [t for t in finished.trials[20:] if t.status != "caught"][:40]
     for trial in shown:

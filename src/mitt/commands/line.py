@@ -27,10 +27,6 @@ _OPTIONS: dict[str, Callable[..., object]] = {
 _FRAME = "╭╮╰╯│─"
 
 
-class UsageError(MittError):
-    """The options do not parse."""
-
-
 def run(words: list[str]) -> int:
     """Run a command and return its exit status; what goes wrong is the caller's to tell.
 
@@ -62,7 +58,7 @@ def _parse(words: list[str]) -> tuple[str, object]:
     except SystemExit as leave:
         if leave.code in (0, None):
             raise
-        raise UsageError(_one_line(said.getvalue())) from None
+        raise MittError(_one_line(said.getvalue())) from None
     return next(name for name, kind in _OPTIONS.items() if type(options) is kind), options
 
 

@@ -229,7 +229,7 @@ class StudyOptions:
     """Many throws: several generators in a grid of conditions; write tables and a summary.
 
     Attributes:
-        study: A study file, or the name of one that ships: smoke, paper or evidence.
+        study: A study file, or the name of one that ships (docs/studies.md).
         out: Folder to write.
         engine: Where to throw: local, or dask://HOST:PORT of a scheduler.
         workers: Processes of the local engine; one a core if left out.
@@ -253,7 +253,7 @@ class ReportOptions:
     """Write the page of a study, DIR/report.html, with replays of its worst throws beside it.
 
     Attributes:
-        folder: Folder of a study.
+        folder: Folder of a study, or of a run of mitt catch that was broken off.
         replays: Throws to show as 3-D replays, each made once more and kept beside the page.
     """
 

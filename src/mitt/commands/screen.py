@@ -49,9 +49,9 @@ def tell_of_kernels() -> None:
 
     if cache_folder() is None:
         tell("compiled code cannot be kept, since no folder for it can be written: each start "
-             "compiles for about 3 minutes; set NUMBA_CACHE_DIR to a folder of yours")  # fmt: skip
+             "compiles for 2 to 3 minutes; set NUMBA_CACHE_DIR to a folder of yours")  # fmt: skip
     elif is_cold():
-        tell("compiling, once for this version: 2 to 3 minutes")
+        tell("compiling, once: 2 to 3 minutes")
 
 
 @contextmanager
@@ -100,9 +100,11 @@ def warn(texts: Sequence[str]) -> None:
     show(*(f"warning: {text}" for text in texts), style="yellow")
 
 
-def table(title: str, columns: Sequence[str], *, left: Sequence[str] = ()) -> Table:
+def table(
+    title: str, columns: Sequence[str], *, left: Sequence[str] = (), no_wrap: bool = False
+) -> Table:
     """Return an empty table; all columns but those in ``left`` are aligned to the right."""
     out = Table(title=title, title_justify="left")
     for name in columns:
-        out.add_column(name, justify="left" if name in left else "right", no_wrap=True)
+        out.add_column(name, justify="left" if name in left else "right", no_wrap=no_wrap)
     return out

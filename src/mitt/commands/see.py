@@ -4,7 +4,7 @@ from contextlib import nullcontext
 from pathlib import Path
 
 import mitt
-from mitt.cameras.video import SUFFIXES, VideoWriter
+from mitt.cameras.video_writer import SUFFIXES, VideoWriter
 from mitt.commands.options import SeeOptions
 from mitt.commands.screen import check_new_file, checked, print_json, progress, show, warn
 from mitt.errors import InputError
@@ -46,7 +46,7 @@ def run(options: SeeOptions) -> int:
     said = complaints(seen, tuple(c.name for c in rig.cameras))
     if not seen.points:
         raise InputError("cameras", "a ball that both see", "; ".join(said) or "none")
-    _tell(options, rig, seen, said, video)
+    _show(options, rig, seen, said, video)
     return 0
 
 
@@ -84,7 +84,7 @@ def _video(options: SeeOptions) -> Path | None:
     return video
 
 
-def _tell(
+def _show(
     options: SeeOptions, rig: CalibratedRig, seen: Seen, said: tuple[str, ...], video: Path | None
 ) -> None:
     """Print what was seen."""

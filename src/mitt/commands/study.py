@@ -47,7 +47,7 @@ def run(options: StudyOptions) -> int:
 def _show(study: Study, folder: Folder, finished: FinishedStudy) -> None:
     """Print the catch rates: a row a condition, a column a generator."""
     rates = table(f"{study.name}: caught [%]", ("condition", *study.generators),
-                  left=("condition",))  # fmt: skip
+                  left=("condition",), no_wrap=True)  # fmt: skip
     rows = {(row["condition"], row["generator"]): row for row in finished.rows}
     for condition in study.conditions:
         cells = [rows[condition.name, generator] for generator in study.generators]

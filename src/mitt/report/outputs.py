@@ -18,7 +18,7 @@ from mitt.report.run_page import ReportContent, write_report
 from mitt.trials.journal import NAME, RESULT, Journal
 from mitt.trials.log import recording_of
 from mitt.trials.result import result
-from mitt.trials.run import FinishedRun, Prepared, make_runner, one_throw, runner_for
+from mitt.trials.run import FinishedRun, Prepared, make_runner, runner_for
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.score import Trial
 from mitt.trials.source import release_of
@@ -69,7 +69,7 @@ def _write_recordings(finished: FinishedRun, progress: Progress) -> None:
     runner = make_runner(prepared, finished.learned, generator=prepared.settings.generator)
     for done, index in enumerate(kept):
         progress("recordings", done, len(kept))
-        outcome = one_throw(runner, prepared, index, log=True)
+        outcome = runner.throw(prepared.source, index, log=True)
         if outcome.log is not None:
             recording = recording_of(
                 outcome.log, outcome.trial, prepared.arm.names, about=prepared.head
@@ -103,7 +103,7 @@ def _content(finished: FinishedRun, progress: Progress) -> ReportContent:
 
 def _shown(runner: TrialRunner, prepared: Prepared) -> LoggedTrial | None:
     """Return the first throw with its log; None where it ended before it began."""
-    outcome = one_throw(runner, prepared, 0, log=True)
+    outcome = runner.throw(prepared.source, 0, log=True)
     return outcome if outcome.log is not None and len(outcome.log.t) >= _FEWEST_TICKS else None
 
 
@@ -114,7 +114,7 @@ def _feedback(finished: FinishedRun, progress: Progress) -> tuple[float, ...]:
     for k, f in enumerate(maps):
         progress("feedback", k, len(maps))
         generator = Unoptimised(f) if k == 0 else Direct(f)
-        log = one_throw(runner_for(prepared, generator), prepared, 0, log=True).log
+        log = runner_for(prepared, generator).throw(prepared.source, 0, log=True).log
         if log is not None and np.any(log.following):
             shares.append(feedback_share(log))
     progress("feedback", len(maps), len(maps))
@@ -127,6 +127,6 @@ def _compared(runner: TrialRunner, finished: FinishedRun, progress: Progress) ->
     count, trials = min(len(finished.trials), _COMPARED), []
     for index in range(count):
         progress("alpha = 0", index, count)
-        trials.append(one_throw(runner, prepared, index).trial)
+        trials.append(runner.throw(prepared.source, index).trial)
     progress("alpha = 0", count, count)
     return result(trials, Stopwatch(), prepared.head | {"generator": "unoptimised"})

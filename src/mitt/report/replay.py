@@ -16,7 +16,7 @@ import viser
 from mitt.report.meshes import BALL, body_meshes
 from mitt.robot.arm import Arm
 from mitt.trials.log import PHASES, TrialLog
-from mitt.world.build import build_plant
+from mitt.world.build import build_scene
 from mitt.world.scene import Scene
 
 #: A picture each so many ticks, and how much slower than life it plays.
@@ -37,7 +37,7 @@ def replay_page(arm: Arm, scene: Scene, log: TrialLog) -> str:
         scene: The world's settings.
         log: Log of the trial.
     """
-    model = build_plant(scene, arm.model).model
+    model = build_scene(scene, arm.model).model
     with _server() as server:
         _furnish(server.scene, arm, scene, model)
         server.initial_camera.position = (1.25, -2.35, 0.62)

@@ -184,11 +184,11 @@ def _plots(content: ReportContent, log: TrialLog | None, plain: TrialLog | None)
             joint_angles(arm, log, plain),
             joint_torques(arm, log, plain),
         ]
-        shares = content.shares
-        if not shares and plain is not None:
-            shares = feedback_share(plain), feedback_share(log)
-        if shares:
-            out.append(feedback_by_step(shares))
+        if content.shares:
+            out.append(feedback_by_step(content.shares))
+        elif plain is not None:
+            both = feedback_share(plain), feedback_share(log)
+            out.append(feedback_by_step(both, given=True))
         if np.isfinite(log.t_catch):
             caught_at = log.truth.position[int(np.argmin(np.abs(log.truth.t - log.t_catch)))]
     out.append(contact_errors(trials))

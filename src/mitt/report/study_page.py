@@ -61,9 +61,11 @@ def study_page(result: StudyResult, worst: Sequence[Sequence[Cell]]) -> str:
     study, rows = result.study, result.rows
     pairs = [row for row in rows if row["against_direct"] is not None]
     sure = [row for row in pairs if row["against_direct"]["p_holm"] < _LEVEL]
-    ahead = [row for row in sure
-             if row["against_direct"]["only_direct"] > row["against_direct"]["only_this"]
-             ]  # fmt: skip
+    ahead: list[Mapping[str, Any]] = []
+    behind: list[Mapping[str, Any]] = []
+    for row in sure:
+        duel = row["against_direct"]
+        (ahead if duel["only_direct"] > duel["only_this"] else behind).append(row)
     wide = [c for c in study.conditions if c.throws != ThrowSettings()]
     widest = max(wide, key=lambda c: c.throws.spread, default=study.conditions[0])
     throws = extent(study, sum(int(row["throws"]) for row in rows))
@@ -81,7 +83,7 @@ def study_page(result: StudyResult, worst: Sequence[Sequence[Cell]]) -> str:
         unfinished=sum(not row["complete"] for row in rows),
         pairs=len(pairs),
         ahead=ahead,
-        behind=[row for row in sure if row not in ahead],
+        behind=behind,
         drawn=_drawn(result, widest),
         rivals=[name for name in study.generators if name != REFERENCE],
         paired=paired_tests(study, rows),

@@ -7,7 +7,6 @@ import logging
 import multiprocessing
 import os
 import signal
-import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
@@ -18,10 +17,10 @@ from concurrent.futures import (
     ProcessPoolExecutor,
     wait,
 )
-from multiprocessing.connection import wait as wait_for
 from typing import Protocol, TypeVar, final
 
 from mitt.errors import InputError
+from mitt.interrupts import end_with_parent
 from mitt.link.realtime import settle
 
 _Task = TypeVar("_Task")
@@ -95,15 +94,7 @@ def _begin() -> None:
 
     settle()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        threading.Thread(target=_follow, args=(parent.sentinel,), daemon=True).start()
-
-
-def _follow(sentinel: int) -> None:
-    """Wait for the end of the parent, and end as well."""
-    wait_for([sentinel])
-    os._exit(1)
+    end_with_parent()
 
 
 @final

@@ -9,7 +9,7 @@ import numpy as np
 from mitt.ball.filter import TABLE_TENNIS_BALL, THROWN_BALL, BallFilter, FilterConfig
 from mitt.ball.flight import GRAVITY
 from mitt.cameras.opening import open_cameras
-from mitt.cameras.video import VideoWriter
+from mitt.cameras.video_writer import VideoWriter
 from mitt.errors import InputError
 from mitt.files.rig import CalibratedRig
 from mitt.signals import Array, Frame, Moments, Sighting
@@ -169,7 +169,6 @@ def complaints(seen: Seen, names: tuple[str, ...]) -> tuple[str, ...]:
     for name, count in zip(names, seen.targets, strict=True):
         if count == 0:
             said.append(f"camera {name} saw no ball in any frame: is it dark or covered?")
-    error = fall_error(seen.points)
     if _exchanged(seen):
         said.append(f"left and right seem exchanged: {len(seen.exchanged)} sightings the other way "
                     f"round, {seen.agreed} as given, which do not fall as a ball does")  # fmt: skip
@@ -177,7 +176,7 @@ def complaints(seen: Seen, names: tuple[str, ...]) -> tuple[str, ...]:
         said.append(f"the cameras agree on a ball in {seen.agreed} of {seen.both} instants only: "
                     "the rig is another's, a camera was moved, or something else is "
                     "bright")  # fmt: skip
-    elif error is not None and error > _FALL:
+    elif (error := fall_error(seen.points)) is not None and error > _FALL:
         said.append(f"what was seen does not fly: its acceleration is {error:.0f} m/s^2 off "
                     "gravity; a hand that carries the ball, or a rig that is "
                     "another's")  # fmt: skip

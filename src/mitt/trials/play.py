@@ -27,7 +27,7 @@ from mitt.world.capsules import lay_capsules
 from mitt.world.engine import Plant
 from mitt.world.exposure import Bank, Cameras, snap
 from mitt.world.imaging import BLOCK, Film
-from mitt.world.motion import STATE, TICK, TICKS, WATCHED, move, over, tell
+from mitt.world.motion import TICK, TICKS, WATCHED, move, over, tell
 from mitt.world.painting import LIGHT
 from mitt.world.sensors import DQ, Q, read_encoders
 from mitt.world.stage import Body, Stage
@@ -145,7 +145,8 @@ def play(
     body, (camera, bank, starts), (shots, begun, pixels), (scatter, covariance, line) = sight
     (brake, state, result), log, times = lent(catcher), lent(log), lent(times)
     s, out, encoders = state[0], result[0], lent(encoders)
-    p, qpos, qvel, n, ball = plant[STATE], plant[4], plant[5], len(plant[12]), len(plant[6])
+    p, qpos, qvel = plant.state, plant.qpos, plant.qvel
+    n, ball = len(plant.slides), len(plant.ctrl)
     r_o, dr_o = qpos[ball : ball + 3], qvel[ball : ball + 3]
     latency, clock = len(line) - 1, times[len(times) - 2 :]
     for _ in range(count):
@@ -206,10 +207,10 @@ def play_out(
     Raises:
         ShapeError: The catcher's arm has another number of joints than the stage's.
     """
-    n, own = len(stage.plant[12]), catcher.result.dtype["told"].shape[1]
+    n, own = len(stage.plant.slides), catcher.result.dtype["told"].shape[1]
     if own != n:
         raise ShapeError("catcher", f"an arm of {n} joints", (own,))
-    imager, p, most = stage.imager, stage.plant[STATE], round((longest + held + WATCHED) / TICK) + 2
+    imager, p, most = stage.imager, stage.plant.state, round((longest + held + WATCHED) / TICK) + 2
     latency, shape = stage.scene.sensing.latency, (0, 0) if imager is None else imager.shape
     shots = (
         np.zeros((latency + 1, len(stage.body[4]) + 2, 8)),

@@ -10,7 +10,6 @@ import mitt
 from mitt.generator.design import MapDesign, default_design, tangent_of
 from mitt.generator.generators import Generator, refining
 from mitt.generator.learn import Learned
-from mitt.generator.mapping import unlearned
 from mitt.interrupts import notice, status_of
 from mitt.link.clock import Stopwatch
 from mitt.link.realtime import settled
@@ -23,7 +22,7 @@ from mitt.trials.learning import learn
 from mitt.trials.neighbourhood import neighbourhood_of_ball
 from mitt.trials.registry import make_generator
 from mitt.trials.result import result
-from mitt.trials.runner import LoggedTrial, TrialRunner
+from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial
 from mitt.trials.source import Source
 from mitt.trials.warm import warming
@@ -171,8 +170,8 @@ def run(
     """
     count = prepared.source.count
     ball, pixels = prepared.source.ball(_WARM_UP), prepared.settings.vision == "pixels"
-    plain = unlearned(prepared.arm, prepared.design)
-    with warming(plain, prepared.scene, ball, pixels=pixels, progress=progress):
+    parts = prepared.arm, prepared.design, prepared.scene, ball
+    with warming(*parts, pixels=pixels, progress=progress):
         progress("learning", 0, 1)
         learned = prepared.learned or learn(
             prepared.arm,
@@ -189,7 +188,7 @@ def run(
         with settled(), keeping(learned) if keeping else nullcontext(lambda _: None) as keep:
             for index in range(count):
                 progress("throwing", index, count)
-                trial = one_throw(runner, prepared, index).trial
+                trial = runner.throw(prepared.source, index).trial
                 keep(trial)
                 trials.append(trial)
         progress("throwing", count, count)
@@ -203,10 +202,3 @@ def run(
         stopwatch=runner.stopwatch,
         interrupt=interrupt,
     )
-
-
-def one_throw(
-    runner: TrialRunner, prepared: Prepared, index: int, *, log: bool = False
-) -> LoggedTrial:
-    """Throw one ball of a run; run again, it gives the same trial."""
-    return runner.throw(prepared.source, index, log=log)

@@ -12,9 +12,12 @@ from numba import typeof
 
 from mitt.catcher.catcher import Catcher
 from mitt.catcher.tick import act, perceive, refer, undecided
+from mitt.generator.design import MapDesign
 from mitt.generator.generators import Direct
-from mitt.generator.mapping import DirectMap
-from mitt.jit import compiled_count, is_cold
+from mitt.generator.mapping import DirectMap, unlearned
+from mitt.interrupts import end_with_parent
+from mitt.jit import cache_folder, compiled_count, is_cold
+from mitt.robot.arm import Arm
 from mitt.trials.play import NOTHING
 from mitt.trials.runner import LOOKS, TrialRunner
 from mitt.world.flights import BallPath
@@ -22,41 +25,49 @@ from mitt.world.motion import move
 from mitt.world.scene import Scene
 from mitt.world.throws import Throw
 
-#: Kernels that a throw needs, those of several types counted for each, and how often the bar of
-#: progress looks at them [s].
+#: Kernels of a default ``mitt catch``, counted on November 23; how often the bar looks at them [s].
 _KERNELS, _PERIOD = 302, 1.0
+#: What the bar says.
+_COMPILING = "compiling, once"
 
 Report = Callable[[str, int, int], None]
 
 
 @contextmanager
 def warming(
-    f: DirectMap, scene: Scene, ball: Throw | BallPath, *, pixels: bool, progress: Report
-) -> Iterator[None]:
+    arm: Arm, design: MapDesign, scene: Scene, ball: Throw | BallPath, *, pixels: bool,
+    progress: Report,
+) -> Iterator[None]:  # fmt: skip
     """Compile in a second process what the eyes need, meanwhile here what the arm needs.
 
-    Does nothing where the kernels have been compiled before. What a process could not compile is
-    compiled when it is needed.
+    Does nothing where the kernels have been compiled before, or cannot be kept. What a process
+    could not compile is compiled when it is needed.
 
     Args:
-        f: The map, not learned.
+        arm: The arm.
+        design: Of the map.
         scene: The world.
         ball: Any throw.
         pixels: Whether the catcher sees images.
         progress: Is told how many kernels are compiled.
     """
-    if not is_cold():
+    if cache_folder() is None or not is_cold():
         yield
         return
-    over, job = Event(), (f, scene, ball, pixels)
+    over, job = Event(), (unlearned(arm, design), scene, ball, pixels)
     other = get_context("spawn").Process(target=_compile_eyes, args=job, daemon=True)
     watch = Thread(target=_watch, args=(over, progress), daemon=True)
-    other.start()
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # for the second process, for good
+    try:
+        other.start()
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     watch.start()
     try:
         yield
         _compile_arm(*job)
         other.join()
+        progress(_COMPILING, _KERNELS, _KERNELS)
     finally:
         other.terminate()
         over.set()
@@ -67,17 +78,16 @@ def _watch(over: Event, progress: Report) -> None:
     """Report how many kernels are compiled until it is over."""
     before = compiled_count()
     while not over.wait(_PERIOD):
-        count = min(compiled_count() - before, _KERNELS - 1)
-        progress("compiling kernels, once for this version", count, _KERNELS)
+        progress(_COMPILING, min(max(compiled_count() - before, 0), _KERNELS - 1), _KERNELS)
 
 
 def _compile_eyes(f: DirectMap, scene: Scene, ball: Throw | BallPath, pixels: bool) -> None:
     """Compile what draws images and what finds the ball in them."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first process ends this one
+    end_with_parent()
     runner, catcher = _prepared(f, scene, ball, pixels=pixels)
     if views := runner.world.views_before(LOOKS):
         catcher.learn_background(views)
-    _, state, result = catcher.ending
+    _, state, result = catcher.kernel_arguments
     q = np.zeros(f.arm.n)
     _compile(perceive, NOTHING, catcher.backgrounds, 0, 0.0, 0.0, q, q, state, result)
 
@@ -85,7 +95,7 @@ def _compile_eyes(f: DirectMap, scene: Scene, ball: Throw | BallPath, pixels: bo
 def _compile_arm(f: DirectMap, scene: Scene, ball: Throw | BallPath, pixels: bool) -> None:
     """Compile what moves the arm, in the catcher and in the world."""
     runner, catcher = _prepared(f, scene, ball, pixels=pixels)
-    brake, state, result = catcher.ending
+    brake, state, result = catcher.kernel_arguments
     _compile(act, brake, state, result)
     _compile(refer, state, result)
     _compile(undecided, 0, state, result)

@@ -32,7 +32,7 @@ from mitt.vision.window import ROWS, is_merged
 
 MOST = 6
 """Targets of a camera, and candidates, that are followed."""
-LOOKS, SEEN = 8, 5
+FRAMES, SEEN = 8, 5
 """Frames for which candidates are followed, and in how many of them the ball is seen at least. In
 8 ms a thrown ball goes 40 mm, and 5 m away its place is known to a few millimetres."""
 PATIENCE = 24
@@ -48,7 +48,7 @@ TALL, ROUGH = 0.35, 0.7
 
 _PAIRED, _FINE = 1e3, 1e6
 """What a pair is worth, against residuals [px]; steps of a pixel in which they are added up."""
-_ROUNDS, _LOOK, _COUNT, _TRACKS = 15, 16, 17, 18
+_ROUNDS, _FRAME, _COUNT, _TRACKS = 15, 16, 17, 18
 _TARGETS = _TRACKS + 11 * MOST
 _RESIDUALS = _TARGETS + 2 * 7 * MOST
 """Places in the rig's row of the memory: searches begun anew, frames so far, number of tracks, the
@@ -227,12 +227,12 @@ def choose(
     a = _list_targets(images, backgrounds, 0, memory, settings, boxes, targets[0])
     b = _list_targets(images, backgrounds, 1, memory, settings, boxes, targets[1])
     if a == 0 or b == 0:
-        rig[_LOOK] += 1.0 if rig[_LOOK] > 0.0 else 0.0
+        rig[_FRAME] += 1.0 if rig[_FRAME] > 0.0 else 0.0
         return False
-    if rig[_LOOK] == 0.0 and rig[_ROUNDS] == 0.0 and a == 1 and b == 1:
+    if rig[_FRAME] == 0.0 and rig[_ROUNDS] == 0.0 and a == 1 and b == 1:
         _take_both(images, backgrounds, memory, targets[0, 0], targets[1, 0], boxes)
         return True
-    rig[_LOOK] += 1.0
+    rig[_FRAME] += 1.0
     for i in range(MOST):
         for j in range(MOST):
             residuals[i, j] = np.inf
@@ -246,17 +246,17 @@ def choose(
         j = partners[i]
         if j >= 0:
             _meet(targets[0, i], targets[1, j], memory, cameras, ball, points, work, r, P)
-            count = _follow(tracks, count, rig[_LOOK], r, (i, j))
+            count = _follow(tracks, count, rig[_FRAME], r, (i, j))
     rig[_COUNT] = float(count)
-    if rig[_LOOK] < LOOKS:
+    if rig[_FRAME] < FRAMES:
         return False
-    chosen, now = _fastest(tracks, count, rig[_ROUNDS] >= ROUNDS), rig[_LOOK]
+    chosen, now = _fastest(tracks, count, rig[_ROUNDS] >= ROUNDS), rig[_FRAME]
     if chosen < 0 or tracks[chosen, 7] < now:
         if now >= PATIENCE:
-            rig[_LOOK], rig[_COUNT] = 0.0, 0.0
+            rig[_FRAME], rig[_COUNT] = 0.0, 0.0
             rig[_ROUNDS] += 1.0
         return False
-    rig[_LOOK], rig[_COUNT], rig[_ROUNDS] = 0.0, 0.0, 0.0
+    rig[_FRAME], rig[_COUNT], rig[_ROUNDS] = 0.0, 0.0, 0.0
     i, j = int(tracks[chosen, 9]), int(tracks[chosen, 10])
     _take_both(images, backgrounds, memory, targets[0, i], targets[1, j], boxes)
     return True

@@ -41,8 +41,14 @@ class EyesConfig:
 class EyesStatus(Enum):
     """What the eyes can say of the ball."""
 
-    BLIND, ONE, BOTH, AT_ODDS = range(4)
+    BLIND = localization.BLIND
+    ONE = localization.ONE
+    BOTH = localization.BOTH
+    AT_ODDS = localization.AT_ODDS
 
+
+#: Type of an image.
+_GREY = np.dtype(np.uint8)
 
 LET_GO = 0.1
 """Time without a sighting after which the heads no longer follow the filter [s]."""
@@ -246,7 +252,8 @@ class Eyes:
             if self.heads and not (isfinite(frame.pan) and isfinite(frame.tilt)):
                 continue  # nobody knows where it looks
             self._numbers[k] = frame.number
-            images[k] = np.require(frame.pixels, requirements=("C", "A", "W"))
+            pixels = frame.pixels
+            images[k] = pixels if pixels.flags.carray else pixels.copy(order="C")
             apart &= ~(1 << k)
             if not abs(frame.t - t) <= self._max_skew:
                 apart |= 1 << k
@@ -259,4 +266,6 @@ class Eyes:
         camera = checks.instance("frame", frame, Frame).camera
         if not 0 <= camera < len(self._shapes):
             raise InputError("frame.camera", f"0 to {len(self._shapes) - 1}", camera)
-        checks.image("frame.pixels", frame.pixels, self._shapes[camera])
+        pixels, shape = frame.pixels, self._shapes[camera]
+        if pixels.shape != shape or pixels.dtype != _GREY:
+            checks.image("frame.pixels", pixels, shape)

@@ -42,7 +42,7 @@ class SceneModel:
     site: int
 
 
-def build_plant(scene: Scene, arm: ArmModel) -> SceneModel:
+def build_scene(scene: Scene, arm: ArmModel) -> SceneModel:
     """Compile a scene.
 
     Raises:

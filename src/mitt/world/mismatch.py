@@ -30,16 +30,16 @@ class Drawn:
 class PlantDraw:
     """Draws a plant anew for each trial, always from the masses that the scene was built with."""
 
-    def __init__(self, scene: Scene, plant: SceneModel) -> None:
+    def __init__(self, scene: Scene, built: SceneModel) -> None:
         """Remember the masses."""
-        self._scene, self._plant = scene, plant
-        self._mass = plant.model.body_mass.copy()
-        self._inertia = plant.model.body_inertia.copy()
+        self._scene, self._built = scene, built
+        self._mass = built.model.body_mass.copy()
+        self._inertia = built.model.body_inertia.copy()
 
     @property
     def nominal(self) -> Drawn:
         """A plant without friction and drag, with the ball of the scene."""
-        ball, n = self._scene.ball, self._plant.joints
+        ball, n = self._scene.ball, self._built.joints
         return Drawn(friction=np.zeros((2, n)), drag_force=0.0, mass=ball.mass, radius=ball.radius)
 
     def draw(
@@ -58,12 +58,12 @@ class PlantDraw:
             ball: Source of the draw of the ball.
             payload: Mass at the hand that no model knows [kg].
         """
-        mismatch, nominal, model = self._scene.mismatch, self._scene.ball, self._plant.model
-        body = model.geom_bodyid[self._plant.ball]
+        mismatch, nominal, model = self._scene.mismatch, self._scene.ball, self._built.model
+        body = model.geom_bodyid[self._built.ball]
         factor = 1.0 + mismatch.mass * rng.uniform(-1.0, 1.0, model.nbody)
         factor[body] = 1.0
         model.body_mass[:] = self._mass * factor
-        model.body_mass[model.site_bodyid[self._plant.site]] += payload
+        model.body_mass[model.site_bodyid[self._built.site]] += payload
         model.body_inertia[:] = self._inertia * factor[:, None]
         heavier = 1.0 + mismatch.ball_mass * ball.uniform(-1.0, 1.0)
         larger = 1.0 + mismatch.ball_radius * ball.uniform(-1.0, 1.0)
@@ -73,7 +73,7 @@ class PlantDraw:
             self._resize(nominal.radius * larger)
         mujoco.mj_setConst(model, data)
         most = np.array([[mismatch.viscous], [mismatch.coulomb]])
-        friction = most * rng.uniform(0.0, 1.0, (2, self._plant.joints))
+        friction = most * rng.uniform(0.0, 1.0, (2, self._built.joints))
         drag = nominal.mass * nominal.drag * (1.0 + mismatch.drag * rng.uniform(-1.0, 1.0))
         return Drawn(
             friction=friction,
@@ -84,6 +84,6 @@ class PlantDraw:
 
     def _resize(self, radius: float) -> None:
         """Give the ball a radius [m]."""
-        model, ball = self._plant.model, self._plant.ball
+        model, ball = self._built.model, self._built.ball
         model.geom_size[ball, 0] = model.geom_rbound[ball] = radius
         model.geom_aabb[ball, 3:] = radius

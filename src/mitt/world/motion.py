@@ -39,9 +39,6 @@ from mitt.world.contacts import BALL_ANY, BALL_FLOOR, BALL_HAND, survey, tip_vel
 from mitt.world.drives import MEAN, actuate, command, follow
 from mitt.world.engine import Plant, step1, step2
 
-#: Place of the state in a :class:`mitt.world.engine.Plant`.
-STATE = 15
-
 #: Control tick [s].
 TICK = 0.001
 
@@ -49,17 +46,8 @@ TICK = 0.001
 FINE_STEPS = round(TICK / STEP)
 
 TICKS, STEPS, SEEN, BROKEN, FORCE, PEAK, TOUCHED = range(7)
-FIRST, FLIGHT, SURVEY, BRAKED, STOPPED, SERVO, MASS, DRAG, FRICTION = (
-    7,
-    19,
-    25,
-    32,
-    33,
-    34,
-    38,
-    39,
-    40,
-)
+FIRST, FLIGHT, SURVEY, BRAKED, STOPPED = 7, 19, 25, 32, 33
+SERVO, MASS, DRAG, FRICTION = 34, 38, 39, 40
 
 #: How long a trial goes on after the catcher has stopped [s].
 WATCHED = 3.0
@@ -132,13 +120,8 @@ def _prepare(plant: Plant, h: float, alone: bool) -> None:
         alone: Whether nothing is touched, so that the ball can be made to fly exactly.
     """
     plant = lent(plant)
-    qpos, qvel, passive, state, n = (
-        plant.qpos,
-        plant.qvel,
-        plant.passive,
-        plant.state,
-        len(plant.slides),
-    )
+    qpos, qvel, passive = plant.qpos, plant.qvel, plant.passive
+    state, n = plant.state, len(plant.slides)
     flight, ball = state[FLIGHT : FLIGHT + 6], len(plant.ctrl)
     hand = follow(plant.drives, int(state[TICKS]), h)
     for i in range(3):

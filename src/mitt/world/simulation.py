@@ -15,10 +15,10 @@ from mitt.signals import Array, Command, Frame, Senses
 from mitt.world import contacts, motion
 from mitt.world.ballistics import fly
 from mitt.world.brakes import brake_numbers
-from mitt.world.build import build_plant
+from mitt.world.build import build_scene
 from mitt.world.capsules import Silhouettes
 from mitt.world.drives import MEAN, fresh_drives, servo_numbers
-from mitt.world.engine import Plant, plant_of
+from mitt.world.engine import plant_of
 from mitt.world.faults.flight import Undisturbed
 from mitt.world.faults.trial import ActiveFaults, Sensor
 from mitt.world.flights import BallPath
@@ -66,17 +66,17 @@ class World:
         checks.instance("scene", scene, Scene)
         checks.instance("arm", arm, ArmModel)
         self._scene, self._arm, self._cameras, self._limits = scene, arm, cameras, limits
-        self._plant = build_plant(scene, arm)
-        self.model = self._plant.model
+        self._built = build_scene(scene, arm)
+        self.model = self._built.model
         self.data = mujoco.MjData(self.model)
         self._brakes = brake_numbers(arm.complete(), limits)
-        self._draw = PlantDraw(scene, self._plant)
-        self._n, self._f = self._plant.joints, self._plant.fingers
+        self._draw = PlantDraw(scene, self._built)
+        self._n, self._f = self._built.joints, self._built.fingers
         self._servo = servo_numbers((arm.hand or HandModel()).drive)
         d, n, ball = self.data, self._n, self._n + self._f
-        self._parts = plant_of(self.model, d, self._plant.site, n)
+        self._plant = plant_of(self.model, d, self._built.site, n)
         self._names = contacts.hand_names(self.model)
-        qpos, qvel, self._site = self._parts.qpos, self._parts.qvel, self._parts.place
+        qpos, qvel, self._site = self._plant.qpos, self._plant.qvel, self._plant.place
         self._senses = qpos[:n], qvel[:n], qpos[ball : ball + 3], qvel[ball : ball + 3]
         self._body, self._steps = Silhouettes(self.model, d), encoder_steps(scene, arm)
         self._ball = self._senses[2:]
@@ -110,8 +110,9 @@ class World:
     def first_contact(self) -> FirstContact | None:
         """True state at the first touch of ball and hand; None until then."""
         t = self._state.item(motion.TOUCHED)
-        vectors = self._state[motion.FIRST : motion.FLIGHT].copy().reshape(4, 3)
-        return None if t < 0.0 else FirstContact(t, *vectors)
+        if t < 0.0:
+            return None
+        return FirstContact(t, *self._state[motion.FIRST : motion.FLIGHT].copy().reshape(4, 3))
 
     @property
     def peak_force(self) -> float:
@@ -150,7 +151,6 @@ class World:
         sensors = Sensors(
             self._scene.sensing, drawn.radius, self._cameras, noise, self._body, self._steps
         )
-        self._encoders = sensors.encoders
         self._sensors: Sensor = sensors
         self._imager = sensors.imager if isinstance(sensors.imager, Imager) else None
         if faults is not None:
@@ -202,22 +202,8 @@ class World:
         if imager is not None and not (isinstance(imager, Imager) and imager.a_pair):
             return None
         return Stage(
-            self._parts, self._tape, self._body.table, sensors, imager, self._scene, self.radius
+            self._plant, self._tape, self._body.table, sensors, imager, self._scene, self.radius
         )
-
-    @property
-    def ending(self) -> tuple[Plant, Tape, Array] | None:
-        """Plant, trace and encoders, for a compiled loop around a catcher that no longer looks.
-
-        None where something other than arm and encoders as they are stands between the two, or
-        where the ball is still led or may be pushed.
-        """
-        sensing, faults = self._scene.sensing, self._faults
-        if self._path is not None or sensing.cameras == "active":
-            return None
-        if faults is not None and (faults.near_arm or self._state[motion.TOUCHED] < 0.0):
-            return None
-        return self._parts, self._tape, self._encoders
 
     def apply(self, command: Command) -> None:
         """Let the motors follow a command for one tick; nothing here clips it."""
@@ -238,7 +224,7 @@ class World:
 
     def truth(self) -> Truth:
         """Return the true state at the end of the last tick."""
-        p, seen, velocity = self._parts, int(self._state[motion.SEEN]), np.empty(3)
+        p, seen, velocity = self._plant, int(self._state[motion.SEEN]), np.empty(3)
         qpos, qvel = p.qpos.copy(), p.qvel.copy()
         contacts.survey(p, False, np.zeros(7))
         contacts.tip_velocity(p, velocity)
@@ -297,9 +283,9 @@ class World:
         self.model.opt.timestep = motion.TICK
         mujoco.mj_step1(self.model, self.data)
         drives = fresh_drives(self._scene.actuation, self.data.qfrc_bias[: self._n])
-        self._parts = self._parts._replace(state=self._state, drives=drives)
+        self._plant = self._plant._replace(state=self._state, drives=drives)
         drives[MEAN] = 0.0  # nothing was commanded yet
-        motion.note(self._parts, self._tape.rows)
+        motion.note(self._plant, self._tape.rows)
 
     @property
     def _ticks(self) -> int:
@@ -316,18 +302,18 @@ class World:
         untouched = state[motion.TOUCHED] < 0.0
         pushed = faults is not None and untouched and faults.pushes(start, start + motion.TICK)
         if self._path is None and not pushed:
-            motion.move(self._parts, tau, hand, rows)
+            motion.move(self._plant, tau, hand, rows)
             return
         h = motion.TICK / steps
-        motion.begin(self._parts, tau, hand)
+        motion.begin(self._plant, tau, hand)
         for step in range(1, steps + 1):
             flies = pushed and state[motion.TOUCHED] < 0.0
             if faults and flies and faults.push(start + (step - 1) * h, h, *self._ball):
                 self._path = None
-            motion.leave(self._parts)
+            motion.leave(self._plant)
             if self._path is not None:
                 self._ball[0][:], self._ball[1][:] = self._path.at(start + step * h)
-            if motion.arrive(self._parts, start + step * h) & contacts.BALL_ANY:
+            if motion.arrive(self._plant, start + step * h) & contacts.BALL_ANY:
                 self._path = None
         state[motion.TICKS] += 1.0
-        motion.note(self._parts, rows)
+        motion.note(self._plant, rows)

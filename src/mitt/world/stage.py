@@ -18,7 +18,7 @@ class Stage:
     """What a trial plays on.
 
     Attributes:
-        plant: As in the text of :mod:`mitt.world.motion`.
+        plant: As of :class:`mitt.world.engine.Plant`.
         tape: The trace, whose row of a tick has its number.
         body: As of :func:`mitt.world.capsules.lay_capsules`.
         sensors: What the catcher is told.

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mitt.cameras import source
 from mitt.cameras.opening import open_cameras
 from mitt.cameras.source import grey, optional
-from mitt.cameras.video import VideoWriter
+from mitt.cameras.video_writer import VideoWriter
 from mitt.errors import FileError, InputError
 from mitt.signals import Frame, Image
 

@@ -57,12 +57,19 @@ def feedback_share(log: TrialLog) -> float:
     return float(np.linalg.norm(tau - feedforward) / total) if total > 0.0 else 0.0
 
 
-def feedback_by_step(shares: Sequence[float]) -> Plot:
-    """Draw the share of feedback for alpha after each step of learning, alpha = 0 first."""
+def feedback_by_step(shares: Sequence[float], *, given: bool = False) -> Plot:
+    """Draw the share of feedback for alpha after each step of learning, alpha = 0 first.
+
+    Args:
+        shares: Shares of feedback.
+        given: Whether the second and last is that of a map which was learned before.
+    """
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
         _draw_steps(axes, shares, BLUE)
+        if given:
+            axes.set(xlabel="", xticks=(0, 1), xticklabels=("", "the map given"))
         axes.set(ylabel="feedback in the torque (rms)", ylim=(0.0, 1.2 * max(*shares, 0.05)))
         axes.yaxis.set_major_formatter(PercentFormatter(1.0))
 

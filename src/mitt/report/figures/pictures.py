@@ -19,7 +19,7 @@ from mitt.report.meshes import BALL, body_meshes, sphere
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.trials.log import TrialLog
-from mitt.world.build import build_plant
+from mitt.world.build import build_scene
 from mitt.world.scene import Scene
 
 #: Pictures a video of the paper's time has [s], how many before and after the catch, and the
@@ -64,7 +64,7 @@ def picture_strip(arm: Arm, scene: Scene, log: TrialLog) -> tuple[Picture, ...]:
     trace = log.truth
     caught = bool(np.isfinite(log.t_catch))
     last = log.t_catch if caught else float(trace.t[-1])
-    model = build_plant(scene, arm.model).model
+    model = build_scene(scene, arm.model).model
     bodies = [body_faces(model, body, arm, scene) for body in range(model.nbody)]
     out = []
     for step in range(-_BEFORE, (_LATER if caught else 0) + 1):

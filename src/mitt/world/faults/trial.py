@@ -11,8 +11,8 @@ from mitt.signals import Array, Command, Senses
 from mitt.world.faults.draw import drawn
 from mitt.world.faults.flight import Undisturbed, pushes
 from mitt.world.faults.paths import DisturbedFlight, disturbed_flight, replaced_ball
-from mitt.world.faults.plan import Clock, Encoder, Fault, NotNumber, Payload, Torque
 from mitt.world.faults.plan import Command as CommandFault
+from mitt.world.faults.plan import Fault, Payload, Torque
 from mitt.world.faults.senses import SensorFault, sensor_faults
 from mitt.world.flights import BallPath
 from mitt.world.throws import Throw
@@ -125,7 +125,6 @@ class ActiveFaults:
     Attributes:
         ball: What comes at the arm instead of the throw, or the throw.
         payload: Mass at the hand that no model knows [kg].
-        near_arm: Whether encoders, clock or motors are not as they should be.
     """
 
     def __init__(
@@ -152,11 +151,9 @@ class ActiveFaults:
         self.ball: Throw | BallPath = replaced_ball(plan, seed, flight)
         self.payload = sum(fault.magnitude for fault in plan if isinstance(fault, Payload))
         self._pushes = pushes(plan, seed, flight)
-        slow = any(isinstance(fault, Torque | CommandFault) for fault in plan)
         self._channel = None
-        if slow:
+        if any(isinstance(fault, Torque | CommandFault) for fault in plan):
             self._channel = CommandChannel(plan, seed, limits=limits, active=active, tick=tick)
-        self.near_arm = slow or any(isinstance(f, Clock | Encoder | NotNumber) for f in plan)
 
     def undisturbed_path(self, drag: float) -> DisturbedFlight:
         """Return the true flight if nobody touches the ball, for the clairvoyant alone.
