@@ -1,7 +1,7 @@
 """How far a calibrated rig is from the true one: the errors that ``mitt calibrate`` leaves.
 
 The bundle adjustment of :mod:`mitt.vision.calibration.boards` reaches the Cramer-Rao bound
-(``tests/vision/calibration/test_boards.py``), so its errors are drawn from it and need no images.
+(``tests/calibration/test_boards.py``), so its errors are drawn from it and need no images.
 Corners of a board in so many views give lenses and the pose of each camera to the first one; a ball
 in the hand, in as many places, then gives the pose of the rig before the robot, with the errors of
 the first step in it. All is linear about the true rig.
