@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from arms import WAM, named
 
-from mitt.catcher.state import REASONS
+from mitt.catcher.result import REASONS, Result, rows_of
 from mitt.control.health import ABORT
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
@@ -171,17 +171,17 @@ def broken(f: DirectMap, kind: str, throws: list[Throw], seed: int, numbers: ran
         )
         rows["violations"] += runner.run(k, throws[k], seed=seed + k).trial.limit_violations
         ticks, truth = runner.ticks, runner.world.trace()
-        stopped = np.flatnonzero(ticks["state"] == ABORT)
+        stopped = np.flatnonzero(ticks.scalars["health"] == ABORT)
         if not len(stopped):
             rows["unseen"] += 1
             continue
-        rows["reasons"].append(REASONS[ticks["reason"][stopped[0]]].value)
+        rows["reasons"].append(REASONS[ticks.scalars["reason"][stopped[0]]].value)
         stop, first = int(stopped[0]), round(start / 0.001)
         shows = _shows(kind, truth.q[:, joint], first, f.arm.encoder_step[joint])
         rows["delay_ms"].append(max(stop - shows, 0))
-        told = np.flatnonzero(ticks["told"][:, 1].any(axis=1))
+        told = np.flatnonzero(ticks.command[:, 1].any(axis=1))
         rows["told_ms"].append(max(int(told[-1]) + 1 - stop, 0) if len(told) else 0)
-        command, brake = ticks["told"][max(stop - 1, 0), 1], runner.catcher().deceleration
+        command, brake = ticks.command[max(stop - 1, 0), 1], runner.catcher().deceleration
         rows["brake_ms"].append(float(1e3 * np.max(np.abs(command) / brake)))
         _at_rest(rows, f.arm, ticks, truth, stop)
     return rows
@@ -204,7 +204,7 @@ def _fault(kind: str, joint: int, start: float, size: float) -> dict[str, Any]:
     return {"kind": "encoder", "fault": kind, "joint": joint, "start": start, "magnitude": size}
 
 
-def _at_rest(rows: Row, arm: Arm, ticks: Any, truth: Trace, stop: int) -> None:  # noqa: ANN401
+def _at_rest(rows: Row, arm: Arm, ticks: Result, truth: Trace, stop: int) -> None:
     """Note what became of the arm after a stop: when it rested, and whether it stayed.
 
     The brakes' time is their delay and what the slowest joint needs to brake.
@@ -215,7 +215,7 @@ def _at_rest(rows: Row, arm: Arm, ticks: Any, truth: Trace, stop: int) -> None: 
     for name, since in (("engaged", held), ("after_brakes", held + ceil(rows["brake_ms"][-1]))):
         later = replace(truth, **{x.name: getattr(truth, x.name)[since:] for x in fields(truth)})
         if len(later.t) > 1:
-            rows[name] += measure(arm, ticks[since:], later).limit_violations
+            rows[name] += measure(arm, rows_of(ticks, since, len(truth.t)), later).limit_violations
     if held + 1 < len(truth.t):
         rest = truth.q[min(held + SETTLED, len(truth.t) - 1) :]
         rows["restless"] += int(np.abs(truth.dq[-1]).max() > STILL)

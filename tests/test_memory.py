@@ -66,7 +66,7 @@ def played(alone):
         for other in others:
             other.data.qpos[:] = 7.0
     ticks = play_out(stage, catcher, Stopwatch(), longest=2.0, held=0.6)
-    return ticks["told"].copy()
+    return ticks.command.copy()
 print(json.dumps(bool(np.array_equal(played(False), played(True)))))
 """
 
@@ -143,6 +143,11 @@ def test_no_value_of_the_wrong_shape_or_type_gets_past_a_public_function() -> No
     assert 0.2 * calls < refused < calls
 
 
+def values(catcher: Catcher) -> list[bytes]:
+    """Return all that a catcher knows and remembers."""
+    return [x.tobytes() for x in catcher.state]
+
+
 def begun(runner: TrialRunner, ticks: int = UNDER_WAY) -> tuple[Catcher, list[Senses]]:
     """Return a catcher some ticks into a throw, and what reaches it in the ticks after."""
     world, catcher = runner.world, runner.catcher()
@@ -199,16 +204,16 @@ def test_a_copied_catcher_goes_on_as_the_first_would(
 def test_two_catchers_with_the_same_eyes_do_not_share_them(arm: Arm, learned: Learned) -> None:
     """What one sees is unknown to the other, and to the eyes that were handed over."""
     eyes = Eyes(fixed_rig(), EyesConfig())
-    before = {name: value.copy() for name, value in eyes.parts().items()}
+    before = {name: value.copy() for name, value in eyes.arrays().items()}
     one, two = (
         Catcher(arm, Direct(learned.map), eyes, settings=CatcherSettings()) for _ in range(2)
     )
     pixels = np.random.default_rng(1).integers(0, 256, (128, 128), dtype=np.uint8)
     frames = tuple(Frame(t=0.0, camera=k, number=1, pixels=pixels) for k in range(2))
-    known = two.kernel_arguments[1].tobytes()
+    known = values(two)
     one.step(Senses(t=0.0, arm=ArmState(t=0.0, q=arm.q_ready, dq=np.zeros(arm.n)), frames=frames))
-    assert two.kernel_arguments[1].tobytes() == known
-    for name, value in eyes.parts().items():
+    assert values(two) == known
+    for name, value in eyes.arrays().items():
         assert np.array_equal(value, before[name], equal_nan=True), name
 
 
@@ -345,11 +350,11 @@ def test_encoders_of_another_arm_are_refused(arm: Arm, learned: Learned, joints:
     catcher = Catcher(arm, Direct(learned.map), Eyes(fixed_rig()), settings=CatcherSettings())
     good = Senses(t=0.0, arm=ArmState(t=0.0, q=arm.q_ready, dq=np.zeros(arm.n)))
     catcher.step(good)
-    known = catcher.kernel_arguments[1].tobytes()
+    known = values(catcher)
     other = ArmState(t=0.001, q=np.zeros(joints), dq=np.zeros(joints))
     with pytest.raises(ShapeError, match=r"must have shape \(3,\)"):
         catcher.step(Senses(t=0.001, arm=other))
-    assert catcher.kernel_arguments[1].tobytes() == known
+    assert values(catcher) == known
 
 
 def test_an_image_of_another_size_is_refused_and_leaves_no_trace(
@@ -360,12 +365,12 @@ def test_an_image_of_another_size_is_refused_and_leaves_no_trace(
     good = np.zeros((128, 128), np.uint8)
     senses = Senses(t=0.0, arm=ArmState(t=0.0, q=arm.q_ready, dq=np.zeros(arm.n)))
     catcher.step(senses)
-    known = catcher.kernel_arguments[1].tobytes()
+    known = values(catcher)
     frames = tuple(Frame(t=0.0, camera=k, number=1, pixels=good) for k in range(2))
     large = replace(frames[1], pixels=np.zeros((480, 640), np.uint8))
     with pytest.raises(ShapeError, match=r"\(128, 128\), not \(480, 640\)"):
         catcher.step(replace(senses, frames=(frames[0], large)))
-    assert catcher.kernel_arguments[1].tobytes() == known
+    assert values(catcher) == known
     with pytest.raises(InputError, match="astype"):
         replace(frames[1], pixels=np.zeros((128, 128)))  # type: ignore[arg-type]
     catcher.step(replace(senses, frames=frames))

@@ -78,8 +78,7 @@ def logs_equal(a: LoggedTrial, b: LoggedTrial) -> bool:
 
 def values(catcher: Catcher) -> list[bytes]:
     """Return all fields of a catcher's state and result."""
-    _, *records = catcher.kernel_arguments
-    return [record[name].tobytes() for record in records for name in record.dtype.names or ()]
+    return [x.tobytes() for x in (*catcher.state, *catcher.result)]
 
 
 def stepped(

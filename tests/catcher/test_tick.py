@@ -1,6 +1,7 @@
 """The compiled tick: equal to the stages one by one, in one piece or in two, without allocation."""
 
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -250,10 +251,10 @@ def compare(
         if phase is Phase.STOPPED:  # the stages have no monitor that could stop them
             break
         if phase is Phase.FOLLOW:
-            staged.keep_below(catcher._state["bounds"][0][2])
+            staged.keep_below(catcher.state.bounds[2])
         told = catcher.step(senses)
-        staged.blow = catcher._state["blow"][0]
-        command, reference = staged.step(senses, phase, catcher.believed)
+        staged.blow = catcher.state.blow
+        command, reference = staged.step(senses, phase, catcher.estimated)
         if catcher.tick is not None and catcher.tick.state is State.ABORT:
             break
         differ(told, command, catcher, reference)
@@ -374,7 +375,7 @@ def test_the_tick_allocates_nothing(
     counts = []
     for times in (1, 1, 50):
         before = rtsys.get_allocation_stats()
-        again(times, *rest, catcher._state.copy(), catcher.result.copy())
+        again(times, *rest, *deepcopy(catcher).kernel_arguments[1:])
         after = rtsys.get_allocation_stats()
         counts.append((after.alloc - before.alloc, after.mi_alloc - before.mi_alloc))
     assert counts[2] == counts[1]

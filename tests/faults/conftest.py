@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mitt.catcher.catcher import Phase
-from mitt.catcher.state import REASONS, STATES, Record
+from mitt.catcher.result import REASONS, STATES, Result, copied, gathered
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
 from mitt.robot.arm import Arm
@@ -39,7 +39,7 @@ class Thrown:
     """
 
     status: str
-    ticks: Record
+    ticks: Result
     violations: int
     finite: bool
     phase: Phase
@@ -47,17 +47,17 @@ class Thrown:
     @property
     def states(self) -> set[str]:
         """Names of the states that occurred."""
-        return {STATES[k].value for k in np.unique(self.ticks["state"])}
+        return {STATES[k].value for k in np.unique(self.ticks.scalars["health"])}
 
     @property
     def reasons(self) -> set[str]:
         """Reasons that occurred."""
-        return {REASONS[k].value for k in np.unique(self.ticks["reason"])}
+        return {REASONS[k].value for k in np.unique(self.ticks.scalars["reason"])}
 
     def first(self, state: str) -> float:
         """Return the time of the first tick in a state [s]; infinite if there is none."""
-        at = np.flatnonzero([STATES[k].value == state for k in self.ticks["state"]])
-        return float(self.ticks["t"][at[0]]) if len(at) else np.inf
+        at = np.flatnonzero([STATES[k].value == state for k in self.ticks.scalars["health"]])
+        return float(self.ticks.scalars["t"][at[0]]) if len(at) else np.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,8 +94,8 @@ class Range:
             finite &= all(bool(np.all(np.isfinite(row))) for row in everything)
             world.apply(command)
             catcher.think()
-            rows.append(catcher.result.copy())
-        ticks = np.concatenate(rows)
+            rows.append(copied(catcher.result))
+        ticks = gathered(rows)
         was_held = held(world.truth(), scene.ball.radius)
         return Thrown(
             status_of(world, catcher.phase, was_held=was_held),

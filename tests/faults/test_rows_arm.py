@@ -32,7 +32,7 @@ def test_row_09_nan_and_infinity(place: Range, where: str) -> None:
     thrown = place.throw({"kind": "nan", "where": where, "magnitude": 0.01})
     assert is_sound(thrown)
     assert thrown.status == "caught"
-    assert np.all(np.isfinite(thrown.ticks["ball"]))
+    assert np.all(np.isfinite(thrown.ticks.ball))
 
 
 @pytest.mark.parametrize("jump", [-3600.0, 3600.0])
@@ -50,7 +50,7 @@ def test_row_10_clock_jump_of_the_ticks(place: Range, jump: float) -> None:
     fault = {"kind": "clock", "clock": "tick", "magnitude": jump, "start": 0.3}
     thrown = place.throw(fault)
     assert is_sound(thrown)
-    assert np.all(np.diff(thrown.ticks["t"]) > 0.0)
+    assert np.all(np.diff(thrown.ticks.scalars["t"]) > 0.0)
     assert thrown.reasons & {"clock", "overrun", "ball lost"}
     assert thrown.status == "stopped"
 
@@ -136,7 +136,7 @@ def test_row_17_infeasible_throw(place: Range, side: float) -> None:
     thrown = place.throw(ball=ball)
     assert thrown.status == "unreachable"
     assert is_sound(thrown)
-    assert not thrown.ticks["told"][:, 1].any()
+    assert not thrown.ticks.command[:, 1].any()
 
 
 @pytest.mark.parametrize("fault", [{"kind": "torque", "magnitude": 0.5},
@@ -146,8 +146,8 @@ def test_row_18_saturation(place: Range, fault: dict[str, Any]) -> None:
     thrown = place.throw(fault)
     assert thrown.finite
     arm = place.taught.map.arm
-    assert np.all(np.abs(thrown.ticks["told"][:, 1]) <= arm.dq_max)
-    assert np.all(np.abs(thrown.ticks["told"][:, 3]) <= arm.tau_max * (1.0 + 1e-9))
+    assert np.all(np.abs(thrown.ticks.command[:, 1]) <= arm.dq_max)
+    assert np.all(np.abs(thrown.ticks.command[:, 3]) <= arm.tau_max * (1.0 + 1e-9))
 
 
 @pytest.mark.parametrize("joint", [0, 1, 2])
@@ -174,8 +174,8 @@ def test_row_20_kick_in_flight(place: Range, number: int) -> None:
     """A kick of 0.5 m/s: the ball is never out of sight for more than 20 ms, nor a limit broken."""
     thrown = place.throw({"kind": "kick", "magnitude": 0.5, "share": 0.5}, number=number)
     assert is_sound(thrown)
-    following = thrown.ticks["following"]
-    assert thrown.ticks["age"][following].max() <= 0.020
+    following = thrown.ticks.scalars["following"]
+    assert thrown.ticks.scalars["age"][following].max() <= 0.020
 
 
 def test_row_21_missed_ball(place: Range) -> None:

@@ -83,7 +83,7 @@ def test_row_05_frozen_camera(place: Range, numbered: bool) -> None:
     fault = {"kind": "frozen", "start": 0.2, "length": 0.05, "numbered": numbered}
     thrown = place.throw(fault, pixels=True)
     assert thrown.violations == 0
-    blind = thrown.ticks["t"][thrown.ticks["age"] > 0.005]
+    blind = thrown.ticks.scalars["t"][thrown.ticks.scalars["age"] > 0.005]
     assert blind.min() < 0.2 + 0.005 + 0.006
     assert thrown.status == "caught"
 
@@ -95,7 +95,7 @@ def test_row_06_outlier_blobs(place: Range, chance: float) -> None:
         fault = {"kind": "outlier", "magnitude": 0.3, "chance": chance}
         thrown = place.throw(fault, number=number)
         assert thrown.status == "caught"
-        first = thrown.ticks["t_first"][thrown.ticks["tracked"]]
+        first = thrown.ticks.scalars["t_first"][thrown.ticks.scalars["tracked"]]
         assert first.max() - first.min() < 0.02
 
 

@@ -63,7 +63,7 @@ class Examples:
             "frames": (), "least": 0.0, "other": f,
             "views": [tuple(Frame(t=0.0, camera=k, number=0, pixels=grey) for k in range(2))],
             "generator": Direct(f), "todo": 0, "since": 0.0,
-            "gap": 2.0**-10, "known": True, "alone": False, "parts": Eyes(fixed_rig()).parts(),
+            "gap": 2.0**-10, "known": True, "alone": False,
         }  # fmt: skip
         self.special: dict[str, dict[str, Value]] = {
             "DirectMap.virtual": {"ball": np.array([_R, _DR, _DDR])},

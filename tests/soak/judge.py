@@ -15,7 +15,7 @@ from typing import final
 import numpy as np
 
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
-from mitt.catcher.state import REASONS
+from mitt.catcher.result import REASONS
 from mitt.control.envelope import TICK, bounds_of
 from mitt.control.health import ABORT, ENCODER_REASONS, Reason
 from mitt.control.viability import MARGIN
@@ -109,8 +109,8 @@ class Judge:
         last, self._last = self._last, told
         if not -ROUNDING <= hand <= self._closed + ROUNDING:
             return f"hand at {hand}"
-        believed = catcher.believed[1]
-        state, reason = (catcher.result[name].item() for name in ("state", "reason"))
+        believed = catcher.estimated[1]
+        state, reason = (catcher.result.scalars[name].item() for name in ("health", "reason"))
         blocked = state >= ABORT or REASONS[reason] is Reason.BLOCKED  # or a graver reason hides it
         if too_strong(self._arms[0], tau, believed):
             return f"torques {tau.tolist()} at {believed.tolist()}"
@@ -133,9 +133,9 @@ class Judge:
         stops = catcher.phase is Phase.STOPPED and not self._stopped
         self._stopped |= stops
         measured = REASONS[reason] not in ENCODER_REASONS
-        far = np.max(np.abs(told[0] - catcher.believed[0])) > self._stray
+        far = np.max(np.abs(told[0] - catcher.estimated[0])) > self._stray
         if stops and measured and far:
-            self._last = np.array([*catcher.believed, 0.0 * believed])
+            self._last = np.array([*catcher.estimated, 0.0 * believed])
             self._clear = self._stops_clear(self._last)
         return ""
 

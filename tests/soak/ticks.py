@@ -227,7 +227,7 @@ class _Episode:
                 if len(fitting) == len(senses.frames):
                     raise
                 command = self._catcher.step(replace(senses, frames=fitting))
-            slowest = self._catcher.kernel_arguments[1]["bounds"][0, 2].copy()
+            slowest = self._catcher.state.bounds[2].copy()
             self._catcher.think()
         except Exception as error:
             return f"raised {type(error).__name__}: {error}"
@@ -237,8 +237,9 @@ class _Episode:
     def _move(self) -> None:
         """Let the arm do what the torques bring, within what joints and drives can do at all."""
         (q, dq), arm = self._joints, self._arm
-        push = self._catcher.result["told"][0, 4]
-        if self._catcher.result["brakes"].item() and not self._catcher.result["told"][0, 3].any():
+        command, brakes = self._catcher.result.command, self._catcher.result.scalars["brakes"]
+        push = command[4]
+        if brakes.item() and not command[3].any():
             dq = 0.0 * dq  # the brakes hold
         dq = np.clip(dq + TICK * np.nan_to_num(push), -arm.dq_max, arm.dq_max)
         self._joints = np.array([np.clip(q + TICK * dq, arm.q_min, arm.q_max), dq])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mitt.catcher.catcher import Catcher
-from mitt.catcher.state import BRAKE, FOLLOW, REFUSED, STOPPED, WATCH
+from mitt.catcher.settings import BRAKE, FOLLOW, REFUSED, STOPPED, WATCH
 from mitt.generator.design import MapDesign
 from mitt.generator.generators import Direct, Generator
 from mitt.generator.learn import Learned
@@ -143,7 +143,7 @@ def test_a_choice_among_maps_is_the_same(
     think = Catcher.think
 
     def thinking(catcher: Catcher) -> None:
-        reviews.append(catcher.result["t"].item())
+        reviews.append(catcher.result.scalars["t"].item())
         think(catcher)
 
     monkeypatch.setattr(Catcher, "think", thinking)

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.catcher.state import Phase, Record, fresh_result
+from mitt.catcher.result import Result, fresh_result, room_for
+from mitt.catcher.settings import Phase
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import Array, Command
@@ -70,13 +71,13 @@ def violations(arm: Arm, truth: Trace, *commands: Command) -> int:
     return measured(arm, truth, *commands).limit_violations
 
 
-def ticks(arm: Arm, told: Sequence[Command], asked: Sequence[tuple[Array, Array]] = ()) -> Record:
+def ticks(arm: Arm, told: Sequence[Command], asked: Sequence[tuple[Array, Array]] = ()) -> Result:
     """Return the results of ticks: commands, and what the first of them were asked, q and dq."""
-    out = np.repeat(fresh_result(arm.n), len(told))
+    out = room_for(fresh_result(arm.n), len(told))
     for k, c in enumerate(told):
-        out["told"][k, :4] = c.q, c.dq, c.ddq, c.tau
+        out.command[k, :4] = c.q, c.dq, c.ddq, c.tau
     for k, rows in enumerate(asked):
-        out["asked"][k, :2], out["following"][k] = rows, True
+        out.reference[k, :2], out.scalars["following"][k] = rows, True
     return out
 
 
@@ -208,7 +209,7 @@ def test_the_demand_is_that_of_the_reference_before_saturation(arm: Arm) -> None
     still = [command(arm)] * TICKS
     assert measured(arm, trace(arm)).demand_cost == 0.0
     asked = ticks(arm, still, [(arm.q_ready, 2.0 * arm.dq_max)])
-    asked["saturated"][:2] = True
+    asked.scalars["saturated"][:2] = True
     out = measure(arm, asked, trace(arm))
     tau = arm.inverse_dynamics(arm.q_ready, 2.0 * arm.dq_max, ZERO) / arm.tau_max
     assert out.demand_cost == pytest.approx(float(tau @ tau) + 4.0 * 3)
@@ -233,7 +234,7 @@ def test_the_sums_over_a_trial_are_those_of_its_arrays(seed: int, limits: str) -
     truth.qvel[:, :3] = arm.dq_max * rng.uniform(-1.1, 1.1, (TICKS + 1, 3))
     truth.tau[:] = arm.tau_max * rng.uniform(-1.1, 1.1, (TICKS + 1, 3))
     asked = ticks(arm, [command(arm)] * TICKS)
-    asked["told"][:, 3] = truth.tau[1:]
+    asked.command[:, 3] = truth.tau[1:]
     found = measure(arm, asked, truth)
     tau, speed = _all_torques(arm, truth), np.zeros((TICKS, 4))
     speed[:, arm.model.active] = truth.dq[:-1]

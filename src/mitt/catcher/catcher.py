@@ -18,7 +18,16 @@ import numpy as np
 
 from mitt import checks
 from mitt.ball.estimator import update
-from mitt.catcher.state import (
+from mitt.catcher.result import (
+    Result,
+    ResultHandle,
+    Tick,
+    ball_in,
+    fresh_result,
+    result_handle,
+    tick_of,
+)
+from mitt.catcher.settings import (
     BRAKE,
     FOLLOW,
     PHASES,
@@ -26,19 +35,17 @@ from mitt.catcher.state import (
     STOPPED,
     WATCH,
     CatcherSettings,
-    Fields,
     Phase,
-    Record,
-    Tick,
+)
+from mitt.catcher.state import (
+    Fields,
+    State,
+    StateHandle,
     arm_fields,
-    ball_in,
-    ball_parts,
-    catcher_fields,
-    fresh_result,
-    known_layout,
+    begun_with,
+    fresh_state,
     map_fields,
-    record_of,
-    tick_of,
+    state_handle,
 )
 from mitt.catcher.tick import DECIDE, GRASPS, LAGS, REVIEWS, STOPS, act, perceive, tick
 from mitt.control.brake import plan_brake
@@ -75,11 +82,8 @@ _AT_REST = 1e-3
 _LOOK_AGAIN = 0.02
 #: Beside the bits of a tick: the map can be refined.
 REFINES = 32
-#: Attributes of a catcher that are views of its records, or scratch; not kept in a copy.
-_SHOWN = frozenset(
-    ("_numbers", "_hand", "_gaze", "_clock", "_told", "believed", "_ball", "_answer", "_filter",
-     "_q", "_dq", "_brakes")
-)  # fmt: skip
+#: Attributes of a catcher that show its state and result, or scratch; not kept in a copy.
+_SHOWN = frozenset(("_scalars", "_out", "_handles", "_q", "_dq"))
 
 
 @final
@@ -90,10 +94,8 @@ class Catcher:
         certificate: What the last online step says of the catch; None where none was made.
         stopped_by: Why the catcher has stopped, and what it knew then; None where it has not.
         t_0: Time at which the arm began to move [s]; infinite before.
-        believed: q, dq of the joints as the encoders' monitor believes them [rad, rad/s],
-            shape (2, n); overwritten by the next tick.
-        result: What the last tick brought about, overwritten by the next; fields as in
-            :func:`mitt.catcher.state.fresh_result`.
+        state: What the catcher knows and remembers, overwritten by the next tick.
+        result: What the last tick brought about, overwritten by the next.
     """
 
     def __init__(
@@ -114,17 +116,16 @@ class Catcher:
             doubt=settings.ball_doubt,
         )
         self._refines = isinstance(generator, Direct) and generator.online is not None
-        fields = catcher_fields(arm, eyes, settings) | arm_fields(arm, settings.around)
         # What is kept of the arm with the ball is worked out now, not in the middle of a catch.
         arm_fields(arm.holding(settings.ball_mass), settings.around)
-        known: Fields = {"several": np.bool_(isinstance(generator, Several))}
-        known |= {} if self._map is None else map_fields(self._map)
         # Who else looks for sharpness elsewhere than at the catch of the map is asked at each tick.
         plain = isinstance(generator, Direct | Unoptimised)
-        known["sigma_ready"] = settings.sigma_ready if plain else np.inf
-        self._blank = record_of(fields | known), fresh_result(arm.n, max(eyes.heads, 1))
-        self._state: Record
-        self.result: Record
+        self._blank = fresh_state(
+            arm, eyes, settings, self._map, several=isinstance(generator, Several),
+            sigma_ready=settings.sigma_ready if plain else np.inf,
+        )  # fmt: skip
+        self.state: State
+        self.result: Result
         self._begin(generator, copy(eyes))
 
     def __copy__(self) -> "Catcher":
@@ -138,8 +139,6 @@ class Catcher:
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Take what :meth:`__getstate__` returned, and show its parts again."""
         self.__dict__.update(state)
-        self._blank = known_layout(self._blank[0]), known_layout(self._blank[1])
-        self._state, self.result = known_layout(self._state), known_layout(self.result)
         self._show()
 
     def again(self, generator: Generator) -> "Catcher":
@@ -164,7 +163,8 @@ class Catcher:
     def _begin(self, generator: Generator, eyes: Eyes) -> None:
         """Begin a throw with a state of its own."""
         self._generator, self._given, self._eyes = generator, generator, eyes
-        self._state, self.result = (record.copy() for record in self._blank)
+        self.state = begun_with(self._blank, eyes)
+        self.result = fresh_result(self._arm.n, max(eyes.heads, 1))
         self._show()
         self._brake = np.zeros((1, 3, self._arm.n))
         self._phase, self._todo, self._ticked = WATCH, 0, False
@@ -175,20 +175,18 @@ class Catcher:
         self.t_0 = np.inf
 
     def _show(self) -> None:
-        """Lay the eyes into the state, and take views of what is often asked for."""
-        eyes = self._eyes
-        eyes.move_to({name: self._state[f"eyes_{name}"][0] for name in eyes.parts()})
+        """Take what is often asked for."""
         self._q, self._dq = np.zeros((2, self._arm.n))
-        self._numbers = self._state[0]
-        self._hand, self._gaze = self.result["hand"], self.result["gaze"][0]
-        self._brakes = self.result["brakes"]
-        self._clock = self.result["t"]
-        self._told, self.believed = self.result["told"][0, :4], self._state["believed"][0]
-        self._ball, out = ball_parts(self.result), self.result
-        self._answer = out["asked"][0], out["inside"], out["time_to_catch"]
-        names = ("ball_memory", "ball_settings", "ball_work")
-        memory, table, work = (self._state[name][0] for name in names)
-        self._filter = memory, table, work
+        self._scalars, self._out = self.state.scalars[0], self.result.scalars[0]
+        self._handles = state_handle(self.state), result_handle(self.result)
+
+    @property
+    def estimated(self) -> Array:
+        """Joint angles and speeds as the encoders' monitor estimates them, shape (2, n).
+
+        [rad, rad/s]; overwritten by the next tick.
+        """
+        return self.state.estimated
 
     @property
     def phase(self) -> Phase:
@@ -211,7 +209,7 @@ class Catcher:
     @property
     def tick(self) -> Tick | None:
         """What the last tick brought about; None before the first."""
-        return tick_of(self.result.copy()) if self._ticked else None
+        return tick_of(self.result) if self._ticked else None
 
     def step(self, senses: Senses) -> Command:
         """See, estimate, generate, close, track: one tick.
@@ -230,7 +228,7 @@ class Catcher:
         t = senses.t
         if senses.points and self.looking:
             self._take(senses.points, t)
-        q, dq, state, out = self._q, self._dq, self._state, self.result
+        q, dq, (state, out) = self._q, self._dq, self._handles
         if self._map is None:
             perceive(images, self.backgrounds, apart, t_exposed, t, q, dq, state, out)
             self._ask()
@@ -242,13 +240,14 @@ class Catcher:
         self._ticked = True
         if self._todo & STOPS:
             self._note_stop()
-        t = self._clock.item()
+        t = self._out["t"].item()
         if self._phase == FOLLOW:
             self.t_0 = t if t < self.t_0 else self.t_0
-            if self._refines and self.result["inside"].item():
+            if self._refines and self._out["inside"]:
                 self._todo |= REFINES
-        gaze = self._gaze.copy() if self._turns else None
-        return command_of(t, self._told.copy(), self._hand.item(), gaze, self._brakes.item())
+        gaze = self.result.gaze.copy() if self._turns else None
+        hand, brakes = self._out["hand"].item(), self._out["brakes"].item()
+        return command_of(t, self.result.command[:4].copy(), hand, gaze, brakes)
 
     def _read(self, arm: ArmState) -> None:
         """Take the encoders over: compiled code sees buffers of one type and the right length."""
@@ -268,7 +267,7 @@ class Catcher:
         return self._eyes.backgrounds
 
     @property
-    def parts(self) -> tuple[Array, Record, Record] | None:
+    def parts(self) -> tuple[Array, StateHandle, ResultHandle] | None:
         """What :func:`mitt.catcher.tick.tick` takes after the senses, for a loop over ticks.
 
         Such a loop goes on without :meth:`think` where :func:`mitt.catcher.tick.undecided` says so.
@@ -279,9 +278,9 @@ class Catcher:
         return None if self._map is None or self._refines else self.kernel_arguments
 
     @property
-    def kernel_arguments(self) -> tuple[Array, Record, Record]:
+    def kernel_arguments(self) -> tuple[Array, StateHandle, ResultHandle]:
         """What the kernels of a tick take after the senses: the brake, the state, the result."""
-        return self._brake, self._state, self.result
+        return self._brake, *self._handles
 
     def ticked(self, todo: int, since: float) -> None:
         """Take over after a loop over ticks of one phase.
@@ -300,7 +299,7 @@ class Catcher:
     @property
     def deceleration(self) -> Array:
         """What each joint can be trusted to brake with [rad/s^2], shape (n,)."""
-        brake: Array = self._state["bounds"][0][3].copy()
+        brake: Array = self.state.bounds[3].copy()
         return brake
 
     def think(self) -> None:
@@ -313,7 +312,7 @@ class Catcher:
             self._phase = STOPPED
         if todo == 0 or self._phase == STOPPED:
             return
-        ball = ball_in(self._ball)
+        ball = ball_in(self.result)
         if self._phase == WATCH:
             self._watch(ball)
             return
@@ -333,25 +332,25 @@ class Catcher:
 
     def _note_stop(self) -> None:
         """Note why the tick just made has stopped the arm."""
-        tick, encoders = tick_of(self.result.copy()), self.result["encoders"][0].copy()
-        told = doubted(self._state["encoder_memory"][0])
-        by_encoder = tick.reason in ENCODER_REASONS and len(told) > 0
+        tick, encoders = tick_of(self.result), self.result.encoders.copy()
+        joints = doubted(self.state.encoder_memory)
+        by_encoder = tick.reason in ENCODER_REASONS and len(joints) > 0
         self.stopped_by = StoppedBy(
             state=tick.state,
             reason=tick.reason,
-            joint=self._arm.names[told[0]] if by_encoder else None,
-            t=self._clock.item(),
-            q=self.believed[0].copy(),
-            dq=self.believed[1].copy(),
+            joint=self._arm.names[joints[0]] if by_encoder else None,
+            t=self._out["t"].item(),
+            q=self.estimated[0].copy(),
+            dq=self.estimated[1].copy(),
             q_read=encoders[0],
             dq_read=encoders[1],
-            command=self._told.copy(),
-            brakes=self._brakes.item(),
+            command=self.result.command[:4].copy(),
+            brakes=self._out["brakes"].item(),
         )
 
     def stop(self) -> None:
         """Stop with the next tick, within all limits, and stay until :meth:`recover`."""
-        self._numbers["asked_to_stop"] = True
+        self._scalars["stop_requested"] = True
 
     def recover(self, *, checked: bool = False) -> None:
         """Release the brakes and watch for a ball again, from where the encoders say the arm is.
@@ -365,57 +364,60 @@ class Catcher:
             InputError: The catcher has not stopped, the arm is not at rest yet, or the encoder of a
                 joint is still in doubt.
         """
-        at_rest = bool(np.all(np.abs(self._told[1]) < _AT_REST))
+        at_rest = bool(np.all(np.abs(self.result.command[1]) < _AT_REST))
         if self._phase != STOPPED or not at_rest:
             raise InputError("recover", "a catcher that has stopped, its arm at rest", self.phase)
-        good = good_again(self._state["encoder_memory"][0])
+        good = good_again(self.state.encoder_memory)
         if not checked and not np.all(good):
             pairs = zip(self._arm.names, good, strict=True)
             bad = ", ".join(name for name, fine in pairs if not fine)
             do = "check the encoder, then recover(checked=True)"
             raise InputError("recover", "encoders that read well", f"doubt about {bad}", do=do)
-        fresh = catcher_fields(self._arm, self._eyes, self._settings)
-        fresh |= arm_fields(self._arm, self._settings.around)  # the hand opens, a ball drops
-        kept = {"believed", *(name for name in fresh if name.startswith("eyes_"))}
-        self._write({name: value for name, value in fresh.items() if name not in kept})
         self._eyes.reset()
-        self.result[:] = fresh_result(self._arm.n, max(self._eyes.heads, 1))
+        fresh = begun_with(self._blank, self._eyes)  # the hand opens, a ball drops
+        fresh.estimated[:] = self.estimated
+        self.state, self.result = fresh, fresh_result(self._arm.n, max(self._eyes.heads, 1))
+        self._show()
         self._verdict, self._unasked, self.certificate, self.t_0 = None, None, None, np.inf
         self._generator, self._phase, self.stopped_by = self._given, WATCH, None
-        if self._map is not None:
-            self._write(map_fields(self._map))
 
     def _write(self, fields: Fields) -> None:
         """Overwrite fields of the state."""
         for name, value in fields.items():
-            self._state[name][0] = value
+            getattr(self.state, name)[...] = value
 
     def _take(self, points: tuple[Sighting, ...], t: float) -> None:
         """Take in positions from another source than images; none from after ``t`` [s]."""
-        memory, settings, work = self._filter
+        s = self.state
         for point in points:
             if point.found and not point.t > t + TICK:
-                update(memory, point.t, point.r_o, point.covariance, settings, work)
+                update(
+                    s.ball_memory,
+                    point.t,
+                    point.r_o,
+                    point.covariance,
+                    s.ball_settings,
+                    s.ball_work,
+                )
 
     def _ask(self) -> None:
         """Ask a generator that is no map for the desired motion."""
         if self._phase != FOLLOW:
             return
-        ball = ball_in(self._ball)
-        ball = self._generator.waiting(ball) if self._numbers["open"] else ball
-        asked = self._generator.reference(ball)
-        rows, inside, left = self._answer
-        motion = {"q_d": asked.q_d, "dq_d": asked.dq_d, "ddq_d": asked.ddq_d, "q_o": asked.q_o,
-                  "dq_o": asked.dq_o}  # fmt: skip
-        for row, (name, value) in zip(rows, motion.items(), strict=False):
+        ball = ball_in(self.result)
+        ball = self._generator.waiting(ball) if self._scalars["surrogate"] else ball
+        answer, out = self._generator.reference(ball), self._out
+        motion = {"q_d": answer.q_d, "dq_d": answer.dq_d, "ddq_d": answer.ddq_d,
+                  "q_o": answer.q_o, "dq_o": answer.dq_o}  # fmt: skip
+        for row, (name, value) in zip(self.result.reference, motion.items(), strict=False):
             row[:] = checks.vector(f"reference.{name}", value, self._arm.n)
-        is_inside = asked.status is MapStatus.INSIDE
-        inside[0], left[0] = is_inside, asked.time_to_catch if is_inside else np.inf
+        out["inside"] = answer.status is MapStatus.INSIDE
+        out["time_to_catch"] = answer.time_to_catch if out["inside"] else np.inf
 
     def _enter(self, phase: int) -> None:
         """Begin another phase with the next tick."""
         self._phase = phase
-        self._numbers["phase"] = phase
+        self._scalars["phase"] = phase
 
     def _watch(self, ball: BallState) -> None:
         """Give the verdict once the ball is known well enough, or when it is due.
@@ -423,20 +425,20 @@ class Catcher:
         A verdict is for good, so it waits until the ball is as near as it has to be for a start,
         and until a ball that has left the images is back in them.
         """
-        if ball.t < self._numbers["t_look"]:
+        if ball.t < self._scalars["t_look"]:
             return
         due = ball.t - ball.t_first >= self._settings.watch
         if not due and self._generator.sharpness(ball) > self._settings.sigma_ready:
             return
-        if self._generator.unsettled(ball, self.believed[0]):
+        if self._generator.unsettled(ball, self.estimated[0]):
             # What the verdict says besides is reckoned where somebody asks for it.
-            self._unasked = ball, self.believed[0].copy()
+            self._unasked = ball, self.estimated[0].copy()
             return
-        if self._is_out_of_sight() or is_far(ball, self._arm.position(self.believed[0])):
-            self._unasked = ball, self.believed[0].copy()
-            self._numbers["t_look"] = ball.t + _LOOK_AGAIN
+        if self._is_out_of_sight() or is_far(ball, self._arm.position(self.estimated[0])):
+            self._unasked = ball, self.estimated[0].copy()
+            self._scalars["t_look"] = ball.t + _LOOK_AGAIN
             return
-        verdict = self._generator.verdict(ball, self.believed[0])
+        verdict = self._generator.verdict(ball, self.estimated[0])
         if not isinstance(self._generator, Unoptimised):  # alpha = 0 is never refused
             bandwidth = self._settings.bandwidth
             verdict = examined(self._arm, verdict, self._caught, bandwidth=bandwidth)
@@ -447,14 +449,14 @@ class Catcher:
             if due:
                 self._enter(REFUSED)
             return
-        self._numbers["open"] = verdict.outcome is Outcome.OPEN
-        self._adapt(self._generator.waiting(ball) if self._numbers["open"] else ball)
+        self._scalars["surrogate"] = verdict.outcome is Outcome.OPEN
+        self._adapt(self._generator.waiting(ball) if self._scalars["surrogate"] else ball)
         self._make_room(verdict)
         self._enter(FOLLOW)
 
     def _is_out_of_sight(self) -> bool:
         """Say whether an arm that followed the ball would stop at once: it is not seen any more."""
-        age, sigma = self.result["age"].item(), self.result["sigma"].item()
+        age, sigma = self._out["age"].item(), self._out["sigma"].item()
         return bool(is_lost(age, sigma, self._settings.tolerance))
 
     def _make_room(self, verdict: Verdict) -> None:
@@ -464,18 +466,18 @@ class Catcher:
         """
         if verdict.approach is not None:
             given = self._arm, verdict.approach, self._caught
-            self._state["bounds"][0][2] = speed_caps(*given)
-            self._state["jump"][0] = speed_jumps(*given)
+            self.state.bounds[2] = speed_caps(*given)
+            self.state.jump[:] = speed_jumps(*given)
 
     def _reconsider(self, ball: BallState) -> None:
         """Follow the ball itself as soon as it can be caught; its stand-in until then."""
         if self._generator.returns(ball):
-            self._numbers["open"] = False
+            self._scalars["surrogate"] = False
             self._adapt(ball)
 
     def _adapt(self, ball: BallState) -> None:
         """Let the generator start from where the arm is."""
-        q, dq = self.believed.copy()
+        q, dq = self.estimated.copy()
         self._generator = self._generator.adapt(ball, q, dq)
         f = self._generator.as_map()
         if f is not None:
@@ -491,7 +493,7 @@ class Catcher:
         """Let the generator make its map a little better for the rest of this flight."""
         if isinstance(self._generator, Direct):
             self._generator = refined = self._generator.refined(ball)
-            self._state["alpha"][0] = refined.map.alpha
+            self.state.alpha[:] = refined.map.alpha
             self.certificate = refined.certificate(ball)
 
     def _grasp(self) -> None:
@@ -499,11 +501,11 @@ class Catcher:
 
         The model carries the ball's weight from then on.
         """
-        t = self._clock.item()
+        t = self._out["t"].item()
         loaded = self._arm.holding(self._settings.ball_mass)
-        self._brake = plan_brake(loaded, t, self._told[:3].copy()).table(TICK)
+        self._brake = plan_brake(loaded, t, self.result.command[:3].copy()).table(TICK)
         self._write(arm_fields(loaded, self._settings.around))
-        self._numbers["t_brake"] = t
+        self._scalars["t_brake"] = t
         self._enter(BRAKE)
 
 

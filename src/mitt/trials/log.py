@@ -7,7 +7,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.catcher.state import PHASES, Phase, Record
+from mitt.catcher.result import Result
+from mitt.catcher.settings import PHASES, Phase
 from mitt.files.recording import (
     CATCH_POINT,
     ESTIMATE,
@@ -68,32 +69,32 @@ class TrialLog:
     truth: Trace
 
 
-def log_of(arm: Arm, ticks: Record, truth: Trace, *, t_0: float, t_catch: float) -> TrialLog:
+def log_of(arm: Arm, ticks: Result, truth: Trace, *, t_0: float, t_catch: float) -> TrialLog:
     """Return the log of a finished trial.
 
     Args:
         arm: The arm.
-        ticks: Results of all ticks, fields as of ``fresh_result``, shape (k,).
+        ticks: Results of all k ticks.
         truth: True states, k + 1 rows.
         t_0: Time at which the arm began to move [s].
         t_catch: Time of the catch by the map [s].
     """
-    told, following = ticks["told"], ticks["following"]
-    asked = np.where(following[:, None, None], ticks["asked"], 0.0)
+    s, command = ticks.scalars, ticks.command
+    reference = np.where(s["following"][:, None, None], ticks.reference, 0.0)
     return TrialLog(
-        t=ticks["t"],
-        phase=ticks["phase"],
-        tracked=ticks["tracked"],
-        following=following,
-        encoders=ticks["encoders"],
-        ball=ticks["ball"][:, :2],
-        asked=asked[:, :3],
-        virtual=asked[:, 3],
-        command=told[:, :3],
-        tau=told[:, 3],
-        feedforward=arm.active(arm.torques(told[:, :3])),
-        hand=ticks["hand"],
-        brakes=ticks["brakes"],
+        t=s["t"],
+        phase=s["phase"],
+        tracked=s["tracked"],
+        following=s["following"],
+        encoders=ticks.encoders,
+        ball=ticks.ball[:, :2],
+        asked=reference[:, :3],
+        virtual=reference[:, 3],
+        command=command[:, :3],
+        tau=command[:, 3],
+        feedforward=arm.active(arm.torques(command[:, :3])),
+        hand=s["hand"],
+        brakes=s["brakes"],
         t_0=t_0,
         t_catch=t_catch,
         truth=truth,

@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 
 from mitt.ball.estimator import update
 from mitt.catcher.catcher import Catcher
-from mitt.catcher.state import BRAKE, STOPPED, Record
+from mitt.catcher.result import Result, ResultHandle, keep, result_handle, room_for, rows_of
+from mitt.catcher.settings import BRAKE, STOPPED
+from mitt.catcher.state import StateHandle
 from mitt.catcher.tick import tick, undecided
 from mitt.errors import ShapeError
 from mitt.jit import kernel
 from mitt.link.clock import Stopwatch, now_ns
 from mitt.signals import Array, Image
-from mitt.views import lent
 from mitt.vision.segmentation import suffices
 from mitt.vision.target import WORK, region_of_interest
 from mitt.world.capsules import lay_capsules
@@ -64,8 +65,8 @@ NOTHING = np.empty((0, 0), np.uint8), np.empty((0, 0), np.uint8)
 @kernel
 def develop(
     shot: Array, starts: NDArray[np.int64], images: tuple[Image, Image], camera: Cameras,
-    bank: Bank, half: float, radius: float, t: float, backgrounds: tuple[Image, ...], state: Record,
-    eyes: Eyes,
+    bank: Bank, half: float, radius: float, t: float, backgrounds: tuple[Image, ...],
+    state: StateHandle, eyes: Eyes,
 ) -> None:  # fmt: skip
     """Draw of the images of an exposure what the eyes are going to look at.
 
@@ -84,10 +85,8 @@ def develop(
         state: As of ``Catcher.parts``.
         eyes: Scratch.
     """
-    camera, bank, images, eyes = lent(camera), lent(bank), lent(images), lent(eyes)
-    backgrounds = lent(backgrounds)
-    s, (windows, known, work, weights) = lent(state)[0], eyes
-    memory, settings, count = s["eyes_memory"], s["eyes_settings"], len(shot) - 2
+    windows, known, work, weights = eyes
+    memory, settings, count = state.eyes_memory, state.eyes_settings, len(shot) - 2
     r_o, dr_o = shot[count, :3], shot[count + 1, :3]
     for whole in (False, True):
         missed = False
@@ -114,9 +113,9 @@ def play(
     nothing: tuple[Image, Image],
     backgrounds: tuple[Image, ...],
     encoders: Array,
-    catcher: tuple[Array, Record, Record],
+    catcher: tuple[Array, StateHandle, ResultHandle],
     eyes: Eyes,
-    log: Record,
+    log: ResultHandle,
     times: NDArray[np.int64],
     count: int,
 ) -> int:
@@ -140,18 +139,16 @@ def play(
     Returns:
         What is to be thought about: bits of :mod:`mitt.catcher.tick`.
     """
-    plant, rows, sight, nothing, eyes = lent((plant, rows, sight, nothing, eyes))
-    backgrounds = lent(backgrounds)
     body, (camera, bank, starts), (shots, begun, pixels), (scatter, covariance, line) = sight
-    (brake, state, result), log, times = lent(catcher), lent(log), lent(times)
-    s, out, encoders = state[0], result[0], lent(encoders)
+    brake, state, result = catcher
+    s, out = state.scalars[0], result.scalars[0]
     p, qpos, qvel = plant.state, plant.qpos, plant.qvel
     n, ball = len(plant.slides), len(plant.ctrl)
     r_o, dr_o = qpos[ball : ball + 3], qvel[ball : ball + 3]
     latency, clock = len(line) - 1, times[len(times) - 2 :]
     for _ in range(count):
         k, images, exposed, pointed = int(p[TICKS]), nothing, 0.0, False
-        if s["phase"] != BRAKE and s["phase"] != STOPPED:
+        if s.phase != BRAKE and s.phase != STOPPED:
             pointed = len(scatter) > 0 and k >= latency
             if len(scatter) > 0:
                 for i in range(3):
@@ -174,17 +171,17 @@ def play(
         if pointed:
             seen = line[(k - latency) % len(line)]
             update(
-                s["ball_memory"], (k - latency) * TICK, seen, covariance, s["ball_settings"],
-                s["ball_work"],
+                state.ball_memory, (k - latency) * TICK, seen, covariance, state.ball_settings,
+                state.ball_work,
             )  # fmt: skip
         todo = tick(
             images, backgrounds, 0, exposed, k * TICK, encoders[Q], encoders[DQ], brake, state,
             result,
         )  # fmt: skip
         times[k] = now_ns(clock) - before
-        tell(p, out["brakes"], s["phase"] == STOPPED)
-        move(plant, out["told"][3], out["hand"], rows)
-        log[k] = result[0]
+        tell(p, out.brakes, s.phase == STOPPED)
+        move(plant, result.command[3], out.hand, rows)
+        keep(result, log, k)
         if undecided(todo, state, result):
             todo = 0
         if todo != 0 or over(p, scalars[2], scalars[3]):
@@ -194,7 +191,7 @@ def play(
 
 def play_out(
     stage: Stage, catcher: Catcher, stopwatch: Stopwatch, *, longest: float, held: float
-) -> Record:
+) -> Result:
     """Play a trial from its first tick to its end and return the results of all ticks.
 
     Args:
@@ -207,7 +204,7 @@ def play_out(
     Raises:
         ShapeError: The catcher's arm has another number of joints than the stage's.
     """
-    n, own = len(stage.plant.slides), catcher.result.dtype["told"].shape[1]
+    n, own = len(stage.plant.slides), catcher.result.command.shape[1]
     if own != n:
         raise ShapeError("catcher", f"an arm of {n} joints", (own,))
     imager, p, most = stage.imager, stage.plant.state, round((longest + held + WATCHED) / TICK) + 2
@@ -224,8 +221,8 @@ def play_out(
     line, covariance = np.zeros((latency + 1, 3)), stage.sensors.covariance
     scatter, cameras = np.zeros((0, 3)), _DARK
     scalars = 0.0 if imager is None else imager.half, stage.radius, longest, held
-    rows, log = stage.tape.reserve(most + 1), np.zeros(most, catcher.result.dtype)
-    times = np.zeros(most + 2, np.int64)
+    rows, log = stage.tape.reserve(most + 1), room_for(catcher.result, most)
+    times, kept = np.zeros(most + 2, np.int64), result_handle(log)
     while (parts := catcher.parts) is not None and not over(p, longest, held):
         k = int(p[TICKS])
         if imager is not None:
@@ -235,12 +232,12 @@ def play_out(
         sight = stage.body, cameras, shots, (scatter, covariance, line)
         todo = play(
             stage.plant, rows, sight, scalars, NOTHING, catcher.backgrounds,
-            stage.sensors.encoders, parts, eyes, log, times, BLOCK - k % BLOCK,
+            stage.sensors.encoders, parts, eyes, kept, times, BLOCK - k % BLOCK,
         )  # fmt: skip
         if imager is not None and catcher.looking:
             imager.expose(int(p[TICKS]) - k)
-        catcher.ticked(todo, float(log["t"][k]))
+        catcher.ticked(todo, float(log.scalars["t"][k]))
         catcher.think()
     ticks = int(p[TICKS])
     stopwatch.add(times[:ticks])
-    return log[:ticks]
+    return rows_of(log, 0, ticks)

@@ -8,7 +8,7 @@ import numpy as np
 
 from mitt.baselines.clairvoyant import Clairvoyant
 from mitt.catcher.catcher import Catcher, CatcherSettings
-from mitt.catcher.state import Record
+from mitt.catcher.result import Result, copied, gathered, room_for
 from mitt.generator.generators import Generator
 from mitt.link.clock import Stopwatch
 from mitt.robot.arm import Arm
@@ -66,7 +66,7 @@ class TrialRunner:
         arm: The arm.
         world: The simulated world.
         stopwatch: Wall-clock time of the catcher's ticks.
-        ticks: Results of all ticks of the last trial, fields as of ``fresh_result``.
+        ticks: Results of all ticks of the last trial.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class TrialRunner:
         self.world = World(scene, arm.model, cameras=cameras, limits=arm.limits)
         self.stopwatch = Stopwatch()
         self._catcher = self._made()
-        self.ticks: Record = np.zeros(0, self._catcher.result.dtype)
+        self.ticks = room_for(self._catcher.result, 0)
 
     def _made(self) -> Catcher:
         """Return the catcher that those of all throws begin as."""
@@ -159,16 +159,16 @@ class TrialRunner:
         """Throw one ball of a source; thrown again, it gives the same trial."""
         return self.run(index, source.ball(index), seed=source.trial_seed(index), log=log)
 
-    def _play(self, catcher: Catcher) -> Record:
+    def _play(self, catcher: Catcher) -> Result:
         """Play a trial to its end, compiled where that is possible; return all ticks' results."""
         rules = {"longest": LONGEST, "held": HELD_AFTER}
-        stage, rows = self.world.stage, []
+        stage, rows = self.world.stage, list[Result]()
         if stage is not None and catcher.parts is not None:
             return play_out(stage, catcher, self.stopwatch, **rules)
         while not self.world.over(**rules):
             self.step(catcher)
-            rows.append(catcher.result.tobytes())
-        return np.frombuffer(bytearray().join(rows), catcher.result.dtype)
+            rows.append(copied(catcher.result))
+        return gathered(rows) if rows else room_for(catcher.result, 0)
 
     def _score(self, index: int, catcher: Catcher, found: Measured, t_catch: float) -> Trial:
         """Score the finished trial."""
@@ -189,14 +189,14 @@ class TrialRunner:
         )
 
 
-def catch_time(ticks: Record) -> float:
+def catch_time(ticks: Result) -> float:
     """Return the time of the catch by the map [s]; infinite without one.
 
     It is what the map itself announces, the last time it was near.
     """
-    left = ticks["time_to_catch"]
+    left = ticks.scalars["time_to_catch"]
     near = np.flatnonzero(np.abs(left) < _NEAR_CATCH)
-    return float(ticks["t"][near[-1]] + left[near[-1]]) if len(near) else np.inf
+    return float(ticks.scalars["t"][near[-1]] + left[near[-1]]) if len(near) else np.inf
 
 
 def _patience(generator: Generator) -> float:

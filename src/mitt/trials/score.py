@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.catcher.state import Phase, Record
+from mitt.catcher.result import Result
+from mitt.catcher.settings import Phase
 from mitt.control.stopped import Plain, StoppedBy
 from mitt.generator.demand import demand
 from mitt.generator.feasibility import Verdict
@@ -116,7 +117,7 @@ class Measured:
     saturated_ticks: int
 
 
-def measure(arm: Arm, ticks: Record, truth: Trace) -> Measured:
+def measure(arm: Arm, ticks: Result, truth: Trace) -> Measured:
     """Return what a trial was by the numbers.
 
     A tick violates a limit where a command or the plant exceeds one, or where the arm touches
@@ -124,10 +125,10 @@ def measure(arm: Arm, ticks: Record, truth: Trace) -> Measured:
 
     Args:
         arm: The arm.
-        ticks: Results of all ticks, fields as of ``fresh_result``, shape (k,).
+        ticks: Results of all k ticks.
         truth: True states, k + 1 rows.
     """
-    commanded, given = ticks["told"], truth.tau[1:]
+    commanded, given = ticks.command, truth.tau[1:]
     drives = drive_loads(arm, truth.q[:-1], truth.dq[:-1], given)
     same = np.all(commanded[:, 3] == given, axis=1)
     bad = drives.over(np.where(same, COMMANDED, MEASURED))
@@ -136,9 +137,9 @@ def measure(arm: Arm, ticks: Record, truth: Trace) -> Measured:
     bad |= _beyond(arm, truth.q[1:], truth.dq[1:], MEASURED)
     bad |= _beyond(arm, commanded[:, 0], commanded[:, 1], COMMANDED)
     bad |= truth.seen[1:] & (SELF | ARM_FLOOR) != 0
-    mean_square = np.sum(drives.torque**2, axis=0) / max(len(ticks), 1)
+    mean_square = np.sum(drives.torque**2, axis=0) / max(len(given), 1)
     rms = (np.sqrt(mean_square) / arm.limits.tau_rms).tolist()
-    asked = demand(arm, ticks["asked"][ticks["following"], :3])
+    asked = demand(arm, ticks.reference[ticks.scalars["following"], :3])
     following = len(asked.excess) > 0
     return Measured(
         peak_torque_ratio=arm.by_joint(np.max(drives.share, axis=0, initial=0.0)).tolist(),
@@ -147,7 +148,7 @@ def measure(arm: Arm, ticks: Record, truth: Trace) -> Measured:
         limit_violations=int(np.sum(bad)) + sum(share > 1.0 + MEASURED for share in rms),
         demand_cost=asked.cost if following else 0.0,
         range_excess_rad=float(asked.excess.max()) if following else 0.0,
-        saturated_ticks=int(np.sum(ticks["saturated"])),
+        saturated_ticks=int(np.sum(ticks.scalars["saturated"])),
     )
 
 

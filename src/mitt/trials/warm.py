@@ -101,8 +101,8 @@ def _compile_arm(f: DirectMap, scene: Scene, ball: Throw | BallPath, pixels: boo
     _compile(undecided, 0, state, result)
     stage = runner.world.stage
     if stage is not None:
-        rows, told = stage.tape.reserve(2), result[0]["told"]
-        _compile(move, stage.plant, told[3], 0.0, rows)
+        rows, tau = stage.tape.reserve(2), catcher.result.command[3]
+        _compile(move, stage.plant, tau, 0.0, rows)
 
 
 def _prepared(

@@ -1,6 +1,6 @@
 """The eyes of the catcher: images in, position of the ball out, in one compiled call."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
 from enum import Enum
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt import checks
-from mitt.errors import InputError, ShapeError
+from mitt.errors import InputError
 from mitt.signals import Array, BallState, Frame, Image, Sighting
 from mitt.vision import localization, target, triangulation
 from mitt.vision.camera import Rig, pack_cameras
@@ -53,11 +53,11 @@ _GREY = np.dtype(np.uint8)
 LET_GO = 0.1
 """Time without a sighting after which the heads no longer follow the filter [s]."""
 
-_PARTS = (
+_ARRAYS = (
     "memory", "settings", "boxes", "cameras", "ball", "work", "heads", "angles", "gaze",
     "gaze_work",
 )  # fmt: skip
-"""Arrays of the eyes that the compiled tick takes over."""
+"""Arrays of the eyes that the compiled tick shares."""
 
 
 class Eyes:
@@ -187,24 +187,9 @@ class Eyes:
         sigma = np.sqrt(np.trace(ball.covariance[:3, :3]) / 3.0) if known else np.inf
         localization.guide(rig, ball.r_o, ball.dr_o, ahead, gap, sigma, alone)
 
-    def parts(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays of ``localize`` and of the gaze, for the compiled tick."""
-        return {name: vars(self)[f"_{name}"] for name in _PARTS}
-
-    def move_to(self, parts: Mapping[str, NDArray[Any]]) -> None:
-        """Use other arrays from now on, named and shaped as :meth:`parts`; values as they are.
-
-        Raises:
-            ShapeError: One of them has another shape or type.
-        """
-        for name, mine in self.parts().items():
-            other = checks.instance("parts", parts, dict).get(name)
-            if not isinstance(other, np.ndarray) or other.dtype != mine.dtype:
-                raise InputError(f"parts.{name}", f"an array of {mine.dtype}", checks.shown(other))
-            if other.shape != mine.shape or not other.flags.carray:
-                raise ShapeError(f"parts.{name}", f"{mine.shape} in C order", other.shape)
-        for name in _PARTS:
-            vars(self)[f"_{name}"] = parts[name]
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return the arrays of ``localize`` and of the gaze, which the compiled tick shares."""
+        return {name: vars(self)[f"_{name}"] for name in _ARRAYS}
 
     def step(self, frames: tuple[Frame, ...]) -> Sighting:
         """Return where the ball is in frames exposed together.

@@ -1,0 +1,178 @@
+"""What a tick brings about: arrays shared with compiled code, and what they mean."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mitt.catcher.settings import PHASES, WATCH, Phase
+from mitt.control.health import Reason, State
+from mitt.control.tracking import Tracked
+from mitt.jit import kernel
+from mitt.signals import Array, BallState, Command, JointReference, MapStatus, ball_of
+from mitt.structs import Handle, Record, define, record_of
+
+#: States and reasons in the order of their numbers.
+STATES, REASONS = tuple(State), tuple(Reason)
+
+#: Single numbers of a result, with what they begin as.
+_RESULT = {
+    "t": 0.0, "phase": WATCH, "t_ball": 0.0, "tracked": False, "led": False, "drag": 0.0,
+    "t_seen": -np.inf, "t_first": -np.inf, "following": False, "inside": False,
+    "time_to_catch": np.inf, "hand": 0.0, "saturated": False, "health": 0, "reason": 0,
+    "age": np.inf, "sigma": np.inf, "brakes": False,
+}  # fmt: skip
+
+
+class Result(NamedTuple):
+    """What a tick brought about, and the next one starts from; or k ticks, with k rows in each.
+
+    Attributes:
+        scalars: Single numbers, shape (1,):
+            t, phase: Time of the tick [s], and the phase in which it was made.
+            tracked, t_ball: Whether there is an estimate of the ball, and of which instant [s].
+            led, drag, t_seen, t_first: As of ``BallState``.
+            following, inside: Whether the generator was asked, and its answer is a motion.
+            time_to_catch: Time to the catch [s]; infinite where none is in sight.
+            hand: Closing angle of the fingers commanded [rad].
+            saturated: Whether a torque limit was met.
+            health, reason: State and reason as in :mod:`mitt.control.health`.
+            age: Age of the last good measurement [s]; infinite without a track.
+            sigma: 1-sigma of the ball's predicted position [m]; infinite without a track.
+            brakes: Whether the brakes are to be engaged.
+        encoders: q, dq as read [rad, rad/s], shape (2, n).
+        ball: r_o, dr_o, ddr_o of the ball at ``t_ball``, shape (3, 3); zero without an estimate.
+        covariance: Of r_o, dr_o, shape (6, 6).
+        reference: q_d, q_o and their derivatives, shape (6, n).
+        command: q, dq, ddq, tau of the command, and the acceleration that tau brings by the model,
+            shape (5, n).
+        gaze: Where the heads are to look, as of ``Command``, shape (heads, 4).
+    """
+
+    scalars: Record
+    encoders: Array
+    ball: Array
+    covariance: Array
+    reference: Array
+    command: Array
+    gaze: Array
+
+
+class ResultHandle(Handle):
+    """A result, for kernels."""
+
+
+define(ResultHandle, Result)
+
+
+@kernel
+def result_handle(result: Result) -> Any:  # noqa: ANN401
+    """Return the handle of a result."""
+    return ResultHandle(*result)
+
+
+@kernel
+def keep(result: Any, ticks: Any, k: int) -> None:  # noqa: ANN401
+    """Write a result into row ``k`` of room for many, both handles."""
+    ticks.scalars[k] = result.scalars[0]
+    ticks.encoders[k] = result.encoders
+    ticks.ball[k] = result.ball
+    ticks.covariance[k] = result.covariance
+    ticks.reference[k] = result.reference
+    ticks.command[k] = result.command
+    ticks.gaze[k] = result.gaze
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tick:
+    """All that one tick brought about.
+
+    Attributes:
+        phase: Phase in which it was made.
+        ball: Estimate of the ball, carried to the time of the command.
+        reference: What the generator asked for, before any limit; None while it is not asked.
+        tracked: Command and its parts.
+        state: State of the catcher.
+        reason: Why it is not nominal.
+        age: Age of the last good measurement of the ball [s]; infinite without a track.
+        sigma: 1-sigma of the ball's predicted position [m]; infinite without a track.
+    """
+
+    phase: Phase
+    ball: BallState
+    reference: JointReference | None
+    tracked: Tracked
+    state: State
+    reason: Reason
+    age: float
+    sigma: float
+
+
+def fresh_result(n: int, heads: int = 1) -> Result:
+    """Return the result of no tick for ``n`` joints."""
+    shapes = (2, n), (3, 3), (6, 6), (6, n), (5, n), (heads, 4)
+    return Result(record_of(_RESULT), *(np.zeros(shape) for shape in shapes))
+
+
+def room_for(result: Result, ticks: int) -> Result:
+    """Return room for the results of ``ticks`` ticks."""
+    scalars, *arrays = result
+    return Result(np.repeat(scalars, ticks), *(np.zeros((ticks, *x.shape)) for x in arrays))
+
+
+def copied(result: Result) -> Result:
+    """Return a copy of a result."""
+    return Result._make(x.copy() for x in result)
+
+
+def rows_of(ticks: Result, first: int, last: int) -> Result:
+    """Return ticks ``first`` to before ``last`` of many, as views."""
+    return Result._make(x[first:last] for x in ticks)
+
+
+def gathered(results: Sequence[Result]) -> Result:
+    """Return the results of single ticks, one or more, as one of many."""
+    scalars, *arrays = zip(*results, strict=True)
+    return Result(np.concatenate(scalars), *(np.stack(x) for x in arrays))
+
+
+def tick_of(result: Result) -> Tick:
+    """Return a result as what it means; it is copied."""
+    result, numbers = copied(result), result.scalars[0].item()
+    s = dict(zip(_RESULT, numbers, strict=True))
+    command = Command(t=s["t"], told=result.command[:4], hand=s["hand"], brakes=s["brakes"])
+    return Tick(
+        phase=PHASES[s["phase"]],
+        ball=ball_in(result),
+        reference=_reference_of(result) if s["following"] else None,
+        tracked=Tracked(command=command, saturated=s["saturated"]),
+        state=STATES[s["health"]],
+        reason=REASONS[s["reason"]],
+        age=s["age"],
+        sigma=s["sigma"],
+    )
+
+
+def ball_in(result: Result) -> BallState:
+    """Return the estimate that a result holds now, a copy."""
+    s = result.scalars[0]
+    return ball_of(
+        s["t_ball"].item(), s["tracked"].item(), *result.ball.copy(), s["drag"].item(),
+        result.covariance.copy(), s["t_seen"].item(), s["t_first"].item(), s["led"].item(),
+    )  # fmt: skip
+
+
+def _reference_of(result: Result) -> JointReference:
+    """Return what the generator asked for in a copied result."""
+    s, rows = result.scalars[0], result.reference
+    return JointReference(
+        t=s["t"].item(),
+        status=MapStatus.INSIDE if s["inside"] else MapStatus.DOMAIN,
+        q_d=rows[0],
+        dq_d=rows[1],
+        ddq_d=rows[2],
+        q_o=rows[3],
+        dq_o=rows[4],
+        time_to_catch=s["time_to_catch"].item(),
+    )

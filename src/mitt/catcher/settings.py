@@ -1,0 +1,73 @@
+"""Settings of the catcher and its phases."""
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+from mitt.ball.filter import THROWN_BALL, FilterConfig
+from mitt.control.encoders import Encoders
+from mitt.robot.shapes import Surroundings
+
+#: What the catcher is about, in the field ``phase``; the names are those of :class:`Phase`.
+WATCH, FOLLOW, BRAKE, REFUSED, STOPPED = range(5)
+
+
+class Phase(Enum):
+    """What the catcher is about."""
+
+    WATCH = "watch"
+    FOLLOW = "follow"
+    BRAKE = "brake"
+    REFUSED = "refused"
+    STOPPED = "stopped"
+
+
+#: The phases in the order of their numbers.
+PHASES = tuple(Phase)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CatcherSettings:
+    """Settings of the catcher.
+
+    Attributes:
+        bandwidth: Bandwidth of the tracking error [rad/s].
+        sigma_ready: Predicted 1-sigma at the catch at which the arm starts to move [m].
+        watch: Longest time from first sight to the verdict [s].
+        adapt_q: Gap between desired and true joint angles at which to adapt anew [rad].
+        adapt_dq: The same for joint speeds [rad/s].
+        adapt_until: Time to the catch below which the map is left as it is [s].
+        review: Time between two reviews of the choice among several maps [s].
+        ball_mass: Mass of the ball, carried by the model while it is held [kg].
+        ball_radius: Radius of the ball [m]; the eyes are told the same.
+        ball_restitution: Share of its speed with which the ball springs back from the palm.
+        ball_friction: Coefficient of friction of ball and hand.
+        ball_doubt: Relative error that its mass may have.
+        flight: What the filter believes of the ball's flight.
+        around: What stands around the arm and is not to be touched.
+        encoders: What is known of the joint encoders.
+        tolerance: 1-sigma of the ball's position beyond which an unseen ball is lost [m]; a hand
+            needs about 2 cm (Baeuml and others, ICRA 2011).
+        stray: Gap between told and true joint angles at which the arm is stopped if it lasts
+            20 ms [rad]; infinite for the map with alpha = 0, which saturates for longer.
+        torque_lead: Time from the reading of the joints until the torque that is commanded then
+            ceases to act [s]: a tick, and what the drives take to answer.
+    """
+
+    bandwidth: float = 80.0
+    sigma_ready: float = 0.02
+    watch: float = 0.08
+    adapt_q: float = 0.06
+    adapt_dq: float = 1.2
+    adapt_until: float = 0.05
+    review: float = 0.02
+    ball_mass: float = 0.07
+    ball_radius: float = 0.04
+    ball_restitution: float = 0.2
+    ball_friction: float = 1.0
+    ball_doubt: float = 0.1
+    flight: FilterConfig = field(default_factory=lambda: THROWN_BALL)
+    around: Surroundings = field(default_factory=Surroundings)
+    encoders: Encoders = field(default_factory=Encoders)
+    tolerance: float = 0.02
+    stray: float = 0.8
+    torque_lead: float = 0.001
