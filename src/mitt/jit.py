@@ -20,7 +20,6 @@ from typing import Any, Final
 
 from numba import __version__, config, njit, types
 from numba.core.caching import CacheImpl, _CacheLocator
-from numba.core.imputils import lower_cast
 
 PACKAGE: Final = Path(__file__).parent
 """Folder of mitt's source."""
@@ -170,22 +169,13 @@ _kernels: set[Callable[..., Any]] = set()
 def _general(kind: types.Type) -> types.Type:
     """Return the type for which a kernel is compiled when another kernel calls it.
 
-    An array that is a field of a record has its shape in its type, and a constant its value: each
-    shape and each value would be compiled anew.
+    The type of a constant holds its value: each value would be compiled anew.
     """
-    if isinstance(kind, types.NestedArray):
-        return types.Array(kind.dtype, kind.ndim, "C")
     if isinstance(kind, types.IntegerLiteral | types.BooleanLiteral):
         return types.unliteral(kind)
     if isinstance(kind, types.Tuple | types.UniTuple):
         return types.Tuple.from_types([_general(part) for part in kind])
     return kind
-
-
-@lower_cast(types.NestedArray, types.Array)
-def _cast_field(_: Any, __: Any, ___: types.Type, ____: types.Type, value: Any) -> Any:  # noqa: ANN401
-    """Take a field of a record for an array: both are the same in memory."""
-    return value
 
 
 def kernel(function: Callable[..., Any]) -> Any:  # noqa: ANN401

@@ -1,12 +1,9 @@
-"""How compiled code reads arrays: parts in another shape, no references counted.
+"""Parts of an array in another shape, in Python and in compiled code.
 
-numba keeps alive each array that a kernel takes out of a tuple or cuts out of another array, by two
-atomic additions, and a ``reshape`` of its is a call into a library: together a tenth of a tick.
-A lent array has no owner, and neither has what is cut out of it; a view is lent from the start. Who
-lends must keep the array until the kernel returns, as every caller of a kernel does, and must not
-return it: kernels lend their arguments, never an array that they have made themselves. A function
-that hands out views is a ``register_jitable``: part of the compiled code that calls it, and plain
-Python elsewhere, where views do keep alive what they show.
+Numba's own ``reshape`` calls a library and counts references, which together take a third of a
+tick. In compiled code a view has no owner: it may only show what the caller of the kernel holds,
+which is an argument, and must not be returned by a kernel (tests/test_views.py checks both). In
+plain Python a view keeps alive what it shows.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,9 +12,8 @@ from typing import Any, TypeAlias
 
 from llvmlite import ir
 from numba import carray, types
-from numba.core import cgutils, config
+from numba.core import config
 from numba.core.base import BaseContext
-from numba.core.errors import TypingError
 from numba.core.typing import Context, Signature
 from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
@@ -81,40 +77,3 @@ def _checked_view(v: types.Type, start: types.Type, shape: types.Type) -> NDArra
         raise IndexError("a view reaches beyond its array")
     shown: NDArray[Any] = carray(_address(v, start), shape)
     return shown
-
-
-@intrinsic
-def lent(_: Context, value: types.Type) -> Typed:
-    """Return an array, or a tuple of arrays and numbers, in which no array has an owner."""
-    if not _can_be_lent(value):
-        raise TypingError(f"only arrays, numbers and tuples of them can be lent, not {value}")
-
-    def write(
-        context: BaseContext, builder: ir.IRBuilder, signature: Signature, given: Sequence[ir.Value]
-    ) -> ir.Value:
-        return _disown(context, builder, signature.return_type, given[0])
-
-    return value(value), write
-
-
-def _can_be_lent(kind: types.Type) -> bool:
-    """Say whether a value has no owners but those of arrays: others would be freed too early."""
-    if isinstance(kind, types.BaseTuple):
-        return all(_can_be_lent(part) for part in kind)
-    return isinstance(kind, types.Array | types.Number | types.Boolean | types.NoneType)
-
-
-def _disown(
-    context: BaseContext, builder: ir.IRBuilder, kind: types.Type, value: ir.Value
-) -> ir.Value:
-    """Return a value without the owners of its arrays."""
-    if isinstance(kind, types.Array):
-        array = context.make_array(kind)(context, builder, value)
-        array.meminfo = cgutils.get_null_value(array.meminfo.type)
-        array.parent = cgutils.get_null_value(array.parent.type)
-        return array._getvalue()
-    if isinstance(kind, types.BaseTuple):
-        for k, part in enumerate(kind):
-            item = _disown(context, builder, part, builder.extract_value(value, k))
-            value = builder.insert_value(value, item, k)
-    return value

@@ -83,7 +83,9 @@ _LOOK_AGAIN = 0.02
 #: Beside the bits of a tick: the map can be refined.
 REFINES = 32
 #: Attributes of a catcher that show its state and result, or scratch; not kept in a copy.
-_SHOWN = frozenset(("_scalars", "_out", "_handles", "_q", "_dq"))
+_SHOWN = frozenset(
+    ("_scalars", "_out", "_clock", "_hand", "_brakes", "_command", "_handles", "_q", "_dq")
+)
 
 
 @final
@@ -178,6 +180,9 @@ class Catcher:
         """Take what is often asked for."""
         self._q, self._dq = np.zeros((2, self._arm.n))
         self._scalars, self._out = self.state.scalars[0], self.result.scalars[0]
+        out = self.result.scalars
+        self._clock, self._hand, self._brakes = out["t"], out["hand"], out["brakes"]
+        self._command = self.result.command[:4]
         self._handles = state_handle(self.state), result_handle(self.result)
 
     @property
@@ -240,14 +245,13 @@ class Catcher:
         self._ticked = True
         if self._todo & STOPS:
             self._note_stop()
-        t = self._out["t"].item()
+        t = self._clock.item()
         if self._phase == FOLLOW:
             self.t_0 = t if t < self.t_0 else self.t_0
             if self._refines and self._out["inside"]:
                 self._todo |= REFINES
         gaze = self.result.gaze.copy() if self._turns else None
-        hand, brakes = self._out["hand"].item(), self._out["brakes"].item()
-        return command_of(t, self.result.command[:4].copy(), hand, gaze, brakes)
+        return command_of(t, self._command.copy(), self._hand.item(), gaze, self._brakes.item())
 
     def _read(self, arm: ArmState) -> None:
         """Take the encoders over: compiled code sees buffers of one type and the right length."""
@@ -339,13 +343,13 @@ class Catcher:
             state=tick.state,
             reason=tick.reason,
             joint=self._arm.names[joints[0]] if by_encoder else None,
-            t=self._out["t"].item(),
+            t=self._clock.item(),
             q=self.estimated[0].copy(),
             dq=self.estimated[1].copy(),
             q_read=encoders[0],
             dq_read=encoders[1],
-            command=self.result.command[:4].copy(),
-            brakes=self._out["brakes"].item(),
+            command=self._command.copy(),
+            brakes=self._brakes.item(),
         )
 
     def stop(self) -> None:
@@ -501,7 +505,7 @@ class Catcher:
 
         The model carries the ball's weight from then on.
         """
-        t = self._out["t"].item()
+        t = self._clock.item()
         loaded = self._arm.holding(self._settings.ball_mass)
         self._brake = plan_brake(loaded, t, self.result.command[:3].copy()).table(TICK)
         self._write(arm_fields(loaded, self._settings.around))

@@ -19,7 +19,7 @@ from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Shapes, Surroundings, clearance, shapes_of
 from mitt.signals import Array
-from mitt.views import lent, view
+from mitt.views import view
 
 #: Gap that is kept [m], and what a look may leave open before the way counts as blocked [m].
 MARGIN, _SLIVER = 0.01, 0.0005
@@ -59,7 +59,6 @@ def stops_clear(
             shape (n + 1,).
         work: Scratch, shape (2 m + n, 3).
     """
-    bodies, table, pairs, known, work = lent((bodies, table, pairs, known, work))
     n, t = motion.shape[1], 0.0
     ends, way = view(work, 3 * n, (len(work) - n, 3)), view(work, 0, (n,))
     for look in range(_LOOKS):
@@ -128,7 +127,6 @@ def guard(
     Returns:
         ``PASSED``, ``KEPT`` or ``BLOCKED``.
     """
-    b, last, wanted = lent((b, last, wanted))
     result = KEPT if keep(b, last, wanted) else PASSED
     if keep_reserve(bodies, drives, index, b, last, wanted, reserve):
         result = BLOCKED

@@ -157,12 +157,17 @@ def nominal_catch(arm: Arm) -> Array:
     return q
 
 
-def tangent_of(arm: Arm, design: MapDesign) -> Tangent:
-    """Return the arrays of l_c, eq. (5), for an arm; ModelError where it cannot be built."""
+def check_joints(arm: Arm, design: MapDesign) -> None:
+    """Raise ModelError unless the joints of a design are some of the arm's."""
     if sorted(set(design.free)) != list(design.free) or not set(design.free) <= set(range(arm.n)):
         raise ModelError("free", f"three rising indices in 0..{arm.n - 1}", design.free)
     if design.catch_joint not in design.free:
         raise ModelError("catch_joint", f"one of the free joints {design.free}", design.catch_joint)
+
+
+def tangent_of(arm: Arm, design: MapDesign) -> Tangent:
+    """Return the arrays of l_c, eq. (5), for an arm; ModelError where it cannot be built."""
+    check_joints(arm, design)
     i = design.catch_joint
     if not arm.q_min[i] < design.q_catch < arm.q_max[i]:
         room = f"an angle in {arm.q_min[i]:.3f}..{arm.q_max[i]:.3f} rad"

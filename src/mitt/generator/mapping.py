@@ -19,7 +19,7 @@ import numpy as np
 from mitt import checks
 from mitt.errors import InputError, ModelError
 from mitt.generator.constraints import initial_gap, project
-from mitt.generator.design import MapDesign, tangent_of
+from mitt.generator.design import MapDesign, check_joints, tangent_of
 from mitt.generator.evaluation import reference, references, time_to_catch, virtual
 from mitt.generator.packing import pack, workspace
 from mitt.generator.polynomial import CatchBasis
@@ -264,6 +264,7 @@ class DirectMap:
 
 def unlearned(arm: Arm, design: MapDesign) -> DirectMap:
     """Return the map with alpha = 0, q_d = l_c^-1(r_o): where learning starts."""
+    check_joints(arm, design)
     free = list(design.free)
     centre = arm.q_ready[free].copy()
     centre[design.free.index(design.catch_joint)] = design.q_catch

@@ -25,7 +25,7 @@ from mitt.jit import kernel
 from mitt.robot.chain import Chain, Motion, motion_of, move, place
 from mitt.robot.vectors import Vec, cross, dot, minus, plus, put, row, times
 from mitt.signals import Array
-from mitt.views import lent, view
+from mitt.views import view
 
 #: |det J_c| below this share of the product of its columns' lengths counts as singular.
 _SINGULAR = 1e-9
@@ -77,7 +77,6 @@ def scratch_of(n: int) -> Scratch:
 @kernel
 def expand(g: Tangent, q_o: Array, w: Scratch) -> None:
     """Write l_c and J_c at the virtual joints ``q_o``."""
-    g, q_o, w = lent((g, q_o, w))
     i, m = g.catch_joint, w.motion
     for k in range(len(q_o)):
         w.q[k] = q_o[k]
@@ -104,7 +103,6 @@ def expand(g: Tangent, q_o: Array, w: Scratch) -> None:
 @kernel
 def curve(g: Tangent, q_o: Array, dq_o: Array, w: Scratch) -> None:
     """Write the curvature of l_c along ``dq_o`` at the virtual joints that were expanded last."""
-    g, q_o, dq_o, w = lent((g, q_o, dq_o, w))
     i, m = g.catch_joint, w.motion
     for k in range(len(q_o)):
         w.dq[k] = dq_o[k]
@@ -154,7 +152,6 @@ def invert_planar(g: Tangent, r_o: Array, q_o: Array) -> bool:
     Turning about the shoulder keeps |r|, so |r_o| alone fixes s through
     |p + s t|^2 = |r_o|^2; of the two roots the one that is zero at the catch.
     """
-    g, r_o, q_o = lent((g, r_o, q_o))
     px, pz, tx, tz, height, yaw, pitch = g.plane
     x, y, z = r_o[0], r_o[1], r_o[2] - height
     tt, pt = tx * tx + tz * tz, px * tx + pz * tz
@@ -228,7 +225,6 @@ def lift(g: Tangent, ball: Array, virtual: Array, w: Scratch) -> bool:
     for c in range(9):
         if not abs(ball[c // 3, c % 3]) <= (_FARTHEST if c < 3 else _FASTEST):
             return False
-    g, ball, virtual, w = lent((g, ball, virtual, w))
     n = virtual.shape[1]
     q_o, r_o = view(virtual, 0, (n,)), view(ball, 0, (3,))
     dq_o, ddq_o = view(virtual, n, (n,)), view(virtual, 2 * n, (n,))

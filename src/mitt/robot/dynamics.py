@@ -36,7 +36,6 @@ from mitt.robot.vectors import (
     unturn,
 )
 from mitt.signals import Array
-from mitt.views import lent
 
 #: Standard gravity rounded as usual in robotics [m/s^2].
 GRAVITY = 9.81
@@ -77,7 +76,6 @@ def inverse_dynamics(
         tau: Result [N m], shape (N,).
         notes: Scratch, shape (N, 18).
     """
-    bodies, q, dq, ddq, tau, notes = lent((bodies, q, dq, ddq, tau, notes))
     omega, alpha, acc = ZERO, ZERO, (0.0, 0.0, GRAVITY)
     for k in range(bodies.shape[0]):
         axis, j = _vec(bodies, k, 12), int(bodies[k, 30])

@@ -44,6 +44,9 @@ _APART = 0.01
 class Surroundings:
     """What stands around the arm.
 
+    A part of the arm that is within 10 mm of the floor in the ready pose, as the foot of an arm that
+    stands on it, is not kept from the floor.
+
     Attributes:
         floor: Height of the floor in the world frame [m].
         zones: Capsules in the world frame that no part of the arm may enter, as about the heads.
@@ -83,18 +86,28 @@ class Shapes:
 
 
 def shapes_of(arm: Arm, around: Surroundings) -> Shapes:
-    """Return the shapes of an arm with its hand and of what stands around it."""
+    """Return the shapes of an arm with its hand and of what stands around it.
+
+    Raises:
+        InputError: The arm is in a zone, or within 10 mm of one, in the ready pose.
+    """
     still = [_row(STILL, x, arm.model.mount) for x in arm.model.base_capsules]
     still += [_row(STILL, x, np.eye(4)) for x in around.zones]
     floor = np.array([FLOOR, 0.0, 0.0, around.floor, 0.0, 0.0, 0.0, 0.0])
     table = np.array([floor, *still, *_moving(arm.model)])
     ends = np.zeros((2 * len(table), 3))
     place(arm.bodies, arm.q_ready, table, ends)
-    apart = [
-        (a, b)
-        for a, b in combinations(range(len(table)), 2)
-        if table[a, 0] != table[b, 0] and table[b, 0] >= 0 and gap(table, ends, a, b) > _APART
-    ]
+    first_zone, zones = 1 + len(arm.model.base_capsules), len(around.zones)
+    apart = []
+    for a, b in combinations(range(len(table)), 2):
+        if table[a, 0] != table[b, 0] and table[b, 0] >= 0:
+            distance = gap(table, ends, a, b)
+            if distance > _APART:
+                apart.append((a, b))
+            elif first_zone <= a < first_zone + zones:
+                raise InputError(f"zone {a - first_zone}", f"{1e3 * _APART:.0f} mm or more from "
+                                 "the arm in its ready pose", f"{1e3 * distance:.0f} mm",
+                                 do="move the zone or the ready pose")  # fmt: skip
     pairs = np.array(apart, dtype=np.int64).reshape(len(apart), 2)
     return Shapes(table=table, pairs=pairs, reach=_reach(arm, table))
 

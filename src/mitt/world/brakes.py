@@ -22,7 +22,6 @@ from mitt.robot.arm import Arm
 from mitt.robot.description import ArmModel, Brake
 from mitt.robot.limits import Limits, joint_level
 from mitt.signals import Array
-from mitt.views import lent
 
 TORQUE, DELAY, STIFFNESS, DAMPING, GIVEN = range(5)
 ROWS = 5
@@ -74,7 +73,6 @@ def hold(brakes: Array, since: float, qvel: Array, ctrl: Array, passive: Array, 
         passive: Friction, which the brakes' torques are added to, arm first.
         h: Length of the step [s].
     """
-    brakes, qvel, ctrl, passive = lent((brakes, qvel, ctrl, passive))
     n = len(brakes) // ROWS
     for k in range(n):
         if since < 0.0 or since < brakes[DELAY * n + k] - 0.5 * h:

@@ -22,7 +22,6 @@ import numpy as np
 
 from mitt.jit import kernel
 from mitt.signals import Array, Image
-from mitt.views import lent
 from mitt.world.engine import owned
 from mitt.world.hand import ARM, HAND
 
@@ -116,7 +115,6 @@ def draw_capsule(
         start: Where in it the image begins, which takes one number a pixel.
         window: As in the module's table.
     """
-    pixels, noise = lent(pixels), lent(noise)
     width, upper, lower = pixels.shape[1], float(window[0]), float(window[1])
     west, east = float(window[2]), float(window[3])
     f0, f1 = lens[0] / seen[2], lens[0] / seen[5]
@@ -173,7 +171,6 @@ def draw_body(
     Returns:
         How many others may be seen in the window.
     """
-    pixels, capsules, noise = lent(pixels), lent(capsules), lent(noise)
     others, lens = 0, (camera[12], camera[13], camera[14])
     for k in range(capsules.shape[0]):
         ahead, seen = seen_from(camera, capsules, k)
@@ -197,7 +194,6 @@ def lay_capsules(pos: Array, mat: Array, sizes: Array, which: Array, capsules: A
         which: The geom of each capsule, shape (k,).
         capsules: Result, as in :mod:`mitt.world.painting`.
     """
-    pos, mat, sizes, which, capsules = lent((pos, mat, sizes, which, capsules))
     for k in range(capsules.shape[0]):
         g, axis = int(which[k]), int(sizes[k, 2])
         for i in range(3):

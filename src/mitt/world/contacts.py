@@ -6,7 +6,6 @@ from numpy.typing import NDArray
 
 from mitt.jit import kernel
 from mitt.signals import Array
-from mitt.views import lent
 from mitt.world.engine import MOST, Plant, contact_force
 from mitt.world.hand import ARM, BALL, FLOOR, HAND
 
@@ -28,7 +27,6 @@ def survey(plant: Plant, felt: bool, largest: Array) -> int:
     Returns:
         Bits of what touches what.
     """
-    plant, largest = lent(plant), lent(largest)
     address, geoms, kinds, touching = plant.address, plant.geoms, plant.kinds, plant.touching
     found, force = 0, largest[1:7]
     touching[:] = False
@@ -54,7 +52,6 @@ def survey(plant: Plant, felt: bool, largest: Array) -> int:
 @kernel
 def tip_velocity(plant: Plant, out: Array) -> None:
     """Write the velocity of the catch point [m/s], shape (3,), from those of the joints."""
-    plant, out = lent(plant), lent(out)
     place, anchor, axis, dq = plant.place, plant.anchor, plant.axis, plant.qvel
     out[:] = 0.0
     for i in range(len(plant.slides)):

@@ -18,7 +18,6 @@ import numpy as np
 from mitt.jit import kernel
 from mitt.robot.hands import FingerDrive
 from mitt.signals import Array
-from mitt.views import lent
 from mitt.world.scene import Actuation
 
 SETTING, NOW, MEAN, WAY = range(4)
@@ -51,7 +50,6 @@ def command(table: Array, tick: int, tau: Array, hand: float) -> None:
         tau: Torques [N m], shape (n,).
         hand: Closing angle [rad].
     """
-    table, tau = lent(table), lent(tau)
     row = WAY + tick % (len(table) - WAY)
     for i in range(len(tau)):
         table[row, i] = tau[i]
@@ -67,7 +65,6 @@ def follow(table: Array, tick: int, h: float) -> float:
         tick: Number of the tick.
         h: Length of the step [s].
     """
-    table = lent(table)
     rate, row, n = table[SETTING, 0], WAY + (tick + 1) % (len(table) - WAY), table.shape[1] - 1
     keep = np.exp(-rate * h)
     for i in range(n):
@@ -134,8 +131,6 @@ def actuate(
     Returns:
         Whether the command was finite; where it is not, that motor gives nothing.
     """
-    qpos, qvel, ctrl, passive = lent((qpos, qvel, ctrl, passive))
-    tau, servo, friction = lent((tau, servo, friction))
     finite, n, count = True, tau.shape[0], ctrl.shape[0]
     for i in range(n):
         if not np.isfinite(tau[i]):

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from mitt.jit import kernel
 from mitt.signals import Array, Image
-from mitt.views import lent
 from mitt.world.capsules import Camera, Edges, Point, draw_body, into
 from mitt.world.heads import open_and_shut
 from mitt.world.noise import PERIOD
@@ -107,11 +106,9 @@ def expose(
         canvas: Scratch, as of :func:`mitt.world.painting.paint` for the largest image.
         t: Middle of the exposure [s].
     """
-    optics, balls, capsules, light = lent((optics, balls, capsules, light))
-    wall, ground, normal, work = lent((wall, ground, normal, work))
     body, painted = int(light[BODY]), light[PAINTED] > 0.0
     for n in range(len(images)):
-        pixels, begin, end = lent(images[n]), _camera(optics, n, 0), _camera(optics, n, 1)
+        pixels, begin, end = images[n], _camera(optics, n, 0), _camera(optics, n, 1)
         quiet, loud = starts[n, 0], starts[n, 1]
         window = windows[n, 0], windows[n, 1], windows[n, 2], windows[n, 3]
         if painted:
@@ -162,8 +159,7 @@ def snap(
         windows: As for :func:`expose`.
         t: Middle of the exposure [s].
     """
-    heads, state, optics, places, balls, light, work, canvas = lent(camera)
-    r_o, dr_o = lent(r_o), lent(dr_o)
+    heads, state, optics, places, balls, light, work, canvas = camera
     for i in range(3):
         balls[0, i], balls[0, 3 + i] = r_o[i] - half * dr_o[i], r_o[i] + half * dr_o[i]
     balls[0, 6] = radius

@@ -32,7 +32,6 @@ import numpy as np
 from mitt.ball.flight import GRAVITY, advance
 from mitt.jit import kernel
 from mitt.signals import Array
-from mitt.views import lent
 from mitt.world.brakes import ROWS, hold
 from mitt.world.build import STEP
 from mitt.world.contacts import BALL_ANY, BALL_FLOOR, BALL_HAND, survey, tip_velocity
@@ -105,7 +104,6 @@ def tell(state: Array, brakes: bool, stopped: bool) -> None:
 @kernel
 def begin(plant: Plant, tau: Array, hand: float) -> None:
     """Take the command of a tick, torques [N m] and closing angle [rad]; forget old contacts."""
-    plant = lent(plant)
     plant.state[FORCE], plant.state[SEEN] = 0.0, 0.0
     command(plant.drives, int(plant.state[TICKS]), tau, hand)
 
@@ -119,7 +117,6 @@ def _prepare(plant: Plant, h: float, alone: bool) -> None:
         h: Length of the step [s].
         alone: Whether nothing is touched, so that the ball can be made to fly exactly.
     """
-    plant = lent(plant)
     qpos, qvel, passive = plant.qpos, plant.qvel, plant.passive
     state, n = plant.state, len(plant.slides)
     flight, ball = state[FLIGHT : FLIGHT + 6], len(plant.ctrl)
@@ -145,7 +142,6 @@ def _prepare(plant: Plant, h: float, alone: bool) -> None:
 @kernel
 def leave(plant: Plant) -> None:
     """Make a step up to the new positions and velocities, with the torques of the drives."""
-    plant = lent(plant)
     state, alone, ball = plant.state, plant.contacts[0] == 0, len(plant.ctrl)
     _prepare(plant, TICK / state[STEPS], alone)
     step2(plant.address[0], plant.address[1])
@@ -168,7 +164,6 @@ def arrive(plant: Plant, t: float) -> int:
     Returns:
         Bits of what touches what, as long as the hand has not touched the ball before.
     """
-    plant = lent(plant)
     state, ball = plant.state, len(plant.ctrl)
     step1(plant.address[0], plant.address[1])
     if plant.contacts[0] == 0 or state[TOUCHED] >= 0.0:
@@ -188,7 +183,6 @@ def arrive(plant: Plant, t: float) -> int:
 @kernel
 def _is_sane(plant: Plant) -> bool:
     """Tell whether a state can be real; MuJoCo's own warnings come later, if they come."""
-    plant = lent(plant)
     for values in (plant.qpos, plant.qvel, plant.qacc):
         for x in values:
             if not abs(x) < HUGE:
@@ -206,7 +200,6 @@ def note(plant: Plant, rows: Array) -> None:
         plant: The plant.
         rows: The trace, one row a tick, in the order of ``Trace``.
     """
-    plant, rows = lent(plant), lent(rows)
     state, ball, t = plant.state, len(plant.ctrl), plant.state[TICKS] * TICK
     row, k = rows[int(state[TICKS])], 1
     row[0] = t
@@ -235,7 +228,6 @@ def note(plant: Plant, rows: Array) -> None:
 @kernel
 def move(plant: Plant, tau: Array, hand: float, rows: Array) -> None:
     """Let the motors follow a command for one tick; see :func:`begin` and :func:`note`."""
-    plant, tau, rows = lent(plant), lent(tau), lent(rows)
     state = plant.state
     start, steps = state[TICKS] * TICK, int(state[STEPS])
     begin(plant, tau, hand)

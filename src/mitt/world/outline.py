@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 
 from mitt.jit import kernel
 from mitt.signals import Array, Image
-from mitt.views import lent
 from mitt.world.capsules import Edges, Point, Seen
 
 Place: TypeAlias = tuple[float, float, float, float, float, float]
@@ -166,7 +165,7 @@ def draw_ball(
         window: First and last row that are drawn, and two more numbers [px].
         work: As in the module's table, shape (SCRATCH + 2 width + 1,).
     """
-    pixels, noise, work, width = lent(pixels), lent(noise), lent(work), pixels.shape[1]
+    width = pixels.shape[1]
     k, lines, first, last = _lay_path(lens, ball, work, window)
     for row in range(first, last + 1):
         columns = _cover(work, width, lens, row, lines, k)
@@ -192,7 +191,7 @@ def blend_ball(
     canvas: NDArray[np.float32], lens: Point, ball: Seen, level: float, window: Edges, work: Array
 ) -> None:
     """As :func:`draw_ball`, on an image of real numbers without noise."""
-    canvas, work, width = lent(canvas), lent(work), canvas.shape[1]
+    width = canvas.shape[1]
     k, lines, first, last = _lay_path(lens, ball, work, window)
     for row in range(first, last + 1):
         columns = _cover(work, width, lens, row, lines, k)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from mitt.jit import kernel
 from mitt.signals import Array, Image
-from mitt.views import lent, view
+from mitt.views import view
 from mitt.world.capsules import Camera, Edges, Point, Seen, in_front, into, misses, seen_from
 from mitt.world.noise import PERIOD
 from mitt.world.outline import blend_ball
@@ -269,8 +269,6 @@ def paint(
         work: Scratch, as of :func:`mitt.world.outline.draw_ball`.
         canvas: Scratch, two images, flat.
     """
-    pixels, balls, capsules, light = lent((pixels, balls, capsules, light))
-    wall, normal, work, canvas = lent((wall, normal, work, canvas))
     height, width = pixels.shape
     first, other = view(canvas, 0, (height, width)), view(canvas, height * width, (height, width))
     sigma = light[BLUR]

@@ -9,7 +9,6 @@ import numpy as np
 from mitt.jit import kernel
 from mitt.robot.description import ArmModel
 from mitt.signals import Array, Frame, Senses, Sighting, senses_of
-from mitt.views import lent
 from mitt.world.capsules import Silhouettes
 from mitt.world.scene import Scene, Sensing
 
@@ -63,7 +62,6 @@ def read_encoders(table: Array, t: float, q: Array, dq: Array) -> None:
         q: True joint positions [rad], shape (n,).
         dq: True joint velocities [rad/s], shape (n,).
     """
-    table, q, dq = lent((table, q, dq))
     before = table[SINCE, 0]
     for i in range(len(q)):
         step = table[STEP, i]
