@@ -15,13 +15,13 @@ catch.
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.control.envelope import TICK, bounds_of, keep
+from mitt.control.envelope import bounds_of, keep
 from mitt.control.tracking import NOTES, ROWS, track
 from mitt.generator.feasibility import Approach
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.slopes import bias_and_mass, slopes_work
-from mitt.signals import Array
+from mitt.signals import TICK, Array
 
 
 def gap_at_catch(arm: Arm, approach: Approach, caps: Array, bandwidth: float) -> float:

@@ -1,6 +1,6 @@
 """What flows from one stage to the next, each carrying the time it speaks of.
 
-    Frame x2 -> Moments x2 -> Sighting -> BallState -> JointReference -> Command
+    Frame, one a camera -> Sighting -> BallState -> JointReference -> Command
 
 SI units and radians; positions in the world frame (origin at the shoulder centre, z up,
 +x to the thrower). Arrays are float64 and are not to be written to. What a user makes is checked
@@ -10,7 +10,7 @@ and converted once, when it is made (:mod:`mitt.checks`), so that kernels can tr
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from enum import Enum
-from typing import NamedTuple, TypeVar
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,9 @@ from mitt.errors import InputError
 _Kind = TypeVar("_Kind")
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
+
+TICK: Final = 0.001
+"""Time between two ticks [s]."""
 
 _keep = object.__setattr__
 """Writes a field of a frozen value while it is made."""

@@ -16,7 +16,7 @@ from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
 from mitt.catcher.tick import BESIDE, TOUCHED, tick
 from mitt.control.brake import Brake, plan_brake
 from mitt.control.encoders import Encoders, bring
-from mitt.control.envelope import TICK, bounds_of
+from mitt.control.envelope import bounds_of
 from mitt.control.hand import Closing
 from mitt.control.health import State
 from mitt.control.monitor import believe, memory_of
@@ -27,6 +27,7 @@ from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
 from mitt.robot.slopes import slopes_work
 from mitt.signals import (
+    TICK,
     ArmState,
     Array,
     BallState,

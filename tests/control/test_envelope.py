@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.control.envelope import TICK, bound_acceleration, bounds_of, brake_joint, keep
+from mitt.control.envelope import bound_acceleration, bounds_of, brake_joint, keep
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
-from mitt.signals import Array
+from mitt.signals import TICK, Array
 
 #: A joint may pass the emitted range [rad] and speed [share] by so much in discrete time.
 OVERSHOOT, OVERSPEED = 0.02, 1e-9

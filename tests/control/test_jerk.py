@@ -6,10 +6,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.control.envelope import TICK, bounds_of, keep, slow_down
+from mitt.control.envelope import bounds_of, keep, slow_down
 from mitt.control.jerk import braked
 from mitt.robot.arm import Arm
-from mitt.signals import Array
+from mitt.signals import TICK, Array
 
 ROUNDING = 1e-9
 

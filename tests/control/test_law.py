@@ -14,7 +14,6 @@ import pytest
 
 from mitt.control import monitor
 from mitt.control.encoders import Encoders, bring
-from mitt.control.envelope import TICK
 from mitt.control.monitor import BRIDGED, believe
 from mitt.control.reserve import HARDEST, choose_stop, stop_by
 from mitt.control.tracking import ROWS, Tracker
@@ -22,7 +21,7 @@ from mitt.robot.arm import Arm, to_pinocchio
 from mitt.robot.description import ArmModel, Link, rotation, transform
 from mitt.robot.limits import joint_level
 from mitt.robot.slopes import slopes_work
-from mitt.signals import ArmState, Array
+from mitt.signals import TICK, ArmState, Array
 
 ARMS = int(os.environ.get("MITT_LAW", "3"))
 #: Ticks before a fault, to be found in, and to come to rest in; the delay of the brakes [s].

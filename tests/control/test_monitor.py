@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from mitt.control import monitor
 from mitt.control.encoders import Encoders
-from mitt.control.envelope import TICK, bounds_of
+from mitt.control.envelope import bounds_of
 from mitt.control.monitor import (
     BRIDGED,
     FAST,
@@ -22,7 +22,7 @@ from mitt.control.monitor import (
 )
 from mitt.errors import InputError
 from mitt.robot.arm import Arm
-from mitt.signals import Array
+from mitt.signals import TICK, Array
 
 #: Resolutions of encoders [rad], from fine to coarse.
 STEPS = (1e-5, 8.5e-5, 1e-3)

@@ -9,14 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.control.envelope import TICK
 from mitt.control.reserve import EASIEST, HARDEST, SHARE, choose_stop
 from mitt.control.viability import BLOCKED, PASSED, Guard
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
 from mitt.robot.shapes import Surroundings
-from mitt.signals import Array
+from mitt.signals import TICK, Array
 
 PANDA = "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf/panda.urdf"
 #: What instants between those that are looked at may take more, and feedback has left.

@@ -5,12 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.control.envelope import TICK
 from mitt.control.viability import BLOCKED, MARGIN, PASSED, Guard
 from mitt.robot.arm import Arm
 from mitt.robot.description import Capsule
 from mitt.robot.shapes import Surroundings, clearance
-from mitt.signals import Array
+from mitt.signals import TICK, Array
 
 ROUNDING = 1e-9
 #: A pillar that the arm runs into when it turns from its ready pose.

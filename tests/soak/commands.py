@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitt.control.envelope import TICK, keep_joint
+from mitt.control.envelope import keep_joint
 from mitt.jit import kernel
-from mitt.signals import Array
+from mitt.signals import TICK, Array
 
 #: Excess beyond a limit that is rounding, and how far inside a wish must be to pass untouched.
 ROUNDING, INSIDE = 1e-9, 1e-9

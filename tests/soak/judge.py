@@ -16,13 +16,13 @@ import numpy as np
 
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
 from mitt.catcher.result import REASONS
-from mitt.control.envelope import TICK, bounds_of
+from mitt.control.envelope import bounds_of
 from mitt.control.health import ABORT, ENCODER_REASONS, Reason
 from mitt.control.viability import MARGIN
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import clearance, shapes_of
-from mitt.signals import Array, Command
+from mitt.signals import TICK, Array, Command
 from soak.commands import ROUNDING, inside, obeys
 
 #: Poses that are looked at along a way to standstill.

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from mitt.catcher.catcher import Phase
-from mitt.control.envelope import TICK, bounds_of
+from mitt.control.envelope import bounds_of
 from mitt.generator.learn import Learned
 from mitt.robot.arm import Arm
+from mitt.signals import TICK
 from soak import commands, files, judge, kills, ticks
 from soak.mutants import mutant
 

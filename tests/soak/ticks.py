@@ -13,14 +13,13 @@ from typing import final
 import numpy as np
 
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
-from mitt.control.envelope import TICK
 from mitt.errors import InputError, ShapeError
 from mitt.generator.feasibility import Outcome, Verdict
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
-from mitt.signals import ArmState, Array, BallState, JointReference, Senses
+from mitt.signals import TICK, ArmState, Array, BallState, JointReference, Senses
 from mitt.trials.source import aim_of
 from mitt.vision.camera import fixed_rig
 from mitt.vision.eyes import Eyes

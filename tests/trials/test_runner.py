@@ -18,7 +18,7 @@ from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
 from mitt.trials.known import driven, known_ball
 from mitt.trials.learning import learn
-from mitt.trials.log import recording_of
+from mitt.trials.recording import recording_of
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.score import HELD_AFTER
 from mitt.trials.simulate import simulate

@@ -9,14 +9,13 @@ from mitt.errors import InputError
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
-from mitt.signals import ArmState, Array, Command, Frame, Senses, Sighting
+from mitt.signals import TICK, ArmState, Array, Command, Frame, Senses, Sighting
 from mitt.vision.camera import fixed_rig
 from mitt.world.ballistics import fly as exactly
 from mitt.world.faults.flight import Undisturbed, pushes
 from mitt.world.faults.plan import Fault
 from mitt.world.faults.senses import true_rig
 from mitt.world.faults.trial import ActiveFaults
-from mitt.world.motion import TICK
 from mitt.world.scene import Scene, exact_scene
 from mitt.world.scenes import read_scene
 from mitt.world.simulation import World

@@ -1,6 +1,7 @@
 """The image sensor against brute force, and its noise against its settings."""
 
 from collections.abc import Callable
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -10,8 +11,9 @@ from hypothesis import strategies as st
 from mitt.errors import InputError
 from mitt.signals import Array
 from mitt.vision.camera import Camera, Rig, fixed_rig
-from mitt.world.imaging import Imager, ImageSensor
+from mitt.world.imaging import Imager, ImageSensor, sensor_of
 from mitt.world.noise import noise_bank
+from mitt.world.scene import Ball, Scene, Sensing
 
 CLEAN = ImageSensor(
     brightness=200.0, background=20.0, texture=0.0, body=20.0, read_noise=0.0, electrons=1e12
@@ -146,3 +148,16 @@ def test_impossible_sensors_are_refused() -> None:
     for make in made:
         with pytest.raises(InputError):
             make()
+
+
+@pytest.mark.parametrize(
+    "key", [x.name for x in fields(ImageSensor) if x.name in Sensing.model_fields]
+)
+def test_what_a_scene_says_of_its_sensors_arrives(key: str) -> None:
+    """Each key that a sensor has by the same name, and the brightness of the ball."""
+    other = {"pattern": (20.0, 6.0), "light": (0.2, 50.0), "shadow": (0.3, 100.0)}
+    value = other.get(key, 4e-4 if key == "exposure" else 0.25)
+    scene = Scene(sensing=Sensing.model_validate({key: value}), ball=Ball(brightness=77.0))
+    sensor = sensor_of(scene)
+    assert getattr(sensor, key) == value
+    assert sensor.brightness == 77.0

@@ -6,12 +6,11 @@ import pytest
 
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
-from mitt.signals import Array, Command, Frame, Senses
+from mitt.signals import TICK, Array, Command, Frame, Senses
 from mitt.world.ballistics import fly
 from mitt.world.contacts import survey
 from mitt.world.engine import plant_of
 from mitt.world.flights import builtin_flights, place_flight
-from mitt.world.motion import TICK
 from mitt.world.scene import TABLE_TENNIS, Scene, Sensing, exact_scene
 from mitt.world.simulation import World
 from mitt.world.throws import Throw

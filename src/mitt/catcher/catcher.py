@@ -49,7 +49,6 @@ from mitt.catcher.state import (
 )
 from mitt.catcher.tick import DECIDE, GRASPS, LAGS, REVIEWS, STOPS, act, perceive, tick
 from mitt.control.brake import plan_brake
-from mitt.control.envelope import TICK
 from mitt.control.health import ENCODER_REASONS, is_lost
 from mitt.control.monitor import doubted, good_again
 from mitt.control.stopped import StoppedBy
@@ -61,6 +60,7 @@ from mitt.generator.several import Several
 from mitt.impact import CaughtBall, examined, speed_caps, speed_jumps
 from mitt.robot.arm import Arm
 from mitt.signals import (
+    TICK,
     ArmState,
     Array,
     BallState,

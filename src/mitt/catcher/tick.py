@@ -22,7 +22,6 @@ from mitt.catcher.result import Result
 from mitt.catcher.settings import BRAKE, FOLLOW, STOPPED, WATCH
 from mitt.catcher.state import State
 from mitt.control.encoders import bring
-from mitt.control.envelope import TICK
 from mitt.control.hand import close, has_closed
 from mitt.control.health import ABORT, ASKED, assess, pass_time
 from mitt.control.margin import derate
@@ -35,7 +34,7 @@ from mitt.generator.evaluation import reference, time_to_catch
 from mitt.generator.feasibility import level
 from mitt.generator.prediction import lay_state, sigma_at_catch
 from mitt.jit import kernel
-from mitt.signals import Array, Image
+from mitt.signals import TICK, Array, Image
 from mitt.vision.eyes import LET_GO
 from mitt.vision.gaze import lead
 from mitt.vision.head import aim

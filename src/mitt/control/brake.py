@@ -26,10 +26,8 @@ from mitt.control.stop import (
     torque_share,
 )
 from mitt.robot.arm import Arm
-from mitt.signals import Array
+from mitt.signals import TICK, Array
 
-#: Control tick [s].
-_TICK = 0.001
 #: Shares of their own rate at which the joints brake that have room.
 _OTHERS = (0.15, 0.4, 0.8, 1.2)
 #: Rooms that differ by less count as the same until Ruckig has had its say [rad].
@@ -58,7 +56,7 @@ class Brake:
 
     def over(self, t: float) -> bool:
         """Say whether the arm has been wanted at rest for a tick or more at time ``t`` [s]."""
-        return t > self.t + self.duration + _TICK
+        return t > self.t + self.duration + TICK
 
     def at(self, t: float) -> Array:
         """Return q, dq, ddq at time ``t`` [rad ...], shape (3, n); at rest after the end."""

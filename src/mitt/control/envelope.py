@@ -29,10 +29,8 @@ import numpy as np
 from mitt.control.jerk import calm, keep_smooth, onwards
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
-from mitt.signals import Array
+from mitt.signals import TICK, Array
 
-#: Control tick [s].
-TICK = 0.001
 #: Share of a speed limit and gap to a joint stop [rad] that the emitted motion keeps.
 _SPEED_SHARE, _STOP_GAP = 0.995, 0.06
 #: Time in which a joint may close in on a speed limit [s]; a few ticks.

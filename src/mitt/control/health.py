@@ -16,10 +16,9 @@ from enum import Enum
 
 import numpy as np
 
-from mitt.control.envelope import TICK
-from mitt.control.monitor import BRIDGED, FAST, FINE
+from mitt.control.monitor import BRIDGED, FINE
 from mitt.jit import kernel
-from mitt.signals import Array
+from mitt.signals import TICK, Array
 
 NOMINAL, PREDICT, DEGRADED, ABORT, INVALID = range(5)
 
@@ -58,6 +57,8 @@ class Reason(Enum):
 (_NONE, _UNSEEN, _ONE_CAMERA, _LATE, _BRIDGED, _BLOCKED, LOST, _SILENT, _JUMPED, _STUCK, _REVERSED,
  CLOCK, OVERRUN, _TRACKING, ASKED, _FAST) = range(16)  # fmt: skip
 
+#: Reason for each state of an encoder, in the order of :mod:`mitt.control.monitor`.
+_OF_ENCODER = (_NONE, _BRIDGED, _SILENT, _JUMPED, _STUCK, _REVERSED, _FAST)
 #: Reasons that one joint's encoder gives.
 ENCODER_REASONS = (Reason.SILENT, Reason.JUMPED, Reason.STUCK, Reason.REVERSED, Reason.FAST)
 
@@ -150,10 +151,8 @@ def assess(
         stray: Gap that is too large, if it lasts [rad].
     """
     m[_FAR] = m[_FAR] + 1.0 if gap > stray else 0.0
-    if encoders == FAST:
-        return ABORT, _FAST
     if encoders > BRIDGED:
-        return ABORT, _SILENT + encoders - BRIDGED - 1
+        return ABORT, _OF_ENCODER[encoders]
     if clock > _LATE:
         return ABORT, clock
     if m[_FAR] >= _FAR_TICKS:

@@ -13,9 +13,8 @@ as the next state can still stop, else the joint brakes, which by induction it c
 import numpy as np
 
 from mitt.jit import kernel
+from mitt.signals import TICK
 
-#: Control tick [s]; as in :mod:`mitt.control.envelope`.
-_TICK = 0.001
 #: Rate at which a gap to the wished position is closed [1/s].
 _CLOSING = 50.0
 #: Ticks in which a joint has to come to rest, halvings between wish and brake, and rounding.
@@ -34,9 +33,9 @@ def calm(dq: float, ddq: float, brake: float, jerk: float) -> float:
     """
     speed = abs(dq)
     # With steps of jerk T back to none, a deceleration x takes x^2 / (2 jerk) + x T / 2 of speed.
-    rate = jerk * (np.sqrt(0.25 * _TICK * _TICK + 2.0 * speed / jerk) - 0.5 * _TICK)
-    wish = -np.copysign(min(rate, speed / _TICK, brake), dq)
-    return float(min(max(wish, ddq - jerk * _TICK), ddq + jerk * _TICK))
+    rate = jerk * (np.sqrt(0.25 * TICK * TICK + 2.0 * speed / jerk) - 0.5 * TICK)
+    wish = -np.copysign(min(rate, speed / TICK, brake), dq)
+    return float(min(max(wish, ddq - jerk * TICK), ddq + jerk * TICK))
 
 
 @kernel
@@ -58,9 +57,9 @@ def can_stop(
     """
     if not (low <= q <= high and abs(dq) <= dq_max + _ROUNDING):
         return False
-    rise = abs(ddq) / jerk + _TICK
+    rise = abs(ddq) / jerk + TICK
     top = abs(dq) + abs(ddq) * rise
-    way = top * (rise + 0.5 * top / brake + brake / jerk + 2.0 * _TICK)
+    way = top * (rise + 0.5 * top / brake + brake / jerk + 2.0 * TICK)
     if top <= dq_max and way <= min(high - q, q - low):
         return True
     for _ in range(_LONGEST):
@@ -68,10 +67,10 @@ def can_stop(
             return True
         ddq = calm(dq, ddq, brake, jerk)
         before = dq
-        dq += _TICK * ddq
-        if abs(dq) <= _ROUNDING and abs(ddq) <= jerk * _TICK:
+        dq += TICK * ddq
+        if abs(dq) <= _ROUNDING and abs(ddq) <= jerk * TICK:
             dq = 0.0
-        q += 0.5 * _TICK * (before + dq)
+        q += 0.5 * TICK * (before + dq)
         if not (low <= q <= high and abs(dq) <= dq_max + _ROUNDING):
             return False
     return False
@@ -99,10 +98,10 @@ def keep_smooth(
     near = calm(dq0, ddq0, brake, jerk)
     if not (np.isfinite(q) and np.isfinite(dq)):
         q, dq = q0, 0.0
-    gap = min(max(q - q0 - 0.5 * _TICK * (dq + dq0), -1e3), 1e3)
-    wish = (min(max(dq, -2.0 * dq_max), 2.0 * dq_max) + _CLOSING * gap - dq0) / _TICK
+    gap = min(max(q - q0 - 0.5 * TICK * (dq + dq0), -1e3), 1e3)
+    wish = (min(max(dq, -2.0 * dq_max), 2.0 * dq_max) + _CLOSING * gap - dq0) / TICK
     wish = min(max(wish, -ddq_max), ddq_max)
-    wish = min(max(wish, ddq0 - jerk * _TICK), ddq0 + jerk * _TICK)
+    wish = min(max(wish, ddq0 - jerk * TICK), ddq0 + jerk * TICK)
     q1, dq1, _ = onwards(q0, dq0, wish)
     if can_stop(low, high, dq_max, brake, jerk, q1, dq1, wish):
         return q1, dq1, wish
@@ -121,10 +120,10 @@ def keep_smooth(
 @kernel
 def onwards(q: float, dq: float, ddq: float) -> tuple[float, float, float]:
     """Return q, dq, ddq after a tick of constant acceleration."""
-    after = dq + _TICK * ddq
+    after = dq + TICK * ddq
     if abs(after) <= _ROUNDING:
         after = 0.0
-    return q + 0.5 * _TICK * (dq + after), after, ddq
+    return q + 0.5 * TICK * (dq + after), after, ddq
 
 
 @kernel
@@ -141,8 +140,8 @@ def braked(dq: float, ddq: float, brake: float, jerk: float, t: float) -> tuple[
         jerk: Largest jerk [rad/s^3].
         t: Time [s].
     """
-    delay = (abs(ddq) + 2.0 * brake) / jerk + 2.0 * _TICK
-    top = abs(dq) + 0.5 * ddq * ddq / jerk + abs(ddq) * _TICK
+    delay = (abs(ddq) + 2.0 * brake) / jerk + 2.0 * TICK
+    top = abs(dq) + 0.5 * ddq * ddq / jerk + abs(ddq) * TICK
     slow = max(t - delay, 0.0)
     slow = min(slow, top / brake)
     return top * min(t, delay) + slow * (top - 0.5 * brake * slow), top - brake * slow

@@ -30,9 +30,8 @@ Memory, a row a joint: the columns below.
 
 import numpy as np
 
-from mitt.control.envelope import TICK
 from mitt.jit import kernel
-from mitt.signals import Array
+from mitt.signals import TICK, Array
 from mitt.views import view
 
 #: Columns of the memory: estimate, its covariance; ticks without a number, refused readings in a

@@ -16,7 +16,7 @@ from mitt.link.clock import Stopwatch
 from mitt.report.figures.learning import feedback_share
 from mitt.report.run_page import ReportContent, write_report
 from mitt.trials.journal import NAME, RESULT, Journal
-from mitt.trials.log import recording_of
+from mitt.trials.recording import recording_of
 from mitt.trials.result import result
 from mitt.trials.run import FinishedRun, Prepared, make_runner, runner_for
 from mitt.trials.runner import LoggedTrial, TrialRunner

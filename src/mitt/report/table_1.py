@@ -5,9 +5,9 @@ import numpy as np
 from mitt.report.page import NONE
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
+from mitt.signals import TICK
 from mitt.trials.log import TrialLog
 from mitt.vision.camera import fixed_rig
-from mitt.world.motion import TICK
 
 #: Width of the window over which the hand's acceleration is averaged [ticks].
 _WINDOW = 5

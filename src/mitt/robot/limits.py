@@ -1,4 +1,4 @@
-"""What the drives allow: named sets of torque, speed and range limits.
+"""What the drives allow: named sets of torque and speed limits.
 
 Every set is a linear transmission from joints to drives and limits on the drives. For joint-level
 sets the transmission is the identity; for motor-level ones it holds the gear ratios and the

@@ -44,8 +44,8 @@ _APART = 0.01
 class Surroundings:
     """What stands around the arm.
 
-    A part of the arm that is within 10 mm of the floor in the ready pose, as the foot of an arm that
-    stands on it, is not kept from the floor.
+    A part of the arm that is within 10 mm of the floor in the ready pose, as the foot of an arm
+    that stands on it, is not kept from the floor.
 
     Attributes:
         floor: Height of the floor in the world frame [m].

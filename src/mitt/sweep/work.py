@@ -23,7 +23,7 @@ from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.sweep.parts import Row, row_of, write_rows
 from mitt.sweep.study import ArmSettings, Condition, ThrowSettings
-from mitt.trials.log import recording_of
+from mitt.trials.recording import recording_of
 from mitt.trials.registry import make_generator
 from mitt.trials.run import arm_of
 from mitt.trials.runner import LoggedTrial, TrialRunner

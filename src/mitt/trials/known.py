@@ -7,8 +7,8 @@ import numpy as np
 
 from mitt.ball.filter import FilterConfig
 from mitt.control.encoders import Encoders
-from mitt.control.envelope import TICK
 from mitt.robot.arm import Arm
+from mitt.signals import TICK
 from mitt.vision.eyes import EyesConfig
 from mitt.vision.triangulation import TriangulatorConfig
 from mitt.world.scene import Actuation, Scene

@@ -21,14 +21,14 @@ from mitt.catcher.tick import tick, undecided
 from mitt.errors import ShapeError
 from mitt.jit import kernel
 from mitt.link.clock import Stopwatch, now_ns
-from mitt.signals import Array, Image
+from mitt.signals import TICK, Array, Image
 from mitt.vision.segmentation import suffices
 from mitt.vision.target import WORK, region_of_interest
 from mitt.world.capsules import lay_capsules
 from mitt.world.engine import Plant
 from mitt.world.exposure import Bank, Cameras, snap
 from mitt.world.imaging import BLOCK, Film
-from mitt.world.motion import TICK, TICKS, WATCHED, move, over, tell
+from mitt.world.motion import TICKS, WATCHED, move, over, tell
 from mitt.world.painting import LIGHT
 from mitt.world.sensors import DQ, Q, read_encoders
 from mitt.world.stage import Body, Stage

@@ -34,7 +34,7 @@ from mitt.vision.head import active_rig
 from mitt.world.calibration import drawn_rig, error_root
 from mitt.world.faults.senses import true_rig
 from mitt.world.flights import BallPath
-from mitt.world.imaging import Imager, ImageSensor
+from mitt.world.imaging import Imager, sensor_of
 from mitt.world.materials import friction_of, restitution_of
 from mitt.world.scene import Scene
 from mitt.world.simulation import World
@@ -208,20 +208,7 @@ def _patience(generator: Generator) -> float:
 
 def _cameras(rig: Rig, scene: Scene) -> Callable[[np.random.Generator], Imager]:
     """Return what sets up the cameras of a trial."""
-    sensing = scene.sensing
-    sensor = ImageSensor(
-        brightness=scene.ball.brightness,
-        texture=sensing.texture,
-        body=sensing.body,
-        exposure=sensing.exposure,
-        hand=sensing.hand,
-        shading=sensing.shading,
-        grain=sensing.grain,
-        pattern=sensing.pattern,
-        light=sensing.light,
-        shadow=sensing.shadow,
-        blur=sensing.blur,
-    )
+    sensing, sensor = scene.sensing, sensor_of(scene)
     calibrated = sensing.views > 0 and not rig.heads
     k = sensing.distortion
     root = error_root(rig, sensing.views, sensing.corner_noise, k) if calibrated else None

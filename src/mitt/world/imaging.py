@@ -5,7 +5,7 @@ from the generator. The drawing itself is in ``exposure``.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import TypeAlias
 
 import numpy as np
@@ -19,6 +19,7 @@ from mitt.world.heads import Heads
 from mitt.world.noise import NOISE_SIZE, PERIOD, SIDE, noise_bank
 from mitt.world.outline import SCRATCH
 from mitt.world.painting import BLUR, LIGHT
+from mitt.world.scene import Scene
 
 BLOCK = 512
 """Frames whose offsets into the noise banks are drawn at once."""
@@ -106,6 +107,13 @@ class ImageSensor:
         """
         shares = self.shading, self.grain, self.blur, self.pattern[0], self.light[0], self.shadow[0]
         return max(shares) > 0.0 or self.hand_level != self.body or self.body > _DARK
+
+
+def sensor_of(scene: Scene) -> ImageSensor:
+    """Return the image sensors of a scene: of its ``sensing`` what a sensor has by that name."""
+    own = {x.name: getattr(scene.sensing, x.name) for x in fields(ImageSensor)
+           if hasattr(scene.sensing, x.name)}  # fmt: skip
+    return ImageSensor(brightness=scene.ball.brightness, **own)
 
 
 def whole_images(shapes: Sequence[tuple[int, int]]) -> NDArray[np.int64]:

@@ -31,15 +31,12 @@ import numpy as np
 
 from mitt.ball.flight import GRAVITY, advance
 from mitt.jit import kernel
-from mitt.signals import Array
+from mitt.signals import TICK, Array
 from mitt.world.brakes import ROWS, hold
 from mitt.world.build import STEP
 from mitt.world.contacts import BALL_ANY, BALL_FLOOR, BALL_HAND, survey, tip_velocity
 from mitt.world.drives import MEAN, actuate, command, follow
 from mitt.world.engine import Plant, step1, step2
-
-#: Control tick [s].
-TICK = 0.001
 
 #: Simulation steps in a tick where a contact may begin; elsewhere one is enough.
 FINE_STEPS = round(TICK / STEP)

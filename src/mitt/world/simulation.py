@@ -11,7 +11,7 @@ from mitt.errors import InputError
 from mitt.robot.description import ArmModel
 from mitt.robot.hands import HandModel
 from mitt.robot.limits import Limits
-from mitt.signals import Array, Command, Frame, Senses
+from mitt.signals import TICK, Array, Command, Frame, Senses
 from mitt.world import contacts, motion
 from mitt.world.ballistics import fly
 from mitt.world.brakes import brake_numbers
@@ -91,7 +91,7 @@ class World:
     @property
     def t(self) -> float:
         """Time since release [s]."""
-        return self._state.item(motion.TICKS) * motion.TICK
+        return self._state.item(motion.TICKS) * TICK
 
     @property
     def flight(self) -> Callable[[float], tuple[Array, Array]]:
@@ -212,7 +212,7 @@ class World:
             command = self._faults.command(self.t, command)
         motion.tell(self._state, command.brakes, False)
         self._move(command.tau, command.hand, self._tape.reserve(self._ticks + 2))
-        self._sensors.turn(command.gaze, motion.TICK)
+        self._sensors.turn(command.gaze, TICK)
 
     def _checked(self, command: Command) -> Command:
         """Return a command as compiled code takes it; refuse another shape."""
@@ -270,9 +270,7 @@ class World:
         mujoco.mj_kinematics(self.model, self.data)
         flight = Undisturbed(ball=ball, drag=self._scene.ball.drag, hand=self._site.copy())
         active = self._arm.active
-        return ActiveFaults(
-            plan, seed, flight, limits=self._limits, active=active, tick=motion.TICK
-        )
+        return ActiveFaults(plan, seed, flight, limits=self._limits, active=active, tick=TICK)
 
     def _start(self, path: BallPath | None, drawn: Drawn) -> None:
         """Forget the trial before and bring all derived quantities up to date."""
@@ -280,7 +278,7 @@ class World:
         self._drag = float(drawn.drag_force / drawn.mass)
         ball = drawn.mass, self._drag
         self._state = motion.fresh_motion(self._servo, drawn.friction, ball, self._brakes)
-        self.model.opt.timestep = motion.TICK
+        self.model.opt.timestep = TICK
         mujoco.mj_step1(self.model, self.data)
         drives = fresh_drives(self._scene.actuation, self.data.qfrc_bias[: self._n])
         self._plant = self._plant._replace(state=self._state, drives=drives)
@@ -298,13 +296,13 @@ class World:
         From its first touch or disturbance on, a ball that followed a path flies freely.
         """
         state, faults = self._state, self._faults
-        start, steps = self._ticks * motion.TICK, int(state[motion.STEPS])
+        start, steps = self._ticks * TICK, int(state[motion.STEPS])
         untouched = state[motion.TOUCHED] < 0.0
-        pushed = faults is not None and untouched and faults.pushes(start, start + motion.TICK)
+        pushed = faults is not None and untouched and faults.pushes(start, start + TICK)
         if self._path is None and not pushed:
             motion.move(self._plant, tau, hand, rows)
             return
-        h = motion.TICK / steps
+        h = TICK / steps
         motion.begin(self._plant, tau, hand)
         for step in range(1, steps + 1):
             flies = pushed and state[motion.TOUCHED] < 0.0

@@ -11,7 +11,7 @@ from math import floor
 import numpy as np
 
 from mitt.robot.description import rotation
-from mitt.signals import Array, Frame, Senses, Sighting
+from mitt.signals import TICK, Array, Frame, Senses, Sighting
 from mitt.vision.camera import Rig
 from mitt.world.faults.draw import direction, drawn
 from mitt.world.faults.plan import (
@@ -32,8 +32,6 @@ from mitt.world.faults.plan import (
 
 Batch = tuple[tuple[Frame, ...], tuple[Sighting, ...]]
 
-#: Time between two exposures of a camera that misses none [s].
-_TICK = 0.001
 #: A delay is over when less than this is left of it [s].
 _SLACK = 1e-9
 
@@ -118,9 +116,9 @@ class _FrameRate(SensorFault):
     def looks(self, t: float) -> bool:
         if not self._fault.is_active(t):
             return True
-        rate = min(self._fault.magnitude, 1.0 / _TICK)
+        rate = min(self._fault.magnitude, 1.0 / TICK)
         now = floor(t * rate + self._phase + 1e-9)
-        return now != floor((t - _TICK) * rate + self._phase + 1e-9)
+        return now != floor((t - TICK) * rate + self._phase + 1e-9)
 
 
 class _Turned(SensorFault):

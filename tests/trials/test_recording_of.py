@@ -8,7 +8,7 @@ import numpy as np
 from mitt.files.recording import CATCH_POINT, ESTIMATE, EVENT, PHASE, TRUTH
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
-from mitt.trials.log import recording_of
+from mitt.trials.recording import recording_of
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.source import source_of
 from mitt.world.faults.plan import Encoder
