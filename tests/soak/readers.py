@@ -170,6 +170,5 @@ SAMPLES: tuple[Callable[[Path], Sample], ...] = (
     _seen,
     _study,
     _of_study("study.json"),
-    _of_study("summary.json"),
     _of_study("trials.parquet"),
 )
