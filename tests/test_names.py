@@ -1,10 +1,13 @@
 """Every file that source, comments or documents name is there."""
 
+import ast
 import re
 import subprocess
 from pathlib import Path
 
 import pytest
+
+from mitt.jit import PACKAGE
 
 ROOT = Path(__file__).parents[1]
 #: Where a name may begin: as from these folders, or from the file that names it.
@@ -57,3 +60,14 @@ def test_every_file_that_is_named_is_there() -> None:
         for name in missing(path, path.read_text(encoding="utf-8"))
     }
     assert sorted(found) == []
+
+
+def test_no_function_is_longer_than_a_screen() -> None:
+    """60 lines, docstring included."""
+    long = [
+        f"{path.name}:{node.name}: {(node.end_lineno or 0) - node.lineno + 1}"
+        for path in sorted(PACKAGE.rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.FunctionDef) and (node.end_lineno or 0) - node.lineno >= 60
+    ]
+    assert not long

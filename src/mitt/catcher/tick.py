@@ -126,22 +126,11 @@ def perceive(
     if s.heads > 0:
         aim(state.eyes_heads, state.eyes_angles, state.eyes_cameras)
     _guide(images, t_exposed, beside, state, result)
-    if (
-        localize(
-            images,
-            backgrounds,
-            apart,
-            state.eyes_memory,
-            state.eyes_settings,
-            state.eyes_boxes,
-            state.eyes_cameras,
-            state.eyes_ball,
-            state.eyes_work,
-            state.z,
-            state.R,
-        )
-        and t_exposed <= t + TICK
-    ):  # a sighting of the future is one of a clock that was set
+    found = localize(
+        images, backgrounds, apart, state.eyes_memory, state.eyes_settings, state.eyes_boxes,
+        state.eyes_cameras, state.eyes_ball, state.eyes_work, state.z, state.R,
+    )  # fmt: skip
+    if found and t_exposed <= t + TICK:  # a sighting of the future is one of a clock that was set
         if beside:
             for k in range(3):
                 state.R[k, k] += TOUCHED * TOUCHED

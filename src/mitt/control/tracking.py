@@ -131,22 +131,33 @@ def track(
     for k in range(links):
         met |= abs(kept[k] - asked[k]) > _TOUCH
     if met:
-        coast, given = view(told, 3 * n, (n,)), view(notes, 3 * links, (links,))
-        coast[:] = 0.0
-        bound_acceleration(bounds, q, dq, coast)
-        inverse_dynamics(bodies, q, dq, coast, given, scratch)
-        if largest_share(drives, given, speed) <= 1.0:
-            _cut(drives, given, asked, speed, kept)
-        else:
-            level = view(notes, 4 * links, (links,))
-            coast[:] = 0.0
-            inverse_dynamics(bodies, q, dq, coast, level, scratch)
-            if largest_share(drives, level, speed) > 1.0:
-                level[:] = 0.0
-            _cut(drives, level, given, speed, kept)
+        _give_way(bounds, drives, bodies, q, dq, told, notes)
     for k in range(n):
         told[3, k] = kept[index[k]]
     return met
+
+
+@kernel
+def _give_way(
+    bounds: Array, drives: Array, bodies: Array, q: Array, dq: Array, told: Array, notes: Array
+) -> None:
+    """Cut the torques of all joints by one share, towards what the arm does by itself at most."""
+    links, n = len(bodies), len(q)
+    asked, speed = view(notes, 0, (links,)), view(notes, links, (links,))
+    kept, given = view(notes, 2 * links, (links,)), view(notes, 3 * links, (links,))
+    scratch, coast = view(notes, 5 * links, (links, NOTES - 5)), view(told, 3 * n, (n,))
+    coast[:] = 0.0
+    bound_acceleration(bounds, q, dq, coast)
+    inverse_dynamics(bodies, q, dq, coast, given, scratch)
+    if largest_share(drives, given, speed) <= 1.0:
+        _cut(drives, given, asked, speed, kept)
+        return
+    level = view(notes, 4 * links, (links,))
+    coast[:] = 0.0
+    inverse_dynamics(bodies, q, dq, coast, level, scratch)
+    if largest_share(drives, level, speed) > 1.0:
+        level[:] = 0.0
+    _cut(drives, level, given, speed, kept)
 
 
 @kernel

@@ -7,7 +7,7 @@ instead of 13, most of it because only those parts of an image are drawn that th
 Faults, prescribed flights, turning heads and generators that are no map need the Python loop.
 """
 
-from typing import TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,21 +33,60 @@ from mitt.world.painting import LIGHT
 from mitt.world.sensors import DQ, Q, read_encoders
 from mitt.world.stage import Body, Stage
 
-Points: TypeAlias = tuple[Array, Array, Array]
-"""How far off the points of a block are, shape (BLOCK, 3), or (0, 3) where there are images; their
-covariance, shape (3, 3); those that are on their way, shape (latency + 1, 3); all [m]."""
 
-Shots: TypeAlias = tuple[Array, NDArray[np.int64], NDArray[np.uint8]]
-"""What was exposed and is on its way: arm and hand, then the ball and its velocity, a row a tick,
-shape (latency + 1, c + 2, 8); offsets into the banks of noise, shape (latency + 1, 2, 2); room for
-the two images of one tick, shape (2, height, width)."""
+class Points(NamedTuple):
+    """Noisy positions in place of images, all [m].
 
-Eyes: TypeAlias = tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64], Array]
-"""Scratch to look ahead where the eyes look: windows, shape (2, 4), whether they are less than the
-images, shape (2,), and that of :func:`mitt.vision.segmentation.suffices`."""
+    Attributes:
+        scatter: Errors of the points of a block, shape (BLOCK, 3); (0, 3) where there are images.
+        covariance: Their covariance, shape (3, 3).
+        line: Points that are on their way, shape (latency + 1, 3).
+    """
 
-Sight: TypeAlias = tuple[Body, Film, Shots, Points]
-"""Arm and hand, cameras, exposures, points."""
+    scatter: Array
+    covariance: Array
+    line: Array
+
+
+class Shots(NamedTuple):
+    """What was exposed and is on its way, a row a tick.
+
+    Attributes:
+        rows: Arm and hand, then the ball and its velocity, shape (latency + 1, c + 2, 8).
+        starts: Offsets into the banks of noise, shape (latency + 1, 2, 2).
+        images: Room for the two images of one tick, shape (2, height, width).
+    """
+
+    rows: Array
+    starts: NDArray[np.int64]
+    images: NDArray[np.uint8]
+
+
+class LookAhead(NamedTuple):
+    """Scratch to find out where the eyes are going to look.
+
+    Attributes:
+        windows: Rows and columns, first and last, shape (2, 4).
+        known: Whether they are less than the images, shape (2,).
+        work, weights: Of :func:`mitt.vision.segmentation.suffices`.
+    """
+
+    windows: NDArray[np.int64]
+    known: NDArray[np.bool_]
+    work: NDArray[np.int64]
+    weights: Array
+
+
+class Sight(NamedTuple):
+    """Arm and hand, cameras, exposures, points; half the exposure [s], radius of the ball [m]."""
+
+    body: Body
+    film: Film
+    shots: Shots
+    points: Points
+    half: float
+    radius: float
+
 
 #: Cameras where there are none, and what arrives from them.
 _DARK: Film = (
@@ -63,18 +102,18 @@ NOTHING = np.empty((0, 0), np.uint8), np.empty((0, 0), np.uint8)
 
 
 @kernel
-def develop(
+def render(
     shot: Array, starts: NDArray[np.int64], images: tuple[Image, Image], camera: Cameras,
     bank: Bank, half: float, radius: float, t: float, backgrounds: tuple[Image, ...],
-    state: StateHandle, eyes: Eyes,
+    state: StateHandle, ahead: LookAhead,
 ) -> None:  # fmt: skip
     """Draw of the images of an exposure what the eyes are going to look at.
 
     That is where they find the ball again; where they do not, and so look everywhere, all.
 
     Args:
-        shot: Of ``Shots``, shape (c + 2, 8).
-        starts: Of ``Shots``, shape (2, 2).
+        shot: A row of ``Shots.rows``, shape (c + 2, 8).
+        starts: A row of ``Shots.starts``, shape (2, 2).
         images: Result.
         camera: As of ``Film``.
         bank: As of ``Film``.
@@ -83,9 +122,9 @@ def develop(
         t: Middle of the exposure [s].
         backgrounds: As of ``Catcher.backgrounds``.
         state: As of ``Catcher.parts``.
-        eyes: Scratch.
+        ahead: Scratch.
     """
-    windows, known, work, weights = eyes
+    windows, known = ahead.windows, ahead.known
     memory, settings, count = state.eyes_memory, state.eyes_settings, len(shot) - 2
     r_o, dr_o = shot[count, :3], shot[count + 1, :3]
     for whole in (False, True):
@@ -97,41 +136,58 @@ def develop(
         snap(images, camera, bank, starts, half, radius, r_o, dr_o, shot[:count], windows, t)
         for n in range(2):
             missed |= known[n] and not suffices(
-                images[n], backgrounds[n], backgrounds[2], windows[n], memory[n], settings, work,
-                weights,
+                images[n], backgrounds[n], backgrounds[2], windows[n], memory[n], settings,
+                ahead.work, ahead.weights,
             )  # fmt: skip
         if not missed:
             return
 
 
 @kernel
+def expose(
+    plant: Plant, sight: Sight, backgrounds: tuple[Image, ...], state: StateHandle,
+    ahead: LookAhead, k: int,
+) -> None:  # fmt: skip
+    """Keep what is in view in tick ``k``, and draw the images that arrive in it; see ``play``."""
+    shots, points = sight.shots, sight.points
+    ball, latency = len(plant.ctrl), len(points.line) - 1
+    r_o, dr_o = plant.qpos[ball : ball + 3], plant.qvel[ball : ball + 3]
+    if len(points.scatter) > 0:
+        for i in range(3):
+            points.line[k % len(points.line), i] = r_o[i] + points.scatter[k % BLOCK, i]
+        return
+    body, (camera, bank, starts), row = sight.body, sight.film, k % len(shots.rows)
+    shot, place = shots.rows[row], (k - latency) % len(shots.rows)
+    lay_capsules(body[0], body[1], body[2], body[3], shot[: len(shot) - 2])
+    for i in range(3):
+        shot[len(shot) - 2, i], shot[len(shot) - 1, i] = r_o[i], dr_o[i]
+    shots.starts[row] = starts[k % BLOCK]
+    if k >= latency:
+        render(
+            shots.rows[place], shots.starts[place], (shots.images[0], shots.images[1]), camera,
+            bank, sight.half, sight.radius, (k - latency) * TICK, backgrounds, state, ahead,
+        )  # fmt: skip
+
+
+@kernel
 def play(
-    plant: Plant,
-    rows: Array,
-    sight: Sight,
-    scalars: tuple[float, float, float, float],
-    nothing: tuple[Image, Image],
-    backgrounds: tuple[Image, ...],
-    encoders: Array,
-    catcher: tuple[Array, StateHandle, ResultHandle],
-    eyes: Eyes,
-    log: ResultHandle,
-    times: NDArray[np.int64],
-    count: int,
-) -> int:
+    plant: Plant, trace: Array, sight: Sight, until: tuple[float, float],
+    nothing: tuple[Image, Image], backgrounds: tuple[Image, ...], encoders: Array,
+    catcher: tuple[Array, StateHandle, ResultHandle], ahead: LookAhead, log: ResultHandle,
+    times: NDArray[np.int64], count: int,
+) -> int:  # fmt: skip
     """Make ticks until there is something to think about, or the trial is over.
 
     Args:
         plant: As of ``Stage``.
-        rows: The trace.
-        sight: As above.
-        scalars: Half the exposure [s], radius of the ball [m], and two of
-            :func:`mitt.world.motion.over`.
+        trace: Rows of the trace.
+        sight: What the catcher sees.
+        until: Two numbers of :func:`mitt.world.motion.over`.
         nothing: Images where none has arrived yet.
         backgrounds: As of ``Catcher.backgrounds``.
         encoders: As of :func:`mitt.world.sensors.fresh_encoders`.
         catcher: As of ``Catcher.parts``.
-        eyes: Scratch.
+        ahead: Scratch.
         log: Result of each tick, at its number.
         times: How long the catcher took in each tick [ns], and two numbers of scratch.
         count: Most ticks to be made.
@@ -139,40 +195,24 @@ def play(
     Returns:
         What is to be thought about: bits of :mod:`mitt.catcher.tick`.
     """
-    body, (camera, bank, starts), (shots, begun, pixels), (scatter, covariance, line) = sight
     brake, state, result = catcher
-    s, out = state.scalars[0], result.scalars[0]
-    p, qpos, qvel = plant.state, plant.qpos, plant.qvel
-    n, ball = len(plant.slides), len(plant.ctrl)
-    r_o, dr_o = qpos[ball : ball + 3], qvel[ball : ball + 3]
-    latency, clock = len(line) - 1, times[len(times) - 2 :]
+    s, out, p, n = state.scalars[0], result.scalars[0], plant.state, len(plant.slides)
+    line, clock = sight.points.line, times[len(times) - 2 :]
+    latency, with_points = len(line) - 1, len(sight.points.scatter) > 0
     for _ in range(count):
-        k, images, exposed, pointed = int(p[TICKS]), nothing, 0.0, False
-        if s.phase != BRAKE and s.phase != STOPPED:
-            pointed = len(scatter) > 0 and k >= latency
-            if len(scatter) > 0:
-                for i in range(3):
-                    line[k % len(line), i] = r_o[i] + scatter[k % BLOCK, i]
-            else:
-                row = k % len(shots)
-                shot, place = shots[row], (k - latency) % len(shots)
-                lay_capsules(body[0], body[1], body[2], body[3], shot[: len(shot) - 2])
-                for i in range(3):
-                    shot[len(shot) - 2, i], shot[len(shot) - 1, i] = r_o[i], dr_o[i]
-                begun[row] = starts[k % BLOCK]
-                if k >= latency:
-                    images, exposed = (pixels[0], pixels[1]), (k - latency) * TICK
-                    develop(
-                        shots[place], begun[place], images, camera, bank, scalars[0], scalars[1],
-                        exposed, backgrounds, state, eyes,
-                    )  # fmt: skip
-        read_encoders(encoders, k * TICK, qpos[:n], qvel[:n])
+        k, images, exposed = int(p[TICKS]), nothing, 0.0
+        looking = s.phase != BRAKE and s.phase != STOPPED
+        if looking:
+            expose(plant, sight, backgrounds, state, ahead, k)
+        arrived = looking and k >= latency
+        if arrived and not with_points:
+            images, exposed = (sight.shots.images[0], sight.shots.images[1]), (k - latency) * TICK
+        read_encoders(encoders, k * TICK, plant.qpos[:n], plant.qvel[:n])
         before = now_ns(clock)
-        if pointed:
-            seen = line[(k - latency) % len(line)]
+        if arrived and with_points:
             update(
-                state.ball_memory, (k - latency) * TICK, seen, covariance, state.ball_settings,
-                state.ball_work,
+                state.ball_memory, (k - latency) * TICK, line[(k - latency) % len(line)],
+                sight.points.covariance, state.ball_settings, state.ball_work,
             )  # fmt: skip
         todo = tick(
             images, backgrounds, 0, exposed, k * TICK, encoders[Q], encoders[DQ], brake, state,
@@ -180,11 +220,11 @@ def play(
         )  # fmt: skip
         times[k] = now_ns(clock) - before
         tell(p, out.brakes, s.phase == STOPPED)
-        move(plant, result.command[3], out.hand, rows)
+        move(plant, result.command[3], out.hand, trace)
         keep(result, log, k)
         if undecided(todo, state, result):
             todo = 0
-        if todo != 0 or over(p, scalars[2], scalars[3]):
+        if todo != 0 or over(p, until[0], until[1]):
             return int(todo)
     return 0
 
@@ -209,30 +249,29 @@ def play_out(
         raise ShapeError("catcher", f"an arm of {n} joints", (own,))
     imager, p, most = stage.imager, stage.plant.state, round((longest + held + WATCHED) / TICK) + 2
     latency, shape = stage.scene.sensing.latency, (0, 0) if imager is None else imager.shape
-    shots = (
+    shots = Shots(
         np.zeros((latency + 1, len(stage.body[4]) + 2, 8)),
         np.zeros((latency + 1, 2, 2), np.int64),
         np.empty((2, *shape), np.uint8),
     )
-    eyes = (
+    ahead = LookAhead(
         np.zeros((2, 4), np.int64), np.zeros(2, np.bool_), np.zeros((WORK, 4), np.int64),
         np.zeros(7),
     )  # fmt: skip
-    line, covariance = np.zeros((latency + 1, 3)), stage.sensors.covariance
-    scatter, cameras = np.zeros((0, 3)), _DARK
-    scalars = 0.0 if imager is None else imager.half, stage.radius, longest, held
+    points = Points(np.zeros((0, 3)), stage.sensors.covariance, np.zeros((latency + 1, 3)))
+    half = 0.0 if imager is None else imager.half
     rows, log = stage.tape.reserve(most + 1), room_for(catcher.result, most)
-    times, kept = np.zeros(most + 2, np.int64), result_handle(log)
+    times, kept, cameras = np.zeros(most + 2, np.int64), result_handle(log), _DARK
     while (parts := catcher.parts) is not None and not over(p, longest, held):
         k = int(p[TICKS])
         if imager is not None:
             cameras = imager.film
         elif k % BLOCK == 0 and catcher.looking:
-            scatter = stage.sensors.scatter(BLOCK)
-        sight = stage.body, cameras, shots, (scatter, covariance, line)
+            points = points._replace(scatter=stage.sensors.scatter(BLOCK))
+        sight = Sight(stage.body, cameras, shots, points, half, stage.radius)
         todo = play(
-            stage.plant, rows, sight, scalars, NOTHING, catcher.backgrounds,
-            stage.sensors.encoders, parts, eyes, kept, times, BLOCK - k % BLOCK,
+            stage.plant, rows, sight, (longest, held), NOTHING, catcher.backgrounds,
+            stage.sensors.encoders, parts, ahead, kept, times, BLOCK - k % BLOCK,
         )  # fmt: skip
         if imager is not None and catcher.looking:
             imager.expose(int(p[TICKS]) - k)

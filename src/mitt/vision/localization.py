@@ -181,8 +181,7 @@ def localize(
         backgrounds: One a camera, as in :mod:`mitt.vision.background`, then scratch as large as the
             largest image.
         apart: Images that were not exposed at the instant that is asked for, a bit each.
-        memory: What is remembered of each camera, and in the last row of the rig: last position
-            [m], and what ``KNOWN`` and its likes say; overwritten, shape (n + 1, MEMORY).
+        memory: A row a camera, and the rig's (``KNOWN`` ...), overwritten, shape (n + 1, MEMORY).
         settings: Numbers of the segmenter, shape (6,).
         boxes: Scratch, shape (target.WORK, 4).
         cameras: As in :mod:`mitt.vision.camera`, shape (n, 5, 3).
@@ -193,13 +192,11 @@ def localize(
 
     Returns:
         Whether two or more cameras agree on the ball, or one alone sees it go on. While something
-        comes between the ball and the other, one counts only where ``ALONE`` says so, and not
-        before a catch: what is hidden from one is then soon half hidden from both, and the flight
-        model knows better.
+        hides it from the other, one counts only where ``ALONE`` says so, and not before a catch:
+        it is then soon half hidden from both, and the flight model knows better.
     """
     eyes, hidden, count, one = len(images), False, 0, -1
-    points = view(work, 3 * triangulation.WORK, (eyes, 3))
-    rig = memory[eyes]
+    points, rig = view(work, 3 * triangulation.WORK, (eyes, 3)), memory[eyes]
     _predict(rig)
     rig[STATUS] = float(BLIND)
     if _is_searching(images, apart, memory, rig, ball) and not choose(
@@ -209,13 +206,7 @@ def localize(
     guided = rig[GUIDED] > 0.0
     since, reach = (rig[AGE], rig[GUIDED]) if guided else (rig[SINCE], REACH)
     rig[GUIDED] = 0.0
-    if rig[KNOWN] > 0.0:
-        target.expect(memory, cameras, ball[0], rig, reach + ASTRAY * since)
-        if guided and min(memory[0, AT_V], memory[1, AT_V]) < 0.0:
-            rig[AGE] -= 1.0
-    else:
-        for n in range(eyes):
-            memory[n, EXPECTED], memory[n, WEIGHED], memory[n, NEAR] = 0.0, 0.0, 0.0
+    _expect(memory, cameras, ball, reach + ASTRAY * since, guided)
     for n in range(eyes):
         pixels, own, point = images[n], memory[n], points[n]
         point[2] = -1.0
@@ -237,16 +228,41 @@ def localize(
     if count >= 2:
         return bool(_locate(memory, cameras, points, ball, work, r, P))
     if count == 1 and (not hidden or rig[ALONE] > 0.0) and rig[KNOWN] > 0.0:
-        points[one, 0] -= memory[one, target.OFF_U]
-        points[one, 1] -= memory[one, target.OFF_V]
-        if on_ray(cameras[one], points[one], ball[0], rig[:3], r, P, ALONG):
-            known = rig[KNOWN]
-            _correct(rig, r)
-            if hidden:  # if that lasts, what was learned of the ball may be wrong, and is forgotten
-                rig[KNOWN] = min(rig[KNOWN], known)
-            rig[STATUS] = float(ONE)
-            return True
+        return bool(_locate_alone(one, hidden, memory, cameras, points, ball, r, P))
     return False
+
+
+@kernel
+def _expect(memory: Array, cameras: Array, ball: Array, reach: float, guided: bool) -> None:
+    """Tell each camera where its ball should be, within ``reach`` [m]; see ``localize``."""
+    eyes = len(cameras)
+    rig = memory[eyes]
+    if rig[KNOWN] > 0.0:
+        target.expect(memory, cameras, ball[0], rig, reach)
+        if guided and min(memory[0, AT_V], memory[1, AT_V]) < 0.0:
+            rig[AGE] -= 1.0
+    else:
+        for n in range(eyes):
+            memory[n, EXPECTED], memory[n, WEIGHED], memory[n, NEAR] = 0.0, 0.0, 0.0
+
+
+@kernel
+def _locate_alone(
+    one: int, hidden: bool, memory: Array, cameras: Array, points: Array, ball: Array, r: Array,
+    P: Array,
+) -> bool:  # fmt: skip
+    """Put the ball of one camera on its ray, where it was going; return whether it goes on."""
+    rig, own = memory[len(cameras)], memory[one]
+    points[one, 0] -= own[target.OFF_U]
+    points[one, 1] -= own[target.OFF_V]
+    if not on_ray(cameras[one], points[one], ball[0], rig[:3], r, P, ALONG):
+        return False
+    known = rig[KNOWN]
+    _correct(rig, r)
+    if hidden:  # if that lasts, what was learned of the ball may be wrong, and is forgotten
+        rig[KNOWN] = min(rig[KNOWN], known)
+    rig[STATUS] = float(ONE)
+    return True
 
 
 @kernel
