@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from types import FunctionType
 from typing import Any, Final
 
 from numba import __version__, config, njit, types
@@ -179,15 +180,34 @@ def _general(kind: types.Type) -> types.Type:
 
 
 def kernel(function: Callable[..., Any]) -> Any:  # noqa: ANN401
-    """Compile a function when it is first called, and keep the compiled code."""
-    _kernels.add(function)
-    found = njit(cache=cache_folder() is not None, no_cfunc_wrapper=True)(function)
-    template = found.get_call_template
+    """Compile a function when it is first called, and keep the compiled code.
+
+    What only kernels call is compiled without the wrapper through which Python calls. A kernel that
+    both call is compiled twice, each time from the same source.
+    """
+    outer = _dispatcher(function)
+    inner = _dispatcher(_renamed(function), no_cpython_wrapper=True)
+    template = inner.get_call_template
 
     def general_template(args: Sequence[types.Type], kws: Mapping[str, types.Type]) -> Any:  # noqa: ANN401
         """Compile for general types before the call is typed."""
         known = {name: _general(kind) for name, kind in kws.items()}
         return template([_general(kind) for kind in args], known)
 
-    found.get_call_template = general_template
-    return found
+    outer.get_call_template, outer.get_overload = general_template, inner.get_overload
+    return outer
+
+
+def _dispatcher(function: Callable[..., Any], **options: bool) -> Any:  # noqa: ANN401
+    """Return what compiles a function when it is called."""
+    _kernels.add(function)
+    return njit(cache=cache_folder() is not None, no_cfunc_wrapper=True, **options)(function)
+
+
+def _renamed(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return the same function by another name, so that its compiled code is kept beside."""
+    code, name = function.__code__, f"{function.__qualname__}_inner"
+    other = FunctionType(code, function.__globals__, name, function.__defaults__)
+    other.__qualname__, other.__module__ = name, function.__module__
+    other.__kwdefaults__ = function.__kwdefaults__
+    return other
