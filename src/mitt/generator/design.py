@@ -157,6 +157,14 @@ def nominal_catch(arm: Arm) -> Array:
     return q
 
 
+def catch_place(arm: Arm) -> Array:
+    """Return the point around which balls are aimed and maps are learned [m], shape (3,)."""
+    if arm.model.aim is not None:
+        place: Array = arm.model.aim[0].copy()
+        return place
+    return arm.position(nominal_catch(arm))
+
+
 def tangent_of(arm: Arm, design: MapDesign) -> Tangent:
     """Return the arrays of l_c, eq. (5), for an arm; ModelError where it cannot be built."""
     if sorted(set(design.free)) != list(design.free) or not set(design.free) <= set(range(arm.n)):

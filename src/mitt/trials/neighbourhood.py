@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitt.ball.flight import acceleration, advance
-from mitt.generator.design import nominal_catch
+from mitt.generator.design import catch_place
 from mitt.generator.flights import Flight
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array
@@ -94,8 +94,7 @@ def neighbourhood(
 def _draw(f: DirectMap, rng: np.random.Generator, settings: Neighbourhood) -> tuple[_Motion, float]:
     """Draw one motion of the ball and its drag."""
     drag, kind = float(rng.uniform(*settings.drag)), rng.random()
-    centre = f.arm.position(nominal_catch(f.arm))
-    arrival = centre + np.array(settings.box) * rng.uniform(-1.0, 1.0, 3)
+    arrival = catch_place(f.arm) + np.array(settings.box) * rng.uniform(-1.0, 1.0, 3)
     if kind < settings.bounced:
         return _bounced(arrival, rng), _BOUNCED_DRAG
     release = _release(arrival, drag, rng, settings)

@@ -1,0 +1,225 @@
+"""What a candidate is worth: on paper, learned, and thrown at.
+
+Each step costs more than the one before and is given fewer candidates: whether typical flights are
+in the domain of l_c^-1 and the arm can hold its poses (milliseconds), what a learned map asks
+for on other flights (tenths of a second), and how many thrown balls it catches in the simulated
+world (hundredths of a second a throw).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mitt.design.candidate import Candidate
+from mitt.design.geometry import Balls
+from mitt.errors import MittError
+from mitt.generator.flights import Flight, lift_flight
+from mitt.generator.generators import Direct
+from mitt.generator.learn import LearnSettings
+from mitt.generator.mapping import DirectMap, unlearned
+from mitt.generator.select import Assessment, Choice, assess
+from mitt.robot.arm import Arm
+from mitt.robot.shapes import Surroundings, clearance, shapes_of
+from mitt.signals import Array
+from mitt.trials.learning import learn
+from mitt.trials.neighbourhood import Neighbourhood, neighbourhood
+from mitt.trials.runner import TrialRunner
+from mitt.trials.score import Trial
+from mitt.trials.source import source_of
+from mitt.world.scene import Scene
+from mitt.world.throws import ThrowRanges
+
+#: Share of each torque that holding a pose, and speeding up to the catch, may ask for on paper.
+_HOLDING, _SPEEDING = 0.6, 1.6
+#: Time in which the hand reaches its speed at the catch, on paper [s].
+_RISE = 0.25
+#: Gap that own shapes and floor keep in ready pose and at the catch [m].
+_GAP = 0.02
+#: Seeds of the flights that candidates learn from and are judged on, and of their throws.
+_LEARN_SEED, _JUDGE_SEED = 31, 32
+#: Flights and instants for a quick answer, and for the last candidates.
+_QUICK, _FULL = Neighbourhood(flights=36, instants=14), Neighbourhood(flights=80, instants=24)
+_JUDGED = Neighbourhood(flights=24, instants=16, kicked=0.0, bounced=0.0)
+_STEPS = LearnSettings(steps=6, tolerance=0.02)
+#: What a relative speed of 1 m/s and a force of 1 N cost, in shares of throws.
+_SPEED_COST, _FORCE_COST = 0.02, 0.0001
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Task:
+    """What is to be caught, and where it is tried.
+
+    Attributes:
+        balls: What arrives.
+        ranges: Of the throws, heights as for the WAM's aim; None for the default ones.
+        scene: The world.
+        seed: Seed of the search.
+    """
+
+    balls: Balls
+    scene: Scene
+    seed: int = 0
+    ranges: ThrowRanges | None = None
+
+    def around(self, usual: Neighbourhood, aim: Array) -> Neighbourhood:
+        """Return flights to learn from or to be judged on: of these balls, about an aim."""
+        share = self.balls.speed / Balls().speed
+        low, high = usual.arrival
+        box = np.maximum(aim[1] * np.array([2.0, 1.2, 1.35]), 0.03)
+        drag = self.scene.ball.drag
+        return replace(
+            usual,
+            arrival=(share * low, share * high),
+            box=(float(box[0]), float(box[1]), float(box[2])),
+            drag=(0.75 * drag, 1.25 * drag),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Worth:
+    """What is known of a candidate; of throws nothing where none were made.
+
+    Attributes:
+        candidate: The candidate.
+        able: Share of flights that its learned map keeps within the limits.
+        speed: Median relative speed of hand and ball [m/s]: of flights, or of throws.
+        thrown: Number of throws.
+        caught: Those caught without a tick beyond a limit.
+        force: Median of their largest contact forces [N].
+        binding: Limit that was most often the reason where a ball was not caught, or bound most.
+    """
+
+    candidate: Candidate
+    able: float
+    speed: float
+    thrown: int = 0
+    caught: int = 0
+    force: float = 0.0
+    binding: str = ""
+
+    @property
+    def score(self) -> float:
+        """Share caught (or able), less what speed and force cost; larger is better."""
+        share = self.caught / self.thrown if self.thrown else self.able
+        return share - _SPEED_COST * self.speed - _FORCE_COST * self.force
+
+
+def stands(whole: Arm, c: Candidate, task: Task) -> bool:
+    """Say whether a candidate holds its poses and typical flights are in its domain."""
+    try:
+        arm = c.arm(whole)
+        start = unlearned(arm, c.design)
+        flights = neighbourhood(
+            start, np.random.default_rng(_JUDGE_SEED),
+            replace(task.around(_JUDGED, c.aim), flights=6, instants=7),
+        )  # fmt: skip
+    except MittError:
+        return False
+    if len(flights) < 6 or not _holds(arm, c, task.scene.floor):
+        return False
+    inside = [x for x in (lift_flight(start, flight) for flight in flights) if x is not None]
+    return len(inside) >= 5 and all(_asks_little(arm, x.virtual[-1]) for x in inside[:3])
+
+
+def _holds(arm: Arm, c: Candidate, floor: float) -> bool:
+    """Say whether the arm can rest in its ready pose and at the catch, clear of itself."""
+    still, q_catch = np.zeros(arm.n), c.q[list(c.free)]
+    shapes = shapes_of(arm, Surroundings(floor=floor))
+    for q in (c.ready, q_catch):
+        share = arm.limits.torque_ratio(arm.torque(q, still, still), np.zeros(len(arm.bodies)))
+        if float(share.max()) > _HOLDING:
+            return False
+        if clearance(arm.bodies, q, shapes.table, shapes.pairs, shapes.ends) < _GAP:
+            return False
+    return bool(np.all((c.ready > arm.q_min) & (c.ready < arm.q_max)))
+
+
+def _asks_little(arm: Arm, virtual: Array) -> bool:
+    """Say whether the arm could reach the joint speeds at a catch, rows q_o, dq_o, ddq_o."""
+    q, dq = virtual[0], virtual[1]
+    tau = arm.torque(q, np.zeros(arm.n), dq / _RISE)
+    share = arm.limits.torque_ratio(tau, np.zeros(len(arm.bodies)))
+    return bool(float(share.max()) <= _SPEEDING and np.abs(dq / arm.dq_max).max() <= 1.3)
+
+
+def learned(whole: Arm, c: Candidate, task: Task, *, full: bool = False) -> DirectMap | None:
+    """Return a candidate's learned map; None where it has none."""
+    try:
+        arm = c.arm(whole)
+        around = task.around(_FULL if full else _QUICK, c.aim)
+        rng = np.random.default_rng([_LEARN_SEED, task.seed])
+        flights = neighbourhood(unlearned(arm, c.design), rng, around)
+        if len(flights) < around.flights // 2:
+            return None
+        settings = None if full else _STEPS
+        return learn(arm, design=c.design, flights=flights, settings=settings).map
+    except (MittError, np.linalg.LinAlgError):
+        return None
+
+
+def judged(c: Candidate, f: DirectMap, task: Task) -> Worth:
+    """Return what a learned map is worth on flights that it was not learned from."""
+    rng = np.random.default_rng([_JUDGE_SEED, task.seed])
+    around = task.around(_JUDGED, c.aim)
+    flights = neighbourhood(f, rng, around)
+    if not flights:
+        return Worth(candidate=c, able=0.0, speed=99.0, binding="domain")
+    a = assess(f, flights)
+    lost = 1.0 - len(flights) / around.flights
+    return Worth(
+        candidate=c, able=_able(a) * (1.0 - lost), speed=_middle(a.speed), binding=a.binds
+    )
+
+
+def _able(a: Assessment) -> float:
+    """Return about how many of the flights are caught: those near a limit count in part."""
+    choice = Choice()
+    straight = (a.angle <= choice.angle) | (a.speed <= choice.slow)
+    over = np.clip(2.0 - a.share / 0.9, 0.0, 1.0)
+    return float(np.mean(over * np.where(straight, 1.0, 0.4)))
+
+
+def _middle(x: Array) -> float:
+    """Return the median of what is finite; 99 where nothing is."""
+    known = x[np.isfinite(x)]
+    return float(np.median(known)) if len(known) else 99.0
+
+
+def thrown(c: Candidate, f: DirectMap, task: Task, *, throws: int, seed: int) -> Worth:
+    """Return what a learned map is worth in the simulated world, the ball seen as points."""
+    trials = trials_of(f, task, throws=throws, seed=seed)
+    good = [x for x in trials if x.status == "caught" and x.limit_violations == 0]
+    speeds = np.array([x.velocity_error_m_s for x in good], dtype=np.float64)
+    forces = np.array([x.peak_contact_force_n for x in good], dtype=np.float64)
+    return Worth(
+        candidate=c,
+        able=len(good) / throws,
+        speed=_middle(speeds) if len(good) else 9.0,
+        thrown=throws,
+        caught=len(good),
+        force=_middle(forces) if len(good) else 999.0,
+        binding=binding_of(trials),
+    )
+
+
+def trials_of(f: DirectMap, task: Task, *, throws: int, seed: int) -> list[Trial]:
+    """Return scored throws at a map: default throws at its arm's aim, or those of the task."""
+    source = source_of(
+        f, seed=seed, count=throws, drag=task.scene.ball.drag, ranges=raised(task.ranges, f.arm)
+    )
+    runner = TrialRunner(f.arm, Direct(f), task.scene, pixels=False)
+    return [runner.throw(source, k).trial for k in range(throws)]
+
+
+def raised(ranges: ThrowRanges | None, arm: Arm) -> ThrowRanges | None:
+    """Return ranges of throws with the heights of an arm's aim; None stays None."""
+    from mitt.trials.source import ranges_of  # noqa: PLC0415
+
+    return None if ranges is None else replace(ranges, height=ranges_of(arm).height)
+
+
+def binding_of(trials: list[Trial]) -> str:
+    """Return the limit that was most often named where a ball was not caught, or bound at all."""
+    failed = [x.binding_limit or x.status for x in trials if x.status != "caught"]
+    names = failed or [x.binding_limit or "" for x in trials]
+    return max(sorted(set(names)), key=names.count) if names else ""
