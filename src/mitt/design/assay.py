@@ -25,7 +25,7 @@ from mitt.trials.learning import learn
 from mitt.trials.neighbourhood import Neighbourhood, neighbourhood
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial
-from mitt.trials.source import source_of
+from mitt.trials.source import ranges_of, source_of
 from mitt.world.scene import Scene
 from mitt.world.throws import ThrowRanges
 
@@ -205,17 +205,15 @@ def thrown(c: Candidate, f: DirectMap, task: Task, *, throws: int, seed: int) ->
 def trials_of(f: DirectMap, task: Task, *, throws: int, seed: int) -> list[Trial]:
     """Return scored throws at a map: default throws at its arm's aim, or those of the task."""
     source = source_of(
-        f, seed=seed, count=throws, drag=task.scene.ball.drag, ranges=raised(task.ranges, f.arm)
+        f, seed=seed, count=throws, drag=task.scene.ball.drag, ranges=raised(task, f.arm)
     )
     runner = TrialRunner(f.arm, Direct(f), task.scene, pixels=False)
     return [runner.throw(source, k).trial for k in range(throws)]
 
 
-def raised(ranges: ThrowRanges | None, arm: Arm) -> ThrowRanges | None:
-    """Return ranges of throws with the heights of an arm's aim; None stays None."""
-    from mitt.trials.source import ranges_of  # noqa: PLC0415
-
-    return None if ranges is None else replace(ranges, height=ranges_of(arm).height)
+def raised(task: Task, arm: Arm) -> ThrowRanges | None:
+    """Return the ranges of a task's throws with the heights of an arm's aim; None for its own."""
+    return None if task.ranges is None else replace(task.ranges, height=ranges_of(arm).height)
 
 
 def binding_of(trials: list[Trial]) -> str:

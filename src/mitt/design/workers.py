@@ -1,0 +1,120 @@
+"""Candidates tried side by side: each trial is a pure function, so the result is that of one."""
+
+import json
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import final
+
+from mitt.design.assay import Task, Worth, judged, learned, stands, thrown
+from mitt.design.candidate import Candidate
+from mitt.robot.arm import Arm
+from mitt.sweep.engine import Engine, run_tasks
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trial:
+    """What is to be tried of a candidate.
+
+    Attributes:
+        number: Its place among those tried together.
+        whole: The arm with all joints active.
+        candidate: The candidate.
+        task: What is to be caught.
+        throws: Number of throws; 0 to judge it by flights alone.
+        seed: Seed of the throws.
+        least: Least score by flights from which it is thrown at.
+        full: Whether the map is learned in full.
+    """
+
+    number: int
+    whole: Arm
+    candidate: Candidate
+    task: Task
+    throws: int = 0
+    seed: int = 0
+    least: float = -1e9
+    full: bool = False
+
+
+def tried(trial: Trial) -> Worth | None:
+    """Try a candidate; None where it cannot stand or has no map."""
+    c = trial.candidate
+    if not stands(trial.whole, c, trial.task):
+        return None
+    f = learned(trial.whole, c, trial.task, full=trial.full)
+    if f is None:
+        return None
+    worth = judged(c, f, trial.task)
+    if trial.throws == 0 or worth.score < trial.least:
+        return worth
+    return thrown(c, f, trial.task, throws=trial.throws, seed=trial.seed)
+
+
+def work(trial: Trial) -> bytes:
+    """Try a candidate in a worker; the answer as bytes, without the candidate."""
+    w = tried(trial)
+    plain = None if w is None else {
+        "able": w.able, "speed": w.speed, "thrown": w.thrown, "caught": w.caught,
+        "force": w.force, "binding": w.binding,
+    }  # fmt: skip
+    return json.dumps({"number": trial.number, "worth": plain}).encode()
+
+
+@final
+class Bench:
+    """Tries candidates, in this process or by an engine's workers."""
+
+    def __init__(self, whole: Arm, task: Task, engine: Engine | None, progress: Progress) -> None:
+        """Take what all trials have in common.
+
+        Args:
+            whole: The arm with all joints active.
+            task: What is to be caught.
+            engine: Where to work; in this process where None.
+            progress: Told what is done, and how much of it.
+        """
+        self.whole, self._task, self._engine, self._progress = whole, task, engine, progress
+
+    def try_all(
+        self, name: str, candidates: Sequence[Candidate], *, throws: int = 0, seed: int = 0,
+        least: float = -1e9, full: bool = False,
+    ) -> list[Worth]:  # fmt: skip
+        """Return what candidates are worth, in their order; those that cannot stand are left out.
+
+        Args:
+            name: Of this stage, for the progress.
+            candidates: What is tried.
+            throws: As in :class:`Trial`.
+            seed: As in :class:`Trial`.
+            least: As in :class:`Trial`.
+            full: As in :class:`Trial`.
+        """
+        trials = [
+            Trial(number=k, whole=self.whole, candidate=c, task=self._task, throws=throws,
+                  seed=seed, least=least, full=full)
+            for k, c in enumerate(candidates)
+        ]  # fmt: skip
+        found: dict[int, Worth] = {}
+        for done, (number, worth) in enumerate(self._answers(trials), start=1):
+            self._progress(name, done, len(trials))
+            if worth is not None:
+                found[number] = worth
+        return [found[k] for k in sorted(found)]
+
+    def _answers(self, trials: Sequence[Trial]) -> Iterable[tuple[int, Worth | None]]:
+        """Yield number and worth of each, as they come."""
+        if self._engine is None:
+            for trial in trials:
+                yield trial.number, tried(trial)
+            return
+        window = 2 * self._engine.workers
+        for trial, answer in run_tasks(self._engine, work, trials, window=window):
+            if isinstance(answer, BaseException):
+                raise answer
+            plain = json.loads(answer)["worth"]
+            yield (
+                trial.number,
+                None if plain is None else Worth(candidate=trial.candidate, **plain),
+            )
