@@ -150,6 +150,7 @@ class ArmModel:
         q_ready: Pose in which the active joints wait for a throw [rad], shape (n,).
         base_capsules: Collision shapes of what stands still, in the world frame.
         mount: Frame of the base in the world frame, shape (4, 4).
+        notes: What a user should know of how the arm was read from its file.
     """
 
     name: str
@@ -159,6 +160,7 @@ class ArmModel:
     q_ready: Array
     base_capsules: tuple[Capsule, ...]
     mount: Array
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse an arm without links or joints, and arrays of other shapes."""
