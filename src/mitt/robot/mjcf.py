@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from mitt.errors import FileError
+from mitt.errors import FileError, heard
 from mitt.reading import read_text
 from mitt.robot.dynamics import GRAVITY
 from mitt.robot.stated import Stated
@@ -38,10 +38,12 @@ def read_mjcf(path: Path) -> Stated:
     if root.tag != "mujoco":
         raise FileError(str(path), "an MJCF, <mujoco>...</mujoco>", f"<{root.tag[:40]}>")
     _check_files(path, root)
-    m = _compiled(path, text)
+    speed = _speeds(path, root)
+    with heard():
+        m = _compiled(path, text)
     return Stated(
         place=str(path), model=_to_pinocchio(m), ranges=_ranges(m), torque=_torques(m),
-        speed=_speeds(path, root), loops=_loops(m), how=_HOW,
+        speed=speed, loops=_loops(m), how=_HOW,
     )  # fmt: skip
 
 
