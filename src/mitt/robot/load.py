@@ -90,8 +90,12 @@ def load_arm(
         Wanted(name=path.stem, tip=tip, joints=names, held=held, ready=ready, limits=given,
                hand=hand, turn=turn),
     )  # fmt: skip
-    model = _with_encoders(arm.model, encoder_step)
-    return arm if model is arm.model else Arm(model, arm.limits)
+    return arm if encoder_step is None else with_encoders(arm, encoder_step)
+
+
+def with_encoders(arm: Arm, step: float | Sequence[float]) -> Arm:
+    """Return an arm whose active joints have encoders of another resolution [rad]."""
+    return Arm(_with_encoders(arm.model, step), arm.limits)
 
 
 def _names(joints: Sequence[str] | None) -> tuple[str, ...]:
@@ -117,7 +121,7 @@ def _wam(
     both = [x for x in active if x in held]
     if both or len(set(active)) < len(active):
         raise InputError("joints", "different joints, none of them held", ", ".join(active))
-    angles = dict(zip(known, full.q_ready, strict=True)) | held
+    angles = {**dict(zip(known, full.q_ready, strict=True)), **held}
     links = tuple(
         x if x.name in active else replace(x, held=float(angles[x.name])) for x in full.links
     )
@@ -136,16 +140,12 @@ def _wam_limits(limits: str | LimitSet | None) -> Limits:
     return wam_limits("paper" if limits is None else checks.instance("limits", limits, str))
 
 
-def _with_ready(
-    model: ArmModel, names: tuple[str, ...], ready: Sequence[float] | None
-) -> ArmModel:
+def _with_ready(model: ArmModel, names: tuple[str, ...], ready: Sequence[float] | None) -> ArmModel:
     """Return an arm with another ready pose, given in the order of the names."""
     if ready is None:
         return model
     order = names or model.names
-    given = dict(
-        zip(order, checks.vector("ready", ready, len(order), finite=True), strict=True)
-    )
+    given = dict(zip(order, checks.vector("ready", ready, len(order), finite=True), strict=True))
     return replace(model, q_ready=np.array([given[x] for x in model.names]))
 
 

@@ -180,9 +180,7 @@ def _ready(links: Sequence[Link], wanted: Wanted) -> Array:
     if wanted.ready is not None:
         given = dict(zip(wanted.joints, wanted.ready, strict=True))
         return np.array([given[x.name] for x in active])
-    return np.array(
-        [0.0 if x.q_min < 0.0 < x.q_max else 0.5 * (x.q_min + x.q_max) for x in active]
-    )
+    return np.array([0.0 if x.q_min < 0.0 < x.q_max else 0.5 * (x.q_min + x.q_max) for x in active])
 
 
 def _link(model: pin.Model, k: int, stated: Stated, held: float | None) -> Link:

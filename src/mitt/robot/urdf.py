@@ -136,7 +136,9 @@ _Limits = tuple[dict[str, tuple[float, float]], dict[str, float], dict[str, floa
 
 def _mended(path: Path, joints: list[Element]) -> _Limits:
     """Mend joints in memory and return the ranges, torques and speeds that they state."""
-    ranges, torque, speed = {}, {}, {}
+    ranges: dict[str, tuple[float, float]] = {}
+    torque: dict[str, float] = {}
+    speed: dict[str, float] = {}
     for joint in joints:
         name, kind = joint.get("name", ""), joint.get("type", "")
         if kind in ("floating", "planar"):

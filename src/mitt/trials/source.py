@@ -6,6 +6,7 @@ from typing import final
 
 import numpy as np
 
+from mitt.files.throws import ThrowSettings
 from mitt.generator.design import nominal_catch
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
@@ -112,6 +113,16 @@ def source_of(
         recordings=recordings,
         drag=drag,
     )
+
+
+def widened(source: Source, throws: ThrowSettings) -> Source:
+    """Return a source with other ranges of throws."""
+    given = throws.model_dump(exclude={"spread"}, exclude_none=True)
+    aim = source.aim
+    middle, half = 0.5 * (aim.q_low + aim.q_high), 0.5 * throws.spread * (aim.q_high - aim.q_low)
+    if throws.spread != 1.0:
+        aim = Aim(position=aim.position, q_low=middle - half, q_high=middle + half)
+    return replace(source, aim=aim, ranges=ThrowRanges(**given))
 
 
 def release_of(ball: Throw | BallPath) -> Array:
