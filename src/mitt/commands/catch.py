@@ -22,10 +22,10 @@ from mitt.interrupts import notice, status_of, tell, words_of
 from mitt.trials.journal import kept_words
 from mitt.trials.registry import check_name
 from mitt.trials.result import STATUSES
-from mitt.trials.run import FinishedRun, Prepared, RunSettings, arm_of, design_of
+from mitt.trials.run import FinishedRun, Prepared, RunSettings, arm_of, design_of, throws_of
 from mitt.trials.run import run as run_throws
 from mitt.trials.score import Trial, reason_of
-from mitt.trials.source import source_of
+from mitt.trials.source import source_of, widened
 from mitt.world.scenes import DEFAULT, read_scene
 
 #: Most throws in one run; more belong into a study.
@@ -88,6 +88,8 @@ def prepare(options: CatchOptions) -> Prepared:
         flights_file=options.flights,
         drag=scene.ball.drag,
     )
+    throws = throws_of(options)
+    source = source if throws is None else widened(source, throws)
     out = options.out or Path("runs") / f"{options.seed}-{options.generator}"
     check_folder(out, overwrite=options.overwrite)
     settings = RunSettings(

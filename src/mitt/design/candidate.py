@@ -1,13 +1,12 @@
 """One way for an arm to catch: the choices that a search makes, and the arm and map they give."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mitt.generator.design import MapDesign
 from mitt.robot.arm import Arm
-from mitt.robot.hands import HandModel
+from mitt.robot.description import rotation, transform
 from mitt.signals import Array
 
 
@@ -44,9 +43,8 @@ class Candidate:
         """
         held = {k: float(x) for k, x in enumerate(self.q) if k not in self.free}
         links = tuple(replace(x, held=held.get(k)) for k, x in enumerate(whole.model.links))
-        hand = whole.model.hand
-        turned = None if hand is None else replace(hand, yaw=hand.yaw + self.turn)
-        model = replace(whole.model, links=links, q_ready=self.ready, hand=turned, aim=self.aim)
+        tool = whole.model.tool @ transform(rotation(np.array([0.0, 0.0, 1.0]), self.turn))
+        model = replace(whole.model, links=links, q_ready=self.ready, tool=tool, aim=self.aim)
         return Arm(model, whole.limits)
 
     @property
@@ -59,31 +57,9 @@ class Candidate:
             inward=self.inward,
         )
 
-    def plain(self) -> dict[str, object]:
-        """Return the fields as JSON takes them."""
-        return {
-            "q": self.q.tolist(), "free": list(self.free), "catch": self.catch,
-            "kappa": self.kappa, "inward": self.inward, "ready": self.ready.tolist(),
-            "aim": self.aim.tolist(), "turn": self.turn,
-        }  # fmt: skip
-
-
-def hand_turned(hand: HandModel, turn: float) -> HandModel:
-    """Return a hand turned about the palm's normal [rad]."""
-    return replace(hand, yaw=hand.yaw + turn)
-
 
 def within(whole: Arm, q: Array, margin: float) -> Array:
     """Say of poses of all joints, shape (..., N), whether each is so far inside its range [rad]."""
     room = np.minimum(margin, 0.25 * (whole.q_max - whole.q_min))
     inside: Array = np.all((q >= whole.q_min + room) & (q <= whole.q_max - room), axis=-1)
     return inside
-
-
-def summary(c: Candidate, whole: Arm) -> Mapping[str, object]:
-    """Return what is active and what is held, by name."""
-    names = whole.names
-    return {
-        "joints": [names[k] for k in c.free],
-        "held": {names[k]: float(x) for k, x in enumerate(c.q) if k not in c.free},
-    }

@@ -92,6 +92,7 @@ def further_designs(arm: Arm) -> tuple[tuple[MapDesign, ...], tuple[MapDesign, .
 def default_design(
     arm: Arm,
     *,
+    base: MapDesign | None = None,
     catch_joint: int | None = None,
     q_catch: float | None = None,
     kappa: float | None = None,
@@ -102,6 +103,7 @@ def default_design(
 
     Args:
         arm: The arm.
+        base: A design whose choices go before the defaults, unless another catch joint is given.
         catch_joint: Index of the catch joint; the last active joint by default.
         q_catch: Its angle at the catch [rad]; by default the one chosen for the limit set, or
             else pi/2 or the middle of its range.
@@ -111,14 +113,16 @@ def default_design(
     """
     if arm.n < 3:
         raise InputError("--joints", "at least three active joints", arm.n)
-    i = arm.n - 1 if catch_joint is None else catch_joint
+    usually = arm.n - 1 if base is None else base.catch_joint
+    i = usually if catch_joint is None else catch_joint
     i = checks.whole("--catch-joint", i, least=0, most=arm.n - 1)
     a, b, c = sorted({*[k for k in range(arm.n) if k != i][:2], i})
     usual = MapDesign(catch_joint=i, q_catch=nominal_angle(arm, i), free=(a, b, c))
     chosen = _CHOSEN.get((arm.model.name, arm.limits.name), usual)
     if order is not None:
         checks.whole("--order", order, least=2, most=MOST_ORDER)
-    base = chosen if (chosen.catch_joint, chosen.free) == (i, usual.free) else usual
+    if base is None or base.catch_joint != i:
+        base = chosen if (chosen.catch_joint, chosen.free) == (i, usual.free) else usual
     return replace(
         base,
         q_catch=base.q_catch if q_catch is None else q_catch,

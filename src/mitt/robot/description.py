@@ -152,6 +152,7 @@ class ArmModel:
         mount: Frame of the base in the world frame, shape (4, 4).
         aim: Centre and half-widths of the box at which default throws are aimed, and around which
             maps are learned, world frame [m], shape (2, 3); that of docs/throws.md where None.
+        notes: What a user should know of how the arm was read from its file.
     """
 
     name: str
@@ -162,6 +163,7 @@ class ArmModel:
     base_capsules: tuple[Capsule, ...]
     mount: Array
     aim: Array | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse an arm without links or joints, and arrays of other shapes."""

@@ -6,6 +6,7 @@ from typing import final
 
 import numpy as np
 
+from mitt.files.throws import ThrowSettings
 from mitt.generator.design import catch_place, nominal_catch
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
@@ -28,11 +29,15 @@ def aim_of(arm: Arm) -> Aim:
     whose description says where it wants the balls has a box in space instead.
     """
     if arm.model.aim is not None:
-        centre, size = arm.model.aim
-        return Aim(position=np.copy, q_low=centre - size, q_high=centre + size)
+        return _box(arm.model.aim)
     middle, half = nominal_catch(arm), np.zeros(arm.n)
     half[: len(_HALF)] = _HALF
     return Aim(position=arm.position, q_low=middle - half, q_high=middle + half)
+
+
+def _box(aim: Array) -> Aim:
+    """Return a box in space to aim at: centre and half-widths [m], shape (2, 3)."""
+    return Aim(position=np.copy, q_low=aim[0] - aim[1], q_high=aim[0] + aim[1])
 
 
 def ranges_of(arm: Arm) -> ThrowRanges:
@@ -130,6 +135,18 @@ def source_of(
         drag=drag,
         ranges=ranges or ranges_of(f.arm),
     )
+
+
+def widened(source: Source, throws: ThrowSettings) -> Source:
+    """Return a source with other ranges of throws."""
+    given = throws.model_dump(exclude={"spread", "at", "around"}, exclude_none=True)
+    aim = source.aim
+    if throws.at is not None and throws.around is not None:
+        aim = _box(np.array([throws.at, throws.around]))
+    middle, half = 0.5 * (aim.q_low + aim.q_high), 0.5 * throws.spread * (aim.q_high - aim.q_low)
+    if throws.spread != 1.0:
+        aim = Aim(position=aim.position, q_low=middle - half, q_high=middle + half)
+    return replace(source, aim=aim, ranges=replace(source.ranges or ThrowRanges(), **given))
 
 
 def release_of(ball: Throw | BallPath) -> Array:

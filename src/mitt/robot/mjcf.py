@@ -1,0 +1,193 @@
+"""MJCF files: MuJoCo resolves classes, defaults, frames and units; Pinocchio gets the result.
+
+Read as MuJoCo Menagerie writes them: ranges and actuators by default classes, keyframes, cameras,
+tendons and textures that do not matter here. MuJoCo has no limit of speed, so it stands among the
+file's own numbers: ``<custom><numeric name="velocity_limit_JOINT" data="8.0"/></custom>`` [rad/s].
+The elements and what they mean: the XML reference of MuJoCo's documentation.
+"""
+
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+
+from mitt.errors import FileError, heard
+from mitt.reading import read_text
+from mitt.robot.dynamics import GRAVITY
+from mitt.robot.stated import Stated
+from mitt.robot.urdf import MAX_BYTES, checked_xml
+from mitt.signals import Array
+
+_HOW = (
+    "state it in the file (actuatorfrcrange, forcerange, numeric velocity_limit_JOINT)"
+    " or in a limit set (--limits FILE.toml)"
+)
+_HINGE, _SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+
+
+def read_mjcf(path: Path) -> Stated:
+    """Read an MJCF file.
+
+    Raises:
+        FileError: It cannot be read or compiled, or a body has no mass but that of its meshes.
+    """
+    text = read_text(path, max_bytes=MAX_BYTES)
+    root = checked_xml(path, text)
+    if root.tag != "mujoco":
+        raise FileError(str(path), "an MJCF, <mujoco>...</mujoco>", f"<{root.tag[:40]}>")
+    _check_files(path, root)
+    speed = _speeds(path, root)
+    with heard():
+        m = _compiled(path, text)
+    return Stated(
+        place=str(path), model=_to_pinocchio(m), ranges=_ranges(m), torque=_torques(m),
+        speed=speed, loops=_loops(m), how=_HOW,
+    )  # fmt: skip
+
+
+def _check_files(path: Path, root: Element) -> None:
+    """Refuse files that are not below the file's own folder."""
+    for element in root.iter():
+        file = element.attrib.get("file", "")
+        if file.startswith(("/", "~", "\\")) or ".." in Path(file).parts:
+            raise FileError(str(path), "meshes below its own folder", repr(file[:60]))
+
+
+def _compiled(path: Path, text: str) -> mujoco.MjModel:
+    """Compile a file without what only is to be looked at; no other file is opened."""
+    try:
+        spec = mujoco.MjSpec.from_string(text)
+        for geom in list(spec.geoms):
+            if geom.type in (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_HFIELD):
+                _check_weight(path, geom)
+                spec.delete(geom)
+        drop = (spec.skins, spec.meshes, spec.hfields, spec.textures, spec.materials, spec.keys)
+        for element in (x for kind in drop for x in list(kind)):
+            spec.delete(element)
+        return spec.compile()
+    except (ValueError, RuntimeError, TypeError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise FileError(str(path), "an MJCF arm", reason) from error
+
+
+def _check_weight(path: Path, geom: mujoco.MjsGeom) -> None:
+    """Refuse a body whose mass would come from its meshes."""
+    body = geom.parent
+    if not body.explicitinertial and body.name != "world" and len(body.joints):
+        raise FileError(f"{path} body {body.name!r}", "an <inertial>", "meshes to get it from",
+                        do="let MuJoCo save the file once: mj_saveLastXML writes it")  # fmt: skip
+
+
+def _to_pinocchio(m: mujoco.MjModel) -> pin.Model:
+    """Return the tree of bodies with all joints, a frame for each body and each site."""
+    model = pin.Model()
+    model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
+    joint_of, seat = {0: 0}, {0: pin.SE3.Identity()}
+    armature: list[float] = []
+    for b in range(1, m.nbody):
+        parent = m.body_parentid[b]
+        joint, T = joint_of[parent], seat[parent] * _pose(m.body_pos[b], m.body_quat[b])
+        for k in range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b]):
+            kind, at = _joint(m, k), pin.SE3(np.eye(3), np.array(m.jnt_pos[k]))
+            joint = model.addJoint(joint, kind, T * at, m.joint(k).name or f"joint {k}")
+            T = at.inverse()
+            armature += [float(x) for x in m.dof_armature[m.jnt_dofadr[k] :][: kind.nv]]
+        R = _pose(m.body_ipos[b], m.body_iquat[b])
+        about = R.rotation @ np.diag(m.body_inertia[b]) @ R.rotation.T
+        inertia = pin.Inertia(float(m.body_mass[b]), R.translation, about)
+        model.appendBodyToJoint(joint, inertia, T)
+        joint_of[b], seat[b] = joint, T
+        name = m.body(b).name or f"body {b}"
+        model.addFrame(pin.Frame(name, joint, 0, T, pin.FrameType.BODY), False)
+    for s in range(m.nsite):
+        b = m.site_bodyid[s]
+        T = seat[b] * _pose(m.site_pos[s], m.site_quat[s])
+        name = m.site(s).name or f"site {s}"
+        model.addFrame(pin.Frame(name, joint_of[b], 0, T, pin.FrameType.OP_FRAME), False)
+    model.armature = np.array(armature)
+    return model
+
+
+def _joint(m: mujoco.MjModel, k: int) -> pin.JointModel:
+    """Return a joint as Pinocchio has it."""
+    if m.jnt_type[k] == _HINGE:
+        return pin.JointModelRevoluteUnaligned(np.array(m.jnt_axis[k]))
+    if m.jnt_type[k] == _SLIDE:
+        return pin.JointModelPrismaticUnaligned(np.array(m.jnt_axis[k]))
+    if m.jnt_type[k] == mujoco.mjtJoint.mjJNT_BALL:
+        return pin.JointModelSpherical()
+    return pin.JointModelFreeFlyer()
+
+
+def _pose(p: Array, quaternion: Array) -> pin.SE3:
+    """Return a pose from a position [m] and a quaternion (w, x, y, z)."""
+    R = np.zeros(9)
+    mujoco.mju_quat2Mat(R, np.array(quaternion, dtype=np.float64))
+    return pin.SE3(R.reshape(3, 3), np.array(p, dtype=np.float64))
+
+
+def _ranges(m: mujoco.MjModel) -> dict[str, tuple[float, float]]:
+    """Return the joints' ranges; a hinge without one turns once about zero."""
+    out = {}
+    for k in range(m.njnt):
+        if m.jnt_limited[k]:
+            out[m.joint(k).name] = (float(m.jnt_range[k, 0]), float(m.jnt_range[k, 1]))
+        elif m.jnt_type[k] == _HINGE:
+            out[m.joint(k).name] = (-np.pi, np.pi)
+    return out
+
+
+def _torques(m: mujoco.MjModel) -> dict[str, float]:
+    """Return the joints' largest torques: the least that joint and actuator allow."""
+    bounds: dict[str, list[float]] = {}
+    for k in range(m.njnt):
+        if m.jnt_type[k] in (_HINGE, _SLIDE) and m.jnt_actfrclimited[k]:
+            bounds.setdefault(m.joint(k).name, []).append(_width(m.jnt_actfrcrange[k]))
+    for a in range(m.nu):
+        if m.actuator_trntype[a] != mujoco.mjtTrn.mjTRN_JOINT:
+            continue
+        name, gear = m.joint(int(m.actuator_trnid[a, 0])).name, abs(float(m.actuator_gear[a, 0]))
+        if m.actuator_forcelimited[a]:
+            bounds.setdefault(name, []).append(gear * _width(m.actuator_forcerange[a]))
+        motor = m.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE
+        if motor and m.actuator_ctrllimited[a]:
+            gain = abs(float(m.actuator_gainprm[a, 0]))
+            bounds.setdefault(name, []).append(gear * gain * _width(m.actuator_ctrlrange[a]))
+    return {name: min(x) for name, x in bounds.items() if min(x) > 0.0}
+
+
+def _width(ends: Array) -> float:
+    """Return what a range allows both ways."""
+    return float(min(-ends[0], ends[1]))
+
+
+def _speeds(path: Path, root: Element) -> dict[str, float]:
+    """Return the joints' largest speeds [rad/s or m/s], as the file's own numbers say."""
+    out = {}
+    for numeric in root.iter("numeric"):
+        name, given = numeric.get("name", ""), numeric.get("data", "")
+        if not name.startswith("velocity_limit_"):
+            continue
+        try:
+            limit = float(given)
+        except ValueError:
+            limit = 0.0
+        if not 0.0 < limit < np.inf:
+            raise FileError(f"{path} {name}", "a number above 0", repr(given[:60]))
+        out[name.removeprefix("velocity_limit_")] = limit
+    return out
+
+
+def _loops(m: mujoco.MjModel) -> tuple[tuple[str, str], ...]:
+    """Return the pairs of bodies that an equality joins."""
+    kinds = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
+    out = []
+    for k in np.flatnonzero(np.isin(m.eq_type, [int(x) for x in kinds])):
+        ends = [int(m.eq_obj1id[k]), int(m.eq_obj2id[k])]
+        if m.eq_objtype[k] == mujoco.mjtObj.mjOBJ_SITE:
+            ends = [int(m.site_bodyid[x]) for x in ends]
+        first, second = (m.body(x).name or f"body {x}" for x in ends)
+        out.append((first, second))
+    return tuple(out)
