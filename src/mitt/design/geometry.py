@@ -22,6 +22,12 @@ from mitt.signals import Array
 #: Joint range left free at the catch [rad], share of joint speeds that may be asked, and what of
 #: it is drawn for a typical ball: balls elsewhere ask for more of the same map.
 _MARGIN, _FASTEST, _SHARES = 0.12, 0.9, (0.3, 0.9)
+#: Largest share of a joint speed that a ball at a corner may ask: the learned map may do better.
+_BEYOND = 1.5
+#: What it costs to ask for more than a joint's speed, in m/s of relative speed.
+_TOO_FAST = 5.0
+#: How often each joint is changed.
+_OFTEN = 0.6
 #: Height above the floor that joints and catch point keep [m], and distance of the catch point
 #: from joints that are not next to it [m]; choices of this project.
 _ABOVE, _APART = 0.12, 0.16
@@ -114,19 +120,44 @@ def drawn(
         floor: Height of the floor [m].
     """
     q = _facing(whole, rng.uniform(whole.q_min, whole.q_max, (count, whole.n)), rng)
+    q, poses, _ = _standing(whole, balls, q, floor)
+    each = min(len(triples), 24)
+    chosen = triples[rng.integers(len(triples), size=(len(q), each))].reshape(-1, 3)
+    row = np.repeat(np.arange(len(q)), each)
+    return _met(whole, balls.velocity(), (q, poses), chosen, row, rng)
+
+
+def improved(
+    whole: Arm, balls: Balls, rows: Rows, rng: np.random.Generator, *, size: float, floor: float
+) -> Rows:
+    """Return candidates and small changes of them, scored by :func:`spread`.
+
+    Args:
+        whole: The arm with all joints active.
+        balls: What is to be caught.
+        rows: Candidates with their scores.
+        rng: Source of randomness.
+        size: Standard deviation of the changes [rad].
+        floor: Height of the floor [m].
+    """
+    change = size * rng.standard_normal((len(rows.q), whole.n))
+    change *= rng.random(change.shape) < _OFTEN
+    q, poses, kept = _standing(whole, balls, rows.q + change, floor)
+    found = _met(whole, balls.velocity(), (q, poses), rows.free[kept], np.arange(len(q)), rng)
+    found = spread(whole, balls, found)
+    return Rows(*(np.concatenate(x) for x in zip(rows, found, strict=True)))
+
+
+def _standing(whole: Arm, balls: Balls, q: Array, floor: float) -> tuple[Array, Poses, Array]:
+    """Return the poses that stand with the palm towards the ball, placed, and their indices."""
     if balls.aim is not None:
         q = _led(whole, q, balls)
-    poses = poses_of(whole.model, q)
-    v = balls.velocity()
+    poses, v = poses_of(whole.model, q), balls.velocity()
     good = _stands(poses, floor) & within(whole, q, _MARGIN)
     good &= -(poses.palm @ v) > _FACING * np.linalg.norm(v)
     if balls.aim is not None:
         good &= _off_line(poses.tip, balls) < 0.05
-    q, poses = q[good], poses.take(good)
-    each = min(len(triples), 24)
-    chosen = triples[rng.integers(len(triples), size=(len(q), each))].reshape(-1, 3)
-    row = np.repeat(np.arange(len(q)), each)
-    return _met(whole, v, (q, poses), chosen, row, rng)
+    return q[good], poses.take(good), np.flatnonzero(good)
 
 
 def _met(
@@ -224,10 +255,10 @@ def spread(whole: Arm, balls: Balls, rows: Rows) -> Rows:
         cosine = -np.sum(relative * poses.palm, axis=1) / np.maximum(s, 1e-9)
         straight = (cosine > np.cos(_STRAIGHT)) | (s < _SOFT)
         share = np.abs(x / whole.dq_max[rows.free]).max(axis=1)
-        good &= within(whole, q, 0.05) & np.isfinite(s) & (share < 1.25)
-        total += s + 2.0 * np.maximum(share - _FASTEST, 0.0) + 1.0 * ~straight
+        good &= within(whole, q, 0.05) & np.isfinite(s)
+        total += s + _TOO_FAST * np.maximum(share - _FASTEST, 0.0) + 1.0 * ~straight
         worst = np.maximum(worst, share)
-    return rows._replace(score=total / (1 + len(_CORNERS))).take(good & (worst < 1.25))
+    return rows._replace(score=total / (1 + len(_CORNERS))).take(good & (worst < _BEYOND))
 
 
 def boxes_of(whole: Arm, balls: Balls, rows: Rows) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 
 from mitt.design.assay import Task, Worth
 from mitt.design.candidate import Candidate
-from mitt.design.geometry import Rows, best_of, candidates_of, drawn, spread, triples_of
+from mitt.design.geometry import Rows, best_of, candidates_of, drawn, improved, spread, triples_of
 from mitt.design.mutation import mutated
 from mitt.design.workers import Bench, Progress
 from mitt.errors import ModelError
@@ -30,6 +30,7 @@ class Effort:
         poses: Poses drawn at a time.
         rounds: Most times that they are drawn.
         enough: Candidates by geometry after which no more are drawn.
+        changes: Rounds of small changes of these.
         judged: Candidates that are learned and judged by flights.
         thrown: Those of them that are thrown at.
         throws: Throws at each while they are compared.
@@ -41,8 +42,9 @@ class Effort:
     """
 
     poses: int = 40_000
-    rounds: int = 8
-    enough: int = 2500
+    rounds: int = 5
+    enough: int = 2000
+    changes: int = 16
     judged: int = 72
     thrown: int = 16
     throws: int = 12
@@ -122,7 +124,14 @@ def _by_geometry(
         progress("geometry", k + 1, effort.rounds)
         if count >= effort.enough:
             break
-    return Rows(*(np.concatenate(x) for x in zip(*kept, strict=True)))
+    rows = Rows(*(np.concatenate(x) for x in zip(*kept, strict=True)))
+    for k in range(effort.changes if len(rows.q) else 0):
+        rows = best_of(rows, count=effort.enough, each=effort.enough // 6)
+        rows = improved(
+            whole, task.balls, rows, rng, size=0.3 / (1.0 + 0.25 * k), floor=task.scene.floor
+        )
+        progress("geometry, changed", k + 1, effort.changes)
+    return rows
 
 
 def _refined(

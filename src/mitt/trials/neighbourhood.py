@@ -11,7 +11,7 @@ slightly wrongly at t_0.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -71,6 +71,10 @@ def neighbourhood_of_ball(drag: float) -> Neighbourhood:
 _Motion = Callable[[float], tuple[Array, Array]]
 #: Longest flight considered [s], and the grid on which the catch is looked for [s].
 _LONGEST, _GRID = 1.1, 0.005
+#: For an arm that says where it wants its balls: width of the box of arrivals in widths of the box
+#: that is aimed at, its least half-width [m], and the descent there [rad], that of default throws
+#: (0.05 to 0.55) and a margin.
+_WIDER, _NARROWEST, _DESCENT = np.array([2.0, 1.2, 1.35]), 0.03, (0.0, 0.62)
 #: Drag of the flights that bounce, a table-tennis ball's (facts of the recorded flights) [1/m].
 _BOUNCED_DRAG = 0.1
 
@@ -79,7 +83,7 @@ def neighbourhood(
     f: DirectMap, rng: np.random.Generator, settings: Neighbourhood | None = None
 ) -> list[Flight]:
     """Draw flights around the catch region of a map; those that never reach it are redrawn."""
-    settings = settings or Neighbourhood()
+    settings = _about(settings or Neighbourhood(), f.arm.model.aim)
     flights: list[Flight] = []
     for _ in range(20 * settings.flights):
         if len(flights) == settings.flights:
@@ -89,6 +93,14 @@ def neighbourhood(
         if flight is not None:
             flights.append(flight)
     return flights
+
+
+def _about(settings: Neighbourhood, aim: Array | None) -> Neighbourhood:
+    """Return settings for an arm that says where it wants its balls: that box, and a margin."""
+    if aim is None:
+        return settings
+    x, y, z = (np.maximum(_WIDER * aim[1], _NARROWEST)).tolist()
+    return replace(settings, box=(x, y, z), descent=_DESCENT)
 
 
 def _draw(f: DirectMap, rng: np.random.Generator, settings: Neighbourhood) -> tuple[_Motion, float]:
