@@ -106,6 +106,39 @@ class LearnOptions(ArmOptions):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class DesignOptions:
+    """Find what an arm can catch and the map that does it; write DESIGN.toml for --arm.
+
+    Attributes:
+        arm: The arm: wam, a URDF or MJCF file (then with --tip), or an arm file.
+        out: Arm file to write, if a design is found.
+        tip: Frame of the file at the catch point, z along the palm's normal.
+        joints: Joints of which three are to be active; any if left out.
+        limits: Limit set: a name, or a TOML file; that of the arm's file if left out.
+        aim: Point that the balls are aimed at [m], as X,Y,Z; the design chooses if left out.
+        scene: The world in which it is tried: a name, or a TOML file.
+        effort: How much is tried: quick for a first look.
+        seed: Seed of the search.
+        workers: Processes; one a core if left out.
+        overwrite: Replace an existing file.
+    """
+
+    arm: Annotated[str, Positional, arg(metavar="ARM")]
+    out: Annotated[Path, arg(metavar="DESIGN.toml")]
+    tip: Tip = None
+    joints: Joints = None
+    limits: Annotated[str | None, arg(metavar="NAME|TOML")] = None
+    aim: Annotated[str | None, arg(metavar="X,Y,Z")] = None
+    scene: Annotated[str | None, arg(metavar="NAME|TOML")] = None
+    effort: Literal["quick", "full"] = "full"
+    seed: Annotated[int, arg(metavar="S")] = 0
+    workers: Annotated[int | None, arg(metavar="N")] = None
+    overwrite: bool = False
+    json: Json = False
+    check: Check = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TrackOptions:
     """Filter recorded positions; write them with velocity, acceleration and uncertainty.
 

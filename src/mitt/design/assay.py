@@ -13,7 +13,7 @@ import numpy as np
 from mitt.design.candidate import Candidate
 from mitt.design.geometry import Balls
 from mitt.errors import MittError
-from mitt.generator.flights import Flight, lift_flight
+from mitt.generator.flights import lift_flight
 from mitt.generator.generators import Direct
 from mitt.generator.learn import LearnSettings
 from mitt.generator.mapping import DirectMap, unlearned
@@ -65,9 +65,7 @@ class Task:
         """Return flights to learn from or to be judged on, of these balls."""
         share, drag = self.balls.speed / Balls().speed, self.scene.ball.drag
         low, high = usual.arrival
-        return replace(
-            usual, arrival=(share * low, share * high), drag=(0.75 * drag, 1.25 * drag)
-        )
+        return replace(usual, arrival=(share * low, share * high), drag=(0.75 * drag, 1.25 * drag))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -161,9 +159,7 @@ def judged(c: Candidate, f: DirectMap, task: Task) -> Worth:
         return Worth(candidate=c, able=0.0, speed=99.0, binding="domain")
     a = assess(f, flights)
     lost = 1.0 - len(flights) / around.flights
-    return Worth(
-        candidate=c, able=_able(a) * (1.0 - lost), speed=_middle(a.speed), binding=a.binds
-    )
+    return Worth(candidate=c, able=_able(a) * (1.0 - lost), speed=_middle(a.speed), binding=a.binds)
 
 
 def _able(a: Assessment) -> float:
@@ -189,10 +185,10 @@ def thrown(c: Candidate, f: DirectMap, task: Task, *, throws: int, seed: int) ->
     return Worth(
         candidate=c,
         able=len(good) / throws,
-        speed=_middle(speeds) if len(good) else 9.0,
+        speed=_middle(speeds) if good else 9.0,
         thrown=throws,
         caught=len(good),
-        force=_middle(forces) if len(good) else 999.0,
+        force=_middle(forces) if good else 999.0,
         binding=binding_of(trials),
     )
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mitt.generator.design import MapDesign
 from mitt.robot.arm import Arm
@@ -15,8 +16,8 @@ class Candidate:
     """A way to catch, over all N joints of an arm.
 
     Attributes:
-        q: Pose at the nominal catch [rad], shape (N,): angles of the free joints, and those at which
-            the others are held.
+        q: Pose at the nominal catch [rad], shape (N,): angles of the free joints, and those at
+            which the others are held.
         free: The three active joints, from the base outwards.
         catch: Which of the three is the catch joint, 0 to 2.
         kappa: Velocity-match ratio.
@@ -58,8 +59,10 @@ class Candidate:
         )
 
 
-def within(whole: Arm, q: Array, margin: float) -> Array:
+def within(whole: Arm, q: Array, margin: float) -> NDArray[np.bool_]:
     """Say of poses of all joints, shape (..., N), whether each is so far inside its range [rad]."""
     room = np.minimum(margin, 0.25 * (whole.q_max - whole.q_min))
-    inside: Array = np.all((q >= whole.q_min + room) & (q <= whole.q_max - room), axis=-1)
+    inside: NDArray[np.bool_] = np.all(
+        (q >= whole.q_min + room) & (q <= whole.q_max - room), axis=-1
+    )
     return inside

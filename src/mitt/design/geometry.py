@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.design.candidate import Candidate, within
-from mitt.design.meeting import met, meeting
-from mitt.design.poses import Poses, poses_of
+from mitt.design.meeting import meeting, met
+from mitt.design.poses import Poses, Which, poses_of
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 
@@ -82,32 +82,47 @@ class Rows(NamedTuple):
     """Candidates as arrays, one a row."""
 
     q: Array  # (B, N)
-    free: Array  # (B, 3) catch joint last
+    free: NDArray[np.int64]  # (B, 3) catch joint last
     kappa: Array  # (B,)
     inward: Array  # (B,)
     x: Array  # (B, 3) joint speeds at the nominal catch, catch joint last
     tip: Array  # (B, 3)
     score: Array  # (B,) relative speed [m/s] and what else is bad; smaller is better
 
-    def take(self, rows: Array) -> "Rows":
+    def take(self, rows: Which) -> "Rows":
         """Return some of them, by index or by mask."""
-        return Rows(*(x[rows] for x in self))
+        return Rows(
+            self.q[rows], self.free[rows], self.kappa[rows], self.inward[rows], self.x[rows],
+            self.tip[rows], self.score[rows],
+        )  # fmt: skip
 
 
-def triples_of(whole: Arm, joints: Sequence[str] | None) -> Array:
+def joined(parts: Sequence[Rows]) -> Rows:
+    """Return candidates of several parts as one."""
+    return Rows(*(np.concatenate(x) for x in zip(*parts, strict=True)))
+
+
+def triples_of(whole: Arm, joints: Sequence[str] | None) -> NDArray[np.int64]:
     """Return the choices of three joints, the catch joint last, shape (T, 3)."""
     names = list(whole.names) if not joints else [x for x in whole.names if x in joints]
     index = [whole.names.index(x) for x in names]
-    chosen = []
-    for three in combinations(index, 3):
-        for i in three:
-            if whole.chain.prismatic[i] == 0.0:
-                chosen.append([*(k for k in three if k != i), i])
+    chosen = [
+        [*(k for k in three if k != i), i]
+        for three in combinations(index, 3)
+        for i in three
+        if whole.chain.prismatic[i] == 0.0
+    ]
     return np.array(chosen, dtype=np.int64).reshape(len(chosen), 3)
 
 
 def drawn(
-    whole: Arm, balls: Balls, triples: Array, rng: np.random.Generator, *, count: int, floor: float
+    whole: Arm,
+    balls: Balls,
+    triples: NDArray[np.int64],
+    rng: np.random.Generator,
+    *,
+    count: int,
+    floor: float,
 ) -> Rows:
     """Draw poses and choices of joints, and return those that meet the typical ball.
 
@@ -145,10 +160,12 @@ def improved(
     q, poses, kept = _standing(whole, balls, rows.q + change, floor)
     found = _met(whole, balls.velocity(), (q, poses), rows.free[kept], np.arange(len(q)), rng)
     found = spread(whole, balls, found)
-    return Rows(*(np.concatenate(x) for x in zip(rows, found, strict=True)))
+    return joined([rows, found])
 
 
-def _standing(whole: Arm, balls: Balls, q: Array, floor: float) -> tuple[Array, Poses, Array]:
+def _standing(whole: Arm, balls: Balls, q: Array, floor: float) -> (
+    tuple[Array, Poses, NDArray[np.int64]]
+):  # fmt: skip
     """Return the poses that stand with the palm towards the ball, placed, and their indices."""
     if balls.aim is not None:
         q = _led(whole, q, balls)
@@ -161,8 +178,8 @@ def _standing(whole: Arm, balls: Balls, q: Array, floor: float) -> tuple[Array, 
 
 
 def _met(
-    whole: Arm, v: Array, of: tuple[Array, Poses], chosen: Array, row: Array,
-    rng: np.random.Generator,
+    whole: Arm, v: Array, of: tuple[Array, Poses], chosen: NDArray[np.int64],
+    row: NDArray[np.int64], rng: np.random.Generator,
 ) -> Rows:  # fmt: skip
     """Return the rows whose three joints meet a ball of velocity v within their speeds."""
     q, poses = of
@@ -220,13 +237,15 @@ def _off_line(tip: Array, balls: Balls) -> Array:
     return np.asarray(np.linalg.norm(_offset(tip, balls), axis=1))
 
 
-def _stands(poses: Poses, floor: float) -> Array:
+def _stands(poses: Poses, floor: float) -> NDArray[np.bool_]:
     """Say where an arm keeps above the floor, and its catch point away from its own joints."""
     above = (poses.tip[:, 2] > floor + _ABOVE) & np.all(
         poses.at[:, 1:, 2] > floor + 0.5 * _ABOVE, axis=1
     )
     far = np.linalg.norm(poses.tip[:, None] - poses.at, axis=2)
-    good: Array = above & np.all(far[:, : max(1, poses.at.shape[1] - 3)] > _APART, axis=1)
+    good: NDArray[np.bool_] = above & np.all(
+        far[:, : max(1, poses.at.shape[1] - 3)] > _APART, axis=1
+    )
     return good
 
 

@@ -54,8 +54,8 @@ def meeting(J: Array, w: Array, v: Array, d: Array, fastest: Array) -> Meeting:
     det = np.linalg.det(J)
     sound = np.abs(det) > _SINGULAR * np.prod(size, axis=1) + 1e-12
     A = np.where(sound[:, None, None], np.swapaxes(J, 1, 2), np.eye(3))
-    x_0 = np.linalg.solve(A, np.broadcast_to(v, d.shape)[..., None])[..., 0]
-    slope = np.linalg.solve(A, d[..., None])[..., 0]
+    x_0 = np.asarray(np.linalg.solve(A, np.broadcast_to(v, d.shape)[..., None]), float)[..., 0]
+    slope = np.asarray(np.linalg.solve(A, d[..., None]), float)[..., 0]
     least, most = _interval(x_0, slope, fastest)
     s = np.maximum(least, 0.0)
     x = x_0 - s[:, None] * slope
@@ -90,7 +90,8 @@ def met(J: Array, w: Array, v: Array, kappa: Array, inward: Array) -> tuple[Arra
     A = np.stack([J[:, 0], J[:, 1], T], axis=2)
     flat = np.abs(np.linalg.det(A)) < 1e-9
     A = np.where(flat[:, None, None], np.eye(3), A)
-    x = np.linalg.solve(A, np.broadcast_to(v, T.shape)[..., None])[..., 0]
-    x = np.where(flat[:, None], np.inf, x)
+    solved = np.linalg.solve(A, np.broadcast_to(v, T.shape)[..., None])[..., 0]
+    x: Array = np.where(flat[:, None], np.inf, solved)
     own = np.where(flat, 0.0, x[:, 2])[:, None]
-    return x, np.where(flat[:, None], np.inf, (T - J_i) * own)
+    relative: Array = np.where(flat[:, None], np.inf, (T - J_i) * own)
+    return x, relative

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mitt.design.candidate import Candidate
 from mitt.robot.arm import Arm
@@ -60,7 +61,7 @@ def tip_of(whole: Arm, q: Array) -> Array:
     return whole.position(q)
 
 
-def _inside(whole: Arm, q: Array, joints: Array) -> Array:
+def _inside(whole: Arm, q: Array, joints: NDArray[np.int64]) -> Array:
     """Return angles of some joints, kept in their ranges [rad]."""
     room = np.minimum(_MARGIN, 0.1 * (whole.q_max - whole.q_min))[joints]
     out: Array = np.clip(q, whole.q_min[joints] + room, whole.q_max[joints] - room)

@@ -11,12 +11,16 @@ The kernels of :mod:`mitt.robot.chain` place one pose; a search looks at a hundr
 | ``at``   | origin of each joint                                         | m     | (B, N, 3) |
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mitt.robot.description import ArmModel
 from mitt.signals import Array
+
+Which: TypeAlias = NDArray[np.int64] | NDArray[np.bool_]
+"""Which rows of an array: their indices, or a mask."""
 
 
 class Poses(NamedTuple):
@@ -28,7 +32,7 @@ class Poses(NamedTuple):
     W: Array
     at: Array
 
-    def take(self, rows: Array) -> "Poses":
+    def take(self, rows: Which) -> "Poses":
         """Return some of the poses, by index or by mask."""
         return Poses(*(x[rows] for x in self))
 

@@ -5,13 +5,23 @@ with any number of workers.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mitt.design.assay import Task, Worth
 from mitt.design.candidate import Candidate
-from mitt.design.geometry import Rows, best_of, candidates_of, drawn, improved, spread, triples_of
+from mitt.design.geometry import (
+    Rows,
+    best_of,
+    candidates_of,
+    drawn,
+    improved,
+    joined,
+    spread,
+    triples_of,
+)
 from mitt.design.mutation import mutated
 from mitt.design.workers import Bench, Progress
 from mitt.errors import ModelError
@@ -53,6 +63,21 @@ class Effort:
     generations: int = 6
     last: int = 3
     confirm: int = 60
+
+    def less(self) -> "Effort":
+        """Return less of it, for one of several searches."""
+        return replace(
+            self, judged=self.judged // 3, thrown=self.thrown // 2,
+            generations=min(self.generations, 2), last=1, confirm=self.throws,
+        )  # fmt: skip
+
+
+#: By name: what ``mitt design --effort`` may ask for.
+EFFORTS = {
+    "quick": Effort(rounds=2, changes=8, judged=16, thrown=6, generations=1, children=8, last=1,
+                    confirm=20),
+    "full": Effort(),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -101,30 +126,26 @@ def search(
     pool = bench.try_all("throwing", fresh, throws=effort.throws, seed=_COMPARE)
     pool = _refined(whole, task, effort, bench, pool)
     last = [w.candidate for w in _sorted(pool)[: effort.last]]
-    confirmed = bench.try_all(
-        "confirming", last, throws=effort.confirm, seed=_CONFIRM, full=True
-    )
+    confirmed = bench.try_all("confirming", last, throws=effort.confirm, seed=_CONFIRM, full=True)
     ranked = _sorted(confirmed)
     best = ranked[0] if ranked else None
     return Found(best=best, considered=len(rows.q), others=tuple(ranked[1:]))
 
 
 def _by_geometry(
-    whole: Arm, task: Task, effort: Effort, triples: np.ndarray, rng: np.random.Generator,
+    whole: Arm, task: Task, effort: Effort, triples: NDArray[np.int64], rng: np.random.Generator,
     progress: Progress,
 ) -> Rows:  # fmt: skip
     """Return candidates that meet balls all over the box, by geometry alone."""
     kept, count = [], 0
     for k in range(effort.rounds):
-        rows = drawn(
-            whole, task.balls, triples, rng, count=effort.poses, floor=task.scene.floor
-        )
+        rows = drawn(whole, task.balls, triples, rng, count=effort.poses, floor=task.scene.floor)
         kept.append(spread(whole, task.balls, best_of(rows, count=4000, each=400)))
         count += len(kept[-1].q)
         progress("geometry", k + 1, effort.rounds)
         if count >= effort.enough:
             break
-    rows = Rows(*(np.concatenate(x) for x in zip(*kept, strict=True)))
+    rows = joined(kept)
     for k in range(effort.changes if len(rows.q) else 0):
         rows = best_of(rows, count=effort.enough, each=effort.enough // 6)
         rows = improved(

@@ -60,6 +60,6 @@ def driven_joints(path: Path, tip: str, limits: str | LimitSet | None) -> Sequen
         and (name in stated.speed or name in more.get("speed", {}))
     ]
     if len(found) < 3:
-        raise ModelError(str(path), f"three joints up to {tip!r} with a range, a torque and a speed",
-                         ", ".join(found) or "none", do=stated.how)  # fmt: skip
+        wanted = f"three joints up to {tip!r} with a range, a torque and a speed"
+        raise ModelError(str(path), wanted, ", ".join(found) or "none", do=stated.how)  # fmt: skip
     return found

@@ -96,12 +96,25 @@ class Bench:
                   seed=seed, least=least, full=full)
             for k, c in enumerate(candidates)
         ]  # fmt: skip
-        found: dict[int, Worth] = {}
+        return [w for w in self._worth(name, trials) if w is not None]
+
+    def try_each(
+        self, name: str, pairs: Sequence[tuple[Candidate, Task]], *, throws: int, seed: int
+    ) -> list[Worth | None]:
+        """Return what each candidate is worth for a task of its own; None where it cannot stand."""
+        trials = [
+            Trial(number=k, whole=self.whole, candidate=c, task=task, throws=throws, seed=seed)
+            for k, (c, task) in enumerate(pairs)
+        ]
+        return self._worth(name, trials)
+
+    def _worth(self, name: str, trials: Sequence[Trial]) -> list[Worth | None]:
+        """Return what became of trials, in their order."""
+        found: list[Worth | None] = [None] * len(trials)
         for done, (number, worth) in enumerate(self._answers(trials), start=1):
             self._progress(name, done, len(trials))
-            if worth is not None:
-                found[number] = worth
-        return [found[k] for k in sorted(found)]
+            found[number] = worth
+        return found
 
     def _answers(self, trials: Sequence[Trial]) -> Iterable[tuple[int, Worth | None]]:
         """Yield number and worth of each, as they come."""
