@@ -7,6 +7,7 @@ world (hundredths of a second a throw).
 """
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from mitt.generator.mapping import DirectMap, unlearned
 from mitt.generator.select import Assessment, Choice, assess
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Surroundings, clearance, shapes_of
-from mitt.signals import Array
+from mitt.signals import Array, MapStatus
 from mitt.trials.learning import learn
 from mitt.trials.neighbourhood import Neighbourhood, neighbourhood
 from mitt.trials.runner import TrialRunner
@@ -33,16 +34,28 @@ from mitt.world.throws import ThrowRanges
 _HOLDING, _SPEEDING = 0.85, 2.5
 #: Time in which the hand reaches its speed at the catch, on paper [s].
 _RISE = 0.25
+#: Largest difference of one pose from itself, by its catch point and l_c^-1 [rad].
+_SAME = 1e-3
 #: Gap that own shapes and floor keep in ready pose and at the catch [m].
 _GAP = 0.02
 #: Seeds of the flights that candidates learn from and are judged on, and of their throws.
 _LEARN_SEED, _JUDGE_SEED = 31, 32
 #: Flights and instants for a quick answer, and for the last candidates.
-_QUICK, _FULL = Neighbourhood(flights=36, instants=14), Neighbourhood(flights=80, instants=24)
+_GLANCE, _QUICK = Neighbourhood(flights=16, instants=9), Neighbourhood(flights=30, instants=12)
+_FULL = Neighbourhood(flights=100, instants=26)
 _JUDGED = Neighbourhood(flights=24, instants=16, kicked=0.0, bounced=0.0)
-_STEPS = LearnSettings(steps=6, tolerance=0.02)
+_STEPS = {
+    "glance": LearnSettings(steps=3, tolerance=0.05),
+    "quick": LearnSettings(steps=5, tolerance=0.02),
+    "full": LearnSettings(),
+}
+_AROUND = {"glance": _GLANCE, "quick": _QUICK, "full": _FULL}
 #: What a relative speed of 1 m/s and a force of 1 N cost, in shares of throws.
 _SPEED_COST, _FORCE_COST = 0.02, 0.0001
+
+
+How = Literal["glance", "quick", "full"]
+"""How thoroughly a map is learned."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,8 +123,17 @@ def stands(whole: Arm, c: Candidate, task: Task) -> bool:
         return False
     if len(flights) < 6 or not _holds(arm, c, task.scene.floor):
         return False
+    if not _on_branch(arm, start, c):
+        return False
     inside = [x for x in (lift_flight(start, flight) for flight in flights) if x is not None]
     return len(inside) >= 4 and sum(_asks_little(arm, x.virtual[-1]) for x in inside) >= 3
+
+
+def _on_branch(arm: Arm, start: DirectMap, c: Candidate) -> bool:
+    """Say whether l_c^-1 of the nominal catch point is the pose that the candidate means."""
+    q = c.q[list(c.free)]
+    status, q_o = start.to_joints(arm.position(q))
+    return status is MapStatus.INSIDE and bool(np.abs(q_o - q).max() < _SAME)
 
 
 def _holds(arm: Arm, c: Candidate, floor: float) -> bool:
@@ -135,17 +157,16 @@ def _asks_little(arm: Arm, virtual: Array) -> bool:
     return bool(float(share.max()) <= _SPEEDING and np.abs(dq / arm.dq_max).max() <= 1.6)
 
 
-def learned(whole: Arm, c: Candidate, task: Task, *, full: bool = False) -> DirectMap | None:
+def learned(whole: Arm, c: Candidate, task: Task, how: How = "quick") -> DirectMap | None:
     """Return a candidate's learned map; None where it has none."""
     try:
         arm = c.arm(whole)
-        around = task.around(_FULL if full else _QUICK)
+        around = task.around(_AROUND[how])
         rng = np.random.default_rng([_LEARN_SEED, task.seed])
         flights = neighbourhood(unlearned(arm, c.design), rng, around)
         if len(flights) < around.flights // 2:
             return None
-        settings = None if full else _STEPS
-        return learn(arm, design=c.design, flights=flights, settings=settings).map
+        return learn(arm, design=c.design, flights=flights, settings=_STEPS[how]).map
     except (MittError, np.linalg.LinAlgError):
         return None
 

@@ -22,6 +22,8 @@ from mitt.signals import Array
 #: Joint range left free at the catch [rad], share of joint speeds that may be asked, and what of
 #: it is drawn for a typical ball: balls elsewhere ask for more of the same map.
 _MARGIN, _FASTEST, _SHARES = 0.12, 0.9, (0.3, 0.9)
+#: Time for which the joints go on at their speeds after the catch, until the arm has braked [s].
+_BRAKED = 0.1
 #: Largest share of a joint speed that a ball at a corner may ask: the learned map may do better.
 _BEYOND = 1.5
 #: What it costs to ask for more than a joint's speed, in m/s of relative speed.
@@ -43,6 +45,9 @@ _BOX = (0.05, 0.3, 0.22)
 _FAR = 0.8
 #: Time for which the hand's speed at the catch is taken to the ready pose [s].
 _SWING = (0.04, 0.2)
+#: Farthest that the two other joints stand off their angles at the catch [rad]: l_c^-1 starts from
+#: the ready pose, and has other branches.
+_ASIDE = 0.4
 #: Corners of the box (across, up), and the balls that come there: share of the speed, azimuth and
 #: descent [rad]; the spread of the default throws.
 _CORNERS = (
@@ -188,7 +193,14 @@ def _met(
     share = rng.uniform(*_SHARES, (len(row), 1))
     found = meeting(J, w, v, d, share * whole.dq_max[chosen])
     straight = -np.sum(d * palm, axis=1) > np.cos(_STRAIGHT)
-    good = found.sound & (straight | (found.s < _SOFT)) & (found.s < np.linalg.norm(v))
+    after = q[row]
+    after[np.arange(len(row))[:, None], chosen] += _BRAKED * found.x
+    good = (
+        found.sound
+        & within(whole, after, 0.0)
+        & (straight | (found.s < _SOFT))
+        & (found.s < np.linalg.norm(v))
+    )
     effort = np.abs(found.x / whole.dq_max[chosen]).max(axis=1)
     return Rows(
         q=q[row], free=chosen, kappa=found.kappa, inward=found.inward, x=found.x,
@@ -336,7 +348,9 @@ def candidates_of(
     for k in range(len(rows.q)):
         order = np.argsort(rows.free[k])
         free = rows.free[k][order]
-        ready = rows.q[k, free] - rng.uniform(*_SWING) * rows.x[k][order]
+        swing = rng.uniform(*_SWING) * rows.x[k]
+        swing[:2] = np.clip(swing[:2], -_ASIDE, _ASIDE)
+        ready = rows.q[k, free] - swing[order]
         low, high = whole.q_min[free] + 0.05, whole.q_max[free] - 0.05
         out.append(Candidate(
             q=rows.q[k].copy(),

@@ -30,6 +30,8 @@ from mitt.sweep.engine import Engine
 
 #: Seeds of the throws by which candidates are compared, and of those that confirm the last ones.
 _COMPARE, _CONFIRM = 100, 1000
+#: Score by flights from which a changed candidate is thrown at.
+_WORTH_THROWING = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,12 +123,12 @@ def search(
         return Found(best=None, considered=0)
     first = best_of(rows, count=6 * effort.judged, each=2 * effort.judged)
     candidates = candidates_of(whole, task.balls, first, rng)
-    worth = bench.try_all("learning", candidates[: 3 * effort.judged])
+    worth = bench.try_all("learning", candidates[: 2 * effort.judged], how="glance")
     fresh = _distinct(worth, effort.thrown)
     pool = bench.try_all("throwing", fresh, throws=effort.throws, seed=_COMPARE)
     pool = _refined(whole, task, effort, bench, pool)
     last = [w.candidate for w in _sorted(pool)[: effort.last]]
-    confirmed = bench.try_all("confirming", last, throws=effort.confirm, seed=_CONFIRM, full=True)
+    confirmed = bench.try_all("confirming", last, throws=effort.confirm, seed=_CONFIRM, how="full")
     ranked = _sorted(confirmed)
     best = ranked[0] if ranked else None
     return Found(best=best, considered=len(rows.q), others=tuple(ranked[1:]))
@@ -171,7 +173,9 @@ def _refined(
             moves = task.balls.aim is None
             children.append(mutated(whole, parent.candidate, rng, size=size, moves=moves))
         name = f"improving {generation + 1} of {effort.generations}"
-        pool += bench.try_all(name, children, throws=effort.throws, seed=_COMPARE)
+        pool += bench.try_all(
+            name, children, throws=effort.throws, seed=_COMPARE, least=_WORTH_THROWING
+        )
     return pool
 
 

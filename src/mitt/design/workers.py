@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import final
 
-from mitt.design.assay import Task, Worth, judged, learned, stands, thrown
+from mitt.design.assay import How, Task, Worth, judged, learned, stands, thrown
 from mitt.design.candidate import Candidate
 from mitt.robot.arm import Arm
 from mitt.sweep.engine import Engine, run_tasks
@@ -25,7 +25,7 @@ class Trial:
         throws: Number of throws; 0 to judge it by flights alone.
         seed: Seed of the throws.
         least: Least score by flights from which it is thrown at.
-        full: Whether the map is learned in full.
+        how: How thoroughly the map is learned.
     """
 
     number: int
@@ -35,7 +35,7 @@ class Trial:
     throws: int = 0
     seed: int = 0
     least: float = -1e9
-    full: bool = False
+    how: How = "quick"
 
 
 def tried(trial: Trial) -> Worth | None:
@@ -43,7 +43,7 @@ def tried(trial: Trial) -> Worth | None:
     c = trial.candidate
     if not stands(trial.whole, c, trial.task):
         return None
-    f = learned(trial.whole, c, trial.task, full=trial.full)
+    f = learned(trial.whole, c, trial.task, trial.how)
     if f is None:
         return None
     worth = judged(c, f, trial.task)
@@ -79,7 +79,7 @@ class Bench:
 
     def try_all(
         self, name: str, candidates: Sequence[Candidate], *, throws: int = 0, seed: int = 0,
-        least: float = -1e9, full: bool = False,
+        least: float = -1e9, how: How = "quick",
     ) -> list[Worth]:  # fmt: skip
         """Return what candidates are worth, in their order; those that cannot stand are left out.
 
@@ -89,11 +89,11 @@ class Bench:
             throws: As in :class:`Trial`.
             seed: As in :class:`Trial`.
             least: As in :class:`Trial`.
-            full: As in :class:`Trial`.
+            how: As in :class:`Trial`.
         """
         trials = [
             Trial(number=k, whole=self.whole, candidate=c, task=self._task, throws=throws,
-                  seed=seed, least=least, full=full)
+                  seed=seed, least=least, how=how)
             for k, c in enumerate(candidates)
         ]  # fmt: skip
         return [w for w in self._worth(name, trials) if w is not None]
