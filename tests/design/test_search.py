@@ -1,7 +1,6 @@
-"""The search: the same seed gives the same design, the contract holds, and the file gives it back."""
+"""The search: same seed, same design; the contract holds; the file gives the design back."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -48,8 +47,8 @@ def task() -> Task:
 
 
 @pytest.fixture(scope="module")
-def found(whole: Arm, task: Task) -> Iterator[Design]:
-    yield design(whole, task, TINY, progress=silent)
+def found(whole: Arm, task: Task) -> Design:
+    return design(whole, task, TINY, progress=silent)
 
 
 @pytest.mark.slow

@@ -192,15 +192,11 @@ def _met(
     d, palm = _into(poses.palm[row], w, rng), poses.palm[row]
     share = rng.uniform(*_SHARES, (len(row), 1))
     found = meeting(J, w, v, d, share * whole.dq_max[chosen])
-    straight = -np.sum(d * palm, axis=1) > np.cos(_STRAIGHT)
+    straight: NDArray[np.bool_] = -np.sum(d * palm, axis=1) > np.cos(_STRAIGHT)
     after = q[row]
     after[np.arange(len(row))[:, None], chosen] += _BRAKED * found.x
-    good = (
-        found.sound
-        & within(whole, after, 0.0)
-        & (straight | (found.s < _SOFT))
-        & (found.s < np.linalg.norm(v))
-    )
+    good = within(whole, after, 0.0) & (straight | (found.s < _SOFT))
+    good &= found.sound & (found.s < np.linalg.norm(v))
     effort = np.abs(found.x / whole.dq_max[chosen]).max(axis=1)
     return Rows(
         q=q[row], free=chosen, kappa=found.kappa, inward=found.inward, x=found.x,
