@@ -1,4 +1,4 @@
-"""Limit sets: fitted to an arm by name or order, the tighter range, and one line for what is not."""
+"""Limit sets: fitted to an arm by name or order, or refused in one line."""
 
 from pathlib import Path
 

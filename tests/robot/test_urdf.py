@@ -36,16 +36,19 @@ _REFUSED = {
 
 def _longest(root: Element) -> tuple[str, list[str]]:
     """Return the link behind the most joints that move, and these joints."""
-    joints = [j for j in root.findall("joint") if j.find("child") is not None]
-    above = {j.find("child").get("link"): j for j in joints}
+    above: dict[str, tuple[Element, str]] = {}
+    for joint in root.findall("joint"):
+        parent, child = joint.find("parent"), joint.find("child")
+        if parent is not None and child is not None:
+            above[child.get("link", "")] = joint, parent.get("link", "")
     best: tuple[str, list[str]] = ("", [])
-    for link in root.findall("link"):
-        at, chain = link.get("name"), []
+    for name in [link.get("name", "") for link in root.findall("link")]:
+        at, chain = name, list[str]()
         while at in above:
-            if above[at].get("type") != "fixed" and above[at].find("mimic") is None:
-                chain.append(above[at].get("name"))
-            at = above[at].find("parent").get("link")
-        best = (link.get("name"), chain[::-1]) if len(chain) >= len(best[1]) else best
+            joint, at = above[at]
+            if joint.get("type") != "fixed" and joint.find("mimic") is None:
+                chain.append(joint.get("name", ""))
+        best = (name, chain[::-1]) if len(chain) >= len(best[1]) else best
     return best
 
 
