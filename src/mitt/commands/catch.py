@@ -13,10 +13,12 @@ from mitt.commands.screen import (
     show,
     table,
     tell_of_kernels,
+    warn,
 )
 from mitt.errors import InputError
 from mitt.files.files import check_folder, locked
 from mitt.files.maps import read_map
+from mitt.generator.advice import warnings_of
 from mitt.generator.mapping import unlearned
 from mitt.interrupts import notice, status_of, tell, words_of
 from mitt.trials.journal import kept_words
@@ -37,6 +39,7 @@ _OF_THE_MAP = ("catch_joint", "q_catch", "kappa", "inward", "order")
 def run(options: CatchOptions) -> int:
     """Run ``mitt catch``; return its exit status."""
     prepared = prepare(options)
+    warn(warnings_of(prepared.arm, prepared.design), json=options.json)
     if options.check:
         return checked(f"{prepared.source.count} throws, output to {prepared.out}")
     with locked(prepared.out):

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from mitt.errors import FileError, InputError, MittError
 from mitt.files.files import write_text
-from mitt.files.limit_sets import read_limits
+from mitt.files.limit_files import read_limits
 from mitt.files.schema import Finite, Part, parsed
 from mitt.files.throws import ThrowSettings
 from mitt.files.toml_text import toml_text

@@ -35,7 +35,7 @@ def load_arm(
             range that is nearest to it.
         ready: Ready pose of the active joints, in their order [rad]; 0 if left out, or the middle
             of a range that 0 is not in.
-        limits: Limit set: a name of ``mitt.files.limit_sets.shipped()``, ``paper``, ``wam-48v`` or
+        limits: Limit set: a name of ``mitt.files.limit_files.shipped()``, ``paper``, ``wam-48v`` or
             ``wam-80v`` for the WAM, ``model`` for what a file states, or a TOML file
             (docs/arms.md).
         hand: For files: a hand to be mounted so that its catch point is at the tip; without

@@ -16,7 +16,7 @@ import pinocchio as pin
 from mitt.errors import FileError, heard
 from mitt.reading import read_text
 from mitt.robot.dynamics import GRAVITY
-from mitt.robot.stated import Stated
+from mitt.robot.stated import LINK, Stated
 from mitt.robot.urdf import MAX_BYTES, checked_xml
 from mitt.signals import Array
 
@@ -92,6 +92,7 @@ def _to_pinocchio(m: mujoco.MjModel) -> pin.Model:
         for k in range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b]):
             kind, at = _joint(m, k), pin.SE3(np.eye(3), np.array(m.jnt_pos[k]))
             joint = model.addJoint(joint, kind, T * at, m.joint(k).name or f"joint {k}")
+            model.addJointFrame(joint)
             T = at.inverse()
             armature += [float(x) for x in m.dof_armature[m.jnt_dofadr[k] :][: kind.nv]]
         R = _pose(m.body_ipos[b], m.body_iquat[b])
@@ -99,15 +100,22 @@ def _to_pinocchio(m: mujoco.MjModel) -> pin.Model:
         inertia = pin.Inertia(float(m.body_mass[b]), R.translation, about)
         model.appendBodyToJoint(joint, inertia, T)
         joint_of[b], seat[b] = joint, T
-        name = m.body(b).name or f"body {b}"
+        name = _told_apart(m, m.body(b).name or f"body {b}")
         model.addFrame(pin.Frame(name, joint, 0, T, pin.FrameType.BODY), False)
     for s in range(m.nsite):
         b = m.site_bodyid[s]
         T = seat[b] * _pose(m.site_pos[s], m.site_quat[s])
-        name = m.site(s).name or f"site {s}"
+        name = _told_apart(m, m.site(s).name or f"site {s}")
+        if name in [frame.name for frame in model.frames]:
+            continue  # the body of that name goes before it
         model.addFrame(pin.Frame(name, joint_of[b], 0, T, pin.FrameType.OP_FRAME), False)
     model.armature = np.array(armature)
     return model
+
+
+def _told_apart(m: mujoco.MjModel, name: str) -> str:
+    """Return the name of a frame, another than that of any joint."""
+    return name + LINK if name in [m.joint(k).name for k in range(m.njnt)] else name
 
 
 def _joint(m: mujoco.MjModel, k: int) -> pin.JointModel:

@@ -4,8 +4,9 @@ import hashlib
 import json
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
+from mitt.files.limit_files import known_limits
 from mitt.files.throws import ThrowSettings
 from mitt.world.scene import Scene
 from mitt.world.settings import Settings
@@ -32,6 +33,14 @@ class ArmSettings(Settings):
     kappa: float | None = None
     inward: float | None = None
     order: int | None = None
+
+    @field_validator("limits")
+    @classmethod
+    def _known(cls, value: str | None) -> str | None:
+        """Refuse a name that is none of a limit set, before anything is learned."""
+        if value is not None and not value.endswith(".toml") and value not in known_limits():
+            raise ValueError(f"one of {', '.join(known_limits())}, or a .toml file")
+        return value
 
 
 class Overrides(Settings):

@@ -40,6 +40,11 @@ def shipped() -> tuple[str, ...]:
     return tuple(sorted(p.name.removesuffix(".toml") for p in folder.iterdir()))
 
 
+def known_limits() -> tuple[str, ...]:
+    """Return the names of all limit sets, those of the WAM and ``model`` first."""
+    return ("model", *LIMIT_SETS, *shipped())
+
+
 def read_limits(name_or_path: str | Path) -> LimitSet:
     """Return a limit set that ships, by name, or one from a TOML file.
 
@@ -50,7 +55,7 @@ def read_limits(name_or_path: str | Path) -> LimitSet:
     path = Path(name_or_path)
     if path.suffix != ".toml":
         if str(name_or_path) not in shipped():
-            known = ("model", *LIMIT_SETS, *shipped(), "a .toml file")
+            known = (*known_limits(), "a .toml file")
             raise UnknownNameError("limits", str(name_or_path), known)
         path = Path(str(files("mitt") / "data" / "limits" / f"{name_or_path}.toml"))
     content = parsed(
