@@ -67,7 +67,11 @@ def test_what_is_printed_keeps_the_contract(found: Design) -> None:
     assert set(said) == KEYS
     assert said["schema"] == "mitt.design/1"
     assert json.loads(json.dumps(said, allow_nan=False)) == said
-    assert (said["reason"] is None) == said["found"]
+    assert said["found"] or said["reason"] is not None
+    feasible, throws = said["feasible"], said["throws"]
+    assert isinstance(feasible, int)
+    assert isinstance(throws, int)
+    assert 0 <= feasible <= throws
     assert (said["relative_speed_m_s"] is not None) == said["found"]
     rows = said["by_speed"]
     assert isinstance(rows, list)

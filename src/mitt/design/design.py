@@ -40,7 +40,7 @@ class Design:
     Attributes:
         whole: The arm with all its joints active.
         found: Whether it catches enough of the throws.
-        reason: Why not; None where it does.
+        reason: Why not, or why not within all limits; None where it does.
         best: The best candidate, with what it caught; None where none was found at all.
         fastest: Fastest throws of which it catches enough [m/s]; 0 where there are none.
         rows: How it does at several speeds.
@@ -74,7 +74,7 @@ class Design:
             "reason": self.reason,
             "joints": list(self.joints),
             "throws": 0 if self.best is None else self.best.thrown,
-            "feasible": 0 if self.best is None else self.best.caught,
+            "feasible": 0 if self.best is None else self.best.clean,
             "relative_speed_m_s": None if w is None else w.speed,
             "force_n": None if w is None else w.force,
             "fastest_m_s": self.fastest,
@@ -122,7 +122,7 @@ def design(
     if best is not None and best.caught >= ENOUGH * best.thrown:
         rows = by_speed(bench, best.candidate, task, SPEEDS)
         most = fastest(bench, best.candidate, task, rows)
-        return Design(whole=whole, found=True, reason=None, best=best, fastest=most, rows=rows,
+        return Design(whole=whole, found=True, reason=_beyond(best), best=best, fastest=most, rows=rows,
                       seconds=monotonic() - start)  # fmt: skip
     again = slower(whole, task, effort.less(), progress=progress, joints=joints, engine=engine)
     speed, rows = 0.0, []
@@ -131,6 +131,17 @@ def design(
         speed = max(release_speed(again[1]), fastest(bench, again[0].best.candidate, task, rows))
     return Design(whole=whole, found=False, reason=_reason(best, speed), best=best, fastest=speed,
                   rows=rows, seconds=monotonic() - start)  # fmt: skip
+
+
+def _beyond(best: Worth) -> str | None:
+    """Return in words how many balls were caught beyond a limit; None where those are few."""
+    if best.clean >= ENOUGH * best.thrown:
+        return None
+    over = best.caught - best.clean
+    return (
+        f"{over} of the {best.caught} balls were caught with a command beyond a limit; of"
+        " acceleration, jerk and torque rate the controller holds only jerk"
+    )
 
 
 def _reason(best: Worth | None, speed: float) -> str:

@@ -19,6 +19,7 @@ direction d of that plane will do, and its size s is as small as the joint speed
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mitt.signals import Array
 
@@ -33,7 +34,7 @@ _MOST = 12.0
 class Meeting(NamedTuple):
     """How they meet; ``sound`` where they can, all else means nothing where they cannot."""
 
-    sound: Array  # (B,) of bool
+    sound: NDArray[np.bool_]  # (B,)
     s: Array
     x: Array
     kappa: Array  # (B,)

@@ -56,7 +56,7 @@ def work(trial: Trial) -> bytes:
     """Try a candidate in a worker; the answer as bytes, without the candidate."""
     w = tried(trial)
     plain = None if w is None else {
-        "able": w.able, "speed": w.speed, "thrown": w.thrown, "caught": w.caught,
+        "able": w.able, "speed": w.speed, "thrown": w.thrown, "caught": w.caught, "clean": w.clean,
         "force": w.force, "binding": w.binding,
     }  # fmt: skip
     return json.dumps({"number": trial.number, "worth": plain}).encode()
