@@ -45,7 +45,6 @@ class Design:
         fastest: Fastest throws of which it catches enough [m/s]; 0 where there are none.
         rows: How it does at several speeds.
         seconds: How long that took.
-        throws: Ranges of the throws that it was designed for, where they are not the default ones.
     """
 
     whole: Arm
@@ -117,20 +116,26 @@ def design(
         engine: Where candidates are tried; in this process if left out.
     """
     start = monotonic()
-    found = search(whole, task, effort, progress=progress, joints=joints, engine=engine)
-    best, bench = found.best, Bench(whole, task, engine, progress)
-    if best is not None and best.caught >= ENOUGH * best.thrown:
-        rows = by_speed(bench, best.candidate, task, SPEEDS)
-        most = fastest(bench, best.candidate, task, rows)
-        return Design(whole=whole, found=True, reason=_beyond(best), best=best, fastest=most, rows=rows,
-                      seconds=monotonic() - start)  # fmt: skip
-    again = slower(whole, task, effort.less(), progress=progress, joints=joints, engine=engine)
-    speed, rows = 0.0, []
-    if again is not None and again[0].best is not None:
-        rows = by_speed(bench, again[0].best.candidate, task, SPEEDS)
-        speed = max(release_speed(again[1]), fastest(bench, again[0].best.candidate, task, rows))
-    return Design(whole=whole, found=False, reason=_reason(best, speed), best=best, fastest=speed,
-                  rows=rows, seconds=monotonic() - start)  # fmt: skip
+    best = search(whole, task, effort, progress=progress, joints=joints, engine=engine).best
+    bench = Bench(whole, task, engine, progress)
+    found = best is not None and best.caught >= ENOUGH * best.thrown
+    tried, speed = best, 0.0
+    if not found:
+        again = slower(whole, task, effort.less(), progress=progress, joints=joints, engine=engine)
+        tried = None if again is None else again[0].best
+        speed = 0.0 if again is None else release_speed(again[1])
+    rows = () if tried is None else tuple(by_speed(bench, tried.candidate, task, SPEEDS))
+    if tried is not None:
+        speed = max(speed, fastest(bench, tried.candidate, task, rows))
+    return Design(
+        whole=whole,
+        found=found,
+        reason=_beyond(best) if found and best is not None else _reason(best, speed),
+        best=best,
+        fastest=speed,
+        rows=rows,
+        seconds=monotonic() - start,
+    )
 
 
 def _beyond(best: Worth) -> str | None:

@@ -56,7 +56,8 @@ class MapDesign:
 
 
 #: Designs chosen by computation, by arm and limit set; any other arm or set has the paper's.
-#: ``python benchmarks/designs.py --limits SET`` repeats the choice and prints what it rests on.
+#: From a grid over q_alpha, inward and kappa, with the joints, the ready pose and the throws of the
+#: paper; ``mitt design`` (:mod:`mitt.design`) searches over those too, for any arm.
 _CHOSEN = {
     ("wam", "wam-80v"): MapDesign(q_catch=1.2, inward=1.5),
     ("wam", "wam-48v"): MapDesign(q_catch=0.6, inward=3.0),
