@@ -208,7 +208,8 @@ def _middle(x: Array) -> float:
 
 def thrown(c: Candidate, f: DirectMap, task: Task, *, throws: int, seed: int) -> Worth:
     """Return what a learned map is worth in the simulated world, the ball seen as points."""
-    trials = trials_of(f, task, throws=throws, seed=seed)
+    trials = trials_of(f, task, throws=throws, seed=seed, give_up=True)
+    throws = len(trials)
     good = [x for x in trials if x.status == "caught"]
     speeds = np.array([x.velocity_error_m_s for x in good], dtype=np.float64)
     forces = np.array([x.peak_contact_force_n for x in good], dtype=np.float64)
@@ -224,13 +225,27 @@ def thrown(c: Candidate, f: DirectMap, task: Task, *, throws: int, seed: int) ->
     )
 
 
-def trials_of(f: DirectMap, task: Task, *, throws: int, seed: int) -> list[Trial]:
-    """Return scored throws at a map: default throws at its arm's aim, or those of the task."""
+def trials_of(
+    f: DirectMap, task: Task, *, throws: int, seed: int, give_up: bool = False
+) -> list[Trial]:
+    """Return scored throws at a map: default throws at its arm's aim, or those of the task.
+
+    Args:
+        f: The map.
+        task: What is thrown.
+        throws: How many.
+        seed: Seed of throws, plant and noise.
+        give_up: Whether a third of them suffices where fewer than half of these are caught.
+    """
     source = source_of(
         f, seed=seed, count=throws, drag=task.scene.ball.drag, ranges=raised(task, f.arm)
     )
     runner = TrialRunner(f.arm, Direct(f), task.scene, pixels=False)
-    return [runner.throw(source, k).trial for k in range(throws)]
+    first = throws // 3 if give_up else throws
+    trials = [runner.throw(source, k).trial for k in range(first)]
+    if sum(trial.status == "caught" for trial in trials) < 0.5 * first:
+        return trials
+    return trials + [runner.throw(source, k).trial for k in range(first, throws)]
 
 
 def raised(task: Task, arm: Arm) -> ThrowRanges | None:

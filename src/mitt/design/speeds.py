@@ -69,7 +69,7 @@ def _at(speed: float, w: Worth | None) -> AtSpeed:
     if w is None:
         return AtSpeed(speed_m_s=speed, throws=_THROWS, feasible=0, binding_limit="domain")
     limit = w.binding or None
-    return AtSpeed(speed_m_s=speed, throws=_THROWS, feasible=w.caught, binding_limit=limit)
+    return AtSpeed(speed_m_s=speed, throws=w.thrown, feasible=w.caught, binding_limit=limit)
 
 
 def fastest(bench: Bench, c: Candidate, task: Task, rows: Sequence[AtSpeed]) -> float:
