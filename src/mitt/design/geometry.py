@@ -28,6 +28,8 @@ _BRAKED = 0.1
 _BEYOND = 1.5
 #: What it costs to ask for more than a joint's speed, in m/s of relative speed.
 _TOO_FAST = 5.0
+#: What each further candidate of the same choice of joints costs, in m/s of relative speed.
+_REPEATED = 0.08
 #: How often each joint is changed.
 _OFTEN = 0.6
 #: Height above the floor that joints and catch point keep [m], and distance of the catch point
@@ -321,19 +323,24 @@ def _moved(whole: Arm, rows: Rows, v: Array, offset: Array) -> Array:
 
 
 def best_of(rows: Rows, *, count: int, each: int) -> Rows:
-    """Return the best, at most so many of each choice of joints, and of places much alike."""
+    """Return the best, at most so many of each choice of joints, and of places much alike.
+
+    The more of a choice are taken already, the better its next one has to be: what looks best by
+    geometry need not have a domain, or the torque.
+    """
     order = np.argsort(rows.score, kind="stable")
-    taken, seen, near = [], dict[tuple[int, ...], int](), dict[tuple[int, ...], int]()
+    taken, cost = list[int](), list[float]()
+    seen, near = dict[tuple[int, ...], int](), dict[tuple[int, ...], int]()
     for k in order.tolist():
         key = tuple(rows.free[k].tolist())
         place = (*key, *np.round(rows.tip[k] / 0.15).astype(int).tolist())
         if seen.get(key, 0) >= each or near.get(place, 0) >= max(1, each // 8):
             continue
+        cost.append(float(rows.score[k]) + _REPEATED * seen.get(key, 0))
         seen[key], near[place] = seen.get(key, 0) + 1, near.get(place, 0) + 1
         taken.append(k)
-        if len(taken) == count:
-            break
-    return rows.take(np.array(taken, dtype=np.int64))
+    ranked = np.argsort(cost, kind="stable")[:count]
+    return rows.take(np.array(taken, dtype=np.int64)[ranked])
 
 
 def candidates_of(
