@@ -22,6 +22,7 @@ from mitt.files.arm_file import is_arm_file, read_arm_file, write_arm_file
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.sweep.engine import engine_of
+from mitt.world.scene import Scene
 from mitt.world.scenes import DEFAULT, read_scene
 
 
@@ -48,11 +49,20 @@ def run(options: DesignOptions) -> int:
             engine.close(at_once=True)
     if found.found:
         write_arm_file(options.out, found.arm_file(origin), comment=_comment(found))
+    page = options.out.with_suffix(".html")
+    _write_page(page, found, scene, f"mitt design {options.arm} --out {options.out}")
     if options.json:
         print_json(found.as_json())
     else:
         _show(found, options.out)
     return 0
+
+
+def _write_page(path: Path, found: Design, scene: Scene, command: str) -> None:
+    """Write the page beside the arm file; plots are loaded only now."""
+    from mitt.report.design_page import write_design_page  # noqa: PLC0415
+
+    write_design_page(path, found, scene, command=command)
 
 
 def origin_of(options: DesignOptions) -> Origin:

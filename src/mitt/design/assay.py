@@ -38,11 +38,11 @@ _RISE = 0.25
 _SAME = 1e-3
 #: Gap that own shapes and floor keep in ready pose and at the catch [m].
 _GAP = 0.02
-#: Seeds of the flights that candidates learn from and are judged on, and of their throws.
-_LEARN_SEED, _JUDGE_SEED = 31, 32
+#: Seed of the flights that candidates are judged on.
+_JUDGE_SEED = 32
 #: Flights and instants for a quick answer, and for the last candidates.
 _GLANCE, _QUICK = Neighbourhood(flights=16, instants=9), Neighbourhood(flights=30, instants=12)
-_FULL = Neighbourhood(flights=100, instants=26)
+_FULL = Neighbourhood()
 _JUDGED = Neighbourhood(flights=24, instants=16, kicked=0.0, bounced=0.0)
 _STEPS = {
     "glance": LearnSettings(steps=3, tolerance=0.05),
@@ -167,17 +167,16 @@ def _asks_little(arm: Arm, virtual: Array) -> bool:
 
 
 def learned(whole: Arm, c: Candidate, task: Task, how: How = "quick") -> DirectMap | None:
-    """Return a candidate's learned map; None where it has none."""
+    """Return a candidate's learned map; None where it has none.
+
+    In full it is the one that ``mitt catch`` learns.
+    """
+    around = task.around(_AROUND[how])
     try:
-        arm = c.arm(whole)
-        around = task.around(_AROUND[how])
-        rng = np.random.default_rng([_LEARN_SEED, task.seed])
-        flights = neighbourhood(unlearned(arm, c.design), rng, around)
-        if len(flights) < around.flights // 2:
-            return None
-        return learn(arm, design=c.design, flights=flights, settings=_STEPS[how]).map
+        found = learn(c.arm(whole), design=c.design, around=around, settings=_STEPS[how])
     except (MittError, np.linalg.LinAlgError):
         return None
+    return found.map if found.flights >= around.flights // 2 else None
 
 
 def judged(c: Candidate, f: DirectMap, task: Task) -> Worth:

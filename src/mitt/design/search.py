@@ -57,13 +57,13 @@ class Effort:
     rounds: int = 5
     enough: int = 2000
     changes: int = 16
-    judged: int = 72
+    judged: int = 60
     thrown: int = 16
     throws: int = 12
     parents: int = 5
     children: int = 20
-    generations: int = 6
-    last: int = 3
+    generations: int = 5
+    last: int = 6
     confirm: int = 60
 
     def less(self) -> "Effort":

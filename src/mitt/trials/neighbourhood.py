@@ -43,6 +43,8 @@ class Neighbourhood:
         descent: Angle by which it comes down there [rad].
         azimuth: Where it comes from, seen from there, off the direction of +x [rad].
         flight: Time of its flight before that [s].
+        hopeless: Share of a joint's speed above which l_c^-1 makes a flight one that no learned map
+            catches; such flights are redrawn.
     """
 
     flights: int = 120
@@ -60,6 +62,7 @@ class Neighbourhood:
     descent: tuple[float, float] = (0.24, 0.78)
     azimuth: float = 0.15
     flight: tuple[float, float] = (0.42, 0.65)
+    hopeless: float = np.inf
 
 
 def neighbourhood_of_ball(drag: float) -> Neighbourhood:
@@ -71,6 +74,8 @@ def neighbourhood_of_ball(drag: float) -> Neighbourhood:
 _Motion = Callable[[float], tuple[Array, Array]]
 #: Longest flight considered [s], and the grid on which the catch is looked for [s].
 _LONGEST, _GRID = 1.1, 0.005
+#: Share of a joint's speed above which a flight is hopeless at the catch: there nothing is learned.
+_AT_CATCH = 1.1
 #: For an arm that says where it wants its balls: width of the box of arrivals in widths of the box
 #: that is aimed at, its least half-width [m], and the descent there [rad], that of default throws
 #: (0.05 to 0.55) and a margin.
@@ -174,10 +179,26 @@ def _sampled(
         return None
     t = np.linspace(t_0, t_c + settings.after, settings.instants)
     ball = np.array([_row(motion, x, drag) for x in t])
+    if np.isfinite(settings.hopeless) and _hopeless(f, ball, settings.hopeless):
+        return None
     seen = ball[0].copy()
     seen[0] += settings.sigma_r * rng.standard_normal(3)
     seen[1] += settings.sigma_dr * rng.standard_normal(3)
     return Flight(t=t, ball=ball, seen=seen)
+
+
+def _hopeless(f: DirectMap, ball: Array, share: float) -> bool:
+    """Say whether a flight leaves the domain of l_c^-1, or comes so near to its edge.
+
+    There the virtual joints turn as fast as one likes, and a few such flights would decide what
+    is learned.
+    """
+    for k, motion in enumerate(ball):
+        inside, rows = f.virtual(motion)
+        most = _AT_CATCH if k == len(ball) - 1 else share
+        if not inside or bool(np.any(np.abs(rows[1]) > most * f.arm.dq_max)):
+            return True
+    return False
 
 
 def _row(motion: _Motion, t: float, drag: float) -> Array:
