@@ -5,50 +5,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from design.conftest import TINY, silent
 
 from mitt.cli import main
 from mitt.commands import design as command
 from mitt.design.assay import Task, learned, trials_of
 from mitt.design.design import Design, Origin, design
-from mitt.design.geometry import Balls
 from mitt.design.mutation import mutated
-from mitt.design.search import Effort
 from mitt.design.speeds import AtSpeed, task_at
-from mitt.design.whole import whole_arm
 from mitt.files.arm_file import open_arm, write_arm_file
 from mitt.robot.arm import Arm
-from mitt.robot.hands import HandModel
 from mitt.robot.identity import difference, identity_of
-from mitt.world.scenes import read_scene
 
-#: A search that is over in seconds.
-TINY = Effort(
-    poses=4000, rounds=1, enough=200, changes=2, judged=4, thrown=2, throws=2, parents=1,
-    children=2, generations=1, last=1, confirm=3,
-)  # fmt: skip
 KEYS = {
     "schema", "version", "arm", "found", "reason", "joints", "throws", "feasible",
     "relative_speed_m_s", "force_n", "fastest_m_s", "by_speed", "seconds",
 }  # fmt: skip
-
-
-def silent(name: str, done: int, of: int) -> None:
-    """Tell nobody."""
-
-
-@pytest.fixture(scope="module")
-def whole() -> Arm:
-    return whole_arm("wam", tip=None, limits="wam-80v", hand=HandModel())
-
-
-@pytest.fixture(scope="module")
-def task() -> Task:
-    return Task(balls=Balls(), scene=read_scene("lab"), seed=3)
-
-
-@pytest.fixture(scope="module")
-def found(whole: Arm, task: Task) -> Design:
-    return design(whole, task, TINY, progress=silent)
 
 
 @pytest.mark.slow

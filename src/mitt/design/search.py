@@ -51,6 +51,7 @@ class Effort:
         generations: Number of generations.
         last: Candidates that are learned in full and confirmed.
         confirm: Throws at each of these.
+        slower: Searches for slower throws where the default ones are not caught.
     """
 
     poses: int = 40_000
@@ -65,6 +66,7 @@ class Effort:
     generations: int = 5
     last: int = 6
     confirm: int = 60
+    slower: int = 3
 
     def less(self) -> "Effort":
         """Return less of it, for one of several searches."""

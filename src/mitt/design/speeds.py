@@ -99,7 +99,7 @@ def slower(
     """
     low, high = _SLOWEST, float(np.mean(ThrowRanges().speed))
     best: tuple[Found, Task] | None = None
-    for _ in range(_STEPS):
+    for _ in range(effort.slower):
         middle = 0.5 * (low + high)
         at = task_at(task, middle)
         found = search(whole, at, effort, progress=progress, joints=joints, engine=engine)
