@@ -50,7 +50,7 @@ def run(options: DesignOptions) -> int:
     if found.found:
         write_arm_file(options.out, found.arm_file(origin), comment=_comment(found))
     page = options.out.with_suffix(".html")
-    _write_page(page, found, scene, f"mitt design {options.arm} --out {options.out}")
+    _write_page(page, found, scene, f"design {options.arm} --out {options.out}")
     if options.json:
         print_json(found.as_json())
     else:

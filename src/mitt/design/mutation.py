@@ -14,6 +14,8 @@ from mitt.signals import Array
 _FREE, _HELD, _READY, _KAPPA, _INWARD = 0.12, 0.2, 0.2, 0.4, 0.25
 #: Room that is left to the ends of the ranges [rad].
 _MARGIN = 0.06
+#: Shift of the aim against the catch point [m], and how often a held joint is turned square.
+_AIM, _SQUARE = 0.07, 0.1
 #: How often each part is changed.
 _OFTEN = 0.6
 
@@ -36,7 +38,7 @@ def mutated(whole: Arm, c: Candidate, rng: np.random.Generator, *, size: float, 
         sigma = np.full(whole.n, _HELD)
         sigma[free] = _FREE
         q = q + size * sigma * rng.standard_normal(whole.n) * (rng.random(whole.n) < _OFTEN)
-        q = _inside(whole, q, np.arange(whole.n))
+        q = _inside(whole, _squared(q, free, rng), np.arange(whole.n))
         ready = ready + (q - c.q)[free]
     if rng.random() < _OFTEN:
         ready = ready + size * _READY * rng.standard_normal(3)
@@ -44,16 +46,31 @@ def mutated(whole: Arm, c: Candidate, rng: np.random.Generator, *, size: float, 
     if rng.random() < _OFTEN:
         kappa = 1.0 + (kappa - 1.0 + 0.02) * float(np.exp(size * _KAPPA * rng.standard_normal()))
         inward += size * _INWARD * (1.0 + abs(inward)) * float(rng.standard_normal())
-    aim = c.aim
-    if moves:
-        aim = aim.copy()
-        aim[0] += tip_of(whole, q) - tip_of(whole, c.q)
+    aim = _aim(c.aim, tip_of(whole, q) - tip_of(whole, c.q), size, rng) if moves else c.aim
     turn = c.turn + (np.pi / 3.0 if rng.random() < 0.1 else 0.0)
     return replace(
         c, q=q, ready=_inside(whole, ready, np.array(free)), kappa=min(kappa, 50.0),
         inward=float(np.clip(inward, -50.0, 50.0)), aim=aim,
         turn=float(np.mod(turn, 2.0 * np.pi / 3.0)),
     )  # fmt: skip
+
+
+def _squared(q: Array, free: list[int], rng: np.random.Generator) -> Array:
+    """Return a pose of which some held joints are turned to the next right angle."""
+    square = np.round(q / (0.5 * np.pi)) * (0.5 * np.pi)
+    held = np.ones(len(q), dtype=bool)
+    held[free] = False
+    out: Array = np.where(held & (rng.random(len(q)) < _SQUARE), square, q)
+    return out
+
+
+def _aim(aim: Array, moved: Array, size: float, rng: np.random.Generator) -> Array:
+    """Return an aim that goes with the catch point, and sometimes is shifted against it."""
+    out = aim.copy()
+    out[0] += moved
+    if rng.random() < _OFTEN:
+        out[0] += size * _AIM * rng.standard_normal(3)
+    return out
 
 
 def tip_of(whole: Arm, q: Array) -> Array:
