@@ -2,7 +2,8 @@
 
 Every shape is a capsule, but for the floor. Moving ones hang on a link; those that stand still are
 the arm's base and the zones to be kept out of. A pair is watched if the arm in its ready pose
-keeps the two apart: shapes that overlap at a joint are not obstacles to one another.
+keeps the two apart: shapes that overlap at a joint are not obstacles to one another. Nor are shapes
+that no pose brings together, as those of a wrist: they would only be near all the time.
 
 Shapes, one a row: link that carries it (``STILL``, ``FLOOR``), start, end [m], radius [m]; of the
 floor the height stands in the place of the start's z.
@@ -38,6 +39,9 @@ from mitt.signals import Array
 STILL, FLOOR = -1, -2
 #: Gap in the ready pose above which a pair is watched [m].
 _APART = 0.01
+#: Gap in the ready pose below which it is tried whether any pose brings a pair together [m], the
+#: gap that none of these poses may fall below, and poses a joint and at most.
+_NEAR, _NEVER, _GRID, _POSES = 0.1, 0.012, 9, 2000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,8 +99,25 @@ def shapes_of(arm: Arm, around: Surroundings) -> Shapes:
         for a, b in combinations(range(len(table)), 2)
         if table[a, 0] != table[b, 0] and table[b, 0] >= 0 and gap(table, ends, a, b) > _APART
     ]
+    near = [x for x in apart if gap(table, ends, *x) < _NEAR]
+    never = _never_meeting(arm, table, near) if near else set()
+    apart = [x for x in apart if x not in never]
     pairs = np.array(apart, dtype=np.int64).reshape(len(apart), 2)
     return Shapes(table=table, pairs=pairs, reach=_reach(arm, table))
+
+
+def _never_meeting(arm: Arm, table: Array, near: list[tuple[int, int]]) -> set[tuple[int, int]]:
+    """Return the pairs that no pose of a grid over the joints' ranges brings together."""
+    if arm.n <= 3:
+        lines = [np.linspace(*ends, _GRID) for ends in zip(arm.q_min, arm.q_max, strict=True)]
+        poses = np.stack(np.meshgrid(*lines), axis=-1).reshape(-1, arm.n)
+    else:
+        poses = np.random.default_rng(0).uniform(arm.q_min, arm.q_max, (_POSES, arm.n))
+    ends, least = np.zeros((2 * len(table), 3)), np.full(len(near), np.inf)
+    for q in poses:
+        place(arm.bodies, q, table, ends)
+        least = np.minimum(least, [gap(table, ends, a, b) for a, b in near])
+    return {pair for pair, x in zip(near, least, strict=True) if x > _NEVER}
 
 
 def hand_capsules(hand: HandModel) -> tuple[Capsule, ...]:
