@@ -5,6 +5,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+import trimesh
 
 from mitt.errors import MittError
 from mitt.robot.load import load_arm
@@ -121,3 +122,34 @@ def test_a_loop_of_the_gripper_alone_does_no_harm(tmp_path: Path) -> None:
         tmp_path / "a.xml", ('<joint joint1="f" joint2="g" polycoef="0 1 0 0 0"/>', joined)
     )
     assert load_arm(path, tip="tcp", joints=_NAMES).names == ("a", "b", "c")
+
+
+def test_geoms_become_capsules(tmp_path: Path) -> None:
+    """Those that may touch something before those that are only seen; a missing mesh is a note."""
+    solid = (
+        '<geom type="capsule" fromto="0 0 0 0 0 0.25" size="0.04"/>'
+        '<geom type="box" size="1 1 1" contype="0" conaffinity="0"/>'
+    )
+    path = _written(tmp_path / "a.xml", ('<geom class="visual" mesh="l1"/>', solid))
+    arm = load_arm(path, tip="tcp", joints=_NAMES)
+    (capsule,) = arm.model.links[0].capsules
+    ends = sorted([capsule.start, capsule.end], key=lambda x: x[2])
+    assert np.allclose(ends, [[0.0, 0.0, 0.0], [0.0, 0.0, 0.25]], atol=1e-6)
+    assert capsule.radius == pytest.approx(0.04, abs=1e-6)
+    assert len(arm.model.notes) == 1
+    assert "base" in arm.model.notes[0]
+
+
+def test_meshes_of_an_mjcf_lie_where_they_lie(tmp_path: Path) -> None:
+    """In meshdir, scaled, moved by the geom."""
+    (tmp_path / "assets").mkdir()
+    box = trimesh.creation.box(extents=[400.0, 40.0, 40.0])
+    box.export(tmp_path / "assets" / "l1.stl")
+    at = '<geom class="visual" mesh="l1" pos="0.1 0 0" quat="1 0 0 1"/>'
+    path = _written(tmp_path / "a.xml", ('<geom class="visual" mesh="l1"/>', at))
+    arm = load_arm(path, tip="tcp", joints=_NAMES)
+    (capsule,) = arm.model.links[0].capsules
+    ends = np.array([capsule.start, capsule.end])
+    assert np.allclose(ends[:, [0, 2]], [[0.1, 0.0], [0.1, 0.0]], atol=1e-6)
+    assert np.ptp(ends[:, 1]) > 0.3
+    assert np.abs(ends[:, 1]).max() + capsule.radius > 0.2

@@ -6,7 +6,8 @@ file's own numbers: ``<custom><numeric name="velocity_limit_JOINT" data="8.0"/><
 The elements and what they mean: the XML reference of MuJoCo's documentation.
 """
 
-from pathlib import Path
+from pathlib import Path, PurePosixPath
+from typing import TypeAlias
 from xml.etree.ElementTree import Element
 
 import mujoco
@@ -16,7 +17,14 @@ import pinocchio as pin
 from mitt.errors import FileError, heard
 from mitt.reading import read_text
 from mitt.robot.dynamics import GRAVITY
-from mitt.robot.stated import LINK, Stated
+from mitt.robot.meshes import (
+    box_points,
+    cylinder_points,
+    find_mesh,
+    mesh_points,
+    missing_notes,
+)
+from mitt.robot.stated import LINK, Shape, Stated
 from mitt.robot.urdf import MAX_BYTES, checked_xml
 from mitt.signals import Array
 
@@ -24,6 +32,8 @@ _HOW = (
     "state it in the file (actuatorfrcrange, forcerange, numeric velocity_limit_JOINT)"
     " or in a limit set (--limits FILE.toml)"
 )
+_Mesh: TypeAlias = tuple[Path | None, Array]
+"""Where a mesh is, and its scale."""
 _HINGE, _SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 
 
@@ -40,10 +50,11 @@ def read_mjcf(path: Path) -> Stated:
     _check_files(path, root)
     speed = _speeds(path, root)
     with heard():
-        m = _compiled(path, text)
+        m, meshes = _compiled(path, text)
+    shapes, missing = _shapes(m, meshes)
     return Stated(
         place=str(path), model=_to_pinocchio(m), ranges=_ranges(m), torque=_torques(m),
-        speed=speed, loops=_loops(m), how=_HOW,
+        speed=speed, loops=_loops(m), shapes=tuple(shapes), notes=missing_notes(missing), how=_HOW,
     )  # fmt: skip
 
 
@@ -55,21 +66,86 @@ def _check_files(path: Path, root: Element) -> None:
             raise FileError(str(path), "meshes below its own folder", repr(file[:60]))
 
 
-def _compiled(path: Path, text: str) -> mujoco.MjModel:
-    """Compile a file without what only is to be looked at; no other file is opened."""
+def _compiled(path: Path, text: str) -> tuple[mujoco.MjModel, dict[str, _Mesh]]:
+    """Compile a file without what only is to be looked at; no other file is opened.
+
+    Returns:
+        The model, each mesh a tiny sphere in its place, and the meshes by the names of these.
+    """
     try:
         spec = mujoco.MjSpec.from_string(text)
-        for geom in list(spec.geoms):
-            if geom.type in (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_HFIELD):
-                _check_weight(path, geom)
+        meshes: dict[str, _Mesh] = {}
+        for k, geom in enumerate(list(spec.geoms)):
+            if geom.type == mujoco.mjtGeom.mjGEOM_HFIELD:
                 spec.delete(geom)
+            elif geom.type == mujoco.mjtGeom.mjGEOM_MESH:
+                _check_weight(path, geom)
+                meshes[_replaced(geom, k)] = _mesh(path, spec, geom.meshname)
+                geom.meshname = ""
         drop = (spec.skins, spec.meshes, spec.hfields, spec.textures, spec.materials, spec.keys)
         for element in (x for kind in drop for x in list(kind)):
             spec.delete(element)
-        return spec.compile()
+        for element in (*spec.geoms, *spec.sites, *spec.tendons):
+            element.material = ""
+        return spec.compile(), meshes
     except (ValueError, RuntimeError, TypeError) as error:
         reason = " ".join(str(error).split())[:200]
         raise FileError(str(path), "an MJCF arm", reason) from error
+
+
+def _replaced(geom: mujoco.MjsGeom, k: int) -> str:
+    """Make a mesh a tiny sphere without mass, and return its name."""
+    geom.name = f"mesh {k} of the file"
+    geom.type, geom.size, geom.mass = mujoco.mjtGeom.mjGEOM_SPHERE, [1e-6, 0.0, 0.0], 0.0
+    return str(geom.name)
+
+
+def _mesh(path: Path, spec: mujoco.MjSpec, name: str) -> _Mesh:
+    """Return where a mesh is, None where it is not there, and its scale."""
+    mesh = next((x for x in spec.meshes if x.name == name), None)
+    if mesh is None:
+        return None, np.ones(3)
+    return find_mesh(path, str(PurePosixPath(spec.meshdir) / mesh.file)), np.array(mesh.scale)
+
+
+def _shapes(m: mujoco.MjModel, meshes: dict[str, _Mesh]) -> tuple[list[Shape], list[str]]:
+    """Return the shapes of the bodies, and the names of those whose meshes are missing.
+
+    Those that may touch something, or all where a body has none that may.
+    """
+    touching = (m.geom_contype != 0) | (m.geom_conaffinity != 0)
+    shapes, missing = [], []
+    for b in range(m.nbody):
+        own = np.flatnonzero(m.geom_bodyid == b)
+        for g in own[touching[own]] if touching[own].any() else own:
+            name = _told_apart(m, m.body(b).name or f"body {b}") if b else "universe"
+            if m.geom_type[g] == mujoco.mjtGeom.mjGEOM_PLANE:
+                continue
+            found = _points(m, int(g), meshes)
+            if found is None:
+                missing.append(name)
+                continue
+            T = _pose(m.geom_pos[g], m.geom_quat[g])
+            points = found[0] @ T.rotation.T + T.translation
+            shapes.append(Shape(frame=name, points=points, radius=found[1]))
+    return shapes, missing
+
+
+def _points(m: mujoco.MjModel, g: int, meshes: dict[str, _Mesh]) -> tuple[Array, float] | None:
+    """Return the points of a geom in its own frame, and a radius about them [m]."""
+    size, kind = m.geom_size[g], m.geom_type[g]
+    file, scale = meshes.get(m.geom(g).name, (None, np.ones(3)))
+    if m.geom(g).name in meshes:
+        points = None if file is None else mesh_points(file)
+        return None if points is None else (points * scale, 0.0)
+    if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
+        return np.zeros((1, 3)), float(size[0])
+    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+        return np.array([[0.0, 0.0, -size[1]], [0.0, 0.0, size[1]]]), float(size[0])
+    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        return cylinder_points(float(size[0]), float(size[1])), 0.0
+    solid = kind in (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_ELLIPSOID)
+    return (box_points(size), 0.0) if solid else None
 
 
 def _check_weight(path: Path, geom: mujoco.MjsGeom) -> None:

@@ -8,11 +8,12 @@ import pinocchio as pin
 
 from mitt.errors import InputError, ModelError, UnknownNameError
 from mitt.robot.arm import Arm
+from mitt.robot.carried import carried_shapes, frame_of
 from mitt.robot.description import ArmModel, Link, rotation, transform
 from mitt.robot.hands import HandModel
 from mitt.robot.limit_sets import LimitSet
 from mitt.robot.limits import Limits, joint_level
-from mitt.robot.stated import LINK, Stated
+from mitt.robot.stated import Stated
 from mitt.signals import Array
 
 #: Widest range of a hinge that is taken for radians [rad]; a wider one was written in degrees.
@@ -59,17 +60,20 @@ def serial_arm(stated: Stated, wanted: Wanted) -> Arm:
     rest = [k for k in range(1, stated.model.njoints) if k not in kept]
     model = pin.buildReducedModel(stated.model, rest, q)
     at = {name: q[stated.model.joints[stated.model.getJointId(name)].idx_q] for name in loads}
+    tool = _tool(model, wanted)
+    shapes = carried_shapes(stated, model, None if wanted.hand is None else tool)
     links = tuple(
-        _link(model, k, stated, None if name in wanted.joints else float(at[name]))
+        replace(_link(model, k, stated, None if name in wanted.joints else float(at[name])),
+                capsules=shapes[k])
         for k, name in enumerate(loads, start=1)
-    )
+    )  # fmt: skip
     locked = [name for name in chain if name not in loads]
     notes = stated.notes + tuple(
         f"held joint {x!r}: no torque, speed or mass known; taken as rigid" for x in locked
     )
     description = ArmModel(
-        name=wanted.name, links=links, tool=_tool(model, wanted), hand=wanted.hand,
-        q_ready=_ready(links, wanted), base_capsules=(), mount=np.eye(4), notes=notes,
+        name=wanted.name, links=links, tool=tool, hand=wanted.hand,
+        q_ready=_ready(links, wanted), base_capsules=shapes[0], mount=np.eye(4), notes=notes,
     )  # fmt: skip
     return Arm(description, _limits(stated, loads, wanted.limits, limits))
 
@@ -78,14 +82,6 @@ def _bears(stated: Stated, name: str) -> bool:
     """Say whether it is known what a held joint can bear, and what it carries."""
     mass = stated.model.inertias[stated.model.getJointId(name)].mass
     return name in stated.torque and name in stated.speed and mass > 0.0
-
-
-def frame_of(model: pin.Model, name: str) -> pin.Frame:
-    """Return the frame of a name, the body where a joint is called the same."""
-    frames = {frame.name: frame for frame in model.frames}
-    if name not in frames:
-        raise UnknownNameError("tip", name, (x for x in frames if not x.endswith(LINK)))
-    return frames.get(name + LINK, frames[name])
 
 
 def _chain(stated: Stated, wanted: Wanted) -> list[str]:

@@ -23,15 +23,17 @@ class Mimic:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Shape:
-    """Points whose convex hull holds a body.
+    """Points that hold a body: the convex hull of balls about them.
 
     Attributes:
         frame: Name of the frame that they are given in.
         points: Points [m], shape (k, 3).
+        radius: Radius of the balls [m].
     """
 
     frame: str
     points: Array
+    radius: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

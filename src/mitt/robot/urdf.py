@@ -16,6 +16,7 @@ from defusedxml import DefusedXmlException, ElementTree
 
 from mitt.errors import FileError, heard
 from mitt.reading import read_text
+from mitt.robot.meshes import urdf_shapes
 from mitt.robot.stated import LINK, Mimic, Stated
 
 #: Largest description file read [byte]; real ones stay below 1 MB.
@@ -47,6 +48,7 @@ def read_urdf(path: Path) -> Stated:
                 _check_axis(path, axis)
     ranges, torque, speed = _mended(path, joints)
     mimics = dict(_mimics(path, joints))
+    shapes, notes = urdf_shapes(path, root)
     _tell_apart(root, joints)
     with heard() as said:
         try:
@@ -58,7 +60,7 @@ def read_urdf(path: Path) -> Stated:
         raise FileError(str(path), "a URDF arm", " ".join(reason)[:200]) from failed
     return Stated(
         place=str(path), model=model, ranges=ranges, torque=torque, speed=speed,
-        mimics=mimics, how=_HOW,
+        mimics=mimics, shapes=shapes, notes=notes, how=_HOW,
     )  # fmt: skip
 
 
