@@ -6,11 +6,11 @@ from pathlib import Path
 from mitt.errors import ModelError
 from mitt.files.arm_file import limits_of
 from mitt.robot.arm import Arm
+from mitt.robot.carried import frame_of
 from mitt.robot.hands import HandModel
 from mitt.robot.limit_sets import LimitSet
 from mitt.robot.load import load_arm
 from mitt.robot.mjcf import read_mjcf
-from mitt.robot.serial import frame_of
 from mitt.robot.urdf import read_urdf
 from mitt.robot.wam import LIMIT_SETS
 
