@@ -3,12 +3,15 @@
 import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import final
+from typing import Any, final
 
 from mitt.design.assay import How, Task, Worth, judged, learned, stands, thrown
 from mitt.design.candidate import Candidate
 from mitt.robot.arm import Arm
 from mitt.sweep.engine import Engine, run_tasks
+
+#: How often a candidate is tried whose worker dies.
+_ROUNDS = 3
 
 Progress = Callable[[str, int, int], None]
 
@@ -122,12 +125,22 @@ class Bench:
             for trial in trials:
                 yield trial.number, tried(trial)
             return
-        window = 2 * self._engine.workers
-        for trial, answer in run_tasks(self._engine, work, trials, window=window):
-            if isinstance(answer, BaseException):
-                raise answer
-            plain = json.loads(answer)["worth"]
-            yield (
-                trial.number,
-                None if plain is None else Worth(candidate=trial.candidate, **plain),
-            )
+        left, engine = list(trials), self._engine
+        for _ in range(_ROUNDS):
+            lost = list[Trial]()
+            for trial, answer in run_tasks(engine, work, left, window=2 * engine.workers):
+                if not isinstance(answer, BaseException):
+                    plain = json.loads(answer)["worth"]
+                    yield trial.number, _worth_of(trial.candidate, plain)
+                elif engine.died(answer):
+                    lost.append(trial)  # with its worker, perhaps not by its own fault
+                else:
+                    raise answer
+            left = lost
+        for trial in left:
+            yield trial.number, None
+
+
+def _worth_of(c: Candidate, plain: dict[str, Any] | None) -> Worth | None:
+    """Return what a worker said of a candidate."""
+    return None if plain is None else Worth(candidate=c, **plain)
