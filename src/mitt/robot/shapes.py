@@ -37,6 +37,9 @@ from mitt.signals import Array
 
 #: What stands in the place of a link's index.
 STILL, FLOOR = -1, -2
+#: Number of which the pairs of an arm with many shapes are a multiple, the last one repeated: the
+#: compiled tick knows their number, and crashed where two arms in one process had 36 and 35.
+_BLOCK = 32
 #: Gap in the ready pose above which a pair is watched [m].
 _APART = 0.01
 #: Gap in the ready pose below which it is tried whether any pose brings a pair together [m], and
@@ -104,6 +107,8 @@ def shapes_of(arm: Arm, around: Surroundings) -> Shapes:
     near = [x for x in apart if gap(table, ends, *x) < _NEAR]
     never = _never_meeting(arm, table, near) if near else set()
     apart = [x for x in apart if x not in never]
+    if len(apart) > _BLOCK:
+        apart += [apart[-1]] * (-len(apart) % _BLOCK)
     pairs = np.array(apart, dtype=np.int64).reshape(len(apart), 2)
     return Shapes(table=table, pairs=pairs, reach=_reach(arm, table))
 
