@@ -72,6 +72,9 @@ def prepare(options: CatchOptions) -> Prepared:
     if options.throws_file is not None and options.flights is not None:
         raise InputError("--throws-file and --flights", "one of them", "both")
     arm = arm_of(options)
+    if arm.model.hand is None:
+        raise InputError("--arm", "an arm with a hand: a ball is caught by fingers", "none",
+                         do='say name = "three-finger" in its table [hand]')  # fmt: skip
     scene = read_scene(options.scene or DEFAULT, flights=options.flights is not None)
     if options.cameras is not None:
         sensing = scene.sensing.model_copy(update={"cameras": options.cameras})

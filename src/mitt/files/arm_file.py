@@ -161,6 +161,8 @@ def read_arm_file(path: Path) -> ArmFile:
 def _arm_file(content: _ArmFile, folder: Path) -> ArmFile:
     """Return what a checked file says, its paths found from its folder."""
     arm, limits = content.arm, content.arm.limits
+    if arm.name is not None and content.hand.name == "none":
+        raise InputError("hand", "the three-finger hand of an arm by name", "none")
     if arm.ready is not None and arm.joints is not None and len(arm.ready) != len(arm.joints):
         raise InputError("ready", f"{len(arm.joints)} angles, one for each joint", len(arm.ready))
     return ArmFile(

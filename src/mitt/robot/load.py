@@ -72,25 +72,37 @@ def load_arm(
             raise ModelError("arm wam", "no tip: it is fixed", tip)
         model, set_of = _wam(hand or HandModel(), names, held, turn), _wam_limits(limits)
         return Arm(_with_encoders(_with_ready(model, names, ready), encoder_step), set_of)
-    path = Path(name_or_path)
+    arm = _from_file(Path(name_or_path), tip, names, ready, limits, (held, hand, turn))
+    return arm if encoder_step is None else with_encoders(arm, encoder_step)
+
+
+def _from_file(
+    path: Path,
+    tip: str | None,
+    names: tuple[str, ...],
+    ready: Sequence[float] | None,
+    limits: str | LimitSet | None,
+    rest: tuple[Mapping[str, float], HandModel | None, float],
+) -> Arm:
+    """Return an arm from a description file; arguments as of :func:`load_arm`."""
     if path.suffix not in (".urdf", ".xml", ".mjcf"):
-        raise UnknownNameError("arm", str(name_or_path), ("wam", "a .urdf file", "an .xml MJCF"))
+        raise UnknownNameError("arm", str(path), ("wam", "a .urdf file", "an .xml MJCF"))
     if isinstance(limits, str) and limits != "model":
         wanted = ("model",) if limits in LIMIT_SETS else ("model", *LIMIT_SETS)
         raise UnknownNameError("limits of an arm from a file", limits, wanted)
     if tip is None or not names:
-        raise ModelError(str(path), "tip and joints", f"tip={tip}, joints={joints}",
+        raise ModelError(str(path), "tip and joints", f"tip={tip}, joints={names or None}",
                          do="name the frame of the catch point and the active joints")  # fmt: skip
     if ready is not None:
         ready = checks.vector("ready", ready, len(names), finite=True).tolist()
     stated = read_urdf(path) if path.suffix == ".urdf" else read_mjcf(path)
     given = limits if isinstance(limits, LimitSet) else None
-    arm = serial_arm(
+    held, hand, turn = rest
+    return serial_arm(
         stated,
         Wanted(name=path.stem, tip=tip, joints=names, held=held, ready=ready, limits=given,
                hand=hand, turn=turn),
     )  # fmt: skip
-    return arm if encoder_step is None else with_encoders(arm, encoder_step)
 
 
 def with_encoders(arm: Arm, step: float | Sequence[float]) -> Arm:
