@@ -4,13 +4,10 @@ Joints, held angles, ready poses and catch angles of the two are choices of this
 hand on default throws, so that the arm catches some of them.
 """
 
-import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from sysconfig import get_paths
-
-import numpy as np
 
 from mitt.generator.design import MapDesign
 from mitt.robot.arm import Arm
@@ -29,7 +26,7 @@ class Setup:
     Attributes:
         file: Below the package's robots, or a path.
         tip: Frame of the catch point.
-        joints: Active joints, those to be held included.
+        joints: Active joints.
         held: Angle of each joint that is held [rad].
         ready: Ready pose of the active joints [rad].
         q_catch: Angle of the catch joint at the catch [rad].
@@ -49,7 +46,7 @@ SETUPS = {
     "panda": Setup(
         file="panda_description/urdf/panda.urdf",
         tip="panda_hand_tcp",
-        joints=("panda_joint1", "panda_joint2", "panda_joint4", "panda_joint6"),
+        joints=("panda_joint1", "panda_joint2", "panda_joint4"),
         held={"panda_joint6": 3.1416},
         ready=(0.0, 0.785, -0.3),
         q_catch=-0.6,
@@ -67,16 +64,16 @@ SETUPS = {
 
 
 def arm_of(setup: Setup) -> tuple[Arm, MapDesign]:
-    """Load an arm and mount the hand; zero axes of fixed joints are given a direction."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = _ROBOTS / setup.file
-        mended = Path(folder) / path.name
-        mended.write_text(path.read_text().replace('xyz="0 0 0"/>\n  </joint>', "/>\n  </joint>"))
-        arm = load_arm(mended, tip=setup.tip, joints=setup.joints, hand=HandModel())
-    held = setup.held
-    links = tuple(replace(x, held=held[x.name]) if x.name in held else x for x in arm.model.links)
-    model = replace(arm.model, links=links, q_ready=np.array(setup.ready))
-    return Arm(model, arm.limits), MapDesign(q_catch=setup.q_catch, inward=setup.inward)
+    """Load an arm and mount the hand."""
+    arm = load_arm(
+        _ROBOTS / setup.file,
+        tip=setup.tip,
+        joints=setup.joints,
+        held=setup.held,
+        ready=setup.ready,
+        hand=HandModel(),
+    )
+    return arm, MapDesign(q_catch=setup.q_catch, inward=setup.inward)
 
 
 def named(name: str) -> tuple[Arm, MapDesign | None]:

@@ -27,13 +27,12 @@ from mitt.generator.learn import Learned
 from mitt.sweep.oracle import Row, counted, is_sampled, judged, parallel
 from mitt.sweep.read import read_study
 from mitt.sweep.study import ArmSettings, Condition
-from mitt.sweep.work import widened
 from mitt.trials.learning import learn
 from mitt.trials.registry import make_generator
 from mitt.trials.run import arm_of, design_of
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial
-from mitt.trials.source import source_of
+from mitt.trials.source import source_of, widened
 from mitt.world.scenes import read_scene
 
 #: Share of the throws that the map catches which are given to the clairvoyant as well.

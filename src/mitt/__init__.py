@@ -11,9 +11,9 @@ from mitt.version import __version__
 if TYPE_CHECKING:
     from mitt.catcher.catcher import Catcher as Catcher
     from mitt.errors import MittError as MittError
+    from mitt.files.arms import load_arm as load_arm
     from mitt.generator.design import MapDesign as MapDesign
     from mitt.generator.mapping import DirectMap as DirectMap
-    from mitt.robot.load import load_arm as load_arm
     from mitt.signals import ArmState as ArmState
     from mitt.signals import BallState as BallState
     from mitt.signals import Command as Command
@@ -31,7 +31,7 @@ _HOMES = {
     "MapDesign": "mitt.generator.design",
     "MittError": "mitt.errors",
     "learn": "mitt.trials.learning",
-    "load_arm": "mitt.robot.load",
+    "load_arm": "mitt.files.arms",
     "simulate": "mitt.trials.simulate",
 }
 __all__ = [  # noqa: PLE0604 (strings all the same)

@@ -205,7 +205,7 @@ def _rehearsed(
     arm: Arm, verdict: Verdict, approach: Approach, ball: CaughtBall, bandwidth: float
 ) -> Verdict:
     """Return the verdict by how far the hand will be from its place, where no range is exceeded."""
-    endless = Tolerance(torque=np.inf, speed=np.inf)
+    endless = Tolerance(torque=np.inf, speed=np.inf, acceleration=np.inf)
     shares = shares_of(arm, approach.motion, endless)
     if not np.all(np.isfinite(approach.motion)) or max(shares.values()) > 1.0:
         return verdict

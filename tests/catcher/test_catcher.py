@@ -18,7 +18,9 @@ from mitt.generator.generators import Direct, Unoptimised, refining
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import unlearned
 from mitt.robot.arm import Arm
+from mitt.robot.description import Capsule
 from mitt.robot.load import load_arm
+from mitt.robot.shapes import Surroundings
 from mitt.signals import ArmState, Command, Senses, Sighting
 from mitt.trials.learning import learn
 from mitt.trials.runner import LoggedTrial, TrialRunner
@@ -472,3 +474,20 @@ def test_the_monitor_knows_the_resolution_that_the_scene_says(
     runner = TrialRunner(taught.map.arm, Direct(taught.map), scene, pixels=False)
     for k, throw in enumerate(throws[:4]):
         assert runner.run(k, throw, seed=k).trial.status == "caught"
+
+
+def test_catchers_with_other_surroundings_stand_in_one_process(arm: Arm, learned: Learned) -> None:
+    """As many pairs to be kept apart as there are shapes; far ones change nothing."""
+    commands = []
+    for count in (0, 1, 3, 2):
+        zones = tuple(
+            Capsule(start=(0.0, 5.0 + k, 0.0), end=(0.0, 5.0 + k, 1.0), radius=0.1)
+            for k in range(count)
+        )
+        settings = CatcherSettings(around=Surroundings(zones=zones))
+        catcher = Catcher(arm, Direct(learned.map), Eyes(fixed_rig()), settings=settings)
+        for k in range(50):
+            now = ArmState(t=0.001 * k, q=arm.q_ready, dq=np.zeros(arm.n))
+            command = catcher.step(Senses(t=0.001 * k, arm=now))
+        commands.append(command.told.tobytes())
+    assert len(set(commands)) == 1

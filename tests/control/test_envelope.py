@@ -1,5 +1,7 @@
 """Laws of the envelope: nothing changes inside the limits, nothing passes them from outside."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -55,6 +57,18 @@ def test_whatever_is_wanted_the_limits_are_kept(
     assert np.all(np.abs(kept[1] - last[1]) <= b[4] * TICK + ROUNDING)
     end = kept[0] + 0.5 * kept[1] * np.abs(kept[1]) / b[3]
     assert np.all((end >= b[0] - ROUNDING) & (end <= b[1] + ROUNDING))
+
+
+def test_accelerations_of_the_limit_set_bind(arm: Arm) -> None:
+    """No command and no trusted deceleration is beyond them, whatever the torques could do."""
+    most = np.array([15.0, 7.5, 3.0, 12.5])
+    slower = Arm(arm.model, replace(arm.limits, acceleration=most))
+    b, own = bounds_of(slower), most[list(arm.model.active)]
+    assert np.all(b[3] <= own)
+    assert np.array_equal(b[4], np.minimum(bounds_of(arm)[4], own))
+    last, wanted = np.array([arm.q_ready, 0.0 * own]), np.array([arm.q_max, 9.0 * own, 99.0 * own])
+    keep(b, last, wanted)
+    assert np.all(np.abs(wanted[2]) <= own)
 
 
 @given(seed=seeds, q=wide, dq=wide, ddq=wide)

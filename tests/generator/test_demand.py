@@ -1,5 +1,7 @@
 """What a motion asks, held to the formula in plain NumPy and to MuJoCo."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -169,3 +171,17 @@ def test_verdict_learning_and_online_step_agree_on_shares_of_the_torque(
         assert np.allclose(ratio, asked.torque[k], rtol=EXACT)
         if asked.torque[k].max() >= max(asked.speed[k].max(), 2.0):
             assert rows.worst == pytest.approx(asked.torque[k].max(), rel=EXACT)
+
+
+@given(seed=seeds)
+def test_accelerations_have_a_share_where_the_set_bounds_them(arm: Arm, seed: int) -> None:
+    """By joint, divided by the tolerance; no share without a bound."""
+    most = np.linspace(5.0, 20.0, len(arm.model.links))
+    bounded = Arm(arm.model, replace(arm.limits, acceleration=most))
+    motion = motion_of(arm, seed)
+    named = shares_of(bounded, motion, Tolerance(acceleration=2.0))
+    for j, name in enumerate(arm.names):
+        expected = np.abs(motion[:, 2, j]).max() / arm.active(most)[j] / 2.0
+        assert named[f"acceleration:{name}"] == pytest.approx(expected, rel=EXACT)
+    assert not demand(arm, motion).acceleration.any()
+    assert not any(x.startswith("acceleration") for x in shares_of(arm, motion, WHOLE))

@@ -75,10 +75,12 @@ def test_sensitivities_are_differences(learned: Learned, flights: Sequence[Fligh
     s = sensitivity(f.arm, x.motion(f.alpha), x.phi)
     slope = (residual(STEP) - residual(-STEP)) / (2 * STEP)
     assert np.allclose(cost(f.arm, s).J @ way.ravel(), slope, atol=1e-6 * np.abs(slope).max())
+    most = np.full(len(f.arm.model.links), 40.0)
+    arm = Arm(f.arm.model, replace(f.arm.limits, acceleration=most))
     # With ``near`` at 0 every limit has its row, so that rows of the two sides can be compared.
-    rows = limit_rows(f.arm, s, share=1.0, near=0.0)
+    rows = limit_rows(arm, s, share=1.0, near=0.0)
     ahead, back = (
-        limit_rows(f.arm, sensitivity(f.arm, x.motion(f.alpha + h * way), x.phi), share=1.0,
+        limit_rows(arm, sensitivity(arm, x.motion(f.alpha + h * way), x.phi), share=1.0,
                    near=0.0).room
         for h in (STEP, -STEP)
     )  # fmt: skip

@@ -260,3 +260,33 @@ def _all_torques(arm: Arm, truth: Trace) -> Array:
         bias, mass = arm.torque(q, dq, ZERO), arm.torque_derivatives(q, dq, ZERO)[2]
         out.append(bias + mass @ np.linalg.solve(mass[index], tau - bias[index]))
     return np.array(out)
+
+
+@pytest.mark.parametrize(
+    ("bound", "row", "ticks_over"),
+    [("acceleration", 2, 1), ("jerk", 2, 2), ("torque_rate", 3, 2)],
+)
+def test_acceleration_jerk_and_torque_rate_of_the_command_count(
+    arm: Arm, bound: str, row: int, ticks_over: int
+) -> None:
+    """A spike above the bound is one tick of acceleration, and two of a rate: up and down."""
+    size = len(arm.model.links)
+    most = {"acceleration": 50.0, "jerk": 50.0 / 1e-3, "torque_rate": 10.0 / 1e-3}[bound]
+    given: dict[str, Any] = {bound: np.full(size, most)}
+    limited = Arm(arm.model, replace(arm.limits, **given))
+    for height, expected in ((0.999, 0), (1.01, ticks_over)):
+        told = np.zeros((4, arm.n))
+        told[0], told[row, 1] = arm.q_ready, height * (50.0 if row == 2 else 10.0)
+        spike = Command(t=0.0, told=told, hand=0.0)
+        assert violations(limited, trace(arm), command(arm), spike) - violations(
+            arm, trace(arm), command(arm), spike
+        ) == expected  # fmt: skip
+
+
+def test_a_joint_without_a_bound_has_none(arm: Arm) -> None:
+    """Infinite where a set names other joints only."""
+    endless = np.full(len(arm.model.links), np.inf)
+    limits = replace(arm.limits, acceleration=endless, jerk=endless, torque_rate=endless)
+    told = np.array([arm.q_ready, ZERO, [1e6, 0.0, 0.0], ZERO])
+    spike = Command(t=0.0, told=told, hand=0.0)
+    assert violations(Arm(arm.model, limits), trace(arm), spike) == 0

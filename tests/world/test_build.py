@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 
 from mitt.errors import ModelError
 from mitt.robot.arm import Arm
+from mitt.robot.description import Capsule
 from mitt.robot.load import load_arm
 from mitt.signals import Array
-from mitt.world.build import build_scene
+from mitt.world.build import build_scene, describe
 from mitt.world.mismatch import PlantDraw
 from mitt.world.scene import Mismatch, Scene, exact_scene
 
@@ -112,3 +113,25 @@ def test_a_ball_of_another_radius_touches_at_that_radius(seed: int) -> None:
         assert (
             bool(np.any(np.all(np.sort(pairs) == sorted((pad.id, plant.ball)), axis=1))) == touches
         )
+
+
+def test_links_that_overlap_when_ready_do_not_push_each_other() -> None:
+    """Capsules about a wrist's meshes are wider than the wrist: no contact while the arm waits."""
+    arm = load_arm("wam")
+    links = list(arm.model.links)
+    ends = {0: (0.42, 0.0, 0.36), 3: (0.0, 0.0, 0.2)}
+    for k, end in ends.items():
+        wide = Capsule(start=(0.0, 0.0, 0.0), end=end, radius=0.12)
+        links[k] = replace(links[k], capsules=(wide,))
+    model = replace(arm.model, links=tuple(links))
+    spec, _ = describe(exact_scene(), model)
+    assert {(x.bodyname1, x.bodyname2) for x in spec.excludes} >= {("link_j1", "link_j4")}
+    compiled = spec.compile()
+    data = mujoco.MjData(compiled)
+    data.qpos[: arm.n] = arm.q_ready
+    mujoco.mj_forward(compiled, data)
+    touching = {
+        frozenset(compiled.body(compiled.geom_bodyid[g]).name for g in (c.geom1, c.geom2))
+        for c in data.contact[: data.ncon]
+    }
+    assert frozenset(("link_j1", "link_j4")) not in touching

@@ -29,9 +29,9 @@ from mitt.commands.screen import (
     warn,
 )
 from mitt.errors import FileError, InputError
+from mitt.files.arms import load_arm
 from mitt.files.rig import CalibratedRig, read_rig, write_rig
 from mitt.robot.arm import Arm
-from mitt.robot.load import load_arm
 from mitt.vision.calibration.boards import BoardProblem
 from mitt.vision.calibration.fit import Fit
 from mitt.vision.poses import inverse

@@ -13,19 +13,21 @@ from mitt.commands.screen import (
     show,
     table,
     tell_of_kernels,
+    warn,
 )
 from mitt.errors import InputError
 from mitt.files.files import check_folder, locked
 from mitt.files.maps import read_map
+from mitt.generator.advice import warnings_of
 from mitt.generator.mapping import unlearned
 from mitt.interrupts import notice, status_of, tell, words_of
 from mitt.trials.journal import kept_words
 from mitt.trials.registry import check_name
 from mitt.trials.result import STATUSES
-from mitt.trials.run import FinishedRun, Prepared, RunSettings, arm_of, design_of
+from mitt.trials.run import FinishedRun, Prepared, RunSettings, arm_of, design_of, throws_of
 from mitt.trials.run import run as run_throws
 from mitt.trials.score import Trial, reason_of
-from mitt.trials.source import source_of
+from mitt.trials.source import source_of, widened
 from mitt.world.scenes import DEFAULT, read_scene
 
 #: Most throws in one run; more belong into a study.
@@ -37,6 +39,7 @@ _OF_THE_MAP = ("catch_joint", "q_catch", "kappa", "inward", "order")
 def run(options: CatchOptions) -> int:
     """Run ``mitt catch``; return its exit status."""
     prepared = prepare(options)
+    warn(warnings_of(prepared.arm, prepared.design), json=options.json)
     if options.check:
         return checked(f"{prepared.source.count} throws, output to {prepared.out}")
     with locked(prepared.out):
@@ -69,6 +72,9 @@ def prepare(options: CatchOptions) -> Prepared:
     if options.throws_file is not None and options.flights is not None:
         raise InputError("--throws-file and --flights", "one of them", "both")
     arm = arm_of(options)
+    if arm.model.hand is None:
+        raise InputError("--arm", "an arm with a hand: a ball is caught by fingers", "none",
+                         do='say name = "three-finger" in its table [hand]')  # fmt: skip
     scene = read_scene(options.scene or DEFAULT, flights=options.flights is not None)
     if options.cameras is not None:
         sensing = scene.sensing.model_copy(update={"cameras": options.cameras})
@@ -88,6 +94,8 @@ def prepare(options: CatchOptions) -> Prepared:
         flights_file=options.flights,
         drag=scene.ball.drag,
     )
+    throws = throws_of(options)
+    source = source if throws is None else widened(source, throws)
     out = options.out or Path("runs") / f"{options.seed}-{options.generator}"
     check_folder(out, overwrite=options.overwrite)
     settings = RunSettings(

@@ -4,9 +4,10 @@ from pathlib import Path
 
 import mitt
 from mitt.commands.options import LearnOptions
-from mitt.commands.screen import check_new_file, checked, print_json, progress, show, table
+from mitt.commands.screen import check_new_file, checked, print_json, progress, show, table, warn
 from mitt.errors import InputError
 from mitt.files.maps import save_map
+from mitt.generator.advice import warnings_of
 from mitt.generator.learn import Learned
 from mitt.trials.learning import LEARNING_SEED
 from mitt.trials.learning import learn as learn_map
@@ -26,6 +27,7 @@ def run(options: LearnOptions) -> int:
     if options.seed is not None and not 0 <= options.seed < 2**63:
         raise InputError("--seed", "a number from 0 to 2^63 - 1", options.seed)
     check_new_file("--out", options.out, overwrite=options.overwrite)
+    warn(warnings_of(arm, design), json=options.json)
     if options.check:
         return checked(f"{options.flights_count} flights, output to {options.out}")
     with progress() as report:

@@ -16,6 +16,7 @@ from mitt.errors import MittError
 _OPTIONS: dict[str, Callable[..., object]] = {
     "catch": of.CatchOptions,
     "learn": of.LearnOptions,
+    "design": of.DesignOptions,
     "study": of.StudyOptions,
     "report": of.ReportOptions,
     "track": of.TrackOptions,

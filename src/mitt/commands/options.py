@@ -6,14 +6,13 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from mitt.trials.choice import LimitName
-
 Csv = Annotated[Path | None, arg(metavar="CSV")]
 Images = Annotated[str | None, arg(metavar="IMAGES")]
 Metres = Annotated[float, arg(metavar="M")]
 Json = Annotated[bool, arg(help="Print one JSON object and nothing else to stdout.")]
 Check = Annotated[bool, arg(help="Validate the input and do nothing.")]
 ArmName = Annotated[str, arg(metavar="NAME|FILE")]
+Limits = Annotated[str | None, arg(metavar="NAME|TOML")]
 Tip = Annotated[str | None, arg(metavar="FRAME")]
 Joints = Annotated[str | None, arg(metavar="A,B,C", help="Active joints of the file, as A,B,C.")]
 
@@ -23,11 +22,13 @@ class ArmOptions:
     """Which arm and which map.
 
     Attributes:
-        arm: The arm: wam, or a URDF or MJCF file (then with --tip and --joints).
+        arm: The arm: wam, an arm file (.toml), or a URDF or MJCF file (with --tip and --joints).
         tip: Frame of the file at the catch point, z along the palm's normal.
-        limits: Limit set: paper, wam-48v or wam-80v for the wam, model for a file.
+        limits: Limit set: paper, wam-48v or wam-80v for the wam; for a file model, what it states,
+            one that ships, as franka-fr3, or a TOML file (docs/arms.md).
         catch_joint: Index of the catch joint among the active joints, from 0; the last if left out.
-        q_catch: Its angle at the catch [rad]; chosen for the limit set, or pi/2, if left out.
+        q_catch: Its angle at the catch [rad]; if left out that of the arm file, or chosen for the
+            limit set, or pi/2.
         kappa: Velocity-match ratio; 1, the paper's, matches the ball's velocity.
         inward: How much of the ball's line leads into the palm; 0 is the paper's; chosen for the
             limit set if left out.
@@ -37,7 +38,7 @@ class ArmOptions:
     arm: ArmName = "wam"
     tip: Tip = None
     joints: Joints = None
-    limits: LimitName | None = None
+    limits: Limits = None
     catch_joint: Annotated[int | None, arg(metavar="INT")] = None
     q_catch: Annotated[float | None, arg(metavar="RAD")] = None
     kappa: Annotated[float | None, arg(metavar="RATIO")] = None
@@ -99,6 +100,39 @@ class LearnOptions(ArmOptions):
     out: Annotated[Path, arg(metavar="MAP.json")]
     flights_count: Annotated[int, arg(name="flights", metavar="N")] = 120
     seed: Annotated[int | None, arg(metavar="S")] = None
+    overwrite: bool = False
+    json: Json = False
+    check: Check = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesignOptions:
+    """Find what an arm can catch and the map that does it; write DESIGN.toml for --arm.
+
+    Attributes:
+        arm: The arm: wam, a URDF or MJCF file (then with --tip), or an arm file.
+        out: Arm file to write, if a design is found.
+        tip: Frame of the file at the catch point, z along the palm's normal.
+        joints: Joints of which three are to be active; any if left out.
+        limits: Limit set: a name, or a TOML file; that of the arm's file if left out.
+        aim: Point that the balls are aimed at [m], as X,Y,Z; the design chooses if left out.
+        scene: The world in which it is tried: a name, or a TOML file.
+        effort: How much is tried: quick for a first look.
+        seed: Seed of the search.
+        workers: Processes; one a core if left out.
+        overwrite: Replace an existing file.
+    """
+
+    arm: Annotated[str, Positional, arg(metavar="ARM")]
+    out: Annotated[Path, arg(metavar="DESIGN.toml")]
+    tip: Tip = None
+    joints: Joints = None
+    limits: Annotated[str | None, arg(metavar="NAME|TOML")] = None
+    aim: Annotated[str | None, arg(metavar="X,Y,Z")] = None
+    scene: Annotated[str | None, arg(metavar="NAME|TOML")] = None
+    effort: Literal["quick", "full"] = "full"
+    seed: Annotated[int, arg(metavar="S")] = 0
+    workers: Annotated[int | None, arg(metavar="N")] = None
     overwrite: bool = False
     json: Json = False
     check: Check = False
@@ -187,7 +221,8 @@ class CalibrateOptions:
         hand_left: Images of the ball, one a row of --hand, if it has no centroids.
         hand_right: The same from the right camera.
         ball_radius: Radius of that ball [m].
-        arm: The arm whose joint angles the tables hold: wam, or a file with --tip and --joints.
+        arm: The arm whose joint angles the tables hold: wam, an arm file, or a description file
+            with --tip and --joints.
         tip: Frame of the file at the catch point.
         arm_log: The hand in motion: t_s and places as in --hand.
         points: What the cameras saw of it: t_s,x_m,y_m,z_m, from mitt see --points.

@@ -95,8 +95,12 @@ def show(*parts: str | Table, style: str | None = None) -> None:
         console.print(part, soft_wrap=isinstance(part, str), style=style)
 
 
-def warn(texts: Sequence[str]) -> None:
-    """Print warnings on stdout."""
+def warn(texts: Sequence[str], *, json: bool = False) -> None:
+    """Print warnings on stdout; on stderr where stdout is for JSON."""
+    if json:
+        for text in texts:
+            tell(f"warning: {text}")
+        return
     show(*(f"warning: {text}" for text in texts), style="yellow")
 
 

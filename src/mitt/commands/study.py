@@ -1,9 +1,10 @@
 """``mitt study``: many throws, several generators, a grid of conditions."""
 
 from mitt.commands.options import StudyOptions
-from mitt.commands.screen import checked, progress, show, table, tell_of_kernels
+from mitt.commands.screen import checked, progress, show, table, tell_of_kernels, warn
 from mitt.errors import InputError
 from mitt.files.files import check_folder, locked
+from mitt.generator.advice import warnings_of
 from mitt.interrupts import tell, words_of
 from mitt.sweep.engine import check_engine, engine_of
 from mitt.sweep.folder import Folder
@@ -11,6 +12,7 @@ from mitt.sweep.read import read_study
 from mitt.sweep.run import FinishedStudy, run_study
 from mitt.sweep.study import Study, extent
 from mitt.trials.registry import available
+from mitt.trials.run import arm_of, design_of
 
 
 def run(options: StudyOptions) -> int:
@@ -22,6 +24,9 @@ def run(options: StudyOptions) -> int:
     folder = Folder(options.out)
     check_folder(folder.path, overwrite=options.overwrite or options.resume)
     folder.check(study, resume=options.resume)
+    for settings in dict.fromkeys(c.arm for c in study.conditions):
+        arm = arm_of(settings)
+        warn(warnings_of(arm, design_of(settings, arm)), json=options.json)
     if options.check:
         total = len(study.conditions) * sum(study.counts.values())
         return checked(f"{extent(study, total)}, output to {folder.path}")

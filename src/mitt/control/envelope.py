@@ -44,18 +44,20 @@ def bounds_of(arm: Arm) -> Array:
 
     The trusted deceleration is that of the joint alone in the ready pose; ``ddq_max`` is what the
     torques of all joints together can bring in any of many poses, so that it binds nothing that
-    an arm within its torques can do.
+    an arm within its torques can do. Where the limit set has accelerations, both are at most those.
     """
-    brake = arm.tau_max / np.diag(arm.mass_matrix(arm.q_ready))
-    jerk = arm.limits.jerk
+    none = np.full(arm.n, np.inf)
+    jerk, most = arm.limits.jerk, arm.limits.acceleration
+    most = none if most is None else arm.active(most)
+    brake = np.minimum(arm.tau_max / np.diag(arm.mass_matrix(arm.q_ready)), most)
     return np.array(
         [
             arm.q_min + _STOP_GAP,
             arm.q_max - _STOP_GAP,
             _SPEED_SHARE * arm.dq_max,
             brake,
-            np.maximum(_largest_acceleration(arm), brake),
-            np.full(arm.n, np.inf) if jerk is None else arm.active(jerk),
+            np.minimum(np.maximum(_largest_acceleration(arm), brake), most),
+            none if jerk is None else arm.active(jerk),
         ]
     )
 

@@ -1,6 +1,6 @@
 """JSON and TOML files of ours, checked against a model of their content."""
 
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -36,4 +36,18 @@ def parsed(model: type[_Model], raw: Any, *, place: str, wanted: str, do: str) -
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"]) or "the file"
-        raise FileError(f"{place} key {key!r}", wanted, first["msg"], do=do) from None
+        if first["type"] == "extra_forbidden":
+            known = _known(model, first["loc"][:-1])
+            raise FileError(f"{place} key {key[:120]!r}", f"one of {known}", "another",
+                            do=do) from None  # fmt: skip
+        raise FileError(f"{place} key {key[:120]!r}", wanted, first["msg"], do=do) from None
+
+
+def _known(model: type[Part], place: tuple[int | str, ...]) -> str:
+    """Return the keys that a table of a file may have."""
+    at: Any = model
+    for key in place:
+        found = at.model_fields.get(key)
+        kinds = () if found is None else (found.annotation, *get_args(found.annotation))
+        at = next((x for x in kinds if isinstance(x, type) and issubclass(x, Part)), at)
+    return ", ".join(x.alias or name for name, x in at.model_fields.items())

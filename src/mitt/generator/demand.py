@@ -7,6 +7,7 @@
 | ``torque``      | tau over its bound, drive by drive, (18)| 1    | (K, N)  |
 | ``speed``       | omega over its bound, (20)              | 1    | (K, N)  |
 | ``excess``      | joint angle beyond its range            | rad  | (K, n)  |
+| ``acceleration``| joint acceleration over its bound, if any| 1   | (K, n)  |
 """
 
 from dataclasses import dataclass
@@ -35,12 +36,14 @@ class Tolerance:
     Attributes:
         torque: Of a drive's bound.
         speed: Of a drive's largest speed.
+        acceleration: Of a joint's largest acceleration, where the limit set has one.
         strength: Share of its torque with which each joint, after the catch, shall come to rest
             before the end of its range; None where that is not looked at.
     """
 
     torque: float = 1.6
     speed: float = 1.6
+    acceleration: float = 1.6
     strength: float | None = None
 
 
@@ -53,6 +56,7 @@ class Demand:
     torque: Array
     speed: Array
     excess: Array
+    acceleration: Array
 
     @property
     def cost(self) -> float:
@@ -78,7 +82,20 @@ def demand(arm: Arm, motion: Array) -> Demand:
         torque=share[0],
         speed=share[1],
         excess=excess,
+        acceleration=acceleration_share(arm, motion[:, 2]),
     )
+
+
+def acceleration_share(arm: Arm, ddq: Array) -> Array:
+    """Return shares of the largest accelerations; 0 where the limit set has none.
+
+    Args:
+        arm: The arm.
+        ddq: Accelerations of the active joints [rad/s^2], shape (..., n).
+    """
+    most = arm.limits.acceleration
+    share: Array = np.zeros_like(ddq) if most is None else np.abs(ddq) / arm.active(most)
+    return share
 
 
 @kernel
@@ -121,11 +138,12 @@ def shares_of(arm: Arm, motion: Array, tolerance: Tolerance) -> dict[str, float]
     Args:
         arm: The arm.
         motion: q, dq, ddq at K instants, the last one at the catch, shape (K, 3, n).
-        tolerance: Shares of torque and speed that count as 1, and what the brake may use.
+        tolerance: Shares of torque, speed and acceleration that count as 1, and what the brake may
+            use.
 
     Returns:
-        ``torque:NAME``, ``speed:NAME``, ``range:NAME`` and, where the tolerance asks for room to
-        brake, ``brake:NAME`` for each joint.
+        ``torque:NAME``, ``speed:NAME``, ``range:NAME``, ``acceleration:NAME`` where the limit set
+        bounds it and, where the tolerance asks for room to brake, ``brake:NAME`` for each joint.
     """
     asked = demand(arm, motion)
     half, middle = 0.5 * (arm.q_max - arm.q_min), 0.5 * (arm.q_max + arm.q_min)
@@ -135,6 +153,8 @@ def shares_of(arm: Arm, motion: Array, tolerance: Tolerance) -> dict[str, float]
         "speed": speed / tolerance.speed,
         "range": (np.abs(motion[:, 0] - middle) / half).max(axis=0),
     }
+    if arm.limits.acceleration is not None:
+        kinds["acceleration"] = asked.acceleration.max(axis=0) / tolerance.acceleration
     if tolerance.strength is not None:
         kinds["brake"] = np.abs(_rest(arm, motion[-1], tolerance.strength) - middle) / half
     return {

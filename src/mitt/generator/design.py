@@ -56,7 +56,8 @@ class MapDesign:
 
 
 #: Designs chosen by computation, by arm and limit set; any other arm or set has the paper's.
-#: ``python benchmarks/designs.py --limits SET`` repeats the choice and prints what it rests on.
+#: From a grid over q_alpha, inward and kappa, with the joints, the ready pose and the throws of the
+#: paper; ``mitt design`` (:mod:`mitt.design`) searches over those too, for any arm.
 _CHOSEN = {
     ("wam", "wam-80v"): MapDesign(q_catch=1.2, inward=1.5),
     ("wam", "wam-48v"): MapDesign(q_catch=0.6, inward=3.0),
@@ -92,6 +93,7 @@ def further_designs(arm: Arm) -> tuple[tuple[MapDesign, ...], tuple[MapDesign, .
 def default_design(
     arm: Arm,
     *,
+    base: MapDesign | None = None,
     catch_joint: int | None = None,
     q_catch: float | None = None,
     kappa: float | None = None,
@@ -102,6 +104,7 @@ def default_design(
 
     Args:
         arm: The arm.
+        base: A design whose choices go before the defaults, unless another catch joint is given.
         catch_joint: Index of the catch joint; the last active joint by default.
         q_catch: Its angle at the catch [rad]; by default the one chosen for the limit set, or
             else pi/2 or the middle of its range.
@@ -111,14 +114,16 @@ def default_design(
     """
     if arm.n < 3:
         raise InputError("--joints", "at least three active joints", arm.n)
-    i = arm.n - 1 if catch_joint is None else catch_joint
+    usually = arm.n - 1 if base is None else base.catch_joint
+    i = usually if catch_joint is None else catch_joint
     i = checks.whole("--catch-joint", i, least=0, most=arm.n - 1)
     a, b, c = sorted({*[k for k in range(arm.n) if k != i][:2], i})
     usual = MapDesign(catch_joint=i, q_catch=nominal_angle(arm, i), free=(a, b, c))
     chosen = _CHOSEN.get((arm.model.name, arm.limits.name), usual)
     if order is not None:
         checks.whole("--order", order, least=2, most=MOST_ORDER)
-    base = chosen if (chosen.catch_joint, chosen.free) == (i, usual.free) else usual
+    if base is None or base.catch_joint != i:
+        base = chosen if (chosen.catch_joint, chosen.free) == (i, usual.free) else usual
     return replace(
         base,
         q_catch=base.q_catch if q_catch is None else q_catch,
@@ -155,6 +160,14 @@ def nominal_catch(arm: Arm) -> Array:
     q = arm.q_ready.copy()
     q[-1] = nominal_angle(arm, arm.n - 1)
     return q
+
+
+def catch_place(arm: Arm) -> Array:
+    """Return the point around which balls are aimed and maps are learned [m], shape (3,)."""
+    if arm.model.aim is not None:
+        place: Array = arm.model.aim[0].copy()
+        return place
+    return arm.position(nominal_catch(arm))
 
 
 def check_joints(arm: Arm, design: MapDesign) -> None:

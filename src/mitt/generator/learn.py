@@ -3,7 +3,7 @@
 One alpha cannot start every flight where the arm is (eq. (12) holds C and d of one flight), so
 each flight f has its own alpha_f, the projection of the common alpha* onto C_f alpha = d_f in
 the norm of H. The cost is that of the alpha_f; its Gauss-Newton step in alpha* is a small
-quadratic programme with the torque, speed and range rows (18), (20) of all flights.
+quadratic programme with the torque, speed, range and acceleration rows (18), (20) of all flights.
 
 | here            | meaning                                        | shape        |
 |-----------------|------------------------------------------------|--------------|
@@ -238,7 +238,7 @@ def _unoptimised(f: DirectMap, lifted: Sequence[Lifted]) -> Step:
     steps = []
     for x in lifted:
         asked = demand(f.arm, x.motion(np.zeros_like(f.alpha)))
-        shares = float(max(asked.torque.max(), asked.speed.max()))
+        shares = float(max(x.max() for x in (asked.torque, asked.speed, asked.acceleration)))
         steps.append(
             Step(
                 cost_torque=float(asked.cost_torque.mean()),
@@ -278,7 +278,8 @@ def _merit(f: DirectMap, lifted: Sequence[Lifted], settings: LearnSettings) -> f
     for x in lifted:
         alpha = project(f.alpha, f.H_inverse, x.phi_0, x.gap)
         asked = demand(f.arm, x.motion(alpha))
-        over = np.concatenate([asked.torque.ravel(), asked.speed.ravel()]) - settings.share
+        shares = asked.torque, asked.speed, asked.acceleration
+        over = np.concatenate([share.ravel() for share in shares]) - settings.share
         total += asked.cost + _PENALTY * float(np.sum(np.maximum(over, 0.0) ** 2))
         total += _PENALTY * float(np.sum(asked.excess**2))
     return total / len(lifted)

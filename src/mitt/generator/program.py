@@ -44,6 +44,7 @@ class Sensitivity(NamedTuple):
     J_tau: Array  # (K, N, m n) d tau / d alpha
     J_dq: Array  # (K, n, m n)
     J_q: Array  # (K, n, m n)
+    J_ddq: Array  # (K, n, m n)
 
 
 def sensitivity(arm: Arm, motion: Array, phi: Array) -> Sensitivity:
@@ -55,7 +56,8 @@ def sensitivity(arm: Arm, motion: Array, phi: Array) -> Sensitivity:
     eye = np.eye(n)
     J_q = np.einsum("ta,jk->tjak", phi[:, 0], eye).reshape(count, n, -1)
     J_dq = np.einsum("ta,jk->tjak", phi[:, 1], eye).reshape(count, n, -1)
-    return Sensitivity(motion, tau, J_tau, J_dq, J_q)
+    J_ddq = np.einsum("ta,jk->tjak", phi[:, 2], eye).reshape(count, n, -1)
+    return Sensitivity(motion, tau, J_tau, J_dq, J_q, J_ddq)
 
 
 def cost(arm: Arm, s: Sensitivity) -> Cost:
@@ -68,7 +70,7 @@ def cost(arm: Arm, s: Sensitivity) -> Cost:
 
 
 def limit_rows(arm: Arm, s: Sensitivity, *, share: float, near: float) -> Rows:
-    """Return the limits (18), (20) and the joint ranges as rows, those above ``near`` of one.
+    """Return the limits (18), (20), ranges and accelerations as rows, those above ``near`` of one.
 
     Args:
         arm: The arm.
@@ -82,9 +84,13 @@ def limit_rows(arm: Arm, s: Sensitivity, *, share: float, near: float) -> Rows:
     drive_tau, drive_dq = limits.drive_torque(s.tau), limits.drive_speed(dq)
     bound = limits.torque_bound(drive_tau, drive_dq, least=LEAST)
     middle, half = 0.5 * (arm.q_max + arm.q_min), 0.5 * (arm.q_max - arm.q_min)
-    values = (drive_tau / bound, drive_dq / limits.dq_max, (s.motion[:, 0] - middle) / half)
+    values = [drive_tau / bound, drive_dq / limits.dq_max, (s.motion[:, 0] - middle) / half]
     speeds = limits.transmission[:, arm.model.active] / limits.dq_max[:, None]
-    slopes = (limits.to_drive @ s.J_tau / bound[..., None], speeds @ s.J_dq, s.J_q / half[:, None])
+    slopes = [limits.to_drive @ s.J_tau / bound[..., None], speeds @ s.J_dq, s.J_q / half[:, None]]
+    if limits.acceleration is not None:
+        most = arm.active(limits.acceleration)
+        values.append(s.motion[:, 2] / most)
+        slopes.append(s.J_ddq / most[:, None])
     rows, room = [], []
     for value, slope in zip(values, slopes, strict=True):
         at = np.abs(value) > near

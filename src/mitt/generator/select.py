@@ -96,7 +96,7 @@ def _row(f: DirectMap, x: Lifted | None, flight: Flight) -> tuple[str, float, fl
     if x is None:
         return "domain", np.inf, np.inf, np.pi
     alpha = project(f.alpha, f.H_inverse, x.phi_0, x.gap)
-    shares = shares_of(f.arm, x.motion(alpha), Tolerance(torque=1.0, speed=1.0))
+    shares = shares_of(f.arm, x.motion(alpha), Tolerance(torque=1.0, speed=1.0, acceleration=1.0))
     binding = max(shares, key=lambda name: shares[name])
     relative = _entry(f, x, flight)
     speed = float(np.linalg.norm(relative))

@@ -6,13 +6,14 @@ from typing import Any
 import numpy as np
 
 from mitt.files.files import write_text
+from mitt.files.throws import ThrowSettings
 from mitt.report.figures.sweep import effort, rates_against, rates_by_condition, reach
 from mitt.report.page import Cell, Section, interval, number, page
 from mitt.report.worst import worst_throws
 from mitt.signals import Array
 from mitt.sweep.parts import read_columns
 from mitt.sweep.run import Progress
-from mitt.sweep.study import SCHEMA, Condition, Study, ThrowSettings, extent
+from mitt.sweep.study import SCHEMA, Condition, Study, extent
 from mitt.sweep.summary import REFERENCE, StudyResult
 from mitt.trials.result import STATUSES
 

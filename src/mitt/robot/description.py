@@ -150,6 +150,9 @@ class ArmModel:
         q_ready: Pose in which the active joints wait for a throw [rad], shape (n,).
         base_capsules: Collision shapes of what stands still, in the world frame.
         mount: Frame of the base in the world frame, shape (4, 4).
+        aim: Centre and half-widths of the box at which default throws are aimed, and around which
+            maps are learned, world frame [m], shape (2, 3); that of docs/throws.md where None.
+        notes: What a user should know of how the arm was read from its file.
     """
 
     name: str
@@ -159,6 +162,8 @@ class ArmModel:
     q_ready: Array
     base_capsules: tuple[Capsule, ...]
     mount: Array
+    aim: Array | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse an arm without links or joints, and arrays of other shapes."""
@@ -170,6 +175,8 @@ class ArmModel:
             checks.instance("hand", self.hand, HandModel)
         _keep(self, "tool", checks.array("tool", self.tool, (4, 4), finite=True))
         _keep(self, "mount", checks.array("mount", self.mount, (4, 4), finite=True))
+        if self.aim is not None:
+            _keep(self, "aim", checks.array("aim", self.aim, (2, 3), finite=True))
         q_ready = checks.vector("q_ready", self.q_ready, len(self.active), finite=True)
         _keep(self, "q_ready", q_ready)
 

@@ -44,7 +44,9 @@ def identity_of(arm: Arm) -> Identity:
         "stall torques": limits.tau_stall,
         "continuous torques": limits.tau_rms,
         "joint speeds": limits.dq_max,
+        "accelerations": np.zeros(0) if limits.acceleration is None else limits.acceleration,
         "jerks": np.zeros(0) if limits.jerk is None else limits.jerk,
+        "torque rates": np.zeros(0) if limits.torque_rate is None else limits.torque_rate,
     }
     return {name: _plain(np.asarray(part, dtype=np.float64)) for name, part in parts.items()}
 
@@ -52,7 +54,7 @@ def identity_of(arm: Arm) -> Identity:
 def difference(mine: Identity, other: Identity) -> str | None:
     """Return what tells two arms apart, in words; None where they are the same."""
     for name, numbers in mine.items():
-        if name not in other or len(other[name]) != len(numbers):
+        if len(other.get(name, ())) != len(numbers):  # older files have none for no numbers
             return f"its {name} are of another number"
         a, b = _numbers(numbers), _numbers(other[name])
         known = a[np.isfinite(a)]

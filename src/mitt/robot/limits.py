@@ -33,7 +33,11 @@ class Limits:
         tau_stall: Torque at rest of the torque-speed line [N m], shape (N,); infinite without one.
         dq_max: Largest (no-load) speed of each drive [rad/s], shape (N,).
         tau_rms: Continuous torque, as root mean square over a trial [N m], shape (N,).
+        acceleration: Largest acceleration of each joint [rad/s^2], shape (N,); None where the set
+            has none. In this and the next two a joint without a bound has an infinite one.
         jerk: Largest jerk of each joint [rad/s^3], shape (N,); None where the set has none.
+        torque_rate: Largest rate of each joint's torque [N m/s], shape (N,); None where the set
+            has none.
     """
 
     name: str
@@ -42,7 +46,9 @@ class Limits:
     tau_stall: Array
     dq_max: Array
     tau_rms: Array
+    acceleration: Array | None = None
     jerk: Array | None = None
+    torque_rate: Array | None = None
 
     def __post_init__(self) -> None:
         """Hold the arrays to the number of drives; ShapeError or InputError where they differ."""
@@ -52,7 +58,9 @@ class Limits:
         size = len(transmission)
         kept = {"transmission": checks.array("transmission", transmission, (size, size))}
         kept |= {name: checks.vector(name, bound, size) for name, bound in bounds.items()}
-        kept |= {} if self.jerk is None else {"jerk": checks.vector("jerk", self.jerk, size)}
+        rates = {"acceleration": self.acceleration, "jerk": self.jerk,
+                 "torque_rate": self.torque_rate}  # fmt: skip
+        kept |= {k: checks.vector(k, x, size) for k, x in rates.items() if x is not None}
         for name, value in kept.items():
             object.__setattr__(self, name, value)
 
@@ -128,7 +136,8 @@ class Limits:
         return checks.rows(name, x, len(self.dq_max))
 
 
-_FIELDS = ("name", "transmission", "tau_peak", "tau_stall", "dq_max", "tau_rms", "jerk")
+_FIELDS = ("name", "transmission", "tau_peak", "tau_stall", "dq_max", "tau_rms", "acceleration",
+           "jerk", "torque_rate")  # fmt: skip
 """Fields of a limit set."""
 
 
@@ -214,13 +223,24 @@ def saturate(packed: Array, tau: Array, dq: Array, out: Array) -> None:
             out[k] += drive * packed[n + m, k]
 
 
-def joint_level(name: str, *, tau: Array, speed: Array) -> Limits:
+def joint_level(
+    name: str,
+    *,
+    tau: Array,
+    speed: Array,
+    acceleration: Array | None = None,
+    jerk: Array | None = None,
+    torque_rate: Array | None = None,
+) -> Limits:
     """Return a set whose drives are the joints themselves.
 
     Args:
         name: Name of the set.
         tau: Largest joint torques [N m], shape (N,).
         speed: Largest joint speeds [rad/s], shape (N,).
+        acceleration: Largest accelerations [rad/s^2], shape (N,), if the set has them.
+        jerk: Largest jerks [rad/s^3], shape (N,), likewise.
+        torque_rate: Largest torque rates [N m/s], shape (N,), likewise.
     """
     endless = np.full(len(tau), np.inf)
     return Limits(
@@ -230,4 +250,7 @@ def joint_level(name: str, *, tau: Array, speed: Array) -> Limits:
         tau_stall=endless,
         dq_max=speed,
         tau_rms=endless,
+        acceleration=acceleration,
+        jerk=jerk,
+        torque_rate=torque_rate,
     )

@@ -1,28 +1,22 @@
 """Arms by name or from a URDF or MJCF file."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import hypot
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
-from defusedxml import DefusedXmlException, ElementTree
 
 from mitt import checks
-from mitt.errors import FileError, InputError, ModelError, UnknownNameError, heard
-from mitt.reading import read_text
+from mitt.errors import InputError, ModelError, UnknownNameError
 from mitt.robot.arm import Arm
-from mitt.robot.description import ArmModel, Link, transform
+from mitt.robot.description import ArmModel, rotation, transform
 from mitt.robot.hands import HandModel
-from mitt.robot.limits import Limits, joint_level
+from mitt.robot.limit_sets import LimitSet
+from mitt.robot.limits import Limits
+from mitt.robot.mjcf import read_mjcf
+from mitt.robot.serial import Wanted, serial_arm
+from mitt.robot.urdf import read_urdf
 from mitt.robot.wam import LIMIT_SETS, wam, wam_limits
-
-#: Largest description file read [byte]; real ones stay below 1 MB.
-_MAX_BYTES = 5_000_000
-#: Elements in one another; more would be too many for the parsers behind Pinocchio.
-_MOST_LEVELS = 100
-_HOW = "state them in the file (MJCF: actuatorfrcrange, numeric velocity_limit_JOINT)"
 
 
 def load_arm(
@@ -30,8 +24,11 @@ def load_arm(
     *,
     tip: str | None = None,
     joints: Sequence[str] | None = None,
-    limits: str | None = None,
+    held: Mapping[str, float] | None = None,
+    ready: Sequence[float] | None = None,
+    limits: str | LimitSet | None = None,
     hand: HandModel | None = None,
+    hand_turn: float = 0.0,
     encoder_step: float | Sequence[float] | None = None,
 ) -> Arm:
     """Return an arm by name (``wam``) or from a URDF (``.urdf``) or MJCF (``.xml``) file.
@@ -40,10 +37,16 @@ def load_arm(
         name_or_path: Name or file.
         tip: Frame of the file whose origin is the catch point and whose z axis is the normal
             of the palm; only for files.
-        joints: Active joints of the file, the others held at their neutral position.
-        limits: Limit set: ``paper``, ``wam-48v``, ``wam-80v`` for the WAM, ``model`` for files.
+        joints: Active joints of the file, the others held; of the WAM j1, j2 and j4 if left out.
+        held: Angles at which joints are held [rad]; any other is held at 0, or at the end of its
+            range that is nearest to it.
+        ready: Ready pose of the active joints, in their order [rad]; 0 if left out, or the middle
+            of a range that 0 is not in.
+        limits: Limit set: ``paper``, ``wam-48v``, ``wam-80v`` for the WAM; for files ``model``,
+            what the file states, or a set that goes before it.
         hand: For files: a hand to be mounted so that its catch point is at the tip; without
             one the file is taken to contain what the arm carries.
+        hand_turn: How far the hand is turned about the z axis of the tip [rad].
         encoder_step: Resolution of the encoders of the active joints [rad], one for all or one a
             joint; the WAM's own, or ``description.ENCODER_STEP`` for files, if left out.
 
@@ -52,33 +55,110 @@ def load_arm(
         FileError: The file cannot be read or parsed.
         ModelError: What it describes is no arm that can be used.
     """
-    for name, value in (("tip", tip), ("limits", limits)):
-        if value is not None:
-            checks.instance(name, value, str)
+    if tip is not None:
+        checks.instance("tip", tip, str)
     if hand is not None:
         checks.instance("hand", hand, HandModel)
     if not isinstance(name_or_path, str | Path):
         raise InputError("arm", "a name or a path", checks.shown(name_or_path))
+    names = _names(joints)
+    turn = checks.number("hand_turn", hand_turn, finite=True)
+    held = {
+        checks.instance("held", k, str): checks.number(f"held {k}", x, finite=True)
+        for k, x in (held or {}).items()
+    }
     if str(name_or_path) == "wam":
-        if tip is not None or joints is not None:
-            raise ModelError("arm wam", "no tip and no joints: they are fixed", f"{tip}, {joints}")
-        model = _with_encoders(wam(hand or HandModel()), encoder_step)
-        return Arm(model, wam_limits(limits or "paper"))
-    path = Path(name_or_path)
+        if tip is not None:
+            raise ModelError("arm wam", "no tip: it is fixed", tip)
+        model, set_of = _wam(hand or HandModel(), names, held, turn), _wam_limits(limits)
+        return Arm(_with_encoders(_with_ready(model, names, ready), encoder_step), set_of)
+    arm = _from_file(Path(name_or_path), tip, names, ready, limits, (held, hand, turn))
+    return arm if encoder_step is None else with_encoders(arm, encoder_step)
+
+
+def _from_file(
+    path: Path,
+    tip: str | None,
+    names: tuple[str, ...],
+    ready: Sequence[float] | None,
+    limits: str | LimitSet | None,
+    rest: tuple[Mapping[str, float], HandModel | None, float],
+) -> Arm:
+    """Return an arm from a description file; arguments as of :func:`load_arm`."""
     if path.suffix not in (".urdf", ".xml", ".mjcf"):
-        raise UnknownNameError("arm", str(name_or_path), ("wam", "a .urdf file", "an .xml MJCF"))
-    if limits not in (None, "model"):
+        raise UnknownNameError("arm", str(path), ("wam", "a .urdf file", "an .xml MJCF"))
+    if isinstance(limits, str) and limits != "model":
         wanted = ("model",) if limits in LIMIT_SETS else ("model", *LIMIT_SETS)
-        raise UnknownNameError("limits of an arm from a file", str(limits), wanted)
-    if tip is None or not joints:
-        raise ModelError(str(path), "tip and joints", f"tip={tip}, joints={joints}",
+        raise UnknownNameError("limits of an arm from a file", limits, wanted)
+    if tip is None or not names:
+        raise ModelError(str(path), "tip and joints", f"tip={tip}, joints={names or None}",
                          do="name the frame of the catch point and the active joints")  # fmt: skip
+    if ready is not None:
+        ready = checks.vector("ready", ready, len(names), finite=True).tolist()
+    stated = read_urdf(path) if path.suffix == ".urdf" else read_mjcf(path)
+    given = limits if isinstance(limits, LimitSet) else None
+    held, hand, turn = rest
+    return serial_arm(
+        stated,
+        Wanted(name=path.stem, tip=tip, joints=names, held=held, ready=ready, limits=given,
+               hand=hand, turn=turn),
+    )  # fmt: skip
+
+
+def with_encoders(arm: Arm, step: float | Sequence[float]) -> Arm:
+    """Return an arm whose active joints have encoders of another resolution [rad]."""
+    return Arm(_with_encoders(arm.model, step), arm.limits)
+
+
+def _names(joints: Sequence[str] | None) -> tuple[str, ...]:
+    """Return names of joints; none where they were left out."""
+    if joints is None:
+        return ()
     if isinstance(joints, str) or not isinstance(joints, Sequence):
         raise InputError("joints", "a list of names", checks.shown(joints))
-    names = tuple(checks.instance("joints", joint, str) for joint in joints)
-    arm = _from_pinocchio(_parse(path), path.stem, tip, names, hand)
-    model = _with_encoders(arm.model, encoder_step)
-    return arm if model is arm.model else Arm(model, arm.limits)
+    return tuple(checks.instance("joints", joint, str) for joint in joints)
+
+
+def _wam(
+    hand: HandModel, names: tuple[str, ...], held: Mapping[str, float], turn: float
+) -> ArmModel:
+    """Return the WAM with all but the named joints held; joint 3 where none is named."""
+    full = wam(hand, held_3=None)
+    known = full.names
+    for kind, given in (("joint", names), ("held joint", tuple(held))):
+        for name in given:
+            if name not in known:
+                raise UnknownNameError(kind, name, known)
+    active = names or tuple(x for x in known if x != "j3")
+    both = [x for x in active if x in held]
+    if both or len(set(active)) < len(active):
+        raise InputError("joints", "different joints, none of them held", ", ".join(active))
+    angles = {**dict(zip(known, full.q_ready, strict=True)), **held}
+    links = tuple(
+        x if x.name in active else replace(x, held=float(angles[x.name])) for x in full.links
+    )
+    for x in links:
+        if x.held is not None and not x.q_min <= x.held <= x.q_max:
+            raise InputError(f"held {x.name}", f"an angle in {x.q_min:g}..{x.q_max:g}", x.held)
+    q_ready = np.array([q for x, q in zip(known, full.q_ready, strict=True) if x in active])
+    about_z = transform(rotation(np.array([0.0, 0.0, 1.0]), turn)) if turn else np.eye(4)
+    return replace(full, links=links, q_ready=q_ready, tool=full.tool @ about_z)
+
+
+def _wam_limits(limits: str | LimitSet | None) -> Limits:
+    """Return limits of the WAM."""
+    if isinstance(limits, LimitSet):
+        raise ModelError("limits of the wam", f"one of {', '.join(LIMIT_SETS)}", limits.name)
+    return wam_limits("paper" if limits is None else checks.instance("limits", limits, str))
+
+
+def _with_ready(model: ArmModel, names: tuple[str, ...], ready: Sequence[float] | None) -> ArmModel:
+    """Return an arm with another ready pose, given in the order of the names."""
+    if ready is None:
+        return model
+    order = names or model.names
+    given = dict(zip(order, checks.vector("ready", ready, len(order), finite=True), strict=True))
+    return replace(model, q_ready=np.array([given[x] for x in model.names]))
 
 
 def _with_encoders(model: ArmModel, step: float | Sequence[float] | None) -> ArmModel:
@@ -94,161 +174,3 @@ def _with_encoders(model: ArmModel, step: float | Sequence[float] | None) -> Arm
     for k, x in zip(model.active, steps, strict=True):
         links[k] = replace(links[k], encoder_step=float(x))
     return replace(model, links=tuple(links))
-
-
-def _parse(path: Path) -> pin.Model:
-    """Read a description file into Pinocchio, refusing what it would silently accept."""
-    text = read_text(path, max_bytes=_MAX_BYTES)
-    _check_numbers(path, text)
-    build = pin.buildModelFromUrdf if path.suffix == ".urdf" else pin.buildModelFromMJCF
-    with heard() as said:
-        try:
-            model, failed = build(str(path)), None
-        except (ValueError, RuntimeError, IndexError, KeyError) as error:
-            failed = error
-    if failed is None:
-        return _with_speeds(model, path, text)
-    reason = f"{''.join(said)} {failed}".split() or ["a parse error"]
-    raise FileError(str(path), "a URDF or MJCF arm", " ".join(reason)[:200]) from failed
-
-
-def _with_speeds(model: pin.Model, path: Path, text: str) -> pin.Model:
-    """Read the velocity limits of an MJCF: MuJoCo has none, so they stand among its own numbers.
-
-    ``<custom><numeric name="velocity_limit_JOINT" data="8.0"/></custom>`` [rad/s or m/s]; what is
-    no limit above 0 is refused later, with the name of its joint.
-    """
-    stated = {
-        x.get("name", ""): x.get("data", "") for x in ElementTree.fromstring(text).iter("numeric")
-    }
-    for joint in list(model.names)[1:]:
-        given = stated.get(f"velocity_limit_{joint}")
-        if given is None:
-            continue
-        try:
-            limit = float(given)
-        except ValueError:
-            limit = 0.0
-        if not 0.0 < limit < np.inf:
-            raise FileError(f"{path} velocity_limit_{joint}", "a number above 0", repr(given[:60]))
-        at = model.joints[model.getJointId(joint)].idx_v
-        model.lowerVelocityLimit[at], model.upperVelocityLimit[at] = -limit, limit
-    return model
-
-
-def _check_numbers(path: Path, text: str) -> None:
-    """Refuse malformed XML, and masses and inertias of a URDF that are no numbers.
-
-    Pinocchio takes a link whose mass does not parse for one without mass.
-    """
-    try:
-        root = ElementTree.fromstring(text, forbid_dtd=True)
-    except (ElementTree.ParseError, DefusedXmlException, ValueError) as error:
-        raise FileError(str(path), "well-formed XML", error) from error
-    level = [root]
-    for _ in range(_MOST_LEVELS):
-        level = [child for element in level for child in element]
-    if level:
-        raise FileError(str(path), f"at most {_MOST_LEVELS} elements in one another", "more")
-    if root.find(".//include") is not None:
-        raise FileError(str(path), "one file", "one that includes others", do="join them")
-    for element in root.iter():
-        file = element.attrib.get("file", "")
-        if file.startswith(("/", "~", "\\")) or ".." in Path(file).parts:
-            raise FileError(str(path), "meshes below its own folder", repr(file[:60]))
-    for axis in root.iter("axis"):
-        given = axis.attrib.get("xyz", "1 0 0")
-        try:
-            size = hypot(*(float(x) for x in given.split()))
-        except ValueError:
-            size = 0.0
-        if not 1e-6 < size < 1e6:
-            raise FileError(str(path), "joint axes with a direction", repr(given[:60]))
-    for inertial in root.iter("inertial"):
-        for element in (x for x in inertial if x.tag in ("mass", "inertia")):
-            for key, value in element.attrib.items():
-                try:
-                    finite = np.isfinite(float(value))
-                except ValueError:
-                    finite = False
-                if not finite:
-                    raise FileError(str(path), f"a number for {element.tag} {key}", repr(value))
-
-
-def _from_pinocchio(
-    full: pin.Model, name: str, tip: str, joints: tuple[str, ...], hand: HandModel | None
-) -> Arm:
-    """Lock all but the active joints and read what is left as a serial chain."""
-    known = list(full.names)[1:]
-    for joint in joints:
-        if joint not in known:
-            raise UnknownNameError("joint", joint, known)
-    _frame(full, tip)
-    locked = [full.getJointId(k) for k in known if k not in joints]
-    model = pin.buildReducedModel(full, locked, pin.neutral(full))
-    frame = _frame(model, tip)
-    if list(model.parents)[1:] != list(range(model.njoints - 1)) or (
-        frame.parentJoint != model.njoints - 1
-    ):
-        raise ModelError("joints", f"joints one behind the other from the base to {tip!r}", joints)
-    links = tuple(_link(model, k) for k in range(1, model.njoints))
-    tool = frame.placement.homogeneous
-    if hand is not None:
-        tool = tool @ transform(p=np.array([0.0, 0.0, -hand.catch_offset]))
-    q_min, q_max = np.array([x.q_min for x in links]), np.array([x.q_max for x in links])
-    middle = 0.5 * (q_min + q_max)
-    description = ArmModel(
-        name=name,
-        links=links,
-        tool=tool,
-        hand=hand,
-        q_ready=np.where((q_min < 0.0) & (q_max > 0.0), 0.0, middle),
-        base_capsules=(),
-        mount=np.eye(4),
-    )
-    return Arm(description, _limits(model))
-
-
-def _frame(model: pin.Model, tip: str) -> pin.Frame:
-    """Return the frame of a name, the body where a joint is called the same."""
-    named = [frame for frame in model.frames if frame.name == tip]
-    if not named:
-        raise UnknownNameError("tip", tip, (frame.name for frame in model.frames))
-    bodies = [frame for frame in named if frame.type == pin.FrameType.BODY]
-    return (bodies or named)[0]
-
-
-def _link(model: pin.Model, k: int) -> Link:
-    """Read joint ``k`` and the body behind it."""
-    name, joint, inertia = model.names[k], model.joints[k], model.inertias[k]
-    if joint.nq != 1 or joint.nv != 1:
-        raise ModelError(f"joint {name!r}", "a hinge or slide with a range", joint.shortname(),
-                         do="give a continuous joint limits, or hold it")  # fmt: skip
-    data = model.createData()
-    pin.forwardKinematics(model, data, pin.neutral(model), np.zeros(model.nv))
-    subspace = np.asarray(data.joints[k].S).reshape(6)
-    sliding = bool(np.linalg.norm(subspace[:3]) > 0.5)
-    at = joint.idx_v
-    return Link(
-        name=name,
-        placement=model.jointPlacements[k].homogeneous,
-        axis=subspace[:3] if sliding else subspace[3:],
-        prismatic=sliding,
-        q_min=float(model.lowerPositionLimit[at]),
-        q_max=float(model.upperPositionLimit[at]),
-        mass=float(inertia.mass),
-        com=np.array(inertia.lever),
-        inertia=np.array(inertia.inertia),
-        armature=float(model.armature[at]),
-    )
-
-
-def _limits(model: pin.Model) -> Limits:
-    """Read the torque and speed limits that the file states."""
-    tau, speed = np.array(model.upperEffortLimit), np.array(model.upperVelocityLimit)
-    for k, joint in enumerate(list(model.names)[1:]):
-        if not (0.0 < tau[k] < np.inf and 0.0 < speed[k] < np.inf):
-            given = f"{tau[k]:g} and {speed[k]:g}"
-            wanted = "an effort and a velocity limit above 0"
-            raise ModelError(f"joint {joint!r}", wanted, given, do=_HOW)
-    return joint_level("model", tau=tau, speed=speed)

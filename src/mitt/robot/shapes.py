@@ -2,7 +2,8 @@
 
 Every shape is a capsule, but for the floor. Moving ones hang on a link; those that stand still are
 the arm's base and the zones to be kept out of. A pair is watched if the arm in its ready pose
-keeps the two apart: shapes that overlap at a joint are not obstacles to one another.
+keeps the two apart: shapes that overlap at a joint are not obstacles to one another. Nor are shapes
+of the arm that no pose brings together, as those of a wrist: they are near all the time.
 
 Shapes, one a row: link that carries it (``STILL``, ``FLOOR``), start, end [m], radius [m]; of the
 floor the height stands in the place of the start's z.
@@ -10,7 +11,7 @@ floor the height stands in the place of the start's z.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,11 @@ from mitt.signals import Array
 STILL, FLOOR = -1, -2
 #: Gap in the ready pose above which a pair is watched [m].
 _APART = 0.01
+#: Gap in the ready pose below which it is tried whether any pose brings a pair together [m], and
+#: the gap that none of them may fall below.
+_NEAR, _NEVER = 0.1, 0.012
+#: Angles of each joint that are tried, for one joint between the two and for two.
+_GRID = (201, 41)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,8 +114,32 @@ def shapes_of(arm: Arm, around: Surroundings) -> Shapes:
                 raise InputError(f"zone {a - first_zone}", f"{1e3 * _APART:.0f} mm or more from "
                                  "the arm in its ready pose", f"{1e3 * distance:.0f} mm",
                                  do="move the zone or the ready pose")  # fmt: skip
+    near = [x for x in apart if gap(table, ends, *x) < _NEAR]
+    never = _never_meeting(arm, table, near) if near else set()
+    apart = [x for x in apart if x not in never]
     pairs = np.array(apart, dtype=np.int64).reshape(len(apart), 2)
     return Shapes(table=table, pairs=pairs, reach=_reach(arm, table))
+
+
+def _never_meeting(arm: Arm, table: Array, near: list[tuple[int, int]]) -> set[tuple[int, int]]:
+    """Return the pairs of the arm's own shapes that the one or two joints between never join."""
+    ends, never = np.zeros((2 * len(table), 3)), set()
+    for a, b in near:
+        first, last = (int(table[x, 0]) for x in (a, b))
+        between = [j for j, link in enumerate(arm.model.active) if first < link <= last]
+        around = first < 0 and not 1 <= a <= len(arm.model.base_capsules)
+        if around or len(between) > len(_GRID):
+            continue
+        count = _GRID[len(between) - 1] if between else 1
+        lines = [np.linspace(arm.q_min[j], arm.q_max[j], count) for j in between]
+        least, q = np.inf, arm.q_ready.copy()
+        for values in product(*lines):
+            q[between] = values
+            place(arm.bodies, q, table, ends)
+            least = min(least, gap(table, ends, a, b))
+        if least > _NEVER:
+            never.add((a, b))
+    return never
 
 
 def hand_capsules(hand: HandModel) -> tuple[Capsule, ...]:

@@ -6,7 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator
 
-from mitt.trials.choice import LimitName
+from mitt.files.limit_files import known_limits
+from mitt.files.throws import ThrowSettings
 from mitt.world.scene import Scene
 from mitt.world.settings import Settings
 
@@ -16,7 +17,6 @@ SCHEMA = "mitt.study/1"
 _MOST_THROWS, _MOST_VALUES = 10_000_000, 200
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._%+=/-]{0,63}$")]
-Range = Annotated[tuple[float, float], Field(strict=False)]
 Table = dict[str, Any]
 Number = Annotated[float, Field(ge=-1e6, le=1e6)]
 
@@ -27,39 +27,19 @@ class ArmSettings(Settings):
     arm: str = "wam"
     tip: str | None = None
     joints: str | None = None
-    limits: LimitName | None = None
+    limits: str | None = None
     catch_joint: int | None = None
     q_catch: float | None = None
     kappa: float | None = None
     inward: float | None = None
     order: int | None = None
 
-
-class ThrowSettings(Settings):
-    """Ranges that the default throws are drawn from; what is left out stays as it is.
-
-    Attributes:
-        duration: Time of flight to the aim point [s].
-        speed: Speed at release [m/s].
-        distance: Horizontal distance of the release from the aim point [m].
-        azimuth: Direction of the release [rad].
-        height: Height of the release above the shoulder [m].
-        spread: Factor on the width of the box of joint angles that is aimed at.
-    """
-
-    duration: Range | None = None
-    speed: Range | None = None
-    distance: Range | None = None
-    azimuth: Range | None = None
-    height: Range | None = None
-    spread: Annotated[float, Field(gt=0.0, le=10.0)] = 1.0
-
-    @field_validator("duration", "speed", "distance", "azimuth", "height")
+    @field_validator("limits")
     @classmethod
-    def _ordered(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
-        """Refuse a range whose ends are the wrong way round."""
-        if value is not None and value[0] > value[1]:
-            raise ValueError("a lower end and then an upper end")
+    def _known(cls, value: str | None) -> str | None:
+        """Refuse a name that is none of a limit set, before anything is learned."""
+        if value is not None and not value.endswith(".toml") and value not in known_limits():
+            raise ValueError(f"one of {', '.join(known_limits())}, or a .toml file")
         return value
 
 

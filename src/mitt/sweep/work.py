@@ -6,7 +6,7 @@ folder of the study. A chunk is the same whoever throws it and whatever was thro
 
 import json
 import threading
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,21 +16,22 @@ import numpy as np
 from mitt.errors import MittError
 from mitt.files.maps import map_of
 from mitt.files.recording import write_recording
+from mitt.files.throws import ThrowSettings
 from mitt.generator.generators import Generator
 from mitt.generator.learn import Learned
 from mitt.link.clock import Stopwatch
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.sweep.parts import Row, row_of, write_rows
-from mitt.sweep.study import ArmSettings, Condition, ThrowSettings
+from mitt.sweep.study import ArmSettings, Condition
 from mitt.trials.recording import recording_of
 from mitt.trials.registry import make_generator
-from mitt.trials.run import arm_of
+from mitt.trials.run import arm_of, throws_of
 from mitt.trials.runner import LoggedTrial, TrialRunner
-from mitt.trials.source import Source, source_of
+from mitt.trials.source import Source, source_of, widened
 from mitt.world.faults.flight import Undisturbed
 from mitt.world.flights import BallPath, Recording
-from mitt.world.throws import Aim, Throw, ThrowRanges
+from mitt.world.throws import Throw
 
 #: Arms with their maps, and generators, that a worker keeps.
 _KEPT = 16
@@ -91,17 +92,10 @@ def runner_of(job: Job) -> tuple[TrialRunner, Source, Learned]:
         recordings=job.recordings,
         drag=job.condition.scene.ball.drag,
     )
-    return runner, widened(source, job.condition.throws), learned
-
-
-def widened(source: Source, throws: ThrowSettings) -> Source:
-    """Return a source with other ranges of throws."""
-    given = throws.model_dump(exclude={"spread"}, exclude_none=True)
-    aim = source.aim
-    middle, half = 0.5 * (aim.q_low + aim.q_high), 0.5 * throws.spread * (aim.q_high - aim.q_low)
-    if throws.spread != 1.0:
-        aim = Aim(position=aim.position, q_low=middle - half, q_high=middle + half)
-    return replace(source, aim=aim, ranges=ThrowRanges(**given))
+    throws = job.condition.throws
+    if throws == ThrowSettings():
+        throws = throws_of(job.condition.arm) or throws
+    return runner, widened(source, throws), learned
 
 
 class ChunkError(MittError):

@@ -1,10 +1,7 @@
 """Which arm and which map: what commands, studies and runs are given; light to import."""
 # ruff: noqa: D102 (the options of ``mitt catch`` say what each property is)
 
-from typing import Literal, Protocol
-
-LimitName = Literal["paper", "wam-48v", "wam-80v", "model"]
-"""Name of a limit set."""
+from typing import Protocol
 
 
 class ArmChoice(Protocol):
@@ -17,7 +14,7 @@ class ArmChoice(Protocol):
     @property
     def joints(self) -> str | None: ...
     @property
-    def limits(self) -> LimitName | None: ...
+    def limits(self) -> str | None: ...
     @property
     def catch_joint(self) -> int | None: ...
     @property

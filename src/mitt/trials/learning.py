@@ -1,6 +1,7 @@
 """Learning a map with everything that is silent filled in: the neighbourhood of default throws."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from mitt.trials.neighbourhood import Neighbourhood, neighbourhood
 
 #: Seed of the flights that maps are learned from; evaluations use other seeds.
 LEARNING_SEED = 20020708
+#: Share of a joint's speed that l_c^-1 may ask of an arm that says where it wants its balls; a
+#: choice of this project.
+_HOPELESS = 3.0
 
 
 def learn(
@@ -53,6 +57,8 @@ def learn(
     ):
         if value is not None:
             checks.instance(name, value, kind)
+    if arm.model.aim is not None:
+        around = replace(around or Neighbourhood(), hopeless=_HOPELESS)
     if flights is None:
         start = unlearned(arm, design)
         flights = neighbourhood(start, np.random.default_rng(seed), around)

@@ -11,12 +11,12 @@ slightly wrongly at t_0.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mitt.ball.flight import acceleration, advance
-from mitt.generator.design import nominal_catch
+from mitt.generator.design import catch_place
 from mitt.generator.flights import Flight
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array
@@ -43,6 +43,8 @@ class Neighbourhood:
         descent: Angle by which it comes down there [rad].
         azimuth: Where it comes from, seen from there, off the direction of +x [rad].
         flight: Time of its flight before that [s].
+        hopeless: Share of a joint's speed above which l_c^-1 makes a flight one that no learned map
+            catches; such flights are redrawn.
     """
 
     flights: int = 120
@@ -60,6 +62,7 @@ class Neighbourhood:
     descent: tuple[float, float] = (0.24, 0.78)
     azimuth: float = 0.15
     flight: tuple[float, float] = (0.42, 0.65)
+    hopeless: float = np.inf
 
 
 def neighbourhood_of_ball(drag: float) -> Neighbourhood:
@@ -71,6 +74,12 @@ def neighbourhood_of_ball(drag: float) -> Neighbourhood:
 _Motion = Callable[[float], tuple[Array, Array]]
 #: Longest flight considered [s], and the grid on which the catch is looked for [s].
 _LONGEST, _GRID = 1.1, 0.005
+#: Share of a joint's speed above which a flight is hopeless at the catch: there nothing is learned.
+_AT_CATCH = 1.1
+#: For an arm that says where it wants its balls: width of the box of arrivals in widths of the box
+#: that is aimed at, its least half-width [m], and the descent there [rad], that of default throws
+#: (0.05 to 0.55) and a margin.
+_WIDER, _NARROWEST, _DESCENT = np.array([2.0, 1.2, 1.35]), 0.03, (0.0, 0.62)
 #: Drag of the flights that bounce, a table-tennis ball's (facts of the recorded flights) [1/m].
 _BOUNCED_DRAG = 0.1
 
@@ -79,7 +88,7 @@ def neighbourhood(
     f: DirectMap, rng: np.random.Generator, settings: Neighbourhood | None = None
 ) -> list[Flight]:
     """Draw flights around the catch region of a map; those that never reach it are redrawn."""
-    settings = settings or Neighbourhood()
+    settings = _about(settings or Neighbourhood(), f.arm.model.aim)
     flights: list[Flight] = []
     for _ in range(20 * settings.flights):
         if len(flights) == settings.flights:
@@ -91,11 +100,18 @@ def neighbourhood(
     return flights
 
 
+def _about(settings: Neighbourhood, aim: Array | None) -> Neighbourhood:
+    """Return settings for an arm that says where it wants its balls: that box, and a margin."""
+    if aim is None:
+        return settings
+    x, y, z = (np.maximum(_WIDER * aim[1], _NARROWEST)).tolist()
+    return replace(settings, box=(x, y, z), descent=_DESCENT)
+
+
 def _draw(f: DirectMap, rng: np.random.Generator, settings: Neighbourhood) -> tuple[_Motion, float]:
     """Draw one motion of the ball and its drag."""
     drag, kind = float(rng.uniform(*settings.drag)), rng.random()
-    centre = f.arm.position(nominal_catch(f.arm))
-    arrival = centre + np.array(settings.box) * rng.uniform(-1.0, 1.0, 3)
+    arrival = catch_place(f.arm) + np.array(settings.box) * rng.uniform(-1.0, 1.0, 3)
     if kind < settings.bounced:
         return _bounced(arrival, rng), _BOUNCED_DRAG
     release = _release(arrival, drag, rng, settings)
@@ -163,10 +179,26 @@ def _sampled(
         return None
     t = np.linspace(t_0, t_c + settings.after, settings.instants)
     ball = np.array([_row(motion, x, drag) for x in t])
+    if np.isfinite(settings.hopeless) and _hopeless(f, ball, settings.hopeless):
+        return None
     seen = ball[0].copy()
     seen[0] += settings.sigma_r * rng.standard_normal(3)
     seen[1] += settings.sigma_dr * rng.standard_normal(3)
     return Flight(t=t, ball=ball, seen=seen)
+
+
+def _hopeless(f: DirectMap, ball: Array, share: float) -> bool:
+    """Say whether a flight leaves the domain of l_c^-1, or comes so near to its edge.
+
+    There the virtual joints turn as fast as one likes, and a few such flights would decide what
+    is learned.
+    """
+    for k, motion in enumerate(ball):
+        inside, rows = f.virtual(motion)
+        most = _AT_CATCH if k == len(ball) - 1 else share
+        if not inside or bool(np.any(np.abs(rows[1]) > most * f.arm.dq_max)):
+            return True
+    return False
 
 
 def _row(motion: _Motion, t: float, drag: float) -> Array:

@@ -7,6 +7,9 @@ from pathlib import Path
 from typing import Any, Literal, final
 
 import mitt
+from mitt.files.arm_file import is_arm_file, read_arm_file
+from mitt.files.arms import load_arm
+from mitt.files.throws import ThrowSettings
 from mitt.generator.design import MapDesign, default_design, tangent_of
 from mitt.generator.generators import Generator, refining
 from mitt.generator.learn import Learned
@@ -15,7 +18,6 @@ from mitt.link.clock import Stopwatch
 from mitt.link.realtime import settled
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
-from mitt.robot.load import load_arm
 from mitt.robot.shapes import Surroundings
 from mitt.trials.choice import ArmChoice
 from mitt.trials.learning import learn
@@ -34,17 +36,22 @@ _WARM_UP = 2**31
 
 
 def arm_of(choice: ArmChoice) -> Arm:
-    """Return the arm that is chosen, a hand mounted at its tip."""
+    """Return the arm that is chosen; with a hand at its tip, unless an arm file says otherwise."""
     names = None if choice.joints is None else [x.strip() for x in choice.joints.split(",")]
-    return load_arm(
-        choice.arm, tip=choice.tip, joints=names, limits=choice.limits, hand=HandModel()
-    )
+    hand = None if is_arm_file(choice.arm) else HandModel()
+    return load_arm(choice.arm, tip=choice.tip, joints=names, limits=choice.limits, hand=hand)
 
 
 def design_of(choice: ArmChoice, arm: Arm) -> MapDesign:
-    """Return the map design that is chosen; what is left out follows from the arm."""
+    """Return the map design that is chosen.
+
+    What is left out is that of the arm file, if the arm comes from one that has a design, or else
+    follows from the arm.
+    """
+    base = read_arm_file(Path(choice.arm)).map if is_arm_file(choice.arm) else None
     design = default_design(
         arm,
+        base=base,
         catch_joint=choice.catch_joint,
         q_catch=choice.q_catch,
         kappa=choice.kappa,
@@ -53,6 +60,11 @@ def design_of(choice: ArmChoice, arm: Arm) -> MapDesign:
     )
     tangent_of(arm, design)  # refuses angles and ratios that cannot be, before anything is run
     return design
+
+
+def throws_of(choice: ArmChoice) -> ThrowSettings | None:
+    """Return where the arm file wants balls to come from; None where it says nothing."""
+    return read_arm_file(Path(choice.arm)).throws if is_arm_file(choice.arm) else None
 
 
 @final

@@ -12,7 +12,7 @@ from mitt.control.stopped import Plain, StoppedBy
 from mitt.generator.demand import demand
 from mitt.generator.feasibility import Verdict
 from mitt.robot.arm import Arm
-from mitt.signals import Array
+from mitt.signals import TICK, Array
 from mitt.trials.drives import COMMANDED, MEASURED, drive_loads
 from mitt.world.contacts import ARM_FLOOR, SELF
 from mitt.world.simulation import World
@@ -21,6 +21,9 @@ from mitt.world.truth import Trace, Truth
 #: Caught: the ball's centre so near the catch point beyond its radius [m], touched by so many
 #: geoms of the hand, so long after first contact [s].
 HELD_GAP, HELD_GEOMS, HELD_AFTER = 0.020, 2, 0.5
+
+#: Share by which a commanded acceleration or rate may exceed its limit: rounding of differences.
+_RATE_SLACK = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +40,7 @@ class Trial:
         peak_speed_ratio: Largest share of each active joint's speed limit.
         limit_violations: Ticks with a limit exceeded, commanded or true, or with the arm
             touching itself or the floor; and one for each drive beyond its continuous torque.
+            Acceleration, jerk and torque rate are those commanded, where the limit set has them.
         demand_cost: Mean cost (22) of the reference before saturation.
         peak_contact_force_n: Largest single contact force on the ball [N].
         binding_limit: The limit that the verdict found asked most, or what ended the trial.
@@ -136,6 +140,7 @@ def measure(arm: Arm, ticks: Result, truth: Trace) -> Measured:
     bad[~same] |= drive_loads(arm, *before, commanded[~same, 3]).over(COMMANDED)
     bad |= _beyond(arm, truth.q[1:], truth.dq[1:], MEASURED)
     bad |= _beyond(arm, commanded[:, 0], commanded[:, 1], COMMANDED)
+    bad |= _rates_beyond(arm, commanded, ticks.scalars["brakes"])
     bad |= truth.seen[1:] & (SELF | ARM_FLOOR) != 0
     mean_square = np.sum(drives.torque**2, axis=0) / max(len(given), 1)
     rms = (np.sqrt(mean_square) / arm.limits.tau_rms).tolist()
@@ -157,6 +162,30 @@ def _beyond(arm: Arm, q: Array, dq: Array, slack: float) -> NDArray[np.bool_]:
     span = slack * (arm.q_max - arm.q_min)
     out = (q < arm.q_min - span) | (q > arm.q_max + span) | (abs(dq) > arm.dq_max * (1.0 + slack))
     return np.asarray(np.any(out, axis=1))
+
+
+def _rates_beyond(arm: Arm, commanded: Array, brakes: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Say of each tick whether the command's acceleration, jerk or torque rate exceeds its limit.
+
+    Jerk and torque rate are those from the tick before, a tick apart. Once the brakes are engaged
+    the drives are off, and the command is not carried out.
+
+    Args:
+        arm: The arm.
+        commanded: q, dq, ddq, tau and more of each tick, shape (k, ROWS, n).
+        brakes: Whether the brakes are to be engaged, shape (k,).
+    """
+    limits, out = arm.limits, np.zeros(len(commanded), dtype=np.bool_)
+    driven, slack = ~brakes, 1.0 + _RATE_SLACK
+    if limits.acceleration is not None:
+        most = arm.active(limits.acceleration)
+        out |= driven & np.any(np.abs(commanded[:, 2]) > most * slack, axis=1)
+    both = driven[1:] & driven[:-1]
+    for row, bound in ((2, limits.jerk), (3, limits.torque_rate)):
+        if bound is not None:
+            rate = np.abs(np.diff(commanded[:, row], axis=0)) / TICK
+            out[1:] |= both & np.any(rate > arm.active(bound) * slack, axis=1)
+    return out
 
 
 def status_of(world: World, phase: Phase, *, was_held: bool) -> str:

@@ -6,7 +6,8 @@ from typing import final
 
 import numpy as np
 
-from mitt.generator.design import nominal_catch
+from mitt.files.throws import ThrowSettings
+from mitt.generator.design import catch_place, nominal_catch
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
 from mitt.signals import Array
@@ -17,16 +18,35 @@ from mitt.world.throws import Aim, Throw, ThrowRanges, default_throw, read_throw
 _BALL, _TRIAL = 0, 1
 #: Half-widths of the box of joint angles that is aimed at, first and second joint [rad].
 _HALF = (0.3, 0.22)
+#: Height of the WAM's aim above its shoulder [m]: l(q) of the centre of that box.
+_AIM_HEIGHT = 0.0566
 
 
 def aim_of(arm: Arm) -> Aim:
     """Return where default throws are aimed: q1 +-0.3, q2 pi/4 +-0.22, q4 = q_alpha for the WAM.
 
-    The ready pose gives the centre of the box, so other arms have theirs (docs/throws.md).
+    The ready pose gives the centre of the box, so other arms have theirs (docs/throws.md). An arm
+    whose description says where it wants the balls has a box in space instead.
     """
+    if arm.model.aim is not None:
+        return _box(arm.model.aim)
     middle, half = nominal_catch(arm), np.zeros(arm.n)
     half[: len(_HALF)] = _HALF
     return Aim(position=arm.position, q_low=middle - half, q_high=middle + half)
+
+
+def _box(aim: Array) -> Aim:
+    """Return a box in space to aim at: centre and half-widths [m], shape (2, 3)."""
+    return Aim(position=np.copy, q_low=aim[0] - aim[1], q_high=aim[0] + aim[1])
+
+
+def ranges_of(arm: Arm) -> ThrowRanges:
+    """Return the ranges of an arm's default throws: released as high above its aim as the WAM's."""
+    usual = ThrowRanges()
+    if arm.model.aim is None:
+        return usual
+    raised = float(arm.model.aim[0, 2]) - _AIM_HEIGHT
+    return replace(usual, height=(usual.height[0] + raised, usual.height[1] + raised))
 
 
 @final
@@ -86,6 +106,7 @@ def source_of(
     throws_file: Path | None = None,
     flights_file: Path | None = None,
     recordings: tuple[Recording, ...] = (),
+    ranges: ThrowRanges | None = None,
 ) -> Source:
     """Return balls for the arm of a map: those of a file, recordings, or else default throws.
 
@@ -97,6 +118,7 @@ def source_of(
         throws_file: CSV file of throws.
         flights_file: CSV file of recorded flights.
         recordings: Recorded flights that are read already.
+        ranges: Ranges of the default throws; those of the arm if left out.
 
     Raises:
         FileError: A file cannot be read, or holds no throws or flights.
@@ -107,11 +129,24 @@ def source_of(
         seed=seed,
         count=count or len(throws) or len(recordings) or 10,
         aim=aim_of(f.arm),
-        catch_point=f.arm.position(nominal_catch(f.arm)),
+        catch_point=catch_place(f.arm),
         throws=throws,
         recordings=recordings,
         drag=drag,
+        ranges=ranges or ranges_of(f.arm),
     )
+
+
+def widened(source: Source, throws: ThrowSettings) -> Source:
+    """Return a source with other ranges of throws."""
+    given = throws.model_dump(exclude={"spread", "at", "around"}, exclude_none=True)
+    aim = source.aim
+    if throws.at is not None and throws.around is not None:
+        aim = _box(np.array([throws.at, throws.around]))
+    middle, half = 0.5 * (aim.q_low + aim.q_high), 0.5 * throws.spread * (aim.q_high - aim.q_low)
+    if throws.spread != 1.0:
+        aim = Aim(position=aim.position, q_low=middle - half, q_high=middle + half)
+    return replace(source, aim=aim, ranges=replace(source.ranges or ThrowRanges(), **given))
 
 
 def release_of(ball: Throw | BallPath) -> Array:

@@ -144,20 +144,29 @@ def _let_neighbours_meet(spec: mujoco.MjSpec, arm: ArmModel) -> None:
     """Let shapes of successive links meet, which MuJoCo leaves out by default.
 
     Only those that stand apart in the ready pose: files of other arms have shapes that overlap
-    at the joints.
+    at the joints. Links further apart whose shapes overlap there are kept from meeting: capsules
+    about the meshes of a wrist are wider than the wrist.
     """
     model = spec.compile()
     data = mujoco.MjData(model)
     data.qpos[: len(arm.q_ready)] = arm.q_ready
     mujoco.mj_kinematics(model, data)
     own = np.flatnonzero((model.geom_contype & (ARM | HAND)) != 0)
+    overlapping: set[tuple[str, str]] = set()
     for first, second in combinations(own, 2):
         names = model.geom(int(first)).name, model.geom(int(second)).name
         bodies = [model.body_weldid[model.geom_bodyid[g]] for g in (first, second)]
         parents = [model.body_weldid[model.body_parentid[b]] for b in bodies]
         kindred = parents[0] == bodies[1] or parents[1] == bodies[0]
         moving = bodies[0] != bodies[1] and 0 not in bodies
+        apart = mujoco.mj_geomDistance(model, data, int(first), int(second), 1.0, None) > 0.0
+        arms = all(model.geom_contype[g] == ARM for g in (first, second))
+        if not apart and arms and bodies[0] != bodies[1] and not (kindred and moving):
+            both = [model.body(model.geom_bodyid[g]).name for g in (first, second)]
+            overlapping.add((both[0], both[1]))
         if not (kindred and moving) or any(name.startswith(SMALL_PARTS) for name in names):
             continue
-        if mujoco.mj_geomDistance(model, data, int(first), int(second), 1.0, None) > 0.0:
+        if apart:
             spec.add_pair(geomname1=names[0], geomname2=names[1]).solref = STIFF
+    for bodies_apart in sorted(overlapping):
+        spec.add_exclude(bodyname1=bodies_apart[0], bodyname2=bodies_apart[1])

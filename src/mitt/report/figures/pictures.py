@@ -5,6 +5,7 @@ Faces are painted from far to near, each in one shade.
 
 import base64
 import io
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -106,8 +107,17 @@ def placed(model: mujoco.MjModel, bodies: list[Faces], qpos: Array, trail: Array
     return np.concatenate(corners), np.concatenate([*(rgb for _, rgb in bodies), orange])
 
 
-def drawn(corners: Array, colours: Array, floor: float) -> bytes:
-    """Return a picture of faces above a floor [m] as PNG; nearer faces are painted last."""
+def drawn(
+    corners: Array, colours: Array, floor: float, *, target: Sequence[float] = _TARGET
+) -> bytes:
+    """Return a picture of faces above a floor [m] as PNG; nearer faces are painted last.
+
+    Args:
+        corners: Corners of the faces [m], shape (k, 3, 3).
+        colours: Their colours, shape (k, 3).
+        floor: Height of the floor [m].
+        target: The point that is looked at [m].
+    """
     width, height = _SIZE
     figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI, facecolor=_SKY)
     canvas = FigureCanvasAgg(figure)
@@ -117,7 +127,7 @@ def drawn(corners: Array, colours: Array, floor: float) -> bytes:
         azim=_FROM[1], computed_zorder=False, facecolor="none",
     )  # fmt: skip
     axes.set_axis_off()
-    axes.set(**{f"{k}lim": (at - _HALF, at + _HALF) for k, at in zip("xyz", _TARGET, strict=True)})
+    axes.set(**{f"{k}lim": (at - _HALF, at + _HALF) for k, at in zip("xyz", target, strict=True)})
     axes.set_box_aspect((1, 1, 1), zoom=_ZOOM)
     xs, ys = np.arange(*_X, _SPACING), np.arange(*_Y, _SPACING)
     lines = [[(x, y, floor) for y in _Y] for x in xs] + [[(x, y, floor) for x in _X] for y in ys]

@@ -1,0 +1,144 @@
+"""``mitt design``: find what an arm can catch and the map that does it."""
+
+from pathlib import Path
+
+from mitt.commands.options import DesignOptions
+from mitt.commands.screen import (
+    check_new_file,
+    checked,
+    print_json,
+    progress,
+    show,
+    table,
+    tell_of_kernels,
+)
+from mitt.design.assay import Task
+from mitt.design.design import Design, Origin, design
+from mitt.design.search import EFFORTS
+from mitt.design.speeds import default_balls
+from mitt.design.whole import whole_arm
+from mitt.errors import InputError, UnknownNameError
+from mitt.files.arm_file import is_arm_file, read_arm_file, write_arm_file
+from mitt.robot.arm import Arm
+from mitt.robot.hands import HandModel
+from mitt.sweep.engine import engine_of
+from mitt.world.scene import Scene
+from mitt.world.scenes import DEFAULT, read_scene
+
+
+def run(options: DesignOptions) -> int:
+    """Run ``mitt design``; return its exit status."""
+    origin = origin_of(options)
+    whole = whole_arm(origin.arm, tip=origin.tip, limits=origin.limits, hand=HandModel())
+    joints = _joints(options, whole)
+    scene = read_scene(options.scene or DEFAULT)
+    reach = float(sum(abs(link.placement[:3, 3]).max() for link in whole.model.links[1:]))
+    task = Task(balls=default_balls(_aim(options), reach), scene=scene, seed=_seed(options))
+    check_new_file("--out", options.out, overwrite=options.overwrite)
+    if options.check:
+        return checked(f"{whole.model.name}, {whole.n} joints, output to {options.out}")
+    tell_of_kernels()
+    engine = None if options.workers == 1 else engine_of("local", options.workers)
+    try:
+        with progress() as report:
+            found = design(
+                whole, task, EFFORTS[options.effort], progress=report, joints=joints, engine=engine
+            )
+    finally:
+        if engine is not None:
+            engine.close(at_once=True)
+    if found.found:
+        write_arm_file(options.out, found.arm_file(origin), comment=_comment(found))
+    page = options.out.with_suffix(".html")
+    _write_page(page, found, scene, f"design {options.arm} --out {options.out}")
+    if options.json:
+        print_json(found.as_json())
+    else:
+        _show(found, options.out)
+    return 0
+
+
+def _write_page(path: Path, found: Design, scene: Scene, command: str) -> None:
+    """Write the page beside the arm file; plots are loaded only now."""
+    from mitt.report.design_page import write_design_page  # noqa: PLC0415
+
+    write_design_page(path, found, scene, command=command)
+
+
+def origin_of(options: DesignOptions) -> Origin:
+    """Return where the arm comes from: a name, a description file, or that of an arm file."""
+    if is_arm_file(options.arm):
+        file = read_arm_file(Path(options.arm))
+        return Origin(arm=file.arm, tip=options.tip or file.tip,
+                      limits=_limits(options.limits) or file.limits)  # fmt: skip
+    arm = options.arm if options.arm == "wam" else Path(options.arm)
+    return Origin(arm=arm, tip=options.tip, limits=_limits(options.limits))
+
+
+def _limits(given: str | None) -> str | Path | None:
+    """Return a limit set as a name, or as a file."""
+    return Path(given) if given is not None and given.endswith(".toml") else given
+
+
+def _joints(options: DesignOptions, whole: Arm) -> list[str] | None:
+    """Return the joints of which three are to be active; any where none are named."""
+    if options.joints is None:
+        return None
+    names = [x.strip() for x in options.joints.split(",")]
+    for name in names:
+        if name not in whole.names:
+            raise UnknownNameError("joint", name, whole.names)
+    if len(set(names)) < 3:
+        raise InputError("--joints", "three different joints or more", options.joints)
+    return names
+
+
+def _aim(options: DesignOptions) -> list[float] | None:
+    """Return the point that balls are aimed at [m]; None where the design chooses."""
+    if options.aim is None:
+        return None
+    try:
+        aim = [float(x) for x in options.aim.split(",")]
+    except ValueError:
+        aim = []
+    if len(aim) != 3 or not all(abs(x) <= 100.0 for x in aim):
+        raise InputError("--aim", "a point X,Y,Z [m]", repr(options.aim))
+    return aim
+
+
+def _seed(options: DesignOptions) -> int:
+    """Return the seed of the search."""
+    if not 0 <= options.seed < 2**63:
+        raise InputError("--seed", "a number from 0 to 2^63 - 1", options.seed)
+    return options.seed
+
+
+def _comment(found: Design) -> str:
+    """Return what stands at the top of the file."""
+    best = found.best
+    assert best is not None
+    return (
+        f"mitt design: caught {best.caught} of {best.thrown} throws (scene lab, points),\n"
+        f"relative speed {best.speed:.2f} m/s, force {best.force:.0f} N (medians)"
+    )
+
+
+def _show(found: Design, out: Path) -> None:
+    """Print what was found."""
+    if found.rows:
+        rows = table("rate against the speed of the throws", ("m/s", "caught", "of", "limit"),
+                     left=("limit",))  # fmt: skip
+        for row in found.rows:
+            rows.add_row(f"{row.speed_m_s:g}", str(row.feasible), str(row.throws),
+                         row.binding_limit or "")  # fmt: skip
+        show(rows)
+    best = found.best
+    if not found.found or best is None:
+        show(f"{found.whole.model.name}: no design; {found.reason}; {found.seconds:.0f} s")
+        return
+    show(
+        f"{found.whole.model.name}, joints {', '.join(found.joints)}: caught {best.caught} of"
+        f" {best.thrown}, relative speed {best.speed:.2f} m/s, force {best.force:.0f} N (medians);"
+        f" throws up to {found.fastest:.1f} m/s; {found.seconds:.0f} s",
+        f"written: {out}",
+    )

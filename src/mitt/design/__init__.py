@@ -1,0 +1,1 @@
+"""Finding what an arm can catch, and the map that does it."""

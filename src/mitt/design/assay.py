@@ -1,0 +1,259 @@
+"""What a candidate is worth: on paper, learned, and thrown at.
+
+Each step costs more than the one before and is given fewer candidates: whether typical flights are
+in the domain of l_c^-1 and the arm can hold its poses (milliseconds), what a learned map asks
+for on other flights (tenths of a second), and how many thrown balls it catches in the simulated
+world (hundredths of a second a throw).
+"""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from mitt.design.candidate import Candidate
+from mitt.design.geometry import Balls
+from mitt.errors import MittError
+from mitt.generator.flights import lift_flight
+from mitt.generator.generators import Direct
+from mitt.generator.learn import LearnSettings
+from mitt.generator.mapping import DirectMap, unlearned
+from mitt.generator.select import Assessment, Choice, assess
+from mitt.robot.arm import Arm
+from mitt.robot.shapes import Surroundings, clearance, shapes_of
+from mitt.signals import Array, MapStatus
+from mitt.trials.learning import learn
+from mitt.trials.neighbourhood import Neighbourhood, neighbourhood
+from mitt.trials.runner import TrialRunner
+from mitt.trials.score import Trial
+from mitt.trials.source import ranges_of, source_of
+from mitt.world.scene import Scene
+from mitt.world.throws import ThrowRanges
+
+#: Share of each torque that holding a pose, and speeding up to the catch, may ask for on paper.
+_HOLDING, _SPEEDING = 0.85, 2.5
+#: Time in which the hand reaches its speed at the catch, on paper [s].
+_RISE = 0.25
+#: Largest difference of one pose from itself, by its catch point and l_c^-1 [rad].
+_SAME = 1e-3
+#: Gap that own shapes and floor keep in ready pose and at the catch [m].
+_GAP = 0.02
+#: Seed of the flights that candidates are judged on.
+_JUDGE_SEED = 32
+#: Flights and instants for a quick answer, and for the last candidates.
+_GLANCE, _QUICK = Neighbourhood(flights=16, instants=9), Neighbourhood(flights=30, instants=12)
+_FULL = Neighbourhood()
+_JUDGED = Neighbourhood(flights=24, instants=16, kicked=0.0, bounced=0.0)
+_STEPS = {
+    "glance": LearnSettings(steps=3, tolerance=0.05),
+    "quick": LearnSettings(steps=5, tolerance=0.02),
+    "full": LearnSettings(),
+}
+_AROUND = {"glance": _GLANCE, "quick": _QUICK, "full": _FULL}
+#: What a ball counts that is caught beyond a limit.
+_BEYOND = 0.7
+#: What a relative speed of 1 m/s and a force of 1 N cost, in shares of throws.
+_SPEED_COST, _FORCE_COST = 0.02, 0.0001
+
+
+How = Literal["glance", "quick", "full"]
+"""How thoroughly a map is learned."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Task:
+    """What is to be caught, and where it is tried.
+
+    Attributes:
+        balls: What arrives.
+        ranges: Of the throws, heights as for the WAM's aim; None for the default ones.
+        scene: The world.
+        seed: Seed of the search.
+    """
+
+    balls: Balls
+    scene: Scene
+    seed: int = 0
+    ranges: ThrowRanges | None = None
+
+    def around(self, usual: Neighbourhood) -> Neighbourhood:
+        """Return flights to learn from or to be judged on, of these balls."""
+        share, drag = self.balls.speed / Balls().speed, self.scene.ball.drag
+        low, high = usual.arrival
+        return replace(usual, arrival=(share * low, share * high), drag=(0.75 * drag, 1.25 * drag))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Worth:
+    """What is known of a candidate; of throws nothing where none were made.
+
+    Attributes:
+        candidate: The candidate.
+        able: Share of flights that its learned map keeps within the limits.
+        speed: Median relative speed of hand and ball [m/s]: of flights, or of throws.
+        thrown: Number of throws.
+        caught: Those caught.
+        clean: Those caught without a tick beyond a limit.
+        force: Median of their largest contact forces [N].
+        binding: Limit that was most often the reason where a ball was not caught, or bound most.
+    """
+
+    candidate: Candidate
+    able: float
+    speed: float
+    thrown: int = 0
+    caught: int = 0
+    clean: int = 0
+    force: float = 0.0
+    binding: str = ""
+
+    @property
+    def score(self) -> float:
+        """Share caught (or able), less what speed and force cost; larger is better.
+
+        A ball caught beyond a limit counts in part: where one of acceleration, jerk or torque rate
+        is exceeded in every throw, the others are still to be told apart.
+        """
+        within = _BEYOND * self.caught + (1.0 - _BEYOND) * self.clean
+        share = within / self.thrown if self.thrown else self.able
+        return share - _SPEED_COST * self.speed - _FORCE_COST * self.force
+
+
+def stands(whole: Arm, c: Candidate, task: Task) -> bool:
+    """Say whether a candidate holds its poses and typical flights are in its domain."""
+    try:
+        arm = c.arm(whole)
+        start = unlearned(arm, c.design)
+        flights = neighbourhood(
+            start, np.random.default_rng(_JUDGE_SEED),
+            replace(task.around(_JUDGED), flights=6, instants=7),
+        )  # fmt: skip
+    except MittError:
+        return False
+    if len(flights) < 6 or not _holds(arm, c, task.scene.floor):
+        return False
+    if not _on_branch(arm, start, c):
+        return False
+    inside = [x for x in (lift_flight(start, flight) for flight in flights) if x is not None]
+    return len(inside) >= 4 and sum(_asks_little(arm, x.virtual[-1]) for x in inside) >= 3
+
+
+def _on_branch(arm: Arm, start: DirectMap, c: Candidate) -> bool:
+    """Say whether l_c^-1 of the nominal catch point is the pose that the candidate means."""
+    q = c.q[list(c.free)]
+    status, q_o = start.to_joints(arm.position(q))
+    return status is MapStatus.INSIDE and bool(np.abs(q_o - q).max() < _SAME)
+
+
+def _holds(arm: Arm, c: Candidate, floor: float) -> bool:
+    """Say whether the arm can rest in its ready pose and at the catch, clear of itself."""
+    still, q_catch = np.zeros(arm.n), c.q[list(c.free)]
+    shapes = shapes_of(arm, Surroundings(floor=floor))
+    for q in (c.ready, q_catch):
+        share = arm.limits.torque_ratio(arm.torque(q, still, still), np.zeros(len(arm.bodies)))
+        if float(share.max()) > _HOLDING:
+            return False
+        if clearance(arm.bodies, q, shapes.table, shapes.pairs, shapes.ends) < _GAP:
+            return False
+    return bool(np.all((c.ready > arm.q_min) & (c.ready < arm.q_max)))
+
+
+def _asks_little(arm: Arm, virtual: Array) -> bool:
+    """Say whether the arm could reach the joint speeds at a catch, rows q_o, dq_o, ddq_o."""
+    q, dq = virtual[0], virtual[1]
+    tau = arm.torque(q, np.zeros(arm.n), dq / _RISE)
+    share = arm.limits.torque_ratio(tau, np.zeros(len(arm.bodies)))
+    return bool(float(share.max()) <= _SPEEDING and np.abs(dq / arm.dq_max).max() <= 1.6)
+
+
+def learned(whole: Arm, c: Candidate, task: Task, how: How = "quick") -> DirectMap | None:
+    """Return a candidate's learned map; None where it has none.
+
+    In full it is the one that ``mitt catch`` learns.
+    """
+    around = task.around(_AROUND[how])
+    try:
+        found = learn(c.arm(whole), design=c.design, around=around, settings=_STEPS[how])
+    except (MittError, np.linalg.LinAlgError):
+        return None
+    return found.map if found.flights >= around.flights // 2 else None
+
+
+def judged(c: Candidate, f: DirectMap, task: Task) -> Worth:
+    """Return what a learned map is worth on flights that it was not learned from."""
+    rng = np.random.default_rng([_JUDGE_SEED, task.seed])
+    around = task.around(_JUDGED)
+    flights = neighbourhood(f, rng, around)
+    if not flights:
+        return Worth(candidate=c, able=0.0, speed=99.0, binding="domain")
+    a = assess(f, flights)
+    lost = 1.0 - len(flights) / around.flights
+    return Worth(candidate=c, able=_able(a) * (1.0 - lost), speed=_middle(a.speed), binding=a.binds)
+
+
+def _able(a: Assessment) -> float:
+    """Return about how many of the flights are caught: those near a limit count in part."""
+    choice = Choice()
+    straight = (a.angle <= choice.angle) | (a.speed <= choice.slow)
+    over = np.clip(2.0 - a.share / 0.9, 0.0, 1.0)
+    return float(np.mean(over * np.where(straight, 1.0, 0.4)))
+
+
+def _middle(x: Array) -> float:
+    """Return the median of what is finite; 99 where nothing is."""
+    known = x[np.isfinite(x)]
+    return float(np.median(known)) if len(known) else 99.0
+
+
+def thrown(c: Candidate, f: DirectMap, task: Task, *, throws: int, seed: int) -> Worth:
+    """Return what a learned map is worth in the simulated world, the ball seen as points."""
+    trials = trials_of(f, task, throws=throws, seed=seed, give_up=True)
+    throws = len(trials)
+    good = [x for x in trials if x.status == "caught"]
+    speeds = np.array([x.velocity_error_m_s for x in good], dtype=np.float64)
+    forces = np.array([x.peak_contact_force_n for x in good], dtype=np.float64)
+    return Worth(
+        candidate=c,
+        able=len(good) / throws,
+        speed=_middle(speeds) if good else 9.0,
+        thrown=throws,
+        caught=len(good),
+        clean=sum(x.limit_violations == 0 for x in good),
+        force=_middle(forces) if good else 999.0,
+        binding=binding_of(trials),
+    )
+
+
+def trials_of(
+    f: DirectMap, task: Task, *, throws: int, seed: int, give_up: bool = False
+) -> list[Trial]:
+    """Return scored throws at a map: default throws at its arm's aim, or those of the task.
+
+    Args:
+        f: The map.
+        task: What is thrown.
+        throws: How many.
+        seed: Seed of throws, plant and noise.
+        give_up: Whether a third of them suffices where fewer than half of these are caught.
+    """
+    source = source_of(
+        f, seed=seed, count=throws, drag=task.scene.ball.drag, ranges=raised(task, f.arm)
+    )
+    runner = TrialRunner(f.arm, Direct(f), task.scene, pixels=False)
+    first = throws // 3 if give_up else throws
+    trials = [runner.throw(source, k).trial for k in range(first)]
+    if sum(trial.status == "caught" for trial in trials) < 0.5 * first:
+        return trials
+    return trials + [runner.throw(source, k).trial for k in range(first, throws)]
+
+
+def raised(task: Task, arm: Arm) -> ThrowRanges | None:
+    """Return the ranges of a task's throws with the heights of an arm's aim; None for its own."""
+    return None if task.ranges is None else replace(task.ranges, height=ranges_of(arm).height)
+
+
+def binding_of(trials: list[Trial]) -> str:
+    """Return the limit that was most often named where a ball was not caught, or bound at all."""
+    failed = [x.binding_limit or x.status for x in trials if x.status != "caught"]
+    names = failed or [x.binding_limit or "" for x in trials]
+    return max(sorted(set(names)), key=names.count) if names else ""

@@ -1,0 +1,68 @@
+"""One way for an arm to catch: the choices that a search makes, and the arm and map they give."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitt.generator.design import MapDesign
+from mitt.robot.arm import Arm
+from mitt.robot.description import rotation, transform
+from mitt.signals import Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Candidate:
+    """A way to catch, over all N joints of an arm.
+
+    Attributes:
+        q: Pose at the nominal catch [rad], shape (N,): angles of the free joints, and those at
+            which the others are held.
+        free: The three active joints, from the base outwards.
+        catch: Which of the three is the catch joint, 0 to 2.
+        kappa: Velocity-match ratio.
+        inward: Share of the ball's line towards the catch joint's axis.
+        ready: Ready pose of the three [rad], shape (3,).
+        aim: Centre and half-widths of the box where balls are aimed [m], shape (2, 3).
+        turn: Turn of the hand about the palm's normal [rad].
+    """
+
+    q: Array
+    free: tuple[int, int, int]
+    catch: int
+    kappa: float
+    inward: float
+    ready: Array
+    aim: Array
+    turn: float = 0.0
+
+    def arm(self, whole: Arm) -> Arm:
+        """Return the arm with the other joints held.
+
+        Args:
+            whole: The arm with all its joints active.
+        """
+        held = {k: float(x) for k, x in enumerate(self.q) if k not in self.free}
+        links = tuple(replace(x, held=held.get(k)) for k, x in enumerate(whole.model.links))
+        tool = whole.model.tool @ transform(rotation(np.array([0.0, 0.0, 1.0]), self.turn))
+        model = replace(whole.model, links=links, q_ready=self.ready, tool=tool, aim=self.aim)
+        return Arm(model, whole.limits)
+
+    @property
+    def design(self) -> MapDesign:
+        """The choices of the map."""
+        return MapDesign(
+            catch_joint=self.catch,
+            q_catch=float(self.q[self.free[self.catch]]),
+            kappa=self.kappa,
+            inward=self.inward,
+        )
+
+
+def within(whole: Arm, q: Array, margin: float) -> NDArray[np.bool_]:
+    """Say of poses of all joints, shape (..., N), whether each is so far inside its range [rad]."""
+    room = np.minimum(margin, 0.25 * (whole.q_max - whole.q_min))
+    inside: NDArray[np.bool_] = np.all(
+        (q >= whole.q_min + room) & (q <= whole.q_max - room), axis=-1
+    )
+    return inside

@@ -1,0 +1,162 @@
+"""From an arm to its design: what ``mitt design`` does, without a command line."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import mitt
+from mitt.design.assay import Task, Worth
+from mitt.design.search import Effort, search
+from mitt.design.speeds import ENOUGH, SPEEDS, AtSpeed, by_speed, fastest, release_speed, slower
+from mitt.design.workers import Bench, Progress
+from mitt.files.arm_file import ArmFile, digest_of
+from mitt.files.throws import ThrowSettings
+from mitt.link.clock import monotonic
+from mitt.robot.arm import Arm
+from mitt.sweep.engine import Engine
+
+SCHEMA = "mitt.design/1"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Origin:
+    """Where an arm comes from, as its arm file will say.
+
+    Attributes:
+        arm: ``wam``, or a description file.
+        tip: Frame of the file at the catch point.
+        limits: Name or file of its limits; None for those of the file.
+    """
+
+    arm: str | Path
+    tip: str | None = None
+    limits: str | Path | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Design:
+    """What was found for an arm.
+
+    Attributes:
+        whole: The arm with all its joints active.
+        found: Whether it catches enough of the throws.
+        reason: Why not, or why not within all limits; None where it does.
+        best: The best candidate, with what it caught; None where none was found at all.
+        fastest: Fastest throws of which it catches enough [m/s]; 0 where there are none.
+        rows: How it does at several speeds.
+        seconds: How long that took.
+    """
+
+    whole: Arm
+    found: bool
+    reason: str | None
+    best: Worth | None
+    fastest: float
+    rows: Sequence[AtSpeed] = field(default_factory=tuple)
+    seconds: float = 0.0
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the active joints."""
+        return () if self.best is None else tuple(
+            self.whole.names[k] for k in self.best.candidate.free
+        )  # fmt: skip
+
+    def as_json(self) -> dict[str, object]:
+        """Return what ``mitt design --json`` prints."""
+        w = self.best if self.found else None
+        return {
+            "schema": SCHEMA,
+            "version": mitt.__version__,
+            "arm": self.whole.model.name,
+            "found": self.found,
+            "reason": self.reason,
+            "joints": list(self.joints),
+            "throws": 0 if self.best is None else self.best.thrown,
+            "feasible": 0 if self.best is None else self.best.clean,
+            "relative_speed_m_s": None if w is None else w.speed,
+            "force_n": None if w is None else w.force,
+            "fastest_m_s": self.fastest,
+            "by_speed": [asdict(row) for row in self.rows],
+            "seconds": self.seconds,
+        }
+
+    def arm_file(self, origin: Origin) -> ArmFile:
+        """Return all that ``--arm`` needs."""
+        assert self.best is not None
+        c, names = self.best.candidate, self.whole.names
+        path = origin.arm if isinstance(origin.arm, Path) else None
+        at, around = c.aim.tolist()
+        return ArmFile(
+            arm=origin.arm,
+            sha256=None if path is None else digest_of(path),
+            tip=origin.tip,
+            joints=self.joints,
+            ready=tuple(c.ready.tolist()),
+            held={names[k]: float(x) for k, x in enumerate(c.q) if k not in c.free},
+            limits=origin.limits,
+            hand_turn=c.turn,
+            map=c.design,
+            throws=ThrowSettings(at=tuple(at), around=tuple(around)),
+        )
+
+
+def design(
+    whole: Arm, task: Task, effort: Effort, *, progress: Progress,
+    joints: Sequence[str] | None = None, engine: Engine | None = None,
+) -> Design:  # fmt: skip
+    """Find what an arm can catch and the map that does it.
+
+    Args:
+        whole: The arm, all its joints active.
+        task: What is to be caught.
+        effort: How much is tried.
+        progress: Told what is done.
+        joints: Joints of which three are active; any if left out.
+        engine: Where candidates are tried; in this process if left out.
+    """
+    start = monotonic()
+    best = search(whole, task, effort, progress=progress, joints=joints, engine=engine).best
+    bench = Bench(whole, task, engine, progress)
+    found = best is not None and best.caught >= ENOUGH * best.thrown
+    tried, speed = best, 0.0
+    if not found:
+        again = slower(whole, task, effort.less(), progress=progress, joints=joints, engine=engine)
+        tried = None if again is None else again[0].best
+        speed = 0.0 if again is None else release_speed(again[1])
+    rows = () if tried is None else tuple(by_speed(bench, tried.candidate, task, SPEEDS))
+    if tried is not None:
+        speed = max(speed, fastest(bench, tried.candidate, task, rows))
+    return Design(
+        whole=whole,
+        found=found,
+        reason=_beyond(best) if found and best is not None else _reason(best, speed),
+        best=best,
+        fastest=speed,
+        rows=rows,
+        seconds=monotonic() - start,
+    )
+
+
+def _beyond(best: Worth) -> str | None:
+    """Return in words how many balls were caught beyond a limit; None where those are few."""
+    if best.clean >= ENOUGH * best.thrown:
+        return None
+    over = best.caught - best.clean
+    return (
+        f"{over} of the {best.caught} balls were caught with a command beyond a limit; of"
+        " acceleration, jerk and torque rate the controller holds only jerk"
+    )
+
+
+def _reason(best: Worth | None, speed: float) -> str:
+    """Return in words why nothing was found."""
+    if best is None:
+        why = "no pose meets the default throws within the joint speeds and ranges"
+    else:
+        why = f"the best design caught {best.caught} of {best.thrown} throws"
+        why += f", bound by {best.binding}" if best.binding else ""
+    can = f"the fastest balls that it catches leave at {speed:.1f} m/s" if speed > 0.0 else (
+        "no slower ball was caught either"
+    )  # fmt: skip
+    return f"{why}; {can}"

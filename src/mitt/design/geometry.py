@@ -1,0 +1,367 @@
+"""Candidates by geometry alone, by the hundred thousand.
+
+Poses are drawn over all joints, the first turned so that the palm looks towards the thrower. For
+each, some choices of three joints meet a typical ball (:mod:`mitt.design.meeting`); those that
+do so softly meet balls from the corners of the box of throws too, with the same map.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitt.design.candidate import Candidate, within
+from mitt.design.meeting import meeting, met
+from mitt.design.poses import Poses, Which, poses_of
+from mitt.robot.arm import Arm
+from mitt.signals import Array
+
+#: Joint range left free at the catch [rad], share of joint speeds that may be asked, and what of
+#: it is drawn for a typical ball: balls elsewhere ask for more of the same map.
+_MARGIN, _FASTEST, _SHARES = 0.12, 0.9, (0.3, 0.9)
+#: Time for which the joints go on at their speeds after the catch, until the arm has braked [s].
+_BRAKED = 0.1
+#: Largest share of a joint speed that a ball at a corner may ask: the learned map may do better.
+_BEYOND = 1.5
+#: What it costs to ask for more than a joint's speed, in m/s of relative speed.
+_TOO_FAST = 5.0
+#: What each further candidate of the same choice of joints costs, in m/s of relative speed.
+_REPEATED = 0.08
+#: How often each joint is changed.
+_OFTEN = 0.6
+#: Height above the floor that joints and catch point keep [m], and distance of the catch point
+#: from joints that are not next to it [m]; choices of this project.
+_ABOVE, _APART = 0.12, 0.16
+#: Largest angle at which a ball may come in off the palm's normal [rad], least cosine of the palm's
+#: normal and the direction from which the ball comes, and speed below which neither matters [m/s].
+_STRAIGHT, _FACING, _SOFT = np.deg2rad(25.0), 0.1, 1.0
+#: Tilt of the relative velocity off the palm's normal that is tried [rad].
+_TILT = np.deg2rad(18.0)
+#: Half-widths of the box of throws for a catch point 1 m from the second joint [m]: across the
+#: ball's way and upwards as the default throws of the WAM (docs/throws.md).
+_BOX = (0.05, 0.3, 0.22)
+#: Farthest from that joint for which the box grows [m]: 0.77 is the WAM's.
+_FAR = 0.8
+#: Time for which the hand's speed at the catch is taken to the ready pose [s].
+_SWING = (0.04, 0.2)
+#: Farthest that the two other joints stand off their angles at the catch [rad]: l_c^-1 starts from
+#: the ready pose, and has other branches.
+_ASIDE = 0.4
+#: Corners of the box (across, up), and the balls that come there: share of the speed, azimuth and
+#: descent [rad]; the spread of the default throws.
+_CORNERS = (
+    (0.0, 0.0, 1.1, 0.0, 0.15),
+    (0.9, 0.5, 1.0, 0.1, 0.4),
+    (-0.9, -0.5, 1.0, -0.1, 0.2),
+    (0.5, -0.9, 0.95, -0.1, 0.5),
+    (-0.5, 0.9, 1.05, 0.1, 0.25),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Balls:
+    """The balls that are to be caught, where they arrive.
+
+    Attributes:
+        speed: Typical speed at the arrival [m/s].
+        descent: Angle by which they come down there [rad].
+        aim: Centre and half-widths of the box that they pass [m], shape (2, 3); None where the
+            design may choose it.
+    """
+
+    speed: float = 5.5
+    descent: float = 0.3
+    aim: Array | None = None
+
+    def velocity(self, share: float = 1.0, azimuth: float = 0.0, descent: float = 0.0) -> Array:
+        """Return a velocity at the arrival [m/s], shape (3,); they come from +x."""
+        down = self.descent if descent == 0.0 else descent
+        flat = np.cos(down)
+        way = np.array([-flat * np.cos(azimuth), -flat * np.sin(azimuth), -np.sin(down)])
+        v: Array = share * self.speed * way
+        return v
+
+
+class Rows(NamedTuple):
+    """Candidates as arrays, one a row."""
+
+    q: Array  # (B, N)
+    free: NDArray[np.int64]  # (B, 3) catch joint last
+    kappa: Array  # (B,)
+    inward: Array  # (B,)
+    x: Array  # (B, 3) joint speeds at the nominal catch, catch joint last
+    tip: Array  # (B, 3)
+    score: Array  # (B,) relative speed [m/s] and what else is bad; smaller is better
+
+    def take(self, rows: Which) -> "Rows":
+        """Return some of them, by index or by mask."""
+        return Rows(
+            self.q[rows], self.free[rows], self.kappa[rows], self.inward[rows], self.x[rows],
+            self.tip[rows], self.score[rows],
+        )  # fmt: skip
+
+
+def joined(parts: Sequence[Rows]) -> Rows:
+    """Return candidates of several parts as one."""
+    return Rows(*(np.concatenate(x) for x in zip(*parts, strict=True)))
+
+
+def triples_of(whole: Arm, joints: Sequence[str] | None) -> NDArray[np.int64]:
+    """Return the choices of three joints, the catch joint last, shape (T, 3)."""
+    names = list(whole.names) if not joints else [x for x in whole.names if x in joints]
+    index = [whole.names.index(x) for x in names]
+    chosen = [
+        [*(k for k in three if k != i), i]
+        for three in combinations(index, 3)
+        for i in three
+        if whole.chain.prismatic[i] == 0.0
+    ]
+    return np.array(chosen, dtype=np.int64).reshape(len(chosen), 3)
+
+
+def drawn(
+    whole: Arm,
+    balls: Balls,
+    triples: NDArray[np.int64],
+    rng: np.random.Generator,
+    *,
+    count: int,
+    floor: float,
+) -> Rows:
+    """Draw poses and choices of joints, and return those that meet the typical ball.
+
+    Args:
+        whole: The arm with all joints active.
+        balls: What is to be caught.
+        triples: Choices of three joints, the catch joint last, shape (T, 3).
+        rng: Source of randomness.
+        count: Poses drawn.
+        floor: Height of the floor [m].
+    """
+    q = _facing(whole, rng.uniform(whole.q_min, whole.q_max, (count, whole.n)), rng)
+    q, poses, _ = _standing(whole, balls, q, floor)
+    each = min(len(triples), 24)
+    chosen = triples[rng.integers(len(triples), size=(len(q), each))].reshape(-1, 3)
+    row = np.repeat(np.arange(len(q)), each)
+    return _met(whole, balls.velocity(), (q, poses), chosen, row, rng)
+
+
+def improved(
+    whole: Arm, balls: Balls, rows: Rows, rng: np.random.Generator, *, size: float, floor: float
+) -> Rows:
+    """Return candidates and small changes of them, scored by :func:`spread`.
+
+    Args:
+        whole: The arm with all joints active.
+        balls: What is to be caught.
+        rows: Candidates with their scores.
+        rng: Source of randomness.
+        size: Standard deviation of the changes [rad].
+        floor: Height of the floor [m].
+    """
+    change = size * rng.standard_normal((len(rows.q), whole.n))
+    change *= rng.random(change.shape) < _OFTEN
+    q, poses, kept = _standing(whole, balls, rows.q + change, floor)
+    found = _met(whole, balls.velocity(), (q, poses), rows.free[kept], np.arange(len(q)), rng)
+    found = spread(whole, balls, found)
+    return joined([rows, found])
+
+
+def _standing(whole: Arm, balls: Balls, q: Array, floor: float) -> (
+    tuple[Array, Poses, NDArray[np.int64]]
+):  # fmt: skip
+    """Return the poses that stand with the palm towards the ball, placed, and their indices."""
+    if balls.aim is not None:
+        q = _led(whole, q, balls)
+    poses, v = poses_of(whole.model, q), balls.velocity()
+    good = _stands(poses, floor) & within(whole, q, _MARGIN)
+    good &= -(poses.palm @ v) > _FACING * np.linalg.norm(v)
+    if balls.aim is not None:
+        good &= _off_line(poses.tip, balls) < 0.05
+    return q[good], poses.take(good), np.flatnonzero(good)
+
+
+def _met(
+    whole: Arm, v: Array, of: tuple[Array, Poses], chosen: NDArray[np.int64],
+    row: NDArray[np.int64], rng: np.random.Generator,
+) -> Rows:  # fmt: skip
+    """Return the rows whose three joints meet a ball of velocity v within their speeds."""
+    q, poses = of
+    J, w = poses.J[row[:, None], chosen], poses.W[row, chosen[:, 2]]
+    d, palm = _into(poses.palm[row], w, rng), poses.palm[row]
+    share = rng.uniform(*_SHARES, (len(row), 1))
+    found = meeting(J, w, v, d, share * whole.dq_max[chosen])
+    straight: NDArray[np.bool_] = -np.sum(d * palm, axis=1) > np.cos(_STRAIGHT)
+    after = q[row]
+    after[np.arange(len(row))[:, None], chosen] += _BRAKED * found.x
+    good = within(whole, after, 0.0) & (straight | (found.s < _SOFT))
+    good &= found.sound & (found.s < np.linalg.norm(v))
+    effort = np.abs(found.x / whole.dq_max[chosen]).max(axis=1)
+    return Rows(
+        q=q[row], free=chosen, kappa=found.kappa, inward=found.inward, x=found.x,
+        tip=poses.tip[row], score=found.s + 0.3 * effort,
+    ).take(good)  # fmt: skip
+
+
+def _facing(whole: Arm, q: Array, rng: np.random.Generator) -> Array:
+    """Turn a first joint that stands upright so that the palm looks about towards +x."""
+    upright = (whole.model.mount @ whole.model.links[0].placement)[:3, :3] @ (
+        whole.model.links[0].axis
+    )
+    if whole.chain.prismatic[0] > 0.0 or abs(upright[2]) < 0.999:
+        return q
+    palm = poses_of(whole.model, q).palm
+    wanted = rng.uniform(-0.4, 0.4, len(q)) - np.arctan2(palm[:, 1], palm[:, 0])
+    turned = q[:, 0] + np.sign(upright[2]) * wanted
+    turned = whole.q_min[0] + np.mod(turned - whole.q_min[0], 2.0 * np.pi)
+    return np.column_stack([turned, q[:, 1:]])
+
+
+def _led(whole: Arm, q: Array, balls: Balls) -> Array:
+    """Lead the catch point of each pose to the way of a ball through the middle of the aim."""
+    for _ in range(6):
+        poses = poses_of(whole.model, q)
+        off = _offset(poses.tip, balls)
+        J = np.swapaxes(poses.J, 1, 2)
+        damped = J @ poses.J + 1e-3 * np.eye(3)
+        step = np.einsum("bkc,bc->bk", poses.J, np.linalg.solve(damped, off[..., None])[..., 0])
+        q = np.clip(q - np.clip(step, -0.4, 0.4), whole.q_min, whole.q_max)
+    return q
+
+
+def _offset(tip: Array, balls: Balls) -> Array:
+    """Return how far points lie from the way of the ball [m], (B, 3); 0.6 m of it either way."""
+    assert balls.aim is not None
+    way = balls.velocity() / balls.speed
+    off = tip - balls.aim[0]
+    along = np.clip(off @ way, -0.6, 0.3)
+    out: Array = off - along[:, None] * way
+    return out
+
+
+def _off_line(tip: Array, balls: Balls) -> Array:
+    """Return the distance of points from the way of the ball [m], shape (B,)."""
+    return np.asarray(np.linalg.norm(_offset(tip, balls), axis=1))
+
+
+def _stands(poses: Poses, floor: float) -> NDArray[np.bool_]:
+    """Say where an arm keeps above the floor, and its catch point away from its own joints."""
+    above = (poses.tip[:, 2] > floor + _ABOVE) & np.all(
+        poses.at[:, 1:, 2] > floor + 0.5 * _ABOVE, axis=1
+    )
+    far = np.linalg.norm(poses.tip[:, None] - poses.at, axis=2)
+    good: NDArray[np.bool_] = above & np.all(
+        far[:, : max(1, poses.at.shape[1] - 3)] > _APART, axis=1
+    )
+    return good
+
+
+def _into(palm: Array, w: Array, rng: np.random.Generator) -> Array:
+    """Return unit vectors across w, about into the palm, shape (B, 3)."""
+    flat = -palm + np.sum(palm * w, axis=1)[:, None] * w
+    flat /= np.maximum(np.linalg.norm(flat, axis=1), 1e-9)[:, None]
+    tilt = rng.uniform(-_TILT, _TILT, len(palm))[:, None]
+    d: Array = np.cos(tilt) * flat + np.sin(tilt) * np.cross(w, flat)
+    return d
+
+
+def spread(whole: Arm, balls: Balls, rows: Rows) -> Rows:
+    """Score candidates by how they meet balls all over the box; those that cannot are left out."""
+    good: NDArray[np.bool_] = np.ones(len(rows.q), dtype=bool)
+    total, worst = rows.score.copy(), np.zeros(len(rows.q))
+    box = boxes_of(whole, balls, rows)
+    for corner in _CORNERS:
+        v = balls.velocity(*corner[2:])
+        q = _moved(whole, rows, v, np.array([0.0, *corner[:2]]) * box[:, 1])
+        poses = poses_of(whole.model, q)
+        index = np.arange(len(q))
+        J, w = poses.J[index[:, None], rows.free], poses.W[index, rows.free[:, 2]]
+        x, relative = met(J, w, v, rows.kappa, rows.inward)
+        s = np.linalg.norm(relative, axis=1)
+        cosine = -np.sum(relative * poses.palm, axis=1) / np.maximum(s, 1e-9)
+        straight = (cosine > np.cos(_STRAIGHT)) | (s < _SOFT)
+        share = np.abs(x / whole.dq_max[rows.free]).max(axis=1)
+        good &= within(whole, q, 0.05) & np.isfinite(s)
+        total += s + _TOO_FAST * np.maximum(share - _FASTEST, 0.0) + 1.0 * ~straight
+        worst = np.maximum(worst, share)
+    return rows._replace(score=total / (1 + len(_CORNERS))).take(good & (worst < _BEYOND))
+
+
+def boxes_of(whole: Arm, balls: Balls, rows: Rows) -> Array:
+    """Return centre and half-widths of the box of each candidate [m], shape (B, 2, 3)."""
+    if balls.aim is not None:
+        return np.broadcast_to(balls.aim, (len(rows.q), 2, 3))
+    at = poses_of(whole.model, rows.q).at[:, 1]
+    reach = np.minimum(np.linalg.norm(rows.tip - at, axis=1), _FAR)
+    return np.stack([rows.tip, reach[:, None] * np.array(_BOX)], axis=1)
+
+
+def _moved(whole: Arm, rows: Rows, v: Array, offset: Array) -> Array:
+    """Move the two other joints so that the catch point lies elsewhere, seen along the ball's way.
+
+    Two steps of Newton's method across v.
+    """
+    n = v / np.linalg.norm(v)
+    across = np.array([np.cross(n, [0.0, 0.0, 1.0]), np.zeros(3)])
+    across[0] /= np.linalg.norm(across[0])
+    across[1] = np.cross(across[0], n)
+    q, goal = rows.q.copy(), (rows.tip + offset) @ across.T
+    index, lost = np.arange(len(q)), np.zeros(len(q), dtype=bool)
+    for _ in range(2):
+        poses = poses_of(whole.model, q)
+        A = np.swapaxes(poses.J[index[:, None], rows.free[:, :2]] @ across.T, 1, 2)
+        flat = np.abs(np.linalg.det(A)) < 1e-4
+        A = np.where(flat[:, None, None], np.eye(2), A)
+        step = np.linalg.solve(A, (goal - poses.tip @ across.T)[..., None])[..., 0]
+        q[index[:, None], rows.free[:, :2]] += np.clip(step, -0.8, 0.8)
+        lost |= flat
+    q[lost] = whole.q_max + 1.0  # in no range
+    return q
+
+
+def best_of(rows: Rows, *, count: int, each: int) -> Rows:
+    """Return the best, at most so many of each choice of joints, and of places much alike.
+
+    The more of a choice are taken already, the better its next one has to be: what looks best by
+    geometry need not have a domain, or the torque.
+    """
+    order = np.argsort(rows.score, kind="stable")
+    taken, cost = list[int](), list[float]()
+    seen, near = dict[tuple[int, ...], int](), dict[tuple[int, ...], int]()
+    for k in order.tolist():
+        key = tuple(rows.free[k].tolist())
+        place = (*key, *np.round(rows.tip[k] / 0.15).astype(int).tolist())
+        if seen.get(key, 0) >= each or near.get(place, 0) >= max(1, each // 8):
+            continue
+        cost.append(float(rows.score[k]) + _REPEATED * seen.get(key, 0))
+        seen[key], near[place] = seen.get(key, 0) + 1, near.get(place, 0) + 1
+        taken.append(k)
+    ranked = np.argsort(cost, kind="stable")[:count]
+    return rows.take(np.array(taken, dtype=np.int64)[ranked])
+
+
+def candidates_of(
+    whole: Arm, balls: Balls, rows: Rows, rng: np.random.Generator
+) -> list[Candidate]:
+    """Return rows as candidates, each with a ready pose on the far side of its swing."""
+    boxes, out = boxes_of(whole, balls, rows), []
+    for k in range(len(rows.q)):
+        order = np.argsort(rows.free[k])
+        free = rows.free[k][order]
+        swing = rng.uniform(*_SWING) * rows.x[k]
+        swing[:2] = np.clip(swing[:2], -_ASIDE, _ASIDE)
+        ready = rows.q[k, free] - swing[order]
+        low, high = whole.q_min[free] + 0.05, whole.q_max[free] - 0.05
+        out.append(Candidate(
+            q=rows.q[k].copy(),
+            free=(int(free[0]), int(free[1]), int(free[2])),
+            catch=int(np.argmax(order == 2)),
+            kappa=float(rows.kappa[k]),
+            inward=float(rows.inward[k]),
+            ready=np.clip(ready, low, high),
+            aim=boxes[k].copy(),
+        ))  # fmt: skip
+    return out

@@ -1,0 +1,61 @@
+"""What would help an arm: the relative velocity at the catch, were one joint quicker."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mitt.design.candidate import Candidate
+from mitt.design.geometry import Balls
+from mitt.design.meeting import meeting, met
+from mitt.design.poses import poses_of
+from mitt.robot.arm import Arm
+
+#: By what a joint is made quicker, and relative speed below which nothing has to be [m/s].
+QUICKER, _GENTLE = 1.5, 0.3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Help:
+    """What one joint's speed is worth.
+
+    Attributes:
+        joint: Its name.
+        share: Share of its speed limit at the nominal catch.
+        relative_m_s: Least relative speed there, by joint speeds alone, as it is.
+        quicker_m_s: The same, were the joint half as quick again.
+    """
+
+    joint: str
+    share: float
+    relative_m_s: float
+    quicker_m_s: float
+
+
+def help_of(whole: Arm, c: Candidate, balls: Balls) -> list[Help]:
+    """Return what each active joint's speed is worth at a candidate's nominal catch.
+
+    The direction of the relative velocity stays, and the joints may be as near to their limits as
+    the quickest of them is now.
+    """
+    order = [k for k in range(3) if k != c.catch] + [c.catch]
+    index = np.array(c.free)[order]
+    poses, v = poses_of(whole.model, c.q[None]), balls.velocity()
+    J, w, most = poses.J[:, index], poses.W[:, index[2]], whole.dq_max[index]
+    x, relative = met(J, w, v, np.array([c.kappa]), np.array([c.inward]))
+    speed = float(np.linalg.norm(relative))
+    share = np.abs(x[0]) / most
+    if not speed > _GENTLE:
+        return [_row(whole, k, s, speed, speed) for k, s in zip(index, share, strict=True)]
+    allowed, out = float(share.max()) * most, []
+    for at, k in enumerate(index):
+        quicker = allowed.copy()
+        quicker[at] *= QUICKER
+        m = meeting(J, w, v, relative / speed, quicker[None])
+        least = min(float(m.s[0]), speed) if np.isfinite(m.s[0]) else speed
+        out.append(_row(whole, int(k), float(share[at]), speed, least))
+    return out
+
+
+def _row(whole: Arm, k: int, share: float, speed: float, quicker: float) -> Help:
+    """Return one row."""
+    return Help(joint=whole.names[k], share=float(share), relative_m_s=speed, quicker_m_s=quicker)

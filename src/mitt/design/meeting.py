@@ -1,0 +1,98 @@
+"""How hand and ball meet, in closed form: least relative velocity that the joint speeds allow.
+
+Three joints j, k and the catch joint i carry the hand at J x, x their speeds. The map's line is
+T = kappa J_i + inward (w_i x J_i) (:mod:`mitt.generator.tangent`), and v = x_j J_j + x_k J_k +
+x_i T. So the ball comes to the hand with v - J x = (T - J_i) x_i, in the plane across w_i; any
+direction d of that plane will do, and its size s is as small as the joint speeds allow:
+
+    x = J^-1 (v - s d) = x_0 - s J^-1 d,   |x| <= fastest.
+
+| here        | meaning                                              | unit  | shape     |
+|-------------|------------------------------------------------------|-------|-----------|
+| ``J``       | columns dl/dq of the three joints, the catch joint last | m/rad | (B, 3, 3) |
+| ``w``       | axis of the catch joint                              | 1     | (B, 3)    |
+| ``d``       | direction of the relative velocity                   | 1     | (B, 3)    |
+| ``s``       | its size                                             | m/s   | (B,)      |
+| ``x``       | joint speeds, the catch joint last                   | rad/s | (B, 3)    |
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitt.signals import Array
+
+#: |det J| below this share of the product of its columns' lengths counts as singular.
+_SINGULAR = 0.05
+#: Least speed of the catch joint [rad/s]: a slower one makes no way along the ball's line.
+_SLOWEST = 0.3
+#: Largest kappa and inward that are looked at.
+_MOST = 12.0
+
+
+class Meeting(NamedTuple):
+    """How they meet; ``sound`` where they can, all else means nothing where they cannot."""
+
+    sound: NDArray[np.bool_]  # (B,)
+    s: Array
+    x: Array
+    kappa: Array  # (B,)
+    inward: Array  # (B,)
+
+
+def meeting(J: Array, w: Array, v: Array, d: Array, fastest: Array) -> Meeting:
+    """Return the least relative velocity along d; see the module's table.
+
+    Args:
+        J: Columns as J[:, c], joint c's dl/dq, the catch joint last, shape (B, 3, 3).
+        w: Axis of the catch joint, shape (B, 3).
+        v: Velocity of the ball [m/s], shape (3,) or (B, 3).
+        d: Direction across w, shape (B, 3).
+        fastest: Speeds that may be asked of the three [rad/s], shape (B, 3).
+    """
+    size = np.linalg.norm(J, axis=2)
+    det = np.linalg.det(J)
+    sound = np.abs(det) > _SINGULAR * np.prod(size, axis=1) + 1e-12
+    A = np.where(sound[:, None, None], np.swapaxes(J, 1, 2), np.eye(3))
+    x_0 = np.asarray(np.linalg.solve(A, np.broadcast_to(v, d.shape)[..., None]), float)[..., 0]
+    slope = np.asarray(np.linalg.solve(A, d[..., None]), float)[..., 0]
+    least, most = _interval(x_0, slope, fastest)
+    s = np.maximum(least, 0.0)
+    x = x_0 - s[:, None] * slope
+    J_i, quick = J[:, 2], np.abs(x[:, 2]) > _SLOWEST
+    sound &= (s <= most) & quick
+    scale = np.where(sound, s, 0.0) / np.where(sound, x[:, 2] * size[:, 2] ** 2, 1.0)
+    kappa = 1.0 + scale * np.sum(d * J_i, axis=1)
+    inward = scale * np.sum(d * np.cross(w, J_i), axis=1)
+    sound &= (kappa > 1.0 - 1e-9) & (kappa < _MOST) & (np.abs(inward) < _MOST)
+    return Meeting(sound=sound, s=s, x=x, kappa=np.maximum(kappa, 1.0), inward=inward)
+
+
+def _interval(x_0: Array, slope: Array, fastest: Array) -> tuple[Array, Array]:
+    """Return the range of s in which |x_0 - s slope| <= fastest in all three, (B,) each."""
+    steep = np.where(np.abs(slope) > 1e-12, slope, np.copysign(1e-12, slope))
+    ends = np.sort(np.array([(x_0 - fastest) / steep, (x_0 + fastest) / steep]), axis=0)
+    return ends[0].max(axis=1), ends[1].min(axis=1)
+
+
+def met(J: Array, w: Array, v: Array, kappa: Array, inward: Array) -> tuple[Array, Array]:
+    """Return the joint speeds and the ball's relative velocity of given maps, (B, 3) each.
+
+    Args:
+        J: As in :func:`meeting`.
+        w: As in :func:`meeting`.
+        v: As in :func:`meeting`.
+        kappa: Velocity-match ratios, shape (B,).
+        inward: Shares of the line towards the axis, shape (B,).
+    """
+    J_i = J[:, 2]
+    T = kappa[:, None] * J_i + inward[:, None] * np.cross(w, J_i)
+    A = np.stack([J[:, 0], J[:, 1], T], axis=2)
+    flat = np.abs(np.linalg.det(A)) < 1e-9
+    A = np.where(flat[:, None, None], np.eye(3), A)
+    solved = np.linalg.solve(A, np.broadcast_to(v, T.shape)[..., None])[..., 0]
+    x: Array = np.where(flat[:, None], np.inf, solved)
+    own = np.where(flat, 0.0, x[:, 2])[:, None]
+    relative: Array = np.where(flat[:, None], np.inf, (T - J_i) * own)
+    return x, relative

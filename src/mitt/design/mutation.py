@@ -1,0 +1,85 @@
+"""Small changes of a candidate: what a search tries once it has something that catches."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitt.design.candidate import Candidate
+from mitt.robot.arm import Arm
+from mitt.signals import Array
+
+#: Standard deviations of a change: joints at the catch, held joints, ready pose [rad]; kappa - 1 as
+#: a share; inward as a share of 1 + |inward|.
+_FREE, _HELD, _READY, _KAPPA, _INWARD = 0.12, 0.2, 0.2, 0.4, 0.25
+#: Room that is left to the ends of the ranges [rad].
+_MARGIN = 0.06
+#: Shift of the aim against the catch point [m], and how often a held joint is turned square.
+_AIM, _SQUARE = 0.07, 0.1
+#: How often each part is changed.
+_OFTEN = 0.6
+
+
+def mutated(whole: Arm, c: Candidate, rng: np.random.Generator, *, size: float, moves: bool) -> (
+    Candidate
+):  # fmt: skip
+    """Return a candidate a little different.
+
+    Args:
+        whole: The arm with all joints active.
+        c: What is changed.
+        rng: Source of randomness.
+        size: Of the changes; 1 for the first ones.
+        moves: Whether the aim goes with the catch point; it stays otherwise.
+    """
+    free = list(c.free)
+    q, ready = c.q.copy(), c.ready.copy()
+    if rng.random() < _OFTEN:
+        sigma = np.full(whole.n, _HELD)
+        sigma[free] = _FREE
+        q = q + size * sigma * rng.standard_normal(whole.n) * (rng.random(whole.n) < _OFTEN)
+        q = _inside(whole, _squared(q, free, rng), np.arange(whole.n))
+        ready = ready + (q - c.q)[free]
+    if rng.random() < _OFTEN:
+        ready = ready + size * _READY * rng.standard_normal(3)
+    kappa, inward = c.kappa, c.inward
+    if rng.random() < _OFTEN:
+        kappa = 1.0 + (kappa - 1.0 + 0.02) * float(np.exp(size * _KAPPA * rng.standard_normal()))
+        inward += size * _INWARD * (1.0 + abs(inward)) * float(rng.standard_normal())
+    aim = _aim(c.aim, tip_of(whole, q) - tip_of(whole, c.q), size, rng) if moves else c.aim
+    turn = c.turn + (np.pi / 3.0 if rng.random() < 0.1 else 0.0)
+    return replace(
+        c, q=q, ready=_inside(whole, ready, np.array(free)), kappa=min(kappa, 50.0),
+        inward=float(np.clip(inward, -50.0, 50.0)), aim=aim,
+        turn=float(np.mod(turn, 2.0 * np.pi / 3.0)),
+    )  # fmt: skip
+
+
+def _squared(q: Array, free: list[int], rng: np.random.Generator) -> Array:
+    """Return a pose of which some held joints are turned to the next right angle."""
+    square = np.round(q / (0.5 * np.pi)) * (0.5 * np.pi)
+    held = np.ones(len(q), dtype=bool)
+    held[free] = False
+    out: Array = np.where(held & (rng.random(len(q)) < _SQUARE), square, q)
+    return out
+
+
+def _aim(aim: Array, moved: Array, size: float, rng: np.random.Generator) -> Array:
+    """Return an aim that goes with the catch point, and sometimes is shifted against it."""
+    out = aim.copy()
+    out[0] += moved
+    if rng.random() < _OFTEN:
+        out[0] += size * _AIM * rng.standard_normal(3)
+    return out
+
+
+def tip_of(whole: Arm, q: Array) -> Array:
+    """Return the catch point of a pose of all joints [m], shape (3,)."""
+    return whole.position(q)
+
+
+def _inside(whole: Arm, q: Array, joints: NDArray[np.int64]) -> Array:
+    """Return angles of some joints, kept in their ranges [rad]."""
+    room = np.minimum(_MARGIN, 0.1 * (whole.q_max - whole.q_min))[joints]
+    out: Array = np.clip(q, whole.q_min[joints] + room, whole.q_max[joints] - room)
+    return out

@@ -1,0 +1,199 @@
+"""The search for a design: geometry, flights, throws, small changes, and throws again.
+
+Every number of candidates is fixed, so that the same seed gives the same design on any machine,
+with any number of workers.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitt.design.assay import Task, Worth
+from mitt.design.candidate import Candidate
+from mitt.design.geometry import (
+    Rows,
+    best_of,
+    candidates_of,
+    drawn,
+    improved,
+    joined,
+    spread,
+    triples_of,
+)
+from mitt.design.mutation import mutated
+from mitt.design.workers import Bench, Progress
+from mitt.errors import ModelError
+from mitt.robot.arm import Arm
+from mitt.sweep.engine import Engine
+
+#: Seeds of the throws by which candidates are compared, and of those that confirm the last ones.
+_COMPARE, _CONFIRM = 100, 1000
+#: Score by flights from which a changed candidate is thrown at.
+_WORTH_THROWING = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effort:
+    """How much is tried at each stage.
+
+    Attributes:
+        poses: Poses drawn at a time.
+        rounds: Most times that they are drawn.
+        enough: Candidates by geometry after which no more are drawn.
+        changes: Rounds of small changes of these.
+        judged: Candidates that are learned and judged by flights.
+        thrown: Those of them that are thrown at.
+        throws: Throws at each while they are compared.
+        parents: Candidates that are changed in each generation.
+        children: Changed ones of each generation.
+        generations: Number of generations.
+        last: Candidates that are learned in full and confirmed.
+        confirm: Throws at each of these.
+        slower: Searches for slower throws where the default ones are not caught.
+    """
+
+    poses: int = 40_000
+    rounds: int = 5
+    enough: int = 2000
+    changes: int = 16
+    judged: int = 60
+    thrown: int = 16
+    throws: int = 12
+    parents: int = 5
+    children: int = 20
+    generations: int = 5
+    last: int = 6
+    confirm: int = 60
+    slower: int = 3
+
+    def less(self) -> "Effort":
+        """Return less of it, for one of several searches."""
+        return replace(
+            self, judged=self.judged // 3, thrown=self.thrown // 2,
+            generations=min(self.generations, 2), last=1, confirm=self.throws,
+        )  # fmt: skip
+
+
+#: By name: what ``mitt design --effort`` may ask for.
+EFFORTS = {
+    "quick": Effort(rounds=2, changes=8, judged=16, thrown=6, generations=1, children=8, last=1,
+                    confirm=20),
+    "full": Effort(),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Found:
+    """What a search found.
+
+    Attributes:
+        best: The best candidate, confirmed; None where nothing stands at all.
+        considered: Candidates by geometry.
+        others: Those confirmed besides it.
+    """
+
+    best: Worth | None
+    considered: int
+    others: tuple[Worth, ...] = ()
+
+
+def search(
+    whole: Arm, task: Task, effort: Effort, *, progress: Progress,
+    joints: Sequence[str] | None = None, engine: Engine | None = None,
+) -> Found:  # fmt: skip
+    """Search for the best way to catch.
+
+    Args:
+        whole: The arm, all its joints active.
+        task: What is to be caught.
+        effort: How much is tried.
+        progress: Told what is done.
+        joints: Joints of which three are active; any if left out.
+        engine: Where candidates are tried; in this process if left out.
+
+    Raises:
+        ModelError: The arm has too few joints.
+    """
+    triples = triples_of(whole, joints)
+    if len(triples) == 0:
+        raise ModelError("joints", "at least three, one of which turns", f"{whole.n}")
+    rng, bench = np.random.default_rng([task.seed, 1]), Bench(whole, task, engine, progress)
+    rows = _by_geometry(whole, task, effort, triples, rng, progress)
+    if len(rows.q) == 0:
+        return Found(best=None, considered=0)
+    first = best_of(rows, count=6 * effort.judged, each=2 * effort.judged)
+    candidates = candidates_of(whole, task.balls, first, rng)
+    worth = bench.try_all("learning", candidates[: 2 * effort.judged], how="glance")
+    fresh = _distinct(worth, effort.thrown)
+    pool = bench.try_all("throwing", fresh, throws=effort.throws, seed=_COMPARE)
+    pool = _refined(whole, task, effort, bench, pool)
+    last = [w.candidate for w in _sorted(pool)[: effort.last]]
+    confirmed = bench.try_all("confirming", last, throws=effort.confirm, seed=_CONFIRM, how="full")
+    ranked = _sorted(confirmed)
+    best = ranked[0] if ranked else None
+    return Found(best=best, considered=len(rows.q), others=tuple(ranked[1:]))
+
+
+def _by_geometry(
+    whole: Arm, task: Task, effort: Effort, triples: NDArray[np.int64], rng: np.random.Generator,
+    progress: Progress,
+) -> Rows:  # fmt: skip
+    """Return candidates that meet balls all over the box, by geometry alone."""
+    kept, count = [], 0
+    for k in range(effort.rounds):
+        rows = drawn(whole, task.balls, triples, rng, count=effort.poses, floor=task.scene.floor)
+        kept.append(spread(whole, task.balls, best_of(rows, count=4000, each=400)))
+        count += len(kept[-1].q)
+        progress("geometry", k + 1, effort.rounds)
+        if count >= effort.enough:
+            break
+    rows = joined(kept)
+    for k in range(effort.changes if len(rows.q) else 0):
+        rows = best_of(rows, count=effort.enough, each=effort.enough // 6)
+        rows = improved(
+            whole, task.balls, rows, rng, size=0.3 / (1.0 + 0.25 * k), floor=task.scene.floor
+        )
+        progress("geometry, changed", k + 1, effort.changes)
+    return rows
+
+
+def _refined(
+    whole: Arm, task: Task, effort: Effort, bench: Bench, pool: list[Worth]
+) -> list[Worth]:
+    """Return the pool with small changes of its best, generation by generation."""
+    for generation in range(effort.generations):
+        parents = _sorted(pool)[: effort.parents]
+        if not parents:
+            break
+        size = 1.0 / (1.0 + 0.35 * generation)
+        children = []
+        for k in range(effort.children):
+            rng = np.random.default_rng([task.seed, 2, generation, k])
+            parent = parents[min(int(rng.exponential(0.4 * len(parents))), len(parents) - 1)]
+            moves = task.balls.aim is None
+            children.append(mutated(whole, parent.candidate, rng, size=size, moves=moves))
+        name = f"improving {generation + 1} of {effort.generations}"
+        pool += bench.try_all(
+            name, children, throws=effort.throws, seed=_COMPARE, least=_WORTH_THROWING
+        )
+    return pool
+
+
+def _sorted(pool: Sequence[Worth]) -> list[Worth]:
+    """Return the thrown ones first, the best first; ties stay in order."""
+    return sorted(pool, key=lambda w: (w.thrown == 0, -w.score))
+
+
+def _distinct(worth: Sequence[Worth], count: int) -> list[Candidate]:
+    """Return the best few, not too many with the same joints."""
+    out, seen = list[Candidate](), dict[tuple[int, ...], int]()
+    for w in sorted(worth, key=lambda w: -w.score):
+        key = (*w.candidate.free, w.candidate.catch)
+        if seen.get(key, 0) < max(1, count // 3):
+            seen[key] = seen.get(key, 0) + 1
+            out.append(w.candidate)
+        if len(out) == count:
+            break
+    return out

@@ -1,0 +1,119 @@
+"""Rate against the speed of the throws, and the fastest ball that an arm can catch."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mitt.design.assay import Task, Worth
+from mitt.design.candidate import Candidate
+from mitt.design.geometry import Balls
+from mitt.design.search import Effort, Found, search
+from mitt.design.workers import Bench, Progress
+from mitt.robot.arm import Arm
+from mitt.sweep.engine import Engine
+from mitt.world.throws import ThrowRanges
+
+#: Speeds of the throws that are tried [m/s], throws at each, and seed of these.
+SPEEDS, _THROWS, _SEED = (3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0), 12, 2000
+#: Share of the throws that has to be caught for a speed to count as one that the arm can catch.
+ENOUGH = 0.8
+#: Half-width of the speeds of the throws of one speed, as a share, and distances of the release in
+#: seconds of flight at that speed: as the default throws (docs/throws.md).
+_SPREAD, _AWAY = 0.05, (0.40, 0.62)
+#: Steps of the bisection; slowest throws that are tried [m/s].
+_STEPS, _SLOWEST = 3, 1.5
+#: Share of its release speed with which a ball arrives, from default throws: 5.5 of 6.1 m/s.
+_ARRIVING = 0.9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AtSpeed:
+    """How a design does at one speed of the throws; ``feasible`` are those caught within limits."""
+
+    speed_m_s: float
+    throws: int
+    feasible: int
+    binding_limit: str | None
+
+
+def task_at(task: Task, speed: float) -> Task:
+    """Return a task with throws of one speed at release [m/s], as far away as they fly.
+
+    Slow balls are released higher up, since they fall more on their way.
+    """
+    ranges = ThrowRanges(
+        speed=((1.0 - _SPREAD) * speed, (1.0 + _SPREAD) * speed),
+        distance=(_AWAY[0] * speed * 0.8, _AWAY[1] * speed),
+        height=(-0.2, 0.6 if speed > 4.0 else 1.4),
+    )
+    balls = replace(task.balls, speed=_ARRIVING * speed)
+    return replace(task, balls=balls, ranges=ranges)
+
+
+def release_speed(task: Task) -> float:
+    """Return the speed at release of a task's throws [m/s]."""
+    return task.balls.speed / _ARRIVING
+
+
+def by_speed(bench: Bench, c: Candidate, task: Task, speeds: Sequence[float]) -> list[AtSpeed]:
+    """Return how a design does at several speeds, its map learned for each."""
+    worth = bench.try_each(
+        "speeds", [(c, task_at(task, speed)) for speed in speeds], throws=_THROWS, seed=_SEED
+    )
+    return [_at(speed, w) for speed, w in zip(speeds, worth, strict=True)]
+
+
+def _at(speed: float, w: Worth | None) -> AtSpeed:
+    """Return one row; a map that cannot be learned catches nothing."""
+    if w is None:
+        return AtSpeed(speed_m_s=speed, throws=_THROWS, feasible=0, binding_limit="domain")
+    limit = w.binding or None
+    return AtSpeed(speed_m_s=speed, throws=w.thrown, feasible=w.caught, binding_limit=limit)
+
+
+def fastest(bench: Bench, c: Candidate, task: Task, rows: Sequence[AtSpeed]) -> float:
+    """Return the fastest throws of which a design catches enough [m/s], by bisection."""
+    good = [row.speed_m_s for row in rows if row.feasible >= ENOUGH * row.throws]
+    if not good:
+        return 0.0
+    low = max(good)
+    higher = [row.speed_m_s for row in rows if row.speed_m_s > low]
+    if not higher:
+        return low
+    high = min(higher)
+    for _ in range(_STEPS):
+        middle = 0.5 * (low + high)
+        row = by_speed(bench, c, task, [middle])[0]
+        low, high = (middle, high) if row.feasible >= ENOUGH * row.throws else (low, middle)
+    return low
+
+
+def slower(
+    whole: Arm, task: Task, effort: Effort, *, progress: Progress,
+    joints: Sequence[str] | None, engine: Engine | None,
+) -> tuple[Found, Task] | None:  # fmt: skip
+    """Search again for slower throws until an arm catches enough of them; None where it never does.
+
+    The speeds are bisected between the default throws' and the slowest.
+    """
+    low, high = _SLOWEST, float(np.mean(ThrowRanges().speed))
+    best: tuple[Found, Task] | None = None
+    for _ in range(effort.slower):
+        middle = 0.5 * (low + high)
+        at = task_at(task, middle)
+        found = search(whole, at, effort, progress=progress, joints=joints, engine=engine)
+        able = found.best is not None and found.best.caught >= ENOUGH * found.best.thrown
+        if able:
+            best, low = (found, at), middle
+        else:
+            high = middle
+    return best
+
+
+def default_balls(aim: Sequence[float] | None, reach: float) -> Balls:
+    """Return default balls, aimed at a box about a point [m], as wide as the arm's reach asks."""
+    if aim is None:
+        return Balls()
+    half = min(reach, 0.8) * np.array([0.05, 0.3, 0.22])
+    return Balls(aim=np.array([np.asarray(aim, dtype=np.float64), half]))

@@ -1,0 +1,65 @@
+"""The whole of an arm: every joint between its base and its tip that has a drive."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from mitt.errors import ModelError
+from mitt.files.arm_file import limits_of
+from mitt.robot.arm import Arm
+from mitt.robot.carried import frame_of
+from mitt.robot.hands import HandModel
+from mitt.robot.limit_sets import LimitSet
+from mitt.robot.load import load_arm
+from mitt.robot.mjcf import read_mjcf
+from mitt.robot.urdf import read_urdf
+from mitt.robot.wam import LIMIT_SETS
+
+#: Joints of the WAM.
+_WAM = ("j1", "j2", "j3", "j4")
+
+
+def whole_arm(
+    arm: str | Path, *, tip: str | None, limits: str | Path | None, hand: HandModel | None
+) -> Arm:
+    """Return an arm with all its driven joints active.
+
+    Args:
+        arm: ``wam``, or a URDF or MJCF file.
+        tip: Frame of the file at the catch point.
+        limits: Name of a limit set, or a TOML file.
+        hand: What is mounted at the tip.
+
+    Raises:
+        MittError: The arm cannot be.
+    """
+    given = limits_of(limits)
+    if str(arm) == "wam":
+        return load_arm("wam", tip=tip, joints=_WAM, limits=given, hand=hand)
+    names = None if tip is None else driven_joints(Path(arm), tip, given)
+    return load_arm(arm, tip=tip, joints=names, limits=given, hand=hand)
+
+
+def driven_joints(path: Path, tip: str, limits: str | LimitSet | None) -> Sequence[str] | None:
+    """Return the joints between base and tip that have a range, a torque and a speed.
+
+    None where the file is of a kind that nobody reads.
+    """
+    if path.suffix not in (".urdf", ".xml", ".mjcf") or limits in LIMIT_SETS:
+        return None
+    stated = read_urdf(path) if path.suffix == ".urdf" else read_mjcf(path)
+    model = stated.model
+    carried = model.supports[frame_of(model, tip).parentJoint]
+    chain = [model.names[k] for k in list(carried)[1:]]
+    more = limits.fitted(chain) if isinstance(limits, LimitSet) else {}
+    found = [
+        name
+        for name in chain
+        if name not in stated.mimics
+        and (name in stated.ranges or name in more.get("lower", {}))
+        and (name in stated.torque or name in more.get("torque", {}))
+        and (name in stated.speed or name in more.get("speed", {}))
+    ]
+    if len(found) < 3:
+        wanted = f"three joints up to {tip!r} with a range, a torque and a speed"
+        raise ModelError(str(path), wanted, ", ".join(found) or "none", do=stated.how)  # fmt: skip
+    return found

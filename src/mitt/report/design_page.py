@@ -1,0 +1,92 @@
+"""The page that ``mitt design`` leaves behind: what the arm can catch, and what would help."""
+
+from pathlib import Path
+
+from mitt.design.design import Design
+from mitt.design.geometry import Balls
+from mitt.design.help import Help, help_of
+from mitt.files.files import write_text
+from mitt.report.figures.design import pose_picture, rate_by_speed
+from mitt.report.page import Section, number, page
+from mitt.world.scene import Scene
+
+_SECTIONS = (
+    Section("summary", "Summary", "What the arm can catch"),
+    Section("poses", "Poses", "How it waits, and how it catches"),
+    Section("speeds", "Speeds", "Rate against the speed of the throws"),
+    Section("help", "What would help", "What would help"),
+)
+
+
+def write_design_page(path: Path, found: Design, scene: Scene, *, command: str) -> None:
+    """Write the page of a design.
+
+    Args:
+        path: The file.
+        found: What was found.
+        scene: The world in which it was tried.
+        command: The command that found it.
+    """
+    best = found.best
+    arm = None if best is None else best.candidate.arm(found.whole)
+    pictures = [] if best is None or arm is None else [
+        ("ready", pose_picture(arm, scene, best.candidate.ready, catch=False).png),
+        ("catch", pose_picture(arm, scene, best.candidate.q[list(best.candidate.free)],
+                               catch=True).png),
+    ]  # fmt: skip
+    helps = [] if best is None else help_of(found.whole, best.candidate, Balls())
+    write_text(
+        path,
+        page(
+            "design", _SECTIONS, title=f"What {found.whole.model.name} can catch",
+            command=command, found=found, best=best, pictures=pictures, helps=_rows(helps),
+            advice=advice_of(found, helps), limits=found.whole.limits.name,
+            plot=rate_by_speed(found.rows).svg if found.rows else "",
+        ),
+    )  # fmt: skip
+
+
+def advice_of(found: Design, helps: list[Help]) -> list[str]:
+    """Return in words what would help."""
+    out = []
+    gains = [x for x in helps if x.relative_m_s - x.quicker_m_s > 0.1]
+    if gains:
+        most = max(gains, key=lambda x: x.relative_m_s - x.quicker_m_s)
+        out.append(
+            f"Were {most.joint} half as quick again, the ball could meet the hand at"
+            f" {most.quicker_m_s:.1f} instead of {most.relative_m_s:.1f} m/s."
+        )
+    elif helps and helps[0].relative_m_s > 1.0:
+        out.append(
+            "No single joint, half as quick again, would make the catch softer: several are at"
+            " their limits at once. A longer arm or quicker drives altogether would."
+        )
+    lost = [row for row in found.rows if row.feasible < row.throws and row.binding_limit]
+    if lost:
+        first = lost[0]
+        kind, _, joint = (first.binding_limit or "").partition(":")
+        what = _WHAT.get(kind, f"what binds is {first.binding_limit}").format(joint)
+        out.append(f"At {first.speed_m_s:g} m/s the first balls are lost: {what}.")
+    return out
+
+
+#: What a limit that binds means.
+_WHAT = {
+    "speed": "{0} is too slow",
+    "torque": "{0} is too weak",
+    "range": "the range of {0} ends",
+    "brake": "{0} has too little room to come to rest after the catch",
+    "impact": "the impact would drive {0} beyond its speed",
+    "acceleration": "{0} may not speed up quickly enough",
+    "region": "the catch would be outside the region that the map was learned for ({0})",
+    "domain": "the flights leave the domain of the map, throws from less far would help",
+    "grip": "the fingers would not hold the ball",
+}
+
+
+def _rows(helps: list[Help]) -> list[tuple[str, ...]]:
+    """Return the rows of the table."""
+    return [
+        (x.joint, number(100.0 * x.share, 0), number(x.relative_m_s, 2), number(x.quicker_m_s, 2))
+        for x in helps
+    ]

@@ -1,0 +1,156 @@
+"""Shapes of the links of a description file: meshes where they are there, and simple solids.
+
+Meshes are looked for as ``package://NAME/...`` in a folder NAME above or beside the file and in
+``ROS_PACKAGE_PATH``; other names below the file's own folder. No other file is opened.
+"""
+
+import os
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path, PurePosixPath
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from mitt.reading import read_bytes
+from mitt.robot.stated import Shape
+from mitt.signals import Array
+
+#: Largest mesh that is read [byte], and what may be one.
+_MAX_BYTES, _KINDS = 50_000_000, (".stl", ".obj", ".ply", ".dae")
+#: Points of the circles that stand for the ends of a cylinder.
+_CIRCLE = 16
+
+
+def urdf_shapes(path: Path, root: Element) -> tuple[tuple[Shape, ...], tuple[str, ...]]:
+    """Return the shapes of the links of a URDF, and notes of what is missing.
+
+    Those of ``collision``, or of ``visual`` where a link has none.
+    """
+    shapes: list[Shape] = []
+    missing: list[str] = []
+    for link in root.findall("link"):
+        name = link.get("name", "")
+        for element in link.findall("collision") or link.findall("visual"):
+            found = _urdf_points(path, element)
+            if found is None:
+                missing.append(name)
+            else:
+                shapes.append(Shape(frame=name, points=found[0], radius=found[1]))
+    return tuple(shapes), missing_notes(missing)
+
+
+def missing_notes(missing: list[str]) -> tuple[str, ...]:
+    """Return a note of the links whose shapes are not known."""
+    if not missing:
+        return ()
+    names = list(dict.fromkeys(missing))
+    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    return (f"no mesh that can be read for {', '.join(names[:3])}{more}: the arm may touch itself"
+            " there, and hides no ball",)  # fmt: skip
+
+
+def _urdf_points(path: Path, element: Element) -> tuple[Array, float] | None:
+    """Return the points of one shape in its link's frame, and a radius about them [m]."""
+    geometry = element.find("geometry")
+    solid = next(iter(geometry), None) if geometry is not None else None
+    try:
+        found = None if solid is None else _solid(path, solid)
+        if found is None:
+            return None
+        points, radius = found
+        origin = element.find("origin")
+        if origin is not None:
+            R = _rpy(_numbers(origin, "rpy", 3, "0 0 0"))
+            points = points @ R.T + _numbers(origin, "xyz", 3, "0 0 0")
+    except ValueError:
+        return None
+    return (points, radius) if np.isfinite(points).all() and np.isfinite(radius) else None
+
+
+def _solid(path: Path, solid: Element) -> tuple[Array, float] | None:
+    """Return the points of a solid, and a radius about them; None where a mesh is missing."""
+    if solid.tag == "box":
+        return box_points(0.5 * _numbers(solid, "size", 3)), 0.0
+    if solid.tag == "sphere":
+        return np.zeros((1, 3)), float(_numbers(solid, "radius", 1)[0])
+    if solid.tag in ("cylinder", "capsule"):
+        radius, half = (float(_numbers(solid, x, 1)[0]) for x in ("radius", "length"))
+        if solid.tag == "capsule":
+            return np.array([[0.0, 0.0, -0.5 * half], [0.0, 0.0, 0.5 * half]]), radius
+        return cylinder_points(radius, 0.5 * half), 0.0
+    if solid.tag != "mesh":
+        return None
+    file = find_mesh(path, solid.get("filename", ""))
+    points = None if file is None else mesh_points(file)
+    return None if points is None else (points * _numbers(solid, "scale", 3, "1 1 1"), 0.0)
+
+
+def _numbers(element: Element, key: str, count: int, default: str = "") -> Array:
+    """Return the numbers of an attribute; ValueError where they are others."""
+    given = np.array([float(x) for x in element.get(key, default).split()])
+    if len(given) != count:
+        raise ValueError(f"{count} numbers for {key}")
+    return given
+
+
+def _rpy(angles: Array) -> Array:
+    """Return the rotation of fixed-axis roll, pitch, yaw, shape (3, 3)."""
+    (a, b, c), (d, e, f) = np.cos(angles), np.sin(angles)
+    return np.array([
+        [c * b, c * e * d - f * a, c * e * a + f * d],
+        [f * b, f * e * d + c * a, f * e * a - c * d],
+        [-e, b * d, b * a],
+    ])  # fmt: skip
+
+
+def box_points(half: Array) -> Array:
+    """Return the corners of a box of half widths [m], shape (8, 3)."""
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    return np.asarray(signs * half)
+
+
+def cylinder_points(radius: float, half: float) -> Array:
+    """Return points about z whose hull holds a cylinder of a half length [m], shape (k, 3)."""
+    angles = 2.0 * np.pi * np.arange(_CIRCLE) / _CIRCLE
+    ring = radius / np.cos(np.pi / _CIRCLE) * np.array([np.cos(angles), np.sin(angles)]).T
+    return np.vstack([np.column_stack((ring, np.full(_CIRCLE, z))) for z in (-half, half)])
+
+
+def find_mesh(path: Path, name: str) -> Path | None:
+    """Return where a mesh of a description file is; None where it is not, or is not to be read."""
+    package = name.startswith(("package://", "model://"))
+    inner = PurePosixPath(name.partition("://")[2] if package else name)
+    outside = inner.is_absolute() or ".." in inner.parts
+    if outside or not inner.parts or inner.suffix.lower() not in _KINDS or "\0" in name:
+        return None
+    if not package:
+        here = path.parent / inner
+        return here if here.is_file() else None
+    return next((x for x in _places(path, inner) if x.is_file()), None)
+
+
+def _places(path: Path, inner: PurePosixPath) -> Iterator[Path]:
+    """Yield where a file of a package may be; the package is the path's first part."""
+    package, rest = inner.parts[0], Path(*inner.parts[1:])
+    yield path.parent / inner
+    for folder in path.absolute().parents:
+        if folder.name == package:
+            yield folder / rest
+    for root in filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)):
+        yield Path(root) / inner
+        if Path(root).name == package:
+            yield Path(root) / rest
+
+
+def mesh_points(file: Path) -> Array | None:
+    """Return the points of a mesh's convex hull [m], shape (k, 3); None if it cannot be read."""
+    import trimesh  # noqa: PLC0415 (heavy, and only for arms with meshes)
+
+    try:
+        content = read_bytes(file, max_bytes=_MAX_BYTES)
+        scene = trimesh.load_scene(BytesIO(content), file_type=file.suffix[1:].lower())
+        points = np.asarray(scene.to_mesh().convex_hull.vertices, dtype=np.float64)
+    except Exception:  # what a reader of meshes raises on broken ones is unknown
+        return None
+    return points if len(points) >= 4 and np.isfinite(points).all() else None

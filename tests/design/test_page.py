@@ -1,0 +1,78 @@
+"""The page of a design, and what would help: laws of the numbers that stand on it."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from mitt.design.candidate import Candidate
+from mitt.design.design import Design
+from mitt.design.geometry import Balls, candidates_of, drawn, triples_of
+from mitt.design.help import QUICKER, help_of
+from mitt.design.speeds import AtSpeed
+from mitt.report.design_page import advice_of, write_design_page
+from mitt.robot.arm import Arm
+from mitt.robot.limits import Limits
+from mitt.world.scenes import read_scene
+
+#: How far the gain of a quicker joint may be off when it is measured on a quicker arm [m/s].
+_ROUNDED = 1e-6
+
+
+def _some(whole: Arm, count: int) -> list[Candidate]:
+    rng = np.random.default_rng(7)
+    rows = drawn(whole, Balls(), triples_of(whole, None), rng, count=2000, floor=-1.0)
+    return candidates_of(whole, Balls(), rows.take(np.arange(count)), rng)
+
+
+def test_a_quicker_joint_never_makes_a_catch_harder(whole: Arm) -> None:
+    helped = 0
+    for c in _some(whole, 60):
+        for x in help_of(whole, c, Balls()):
+            assert x.quicker_m_s <= x.relative_m_s + _ROUNDED
+            assert 0.0 <= x.share <= 0.9 + _ROUNDED
+            helped += x.quicker_m_s < x.relative_m_s - 0.1
+    assert helped > 10
+
+
+def test_only_the_joint_that_is_nearest_to_its_limit_helps(whole: Arm) -> None:
+    for c in _some(whole, 60):
+        rows = help_of(whole, c, Balls())
+        most = max(x.share for x in rows)
+        for x in rows:
+            if x.share < most - _ROUNDED:
+                assert x.quicker_m_s >= x.relative_m_s - 1e-3
+
+
+def test_an_arm_with_that_joint_has_its_share_lowered(whole: Arm) -> None:
+    c = _some(whole, 1)[0]
+    rows = help_of(whole, c, Balls())
+    name = max(rows, key=lambda x: x.share).joint
+    k = whole.names.index(name)
+    limits: Limits = whole.limits
+    speeds = limits.dq_max.copy()
+    speeds[k] *= QUICKER
+    quicker = Arm(whole.model, replace(limits, dq_max=speeds, transmission=np.eye(whole.n)))
+    plain = Arm(whole.model, replace(limits, transmission=np.eye(whole.n)))
+    mine = {x.joint: x.share for x in help_of(plain, c, Balls())}
+    theirs = {x.joint: x.share for x in help_of(quicker, c, Balls())}
+    assert np.isclose(theirs[name] * QUICKER, mine[name])
+
+
+def test_words_name_the_joint_and_the_limit(found: Design, whole: Arm) -> None:
+    row = AtSpeed(speed_m_s=6.0, throws=12, feasible=3, binding_limit="brake:j4")
+    said = advice_of(replace(found, rows=(row,)), help_of(whole, _some(whole, 1)[0], Balls()))
+    assert any("6 m/s" in line and "j4" in line for line in said)
+
+
+def test_the_page_stands_alone(found: Design, tmp_path: Path) -> None:
+    path = tmp_path / "design.html"
+    row = AtSpeed(speed_m_s=6.0, throws=12, feasible=3, binding_limit="speed:j2")
+    scene = read_scene("lab")
+    write_design_page(path, replace(found, rows=(row,)), scene, command="mitt design wam")
+    text = path.read_text()
+    assert "http://" not in text
+    assert "https://" not in text
+    assert "What the arm can catch" in text
+    assert text.count("data:image/png;base64,") == 2
+    assert "speed:j2" in text

@@ -1,0 +1,137 @@
+"""The search: same seed, same design; the contract holds; the file gives the design back."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from design.conftest import TINY, silent
+
+from mitt.cli import main
+from mitt.commands import design as command
+from mitt.design.assay import Task, learned, trials_of
+from mitt.design.design import Design, Origin, design
+from mitt.design.mutation import mutated
+from mitt.design.speeds import AtSpeed, task_at
+from mitt.files.arm_file import open_arm, write_arm_file
+from mitt.robot.arm import Arm
+from mitt.robot.identity import difference, identity_of
+
+KEYS = {
+    "schema", "version", "arm", "found", "reason", "joints", "throws", "feasible",
+    "relative_speed_m_s", "force_n", "fastest_m_s", "by_speed", "seconds",
+}  # fmt: skip
+
+
+@pytest.mark.slow
+def test_the_same_seed_gives_the_same_design(whole: Arm, task: Task, found: Design) -> None:
+    again = design(whole, task, TINY, progress=silent)
+    mine, other = found.as_json(), again.as_json()
+    del mine["seconds"], other["seconds"]
+    assert mine == other
+    assert found.best is not None
+    assert again.best is not None
+    np.testing.assert_array_equal(found.best.candidate.q, again.best.candidate.q)
+
+
+def test_what_is_printed_keeps_the_contract(found: Design) -> None:
+    said = found.as_json()
+    assert set(said) == KEYS
+    assert said["schema"] == "mitt.design/1"
+    assert json.loads(json.dumps(said, allow_nan=False)) == said
+    assert said["found"] or said["reason"] is not None
+    feasible, throws = said["feasible"], said["throws"]
+    assert isinstance(feasible, int)
+    assert isinstance(throws, int)
+    assert 0 <= feasible <= throws
+    assert (said["relative_speed_m_s"] is not None) == said["found"]
+    rows = said["by_speed"]
+    assert isinstance(rows, list)
+    for row in rows:
+        assert set(row) == {"speed_m_s", "throws", "feasible", "binding_limit"}
+
+
+def test_an_arm_file_gives_the_design_back(found: Design, whole: Arm, tmp_path: Path) -> None:
+    best = found.best
+    assert best is not None
+    path = tmp_path / "design.toml"
+    write_arm_file(path, found.arm_file(Origin(arm="wam", limits="wam-80v")))
+    arm, map_design = open_arm(path)
+    mine = best.candidate.arm(whole)
+    assert difference(identity_of(mine), identity_of(arm)) is None
+    assert map_design == best.candidate.design
+    assert arm.model.aim is not None
+    np.testing.assert_allclose(arm.model.aim, best.candidate.aim, atol=1e-12)
+
+
+def test_throws_are_aimed_where_the_design_wants_them(
+    found: Design, whole: Arm, task: Task
+) -> None:
+    best = found.best
+    assert best is not None
+    f = learned(whole, best.candidate, task)
+    assert f is not None
+    trials = trials_of(f, task, throws=2, seed=70)
+    assert [trial.index for trial in trials] == [0, 1]
+    assert trials == trials_of(f, task, throws=2, seed=70)
+
+
+def test_small_changes_stay_in_the_ranges_and_keep_the_aim_near_the_hand(
+    found: Design, whole: Arm
+) -> None:
+    assert found.best is not None
+    c = found.best.candidate
+    for k in range(50):
+        changed = mutated(whole, c, np.random.default_rng(k), size=1.0, moves=True)
+        assert np.all((changed.q >= whole.q_min) & (changed.q <= whole.q_max))
+        moved = whole.position(changed.q) - whole.position(c.q)
+        assert np.linalg.norm(changed.aim[0] - c.aim[0] - moved) < 0.5
+        np.testing.assert_array_equal(changed.aim[1], c.aim[1])
+        assert changed.kappa >= 1.0
+        still = mutated(whole, c, np.random.default_rng(k), size=1.0, moves=False)
+        np.testing.assert_array_equal(still.aim, c.aim)
+
+
+def test_throws_of_one_speed_leave_with_it(task: Task) -> None:
+    ranges = task_at(task, 4.0).ranges
+    assert ranges is not None
+    assert ranges.speed[0] < 4.0 < ranges.speed[1]
+    assert task_at(task, 4.0).balls.speed < 4.0
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        (["nobody.urdf", "--tip", "hand"], "nobody.urdf"),
+        (["robot.txt"], "robot.txt"),
+        (["wam", "--joints", "j1,j2"], "--joints"),
+        (["wam", "--joints", "j1,j2,j9"], "j9"),
+        (["wam", "--limits", "nothing"], "nothing"),
+        (["wam", "--aim", "1,2"], "--aim"),
+        (["wam", "--aim", "nan,0,0"], "--aim"),
+        (["wam", "--seed", "-1"], "--seed"),
+        (["wam", "--tip", "hand"], "tip"),
+    ],
+)
+def test_bad_input_is_one_line(
+    words: list[str], wanted: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["design", *words, "--out", str(tmp_path / "d.toml"), "--check"]) == 2
+    said = capsys.readouterr().err.strip()
+    assert wanted in said
+    assert len(said.splitlines()) == 1
+
+
+def test_an_arm_that_cannot_is_told_so_and_no_file_is_written(
+    whole: Arm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    row = AtSpeed(speed_m_s=3.0, throws=12, feasible=2, binding_limit="speed:j2")
+    lost = Design(whole=whole, found=False, reason="too slow", best=None, fastest=2.5, rows=(row,))
+    monkeypatch.setattr(command, "design", lambda *_, **__: lost)
+    out = tmp_path / "d.toml"
+    assert main(["design", "wam", "--out", str(out), "--json", "--workers", "1"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert not said["found"]
+    assert said["fastest_m_s"] == 2.5
+    assert said["by_speed"][0]["binding_limit"] == "speed:j2"
+    assert not out.exists()

@@ -1,0 +1,67 @@
+"""Limit sets in files: those that ship can be used, others are checked."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mitt.errors import MittError, UnknownNameError
+from mitt.files.limit_files import read_limits, shipped
+from mitt.robot.limit_sets import KINDS
+
+TEXT = 'schema = "mitt.limits/1"\n[limits]\njoints = ["a", "b"]\nspeed = [1.0, 2.0]\n'
+
+
+def test_common_arms_have_a_set() -> None:
+    """At least these; each names its source, and has speed and torque of all joints."""
+    wanted = {
+        "franka-panda", "franka-fr3", "ur3e", "ur5e", "ur10e", "kuka-iiwa7", "kuka-iiwa14",
+        "kinova-gen3", "xarm6", "xarm7", "so-101",
+    }  # fmt: skip
+    assert wanted <= set(shipped())
+    folder = Path(__file__).parents[2] / "src/mitt/data/limits"
+    for name in shipped():
+        limits = read_limits(name)
+        assert {"speed", "torque"} <= limits.bounds.keys()
+        assert "# Source" in (folder / f"{name}.toml").read_text()
+        for kind, least, most in (("speed", 0.5, 7.0), ("torque", 1.0, 400.0)):
+            assert np.all((limits.bounds[kind] > least) & (limits.bounds[kind] < most))
+
+
+def test_a_file_is_read_as_it_says(tmp_path: Path) -> None:
+    """Its name is that of the set; what is left out is not there."""
+    path = tmp_path / "mine.toml"
+    path.write_text(TEXT)
+    limits = read_limits(path)
+    assert limits.name == "mine"
+    assert limits.joints == ("a", "b")
+    assert {k: x.tolist() for k, x in limits.bounds.items()} == {"speed": [1.0, 2.0]}
+    assert set(limits.bounds) <= set(KINDS)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "wanted"),
+    [
+        ("mitt.limits/1", "mitt.limits/9", "mitt.limits/1"),
+        ("speed", "velocity", "one of joints, lower, upper, speed"),
+        ("[1.0, 2.0]", "[1.0]", "shape"),
+        ("[1.0, 2.0]", "[1.0, -2.0]", "above 0"),
+        ("[1.0, 2.0]", "[1.0, inf]", "finite"),
+        ('"a", "b"', '"a", "a"', "different names"),
+        ("speed", "lower", "both ends"),
+    ],
+)
+def test_what_cannot_be_is_refused(tmp_path: Path, before: str, after: str, wanted: str) -> None:
+    """One line each."""
+    path = tmp_path / "mine.toml"
+    path.write_text(TEXT.replace(before, after))
+    with pytest.raises(MittError, match=wanted) as caught:
+        read_limits(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_unknown_name_lists_the_known_ones() -> None:
+    """Those of the WAM too."""
+    with pytest.raises(UnknownNameError, match="franka-fr3") as caught:
+        read_limits("panda")
+    assert "wam-80v" in str(caught.value)

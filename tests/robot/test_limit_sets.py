@@ -1,0 +1,88 @@
+"""Limit sets: fitted to an arm by name or order, or refused in one line."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from robot.test_load import urdf
+
+from mitt.errors import MittError, ModelError
+from mitt.robot.limit_sets import LimitSet
+from mitt.robot.load import load_arm
+
+_NAMES = ["j1", "j2", "j4"]
+
+
+def _set(joints: tuple[str, ...], **bounds: list[float]) -> LimitSet:
+    """Return a set."""
+    return LimitSet(name="own", joints=joints, bounds={k: np.array(x) for k, x in bounds.items()})
+
+
+def test_a_set_goes_before_the_file(tmp_path: Path) -> None:
+    """Torque and speed are the set's, the range is the tighter one, what is left out the file's."""
+    path = urdf(tmp_path / "a.urdf")
+    own = _set(("1", "2", "4"), torque=[10.0, 20.0, 40.0], lower=[-9.0, -1.0, -1.5],
+               upper=[9.0, 9.0, 1.5], acceleration=[3.0, 4.0, 5.0], jerk=[30.0, 40.0, 50.0],
+               torque_rate=[100.0, 200.0, 300.0])  # fmt: skip
+    arm = load_arm(path, tip="l5", joints=_NAMES, limits=own)
+    assert arm.limits.name == "own"
+    assert arm.tau_max.tolist() == [10.0, 20.0, 40.0]
+    assert arm.dq_max.tolist() == [5.0, 5.0, 5.0]
+    assert arm.q_min.tolist() == [-2.0, -1.0, -1.5]
+    assert arm.q_max.tolist() == [2.5, 2.5, 1.5]
+    for bound, wanted in (
+        (arm.limits.acceleration, [3.0, 4.0, 5.0]),
+        (arm.limits.jerk, [30.0, 40.0, 50.0]),
+        (arm.limits.torque_rate, [100.0, 200.0, 300.0]),
+    ):
+        assert bound is not None
+        assert arm.active(bound).tolist() == wanted
+        assert np.isinf(bound[[2, 4]]).all()  # joints that the set does not name
+
+
+def test_a_set_fits_by_order_too(tmp_path: Path) -> None:
+    """As many joints as between base and tip, whatever they are called."""
+    path = urdf(tmp_path / "a.urdf")
+    own = _set(("a", "b", "c", "d", "e"), speed=[1.0, 2.0, 3.0, 4.0, 5.0])
+    arm = load_arm(path, tip="l5", joints=_NAMES, limits=own)
+    assert arm.dq_max.tolist() == [1.0, 2.0, 4.0]
+
+
+def test_another_arms_set_is_refused(tmp_path: Path) -> None:
+    """In one line that names both arms' joints; so are joints in another order."""
+    path = urdf(tmp_path / "a.urdf")
+    for joints in (("a", "b", "c"), ("j2", "j1", "j4")):
+        with pytest.raises(ModelError, match="an arm with the joints"):
+            load_arm(path, tip="l5", joints=_NAMES, limits=_set(joints, speed=[1.0, 1.0, 1.0]))
+    apart = _set(("j1",), lower=[4.0], upper=[5.0])
+    with pytest.raises(ModelError, match="a range that meets"):
+        load_arm(path, tip="l5", joints=_NAMES, limits=apart)
+
+
+def test_a_set_supplies_what_the_file_leaves_out(tmp_path: Path) -> None:
+    """A file without limits and a set with them make an arm."""
+    path = urdf(tmp_path / "a.urdf")
+    stated = '<limit lower="-2" upper="2.5" effort="50" velocity="5"/>'
+    path.write_text(path.read_text().replace(stated, ""))
+    five = ("1", "2", "3", "4", "5")
+    bounds = {"torque": [50.0] * 5, "speed": [5.0] * 5, "lower": [-2.0] * 5, "upper": [2.0] * 5}
+    arm = load_arm(path, tip="l5", joints=_NAMES, limits=_set(five, **bounds))
+    assert arm.q_max.tolist() == [2.0, 2.0, 2.0]
+    assert arm.model.notes == ()
+
+
+@pytest.mark.parametrize(
+    "bounds",
+    [
+        {"speed": [1.0, -1.0]},
+        {"speed": [1.0]},
+        {"speed": [1.0, float("nan")]},
+        {"lower": [0.0, 0.0]},
+        {"lower": [0.0, 1.0], "upper": [1.0, 0.0]},
+        {"power": [1.0, 1.0]},
+    ],
+)
+def test_bounds_that_no_joint_has_are_refused(bounds: dict[str, list[float]]) -> None:
+    """Each in one line."""
+    with pytest.raises(MittError):
+        _set(("a", "b"), **bounds)

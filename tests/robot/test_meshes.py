@@ -1,0 +1,120 @@
+"""Shapes of imported arms: found beside the file and in packages, and never in the hand's place."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from robot.test_load import urdf
+
+from mitt.robot.hands import HandModel
+from mitt.robot.load import load_arm
+from mitt.robot.meshes import find_mesh
+from mitt.robot.shapes import Surroundings, gap, place, shapes_of
+
+_NAMES = ["j1", "j2", "j4"]
+
+
+def _shaped(path: Path, **geometry: str) -> Path:
+    """Write the five-joint arm of test_load with shapes of links."""
+    text = urdf(path).read_text()
+    for link, solid in geometry.items():
+        shape = f'<collision><origin xyz="0 0 0.2" rpy="0 1.5708 0"/><geometry>{solid}</geometry>'
+        text = text.replace(f'<link name="{link}">', f'<link name="{link}">{shape}</collision>')
+    path.write_text(text)
+    return path
+
+
+def _mesh(path: Path, scale: float = 1.0) -> None:
+    """Write a box of 0.1, 0.04 and 0.04 m as a mesh, in other units."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    trimesh.creation.box(extents=np.array([0.1, 0.04, 0.04]) / scale).export(path)
+
+
+def test_solids_become_capsules_of_their_link(tmp_path: Path) -> None:
+    """A cylinder about z, turned about y, lies along x; the base's stands still."""
+    path = _shaped(
+        tmp_path / "a.urdf",
+        l0='<sphere radius="0.1"/>',
+        l2='<cylinder radius="0.03" length="0.4"/>',
+        l4='<box size="0.02 0.02 0.3"/>',
+    )
+    arm = load_arm(path, tip="l5", joints=_NAMES)
+    (base,) = arm.model.base_capsules
+    assert np.allclose([*base.start, base.radius], [0.0, 0.0, 0.2, 0.1], atol=1e-6)
+    (cylinder,) = arm.model.links[1].capsules
+    ends = sorted([cylinder.start, cylinder.end])
+    assert ends[0][0] < -0.15
+    assert ends[1][0] > 0.15
+    assert 0.03 < cylinder.radius < 0.035
+    assert np.allclose([x[2] for x in ends], 0.2, atol=1e-4)
+    assert [len(x.capsules) for x in arm.model.links] == [0, 1, 0, 1, 0]
+    assert arm.model.notes == ()
+
+
+@pytest.mark.parametrize("where", ["beside", "above", "package path", "below"])
+def test_meshes_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str) -> None:
+    """In a package above or beside the file, in ROS_PACKAGE_PATH, or below its folder."""
+    at = {
+        "beside": tmp_path / "own/urdf/robot/meshes/a.stl",
+        "above": tmp_path / "robot/meshes/a.stl",
+        "package path": tmp_path / "share/robot/meshes/a.stl",
+        "below": tmp_path / "own/urdf/meshes/a.stl",
+    }[where]
+    folder = tmp_path / ("robot/urdf" if where == "above" else "own/urdf")
+    folder.mkdir(parents=True)
+    _mesh(at, scale=0.001)
+    monkeypatch.setenv("ROS_PACKAGE_PATH", f"{tmp_path / 'none'}:{tmp_path / 'share'}")
+    name = "meshes/a.stl" if where == "below" else "package://robot/meshes/a.stl"
+    solid = f'<mesh filename="{name}" scale="0.001 0.001 0.001"/>'
+    arm = load_arm(_shaped(folder / "a.urdf", l2=solid), tip="l5", joints=_NAMES)
+    assert arm.model.notes == ()
+    (capsule,) = arm.model.links[1].capsules
+    assert 0.02 * 2.0**0.5 - 1e-6 < capsule.radius < 0.04
+
+
+def test_a_missing_mesh_is_a_note(tmp_path: Path) -> None:
+    """The arm loads without the shape; broken meshes and other files are missing too."""
+    (tmp_path / "broken.stl").write_text("no mesh")
+    (tmp_path / "secret.txt").write_text("solid")
+    for name in ("package://robot/a.stl", "broken.stl", "secret.txt", "../a.stl", "/a.stl", ""):
+        path = _shaped(tmp_path / "a.urdf", l2=f'<mesh filename="{name}"/>')
+        arm = load_arm(path, tip="l5", joints=_NAMES)
+        assert len(arm.model.notes) == 1
+        assert "l2" in arm.model.notes[0]
+        assert arm.model.links[1].capsules == ()
+    assert find_mesh(tmp_path / "a.urdf", "package://robot/../../a.stl") is None
+
+
+def test_a_gripper_makes_room_for_the_hand(tmp_path: Path) -> None:
+    """What the file has beyond the plate of a mounted hand is left out; bare, it stays."""
+    path = _shaped(
+        tmp_path / "a.urdf",
+        l5='<cylinder radius="0.03" length="0.1"/>',
+        l4='<sphere radius="0.1"/>',
+    )
+    bare = load_arm(path, tip="l5", joints=_NAMES)
+    armed = load_arm(path, tip="l5", joints=_NAMES, hand=HandModel())
+    assert len(bare.model.links[4].capsules) == 1
+    assert armed.model.links[4].capsules == ()
+    assert len(armed.model.links[3].capsules) == 1
+
+
+def test_shapes_that_never_meet_are_not_watched(tmp_path: Path) -> None:
+    """Those of neighbours but one, a little apart in all poses; others are watched."""
+    small = '<sphere radius="0.05"/>'
+    path = _shaped(tmp_path / "a.urdf", l1=small, l3=small, l4=small)
+    text = path.read_text().split("<joint ")
+    text[2] = text[2].replace('lower="-2" upper="2.5"', 'lower="-0.01" upper="0.01"')
+    text[2] = text[2].replace('xyz="0.1 0 0.4"', 'xyz="0.1 0 0.0"')
+    text[3] = text[3].replace('xyz="0.1 0 0.4"', 'xyz="0.05 0 0.0"')
+    path.write_text("<joint ".join(text))
+    arm = load_arm(path, tip="l5", joints=_NAMES)
+    shapes = shapes_of(arm, Surroundings())
+    carriers = [tuple(shapes.table[list(pair), 0].astype(int)) for pair in shapes.pairs]
+    assert (0, 2) not in carriers
+    ends = shapes.ends
+    place(arm.bodies, arm.q_ready, shapes.table, ends)
+    rows = {int(row[0]): k for k, row in enumerate(shapes.table)}
+    assert 0.01 < gap(shapes.table, ends, rows[0], rows[2]) < 0.1
+    assert (0, 3) in carriers
