@@ -491,19 +491,3 @@ def test_catchers_with_other_surroundings_stand_in_one_process(arm: Arm, learned
             command = catcher.step(Senses(t=0.001 * k, arm=now))
         commands.append(command.told.tobytes())
     assert len(set(commands)) == 1
-
-
-def test_torques_change_no_faster_than_the_limit_set_allows(
-    arm: Arm, learned: Learned, throws: list[Throw]
-) -> None:
-    """From the second tick on, through the catch and the brake; and the ball is held."""
-    rate = np.full(len(arm.model.links), 2000.0)
-    gentle = Arm(arm.model, replace(arm.limits, torque_rate=rate))
-    f = replace(learned.map, arm=gentle)
-    for limited in (False, True):
-        g = f if limited else learned.map
-        runner = TrialRunner(g.arm, Direct(g), Scene(), pixels=False)
-        trial = runner.run(0, throws[0], seed=3).trial
-        change = np.abs(np.diff(runner.ticks.command[:, 3], axis=0)).max()
-        assert trial.status == "caught"
-        assert (change <= 2.0 + 1e-9) == limited

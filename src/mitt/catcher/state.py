@@ -17,7 +17,7 @@ from mitt.ball.filter import settings_of
 from mitt.catcher.settings import WATCH, CatcherSettings
 from mitt.control import health, monitor
 from mitt.control.hand import pack_grip
-from mitt.control.tracking import NOTES, change_in_a_tick
+from mitt.control.tracking import NOTES
 from mitt.control.viability import Guard
 from mitt.generator.feasibility import trusted, waiting_height
 from mitt.generator.mapping import DirectMap
@@ -74,8 +74,6 @@ class State(NamedTuple):
         closing, grip: As in :mod:`mitt.control.hand`.
         track_notes: For the tracking.
         jump: As in :mod:`mitt.control.margin`.
-        tau_last, tau_change: Torques of the last tick and the largest change in a tick [N m], as
-            of :func:`mitt.control.tracking.limit_rate`, shape (n,).
         blow: Change of the joint speeds that the ball may bring now [rad/s], shape (n,).
         eyes_...: Arrays of :func:`mitt.vision.localization.localize` and of the gaze.
         bounds, shapes, pairs, guard_...: As in :mod:`mitt.control.viability`; encoder_bounds: the
@@ -107,8 +105,6 @@ class State(NamedTuple):
     grip: Array
     track_notes: Array
     jump: Array
-    tau_last: Array
-    tau_change: Array
     blow: Array
     eyes_memory: Array
     eyes_settings: Array
@@ -193,7 +189,6 @@ def fresh_state(
         "ball_work": np.zeros(memory.WORK), "closing": np.array([np.inf]),
         "grip": pack_grip(arm.model.hand, s.ball_radius, s.ball_restitution),
         "track_notes": np.zeros((len(arm.model.links), NOTES)), "jump": np.zeros(n),
-        "tau_last": np.full(n, np.nan), "tau_change": change_in_a_tick(arm),
         "blow": np.zeros(n),
     }  # fmt: skip
     fields |= arm_fields(arm, s.around) | map_fields(f)

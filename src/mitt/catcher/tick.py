@@ -28,7 +28,7 @@ from mitt.control.margin import derate
 from mitt.control.monitor import BRIDGED, believe
 from mitt.control.reserve import HARDEST, choose_stop, stop_by
 from mitt.control.stop import short_of_room
-from mitt.control.tracking import largest_gap, limit_rate, track
+from mitt.control.tracking import largest_gap, track
 from mitt.control.viability import BLOCKED, guard
 from mitt.generator.evaluation import reference, time_to_catch
 from mitt.generator.feasibility import level
@@ -262,7 +262,6 @@ def act(brake: Array, state: State, result: Result) -> int:
         result.command,
         state.track_notes,
     )
-    limit_rate(state.tau_change, state.tau_last, result.command[3])
     _report(passed == BLOCKED, state, result)
     _engage(state, result)
     bring(

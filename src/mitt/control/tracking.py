@@ -17,7 +17,7 @@ from mitt.robot.arm import Arm
 from mitt.robot.dynamics import inverse_dynamics
 from mitt.robot.limits import bound_of, drive_asked, largest_share, saturate
 from mitt.robot.shapes import Surroundings
-from mitt.signals import TICK, ArmState, Array, Command
+from mitt.signals import ArmState, Array, Command
 from mitt.views import view
 
 #: Change of a torque that counts as meeting a limit [N m].
@@ -135,28 +135,6 @@ def track(
     for k in range(n):
         told[3, k] = kept[index[k]]
     return met
-
-
-def change_in_a_tick(arm: Arm) -> Array:
-    """Return the largest change of each active joint's torque in a tick [N m], shape (n,)."""
-    rate = arm.limits.torque_rate
-    return np.full(arm.n, np.inf) if rate is None else TICK * arm.active(rate)
-
-
-@kernel
-def limit_rate(most: Array, last: Array, tau: Array) -> None:
-    """Let torques change by no more than a limit set allows in a tick, in place.
-
-    Args:
-        most: Largest changes in a tick [N m], shape (n,); infinite where the set has none.
-        last: Torques of the tick before [N m], shape (n,), which become those of this tick; not a
-            number before the first.
-        tau: Torques of this tick [N m], shape (n,).
-    """
-    for k in range(len(tau)):
-        if abs(tau[k] - last[k]) > most[k]:
-            tau[k] = last[k] + np.copysign(most[k], tau[k] - last[k])
-        last[k] = tau[k]
 
 
 @kernel
