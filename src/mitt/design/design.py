@@ -144,8 +144,8 @@ def _beyond(best: Worth) -> str | None:
         return None
     over = best.caught - best.clean
     return (
-        f"{over} of the {best.caught} balls were caught with a command beyond a limit; of"
-        " acceleration, jerk and torque rate the controller holds only jerk"
+        f"{over} of the {best.caught} balls were caught with a command beyond a limit;"
+        " acceleration and jerk are held, the rate of torques is not"
     )
 
 
