@@ -1,5 +1,7 @@
 """Gaps between shapes: against MuJoCo, against a brute search, and what the hand's hull holds."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -119,3 +121,13 @@ def test_an_arm_that_begins_in_a_zone_is_refused(arm: Arm) -> None:
     inside = Capsule(start=(x, y, z), end=(x, y, z + 0.1), radius=0.05)
     with pytest.raises(InputError, match="zone 0: wanted 10 mm or more from the arm"):
         shapes_of(arm, Surroundings(zones=(inside,)))
+
+
+def test_a_ball_of_an_arm_is_a_capsule_of_the_plant(arm: Arm) -> None:
+    """MuJoCo has no capsule without length, and a round mesh gives one."""
+    spec = mujoco.MjSpec()
+    ball = Capsule(start=(0.0, 0.0, 0.1), end=(0.0, 0.0, 0.1), radius=0.05)
+    add_arm(spec, replace(arm.model, base_capsules=(ball,)))
+    model = spec.compile()
+    assert model.geom("base_0").size[0] == 0.05
+    assert model.geom("base_0").size[1] <= 1e-4

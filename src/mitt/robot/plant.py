@@ -9,6 +9,9 @@ from mitt.signals import Array
 #: Colours of the pictures: the moving links and what carries them.
 _METAL, _DARK = (0.78, 0.80, 0.83, 1.0), (0.25, 0.27, 0.30, 1.0)
 
+#: Length that a ball gets as a capsule, of which MuJoCo has none without length [m].
+_SHORTEST = 1e-4
+
 
 def add_arm(spec: mujoco.MjSpec, model: ArmModel) -> mujoco.MjsBody:
     """Add the links of an arm, without its hand, to a scene.
@@ -61,10 +64,13 @@ def _add_capsule(
     body: mujoco.MjsBody, capsule: Capsule, *, name: str, rgba: tuple[float, ...]
 ) -> None:
     """Add a capsule that gives shape and contact but no mass."""
+    start, end = np.array(capsule.start), np.array(capsule.end)
+    if np.linalg.norm(end - start) < _SHORTEST:
+        end = start + (0.0, 0.0, _SHORTEST)
     body.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-        fromto=[*capsule.start, *capsule.end],
+        fromto=[*start, *end],
         size=[capsule.radius, 0.0, 0.0],
         mass=0.0,
         rgba=rgba,
