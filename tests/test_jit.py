@@ -102,3 +102,37 @@ def test_a_stamp_covers_all_that_a_file_imports() -> None:
     tick = jit.PACKAGE / "catcher" / "tick.py"
     assert jit.stamp_of(tick) == jit.stamp_of(tick)
     assert jit.stamp_of(tick) != jit.stamp_of(jit.PACKAGE / "views.py")
+
+
+BOTH_WAYS = """
+import numpy as np
+from mitt.jit import kernel
+
+@kernel
+def part(v, k=2, factor=1.0):
+    return factor * v[k]
+
+@kernel
+def whole(v):
+    return part(v) + part(v, 0) + part(v, factor=10.0)
+
+print(whole(np.arange(3.0)), part(np.arange(3.0)), part(np.arange(3.0), 1))
+print(sum(part.stats.cache_hits.values()) + sum(whole.stats.cache_hits.values()))
+"""
+
+
+def test_a_kernel_that_python_and_kernels_call_is_kept_for_both(tmp_path: Path) -> None:
+    """With defaults and names of arguments; a second process takes all from the cache."""
+    script, said = tmp_path / "both_ways.py", []
+    script.write_text(BOTH_WAYS)
+    for _ in range(2):
+        run = subprocess.run(
+            [sys.executable, str(script)], capture_output=True, text=True, check=True,
+            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")},
+        )  # fmt: skip
+        said.append(run.stdout.splitlines())
+    assert said[0] == ["22.0 2.0 1.0", "0"]
+    assert said[1][0] == said[0][0]
+    assert int(said[1][1]) >= 2
+    names = {path.name.split("-")[0] for path in (tmp_path / "cache").rglob("*.nbc")}
+    assert names == {"both_ways.part", "both_ways.part_inner", "both_ways.whole"}

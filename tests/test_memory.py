@@ -143,9 +143,9 @@ def test_no_value_of_the_wrong_shape_or_type_gets_past_a_public_function() -> No
     assert 0.2 * calls < refused < calls
 
 
-def values(catcher: Catcher) -> list[bytes]:
+def values(catcher: Catcher) -> list[str]:
     """Return all that a catcher knows and remembers."""
-    return [x.tobytes() for x in catcher.state]
+    return [repr(x.tolist()) for x in catcher.state]
 
 
 def begun(runner: TrialRunner, ticks: int = UNDER_WAY) -> tuple[Catcher, list[Senses]]:

@@ -107,7 +107,7 @@ def is_cold() -> bool:
     """Tell whether no kernel of this source has been compiled yet."""
     cache = cache_folder()
     return cache is None or not any(
-        _folder_of(PACKAGE / "catcher" / "tick.py", cache).glob("tick.tick*.nbc")
+        _folder_of(PACKAGE / "catcher" / "tick.py", cache).glob("tick.tick_inner-*.nbc")
     )
 
 
@@ -182,8 +182,9 @@ def _general(kind: types.Type) -> types.Type:
 def kernel(function: Callable[..., Any]) -> Any:  # noqa: ANN401
     """Compile a function when it is first called, and keep the compiled code.
 
-    What only kernels call is compiled without the wrapper through which Python calls. A kernel that
-    both call is compiled twice, each time from the same source.
+    What only kernels call is compiled without the wrapper through which Python calls: that is
+    ``inner``. A kernel that both call is compiled twice, each time from the same source. A kernel
+    may not call itself.
     """
     outer = _dispatcher(function)
     inner = _dispatcher(_renamed(function), no_cpython_wrapper=True)
@@ -195,6 +196,7 @@ def kernel(function: Callable[..., Any]) -> Any:  # noqa: ANN401
         return template([_general(kind) for kind in args], known)
 
     outer.get_call_template, outer.get_overload = general_template, inner.get_overload
+    outer.inner = inner
     return outer
 
 
@@ -207,7 +209,9 @@ def _dispatcher(function: Callable[..., Any], **options: bool) -> Any:  # noqa: 
 def _renamed(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return the same function by another name, so that its compiled code is kept beside."""
     code, name = function.__code__, f"{function.__qualname__}_inner"
-    other = FunctionType(code, function.__globals__, name, function.__defaults__)
+    other = FunctionType(
+        code, function.__globals__, name, function.__defaults__, function.__closure__
+    )
     other.__qualname__, other.__module__ = name, function.__module__
     other.__kwdefaults__ = function.__kwdefaults__
     return other

@@ -45,14 +45,18 @@ def define(handle: type[Handle], of: type[tuple[Any, ...]]) -> None:
 
 
 @lru_cache(maxsize=8)
-def _layout(names: tuple[str, ...], kinds: tuple[type, ...]) -> np.dtype[np.void]:
+def _layout(fields: tuple[tuple[str, type], ...]) -> np.dtype[np.void]:
     """Return the layout of a record, aligned as compiled code likes it."""
-    return np.dtype(list(zip(names, kinds, strict=True)), align=True)
+    return np.dtype(list(fields), align=True)
 
 
-def record_of(values: dict[str, Any]) -> Record:
-    """Return a record of single numbers, shape (1,)."""
-    layout = _layout(tuple(values), tuple(np.asarray(x).dtype.type for x in values.values()))
-    record = np.zeros(1, layout)  # what lies between the numbers is zero too
-    record[0] = tuple(values.values())
+def record_of(values: dict[str, bool | float], like: dict[str, bool | float]) -> Record:
+    """Return a record of single numbers, shape (1,).
+
+    Args:
+        values: The numbers by name.
+        like: The same names; a field has the type that its number has here, whatever is given.
+    """
+    record = np.zeros(1, _layout(tuple((name, type(x)) for name, x in like.items())))
+    record[0] = tuple(values[name] for name in like)
     return record

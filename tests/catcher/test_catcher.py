@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numba import typeof
+from support import ball_state
 
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
 from mitt.catcher.state import arm_fields
@@ -14,15 +16,18 @@ from mitt.control.monitor import GOOD_TICKS, LOSSY_TICKS, SILENT_TICKS
 from mitt.errors import InputError
 from mitt.generator.design import default_design
 from mitt.generator.feasibility import Outcome as Feasible
+from mitt.generator.feasibility import waiting_height
 from mitt.generator.generators import Direct, Unoptimised, refining
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import unlearned
+from mitt.generator.several import Several
 from mitt.robot.arm import Arm
 from mitt.robot.description import Capsule
 from mitt.robot.load import load_arm
 from mitt.robot.shapes import Surroundings
 from mitt.signals import ArmState, Command, Senses, Sighting
 from mitt.trials.learning import learn
+from mitt.trials.registry import make_generator
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.score import held
 from mitt.trials.source import aim_of
@@ -78,9 +83,9 @@ def logs_equal(a: LoggedTrial, b: LoggedTrial) -> bool:
     return a.trial == b.trial and all(np.array_equal(x, y) for x, y in pairs)
 
 
-def values(catcher: Catcher) -> list[bytes]:
+def values(catcher: Catcher) -> list[str]:
     """Return all fields of a catcher's state and result."""
-    return [x.tobytes() for x in (*catcher.state, *catcher.result)]
+    return [repr(x.tolist()) for x in (*catcher.state, *catcher.result)]
 
 
 def stepped(
@@ -491,3 +496,31 @@ def test_catchers_with_other_surroundings_stand_in_one_process(arm: Arm, learned
             command = catcher.step(Senses(t=0.001 * k, arm=now))
         commands.append(command.told.tobytes())
     assert len(set(commands)) == 1
+
+
+def test_a_change_of_map_changes_the_waiting_height(arm: Arm) -> None:
+    """A ball's stand-in is led to the height at which the map that is followed catches."""
+    several = make_generator("several", learn(arm).map)
+    assert isinstance(several, Several)
+    catcher = Catcher(arm, several, Eyes(fixed_rig()), settings=CatcherSettings())
+    heights = []
+    for f in (one.map for one in several.maps):
+        dr = np.array([-5.0, 0.0, 2.0])
+        start = arm.position(f.start) - 0.4 * dr + 0.08 * np.array([0.0, 0.0, 9.81])
+        catcher._generator = Direct(f)
+        catcher._adapt(ball_state(start, dr, np.array([0.0, 0.0, -9.81])))
+        followed = catcher._generator.as_map()
+        assert followed is not None
+        assert catcher.state.scalars["waiting_height"][0] == waiting_height(followed)
+        heights.append(waiting_height(followed))
+    assert len(set(heights)) > 1
+
+
+def test_generators_that_are_no_map_run_the_same_kernels(arm: Arm, learned: Learned) -> None:
+    """Their states have the same type: nothing is compiled anew for them."""
+    kinds = {
+        typeof(Catcher(arm, generator, Eyes(fixed_rig()), settings=CatcherSettings())
+               .kernel_arguments[1])
+        for generator in (Direct(learned.map), make_generator("quintic", learned.map))
+    }  # fmt: skip
+    assert len(kinds) == 1

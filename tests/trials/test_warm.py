@@ -22,8 +22,9 @@ class Spy:
     """Stands in the place of a kernel and notes for which types it is compiled."""
 
     def __init__(self) -> None:
-        """Start without any."""
+        """Start without any; what kernels call of it is noted too."""
         self.types: list[tuple[Any, ...]] = []
+        self.inner = self
 
     def compile(self, types: tuple[Any, ...]) -> None:
         """Note them."""

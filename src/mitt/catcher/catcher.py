@@ -53,7 +53,7 @@ from mitt.control.health import ENCODER_REASONS, is_lost
 from mitt.control.monitor import doubted, good_again
 from mitt.control.stopped import StoppedBy
 from mitt.errors import InputError, ShapeError
-from mitt.generator.feasibility import Outcome, Verdict, is_far
+from mitt.generator.feasibility import Outcome, Verdict, is_far, waiting_height
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.mapping import DirectMap
 from mitt.generator.several import Several
@@ -380,8 +380,10 @@ class Catcher:
         self._eyes.reset()
         fresh = begun_with(self._blank, self._eyes)  # the hand opens, a ball drops
         fresh.estimated[:] = self.estimated
-        self.state, self.result = fresh, fresh_result(self._arm.n, max(self._eyes.heads, 1))
-        self._show()
+        nothing = fresh_result(self._arm.n, max(self._eyes.heads, 1))
+        for old, new in ((self.state, fresh), (self.result, nothing)):
+            for mine, value in zip(old, new, strict=True):
+                mine[...] = value
         self._verdict, self._unasked, self.certificate, self.t_0 = None, None, None, np.inf
         self._generator, self._phase, self.stopped_by = self._given, WATCH, None
 
@@ -486,6 +488,7 @@ class Catcher:
         f = self._generator.as_map()
         if f is not None:
             self._write(map_fields(f))
+            self._scalars["waiting_height"] = waiting_height(f)
 
     def _review(self, ball: BallState) -> None:
         """Follow another map where the present one cannot catch any more what it could at first."""

@@ -26,7 +26,9 @@ _RESULT = {
 
 
 class Result(NamedTuple):
-    """What a tick brought about, and the next one starts from; or k ticks, with k rows in each.
+    """What a tick brought about, and the next one starts from.
+
+    Those of k ticks are kept in one as well, with k rows in each array.
 
     Attributes:
         scalars: Single numbers, shape (1,):
@@ -112,7 +114,7 @@ class Tick:
 def fresh_result(n: int, heads: int = 1) -> Result:
     """Return the result of no tick for ``n`` joints."""
     shapes = (2, n), (3, 3), (6, 6), (6, n), (5, n), (heads, 4)
-    return Result(record_of(_RESULT), *(np.zeros(shape) for shape in shapes))
+    return Result(record_of(_RESULT, _RESULT), *(np.zeros(shape) for shape in shapes))
 
 
 def room_for(result: Result, ticks: int) -> Result:

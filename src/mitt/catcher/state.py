@@ -16,6 +16,7 @@ from mitt.ball import memory
 from mitt.ball.filter import settings_of
 from mitt.catcher.settings import WATCH, CatcherSettings
 from mitt.control import health, monitor
+from mitt.control.envelope import bounds_of
 from mitt.control.hand import pack_grip
 from mitt.control.tracking import NOTES
 from mitt.control.viability import Guard
@@ -157,11 +158,11 @@ def fresh_state(
     arm: Arm, eyes: Eyes, settings: CatcherSettings, f: DirectMap | None, *, several: bool = False,
     sigma_ready: float = np.inf,
 ) -> State:  # fmt: skip
-    """Return what a catcher knows and remembers at the start of a throw; arrays of its own.
+    """Return what a catcher knows and remembers at the start of a throw.
 
     Args:
         arm: The arm.
-        eyes: Its eyes, whose arrays the state shares.
+        eyes: Its eyes, whose arrays the state shares; all others are its own.
         settings: Of the catcher.
         f: The map, if the generator is one.
         several: Whether there are several maps to choose from.
@@ -176,7 +177,7 @@ def fresh_state(
         "waiting_height": 0.0 if f is None else waiting_height(f),
     }  # fmt: skip
     fields: Fields = {
-        "scalars": record_of(scalars),
+        "scalars": record_of(scalars, _STATE),
         "estimated": np.array([arm.q_ready, still]),
         "desired": np.array([arm.q_ready, still, still]),
         "last": np.array([arm.q_ready, still, still]),
@@ -208,7 +209,7 @@ def arm_fields(arm: Arm, around: Surroundings) -> Fields:
     guard, links = Guard(arm, around), len(arm.bodies)
     return {
         "bounds": guard.bounds,
-        "encoder_bounds": guard.bounds,
+        "encoder_bounds": bounds_of(arm, commanded=False),
         "shapes": guard.shapes.table,
         "pairs": guard.shapes.pairs,
         "guard_known": guard.known,
@@ -228,8 +229,8 @@ def arm_fields(arm: Arm, around: Surroundings) -> Fields:
 def map_fields(f: DirectMap | None) -> Fields:
     """Return a map as the kernels of :mod:`mitt.generator.evaluation` take it; empty without."""
     if f is None:
-        empty = {name: np.zeros(0) for name in ("packed", "alpha", "start", "map_work")}
-        pairs = {name: np.zeros((0, 0)) for name in ("window", "trusted")}
+        empty = {name: np.zeros(0) for name in ("packed", "start", "map_work")}
+        pairs = {name: np.zeros((0, 0)) for name in ("alpha", "window", "trusted")}
         return empty | pairs | {"powers": np.zeros((0, 0), np.int64)}
     return {
         "packed": f.packed,

@@ -25,7 +25,7 @@ from mitt.control.stop import (
     scratch_of,
     torque_share,
 )
-from mitt.robot.arm import Arm
+from mitt.robot.arm import Arm, trusted_deceleration
 from mitt.signals import TICK, Array
 
 #: Shares of their own rate at which the joints brake that have room.
@@ -96,7 +96,7 @@ def plan_brake(arm: Arm, t: float, motion: Array) -> Brake:
         t: Time at which to start [s].
         motion: q, dq, ddq at that time, shape (3, n).
     """
-    rate = arm.tau_max / np.diag(arm.mass_matrix(motion[0]))
+    rate = trusted_deceleration(arm, motion[0])
     urgent = int(np.argmax(_urgency(arm, motion, rate)))
     ends, w = np.array([arm.q_min, arm.q_max]), scratch_of(arm)
     tried = []

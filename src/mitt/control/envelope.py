@@ -39,16 +39,26 @@ _APPROACH = 0.006
 _POSES, _SEED = 256, 1
 
 
-def bounds_of(arm: Arm) -> Array:
+def bounds_of(arm: Arm, *, commanded: bool = True) -> Array:
     """Return the limits of the active joints with their gaps, shape (6, n).
 
     The trusted deceleration is that of the joint alone in the ready pose; ``ddq_max`` is what the
     torques of all joints together can bring in any of many poses, so that it binds nothing that
-    an arm within its torques can do. Where the limit set has accelerations, both are at most those.
+    an arm within its torques can do. Where the limit set has accelerations, both are at most those,
+    and where it has no jerk besides, the acceleration may swing from one end to the other in a
+    tick: then position, speed and acceleration of a command are one motion.
+
+    Args:
+        arm: The arm.
+        commanded: Whether commands are bounded, which keep the accelerations of the limit set;
+            else what the arm itself can do by its torques.
     """
-    none = np.full(arm.n, np.inf)
-    jerk, most = arm.limits.jerk, arm.limits.acceleration
-    most = none if most is None else arm.active(most)
+    limits, none = arm.limits, np.full(arm.n, np.inf)
+    jerk = none if limits.jerk is None else arm.active(limits.jerk)
+    most = none
+    if commanded and limits.acceleration is not None:
+        most = arm.active(limits.acceleration)
+        jerk = np.minimum(jerk, 2.0 * most / TICK)
     brake = np.minimum(arm.tau_max / np.diag(arm.mass_matrix(arm.q_ready)), most)
     return np.array(
         [
@@ -57,7 +67,7 @@ def bounds_of(arm: Arm) -> Array:
             _SPEED_SHARE * arm.dq_max,
             brake,
             np.minimum(np.maximum(_largest_acceleration(arm), brake), most),
-            none if jerk is None else arm.active(jerk),
+            jerk,
         ]
     )
 

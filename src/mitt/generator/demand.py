@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitt.jit import kernel
-from mitt.robot.arm import Arm, Tables
+from mitt.robot.arm import Arm, Tables, trusted_deceleration
 from mitt.robot.dynamics import inverse_dynamics, notes_of
 from mitt.robot.limits import drive_asked, torque_share
 from mitt.signals import Array
@@ -166,6 +166,6 @@ def shares_of(arm: Arm, motion: Array, tolerance: Tolerance) -> dict[str, float]
 
 def _rest(arm: Arm, motion: Array, strength: float) -> Array:
     """Return where each joint, braking alone from q, dq at the catch, comes to rest [rad], (n,)."""
-    rate = strength * arm.tau_max / np.diag(arm.mass_matrix(motion[0]))
+    rate = trusted_deceleration(arm, motion[0], strength)
     way: Array = motion[0] + motion[1] * (_GRASP + 0.5 * np.abs(motion[1]) / rate)
     return way

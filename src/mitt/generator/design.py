@@ -114,6 +114,8 @@ def default_design(
     """
     if arm.n < 3:
         raise InputError("--joints", "at least three active joints", arm.n)
+    if base is not None:
+        check_joints(arm, base)
     usually = arm.n - 1 if base is None else base.catch_joint
     i = usually if catch_joint is None else catch_joint
     i = checks.whole("--catch-joint", i, least=0, most=arm.n - 1)

@@ -26,7 +26,7 @@ from mitt.signals import Array, BallState, JointReference
 
 #: Share of each limit in units of which maps are compared: one that keeps them is preferred. The
 #: arm may be weaker, or carry more, than it is told: a fifth of its torque is no part of the brake.
-_CHOICE = Tolerance(torque=1.25, speed=1.0, strength=0.8)
+_CHOICE = Tolerance(torque=1.25, speed=1.0, acceleration=1.0, strength=0.8)
 
 
 @final

@@ -238,3 +238,16 @@ class Arm:
     def _checked(self, name: str, x: Array) -> Array:
         """Return numbers of the active joints as kernels take them; refuse any other shape."""
         return checks.vector(name, x, self.n)
+
+
+def trusted_deceleration(arm: Arm, q: Array, strength: float = 1.0) -> Array:
+    """Return what each joint alone can brake with in a pose [rad/s^2], shape (n,).
+
+    Args:
+        arm: The arm.
+        q: Pose of the active joints [rad], shape (n,).
+        strength: Share of its torques that the arm has.
+    """
+    rate: Array = strength * arm.tau_max / np.diag(arm.mass_matrix(q))
+    most = arm.limits.acceleration
+    return rate if most is None else np.minimum(rate, arm.active(most))

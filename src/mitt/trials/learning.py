@@ -57,8 +57,9 @@ def learn(
     ):
         if value is not None:
             checks.instance(name, value, kind)
-    if arm.model.aim is not None:
-        around = replace(around or Neighbourhood(), hopeless=_HOPELESS)
+    around = around or Neighbourhood()
+    if arm.model.aim is not None and not np.isfinite(around.hopeless):
+        around = replace(around, hopeless=_HOPELESS)
     if flights is None:
         start = unlearned(arm, design)
         flights = neighbourhood(start, np.random.default_rng(seed), around)

@@ -101,11 +101,19 @@ def neighbourhood(
 
 
 def _about(settings: Neighbourhood, aim: Array | None) -> Neighbourhood:
-    """Return settings for an arm that says where it wants its balls: that box, and a margin."""
+    """Return settings for an arm that says where it wants its balls: that box, and a margin.
+
+    Box and descent that are not the usual ones stay as they are given.
+    """
     if aim is None:
         return settings
-    x, y, z = (np.maximum(_WIDER * aim[1], _NARROWEST)).tolist()
-    return replace(settings, box=(x, y, z), descent=_DESCENT)
+    usual, (x, y, z) = Neighbourhood(), np.maximum(_WIDER * aim[1], _NARROWEST).tolist()
+    box = (x, y, z) if settings.box == usual.box else settings.box
+    return replace(
+        settings,
+        box=box,
+        descent=_DESCENT if settings.descent == usual.descent else settings.descent,
+    )
 
 
 def _draw(f: DirectMap, rng: np.random.Generator, settings: Neighbourhood) -> tuple[_Motion, float]:
@@ -179,7 +187,9 @@ def _sampled(
         return None
     t = np.linspace(t_0, t_c + settings.after, settings.instants)
     ball = np.array([_row(motion, x, drag) for x in t])
-    if np.isfinite(settings.hopeless) and _hopeless(f, ball, settings.hopeless):
+    if np.isfinite(settings.hopeless) and _hopeless(
+        f, ball, settings.hopeless, int(np.sum(t <= t_c)) - 1
+    ):
         return None
     seen = ball[0].copy()
     seen[0] += settings.sigma_r * rng.standard_normal(3)
@@ -187,15 +197,15 @@ def _sampled(
     return Flight(t=t, ball=ball, seen=seen)
 
 
-def _hopeless(f: DirectMap, ball: Array, share: float) -> bool:
+def _hopeless(f: DirectMap, ball: Array, share: float, catch: int) -> bool:
     """Say whether a flight leaves the domain of l_c^-1, or comes so near to its edge.
 
     There the virtual joints turn as fast as one likes, and a few such flights would decide what
-    is learned.
+    is learned. From row ``catch`` on the ball is at the hand.
     """
     for k, motion in enumerate(ball):
         inside, rows = f.virtual(motion)
-        most = _AT_CATCH if k == len(ball) - 1 else share
+        most = _AT_CATCH if k >= catch else share
         if not inside or bool(np.any(np.abs(rows[1]) > most * f.arm.dq_max)):
             return True
     return False

@@ -143,6 +143,10 @@ def widened(source: Source, throws: ThrowSettings) -> Source:
     aim = source.aim
     if throws.at is not None and throws.around is not None:
         aim = _box(np.array([throws.at, throws.around]))
+        raised = throws.at[2] - _AIM_HEIGHT
+        low, high = ThrowRanges().height
+        given = {"height": (low + raised, high + raised)} | given
+        source = replace(source, catch_point=np.array(throws.at))
     middle, half = 0.5 * (aim.q_low + aim.q_high), 0.5 * throws.spread * (aim.q_high - aim.q_low)
     if throws.spread != 1.0:
         aim = Aim(position=aim.position, q_low=middle - half, q_high=middle + half)

@@ -89,20 +89,20 @@ def _compile_eyes(f: DirectMap, scene: Scene, ball: Throw | BallPath, pixels: bo
         catcher.learn_background(views)
     _, state, result = catcher.kernel_arguments
     q = np.zeros(f.arm.n)
-    _compile(perceive, NOTHING, catcher.backgrounds, 0, 0.0, 0.0, q, q, state, result)
+    _compile(perceive.inner, NOTHING, catcher.backgrounds, 0, 0.0, 0.0, q, q, state, result)
 
 
 def _compile_arm(f: DirectMap, scene: Scene, ball: Throw | BallPath, pixels: bool) -> None:
     """Compile what moves the arm, in the catcher and in the world."""
     runner, catcher = _prepared(f, scene, ball, pixels=pixels)
     brake, state, result = catcher.kernel_arguments
-    _compile(act, brake, state, result)
-    _compile(refer, state, result)
-    _compile(undecided, 0, state, result)
+    _compile(act.inner, brake, state, result)
+    _compile(refer.inner, state, result)
+    _compile(undecided.inner, 0, state, result)
     stage = runner.world.stage
     if stage is not None:
         rows, tau = stage.tape.reserve(2), catcher.result.command[3]
-        _compile(move, stage.plant, tau, 0.0, rows)
+        _compile(move.inner, stage.plant, tau, 0.0, rows)
 
 
 def _prepared(
