@@ -26,7 +26,7 @@ from mitt.world.scene import Scene
 from mitt.world.throws import Throw
 
 #: Kernels of a default ``mitt catch``, counted on November 23; how often the bar looks at them [s].
-_KERNELS, _PERIOD = 336, 1.0
+_KERNELS, _PERIOD = 331, 1.0
 #: What the bar says.
 _COMPILING = "compiling, once"
 
