@@ -49,9 +49,9 @@ def tell_of_kernels() -> None:
 
     if cache_folder() is None:
         tell("compiled code cannot be kept, since no folder for it can be written: each start "
-             "compiles for 2 to 3 minutes; set NUMBA_CACHE_DIR to a folder of yours")  # fmt: skip
+             "compiles for 1 to 2 minutes; set NUMBA_CACHE_DIR to a folder of yours")  # fmt: skip
     elif is_cold():
-        tell("compiling, once: 2 to 3 minutes")
+        tell("compiling, once: 1 to 2 minutes")
 
 
 @contextmanager
