@@ -115,6 +115,36 @@ def test_what_cannot_be_is_refused(tmp_path: Path, before: str, after: str, want
     assert "\n" not in str(caught.value)
 
 
+_PARSED = "<worldbody>"
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "wanted"),
+    [
+        ('meshdir="assets"', 'meshdir="/tmp/x"', "below its own folder"),
+        ('meshdir="assets"', 'assetdir="../x"', "below its own folder"),
+        ('meshdir="assets"', r'texturedir="..\x"', "below its own folder"),
+        ('file="t.png"', 'fileright="/tmp/t.png"', "below its own folder"),
+        (_PARSED, f'{_PARSED}<flexcomp name="f" type="mesh" file="x.obj"/>', "flexible"),
+        ("<asset>", '<asset><model name="m" file="x.xml"/>', "one file"),
+        (_PARSED, f'{_PARSED}<attach model="m" body="b" prefix="p"/>', "one file"),
+        ("<asset>", '<extension><plugin plugin="x"/></extension><asset>', "plugins"),
+        (_PARSED, f'{_PARSED}<replicate count="400"><replicate count="400"><site/></replicate>'
+         "</replicate>", "100000 elements"),
+        (_PARSED, f'{_PARSED}<replicate count="1e9"><site/></replicate>', "whole numbers"),
+        (_PARSED, f'{_PARSED}<composite type="cable" count="99999 9 1"/>', "100000 elements"),
+    ],
+)  # fmt: skip
+def test_other_files_and_endless_copies_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, before: str, after: str, wanted: str
+) -> None:
+    """One line each, before MuJoCo sees the file."""
+    monkeypatch.setattr(mujoco.MjSpec, "from_string", lambda _: pytest.fail("parsed"))
+    with pytest.raises(MittError, match=wanted) as caught:
+        load_arm(_written(tmp_path / "a.xml", (before, after)), tip="tcp", joints=_NAMES)
+    assert "\n" not in str(caught.value)
+
+
 def test_a_loop_of_the_gripper_alone_does_no_harm(tmp_path: Path) -> None:
     """Fingers that an equality joins stay at their neutral place."""
     joined = '<connect body1="left" body2="right" anchor="0 0 0"/>'

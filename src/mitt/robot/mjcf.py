@@ -24,6 +24,7 @@ from mitt.robot.meshes import (
     mesh_points,
     missing_notes,
 )
+from mitt.robot.mjcf_files import check_files
 from mitt.robot.stated import LINK, Shape, Stated
 from mitt.robot.urdf import MAX_BYTES, checked_xml
 from mitt.signals import Array
@@ -47,7 +48,7 @@ def read_mjcf(path: Path) -> Stated:
     root = checked_xml(path, text)
     if root.tag != "mujoco":
         raise FileError(str(path), "an MJCF, <mujoco>...</mujoco>", f"<{root.tag[:40]}>")
-    _check_files(path, root)
+    check_files(path, root)
     speed = _speeds(path, root)
     with heard():
         m, meshes = _compiled(path, text)
@@ -56,14 +57,6 @@ def read_mjcf(path: Path) -> Stated:
         place=str(path), model=_to_pinocchio(m), ranges=_ranges(m), torque=_torques(m),
         speed=speed, loops=_loops(m), shapes=tuple(shapes), notes=missing_notes(missing), how=_HOW,
     )  # fmt: skip
-
-
-def _check_files(path: Path, root: Element) -> None:
-    """Refuse files that are not below the file's own folder."""
-    for element in root.iter():
-        file = element.attrib.get("file", "")
-        if file.startswith(("/", "~", "\\")) or ".." in Path(file).parts:
-            raise FileError(str(path), "meshes below its own folder", repr(file[:60]))
 
 
 def _compiled(path: Path, text: str) -> tuple[mujoco.MjModel, dict[str, _Mesh]]:
