@@ -7,6 +7,8 @@ import pytest
 import trimesh
 from robot.test_load import urdf
 
+from mitt.errors import FileError, ModelError
+from mitt.robot.description import Capsule
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
 from mitt.robot.meshes import find_mesh
@@ -118,3 +120,34 @@ def test_shapes_that_never_meet_are_not_watched(tmp_path: Path) -> None:
     rows = {int(row[0]): k for k, row in enumerate(shapes.table)}
     assert 0.01 < gap(shapes.table, ends, rows[0], rows[2]) < 0.1
     assert (0, 3) in carriers
+
+
+@pytest.mark.parametrize(
+    "solid",
+    [
+        '<sphere radius="-0.1"/>',
+        '<sphere radius="inf"/>',
+        '<sphere radius="nan"/>',
+        '<box size="1e200 1 1"/>',
+        '<box size="0.1 -0.1 0.1"/>',
+        '<cylinder radius="-0.1" length="0.1"/>',
+        '<cylinder radius="0.1" length="101"/>',
+        '<mesh filename="a.stl" scale="1e4 1 1"/>',
+        '<mesh filename="a.stl" scale="nan 1 1"/>',
+    ],
+)
+def test_sizes_that_no_link_has_are_refused(tmp_path: Path, solid: str) -> None:
+    """Negative, endless and in millimetres; one line."""
+    _mesh(tmp_path / "a.stl")
+    with pytest.raises(FileError, match=r"100 m") as caught:
+        load_arm(_shaped(tmp_path / "a.urdf", l2=solid), tip="l5", joints=_NAMES)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("radius", [0.0, -0.1, np.nan, np.inf])
+def test_a_capsule_has_a_size(radius: float) -> None:
+    """A radius above zero and finite ends."""
+    with pytest.raises(ModelError, match="radius above 0 m"):
+        Capsule(start=(0.0, 0.0, 0.0), end=(0.0, 0.0, 1.0), radius=radius)
+    with pytest.raises(ModelError, match="finite ends"):
+        Capsule(start=(0.0, 0.0, 0.0), end=(0.0, np.nan, 1.0), radius=1.0)

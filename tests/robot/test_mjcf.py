@@ -101,6 +101,8 @@ def test_the_arm_moves_as_mujoco_moves_it(tmp_path: Path) -> None:
         ('<joint name="a"/>', '<joint name="a" type="ball" range="0 1"/>', "one axis"),
         ('<inertial mass="2" pos="0 0.02 0.1" fullinertia="0.02 0.02 0.01 0.001 0 0"/>', "",
          "<inertial>"),
+        ('<geom class="visual" mesh="l1"/>', '<geom type="sphere" size="0.1" pos="200 0 0"/>',
+         "shapes within 100 m"),
         ('class="small" pos', 'class="big" pos', "an MJCF arm"),
     ],
 )  # fmt: skip

@@ -12,12 +12,15 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from mitt.errors import FileError
 from mitt.reading import read_bytes
 from mitt.robot.stated import Shape
 from mitt.signals import Array
 
 #: Largest mesh that is read [byte], and what may be one.
 _MAX_BYTES, _KINDS = 50_000_000, (".stl", ".obj", ".ply", ".dae")
+#: Largest size of a shape, and farthest from its link's frame, that is taken for meant [m].
+_LARGEST = 100.0
 #: Points of the circles that stand for the ends of a cylinder.
 _CIRCLE = 16
 
@@ -51,7 +54,10 @@ def missing_notes(missing: list[str]) -> tuple[str, ...]:
 
 
 def _urdf_points(path: Path, element: Element) -> tuple[Array, float] | None:
-    """Return the points of one shape in its link's frame, and a radius about them [m]."""
+    """Return the points of one shape in its link's frame, and a radius about them [m].
+
+    None where its mesh is missing, or where what should be numbers is none.
+    """
     geometry = element.find("geometry")
     solid = next(iter(geometry), None) if geometry is not None else None
     try:
@@ -63,19 +69,33 @@ def _urdf_points(path: Path, element: Element) -> tuple[Array, float] | None:
         if origin is not None:
             R = _rpy(_numbers(origin, "rpy", 3, "0 0 0"))
             points = points @ R.T + _numbers(origin, "xyz", 3, "0 0 0")
+    except FileError:
+        raise
     except ValueError:
         return None
-    return (points, radius) if np.isfinite(points).all() and np.isfinite(radius) else None
+    check_place(str(path), points)
+    return points, radius
+
+
+def check_place(place: str, points: Array) -> None:
+    """Refuse points of a shape [m], shape (k, 3), that are farther off than any arm is long.
+
+    Raises:
+        FileError: One is 100 m or more from its link's frame along an axis, or is no number.
+    """
+    if not np.all(np.abs(points) < _LARGEST):
+        raise FileError(place, f"shapes within {_LARGEST:g} m of their links",
+                        f"{np.abs(points).max():g} m", do="check units and scale")  # fmt: skip
 
 
 def _solid(path: Path, solid: Element) -> tuple[Array, float] | None:
     """Return the points of a solid, and a radius about them; None where a mesh is missing."""
     if solid.tag == "box":
-        return box_points(0.5 * _numbers(solid, "size", 3)), 0.0
+        return box_points(0.5 * _sizes(path, solid, "size", 3)), 0.0
     if solid.tag == "sphere":
-        return np.zeros((1, 3)), float(_numbers(solid, "radius", 1)[0])
+        return np.zeros((1, 3)), float(_sizes(path, solid, "radius", 1)[0])
     if solid.tag in ("cylinder", "capsule"):
-        radius, half = (float(_numbers(solid, x, 1)[0]) for x in ("radius", "length"))
+        radius, half = (float(_sizes(path, solid, x, 1)[0]) for x in ("radius", "length"))
         if solid.tag == "capsule":
             return np.array([[0.0, 0.0, -0.5 * half], [0.0, 0.0, 0.5 * half]]), radius
         return cylinder_points(radius, 0.5 * half), 0.0
@@ -84,6 +104,15 @@ def _solid(path: Path, solid: Element) -> tuple[Array, float] | None:
     file = find_mesh(path, solid.get("filename", ""))
     points = None if file is None else mesh_points(file)
     return None if points is None else (points * _numbers(solid, "scale", 3, "1 1 1"), 0.0)
+
+
+def _sizes(path: Path, solid: Element, key: str, count: int) -> Array:
+    """Return the sizes of a solid [m]; FileError where none can have them."""
+    sizes = _numbers(solid, key, count)
+    if not np.all((sizes >= 0.0) & (sizes <= _LARGEST)):
+        wanted = f"{key} of 0 to {_LARGEST:g} m"
+        raise FileError(f"{path} <{solid.tag}>", wanted, repr(solid.get(key, "")[:60]))
+    return sizes
 
 
 def _numbers(element: Element, key: str, count: int, default: str = "") -> Array:

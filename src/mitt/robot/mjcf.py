@@ -19,6 +19,7 @@ from mitt.reading import read_text
 from mitt.robot.dynamics import GRAVITY
 from mitt.robot.meshes import (
     box_points,
+    check_place,
     cylinder_points,
     find_mesh,
     mesh_points,
@@ -52,7 +53,7 @@ def read_mjcf(path: Path) -> Stated:
     speed = _speeds(path, root)
     with heard():
         m, meshes = _compiled(path, text)
-    shapes, missing = _shapes(m, meshes)
+    shapes, missing = _shapes(path, m, meshes)
     return Stated(
         place=str(path), model=_to_pinocchio(m), ranges=_ranges(m), torque=_torques(m),
         speed=speed, loops=_loops(m), shapes=tuple(shapes), notes=missing_notes(missing), how=_HOW,
@@ -101,7 +102,9 @@ def _mesh(path: Path, spec: mujoco.MjSpec, name: str) -> _Mesh:
     return find_mesh(path, str(PurePosixPath(spec.meshdir) / mesh.file)), np.array(mesh.scale)
 
 
-def _shapes(m: mujoco.MjModel, meshes: dict[str, _Mesh]) -> tuple[list[Shape], list[str]]:
+def _shapes(
+    path: Path, m: mujoco.MjModel, meshes: dict[str, _Mesh]
+) -> tuple[list[Shape], list[str]]:
     """Return the shapes of the bodies, and the names of those whose meshes are missing.
 
     Those that may touch something, or all where a body has none that may.
@@ -120,6 +123,7 @@ def _shapes(m: mujoco.MjModel, meshes: dict[str, _Mesh]) -> tuple[list[Shape], l
                 continue
             T = _pose(m.geom_pos[g], m.geom_quat[g])
             points = found[0] @ T.rotation.T + T.translation
+            check_place(str(path), points)
             shapes.append(Shape(frame=name, points=points, radius=found[1]))
     return shapes, missing
 

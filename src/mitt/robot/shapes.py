@@ -65,10 +65,6 @@ class Surroundings:
         """Refuse what is not finite."""
         if not np.isfinite(self.floor):
             raise InputError("floor", "a height [m]", self.floor)
-        for zone in self.zones:
-            numbers = (*zone.start, *zone.end, zone.radius)
-            if not (np.all(np.isfinite(numbers)) and zone.radius > 0.0):
-                raise InputError("zone", "finite ends and a radius above 0 m", zone)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
