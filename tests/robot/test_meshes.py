@@ -102,6 +102,45 @@ def test_a_gripper_makes_room_for_the_hand(tmp_path: Path) -> None:
     assert len(armed.model.links[3].capsules) == 1
 
 
+@pytest.mark.parametrize("kind", ["cylinder", "capsule", "mesh"])
+def test_a_link_through_the_plate_is_cut_there(tmp_path: Path, kind: str) -> None:
+    """What is behind the plate stays, but for the rim of its end; nothing reaches beyond."""
+    plate = -HandModel().catch_offset
+    low, high, radius = plate - 0.28, plate + 0.12, 0.04
+    solid = f'<{kind} radius="{radius}" length="{high - low}"/>'
+    if kind == "mesh":
+        trimesh.creation.cylinder(radius, high - low).export(tmp_path / "a.stl")
+        solid = '<mesh filename="a.stl"/>'
+    shape = f'<collision><origin xyz="0 0 {0.5 * (low + high)}"/><geometry>{solid}</geometry>'
+    path = urdf(tmp_path / "a.urdf")
+    link = '<link name="l5">'
+    path.write_text(path.read_text().replace(link, f"{link}{shape}</collision>"))
+    arm = load_arm(path, tip="l5", joints=_NAMES, hand=HandModel())
+    (capsule,) = arm.model.links[4].capsules
+    bottom, top = sorted([capsule.start, capsule.end], key=lambda x: x[2])
+    assert np.allclose([*bottom[:2], *top[:2]], 0.0, atol=0.005)
+    assert bottom[2] - capsule.radius < low + 1e-6
+    assert plate - 0.01 < top[2] + capsule.radius < plate + 1e-6
+    assert 0.9999 * radius < capsule.radius < 1.1 * radius
+
+
+@pytest.mark.parametrize("height", [-0.25, -0.11, -0.06, 0.05, 0.11])
+def test_a_ball_at_the_plate_is_cut_there(tmp_path: Path, height: float) -> None:
+    """As deep behind it as it was; a ball before it is no part of the arm."""
+    plate, radius = -HandModel().catch_offset, 0.1
+    shape = (f'<collision><origin xyz="0.02 0 {plate + height}"/><geometry>'
+             f'<sphere radius="{radius}"/></geometry></collision>')  # fmt: skip
+    path = urdf(tmp_path / "a.urdf")
+    path.write_text(path.read_text().replace('<link name="l5">', f'<link name="l5">{shape}'))
+    arm = load_arm(path, tip="l5", joints=_NAMES, hand=HandModel())
+    found = arm.model.links[4].capsules
+    assert len(found) == (height < radius)
+    for capsule in found:
+        assert np.allclose(capsule.start, capsule.end)
+        assert capsule.start[2] - capsule.radius == pytest.approx(plate + height - radius)
+        assert capsule.start[2] + capsule.radius == pytest.approx(plate + min(height + radius, 0.0))
+
+
 def test_shapes_that_never_meet_are_not_watched(tmp_path: Path) -> None:
     """Those of neighbours but one, a little apart in all poses; others are watched."""
     small = '<sphere radius="0.05"/>'
