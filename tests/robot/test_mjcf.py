@@ -172,6 +172,40 @@ def test_geoms_become_capsules(tmp_path: Path) -> None:
     assert "base" in arm.model.notes[0]
 
 
+_WELDED = '<site name="tcp" pos="0 0 0.2"/>'
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        (_WELDED, f'{_WELDED}<body name="tool"><geom type="mesh" mesh="l1"/></body>'),
+        (_WELDED, f'{_WELDED}<body name="tool"><geom type="mesh" mesh="l1" mass="2"/></body>'),
+        ('angle="radian"', 'angle="radian" inertiafromgeom="true"'),
+    ],
+)
+def test_mass_that_meshes_would_give_is_not_lost(tmp_path: Path, before: str, after: str) -> None:
+    """Of a body welded to one that moves, and where meshes go before what is stated."""
+    with pytest.raises(MittError, match="<inertial>") as caught:
+        load_arm(_written(tmp_path / "a.xml", (before, after)), tip="tcp", joints=_NAMES)
+    assert "\n" not in str(caught.value)
+
+
+def test_meshes_that_give_no_mass_need_no_inertial(tmp_path: Path) -> None:
+    """Those of a base that stands still, without density, or of a group that does not count."""
+    base = '<inertial mass="3" pos="0 0 0.1" diaginertia="0.01 0.01 0.01"/>'
+    solid = '<geom type="sphere" size="0.1" mass="0.5"/>'
+    light = "".join(
+        f'<body name="t{k}"><geom type="mesh" mesh="l1" {x}/>{solid}</body>'
+        for k, x in enumerate(('mass="0"', 'density="0"', 'group="4"'))
+    )
+    path = _written(
+        tmp_path / "a.xml", (base, ""), (_WELDED, _WELDED + light),
+        ('angle="radian"', 'angle="radian" inertiagrouprange="0 3"'),
+    )  # fmt: skip
+    arm = load_arm(path, tip="tcp", joints=_NAMES)
+    assert arm.model.links[2].mass == pytest.approx(1.0 + 0.2 + 1.5)
+
+
 def test_meshes_of_an_mjcf_lie_where_they_lie(tmp_path: Path) -> None:
     """In meshdir, scaled, moved by the geom."""
     (tmp_path / "assets").mkdir()

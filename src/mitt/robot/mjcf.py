@@ -73,7 +73,7 @@ def _compiled(path: Path, text: str) -> tuple[mujoco.MjModel, dict[str, _Mesh]]:
             if geom.type == mujoco.mjtGeom.mjGEOM_HFIELD:
                 spec.delete(geom)
             elif geom.type == mujoco.mjtGeom.mjGEOM_MESH:
-                _check_weight(path, geom)
+                _check_weight(path, spec, geom)
                 meshes[_replaced(geom, k)] = _mesh(path, spec, geom.meshname)
                 geom.meshname = ""
         drop = (spec.skins, spec.meshes, spec.hfields, spec.textures, spec.materials, spec.keys)
@@ -145,11 +145,23 @@ def _points(m: mujoco.MjModel, g: int, meshes: dict[str, _Mesh]) -> tuple[Array,
     return (box_points(size), 0.0) if solid else None
 
 
-def _check_weight(path: Path, geom: mujoco.MjsGeom) -> None:
-    """Refuse a body whose mass would come from its meshes."""
-    body = geom.parent
-    if not body.explicitinertial and body.name != "world" and len(body.joints):
-        raise FileError(f"{path} body {body.name!r}", "an <inertial>", "meshes to get it from",
+def _check_weight(path: Path, spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> None:
+    """Refuse a body that moves and whose mass would come from its meshes, which are not there."""
+    body, kind = geom.parent, spec.compiler.inertiafromgeom
+    if kind == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE or (
+        kind == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO and body.explicitinertial
+    ):
+        return
+    low, high = spec.compiler.inertiagrouprange
+    light = geom.mass == 0.0 or (np.isnan(geom.mass) and geom.density == 0.0)
+    if light or not low <= geom.group <= high:
+        return
+    above = body
+    while above.parent is not None and not len(above.joints):
+        above = above.parent
+    if above.parent is not None:
+        wanted = "an <inertial>, and inertiafromgeom not true"
+        raise FileError(f"{path} body {body.name!r}", wanted, "meshes to get it from",
                         do="let MuJoCo save the file once: mj_saveLastXML writes it")  # fmt: skip
 
 
