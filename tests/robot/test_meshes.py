@@ -190,3 +190,18 @@ def test_a_capsule_has_a_size(radius: float) -> None:
         Capsule(start=(0.0, 0.0, 0.0), end=(0.0, 0.0, 1.0), radius=radius)
     with pytest.raises(ModelError, match="finite ends"):
         Capsule(start=(0.0, 0.0, 0.0), end=(0.0, np.nan, 1.0), radius=1.0)
+
+
+def test_a_mesh_is_read_once_and_all_have_a_bound(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Links may share a mesh; those of one file are bounded together."""
+    for name in ("a.stl", "b.stl"):
+        _mesh(tmp_path / name)
+    size = (tmp_path / "a.stl").stat().st_size
+    monkeypatch.setattr("mitt.robot.meshes._MAX_TOTAL", int(1.5 * size))
+    one, two = ('<mesh filename="a.stl"/>', '<mesh filename="b.stl"/>')
+    arm = load_arm(_shaped(tmp_path / "a.urdf", l1=one, l2=one, l3=one), tip="l5", joints=_NAMES)
+    assert [len(x.capsules) for x in arm.model.links[:3]] == [1, 1, 1]
+    with pytest.raises(FileError, match="bytes together"):
+        load_arm(_shaped(tmp_path / "a.urdf", l1=one, l2=two), tip="l5", joints=_NAMES)

@@ -18,11 +18,11 @@ from mitt.errors import FileError, heard
 from mitt.reading import read_text
 from mitt.robot.dynamics import GRAVITY
 from mitt.robot.meshes import (
+    Meshes,
     box_points,
     check_place,
     cylinder_points,
     find_mesh,
-    mesh_points,
     missing_notes,
 )
 from mitt.robot.mjcf_files import check_files
@@ -110,14 +110,14 @@ def _shapes(
     Those that may touch something, or all where a body has none that may.
     """
     touching = (m.geom_contype != 0) | (m.geom_conaffinity != 0)
-    shapes, missing = [], []
+    shapes, missing, known = [], [], Meshes(str(path))
     for b in range(m.nbody):
         own = np.flatnonzero(m.geom_bodyid == b)
         for g in own[touching[own]] if touching[own].any() else own:
             name = _told_apart(m, m.body(b).name or f"body {b}") if b else "universe"
             if m.geom_type[g] == mujoco.mjtGeom.mjGEOM_PLANE:
                 continue
-            found = _points(m, int(g), meshes)
+            found = _points(m, int(g), meshes, known)
             if found is None:
                 missing.append(name)
                 continue
@@ -128,12 +128,14 @@ def _shapes(
     return shapes, missing
 
 
-def _points(m: mujoco.MjModel, g: int, meshes: dict[str, _Mesh]) -> tuple[Array, float] | None:
+def _points(
+    m: mujoco.MjModel, g: int, meshes: dict[str, _Mesh], known: Meshes
+) -> tuple[Array, float] | None:
     """Return the points of a geom in its own frame, and a radius about them [m]."""
     size, kind = m.geom_size[g], m.geom_type[g]
     file, scale = meshes.get(m.geom(g).name, (None, np.ones(3)))
     if m.geom(g).name in meshes:
-        points = None if file is None else mesh_points(file)
+        points = None if file is None else known.points(file)
         return None if points is None else (points * scale, 0.0)
     if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
         return np.zeros((1, 3)), float(size[0])
