@@ -9,6 +9,7 @@ import trimesh
 
 from mitt.errors import MittError
 from mitt.robot.load import load_arm
+from mitt.robot.mjcf import read_mjcf
 
 ARM = """<mujoco model="small">
 <compiler angle="radian" meshdir="assets" autolimits="true"/>
@@ -170,6 +171,54 @@ def test_geoms_become_capsules(tmp_path: Path) -> None:
     assert capsule.radius == pytest.approx(0.04, abs=1e-6)
     assert len(arm.model.notes) == 1
     assert "base" in arm.model.notes[0]
+
+
+def test_what_names_a_mesh_may_stay(tmp_path: Path) -> None:
+    """Pairs and exclusions of contact, and sensors, do not matter here."""
+    named = '<geom class="visual" mesh="l1" name="g1"/><geom name="g2" size="0.1" mass="0"/>'
+    more = (
+        '<pair geom1="g1" geom2="g2"/></contact><sensor><distance geom1="g1" geom2="g2"'
+        ' cutoff="1"/></sensor>'
+    )
+    path = _written(
+        tmp_path / "a.xml", ('<geom class="visual" mesh="l1"/>', named), ("</contact>", more)
+    )
+    assert load_arm(path, tip="tcp", joints=_NAMES).names == ("a", "b", "c")
+
+
+def test_a_joint_without_a_name_is_called_by_its_number(tmp_path: Path) -> None:
+    """In the arm, in ranges and torques alike."""
+    path = _written(
+        tmp_path / "a.xml", ('<joint name="b" class="small" pos="0 0 0.05"/>',
+                             '<joint class="small" actuatorfrcrange="-9 9"/>'),
+        ('<general class="small" name="b1" joint="b" gainprm="450" biasprm="0 -450 -45"/>', ""),
+        ("velocity_limit_b", "velocity_limit_joint 1"),
+    )  # fmt: skip
+    arm = load_arm(path, tip="tcp", joints=["a", "joint 1", "c"])
+    assert arm.names == ("a", "joint 1", "c")
+    assert arm.q_max.tolist() == [2.8, 1.0, 2.8]
+    assert arm.tau_max.tolist() == [87.0, 9.0, 10.0]
+    path.write_text(path.read_text().replace('name="two"', 'name="joint 1"'))
+    assert load_arm(path, tip="tcp", joints=["a", "joint 1", "c"]).n == 3
+
+
+def test_a_joint_that_follows_another_is_read(tmp_path: Path) -> None:
+    """By its line; along a curve with a note; it cannot be active."""
+    equality = '<joint joint1="f" joint2="g" polycoef="0 1 0 0 0"/>'
+    for change, multiplier, offset, notes in (
+        ('<joint joint1="b" joint2="a" polycoef="0.1 -0.5 0 0 0"/>', -0.5, 0.1, 0),
+        ('<joint joint1="b" joint2="a" polycoef="0.1 -0.5 0.2 0 0"/>', -0.5, 0.1, 1),
+        ('<joint joint1="b" polycoef="0.3 0 0 0 0"/>', 0.0, 0.3, 0),
+    ):
+        path = _written(tmp_path / "a.xml", (equality, change))
+        stated = read_mjcf(path)
+        assert stated.mimics["b"].multiplier == multiplier
+        assert stated.mimics["b"].offset == offset
+        assert sum("tangent" in x for x in stated.notes) == notes
+        with pytest.raises(MittError, match="a drive of its own"):
+            load_arm(path, tip="tcp", joints=_NAMES)
+    off = '<joint joint1="b" joint2="a" active="false"/>'
+    assert read_mjcf(_written(tmp_path / "a.xml", (equality, off))).mimics == {}
 
 
 _WELDED = '<site name="tcp" pos="0 0 0.2"/>'

@@ -8,7 +8,6 @@ The elements and what they mean: the XML reference of MuJoCo's documentation.
 
 from pathlib import Path, PurePosixPath
 from typing import TypeAlias
-from xml.etree.ElementTree import Element
 
 import mujoco
 import numpy as np
@@ -26,7 +25,18 @@ from mitt.robot.meshes import (
     missing_notes,
 )
 from mitt.robot.mjcf_files import check_files
-from mitt.robot.stated import LINK, Shape, Stated
+from mitt.robot.mjcf_joints import (
+    HINGE,
+    SLIDE,
+    Names,
+    loops_of,
+    mimics_of,
+    names_of,
+    ranges_of,
+    speeds_of,
+    torques_of,
+)
+from mitt.robot.stated import Shape, Stated
 from mitt.robot.urdf import MAX_BYTES, checked_xml
 from mitt.signals import Array
 
@@ -36,7 +46,6 @@ _HOW = (
 )
 _Mesh: TypeAlias = tuple[Path | None, Array]
 """Where a mesh is, and its scale."""
-_HINGE, _SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 
 
 def read_mjcf(path: Path) -> Stated:
@@ -50,13 +59,16 @@ def read_mjcf(path: Path) -> Stated:
     if root.tag != "mujoco":
         raise FileError(str(path), "an MJCF, <mujoco>...</mujoco>", f"<{root.tag[:40]}>")
     check_files(path, root)
-    speed = _speeds(path, root)
+    speed = speeds_of(path, root)
     with heard():
         m, meshes = _compiled(path, text)
-    shapes, missing = _shapes(path, m, meshes)
+    names = names_of(m)
+    shapes, missing = _shapes(path, m, names, meshes)
+    mimics, notes = mimics_of(m, names)
     return Stated(
-        place=str(path), model=_to_pinocchio(m), ranges=_ranges(m), torque=_torques(m),
-        speed=speed, loops=_loops(m), shapes=tuple(shapes), notes=missing_notes(missing), how=_HOW,
+        place=str(path), model=_to_pinocchio(m, names), ranges=ranges_of(m, names),
+        torque=torques_of(m, names), speed=speed, mimics=mimics, loops=loops_of(m, names),
+        shapes=tuple(shapes), notes=(*missing_notes(missing), *notes), how=_HOW,
     )  # fmt: skip
 
 
@@ -76,7 +88,8 @@ def _compiled(path: Path, text: str) -> tuple[mujoco.MjModel, dict[str, _Mesh]]:
                 _check_weight(path, spec, geom)
                 meshes[_replaced(geom, k)] = _mesh(path, spec, geom.meshname)
                 geom.meshname = ""
-        drop = (spec.skins, spec.meshes, spec.hfields, spec.textures, spec.materials, spec.keys)
+        looks = (spec.skins, spec.meshes, spec.hfields, spec.textures, spec.materials)
+        drop = (spec.pairs, spec.sensors, *looks, spec.keys)
         for element in (x for kind in drop for x in list(kind)):
             spec.delete(element)
         for element in (*spec.geoms, *spec.sites, *spec.tendons):
@@ -88,8 +101,8 @@ def _compiled(path: Path, text: str) -> tuple[mujoco.MjModel, dict[str, _Mesh]]:
 
 
 def _replaced(geom: mujoco.MjsGeom, k: int) -> str:
-    """Make a mesh a tiny sphere without mass, and return its name."""
-    geom.name = f"mesh {k} of the file"
+    """Make a mesh a tiny sphere without mass, and return its name, a new one if it has none."""
+    geom.name = geom.name or f"mesh {k} of the file"
     geom.type, geom.size, geom.mass = mujoco.mjtGeom.mjGEOM_SPHERE, [1e-6, 0.0, 0.0], 0.0
     return str(geom.name)
 
@@ -103,7 +116,7 @@ def _mesh(path: Path, spec: mujoco.MjSpec, name: str) -> _Mesh:
 
 
 def _shapes(
-    path: Path, m: mujoco.MjModel, meshes: dict[str, _Mesh]
+    path: Path, m: mujoco.MjModel, names: Names, meshes: dict[str, _Mesh]
 ) -> tuple[list[Shape], list[str]]:
     """Return the shapes of the bodies, and the names of those whose meshes are missing.
 
@@ -114,7 +127,7 @@ def _shapes(
     for b in range(m.nbody):
         own = np.flatnonzero(m.geom_bodyid == b)
         for g in own[touching[own]] if touching[own].any() else own:
-            name = _told_apart(m, m.body(b).name or f"body {b}") if b else "universe"
+            name = names.bodies[b] if b else "universe"
             if m.geom_type[g] == mujoco.mjtGeom.mjGEOM_PLANE:
                 continue
             found = _points(m, int(g), meshes, known)
@@ -167,7 +180,7 @@ def _check_weight(path: Path, spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> None
                         do="let MuJoCo save the file once: mj_saveLastXML writes it")  # fmt: skip
 
 
-def _to_pinocchio(m: mujoco.MjModel) -> pin.Model:
+def _to_pinocchio(m: mujoco.MjModel, names: Names) -> pin.Model:
     """Return the tree of bodies with all joints, a frame for each body and each site."""
     model = pin.Model()
     model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
@@ -178,7 +191,7 @@ def _to_pinocchio(m: mujoco.MjModel) -> pin.Model:
         joint, T = joint_of[parent], seat[parent] * _pose(m.body_pos[b], m.body_quat[b])
         for k in range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b]):
             kind, at = _joint(m, k), pin.SE3(np.eye(3), np.array(m.jnt_pos[k]))
-            joint = model.addJoint(joint, kind, T * at, m.joint(k).name or f"joint {k}")
+            joint = model.addJoint(joint, kind, T * at, names.joints[k])
             model.addJointFrame(joint)
             T = at.inverse()
             armature += [float(x) for x in m.dof_armature[m.jnt_dofadr[k] :][: kind.nv]]
@@ -187,29 +200,22 @@ def _to_pinocchio(m: mujoco.MjModel) -> pin.Model:
         inertia = pin.Inertia(float(m.body_mass[b]), R.translation, about)
         model.appendBodyToJoint(joint, inertia, T)
         joint_of[b], seat[b] = joint, T
-        name = _told_apart(m, m.body(b).name or f"body {b}")
-        model.addFrame(pin.Frame(name, joint, 0, T, pin.FrameType.BODY), False)
+        model.addFrame(pin.Frame(names.bodies[b], joint, 0, T, pin.FrameType.BODY), False)
     for s in range(m.nsite):
         b = m.site_bodyid[s]
         T = seat[b] * _pose(m.site_pos[s], m.site_quat[s])
-        name = _told_apart(m, m.site(s).name or f"site {s}")
-        if name in [frame.name for frame in model.frames]:
+        if names.sites[s] in names.bodies:
             continue  # the body of that name goes before it
-        model.addFrame(pin.Frame(name, joint_of[b], 0, T, pin.FrameType.OP_FRAME), False)
+        model.addFrame(pin.Frame(names.sites[s], joint_of[b], 0, T, pin.FrameType.OP_FRAME), False)
     model.armature = np.array(armature)
     return model
 
 
-def _told_apart(m: mujoco.MjModel, name: str) -> str:
-    """Return the name of a frame, another than that of any joint."""
-    return name + LINK if name in [m.joint(k).name for k in range(m.njnt)] else name
-
-
 def _joint(m: mujoco.MjModel, k: int) -> pin.JointModel:
     """Return a joint as Pinocchio has it."""
-    if m.jnt_type[k] == _HINGE:
+    if m.jnt_type[k] == HINGE:
         return pin.JointModelRevoluteUnaligned(np.array(m.jnt_axis[k]))
-    if m.jnt_type[k] == _SLIDE:
+    if m.jnt_type[k] == SLIDE:
         return pin.JointModelPrismaticUnaligned(np.array(m.jnt_axis[k]))
     if m.jnt_type[k] == mujoco.mjtJoint.mjJNT_BALL:
         return pin.JointModelSpherical()
@@ -221,68 +227,3 @@ def _pose(p: Array, quaternion: Array) -> pin.SE3:
     R = np.zeros(9)
     mujoco.mju_quat2Mat(R, np.array(quaternion, dtype=np.float64))
     return pin.SE3(R.reshape(3, 3), np.array(p, dtype=np.float64))
-
-
-def _ranges(m: mujoco.MjModel) -> dict[str, tuple[float, float]]:
-    """Return the joints' ranges; a hinge without one turns once about zero."""
-    out = {}
-    for k in range(m.njnt):
-        if m.jnt_limited[k]:
-            out[m.joint(k).name] = (float(m.jnt_range[k, 0]), float(m.jnt_range[k, 1]))
-        elif m.jnt_type[k] == _HINGE:
-            out[m.joint(k).name] = (-np.pi, np.pi)
-    return out
-
-
-def _torques(m: mujoco.MjModel) -> dict[str, float]:
-    """Return the joints' largest torques: the least that joint and actuator allow."""
-    bounds: dict[str, list[float]] = {}
-    for k in range(m.njnt):
-        if m.jnt_type[k] in (_HINGE, _SLIDE) and m.jnt_actfrclimited[k]:
-            bounds.setdefault(m.joint(k).name, []).append(_width(m.jnt_actfrcrange[k]))
-    for a in range(m.nu):
-        if m.actuator_trntype[a] != mujoco.mjtTrn.mjTRN_JOINT:
-            continue
-        name, gear = m.joint(int(m.actuator_trnid[a, 0])).name, abs(float(m.actuator_gear[a, 0]))
-        if m.actuator_forcelimited[a]:
-            bounds.setdefault(name, []).append(gear * _width(m.actuator_forcerange[a]))
-        motor = m.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE
-        if motor and m.actuator_ctrllimited[a]:
-            gain = abs(float(m.actuator_gainprm[a, 0]))
-            bounds.setdefault(name, []).append(gear * gain * _width(m.actuator_ctrlrange[a]))
-    return {name: min(x) for name, x in bounds.items() if min(x) > 0.0}
-
-
-def _width(ends: Array) -> float:
-    """Return what a range allows both ways."""
-    return float(min(-ends[0], ends[1]))
-
-
-def _speeds(path: Path, root: Element) -> dict[str, float]:
-    """Return the joints' largest speeds [rad/s or m/s], as the file's own numbers say."""
-    out = {}
-    for numeric in root.iter("numeric"):
-        name, given = numeric.get("name", ""), numeric.get("data", "")
-        if not name.startswith("velocity_limit_"):
-            continue
-        try:
-            limit = float(given)
-        except ValueError:
-            limit = 0.0
-        if not 0.0 < limit < np.inf:
-            raise FileError(f"{path} {name}", "a number above 0", repr(given[:60]))
-        out[name.removeprefix("velocity_limit_")] = limit
-    return out
-
-
-def _loops(m: mujoco.MjModel) -> tuple[tuple[str, str], ...]:
-    """Return the pairs of bodies that an equality joins."""
-    kinds = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
-    out = []
-    for k in np.flatnonzero(np.isin(m.eq_type, [int(x) for x in kinds])):
-        ends = [int(m.eq_obj1id[k]), int(m.eq_obj2id[k])]
-        if m.eq_objtype[k] == mujoco.mjtObj.mjOBJ_SITE:
-            ends = [int(m.site_bodyid[x]) for x in ends]
-        first, second = (m.body(x).name or f"body {x}" for x in ends)
-        out.append((first, second))
-    return tuple(out)
