@@ -22,6 +22,7 @@ def test_common_arms_have_a_set() -> None:
     folder = Path(__file__).parents[2] / "src/mitt/data/limits"
     for name in shipped():
         limits = read_limits(name)
+        assert limits.shipped
         assert {"speed", "torque"} <= limits.bounds.keys()
         assert "# Source" in (folder / f"{name}.toml").read_text()
         for kind, least, most in (("speed", 0.5, 7.0), ("torque", 1.0, 400.0)):
@@ -34,9 +35,19 @@ def test_a_file_is_read_as_it_says(tmp_path: Path) -> None:
     path.write_text(TEXT)
     limits = read_limits(path)
     assert limits.name == "mine"
+    assert not limits.shipped
     assert limits.joints == ("a", "b")
     assert {k: x.tolist() for k, x in limits.bounds.items()} == {"speed": [1.0, 2.0]}
     assert set(limits.bounds) <= set(KINDS)
+
+
+def test_a_panda_is_no_kuka() -> None:
+    """Both have seven joints."""
+    panda = [f"panda_joint{k}" for k in range(1, 8)]
+    assert read_limits("franka-panda").fitted(panda)["torque"]["panda_joint1"] == 87.0
+    for name in ("kuka-iiwa7", "kuka-iiwa14", "kinova-gen3"):
+        with pytest.raises(MittError, match="an arm with the joints joint_1"):
+            read_limits(name).fitted(panda)
 
 
 @pytest.mark.parametrize(

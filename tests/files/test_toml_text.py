@@ -2,6 +2,7 @@
 
 import tomllib
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -41,3 +42,9 @@ def test_what_toml_of_ours_has_not_is_refused(value: object) -> None:
     """One line."""
     with pytest.raises(InputError, match="a finite number"):
         toml_text({"key": value})
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    """Whatever their width, in lists too."""
+    table = {"a": np.float64(0.1), "b": [np.float32(0.5), np.int64(-3)], "c": np.bool(True)}
+    assert tomllib.loads(toml_text(table)) == {"a": 0.1, "b": [0.5, -3], "c": True}

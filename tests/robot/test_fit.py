@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.robot.fit import capsules_about, volume
+from mitt.robot.fit import behind, capsules_about, volume
 from mitt.signals import Array
 
 
@@ -54,3 +54,19 @@ def test_a_capsule_is_found_again(radius: float, length: float) -> None:
     expected = np.pi * radius**2 * (length + 4.0 / 3.0 * radius)
     assert expected < volume(found[0]) * 1.02
     assert volume(found[0]) < 1.06 * expected
+
+
+@given(seed=st.integers(0, 2**31), count=st.integers(1, 60), flat=st.booleans())
+def test_what_is_behind_a_plane_is_held(seed: int, count: int, flat: bool) -> None:
+    """Mixtures of points that lie behind it are mixtures of what is kept, which lies behind it."""
+    rng = np.random.default_rng(seed)
+    points = rng.standard_normal((count, 3)) * (1.0, 0.0 if flat else 1.0, 1.0)
+    normal = rng.standard_normal(3)
+    normal /= np.linalg.norm(normal)
+    kept = behind(points, points @ normal)
+    assert np.all(kept @ normal < 1e-9)
+    inside = rng.dirichlet(np.full(count, 0.2), 200) @ points
+    inside = inside[inside @ normal <= 0.0]
+    if len(inside):
+        ways = rng.standard_normal((50, 3))
+        assert np.all((inside @ ways.T).max(axis=0) <= (kept @ ways.T).max(axis=0) + 1e-9)

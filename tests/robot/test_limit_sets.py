@@ -1,5 +1,6 @@
 """Limit sets: fitted to an arm by name or order, or refused in one line."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +58,32 @@ def test_another_arms_set_is_refused(tmp_path: Path) -> None:
     apart = _set(("j1",), lower=[4.0], upper=[5.0])
     with pytest.raises(ModelError, match="a range that meets"):
         load_arm(path, tip="l5", joints=_NAMES, limits=apart)
+
+
+def test_a_set_that_ships_is_for_its_own_arm(tmp_path: Path) -> None:
+    """By the names of joints; by order, with a note, where names tell nothing; else refused."""
+    path = urdf(tmp_path / "a.urdf")
+    five = LimitSet(name="own", joints=("a1", "b", "c", "d", "e"), shipped=True,
+                    bounds={"speed": np.ones(5)})  # fmt: skip
+    arm = load_arm(path, tip="l5", joints=_NAMES, limits=five)
+    assert arm.dq_max.tolist() == [1.0, 1.0, 1.0]
+    assert "taken in their order" in arm.model.notes[0]
+    path.write_text(path.read_text().replace('name="j', 'name="robot_j'))
+    names = [f"robot_{x}" for x in _NAMES]
+    with pytest.raises(ModelError, match="an arm with the joints"):
+        load_arm(path, tip="l5", joints=names, limits=five)
+    ends = LimitSet(name="own", joints=("j1", "j2", "j4"), shipped=True,
+                    bounds={"speed": np.ones(3)})  # fmt: skip
+    assert load_arm(path, tip="l5", joints=names, limits=ends).model.notes == ()
+    assert load_arm(path, tip="l5", joints=names, limits=replace(five, shipped=False)).n == 3
+
+
+def test_a_set_that_allows_more_than_the_file_is_noted(tmp_path: Path) -> None:
+    """By kind, with both numbers; less, and what differs by rounding, is not."""
+    path = urdf(tmp_path / "a.urdf")
+    own = _set(("1", "2", "4"), torque=[50.01, 60.0, 40.0], speed=[5.0, 4.0, 4.0])
+    (note,) = load_arm(path, tip="l5", joints=_NAMES, limits=own).model.notes
+    assert "more torque than the file states: j2 60 instead of 50" in note
 
 
 def test_a_set_supplies_what_the_file_leaves_out(tmp_path: Path) -> None:

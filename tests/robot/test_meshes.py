@@ -7,6 +7,8 @@ import pytest
 import trimesh
 from robot.test_load import urdf
 
+from mitt.errors import FileError, ModelError
+from mitt.robot.description import Capsule
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
 from mitt.robot.meshes import find_mesh
@@ -100,6 +102,45 @@ def test_a_gripper_makes_room_for_the_hand(tmp_path: Path) -> None:
     assert len(armed.model.links[3].capsules) == 1
 
 
+@pytest.mark.parametrize("kind", ["cylinder", "capsule", "mesh"])
+def test_a_link_through_the_plate_is_cut_there(tmp_path: Path, kind: str) -> None:
+    """What is behind the plate stays, but for the rim of its end; nothing reaches beyond."""
+    plate = -HandModel().catch_offset
+    low, high, radius = plate - 0.28, plate + 0.12, 0.04
+    solid = f'<{kind} radius="{radius}" length="{high - low}"/>'
+    if kind == "mesh":
+        trimesh.creation.cylinder(radius, high - low).export(tmp_path / "a.stl")
+        solid = '<mesh filename="a.stl"/>'
+    shape = f'<collision><origin xyz="0 0 {0.5 * (low + high)}"/><geometry>{solid}</geometry>'
+    path = urdf(tmp_path / "a.urdf")
+    link = '<link name="l5">'
+    path.write_text(path.read_text().replace(link, f"{link}{shape}</collision>"))
+    arm = load_arm(path, tip="l5", joints=_NAMES, hand=HandModel())
+    (capsule,) = arm.model.links[4].capsules
+    bottom, top = sorted([capsule.start, capsule.end], key=lambda x: x[2])
+    assert np.allclose([*bottom[:2], *top[:2]], 0.0, atol=0.005)
+    assert bottom[2] - capsule.radius < low + 1e-6
+    assert plate - 0.01 < top[2] + capsule.radius < plate + 1e-6
+    assert 0.9999 * radius < capsule.radius < 1.1 * radius
+
+
+@pytest.mark.parametrize("height", [-0.25, -0.11, -0.06, 0.05, 0.11])
+def test_a_ball_at_the_plate_is_cut_there(tmp_path: Path, height: float) -> None:
+    """As deep behind it as it was; a ball before it is no part of the arm."""
+    plate, radius = -HandModel().catch_offset, 0.1
+    shape = (f'<collision><origin xyz="0.02 0 {plate + height}"/><geometry>'
+             f'<sphere radius="{radius}"/></geometry></collision>')  # fmt: skip
+    path = urdf(tmp_path / "a.urdf")
+    path.write_text(path.read_text().replace('<link name="l5">', f'<link name="l5">{shape}'))
+    arm = load_arm(path, tip="l5", joints=_NAMES, hand=HandModel())
+    found = arm.model.links[4].capsules
+    assert len(found) == (height < radius)
+    for capsule in found:
+        assert np.allclose(capsule.start, capsule.end)
+        assert capsule.start[2] - capsule.radius == pytest.approx(plate + height - radius)
+        assert capsule.start[2] + capsule.radius == pytest.approx(plate + min(height + radius, 0.0))
+
+
 def test_shapes_that_never_meet_are_not_watched(tmp_path: Path) -> None:
     """Those of neighbours but one, a little apart in all poses; others are watched."""
     small = '<sphere radius="0.05"/>'
@@ -118,3 +159,49 @@ def test_shapes_that_never_meet_are_not_watched(tmp_path: Path) -> None:
     rows = {int(row[0]): k for k, row in enumerate(shapes.table)}
     assert 0.01 < gap(shapes.table, ends, rows[0], rows[2]) < 0.1
     assert (0, 3) in carriers
+
+
+@pytest.mark.parametrize(
+    "solid",
+    [
+        '<sphere radius="-0.1"/>',
+        '<sphere radius="inf"/>',
+        '<sphere radius="nan"/>',
+        '<box size="1e200 1 1"/>',
+        '<box size="0.1 -0.1 0.1"/>',
+        '<cylinder radius="-0.1" length="0.1"/>',
+        '<cylinder radius="0.1" length="101"/>',
+        '<mesh filename="a.stl" scale="1e4 1 1"/>',
+        '<mesh filename="a.stl" scale="nan 1 1"/>',
+    ],
+)
+def test_sizes_that_no_link_has_are_refused(tmp_path: Path, solid: str) -> None:
+    """Negative, endless and in millimetres; one line."""
+    _mesh(tmp_path / "a.stl")
+    with pytest.raises(FileError, match=r"100 m") as caught:
+        load_arm(_shaped(tmp_path / "a.urdf", l2=solid), tip="l5", joints=_NAMES)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("radius", [0.0, -0.1, np.nan, np.inf])
+def test_a_capsule_has_a_size(radius: float) -> None:
+    """A radius above zero and finite ends."""
+    with pytest.raises(ModelError, match="radius above 0 m"):
+        Capsule(start=(0.0, 0.0, 0.0), end=(0.0, 0.0, 1.0), radius=radius)
+    with pytest.raises(ModelError, match="finite ends"):
+        Capsule(start=(0.0, 0.0, 0.0), end=(0.0, np.nan, 1.0), radius=1.0)
+
+
+def test_a_mesh_is_read_once_and_all_have_a_bound(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Links may share a mesh; those of one file are bounded together."""
+    for name in ("a.stl", "b.stl"):
+        _mesh(tmp_path / name)
+    size = (tmp_path / "a.stl").stat().st_size
+    monkeypatch.setattr("mitt.robot.meshes._MAX_TOTAL", int(1.5 * size))
+    one, two = ('<mesh filename="a.stl"/>', '<mesh filename="b.stl"/>')
+    arm = load_arm(_shaped(tmp_path / "a.urdf", l1=one, l2=one, l3=one), tip="l5", joints=_NAMES)
+    assert [len(x.capsules) for x in arm.model.links[:3]] == [1, 1, 1]
+    with pytest.raises(FileError, match="bytes together"):
+        load_arm(_shaped(tmp_path / "a.urdf", l1=one, l2=two), tip="l5", joints=_NAMES)

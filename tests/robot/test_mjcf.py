@@ -9,6 +9,7 @@ import trimesh
 
 from mitt.errors import MittError
 from mitt.robot.load import load_arm
+from mitt.robot.mjcf import read_mjcf
 
 ARM = """<mujoco model="small">
 <compiler angle="radian" meshdir="assets" autolimits="true"/>
@@ -101,6 +102,8 @@ def test_the_arm_moves_as_mujoco_moves_it(tmp_path: Path) -> None:
         ('<joint name="a"/>', '<joint name="a" type="ball" range="0 1"/>', "one axis"),
         ('<inertial mass="2" pos="0 0.02 0.1" fullinertia="0.02 0.02 0.01 0.001 0 0"/>', "",
          "<inertial>"),
+        ('<geom class="visual" mesh="l1"/>', '<geom type="sphere" size="0.1" pos="200 0 0"/>',
+         "shapes within 100 m"),
         ('class="small" pos', 'class="big" pos', "an MJCF arm"),
     ],
 )  # fmt: skip
@@ -112,6 +115,36 @@ def test_what_cannot_be_is_refused(tmp_path: Path, before: str, after: str, want
     path = _written(tmp_path / "a.xml", *changes)
     with pytest.raises(MittError, match=wanted) as caught:
         load_arm(path, tip="tcp", joints=_NAMES)
+    assert "\n" not in str(caught.value)
+
+
+_PARSED = "<worldbody>"
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "wanted"),
+    [
+        ('meshdir="assets"', 'meshdir="/tmp/x"', "below its own folder"),
+        ('meshdir="assets"', 'assetdir="../x"', "below its own folder"),
+        ('meshdir="assets"', r'texturedir="..\x"', "below its own folder"),
+        ('file="t.png"', 'fileright="/tmp/t.png"', "below its own folder"),
+        (_PARSED, f'{_PARSED}<flexcomp name="f" type="mesh" file="x.obj"/>', "flexible"),
+        ("<asset>", '<asset><model name="m" file="x.xml"/>', "one file"),
+        (_PARSED, f'{_PARSED}<attach model="m" body="b" prefix="p"/>', "one file"),
+        ("<asset>", '<extension><plugin plugin="x"/></extension><asset>', "plugins"),
+        (_PARSED, f'{_PARSED}<replicate count="400"><replicate count="400"><site/></replicate>'
+         "</replicate>", "100000 elements"),
+        (_PARSED, f'{_PARSED}<replicate count="1e9"><site/></replicate>', "whole numbers"),
+        (_PARSED, f'{_PARSED}<composite type="cable" count="99999 9 1"/>', "100000 elements"),
+    ],
+)  # fmt: skip
+def test_other_files_and_endless_copies_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, before: str, after: str, wanted: str
+) -> None:
+    """One line each, before MuJoCo sees the file."""
+    monkeypatch.setattr(mujoco.MjSpec, "from_string", lambda _: pytest.fail("parsed"))
+    with pytest.raises(MittError, match=wanted) as caught:
+        load_arm(_written(tmp_path / "a.xml", (before, after)), tip="tcp", joints=_NAMES)
     assert "\n" not in str(caught.value)
 
 
@@ -138,6 +171,88 @@ def test_geoms_become_capsules(tmp_path: Path) -> None:
     assert capsule.radius == pytest.approx(0.04, abs=1e-6)
     assert len(arm.model.notes) == 1
     assert "base" in arm.model.notes[0]
+
+
+def test_what_names_a_mesh_may_stay(tmp_path: Path) -> None:
+    """Pairs and exclusions of contact, and sensors, do not matter here."""
+    named = '<geom class="visual" mesh="l1" name="g1"/><geom name="g2" size="0.1" mass="0"/>'
+    more = (
+        '<pair geom1="g1" geom2="g2"/></contact><sensor><distance geom1="g1" geom2="g2"'
+        ' cutoff="1"/></sensor>'
+    )
+    path = _written(
+        tmp_path / "a.xml", ('<geom class="visual" mesh="l1"/>', named), ("</contact>", more)
+    )
+    assert load_arm(path, tip="tcp", joints=_NAMES).names == ("a", "b", "c")
+
+
+def test_a_joint_without_a_name_is_called_by_its_number(tmp_path: Path) -> None:
+    """In the arm, in ranges and torques alike."""
+    path = _written(
+        tmp_path / "a.xml", ('<joint name="b" class="small" pos="0 0 0.05"/>',
+                             '<joint class="small" actuatorfrcrange="-9 9"/>'),
+        ('<general class="small" name="b1" joint="b" gainprm="450" biasprm="0 -450 -45"/>', ""),
+        ("velocity_limit_b", "velocity_limit_joint 1"),
+    )  # fmt: skip
+    arm = load_arm(path, tip="tcp", joints=["a", "joint 1", "c"])
+    assert arm.names == ("a", "joint 1", "c")
+    assert arm.q_max.tolist() == [2.8, 1.0, 2.8]
+    assert arm.tau_max.tolist() == [87.0, 9.0, 10.0]
+    path.write_text(path.read_text().replace('name="two"', 'name="joint 1"'))
+    assert load_arm(path, tip="tcp", joints=["a", "joint 1", "c"]).n == 3
+
+
+def test_a_joint_that_follows_another_is_read(tmp_path: Path) -> None:
+    """By its line; along a curve with a note; it cannot be active."""
+    equality = '<joint joint1="f" joint2="g" polycoef="0 1 0 0 0"/>'
+    for change, multiplier, offset, notes in (
+        ('<joint joint1="b" joint2="a" polycoef="0.1 -0.5 0 0 0"/>', -0.5, 0.1, 0),
+        ('<joint joint1="b" joint2="a" polycoef="0.1 -0.5 0.2 0 0"/>', -0.5, 0.1, 1),
+        ('<joint joint1="b" polycoef="0.3 0 0 0 0"/>', 0.0, 0.3, 0),
+    ):
+        path = _written(tmp_path / "a.xml", (equality, change))
+        stated = read_mjcf(path)
+        assert stated.mimics["b"].multiplier == multiplier
+        assert stated.mimics["b"].offset == offset
+        assert sum("tangent" in x for x in stated.notes) == notes
+        with pytest.raises(MittError, match="a drive of its own"):
+            load_arm(path, tip="tcp", joints=_NAMES)
+    off = '<joint joint1="b" joint2="a" active="false"/>'
+    assert read_mjcf(_written(tmp_path / "a.xml", (equality, off))).mimics == {}
+
+
+_WELDED = '<site name="tcp" pos="0 0 0.2"/>'
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        (_WELDED, f'{_WELDED}<body name="tool"><geom type="mesh" mesh="l1"/></body>'),
+        (_WELDED, f'{_WELDED}<body name="tool"><geom type="mesh" mesh="l1" mass="2"/></body>'),
+        ('angle="radian"', 'angle="radian" inertiafromgeom="true"'),
+    ],
+)
+def test_mass_that_meshes_would_give_is_not_lost(tmp_path: Path, before: str, after: str) -> None:
+    """Of a body welded to one that moves, and where meshes go before what is stated."""
+    with pytest.raises(MittError, match="<inertial>") as caught:
+        load_arm(_written(tmp_path / "a.xml", (before, after)), tip="tcp", joints=_NAMES)
+    assert "\n" not in str(caught.value)
+
+
+def test_meshes_that_give_no_mass_need_no_inertial(tmp_path: Path) -> None:
+    """Those of a base that stands still, without density, or of a group that does not count."""
+    base = '<inertial mass="3" pos="0 0 0.1" diaginertia="0.01 0.01 0.01"/>'
+    solid = '<geom type="sphere" size="0.1" mass="0.5"/>'
+    light = "".join(
+        f'<body name="t{k}"><geom type="mesh" mesh="l1" {x}/>{solid}</body>'
+        for k, x in enumerate(('mass="0"', 'density="0"', 'group="4"'))
+    )
+    path = _written(
+        tmp_path / "a.xml", (base, ""), (_WELDED, _WELDED + light),
+        ('angle="radian"', 'angle="radian" inertiagrouprange="0 3"'),
+    )  # fmt: skip
+    arm = load_arm(path, tip="tcp", joints=_NAMES)
+    assert arm.model.links[2].mass == pytest.approx(1.0 + 0.2 + 1.5)
 
 
 def test_meshes_of_an_mjcf_lie_where_they_lie(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Gaps between shapes: against MuJoCo, against a brute search, and what the hand's hull holds."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import mujoco
 import numpy as np
@@ -10,11 +11,13 @@ from hypothesis import strategies as st
 
 from mitt.errors import InputError
 from mitt.robot.arm import Arm
-from mitt.robot.description import Capsule
+from mitt.robot.description import ArmModel, Capsule, Link
 from mitt.robot.hands import HandModel
+from mitt.robot.limits import joint_level
 from mitt.robot.plant import add_arm
 from mitt.robot.segments import segment_distance
-from mitt.robot.shapes import Shapes, Surroundings, clearance, hand_capsules, shapes_of
+from mitt.robot.shapes import Shapes, Surroundings, clearance, hand_capsules, place, shapes_of
+from mitt.robot.shapes import gap as pair_gap
 from mitt.signals import Array
 
 #: Agreement with MuJoCo's distance of two capsules [m].
@@ -108,13 +111,6 @@ def test_no_point_moves_farther_than_the_reach_says(
     assert change <= shapes.reach[joint] * abs(by) + 1e-9
 
 
-@pytest.mark.parametrize("radius", [0.0, -1.0, np.nan, np.inf])
-def test_a_zone_without_a_size_is_refused(radius: float) -> None:
-    """A keep-out zone has a radius above zero and finite ends."""
-    with pytest.raises(InputError):
-        Surroundings(zones=(Capsule(start=(0.0, 0.0, 0.0), end=(0.0, 0.0, 1.0), radius=radius),))
-
-
 def test_an_arm_that_begins_in_a_zone_is_refused(arm: Arm) -> None:
     """Such a pair could not be watched; the floor under an arm's foot may be as near as it is."""
     x, y, z = (float(k) for k in arm.position(arm.q_ready))
@@ -131,3 +127,55 @@ def test_a_ball_of_an_arm_is_a_capsule_of_the_plant(arm: Arm) -> None:
     model = spec.compile()
     assert model.geom("base_0").size[0] == 0.05
     assert model.geom("base_0").size[1] <= 1e-4
+
+
+def _beads(angle: float, radius: float) -> Arm:
+    """Return an arm with a ball 0.5 m out, and one on its base at an angle about its first axis."""
+    at, axes = (0.5 * np.cos(angle), 0.5 * np.sin(angle), 0.0), np.eye(3)[[2, 0, 1]]
+    ball = Capsule(start=(0.5, 0.0, 0.0), end=(0.5, 0.0, 0.0), radius=radius)
+    links = tuple(
+        Link(name=f"j{k}", placement=np.eye(4), axis=axis, q_min=-2.0 * np.pi, q_max=2.0 * np.pi,
+             mass=1.0, com=np.zeros(3), inertia=np.eye(3), capsules=(ball,) if k == 1 else ())
+        for k, axis in enumerate(axes)
+    )  # fmt: skip
+    still = Capsule(start=at, end=at, radius=radius)
+    model = ArmModel(name="beads", links=links, tool=np.eye(4), hand=None, q_ready=np.zeros(3),
+                     base_capsules=(still,), mount=np.eye(4))  # fmt: skip
+    return Arm(model, joint_level("beads", tau=np.ones(3), speed=np.ones(3)))
+
+
+@pytest.mark.parametrize(("angle", "radius"), [(np.pi / 20.0, 0.03), (0.14, 0.025)])
+def test_shapes_that_meet_in_a_narrow_range_of_angles_are_watched(
+    angle: float, radius: float
+) -> None:
+    """Balls that overlap within a few hundredths of a radian, in ranges of two turns."""
+    arm = _beads(angle, radius)
+    shapes = shapes_of(arm, Surroundings(floor=-2.0))
+    assert [1, 2] in shapes.pairs.tolist()
+    assert gap(arm, shapes, arm.q_ready) > 0.01
+    assert gap(arm, shapes, np.array([angle, 1.0, 0.0])) < -0.04
+
+
+@given(seed=seeds)
+def test_a_pair_of_the_arm_that_is_not_watched_never_meets(seed: int) -> None:
+    """No random pose brings a pair that was dropped nearer than 12 mm."""
+    rng = np.random.default_rng(seed)
+    beads = _beads(0.0, float(rng.uniform(0.02, 0.05)))
+    links = list(beads.model.links)
+    for k in range(3):
+        placement = np.eye(4)
+        placement[:3, 3] = rng.uniform(-0.1, 0.1, 3)
+        start, end = (tuple(x) for x in rng.uniform(-0.2, 0.2, (2, 3)).tolist())
+        capsule = Capsule(start=start, end=end, radius=0.03)
+        links[k] = replace(links[k], placement=placement, capsules=(capsule,))
+    arm = Arm(replace(beads.model, links=tuple(links)), beads.limits)
+    shapes = shapes_of(arm, Surroundings(floor=-2.0))
+    ends, kept = shapes.ends, set(map(tuple, shapes.pairs.tolist()))
+    place(arm.bodies, arm.q_ready, shapes.table, ends)
+    dropped = [
+        pair for pair in combinations(range(1, len(shapes.table)), 2)
+        if pair not in kept and pair_gap(shapes.table, ends, *pair) > 0.01
+    ]  # fmt: skip
+    for q in rng.uniform(arm.q_min, arm.q_max, (300, 3)) if dropped else ():
+        place(arm.bodies, q, shapes.table, ends)
+        assert min(pair_gap(shapes.table, ends, *pair) for pair in dropped) > 0.012

@@ -52,12 +52,13 @@ def read_limits(name_or_path: str | Path) -> LimitSet:
         UnknownNameError: No set is called that.
         FileError: The file cannot be read, or does not say what it should.
     """
-    path = Path(name_or_path)
+    path, ships = Path(name_or_path), False
     if path.suffix != ".toml":
         if str(name_or_path) not in shipped():
             known = (*known_limits(), "a .toml file")
             raise UnknownNameError("limits", str(name_or_path), known)
         path = Path(str(files("mitt") / "data" / "limits" / f"{name_or_path}.toml"))
+        ships = True
     content = parsed(
         _LimitsFile, read_toml(path), place=str(path), wanted=f"limits of schema {SCHEMA}",
         do="see docs/arms.md",
@@ -68,6 +69,7 @@ def read_limits(name_or_path: str | Path) -> LimitSet:
             name=path.stem,
             joints=tuple(content.joints),
             bounds={k: np.array(x) for k, x in given.items() if x is not None},
+            shipped=ships,
         )
     except MittError as error:
         raise FileError(str(path), "limits that joints can have", error) from error

@@ -5,6 +5,8 @@ import re
 from collections.abc import Mapping
 from math import isfinite
 
+import numpy as np
+
 from mitt.errors import InputError
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
@@ -45,12 +47,14 @@ def _quoted(text: str) -> str:
 
 def _value(key: str, value: object) -> str:
     """Return a value as TOML writes it."""
-    if isinstance(value, bool):
+    if isinstance(value, bool | np.bool):
         return "true" if value else "false"
     if isinstance(value, str):
         return _quoted(value)
-    if isinstance(value, int) or (isinstance(value, float) and isfinite(value)):
-        return repr(value)
+    if isinstance(value, int | np.integer):
+        return repr(int(value))
+    if isinstance(value, float | np.floating) and isfinite(value):
+        return repr(float(value))
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_value(key, x) for x in value) + "]"
     raise InputError(key, "a text, a truth value, a finite number or a list", repr(value)[:60])

@@ -5,7 +5,7 @@ import pinocchio as pin
 
 from mitt.errors import UnknownNameError
 from mitt.robot.description import Capsule
-from mitt.robot.fit import capsules_about
+from mitt.robot.fit import behind, capsules_about
 from mitt.robot.stated import LINK, Stated
 from mitt.signals import Array
 
@@ -41,8 +41,7 @@ def carried_shapes(
         T = frame.placement.homogeneous
         points = shape.points @ T[:3, :3].T + T[:3, 3]
         if frame.parentJoint == model.njoints - 1 and tool is not None:
-            height = (points - tool[:3, 3]) @ tool[:3, 2] + shape.radius
-            points = points[height <= 0.0]
+            points = behind(points, (points - tool[:3, 3]) @ tool[:3, 2] - shape.radius)
         if len(points):
             parts[frame.parentJoint].append((points, shape.radius))
     fitted = [_fitted(x) for x in parts]
@@ -63,16 +62,20 @@ def _fitted(parts: list[tuple[Array, float]]) -> list[Capsule]:
 def _behind(capsule: Capsule, tool: Array) -> Capsule | None:
     """Return a capsule drawn in behind the tool plate; None where nothing is left of it.
 
-    Its round end would reach into the hand, which has shapes of its own there.
+    Its round end would reach into the hand, which has shapes of its own there. What is too thick to
+    be drawn in, as a flange, becomes thinner instead.
     """
-    p, normal = tool[:3, 3], tool[:3, 2]
+    p, normal, radius = tool[:3, 3], tool[:3, 2], capsule.radius
     ends = np.array([capsule.start, capsule.end])
-    height = (ends - p) @ normal + capsule.radius
-    if height.min() > 0.0:
+    height = (ends - p) @ normal
+    top, low = int(np.argmax(height)), int(np.argmin(height))
+    if height[low] >= radius:
         return None
-    top = int(np.argmax(height))
-    if height[top] > 0.0:
-        share = height[top] / (height[top] - height[1 - top])
-        ends[top] += share * (ends[1 - top] - ends[top])
+    room = -radius if height[low] <= -radius else max(height[low], 0.0)
+    if height[top] > room:
+        ends[top] += (height[top] - room) / (height[top] - height[low]) * (ends[low] - ends[top])
+    if height[low] > -radius:
+        radius = 0.5 * (radius - height[low])
+        ends -= np.outer((ends - p) @ normal + radius, normal)
     start, end = (tuple(x.tolist()) for x in ends)
-    return Capsule(start=start, end=end, radius=capsule.radius)
+    return Capsule(start=start, end=end, radius=radius)

@@ -56,6 +56,13 @@ class Capsule:
     end: tuple[float, float, float]
     radius: float
 
+    def __post_init__(self) -> None:
+        """Refuse ends that are not finite and a radius that is not above zero."""
+        finite = np.all(np.isfinite((*self.start, *self.end, self.radius)))
+        if not (finite and self.radius > 0.0):
+            given = f"{self.start}, {self.end}, {self.radius}"
+            raise ModelError("capsule", "finite ends and a radius above 0 m", given)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Link:

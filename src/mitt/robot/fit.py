@@ -8,6 +8,7 @@ ones of the points. A shape that two capsules, side by side along it, hold in le
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mitt.robot.description import Capsule
 from mitt.signals import Array
@@ -18,6 +19,8 @@ _STEPS = 60
 _WORTH = 0.7
 #: Fewest points that are fitted with two capsules.
 _FEWEST = 8
+#: Most points all of whose pairs are taken for edges.
+_FEW = 40
 #: What is added to a radius against rounding [m].
 _ROUNDING = 1e-9
 
@@ -46,15 +49,36 @@ def _cut(points: Array, along: Array) -> Array | None:
         points: Shape (k, 3).
         along: Their places along the axis, the plane at 0, shape (k,).
     """
+    edges = None if len(points) < _FEWEST else _hull_edges(points)
+    return None if edges is None else _crossings(points, edges, along)
+
+
+def behind(points: Array, height: Array) -> Array:
+    """Return points whose hull is the part of the points' hull at heights up to 0.
+
+    Args:
+        points: Shape (k, 3).
+        height: Their heights over a plane, shape (k,).
+    """
+    edges = _hull_edges(points) if len(points) > _FEW else None
+    if edges is None:
+        edges = np.array(np.triu_indices(len(points), 1)).T
+    return np.vstack((points[height <= 0.0], _crossings(points, edges, height)))
+
+
+def _hull_edges(points: Array) -> NDArray[np.int64] | None:
+    """Return the edges of the convex hull, shape (m, 2); None where it has no inside."""
     from scipy.spatial import ConvexHull, QhullError  # noqa: PLC0415 (slow to load)
 
-    if len(points) < _FEWEST:
-        return None
     try:
         simplices = ConvexHull(points).simplices
     except QhullError:  # flat, or all in one place
         return None
-    edges = np.vstack((simplices[:, :2], simplices[:, 1:], simplices[:, ::2]))
+    return np.vstack((simplices[:, :2], simplices[:, 1:], simplices[:, ::2])).astype(np.int64)
+
+
+def _crossings(points: Array, edges: NDArray[np.int64], along: Array) -> Array:
+    """Return where edges cross the plane at 0 of the points' places along an axis, shape (j, 3)."""
     first, second = along[edges[:, 0]], along[edges[:, 1]]
     crosses = first * second < 0.0
     share = (first / np.where(crosses, first - second, 1.0))[crosses, None]

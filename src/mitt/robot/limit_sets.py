@@ -1,5 +1,6 @@
 """Limit sets of an arm's joints: data of vendors, fitted to an arm by the names of its joints."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -13,6 +14,11 @@ KINDS = ("lower", "upper", "speed", "acceleration", "jerk", "torque", "torque_ra
 """What a set may bound: ends of the range [rad], then the largest rad/s, rad/s^2, rad/s^3, N m and
 N m/s (of a sliding joint m and N in the place of rad and N m)."""
 
+#: Names of joints that tell nothing of the arm.
+_BARE = re.compile(r"(joint|jnt|axis|j|a|q)?[ _-]*\d*", re.IGNORECASE)
+#: Share of a file's figure up to which a set's is the same but for rounding.
+_ROUNDED = 1.002
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LimitSet:
@@ -22,11 +28,13 @@ class LimitSet:
         name: Name of the set.
         joints: Names of the joints, from the base outwards.
         bounds: Bounds by kind, of :data:`KINDS`, each of shape (len(joints),).
+        shipped: Whether it comes with the package, for one arm whose joints have these names.
     """
 
     name: str
     joints: tuple[str, ...]
     bounds: Mapping[str, Array] = field(default_factory=dict)
+    shipped: bool = False
 
     def __post_init__(self) -> None:
         """Refuse bounds that no joint can have; ModelError, InputError or ShapeError."""
@@ -50,7 +58,8 @@ class LimitSet:
         """Return the bounds of an arm's joints, each kind by the arm's own names.
 
         Joints fit by name if each joint of the set ends the name of one joint of the arm, in the
-        same order; else by order, if both have as many.
+        same order; else by order, if both have as many. A set that ships fits by order only
+        where the arm's names tell nothing of the arm, as ``joint_1`` or ``A1`` do.
 
         Args:
             names: All joints of the arm, from the base outwards.
@@ -59,7 +68,8 @@ class LimitSet:
             ModelError: The set is of another arm.
         """
         pairs = self._by_name(names)
-        if pairs is None and len(names) == len(self.joints):
+        told = self.shipped and not all(_BARE.fullmatch(x) for x in names)
+        if pairs is None and len(names) == len(self.joints) and not told:
             pairs = list(enumerate(names))
         if pairs is None:
             raise ModelError(
@@ -70,6 +80,32 @@ class LimitSet:
             kind: {name: float(values[k]) for k, name in pairs}
             for kind, values in self.bounds.items()
         }
+
+    def notes(
+        self, names: Sequence[str], own: Mapping[str, Mapping[str, float]]
+    ) -> tuple[str, ...]:
+        """Return what a user should know of the set on an arm, as of :meth:`fitted`.
+
+        Args:
+            names: All joints of the arm, from the base outwards.
+            own: What its file states, by kind and name.
+        """
+        notes = []
+        if self.shipped and self._by_name(names) is None:
+            notes.append(f"limits {self.name}: the names of the joints do not say whether they are"
+                         " of this arm; taken in their order")  # fmt: skip
+        bounds = self.fitted(names)
+        for kind, stated in own.items():
+            more = [
+                f"{name} {x:.4g} instead of {stated[name]:.4g}"
+                for name, x in bounds.get(kind, {}).items()
+                if x > _ROUNDED * stated.get(name, np.inf)
+            ]
+            if more:
+                rest = f" and {len(more) - 2} more" if len(more) > 2 else ""
+                notes.append(f"limits {self.name}: more {kind} than the file states:"
+                             f" {', '.join(more[:2])}{rest}")  # fmt: skip
+        return tuple(notes)
 
     def _by_name(self, names: Sequence[str]) -> list[tuple[int, str]] | None:
         """Return indices of the set's joints with the arm's names; None where names do not fit."""

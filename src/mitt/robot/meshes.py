@@ -8,16 +8,22 @@ import os
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path, PurePosixPath
+from typing import final
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from mitt.errors import FileError
 from mitt.reading import read_bytes
 from mitt.robot.stated import Shape
 from mitt.signals import Array
 
-#: Largest mesh that is read [byte], and what may be one.
-_MAX_BYTES, _KINDS = 50_000_000, (".stl", ".obj", ".ply", ".dae")
+#: Largest mesh that is read, and all of a description file together [byte].
+_MAX_BYTES, _MAX_TOTAL = 50_000_000, 300_000_000
+#: What may be a mesh.
+_KINDS = (".stl", ".obj", ".ply", ".dae")
+#: Largest size of a shape, and farthest from its link's frame, that is taken for meant [m].
+_LARGEST = 100.0
 #: Points of the circles that stand for the ends of a cylinder.
 _CIRCLE = 16
 
@@ -29,10 +35,11 @@ def urdf_shapes(path: Path, root: Element) -> tuple[tuple[Shape, ...], tuple[str
     """
     shapes: list[Shape] = []
     missing: list[str] = []
+    meshes = Meshes(str(path))
     for link in root.findall("link"):
         name = link.get("name", "")
         for element in link.findall("collision") or link.findall("visual"):
-            found = _urdf_points(path, element)
+            found = _urdf_points(path, element, meshes)
             if found is None:
                 missing.append(name)
             else:
@@ -50,12 +57,15 @@ def missing_notes(missing: list[str]) -> tuple[str, ...]:
             " there, and hides no ball",)  # fmt: skip
 
 
-def _urdf_points(path: Path, element: Element) -> tuple[Array, float] | None:
-    """Return the points of one shape in its link's frame, and a radius about them [m]."""
+def _urdf_points(path: Path, element: Element, meshes: "Meshes") -> tuple[Array, float] | None:
+    """Return the points of one shape in its link's frame, and a radius about them [m].
+
+    None where its mesh is missing, or where what should be numbers is none.
+    """
     geometry = element.find("geometry")
     solid = next(iter(geometry), None) if geometry is not None else None
     try:
-        found = None if solid is None else _solid(path, solid)
+        found = None if solid is None else _solid(path, solid, meshes)
         if found is None:
             return None
         points, radius = found
@@ -63,27 +73,50 @@ def _urdf_points(path: Path, element: Element) -> tuple[Array, float] | None:
         if origin is not None:
             R = _rpy(_numbers(origin, "rpy", 3, "0 0 0"))
             points = points @ R.T + _numbers(origin, "xyz", 3, "0 0 0")
+    except FileError:
+        raise
     except ValueError:
         return None
-    return (points, radius) if np.isfinite(points).all() and np.isfinite(radius) else None
+    check_place(str(path), points)
+    return points, radius
 
 
-def _solid(path: Path, solid: Element) -> tuple[Array, float] | None:
+def check_place(place: str, points: Array) -> None:
+    """Refuse points of a shape [m], shape (k, 3), that are farther off than any arm is long.
+
+    Raises:
+        FileError: One is 100 m or more from its link's frame along an axis, or is no number.
+    """
+    if not np.all(np.abs(points) < _LARGEST):
+        raise FileError(place, f"shapes within {_LARGEST:g} m of their links",
+                        f"{np.abs(points).max():g} m", do="check units and scale")  # fmt: skip
+
+
+def _solid(path: Path, solid: Element, meshes: "Meshes") -> tuple[Array, float] | None:
     """Return the points of a solid, and a radius about them; None where a mesh is missing."""
     if solid.tag == "box":
-        return box_points(0.5 * _numbers(solid, "size", 3)), 0.0
+        return box_points(0.5 * _sizes(path, solid, "size", 3)), 0.0
     if solid.tag == "sphere":
-        return np.zeros((1, 3)), float(_numbers(solid, "radius", 1)[0])
+        return np.zeros((1, 3)), float(_sizes(path, solid, "radius", 1)[0])
     if solid.tag in ("cylinder", "capsule"):
-        radius, half = (float(_numbers(solid, x, 1)[0]) for x in ("radius", "length"))
+        radius, half = (float(_sizes(path, solid, x, 1)[0]) for x in ("radius", "length"))
         if solid.tag == "capsule":
             return np.array([[0.0, 0.0, -0.5 * half], [0.0, 0.0, 0.5 * half]]), radius
         return cylinder_points(radius, 0.5 * half), 0.0
     if solid.tag != "mesh":
         return None
     file = find_mesh(path, solid.get("filename", ""))
-    points = None if file is None else mesh_points(file)
+    points = None if file is None else meshes.points(file)
     return None if points is None else (points * _numbers(solid, "scale", 3, "1 1 1"), 0.0)
+
+
+def _sizes(path: Path, solid: Element, key: str, count: int) -> Array:
+    """Return the sizes of a solid [m]; FileError where none can have them."""
+    sizes = _numbers(solid, key, count)
+    if not np.all((sizes >= 0.0) & (sizes <= _LARGEST)):
+        wanted = f"{key} of 0 to {_LARGEST:g} m"
+        raise FileError(f"{path} <{solid.tag}>", wanted, repr(solid.get(key, "")[:60]))
+    return sizes
 
 
 def _numbers(element: Element, key: str, count: int, default: str = "") -> Array:
@@ -143,13 +176,44 @@ def _places(path: Path, inner: PurePosixPath) -> Iterator[Path]:
             yield Path(root) / rest
 
 
-def mesh_points(file: Path) -> Array | None:
+@final
+class Meshes:
+    """The meshes of one description file: each is read once, and all have a bound together."""
+
+    def __init__(self, place: str) -> None:
+        """Begin with none.
+
+        Args:
+            place: What an error calls the description file.
+        """
+        self._place, self._left = place, _MAX_TOTAL
+        self._known: dict[Path, Array | None] = {}
+
+    def points(self, file: Path) -> Array | None:
+        """Return the points of a mesh's convex hull [m], shape (k, 3); None if it cannot be read.
+
+        Raises:
+            FileError: The meshes of the file are too large together.
+        """
+        if file not in self._known:
+            try:
+                content = read_bytes(file, max_bytes=_MAX_BYTES)
+            except FileError:
+                content = b""
+            self._left -= len(content)
+            if self._left < 0:
+                raise FileError(self._place, f"meshes of at most {_MAX_TOTAL} bytes together",
+                                "more", do="take simpler ones")  # fmt: skip
+            self._known[file] = _hull(content, file.suffix[1:].lower())
+        return self._known[file]
+
+
+def _hull(content: bytes, kind: str) -> Array | None:
     """Return the points of a mesh's convex hull [m], shape (k, 3); None if it cannot be read."""
     import trimesh  # noqa: PLC0415 (heavy, and only for arms with meshes)
 
     try:
-        content = read_bytes(file, max_bytes=_MAX_BYTES)
-        scene = trimesh.load_scene(BytesIO(content), file_type=file.suffix[1:].lower())
+        scene = trimesh.load_scene(BytesIO(content), file_type=kind)
         points = np.asarray(scene.to_mesh().convex_hull.vertices, dtype=np.float64)
     except Exception:  # what a reader of meshes raises on broken ones is unknown
         return None

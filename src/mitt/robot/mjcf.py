@@ -8,7 +8,6 @@ The elements and what they mean: the XML reference of MuJoCo's documentation.
 
 from pathlib import Path, PurePosixPath
 from typing import TypeAlias
-from xml.etree.ElementTree import Element
 
 import mujoco
 import numpy as np
@@ -18,13 +17,26 @@ from mitt.errors import FileError, heard
 from mitt.reading import read_text
 from mitt.robot.dynamics import GRAVITY
 from mitt.robot.meshes import (
+    Meshes,
     box_points,
+    check_place,
     cylinder_points,
     find_mesh,
-    mesh_points,
     missing_notes,
 )
-from mitt.robot.stated import LINK, Shape, Stated
+from mitt.robot.mjcf_files import check_files
+from mitt.robot.mjcf_joints import (
+    HINGE,
+    SLIDE,
+    Names,
+    loops_of,
+    mimics_of,
+    names_of,
+    ranges_of,
+    speeds_of,
+    torques_of,
+)
+from mitt.robot.stated import Shape, Stated
 from mitt.robot.urdf import MAX_BYTES, checked_xml
 from mitt.signals import Array
 
@@ -34,7 +46,6 @@ _HOW = (
 )
 _Mesh: TypeAlias = tuple[Path | None, Array]
 """Where a mesh is, and its scale."""
-_HINGE, _SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 
 
 def read_mjcf(path: Path) -> Stated:
@@ -47,23 +58,18 @@ def read_mjcf(path: Path) -> Stated:
     root = checked_xml(path, text)
     if root.tag != "mujoco":
         raise FileError(str(path), "an MJCF, <mujoco>...</mujoco>", f"<{root.tag[:40]}>")
-    _check_files(path, root)
-    speed = _speeds(path, root)
+    check_files(path, root)
+    speed = speeds_of(path, root)
     with heard():
         m, meshes = _compiled(path, text)
-    shapes, missing = _shapes(m, meshes)
+    names = names_of(m)
+    shapes, missing = _shapes(path, m, names, meshes)
+    mimics, notes = mimics_of(m, names)
     return Stated(
-        place=str(path), model=_to_pinocchio(m), ranges=_ranges(m), torque=_torques(m),
-        speed=speed, loops=_loops(m), shapes=tuple(shapes), notes=missing_notes(missing), how=_HOW,
+        place=str(path), model=_to_pinocchio(m, names), ranges=ranges_of(m, names),
+        torque=torques_of(m, names), speed=speed, mimics=mimics, loops=loops_of(m, names),
+        shapes=tuple(shapes), notes=(*missing_notes(missing), *notes), how=_HOW,
     )  # fmt: skip
-
-
-def _check_files(path: Path, root: Element) -> None:
-    """Refuse files that are not below the file's own folder."""
-    for element in root.iter():
-        file = element.attrib.get("file", "")
-        if file.startswith(("/", "~", "\\")) or ".." in Path(file).parts:
-            raise FileError(str(path), "meshes below its own folder", repr(file[:60]))
 
 
 def _compiled(path: Path, text: str) -> tuple[mujoco.MjModel, dict[str, _Mesh]]:
@@ -79,10 +85,11 @@ def _compiled(path: Path, text: str) -> tuple[mujoco.MjModel, dict[str, _Mesh]]:
             if geom.type == mujoco.mjtGeom.mjGEOM_HFIELD:
                 spec.delete(geom)
             elif geom.type == mujoco.mjtGeom.mjGEOM_MESH:
-                _check_weight(path, geom)
+                _check_weight(path, spec, geom)
                 meshes[_replaced(geom, k)] = _mesh(path, spec, geom.meshname)
                 geom.meshname = ""
-        drop = (spec.skins, spec.meshes, spec.hfields, spec.textures, spec.materials, spec.keys)
+        looks = (spec.skins, spec.meshes, spec.hfields, spec.textures, spec.materials)
+        drop = (spec.pairs, spec.sensors, *looks, spec.keys)
         for element in (x for kind in drop for x in list(kind)):
             spec.delete(element)
         for element in (*spec.geoms, *spec.sites, *spec.tendons):
@@ -94,8 +101,8 @@ def _compiled(path: Path, text: str) -> tuple[mujoco.MjModel, dict[str, _Mesh]]:
 
 
 def _replaced(geom: mujoco.MjsGeom, k: int) -> str:
-    """Make a mesh a tiny sphere without mass, and return its name."""
-    geom.name = f"mesh {k} of the file"
+    """Make a mesh a tiny sphere without mass, and return its name, a new one if it has none."""
+    geom.name = geom.name or f"mesh {k} of the file"
     geom.type, geom.size, geom.mass = mujoco.mjtGeom.mjGEOM_SPHERE, [1e-6, 0.0, 0.0], 0.0
     return str(geom.name)
 
@@ -108,35 +115,40 @@ def _mesh(path: Path, spec: mujoco.MjSpec, name: str) -> _Mesh:
     return find_mesh(path, str(PurePosixPath(spec.meshdir) / mesh.file)), np.array(mesh.scale)
 
 
-def _shapes(m: mujoco.MjModel, meshes: dict[str, _Mesh]) -> tuple[list[Shape], list[str]]:
+def _shapes(
+    path: Path, m: mujoco.MjModel, names: Names, meshes: dict[str, _Mesh]
+) -> tuple[list[Shape], list[str]]:
     """Return the shapes of the bodies, and the names of those whose meshes are missing.
 
     Those that may touch something, or all where a body has none that may.
     """
     touching = (m.geom_contype != 0) | (m.geom_conaffinity != 0)
-    shapes, missing = [], []
+    shapes, missing, known = [], [], Meshes(str(path))
     for b in range(m.nbody):
         own = np.flatnonzero(m.geom_bodyid == b)
         for g in own[touching[own]] if touching[own].any() else own:
-            name = _told_apart(m, m.body(b).name or f"body {b}") if b else "universe"
+            name = names.bodies[b] if b else "universe"
             if m.geom_type[g] == mujoco.mjtGeom.mjGEOM_PLANE:
                 continue
-            found = _points(m, int(g), meshes)
+            found = _points(m, int(g), meshes, known)
             if found is None:
                 missing.append(name)
                 continue
             T = _pose(m.geom_pos[g], m.geom_quat[g])
             points = found[0] @ T.rotation.T + T.translation
+            check_place(str(path), points)
             shapes.append(Shape(frame=name, points=points, radius=found[1]))
     return shapes, missing
 
 
-def _points(m: mujoco.MjModel, g: int, meshes: dict[str, _Mesh]) -> tuple[Array, float] | None:
+def _points(
+    m: mujoco.MjModel, g: int, meshes: dict[str, _Mesh], known: Meshes
+) -> tuple[Array, float] | None:
     """Return the points of a geom in its own frame, and a radius about them [m]."""
     size, kind = m.geom_size[g], m.geom_type[g]
     file, scale = meshes.get(m.geom(g).name, (None, np.ones(3)))
     if m.geom(g).name in meshes:
-        points = None if file is None else mesh_points(file)
+        points = None if file is None else known.points(file)
         return None if points is None else (points * scale, 0.0)
     if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
         return np.zeros((1, 3)), float(size[0])
@@ -148,15 +160,27 @@ def _points(m: mujoco.MjModel, g: int, meshes: dict[str, _Mesh]) -> tuple[Array,
     return (box_points(size), 0.0) if solid else None
 
 
-def _check_weight(path: Path, geom: mujoco.MjsGeom) -> None:
-    """Refuse a body whose mass would come from its meshes."""
-    body = geom.parent
-    if not body.explicitinertial and body.name != "world" and len(body.joints):
-        raise FileError(f"{path} body {body.name!r}", "an <inertial>", "meshes to get it from",
+def _check_weight(path: Path, spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> None:
+    """Refuse a body that moves and whose mass would come from its meshes, which are not there."""
+    body, kind = geom.parent, spec.compiler.inertiafromgeom
+    if kind == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE or (
+        kind == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO and body.explicitinertial
+    ):
+        return
+    low, high = spec.compiler.inertiagrouprange
+    light = geom.mass == 0.0 or (np.isnan(geom.mass) and geom.density == 0.0)
+    if light or not low <= geom.group <= high:
+        return
+    above = body
+    while above.parent is not None and not len(above.joints):
+        above = above.parent
+    if above.parent is not None:
+        wanted = "an <inertial>, and inertiafromgeom not true"
+        raise FileError(f"{path} body {body.name!r}", wanted, "meshes to get it from",
                         do="let MuJoCo save the file once: mj_saveLastXML writes it")  # fmt: skip
 
 
-def _to_pinocchio(m: mujoco.MjModel) -> pin.Model:
+def _to_pinocchio(m: mujoco.MjModel, names: Names) -> pin.Model:
     """Return the tree of bodies with all joints, a frame for each body and each site."""
     model = pin.Model()
     model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
@@ -167,7 +191,7 @@ def _to_pinocchio(m: mujoco.MjModel) -> pin.Model:
         joint, T = joint_of[parent], seat[parent] * _pose(m.body_pos[b], m.body_quat[b])
         for k in range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b]):
             kind, at = _joint(m, k), pin.SE3(np.eye(3), np.array(m.jnt_pos[k]))
-            joint = model.addJoint(joint, kind, T * at, m.joint(k).name or f"joint {k}")
+            joint = model.addJoint(joint, kind, T * at, names.joints[k])
             model.addJointFrame(joint)
             T = at.inverse()
             armature += [float(x) for x in m.dof_armature[m.jnt_dofadr[k] :][: kind.nv]]
@@ -176,29 +200,22 @@ def _to_pinocchio(m: mujoco.MjModel) -> pin.Model:
         inertia = pin.Inertia(float(m.body_mass[b]), R.translation, about)
         model.appendBodyToJoint(joint, inertia, T)
         joint_of[b], seat[b] = joint, T
-        name = _told_apart(m, m.body(b).name or f"body {b}")
-        model.addFrame(pin.Frame(name, joint, 0, T, pin.FrameType.BODY), False)
+        model.addFrame(pin.Frame(names.bodies[b], joint, 0, T, pin.FrameType.BODY), False)
     for s in range(m.nsite):
         b = m.site_bodyid[s]
         T = seat[b] * _pose(m.site_pos[s], m.site_quat[s])
-        name = _told_apart(m, m.site(s).name or f"site {s}")
-        if name in [frame.name for frame in model.frames]:
+        if names.sites[s] in names.bodies:
             continue  # the body of that name goes before it
-        model.addFrame(pin.Frame(name, joint_of[b], 0, T, pin.FrameType.OP_FRAME), False)
+        model.addFrame(pin.Frame(names.sites[s], joint_of[b], 0, T, pin.FrameType.OP_FRAME), False)
     model.armature = np.array(armature)
     return model
 
 
-def _told_apart(m: mujoco.MjModel, name: str) -> str:
-    """Return the name of a frame, another than that of any joint."""
-    return name + LINK if name in [m.joint(k).name for k in range(m.njnt)] else name
-
-
 def _joint(m: mujoco.MjModel, k: int) -> pin.JointModel:
     """Return a joint as Pinocchio has it."""
-    if m.jnt_type[k] == _HINGE:
+    if m.jnt_type[k] == HINGE:
         return pin.JointModelRevoluteUnaligned(np.array(m.jnt_axis[k]))
-    if m.jnt_type[k] == _SLIDE:
+    if m.jnt_type[k] == SLIDE:
         return pin.JointModelPrismaticUnaligned(np.array(m.jnt_axis[k]))
     if m.jnt_type[k] == mujoco.mjtJoint.mjJNT_BALL:
         return pin.JointModelSpherical()
@@ -210,68 +227,3 @@ def _pose(p: Array, quaternion: Array) -> pin.SE3:
     R = np.zeros(9)
     mujoco.mju_quat2Mat(R, np.array(quaternion, dtype=np.float64))
     return pin.SE3(R.reshape(3, 3), np.array(p, dtype=np.float64))
-
-
-def _ranges(m: mujoco.MjModel) -> dict[str, tuple[float, float]]:
-    """Return the joints' ranges; a hinge without one turns once about zero."""
-    out = {}
-    for k in range(m.njnt):
-        if m.jnt_limited[k]:
-            out[m.joint(k).name] = (float(m.jnt_range[k, 0]), float(m.jnt_range[k, 1]))
-        elif m.jnt_type[k] == _HINGE:
-            out[m.joint(k).name] = (-np.pi, np.pi)
-    return out
-
-
-def _torques(m: mujoco.MjModel) -> dict[str, float]:
-    """Return the joints' largest torques: the least that joint and actuator allow."""
-    bounds: dict[str, list[float]] = {}
-    for k in range(m.njnt):
-        if m.jnt_type[k] in (_HINGE, _SLIDE) and m.jnt_actfrclimited[k]:
-            bounds.setdefault(m.joint(k).name, []).append(_width(m.jnt_actfrcrange[k]))
-    for a in range(m.nu):
-        if m.actuator_trntype[a] != mujoco.mjtTrn.mjTRN_JOINT:
-            continue
-        name, gear = m.joint(int(m.actuator_trnid[a, 0])).name, abs(float(m.actuator_gear[a, 0]))
-        if m.actuator_forcelimited[a]:
-            bounds.setdefault(name, []).append(gear * _width(m.actuator_forcerange[a]))
-        motor = m.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE
-        if motor and m.actuator_ctrllimited[a]:
-            gain = abs(float(m.actuator_gainprm[a, 0]))
-            bounds.setdefault(name, []).append(gear * gain * _width(m.actuator_ctrlrange[a]))
-    return {name: min(x) for name, x in bounds.items() if min(x) > 0.0}
-
-
-def _width(ends: Array) -> float:
-    """Return what a range allows both ways."""
-    return float(min(-ends[0], ends[1]))
-
-
-def _speeds(path: Path, root: Element) -> dict[str, float]:
-    """Return the joints' largest speeds [rad/s or m/s], as the file's own numbers say."""
-    out = {}
-    for numeric in root.iter("numeric"):
-        name, given = numeric.get("name", ""), numeric.get("data", "")
-        if not name.startswith("velocity_limit_"):
-            continue
-        try:
-            limit = float(given)
-        except ValueError:
-            limit = 0.0
-        if not 0.0 < limit < np.inf:
-            raise FileError(f"{path} {name}", "a number above 0", repr(given[:60]))
-        out[name.removeprefix("velocity_limit_")] = limit
-    return out
-
-
-def _loops(m: mujoco.MjModel) -> tuple[tuple[str, str], ...]:
-    """Return the pairs of bodies that an equality joins."""
-    kinds = (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
-    out = []
-    for k in np.flatnonzero(np.isin(m.eq_type, [int(x) for x in kinds])):
-        ends = [int(m.eq_obj1id[k]), int(m.eq_obj2id[k])]
-        if m.eq_objtype[k] == mujoco.mjtObj.mjOBJ_SITE:
-            ends = [int(m.site_bodyid[x]) for x in ends]
-        first, second = (m.body(x).name or f"body {x}" for x in ends)
-        out.append((first, second))
-    return tuple(out)

@@ -66,7 +66,7 @@ def _add_capsule(
     """Add a capsule that gives shape and contact but no mass."""
     start, end = np.array(capsule.start), np.array(capsule.end)
     if np.linalg.norm(end - start) < _SHORTEST:
-        end = start + np.array([0.0, 0.0, _SHORTEST])
+        end = start + np.array((0.0, 0.0, _SHORTEST))
     body.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_CAPSULE,

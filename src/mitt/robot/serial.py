@@ -46,6 +46,8 @@ def serial_arm(stated: Stated, wanted: Wanted) -> Arm:
     """
     chain = _chain(stated, wanted)
     limits = {} if wanted.limits is None else wanted.limits.fitted(chain)
+    own = {"torque": stated.torque, "speed": stated.speed}
+    set_notes = () if wanted.limits is None else wanted.limits.notes(chain, own)
     stated = _tightened(stated, limits)
     for name in wanted.joints:
         _check_active(stated, name)
@@ -68,8 +70,10 @@ def serial_arm(stated: Stated, wanted: Wanted) -> Arm:
         for k, name in enumerate(loads, start=1)
     )  # fmt: skip
     locked = [name for name in chain if name not in loads]
-    notes = stated.notes + tuple(
-        f"held joint {x!r}: no torque, speed or mass known; taken as rigid" for x in locked
+    notes = (
+        stated.notes
+        + set_notes
+        + tuple(f"held joint {x!r}: no torque, speed or mass known; taken as rigid" for x in locked)
     )
     description = ArmModel(
         name=wanted.name, links=links, tool=tool, hand=wanted.hand,
