@@ -1,9 +1,9 @@
 """Parts of an array in another shape, in Python and in compiled code.
 
 Numba's own ``reshape`` calls a library and counts references, which together take a third of a
-tick. In compiled code a view has no owner: it may only show what the caller of the kernel holds,
-which is an argument, and must not be returned by a kernel (tests/test_views.py checks both). In
-plain Python a view keeps alive what it shows.
+tick. In compiled code a view has no owner, so it may only show what the caller of the kernel holds:
+an argument, or a part of one (tests/test_views.py reads the source). In plain Python a view keeps
+alive what it shows.
 """
 
 from collections.abc import Callable, Sequence
