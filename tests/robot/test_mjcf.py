@@ -66,9 +66,11 @@ def test_classes_and_actuators_give_the_limits(tmp_path: Path) -> None:
     assert [x.armature for x in arm.model.links] == [0.1, 0.1, 0.1]
 
 
-def test_the_arm_moves_as_mujoco_moves_it(tmp_path: Path) -> None:
+@pytest.mark.parametrize("ref", ["", ' ref="0.7"', ' ref="0.2" type="slide"'])
+def test_the_arm_moves_as_mujoco_moves_it(tmp_path: Path, ref: str) -> None:
     """Position of the site and inverse dynamics agree with MuJoCo on the same file."""
-    path = _written(tmp_path / "a.xml")
+    joint = '<joint name="b" class="small" pos="0 0 0.05"'
+    path = _written(tmp_path / "a.xml", (joint, joint + ref))
     arm = load_arm(path, tip="tcp", joints=_NAMES)
     spec = mujoco.MjSpec.from_string(path.read_text())
     for geom in list(spec.geoms):

@@ -15,6 +15,7 @@ import pinocchio as pin
 
 from mitt.errors import FileError, heard
 from mitt.reading import read_text
+from mitt.robot.description import rotation
 from mitt.robot.dynamics import GRAVITY
 from mitt.robot.meshes import (
     Meshes,
@@ -191,7 +192,8 @@ def _to_pinocchio(m: mujoco.MjModel, names: Names) -> pin.Model:
         joint, T = joint_of[parent], seat[parent] * _pose(m.body_pos[b], m.body_quat[b])
         for k in range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b]):
             kind, at = _joint(m, k), pin.SE3(np.eye(3), np.array(m.jnt_pos[k]))
-            joint = model.addJoint(joint, kind, T * at, names.joints[k])
+            T = T * at * _initial(m, k).inverse()
+            joint = model.addJoint(joint, kind, T, names.joints[k])
             model.addJointFrame(joint)
             T = at.inverse()
             armature += [float(x) for x in m.dof_armature[m.jnt_dofadr[k] :][: kind.nv]]
@@ -220,6 +222,14 @@ def _joint(m: mujoco.MjModel, k: int) -> pin.JointModel:
     if m.jnt_type[k] == mujoco.mjtJoint.mjJNT_BALL:
         return pin.JointModelSpherical()
     return pin.JointModelFreeFlyer()
+
+
+def _initial(m: mujoco.MjModel, k: int) -> pin.SE3:
+    """Return how far joint ``k`` has moved where the file shows its body (``ref``)."""
+    value, axis = float(m.qpos0[m.jnt_qposadr[k]]), np.array(m.jnt_axis[k])
+    if m.jnt_type[k] == HINGE:
+        return pin.SE3(rotation(axis, value), np.zeros(3))
+    return pin.SE3(np.eye(3), value * axis if m.jnt_type[k] == SLIDE else np.zeros(3))
 
 
 def _pose(p: Array, quaternion: Array) -> pin.SE3:
