@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,11 +10,16 @@ from design.conftest import TINY, silent
 
 from mitt.cli import main
 from mitt.commands import design as command
-from mitt.design.assay import Task, learned, trials_of
-from mitt.design.design import Design, Origin, design
+from mitt.design import workers
+from mitt.design.assay import Task, Worth, learned, thrown, trials_of
+from mitt.design.candidate import Candidate
+from mitt.design.design import Design, Origin, design, rate_of
 from mitt.design.mutation import mutated
+from mitt.design.search import REPORTED, reported, search
 from mitt.design.speeds import AtSpeed, task_at
+from mitt.design.workers import Bench
 from mitt.files.arm_file import open_arm, write_arm_file
+from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
 from mitt.robot.identity import difference, identity_of
 
@@ -135,3 +141,32 @@ def test_an_arm_that_cannot_is_told_so_and_no_file_is_written(
     assert said["fastest_m_s"] == 2.5
     assert said["by_speed"][0]["binding_limit"] == "speed:j2"
     assert not out.exists()
+
+
+def test_what_is_reported_was_thrown_with_seeds_that_no_search_uses(
+    whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seeds = list[tuple[int, int, bool]]()
+
+    def noted(c: Candidate, f: DirectMap, task: Task, **given: Any) -> Worth:
+        seeds.append((given["seed"], given["throws"], given["give_up"]))
+        return thrown(c, f, task, **given)
+
+    monkeypatch.setattr(workers, "thrown", noted)
+    chosen = search(whole, task, TINY, progress=silent).best
+    assert chosen is not None
+    assert seeds
+    assert all(seed < REPORTED for seed, _, _ in seeds)
+    seeds.clear()
+    best = reported(Bench(whole, task, None, silent), chosen.candidate, TINY)
+    assert best is not None
+    assert seeds == [(REPORTED, TINY.report, False)]
+    assert best.thrown == TINY.report
+
+
+def test_a_share_is_told_with_its_interval(found: Design) -> None:
+    assert rate_of(60, 60) == "60 of 60 (95 % interval 94.0 to 100.0 %)"
+    assert found.best is not None
+    text = command._comment(found)
+    assert found.rate in text
+    assert "95 % interval" in text

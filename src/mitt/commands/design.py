@@ -118,7 +118,8 @@ def _comment(found: Design) -> str:
     best = found.best
     assert best is not None
     return (
-        f"mitt design: caught {best.caught} of {best.thrown} throws (scene lab, points),\n"
+        f"mitt design: caught {found.rate} of throws that the search had not used"
+        " (scene lab, points),\n"
         f"relative speed {best.speed:.2f} m/s, force {best.force:.0f} N (medians)"
     )
 
@@ -137,8 +138,8 @@ def _show(found: Design, out: Path) -> None:
         show(f"{found.whole.model.name}: no design; {found.reason}; {found.seconds:.0f} s")
         return
     show(
-        f"{found.whole.model.name}, joints {', '.join(found.joints)}: caught {best.caught} of"
-        f" {best.thrown}, relative speed {best.speed:.2f} m/s, force {best.force:.0f} N (medians);"
+        f"{found.whole.model.name}, joints {', '.join(found.joints)}: caught {found.rate},"
+        f" relative speed {best.speed:.2f} m/s, force {best.force:.0f} N (medians);"
         f" throws up to {found.fastest:.1f} m/s; {found.seconds:.0f} s",
         f"written: {out}",
     )

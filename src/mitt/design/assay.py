@@ -205,9 +205,11 @@ def _middle(x: Array) -> float:
     return float(np.median(known)) if len(known) else 99.0
 
 
-def thrown(c: Candidate, f: DirectMap, task: Task, *, throws: int, seed: int) -> Worth:
+def thrown(
+    c: Candidate, f: DirectMap, task: Task, *, throws: int, seed: int, give_up: bool = True
+) -> Worth:
     """Return what a learned map is worth in the simulated world, the ball seen as points."""
-    trials = trials_of(f, task, throws=throws, seed=seed, give_up=True)
+    trials = trials_of(f, task, throws=throws, seed=seed, give_up=give_up)
     throws = len(trials)
     good = [x for x in trials if x.status == "caught"]
     speeds = np.array([x.velocity_error_m_s for x in good], dtype=np.float64)

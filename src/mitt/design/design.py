@@ -6,7 +6,7 @@ from pathlib import Path
 
 import mitt
 from mitt.design.assay import Task, Worth
-from mitt.design.search import Effort, search
+from mitt.design.search import Effort, reported, search
 from mitt.design.speeds import ENOUGH, SPEEDS, AtSpeed, by_speed, fastest, release_speed, slower
 from mitt.design.workers import Bench, Progress
 from mitt.files.arm_file import ArmFile, digest_of
@@ -14,6 +14,7 @@ from mitt.files.throws import ThrowSettings
 from mitt.link.clock import monotonic
 from mitt.robot.arm import Arm
 from mitt.sweep.engine import Engine
+from mitt.trials.statistics import wilson
 
 SCHEMA = "mitt.design/1"
 
@@ -41,7 +42,8 @@ class Design:
         whole: The arm with all its joints active.
         found: Whether it catches enough of the throws.
         reason: Why not, or why not within all limits; None where it does.
-        best: The best candidate, with what it caught; None where none was found at all.
+        best: The best candidate, with what it caught of throws that no search used; None where
+            none was found at all.
         fastest: Fastest throws of which it catches enough [m/s]; 0 where there are none.
         rows: How it does at several speeds.
         seconds: How long that took.
@@ -54,6 +56,11 @@ class Design:
     fastest: float
     rows: Sequence[AtSpeed] = field(default_factory=tuple)
     seconds: float = 0.0
+
+    @property
+    def rate(self) -> str:
+        """The share of the reported throws, with its Wilson 95 % interval, in words."""
+        return "" if self.best is None else rate_of(self.best.caught, self.best.thrown)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -101,6 +108,12 @@ class Design:
         )
 
 
+def rate_of(count: int, of: int) -> str:
+    """Return in words how many of so many throws, with the Wilson 95 % interval."""
+    low, high = wilson(count, of)
+    return f"{count} of {of} (95 % interval {100.0 * low:.1f} to {100.0 * high:.1f} %)"
+
+
 def design(
     whole: Arm, task: Task, effort: Effort, *, progress: Progress,
     joints: Sequence[str] | None = None, engine: Engine | None = None,
@@ -116,8 +129,9 @@ def design(
         engine: Where candidates are tried; in this process if left out.
     """
     start = monotonic()
-    best = search(whole, task, effort, progress=progress, joints=joints, engine=engine).best
+    chosen = search(whole, task, effort, progress=progress, joints=joints, engine=engine).best
     bench = Bench(whole, task, engine, progress)
+    best = None if chosen is None else reported(bench, chosen.candidate, effort)
     found = best is not None and best.caught >= ENOUGH * best.thrown
     tried, speed = best, 0.0
     if not found:

@@ -28,8 +28,11 @@ from mitt.errors import ModelError
 from mitt.robot.arm import Arm
 from mitt.sweep.engine import Engine
 
-#: Seeds of the throws by which candidates are compared, and of those that confirm the last ones.
+#: Seeds of the throws by which candidates are compared, and by which the best is chosen; all of
+#: a search lie below those of the throws that are reported (:data:`REPORTED`).
 _COMPARE, _CONFIRM = 100, 1000
+#: Least seed of throws that are reported: no search uses one of these.
+REPORTED = 80_000
 #: Score by flights from which a changed candidate is thrown at.
 _WORTH_THROWING = 0.1
 
@@ -50,7 +53,8 @@ class Effort:
         children: Changed ones of each generation.
         generations: Number of generations.
         last: Candidates that are learned in full and confirmed.
-        confirm: Throws at each of these.
+        confirm: Throws at each of these, by which the best is chosen.
+        report: Fresh throws at the chosen one, which alone are reported.
         slower: Searches for slower throws where the default ones are not caught.
     """
 
@@ -66,6 +70,7 @@ class Effort:
     generations: int = 5
     last: int = 6
     confirm: int = 60
+    report: int = 100
     slower: int = 3
 
     def less(self) -> "Effort":
@@ -89,7 +94,8 @@ class Found:
     """What a search found.
 
     Attributes:
-        best: The best candidate, confirmed; None where nothing stands at all.
+        best: The best candidate, with the throws by which it was chosen: the best of several on
+            the same throws, so no fair figure (:func:`reported`). None where there is none.
         considered: Candidates by geometry.
         others: Those confirmed besides it.
     """
@@ -134,6 +140,17 @@ def search(
     ranked = _sorted(confirmed)
     best = ranked[0] if ranked else None
     return Found(best=best, considered=len(rows.q), others=tuple(ranked[1:]))
+
+
+def reported(bench: Bench, c: Candidate, effort: Effort) -> Worth | None:
+    """Return what a candidate is worth by throws that no search has used; these are reported.
+
+    None where it is not thrown at.
+    """
+    worth = bench.try_all(
+        "reporting", [c], throws=effort.report, seed=REPORTED, how="full", give_up=False
+    )
+    return worth[0] if worth else None
 
 
 def _by_geometry(

@@ -29,6 +29,7 @@ class Trial:
         seed: Seed of the throws.
         least: Least score by flights from which it is thrown at.
         how: How thoroughly the map is learned.
+        give_up: Whether it is thrown at less where it catches few of the first throws.
     """
 
     number: int
@@ -39,6 +40,7 @@ class Trial:
     seed: int = 0
     least: float = -1e9
     how: How = "quick"
+    give_up: bool = True
 
 
 def tried(trial: Trial) -> Worth | None:
@@ -52,7 +54,7 @@ def tried(trial: Trial) -> Worth | None:
     worth = judged(c, f, trial.task)
     if trial.throws == 0 or worth.score < trial.least:
         return worth
-    return thrown(c, f, trial.task, throws=trial.throws, seed=trial.seed)
+    return thrown(c, f, trial.task, throws=trial.throws, seed=trial.seed, give_up=trial.give_up)
 
 
 def work(trial: Trial) -> bytes:
@@ -82,7 +84,7 @@ class Bench:
 
     def try_all(
         self, name: str, candidates: Sequence[Candidate], *, throws: int = 0, seed: int = 0,
-        least: float = -1e9, how: How = "quick",
+        least: float = -1e9, how: How = "quick", give_up: bool = True,
     ) -> list[Worth]:  # fmt: skip
         """Return what candidates are worth, in their order; those that cannot stand are left out.
 
@@ -93,10 +95,11 @@ class Bench:
             seed: As in :class:`Trial`.
             least: As in :class:`Trial`.
             how: As in :class:`Trial`.
+            give_up: As in :class:`Trial`.
         """
         trials = [
             Trial(number=k, whole=self.whole, candidate=c, task=self._task, throws=throws,
-                  seed=seed, least=least, how=how)
+                  seed=seed, least=least, how=how, give_up=give_up)
             for k, c in enumerate(candidates)
         ]  # fmt: skip
         return [w for w in self._worth(name, trials) if w is not None]

@@ -2,12 +2,14 @@
 
 from pathlib import Path
 
+from mitt.design.assay import Worth
 from mitt.design.design import Design
 from mitt.design.geometry import Balls
 from mitt.design.help import Help, help_of
 from mitt.files.files import write_text
 from mitt.report.figures.design import pose_picture, rate_by_speed
 from mitt.report.page import Section, number, page
+from mitt.trials.statistics import wilson
 from mitt.world.scene import Scene
 
 _SECTIONS = (
@@ -41,9 +43,17 @@ def write_design_page(path: Path, found: Design, scene: Scene, *, command: str) 
             "design", _SECTIONS, title=f"What {found.whole.model.name} can catch",
             command=command, found=found, best=best, pictures=pictures, helps=_rows(helps),
             advice=advice_of(found, helps), limits=found.whole.limits.name,
-            plot=rate_by_speed(found.rows).svg if found.rows else "",
+            interval=_interval(best), plot=rate_by_speed(found.rows).svg if found.rows else "",
         ),
     )  # fmt: skip
+
+
+def _interval(best: Worth | None) -> str:
+    """Return the Wilson 95 % interval of the share that was caught, in words."""
+    if best is None:
+        return ""
+    low, high = wilson(best.caught, best.thrown)
+    return f"{number(100.0 * low, 1)} to {number(100.0 * high, 1)} %"
 
 
 def advice_of(found: Design, helps: list[Help]) -> list[str]:
