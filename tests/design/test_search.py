@@ -1,8 +1,8 @@
 """The search: same seed, same design; the contract holds; the file gives the design back."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from design.conftest import TINY, silent
 
 from mitt.cli import main
 from mitt.commands import design as command
-from mitt.design import workers
+from mitt.design import speeds, workers
 from mitt.design.assay import Task, Worth, learned, thrown, trials_of
 from mitt.design.candidate import Candidate
 from mitt.design.design import Design, Origin, design, rate_of
@@ -24,7 +24,7 @@ from mitt.robot.arm import Arm
 from mitt.robot.identity import difference, identity_of
 
 KEYS = {
-    "schema", "version", "arm", "found", "reason", "joints", "throws", "feasible",
+    "schema", "version", "arm", "found", "reason", "joints", "throws", "feasible", "caught", "caught",
     "relative_speed_m_s", "force_n", "fastest_m_s", "by_speed", "seconds",
 }  # fmt: skip
 
@@ -148,9 +148,11 @@ def test_what_is_reported_was_thrown_with_seeds_that_no_search_uses(
 ) -> None:
     seeds = list[tuple[int, int, bool]]()
 
-    def noted(c: Candidate, f: DirectMap, task: Task, **given: Any) -> Worth:
-        seeds.append((given["seed"], given["throws"], given["give_up"]))
-        return thrown(c, f, task, **given)
+    def noted(
+        c: Candidate, f: DirectMap, task: Task, *, throws: int, seed: int, give_up: bool
+    ) -> Worth:
+        seeds.append((seed, throws, give_up))
+        return thrown(c, f, task, throws=throws, seed=seed, give_up=give_up)
 
     monkeypatch.setattr(workers, "thrown", noted)
     chosen = search(whole, task, TINY, progress=silent).best
@@ -170,3 +172,15 @@ def test_a_share_is_told_with_its_interval(found: Design) -> None:
     text = command._comment(found)
     assert found.rate in text
     assert "95 % interval" in text
+
+
+def test_balls_caught_beyond_a_limit_do_not_count(found: Design) -> None:
+    assert found.best is not None
+    over = replace(found.best, thrown=100, caught=100, clean=79)
+    assert not over.enough
+    assert replace(over, clean=80).enough
+    assert not replace(over, thrown=0, caught=0, clean=0).enough
+    said = replace(found, best=over).as_json()
+    assert (said["throws"], said["feasible"], said["caught"]) == (100, 79, 100)
+    row = speeds._at(6.0, over)
+    assert (row.throws, row.feasible) == (100, 79)

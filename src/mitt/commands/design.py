@@ -118,8 +118,8 @@ def _comment(found: Design) -> str:
     best = found.best
     assert best is not None
     return (
-        f"mitt design: caught {found.rate} of throws that the search had not used"
-        " (scene lab, points),\n"
+        f"mitt design: within every limit caught {found.rate} of throws that the search had\n"
+        "not used (scene lab, points),\n"
         f"relative speed {best.speed:.2f} m/s, force {best.force:.0f} N (medians)"
     )
 
@@ -127,7 +127,7 @@ def _comment(found: Design) -> str:
 def _show(found: Design, out: Path) -> None:
     """Print what was found."""
     if found.rows:
-        rows = table("rate against the speed of the throws", ("m/s", "caught", "of", "limit"),
+        rows = table("rate against the speed of the throws", ("m/s", "caught within limits", "of", "limit"),
                      left=("limit",))  # fmt: skip
         for row in found.rows:
             rows.add_row(f"{row.speed_m_s:g}", str(row.feasible), str(row.throws),
@@ -138,7 +138,7 @@ def _show(found: Design, out: Path) -> None:
         show(f"{found.whole.model.name}: no design; {found.reason}; {found.seconds:.0f} s")
         return
     show(
-        f"{found.whole.model.name}, joints {', '.join(found.joints)}: caught {found.rate},"
+        f"{found.whole.model.name}, joints {', '.join(found.joints)}: caught within every limit {found.rate},"
         f" relative speed {best.speed:.2f} m/s, force {best.force:.0f} N (medians);"
         f" throws up to {found.fastest:.1f} m/s; {found.seconds:.0f} s",
         f"written: {out}",

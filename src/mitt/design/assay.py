@@ -50,7 +50,10 @@ _STEPS = {
     "full": LearnSettings(),
 }
 _AROUND = {"glance": _GLANCE, "quick": _QUICK, "full": _FULL}
-#: What a ball counts that is caught beyond a limit.
+#: Share of the throws that has to be caught, within every limit, for an arm to count as one that
+#: can catch them.
+ENOUGH = 0.8
+#: What a ball counts that is caught beyond a limit, while candidates are compared.
 _BEYOND = 0.7
 #: What a relative speed of 1 m/s and a force of 1 N cost, in shares of throws.
 _SPEED_COST, _FORCE_COST = 0.02, 0.0001
@@ -106,6 +109,11 @@ class Worth:
     clean: int = 0
     force: float = 0.0
     binding: str = ""
+
+    @property
+    def enough(self) -> bool:
+        """Whether it catches enough of the throws, each without a tick beyond a limit."""
+        return self.thrown > 0 and self.clean >= ENOUGH * self.thrown
 
     @property
     def score(self) -> float:

@@ -7,7 +7,7 @@ from pathlib import Path
 import mitt
 from mitt.design.assay import Task, Worth
 from mitt.design.search import Effort, reported, search
-from mitt.design.speeds import ENOUGH, SPEEDS, AtSpeed, by_speed, fastest, release_speed, slower
+from mitt.design.speeds import SPEEDS, AtSpeed, by_speed, fastest, release_speed, slower
 from mitt.design.workers import Bench, Progress
 from mitt.files.arm_file import ArmFile, digest_of
 from mitt.files.throws import ThrowSettings
@@ -40,8 +40,8 @@ class Design:
 
     Attributes:
         whole: The arm with all its joints active.
-        found: Whether it catches enough of the throws.
-        reason: Why not, or why not within all limits; None where it does.
+        found: Whether it catches enough of the throws within every limit.
+        reason: Why not; None where it does.
         best: The best candidate, with what it caught of throws that no search used; None where
             none was found at all.
         fastest: Fastest throws of which it catches enough [m/s]; 0 where there are none.
@@ -60,7 +60,7 @@ class Design:
     @property
     def rate(self) -> str:
         """The share of the reported throws, with its Wilson 95 % interval, in words."""
-        return "" if self.best is None else rate_of(self.best.caught, self.best.thrown)
+        return "" if self.best is None else rate_of(self.best.clean, self.best.thrown)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -81,6 +81,7 @@ class Design:
             "joints": list(self.joints),
             "throws": 0 if self.best is None else self.best.thrown,
             "feasible": 0 if self.best is None else self.best.clean,
+            "caught": 0 if self.best is None else self.best.caught,
             "relative_speed_m_s": None if w is None else w.speed,
             "force_n": None if w is None else w.force,
             "fastest_m_s": self.fastest,
@@ -132,7 +133,7 @@ def design(
     chosen = search(whole, task, effort, progress=progress, joints=joints, engine=engine).best
     bench = Bench(whole, task, engine, progress)
     best = None if chosen is None else reported(bench, chosen.candidate, effort)
-    found = best is not None and best.caught >= ENOUGH * best.thrown
+    found = best is not None and best.enough
     tried, speed = best, 0.0
     if not found:
         again = slower(whole, task, effort.less(), progress=progress, joints=joints, engine=engine)
@@ -144,22 +145,11 @@ def design(
     return Design(
         whole=whole,
         found=found,
-        reason=_beyond(best) if found and best is not None else _reason(best, speed),
+        reason=None if found else _reason(best, speed),
         best=best,
         fastest=speed,
         rows=rows,
         seconds=monotonic() - start,
-    )
-
-
-def _beyond(best: Worth) -> str | None:
-    """Return in words how many balls were caught beyond a limit; None where those are few."""
-    if best.clean >= ENOUGH * best.thrown:
-        return None
-    over = best.caught - best.clean
-    return (
-        f"{over} of the {best.caught} balls were caught with a command beyond a limit;"
-        " acceleration and jerk are held, the rate of torques is not"
     )
 
 
@@ -168,7 +158,8 @@ def _reason(best: Worth | None, speed: float) -> str:
     if best is None:
         why = "no pose meets the default throws within the joint speeds and ranges"
     else:
-        why = f"the best design caught {best.caught} of {best.thrown} throws"
+        why = f"the best design caught {best.clean} of {best.thrown} throws within every limit"
+        why += f", and {best.caught - best.clean} beyond one" if best.caught > best.clean else ""
         why += f", bound by {best.binding}" if best.binding else ""
     can = f"the fastest balls that it catches leave at {speed:.1f} m/s" if speed > 0.0 else (
         "no slower ball was caught either"

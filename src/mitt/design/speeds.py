@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mitt.design.assay import Task, Worth
+from mitt.design.assay import ENOUGH, Task, Worth
 from mitt.design.candidate import Candidate
 from mitt.design.geometry import Balls
 from mitt.design.search import Effort, Found, search
@@ -16,8 +16,6 @@ from mitt.world.throws import ThrowRanges
 
 #: Speeds of the throws that are tried [m/s], throws at each, and seed of these.
 SPEEDS, _THROWS, _SEED = (3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0), 12, 2000
-#: Share of the throws that has to be caught for a speed to count as one that the arm can catch.
-ENOUGH = 0.8
 #: Half-width of the speeds of the throws of one speed, as a share, and distances of the release in
 #: seconds of flight at that speed: as the default throws (docs/throws.md).
 _SPREAD, _AWAY = 0.05, (0.40, 0.62)
@@ -29,7 +27,14 @@ _ARRIVING = 0.9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AtSpeed:
-    """How a design does at one speed of the throws; ``feasible`` are those caught within limits."""
+    """How a design does at one speed of the throws.
+
+    Attributes:
+        speed_m_s: Middle of their speeds at release [m/s].
+        throws: How many were thrown.
+        feasible: Those caught without a tick beyond a limit.
+        binding_limit: Why the others most often were not; None where nothing is known.
+    """
 
     speed_m_s: float
     throws: int
@@ -69,7 +74,7 @@ def _at(speed: float, w: Worth | None) -> AtSpeed:
     if w is None:
         return AtSpeed(speed_m_s=speed, throws=_THROWS, feasible=0, binding_limit="domain")
     limit = w.binding or None
-    return AtSpeed(speed_m_s=speed, throws=w.thrown, feasible=w.caught, binding_limit=limit)
+    return AtSpeed(speed_m_s=speed, throws=w.thrown, feasible=w.clean, binding_limit=limit)
 
 
 def fastest(bench: Bench, c: Candidate, task: Task, rows: Sequence[AtSpeed]) -> float:
@@ -103,7 +108,7 @@ def slower(
         middle = 0.5 * (low + high)
         at = task_at(task, middle)
         found = search(whole, at, effort, progress=progress, joints=joints, engine=engine)
-        able = found.best is not None and found.best.caught >= ENOUGH * found.best.thrown
+        able = found.best is not None and found.best.enough
         if able:
             best, low = (found, at), middle
         else:

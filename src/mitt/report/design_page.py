@@ -52,7 +52,7 @@ def _interval(best: Worth | None) -> str:
     """Return the Wilson 95 % interval of the share that was caught, in words."""
     if best is None:
         return ""
-    low, high = wilson(best.caught, best.thrown)
+    low, high = wilson(best.clean, best.thrown)
     return f"{number(100.0 * low, 1)} to {number(100.0 * high, 1)} %"
 
 
