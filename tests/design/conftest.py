@@ -3,8 +3,8 @@
 import pytest
 
 from mitt.design.assay import Task
+from mitt.design.balls import Balls
 from mitt.design.design import Design, design
-from mitt.design.geometry import Balls
 from mitt.design.search import Effort
 from mitt.design.whole import whole_arm
 from mitt.robot.arm import Arm

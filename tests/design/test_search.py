@@ -11,20 +11,25 @@ from design.conftest import TINY, silent
 from mitt.cli import main
 from mitt.commands import design as command
 from mitt.design import speeds, workers
+from mitt.design.arrivals import shifted
 from mitt.design.assay import Task, Worth, learned, thrown, trials_of
+from mitt.design.balls import BOX, FAR
 from mitt.design.candidate import Candidate
 from mitt.design.design import Design, Origin, design, rate_of
 from mitt.design.mutation import mutated
 from mitt.design.search import REPORTED, reported, search
-from mitt.design.speeds import AtSpeed, task_at
+from mitt.design.speeds import AtSpeed, release_speed, task_at
 from mitt.design.workers import Bench
 from mitt.files.arm_file import open_arm, write_arm_file
-from mitt.generator.mapping import DirectMap
+from mitt.generator.mapping import DirectMap, unlearned
 from mitt.robot.arm import Arm
 from mitt.robot.identity import difference, identity_of
+from mitt.trials.neighbourhood import Neighbourhood
+from mitt.world.ballistics import fly
+from mitt.world.throws import Aim, ThrowRanges, default_throw
 
 KEYS = {
-    "schema", "version", "arm", "found", "reason", "joints", "throws", "feasible", "caught", "caught",
+    "schema", "version", "arm", "found", "reason", "joints", "throws", "feasible", "caught",
     "relative_speed_m_s", "force_n", "fastest_m_s", "by_speed", "seconds",
 }  # fmt: skip
 
@@ -98,11 +103,48 @@ def test_small_changes_stay_in_the_ranges_and_keep_the_aim_near_the_hand(
         np.testing.assert_array_equal(still.aim, c.aim)
 
 
-def test_throws_of_one_speed_leave_with_it(task: Task) -> None:
-    ranges = task_at(task, 4.0).ranges
-    assert ranges is not None
-    assert ranges.speed[0] < 4.0 < ranges.speed[1]
-    assert task_at(task, 4.0).balls.speed < 4.0
+@pytest.mark.parametrize("speed", [2.0, 3.0, 5.0, 6.05, 9.0])
+def test_throws_of_one_speed_leave_and_arrive_as_is_said(task: Task, speed: float) -> None:
+    at = task_at(task, speed)
+    assert at.ranges is not None
+    assert release_speed(at) == pytest.approx(speed)
+    rng, place = np.random.default_rng(5), np.array([0.77, 0.0, 0.057])
+    half = FAR * np.array(BOX)
+    aim = Aim(position=np.copy, q_low=place - half, q_high=place + half)
+    speeds, descents = [], []
+    for _ in range(100):
+        throw = default_throw(rng, aim, at.ranges)
+        r, v = throw.r, throw.dr
+        while r[0] > place[0]:
+            r, v = fly(r, v, drag=at.ranges.drag, duration=0.002)
+        speeds.append(np.linalg.norm(v))
+        descents.append(np.arcsin(-v[2] / np.linalg.norm(v)))
+    for seen, (least, most) in ((speeds, at.balls.speeds), (descents, at.balls.descents)):
+        assert np.mean((np.array(seen) > least) & (np.array(seen) < most)) > 0.8
+    assert at.balls.speeds[0] < at.balls.speed < at.balls.speeds[1]
+
+
+def test_slow_throws_go_with_the_height_of_the_aim(found: Design, whole: Arm) -> None:
+    assert found.best is not None
+    arm = found.best.candidate.arm(whole)
+    ranges = replace(ThrowRanges(), height=(0.1, 1.2))
+    assert arm.model.aim is not None
+    by = arm.model.aim[0, 2] - 0.0566
+    np.testing.assert_allclose(shifted(ranges, arm).height, (0.1 + by, 1.2 + by))
+
+
+def test_a_map_is_learned_on_the_balls_that_are_thrown(
+    found: Design, whole: Arm, task: Task
+) -> None:
+    assert found.best is not None
+    c, at = found.best.candidate, task_at(task, 4.0)
+    start = unlearned(c.arm(whole), c.design)
+    flights = at.flights(start, np.random.default_rng(3), Neighbourhood(flights=20, kicked=0.0))
+    assert flights
+    for flight in flights:
+        speed = np.linalg.norm(flight.ball[-1, 1])
+        assert at.balls.speeds[0] - 1.0 < speed < at.balls.speeds[1] + 1.0
+        assert flight.t[-1] > flight.t[0] + 0.2
 
 
 @pytest.mark.parametrize(

@@ -6,13 +6,13 @@ do so softly meet balls from the corners of the box of throws too, with the same
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt.design.balls import BOX, FAR, Balls
 from mitt.design.candidate import Candidate, within
 from mitt.design.meeting import meeting, met
 from mitt.design.poses import Poses, Which, poses_of
@@ -40,49 +40,20 @@ _ABOVE, _APART = 0.12, 0.16
 _STRAIGHT, _FACING, _SOFT = np.deg2rad(25.0), 0.1, 1.0
 #: Tilt of the relative velocity off the palm's normal that is tried [rad].
 _TILT = np.deg2rad(18.0)
-#: Half-widths of the box of throws for a catch point 1 m from the second joint [m]: across the
-#: ball's way and upwards as the default throws of the WAM (docs/throws.md).
-_BOX = (0.05, 0.3, 0.22)
-#: Farthest from that joint for which the box grows [m]: 0.77 is the WAM's.
-_FAR = 0.8
 #: Time for which the hand's speed at the catch is taken to the ready pose [s].
 _SWING = (0.04, 0.2)
 #: Farthest that the two other joints stand off their angles at the catch [rad]: l_c^-1 starts from
 #: the ready pose, and has other branches.
 _ASIDE = 0.4
-#: Corners of the box (across, up), and the balls that come there: share of the speed, azimuth and
-#: descent [rad]; the spread of the default throws.
+#: Corners of the box (across, up), and the balls that come there: speed and descent from the least
+#: (-1) to the most (1) of the balls, and azimuth [rad].
 _CORNERS = (
-    (0.0, 0.0, 1.1, 0.0, 0.15),
-    (0.9, 0.5, 1.0, 0.1, 0.4),
-    (-0.9, -0.5, 1.0, -0.1, 0.2),
-    (0.5, -0.9, 0.95, -0.1, 0.5),
-    (-0.5, 0.9, 1.05, 0.1, 0.25),
+    (0.0, 0.0, 1.0, 0.0, -1.0),
+    (0.9, 0.5, 0.0, 0.1, 0.5),
+    (-0.9, -0.5, 0.0, -0.1, -0.5),
+    (0.5, -0.9, -1.0, -0.1, 1.0),
+    (-0.5, 0.9, 0.5, 0.1, 0.0),
 )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Balls:
-    """The balls that are to be caught, where they arrive.
-
-    Attributes:
-        speed: Typical speed at the arrival [m/s].
-        descent: Angle by which they come down there [rad].
-        aim: Centre and half-widths of the box that they pass [m], shape (2, 3); None where the
-            design may choose it.
-    """
-
-    speed: float = 5.5
-    descent: float = 0.3
-    aim: Array | None = None
-
-    def velocity(self, share: float = 1.0, azimuth: float = 0.0, descent: float = 0.0) -> Array:
-        """Return a velocity at the arrival [m/s], shape (3,); they come from +x."""
-        down = self.descent if descent == 0.0 else descent
-        flat = np.cos(down)
-        way = np.array([-flat * np.cos(azimuth), -flat * np.sin(azimuth), -np.sin(down)])
-        v: Array = share * self.speed * way
-        return v
 
 
 class Rows(NamedTuple):
@@ -295,8 +266,8 @@ def boxes_of(whole: Arm, balls: Balls, rows: Rows) -> Array:
     if balls.aim is not None:
         return np.broadcast_to(balls.aim, (len(rows.q), 2, 3))
     at = poses_of(whole.model, rows.q).at[:, 1]
-    reach = np.minimum(np.linalg.norm(rows.tip - at, axis=1), _FAR)
-    return np.stack([rows.tip, reach[:, None] * np.array(_BOX)], axis=1)
+    reach = np.minimum(np.linalg.norm(rows.tip - at, axis=1), FAR)
+    return np.stack([rows.tip, reach[:, None] * np.array(BOX)], axis=1)
 
 
 def _moved(whole: Arm, rows: Rows, v: Array, offset: Array) -> Array:

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mitt.design.balls import Balls
 from mitt.design.candidate import Candidate
-from mitt.design.geometry import Balls
 from mitt.design.meeting import meeting, met
 from mitt.design.poses import poses_of
 from mitt.robot.arm import Arm

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mitt.design.arrivals import arriving
 from mitt.design.assay import ENOUGH, Task, Worth
+from mitt.design.balls import BOX, FAR, Balls
 from mitt.design.candidate import Candidate
-from mitt.design.geometry import Balls
 from mitt.design.search import Effort, Found, search
 from mitt.design.workers import Bench, Progress
 from mitt.robot.arm import Arm
@@ -16,13 +17,11 @@ from mitt.world.throws import ThrowRanges
 
 #: Speeds of the throws that are tried [m/s], throws at each, and seed of these.
 SPEEDS, _THROWS, _SEED = (3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0), 12, 2000
-#: Half-width of the speeds of the throws of one speed, as a share, and distances of the release in
-#: seconds of flight at that speed: as the default throws (docs/throws.md).
-_SPREAD, _AWAY = 0.05, (0.40, 0.62)
+#: Half-width of the speeds of the throws of one speed, as a share; least distance of the release as
+#: a share of speed and shortest duration: the default throws' (docs/throws.md).
+_SPREAD, _NEAREST = 0.05, 0.8
 #: Steps of the bisection; slowest throws that are tried [m/s].
 _STEPS, _SLOWEST = 3, 1.5
-#: Share of its release speed with which a ball arrives, from default throws: 5.5 of 6.1 m/s.
-_ARRIVING = 0.9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,20 +44,22 @@ class AtSpeed:
 def task_at(task: Task, speed: float) -> Task:
     """Return a task with throws of one speed at release [m/s], as far away as they fly.
 
-    Slow balls are released higher up, since they fall more on their way.
+    The time of flight goes with the square root of the speed: were it the same, a slow ball would
+    fall more than it flies; were it in proportion, no arm would be in time for it.
     """
-    ranges = ThrowRanges(
-        speed=((1.0 - _SPREAD) * speed, (1.0 + _SPREAD) * speed),
-        distance=(_AWAY[0] * speed * 0.8, _AWAY[1] * speed),
-        height=(-0.2, 0.6 if speed > 4.0 else 1.4),
-    )
-    balls = replace(task.balls, speed=_ARRIVING * speed)
-    return replace(task, balls=balls, ranges=ranges)
+    usual = ThrowRanges()
+    longer = float(np.sqrt(speed / np.mean(usual.speed)))
+    short, long = (longer * t for t in usual.duration)
+    ranges = replace(
+        usual, speed=((1.0 - _SPREAD) * speed, (1.0 + _SPREAD) * speed), duration=(short, long),
+        distance=(_NEAREST * short * speed, long * speed), drag=task.scene.ball.drag,
+    )  # fmt: skip
+    return replace(task, balls=arriving(ranges, task.balls.aim), ranges=ranges)
 
 
 def release_speed(task: Task) -> float:
-    """Return the speed at release of a task's throws [m/s]."""
-    return task.balls.speed / _ARRIVING
+    """Return the middle of the speeds at release of a task's throws [m/s]."""
+    return float(np.mean((task.ranges or ThrowRanges()).speed))
 
 
 def by_speed(bench: Bench, c: Candidate, task: Task, speeds: Sequence[float]) -> list[AtSpeed]:
@@ -120,5 +121,5 @@ def default_balls(aim: Sequence[float] | None, reach: float) -> Balls:
     """Return default balls, aimed at a box about a point [m], as wide as the arm's reach asks."""
     if aim is None:
         return Balls()
-    half = min(reach, 0.8) * np.array([0.05, 0.3, 0.22])
+    half = min(reach, FAR) * np.array(BOX)
     return Balls(aim=np.array([np.asarray(aim, dtype=np.float64), half]))

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from mitt.design.assay import Worth
+from mitt.design.balls import Balls
 from mitt.design.design import Design
-from mitt.design.geometry import Balls
 from mitt.design.help import Help, help_of
 from mitt.files.files import write_text
 from mitt.report.figures.design import pose_picture, rate_by_speed

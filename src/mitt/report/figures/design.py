@@ -17,7 +17,7 @@ from mitt.world.scene import Scene
 
 
 def rate_by_speed(rows: Sequence[AtSpeed]) -> Plot:
-    """Draw the share of balls caught within every limit against the speed of the throws, with what binds."""
+    """Draw the share caught within every limit against the speed of the throws, and why not."""
     speed = np.array([row.speed_m_s for row in rows])
     rate = np.array([row.feasible / max(row.throws, 1) for row in rows])
     ends = np.array([wilson(row.feasible, max(row.throws, 1)) for row in rows])
