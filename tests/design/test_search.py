@@ -112,7 +112,7 @@ def test_throws_of_one_speed_leave_and_arrive_as_is_said(task: Task, speed: floa
     half = FAR * np.array(BOX)
     aim = Aim(position=np.copy, q_low=place - half, q_high=place + half)
     speeds, descents = [], []
-    for _ in range(100):
+    for _ in range(400):
         throw = default_throw(rng, aim, at.ranges)
         r, v = throw.r, throw.dr
         while r[0] > place[0]:

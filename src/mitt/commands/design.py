@@ -127,8 +127,8 @@ def _comment(found: Design) -> str:
 def _show(found: Design, out: Path) -> None:
     """Print what was found."""
     if found.rows:
-        rows = table("rate against the speed of the throws", ("m/s", "caught within limits", "of", "limit"),
-                     left=("limit",))  # fmt: skip
+        rows = table("caught within every limit, by the speed of the throws",
+                     ("m/s", "caught", "of", "why not"), left=("why not",))  # fmt: skip
         for row in found.rows:
             rows.add_row(f"{row.speed_m_s:g}", str(row.feasible), str(row.throws),
                          row.binding_limit or "")  # fmt: skip
@@ -138,8 +138,8 @@ def _show(found: Design, out: Path) -> None:
         show(f"{found.whole.model.name}: no design; {found.reason}; {found.seconds:.0f} s")
         return
     show(
-        f"{found.whole.model.name}, joints {', '.join(found.joints)}: caught within every limit {found.rate},"
-        f" relative speed {best.speed:.2f} m/s, force {best.force:.0f} N (medians);"
+        f"{found.whole.model.name}, joints {', '.join(found.joints)}: caught within every limit"
+        f" {found.rate}, relative speed {best.speed:.2f} m/s, force {best.force:.0f} N (medians);"
         f" throws up to {found.fastest:.1f} m/s; {found.seconds:.0f} s",
         f"written: {out}",
     )

@@ -21,7 +21,7 @@ from mitt.world.ballistics import fly
 from mitt.world.throws import Aim, Throw, ThrowRanges, default_throw
 
 #: Seed and number of the throws whose arrivals are measured.
-_SEED, _THROWS = 33, 200
+_SEED, _THROWS = 33, 400
 #: Centre of the box that they pass [m]: the catch point of the WAM's default throws
 #: (docs/throws.md), for which the heights of all throws are stated.
 _PLACE = np.array([0.77, 0.0, 0.057])

@@ -17,7 +17,7 @@ FAR = 0.8
 class Balls:
     """The balls that are to be caught, where they arrive; measured on throws.
 
-    What is left out is that of 200 default throws (:func:`mitt.design.arrivals.arriving`).
+    What is left out is that of 400 default throws (:func:`mitt.design.arrivals.arriving`).
 
     Attributes:
         speed: Middle of their speeds at the arrival [m/s].
