@@ -12,7 +12,7 @@ from mitt.cli import main
 from mitt.commands import design as command
 from mitt.design import speeds, workers
 from mitt.design.arrivals import shifted
-from mitt.design.assay import Task, Worth, learned, thrown, trials_of
+from mitt.design.assay import BEYOND, Task, Worth, cause_of, learned, thrown, trials_of
 from mitt.design.balls import BOX, FAR
 from mitt.design.candidate import Candidate
 from mitt.design.design import Design, Origin, design, rate_of
@@ -20,6 +20,7 @@ from mitt.design.mutation import mutated
 from mitt.design.search import REPORTED, reported, search
 from mitt.design.speeds import AtSpeed, release_speed, task_at
 from mitt.design.workers import Bench
+from mitt.errors import InputError
 from mitt.files.arm_file import open_arm, write_arm_file
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.robot.arm import Arm
@@ -197,7 +198,7 @@ def test_what_is_reported_was_thrown_with_seeds_that_no_search_uses(
         return thrown(c, f, task, throws=throws, seed=seed, give_up=give_up)
 
     monkeypatch.setattr(workers, "thrown", noted)
-    chosen = search(whole, task, TINY, progress=silent).best
+    chosen = search(Bench(whole, task, None, silent), TINY)
     assert chosen is not None
     assert seeds
     assert all(seed < REPORTED for seed, _, _ in seeds)
@@ -226,3 +227,50 @@ def test_balls_caught_beyond_a_limit_do_not_count(found: Design) -> None:
     assert (said["throws"], said["feasible"], said["caught"]) == (100, 79, 100)
     row = speeds._at(6.0, over)
     assert (row.throws, row.feasible) == (100, 79)
+
+
+def test_a_cause_is_the_limit_only_where_a_throw_was_refused_for_it(
+    found: Design, whole: Arm, task: Task
+) -> None:
+    assert found.best is not None
+    f = learned(whole, found.best.candidate, task)
+    assert f is not None
+    one = trials_of(f, task, throws=1, seed=70)[0]
+    dropped = replace(one, status="dropped", binding_limit="speed:j2")
+    refused = replace(dropped, status="unreachable")
+    stopped = replace(dropped, status="stopped", stopped_by={"reason": "encoder", "joint": "j1"})
+    caught = replace(dropped, status="caught", limit_violations=0)
+    assert cause_of([caught, dropped]) == "dropped"
+    assert cause_of([refused, refused, dropped]) == "speed:j2"
+    assert cause_of([stopped]) == "stopped: encoder j1"
+    assert cause_of([caught, replace(caught, limit_violations=3)]) == BEYOND
+    assert cause_of([caught]) == ""
+
+
+def test_what_was_not_thrown_at_has_no_throws_and_says_why(
+    found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert found.best is not None
+    c, bench = found.best.candidate, Bench(whole, task, None, silent)
+    monkeypatch.setattr(workers, "learned", lambda *_: None)
+    row = speeds.by_speed(bench, c, task, [5.0])[0]
+    assert (row.throws, row.feasible) == (0, 0)
+    assert row.binding_limit in ("no pose", "no map")
+    assert bench.tally.told() == []
+
+
+def test_an_error_of_one_candidate_is_counted_and_ends_nothing(
+    found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert found.best is not None
+    c, bench = found.best.candidate, Bench(whole, task, None, silent)
+
+    def broken(*_: object, **__: object) -> bool:
+        raise InputError("throw", "a throw", "none")
+
+    monkeypatch.setattr(workers, "able_to_hold", broken)
+    assert bench.try_all("some", [c, c], throws=1, seed=1) == []
+    assert (bench.tally.errors, bench.tally.lost) == (2, 0)
+    assert bench.tally.told() == [
+        "left out for an error: 2 candidates; the first: throw: wanted a throw, got none"
+    ]

@@ -11,6 +11,7 @@ from mitt.commands.screen import (
     show,
     table,
     tell_of_kernels,
+    warn,
 )
 from mitt.design.assay import Task
 from mitt.design.design import Design, Origin, design
@@ -51,6 +52,7 @@ def run(options: DesignOptions) -> int:
         write_arm_file(options.out, found.arm_file(origin), comment=_comment(found))
     page = options.out.with_suffix(".html")
     _write_page(page, found, scene, f"design {options.arm} --out {options.out}")
+    warn(found.left_out, json=options.json)
     if options.json:
         print_json(found.as_json())
     else:

@@ -26,7 +26,7 @@ from mitt.signals import Array, MapStatus
 from mitt.trials.learning import LEARNING_SEED, learn
 from mitt.trials.neighbourhood import Neighbourhood, neighbourhood
 from mitt.trials.runner import TrialRunner
-from mitt.trials.score import Trial
+from mitt.trials.score import Trial, reason_of
 from mitt.trials.source import source_of
 from mitt.world.scene import Scene
 from mitt.world.throws import ThrowRanges
@@ -54,6 +54,8 @@ _AROUND = {"glance": _GLANCE, "quick": _QUICK, "full": _FULL}
 #: Share of the throws that has to be caught, within every limit, for an arm to count as one that
 #: can catch them.
 ENOUGH = 0.8
+BEYOND = "beyond a limit"
+"""Why a ball does not count that was caught, in :attr:`Worth.binding`."""
 #: What a ball counts that is caught beyond a limit, while candidates are compared.
 _BEYOND = 0.7
 #: Share of a joint's speed that l_c^-1 may ask along a flight to learn from, as of default throws.
@@ -109,7 +111,9 @@ class Worth:
         caught: Those caught.
         clean: Those caught without a tick beyond a limit.
         force: Median of their largest contact forces [N].
-        binding: Limit that was most often the reason where a ball was not caught, or bound most.
+        binding: Why balls most often were not caught within every limit; nothing where all were.
+        failed: Why it was not thrown at: ``no pose``, ``no map``, ``error`` or ``lost``.
+        said: What the error said.
     """
 
     candidate: Candidate
@@ -120,6 +124,8 @@ class Worth:
     clean: int = 0
     force: float = 0.0
     binding: str = ""
+    failed: str = ""
+    said: str = ""
 
     @property
     def enough(self) -> bool:
@@ -138,7 +144,7 @@ class Worth:
         return share - _SPEED_COST * self.speed - _FORCE_COST * self.force
 
 
-def stands(whole: Arm, c: Candidate, task: Task) -> bool:
+def able_to_hold(whole: Arm, c: Candidate, task: Task) -> bool:
     """Say whether a candidate holds its poses and typical flights are in its domain."""
     try:
         arm = c.arm(whole)
@@ -244,7 +250,7 @@ def thrown(
         caught=len(good),
         clean=sum(x.limit_violations == 0 for x in good),
         force=_middle(forces) if good else 999.0,
-        binding=binding_of(trials),
+        binding=cause_of(trials),
     )
 
 
@@ -275,8 +281,24 @@ def trials_of(
     return trials + [runner.throw(source, k).trial for k in range(first, throws)]
 
 
-def binding_of(trials: list[Trial]) -> str:
-    """Return the limit that was most often named where a ball was not caught, or bound at all."""
-    failed = [x.binding_limit or x.status for x in trials if x.status != "caught"]
-    names = failed or [x.binding_limit or "" for x in trials]
-    return max(sorted(set(names)), key=names.count) if names else ""
+def cause_of(trials: list[Trial]) -> str:
+    """Return why balls most often were not caught within every limit; nothing where all were."""
+    causes = [x for x in map(_cause, trials) if x]
+    return max(sorted(set(causes)), key=causes.count) if causes else ""
+
+
+def _cause(trial: Trial) -> str:
+    """Return why a ball was not caught within every limit; nothing where it was.
+
+    The limit that the verdict names is the cause only where the throw was refused for it.
+    """
+    match trial.status:
+        case "caught":
+            return BEYOND if trial.limit_violations else ""
+        case "unreachable":
+            return trial.binding_limit or trial.status
+        case "stopped":
+            why = reason_of(trial.stopped_by)
+            return f"stopped: {why}" if why else trial.status
+        case _:
+            return trial.status

@@ -47,6 +47,7 @@ class Design:
         fastest: Fastest throws of which it catches enough [m/s]; 0 where there are none.
         rows: How it does at several speeds.
         seconds: How long that took.
+        left_out: Which candidates could not be evaluated, in words.
     """
 
     whole: Arm
@@ -56,6 +57,7 @@ class Design:
     fastest: float
     rows: Sequence[AtSpeed] = field(default_factory=tuple)
     seconds: float = 0.0
+    left_out: Sequence[str] = ()
 
     @property
     def rate(self) -> str:
@@ -130,14 +132,14 @@ def design(
         engine: Where candidates are tried; in this process if left out.
     """
     start = monotonic()
-    chosen = search(whole, task, effort, progress=progress, joints=joints, engine=engine).best
     bench = Bench(whole, task, engine, progress)
+    chosen = search(bench, effort, joints=joints)
     best = None if chosen is None else reported(bench, chosen.candidate, effort)
     found = best is not None and best.enough
     tried, speed = best, 0.0
     if not found:
-        again = slower(whole, task, effort.less(), progress=progress, joints=joints, engine=engine)
-        tried = None if again is None else again[0].best
+        again = slower(bench, effort.less(), joints=joints)
+        tried = None if again is None else again[0]
         speed = 0.0 if again is None else release_speed(again[1])
     rows = () if tried is None else tuple(by_speed(bench, tried.candidate, task, SPEEDS))
     if tried is not None:
@@ -150,6 +152,7 @@ def design(
         fastest=speed,
         rows=rows,
         seconds=monotonic() - start,
+        left_out=bench.tally.told(),
     )
 
 
@@ -160,7 +163,7 @@ def _reason(best: Worth | None, speed: float) -> str:
     else:
         why = f"the best design caught {best.clean} of {best.thrown} throws within every limit"
         why += f", and {best.caught - best.clean} beyond one" if best.caught > best.clean else ""
-        why += f", bound by {best.binding}" if best.binding else ""
+        why += f", most often lost: {best.binding}" if best.binding else ""
     can = f"the fastest balls that it catches leave at {speed:.1f} m/s" if speed > 0.0 else (
         "no slower ball was caught either"
     )  # fmt: skip

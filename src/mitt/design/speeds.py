@@ -9,10 +9,8 @@ from mitt.design.arrivals import arriving
 from mitt.design.assay import ENOUGH, Task, Worth
 from mitt.design.balls import BOX, FAR, Balls
 from mitt.design.candidate import Candidate
-from mitt.design.search import Effort, Found, search
-from mitt.design.workers import Bench, Progress
-from mitt.robot.arm import Arm
-from mitt.sweep.engine import Engine
+from mitt.design.search import Effort, reported, search
+from mitt.design.workers import Bench
 from mitt.world.throws import ThrowRanges
 
 #: Speeds of the throws that are tried [m/s], throws at each, and seed of these.
@@ -70,11 +68,9 @@ def by_speed(bench: Bench, c: Candidate, task: Task, speeds: Sequence[float]) ->
     return [_at(speed, w) for speed, w in zip(speeds, worth, strict=True)]
 
 
-def _at(speed: float, w: Worth | None) -> AtSpeed:
-    """Return one row; a map that cannot be learned catches nothing."""
-    if w is None:
-        return AtSpeed(speed_m_s=speed, throws=_THROWS, feasible=0, binding_limit="domain")
-    limit = w.binding or None
+def _at(speed: float, w: Worth) -> AtSpeed:
+    """Return one row; what was not thrown at has no throws, and says why."""
+    limit = w.failed or w.binding or None
     return AtSpeed(speed_m_s=speed, throws=w.thrown, feasible=w.clean, binding_limit=limit)
 
 
@@ -96,22 +92,24 @@ def fastest(bench: Bench, c: Candidate, task: Task, rows: Sequence[AtSpeed]) -> 
 
 
 def slower(
-    whole: Arm, task: Task, effort: Effort, *, progress: Progress,
-    joints: Sequence[str] | None, engine: Engine | None,
-) -> tuple[Found, Task] | None:  # fmt: skip
+    bench: Bench, effort: Effort, *, joints: Sequence[str] | None
+) -> tuple[Worth, Task] | None:
     """Search again for slower throws until an arm catches enough of them; None where it never does.
 
-    The speeds are bisected between the default throws' and the slowest.
+    The speeds are bisected between the default throws' and the slowest. The throws of the answer
+    are fresh ones.
     """
-    low, high = _SLOWEST, float(np.mean(ThrowRanges().speed))
-    best: tuple[Found, Task] | None = None
+    low, high = _SLOWEST, release_speed(bench.task)
+    best: tuple[Worth, Task] | None = None
     for _ in range(effort.slower):
         middle = 0.5 * (low + high)
-        at = task_at(task, middle)
-        found = search(whole, at, effort, progress=progress, joints=joints, engine=engine)
-        able = found.best is not None and found.best.enough
-        if able:
-            best, low = (found, at), middle
+        at = bench.at(task_at(bench.task, middle))
+        chosen = search(at, effort, joints=joints)
+        worth = None if chosen is None or not chosen.enough else reported(
+            at, chosen.candidate, effort
+        )  # fmt: skip
+        if worth is not None and worth.enough:
+            best, low = (worth, at.task), middle
         else:
             high = middle
     return best

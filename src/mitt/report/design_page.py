@@ -71,12 +71,16 @@ def advice_of(found: Design, helps: list[Help]) -> list[str]:
             "No single joint, half as quick again, would make the catch softer: several are at"
             " their limits at once. A longer arm or quicker drives altogether would."
         )
-    lost = [row for row in found.rows if row.feasible < row.throws and row.binding_limit]
+    lost = [
+        row for row in found.rows
+        if row.binding_limit and (row.feasible < row.throws or row.throws == 0)
+    ]  # fmt: skip
     if lost:
         first = lost[0]
         kind, _, joint = (first.binding_limit or "").partition(":")
-        what = _WHAT.get(kind, f"what binds is {first.binding_limit}").format(joint)
-        out.append(f"At {first.speed_m_s:g} m/s the first balls are lost: {what}.")
+        what = _WHAT.get(kind, "{0}").format(joint if kind in _WHAT else first.binding_limit)
+        lost_or_not = "the first balls are lost" if first.throws else "no ball was thrown"
+        out.append(f"At {first.speed_m_s:g} m/s {lost_or_not}: {what}.")
     return out
 
 
@@ -91,6 +95,14 @@ _WHAT = {
     "region": "the catch would be outside the region that the map was learned for ({0})",
     "domain": "the flights leave the domain of the map, throws from less far would help",
     "grip": "the fingers would not hold the ball",
+    "dropped": "they touch the hand and are not held",
+    "missed": "they pass the hand",
+    "stopped": "the catcher stopped ({0})",
+    "beyond a limit": "they are caught, with a command or a motion beyond a limit",
+    "no pose": "no typical flight is in the domain of the map with little torque and speed",
+    "no map": "no map could be learned",
+    "error": "the throws ended in an error",
+    "lost": "the worker process ended",
 }
 
 
