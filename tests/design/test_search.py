@@ -10,6 +10,7 @@ from design.conftest import TINY, silent
 
 from mitt.cli import main
 from mitt.commands import design as command
+from mitt.design import design as design_of
 from mitt.design import speeds, workers
 from mitt.design.arrivals import shifted
 from mitt.design.assay import BEYOND, Task, Worth, cause_of, learned, thrown, trials_of
@@ -18,10 +19,10 @@ from mitt.design.candidate import Candidate
 from mitt.design.design import Design, Origin, design, rate_of
 from mitt.design.mutation import mutated
 from mitt.design.search import REPORTED, reported, search
-from mitt.design.speeds import AtSpeed, release_speed, task_at
+from mitt.design.speeds import AtSpeed, Fastest, release_speed, task_at
 from mitt.design.workers import Bench
 from mitt.errors import InputError
-from mitt.files.arm_file import open_arm, write_arm_file
+from mitt.files.arm_file import open_arm, read_arm_file, write_arm_file
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.robot.arm import Arm
 from mitt.robot.identity import difference, identity_of
@@ -172,10 +173,14 @@ def test_bad_input_is_one_line(
 
 
 def test_an_arm_that_cannot_is_told_so_and_no_file_is_written(
-    whole: Arm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+    whole: Arm, task: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
     row = AtSpeed(speed_m_s=3.0, throws=12, feasible=2, binding_limit="speed:j2")
-    lost = Design(whole=whole, found=False, reason="too slow", best=None, fastest=2.5, rows=(row,))
+    lost = Design(
+        whole=whole, task=task, found=False, reason="too slow", best=None,
+        fastest=Fastest(speed_m_s=2.5), rows=(row,),
+    )  # fmt: skip
     monkeypatch.setattr(command, "design", lambda *_, **__: lost)
     out = tmp_path / "d.toml"
     assert main(["design", "wam", "--out", str(out), "--json", "--workers", "1"]) == 0
@@ -212,7 +217,8 @@ def test_what_is_reported_was_thrown_with_seeds_that_no_search_uses(
 def test_a_share_is_told_with_its_interval(found: Design) -> None:
     assert rate_of(60, 60) == "60 of 60 (95 % interval 94.0 to 100.0 %)"
     assert found.best is not None
-    text = command._comment(found)
+    text = command._comment(found, "field")
+    assert "scene field" in text
     assert found.rate in text
     assert "95 % interval" in text
 
@@ -274,3 +280,74 @@ def test_an_error_of_one_candidate_is_counted_and_ends_nothing(
     assert bench.tally.told() == [
         "left out for an error: 2 candidates; the first: throw: wanted a throw, got none"
     ]
+
+
+def _rows(*good: bool) -> list[AtSpeed]:
+    return [
+        AtSpeed(speed_m_s=3.0 + k, throws=12, feasible=12 if x else 3, binding_limit=None)
+        for k, x in enumerate(good)
+    ]
+
+
+def test_the_fastest_throws_are_the_last_before_the_first_failure(
+    found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert found.best is not None
+    best, bench = found.best, Bench(whole, task, None, silent)
+    limit, thrown_at = 5.3, list[tuple[float, int, int]]()
+
+    def each(_: str, pairs: list[tuple[Candidate, Task]], *, throws: int, seed: int) -> list[Worth]:
+        out = []
+        for _c, at in pairs:
+            thrown_at.append((release_speed(at), throws, seed))
+            good = throws if release_speed(at) < limit else 0
+            out.append(replace(best, thrown=throws, caught=good, clean=good))
+        return out
+
+    monkeypatch.setattr(Bench, "try_each", lambda _, *a, **k: each(*a, **k))
+
+    def of(rows: list[AtSpeed], own: float) -> Fastest:
+        return speeds.fastest(bench, best.candidate, task, rows, own=own)
+
+    # A lucky row beyond the first failure does not count.
+    mine = of(_rows(True, True, True, False, True), 4.0)
+    assert 5.0 <= mine.speed_m_s < limit
+    assert not mine.more
+    assert thrown_at[-1][1:] == (50, speeds._SURE_SEED)
+    assert speeds._SURE_SEED > speeds._SEED > REPORTED
+    # Rows that were luck are taken back by fresh throws.
+    assert of(_rows(True, True, True, True, True), 3.0).speed_m_s == 5.0
+    limit = 99.0
+    most = of(_rows(True, True, True), 3.0)
+    assert str(most) == "at least 5.0 m/s"
+    assert str(of(_rows(False, False), 0.0)) == "none"
+
+
+def test_a_design_for_slower_throws_only_is_the_one_described(
+    found: Design, whole: Arm, task: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert found.best is not None
+    at = task_at(task, 3.0)
+    usual = replace(found.best, thrown=100, caught=20, clean=10, binding="speed:j2")
+    slow = replace(usual, candidate=replace(usual.candidate, turn=0.5), caught=90, clean=90)
+    monkeypatch.setattr(design_of, "search", lambda *_, **__: usual)
+    monkeypatch.setattr(design_of, "reported", lambda *_: usual)
+    monkeypatch.setattr(design_of, "slower", lambda *_, **__: (slow, at))
+    monkeypatch.setattr(design_of, "by_speed", lambda *_: _rows(True))
+    monkeypatch.setattr(design_of, "fastest", lambda *_, **__: Fastest(speed_m_s=3.0))
+    mine = design(whole, task, TINY, progress=silent)
+    said = mine.as_json()
+    assert not mine.found
+    assert mine.usable
+    assert mine.best is slow
+    assert (said["found"], said["throws"], said["feasible"]) == (False, 100, 90)
+    assert mine.reason is not None
+    assert "10 of 100 default throws" in mine.reason
+    assert "3.0 m/s" in mine.reason
+    path = tmp_path / "slow.toml"
+    write_arm_file(path, mine.arm_file(Origin(arm="wam", limits="wam-80v")), comment="x")
+    throws = read_arm_file(path).throws
+    assert throws is not None
+    assert throws.speed == pytest.approx((2.85, 3.15))
+    assert throws.height is not None
+    assert "slower throws, leaving at 3.0 m/s" in command._comment(mine, "lab")

@@ -1,5 +1,6 @@
 """``mitt design``: find what an arm can catch and the map that does it."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from mitt.commands.options import DesignOptions
@@ -16,7 +17,7 @@ from mitt.commands.screen import (
 from mitt.design.assay import Task
 from mitt.design.design import Design, Origin, design
 from mitt.design.search import EFFORTS
-from mitt.design.speeds import default_balls
+from mitt.design.speeds import default_balls, release_speed
 from mitt.design.whole import whole_arm
 from mitt.errors import InputError, UnknownNameError
 from mitt.files.arm_file import is_arm_file, read_arm_file, write_arm_file
@@ -35,7 +36,7 @@ def run(options: DesignOptions) -> int:
     scene = read_scene(options.scene or DEFAULT)
     reach = float(sum(abs(link.placement[:3, 3]).max() for link in whole.model.links[1:]))
     task = Task(balls=default_balls(_aim(options), reach), scene=scene, seed=_seed(options))
-    check_new_file("--out", options.out, overwrite=options.overwrite)
+    page = _page(options)
     if options.check:
         return checked(f"{whole.model.name}, {whole.n} joints, output to {options.out}")
     tell_of_kernels()
@@ -48,16 +49,34 @@ def run(options: DesignOptions) -> int:
     finally:
         if engine is not None:
             engine.close(at_once=True)
-    if found.found:
-        write_arm_file(options.out, found.arm_file(origin), comment=_comment(found))
-    page = options.out.with_suffix(".html")
+    if found.usable:
+        write_arm_file(
+            options.out, found.arm_file(origin), comment=_comment(found, options.scene or DEFAULT)
+        )
+    else:
+        options.out.unlink(missing_ok=True)
+    written = [options.out, page] if found.usable else [page]
     _write_page(page, found, scene, f"design {options.arm} --out {options.out}")
     warn(found.left_out, json=options.json)
     if options.json:
         print_json(found.as_json())
     else:
-        _show(found, options.out)
+        _show(found, written)
     return 0
+
+
+def _page(options: DesignOptions) -> Path:
+    """Return where the page goes, beside the arm file; both may be written.
+
+    Raises:
+        InputError: One of them may not be.
+    """
+    if options.out.suffix != ".toml":
+        raise InputError("--out", "a name that ends in .toml", options.out)
+    page = options.out.with_suffix(".html")
+    for path in (options.out, page):
+        check_new_file("--out", path, overwrite=options.overwrite)
+    return page
 
 
 def _write_page(path: Path, found: Design, scene: Scene, command: str) -> None:
@@ -115,18 +134,25 @@ def _seed(options: DesignOptions) -> int:
     return options.seed
 
 
-def _comment(found: Design) -> str:
+def _comment(found: Design, scene: str) -> str:
     """Return what stands at the top of the file."""
     best = found.best
     assert best is not None
-    return (
+    text = (
         f"mitt design: within every limit caught {found.rate} of throws that the search had\n"
-        "not used (scene lab, points),\n"
-        f"relative speed {best.speed:.2f} m/s, force {best.force:.0f} N (medians)"
+        f"not used (scene {scene}, points), relative speed {best.speed:.2f} m/s, force"
+        f" {best.force:.0f} N (medians)"
     )
+    if not found.found:
+        text += (
+            f"\nfor slower throws, leaving at {release_speed(found.task):.1f} m/s: no design"
+            " catches enough of the default throws.\nThese figures are of a map learned on such throws; the"
+            " flights of mitt learn arrive\nas default throws do."
+        )
+    return text
 
 
-def _show(found: Design, out: Path) -> None:
+def _show(found: Design, written: Sequence[Path]) -> None:
     """Print what was found."""
     if found.rows:
         rows = table("caught within every limit, by the speed of the throws",
@@ -135,13 +161,14 @@ def _show(found: Design, out: Path) -> None:
             rows.add_row(f"{row.speed_m_s:g}", str(row.feasible), str(row.throws),
                          row.binding_limit or "")  # fmt: skip
         show(rows)
-    best = found.best
-    if not found.found or best is None:
-        show(f"{found.whole.model.name}: no design; {found.reason}; {found.seconds:.0f} s")
-        return
-    show(
-        f"{found.whole.model.name}, joints {', '.join(found.joints)}: caught within every limit"
-        f" {found.rate}, relative speed {best.speed:.2f} m/s, force {best.force:.0f} N (medians);"
-        f" throws up to {found.fastest:.1f} m/s; {found.seconds:.0f} s",
-        f"written: {out}",
-    )
+    best, name = found.best, found.whole.model.name
+    if best is not None and found.usable:
+        what = "" if found.found else f" of throws at {release_speed(found.task):.1f} m/s"
+        show(
+            f"{name}, joints {', '.join(found.joints)}: caught within every limit"
+            f" {found.rate}{what}, relative speed {best.speed:.2f} m/s, force {best.force:.0f} N"
+            f" (medians); fastest throws: {found.fastest}; {found.seconds:.0f} s"
+        )
+    if not found.found:
+        show(f"{name}: no design for the default throws; {found.reason}; {found.seconds:.0f} s")
+    show(f"written: {', '.join(str(path) for path in written)}")

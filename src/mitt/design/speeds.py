@@ -9,12 +9,14 @@ from mitt.design.arrivals import arriving
 from mitt.design.assay import ENOUGH, Task, Worth
 from mitt.design.balls import BOX, FAR, Balls
 from mitt.design.candidate import Candidate
-from mitt.design.search import Effort, reported, search
+from mitt.design.search import REPORTED, Effort, reported, search
 from mitt.design.workers import Bench
 from mitt.world.throws import ThrowRanges
 
 #: Speeds of the throws that are tried [m/s], throws at each, and seed of these.
-SPEEDS, _THROWS, _SEED = (3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0), 12, 2000
+SPEEDS, _THROWS, _SEED = (3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0), 12, REPORTED + 1000
+#: Fresh throws at the fastest speed, and their seed.
+_SURE, _SURE_SEED = 50, REPORTED + 2000
 #: Half-width of the speeds of the throws of one speed, as a share; least distance of the release as
 #: a share of speed and shortest duration: the default throws' (docs/throws.md).
 _SPREAD, _NEAREST = 0.05, 0.8
@@ -37,6 +39,30 @@ class AtSpeed:
     throws: int
     feasible: int
     binding_limit: str | None
+
+    @property
+    def enough(self) -> bool:
+        """Whether enough of them were caught."""
+        return self.throws > 0 and self.feasible >= ENOUGH * self.throws
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fastest:
+    """The fastest throws that a design catches.
+
+    Attributes:
+        speed_m_s: Middle of their speeds at release [m/s]; 0 where there are none.
+        more: Whether nothing faster was tried, so that it may be more.
+    """
+
+    speed_m_s: float
+    more: bool = False
+
+    def __str__(self) -> str:
+        """Return it in words."""
+        if self.speed_m_s == 0.0:
+            return "none"
+        return f"{'at least ' if self.more else ''}{self.speed_m_s:.1f} m/s"
 
 
 def task_at(task: Task, speed: float) -> Task:
@@ -74,21 +100,37 @@ def _at(speed: float, w: Worth) -> AtSpeed:
     return AtSpeed(speed_m_s=speed, throws=w.thrown, feasible=w.clean, binding_limit=limit)
 
 
-def fastest(bench: Bench, c: Candidate, task: Task, rows: Sequence[AtSpeed]) -> float:
-    """Return the fastest throws of which a design catches enough [m/s], by bisection."""
-    good = [row.speed_m_s for row in rows if row.feasible >= ENOUGH * row.throws]
-    if not good:
-        return 0.0
-    low = max(good)
-    higher = [row.speed_m_s for row in rows if row.speed_m_s > low]
-    if not higher:
-        return low
-    high = min(higher)
-    for _ in range(_STEPS):
-        middle = 0.5 * (low + high)
-        row = by_speed(bench, c, task, [middle])[0]
-        low, high = (middle, high) if row.feasible >= ENOUGH * row.throws else (low, middle)
-    return low
+def fastest(
+    bench: Bench, c: Candidate, task: Task, rows: Sequence[AtSpeed], *, own: float
+) -> Fastest:
+    """Return the last speed before the first failure, and what fresh throws say of it.
+
+    Args:
+        bench: Where it is thrown at.
+        c: The design.
+        task: What is caught; the speed is changed.
+        rows: How it does at several speeds, rising.
+        own: Speed of the throws that it was found to catch [m/s]; failures at slower ones do not
+            count. 0 where there are none.
+    """
+    failed = next((x.speed_m_s for x in rows if x.speed_m_s > own and not x.enough), None)
+    end = np.inf if failed is None else failed
+    good = {x.speed_m_s for x in rows if x.enough and x.speed_m_s < end} | ({own} if own else set())
+    low = max(good, default=0.0)
+    if failed is not None and good:
+        for _ in range(_STEPS):
+            middle = 0.5 * (low + failed)
+            if by_speed(bench, c, task, [middle])[0].enough:
+                low = middle
+                good.add(middle)
+            else:
+                failed = middle
+    for speed in sorted(good, reverse=True):
+        again = [(c, task_at(task, speed))]
+        worth = bench.try_each("fastest", again, throws=_SURE, seed=_SURE_SEED)[0]
+        if worth.enough:
+            return Fastest(speed_m_s=speed, more=failed is None and speed == rows[-1].speed_m_s)
+    return Fastest(speed_m_s=0.0)
 
 
 def slower(

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from mitt.design.assay import Worth
-from mitt.design.balls import Balls
 from mitt.design.design import Design
 from mitt.design.help import Help, help_of
 from mitt.files.files import write_text
@@ -36,7 +35,7 @@ def write_design_page(path: Path, found: Design, scene: Scene, *, command: str) 
         ("catch", pose_picture(arm, scene, best.candidate.q[list(best.candidate.free)],
                                catch=True).png),
     ]  # fmt: skip
-    helps = [] if best is None else help_of(found.whole, best.candidate, Balls())
+    helps = [] if best is None else help_of(found.whole, best.candidate, found.task.balls)
     write_text(
         path,
         page(
