@@ -14,12 +14,14 @@ from mitt.design import design as design_of
 from mitt.design import speeds, workers
 from mitt.design.arrivals import shifted
 from mitt.design.assay import BEYOND, Task, Worth, cause_of, learned, thrown, trials_of
-from mitt.design.balls import BOX, FAR
+from mitt.design.balls import BOX, FAR, Balls
 from mitt.design.candidate import Candidate
 from mitt.design.design import Design, Origin, design, rate_of
+from mitt.design.geometry import drawn, triples_of
 from mitt.design.mutation import mutated
 from mitt.design.search import REPORTED, reported, search
 from mitt.design.speeds import AtSpeed, Fastest, release_speed, task_at
+from mitt.design.whole import movable
 from mitt.design.workers import Bench
 from mitt.errors import InputError
 from mitt.files.arm_file import open_arm, read_arm_file, write_arm_file
@@ -189,6 +191,73 @@ def test_an_arm_that_cannot_is_told_so_and_no_file_is_written(
     assert said["fastest_m_s"] == 2.5
     assert said["by_speed"][0]["binding_limit"] == "speed:j2"
     assert not out.exists()
+    assert out.with_suffix(".html").exists()
+    again = ["design", "wam", "--out", str(out), "--workers", "1"]
+    assert main(again) == 2
+    assert "d.html" in capsys.readouterr().err
+    out.write_text("stale")
+    assert main([*again, "--overwrite"]) == 0
+    assert not out.exists()
+    said_so = capsys.readouterr().out.replace("\n", "")
+    assert "written: " in said_so
+    assert "d.html" in said_so
+    assert "d.toml" not in said_so
+
+
+def test_an_out_of_another_kind_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["design", "wam", "--out", str(tmp_path / "d.html"), "--check"]) == 2
+    assert "ends in .toml" in capsys.readouterr().err
+
+
+def test_an_arm_file_keeps_its_joints(
+    found: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert found.best is not None
+    path, asked = tmp_path / "arm.toml", list[tuple[Arm, list[str]]]()
+    file = found.arm_file(Origin(arm="wam", limits="wam-80v"))
+    write_arm_file(path, file)
+
+    def noted(arm: Arm, *_: object, joints: list[str], **__: object) -> Design:
+        asked.append((arm, joints))
+        return replace(found, found=False, reason="none", best=None, rows=())
+
+    monkeypatch.setattr(command, "design", noted)
+    out = str(tmp_path / "d.toml")
+    assert main(["design", str(path), "--out", out, "--workers", "1"]) == 0
+    arm, joints = asked[0]
+    assert tuple(joints) == found.joints
+    name, angle = next(iter(file.held.items()))
+    k = arm.names.index(name)
+    assert not movable(arm)[k]
+    assert movable(arm).sum() == 3
+    assert arm.q_min[k] <= angle <= arm.q_max[k]
+    rows = drawn(
+        arm, Balls(), triples_of(arm, joints), np.random.default_rng(1), count=4000, floor=-1.0
+    )
+    assert len(rows.q) > 0
+    assert np.ptp(rows.q[:, k]) < 2e-3
+    again = [*["design", str(path), "--out", out, "--workers", "1"], "--overwrite"]
+    assert main([*again, "--joints", "j1,j2,j4"]) == 0
+    assert movable(asked[1][0]).all()
+
+
+def test_an_arm_file_of_another_description_or_without_a_hand_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "arm.urdf").write_text("<robot/>")
+    text = 'schema = "mitt.arm/1"\n[arm]\nfile = "arm.urdf"\ntip = "t"\njoints = ["a", "b", "c"]\n'
+    path = tmp_path / "arm.toml"
+    for more, wanted in (
+        (f'sha256 = "{"0" * 64}"\n', "SHA-256"),
+        ('[hand]\nname = "none"\n', "hand"),
+    ):
+        path.write_text(text + more)
+        assert main(["design", str(path), "--out", str(tmp_path / "d.toml"), "--check"]) == 2
+        said = capsys.readouterr().err.strip()
+        assert wanted in said
+        assert len(said.splitlines()) == 1
 
 
 def test_what_is_reported_was_thrown_with_seeds_that_no_search_uses(

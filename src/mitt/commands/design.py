@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from mitt.commands.options import DesignOptions
 from mitt.commands.screen import (
     check_new_file,
@@ -18,9 +20,10 @@ from mitt.design.assay import Task
 from mitt.design.design import Design, Origin, design
 from mitt.design.search import EFFORTS
 from mitt.design.speeds import default_balls, release_speed
-from mitt.design.whole import whole_arm
+from mitt.design.whole import held_as, whole_arm
 from mitt.errors import InputError, UnknownNameError
-from mitt.files.arm_file import is_arm_file, read_arm_file, write_arm_file
+from mitt.files.arm_file import ArmFile, is_arm_file, read_arm_file, write_arm_file
+from mitt.interrupts import tell
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.sweep.engine import engine_of
@@ -30,11 +33,15 @@ from mitt.world.scenes import DEFAULT, read_scene
 
 def run(options: DesignOptions) -> int:
     """Run ``mitt design``; return its exit status."""
-    origin = origin_of(options)
+    file = _given(options)
+    origin = origin_of(options, file)
     whole = whole_arm(origin.arm, tip=origin.tip, limits=origin.limits, hand=HandModel())
+    warn(whole.model.notes, json=options.json)
     joints = _joints(options, whole)
+    if file is not None and joints is None:
+        whole, joints = _as_in(file, whole)
     scene = read_scene(options.scene or DEFAULT)
-    reach = float(sum(abs(link.placement[:3, 3]).max() for link in whole.model.links[1:]))
+    reach = float(sum(np.linalg.norm(link.placement[:3, 3]) for link in whole.model.links[1:]))
     task = Task(balls=default_balls(_aim(options), reach), scene=scene, seed=_seed(options))
     page = _page(options)
     if options.check:
@@ -59,6 +66,7 @@ def run(options: DesignOptions) -> int:
     _write_page(page, found, scene, f"design {options.arm} --out {options.out}")
     warn(found.left_out, json=options.json)
     if options.json:
+        tell(f"written: {', '.join(str(path) for path in written)}")
         print_json(found.as_json())
     else:
         _show(found, written)
@@ -86,10 +94,32 @@ def _write_page(path: Path, found: Design, scene: Scene, command: str) -> None:
     write_design_page(path, found, scene, command=command)
 
 
-def origin_of(options: DesignOptions) -> Origin:
+def _given(options: DesignOptions) -> ArmFile | None:
+    """Return the arm file that is given as the arm, whose description is the one it was made for.
+
+    Raises:
+        MittError: It is none that can be designed for.
+    """
+    if not is_arm_file(options.arm):
+        return None
+    file = read_arm_file(Path(options.arm))
+    if file.hand == "none":
+        raise InputError(options.arm, "an arm with the three-finger hand", 'hand = "none"',
+                         do="leave it out: mitt design mounts that hand")  # fmt: skip
+    file.load()  # holds it to its digest
+    return file
+
+
+def _as_in(file: ArmFile, whole: Arm) -> tuple[Arm, list[str] | None]:
+    """Return an arm with the held joints of an arm file where they are, and its active joints."""
+    arm = file.load()
+    held = {x.name: x.held for x in arm.model.links if x.held is not None}
+    return held_as(whole, {k: x for k, x in held.items() if k in whole.names}), list(arm.names)
+
+
+def origin_of(options: DesignOptions, file: ArmFile | None) -> Origin:
     """Return where the arm comes from: a name, a description file, or that of an arm file."""
-    if is_arm_file(options.arm):
-        file = read_arm_file(Path(options.arm))
+    if file is not None:
         return Origin(arm=file.arm, tip=options.tip or file.tip,
                       limits=_limits(options.limits) or file.limits)  # fmt: skip
     arm = options.arm if options.arm == "wam" else Path(options.arm)
@@ -146,8 +176,8 @@ def _comment(found: Design, scene: str) -> str:
     if not found.found:
         text += (
             f"\nfor slower throws, leaving at {release_speed(found.task):.1f} m/s: no design"
-            " catches enough of the default throws.\nThese figures are of a map learned on such throws; the"
-            " flights of mitt learn arrive\nas default throws do."
+            " catches enough of the default throws.\nThese figures are of a map learned on such"
+            " throws; the flights of mitt learn arrive\nas default throws do."
         )
     return text
 

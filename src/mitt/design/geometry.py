@@ -16,6 +16,7 @@ from mitt.design.balls import BOX, FAR, Balls
 from mitt.design.candidate import Candidate, within
 from mitt.design.meeting import meeting, met
 from mitt.design.poses import Poses, Which, poses_of
+from mitt.design.whole import movable
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 
@@ -134,7 +135,7 @@ def improved(
         floor: Height of the floor [m].
     """
     change = size * rng.standard_normal((len(rows.q), whole.n))
-    change *= rng.random(change.shape) < _OFTEN
+    change *= (rng.random(change.shape) < _OFTEN) & movable(whole)
     q, poses, kept = _standing(whole, balls, rows.q + change, floor)
     found = _met(whole, balls.velocity(), (q, poses), rows.free[kept], np.arange(len(q)), rng)
     found = spread(whole, balls, found)
@@ -182,7 +183,7 @@ def _facing(whole: Arm, q: Array, rng: np.random.Generator) -> Array:
     upright = (whole.model.mount @ whole.model.links[0].placement)[:3, :3] @ (
         whole.model.links[0].axis
     )
-    if whole.chain.prismatic[0] > 0.0 or abs(upright[2]) < 0.999:
+    if whole.chain.prismatic[0] > 0.0 or abs(upright[2]) < 0.999 or not movable(whole)[0]:
         return q
     palm = poses_of(whole.model, q).palm
     wanted = rng.uniform(-0.4, 0.4, len(q)) - np.arctan2(palm[:, 1], palm[:, 0])
@@ -199,7 +200,8 @@ def _led(whole: Arm, q: Array, balls: Balls) -> Array:
         J = np.swapaxes(poses.J, 1, 2)
         damped = J @ poses.J + 1e-3 * np.eye(3)
         step = np.einsum("bkc,bc->bk", poses.J, np.linalg.solve(damped, off[..., None])[..., 0])
-        q = np.clip(q - np.clip(step, -0.4, 0.4), whole.q_min, whole.q_max)
+        step = np.where(movable(whole), np.clip(step, -0.4, 0.4), 0.0)
+        q = np.clip(q - step, whole.q_min, whole.q_max)
     return q
 
 
