@@ -1,6 +1,8 @@
 """The search: same seed, same design; the contract holds; the file gives the design back."""
 
 import json
+from collections.abc import Iterator
+from concurrent.futures import BrokenExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,9 +15,10 @@ from mitt.commands import design as command
 from mitt.design import design as design_of
 from mitt.design import speeds, workers
 from mitt.design.arrivals import shifted
-from mitt.design.assay import BEYOND, Task, Worth, cause_of, learned, thrown, trials_of
+from mitt.design.assay import Task, Worth, learned, thrown, trials_of
 from mitt.design.balls import BOX, FAR, Balls
 from mitt.design.candidate import Candidate
+from mitt.design.causes import BEYOND, cause_of
 from mitt.design.design import Design, Origin, design, rate_of
 from mitt.design.geometry import drawn, triples_of
 from mitt.design.mutation import mutated
@@ -28,6 +31,7 @@ from mitt.files.arm_file import open_arm, read_arm_file, write_arm_file
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.robot.arm import Arm
 from mitt.robot.identity import difference, identity_of
+from mitt.sweep.engine import Processes, engine_of
 from mitt.trials.neighbourhood import Neighbourhood
 from mitt.world.ballistics import fly
 from mitt.world.throws import Aim, ThrowRanges, default_throw
@@ -420,3 +424,46 @@ def test_a_design_for_slower_throws_only_is_the_one_described(
     assert throws.speed == pytest.approx((2.85, 3.15))
     assert throws.height is not None
     assert "slower throws, leaving at 3.0 m/s" in command._comment(mine, "lab")
+
+
+@pytest.mark.slow
+def test_two_workers_give_the_same_design(whole: Arm, task: Task, found: Design) -> None:
+    engine = engine_of("local", 2)
+    try:
+        other = design(whole, task, TINY, progress=silent, engine=engine)
+    finally:
+        engine.close(at_once=True)
+    mine, theirs = found.as_json(), other.as_json()
+    del mine["seconds"], theirs["seconds"]
+    assert mine == theirs
+    assert found.best is not None
+    assert other.best is not None
+    np.testing.assert_array_equal(found.best.candidate.q, other.best.candidate.q)
+
+
+def test_candidates_of_a_dead_worker_are_evaluated_by_themselves(
+    found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The worker of candidate 1 always dies, and takes with it what is under way."""
+    assert found.best is not None
+    c, windows = found.best.candidate, list[int]()
+
+    def run(
+        _: object, __: object, trials: list[workers.Trial], *, window: int
+    ) -> Iterator[tuple[workers.Trial, bytes | BaseException]]:
+        windows.append(window)
+        bad = any(trial.number == 1 for trial in trials)
+        plain = b'{"able": 0.5, "speed": 1.0}'
+        for trial in trials:
+            yield trial, BrokenExecutor() if bad else plain
+
+    monkeypatch.setattr(workers, "run_tasks", run)
+    engine = Processes(2)
+    bench = Bench(whole, task, engine, silent)
+    worth = bench.try_all("some", [c, c, c])
+    engine.close(at_once=True)
+    assert [w.able for w in worth] == [0.5, 0.5]
+    assert windows[0] == 4
+    assert set(windows[1:]) == {1}
+    assert bench.tally.lost == 1
+    assert "1 candidates" in bench.tally.told()[0]

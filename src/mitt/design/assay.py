@@ -14,6 +14,7 @@ import numpy as np
 from mitt.design.arrivals import flights_of, shifted
 from mitt.design.balls import Balls
 from mitt.design.candidate import Candidate
+from mitt.design.causes import cause_of
 from mitt.errors import MittError
 from mitt.generator.flights import Flight, lift_flight
 from mitt.generator.generators import Direct
@@ -26,7 +27,7 @@ from mitt.signals import Array, MapStatus
 from mitt.trials.learning import LEARNING_SEED, learn
 from mitt.trials.neighbourhood import Neighbourhood, neighbourhood
 from mitt.trials.runner import TrialRunner
-from mitt.trials.score import Trial, reason_of
+from mitt.trials.score import Trial
 from mitt.trials.source import source_of
 from mitt.world.scene import Scene
 from mitt.world.throws import ThrowRanges
@@ -54,8 +55,6 @@ _AROUND = {"glance": _GLANCE, "quick": _QUICK, "full": _FULL}
 #: Share of the throws that has to be caught, within every limit, for an arm to count as one that
 #: can catch them.
 ENOUGH = 0.8
-BEYOND = "beyond a limit"
-"""Why a ball does not count that was caught, in :attr:`Worth.binding`."""
 #: What a ball counts that is caught beyond a limit, while candidates are compared.
 _BEYOND = 0.7
 #: Share of a joint's speed that l_c^-1 may ask along a flight to learn from, as of default throws.
@@ -279,26 +278,3 @@ def trials_of(
     if sum(trial.status == "caught" for trial in trials) < 0.5 * first:
         return trials
     return trials + [runner.throw(source, k).trial for k in range(first, throws)]
-
-
-def cause_of(trials: list[Trial]) -> str:
-    """Return why balls most often were not caught within every limit; nothing where all were."""
-    causes = [x for x in map(_cause, trials) if x]
-    return max(sorted(set(causes)), key=causes.count) if causes else ""
-
-
-def _cause(trial: Trial) -> str:
-    """Return why a ball was not caught within every limit; nothing where it was.
-
-    The limit that the verdict names is the cause only where the throw was refused for it.
-    """
-    match trial.status:
-        case "caught":
-            return BEYOND if trial.limit_violations else ""
-        case "unreachable":
-            return trial.binding_limit or trial.status
-        case "stopped":
-            why = reason_of(trial.stopped_by)
-            return f"stopped: {why}" if why else trial.status
-        case _:
-            return trial.status

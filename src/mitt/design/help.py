@@ -22,7 +22,7 @@ class Help:
         joint: Its name.
         share: Share of its speed limit at the nominal catch.
         relative_m_s: Least relative speed there, by joint speeds alone, as it is.
-        quicker_m_s: The same, were the joint half as quick again.
+        quicker_m_s: The same, were the joint 50 % faster.
     """
 
     joint: str

@@ -12,17 +12,9 @@ from numpy.typing import NDArray
 
 from mitt.design.assay import Task, Worth
 from mitt.design.candidate import Candidate
-from mitt.design.geometry import (
-    Rows,
-    best_of,
-    candidates_of,
-    drawn,
-    improved,
-    joined,
-    spread,
-    triples_of,
-)
+from mitt.design.geometry import drawn, improved, spread, triples_of
 from mitt.design.mutation import mutated
+from mitt.design.rows import Rows, best_of, candidates_of, joined
 from mitt.design.workers import Bench, Progress
 from mitt.errors import ModelError
 from mitt.robot.arm import Arm
@@ -38,7 +30,7 @@ _WORTH_THROWING = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effort:
-    """How much is tried at each stage.
+    """How much is looked at in each stage.
 
     Attributes:
         poses: Poses drawn at a time.

@@ -62,13 +62,13 @@ def advice_of(found: Design, helps: list[Help]) -> list[str]:
     if gains:
         most = max(gains, key=lambda x: x.relative_m_s - x.quicker_m_s)
         out.append(
-            f"Were {most.joint} half as quick again, the ball could meet the hand at"
+            f"If {most.joint} were 50 % faster, the ball could meet the hand at"
             f" {most.quicker_m_s:.1f} instead of {most.relative_m_s:.1f} m/s."
         )
     elif helps and helps[0].relative_m_s > 1.0:
         out.append(
-            "No single joint, half as quick again, would make the catch softer: several are at"
-            " their limits at once. A longer arm or quicker drives altogether would."
+            "No single joint that is 50 % faster would make the catch softer: several are at"
+            " their limits at once. A longer arm or faster drives altogether would."
         )
     lost = [
         row for row in found.rows
