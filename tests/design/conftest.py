@@ -3,8 +3,8 @@
 import pytest
 
 from mitt.design.assay import Task
+from mitt.design.balls import Balls
 from mitt.design.design import Design, design
-from mitt.design.geometry import Balls
 from mitt.design.search import Effort
 from mitt.design.whole import whole_arm
 from mitt.robot.arm import Arm
@@ -14,7 +14,7 @@ from mitt.world.scenes import read_scene
 #: A search that is over in seconds.
 TINY = Effort(
     poses=4000, rounds=1, enough=200, changes=2, judged=4, thrown=2, throws=2, parents=1,
-    children=2, generations=1, last=1, confirm=3,
+    children=2, generations=1, last=1, confirm=3, report=4,
     slower=1,
 )  # fmt: skip
 

@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mitt.design.balls import Balls
 from mitt.design.candidate import Candidate
-from mitt.design.geometry import Balls, Rows, best_of, candidates_of, drawn, spread, triples_of
+from mitt.design.geometry import drawn, spread, triples_of
 from mitt.design.meeting import meeting, met
 from mitt.design.poses import poses_of
+from mitt.design.rows import Rows, best_of, candidates_of
 from mitt.design.whole import whole_arm
 from mitt.generator.mapping import unlearned
 from mitt.robot.arm import Arm

@@ -5,10 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
+from mitt.design.balls import Balls
 from mitt.design.candidate import Candidate
 from mitt.design.design import Design
-from mitt.design.geometry import Balls, candidates_of, drawn, triples_of
+from mitt.design.geometry import drawn, triples_of
 from mitt.design.help import QUICKER, help_of
+from mitt.design.rows import candidates_of
 from mitt.design.speeds import AtSpeed
 from mitt.report.design_page import advice_of, write_design_page
 from mitt.robot.arm import Arm

@@ -1,6 +1,9 @@
 """The search: same seed, same design; the contract holds; the file gives the design back."""
 
 import json
+from collections.abc import Iterator
+from concurrent.futures import BrokenExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,16 +12,32 @@ from design.conftest import TINY, silent
 
 from mitt.cli import main
 from mitt.commands import design as command
-from mitt.design.assay import Task, learned, trials_of
-from mitt.design.design import Design, Origin, design
+from mitt.design import design as design_of
+from mitt.design import speeds, workers
+from mitt.design.arrivals import shifted
+from mitt.design.assay import Task, Worth, learned, thrown, trials_of
+from mitt.design.balls import BOX, FAR, Balls
+from mitt.design.candidate import Candidate
+from mitt.design.causes import BEYOND, cause_of
+from mitt.design.design import Design, Origin, design, rate_of
+from mitt.design.geometry import drawn, triples_of
 from mitt.design.mutation import mutated
-from mitt.design.speeds import AtSpeed, task_at
-from mitt.files.arm_file import open_arm, write_arm_file
+from mitt.design.search import REPORTED, reported, search
+from mitt.design.speeds import AtSpeed, Fastest, release_speed, task_at
+from mitt.design.whole import movable
+from mitt.design.workers import Bench
+from mitt.errors import InputError
+from mitt.files.arm_file import open_arm, read_arm_file, write_arm_file
+from mitt.generator.mapping import DirectMap, unlearned
 from mitt.robot.arm import Arm
 from mitt.robot.identity import difference, identity_of
+from mitt.sweep.engine import Processes, engine_of
+from mitt.trials.neighbourhood import Neighbourhood
+from mitt.world.ballistics import fly
+from mitt.world.throws import Aim, ThrowRanges, default_throw
 
 KEYS = {
-    "schema", "version", "arm", "found", "reason", "joints", "throws", "feasible",
+    "schema", "version", "arm", "found", "reason", "joints", "throws", "feasible", "caught",
     "relative_speed_m_s", "force_n", "fastest_m_s", "by_speed", "seconds",
 }  # fmt: skip
 
@@ -92,11 +111,48 @@ def test_small_changes_stay_in_the_ranges_and_keep_the_aim_near_the_hand(
         np.testing.assert_array_equal(still.aim, c.aim)
 
 
-def test_throws_of_one_speed_leave_with_it(task: Task) -> None:
-    ranges = task_at(task, 4.0).ranges
-    assert ranges is not None
-    assert ranges.speed[0] < 4.0 < ranges.speed[1]
-    assert task_at(task, 4.0).balls.speed < 4.0
+@pytest.mark.parametrize("speed", [2.0, 3.0, 5.0, 6.05, 9.0])
+def test_throws_of_one_speed_leave_and_arrive_as_is_said(task: Task, speed: float) -> None:
+    at = task_at(task, speed)
+    assert at.ranges is not None
+    assert release_speed(at) == pytest.approx(speed)
+    rng, place = np.random.default_rng(5), np.array([0.77, 0.0, 0.057])
+    half = FAR * np.array(BOX)
+    aim = Aim(position=np.copy, q_low=place - half, q_high=place + half)
+    speeds, descents = [], []
+    for _ in range(400):
+        throw = default_throw(rng, aim, at.ranges)
+        r, v = throw.r, throw.dr
+        while r[0] > place[0]:
+            r, v = fly(r, v, drag=at.ranges.drag, duration=0.002)
+        speeds.append(np.linalg.norm(v))
+        descents.append(np.arcsin(-v[2] / np.linalg.norm(v)))
+    for seen, (least, most) in ((speeds, at.balls.speeds), (descents, at.balls.descents)):
+        assert np.mean((np.array(seen) > least) & (np.array(seen) < most)) > 0.8
+    assert at.balls.speeds[0] < at.balls.speed < at.balls.speeds[1]
+
+
+def test_slow_throws_go_with_the_height_of_the_aim(found: Design, whole: Arm) -> None:
+    assert found.best is not None
+    arm = found.best.candidate.arm(whole)
+    ranges = replace(ThrowRanges(), height=(0.1, 1.2))
+    assert arm.model.aim is not None
+    by = arm.model.aim[0, 2] - 0.0566
+    np.testing.assert_allclose(shifted(ranges, arm).height, (0.1 + by, 1.2 + by))
+
+
+def test_a_map_is_learned_on_the_balls_that_are_thrown(
+    found: Design, whole: Arm, task: Task
+) -> None:
+    assert found.best is not None
+    c, at = found.best.candidate, task_at(task, 4.0)
+    start = unlearned(c.arm(whole), c.design)
+    flights = at.flights(start, np.random.default_rng(3), Neighbourhood(flights=20, kicked=0.0))
+    assert flights
+    for flight in flights:
+        speed = np.linalg.norm(flight.ball[-1, 1])
+        assert at.balls.speeds[0] - 1.0 < speed < at.balls.speeds[1] + 1.0
+        assert flight.t[-1] > flight.t[0] + 0.2
 
 
 @pytest.mark.parametrize(
@@ -123,10 +179,14 @@ def test_bad_input_is_one_line(
 
 
 def test_an_arm_that_cannot_is_told_so_and_no_file_is_written(
-    whole: Arm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+    whole: Arm, task: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
     row = AtSpeed(speed_m_s=3.0, throws=12, feasible=2, binding_limit="speed:j2")
-    lost = Design(whole=whole, found=False, reason="too slow", best=None, fastest=2.5, rows=(row,))
+    lost = Design(
+        whole=whole, task=task, found=False, reason="too slow", best=None,
+        fastest=Fastest(speed_m_s=2.5), rows=(row,),
+    )  # fmt: skip
     monkeypatch.setattr(command, "design", lambda *_, **__: lost)
     out = tmp_path / "d.toml"
     assert main(["design", "wam", "--out", str(out), "--json", "--workers", "1"]) == 0
@@ -135,3 +195,275 @@ def test_an_arm_that_cannot_is_told_so_and_no_file_is_written(
     assert said["fastest_m_s"] == 2.5
     assert said["by_speed"][0]["binding_limit"] == "speed:j2"
     assert not out.exists()
+    assert out.with_suffix(".html").exists()
+    again = ["design", "wam", "--out", str(out), "--workers", "1"]
+    assert main(again) == 2
+    assert "d.html" in capsys.readouterr().err
+    out.write_text("stale")
+    assert main([*again, "--overwrite"]) == 0
+    assert not out.exists()
+    said_so = capsys.readouterr().out.replace("\n", "")
+    assert "written: " in said_so
+    assert "d.html" in said_so
+    assert "d.toml" not in said_so
+
+
+def test_an_out_of_another_kind_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["design", "wam", "--out", str(tmp_path / "d.html"), "--check"]) == 2
+    assert "ends in .toml" in capsys.readouterr().err
+
+
+def test_an_arm_file_keeps_its_joints(
+    found: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert found.best is not None
+    path, asked = tmp_path / "arm.toml", list[tuple[Arm, list[str]]]()
+    file = found.arm_file(Origin(arm="wam", limits="wam-80v"))
+    write_arm_file(path, file)
+
+    def noted(arm: Arm, *_: object, joints: list[str], **__: object) -> Design:
+        asked.append((arm, joints))
+        return replace(found, found=False, reason="none", best=None, rows=())
+
+    monkeypatch.setattr(command, "design", noted)
+    out = str(tmp_path / "d.toml")
+    assert main(["design", str(path), "--out", out, "--workers", "1"]) == 0
+    arm, joints = asked[0]
+    assert tuple(joints) == found.joints
+    name, angle = next(iter(file.held.items()))
+    k = arm.names.index(name)
+    assert not movable(arm)[k]
+    assert movable(arm).sum() == 3
+    assert arm.q_min[k] <= angle <= arm.q_max[k]
+    rows = drawn(
+        arm, Balls(), triples_of(arm, joints), np.random.default_rng(1), count=4000, floor=-1.0
+    )
+    assert len(rows.q) > 0
+    assert np.ptp(rows.q[:, k]) < 2e-3
+    again = [*["design", str(path), "--out", out, "--workers", "1"], "--overwrite"]
+    assert main([*again, "--joints", "j1,j2,j4"]) == 0
+    assert movable(asked[1][0]).all()
+
+
+def test_an_arm_file_of_another_description_or_without_a_hand_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "arm.urdf").write_text("<robot/>")
+    text = 'schema = "mitt.arm/1"\n[arm]\nfile = "arm.urdf"\ntip = "t"\njoints = ["a", "b", "c"]\n'
+    path = tmp_path / "arm.toml"
+    for more, wanted in (
+        (f'sha256 = "{"0" * 64}"\n', "SHA-256"),
+        ('[hand]\nname = "none"\n', "hand"),
+    ):
+        path.write_text(text + more)
+        assert main(["design", str(path), "--out", str(tmp_path / "d.toml"), "--check"]) == 2
+        said = capsys.readouterr().err.strip()
+        assert wanted in said
+        assert len(said.splitlines()) == 1
+
+
+def test_what_is_reported_was_thrown_with_seeds_that_no_search_uses(
+    whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seeds = list[tuple[int, int, bool]]()
+
+    def noted(
+        c: Candidate, f: DirectMap, task: Task, *, throws: int, seed: int, give_up: bool
+    ) -> Worth:
+        seeds.append((seed, throws, give_up))
+        return thrown(c, f, task, throws=throws, seed=seed, give_up=give_up)
+
+    monkeypatch.setattr(workers, "thrown", noted)
+    chosen = search(Bench(whole, task, None, silent), TINY)
+    assert chosen is not None
+    assert seeds
+    assert all(seed < REPORTED for seed, _, _ in seeds)
+    seeds.clear()
+    best = reported(Bench(whole, task, None, silent), chosen.candidate, TINY)
+    assert best is not None
+    assert seeds == [(REPORTED, TINY.report, False)]
+    assert best.thrown == TINY.report
+
+
+def test_a_share_is_told_with_its_interval(found: Design) -> None:
+    assert rate_of(60, 60) == "60 of 60 (95 % interval 94.0 to 100.0 %)"
+    assert found.best is not None
+    text = command._comment(found, "field")
+    assert "scene field" in text
+    assert found.rate in text
+    assert "95 % interval" in text
+
+
+def test_balls_caught_beyond_a_limit_do_not_count(found: Design) -> None:
+    assert found.best is not None
+    over = replace(found.best, thrown=100, caught=100, clean=79)
+    assert not over.enough
+    assert replace(over, clean=80).enough
+    assert not replace(over, thrown=0, caught=0, clean=0).enough
+    said = replace(found, best=over).as_json()
+    assert (said["throws"], said["feasible"], said["caught"]) == (100, 79, 100)
+    row = speeds._at(6.0, over)
+    assert (row.throws, row.feasible) == (100, 79)
+
+
+def test_a_cause_is_the_limit_only_where_a_throw_was_refused_for_it(
+    found: Design, whole: Arm, task: Task
+) -> None:
+    assert found.best is not None
+    f = learned(whole, found.best.candidate, task)
+    assert f is not None
+    one = trials_of(f, task, throws=1, seed=70)[0]
+    dropped = replace(one, status="dropped", binding_limit="speed:j2")
+    refused = replace(dropped, status="unreachable")
+    stopped = replace(dropped, status="stopped", stopped_by={"reason": "encoder", "joint": "j1"})
+    caught = replace(dropped, status="caught", limit_violations=0)
+    assert cause_of([caught, dropped]) == "dropped"
+    assert cause_of([refused, refused, dropped]) == "speed:j2"
+    assert cause_of([stopped]) == "stopped: encoder j1"
+    assert cause_of([caught, replace(caught, limit_violations=3)]) == BEYOND
+    assert cause_of([caught]) == ""
+
+
+def test_what_was_not_thrown_at_has_no_throws_and_says_why(
+    found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert found.best is not None
+    c, bench = found.best.candidate, Bench(whole, task, None, silent)
+    monkeypatch.setattr(workers, "learned", lambda *_: None)
+    row = speeds.by_speed(bench, c, task, [5.0])[0]
+    assert (row.throws, row.feasible) == (0, 0)
+    assert row.binding_limit in ("no pose", "no map")
+    assert bench.tally.told() == []
+
+
+def test_an_error_of_one_candidate_is_counted_and_ends_nothing(
+    found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert found.best is not None
+    c, bench = found.best.candidate, Bench(whole, task, None, silent)
+
+    def broken(*_: object, **__: object) -> bool:
+        raise InputError("throw", "a throw", "none")
+
+    monkeypatch.setattr(workers, "able_to_hold", broken)
+    assert bench.try_all("some", [c, c], throws=1, seed=1) == []
+    assert (bench.tally.errors, bench.tally.lost) == (2, 0)
+    assert bench.tally.told() == [
+        "left out for an error: 2 candidates; the first: throw: wanted a throw, got none"
+    ]
+
+
+def _rows(*good: bool) -> list[AtSpeed]:
+    return [
+        AtSpeed(speed_m_s=3.0 + k, throws=12, feasible=12 if x else 3, binding_limit=None)
+        for k, x in enumerate(good)
+    ]
+
+
+def test_the_fastest_throws_are_the_last_before_the_first_failure(
+    found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert found.best is not None
+    best, bench = found.best, Bench(whole, task, None, silent)
+    limit, thrown_at = 5.3, list[tuple[float, int, int]]()
+
+    def each(_: str, pairs: list[tuple[Candidate, Task]], *, throws: int, seed: int) -> list[Worth]:
+        out = []
+        for _c, at in pairs:
+            thrown_at.append((release_speed(at), throws, seed))
+            good = throws if release_speed(at) < limit else 0
+            out.append(replace(best, thrown=throws, caught=good, clean=good))
+        return out
+
+    monkeypatch.setattr(Bench, "try_each", lambda _, *a, **k: each(*a, **k))
+
+    def of(rows: list[AtSpeed], own: float) -> Fastest:
+        return speeds.fastest(bench, best.candidate, task, rows, own=own)
+
+    # A lucky row beyond the first failure does not count.
+    mine = of(_rows(True, True, True, False, True), 4.0)
+    assert 5.0 <= mine.speed_m_s < limit
+    assert not mine.more
+    assert thrown_at[-1][1:] == (50, speeds._SURE_SEED)
+    assert speeds._SURE_SEED > speeds._SEED > REPORTED
+    # Rows that were luck are taken back by fresh throws.
+    assert of(_rows(True, True, True, True, True), 3.0).speed_m_s == 5.0
+    limit = 99.0
+    most = of(_rows(True, True, True), 3.0)
+    assert str(most) == "at least 5.0 m/s"
+    assert str(of(_rows(False, False), 0.0)) == "none"
+
+
+def test_a_design_for_slower_throws_only_is_the_one_described(
+    found: Design, whole: Arm, task: Task, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert found.best is not None
+    at = task_at(task, 3.0)
+    usual = replace(found.best, thrown=100, caught=20, clean=10, binding="speed:j2")
+    slow = replace(usual, candidate=replace(usual.candidate, turn=0.5), caught=90, clean=90)
+    monkeypatch.setattr(design_of, "search", lambda *_, **__: usual)
+    monkeypatch.setattr(design_of, "reported", lambda *_: usual)
+    monkeypatch.setattr(design_of, "slower", lambda *_, **__: (slow, at))
+    monkeypatch.setattr(design_of, "by_speed", lambda *_: _rows(True))
+    monkeypatch.setattr(design_of, "fastest", lambda *_, **__: Fastest(speed_m_s=3.0))
+    mine = design(whole, task, TINY, progress=silent)
+    said = mine.as_json()
+    assert not mine.found
+    assert mine.usable
+    assert mine.best is slow
+    assert (said["found"], said["throws"], said["feasible"]) == (False, 100, 90)
+    assert mine.reason is not None
+    assert "10 of 100 default throws" in mine.reason
+    assert "3.0 m/s" in mine.reason
+    path = tmp_path / "slow.toml"
+    write_arm_file(path, mine.arm_file(Origin(arm="wam", limits="wam-80v")), comment="x")
+    throws = read_arm_file(path).throws
+    assert throws is not None
+    assert throws.speed == pytest.approx((2.85, 3.15))
+    assert throws.height is not None
+    assert "slower throws, leaving at 3.0 m/s" in command._comment(mine, "lab")
+
+
+@pytest.mark.slow
+def test_two_workers_give_the_same_design(whole: Arm, task: Task, found: Design) -> None:
+    engine = engine_of("local", 2)
+    try:
+        other = design(whole, task, TINY, progress=silent, engine=engine)
+    finally:
+        engine.close(at_once=True)
+    mine, theirs = found.as_json(), other.as_json()
+    del mine["seconds"], theirs["seconds"]
+    assert mine == theirs
+    assert found.best is not None
+    assert other.best is not None
+    np.testing.assert_array_equal(found.best.candidate.q, other.best.candidate.q)
+
+
+def test_candidates_of_a_dead_worker_are_evaluated_by_themselves(
+    found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The worker of candidate 1 always dies, and takes with it what is under way."""
+    assert found.best is not None
+    c, windows = found.best.candidate, list[int]()
+
+    def run(
+        _: object, __: object, trials: list[workers.Trial], *, window: int
+    ) -> Iterator[tuple[workers.Trial, bytes | BaseException]]:
+        windows.append(window)
+        bad = any(trial.number == 1 for trial in trials)
+        plain = b'{"able": 0.5, "speed": 1.0}'
+        for trial in trials:
+            yield trial, BrokenExecutor() if bad else plain
+
+    monkeypatch.setattr(workers, "run_tasks", run)
+    engine = Processes(2)
+    bench = Bench(whole, task, engine, silent)
+    worth = bench.try_all("some", [c, c, c])
+    engine.close(at_once=True)
+    assert [w.able for w in worth] == [0.5, 0.5]
+    assert windows[0] == 4
+    assert set(windows[1:]) == {1}
+    assert bench.tally.lost == 1
+    assert "1 candidates" in bench.tally.told()[0]

@@ -1,6 +1,9 @@
 """``mitt design``: find what an arm can catch and the map that does it."""
 
+from collections.abc import Sequence
 from pathlib import Path
+
+import numpy as np
 
 from mitt.commands.options import DesignOptions
 from mitt.commands.screen import (
@@ -11,14 +14,16 @@ from mitt.commands.screen import (
     show,
     table,
     tell_of_kernels,
+    warn,
 )
 from mitt.design.assay import Task
 from mitt.design.design import Design, Origin, design
 from mitt.design.search import EFFORTS
-from mitt.design.speeds import default_balls
-from mitt.design.whole import whole_arm
+from mitt.design.speeds import default_balls, release_speed
+from mitt.design.whole import held_as, whole_arm
 from mitt.errors import InputError, UnknownNameError
-from mitt.files.arm_file import is_arm_file, read_arm_file, write_arm_file
+from mitt.files.arm_file import ArmFile, is_arm_file, read_arm_file, write_arm_file
+from mitt.interrupts import tell
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.sweep.engine import engine_of
@@ -28,13 +33,17 @@ from mitt.world.scenes import DEFAULT, read_scene
 
 def run(options: DesignOptions) -> int:
     """Run ``mitt design``; return its exit status."""
-    origin = origin_of(options)
+    file = _given(options)
+    origin = origin_of(options, file)
     whole = whole_arm(origin.arm, tip=origin.tip, limits=origin.limits, hand=HandModel())
+    warn(whole.model.notes, json=options.json)
     joints = _joints(options, whole)
+    if file is not None and joints is None:
+        whole, joints = _as_in(file, whole)
     scene = read_scene(options.scene or DEFAULT)
-    reach = float(sum(abs(link.placement[:3, 3]).max() for link in whole.model.links[1:]))
+    reach = float(sum(np.linalg.norm(link.placement[:3, 3]) for link in whole.model.links[1:]))
     task = Task(balls=default_balls(_aim(options), reach), scene=scene, seed=_seed(options))
-    check_new_file("--out", options.out, overwrite=options.overwrite)
+    page = _page(options)
     if options.check:
         return checked(f"{whole.model.name}, {whole.n} joints, output to {options.out}")
     tell_of_kernels()
@@ -47,15 +56,35 @@ def run(options: DesignOptions) -> int:
     finally:
         if engine is not None:
             engine.close(at_once=True)
-    if found.found:
-        write_arm_file(options.out, found.arm_file(origin), comment=_comment(found))
-    page = options.out.with_suffix(".html")
+    if found.usable:
+        write_arm_file(
+            options.out, found.arm_file(origin), comment=_comment(found, options.scene or DEFAULT)
+        )
+    else:
+        options.out.unlink(missing_ok=True)
+    written = [options.out, page] if found.usable else [page]
     _write_page(page, found, scene, f"design {options.arm} --out {options.out}")
+    warn(found.left_out, json=options.json)
     if options.json:
+        tell(f"written: {', '.join(str(path) for path in written)}")
         print_json(found.as_json())
     else:
-        _show(found, options.out)
+        _show(found, written)
     return 0
+
+
+def _page(options: DesignOptions) -> Path:
+    """Return where the page goes, beside the arm file; both may be written.
+
+    Raises:
+        InputError: One of them may not be.
+    """
+    if options.out.suffix != ".toml":
+        raise InputError("--out", "a name that ends in .toml", options.out)
+    page = options.out.with_suffix(".html")
+    for path in (options.out, page):
+        check_new_file("--out", path, overwrite=options.overwrite)
+    return page
 
 
 def _write_page(path: Path, found: Design, scene: Scene, command: str) -> None:
@@ -65,10 +94,32 @@ def _write_page(path: Path, found: Design, scene: Scene, command: str) -> None:
     write_design_page(path, found, scene, command=command)
 
 
-def origin_of(options: DesignOptions) -> Origin:
+def _given(options: DesignOptions) -> ArmFile | None:
+    """Return the arm file that is given as the arm, whose description is the one it was made for.
+
+    Raises:
+        MittError: It is none that can be designed for.
+    """
+    if not is_arm_file(options.arm):
+        return None
+    file = read_arm_file(Path(options.arm))
+    if file.hand == "none":
+        raise InputError(options.arm, "an arm with the three-finger hand", 'hand = "none"',
+                         do="leave it out: mitt design mounts that hand")  # fmt: skip
+    file.load()  # holds it to its digest
+    return file
+
+
+def _as_in(file: ArmFile, whole: Arm) -> tuple[Arm, list[str] | None]:
+    """Return an arm with the held joints of an arm file where they are, and its active joints."""
+    arm = file.load()
+    held = {x.name: x.held for x in arm.model.links if x.held is not None}
+    return held_as(whole, {k: x for k, x in held.items() if k in whole.names}), list(arm.names)
+
+
+def origin_of(options: DesignOptions, file: ArmFile | None) -> Origin:
     """Return where the arm comes from: a name, a description file, or that of an arm file."""
-    if is_arm_file(options.arm):
-        file = read_arm_file(Path(options.arm))
+    if file is not None:
         return Origin(arm=file.arm, tip=options.tip or file.tip,
                       limits=_limits(options.limits) or file.limits)  # fmt: skip
     arm = options.arm if options.arm == "wam" else Path(options.arm)
@@ -113,32 +164,41 @@ def _seed(options: DesignOptions) -> int:
     return options.seed
 
 
-def _comment(found: Design) -> str:
+def _comment(found: Design, scene: str) -> str:
     """Return what stands at the top of the file."""
     best = found.best
     assert best is not None
-    return (
-        f"mitt design: caught {best.caught} of {best.thrown} throws (scene lab, points),\n"
-        f"relative speed {best.speed:.2f} m/s, force {best.force:.0f} N (medians)"
+    text = (
+        f"mitt design: within every limit caught {found.rate} of throws that the search had\n"
+        f"not used (scene {scene}, points), relative speed {best.speed:.2f} m/s, force"
+        f" {best.force:.0f} N (medians)"
     )
+    if not found.found:
+        text += (
+            f"\nfor slower throws, leaving at {release_speed(found.task):.1f} m/s: no design"
+            " catches enough of the default throws.\nThese figures are of a map learned on such"
+            " throws; the flights of mitt learn arrive\nas default throws do."
+        )
+    return text
 
 
-def _show(found: Design, out: Path) -> None:
+def _show(found: Design, written: Sequence[Path]) -> None:
     """Print what was found."""
     if found.rows:
-        rows = table("rate against the speed of the throws", ("m/s", "caught", "of", "limit"),
-                     left=("limit",))  # fmt: skip
+        rows = table("caught within every limit, by the speed of the throws",
+                     ("m/s", "caught", "of", "why not"), left=("why not",))  # fmt: skip
         for row in found.rows:
             rows.add_row(f"{row.speed_m_s:g}", str(row.feasible), str(row.throws),
                          row.binding_limit or "")  # fmt: skip
         show(rows)
-    best = found.best
-    if not found.found or best is None:
-        show(f"{found.whole.model.name}: no design; {found.reason}; {found.seconds:.0f} s")
-        return
-    show(
-        f"{found.whole.model.name}, joints {', '.join(found.joints)}: caught {best.caught} of"
-        f" {best.thrown}, relative speed {best.speed:.2f} m/s, force {best.force:.0f} N (medians);"
-        f" throws up to {found.fastest:.1f} m/s; {found.seconds:.0f} s",
-        f"written: {out}",
-    )
+    best, name = found.best, found.whole.model.name
+    if best is not None and found.usable:
+        what = "" if found.found else f" of throws at {release_speed(found.task):.1f} m/s"
+        show(
+            f"{name}, joints {', '.join(found.joints)}: caught within every limit"
+            f" {found.rate}{what}, relative speed {best.speed:.2f} m/s, force {best.force:.0f} N"
+            f" (medians); fastest throws: {found.fastest}; {found.seconds:.0f} s"
+        )
+    if not found.found:
+        show(f"{name}: no design for the default throws; {found.reason}; {found.seconds:.0f} s")
+    show(f"written: {', '.join(str(path) for path in written)}")

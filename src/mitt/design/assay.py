@@ -11,10 +11,12 @@ from typing import Literal
 
 import numpy as np
 
+from mitt.design.arrivals import flights_of, shifted
+from mitt.design.balls import Balls
 from mitt.design.candidate import Candidate
-from mitt.design.geometry import Balls
+from mitt.design.causes import cause_of
 from mitt.errors import MittError
-from mitt.generator.flights import lift_flight
+from mitt.generator.flights import Flight, lift_flight
 from mitt.generator.generators import Direct
 from mitt.generator.learn import LearnSettings
 from mitt.generator.mapping import DirectMap, unlearned
@@ -22,11 +24,11 @@ from mitt.generator.select import Assessment, Choice, assess
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Surroundings, clearance, shapes_of
 from mitt.signals import Array, MapStatus
-from mitt.trials.learning import learn
+from mitt.trials.learning import LEARNING_SEED, learn
 from mitt.trials.neighbourhood import Neighbourhood, neighbourhood
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial
-from mitt.trials.source import ranges_of, source_of
+from mitt.trials.source import source_of
 from mitt.world.scene import Scene
 from mitt.world.throws import ThrowRanges
 
@@ -50,8 +52,13 @@ _STEPS = {
     "full": LearnSettings(),
 }
 _AROUND = {"glance": _GLANCE, "quick": _QUICK, "full": _FULL}
-#: What a ball counts that is caught beyond a limit.
+#: Share of the throws that has to be caught, within every limit, for an arm to count as one that
+#: can catch them.
+ENOUGH = 0.8
+#: What a ball counts that is caught beyond a limit, while candidates are compared.
 _BEYOND = 0.7
+#: Share of a joint's speed that l_c^-1 may ask along a flight to learn from, as of default throws.
+_TOO_FAST = 3.0
 #: What a relative speed of 1 m/s and a force of 1 N cost, in shares of throws.
 _SPEED_COST, _FORCE_COST = 0.02, 0.0001
 
@@ -78,9 +85,17 @@ class Task:
 
     def around(self, usual: Neighbourhood) -> Neighbourhood:
         """Return flights to learn from or to be judged on, of these balls."""
-        share, drag = self.balls.speed / Balls().speed, self.scene.ball.drag
-        low, high = usual.arrival
-        return replace(usual, arrival=(share * low, share * high), drag=(0.75 * drag, 1.25 * drag))
+        drag = self.scene.ball.drag
+        return replace(usual, drag=(0.75 * drag, 1.25 * drag))
+
+    def flights(
+        self, f: DirectMap, rng: np.random.Generator, settings: Neighbourhood
+    ) -> list[Flight]:
+        """Draw flights of these balls: those that ``mitt catch`` learns from, or of own throws."""
+        settings = self.around(settings)
+        if self.ranges is None:
+            return neighbourhood(f, rng, settings)
+        return flights_of(f, self.ranges, rng, settings)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -95,7 +110,9 @@ class Worth:
         caught: Those caught.
         clean: Those caught without a tick beyond a limit.
         force: Median of their largest contact forces [N].
-        binding: Limit that was most often the reason where a ball was not caught, or bound most.
+        binding: Why balls most often were not caught within every limit; nothing where all were.
+        failed: Why it was not thrown at: ``no pose``, ``no map``, ``error`` or ``lost``.
+        said: What the error said.
     """
 
     candidate: Candidate
@@ -106,6 +123,13 @@ class Worth:
     clean: int = 0
     force: float = 0.0
     binding: str = ""
+    failed: str = ""
+    said: str = ""
+
+    @property
+    def enough(self) -> bool:
+        """Whether it catches enough of the throws, each without a tick beyond a limit."""
+        return self.thrown > 0 and self.clean >= ENOUGH * self.thrown
 
     @property
     def score(self) -> float:
@@ -119,15 +143,13 @@ class Worth:
         return share - _SPEED_COST * self.speed - _FORCE_COST * self.force
 
 
-def stands(whole: Arm, c: Candidate, task: Task) -> bool:
+def able_to_hold(whole: Arm, c: Candidate, task: Task) -> bool:
     """Say whether a candidate holds its poses and typical flights are in its domain."""
     try:
         arm = c.arm(whole)
         start = unlearned(arm, c.design)
-        flights = neighbourhood(
-            start, np.random.default_rng(_JUDGE_SEED),
-            replace(task.around(_JUDGED), flights=6, instants=7),
-        )  # fmt: skip
+        few = replace(_JUDGED, flights=6, instants=7)
+        flights = task.flights(start, np.random.default_rng(_JUDGE_SEED), few)
     except MittError:
         return False
     if len(flights) < 6 or not _holds(arm, c, task.scene.floor):
@@ -169,11 +191,16 @@ def _asks_little(arm: Arm, virtual: Array) -> bool:
 def learned(whole: Arm, c: Candidate, task: Task, how: How = "quick") -> DirectMap | None:
     """Return a candidate's learned map; None where it has none.
 
-    In full it is the one that ``mitt catch`` learns.
+    In full, and for default throws, it is the one that ``mitt catch`` learns.
     """
     around = task.around(_AROUND[how])
     try:
-        found = learn(c.arm(whole), design=c.design, around=around, settings=_STEPS[how])
+        arm, flights = c.arm(whole), None
+        if task.ranges is not None:
+            rng = np.random.default_rng(LEARNING_SEED)
+            own = replace(around, hopeless=_TOO_FAST)
+            flights = task.flights(unlearned(arm, c.design), rng, own)
+        found = learn(arm, design=c.design, flights=flights, around=around, settings=_STEPS[how])
     except (MittError, np.linalg.LinAlgError):
         return None
     return found.map if found.flights >= around.flights // 2 else None
@@ -183,7 +210,7 @@ def judged(c: Candidate, f: DirectMap, task: Task) -> Worth:
     """Return what a learned map is worth on flights that it was not learned from."""
     rng = np.random.default_rng([_JUDGE_SEED, task.seed])
     around = task.around(_JUDGED)
-    flights = neighbourhood(f, rng, around)
+    flights = task.flights(f, rng, _JUDGED)
     if not flights:
         return Worth(candidate=c, able=0.0, speed=99.0, binding="domain")
     a = assess(f, flights)
@@ -205,9 +232,11 @@ def _middle(x: Array) -> float:
     return float(np.median(known)) if len(known) else 99.0
 
 
-def thrown(c: Candidate, f: DirectMap, task: Task, *, throws: int, seed: int) -> Worth:
+def thrown(
+    c: Candidate, f: DirectMap, task: Task, *, throws: int, seed: int, give_up: bool = True
+) -> Worth:
     """Return what a learned map is worth in the simulated world, the ball seen as points."""
-    trials = trials_of(f, task, throws=throws, seed=seed, give_up=True)
+    trials = trials_of(f, task, throws=throws, seed=seed, give_up=give_up)
     throws = len(trials)
     good = [x for x in trials if x.status == "caught"]
     speeds = np.array([x.velocity_error_m_s for x in good], dtype=np.float64)
@@ -220,7 +249,7 @@ def thrown(c: Candidate, f: DirectMap, task: Task, *, throws: int, seed: int) ->
         caught=len(good),
         clean=sum(x.limit_violations == 0 for x in good),
         force=_middle(forces) if good else 999.0,
-        binding=binding_of(trials),
+        binding=cause_of(trials),
     )
 
 
@@ -237,7 +266,11 @@ def trials_of(
         give_up: Whether a third of them suffices where fewer than half of these are caught.
     """
     source = source_of(
-        f, seed=seed, count=throws, drag=task.scene.ball.drag, ranges=raised(task, f.arm)
+        f,
+        seed=seed,
+        count=throws,
+        drag=task.scene.ball.drag,
+        ranges=None if task.ranges is None else shifted(task.ranges, f.arm),
     )
     runner = TrialRunner(f.arm, Direct(f), task.scene, pixels=False)
     first = throws // 3 if give_up else throws
@@ -245,15 +278,3 @@ def trials_of(
     if sum(trial.status == "caught" for trial in trials) < 0.5 * first:
         return trials
     return trials + [runner.throw(source, k).trial for k in range(first, throws)]
-
-
-def raised(task: Task, arm: Arm) -> ThrowRanges | None:
-    """Return the ranges of a task's throws with the heights of an arm's aim; None for its own."""
-    return None if task.ranges is None else replace(task.ranges, height=ranges_of(arm).height)
-
-
-def binding_of(trials: list[Trial]) -> str:
-    """Return the limit that was most often named where a ball was not caught, or bound at all."""
-    failed = [x.binding_limit or x.status for x in trials if x.status != "caught"]
-    names = failed or [x.binding_limit or "" for x in trials]
-    return max(sorted(set(names)), key=names.count) if names else ""

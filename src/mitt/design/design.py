@@ -5,17 +5,20 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import mitt
+from mitt.design.arrivals import shifted
 from mitt.design.assay import Task, Worth
-from mitt.design.search import Effort, search
-from mitt.design.speeds import ENOUGH, SPEEDS, AtSpeed, by_speed, fastest, release_speed, slower
+from mitt.design.search import Effort, reported, search
+from mitt.design.speeds import SPEEDS, AtSpeed, Fastest, by_speed, fastest, release_speed, slower
 from mitt.design.workers import Bench, Progress
 from mitt.files.arm_file import ArmFile, digest_of
 from mitt.files.throws import ThrowSettings
 from mitt.link.clock import monotonic
 from mitt.robot.arm import Arm
 from mitt.sweep.engine import Engine
+from mitt.trials.statistics import wilson
 
 SCHEMA = "mitt.design/1"
+Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,21 +42,36 @@ class Design:
 
     Attributes:
         whole: The arm with all its joints active.
-        found: Whether it catches enough of the throws.
-        reason: Why not, or why not within all limits; None where it does.
-        best: The best candidate, with what it caught; None where none was found at all.
-        fastest: Fastest throws of which it catches enough [m/s]; 0 where there are none.
+        task: What the best candidate is for: what was asked, or slower throws.
+        found: Whether it catches enough of the throws that were asked for within every limit.
+        reason: Why not; None where it does.
+        best: The best candidate for the task, with what it caught of throws that no search used;
+            None where none was found at all.
+        fastest: Fastest throws of which it catches enough.
         rows: How it does at several speeds.
         seconds: How long that took.
+        left_out: Which candidates could not be evaluated, in words.
     """
 
     whole: Arm
+    task: Task
     found: bool
     reason: str | None
     best: Worth | None
-    fastest: float
+    fastest: Fastest
     rows: Sequence[AtSpeed] = field(default_factory=tuple)
     seconds: float = 0.0
+    left_out: Sequence[str] = ()
+
+    @property
+    def usable(self) -> bool:
+        """Whether the best candidate catches enough of what it is for: then it has an arm file."""
+        return self.best is not None and self.best.enough
+
+    @property
+    def rate(self) -> str:
+        """The share of the reported throws, with its Wilson 95 % interval, in words."""
+        return "" if self.best is None else rate_of(self.best.clean, self.best.thrown)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -74,15 +92,16 @@ class Design:
             "joints": list(self.joints),
             "throws": 0 if self.best is None else self.best.thrown,
             "feasible": 0 if self.best is None else self.best.clean,
+            "caught": 0 if self.best is None else self.best.caught,
             "relative_speed_m_s": None if w is None else w.speed,
             "force_n": None if w is None else w.force,
-            "fastest_m_s": self.fastest,
+            "fastest_m_s": self.fastest.speed_m_s,
             "by_speed": [asdict(row) for row in self.rows],
             "seconds": self.seconds,
         }
 
     def arm_file(self, origin: Origin) -> ArmFile:
-        """Return all that ``--arm`` needs."""
+        """Return all that ``--arm`` needs, with the ranges of slower throws if it is for those."""
         assert self.best is not None
         c, names = self.best.candidate, self.whole.names
         path = origin.arm if isinstance(origin.arm, Path) else None
@@ -97,8 +116,24 @@ class Design:
             limits=origin.limits,
             hand_turn=c.turn,
             map=c.design,
-            throws=ThrowSettings(at=tuple(at), around=tuple(around)),
+            throws=self._throws(tuple(at), tuple(around)),
         )
+
+    def _throws(self, at: Point, around: Point) -> ThrowSettings:
+        """Return a box to aim at [m], with the ranges of slower throws if it is for those."""
+        if self.task.ranges is None or self.best is None:
+            return ThrowSettings(at=at, around=around)
+        ranges = shifted(self.task.ranges, self.best.candidate.arm(self.whole))
+        return ThrowSettings(
+            at=at, around=around, duration=ranges.duration, speed=ranges.speed,
+            distance=ranges.distance, azimuth=ranges.azimuth, height=ranges.height,
+        )  # fmt: skip
+
+
+def rate_of(count: int, of: int) -> str:
+    """Return in words how many of so many throws, with the Wilson 95 % interval."""
+    low, high = wilson(count, of)
+    return f"{count} of {of} (95 % interval {100.0 * low:.1f} to {100.0 * high:.1f} %)"
 
 
 def design(
@@ -116,47 +151,46 @@ def design(
         engine: Where candidates are tried; in this process if left out.
     """
     start = monotonic()
-    best = search(whole, task, effort, progress=progress, joints=joints, engine=engine).best
     bench = Bench(whole, task, engine, progress)
-    found = best is not None and best.caught >= ENOUGH * best.thrown
-    tried, speed = best, 0.0
+    chosen = search(bench, effort, joints=joints)
+    usual = None if chosen is None else reported(bench, chosen.candidate, effort)
+    found = usual is not None and usual.enough
+    best, own, reason = usual, release_speed(task) if found else 0.0, None
     if not found:
-        again = slower(whole, task, effort.less(), progress=progress, joints=joints, engine=engine)
-        tried = None if again is None else again[0].best
-        speed = 0.0 if again is None else release_speed(again[1])
-    rows = () if tried is None else tuple(by_speed(bench, tried.candidate, task, SPEEDS))
-    if tried is not None:
-        speed = max(speed, fastest(bench, tried.candidate, task, rows))
+        again = slower(bench, effort.less(), joints=joints)
+        if again is not None:
+            best, task = again
+            own = release_speed(task)
+        reason = _reason(usual, None if again is None else best, own)
+    rows, most = tuple[AtSpeed, ...](), Fastest(speed_m_s=own)
+    if best is not None:
+        rows = tuple(by_speed(bench, best.candidate, task, SPEEDS))
+        most = fastest(bench, best.candidate, task, rows, own=own)
     return Design(
-        whole=whole,
-        found=found,
-        reason=_beyond(best) if found and best is not None else _reason(best, speed),
-        best=best,
-        fastest=speed,
-        rows=rows,
-        seconds=monotonic() - start,
-    )
-
-
-def _beyond(best: Worth) -> str | None:
-    """Return in words how many balls were caught beyond a limit; None where those are few."""
-    if best.clean >= ENOUGH * best.thrown:
-        return None
-    over = best.caught - best.clean
-    return (
-        f"{over} of the {best.caught} balls were caught with a command beyond a limit;"
-        " acceleration and jerk are held, the rate of torques is not"
-    )
-
-
-def _reason(best: Worth | None, speed: float) -> str:
-    """Return in words why nothing was found."""
-    if best is None:
-        why = "no pose meets the default throws within the joint speeds and ranges"
-    else:
-        why = f"the best design caught {best.caught} of {best.thrown} throws"
-        why += f", bound by {best.binding}" if best.binding else ""
-    can = f"the fastest balls that it catches leave at {speed:.1f} m/s" if speed > 0.0 else (
-        "no slower ball was caught either"
+        whole=whole, task=task, found=found, reason=reason, best=best, fastest=most, rows=rows,
+        seconds=monotonic() - start, left_out=bench.tally.told(),
     )  # fmt: skip
-    return f"{why}; {can}"
+
+
+def _reason(usual: Worth | None, slow: Worth | None, speed: float) -> str:
+    """Return in words why nothing was found for default throws, and what was for slower ones.
+
+    Args:
+        usual: The best design for default throws, with throws that no search used.
+        slow: The best design for slower throws, if one catches enough of them.
+        speed: Speed of these at release [m/s].
+    """
+    if usual is None:
+        why = "no design meets the default throws within the joint speeds and ranges"
+    else:
+        why = f"the best design caught {usual.clean} of {usual.thrown} default throws within"
+        why += " every limit"
+        over = usual.caught - usual.clean
+        why += f", and {over} beyond a limit" if over else ""
+        why += f"; most were lost by: {usual.binding}" if usual.binding else ""
+    if slow is None:
+        return f"{why}; no design for slower throws catches enough of them either"
+    return (
+        f"{why}; the design given is for slower throws: {rate_of(slow.clean, slow.thrown)} that"
+        f" leave at {speed:.1f} m/s"
+    )

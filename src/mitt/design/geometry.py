@@ -6,16 +6,17 @@ do so softly meet balls from the corners of the box of throws too, with the same
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.design.candidate import Candidate, within
+from mitt.design.balls import Balls
+from mitt.design.candidate import within
 from mitt.design.meeting import meeting, met
-from mitt.design.poses import Poses, Which, poses_of
+from mitt.design.poses import Poses, poses_of
+from mitt.design.rows import Rows, boxes_of, joined
+from mitt.design.whole import movable
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 
@@ -28,8 +29,6 @@ _BRAKED = 0.1
 _BEYOND = 1.5
 #: What it costs to ask for more than a joint's speed, in m/s of relative speed.
 _TOO_FAST = 5.0
-#: What each further candidate of the same choice of joints costs, in m/s of relative speed.
-_REPEATED = 0.08
 #: How often each joint is changed.
 _OFTEN = 0.6
 #: Height above the floor that joints and catch point keep [m], and distance of the catch point
@@ -40,73 +39,15 @@ _ABOVE, _APART = 0.12, 0.16
 _STRAIGHT, _FACING, _SOFT = np.deg2rad(25.0), 0.1, 1.0
 #: Tilt of the relative velocity off the palm's normal that is tried [rad].
 _TILT = np.deg2rad(18.0)
-#: Half-widths of the box of throws for a catch point 1 m from the second joint [m]: across the
-#: ball's way and upwards as the default throws of the WAM (docs/throws.md).
-_BOX = (0.05, 0.3, 0.22)
-#: Farthest from that joint for which the box grows [m]: 0.77 is the WAM's.
-_FAR = 0.8
-#: Time for which the hand's speed at the catch is taken to the ready pose [s].
-_SWING = (0.04, 0.2)
-#: Farthest that the two other joints stand off their angles at the catch [rad]: l_c^-1 starts from
-#: the ready pose, and has other branches.
-_ASIDE = 0.4
-#: Corners of the box (across, up), and the balls that come there: share of the speed, azimuth and
-#: descent [rad]; the spread of the default throws.
+#: Corners of the box (across, up), and the balls that come there: speed and descent from the least
+#: (-1) to the most (1) of the balls, and azimuth [rad].
 _CORNERS = (
-    (0.0, 0.0, 1.1, 0.0, 0.15),
-    (0.9, 0.5, 1.0, 0.1, 0.4),
-    (-0.9, -0.5, 1.0, -0.1, 0.2),
-    (0.5, -0.9, 0.95, -0.1, 0.5),
-    (-0.5, 0.9, 1.05, 0.1, 0.25),
+    (0.0, 0.0, 1.0, 0.0, -1.0),
+    (0.9, 0.5, 0.0, 0.1, 0.5),
+    (-0.9, -0.5, 0.0, -0.1, -0.5),
+    (0.5, -0.9, -1.0, -0.1, 1.0),
+    (-0.5, 0.9, 0.5, 0.1, 0.0),
 )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Balls:
-    """The balls that are to be caught, where they arrive.
-
-    Attributes:
-        speed: Typical speed at the arrival [m/s].
-        descent: Angle by which they come down there [rad].
-        aim: Centre and half-widths of the box that they pass [m], shape (2, 3); None where the
-            design may choose it.
-    """
-
-    speed: float = 5.5
-    descent: float = 0.3
-    aim: Array | None = None
-
-    def velocity(self, share: float = 1.0, azimuth: float = 0.0, descent: float = 0.0) -> Array:
-        """Return a velocity at the arrival [m/s], shape (3,); they come from +x."""
-        down = self.descent if descent == 0.0 else descent
-        flat = np.cos(down)
-        way = np.array([-flat * np.cos(azimuth), -flat * np.sin(azimuth), -np.sin(down)])
-        v: Array = share * self.speed * way
-        return v
-
-
-class Rows(NamedTuple):
-    """Candidates as arrays, one a row."""
-
-    q: Array  # (B, N)
-    free: NDArray[np.int64]  # (B, 3) catch joint last
-    kappa: Array  # (B,)
-    inward: Array  # (B,)
-    x: Array  # (B, 3) joint speeds at the nominal catch, catch joint last
-    tip: Array  # (B, 3)
-    score: Array  # (B,) relative speed [m/s] and what else is bad; smaller is better
-
-    def take(self, rows: Which) -> "Rows":
-        """Return some of them, by index or by mask."""
-        return Rows(
-            self.q[rows], self.free[rows], self.kappa[rows], self.inward[rows], self.x[rows],
-            self.tip[rows], self.score[rows],
-        )  # fmt: skip
-
-
-def joined(parts: Sequence[Rows]) -> Rows:
-    """Return candidates of several parts as one."""
-    return Rows(*(np.concatenate(x) for x in zip(*parts, strict=True)))
 
 
 def triples_of(whole: Arm, joints: Sequence[str] | None) -> NDArray[np.int64]:
@@ -142,7 +83,7 @@ def drawn(
         floor: Height of the floor [m].
     """
     q = _facing(whole, rng.uniform(whole.q_min, whole.q_max, (count, whole.n)), rng)
-    q, poses, _ = _standing(whole, balls, q, floor)
+    q, poses, _ = _able(whole, balls, q, floor)
     each = min(len(triples), 24)
     chosen = triples[rng.integers(len(triples), size=(len(q), each))].reshape(-1, 3)
     row = np.repeat(np.arange(len(q)), each)
@@ -163,21 +104,21 @@ def improved(
         floor: Height of the floor [m].
     """
     change = size * rng.standard_normal((len(rows.q), whole.n))
-    change *= rng.random(change.shape) < _OFTEN
-    q, poses, kept = _standing(whole, balls, rows.q + change, floor)
+    change *= (rng.random(change.shape) < _OFTEN) & movable(whole)
+    q, poses, kept = _able(whole, balls, rows.q + change, floor)
     found = _met(whole, balls.velocity(), (q, poses), rows.free[kept], np.arange(len(q)), rng)
     found = spread(whole, balls, found)
     return joined([rows, found])
 
 
-def _standing(whole: Arm, balls: Balls, q: Array, floor: float) -> (
+def _able(whole: Arm, balls: Balls, q: Array, floor: float) -> (
     tuple[Array, Poses, NDArray[np.int64]]
 ):  # fmt: skip
-    """Return the poses that stand with the palm towards the ball, placed, and their indices."""
+    """Return the poses clear of floor and arm with the palm towards the ball, and their indices."""
     if balls.aim is not None:
         q = _led(whole, q, balls)
     poses, v = poses_of(whole.model, q), balls.velocity()
-    good = _stands(poses, floor) & within(whole, q, _MARGIN)
+    good = _clear(poses, floor) & within(whole, q, _MARGIN)
     good &= -(poses.palm @ v) > _FACING * np.linalg.norm(v)
     if balls.aim is not None:
         good &= _off_line(poses.tip, balls) < 0.05
@@ -211,7 +152,7 @@ def _facing(whole: Arm, q: Array, rng: np.random.Generator) -> Array:
     upright = (whole.model.mount @ whole.model.links[0].placement)[:3, :3] @ (
         whole.model.links[0].axis
     )
-    if whole.chain.prismatic[0] > 0.0 or abs(upright[2]) < 0.999:
+    if whole.chain.prismatic[0] > 0.0 or abs(upright[2]) < 0.999 or not movable(whole)[0]:
         return q
     palm = poses_of(whole.model, q).palm
     wanted = rng.uniform(-0.4, 0.4, len(q)) - np.arctan2(palm[:, 1], palm[:, 0])
@@ -228,7 +169,8 @@ def _led(whole: Arm, q: Array, balls: Balls) -> Array:
         J = np.swapaxes(poses.J, 1, 2)
         damped = J @ poses.J + 1e-3 * np.eye(3)
         step = np.einsum("bkc,bc->bk", poses.J, np.linalg.solve(damped, off[..., None])[..., 0])
-        q = np.clip(q - np.clip(step, -0.4, 0.4), whole.q_min, whole.q_max)
+        step = np.where(movable(whole), np.clip(step, -0.4, 0.4), 0.0)
+        q = np.clip(q - step, whole.q_min, whole.q_max)
     return q
 
 
@@ -247,7 +189,7 @@ def _off_line(tip: Array, balls: Balls) -> Array:
     return np.asarray(np.linalg.norm(_offset(tip, balls), axis=1))
 
 
-def _stands(poses: Poses, floor: float) -> NDArray[np.bool_]:
+def _clear(poses: Poses, floor: float) -> NDArray[np.bool_]:
     """Say where an arm keeps above the floor, and its catch point away from its own joints."""
     above = (poses.tip[:, 2] > floor + _ABOVE) & np.all(
         poses.at[:, 1:, 2] > floor + 0.5 * _ABOVE, axis=1
@@ -290,15 +232,6 @@ def spread(whole: Arm, balls: Balls, rows: Rows) -> Rows:
     return rows._replace(score=total / (1 + len(_CORNERS))).take(good & (worst < _BEYOND))
 
 
-def boxes_of(whole: Arm, balls: Balls, rows: Rows) -> Array:
-    """Return centre and half-widths of the box of each candidate [m], shape (B, 2, 3)."""
-    if balls.aim is not None:
-        return np.broadcast_to(balls.aim, (len(rows.q), 2, 3))
-    at = poses_of(whole.model, rows.q).at[:, 1]
-    reach = np.minimum(np.linalg.norm(rows.tip - at, axis=1), _FAR)
-    return np.stack([rows.tip, reach[:, None] * np.array(_BOX)], axis=1)
-
-
 def _moved(whole: Arm, rows: Rows, v: Array, offset: Array) -> Array:
     """Move the two other joints so that the catch point lies elsewhere, seen along the ball's way.
 
@@ -320,48 +253,3 @@ def _moved(whole: Arm, rows: Rows, v: Array, offset: Array) -> Array:
         lost |= flat
     q[lost] = whole.q_max + 1.0  # in no range
     return q
-
-
-def best_of(rows: Rows, *, count: int, each: int) -> Rows:
-    """Return the best, at most so many of each choice of joints, and of places much alike.
-
-    The more of a choice are taken already, the better its next one has to be: what looks best by
-    geometry need not have a domain, or the torque.
-    """
-    order = np.argsort(rows.score, kind="stable")
-    taken, cost = list[int](), list[float]()
-    seen, near = dict[tuple[int, ...], int](), dict[tuple[int, ...], int]()
-    for k in order.tolist():
-        key = tuple(rows.free[k].tolist())
-        place = (*key, *np.round(rows.tip[k] / 0.15).astype(int).tolist())
-        if seen.get(key, 0) >= each or near.get(place, 0) >= max(1, each // 8):
-            continue
-        cost.append(float(rows.score[k]) + _REPEATED * seen.get(key, 0))
-        seen[key], near[place] = seen.get(key, 0) + 1, near.get(place, 0) + 1
-        taken.append(k)
-    ranked = np.argsort(cost, kind="stable")[:count]
-    return rows.take(np.array(taken, dtype=np.int64)[ranked])
-
-
-def candidates_of(
-    whole: Arm, balls: Balls, rows: Rows, rng: np.random.Generator
-) -> list[Candidate]:
-    """Return rows as candidates, each with a ready pose on the far side of its swing."""
-    boxes, out = boxes_of(whole, balls, rows), []
-    for k in range(len(rows.q)):
-        order = np.argsort(rows.free[k])
-        free = rows.free[k][order]
-        swing = rng.uniform(*_SWING) * rows.x[k]
-        swing[:2] = np.clip(swing[:2], -_ASIDE, _ASIDE)
-        ready = rows.q[k, free] - swing[order]
-        low, high = whole.q_min[free] + 0.05, whole.q_max[free] - 0.05
-        out.append(Candidate(
-            q=rows.q[k].copy(),
-            free=(int(free[0]), int(free[1]), int(free[2])),
-            catch=int(np.argmax(order == 2)),
-            kappa=float(rows.kappa[k]),
-            inward=float(rows.inward[k]),
-            ready=np.clip(ready, low, high),
-            aim=boxes[k].copy(),
-        ))  # fmt: skip
-    return out

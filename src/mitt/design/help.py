@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mitt.design.balls import Balls
 from mitt.design.candidate import Candidate
-from mitt.design.geometry import Balls
 from mitt.design.meeting import meeting, met
 from mitt.design.poses import poses_of
 from mitt.robot.arm import Arm
@@ -22,7 +22,7 @@ class Help:
         joint: Its name.
         share: Share of its speed limit at the nominal catch.
         relative_m_s: Least relative speed there, by joint speeds alone, as it is.
-        quicker_m_s: The same, were the joint half as quick again.
+        quicker_m_s: The same, were the joint 50 % faster.
     """
 
     joint: str

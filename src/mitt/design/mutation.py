@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.design.candidate import Candidate
+from mitt.design.whole import movable
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 
@@ -37,6 +38,7 @@ def mutated(whole: Arm, c: Candidate, rng: np.random.Generator, *, size: float, 
     if rng.random() < _OFTEN:
         sigma = np.full(whole.n, _HELD)
         sigma[free] = _FREE
+        sigma[~movable(whole)] = 0.0
         q = q + size * sigma * rng.standard_normal(whole.n) * (rng.random(whole.n) < _OFTEN)
         q = _inside(whole, _squared(q, free, rng), np.arange(whole.n))
         ready = ready + (q - c.q)[free]
@@ -46,7 +48,7 @@ def mutated(whole: Arm, c: Candidate, rng: np.random.Generator, *, size: float, 
     if rng.random() < _OFTEN:
         kappa = 1.0 + (kappa - 1.0 + 0.02) * float(np.exp(size * _KAPPA * rng.standard_normal()))
         inward += size * _INWARD * (1.0 + abs(inward)) * float(rng.standard_normal())
-    aim = _aim(c.aim, tip_of(whole, q) - tip_of(whole, c.q), size, rng) if moves else c.aim
+    aim = _aim(c.aim, whole.position(q) - whole.position(c.q), size, rng) if moves else c.aim
     turn = c.turn + (np.pi / 3.0 if rng.random() < 0.1 else 0.0)
     return replace(
         c, q=q, ready=_inside(whole, ready, np.array(free)), kappa=min(kappa, 50.0),
@@ -71,11 +73,6 @@ def _aim(aim: Array, moved: Array, size: float, rng: np.random.Generator) -> Arr
     if rng.random() < _OFTEN:
         out[0] += size * _AIM * rng.standard_normal(3)
     return out
-
-
-def tip_of(whole: Arm, q: Array) -> Array:
-    """Return the catch point of a pose of all joints [m], shape (3,)."""
-    return whole.position(q)
 
 
 def _inside(whole: Arm, q: Array, joints: NDArray[np.int64]) -> Array:

@@ -1,7 +1,7 @@
 """The search for a design: geometry, flights, throws, small changes, and throws again.
 
-Every number of candidates is fixed, so that the same seed gives the same design on any machine,
-with any number of workers.
+Every number of candidates is fixed, so that the same seed gives the same design with any number
+of workers.
 """
 
 from collections.abc import Sequence
@@ -12,31 +12,25 @@ from numpy.typing import NDArray
 
 from mitt.design.assay import Task, Worth
 from mitt.design.candidate import Candidate
-from mitt.design.geometry import (
-    Rows,
-    best_of,
-    candidates_of,
-    drawn,
-    improved,
-    joined,
-    spread,
-    triples_of,
-)
+from mitt.design.geometry import drawn, improved, spread, triples_of
 from mitt.design.mutation import mutated
+from mitt.design.rows import Rows, best_of, candidates_of, joined
 from mitt.design.workers import Bench, Progress
 from mitt.errors import ModelError
 from mitt.robot.arm import Arm
-from mitt.sweep.engine import Engine
 
-#: Seeds of the throws by which candidates are compared, and of those that confirm the last ones.
+#: Seeds of the throws by which candidates are compared, and by which the best is chosen; all of
+#: a search lie below those of the throws that are reported (:data:`REPORTED`).
 _COMPARE, _CONFIRM = 100, 1000
+#: Least seed of throws that are reported: no search uses one of these.
+REPORTED = 80_000
 #: Score by flights from which a changed candidate is thrown at.
 _WORTH_THROWING = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effort:
-    """How much is tried at each stage.
+    """How much is looked at in each stage.
 
     Attributes:
         poses: Poses drawn at a time.
@@ -50,7 +44,8 @@ class Effort:
         children: Changed ones of each generation.
         generations: Number of generations.
         last: Candidates that are learned in full and confirmed.
-        confirm: Throws at each of these.
+        confirm: Throws at each of these, by which the best is chosen.
+        report: Fresh throws at the chosen one, which alone are reported.
         slower: Searches for slower throws where the default ones are not caught.
     """
 
@@ -66,6 +61,7 @@ class Effort:
     generations: int = 5
     last: int = 6
     confirm: int = 60
+    report: int = 100
     slower: int = 3
 
     def less(self) -> "Effort":
@@ -84,45 +80,28 @@ EFFORTS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Found:
-    """What a search found.
+def search(bench: Bench, effort: Effort, *, joints: Sequence[str] | None = None) -> Worth | None:
+    """Search for the best way to catch; None where there is none.
 
-    Attributes:
-        best: The best candidate, confirmed; None where nothing stands at all.
-        considered: Candidates by geometry.
-        others: Those confirmed besides it.
-    """
-
-    best: Worth | None
-    considered: int
-    others: tuple[Worth, ...] = ()
-
-
-def search(
-    whole: Arm, task: Task, effort: Effort, *, progress: Progress,
-    joints: Sequence[str] | None = None, engine: Engine | None = None,
-) -> Found:  # fmt: skip
-    """Search for the best way to catch.
+    Its throws are those by which it was chosen: the best of several on the same throws, so no fair
+    figure (:func:`reported`).
 
     Args:
-        whole: The arm, all its joints active.
-        task: What is to be caught.
+        bench: The arm, what is to be caught, and where candidates are evaluated.
         effort: How much is tried.
-        progress: Told what is done.
         joints: Joints of which three are active; any if left out.
-        engine: Where candidates are tried; in this process if left out.
 
     Raises:
         ModelError: The arm has too few joints.
     """
+    whole, task = bench.whole, bench.task
     triples = triples_of(whole, joints)
     if len(triples) == 0:
         raise ModelError("joints", "at least three, one of which turns", f"{whole.n}")
-    rng, bench = np.random.default_rng([task.seed, 1]), Bench(whole, task, engine, progress)
-    rows = _by_geometry(whole, task, effort, triples, rng, progress)
+    rng = np.random.default_rng([task.seed, 1])
+    rows = _by_geometry(whole, task, effort, triples, rng, bench.progress)
     if len(rows.q) == 0:
-        return Found(best=None, considered=0)
+        return None
     first = best_of(rows, count=6 * effort.judged, each=2 * effort.judged)
     candidates = candidates_of(whole, task.balls, first, rng)
     worth = bench.try_all("learning", candidates[: 2 * effort.judged], how="glance")
@@ -132,8 +111,18 @@ def search(
     last = [w.candidate for w in _sorted(pool)[: effort.last]]
     confirmed = bench.try_all("confirming", last, throws=effort.confirm, seed=_CONFIRM, how="full")
     ranked = _sorted(confirmed)
-    best = ranked[0] if ranked else None
-    return Found(best=best, considered=len(rows.q), others=tuple(ranked[1:]))
+    return ranked[0] if ranked else None
+
+
+def reported(bench: Bench, c: Candidate, effort: Effort) -> Worth | None:
+    """Return what a candidate is worth by throws that no search has used; these are reported.
+
+    None where it is not thrown at.
+    """
+    worth = bench.try_all(
+        "reporting", [c], throws=effort.report, seed=REPORTED, how="full", give_up=False
+    )
+    return worth[0] if worth else None
 
 
 def _by_geometry(

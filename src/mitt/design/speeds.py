@@ -5,55 +5,85 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mitt.design.assay import Task, Worth
+from mitt.design.arrivals import arriving
+from mitt.design.assay import ENOUGH, Task, Worth
+from mitt.design.balls import BOX, FAR, Balls
 from mitt.design.candidate import Candidate
-from mitt.design.geometry import Balls
-from mitt.design.search import Effort, Found, search
-from mitt.design.workers import Bench, Progress
-from mitt.robot.arm import Arm
-from mitt.sweep.engine import Engine
+from mitt.design.search import REPORTED, Effort, reported, search
+from mitt.design.workers import Bench
 from mitt.world.throws import ThrowRanges
 
 #: Speeds of the throws that are tried [m/s], throws at each, and seed of these.
-SPEEDS, _THROWS, _SEED = (3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0), 12, 2000
-#: Share of the throws that has to be caught for a speed to count as one that the arm can catch.
-ENOUGH = 0.8
-#: Half-width of the speeds of the throws of one speed, as a share, and distances of the release in
-#: seconds of flight at that speed: as the default throws (docs/throws.md).
-_SPREAD, _AWAY = 0.05, (0.40, 0.62)
+SPEEDS, _THROWS, _SEED = (3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0), 12, REPORTED + 1000
+#: Fresh throws at the fastest speed, and their seed.
+_SURE, _SURE_SEED = 50, REPORTED + 2000
+#: Half-width of the speeds of the throws of one speed, as a share; least distance of the release as
+#: a share of speed and shortest duration: the default throws' (docs/throws.md).
+_SPREAD, _NEAREST = 0.05, 0.8
 #: Steps of the bisection; slowest throws that are tried [m/s].
 _STEPS, _SLOWEST = 3, 1.5
-#: Share of its release speed with which a ball arrives, from default throws: 5.5 of 6.1 m/s.
-_ARRIVING = 0.9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AtSpeed:
-    """How a design does at one speed of the throws; ``feasible`` are those caught within limits."""
+    """How a design does at one speed of the throws.
+
+    Attributes:
+        speed_m_s: Middle of their speeds at release [m/s].
+        throws: How many were thrown.
+        feasible: Those caught without a tick beyond a limit.
+        binding_limit: Why the others most often were not; None where nothing is known.
+    """
 
     speed_m_s: float
     throws: int
     feasible: int
     binding_limit: str | None
 
+    @property
+    def enough(self) -> bool:
+        """Whether enough of them were caught."""
+        return self.throws > 0 and self.feasible >= ENOUGH * self.throws
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fastest:
+    """The fastest throws that a design catches.
+
+    Attributes:
+        speed_m_s: Middle of their speeds at release [m/s]; 0 where there are none.
+        more: Whether nothing faster was tried, so that it may be more.
+    """
+
+    speed_m_s: float
+    more: bool = False
+
+    def __str__(self) -> str:
+        """Return it in words."""
+        if self.speed_m_s == 0.0:
+            return "none"
+        return f"{'at least ' if self.more else ''}{self.speed_m_s:.1f} m/s"
+
 
 def task_at(task: Task, speed: float) -> Task:
     """Return a task with throws of one speed at release [m/s], as far away as they fly.
 
-    Slow balls are released higher up, since they fall more on their way.
+    The time of flight goes with the square root of the speed: were it the same, a slow ball would
+    fall more than it flies; were it in proportion, no arm would be in time for it.
     """
-    ranges = ThrowRanges(
-        speed=((1.0 - _SPREAD) * speed, (1.0 + _SPREAD) * speed),
-        distance=(_AWAY[0] * speed * 0.8, _AWAY[1] * speed),
-        height=(-0.2, 0.6 if speed > 4.0 else 1.4),
-    )
-    balls = replace(task.balls, speed=_ARRIVING * speed)
-    return replace(task, balls=balls, ranges=ranges)
+    usual = ThrowRanges()
+    longer = float(np.sqrt(speed / np.mean(usual.speed)))
+    short, long = (longer * t for t in usual.duration)
+    ranges = replace(
+        usual, speed=((1.0 - _SPREAD) * speed, (1.0 + _SPREAD) * speed), duration=(short, long),
+        distance=(_NEAREST * short * speed, long * speed), drag=task.scene.ball.drag,
+    )  # fmt: skip
+    return replace(task, balls=arriving(ranges, task.balls.aim), ranges=ranges)
 
 
 def release_speed(task: Task) -> float:
-    """Return the speed at release of a task's throws [m/s]."""
-    return task.balls.speed / _ARRIVING
+    """Return the middle of the speeds at release of a task's throws [m/s]."""
+    return float(np.mean((task.ranges or ThrowRanges()).speed))
 
 
 def by_speed(bench: Bench, c: Candidate, task: Task, speeds: Sequence[float]) -> list[AtSpeed]:
@@ -64,48 +94,64 @@ def by_speed(bench: Bench, c: Candidate, task: Task, speeds: Sequence[float]) ->
     return [_at(speed, w) for speed, w in zip(speeds, worth, strict=True)]
 
 
-def _at(speed: float, w: Worth | None) -> AtSpeed:
-    """Return one row; a map that cannot be learned catches nothing."""
-    if w is None:
-        return AtSpeed(speed_m_s=speed, throws=_THROWS, feasible=0, binding_limit="domain")
-    limit = w.binding or None
-    return AtSpeed(speed_m_s=speed, throws=w.thrown, feasible=w.caught, binding_limit=limit)
+def _at(speed: float, w: Worth) -> AtSpeed:
+    """Return one row; what was not thrown at has no throws, and says why."""
+    limit = w.failed or w.binding or None
+    return AtSpeed(speed_m_s=speed, throws=w.thrown, feasible=w.clean, binding_limit=limit)
 
 
-def fastest(bench: Bench, c: Candidate, task: Task, rows: Sequence[AtSpeed]) -> float:
-    """Return the fastest throws of which a design catches enough [m/s], by bisection."""
-    good = [row.speed_m_s for row in rows if row.feasible >= ENOUGH * row.throws]
-    if not good:
-        return 0.0
-    low = max(good)
-    higher = [row.speed_m_s for row in rows if row.speed_m_s > low]
-    if not higher:
-        return low
-    high = min(higher)
-    for _ in range(_STEPS):
-        middle = 0.5 * (low + high)
-        row = by_speed(bench, c, task, [middle])[0]
-        low, high = (middle, high) if row.feasible >= ENOUGH * row.throws else (low, middle)
-    return low
+def fastest(
+    bench: Bench, c: Candidate, task: Task, rows: Sequence[AtSpeed], *, own: float
+) -> Fastest:
+    """Return the last speed before the first failure, and what fresh throws say of it.
+
+    Args:
+        bench: Where it is thrown at.
+        c: The design.
+        task: What is caught; the speed is changed.
+        rows: How it does at several speeds, rising.
+        own: Speed of the throws that it was found to catch [m/s]; failures at slower ones do not
+            count. 0 where there are none.
+    """
+    failed = next((x.speed_m_s for x in rows if x.speed_m_s > own and not x.enough), None)
+    end = np.inf if failed is None else failed
+    good = {x.speed_m_s for x in rows if x.enough and x.speed_m_s < end} | ({own} if own else set())
+    low = max(good, default=0.0)
+    if failed is not None and good:
+        for _ in range(_STEPS):
+            middle = 0.5 * (low + failed)
+            if by_speed(bench, c, task, [middle])[0].enough:
+                low = middle
+                good.add(middle)
+            else:
+                failed = middle
+    for speed in sorted(good, reverse=True):
+        again = [(c, task_at(task, speed))]
+        worth = bench.try_each("fastest", again, throws=_SURE, seed=_SURE_SEED)[0]
+        if worth.enough:
+            return Fastest(speed_m_s=speed, more=failed is None and speed == rows[-1].speed_m_s)
+    return Fastest(speed_m_s=0.0)
 
 
 def slower(
-    whole: Arm, task: Task, effort: Effort, *, progress: Progress,
-    joints: Sequence[str] | None, engine: Engine | None,
-) -> tuple[Found, Task] | None:  # fmt: skip
+    bench: Bench, effort: Effort, *, joints: Sequence[str] | None
+) -> tuple[Worth, Task] | None:
     """Search again for slower throws until an arm catches enough of them; None where it never does.
 
-    The speeds are bisected between the default throws' and the slowest.
+    The speeds are bisected between the default throws' and the slowest. The throws of the answer
+    are fresh ones.
     """
-    low, high = _SLOWEST, float(np.mean(ThrowRanges().speed))
-    best: tuple[Found, Task] | None = None
+    low, high = _SLOWEST, release_speed(bench.task)
+    best: tuple[Worth, Task] | None = None
     for _ in range(effort.slower):
         middle = 0.5 * (low + high)
-        at = task_at(task, middle)
-        found = search(whole, at, effort, progress=progress, joints=joints, engine=engine)
-        able = found.best is not None and found.best.caught >= ENOUGH * found.best.thrown
-        if able:
-            best, low = (found, at), middle
+        at = bench.at(task_at(bench.task, middle))
+        chosen = search(at, effort, joints=joints)
+        worth = None if chosen is None or not chosen.enough else reported(
+            at, chosen.candidate, effort
+        )  # fmt: skip
+        if worth is not None and worth.enough:
+            best, low = (worth, at.task), middle
         else:
             high = middle
     return best
@@ -115,5 +161,5 @@ def default_balls(aim: Sequence[float] | None, reach: float) -> Balls:
     """Return default balls, aimed at a box about a point [m], as wide as the arm's reach asks."""
     if aim is None:
         return Balls()
-    half = min(reach, 0.8) * np.array([0.05, 0.3, 0.22])
+    half = min(reach, FAR) * np.array(BOX)
     return Balls(aim=np.array([np.asarray(aim, dtype=np.float64), half]))

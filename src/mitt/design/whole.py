@@ -1,7 +1,11 @@
 """The whole of an arm: every joint between its base and its tip that has a drive."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from mitt.errors import ModelError
 from mitt.files.arm_file import limits_of
@@ -14,6 +18,8 @@ from mitt.robot.mjcf import read_mjcf
 from mitt.robot.urdf import read_urdf
 from mitt.robot.wam import LIMIT_SETS
 
+#: Half of the range of a joint that is held where it is [rad].
+_HELD = 5e-4
 #: Joints of the WAM.
 _WAM = ("j1", "j2", "j3", "j4")
 
@@ -36,7 +42,35 @@ def whole_arm(
     if str(arm) == "wam":
         return load_arm("wam", tip=tip, joints=_WAM, limits=given, hand=hand)
     names = None if tip is None else driven_joints(Path(arm), tip, given)
-    return load_arm(arm, tip=tip, joints=names, limits=given, hand=hand)
+    whole = load_arm(arm, tip=tip, joints=names, limits=given, hand=hand)
+    endless = [link.name for link in whole.model.links if link.held is not None]
+    if endless:
+        raise ModelError(
+            str(arm), "a range for each joint with a torque and a speed", f"none for {endless}",
+            do="state it in the file or by --limits",
+        )  # fmt: skip
+    return whole
+
+
+def held_as(whole: Arm, held: Mapping[str, float]) -> Arm:
+    """Return an arm some of whose joints hardly turn: a search leaves them where they are held.
+
+    Args:
+        whole: The arm with all joints active.
+        held: Angles of these joints [rad]; within 0.5 mrad the search keeps to them.
+    """
+    links = tuple(
+        replace(x, q_min=held[x.name] - _HELD, q_max=held[x.name] + _HELD) if x.name in held else x
+        for x in whole.model.links
+    )
+    ready = np.array([held.get(x.name, q) for x, q in zip(links, whole.model.q_ready, strict=True)])
+    return Arm(replace(whole.model, links=links, q_ready=ready), whole.limits)
+
+
+def movable(whole: Arm) -> NDArray[np.bool_]:
+    """Say which joints are not held as by :func:`held_as`, shape (N,)."""
+    free: NDArray[np.bool_] = whole.q_max - whole.q_min > 4.0 * _HELD
+    return free
 
 
 def driven_joints(path: Path, tip: str, limits: str | LimitSet | None) -> Sequence[str] | None:

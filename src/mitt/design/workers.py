@@ -2,16 +2,19 @@
 
 import json
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any, final
+from dataclasses import dataclass, fields
+from typing import final
 
-from mitt.design.assay import How, Task, Worth, judged, learned, stands, thrown
+import numpy as np
+
+from mitt.design.assay import How, Task, Worth, able_to_hold, judged, learned, thrown
 from mitt.design.candidate import Candidate
+from mitt.errors import MittError
 from mitt.robot.arm import Arm
 from mitt.sweep.engine import Engine, run_tasks
 
-#: How often a candidate is tried whose worker dies.
-_ROUNDS = 3
+#: How often a candidate is evaluated by itself whose worker died.
+_ROUNDS = 2
 
 Progress = Callable[[str, int, int], None]
 
@@ -29,6 +32,7 @@ class Trial:
         seed: Seed of the throws.
         least: Least score by flights from which it is thrown at.
         how: How thoroughly the map is learned.
+        give_up: Whether it is thrown at less where it catches few of the first throws.
     """
 
     number: int
@@ -39,37 +43,84 @@ class Trial:
     seed: int = 0
     least: float = -1e9
     how: How = "quick"
+    give_up: bool = True
 
 
-def tried(trial: Trial) -> Worth | None:
-    """Try a candidate; None where it cannot stand or has no map."""
+def evaluated(trial: Trial) -> Worth:
+    """Return what a candidate is worth, or why it could not be thrown at.
+
+    An error of one candidate ends no search: it is part of the answer.
+    """
+    try:
+        return _evaluated(trial)
+    except (MittError, np.linalg.LinAlgError) as error:
+        return _failed(trial.candidate, "error", str(error))
+
+
+def _evaluated(trial: Trial) -> Worth:
+    """Return what a candidate is worth, stage by stage."""
     c = trial.candidate
-    if not stands(trial.whole, c, trial.task):
-        return None
+    if not able_to_hold(trial.whole, c, trial.task):
+        return _failed(c, "no pose")
     f = learned(trial.whole, c, trial.task, trial.how)
     if f is None:
-        return None
+        return _failed(c, "no map")
     worth = judged(c, f, trial.task)
     if trial.throws == 0 or worth.score < trial.least:
         return worth
-    return thrown(c, f, trial.task, throws=trial.throws, seed=trial.seed)
+    return thrown(c, f, trial.task, throws=trial.throws, seed=trial.seed, give_up=trial.give_up)
+
+
+def _failed(c: Candidate, why: str, said: str = "") -> Worth:
+    """Return a candidate that was not thrown at."""
+    return Worth(candidate=c, able=0.0, speed=99.0, failed=why, said=said)
 
 
 def work(trial: Trial) -> bytes:
-    """Try a candidate in a worker; the answer as bytes, without the candidate."""
-    w = tried(trial)
-    plain = None if w is None else {
-        "able": w.able, "speed": w.speed, "thrown": w.thrown, "caught": w.caught, "clean": w.clean,
-        "force": w.force, "binding": w.binding,
-    }  # fmt: skip
-    return json.dumps({"number": trial.number, "worth": plain}).encode()
+    """Evaluate a candidate in a worker; the answer as bytes, without the candidate."""
+    w = evaluated(trial)
+    plain = {x.name: getattr(w, x.name) for x in fields(w) if x.name != "candidate"}
+    return json.dumps(plain).encode()
+
+
+@dataclass(slots=True)
+class Tally:
+    """What could not be evaluated, over all that a design does.
+
+    Attributes:
+        errors: Candidates whose throws ended in an error.
+        lost: Candidates that were lost with their worker, again and again.
+        said: What the first error said.
+    """
+
+    errors: int = 0
+    lost: int = 0
+    said: str = ""
+
+    def count(self, w: Worth) -> None:
+        """Count a candidate, if it could not be evaluated."""
+        self.errors += w.failed == "error"
+        self.lost += w.failed == "lost"
+        self.said = self.said or w.said
+
+    def told(self) -> list[str]:
+        """Return in words what could not be evaluated, a line each."""
+        out = []
+        if self.errors:
+            out.append(f"left out for an error: {self.errors} candidates; the first: {self.said}")
+        if self.lost:
+            out.append(f"left out, lost with a worker process: {self.lost} candidates")
+        return out
 
 
 @final
 class Bench:
     """Tries candidates, in this process or by an engine's workers."""
 
-    def __init__(self, whole: Arm, task: Task, engine: Engine | None, progress: Progress) -> None:
+    def __init__(
+        self, whole: Arm, task: Task, engine: Engine | None, progress: Progress,
+        tally: Tally | None = None,
+    ) -> None:  # fmt: skip
         """Take what all trials have in common.
 
         Args:
@@ -77,14 +128,20 @@ class Bench:
             task: What is to be caught.
             engine: Where to work; in this process where None.
             progress: Told what is done, and how much of it.
+            tally: Where what could not be evaluated is counted.
         """
-        self.whole, self._task, self._engine, self._progress = whole, task, engine, progress
+        self.whole, self.task, self._engine, self.progress = whole, task, engine, progress
+        self.tally = tally or Tally()
+
+    def at(self, task: Task) -> "Bench":
+        """Return a bench for another task, which counts in the same tally."""
+        return Bench(self.whole, task, self._engine, self.progress, self.tally)
 
     def try_all(
         self, name: str, candidates: Sequence[Candidate], *, throws: int = 0, seed: int = 0,
-        least: float = -1e9, how: How = "quick",
+        least: float = -1e9, how: How = "quick", give_up: bool = True,
     ) -> list[Worth]:  # fmt: skip
-        """Return what candidates are worth, in their order; those that cannot stand are left out.
+        """Return what candidates are worth, in their order, without those that failed.
 
         Args:
             name: Of this stage, for the progress.
@@ -93,54 +150,71 @@ class Bench:
             seed: As in :class:`Trial`.
             least: As in :class:`Trial`.
             how: As in :class:`Trial`.
+            give_up: As in :class:`Trial`.
         """
         trials = [
-            Trial(number=k, whole=self.whole, candidate=c, task=self._task, throws=throws,
-                  seed=seed, least=least, how=how)
+            Trial(number=k, whole=self.whole, candidate=c, task=self.task, throws=throws,
+                  seed=seed, least=least, how=how, give_up=give_up)
             for k, c in enumerate(candidates)
         ]  # fmt: skip
-        return [w for w in self._worth(name, trials) if w is not None]
+        return [w for w in self._worth(name, trials) if not w.failed]
 
     def try_each(
         self, name: str, pairs: Sequence[tuple[Candidate, Task]], *, throws: int, seed: int
-    ) -> list[Worth | None]:
-        """Return what each candidate is worth for a task of its own; None where it cannot stand."""
+    ) -> list[Worth]:
+        """Return what each candidate is worth for a task of its own, those that failed as well.
+
+        All throws are made, however many are caught.
+        """
         trials = [
-            Trial(number=k, whole=self.whole, candidate=c, task=task, throws=throws, seed=seed)
+            Trial(number=k, whole=self.whole, candidate=c, task=task, throws=throws, seed=seed,
+                  give_up=False)
             for k, (c, task) in enumerate(pairs)
-        ]
+        ]  # fmt: skip
         return self._worth(name, trials)
 
-    def _worth(self, name: str, trials: Sequence[Trial]) -> list[Worth | None]:
+    def _worth(self, name: str, trials: Sequence[Trial]) -> list[Worth]:
         """Return what became of trials, in their order."""
-        found: list[Worth | None] = [None] * len(trials)
+        found = dict[int, Worth]()
         for done, (number, worth) in enumerate(self._answers(trials), start=1):
-            self._progress(name, done, len(trials))
+            self.progress(name, done, len(trials))
+            self.tally.count(worth)
             found[number] = worth
-        return found
+        return [found[trial.number] for trial in trials]
 
-    def _answers(self, trials: Sequence[Trial]) -> Iterable[tuple[int, Worth | None]]:
-        """Yield number and worth of each, as they come."""
+    def _answers(self, trials: Sequence[Trial]) -> Iterable[tuple[int, Worth]]:
+        """Yield number and worth of each, as they come.
+
+        A worker that dies takes with it what else is under way, so that those are evaluated again
+        one by one: only one whose own worker dies is lost.
+        """
         if self._engine is None:
             for trial in trials:
-                yield trial.number, tried(trial)
+                yield trial.number, evaluated(trial)
             return
-        left, engine = list(trials), self._engine
+        again = list[Trial]()
+        for trial, answer in run_tasks(self._engine, work, trials, window=2 * self._engine.workers):
+            worth = self._answer(trial, answer)
+            if worth is None:
+                again.append(trial)
+            else:
+                yield trial.number, worth
+        for trial in sorted(again, key=lambda x: x.number):
+            yield trial.number, self._alone(trial, self._engine)
+
+    def _alone(self, trial: Trial, engine: Engine) -> Worth:
+        """Return what a candidate is worth with nothing else under way."""
         for _ in range(_ROUNDS):
-            lost = list[Trial]()
-            for trial, answer in run_tasks(engine, work, left, window=2 * engine.workers):
-                if not isinstance(answer, BaseException):
-                    plain = json.loads(answer)["worth"]
-                    yield trial.number, _worth_of(trial.candidate, plain)
-                elif engine.died(answer):
-                    lost.append(trial)  # with its worker, perhaps not by its own fault
-                else:
-                    raise answer
-            left = lost
-        for trial in left:
-            yield trial.number, None
+            for _, answer in run_tasks(engine, work, [trial], window=1):
+                worth = self._answer(trial, answer)
+                if worth is not None:
+                    return worth
+        return _failed(trial.candidate, "lost")
 
-
-def _worth_of(c: Candidate, plain: dict[str, Any] | None) -> Worth | None:
-    """Return what a worker said of a candidate."""
-    return None if plain is None else Worth(candidate=c, **plain)
+    def _answer(self, trial: Trial, answer: bytes | BaseException) -> Worth | None:
+        """Return what a worker said of a candidate; None where it died."""
+        if not isinstance(answer, BaseException):
+            return Worth(candidate=trial.candidate, **json.loads(answer))
+        if self._engine is not None and self._engine.died(answer):
+            return None
+        raise answer

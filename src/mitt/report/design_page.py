@@ -2,12 +2,13 @@
 
 from pathlib import Path
 
+from mitt.design.assay import Worth
 from mitt.design.design import Design
-from mitt.design.geometry import Balls
 from mitt.design.help import Help, help_of
 from mitt.files.files import write_text
 from mitt.report.figures.design import pose_picture, rate_by_speed
 from mitt.report.page import Section, number, page
+from mitt.trials.statistics import wilson
 from mitt.world.scene import Scene
 
 _SECTIONS = (
@@ -34,16 +35,24 @@ def write_design_page(path: Path, found: Design, scene: Scene, *, command: str) 
         ("catch", pose_picture(arm, scene, best.candidate.q[list(best.candidate.free)],
                                catch=True).png),
     ]  # fmt: skip
-    helps = [] if best is None else help_of(found.whole, best.candidate, Balls())
+    helps = [] if best is None else help_of(found.whole, best.candidate, found.task.balls)
     write_text(
         path,
         page(
             "design", _SECTIONS, title=f"What {found.whole.model.name} can catch",
             command=command, found=found, best=best, pictures=pictures, helps=_rows(helps),
             advice=advice_of(found, helps), limits=found.whole.limits.name,
-            plot=rate_by_speed(found.rows).svg if found.rows else "",
+            interval=_interval(best), plot=rate_by_speed(found.rows).svg if found.rows else "",
         ),
     )  # fmt: skip
+
+
+def _interval(best: Worth | None) -> str:
+    """Return the Wilson 95 % interval of the share that was caught, in words."""
+    if best is None:
+        return ""
+    low, high = wilson(best.clean, best.thrown)
+    return f"{number(100.0 * low, 1)} to {number(100.0 * high, 1)} %"
 
 
 def advice_of(found: Design, helps: list[Help]) -> list[str]:
@@ -53,20 +62,24 @@ def advice_of(found: Design, helps: list[Help]) -> list[str]:
     if gains:
         most = max(gains, key=lambda x: x.relative_m_s - x.quicker_m_s)
         out.append(
-            f"Were {most.joint} half as quick again, the ball could meet the hand at"
+            f"If {most.joint} were 50 % faster, the ball could meet the hand at"
             f" {most.quicker_m_s:.1f} instead of {most.relative_m_s:.1f} m/s."
         )
     elif helps and helps[0].relative_m_s > 1.0:
         out.append(
-            "No single joint, half as quick again, would make the catch softer: several are at"
-            " their limits at once. A longer arm or quicker drives altogether would."
+            "No single joint that is 50 % faster would make the catch softer: several are at"
+            " their limits at once. A longer arm or faster drives altogether would."
         )
-    lost = [row for row in found.rows if row.feasible < row.throws and row.binding_limit]
+    lost = [
+        row for row in found.rows
+        if row.binding_limit and (row.feasible < row.throws or row.throws == 0)
+    ]  # fmt: skip
     if lost:
         first = lost[0]
         kind, _, joint = (first.binding_limit or "").partition(":")
-        what = _WHAT.get(kind, f"what binds is {first.binding_limit}").format(joint)
-        out.append(f"At {first.speed_m_s:g} m/s the first balls are lost: {what}.")
+        what = _WHAT.get(kind, "{0}").format(joint if kind in _WHAT else first.binding_limit)
+        lost_or_not = "the first balls are lost" if first.throws else "no ball was thrown"
+        out.append(f"At {first.speed_m_s:g} m/s {lost_or_not}: {what}.")
     return out
 
 
@@ -81,6 +94,14 @@ _WHAT = {
     "region": "the catch would be outside the region that the map was learned for ({0})",
     "domain": "the flights leave the domain of the map, throws from less far would help",
     "grip": "the fingers would not hold the ball",
+    "dropped": "they touch the hand and are not held",
+    "missed": "they pass the hand",
+    "stopped": "the catcher stopped ({0})",
+    "beyond a limit": "they are caught, with a command or a motion beyond a limit",
+    "no pose": "no typical flight is in the domain of the map with little torque and speed",
+    "no map": "no map could be learned",
+    "error": "the throws ended in an error",
+    "lost": "the worker process ended",
 }
 
 

@@ -17,7 +17,7 @@ from mitt.world.scene import Scene
 
 
 def rate_by_speed(rows: Sequence[AtSpeed]) -> Plot:
-    """Draw the share of balls caught against the speed of the throws, with what binds."""
+    """Draw the share caught within every limit against the speed of the throws, and why not."""
     speed = np.array([row.speed_m_s for row in rows])
     rate = np.array([row.feasible / max(row.throws, 1) for row in rows])
     ends = np.array([wilson(row.feasible, max(row.throws, 1)) for row in rows])
@@ -30,7 +30,7 @@ def rate_by_speed(rows: Sequence[AtSpeed]) -> Plot:
             axes.annotate(row.binding_limit or "", (row.speed_m_s, 100.0 * share), (0, 8),
                           textcoords="offset points", ha="center", color=GREY, fontsize=8,
                           )  # fmt: skip
-        axes.set(xlabel="speed of the throws at release [m/s]", ylabel="caught [%]")
+        axes.set(xlabel="speed of the throws at release [m/s]", ylabel="caught within limits [%]")
         axes.set_ylim(-4.0, 116.0)
         axes.set_xlim(speed.min() - 0.6, speed.max() + 0.6)
 

@@ -1,0 +1,99 @@
+"""Candidates of the geometry as rows of arrays: the best of them, and what each is in full."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitt.design.balls import BOX, FAR, Balls
+from mitt.design.candidate import Candidate
+from mitt.design.poses import Which, poses_of
+from mitt.robot.arm import Arm
+from mitt.signals import Array
+
+#: What each further candidate of the same choice of joints costs, in m/s of relative speed.
+_REPEATED = 0.08
+#: Time for which the hand's speed at the catch is taken to the ready pose [s].
+_SWING = (0.04, 0.2)
+#: Farthest that the two other joints stand off their angles at the catch [rad]: l_c^-1 starts from
+#: the ready pose, and has other branches.
+_ASIDE = 0.4
+
+
+class Rows(NamedTuple):
+    """Candidates as arrays, one a row."""
+
+    q: Array  # (B, N)
+    free: NDArray[np.int64]  # (B, 3) catch joint last
+    kappa: Array  # (B,)
+    inward: Array  # (B,)
+    x: Array  # (B, 3) joint speeds at the nominal catch, catch joint last
+    tip: Array  # (B, 3)
+    score: Array  # (B,) relative speed [m/s] and what else is bad; smaller is better
+
+    def take(self, rows: Which) -> "Rows":
+        """Return some of them, by index or by mask."""
+        return Rows(
+            self.q[rows], self.free[rows], self.kappa[rows], self.inward[rows], self.x[rows],
+            self.tip[rows], self.score[rows],
+        )  # fmt: skip
+
+
+def joined(parts: Sequence[Rows]) -> Rows:
+    """Return candidates of several parts as one."""
+    return Rows(*(np.concatenate(x) for x in zip(*parts, strict=True)))
+
+
+def boxes_of(whole: Arm, balls: Balls, rows: Rows) -> Array:
+    """Return centre and half-widths of the box of each candidate [m], shape (B, 2, 3)."""
+    if balls.aim is not None:
+        return np.broadcast_to(balls.aim, (len(rows.q), 2, 3))
+    at = poses_of(whole.model, rows.q).at[:, 1]
+    reach = np.minimum(np.linalg.norm(rows.tip - at, axis=1), FAR)
+    return np.stack([rows.tip, reach[:, None] * np.array(BOX)], axis=1)
+
+
+def best_of(rows: Rows, *, count: int, each: int) -> Rows:
+    """Return the best, at most so many of each choice of joints, and of places much alike.
+
+    The more of a choice are taken already, the better its next one has to be: what looks best by
+    geometry need not have a domain, or the torque.
+    """
+    order = np.argsort(rows.score, kind="stable")
+    taken, cost = list[int](), list[float]()
+    seen, near = dict[tuple[int, ...], int](), dict[tuple[int, ...], int]()
+    for k in order.tolist():
+        key = tuple(rows.free[k].tolist())
+        place = (*key, *np.round(rows.tip[k] / 0.15).astype(int).tolist())
+        if seen.get(key, 0) >= each or near.get(place, 0) >= max(1, each // 8):
+            continue
+        cost.append(float(rows.score[k]) + _REPEATED * seen.get(key, 0))
+        seen[key], near[place] = seen.get(key, 0) + 1, near.get(place, 0) + 1
+        taken.append(k)
+    ranked = np.argsort(cost, kind="stable")[:count]
+    return rows.take(np.array(taken, dtype=np.int64)[ranked])
+
+
+def candidates_of(
+    whole: Arm, balls: Balls, rows: Rows, rng: np.random.Generator
+) -> list[Candidate]:
+    """Return rows as candidates, each with a ready pose on the far side of its swing."""
+    boxes, out = boxes_of(whole, balls, rows), []
+    for k in range(len(rows.q)):
+        order = np.argsort(rows.free[k])
+        free = rows.free[k][order]
+        swing = rng.uniform(*_SWING) * rows.x[k]
+        swing[:2] = np.clip(swing[:2], -_ASIDE, _ASIDE)
+        ready = rows.q[k, free] - swing[order]
+        low, high = whole.q_min[free] + 0.05, whole.q_max[free] - 0.05
+        out.append(Candidate(
+            q=rows.q[k].copy(),
+            free=(int(free[0]), int(free[1]), int(free[2])),
+            catch=int(np.argmax(order == 2)),
+            kappa=float(rows.kappa[k]),
+            inward=float(rows.inward[k]),
+            ready=np.clip(ready, low, high),
+            aim=boxes[k].copy(),
+        ))  # fmt: skip
+    return out
