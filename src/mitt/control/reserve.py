@@ -58,6 +58,10 @@ def reserve_work(arm: Arm) -> Array:
     return np.zeros(4 * arm.n + 2 * links + notes_of(links).size)
 
 
+#: How far before and after a joint's rest its torque is looked at, in times of its way there.
+_BESIDE = 1e-9
+
+
 @kernel
 def _rates(b: Array, motion: Array, kind: int, rates: Array) -> None:
     """Write the decelerations of one kind of stop; see :func:`choose_stop`.
@@ -79,7 +83,11 @@ def _rates(b: Array, motion: Array, kind: int, rates: Array) -> None:
 def _share_of_stop(
     bodies: Array, drives: Array, index: NDArray[np.int64], motion: Array, rates: Array, work: Array
 ) -> float:
-    """Return the largest share of a drive's torque on the way to standstill."""
+    """Return the largest share of a drive's torque on the way to standstill.
+
+    It jumps when a joint comes to rest: just before and just after are looked at for each joint,
+    besides instants in equal steps.
+    """
     n, links = len(rates), len(bodies)
     row, tau = view(work, n, (3, n)), view(work, 4 * n, (links,))
     speed = view(work, 4 * n + links, (links,))
@@ -88,8 +96,12 @@ def _share_of_stop(
     for k in range(n):
         end = max(end, abs(motion[1, k]) / rates[k])
     speed[:] = 0.0
-    for i in range(INSTANTS):
-        t = end * i / (INSTANTS - 1)
+    for i in range(INSTANTS + 2 * n):
+        if i < INSTANTS:
+            t = end * i / (INSTANTS - 1)
+        else:
+            k, before = (i - INSTANTS) // 2, (i - INSTANTS) % 2 == 0
+            t = abs(motion[1, k]) / rates[k] * (1.0 - _BESIDE if before else 1.0 + _BESIDE)
         for k in range(n):
             fast = abs(motion[1, k])
             passed = min(t, fast / rates[k])
