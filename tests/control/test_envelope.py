@@ -66,7 +66,8 @@ def test_accelerations_of_the_limit_set_bind(arm: Arm) -> None:
     b, own = bounds_of(slower), most[list(arm.model.active)]
     assert np.all(b[3] <= own)
     assert np.array_equal(b[4], np.minimum(bounds_of(arm)[4], own))
-    last, wanted = np.array([arm.q_ready, 0.0 * own]), np.array([arm.q_max, 9.0 * own, 99.0 * own])
+    last = np.array([arm.q_ready, 0.0 * own, 0.0 * own])
+    wanted = np.array([arm.q_max, 9.0 * own, 99.0 * own])
     keep(b, last, wanted)
     assert np.all(np.abs(wanted[2]) <= own)
 
