@@ -44,9 +44,14 @@ def stop_of(arm: Arm, guard: Guard, motion: Array, first: int = EASIEST) -> tupl
 
 
 def shares(arm: Arm, motion: Array, rates: Array) -> Array:
-    """Return the torque of a stop, as shares of the drives' bounds, at 60 instants; Pinocchio."""
+    """Return the torque of a stop, as shares of the drives' bounds; Pinocchio.
+
+    At 60 instants, and just before and after each joint comes to rest.
+    """
     q, dq = motion[0], motion[1]
-    t = np.linspace(0.0, 0.9999 * float(np.max(np.abs(dq) / rates)), 60)[:, None]
+    rests = np.abs(dq) / rates
+    even = np.linspace(0.0, 0.9999 * float(np.max(rests)), 60)
+    t = np.concatenate([even, rests * (1.0 - 1e-9), rests * (1.0 + 1e-9)])[:, None]
     passed = np.minimum(t, np.abs(dq) / rates)
     qs = q + np.sign(dq) * passed * (np.abs(dq) - 0.5 * rates * passed)
     dqs = np.sign(dq) * np.maximum(np.abs(dq) - rates * t, 0.0)
