@@ -215,6 +215,17 @@ def test_an_out_of_another_kind_is_refused(
     assert "ends in .toml" in capsys.readouterr().err
 
 
+def test_the_arm_file_that_is_given_is_not_written_over(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "arm.toml"
+    path.write_text('schema = "mitt.arm/1"\n[arm]\nname = "wam"\n')
+    before = path.read_text()
+    assert main(["design", str(path), "--out", str(path), "--overwrite", "--check"]) == 2
+    assert "another file than the arm's" in capsys.readouterr().err
+    assert path.read_text() == before
+
+
 def test_an_arm_file_keeps_its_joints(
     found: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

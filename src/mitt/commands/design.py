@@ -81,6 +81,8 @@ def _page(options: DesignOptions) -> Path:
     """
     if options.out.suffix != ".toml":
         raise InputError("--out", "a name that ends in .toml", options.out)
+    if is_arm_file(options.arm) and options.out.resolve() == Path(options.arm).resolve():
+        raise InputError("--out", "another file than the arm's", options.out)
     page = options.out.with_suffix(".html")
     for path in (options.out, page):
         check_new_file("--out", path, overwrite=options.overwrite)
