@@ -71,7 +71,7 @@ def neighbourhood_of_ball(drag: float) -> Neighbourhood:
 
 
 #: A motion of the ball: time [s] to position [m] and velocity [m/s].
-_Motion = Callable[[float], tuple[Array, Array]]
+Motion = Callable[[float], tuple[Array, Array]]
 #: Longest flight considered [s], and the grid on which the catch is looked for [s].
 _LONGEST, _GRID = 1.1, 0.005
 #: Share of a joint's speed above which a flight is hopeless at the catch: there nothing is learned.
@@ -79,7 +79,7 @@ _AT_CATCH = 1.1
 #: For an arm that says where it wants its balls: width of the box of arrivals in widths of the box
 #: that is aimed at, its least half-width [m], and the descent there [rad], that of default throws
 #: (0.05 to 0.55) and a margin.
-_WIDER, _NARROWEST, _DESCENT = np.array([2.0, 1.2, 1.35]), 0.03, (0.0, 0.62)
+WIDER, NARROWEST, _DESCENT = np.array([2.0, 1.2, 1.35]), 0.03, (0.0, 0.62)
 #: Drag of the flights that bounce, a table-tennis ball's (facts of the recorded flights) [1/m].
 _BOUNCED_DRAG = 0.1
 
@@ -94,7 +94,7 @@ def neighbourhood(
         if len(flights) == settings.flights:
             break
         motion, drag = _draw(f, rng, settings)
-        flight = _sampled(f, motion, drag, rng, settings)
+        flight = sampled(f, motion, drag, rng, settings)
         if flight is not None:
             flights.append(flight)
     return flights
@@ -107,7 +107,7 @@ def _about(settings: Neighbourhood, aim: Array | None) -> Neighbourhood:
     """
     if aim is None:
         return settings
-    usual, (x, y, z) = Neighbourhood(), np.maximum(_WIDER * aim[1], _NARROWEST).tolist()
+    usual, (x, y, z) = Neighbourhood(), np.maximum(WIDER * aim[1], NARROWEST).tolist()
     box = (x, y, z) if settings.box == usual.box else settings.box
     return replace(
         settings,
@@ -116,28 +116,44 @@ def _about(settings: Neighbourhood, aim: Array | None) -> Neighbourhood:
     )
 
 
-def _draw(f: DirectMap, rng: np.random.Generator, settings: Neighbourhood) -> tuple[_Motion, float]:
+def _draw(f: DirectMap, rng: np.random.Generator, settings: Neighbourhood) -> tuple[Motion, float]:
     """Draw one motion of the ball and its drag."""
     drag, kind = float(rng.uniform(*settings.drag)), rng.random()
     arrival = catch_place(f.arm) + np.array(settings.box) * rng.uniform(-1.0, 1.0, 3)
     if kind < settings.bounced:
         return _bounced(arrival, rng), _BOUNCED_DRAG
     release = _release(arrival, drag, rng, settings)
-    change = np.zeros(3)
-    t_change = float(rng.uniform(0.15, 0.4))
-    if kind < settings.bounced + settings.kicked:
+    return kicked(*release, drag, rng, settings, kind < settings.bounced + settings.kicked), drag
+
+
+def kicked(
+    r_0: Array, dr_0: Array, drag: float, rng: np.random.Generator, settings: Neighbourhood,
+    is_kicked: bool,
+) -> Motion:  # fmt: skip
+    """Return a flight from its release [m, m/s], shape (3,) each, and draw its kick, if it has one.
+
+    Args:
+        r_0: Position at the release [m], shape (3,).
+        dr_0: Velocity there [m/s], shape (3,).
+        drag: Drag coefficient [1/m].
+        rng: Source of randomness.
+        settings: How large a kick may be.
+        is_kicked: Whether the ball is kicked on the way.
+    """
+    change, t_change = np.zeros(3), float(rng.uniform(0.15, 0.4))
+    if is_kicked:
         change = rng.standard_normal(3)
         change *= settings.kick * rng.random() / np.linalg.norm(change)
 
     def motion(t: float) -> tuple[Array, Array]:
-        r, dr = release[0].copy(), release[1].copy()
+        r, dr = r_0.copy(), dr_0.copy()
         advance(r, dr, drag, min(t, t_change))
         if t > t_change:
             dr += change
             advance(r, dr, drag, t - t_change)
         return r, dr
 
-    return motion, drag
+    return motion
 
 
 def _release(
@@ -153,7 +169,7 @@ def _release(
     return r, dr
 
 
-def _bounced(arrival: Array, rng: np.random.Generator) -> _Motion:
+def _bounced(arrival: Array, rng: np.random.Generator) -> Motion:
     """Draw a flight that bounces off a level surface shortly before it passes a point [m], (3,).
 
     Drawn backwards from that point. Speeds after and losses at the bounce as in the recorded
@@ -177,8 +193,8 @@ def _bounced(arrival: Array, rng: np.random.Generator) -> _Motion:
     return motion
 
 
-def _sampled(
-    f: DirectMap, motion: _Motion, drag: float, rng: np.random.Generator, settings: Neighbourhood
+def sampled(
+    f: DirectMap, motion: Motion, drag: float, rng: np.random.Generator, settings: Neighbourhood
 ) -> Flight | None:
     """Return the flight from t_0 to a little past the catch; None where there is no catch."""
     t_0 = float(rng.uniform(*settings.t_0))
@@ -211,7 +227,7 @@ def _hopeless(f: DirectMap, ball: Array, share: float, catch: int) -> bool:
     return False
 
 
-def _row(motion: _Motion, t: float, drag: float) -> Array:
+def _row(motion: Motion, t: float, drag: float) -> Array:
     """Return r_o, dr_o, ddr_o, shape (3, 3)."""
     r, dr = motion(t)
     ddr = np.zeros(3)
@@ -219,7 +235,7 @@ def _row(motion: _Motion, t: float, drag: float) -> Array:
     return np.array([r, dr, ddr])
 
 
-def _catch_time(f: DirectMap, motion: _Motion, t_0: float) -> float | None:
+def _catch_time(f: DirectMap, motion: Motion, t_0: float) -> float | None:
     """Return when q_o,i first reaches q_alpha after ``t_0``; None where it does not."""
     i, last = f.design.catch_joint, 0.0
     for t in np.arange(t_0, _LONGEST, _GRID):
