@@ -7,6 +7,7 @@ import pytest
 
 from mitt.design.balls import Balls
 from mitt.design.candidate import Candidate
+from mitt.design.contact import Touch
 from mitt.design.geometry import drawn, spread, triples_of
 from mitt.design.meeting import meeting, met
 from mitt.design.poses import poses_of
@@ -16,9 +17,12 @@ from mitt.generator.mapping import unlearned
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.signals import Array
+from mitt.world.scenes import read_scene
 
 #: What joint speeds and velocities agree to.
 _ROUNDED = 1e-9
+#: Three joints that move alone.
+EYE = np.eye(3)[None]
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +33,14 @@ def whole() -> Arm:
 @pytest.fixture(scope="module")
 def rows(whole: Arm) -> Rows:
     rng = np.random.default_rng(11)
-    found = drawn(whole, Balls(), triples_of(whole, None), rng, count=3000, floor=-1.0)
+    found = drawn(
+        whole,
+        Balls(),
+        triples_of(whole, None),
+        rng,
+        count=3000,
+        touch=Touch(whole, read_scene("ideal")),
+    )
     assert len(found.q) > 200
     return found
 
@@ -46,7 +57,7 @@ def _problem(count: int) -> tuple[Array, Array, Array, Array, Array]:
 
 def test_the_least_relative_velocity_keeps_the_speeds_and_uses_one_up() -> None:
     J, w, v, d, fastest = _problem(2000)
-    m = meeting(J, w, v, d, fastest)
+    m = meeting(J, w, v, d, fastest, EYE)
     assert 50 < int(m.sound.sum()) < 2000
     hand = np.einsum("bkc,bk->bc", J, m.x)
     np.testing.assert_allclose((v - hand)[m.sound], (m.s[:, None] * d)[m.sound], atol=1e-6)
@@ -58,7 +69,7 @@ def test_the_least_relative_velocity_keeps_the_speeds_and_uses_one_up() -> None:
 
 def test_kappa_and_inward_give_back_the_meeting_they_came_from() -> None:
     J, w, v, d, fastest = _problem(2000)
-    m = meeting(J, w, v, d, fastest)
+    m = meeting(J, w, v, d, fastest, EYE)
     x, relative = met(J, w, v, m.kappa, m.inward)
     np.testing.assert_allclose(x[m.sound], m.x[m.sound], rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(relative[m.sound], (m.s[:, None] * d)[m.sound], rtol=1e-6, atol=1e-6)
@@ -67,7 +78,7 @@ def test_kappa_and_inward_give_back_the_meeting_they_came_from() -> None:
 def test_dependent_columns_are_never_sound() -> None:
     J, w, v, d, fastest = _problem(5)
     J[:, 1] = 2.0 * J[:, 0]
-    assert not meeting(J, w, v, d, fastest).sound.any()
+    assert not meeting(J, w, v, d, fastest, EYE).sound.any()
     x, relative = met(J, w, v, np.ones(5), np.zeros(5))
     assert not np.isfinite(x).any()
     assert not np.isfinite(relative).any()
@@ -78,29 +89,33 @@ def test_joint_speeds_are_those_of_the_map_at_its_catch(whole: Arm, rows: Rows) 
     candidates = candidates_of(whole, Balls(), few, np.random.default_rng(1))
     for k, c in enumerate(candidates):
         at_catch = replace(c, ready=c.q[list(c.free)])  # where the inverse starts
+        free = list(c.design.free)
         f = unlearned(at_catch.arm(whole), c.design)
         v = Balls().velocity()
         inside, virtual = f.virtual(np.array([few.tip[k], v, np.zeros(3)]))
         assert inside
         order = np.argsort(few.free[k])
-        np.testing.assert_allclose(virtual[0], few.q[k][list(c.free)], atol=1e-8)
-        np.testing.assert_allclose(virtual[1], few.x[k][order], rtol=1e-5, atol=1e-6)
+        np.testing.assert_allclose(virtual[0], c.q_catch, atol=1e-8)
+        np.testing.assert_allclose(virtual[1, free], few.x[k][order], rtol=1e-5, atol=1e-6)
+        every = (few.A[k] @ few.x[k])[list(c.active)]
+        np.testing.assert_allclose(virtual[1], every, rtol=1e-5, atol=1e-6)
 
 
 def test_candidates_stand_where_they_say(whole: Arm, rows: Rows) -> None:
     for c in _candidates(whole, rows):
         arm = c.arm(whole)
-        np.testing.assert_allclose(arm.position(c.q[list(c.free)]), c.aim[0], atol=1e-9)
-        assert arm.names == tuple(whole.names[k] for k in c.free)
-        assert np.all((c.ready > arm.q_min) & (c.ready < arm.q_max))
+        np.testing.assert_allclose(arm.position(c.q_catch), c.aim[0], atol=1e-9)
+        assert arm.names == tuple(whole.names[k] for k in c.active)
+        assert np.all((c.q_ready > arm.q_min) & (c.q_ready < arm.q_max))
 
 
 def test_rows_are_drawn_within_speeds_and_above_the_floor(whole: Arm, rows: Rows) -> None:
-    index = np.arange(len(rows.q))[:, None]
-    assert np.all(np.abs(rows.x) <= 0.9 * whole.dq_max[rows.free] + _ROUNDED)
+    speeds = np.einsum("bka,ba->bk", rows.A, rows.x)
+    assert np.all(np.abs(speeds) <= 0.9 * whole.dq_max + _ROUNDED)
+    assert set(rows.moving.tolist()) == {3, 4}
     assert np.all(rows.tip[:, 2] > -1.0)
     poses = poses_of(whole.model, rows.q)
-    hand = np.einsum("bkc,bk->bc", poses.J[index, rows.free], rows.x)
+    hand = np.einsum("bkc,bk->bc", poses.J, speeds)
     relative = np.linalg.norm(Balls().velocity() - hand, axis=1)
     assert np.all(relative <= np.linalg.norm(Balls().velocity()) + _ROUNDED)
 
@@ -111,7 +126,7 @@ def test_balls_all_over_the_box_leave_some_candidates(whole: Arm, rows: Rows) ->
     best = best_of(left, count=10, each=4)
     assert len(best.q) <= 10
     assert best.score[0] == left.score.min()
-    kinds = [tuple(free) for free in best.free.tolist()]
+    kinds = [(*free, k) for free, k in zip(best.free.tolist(), best.moving.tolist(), strict=True)]
     assert max(kinds.count(kind) for kind in kinds) <= 4
 
 
@@ -119,7 +134,14 @@ def test_an_aim_that_is_given_is_on_the_way_of_the_ball(whole: Arm) -> None:
     aim = np.array([[0.75, 0.0, 0.05], [0.04, 0.2, 0.15]])
     balls = Balls(aim=aim)
     triples = triples_of(whole, ("j1", "j2", "j4"))
-    found = drawn(whole, balls, triples, np.random.default_rng(1), count=2000, floor=-1.0)
+    found = drawn(
+        whole,
+        balls,
+        triples,
+        np.random.default_rng(1),
+        count=2000,
+        touch=Touch(whole, read_scene("ideal")),
+    )
     way = balls.velocity() / balls.speed
     off = found.tip - aim[0]
     assert len(found.q) > 20

@@ -7,6 +7,7 @@ import numpy as np
 
 from mitt.design.balls import Balls
 from mitt.design.candidate import Candidate
+from mitt.design.contact import Touch
 from mitt.design.design import Design
 from mitt.design.geometry import drawn, triples_of
 from mitt.design.help import QUICKER, help_of
@@ -23,7 +24,14 @@ _ROUNDED = 1e-6
 
 def _some(whole: Arm, count: int) -> list[Candidate]:
     rng = np.random.default_rng(7)
-    rows = drawn(whole, Balls(), triples_of(whole, None), rng, count=2000, floor=-1.0)
+    rows = drawn(
+        whole,
+        Balls(),
+        triples_of(whole, None),
+        rng,
+        count=2000,
+        touch=Touch(whole, read_scene("ideal")),
+    )
     return candidates_of(whole, Balls(), rows.take(np.arange(count)), rng)
 
 

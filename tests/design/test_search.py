@@ -19,6 +19,7 @@ from mitt.design.assay import Task, Worth, learned, thrown, trials_of
 from mitt.design.balls import BOX, FAR, Balls
 from mitt.design.candidate import Candidate
 from mitt.design.causes import BEYOND, cause_of
+from mitt.design.contact import Touch
 from mitt.design.design import Design, Origin, design, rate_of
 from mitt.design.geometry import drawn, triples_of
 from mitt.design.mutation import mutated
@@ -34,6 +35,7 @@ from mitt.robot.identity import difference, identity_of
 from mitt.sweep.engine import Processes, engine_of
 from mitt.trials.neighbourhood import Neighbourhood
 from mitt.world.ballistics import fly
+from mitt.world.scenes import read_scene
 from mitt.world.throws import Aim, ThrowRanges, default_throw
 
 KEYS = {
@@ -249,7 +251,12 @@ def test_an_arm_file_keeps_its_joints(
     assert movable(arm).sum() == 3
     assert arm.q_min[k] <= angle <= arm.q_max[k]
     rows = drawn(
-        arm, Balls(), triples_of(arm, joints), np.random.default_rng(1), count=4000, floor=-1.0
+        arm,
+        Balls(),
+        triples_of(arm, joints),
+        np.random.default_rng(1),
+        count=4000,
+        touch=Touch(arm, read_scene("ideal")),
     )
     assert len(rows.q) > 0
     assert np.ptp(rows.q[:, k]) < 2e-3

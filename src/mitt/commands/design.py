@@ -35,7 +35,8 @@ def run(options: DesignOptions) -> int:
     """Run ``mitt design``; return its exit status."""
     file = _given(options)
     origin = origin_of(options, file)
-    whole = whole_arm(origin.arm, tip=origin.tip, limits=origin.limits, hand=HandModel())
+    whole = whole_arm(origin.arm, tip=origin.tip, limits=origin.limits, hand=HandModel(),
+                      mount=origin.mount)  # fmt: skip
     warn(whole.model.notes, json=options.json)
     joints = _joints(options, whole)
     if file is not None and joints is None:
@@ -123,9 +124,12 @@ def origin_of(options: DesignOptions, file: ArmFile | None) -> Origin:
     """Return where the arm comes from: a name, a description file, or that of an arm file."""
     if file is not None:
         return Origin(arm=file.arm, tip=options.tip or file.tip,
+                      mount=options.mount or file.hand_mount,
                       limits=_limits(options.limits) or file.limits)  # fmt: skip
     arm = options.arm if options.arm == "wam" else Path(options.arm)
-    return Origin(arm=arm, tip=options.tip, limits=_limits(options.limits))
+    return Origin(
+        arm=arm, tip=options.tip, mount=options.mount or "plate", limits=_limits(options.limits)
+    )
 
 
 def _limits(given: str | None) -> str | Path | None:

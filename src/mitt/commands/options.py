@@ -112,8 +112,9 @@ class DesignOptions:
     Attributes:
         arm: The arm: wam, a URDF or MJCF file (then with --tip), or an arm file.
         out: Arm file to write, if a design is found.
-        tip: Frame of the file at the catch point, z along the palm's normal.
-        joints: Joints of which three are to be active; any if left out.
+        tip: Frame of the file, z along the palm's normal: where the hand is mounted.
+        mount: What of the hand is at the tip: its plate, as on a flange, or its catch point.
+        joints: Joints that may move; any if left out.
         limits: Limit set: a name, or a TOML file; that of the arm's file if left out.
         aim: Point that the balls are aimed at [m], as X,Y,Z; the design chooses if left out.
         scene: The world in which it is tried: a name, or a TOML file.
@@ -126,6 +127,7 @@ class DesignOptions:
     arm: Annotated[str, Positional, arg(metavar="ARM")]
     out: Annotated[Path, arg(metavar="DESIGN.toml")]
     tip: Tip = None
+    mount: Literal["plate", "catch"] | None = None
     joints: Joints = None
     limits: Annotated[str | None, arg(metavar="NAME|TOML")] = None
     aim: Annotated[str | None, arg(metavar="X,Y,Z")] = None

@@ -15,6 +15,7 @@ from mitt.design.arrivals import flights_of, shifted
 from mitt.design.balls import Balls
 from mitt.design.candidate import Candidate
 from mitt.design.causes import cause_of
+from mitt.design.contact import touching
 from mitt.errors import MittError
 from mitt.generator.flights import Flight, lift_flight
 from mitt.generator.generators import Direct
@@ -40,6 +41,8 @@ _RISE = 0.25
 _SAME = 1e-3
 #: Gap that own shapes and floor keep in ready pose and at the catch [m].
 _GAP = 0.02
+#: Poses from the ready pose to the catch that are looked at, both included.
+_ON_THE_WAY = 4
 #: Seed of the flights that candidates are judged on.
 _JUDGE_SEED = 32
 #: Flights and instants for a quick answer, and for the last candidates.
@@ -154,30 +157,37 @@ def able_to_hold(whole: Arm, c: Candidate, task: Task) -> bool:
         return False
     if len(flights) < 6 or not _holds(arm, c, task.scene.floor):
         return False
+    if touching(arm, task.scene, _way(c)):
+        return False
     if not _on_branch(arm, start, c):
         return False
     inside = [x for x in (lift_flight(start, flight) for flight in flights) if x is not None]
     return len(inside) >= 4 and sum(_asks_little(arm, x.virtual[-1]) for x in inside) >= 3
 
 
+def _way(c: Candidate) -> Array:
+    """Return poses of the active joints from the ready pose to the catch [rad], shape (k, n)."""
+    share = np.linspace(0.0, 1.0, _ON_THE_WAY)[:, None]
+    return np.asarray((1.0 - share) * c.q_ready + share * c.q_catch)
+
+
 def _on_branch(arm: Arm, start: DirectMap, c: Candidate) -> bool:
     """Say whether l_c^-1 of the nominal catch point is the pose that the candidate means."""
-    q = c.q[list(c.free)]
-    status, q_o = start.to_joints(arm.position(q))
-    return status is MapStatus.INSIDE and bool(np.abs(q_o - q).max() < _SAME)
+    status, q_o = start.to_joints(arm.position(c.q_catch))
+    return status is MapStatus.INSIDE and bool(np.abs(q_o - c.q_catch).max() < _SAME)
 
 
 def _holds(arm: Arm, c: Candidate, floor: float) -> bool:
     """Say whether the arm can rest in its ready pose and at the catch, clear of itself."""
-    still, q_catch = np.zeros(arm.n), c.q[list(c.free)]
+    still, ready = np.zeros(arm.n), c.q_ready
     shapes = shapes_of(arm, Surroundings(floor=floor))
-    for q in (c.ready, q_catch):
+    for q in (ready, c.q_catch):
         share = arm.limits.torque_ratio(arm.torque(q, still, still), np.zeros(len(arm.bodies)))
         if float(share.max()) > _HOLDING:
             return False
         if clearance(arm.bodies, q, shapes.table, shapes.pairs, shapes.ends) < _GAP:
             return False
-    return bool(np.all((c.ready > arm.q_min) & (c.ready < arm.q_max)))
+    return bool(np.all((ready > arm.q_min) & (ready < arm.q_max)))
 
 
 def _asks_little(arm: Arm, virtual: Array) -> bool:

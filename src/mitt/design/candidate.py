@@ -16,19 +16,20 @@ class Candidate:
     """A way to catch, over all N joints of an arm.
 
     Attributes:
-        q: Pose at the nominal catch [rad], shape (N,): angles of the free joints, and those at
-            which the others are held.
-        free: The three active joints, from the base outwards.
+        q: Pose at the nominal catch [rad], shape (N,).
+        free: The three free joints, from the base outwards.
+        A: How far each joint turns per free joint, shape (N, 3); zero rows where it is held.
         catch: Which of the three is the catch joint, 0 to 2.
         kappa: Velocity-match ratio.
         inward: Share of the ball's line towards the catch joint's axis.
-        ready: Ready pose of the three [rad], shape (3,).
+        ready: Ready pose of the free joints [rad], shape (3,).
         aim: Centre and half-widths of the box where balls are aimed [m], shape (2, 3).
         turn: Turn of the hand about the palm's normal [rad].
     """
 
     q: Array
     free: tuple[int, int, int]
+    A: Array
     catch: int
     kappa: float
     inward: float
@@ -36,23 +37,44 @@ class Candidate:
     aim: Array
     turn: float = 0.0
 
+    @property
+    def active(self) -> tuple[int, ...]:
+        """The joints that move, from the base outwards."""
+        return tuple(np.flatnonzero(np.any(self.A != 0.0, axis=1)).tolist())
+
+    @property
+    def q_catch(self) -> Array:
+        """The active joints at the nominal catch [rad], shape (n,)."""
+        return np.array(self.q[list(self.active)])
+
+    @property
+    def q_ready(self) -> Array:
+        """Ready pose of the active joints [rad], shape (n,); further ones follow from the catch."""
+        swing = self.A @ (self.ready - self.q[list(self.free)])
+        return np.array((self.q + swing)[list(self.active)])
+
     def arm(self, whole: Arm) -> Arm:
         """Return the arm with the other joints held.
 
         Args:
             whole: The arm with all its joints active.
         """
-        held = {k: float(x) for k, x in enumerate(self.q) if k not in self.free}
+        held = {k: float(x) for k, x in enumerate(self.q) if k not in self.active}
         links = tuple(replace(x, held=held.get(k)) for k, x in enumerate(whole.model.links))
         tool = whole.model.tool @ transform(rotation(np.array([0.0, 0.0, 1.0]), self.turn))
-        model = replace(whole.model, links=links, q_ready=self.ready, tool=tool, aim=self.aim)
+        model = replace(whole.model, links=links, q_ready=self.q_ready, tool=tool, aim=self.aim)
         return Arm(model, whole.limits)
 
     @property
     def design(self) -> MapDesign:
         """The choices of the map."""
+        active = self.active
+        a, b, c = (active.index(k) for k in self.free)
+        further = [k for k in active if k not in self.free]
         return MapDesign(
-            catch_joint=self.catch,
+            catch_joint=(a, b, c)[self.catch],
+            free=(a, b, c),
+            coupling=tuple((x, y, z) for x, y, z in self.A[further].tolist()),
             q_catch=float(self.q[self.free[self.catch]]),
             kappa=self.kappa,
             inward=self.inward,

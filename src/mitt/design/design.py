@@ -14,6 +14,7 @@ from mitt.files.arm_file import ArmFile, digest_of
 from mitt.files.throws import ThrowSettings
 from mitt.link.clock import monotonic
 from mitt.robot.arm import Arm
+from mitt.robot.serial import Mount
 from mitt.sweep.engine import Engine
 from mitt.trials.statistics import wilson
 
@@ -27,12 +28,14 @@ class Origin:
 
     Attributes:
         arm: ``wam``, or a description file.
-        tip: Frame of the file at the catch point.
+        tip: Frame of the file at which the hand is mounted.
+        mount: What of the hand is at the tip.
         limits: Name or file of its limits; None for those of the file.
     """
 
     arm: str | Path
     tip: str | None = None
+    mount: Mount = "plate"
     limits: str | Path | None = None
 
 
@@ -77,7 +80,7 @@ class Design:
     def joints(self) -> tuple[str, ...]:
         """Names of the active joints."""
         return () if self.best is None else tuple(
-            self.whole.names[k] for k in self.best.candidate.free
+            self.whole.names[k] for k in self.best.candidate.active
         )  # fmt: skip
 
     def as_json(self) -> dict[str, object]:
@@ -111,10 +114,11 @@ class Design:
             sha256=None if path is None else digest_of(path),
             tip=origin.tip,
             joints=self.joints,
-            ready=tuple(c.ready.tolist()),
-            held={names[k]: float(x) for k, x in enumerate(c.q) if k not in c.free},
+            ready=tuple(c.q_ready.tolist()),
+            held={names[k]: float(x) for k, x in enumerate(c.q) if k not in c.active},
             limits=origin.limits,
             hand_turn=c.turn,
+            hand_mount="catch" if path is None else origin.mount,
             map=c.design,
             throws=self._throws(tuple(at), tuple(around)),
         )

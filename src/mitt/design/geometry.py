@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from mitt.design.balls import Balls
 from mitt.design.candidate import within
-from mitt.design.meeting import meeting, met
+from mitt.design.contact import Touch
+from mitt.design.meeting import Meeting, meeting, met
 from mitt.design.poses import Poses, poses_of
 from mitt.design.rows import Rows, boxes_of, joined
+from mitt.design.sharing import alone, shared, virtual
 from mitt.design.whole import movable
 from mitt.robot.arm import Arm
 from mitt.signals import Array
@@ -31,6 +33,9 @@ _BEYOND = 1.5
 _TOO_FAST = 5.0
 #: How often each joint is changed.
 _OFTEN = 0.6
+#: Choices of three joints that move alone, and of those that all others follow, of each pose; how
+#: often a further joint is held nevertheless.
+_ALONE, _SHARED, _HELD = 24, 8, 0.25
 #: Height above the floor that joints and catch point keep [m], and distance of the catch point
 #: from joints that are not next to it [m]; choices of this project.
 _ABOVE, _APART = 0.12, 0.16
@@ -70,7 +75,7 @@ def drawn(
     rng: np.random.Generator,
     *,
     count: int,
-    floor: float,
+    touch: Touch,
 ) -> Rows:
     """Draw poses and choices of joints, and return those that meet the typical ball.
 
@@ -80,18 +85,56 @@ def drawn(
         triples: Choices of three joints, the catch joint last, shape (T, 3).
         rng: Source of randomness.
         count: Poses drawn.
-        floor: Height of the floor [m].
+        touch: Finds what touches.
     """
     q = _facing(whole, rng.uniform(whole.q_min, whole.q_max, (count, whole.n)), rng)
-    q, poses, _ = _able(whole, balls, q, floor)
-    each = min(len(triples), 24)
-    chosen = triples[rng.integers(len(triples), size=(len(q), each))].reshape(-1, 3)
-    row = np.repeat(np.arange(len(q)), each)
-    return _met(whole, balls.velocity(), (q, poses), chosen, row, rng)
+    q, poses, _ = _able(whole, balls, q, touch)
+    parts = [_of_three(whole, balls, (q, poses), triples, rng)]
+    if len(np.unique(triples)) > 3:
+        parts.append(_of_all(whole, balls, (q, poses), triples, rng))
+    return joined(parts)
+
+
+def _of_three(
+    whole: Arm, balls: Balls, of: tuple[Array, Poses], triples: NDArray[np.int64],
+    rng: np.random.Generator,
+) -> Rows:  # fmt: skip
+    """Return poses in which three joints meet the typical ball, the others held."""
+    chosen, row = _choices(len(of[0]), triples, _ALONE, rng)
+    J, w = of[1].J[row[:, None], chosen], of[1].W[row, chosen[:, 2]]
+    d, v = _into(of[1].palm[row], J[:, 2], w, rng), balls.velocity()
+    share = rng.uniform(*_SHARES, (len(row), 1))
+    found = meeting(J, w, v, d, share * whole.dq_max[chosen], np.eye(3)[None])
+    good = np.flatnonzero(found.sound & (found.s < balls.speed))
+    moving = chosen[good], alone(chosen[good], whole.n)
+    return _rows(whole, of, moving, row[good], d[good], found.take(good))
+
+
+def _of_all(
+    whole: Arm, balls: Balls, of: tuple[Array, Poses], triples: NDArray[np.int64],
+    rng: np.random.Generator,
+) -> Rows:  # fmt: skip
+    """Return poses in which further joints follow the three."""
+    chosen, row = _choices(len(of[0]), triples, _SHARED, rng)
+    weights = np.where(rng.random((len(row), whole.n)) < _HELD, 0.0, whole.dq_max**2)
+    named = np.isin(np.arange(whole.n), triples)
+    weights[:, ~(named & movable(whole))] = 0.0
+    weights[np.arange(len(row))[:, None], chosen] = whole.dq_max[chosen] ** 2
+    good, A = shared(of[1].J[row], chosen, weights)
+    return _met(whole, balls.velocity(), of, (chosen[good], A[good]), row[good], rng)
+
+
+def _choices(
+    count: int, triples: NDArray[np.int64], each: int, rng: np.random.Generator
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return choices of three joints for each of so many poses, and the pose of each."""
+    each = min(len(triples), each)
+    chosen = triples[rng.integers(len(triples), size=(count, each))].reshape(-1, 3)
+    return chosen, np.repeat(np.arange(count), each)
 
 
 def improved(
-    whole: Arm, balls: Balls, rows: Rows, rng: np.random.Generator, *, size: float, floor: float
+    whole: Arm, balls: Balls, rows: Rows, rng: np.random.Generator, *, size: float, touch: Touch
 ) -> Rows:
     """Return candidates and small changes of them, scored by :func:`spread`.
 
@@ -101,48 +144,72 @@ def improved(
         rows: Candidates with their scores.
         rng: Source of randomness.
         size: Standard deviation of the changes [rad].
-        floor: Height of the floor [m].
+        touch: Finds what touches.
     """
     change = size * rng.standard_normal((len(rows.q), whole.n))
     change *= (rng.random(change.shape) < _OFTEN) & movable(whole)
-    q, poses, kept = _able(whole, balls, rows.q + change, floor)
-    found = _met(whole, balls.velocity(), (q, poses), rows.free[kept], np.arange(len(q)), rng)
+    q, poses, kept = _able(whole, balls, rows.q + change, touch)
+    chosen, A = rows.free[kept], rows.A[kept]
+    takes_part = np.any(A != 0.0, axis=2)
+    good, again = shared(poses.J, chosen, np.where(takes_part, whole.dq_max**2, 0.0))
+    further = takes_part.sum(axis=1) > 3
+    A = np.where((further & good)[:, None, None], again, A)
+    found = _met(whole, balls.velocity(), (q, poses), (chosen, A), np.arange(len(q)), rng)
     found = spread(whole, balls, found)
     return joined([rows, found])
 
 
-def _able(whole: Arm, balls: Balls, q: Array, floor: float) -> (
+def _able(whole: Arm, balls: Balls, q: Array, touch: Touch) -> (
     tuple[Array, Poses, NDArray[np.int64]]
 ):  # fmt: skip
     """Return the poses clear of floor and arm with the palm towards the ball, and their indices."""
     if balls.aim is not None:
         q = _led(whole, q, balls)
     poses, v = poses_of(whole.model, q), balls.velocity()
-    good = _clear(poses, floor) & within(whole, q, _MARGIN)
+    good = _clear(poses, touch.floor) & within(whole, q, _MARGIN)
     good &= -(poses.palm @ v) > _FACING * np.linalg.norm(v)
     if balls.aim is not None:
         good &= _off_line(poses.tip, balls) < 0.05
+    good[good] = touch.clear(q[good])
     return q[good], poses.take(good), np.flatnonzero(good)
 
 
 def _met(
-    whole: Arm, v: Array, of: tuple[Array, Poses], chosen: NDArray[np.int64],
+    whole: Arm, v: Array, of: tuple[Array, Poses], moving: tuple[NDArray[np.int64], Array],
     row: NDArray[np.int64], rng: np.random.Generator,
 ) -> Rows:  # fmt: skip
-    """Return the rows whose three joints meet a ball of velocity v within their speeds."""
-    q, poses = of
-    J, w = poses.J[row[:, None], chosen], poses.W[row, chosen[:, 2]]
-    d, palm = _into(poses.palm[row], w, rng), poses.palm[row]
+    """Return the rows whose joints meet a ball of velocity v within their speeds.
+
+    Args:
+        whole: The arm with all joints active.
+        v: Velocity of the ball [m/s], shape (3,).
+        of: Poses.
+        moving: The free joints, and how all share the motion, a row each.
+        row: Which pose each row has.
+        rng: Source of randomness.
+    """
+    poses, A = of[1].take(row), moving[1]
+    J, w = virtual(poses, A)
+    d = _into(poses.palm, J[:, 2], w, rng)
     share = rng.uniform(*_SHARES, (len(row), 1))
-    found = meeting(J, w, v, d, share * whole.dq_max[chosen])
-    straight: NDArray[np.bool_] = -np.sum(d * palm, axis=1) > np.cos(_STRAIGHT)
-    after = q[row]
-    after[np.arange(len(row))[:, None], chosen] += _BRAKED * found.x
-    good = within(whole, after, 0.0) & (straight | (found.s < _SOFT))
-    good &= found.sound & (found.s < np.linalg.norm(v))
-    effort = np.abs(found.x / whole.dq_max[chosen]).max(axis=1)
+    found = meeting(J, w, v, d, share * whole.dq_max, A)
+    good = np.flatnonzero(found.sound & (found.s < np.linalg.norm(v)))
+    moving = moving[0][good], A[good]
+    return _rows(whole, of, moving, row[good], d[good], found.take(good))
+
+
+def _rows(
+    whole: Arm, of: tuple[Array, Poses], moving: tuple[NDArray[np.int64], Array],
+    row: NDArray[np.int64], d: Array, found: Meeting,
+) -> Rows:  # fmt: skip
+    """Return what meets the ball so that it comes into the palm and the joints can brake after."""
+    (q, poses), (chosen, A) = of, moving
+    speeds = np.einsum("bka,ba->bk", A, found.x)
+    straight: NDArray[np.bool_] = -np.sum(d * poses.palm[row], axis=1) > np.cos(_STRAIGHT)
+    good = within(whole, q[row] + _BRAKED * speeds, 0.0) & (straight | (found.s < _SOFT))
+    effort = np.abs(speeds / whole.dq_max).max(axis=1)
     return Rows(
-        q=q[row], free=chosen, kappa=found.kappa, inward=found.inward, x=found.x,
+        q=q[row], free=chosen, kappa=found.kappa, inward=found.inward, A=A, x=found.x,
         tip=poses.tip[row], score=found.s + 0.3 * effort,
     ).take(good)  # fmt: skip
 
@@ -201,12 +268,14 @@ def _clear(poses: Poses, floor: float) -> NDArray[np.bool_]:
     return good
 
 
-def _into(palm: Array, w: Array, rng: np.random.Generator) -> Array:
-    """Return unit vectors across w, about into the palm, shape (B, 3)."""
-    flat = -palm + np.sum(palm * w, axis=1)[:, None] * w
+def _into(palm: Array, J: Array, w: Array, rng: np.random.Generator) -> Array:
+    """Return unit vectors in the plane of J and w x J, about into the palm, shape (B, 3)."""
+    across = np.cross(J, np.cross(w, J))
+    across /= np.maximum(np.linalg.norm(across, axis=1), 1e-12)[:, None]
+    flat = -palm + np.sum(palm * across, axis=1)[:, None] * across
     flat /= np.maximum(np.linalg.norm(flat, axis=1), 1e-9)[:, None]
     tilt = rng.uniform(-_TILT, _TILT, len(palm))[:, None]
-    d: Array = np.cos(tilt) * flat + np.sin(tilt) * np.cross(w, flat)
+    d: Array = np.cos(tilt) * flat + np.sin(tilt) * np.cross(across, flat)
     return d
 
 
@@ -219,13 +288,11 @@ def spread(whole: Arm, balls: Balls, rows: Rows) -> Rows:
         v = balls.velocity(*corner[2:])
         q = _moved(whole, rows, v, np.array([0.0, *corner[:2]]) * box[:, 1])
         poses = poses_of(whole.model, q)
-        index = np.arange(len(q))
-        J, w = poses.J[index[:, None], rows.free], poses.W[index, rows.free[:, 2]]
-        x, relative = met(J, w, v, rows.kappa, rows.inward)
+        x, relative = met(*virtual(poses, rows.A), v, rows.kappa, rows.inward)
         s = np.linalg.norm(relative, axis=1)
         cosine = -np.sum(relative * poses.palm, axis=1) / np.maximum(s, 1e-9)
         straight = (cosine > np.cos(_STRAIGHT)) | (s < _SOFT)
-        share = np.abs(x / whole.dq_max[rows.free]).max(axis=1)
+        share = np.abs(np.einsum("bka,ba->bk", rows.A, x) / whole.dq_max).max(axis=1)
         good &= within(whole, q, 0.05) & np.isfinite(s)
         total += s + _TOO_FAST * np.maximum(share - _FASTEST, 0.0) + 1.0 * ~straight
         worst = np.maximum(worst, share)
@@ -233,7 +300,7 @@ def spread(whole: Arm, balls: Balls, rows: Rows) -> Rows:
 
 
 def _moved(whole: Arm, rows: Rows, v: Array, offset: Array) -> Array:
-    """Move the two other joints so that the catch point lies elsewhere, seen along the ball's way.
+    """Move the other free joints so that the catch point lies elsewhere, seen along the ball's way.
 
     Two steps of Newton's method across v.
     """
@@ -242,14 +309,14 @@ def _moved(whole: Arm, rows: Rows, v: Array, offset: Array) -> Array:
     across[0] /= np.linalg.norm(across[0])
     across[1] = np.cross(across[0], n)
     q, goal = rows.q.copy(), (rows.tip + offset) @ across.T
-    index, lost = np.arange(len(q)), np.zeros(len(q), dtype=bool)
+    lost = np.zeros(len(q), dtype=bool)
     for _ in range(2):
         poses = poses_of(whole.model, q)
-        A = np.swapaxes(poses.J[index[:, None], rows.free[:, :2]] @ across.T, 1, 2)
-        flat = np.abs(np.linalg.det(A)) < 1e-4
-        A = np.where(flat[:, None, None], np.eye(2), A)
-        step = np.linalg.solve(A, (goal - poses.tip @ across.T)[..., None])[..., 0]
-        q[index[:, None], rows.free[:, :2]] += np.clip(step, -0.8, 0.8)
+        C = np.swapaxes(virtual(poses, rows.A)[0][:, :2] @ across.T, 1, 2)
+        flat = np.abs(np.linalg.det(C)) < 1e-4
+        C = np.where(flat[:, None, None], np.eye(2), C)
+        step = np.linalg.solve(C, (goal - poses.tip @ across.T)[..., None])[..., 0]
+        q += np.einsum("bka,ba->bk", rows.A[:, :, :2], np.clip(step, -0.8, 0.8))
         lost |= flat
     q[lost] = whole.q_max + 1.0  # in no range
     return q

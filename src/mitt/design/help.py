@@ -8,6 +8,7 @@ from mitt.design.balls import Balls
 from mitt.design.candidate import Candidate
 from mitt.design.meeting import meeting, met
 from mitt.design.poses import poses_of
+from mitt.design.sharing import virtual
 from mitt.robot.arm import Arm
 
 #: By what a joint is made quicker, and relative speed below which nothing has to be [m/s].
@@ -38,19 +39,19 @@ def help_of(whole: Arm, c: Candidate, balls: Balls) -> list[Help]:
     the quickest of them is now.
     """
     order = [k for k in range(3) if k != c.catch] + [c.catch]
-    index = np.array(c.free)[order]
-    poses, v = poses_of(whole.model, c.q[None]), balls.velocity()
-    J, w, most = poses.J[:, index], poses.W[:, index[2]], whole.dq_max[index]
+    index, A = np.array(c.active), c.A[None][:, :, order]
+    v, most = balls.velocity(), whole.dq_max
+    J, w = virtual(poses_of(whole.model, c.q[None]), A)
     x, relative = met(J, w, v, np.array([c.kappa]), np.array([c.inward]))
     speed = float(np.linalg.norm(relative))
-    share = np.abs(x[0]) / most
+    share = (np.abs(A[0] @ x[0]) / most)[index]
     if not speed > _GENTLE:
         return [_row(whole, k, s, speed, speed) for k, s in zip(index, share, strict=True)]
     allowed, out = float(share.max()) * most, []
     for at, k in enumerate(index):
         quicker = allowed.copy()
-        quicker[at] *= QUICKER
-        m = meeting(J, w, v, relative / speed, quicker[None])
+        quicker[k] *= QUICKER
+        m = meeting(J, w, v, relative / speed, quicker[None], A)
         least = min(float(m.s[0]), speed) if np.isfinite(m.s[0]) else speed
         out.append(_row(whole, int(k), float(share[at]), speed, least))
     return out

@@ -2,15 +2,19 @@
 
 Three joints j, k and the catch joint i carry the hand at J x, x their speeds. The map's line is
 T = kappa J_i + inward (w_i x J_i) (:mod:`mitt.generator.tangent`), and v = x_j J_j + x_k J_k +
-x_i T. So the ball comes to the hand with v - J x = (T - J_i) x_i, in the plane across w_i; any
-direction d of that plane will do, and its size s is as small as the joint speeds allow:
+x_i T. So the ball comes to the hand with v - J x = (T - J_i) x_i, in the plane of J_i and
+w_i x J_i; any direction d of that plane will do, and its size s is as small as the joint speeds
+allow:
 
-    x = J^-1 (v - s d) = x_0 - s J^-1 d,   |x| <= fastest.
+    x = J^-1 (v - s d) = x_0 - s J^-1 d,   |A x| <= fastest.
+
+The three may be virtual joints, each of which turns several (:mod:`mitt.design.sharing`).
 
 | here        | meaning                                              | unit  | shape     |
 |-------------|------------------------------------------------------|-------|-----------|
 | ``J``       | columns dl/dq of the three joints, the catch joint last | m/rad | (B, 3, 3) |
 | ``w``       | axis of the catch joint                              | 1     | (B, 3)    |
+| ``A``       | dq of all joints over the three                      | 1     | (B, N, 3) |
 | ``d``       | direction of the relative velocity                   | 1     | (B, 3)    |
 | ``s``       | its size                                             | m/s   | (B,)      |
 | ``x``       | joint speeds, the catch joint last                   | rad/s | (B, 3)    |
@@ -40,37 +44,49 @@ class Meeting(NamedTuple):
     kappa: Array  # (B,)
     inward: Array  # (B,)
 
+    def take(self, rows: NDArray[np.int64]) -> "Meeting":
+        """Return some of them, by index."""
+        return Meeting(
+            self.sound[rows], self.s[rows], self.x[rows], self.kappa[rows], self.inward[rows]
+        )
 
-def meeting(J: Array, w: Array, v: Array, d: Array, fastest: Array) -> Meeting:
+
+def meeting(J: Array, w: Array, v: Array, d: Array, fastest: Array, A: Array) -> Meeting:
     """Return the least relative velocity along d; see the module's table.
 
     Args:
         J: Columns as J[:, c], joint c's dl/dq, the catch joint last, shape (B, 3, 3).
         w: Axis of the catch joint, shape (B, 3).
         v: Velocity of the ball [m/s], shape (3,) or (B, 3).
-        d: Direction across w, shape (B, 3).
-        fastest: Speeds that may be asked of the three [rad/s], shape (B, 3).
+        d: Direction in the plane of J_i and w x J_i, shape (B, 3).
+        fastest: Speeds that may be asked of all joints [rad/s], shape (B, N).
+        A: dq of all joints over the three, shape (B, N, 3).
     """
     size = np.linalg.norm(J, axis=2)
     det = np.linalg.det(J)
     sound = np.abs(det) > _SINGULAR * np.prod(size, axis=1) + 1e-12
-    A = np.where(sound[:, None, None], np.swapaxes(J, 1, 2), np.eye(3))
-    x_0 = np.asarray(np.linalg.solve(A, np.broadcast_to(v, d.shape)[..., None]), float)[..., 0]
-    slope = np.asarray(np.linalg.solve(A, d[..., None]), float)[..., 0]
-    least, most = _interval(x_0, slope, fastest)
+    columns = np.where(sound[:, None, None], np.swapaxes(J, 1, 2), np.eye(3))
+    both = np.stack([np.broadcast_to(v, d.shape), d], axis=2)
+    x_0, slope = np.moveaxis(np.asarray(np.linalg.solve(columns, both), np.float64), 2, 0)
+    least, most = _interval(_all(A, x_0), _all(A, slope), fastest)
     s = np.maximum(least, 0.0)
     x = x_0 - s[:, None] * slope
-    J_i, quick = J[:, 2], np.abs(x[:, 2]) > _SLOWEST
-    sound &= (s <= most) & quick
-    scale = np.where(sound, s, 0.0) / np.where(sound, x[:, 2] * size[:, 2] ** 2, 1.0)
-    kappa = 1.0 + scale * np.sum(d * J_i, axis=1)
-    inward = scale * np.sum(d * np.cross(w, J_i), axis=1)
+    J_i, lever = J[:, 2], np.cross(w, J[:, 2])
+    sound &= (s <= most) & (np.abs(x[:, 2]) > _SLOWEST)
+    scale = np.where(sound, s, 0.0) / np.where(sound, x[:, 2], 1.0)
+    kappa = 1.0 + scale * np.sum(d * J_i, axis=1) / np.maximum(size[:, 2] ** 2, 1e-12)
+    inward = scale * np.sum(d * lever, axis=1) / np.maximum(np.sum(lever**2, axis=1), 1e-12)
     sound &= (kappa > 1.0 - 1e-9) & (kappa < _MOST) & (np.abs(inward) < _MOST)
     return Meeting(sound=sound, s=s, x=x, kappa=np.maximum(kappa, 1.0), inward=inward)
 
 
+def _all(A: Array, x: Array) -> Array:
+    """Return the speeds of all joints from those of the three, shape (B, N)."""
+    return np.asarray(np.einsum("bka,ba->bk", A, x))
+
+
 def _interval(x_0: Array, slope: Array, fastest: Array) -> tuple[Array, Array]:
-    """Return the range of s in which |x_0 - s slope| <= fastest in all three, (B,) each."""
+    """Return the range of s in which |x_0 - s slope| <= fastest in all joints, (B,) each."""
     steep = np.where(np.abs(slope) > 1e-12, slope, np.copysign(1e-12, slope))
     ends = np.sort(np.array([(x_0 - fastest) / steep, (x_0 + fastest) / steep]), axis=0)
     return ends[0].max(axis=1), ends[1].min(axis=1)

@@ -13,6 +13,8 @@ from mitt.signals import Array
 #: Standard deviations of a change: joints at the catch, held joints, ready pose [rad]; kappa - 1 as
 #: a share; inward as a share of 1 + |inward|.
 _FREE, _HELD, _READY, _KAPPA, _INWARD = 0.12, 0.2, 0.2, 0.4, 0.25
+#: The same of how far a further joint turns per free one.
+_FOLLOWS = 0.1
 #: Room that is left to the ends of the ranges [rad].
 _MARGIN = 0.06
 #: Shift of the aim against the catch point [m], and how often a held joint is turned square.
@@ -34,7 +36,7 @@ def mutated(whole: Arm, c: Candidate, rng: np.random.Generator, *, size: float, 
         moves: Whether the aim goes with the catch point; it stays otherwise.
     """
     free = list(c.free)
-    q, ready = c.q.copy(), c.ready.copy()
+    q, ready, A = c.q.copy(), c.ready.copy(), c.A.copy()
     if rng.random() < _OFTEN:
         sigma = np.full(whole.n, _HELD)
         sigma[free] = _FREE
@@ -42,6 +44,9 @@ def mutated(whole: Arm, c: Candidate, rng: np.random.Generator, *, size: float, 
         q = q + size * sigma * rng.standard_normal(whole.n) * (rng.random(whole.n) < _OFTEN)
         q = _inside(whole, _squared(q, free, rng), np.arange(whole.n))
         ready = ready + (q - c.q)[free]
+    if len(c.active) > 3 and rng.random() < _OFTEN:
+        further = [k for k in c.active if k not in free]
+        A[further] += size * _FOLLOWS * rng.standard_normal((len(further), 3))
     if rng.random() < _OFTEN:
         ready = ready + size * _READY * rng.standard_normal(3)
     kappa, inward = c.kappa, c.inward
@@ -51,7 +56,7 @@ def mutated(whole: Arm, c: Candidate, rng: np.random.Generator, *, size: float, 
     aim = _aim(c.aim, whole.position(q) - whole.position(c.q), size, rng) if moves else c.aim
     turn = c.turn + (np.pi / 3.0 if rng.random() < 0.1 else 0.0)
     return replace(
-        c, q=q, ready=_inside(whole, ready, np.array(free)), kappa=min(kappa, 50.0),
+        c, q=q, A=A, ready=_inside(whole, ready, np.array(free)), kappa=min(kappa, 50.0),
         inward=float(np.clip(inward, -50.0, 50.0)), aim=aim,
         turn=float(np.mod(turn, 2.0 * np.pi / 3.0)),
     )  # fmt: skip

@@ -19,6 +19,8 @@ _SWING = (0.04, 0.2)
 #: Farthest that the two other joints stand off their angles at the catch [rad]: l_c^-1 starts from
 #: the ready pose, and has other branches.
 _ASIDE = 0.4
+#: Room that the ready pose keeps to the ends of the ranges [rad].
+_ROOM = 0.05
 
 
 class Rows(NamedTuple):
@@ -28,15 +30,21 @@ class Rows(NamedTuple):
     free: NDArray[np.int64]  # (B, 3) catch joint last
     kappa: Array  # (B,)
     inward: Array  # (B,)
-    x: Array  # (B, 3) joint speeds at the nominal catch, catch joint last
+    A: Array  # (B, N, 3) how joints share the motion, catch joint last (mitt.design.sharing)
+    x: Array  # (B, 3) speeds of the free joints at the nominal catch, catch joint last
     tip: Array  # (B, 3)
     score: Array  # (B,) relative speed [m/s] and what else is bad; smaller is better
+
+    @property
+    def moving(self) -> NDArray[np.int64]:
+        """How many joints move, shape (B,)."""
+        return np.asarray(np.any(self.A != 0.0, axis=2).sum(axis=1), dtype=np.int64)
 
     def take(self, rows: Which) -> "Rows":
         """Return some of them, by index or by mask."""
         return Rows(
-            self.q[rows], self.free[rows], self.kappa[rows], self.inward[rows], self.x[rows],
-            self.tip[rows], self.score[rows],
+            self.q[rows], self.free[rows], self.kappa[rows], self.inward[rows], self.A[rows],
+            self.x[rows], self.tip[rows], self.score[rows],
         )  # fmt: skip
 
 
@@ -60,11 +68,11 @@ def best_of(rows: Rows, *, count: int, each: int) -> Rows:
     The more of a choice are taken already, the better its next one has to be: what looks best by
     geometry need not have a domain, or the torque.
     """
-    order = np.argsort(rows.score, kind="stable")
+    order, moving = np.argsort(rows.score, kind="stable"), rows.moving
     taken, cost = list[int](), list[float]()
     seen, near = dict[tuple[int, ...], int](), dict[tuple[int, ...], int]()
     for k in order.tolist():
-        key = tuple(rows.free[k].tolist())
+        key = (*rows.free[k].tolist(), int(moving[k]))
         place = (*key, *np.round(rows.tip[k] / 0.15).astype(int).tolist())
         if seen.get(key, 0) >= each or near.get(place, 0) >= max(1, each // 8):
             continue
@@ -86,14 +94,21 @@ def candidates_of(
         swing = rng.uniform(*_SWING) * rows.x[k]
         swing[:2] = np.clip(swing[:2], -_ASIDE, _ASIDE)
         ready = rows.q[k, free] - swing[order]
-        low, high = whole.q_min[free] + 0.05, whole.q_max[free] - 0.05
+        low, high = whole.q_min + _ROOM, whole.q_max - _ROOM
+        ready = np.clip(ready, low[free], high[free])
+        swing = rows.A[k][:, order] @ (ready - rows.q[k, free])
+        room = np.where(swing > 0.0, high - rows.q[k], rows.q[k] - low) / np.maximum(
+            np.abs(swing), 1e-9
+        )
+        ready = rows.q[k, free] + np.clip(room.min(), 0.0, 1.0) * (ready - rows.q[k, free])
         out.append(Candidate(
             q=rows.q[k].copy(),
             free=(int(free[0]), int(free[1]), int(free[2])),
             catch=int(np.argmax(order == 2)),
             kappa=float(rows.kappa[k]),
             inward=float(rows.inward[k]),
-            ready=np.clip(ready, low, high),
+            A=rows.A[k][:, order],
+            ready=ready,
             aim=boxes[k].copy(),
         ))  # fmt: skip
     return out

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mitt.design.assay import Task, Worth
 from mitt.design.candidate import Candidate
+from mitt.design.contact import Touch
 from mitt.design.geometry import drawn, improved, spread, triples_of
 from mitt.design.mutation import mutated
 from mitt.design.rows import Rows, best_of, candidates_of, joined
@@ -39,10 +40,10 @@ class Effort:
         changes: Rounds of small changes of these.
         judged: Candidates that are learned and judged by flights.
         thrown: Those of them that are thrown at.
-        throws: Throws at each while they are compared.
+        throws: Throws at each in each generation, the first being that without changes. They grow,
+            so that the few that are left are told apart.
         parents: Candidates that are changed in each generation.
         children: Changed ones of each generation.
-        generations: Number of generations.
         last: Candidates that are learned in full and confirmed.
         confirm: Throws at each of these, by which the best is chosen.
         report: Fresh throws at the chosen one, which alone are reported.
@@ -55,10 +56,9 @@ class Effort:
     changes: int = 16
     judged: int = 60
     thrown: int = 16
-    throws: int = 12
+    throws: tuple[int, ...] = (12, 12, 12, 16, 24, 32, 48)
     parents: int = 5
     children: int = 20
-    generations: int = 5
     last: int = 6
     confirm: int = 60
     report: int = 100
@@ -67,14 +67,14 @@ class Effort:
     def less(self) -> "Effort":
         """Return less of it, for one of several searches."""
         return replace(
-            self, judged=self.judged // 3, thrown=self.thrown // 2,
-            generations=min(self.generations, 2), last=1, confirm=self.throws,
+            self, judged=self.judged // 3, thrown=self.thrown // 2, throws=self.throws[:3], last=1,
+            confirm=self.throws[0],
         )  # fmt: skip
 
 
 #: By name: what ``mitt design --effort`` may ask for.
 EFFORTS = {
-    "quick": Effort(rounds=2, changes=8, judged=16, thrown=6, generations=1, children=8, last=1,
+    "quick": Effort(rounds=2, changes=8, judged=16, thrown=6, throws=(12, 12), children=8, last=1,
                     confirm=20),
     "full": Effort(),
 }  # fmt: skip
@@ -106,7 +106,9 @@ def search(bench: Bench, effort: Effort, *, joints: Sequence[str] | None = None)
     candidates = candidates_of(whole, task.balls, first, rng)
     worth = bench.try_all("learning", candidates[: 2 * effort.judged], how="glance")
     fresh = _distinct(worth, effort.thrown)
-    pool = bench.try_all("throwing", fresh, throws=effort.throws, seed=_COMPARE)
+    pool = bench.try_all(
+        "throwing", fresh, throws=effort.throws[0], seed=_COMPARE + effort.throws[0]
+    )
     pool = _refined(whole, task, effort, bench, pool)
     last = [w.candidate for w in _sorted(pool)[: effort.last]]
     confirmed = bench.try_all("confirming", last, throws=effort.confirm, seed=_CONFIRM, how="full")
@@ -130,9 +132,9 @@ def _by_geometry(
     progress: Progress,
 ) -> Rows:  # fmt: skip
     """Return candidates that meet balls all over the box, by geometry alone."""
-    kept, count = [], 0
+    kept, count, touch = [], 0, Touch(whole, task.scene)
     for k in range(effort.rounds):
-        rows = drawn(whole, task.balls, triples, rng, count=effort.poses, floor=task.scene.floor)
+        rows = drawn(whole, task.balls, triples, rng, count=effort.poses, touch=touch)
         kept.append(spread(whole, task.balls, best_of(rows, count=4000, each=400)))
         count += len(kept[-1].q)
         progress("geometry", k + 1, effort.rounds)
@@ -141,9 +143,7 @@ def _by_geometry(
     rows = joined(kept)
     for k in range(effort.changes if len(rows.q) else 0):
         rows = best_of(rows, count=effort.enough, each=effort.enough // 6)
-        rows = improved(
-            whole, task.balls, rows, rng, size=0.3 / (1.0 + 0.25 * k), floor=task.scene.floor
-        )
+        rows = improved(whole, task.balls, rows, rng, size=0.3 / (1.0 + 0.25 * k), touch=touch)
         progress("geometry, changed", k + 1, effort.changes)
     return rows
 
@@ -152,21 +152,25 @@ def _refined(
     whole: Arm, task: Task, effort: Effort, bench: Bench, pool: list[Worth]
 ) -> list[Worth]:
     """Return the pool with small changes of its best, generation by generation."""
-    for generation in range(effort.generations):
+    for generation, throws in enumerate(effort.throws[1:]):
         parents = _sorted(pool)[: effort.parents]
         if not parents:
             break
+        name = f"improving {generation + 1} of {len(effort.throws) - 1}"
+        seed = _COMPARE + throws
+        if throws > parents[0].thrown:  # what was best on a few throws was lucky as well
+            parents = _sorted(bench.try_all(
+                name, [w.candidate for w in parents], throws=throws, seed=seed, give_up=False
+            ))  # fmt: skip
+            pool = list(parents)
         size = 1.0 / (1.0 + 0.35 * generation)
         children = []
-        for k in range(effort.children):
+        for k in range(effort.children if parents else 0):
             rng = np.random.default_rng([task.seed, 2, generation, k])
             parent = parents[min(int(rng.exponential(0.4 * len(parents))), len(parents) - 1)]
             moves = task.balls.aim is None
             children.append(mutated(whole, parent.candidate, rng, size=size, moves=moves))
-        name = f"improving {generation + 1} of {effort.generations}"
-        pool += bench.try_all(
-            name, children, throws=effort.throws, seed=_COMPARE, least=_WORTH_THROWING
-        )
+        pool += bench.try_all(name, children, throws=throws, seed=seed, least=_WORTH_THROWING)
     return pool
 
 
@@ -179,7 +183,7 @@ def _distinct(worth: Sequence[Worth], count: int) -> list[Candidate]:
     """Return the best few, not too many with the same joints."""
     out, seen = list[Candidate](), dict[tuple[int, ...], int]()
     for w in sorted(worth, key=lambda w: -w.score):
-        key = (*w.candidate.free, w.candidate.catch)
+        key = (*w.candidate.active, w.candidate.catch)
         if seen.get(key, 0) < max(1, count // 3):
             seen[key] = seen.get(key, 0) + 1
             out.append(w.candidate)

@@ -15,6 +15,7 @@ from mitt.robot.hands import HandModel
 from mitt.robot.limit_sets import LimitSet
 from mitt.robot.load import load_arm
 from mitt.robot.mjcf import read_mjcf
+from mitt.robot.serial import Mount
 from mitt.robot.urdf import read_urdf
 from mitt.robot.wam import LIMIT_SETS
 
@@ -25,7 +26,12 @@ _WAM = ("j1", "j2", "j3", "j4")
 
 
 def whole_arm(
-    arm: str | Path, *, tip: str | None, limits: str | Path | None, hand: HandModel | None
+    arm: str | Path,
+    *,
+    tip: str | None,
+    limits: str | Path | None,
+    hand: HandModel | None,
+    mount: Mount = "plate",
 ) -> Arm:
     """Return an arm with all its driven joints active.
 
@@ -34,6 +40,7 @@ def whole_arm(
         tip: Frame of the file at the catch point.
         limits: Name of a limit set, or a TOML file.
         hand: What is mounted at the tip.
+        mount: What of it is at the tip of a file.
 
     Raises:
         MittError: The arm cannot be.
@@ -42,7 +49,8 @@ def whole_arm(
     if str(arm) == "wam":
         return load_arm("wam", tip=tip, joints=_WAM, limits=given, hand=hand)
     names = None if tip is None else driven_joints(Path(arm), tip, given)
-    whole = load_arm(arm, tip=tip, joints=names, limits=given, hand=hand)
+    whole = load_arm(arm, tip=tip, joints=names, limits=given, hand=hand,
+                     hand_mount=mount)  # fmt: skip
     endless = [link.name for link in whole.model.links if link.held is not None]
     if endless:
         raise ModelError(

@@ -22,6 +22,7 @@ from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.limit_sets import LimitSet
 from mitt.robot.load import load_arm
+from mitt.robot.serial import Mount
 from mitt.robot.urdf import MAX_BYTES
 from mitt.robot.wam import LIMIT_SETS
 
@@ -39,13 +40,14 @@ class ArmFile:
     Attributes:
         arm: Name of an arm, or path of a URDF or MJCF file.
         sha256: Digest of that file; any file will do where it is None.
-        tip: Frame of the file at the catch point, z along the palm's normal.
+        tip: Frame of the file, z along the palm's normal, at which the hand is mounted.
         joints: Active joints; empty for those of an arm by name.
         ready: Ready pose of these joints, in their order [rad]; None: as ``load_arm`` chooses.
         held: Angles at which joints are held [rad]; any other is held at 0, moved into its range.
         limits: Name of a limit set, or path of a TOML file; None: those of the arm's file.
         hand: Name of the hand mounted at the tip, or ``none``.
         hand_turn: How far it is turned about the z axis of the tip [rad].
+        hand_mount: What of it is at the tip: its catch point, or its plate.
         map: Design of its map; None where it follows from the arm.
         throws: Where its balls come from; None where it says nothing.
     """
@@ -59,6 +61,7 @@ class ArmFile:
     limits: str | Path | None = None
     hand: HandName = "three-finger"
     hand_turn: float = 0.0
+    hand_mount: Mount = "catch"
     map: MapDesign | None = None
     throws: ThrowSettings | None = None
 
@@ -86,6 +89,7 @@ class ArmFile:
             limits=limits_of(self.limits if limits is None else limits),
             hand=HandModel() if self.hand == "three-finger" else None,
             hand_turn=self.hand_turn,
+            hand_mount=self.hand_mount,
         )
         if self.throws is None or self.throws.at is None:
             return arm
@@ -118,6 +122,7 @@ class _Arm(Part):
 class _Hand(Part):
     name: HandName = "three-finger"
     turn: Annotated[float, Field(ge=-10.0, le=10.0)] = 0.0
+    mount: Mount = "catch"
 
 
 class _Map(Part):
@@ -127,6 +132,7 @@ class _Map(Part):
     inward: Finite = 0.0
     order: Annotated[int, Field(ge=2, le=20)] = 4
     free: tuple[int, int, int] = (0, 1, 2)
+    coupling: Annotated[tuple[tuple[Finite, Finite, Finite], ...], Field(max_length=64)] = ()
 
 
 class _ArmFile(Part):
@@ -175,6 +181,7 @@ def _arm_file(content: _ArmFile, folder: Path) -> ArmFile:
         limits=folder / limits if limits is not None and limits.endswith(".toml") else limits,
         hand=content.hand.name,
         hand_turn=content.hand.turn,
+        hand_mount=content.hand.mount,
         map=None if content.map is None else MapDesign(**content.map.model_dump()),
         throws=content.throws,
     )
@@ -202,7 +209,7 @@ def write_arm_file(path: Path, arm: ArmFile, *, comment: str = "") -> None:
     tables: dict[str, Any] = {
         "schema": SCHEMA,
         "arm": own,
-        "hand": {"name": arm.hand, "turn": float(arm.hand_turn)},
+        "hand": {"name": arm.hand, "turn": float(arm.hand_turn), "mount": arm.hand_mount},
         "map": None if arm.map is None else asdict(arm.map),
         "throws": None if arm.throws is None
         else arm.throws.model_dump(exclude_none=True, exclude_defaults=True),

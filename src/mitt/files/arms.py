@@ -10,6 +10,7 @@ from mitt.robot.hands import HandModel
 from mitt.robot.limit_sets import LimitSet
 from mitt.robot.load import load_arm as load
 from mitt.robot.load import with_encoders
+from mitt.robot.serial import Mount
 
 
 def load_arm(
@@ -22,6 +23,7 @@ def load_arm(
     limits: str | Path | LimitSet | None = None,
     hand: HandModel | None = None,
     hand_turn: float = 0.0,
+    hand_mount: Mount = "catch",
     encoder_step: float | Sequence[float] | None = None,
 ) -> Arm:
     """Return an arm by name, from a URDF or MJCF file, or from an arm file (``.toml``).
@@ -38,9 +40,11 @@ def load_arm(
         limits: Limit set: a name of ``mitt.files.limit_files.shipped()``, ``paper``, ``wam-48v`` or
             ``wam-80v`` for the WAM, ``model`` for what a file states, or a TOML file
             (docs/arms.md).
-        hand: For files: a hand to be mounted so that its catch point is at the tip; without
-            one the file is taken to contain what the arm carries.
+        hand: For files: a hand to be mounted; without one the file is taken to contain what the arm
+            carries.
         hand_turn: How far the hand is turned about the z axis of the tip [rad].
+        hand_mount: For files: what of the hand is at the tip, its catch point or its plate, as on a
+            flange.
         encoder_step: Resolution of the encoders of the active joints [rad], one for all or one a
             joint; the WAM's own, or ``description.ENCODER_STEP`` for files, if left out.
 
@@ -66,5 +70,6 @@ def load_arm(
         limits=limits_of(limits),
         hand=hand,
         hand_turn=hand_turn,
+        hand_mount=hand_mount,
         encoder_step=encoder_step,
     )

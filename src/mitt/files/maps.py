@@ -33,6 +33,7 @@ class _Design(Part):
     inward: Finite = 0.0
     order: int = Field(ge=2, le=MOST_ORDER)
     free: tuple[int, int, int]
+    coupling: tuple[tuple[Finite, Finite, Finite], ...] = ()
 
 
 class _Step(Part):

@@ -26,6 +26,8 @@ class MapDesign:
             the palm's normal.
         order: Degree N of the polynomial.
         free: The three joints of l_c, the catch joint among them; all where the arm has three.
+        coupling: How far each further joint turns per free joint in l_c, a row of three a joint;
+            nothing where they stay.
     """
 
     catch_joint: int = 2
@@ -34,6 +36,7 @@ class MapDesign:
     inward: float = 0.0
     order: int = 4
     free: tuple[int, int, int] = (0, 1, 2)
+    coupling: tuple[tuple[float, float, float], ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse what no map can have; an arm may refuse more."""
@@ -51,6 +54,8 @@ class MapDesign:
         if len(given) != 3:
             raise InputError("free", "three indices of joints", checks.shown(self.free))
         fields["free"] = tuple(checks.whole("free", k, least=0) for k in given)
+        rows = checks.array("coupling", np.reshape(self.coupling, (-1, 3)), (None, 3), finite=True)
+        fields["coupling"] = tuple(tuple(row) for row in rows.tolist())
         for name, kept in fields.items():
             object.__setattr__(self, name, kept)
 
@@ -178,6 +183,17 @@ def check_joints(arm: Arm, design: MapDesign) -> None:
         raise ModelError("free", f"three rising indices in 0..{arm.n - 1}", design.free)
     if design.catch_joint not in design.free:
         raise ModelError("catch_joint", f"one of the free joints {design.free}", design.catch_joint)
+    if design.coupling and len(design.coupling) != arm.n - 3:
+        raise ModelError("coupling", f"{arm.n - 3} rows, one a further joint", len(design.coupling))
+
+
+def coupling_of(n: int, design: MapDesign) -> Array:
+    """Return A: how far each of n joints turns per free joint in l_c, shape (n, 3)."""
+    A, further = np.zeros((n, 3)), [k for k in range(n) if k not in design.free]
+    A[list(design.free)] = np.eye(3)
+    if design.coupling:
+        A[further] = design.coupling
+    return A
 
 
 def tangent_of(arm: Arm, design: MapDesign) -> Tangent:
@@ -200,10 +216,12 @@ def tangent_of(arm: Arm, design: MapDesign) -> Tangent:
         chain=arm.chain,
         free=design.free,
         catch_joint=i,
+        catch=design.free.index(i),
         q_catch=design.q_catch,
         kappa=design.kappa,
         inward=design.inward,
         q_rest=arm.q_ready.copy(),
+        A=coupling_of(arm.n, design),
         planar=plane is not None and design.free == (0, 1, 2),
         plane=np.zeros(7) if plane is None else plane,
     )

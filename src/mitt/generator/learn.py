@@ -172,8 +172,10 @@ def _scaled(start: DirectMap, flights: Sequence[Flight]) -> tuple[DirectMap, lis
         basis=CatchBasis(basis.order, basis.catch_joint, centre, scale),
         region=np.array([ends.min(axis=0), ends.max(axis=0)]),
     )
-    again = [lift_flight(scaled, flight) for flight in flights]
-    return scaled, [x for x in again if x is not None]
+    lifted = [x for x in (lift_flight(scaled, flight) for flight in flights) if x is not None]
+    if not lifted:
+        raise InputError("flights", "at least one inside the map's domain", f"{len(flights)}, none")
+    return scaled, lifted
 
 
 def _kinetic(arm: Arm, lifted: Sequence[Lifted]) -> Array:

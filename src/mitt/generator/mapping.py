@@ -197,11 +197,10 @@ class DirectMap:
                              do="ask to_joints whether it is")  # fmt: skip
         J_c = self._expanded("q_o", q_o).J_c
         free = list(self.design.free)
-        per_ball = np.zeros((self.arm.n, 3))
-        per_ball[free] = np.linalg.inv(J_c.T)
+        per_ball = self.tangent.A @ np.linalg.inv(J_c.T)
         slope = np.zeros((self.arm.n, self.arm.n))
         slope[:, free] = self.alpha.T @ self.basis.gradient(q_o[free])
-        out: Array = (np.eye(self.arm.n) + slope) @ per_ball
+        out: Array = per_ball + slope @ per_ball
         return out
 
     def _expanded(self, name: str, q_o: Array) -> Scratch:

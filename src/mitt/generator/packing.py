@@ -13,15 +13,16 @@ from mitt.signals import Array
 from mitt.views import view
 
 #: Numbers before the arrays: n, i, q_alpha, kappa, planar, three free joints, seven of the plane,
-#: inward.
-_HEAD = 16
+#: inward, place of i among the free joints.
+_HEAD = 17
 
 
 def pack(g: Tangent) -> Array:
     """Return a tangent map as one vector, to be read by :func:`unpack`."""
     n = len(g.q_rest)
-    head = [n, g.catch_joint, g.q_catch, g.kappa, float(g.planar), *g.free, *g.plane, g.inward]
-    arrays = (g.q_rest, g.chain.tip, g.chain.prismatic, g.chain.p, g.chain.axis, g.chain.R)
+    head = [n, g.catch_joint, g.q_catch, g.kappa, float(g.planar), *g.free, *g.plane, g.inward,
+            g.catch]  # fmt: skip
+    arrays = (g.q_rest, g.A, g.chain.tip, g.chain.prismatic, g.chain.p, g.chain.axis, g.chain.R)
     return np.concatenate([np.array(head, dtype=np.float64), *(x.ravel() for x in arrays)])
 
 
@@ -29,7 +30,8 @@ def pack(g: Tangent) -> Array:
 def unpack(v: Array) -> Tangent:
     """Return the tangent map whose arrays are views of a packed vector."""
     n = int(v[0])
-    a = _HEAD + n
+    at = _HEAD + n
+    a = at + 3 * n
     b = a + 3
     c = b + n
     d = c + 3 * n
@@ -39,7 +41,10 @@ def unpack(v: Array) -> Tangent:
         view(v, a, (3,)),
     )  # fmt: skip
     free, rest = (int(v[5]), int(v[6]), int(v[7])), view(v, _HEAD, (n,))
-    return Tangent(chain, free, int(v[1]), v[2], v[3], v[15], rest, v[4] > 0.0, view(v, 8, (7,)))
+    return Tangent(
+        chain, free, int(v[1]), int(v[16]), v[2], v[3], v[15], rest, view(v, at, (n, 3)),
+        v[4] > 0.0, view(v, 8, (7,)),
+    )  # fmt: skip
 
 
 def workspace(n: int, m: int = 0) -> Array:

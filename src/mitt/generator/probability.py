@@ -18,7 +18,7 @@ from mitt.generator.packing import unfold, unpack
 from mitt.generator.polynomial import jets
 from mitt.generator.sqp_step import Buffers, Map
 from mitt.generator.stopping import spare
-from mitt.generator.tangent import expand, lift, solve3
+from mitt.generator.tangent import expand, follow_rate, lift, solve3
 from mitt.generator.utilization import Plant, asked_of
 from mitt.jit import kernel
 from mitt.robot.dynamics import inverse_dynamics
@@ -99,6 +99,7 @@ def place(f: Map, c: Course, P: Array, region: Array, out: Array) -> float:
     for x in range(3):
         if not solve3(w.J_c, units[x], g.free, answer[x]):
             return 0.0
+        follow_rate(g, answer[x])
         late = answer[x, i] / dq[i]
         for j in range(n):
             answer[x, j] -= dq[j] * late
@@ -109,7 +110,8 @@ def place(f: Map, c: Course, P: Array, region: Array, out: Array) -> float:
             for y in range(3):
                 variance += answer[x, j] * answer[y, j] * ahead_of(P, c.after[k], x, y)
         out[0, j], out[1, j] = q[j], sqrt(max(variance, 0.0))
-        if j != i:
+        # Further joints follow the free ones, or stay.
+        if j != i and (j == g.free[0] or j == g.free[1] or j == g.free[2]):
             odds *= _between(q[j], out[1, j], region[0, j], region[1, j])
     return odds
 

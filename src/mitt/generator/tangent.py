@@ -10,11 +10,14 @@ inward lets it in along the line to joint i's axis, for an elbow down the forear
 |---------------|-------------------------------------------|-------------|--------|
 | ``T``         | the line along which the ball comes       | m/rad       | (3,)   |
 | ``q_o``       | l_c^-1(r_o), eq. (10)                     | rad         | (n,)   |
+| ``A``         | dq_o over the three free joints           | 1           | (n, 3) |
 | ``J_c``       | dl_c/dq over the three free joints        | m/rad       | (3, 3) |
 | ``curvature`` | J_c-dot dq_o, second derivative along dq_o| m/s^2       | (3,)   |
 
-Three joints are free, the catch joint among them, so J_c is square; any further joint stays at
-its ready angle here and takes part through b alone.
+Three joints are free, the catch joint among them, so J_c is square. Any further joint follows them,
+q_o = q_rest + A (p - p_rest) with p the free joints: the arm is one of three virtual joints
+then, each of which turns several. Where its row of A is 0 a joint stays at q_rest and takes part
+through b alone. J_i and w_i are those of the virtual joint: sums over the joints that it turns.
 """
 
 from typing import NamedTuple
@@ -23,7 +26,7 @@ import numpy as np
 
 from mitt.jit import kernel
 from mitt.robot.chain import Chain, Motion, motion_of, move, place
-from mitt.robot.vectors import Vec, cross, dot, minus, plus, put, row, times
+from mitt.robot.vectors import ZERO, Vec, cross, dot, minus, plus, put, row, times
 from mitt.signals import Array
 from mitt.views import view
 
@@ -47,10 +50,12 @@ class Tangent(NamedTuple):
     chain: Chain
     free: tuple[int, int, int]  # the free joints, from the base outwards
     catch_joint: int  # index i among the active joints
+    catch: int  # its place among the free ones
     q_catch: float  # q_alpha [rad]
     kappa: float  # velocity-match ratio
     inward: float  # share of the ball's line that leads towards the catch joint's axis
-    q_rest: Array  # (n,) angles of the joints that are not free [rad]
+    q_rest: Array  # (n,) pose from which the joints that are not free follow [rad]
+    A: Array  # (n, 3) how far each joint turns per free joint
     planar: bool
     plane: Array  # (7,) p_x, p_z, t_x, t_z, shoulder height, sign of yaw, sign of pitch
 
@@ -75,29 +80,78 @@ def scratch_of(n: int) -> Scratch:
 
 
 @kernel
+def follow(g: Tangent, q_o: Array) -> None:
+    """Write the angles of the joints that are not free, of a pose whose free joints are there."""
+    follow_rate(g, q_o)
+    for k in range(len(q_o)):
+        if k != g.free[0] and k != g.free[1] and k != g.free[2]:
+            rest = g.q_rest[k]
+            for a in range(3):
+                rest -= g.A[k, a] * g.q_rest[g.free[a]]
+            q_o[k] += rest
+
+
+@kernel
+def follow_rate(g: Tangent, dq_o: Array) -> None:
+    """Write the speeds of the joints that are not free, from those that are."""
+    for k in range(len(dq_o)):
+        if k != g.free[0] and k != g.free[1] and k != g.free[2]:
+            dq_o[k] = 0.0
+            for a in range(3):
+                dq_o[k] += g.A[k, a] * dq_o[g.free[a]]
+
+
+@kernel
 def expand(g: Tangent, q_o: Array, w: Scratch) -> None:
-    """Write l_c and J_c at the virtual joints ``q_o``."""
-    i, m = g.catch_joint, w.motion
+    """Write l_c and J_c at the virtual joints ``q_o``, of which the free ones are read."""
+    c, m = g.catch, w.motion
     for k in range(len(q_o)):
         w.q[k] = q_o[k]
-    w.q[i] = g.q_catch
-    s = q_o[i] - g.q_catch
+    w.q[g.catch_joint] = g.q_catch
+    follow(g, w.q)
+    s = q_o[g.catch_joint] - g.q_catch
     place(g.chain, w.q, m)
-    J, line = row(m.J, i), (m.line[0, i, 0], m.line[0, i, 1], m.line[0, i, 2])
-    T = plus(times(g.kappa, J), times(g.inward, cross(line, J)))
+    J = _turned(g.A, c, m.J)
+    T = plus(times(g.kappa, J), times(g.inward, cross(_turned(g.A, c, m.W), J)))
     put(w.point, 0, plus(row(m.tip, 0), times(s, T)))
     for a in range(3):
-        k = g.free[a]
-        if k == i:
-            column = T
-        elif k < i:
-            column = plus(row(m.J, k), times(s, cross(row(m.W, k), T)))
+        if a == c:
+            put(w.J_c, a, T)
         else:
-            # T is fixed in the link of joint i but for the arm's length beyond it.
-            answer = cross(row(m.W, i), row(m.J, k))
-            answer = plus(times(g.kappa, answer), times(g.inward, cross(row(m.W, i), answer)))
-            column = plus(row(m.J, k), times(s, answer))
-        put(w.J_c, a, column)
+            put(w.J_c, a, plus(_turned(g.A, a, m.J), times(s, _line_slope(g, m, a))))
+
+
+@kernel
+def _turned(A: Array, a: int, rows: Array) -> Vec:
+    """Return what free joint ``a`` turns of a vector a joint: J or w of that virtual joint."""
+    total: Vec = ZERO
+    for k in range(len(A)):
+        if A[k, a] != 0.0:
+            total = plus(total, times(A[k, a], row(rows, k)))
+    return total
+
+
+@kernel
+def _line_slope(g: Tangent, m: Motion, a: int) -> Vec:
+    """Return dT/dp of a free joint, by dJ_l/dq_k = w_k x J_l for k <= l and w_l x J_k beyond."""
+    c = g.catch
+    dJ: Vec = ZERO
+    dw: Vec = ZERO
+    for k in range(len(g.A)):
+        if g.A[k, a] == 0.0:
+            continue
+        for at in range(len(g.A)):
+            share = g.A[k, a] * g.A[at, c]
+            if share == 0.0:
+                continue
+            if k <= at:
+                dJ = plus(dJ, times(share, cross(row(m.W, k), row(m.J, at))))
+                dw = plus(dw, times(share, cross(row(m.W, k), row(m.W, at))))
+            else:
+                dJ = plus(dJ, times(share, cross(row(m.W, at), row(m.J, k))))
+    bent = plus(cross(dw, _turned(g.A, c, m.J)), cross(_turned(g.A, c, m.W), dJ))
+    slope: Vec = plus(times(g.kappa, dJ), times(g.inward, bent))
+    return slope
 
 
 @kernel
@@ -107,6 +161,7 @@ def curve(g: Tangent, q_o: Array, dq_o: Array, w: Scratch) -> None:
     for k in range(len(q_o)):
         w.dq[k] = dq_o[k]
     w.dq[i] = 0.0
+    follow_rate(g, w.dq)
     s, ds = q_o[i] - g.q_catch, dq_o[i]
     move(g.chain, w.q, w.dq, m)
     dT, ddT = _line(g, m)
@@ -116,11 +171,16 @@ def curve(g: Tangent, q_o: Array, dq_o: Array, w: Scratch) -> None:
 @kernel
 def _line(g: Tangent, m: Motion) -> tuple[Vec, Vec]:
     """Return both derivatives of T = kappa J_i + inward (w_i x J_i) along dq of qbar."""
-    i = g.catch_joint
-    J, dJ, ddJ = row(m.J, i), row(m.dJ, i), row(m.ddJ, i)
+    c = g.catch
+    dJ, ddJ = _turned(g.A, c, m.dJ), _turned(g.A, c, m.ddJ)
     dT, ddT = times(g.kappa, dJ), times(g.kappa, ddJ)
     if g.inward != 0.0:
-        w, dw, ddw = row(m.line[0], i), row(m.line[1], i), row(m.line[2], i)
+        J, w, dw, ddw = _turned(g.A, c, m.J), ZERO, ZERO, ZERO
+        for k in range(len(g.A)):
+            share = 0.0 if g.chain.prismatic[k] > 0.0 else g.A[k, c]
+            w = plus(w, times(share, row(m.line[0], k)))
+            dw = plus(dw, times(share, row(m.line[1], k)))
+            ddw = plus(ddw, times(share, row(m.line[2], k)))
         turned = plus(cross(ddw, J), plus(times(2.0, cross(dw, dJ)), cross(w, ddJ)))
         dT = plus(dT, times(g.inward, plus(cross(dw, J), cross(w, dJ))))
         ddT = plus(ddT, times(g.inward, turned))
@@ -235,10 +295,13 @@ def lift(g: Tangent, ball: Array, virtual: Array, w: Scratch) -> bool:
         return False
     dq_o[:] = 0.0
     ddq_o[:] = 0.0
+    follow(g, q_o)
     expand(g, q_o, w)
     if not solve3(w.J_c, row(ball, 1), g.free, dq_o):
         return False
+    follow_rate(g, dq_o)
     curve(g, q_o, dq_o, w)
     left = minus(row(ball, 2), row(w.point, 2))
     inside: bool = solve3(w.J_c, left, g.free, ddq_o)
+    follow_rate(g, ddq_o)
     return inside

@@ -31,8 +31,8 @@ def write_design_page(path: Path, found: Design, scene: Scene, *, command: str) 
     best = found.best
     arm = None if best is None else best.candidate.arm(found.whole)
     pictures = [] if best is None or arm is None else [
-        ("ready", pose_picture(arm, scene, best.candidate.ready, catch=False).png),
-        ("catch", pose_picture(arm, scene, best.candidate.q[list(best.candidate.free)],
+        ("ready", pose_picture(arm, scene, best.candidate.q_ready, catch=False).png),
+        ("catch", pose_picture(arm, scene, best.candidate.q_catch,
                                catch=True).png),
     ]  # fmt: skip
     helps = [] if best is None else help_of(found.whole, best.candidate, found.task.balls)

@@ -14,7 +14,7 @@ from mitt.robot.hands import HandModel
 from mitt.robot.limit_sets import LimitSet
 from mitt.robot.limits import Limits
 from mitt.robot.mjcf import read_mjcf
-from mitt.robot.serial import Wanted, serial_arm
+from mitt.robot.serial import MOUNTS, Mount, Wanted, serial_arm
 from mitt.robot.urdf import read_urdf
 from mitt.robot.wam import LIMIT_SETS, wam, wam_limits
 
@@ -29,6 +29,7 @@ def load_arm(
     limits: str | LimitSet | None = None,
     hand: HandModel | None = None,
     hand_turn: float = 0.0,
+    hand_mount: Mount = "catch",
     encoder_step: float | Sequence[float] | None = None,
 ) -> Arm:
     """Return an arm by name (``wam``) or from a URDF (``.urdf``) or MJCF (``.xml``) file.
@@ -44,9 +45,11 @@ def load_arm(
             of a range that 0 is not in.
         limits: Limit set: ``paper``, ``wam-48v``, ``wam-80v`` for the WAM; for files ``model``,
             what the file states, or a set that goes before it.
-        hand: For files: a hand to be mounted so that its catch point is at the tip; without
-            one the file is taken to contain what the arm carries.
+        hand: For files: a hand to be mounted; without one the file is taken to contain what the arm
+            carries.
         hand_turn: How far the hand is turned about the z axis of the tip [rad].
+        hand_mount: For files: what of the hand is at the tip, its catch point or its plate, as on a
+            flange.
         encoder_step: Resolution of the encoders of the active joints [rad], one for all or one a
             joint; the WAM's own, or ``description.ENCODER_STEP`` for files, if left out.
 
@@ -63,6 +66,8 @@ def load_arm(
         raise InputError("arm", "a name or a path", checks.shown(name_or_path))
     names = _names(joints)
     turn = checks.number("hand_turn", hand_turn, finite=True)
+    if hand_mount not in MOUNTS:
+        raise UnknownNameError("hand_mount", checks.shown(hand_mount), MOUNTS)
     held = {
         checks.instance("held", k, str): checks.number(f"held {k}", x, finite=True)
         for k, x in (held or {}).items()
@@ -72,7 +77,7 @@ def load_arm(
             raise ModelError("arm wam", "no tip: it is fixed", tip)
         model, set_of = _wam(hand or HandModel(), names, held, turn), _wam_limits(limits)
         return Arm(_with_encoders(_with_ready(model, names, ready), encoder_step), set_of)
-    arm = _from_file(Path(name_or_path), tip, names, ready, limits, (held, hand, turn))
+    arm = _from_file(Path(name_or_path), tip, names, ready, limits, (held, hand, turn, hand_mount))
     return arm if encoder_step is None else with_encoders(arm, encoder_step)
 
 
@@ -82,7 +87,7 @@ def _from_file(
     names: tuple[str, ...],
     ready: Sequence[float] | None,
     limits: str | LimitSet | None,
-    rest: tuple[Mapping[str, float], HandModel | None, float],
+    rest: tuple[Mapping[str, float], HandModel | None, float, Mount],
 ) -> Arm:
     """Return an arm from a description file; arguments as of :func:`load_arm`."""
     if path.suffix not in (".urdf", ".xml", ".mjcf"):
@@ -97,11 +102,11 @@ def _from_file(
         ready = checks.vector("ready", ready, len(names), finite=True).tolist()
     stated = read_urdf(path) if path.suffix == ".urdf" else read_mjcf(path)
     given = limits if isinstance(limits, LimitSet) else None
-    held, hand, turn = rest
+    held, hand, turn, mount = rest
     return serial_arm(
         stated,
         Wanted(name=path.stem, tip=tip, joints=names, held=held, ready=ready, limits=given,
-               hand=hand, turn=turn),
+               hand=hand, turn=turn, mount=mount),
     )  # fmt: skip
 
 

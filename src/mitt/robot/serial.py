@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 import pinocchio as pin
@@ -18,6 +19,9 @@ from mitt.signals import Array
 
 #: Widest range of a hinge that is taken for radians [rad]; a wider one was written in degrees.
 _WIDEST = 4.0 * np.pi
+Mount = Literal["catch", "plate"]
+"""What of a hand is at the tip of an arm: its catch point, or its plate."""
+MOUNTS: tuple[Mount, ...] = ("catch", "plate")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,6 +36,7 @@ class Wanted:
     limits: LimitSet | None
     hand: HandModel | None
     turn: float
+    mount: Mount = "catch"
 
 
 def serial_arm(stated: Stated, wanted: Wanted) -> Arm:
@@ -166,10 +171,10 @@ def _check_loop(stated: Stated, chain: Sequence[str], first: str, second: str) -
 
 
 def _tool(model: pin.Model, wanted: Wanted) -> Array:
-    """Return the frame of the tool plate: turned about the tip's z axis, behind its origin."""
+    """Return the frame of the tool plate: turned about the tip's z axis, at the tip or behind it."""
     tool = frame_of(model, wanted.tip).placement.homogeneous
     tool = tool @ transform(rotation(np.array([0.0, 0.0, 1.0]), wanted.turn))
-    if wanted.hand is None:
+    if wanted.hand is None or wanted.mount == "plate":
         return np.asarray(tool)
     return np.asarray(tool @ transform(p=np.array([0.0, 0.0, -wanted.hand.catch_offset])))
 
