@@ -121,7 +121,7 @@ def test_rows_are_drawn_within_speeds_and_above_the_floor(whole: Arm, rows: Rows
 
 
 def test_balls_all_over_the_box_leave_some_candidates(whole: Arm, rows: Rows) -> None:
-    left = spread(whole, Balls(), rows)
+    left = spread(whole, Balls(), rows, Touch(whole, read_scene("ideal")))
     assert 0 < len(left.q) < len(rows.q)
     best = best_of(left, count=10, each=4)
     assert len(best.q) <= 10

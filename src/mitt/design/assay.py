@@ -40,7 +40,7 @@ _RISE = 0.25
 #: Largest difference of one pose from itself, by its catch point and l_c^-1 [rad].
 _SAME = 1e-3
 #: Gap that own shapes and floor keep in ready pose and at the catch [m].
-_GAP = 0.02
+_GAP = 0.012
 #: Poses from the ready pose to the catch that are looked at, both included.
 _ON_THE_WAY = 4
 #: Seed of the flights that candidates are judged on.

@@ -11,9 +11,9 @@ from mitt.signals import Array
 from mitt.world.build import SceneModel, build_scene
 from mitt.world.scene import Scene
 
-#: Poses drawn to learn which shapes overlap in most of them, as those of a wrist do, and their
-#: seed.
-_POSES, _SEED = 64, 34
+#: Poses drawn to learn which shapes overlap in many, as those of a wrist do, their seed, and the
+#: share that counts.
+_POSES, _SEED, _USUAL = 64, 34, 0.4
 #: Height at which the ball is out of the way [m].
 _AWAY = 100.0
 
@@ -24,8 +24,8 @@ _Pair = tuple[int, int]
 class Touch:
     """Finds contacts of an arm with itself and the floor, for many poses of one arm.
 
-    Two shapes that touch in more than half of the poses of the arm do not count: capsules about the
-    meshes of a wrist are wider than the wrist.
+    Two shapes that touch in many poses of the arm do not count: capsules about the meshes of a
+    wrist are wider than the wrist.
 
     Attributes:
         floor: Height of the floor [m].
@@ -39,7 +39,7 @@ class Touch:
         seen = list[_Pair]()
         for q in rng.uniform(arm.q_min, arm.q_max, (_POSES, arm.n)):
             seen += _contacts(self._built, self._data, q)
-        self._usual = {pair for pair in seen if seen.count(pair) > _POSES // 2}
+        self._usual = {pair for pair in seen if seen.count(pair) > _USUAL * _POSES}
 
     def clear(self, q: Array) -> NDArray[np.bool_]:
         """Say of poses [rad], shape (B, N), whether nothing touches; shape (B,)."""

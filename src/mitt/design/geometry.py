@@ -155,7 +155,7 @@ def improved(
     further = takes_part.sum(axis=1) > 3
     A = np.where((further & good)[:, None, None], again, A)
     found = _met(whole, balls.velocity(), (q, poses), (chosen, A), np.arange(len(q)), rng)
-    found = spread(whole, balls, found)
+    found = spread(whole, balls, found, touch)
     return joined([rows, found])
 
 
@@ -170,7 +170,6 @@ def _able(whole: Arm, balls: Balls, q: Array, touch: Touch) -> (
     good &= -(poses.palm @ v) > _FACING * np.linalg.norm(v)
     if balls.aim is not None:
         good &= _off_line(poses.tip, balls) < 0.05
-    good[good] = touch.clear(q[good])
     return q[good], poses.take(good), np.flatnonzero(good)
 
 
@@ -279,8 +278,11 @@ def _into(palm: Array, J: Array, w: Array, rng: np.random.Generator) -> Array:
     return d
 
 
-def spread(whole: Arm, balls: Balls, rows: Rows) -> Rows:
-    """Score candidates by how they meet balls all over the box; those that cannot are left out."""
+def spread(whole: Arm, balls: Balls, rows: Rows, touch: Touch) -> Rows:
+    """Score candidates by how they meet balls all over the box.
+
+    Those that cannot, or that touch themselves at the nominal catch, are left out.
+    """
     good: NDArray[np.bool_] = np.ones(len(rows.q), dtype=bool)
     total, worst = rows.score.copy(), np.zeros(len(rows.q))
     box = boxes_of(whole, balls, rows)
@@ -296,7 +298,8 @@ def spread(whole: Arm, balls: Balls, rows: Rows) -> Rows:
         good &= within(whole, q, 0.05) & np.isfinite(s)
         total += s + _TOO_FAST * np.maximum(share - _FASTEST, 0.0) + 1.0 * ~straight
         worst = np.maximum(worst, share)
-    return rows._replace(score=total / (1 + len(_CORNERS))).take(good & (worst < _BEYOND))
+    kept = rows._replace(score=total / (1 + len(_CORNERS))).take(good & (worst < _BEYOND))
+    return kept.take(touch.clear(kept.q))
 
 
 def _moved(whole: Arm, rows: Rows, v: Array, offset: Array) -> Array:

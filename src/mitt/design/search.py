@@ -135,7 +135,7 @@ def _by_geometry(
     kept, count, touch = [], 0, Touch(whole, task.scene)
     for k in range(effort.rounds):
         rows = drawn(whole, task.balls, triples, rng, count=effort.poses, touch=touch)
-        kept.append(spread(whole, task.balls, best_of(rows, count=4000, each=400)))
+        kept.append(spread(whole, task.balls, best_of(rows, count=4000, each=400), touch))
         count += len(kept[-1].q)
         progress("geometry", k + 1, effort.rounds)
         if count >= effort.enough:

@@ -171,7 +171,7 @@ def _check_loop(stated: Stated, chain: Sequence[str], first: str, second: str) -
 
 
 def _tool(model: pin.Model, wanted: Wanted) -> Array:
-    """Return the frame of the tool plate: turned about the tip's z axis, at the tip or behind it."""
+    """Return the frame of the tool plate, at the tip or behind it, turned about its z axis."""
     tool = frame_of(model, wanted.tip).placement.homogeneous
     tool = tool @ transform(rotation(np.array([0.0, 0.0, 1.0]), wanted.turn))
     if wanted.hand is None or wanted.mount == "plate":
