@@ -21,5 +21,5 @@ def test_senses_and_commands_made_the_fast_way_are_the_same() -> None:
     wanted = Senses(t=0.1, arm=ArmState(t=0.1, q=Q, dq=DQ))
     assert repr(senses_of(0.1, Q, DQ, (), ())) == repr(wanted)
     told = np.arange(8.0).reshape(4, 2)
-    command = Command(t=0.1, told=told, hand=0.5)
+    command = Command(t=0.1, joints=told, hand=0.5)
     assert repr(command_of(0.1, told, 0.5, None)) == repr(command)

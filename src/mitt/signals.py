@@ -227,12 +227,12 @@ class JointReference:
 
 
 class Command(NamedTuple):
-    """What the arm and the hand are told, within every limit.
+    """What arm and hand are commanded to do, within every limit.
 
     Attributes:
         t: Time from which it acts [s].
-        told: Positions q [rad], velocities dq [rad/s], accelerations ddq [rad/s^2] and torques tau
-            [N m] of the active joints, in rows that may be taken by these names, shape (4, n).
+        joints: Positions q [rad], velocities dq [rad/s], accelerations ddq [rad/s^2] and torques
+            tau [N m] of the active joints, rows that also have these names, shape (4, n).
         hand: Closing angle of the fingers [rad]; 0 is open.
         gaze: Pan, tilt [rad] and their rates [rad/s] that each camera's head is to have a tick
             later, shape (heads, 4); None where cameras stand still.
@@ -241,7 +241,7 @@ class Command(NamedTuple):
     """
 
     t: float
-    told: Array
+    joints: Array
     hand: float
     gaze: Array | None = None
     brakes: bool = False
@@ -249,25 +249,25 @@ class Command(NamedTuple):
     @property
     def q(self) -> Array:
         """Positions [rad], shape (n,)."""
-        q: Array = self.told[0]
+        q: Array = self.joints[0]
         return q
 
     @property
     def dq(self) -> Array:
         """Velocities [rad/s], shape (n,)."""
-        dq: Array = self.told[1]
+        dq: Array = self.joints[1]
         return dq
 
     @property
     def ddq(self) -> Array:
         """Accelerations [rad/s^2], shape (n,)."""
-        ddq: Array = self.told[2]
+        ddq: Array = self.joints[2]
         return ddq
 
     @property
     def tau(self) -> Array:
         """Torques [N m], shape (n,)."""
-        tau: Array = self.told[3]
+        tau: Array = self.joints[3]
         return tau
 
 
@@ -299,10 +299,10 @@ _SET_FRAME, _SET_ARM, _SET_SENSES, _SET_BALL = (
 
 
 def command_of(
-    t: float, told: Array, hand: float, gaze: Array | None, brakes: bool = False
+    t: float, joints: Array, hand: float, gaze: Array | None, brakes: bool = False
 ) -> Command:
     """Return a command, in half the time of the constructor; see :class:`Command`."""
-    return tuple.__new__(Command, (t, told, hand, gaze, brakes))
+    return tuple.__new__(Command, (t, joints, hand, gaze, brakes))
 
 
 def frame_of(

@@ -377,7 +377,7 @@ def test_a_stopped_catcher_recovers_when_told_to(runner: TrialRunner, throws: li
                 catcher.recover()
     assert catcher.phase is Phase.STOPPED
     assert catcher.tick is not None
-    assert catcher.tick.reason is Reason.ASKED
+    assert catcher.tick.reason is Reason.REQUESTED
     catcher.recover()
     torques = []
     for each in (catcher, runner.catcher()):
@@ -396,7 +396,7 @@ def test_an_arm_that_was_left_behind_stops_where_it_is(
 
     With alpha = 0 the command jumps away from the arm: 10 rad/s of joint 4, and on from there.
     """
-    generator, settings = Unoptimised(taught.map), CatcherSettings(stray=0.3)
+    generator, settings = Unoptimised(taught.map), CatcherSettings(max_tracking_error=0.3)
     runner, far = TrialRunner(arm, generator, Scene(), pixels=False), 0
     for throw in throws[:6]:
         catcher = Catcher(arm, generator, Eyes(fixed_rig()), settings=settings)
@@ -494,12 +494,12 @@ def test_catchers_with_other_surroundings_stand_in_one_process(arm: Arm, learned
         for k in range(50):
             now = ArmState(t=0.001 * k, q=arm.q_ready, dq=np.zeros(arm.n))
             command = catcher.step(Senses(t=0.001 * k, arm=now))
-        commands.append(command.told.tobytes())
+        commands.append(command.joints.tobytes())
     assert len(set(commands)) == 1
 
 
 def test_a_change_of_map_changes_the_waiting_height(arm: Arm) -> None:
-    """A ball's stand-in is led to the height at which the map that is followed catches."""
+    """A ball's surrogate target is led to the height at which the map that is followed catches."""
     several = make_generator("several", learn(arm).map)
     assert isinstance(several, Several)
     catcher = Catcher(arm, several, Eyes(fixed_rig()), settings=CatcherSettings())

@@ -38,8 +38,8 @@ from mitt.catcher.settings import (
     Phase,
 )
 from mitt.catcher.state import (
+    CatcherState,
     Fields,
-    State,
     StateHandle,
     arm_fields,
     begun_with,
@@ -50,7 +50,8 @@ from mitt.catcher.state import (
 from mitt.catcher.tick import DECIDE, GRASPS, LAGS, REVIEWS, STOPS, act, perceive, tick
 from mitt.control.brake import plan_brake
 from mitt.control.health import ENCODER_REASONS, is_lost
-from mitt.control.monitor import doubted, good_again
+from mitt.control.monitor import faulty, recovered
+from mitt.control.rows import DECELERATION, DQ, DQ_MAX
 from mitt.control.stopped import StoppedBy
 from mitt.errors import InputError, ShapeError
 from mitt.generator.feasibility import Outcome, Verdict, is_far, waiting_height
@@ -126,7 +127,7 @@ class Catcher:
             arm, eyes, settings, self._map, several=isinstance(generator, Several),
             sigma_ready=settings.sigma_ready if plain else np.inf,
         )  # fmt: skip
-        self.state: State
+        self.state: CatcherState
         self.result: Result
         self._begin(generator, copy(eyes))
 
@@ -171,7 +172,7 @@ class Catcher:
         self._brake = np.zeros((1, 3, self._arm.n))
         self._phase, self._todo, self._ticked = WATCH, 0, False
         self._verdict: Verdict | None = None
-        self._unasked: tuple[BallState, Array] | None = None
+        self._deferred: tuple[BallState, Array] | None = None
         self.certificate: Verdict | None = None
         self.stopped_by: StoppedBy | None = None
         self.t_0 = np.inf
@@ -206,9 +207,9 @@ class Catcher:
     @property
     def verdict(self) -> Verdict | None:
         """Verdict on the throw, the newest; None before the first."""
-        if self._unasked is not None:
-            ball, q = self._unasked
-            self._verdict, self._unasked = self._generator.verdict(ball, q), None
+        if self._deferred is not None:
+            ball, q = self._deferred
+            self._verdict, self._deferred = self._generator.verdict(ball, q), None
         return self._verdict
 
     @property
@@ -236,7 +237,7 @@ class Catcher:
         q, dq, (state, out) = self._q, self._dq, self._handles
         if self._map is None:
             perceive(images, self.backgrounds, apart, t_exposed, t, q, dq, state, out)
-            self._ask()
+            self._query()
             self._todo = act(self._brake, state, out)
         else:
             self._todo = tick(
@@ -303,7 +304,7 @@ class Catcher:
     @property
     def deceleration(self) -> Array:
         """What each joint can be trusted to brake with [rad/s^2], shape (n,)."""
-        brake: Array = self.state.bounds[3].copy()
+        brake: Array = self.state.bounds[DECELERATION].copy()
         return brake
 
     def think(self) -> None:
@@ -337,7 +338,7 @@ class Catcher:
     def _note_stop(self) -> None:
         """Note why the tick just made has stopped the arm."""
         tick, encoders = tick_of(self.result), self.result.encoders.copy()
-        joints = doubted(self.state.encoder_memory)
+        joints = faulty(self.state.encoder_memory)
         by_encoder = tick.reason in ENCODER_REASONS and len(joints) > 0
         self.stopped_by = StoppedBy(
             state=tick.state,
@@ -368,10 +369,10 @@ class Catcher:
             InputError: The catcher has not stopped, the arm is not at rest yet, or the encoder of a
                 joint is still in doubt.
         """
-        at_rest = bool(np.all(np.abs(self.result.command[1]) < _AT_REST))
+        at_rest = bool(np.all(np.abs(self.result.command[DQ]) < _AT_REST))
         if self._phase != STOPPED or not at_rest:
             raise InputError("recover", "a catcher that has stopped, its arm at rest", self.phase)
-        good = good_again(self.state.encoder_memory)
+        good = recovered(self.state.encoder_memory)
         if not checked and not np.all(good):
             pairs = zip(self._arm.names, good, strict=True)
             bad = ", ".join(name for name, fine in pairs if not fine)
@@ -384,7 +385,7 @@ class Catcher:
         for old, new in ((self.state, fresh), (self.result, nothing)):
             for mine, value in zip(old, new, strict=True):
                 mine[...] = value
-        self._verdict, self._unasked, self.certificate, self.t_0 = None, None, None, np.inf
+        self._verdict, self._deferred, self.certificate, self.t_0 = None, None, None, np.inf
         self._generator, self._phase, self.stopped_by = self._given, WATCH, None
 
     def _write(self, fields: Fields) -> None:
@@ -406,7 +407,7 @@ class Catcher:
                     s.ball_work,
                 )
 
-    def _ask(self) -> None:
+    def _query(self) -> None:
         """Ask a generator that is no map for the desired motion."""
         if self._phase != FOLLOW:
             return
@@ -438,17 +439,17 @@ class Catcher:
             return
         if self._generator.unsettled(ball, self.estimated[0]):
             # What the verdict says besides is reckoned where somebody asks for it.
-            self._unasked = ball, self.estimated[0].copy()
+            self._deferred = ball, self.estimated[0].copy()
             return
         if self._is_out_of_sight() or is_far(ball, self._arm.position(self.estimated[0])):
-            self._unasked = ball, self.estimated[0].copy()
+            self._deferred = ball, self.estimated[0].copy()
             self._scalars["t_look"] = ball.t + _LOOK_AGAIN
             return
         verdict = self._generator.verdict(ball, self.estimated[0])
         if not isinstance(self._generator, Unoptimised):  # alpha = 0 is never refused
             bandwidth = self._settings.bandwidth
             verdict = examined(self._arm, verdict, self._caught, bandwidth=bandwidth)
-        self._verdict, self._unasked = verdict, None
+        self._verdict, self._deferred = verdict, None
         if verdict.outcome is Outcome.UNSETTLED:
             return
         if verdict.outcome is Outcome.UNREACHABLE:
@@ -472,11 +473,11 @@ class Catcher:
         """
         if verdict.approach is not None:
             given = self._arm, verdict.approach, self._caught
-            self.state.bounds[2] = speed_caps(*given)
+            self.state.bounds[DQ_MAX] = speed_caps(*given)
             self.state.jump[:] = speed_jumps(*given)
 
     def _reconsider(self, ball: BallState) -> None:
-        """Follow the ball itself as soon as it can be caught; its stand-in until then."""
+        """Follow the ball itself as soon as it can be caught; its surrogate target until then."""
         if self._generator.returns(ball):
             self._scalars["surrogate"] = False
             self._adapt(ball)

@@ -75,7 +75,7 @@ def result_handle(result: Result) -> Any:  # noqa: ANN401
 
 
 @kernel
-def keep(result: Any, ticks: Any, k: int) -> None:  # noqa: ANN401
+def store(result: Any, ticks: Any, k: int) -> None:  # noqa: ANN401
     """Write a result into row ``k`` of room for many, both handles."""
     ticks.scalars[k] = result.scalars[0]
     ticks.encoders[k] = result.encoders
@@ -143,7 +143,7 @@ def tick_of(result: Result) -> Tick:
     """Return a result as what it means; it is copied."""
     result, numbers = copied(result), result.scalars[0].item()
     s = dict(zip(_RESULT, numbers, strict=True))
-    command = Command(t=s["t"], told=result.command[:4], hand=s["hand"], brakes=s["brakes"])
+    command = Command(t=s["t"], joints=result.command[:4], hand=s["hand"], brakes=s["brakes"])
     return Tick(
         phase=PHASES[s["phase"]],
         ball=ball_in(result),

@@ -38,7 +38,7 @@ class CatcherSettings:
         adapt_until: Time to the catch below which the map is left as it is [s].
         review: Time between two reviews of the choice among several maps [s].
         ball_mass: Mass of the ball, carried by the model while it is held [kg].
-        ball_radius: Radius of the ball [m]; the eyes are told the same.
+        ball_radius: Radius of the ball [m]; the eyes are given the same.
         ball_restitution: Share of its speed with which the ball springs back from the palm.
         ball_friction: Coefficient of friction of ball and hand.
         ball_doubt: Relative error that its mass may have.
@@ -47,8 +47,9 @@ class CatcherSettings:
         encoders: What is known of the joint encoders.
         tolerance: 1-sigma of the ball's position beyond which an unseen ball is lost [m]; a hand
             needs about 2 cm (Baeuml and others, ICRA 2011).
-        stray: Gap between told and true joint angles at which the arm is stopped if it lasts
-            20 ms [rad]; infinite for the map with alpha = 0, which saturates for longer.
+        max_tracking_error: Gap between commanded and estimated joint angles at which the arm is
+            stopped if it lasts 20 ms [rad]; infinite for the map with alpha = 0, which saturates
+            for longer.
         torque_lead: Time from the reading of the joints until the torque that is commanded then
             ceases to act [s]: a tick, and what the drives take to answer.
     """
@@ -69,5 +70,5 @@ class CatcherSettings:
     around: Surroundings = field(default_factory=Surroundings)
     encoders: Encoders = field(default_factory=Encoders)
     tolerance: float = 0.02
-    stray: float = 0.8
+    max_tracking_error: float = 0.8
     torque_lead: float = 0.001

@@ -1,10 +1,10 @@
 """One tick, from images to torque, in one compiled call.
 
-    perceive   encoders -> believe -> joints, shape (2, n)
+    perceive   encoders -> estimate_joints -> joints, shape (2, n)
                images -> localize -> position, shape (3,) -> update, predict -> ball, shape (3, 3)
     refer      ball -> reference -> desired motion of the joints, shape (6, n)
-    act        desired motion -> guard -> close, derate, track -> command, shape (5, n)
-               assess -> health of the catcher;  bring -> acceleration that the command brings
+    act        desired motion -> safety_filter -> close, derate, track -> command, shape (5, n)
+               assess -> health;  predict_acceleration -> what the command will cause
 
 The kernels are those of the stages, composed; none is written a second time. All that they know
 and remember lies in ``state`` and in the ``result`` of the tick before, both as handles
@@ -20,16 +20,18 @@ from mitt.ball import memory as at
 from mitt.ball.estimator import predict, update
 from mitt.catcher.result import Result
 from mitt.catcher.settings import BRAKE, FOLLOW, STOPPED, WATCH
-from mitt.catcher.state import State
-from mitt.control.encoders import bring
+from mitt.catcher.state import CatcherState
+from mitt.control.encoder_memory import BRIDGED
+from mitt.control.encoders import predict_acceleration
 from mitt.control.hand import close, has_closed
-from mitt.control.health import ABORT, ASKED, assess, pass_time
+from mitt.control.health import ABORT, REQUESTED, assess, pass_time
 from mitt.control.margin import derate
-from mitt.control.monitor import BRIDGED, believe
+from mitt.control.monitor import estimate_joints
 from mitt.control.reserve import HARDEST, choose_stop, stop_by
+from mitt.control.rows import DDQ_BY_TAU, TAU, Q
 from mitt.control.stop import short_of_room
 from mitt.control.tracking import largest_gap, track
-from mitt.control.viability import BLOCKED, guard
+from mitt.control.viability import BLOCKED, safety_filter
 from mitt.generator.evaluation import reference, time_to_catch
 from mitt.generator.feasibility import level
 from mitt.generator.prediction import lay_state, sigma_at_catch
@@ -69,7 +71,7 @@ def tick(
     q: Array,
     dq: Array,
     brake: Array,
-    state: State,
+    state: CatcherState,
     result: Result,
 ) -> int:
     """See, estimate, generate by the map, close, track.
@@ -103,7 +105,7 @@ def perceive(
     t: float,
     q: Array,
     dq: Array,
-    state: State,
+    state: CatcherState,
     result: Result,
 ) -> None:
     """Take encoders and images in and carry the estimate to the time of the command; see tick."""
@@ -150,9 +152,9 @@ def perceive(
 
 @kernel
 def _guide(
-    images: tuple[Image, ...], t_exposed: float, beside: bool, state: State, result: Result
+    images: tuple[Image, ...], t_exposed: float, beside: bool, state: CatcherState, result: Result
 ) -> None:
-    """Tell the eyes what the estimate of the tick before says of the ball; see :func:`tick`."""
+    """Give the eyes the prediction of the ball from the tick before; see :func:`tick`."""
     out = result.scalars[0]
     memory, ball = state.eyes_memory, result.ball
     rig, shown = memory[len(memory) - 1], False
@@ -163,20 +165,23 @@ def _guide(
 
 
 @kernel
-def _measure(state: State, result: Result) -> None:
+def _measure(state: CatcherState, result: Result) -> None:
     """Let the monitor estimate the joints; the ball may strike soon after the fingers close."""
     s, out = state.scalars[0], result.scalars[0]
-    may_strike, blow = state.closing[0] <= out.t <= state.closing[0] + STRIKES, state.blow
-    for k in range(len(blow)):
-        blow[k] = NO_FAULT * abs(state.jump[k]) if may_strike else 0.0
-    s.encoder_fault = believe(
-        state.encoder_memory, state.encoder_bounds, state.encoder_table[0], state.encoder_doubt,
-        state.encoder_coupling, result.encoders, result.command, s.braked, blow, state.estimated,
+    may_strike, impact_dq = state.closing[0] <= out.t <= state.closing[0] + STRIKES, state.impact_dq
+    for k in range(len(impact_dq)):
+        impact_dq[k] = NO_FAULT * abs(state.jump[k]) if may_strike else 0.0
+    s.encoder_fault = estimate_joints(
+        state.encoder_memory, state.encoder_bounds, state.encoder_table[0],
+        state.encoder_ddq_unknown, state.encoder_coupling, result.encoders, result.command,
+        s.braked, impact_dq, state.estimated,
     )  # fmt: skip
 
 
 @kernel
-def _turn_heads(images: tuple[Image, ...], t_exposed: float, state: State, result: Result) -> None:
+def _turn_heads(
+    images: tuple[Image, ...], t_exposed: float, state: CatcherState, result: Result
+) -> None:
     """Let the heads look where the ball will be when the command acts; see :func:`tick`."""
     s, out = state.scalars[0], result.scalars[0]
     for n in range(len(images)):
@@ -200,8 +205,8 @@ def _turn_heads(images: tuple[Image, ...], t_exposed: float, state: State, resul
 
 
 @kernel
-def refer(state: State, result: Result) -> None:
-    """Ask the map for the desired motion; while the verdict is open, for the ball's stand-in."""
+def refer(state: CatcherState, result: Result) -> None:
+    """Evaluate the map at the ball; while the verdict is pending, at its surrogate target."""
     s, out = state.scalars[0], result.scalars[0]
     if s.phase != FOLLOW:
         return
@@ -218,8 +223,8 @@ def refer(state: State, result: Result) -> None:
 
 
 @kernel
-def act(brake: Array, state: State, result: Result) -> int:
-    """Close the hand and track what was asked, or what braking takes; see :func:`tick`."""
+def act(brake: Array, state: CatcherState, result: Result) -> int:
+    """Close the hand and track the desired motion, or that of braking; see :func:`tick`."""
     s, out = state.scalars[0], result.scalars[0]
     t, phase, desired, estimated = out.t, s.phase, state.desired, state.estimated
     if phase == FOLLOW:
@@ -232,7 +237,7 @@ def act(brake: Array, state: State, result: Result) -> int:
     elif phase == STOPPED:
         _slow_down(state)
     result.command[:3] = desired
-    passed = guard(
+    passed = safety_filter(
         state.bodies,
         state.shapes,
         state.pairs,
@@ -241,14 +246,14 @@ def act(brake: Array, state: State, result: Result) -> int:
         state.active,
         state.last,
         result.command[:3],
-        state.guard_known,
-        state.guard_work,
-        state.guard_reserve,
+        state.filter_known,
+        state.filter_work,
+        state.filter_reserve,
     )
     out.hand = close(state.closing, state.grip, t, out.time_to_catch)
     derate(
         state.drives, state.active, state.encoder_memory, estimated[1], result.command,
-        state.encoder_doubt, state.jump, s.torque_lead, state.closing[0] < np.inf,
+        state.encoder_ddq_unknown, state.jump, s.torque_lead, state.closing[0] < np.inf,
         state.drives_now,
     )  # fmt: skip
     out.saturated = track(
@@ -260,17 +265,17 @@ def act(brake: Array, state: State, result: Result) -> int:
         estimated[0],
         estimated[1],
         result.command,
-        state.track_notes,
+        state.track_scratch,
     )
     _report(passed == BLOCKED, state, result)
     _engage(state, result)
-    bring(
+    predict_acceleration(
         state.bodies, state.active, estimated, state.encoder_table[1], state.room_tau,
         state.room_mass, state.room_work, state.encoder_work, result.command,
-        state.encoder_doubt, state.encoder_coupling,
+        state.encoder_ddq_unknown, state.encoder_coupling,
     )  # fmt: skip
     if s.braked:
-        result.command[4] = 0.0
+        result.command[DDQ_BY_TAU] = 0.0
     if s.phase == STOPPED:
         return STOPS if phase != STOPPED else 0
     if phase == WATCH:
@@ -279,8 +284,8 @@ def act(brake: Array, state: State, result: Result) -> int:
 
 
 @kernel
-def _slow_down(state: State) -> None:
-    """Want of the joints to brake as hard as the drives can, all at once."""
+def _slow_down(state: CatcherState) -> None:
+    """Brake all joints as hard as the drives can."""
     choose_stop(
         state.bodies,
         state.drives,
@@ -288,24 +293,24 @@ def _slow_down(state: State) -> None:
         state.bounds,
         state.last,
         HARDEST,
-        state.guard_reserve,
+        state.filter_reserve,
     )
-    stop_by(state.bounds, state.last, state.guard_reserve, state.desired)
+    stop_by(state.bounds, state.last, state.filter_reserve, state.desired)
 
 
 @kernel
-def _engage(state: State, result: Result) -> None:
+def _engage(state: CatcherState, result: Result) -> None:
     """Engage the brakes once a joint is not measured; no torques from when they act."""
     s, out = state.scalars[0], result.scalars[0]
     if s.encoder_fault > BRIDGED and not out.brakes:
         out.brakes, s.t_brakes_on = True, out.t
     if out.brakes and out.t - s.t_brakes_on > s.brake_delay - 0.5 * TICK:
         s.braked = True
-        result.command[3] = 0.0
+        result.command[TAU] = 0.0
 
 
 @kernel
-def _report(blocked: bool, state: State, result: Result) -> None:
+def _report(blocked: bool, state: CatcherState, result: Result) -> None:
     """Write state, reason, age and sigma; from an abort on the arm stops and stays.
 
     The stop starts from the last command, or from the estimate where that is far from it: the way
@@ -317,7 +322,7 @@ def _report(blocked: bool, state: State, result: Result) -> None:
     out.sigma = np.sqrt((P[0, 0] + P[1, 1] + P[2, 2]) / 3.0) if out.tracked else np.inf
     if out.health == ABORT:
         return
-    R, gap = state.R, largest_gap(command[0], estimated[0])
+    R, gap = state.R, largest_gap(command[Q], estimated[0])
     out.health, out.reason = assess(
         state.health_memory,
         s.clock_fault,
@@ -330,18 +335,18 @@ def _report(blocked: bool, state: State, result: Result) -> None:
         s.tolerance,
         R[0, 0] + R[1, 1] + R[2, 2] > at.LOOSE,
         gap,
-        s.stray,
+        s.max_tracking_error,
     )
     if s.stop_requested:
-        out.health, out.reason = ABORT, ASKED
+        out.health, out.reason = ABORT, REQUESTED
     if out.health == ABORT:
         s.phase = STOPPED
-        if gap > s.stray and s.encoder_fault <= BRIDGED:
+        if gap > s.max_tracking_error and s.encoder_fault <= BRIDGED:
             state.last[0], state.last[1], state.last[2] = estimated[0], estimated[1], 0.0
 
 
 @kernel
-def _afterwards(state: State, result: Result) -> int:
+def _afterwards(state: CatcherState, result: Result) -> int:
     """Return what is to be thought about while a ball is followed."""
     s, out = state.scalars[0], result.scalars[0]
     todo = DECIDE if s.surrogate else 0
@@ -367,7 +372,7 @@ def _afterwards(state: State, result: Result) -> int:
 
 
 @kernel
-def undecided(todo: int, state: State, result: Result) -> bool:
+def undecided(todo: int, state: CatcherState, result: Result) -> bool:
     """Say that all there is to be thought about is a verdict that cannot be given yet.
 
     The ball is not known well enough at its catch, and the verdict is not due; or the ball was

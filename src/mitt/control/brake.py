@@ -133,7 +133,7 @@ def _driven(arm: Arm, t: float, motion: Array, rate: Array, w: Scratch) -> Brake
         raise RuntimeError(f"Ruckig refused a stop from {motion.tolist()}: {result}")
     end, pieces = trajectory.duration, _pieces(trajectory)
     sample(pieces, np.array([instant(i, end) for i in range(INSTANTS)]), w.rows)
-    return Brake(t, end, pieces, float(torque_share(arm.tables, w.rows, w.tau, w.notes)))
+    return Brake(t, end, pieces, float(torque_share(arm.tables, w.rows, w.tau, w.scratch)))
 
 
 def _pieces(trajectory: Trajectory) -> Array:

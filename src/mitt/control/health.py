@@ -16,7 +16,7 @@ from enum import Enum
 
 import numpy as np
 
-from mitt.control.monitor import BRIDGED, FINE
+from mitt.control.encoder_memory import BRIDGED, FINE
 from mitt.jit import kernel
 from mitt.signals import TICK, Array
 
@@ -50,12 +50,12 @@ class Reason(Enum):
     CLOCK = "clock"
     OVERRUN = "overrun"
     TRACKING = "far from the told motion"
-    ASKED = "stop asked for"
+    REQUESTED = "stop asked for"
     FAST = "joint beyond its speed"
 
 
 (_NONE, _UNSEEN, _ONE_CAMERA, _LATE, _BRIDGED, _BLOCKED, LOST, _SILENT, _JUMPED, _STUCK, _REVERSED,
- CLOCK, OVERRUN, _TRACKING, ASKED, _FAST) = range(16)  # fmt: skip
+ CLOCK, OVERRUN, _TRACKING, REQUESTED, _FAST) = range(16)  # fmt: skip
 
 #: Reason for each state of an encoder, in the order of :mod:`mitt.control.monitor`.
 _OF_ENCODER = (_NONE, _BRIDGED, _SILENT, _JUMPED, _STUCK, _REVERSED, _FAST)
@@ -132,7 +132,7 @@ def assess(
     tolerance: float,
     one_camera: bool,
     gap: float,
-    stray: float,
+    max_gap: float,
 ) -> tuple[int, int]:
     """Return state and reason of a tick.
 
@@ -148,9 +148,9 @@ def assess(
         tolerance: What the hand tolerates of it [m].
         one_camera: Whether the last measurement came from one camera.
         gap: Largest gap between told and believed joint positions [rad].
-        stray: Gap that is too large, if it lasts [rad].
+        max_gap: Gap that is too large, if it lasts [rad].
     """
-    m[_FAR] = m[_FAR] + 1.0 if gap > stray else 0.0
+    m[_FAR] = m[_FAR] + 1.0 if gap > max_gap else 0.0
     if encoders > BRIDGED:
         return ABORT, _OF_ENCODER[encoders]
     if clock > _LATE:

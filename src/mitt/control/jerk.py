@@ -77,7 +77,7 @@ def can_stop(
 
 
 @kernel
-def keep_smooth(
+def clamp_smooth(
     low: float, high: float, dq_max: float, brake: float, ddq_max: float, jerk: float,
     last: tuple[float, float, float], q: float, dq: float,
 ) -> tuple[float, float, float]:  # fmt: skip

@@ -145,16 +145,18 @@ def shares_of(arm: Arm, motion: Array, tolerance: Tolerance) -> dict[str, float]
         ``torque:NAME``, ``speed:NAME``, ``range:NAME``, ``acceleration:NAME`` where the limit set
         bounds it and, where the tolerance asks for room to brake, ``brake:NAME`` for each joint.
     """
-    asked = demand(arm, motion)
+    demanded = demand(arm, motion)
     half, middle = 0.5 * (arm.q_max - arm.q_min), 0.5 * (arm.q_max + arm.q_min)
-    torque, speed = arm.by_joint(np.array([asked.torque.max(axis=0), asked.speed.max(axis=0)]))
+    torque, speed = arm.by_joint(
+        np.array([demanded.torque.max(axis=0), demanded.speed.max(axis=0)])
+    )
     kinds = {
         "torque": torque / tolerance.torque,
         "speed": speed / tolerance.speed,
         "range": (np.abs(motion[:, 0] - middle) / half).max(axis=0),
     }
     if arm.limits.acceleration is not None:
-        kinds["acceleration"] = asked.acceleration.max(axis=0) / tolerance.acceleration
+        kinds["acceleration"] = demanded.acceleration.max(axis=0) / tolerance.acceleration
     if tolerance.strength is not None:
         kinds["brake"] = np.abs(_rest(arm, motion[-1], tolerance.strength) - middle) / half
     return {

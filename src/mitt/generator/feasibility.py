@@ -231,7 +231,7 @@ def _may_rise(f: DirectMap, ball: BallState, seen: Foresight) -> bool:
 def _can_wait(
     f: DirectMap, ball: BallState, start: tuple[Array, Array], tolerance: Tolerance
 ) -> bool:
-    """Say whether the arm can follow a ball's stand-in to its catch within the limits.
+    """Say whether the arm can follow a ball's surrogate target to its catch within the limits.
 
     It cannot where the ball has passed by already, or is about to.
 

@@ -144,15 +144,15 @@ def measure(arm: Arm, ticks: Result, truth: Trace) -> Measured:
     bad |= truth.seen[1:] & (SELF | ARM_FLOOR) != 0
     mean_square = np.sum(drives.torque**2, axis=0) / max(len(given), 1)
     rms = (np.sqrt(mean_square) / arm.limits.tau_rms).tolist()
-    asked = demand(arm, ticks.reference[ticks.scalars["following"], :3])
-    following = len(asked.excess) > 0
+    demanded = demand(arm, ticks.reference[ticks.scalars["following"], :3])
+    following = len(demanded.excess) > 0
     return Measured(
         peak_torque_ratio=arm.by_joint(np.max(drives.share, axis=0, initial=0.0)).tolist(),
         peak_speed_ratio=np.max(np.abs(truth.dq) / arm.dq_max, axis=0).tolist(),
         rms_torque_ratio=rms,
         limit_violations=int(np.sum(bad)) + sum(share > 1.0 + MEASURED for share in rms),
-        demand_cost=asked.cost if following else 0.0,
-        range_excess_rad=float(asked.excess.max()) if following else 0.0,
+        demand_cost=demanded.cost if following else 0.0,
+        range_excess_rad=float(demanded.excess.max()) if following else 0.0,
         saturated_ticks=int(np.sum(ticks.scalars["saturated"])),
     )
 

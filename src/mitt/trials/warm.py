@@ -101,7 +101,7 @@ def _compile_arm(f: DirectMap, scene: Scene, ball: Throw | BallPath, pixels: boo
     _compile(undecided.inner, 0, state, result)
     stage = runner.world.stage
     if stage is not None:
-        rows, tau = stage.tape.reserve(2), catcher.result.command[3]
+        rows, tau = stage.trace_buffer.reserve(2), catcher.result.command[3]
         _compile(move.inner, stage.plant, tau, 0.0, rows)
 
 

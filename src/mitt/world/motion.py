@@ -81,7 +81,7 @@ def fresh_motion(
 
 
 @kernel
-def tell(state: Array, brakes: bool, stopped: bool) -> None:
+def note_stop(state: Array, brakes: bool, stopped: bool) -> None:
     """Tell the plant whether brakes are to engage, and whether the catcher has stopped.
 
     Args:

@@ -123,7 +123,7 @@ class Sensors:
         """Covariance of a point [m^2], shape (3, 3)."""
         return self._covariance
 
-    def scatter(self, points: int) -> Array:
+    def noise(self, points: int) -> Array:
         """Draw how far off the next points are [m], shape (points, 3)."""
         return self._sensing.point_noise * self._rng.standard_normal((points, 3))
 
@@ -161,5 +161,5 @@ class Sensors:
 
     def _point(self, t: float, r_o: Array) -> Sighting:
         """Return a noisy position."""
-        seen = r_o + self.scatter(1)[0]
+        seen = r_o + self.noise(1)[0]
         return Sighting(t=t, found=True, r_o=seen, covariance=self._covariance)

@@ -28,7 +28,7 @@ from mitt.world.scene import Scene
 from mitt.world.sensors import CameraMaker, Sensors, encoder_steps
 from mitt.world.stage import Stage
 from mitt.world.throws import Throw
-from mitt.world.truth import FirstContact, Tape, Trace, Truth
+from mitt.world.truth import FirstContact, Trace, TraceBuffer, Truth
 
 
 @final
@@ -80,7 +80,7 @@ class World:
         self._senses = qpos[:n], qvel[:n], qpos[ball : ball + 3], qvel[ball : ball + 3]
         self._body, self._steps = Silhouettes(self.model, d), encoder_steps(scene, arm)
         self._ball = self._senses[2:]
-        self._tape = Tape((1, self.model.nq, self.model.nv, n, 3, 3, 1, 1))
+        self._tape = TraceBuffer((1, self.model.nq, self.model.nv, n, 3, 3, 1, 1))
         self._start(None, self._draw.nominal)
 
     def __reduce__(self) -> NoReturn:
@@ -121,7 +121,7 @@ class World:
 
     def watch_on(self) -> None:
         """Go on for :data:`mitt.world.motion.WATCHED` from now on: the catcher has stopped."""
-        motion.tell(self._state, bool(self._state[motion.BRAKED] >= 0.0), True)
+        motion.note_stop(self._state, bool(self._state[motion.BRAKED] >= 0.0), True)
 
     def over(self, *, longest: float, held: float) -> bool:
         """Tell whether the trial is at its end, by :func:`mitt.world.motion.over`."""
@@ -210,17 +210,17 @@ class World:
         command = self._checked(command)
         if self._faults is not None:
             command = self._faults.command(self.t, command)
-        motion.tell(self._state, command.brakes, False)
+        motion.note_stop(self._state, command.brakes, False)
         self._move(command.tau, command.hand, self._tape.reserve(self._ticks + 2))
         self._sensors.turn(command.gaze, TICK)
 
     def _checked(self, command: Command) -> Command:
         """Return a command as compiled code takes it; refuse another shape."""
         given = checks.instance("command", command, Command)
-        told = checks.array("command.told", given.told, (4, self._n))
+        joints = checks.array("command.joints", given.joints, (4, self._n))
         hand = checks.number("command.hand", given.hand)
-        same = told is given.told and hand is given.hand
-        return given if same else given._replace(told=told, hand=hand)
+        same = joints is given.joints and hand is given.hand
+        return given if same else given._replace(joints=joints, hand=hand)
 
     def truth(self) -> Truth:
         """Return the true state at the end of the last tick."""

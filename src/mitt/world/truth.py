@@ -119,7 +119,7 @@ class Trace:
         return self.qvel[:, -6:-3]
 
 
-class Tape:
+class TraceBuffer:
     """A table behind a :class:`Trace`, one row a tick.
 
     Attributes:

@@ -39,7 +39,7 @@ _SLACK = 1e-9
 class SensorFault:
     """Passes everything on unchanged."""
 
-    def looks(self, t: float) -> bool:  # noqa: ARG002
+    def exposes(self, t: float) -> bool:  # noqa: ARG002
         """Tell whether the cameras expose at a tick [s]."""
         return True
 
@@ -47,7 +47,7 @@ class SensorFault:
         """Return where the exposure at a tick shows the ball [m], shape (3,)."""
         return r_o
 
-    def told(self, senses: Senses) -> Senses:
+    def delivered(self, senses: Senses) -> Senses:
         """Return what goes on to the catcher."""
         return senses
 
@@ -113,7 +113,7 @@ class _FrameRate(SensorFault):
     def __init__(self, fault: FrameRate, rng: np.random.Generator) -> None:
         self._fault, self._phase = fault, rng.random()
 
-    def looks(self, t: float) -> bool:
+    def exposes(self, t: float) -> bool:
         if not self._fault.is_active(t):
             return True
         rate = min(self._fault.magnitude, 1.0 / TICK)
@@ -139,7 +139,7 @@ class _Dropout(SensorFault):
     def __init__(self, fault: Dropout, rng: np.random.Generator) -> None:
         self._fault, self._rng = fault, rng
 
-    def told(self, senses: Senses) -> Senses:
+    def delivered(self, senses: Senses) -> Senses:
         lost = self._rng.random() < self._fault.magnitude
         if not lost or not self._fault.is_active(senses.t, slack=_SLACK):
             return senses
@@ -159,7 +159,7 @@ class _Delayed(SensorFault):
         self._fault, self._rng, self._count = fault, rng, 0
         self._waiting: list[tuple[float, int, Batch]] = []
 
-    def told(self, senses: Senses) -> Senses:
+    def delivered(self, senses: Senses) -> Senses:
         fault, t = self._fault, senses.t
         hit = True if isinstance(fault, Latency) else bool(self._rng.random() < fault.chance)
         delay = fault.magnitude if hit and fault.is_active(t, slack=_SLACK) else 0.0
@@ -194,7 +194,7 @@ class _DuplicateFrame(SensorFault):
         self._fault, self._rng = fault, rng
         self._last: Batch = (), ()
 
-    def told(self, senses: Senses) -> Senses:
+    def delivered(self, senses: Senses) -> Senses:
         again = self._rng.random() < self._fault.magnitude
         frames, points = self._last
         again = again and self._fault.is_active(senses.t, slack=_SLACK) and bool(frames or points)
@@ -212,7 +212,7 @@ class _FrozenFrame(SensorFault):
         self._frames: dict[int, Frame] = {}
         self._points: tuple[Sighting, ...] = ()
 
-    def told(self, senses: Senses) -> Senses:
+    def delivered(self, senses: Senses) -> Senses:
         if not self._hit or not (senses.frames or senses.points):
             return senses
         if not self._fault.is_active(senses.t, slack=_SLACK):
@@ -240,7 +240,7 @@ class _NotNumber(SensorFault):
     def __init__(self, fault: NotNumber, rng: np.random.Generator) -> None:
         self._fault, self._rng = fault, rng
 
-    def told(self, senses: Senses) -> Senses:
+    def delivered(self, senses: Senses) -> Senses:
         hit = self._rng.random() < self._fault.magnitude
         if not hit or not self._fault.is_active(senses.t, slack=_SLACK):
             return senses
@@ -260,7 +260,7 @@ class _ClockJump(SensorFault):
     def __init__(self, fault: Clock) -> None:
         self._fault = fault
 
-    def told(self, senses: Senses) -> Senses:
+    def delivered(self, senses: Senses) -> Senses:
         if not self._fault.is_active(senses.t, slack=_SLACK):
             return senses
         by = self._fault.magnitude
@@ -279,7 +279,7 @@ class _EncoderFault(SensorFault):
         self._fault = fault
         self._t, self._read, self._stuck = 0.0, np.empty(0), np.empty(0)
 
-    def told(self, senses: Senses) -> Senses:
+    def delivered(self, senses: Senses) -> Senses:
         fault, arm, before = self._fault, senses.arm, self._t
         self._t = senses.t
         if not fault.is_active(senses.t):

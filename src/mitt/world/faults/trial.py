@@ -47,11 +47,11 @@ class Disturbed:
     ) -> Senses:
         """Expose at time ``t`` and return what arrives; to be called once a tick."""
         for stage in self._stages:
-            look = stage.looks(t) and look
+            look = stage.exposes(t) and look
             r_o = stage.shown(t, r_o)
         senses = self._sensors.read(t, q, dq, r_o, dr_o, look=look)
         for stage in self._stages:
-            senses = stage.told(senses)
+            senses = stage.delivered(senses)
         return senses
 
 
@@ -105,7 +105,7 @@ class CommandChannel:
         for weak in self._weak:
             if weak.is_active(t):
                 tau = self._limited(command.tau, weak.magnitude)
-                command = command._replace(told=np.array([*command.told[:3], tau]))
+                command = command._replace(joints=np.array([*command.joints[:3], tau]))
         return command
 
     def _limited(self, tau: Array, share: float) -> Array:
