@@ -13,6 +13,7 @@ from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
 from mitt.catcher.state import arm_fields
 from mitt.control.health import Reason
 from mitt.control.monitor import GOOD_TICKS, LOSSY_TICKS, SILENT_TICKS
+from mitt.control.rows import DECELERATION
 from mitt.errors import InputError
 from mitt.generator.design import default_design
 from mitt.generator.feasibility import Outcome as Feasible
@@ -410,7 +411,9 @@ def test_an_arm_that_was_left_behind_stops_where_it_is(
         far += 1
         after = truth.t >= by.t
         way = np.ptp(truth.q[after], axis=0)
-        assert np.all(way <= 1.6 * by.dq**2 / (2.0 * catcher.deceleration) + 0.05), way
+        assert np.all(way <= 1.6 * by.dq**2 / (2.0 * catcher.state.bounds[DECELERATION]) + 0.05), (
+            way
+        )
         assert np.all(np.abs(truth.dq[after]).max(axis=0) <= np.abs(by.dq) + 0.7)
         assert np.abs(truth.dq[-1]).max() < 1e-2
     assert far >= 3
@@ -507,9 +510,9 @@ def test_a_change_of_map_changes_the_waiting_height(arm: Arm) -> None:
     for f in (one.map for one in several.maps):
         dr = np.array([-5.0, 0.0, 2.0])
         start = arm.position(f.start) - 0.4 * dr + 0.08 * np.array([0.0, 0.0, 9.81])
-        catcher._generator = Direct(f)
-        catcher._adapt(ball_state(start, dr, np.array([0.0, 0.0, -9.81])))
-        followed = catcher._generator.as_map()
+        catcher._planner.generator = Direct(f)
+        catcher._planner._adapt(ball_state(start, dr, np.array([0.0, 0.0, -9.81])))
+        followed = catcher._planner.generator.as_map()
         assert followed is not None
         assert catcher.state.scalars["waiting_height"][0] == waiting_height(followed)
         heights.append(waiting_height(followed))

@@ -13,7 +13,8 @@ from numba.core.runtime import rtsys
 
 from mitt.ball.filter import BallFilter
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
-from mitt.catcher.tick import BESIDE, TOUCHED, tick
+from mitt.catcher.perception import BESIDE, TOUCHED
+from mitt.catcher.tick import tick
 from mitt.control.brake import Brake, plan_brake
 from mitt.control.encoder_memory import memory_of
 from mitt.control.encoders import Encoders, predict_acceleration
@@ -36,7 +37,6 @@ from mitt.signals import (
     JointReference,
     MapStatus,
     Senses,
-    command_of,
 )
 from mitt.trials.known import known_ball
 from mitt.trials.learning import learn
@@ -375,7 +375,7 @@ def test_the_tick_allocates_nothing(
         catcher.backgrounds,
         senses.arm.q,
         senses.arm.dq,
-        catcher._brake,
+        catcher._planner.brake,
     )
     nrt.memsys_enable_stats()
     counts = []
@@ -385,15 +385,3 @@ def test_the_tick_allocates_nothing(
         after = rtsys.get_allocation_stats()
         counts.append((after.alloc - before.alloc, after.mi_alloc - before.mi_alloc))
     assert counts[2] == counts[1]
-
-
-def test_a_command_made_fast_is_a_command() -> None:
-    """Field by field what the constructor makes, also those with defaults."""
-    rows, gaze = np.arange(12.0).reshape(4, 3), np.ones((2, 4))
-    fast = command_of(0.5, rows, 0.25, gaze)
-    slow = Command(t=0.5, joints=rows, hand=0.25, gaze=gaze)
-    for made, given in zip(fast, slow, strict=True):
-        assert np.array_equal(np.asarray(made), np.asarray(given))
-    assert command_of(0.5, rows, 0.25, None).gaze is Command(t=0.5, joints=rows, hand=0.25).gaze
-    with pytest.raises(AttributeError):
-        fast.t = 1.0  # type: ignore[misc]

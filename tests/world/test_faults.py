@@ -14,8 +14,8 @@ from mitt.vision.camera import fixed_rig
 from mitt.world.ballistics import fly as exactly
 from mitt.world.faults.flight import Undisturbed, pushes
 from mitt.world.faults.plan import Fault
-from mitt.world.faults.senses import true_rig
 from mitt.world.faults.trial import ActiveFaults
+from mitt.world.faults.true_rig import true_rig
 from mitt.world.scene import Scene, exact_scene
 from mitt.world.scenes import read_scene
 from mitt.world.simulation import World

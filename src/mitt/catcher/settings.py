@@ -23,6 +23,14 @@ class Phase(Enum):
 
 #: The phases in the order of their numbers.
 PHASES = tuple(Phase)
+#: What is to be thought about after a tick, as bits of its result: the verdict is open, the ball
+#: has left the arm behind, the fingers have closed as far as there is time for, the catcher has
+#: stopped, the choice of the map is to be reviewed.
+DECIDE, LAGS, GRASPS, STOPS, REVIEWS = 1, 2, 4, 8, 16
+#: And for a generator that refines its map: it can be refined.
+REFINES = 32
+#: Time to the catch within which the hand may hide the ball, and it is not taken for lost [s].
+SOON = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +50,7 @@ class CatcherSettings:
         ball_restitution: Share of its speed with which the ball springs back from the palm.
         ball_friction: Coefficient of friction of ball and hand.
         ball_doubt: Relative error that its mass may have.
-        flight: What the filter believes of the ball's flight.
+        flight: What the filter assumes of the ball's flight.
         around: What stands around the arm and is not to be touched.
         encoders: What is known of the joint encoders.
         tolerance: 1-sigma of the ball's position beyond which an unseen ball is lost [m]; a hand

@@ -52,7 +52,7 @@ class CatcherState(NamedTuple):
             begun: Whether there was a tick.
             several: Whether there are several maps to choose from; review, t_reviewed: how often
             the choice is reviewed, and when it was last [s].
-            stop_requested: Whether somebody asked for a stop.
+            stop_requested: Whether a stop was requested.
             t_brakes_on, braked, brake_delay: When the brakes were commanded to engage [s], whether
             they have, and how long they take [s].
             clock_fault, encoder_fault, tolerance: As in :mod:`mitt.control.health`;
@@ -60,7 +60,7 @@ class CatcherState(NamedTuple):
             t_brake: Time at which braking began [s].
             watch: Longest time from first sight to the verdict [s].
             t_look: Time before which there is no verdict: one that refuses a far ball waits [s].
-            sigma_ready: As of ``CatcherSettings``; infinite where the generator is asked itself.
+            sigma_ready: As of ``CatcherSettings``; infinite where the generator predicts it.
             heads: Number of heads; t_exposed: instant of the newest image [s].
             bandwidth, adapt_...: As of ``CatcherSettings``; torque_lead: see
             :mod:`mitt.control.margin`.
@@ -76,7 +76,7 @@ class CatcherState(NamedTuple):
         closing, grip: As in :mod:`mitt.control.hand`.
         track_scratch: For the tracking.
         jump: As in :mod:`mitt.control.margin`.
-        impact_dq: Change of the joint speeds that the ball may bring now [rad/s], shape (n,).
+        impact_dq: Change of the joint speeds that the ball may cause now [rad/s], shape (n,).
         eyes_...: Arrays of :func:`mitt.vision.localization.localize` and of the gaze.
         bounds, shapes, pairs, filter_...: As in :mod:`mitt.control.viability`; encoder_bounds: the
             same for the encoders' monitor, without room for an impact.

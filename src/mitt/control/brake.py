@@ -55,7 +55,7 @@ class Brake:
     torque_share: float
 
     def over(self, t: float) -> bool:
-        """Say whether the arm has been wanted at rest for a tick or more at time ``t`` [s]."""
+        """Say whether the arm has been commanded to rest for a tick or more at time ``t`` [s]."""
         return t > self.t + self.duration + TICK
 
     def at(self, t: float) -> Array:

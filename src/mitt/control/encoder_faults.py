@@ -23,7 +23,7 @@ _MIRROR, _ALIKE = 0.3, 0.05
 #: Share of the speed a few ticks ago that a joint still has whose sign turns at once: one that a
 #: wall throws back has lost its speed by then.
 _STEADY = 0.8
-#: Multiple of the unknown acceleration from which torques tell a sign, ticks that the speed has to
+#: Multiple of the unknown acceleration from which torques give a sign, ticks that the speed has to
 #: grow against them, and by how much [rad/s].
 _SURE, _TICKS_AGAINST, _GAINED = 2.0, 10, 0.1
 #: Share of the largest speed of late that is forgotten in a tick: what gave way then gives it back.

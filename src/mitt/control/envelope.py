@@ -1,4 +1,4 @@
-"""The last stage before the arm: whatever is asked, what is emitted keeps the limits.
+"""The last stage before the arm: whatever is desired, what is emitted keeps the limits.
 
 Each emitted motion q, dq, ddq is finite and, tick after tick,
 
@@ -12,7 +12,7 @@ Each emitted motion q, dq, ddq is finite and, tick after tick,
 * and, where there are bodies to keep clear of, the way to standstill is clear of them
   (:mod:`mitt.control.viability`).
 
-A wish inside these limits passes bit by bit (with jerk: to rounding). From outside them the motion
+A motion inside these limits passes bit by bit (with jerk: to rounding). From outside them the motion
 returns monotonically. The acceleration that the controller wants of the measured joint is bounded
 likewise; torques are cut in :mod:`mitt.control.tracking`, all joints together.
 
@@ -44,7 +44,7 @@ def bounds_of(arm: Arm, *, commanded: bool = True) -> Array:
     """Return the limits of the active joints with their gaps, shape (6, n).
 
     The trusted deceleration is that of the joint alone in the ready pose; ``ddq_max`` is what the
-    torques of all joints together can bring in any of many poses, so that it binds nothing that
+    torques of all joints together can cause in any of many poses, so that it binds nothing that
     an arm within its torques can do. Where the limit set has accelerations, both are at most those,
     and where it has no jerk besides, the acceleration may swing from one end to the other in a
     tick: then position, speed and acceleration of a command are one motion.
@@ -74,7 +74,7 @@ def bounds_of(arm: Arm, *, commanded: bool = True) -> Array:
 
 
 def _largest_acceleration(arm: Arm) -> Array:
-    """Return the largest acceleration that the torques bring in any pose [rad/s^2], (n,)."""
+    """Return the largest acceleration by the torques in any pose [rad/s^2], (n,)."""
     poses = np.random.default_rng(_SEED).uniform(arm.q_min, arm.q_max, (_POSES, arm.n))
     reached = [np.abs(np.linalg.inv(arm.mass_matrix(q))) @ arm.tau_max for q in poses]
     out: Array = np.max(reached, axis=0)
@@ -94,7 +94,7 @@ def clamp_joint(
     dq: float,
     ddq: float,
 ) -> tuple[float, float, float]:
-    """Return what a joint is told when ``q``, ``dq``, ``ddq`` is wanted of it.
+    """Return the command of a joint for which ``q``, ``dq``, ``ddq`` is desired.
 
     Args:
         low: Lower end of the range [rad].
@@ -135,7 +135,7 @@ def clamp_joint(
 
 @kernel
 def clamp(b: Array, last: Array, desired: Array) -> bool:
-    """Replace a wanted motion by what is emitted, joint by joint; say whether anything changed."""
+    """Replace a desired motion by what is emitted, joint by joint; say whether anything changed."""
     changed = False
     for k in range(desired.shape[1]):
         if np.isinf(b[JERK, k]):
@@ -165,7 +165,7 @@ def brake_joint(brake: float, last_q: float, last_dq: float) -> tuple[float, flo
 
 @kernel
 def slow_down(b: Array, last: Array, desired: Array) -> None:
-    """Want of every joint to brake; q, dq, ddq for the next tick, shape (3, n)."""
+    """Let every joint brake; q, dq, ddq for the next tick, shape (3, n)."""
     for k in range(desired.shape[1]):
         if np.isinf(b[JERK, k]):
             q, dq, ddq = brake_joint(b[DECELERATION, k], last[0, k], last[1, k])

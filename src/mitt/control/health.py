@@ -9,7 +9,7 @@
 | INVALID  | what came in or went out cannot be real; the result does not count             |
 
 Memory, in this order: time of the last tick [s] (NaN: none), ticks in a row without usable time,
-ticks in a row far from the told motion, late ticks so far.
+ticks in a row far from the commanded motion, late ticks so far.
 """
 
 from enum import Enum
@@ -71,7 +71,7 @@ _IN_TIME, BRIDGED_TIME = 0.005, 0.020
 _TIMELESS_TICKS = 20
 #: Age of the last measurement from which the ball is predicted, and from which it can be lost [s].
 _FRESH, _OLD = 0.005, 0.020
-#: Ticks for which a joint may be far from the told motion.
+#: Ticks for which a joint may be far from the commanded motion.
 _FAR_TICKS = 20
 
 
@@ -86,7 +86,7 @@ def pass_time(m: Array, t: float) -> tuple[float, int]:
 
     Args:
         m: Memory, overwritten, shape (MEMORY,).
-        t: Time as told [s].
+        t: Time as given [s].
 
     Returns:
         Time to be used [s], which never runs backwards, and what is wrong with it: 0, ``_LATE``,
@@ -147,7 +147,7 @@ def assess(
         sigma: 1-sigma of the ball's predicted position [m].
         tolerance: What the hand tolerates of it [m].
         one_camera: Whether the last measurement came from one camera.
-        gap: Largest gap between told and believed joint positions [rad].
+        gap: Largest gap between commanded and estimated joint positions [rad].
         max_gap: Gap that is too large, if it lasts [rad].
     """
     m[_FAR] = m[_FAR] + 1.0 if gap > max_gap else 0.0

@@ -17,7 +17,7 @@ from mitt.control.envelope import brake_joint, slow_down
 from mitt.control.rows import DECELERATION, DQ_MAX, GENTLE, JERK, Q_MAX, Q_MIN
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
-from mitt.robot.dynamics import inverse_dynamics, notes_of
+from mitt.robot.dynamics import dynamics_scratch, inverse_dynamics
 from mitt.robot.limits import largest_share
 from mitt.signals import Array
 from mitt.views import view
@@ -55,7 +55,7 @@ def gentle_rates(arm: Arm, most: Array) -> Array:
 def reserve_work(arm: Arm) -> Array:
     """Return scratch for :func:`choose_stop`."""
     links = len(arm.bodies)
-    return np.zeros(4 * arm.n + 2 * links + notes_of(links).size)
+    return np.zeros(4 * arm.n + 2 * links + dynamics_scratch(links).size)
 
 
 #: How far before and after a joint's rest its torque is looked at, in times of its way there.
@@ -158,7 +158,7 @@ def choose_stop(
 
 @kernel
 def stop_by(b: Array, last: Array, rates: Array, desired: Array) -> None:
-    """Want of every joint to brake at its own rate; as :func:`mitt.control.envelope.slow_down`.
+    """Let every joint brake at its own rate; as :func:`mitt.control.envelope.slow_down`.
 
     Joints that have a jerk limit brake at the largest deceleration, which their range rests on.
     """

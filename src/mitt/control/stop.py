@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from mitt.jit import kernel
 from mitt.robot.arm import Arm, Tables
-from mitt.robot.dynamics import inverse_dynamics, notes_of
+from mitt.robot.dynamics import dynamics_scratch, inverse_dynamics
 from mitt.robot.limits import largest_share
 from mitt.robot.slopes import bias_and_mass
 from mitt.signals import Array
@@ -55,7 +55,7 @@ def scratch_of(arm: Arm) -> Scratch:
         stops=np.zeros((n, 5)),
         rate=np.zeros(n),
         tau=np.zeros((2, links)),
-        scratch=notes_of(links),
+        scratch=dynamics_scratch(links),
     )
 
 

@@ -30,7 +30,7 @@ _LOOKS = 40
 _TRIFLE = 1e-9
 
 
-#: What became of a wish: passed as it was, kept within the limits, replaced by braking.
+#: What became of a desired motion: passed as it was, kept within the limits, replaced by braking.
 PASSED, KEPT, BLOCKED = 0, 1, 2
 
 
@@ -110,7 +110,7 @@ def safety_filter(
     work: Array,
     reserve: Array,
 ) -> int:
-    """Replace a wanted motion by what is emitted, and remember it.
+    """Replace a desired motion by what is emitted, and remember it.
 
     A motion that the drives could not stop any more is replaced by the stop that was possible in
     the tick before (:mod:`mitt.control.reserve`). A motion from which the way to standstill is
@@ -191,7 +191,7 @@ class SafetyFilter:
             self.last[0], self.last[1], self.last[2] = q, dq, 0.0
 
     def step(self, desired: Array) -> int:
-        """Replace a wanted motion, shape (3, n), by what is emitted; see :func:`safety_filter`."""
+        """Replace a desired motion, shape (3, n), by what is emitted; see :func:`safety_filter`."""
         return int(
             safety_filter(*self._packed, *self._drives, self.last, desired, self.known, self.work,
                   self.reserve)

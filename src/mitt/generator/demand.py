@@ -16,7 +16,7 @@ import numpy as np
 
 from mitt.jit import kernel
 from mitt.robot.arm import Arm, Tables, trusted_deceleration
-from mitt.robot.dynamics import inverse_dynamics, notes_of
+from mitt.robot.dynamics import dynamics_scratch, inverse_dynamics
 from mitt.robot.limits import drive_asked, torque_share
 from mitt.signals import Array
 
@@ -75,7 +75,9 @@ def demand(arm: Arm, motion: Array) -> Demand:
     share = np.empty((2, len(motion), links))
     most = np.array([arm.q_min, arm.q_max, arm.dq_max, arm.tau_max])
     rows = np.ascontiguousarray(motion, dtype=np.float64)
-    _reckon(arm.tables, most, rows, cost, share, excess, np.zeros((2, links)), notes_of(links))
+    _reckon(
+        arm.tables, most, rows, cost, share, excess, np.zeros((2, links)), dynamics_scratch(links)
+    )
     return Demand(
         cost_torque=cost[0],
         cost_speed=cost[1],

@@ -23,7 +23,7 @@ _INSTANTS = 25
 _REGION_GAP = 0.3
 #: How far ahead the ball's way over the ground is looked at [s], and in what steps.
 _AHEAD, _STRIDE = 1.0, 0.01
-#: How long before its catch the arm begins to follow a ball, or is told for good that it cannot
+#: How long before its catch the arm begins to follow a ball, or learns for good that it cannot
 #: catch it [s]: about what learned flights last.
 _START_AHEAD = 0.5
 

@@ -22,7 +22,7 @@ class TrialLog:
         t: Time of the tick [s], shape (k,).
         phase: Index into ``PHASES``, shape (k,).
         tracked: Whether there is an estimate of the ball, shape (k,).
-        following: Whether the generator was asked, shape (k,).
+        following: Whether the generator was evaluated, shape (k,).
         encoders: q, dq as read [rad, rad/s], shape (k, 2, n).
         ball: Estimated r_o, dr_o [m, m/s], shape (k, 2, 3).
         desired: q_d, dq_d, ddq_d before any limit [rad ...], shape (k, 3, n).

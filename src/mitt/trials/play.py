@@ -241,7 +241,7 @@ def play_out(
     Args:
         stage: The world at the release.
         catcher: A catcher whose ``parts`` are there.
-        stopwatch: Is told how long the catcher took in each tick.
+        stopwatch: Gets how long the catcher took in each tick.
         longest: As of :func:`mitt.world.motion.over` [s].
         held: As of :func:`mitt.world.motion.over` [s].
 

@@ -43,7 +43,7 @@ class Trial:
             Acceleration, jerk and torque rate are those commanded, where the limit set has them.
         demand_cost: Mean cost (22) of the reference before saturation.
         peak_contact_force_n: Largest single contact force on the ball [N].
-        binding_limit: The limit that the verdict found asked most, or what ended the trial.
+        binding_limit: The limit that the verdict found most used, or what ended the trial.
         saturated_ticks: Ticks in which a torque limit was met.
         range_excess_rad: Largest reference angle beyond a joint's range [rad].
         rms_torque_ratio: Share of each drive's continuous torque, as root mean square over the
@@ -51,7 +51,7 @@ class Trial:
         certificate: The verdict before moving: outcome, binding limit, margin and probability.
         certificate_last: The same of the last online step before the catch; None where nothing was
             refined in flight.
-        stopped_by: Why the catcher stopped: state, reason, joint, time, and what it believed, read
+        stopped_by: Why the catcher stopped: state, reason, joint, time, and what it estimated, read
             and commanded then; None where it did not.
     """
 
@@ -110,7 +110,7 @@ def held(truth: Truth, radius: float) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measured:
-    """What the arm was asked and commanded in a trial, fields as in :class:`Trial`."""
+    """Reference and commands of a trial, fields as in :class:`Trial`."""
 
     peak_torque_ratio: list[float]
     peak_speed_ratio: list[float]

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 from numba import typeof
 
+from mitt.catcher.action import act
 from mitt.catcher.catcher import Catcher
-from mitt.catcher.tick import act, perceive, refer, undecided
+from mitt.catcher.perception import perceive
+from mitt.catcher.tick import refer, undecided
 from mitt.generator.design import MapDesign
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap, unlearned

@@ -24,7 +24,7 @@ BANDWIDTH, STEPS = 300.0, 4
 def follow(heads: Array, state: Array, desired: Array, bandwidth: float, duration: float) -> None:
     """Let the servos follow for a while, within the limits of speed and acceleration.
 
-    A loop of angle around a loop of rate, critically damped, with the wanted rate fed forward.
+    A loop of angle around a loop of rate, critically damped, with the desired rate fed forward.
     A long way is driven no faster than can be braked away, so that it does not overshoot.
 
     Args:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.errors import InputError
-from mitt.signals import Array, Frame, frame_of
+from mitt.signals import Array, Frame, Image
 from mitt.vision.camera import Rig
 from mitt.world.exposure import Bank, Cameras, render_images
 from mitt.world.heads import Heads
@@ -131,21 +131,12 @@ def _light(sensor: ImageSensor, side: int, rng: np.random.Generator) -> Light:
     """
     phase, place = rng.spawn(1)[0].random(2)
     return Light(
-        read_noise=float(sensor.read_noise),
-        electrons=float(sensor.electrons),
-        body=float(sensor.body),
-        hand=float(sensor.hand_level),
-        shading=float(sensor.shading),
-        grain=float(sensor.grain),
-        blur=float(sensor.blur),
-        amplitude=float(sensor.light[0]),
-        frequency=float(sensor.light[1]),
-        phase=float(2.0 * np.pi * phase),
-        shadow=float(sensor.shadow[0]),
-        shadow_speed=float(sensor.shadow[1]),
-        shadow_start=float(side * place),
-        painted=sensor.painted,
-    )
+        float(sensor.read_noise), float(sensor.electrons), float(sensor.body),
+        float(sensor.hand_level), float(sensor.shading), float(sensor.grain), float(sensor.blur),
+        float(sensor.light[0]), float(sensor.light[1]), phase=float(2.0 * np.pi * phase),
+        shadow=float(sensor.shadow[0]), shadow_speed=float(sensor.shadow[1]),
+        shadow_start=float(side * place), painted=sensor.painted,
+    )  # fmt: skip
 
 
 class Imager:
@@ -253,7 +244,7 @@ class Imager:
                 tuple(images), self._camera, self._banks, starts[k], self._half, 0.0, _NOWHERE,
                 _STILL, capsules, self._whole, t,
             )  # fmt: skip
-            views.append(tuple([frame_of(t, n, k - count, x) for n, x in enumerate(images)]))
+            views.append(_frames(t, k - count, images))
         return views
 
     def render(
@@ -282,12 +273,21 @@ class Imager:
             capsules, self._whole, t,
         )  # fmt: skip
         self.advance(1)
-        if self._turnable:
-            read = self._heads.read
-            return tuple([frame_of(t, n, number, x, read(n)) for n, x in enumerate(images)])
-        return tuple([frame_of(t, n, number, x) for n, x in enumerate(images)])
+        heads = [self._heads.read(n) for n in range(len(images))] if self._turnable else None
+        return _frames(t, number, images, heads)
 
     def _draw_starts(self, rng: np.random.Generator) -> NDArray[np.int64]:
         """Return offsets of the next frames into both banks, shape (block, n, 2)."""
         most = [[NOISE_SIZE - height * width] * 2 for height, width in self._shapes]
         return rng.integers(0, most, size=(BLOCK, len(most), 2))
+
+
+def _frames(
+    t: float, number: int, images: Sequence[Image], heads: list[tuple[float, float]] | None = None
+) -> tuple[Frame, ...]:
+    """Return images as frames; ``heads`` are pan and tilt of each camera [rad]."""
+    angles = heads or [(0.0, 0.0)] * len(images)
+    return tuple(
+        Frame(t=t, camera=n, number=number, pixels=pixels, pan=angles[n][0], tilt=angles[n][1])
+        for n, pixels in enumerate(images)
+    )

@@ -21,7 +21,7 @@ class Stage:
         plant: As of :class:`mitt.world.engine.Plant`.
         trace_buffer: The trace, whose row of a tick has its number.
         body: As of :func:`mitt.world.capsules.lay_capsules`.
-        sensors: What the catcher is told.
+        sensors: What reaches the catcher.
         imager: The cameras, two that see images of one size and do not turn; None where the ball
             is seen as points.
         scene: Settings.

@@ -12,7 +12,6 @@ import numpy as np
 
 from mitt.robot.description import rotation
 from mitt.signals import TICK, Array, Frame, Senses, Sighting
-from mitt.vision.camera import Rig
 from mitt.world.faults.draw import direction, drawn
 from mitt.world.faults.plan import (
     Calibration,
@@ -29,27 +28,12 @@ from mitt.world.faults.plan import (
     NotNumber,
     Outlier,
 )
+from mitt.world.faults.sensor_fault import SensorFault
 
 Batch = tuple[tuple[Frame, ...], tuple[Sighting, ...]]
 
 #: A delay is over when less than this is left of it [s].
 _SLACK = 1e-9
-
-
-class SensorFault:
-    """Passes everything on unchanged."""
-
-    def exposes(self, t: float) -> bool:  # noqa: ARG002
-        """Tell whether the cameras expose at a tick [s]."""
-        return True
-
-    def shown(self, t: float, r_o: Array) -> Array:  # noqa: ARG002
-        """Return where the exposure at a tick shows the ball [m], shape (3,)."""
-        return r_o
-
-    def delivered(self, senses: Senses) -> Senses:
-        """Return what goes on to the catcher."""
-        return senses
 
 
 def sensor_faults(plan: tuple[Fault, ...], seed: int, *, pixels: bool) -> tuple[SensorFault, ...]:
@@ -308,36 +292,3 @@ class _EncoderFault(SensorFault):
                 return -q
             case "step":
                 return np.asarray(size * np.rint(q / size))
-
-
-def true_rig(assumed: Rig, plan: tuple[Fault, ...], rng: np.random.Generator) -> Rig:
-    """Return the rig that takes the images, where the catcher assumes another.
-
-    Args:
-        assumed: The rig of the catcher.
-        plan: All entries; without a calibration error the rig is the assumed one.
-        rng: Source of the errors; not drawn from where there is none.
-    """
-    cameras, heads = list(assumed.cameras), list(assumed.heads)
-    for fault in (fault for fault in plan if isinstance(fault, Calibration)):
-        for n, camera in enumerate(cameras):
-            axis, size = direction(rng), fault.magnitude * rng.standard_normal()
-            if fault.part == "focal":
-                cameras[n] = replace(camera, f_px=camera.f_px * (1.0 + size))
-                continue
-            moved = _moved(camera.T_world_cam, fault, axis, size)
-            cameras[n] = replace(camera, T_world_cam=moved)
-            if heads:
-                base = _moved(heads[n].T_world_base, fault, axis, size)
-                heads[n] = replace(heads[n], T_world_base=base)
-    return Rig(cameras=tuple(cameras), heads=tuple(heads))
-
-
-def _moved(T: Array, fault: Calibration, axis: Array, size: float) -> Array:
-    """Return a pose, shape (4, 4), turned about an axis or shifted along its own x axis."""
-    out = T.copy()
-    if fault.part == "angles":
-        out[:3, :3] = rotation(axis, size) @ T[:3, :3]
-    else:
-        out[:3, 3] += size * T[:3, 0]
-    return out

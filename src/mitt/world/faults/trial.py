@@ -13,7 +13,8 @@ from mitt.world.faults.flight import Undisturbed, pushes
 from mitt.world.faults.paths import DisturbedFlight, disturbed_flight, replaced_ball
 from mitt.world.faults.plan import Command as CommandFault
 from mitt.world.faults.plan import Fault, Payload, Torque
-from mitt.world.faults.senses import SensorFault, sensor_faults
+from mitt.world.faults.senses import sensor_faults
+from mitt.world.faults.sensor_fault import SensorFault
 from mitt.world.flights import BallPath
 from mitt.world.throws import Throw
 
@@ -178,6 +179,6 @@ class ActiveFaults:
         return not all(push.is_inactive(t, until) for push in self._pushes)
 
     def push(self, t: float, h: float, r: Array, dr: Array) -> bool:
-        """Disturb the flying ball in place for a step; tell whether anything changed."""
+        """Disturb the flying ball in place for a step; return whether anything changed."""
         changed = [push.act(t, h, r, dr) for push in self._pushes]
         return any(changed)
