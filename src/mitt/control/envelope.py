@@ -12,7 +12,7 @@ Each emitted motion q, dq, ddq is finite and, tick after tick,
 * and, where there are bodies to keep clear of, the way to standstill is clear of them
   (:mod:`mitt.control.viability`).
 
-A motion inside these limits passes bit by bit (with jerk: to rounding). From outside them the motion
+A motion inside these limits passes bit by bit (with jerk: to rounding). From outside them it
 returns monotonically. The acceleration that the controller wants of the measured joint is bounded
 likewise; torques are cut in :mod:`mitt.control.tracking`, all joints together.
 
