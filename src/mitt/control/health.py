@@ -57,7 +57,7 @@ class Reason(Enum):
 (_NONE, _UNSEEN, _ONE_CAMERA, _LATE, _BRIDGED, _BLOCKED, LOST, _SILENT, _JUMPED, _STUCK, _REVERSED,
  CLOCK, OVERRUN, _TRACKING, REQUESTED, _FAST) = range(16)  # fmt: skip
 
-#: Reason for each state of an encoder, in the order of :mod:`mitt.control.monitor`.
+#: Reason for each state of an encoder, in the order of :mod:`mitt.control.encoder_memory`.
 _OF_ENCODER = (_NONE, _BRIDGED, _SILENT, _JUMPED, _STUCK, _REVERSED, _FAST)
 #: Reasons that one joint's encoder gives.
 ENCODER_REASONS = (Reason.SILENT, Reason.JUMPED, Reason.STUCK, Reason.REVERSED, Reason.FAST)
@@ -139,7 +139,7 @@ def assess(
     Args:
         m: Memory, overwritten, shape (MEMORY,).
         clock: What is wrong with the time, of :func:`pass_time`.
-        encoders: What is wrong with the worst encoder, of :mod:`mitt.control.monitor`.
+        encoders: What is wrong with the worst encoder, of :mod:`mitt.control.encoder_memory`.
         blocked: Whether the command was replaced by braking.
         following: Whether the arm follows a ball.
         near: Whether the catch is near: the hand then hides the ball, which is no loss.

@@ -16,7 +16,7 @@ drive whose stall torque and no-load speed are both smaller by the share w_m / w
 | ``command``     | fifth row: accelerations by the torques before, by the model | rad/s^2 | (5, n)|
 | ``ddq_unknown`` | first row: a_k, accelerations that unknown torques can add   | rad/s^2 | (2, n)|
 | ``jump``   | change of the joint speeds by the ball, where it may come         | rad/s   | (n,)  |
-| ``memory`` | of :mod:`mitt.control.monitor`, sigma_k among it                  |         | (n, .)|
+| ``memory`` | of :mod:`mitt.control.encoder_memory`, sigma_k among it           |         | (n, .)|
 """
 
 import numpy as np
