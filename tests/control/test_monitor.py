@@ -296,7 +296,7 @@ def test_a_first_reading_may_be_lost(arm: Arm, bad: float) -> None:
 
 
 @pytest.mark.parametrize("step", [1e-7, 1e-6, 1e-5])
-@pytest.mark.parametrize("doubt", [15.0, 400.0, 4000.0])
+@pytest.mark.parametrize("ddq_unknown", [15.0, 400.0, 4000.0])
 def test_a_wrong_velocity_dies_out_however_fine_the_encoder(
     arm: Arm, step: float, ddq_unknown: float
 ) -> None:
