@@ -28,6 +28,7 @@ from arms import WAM, named
 
 from mitt.catcher.result import REASONS, Result, rows_of
 from mitt.control.health import ABORT
+from mitt.control.rows import DECELERATION
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
@@ -181,7 +182,10 @@ def broken(f: DirectMap, kind: str, throws: list[Throw], seed: int, numbers: ran
         rows["delay_ms"].append(max(stop - shows, 0))
         told = np.flatnonzero(ticks.command[:, 1].any(axis=1))
         rows["told_ms"].append(max(int(told[-1]) + 1 - stop, 0) if len(told) else 0)
-        command, brake = ticks.command[max(stop - 1, 0), 1], runner.catcher().deceleration
+        command, brake = (
+            ticks.command[max(stop - 1, 0), 1],
+            runner.catcher().state.bounds[DECELERATION],
+        )
         rows["brake_ms"].append(float(1e3 * np.max(np.abs(command) / brake)))
         _at_rest(rows, f.arm, ticks, truth, stop)
     return rows

@@ -114,7 +114,7 @@ def test_a_catch_bears_a_collection_of_garbage_between_all_steps() -> None:
         "        del senses\n"
         "        if collects: gc.collect()\n"
         "        world.apply(command)\n"
-        "        rows.append(command.told)\n"
+        "        rows.append(command.joints)\n"
         "        del command\n"
         "        if collects: gc.collect()\n"
         "        catcher.think()\n"
@@ -168,7 +168,7 @@ def commands(catcher: Catcher, senses: list[Senses]) -> list[bytes]:
     """Return what a catcher commands, tick by tick."""
     told = []
     for s in senses:
-        told.append(catcher.step(s).told.tobytes())
+        told.append(catcher.step(s).joints.tobytes())
         catcher.think()
     return told
 
@@ -379,5 +379,5 @@ def test_an_image_of_another_size_is_refused_and_leaves_no_trace(
 def test_a_command_of_another_arm_is_refused(runner: TrialRunner, arm: Arm) -> None:
     """The simulated arm takes torques for its own joints only."""
     runner.world.reset(THROW, 5)
-    with pytest.raises(ShapeError, match=r"command\.told"):
-        runner.world.apply(Command(t=0.0, told=np.zeros((4, arm.n + 1)), hand=0.0))
+    with pytest.raises(ShapeError, match=r"command\.joints"):
+        runner.world.apply(Command(t=0.0, joints=np.zeros((4, arm.n + 1)), hand=0.0))

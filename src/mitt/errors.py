@@ -86,7 +86,7 @@ class StoppedError(MittError):
 
     Attributes:
         index: Number of the throw.
-        stopped_by: Why, and what the catcher believed, read and commanded then, as it stands in
+        stopped_by: Why, and what the catcher estimated, read and commanded then, as it stands in
             ``result.json``.
     """
 

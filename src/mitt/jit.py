@@ -113,8 +113,11 @@ def is_cold() -> bool:
 
 def compiled_count() -> int:
     """Return how many compiled kernels are kept."""
-    cache = cache_folder()
-    return 0 if cache is None else sum(1 for _ in cache.rglob("*.nbc"))
+    cache, count = cache_folder(), 0
+    for folder in [] if cache is None else cache.glob("*/*"):
+        with suppress(OSError):  # another process deletes old folders
+            count += sum(1 for _ in folder.glob("*.nbc"))
+    return count
 
 
 def _delete_old(folder: Path) -> None:

@@ -17,8 +17,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.control.envelope import bounds_of, keep
-from mitt.control.tracking import NOTES, ROWS, track
+from mitt.control.envelope import bounds_of, clamp
+from mitt.control.rows import DQ_MAX, ROWS, TAU
+from mitt.control.tracking import SCRATCH, track
 from mitt.generator.feasibility import Approach
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
@@ -42,13 +43,13 @@ def gap_at_catch(arm: Arm, approach: Approach, caps: Array, bandwidth: float) ->
         bandwidth: Of the tracking error [rad/s].
     """
     rows, b = _each_tick(approach), _bounds(arm).copy()
-    b[2] = np.minimum(b[2], caps)
+    b[DQ_MAX] = np.minimum(b[DQ_MAX], caps)
     state = rows[0, :2].copy()
     bodies, drives, index = arm.tables
-    notes, work = np.zeros((len(bodies), NOTES)), slopes_work(len(bodies))
-    rehearse(b, bandwidth, drives, bodies, index, rows, state, notes, work)
-    there, wanted = arm.position(state[0]), arm.position(rows[-1, 0])
-    return float(np.linalg.norm(there - wanted))
+    scratch, work = np.zeros((len(bodies), SCRATCH)), slopes_work(len(bodies))
+    rehearse(b, bandwidth, drives, bodies, index, rows, state, scratch, work)
+    there, desired = arm.position(state[0]), arm.position(rows[-1, 0])
+    return float(np.linalg.norm(there - desired))
 
 
 def _each_tick(approach: Approach) -> Array:
@@ -68,7 +69,7 @@ def _each_tick(approach: Approach) -> Array:
 @kernel
 def rehearse(
     b: Array, bandwidth: float, drives: Array, bodies: Array, index: NDArray[np.int64],
-    rows: Array, state: Array, notes: Array, work: Array,
+    rows: Array, state: Array, scratch: Array, work: Array,
 ) -> None:  # fmt: skip
     """Carry q, dq on along a motion within all limits, on the model of the arm.
 
@@ -80,25 +81,25 @@ def rehearse(
         index: Active joints among the links.
         rows: As in the module's table; the last is where the motion ends.
         state: q, dq, overwritten [rad, rad/s], shape (2, n).
-        notes: Scratch of the tracking.
+        scratch: Scratch of the tracking.
         work: Scratch of :mod:`mitt.robot.slopes`.
     """
     n = state.shape[1]
-    told, last = np.zeros((ROWS, n)), np.zeros((3, n))
+    command, last = np.zeros((ROWS, n)), np.zeros((3, n))
     last[:2] = state
     motion, tau, push = np.zeros((3, n)), np.zeros(len(bodies)), np.zeros(n)
     mass, system = np.zeros((len(bodies), n)), np.zeros((n, n))
     for k in range(len(rows) - 1):
-        told[:3] = rows[k]
-        keep(b, last, told[:3])
-        last[:] = told[:3]
-        track(b, bandwidth, drives, bodies, index, state[0], state[1], told, notes)
+        command[:3] = rows[k]
+        clamp(b, last, command[:3])
+        last[:] = command[:3]
+        track(b, bandwidth, drives, bodies, index, state[0], state[1], command, scratch)
         motion[:2] = state
         bias_and_mass(bodies, motion, tau, mass, work)
         for i in range(n):
             for j in range(n):
                 system[i, j] = mass[index[i], j]
-            push[i] = told[3, i] - tau[index[i]]
+            push[i] = command[TAU, i] - tau[index[i]]
         ddq = np.linalg.solve(system, push)
         for j in range(n):
             state[0, j] += TICK * (state[1, j] + 0.5 * TICK * ddq[j])

@@ -7,8 +7,7 @@ SI units and radians; positions in the world frame (origin at the shoulder centr
 and converted once, when it is made (:mod:`mitt.checks`), so that kernels can trust it.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import Enum
 from typing import Final, NamedTuple, TypeVar
 
@@ -138,12 +137,14 @@ class BallState:
 
     def __post_init__(self) -> None:
         """Hold the fields to their shapes; ShapeError or InputError where they do not fit."""
-        for name in ("r_o", "dr_o", "ddr_o"):
-            _keep(self, name, checks.vector(f"ball.{name}", _GET_BALL[name](self), 3))
-        for name in ("t", "drag", "t_seen", "t_first"):
-            _keep(self, name, checks.number(f"ball.{name}", _GET_BALL[name](self)))
-        for name in ("tracked", "led"):
-            _keep(self, name, checks.flag(f"ball.{name}", _GET_BALL[name](self)))
+        for name, x in (("r_o", self.r_o), ("dr_o", self.dr_o), ("ddr_o", self.ddr_o)):
+            _keep(self, name, checks.vector(f"ball.{name}", x, 3))
+        for name, value in (
+            ("t", self.t), ("drag", self.drag), ("t_seen", self.t_seen), ("t_first", self.t_first),
+        ):  # fmt: skip
+            _keep(self, name, checks.number(f"ball.{name}", value))
+        for name, flag in (("tracked", self.tracked), ("led", self.led)):
+            _keep(self, name, checks.flag(f"ball.{name}", flag))
         _keep(self, "covariance", checks.array("ball.covariance", self.covariance, (6, 6)))
 
 
@@ -227,12 +228,12 @@ class JointReference:
 
 
 class Command(NamedTuple):
-    """What the arm and the hand are told, within every limit.
+    """What arm and hand are commanded to do, within every limit.
 
     Attributes:
         t: Time from which it acts [s].
-        told: Positions q [rad], velocities dq [rad/s], accelerations ddq [rad/s^2] and torques tau
-            [N m] of the active joints, in rows that may be taken by these names, shape (4, n).
+        joints: Positions q [rad], velocities dq [rad/s], accelerations ddq [rad/s^2] and torques
+            tau [N m] of the active joints, rows that also have these names, shape (4, n).
         hand: Closing angle of the fingers [rad]; 0 is open.
         gaze: Pan, tilt [rad] and their rates [rad/s] that each camera's head is to have a tick
             later, shape (heads, 4); None where cameras stand still.
@@ -241,7 +242,7 @@ class Command(NamedTuple):
     """
 
     t: float
-    told: Array
+    joints: Array
     hand: float
     gaze: Array | None = None
     brakes: bool = False
@@ -249,25 +250,25 @@ class Command(NamedTuple):
     @property
     def q(self) -> Array:
         """Positions [rad], shape (n,)."""
-        q: Array = self.told[0]
+        q: Array = self.joints[0]
         return q
 
     @property
     def dq(self) -> Array:
         """Velocities [rad/s], shape (n,)."""
-        dq: Array = self.told[1]
+        dq: Array = self.joints[1]
         return dq
 
     @property
     def ddq(self) -> Array:
         """Accelerations [rad/s^2], shape (n,)."""
-        ddq: Array = self.told[2]
+        ddq: Array = self.joints[2]
         return ddq
 
     @property
     def tau(self) -> Array:
         """Torques [N m], shape (n,)."""
-        tau: Array = self.told[3]
+        tau: Array = self.joints[3]
         return tau
 
 
@@ -276,70 +277,3 @@ def _all_of(name: str, values: object, kind: type[_Kind]) -> tuple[_Kind, ...]:
     if not isinstance(values, tuple | list):
         raise InputError(name, f"a tuple of {kind.__name__}", checks.shown(values))
     return tuple(checks.instance(name, value, kind) for value in values)
-
-
-_GET_BALL: dict[str, Callable[[object], object]] = {
-    field.name: vars(BallState)[field.name].__get__ for field in fields(BallState)
-}
-"""What reads each field of a ball."""
-
-_Setter = Callable[[object, object], None]
-
-
-def _setters(kind: type) -> tuple[_Setter, ...]:
-    """Return what writes each field of a fresh value of a dataclass with slots."""
-    return tuple(vars(kind)[field.name].__set__ for field in fields(kind))
-
-
-# The constructor of a frozen dataclass takes 0.3 us a field, and a simulated tick makes four such
-# values. Writing the slots takes a fifth of that.
-_SET_FRAME, _SET_ARM, _SET_SENSES, _SET_BALL = (
-    _setters(kind) for kind in (Frame, ArmState, Senses, BallState)
-)
-
-
-def command_of(
-    t: float, told: Array, hand: float, gaze: Array | None, brakes: bool = False
-) -> Command:
-    """Return a command, in half the time of the constructor; see :class:`Command`."""
-    return tuple.__new__(Command, (t, told, hand, gaze, brakes))
-
-
-def frame_of(
-    t: float, camera: int, number: int, pixels: Image, head: tuple[float, float] = (0.0, 0.0)
-) -> Frame:
-    """Return a frame; ``head`` is pan and tilt [rad]."""
-    frame = object.__new__(Frame)
-    set_t, set_camera, set_number, set_pixels, set_pan, set_tilt = _SET_FRAME
-    set_t(frame, t)
-    set_camera(frame, camera)
-    set_number(frame, number)
-    set_pixels(frame, pixels)
-    set_pan(frame, head[0])
-    set_tilt(frame, head[1])
-    return frame
-
-
-def ball_of(*values: object) -> BallState:
-    """Return an estimate from its fields in their order, unchecked: in a tenth of the time."""
-    ball = object.__new__(BallState)
-    for write, value in zip(_SET_BALL, values, strict=True):
-        write(ball, value)
-    return ball
-
-
-def senses_of(
-    t: float, q: Array, dq: Array, frames: tuple[Frame, ...], points: tuple[Sighting, ...]
-) -> Senses:
-    """Return senses whose encoders were read at ``t``; see :class:`Senses`."""
-    arm, senses = object.__new__(ArmState), object.__new__(Senses)
-    set_time, set_q, set_dq = _SET_ARM
-    set_time(arm, t)
-    set_q(arm, q)
-    set_dq(arm, dq)
-    set_t, set_arm, set_frames, set_points = _SET_SENSES
-    set_t(senses, t)
-    set_arm(senses, arm)
-    set_frames(senses, frames)
-    set_points(senses, points)
-    return senses

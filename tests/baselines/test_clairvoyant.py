@@ -45,7 +45,7 @@ def _told(learned: Learned, throw_of: Callable[[int], Throw]) -> Clairvoyant:
     def flight(t: float) -> tuple[Array, Array]:
         return fly(throw.r, throw.dr, drag=DRAG, duration=t)
 
-    return make_clairvoyant(learned.map).told(flight)
+    return make_clairvoyant(learned.map).with_flight(flight)
 
 
 @given(seed=st.integers(0, 2**31))
@@ -118,7 +118,7 @@ def test_what_cannot_be_caught_is_refused(
     def past(t: float) -> tuple[Array, Array]:
         return np.array([3.0 - 6.0 * t, 3.0, 1.0]), np.array([-6.0, 0.0, 0.0])
 
-    other = told.told(past)
+    other = told.with_flight(past)
     ball = ball_of(5, START)
     assert other.verdict(ball, arm.q_ready).outcome is Outcome.UNREACHABLE
     assert np.array_equal(other.reference(ball).q_d, arm.q_ready)
@@ -134,7 +134,7 @@ def test_a_refusal_is_reconsidered_after_a_while_and_not_each_tick(
         tries.append(t)
 
     monkeypatch.setattr(Clairvoyant, "_plan", none)
-    told = make_clairvoyant(learned.map).told(lambda _: (np.full(3, 9.0), np.zeros(3)))
+    told = make_clairvoyant(learned.map).with_flight(lambda _: (np.full(3, 9.0), np.zeros(3)))
     for k in range(50):
         ball = replace(ball_state(np.full(3, 9.0), np.zeros(3), np.zeros(3)), t=0.001 * k)
         assert told.verdict(ball, arm.q_ready).outcome is Outcome.UNREACHABLE
@@ -145,7 +145,7 @@ def test_a_refusal_is_reconsidered_after_a_while_and_not_each_tick(
 
 def test_nothing_of_another_throw_is_kept(told: Clairvoyant) -> None:
     """Told of a new flight, the plan of the last is gone."""
-    fresh = told.told(lambda t: (np.array([t, 0.0, 0.0]), np.zeros(3)))
+    fresh = told.with_flight(lambda t: (np.array([t, 0.0, 0.0]), np.zeros(3)))
     assert fresh.plan is None
     assert fresh.last is not told.last
 

@@ -112,13 +112,13 @@ def test_verdicts_say_what_is_in_reach(
 def test_an_open_throw_is_waited_for_at_the_nominal_height(
     rival: Generator, arm: Arm, learned: Learned
 ) -> None:
-    """The stand-in keeps the way over the ground and tops out where it comes within reach."""
+    """The surrogate target keeps its way over the ground and tops out within reach."""
     low = ball_state(np.array([2.5, 0.1, 0.0]), np.array([-4.0, 0.0, -1.0]), G)
-    stand_in = rival.waiting(low)
-    assert np.array_equal(stand_in.r_o[:2], low.r_o[:2])
+    surrogate = rival.waiting(low)
+    assert np.array_equal(surrogate.r_o[:2], low.r_o[:2])
     reach = np.hypot(*arm.position(learned.map.start)[:2])
     after = (np.hypot(*low.r_o[:2]) - reach) / 4.0
-    assert stand_in.dr_o[2] - 9.81 * after == pytest.approx(0.0, abs=1e-9)
+    assert surrogate.dr_o[2] - 9.81 * after == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", [*HONEST, "clairvoyant"])

@@ -10,7 +10,7 @@ from mitt.errors import InputError
 from mitt.files.rig import RigCamera
 from mitt.signals import Array
 from mitt.vision.calibration.fit import fit
-from mitt.vision.calibration.heads import HeadAxes, ideal
+from mitt.vision.calibration.heads import HeadAxes
 from mitt.vision.poses import inverse, turned
 
 #: Camera at encoder zero: 1.8 m above the face of the board, which is the world.
@@ -81,17 +81,3 @@ def test_one_axis_alone_is_refused(board: Board) -> None:
     more = np.tile(angles[level], (2, 1))
     with pytest.raises(InputError, match="tilt"):
         head_problem(camera(), board, more, [s for s, k in zip(seen, level, strict=True) if k] * 2)
-
-
-def test_the_ideal_head_is_near() -> None:
-    """Its camera stands within the gap and skew that it cannot have; both are told."""
-    near, true = ideal(true_head()), true_head()
-    assert near.gap == pytest.approx(0.004, abs=1e-4)
-    assert abs(near.tilt_from_square) == pytest.approx(0.01, abs=1e-9)
-    at = near.T_world_base
-    for pan, tilt in ((0.0, 0.0), (0.1, -0.1)):
-        p, t = np.array((pan, tilt)) - near.zero
-        Ry = turned(np.eye(4), np.array((0, p, 0, 0, 0, 0)))
-        Rx = turned(np.eye(4), np.array((t, 0, 0, 0, 0, 0)))
-        centre = (at @ Ry @ Rx)[:3, :3] @ near.lens + at[:3, 3]
-        assert np.linalg.norm(centre - true.pose(pan, tilt)[:3, 3]) < 0.004

@@ -13,6 +13,7 @@ from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
 from mitt.catcher.state import arm_fields
 from mitt.control.health import Reason
 from mitt.control.monitor import GOOD_TICKS, LOSSY_TICKS, SILENT_TICKS
+from mitt.control.rows import DECELERATION
 from mitt.errors import InputError
 from mitt.generator.design import default_design
 from mitt.generator.feasibility import Outcome as Feasible
@@ -377,7 +378,7 @@ def test_a_stopped_catcher_recovers_when_told_to(runner: TrialRunner, throws: li
                 catcher.recover()
     assert catcher.phase is Phase.STOPPED
     assert catcher.tick is not None
-    assert catcher.tick.reason is Reason.ASKED
+    assert catcher.tick.reason is Reason.REQUESTED
     catcher.recover()
     torques = []
     for each in (catcher, runner.catcher()):
@@ -396,7 +397,7 @@ def test_an_arm_that_was_left_behind_stops_where_it_is(
 
     With alpha = 0 the command jumps away from the arm: 10 rad/s of joint 4, and on from there.
     """
-    generator, settings = Unoptimised(taught.map), CatcherSettings(stray=0.3)
+    generator, settings = Unoptimised(taught.map), CatcherSettings(max_tracking_error=0.3)
     runner, far = TrialRunner(arm, generator, Scene(), pixels=False), 0
     for throw in throws[:6]:
         catcher = Catcher(arm, generator, Eyes(fixed_rig()), settings=settings)
@@ -410,7 +411,9 @@ def test_an_arm_that_was_left_behind_stops_where_it_is(
         far += 1
         after = truth.t >= by.t
         way = np.ptp(truth.q[after], axis=0)
-        assert np.all(way <= 1.6 * by.dq**2 / (2.0 * catcher.deceleration) + 0.05), way
+        assert np.all(way <= 1.6 * by.dq**2 / (2.0 * catcher.state.bounds[DECELERATION]) + 0.05), (
+            way
+        )
         assert np.all(np.abs(truth.dq[after]).max(axis=0) <= np.abs(by.dq) + 0.7)
         assert np.abs(truth.dq[-1]).max() < 1e-2
     assert far >= 3
@@ -494,12 +497,12 @@ def test_catchers_with_other_surroundings_stand_in_one_process(arm: Arm, learned
         for k in range(50):
             now = ArmState(t=0.001 * k, q=arm.q_ready, dq=np.zeros(arm.n))
             command = catcher.step(Senses(t=0.001 * k, arm=now))
-        commands.append(command.told.tobytes())
+        commands.append(command.joints.tobytes())
     assert len(set(commands)) == 1
 
 
 def test_a_change_of_map_changes_the_waiting_height(arm: Arm) -> None:
-    """A ball's stand-in is led to the height at which the map that is followed catches."""
+    """A ball's surrogate target is led to the height at which the map that is followed catches."""
     several = make_generator("several", learn(arm).map)
     assert isinstance(several, Several)
     catcher = Catcher(arm, several, Eyes(fixed_rig()), settings=CatcherSettings())
@@ -507,9 +510,9 @@ def test_a_change_of_map_changes_the_waiting_height(arm: Arm) -> None:
     for f in (one.map for one in several.maps):
         dr = np.array([-5.0, 0.0, 2.0])
         start = arm.position(f.start) - 0.4 * dr + 0.08 * np.array([0.0, 0.0, 9.81])
-        catcher._generator = Direct(f)
-        catcher._adapt(ball_state(start, dr, np.array([0.0, 0.0, -9.81])))
-        followed = catcher._generator.as_map()
+        catcher._planner.generator = Direct(f)
+        catcher._planner._adapt(ball_state(start, dr, np.array([0.0, 0.0, -9.81])))
+        followed = catcher._planner.generator.as_map()
         assert followed is not None
         assert catcher.state.scalars["waiting_height"][0] == waiting_height(followed)
         heights.append(waiting_height(followed))

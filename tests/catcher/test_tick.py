@@ -13,13 +13,15 @@ from numba.core.runtime import rtsys
 
 from mitt.ball.filter import BallFilter
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
-from mitt.catcher.tick import BESIDE, TOUCHED, tick
+from mitt.catcher.perception import BESIDE, TOUCHED
+from mitt.catcher.tick import tick
 from mitt.control.brake import Brake, plan_brake
-from mitt.control.encoders import Encoders, bring
+from mitt.control.encoder_memory import memory_of
+from mitt.control.encoders import Encoders, predict_acceleration
 from mitt.control.envelope import bounds_of
 from mitt.control.hand import Closing
 from mitt.control.health import State
-from mitt.control.monitor import believe, memory_of
+from mitt.control.monitor import estimate_joints
 from mitt.control.tracking import Tracker
 from mitt.generator.feasibility import Verdict
 from mitt.generator.generators import Direct, Generator, Unoptimised
@@ -35,7 +37,6 @@ from mitt.signals import (
     JointReference,
     MapStatus,
     Senses,
-    command_of,
 )
 from mitt.trials.known import known_ball
 from mitt.trials.learning import learn
@@ -102,7 +103,7 @@ class Watched:
         return said
 
     def waiting(self, ball: BallState) -> BallState:
-        """Pass on; a stand-in is followed from now on."""
+        """Pass on; a surrogate target is followed from now on."""
         self.notes.waiting = True
         return self.inner.waiting(ball)
 
@@ -128,30 +129,34 @@ class Joints:
         """Start with nothing read."""
         n, links = arm.n, len(arm.bodies)
         self.table, self.memory = Encoders().table(arm), memory_of(n)
-        self.doubt = np.array([self.table[1] / np.diag(arm.mass_matrix(arm.q_ready))] * 2)
+        self.ddq_unknown = np.array([self.table[1] / np.diag(arm.mass_matrix(arm.q_ready))] * 2)
         self.coupling = np.zeros((n, n))
-        self.rows, self.believed = np.zeros((5, n)), np.array([arm.q_ready, np.zeros(n)])
+        self.rows, self.estimated = np.zeros((5, n)), np.array([arm.q_ready, np.zeros(n)])
         self.scratch = np.zeros(links), np.zeros((links, n)), slopes_work(links)
         self.solved, self.bounds = np.zeros((n + 2, 2 * n)), bounds_of(arm)
 
-    def read(self, senses: Senses, believed: Array, blow: Array) -> ArmState:
+    def read(self, senses: Senses, estimated: Array, impact_dq: Array) -> ArmState:
         """Return the joints as the catcher estimates them, which has to be the monitor's estimate.
 
         The stages go on from the catcher's own: feedback makes 6,400 of each rounding.
         """
         read = np.array([senses.arm.q, senses.arm.dq])
-        believe(self.memory, self.bounds, self.table[0], self.doubt, self.coupling, read, self.rows,
-                False, blow, self.believed)  # fmt: skip
-        assert np.allclose(self.believed, believed, rtol=SAME, atol=SAME)
-        self.believed[:] = believed
-        return ArmState(t=senses.t, q=believed[0].copy(), dq=believed[1].copy())
+        estimate_joints(
+            self.memory, self.bounds, self.table[0], self.ddq_unknown, self.coupling, read,
+            self.rows, False, impact_dq, self.estimated,
+        )  # fmt: skip
+        assert np.allclose(self.estimated, estimated, rtol=SAME, atol=SAME)
+        self.estimated[:] = estimated
+        return ArmState(t=senses.t, q=estimated[0].copy(), dq=estimated[1].copy())
 
-    def told(self, arm: Arm, command: Command) -> None:
+    def after(self, arm: Arm, command: Command) -> None:
         """Note what was commanded, and what acceleration it brings."""
-        self.rows[:4] = command.told
+        self.rows[:4] = command.joints
         self.bounds = bounds_of(arm)
-        bring(arm.bodies, np.array(arm.model.active), self.believed, self.table[1], *self.scratch,
-              self.solved, self.rows, self.doubt, self.coupling)  # fmt: skip
+        predict_acceleration(
+            arm.bodies, np.array(arm.model.active), self.estimated, self.table[1], *self.scratch,
+            self.solved, self.rows, self.ddq_unknown, self.coupling,
+        )  # fmt: skip
 
 
 class Staged:
@@ -168,14 +173,14 @@ class Staged:
         self.wanted = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)])
         self.brake: Brake | None = None
         self.command: Command | None = None
-        self.t_last, self.beside, self.blow = 0.0, False, np.zeros(arm.n)
+        self.t_last, self.beside, self.impact_dq = 0.0, False, np.zeros(arm.n)
 
     def step(
-        self, senses: Senses, phase: Phase, believed: Array
+        self, senses: Senses, phase: Phase, estimated: Array
     ) -> tuple[Command, JointReference | None]:
         """Make one tick; what the catcher believes of the joints is held to the monitor."""
         reference, time = None, np.inf
-        arm = self.joints.read(senses, believed, self.blow)
+        arm = self.joints.read(senses, estimated, self.impact_dq)
         if phase is not Phase.BRAKE:
             self._guide(senses)
             seen = (self.eyes.step(senses.frames),) if senses.frames else senses.points
@@ -197,7 +202,7 @@ class Staged:
         self.beside = time < BESIDE
         hand = self.closing.step(senses.t, time)
         self.command = self.tracker.step(arm, self.wanted, hand=hand).command
-        self.joints.told(self.tracker.arm, self.command)
+        self.joints.after(self.tracker.arm, self.command)
         self.t_last = senses.t
         return self.command, reference
 
@@ -211,10 +216,10 @@ class Staged:
 
     def keep_below(self, speeds: Array) -> None:
         """Take the speeds below which the catcher keeps the joints, as its verdict says."""
-        guard = self.tracker.guard
-        guard.bounds = guard.bounds.copy()
-        guard.bounds[2] = speeds
-        guard._packed = (*guard._packed[:3], guard.bounds)
+        safety_filter = self.tracker.safety_filter
+        safety_filter.bounds = safety_filter.bounds.copy()
+        safety_filter.bounds[2] = speeds
+        safety_filter._packed = (*safety_filter._packed[:3], safety_filter.bounds)
 
     def _braking(self) -> Brake:
         """Return the brake, planned from the last command when it is first asked for."""
@@ -223,9 +228,9 @@ class Staged:
             last = np.array([self.command.q, self.command.dq, self.command.ddq])
             loaded = self.arm.holding(self.settings.ball_mass)
             self.brake = plan_brake(loaded, self.t_last, last)
-            told = self.tracker.guard.last
+            last = self.tracker.safety_filter.last
             self.tracker = Tracker(loaded, bandwidth=self.settings.bandwidth)
-            self.tracker.guard.begin(told[0], told[1])
+            self.tracker.safety_filter.begin(last[0], last[1])
         return self.brake
 
 
@@ -253,24 +258,24 @@ def compare(
             break
         if phase is Phase.FOLLOW:
             staged.keep_below(catcher.state.bounds[2])
-        told = catcher.step(senses)
-        staged.blow = catcher.state.blow
+        sent = catcher.step(senses)
+        staged.impact_dq = catcher.state.impact_dq
         command, reference = staged.step(senses, phase, catcher.estimated)
         if catcher.tick is not None and catcher.tick.state is State.ABORT:
             break
-        differ(told, command, catcher, reference)
-        runner.world.apply(told)
+        differ(sent, command, catcher, reference)
+        runner.world.apply(sent)
         catcher.think()
         phases.add(phase)
     return phases
 
 
 def differ(
-    told: Command, command: Command, catcher: Catcher, reference: JointReference | None
+    sent: Command, command: Command, catcher: Catcher, reference: JointReference | None
 ) -> None:
     """Refuse a tick that is not that of the stages."""
     for name in ("q", "dq", "ddq", "tau", "hand", "t"):
-        ours, theirs = (np.asarray(getattr(x, name)) for x in (told, command))
+        ours, theirs = (np.asarray(getattr(x, name)) for x in (sent, command))
         assert np.all(np.abs(ours - theirs) <= SAME * np.maximum(np.abs(theirs), 1.0)), name
     assert catcher.tick is not None
     made = catcher.tick.reference
@@ -333,10 +338,10 @@ def test_thinking_late_is_thinking(
     runner.world.reset(throws[1], 3)
     for _ in range(700):
         senses = runner.world.sense()
-        told = [catcher.step(senses) for catcher in catchers]
-        assert np.array_equal(told[0].tau, told[1].tau)
+        sent = [catcher.step(senses) for catcher in catchers]
+        assert np.array_equal(sent[0].tau, sent[1].tau)
         catchers[int(early)].think()
-        runner.world.apply(told[0])
+        runner.world.apply(sent[0])
     assert catchers[0].phase is Phase.BRAKE
 
 
@@ -370,7 +375,7 @@ def test_the_tick_allocates_nothing(
         catcher.backgrounds,
         senses.arm.q,
         senses.arm.dq,
-        catcher._brake,
+        catcher._planner.brake,
     )
     nrt.memsys_enable_stats()
     counts = []
@@ -380,15 +385,3 @@ def test_the_tick_allocates_nothing(
         after = rtsys.get_allocation_stats()
         counts.append((after.alloc - before.alloc, after.mi_alloc - before.mi_alloc))
     assert counts[2] == counts[1]
-
-
-def test_a_command_made_fast_is_a_command() -> None:
-    """Field by field what the constructor makes, also those with defaults."""
-    told, gaze = np.arange(12.0).reshape(4, 3), np.ones((2, 4))
-    fast = command_of(0.5, told, 0.25, gaze)
-    slow = Command(t=0.5, told=told, hand=0.25, gaze=gaze)
-    for made, given in zip(fast, slow, strict=True):
-        assert np.array_equal(np.asarray(made), np.asarray(given))
-    assert command_of(0.5, told, 0.25, None).gaze is Command(t=0.5, told=told, hand=0.25).gaze
-    with pytest.raises(AttributeError):
-        fast.t = 1.0  # type: ignore[misc]

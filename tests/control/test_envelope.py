@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.control.envelope import bound_acceleration, bounds_of, brake_joint, keep
+from mitt.control.envelope import bound_acceleration, bounds_of, brake_joint, clamp
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import TICK, Array
@@ -37,7 +37,7 @@ def test_a_motion_within_the_limits_passes_bit_by_bit(arm: Arm, seed: int) -> No
     last = 0.9 * np.array([q, dq])
     wanted = np.array([last[0] + TICK * last[1], last[1], 0.5 * b[4]])
     kept = wanted.copy()
-    assert not keep(b, last, kept)
+    assert not clamp(b, last, kept)
     assert np.array_equal(kept, wanted)
 
 
@@ -49,7 +49,7 @@ def test_whatever_is_wanted_the_limits_are_kept(
     b, rng = bounds_of(arm), np.random.default_rng(seed)
     last = np.array(stoppable(b, rng))
     kept = np.array([q, dq, ddq])
-    keep(b, last, kept)
+    clamp(b, last, kept)
     assert np.all((kept[0] >= b[0]) & (kept[0] <= b[1]))
     assert np.all(np.abs(kept[1]) <= b[2])
     assert np.all(np.abs(kept[2]) <= b[4])
@@ -68,7 +68,7 @@ def test_accelerations_of_the_limit_set_bind(arm: Arm) -> None:
     assert np.array_equal(b[4], np.minimum(bounds_of(arm)[4], own))
     last = np.array([arm.q_ready, 0.0 * own, 0.0 * own])
     wanted = np.array([arm.q_max, 9.0 * own, 99.0 * own])
-    keep(b, last, wanted)
+    clamp(b, last, wanted)
     assert np.all(np.abs(wanted[2]) <= own)
 
 
@@ -80,9 +80,9 @@ def test_keeping_twice_is_keeping_once(
     b, rng = bounds_of(arm), np.random.default_rng(seed)
     last = np.array(stoppable(b, rng))
     once = np.array([q, dq, ddq])
-    keep(b, last, once)
+    clamp(b, last, once)
     twice = once.copy()
-    keep(b, last, twice)
+    clamp(b, last, twice)
     assert np.allclose(once, twice, rtol=0.0, atol=ROUNDING)
 
 
@@ -159,7 +159,7 @@ def test_a_wish_that_is_not_finite_is_no_wish(arm: Arm, row: int, bad: float) ->
     b = bounds_of(arm)
     last, wanted = np.array([arm.q_ready, np.ones(3)]), np.array([arm.q_ready, *np.ones((2, 3))])
     wanted[row, 1] = bad
-    keep(b, last, wanted)
+    clamp(b, last, wanted)
     assert np.all(np.isfinite(wanted))
     assert 0.0 <= wanted[1, 1] < 1.0
 

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.control.envelope import bounds_of, keep, slow_down
+from mitt.control.envelope import bounds_of, clamp, slow_down
 from mitt.control.jerk import braked
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array
@@ -29,7 +29,7 @@ def settle(b: Array, last: Array) -> Array:
     rows, wanted = [], last.copy()
     for _ in range(5000):
         slow_down(b, last, wanted)
-        keep(b, last, wanted)
+        clamp(b, last, wanted)
         last[:] = wanted
         rows.append(wanted.copy())
         if not wanted[1:].any():
@@ -57,7 +57,7 @@ def test_no_wish_takes_a_joint_beyond_its_jerk(
             wish = last + size * rng.standard_normal((3, arm.n))
             wish[0, 0] = np.nan if rng.random() < 0.1 else wish[0, 0]
         kept = wish.copy()
-        keep(b, last, kept)
+        clamp(b, last, kept)
         q, dq, ddq = kept
         assert np.all((q >= b[0]) & (q <= b[1]))
         assert np.all(np.abs(dq) <= b[2] + ROUNDING)
@@ -85,6 +85,6 @@ def test_a_motion_within_the_jerk_is_followed(arm: Arm, seed: int) -> None:
         t = k * TICK
         wanted = np.array([arm.q_ready + jerk * t**3 / 6.0, jerk * t**2 / 2.0, jerk * t])
         kept = wanted.copy()
-        keep(b, last, kept)
+        clamp(b, last, kept)
         last = kept
         assert np.abs(kept[0] - wanted[0]).max() < 1e-6

@@ -12,11 +12,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from mitt.control import monitor
-from mitt.control.encoders import Encoders, bring
-from mitt.control.monitor import BRIDGED, believe
+from mitt.control.encoder_memory import BRIDGED, memory_of
+from mitt.control.encoders import Encoders, predict_acceleration
+from mitt.control.monitor import estimate_joints
 from mitt.control.reserve import HARDEST, choose_stop, stop_by
-from mitt.control.tracking import ROWS, Tracker
+from mitt.control.rows import ROWS
+from mitt.control.tracking import Tracker
 from mitt.robot.arm import Arm, to_pinocchio
 from mitt.robot.description import ArmModel, Link, rotation, transform
 from mitt.robot.limits import joint_level
@@ -73,10 +74,10 @@ class Cell:
         self.data = self.plant.createData()
         self.friction = FRICTION * arm.tau_max * rng.uniform(0.0, 1.0, n)
         self.q, self.dq, self.step = arm.q_ready.copy(), np.zeros(n), arm.encoder_step
-        self.tracker, self.told = Tracker(arm, bandwidth=40.0), np.zeros((ROWS, n))
-        self.memory, self.believed = monitor.memory_of(n), np.zeros((2, n))
+        self.tracker, self.rows = Tracker(arm, bandwidth=40.0), np.zeros((ROWS, n))
+        self.memory, self.estimated = memory_of(n), np.zeros((2, n))
         self.table = Encoders().table(arm)
-        self.doubt, self.index = np.ones((2, n)), np.array(arm.model.active)
+        self.ddq_unknown, self.index = np.ones((2, n)), np.array(arm.model.active)
         self.coupling = np.eye(n)
         links_n = len(arm.bodies)
         self.scratch = (np.zeros(links_n), np.zeros((links_n, n)), slopes_work(links_n),
@@ -92,24 +93,28 @@ class Cell:
     def tick(self, wish: Array, read: Array) -> int:
         """Make a tick; return what the monitor says."""
         tracker, arm = self.tracker, self.arm
-        b, last = tracker.guard.bounds, tracker.guard.last
+        b, last = tracker.safety_filter.bounds, tracker.safety_filter.last
         held = self.since * TICK >= DELAY
         read = np.array([read, 0.0 * read])
-        code = int(believe(self.memory, b, self.table[0], self.doubt, self.coupling, read,
-                           self.told, held, np.zeros(arm.n), self.believed))  # fmt: skip
+        code = int(estimate_joints(
+            self.memory, b, self.table[0], self.ddq_unknown, self.coupling, read, self.rows, held,
+            np.zeros(arm.n), self.estimated,
+        ))  # fmt: skip
         if code > BRIDGED or self.since >= 0:
             self.since += 1
             wish = last.copy()
-            work = tracker.guard.reserve
+            work = tracker.safety_filter.reserve
             choose_stop(arm.bodies, arm.limits.packed, self.index, b, last, HARDEST, work)
             stop_by(b, last, work[: arm.n], wish)
-        state = ArmState(t=0.0, q=self.believed[0], dq=self.believed[1])
-        self.told[:4] = tracker.step(state, wish, hand=0.0).command.told
-        bring(arm.bodies, self.index, self.believed, self.table[1], *self.scratch, self.told,
-              self.doubt, self.coupling)  # fmt: skip
+        state = ArmState(t=0.0, q=self.estimated[0], dq=self.estimated[1])
+        self.rows[:4] = tracker.step(state, wish, hand=0.0).command.joints
+        predict_acceleration(
+            arm.bodies, self.index, self.estimated, self.table[1], *self.scratch, self.rows,
+            self.ddq_unknown, self.coupling,
+        )  # fmt: skip
         if held:
-            self.told[3:] = 0.0
-        self._move(self.told[3], held)
+            self.rows[3:] = 0.0
+        self._move(self.rows[3], held)
         return code
 
     def _move(self, tau: Array, held: bool) -> None:

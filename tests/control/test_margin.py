@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from mitt.control.encoder_memory import COLUMNS, VARIANCE_DQ, memory_of
 from mitt.control.margin import derate
-from mitt.control.monitor import COLUMNS, SPEED_VARIANCE, memory_of
 from mitt.robot.arm import Arm
 from mitt.robot.limits import bound_of
 from mitt.robot.load import load_arm
@@ -23,12 +23,12 @@ def motors() -> Arm:
 def derated(arm: Arm, given: dict[str, np.ndarray], *, struck: bool) -> np.ndarray:
     """Return the drives for a state of the joints."""
     memory = memory_of(arm.n)
-    memory[:, SPEED_VARIANCE] = given["sigma"] ** 2
+    memory[:, VARIANCE_DQ] = given["sigma"] ** 2
     told = np.zeros((5, arm.n))
     told[4] = given["rate"]
     drives, index = arm.limits.packed, np.array(arm.model.active)
-    out, doubt = np.zeros_like(drives), np.array([given["doubt"], np.zeros(arm.n)])
-    derate(drives, index, memory, given["dq"], told, doubt, given["jump"], LEAD, struck, out)
+    out, ddq_unknown = np.zeros_like(drives), np.array([given["doubt"], np.zeros(arm.n)])
+    derate(drives, index, memory, given["dq"], told, ddq_unknown, given["jump"], LEAD, struck, out)
     assert memory.shape == (arm.n, COLUMNS)
     return out
 

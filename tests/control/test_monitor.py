@@ -6,20 +6,20 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from mitt.control import monitor
-from mitt.control.encoders import Encoders
-from mitt.control.envelope import bounds_of
-from mitt.control.monitor import (
+from mitt.control.encoder_memory import (
     BRIDGED,
     FAST,
+    FAULT,
     FINE,
-    GOOD_TICKS,
     JUMPED,
-    LOSSY_TICKS,
     REVERSED,
     SILENT,
-    SILENT_TICKS,
     STUCK,
+    memory_of,
 )
+from mitt.control.encoders import Encoders
+from mitt.control.envelope import bounds_of
+from mitt.control.monitor import GOOD_TICKS, LOSSY_TICKS, SILENT_TICKS
 from mitt.errors import InputError
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array
@@ -62,32 +62,32 @@ class Watch:
     def __init__(self, arm: Arm, step: float = 3.65e-5) -> None:
         """Start with nothing read."""
         self.b, self.step = bounds_of(arm), step
-        self.memory, self.believed = monitor.memory_of(arm.n), np.zeros((2, arm.n))
-        self.steps, self.doubt = np.full(arm.n, step), np.full((2, arm.n), DOUBT)
+        self.memory, self.estimated = memory_of(arm.n), np.zeros((2, arm.n))
+        self.steps, self.ddq_unknown = np.full(arm.n, step), np.full((2, arm.n), DOUBT)
         self.coupling = np.eye(arm.n)
-        self.blow = np.zeros(arm.n)
+        self.impact_dq = np.zeros(arm.n)
 
     def couple(self, arm: Arm) -> None:
         """Let joints drive each other as the arm's, with a tenth of its torque unknown."""
         M, unknown = arm.mass_matrix(arm.q_ready), 0.1 * arm.tau_max
         self.coupling = M / np.diag(M)[:, None]
-        self.doubt = np.array([np.abs(np.linalg.inv(M)) @ unknown, unknown / np.diag(M)])
+        self.ddq_unknown = np.array([np.abs(np.linalg.inv(M)) @ unknown, unknown / np.diag(M)])
 
     def read(self, q: Array, push: Array, dq: Array | None = None, *, held: bool = False) -> int:
         """Feed positions as they are."""
         read = np.array([q, np.zeros_like(q) if dq is None else dq])
         return int(
-            monitor.believe(
+            monitor.estimate_joints(
                 self.memory,
                 self.b,
                 self.steps,
-                self.doubt,
+                self.ddq_unknown,
                 self.coupling,
                 read,
                 telling(push),
                 held,
-                self.blow,
-                self.believed,
+                self.impact_dq,
+                self.estimated,
             )
         )
 
@@ -110,8 +110,8 @@ def test_a_true_motion_raises_no_alarm(arm: Arm, seed: int, step: float, noise: 
         read = dq[k] + noise * rng.standard_normal(arm.n)
         assert watch.count(q[k], wrong * ddq[k - 1] + off, read if k > 1 else dq[k]) == FINE
         if k > 50:
-            assert np.all(np.abs(watch.believed[0] - q[k]) <= 2.0 * step + 2e-4)
-            assert np.all(np.abs(watch.believed[1] - dq[k]) <= 0.3)
+            assert np.all(np.abs(watch.estimated[0] - q[k]) <= 2.0 * step + 2e-4)
+            assert np.all(np.abs(watch.estimated[1] - dq[k]) <= 0.3)
 
 
 @given(seed=seeds, step=steps)
@@ -124,7 +124,7 @@ def test_a_third_of_the_readings_may_be_lost(arm: Arm, seed: int, step: float) -
         read = np.where(lost & (k > 1), np.nan, step * np.round(q[k] / step))
         assert watch.read(read, (1.0 + WRONG) * ddq[k - 1], dq[k]) <= BRIDGED
         if k > 50:
-            assert np.all(np.abs(watch.believed[0] - q[k]) <= 2.0 * step + 2e-3)
+            assert np.all(np.abs(watch.estimated[0] - q[k]) <= 2.0 * step + 2e-3)
 
 
 @given(joint=joints, speed=st.floats(1.0, 2.0), step=st.sampled_from(STEPS[:2]))
@@ -132,7 +132,7 @@ def test_an_impact_may_mirror_a_velocity(arm: Arm, joint: int, speed: float, ste
     """While the ball may strike, its impact may turn a velocity round; else the encoder is."""
     for may_strike in (True, False):
         watch, dq = Watch(arm, step), np.zeros(arm.n)
-        watch.blow[joint] = 2.5 * speed if may_strike else 0.0
+        watch.impact_dq[joint] = 2.5 * speed if may_strike else 0.0
         q, dq[joint] = arm.q_ready.copy(), speed
         found = FINE
         for k in range(100):
@@ -150,7 +150,7 @@ def test_an_impact_may_halt_a_joint(arm: Arm, joint: int, step: float) -> None:
     """
     for may_strike in (True, False):
         watch, dq = Watch(arm, step), np.zeros(arm.n)
-        watch.blow[joint] = 1.0 if may_strike else 0.0
+        watch.impact_dq[joint] = 1.0 if may_strike else 0.0
         q, found = arm.q_ready.copy(), FINE
         for k in range(100):
             dq[joint] = 0.5 if k < 60 else 0.0
@@ -172,8 +172,8 @@ def test_an_impact_is_no_fault(arm: Arm, seed: int, joint: int, change: float, s
             assume(abs(dq[joint] + before) > 0.1 * before + 3.0 * step / TICK)  # no mirror image
         q = q + TICK * dq
         assert watch.count(q, push, dq) <= BRIDGED
-        assert watch.memory[joint, monitor._DOUBT] == FINE
-    assert np.all(np.abs(watch.believed[1] - dq) <= 0.3)
+        assert watch.memory[joint, FAULT] == FINE
+    assert np.all(np.abs(watch.estimated[1] - dq) <= 0.3)
 
 
 @given(joint=joints, side=st.sampled_from((-1.0, 1.0)), step=steps)
@@ -196,7 +196,7 @@ def test_how_the_others_move_says_whether_something_holds_a_joint(
     By unknown torques at all joints it could be held.
     """
     watch, push, found = Watch(arm, step), np.array([0.0, 0.0, -60.0]), FINE
-    watch.doubt[0], watch.doubt[1], watch.coupling[2, 1] = 80.0, 8.0, 1.6
+    watch.ddq_unknown[0], watch.ddq_unknown[1], watch.coupling[2, 1] = 80.0, 8.0, 1.6
     for k in range(100):
         t = TICK * max(k - 40, 0)
         q = arm.q_ready + np.array([0.0, -0.5 * t * t * 60.0 / 1.6 if held else 0.0, 0.0])
@@ -214,10 +214,10 @@ def test_a_stuck_encoder_puts_no_other_in_doubt(
     """One joint is driven and reads nothing of it, the others rest: it alone is in doubt."""
     watch, push = Watch(arm, step), np.zeros(arm.n)
     watch.couple(arm)
-    push[joint] = times * watch.doubt[1, joint]
+    push[joint] = times * watch.ddq_unknown[1, joint]
     for k in range(300):
         watch.count(arm.q_ready, push if k >= 40 else 0.0 * push)
-    assert monitor.doubted(watch.memory) == [joint]
+    assert monitor.faulty(watch.memory) == [joint]
 
 
 @given(joint=joints, change=st.floats(-1.0, 1.0), step=st.sampled_from(STEPS[:2]))
@@ -227,7 +227,7 @@ def test_a_blow_to_one_joint_puts_no_other_in_doubt(
     """The ball strikes so that one joint moves and the others, which are coupled to it, rest."""
     watch, dq = Watch(arm, step), np.zeros(arm.n)
     watch.couple(arm)
-    watch.blow[joint] = 1.5 * abs(change)
+    watch.impact_dq[joint] = 1.5 * abs(change)
     q = arm.q_ready.copy()
     for k in range(200):
         dq[joint] = change if k >= 60 else 0.0
@@ -279,7 +279,7 @@ def test_a_first_reading_has_to_be_one_of_this_joint(arm: Arm, bad: float) -> No
     q[1] += bad
     said = [watch.read(q, np.zeros(arm.n)) for _ in range(3)]
     assert said == [BRIDGED, BRIDGED, SILENT]
-    assert watch.believed[0, 1] == 0.0
+    assert watch.estimated[0, 1] == 0.0
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
@@ -292,13 +292,13 @@ def test_a_first_reading_may_be_lost(arm: Arm, bad: float) -> None:
         assert said == (SILENT if lost == LOSSY_TICKS else BRIDGED)
         if lost < LOSSY_TICKS:
             assert watch.read(arm.q_ready, np.zeros(arm.n)) == FINE
-            assert watch.believed[0, 1] == arm.q_ready[1]
+            assert watch.estimated[0, 1] == arm.q_ready[1]
 
 
 @pytest.mark.parametrize("step", [1e-7, 1e-6, 1e-5])
-@pytest.mark.parametrize("doubt", [15.0, 400.0, 4000.0])
+@pytest.mark.parametrize("ddq_unknown", [15.0, 400.0, 4000.0])
 def test_a_wrong_velocity_dies_out_however_fine_the_encoder(
-    arm: Arm, step: float, doubt: float
+    arm: Arm, step: float, ddq_unknown: float
 ) -> None:
     """A joint that is struck within a tick: the estimate is off for some ticks, not for ever.
 
@@ -306,11 +306,11 @@ def test_a_wrong_velocity_dies_out_however_fine_the_encoder(
     about the truth without end, the controller with it, until the joint seemed too fast.
     """
     watch, speed, found = Watch(arm, step), 0.5, []
-    watch.doubt[:] = doubt
+    watch.ddq_unknown[:] = ddq_unknown
     for k in range(60):
         way = speed * TICK * max(k - 29.75, 0.0)
         assert watch.read(arm.q_ready + way, np.zeros(arm.n)) == FINE
-        found.append(watch.believed[1].copy())
+        found.append(watch.estimated[1].copy())
     assert np.all(np.abs(np.array(found[50:]) - speed) < 0.02)
 
 
@@ -325,7 +325,7 @@ def test_a_single_glitch_is_bridged(arm: Arm, seed: int, joint: int, bad: float)
             read[joint] = bad
         said = watch.read(read, ddq[k - 1], dq[k])
         assert said == (BRIDGED if k == 30 else FINE)
-        assert k < 10 or np.abs(watch.believed[0] - q[k]).max() < 1e-4
+        assert k < 10 or np.abs(watch.estimated[0] - q[k]).max() < 1e-4
 
 
 @pytest.mark.parametrize("lossy", [True, False])
@@ -359,7 +359,7 @@ def test_a_jump_is_found_at_its_third_reading(
             read[joint] += side * jump
         said = watch.read(read, ddq[k - 1], dq[k])
         assert said == (FINE if k < 50 else (BRIDGED if k < 52 else JUMPED))
-        assert k < 10 or abs(watch.believed[0, joint] - q[k, joint]) < 1e-3
+        assert k < 10 or abs(watch.estimated[0, joint] - q[k, joint]) < 1e-3
 
 
 @given(joint=joints, speed=st.floats(0.4, 1.0), side=st.sampled_from((-1.0, 1.0)))
@@ -378,7 +378,7 @@ def test_no_unknown_force_stops_a_joint_at_once(
     said = [watch.count(stuck, 0.0 * q) for _ in range(WITHIN)]
     assert STUCK in said
     least = speed - DOUBT * TICK * WITHIN - 0.1
-    assert side * watch.believed[1, joint] >= least
+    assert side * watch.estimated[1, joint] >= least
 
 
 def test_a_sign_that_turns_in_motion_is_found_at_its_third_reading(arm: Arm) -> None:
@@ -391,8 +391,8 @@ def test_a_sign_that_turns_in_motion_is_found_at_its_third_reading(arm: Arm) -> 
         said.append(watch.read(read, 0.0 * q, dq))
     assert said[49] == FINE
     assert said[52] == REVERSED
-    assert abs(watch.believed[0, 0] - q[0]) < 1e-3
-    assert watch.believed[1, 0] == pytest.approx(0.8, abs=0.05)
+    assert abs(watch.estimated[0, 0] - q[0]) < 1e-3
+    assert watch.estimated[1, 0] == pytest.approx(0.8, abs=0.05)
 
 
 @pytest.mark.parametrize("step", STEPS)
@@ -408,7 +408,7 @@ def test_a_reading_that_gains_speed_against_the_torques_has_the_wrong_sign(
         said.append(watch.count(q * np.array([-1.0, 1.0, 1.0]), push))
     assert said[-1] == REVERSED
     assert said.index(REVERSED) < 30 + 25
-    assert watch.believed[1, 0] == pytest.approx(dq[0], abs=0.6)
+    assert watch.estimated[1, 0] == pytest.approx(dq[0], abs=0.6)
 
 
 @settings(max_examples=300)
@@ -424,12 +424,12 @@ def test_a_passive_contact_is_not_a_wrong_sign(arm: Arm, seed: int, joint: int) 
         dq[joint] += TICK * (push[joint] + force)
         q[joint] += TICK * dq[joint]
         watch.count(q, push, dq)
-        assert watch.memory[joint, monitor._DOUBT] not in (REVERSED, JUMPED)
+        assert watch.memory[joint, FAULT] not in (REVERSED, JUMPED)
 
 
-@given(seed=seeds, joint=joints, blow=st.floats(0.1, 2.0))
+@given(seed=seeds, joint=joints, impact_dq=st.floats(0.1, 2.0))
 def test_a_blow_against_the_torques_is_not_a_wrong_sign(
-    arm: Arm, seed: int, joint: int, blow: float
+    arm: Arm, seed: int, joint: int, impact_dq: float
 ) -> None:
     """Struck while it is pushed the other way, a joint slows down again; that is believed."""
     watch, rng = Watch(arm), np.random.default_rng(seed)
@@ -437,11 +437,11 @@ def test_a_blow_against_the_torques_is_not_a_wrong_sign(
     for k in range(120):
         push[joint] = 60.0 if k >= 60 else 0.0
         if k in range(60, 60 + rng.integers(1, 4)):
-            dq[joint] -= 0.5 * blow
+            dq[joint] -= 0.5 * impact_dq
         dq[joint] = min(dq[joint] + TICK * 0.85 * push[joint], 0.3)
         q = q + TICK * dq
         watch.count(q, push, dq)
-        assert watch.memory[joint, monitor._DOUBT] == FINE
+        assert watch.memory[joint, FAULT] == FINE
 
 
 def test_a_joint_much_beyond_its_speed_is_a_fault(arm: Arm) -> None:
@@ -466,7 +466,7 @@ def test_nothing_that_an_encoder_in_doubt_reads_reaches_the_estimate(arm: Arm, k
             bad = {"silent": np.nan, "jumped": q[k, 1] + 1.0, "stuck": q[99, 1]}[kind]
             read[1] = read[1] if k < 100 else (bad if k < 150 else q[k, 1] + lie)
             watch.read(read, ddq[k - 1], dq[k], held=k >= 250)
-    one, other = (watch.believed for watch in watches)
+    one, other = (watch.estimated for watch in watches)
     assert np.array_equal(one[:, 1], other[:, 1])
     assert one[1, 1] == 0.0
     assert np.allclose(one[0, [0, 2]], q[-1, [0, 2]], atol=1e-4)
@@ -479,14 +479,14 @@ def test_an_encoder_is_good_again_after_readings_that_fit(arm: Arm, seed: int) -
     still = np.zeros(arm.n)
     for k in range(100):
         watch.read(np.where(np.array([0, 1, 0]) * (k >= 50) > 0, np.nan, q), still)
-    assert not monitor.good_again(watch.memory)[1]
+    assert not monitor.recovered(watch.memory)[1]
     off = np.array([0.0, rng.choice([0.0, 0.05, 0.3]), 0.0])
     for _ in range(GOOD_TICKS + 1):
-        assert not monitor.good_again(watch.memory)[1]
+        assert not monitor.recovered(watch.memory)[1]
         watch.read(q + off, still, held=True)
-    assert monitor.good_again(watch.memory)[1] == (off[1] < 0.1)
+    assert monitor.recovered(watch.memory)[1] == (off[1] < 0.1)
     watch.read(np.full(3, np.nan), still, held=True)
-    assert not monitor.good_again(watch.memory)[1]
+    assert not monitor.recovered(watch.memory)[1]
 
 
 def test_what_is_known_of_the_encoders_is_one_number_or_one_a_joint(arm: Arm) -> None:

@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mitt.control.reserve import EASIEST, HARDEST, SHARE, choose_stop
-from mitt.control.viability import BLOCKED, PASSED, Guard
+from mitt.control.viability import BLOCKED, PASSED, SafetyFilter
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
@@ -35,11 +35,15 @@ def panda() -> Arm:
     return Arm(replace(arm.model, links=tuple(links), q_ready=ready), arm.limits)
 
 
-def stop_of(arm: Arm, guard: Guard, motion: Array, first: int = EASIEST) -> tuple[float, Array]:
+def stop_of(
+    arm: Arm, safety_filter: SafetyFilter, motion: Array, first: int = EASIEST
+) -> tuple[float, Array]:
     """Return the share of torque and the decelerations of the stop that is found."""
-    work = guard.reserve
+    work = safety_filter.reserve
     index = np.array(arm.model.active)
-    share = choose_stop(arm.bodies, arm.limits.packed, index, guard.bounds, motion, first, work)
+    share = choose_stop(
+        arm.bodies, arm.limits.packed, index, safety_filter.bounds, motion, first, work
+    )
     return float(share), work[: arm.n].copy()
 
 
@@ -71,13 +75,13 @@ def shares(arm: Arm, motion: Array, rates: Array) -> Array:
 @example(seed=269, hard=True)
 def test_a_stop_that_is_found_takes_what_is_said_of_it(arm: Arm, seed: int, hard: bool) -> None:
     """Against another implementation, between the instants that were looked at as well."""
-    guard, rng = Guard(arm, Surroundings()), np.random.default_rng(seed)
-    b = guard.bounds
+    safety_filter, rng = SafetyFilter(arm, Surroundings()), np.random.default_rng(seed)
+    b = safety_filter.bounds
     q = rng.uniform(b[0], b[1])
     room = np.minimum(q - b[0], b[1] - q)
     dq = rng.uniform(-1.0, 1.0, arm.n) * np.minimum(b[2], np.sqrt(b[3] * room))
     motion = np.array([q, dq, np.zeros(arm.n)])
-    share, rates = stop_of(arm, guard, motion, HARDEST if hard else EASIEST)
+    share, rates = stop_of(arm, safety_filter, motion, HARDEST if hard else EASIEST)
     found = shares(arm, motion, rates)
     assert np.all(rates > 0.0)
     assert np.all(rates <= b[3] * (1.0 + 1e-12))
@@ -94,38 +98,38 @@ def test_a_panda_is_not_let_into_a_motion_that_it_cannot_stop(panda: Arm) -> Non
     With the deceleration of the ready pose alone, 21 rad/s^2, the envelope let joint 2 move on at
     full speed where 1.3 rad/s^2 were left, and the arm ran into the end of its range.
     """
-    guard, blocked, worst = Guard(panda, Surroundings()), 0, 0.0
-    guard.begin(np.array([0.0, 0.6, -0.3]), np.zeros(3))
+    safety_filter, blocked, worst = SafetyFilter(panda, Surroundings()), 0, 0.0
+    safety_filter.begin(np.array([0.0, 0.6, -0.3]), np.zeros(3))
     for _ in range(900):
-        q = guard.last[0] + TICK * np.array([0.0, 2.0, 0.0])
-        blocked += guard.step(np.array([q, [0.0, 2.0, 0.0], np.zeros(3)])) == BLOCKED
-        if guard.last[1].any():
-            _, rates = stop_of(panda, guard, guard.last)
-            worst = max(worst, float(shares(panda, guard.last, rates).max()))
+        q = safety_filter.last[0] + TICK * np.array([0.0, 2.0, 0.0])
+        blocked += safety_filter.step(np.array([q, [0.0, 2.0, 0.0], np.zeros(3)])) == BLOCKED
+        if safety_filter.last[1].any():
+            _, rates = stop_of(panda, safety_filter, safety_filter.last)
+            worst = max(worst, float(shares(panda, safety_filter.last, rates).max()))
     assert blocked > 20
     assert worst < 1.0
-    assert panda.q_max[1] - 0.1 < guard.last[0, 1] < panda.q_max[1]
+    assert panda.q_max[1] - 0.1 < safety_filter.last[0, 1] < panda.q_max[1]
 
 
 def test_where_there_is_room_a_wish_passes(panda: Arm) -> None:
     """A slow motion that the drives can stop at any time is not touched."""
-    guard = Guard(panda, Surroundings())
+    safety_filter = SafetyFilter(panda, Surroundings())
     for k in range(200):
         t = TICK * k
         q = panda.q_ready + 0.05 * (1.0 - np.cos(4.0 * t))
         wanted = np.array([q, np.full(3, 0.2 * np.sin(4.0 * t)), np.full(3, 0.8 * np.cos(4.0 * t))])
         before = wanted.copy()
-        assert guard.step(wanted) == PASSED
+        assert safety_filter.step(wanted) == PASSED
         assert np.array_equal(wanted, before)
 
 
 def test_from_a_motion_that_it_should_not_have_the_arm_gets_out(panda: Arm) -> None:
     """Begun where no stop is possible, it brakes as gently as it must and comes to rest."""
-    guard = Guard(panda, Surroundings())
-    guard.begin(np.array([0.0, 1.4, -0.3]), np.array([0.0, 2.1, -1.0]))
+    safety_filter = SafetyFilter(panda, Surroundings())
+    safety_filter.begin(np.array([0.0, 1.4, -0.3]), np.array([0.0, 2.1, -1.0]))
     speeds = []
     for _ in range(2000):
-        guard.step(np.array([guard.last[0], np.full(3, 1.0), np.zeros(3)]) + 0.0)
-        speeds.append(float(np.abs(guard.last[1]).max()))
+        safety_filter.step(np.array([safety_filter.last[0], np.full(3, 1.0), np.zeros(3)]) + 0.0)
+        speeds.append(float(np.abs(safety_filter.last[1]).max()))
     assert speeds[20] < 2.1
-    assert panda.q_max[1] >= guard.last[0, 1]
+    assert panda.q_max[1] >= safety_filter.last[0, 1]

@@ -95,7 +95,7 @@ def test_the_hardest_stop_leaves_no_room(arm: Arm, seed: int, others: float, urg
     if found < 1.55:
         w.rate[urgent] = (found + 1.4 / 32) * rate[urgent]
         lay(motion, w)
-        assert share_of(arm.tables, w.rows, w.tau, w.notes) > SHARE
+        assert share_of(arm.tables, w.rows, w.tau, w.scratch) > SHARE
 
 
 @settings(max_examples=100)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mitt.control.encoders import bring
+from mitt.control.encoders import predict_acceleration
 from mitt.control.tracking import Tracker
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
@@ -42,7 +42,7 @@ def acceleration(arm: Arm, q: Array, dq: Array, tau: Array) -> Array:
 def begun(arm: Arm, q: Array, dq: Array) -> Tracker:
     """Return a tracker that has told the arm to move as it does."""
     tracker = Tracker(arm, bandwidth=BANDWIDTH)
-    tracker.guard.begin(q, dq)
+    tracker.safety_filter.begin(q, dq)
     return tracker
 
 
@@ -128,7 +128,7 @@ def test_saturation_is_told_exactly_when_a_limit_was_met(arm: Arm, seed: int) ->
     q, rest = arm.q_ready + rng.uniform(-0.3, 0.3, 3), np.zeros(3)
     state = ArmState(t=0.0, q=q, dq=rest)
     tracker = begun(arm, q, rest)
-    push = tracker.guard.bounds[4]
+    push = tracker.safety_filter.bounds[4]
     assert not tracker.step(state, np.array([q, rest, rest]), hand=0.0).saturated
     assert tracker.step(state, np.array([q, rest, push]), hand=0.0).saturated
 
@@ -182,19 +182,21 @@ def test_the_acceleration_that_torques_bring_is_the_models(arm: Arm, seed: int) 
     """Whatever was cut: Pinocchio's forward dynamics of the torques as commanded."""
     rng, n = np.random.default_rng(seed), arm.n
     q, dq = rng.uniform(arm.q_min, arm.q_max), rng.uniform(-1.5, 1.5, n) * arm.dq_max
-    tracker, rows, doubt = Tracker(arm, bandwidth=80.0), np.zeros((5, n)), np.zeros((2, n))
-    tracker.guard.begin(q, dq)
+    tracker, rows, ddq_unknown = Tracker(arm, bandwidth=80.0), np.zeros((5, n)), np.zeros((2, n))
+    tracker.safety_filter.begin(q, dq)
     wanted = np.array([q, dq, np.zeros(n)]) + rng.standard_normal((3, n))
-    rows[:4] = tracker.step(ArmState(t=0.0, q=q, dq=dq), wanted, hand=0.0).command.told
+    rows[:4] = tracker.step(ArmState(t=0.0, q=q, dq=dq), wanted, hand=0.0).command.joints
     unknown, links = rng.uniform(0.0, 3.0, n), len(arm.bodies)
     scratch = np.zeros(links), np.zeros((links, n)), slopes_work(links), np.zeros((n + 2, 2 * n))
     index = np.array(arm.model.active)
     coupling = np.zeros((n, n))
-    bring(arm.bodies, index, np.array([q, dq]), unknown, *scratch, rows, doubt, coupling)
+    predict_acceleration(
+        arm.bodies, index, np.array([q, dq]), unknown, *scratch, rows, ddq_unknown, coupling
+    )
     bias, M = arm.inverse_dynamics(q, dq, np.zeros(n)), arm.mass_matrix(q)
     assert np.allclose(rows[4], np.linalg.solve(M, rows[3] - bias), rtol=1e-8, atol=1e-8)
-    assert np.allclose(doubt[0], np.abs(np.linalg.inv(M)) @ unknown, rtol=1e-8, atol=1e-8)
-    assert np.allclose(doubt[1], unknown / np.diag(M), rtol=1e-8, atol=1e-8)
+    assert np.allclose(ddq_unknown[0], np.abs(np.linalg.inv(M)) @ unknown, rtol=1e-8, atol=1e-8)
+    assert np.allclose(ddq_unknown[1], unknown / np.diag(M), rtol=1e-8, atol=1e-8)
     a, k = rng.standard_normal(n), int(rng.integers(n))  # the others move otherwise than modelled
     others = np.arange(n) != k
     alone = (rows[3, k] - bias[k] - M[k, others] @ a[others]) / M[k, k]
@@ -215,7 +217,7 @@ def test_torque_that_runs_out_speeds_up_no_joint_beyond_its_limit(arm: Arm, seed
     speed = arm.all_joints(dq)
     assume(arm.limits.torque_ratio(torque, speed).max() < 1.0)
     tracker = Tracker(arm, bandwidth=80.0)
-    tracker.guard.begin(q, dq)
+    tracker.safety_filter.begin(q, dq)
     wanted = np.array([q, dq, np.zeros(n)]) + rng.standard_normal((3, n))
     tau = tracker.step(ArmState(t=0.0, q=q, dq=dq), wanted, hand=0.0).command.tau
     ddq = np.linalg.solve(arm.mass_matrix(q), tau - arm.inverse_dynamics(q, dq, np.zeros(n)))

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.control.viability import BLOCKED, MARGIN, PASSED, Guard
+from mitt.control.viability import BLOCKED, MARGIN, PASSED, SafetyFilter
 from mitt.robot.arm import Arm
 from mitt.robot.description import Capsule
 from mitt.robot.shapes import Surroundings, clearance
@@ -20,20 +20,20 @@ seeds = st.integers(0, 2**31)
 
 
 @pytest.fixture
-def guard(arm: Arm) -> Guard:
+def safety_filter(arm: Arm) -> SafetyFilter:
     """A guard over an arm beside a pillar, over a high floor."""
-    return Guard(arm, AROUND)
+    return SafetyFilter(arm, AROUND)
 
 
-def gap(arm: Arm, guard: Guard, q: Array) -> float:
+def gap(arm: Arm, safety_filter: SafetyFilter, q: Array) -> float:
     """Return the clearance in a pose."""
-    s = guard.shapes
+    s = safety_filter.shapes
     return float(clearance(arm.bodies, q, s.table, s.pairs, s.ends))
 
 
-def path(guard: Guard, q: Array, dq: Array) -> Array:
+def path(safety_filter: SafetyFilter, q: Array, dq: Array) -> Array:
     """Return poses on the way to standstill, finely sampled, shape (m, n)."""
-    brake = guard.bounds[3]
+    brake = safety_filter.bounds[3]
     t = np.linspace(0.0, np.max(np.abs(dq) / brake), 60)[:, None]
     passed = np.minimum(t, np.abs(dq) / brake)
     out: Array = q + np.sign(dq) * (np.abs(dq) * passed - 0.5 * brake * passed**2)
@@ -45,21 +45,21 @@ def test_whatever_is_asked_the_arm_can_stop_clear_of_everything(
     arm: Arm, seed: int, size: float, hold: int
 ) -> None:
     """After every tick the sampled way to standstill keeps clear of pillar, floor and itself."""
-    guard, rng = Guard(arm, AROUND), np.random.default_rng(seed)
+    safety_filter, rng = SafetyFilter(arm, AROUND), np.random.default_rng(seed)
     wish = np.zeros((3, arm.n))
     for tick in range(300):
         if tick % hold == 0:
             wish = size * rng.standard_normal((3, arm.n)) + np.array(
-                [guard.last[0], guard.last[1], np.zeros(arm.n)]
+                [safety_filter.last[0], safety_filter.last[1], np.zeros(arm.n)]
             )
-        before, wanted = guard.last.copy(), wish.copy()
-        guard.step(wanted)
+        before, wanted = safety_filter.last.copy(), wish.copy()
+        safety_filter.step(wanted)
         q, dq, ddq = wanted
-        assert np.all(np.abs(q - before[0]) <= guard.bounds[2] * TICK + ROUNDING)
-        assert np.all(np.abs(dq - before[1]) <= guard.bounds[4] * TICK + ROUNDING)
-        assert np.all(np.abs(ddq) <= guard.bounds[4] + ROUNDING)
+        assert np.all(np.abs(q - before[0]) <= safety_filter.bounds[2] * TICK + ROUNDING)
+        assert np.all(np.abs(dq - before[1]) <= safety_filter.bounds[4] * TICK + ROUNDING)
+        assert np.all(np.abs(ddq) <= safety_filter.bounds[4] + ROUNDING)
         if tick % 20 == 0:
-            gaps = [gap(arm, guard, x) for x in path(guard, q, dq)]
+            gaps = [gap(arm, safety_filter, x) for x in path(safety_filter, q, dq)]
             assert min(gaps) >= MARGIN - 1e-6
 
 
@@ -68,18 +68,22 @@ def test_a_guard_that_remembers_the_room_says_what_one_does_that_measures_it(
     arm: Arm, seed: int, size: float, hold: int
 ) -> None:
     """Tick after tick the same verdict and the same motion, to the bit."""
-    guard, plain, rng = Guard(arm, AROUND), Guard(arm, AROUND), np.random.default_rng(seed)
+    safety_filter, plain, rng = (
+        SafetyFilter(arm, AROUND),
+        SafetyFilter(arm, AROUND),
+        np.random.default_rng(seed),
+    )
     wish, measured = np.zeros((3, arm.n)), 0
     for tick in range(300):
         if tick % hold == 0:
             wish = size * rng.standard_normal((3, arm.n)) + np.array(
-                [guard.last[0], guard.last[1], np.zeros(arm.n)]
+                [safety_filter.last[0], safety_filter.last[1], np.zeros(arm.n)]
             )
-        mine, other, known = wish.copy(), wish.copy(), guard.known.copy()
+        mine, other, known = wish.copy(), wish.copy(), safety_filter.known.copy()
         plain.known[:] = -np.inf
-        assert guard.step(mine) == plain.step(other)
+        assert safety_filter.step(mine) == plain.step(other)
         assert np.array_equal(mine, other)
-        measured += not np.array_equal(known, guard.known)
+        measured += not np.array_equal(known, safety_filter.known)
     assert measured > 0
 
 
@@ -88,35 +92,37 @@ def test_a_guard_that_creeps_up_to_a_pillar_remembers_what_one_measures(
     arm: Arm, speed: float
 ) -> None:
     """Down to the last sliver of room, where a guard that measures is stricter than the bound."""
-    guard, plain, blocked = Guard(arm, AROUND), Guard(arm, AROUND), False
+    safety_filter, plain, blocked = SafetyFilter(arm, AROUND), SafetyFilter(arm, AROUND), False
     wish = np.zeros((3, arm.n))
     for tick in range(4000):
-        wish[0], wish[1, 0] = guard.last[0], speed if tick > 1500 else 2.0
+        wish[0], wish[1, 0] = safety_filter.last[0], speed if tick > 1500 else 2.0
         wish[0, 0] += TICK * wish[1, 0]
         mine, other = wish.copy(), wish.copy()
         plain.known[:] = -np.inf
-        said = guard.step(mine)
+        said = safety_filter.step(mine)
         assert said == plain.step(other)
         assert np.array_equal(mine, other)
         blocked |= tick > 1500 and said == BLOCKED
     assert blocked
 
 
-def test_room_is_measured_again_only_where_the_arm_has_used_it_up(arm: Arm, guard: Guard) -> None:
+def test_room_is_measured_again_only_where_the_arm_has_used_it_up(
+    arm: Arm, safety_filter: SafetyFilter
+) -> None:
     """At rest once; on a way of 0.6 rad in open space a few times, not in each tick."""
     still, measured = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)]), []
     for k in range(600):
         wanted = still.copy()
         if k >= 300:
             wanted[0, 1] += 0.002 * (k - 300)
-        before = guard.known.copy()
-        assert guard.step(wanted) == PASSED
-        measured.append(not np.array_equal(before, guard.known))
+        before = safety_filter.known.copy()
+        assert safety_filter.step(wanted) == PASSED
+        measured.append(not np.array_equal(before, safety_filter.known))
     assert sum(measured[:301]) == 1
     assert 0 < sum(measured[301:]) < 30
 
 
-def test_in_open_space_a_wish_passes_bit_by_bit(arm: Arm, guard: Guard) -> None:
+def test_in_open_space_a_wish_passes_bit_by_bit(arm: Arm, safety_filter: SafetyFilter) -> None:
     """A slow motion near the ready pose is not touched."""
     for k in range(200):
         t = TICK * k
@@ -125,44 +131,46 @@ def test_in_open_space_a_wish_passes_bit_by_bit(arm: Arm, guard: Guard) -> None:
              np.full(3, 0.8 * np.cos(4.0 * t))]
         )  # fmt: skip
         given_ = wanted.copy()
-        assert guard.step(wanted) == PASSED
+        assert safety_filter.step(wanted) == PASSED
         assert np.array_equal(wanted, given_)
 
 
-def test_an_arm_that_is_driven_at_a_pillar_stops_before_it(arm: Arm, guard: Guard) -> None:
+def test_an_arm_that_is_driven_at_a_pillar_stops_before_it(
+    arm: Arm, safety_filter: SafetyFilter
+) -> None:
     """Turning towards the pillar at 3 rad/s ends at rest, short of it, within the margin."""
     blocked = 0
     for _ in range(1500):
-        q = guard.last[0] + np.array([3.0 * TICK, 0.0, 0.0])
+        q = safety_filter.last[0] + np.array([3.0 * TICK, 0.0, 0.0])
         wanted = np.array([q, [3.0, 0.0, 0.0], np.zeros(3)])
-        blocked += guard.step(wanted) == BLOCKED
+        blocked += safety_filter.step(wanted) == BLOCKED
     assert blocked > 100
-    assert abs(guard.last[1, 0]) < 0.5
-    assert MARGIN - 1e-6 <= gap(arm, guard, guard.last[0]) < MARGIN + 0.05
+    assert abs(safety_filter.last[1, 0]) < 0.5
+    assert MARGIN - 1e-6 <= gap(arm, safety_filter, safety_filter.last[0]) < MARGIN + 0.05
 
 
 def test_an_arm_that_stands_in_a_zone_may_only_move_out(arm: Arm) -> None:
     """Started inside, it passes a wish that leads away and brakes one that leads deeper."""
-    guard = Guard(arm, AROUND)
+    safety_filter = SafetyFilter(arm, AROUND)
     inside = arm.q_ready + np.array([0.72, 0.0, 0.6])
-    while gap(arm, guard, inside) > 0.0:
+    while gap(arm, safety_filter, inside) > 0.0:
         inside[0] += 0.01
     for sign, deeper in ((1.0, True), (-1.0, False)):
-        guard.begin(inside, np.zeros(3))
+        safety_filter.begin(inside, np.zeros(3))
         way = np.array([[sign * 1e-3, 0.0, 0.0], [sign * 0.1, 0.0, 0.0], np.zeros(3)])
         wanted = np.array([inside, np.zeros(3), np.zeros(3)]) + way
-        assert (guard.step(wanted) == BLOCKED) == deeper
+        assert (safety_filter.step(wanted) == BLOCKED) == deeper
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("row", [0, 1, 2])
 def test_a_wish_that_is_not_finite_ends_in_standing_still(
-    arm: Arm, guard: Guard, bad: float, row: int
+    arm: Arm, safety_filter: SafetyFilter, bad: float, row: int
 ) -> None:
     """NaN and infinity in any row are answered by finite motion that comes to rest."""
     for _ in range(200):
         wanted = np.array([arm.q_ready, np.zeros(3), np.zeros(3)])
         wanted[row, 1] = bad
-        guard.step(wanted)
+        safety_filter.step(wanted)
         assert np.all(np.isfinite(wanted))
-    assert guard.last[1, 1] == pytest.approx(0.0, abs=1e-9)
+    assert safety_filter.last[1, 1] == pytest.approx(0.0, abs=1e-9)

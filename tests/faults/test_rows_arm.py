@@ -190,7 +190,7 @@ def test_row_22_simulator_divergence(arm: Arm, tau: float) -> None:
     """Torques that break the physics mark the world as diverged; it is not reset in silence."""
     world, still = World(exact_scene(), arm.model), np.zeros(arm.n)
     world.reset(Throw(r=np.array([3.0, 0.0, 0.5]), dr=np.array([-5.0, 0.0, 2.0])), 1)
-    bad = Command(t=0.0, told=np.array([still, still, still, np.full(arm.n, tau)]), hand=0.0)
+    bad = Command(t=0.0, joints=np.array([still, still, still, np.full(arm.n, tau)]), hand=0.0)
     for _ in range(30):
         world.apply(bad)
     assert world.diverged

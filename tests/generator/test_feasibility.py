@@ -126,7 +126,7 @@ def test_a_ball_that_falls_short_is_open(learned: Learned, below: float) -> None
 def test_a_ball_that_falls_short_is_refused_once_the_arm_cannot_wait_for_it(
     learned: Learned, before: float
 ) -> None:
-    """Seen too late, or past the place of the catch: the way to its stand-in takes too much."""
+    """Seen too late, or past the place of the catch: its surrogate target takes too much."""
     ball = thrown(learned.map, before=before)
     said = verdict(learned.map, replace(ball, r_o=ball.r_o - np.array([0.0, 0.0, 0.8])))
     assert said.outcome is Outcome.UNREACHABLE

@@ -32,7 +32,7 @@ class Driver:
 
 def command(*, brakes: bool) -> Command:
     """Return a command of zero torque."""
-    return Command(t=0.0, told=np.zeros((4, 2)), hand=0.0, brakes=brakes)
+    return Command(t=0.0, joints=np.zeros((4, 2)), hand=0.0, brakes=brakes)
 
 
 def test_a_command_to_the_brakes_reaches_the_robot() -> None:

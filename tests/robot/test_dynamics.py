@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from mitt.robot.arm import Arm, to_pinocchio
 from mitt.robot.description import ArmModel, Link, rotation, transform
-from mitt.robot.dynamics import bodies_of, inverse_dynamics, notes_of
+from mitt.robot.dynamics import bodies_of, dynamics_scratch, inverse_dynamics
 from mitt.robot.hands import HandModel
 from mitt.robot.wam import wam
 from mitt.signals import Array
@@ -22,7 +22,7 @@ seeds = st.integers(0, 2**31)
 
 def torque(model: ArmModel, motion: Array) -> Array:
     """Return our torque of all links."""
-    tau, notes = np.full(len(model.links), np.nan), notes_of(len(model.links))
+    tau, notes = np.full(len(model.links), np.nan), dynamics_scratch(len(model.links))
     inverse_dynamics(bodies_of(model), *motion, tau, notes)
     return tau
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitt.control.envelope import keep_joint
+from mitt.control.envelope import clamp_joint
 from mitt.jit import kernel
 from mitt.signals import TICK, Array
 
@@ -144,7 +144,7 @@ def _drive(commands: int, seed: int, counts: Array) -> None:
             if np.random.random() < 0.01:  # noqa: NPY002
                 mode, goal = np.random.randint(MODES), np.random.random() - 0.5  # noqa: NPY002
             wq, wdq, wddq = _wish(mode, b, q0, dq0, tick, goal)
-            q, dq, ddq = keep_joint(b[0], b[1], b[2], b[3], b[4], q0, dq0, wq, wdq, wddq)
+            q, dq, ddq = clamp_joint(b[0], b[1], b[2], b[3], b[4], q0, dq0, wq, wdq, wddq)
             same = q == wq and dq == wdq and ddq == wddq
             counts[2] += not same
             within = inside(b, q0, dq0, 0.0)

@@ -80,7 +80,7 @@ class Examples:
 
     def _command(self, n: int) -> "mitt.Command":
         """Return a command of no torque."""
-        return mitt.Command(t=0.25, told=np.zeros((4, n)), hand=0.0)
+        return mitt.Command(t=0.25, joints=np.zeros((4, n)), hand=0.0)
 
     def objects(self) -> dict[str, Value]:
         """Return the objects by what they are; those with a memory are copied for each call."""

@@ -80,7 +80,7 @@ class Judge:
     def __init__(self, arm: Arm, settings: CatcherSettings) -> None:
         """Take the arm, empty and with the ball."""
         self._arms = arm, arm.holding(settings.ball_mass)
-        self._stray = settings.stray
+        self._max_tracking_error = settings.max_tracking_error
         self._bounds = tuple(bounds_of(a) for a in self._arms)
         self._shapes = shapes_of(arm, settings.around)
         self._closed = arm.model.hand.drive.closed if arm.model.hand else 0.0
@@ -109,11 +109,11 @@ class Judge:
         last, self._last = self._last, told
         if not -ROUNDING <= hand <= self._closed + ROUNDING:
             return f"hand at {hand}"
-        believed = catcher.estimated[1]
+        estimated = catcher.estimated[1]
         state, reason = (catcher.result.scalars[name].item() for name in ("health", "reason"))
         blocked = state >= ABORT or REASONS[reason] is Reason.BLOCKED  # or a graver reason hides it
-        if too_strong(self._arms[0], tau, believed):
-            return f"torques {tau.tolist()} at {believed.tolist()}"
+        if too_strong(self._arms[0], tau, estimated):
+            return f"torques {tau.tolist()} at {estimated.tolist()}"
         if last is not None:
             b = self._bounds[self._loaded].copy()
             b[2] = np.minimum(b[2], slowest)
@@ -133,9 +133,9 @@ class Judge:
         stops = catcher.phase is Phase.STOPPED and not self._stopped
         self._stopped |= stops
         measured = REASONS[reason] not in ENCODER_REASONS
-        far = np.max(np.abs(told[0] - catcher.estimated[0])) > self._stray
+        far = np.max(np.abs(told[0] - catcher.estimated[0])) > self._max_tracking_error
         if stops and measured and far:
-            self._last = np.array([*catcher.estimated, 0.0 * believed])
+            self._last = np.array([*catcher.estimated, 0.0 * estimated])
             self._clear = self._stops_clear(self._last)
         return ""
 

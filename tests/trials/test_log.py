@@ -14,7 +14,7 @@ def test_every_column_has_a_row_for_each_tick(direct: LoggedTrial) -> None:
     assert direct.log is not None
     log, k = direct.log, len(direct.log.t)
     columns = (
-        log.phase, log.tracked, log.following, log.encoders, log.ball, log.asked, log.virtual,
+        log.phase, log.tracked, log.following, log.encoders, log.ball, log.desired, log.virtual,
         log.command, log.tau, log.feedforward, log.hand,
     )  # fmt: skip
     assert {len(column) for column in columns} == {k}
@@ -27,7 +27,7 @@ def test_rows_without_a_reference_are_zero(direct: LoggedTrial) -> None:
     """Before t_0 and after the hand has closed nothing is asked."""
     assert direct.log is not None
     log = direct.log
-    assert not np.any(log.asked[~log.following])
+    assert not np.any(log.desired[~log.following])
     assert not np.any(log.virtual[~log.following])
     assert np.any(log.following)
     assert log.t[log.following][0] == log.t_0

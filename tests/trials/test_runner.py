@@ -67,7 +67,7 @@ def test_the_demand_is_that_of_the_log(direct: LoggedTrial, arm: Arm) -> None:
     """demand_cost is eq. (22) over the ticks that followed, from what the log says was asked."""
     assert direct.log is not None
     log, costs = direct.log, []
-    for q, dq, ddq in log.asked[log.following]:
+    for q, dq, ddq in log.desired[log.following]:
         torque, speed = arm.inverse_dynamics(q, dq, ddq) / arm.tau_max, dq / arm.dq_max
         costs.append(float(torque @ torque + speed @ speed))
     assert direct.trial.demand_cost == pytest.approx(float(np.mean(costs)))

@@ -34,14 +34,14 @@ class Ended:
 
 
 def status(ended: Ended, *, phase: Phase = Phase.FOLLOW, was_held: bool = False) -> str:
-    """Return the status of a stand-in world."""
+    """Return the status of a fake world."""
     return status_of(cast("World", ended), phase, was_held=was_held)
 
 
 def command(arm: Arm, *, q: Array | None = None, dq: Array = ZERO, tau: Array = ZERO) -> Command:
     """Return a command of an arm in its ready pose but for what is given."""
     q = arm.q_ready if q is None else q
-    return Command(t=0.0, told=np.array([q, dq, ZERO, tau]), hand=0.0)
+    return Command(t=0.0, joints=np.array([q, dq, ZERO, tau]), hand=0.0)
 
 
 def trace(arm: Arm, **rows: Any) -> Trace:  # noqa: ANN401 (columns of several kinds)
@@ -277,7 +277,7 @@ def test_acceleration_jerk_and_torque_rate_of_the_command_count(
     for height, expected in ((0.999, 0), (1.01, ticks_over)):
         told = np.zeros((4, arm.n))
         told[0], told[row, 1] = arm.q_ready, height * (50.0 if row == 2 else 10.0)
-        spike = Command(t=0.0, told=told, hand=0.0)
+        spike = Command(t=0.0, joints=told, hand=0.0)
         assert violations(limited, trace(arm), command(arm), spike) - violations(
             arm, trace(arm), command(arm), spike
         ) == expected  # fmt: skip
@@ -288,5 +288,5 @@ def test_a_joint_without_a_bound_has_none(arm: Arm) -> None:
     endless = np.full(len(arm.model.links), np.inf)
     limits = replace(arm.limits, acceleration=endless, jerk=endless, torque_rate=endless)
     told = np.array([arm.q_ready, ZERO, [1e6, 0.0, 0.0], ZERO])
-    spike = Command(t=0.0, told=told, hand=0.0)
+    spike = Command(t=0.0, joints=told, hand=0.0)
     assert violations(Arm(arm.model, limits), trace(arm), spike) == 0

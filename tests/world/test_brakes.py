@@ -64,7 +64,7 @@ def test_an_arm_without_drives_hangs_on_its_brakes(arm: Arm, brakes: bool) -> No
         q = world.truth().q
         falls = arm.inverse_dynamics(q, zero, zero) if world.t < 0.1 else zero
         told = np.array([q, zero, zero, falls])
-        world.apply(Command(t=world.t, told=told, hand=0.0, brakes=brakes))
+        world.apply(Command(t=world.t, joints=told, hand=0.0, brakes=brakes))
     q = world.trace().q
     numbers = brake_numbers(arm.model.complete(), arm.limits)
     assert numbers.shape == (ROWS, arm.n)

@@ -14,8 +14,8 @@ from mitt.vision.camera import fixed_rig
 from mitt.world.ballistics import fly as exactly
 from mitt.world.faults.flight import Undisturbed, pushes
 from mitt.world.faults.plan import Fault
-from mitt.world.faults.senses import true_rig
 from mitt.world.faults.trial import ActiveFaults
+from mitt.world.faults.true_rig import true_rig
 from mitt.world.scene import Scene, exact_scene
 from mitt.world.scenes import read_scene
 from mitt.world.simulation import World
@@ -88,7 +88,7 @@ def fly(*faults: dict[str, object], ticks: int = 450, seed: int = 7) -> World:
 def still(t: float) -> Command:
     """Return a command of no torque."""
     nothing = np.zeros(3)
-    return Command(t=t, told=np.array([nothing] * 4), hand=0.0)
+    return Command(t=t, joints=np.array([nothing] * 4), hand=0.0)
 
 
 def _world(scene: Scene) -> World:
@@ -312,7 +312,7 @@ def test_calibration_of_angles_keeps_places_and_of_places_keeps_angles() -> None
 def test_weak_motors_give_a_share_of_their_limit_and_no_more(arm: Arm) -> None:
     wire = faults_of(plan_of({"kind": "torque", "magnitude": 0.5, "start": 0.1}), arm=arm)
     rest = np.zeros(3)
-    strong = still(0.0)._replace(told=np.array([rest, rest, rest, [1e3, -1e3, 1.0]]))
+    strong = still(0.0)._replace(joints=np.array([rest, rest, rest, [1e3, -1e3, 1.0]]))
     np.testing.assert_array_equal(wire.command(0.0, strong).tau, strong.tau)
     bound = 0.5 * arm.limits.tau_peak[list(arm.model.active)]
     np.testing.assert_allclose(wire.command(0.2, strong).tau, [bound[0], -bound[1], 1.0])

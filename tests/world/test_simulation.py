@@ -24,7 +24,7 @@ def hold(arm: Arm, senses: Senses, q: Array, *, hand: float = 0.0) -> Command:
     """Return a command that holds a pose by computed torque."""
     q_now, dq_now = senses.arm.q, senses.arm.dq
     tau = arm.inverse_dynamics(q_now, dq_now, 900.0 * (q - q_now) - 60.0 * dq_now)
-    return Command(t=senses.t, told=np.array([q, 0 * q, 0 * q, tau]), hand=hand)
+    return Command(t=senses.t, joints=np.array([q, 0 * q, 0 * q, tau]), hand=hand)
 
 
 def run(world: World, arm: Arm, ticks: int, q: Array | None = None) -> None:
@@ -92,7 +92,7 @@ def test_points_arrive_one_tick_late_with_the_time_of_their_exposure(rough: Worl
     """The first tick is blind; then each point speaks of the tick before, to its noise."""
     rough.reset(THROW, 1)
     zero = np.zeros(3)
-    idle = Command(t=0.0, told=np.array([zero] * 4), hand=0.0)
+    idle = Command(t=0.0, joints=np.array([zero] * 4), hand=0.0)
     assert rough.sense().points == ()
     errors = []
     for k in range(1, 200):
@@ -141,7 +141,7 @@ def test_encoders_count(arm: Arm) -> None:
     world = World(Scene(sensing=Sensing(encoder_step=step)), arm.model)
     world.reset(THROW, 0)
     before, zero = world.sense().arm.q, np.zeros(3)
-    world.apply(Command(t=0.0, told=np.array([zero, zero, zero, [9.0, 0, 9.0]]), hand=0.0))
+    world.apply(Command(t=0.0, joints=np.array([zero, zero, zero, [9.0, 0, 9.0]]), hand=0.0))
     state = world.sense().arm
     assert np.rint(state.q / step) * step == pytest.approx(state.q, abs=1e-15)
     assert state.dq == pytest.approx((state.q - before) / TICK, abs=1e-9)
@@ -213,7 +213,7 @@ def test_broken_torques_are_noticed(exact: World, tau: float) -> None:
     """A command that is no number marks the trial as diverged, and the next one is clean."""
     exact.reset(PAST, 0)
     zero = np.zeros(3)
-    exact.apply(Command(t=0.0, told=np.array([zero, zero, zero, np.full(3, tau)]), hand=0.0))
+    exact.apply(Command(t=0.0, joints=np.array([zero, zero, zero, np.full(3, tau)]), hand=0.0))
     assert exact.diverged
     exact.reset(PAST, 0)
     assert not exact.diverged
@@ -223,5 +223,5 @@ def test_an_impossible_ball_is_noticed(exact: World) -> None:
     """A ball faster than any throw means that the physics broke down."""
     exact.reset(Throw(r=PAST.r, dr=np.array([-40.0, 0.0, 0.0])), 0)
     zero = np.zeros(3)
-    exact.apply(Command(t=0.0, told=np.array([zero] * 4), hand=0.0))
+    exact.apply(Command(t=0.0, joints=np.array([zero] * 4), hand=0.0))
     assert exact.diverged

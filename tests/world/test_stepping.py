@@ -31,7 +31,7 @@ def still(world: World, arm: Arm, ticks: int) -> None:
         state = world.sense().arm
         ddq = 900.0 * (arm.q_ready - state.q) - 60.0 * state.dq
         tau = arm.inverse_dynamics(state.q, state.dq, ddq)
-        world.apply(Command(t=world.t, told=np.array([state.q, state.dq, ddq, tau]), hand=0.0))
+        world.apply(Command(t=world.t, joints=np.array([state.q, state.dq, ddq, tau]), hand=0.0))
 
 
 @pytest.mark.parametrize("aside", [0.2, 1.5])

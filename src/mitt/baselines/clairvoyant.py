@@ -1,9 +1,9 @@
 """Generator ``clairvoyant``: the optimum for an arm that knows the flight; an oracle, no rival.
 
 THE ONLY GENERATOR THAT IS GIVEN WHAT NO CATCHER CAN KNOW. Before each throw it gets the true
-flight of the ball, as it will be if nothing touches it (:meth:`Clairvoyant.told`). It plans once,
-by :mod:`mitt.baselines.optimum`, and follows the plan by the clock; of the estimate it uses the
-time alone. What it cannot catch within the limits counts as out of reach.
+flight of the ball, as it will be if nothing touches it (:meth:`Clairvoyant.with_flight`). It plans
+once, by :mod:`mitt.baselines.optimum`, and follows the plan by the clock; of the estimate it uses
+the time alone. What it cannot catch within the limits counts as out of reach.
 """
 
 from collections.abc import Callable
@@ -67,7 +67,7 @@ class Clairvoyant:
     Attributes:
         chooser: Where to start the search.
         programme: The optimum of the arm.
-        flight: The true flight; None until told.
+        flight: The true flight; None until it is given.
         plan: The motion that is followed; None before ``adapt`` and where there is none.
     """
 
@@ -77,7 +77,7 @@ class Clairvoyant:
     plan: Motion | None = None
     last: _Last = field(default_factory=_Last)
 
-    def told(self, flight: Flight) -> "Clairvoyant":
+    def with_flight(self, flight: Flight) -> "Clairvoyant":
         """Return the one that knows this flight."""
         return replace(self, flight=flight, plan=None, last=_Last())
 
@@ -200,7 +200,7 @@ class Clairvoyant:
     def _ball(self, t: float) -> Array:
         """Return r_o, dr_o, ddr_o of the true flight, shape (3, 3)."""
         if self.flight is None:
-            raise RuntimeError("the clairvoyant was told no flight")
+            raise RuntimeError("the clairvoyant was given no flight")
         (r, dr), ahead, back = self.flight(t), self.flight(t + _NUDGE), self.flight(t - _NUDGE)
         return np.array([r, dr, (ahead[1] - back[1]) / (2.0 * _NUDGE)])
 

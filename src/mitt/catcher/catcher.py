@@ -17,71 +17,53 @@ from typing import Any, final
 import numpy as np
 
 from mitt import checks
-from mitt.ball.estimator import update
+from mitt.catcher.action import act
+from mitt.catcher.perception import perceive, take
+from mitt.catcher.planner import Planner
 from mitt.catcher.result import (
     Result,
     ResultHandle,
     Tick,
-    ball_in,
     fresh_result,
     result_handle,
+    stopped_by,
     tick_of,
 )
 from mitt.catcher.settings import (
     BRAKE,
     FOLLOW,
     PHASES,
-    REFUSED,
+    REFINES,
     STOPPED,
-    WATCH,
+    STOPS,
     CatcherSettings,
     Phase,
 )
 from mitt.catcher.state import (
-    Fields,
-    State,
+    CatcherState,
     StateHandle,
     arm_fields,
     begun_with,
     fresh_state,
-    map_fields,
     state_handle,
 )
-from mitt.catcher.tick import DECIDE, GRASPS, LAGS, REVIEWS, STOPS, act, perceive, tick
-from mitt.control.brake import plan_brake
-from mitt.control.health import ENCODER_REASONS, is_lost
-from mitt.control.monitor import doubted, good_again
+from mitt.catcher.tick import tick
+from mitt.control.monitor import recovered
+from mitt.control.rows import DQ
 from mitt.control.stopped import StoppedBy
 from mitt.errors import InputError, ShapeError
-from mitt.generator.feasibility import Outcome, Verdict, is_far, waiting_height
+from mitt.generator.feasibility import Verdict
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.mapping import DirectMap
 from mitt.generator.several import Several
-from mitt.impact import CaughtBall, examined, speed_caps, speed_jumps
 from mitt.robot.arm import Arm
-from mitt.signals import (
-    TICK,
-    ArmState,
-    Array,
-    BallState,
-    Command,
-    Frame,
-    Image,
-    MapStatus,
-    Senses,
-    Sighting,
-    command_of,
-)
+from mitt.signals import ArmState, Array, Command, Frame, Image, Senses
 from mitt.vision.eyes import Eyes
 
 __all__ = ["Catcher", "CatcherSettings", "Phase", "Tick"]
 
 #: Speed below which a joint that brakes counts as at rest [rad/s].
 _AT_REST = 1e-3
-#: Time after which a ball that is far, or not seen, is looked at again for a verdict [s].
-_LOOK_AGAIN = 0.02
-#: Beside the bits of a tick: the map can be refined.
-REFINES = 32
 #: Attributes of a catcher that show its state and result, or scratch; not kept in a copy.
 _SHOWN = frozenset(
     ("_scalars", "_out", "_clock", "_hand", "_brakes", "_command", "_handles", "_q", "_dq")
@@ -93,7 +75,6 @@ class Catcher:
     """Lets an arm catch; one object a throw.
 
     Attributes:
-        certificate: What the last online step says of the catch; None where none was made.
         stopped_by: Why the catcher has stopped, and what it knew then; None where it has not.
         t_0: Time at which the arm began to move [s]; infinite before.
         state: What the catcher knows and remembers, overwritten by the next tick.
@@ -110,23 +91,16 @@ class Catcher:
         checks.instance("settings", settings, CatcherSettings)
         self._arm, self._settings, self._map = arm, settings, generator.as_map()
         self._turns = eyes.heads > 0
-        self._caught = CaughtBall(
-            mass=settings.ball_mass,
-            radius=settings.ball_radius,
-            restitution=settings.ball_restitution,
-            friction=settings.ball_friction,
-            doubt=settings.ball_doubt,
-        )
         self._refines = isinstance(generator, Direct) and generator.online is not None
         # What is kept of the arm with the ball is worked out now, not in the middle of a catch.
         arm_fields(arm.holding(settings.ball_mass), settings.around)
-        # Who else looks for sharpness elsewhere than at the catch of the map is asked at each tick.
+        # Other generators predict sigma at another catch than the map's: evaluated at each tick.
         plain = isinstance(generator, Direct | Unoptimised)
         self._blank = fresh_state(
             arm, eyes, settings, self._map, several=isinstance(generator, Several),
             sigma_ready=settings.sigma_ready if plain else np.inf,
         )  # fmt: skip
-        self.state: State
+        self.state: CatcherState
         self.result: Result
         self._begin(generator, copy(eyes))
 
@@ -164,20 +138,17 @@ class Catcher:
 
     def _begin(self, generator: Generator, eyes: Eyes) -> None:
         """Begin a throw with a state of its own."""
-        self._generator, self._given, self._eyes = generator, generator, eyes
+        self._eyes = eyes
         self.state = begun_with(self._blank, eyes)
         self.result = fresh_result(self._arm.n, max(eyes.heads, 1))
         self._show()
-        self._brake = np.zeros((1, 3, self._arm.n))
-        self._phase, self._todo, self._ticked = WATCH, 0, False
-        self._verdict: Verdict | None = None
-        self._unasked: tuple[BallState, Array] | None = None
-        self.certificate: Verdict | None = None
+        self._planner = Planner(self._arm, generator, self._settings, self.state, self.result)
+        self._todo, self._ticked = 0, False
         self.stopped_by: StoppedBy | None = None
         self.t_0 = np.inf
 
     def _show(self) -> None:
-        """Take what is often asked for."""
+        """Keep views of what is often read."""
         self._q, self._dq = np.zeros((2, self._arm.n))
         self._scalars, self._out = self.state.scalars[0], self.result.scalars[0]
         out = self.result.scalars
@@ -196,20 +167,22 @@ class Catcher:
     @property
     def phase(self) -> Phase:
         """What the catcher is about in the next tick."""
-        return PHASES[self._phase]
+        return PHASES[self._planner.phase]
 
     @property
     def looking(self) -> bool:
         """Whether the catcher wants images; none once its hand has closed or it has stopped."""
-        return self._phase not in (BRAKE, STOPPED)
+        return self._planner.phase not in (BRAKE, STOPPED)
+
+    @property
+    def certificate(self) -> Verdict | None:
+        """What the last online step says of the catch; None where none was made."""
+        return self._planner.certificate
 
     @property
     def verdict(self) -> Verdict | None:
         """Verdict on the throw, the newest; None before the first."""
-        if self._unasked is not None:
-            ball, q = self._unasked
-            self._verdict, self._unasked = self._generator.verdict(ball, q), None
-        return self._verdict
+        return self._planner.verdict
 
     @property
     def tick(self) -> Tick | None:
@@ -232,26 +205,25 @@ class Catcher:
             self.think()
         t = senses.t
         if senses.points and self.looking:
-            self._take(senses.points, t)
+            take(senses.points, t, self.state)
         q, dq, (state, out) = self._q, self._dq, self._handles
+        seen, brake = (images, self.backgrounds, apart, t_exposed), self._planner.brake
         if self._map is None:
-            perceive(images, self.backgrounds, apart, t_exposed, t, q, dq, state, out)
-            self._ask()
-            self._todo = act(self._brake, state, out)
+            perceive(*seen, t, q, dq, state, out)
+            self._planner.refer()
+            self._todo = act(brake, state, out)
         else:
-            self._todo = tick(
-                images, self.backgrounds, apart, t_exposed, t, q, dq, self._brake, state, out
-            )
+            self._todo = tick(*seen, t, q, dq, brake, state, out)
         self._ticked = True
         if self._todo & STOPS:
             self._note_stop()
         t = self._clock.item()
-        if self._phase == FOLLOW:
+        if self._planner.phase == FOLLOW:
             self.t_0 = t if t < self.t_0 else self.t_0
             if self._refines and self._out["inside"]:
                 self._todo |= REFINES
         gaze = self.result.gaze.copy() if self._turns else None
-        return command_of(t, self._command.copy(), self._hand.item(), gaze, self._brakes.item())
+        return Command(t, self._command.copy(), self._hand.item(), gaze, self._brakes.item())
 
     def _read(self, arm: ArmState) -> None:
         """Take the encoders over: compiled code sees buffers of one type and the right length."""
@@ -284,7 +256,7 @@ class Catcher:
     @property
     def kernel_arguments(self) -> tuple[Array, StateHandle, ResultHandle]:
         """What the kernels of a tick take after the senses: the brake, the state, the result."""
-        return self._brake, *self._handles
+        return self._planner.brake, *self._handles
 
     def ticked(self, todo: int, since: float) -> None:
         """Take over after a loop over ticks of one phase.
@@ -297,14 +269,8 @@ class Catcher:
         self._todo, self._ticked = todo, True
         if todo & STOPS:
             self._note_stop()
-        if self._phase == FOLLOW:
+        if self._planner.phase == FOLLOW:
             self.t_0 = min(self.t_0, since)
-
-    @property
-    def deceleration(self) -> Array:
-        """What each joint can be trusted to brake with [rad/s^2], shape (n,)."""
-        brake: Array = self.state.bounds[3].copy()
-        return brake
 
     def think(self) -> None:
         """Do what is slow or rare, to be used by the next tick; best after the command has left.
@@ -312,45 +278,12 @@ class Catcher:
         Does nothing if there is nothing to think about or it has been done.
         """
         todo, self._todo = self._todo, 0
-        if todo & STOPS:
-            self._phase = STOPPED
-        if todo == 0 or self._phase == STOPPED:
-            return
-        ball = ball_in(self.result)
-        if self._phase == WATCH:
-            self._watch(ball)
-            return
-        if todo & DECIDE:
-            self._reconsider(ball)
-        elif todo & LAGS:
-            # The ball has left the arm behind, as after a bounce: the map starts again from where
-            # the arm is and how fast it moves, eq. (12), and the gap is closed on the way to the
-            # catch instead of by feedback at once.
-            self._adapt(ball)
-        elif todo & REFINES:
-            self._refine(ball)
-        elif todo & REVIEWS:
-            self._review(ball)
-        if todo & GRASPS:
-            self._grasp()
+        self._planner.think(todo)
 
     def _note_stop(self) -> None:
         """Note why the tick just made has stopped the arm."""
-        tick, encoders = tick_of(self.result), self.result.encoders.copy()
-        joints = doubted(self.state.encoder_memory)
-        by_encoder = tick.reason in ENCODER_REASONS and len(joints) > 0
-        self.stopped_by = StoppedBy(
-            state=tick.state,
-            reason=tick.reason,
-            joint=self._arm.names[joints[0]] if by_encoder else None,
-            t=self._clock.item(),
-            q=self.estimated[0].copy(),
-            dq=self.estimated[1].copy(),
-            q_read=encoders[0],
-            dq_read=encoders[1],
-            command=self._command.copy(),
-            brakes=self._brakes.item(),
-        )
+        memory = self.state.encoder_memory
+        self.stopped_by = stopped_by(self._arm, memory, self.estimated, self.result)
 
     def stop(self) -> None:
         """Stop with the next tick, within all limits, and stay until :meth:`recover`."""
@@ -360,18 +293,18 @@ class Catcher:
         """Release the brakes and watch for a ball again, from where the encoders say the arm is.
 
         Args:
-            checked: Whether a person has checked the encoders that were in doubt. If not, each has
-                to have read well for 50 ticks, near to where its joint was reckoned to be, and one
+            checked: Whether a person has checked the encoders that had a fault. If not, each has
+                to have read well for 50 ticks, near to where its joint was predicted to be, and one
                 that was stuck has to have moved.
 
         Raises:
             InputError: The catcher has not stopped, the arm is not at rest yet, or the encoder of a
-                joint is still in doubt.
+                joint still has a fault.
         """
-        at_rest = bool(np.all(np.abs(self.result.command[1]) < _AT_REST))
-        if self._phase != STOPPED or not at_rest:
+        at_rest = bool(np.all(np.abs(self.result.command[DQ]) < _AT_REST))
+        if self._planner.phase != STOPPED or not at_rest:
             raise InputError("recover", "a catcher that has stopped, its arm at rest", self.phase)
-        good = good_again(self.state.encoder_memory)
+        good = recovered(self.state.encoder_memory)
         if not checked and not np.all(good):
             pairs = zip(self._arm.names, good, strict=True)
             bad = ", ".join(name for name, fine in pairs if not fine)
@@ -384,136 +317,8 @@ class Catcher:
         for old, new in ((self.state, fresh), (self.result, nothing)):
             for mine, value in zip(old, new, strict=True):
                 mine[...] = value
-        self._verdict, self._unasked, self.certificate, self.t_0 = None, None, None, np.inf
-        self._generator, self._phase, self.stopped_by = self._given, WATCH, None
-
-    def _write(self, fields: Fields) -> None:
-        """Overwrite fields of the state."""
-        for name, value in fields.items():
-            getattr(self.state, name)[...] = value
-
-    def _take(self, points: tuple[Sighting, ...], t: float) -> None:
-        """Take in positions from another source than images; none from after ``t`` [s]."""
-        s = self.state
-        for point in points:
-            if point.found and not point.t > t + TICK:
-                update(
-                    s.ball_memory,
-                    point.t,
-                    point.r_o,
-                    point.covariance,
-                    s.ball_settings,
-                    s.ball_work,
-                )
-
-    def _ask(self) -> None:
-        """Ask a generator that is no map for the desired motion."""
-        if self._phase != FOLLOW:
-            return
-        ball = ball_in(self.result)
-        ball = self._generator.waiting(ball) if self._scalars["surrogate"] else ball
-        answer, out = self._generator.reference(ball), self._out
-        motion = {"q_d": answer.q_d, "dq_d": answer.dq_d, "ddq_d": answer.ddq_d,
-                  "q_o": answer.q_o, "dq_o": answer.dq_o}  # fmt: skip
-        for row, (name, value) in zip(self.result.reference, motion.items(), strict=False):
-            row[:] = checks.vector(f"reference.{name}", value, self._arm.n)
-        out["inside"] = answer.status is MapStatus.INSIDE
-        out["time_to_catch"] = answer.time_to_catch if out["inside"] else np.inf
-
-    def _enter(self, phase: int) -> None:
-        """Begin another phase with the next tick."""
-        self._phase = phase
-        self._scalars["phase"] = phase
-
-    def _watch(self, ball: BallState) -> None:
-        """Give the verdict once the ball is known well enough, or when it is due.
-
-        A verdict is for good, so it waits until the ball is as near as it has to be for a start,
-        and until a ball that has left the images is back in them.
-        """
-        if ball.t < self._scalars["t_look"]:
-            return
-        due = ball.t - ball.t_first >= self._settings.watch
-        if not due and self._generator.sharpness(ball) > self._settings.sigma_ready:
-            return
-        if self._generator.unsettled(ball, self.estimated[0]):
-            # What the verdict says besides is reckoned where somebody asks for it.
-            self._unasked = ball, self.estimated[0].copy()
-            return
-        if self._is_out_of_sight() or is_far(ball, self._arm.position(self.estimated[0])):
-            self._unasked = ball, self.estimated[0].copy()
-            self._scalars["t_look"] = ball.t + _LOOK_AGAIN
-            return
-        verdict = self._generator.verdict(ball, self.estimated[0])
-        if not isinstance(self._generator, Unoptimised):  # alpha = 0 is never refused
-            bandwidth = self._settings.bandwidth
-            verdict = examined(self._arm, verdict, self._caught, bandwidth=bandwidth)
-        self._verdict, self._unasked = verdict, None
-        if verdict.outcome is Outcome.UNSETTLED:
-            return
-        if verdict.outcome is Outcome.UNREACHABLE:
-            if due:
-                self._enter(REFUSED)
-            return
-        self._scalars["surrogate"] = verdict.outcome is Outcome.OPEN
-        self._adapt(self._generator.waiting(ball) if self._scalars["surrogate"] else ball)
-        self._make_room(verdict)
-        self._enter(FOLLOW)
-
-    def _is_out_of_sight(self) -> bool:
-        """Say whether an arm that followed the ball would stop at once: it is not seen any more."""
-        age, sigma = self._out["age"].item(), self._out["sigma"].item()
-        return bool(is_lost(age, sigma, self._settings.tolerance))
-
-    def _make_room(self, verdict: Verdict) -> None:
-        """Keep the joints that the ball will drive on below their speed limits by as much.
-
-        The motors' torque is kept to what is left of it at such speeds.
-        """
-        if verdict.approach is not None:
-            given = self._arm, verdict.approach, self._caught
-            self.state.bounds[2] = speed_caps(*given)
-            self.state.jump[:] = speed_jumps(*given)
-
-    def _reconsider(self, ball: BallState) -> None:
-        """Follow the ball itself as soon as it can be caught; its stand-in until then."""
-        if self._generator.returns(ball):
-            self._scalars["surrogate"] = False
-            self._adapt(ball)
-
-    def _adapt(self, ball: BallState) -> None:
-        """Let the generator start from where the arm is."""
-        q, dq = self.estimated.copy()
-        self._generator = self._generator.adapt(ball, q, dq)
-        f = self._generator.as_map()
-        if f is not None:
-            self._write(map_fields(f))
-            self._scalars["waiting_height"] = waiting_height(f)
-
-    def _review(self, ball: BallState) -> None:
-        """Follow another map where the present one cannot catch any more what it could at first."""
-        hoped = self.verdict is not None and self.verdict.outcome is Outcome.FEASIBLE
-        if hoped and isinstance(self._generator, Several) and self._generator.astray(ball):
-            self._adapt(ball)
-
-    def _refine(self, ball: BallState) -> None:
-        """Let the generator make its map a little better for the rest of this flight."""
-        if isinstance(self._generator, Direct):
-            self._generator = refined = self._generator.refined(ball)
-            self.state.alpha[:] = refined.map.alpha
-            self.certificate = refined.certificate(ball)
-
-    def _grasp(self) -> None:
-        """Brake from the last command on: the fingers will have closed.
-
-        The model carries the ball's weight from then on.
-        """
-        t = self._clock.item()
-        loaded = self._arm.holding(self._settings.ball_mass)
-        self._brake = plan_brake(loaded, t, self.result.command[:3].copy()).table(TICK)
-        self._write(arm_fields(loaded, self._settings.around))
-        self._scalars["t_brake"] = t
-        self._enter(BRAKE)
+        self._planner.begin()
+        self.t_0, self.stopped_by = np.inf, None
 
 
 def _check_generator(generator: Generator) -> DirectMap | None:

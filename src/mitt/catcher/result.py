@@ -7,10 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mitt.catcher.settings import PHASES, WATCH, Phase
-from mitt.control.health import Reason, State
+from mitt.control.health import ENCODER_REASONS, Reason, State
+from mitt.control.monitor import faulty
+from mitt.control.stopped import StoppedBy
 from mitt.control.tracking import Tracked
 from mitt.jit import kernel
-from mitt.signals import Array, BallState, Command, JointReference, MapStatus, ball_of
+from mitt.robot.arm import Arm
+from mitt.signals import Array, BallState, Command, JointReference, MapStatus
 from mitt.structs import Handle, Record, define, record_of
 
 #: States and reasons in the order of their numbers.
@@ -35,7 +38,7 @@ class Result(NamedTuple):
             t, phase: Time of the tick [s], and the phase in which it was made.
             tracked, t_ball: Whether there is an estimate of the ball, and of which instant [s].
             led, drag, t_seen, t_first: As of ``BallState``.
-            following, inside: Whether the generator was asked, and its answer is a motion.
+            following, inside: Whether the generator was evaluated, and its reference is a motion.
             time_to_catch: Time to the catch [s]; infinite where none is in sight.
             hand: Closing angle of the fingers commanded [rad].
             saturated: Whether a torque limit was met.
@@ -75,7 +78,7 @@ def result_handle(result: Result) -> Any:  # noqa: ANN401
 
 
 @kernel
-def keep(result: Any, ticks: Any, k: int) -> None:  # noqa: ANN401
+def store(result: Any, ticks: Any, k: int) -> None:  # noqa: ANN401
     """Write a result into row ``k`` of room for many, both handles."""
     ticks.scalars[k] = result.scalars[0]
     ticks.encoders[k] = result.encoders
@@ -93,7 +96,7 @@ class Tick:
     Attributes:
         phase: Phase in which it was made.
         ball: Estimate of the ball, carried to the time of the command.
-        reference: What the generator asked for, before any limit; None while it is not asked.
+        reference: The generator's reference, before any limit; None while there is none.
         tracked: Command and its parts.
         state: State of the catcher.
         reason: Why it is not nominal.
@@ -143,7 +146,7 @@ def tick_of(result: Result) -> Tick:
     """Return a result as what it means; it is copied."""
     result, numbers = copied(result), result.scalars[0].item()
     s = dict(zip(_RESULT, numbers, strict=True))
-    command = Command(t=s["t"], told=result.command[:4], hand=s["hand"], brakes=s["brakes"])
+    command = Command(t=s["t"], joints=result.command[:4], hand=s["hand"], brakes=s["brakes"])
     return Tick(
         phase=PHASES[s["phase"]],
         ball=ball_in(result),
@@ -159,14 +162,16 @@ def tick_of(result: Result) -> Tick:
 def ball_in(result: Result) -> BallState:
     """Return the estimate that a result holds now, a copy."""
     s = result.scalars[0]
-    return ball_of(
-        s["t_ball"].item(), s["tracked"].item(), *result.ball.copy(), s["drag"].item(),
-        result.covariance.copy(), s["t_seen"].item(), s["t_first"].item(), s["led"].item(),
+    return BallState(
+        t=s["t_ball"].item(), tracked=s["tracked"].item(), r_o=result.ball[0].copy(),
+        dr_o=result.ball[1].copy(), ddr_o=result.ball[2].copy(), drag=s["drag"].item(),
+        covariance=result.covariance.copy(), t_seen=s["t_seen"].item(),
+        t_first=s["t_first"].item(), led=s["led"].item(),
     )  # fmt: skip
 
 
 def _reference_of(result: Result) -> JointReference:
-    """Return what the generator asked for in a copied result."""
+    """Return the generator's reference in a copied result."""
     s, rows = result.scalars[0], result.reference
     return JointReference(
         t=s["t"].item(),
@@ -177,4 +182,31 @@ def _reference_of(result: Result) -> JointReference:
         q_o=rows[3],
         dq_o=rows[4],
         time_to_catch=s["time_to_catch"].item(),
+    )
+
+
+def stopped_by(arm: Arm, encoder_memory: Array, estimated: Array, result: Result) -> StoppedBy:
+    """Return why the tick just made has stopped the arm, and what the catcher knew then.
+
+    Args:
+        arm: The arm.
+        encoder_memory: As in :mod:`mitt.control.encoder_memory`.
+        estimated: q, dq as estimated [rad, rad/s], shape (2, n).
+        result: That of the tick.
+    """
+    s, encoders = result.scalars[0], result.encoders.copy()
+    reason = REASONS[s["reason"]]
+    joints = faulty(encoder_memory)
+    by_encoder = reason in ENCODER_REASONS and len(joints) > 0
+    return StoppedBy(
+        state=STATES[s["health"]],
+        reason=reason,
+        joint=arm.names[joints[0]] if by_encoder else None,
+        t=s["t"].item(),
+        q=estimated[0].copy(),
+        dq=estimated[1].copy(),
+        q_read=encoders[0],
+        dq_read=encoders[1],
+        command=result.command[:4].copy(),
+        brakes=s["brakes"].item(),
     )

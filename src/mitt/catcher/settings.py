@@ -23,6 +23,14 @@ class Phase(Enum):
 
 #: The phases in the order of their numbers.
 PHASES = tuple(Phase)
+#: What is to be thought about after a tick, as bits of its result: the verdict is open, the ball
+#: has left the arm behind, the fingers have closed as far as there is time for, the catcher has
+#: stopped, the choice of the map is to be reviewed.
+DECIDE, LAGS, GRASPS, STOPS, REVIEWS = 1, 2, 4, 8, 16
+#: And for a generator that refines its map: it can be refined.
+REFINES = 32
+#: Time to the catch within which the hand may hide the ball, and it is not taken for lost [s].
+SOON = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,17 +46,18 @@ class CatcherSettings:
         adapt_until: Time to the catch below which the map is left as it is [s].
         review: Time between two reviews of the choice among several maps [s].
         ball_mass: Mass of the ball, carried by the model while it is held [kg].
-        ball_radius: Radius of the ball [m]; the eyes are told the same.
+        ball_radius: Radius of the ball [m]; the eyes are given the same.
         ball_restitution: Share of its speed with which the ball springs back from the palm.
         ball_friction: Coefficient of friction of ball and hand.
         ball_doubt: Relative error that its mass may have.
-        flight: What the filter believes of the ball's flight.
+        flight: What the filter assumes of the ball's flight.
         around: What stands around the arm and is not to be touched.
         encoders: What is known of the joint encoders.
         tolerance: 1-sigma of the ball's position beyond which an unseen ball is lost [m]; a hand
             needs about 2 cm (Baeuml and others, ICRA 2011).
-        stray: Gap between told and true joint angles at which the arm is stopped if it lasts
-            20 ms [rad]; infinite for the map with alpha = 0, which saturates for longer.
+        max_tracking_error: Gap between commanded and estimated joint angles at which the arm is
+            stopped if it lasts 20 ms [rad]; infinite for the map with alpha = 0, which saturates
+            for longer.
         torque_lead: Time from the reading of the joints until the torque that is commanded then
             ceases to act [s]: a tick, and what the drives take to answer.
     """
@@ -69,5 +78,5 @@ class CatcherSettings:
     around: Surroundings = field(default_factory=Surroundings)
     encoders: Encoders = field(default_factory=Encoders)
     tolerance: float = 0.02
-    stray: float = 0.8
+    max_tracking_error: float = 0.8
     torque_lead: float = 0.001

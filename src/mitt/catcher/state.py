@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from mitt.ball import memory
 from mitt.ball.filter import settings_of
 from mitt.catcher.settings import WATCH, CatcherSettings
-from mitt.control import health, monitor
+from mitt.control import encoder_memory, health
 from mitt.control.envelope import bounds_of
 from mitt.control.hand import pack_grip
-from mitt.control.tracking import NOTES
-from mitt.control.viability import Guard
+from mitt.control.tracking import SCRATCH
+from mitt.control.viability import SafetyFilter
 from mitt.generator.feasibility import trusted, waiting_height
 from mitt.generator.mapping import DirectMap
 from mitt.jit import kernel
@@ -36,30 +36,31 @@ Fields: TypeAlias = dict[str, NDArray[Any]]
 _STATE = {
     "phase": WATCH, "surrogate": False, "begun": False, "several": False, "stop_requested": False,
     "braked": False, "t_brake": 0.0, "t_brakes_on": np.inf, "brake_delay": 0.0, "clock_fault": 0,
-    "encoder_fault": 0, "tolerance": 0.0, "stray": 0.0, "review": 0.0, "t_reviewed": -np.inf,
-    "watch": 0.0, "t_look": -np.inf, "heads": 0, "t_exposed": 0.0, "bandwidth": 0.0, "adapt_q": 0.0,
-    "adapt_dq": 0.0, "adapt_until": 0.0, "torque_lead": 0.0, "sigma_ready": np.inf,
-    "waiting_height": 0.0,
+    "encoder_fault": 0, "tolerance": 0.0, "max_tracking_error": 0.0, "review": 0.0,
+    "t_reviewed": -np.inf, "watch": 0.0, "t_look": -np.inf, "heads": 0, "t_exposed": 0.0,
+    "bandwidth": 0.0, "adapt_q": 0.0, "adapt_dq": 0.0, "adapt_until": 0.0, "torque_lead": 0.0,
+    "sigma_ready": np.inf, "waiting_height": 0.0,
 }  # fmt: skip
 
 
-class State(NamedTuple):
+class CatcherState(NamedTuple):
     """What a catcher knows and remembers.
 
     Attributes:
         scalars: Single numbers, shape (1,):
-            phase, surrogate: Phase, and whether the ball's stand-in is followed.
+            phase, surrogate: Phase, and whether the ball's surrogate target is followed.
             begun: Whether there was a tick.
             several: Whether there are several maps to choose from; review, t_reviewed: how often
             the choice is reviewed, and when it was last [s].
-            stop_requested: Whether somebody asked for a stop.
-            t_brakes_on, braked, brake_delay: When the brakes were told to engage [s], whether they
-            have, and how long they take [s].
-            clock_fault, encoder_fault, tolerance, stray: As in :mod:`mitt.control.health`.
+            stop_requested: Whether a stop was requested.
+            t_brakes_on, braked, brake_delay: When the brakes were commanded to engage [s], whether
+            they have, and how long they take [s].
+            clock_fault, encoder_fault, tolerance: As in :mod:`mitt.control.health`;
+            max_tracking_error: as of ``CatcherSettings`` [rad].
             t_brake: Time at which braking began [s].
             watch: Longest time from first sight to the verdict [s].
             t_look: Time before which there is no verdict: one that refuses a far ball waits [s].
-            sigma_ready: As of ``CatcherSettings``; infinite where the generator is asked itself.
+            sigma_ready: As of ``CatcherSettings``; infinite where the generator predicts it.
             heads: Number of heads; t_exposed: instant of the newest image [s].
             bandwidth, adapt_...: As of ``CatcherSettings``; torque_lead: see
             :mod:`mitt.control.margin`.
@@ -68,16 +69,16 @@ class State(NamedTuple):
         desired: q_d, dq_d, ddq_d of the last tick, shape (3, n).
         last: Last command within limits, as in :mod:`mitt.control.viability`, shape (3, n).
         health_memory: As in :mod:`mitt.control.health`.
-        encoder_memory: As in :mod:`mitt.control.monitor`; encoder_table, encoder_doubt,
+        encoder_memory: As in :mod:`mitt.control.encoder_memory`; encoder_table, encoder_doubt,
             encoder_coupling, encoder_work: as in :mod:`mitt.control.encoders`.
         z, R, target: Position of a sighting, its covariance, and the ball to be followed.
         ball_memory, ball_settings, ball_work: Of :mod:`mitt.ball.estimator`.
         closing, grip: As in :mod:`mitt.control.hand`.
-        track_notes: For the tracking.
+        track_scratch: For the tracking.
         jump: As in :mod:`mitt.control.margin`.
-        blow: Change of the joint speeds that the ball may bring now [rad/s], shape (n,).
+        impact_dq: Change of the joint speeds that the ball may cause now [rad/s], shape (n,).
         eyes_...: Arrays of :func:`mitt.vision.localization.localize` and of the gaze.
-        bounds, shapes, pairs, guard_...: As in :mod:`mitt.control.viability`; encoder_bounds: the
+        bounds, shapes, pairs, filter_...: As in :mod:`mitt.control.viability`; encoder_bounds: the
             same for the encoders' monitor, without room for an impact.
         drives, drives_now: Drives as of :mod:`mitt.control.margin`.
         bodies, active: The arm's links, and which of them are active joints.
@@ -93,7 +94,7 @@ class State(NamedTuple):
     health_memory: Array
     encoder_memory: Array
     encoder_table: Array
-    encoder_doubt: Array
+    encoder_ddq_unknown: Array
     encoder_coupling: Array
     encoder_work: Array
     z: Array
@@ -104,9 +105,9 @@ class State(NamedTuple):
     ball_work: Array
     closing: Array
     grip: Array
-    track_notes: Array
+    track_scratch: Array
     jump: Array
-    blow: Array
+    impact_dq: Array
     eyes_memory: Array
     eyes_settings: Array
     eyes_boxes: NDArray[np.int64]
@@ -121,9 +122,9 @@ class State(NamedTuple):
     encoder_bounds: Array
     shapes: Array
     pairs: NDArray[np.int64]
-    guard_known: Array
-    guard_work: Array
-    guard_reserve: Array
+    filter_known: Array
+    filter_work: Array
+    filter_reserve: Array
     drives: Array
     drives_now: Array
     bodies: Array
@@ -145,11 +146,11 @@ class StateHandle(Handle):
     """A state, for kernels."""
 
 
-define(StateHandle, State)
+define(StateHandle, CatcherState)
 
 
 @kernel
-def state_handle(state: State) -> Any:  # noqa: ANN401
+def state_handle(state: CatcherState) -> Any:  # noqa: ANN401
     """Return the handle of a state."""
     return StateHandle(*state)
 
@@ -157,7 +158,7 @@ def state_handle(state: State) -> Any:  # noqa: ANN401
 def fresh_state(
     arm: Arm, eyes: Eyes, settings: CatcherSettings, f: DirectMap | None, *, several: bool = False,
     sigma_ready: float = np.inf,
-) -> State:  # fmt: skip
+) -> CatcherState:  # fmt: skip
     """Return what a catcher knows and remembers at the start of a throw.
 
     Args:
@@ -166,7 +167,7 @@ def fresh_state(
         settings: Of the catcher.
         f: The map, if the generator is one.
         several: Whether there are several maps to choose from.
-        sigma_ready: As of :class:`State`.
+        sigma_ready: As of :class:`CatcherState`.
     """
     s, n, table = settings, arm.n, settings.encoders.table(arm)
     still = np.zeros(n)
@@ -181,20 +182,20 @@ def fresh_state(
         "estimated": np.array([arm.q_ready, still]),
         "desired": np.array([arm.q_ready, still, still]),
         "last": np.array([arm.q_ready, still, still]),
-        "health_memory": health.memory(), "encoder_memory": monitor.memory_of(n),
+        "health_memory": health.memory(), "encoder_memory": encoder_memory.memory_of(n),
         "encoder_table": table,
-        "encoder_doubt": np.array([table[1] / np.diag(arm.mass_matrix(arm.q_ready))] * 2),
+        "encoder_ddq_unknown": np.array([table[1] / np.diag(arm.mass_matrix(arm.q_ready))] * 2),
         "encoder_coupling": np.zeros((n, n)), "encoder_work": np.zeros((n + 2, 2 * n)),
         "z": np.zeros(3), "R": np.zeros((3, 3)), "target": np.zeros((3, 3)),
         "ball_memory": memory.fresh(), "ball_settings": settings_of(s.flight),
         "ball_work": np.zeros(memory.WORK), "closing": np.array([np.inf]),
         "grip": pack_grip(arm.model.hand, s.ball_radius, s.ball_restitution),
-        "track_notes": np.zeros((len(arm.model.links), NOTES)), "jump": np.zeros(n),
-        "blow": np.zeros(n),
+        "track_scratch": np.zeros((len(arm.model.links), SCRATCH)), "jump": np.zeros(n),
+        "impact_dq": np.zeros(n),
     }  # fmt: skip
     fields |= arm_fields(arm, s.around) | map_fields(f)
     own_arrays = {name: np.array(value, order="C") for name, value in fields.items()}
-    return State(**own_arrays, **eye_fields(eyes))
+    return CatcherState(**own_arrays, **eye_fields(eyes))
 
 
 @lru_cache(maxsize=32)
@@ -206,15 +207,15 @@ def arm_fields(arm: Arm, around: Surroundings) -> Fields:
     :mod:`mitt.control.margin`; ``room`` and what follows is for
     :func:`mitt.control.stop.short_of_room`.
     """
-    guard, links = Guard(arm, around), len(arm.bodies)
+    safety_filter, links = SafetyFilter(arm, around), len(arm.bodies)
     return {
-        "bounds": guard.bounds,
+        "bounds": safety_filter.bounds,
         "encoder_bounds": bounds_of(arm, commanded=False),
-        "shapes": guard.shapes.table,
-        "pairs": guard.shapes.pairs,
-        "guard_known": guard.known,
-        "guard_work": guard.work,
-        "guard_reserve": guard.reserve,
+        "shapes": safety_filter.shapes.table,
+        "pairs": safety_filter.shapes.pairs,
+        "filter_known": safety_filter.known,
+        "filter_work": safety_filter.work,
+        "filter_reserve": safety_filter.reserve,
         "drives": arm.limits.packed,
         "drives_now": arm.limits.packed,
         "bodies": arm.bodies,
@@ -243,10 +244,10 @@ def map_fields(f: DirectMap | None) -> Fields:
     }
 
 
-def begun_with(state: State, eyes: Eyes) -> State:
+def begun_with(state: CatcherState, eyes: Eyes) -> CatcherState:
     """Return a copy of a state that shares the arrays of other eyes."""
     fields = {name: x.copy() for name, x in state._asdict().items() if not name.startswith("eyes_")}
-    return State(**fields, **eye_fields(eyes))
+    return CatcherState(**fields, **eye_fields(eyes))
 
 
 def eye_fields(eyes: Eyes) -> Fields:

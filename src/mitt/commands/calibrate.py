@@ -18,7 +18,7 @@ from mitt.calibration.heads import FACE_UP, calibrate_head, read_head_views
 from mitt.calibration.stage import Stage
 from mitt.calibration.tables import header_of, read_places
 from mitt.cameras.opening import open_cameras
-from mitt.commands.options import CalibrateOptions
+from mitt.commands.camera_options import CalibrateOptions
 from mitt.commands.screen import (
     Report,
     check_new_file,

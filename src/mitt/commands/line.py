@@ -9,6 +9,7 @@ import tyro
 from tyro.conf import FlagCreatePairsOff
 
 import mitt
+from mitt.commands import camera_options as cameras
 from mitt.commands import options as of
 from mitt.errors import MittError
 
@@ -19,9 +20,9 @@ _OPTIONS: dict[str, Callable[..., object]] = {
     "design": of.DesignOptions,
     "study": of.StudyOptions,
     "report": of.ReportOptions,
-    "track": of.TrackOptions,
-    "see": of.SeeOptions,
-    "calibrate": of.CalibrateOptions,
+    "track": cameras.TrackOptions,
+    "see": cameras.SeeOptions,
+    "calibrate": cameras.CalibrateOptions,
     "bench": of.BenchOptions,
 }
 #: Characters that frame tyro's messages.

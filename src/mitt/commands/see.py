@@ -5,7 +5,7 @@ from pathlib import Path
 
 import mitt
 from mitt.cameras.video_writer import SUFFIXES, VideoWriter
-from mitt.commands.options import SeeOptions
+from mitt.commands.camera_options import SeeOptions
 from mitt.commands.screen import check_new_file, checked, print_json, progress, show, warn
 from mitt.errors import InputError
 from mitt.files.rig import CalibratedRig, read_rig

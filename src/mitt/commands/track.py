@@ -2,7 +2,7 @@
 
 import mitt
 from mitt.ball.estimator import MAX_HORIZON
-from mitt.commands.options import TrackOptions
+from mitt.commands.camera_options import TrackOptions
 from mitt.commands.screen import check_new_file, checked, print_json, show
 from mitt.errors import InputError
 from mitt.tracks.filtering import follow_all

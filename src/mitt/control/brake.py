@@ -55,7 +55,7 @@ class Brake:
     torque_share: float
 
     def over(self, t: float) -> bool:
-        """Say whether the arm has been wanted at rest for a tick or more at time ``t`` [s]."""
+        """Say whether the arm has been commanded to rest for a tick or more at time ``t`` [s]."""
         return t > self.t + self.duration + TICK
 
     def at(self, t: float) -> Array:
@@ -133,7 +133,7 @@ def _driven(arm: Arm, t: float, motion: Array, rate: Array, w: Scratch) -> Brake
         raise RuntimeError(f"Ruckig refused a stop from {motion.tolist()}: {result}")
     end, pieces = trajectory.duration, _pieces(trajectory)
     sample(pieces, np.array([instant(i, end) for i in range(INSTANTS)]), w.rows)
-    return Brake(t, end, pieces, float(torque_share(arm.tables, w.rows, w.tau, w.notes)))
+    return Brake(t, end, pieces, float(torque_share(arm.tables, w.rows, w.tau, w.scratch)))
 
 
 def _pieces(trajectory: Trajectory) -> Array:

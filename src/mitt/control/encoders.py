@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt.control.rows import DDQ_BY_TAU, TAU
 from mitt.errors import InputError
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
@@ -65,11 +66,12 @@ class Encoders:
 
 
 @kernel
-def bring(
-    bodies: Array, index: NDArray[np.int64], believed: Array, unknown: Array,
-    tau: Array, mass: Array, work: Array, solved: Array, told: Array, doubt: Array, coupling: Array,
+def predict_acceleration(
+    bodies: Array, index: NDArray[np.int64], estimated: Array, unknown: Array,
+    tau: Array, mass: Array, work: Array, solved: Array, command: Array, ddq_unknown: Array,
+    coupling: Array,
 ) -> None:  # fmt: skip
-    """Write the acceleration that a tick's torques bring, and what unknown torques can add to it.
+    """Write the acceleration by a tick's torques, and what unknown torques can add to it.
 
     With M the mass matrix, a torque w_k at joint k that nobody knows, and accelerations a_j of the
     others that are measured, joint k moves by ddq_k = (tau_k - bias_k + w_k - sum M_kj a_j) / M_kk.
@@ -77,20 +79,20 @@ def bring(
     Args:
         bodies: Table of :mod:`mitt.robot.dynamics`, shape (N, 31).
         index: Active joints among the links, shape (n,).
-        believed: q, dq of the joints [rad, rad/s], shape (2, n).
+        estimated: q, dq of the joints [rad, rad/s], shape (2, n).
         unknown: Largest unknown torque of each joint [N m], shape (n,).
         tau: Scratch, shape (N,).
         mass: Scratch, shape (N, n).
         work: Scratch of :mod:`mitt.robot.slopes`, shape (N, 46).
         solved: Scratch, shape (n + 2, 2 n).
-        told: Torques in the fourth row [N m]; result in the fifth [rad/s^2], shape (5, n).
-        doubt: Result: acceleration that the unknown torques of all joints can bring, and the one
-            that a joint's own can while the others move as they do [rad/s^2], shape (2, n).
+        command: Torques in the fourth row [N m]; result in the fifth [rad/s^2], shape (5, n).
+        ddq_unknown: Result: acceleration that the unknown torques of all joints can cause, and the
+            one that a joint's own can while the others move as they do [rad/s^2], shape (2, n).
         coupling: Result: M_kj / M_kk, shape (n, n).
     """
     n = len(index)
     motion = view(solved, 2 * n * n, (3, n))
-    motion[0], motion[1], motion[2] = believed[0], believed[1], 0.0
+    motion[0], motion[1], motion[2] = estimated[0], estimated[1], 0.0
     bias_and_mass(bodies, motion, tau, mass, work)
     for i in range(n):
         for j in range(n):
@@ -106,8 +108,8 @@ def bring(
                     solved[j, c] -= factor * solved[i, c]
     for i in range(n):
         own = max(mass[index[i], i], 1e-9)
-        told[4, i], doubt[0, i], doubt[1, i] = 0.0, 0.0, unknown[i] / own
+        command[DDQ_BY_TAU, i], ddq_unknown[0, i], ddq_unknown[1, i] = 0.0, 0.0, unknown[i] / own
         for j in range(n):
-            told[4, i] += solved[i, n + j] * (told[3, j] - tau[index[j]])
-            doubt[0, i] += abs(solved[i, n + j]) * unknown[j]
+            command[DDQ_BY_TAU, i] += solved[i, n + j] * (command[TAU, j] - tau[index[j]])
+            ddq_unknown[0, i] += abs(solved[i, n + j]) * unknown[j]
             coupling[i, j] = mass[index[i], j] / own

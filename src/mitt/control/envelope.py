@@ -1,4 +1,4 @@
-"""The last stage before the arm: whatever is asked, what is emitted keeps the limits.
+"""The last stage before the arm: whatever is desired, what is emitted keeps the limits.
 
 Each emitted motion q, dq, ddq is finite and, tick after tick,
 
@@ -12,13 +12,13 @@ Each emitted motion q, dq, ddq is finite and, tick after tick,
 * and, where there are bodies to keep clear of, the way to standstill is clear of them
   (:mod:`mitt.control.viability`).
 
-A wish inside these limits passes bit by bit (with jerk: to rounding). From outside them the motion
+A motion inside these limits passes bit by bit (with jerk: to rounding). From outside them it
 returns monotonically. The acceleration that the controller wants of the measured joint is bounded
 likewise; torques are cut in :mod:`mitt.control.tracking`, all joints together.
 
 | here      | meaning                                                        | unit     | shape  |
 |-----------|----------------------------------------------------------------|----------|--------|
-| ``wanted``| q_d, dq_d, ddq_d before, q, dq, ddq after                      | rad ...  | (3, n) |
+| ``desired``| q_d, dq_d, ddq_d before, q, dq, ddq after                     | rad ...  | (3, n) |
 | ``last``  | q, dq, ddq emitted in the tick before; ddq counts for jerk     | rad ...  | (3, n) |
 | ``b``     | q_min, q_max, dq_max, deceleration to be trusted, ddq_max,     | rad ...  | (6, n) |
 |           | jerk, infinite where the limit set has none                    |          |        |
@@ -26,7 +26,8 @@ likewise; torques are cut in :mod:`mitt.control.tracking`, all joints together.
 
 import numpy as np
 
-from mitt.control.jerk import calm, keep_smooth, onwards
+from mitt.control.jerk import calm, clamp_smooth, onwards
+from mitt.control.rows import DDQ_MAX, DECELERATION, DQ_MAX, JERK, Q_MAX, Q_MIN
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array
@@ -43,7 +44,7 @@ def bounds_of(arm: Arm, *, commanded: bool = True) -> Array:
     """Return the limits of the active joints with their gaps, shape (6, n).
 
     The trusted deceleration is that of the joint alone in the ready pose; ``ddq_max`` is what the
-    torques of all joints together can bring in any of many poses, so that it binds nothing that
+    torques of all joints together can cause in any of many poses, so that it binds nothing that
     an arm within its torques can do. Where the limit set has accelerations, both are at most those,
     and where it has no jerk besides, the acceleration may swing from one end to the other in a
     tick: then position, speed and acceleration of a command are one motion.
@@ -73,7 +74,7 @@ def bounds_of(arm: Arm, *, commanded: bool = True) -> Array:
 
 
 def _largest_acceleration(arm: Arm) -> Array:
-    """Return the largest acceleration that the torques bring in any pose [rad/s^2], (n,)."""
+    """Return the largest acceleration by the torques in any pose [rad/s^2], (n,)."""
     poses = np.random.default_rng(_SEED).uniform(arm.q_min, arm.q_max, (_POSES, arm.n))
     reached = [np.abs(np.linalg.inv(arm.mass_matrix(q))) @ arm.tau_max for q in poses]
     out: Array = np.max(reached, axis=0)
@@ -81,7 +82,7 @@ def _largest_acceleration(arm: Arm) -> Array:
 
 
 @kernel
-def keep_joint(
+def clamp_joint(
     low: float,
     high: float,
     dq_max: float,
@@ -93,7 +94,7 @@ def keep_joint(
     dq: float,
     ddq: float,
 ) -> tuple[float, float, float]:
-    """Return what a joint is told when ``q``, ``dq``, ``ddq`` is wanted of it.
+    """Return the command of a joint for which ``q``, ``dq``, ``ddq`` is desired.
 
     Args:
         low: Lower end of the range [rad].
@@ -133,22 +134,22 @@ def keep_joint(
 
 
 @kernel
-def keep(b: Array, last: Array, wanted: Array) -> bool:
-    """Replace a wanted motion by what is emitted, joint by joint; say whether anything changed."""
+def clamp(b: Array, last: Array, desired: Array) -> bool:
+    """Replace a desired motion by what is emitted, joint by joint; say whether anything changed."""
     changed = False
-    for k in range(wanted.shape[1]):
-        if np.isinf(b[5, k]):
-            q, dq, ddq = keep_joint(
-                b[0, k], b[1, k], b[2, k], b[3, k], b[4, k],
-                last[0, k], last[1, k], wanted[0, k], wanted[1, k], wanted[2, k],
+    for k in range(desired.shape[1]):
+        if np.isinf(b[JERK, k]):
+            q, dq, ddq = clamp_joint(
+                b[Q_MIN, k], b[Q_MAX, k], b[DQ_MAX, k], b[DECELERATION, k], b[DDQ_MAX, k],
+                last[0, k], last[1, k], desired[0, k], desired[1, k], desired[2, k],
             )  # fmt: skip
         else:
-            q, dq, ddq = keep_smooth(
-                b[0, k], b[1, k], b[2, k], b[3, k], b[4, k], b[5, k],
-                (last[0, k], last[1, k], last[2, k]), wanted[0, k], wanted[1, k],
+            q, dq, ddq = clamp_smooth(
+                b[Q_MIN, k], b[Q_MAX, k], b[DQ_MAX, k], b[DECELERATION, k], b[DDQ_MAX, k],
+                b[JERK, k], (last[0, k], last[1, k], last[2, k]), desired[0, k], desired[1, k],
             )  # fmt: skip
-        changed |= q != wanted[0, k] or dq != wanted[1, k] or ddq != wanted[2, k]
-        wanted[0, k], wanted[1, k], wanted[2, k] = q, dq, ddq
+        changed |= q != desired[0, k] or dq != desired[1, k] or ddq != desired[2, k]
+        desired[0, k], desired[1, k], desired[2, k] = q, dq, ddq
     return changed
 
 
@@ -163,22 +164,22 @@ def brake_joint(brake: float, last_q: float, last_dq: float) -> tuple[float, flo
 
 
 @kernel
-def slow_down(b: Array, last: Array, wanted: Array) -> None:
-    """Want of every joint to brake; q, dq, ddq for the next tick, shape (3, n)."""
-    for k in range(wanted.shape[1]):
-        if np.isinf(b[5, k]):
-            q, dq, ddq = brake_joint(b[3, k], last[0, k], last[1, k])
+def slow_down(b: Array, last: Array, desired: Array) -> None:
+    """Let every joint brake; q, dq, ddq for the next tick, shape (3, n)."""
+    for k in range(desired.shape[1]):
+        if np.isinf(b[JERK, k]):
+            q, dq, ddq = brake_joint(b[DECELERATION, k], last[0, k], last[1, k])
         else:
-            ddq = calm(last[1, k], last[2, k], b[3, k], b[5, k])
+            ddq = calm(last[1, k], last[2, k], b[DECELERATION, k], b[JERK, k])
             q, dq, ddq = onwards(last[0, k], last[1, k], ddq)
-        wanted[0, k], wanted[1, k], wanted[2, k] = q, dq, ddq
+        desired[0, k], desired[1, k], desired[2, k] = q, dq, ddq
 
 
 @kernel
 def bound_acceleration(b: Array, q: Array, dq: Array, ddq: Array) -> None:
     """Bound accelerations in place by the speed limits and by the way left to the stops."""
     for k in range(len(q)):
-        q_min, q_max, dq_max, brake = b[0, k], b[1, k], b[2, k], b[3, k]
+        q_min, q_max, dq_max, brake = b[Q_MIN, k], b[Q_MAX, k], b[DQ_MAX, k], b[DECELERATION, k]
         up = np.sqrt(2.0 * brake * max(q_max - q[k], 0.0))
         down = np.sqrt(2.0 * brake * max(q[k] - q_min, 0.0))
         highest = (min(dq_max, up) - dq[k]) / _APPROACH

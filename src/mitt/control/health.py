@@ -9,14 +9,14 @@
 | INVALID  | what came in or went out cannot be real; the result does not count             |
 
 Memory, in this order: time of the last tick [s] (NaN: none), ticks in a row without usable time,
-ticks in a row far from the told motion, late ticks so far.
+ticks in a row far from the commanded motion, late ticks so far.
 """
 
 from enum import Enum
 
 import numpy as np
 
-from mitt.control.monitor import BRIDGED, FINE
+from mitt.control.encoder_memory import BRIDGED, FINE
 from mitt.jit import kernel
 from mitt.signals import TICK, Array
 
@@ -50,14 +50,14 @@ class Reason(Enum):
     CLOCK = "clock"
     OVERRUN = "overrun"
     TRACKING = "far from the told motion"
-    ASKED = "stop asked for"
+    REQUESTED = "stop asked for"
     FAST = "joint beyond its speed"
 
 
 (_NONE, _UNSEEN, _ONE_CAMERA, _LATE, _BRIDGED, _BLOCKED, LOST, _SILENT, _JUMPED, _STUCK, _REVERSED,
- CLOCK, OVERRUN, _TRACKING, ASKED, _FAST) = range(16)  # fmt: skip
+ CLOCK, OVERRUN, _TRACKING, REQUESTED, _FAST) = range(16)  # fmt: skip
 
-#: Reason for each state of an encoder, in the order of :mod:`mitt.control.monitor`.
+#: Reason for each state of an encoder, in the order of :mod:`mitt.control.encoder_memory`.
 _OF_ENCODER = (_NONE, _BRIDGED, _SILENT, _JUMPED, _STUCK, _REVERSED, _FAST)
 #: Reasons that one joint's encoder gives.
 ENCODER_REASONS = (Reason.SILENT, Reason.JUMPED, Reason.STUCK, Reason.REVERSED, Reason.FAST)
@@ -71,7 +71,7 @@ _IN_TIME, BRIDGED_TIME = 0.005, 0.020
 _TIMELESS_TICKS = 20
 #: Age of the last measurement from which the ball is predicted, and from which it can be lost [s].
 _FRESH, _OLD = 0.005, 0.020
-#: Ticks for which a joint may be far from the told motion.
+#: Ticks for which a joint may be far from the commanded motion.
 _FAR_TICKS = 20
 
 
@@ -86,7 +86,7 @@ def pass_time(m: Array, t: float) -> tuple[float, int]:
 
     Args:
         m: Memory, overwritten, shape (MEMORY,).
-        t: Time as told [s].
+        t: Time as given [s].
 
     Returns:
         Time to be used [s], which never runs backwards, and what is wrong with it: 0, ``_LATE``,
@@ -132,14 +132,14 @@ def assess(
     tolerance: float,
     one_camera: bool,
     gap: float,
-    stray: float,
+    max_gap: float,
 ) -> tuple[int, int]:
     """Return state and reason of a tick.
 
     Args:
         m: Memory, overwritten, shape (MEMORY,).
         clock: What is wrong with the time, of :func:`pass_time`.
-        encoders: What is wrong with the worst encoder, of :mod:`mitt.control.monitor`.
+        encoders: What is wrong with the worst encoder, of :mod:`mitt.control.encoder_memory`.
         blocked: Whether the command was replaced by braking.
         following: Whether the arm follows a ball.
         near: Whether the catch is near: the hand then hides the ball, which is no loss.
@@ -147,10 +147,10 @@ def assess(
         sigma: 1-sigma of the ball's predicted position [m].
         tolerance: What the hand tolerates of it [m].
         one_camera: Whether the last measurement came from one camera.
-        gap: Largest gap between told and believed joint positions [rad].
-        stray: Gap that is too large, if it lasts [rad].
+        gap: Largest gap between commanded and estimated joint positions [rad].
+        max_gap: Gap that is too large, if it lasts [rad].
     """
-    m[_FAR] = m[_FAR] + 1.0 if gap > stray else 0.0
+    m[_FAR] = m[_FAR] + 1.0 if gap > max_gap else 0.0
     if encoders > BRIDGED:
         return ABORT, _OF_ENCODER[encoders]
     if clock > _LATE:

@@ -77,11 +77,11 @@ def can_stop(
 
 
 @kernel
-def keep_smooth(
+def clamp_smooth(
     low: float, high: float, dq_max: float, brake: float, ddq_max: float, jerk: float,
     last: tuple[float, float, float], q: float, dq: float,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Return what a joint with a jerk limit is told when ``q``, ``dq`` is wanted of it.
+    """Return the command of a joint with a jerk limit for which ``q``, ``dq`` is desired.
 
     Args:
         low: Lower end of the range [rad].

@@ -13,16 +13,17 @@ drive whose stall torque and no-load speed are both smaller by the share w_m / w
 | here       | meaning                                                           | unit    | shape |
 |------------|-------------------------------------------------------------------|---------|-------|
 | ``lead``   | T, from the reading of the joints until the command has acted     | s       |       |
-| ``told``   | fifth row: accelerations by the torques before, by the model      | rad/s^2 | (5, n)|
-| ``doubt``  | first row: a_k, accelerations that unknown torques can add        | rad/s^2 | (2, n)|
+| ``command``     | fifth row: accelerations by the torques before, by the model | rad/s^2 | (5, n)|
+| ``ddq_unknown`` | first row: a_k, accelerations that unknown torques can add   | rad/s^2 | (2, n)|
 | ``jump``   | change of the joint speeds by the ball, where it may come         | rad/s   | (n,)  |
-| ``memory`` | of :mod:`mitt.control.monitor`, sigma_k among it                  |         | (n, .)|
+| ``memory`` | of :mod:`mitt.control.encoder_memory`, sigma_k among it           |         | (n, .)|
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.control.monitor import SPEED_VARIANCE
+from mitt.control.encoder_memory import VARIANCE_DQ
+from mitt.control.rows import DDQ_BY_TAU
 from mitt.jit import kernel
 from mitt.robot.limits import LEAST
 from mitt.signals import Array
@@ -33,8 +34,8 @@ _SIGMAS = 3.0
 
 @kernel
 def derate(
-    drives: Array, index: NDArray[np.int64], memory: Array, dq: Array, told: Array, doubt: Array,
-    jump: Array, lead: float, struck: bool, out: Array,
+    drives: Array, index: NDArray[np.int64], memory: Array, dq: Array, command: Array,
+    ddq_unknown: Array, jump: Array, lead: float, struck: bool, out: Array,
 ) -> None:  # fmt: skip
     """Write the drives with what is left of their torque-speed lines, shape (2 N + 3, N).
 
@@ -43,8 +44,8 @@ def derate(
         index: Active joints among the links, shape (n,).
         memory: As in the module's table.
         dq: Estimated joint speeds [rad/s], shape (n,).
-        told: As in the module's table.
-        doubt: As in the module's table.
+        command: As in the module's table.
+        ddq_unknown: As in the module's table.
         jump: As in the module's table.
         lead: As in the module's table.
         struck: Whether the ball may come before the command ceases to act.
@@ -56,15 +57,15 @@ def derate(
         stall, top = drives[2 * links + 1, m], drives[2 * links + 2, m]
         if not np.isfinite(stall):
             continue
-        speed, rate, blow, margin = 0.0, 0.0, 0.0, 0.0
+        speed, rate, impact_dq, margin = 0.0, 0.0, 0.0, 0.0
         for k in range(len(index)):
             ratio = drives[links + m, index[k]]
             speed += ratio * dq[k]
-            rate += ratio * told[4, k]
-            blow += ratio * jump[k]
-            sigma = np.sqrt(max(memory[k, SPEED_VARIANCE], 0.0))
-            margin += abs(ratio) * (_SIGMAS * sigma + lead * doubt[0, k])
+            rate += ratio * command[DDQ_BY_TAU, k]
+            impact_dq += ratio * jump[k]
+            sigma = np.sqrt(max(memory[k, VARIANCE_DQ], 0.0))
+            margin += abs(ratio) * (_SIGMAS * sigma + lead * ddq_unknown[0, k])
         way = 1.0 if speed >= 0.0 else -1.0
-        margin += lead * max(way * rate, 0.0) + (max(way * blow, 0.0) if struck else 0.0)
+        margin += lead * max(way * rate, 0.0) + (max(way * impact_dq, 0.0) if struck else 0.0)
         left = max(1.0 - margin / top, LEAST)
         out[2 * links + 1, m], out[2 * links + 2, m] = left * stall, left * top

@@ -1,12 +1,12 @@
-"""What the joints do, and whether their encoders can be believed.
+"""The estimate of joint positions and velocities, and whether the encoders can be trusted.
 
 Positions alone are used: encoders count, and a velocity that is a difference of counts is wrong by
 up to a count in a tick. Each joint has a Kalman filter of position and velocity that is driven by
-the acceleration that the command's torques bring by the model. Its process noise is a third of the
+the acceleration that the command's torques cause by the model. Its process noise is a third of the
 model's largest error (unknown torque, a fifth of the acceleration, its change since the tick
 before), its measurement noise that of rounding, so it trusts the counts as far as they go.
 
-An encoder is in doubt only where no admissible plant explains what it reads:
+An encoder has a fault only where no admissible plant explains what it reads:
 
 * SILENT: no number for ``SILENT_TICKS`` in a row. Shorter gaps are bridged by the prediction, and
   up to ``LOSSY_TICKS`` where the encoder has had gaps of late, or has only been read for 0.1 s:
@@ -22,141 +22,103 @@ An encoder is in doubt only where no admissible plant explains what it reads:
   velocity that its impact explains is none;
 * FAST: the joint is half as fast again as its limit.
 
-Then the joint is *unmeasured*: nothing that is read of it reaches the controller. It is reckoned by
-the model from the last state that was trusted. Good readings end that once a person recovers.
+Then the joint is *unmeasured*: nothing that is read of it reaches the controller. It is predicted
+by the model from the last state that was trusted. Good readings end that once a person recovers.
 
-Memory, a row a joint: the columns below.
+What is remembered is in :mod:`mitt.control.encoder_memory`, the filter in
+:mod:`mitt.control.joint_filter`, the tests in :mod:`mitt.control.encoder_faults`.
 """
 
 import numpy as np
 
+from mitt.control import encoder_memory as at
+from mitt.control.encoder_faults import EXCESS, explain_refused, moves_against, stands_still
+from mitt.control.encoder_memory import BRIDGED, COLUMNS, FAST, FINE, REVERSED, SILENT, STUCK
+from mitt.control.joint_filter import IN_A_ROW, correct, predict, restart
+from mitt.control.rows import DDQ_BY_TAU, DDQ_MAX, DQ_MAX, Q_MAX, Q_MIN
 from mitt.jit import kernel
 from mitt.signals import TICK, Array
 from mitt.views import view
-
-#: Columns of the memory: estimate, its covariance; ticks without a number, refused readings in a
-#: row, the first of them; estimate at the last reading that was taken, and ticks since.
-_Q, _DQ, _PQ, _PX, _PV, _GONE, _REFUSED, _FIRST, _Q0, _DQ0, _SINCE = range(11)
-#: Reading that the encoder has not left; ticks in a row in which the joint must have moved since
-#: then, its least speed and least way in them.
-_HELD, _STILL, _LEAST, _DUE = range(11, 15)
-#: Ticks in which the joint moved against the torques, largest speed of late before them, the joint
-#: reckoned since then; ticks too fast; acceleration told before; what is wrong; good readings since
-#: then, the last one, whether it has moved.
-_AGAINST, _FROM, _SHADOW_Q, _SHADOW_DQ, _FASTS, _PUSH, _DOUBT, _GOOD, _LAST, _MOVED = range(15, 25)
-#: Gaps in the readings of late; largest speed in the last few ticks; by how much readings corrected
-#: the velocity in this tick, and in the tick before; ticks since the reading last changed.
-_GAPS, _FRESH, _CORRECTED, _BEFORE, _RESTS = 25, 26, 27, 28, 29
-COLUMNS = 30
-#: Column of the variance of the estimated speed [rad^2/s^2].
-SPEED_VARIANCE = _PV
-
-#: What is wrong with an encoder; the first two are not a fault yet.
-FINE, BRIDGED, SILENT, JUMPED, STUCK, REVERSED, FAST = range(7)
 
 #: Ticks without a number after which an encoder is silent, for one that has read well and for one
 #: that loses readings or has not been read yet; first readings that no joint of the arm can have.
 SILENT_TICKS, LOSSY_TICKS, _IMPOSSIBLE = 6, 15, 3
 #: Share of a gap that is forgotten in a tick, of one that still counts, and of a new encoder.
 _HEALS, _GAP, _NEW = 0.002, 0.3, 0.37
-#: Refused readings in a row that make a fault, and excess over a speed limit.
-_IN_A_ROW, _EXCESS = 3, 1.5
 #: How far outside a joint's range a first reading may lie [rad].
 _BEYOND = 0.5
-#: Counts of least motion after which a still encoder is stuck, and ticks in which it must have
-#: moved: a torque may act some ticks after its command.
-_COUNTS, _STILL_TICKS = 5.0, 5
-#: Room before the end of a joint's range in which the end stop may hold it [rad].
-_STOP = 0.03
-#: Share of the modelled acceleration that may be wrong, and of the largest error that is one sigma.
-_MODEL, _SIGMA = 0.2, 1.0 / 3.0
-#: For how many ticks a model error lasts, which the process noise allows for.
-_LASTING = 5.0
+#: Share of the modelled acceleration that may be wrong.
+_MODEL = 0.2
 #: Sigmas of an innovation beyond which a reading is refused.
 _GATE = 6.0
-#: Mirror image of a velocity: smallest speed [rad/s], and how alike the two have to be.
-_MIRROR, _ALIKE = 0.3, 0.05
-#: Share of the speed a few ticks ago that a joint still has whose sign turns at once: one that a
-#: wall throws back has lost its speed by then; and share of that speed that is kept in a tick.
-_STEADY, _KEEPS = 0.8, 0.85
-#: Multiple of the unknown acceleration from which torques tell a sign, ticks that the speed has to
-#: grow against them, and by how much [rad/s].
-_SURE, _TICKS_AGAINST, _GAINED = 2.0, 10, 0.1
-#: Share of the largest speed of late that is forgotten in a tick: what gave way then gives it back.
-_FORGETS = 0.005
-#: Good readings in a row after which an encoder in doubt counts as good again, how near they have
-#: to be to where the joint is reckoned [rad], and counts that a stuck one has to move.
+#: Good readings in a row after which a faulty encoder counts as good again, how near they have
+#: to be to where the joint is predicted [rad], and counts that a stuck one has to move.
 GOOD_TICKS, _NEAR, _MOVES = 50, 0.1, 3.0
 
 
-def memory_of(n: int) -> Array:
-    """Return the memory of ``n`` encoders that have not been read yet, shape (n, COLUMNS)."""
-    memory = np.zeros((n, COLUMNS))
-    memory[:, _Q] = np.nan
-    return memory
+def faulty(memory: Array) -> list[int]:
+    """Return the joints whose encoders have a fault, by their indices."""
+    return [int(k) for k in np.flatnonzero(memory[:, at.FAULT])]
 
 
-def doubted(memory: Array) -> list[int]:
-    """Return the joints whose encoders are in doubt, by their indices."""
-    return [int(k) for k in np.flatnonzero(memory[:, _DOUBT])]
-
-
-def good_again(memory: Array) -> Array:
-    """Say of each encoder whether it is believed, or has read well since it was in doubt, (n,)."""
-    fine = (memory[:, _DOUBT] == FINE) & (memory[:, _GONE] == 0.0)
-    moved = (memory[:, _DOUBT] != STUCK) | (memory[:, _MOVED] > 0.0)
-    out: Array = fine | ((memory[:, _GOOD] >= GOOD_TICKS) & moved)
+def recovered(memory: Array) -> Array:
+    """Say of each encoder whether it is trusted, or has read well since its fault, shape (n,)."""
+    fine = (memory[:, at.FAULT] == FINE) & (memory[:, at.GONE] == 0.0)
+    moved = (memory[:, at.FAULT] != STUCK) | (memory[:, at.MOVED] > 0.0)
+    out: Array = fine | ((memory[:, at.GOOD] >= GOOD_TICKS) & moved)
     return out
 
 
 @kernel
-def believe(
+def estimate_joints(
     memory: Array,
     b: Array,
     steps: Array,
-    doubt: Array,
+    ddq_unknown: Array,
     coupling: Array,
     read: Array,
-    told: Array,
+    command: Array,
     held: bool,
-    blow: Array,
-    believed: Array,
+    impact_dq: Array,
+    estimated: Array,
 ) -> int:
-    """Write what is believed of the joints, and say what is wrong with the worst encoder.
+    """Estimate the joints' q and dq, and say what is wrong with the worst encoder.
 
     Args:
         memory: Overwritten, shape (n, COLUMNS).
         b: Limits, as of :mod:`mitt.control.envelope`, shape (>= 5, n).
         steps: Resolution of the encoders [rad], shape (n,).
-        doubt: As of :func:`mitt.control.encoders.bring`, shape (2, n).
+        ddq_unknown: As of :func:`mitt.control.encoders.predict_acceleration`, shape (2, n).
         coupling: As of that function, shape (n, n).
         read: q, dq as read [rad, rad/s], shape (2, n); dq counts in the first tick alone.
-        told: q, dq, ddq, tau told in the tick before, and the acceleration that its torques
-            bring by the model, shape (5, n).
+        command: q, dq, ddq, tau of the tick before, and the acceleration that its torques cause
+            by the model, shape (5, n).
         held: Whether brakes hold the joints: one that is not measured rests.
-        blow: Change of speed that the ball's impact may bring now [rad/s], shape (n,).
-        believed: Result: q, dq, shape (2, n).
+        impact_dq: Change of speed that the ball's impact may cause now [rad/s], shape (n,).
+        estimated: Result: q, dq, shape (2, n).
     """
     worst, n = FINE, read.shape[1]
     for k in range(n):
-        memory[k, _BEFORE], memory[k, _CORRECTED] = memory[k, _CORRECTED], 0.0
+        memory[k, at.BEFORE], memory[k, at.CORRECTED] = memory[k, at.CORRECTED], 0.0
     for k in range(n):
         m, q = view(memory, k * COLUMNS, (COLUMNS,)), read[0, k]
-        push = told[4, k] if np.isfinite(told[4, k]) else 0.0
-        if np.isnan(m[_Q]):
+        push = command[DDQ_BY_TAU, k] if np.isfinite(command[DDQ_BY_TAU, k]) else 0.0
+        if np.isnan(m[at.Q]):
             found = _begin(m, b, k, steps[k], q, read[1, k])
-        elif m[_DOUBT] != FINE:
-            found = int(m[_DOUBT])
-            _reckon(m, b[2, k], steps[k], q, push, held)
+        elif m[at.FAULT] != FINE:
+            found = int(m[at.FAULT])
+            _dead_reckon(m, b[DQ_MAX, k], steps[k], q, push, held)
         else:
-            alone = _held_alone(memory, k, doubt, coupling, told, push, blow)
-            found = _observe(m, b, k, steps[k], doubt[0, k], q, push, blow[k], alone, held)
+            alone = _held_alone(memory, k, ddq_unknown, coupling, command, push, impact_dq)
+            found = _observe(
+                m, b, k, steps[k], ddq_unknown[0, k], q, push, impact_dq[k], alone, held
+            )
             if found >= SILENT:  # what it read may have been taken for a motion that pushes others
-                memory[:, _STILL], memory[:, _DUE], memory[:, _LEAST] = 0.0, 0.0, 0.0
-                m[_DOUBT], m[_GOOD], m[_MOVED], m[_LAST] = found, 0.0, 0.0, q
-        m[_PUSH] = push
-        if not np.isnan(m[_Q]):
-            believed[0, k], believed[1, k] = m[_Q], m[_DQ]
+                memory[:, at.STILL], memory[:, at.DUE], memory[:, at.LEAST] = 0.0, 0.0, 0.0
+                m[at.FAULT], m[at.GOOD], m[at.MOVED], m[at.LAST] = found, 0.0, 0.0, q
+        m[at.PUSH] = push
+        if not np.isnan(m[at.Q]):
+            estimated[0, k], estimated[1, k] = m[at.Q], m[at.DQ]
         worst = max(worst, found)
     return worst
 
@@ -164,202 +126,97 @@ def believe(
 @kernel
 def _begin(m: Array, b: Array, k: int, step: float, q: float, dq: float) -> int:
     """Take the first reading, if it can be one of this joint."""
-    if not b[0, k] - _BEYOND <= q <= b[1, k] + _BEYOND:
-        m[_GONE] += 1.0
-        m[_REFUSED] += 1.0 if np.isfinite(q) else 0.0
-        silent = m[_GONE] >= LOSSY_TICKS or m[_REFUSED] >= _IMPOSSIBLE
+    if not b[Q_MIN, k] - _BEYOND <= q <= b[Q_MAX, k] + _BEYOND:
+        m[at.GONE] += 1.0
+        m[at.REFUSED] += 1.0 if np.isfinite(q) else 0.0
+        silent = m[at.GONE] >= LOSSY_TICKS or m[at.REFUSED] >= _IMPOSSIBLE
         return SILENT if silent else BRIDGED
-    known = abs(dq) <= _EXCESS * b[2, k]
-    _take(m, q, dq if known else 0.0, step)
-    m[_GONE], m[_HELD], m[_LEAST], m[_GAPS], m[_CORRECTED] = 0.0, q, 0.0, _NEW, 0.0
+    known = abs(dq) <= EXCESS * b[DQ_MAX, k]
+    restart(m, q, dq if known else 0.0, step)
+    m[at.GONE], m[at.HELD], m[at.LEAST], m[at.GAPS], m[at.CORRECTED] = 0.0, q, 0.0, _NEW, 0.0
     return FINE
 
 
 @kernel
-def _take(m: Array, q: float, dq: float, step: float) -> None:
-    """Begin the filter from a reading and a velocity that is a difference of readings."""
-    r = step * step / 12.0
-    m[_CORRECTED] += dq - m[_DQ]
-    m[_Q], m[_DQ], m[_Q0], m[_DQ0], m[_SINCE] = q, dq, q, dq, 0.0
-    m[_PQ], m[_PX], m[_PV] = r, r / TICK, 2.0 * r / (TICK * TICK)
-    m[_REFUSED], m[_AGAINST], m[_FROM] = 0.0, 0.0, max(m[_FROM], abs(dq))
-    m[_FRESH] = max(abs(dq), _KEEPS**_IN_A_ROW * m[_FRESH])
-
-
-@kernel
-def _reckon(m: Array, dq_max: float, step: float, q: float, push: float, held: bool) -> None:
+def _dead_reckon(m: Array, dq_max: float, step: float, q: float, push: float, held: bool) -> None:
     """Carry an unmeasured joint on by the model, and watch what its encoder reads."""
     if held:
-        m[_DQ] = 0.0
+        m[at.DQ] = 0.0
     else:
-        m[_Q] += TICK * (m[_DQ] + 0.5 * TICK * push)
-        m[_DQ] = min(max(m[_DQ] + TICK * push, -dq_max), dq_max)
-    moved = abs(q - m[_LAST]) if np.isfinite(q) and np.isfinite(m[_LAST]) else np.inf
-    likely = moved <= _EXCESS * dq_max * TICK + 2.0 * step and abs(q - m[_Q]) <= _NEAR
-    m[_GOOD] = m[_GOOD] + 1.0 if likely else 0.0
-    if likely and abs(q - m[_HELD]) >= _MOVES * step:
-        m[_MOVED] = 1.0
-    m[_LAST] = q
+        m[at.Q] += TICK * (m[at.DQ] + 0.5 * TICK * push)
+        m[at.DQ] = min(max(m[at.DQ] + TICK * push, -dq_max), dq_max)
+    moved = abs(q - m[at.LAST]) if np.isfinite(q) and np.isfinite(m[at.LAST]) else np.inf
+    likely = moved <= EXCESS * dq_max * TICK + 2.0 * step and abs(q - m[at.Q]) <= _NEAR
+    m[at.GOOD] = m[at.GOOD] + 1.0 if likely else 0.0
+    if likely and abs(q - m[at.HELD]) >= _MOVES * step:
+        m[at.MOVED] = 1.0
+    m[at.LAST] = q
 
 
 @kernel
 def _held_alone(
-    memory: Array, k: int, doubt: Array, coupling: Array, told: Array, push: float, blow: Array
+    memory: Array,
+    k: int,
+    ddq_unknown: Array,
+    coupling: Array,
+    command: Array,
+    push: float,
+    impact_dq: Array,
 ) -> tuple[float, float, float, float]:
     """Return what a torque at this joint has to overcome to hold it while the others move as read.
 
     A reading that stands still may be a stuck one: then its joint moves as it is read, or as the
-    model says, or in between. A joint in doubt may do anything that unknown torques explain.
+    model says, or in between. A joint with a faulty encoder may do anything that unknown torques
+    explain.
 
     Returns:
-        The least and the largest acceleration that the commanded torques would bring then, their
+        The least and the largest acceleration that the commanded torques would cause then, their
         error [rad/s^2], and by how much the speed may be wrong because those of the others are,
         or because the ball struck [rad/s].
     """
-    low, high, own, moved, variance, struck = push, push, doubt[1, k], 0.0, 0.0, 0.0
+    low, high, own, moved, variance, struck = push, push, ddq_unknown[1, k], 0.0, 0.0, 0.0
     for j in range(len(memory)):
         ratio, other = coupling[k, j], memory[j]
-        struck += abs(ratio) * blow[j]
-        if other[_DOUBT] != FINE:
-            own = max(own, doubt[0, k])
+        struck += abs(ratio) * impact_dq[j]
+        if other[at.FAULT] != FINE:
+            own = max(own, ddq_unknown[0, k])
         elif j != k:
-            pull = -ratio * other[_BEFORE] / TICK
-            low += min(pull, 0.0) if other[_RESTS] > 0.0 else pull
-            high += max(pull, 0.0) if other[_RESTS] > 0.0 else pull
-            moved += ratio * told[4, j] if np.isfinite(told[4, j]) else 0.0
-            variance += ratio * ratio * other[_PV]
-    error = own + _MODEL * (abs(push) + abs(moved)) + abs(push - memory[k, _PUSH])
+            pull = -ratio * other[at.BEFORE] / TICK
+            low += min(pull, 0.0) if other[at.RESTS] > 0.0 else pull
+            high += max(pull, 0.0) if other[at.RESTS] > 0.0 else pull
+            moved += ratio * command[DDQ_BY_TAU, j] if np.isfinite(command[DDQ_BY_TAU, j]) else 0.0
+            variance += ratio * ratio * other[at.VARIANCE_DQ]
+    error = own + _MODEL * (abs(push) + abs(moved)) + abs(push - memory[k, at.PUSH])
     return low, high, error, 3.0 * np.sqrt(variance) + struck
 
 
 @kernel
 def _observe(
-    m: Array, b: Array, k: int, step: float, doubt: float, q: float, push: float, blow: float,
-    alone: tuple[float, float, float, float], held: bool,
+    m: Array, b: Array, k: int, step: float, ddq_unknown: float, q: float, push: float,
+    impact_dq: float, alone: tuple[float, float, float, float], held: bool,
 ) -> int:  # fmt: skip
     """Predict a measured joint, correct it by its reading, and say what is wrong with that."""
-    error = doubt + _MODEL * abs(push) + abs(push - m[_PUSH])
-    _predict(m, push, error)
+    error = ddq_unknown + _MODEL * abs(push) + abs(push - m[at.PUSH])
+    predict(m, push, error)
     if not np.isfinite(q):
-        m[_GONE] += 1.0
-        lossy = m[_GAPS] > _GAP
-        return SILENT if m[_GONE] >= (LOSSY_TICKS if lossy else SILENT_TICKS) else BRIDGED
-    m[_GAPS] = (1.0 - _HEALS) * m[_GAPS] + (1.0 if m[_GONE] > 0.0 else 0.0)
-    m[_GONE] = 0.0
-    if not held and _stands_still(m, b, k, step, q, alone):  # brakes hold as hard as they do
+        m[at.GONE] += 1.0
+        lossy = m[at.GAPS] > _GAP
+        return SILENT if m[at.GONE] >= (LOSSY_TICKS if lossy else SILENT_TICKS) else BRIDGED
+    m[at.GAPS] = (1.0 - _HEALS) * m[at.GAPS] + (1.0 if m[at.GONE] > 0.0 else 0.0)
+    m[at.GONE] = 0.0
+    if not held and stands_still(m, b, k, step, q, alone):  # brakes hold as hard as they do
         return STUCK
-    off, r = q - m[_Q], step * step / 12.0
-    gate = _GATE * np.sqrt(m[_PQ] + r) + step + _EXCESS * b[4, k] * TICK * TICK
+    off, r = q - m[at.Q], step * step / 12.0
+    gate = _GATE * np.sqrt(m[at.VARIANCE_Q] + r) + step + EXCESS * b[DDQ_MAX, k] * TICK * TICK
     if abs(off) > gate:
-        m[_FIRST] = q if m[_REFUSED] == 0.0 else m[_FIRST]
-        m[_REFUSED] += 1.0
-        return _refused(m, b[2, k], b[4, k], step, q, blow) if m[_REFUSED] >= _IN_A_ROW else BRIDGED
-    _correct(m, off, r)
-    m[_FASTS] = m[_FASTS] + 1.0 if abs(m[_DQ]) - 3.0 * np.sqrt(m[_PV]) > _EXCESS * b[2, k] else 0.0
-    if m[_FASTS] >= _IN_A_ROW:
+        m[at.FIRST] = q if m[at.REFUSED] == 0.0 else m[at.FIRST]
+        m[at.REFUSED] += 1.0
+        if m[at.REFUSED] < IN_A_ROW:
+            return BRIDGED
+        return int(explain_refused(m, b[DQ_MAX, k], b[DDQ_MAX, k], step, q, impact_dq))
+    correct(m, off, r)
+    too_fast = abs(m[at.DQ]) - 3.0 * np.sqrt(m[at.VARIANCE_DQ]) > EXCESS * b[DQ_MAX, k]
+    m[at.FASTS] = m[at.FASTS] + 1.0 if too_fast else 0.0
+    if m[at.FASTS] >= IN_A_ROW:
         return FAST
-    return REVERSED if _against(m, doubt, push) else FINE
-
-
-@kernel
-def _predict(m: Array, push: float, error: float) -> None:
-    """Carry estimate and covariance on by a tick.
-
-    What the model misses is white within the tick. Were it constant there, a fine encoder would
-    leave an error of the velocity undamped: its sign would change from tick to tick for ever.
-    """
-    sigma = _SIGMA * error
-    v = _LASTING * sigma * sigma * TICK * TICK
-    m[_Q] += TICK * (m[_DQ] + 0.5 * TICK * push)
-    m[_DQ] += TICK * push
-    m[_PQ] += TICK * (2.0 * m[_PX] + TICK * (m[_PV] + v / 3.0))
-    m[_PX] += TICK * (m[_PV] + 0.5 * v)
-    m[_PV] += v
-    m[_SINCE] += 1.0
-
-
-@kernel
-def _correct(m: Array, off: float, r: float) -> None:
-    """Take a reading in that is off by so much [rad], with a variance [rad^2]."""
-    s = m[_PQ] + r
-    gain, rate = m[_PQ] / s, m[_PX] / s
-    m[_Q] += gain * off
-    m[_DQ] += rate * off
-    m[_CORRECTED] += rate * off
-    m[_PV] -= rate * m[_PX]
-    m[_PX] *= 1.0 - gain
-    m[_PQ] *= 1.0 - gain
-    m[_Q0], m[_DQ0], m[_SINCE], m[_REFUSED] = m[_Q], m[_DQ], 0.0, 0.0
-    m[_FRESH] = max(abs(m[_DQ]), _KEEPS * m[_FRESH])
-
-
-@kernel
-def _refused(m: Array, dq_max: float, ddq_max: float, step: float, q: float, blow: float) -> int:
-    """Say what three readings in a row mean that the prediction does not explain.
-
-    If the joint was struck at some instant since the last good reading, the line through the new
-    readings meets the one that it was on then. A jump leaves a gap between them.
-    """
-    ticks = m[_SINCE]
-    dq = (q - m[_FIRST]) / ((_IN_A_ROW - 1) * TICK)
-    change = abs(dq - m[_DQ0])
-    gap = abs(q - dq * ticks * TICK - m[_Q0])
-    bent = _EXCESS * ddq_max * (ticks * TICK) ** 2
-    if abs(dq) > _EXCESS * dq_max or gap > change * ticks * TICK + bent + 4.0 * step:
-        return JUMPED
-    alike = abs(dq + m[_DQ0]) < _ALIKE * abs(m[_DQ0]) + 2.0 * step / TICK
-    alike &= change > blow and abs(m[_DQ0]) >= _STEADY * m[_FRESH]
-    if alike and abs(m[_DQ0]) > max(_MIRROR, 10.0 * step / TICK):
-        return REVERSED
-    _take(m, q, dq, step)
-    return FINE
-
-
-@kernel
-def _stands_still(
-    m: Array, b: Array, k: int, step: float, q: float, alone: tuple[float, float, float, float]
-) -> bool:  # fmt: skip
-    """Say whether a reading stands still that must have moved, whether or not the ball struck."""
-    low, high, error, slack = alone
-    if abs(q - m[_HELD]) >= 0.5 * step:
-        sure = max(abs(m[_DQ]) - 3.0 * np.sqrt(m[_PV]) - slack, 0.0)
-        m[_HELD], m[_STILL], m[_DUE], m[_RESTS] = q, 0.0, 0.0, 0.0
-        m[_LEAST] = np.copysign(sure, m[_DQ])
-        return False
-    slowest, fastest = m[_LEAST] + low * TICK, m[_LEAST] + high * TICK
-    speed = slowest if slowest > 0.0 else min(fastest, 0.0)
-    m[_STILL] += 1.0
-    m[_RESTS] += 1.0
-    m[_LEAST] = np.copysign(max(abs(speed) - error * TICK, 0.0), speed)
-    least = max(abs(m[_LEAST]) - slack, 0.0)
-    m[_DUE] += np.copysign(least, m[_LEAST]) * TICK
-    if least == 0.0:
-        m[_DUE] = m[_STILL] = 0.0
-    at_stop = (m[_DUE] > 0.0 and q > b[1, k] + _STOP) or (m[_DUE] < 0.0 and q < b[0, k] - _STOP)
-    due = abs(m[_DUE]) > (_COUNTS + 1.0) * step and m[_STILL] >= _STILL_TICKS
-    if due and not at_stop and abs(m[_DQ]) < abs(m[_LEAST]):  # the reading has led it astray
-        m[_Q], m[_DQ] = m[_HELD] + m[_DUE], m[_LEAST]
-    return bool(due and not at_stop)
-
-
-@kernel
-def _against(m: Array, doubt: float, push: float) -> bool:
-    """Say whether a reading has gained speed against the torques for too long to be true.
-
-    The state of the joint is then that of the beginning, carried on by the model.
-    """
-    speed = abs(m[_DQ])
-    if not (abs(push) > _SURE * doubt and m[_DQ] * push < 0.0):
-        m[_AGAINST], m[_FROM] = 0.0, max(speed, (1.0 - _FORGETS) * m[_FROM])
-        m[_SHADOW_Q], m[_SHADOW_DQ] = m[_Q], m[_DQ]
-        return False
-    m[_SHADOW_Q] += TICK * (m[_SHADOW_DQ] + 0.5 * TICK * push)
-    m[_SHADOW_DQ] += TICK * push
-    m[_AGAINST] += 1.0
-    if m[_AGAINST] == _TICKS_AGAINST // 2:  # a blow is over by now
-        m[_FROM] = max(m[_FROM], speed)
-    least = _GAINED + 3.0 * np.sqrt(m[_PV])
-    if m[_AGAINST] < _TICKS_AGAINST or speed - m[_FROM] < least:
-        return False
-    m[_Q], m[_DQ] = m[_SHADOW_Q], m[_SHADOW_DQ]
-    return True
+    return REVERSED if moves_against(m, ddq_unknown, push) else FINE

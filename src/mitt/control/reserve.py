@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.control.envelope import brake_joint, slow_down
+from mitt.control.rows import DECELERATION, DQ_MAX, GENTLE, JERK, Q_MAX, Q_MIN
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
-from mitt.robot.dynamics import inverse_dynamics, notes_of
+from mitt.robot.dynamics import dynamics_scratch, inverse_dynamics
 from mitt.robot.limits import largest_share
 from mitt.signals import Array
 from mitt.views import view
@@ -25,8 +26,7 @@ from mitt.views import view
 SHARE = 0.98
 #: Instants of a stop at which its torque is looked at, its end included.
 INSTANTS = 5
-#: Row of the limits with the gentle decelerations (:func:`gentle_rates`).
-GENTLE = 7
+
 #: Kinds of stops that are tried: shares of the largest deceleration, then of the gentle one.
 _HARD, _MILD = (1.0, 0.7, 0.5, 0.35), (1.0, 0.5, 0.25)
 #: Where trying begins: the hardest stop first, or the gentlest kinds, which mostly are possible.
@@ -55,7 +55,7 @@ def gentle_rates(arm: Arm, most: Array) -> Array:
 def reserve_work(arm: Arm) -> Array:
     """Return scratch for :func:`choose_stop`."""
     links = len(arm.bodies)
-    return np.zeros(4 * arm.n + 2 * links + notes_of(links).size)
+    return np.zeros(4 * arm.n + 2 * links + dynamics_scratch(links).size)
 
 
 #: How far before and after a joint's rest its torque is looked at, in times of its way there.
@@ -69,10 +69,10 @@ def _rates(b: Array, motion: Array, kind: int, rates: Array) -> None:
     A joint that is outside its limits, or short of room, brakes at its largest.
     """
     for k in range(len(rates)):
-        q, dq, most = motion[0, k], motion[1, k], b[3, k]
+        q, dq, most = motion[0, k], motion[1, k], b[DECELERATION, k]
         base = _HARD[kind] * most if kind < EASIEST else _MILD[kind - EASIEST] * b[GENTLE, k]
-        room = b[1, k] - q if dq > 0.0 else q - b[0, k]
-        outside = not b[0, k] <= q <= b[1, k] or abs(dq) > b[2, k]
+        room = b[Q_MAX, k] - q if dq > 0.0 else q - b[Q_MIN, k]
+        outside = not b[Q_MIN, k] <= q <= b[Q_MAX, k] or abs(dq) > b[DQ_MAX, k]
         if outside or 2.0 * room * most <= dq * dq:
             rates[k] = most
         else:
@@ -91,7 +91,7 @@ def _share_of_stop(
     n, links = len(rates), len(bodies)
     row, tau = view(work, n, (3, n)), view(work, 4 * n, (links,))
     speed = view(work, 4 * n + links, (links,))
-    notes = view(work, 4 * n + 2 * links, (links, 18))
+    scratch = view(work, 4 * n + 2 * links, (links, 18))
     end, largest = 0.0, 0.0
     for k in range(n):
         end = max(end, abs(motion[1, k]) / rates[k])
@@ -112,7 +112,7 @@ def _share_of_stop(
             brakes = fast > 0.0 and rates[k] * t <= fast
             row[2, k] = -np.copysign(rates[k], motion[1, k]) if brakes else 0.0
             speed[index[k]] = row[1, k]
-        inverse_dynamics(bodies, row[0], row[1], row[2], tau, notes)
+        inverse_dynamics(bodies, row[0], row[1], row[2], tau, scratch)
         largest = max(largest, largest_share(drives, tau, speed))
     return largest
 
@@ -157,26 +157,26 @@ def choose_stop(
 
 
 @kernel
-def stop_by(b: Array, last: Array, rates: Array, wanted: Array) -> None:
-    """Want of every joint to brake at its own rate; as :func:`mitt.control.envelope.slow_down`.
+def stop_by(b: Array, last: Array, rates: Array, desired: Array) -> None:
+    """Let every joint brake at its own rate; as :func:`mitt.control.envelope.slow_down`.
 
     Joints that have a jerk limit brake at the largest deceleration, which their range rests on.
     """
-    slow_down(b, last, wanted)
-    for k in range(wanted.shape[1]):
-        if np.isinf(b[5, k]):
+    slow_down(b, last, desired)
+    for k in range(desired.shape[1]):
+        if np.isinf(b[JERK, k]):
             q, dq, ddq = brake_joint(rates[k], last[0, k], last[1, k])
-            wanted[0, k], wanted[1, k], wanted[2, k] = q, dq, ddq
+            desired[0, k], desired[1, k], desired[2, k] = q, dq, ddq
 
 
 @kernel
-def keep_reserve(
+def clamp_to_reserve(
     bodies: Array,
     drives: Array,
     index: NDArray[np.int64],
     b: Array,
     last: Array,
-    wanted: Array,
+    desired: Array,
     work: Array,
 ) -> bool:
     """Replace a motion that the drives could not stop any more by braking; say whether it was.
@@ -190,16 +190,16 @@ def keep_reserve(
         index: As for :func:`choose_stop`.
         b: As for :func:`choose_stop`.
         last: q, dq, ddq emitted in the tick before, shape (3, n).
-        wanted: q, dq, ddq, shape (3, n).
+        desired: q, dq, ddq, shape (3, n).
         work: Scratch.
     """
     moves = False
-    for k in range(wanted.shape[1]):
-        moves |= wanted[1, k] != 0.0
+    for k in range(desired.shape[1]):
+        moves |= desired[1, k] != 0.0
     if not moves:
         return False
-    share = choose_stop(bodies, drives, index, b, wanted, EASIEST, work)
+    share = choose_stop(bodies, drives, index, b, desired, EASIEST, work)
     if share <= SHARE or share <= choose_stop(bodies, drives, index, b, last, EASIEST, work):
         return False
-    stop_by(b, last, view(work, 0, (wanted.shape[1],)), wanted)
+    stop_by(b, last, view(work, 0, (desired.shape[1],)), desired)
     return True

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from mitt.jit import kernel
 from mitt.robot.arm import Arm, Tables
-from mitt.robot.dynamics import inverse_dynamics, notes_of
+from mitt.robot.dynamics import dynamics_scratch, inverse_dynamics
 from mitt.robot.limits import largest_share
 from mitt.robot.slopes import bias_and_mass
 from mitt.signals import Array
@@ -43,7 +43,7 @@ class Scratch(NamedTuple):
     stops: Array  # (n, 5) acceleration at the start, signed jerk, times of its three pieces
     rate: Array  # (n,) deceleration that is tried [rad/s^2]
     tau: Array  # (2, N) torques, and speeds of all links
-    notes: Array  # of the dynamics
+    scratch: Array  # of the dynamics
 
 
 def scratch_of(arm: Arm) -> Scratch:
@@ -55,7 +55,7 @@ def scratch_of(arm: Arm) -> Scratch:
         stops=np.zeros((n, 5)),
         rate=np.zeros(n),
         tau=np.zeros((2, links)),
-        notes=notes_of(links),
+        scratch=dynamics_scratch(links),
     )
 
 
@@ -127,19 +127,19 @@ def instant(i: int, duration: float) -> float:
 
 
 @kernel
-def torque_share(arm: Tables, rows: Array, tau: Array, notes: Array) -> float:
+def torque_share(arm: Tables, rows: Array, tau: Array, scratch: Array) -> float:
     """Return the largest share of a drive's torque that a motion asks for.
 
     Args:
         arm: As of ``Arm.tables``.
         rows: q, dq, ddq at K instants, shape (K, 3, n).
         tau: Scratch, zero in its second row where no joint is active, shape (2, N).
-        notes: Scratch of the dynamics, shape (N, 18).
+        scratch: Scratch of the dynamics, shape (N, 18).
     """
     bodies, drives, index = arm
     largest = 0.0
     for k in range(len(rows)):
-        inverse_dynamics(bodies, rows[k, 0], rows[k, 1], rows[k, 2], tau[0], notes)
+        inverse_dynamics(bodies, rows[k, 0], rows[k, 1], rows[k, 2], tau[0], scratch)
         for i in range(len(index)):
             tau[1, index[i]] = rows[k, 1, i]
         largest = max(largest, largest_share(drives, tau[0], tau[1]))
@@ -170,13 +170,13 @@ def hardest(
         middle = 0.5 * (low + high)
         w.rate[urgent] = middle * rate[urgent]
         lay(motion, w)
-        if torque_share(arm, w.rows, w.tau, w.notes) <= SHARE:
+        if torque_share(arm, w.rows, w.tau, w.scratch) <= SHARE:
             low = middle
         else:
             high = middle
     w.rate[urgent] = low * rate[urgent]
     lay(motion, w)
-    return float(torque_share(arm, w.rows, w.tau, w.notes))
+    return float(torque_share(arm, w.rows, w.tau, w.scratch))
 
 
 @kernel

@@ -26,7 +26,7 @@ class StoppedBy:
         q_read: Encoder positions in that tick, as read [rad], shape (n,).
         dq_read: Encoder velocities in that tick, as read [rad/s], shape (n,).
         command: q, dq, ddq, tau of that tick's command [rad ..., N m], shape (4, n).
-        brakes: Whether the brakes were told to engage.
+        brakes: Whether the brakes were commanded to engage.
     """
 
     state: State

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.control.envelope import bound_acceleration
-from mitt.control.viability import Guard
+from mitt.control.rows import DDQ, DDQ_BY_TAU, DQ, ROWS, TAU, Q
+from mitt.control.viability import SafetyFilter
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.dynamics import inverse_dynamics
@@ -22,10 +23,8 @@ from mitt.views import view
 
 #: Change of a torque that counts as meeting a limit [N m].
 _TOUCH = 1e-9
-#: Numbers that the tracking notes of each link: five of its own, the rest of its dynamics.
-NOTES = 23
-#: Rows of what a tick tells the arm: q, dq, ddq, tau, and the acceleration that tau brings.
-ROWS = 5
+#: Scratch numbers of each link: five of its own, the rest of its dynamics.
+SCRATCH = 23
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,42 +45,42 @@ class Tracker:
     def __init__(self, arm: Arm, *, bandwidth: float, around: Surroundings | None = None) -> None:
         """Take the arm, the bandwidth w of the error [rad/s] and what stands around the arm."""
         self.arm, self.bandwidth = arm, bandwidth
-        self.guard = Guard(arm, around or Surroundings())
+        self.safety_filter = SafetyFilter(arm, around or Surroundings())
         self._index = np.array(arm.model.active)
-        self._notes = np.zeros((len(arm.model.links), NOTES))
+        self._scratch = np.zeros((len(arm.model.links), SCRATCH))
         self._known = ArmState(t=0.0, q=arm.q_ready, dq=np.zeros(arm.n))
 
-    def believed(self, state: ArmState) -> ArmState:
+    def last_finite(self, state: ArmState) -> ArmState:
         """Return the encoder readings, or the last that were finite in their place."""
         if not (all_finite(state.q) and all_finite(state.dq)):
             return replace(self._known, t=state.t)
         self._known = state
         return state
 
-    def step(self, state: ArmState, wanted: Array, *, hand: float) -> Tracked:
+    def step(self, state: ArmState, desired: Array, *, hand: float) -> Tracked:
         """Return the command for one tick.
 
         Args:
             state: Encoders.
-            wanted: q_d, dq_d, ddq_d [rad, rad/s, rad/s^2], shape (3, n).
+            desired: q_d, dq_d, ddq_d [rad, rad/s, rad/s^2], shape (3, n).
             hand: Closing angle of the fingers [rad].
         """
-        state = self.believed(state)
-        told = np.zeros((ROWS, self.arm.n))
-        told[:3] = wanted
-        self.guard.step(told[:3])
+        state = self.last_finite(state)
+        rows = np.zeros((ROWS, self.arm.n))
+        rows[:3] = desired
+        self.safety_filter.step(rows[:3])
         saturated = track(
-            self.guard.bounds,
+            self.safety_filter.bounds,
             self.bandwidth,
             self.arm.limits.packed,
             self.arm.bodies,
             self._index,
             state.q,
             state.dq,
-            told,
-            self._notes,
+            rows,
+            self._scratch,
         )
-        command = Command(t=state.t, told=told[:4], hand=hand)
+        command = Command(t=state.t, joints=rows[:4], hand=hand)
         return Tracked(command=command, saturated=saturated)
 
 
@@ -94,8 +93,8 @@ def track(
     index: NDArray[np.int64],
     q: Array,
     dq: Array,
-    told: Array,
-    notes: Array,
+    command: Array,
+    scratch: Array,
 ) -> bool:
     """Write the torques that follow a motion within every limit.
 
@@ -107,73 +106,73 @@ def track(
         index: Active joints among the links, shape (n,).
         q: Encoders [rad], shape (n,).
         dq: Encoders [rad/s], shape (n,).
-        told: q, dq, ddq as the envelope let them pass; result: tau of the active joints in the
+        command: q, dq, ddq as the envelope let them pass; result: tau of the active joints in the
             fourth row; the fifth is scratch, shape (ROWS, n).
-        notes: Scratch, shape (N, NOTES).
+        scratch: Scratch, shape (N, SCRATCH).
 
     Returns:
         Whether a torque limit was met.
     """
     links, n = len(bodies), len(index)
-    asked, speed = view(notes, 0, (links,)), view(notes, links, (links,))
-    kept, push = view(notes, 2 * links, (links,)), view(told, 4 * n, (n,))
-    scratch = view(notes, 5 * links, (links, NOTES - 5))
+    tau_desired, speed = view(scratch, 0, (links,)), view(scratch, links, (links,))
+    kept, push = view(scratch, 2 * links, (links,)), view(command, DDQ_BY_TAU * n, (n,))
+    dynamics = view(scratch, 5 * links, (links, SCRATCH - 5))
     for k in range(n):
-        lag, slow = told[0, k] - q[k], told[1, k] - dq[k]
-        push[k] = told[2, k] + 2.0 * bandwidth * slow + bandwidth * bandwidth * lag
+        lag, slow = command[Q, k] - q[k], command[DQ, k] - dq[k]
+        push[k] = command[DDQ, k] + 2.0 * bandwidth * slow + bandwidth * bandwidth * lag
     bound_acceleration(bounds, q, dq, push)
-    inverse_dynamics(bodies, q, dq, push, asked, scratch)
+    inverse_dynamics(bodies, q, dq, push, tau_desired, dynamics)
     speed[:] = 0.0
     for k in range(n):
         speed[index[k]] = dq[k]
-    saturate(drives, asked, speed, kept)
+    saturate(drives, tau_desired, speed, kept)
     met = False
     for k in range(links):
-        met |= abs(kept[k] - asked[k]) > _TOUCH
+        met |= abs(kept[k] - tau_desired[k]) > _TOUCH
     if met:
-        _give_way(bounds, drives, bodies, q, dq, told, notes)
+        _give_way(bounds, drives, bodies, q, dq, command, scratch)
     for k in range(n):
-        told[3, k] = kept[index[k]]
+        command[TAU, k] = kept[index[k]]
     return met
 
 
 @kernel
 def _give_way(
-    bounds: Array, drives: Array, bodies: Array, q: Array, dq: Array, told: Array, notes: Array
+    bounds: Array, drives: Array, bodies: Array, q: Array, dq: Array, command: Array, scratch: Array
 ) -> None:
     """Cut the torques of all joints by one share, towards what the arm does by itself at most."""
     links, n = len(bodies), len(q)
-    asked, speed = view(notes, 0, (links,)), view(notes, links, (links,))
-    kept, given = view(notes, 2 * links, (links,)), view(notes, 3 * links, (links,))
-    scratch, coast = view(notes, 5 * links, (links, NOTES - 5)), view(told, 3 * n, (n,))
+    tau_desired, speed = view(scratch, 0, (links,)), view(scratch, links, (links,))
+    kept, given = view(scratch, 2 * links, (links,)), view(scratch, 3 * links, (links,))
+    dynamics, coast = view(scratch, 5 * links, (links, SCRATCH - 5)), view(command, TAU * n, (n,))
     coast[:] = 0.0
     bound_acceleration(bounds, q, dq, coast)
-    inverse_dynamics(bodies, q, dq, coast, given, scratch)
+    inverse_dynamics(bodies, q, dq, coast, given, dynamics)
     if largest_share(drives, given, speed) <= 1.0:
-        _cut(drives, given, asked, speed, kept)
+        _cut(drives, given, tau_desired, speed, kept)
         return
-    level = view(notes, 4 * links, (links,))
+    level = view(scratch, 4 * links, (links,))
     coast[:] = 0.0
-    inverse_dynamics(bodies, q, dq, coast, level, scratch)
+    inverse_dynamics(bodies, q, dq, coast, level, dynamics)
     if largest_share(drives, level, speed) > 1.0:
         level[:] = 0.0
     _cut(drives, level, given, speed, kept)
 
 
 @kernel
-def _cut(drives: Array, rest: Array, asked: Array, speed: Array, kept: Array) -> None:
-    """Write torques within every limit that lead as far towards the wish as they can.
+def _cut(drives: Array, rest: Array, tau_desired: Array, speed: Array, kept: Array) -> None:
+    """Write torques within every limit that lead as far towards the desired ones as they can.
 
-    Torques are cut along the line from those of coasting to those asked for, all joints by the
-    same share: then each acceleration stays between coasting and the wish, which both respect the
-    speed limits and the stops. Cutting joint by joint would let one joint's limit push another
-    beyond its own. Where the torques cannot even keep coasting within the limits, the line leads
-    there from constant speed, or, where those torques are beyond the limits too, from none at all.
+    Torques are cut along the line from those of coasting to the desired ones, all joints by the
+    same share: then each acceleration stays between coasting and the desired one, which both
+    respect the speed limits and the stops. Cutting joint by joint would let one joint's limit push
+    another beyond its own. Where the torques cannot even keep coasting within the limits, the line
+    leads there from constant speed, or, where those torques are beyond the limits too, from none.
     """
-    share = _share(drives, rest, asked, speed)
-    for k in range(len(asked)):
-        asked[k] = rest[k] + share * (asked[k] - rest[k])
-    saturate(drives, asked, speed, kept)
+    share = _share(drives, rest, tau_desired, speed)
+    for k in range(len(tau_desired)):
+        tau_desired[k] = rest[k] + share * (tau_desired[k] - rest[k])
+    saturate(drives, tau_desired, speed, kept)
 
 
 def all_finite(x: Array) -> bool:
@@ -194,16 +193,16 @@ def largest_gap(a: Array, b: Array) -> float:
 
 
 @kernel
-def _share(packed: Array, rest: Array, asked: Array, speed: Array) -> float:
-    """Return the largest share of the way from ``rest`` to ``asked`` within every drive's peak."""
+def _share(packed: Array, rest: Array, tau_desired: Array, speed: Array) -> float:
+    """Return how much of the way from ``rest`` to ``tau_desired`` is within all drives' peaks."""
     n, share = len(rest), 1.0
     for m in range(n):
         start, way = 0.0, 0.0
         for k in range(n):
             start += packed[m, k] * rest[k]
-            way += packed[m, k] * (asked[k] - rest[k])
+            way += packed[m, k] * (tau_desired[k] - rest[k])
         goal = start + way
-        bound, _ = bound_of(packed, m, goal, drive_asked(packed, m, asked, speed)[1], 0.0)
+        bound, _ = bound_of(packed, m, goal, drive_asked(packed, m, tau_desired, speed)[1], 0.0)
         if abs(goal) > bound:
             edge = np.copysign(bound, goal)
             share = min(share, max((edge - start) / way, 0.0)) if way * goal > 0.0 else 0.0

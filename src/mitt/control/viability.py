@@ -12,9 +12,10 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.control.envelope import bounds_of, keep, slow_down
+from mitt.control.envelope import bounds_of, clamp, slow_down
 from mitt.control.jerk import braked
-from mitt.control.reserve import gentle_rates, keep_reserve, reserve_work
+from mitt.control.reserve import clamp_to_reserve, gentle_rates, reserve_work
+from mitt.control.rows import DECELERATION, JERK, REACH
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Shapes, Surroundings, clearance, shapes_of
@@ -29,7 +30,7 @@ _LOOKS = 40
 _TRIFLE = 1e-9
 
 
-#: What became of a wish: passed as it was, kept within the limits, replaced by braking.
+#: What became of a desired motion: passed as it was, kept within the limits, replaced by braking.
 PASSED, KEPT, BLOCKED = 0, 1, 2
 
 
@@ -64,7 +65,12 @@ def stops_clear(
     for look in range(_LOOKS):
         left, pace, moved, unsure = 0.0, 0.0, _TRIFLE, 0.0
         for k in range(n):
-            brake, speed, reach, jerk = b[3, k], abs(motion[1, k]), b[6, k], b[5, k]
+            brake, speed, reach, jerk = (
+                b[DECELERATION, k],
+                abs(motion[1, k]),
+                b[REACH, k],
+                b[JERK, k],
+            )
             passed = min(t, speed / brake)
             gone, then = passed * (speed - 0.5 * brake * passed), max(speed - brake * t, 0.0)
             whole = 0.5 * speed * speed / brake
@@ -91,7 +97,7 @@ def stops_clear(
 
 
 @kernel
-def guard(
+def safety_filter(
     bodies: Array,
     table: Array,
     pairs: NDArray[np.int64],
@@ -99,12 +105,12 @@ def guard(
     drives: Array,
     index: NDArray[np.int64],
     last: Array,
-    wanted: Array,
+    desired: Array,
     known: Array,
     work: Array,
     reserve: Array,
 ) -> int:
-    """Replace a wanted motion by what is emitted, and remember it.
+    """Replace a desired motion by what is emitted, and remember it.
 
     A motion that the drives could not stop any more is replaced by the stop that was possible in
     the tick before (:mod:`mitt.control.reserve`). A motion from which the way to standstill is
@@ -119,7 +125,7 @@ def guard(
         drives: ``Limits.packed``, shape (2 N + 3, N).
         index: Active joints among the links, shape (n,).
         last: q, dq, ddq emitted in the tick before, overwritten, shape (3, n).
-        wanted: q_d, dq_d, ddq_d; q, dq, ddq afterwards, shape (3, n).
+        desired: q_d, dq_d, ddq_d; q, dq, ddq afterwards, shape (3, n).
         known: As for :func:`stops_clear`.
         work: Scratch, shape (2 m + n, 3).
         reserve: Scratch, of :func:`mitt.control.reserve.reserve_work`.
@@ -127,15 +133,15 @@ def guard(
     Returns:
         ``PASSED``, ``KEPT`` or ``BLOCKED``.
     """
-    result = KEPT if keep(b, last, wanted) else PASSED
-    if keep_reserve(bodies, drives, index, b, last, wanted, reserve):
+    result = KEPT if clamp(b, last, desired) else PASSED
+    if clamp_to_reserve(bodies, drives, index, b, last, desired, reserve):
         result = BLOCKED
-    blocked = not stops_clear(bodies, table, pairs, b, wanted, known, work)
-    if blocked and not _leads_out(bodies, table, pairs, last, wanted, work):
+    blocked = not stops_clear(bodies, table, pairs, b, desired, known, work)
+    if blocked and not _leads_out(bodies, table, pairs, last, desired, work):
         result = BLOCKED
-        slow_down(b, last, wanted)
-    for k in range(wanted.shape[1]):
-        last[0, k], last[1, k], last[2, k] = wanted[0, k], wanted[1, k], wanted[2, k]
+        slow_down(b, last, desired)
+    for k in range(desired.shape[1]):
+        last[0, k], last[1, k], last[2, k] = desired[0, k], desired[1, k], desired[2, k]
     return result
 
 
@@ -145,19 +151,19 @@ def _leads_out(
     table: Array,
     pairs: NDArray[np.int64],
     last: Array,
-    wanted: Array,
+    desired: Array,
     work: Array,
 ) -> bool:
     """Say whether an arm that stands too close already would get no closer."""
-    ends = work[wanted.shape[1] :]
+    ends = work[desired.shape[1] :]
     before = clearance(bodies, last[0], table, pairs, ends)
     if before >= MARGIN:
         return False
-    return bool(clearance(bodies, wanted[0], table, pairs, ends) > before)
+    return bool(clearance(bodies, desired[0], table, pairs, ends) > before)
 
 
 @final
-class Guard:
+class SafetyFilter:
     """The envelope of one arm: what is emitted passes through here and nowhere else.
 
     Attributes:
@@ -184,10 +190,10 @@ class Guard:
         if np.all(np.isfinite(q)) and np.all(np.isfinite(dq)):
             self.last[0], self.last[1], self.last[2] = q, dq, 0.0
 
-    def step(self, wanted: Array) -> int:
-        """Replace a wanted motion, shape (3, n), by what is emitted; see :func:`guard`."""
+    def step(self, desired: Array) -> int:
+        """Replace a desired motion, shape (3, n), by what is emitted; see :func:`safety_filter`."""
         return int(
-            guard(*self._packed, *self._drives, self.last, wanted, self.known, self.work,
+            safety_filter(*self._packed, *self._drives, self.last, desired, self.known, self.work,
                   self.reserve)
         )  # fmt: skip
 
@@ -201,4 +207,4 @@ class Guard:
 def _numbers(arm: Arm, around: Surroundings) -> tuple[Shapes, Array]:
     """Return shapes and limits; they are worked out once, not each throw."""
     shapes, bounds = shapes_of(arm, around), bounds_of(arm)
-    return shapes, np.array([*bounds, shapes.reach, gentle_rates(arm, bounds[3])])
+    return shapes, np.array([*bounds, shapes.reach, gentle_rates(arm, bounds[DECELERATION])])

@@ -16,7 +16,7 @@ import numpy as np
 
 from mitt.jit import kernel
 from mitt.robot.arm import Arm, Tables, trusted_deceleration
-from mitt.robot.dynamics import inverse_dynamics, notes_of
+from mitt.robot.dynamics import dynamics_scratch, inverse_dynamics
 from mitt.robot.limits import drive_asked, torque_share
 from mitt.signals import Array
 
@@ -75,7 +75,9 @@ def demand(arm: Arm, motion: Array) -> Demand:
     share = np.empty((2, len(motion), links))
     most = np.array([arm.q_min, arm.q_max, arm.dq_max, arm.tau_max])
     rows = np.ascontiguousarray(motion, dtype=np.float64)
-    _reckon(arm.tables, most, rows, cost, share, excess, np.zeros((2, links)), notes_of(links))
+    _reckon(
+        arm.tables, most, rows, cost, share, excess, np.zeros((2, links)), dynamics_scratch(links)
+    )
     return Demand(
         cost_torque=cost[0],
         cost_speed=cost[1],
@@ -145,16 +147,18 @@ def shares_of(arm: Arm, motion: Array, tolerance: Tolerance) -> dict[str, float]
         ``torque:NAME``, ``speed:NAME``, ``range:NAME``, ``acceleration:NAME`` where the limit set
         bounds it and, where the tolerance asks for room to brake, ``brake:NAME`` for each joint.
     """
-    asked = demand(arm, motion)
+    demanded = demand(arm, motion)
     half, middle = 0.5 * (arm.q_max - arm.q_min), 0.5 * (arm.q_max + arm.q_min)
-    torque, speed = arm.by_joint(np.array([asked.torque.max(axis=0), asked.speed.max(axis=0)]))
+    torque, speed = arm.by_joint(
+        np.array([demanded.torque.max(axis=0), demanded.speed.max(axis=0)])
+    )
     kinds = {
         "torque": torque / tolerance.torque,
         "speed": speed / tolerance.speed,
         "range": (np.abs(motion[:, 0] - middle) / half).max(axis=0),
     }
     if arm.limits.acceleration is not None:
-        kinds["acceleration"] = asked.acceleration.max(axis=0) / tolerance.acceleration
+        kinds["acceleration"] = demanded.acceleration.max(axis=0) / tolerance.acceleration
     if tolerance.strength is not None:
         kinds["brake"] = np.abs(_rest(arm, motion[-1], tolerance.strength) - middle) / half
     return {

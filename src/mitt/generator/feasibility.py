@@ -23,7 +23,7 @@ _INSTANTS = 25
 _REGION_GAP = 0.3
 #: How far ahead the ball's way over the ground is looked at [s], and in what steps.
 _AHEAD, _STRIDE = 1.0, 0.01
-#: How long before its catch the arm begins to follow a ball, or is told for good that it cannot
+#: How long before its catch the arm begins to follow a ball, or learns for good that it cannot
 #: catch it [s]: about what learned flights last.
 _START_AHEAD = 0.5
 
@@ -231,7 +231,7 @@ def _may_rise(f: DirectMap, ball: BallState, seen: Foresight) -> bool:
 def _can_wait(
     f: DirectMap, ball: BallState, start: tuple[Array, Array], tolerance: Tolerance
 ) -> bool:
-    """Say whether the arm can follow a ball's stand-in to its catch within the limits.
+    """Say whether the arm can follow a ball's surrogate target to its catch within the limits.
 
     It cannot where the ball has passed by already, or is about to.
 

@@ -25,7 +25,7 @@ from mitt.generator.mapping import DirectMap
 from mitt.signals import Array, BallState, JointReference
 
 #: Share of each limit in units of which maps are compared: one that keeps them is preferred. The
-#: arm may be weaker, or carry more, than it is told: a fifth of its torque is no part of the brake.
+#: arm may be weaker, or carry more, than modelled: a fifth of its torque is no part of the brake.
 _CHOICE = Tolerance(torque=1.25, speed=1.0, acceleration=1.0, strength=0.8)
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mitt.generator.horizon import Course
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
-from mitt.robot.dynamics import inverse_dynamics, notes_of
+from mitt.robot.dynamics import dynamics_scratch, inverse_dynamics
 from mitt.robot.limits import torque_share
 from mitt.robot.slopes import slopes_work
 from mitt.signals import Array
@@ -61,7 +61,7 @@ def work_of(arm: Arm) -> Work:
         drive=np.zeros((3, n)),
         speed=np.zeros(n),
         links=slopes_work(links),
-        notes=notes_of(links),
+        notes=dynamics_scratch(links),
     )
 
 

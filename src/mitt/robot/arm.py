@@ -16,7 +16,7 @@ from mitt import checks
 from mitt.errors import InputError, ShapeError
 from mitt.robot.chain import chain_of, motion_of, place
 from mitt.robot.description import ArmModel, Brake, transform
-from mitt.robot.dynamics import GRAVITY, bodies_of, inverse_dynamics, notes_of, torques
+from mitt.robot.dynamics import GRAVITY, bodies_of, dynamics_scratch, inverse_dynamics, torques
 from mitt.robot.limits import Limits
 from mitt.signals import Array
 
@@ -55,7 +55,7 @@ class _Scratch(threading.local):
 
     def __init__(self, n: int, model: pin.Model, held: Array) -> None:
         """Make the buffers of this thread."""
-        self.motion, self.notes = motion_of(n), notes_of(len(held))
+        self.motion, self.notes = motion_of(n), dynamics_scratch(len(held))
         self.data = model.createData()
         self.rows: Array = np.array([held, np.zeros(len(held)), np.zeros(len(held))])
 

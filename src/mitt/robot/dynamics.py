@@ -29,18 +29,24 @@ from mitt.robot.vectors import (
     compose,
     cross,
     dot,
+    mat_at,
     plus,
+    put_at,
     rotate,
     times,
     turn,
     unturn,
+    vec_at,
 )
 from mitt.signals import Array
 
 #: Standard gravity rounded as usual in robotics [m/s^2].
 GRAVITY = 9.81
-#: Columns of the table, and numbers that the kernel notes of each link.
-_COLUMNS, _NOTES = 31, 18
+#: Columns of the table: rotation (from 0) and position of the joint frame, joint axis, whether it
+#: slides, mass, centre, inertia, rotor, index among the active joints.
+P, AXIS, SLIDES, MASS, COM, INERTIA, ROTOR, JOINT, _COLUMNS = 9, 12, 15, 16, 17, 20, 29, 30, 31
+#: Columns of the scratch: rotation (from 0), position, force and moment of a link.
+_P, _FORCE, _MOMENT, _SCRATCH = 9, 12, 15, 18
 
 
 def bodies_of(model: ArmModel) -> Array:
@@ -57,14 +63,14 @@ def bodies_of(model: ArmModel) -> Array:
     return rows
 
 
-def notes_of(links: int) -> Array:
+def dynamics_scratch(links: int) -> Array:
     """Return scratch for :func:`inverse_dynamics` of so many links."""
-    return np.zeros((links, _NOTES))
+    return np.zeros((links, _SCRATCH))
 
 
 @kernel
 def inverse_dynamics(
-    bodies: Array, q: Array, dq: Array, ddq: Array, tau: Array, notes: Array
+    bodies: Array, q: Array, dq: Array, ddq: Array, tau: Array, scratch: Array
 ) -> None:
     """Write tau of eq. (14) for all links.
 
@@ -74,50 +80,53 @@ def inverse_dynamics(
         dq: Their velocities [rad/s], shape (n,).
         ddq: Their accelerations [rad/s^2], shape (n,).
         tau: Result [N m], shape (N,).
-        notes: Scratch, shape (N, 18).
+        scratch: Scratch, shape (N, 18).
     """
     omega, alpha, acc = ZERO, ZERO, (0.0, 0.0, GRAVITY)
     for k in range(bodies.shape[0]):
-        axis, j = _vec(bodies, k, 12), int(bodies[k, 30])
+        axis, j = vec_at(bodies, k, AXIS), int(bodies[k, JOINT])
         here, speed, push = (q[j], dq[j], ddq[j]) if j >= 0 else (0.0, 0.0, 0.0)
-        R, p = _mat(bodies, k, 0), _vec(bodies, k, 9)
-        if bodies[k, 15] > 0.0:
+        R, p = mat_at(bodies, k, 0), vec_at(bodies, k, P)
+        if bodies[k, SLIDES] > 0.0:
             p = plus(p, rotate(R, times(here, axis)))
         elif j >= 0:
             R = compose(R, turn(axis, here))
         acc = unturn(R, plus(acc, _swung(omega, alpha, p)))
         omega, alpha = unturn(R, omega), unturn(R, alpha)
         whirl = cross(omega, times(speed, axis))
-        if bodies[k, 15] > 0.0:
+        if bodies[k, SLIDES] > 0.0:
             acc = plus(acc, plus(times(push, axis), times(2.0, whirl)))
         else:
             alpha = plus(alpha, plus(times(push, axis), whirl))
             omega = plus(omega, times(speed, axis))
-        _note(notes, k, R, p, *_wrench(bodies, k, omega, alpha, acc))
+        _note(scratch, k, R, p, *_wrench(bodies, k, omega, alpha, acc))
     force, moment = ZERO, ZERO
     for k in range(bodies.shape[0] - 1, -1, -1):
-        force, moment = plus(force, _vec(notes, k, 12)), plus(moment, _vec(notes, k, 15))
-        axis, j = _vec(bodies, k, 12), int(bodies[k, 30])
-        tau[k] = dot(axis, force if bodies[k, 15] > 0.0 else moment)
+        force, moment = (
+            plus(force, vec_at(scratch, k, _FORCE)),
+            plus(moment, vec_at(scratch, k, _MOMENT)),
+        )
+        axis, j = vec_at(bodies, k, AXIS), int(bodies[k, JOINT])
+        tau[k] = dot(axis, force if bodies[k, SLIDES] > 0.0 else moment)
         if j >= 0:
-            tau[k] += bodies[k, 29] * ddq[j]
-        R, p = _mat(notes, k, 0), _vec(notes, k, 9)
+            tau[k] += bodies[k, ROTOR] * ddq[j]
+        R, p = mat_at(scratch, k, 0), vec_at(scratch, k, _P)
         force = rotate(R, force)
         moment = plus(rotate(R, moment), cross(p, force))
 
 
 @kernel
-def torques(bodies: Array, motion: Array, tau: Array, notes: Array) -> None:
+def torques(bodies: Array, motion: Array, tau: Array, scratch: Array) -> None:
     """Write tau of q, dq, ddq at K instants; see :func:`inverse_dynamics`.
 
     Args:
         bodies: Table of the links, shape (N, 31).
         motion: q, dq, ddq of the active joints, shape (K, 3, n).
         tau: Result [N m], shape (K, N).
-        notes: Scratch, shape (N, 18).
+        scratch: Scratch, shape (N, 18).
     """
     for k in range(len(motion)):
-        inverse_dynamics(bodies, motion[k, 0], motion[k, 1], motion[k, 2], tau[k], notes)
+        inverse_dynamics(bodies, motion[k, 0], motion[k, 1], motion[k, 2], tau[k], scratch)
 
 
 @kernel
@@ -130,32 +139,17 @@ def _swung(omega: Vec, alpha: Vec, r: Vec) -> Vec:
 @kernel
 def _wrench(bodies: Array, k: int, omega: Vec, alpha: Vec, acc: Vec) -> tuple[Vec, Vec]:
     """Return force and moment about its origin that move link k so, in its frame."""
-    com, inertia = _vec(bodies, k, 17), _mat(bodies, k, 20)
-    force = times(bodies[k, 16], plus(acc, _swung(omega, alpha, com)))
+    com, inertia = vec_at(bodies, k, COM), mat_at(bodies, k, INERTIA)
+    force = times(bodies[k, MASS], plus(acc, _swung(omega, alpha, com)))
     spin = plus(rotate(inertia, alpha), cross(omega, rotate(inertia, omega)))
     return force, plus(spin, cross(com, force))
 
 
 @kernel
-def _note(notes: Array, k: int, R: Mat, p: Vec, force: Vec, moment: Vec) -> None:
+def _note(scratch: Array, k: int, R: Mat, p: Vec, force: Vec, moment: Vec) -> None:
     """Keep of link k what the way back needs."""
     for c in range(9):
-        notes[k, c] = R[c]
-    for c in range(3):
-        notes[k, 9 + c], notes[k, 12 + c], notes[k, 15 + c] = p[c], force[c], moment[c]
-
-
-@kernel
-def _vec(rows: Array, k: int, c: int) -> Vec:
-    """Return three numbers of row k from column c."""
-    return rows[k, c], rows[k, c + 1], rows[k, c + 2]
-
-
-@kernel
-def _mat(rows: Array, k: int, c: int) -> Mat:
-    """Return nine numbers of row k from column c."""
-    return (
-        rows[k, c], rows[k, c + 1], rows[k, c + 2],
-        rows[k, c + 3], rows[k, c + 4], rows[k, c + 5],
-        rows[k, c + 6], rows[k, c + 7], rows[k, c + 8],
-    )  # fmt: skip
+        scratch[k, c] = R[c]
+    put_at(scratch, k, _P, p)
+    put_at(scratch, k, _FORCE, force)
+    put_at(scratch, k, _MOMENT, moment)

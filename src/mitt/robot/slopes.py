@@ -17,7 +17,7 @@ force field 2 m w x v(r): 2 w x p, with the moment 2 (tr(K) w - K' w).
 import numpy as np
 
 from mitt.jit import kernel
-from mitt.robot.dynamics import GRAVITY
+from mitt.robot.dynamics import AXIS, COM, GRAVITY, INERTIA, JOINT, MASS, ROTOR, SLIDES, P
 from mitt.robot.vectors import (
     IDENTITY,
     ZERO,
@@ -26,15 +26,16 @@ from mitt.robot.vectors import (
     compose,
     cross,
     dot,
+    mat_at,
     plus,
+    put_at,
     rotate,
     times,
     turn,
+    vec_at,
 )
 from mitt.signals import Array
 
-#: Columns of a body's row, see :mod:`mitt.robot.dynamics`.
-_P, _AXIS, _SLIDES, _MASS, _COM, _INERTIA, _ROTOR, _JOINT = 9, 12, 15, 16, 17, 20, 29, 30
 #: Columns of a link's working row.
 _S, _DS, _DDS, _M, _MC, _EE, _F, _W, _PP, _K, _WIDTH = 0, 6, 12, 18, 19, 22, 28, 31, 34, 37, 46
 
@@ -94,21 +95,21 @@ def bias_and_mass(bodies: Array, motion: Array, tau: Array, M: Array, work: Arra
 def _add_rotors(bodies: Array, M: Array) -> None:
     """Add the rotors to the mass matrix, shape (N, n)."""
     for j in range(len(bodies)):
-        a = int(bodies[j, _JOINT])
+        a = int(bodies[j, JOINT])
         if a >= 0:
-            M[j, a] += bodies[j, _ROTOR]
+            M[j, a] += bodies[j, ROTOR]
 
 
 @kernel
 def _mass(bodies: Array, work: Array, j: int, M: Array) -> None:
     """Write row and column of M where link j comes last, with the sums beyond it."""
-    here, S = int(bodies[j, _JOINT]), _pair(work, j, _S)
+    here, S = int(bodies[j, JOINT]), _pair(work, j, _S)
     if here >= 0:
         by_ddq = _inertia(work, j, S)
         for i in range(j + 1):
             M[i, here] = _power(_pair(work, i, _S), by_ddq)
     for i in range(j):
-        a = int(bodies[i, _JOINT])
+        a = int(bodies[i, JOINT])
         if a >= 0:
             M[j, a] = _power(S, _inertia(work, j, _pair(work, i, _S)))
 
@@ -119,8 +120,8 @@ def _axis_load(bodies: Array, motion: Array, work: Array, k: int) -> float:
     total = 0.0
     for c in range(6):
         total += work[k, _S + c] * work[k, _F + c]
-    a = int(bodies[k, _JOINT])
-    return total + (bodies[k, _ROTOR] * motion[2, a] if a >= 0 else 0.0)
+    a = int(bodies[k, JOINT])
+    return total + (bodies[k, ROTOR] * motion[2, a] if a >= 0 else 0.0)
 
 
 @kernel
@@ -131,10 +132,10 @@ def _row_and_column(bodies: Array, work: Array, j: int, slope: Array) -> None:
     2B dS_j + I ddS_j + S_j x* f, felt at i; what moves q_i changes it by 2B dS_i + I ddS_i, felt
     at j, the turning of axis and load together changing nothing.
     """
-    here = int(bodies[j, _JOINT])
+    here = int(bodies[j, JOINT])
     S, dS, ddS = _pair(work, j, _S), _pair(work, j, _DS), _pair(work, j, _DDS)
     if here >= 0:
-        force, moment = (work[j, _F], work[j, _F + 1], work[j, _F + 2]), _vec(work, j, _W)
+        force, moment = (work[j, _F], work[j, _F + 1], work[j, _F + 2]), vec_at(work, j, _W)
         turned = cross(S[1], force), plus(cross(S[0], force), cross(S[1], moment))
         by_q = _sum(_sum(_coriolis(work, j, dS), _inertia(work, j, ddS)), turned)
         by_dq = _sum(
@@ -145,7 +146,7 @@ def _row_and_column(bodies: Array, work: Array, j: int, slope: Array) -> None:
             slope[0, i, here] = _power(T, by_q)
             slope[1, i, here] = _power(T, by_dq)
     for i in range(j):
-        a = int(bodies[i, _JOINT])
+        a = int(bodies[i, JOINT])
         if a < 0:
             continue
         T, dT, ddT = _pair(work, i, _S), _pair(work, i, _DS), _pair(work, i, _DDS)
@@ -160,15 +161,15 @@ def _outwards(bodies: Array, motion: Array, work: Array) -> None:
     frame, o = IDENTITY, ZERO
     v, omega, a, domega = ZERO, ZERO, (0.0, 0.0, GRAVITY), ZERO
     for k in range(len(bodies)):
-        joint = int(bodies[k, _JOINT])
+        joint = int(bodies[k, JOINT])
         q, dq, ddq = 0.0, 0.0, 0.0
         if joint >= 0:
             q, dq, ddq = motion[0, joint], motion[1, joint], motion[2, joint]
-        o = plus(o, rotate(frame, _vec(bodies, k, _P)))
-        frame = compose(frame, _mat(bodies, k))
-        axis = _vec(bodies, k, _AXIS)
+        o = plus(o, rotate(frame, vec_at(bodies, k, P)))
+        frame = compose(frame, mat_at(bodies, k, 0))
+        axis = vec_at(bodies, k, AXIS)
         w = rotate(frame, axis)
-        if bodies[k, _SLIDES] > 0.0:
+        if bodies[k, SLIDES] > 0.0:
             o = plus(o, times(q, w))
             S = w, ZERO
         else:
@@ -193,8 +194,8 @@ def _body(
     """Write mass, flow and load of one body; see the module's table."""
     frame, o = pose
     v, omega, a, domega = moving
-    m = bodies[k, _MASS]
-    c = plus(o, rotate(frame, _vec(bodies, k, _COM)))
+    m = bodies[k, MASS]
+    c = plus(o, rotate(frame, vec_at(bodies, k, COM)))
     mc, E = times(m, c), _second_moments(bodies, k, frame, c)
     p = plus(times(m, v), cross(omega, mc))
     # K = mc v' + E [omega]x': row r of the second term is (omega x (row r of E)).
@@ -202,18 +203,18 @@ def _body(
     k1 = plus(times(mc[1], v), cross(omega, (E[3], E[1], E[5])))
     k2 = plus(times(mc[2], v), cross(omega, (E[4], E[5], E[2])))
     work[k, _M] = m
-    _put(work, k, _MC, mc)
+    put_at(work, k, _MC, mc)
     for e in range(6):
         work[k, _EE + e] = E[e]
-    _put(work, k, _PP, p)
-    _put(work, k, _K, k0)
-    _put(work, k, _K + 3, k1)
-    _put(work, k, _K + 6, k2)
+    put_at(work, k, _PP, p)
+    put_at(work, k, _K, k0)
+    put_at(work, k, _K + 3, k1)
+    put_at(work, k, _K + 6, k2)
     trace = k0[0] + k1[1] + k2[2]
     back = plus(times(omega[0], k0), plus(times(omega[1], k1), times(omega[2], k2)))
     pull = _inertia(work, k, (a, domega))
-    _put(work, k, _F, plus(pull[0], cross(omega, p)))
-    _put(work, k, _W, plus(pull[1], plus(times(trace, omega), times(-1.0, back))))
+    put_at(work, k, _F, plus(pull[0], cross(omega, p)))
+    put_at(work, k, _W, plus(pull[1], plus(times(trace, omega), times(-1.0, back))))
 
 
 @kernel
@@ -222,15 +223,15 @@ def _second_moments(bodies: Array, k: int, R: Mat, c: Vec) -> Sym:
 
     About the centre, in the body's axes, it is tr(I)/2 - I.
     """
-    xx, yy, zz = bodies[k, _INERTIA], bodies[k, _INERTIA + 4], bodies[k, _INERTIA + 8]
-    xy, xz, yz = -bodies[k, _INERTIA + 1], -bodies[k, _INERTIA + 2], -bodies[k, _INERTIA + 5]
+    xx, yy, zz = bodies[k, INERTIA], bodies[k, INERTIA + 4], bodies[k, INERTIA + 8]
+    xy, xz, yz = -bodies[k, INERTIA + 1], -bodies[k, INERTIA + 2], -bodies[k, INERTIA + 5]
     half = 0.5 * (xx + yy + zz)
     u, v, w = (half - xx, xy, xz), (xy, half - yy, yz), (xz, yz, half - zz)
     a, b, d = (R[0], R[1], R[2]), (R[3], R[4], R[5]), (R[6], R[7], R[8])
     ea = dot(u, a), dot(v, a), dot(w, a)
     eb = dot(u, b), dot(v, b), dot(w, b)
     ed = dot(u, d), dot(v, d), dot(w, d)
-    m = bodies[k, _MASS]
+    m = bodies[k, MASS]
     return (
         dot(ea, a) + m * c[0] * c[0],
         dot(eb, b) + m * c[1] * c[1],
@@ -245,7 +246,7 @@ def _second_moments(bodies: Array, k: int, R: Mat, c: Vec) -> Sym:
 def _inertia(work: Array, k: int, motion: tuple[Vec, Vec]) -> tuple[Vec, Vec]:
     """Return I times a motion (velocity at the origin u, turning w)."""
     u, w = motion
-    mc = _vec(work, k, _MC)
+    mc = vec_at(work, k, _MC)
     xx, yy, zz = work[k, _EE], work[k, _EE + 1], work[k, _EE + 2]
     xy, xz, yz = work[k, _EE + 3], work[k, _EE + 4], work[k, _EE + 5]
     turned = (
@@ -262,11 +263,11 @@ def _coriolis(work: Array, k: int, motion: tuple[Vec, Vec]) -> tuple[Vec, Vec]:
     w = motion[1]
     trace = work[k, _K] + work[k, _K + 4] + work[k, _K + 8]
     back = plus(
-        times(w[0], _vec(work, k, _K)),
-        plus(times(w[1], _vec(work, k, _K + 3)), times(w[2], _vec(work, k, _K + 6))),
+        times(w[0], vec_at(work, k, _K)),
+        plus(times(w[1], vec_at(work, k, _K + 3)), times(w[2], vec_at(work, k, _K + 6))),
     )
     moment = plus(times(trace, w), times(-1.0, back))
-    return times(2.0, cross(w, _vec(work, k, _PP))), times(2.0, moment)
+    return times(2.0, cross(w, vec_at(work, k, _PP))), times(2.0, moment)
 
 
 @kernel
@@ -288,34 +289,13 @@ def _sum(a: tuple[Vec, Vec], b: tuple[Vec, Vec]) -> tuple[Vec, Vec]:
 
 
 @kernel
-def _vec(rows: Array, k: int, at: int) -> Vec:
-    """Return three numbers of row k from column ``at``."""
-    return rows[k, at], rows[k, at + 1], rows[k, at + 2]
-
-
-@kernel
 def _pair(rows: Array, k: int, at: int) -> tuple[Vec, Vec]:
     """Return two vectors of row k from column ``at``."""
-    return _vec(rows, k, at), _vec(rows, k, at + 3)
-
-
-@kernel
-def _mat(rows: Array, k: int) -> Mat:
-    """Return the rotation of a body's placement."""
-    return (
-        rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 3], rows[k, 4],
-        rows[k, 5], rows[k, 6], rows[k, 7], rows[k, 8],
-    )  # fmt: skip
-
-
-@kernel
-def _put(rows: Array, k: int, at: int, v: Vec) -> None:
-    """Write a vector to row k from column ``at``."""
-    rows[k, at], rows[k, at + 1], rows[k, at + 2] = v
+    return vec_at(rows, k, at), vec_at(rows, k, at + 3)
 
 
 @kernel
 def _keep(rows: Array, k: int, at: int, pair: tuple[Vec, Vec]) -> None:
     """Write two vectors to row k from column ``at``."""
-    _put(rows, k, at, pair[0])
-    _put(rows, k, at + 3, pair[1])
+    put_at(rows, k, at, pair[0])
+    put_at(rows, k, at + 3, pair[1])

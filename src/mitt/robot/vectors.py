@@ -117,3 +117,25 @@ def matrix(rows: Array, k: int) -> Mat:
         rows[k, 1, 0], rows[k, 1, 1], rows[k, 1, 2],
         rows[k, 2, 0], rows[k, 2, 1], rows[k, 2, 2],
     )  # fmt: skip
+
+
+@kernel
+def vec_at(rows: Array, k: int, column: int) -> Vec:
+    """Return three numbers of row k from a column on."""
+    return rows[k, column], rows[k, column + 1], rows[k, column + 2]
+
+
+@kernel
+def put_at(rows: Array, k: int, column: int, v: Vec) -> None:
+    """Write a vector to row k from a column on."""
+    rows[k, column], rows[k, column + 1], rows[k, column + 2] = v
+
+
+@kernel
+def mat_at(rows: Array, k: int, column: int) -> Mat:
+    """Return nine numbers of row k from a column on."""
+    return (
+        rows[k, column], rows[k, column + 1], rows[k, column + 2],
+        rows[k, column + 3], rows[k, column + 4], rows[k, column + 5],
+        rows[k, column + 6], rows[k, column + 7], rows[k, column + 8],
+    )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What a catcher is told of a scene: what a user of a real cell knows of it, and no more."""
+"""What a catcher knows of a scene: what a user of a real cell knows of it, and no more."""
 
 from dataclasses import replace
 from math import pi, sqrt
@@ -66,7 +66,7 @@ def torque_lead_of(actuation: Actuation) -> float:
 
 
 def known_ball(drag: float, mass: float, *, spread: float = 0.0) -> FilterConfig:
-    """Return what the filter may believe of a ball with known nominal drag [1/m] and mass [kg].
+    """Return what the filter may assume of a ball with known nominal drag [1/m] and mass [kg].
 
     A quarter of the drag either way, or what a uniform error up to ``spread`` makes. What drag does
     not explain grows as the ball gets lighter: white acceleration (gusts) of 1e-4 m^2/s^3 for the

@@ -16,16 +16,16 @@ __all__ = ["PHASES", "TrialLog", "log_of"]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrialLog:
-    """One trial, k ticks, n joints. Rows of ``asked`` and below without ``following`` are zero.
+    """One trial, k ticks, n joints. Rows of ``desired`` and below without ``following`` are zero.
 
     Attributes:
         t: Time of the tick [s], shape (k,).
         phase: Index into ``PHASES``, shape (k,).
         tracked: Whether there is an estimate of the ball, shape (k,).
-        following: Whether the generator was asked, shape (k,).
+        following: Whether the generator was evaluated, shape (k,).
         encoders: q, dq as read [rad, rad/s], shape (k, 2, n).
         ball: Estimated r_o, dr_o [m, m/s], shape (k, 2, 3).
-        asked: q_d, dq_d, ddq_d before any limit [rad ...], shape (k, 3, n).
+        desired: q_d, dq_d, ddq_d before any limit [rad ...], shape (k, 3, n).
         virtual: q_o [rad], shape (k, n).
         command: q, dq, ddq commanded [rad ...], shape (k, 3, n).
         tau: Torque commanded [N m], shape (k, n).
@@ -43,7 +43,7 @@ class TrialLog:
     following: NDArray[np.bool_]
     encoders: Array
     ball: Array
-    asked: Array
+    desired: Array
     virtual: Array
     command: Array
     tau: Array
@@ -74,7 +74,7 @@ def log_of(arm: Arm, ticks: Result, truth: Trace, *, t_0: float, t_catch: float)
         following=s["following"],
         encoders=ticks.encoders,
         ball=ticks.ball[:, :2],
-        asked=reference[:, :3],
+        desired=reference[:, :3],
         virtual=reference[:, 3],
         command=command[:, :3],
         tau=command[:, 3],

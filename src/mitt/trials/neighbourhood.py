@@ -35,8 +35,8 @@ class Neighbourhood:
         t_0: Range of the time after release at which the arm starts [s]: as soon as the ball is
             known well enough, and at the latest 80 ms after first sight.
         after: Time after the catch that is still followed [s].
-        sigma_r: Error of the position believed at t_0, 1 sigma an axis [m].
-        sigma_dr: Error of the velocity believed at t_0, 1 sigma an axis [m/s].
+        sigma_r: Error of the position estimated at t_0, 1 sigma an axis [m].
+        sigma_dr: Error of the velocity estimated at t_0, 1 sigma an axis [m/s].
         drag: Range of the drag coefficient [1/m].
         box: Half-widths of the box of arrivals about the nominal catch point [m], (x, y, z).
         arrival: Speed of the ball there [m/s].

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mitt.ball.estimator import update
 from mitt.catcher.catcher import Catcher
-from mitt.catcher.result import Result, ResultHandle, keep, result_handle, room_for, rows_of
+from mitt.catcher.result import Result, ResultHandle, result_handle, room_for, rows_of, store
 from mitt.catcher.settings import BRAKE, STOPPED
 from mitt.catcher.state import StateHandle
 from mitt.catcher.tick import tick, undecided
@@ -27,10 +27,10 @@ from mitt.vision.segmentation import suffices
 from mitt.vision.target import WORK, region_of_interest
 from mitt.world.capsules import lay_capsules
 from mitt.world.engine import Plant
-from mitt.world.exposure import Bank, Cameras, snap
+from mitt.world.exposure import Bank, Cameras, render_images
 from mitt.world.imaging import BLOCK, Film
-from mitt.world.motion import TICKS, WATCHED, move, over, tell
-from mitt.world.painting import LIGHT
+from mitt.world.motion import TICKS, WATCHED, move, note_stop, over
+from mitt.world.painting import Light
 from mitt.world.sensors import DQ, Q, read_encoders
 from mitt.world.stage import Body, Stage
 
@@ -39,12 +39,12 @@ class Points(NamedTuple):
     """Noisy positions in place of images, all [m].
 
     Attributes:
-        scatter: Errors of the points of a block, shape (BLOCK, 3); (0, 3) where there are images.
+        noise: Errors of the points of a block, shape (BLOCK, 3); (0, 3) where there are images.
         covariance: Their covariance, shape (3, 3).
         line: Points that are on their way, shape (latency + 1, 3).
     """
 
-    scatter: Array
+    noise: Array
     covariance: Array
     line: Array
 
@@ -89,11 +89,12 @@ class Sight(NamedTuple):
     radius: float
 
 
+_NO_LIGHT = Light(*(0.0,) * 13, painted=False)
 #: Cameras where there are none, and what arrives from them.
 _DARK: Film = (
     (
         np.zeros((0, 1)), np.zeros((0, 4)), np.zeros((0, 2, 5, 3)), np.zeros((0, 2)),
-        np.zeros((1, 14)), np.zeros(LIGHT), np.zeros(0), np.zeros(0, np.float32),
+        np.zeros((1, 14)), _NO_LIGHT, np.zeros(0), np.zeros(0, np.float32),
     ),
     (np.zeros((0, 0), np.uint8), np.zeros(0, np.uint8), np.zeros(0)),
     np.zeros((BLOCK, 0, 2), np.int64),
@@ -134,7 +135,9 @@ def render(
             windows[n, 0], windows[n, 1] = 0, images[n].shape[0] - 1
             windows[n, 2], windows[n, 3] = 0, images[n].shape[1] - 1
             known[n] = not whole and region_of_interest(memory[n], settings, windows[n])
-        snap(images, camera, bank, starts, half, radius, r_o, dr_o, shot[:count], windows, t)
+        render_images(
+            images, camera, bank, starts, half, radius, r_o, dr_o, shot[:count], windows, t
+        )
         for n in range(2):
             missed |= known[n] and not suffices(
                 images[n], backgrounds[n], backgrounds[2], windows[n], memory[n], settings,
@@ -145,7 +148,7 @@ def render(
 
 
 @kernel
-def expose(
+def capture(
     plant: Plant, sight: Sight, backgrounds: tuple[Image, ...], state: StateHandle,
     ahead: LookAhead, k: int,
 ) -> None:  # fmt: skip
@@ -153,9 +156,9 @@ def expose(
     shots, points = sight.shots, sight.points
     ball, latency = len(plant.ctrl), len(points.line) - 1
     r_o, dr_o = plant.qpos[ball : ball + 3], plant.qvel[ball : ball + 3]
-    if len(points.scatter) > 0:
+    if len(points.noise) > 0:
         for i in range(3):
-            points.line[k % len(points.line), i] = r_o[i] + points.scatter[k % BLOCK, i]
+            points.line[k % len(points.line), i] = r_o[i] + points.noise[k % BLOCK, i]
         return
     body, (camera, bank, starts), row = sight.body, sight.film, k % len(shots.rows)
     shot, place = shots.rows[row], (k - latency) % len(shots.rows)
@@ -199,12 +202,12 @@ def play(
     brake, state, result = catcher
     s, out, p, n = state.scalars[0], result.scalars[0], plant.state, len(plant.slides)
     line, clock = sight.points.line, times[len(times) - 2 :]
-    latency, with_points = len(line) - 1, len(sight.points.scatter) > 0
+    latency, with_points = len(line) - 1, len(sight.points.noise) > 0
     for _ in range(count):
         k, images, exposed = int(p[TICKS]), nothing, 0.0
         looking = s.phase != BRAKE and s.phase != STOPPED
         if looking:
-            expose(plant, sight, backgrounds, state, ahead, k)
+            capture(plant, sight, backgrounds, state, ahead, k)
         arrived = looking and k >= latency
         if arrived and not with_points:
             images, exposed = (sight.shots.images[0], sight.shots.images[1]), (k - latency) * TICK
@@ -220,9 +223,9 @@ def play(
             result,
         )  # fmt: skip
         times[k] = now_ns(clock) - before
-        tell(p, out.brakes, s.phase == STOPPED)
+        note_stop(p, out.brakes, s.phase == STOPPED)
         move(plant, result.command[3], out.hand, trace)
-        keep(result, log, k)
+        store(result, log, k)
         if undecided(todo, state, result):
             todo = 0
         if todo != 0 or over(p, until[0], until[1]):
@@ -238,7 +241,7 @@ def play_out(
     Args:
         stage: The world at the release.
         catcher: A catcher whose ``parts`` are there.
-        stopwatch: Is told how long the catcher took in each tick.
+        stopwatch: Gets how long the catcher took in each tick.
         longest: As of :func:`mitt.world.motion.over` [s].
         held: As of :func:`mitt.world.motion.over` [s].
 
@@ -261,21 +264,21 @@ def play_out(
     )  # fmt: skip
     points = Points(np.zeros((0, 3)), stage.sensors.covariance, np.zeros((latency + 1, 3)))
     half = 0.0 if imager is None else imager.half
-    rows, log = stage.tape.reserve(most + 1), room_for(catcher.result, most)
+    rows, log = stage.trace_buffer.reserve(most + 1), room_for(catcher.result, most)
     times, kept, cameras = np.zeros(most + 2, np.int64), result_handle(log), _DARK
     while (parts := catcher.parts) is not None and not over(p, longest, held):
         k = int(p[TICKS])
         if imager is not None:
             cameras = imager.film
         elif k % BLOCK == 0 and catcher.looking:
-            points = points._replace(scatter=stage.sensors.scatter(BLOCK))
+            points = points._replace(noise=stage.sensors.noise(BLOCK))
         sight = Sight(stage.body, cameras, shots, points, half, stage.radius)
         todo = play(
             stage.plant, rows, sight, (longest, held), NOTHING, catcher.backgrounds,
             stage.sensors.encoders, parts, ahead, kept, times, BLOCK - k % BLOCK,
         )  # fmt: skip
         if imager is not None and catcher.looking:
-            imager.expose(int(p[TICKS]) - k)
+            imager.advance(int(p[TICKS]) - k)
         catcher.ticked(todo, float(log.scalars["t"][k]))
         catcher.think()
     ticks = int(p[TICKS])

@@ -32,7 +32,7 @@ from mitt.vision.camera import Rig, fixed_rig
 from mitt.vision.eyes import Eyes
 from mitt.vision.head import active_rig
 from mitt.world.calibration import drawn_rig, error_root
-from mitt.world.faults.senses import true_rig
+from mitt.world.faults.true_rig import true_rig
 from mitt.world.flights import BallPath
 from mitt.world.imaging import Imager, sensor_of
 from mitt.world.materials import friction_of, restitution_of
@@ -100,16 +100,16 @@ class TrialRunner:
             flight=known_ball(ball.drag, ball.mass, spread=self._scene.mismatch.drag),
             around=Surroundings(floor=self._scene.floor),
             encoders=known_encoders(self._scene, self.arm),
-            stray=_patience(self._generator),
+            max_tracking_error=_max_tracking_error(self._generator),
             torque_lead=torque_lead_of(self._scene.actuation),
         )
         return Catcher(driven(self.arm, self._scene), self._generator, eyes, settings=settings)
 
     def catcher(self) -> Catcher:
-        """Return a fresh catcher; one that may is told the flight of the ball just released."""
+        """Return a fresh catcher; the clairvoyant is given the flight of the ball just released."""
         generator = self._generator
         if isinstance(generator, Clairvoyant):
-            generator = generator.told(self.world.flight)
+            generator = generator.with_flight(self.world.flight)
         return self._catcher.again(generator)
 
     def release(self, ball: Throw | BallPath, *, seed: int) -> Catcher:
@@ -199,11 +199,11 @@ def catch_time(ticks: Result) -> float:
     return float(ticks.scalars["t"][near[-1]] + left[near[-1]]) if len(near) else np.inf
 
 
-def _patience(generator: Generator) -> float:
-    """Return how far the arm may stray [rad]: alpha = 0 is shown as it is, never stopped."""
+def _max_tracking_error(generator: Generator) -> float:
+    """Return the largest tracking error [rad]; alpha = 0 is shown as it is, never stopped."""
     f = generator.as_map()
     plain = f is not None and not np.any(f.alpha)
-    return np.inf if plain else CatcherSettings().stray
+    return np.inf if plain else CatcherSettings().max_tracking_error
 
 
 def _cameras(rig: Rig, scene: Scene) -> Callable[[np.random.Generator], Imager]:

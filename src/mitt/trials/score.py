@@ -43,7 +43,7 @@ class Trial:
             Acceleration, jerk and torque rate are those commanded, where the limit set has them.
         demand_cost: Mean cost (22) of the reference before saturation.
         peak_contact_force_n: Largest single contact force on the ball [N].
-        binding_limit: The limit that the verdict found asked most, or what ended the trial.
+        binding_limit: The limit that the verdict found most used, or what ended the trial.
         saturated_ticks: Ticks in which a torque limit was met.
         range_excess_rad: Largest reference angle beyond a joint's range [rad].
         rms_torque_ratio: Share of each drive's continuous torque, as root mean square over the
@@ -51,7 +51,7 @@ class Trial:
         certificate: The verdict before moving: outcome, binding limit, margin and probability.
         certificate_last: The same of the last online step before the catch; None where nothing was
             refined in flight.
-        stopped_by: Why the catcher stopped: state, reason, joint, time, and what it believed, read
+        stopped_by: Why the catcher stopped: state, reason, joint, time, and what it estimated, read
             and commanded then; None where it did not.
     """
 
@@ -110,7 +110,7 @@ def held(truth: Truth, radius: float) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measured:
-    """What the arm was asked and commanded in a trial, fields as in :class:`Trial`."""
+    """Reference and commands of a trial, fields as in :class:`Trial`."""
 
     peak_torque_ratio: list[float]
     peak_speed_ratio: list[float]
@@ -144,15 +144,15 @@ def measure(arm: Arm, ticks: Result, truth: Trace) -> Measured:
     bad |= truth.seen[1:] & (SELF | ARM_FLOOR) != 0
     mean_square = np.sum(drives.torque**2, axis=0) / max(len(given), 1)
     rms = (np.sqrt(mean_square) / arm.limits.tau_rms).tolist()
-    asked = demand(arm, ticks.reference[ticks.scalars["following"], :3])
-    following = len(asked.excess) > 0
+    demanded = demand(arm, ticks.reference[ticks.scalars["following"], :3])
+    following = len(demanded.excess) > 0
     return Measured(
         peak_torque_ratio=arm.by_joint(np.max(drives.share, axis=0, initial=0.0)).tolist(),
         peak_speed_ratio=np.max(np.abs(truth.dq) / arm.dq_max, axis=0).tolist(),
         rms_torque_ratio=rms,
         limit_violations=int(np.sum(bad)) + sum(share > 1.0 + MEASURED for share in rms),
-        demand_cost=asked.cost if following else 0.0,
-        range_excess_rad=float(asked.excess.max()) if following else 0.0,
+        demand_cost=demanded.cost if following else 0.0,
+        range_excess_rad=float(demanded.excess.max()) if following else 0.0,
         saturated_ticks=int(np.sum(ticks.scalars["saturated"])),
     )
 

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 from numba import typeof
 
+from mitt.catcher.action import act
 from mitt.catcher.catcher import Catcher
-from mitt.catcher.tick import act, perceive, refer, undecided
+from mitt.catcher.perception import perceive
+from mitt.catcher.tick import refer, undecided
 from mitt.generator.design import MapDesign
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap, unlearned
@@ -101,7 +103,7 @@ def _compile_arm(f: DirectMap, scene: Scene, ball: Throw | BallPath, pixels: boo
     _compile(undecided.inner, 0, state, result)
     stage = runner.world.stage
     if stage is not None:
-        rows, tau = stage.tape.reserve(2), catcher.result.command[3]
+        rows, tau = stage.trace_buffer.reserve(2), catcher.result.command[3]
         _compile(move.inner, stage.plant, tau, 0.0, rows)
 
 

@@ -157,15 +157,15 @@ class Eyes:
         ball, t = checks.instance("ball", ball, BallState), checks.number("t", t)
         if not self.heads:
             return None
-        wanted, motion = np.empty((self.heads, 4)), np.zeros((2, 3))
+        desired, motion = np.empty((self.heads, 4)), np.zeros((2, 3))
         if ball.tracked:
             motion[0], motion[1] = ball.r_o + (t - ball.t) * ball.dr_o, ball.dr_o
         follows = ball.tracked and ball.t - ball.t_seen < LET_GO
         lead(
             self._heads, self._cameras, self._memory, self._gaze, motion, follows, self._t, t,
-            self._gaze_work, wanted,
+            self._gaze_work, desired,
         )  # fmt: skip
-        return wanted
+        return desired
 
     def guide(self, ball: BallState, t: float, *, gap: float, alone: bool) -> None:
         """Say where the ball should be; where both cameras see it, that changes nothing.

@@ -10,7 +10,7 @@ which balls come into sight; when none sees a ball they nod and sway over where 
 |------------|------------------------------------------------------------|------------|-----------|
 | ``gaze``   | the ball's pan, tilt and their rates as each head sees it, | rad, rad/s | (n, GAZE) |
 |            | sightings in this row, time of the last                    | 1, s       |           |
-| ``wanted`` | pan, tilt and their rates                                  | rad, rad/s | (n, 4)    |
+| ``desired``| pan, tilt and their rates                                  | rad, rad/s | (n, 4)    |
 """
 
 from math import cos, pi, sin, sqrt
@@ -72,7 +72,7 @@ def _along(head: Array, track: Array, t: float, camera: Array, point: Array) -> 
 
 
 @kernel
-def _from_others(heads: Array, gaze: Array, n: int, t: float, work: Array, wanted: Array) -> bool:
+def _from_others(heads: Array, gaze: Array, n: int, t: float, work: Array, desired: Array) -> bool:
     """Write where head ``n`` looks to meet the line of sight of another; False if none sees."""
     now, rate, h = work[5], work[6], 1e-3
     for m in range(heads.shape[0]):
@@ -82,7 +82,7 @@ def _from_others(heads: Array, gaze: Array, n: int, t: float, work: Array, wante
         _along(heads[m], gaze[m], t + h, work[:5], rate)
         for i in range(3):
             rate[i] = (rate[i] - now[i]) / h
-        bearing(heads[n], now, rate, wanted)
+        bearing(heads[n], now, rate, desired)
         return True
     return False
 
@@ -90,7 +90,7 @@ def _from_others(heads: Array, gaze: Array, n: int, t: float, work: Array, wante
 @kernel
 def lead(
     heads: Array, cameras: Array, memory: Array, gaze: Array, motion: Array, tracked: bool,
-    te: float, t: float, work: Array, wanted: Array,
+    te: float, t: float, work: Array, desired: Array,
 ) -> None:  # fmt: skip
     """Write where the heads are to look.
 
@@ -104,7 +104,7 @@ def lead(
         te: Time of the last exposure [s].
         t: Time at which the heads are to be there [s].
         work: Scratch, shape (7, 3).
-        wanted: Result.
+        desired: Result.
     """
     count, rig = heads.shape[0], memory[heads.shape[0]]
     for n in range(count):
@@ -116,7 +116,7 @@ def lead(
             away = sqrt((rig[0] - c[0]) ** 2 + (rig[1] - c[1]) ** 2 + (rig[2] - c[2]) ** 2)
         _observe(heads[n], cameras[n], memory[n], gaze[n], te, away, work[5:])
     for n in range(count):
-        head, track, goal = heads[n], gaze[n], wanted[n]
+        head, track, goal = heads[n], gaze[n], desired[n]
         later = t - track[5]
         sees = track[4] >= 1.0
         if tracked:

@@ -60,7 +60,7 @@ def aim(heads: Array, angles: Array, cameras: Array) -> None:
 
 
 @kernel
-def bearing(head: Array, r: Array, dr: Array, wanted: Array) -> None:
+def bearing(head: Array, r: Array, dr: Array, desired: Array) -> None:
     """Write the angles at which a head looks at a point, and how fast they change.
 
     Exact for a lens on the optical axis; one beside it sees the point that much beside the
@@ -70,7 +70,7 @@ def bearing(head: Array, r: Array, dr: Array, wanted: Array) -> None:
         head: A row of ``heads``.
         r: Point in the world [m], shape (3,).
         dr: Its velocity [m/s], shape (3,).
-        wanted: Result, pan, tilt [rad] and their rates [rad/s], shape (4,).
+        desired: Result, pan, tilt [rad] and their rates [rad/s], shape (4,).
     """
     x, y, z, dx, dy, dz = r[0] - head[9], r[1] - head[10], r[2] - head[11], dr[0], dr[1], dr[2]
     a = head[0] * x + head[3] * y + head[6] * z
@@ -81,12 +81,12 @@ def bearing(head: Array, r: Array, dr: Array, wanted: Array) -> None:
     dc = head[2] * dx + head[5] * dy + head[8] * dz
     flat = max(hypot(a, c), 1e-6)
     range2 = flat * flat + b * b
-    wanted[0], wanted[1] = atan2(a, c), atan2(-b, flat)
-    wanted[2] = (da * c - a * dc) / (flat * flat)
-    wanted[3] = (b * (a * da + c * dc) / flat - db * flat) / range2
+    desired[0], desired[1] = atan2(a, c), atan2(-b, flat)
+    desired[2] = (da * c - a * dc) / (flat * flat)
+    desired[3] = (b * (a * da + c * dc) / flat - db * flat) / range2
     for k in range(4):  # a point so far off or so fast that the numbers run out
-        if not np.isfinite(wanted[k]):
-            wanted[k] = 0.0
+        if not np.isfinite(desired[k]):
+            desired[k] = 0.0
 
 
 def pack_heads(rig: Rig) -> Array:

@@ -67,7 +67,7 @@ def hold(brakes: Array, since: float, qvel: Array, ctrl: Array, passive: Array, 
 
     Args:
         brakes: As in the module's table, row by row, shape (ROWS * n,); springs are overwritten.
-        since: Time since they were told to engage [s]; negative where they were not.
+        since: Time since they were commanded to engage [s]; negative where they were not.
         qvel: Velocities of the plant, arm first.
         ctrl: Motor torques, overwritten, arm first.
         passive: Friction, which the brakes' torques are added to, arm first.

@@ -25,9 +25,9 @@ from mitt.world.capsules import Camera, Edges, Point, draw_body, into
 from mitt.world.heads import open_and_shut
 from mitt.world.noise import PERIOD
 from mitt.world.outline import draw_ball
-from mitt.world.painting import BODY, PAINTED, Canvas, paint
+from mitt.world.painting import Canvas, Light, paint
 
-Cameras: TypeAlias = tuple[Array, Array, Array, Array, Array, Array, Array, Canvas]
+Cameras: TypeAlias = tuple[Array, Array, Array, Array, Array, Light, Array, Canvas]
 Bank: TypeAlias = tuple[Image, Image, Array]
 Window: TypeAlias = NDArray[np.int64]
 
@@ -58,27 +58,30 @@ def _camera(optics: Array, n: int, shut: int) -> Camera:
 
 @kernel
 def _draw_balls(
-    pixels: Image, begin: Camera, end: Camera, balls: Array, light: Array, normal: Array,
+    pixels: Image, begin: Camera, end: Camera, balls: Array, light: Light, normal: Array,
     start: int, window: Edges, work: Array,
 ) -> None:  # fmt: skip
-    """Draw the balls, the first above the others; for the arguments see :func:`expose`."""
+    """Draw the balls, the first above the others; for the arguments see :func:`draw_images`."""
     lens = begin[12], begin[13], begin[14]
     for k in range(balls.shape[0] - 1, -1, -1):
         x0, y0, z0 = into(begin, balls[k, 0], balls[k, 1], balls[k, 2])
         x1, y1, z1 = into(end, balls[k, 3], balls[k, 4], balls[k, 5])
         if np.isfinite(x0 + y0 + z0 + x1 + y1 + z1):
-            ball, paint = (x0, y0, z0, x1, y1, z1, balls[k, 6]), (balls[k, 7], light[0], light[1])
+            ball, paint = (
+                (x0, y0, z0, x1, y1, z1, balls[k, 6]),
+                (balls[k, 7], light.read_noise, light.electrons),
+            )
             draw_ball(pixels, lens, ball, paint, normal, start, window, work)
 
 
 @kernel
-def expose(
+def draw_images(
     images: tuple[Image, ...],
     optics: Array,
     places: Array,
     balls: Array,
     capsules: Array,
-    light: Array,
+    light: Light,
     wall: Image,
     ground: Image,
     normal: Array,
@@ -106,7 +109,7 @@ def expose(
         canvas: Scratch, as of :func:`mitt.world.painting.paint` for the largest image.
         t: Middle of the exposure [s].
     """
-    body, painted = int(light[BODY]), light[PAINTED] > 0.0
+    body, painted = int(light.body), light.painted
     for n in range(len(images)):
         pixels, begin, end = images[n], _camera(optics, n, 0), _camera(optics, n, 1)
         quiet, loud = starts[n, 0], starts[n, 1]
@@ -128,7 +131,7 @@ def expose(
 
 
 @kernel
-def snap(
+def render_images(
     images: tuple[Image, ...],
     camera: Cameras,
     bank: Bank,
@@ -144,19 +147,19 @@ def snap(
     """Place cameras and ball as the shutter opens and as it closes, and draw what is seen.
 
     Args:
-        images: As for :func:`expose`.
+        images: As for :func:`draw_images`.
         camera: Heads and their state in the middle of the exposure, as in
             :mod:`mitt.vision.head`; then ``optics``, ``places``, ``balls``, ``light``, ``work``
-            and ``canvas`` of :func:`expose`, of which the first two and the balls are
+            and ``canvas`` of :func:`draw_images`, of which the first two and the balls are
             overwritten.
-        bank: ``wall``, ``ground`` and ``normal`` of :func:`expose`.
-        starts: As for :func:`expose`.
+        bank: ``wall``, ``ground`` and ``normal`` of :func:`draw_images`.
+        starts: As for :func:`draw_images`.
         half: Half the exposure [s].
         radius: Radius of the ball [m].
         r_o: Its centre in the middle of the exposure [m], shape (3,); not finite for no ball.
         dr_o: Its velocity [m/s], shape (3,).
-        capsules: As for :func:`expose`.
-        windows: As for :func:`expose`.
+        capsules: As for :func:`draw_images`.
+        windows: As for :func:`draw_images`.
         t: Middle of the exposure [s].
     """
     heads, state, optics, places, balls, light, work, canvas = camera
@@ -168,7 +171,7 @@ def snap(
             balls[k, i] = balls[k, 8 + i] + (t - half) * balls[k, 11 + i]
             balls[k, 3 + i] = balls[k, 8 + i] + (t + half) * balls[k, 11 + i]
     open_and_shut(heads, state, half, optics, places)
-    expose(
+    draw_images(
         images, optics, places, balls, capsules, light, bank[0], bank[1], bank[2], starts, windows,
         work, canvas, t,
     )  # fmt: skip

@@ -3,7 +3,7 @@
 | here    | meaning                                             | unit       | shape  |
 |---------|-----------------------------------------------------|------------|--------|
 | state   | pan, tilt and their rates, a head each              | rad, rad/s | (n, 4) |
-| wanted  | the same, as the catcher wants it at the tick's end | rad, rad/s | (n, 4) |
+| desired | the same at the tick's end, by the catcher's command | rad, rad/s | (n, 4) |
 """
 
 from math import sqrt
@@ -21,16 +21,16 @@ BANDWIDTH, STEPS = 300.0, 4
 
 
 @kernel
-def follow(heads: Array, state: Array, wanted: Array, bandwidth: float, duration: float) -> None:
+def follow(heads: Array, state: Array, desired: Array, bandwidth: float, duration: float) -> None:
     """Let the servos follow for a while, within the limits of speed and acceleration.
 
-    A loop of angle around a loop of rate, critically damped, with the wanted rate fed forward.
+    A loop of angle around a loop of rate, critically damped, with the desired rate fed forward.
     A long way is driven no faster than can be braked away, so that it does not overshoot.
 
     Args:
         heads: As in :mod:`mitt.vision.head`.
         state: Overwritten.
-        wanted: For the end of the time.
+        desired: For the end of the time.
         bandwidth: Of the servos [rad/s].
         duration: Time to pass [s].
     """
@@ -38,9 +38,9 @@ def follow(heads: Array, state: Array, wanted: Array, bandwidth: float, duration
     for n in range(state.shape[0]):
         top, most = heads[n, 18], heads[n, 19]
         for axis in range(2):
-            angle, rate, drift = state[n, axis], state[n, axis + 2], wanted[n, axis + 2]
+            angle, rate, drift = state[n, axis], state[n, axis + 2], desired[n, axis + 2]
             for k in range(STEPS):
-                gap = wanted[n, axis] - drift * (duration - k * h) - angle
+                gap = desired[n, axis] - drift * (duration - k * h) - angle
                 reach = sqrt(1.6 * most * abs(gap))
                 goal = drift + min(max(0.25 * bandwidth * gap, -reach), reach)
                 accel = min(max(bandwidth * (goal - rate), -most), most)
@@ -84,13 +84,13 @@ class Heads:
             row[:2] = head.search
         self._steps = [head.encoder_step for head in rig.heads]
 
-    def turn(self, wanted: Array | None, duration: float) -> None:
-        """Follow ``wanted`` for ``duration`` [s]; stay where there is none or it is not finite."""
-        if wanted is not None:
-            wanted = checks.array("gaze", wanted, self.state.shape)
-        if wanted is None or not np.all(np.isfinite(wanted)):
-            wanted = self.state * (1.0, 1.0, 0.0, 0.0)
-        follow(self.packed, self.state, wanted, BANDWIDTH, duration)
+    def turn(self, desired: Array | None, duration: float) -> None:
+        """Follow ``desired`` for ``duration`` [s]; stay where there is none or it is not finite."""
+        if desired is not None:
+            desired = checks.array("gaze", desired, self.state.shape)
+        if desired is None or not np.all(np.isfinite(desired)):
+            desired = self.state * (1.0, 1.0, 0.0, 0.0)
+        follow(self.packed, self.state, desired, BANDWIDTH, duration)
 
     def read(self, n: int) -> tuple[float, float]:
         """Return pan and tilt of a head as its encoders count them [rad]."""

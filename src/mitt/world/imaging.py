@@ -12,20 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.errors import InputError
-from mitt.signals import Array, Frame, frame_of
+from mitt.signals import Array, Frame, Image
 from mitt.vision.camera import Rig
-from mitt.world.exposure import Bank, Cameras, snap
+from mitt.world.exposure import Bank, Cameras, render_images
 from mitt.world.heads import Heads
 from mitt.world.noise import NOISE_SIZE, PERIOD, SIDE, noise_bank
 from mitt.world.outline import SCRATCH
-from mitt.world.painting import BLUR, LIGHT
+from mitt.world.painting import Light
 from mitt.world.scene import Scene
 
 BLOCK = 512
 """Frames whose offsets into the noise banks are drawn at once."""
 
 Film: TypeAlias = tuple[Cameras, Bank, NDArray[np.int64]]
-"""Cameras and banks as :func:`mitt.world.exposure.snap` takes them, and offsets of a block."""
+"""What :func:`mitt.world.exposure.render_images` takes: cameras, banks, offsets of a block."""
 
 BEFORE = 0.008
 """Time between looks before a throw [s]: ten of them see a lamp of 100 Hz in all its phases."""
@@ -117,11 +117,11 @@ def sensor_of(scene: Scene) -> ImageSensor:
 
 
 def whole_images(shapes: Sequence[tuple[int, int]]) -> NDArray[np.int64]:
-    """Return windows that are whole images, as :func:`mitt.world.exposure.expose` takes them."""
+    """Return windows that are whole images, for :func:`mitt.world.exposure.draw_images`."""
     return np.array([(0, height - 1, 0, width - 1) for height, width in shapes], dtype=np.int64)
 
 
-def _light(sensor: ImageSensor, side: int, rng: np.random.Generator) -> Array:
+def _light(sensor: ImageSensor, side: int, rng: np.random.Generator) -> Light:
     """Return light and noise as in :mod:`mitt.world.painting`.
 
     Args:
@@ -130,16 +130,13 @@ def _light(sensor: ImageSensor, side: int, rng: np.random.Generator) -> Array:
         rng: Not drawn from; what moves has a stream of its own.
     """
     phase, place = rng.spawn(1)[0].random(2)
-    light = np.zeros(LIGHT)
-    light[:BLUR] = (
-        sensor.read_noise, sensor.electrons, sensor.body, sensor.hand_level, sensor.shading,
-        sensor.grain,
+    return Light(
+        float(sensor.read_noise), float(sensor.electrons), float(sensor.body),
+        float(sensor.hand_level), float(sensor.shading), float(sensor.grain), float(sensor.blur),
+        float(sensor.light[0]), float(sensor.light[1]), phase=float(2.0 * np.pi * phase),
+        shadow=float(sensor.shadow[0]), shadow_speed=float(sensor.shadow[1]),
+        shadow_start=float(side * place), painted=sensor.painted,
     )  # fmt: skip
-    light[BLUR:] = (
-        sensor.blur, *sensor.light, 2.0 * np.pi * phase, *sensor.shadow, side * place,
-        sensor.painted,
-    )  # fmt: skip
-    return light
 
 
 class Imager:
@@ -217,7 +214,7 @@ class Imager:
         """Half the time that the shutter is open [s]."""
         return self._half
 
-    def expose(self, frames: int) -> None:
+    def advance(self, frames: int) -> None:
         """Count frames that compiled code has exposed; no more than are left of a block."""
         self._number += frames
         if self._number % BLOCK == 0 and frames > 0:
@@ -243,11 +240,11 @@ class Imager:
         starts, views = self._draw_starts(self._early), []
         for k in range(count):
             t, images = BEFORE * (k - count), [np.empty(shape, np.uint8) for shape in self._shapes]
-            snap(
+            render_images(
                 tuple(images), self._camera, self._banks, starts[k], self._half, 0.0, _NOWHERE,
                 _STILL, capsules, self._whole, t,
             )  # fmt: skip
-            views.append(tuple([frame_of(t, n, k - count, x) for n, x in enumerate(images)]))
+            views.append(_frames(t, k - count, images))
         return views
 
     def render(
@@ -271,17 +268,26 @@ class Imager:
         number, row = self._number, self._number % BLOCK
         images = tuple([np.empty(shape, np.uint8) for shape in self._shapes])
         r_o, dr_o = _NOWHERE if r_o is None else r_o, _STILL if dr_o is None else dr_o
-        snap(
+        render_images(
             images, self._camera, self._banks, self._starts[row], self._half, radius, r_o, dr_o,
             capsules, self._whole, t,
         )  # fmt: skip
-        self.expose(1)
-        if self._turnable:
-            read = self._heads.read
-            return tuple([frame_of(t, n, number, x, read(n)) for n, x in enumerate(images)])
-        return tuple([frame_of(t, n, number, x) for n, x in enumerate(images)])
+        self.advance(1)
+        heads = [self._heads.read(n) for n in range(len(images))] if self._turnable else None
+        return _frames(t, number, images, heads)
 
     def _draw_starts(self, rng: np.random.Generator) -> NDArray[np.int64]:
         """Return offsets of the next frames into both banks, shape (block, n, 2)."""
         most = [[NOISE_SIZE - height * width] * 2 for height, width in self._shapes]
         return rng.integers(0, most, size=(BLOCK, len(most), 2))
+
+
+def _frames(
+    t: float, number: int, images: Sequence[Image], heads: list[tuple[float, float]] | None = None
+) -> tuple[Frame, ...]:
+    """Return images as frames; ``heads`` are pan and tilt of each camera [rad]."""
+    angles = heads or [(0.0, 0.0)] * len(images)
+    return tuple(
+        Frame(t=t, camera=n, number=number, pixels=pixels, pan=angles[n][0], tilt=angles[n][1])
+        for n, pixels in enumerate(images)
+    )

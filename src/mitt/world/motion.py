@@ -18,7 +18,7 @@ The state beside MuJoCo's own is one vector:
 | FIRST      | r_o, dr_o, position, velocity then, as in ``FirstContact``           | m, m/s |
 | FLIGHT     | ball at the end of a step if it flies freely: position, velocity     | m, m/s |
 | SURVEY     | scratch                                                              |        |
-| BRAKED     | when the brakes were told to engage; negative before                 | s      |
+| BRAKED     | when the brakes were commanded to engage; negative before                 | s      |
 | STOPPED    | when the catcher stopped; negative before                            | s      |
 | SERVO      | the finger servo, as of :func:`mitt.world.drives.servo_numbers`       |        |
 | MASS       | mass of the ball                                                     | kg     |
@@ -81,8 +81,8 @@ def fresh_motion(
 
 
 @kernel
-def tell(state: Array, brakes: bool, stopped: bool) -> None:
-    """Tell the plant whether brakes are to engage, and whether the catcher has stopped.
+def note_stop(state: Array, brakes: bool, stopped: bool) -> None:
+    """Note whether brakes are to engage, and whether the catcher has stopped.
 
     Args:
         state: As in the module's table.

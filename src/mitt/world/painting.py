@@ -8,12 +8,12 @@ where its own faster way, without any of this, will not do.
 |----------|------------------------------------------------------------------|--------|-----------|
 | canvas   | an image without noise                                           | levels | (h, w)    |
 | capsules | as in :mod:`mitt.world.capsules`, then 1 for the hand, else 0    |        | (k, 8)    |
-| light    | settings by the names below                                      |        | (LIGHT,)  |
+| light    | a :class:`Light`                                                 |        |           |
 | window   | first and last row, first and last column                        | px     | 4         |
 """
 
 from math import floor, pi, sin, sqrt
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,12 +27,37 @@ from mitt.world.outline import blend_ball
 
 Canvas: TypeAlias = NDArray[np.float32]
 
-READ, ELECTRONS, BODY, HAND, SHADING, GRAIN, BLUR, AMPLITUDE, FREQUENCY, PHASE = range(10)
-SHADOW, SHADOW_SPEED, SHADOW_AT, PAINTED = range(10, 14)
-LIGHT = 14
-"""Read noise [levels], electrons a level, levels of arm and hand, relative shading and grain, blur
-(1 sigma) [px]; relative amplitude, frequency [Hz] and phase [rad] of the light; relative depth of
-a shadow, speed of its edge [px/s], its column at time zero [px]; whether images are painted."""
+
+class Light(NamedTuple):
+    """Light, noise and lens, a number each.
+
+    Attributes:
+        read_noise: Of the sensor [levels].
+        electrons: A grey level.
+        body, hand: Grey levels of arm and hand.
+        shading, grain: Relative to these levels [1].
+        blur: Of the lens, 1 sigma [px].
+        amplitude, frequency, phase: Of the illumination: relative [1], [Hz], [rad].
+        shadow: Relative depth of a shadow [1].
+        shadow_speed, shadow_start: Of its edge: speed [px/s], column at time zero [px].
+        painted: Whether images are painted.
+    """
+
+    read_noise: float
+    electrons: float
+    body: float
+    hand: float
+    shading: float
+    grain: float
+    blur: float
+    amplitude: float
+    frequency: float
+    phase: float
+    shadow: float
+    shadow_speed: float
+    shadow_start: float
+    painted: bool
+
 
 LIT_FROM: Point = (-0.6, -0.8, 0.0)
 """Direction in the image, right and down, from which arm and hand are lit."""
@@ -170,29 +195,29 @@ def wide_of(sigma: float) -> int:
 
 
 @kernel
-def brightness(light: Array, t: float) -> float:
+def brightness(light: Light, t: float) -> float:
     """Return the illumination at an instant over its mean [1]."""
-    return float(1.0 + light[AMPLITUDE] * sin(2.0 * pi * light[FREQUENCY] * t + light[PHASE]))
+    return float(1.0 + light.amplitude * sin(2.0 * pi * light.frequency * t + light.phase))
 
 
 @kernel
-def _cast(canvas: Canvas, light: Array, t: float, window: Edges) -> None:
+def _cast(canvas: Canvas, light: Light, t: float, window: Edges) -> None:
     """Cast the shadow on a window."""
-    edge = light[SHADOW_AT] + light[SHADOW_SPEED] * t
+    edge = light.shadow_start + light.shadow_speed * t
     for v in range(np.uint64(window[0]), np.uint64(window[1] + 1)):
         for u in range(np.uint64(window[2]), np.uint64(window[3] + 1)):
             into = 0.5 - (np.int64(u) - edge) / EDGE
-            canvas[v, u] *= np.float32(1.0 - light[SHADOW] * min(max(into, 0.0), 1.0))
+            canvas[v, u] *= np.float32(1.0 - light.shadow * min(max(into, 0.0), 1.0))
 
 
 @kernel
-def _develop(
-    pixels: Image, canvas: Canvas, light: Array, t: float, normal: Array, start: int, window: Edges
+def _read_out(
+    pixels: Image, canvas: Canvas, light: Light, t: float, normal: Array, start: int, window: Edges
 ) -> None:
     """Light a window, add read and shot noise, and round to bytes."""
-    if light[SHADOW] > 0.0:
+    if light.shadow > 0.0:
         _cast(canvas, light, t, window)
-    read, shot = np.float32(light[READ] * light[READ]), np.float32(1.0 / light[ELECTRONS])
+    read, shot = np.float32(light.read_noise * light.read_noise), np.float32(1.0 / light.electrons)
     lit, half = np.float32(brightness(light, t)), np.float32(0.5)
     zero, top, width = np.float32(0.0), np.float32(255.0), np.uint64(pixels.shape[1])
     for v in range(np.uint64(window[0]), np.uint64(window[1] + 1)):
@@ -215,7 +240,7 @@ def _count_behind(seen: Seen, depths: Array) -> int:
 
 @kernel
 def _paint_all(
-    canvas: Canvas, begin: Camera, end: Camera, balls: Array, capsules: Array, light: Array,
+    canvas: Canvas, begin: Camera, end: Camera, balls: Array, capsules: Array, light: Light,
     window: Edges, work: Array,
 ) -> None:  # fmt: skip
     """Paint capsules and balls, the far ones first."""
@@ -233,8 +258,8 @@ def _paint_all(
             if not ahead or misses(lens, seen, window):
                 continue
             if _count_behind(seen, centres[:count]) == stage:
-                level = light[HAND] if capsules[k, 7] > 0.0 else light[BODY]
-                style = light[SHADING], light[GRAIN], 0.7 * k
+                level = light.hand if capsules[k, 7] > 0.0 else light.body
+                style = light.shading, light.grain, 0.7 * k
                 _paint_capsule(canvas, lens, seen, level, style, window)
         if stage < count:
             b = order[stage]
@@ -248,7 +273,7 @@ def _paint_all(
 @kernel
 def paint(
     pixels: Image, begin: Camera, end: Camera, turn: Point, balls: Array, capsules: Array,
-    light: Array, t: float, wall: Image, normal: Array, start: int, window: Edges, work: Array,
+    light: Light, t: float, wall: Image, normal: Array, start: int, window: Edges, work: Array,
     canvas: Canvas,
 ) -> None:  # fmt: skip
     """Draw what one camera sees.
@@ -271,7 +296,7 @@ def paint(
     """
     height, width = pixels.shape
     first, other = view(canvas, 0, (height, width)), view(canvas, height * width, (height, width))
-    sigma = light[BLUR]
+    sigma = light.blur
     reach = wide_of(sigma) if sigma > 0.0 else 0
     wide = (
         max(window[0] - reach, 0), min(window[1] + reach, height - 1),
@@ -281,4 +306,4 @@ def paint(
     _paint_all(first, begin, end, balls, capsules, light, wide, work)
     if reach > 0:
         _soften(first, other, sigma, wide, window)
-    _develop(pixels, first, light, t, normal, start, window)
+    _read_out(pixels, first, light, t, normal, start, window)

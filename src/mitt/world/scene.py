@@ -1,6 +1,6 @@
 """Settings of the simulated world, from code or from a TOML file.
 
-What the catcher is not told: how heavy the links really are, how much the joints rub, how good
+What the catcher does not know: how heavy the links really are, how much the joints rub, how good
 the sensors are. Every figure without a source is a choice of this project.
 """
 
@@ -58,7 +58,7 @@ class Mismatch(Settings):
 
 
 class Sensing(Settings):
-    """What the catcher is told, and when.
+    """What the catcher senses, and when.
 
     Attributes:
         point_noise: Noise of points, 1 sigma an axis [m].
@@ -160,7 +160,7 @@ class Scene(Settings):
         base: Name of the scene that it starts from; settings are compared with those.
         ball: What is thrown.
         mismatch: How far the plant is from its model.
-        sensing: What the catcher is told, and when.
+        sensing: What the catcher senses, and when.
         actuation: How commands become torques.
         contact: Contact of ball and hand.
         floor: Height of the floor below the shoulder, negative [m]; the arm is on a stand.

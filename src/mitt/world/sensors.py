@@ -1,4 +1,4 @@
-"""What the catcher is told: encoders, and images or points that arrive late."""
+"""What reaches the catcher: encoders, and images or points that arrive late."""
 
 from collections import deque
 from collections.abc import Callable
@@ -8,7 +8,7 @@ import numpy as np
 
 from mitt.jit import kernel
 from mitt.robot.description import ArmModel
-from mitt.signals import Array, Frame, Senses, Sighting, senses_of
+from mitt.signals import ArmState, Array, Frame, Senses, Sighting
 from mitt.world.capsules import Silhouettes
 from mitt.world.scene import Scene, Sensing
 
@@ -123,7 +123,7 @@ class Sensors:
         """Covariance of a point [m^2], shape (3, 3)."""
         return self._covariance
 
-    def scatter(self, points: int) -> Array:
+    def noise(self, points: int) -> Array:
         """Draw how far off the next points are [m], shape (points, 3)."""
         return self._sensing.point_noise * self._rng.standard_normal((points, 3))
 
@@ -157,9 +157,10 @@ class Sensors:
             self._line.append((frames, ()))
         arrived = self._line.popleft() if len(self._line) > self._latency else _NOTHING
         read_encoders(self._encoders, t, q, dq)
-        return senses_of(t, self._encoders[Q].copy(), self._encoders[DQ].copy(), *arrived)
+        q, dq = self._encoders[Q].copy(), self._encoders[DQ].copy()
+        return Senses(t=t, arm=ArmState(t=t, q=q, dq=dq), frames=arrived[0], points=arrived[1])
 
     def _point(self, t: float, r_o: Array) -> Sighting:
         """Return a noisy position."""
-        seen = r_o + self.scatter(1)[0]
+        seen = r_o + self.noise(1)[0]
         return Sighting(t=t, found=True, r_o=seen, covariance=self._covariance)

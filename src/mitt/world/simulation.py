@@ -28,7 +28,7 @@ from mitt.world.scene import Scene
 from mitt.world.sensors import CameraMaker, Sensors, encoder_steps
 from mitt.world.stage import Stage
 from mitt.world.throws import Throw
-from mitt.world.truth import FirstContact, Tape, Trace, Truth
+from mitt.world.truth import FirstContact, Trace, TraceBuffer, Truth
 
 
 @final
@@ -80,7 +80,7 @@ class World:
         self._senses = qpos[:n], qvel[:n], qpos[ball : ball + 3], qvel[ball : ball + 3]
         self._body, self._steps = Silhouettes(self.model, d), encoder_steps(scene, arm)
         self._ball = self._senses[2:]
-        self._tape = Tape((1, self.model.nq, self.model.nv, n, 3, 3, 1, 1))
+        self._trace = TraceBuffer((1, self.model.nq, self.model.nv, n, 3, 3, 1, 1))
         self._start(None, self._draw.nominal)
 
     def __reduce__(self) -> NoReturn:
@@ -97,7 +97,7 @@ class World:
     def flight(self) -> Callable[[float], tuple[Array, Array]]:
         """The ball's true flight, untouched: time since release [s] to position and velocity.
 
-        For the clairvoyant alone; asked right after ``reset``.
+        For the clairvoyant alone; read right after ``reset``.
         """
         if self._faults is not None:
             return self._faults.undisturbed_path(self._drag).at
@@ -121,7 +121,7 @@ class World:
 
     def watch_on(self) -> None:
         """Go on for :data:`mitt.world.motion.WATCHED` from now on: the catcher has stopped."""
-        motion.tell(self._state, bool(self._state[motion.BRAKED] >= 0.0), True)
+        motion.note_stop(self._state, bool(self._state[motion.BRAKED] >= 0.0), True)
 
     def over(self, *, longest: float, held: float) -> bool:
         """Tell whether the trial is at its end, by :func:`mitt.world.motion.over`."""
@@ -202,7 +202,7 @@ class World:
         if imager is not None and not (isinstance(imager, Imager) and imager.a_pair):
             return None
         return Stage(
-            self._plant, self._tape, self._body.table, sensors, imager, self._scene, self.radius
+            self._plant, self._trace, self._body.table, sensors, imager, self._scene, self.radius
         )
 
     def apply(self, command: Command) -> None:
@@ -210,17 +210,16 @@ class World:
         command = self._checked(command)
         if self._faults is not None:
             command = self._faults.command(self.t, command)
-        motion.tell(self._state, command.brakes, False)
-        self._move(command.tau, command.hand, self._tape.reserve(self._ticks + 2))
+        motion.note_stop(self._state, command.brakes, False)
+        self._move(command.tau, command.hand, self._trace.reserve(self._ticks + 2))
         self._sensors.turn(command.gaze, TICK)
 
     def _checked(self, command: Command) -> Command:
         """Return a command as compiled code takes it; refuse another shape."""
         given = checks.instance("command", command, Command)
-        told = checks.array("command.told", given.told, (4, self._n))
+        joints = checks.array("command.joints", given.joints, (4, self._n))
         hand = checks.number("command.hand", given.hand)
-        same = told is given.told and hand is given.hand
-        return given if same else given._replace(told=told, hand=hand)
+        return given._replace(joints=joints, hand=hand)
 
     def truth(self) -> Truth:
         """Return the true state at the end of the last tick."""
@@ -237,7 +236,7 @@ class World:
             velocity=velocity,
             q=qpos[:n],
             dq=qvel[:n],
-            tau=self._tape.last(self._ticks, column=3),
+            tau=self._trace.last(self._ticks, column=3),
             fingers=qpos[n:ball],
             touching=contacts.names_touching(self._names, p.touching),
             contact_force=self._state.item(motion.FORCE),
@@ -248,17 +247,7 @@ class World:
 
     def trace(self) -> Trace:
         """Return all true states since release."""
-        t, qpos, qvel, tau, position, velocity, force, seen = self._tape.columns(self._ticks + 1)
-        return Trace(
-            t=t[:, 0],
-            qpos=qpos,
-            qvel=qvel,
-            tau=tau,
-            position=position,
-            velocity=velocity,
-            force=force[:, 0],
-            seen=seen[:, 0].astype(np.int64),
-        )
+        return self._trace.trace(self._ticks + 1)
 
     def _drawn_faults(self, ball: Throw | BallPath, seed: int) -> ActiveFaults | None:
         """Return what goes wrong in a trial; None where the plan is empty."""
@@ -283,7 +272,7 @@ class World:
         drives = fresh_drives(self._scene.actuation, self.data.qfrc_bias[: self._n])
         self._plant = self._plant._replace(state=self._state, drives=drives)
         drives[MEAN] = 0.0  # nothing was commanded yet
-        motion.note(self._plant, self._tape.rows)
+        motion.note(self._plant, self._trace.rows)
 
     @property
     def _ticks(self) -> int:

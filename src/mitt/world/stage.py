@@ -8,7 +8,7 @@ from mitt.world.engine import Plant
 from mitt.world.imaging import Imager
 from mitt.world.scene import Scene
 from mitt.world.sensors import Sensors
-from mitt.world.truth import Tape
+from mitt.world.truth import TraceBuffer
 
 Body: TypeAlias = tuple[Array, Array, Array, Array, Array]
 
@@ -19,9 +19,9 @@ class Stage:
 
     Attributes:
         plant: As of :class:`mitt.world.engine.Plant`.
-        tape: The trace, whose row of a tick has its number.
+        trace_buffer: The trace, whose row of a tick has its number.
         body: As of :func:`mitt.world.capsules.lay_capsules`.
-        sensors: What the catcher is told.
+        sensors: What reaches the catcher.
         imager: The cameras, two that see images of one size and do not turn; None where the ball
             is seen as points.
         scene: Settings.
@@ -29,7 +29,7 @@ class Stage:
     """
 
     plant: Plant
-    tape: Tape
+    trace_buffer: TraceBuffer
     body: Body
     sensors: Sensors
     imager: Imager | None

@@ -1,4 +1,4 @@
-"""What really happens in the world, for scoring only: the catcher is never told."""
+"""What really happens in the world, for scoring only: the catcher never gets it."""
 
 from dataclasses import dataclass
 
@@ -119,7 +119,7 @@ class Trace:
         return self.qvel[:, -6:-3]
 
 
-class Tape:
+class TraceBuffer:
     """A table behind a :class:`Trace`, one row a tick.
 
     Attributes:
@@ -138,10 +138,21 @@ class Tape:
             self.rows = np.concatenate((self.rows, np.empty_like(self.rows)))
         return self.rows
 
-    def columns(self, ticks: int) -> list[Array]:
-        """Return copies of all columns of the first rows."""
+    def trace(self, ticks: int) -> Trace:
+        """Return a copy of the first rows."""
         rows = self.rows[:ticks].copy()
-        return [rows[:, column] for column in self._columns]
+        columns = [rows[:, column] for column in self._columns]
+        t, qpos, qvel, tau, position, velocity, force, seen = columns
+        return Trace(
+            t=t[:, 0],
+            qpos=qpos,
+            qvel=qvel,
+            tau=tau,
+            position=position,
+            velocity=velocity,
+            force=force[:, 0],
+            seen=seen[:, 0].astype(np.int64),
+        )
 
     def last(self, tick: int, *, column: int) -> Array:
         """Return a copy of one column of the row of a tick."""

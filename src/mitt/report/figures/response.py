@@ -31,7 +31,7 @@ _ABOVE = 1.6
 
 def target_and_hand(arm: Arm, log: TrialLog) -> Plot:
     """Draw the ball and the catch point over time, whole and around the catch: fig. 9."""
-    wanted = np.array([arm.position(q) for q in log.asked[log.following, 0]]).reshape(-1, 3)
+    wanted = np.array([arm.position(q) for q in log.desired[log.following, 0]]).reshape(-1, 3)
 
     def draw(figure: Figure) -> None:
         grid = figure.subplots(3, 2, sharex="col", width_ratios=(1.5, 1.0))
@@ -84,9 +84,9 @@ def joint_angles(arm: Arm, learned: TrialLog, plain: TrialLog | None) -> Plot:
         axes.axhspan(arm.q_min[j], arm.q_max[j], color=BAND, zorder=0, label="range")
         shown = [arm.q_ready[j : j + 1], learned.encoders[:, 0, j]]
         if plain is not None:
-            asked, q = plain.asked[plain.following, 0, j], plain.encoders[:, 0, j]
-            _solid(axes, plain, (asked, f"{ALPHA_0}, asked for"), (q, f"{ALPHA_0}, arm", 1.6))
-            shown += [asked, q]
+            desired, q = plain.desired[plain.following, 0, j], plain.encoders[:, 0, j]
+            _solid(axes, plain, (desired, f"{ALPHA_0}, asked for"), (q, f"{ALPHA_0}, arm", 1.6))
+            shown += [desired, q]
         _dotted(axes, learned.t, learned.encoders[:, 0, j], "learned, arm")
         low, high = _ends(shown)
         room = 0.1 * max(high - low, 0.2)
@@ -132,15 +132,15 @@ def _by_joint(name: str, arm: Arm, log: TrialLog, draw_joint: Callable[[Axes, in
 
 def _asked_torque(arm: Arm, log: TrialLog) -> Array:
     """Return the torque of the motion asked for, eq. (16), shape (k, n)."""
-    rows = [arm.inverse_dynamics(*motion) for motion in log.asked[log.following]]
+    rows = [arm.inverse_dynamics(*motion) for motion in log.desired[log.following]]
     return np.array(rows).reshape(-1, arm.n)
 
 
 def _solid(
-    axes: Axes, log: TrialLog, asked: tuple[Array, str], done: tuple[Array, str, float]
+    axes: Axes, log: TrialLog, desired: tuple[Array, str], done: tuple[Array, str, float]
 ) -> None:
     """Draw the curves of alpha = 0: what it asks for while it follows, and what came of it."""
-    axes.plot(log.t[log.following], asked[0], color=ORANGE, lw=1.1, label=asked[1])
+    axes.plot(log.t[log.following], desired[0], color=ORANGE, lw=1.1, label=desired[1])
     axes.plot(log.t, done[0], color=PLAIN, label=done[1], lw=done[2])
 
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from mitt.robot.description import rotation
 from mitt.signals import TICK, Array, Frame, Senses, Sighting
-from mitt.vision.camera import Rig
 from mitt.world.faults.draw import direction, drawn
 from mitt.world.faults.plan import (
     Calibration,
@@ -29,27 +28,12 @@ from mitt.world.faults.plan import (
     NotNumber,
     Outlier,
 )
+from mitt.world.faults.sensor_fault import SensorFault
 
 Batch = tuple[tuple[Frame, ...], tuple[Sighting, ...]]
 
 #: A delay is over when less than this is left of it [s].
 _SLACK = 1e-9
-
-
-class SensorFault:
-    """Passes everything on unchanged."""
-
-    def looks(self, t: float) -> bool:  # noqa: ARG002
-        """Tell whether the cameras expose at a tick [s]."""
-        return True
-
-    def shown(self, t: float, r_o: Array) -> Array:  # noqa: ARG002
-        """Return where the exposure at a tick shows the ball [m], shape (3,)."""
-        return r_o
-
-    def told(self, senses: Senses) -> Senses:
-        """Return what goes on to the catcher."""
-        return senses
 
 
 def sensor_faults(plan: tuple[Fault, ...], seed: int, *, pixels: bool) -> tuple[SensorFault, ...]:
@@ -113,7 +97,7 @@ class _FrameRate(SensorFault):
     def __init__(self, fault: FrameRate, rng: np.random.Generator) -> None:
         self._fault, self._phase = fault, rng.random()
 
-    def looks(self, t: float) -> bool:
+    def exposes(self, t: float) -> bool:
         if not self._fault.is_active(t):
             return True
         rate = min(self._fault.magnitude, 1.0 / TICK)
@@ -139,7 +123,7 @@ class _Dropout(SensorFault):
     def __init__(self, fault: Dropout, rng: np.random.Generator) -> None:
         self._fault, self._rng = fault, rng
 
-    def told(self, senses: Senses) -> Senses:
+    def delivered(self, senses: Senses) -> Senses:
         lost = self._rng.random() < self._fault.magnitude
         if not lost or not self._fault.is_active(senses.t, slack=_SLACK):
             return senses
@@ -159,7 +143,7 @@ class _Delayed(SensorFault):
         self._fault, self._rng, self._count = fault, rng, 0
         self._waiting: list[tuple[float, int, Batch]] = []
 
-    def told(self, senses: Senses) -> Senses:
+    def delivered(self, senses: Senses) -> Senses:
         fault, t = self._fault, senses.t
         hit = True if isinstance(fault, Latency) else bool(self._rng.random() < fault.chance)
         delay = fault.magnitude if hit and fault.is_active(t, slack=_SLACK) else 0.0
@@ -194,7 +178,7 @@ class _DuplicateFrame(SensorFault):
         self._fault, self._rng = fault, rng
         self._last: Batch = (), ()
 
-    def told(self, senses: Senses) -> Senses:
+    def delivered(self, senses: Senses) -> Senses:
         again = self._rng.random() < self._fault.magnitude
         frames, points = self._last
         again = again and self._fault.is_active(senses.t, slack=_SLACK) and bool(frames or points)
@@ -212,7 +196,7 @@ class _FrozenFrame(SensorFault):
         self._frames: dict[int, Frame] = {}
         self._points: tuple[Sighting, ...] = ()
 
-    def told(self, senses: Senses) -> Senses:
+    def delivered(self, senses: Senses) -> Senses:
         if not self._hit or not (senses.frames or senses.points):
             return senses
         if not self._fault.is_active(senses.t, slack=_SLACK):
@@ -240,7 +224,7 @@ class _NotNumber(SensorFault):
     def __init__(self, fault: NotNumber, rng: np.random.Generator) -> None:
         self._fault, self._rng = fault, rng
 
-    def told(self, senses: Senses) -> Senses:
+    def delivered(self, senses: Senses) -> Senses:
         hit = self._rng.random() < self._fault.magnitude
         if not hit or not self._fault.is_active(senses.t, slack=_SLACK):
             return senses
@@ -260,7 +244,7 @@ class _ClockJump(SensorFault):
     def __init__(self, fault: Clock) -> None:
         self._fault = fault
 
-    def told(self, senses: Senses) -> Senses:
+    def delivered(self, senses: Senses) -> Senses:
         if not self._fault.is_active(senses.t, slack=_SLACK):
             return senses
         by = self._fault.magnitude
@@ -279,7 +263,7 @@ class _EncoderFault(SensorFault):
         self._fault = fault
         self._t, self._read, self._stuck = 0.0, np.empty(0), np.empty(0)
 
-    def told(self, senses: Senses) -> Senses:
+    def delivered(self, senses: Senses) -> Senses:
         fault, arm, before = self._fault, senses.arm, self._t
         self._t = senses.t
         if not fault.is_active(senses.t):
@@ -308,36 +292,3 @@ class _EncoderFault(SensorFault):
                 return -q
             case "step":
                 return np.asarray(size * np.rint(q / size))
-
-
-def true_rig(assumed: Rig, plan: tuple[Fault, ...], rng: np.random.Generator) -> Rig:
-    """Return the rig that takes the images, where the catcher assumes another.
-
-    Args:
-        assumed: The rig of the catcher.
-        plan: All entries; without a calibration error the rig is the assumed one.
-        rng: Source of the errors; not drawn from where there is none.
-    """
-    cameras, heads = list(assumed.cameras), list(assumed.heads)
-    for fault in (fault for fault in plan if isinstance(fault, Calibration)):
-        for n, camera in enumerate(cameras):
-            axis, size = direction(rng), fault.magnitude * rng.standard_normal()
-            if fault.part == "focal":
-                cameras[n] = replace(camera, f_px=camera.f_px * (1.0 + size))
-                continue
-            moved = _moved(camera.T_world_cam, fault, axis, size)
-            cameras[n] = replace(camera, T_world_cam=moved)
-            if heads:
-                base = _moved(heads[n].T_world_base, fault, axis, size)
-                heads[n] = replace(heads[n], T_world_base=base)
-    return Rig(cameras=tuple(cameras), heads=tuple(heads))
-
-
-def _moved(T: Array, fault: Calibration, axis: Array, size: float) -> Array:
-    """Return a pose, shape (4, 4), turned about an axis or shifted along its own x axis."""
-    out = T.copy()
-    if fault.part == "angles":
-        out[:3, :3] = rotation(axis, size) @ T[:3, :3]
-    else:
-        out[:3, 3] += size * T[:3, 0]
-    return out

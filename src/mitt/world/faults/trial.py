@@ -13,7 +13,8 @@ from mitt.world.faults.flight import Undisturbed, pushes
 from mitt.world.faults.paths import DisturbedFlight, disturbed_flight, replaced_ball
 from mitt.world.faults.plan import Command as CommandFault
 from mitt.world.faults.plan import Fault, Payload, Torque
-from mitt.world.faults.senses import SensorFault, sensor_faults
+from mitt.world.faults.senses import sensor_faults
+from mitt.world.faults.sensor_fault import SensorFault
 from mitt.world.flights import BallPath
 from mitt.world.throws import Throw
 
@@ -47,11 +48,11 @@ class Disturbed:
     ) -> Senses:
         """Expose at time ``t`` and return what arrives; to be called once a tick."""
         for stage in self._stages:
-            look = stage.looks(t) and look
+            look = stage.exposes(t) and look
             r_o = stage.shown(t, r_o)
         senses = self._sensors.read(t, q, dq, r_o, dr_o, look=look)
         for stage in self._stages:
-            senses = stage.told(senses)
+            senses = stage.delivered(senses)
         return senses
 
 
@@ -105,7 +106,7 @@ class CommandChannel:
         for weak in self._weak:
             if weak.is_active(t):
                 tau = self._limited(command.tau, weak.magnitude)
-                command = command._replace(told=np.array([*command.told[:3], tau]))
+                command = command._replace(joints=np.array([*command.joints[:3], tau]))
         return command
 
     def _limited(self, tau: Array, share: float) -> Array:
@@ -178,6 +179,6 @@ class ActiveFaults:
         return not all(push.is_inactive(t, until) for push in self._pushes)
 
     def push(self, t: float, h: float, r: Array, dr: Array) -> bool:
-        """Disturb the flying ball in place for a step; tell whether anything changed."""
+        """Disturb the flying ball in place for a step; return whether anything changed."""
         changed = [push.act(t, h, r, dr) for push in self._pushes]
         return any(changed)

@@ -1,0 +1,180 @@
+"""The second half of a tick: the desired motion to commands for joints, brakes and fingers."""
+
+import numpy as np
+
+from mitt.ball import memory as at
+from mitt.catcher.result import Result
+from mitt.catcher.settings import (
+    BRAKE,
+    DECIDE,
+    FOLLOW,
+    GRASPS,
+    LAGS,
+    REVIEWS,
+    SOON,
+    STOPPED,
+    STOPS,
+    WATCH,
+)
+from mitt.catcher.state import CatcherState
+from mitt.control.encoder_memory import BRIDGED
+from mitt.control.encoders import predict_acceleration
+from mitt.control.hand import close, has_closed
+from mitt.control.health import ABORT, REQUESTED, assess
+from mitt.control.margin import derate
+from mitt.control.reserve import HARDEST, choose_stop, stop_by
+from mitt.control.rows import DDQ_BY_TAU, TAU, Q
+from mitt.control.stop import short_of_room
+from mitt.control.tracking import largest_gap, track
+from mitt.control.viability import BLOCKED, safety_filter
+from mitt.jit import kernel
+from mitt.signals import TICK, Array
+
+
+@kernel
+def act(brake: Array, state: CatcherState, result: Result) -> int:
+    """Close the hand and track the desired motion, or that of braking; see :func:`tick`."""
+    s, out = state.scalars[0], result.scalars[0]
+    t, phase, desired, estimated = out.t, s.phase, state.desired, state.estimated
+    if phase == FOLLOW:
+        if out.inside:
+            desired[:] = result.reference[:3]
+        else:
+            desired[1:] = 0.0
+    elif phase == BRAKE:
+        desired[:] = brake[min(max(round((t - s.t_brake) / TICK), 0), len(brake) - 1)]
+    elif phase == STOPPED:
+        _slow_down(state)
+    result.command[:3] = desired
+    passed = safety_filter(
+        state.bodies,
+        state.shapes,
+        state.pairs,
+        state.bounds,
+        state.drives,
+        state.active,
+        state.last,
+        result.command[:3],
+        state.filter_known,
+        state.filter_work,
+        state.filter_reserve,
+    )
+    out.hand = close(state.closing, state.grip, t, out.time_to_catch)
+    derate(
+        state.drives, state.active, state.encoder_memory, estimated[1], result.command,
+        state.encoder_ddq_unknown, state.jump, s.torque_lead, state.closing[0] < np.inf,
+        state.drives_now,
+    )  # fmt: skip
+    out.saturated = track(
+        state.bounds,
+        s.bandwidth,
+        state.drives_now,
+        state.bodies,
+        state.active,
+        estimated[0],
+        estimated[1],
+        result.command,
+        state.track_scratch,
+    )
+    _report(passed == BLOCKED, state, result)
+    _engage(state, result)
+    predict_acceleration(
+        state.bodies, state.active, estimated, state.encoder_table[1], state.room_tau,
+        state.room_mass, state.room_work, state.encoder_work, result.command,
+        state.encoder_ddq_unknown, state.encoder_coupling,
+    )  # fmt: skip
+    if s.braked:
+        result.command[DDQ_BY_TAU] = 0.0
+    if s.phase == STOPPED:
+        return STOPS if phase != STOPPED else 0
+    if phase == WATCH:
+        return DECIDE if out.tracked else 0
+    return _afterwards(state, result) if phase == FOLLOW else 0
+
+
+@kernel
+def _slow_down(state: CatcherState) -> None:
+    """Brake all joints as hard as the drives can."""
+    choose_stop(
+        state.bodies,
+        state.drives,
+        state.active,
+        state.bounds,
+        state.last,
+        HARDEST,
+        state.filter_reserve,
+    )
+    stop_by(state.bounds, state.last, state.filter_reserve, state.desired)
+
+
+@kernel
+def _engage(state: CatcherState, result: Result) -> None:
+    """Engage the brakes once a joint is not measured; no torques from when they act."""
+    s, out = state.scalars[0], result.scalars[0]
+    if s.encoder_fault > BRIDGED and not out.brakes:
+        out.brakes, s.t_brakes_on = True, out.t
+    if out.brakes and out.t - s.t_brakes_on > s.brake_delay - 0.5 * TICK:
+        s.braked = True
+        result.command[TAU] = 0.0
+
+
+@kernel
+def _report(blocked: bool, state: CatcherState, result: Result) -> None:
+    """Write state, reason, age and sigma; from an abort on the arm stops and stays.
+
+    The stop starts from the last command, or from the estimate where that is far from it: the way
+    to the command would be one more motion.
+    """
+    s, out = state.scalars[0], result.scalars[0]
+    P, estimated, command = result.covariance, state.estimated, result.command
+    out.age = out.t - out.t_seen
+    out.sigma = np.sqrt((P[0, 0] + P[1, 1] + P[2, 2]) / 3.0) if out.tracked else np.inf
+    if out.health == ABORT:
+        return
+    R, gap = state.R, largest_gap(command[Q], estimated[0])
+    out.health, out.reason = assess(
+        state.health_memory,
+        s.clock_fault,
+        s.encoder_fault,
+        blocked,
+        s.phase == FOLLOW,
+        out.inside and abs(out.time_to_catch) < SOON,
+        out.age,
+        out.sigma,
+        s.tolerance,
+        R[0, 0] + R[1, 1] + R[2, 2] > at.LOOSE,
+        gap,
+        s.max_tracking_error,
+    )
+    if s.stop_requested:
+        out.health, out.reason = ABORT, REQUESTED
+    if out.health == ABORT:
+        s.phase = STOPPED
+        if gap > s.max_tracking_error and s.encoder_fault <= BRIDGED:
+            state.last[0], state.last[1], state.last[2] = estimated[0], estimated[1], 0.0
+
+
+@kernel
+def _afterwards(state: CatcherState, result: Result) -> int:
+    """Return what is to be thought about while a ball is followed."""
+    s, out = state.scalars[0], result.scalars[0]
+    todo = DECIDE if s.surrogate else 0
+    soon = out.inside and out.time_to_catch < s.adapt_until
+    if s.several and not soon and out.t - s.t_reviewed >= s.review:
+        s.t_reviewed = out.t
+        todo |= REVIEWS
+    if out.inside and not soon:
+        reference, estimated = result.reference, state.estimated
+        gap = largest_gap(reference[0], estimated[0]) / s.adapt_q
+        lag = largest_gap(reference[1], estimated[1]) / s.adapt_dq
+        if max(gap, lag) >= 1.0:
+            todo |= LAGS
+    if has_closed(state.closing, state.grip, out.t + TICK, True) and (
+        has_closed(state.closing, state.grip, out.t + TICK, False)
+        or short_of_room(
+            state.bodies, state.active, state.room, result.command, state.room_tau, state.room_mass,
+            state.room_work,
+        )
+    ):  # fmt: skip
+        todo |= GRASPS
+    return todo

@@ -1,0 +1,145 @@
+"""The first half of a tick: encoders to joint states, images to the estimate of the ball."""
+
+import numpy as np
+
+from mitt.ball import memory as at
+from mitt.ball.estimator import predict, update
+from mitt.catcher.result import Result
+from mitt.catcher.settings import BRAKE, FOLLOW, SOON, STOPPED
+from mitt.catcher.state import CatcherState
+from mitt.control.health import pass_time
+from mitt.control.monitor import estimate_joints
+from mitt.jit import kernel
+from mitt.signals import TICK, Array, Image, Sighting
+from mitt.vision.eyes import LET_GO
+from mitt.vision.gaze import lead
+from mitt.vision.head import aim
+from mitt.vision.localization import guide, localize
+
+#: Time to the catch from which the hand comes so near the ball's images that its own light and the
+#: rim that it hides move their centroids [s], until ``SOON`` after it, and what that adds to a
+#: sighting's error [m].
+BESIDE, TOUCHED = 0.08, 0.002
+
+#: Time from the start of the closing in which the ball may strike [s]: it comes 20 to 29 ms after.
+#: Multiple of the hardest impact by :mod:`mitt.impact` that is still no fault of an encoder. Both
+#: are choices of this project.
+STRIKES, NO_FAULT = 0.05, 1.5
+
+
+@kernel
+def perceive(
+    images: tuple[Image, ...],
+    backgrounds: tuple[Image, ...],
+    apart: int,
+    t_exposed: float,
+    t: float,
+    q: Array,
+    dq: Array,
+    state: CatcherState,
+    result: Result,
+) -> None:
+    """Take encoders and images in and carry the estimate to the time of the command; see tick."""
+    s, out = state.scalars[0], result.scalars[0]
+    t, s.clock_fault = pass_time(state.health_memory, t)
+    out.t, out.phase = t, s.phase
+    beside = not s.surrogate and -SOON < out.time_to_catch < BESIDE
+    out.inside, out.time_to_catch = False, np.inf
+    out.following = s.phase == FOLLOW
+    encoders = result.encoders
+    for k in range(len(q)):
+        encoders[0, k], encoders[1, k] = q[k], dq[k]
+    _measure(state, result)
+    if not s.begun:  # stay
+        state.last[0], state.last[1] = state.estimated[0], state.estimated[1]
+        state.desired[0] = state.estimated[0]
+        s.begun = True
+    if s.phase in (BRAKE, STOPPED):  # the estimate stays
+        return
+    if s.heads > 0:
+        aim(state.eyes_heads, state.eyes_angles, state.eyes_cameras)
+    _guide(images, t_exposed, beside, state, result)
+    found = localize(
+        images, backgrounds, apart, state.eyes_memory, state.eyes_settings, state.eyes_boxes,
+        state.eyes_cameras, state.eyes_ball, state.eyes_work, state.z, state.R,
+    )  # fmt: skip
+    if found and t_exposed <= t + TICK:  # a sighting of the future is one of a clock that was set
+        if beside:
+            for k in range(3):
+                state.R[k, k] += TOUCHED * TOUCHED
+        update(state.ball_memory, t_exposed, state.z, state.R, state.ball_settings, state.ball_work)
+    memory = state.ball_memory
+    tracked = predict(
+        memory, t, state.ball_settings, result.ball, result.covariance, state.ball_work
+    )
+    out.tracked, out.t_ball = tracked, t
+    out.led = tracked and memory[at.BEST] > 0.0
+    out.drag = memory[at.DRAG] if tracked else 0.0
+    out.t_seen = memory[at.T_SEEN] if tracked else -np.inf
+    out.t_first = memory[at.T_FIRST] if tracked else -np.inf
+    if s.heads > 0:
+        _turn_heads(images, t_exposed, state, result)
+
+
+@kernel
+def _guide(
+    images: tuple[Image, ...], t_exposed: float, beside: bool, state: CatcherState, result: Result
+) -> None:
+    """Give the eyes the prediction of the ball from the tick before; see :func:`tick`."""
+    out = result.scalars[0]
+    memory, ball = state.eyes_memory, result.ball
+    rig, shown = memory[len(memory) - 1], False
+    for n in range(len(images)):
+        shown |= images[n].size > 0
+    if shown:
+        guide(rig, ball[0], ball[1], t_exposed - out.t_ball, TICK, out.sigma, not beside)
+
+
+@kernel
+def _measure(state: CatcherState, result: Result) -> None:
+    """Let the monitor estimate the joints; the ball may strike soon after the fingers close."""
+    s, out = state.scalars[0], result.scalars[0]
+    may_strike, impact_dq = state.closing[0] <= out.t <= state.closing[0] + STRIKES, state.impact_dq
+    for k in range(len(impact_dq)):
+        impact_dq[k] = NO_FAULT * abs(state.jump[k]) if may_strike else 0.0
+    s.encoder_fault = estimate_joints(
+        state.encoder_memory, state.encoder_bounds, state.encoder_table[0],
+        state.encoder_ddq_unknown, state.encoder_coupling, result.encoders, result.command,
+        s.braked, impact_dq, state.estimated,
+    )  # fmt: skip
+
+
+@kernel
+def _turn_heads(
+    images: tuple[Image, ...], t_exposed: float, state: CatcherState, result: Result
+) -> None:
+    """Let the heads look where the ball will be when the command acts; see :func:`tick`."""
+    s, out = state.scalars[0], result.scalars[0]
+    for n in range(len(images)):
+        if images[n].size > 0:
+            s.t_exposed = t_exposed
+    motion, ball = state.target, result.ball
+    for i in range(3):
+        motion[0, i], motion[1, i] = ball[0, i] + TICK * ball[1, i], ball[1, i]
+    lead(
+        state.eyes_heads,
+        state.eyes_cameras,
+        state.eyes_memory,
+        state.eyes_gaze,
+        motion,
+        out.tracked and out.t - out.t_seen < LET_GO,
+        s.t_exposed,
+        out.t + TICK,
+        state.eyes_gaze_work,
+        result.gaze,
+    )
+
+
+def take(points: tuple[Sighting, ...], t: float, state: CatcherState) -> None:
+    """Take in positions from another source than images; none from after ``t`` [s]."""
+    for point in points:
+        if point.found and not point.t > t + TICK:
+            update(
+                state.ball_memory, point.t, point.r_o, point.covariance, state.ball_settings,
+                state.ball_work,
+            )  # fmt: skip

@@ -1,0 +1,225 @@
+"""What a catcher decides between ticks: verdict, adaptation, another map, the brake."""
+
+from typing import Any, final
+
+import numpy as np
+
+from mitt import checks
+from mitt.catcher.result import Result, ball_in
+from mitt.catcher.settings import (
+    BRAKE,
+    DECIDE,
+    FOLLOW,
+    GRASPS,
+    LAGS,
+    REFINES,
+    REFUSED,
+    REVIEWS,
+    STOPPED,
+    STOPS,
+    WATCH,
+    CatcherSettings,
+)
+from mitt.catcher.state import CatcherState, Fields, arm_fields, map_fields
+from mitt.control.brake import plan_brake
+from mitt.control.health import is_lost
+from mitt.control.rows import DQ_MAX
+from mitt.generator.feasibility import Outcome, Verdict, is_far, waiting_height
+from mitt.generator.generators import Direct, Generator, Unoptimised
+from mitt.generator.several import Several
+from mitt.impact import CaughtBall, examined, speed_caps, speed_jumps
+from mitt.robot.arm import Arm
+from mitt.signals import TICK, Array, BallState, MapStatus
+
+#: Time after which a ball that is far, or not seen, is looked at again for a verdict [s].
+_LOOK_AGAIN = 0.02
+
+
+@final
+class Planner:
+    """Decides for a catcher, whose state it writes; one object a throw.
+
+    Attributes:
+        generator: What makes the reference, as adapted last.
+        brake: q, dq, ddq while braking, a row each tick, shape (k, 3, n).
+        phase: Phase of the next tick.
+        certificate: What the last online step says of the catch; None where none was made.
+    """
+
+    def __init__(
+        self, arm: Arm, generator: Generator, settings: CatcherSettings, state: CatcherState,
+        result: Result,
+    ) -> None:  # fmt: skip
+        """Take what a catcher is made of, its state and its result."""
+        self._arm, self._given, self._settings = arm, generator, settings
+        self._state, self._result = state, result
+        self._caught = CaughtBall(
+            mass=settings.ball_mass,
+            radius=settings.ball_radius,
+            restitution=settings.ball_restitution,
+            friction=settings.ball_friction,
+            doubt=settings.ball_doubt,
+        )
+        self.begin()
+
+    def begin(self) -> None:
+        """Watch for a ball with the generator as it was given."""
+        self.generator, self.phase = self._given, WATCH
+        self.brake = np.zeros((1, 3, self._arm.n))
+        self._verdict: Verdict | None = None
+        self._deferred: tuple[BallState, Array] | None = None
+        self.certificate: Verdict | None = None
+
+    @property
+    def _scalars(self) -> Any:  # noqa: ANN401
+        return self._state.scalars[0]
+
+    @property
+    def _out(self) -> Any:  # noqa: ANN401
+        return self._result.scalars[0]
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """Verdict on the throw, the newest; None before the first."""
+        if self._deferred is not None:
+            ball, q = self._deferred
+            self._verdict, self._deferred = self.generator.verdict(ball, q), None
+        return self._verdict
+
+    def think(self, todo: int) -> None:
+        """Do what a tick has left to be thought about: bits of :mod:`mitt.catcher.settings`."""
+        if todo & STOPS:
+            self.phase = STOPPED
+        if todo == 0 or self.phase == STOPPED:
+            return
+        ball = ball_in(self._result)
+        if self.phase == WATCH:
+            self._watch(ball)
+            return
+        if todo & DECIDE:
+            self._reconsider(ball)
+        elif todo & LAGS:
+            # The ball has left the arm behind, as after a bounce: the map starts again from where
+            # the arm is and how fast it moves, eq. (12), and the gap is closed on the way to the
+            # catch instead of by feedback at once.
+            self._adapt(ball)
+        elif todo & REFINES:
+            self._refine(ball)
+        elif todo & REVIEWS:
+            self._review(ball)
+        if todo & GRASPS:
+            self._grasp()
+
+    def refer(self) -> None:
+        """Evaluate a generator that is no map."""
+        if self.phase != FOLLOW:
+            return
+        ball = ball_in(self._result)
+        ball = self.generator.waiting(ball) if self._scalars["surrogate"] else ball
+        answer, out = self.generator.reference(ball), self._out
+        motion = {"q_d": answer.q_d, "dq_d": answer.dq_d, "ddq_d": answer.ddq_d,
+                  "q_o": answer.q_o, "dq_o": answer.dq_o}  # fmt: skip
+        for row, (name, value) in zip(self._result.reference, motion.items(), strict=False):
+            row[:] = checks.vector(f"reference.{name}", value, self._arm.n)
+        out["inside"] = answer.status is MapStatus.INSIDE
+        out["time_to_catch"] = answer.time_to_catch if out["inside"] else np.inf
+
+    def _write(self, fields: Fields) -> None:
+        """Overwrite fields of the state."""
+        for name, value in fields.items():
+            getattr(self._state, name)[...] = value
+
+    def _enter(self, phase: int) -> None:
+        """Begin another phase with the next tick."""
+        self.phase = phase
+        self._scalars["phase"] = phase
+
+    def _watch(self, ball: BallState) -> None:
+        """Give the verdict once the ball is known well enough, or when it is due.
+
+        A verdict is for good, so it waits until the ball is as near as it has to be for a start,
+        and until a ball that has left the images is back in them.
+        """
+        if ball.t < self._scalars["t_look"]:
+            return
+        due = ball.t - ball.t_first >= self._settings.watch
+        if not due and self.generator.sharpness(ball) > self._settings.sigma_ready:
+            return
+        if self.generator.unsettled(ball, self._state.estimated[0]):
+            # What the verdict says besides is computed when ``verdict`` is read.
+            self._deferred = ball, self._state.estimated[0].copy()
+            return
+        if self._is_out_of_sight() or is_far(ball, self._arm.position(self._state.estimated[0])):
+            self._deferred = ball, self._state.estimated[0].copy()
+            self._scalars["t_look"] = ball.t + _LOOK_AGAIN
+            return
+        verdict = self.generator.verdict(ball, self._state.estimated[0])
+        if not isinstance(self.generator, Unoptimised):  # alpha = 0 is never refused
+            bandwidth = self._settings.bandwidth
+            verdict = examined(self._arm, verdict, self._caught, bandwidth=bandwidth)
+        self._verdict, self._deferred = verdict, None
+        if verdict.outcome is Outcome.UNSETTLED:
+            return
+        if verdict.outcome is Outcome.UNREACHABLE:
+            if due:
+                self._enter(REFUSED)
+            return
+        self._scalars["surrogate"] = verdict.outcome is Outcome.OPEN
+        self._adapt(self.generator.waiting(ball) if self._scalars["surrogate"] else ball)
+        self._make_room(verdict)
+        self._enter(FOLLOW)
+
+    def _is_out_of_sight(self) -> bool:
+        """Say whether an arm that followed the ball would stop at once: it is not seen any more."""
+        age, sigma = self._out["age"].item(), self._out["sigma"].item()
+        return bool(is_lost(age, sigma, self._settings.tolerance))
+
+    def _make_room(self, verdict: Verdict) -> None:
+        """Keep the joints that the ball will drive on below their speed limits by as much.
+
+        The motors' torque is kept to what is left of it at such speeds.
+        """
+        if verdict.approach is not None:
+            given = self._arm, verdict.approach, self._caught
+            self._state.bounds[DQ_MAX] = speed_caps(*given)
+            self._state.jump[:] = speed_jumps(*given)
+
+    def _reconsider(self, ball: BallState) -> None:
+        """Follow the ball itself as soon as it can be caught; its surrogate target until then."""
+        if self.generator.returns(ball):
+            self._scalars["surrogate"] = False
+            self._adapt(ball)
+
+    def _adapt(self, ball: BallState) -> None:
+        """Let the generator start from where the arm is."""
+        q, dq = self._state.estimated.copy()
+        self.generator = self.generator.adapt(ball, q, dq)
+        f = self.generator.as_map()
+        if f is not None:
+            self._write(map_fields(f))
+            self._scalars["waiting_height"] = waiting_height(f)
+
+    def _review(self, ball: BallState) -> None:
+        """Follow another map where the present one cannot catch any more what it could at first."""
+        hoped = self.verdict is not None and self.verdict.outcome is Outcome.FEASIBLE
+        if hoped and isinstance(self.generator, Several) and self.generator.astray(ball):
+            self._adapt(ball)
+
+    def _refine(self, ball: BallState) -> None:
+        """Let the generator make its map a little better for the rest of this flight."""
+        if isinstance(self.generator, Direct):
+            self.generator = refined = self.generator.refined(ball)
+            self._state.alpha[:] = refined.map.alpha
+            self.certificate = refined.certificate(ball)
+
+    def _grasp(self) -> None:
+        """Brake from the last command on: the fingers will have closed.
+
+        The model carries the ball's weight from then on.
+        """
+        t = self._result.scalars["t"].item()
+        loaded = self._arm.holding(self._settings.ball_mass)
+        self.brake = plan_brake(loaded, t, self._result.command[:3].copy()).table(TICK)
+        self._write(arm_fields(loaded, self._settings.around))
+        self._scalars["t_brake"] = t
+        self._enter(BRAKE)
