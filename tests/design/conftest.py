@@ -2,9 +2,9 @@
 
 import pytest
 
-from mitt.design.assay import Task
 from mitt.design.balls import Balls
 from mitt.design.design import Design, design
+from mitt.design.evaluation import Task
 from mitt.design.search import Effort
 from mitt.design.whole import whole_arm
 from mitt.robot.arm import Arm

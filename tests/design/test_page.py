@@ -9,8 +9,8 @@ from mitt.design.balls import Balls
 from mitt.design.candidate import Candidate
 from mitt.design.contact import Touch
 from mitt.design.design import Design
+from mitt.design.faster_joints import QUICKER, faster_joints
 from mitt.design.geometry import drawn, triples_of
-from mitt.design.help import QUICKER, help_of
 from mitt.design.rows import candidates_of
 from mitt.design.speeds import AtSpeed
 from mitt.report.design_page import advice_of, write_design_page
@@ -38,7 +38,7 @@ def _some(whole: Arm, count: int) -> list[Candidate]:
 def test_a_quicker_joint_never_makes_a_catch_harder(whole: Arm) -> None:
     helped = 0
     for c in _some(whole, 60):
-        for x in help_of(whole, c, Balls()):
+        for x in faster_joints(whole, c, Balls()):
             assert x.quicker_m_s <= x.relative_m_s + _ROUNDED
             assert 0.0 <= x.share <= 0.9 + _ROUNDED
             helped += x.quicker_m_s < x.relative_m_s - 0.1
@@ -47,7 +47,7 @@ def test_a_quicker_joint_never_makes_a_catch_harder(whole: Arm) -> None:
 
 def test_only_the_joint_that_is_nearest_to_its_limit_helps(whole: Arm) -> None:
     for c in _some(whole, 60):
-        rows = help_of(whole, c, Balls())
+        rows = faster_joints(whole, c, Balls())
         most = max(x.share for x in rows)
         for x in rows:
             if x.share < most - _ROUNDED:
@@ -56,7 +56,7 @@ def test_only_the_joint_that_is_nearest_to_its_limit_helps(whole: Arm) -> None:
 
 def test_an_arm_with_that_joint_has_its_share_lowered(whole: Arm) -> None:
     c = _some(whole, 1)[0]
-    rows = help_of(whole, c, Balls())
+    rows = faster_joints(whole, c, Balls())
     name = max(rows, key=lambda x: x.share).joint
     k = whole.names.index(name)
     limits: Limits = whole.limits
@@ -64,14 +64,14 @@ def test_an_arm_with_that_joint_has_its_share_lowered(whole: Arm) -> None:
     speeds[k] *= QUICKER
     quicker = Arm(whole.model, replace(limits, dq_max=speeds, transmission=np.eye(whole.n)))
     plain = Arm(whole.model, replace(limits, transmission=np.eye(whole.n)))
-    mine = {x.joint: x.share for x in help_of(plain, c, Balls())}
-    theirs = {x.joint: x.share for x in help_of(quicker, c, Balls())}
+    mine = {x.joint: x.share for x in faster_joints(plain, c, Balls())}
+    theirs = {x.joint: x.share for x in faster_joints(quicker, c, Balls())}
     assert np.isclose(theirs[name] * QUICKER, mine[name])
 
 
 def test_words_name_the_joint_and_the_limit(found: Design, whole: Arm) -> None:
     row = AtSpeed(speed_m_s=6.0, throws=12, feasible=3, binding_limit="brake:j4")
-    said = advice_of(replace(found, rows=(row,)), help_of(whole, _some(whole, 1)[0], Balls()))
+    said = advice_of(replace(found, rows=(row,)), faster_joints(whole, _some(whole, 1)[0], Balls()))
     assert any("6 m/s" in line and "j4" in line for line in said)
 
 

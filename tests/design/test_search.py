@@ -13,20 +13,20 @@ from design.conftest import TINY, silent
 from mitt.cli import main
 from mitt.commands import design as command
 from mitt.design import design as design_of
-from mitt.design import speeds, workers
+from mitt.design import evaluator, speeds
 from mitt.design.arrivals import shifted
-from mitt.design.assay import Task, Worth, learned, thrown, trials_of
 from mitt.design.balls import BOX, FAR, Balls
 from mitt.design.candidate import Candidate
 from mitt.design.causes import BEYOND, cause_of
 from mitt.design.contact import Touch
 from mitt.design.design import Design, Origin, design, rate_of
+from mitt.design.evaluation import Evaluation, Task, learned, thrown, trials_of
+from mitt.design.evaluator import Evaluator
 from mitt.design.geometry import drawn, triples_of
 from mitt.design.mutation import mutated
 from mitt.design.search import REPORTED, reported, search
 from mitt.design.speeds import AtSpeed, Fastest, release_speed, task_at
 from mitt.design.whole import movable
-from mitt.design.workers import Bench
 from mitt.errors import InputError
 from mitt.files.arm_file import open_arm, read_arm_file, write_arm_file
 from mitt.generator.mapping import DirectMap, unlearned
@@ -289,17 +289,17 @@ def test_what_is_reported_was_thrown_with_seeds_that_no_search_uses(
 
     def noted(
         c: Candidate, f: DirectMap, task: Task, *, throws: int, seed: int, give_up: bool
-    ) -> Worth:
+    ) -> Evaluation:
         seeds.append((seed, throws, give_up))
         return thrown(c, f, task, throws=throws, seed=seed, give_up=give_up)
 
-    monkeypatch.setattr(workers, "thrown", noted)
-    chosen = search(Bench(whole, task, None, silent), TINY)
+    monkeypatch.setattr(evaluator, "thrown", noted)
+    chosen = search(Evaluator(whole, task, None, silent), TINY)
     assert chosen is not None
     assert seeds
     assert all(seed < REPORTED for seed, _, _ in seeds)
     seeds.clear()
-    best = reported(Bench(whole, task, None, silent), chosen.candidate, TINY)
+    best = reported(Evaluator(whole, task, None, silent), chosen.candidate, TINY)
     assert best is not None
     assert seeds == [(REPORTED, TINY.report, False)]
     assert best.thrown == TINY.report
@@ -348,8 +348,8 @@ def test_what_was_not_thrown_at_has_no_throws_and_says_why(
     found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert found.best is not None
-    c, bench = found.best.candidate, Bench(whole, task, None, silent)
-    monkeypatch.setattr(workers, "learned", lambda *_: None)
+    c, bench = found.best.candidate, Evaluator(whole, task, None, silent)
+    monkeypatch.setattr(evaluator, "learned", lambda *_: None)
     row = speeds.by_speed(bench, c, task, [5.0])[0]
     assert (row.throws, row.feasible) == (0, 0)
     assert row.binding_limit in ("no pose", "no map")
@@ -360,12 +360,12 @@ def test_an_error_of_one_candidate_is_counted_and_ends_nothing(
     found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert found.best is not None
-    c, bench = found.best.candidate, Bench(whole, task, None, silent)
+    c, bench = found.best.candidate, Evaluator(whole, task, None, silent)
 
     def broken(*_: object, **__: object) -> bool:
         raise InputError("throw", "a throw", "none")
 
-    monkeypatch.setattr(workers, "able_to_hold", broken)
+    monkeypatch.setattr(evaluator, "able_to_hold", broken)
     assert bench.try_all("some", [c, c], throws=1, seed=1) == []
     assert (bench.tally.errors, bench.tally.lost) == (2, 0)
     assert bench.tally.told() == [
@@ -384,10 +384,12 @@ def test_the_fastest_throws_are_the_last_before_the_first_failure(
     found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert found.best is not None
-    best, bench = found.best, Bench(whole, task, None, silent)
+    best, bench = found.best, Evaluator(whole, task, None, silent)
     limit, thrown_at = 5.3, list[tuple[float, int, int]]()
 
-    def each(_: str, pairs: list[tuple[Candidate, Task]], *, throws: int, seed: int) -> list[Worth]:
+    def each(
+        _: str, pairs: list[tuple[Candidate, Task]], *, throws: int, seed: int
+    ) -> list[Evaluation]:
         out = []
         for _c, at in pairs:
             thrown_at.append((release_speed(at), throws, seed))
@@ -395,7 +397,7 @@ def test_the_fastest_throws_are_the_last_before_the_first_failure(
             out.append(replace(best, thrown=throws, caught=good, clean=good))
         return out
 
-    monkeypatch.setattr(Bench, "try_each", lambda _, *a, **k: each(*a, **k))
+    monkeypatch.setattr(Evaluator, "try_each", lambda _, *a, **k: each(*a, **k))
 
     def of(rows: list[AtSpeed], own: float) -> Fastest:
         return speeds.fastest(bench, best.candidate, task, rows, own=own)
@@ -467,17 +469,17 @@ def test_candidates_of_a_dead_worker_are_evaluated_by_themselves(
     c, windows = found.best.candidate, list[int]()
 
     def run(
-        _: object, __: object, trials: list[workers.Trial], *, window: int
-    ) -> Iterator[tuple[workers.Trial, bytes | BaseException]]:
+        _: object, __: object, trials: list[evaluator.Job], *, window: int
+    ) -> Iterator[tuple[evaluator.Job, bytes | BaseException]]:
         windows.append(window)
         bad = any(trial.number == 1 for trial in trials)
         plain = b'{"able": 0.5, "speed": 1.0}'
         for trial in trials:
             yield trial, BrokenExecutor() if bad else plain
 
-    monkeypatch.setattr(workers, "run_tasks", run)
+    monkeypatch.setattr(evaluator, "run_tasks", run)
     engine = Processes(2)
-    bench = Bench(whole, task, engine, silent)
+    bench = Evaluator(whole, task, engine, silent)
     worth = bench.try_all("some", [c, c, c])
     engine.close(at_once=True)
     assert [w.able for w in worth] == [0.5, 0.5]

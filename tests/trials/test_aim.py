@@ -60,9 +60,9 @@ def test_an_arm_without_a_wish_keeps_its_throws(arm: Arm, aimed: Arm) -> None:
     np.testing.assert_allclose(other.catch_point, AIM[0])
 
 
-def test_hopeless_flights_are_not_learned_from(aimed: Arm) -> None:
+def test_flights_that_no_map_can_follow_are_not_learned_from(aimed: Arm) -> None:
     f = unlearned(aimed, MapDesign())
-    settings = Neighbourhood(flights=30, kicked=0.0, bounced=0.0, hopeless=1.2)
+    settings = Neighbourhood(flights=30, kicked=0.0, bounced=0.0, max_speed_share=1.2)
     for flight in neighbourhood(f, np.random.default_rng(3), settings):
         for motion in flight.ball:
             inside, rows = f.virtual(motion)

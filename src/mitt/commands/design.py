@@ -16,8 +16,8 @@ from mitt.commands.screen import (
     tell_of_kernels,
     warn,
 )
-from mitt.design.assay import Task
 from mitt.design.design import Design, Origin, design
+from mitt.design.evaluation import Task
 from mitt.design.search import EFFORTS
 from mitt.design.speeds import default_balls, release_speed
 from mitt.design.whole import held_as, whole_arm

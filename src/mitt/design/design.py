@@ -6,10 +6,10 @@ from pathlib import Path
 
 import mitt
 from mitt.design.arrivals import shifted
-from mitt.design.assay import Task, Worth
+from mitt.design.evaluation import Evaluation, Task
+from mitt.design.evaluator import Evaluator, Progress
 from mitt.design.search import Effort, reported, search
 from mitt.design.speeds import SPEEDS, AtSpeed, Fastest, by_speed, fastest, release_speed, slower
-from mitt.design.workers import Bench, Progress
 from mitt.files.arm_file import ArmFile, digest_of
 from mitt.files.throws import ThrowSettings
 from mitt.link.clock import monotonic
@@ -60,7 +60,7 @@ class Design:
     task: Task
     found: bool
     reason: str | None
-    best: Worth | None
+    best: Evaluation | None
     fastest: Fastest
     rows: Sequence[AtSpeed] = field(default_factory=tuple)
     seconds: float = 0.0
@@ -155,28 +155,28 @@ def design(
         engine: Where candidates are tried; in this process if left out.
     """
     start = monotonic()
-    bench = Bench(whole, task, engine, progress)
-    chosen = search(bench, effort, joints=joints)
-    usual = None if chosen is None else reported(bench, chosen.candidate, effort)
+    evaluator = Evaluator(whole, task, engine, progress)
+    chosen = search(evaluator, effort, joints=joints)
+    usual = None if chosen is None else reported(evaluator, chosen.candidate, effort)
     found = usual is not None and usual.enough
     best, own, reason = usual, release_speed(task) if found else 0.0, None
     if not found:
-        again = slower(bench, effort.less(), joints=joints)
+        again = slower(evaluator, effort.less(), joints=joints)
         if again is not None:
             best, task = again
             own = release_speed(task)
         reason = _reason(usual, None if again is None else best, own)
     rows, most = tuple[AtSpeed, ...](), Fastest(speed_m_s=own)
     if best is not None:
-        rows = tuple(by_speed(bench, best.candidate, task, SPEEDS))
-        most = fastest(bench, best.candidate, task, rows, own=own)
+        rows = tuple(by_speed(evaluator, best.candidate, task, SPEEDS))
+        most = fastest(evaluator, best.candidate, task, rows, own=own)
     return Design(
         whole=whole, task=task, found=found, reason=reason, best=best, fastest=most, rows=rows,
-        seconds=monotonic() - start, left_out=bench.tally.told(),
+        seconds=monotonic() - start, left_out=evaluator.tally.told(),
     )  # fmt: skip
 
 
-def _reason(usual: Worth | None, slow: Worth | None, speed: float) -> str:
+def _reason(usual: Evaluation | None, slow: Evaluation | None, speed: float) -> str:
     """Return in words why nothing was found for default throws, and what was for slower ones.
 
     Args:

@@ -1,7 +1,7 @@
 """Candidates by geometry alone, by the hundred thousand.
 
 Poses are drawn over all joints, the first turned so that the palm looks towards the thrower. For
-each, some choices of three joints meet a typical ball (:mod:`mitt.design.meeting`); those that
+each, some choices of three joints meet a typical ball (:mod:`mitt.design.interception`); those that
 do so softly meet balls from the corners of the box of throws too, with the same map.
 """
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mitt.design.balls import Balls
 from mitt.design.candidate import within
 from mitt.design.contact import Touch
-from mitt.design.meeting import Meeting, meeting, met
+from mitt.design.interception import Interception, least_relative_velocity, map_velocities
 from mitt.design.poses import Poses, poses_of
 from mitt.design.rows import Rows, boxes_of, joined
 from mitt.design.sharing import alone, shared, virtual
@@ -104,7 +104,7 @@ def _of_three(
     J, w = of[1].J[row[:, None], chosen], of[1].W[row, chosen[:, 2]]
     d, v = _into(of[1].palm[row], J[:, 2], w, rng), balls.velocity()
     share = rng.uniform(*_SHARES, (len(row), 1))
-    found = meeting(J, w, v, d, share * whole.dq_max[chosen], np.eye(3)[None])
+    found = least_relative_velocity(J, w, v, d, share * whole.dq_max[chosen], np.eye(3)[None])
     good = np.flatnonzero(found.sound & (found.s < balls.speed))
     moving = chosen[good], alone(chosen[good], whole.n)
     return _rows(whole, of, moving, row[good], d[good], found.take(good))
@@ -191,7 +191,7 @@ def _met(
     J, w = virtual(poses, A)
     d = _into(poses.palm, J[:, 2], w, rng)
     share = rng.uniform(*_SHARES, (len(row), 1))
-    found = meeting(J, w, v, d, share * whole.dq_max, A)
+    found = least_relative_velocity(J, w, v, d, share * whole.dq_max, A)
     good = np.flatnonzero(found.sound & (found.s < np.linalg.norm(v)))
     moving = moving[0][good], A[good]
     return _rows(whole, of, moving, row[good], d[good], found.take(good))
@@ -199,7 +199,7 @@ def _met(
 
 def _rows(
     whole: Arm, of: tuple[Array, Poses], moving: tuple[NDArray[np.int64], Array],
-    row: NDArray[np.int64], d: Array, found: Meeting,
+    row: NDArray[np.int64], d: Array, found: Interception,
 ) -> Rows:  # fmt: skip
     """Return what meets the ball so that it comes into the palm and the joints can brake after."""
     (q, poses), (chosen, A) = of, moving
@@ -290,7 +290,7 @@ def spread(whole: Arm, balls: Balls, rows: Rows, touch: Touch) -> Rows:
         v = balls.velocity(*corner[2:])
         q = _moved(whole, rows, v, np.array([0.0, *corner[:2]]) * box[:, 1])
         poses = poses_of(whole.model, q)
-        x, relative = met(*virtual(poses, rows.A), v, rows.kappa, rows.inward)
+        x, relative = map_velocities(*virtual(poses, rows.A), v, rows.kappa, rows.inward)
         s = np.linalg.norm(relative, axis=1)
         cosine = -np.sum(relative * poses.palm, axis=1) / np.maximum(s, 1e-9)
         straight = (cosine > np.cos(_STRAIGHT)) | (s < _SOFT)

@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.design.assay import Task, Worth
 from mitt.design.candidate import Candidate
 from mitt.design.contact import Touch
+from mitt.design.evaluation import Evaluation, Task
+from mitt.design.evaluator import Evaluator, Progress
 from mitt.design.geometry import drawn, improved, spread, triples_of
 from mitt.design.mutation import mutated
 from mitt.design.rows import Rows, best_of, candidates_of, joined
-from mitt.design.workers import Bench, Progress
 from mitt.errors import ModelError
 from mitt.robot.arm import Arm
 
@@ -80,48 +80,52 @@ EFFORTS = {
 }  # fmt: skip
 
 
-def search(bench: Bench, effort: Effort, *, joints: Sequence[str] | None = None) -> Worth | None:
+def search(
+    evaluator: Evaluator, effort: Effort, *, joints: Sequence[str] | None = None
+) -> Evaluation | None:
     """Search for the best way to catch; None where there is none.
 
     Its throws are those by which it was chosen: the best of several on the same throws, so no fair
     figure (:func:`reported`).
 
     Args:
-        bench: The arm, what is to be caught, and where candidates are evaluated.
+        evaluator: The arm, what is to be caught, and where candidates are evaluated.
         effort: How much is tried.
         joints: Joints of which three are active; any if left out.
 
     Raises:
         ModelError: The arm has too few joints.
     """
-    whole, task = bench.whole, bench.task
+    whole, task = evaluator.whole, evaluator.task
     triples = triples_of(whole, joints)
     if len(triples) == 0:
         raise ModelError("joints", "at least three, one of which turns", f"{whole.n}")
     rng = np.random.default_rng([task.seed, 1])
-    rows = _by_geometry(whole, task, effort, triples, rng, bench.progress)
+    rows = _by_geometry(whole, task, effort, triples, rng, evaluator.progress)
     if len(rows.q) == 0:
         return None
     first = best_of(rows, count=6 * effort.judged, each=2 * effort.judged)
     candidates = candidates_of(whole, task.balls, first, rng)
-    worth = bench.try_all("learning", candidates[: 2 * effort.judged], how="glance")
+    worth = evaluator.try_all("learning", candidates[: 2 * effort.judged], how="glance")
     fresh = _distinct(worth, effort.thrown)
-    pool = bench.try_all(
+    pool = evaluator.try_all(
         "throwing", fresh, throws=effort.throws[0], seed=_COMPARE + effort.throws[0]
     )
-    pool = _refined(whole, task, effort, bench, pool)
+    pool = _refined(whole, task, effort, evaluator, pool)
     last = [w.candidate for w in _sorted(pool)[: effort.last]]
-    confirmed = bench.try_all("confirming", last, throws=effort.confirm, seed=_CONFIRM, how="full")
+    confirmed = evaluator.try_all(
+        "confirming", last, throws=effort.confirm, seed=_CONFIRM, how="full"
+    )
     ranked = _sorted(confirmed)
     return ranked[0] if ranked else None
 
 
-def reported(bench: Bench, c: Candidate, effort: Effort) -> Worth | None:
+def reported(evaluator: Evaluator, c: Candidate, effort: Effort) -> Evaluation | None:
     """Return what a candidate is worth by throws that no search has used; these are reported.
 
     None where it is not thrown at.
     """
-    worth = bench.try_all(
+    worth = evaluator.try_all(
         "reporting", [c], throws=effort.report, seed=REPORTED, how="full", give_up=False
     )
     return worth[0] if worth else None
@@ -149,8 +153,8 @@ def _by_geometry(
 
 
 def _refined(
-    whole: Arm, task: Task, effort: Effort, bench: Bench, pool: list[Worth]
-) -> list[Worth]:
+    whole: Arm, task: Task, effort: Effort, evaluator: Evaluator, pool: list[Evaluation]
+) -> list[Evaluation]:
     """Return the pool with small changes of its best, generation by generation."""
     for generation, throws in enumerate(effort.throws[1:]):
         parents = _sorted(pool)[: effort.parents]
@@ -159,7 +163,7 @@ def _refined(
         name = f"improving {generation + 1} of {len(effort.throws) - 1}"
         seed = _COMPARE + throws
         if throws > parents[0].thrown:  # what was best on a few throws was lucky as well
-            parents = _sorted(bench.try_all(
+            parents = _sorted(evaluator.try_all(
                 name, [w.candidate for w in parents], throws=throws, seed=seed, give_up=False
             ))  # fmt: skip
             pool = list(parents)
@@ -170,16 +174,16 @@ def _refined(
             parent = parents[min(int(rng.exponential(0.4 * len(parents))), len(parents) - 1)]
             moves = task.balls.aim is None
             children.append(mutated(whole, parent.candidate, rng, size=size, moves=moves))
-        pool += bench.try_all(name, children, throws=throws, seed=seed, least=_WORTH_THROWING)
+        pool += evaluator.try_all(name, children, throws=throws, seed=seed, least=_WORTH_THROWING)
     return pool
 
 
-def _sorted(pool: Sequence[Worth]) -> list[Worth]:
+def _sorted(pool: Sequence[Evaluation]) -> list[Evaluation]:
     """Return the thrown ones first, the best first; ties stay in order."""
     return sorted(pool, key=lambda w: (w.thrown == 0, -w.score))
 
 
-def _distinct(worth: Sequence[Worth], count: int) -> list[Candidate]:
+def _distinct(worth: Sequence[Evaluation], count: int) -> list[Candidate]:
     """Return the best few, not too many with the same joints."""
     out, seen = list[Candidate](), dict[tuple[int, ...], int]()
     for w in sorted(worth, key=lambda w: -w.score):

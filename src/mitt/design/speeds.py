@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mitt.design.arrivals import arriving
-from mitt.design.assay import ENOUGH, Task, Worth
 from mitt.design.balls import BOX, FAR, Balls
 from mitt.design.candidate import Candidate
+from mitt.design.evaluation import ENOUGH, Evaluation, Task
+from mitt.design.evaluator import Evaluator
 from mitt.design.search import REPORTED, Effort, reported, search
-from mitt.design.workers import Bench
 from mitt.world.throws import ThrowRanges
 
 #: Speeds of the throws that are tried [m/s], throws at each, and seed of these.
@@ -86,27 +86,29 @@ def release_speed(task: Task) -> float:
     return float(np.mean((task.ranges or ThrowRanges()).speed))
 
 
-def by_speed(bench: Bench, c: Candidate, task: Task, speeds: Sequence[float]) -> list[AtSpeed]:
+def by_speed(
+    evaluator: Evaluator, c: Candidate, task: Task, speeds: Sequence[float]
+) -> list[AtSpeed]:
     """Return how a design does at several speeds, its map learned for each."""
-    worth = bench.try_each(
+    worth = evaluator.try_each(
         "speeds", [(c, task_at(task, speed)) for speed in speeds], throws=_THROWS, seed=_SEED
     )
     return [_at(speed, w) for speed, w in zip(speeds, worth, strict=True)]
 
 
-def _at(speed: float, w: Worth) -> AtSpeed:
+def _at(speed: float, w: Evaluation) -> AtSpeed:
     """Return one row; what was not thrown at has no throws, and says why."""
     limit = w.failed or w.binding or None
     return AtSpeed(speed_m_s=speed, throws=w.thrown, feasible=w.clean, binding_limit=limit)
 
 
 def fastest(
-    bench: Bench, c: Candidate, task: Task, rows: Sequence[AtSpeed], *, own: float
+    evaluator: Evaluator, c: Candidate, task: Task, rows: Sequence[AtSpeed], *, own: float
 ) -> Fastest:
     """Return the last speed before the first failure, and what fresh throws say of it.
 
     Args:
-        bench: Where it is thrown at.
+        evaluator: Where it is thrown at.
         c: The design.
         task: What is caught; the speed is changed.
         rows: How it does at several speeds, rising.
@@ -120,32 +122,32 @@ def fastest(
     if failed is not None and good:
         for _ in range(_STEPS):
             middle = 0.5 * (low + failed)
-            if by_speed(bench, c, task, [middle])[0].enough:
+            if by_speed(evaluator, c, task, [middle])[0].enough:
                 low = middle
                 good.add(middle)
             else:
                 failed = middle
     for speed in sorted(good, reverse=True):
         again = [(c, task_at(task, speed))]
-        worth = bench.try_each("fastest", again, throws=_SURE, seed=_SURE_SEED)[0]
+        worth = evaluator.try_each("fastest", again, throws=_SURE, seed=_SURE_SEED)[0]
         if worth.enough:
             return Fastest(speed_m_s=speed, more=failed is None and speed == rows[-1].speed_m_s)
     return Fastest(speed_m_s=0.0)
 
 
 def slower(
-    bench: Bench, effort: Effort, *, joints: Sequence[str] | None
-) -> tuple[Worth, Task] | None:
+    evaluator: Evaluator, effort: Effort, *, joints: Sequence[str] | None
+) -> tuple[Evaluation, Task] | None:
     """Search again for slower throws until an arm catches enough of them; None where it never does.
 
     The speeds are bisected between the default throws' and the slowest. The throws of the answer
     are fresh ones.
     """
-    low, high = _SLOWEST, release_speed(bench.task)
-    best: tuple[Worth, Task] | None = None
+    low, high = _SLOWEST, release_speed(evaluator.task)
+    best: tuple[Evaluation, Task] | None = None
     for _ in range(effort.slower):
         middle = 0.5 * (low + high)
-        at = bench.at(task_at(bench.task, middle))
+        at = evaluator.at(task_at(evaluator.task, middle))
         chosen = search(at, effort, joints=joints)
         worth = None if chosen is None or not chosen.enough else reported(
             at, chosen.candidate, effort

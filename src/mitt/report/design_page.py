@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from mitt.design.assay import Worth
 from mitt.design.design import Design
-from mitt.design.help import Help, help_of
+from mitt.design.evaluation import Evaluation
+from mitt.design.faster_joints import FasterJoint, faster_joints
 from mitt.files.files import write_text
 from mitt.report.figures.design import pose_picture, rate_by_speed
 from mitt.report.page import Section, number, page
@@ -35,7 +35,7 @@ def write_design_page(path: Path, found: Design, scene: Scene, *, command: str) 
         ("catch", pose_picture(arm, scene, best.candidate.q_catch,
                                catch=True).png),
     ]  # fmt: skip
-    helps = [] if best is None else help_of(found.whole, best.candidate, found.task.balls)
+    helps = [] if best is None else faster_joints(found.whole, best.candidate, found.task.balls)
     write_text(
         path,
         page(
@@ -47,7 +47,7 @@ def write_design_page(path: Path, found: Design, scene: Scene, *, command: str) 
     )  # fmt: skip
 
 
-def _interval(best: Worth | None) -> str:
+def _interval(best: Evaluation | None) -> str:
     """Return the Wilson 95 % interval of the share that was caught, in words."""
     if best is None:
         return ""
@@ -55,7 +55,7 @@ def _interval(best: Worth | None) -> str:
     return f"{number(100.0 * low, 1)} to {number(100.0 * high, 1)} %"
 
 
-def advice_of(found: Design, helps: list[Help]) -> list[str]:
+def advice_of(found: Design, helps: list[FasterJoint]) -> list[str]:
     """Return in words what would help."""
     out = []
     gains = [x for x in helps if x.relative_m_s - x.quicker_m_s > 0.1]
@@ -105,7 +105,7 @@ _WHAT = {
 }
 
 
-def _rows(helps: list[Help]) -> list[tuple[str, ...]]:
+def _rows(helps: list[FasterJoint]) -> list[tuple[str, ...]]:
     """Return the rows of the table."""
     return [
         (x.joint, number(100.0 * x.share, 0), number(x.relative_m_s, 2), number(x.quicker_m_s, 2))

@@ -43,7 +43,7 @@ class Neighbourhood:
         descent: Angle by which it comes down there [rad].
         azimuth: Where it comes from, seen from there, off the direction of +x [rad].
         flight: Time of its flight before that [s].
-        hopeless: Share of a joint's speed above which l_c^-1 makes a flight one that no learned map
+        max_speed_share: Share of a joint's speed above which l_c^-1 asks for what no learned map
             catches; such flights are redrawn.
     """
 
@@ -62,7 +62,7 @@ class Neighbourhood:
     descent: tuple[float, float] = (0.24, 0.78)
     azimuth: float = 0.15
     flight: tuple[float, float] = (0.42, 0.65)
-    hopeless: float = np.inf
+    max_speed_share: float = np.inf
 
 
 def neighbourhood_of_ball(drag: float) -> Neighbourhood:
@@ -74,7 +74,7 @@ def neighbourhood_of_ball(drag: float) -> Neighbourhood:
 Motion = Callable[[float], tuple[Array, Array]]
 #: Longest flight considered [s], and the grid on which the catch is looked for [s].
 _LONGEST, _GRID = 1.1, 0.005
-#: Share of a joint's speed above which a flight is hopeless at the catch: there nothing is learned.
+#: Share of a joint's speed above which no map can follow a flight at the catch: it is left out.
 _AT_CATCH = 1.1
 #: For an arm that says where it wants its balls: width of the box of arrivals in widths of the box
 #: that is aimed at, its least half-width [m], and the descent there [rad], that of default throws
@@ -203,8 +203,8 @@ def sampled(
         return None
     t = np.linspace(t_0, t_c + settings.after, settings.instants)
     ball = np.array([_row(motion, x, drag) for x in t])
-    if np.isfinite(settings.hopeless) and _hopeless(
-        f, ball, settings.hopeless, int(np.sum(t <= t_c)) - 1
+    if np.isfinite(settings.max_speed_share) and _asks_too_much(
+        f, ball, settings.max_speed_share, int(np.sum(t <= t_c)) - 1
     ):
         return None
     seen = ball[0].copy()
@@ -213,7 +213,7 @@ def sampled(
     return Flight(t=t, ball=ball, seen=seen)
 
 
-def _hopeless(f: DirectMap, ball: Array, share: float, catch: int) -> bool:
+def _asks_too_much(f: DirectMap, ball: Array, share: float, catch: int) -> bool:
     """Say whether a flight leaves the domain of l_c^-1, or comes so near to its edge.
 
     There the virtual joints turn as fast as one likes, and a few such flights would decide what

@@ -7,8 +7,8 @@ from typing import final
 
 import numpy as np
 
-from mitt.design.assay import How, Task, Worth, able_to_hold, judged, learned, thrown
 from mitt.design.candidate import Candidate
+from mitt.design.evaluation import Evaluation, How, Task, able_to_hold, judged, learned, thrown
 from mitt.errors import MittError
 from mitt.robot.arm import Arm
 from mitt.sweep.engine import Engine, run_tasks
@@ -20,7 +20,7 @@ Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Trial:
+class Job:
     """What is to be tried of a candidate.
 
     Attributes:
@@ -46,7 +46,7 @@ class Trial:
     give_up: bool = True
 
 
-def evaluated(trial: Trial) -> Worth:
+def evaluated(trial: Job) -> Evaluation:
     """Return what a candidate is worth, or why it could not be thrown at.
 
     An error of one candidate ends no search: it is part of the answer.
@@ -57,7 +57,7 @@ def evaluated(trial: Trial) -> Worth:
         return _failed(trial.candidate, "error", str(error))
 
 
-def _evaluated(trial: Trial) -> Worth:
+def _evaluated(trial: Job) -> Evaluation:
     """Return what a candidate is worth, stage by stage."""
     c = trial.candidate
     if not able_to_hold(trial.whole, c, trial.task):
@@ -71,12 +71,12 @@ def _evaluated(trial: Trial) -> Worth:
     return thrown(c, f, trial.task, throws=trial.throws, seed=trial.seed, give_up=trial.give_up)
 
 
-def _failed(c: Candidate, why: str, said: str = "") -> Worth:
+def _failed(c: Candidate, why: str, said: str = "") -> Evaluation:
     """Return a candidate that was not thrown at."""
-    return Worth(candidate=c, able=0.0, speed=99.0, failed=why, said=said)
+    return Evaluation(candidate=c, able=0.0, speed=99.0, failed=why, said=said)
 
 
-def work(trial: Trial) -> bytes:
+def work(trial: Job) -> bytes:
     """Evaluate a candidate in a worker; the answer as bytes, without the candidate."""
     w = evaluated(trial)
     plain = {x.name: getattr(w, x.name) for x in fields(w) if x.name != "candidate"}
@@ -97,7 +97,7 @@ class Tally:
     lost: int = 0
     said: str = ""
 
-    def count(self, w: Worth) -> None:
+    def count(self, w: Evaluation) -> None:
         """Count a candidate, if it could not be evaluated."""
         self.errors += w.failed == "error"
         self.lost += w.failed == "lost"
@@ -114,7 +114,7 @@ class Tally:
 
 
 @final
-class Bench:
+class Evaluator:
     """Tries candidates, in this process or by an engine's workers."""
 
     def __init__(
@@ -133,27 +133,27 @@ class Bench:
         self.whole, self.task, self._engine, self.progress = whole, task, engine, progress
         self.tally = tally or Tally()
 
-    def at(self, task: Task) -> "Bench":
-        """Return a bench for another task, which counts in the same tally."""
-        return Bench(self.whole, task, self._engine, self.progress, self.tally)
+    def at(self, task: Task) -> "Evaluator":
+        """Return an evaluator for another task, which counts in the same tally."""
+        return Evaluator(self.whole, task, self._engine, self.progress, self.tally)
 
     def try_all(
         self, name: str, candidates: Sequence[Candidate], *, throws: int = 0, seed: int = 0,
         least: float = -1e9, how: How = "quick", give_up: bool = True,
-    ) -> list[Worth]:  # fmt: skip
+    ) -> list[Evaluation]:  # fmt: skip
         """Return what candidates are worth, in their order, without those that failed.
 
         Args:
             name: Of this stage, for the progress.
             candidates: What is tried.
-            throws: As in :class:`Trial`.
-            seed: As in :class:`Trial`.
-            least: As in :class:`Trial`.
-            how: As in :class:`Trial`.
-            give_up: As in :class:`Trial`.
+            throws: As in :class:`Job`.
+            seed: As in :class:`Job`.
+            least: As in :class:`Job`.
+            how: As in :class:`Job`.
+            give_up: As in :class:`Job`.
         """
         trials = [
-            Trial(number=k, whole=self.whole, candidate=c, task=self.task, throws=throws,
+            Job(number=k, whole=self.whole, candidate=c, task=self.task, throws=throws,
                   seed=seed, least=least, how=how, give_up=give_up)
             for k, c in enumerate(candidates)
         ]  # fmt: skip
@@ -161,28 +161,28 @@ class Bench:
 
     def try_each(
         self, name: str, pairs: Sequence[tuple[Candidate, Task]], *, throws: int, seed: int
-    ) -> list[Worth]:
+    ) -> list[Evaluation]:
         """Return what each candidate is worth for a task of its own, those that failed as well.
 
         All throws are made, however many are caught.
         """
         trials = [
-            Trial(number=k, whole=self.whole, candidate=c, task=task, throws=throws, seed=seed,
+            Job(number=k, whole=self.whole, candidate=c, task=task, throws=throws, seed=seed,
                   give_up=False)
             for k, (c, task) in enumerate(pairs)
         ]  # fmt: skip
         return self._worth(name, trials)
 
-    def _worth(self, name: str, trials: Sequence[Trial]) -> list[Worth]:
+    def _worth(self, name: str, trials: Sequence[Job]) -> list[Evaluation]:
         """Return what became of trials, in their order."""
-        found = dict[int, Worth]()
+        found = dict[int, Evaluation]()
         for done, (number, worth) in enumerate(self._answers(trials), start=1):
             self.progress(name, done, len(trials))
             self.tally.count(worth)
             found[number] = worth
         return [found[trial.number] for trial in trials]
 
-    def _answers(self, trials: Sequence[Trial]) -> Iterable[tuple[int, Worth]]:
+    def _answers(self, trials: Sequence[Job]) -> Iterable[tuple[int, Evaluation]]:
         """Yield number and worth of each, as they come.
 
         A worker that dies takes with it what else is under way, so that those are evaluated again
@@ -192,7 +192,7 @@ class Bench:
             for trial in trials:
                 yield trial.number, evaluated(trial)
             return
-        again = list[Trial]()
+        again = list[Job]()
         for trial, answer in run_tasks(self._engine, work, trials, window=2 * self._engine.workers):
             worth = self._answer(trial, answer)
             if worth is None:
@@ -202,7 +202,7 @@ class Bench:
         for trial in sorted(again, key=lambda x: x.number):
             yield trial.number, self._alone(trial, self._engine)
 
-    def _alone(self, trial: Trial, engine: Engine) -> Worth:
+    def _alone(self, trial: Job, engine: Engine) -> Evaluation:
         """Return what a candidate is worth with nothing else under way."""
         for _ in range(_ROUNDS):
             for _, answer in run_tasks(engine, work, [trial], window=1):
@@ -211,10 +211,10 @@ class Bench:
                     return worth
         return _failed(trial.candidate, "lost")
 
-    def _answer(self, trial: Trial, answer: bytes | BaseException) -> Worth | None:
+    def _answer(self, trial: Job, answer: bytes | BaseException) -> Evaluation | None:
         """Return what a worker said of a candidate; None where it died."""
         if not isinstance(answer, BaseException):
-            return Worth(candidate=trial.candidate, **json.loads(answer))
+            return Evaluation(candidate=trial.candidate, **json.loads(answer))
         if self._engine is not None and self._engine.died(answer):
             return None
         raise answer

@@ -102,7 +102,7 @@ class Task:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Worth:
+class Evaluation:
     """What is known of a candidate; of throws nothing where none were made.
 
     Attributes:
@@ -208,7 +208,7 @@ def learned(whole: Arm, c: Candidate, task: Task, how: How = "quick") -> DirectM
         arm, flights = c.arm(whole), None
         if task.ranges is not None:
             rng = np.random.default_rng(LEARNING_SEED)
-            own = replace(around, hopeless=_TOO_FAST)
+            own = replace(around, max_speed_share=_TOO_FAST)
             flights = task.flights(unlearned(arm, c.design), rng, own)
         found = learn(arm, design=c.design, flights=flights, around=around, settings=_STEPS[how])
     except (MittError, np.linalg.LinAlgError):
@@ -216,16 +216,18 @@ def learned(whole: Arm, c: Candidate, task: Task, how: How = "quick") -> DirectM
     return found.map if found.flights >= around.flights // 2 else None
 
 
-def judged(c: Candidate, f: DirectMap, task: Task) -> Worth:
+def judged(c: Candidate, f: DirectMap, task: Task) -> Evaluation:
     """Return what a learned map is worth on flights that it was not learned from."""
     rng = np.random.default_rng([_JUDGE_SEED, task.seed])
     around = task.around(_JUDGED)
     flights = task.flights(f, rng, _JUDGED)
     if not flights:
-        return Worth(candidate=c, able=0.0, speed=99.0, binding="domain")
+        return Evaluation(candidate=c, able=0.0, speed=99.0, binding="domain")
     a = assess(f, flights)
     lost = 1.0 - len(flights) / around.flights
-    return Worth(candidate=c, able=_able(a) * (1.0 - lost), speed=_middle(a.speed), binding=a.binds)
+    return Evaluation(
+        candidate=c, able=_able(a) * (1.0 - lost), speed=_middle(a.speed), binding=a.binds
+    )
 
 
 def _able(a: Assessment) -> float:
@@ -244,14 +246,14 @@ def _middle(x: Array) -> float:
 
 def thrown(
     c: Candidate, f: DirectMap, task: Task, *, throws: int, seed: int, give_up: bool = True
-) -> Worth:
+) -> Evaluation:
     """Return what a learned map is worth in the simulated world, the ball seen as points."""
     trials = trials_of(f, task, throws=throws, seed=seed, give_up=give_up)
     throws = len(trials)
     good = [x for x in trials if x.status == "caught"]
     speeds = np.array([x.velocity_error_m_s for x in good], dtype=np.float64)
     forces = np.array([x.peak_contact_force_n for x in good], dtype=np.float64)
-    return Worth(
+    return Evaluation(
         candidate=c,
         able=len(good) / throws,
         speed=_middle(speeds) if good else 9.0,

@@ -9,7 +9,7 @@ from mitt.design.balls import Balls
 from mitt.design.candidate import Candidate
 from mitt.design.contact import Touch
 from mitt.design.geometry import drawn, spread, triples_of
-from mitt.design.meeting import meeting, met
+from mitt.design.interception import least_relative_velocity, map_velocities
 from mitt.design.poses import poses_of
 from mitt.design.rows import Rows, best_of, candidates_of
 from mitt.design.whole import whole_arm
@@ -57,7 +57,7 @@ def _problem(count: int) -> tuple[Array, Array, Array, Array, Array]:
 
 def test_the_least_relative_velocity_keeps_the_speeds_and_uses_one_up() -> None:
     J, w, v, d, fastest = _problem(2000)
-    m = meeting(J, w, v, d, fastest, EYE)
+    m = least_relative_velocity(J, w, v, d, fastest, EYE)
     assert 50 < int(m.sound.sum()) < 2000
     hand = np.einsum("bkc,bk->bc", J, m.x)
     np.testing.assert_allclose((v - hand)[m.sound], (m.s[:, None] * d)[m.sound], atol=1e-6)
@@ -69,8 +69,8 @@ def test_the_least_relative_velocity_keeps_the_speeds_and_uses_one_up() -> None:
 
 def test_kappa_and_inward_give_back_the_meeting_they_came_from() -> None:
     J, w, v, d, fastest = _problem(2000)
-    m = meeting(J, w, v, d, fastest, EYE)
-    x, relative = met(J, w, v, m.kappa, m.inward)
+    m = least_relative_velocity(J, w, v, d, fastest, EYE)
+    x, relative = map_velocities(J, w, v, m.kappa, m.inward)
     np.testing.assert_allclose(x[m.sound], m.x[m.sound], rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(relative[m.sound], (m.s[:, None] * d)[m.sound], rtol=1e-6, atol=1e-6)
 
@@ -78,8 +78,8 @@ def test_kappa_and_inward_give_back_the_meeting_they_came_from() -> None:
 def test_dependent_columns_are_never_sound() -> None:
     J, w, v, d, fastest = _problem(5)
     J[:, 1] = 2.0 * J[:, 0]
-    assert not meeting(J, w, v, d, fastest, EYE).sound.any()
-    x, relative = met(J, w, v, np.ones(5), np.zeros(5))
+    assert not least_relative_velocity(J, w, v, d, fastest, EYE).sound.any()
+    x, relative = map_velocities(J, w, v, np.ones(5), np.zeros(5))
     assert not np.isfinite(x).any()
     assert not np.isfinite(relative).any()
 

@@ -35,7 +35,7 @@ _SLOWEST = 0.3
 _MOST = 12.0
 
 
-class Meeting(NamedTuple):
+class Interception(NamedTuple):
     """How they meet; ``sound`` where they can, all else means nothing where they cannot."""
 
     sound: NDArray[np.bool_]  # (B,)
@@ -44,14 +44,16 @@ class Meeting(NamedTuple):
     kappa: Array  # (B,)
     inward: Array  # (B,)
 
-    def take(self, rows: NDArray[np.int64]) -> "Meeting":
+    def take(self, rows: NDArray[np.int64]) -> "Interception":
         """Return some of them, by index."""
-        return Meeting(
+        return Interception(
             self.sound[rows], self.s[rows], self.x[rows], self.kappa[rows], self.inward[rows]
         )
 
 
-def meeting(J: Array, w: Array, v: Array, d: Array, fastest: Array, A: Array) -> Meeting:
+def least_relative_velocity(
+    J: Array, w: Array, v: Array, d: Array, fastest: Array, A: Array
+) -> Interception:
     """Return the least relative velocity along d; see the module's table.
 
     Args:
@@ -77,7 +79,7 @@ def meeting(J: Array, w: Array, v: Array, d: Array, fastest: Array, A: Array) ->
     kappa = 1.0 + scale * np.sum(d * J_i, axis=1) / np.maximum(size[:, 2] ** 2, 1e-12)
     inward = scale * np.sum(d * lever, axis=1) / np.maximum(np.sum(lever**2, axis=1), 1e-12)
     sound &= (kappa > 1.0 - 1e-9) & (kappa < _MOST) & (np.abs(inward) < _MOST)
-    return Meeting(sound=sound, s=s, x=x, kappa=np.maximum(kappa, 1.0), inward=inward)
+    return Interception(sound=sound, s=s, x=x, kappa=np.maximum(kappa, 1.0), inward=inward)
 
 
 def _all(A: Array, x: Array) -> Array:
@@ -92,13 +94,15 @@ def _interval(x_0: Array, slope: Array, fastest: Array) -> tuple[Array, Array]:
     return ends[0].max(axis=1), ends[1].min(axis=1)
 
 
-def met(J: Array, w: Array, v: Array, kappa: Array, inward: Array) -> tuple[Array, Array]:
+def map_velocities(
+    J: Array, w: Array, v: Array, kappa: Array, inward: Array
+) -> tuple[Array, Array]:
     """Return the joint speeds and the ball's relative velocity of given maps, (B, 3) each.
 
     Args:
-        J: As in :func:`meeting`.
-        w: As in :func:`meeting`.
-        v: As in :func:`meeting`.
+        J: As in :func:`least_relative_velocity`.
+        w: As in :func:`least_relative_velocity`.
+        v: As in :func:`least_relative_velocity`.
         kappa: Velocity-match ratios, shape (B,).
         inward: Shares of the line towards the axis, shape (B,).
     """

@@ -6,7 +6,7 @@ import numpy as np
 
 from mitt.design.balls import Balls
 from mitt.design.candidate import Candidate
-from mitt.design.meeting import meeting, met
+from mitt.design.interception import least_relative_velocity, map_velocities
 from mitt.design.poses import poses_of
 from mitt.design.sharing import virtual
 from mitt.robot.arm import Arm
@@ -16,7 +16,7 @@ QUICKER, _GENTLE = 1.5, 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Help:
+class FasterJoint:
     """What one joint's speed is worth.
 
     Attributes:
@@ -32,7 +32,7 @@ class Help:
     quicker_m_s: float
 
 
-def help_of(whole: Arm, c: Candidate, balls: Balls) -> list[Help]:
+def faster_joints(whole: Arm, c: Candidate, balls: Balls) -> list[FasterJoint]:
     """Return what each active joint's speed is worth at a candidate's nominal catch.
 
     The direction of the relative velocity stays, and the joints may be as near to their limits as
@@ -42,7 +42,7 @@ def help_of(whole: Arm, c: Candidate, balls: Balls) -> list[Help]:
     index, A = np.array(c.active), c.A[None][:, :, order]
     v, most = balls.velocity(), whole.dq_max
     J, w = virtual(poses_of(whole.model, c.q[None]), A)
-    x, relative = met(J, w, v, np.array([c.kappa]), np.array([c.inward]))
+    x, relative = map_velocities(J, w, v, np.array([c.kappa]), np.array([c.inward]))
     speed = float(np.linalg.norm(relative))
     share = (np.abs(A[0] @ x[0]) / most)[index]
     if not speed > _GENTLE:
@@ -51,12 +51,14 @@ def help_of(whole: Arm, c: Candidate, balls: Balls) -> list[Help]:
     for at, k in enumerate(index):
         quicker = allowed.copy()
         quicker[k] *= QUICKER
-        m = meeting(J, w, v, relative / speed, quicker[None], A)
+        m = least_relative_velocity(J, w, v, relative / speed, quicker[None], A)
         least = min(float(m.s[0]), speed) if np.isfinite(m.s[0]) else speed
         out.append(_row(whole, int(k), float(share[at]), speed, least))
     return out
 
 
-def _row(whole: Arm, k: int, share: float, speed: float, quicker: float) -> Help:
+def _row(whole: Arm, k: int, share: float, speed: float, quicker: float) -> FasterJoint:
     """Return one row."""
-    return Help(joint=whole.names[k], share=float(share), relative_m_s=speed, quicker_m_s=quicker)
+    return FasterJoint(
+        joint=whole.names[k], share=float(share), relative_m_s=speed, quicker_m_s=quicker
+    )
