@@ -26,6 +26,7 @@ from mitt.generator.demand import Tolerance, shares_of
 from mitt.generator.feasibility import Approach, Outcome, Verdict
 from mitt.rehearsal import gap_at_catch
 from mitt.robot.arm import Arm
+from mitt.robot.basket import Basket
 from mitt.robot.hands import HandModel
 from mitt.signals import Array
 
@@ -257,7 +258,7 @@ def _pull(arm: Arm, brake: Brake, ball: CaughtBall) -> float:
     What presses it into the palm costs the fingers nothing. Without a hand there is no bound.
     """
     hand = arm.model.hand
-    if hand is None:
+    if hand is None or isinstance(hand, Basket):
         return 0.0
     up, most = np.array([0.0, 0.0, GRAVITY]), 0.0
     for t in np.linspace(0.0, brake.duration, _INSTANTS).tolist():

@@ -19,14 +19,14 @@ from mitt.files.toml_text import toml_text
 from mitt.generator.design import MapDesign, tangent_of
 from mitt.reading import read_bytes, read_toml
 from mitt.robot.arm import Arm
-from mitt.robot.hands import HandModel
+from mitt.robot.basket import hand_named
 from mitt.robot.limit_sets import LimitSet
 from mitt.robot.load import load_arm
 from mitt.robot.urdf import MAX_BYTES
 from mitt.robot.wam import LIMIT_SETS
 
 SCHEMA = "mitt.arm/1"
-HandName = Literal["three-finger", "none"]
+HandName = Literal["three-finger", "basket", "none"]
 Name = Annotated[str, Field(min_length=1, max_length=200)]
 _Names = Annotated[list[Name], Field(min_length=1, max_length=64)]
 
@@ -84,7 +84,7 @@ class ArmFile:
             held=self.held,
             ready=self.ready,
             limits=limits_of(self.limits if limits is None else limits),
-            hand=HandModel() if self.hand == "three-finger" else None,
+            hand=hand_named(self.hand),
             hand_turn=self.hand_turn,
         )
         if self.throws is None or self.throws.at is None:
@@ -162,7 +162,7 @@ def _arm_file(content: _ArmFile, folder: Path) -> ArmFile:
     """Return what a checked file says, its paths found from its folder."""
     arm, limits = content.arm, content.arm.limits
     if arm.name is not None and content.hand.name == "none":
-        raise InputError("hand", "the three-finger hand of an arm by name", "none")
+        raise InputError("hand", "a hand on an arm by name", "none")
     if arm.ready is not None and arm.joints is not None and len(arm.ready) != len(arm.joints):
         raise InputError("ready", f"{len(arm.joints)} angles, one for each joint", len(arm.ready))
     return ArmFile(

@@ -9,6 +9,7 @@ import numpy as np
 from mitt import checks
 from mitt.errors import InputError, ModelError, UnknownNameError
 from mitt.robot.arm import Arm
+from mitt.robot.basket import Hand, checked_hand, hand_named
 from mitt.robot.description import ArmModel, rotation, transform
 from mitt.robot.hands import HandModel
 from mitt.robot.limit_sets import LimitSet
@@ -27,7 +28,7 @@ def load_arm(
     held: Mapping[str, float] | None = None,
     ready: Sequence[float] | None = None,
     limits: str | LimitSet | None = None,
-    hand: HandModel | None = None,
+    hand: Hand | str | None = None,
     hand_turn: float = 0.0,
     encoder_step: float | Sequence[float] | None = None,
 ) -> Arm:
@@ -44,21 +45,22 @@ def load_arm(
             of a range that 0 is not in.
         limits: Limit set: ``paper``, ``wam-48v``, ``wam-80v`` for the WAM; for files ``model``,
             what the file states, or a set that goes before it.
-        hand: For files: a hand to be mounted so that its catch point is at the tip; without
-            one the file is taken to contain what the arm carries.
+        hand: A hand, or the name of one of ``mitt.robot.basket.HANDS``. On an arm from a file its
+            catch point is at the tip; without one, or with ``none``, the file is taken to contain
+            what the arm carries. The WAM has the three-finger hand if it is left out.
         hand_turn: How far the hand is turned about the z axis of the tip [rad].
         encoder_step: Resolution of the encoders of the active joints [rad], one for all or one a
             joint; the WAM's own, or ``description.ENCODER_STEP`` for files, if left out.
 
     Raises:
-        UnknownNameError: No such arm, joint, frame or limit set.
+        UnknownNameError: No such arm, joint, frame, hand or limit set.
         FileError: The file cannot be read or parsed.
         ModelError: What it describes is no arm that can be used.
     """
     if tip is not None:
         checks.instance("tip", tip, str)
     if hand is not None:
-        checks.instance("hand", hand, HandModel)
+        hand = hand_named(hand) if isinstance(hand, str) else checked_hand(hand)
     if not isinstance(name_or_path, str | Path):
         raise InputError("arm", "a name or a path", checks.shown(name_or_path))
     names = _names(joints)
@@ -82,7 +84,7 @@ def _from_file(
     names: tuple[str, ...],
     ready: Sequence[float] | None,
     limits: str | LimitSet | None,
-    rest: tuple[Mapping[str, float], HandModel | None, float],
+    rest: tuple[Mapping[str, float], Hand | None, float],
 ) -> Arm:
     """Return an arm from a description file; arguments as of :func:`load_arm`."""
     if path.suffix not in (".urdf", ".xml", ".mjcf"):
@@ -119,9 +121,7 @@ def _names(joints: Sequence[str] | None) -> tuple[str, ...]:
     return tuple(checks.instance("joints", joint, str) for joint in joints)
 
 
-def _wam(
-    hand: HandModel, names: tuple[str, ...], held: Mapping[str, float], turn: float
-) -> ArmModel:
+def _wam(hand: Hand, names: tuple[str, ...], held: Mapping[str, float], turn: float) -> ArmModel:
     """Return the WAM with all but the named joints held; joint 3 where none is named."""
     full = wam(hand, held_3=None)
     known = full.names

@@ -8,9 +8,9 @@ import pinocchio as pin
 
 from mitt.errors import InputError, ModelError, UnknownNameError
 from mitt.robot.arm import Arm
+from mitt.robot.basket import Hand
 from mitt.robot.carried import carried_shapes, frame_of
 from mitt.robot.description import ArmModel, Link, rotation, transform
-from mitt.robot.hands import HandModel
 from mitt.robot.limit_sets import LimitSet
 from mitt.robot.limits import Limits, joint_level
 from mitt.robot.stated import Stated
@@ -30,7 +30,7 @@ class Wanted:
     held: Mapping[str, float]
     ready: Sequence[float] | None
     limits: LimitSet | None
-    hand: HandModel | None
+    hand: Hand | None
     turn: float
 
 

@@ -12,6 +12,7 @@ from mitt.control.stopped import Plain, StoppedBy
 from mitt.generator.demand import demand
 from mitt.generator.feasibility import Verdict
 from mitt.robot.arm import Arm
+from mitt.robot.basket import Basket
 from mitt.signals import TICK, Array
 from mitt.trials.drives import COMMANDED, MEASURED, drive_loads
 from mitt.world.contacts import ARM_FLOOR, SELF
@@ -102,8 +103,14 @@ def stop_as_json(stopped_by: StoppedBy | None) -> dict[str, Plain] | None:
     return {"t_s" if name == "t" else name: value for name, value in plain.items()}
 
 
-def held(truth: Truth, radius: float) -> bool:
-    """Say whether the ball is held: near the catch point and touched by two geoms or more."""
+def held(arm: Arm, truth: Truth, radius: float) -> bool:
+    """Say whether the ball is held: near the catch point and touched by two geoms or more.
+
+    In a basket: inside, and touched by any part of it.
+    """
+    if isinstance(arm.model.hand, Basket):
+        place = arm.orientation(truth.q).T @ (truth.r_o - truth.position)
+        return len(truth.touching) > 0 and arm.model.hand.contains(place)
     gap = float(np.linalg.norm(truth.r_o - truth.position)) - radius
     return gap <= HELD_GAP and len(truth.touching) >= HELD_GEOMS
 

@@ -1,0 +1,81 @@
+"""The basket as MuJoCo bodies: a hard ring on struts, and a net of cords that damps.
+
+The cords do not move; they give way as a net does because their contact is soft: it acts on the
+ball as a spring and a damper along each cord's normal, 20 to 30 mm deep at 5 m/s. Nothing holds
+the ball but contact and friction. The ring is as hard as the ball.
+"""
+
+import mujoco
+import numpy as np
+
+from mitt.robot.basket import Basket
+from mitt.world.hand import add_geom, set_inertial
+
+#: The net's contact, in MuJoCo's direct form (-stiffness, -damping per kilogram) [1/s^2, 1/s]: a
+#: ball of 5 m/s is stopped within 25 mm, and 100 m/s^2 push it 25 mm deep. Choices of this project.
+NET = (-4000.0, -160.0)
+#: Sliding (nylon), torsional [m] and rolling [m] friction of ball and net: choices, as of the hand.
+NET_FRICTION = (0.5, 0.01, 1e-4)
+
+_METAL = (0.72, 0.74, 0.78, 1.0)
+_CORD = (0.93, 0.93, 0.90, 1.0)
+
+
+def add_basket(plate: mujoco.MjsBody, basket: Basket) -> None:
+    """Add a basket to the tool plate.
+
+    Args:
+        plate: The tool plate, z along the opening's normal.
+        basket: The basket.
+    """
+    body = plate.add_body(name="basket")
+    set_inertial(body, basket.mass, np.array([0.0, 0.0, basket.com]), basket.inertia)
+    _add_frame(body, basket)
+    _add_net(body, basket)
+
+
+def _circle(radius: float, height: float, count: int) -> list[list[float]]:
+    """Return the corners of a regular polygon about the axis [m]."""
+    angles = 2.0 * np.pi * (np.arange(count) + 0.5) / count
+    ring = radius * np.column_stack((np.cos(angles), np.sin(angles)))
+    return [[float(x), float(y), height] for x, y in ring]
+
+
+def _add_frame(body: mujoco.MjsBody, b: Basket) -> None:
+    """Add flange, struts and ring."""
+    cylinder, thick = mujoco.mjtGeom.mjGEOM_CYLINDER, 0.125 * b.flange
+    add_geom(body, "flange", cylinder, [b.flange, thick, 0.0], pos=[0.0, 0.0, thick])
+    around = b.ring_radius + b.clear
+    feet = _circle(b.flange, thick, b.struts)
+    knees, ends = _circle(around, b.floor, b.struts), _circle(b.net_radius, b.ring_height, b.struts)
+    for k in range(b.struts):
+        for name, pair in (("foot", [*feet[k], *knees[k]]), ("strut", [*knees[k], *ends[k]])):
+            _rod(body, f"{name}{k}", b.strut, pair)
+    corners = _circle(b.net_radius, b.ring_height, b.cords)
+    for k in range(b.cords):
+        pair = [*corners[k], *corners[(k + 1) % b.cords]]
+        _rod(body, f"ring{k}", b.ring_thickness, pair)
+
+
+def _add_net(body: mujoco.MjsBody, b: Basket) -> None:
+    """Add cords down from the ring and across the bottom."""
+    top = _circle(b.net_radius, b.ring_height, b.cords)
+    bottom = _circle(b.net_radius, b.floor, b.cords)
+    half = b.cords // 2
+    sides = [[*top[k], *bottom[k]] for k in range(b.cords)]
+    across = [[*bottom[k], *bottom[k + half]] for k in range(half)]
+    for k, ends in enumerate(sides + across):
+        cord = _rod(body, f"cord{k}", b.cord, ends, rgba=_CORD)
+        cord.priority, cord.solref, cord.friction = 2, NET, NET_FRICTION
+
+
+def _rod(
+    body: mujoco.MjsBody,
+    name: str,
+    radius: float,
+    ends: list[float],
+    rgba: tuple[float, ...] = _METAL,
+) -> mujoco.MjsGeom:
+    """Add a capsule between two points."""
+    kind = mujoco.mjtGeom.mjGEOM_CAPSULE
+    return add_geom(body, name, kind, [radius, 0.0, 0.0], fromto=ends, rgba=rgba)
