@@ -19,7 +19,7 @@ from mitt.files.toml_text import toml_text
 from mitt.generator.design import MapDesign, tangent_of
 from mitt.reading import read_bytes, read_toml
 from mitt.robot.arm import Arm
-from mitt.robot.basket import hand_named
+from mitt.robot.basket import Basket, Hand, hand_named
 from mitt.robot.limit_sets import LimitSet
 from mitt.robot.load import load_arm
 from mitt.robot.urdf import MAX_BYTES
@@ -46,6 +46,7 @@ class ArmFile:
         limits: Name of a limit set, or path of a TOML file; None: those of the arm's file.
         hand: Name of the hand mounted at the tip, or ``none``.
         hand_turn: How far it is turned about the z axis of the tip [rad].
+        hand_tilt: How far a basket is then turned about the y axis of the tip [rad].
         map: Design of its map; None where it follows from the arm.
         throws: Where its balls come from; None where it says nothing.
     """
@@ -59,8 +60,14 @@ class ArmFile:
     limits: str | Path | None = None
     hand: HandName = "three-finger"
     hand_turn: float = 0.0
+    hand_tilt: float = 0.0
     map: MapDesign | None = None
     throws: ThrowSettings | None = None
+
+    def _hand(self) -> Hand | None:
+        """Return the hand."""
+        hand = hand_named(self.hand)
+        return replace(hand, tilt=self.hand_tilt) if isinstance(hand, Basket) else hand
 
     def load(self, *, limits: str | LimitSet | None = None) -> Arm:
         """Return the arm.
@@ -84,7 +91,7 @@ class ArmFile:
             held=self.held,
             ready=self.ready,
             limits=limits_of(self.limits if limits is None else limits),
-            hand=hand_named(self.hand),
+            hand=self._hand(),
             hand_turn=self.hand_turn,
         )
         if self.throws is None or self.throws.at is None:
@@ -118,6 +125,7 @@ class _Arm(Part):
 class _Hand(Part):
     name: HandName = "three-finger"
     turn: Annotated[float, Field(ge=-10.0, le=10.0)] = 0.0
+    tilt: Annotated[float, Field(ge=-2.0, le=2.0)] = 0.0
 
 
 class _Map(Part):
@@ -163,6 +171,8 @@ def _arm_file(content: _ArmFile, folder: Path) -> ArmFile:
     arm, limits = content.arm, content.arm.limits
     if arm.name is not None and content.hand.name == "none":
         raise InputError("hand", "a hand on an arm by name", "none")
+    if content.hand.tilt and content.hand.name != "basket":
+        raise InputError("tilt", "a basket", content.hand.name, do="leave it out")
     if arm.ready is not None and arm.joints is not None and len(arm.ready) != len(arm.joints):
         raise InputError("ready", f"{len(arm.joints)} angles, one for each joint", len(arm.ready))
     return ArmFile(
@@ -175,6 +185,7 @@ def _arm_file(content: _ArmFile, folder: Path) -> ArmFile:
         limits=folder / limits if limits is not None and limits.endswith(".toml") else limits,
         hand=content.hand.name,
         hand_turn=content.hand.turn,
+        hand_tilt=content.hand.tilt,
         map=None if content.map is None else MapDesign(**content.map.model_dump()),
         throws=content.throws,
     )
@@ -202,7 +213,8 @@ def write_arm_file(path: Path, arm: ArmFile, *, comment: str = "") -> None:
     tables: dict[str, Any] = {
         "schema": SCHEMA,
         "arm": own,
-        "hand": {"name": arm.hand, "turn": float(arm.hand_turn)},
+        "hand": {"name": arm.hand, "turn": float(arm.hand_turn)}
+        | ({"tilt": float(arm.hand_tilt)} if arm.hand_tilt else {}),
         "map": None if arm.map is None else asdict(arm.map),
         "throws": None if arm.throws is None
         else arm.throws.model_dump(exclude_none=True, exclude_defaults=True),

@@ -27,6 +27,8 @@ from mitt.signals import Array
 #: Shares of the mass: ring, struts with net, flange. A ring of aluminium tube, 10 mm thick outside,
 #: and three struts of 8 mm weigh 0.1 kg each.
 _RING, _STRUTS, _FLANGE = 0.35, 0.45, 0.20
+#: Gap between a basket that lies across the plate and the plate [m].
+_GAP = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,23 +48,26 @@ class Basket:
         strut: Radius of a strut [m].
         clear: Distance of the struts' axes from the opening's edge [m].
         flange: Radius of the flange [m]; its thickness is a quarter of that.
+        tilt: Angle by which the opening is turned off the plate's normal, about the plate's y axis,
+            towards its x axis [rad]. A tilted basket stands farther off, clear of the plate.
         restitution: Share of its speed with which a ball comes back from the net, measured by
-            ``tests/world/test_basket.py``: 0.02 to 0.14.
+            ``tests/world/test_basket.py``: 0.04 to 0.08.
     """
 
     mass: float = 0.3
     ring_radius: float = 0.10
     ring_thickness: float = 0.005
-    depth: float = 0.16
+    depth: float = 0.20
     floor: float = 0.04
-    catch_depth: float = 0.08
+    catch_depth: float = 0.10
     cords: int = 20
     cord: float = 0.002
     struts: int = 3
     strut: float = 0.004
     clear: float = 0.03
     flange: float = 0.04
-    restitution: float = 0.1
+    tilt: float = 0.0
+    restitution: float = 0.06
 
     @property
     def ring_height(self) -> float:
@@ -78,6 +83,28 @@ class Basket:
     def catch_offset(self) -> float:
         """Distance of the catch point beyond the tool plate [m]."""
         return self.ring_height - self.catch_depth
+
+    @property
+    def outside(self) -> float:
+        """Radius of all of it [m]."""
+        return self.ring_radius + self.clear + self.strut
+
+    @property
+    def stand(self) -> float:
+        """Distance of the catch point from the plate that the basket is mounted on [m]."""
+        across = abs(np.sin(self.tilt)) * (self.outside + _GAP)
+        return float(self.catch_offset * np.cos(self.tilt) + across)
+
+    @property
+    def mount(self) -> Array:
+        """Frame of the basket's own plate, seen from the plate it is mounted on, shape (4, 4)."""
+        sin, cos, back = float(np.sin(self.tilt)), float(np.cos(self.tilt)), self.catch_offset
+        return np.array([
+            [cos, 0.0, sin, -back * sin],
+            [0.0, 1.0, 0.0, 0.0],
+            [-sin, 0.0, cos, self.stand - back * cos],
+            [0.0, 0.0, 0.0, 1.0],
+        ])  # fmt: skip
 
     @property
     def com(self) -> float:
@@ -126,6 +153,15 @@ def checked_hand(value: object) -> Hand:
     if not isinstance(value, HandModel | Basket):
         raise InputError("hand", "a HandModel or a Basket", checks.shown(value))
     return value
+
+
+def mounting(hand: Hand) -> tuple[float, Array]:
+    """Return how far the catch point is beyond the arm's plate [m], and the hand's plate on it.
+
+    Returns:
+        The distance, and the frame of the plate that the hand speaks of, shape (4, 4).
+    """
+    return (hand.stand, hand.mount) if isinstance(hand, Basket) else (hand.catch_offset, np.eye(4))
 
 
 def hand_named(name: str) -> Hand | None:

@@ -9,7 +9,7 @@ import numpy as np
 from mitt import checks
 from mitt.errors import InputError, ModelError, UnknownNameError
 from mitt.robot.arm import Arm
-from mitt.robot.basket import Hand, checked_hand, hand_named
+from mitt.robot.basket import Hand, checked_hand, hand_named, mounting
 from mitt.robot.description import ArmModel, rotation, transform
 from mitt.robot.hands import HandModel
 from mitt.robot.limit_sets import LimitSet
@@ -142,7 +142,8 @@ def _wam(hand: Hand, names: tuple[str, ...], held: Mapping[str, float], turn: fl
             raise InputError(f"held {x.name}", f"an angle in {x.q_min:g}..{x.q_max:g}", x.held)
     q_ready = np.array([q for x, q in zip(known, full.q_ready, strict=True) if x in active])
     about_z = transform(rotation(np.array([0.0, 0.0, 1.0]), turn)) if turn else np.eye(4)
-    return replace(full, links=links, q_ready=q_ready, tool=full.tool @ about_z)
+    tool = full.tool @ about_z @ mounting(hand)[1]
+    return replace(full, links=links, q_ready=q_ready, tool=tool)
 
 
 def _wam_limits(limits: str | LimitSet | None) -> Limits:

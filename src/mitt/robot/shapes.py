@@ -200,7 +200,7 @@ def hand_capsules(hand: Hand) -> tuple[Capsule, ...]:
 
 def _basket_capsules(b: Basket) -> tuple[Capsule, ...]:
     """Return capsules on the tool plate that hold the flange, and net, struts and ring."""
-    wide = b.ring_radius + b.clear + b.strut
+    wide = b.outside
     ring = b.net_radius + b.ring_thickness
     top = b.ring_height + b.ring_thickness - float(np.sqrt(wide**2 - ring**2))
     low = min(b.floor + float(np.sqrt(wide**2 - (wide - b.strut) ** 2)), top)

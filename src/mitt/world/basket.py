@@ -5,17 +5,23 @@ ball as a spring and a damper along each cord's normal, 20 to 30 mm deep at 5 m/
 the ball but contact and friction. The ring is as hard as the ball.
 """
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 
 from mitt.robot.basket import Basket
+from mitt.signals import Array
 from mitt.world.hand import add_geom, set_inertial
 
 #: The net's contact, in MuJoCo's direct form (-stiffness, -damping per kilogram) [1/s^2, 1/s]: a
 #: ball of 5 m/s is stopped within 25 mm, and 100 m/s^2 push it 25 mm deep. Choices of this project.
-NET = (-4000.0, -160.0)
+NET = (-2500.0, -200.0)
 #: Sliding (nylon), torsional [m] and rolling [m] friction of ball and net: choices, as of the hand.
 NET_FRICTION = (0.5, 0.01, 1e-4)
+
+#: Thickness of the bracket of a tilted basket in struts, and points of a strut that it may join.
+_BRACKET, _TRIED = 2.0, 20
 
 _METAL = (0.72, 0.74, 0.78, 1.0)
 _CORD = (0.93, 0.93, 0.90, 1.0)
@@ -34,11 +40,11 @@ def add_basket(plate: mujoco.MjsBody, basket: Basket) -> None:
     _add_net(body, basket)
 
 
-def _circle(radius: float, height: float, count: int) -> list[list[float]]:
-    """Return the corners of a regular polygon about the axis [m]."""
-    angles = 2.0 * np.pi * (np.arange(count) + 0.5) / count
-    ring = radius * np.column_stack((np.cos(angles), np.sin(angles)))
-    return [[float(x), float(y), height] for x, y in ring]
+def _circle(radius: float, height: float, count: int) -> Array:
+    """Return the corners of a regular polygon about the axis [m], (count, 3), from -x on."""
+    angles = np.pi + 2.0 * np.pi * np.arange(count) / count
+    x, y = radius * np.cos(angles), radius * np.sin(angles)
+    return np.column_stack((x, y, np.full(count, height)))
 
 
 def _add_frame(body: mujoco.MjsBody, b: Basket) -> None:
@@ -55,6 +61,11 @@ def _add_frame(body: mujoco.MjsBody, b: Basket) -> None:
     for k in range(b.cords):
         pair = [*corners[k], *corners[(k + 1) % b.cords]]
         _rod(body, f"ring{k}", b.ring_thickness, pair)
+    if b.tilt:
+        plate = np.linalg.inv(b.mount)[:3, 3]
+        points = np.linspace((feet, knees), (knees, ends), _TRIED).reshape(-1, 3)
+        near = points[np.argmin(np.linalg.norm(points - plate, axis=1))]
+        _rod(body, "bracket", _BRACKET * b.strut, [*plate, *near])
 
 
 def _add_net(body: mujoco.MjsBody, b: Basket) -> None:
@@ -73,9 +84,9 @@ def _rod(
     body: mujoco.MjsBody,
     name: str,
     radius: float,
-    ends: list[float],
+    ends: Sequence[float],
     rgba: tuple[float, ...] = _METAL,
 ) -> mujoco.MjsGeom:
     """Add a capsule between two points."""
     kind = mujoco.mjtGeom.mjGEOM_CAPSULE
-    return add_geom(body, name, kind, [radius, 0.0, 0.0], fromto=ends, rgba=rgba)
+    return add_geom(body, name, kind, [radius, 0.0, 0.0], fromto=list(ends), rgba=rgba)
