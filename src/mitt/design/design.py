@@ -10,7 +10,7 @@ from mitt.design.assay import Task, Worth
 from mitt.design.search import Effort, reported, search
 from mitt.design.speeds import SPEEDS, AtSpeed, Fastest, by_speed, fastest, release_speed, slower
 from mitt.design.workers import Bench, Progress
-from mitt.files.arm_file import ArmFile, digest_of
+from mitt.files.arm_file import ArmFile, HandName, digest_of
 from mitt.files.throws import ThrowSettings
 from mitt.link.clock import monotonic
 from mitt.robot.arm import Arm
@@ -29,11 +29,15 @@ class Origin:
         arm: ``wam``, or a description file.
         tip: Frame of the file at the catch point.
         limits: Name or file of its limits; None for those of the file.
+        hand: Name of the hand mounted at the tip.
+        tilt: How far a basket is turned off the tip's z axis [rad].
     """
 
     arm: str | Path
     tip: str | None = None
     limits: str | Path | None = None
+    hand: HandName = "three-finger"
+    tilt: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -114,7 +118,9 @@ class Design:
             ready=tuple(c.ready.tolist()),
             held={names[k]: float(x) for k, x in enumerate(c.q) if k not in c.free},
             limits=origin.limits,
+            hand=origin.hand,
             hand_turn=c.turn,
+            hand_tilt=origin.tilt,
             map=c.design,
             throws=self._throws(tuple(at), tuple(around)),
         )

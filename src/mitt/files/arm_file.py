@@ -26,6 +26,8 @@ from mitt.robot.urdf import MAX_BYTES
 from mitt.robot.wam import LIMIT_SETS
 
 SCHEMA = "mitt.arm/1"
+#: Largest tilt of a basket [rad].
+MOST_TILT = 2.0
 HandName = Literal["three-finger", "basket", "none"]
 Name = Annotated[str, Field(min_length=1, max_length=200)]
 _Names = Annotated[list[Name], Field(min_length=1, max_length=64)]
@@ -64,11 +66,6 @@ class ArmFile:
     map: MapDesign | None = None
     throws: ThrowSettings | None = None
 
-    def _hand(self) -> Hand | None:
-        """Return the hand."""
-        hand = hand_named(self.hand)
-        return replace(hand, tilt=self.hand_tilt) if isinstance(hand, Basket) else hand
-
     def load(self, *, limits: str | LimitSet | None = None) -> Arm:
         """Return the arm.
 
@@ -91,7 +88,7 @@ class ArmFile:
             held=self.held,
             ready=self.ready,
             limits=limits_of(self.limits if limits is None else limits),
-            hand=self._hand(),
+            hand=hand_of(self.hand, self.hand_tilt),
             hand_turn=self.hand_turn,
         )
         if self.throws is None or self.throws.at is None:
@@ -125,7 +122,7 @@ class _Arm(Part):
 class _Hand(Part):
     name: HandName = "three-finger"
     turn: Annotated[float, Field(ge=-10.0, le=10.0)] = 0.0
-    tilt: Annotated[float, Field(ge=-2.0, le=2.0)] = 0.0
+    tilt: Annotated[float, Field(ge=-MOST_TILT, le=MOST_TILT)] = 0.0
 
 
 class _Map(Part):
@@ -231,6 +228,12 @@ def _seen_from(folder: Path, path: Path) -> str:
 def digest_of(path: Path) -> str:
     """Return the SHA-256 of a description file."""
     return hashlib.sha256(read_bytes(path, max_bytes=MAX_BYTES)).hexdigest()
+
+
+def hand_of(name: str, tilt: float) -> Hand | None:
+    """Return a hand by name; a basket is tilted by an angle [rad]."""
+    hand = hand_named(name)
+    return replace(hand, tilt=tilt) if isinstance(hand, Basket) else hand
 
 
 def limits_of(limits: str | Path | LimitSet | None) -> str | LimitSet | None:

@@ -51,7 +51,7 @@ class Basket:
         tilt: Angle by which the opening is turned off the plate's normal, about the plate's y axis,
             towards its x axis [rad]. A tilted basket stands farther off, clear of the plate.
         restitution: Share of its speed with which a ball comes back from the net, measured by
-            ``tests/world/test_basket.py``: 0.04 to 0.08.
+            ``tests/world/test_net.py``: 0.04 to 0.08.
     """
 
     mass: float = 0.3
@@ -155,13 +155,15 @@ def checked_hand(value: object) -> Hand:
     return value
 
 
-def mounting(hand: Hand) -> tuple[float, Array]:
+def mounting(hand: Hand | None) -> tuple[float, Array]:
     """Return how far the catch point is beyond the arm's plate [m], and the hand's plate on it.
 
     Returns:
         The distance, and the frame of the plate that the hand speaks of, shape (4, 4).
     """
-    return (hand.stand, hand.mount) if isinstance(hand, Basket) else (hand.catch_offset, np.eye(4))
+    if isinstance(hand, Basket):
+        return hand.stand, hand.mount
+    return 0.0 if hand is None else hand.catch_offset, np.eye(4)
 
 
 def hand_named(name: str) -> Hand | None:

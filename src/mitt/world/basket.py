@@ -1,8 +1,9 @@
 """The basket as MuJoCo bodies: a hard ring on struts, and a net of cords that damps.
 
 The cords do not move; they give way as a net does because their contact is soft: it acts on the
-ball as a spring and a damper along each cord's normal, 20 to 30 mm deep at 5 m/s. Nothing holds
-the ball but contact and friction. The ring is as hard as the ball.
+ball as a spring and a damper along each cord's normal, about 15 mm deep at 5 m/s. A ball that goes
+deeper than its own radius, one of 20 mm at 6 m/s, is through. Nothing holds the ball but contact
+and friction. The ring is as hard as the ball.
 """
 
 from collections.abc import Sequence
@@ -15,8 +16,8 @@ from mitt.signals import Array
 from mitt.world.hand import add_geom, set_inertial
 
 #: The net's contact, in MuJoCo's direct form (-stiffness, -damping per kilogram) [1/s^2, 1/s]: a
-#: ball of 5 m/s is stopped within 25 mm, and 100 m/s^2 push it 25 mm deep. Choices of this project.
-NET = (-2500.0, -200.0)
+#: ball of 5 m/s is stopped within 20 mm, and 100 m/s^2 push it 20 mm deep. Choices of this project.
+NET = (-5000.0, -300.0)
 #: Sliding (nylon), torsional [m] and rolling [m] friction of ball and net: choices, as of the hand.
 NET_FRICTION = (0.5, 0.01, 1e-4)
 
@@ -41,8 +42,8 @@ def add_basket(plate: mujoco.MjsBody, basket: Basket) -> None:
 
 
 def _circle(radius: float, height: float, count: int) -> Array:
-    """Return the corners of a regular polygon about the axis [m], (count, 3), from -x on."""
-    angles = np.pi + 2.0 * np.pi * np.arange(count) / count
+    """Return the corners of a regular polygon about the axis [m], (count, 3), from x on."""
+    angles = 2.0 * np.pi * np.arange(count) / count
     x, y = radius * np.cos(angles), radius * np.sin(angles)
     return np.column_stack((x, y, np.full(count, height)))
 
@@ -52,8 +53,11 @@ def _add_frame(body: mujoco.MjsBody, b: Basket) -> None:
     cylinder, thick = mujoco.mjtGeom.mjGEOM_CYLINDER, 0.125 * b.flange
     add_geom(body, "flange", cylinder, [b.flange, thick, 0.0], pos=[0.0, 0.0, thick])
     around = b.ring_radius + b.clear
-    feet = _circle(b.flange, thick, b.struts)
-    knees, ends = _circle(around, b.floor, b.struts), _circle(b.net_radius, b.ring_height, b.struts)
+    side = np.array([1.0 if b.tilt > 0.0 else -1.0, 1.0, 1.0])  # a strut where the bracket joins
+    feet, knees, ends = (
+        side * _circle(radius, height, b.struts)
+        for radius, height in ((b.flange, thick), (around, b.floor), (b.net_radius, b.ring_height))
+    )
     for k in range(b.struts):
         for name, pair in (("foot", [*feet[k], *knees[k]]), ("strut", [*knees[k], *ends[k]])):
             _rod(body, f"{name}{k}", b.strut, pair)
