@@ -98,7 +98,7 @@ def stepped(
         command = catcher.step(change(world.sense()))
         commands.append(command)
         world.apply(command)
-    return catcher, commands, held(runner.arm, world.truth(), 0.04)
+    return catcher, commands, held(world.truth(), 0.04)
 
 
 def finite(command: Command) -> bool:
@@ -384,7 +384,7 @@ def test_a_stopped_catcher_recovers_when_told_to(runner: TrialRunner, throws: li
         runner.world.reset(throws[1], 6)
         for _ in range(1100):
             runner.world.apply(each.step(runner.world.sense()))
-        assert held(runner.arm, runner.world.truth(), 0.04)
+        assert held(runner.world.truth(), 0.04)
         torques.append(runner.world.trace().tau)
     assert np.array_equal(torques[0], torques[1])
 

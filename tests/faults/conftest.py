@@ -96,7 +96,7 @@ class Range:
             catcher.think()
             rows.append(copied(catcher.result))
         ticks = gathered(rows)
-        was_held = held(runner.arm, world.truth(), scene.ball.radius)
+        was_held = held(world.truth(), scene.ball.radius)
         return Thrown(
             status_of(world, catcher.phase, was_held=was_held),
             ticks,

@@ -21,7 +21,6 @@ from mitt.world.truth import Trace, Truth
 
 RADIUS, TICKS = 0.04, 6
 ZERO = np.zeros(3)
-ARM = load_arm("wam")
 #: Agreement of sums with NumPy's, which go in another order.
 ROUNDING = 1e-9
 
@@ -121,7 +120,7 @@ def test_held_takes_nearness_and_two_geoms(gap: float, geoms: int) -> None:
         self_contact=False, floor_contact=False, ball_on_floor=False,
     )  # fmt: skip
     if abs(gap - HELD_GAP) > 1e-9:
-        assert held(ARM, ball, RADIUS) == (gap < HELD_GAP and geoms >= 2)
+        assert held(ball, RADIUS) == (gap < HELD_GAP and geoms >= 2)
 
 
 def test_the_rule_for_held_is_the_contract() -> None:

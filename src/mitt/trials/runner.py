@@ -23,10 +23,10 @@ from mitt.trials.score import (
     Measured,
     Trial,
     certificate_of,
-    held,
     measure,
     status_of,
     stop_as_json,
+    was_held,
 )
 from mitt.trials.source import Source
 from mitt.vision.camera import Rig, fixed_rig
@@ -174,10 +174,10 @@ class TrialRunner:
     def _score(self, index: int, catcher: Catcher, found: Measured, t_catch: float) -> Trial:
         """Score the finished trial."""
         world, verdict = self.world, catcher.verdict
-        contact, was_held = world.first_contact, held(self.arm, world.truth(), world.radius)
+        contact = world.first_contact
         return Trial(
             index=index,
-            status=status_of(world, catcher.phase, was_held=was_held),
+            status=status_of(world, catcher.phase, was_held=was_held(self.arm, world)),
             t_catch_s=float(t_catch) if np.isfinite(t_catch) else None,
             position_error_mm=None if contact is None else 1e3 * contact.position_error,
             velocity_error_m_s=None if contact is None else contact.velocity_error,
