@@ -9,6 +9,7 @@ from mitt.control.envelope import bounds_of
 from mitt.generator.feasibility import Approach, Outcome, Verdict
 from mitt.impact import CaughtBall, examined, shares_after, speed_caps, speed_jump
 from mitt.robot.arm import Arm
+from mitt.robot.basket import Basket
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
 
@@ -152,3 +153,15 @@ def test_fingers_hold_more_with_friction() -> None:
     assert 0.0 < forces[0] < forces[1] < forces[2]
     strong = replace(hand, drive=replace(hand.drive, tau_max=2.0 * hand.drive.tau_max))
     assert strong.holding_force(0.04, 1.0) == pytest.approx(2.0 * forces[2])
+
+
+def test_a_basket_that_comes_to_rest_facing_down_spills(motors: Arm) -> None:
+    """Its share is beyond any; one that faces up, with the arm at rest, keeps the ball."""
+    baskets = [load_arm("wam", limits="wam-80v", hand=Basket(tilt=x)) for x in (0.0, -np.pi / 2)]
+    q, still = np.array([0.0, 0.9, 1.4]), np.zeros(3)
+    down, up = (shares_after(a, approach(q, still, still), ball(0.07)) for a in baskets)
+    assert baskets[0].orientation(q)[2, 2] < 0.0 < baskets[1].orientation(q)[2, 2]
+    assert down["spill"] > 1.0
+    assert up["spill"] == pytest.approx(0.0, abs=1e-3)
+    assert "grip" not in up
+    assert "spill" not in shares_after(motors, approach(q, still, still), ball(0.07))

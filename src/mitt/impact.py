@@ -26,6 +26,7 @@ from mitt.generator.demand import Tolerance, shares_of
 from mitt.generator.feasibility import Approach, Outcome, Verdict
 from mitt.rehearsal import gap_at_catch
 from mitt.robot.arm import Arm
+from mitt.robot.basket import Basket
 from mitt.robot.hands import HandModel
 from mitt.signals import Array
 
@@ -54,6 +55,8 @@ _GIVE = 0.05
 _HOLDS = 0.6
 #: Instants of the brake at which the pull on the fingers is looked at, and a difference's step [s].
 _INSTANTS, _STEP = 8, 1e-3
+#: Instants of the brake in which a ball's way in a basket is followed; share of one that is lost.
+_SPILLS, _LOST = 24, 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -223,7 +226,7 @@ def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, fl
         impact, in units of what the hand tolerates, or the speed that the ball drives it to where
         no room suffices (``speed:NAME`` where its own limit keeps it slow); ``brake:NAME`` where
         the joint comes to rest, in its range; ``grip`` the pull on the fingers, in units of what
-        they hold.
+        they hold; ``spill`` how far the ball leaves the bottom of a basket, in units of its depth.
     """
     cap = speed_caps(arm, approach, ball)
     dq = np.clip(approach.motion[-1, 1], -cap, cap)
@@ -237,7 +240,11 @@ def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, fl
     shares = {f"brake:{name}": float(x) for name, x in zip(arm.names, rest, strict=True)}
     for name, x, kept in zip(arm.names, late.tolist(), slowed.tolist(), strict=True):
         shares[f"{'impact' if kept else 'speed'}:{name}"] = x
-    shares["grip"] = _pull(arm, brake, ball)
+    if isinstance(arm.model.hand, Basket):
+        v_rel = approach.dr_o - arm.jacobian(approach.motion[-1, 0]) @ dq
+        shares["spill"] = _spill(arm, brake, ball, arm.model.hand, v_rel)
+    else:
+        shares["grip"] = _pull(arm, brake, ball)
     return shares
 
 
@@ -257,7 +264,7 @@ def _pull(arm: Arm, brake: Brake, ball: CaughtBall) -> float:
     What presses it into the palm costs the fingers nothing. Without a hand there is no bound.
     """
     hand = arm.model.hand
-    if hand is None:
+    if not isinstance(hand, HandModel):
         return 0.0
     up, most = np.array([0.0, 0.0, GRAVITY]), 0.0
     for t in np.linspace(0.0, brake.duration, _INSTANTS).tolist():
@@ -268,6 +275,31 @@ def _pull(arm: Arm, brake: Brake, ball: CaughtBall) -> float:
         across = float(np.linalg.norm(force - out * normal))
         most = max(most, max(-out, 0.0) + across)
     return ball.heaviest * most / (_HOLDS * _holding_force(hand, ball.radius, ball.friction))
+
+
+def _spill(arm: Arm, brake: Brake, ball: CaughtBall, basket: Basket, v_rel: Array) -> float:
+    """Return how far the ball leaves the bottom of a basket towards its ring, as share.
+
+    It springs back from the net, and goes on where the arm brakes under it; friction and the sides
+    of the net are left out. A basket that comes to rest facing down holds nothing.
+    """
+    up, h = np.array([0.0, 0.0, GRAVITY]), brake.duration / _SPILLS
+    normal = arm.orientation(brake.at(0.0)[0])[:, 2]
+    height, speed, most = 0.0, max(-ball.restitution * float(v_rel @ normal), 0.0), 0.0
+    for k in range(_SPILLS):
+        (q, dq, _), (p, dp, _) = brake.at((k + 0.5) * h), brake.at((k + 0.5) * h + _STEP)
+        pull = (arm.jacobian(p) @ dp - arm.jacobian(q) @ dq) / _STEP + up
+        normal = arm.orientation(q)[:, 2]
+        speed -= h * float(pull @ normal)
+        height += h * speed
+        if height < 0.0:
+            height, speed = 0.0, 0.0
+        most = max(most, height)
+    weight = GRAVITY * float(normal[2])
+    if weight <= 0.0:
+        return _LOST
+    most = max(most, height + 0.5 * max(speed, 0.0) ** 2 / weight)
+    return min(most / (basket.depth - ball.radius), _LOST)
 
 
 @lru_cache(maxsize=32)

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.control.hand import FOLLOW_ON, TOUCH_BEFORE, Closing
+from mitt.control.hand import ENTERS, FOLLOW_ON, TOUCH_BEFORE, Closing
+from mitt.robot.basket import Basket
 from mitt.robot.hands import HandModel
 
 TICK = 0.001
@@ -89,3 +90,15 @@ def test_without_a_hand_nothing_closes_but_the_catch_is_an_end() -> None:
     assert not hand.closed(10.0, hurry=False)
     assert hand.step(5 * TICK, -TICK) == 0.0
     assert hand.closed(5 * TICK, hurry=False)
+
+
+@given(times=announced)
+def test_a_basket_never_closes_and_lets_the_arm_brake_at_the_catch(times: list[float]) -> None:
+    """Its angle stays 0; the arm may brake once what would be its closing is over."""
+    basket = Closing(Basket(), ball_radius=RADIUS)
+    for k, time in enumerate(times):
+        assert basket.step(k * TICK, time) == 0.0
+    assert basket.started == any(time <= ENTERS for time in times)
+    if basket.started:
+        assert basket.closed(basket.t_start + ENTERS + FOLLOW_ON + TICK, hurry=False)
+        assert not basket.closed(basket.t_start + 0.5 * ENTERS, hurry=True)

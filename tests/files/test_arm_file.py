@@ -19,6 +19,7 @@ from mitt.files.arm_file import (
 )
 from mitt.files.throws import ThrowSettings
 from mitt.generator.design import MapDesign, default_design
+from mitt.robot.basket import Basket
 
 TEXT = """schema = "mitt.arm/1"
 [arm]
@@ -171,3 +172,20 @@ def test_options_go_before_the_files_design(path: Path) -> None:
     )
     other = default_design(arm, base=design, catch_joint=1)
     assert (other.catch_joint, other.inward) == (1, 0.0)
+
+
+def test_a_basket_and_its_tilt_are_read_and_written(path: Path, tmp_path: Path) -> None:
+    """They are the arm's hand, and stay as they are from file to file."""
+    said = replace(read_arm_file(path), hand="basket", hand_tilt=-1.25)
+    other = tmp_path / "basket.toml"
+    write_arm_file(other, said)
+    again = read_arm_file(other)
+    assert (again.hand, again.hand_tilt, again.hand_turn) == ("basket", -1.25, 0.3)
+    assert again.load().model.hand == Basket(tilt=-1.25)
+
+
+def test_fingers_are_not_tilted(path: Path) -> None:
+    """One line says what can be."""
+    path.write_text(TEXT.replace("turn = 0.3", "tilt = 0.3"))
+    with pytest.raises(FileError, match="tilt: wanted a basket, got three-finger"):
+        read_arm_file(path)

@@ -21,6 +21,7 @@ from mitt.control.health import ABORT, ENCODER_REASONS, Reason
 from mitt.control.viability import MARGIN
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
+from mitt.robot.hands import HandModel
 from mitt.robot.shapes import clearance, shapes_of
 from mitt.signals import TICK, Array, Command
 from soak.commands import ROUNDING, inside, obeys
@@ -83,7 +84,8 @@ class Judge:
         self._max_tracking_error = settings.max_tracking_error
         self._bounds = tuple(bounds_of(a) for a in self._arms)
         self._shapes = shapes_of(arm, settings.around)
-        self._closed = arm.model.hand.drive.closed if arm.model.hand else 0.0
+        hand = arm.model.hand
+        self._closed = hand.drive.closed if isinstance(hand, HandModel) else 0.0
         self.reset()
 
     def reset(self) -> None:

@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from mitt.catcher.result import Result, fresh_result, room_for
 from mitt.catcher.settings import Phase
 from mitt.robot.arm import Arm
+from mitt.robot.basket import Basket
 from mitt.robot.load import load_arm
 from mitt.signals import Array, Command
-from mitt.trials.score import HELD_GAP, Measured, held, measure, status_of
+from mitt.trials.score import HELD_GAP, LYING, Measured, held, lies_in, measure, status_of
 from mitt.world.contacts import ARM_FLOOR, BALL_FLOOR, BALL_HAND, SELF
 from mitt.world.simulation import World
 from mitt.world.truth import Trace, Truth
@@ -290,3 +291,26 @@ def test_a_joint_without_a_bound_has_none(arm: Arm) -> None:
     told = np.array([arm.q_ready, ZERO, [1e6, 0.0, 0.0], ZERO])
     spike = Command(t=0.0, joints=told, hand=0.0)
     assert violations(Arm(arm.model, limits), trace(arm), spike) == 0
+
+
+BASKET = Basket()
+
+
+def test_a_ball_that_stays_in_a_basket_lies_in_it() -> None:
+    """The same without chance: inside and touched; untouched; out for a tick."""
+    for depth, seen, out, wanted in (
+        (0.1, BALL_HAND, None, True), (0.1, 0, None, False), (0.1, BALL_HAND, -5, False),
+    ):  # fmt: skip
+        arm = load_arm("wam", hand=BASKET)
+        normal, position = arm.orientation(arm.q_ready)[:, 2], arm.position(arm.q_ready)
+        ball = np.tile(position + (BASKET.catch_depth - depth) * normal, (LYING, 1))
+        if out is not None:
+            ball[out] += 0.15 * normal
+        qpos = np.hstack([np.tile(arm.q_ready, (LYING, 1)), ball, np.zeros((LYING, 4))])
+        rows = np.zeros((LYING, 3))
+        truth = Trace(
+            t=np.linspace(0.0, 0.1, LYING), qpos=qpos, qvel=np.zeros((LYING, 9)), tau=rows,
+            position=np.tile(position, (LYING, 1)), velocity=rows, force=np.zeros(LYING),
+            seen=np.full(LYING, seen),
+        )  # fmt: skip
+        assert lies_in(arm, BASKET, truth) == wanted

@@ -73,8 +73,8 @@ def prepare(options: CatchOptions) -> Prepared:
         raise InputError("--throws-file and --flights", "one of them", "both")
     arm = arm_of(options)
     if arm.model.hand is None:
-        raise InputError("--arm", "an arm with a hand: a ball is caught by fingers", "none",
-                         do='say name = "three-finger" in its table [hand]')  # fmt: skip
+        raise InputError("--arm", "an arm with a hand or a basket", "none",
+                         do='say name = "three-finger" or "basket" in [hand]')  # fmt: skip
     scene = read_scene(options.scene or DEFAULT, flights=options.flights is not None)
     if options.cameras is not None:
         sensing = scene.sensing.model_copy(update={"cameras": options.cameras})

@@ -22,10 +22,17 @@ from mitt.design.search import EFFORTS
 from mitt.design.speeds import default_balls, release_speed
 from mitt.design.whole import held_as, whole_arm
 from mitt.errors import InputError, UnknownNameError
-from mitt.files.arm_file import ArmFile, is_arm_file, read_arm_file, write_arm_file
+from mitt.files.arm_file import (
+    MOST_TILT,
+    ArmFile,
+    hand_of,
+    is_arm_file,
+    read_arm_file,
+    write_arm_file,
+)
 from mitt.interrupts import tell
 from mitt.robot.arm import Arm
-from mitt.robot.hands import HandModel
+from mitt.robot.basket import Hand
 from mitt.sweep.engine import engine_of
 from mitt.world.scene import Scene
 from mitt.world.scenes import DEFAULT, read_scene
@@ -35,7 +42,7 @@ def run(options: DesignOptions) -> int:
     """Run ``mitt design``; return its exit status."""
     file = _given(options)
     origin = origin_of(options, file)
-    whole = whole_arm(origin.arm, tip=origin.tip, limits=origin.limits, hand=HandModel(),
+    whole = whole_arm(origin.arm, tip=origin.tip, limits=origin.limits, hand=_hand(origin),
                       mount=origin.mount)  # fmt: skip
     warn(whole.model.notes, json=options.json)
     joints = _joints(options, whole)
@@ -106,9 +113,9 @@ def _given(options: DesignOptions) -> ArmFile | None:
     if not is_arm_file(options.arm):
         return None
     file = read_arm_file(Path(options.arm))
-    if file.hand == "none":
-        raise InputError(options.arm, "an arm with the three-finger hand", 'hand = "none"',
-                         do="leave it out: mitt design mounts that hand")  # fmt: skip
+    if file.hand == "none" and options.hand is None:
+        raise InputError(options.arm, "an arm with a hand", 'hand = "none"',
+                         do="say --hand three-finger or basket")  # fmt: skip
     file.load()  # holds it to its digest
     return file
 
@@ -125,11 +132,25 @@ def origin_of(options: DesignOptions, file: ArmFile | None) -> Origin:
     if file is not None:
         return Origin(arm=file.arm, tip=options.tip or file.tip,
                       mount=options.mount or file.hand_mount,
-                      limits=_limits(options.limits) or file.limits)  # fmt: skip
+                      limits=_limits(options.limits) or file.limits, hand=options.hand or file.hand,
+                      tilt=file.hand_tilt if options.tilt is None else options.tilt)  # fmt: skip
     arm = options.arm if options.arm == "wam" else Path(options.arm)
-    return Origin(
-        arm=arm, tip=options.tip, mount=options.mount or "plate", limits=_limits(options.limits)
-    )
+    return Origin(arm=arm, tip=options.tip, mount=options.mount or "plate",
+                  limits=_limits(options.limits), hand=options.hand or "three-finger",
+                  tilt=options.tilt or 0.0)  # fmt: skip
+
+
+def _hand(origin: Origin) -> Hand | None:
+    """Return what is mounted at the tip.
+
+    Raises:
+        InputError: It cannot be tilted so.
+    """
+    if origin.tilt and origin.hand != "basket":
+        raise InputError("--tilt", "--hand basket", origin.hand)
+    if not abs(origin.tilt) <= MOST_TILT:
+        raise InputError("--tilt", f"an angle in -{MOST_TILT:g}..{MOST_TILT:g}", origin.tilt)
+    return hand_of(origin.hand, origin.tilt)
 
 
 def _limits(given: str | None) -> str | Path | None:

@@ -117,6 +117,8 @@ class DesignOptions:
         mount: What of the hand is at the tip: its plate, as on a flange, or its catch point.
         joints: Joints that may move; any if left out.
         limits: Limit set: a name, or a TOML file; that of the arm's file if left out.
+        hand: What is mounted at the tip; that of the arm file, or three-finger, if left out.
+        tilt: Angle by which a basket's opening is turned off the tip's z axis [rad].
         aim: Point that the balls are aimed at [m], as X,Y,Z; the design chooses if left out.
         scene: The world in which it is tried: a name, or a TOML file.
         effort: How much is tried: quick for a first look.
@@ -131,6 +133,8 @@ class DesignOptions:
     mount: Literal["plate", "catch"] | None = None
     joints: Joints = None
     limits: Annotated[str | None, arg(metavar="NAME|TOML")] = None
+    hand: Literal["three-finger", "basket"] | None = None
+    tilt: Annotated[float | None, arg(metavar="RAD")] = None
     aim: Annotated[str | None, arg(metavar="X,Y,Z")] = None
     scene: Annotated[str | None, arg(metavar="NAME|TOML")] = None
     effort: Literal["quick", "full"] = "full"

@@ -18,7 +18,8 @@ from typing import final
 import numpy as np
 
 from mitt.jit import kernel
-from mitt.robot.hands import HandModel, closing_angle
+from mitt.robot.basket import Basket, Hand
+from mitt.robot.hands import closing_angle
 from mitt.signals import Array
 
 #: Following after the catch, while the fingers close on the ball [s]. Each millisecond costs
@@ -26,13 +27,16 @@ from mitt.signals import Array
 FOLLOW_ON = 0.001
 #: When the fingers first touch the ball, after the catch [s]: the palm lies one radius behind it.
 TOUCH_BEFORE = -0.004
+#: From the first time that a ball can strike a basket's net to the catch [s].
+ENTERS = 0.010
 
 
 @lru_cache(maxsize=8)
-def pack_grip(hand: HandModel | None, ball_radius: float, restitution: float = 0.0) -> Array:
+def pack_grip(hand: Hand | None, ball_radius: float, restitution: float = 0.0) -> Array:
     """Return a hand's closing as numbers, shape (8,), not to be written to.
 
-    No hand is one that stays open.
+    No hand is one that stays open. So is a basket: the ball is inside at the catch, and the arm
+    may brake. What would be its closing begins as early as the ball can strike its net.
 
     Args:
         hand: The hand.
@@ -41,6 +45,9 @@ def pack_grip(hand: HandModel | None, ball_radius: float, restitution: float = 0
     """
     if hand is None:
         return np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    if isinstance(hand, Basket):
+        times = (ENTERS + TOUCH_BEFORE, ENTERS + FOLLOW_ON)
+        return np.array([ENTERS, 0.0, 1.0, 1.0, 0.0, 0.0, *times])
     c = hand.closing
     touch, hold = hand.touch_angle(ball_radius), hand.hold_angle(ball_radius)
     lead = c.lead_for(restitution)
@@ -88,9 +95,7 @@ class Closing:
         grip: As in the module's table, shape (8,).
     """
 
-    def __init__(
-        self, hand: HandModel | None, *, ball_radius: float, restitution: float = 0.0
-    ) -> None:
+    def __init__(self, hand: Hand | None, *, ball_radius: float, restitution: float = 0.0) -> None:
         """Take the hand (None leaves a hand that does not exist open) and what the ball is like.
 
         Args:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from mitt.generator.design import MapDesign
 from mitt.robot.arm import Arm
+from mitt.robot.basket import mounting
 from mitt.robot.description import rotation, transform
 from mitt.signals import Array
 
@@ -61,7 +62,9 @@ class Candidate:
         """
         held = {k: float(x) for k, x in enumerate(self.q) if k not in self.active}
         links = tuple(replace(x, held=held.get(k)) for k, x in enumerate(whole.model.links))
-        tool = whole.model.tool @ transform(rotation(np.array([0.0, 0.0, 1.0]), self.turn))
+        about_z = transform(rotation(np.array([0.0, 0.0, 1.0]), self.turn))
+        mount = mounting(whole.model.hand)[1]  # the turn is that of the arm's own plate
+        tool = whole.model.tool @ np.linalg.inv(mount) @ about_z @ mount
         model = replace(whole.model, links=links, q_ready=self.q_ready, tool=tool, aim=self.aim)
         return Arm(model, whole.limits)
 

@@ -10,7 +10,7 @@ from mitt.design.evaluation import Evaluation, Task
 from mitt.design.evaluator import Evaluator, Progress
 from mitt.design.search import Effort, reported, search
 from mitt.design.speeds import SPEEDS, AtSpeed, Fastest, by_speed, fastest, release_speed, slower
-from mitt.files.arm_file import ArmFile, digest_of
+from mitt.files.arm_file import ArmFile, HandName, digest_of
 from mitt.files.throws import ThrowSettings
 from mitt.link.clock import monotonic
 from mitt.robot.arm import Arm
@@ -31,12 +31,16 @@ class Origin:
         tip: Frame of the file at which the hand is mounted.
         mount: What of the hand is at the tip.
         limits: Name or file of its limits; None for those of the file.
+        hand: Name of the hand mounted at the tip.
+        tilt: How far a basket is turned off the tip's z axis [rad].
     """
 
     arm: str | Path
     tip: str | None = None
     mount: Mount = "plate"
     limits: str | Path | None = None
+    hand: HandName = "three-finger"
+    tilt: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -117,8 +121,10 @@ class Design:
             ready=tuple(c.q_ready.tolist()),
             held={names[k]: float(x) for k, x in enumerate(c.q) if k not in c.active},
             limits=origin.limits,
+            hand=origin.hand,
             hand_turn=c.turn,
             hand_mount="catch" if path is None else origin.mount,
+            hand_tilt=origin.tilt,
             map=c.design,
             throws=self._throws(tuple(at), tuple(around)),
         )

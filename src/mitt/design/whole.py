@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from mitt.errors import ModelError
 from mitt.files.arm_file import limits_of
 from mitt.robot.arm import Arm
+from mitt.robot.basket import Hand
 from mitt.robot.carried import frame_of
-from mitt.robot.hands import HandModel
 from mitt.robot.limit_sets import LimitSet
 from mitt.robot.load import load_arm
 from mitt.robot.mjcf import read_mjcf
@@ -30,7 +30,7 @@ def whole_arm(
     *,
     tip: str | None,
     limits: str | Path | None,
-    hand: HandModel | None,
+    hand: Hand | None,
     mount: Mount = "plate",
 ) -> Arm:
     """Return an arm with all its driven joints active.

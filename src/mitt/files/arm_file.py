@@ -19,7 +19,7 @@ from mitt.files.toml_text import toml_text
 from mitt.generator.design import MapDesign, tangent_of
 from mitt.reading import read_bytes, read_toml
 from mitt.robot.arm import Arm
-from mitt.robot.hands import HandModel
+from mitt.robot.basket import Basket, Hand, hand_named
 from mitt.robot.limit_sets import LimitSet
 from mitt.robot.load import load_arm
 from mitt.robot.serial import Mount
@@ -27,7 +27,9 @@ from mitt.robot.urdf import MAX_BYTES
 from mitt.robot.wam import LIMIT_SETS
 
 SCHEMA = "mitt.arm/1"
-HandName = Literal["three-finger", "none"]
+#: Largest tilt of a basket [rad].
+MOST_TILT = 2.0
+HandName = Literal["three-finger", "basket", "none"]
 Name = Annotated[str, Field(min_length=1, max_length=200)]
 _Names = Annotated[list[Name], Field(min_length=1, max_length=64)]
 
@@ -48,6 +50,7 @@ class ArmFile:
         hand: Name of the hand mounted at the tip, or ``none``.
         hand_turn: How far it is turned about the z axis of the tip [rad].
         hand_mount: What of it is at the tip: its catch point, or its plate.
+        hand_tilt: How far a basket is then turned about the y axis of the tip [rad].
         map: Design of its map; None where it follows from the arm.
         throws: Where its balls come from; None where it says nothing.
     """
@@ -62,6 +65,7 @@ class ArmFile:
     hand: HandName = "three-finger"
     hand_turn: float = 0.0
     hand_mount: Mount = "catch"
+    hand_tilt: float = 0.0
     map: MapDesign | None = None
     throws: ThrowSettings | None = None
 
@@ -87,7 +91,7 @@ class ArmFile:
             held=self.held,
             ready=self.ready,
             limits=limits_of(self.limits if limits is None else limits),
-            hand=HandModel() if self.hand == "three-finger" else None,
+            hand=hand_of(self.hand, self.hand_tilt),
             hand_turn=self.hand_turn,
             hand_mount=self.hand_mount,
         )
@@ -123,6 +127,7 @@ class _Hand(Part):
     name: HandName = "three-finger"
     turn: Annotated[float, Field(ge=-10.0, le=10.0)] = 0.0
     mount: Mount = "catch"
+    tilt: Annotated[float, Field(ge=-MOST_TILT, le=MOST_TILT)] = 0.0
 
 
 class _Map(Part):
@@ -168,7 +173,9 @@ def _arm_file(content: _ArmFile, folder: Path) -> ArmFile:
     """Return what a checked file says, its paths found from its folder."""
     arm, limits = content.arm, content.arm.limits
     if arm.name is not None and content.hand.name == "none":
-        raise InputError("hand", "the three-finger hand of an arm by name", "none")
+        raise InputError("hand", "a hand on an arm by name", "none")
+    if content.hand.tilt and content.hand.name != "basket":
+        raise InputError("tilt", "a basket", content.hand.name, do="leave it out")
     if arm.ready is not None and arm.joints is not None and len(arm.ready) != len(arm.joints):
         raise InputError("ready", f"{len(arm.joints)} angles, one for each joint", len(arm.ready))
     return ArmFile(
@@ -182,6 +189,7 @@ def _arm_file(content: _ArmFile, folder: Path) -> ArmFile:
         hand=content.hand.name,
         hand_turn=content.hand.turn,
         hand_mount=content.hand.mount,
+        hand_tilt=content.hand.tilt,
         map=None if content.map is None else MapDesign(**content.map.model_dump()),
         throws=content.throws,
     )
@@ -209,7 +217,8 @@ def write_arm_file(path: Path, arm: ArmFile, *, comment: str = "") -> None:
     tables: dict[str, Any] = {
         "schema": SCHEMA,
         "arm": own,
-        "hand": {"name": arm.hand, "turn": float(arm.hand_turn), "mount": arm.hand_mount},
+        "hand": {"name": arm.hand, "turn": float(arm.hand_turn), "mount": arm.hand_mount}
+        | ({"tilt": float(arm.hand_tilt)} if arm.hand_tilt else {}),
         "map": None if arm.map is None else asdict(arm.map),
         "throws": None if arm.throws is None
         else arm.throws.model_dump(exclude_none=True, exclude_defaults=True),
@@ -226,6 +235,12 @@ def _seen_from(folder: Path, path: Path) -> str:
 def digest_of(path: Path) -> str:
     """Return the SHA-256 of a description file."""
     return hashlib.sha256(read_bytes(path, max_bytes=MAX_BYTES)).hexdigest()
+
+
+def hand_of(name: str, tilt: float) -> Hand | None:
+    """Return a hand by name; a basket is tilted by an angle [rad]."""
+    hand = hand_named(name)
+    return replace(hand, tilt=tilt) if isinstance(hand, Basket) else hand
 
 
 def limits_of(limits: str | Path | LimitSet | None) -> str | LimitSet | None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from mitt.errors import InputError
 from mitt.files.arm_file import is_arm_file, limits_of, read_arm_file
 from mitt.robot.arm import Arm
-from mitt.robot.hands import HandModel
+from mitt.robot.basket import Hand
 from mitt.robot.limit_sets import LimitSet
 from mitt.robot.load import load_arm as load
 from mitt.robot.load import with_encoders
@@ -21,7 +21,7 @@ def load_arm(
     held: Mapping[str, float] | None = None,
     ready: Sequence[float] | None = None,
     limits: str | Path | LimitSet | None = None,
-    hand: HandModel | None = None,
+    hand: Hand | str | None = None,
     hand_turn: float = 0.0,
     hand_mount: Mount = "catch",
     encoder_step: float | Sequence[float] | None = None,
@@ -40,8 +40,9 @@ def load_arm(
         limits: Limit set: a name of ``mitt.files.limit_files.shipped()``, ``paper``, ``wam-48v`` or
             ``wam-80v`` for the WAM, ``model`` for what a file states, or a TOML file
             (docs/arms.md).
-        hand: For files: a hand to be mounted; without one the file is taken to contain what the arm
-            carries.
+        hand: A hand, or the name of one of ``mitt.robot.basket.HANDS``; without one, or with
+            ``none``, a file is taken to contain what the arm carries. The WAM has the three-finger
+            hand if it is left out.
         hand_turn: How far the hand is turned about the z axis of the tip [rad].
         hand_mount: For files: what of the hand is at the tip, its catch point or its plate, as on a
             flange.
@@ -49,7 +50,7 @@ def load_arm(
             joint; the WAM's own, or ``description.ENCODER_STEP`` for files, if left out.
 
     Raises:
-        UnknownNameError: No such arm, joint, frame or limit set.
+        UnknownNameError: No such arm, joint, frame, hand or limit set.
         FileError: The file cannot be read or parsed.
         ModelError: What it describes is no arm that can be used.
     """

@@ -1,9 +1,9 @@
 """The ball's last way into the open hand, as rows of a programme; compiled.
 
-At kappa = 1 the ball stays within a cone about the palm's normal over the last 40 ms. At
-kappa > 1 it crosses the palm along the relative velocity, whose direction in the hand alpha
-cannot change: there it stays in the corridor between the fingers, whose middle plane holds the
-palm's normal and that direction.
+At kappa = 1, and into a basket, the ball stays within a cone about the palm's normal over the last
+40 ms. At kappa > 1 it crosses a palm with fingers along the relative velocity, whose direction in
+the hand alpha cannot change: there it stays in the corridor between the fingers, whose middle plane
+holds the palm's normal and that direction.
 
 | here       | meaning                                                          | unit | shape |
 |------------|------------------------------------------------------------------|------|-------|
@@ -20,6 +20,7 @@ from mitt.generator.qp import Programme, spread
 from mitt.generator.tangent import Scratch, Tangent
 from mitt.generator.utilization import Work, motion_at
 from mitt.jit import kernel
+from mitt.robot.basket import Basket
 from mitt.robot.chain import Chain, place
 from mitt.robot.vectors import (
     IDENTITY,
@@ -52,14 +53,15 @@ def palm_of(f: DirectMap, *, ball_radius: float) -> Array:
     way = f.arm.jacobian(q)[:, f.design.catch_joint]
     side = np.cross(normal, way)
     side /= max(float(np.linalg.norm(side)), 1e-9)
-    last = np.array([float(f.design.kappa > 1.0), _free_width(f, side, ball_radius), 0.0])
+    crosses = f.design.kappa > 1.0 and not isinstance(f.arm.model.hand, Basket)
+    last = np.array([float(crosses), _free_width(f, side, ball_radius), 0.0])
     return np.array([to_last @ normal, to_last @ side, last])
 
 
 def _free_width(f: DirectMap, side: Array, ball_radius: float) -> float:
     """Return by how much a ball may be off the corridor's middle before it meets a finger [m]."""
     hand = f.arm.model.hand
-    if hand is None:
+    if hand is None or isinstance(hand, Basket):
         return ball_radius
     across = f.arm.orientation(f.start)[:, :2].T @ side
     bases = hand.yaw + 2.0 * np.pi * np.arange(hand.fingers) / hand.fingers

@@ -36,8 +36,13 @@ def body_meshes(
         mesh = geom_mesh(model, int(g))
         if mesh is None:
             continue
-        geom, colour = model.geom(int(g)).name, METAL if name.startswith("link_") else DARK
-        colour = BALL if geom == "ball" else FINGER if geom.startswith("finger") else colour
+        geom, colour = (
+            model.geom(int(g)).name,
+            METAL if name.startswith(("link_", "basket")) else DARK,
+        )
+        colour = (
+            BALL if geom == "ball" else FINGER if geom.startswith(("finger", "cord")) else colour
+        )
         by_colour.setdefault(colour, []).append(mesh)
     return [(trimesh.util.concatenate(found), colour)
             for colour, found in by_colour.items() if found]  # fmt: skip

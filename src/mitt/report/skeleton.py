@@ -7,6 +7,7 @@ both of its 45 mm offsets.
 
 import numpy as np
 
+from mitt.robot.basket import mounting
 from mitt.robot.description import ArmModel, joint_motion
 from mitt.signals import Array
 
@@ -22,7 +23,8 @@ def bones(model: ArmModel) -> list[Array]:
             end = after.placement[:3, 3]
             corners = [np.zeros(3), link.axis * (link.axis @ end), end]
         else:
-            end, normal = model.tool[:3, 3], model.tool[:3, 2]
+            plate = model.tool @ np.linalg.inv(mounting(model.hand)[1])
+            end, normal = plate[:3, 3], plate[:3, 2]
             corners = [np.zeros(3), end - normal * (normal @ end), end, model.catch_point]
         out.append(_distinct(np.array(corners)))
     return out

@@ -4,6 +4,7 @@ import numpy as np
 
 from mitt.report.page import NONE
 from mitt.robot.arm import Arm
+from mitt.robot.basket import Basket, Hand
 from mitt.robot.hands import HandModel
 from mitt.signals import TICK
 from mitt.trials.log import TrialLog
@@ -63,10 +64,13 @@ def _arm_rows(arm: Arm, log: TrialLog | None) -> tuple[Row, ...]:
     )
 
 
-def _hand_rows(hand: HandModel | None, log: TrialLog | None) -> tuple[Row, ...]:
+def _hand_rows(hand: Hand | None, log: TrialLog | None) -> tuple[Row, ...]:
     """Return the lines on the hand."""
     if hand is None:
         return (("Hand", "fingers", "3, with 3 DOF", "none"),)
+    if isinstance(hand, Basket):
+        size = f"none: a basket, opening {2e3 * hand.ring_radius:.0f} mm, depth"
+        return (("Hand", "fingers", "3, with 3 DOF", f"{size} {1e3 * hand.depth:.0f} mm"),)
     length = hand.finger.proximal + hand.finger.distal
     return (
         ("Hand", "fingers", "3, with 3 DOF", f"{hand.fingers}, with {hand.fingers} DOF"),

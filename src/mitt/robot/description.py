@@ -11,7 +11,7 @@ import numpy as np
 
 from mitt import checks
 from mitt.errors import ModelError
-from mitt.robot.hands import HandModel
+from mitt.robot.basket import Hand, checked_hand
 from mitt.signals import Array
 
 _keep = object.__setattr__
@@ -165,7 +165,7 @@ class ArmModel:
     name: str
     links: tuple[Link, ...]
     tool: Array
-    hand: HandModel | None
+    hand: Hand | None
     q_ready: Array
     base_capsules: tuple[Capsule, ...]
     mount: Array
@@ -179,7 +179,7 @@ class ArmModel:
         for link in checks.instance("links", self.links, tuple):
             checks.instance("link", link, Link)
         if self.hand is not None:
-            checks.instance("hand", self.hand, HandModel)
+            checked_hand(self.hand)
         _keep(self, "tool", checks.array("tool", self.tool, (4, 4), finite=True))
         _keep(self, "mount", checks.array("mount", self.mount, (4, 4), finite=True))
         if self.aim is not None:

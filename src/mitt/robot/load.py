@@ -9,6 +9,7 @@ import numpy as np
 from mitt import checks
 from mitt.errors import InputError, ModelError, UnknownNameError
 from mitt.robot.arm import Arm
+from mitt.robot.basket import Hand, checked_hand, hand_named, mounting
 from mitt.robot.description import ArmModel, rotation, transform
 from mitt.robot.hands import HandModel
 from mitt.robot.limit_sets import LimitSet
@@ -27,7 +28,7 @@ def load_arm(
     held: Mapping[str, float] | None = None,
     ready: Sequence[float] | None = None,
     limits: str | LimitSet | None = None,
-    hand: HandModel | None = None,
+    hand: Hand | str | None = None,
     hand_turn: float = 0.0,
     hand_mount: Mount = "catch",
     encoder_step: float | Sequence[float] | None = None,
@@ -45,8 +46,9 @@ def load_arm(
             of a range that 0 is not in.
         limits: Limit set: ``paper``, ``wam-48v``, ``wam-80v`` for the WAM; for files ``model``,
             what the file states, or a set that goes before it.
-        hand: For files: a hand to be mounted; without one the file is taken to contain what the arm
-            carries.
+        hand: A hand, or the name of one of ``mitt.robot.basket.HANDS``; without one, or with
+            ``none``, a file is taken to contain what the arm carries. The WAM has the three-finger
+            hand if it is left out.
         hand_turn: How far the hand is turned about the z axis of the tip [rad].
         hand_mount: For files: what of the hand is at the tip, its catch point or its plate, as on a
             flange.
@@ -54,14 +56,14 @@ def load_arm(
             joint; the WAM's own, or ``description.ENCODER_STEP`` for files, if left out.
 
     Raises:
-        UnknownNameError: No such arm, joint, frame or limit set.
+        UnknownNameError: No such arm, joint, frame, hand or limit set.
         FileError: The file cannot be read or parsed.
         ModelError: What it describes is no arm that can be used.
     """
     if tip is not None:
         checks.instance("tip", tip, str)
     if hand is not None:
-        checks.instance("hand", hand, HandModel)
+        hand = hand_named(hand) if isinstance(hand, str) else checked_hand(hand)
     if not isinstance(name_or_path, str | Path):
         raise InputError("arm", "a name or a path", checks.shown(name_or_path))
     names = _names(joints)
@@ -87,7 +89,7 @@ def _from_file(
     names: tuple[str, ...],
     ready: Sequence[float] | None,
     limits: str | LimitSet | None,
-    rest: tuple[Mapping[str, float], HandModel | None, float, Mount],
+    rest: tuple[Mapping[str, float], Hand | None, float, Mount],
 ) -> Arm:
     """Return an arm from a description file; arguments as of :func:`load_arm`."""
     if path.suffix not in (".urdf", ".xml", ".mjcf"):
@@ -124,9 +126,7 @@ def _names(joints: Sequence[str] | None) -> tuple[str, ...]:
     return tuple(checks.instance("joints", joint, str) for joint in joints)
 
 
-def _wam(
-    hand: HandModel, names: tuple[str, ...], held: Mapping[str, float], turn: float
-) -> ArmModel:
+def _wam(hand: Hand, names: tuple[str, ...], held: Mapping[str, float], turn: float) -> ArmModel:
     """Return the WAM with all but the named joints held; joint 3 where none is named."""
     full = wam(hand, held_3=None)
     known = full.names
@@ -147,7 +147,8 @@ def _wam(
             raise InputError(f"held {x.name}", f"an angle in {x.q_min:g}..{x.q_max:g}", x.held)
     q_ready = np.array([q for x, q in zip(known, full.q_ready, strict=True) if x in active])
     about_z = transform(rotation(np.array([0.0, 0.0, 1.0]), turn)) if turn else np.eye(4)
-    return replace(full, links=links, q_ready=q_ready, tool=full.tool @ about_z)
+    tool = full.tool @ about_z @ mounting(hand)[1]
+    return replace(full, links=links, q_ready=q_ready, tool=tool)
 
 
 def _wam_limits(limits: str | LimitSet | None) -> Limits:

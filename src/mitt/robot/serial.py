@@ -9,9 +9,9 @@ import pinocchio as pin
 
 from mitt.errors import InputError, ModelError, UnknownNameError
 from mitt.robot.arm import Arm
+from mitt.robot.basket import Hand, mounting
 from mitt.robot.carried import carried_shapes, frame_of
 from mitt.robot.description import ArmModel, Link, rotation, transform
-from mitt.robot.hands import HandModel
 from mitt.robot.limit_sets import LimitSet
 from mitt.robot.limits import Limits, joint_level
 from mitt.robot.stated import Stated
@@ -34,7 +34,7 @@ class Wanted:
     held: Mapping[str, float]
     ready: Sequence[float] | None
     limits: LimitSet | None
-    hand: HandModel | None
+    hand: Hand | None
     turn: float
     mount: Mount = "catch"
 
@@ -67,8 +67,10 @@ def serial_arm(stated: Stated, wanted: Wanted) -> Arm:
     rest = [k for k in range(1, stated.model.njoints) if k not in kept]
     model = pin.buildReducedModel(stated.model, rest, q)
     at = {name: q[stated.model.joints[stated.model.getJointId(name)].idx_q] for name in loads}
-    tool = _tool(model, wanted)
-    shapes = carried_shapes(stated, model, None if wanted.hand is None else tool)
+    tool = plate = _tool(model, wanted)
+    if wanted.hand is not None:
+        tool = plate @ mounting(wanted.hand)[1]
+    shapes = carried_shapes(stated, model, None if wanted.hand is None else plate)
     links = tuple(
         replace(_link(model, k, stated, None if name in wanted.joints else float(at[name])),
                 capsules=shapes[k])
@@ -176,7 +178,7 @@ def _tool(model: pin.Model, wanted: Wanted) -> Array:
     tool = tool @ transform(rotation(np.array([0.0, 0.0, 1.0]), wanted.turn))
     if wanted.hand is None or wanted.mount == "plate":
         return np.asarray(tool)
-    return np.asarray(tool @ transform(p=np.array([0.0, 0.0, -wanted.hand.catch_offset])))
+    return np.asarray(tool @ transform(p=np.array([0.0, 0.0, -mounting(wanted.hand)[0]])))
 
 
 def _ready(links: Sequence[Link], wanted: Wanted) -> Array:

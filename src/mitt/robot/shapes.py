@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from mitt.errors import InputError
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
+from mitt.robot.basket import Basket, Hand
 from mitt.robot.description import ArmModel, Capsule
-from mitt.robot.hands import HandModel
 from mitt.robot.segments import segment_distance
 from mitt.robot.vectors import (
     IDENTITY,
@@ -182,8 +182,10 @@ def _ends(table: Array) -> Array:
     return np.zeros((2 * len(table), 3))
 
 
-def hand_capsules(hand: HandModel) -> tuple[Capsule, ...]:
+def hand_capsules(hand: Hand) -> tuple[Capsule, ...]:
     """Return capsules on the tool plate that hold the palm, and the fingers at any angle."""
+    if isinstance(hand, Basket):
+        return _basket_capsules(hand)
     finger = hand.finger
     points = np.array([finger.points(x) for x in np.linspace(0.0, hand.drive.closed, 31)])
     width = float(np.hypot(np.abs(points[..., 0]).max(), finger.offset) + finger.thickness)
@@ -193,6 +195,18 @@ def hand_capsules(hand: HandModel) -> tuple[Capsule, ...]:
     return (
         Capsule(start=(0.0, 0.0, 0.0), end=(0.0, 0.0, 0.5 * hand.palm_height), radius=0.045),
         Capsule(start=(0.0, 0.0, float(low)), end=(0.0, 0.0, end), radius=width),
+    )
+
+
+def _basket_capsules(b: Basket) -> tuple[Capsule, ...]:
+    """Return capsules on the tool plate that hold the flange, and net, struts and ring."""
+    wide = b.outside
+    ring = b.net_radius + b.ring_thickness
+    top = b.ring_height + b.ring_thickness - float(np.sqrt(wide**2 - ring**2))
+    low = min(b.floor + float(np.sqrt(wide**2 - (wide - b.strut) ** 2)), top)
+    return (
+        Capsule(start=(0.0, 0.0, 0.0), end=(0.0, 0.0, 0.25 * b.flange), radius=b.flange + b.strut),
+        Capsule(start=(0.0, 0.0, low), end=(0.0, 0.0, top), radius=wide),
     )
 
 

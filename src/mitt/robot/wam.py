@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitt.errors import UnknownNameError
+from mitt.robot.basket import Hand
 from mitt.robot.description import ArmModel, Brake, Capsule, Link, rotation, transform
-from mitt.robot.hands import HandModel
 from mitt.robot.limits import Limits, joint_level
 from mitt.signals import Array
 
@@ -108,7 +108,7 @@ _BRAKE_DAMPING = _TORQUE_CONSTANT**2 / _RESISTANCE * (TRANSMISSION**2).sum(axis=
 LIMIT_SETS = ("paper", *_VOLTS)
 
 
-def wam(hand: HandModel, *, held_3: float | None = 0.0) -> ArmModel:
+def wam(hand: Hand, *, held_3: float | None = 0.0) -> ArmModel:
     """Return the WAM with a hand; joint 3 held at ``held_3`` [rad], active where None."""
     links = tuple(
         _link(k, row, held_3 if k == 2 else None, _behind(k)) for k, row in enumerate(_TABLE)

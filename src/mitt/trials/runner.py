@@ -12,6 +12,7 @@ from mitt.catcher.result import Result, copied, gathered, room_for
 from mitt.generator.generators import Generator
 from mitt.link.clock import Stopwatch
 from mitt.robot.arm import Arm
+from mitt.robot.basket import Basket
 from mitt.robot.shapes import Surroundings
 from mitt.signals import Senses
 from mitt.trials.known import driven, known_ball, known_encoders, known_eyes, torque_lead_of
@@ -22,10 +23,10 @@ from mitt.trials.score import (
     Measured,
     Trial,
     certificate_of,
-    held,
     measure,
     status_of,
     stop_as_json,
+    was_held,
 )
 from mitt.trials.source import Source
 from mitt.vision.camera import Rig, fixed_rig
@@ -95,7 +96,7 @@ class TrialRunner:
         settings = CatcherSettings(
             ball_mass=ball.mass,
             ball_radius=ball.radius,
-            ball_restitution=restitution_of(self._scene) or _SOFT,
+            ball_restitution=_restitution(self._scene, self.arm),
             ball_friction=friction_of(self._scene),
             flight=known_ball(ball.drag, ball.mass, spread=self._scene.mismatch.drag),
             around=Surroundings(floor=self._scene.floor),
@@ -173,10 +174,10 @@ class TrialRunner:
     def _score(self, index: int, catcher: Catcher, found: Measured, t_catch: float) -> Trial:
         """Score the finished trial."""
         world, verdict = self.world, catcher.verdict
-        contact, was_held = world.first_contact, held(world.truth(), world.radius)
+        contact = world.first_contact
         return Trial(
             index=index,
-            status=status_of(world, catcher.phase, was_held=was_held),
+            status=status_of(world, catcher.phase, was_held=was_held(self.arm, world)),
             t_catch_s=float(t_catch) if np.isfinite(t_catch) else None,
             position_error_mm=None if contact is None else 1e3 * contact.position_error,
             velocity_error_m_s=None if contact is None else contact.velocity_error,
@@ -197,6 +198,13 @@ def catch_time(ticks: Result) -> float:
     left = ticks.scalars["time_to_catch"]
     near = np.flatnonzero(np.abs(left) < _NEAR_CATCH)
     return float(ticks.scalars["t"][near[-1]] + left[near[-1]]) if len(near) else np.inf
+
+
+def _restitution(scene: Scene, arm: Arm) -> float:
+    """Return what share of its speed a ball keeps that strikes the palm, or the net."""
+    if isinstance(arm.model.hand, Basket):
+        return arm.model.hand.restitution
+    return restitution_of(scene) or _SOFT
 
 
 def _max_tracking_error(generator: Generator) -> float:

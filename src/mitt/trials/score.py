@@ -12,15 +12,18 @@ from mitt.control.stopped import Plain, StoppedBy
 from mitt.generator.demand import demand
 from mitt.generator.feasibility import Verdict
 from mitt.robot.arm import Arm
+from mitt.robot.basket import Basket
 from mitt.signals import TICK, Array
 from mitt.trials.drives import COMMANDED, MEASURED, drive_loads
-from mitt.world.contacts import ARM_FLOOR, SELF
+from mitt.world.contacts import ARM_FLOOR, BALL_HAND, SELF
 from mitt.world.simulation import World
 from mitt.world.truth import Trace, Truth
 
 #: Caught: the ball's centre so near the catch point beyond its radius [m], touched by so many
 #: geoms of the hand, so long after first contact [s].
 HELD_GAP, HELD_GEOMS, HELD_AFTER = 0.020, 2, 0.5
+#: Caught in a basket: the last ticks of that time in which the ball is inside and touched.
+LYING = 100
 
 #: Share by which a commanded acceleration or rate may exceed its limit: rounding of differences.
 _RATE_SLACK = 1e-6
@@ -100,6 +103,24 @@ def stop_as_json(stopped_by: StoppedBy | None) -> dict[str, Plain] | None:
         return None
     plain = stopped_by.plain()
     return {"t_s" if name == "t" else name: value for name, value in plain.items()}
+
+
+def was_held(arm: Arm, world: World) -> bool:
+    """Say whether the ball is held at the end of a trial, by the rule for the arm's hand."""
+    if isinstance(arm.model.hand, Basket):
+        return lies_in(arm, arm.model.hand, world.trace())
+    return held(world.truth(), world.radius)
+
+
+def lies_in(arm: Arm, basket: Basket, truth: Trace) -> bool:
+    """Say whether the ball lies in a basket: inside at each tick at the end, and touched in them.
+
+    A ball that rolls about in a net touches it now and then.
+    """
+    rows = slice(-min(LYING, len(truth.t)), None)
+    places = zip(truth.q[rows], truth.r_o[rows] - truth.position[rows], strict=True)
+    inside = all(basket.contains(arm.orientation(q).T @ away) for q, away in places)
+    return inside and bool(np.any(truth.seen[rows] & BALL_HAND))
 
 
 def held(truth: Truth, radius: float) -> bool:

@@ -7,8 +7,10 @@ import mujoco
 import numpy as np
 
 from mitt.errors import ModelError
+from mitt.robot.basket import Basket
 from mitt.robot.description import ArmModel
 from mitt.robot.plant import add_arm
+from mitt.world.basket import add_basket
 from mitt.world.engine import stop_clocks
 from mitt.world.hand import ARM, BALL, FLOOR, FRICTION, HAND, SMALL_PARTS, STIFF, add_hand
 from mitt.world.materials import contact_of, friction_of
@@ -68,7 +70,7 @@ def describe(scene: Scene, arm: ArmModel) -> tuple[mujoco.MjSpec, int]:
         ModelError: The arm carries no hand.
     """
     if arm.hand is None:
-        raise ModelError(f"arm {arm.name}", "a hand: a ball is caught by fingers", "none")
+        raise ModelError(f"arm {arm.name}", "a hand or a basket", "none")
     spec = _spec()
     _add_floor(spec, scene)
     kinds = {geom.name for geom in spec.geoms}
@@ -78,7 +80,11 @@ def describe(scene: Scene, arm: ArmModel) -> tuple[mujoco.MjSpec, int]:
             geom.contype, geom.conaffinity, geom.solref = ARM, ARM | HAND | FLOOR, STIFF
     for joint in spec.joints:
         joint.solref_limit = STIFF
-    fingers = add_hand(spec, plate, arm.hand)
+    fingers: tuple[str, ...] = ()
+    if isinstance(arm.hand, Basket):
+        add_basket(plate, arm.hand)
+    else:
+        fingers = add_hand(spec, plate, arm.hand)
     _add_ball(spec, scene)
     _let_neighbours_meet(spec, arm)
     return spec, len(fingers)

@@ -65,6 +65,7 @@ class Plant(NamedTuple):
         ctrl: Motor torques [N m], shape (nu,).
         passive: Friction and drag [N m, N], MuJoCo's ``qfrc_applied``, shape (nv,).
         qacc: Accelerations, shape (nv,).
+        constraint: Forces and torques of contacts and stops, shape (nv,).
         place: Catch point [m], shape (3,).
         anchor: A point on each joint's axis [m], shape (j, 3).
         axis: Unit axes of the joints, shape (j, 3).
@@ -84,6 +85,7 @@ class Plant(NamedTuple):
     ctrl: NDArray[Any]
     passive: NDArray[Any]
     qacc: NDArray[Any]
+    constraint: NDArray[Any]
     place: NDArray[Any]
     anchor: NDArray[Any]
     axis: NDArray[Any]
@@ -129,6 +131,7 @@ def plant_of(model: mujoco.MjModel, data: mujoco.MjData, site: int, joints: int)
         ctrl=show(data.ctrl),
         passive=show(data.qfrc_applied),
         qacc=show(data.qacc),
+        constraint=show(data.qfrc_constraint),
         place=show(data.site_xpos[site]),
         anchor=show(data.xanchor),
         axis=show(data.xaxis),

@@ -31,7 +31,7 @@ ENTRY = np.pi / 4
 FLANGE_RADIUS = 0.04
 
 #: Parts that never reach the arm's last links: their names begin so.
-SMALL_PARTS = ("finger", "rim")
+SMALL_PARTS = ("finger", "rim", "cord")
 
 _PALM = (0.17, 0.18, 0.21, 1.0)
 _FINGER = (0.72, 0.74, 0.78, 1.0)
@@ -59,7 +59,7 @@ def add_hand(spec: mujoco.MjSpec, plate: mujoco.MjsBody, hand: HandModel) -> tup
         _add_finger(spec, palm.add_body(name=name, pos=base, quat=_quaternion(R)), name, hand)
         mass, com, inertia = finger_inertial(hand.finger)
         placed.append((mass, base + R @ com, R @ inertia @ R.T))
-    _set_inertial(palm, *_rest(hand, placed))
+    set_inertial(palm, *_rest(hand, placed))
     return names
 
 
@@ -96,7 +96,7 @@ def _quaternion(R: Array) -> Array:
     return out
 
 
-def _set_inertial(body: mujoco.MjsBody, mass: float, com: Array, inertia: Array) -> None:
+def set_inertial(body: mujoco.MjsBody, mass: float, com: Array, inertia: Array) -> None:
     """Give a body its mass [kg], centre of mass [m] and inertia about it [kg m^2]."""
     body.explicitinertial = True
     body.mass, body.ipos = mass, com
@@ -118,15 +118,15 @@ def _add_palm_geoms(palm: mujoco.MjsBody, hand: HandModel) -> None:
     top = hand.palm_height
     stem = top - PAD_THICKNESS
     cylinder, capsule = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_CAPSULE
-    _add_geom(palm, "flange", cylinder, [FLANGE_RADIUS, stem / 2, 0.0], pos=[0.0, 0.0, stem / 2])
+    add_geom(palm, "flange", cylinder, [FLANGE_RADIUS, stem / 2, 0.0], pos=[0.0, 0.0, stem / 2])
     height = top - PAD_THICKNESS / 2
-    _add_geom(palm, "pad", cylinder, [PAD_RADIUS, PAD_THICKNESS / 2, 0.0], pos=[0.0, 0.0, height])
+    add_geom(palm, "pad", cylinder, [PAD_RADIUS, PAD_THICKNESS / 2, 0.0], pos=[0.0, 0.0, height])
     entry = hand.yaw + np.pi
     corners = entry + np.linspace(ENTRY, 2.0 * np.pi - ENTRY, RIM_SIDES + 1)
     ring = np.column_stack((np.cos(corners), np.sin(corners))) * RIM_RADIUS
     for k in range(RIM_SIDES):
         ends = [*ring[k], top + RIM_HEIGHT, *ring[k + 1], top + RIM_HEIGHT]
-        _add_geom(palm, f"rim{k}", capsule, [RIM_THICKNESS, 0.0, 0.0], fromto=ends)
+        add_geom(palm, f"rim{k}", capsule, [RIM_THICKNESS, 0.0, 0.0], fromto=ends)
 
 
 def _add_finger(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, hand: HandModel) -> None:
@@ -140,16 +140,16 @@ def _add_finger(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, hand: Hand
     )
     joint.limited, joint.range, joint.solref_limit = True, [-0.05, hand.drive.closed + 0.05], STIFF
     spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT).set_to_motor()
-    _set_inertial(body, *finger_inertial(finger))
+    set_inertial(body, *finger_inertial(finger))
     spec.add_exclude(bodyname1="palm", bodyname2=name)
     base, knuckle, tip = finger.points(0.0)
     ends = [[p[0] - base[0], 0.0, p[1] - base[1]] for p in (base, knuckle, tip)]
     capsule, size = mujoco.mjtGeom.mjGEOM_CAPSULE, [finger.thickness, 0.0, 0.0]
-    _add_geom(body, f"{name}/proximal", capsule, size, fromto=[*ends[0], *ends[1]], rgba=_FINGER)
-    _add_geom(body, f"{name}/distal", capsule, size, fromto=[*ends[1], *ends[2]], rgba=_FINGER)
+    add_geom(body, f"{name}/proximal", capsule, size, fromto=[*ends[0], *ends[1]], rgba=_FINGER)
+    add_geom(body, f"{name}/distal", capsule, size, fromto=[*ends[1], *ends[2]], rgba=_FINGER)
 
 
-def _add_geom(
+def add_geom(
     body: mujoco.MjsBody,
     name: str,
     kind: mujoco.mjtGeom,
@@ -158,8 +158,8 @@ def _add_geom(
     pos: list[float] | None = None,
     fromto: list[float] | None = None,
     rgba: tuple[float, ...] = _PALM,
-) -> None:
-    """Add one shape of the hand."""
+) -> mujoco.MjsGeom:
+    """Add one shape of a hand, and return it."""
     geom = body.add_geom(name=name, type=kind, size=size, mass=0.0, rgba=rgba)
     geom.contype, geom.conaffinity = HAND, BALL | HAND | ARM
     geom.condim, geom.friction, geom.solref = 4, FRICTION, STIFF
@@ -167,3 +167,4 @@ def _add_geom(
         geom.pos = pos
     if fromto is not None:
         geom.fromto = fromto
+    return geom

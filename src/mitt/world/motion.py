@@ -13,7 +13,8 @@ The state beside MuJoCo's own is one vector:
 | STEPS      | simulation steps in the next tick                                    | 1      |
 | SEEN       | contacts in the last tick, flags of :mod:`mitt.world.contacts`       | bits   |
 | BROKEN     | whether the physics broke down, or a command was not finite          | 0, 1   |
-| FORCE      | largest contact force on the ball in the last tick, and in the trial | N      |
+| FORCE      | largest contact force on the ball in the last tick, and in the trial;| N      |
+|            | of a hand without fingers the resultant of all its contacts          |        |
 | TOUCHED    | time of the first contact of ball and hand; negative before          | s      |
 | FIRST      | r_o, dr_o, position, velocity then, as in ``FirstContact``           | m, m/s |
 | FLIGHT     | ball at the end of a step if it flies freely: position, velocity     | m, m/s |
@@ -147,6 +148,9 @@ def leave(plant: Plant) -> None:
     largest = state[SURVEY : SURVEY + 7]
     largest[0] = state[FORCE]
     touched = survey(plant, True, largest)
+    if len(plant.ctrl) == len(plant.slides):  # many cords share the force of a net: it is one thing
+        x, y, z = plant.constraint[ball], plant.constraint[ball + 1], plant.constraint[ball + 2]
+        largest[0] = max(largest[0], np.sqrt(x * x + y * y + z * z))
     state[FORCE], state[SEEN] = largest[0], int(state[SEEN]) | touched
     if not touched & BALL_ANY:
         for i in range(3):

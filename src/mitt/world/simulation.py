@@ -9,7 +9,7 @@ import numpy as np
 from mitt import checks
 from mitt.errors import InputError
 from mitt.robot.description import ArmModel
-from mitt.robot.hands import HandModel
+from mitt.robot.hands import FingerDrive, HandModel
 from mitt.robot.limits import Limits
 from mitt.signals import TICK, Array, Command, Frame, Senses
 from mitt.world import contacts, motion
@@ -72,7 +72,8 @@ class World:
         self._brakes = brake_numbers(arm.complete(), limits)
         self._draw = PlantDraw(scene, self._built)
         self._n, self._f = self._built.joints, self._built.fingers
-        self._servo = servo_numbers((arm.hand or HandModel()).drive)
+        drive = arm.hand.drive if isinstance(arm.hand, HandModel) else FingerDrive()
+        self._servo = servo_numbers(drive)
         d, n, ball = self.data, self._n, self._n + self._f
         self._plant = plant_of(self.model, d, self._built.site, n)
         self._names = contacts.hand_names(self.model)
