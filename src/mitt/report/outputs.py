@@ -71,9 +71,8 @@ def _write_recordings(finished: FinishedRun, progress: Progress) -> None:
         progress("recordings", done, len(kept))
         outcome = runner.throw(prepared.source, index, log=True)
         if outcome.log is not None:
-            recording = recording_of(
-                outcome.log, outcome.trial, prepared.arm.names, about=prepared.head
-            )
+            about = runner.about(prepared.settings.generator, finished.learned.map)
+            recording = recording_of(outcome.log, outcome.trial, about, prepared.head)
             write_recording(prepared.out / "recordings" / f"throw-{index:05d}.mcap", recording)
     progress("recordings", len(kept), len(kept))
 
