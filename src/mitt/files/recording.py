@@ -283,11 +283,11 @@ def tick_rows(results: Result, senses: Sequence[Senses], heads: int) -> Rows:
     rows["command"] = results.command[:, :4].reshape(k, 4 * n)
     rows["hand"], rows["brakes"] = s["hand"], s["brakes"]
     if heads:
-        rows["gaze"] = results.gaze.reshape(k, -1)
+        rows["gaze"] = results.gaze.reshape(k, 4 * heads)
     for name in s.dtype.names or ():
         rows[f"out_{name}"] = s[name]
     for name in ("ball", "covariance", "reference", "sighting"):
-        rows[name] = results._asdict()[name].reshape(k, -1)
+        rows[name] = results._asdict()[name].reshape(k, rows[name].shape[1])
     return rows
 
 

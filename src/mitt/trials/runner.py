@@ -242,7 +242,7 @@ def _with_points(ticks: Result) -> list[Senses]:
         t, at = one["t"].item(), one["t_sighted"].item()
         point = Sighting(t=at, found=True, r_o=seen[0].copy(), covariance=seen[1:].copy())
         out.append(senses_of(t, q, dq, (), (point,) if one["sighted"] else ()))
-    s["sighted"] = False
+    s["sighted"], ticks.sighting[:] = False, 0.0
     return out
 
 
