@@ -1,4 +1,4 @@
-"""Trials of every kind, to be recorded and replayed: for tests and for ``benchmarks/replays.py``."""
+"""Trials of every kind to be recorded and replayed, by tests and by ``benchmarks/replays.py``."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -56,12 +56,14 @@ CASES = (
     Case(name="turning cameras, images", vision="pixels", images=True,
          changes={"sensing": {"cameras": "active"}}),
     Case(name="outliers, half lost", vision="pixels", changes=_faults(
-        {"kind": "outlier", "magnitude": 0.3, "chance": 0.1}, {"kind": "dropout", "magnitude": 0.5})),
+        {"kind": "outlier", "magnitude": 0.3, "chance": 0.1},
+        {"kind": "dropout", "magnitude": 0.5})),
     Case(name="frozen, one late, images", vision="pixels", images=True, changes=_faults(
         {"kind": "frozen", "numbered": True, "start": 0.1, "length": 0.1, "camera": 0},
         {"kind": "late", "magnitude": 0.005, "chance": 0.3})),
     Case(name="late, doubled points", changes=_faults(
-        {"kind": "late", "magnitude": 0.005, "chance": 0.5}, {"kind": "duplicate", "magnitude": 0.2})),
+        {"kind": "late", "magnitude": 0.005, "chance": 0.5},
+        {"kind": "duplicate", "magnitude": 0.2})),
     Case(name="NaN", changes=_faults(
         {"kind": "nan", "where": "points", "magnitude": 0.1},
         {"kind": "nan", "where": "stamps", "magnitude": 0.1},

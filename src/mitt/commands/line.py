@@ -22,6 +22,7 @@ _OPTIONS: dict[str, Callable[..., object]] = {
     "track": of.TrackOptions,
     "see": of.SeeOptions,
     "calibrate": of.CalibrateOptions,
+    "replay": of.ReplayOptions,
     "bench": of.BenchOptions,
 }
 #: Characters that frame tyro's messages.

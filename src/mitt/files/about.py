@@ -3,10 +3,11 @@
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, final
 
+import numpy as np
 from pydantic import Field
 
 from mitt.catcher.settings import CatcherSettings
@@ -24,6 +25,8 @@ from mitt.vision.camera import Rig
 from mitt.vision.eyes import EyesConfig
 
 SCHEMA = "mitt.recording/1"
+#: What stands for an end of a region that has none [rad].
+_FAR = 1e300
 
 
 @final
@@ -131,7 +134,7 @@ def about_of(text: str, *, place: str) -> About:
         return About(
             arm=arm,
             generator=content.generator,
-            maps=tuple(map_of(x, arm, place="a map").map for x in content.maps),
+            maps=tuple(_endless(map_of(x, arm, place="a map").map) for x in content.maps),
             settings=from_plain(CatcherSettings, content.settings, place="settings"),
             rig=from_plain(Rig, content.rig, place="rig"),
             eyes=from_plain(EyesConfig, content.eyes, place="eyes"),
@@ -151,5 +154,17 @@ def digest_of(content: Mapping[str, object]) -> str:
 
 
 def _as_learned(f: DirectMap) -> Learned:
-    """Return a map with what a file wants to say of its learning, which is not known here."""
+    """Return a map with what a file wants to say of its learning, which is not known here.
+
+    A map that has learned nothing has a region without ends, which map files do not have.
+    """
+    f = replace(f, region=np.clip(f.region, -_FAR, _FAR))
     return Learned(map=f, maps=(f,), steps=(), flights=0, left_out=0, status="recorded")
+
+
+def _endless(f: DirectMap) -> DirectMap:
+    """Return a map with the ends of its region where they were."""
+    far = np.abs(f.region) >= _FAR
+    return (
+        replace(f, region=np.where(far, np.sign(f.region) * np.inf, f.region)) if far.any() else f
+    )

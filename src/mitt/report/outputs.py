@@ -69,7 +69,8 @@ def _write_recordings(finished: FinishedRun, progress: Progress) -> None:
     runner = make_runner(prepared, finished.learned, generator=prepared.settings.generator)
     for done, index in enumerate(kept):
         progress("recordings", done, len(kept))
-        outcome = runner.throw(prepared.source, index, log=True)
+        images = prepared.settings.record_images and prepared.settings.vision == "pixels"
+        outcome = runner.throw(prepared.source, index, log=True, images=images)
         if outcome.log is not None:
             about = runner.about(prepared.settings.generator, finished.learned.map)
             recording = recording_of(outcome.log, outcome.trial, about, prepared.head)
