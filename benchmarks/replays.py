@@ -1,6 +1,6 @@
 """Recorded trials of every kind, replayed: are all commands the same to the bit?
 
-python benchmarks/replays.py                    25 kinds, 8 throws each
+python benchmarks/replays.py                    26 kinds, 8 throws each
 python benchmarks/replays.py --throws 2 --only images
 """
 

@@ -64,6 +64,8 @@ CASES = (
     Case(name="late, doubled points", changes=_faults(
         {"kind": "late", "magnitude": 0.005, "chance": 0.5},
         {"kind": "duplicate", "magnitude": 0.2})),
+    Case(name="stamps 10 ms late", changes=_faults(
+        {"kind": "latency", "magnitude": 0.01, "stamped": False})),
     Case(name="NaN", changes=_faults(
         {"kind": "nan", "where": "points", "magnitude": 0.1},
         {"kind": "nan", "where": "stamps", "magnitude": 0.1},
@@ -82,7 +84,7 @@ CASES = (
     Case(name="weak motors, payload", changes=_faults(
         {"kind": "torque", "magnitude": 0.4}, {"kind": "payload", "magnitude": 2.0})),
 )  # fmt: skip
-"""25 kinds; eight throws of each make 200."""
+"""Kinds of trials; eight throws of each make 208."""
 
 
 @lru_cache(maxsize=4)

@@ -23,6 +23,7 @@ _OPTIONS: dict[str, Callable[..., object]] = {
     "see": of.SeeOptions,
     "calibrate": of.CalibrateOptions,
     "replay": of.ReplayOptions,
+    "view": of.ViewOptions,
     "bench": of.BenchOptions,
 }
 #: Characters that frame tyro's messages.

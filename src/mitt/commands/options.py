@@ -324,6 +324,25 @@ class ReplayOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ViewOptions:
+    """Show a recording in the browser: scrub it, or follow it while it is written.
+
+    Attributes:
+        recording: A recording, or a folder whose newest one is followed; runs if left out.
+        host: Address to listen at; 0.0.0.0 lets every machine of the network look.
+        port: Port; the next free one where it is taken.
+        seconds: Time after which to end [s]; never if left out.
+    """
+
+    recording: Positional[Annotated[Path | None, arg(metavar="REC.mcap|DIR")]] = None
+    host: Annotated[str, arg(metavar="ADDRESS")] = "127.0.0.1"
+    port: Annotated[int, arg(metavar="N")] = 8080
+    seconds: Annotated[float | None, arg(metavar="S")] = None
+    json: Json = False
+    check: Check = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class BenchOptions:
     """Measure how fast everything is on this machine, beside other libraries, in one run.
 

@@ -88,7 +88,7 @@ def _page(out: Path, x: Replayed, count: int, k: int) -> None:
     from mitt.report.replay_report import write_replay_page  # noqa: PLC0415 (plots: when written)
 
     name = "replay.html" if count == 1 else f"{k:05d}-{x.recorded.path.stem}.html"
-    write_replay_page(out / name, x, command=shlex.join(["mitt", "replay", x.recorded.path.name]))
+    write_replay_page(out / name, x, command=shlex.join(["replay", x.recorded.path.name]))
 
 
 def _show(rows: list[dict[str, Any]], options: ReplayOptions) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mitt.catcher.settings import FOLLOW, PHASES, REFUSED
+from mitt.catcher.settings import FOLLOW, PHASES, REFUSED, WATCH
 from mitt.control.health import State
 from mitt.files.messages import TRUTH
 from mitt.generator.feasibility import Outcome
@@ -22,6 +22,8 @@ _NEAR = 0.02
 #: Time around the catch in which the map's own time to it is taken for exact [s]; age of the last
 #: measurement that a catch survives [s], a choice of this project.
 _AT_CATCH, _OLD = 0.006, 0.1
+#: Ticks after the last sighting that are shown.
+_AFTER = 350
 _STATES = tuple(State)
 #: What a limit that binds means, by its kind.
 _LIMITS = {
@@ -65,6 +67,13 @@ class Evidence:
     behind: Array
     catch: int | None
 
+    @property
+    def shown(self) -> tuple[float, float]:
+        """From when to when something is to be seen [s]: to a little after the last sighting."""
+        known = np.flatnonzero(np.isfinite(self.sigma) | np.isfinite(self.residual))
+        last = self.t[min(known[-1] + _AFTER, len(self.t) - 1)] if len(known) else self.t[-1]
+        return float(self.t[0]), max(float(last), float(self.t[0]) + 1e-3)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Explanation:
@@ -84,7 +93,7 @@ class Explanation:
 def evidence_of(x: Replayed) -> Evidence:
     """Return what a replay shows."""
     s, arm, command = x.ticks.scalars, x.about.driven_arm, x.ticks.command
-    tracked, following = s["tracked"], s["following"]
+    tracked, following = s["tracked"] & np.isin(s["phase"], (WATCH, FOLLOW)), s["following"]
     near = np.flatnonzero(np.abs(s["time_to_catch"]) < _AT_CATCH)
     q, q_d = command[:, 0], x.ticks.reference[:, 0]
     places = [np.array([arm.position(row) for row in rows]).reshape(-1, 3)

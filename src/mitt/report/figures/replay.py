@@ -37,9 +37,10 @@ def states(x: Replayed, e: Evidence) -> Plot:
 
     def draw(figure: Figure) -> None:
         axes: Axes = figure.subplots()
-        width = float(np.ptp(e.t)) or 1.0
+        width = e.shown[1] - e.shown[0]
         for k, spans in enumerate(rows.values()):
-            for name, start, end in spans:
+            for name, start, until in spans:
+                end = min(until, e.shown[1])
                 axes.barh(k, end - start, left=start, color=_COLOURS[name], height=0.62)
                 if end - start > _NAMED * width:
                     colour = "white" if name in _DARK else INK
@@ -51,7 +52,7 @@ def states(x: Replayed, e: Evidence) -> Plot:
                       color=ORANGE, markersize=9)  # fmt: skip
             names.append("differs")
         axes.set_yticks(range(len(names)), names)
-        axes.invert_yaxis()
+        axes.set_ylim(len(names) - 0.55, -0.95)
         axes.grid(visible=False)
         axes.set_xlabel("time [s]")
         _mark(axes, x, e, named=True)
@@ -72,7 +73,7 @@ def estimate(x: Replayed, e: Evidence) -> Plot:
                 axes.plot(e.t, 1e3 * values, color=colour, label=label)
         axes.axhline(20.0, color=GREY, lw=0.9, ls=":", label="what a hand needs")
         axes.set(ylabel="[mm]", xlabel="time [s]", yscale="log")
-        axes.set_ylim(0.1, max(1000.0, 0.0))
+        axes.set_ylim(0.1, 1000.0)
         axes.legend(ncols=4, loc="upper right")
         _mark(axes, x, e, named=False)
 
@@ -88,7 +89,7 @@ def limits(x: Replayed, e: Evidence) -> Plot:
             for j, joint in enumerate(x.about.arm.names):
                 axes.plot(e.t, 100.0 * shares[:, j], color=_JOINTS[j % len(_JOINTS)], label=joint)
             axes.axhline(100.0, color=GREY, lw=0.9, ls=":")
-            axes.set(ylabel=f"{name} [%]", ylim=(0.0, 115.0))
+            axes.set(ylabel=f"{name} [%]", ylim=(0.0, 130.0))
             _mark(axes, x, e, named=False)
         pair[0].legend(ncols=8, loc="upper left")
         pair[1].set_xlabel("time [s]")
@@ -107,7 +108,6 @@ def hand(x: Replayed, e: Evidence) -> Plot:
         axes.axhline(20.0, color=GREY, lw=0.9, ls=":", label="what a hand needs")
         axes.set(ylabel="[mm]", xlabel="time [s]")
         axes.set_ylim(bottom=0.0)
-        axes.set_xlim(float(e.t[0]), float(e.t[-1]))
         axes.legend(ncols=3, loc="upper right")
         _mark(axes, x, e, named=False)
 
@@ -123,7 +123,7 @@ def _points(axes: Axes, t: Array, values: Array, label: str, colour: str) -> Non
 
 def _mark(axes: Axes, x: Replayed, e: Evidence, *, named: bool) -> None:
     """Mark start, catch and stop."""
-    axes.set_xlim(float(e.t[0]), max(float(e.t[-1]), float(e.t[0]) + 1e-3))
+    axes.set_xlim(*e.shown)
     if np.isfinite(x.t_0):
         mark_time(axes, x.t_0, "start", named=named)
     if e.catch is not None:
