@@ -6,13 +6,13 @@ from typing import Any, final
 import mujoco
 import numpy as np
 
-from mitt.ball.flight import advance
+from mitt.ball.flight import advance, forecast
 from mitt.errors import InputError
 from mitt.files.about import About
 from mitt.files.messages import CATCH_POINT, TRUTH, Rows
 from mitt.files.recorded import Recorded
 from mitt.report.replay import NODE, furnish
-from mitt.signals import Array
+from mitt.signals import Array, ball_of
 from mitt.world.build import build_scene
 from mitt.world.scene import Scene
 
@@ -24,6 +24,8 @@ _DOUBT, _WAY, _SEEN, _TRUE, _HAND = (
 _STEP, _POINTS = 0.01, 60
 #: Sigmas of the ellipsoid, and its least half axis [m].
 _SIGMAS, _LEAST = 3.0, 0.002
+#: Longest time to the catch for which the ball is shown there [s].
+_FAR = 2.0
 #: Dots of the trail, and ticks between them.
 _TRAIL, _EACH = 40, 8
 
@@ -64,6 +66,12 @@ def way(r: Array, dr: Array, drag: float, floor: float) -> Array:
     return np.array(out)
 
 
+def _lay(node: Any, r: Array, covariance: Array) -> None:  # noqa: ANN401 (viser)
+    """Lay an ellipsoid about a position [m]."""
+    doubt = ellipsoid(covariance[:3, :3])
+    node.position, node.wxyz, node.scale = tuple(r), tuple(doubt.wxyz), tuple(doubt.axes)
+
+
 @final
 class Stage:
     """Arm, hand and ball of one recording in a Viser scene."""
@@ -92,6 +100,8 @@ class Stage:
         self._doubt = api.add_icosphere("/doubt", radius=1.0, color=_DOUBT, opacity=0.35,
                                         cast_shadow=False, subdivisions=3)  # fmt: skip
         nowhere = np.zeros((1, 2, 3), np.float32)
+        self._at_catch = api.add_icosphere("/doubt_at_catch", radius=1.0, color=_DOUBT, opacity=0.4,
+                                           cast_shadow=False, subdivisions=3)  # fmt: skip
         self._way = api.add_line_segments("/way", nowhere, colors=_WAY, thickness=0.006)
         self._trail = api.add_point_cloud("/trail", np.zeros((1, 3), np.float32), _SEEN,
                                           point_size=0.014, point_shape="circle")  # fmt: skip
@@ -112,11 +122,10 @@ class Stage:
         tracked = bool(row["out_tracked"])
         r, dr = row["ball"][:3], row["ball"][3:6]
         self._doubt.visible = self._way.visible = tracked
+        self._at_catch.visible = self._foresee(row)
         self._bodies[self._ball].visible = tracked
         if tracked:
-            doubt = ellipsoid(row["covariance"].reshape(6, 6)[:3, :3])
-            self._doubt.position, self._doubt.wxyz = tuple(r), tuple(doubt.wxyz)
-            self._doubt.scale = tuple(doubt.axes)
+            _lay(self._doubt, r, row["covariance"].reshape(6, 6))
             ahead = way(r, dr, float(row["out_drag"]), self._floor)
             if len(ahead) > 1:
                 segments = np.stack([ahead[:-1], ahead[1:]], axis=1)
@@ -139,6 +148,19 @@ class Stage:
         mujoco.mj_kinematics(self._model, self._data)
         for b, handle in self._bodies.items():
             handle.position, handle.wxyz = tuple(self._data.xpos[b]), tuple(self._data.xquat[b])
+
+    def _foresee(self, row: np.void) -> bool:
+        """Show where the ball will be at the catch, and how well that is known; say whether."""
+        t, left = float(row["out_t_ball"]), float(row["out_time_to_catch"])
+        if not (row["out_tracked"] and 0.0 < left < _FAR):
+            return False
+        ball = row["ball"].reshape(3, 3).copy()
+        drag, covariance = float(row["out_drag"]), row["covariance"].reshape(6, 6).copy()
+        state = ball_of(t, True, *ball, drag, covariance, t, t, False)
+        then = forecast(state, t + left)
+        if np.all(np.isfinite(then.covariance)):
+            _lay(self._at_catch, then.r_o, then.covariance)
+        return True
 
     def _follow(self, node: Any, topic: str, t: float) -> None:  # noqa: ANN401 (viser)
         """Place what is truly where, in a recording of a simulated throw."""
