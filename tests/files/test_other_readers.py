@@ -1,6 +1,7 @@
 """Other people's readers decode every topic: ``rosbags``, and ``mcap`` with its ROS 2 decoder."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,7 +37,7 @@ def test_rosbags_reads_every_message(files: dict[str, Path], name: str) -> None:
            "points": {"/mitt/points"}}[name]  # fmt: skip
     with AnyReader([files[name]]) as reader:
         for connection, _, raw in reader.messages():
-            message = reader.deserialize(raw, connection.msgtype)
+            message: Any = reader.deserialize(raw, connection.msgtype)
             k = found.get(connection.topic, 0)
             found[connection.topic] = k + 1
             if connection.topic == "/mitt/ticks":

@@ -70,6 +70,8 @@ class TrialRunner:
         world: The simulated world.
         stopwatch: Wall-clock time of the catcher's ticks.
         ticks: Results of all ticks of the last trial.
+        rig: The cameras.
+        views: Looks at the scene before the last throw, from which its background was learned.
     """
 
     def __init__(
@@ -84,16 +86,16 @@ class TrialRunner:
             pixels: Whether the catcher sees images; noisy points otherwise.
         """
         self.arm, self._generator, self._scene, self._pixels = arm, generator, scene, pixels
-        self._rig = active_rig() if scene.sensing.cameras == "active" else fixed_rig()
-        cameras = _cameras(self._rig, scene) if pixels else None
+        self.rig = active_rig() if scene.sensing.cameras == "active" else fixed_rig()
+        cameras = _cameras(self.rig, scene) if pixels else None
         self.world = World(scene, arm.model, cameras=cameras, limits=arm.limits)
         self.stopwatch = Stopwatch()
-        self._catcher, self._views = self._made(), list[tuple[Frame, ...]]()
+        self._catcher, self.views = self._made(), list[tuple[Frame, ...]]()
         self.ticks = room_for(self._catcher.result, 0)
 
     def _made(self) -> Catcher:
         """Return the catcher that those of all throws begin as."""
-        eyes = Eyes(self._rig, known_eyes(self._scene))
+        eyes = Eyes(self.rig, known_eyes(self._scene))
         return Catcher(
             driven(self.arm, self._scene), self._generator, eyes, settings=self._settings()
         )
@@ -112,7 +114,7 @@ class TrialRunner:
             generator=generator,
             maps=maps,
             settings=self._settings(),
-            rig=self._rig,
+            rig=self.rig,
             eyes=known_eyes(self._scene),
             driven=None if limits is f.arm.limits else limits,
             refines=isinstance(used, Direct) and used.online is not None,
@@ -149,9 +151,9 @@ class TrialRunner:
         """
         self.world.reset(ball, seed)
         catcher = self.catcher()
-        self._views = self.world.views_before(LOOKS)
-        if self._views:
-            catcher.learn_background(self._views)
+        self.views = self.world.views_before(LOOKS)
+        if self.views:
+            catcher.learn_background(self.views)
         return catcher
 
     def step(self, catcher: Catcher) -> Senses:
@@ -185,7 +187,7 @@ class TrialRunner:
         trial = self._score(index, catcher, measure(self.arm, ticks, truth), t_catch)
         if not log:
             return LoggedTrial(trial, None)
-        ground = tuple(frame for view in self._views for frame in view) if images else ()
+        ground = tuple(frame for view in self.views for frame in view) if images else ()
         kept = log_of(
             self.arm, ticks, truth, t_0=catcher.t_0, t_catch=t_catch, senses=tuple(senses),
             background=ground,
