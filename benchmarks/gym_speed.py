@@ -28,7 +28,7 @@ ENVIRONMENTS: tuple[tuple[str, dict[str, Any]], ...] = (
 )
 
 
-def measured(name: str, words: dict[str, Any], seconds: float) -> dict[str, Any]:
+def measured(name: str, words: dict[str, Any], seconds: float) -> dict[str, float]:
     """Return steps a second, and how much faster than life that is, with random actions."""
     env = gymnasium.make(name, **words)
     env.action_space.seed(80_000)
@@ -55,10 +55,11 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=5.0)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
-    rows, found = {}, {f"{name} {words or ''}".strip(): [] for name, words in ENVIRONMENTS}
+    rows: dict[str, dict[str, float]] = {}
+    labels = [f"{name} {words or ''}".strip() for name, words in ENVIRONMENTS]
+    found: dict[str, list[dict[str, float]]] = {label: [] for label in labels}
     for _ in range(3):
-        for name, words in ENVIRONMENTS:
-            label = f"{name} {words or ''}".strip()
+        for label, (name, words) in zip(labels, ENVIRONMENTS, strict=True):
             try:
                 found[label].append(measured(name, words, options.seconds / 3.0))
             except Exception as error:  # what another package raises with this MuJoCo

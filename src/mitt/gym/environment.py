@@ -1,25 +1,8 @@
-"""Catching as a Gymnasium environment: ``mitt/Catch-v0`` and ``mitt/CatchPixels-v0``.
+"""What the environments share: the world, its throws, actions, rewards, pictures."""
 
-    import gymnasium, mitt.gym
-    env = gymnasium.make("mitt/Catch-v0", scene="lab", action="residual", map="MAP.json")
-
-| keyword  | what                                                                                |
-|----------|-------------------------------------------------------------------------------------|
-| `arm`    | an arm as of ``mitt.load_arm``, its name or file; it needs a hand                   |
-| `limits` | its limit set                                                                       |
-| `scene`  | the world: a ``Scene``, the name or the file of one                                 |
-| `action` | `torque`: of each joint as a share of its largest, and the closing of the hand;     |
-|          | `residual`: torque on top of what the catcher with the map commands                 |
-| `map`    | for `residual` and :func:`map_policy`: a learned map or its file; learned if needed |
-| `ticks`  | milliseconds that an action lasts                                                   |
-
-docs/gym.md says what is observed and rewarded.
-"""
-
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal, TypeAlias, final
+from typing import Any, Literal, TypeAlias
 
 import gymnasium
 import mujoco
@@ -38,6 +21,7 @@ from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.report.figures.pictures import Faces, body_faces, painted, placed
 from mitt.robot.arm import Arm
+from mitt.robot.limits import saturate
 from mitt.signals import TICK, Array, Command, Frame, Senses
 from mitt.trials.drives import MEASURED, drive_loads
 from mitt.trials.learning import learn
@@ -52,7 +36,7 @@ Observation: TypeAlias = Any
 Numbers: TypeAlias = NDArray[np.float32]
 
 #: Bounds of what is observed: positions [m], speeds [m/s], joint speeds in shares of their limits.
-_FAR, _FAST, _SPIN = 10.0, 20.0, 4.0
+FAR, FAST, _SPIN = 10.0, 20.0, 4.0
 #: Residual torque of a full action, as a share of the joint's largest; ours.
 _RESIDUAL = 0.2
 #: Rewards: for a ball that is held, for the first touch, per second and metre of distance, per
@@ -77,7 +61,7 @@ class Environment(gymnasium.Env[Observation, Numbers]):
         map: DirectMap | Learned | str | Path | None = None,  # noqa: A002 (its name outside)
         ticks: int = 5,
     ) -> None:
-        """Build the world; arguments as of the module."""
+        """Build the world; arguments as of :mod:`mitt.gym`."""
         if action not in ("torque", "residual"):
             raise InputError("action", "torque or residual", checks.shown(action))
         if render_mode not in (None, *self.metadata["render_modes"]):
@@ -90,7 +74,7 @@ class Environment(gymnasium.Env[Observation, Numbers]):
         n, f = self.arm.n, None if action == "torque" else self.map
         base = f or unlearned(self.arm, default_design(self.arm))
         self._runner = TrialRunner(self.arm, Direct(base), self.scene, pixels=self.pixels)
-        self._world, self._catcher = self._runner.world, self._runner.catcher()
+        self.world, self._catcher = self._runner.world, self._runner.catcher()
         self._drawn: tuple[mujoco.MjModel, list[Faces]] | None = None
         self._hand = 1.2 * (self.arm.model.hand.drive.closed if self.arm.model.hand else 1.0)
         sides = n + 1 if action == "torque" else n
@@ -98,6 +82,10 @@ class Environment(gymnasium.Env[Observation, Numbers]):
         self.observation_space = self._space()
         self.senses: list[Senses] = []
         self.watched = False
+        self._links, self._active = (
+            np.zeros((3, len(self.arm.model.links))),
+            [*self.arm.model.active],
+        )
 
     @property
     def map(self) -> DirectMap:
@@ -119,9 +107,9 @@ class Environment(gymnasium.Env[Observation, Numbers]):
         ball = default_throw(self.np_random, aim_of(self.arm), ranges)
         self._catcher = self._runner.release(ball, seed=int(self.np_random.integers(2**62)))
         self._touched, self.senses = False, []
-        self._images = np.zeros((2, *self._shape()), np.uint8)
+        self.images = np.zeros((2, *self.shape()), np.uint8)
         for frame in self._runner.views[-1] if self._runner.views else ():
-            self._images[frame.camera] = frame.pixels
+            self.images[frame.camera] = frame.pixels
         return self._observed(), {}
 
     def step(self, action: Numbers) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -130,18 +118,15 @@ class Environment(gymnasium.Env[Observation, Numbers]):
         if given.shape != self.action_space.shape or not np.all(np.isfinite(given)):
             wanted = f"{self.action_space.shape} finite numbers"
             raise InputError("action", wanted, checks.shown(action))
-        reward, self.senses, world = 0.0, [], self._world
+        world, rules = self.world, {"longest": LONGEST, "held": HELD_AFTER}
+        self.senses = []
         for k in range(self.ticks):
-            senses = world.sense(look=self._looks(k))
-            self.senses.append(senses)
-            for frame in senses.frames:
-                self._images[frame.camera] = frame.pixels
-            command = self._command(senses, given)
+            command = self._command(self._sensed(k), given)
             world.apply(command)
-            reward += self._reward(command.tau)
-            if world.over(longest=LONGEST, held=HELD_AFTER):
+            if world.over(**rules):
                 break
-        over = world.over(longest=LONGEST, held=HELD_AFTER)
+        reward = self._reward(command.tau, TICK * (k + 1))
+        over = world.over(**rules)
         late = over and world.first_contact is None and world.t >= LONGEST
         info = self._ended() if over else {}
         reward += _HELD if info.get("status") == "caught" else 0.0
@@ -152,10 +137,10 @@ class Environment(gymnasium.Env[Observation, Numbers]):
         if self.render_mode is None:
             return None
         if self._drawn is None:
-            model = self._world.model
+            model = self.world.model
             faces = [body_faces(model, b, self.arm, self.scene) for b in range(model.nbody)]
             self._drawn = model, faces
-        qpos = self._world.data.qpos.copy()
+        qpos = self.world.data.qpos.copy()
         picture = painted(*placed(*self._drawn, qpos, np.zeros((0, 3))), self.scene.floor)
         picture.draw()
         return np.asarray(picture.buffer_rgba(), np.uint8)[:, :, :3].copy()
@@ -176,15 +161,25 @@ class Environment(gymnasium.Env[Observation, Numbers]):
         out: Numbers = np.clip(shares, -1.0, 1.0).astype(np.float32)
         return out
 
-    def _command(self, senses: Senses, given: Array) -> Command:
+    def _sensed(self, k: int) -> Senses | None:
+        """Return what is sensed in tick ``k`` of an action; None where nobody asks."""
+        if not (self.residual or self.watched or self.pixels):
+            return None
+        senses = self.world.sense(look=self._looks(k))
+        self.senses.append(senses)
+        for frame in senses.frames:
+            self.images[frame.camera] = frame.pixels
+        return senses
+
+    def _command(self, senses: Senses | None, given: Array) -> Command:
         """Return what arm and hand are told in a tick."""
         n, tau = self.arm.n, np.zeros((4, self.arm.n))
-        if self._action == "torque":
+        if senses is None or not self.residual:
             tau[3] = self._within(given[:n] * self.arm.tau_max)
-            return Command(self._world.t, tau, 0.5 * (1.0 + given[n]) * self._hand)
+            return Command(self.world.t, tau, 0.5 * (1.0 + given[n]) * self._hand)
         command = self._catcher.step(senses)
         if self._catcher.stopped_by is not None:
-            self._world.watch_on()
+            self.world.watch_on()
         self._catcher.think()
         if not np.any(given) or command.brakes:
             return command
@@ -194,25 +189,24 @@ class Environment(gymnasium.Env[Observation, Numbers]):
 
     def _within(self, tau: Array) -> Array:
         """Return torques as the drives can give them at the joints' speeds."""
-        arm, n = self.arm, self.arm.n
-        links = np.zeros((2, len(arm.model.links)))
-        links[0, list(arm.model.active)] = tau
-        links[1, list(arm.model.active)] = self._world.data.qvel[:n]
-        return arm.active(arm.limits.saturate(*links))
+        links, active = self._links, self._active
+        links[0, active], links[1, active] = tau, self.world.data.qvel[: self.arm.n]
+        saturate(self.arm.limits.packed, links[0], links[1], links[2])
+        return links[2, active]
 
-    def _reward(self, tau: Array) -> float:
-        """Return the reward of a tick."""
-        truth = self._world.data.qpos[-7:-4] - self._world.catch_point
-        cost = _DISTANCE * min(float(np.linalg.norm(truth)), 2.0)
-        cost += _EFFORT * float(np.mean(np.square(tau / self.arm.tau_max)))
-        touch = self._world.first_contact if not self._touched else None
+    def _reward(self, tau: Array, dt: float) -> float:
+        """Return the reward of an action that took ``dt`` [s] and ended with a torque [N m]."""
+        gap, effort = self.world.data.qpos[-7:-4] - self.world.catch_point, tau / self.arm.tau_max
+        cost = _DISTANCE * min(float(np.sqrt(gap @ gap)), 2.0)
+        cost += _EFFORT * float(effort @ effort) / len(effort)
+        touch = None if self._touched else self.world.first_contact
         self._touched = self._touched or touch is not None
         gain = 0.0 if touch is None else _TOUCH / (1.0 + touch.velocity_error)
-        return gain - TICK * cost
+        return gain - dt * cost
 
     def _ended(self) -> dict[str, Any]:
         """Return what became of the throw."""
-        world, trace = self._world, self._world.trace()
+        world, trace = self.world, self.world.trace()
         was_held = held(world.truth(), world.radius)
         phase = self._catcher.phase if self.residual else Phase.WATCH
         loads = drive_loads(self.arm, trace.q[:-1], trace.dq[:-1], trace.tau[1:])
@@ -233,25 +227,25 @@ class Environment(gymnasium.Env[Observation, Numbers]):
             return self._catcher.looking
         return self.watched or (self.pixels and k >= self.ticks - 1 - self.scene.sensing.latency)
 
-    def _shape(self) -> tuple[int, int]:
+    def shape(self) -> tuple[int, int]:
         """Return the size of the images; none where there are none."""
         camera = self._runner.rig.cameras[0]
         return (camera.height, camera.width) if self.pixels else (0, 0)
 
-    def _joints(self) -> Numbers:
+    def joints(self) -> Numbers:
         """Return joint angles in their ranges, speeds in shares of their limits, catch point."""
-        arm, n, data = self.arm, self.arm.n, self._world.data
+        arm, n, data = self.arm, self.arm.n, self.world.data
         middle, half = 0.5 * (arm.q_max + arm.q_min), 0.5 * (arm.q_max - arm.q_min)
         q = np.clip((data.qpos[:n] - middle) / half, -2.0, 2.0)
         dq = np.clip(data.qvel[:n] / arm.dq_max, -_SPIN, _SPIN)
         fingers = np.clip(data.qpos[n:-7], -_SPIN, _SPIN)
-        place = np.clip(self._world.catch_point, -_FAR, _FAR)
+        place = np.clip(self.world.catch_point, -FAR, FAR)
         return np.concatenate([q, dq, fingers, place]).astype(np.float32)
 
-    def _bounds(self) -> Numbers:
-        """Return the upper bounds of :meth:`_joints`; the lower ones are their negatives."""
-        n, fingers = self.arm.n, len(self._world.data.qpos) - 7 - self.arm.n
-        sides = [np.full(n, 2.0), np.full(n + fingers, _SPIN), np.full(3, _FAR)]
+    def bounds(self) -> Numbers:
+        """Return the upper bounds of :meth:`joints`; the lower ones are their negatives."""
+        n, fingers = self.arm.n, len(self.world.data.qpos) - 7 - self.arm.n
+        sides = [np.full(n, 2.0), np.full(n + fingers, _SPIN), np.full(3, FAR)]
         return np.concatenate(sides).astype(np.float32)
 
     def _space(self) -> spaces.Space[Any]:
@@ -261,85 +255,3 @@ class Environment(gymnasium.Env[Observation, Numbers]):
     def _observed(self) -> Observation:
         """Return what is observed now."""
         raise NotImplementedError
-
-
-@final
-class Catch(Environment):
-    """``mitt/Catch-v0``: joints, and the true position and velocity of the ball."""
-
-    def _space(self) -> spaces.Space[Any]:
-        """Return a box: joints, then the ball."""
-        ball = np.array([_FAR] * 3 + [_FAST] * 3, np.float32)
-        high = np.concatenate([self._bounds(), ball])
-        return spaces.Box(-high, high, dtype=np.float32)
-
-    def _observed(self) -> Numbers:
-        """Return joints and ball."""
-        data = self._world.data
-        ball = np.clip(data.qpos[-7:-4], -_FAR, _FAR), np.clip(data.qvel[-6:-3], -_FAST, _FAST)
-        return np.concatenate([self._joints(), *ball]).astype(np.float32)
-
-
-@final
-class CatchPixels(Environment):
-    """``mitt/CatchPixels-v0``: joints, and the newest image of each of two cameras."""
-
-    pixels = True
-
-    def _space(self) -> spaces.Space[Any]:
-        """Return boxes: ``joints`` and ``images``."""
-        high, shape = self._bounds(), (2, *self._shape())
-        return spaces.Dict({
-            "joints": spaces.Box(-high, high, dtype=np.float32),
-            "images": spaces.Box(0, 255, shape, np.uint8),
-        })  # fmt: skip
-
-    def _observed(self) -> dict[str, Any]:
-        """Return joints and images."""
-        return {"joints": self._joints(), "images": self._images.copy()}
-
-
-def map_policy(env: gymnasium.Env[Any, Any]) -> Callable[[Observation], Numbers]:
-    """Return the map as a policy of an environment, as a baseline.
-
-    For actions ``residual`` it adds nothing. For ``torque`` a catcher of its own goes along with
-    the same senses, images or points, and its last torque is the action; with ``ticks=1`` that is
-    the catcher itself, with more its torque is held too long.
-
-    Args:
-        env: One of this module, wrapped or not.
-    """
-    raw = env.unwrapped
-    if not isinstance(raw, Environment):
-        raise InputError("env", "an environment of mitt.gym", checks.shown(env))
-    if raw.residual:
-        return lambda _: np.zeros(raw.action_space.shape or (), np.float32)
-    raw.watched = True
-    return _MapPolicy(raw).act
-
-
-@final
-class _MapPolicy:
-    """A catcher that goes along with an environment; see :func:`map_policy`."""
-
-    def __init__(self, env: Environment) -> None:
-        self._env = env
-        self._runner = TrialRunner(env.arm, Direct(env.map), env.scene, pixels=env.pixels)
-        self._catcher, self._last = self._runner.catcher(), Command(0.0, np.zeros((4, 0)), 0.0)
-
-    def act(self, _: Observation) -> Numbers:
-        """Return torque and closing of the last of the ticks since the last action."""
-        env = self._env
-        if not env.senses:
-            self._catcher = self._runner.catcher()
-            if env.views:
-                self._catcher.learn_background(env.views)
-            return env.as_action(np.zeros(env.arm.n), 0.0)
-        for senses in env.senses:
-            self._last = self._catcher.step(senses)
-            self._catcher.think()
-        return env.as_action(self._last.tau, self._last.hand)
-
-
-gymnasium.register(id="mitt/Catch-v0", entry_point="mitt.gym:Catch")
-gymnasium.register(id="mitt/CatchPixels-v0", entry_point="mitt.gym:CatchPixels")
