@@ -18,7 +18,8 @@ from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.link.realtime import uncollected
 from mitt.link.recorder import Recorder
-from mitt.trials.runner import HELD_AFTER, LONGEST, TrialRunner
+from mitt.trials.runner import LONGEST, TrialRunner
+from mitt.trials.score import HELD_AFTER
 from mitt.trials.source import source_of
 from mitt.world.scenes import read_scene
 

@@ -7,6 +7,7 @@ the 4 bytes that say how they are encoded (OMG DDSI-RTPS 2.5, 10.2; OMG CORBA 3.
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -103,6 +104,12 @@ def layout(fields: Sequence[Field]) -> Rows:
 
     Strings and the lengths of sequences are filled in, and are not to be written to.
     """
+    return _laid_out(tuple(fields)).copy()
+
+
+@lru_cache(maxsize=256)
+def _laid_out(fields: tuple[Field, ...]) -> Rows:
+    """Return what :func:`layout` returns a copy of."""
     names, kinds, offsets, fixed = ["_cdr"], ["V4"], [0], {"_cdr": CDR}
     at = 0
 
@@ -149,7 +156,7 @@ def joint_states(names: Sequence[str], *, efforts: bool) -> Rows:
     """Return a ``sensor_msgs/msg/JointState``; without efforts, they are unknown."""
     n = len(names)
     return layout([
-        *_STAMP, ("frame_id", "string", ""), ("name", "string[]", names),
+        *_STAMP, ("frame_id", "string", ""), ("name", "string[]", tuple(names)),
         ("position", "float64[]", n), ("velocity", "float64[]", n),
         ("effort", "float64[]", n if efforts else 0),
     ])  # fmt: skip
@@ -189,7 +196,7 @@ def flag() -> Rows:
 
 def text(content: str) -> bytes:
     """Return a ``std_msgs/msg/String``."""
-    return layout([("data", "string", content)]).tobytes()
+    return _laid_out((("data", "string", content),)).tobytes()
 
 
 def read_text(message: bytes) -> str:

@@ -308,7 +308,9 @@ def point_message(row: np.void) -> Said:
 
 def point_rows(sightings: Sequence[Sighting]) -> Rows:
     """Return sightings of the layout :func:`mitt.files.messages.points`."""
-    rows = np.repeat(of.points(), len(sightings))
+    rows = of.points()
+    if len(sightings) != 1:
+        rows = np.repeat(rows, len(sightings))
     for row, sighting in zip(rows, sightings, strict=True):
         row["t"], row["found"] = sighting.t, sighting.found
         row["r_o"], row["covariance"] = sighting.r_o, sighting.covariance.ravel()

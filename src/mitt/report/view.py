@@ -19,6 +19,8 @@ from mitt.trials.drives import drive_loads
 
 #: Time between two pictures [s], and between two looks for a newer file [s].
 _FRAME, _LOOK = 0.033, 1.0
+#: Place of the slider in the panel: behind the title.
+_SECOND = 0.5
 _SPEEDS = {"1/20": 0.05, "1/10": 0.1, "1/5": 0.2, "1/2": 0.5, "1": 1.0}
 _BLUE, _ORANGE = "#0072b2", "#d55e00"
 _MARK = {"caught": "#009e73", "stopped": "#cc79a7", "abort": "#cc79a7", "refused": "#d55e00"}
@@ -37,20 +39,19 @@ class Viewer:
     def __init__(self, server: Any, path: Path) -> None:  # noqa: ANN401 (viser)
         """Put up the scene and the panel for the first recording."""
         self._server, self._gui = server, server.gui
-        server.gui.configure_theme(control_layout="fixed", control_width="large",
-                                   show_logo=False, show_share_button=False)  # fmt: skip
-        server.initial_camera.position = (1.9, -2.7, 0.95)
-        server.initial_camera.look_at = (1.1, 0.0, 0.05)
+        server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+        server.gui.main_panel.dock_right()
+        server.initial_camera.position = (2.1, -3.6, 1.0)
+        server.initial_camera.look_at = (1.45, 0.0, 0.05)
         server.initial_camera.fov = 0.75
-        self._title = self._gui.add_html("")
-        self._slider = self._gui.add_slider("tick", 0, 1, 1, 0)
+        self._title = self._gui.add_html("", order=0.0)
+        self._slider: Any = None
         self._play = self._gui.add_checkbox("play", initial_value=False)
         self._live = self._gui.add_checkbox("follow", initial_value=True)
         self._speed = self._gui.add_dropdown("speed", tuple(_SPEEDS), initial_value="1/5")
         self._panel = self._gui.add_html("")
         self._images: list[Any] = []
         self._shown = -1
-        self._slider.on_update(self._scrubbed)
         self.load(path)
 
     def load(self, path: Path) -> None:
@@ -66,8 +67,17 @@ class Viewer:
             for k, x in enumerate(blank) if self._recorded.has_images
         ]  # fmt: skip
         self._shown = -1
+        if self._slider is not None:
+            self._slider.remove()
+        self._slider = self._gui.add_slider("tick", 0, self._last, 1, 0, order=_SECOND)
+        self._slider.on_update(self._scrubbed)
         self._grown()
         self.show(0 if self._recorded.whole else len(self._recorded.ticks) - 1)
+
+    @property
+    def _last(self) -> int:
+        """Number of the newest tick; 1 where there are none, as a slider needs a length."""
+        return max(len(self._recorded.ticks) - 1, 1)
 
     @property
     def path(self) -> Path:
@@ -110,7 +120,7 @@ class Viewer:
 
     def _grown(self) -> None:
         """Let the slider reach the newest tick."""
-        self._slider.max = max(len(self._recorded.ticks) - 1, 1)
+        self._slider.max = self._last
         state = "whole" if self._recorded.whole else "being written, or cut"
         self._title.content = (
             f"<div style='font-size:13px;padding:2px 12px'><b>{html.escape(self.path.name)}</b>"
