@@ -17,7 +17,7 @@
 
 Names and units by REP 103: metres, radians, seconds. The sequence number of a message is that of
 its tick. Stamps are whole nanoseconds; the numbers of `/mitt/...` have every digit. The attachment
-`mitt.json.zst` says what makes the catcher (:mod:`mitt.files.about`).
+`about.json.zst` says what makes the catcher (:mod:`mitt.files.about`).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -40,7 +40,7 @@ from mitt.files.messages import ESTIMATE, PHASE, STATE, Rows
 from mitt.signals import Array, Frame, Senses, Sighting
 
 #: Name of the metadata record, of what is said at the end, and of the attachment.
-METADATA, ENDING, ABOUT = "mitt", "mitt.end", "mitt.json.zst"
+METADATA, ENDING, ABOUT = "mitt", "mitt.end", "about.json.zst"
 #: Ticks in a chunk: a file that is cut loses at most so many.
 _CHUNK_TICKS = 100
 #: Largest time that a stamp can say [ns].

@@ -97,11 +97,12 @@ class Stage:
         moving = [b for b in range(1, self._model.nbody) if self._model.body_weldid[b] != 0]
         self._bodies = {b: api.add_frame(NODE.format(b), show_axes=False) for b in moving}
         self._ball = int(self._model.body("ball").id)
-        self._doubt = api.add_icosphere("/doubt", radius=1.0, color=_DOUBT, opacity=0.35,
-                                        cast_shadow=False, subdivisions=3)  # fmt: skip
+        hidden = {"visible": False, "cast_shadow": False, "subdivisions": 3}
+        self._doubt, self._at_catch = (
+            api.add_icosphere(name, radius=1.0, color=_DOUBT, opacity=0.4, **hidden)
+            for name in ("/doubt", "/doubt_at_catch")
+        )
         nowhere = np.zeros((1, 2, 3), np.float32)
-        self._at_catch = api.add_icosphere("/doubt_at_catch", radius=1.0, color=_DOUBT, opacity=0.4,
-                                           cast_shadow=False, subdivisions=3)  # fmt: skip
         self._way = api.add_line_segments("/way", nowhere, colors=_WAY, thickness=0.006)
         self._trail = api.add_point_cloud("/trail", np.zeros((1, 3), np.float32), _SEEN,
                                           point_size=0.014, point_shape="circle")  # fmt: skip

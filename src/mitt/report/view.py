@@ -56,8 +56,13 @@ class Viewer:
 
     def load(self, path: Path) -> None:
         """Show another recording."""
-        self._server.scene.reset()
         self._recorded = Recorded(path)
+        with self._server.atomic():
+            self._put_up()
+
+    def _put_up(self) -> None:
+        """Put up the scene of the recording."""
+        self._server.scene.reset()
         self._stage = Stage(self._server.scene, self._recorded)
         for image in self._images:
             image.remove()

@@ -124,7 +124,7 @@ def _residuals(x: Replayed) -> Array:
         seen = [(p.t, p.r_o) for p in x.recorded.points(number) if p.found]
         if not seen and rows["out_sighted"][k]:
             seen = [(float(rows["out_t_sighted"][k]), rows["sighting"][k, :3])]
-        if k and s["tracked"][k - 1]:
+        if k and s["tracked"][k - 1] and s["phase"][k] in (WATCH, FOLLOW):
             for t, r in seen:
                 expected = ball[k - 1, 0] + (t - s["t_ball"][k - 1]) * ball[k - 1, 1]
                 out[k] = np.linalg.norm(r - expected)
@@ -145,8 +145,12 @@ def _errors(x: Replayed) -> Array:
 def explain(x: Replayed, e: Evidence) -> Explanation:
     """Return what came of a throw and why; of several causes the one that came first."""
     status = _status(x)
-    causes = _causes(x, e)
-    cause = "The ball was caught." if status == "caught" else next(causes)
+    if np.any(x.differs):
+        k = int(np.argmax(x.differs))
+        cause = (f"From {_ms(e.t[k])} on this replay commands something else. The arm moved as"
+                 " recorded, so what comes later says nothing of a catch.")  # fmt: skip
+    else:
+        cause = "The ball was caught." if status == "caught" else next(_causes(x, e))
     return Explanation(status=status, cause=cause, facts=tuple(_facts(x, e)))
 
 
