@@ -41,8 +41,8 @@ def test_the_ellipsoid_is_the_covariance(seed: int) -> None:
     P = A @ A.T + 0.01 * np.eye(3)
     found, R = ellipsoid(P), np.empty(9)
     mujoco.mju_quat2Mat(R, found.wxyz)
-    R = R.reshape(3, 3)
-    np.testing.assert_allclose(R @ np.diag(found.axes**2) @ R.T, 9.0 * P, rtol=1e-9, atol=1e-9)
+    turn = R.reshape(3, 3)
+    np.testing.assert_allclose(turn @ np.diag(found.axes**2) @ turn.T, 9.0 * P, rtol=1e-9, atol=1e-9)
 
 
 def test_the_way_is_the_flight_to_the_floor() -> None:

@@ -97,7 +97,7 @@ class Stage:
         moving = [b for b in range(1, self._model.nbody) if self._model.body_weldid[b] != 0]
         self._bodies = {b: api.add_frame(NODE.format(b), show_axes=False) for b in moving}
         self._ball = int(self._model.body("ball").id)
-        hidden = {"visible": False, "cast_shadow": False, "subdivisions": 3}
+        hidden: dict[str, Any] = {"visible": False, "cast_shadow": False, "subdivisions": 3}
         self._doubt, self._at_catch = (
             api.add_icosphere(name, radius=1.0, color=_DOUBT, opacity=0.4, **hidden)
             for name in ("/doubt", "/doubt_at_catch")
