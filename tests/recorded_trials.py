@@ -64,8 +64,8 @@ CASES = (
     Case(name="late, doubled points", changes=_faults(
         {"kind": "late", "magnitude": 0.005, "chance": 0.5},
         {"kind": "duplicate", "magnitude": 0.2})),
-    Case(name="stamps 10 ms late", changes=_faults(
-        {"kind": "latency", "magnitude": 0.01, "stamped": False})),
+    Case(name="stamps 40 ms late", changes=_faults(
+        {"kind": "latency", "magnitude": 0.04, "stamped": False})),
     Case(name="NaN", changes=_faults(
         {"kind": "nan", "where": "points", "magnitude": 0.1},
         {"kind": "nan", "where": "stamps", "magnitude": 0.1},

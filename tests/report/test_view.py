@@ -42,7 +42,9 @@ def test_the_ellipsoid_is_the_covariance(seed: int) -> None:
     found, R = ellipsoid(P), np.empty(9)
     mujoco.mju_quat2Mat(R, found.wxyz)
     turn = R.reshape(3, 3)
-    np.testing.assert_allclose(turn @ np.diag(found.axes**2) @ turn.T, 9.0 * P, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        turn @ np.diag(found.axes**2) @ turn.T, 9.0 * P, rtol=1e-9, atol=1e-9
+    )
 
 
 def test_the_way_is_the_flight_to_the_floor() -> None:

@@ -10,15 +10,20 @@ from recorded_trials import CASES, Case, map_for, recorded, replayed
 from mitt.errors import FileError, InputError
 from mitt.files.maps import save_map
 from mitt.files.recorded import Recorded
+from mitt.files.recording import write_recording
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
 from mitt.link.recorder import Recorder
 from mitt.trials.explain import evidence_of, explain
+from mitt.trials.recording import recording_of
 from mitt.trials.replay import changed, replay
 from mitt.trials.runner import TrialRunner
+from mitt.trials.simulate import simulate
 from mitt.trials.source import source_of
 from mitt.version import __version__
+from mitt.world.scene import Scene
 from mitt.world.scenes import read_scene
+from mitt.world.throws import Throw
 
 _SEED = 17
 _QUICK = ("points", "behind the eyes", "images", "refined in flight", "turning cameras",
@@ -50,7 +55,7 @@ def one(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_another_map_and_other_settings_act_differently_and_say_from_when(
     one: Path, tmp_path: Path
 ) -> None:
-    """A map with alpha = 0 differs once the arm moves; a longer wait from the start that is not."""
+    """Another map, stricter settings, another generator: the first difference is near the start."""
     back = Recorded(one)
     f, t_0, map_file = map_for("paper"), replayed(one).t_0, tmp_path / "other.json"
     other = replace(f, alpha=0.9 * f.alpha)
@@ -153,3 +158,27 @@ def test_the_first_cause_is_named(name: str, tmp_path: Path) -> None:
         assert _CAUSES[name] in said.cause
         assert "nan" not in " ".join(value for _, value in said.facts)
         assert np.nanmax(e.torque) <= 1.0 + 1e-6
+
+
+def test_a_throw_that_ended_before_its_first_tick_replays(tmp_path: Path, learned: Learned) -> None:
+    """A ball faster than the physics is trusted: no tick, and nothing that differs."""
+    runner = TrialRunner(learned.map.arm, Direct(learned.map), Scene(), pixels=False)
+    ball = Throw(r=np.array([3.0, 0.0, 0.5]), dr=np.array([-100.0, 0.0, 0.0]))
+    outcome, path = runner.run(0, ball, seed=1, log=True), tmp_path / "x.mcap"
+    assert outcome.log is not None
+    about = runner.about("direct", learned.map)
+    write_recording(path, recording_of(outcome.log, outcome.trial, about))
+    x = replayed(path)
+    assert x.identical
+    assert len(x.ticks.scalars) == 0
+    said = explain(x, evidence_of(x))
+    assert said.status == "aborted"
+    assert "never tracked" in said.cause
+
+
+def test_what_simulate_records_replays(tmp_path: Path, learned: Learned) -> None:
+    """From Python, images by the compiled loop: a file for each throw, identical to the bit."""
+    trials = simulate(learned, throws=2, seed=_SEED, record=tmp_path)
+    files = sorted(tmp_path.iterdir())
+    assert len(files) == len(trials) == 2
+    assert all(replayed(path).identical for path in files)
