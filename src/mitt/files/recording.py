@@ -23,35 +23,40 @@ its tick. Stamps are whole nanoseconds; the numbers of `/mitt/...` have every di
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any, TypeAlias, final
+from typing import IO, final
 
 import numpy as np
 import zstandard
 from mcap.writer import Writer
-from numpy.typing import NDArray
 
-from mitt.catcher.result import REASONS, STATES, Result
+from mitt.catcher.result import REASONS, STATES
 from mitt.catcher.settings import PHASES
 from mitt.errors import ShapeError
 from mitt.files import messages as of
 from mitt.files.about import About
 from mitt.files.files import write_atomically
 from mitt.files.messages import ESTIMATE, PHASE, STATE, Rows
-from mitt.signals import Array, Frame, Senses, Sighting
+from mitt.files.recording_rows import (
+    FLAG,
+    JOINTS,
+    STAMPED,
+    TEXT,
+    TICK,
+    Said,
+    call_message,
+    filled,
+    frame_messages,
+    frame_row,
+    ns_of,
+    point_message,
+    point_rows,
+)
+from mitt.signals import Array, Frame, Sighting
 
 #: Name of the metadata record, of what is said at the end, and of the attachment.
 METADATA, ENDING, ABOUT = "mitt", "mitt.end", "about.json.zst"
 #: Ticks in a chunk: a file that is cut loses at most so many.
 _CHUNK_TICKS = 100
-#: Largest time that a stamp can say [ns].
-_LAST = 2**31 * 1_000_000_000 - 1
-
-_STAMPED, _JOINTS = "geometry_msgs/msg/PointStamped", "sensor_msgs/msg/JointState"
-_TEXT, _FLAG, _IMAGE = "std_msgs/msg/String", "std_msgs/msg/Bool", "sensor_msgs/msg/Image"
-_TICK, _POINT, _FRAME = "mitt_msgs/msg/Tick", "mitt_msgs/msg/Point", "mitt_msgs/msg/Frame"
-
-Said: TypeAlias = tuple[str, str, bytes, int | None]
-"""A message: topic, type, content, time [ns]; that of its tick where None."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,12 +120,12 @@ class RecordingWriter:
         told = rows["command"].reshape(len(rows), 4, n)
         q, dq = rows["q"], rows["dq"]
         columns = [
-            (of.STATES, _JOINTS, _filled(self._states, ns, position=q, velocity=dq)),
-            (of.COMMANDS, _JOINTS, _filled(self._commands, ns, position=told[:, 0],
+            (of.STATES, JOINTS, filled(self._states, ns, position=q, velocity=dq)),
+            (of.COMMANDS, JOINTS, filled(self._commands, ns, position=told[:, 0],
                                            velocity=told[:, 1], effort=told[:, 3])),
-            (of.BRAKES, _FLAG, _filled(of.flag(), None, data=rows["brakes"])),
-            (ESTIMATE, _STAMPED, _filled(of.point_stamped(), ns, r=rows["ball"][:, :3])),
-            (of.TICKS, _TICK, rows),
+            (of.BRAKES, FLAG, filled(of.flag(), None, data=rows["brakes"])),
+            (ESTIMATE, STAMPED, filled(of.point_stamped(), ns, r=rows["ball"][:, :3])),
+            (of.TICKS, TICK, rows),
         ]  # fmt: skip
         tracked = rows["out_tracked"]
         for k in range(len(rows)):
@@ -154,7 +159,7 @@ class RecordingWriter:
         for topic, text in ((PHASE, phase), (STATE, f"{state}: {reason}")):
             if text != self._last[topic]:
                 self._last[topic] = text
-                self._add(topic, _TEXT, of.text(text), self._ns, sequence)
+                self._add(topic, TEXT, of.text(text), self._ns, sequence)
 
     def _add(self, topic: str, kind: str, data: bytes, ns: int, sequence: int) -> None:
         """Add a message; its topic is made known by the first."""
@@ -243,11 +248,11 @@ def _others(recording: Recording) -> tuple[dict[int, list[Said]], list[Said]]:
     """Return what is said before each tick, and after the last."""
     ns, shapes = ns_of(recording.ticks["t"]), recording.heading.shapes
     before: dict[int, list[Said]] = {k: [] for k in range(len(ns))}
-    texts = [(x.topic, _TEXT, of.text(x.text), int(ns_of(x.t))) for x in recording.notices]
+    texts = [(x.topic, TEXT, of.text(x.text), int(ns_of(x.t))) for x in recording.notices]
     for track in recording.tracks:
-        rows = _filled(of.point_stamped(), ns_of(track.t), r=track.r)
+        rows = filled(of.point_stamped(), ns_of(track.t), r=track.r)
         times = ns_of(track.t).tolist()
-        texts += [(track.topic, _STAMPED, row.tobytes(), t)
+        texts += [(track.topic, STAMPED, row.tobytes(), t)
                   for row, t in zip(rows, times, strict=True)]  # fmt: skip
     texts.sort(key=lambda said: said[3] or 0)
     places = np.searchsorted(np.maximum.accumulate(ns), [said[3] for said in texts])
@@ -263,91 +268,3 @@ def _others(recording: Recording) -> tuple[dict[int, list[Said]], list[Said]]:
             row, pixels = frame_row(frame)
             before[k] += frame_messages(row, pixels, shapes)
     return before, after
-
-
-def tick_rows(results: Result, senses: Sequence[Senses], heads: int) -> Rows:
-    """Return ticks of the layout :func:`mitt.files.messages.ticks`.
-
-    Args:
-        results: What they brought about, k of them.
-        senses: What they took; where there is none, time and encoders are those of the results.
-        heads: Number of cameras that turn.
-    """
-    s, k, n = results.scalars, len(results.scalars), results.command.shape[-1]
-    rows = np.repeat(of.ticks(n, heads), k)
-    rows["t"] = rows["t_arm"] = s["t"]
-    rows["q"], rows["dq"] = results.encoders[:, 0], results.encoders[:, 1]
-    for row, x in zip(rows, senses, strict=False):
-        row["t"], row["t_arm"], row["q"], row["dq"] = x.t, x.arm.t, x.arm.q, x.arm.dq
-        row["points"], row["frames"] = len(x.points), len(x.frames)
-    rows["command"] = results.command[:, :4].reshape(k, 4 * n)
-    rows["hand"], rows["brakes"] = s["hand"], s["brakes"]
-    if heads:
-        rows["gaze"] = results.gaze.reshape(k, 4 * heads)
-    for name in s.dtype.names or ():
-        rows[f"out_{name}"] = s[name]
-    for name in ("ball", "covariance", "reference", "sighting"):
-        rows[name] = results._asdict()[name].reshape(k, rows[name].shape[1])
-    return rows
-
-
-def call_message(name: str) -> Said:
-    """Return what the catcher was told to do."""
-    return of.CALLS, _TEXT, of.text(name), None
-
-
-def notice_message(topic: str, text: str) -> Said:
-    """Return something that happens now."""
-    return topic, _TEXT, of.text(text), None
-
-
-def point_message(row: np.void) -> Said:
-    """Return a sighting of :func:`point_rows`."""
-    return of.POINTS, _POINT, row.tobytes(), None
-
-
-def point_rows(sightings: Sequence[Sighting]) -> Rows:
-    """Return sightings of the layout :func:`mitt.files.messages.points`."""
-    rows = of.points()
-    if len(sightings) != 1:
-        rows = np.repeat(rows, len(sightings))
-    for row, sighting in zip(rows, sightings, strict=True):
-        row["t"], row["found"] = sighting.t, sighting.found
-        row["r_o"], row["covariance"] = sighting.r_o, sighting.covariance.ravel()
-    return rows
-
-
-def frame_row(frame: Frame) -> tuple[Rows, bytes]:
-    """Return a frame of the layout :func:`mitt.files.messages.frames`, and its grey values."""
-    row = of.frames()
-    row["t"], row["camera"], row["number"] = frame.t, frame.camera, frame.number
-    row["pan"], row["tilt"] = frame.pan, frame.tilt
-    return row, frame.pixels.tobytes()
-
-
-def frame_messages(
-    row: Rows, pixels: bytes, shapes: Sequence[tuple[int, int]]
-) -> tuple[Said, Said]:
-    """Return what belongs to an image, and the image."""
-    camera = int(row["camera"][0])
-    image = of.image(shapes[camera], camera)
-    image["sec"], image["nanosec"] = np.divmod(ns_of(row["t"]), 1_000_000_000)
-    image["data"] = np.frombuffer(pixels, np.uint8)
-    topic = of.IMAGE.format(camera)
-    return (of.FRAMES, _FRAME, row.tobytes(), None), (topic, _IMAGE, image.tobytes(), None)
-
-
-def _filled(template: Rows, ns: NDArray[np.int64] | None, **columns: NDArray[Any]) -> Rows:
-    """Return messages with these columns, stamped where there are times [ns]."""
-    rows = np.repeat(template, len(next(iter(columns.values()))))
-    if ns is not None:
-        rows["sec"], rows["nanosec"] = np.divmod(ns, 1_000_000_000)
-    for name, column in columns.items():
-        rows[name] = column
-    return rows
-
-
-def ns_of(t: Array | float) -> NDArray[np.int64]:
-    """Return times in whole nanoseconds; before release counts as release, no time as 0."""
-    known = np.nan_to_num(np.asarray(t, np.float64), nan=0.0, posinf=_LAST * 1e-9)
-    return np.clip(np.rint(known * 1e9), 0.0, _LAST).astype(np.int64)

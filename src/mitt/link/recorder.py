@@ -30,7 +30,8 @@ from mitt.errors import FileError, InputError
 from mitt.files import messages as of
 from mitt.files.about import About
 from mitt.files.messages import EVENT
-from mitt.files.recording import frame_row, heading_of, point_rows
+from mitt.files.recording import heading_of
+from mitt.files.recording_rows import frame_row, point_rows
 from mitt.link.ring import Ring
 from mitt.signals import Command, Frame, Senses
 

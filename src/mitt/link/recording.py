@@ -15,9 +15,8 @@ import numpy as np
 from mitt.errors import MittError
 from mitt.files import messages as of
 from mitt.files.messages import EVENT
-from mitt.files.recording import (
-    Heading,
-    RecordingWriter,
+from mitt.files.recording import Heading, RecordingWriter
+from mitt.files.recording_rows import (
     Said,
     call_message,
     frame_messages,

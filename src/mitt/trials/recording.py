@@ -9,7 +9,8 @@ import numpy as np
 from mitt.catcher.settings import PHASES, Phase
 from mitt.files.about import About
 from mitt.files.messages import CATCH_POINT, EVENT, TRUTH
-from mitt.files.recording import Notice, Recording, Track, heading_of, tick_rows
+from mitt.files.recording import Notice, Recording, Track, heading_of
+from mitt.files.recording_rows import tick_rows
 from mitt.trials.log import TrialLog
 from mitt.trials.result import finite
 from mitt.trials.score import Trial, reason_of
