@@ -24,7 +24,7 @@ from mitt.files.maps import read_map, save_map
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
 from mitt.link.realtime import uncollected
-from mitt.report.replay import _server
+from mitt.report.replay import served
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.sweep.parts import read_part
@@ -209,7 +209,7 @@ def _listeners() -> set[str]:
 def test_row_31_servers_listen_to_the_loopback_only() -> None:
     """The one server that we start, Viser's for the replay, is not to be reached from outside."""
     before = _listeners()
-    with _server() as server:
+    with served() as server:
         assert isinstance(server, viser.ViserServer)
         opened = _listeners() - before
         assert opened

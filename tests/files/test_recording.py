@@ -1,6 +1,5 @@
 """Recordings come back number for number through mcap_ros2's own decoder."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,16 +11,9 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from mitt.errors import FileError, ShapeError
-from mitt.files.recording import (
-    BRAKES,
-    ESTIMATE,
-    METADATA,
-    PHASE,
-    Notice,
-    Recording,
-    Track,
-    write_recording,
-)
+from mitt.files import messages as of
+from mitt.files.messages import BRAKES, ESTIMATE, EVENT, PHASE, TICKS, TRUTH
+from mitt.files.recording import METADATA, Heading, Notice, Recording, Track, write_recording
 from mitt.signals import Array
 
 _NS = 1e-9
@@ -31,17 +23,20 @@ def _recording(k: int, n: int, seed: int) -> Recording:
     """Return a recording of random numbers."""
     rng = np.random.default_rng(seed)
     t: Array = np.arange(k, dtype=np.float64) * 1e-3
+    ticks = np.repeat(of.ticks(n, 0), k)
+    ticks["t"], ticks["brakes"] = t, t >= t[rng.integers(k)]
+    for name in ("q", "dq", "command", "ball"):
+        ticks[name] = rng.standard_normal(ticks[name].shape)
+    ticks["out_tracked"] = np.arange(k) >= k // 2
     return Recording(
-        joints=tuple(f"j{i}" for i in range(n)),
-        t=t,
-        encoders=rng.standard_normal((k, 2, n)),
-        command=rng.standard_normal((k, 2, n)),
-        tau=rng.standard_normal((k, n)),
-        brakes=t >= t[rng.integers(k)],
-        tracks=(Track(topic=ESTIMATE, t=t[k // 2 :], r=rng.standard_normal((k - k // 2, 3))),),
-        notices=(Notice(topic=PHASE, t=0.0, text="watch"), Notice(topic=PHASE, t=0.5, text="ä\n")),
-        metadata={"seed": str(seed), "trial": '{"index": 0}'},
-    )
+        heading=Heading(
+            joints=tuple(f"j{i}" for i in range(n)), heads=0, shapes=(), about="{}",
+            metadata={"seed": str(seed), "trial": '{"index": 0}'},
+        ),
+        ticks=ticks,
+        tracks=(Track(topic=TRUTH, t=t[k // 2 :], r=rng.standard_normal((k - k // 2, 3))),),
+        notices=(Notice(topic=EVENT, t=0.0, text="watch"), Notice(topic=EVENT, t=0.5, text="ä\n")),
+    )  # fmt: skip
 
 
 def _read(path: Path) -> tuple[dict[str, list[tuple[int, Any]]], dict[str, str]]:
@@ -62,21 +57,26 @@ def test_numbers_come_back_exactly(tmp_path: Path, k: int, n: int, seed: int) ->
     sent = _recording(k, n, seed)
     write_recording(tmp_path / "x.mcap", sent)
     topics, notes = _read(tmp_path / "x.mcap")
-    states, commands = topics["/joint_states"], topics["/joint_commands"]
-    np.testing.assert_array_equal([m.position for _, m in states], sent.encoders[:, 0])
-    np.testing.assert_array_equal([m.velocity for _, m in states], sent.encoders[:, 1])
-    np.testing.assert_array_equal([m.position for _, m in commands], sent.command[:, 0])
-    np.testing.assert_array_equal([m.effort for _, m in commands], sent.tau)
-    assert [m.data for _, m in topics[BRAKES]] == sent.brakes.tolist()
-    assert all(tuple(m.name) == sent.joints for _, m in states + commands)
-    points = [(m.point.x, m.point.y, m.point.z) for _, m in topics[ESTIMATE]]
+    states, commands, ticks = topics["/joint_states"], topics["/joint_commands"], sent.ticks
+    told = ticks["command"].reshape(k, 4, n)
+    np.testing.assert_array_equal([m.position for _, m in states], ticks["q"])
+    np.testing.assert_array_equal([m.velocity for _, m in states], ticks["dq"])
+    np.testing.assert_array_equal([m.position for _, m in commands], told[:, 0])
+    np.testing.assert_array_equal([m.effort for _, m in commands], told[:, 3])
+    assert [m.data for _, m in topics[BRAKES]] == ticks["brakes"].tolist()
+    assert all(tuple(m.name) == sent.heading.joints for _, m in states + commands)
+    points = [(m.point.x, m.point.y, m.point.z) for _, m in topics[TRUTH]]
     np.testing.assert_array_equal(points, sent.tracks[0].r)
-    assert {m.header.frame_id for _, m in topics[ESTIMATE]} == {"world"}
-    np.testing.assert_allclose([ns * _NS for ns, _ in states], sent.t, atol=_NS)
+    points = [(m.point.x, m.point.y, m.point.z) for _, m in topics[ESTIMATE]]
+    np.testing.assert_array_equal(points, ticks["ball"][k // 2 :, :3])
+    assert {m.header.frame_id for _, m in topics[TRUTH]} == {"world"}
+    np.testing.assert_allclose([ns * _NS for ns, _ in states], ticks["t"], atol=_NS)
     stamps = [m.header.stamp.sec + m.header.stamp.nanosec * _NS for _, m in states]
-    np.testing.assert_allclose(stamps, sent.t, atol=_NS)
-    assert [m.data for _, m in topics[PHASE]] == ["watch", "ä\n"]
-    assert notes == sent.metadata
+    np.testing.assert_allclose(stamps, ticks["t"], atol=_NS)
+    np.testing.assert_array_equal([m.t for _, m in topics[TICKS]], ticks["t"])
+    assert [m.data for _, m in topics[EVENT]] == ["watch", "ä\n"]
+    assert [m.data for _, m in topics[PHASE]] == ["watch"]
+    assert notes == sent.heading.metadata
 
 
 def test_the_same_recording_gives_the_same_bytes(tmp_path: Path) -> None:
@@ -106,7 +106,11 @@ def test_topics_have_the_types_that_foxglove_knows(tmp_path: Path) -> None:
         "/joint_commands": "sensor_msgs/msg/JointState",
         "/brakes": "std_msgs/msg/Bool",
         ESTIMATE: "geometry_msgs/msg/PointStamped",
+        TRUTH: "geometry_msgs/msg/PointStamped",
         PHASE: "std_msgs/msg/String",
+        "/state": "std_msgs/msg/String",
+        EVENT: "std_msgs/msg/String",
+        TICKS: "mitt_msgs/msg/Tick",
     }
     assert {schema.encoding for schema in kinds.values()} == {"ros2msg"}
 
@@ -119,17 +123,7 @@ def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path: Path) -> Non
     assert [x.name for x in tmp_path.iterdir()] == ["x.mcap"]
 
 
-def test_columns_of_other_lengths_are_refused() -> None:
+def test_points_that_do_not_go_with_their_times_are_refused() -> None:
     """The shapes are checked when a recording is put together, not when it is written."""
-    t, two, tau = np.zeros(3), np.zeros((3, 2, 2)), np.zeros((3, 2))
-    good = Recording(
-        joints=("a", "b"), t=t, encoders=two, command=two, tau=tau, brakes=np.zeros(3, bool)
-    )
-    with pytest.raises(ShapeError, match="tau"):
-        replace(good, tau=np.zeros((3, 1)))
-    with pytest.raises(ShapeError, match="command"):
-        replace(good, command=two[:2])
-    with pytest.raises(ShapeError, match="brakes"):
-        replace(good, brakes=np.zeros(2, bool))
-    with pytest.raises(ShapeError, match=ESTIMATE):
-        Track(topic=ESTIMATE, t=t, r=np.zeros((2, 3)))
+    with pytest.raises(ShapeError, match=TRUTH):
+        Track(topic=TRUTH, t=np.zeros(3), r=np.zeros((2, 3)))

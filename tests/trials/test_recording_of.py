@@ -4,8 +4,10 @@ import json
 from dataclasses import asdict
 
 import numpy as np
+import pytest
 
-from mitt.files.recording import CATCH_POINT, ESTIMATE, EVENT, PHASE, TRUTH
+from mitt.files.about import About
+from mitt.files.messages import CATCH_POINT, EVENT, TRUTH
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
 from mitt.trials.recording import recording_of
@@ -14,40 +16,47 @@ from mitt.trials.source import source_of
 from mitt.world.faults.plan import Encoder
 from mitt.world.scene import Scene
 
-_JOINTS = ("j1", "j2", "j4")
-_ABOUT: dict[str, object] = {"version": "0.1.0", "seed": 3, "generator": "direct"}
+_NOTES: dict[str, object] = {"version": "0.1.0", "seed": 3, "generator": "direct"}
 
 
-def test_the_recording_holds_the_columns_of_the_log(direct: LoggedTrial) -> None:
+@pytest.fixture(scope="module")
+def about(learned: Learned) -> About:
+    runner = TrialRunner(learned.map.arm, Direct(learned.map), Scene(), pixels=False)
+    return runner.about("direct", learned.map)
+
+
+def test_the_recording_holds_the_columns_of_the_log(direct: LoggedTrial, about: About) -> None:
     """Encoders, commands, torques and the three points are the log's own numbers."""
     log = direct.log
     assert log is not None
-    recording = recording_of(log, direct.trial, _JOINTS, _ABOUT)
-    np.testing.assert_array_equal(recording.encoders, log.encoders)
-    np.testing.assert_array_equal(recording.command, log.command[:, :2])
-    np.testing.assert_array_equal(recording.tau, log.tau)
+    recording = recording_of(log, direct.trial, about, _NOTES)
+    k, n = log.tau.shape
+    np.testing.assert_array_equal(recording.ticks["q"], log.encoders[:, 0])
+    np.testing.assert_array_equal(recording.ticks["dq"], log.encoders[:, 1])
+    told = recording.ticks["command"].reshape(k, 4, n)
+    np.testing.assert_array_equal(told[:, :3], log.command)
+    np.testing.assert_array_equal(told[:, 3], log.tau)
     tracks = {track.topic: track for track in recording.tracks}
     np.testing.assert_array_equal(tracks[TRUTH].r, log.truth.r_o)
     np.testing.assert_array_equal(tracks[CATCH_POINT].r, log.truth.position)
-    np.testing.assert_array_equal(tracks[ESTIMATE].t, log.t[log.tracked])
+    given = np.array([len(recording.points.get(k, ())) for k in range(k)])
+    np.testing.assert_array_equal(given, recording.ticks["points"])
+    assert np.sum(given) > 300
 
 
-def test_phases_are_told_when_they_change_and_only_then(direct: LoggedTrial) -> None:
-    """A caught ball goes through watching, following and braking, each told once."""
+def test_events_say_what_happened_and_when(direct: LoggedTrial, about: About) -> None:
+    """The catch by the map and the status are told."""
     assert direct.log is not None
-    recording = recording_of(direct.log, direct.trial, _JOINTS, _ABOUT)
-    phases = [(n.text, n.t) for n in recording.notices if n.topic == PHASE]
-    assert [text for text, _ in phases] == ["watch", "follow", "brake"]
-    assert phases[1][1] == direct.log.t_0
+    recording = recording_of(direct.log, direct.trial, about, _NOTES)
     events = {n.text: n.t for n in recording.notices if n.topic == EVENT}
     assert events["catch"] == direct.log.t_catch
     assert direct.trial.status in events
 
 
-def test_metadata_carries_the_trial_as_json(direct: LoggedTrial) -> None:
+def test_metadata_carries_the_trial_as_json(direct: LoggedTrial, about: About) -> None:
     """The score can be read back from the recording alone."""
     assert direct.log is not None
-    notes = recording_of(direct.log, direct.trial, _JOINTS, _ABOUT).metadata
+    notes = recording_of(direct.log, direct.trial, about, _NOTES).heading.metadata
     assert json.loads(notes["trial"]) == asdict(direct.trial)
     assert notes["throw"] == "0"
     assert notes["seed"] == "3"
@@ -61,15 +70,15 @@ def test_the_recording_of_a_stopped_throw_says_when_the_brakes_engaged_and_why(
     scene = Scene(faults=(Encoder(kind="encoder", fault="dropout", joint=1, start=0.3),))
     source = source_of(f, seed=91, count=1, drag=0.04)
     runner = TrialRunner(f.arm, Direct(f), scene, pixels=False)
-    outcome = runner.throw(source, 0, log=True)
+    outcome, about = runner.throw(source, 0, log=True), runner.about("direct", f)
     assert outcome.log is not None
-    recording = recording_of(outcome.log, outcome.trial, _JOINTS, _ABOUT)
+    recording = recording_of(outcome.log, outcome.trial, about, _NOTES)
     stop = outcome.trial.stopped_by
     assert stop is not None
-    at = int(np.argmax(recording.brakes))
-    assert recording.t[at] == stop["t_s"]
-    assert recording.brakes[at:].all()
-    assert not recording.brakes[:at].any()
+    at = int(np.argmax(recording.ticks["brakes"]))
+    assert recording.ticks["t"][at] == stop["t_s"]
+    assert recording.ticks["brakes"][at:].all()
+    assert not recording.ticks["brakes"][:at].any()
     events = {n.text: n.t for n in recording.notices if n.topic == EVENT}
     assert events["stopped by encoder silent j2"] == stop["t_s"]
-    assert json.loads(recording.metadata["trial"])["stopped_by"] == stop
+    assert json.loads(recording.heading.metadata["trial"])["stopped_by"] == stop

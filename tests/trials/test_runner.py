@@ -188,9 +188,8 @@ def test_a_trial_that_is_over_before_its_first_tick_is_a_result(
     assert outcome.trial.status == "aborted"
     text = json.dumps(asdict(outcome.trial), allow_nan=False)
     assert json.loads(text)["rms_torque_ratio"] == [0.0] * len(outcome.trial.rms_torque_ratio)
-    write_recording(
-        tmp_path / "x.mcap", recording_of(outcome.log, outcome.trial, arm.names, about={})
-    )
+    about = runner.about("direct", learned.map)
+    write_recording(tmp_path / "x.mcap", recording_of(outcome.log, outcome.trial, about))
     after = runner.run(1, default_throw(np.random.default_rng(5), aim_of(arm)), seed=3)
     assert after.trial.status == "caught"
 

@@ -44,7 +44,7 @@ def perceive(
     t, s.clock_fault = pass_time(state.health_memory, t)
     out.t, out.phase = t, s.phase
     beside = not s.surrogate and -SOON < out.time_to_catch < BESIDE
-    out.inside, out.time_to_catch = False, np.inf
+    out.inside, out.time_to_catch, out.sighted = False, np.inf, False
     out.following = s.phase == FOLLOW
     encoders = result.encoders
     for k in range(len(q)):
@@ -63,11 +63,16 @@ def perceive(
         images, backgrounds, apart, state.eyes_memory, state.eyes_settings, state.eyes_boxes,
         state.eyes_cameras, state.eyes_ball, state.eyes_work, state.z, state.R,
     )  # fmt: skip
-    if found and t_exposed <= t + TICK:  # a sighting of the future is one of a clock that was set
+    out.sighted, out.t_sighted = found and t_exposed <= t + TICK, t_exposed
+    if out.sighted:  # a sighting of the future is one of a clock that was set
         if beside:
             for k in range(3):
                 state.R[k, k] += TOUCHED * TOUCHED
         update(state.ball_memory, t_exposed, state.z, state.R, state.ball_settings, state.ball_work)
+    for k in range(3):
+        result.sighting[0, k] = state.z[k]
+        for j in range(3):
+            result.sighting[1 + k, j] = state.R[k, j]
     memory = state.ball_memory
     tracked = predict(
         memory, t, state.ball_settings, result.ball, result.covariance, state.ball_work

@@ -24,7 +24,7 @@ _RESULT = {
     "t": 0.0, "phase": WATCH, "t_ball": 0.0, "tracked": False, "led": False, "drag": 0.0,
     "t_seen": -np.inf, "t_first": -np.inf, "following": False, "inside": False,
     "time_to_catch": np.inf, "hand": 0.0, "saturated": False, "health": 0, "reason": 0,
-    "age": np.inf, "sigma": np.inf, "brakes": False,
+    "age": np.inf, "sigma": np.inf, "brakes": False, "sighted": False, "t_sighted": 0.0,
 }  # fmt: skip
 
 
@@ -46,6 +46,8 @@ class Result(NamedTuple):
             age: Age of the last good measurement [s]; infinite without a track.
             sigma: 1-sigma of the ball's predicted position [m]; infinite without a track.
             brakes: Whether the brakes are to be engaged.
+            sighted, t_sighted: Whether the filter was given a position that the eyes found, and the
+            instant of its exposure [s].
         encoders: q, dq as read [rad, rad/s], shape (2, n).
         ball: r_o, dr_o, ddr_o of the ball at ``t_ball``, shape (3, 3); zero without an estimate.
         covariance: Of r_o, dr_o, shape (6, 6).
@@ -53,6 +55,7 @@ class Result(NamedTuple):
         command: q, dq, ddq, tau of the command, and the acceleration that tau brings by the model,
             shape (5, n).
         gaze: Where the heads are to look, as of ``Command``, shape (heads, 4).
+        sighting: What the eyes said last: position [m], then its covariance [m^2], shape (4, 3).
     """
 
     scalars: Record
@@ -62,6 +65,7 @@ class Result(NamedTuple):
     reference: Array
     command: Array
     gaze: Array
+    sighting: Array
 
 
 class ResultHandle(Handle):
@@ -87,6 +91,7 @@ def store(result: Any, ticks: Any, k: int) -> None:  # noqa: ANN401
     ticks.reference[k] = result.reference
     ticks.command[k] = result.command
     ticks.gaze[k] = result.gaze
+    ticks.sighting[k] = result.sighting
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -116,7 +121,7 @@ class Tick:
 
 def fresh_result(n: int, heads: int = 1) -> Result:
     """Return the result of no tick for ``n`` joints."""
-    shapes = (2, n), (3, 3), (6, 6), (6, n), (5, n), (heads, 4)
+    shapes = (2, n), (3, 3), (6, 6), (6, n), (5, n), (heads, 4), (4, 3)
     return Result(record_of(_RESULT, _RESULT), *(np.zeros(shape) for shape in shapes))
 
 

@@ -100,7 +100,7 @@ def prepare(options: CatchOptions) -> Prepared:
     check_folder(out, overwrite=options.overwrite)
     settings = RunSettings(
         generator=options.generator, adapt=options.adapt, vision=options.vision, seed=options.seed,
-        record=options.record, overwrite=options.overwrite,
+        record=options.record, record_images=options.record_images, overwrite=options.overwrite,
     )  # fmt: skip
     return Prepared(settings=settings, arm=arm, design=design, scene=scene, source=source,
                     learned=learned, out=out)  # fmt: skip

@@ -23,6 +23,8 @@ _OPTIONS: dict[str, Callable[..., object]] = {
     "track": cameras.TrackOptions,
     "see": cameras.SeeOptions,
     "calibrate": cameras.CalibrateOptions,
+    "replay": of.ReplayOptions,
+    "view": of.ViewOptions,
     "bench": of.BenchOptions,
 }
 #: Characters that frame tyro's messages.

@@ -66,6 +66,7 @@ class CatchOptions(ArmOptions):
         throws_file: Throws to use: columns x,y,z,vx,vy,vz [m, m/s].
         flights: Recorded flights to use: columns flight,t_s,x_m,y_m,z_m.
         record: Which throws to record, besides the first: none at all, the failures, or all.
+        record_images: Keep the images in recordings, 11 MB a throw: a replay begins with them.
         out: Folder to write; runs/<seed>-<generator> if left out.
         overwrite: Use a folder that has files in it.
     """
@@ -81,6 +82,7 @@ class CatchOptions(ArmOptions):
     throws_file: Csv = None
     flights: Csv = None
     record: Literal["none", "failures", "all"] = "failures"
+    record_images: bool = False
     out: Annotated[Path | None, arg(metavar="DIR")] = None
     overwrite: bool = False
     json: Json = False
@@ -180,6 +182,48 @@ class ReportOptions:
 
     folder: Annotated[Positional[Path], arg(metavar="DIR")]
     replays: Annotated[int, arg(metavar="N")] = 6
+    json: Json = False
+    check: Check = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayOptions:
+    """Drive the catcher with recorded senses: same commands? Why was the ball missed?
+
+    Attributes:
+        recordings: Recordings of mitt catch, mitt study or mitt run.
+        map: Another map for the same arm: where would it have acted differently?
+        settings: Other settings of the catcher: TOML with keys of CatcherSettings.
+        generator: Another generator, made from the map.
+        out: Folder for a page about each recording.
+        overwrite: Use a folder that has files in it.
+    """
+
+    recordings: Positional[Annotated[tuple[Path, ...], arg(metavar="REC.mcap")]]
+    map: Annotated[Path | None, arg(metavar="MAP.json")] = None
+    settings: Annotated[Path | None, arg(metavar="TOML")] = None
+    generator: Annotated[str | None, arg(metavar="NAME")] = None
+    out: Annotated[Path | None, arg(metavar="DIR")] = None
+    overwrite: bool = False
+    json: Json = False
+    check: Check = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ViewOptions:
+    """Show a recording in the browser: scrub it, or follow it while it is written.
+
+    Attributes:
+        recording: A recording, or a folder whose newest one is followed; runs if left out.
+        host: Address to listen at; 0.0.0.0 lets every machine of the network look.
+        port: Port; the next free one where it is taken.
+        seconds: Time after which to end [s]; never if left out.
+    """
+
+    recording: Positional[Annotated[Path | None, arg(metavar="REC.mcap|DIR")]] = None
+    host: Annotated[str, arg(metavar="ADDRESS")] = "127.0.0.1"
+    port: Annotated[int, arg(metavar="N")] = 8080
+    seconds: Annotated[float | None, arg(metavar="S")] = None
     json: Json = False
     check: Check = False
 

@@ -66,6 +66,11 @@ class _MapFile(Part):
 
 def save_map(path: Path, learned: Learned, *, version: str) -> None:
     """Write a learned map."""
+    write_json(path, map_content(learned, version=version))
+
+
+def map_content(learned: Learned, *, version: str) -> dict[str, object]:
+    """Return what the file of a learned map says."""
     f = learned.map
     content: dict[str, object] = {
         "schema": SCHEMA,
@@ -85,7 +90,7 @@ def save_map(path: Path, learned: Learned, *, version: str) -> None:
         "left_out": learned.left_out,
         "status": learned.status,
     }
-    write_json(path, content | {"checksum": _checksum(content)})
+    return content | {"checksum": _checksum(content)}
 
 
 def read_map(path: Path, arm: Arm) -> Learned:

@@ -1,65 +1,176 @@
-"""Recordings that Foxglove and ROS 2 tools open: MCAP with ROS 2 messages.
+"""Recordings that are read again, and that Foxglove and ROS 2 tools open: MCAP with ROS 2 messages.
 
-| topic               | type                           | what                              |
-|---------------------|--------------------------------|-----------------------------------|
-| `/joint_states`     | sensor_msgs/msg/JointState     | encoders                          |
-| `/joint_commands`   | sensor_msgs/msg/JointState     | commanded position, speed, torque |
-| any, one a track    | geometry_msgs/msg/PointStamped | positions in the frame `world`    |
-| `/brakes`           | std_msgs/msg/Bool              | whether the brakes are to engage  |
-| any, one a notice   | std_msgs/msg/String            | what changed, when it changed     |
+| topic               | type                           | what                                     |
+|---------------------|--------------------------------|------------------------------------------|
+| `/joint_states`     | sensor_msgs/msg/JointState     | encoders                                 |
+| `/joint_commands`   | sensor_msgs/msg/JointState     | commanded position, speed, torque        |
+| `/brakes`           | std_msgs/msg/Bool              | whether the brakes are to engage         |
+| `/ball/estimate`    | geometry_msgs/msg/PointStamped | the ball, as the catcher estimates it    |
+| any, one a track    | geometry_msgs/msg/PointStamped | positions in the frame `world`           |
+| `/camera_K/image`   | sensor_msgs/msg/Image          | images, where they were asked for        |
+| `/phase`, `/state`  | std_msgs/msg/String            | of the catcher, when it changed          |
+| any, one a notice   | std_msgs/msg/String            | what happened                            |
+| `/mitt/ticks`       | mitt_msgs/msg/Tick             | all that a tick took and gave, to the bit |
+| `/mitt/points`      | mitt_msgs/msg/Point            | sightings that were given to the catcher |
+| `/mitt/frames`      | mitt_msgs/msg/Frame            | what belongs to an image                 |
+| `/mitt/calls`       | std_msgs/msg/String            | what else the catcher was told to do     |
 
-Names and units by REP 103: metres, radians, seconds. Time is the trial's own, 0 at release.
+Names and units by REP 103: metres, radians, seconds. The sequence number of a message is that of
+its tick. Stamps are whole nanoseconds; the numbers of `/mitt/...` have every digit. The attachment
+`about.json.zst` says what makes the catcher (:mod:`mitt.files.about`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import IO, final
 
 import numpy as np
-from mcap_ros2.writer import Writer
-from numpy.typing import NDArray
+import zstandard
+from mcap.writer import Writer
 
+from mitt.catcher.result import REASONS, STATES
+from mitt.catcher.settings import PHASES
 from mitt.errors import ShapeError
+from mitt.files import messages as of
+from mitt.files.about import About
 from mitt.files.files import write_atomically
-from mitt.signals import Array
+from mitt.files.messages import ESTIMATE, PHASE, STATE, Rows
+from mitt.files.recording_rows import (
+    FLAG,
+    JOINTS,
+    STAMPED,
+    TEXT,
+    TICK,
+    Said,
+    call_message,
+    filled,
+    frame_messages,
+    frame_row,
+    ns_of,
+    point_message,
+    point_rows,
+)
+from mitt.signals import Array, Frame, Sighting
 
-#: Frame in which all points are given (REP 105 has no better name for a fixed shoulder frame).
-FRAME = "world"
-#: Topics of the points and notices of a trial.
-ESTIMATE, TRUTH, CATCH_POINT = "/ball/estimate", "/ball/truth", "/hand/catch_point"
-PHASE, EVENT = "/phase", "/events"
-#: Topic of the command to the brakes.
-BRAKES = "/brakes"
-#: Name of the metadata record.
-METADATA = "mitt"
-
-_TIME = "int32 sec\nuint32 nanosec\n"
-_HEADER = "builtin_interfaces/Time stamp\nstring frame_id\n"
-_POINT = "float64 x\nfloat64 y\nfloat64 z\n"
-_BREAK = "=" * 80 + "\n"
+#: Name of the metadata record, of what is said at the end, and of the attachment.
+METADATA, ENDING, ABOUT = "mitt", "mitt.end", "about.json.zst"
+#: Ticks in a chunk: a file that is cut loses at most so many.
+_CHUNK_TICKS = 100
 
 
-def _definition(own: str, **parts: str) -> str:
-    """Return a message definition with those of its parts, as a ``ros2msg`` schema has it."""
-    parts |= {"std_msgs/Header": _HEADER, "builtin_interfaces/Time": _TIME}
-    return _BREAK.join((own, *(f"MSG: {name}\n{text}" for name, text in parts.items())))
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Heading:
+    """What a file says before its first tick.
+
+    Attributes:
+        joints: Names of the active joints.
+        heads: Number of cameras that turn.
+        shapes: Height and width of the images of each camera [px].
+        about: What makes the catcher, as ``About.text``.
+        metadata: Texts by name for other readers.
+    """
+
+    joints: tuple[str, ...]
+    heads: int
+    shapes: tuple[tuple[int, int], ...]
+    about: str
+    metadata: Mapping[str, str] = field(default_factory=dict)
 
 
-# Definitions as in ROS 2's common_interfaces and rcl_interfaces, without their comments.
-STATE, STAMPED = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PointStamped"
-TEXT, FLAG = "std_msgs/msg/String", "std_msgs/msg/Bool"
-SCHEMAS = {
-    STATE: _definition(
-        "std_msgs/Header header\nstring[] name\n"
-        "float64[] position\nfloat64[] velocity\nfloat64[] effort\n"
-    ),
-    STAMPED: _definition(
-        "std_msgs/Header header\ngeometry_msgs/Point point\n", **{"geometry_msgs/Point": _POINT}
-    ),
-    TEXT: "string data\n",
-    FLAG: "bool data\n",
-}
+def heading_of(about: About, metadata: Mapping[str, str] | None = None) -> Heading:
+    """Return the heading of a recording; the notes of ``about`` are part of its metadata."""
+    said = {"version": about.version, "arm": about.arm.model.name,
+            "limits": about.arm.limits.name, "generator": about.generator}  # fmt: skip
+    return Heading(
+        joints=about.arm.names, heads=len(about.rig.heads), shapes=about.shapes, about=about.text,
+        metadata={**said, **about.notes, **(metadata or {})},
+    )  # fmt: skip
+
+
+@final
+class RecordingWriter:
+    """Writes a recording as it comes, chunk by chunk."""
+
+    def __init__(self, stream: IO[bytes], heading: Heading) -> None:
+        """Begin the file."""
+        size = of.ticks(len(heading.joints), heading.heads).dtype.itemsize
+        self._writer = Writer(stream, chunk_size=_CHUNK_TICKS * (size + 600))
+        self._writer.start(profile="ros2", library="mitt")
+        compressed = zstandard.ZstdCompressor(level=9).compress(heading.about.encode())
+        self._writer.add_attachment(0, 0, ABOUT, "application/zstd", compressed)
+        self._writer.add_metadata(METADATA, dict(heading.metadata))
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._states = of.joint_states(heading.joints, efforts=False)
+        self._commands = of.joint_states(heading.joints, efforts=True)
+        self._last = {PHASE: "", STATE: ""}
+        self._ns = 0
+
+    def ticks(self, first: int, rows: Rows, before: Mapping[int, Sequence[Said]] | None = None
+              ) -> None:  # fmt: skip
+        """Write ticks one after another.
+
+        Args:
+            first: Number of the first.
+            rows: Of the layout :func:`mitt.files.messages.ticks`.
+            before: What else is said before a tick, by its number.
+        """
+        ns, n, before = ns_of(rows["t"]), rows["q"].shape[1], before or {}
+        told = rows["command"].reshape(len(rows), 4, n)
+        q, dq = rows["q"], rows["dq"]
+        columns = [
+            (of.STATES, JOINTS, filled(self._states, ns, position=q, velocity=dq)),
+            (of.COMMANDS, JOINTS, filled(self._commands, ns, position=told[:, 0],
+                                           velocity=told[:, 1], effort=told[:, 3])),
+            (of.BRAKES, FLAG, filled(of.flag(), None, data=rows["brakes"])),
+            (ESTIMATE, STAMPED, filled(of.point_stamped(), ns, r=rows["ball"][:, :3])),
+            (of.TICKS, TICK, rows),
+        ]  # fmt: skip
+        tracked = rows["out_tracked"]
+        for k in range(len(rows)):
+            self._ns, sequence = int(ns[k]), first + k
+            self.say(before.get(sequence, ()), sequence)
+            for topic, kind, column in columns:
+                if topic is not ESTIMATE or tracked[k]:
+                    self._add(topic, kind, column[k].tobytes(), self._ns, sequence)
+            self._changes(rows[k], sequence)
+
+    def say(self, messages: Iterable[Said], sequence: int = 0) -> None:
+        """Write other messages, now or at their own time."""
+        for topic, kind, data, ns in messages:
+            self._add(topic, kind, data, self._ns if ns is None else ns, sequence)
+
+    def flush(self) -> None:
+        """End the chunk and hand all to the system."""
+        self._writer.flush()
+
+    def finish(self, *, dropped: int = 0) -> None:
+        """End the file; what has no such end was cut."""
+        self._writer.flush()
+        self._writer.add_metadata(ENDING, {"dropped_ticks": str(dropped)})
+        self._writer.finish()
+
+    def _changes(self, row: np.void, sequence: int) -> None:
+        """Write phase and state where they have changed."""
+        phase = PHASES[row["out_phase"] % len(PHASES)].value
+        state = STATES[row["out_health"] % len(STATES)].value
+        reason = REASONS[row["out_reason"] % len(REASONS)].value
+        for topic, text in ((PHASE, phase), (STATE, f"{state}: {reason}")):
+            if text != self._last[topic]:
+                self._last[topic] = text
+                self._add(topic, TEXT, of.text(text), self._ns, sequence)
+
+    def _add(self, topic: str, kind: str, data: bytes, ns: int, sequence: int) -> None:
+        """Add a message; its topic is made known by the first."""
+        channel = self._channels.get(topic)
+        if channel is None:
+            if kind not in self._schemas:
+                text = of.SCHEMAS[kind].encode()
+                self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", text)
+            channel = self._writer.register_channel(topic, "cdr", self._schemas[kind])
+            self._channels[topic] = channel
+        self._writer.add_message(channel, ns, data, ns, sequence)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -84,7 +195,7 @@ class Track:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Notice:
-    """Something that changed."""
+    """Something that happened."""
 
     topic: str
     t: float
@@ -93,38 +204,25 @@ class Notice:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Recording:
-    """What goes into one file: k ticks, n joints.
+    """A recording as a whole: k ticks.
 
     Attributes:
-        joints: Names of the joints.
-        t: Times [s], shape (k,).
-        encoders: q, dq as read [rad, rad/s], shape (k, 2, n).
-        command: q, dq commanded [rad, rad/s], shape (k, 2, n).
-        tau: Torque commanded [N m], shape (k, n).
-        brakes: Whether the joints' brakes are commanded to engage, shape (k,).
+        heading: What it says first.
+        ticks: Of the layout :func:`mitt.files.messages.ticks`, shape (k,).
+        points: Sightings that were given to the catcher, by tick.
+        frames: Frames that were, by tick; those of tick -1 showed the background.
+        calls: What else the catcher was told to do before a tick, by tick.
         tracks: Points over time.
-        notices: What changed.
-        metadata: Text by name, written as one record.
+        notices: What happened.
     """
 
-    joints: tuple[str, ...]
-    t: Array
-    encoders: Array
-    command: Array
-    tau: Array
-    brakes: NDArray[np.bool_]
+    heading: Heading
+    ticks: Rows
+    points: Mapping[int, tuple[Sighting, ...]] = field(default_factory=dict)
+    frames: Mapping[int, tuple[Frame, ...]] = field(default_factory=dict)
+    calls: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
     tracks: tuple[Track, ...] = ()
     notices: tuple[Notice, ...] = ()
-    metadata: Mapping[str, str] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        """Refuse columns of different lengths."""
-        k, n = len(self.t), len(self.joints)
-        shapes = {"encoders": (k, 2, n), "command": (k, 2, n), "tau": (k, n), "brakes": (k,)}
-        given = (self.encoders, self.command, self.tau, self.brakes)
-        for (name, wanted), x in zip(shapes.items(), given, strict=True):
-            if x.shape != wanted:
-                raise ShapeError(name, str(wanted), x.shape)
 
 
 def write_recording(path: Path, recording: Recording) -> None:
@@ -137,52 +235,36 @@ def write_recording(path: Path, recording: Recording) -> None:
 
 
 def _fill(path: Path, recording: Recording) -> None:
-    """Write all messages in the order of their times."""
-    messages = _messages(recording)
-    order = np.argsort([ns for ns, *_ in messages], kind="stable")
-    with path.open("wb") as stream, Writer(stream) as writer:
-        known = {name: writer.register_msgdef(name, text) for name, text in SCHEMAS.items()}
-        writer.add_metadata(METADATA, dict(recording.metadata))
-        for k in order:
-            ns, topic, kind, message = messages[k]
-            writer.write_message(topic, known[kind], message, log_time=ns)
+    """Write ticks in their order, and what else there is when its time has come."""
+    with path.open("wb") as stream:
+        writer = RecordingWriter(stream, recording.heading)
+        before, after = _others(recording)
+        writer.ticks(0, recording.ticks, before)
+        writer.say(after, len(recording.ticks))
+        writer.finish()
 
 
-_Message = tuple[int, str, str, dict[str, Any]]
-
-
-def _messages(recording: Recording) -> list[_Message]:
-    """Return time [ns], topic, type and content of every message."""
-    out: list[_Message] = []
-    times, names = _ns(recording.t), list(recording.joints)
-    nothing = np.zeros((len(times), 0))  # efforts that are unknown
-    for topic, motion, tau in (
-        ("/joint_states", recording.encoders, nothing),
-        ("/joint_commands", recording.command, recording.tau),
-    ):
-        for ns, (q, dq), effort in zip(times, motion.tolist(), tau.tolist(), strict=True):
-            state = {"header": _header(ns, ""), "name": names, "position": q, "velocity": dq,
-                     "effort": effort}  # fmt: skip
-            out.append((ns, topic, STATE, state))
-    for ns, engaged in zip(times, recording.brakes.tolist(), strict=True):
-        out.append((ns, BRAKES, FLAG, {"data": engaged}))
+def _others(recording: Recording) -> tuple[dict[int, list[Said]], list[Said]]:
+    """Return what is said before each tick, and after the last."""
+    ns, shapes = ns_of(recording.ticks["t"]), recording.heading.shapes
+    before: dict[int, list[Said]] = {k: [] for k in range(len(ns))}
+    texts = [(x.topic, TEXT, of.text(x.text), int(ns_of(x.t))) for x in recording.notices]
     for track in recording.tracks:
-        for ns, r in zip(_ns(track.t), track.r.tolist(), strict=True):
-            point = {"header": _header(ns, FRAME), "point": dict(zip("xyz", r, strict=True))}
-            out.append((ns, track.topic, STAMPED, point))
-    for notice in recording.notices:
-        (ns,) = _ns(np.array([notice.t]))
-        out.append((ns, notice.topic, TEXT, {"data": notice.text}))
-    return out
-
-
-def _header(ns: int, frame: str) -> dict[str, Any]:
-    """Return a message header."""
-    sec, nanosec = divmod(ns, 1_000_000_000)
-    return {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": frame}
-
-
-def _ns(t: Array) -> list[int]:
-    """Return times in whole nanoseconds; a tick before release counts as release."""
-    ns: list[int] = np.maximum(np.rint(t * 1e9), 0.0).astype(np.int64).tolist()
-    return ns
+        rows = filled(of.point_stamped(), ns_of(track.t), r=track.r)
+        times = ns_of(track.t).tolist()
+        texts += [(track.topic, STAMPED, row.tobytes(), t)
+                  for row, t in zip(rows, times, strict=True)]  # fmt: skip
+    texts.sort(key=lambda said: said[3] or 0)
+    places = np.searchsorted(np.maximum.accumulate(ns), [said[3] for said in texts])
+    after: list[Said] = []
+    for k, said in zip(places.tolist(), texts, strict=True):
+        (before[k] if k < len(ns) else after).append(said)
+    for k, calls in recording.calls.items():
+        before[k] += [call_message(name) for name in calls]
+    for k, sightings in recording.points.items():
+        before[k] += [point_message(row) for row in point_rows(sightings)]
+    for k, frames in recording.frames.items():
+        for frame in frames:
+            row, pixels = frame_row(frame)
+            before[k] += frame_messages(row, pixels, shapes)
+    return before, after

@@ -18,6 +18,9 @@ processor_time = time.process_time
 monotonic = time.monotonic
 """Returns the time of the machine's steady clock [s]."""
 
+pause = time.sleep
+"""Waits for a time [s]."""
+
 _CLOCK = time.CLOCK_MONOTONIC
 _clock_gettime = types.ExternalFunction("clock_gettime", types.intc(types.intc, types.intp))
 

@@ -69,11 +69,11 @@ def _write_recordings(finished: FinishedRun, progress: Progress) -> None:
     runner = make_runner(prepared, finished.learned, generator=prepared.settings.generator)
     for done, index in enumerate(kept):
         progress("recordings", done, len(kept))
-        outcome = runner.throw(prepared.source, index, log=True)
+        images = prepared.settings.record_images and prepared.settings.vision == "pixels"
+        outcome = runner.throw(prepared.source, index, log=True, images=images)
         if outcome.log is not None:
-            recording = recording_of(
-                outcome.log, outcome.trial, prepared.arm.names, about=prepared.head
-            )
+            about = runner.about(prepared.settings.generator, finished.learned.map)
+            recording = recording_of(outcome.log, outcome.trial, about, prepared.head)
             write_recording(prepared.out / "recordings" / f"throw-{index:05d}.mcap", recording)
     progress("recordings", len(kept), len(kept))
 

@@ -25,8 +25,10 @@ _EACH, _SLOWER = 4, 5.0
 _DOT_EACH = 24
 #: How long after first contact the replay goes on [s].
 _AFTER = 0.45
-#: Colour of the path of the catch point; name of a body's node.
-_HAND, _NODE = (0, 114, 178), "/bodies/{:02d}"
+#: Colour of the path of the catch point.
+_HAND = (0, 114, 178)
+NODE = "/bodies/{:02d}"
+"""Name of a body's node."""
 
 
 def replay_page(arm: Arm, scene: Scene, log: TrialLog) -> str:
@@ -38,8 +40,8 @@ def replay_page(arm: Arm, scene: Scene, log: TrialLog) -> str:
         log: Log of the trial.
     """
     model = build_scene(scene, arm.model).model
-    with _server() as server:
-        _furnish(server.scene, arm, scene, model)
+    with served() as server:
+        furnish(server.scene, arm, scene, model)
         server.initial_camera.position = (1.25, -2.35, 0.62)
         server.initial_camera.look_at = (0.78, 0.0, 0.02)
         server.initial_camera.fov = 0.75
@@ -48,10 +50,10 @@ def replay_page(arm: Arm, scene: Scene, log: TrialLog) -> str:
 
 
 @contextlib.contextmanager
-def _server() -> Iterator[Any]:
-    """Run Viser for its recorder, on the loopback only; what it prints is kept off stdout."""
+def served(host: str = "127.0.0.1", port: int = 8080) -> Iterator[Any]:
+    """Run Viser, by default on the loopback only; what it prints is kept off stdout."""
     with contextlib.redirect_stdout(io.StringIO()):
-        server = viser.ViserServer(host="127.0.0.1", verbose=False)
+        server = viser.ViserServer(host=host, port=port, verbose=False)
     try:
         yield server
     finally:
@@ -59,7 +61,7 @@ def _server() -> Iterator[Any]:
             server.stop()
 
 
-def _furnish(scene_api: Any, arm: Arm, scene: Scene, model: mujoco.MjModel) -> None:  # noqa: ANN401
+def furnish(scene_api: Any, arm: Arm, scene: Scene, model: mujoco.MjModel) -> None:  # noqa: ANN401
     """Add floor, light and all bodies."""
     scene_api.set_up_direction("+z")
     scene_api.configure_environment_map(None)
@@ -79,7 +81,7 @@ def _furnish(scene_api: Any, arm: Arm, scene: Scene, model: mujoco.MjModel) -> N
     for body in range(model.nbody):
         for k, (mesh, colour) in enumerate(body_meshes(model, body, arm, scene)):
             scene_api.add_mesh_simple(
-                f"{_NODE.format(body)}/{k}", mesh.vertices.astype(np.float32),
+                f"{NODE.format(body)}/{k}", mesh.vertices.astype(np.float32),
                 mesh.faces.astype(np.uint32),
                 color=colour, side="double",
                 receive_shadow=False,
@@ -90,7 +92,7 @@ def _recorded(server: Any, model: mujoco.MjModel, log: TrialLog) -> str:  # noqa
     """Move the bodies through the trial while Viser records, and return its page."""
     api, trace = server.scene, log.truth
     moving = [b for b in range(1, model.nbody) if model.body_weldid[b] != 0]
-    handles = {b: api.add_frame(_NODE.format(b), show_axes=False) for b in moving}
+    handles = {b: api.add_frame(NODE.format(b), show_axes=False) for b in moving}
     label = api.add_label("/clock", "", position=(0.78, 0.0, 0.85), anchor="center-center")
     last = _last(log)
     ticks = np.arange(0, last, _EACH)

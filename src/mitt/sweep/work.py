@@ -135,20 +135,15 @@ def throw_again(job: Job, index: int) -> tuple[LoggedTrial, Arm]:
 def record_throw(task: tuple[Job, int]) -> bytes:
     """Return the recording of one throw of a chunk, by its index."""
     job, index = task
-    outcome, arm = throw_again(job, index)
+    runner, source, learned = runner_of(job)
+    outcome = runner.throw(source, index, log=True)
     if outcome.log is None:
         raise RuntimeError("a throw left no log")
-    condition = job.condition
-    about = dict(job.notes) | {
-        "arm": arm.model.name,
-        "limits": arm.limits.name,
-        "generator": job.generator,
-        "condition": condition.model_dump_json(),
-        "seed": job.seed,
-    }
+    about = runner.about(job.generator, learned.map)
+    notes = dict(job.notes) | {"condition": job.condition.model_dump_json(), "seed": job.seed}
     with TemporaryDirectory() as folder:
         path = Path(folder) / "throw.mcap"
-        write_recording(path, recording_of(outcome.log, outcome.trial, arm.names, about=about))
+        write_recording(path, recording_of(outcome.log, outcome.trial, about, notes))
         return path.read_bytes()
 
 

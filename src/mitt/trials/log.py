@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from mitt.catcher.result import Result
 from mitt.catcher.settings import PHASES
 from mitt.robot.arm import Arm
-from mitt.signals import Array
+from mitt.signals import Array, Frame, Senses
 from mitt.world.truth import Trace
 
 __all__ = ["PHASES", "TrialLog", "log_of"]
@@ -35,6 +35,10 @@ class TrialLog:
         t_0: Time at which the arm began to move [s]; infinite if it did not.
         t_catch: Time of the catch by the map [s]; infinite if there was none.
         truth: True states, k + 1 rows.
+        ticks: All that the ticks brought about.
+        senses: What each tick took, images only where they were asked for; empty where a compiled
+            loop made the ticks: ``ticks`` then says it all.
+        background: Frames of which the eyes learned their background, where images are kept.
     """
 
     t: Array
@@ -53,9 +57,15 @@ class TrialLog:
     t_0: float
     t_catch: float
     truth: Trace
+    ticks: Result
+    senses: tuple[Senses, ...] = ()
+    background: tuple[Frame, ...] = ()
 
 
-def log_of(arm: Arm, ticks: Result, truth: Trace, *, t_0: float, t_catch: float) -> TrialLog:
+def log_of(
+    arm: Arm, ticks: Result, truth: Trace, *, t_0: float, t_catch: float,
+    senses: tuple[Senses, ...] = (), background: tuple[Frame, ...] = (),
+) -> TrialLog:  # fmt: skip
     """Return the log of a finished trial.
 
     Args:
@@ -64,6 +74,8 @@ def log_of(arm: Arm, ticks: Result, truth: Trace, *, t_0: float, t_catch: float)
         truth: True states, k + 1 rows.
         t_0: Time at which the arm began to move [s].
         t_catch: Time of the catch by the map [s].
+        senses: As of :class:`TrialLog`.
+        background: As of :class:`TrialLog`.
     """
     s, command = ticks.scalars, ticks.command
     reference = np.where(s["following"][:, None, None], ticks.reference, 0.0)
@@ -84,4 +96,7 @@ def log_of(arm: Arm, ticks: Result, truth: Trace, *, t_0: float, t_catch: float)
         t_0=t_0,
         t_catch=t_catch,
         truth=truth,
+        ticks=ticks,
+        senses=senses,
+        background=background,
     )

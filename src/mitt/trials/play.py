@@ -223,6 +223,10 @@ def play(
             result,
         )  # fmt: skip
         times[k] = now_ns(clock) - before
+        if arrived and with_points:
+            out.sighted, out.t_sighted = True, (k - latency) * TICK
+            result.sighting[0] = line[(k - latency) % len(line)]
+            result.sighting[1:] = sight.points.covariance
         note_stop(p, out.brakes, s.phase == STOPPED)
         move(plant, result.command[3], out.hand, trace)
         store(result, log, k)

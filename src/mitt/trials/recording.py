@@ -1,4 +1,4 @@
-"""The recording of a trial: what is kept of its log in a file that other programs read."""
+"""The recording of a trial: what is kept of its log in a file that can be replayed."""
 
 import json
 from collections.abc import Mapping
@@ -7,60 +7,45 @@ from dataclasses import asdict
 import numpy as np
 
 from mitt.catcher.settings import PHASES, Phase
-from mitt.files.recording import (
-    CATCH_POINT,
-    ESTIMATE,
-    EVENT,
-    PHASE,
-    TRUTH,
-    Notice,
-    Recording,
-    Track,
-)
+from mitt.files.about import About
+from mitt.files.messages import CATCH_POINT, EVENT, TRUTH
+from mitt.files.recording import Notice, Recording, Track, heading_of
+from mitt.files.recording_rows import tick_rows
 from mitt.trials.log import TrialLog
 from mitt.trials.result import finite
 from mitt.trials.score import Trial, reason_of
 
 
 def recording_of(
-    log: TrialLog, trial: Trial, joints: tuple[str, ...], about: Mapping[str, object]
+    log: TrialLog, trial: Trial, about: About, notes: Mapping[str, object] | None = None
 ) -> Recording:
     """Return the recording of a trial.
 
     Args:
         log: Its log.
         trial: Its score, kept as JSON in the metadata.
-        joints: Names of the active joints.
-        about: What else the metadata says: version, arm, limits, generator, vision, seed.
+        about: What makes its catcher.
+        notes: What else the metadata says: seed, vision, scene.
     """
-    truth, seen = log.truth, log.tracked
-    notes = {name: str(value) for name, value in about.items()}
-    notes |= {
+    truth = log.truth
+    metadata = {name: str(value) for name, value in (notes or {}).items()}
+    metadata |= {
         "throw": str(trial.index),
         "trial": json.dumps(finite(asdict(trial)), allow_nan=False),
     }
+    frames = {k: x.frames for k, x in enumerate(log.senses) if x.frames}
+    if log.background:
+        frames[0] = log.background + frames.get(0, ())
     return Recording(
-        joints=joints,
-        t=log.t,
-        encoders=log.encoders,
-        command=log.command[:, :2],
-        tau=log.tau,
-        brakes=log.brakes,
+        heading=heading_of(about, metadata),
+        ticks=tick_rows(log.ticks, log.senses, len(about.rig.heads)),
+        points={k: x.points for k, x in enumerate(log.senses) if x.points},
+        frames=frames,
         tracks=(
-            Track(topic=ESTIMATE, t=log.t[seen], r=log.ball[seen, 0]),
             Track(topic=TRUTH, t=truth.t, r=truth.r_o),
             Track(topic=CATCH_POINT, t=truth.t, r=truth.position),
         ),
-        notices=(*_phases(log), *_events(log, trial)),
-        metadata=notes,
-    )
-
-
-def _phases(log: TrialLog) -> tuple[Notice, ...]:
-    """Return a notice for the first phase and for each change."""
-    starts = np.flatnonzero(np.diff(log.phase, prepend=-1))
-    return tuple(
-        Notice(topic=PHASE, t=float(log.t[k]), text=PHASES[log.phase[k]].value) for k in starts
+        notices=_events(log, trial),
     )
 
 

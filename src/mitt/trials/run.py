@@ -79,6 +79,7 @@ class RunSettings:
         vision: What the catcher sees: ``pixels`` of two cameras, or noisy ``points``.
         seed: Seed of throws, plant and noise.
         record: Which throws to record besides the first: ``none`` at all, ``failures`` or ``all``.
+        record_images: Whether recordings keep the images.
         overwrite: Use a folder that has files in it.
     """
 
@@ -87,6 +88,7 @@ class RunSettings:
     vision: Literal["pixels", "points"] = "pixels"
     seed: int = 0
     record: Literal["none", "failures", "all"] = "failures"
+    record_images: bool = False
     overwrite: bool = False
 
 

@@ -1,7 +1,7 @@
 """One throw from release to verdict: world and catcher, a tick at a time."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import final
 
 import numpy as np
@@ -9,12 +9,15 @@ import numpy as np
 from mitt.baselines.clairvoyant import Clairvoyant
 from mitt.catcher.catcher import Catcher, CatcherSettings
 from mitt.catcher.result import Result, copied, gathered, room_for
-from mitt.generator.generators import Generator
+from mitt.files.about import About
+from mitt.generator.generators import Direct, Generator
+from mitt.generator.mapping import DirectMap
+from mitt.generator.several import Several
 from mitt.link.clock import Stopwatch
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Basket
 from mitt.robot.shapes import Surroundings
-from mitt.signals import Senses
+from mitt.signals import ArmState, Frame, Senses, Sighting
 from mitt.trials.known import driven, known_ball, known_encoders, known_eyes, torque_lead_of
 from mitt.trials.log import TrialLog, log_of
 from mitt.trials.play import play_out
@@ -68,6 +71,8 @@ class TrialRunner:
         world: The simulated world.
         stopwatch: Wall-clock time of the catcher's ticks.
         ticks: Results of all ticks of the last trial.
+        rig: The cameras.
+        views: Looks at the scene before the last throw, from which its background was learned.
     """
 
     def __init__(
@@ -81,19 +86,45 @@ class TrialRunner:
             scene: The world's settings.
             pixels: Whether the catcher sees images; noisy points otherwise.
         """
-        self.arm, self._generator, self._scene = arm, generator, scene
-        self._rig = active_rig() if scene.sensing.cameras == "active" else fixed_rig()
-        cameras = _cameras(self._rig, scene) if pixels else None
+        self.arm, self._generator, self._scene, self._pixels = arm, generator, scene, pixels
+        self.rig = active_rig() if scene.sensing.cameras == "active" else fixed_rig()
+        cameras = _cameras(self.rig, scene) if pixels else None
         self.world = World(scene, arm.model, cameras=cameras, limits=arm.limits)
         self.stopwatch = Stopwatch()
-        self._catcher = self._made()
+        self._catcher, self.views = self._made(), list[tuple[Frame, ...]]()
         self.ticks = room_for(self._catcher.result, 0)
 
     def _made(self) -> Catcher:
         """Return the catcher that those of all throws begin as."""
+        eyes = Eyes(self.rig, known_eyes(self._scene))
+        return Catcher(
+            driven(self.arm, self._scene), self._generator, eyes, settings=self._settings()
+        )
+
+    def about(self, generator: str, f: DirectMap) -> About:
+        """Return what makes the catcher of this runner again.
+
+        Args:
+            generator: Name of its generator.
+            f: The map that the generator was made from.
+        """
+        limits, used = driven(self.arm, self._scene).limits, self._generator
+        maps = tuple(x.map for x in used.maps) if isinstance(used, Several) else (f,)
+        return About(
+            arm=f.arm,
+            generator=generator,
+            maps=maps,
+            settings=self._settings(),
+            rig=self.rig,
+            eyes=known_eyes(self._scene),
+            driven=None if limits is f.arm.limits else limits,
+            refines=isinstance(used, Direct) and used.online is not None,
+        )
+
+    def _settings(self) -> CatcherSettings:
+        """Return the settings of the catcher: what it is told of the scene."""
         ball = self._scene.ball
-        eyes = Eyes(self._rig, known_eyes(self._scene))
-        settings = CatcherSettings(
+        return CatcherSettings(
             ball_mass=ball.mass,
             ball_radius=ball.radius,
             ball_restitution=_restitution(self._scene, self.arm),
@@ -104,7 +135,6 @@ class TrialRunner:
             max_tracking_error=_max_tracking_error(self._generator),
             torque_lead=torque_lead_of(self._scene.actuation),
         )
-        return Catcher(driven(self.arm, self._scene), self._generator, eyes, settings=settings)
 
     def catcher(self) -> Catcher:
         """Return a fresh catcher; the clairvoyant is given the flight of the ball just released."""
@@ -122,8 +152,9 @@ class TrialRunner:
         """
         self.world.reset(ball, seed)
         catcher = self.catcher()
-        if views := self.world.views_before(LOOKS):
-            catcher.learn_background(views)
+        self.views = self.world.views_before(LOOKS)
+        if self.views:
+            catcher.learn_background(self.views)
         return catcher
 
     def step(self, catcher: Catcher) -> Senses:
@@ -139,8 +170,9 @@ class TrialRunner:
         return senses
 
     def run(
-        self, index: int, ball: Throw | BallPath, *, seed: int, log: bool = False
-    ) -> LoggedTrial:
+        self, index: int, ball: Throw | BallPath, *, seed: int, log: bool = False,
+        images: bool = False,
+    ) -> LoggedTrial:  # fmt: skip
         """Throw once.
 
         Args:
@@ -148,26 +180,41 @@ class TrialRunner:
             ball: What is thrown.
             seed: Seed of the plant's mismatch and of all noise.
             log: Whether to keep a log.
+            images: Whether the log keeps all images, 33 kB a tick; that takes the slower loop.
         """
-        catcher = self.release(ball, seed=seed)
-        self.ticks = ticks = self._play(catcher)
+        catcher, senses = self.release(ball, seed=seed), list[Senses]()
+        self.ticks = ticks = self._play(catcher, senses if log else None, images=images)
         truth, t_catch = self.world.trace(), catch_time(ticks)
         trial = self._score(index, catcher, measure(self.arm, ticks, truth), t_catch)
-        kept = log_of(self.arm, ticks, truth, t_0=catcher.t_0, t_catch=t_catch) if log else None
+        if not log:
+            return LoggedTrial(trial, None)
+        ground = tuple(frame for view in self.views for frame in view) if images else ()
+        kept = log_of(
+            self.arm, ticks, truth, t_0=catcher.t_0, t_catch=t_catch, senses=tuple(senses),
+            background=ground,
+        )  # fmt: skip
         return LoggedTrial(trial, kept)
 
-    def throw(self, source: Source, index: int, *, log: bool = False) -> LoggedTrial:
+    def throw(
+        self, source: Source, index: int, *, log: bool = False, images: bool = False
+    ) -> LoggedTrial:
         """Throw one ball of a source; thrown again, it gives the same trial."""
-        return self.run(index, source.ball(index), seed=source.trial_seed(index), log=log)
+        ball, seed = source.ball(index), source.trial_seed(index)
+        return self.run(index, ball, seed=seed, log=log, images=images)
 
-    def _play(self, catcher: Catcher) -> Result:
+    def _play(self, catcher: Catcher, senses: list[Senses] | None, *, images: bool) -> Result:
         """Play a trial to its end, compiled where that is possible; return all ticks' results."""
         rules = {"longest": LONGEST, "held": HELD_AFTER}
         stage, rows = self.world.stage, list[Result]()
-        if stage is not None and catcher.parts is not None:
-            return play_out(stage, catcher, self.stopwatch, **rules)
+        if stage is not None and catcher.parts is not None and not images:
+            ticks = play_out(stage, catcher, self.stopwatch, **rules)
+            if senses is not None and not self._pixels:
+                senses += _with_points(ticks)
+            return ticks
         while not self.world.over(**rules):
-            self.step(catcher)
+            taken = self.step(catcher)
+            if senses is not None:
+                senses.append(taken if images else replace(taken, frames=()))
             rows.append(copied(catcher.result))
         return gathered(rows) if rows else room_for(catcher.result, 0)
 
@@ -188,6 +235,19 @@ class TrialRunner:
             stopped_by=stop_as_json(catcher.stopped_by),
             **asdict(found),
         )
+
+
+def _with_points(ticks: Result) -> list[Senses]:
+    """Return what the ticks of a compiled loop took, where they were given points."""
+    s, rows = ticks.scalars, zip(ticks.scalars, ticks.encoders, ticks.sighting, strict=True)
+    out = []
+    for one, (q, dq), seen in rows:
+        t, at = one["t"].item(), one["t_sighted"].item()
+        point = Sighting(t=at, found=True, r_o=seen[0].copy(), covariance=seen[1:].copy())
+        points = (point,) if one["sighted"] else ()
+        out.append(Senses(t=t, arm=ArmState(t=t, q=q, dq=dq), points=points))
+    s["sighted"], ticks.sighting[:] = False, 0.0
+    return out
 
 
 def catch_time(ticks: Result) -> float:

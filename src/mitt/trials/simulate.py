@@ -1,10 +1,14 @@
-"""Throws in the simulated world from Python, without files."""
+"""Throws in the simulated world from Python."""
+
+from pathlib import Path
 
 from mitt import checks
 from mitt.errors import InputError, StoppedError
+from mitt.files.recording import write_recording
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap
+from mitt.trials.recording import recording_of
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial, reason_of
 from mitt.trials.source import source_of
@@ -20,6 +24,7 @@ def simulate(
     scene: Scene | str | None = None,
     pixels: bool = True,
     raise_stopped: bool = False,
+    record: Path | None = None,
 ) -> list[Trial]:
     """Throw default throws at an arm that uses a learned map, and return the scored trials.
 
@@ -33,6 +38,7 @@ def simulate(
             left out.
         pixels: Whether the catcher sees images; noisy points otherwise.
         raise_stopped: Whether a throw that is stopped raises instead of being one of the trials.
+        record: Folder for a recording of each throw, to be replayed; none if left out.
 
     Raises:
         StoppedError: A throw was stopped; its data say by what.
@@ -45,9 +51,13 @@ def simulate(
     scene = scene if isinstance(scene, Scene) else read_scene(scene or DEFAULT)
     source = source_of(f, seed=seed, count=throws, drag=scene.ball.drag)
     runner = TrialRunner(f.arm, Direct(f), scene, pixels=pixels)
-    trials = []
+    about, trials = runner.about("direct", f), []
     for k in range(source.count):
-        trial = runner.throw(source, k).trial
+        outcome = runner.throw(source, k, log=record is not None)
+        trial = outcome.trial
+        if record is not None and outcome.log is not None:
+            recording = recording_of(outcome.log, trial, about, {"seed": seed})
+            write_recording(record / f"throw-{k:05d}.mcap", recording)
         if raise_stopped and trial.stopped_by is not None:
             raise StoppedError(k, reason_of(trial.stopped_by), trial.stopped_by)
         trials.append(trial)

@@ -116,6 +116,11 @@ class World:
         return FirstContact(t, *self._state[motion.FIRST : motion.FLIGHT].copy().reshape(4, 3))
 
     @property
+    def catch_point(self) -> Array:
+        """Where the catch point is now [m], shape (3,)."""
+        return self._site.copy()
+
+    @property
     def peak_force(self) -> float:
         """Largest single contact force on the ball so far [N]."""
         return self._state.item(motion.PEAK)

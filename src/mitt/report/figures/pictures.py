@@ -110,7 +110,16 @@ def placed(model: mujoco.MjModel, bodies: list[Faces], qpos: Array, trail: Array
 def drawn(
     corners: Array, colours: Array, floor: float, *, target: Sequence[float] = _TARGET
 ) -> bytes:
-    """Return a picture of faces above a floor [m] as PNG; nearer faces are painted last.
+    """Return a picture of faces above a floor [m] as PNG; arguments as of :func:`painted`."""
+    out = io.BytesIO()
+    painted(corners, colours, floor, target=target).print_png(out, metadata={"Software": "mitt"})
+    return out.getvalue()
+
+
+def painted(
+    corners: Array, colours: Array, floor: float, *, target: Sequence[float] = _TARGET
+) -> FigureCanvasAgg:
+    """Return a picture of faces above a floor; nearer faces are painted last.
 
     Args:
         corners: Corners of the faces [m], shape (k, 3, 3).
@@ -139,6 +148,4 @@ def drawn(
                          shade=True, lightsource=_SUN, zorder=2),
     ):  # fmt: skip
         axes.add_collection3d(drawing, autolim=False)
-    out = io.BytesIO()
-    canvas.print_png(out, metadata={"Software": "mitt"})
-    return out.getvalue()
+    return canvas

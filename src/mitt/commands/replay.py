@@ -1,0 +1,108 @@
+"""``mitt replay``: recordings through the catcher once more, and why a ball was missed."""
+
+import shlex
+from pathlib import Path
+from typing import Any
+
+import mitt
+from mitt.commands.options import ReplayOptions
+from mitt.commands.screen import checked, print_json, progress, show, table, tell_of_kernels
+from mitt.errors import InputError
+from mitt.files.files import claim_folder, locked
+from mitt.files.recorded import Recorded
+from mitt.interrupts import tell
+from mitt.trials.explain import Explanation, evidence_of, explain
+from mitt.trials.registry import check_name
+from mitt.trials.replay import Replayed, changed, replay
+
+#: Most recordings in one call.
+_MOST = 10_000
+
+
+def run(options: ReplayOptions) -> int:
+    """Run ``mitt replay``; return its exit status."""
+    if not 1 <= len(options.recordings) <= _MOST:
+        raise InputError("recordings", f"1 to {_MOST} of them", len(options.recordings))
+    if options.generator is not None:
+        check_name(options.generator)
+    if options.check:
+        ticks = sum(len(_read(path, options)[0].ticks) for path in options.recordings)
+        return checked(f"{len(options.recordings)} recordings, {ticks} ticks")
+    if options.out is not None:
+        with locked(options.out):
+            claim_folder(options.out, overwrite=options.overwrite, ours=())
+            return _replay(options)
+    return _replay(options)
+
+
+def _read(path: Path, options: ReplayOptions) -> tuple[Recorded, Any]:
+    """Return a recording, and what makes the catcher of its replay."""
+    recorded = Recorded(path)
+    about = changed(
+        recorded.about, map_file=options.map, settings=options.settings,
+        generator=options.generator,
+    )  # fmt: skip
+    return recorded, about
+
+
+def _replay(options: ReplayOptions) -> int:
+    """Replay all recordings, one at a time."""
+    rows: list[dict[str, Any]] = []
+    tell_of_kernels()
+    with progress() as report:
+        for k, path in enumerate(options.recordings):
+            report("replaying", k, len(options.recordings))
+            x = replay(*_read(path, options))
+            rows.append(_row(x, explain(x, evidence_of(x))))
+            if not x.recorded.whole:
+                tell(f"{path}: cut after {len(x.recorded.ticks)} ticks; these are replayed")
+            if options.out is not None:
+                _page(options.out, x, len(options.recordings), k)
+        report("replaying", len(options.recordings), len(options.recordings))
+    if options.json:
+        print_json({"schema": "mitt.replay/1", "version": mitt.__version__, "recordings": rows})
+    else:
+        _show(rows, options)
+    return 0
+
+
+def _row(x: Replayed, why: Explanation) -> dict[str, Any]:
+    """Return what JSON says of a replay."""
+    return {
+        "file": str(x.recorded.path),
+        "ticks": len(x.recorded.ticks),
+        "identical": x.identical,
+        "first_difference": x.first_difference,
+        "different_ticks": int(x.differs.sum()),
+        "whole": x.recorded.whole,
+        "dropped": x.recorded.dropped,
+        "begins": x.begins,
+        "recorded_by": x.recorded.about.version,
+        "status": why.status,
+        "cause": why.cause,
+    }
+
+
+def _page(out: Path, x: Replayed, count: int, k: int) -> None:
+    """Write the page of a replay."""
+    from mitt.report.replay_report import write_replay_page  # noqa: PLC0415 (plots: when written)
+
+    name = "replay.html" if count == 1 else f"{k:05d}-{x.recorded.path.stem}.html"
+    write_replay_page(out / name, x, command=shlex.join(["replay", x.recorded.path.name]))
+
+
+def _show(rows: list[dict[str, Any]], options: ReplayOptions) -> None:
+    """Print a table, and the cause of a single one."""
+    out = table("replays", ("recording", "ticks", "begins", "commands", "status", "why"),
+                left=("recording", "begins", "commands", "status", "why"))  # fmt: skip
+    for row in rows:
+        first = row["first_difference"]
+        said = "identical" if row["identical"] else (
+            "ticks missing" if first is None else f"differ from tick {first}"
+        )  # fmt: skip
+        out.add_row(Path(row["file"]).name, str(row["ticks"]), row["begins"], said, row["status"],
+                    row["cause"])  # fmt: skip
+    same = sum(row["identical"] for row in rows)
+    show(out, f"{same} of {len(rows)} identical to the bit")
+    if options.out is not None:
+        show(f"written: {options.out}")

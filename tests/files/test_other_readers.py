@@ -1,0 +1,66 @@
+"""Other people's readers decode every topic: ``rosbags``, and ``mcap`` with its ROS 2 decoder."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from recorded_trials import CASES, recorded
+from rosbags.highlevel import AnyReader
+
+from mitt.files.recorded import Recorded
+
+_TOPICS = {
+    "/joint_states", "/joint_commands", "/brakes", "/ball/estimate", "/ball/truth",
+    "/hand/catch_point", "/phase", "/state", "/events", "/mitt/ticks",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """A throw with images, and one with points."""
+    folder = tmp_path_factory.mktemp("files")
+    cases = {case.name: case for case in CASES}
+    return {
+        name: path for name in ("images", "points")
+        for _, path in recorded(cases[name], folder, throws=1, seed=6)
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["images", "points"])
+def test_rosbags_reads_every_message(files: dict[str, Path], name: str) -> None:
+    """From the definitions in the file alone: no type is known to it beforehand."""
+    back, found = Recorded(files[name]), dict[str, int]()
+    own = {"images": {"/mitt/frames", "/camera_0/image", "/camera_1/image"},
+           "points": {"/mitt/points"}}[name]  # fmt: skip
+    with AnyReader([files[name]]) as reader:
+        for connection, _, raw in reader.messages():
+            message: Any = reader.deserialize(raw, connection.msgtype)
+            k = found.get(connection.topic, 0)
+            found[connection.topic] = k + 1
+            if connection.topic == "/mitt/ticks":
+                assert message.t == back.ticks["t"][k]
+                assert np.array_equal(message.command, back.ticks["command"][k])
+                assert np.array_equal(message.sighting, back.ticks["sighting"][k])
+            elif connection.topic == "/joint_states":
+                assert np.array_equal(message.position, back.ticks["q"][k])
+    assert set(found) == _TOPICS | own
+    assert found["/mitt/ticks"] == found["/joint_commands"] == len(back.ticks)
+
+
+def test_the_mcap_package_alone_reads_every_message(files: dict[str, Path]) -> None:
+    """Images have the size of their camera, and the grey values that the catcher saw."""
+    back = Recorded(files["images"])
+    seen, shape = 0, back.about.shapes[0]
+    with files["images"].open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        for _, channel, message, decoded in reader.iter_decoded_messages():
+            if channel.topic != "/camera_0/image":
+                continue
+            assert (decoded.height, decoded.width) == shape
+            mine = [f for f in back.frames(message.sequence) if f.camera == 0]
+            assert any(bytes(decoded.data) == f.pixels.tobytes() for f in mine)
+            seen += 1
+    assert seen > 300

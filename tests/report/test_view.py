@@ -1,0 +1,137 @@
+"""The viewer shows what the recording says, while it is written as well."""
+
+import json
+import urllib.request
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from recorded_trials import CASES, recorded
+
+from mitt.ball.flight import forecast
+from mitt.cli import main
+from mitt.errors import FileError
+from mitt.files.messages import TRUTH
+from mitt.files.recorded import Recorded
+from mitt.link.clock import monotonic, pause
+from mitt.link.recorder import Recorder
+from mitt.report.replay import NODE, served
+from mitt.report.stage_view import ellipsoid, way
+from mitt.report.view import Viewer, newest, watch
+from mitt.signals import ArmState, BallState, Senses
+from mitt.trials.replay import catcher_of
+
+
+@pytest.fixture(scope="module")
+def one(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recorded throw with images."""
+    case = next(case for case in CASES if case.name == "images")
+    ((_, path),) = recorded(case, tmp_path_factory.mktemp("one"), throws=1, seed=5)
+    return path
+
+
+@given(seed=st.integers(0, 999))
+def test_the_ellipsoid_is_the_covariance(seed: int) -> None:
+    """Half axes squared along the axes of the attitude give nine times the covariance."""
+    A = np.random.default_rng(seed).standard_normal((3, 3))
+    P = A @ A.T + 0.01 * np.eye(3)
+    found, R = ellipsoid(P), np.empty(9)
+    mujoco.mju_quat2Mat(R, found.wxyz)
+    turn = R.reshape(3, 3)
+    np.testing.assert_allclose(
+        turn @ np.diag(found.axes**2) @ turn.T, 9.0 * P, rtol=1e-9, atol=1e-9
+    )
+
+
+def test_the_way_is_the_flight_to_the_floor() -> None:
+    """Each point is where the flight model puts the ball; the last one is above the floor."""
+    r, dr = np.array([3.0, 0.1, 0.4]), np.array([-6.0, 0.0, 2.5])
+    ball = BallState(t=0.0, tracked=True, r_o=r, dr_o=dr, ddr_o=np.zeros(3), drag=0.05,
+                     covariance=np.zeros((6, 6)), t_seen=0.0, t_first=0.0)  # fmt: skip
+    found = way(r, dr, 0.05, -1.0)
+    for k in (1, 10, len(found) - 1):
+        np.testing.assert_allclose(found[k], forecast(ball, 0.01 * k).r_o, atol=1e-6)
+    assert found[-1, 2] >= -1.0
+    assert len(found) > 30
+
+
+def test_a_tick_is_shown_as_recorded(one: Path) -> None:
+    """Ball, true ball, images and the panel are those of the tick; the slider follows."""
+    back = Recorded(one)
+    with served(port=8870) as server:
+        viewer = Viewer(server, one)
+        stage: Any = viewer._stage
+        for k in (300, 420):
+            viewer.show(k)
+            row = back.ticks[k]
+            ball = stage._bodies[stage._ball]
+            np.testing.assert_allclose(ball.position, row["ball"][:3], atol=1e-6)
+            t, r = back.track(TRUTH)
+            at = r[int(np.searchsorted(t, float(row["t"])))]
+            np.testing.assert_allclose(stage._true.position, at, atol=1e-6)
+            assert viewer._slider.value == k
+            assert f"{1e3 * row['t']:.0f} ms" in viewer._panel.content
+            number = int(back.numbers[k])
+            for frame in back.frames(number):
+                assert np.array_equal(viewer._images[frame.camera].image[..., 0], frame.pixels)
+        assert "follow" in viewer._panel.content
+        assert NODE.format(stage._ball) == ball.name
+
+
+def test_a_recording_that_is_written_is_followed(one: Path, tmp_path: Path) -> None:
+    """The newest tick is shown within a second of its being recorded."""
+    back, path = Recorded(one), tmp_path / "live.mcap"
+    catcher, about = catcher_of(back.about), back.about
+    with Recorder(path, about) as recorder, served(port=8871) as server:
+        viewer = Viewer(server, path)
+        for k in range(200):
+            arm = ArmState(t=1e-3 * k, q=about.arm.q_ready, dq=np.zeros(about.arm.n))
+            senses = Senses(t=1e-3 * k, arm=arm)
+            recorder.tick(senses, catcher.step(senses), catcher.result)
+        deadline = monotonic() + 10.0
+        while viewer._shown < 199 and monotonic() < deadline:
+            pause(0.05)
+            viewer.step(0.05)
+        assert viewer._shown == 199
+        viewer._play.value = True
+        viewer._live.value = False
+        viewer.step(0.1)
+        assert viewer._shown == 19  # played on from the beginning, at a fifth of the speed
+
+
+def test_a_page_is_served_on_the_loopback_and_the_newest_file_is_taken(
+    one: Path, tmp_path: Path
+) -> None:
+    """What is served is a page; of two recordings in a folder the newer one is shown."""
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.mcap").write_bytes(one.read_bytes())
+    assert newest(tmp_path) == tmp_path / "b.mcap"
+    assert newest(tmp_path / "b.mcap".replace(".mcap", "-none")) is None
+    pages: list[bytes] = []
+
+    def ready(url: str) -> None:
+        assert url.startswith("http://127.0.0.1:")
+        with urllib.request.urlopen(url, timeout=10) as page:  # noqa: S310 (our own loopback)
+            pages.append(page.read(2000))
+
+    watch(lambda: one, host="127.0.0.1", port=8872, ready=ready, until=3.0)
+    assert b"<html" in pages[0]
+
+
+def test_the_command_serves_and_refuses(
+    one: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One JSON object with the address; a file that is no recording is one line."""
+    assert main(["view", str(one), "--json", "--seconds", "2", "--port", "8873"]) == 0
+    assert json.loads(capsys.readouterr().out)["url"].startswith("http://127.0.0.1:")
+    assert main(["view", str(one), "--check"]) == 0
+    (tmp_path / "x.mcap").write_bytes(b"mine")
+    for words in ([str(tmp_path / "x.mcap")], [str(tmp_path / "no")], [str(one), "--port", "0"]):
+        assert main(["view", *words]) == 2
+        assert len(capsys.readouterr().err.strip().splitlines()) <= 2
+    with pytest.raises(FileError):
+        watch(lambda: tmp_path / "x.mcap", host="127.0.0.1", port=8874, ready=print, until=1.0)

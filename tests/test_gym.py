@@ -1,0 +1,154 @@
+"""The environments keep Gymnasium's rules, and the map catches in them."""
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
+
+import mitt.gym
+from mitt.errors import InputError
+from mitt.files.maps import save_map
+from mitt.generator.learn import Learned
+from mitt.version import __version__
+
+_IDS = ("mitt/Catch-v0", "mitt/CatchPixels-v0")
+
+
+@pytest.fixture(scope="module")
+def map_file(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> Path:
+    path = tmp_path_factory.mktemp("map") / "map.json"
+    save_map(path, learned, version=__version__)
+    return path
+
+
+def _same(a: Any, b: Any) -> bool:  # noqa: ANN401 (observations)
+    if isinstance(a, dict):
+        return all(_same(a[key], b[key]) for key in a)
+    return bool(np.array_equal(a, b))
+
+
+@pytest.mark.parametrize("action", ["torque", "residual"])
+@pytest.mark.parametrize("name", _IDS)
+def test_check_env_passes_without_warnings(name: str, action: str, map_file: Path) -> None:
+    """Gymnasium's own checker: spaces, seeds, rendering, types."""
+    env = gymnasium.make(name, action=action, map=map_file, render_mode="rgb_array")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(env.unwrapped)
+    env.close()
+
+
+@pytest.mark.parametrize("name", _IDS)
+def test_boxes_are_finite_and_hold_what_is_observed(name: str) -> None:
+    """Random torques to the end of a throw: always inside, and an end with a status."""
+    env = gymnasium.make(name, ticks=10)
+    env.action_space.seed(1)
+    obs, _ = env.reset(seed=4)
+    for box in env.observation_space.values() if isinstance(env.observation_space, dict) else ():
+        assert np.all(np.isfinite(box.high))
+    for _ in range(400):
+        assert env.observation_space.contains(obs)
+        obs, reward, terminated, truncated, info = env.step(env.action_space.sample())
+        assert np.isfinite(float(reward))
+        if terminated or truncated:
+            break
+    assert terminated or truncated
+    assert info["status"] in ("missed", "dropped", "caught")
+    assert info["limit_violations"] >= 0
+
+
+@pytest.mark.parametrize("name", _IDS)
+def test_the_same_seed_gives_the_same_episode(name: str) -> None:
+    """Two environments, one seed: the same observations and rewards to the last bit."""
+    envs = [gymnasium.make(name) for _ in range(2)]
+    assert _same(*(env.reset(seed=11)[0] for env in envs))
+    action = np.full(envs[0].action_space.shape or (), 0.1, np.float32)
+    for _ in range(30):
+        (a, r, *_), (b, s, *_) = (env.step(action) for env in envs)
+        assert _same(a, b)
+        assert r == s
+    for k, env in enumerate(envs):
+        env.reset(seed=12 + k)
+    a, b = (env.step(action)[0] for env in envs)
+    assert not _same(a, b)
+
+
+@pytest.mark.parametrize("name", _IDS)
+def test_the_map_as_baseline_catches(name: str, map_file: Path) -> None:
+    """A residual of nothing is the catcher itself: it catches, and exceeds no limit."""
+    env = gymnasium.make(name, action="residual", map=map_file)
+    policy, caught = mitt.gym.map_policy(env), 0
+    for seed in range(3):
+        obs, _ = env.reset(seed=seed)
+        total, over = 0.0, False
+        while not over:
+            obs, reward, terminated, truncated, info = env.step(policy(obs))
+            total, over = total + float(reward), terminated or truncated
+        caught += info["status"] == "caught"
+        assert info["limit_violations"] == 0
+        assert (total > 8.0) == (info["status"] == "caught")
+    assert caught == 3
+
+
+def test_the_map_as_a_policy_of_torques_catches(map_file: Path) -> None:
+    """A millisecond an action: the torques of a catcher that goes along hold the ball."""
+    env = gymnasium.make("mitt/Catch-v0", map=map_file, ticks=1)
+    policy, caught = mitt.gym.map_policy(env), 0
+    for seed in range(3):
+        obs, _ = env.reset(seed=seed)
+        over = False
+        while not over:
+            obs, _, terminated, truncated, info = env.step(policy(obs))
+            over = terminated or truncated
+        caught += info["status"] == "caught"
+    assert caught >= 2
+
+
+@pytest.mark.parametrize("vector", [SyncVectorEnv, AsyncVectorEnv])
+def test_vector_environments_of_gymnasium_work(vector: Any) -> None:  # noqa: ANN401 (their classes)
+    """Two at once, in this process or in two others, give what each gives alone."""
+    many = vector([lambda: gymnasium.make("mitt/Catch-v0")] * 2)
+    try:
+        obs, _ = many.reset(seed=[5, 6])
+        actions = np.full(many.action_space.shape, 0.2, np.float32)
+        for _ in range(5):
+            obs, *_ = many.step(actions)
+    finally:
+        many.close()
+    for k, seed in enumerate((5, 6)):
+        env = gymnasium.make("mitt/Catch-v0")
+        alone, _ = env.reset(seed=seed)
+        for _ in range(5):
+            alone, *_ = env.step(actions[k])
+        assert np.array_equal(obs[k], alone)
+
+
+def test_pictures_show_the_arm_and_the_ball() -> None:
+    """Drawn in software; another moment is another picture."""
+    env = gymnasium.make("mitt/Catch-v0", render_mode="rgb_array", ticks=100)
+    env.reset(seed=1)
+    first: Any = env.render()
+    env.step(np.zeros(4, np.float32))
+    second: Any = env.render()
+    assert first.shape == (262, 340, 3)
+    assert first.dtype == np.uint8
+    assert np.any(first != second)
+    assert mitt.gym.Catch().render() is None
+
+
+def test_arms_and_scenes_by_keyword_and_what_is_refused() -> None:
+    """Other limits and another scene are taken; what is none is one line."""
+    env = gymnasium.make("mitt/Catch-v0", limits="wam-48v", scene="rough")
+    env.reset(seed=1)
+    for wrong in ({"action": "dance"}, {"scene": "no.toml"}, {"arm": "no"}, {"ticks": 0}):
+        with pytest.raises(InputError):
+            mitt.gym.Catch(**wrong)
+    with pytest.raises(InputError, match="finite"):
+        env.unwrapped.step(np.full(4, np.nan, np.float32))
+    with pytest.raises(InputError, match=r"mitt\.gym"):
+        mitt.gym.map_policy(gymnasium.make("CartPole-v1"))
