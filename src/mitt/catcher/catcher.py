@@ -199,6 +199,11 @@ class Catcher:
         return PHASES[self._phase]
 
     @property
+    def braking(self) -> float:
+        """Time that braking, or a motion of :meth:`move`, takes from its start to rest [s]."""
+        return len(self._brake) * TICK
+
+    @property
     def looking(self) -> bool:
         """Whether the catcher wants images; none once its hand has closed or it has stopped."""
         return self._phase not in (BRAKE, STOPPED)
@@ -355,6 +360,26 @@ class Catcher:
     def stop(self) -> None:
         """Stop with the next tick, within all limits, and stay until :meth:`recover`."""
         self._scalars["stop_requested"] = True
+
+    def move(self, motion: Array) -> None:
+        """Move the waiting or braked arm along a motion instead of catching, within all limits.
+
+        The hand stays as it is. The way is over for good: a throw takes a fresh catcher.
+
+        Args:
+            motion: q, dq, ddq each tick from the last command on, the last row at rest, shape
+                (k, 3, n) [rad ...].
+
+        Raises:
+            InputError: The arm was not commanded to rest by now, or the catcher has stopped.
+        """
+        motion = checks.array("motion", motion, (None, 3, self._arm.n), finite=True)
+        at_rest = bool(np.all(np.abs(self.result.command[1]) < _AT_REST))
+        if self._phase not in (WATCH, REFUSED, BRAKE) or not at_rest or not self._ticked:
+            raise InputError("move", "a catcher that waits, its arm at rest", self.phase)
+        self._brake = motion
+        self._scalars["t_brake"] = self._clock.item()
+        self._enter(BRAKE)
 
     def recover(self, *, checked: bool = False) -> None:
         """Release the brakes and watch for a ball again, from where the encoders say the arm is.

@@ -17,6 +17,8 @@ _OPTIONS: dict[str, Callable[..., object]] = {
     "catch": of.CatchOptions,
     "learn": of.LearnOptions,
     "design": of.DesignOptions,
+    "run": of.RunOptions,
+    "sim": of.SimOptions,
     "study": of.StudyOptions,
     "report": of.ReportOptions,
     "track": of.TrackOptions,

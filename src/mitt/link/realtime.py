@@ -4,8 +4,13 @@ A full collection with a million live containers takes a tenth of a second.
 """
 
 import gc
+import os
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+
+#: Time before a deadline from which it is waited for by spinning [s].
+_SPIN = 1.2e-4
 
 
 def settle() -> None:
@@ -35,3 +40,36 @@ def uncollected() -> Iterator[None]:
         finally:
             if was_on:
                 gc.enable()
+
+
+@contextmanager
+def hurried(priority: int = 50) -> Iterator[str]:
+    """Run a loop before ordinary processes, where the system allows it: SCHED_FIFO.
+
+    Threads that are made inside the block inherit it. 50 is what ``ros2_control`` uses.
+
+    Yields:
+        What was granted, in words.
+    """
+    before = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except OSError:
+        yield "ordinary priority: SCHED_FIFO is not allowed"
+        return
+    try:
+        yield f"SCHED_FIFO {priority}"
+    finally:
+        os.sched_setscheduler(0, *before)
+
+
+def sleep_until(t: float) -> float:
+    """Sleep until the steady clock shows ``t`` [s], spinning at the end; return how late it is [s].
+
+    Sleep ends 0.1 ms late in the median, spinning does not; but it takes the core.
+    """
+    while (left := t - time.monotonic()) > _SPIN:
+        time.sleep(left - _SPIN)
+    while (now := time.monotonic()) < t:
+        pass
+    return now - t

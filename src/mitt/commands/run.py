@@ -1,0 +1,52 @@
+"""``mitt run``: catch with the robot of a cell."""
+
+from contextlib import nullcontext
+
+from mitt.cell.drivers import robot_of
+from mitt.cell.prepare import PreparedCell, map_of, prepare
+from mitt.cell.session import Person, Session, loop_of, rehearse
+from mitt.commands.live_table import live_table
+from mitt.commands.options import RunOptions
+from mitt.commands.screen import checked, print_json, show, tell_of_kernels
+from mitt.errors import InputError
+from mitt.files.cell import read_cell
+from mitt.interrupts import tell
+from mitt.link.realtime import hurried, uncollected
+
+
+def run(options: RunOptions) -> int:
+    """Run ``mitt run``; return its exit status: 1 where it was stopped before all was done."""
+    if options.throws is not None and options.throws < 1:
+        raise InputError("--throws", "at least 1", options.throws)
+    prepared = prepare(read_cell(options.cell))
+    throws = options.throws or prepared.cell.throws
+    if options.check:
+        return checked(_about(prepared))
+    tell_of_kernels()
+    f = map_of(prepared)
+    rehearse(prepared, f)
+    person = Person(yes=options.yes)
+    with hurried() as granted, uncollected():
+        tell(f"{_about(prepared)}; {granted}")
+        robot = robot_of(prepared)
+        loop = loop_of(prepared, f, robot)
+        session = Session(loop, robot, person, tell, throws=throws)
+        with nullcontext() if options.json else live_table(session.shown):
+            done = session.run()
+        robot.close()
+    summary = session.summary()
+    if options.json:
+        print_json(summary)
+    else:
+        show(", ".join(f"{name} {value}" for name, value in summary.items()
+                       if name not in ("schema", "command_age_us")))  # fmt: skip
+    return 128 + session.signal if session.signal else int(not done)
+
+
+def _about(prepared: PreparedCell) -> str:
+    """Say what a cell is, in a few words."""
+    cell, arm = prepared.cell, prepared.arm
+    return (
+        f"{cell.name}: {arm.model.name}, limits {arm.limits.name}, {cell.robot.driver},"
+        f" {cell.robot.takes}, joints {', '.join(cell.robot.joints or arm.names)}"
+    )
