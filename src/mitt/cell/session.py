@@ -166,7 +166,7 @@ class Session:
             self._show()
             made = wanted is not None and loop.counts.throws >= wanted
             told = any(said.get("done") for said in self.verdicts)
-            if (made or told) and loop.mode is Mode.CATCHING:
+            if (made or told) and loop.idle:
                 until = min(until, monotonic() + _VERDICT)
                 if told or monotonic() > until:
                     loop.finish()

@@ -25,7 +25,7 @@ from mitt.world.flights import BallPath
 from mitt.world.scene import Scene
 from mitt.world.simulation import World
 from mitt.world.throws import Throw
-from mitt.world.truth import Trace
+from mitt.world.truth import Trace, Truth
 
 #: For how long the arm rests in its ready pose before a throw [s], how near [rad], how slow
 #: [rad/s].
@@ -34,6 +34,8 @@ _SETTLED, _NEAR, _SLOW = 0.8, 0.05, 0.05
 _ASIDE, _ANEW = 30.0, 10.0
 #: Ticks between two messages on how the robot is.
 _STATUS = 100
+#: Ticks after which those beyond a limit are counted.
+_CHECKED = 100
 #: Readings whose times are kept to tell the age of the command that answers them.
 _KEPT = 256
 
@@ -115,6 +117,11 @@ class SimulatedCell:
         """Time of the cell [s], as its stamps say it."""
         return self._base + self._world.t
 
+    @property
+    def truth(self) -> Truth:
+        """True state now, for tests and benchmarks."""
+        return self._world.truth()
+
     def tick(self) -> None:
         """Go on by a tick: read, publish, and let act what has come by then."""
         world, port, t = self._world, self._port, self.t
@@ -144,6 +151,8 @@ class SimulatedCell:
         command = control.command(t, q, dq, new)
         self._rows.append(command.told)
         self._world.apply(command)
+        if len(self._rows) >= _CHECKED:
+            self._check()
         self._go_on(command, q, dq)
 
     def _note_age(self, answers: float) -> None:
@@ -189,23 +198,32 @@ class SimulatedCell:
 
     def _put(self, ball: Throw | BallPath) -> None:
         """Put a ball somewhere; arm and hand stay as they are."""
-        self.violations += _beyond(self._arm, self._world.trace(), self._rows)
-        self._base, self._rows = self.t, []
+        self._check()
+        self._base = self.t
         self._world.reset(ball, self._seed, stay=True)
 
+    def _check(self) -> None:
+        """Count the ticks beyond a limit since the last time, a few at once: it takes time."""
+        if self._rows:
+            self.violations += _beyond(self._arm, self._world.trace(), np.array(self._rows))
+        self._rows = []
 
-def _beyond(arm: Arm, truth: Trace, told: list[Array]) -> int:
-    """Return in how many ticks the plant or a command was beyond a limit, as in ``Trial``."""
-    if not told:
-        return 0
-    rows = np.array(told)
-    bad = drive_loads(arm, truth.q[:-1], truth.dq[:-1], truth.tau[1:]).over(MEASURED)
-    bad |= drive_loads(arm, truth.q[:-1], truth.dq[:-1], rows[:, 3]).over(MEASURED)
-    for q, dq, slack in (
-        (truth.q[1:], truth.dq[1:], MEASURED), (rows[:, 0], rows[:, 1], COMMANDED)
-    ):  # fmt: skip
+
+def _beyond(arm: Arm, truth: Trace, told: Array) -> int:
+    """Return in how many ticks the plant or a command was beyond a limit, as in ``Trial``.
+
+    Args:
+        arm: The arm.
+        truth: True states.
+        told: q, dq, ddq, tau that acted in its last k ticks, shape (k, 4, n).
+    """
+    k = len(told)
+    q, dq, tau, seen = (x[-k - 1 :] for x in (truth.q, truth.dq, truth.tau, truth.seen))
+    bad = drive_loads(arm, q[:-1], dq[:-1], tau[1:]).over(MEASURED)
+    bad |= drive_loads(arm, q[:-1], dq[:-1], told[:, 3]).over(MEASURED)
+    for at, speed, slack in ((q[1:], dq[1:], MEASURED), (told[:, 0], told[:, 1], COMMANDED)):
         span = slack * (arm.q_max - arm.q_min)
-        bad |= np.any((q < arm.q_min - span) | (q > arm.q_max + span), axis=1)
-        bad |= np.any(np.abs(dq) > arm.dq_max * (1.0 + slack), axis=1)
-    bad |= truth.seen[1:] & (SELF | ARM_FLOOR) != 0
+        bad |= np.any((at < arm.q_min - span) | (at > arm.q_max + span), axis=1)
+        bad |= np.any(np.abs(speed) > arm.dq_max * (1.0 + slack), axis=1)
+    bad |= seen[1:] & (SELF | ARM_FLOOR) != 0
     return int(np.sum(bad))

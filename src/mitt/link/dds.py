@@ -128,7 +128,7 @@ class Node:
                              f"{error}"[:120]) from error  # fmt: skip
         self._waiting = WaitSet(self._participant)
 
-    def publish(self, topic: str, kind: type[Any], qos: Kind) -> Publisher:  # noqa: ANN401
+    def publish(self, topic: str, kind: type[Any], qos: Kind) -> Publisher:
         """Publish a ROS topic of a type of this module."""
         q = _qos(qos)
         return Publisher(DataWriter(self._participant, self._topic(topic, kind), qos=q), kind)

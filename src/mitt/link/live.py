@@ -21,7 +21,7 @@ import numpy as np
 
 from mitt.catcher.catcher import Catcher, Phase, Tick
 from mitt.control.health import Reason
-from mitt.errors import InputError, MittError
+from mitt.errors import InputError
 from mitt.link.clock import monotonic
 from mitt.link.moves import slow_motion
 from mitt.link.robot import RobotLink
@@ -130,6 +130,11 @@ class LiveLoop:
         self._begun, self._last, self._until = 0.0, 0.0, np.inf
         self._fastest, self._missed = 0.0, False
 
+    @property
+    def idle(self) -> bool:
+        """Whether the arm waits in its ready pose for a ball that it has not decided on."""
+        return self.mode is Mode.CATCHING and self._catcher.phase is Phase.WATCH
+
     def healthy(self) -> str:
         """Read without moving; return what is wrong with the robot, nothing if all is well.
 
@@ -173,11 +178,11 @@ class LiveLoop:
         self.mode = Mode.STOPPED
 
     def cycle(self) -> None:
-        """Wait for readings and answer them; does not raise for anything that comes in."""
+        """Wait for readings and answer them; nothing that a driver does raises."""
         try:
             readings = self._robot.read(self._silence)
-        except MittError as error:
-            self._cut(str(error))
+        except Exception as error:  # a driver's own: whatever it is, the arm has to stop
+            self._cut(f"the robot cannot be read: {error}")
             return
         now = monotonic()
         if not readings:
@@ -193,10 +198,17 @@ class LiveLoop:
                 points = ()
         self.counts.late += len(readings) - 1
         if answer is not None and self.mode is not Mode.STOPPED:
-            self._link.write(*answer)
+            self._answer(*answer)
             self.age = monotonic() - now
             self._catcher.think()
             self._advance(self._stamps.t)
+
+    def _answer(self, command: Command, stamp: float) -> None:
+        """Pass a command on; give up a robot that takes none."""
+        try:
+            self._link.write(command, stamp)
+        except Exception as error:  # a driver's own
+            self._cut(f"the robot takes no command: {error}")
 
     def _others(self) -> Sequence[Sighting]:
         """Return new positions of the ball; stop where the robot or the source says so."""
@@ -204,7 +216,7 @@ class LiveLoop:
             if trouble := self._robot.trouble():
                 self.stop(f"the robot says: {trouble}")
             return self._robot.points()
-        except MittError as error:
+        except Exception as error:  # a driver's own
             self.stop(str(error))
             return ()
 

@@ -14,6 +14,8 @@ from mitt.signals import TICK
 _AHEAD = 0.02
 #: Messages in a row that may repeat a stamp or come in the wrong order, and by how much [s].
 _REPEATS, _SWAPPED = 3, 0.01
+#: Least step from one reading to the next [s].
+_LEAST = 0.1 * TICK
 
 
 @final
@@ -43,7 +45,7 @@ class Stamps:
             self._zero = stamp
         else:
             step, passed = stamp - self._stamp, arrived - self._arrived
-            if step <= 0.0:
+            if step < _LEAST:
                 self._repeats += 1
                 if step > -_SWAPPED and self._repeats <= _REPEATS:
                     return None
