@@ -7,7 +7,8 @@ from mitt.cell.prepare import balls_of, catchers, map_of, prepare, scene_of_cell
 from mitt.cell.simulated import SimulatedCell
 from mitt.files.cell import read_cell
 from mitt.link.clock import monotonic
-from mitt.link.live import LiveLoop, Mode, Recorder
+from mitt.link.live import LiveLoop
+from mitt.link.modes import Mode, Recorder
 from mitt.link.robot import RobotLink
 from mitt.signals import ArmState, Command, Sighting
 

@@ -10,7 +10,7 @@ from local_cell import LocalCell, Readings
 from mitt.catcher.catcher import Tick
 from mitt.control.brake import plan_brake
 from mitt.errors import InputError
-from mitt.link.live import Mode
+from mitt.link.modes import Mode
 from mitt.signals import ArmState, Command, Senses, Sighting
 
 #: Speed of a joint in a catch at which faults begin [rad/s].

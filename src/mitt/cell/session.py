@@ -16,7 +16,8 @@ from mitt.cell.simulated import SimulatedCell
 from mitt.generator.mapping import DirectMap
 from mitt.interrupts import SIGNALS, notice
 from mitt.link.clock import monotonic
-from mitt.link.live import LiveLoop, Mode, Recorder
+from mitt.link.live import LiveLoop
+from mitt.link.modes import Mode, Recorder
 from mitt.link.robot import Robot, RobotLink
 
 #: Time between two lines on what is waited for [s], and for the last throw's verdict [s].

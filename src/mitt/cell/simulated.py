@@ -218,12 +218,12 @@ def _beyond(arm: Arm, truth: Trace, told: Array) -> int:
         told: q, dq, ddq, tau that acted in its last k ticks, shape (k, 4, n).
     """
     k = len(told)
-    q, dq, tau, seen = (x[-k - 1 :] for x in (truth.q, truth.dq, truth.tau, truth.seen))
+    q, dq, tau = (x[-k - 1 :] for x in (truth.q, truth.dq, truth.tau))
     bad = drive_loads(arm, q[:-1], dq[:-1], tau[1:]).over(MEASURED)
     bad |= drive_loads(arm, q[:-1], dq[:-1], told[:, 3]).over(MEASURED)
     for at, speed, slack in ((q[1:], dq[1:], MEASURED), (told[:, 0], told[:, 1], COMMANDED)):
         span = slack * (arm.q_max - arm.q_min)
         bad |= np.any((at < arm.q_min - span) | (at > arm.q_max + span), axis=1)
         bad |= np.any(np.abs(speed) > arm.dq_max * (1.0 + slack), axis=1)
-    bad |= seen[1:] & (SELF | ARM_FLOOR) != 0
+    bad |= truth.seen[-k:] & (SELF | ARM_FLOOR) != 0
     return int(np.sum(bad))

@@ -47,7 +47,7 @@ def _draw(shown: Any) -> None:  # noqa: ANN401
 
 def picture(numbers: list[float]) -> Table:
     """Return the table of some numbers, in the order of :data:`mitt.cell.session.SHOWN`."""
-    from mitt.link.live import Mode  # noqa: PLC0415
+    from mitt.link.modes import Mode  # noqa: PLC0415
 
     mode, rate, age, late, lost, throws, caught, told = numbers
     table = Table(show_header=False, title="mitt run", title_justify="left")

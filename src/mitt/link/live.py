@@ -1,11 +1,5 @@
 """The live loop: a robot, a catcher, and a person who says when the arm may move.
 
-    WAITING  no healthy robot yet, or nobody has said that the arm may move
-    MOVING   slowly to the ready pose
-    CATCHING a fresh catcher watches, follows, brakes and holds
-    STOPPING a controlled stop within all limits
-    STOPPED  at rest, brakes engaged, latched until a person says so
-
 Readings pace the loop: each makes a tick of the catcher, and one command answers the newest. A
 reading that never came is a tick without encoders, which the catcher bridges. Where no reading
 comes at all nothing is written, so that the robot's own watchdog brakes, and the brakes are
@@ -13,21 +7,20 @@ engaged.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from enum import Enum
-from typing import Protocol, final
+from typing import final
 
 import numpy as np
 
-from mitt.catcher.catcher import Catcher, Phase, Tick
+from mitt.catcher.catcher import Catcher, Phase
 from mitt.control.health import Reason
 from mitt.errors import InputError
 from mitt.link.clock import monotonic
+from mitt.link.modes import Counts, Mode, Recorder
 from mitt.link.moves import slow_motion
 from mitt.link.robot import RobotLink
 from mitt.link.stamps import Stamps
 from mitt.robot.arm import Arm
-from mitt.signals import TICK, ArmState, Array, Command, Senses, Sighting, senses_of
+from mitt.signals import TICK, ArmState, Array, Command, Sighting, senses_of
 
 #: Readings lost in a row that are bridged; more are an overrun.
 _BRIDGED = 18
@@ -42,49 +35,6 @@ _NEAR, _PATIENCE = 0.03, 1.0
 _OUTSIDE = 0.5
 #: Time within which a stop has to end [s].
 _STOPS = 2.0
-
-
-class Mode(Enum):
-    """What the loop is about."""
-
-    WAITING = "waiting for the robot"
-    MOVING = "to the ready pose"
-    CATCHING = "catching"
-    STOPPING = "stopping"
-    STOPPED = "stopped"
-
-
-class Recorder(Protocol):
-    """Keeps what happened; never holds the loop up."""
-
-    def tick(self, senses: Senses, command: Command, tick: Tick | None) -> None:
-        """Keep one tick."""
-
-
-@final
-@dataclass(slots=True)
-class Counts:
-    """What happened so far.
-
-    Attributes:
-        ticks: Ticks made.
-        late: Readings that had to wait for the loop.
-        lost: Readings that never came.
-        throws: Balls that flew past, caught or not.
-        refused: Those that the catcher refused.
-        stopped: Those in which it stopped.
-        stray: Positions of the ball with impossible stamps.
-        stops: Why the arm was stopped and stayed so, each time.
-    """
-
-    ticks: int
-    late: int
-    lost: int
-    throws: int
-    refused: int
-    stopped: int
-    stray: int
-    stops: list[str]
 
 
 @final
