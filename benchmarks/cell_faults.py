@@ -17,7 +17,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from queue import Empty, Queue
 from typing import Any
@@ -30,7 +30,7 @@ from mitt.cell.simulated import Answer
 from mitt.control.brake import plan_brake
 from mitt.files.cell import read_cell
 from mitt.interrupts import tell
-from mitt.signals import Array
+from mitt.signals import Array, Image
 
 #: Speed that counts as moving and as at rest [rad/s]; how long rest has to last [s].
 MOVING, REST, LASTS = 1.0, 0.02, 0.2
@@ -111,6 +111,14 @@ class FaultyPort:
         if new is None or self._lost():
             return None
         return new._replace(answers=new.answers + self._shift)
+
+    def frames(self, t: float, images: Sequence[Image]) -> None:
+        """Publish images."""
+        self._inner.frames(t, images)
+
+    def close(self) -> None:
+        """Take away what others should not find any more."""
+        self._inner.close()
 
     def brake(self) -> bool | None:
         """Return what was said to the brakes, unless it is lost."""
@@ -227,18 +235,27 @@ def again(run: Process) -> None:
     run.until("the arm moves")
 
 
+def goes_on(run: Process) -> str:
+    """Say that the arm may move again if it has stopped; return why it had."""
+    while not run.lines.empty():
+        said = run.lines.get()
+        if "stopped:" in said:
+            again(run)
+            return said
+    return ""
+
+
 def throws(share: float, times: int, seed: int) -> Iterator[dict[str, Any]]:
     """Lose a share of all messages either way, throw after throw."""
     sim, run = start_sim(share, seed), start_run()
     try:
         for _ in range(times):
-            line = json.loads(sim.until('"result"', timeout=120.0))["result"]
-            why = ""
-            while not run.lines.empty():
-                said = run.lines.get()
-                if "stopped:" in said:
-                    why = said
-                    again(run)
+            why, line = "", None
+            while line is None:
+                try:
+                    line = json.loads(sim.until('"result"', timeout=0.5))["result"]
+                except TimeoutError:
+                    why = goes_on(run) or why
             yield {"why": why, "status": line["status"], "violations": line["limit_violations"],
                    "age_us": line["command_age_us"]}  # fmt: skip
     finally:

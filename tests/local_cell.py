@@ -73,20 +73,23 @@ class LocalCell:
         loop: The live loop.
     """
 
-    def __init__(self, *, throws: int, seed: int = 5, recorder: Recorder | None = None) -> None:
+    def __init__(
+        self, *, throws: int, seed: int = 5, recorder: Recorder | None = None,
+        name: str = "wam-sim",
+    ) -> None:  # fmt: skip
         """Set both up; nothing moves yet."""
-        self.prepared = prepared = prepare(read_cell("wam-sim"))
+        self.prepared = prepared = prepare(read_cell(name))
         cell, arm = prepared.cell, prepared.arm
         scene, port = scene_of_cell(cell, None), LocalPort(cell.source.sigma)
         source = balls_of(prepared, scene, seed=seed, count=throws)
         self.simulated = SimulatedCell(
-            cell, arm, scene, source, port, clock=monotonic, started=1.7e9
+            cell, arm, scene, source, port, rig=prepared.rig, clock=monotonic, started=1.7e9
         )
         self.robot = FaultyRobot(LocalRobot(self.simulated, port))
         first, again = catchers(prepared, map_of(prepared))
         self.loop = LiveLoop(
             RobotLink(self.robot), arm, first, again, ready_speed=cell.motion.ready_speed,
-            silence=cell.robot.watchdog, recorder=recorder,
+            silence=cell.robot.watchdog, frames=port, recorder=recorder,
         )  # fmt: skip
 
     def until(self, over: Callable[[], bool], *, ticks: int = 12_000) -> None:

@@ -6,7 +6,8 @@ from typing import NamedTuple, final
 import numpy as np
 
 from mitt.cell.simulated import SimulatedCell
-from mitt.signals import ArmState, Array, Command, Sighting
+from mitt.link.frames import FrameSet
+from mitt.signals import ArmState, Array, Command, Image, Sighting
 
 
 @final
@@ -26,6 +27,7 @@ class LocalPort:
         """Keep nothing yet; ``sigma`` is that of the points [m]."""
         self._covariance = sigma**2 * np.eye(3)
         self.states, self.points = list[ArmState](), list[Sighting]()
+        self.sets, self._number = list[FrameSet](), 0
         self.said, self.results = "", list[str]()
         self.told: _Answer | None = None
         self.braked: bool | None = None
@@ -37,6 +39,20 @@ class LocalPort:
     def ball(self, t: float, r_o: Array) -> None:
         """Keep a position."""
         self.points.append(Sighting(t=t, found=True, r_o=r_o, covariance=self._covariance))
+
+    def frames(self, t: float, images: Sequence[Image]) -> None:
+        """Keep images."""
+        self._number += 1
+        self.sets.append(FrameSet(t, self._number, tuple(images)))
+
+    def open(self) -> str:
+        """Nothing is ever wrong with these cameras."""
+        return ""
+
+    def take(self) -> Sequence[FrameSet]:
+        """Return all images since the last call."""
+        taken, self.sets = self.sets, []
+        return taken
 
     def status(self, t: float, trouble: str) -> None:  # noqa: ARG002 (of the protocol)
         """Keep how the robot is."""
@@ -55,6 +71,9 @@ class LocalPort:
         """Return what was said to the brakes since the last call."""
         said, self.braked = self.braked, None
         return said
+
+    def close(self) -> None:
+        """Nothing is to be taken away."""
 
 
 @final

@@ -11,7 +11,7 @@ from mitt.catcher.catcher import Catcher, CatcherSettings
 from mitt.control.encoders import Encoders
 from mitt.errors import MittError
 from mitt.files.arm_file import is_arm_file, read_arm_file
-from mitt.files.cell import Cell, arm_of, around_of
+from mitt.files.cell import Cell, arm_of, around_of, rig_of
 from mitt.files.maps import read_map, save_map
 from mitt.generator.design import MapDesign, default_design
 from mitt.generator.generators import Direct
@@ -26,8 +26,9 @@ from mitt.trials.learning import learn
 from mitt.trials.neighbourhood import neighbourhood_of_ball
 from mitt.trials.source import Source, source_of, widened
 from mitt.version import __version__
-from mitt.vision.camera import fixed_rig
+from mitt.vision.camera import Rig
 from mitt.vision.eyes import Eyes, EyesConfig
+from mitt.vision.triangulation import TriangulatorConfig
 from mitt.world.scene import Ball, Scene
 from mitt.world.scenes import named_scene, read_scene
 
@@ -43,6 +44,7 @@ class PreparedCell:
         around: What stands around it.
         design: Design of its map.
         learned: Its map, where the file names one.
+        rig: Its cameras.
     """
 
     cell: Cell
@@ -50,6 +52,7 @@ class PreparedCell:
     around: Surroundings
     design: MapDesign
     learned: Learned | None
+    rig: Rig
 
 
 def prepare(cell: Cell) -> PreparedCell:
@@ -66,7 +69,9 @@ def prepare(cell: Cell) -> PreparedCell:
     else:
         base = read_arm_file(Path(cell.arm.file)).map if is_arm_file(cell.arm.file) else None
         design = default_design(arm, base=base)
-    return PreparedCell(cell=cell, arm=arm, around=around, design=design, learned=learned)
+    return PreparedCell(
+        cell=cell, arm=arm, around=around, design=design, learned=learned, rig=rig_of(cell)
+    )
 
 
 def map_of(prepared: PreparedCell) -> DirectMap:
@@ -114,7 +119,9 @@ def catchers(prepared: PreparedCell, f: DirectMap) -> tuple[Catcher, Callable[[C
         encoders=Encoders(step=tuple(arm.encoder_step.tolist())),
         torque_lead=cell.robot.delay,
     )
-    eyes = Eyes(fixed_rig(), EyesConfig(ball_radius=ball.radius))
+    floor = float(np.hypot(TriangulatorConfig().sigma_floor, cell.source.calibration_px))
+    config = EyesConfig(ball_radius=ball.radius, triangulator=TriangulatorConfig(sigma_floor=floor))
+    eyes = Eyes(prepared.rig, config)
     first = Catcher(reserved(arm), generator, eyes, settings=settings)
     return first, lambda catcher: catcher.again(generator)
 

@@ -41,23 +41,31 @@ class Server:
         prepared = self._prepared
         rehearse(prepared, map_of(prepared))
         with hurried() as granted, uncollected():
+            port = self._port()
             self._cell = cell = SimulatedCell(
-                prepared.cell, prepared.arm, self._scene, self._source, self._port(),
-                clock=monotonic, started=time.time(),
+                prepared.cell, prepared.arm, self._scene, self._source, port,
+                rig=prepared.rig, clock=monotonic, started=time.time(),
             )  # fmt: skip
             self._tell(f"{prepared.cell.name} is there; {granted}")
-            due, end = monotonic(), float("inf")
-            while monotonic() < end:
-                cell.tick()
-                due += TICK
-                late = sleep_until(due)
-                if late > _SLIP:
-                    self.slipped += 1
-                    due += late
-                self.late += late > TICK
-                cell.act()
-                if cell.done and end == float("inf"):
-                    end = monotonic() + _AFTER
+            try:
+                self._go_on(cell)
+            finally:
+                port.close()
+
+    def _go_on(self, cell: SimulatedCell) -> None:
+        """Make tick after tick, each at its time; time that is lost is left out."""
+        due, end = monotonic(), float("inf")
+        while monotonic() < end:
+            cell.tick()
+            due += TICK
+            late = sleep_until(due)
+            if late > _SLIP:
+                self.slipped += 1
+                due += late
+            self.late += late > TICK
+            cell.act()
+            if cell.done and end == float("inf"):
+                end = monotonic() + _AFTER
 
     def summary(self) -> dict[str, Any]:
         """Return what was thrown and what became of it."""

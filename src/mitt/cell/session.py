@@ -19,6 +19,7 @@ from mitt.link.clock import monotonic
 from mitt.link.live import LiveLoop
 from mitt.link.modes import Mode, Recorder
 from mitt.link.robot import Robot, RobotLink
+from mitt.link.sight import FrameSource
 
 #: Time between two lines on what is waited for [s], and for the last throw's verdict [s].
 _LINES, _VERDICT = 5.0, 1.5
@@ -32,7 +33,11 @@ _MODES = tuple(Mode)
 
 
 def loop_of(
-    prepared: PreparedCell, f: DirectMap, robot: Robot, recorder: Recorder | None = None
+    prepared: PreparedCell,
+    f: DirectMap,
+    robot: Robot,
+    frames: FrameSource | None,
+    recorder: Recorder | None = None,
 ) -> LiveLoop:
     """Return the live loop of a cell with a robot."""
     cell = prepared.cell
@@ -40,7 +45,8 @@ def loop_of(
     unbraked = cell.robot.options.get("unbraked") is True
     return LiveLoop(
         RobotLink(robot, unbraked=unbraked), prepared.arm, first, again,
-        ready_speed=cell.motion.ready_speed, silence=cell.robot.watchdog, recorder=recorder,
+        ready_speed=cell.motion.ready_speed, silence=cell.robot.watchdog,
+        frames=frames, recorder=recorder,
     )  # fmt: skip
 
 
@@ -50,8 +56,10 @@ def rehearse(prepared: PreparedCell, f: DirectMap) -> None:
     scene = scene_of_cell(cell, None)
     port = LocalPort(cell.source.sigma)
     source = balls_of(prepared, scene, seed=0, count=1)
-    simulated = SimulatedCell(cell, prepared.arm, scene, source, port, clock=monotonic)
-    loop = loop_of(prepared, f, LocalRobot(simulated, port))
+    simulated = SimulatedCell(
+        cell, prepared.arm, scene, source, port, rig=prepared.rig, clock=monotonic
+    )
+    loop = loop_of(prepared, f, LocalRobot(simulated, port), port)
     loop.healthy()
     loop.begin()
     for _ in range(_REHEARSED):

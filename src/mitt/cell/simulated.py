@@ -6,7 +6,7 @@ how the throw ended.
 """
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol, final
 
 import numpy as np
@@ -15,11 +15,12 @@ from mitt.cell.controller import Controller, Told
 from mitt.files.cell import Cell
 from mitt.link.clock import Stopwatch
 from mitt.robot.arm import Arm
-from mitt.signals import TICK, Array, Command
+from mitt.signals import TICK, Array, Command, Image
 from mitt.trials.drives import COMMANDED, MEASURED, drive_loads
-from mitt.trials.runner import LONGEST
+from mitt.trials.runner import LONGEST, cameras_of
 from mitt.trials.score import HELD_AFTER, held
 from mitt.trials.source import Source
+from mitt.vision.camera import Rig
 from mitt.world.contacts import ARM_FLOOR, SELF
 from mitt.world.flights import BallPath
 from mitt.world.scene import Scene
@@ -30,8 +31,9 @@ from mitt.world.truth import Trace, Truth
 #: For how long the arm rests in its ready pose before a throw [s], how near [rad], how slow
 #: [rad/s].
 _SETTLED, _NEAR, _SLOW = 0.8, 0.05, 0.05
-#: Where a ball lies that nobody has thrown [m], and for how long before it is put there anew [s].
-_ASIDE, _ANEW = 30.0, 10.0
+#: Where a ball lies that nobody has thrown, behind the cameras [m], and for how long before it is
+#: put there anew [s].
+_ASIDE, _ANEW = -30.0, 10.0
 #: Ticks between two messages on how the robot is.
 _STATUS = 100
 #: Ticks after which those beyond a limit are counted.
@@ -57,6 +59,9 @@ class Port(Protocol):
     def ball(self, t: float, r_o: Array) -> None:
         """Publish a position of the ball."""
 
+    def frames(self, t: float, images: Sequence[Image]) -> None:
+        """Publish images that were exposed together."""
+
     def status(self, t: float, trouble: str) -> None:
         """Publish how the robot is."""
 
@@ -68,6 +73,9 @@ class Port(Protocol):
 
     def brake(self) -> bool | None:
         """Return whether brakes are to be engaged or released; None where nothing was said."""
+
+    def close(self) -> None:
+        """Take away what others should not find any more."""
 
 
 @final
@@ -83,7 +91,7 @@ class SimulatedCell:
 
     def __init__(
         self, cell: Cell, arm: Arm, scene: Scene, source: Source, port: Port,
-        *, clock: Callable[[], float], started: float = 0.0,
+        *, rig: Rig, clock: Callable[[], float], started: float = 0.0,
     ) -> None:  # fmt: skip
         """Set the cell up: the arm on its brakes in its ready pose.
 
@@ -93,11 +101,14 @@ class SimulatedCell:
             scene: The world.
             source: What is thrown; ``count`` throws.
             port: Where it publishes and hears.
+            rig: The cameras, where they see images.
             clock: The steady clock [s], by which ages of commands are told.
             started: Stamp of the first reading [s].
         """
         self._arm, self._source, self._port, self._clock = arm, source, port, clock
-        self._world = World(scene, arm.model, limits=arm.limits)
+        cameras = cameras_of(rig, scene) if cell.source.kind == "images" else None
+        self._sees = cameras is not None
+        self._world = World(scene, arm.model, cameras=cameras, limits=arm.limits)
         self._controller = Controller(arm, cell.robot.watchdog, cell.robot.takes)
         self._base, self._ticks, self._next, self._flying = started, 0, 0, False
         self._settled, self.done = 0, False
@@ -125,10 +136,12 @@ class SimulatedCell:
     def tick(self) -> None:
         """Go on by a tick: read, publish, and let act what has come by then."""
         world, port, t = self._world, self._port, self.t
-        senses = world.sense(look=self._flying)
+        senses = world.sense(look=self._flying or self._sees)
         k = self._ticks % _KEPT
         self._sent[k] = self._base + senses.t, self._clock()
         port.state(float(self._sent[k, 0]), senses.arm.q, senses.arm.dq)
+        if senses.frames:
+            port.frames(self._base + senses.frames[0].t, [x.pixels for x in senses.frames])
         for p in senses.points:
             if p.found:
                 port.ball(self._base + p.t, p.r_o)

@@ -28,8 +28,8 @@ def run(options: RunOptions) -> int:
     person = Person(yes=options.yes)
     with hurried() as granted, uncollected():
         tell(f"{_about(prepared)}; {granted}")
-        robot = robot_of(prepared)
-        loop = loop_of(prepared, f, robot)
+        robot, frames = robot_of(prepared)
+        loop = loop_of(prepared, f, robot, frames)
         session = Session(loop, robot, person, tell, throws=throws)
         with nullcontext() if options.json else live_table(session.shown):
             done = session.run()

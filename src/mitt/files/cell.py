@@ -11,6 +11,7 @@ from pydantic import Field
 from mitt.errors import FileError, InputError
 from mitt.files.arm_file import is_arm_file
 from mitt.files.arms import load_arm
+from mitt.files.rig import read_rig
 from mitt.files.schema import Finite, Part, parsed
 from mitt.reading import read_toml
 from mitt.robot.arm import Arm
@@ -19,6 +20,7 @@ from mitt.robot.hands import HandModel
 from mitt.robot.limits import Limits
 from mitt.robot.shapes import Surroundings, shapes_of
 from mitt.signals import TICK
+from mitt.vision.camera import Rig, fixed_rig
 
 SCHEMA = "mitt.cell/1"
 
@@ -55,10 +57,10 @@ class BallPart(Part):
 
 
 class SourcePart(Part):
-    """Where positions of the ball come from.
+    """Where the ball is seen.
 
     Attributes:
-        kind: Positions; images are not read yet.
+        kind: Positions of the ball, or images of two cameras.
         topic: ROS 2 topic.
         message: ``geometry_msgs/PointStamped`` or ``PoseStamped``.
         frame: Frame that the messages must name (REP 105).
@@ -66,9 +68,12 @@ class SourcePart(Part):
         rpy: Its roll, pitch and yaw there, about fixed axes (REP 103) [rad].
         sigma: Standard deviation of each coordinate [m].
         latency: By how much stamps are later than the exposure [s].
+        memory: Of images: name of the shared memory that they come through.
+        rig: Of images: RIG.toml of cameras without distortion; that of ``mitt catch`` if left out.
+        calibration_px: Of images: error of the image places that the calibration leaves [px].
     """
 
-    kind: Literal["points"] = "points"
+    kind: Literal["points", "images"] = "points"
     topic: _Name = "/ball"
     message: Literal["point", "pose"] = "point"
     frame: _Name = "world"
@@ -76,6 +81,9 @@ class SourcePart(Part):
     rpy: _Point = (0.0, 0.0, 0.0)
     sigma: Annotated[float, Field(gt=0.0, le=0.1)] = 0.002
     latency: Annotated[float, Field(ge=0.0, le=0.1)] = 0.0
+    memory: _Name = "mitt-cameras"
+    rig: _Name | None = None
+    calibration_px: Annotated[float, Field(ge=0.0, le=5.0)] = 0.05
 
 
 class RobotPart(Part):
@@ -171,7 +179,9 @@ def cell_of(raw: Any, *, place: str, folder: Path = Path()) -> Cell:  # noqa: AN
                         do="let the driver hold commands in between")  # fmt: skip
     named = {"file": _beside(folder, cell.arm.file), "limits": _beside(folder, cell.arm.limits)}
     arm = cell.arm.model_copy(update=named)
-    return cell.model_copy(update={"arm": arm, "map": _beside(folder, cell.map)})
+    source = cell.source.model_copy(update={"rig": _beside(folder, cell.source.rig)})
+    beside = {"arm": arm, "source": source, "map": _beside(folder, cell.map)}
+    return cell.model_copy(update=beside)
 
 
 def _beside(folder: Path, name: str | None) -> str | None:
@@ -215,6 +225,22 @@ def around_of(cell: Cell, arm: Arm) -> Surroundings:
     around = Surroundings(floor=cell.floor, zones=zones)
     shapes_of(arm, around)
     return around
+
+
+def rig_of(cell: Cell) -> Rig:
+    """Return the cameras of a cell; those of ``mitt catch`` where it names none.
+
+    Raises:
+        FileError: The rig cannot be read.
+        InputError: Its images are distorted: the live loop does not straighten them.
+    """
+    if cell.source.rig is None:
+        return fixed_rig()
+    found = read_rig(Path(cell.source.rig))
+    if any(np.any(c.lens.numbers[4:]) for c in found.cameras):
+        raise InputError(f"{cell.name} source.rig", "cameras without distortion", "distorted ones",
+                         do="let the camera's driver straighten its images")  # fmt: skip
+    return found.rig()
 
 
 def rotation_of(rpy: tuple[float, float, float]) -> np.ndarray[Any, np.dtype[np.float64]]:

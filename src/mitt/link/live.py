@@ -15,12 +15,14 @@ from mitt.catcher.catcher import Catcher, Phase
 from mitt.control.health import Reason
 from mitt.errors import InputError
 from mitt.link.clock import monotonic
+from mitt.link.frames import FrameSet
 from mitt.link.modes import Counts, Mode, Recorder
 from mitt.link.moves import slow_motion
 from mitt.link.robot import RobotLink
+from mitt.link.sight import FrameSource, Sight
 from mitt.link.stamps import Stamps
 from mitt.robot.arm import Arm
-from mitt.signals import TICK, ArmState, Array, Command, Sighting, senses_of
+from mitt.signals import TICK, ArmState, Array, Command, Frame, Sighting, senses_of
 
 #: Readings lost in a row that are bridged; more are an overrun.
 _BRIDGED = 18
@@ -57,6 +59,7 @@ class LiveLoop:
         *,
         ready_speed: float,
         silence: float,
+        frames: FrameSource | None = None,
         recorder: Recorder | None = None,
     ) -> None:
         """Take the robot and the catcher.
@@ -68,10 +71,12 @@ class LiveLoop:
             again: Returns a fresh one for another throw.
             ready_speed: Share of the speeds in motions to the ready pose.
             silence: Time without a reading after which the robot is lost [s].
+            frames: Where images come from; None where the ball is seen as points.
             recorder: Keeps each tick.
         """
         self._link, self._robot, self._arm, self._again = link, link.robot, arm, again
         self._share, self._silence, self._recorder = ready_speed, silence, recorder
+        self._sight = Sight(frames)
         self._catcher, self._stamps = first, Stamps()
         self._nothing = np.full(arm.n, np.nan)
         self.mode, self.why = Mode.WAITING, ""
@@ -105,7 +110,7 @@ class LiveLoop:
                              " degrees, or another joint?")  # fmt: skip
         if not np.all(np.isfinite(q)):
             return "joint positions that are no numbers"
-        return self._robot.trouble()
+        return self._robot.trouble() or self._sight.open()
 
     def begin(self) -> None:
         """Move to the ready pose from here: a person has said that the arm may move."""
@@ -140,11 +145,11 @@ class LiveLoop:
             return
         points = self._others()
         answer = None
-        for reading in readings:
+        for reading, seen in zip(readings, self._sight.beside(len(readings)), strict=True):
             t = self._stamps.take(reading.t, now)
             if t is not None:
                 self._fill(t)
-                answer = self._tick(t, reading, points), reading.t
+                answer = self._tick(t, reading, points, seen), reading.t
                 points = ()
         self.counts.late += len(readings) - 1
         if answer is not None and self.mode is not Mode.STOPPED:
@@ -181,7 +186,9 @@ class LiveLoop:
                 self._catcher.step(senses_of(at, nothing, nothing, (), ()))
         self._last = t
 
-    def _tick(self, t: float, reading: ArmState, points: Sequence[Sighting]) -> Command:
+    def _tick(
+        self, t: float, reading: ArmState, points: Sequence[Sighting], shown: FrameSet | None
+    ) -> Command:
         """Make a tick of the catcher."""
         shift = self._stamps.at(0.0) - self._begun
         seen = tuple(
@@ -190,7 +197,10 @@ class LiveLoop:
             if -_GONE < (at := p.t + shift) - (t - self._begun) < _GONE
         )
         self.counts.stray += len(points) - len(seen)
-        senses = senses_of(t - self._begun, reading.q, reading.dq, (), seen)
+        frames: tuple[Frame, ...] = ()
+        if shown is not None and self.mode is Mode.CATCHING:
+            frames = self._sight.show(self._catcher, shown, shown.t + shift)
+        senses = senses_of(t - self._begun, reading.q, reading.dq, frames, seen)
         command = self._catcher.step(senses)
         self.counts.ticks += 1
         if self._recorder is not None:
@@ -273,6 +283,7 @@ class LiveLoop:
         """Take a fresh catcher, whose time begins now."""
         self._catcher = self._again(self._catcher)
         self._begun = self._stamps.t
+        self._sight.fresh()
 
     def _halt(self) -> None:
         """Engage the brakes and stay; a ball in flight then is one that was not caught."""

@@ -1,5 +1,6 @@
 """The other end of :mod:`mitt.link.ros2`: what a simulated cell publishes and takes."""
 
+from collections.abc import Sequence
 from typing import NamedTuple, final
 
 import numpy as np
@@ -8,9 +9,10 @@ from mitt.errors import MittError
 from mitt.files.cell import Cell
 from mitt.link import dds, messages
 from mitt.link import dds_types as types
+from mitt.link.frames import FrameWriter
 from mitt.link.ros2 import RESULTS, Joints, options_of
 from mitt.robot.arm import Arm
-from mitt.signals import Array
+from mitt.signals import Array, Image
 
 
 @final
@@ -34,6 +36,8 @@ class Ros2Cell:
         of = options_of(cell)
         self._of, self._frame = of, cell.source.frame
         self._joints, self._n = Joints(cell, arm, of["others"], of["hand"]), arm.n
+        self._memory = cell.source.memory
+        self._frames: FrameWriter | None = None
         node = dds.Node(of["interface"])
         self._node, points = node, cell.source.message == "point"
         self._state = node.publish(of["state"], types.JointState, "sensor")
@@ -48,6 +52,12 @@ class Ros2Cell:
     def state(self, t: float, q: Array, dq: Array) -> None:
         """Publish a reading of the encoders."""
         self._state.send(messages.joint_state(t, self._joints.names, q, dq))
+
+    def frames(self, t: float, images: Sequence[Image]) -> None:
+        """Write images that were exposed together into the shared memory."""
+        if self._frames is None:
+            self._frames = FrameWriter(self._memory, len(images), *images[0].shape)
+        self._frames.write(t, images)
 
     def ball(self, t: float, r_o: Array) -> None:
         """Publish a position of the ball."""
@@ -75,6 +85,11 @@ class Ros2Cell:
         hand = float(rows[0, names.index(self._of["hand"])]) if self._of["hand"] in names else 0.0
         whole = np.all(np.isfinite(told)) and np.isfinite(hand)
         return Told(t, told, hand) if whole else None
+
+    def close(self) -> None:
+        """Take the shared memory away."""
+        if self._frames is not None:
+            self._frames.close()
 
     def brake(self) -> bool | None:
         """Return whether the brakes are to be engaged, or released; None where nothing was said."""

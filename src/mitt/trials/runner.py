@@ -82,7 +82,7 @@ class TrialRunner:
         """
         self.arm, self._generator, self._scene = arm, generator, scene
         self._rig = active_rig() if scene.sensing.cameras == "active" else fixed_rig()
-        cameras = _cameras(self._rig, scene) if pixels else None
+        cameras = cameras_of(self._rig, scene) if pixels else None
         self.world = World(scene, arm.model, cameras=cameras, limits=arm.limits)
         self.stopwatch = Stopwatch()
         self._catcher = self._made()
@@ -206,7 +206,7 @@ def _patience(generator: Generator) -> float:
     return np.inf if plain else CatcherSettings().stray
 
 
-def _cameras(rig: Rig, scene: Scene) -> Callable[[np.random.Generator], Imager]:
+def cameras_of(rig: Rig, scene: Scene) -> Callable[[np.random.Generator], Imager]:
     """Return what sets up the cameras of a trial."""
     sensing, sensor = scene.sensing, sensor_of(scene)
     calibrated = sensing.views > 0 and not rig.heads
