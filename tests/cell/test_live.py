@@ -196,3 +196,12 @@ def test_degrees_are_refused_before_anything_moves() -> None:
     with pytest.raises(InputError, match="degrees"):
         cell.loop.healthy()
     assert cell.robot.braked == []
+
+
+def test_balls_are_caught_in_images() -> None:
+    """The catcher learns its background in the ready pose before each throw."""
+    cell = LocalCell(throws=2, name="wam-sim-images")
+    cell.begin()
+    cell.until(lambda: cell.loop.counts.throws == 2 and cell.loop.idle)
+    assert cell.simulated.statuses == ["caught", "caught"]
+    assert cell.simulated.violations == 0

@@ -4,11 +4,11 @@ import json
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, MutableSequence
 from contextlib import contextmanager
 from multiprocessing.sharedctypes import RawArray
 from types import FrameType
-from typing import Any, final
+from typing import Any, TypeAlias, final
 
 from mitt.cell.local import LocalPort, LocalRobot
 from mitt.cell.prepare import PreparedCell, balls_of, catchers, scene_of_cell
@@ -30,6 +30,13 @@ _LOOK = 50
 #: Numbers of the live table, in this order.
 SHOWN = ("mode", "rate", "age_us", "late", "lost", "throws", "caught", "told")
 _MODES = tuple(Mode)
+
+Numbers: TypeAlias = MutableSequence[float]
+
+
+def numbers() -> Numbers:
+    """Return shared memory for the numbers of the live table."""
+    return RawArray("d", len(SHOWN))
 
 
 def loop_of(
@@ -115,13 +122,13 @@ class Session:
 
     def __init__(
         self, loop: LiveLoop, robot: Robot, person: Person, tell: Callable[[str], None],
-        *, throws: int | None,
+        *, throws: int | None, shown: Numbers | None = None,
     ) -> None:  # fmt: skip
-        """Take the loop, its robot, and whom to ask and tell."""
+        """Take the loop, its robot, whom to ask and tell, and where the table reads numbers."""
         self._loop, self._robot, self._person, self._tell = loop, robot, person, tell
         self._throws, self.signal = throws, 0
         self.verdicts: list[dict[str, Any]] = []
-        self.shown = RawArray("d", len(SHOWN))
+        self.shown = numbers() if shown is None else shown
         self._begun = monotonic()
 
     def run(self) -> bool:

@@ -4,7 +4,7 @@ from contextlib import nullcontext
 
 from mitt.cell.drivers import robot_of
 from mitt.cell.prepare import PreparedCell, map_of, prepare
-from mitt.cell.session import Person, Session, loop_of, rehearse
+from mitt.cell.session import Person, Session, loop_of, numbers, rehearse
 from mitt.commands.live_table import live_table
 from mitt.commands.options import RunOptions
 from mitt.commands.screen import checked, print_json, show, tell_of_kernels
@@ -25,14 +25,14 @@ def run(options: RunOptions) -> int:
     tell_of_kernels()
     f = map_of(prepared)
     rehearse(prepared, f)
-    person = Person(yes=options.yes)
-    with hurried() as granted, uncollected():
+    person, shown = Person(yes=options.yes), numbers()
+    drawn = nullcontext() if options.json else live_table(shown)
+    with drawn, hurried() as granted, uncollected():
         tell(f"{_about(prepared)}; {granted}")
         robot, frames = robot_of(prepared)
         loop = loop_of(prepared, f, robot, frames)
-        session = Session(loop, robot, person, tell, throws=throws)
-        with nullcontext() if options.json else live_table(session.shown):
-            done = session.run()
+        session = Session(loop, robot, person, tell, throws=throws, shown=shown)
+        done = session.run()
         robot.close()
     summary = session.summary()
     if options.json:

@@ -6,12 +6,20 @@ ROS topic ``/name`` is DDS topic ``rt/name``, type ``pkg/Type`` is ``pkg::msg::d
 """
 
 import os
+from contextlib import suppress
 from typing import Any, Literal, final
 
 from mitt.errors import InputError
 
 try:
-    from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState, WaitSet
+    from cyclonedds.core import (
+        DDSException,
+        InstanceState,
+        ReadCondition,
+        SampleState,
+        ViewState,
+        WaitSet,
+    )
     from cyclonedds.domain import Domain, DomainParticipant
     from cyclonedds.pub import DataWriter
     from cyclonedds.qos import Policy, Qos
@@ -120,10 +128,11 @@ class Node:
         number = domain_id()
         if not interface.replace("-", "").replace(".", "").replace("_", "").isalnum():
             raise InputError("robot.options.interface", "the name of an interface", repr(interface))
-        try:
+        with suppress(DDSException):  # this process is in the domain already
             self._domain = Domain(number, _configuration(interface))
+        try:
             self._participant = DomainParticipant(number)
-        except Exception as error:  # Cyclone's own
+        except DDSException as error:
             raise InputError("DDS", f"domain {number} on interface {interface}",
                              f"{error}"[:120]) from error  # fmt: skip
         self._waiting = WaitSet(self._participant)

@@ -35,8 +35,9 @@ _THROWN = 1.0
 _NEAR, _PATIENCE = 0.03, 1.0
 #: How far outside its range a joint may be read before a unit is doubted [rad].
 _OUTSIDE = 0.5
-#: Time within which a stop has to end [s].
-_STOPS = 2.0
+#: Time within which a stop has to end [s], and time after a release in which the robot may still
+#: say why it had stopped before [s].
+_STOPS, _GRACE = 2.0, 0.05
 
 
 @final
@@ -168,7 +169,8 @@ class LiveLoop:
     def _others(self) -> Sequence[Sighting]:
         """Return new positions of the ball; stop where the robot or the source says so."""
         try:
-            if trouble := self._robot.trouble():
+            trouble = self._robot.trouble()
+            if trouble and self._stamps.t > _GRACE:
                 self.stop(f"the robot says: {trouble}")
             return self._robot.points()
         except Exception as error:  # a driver's own

@@ -5,12 +5,15 @@ from typing import Protocol, final
 
 from mitt.catcher.catcher import Catcher
 from mitt.errors import InputError
+from mitt.link.clock import monotonic
 from mitt.link.frames import FrameReader, FrameSet, frames_of
 from mitt.signals import Frame
 
 #: Looks at the scene before a throw, and readings between two of them: as ``mitt catch`` takes
 #: them, ten in 80 ms.
 _LOOKS, _APART = 10, 8
+#: Time between two looks at whether a memory is still that of the cameras [s].
+_AGAIN = 0.5
 
 
 class FrameSource(Protocol):
@@ -31,9 +34,16 @@ class SharedFrames:
         """Take the memory's name and the images' heights and widths [px]."""
         self._name, self._shapes = name, shapes
         self._reader: FrameReader | None = None
+        self._said, self._due = "", 0.0
 
     def open(self) -> str:
-        """Open the memory anew: whoever writes it may have been started again."""
+        """Open the memory anew now and then: whoever writes it may have been started again."""
+        if monotonic() > self._due:
+            self._said, self._due = self._opened(), monotonic() + _AGAIN
+        return self._said
+
+    def _opened(self) -> str:
+        """Open the memory anew; return what is wrong."""
         if self._reader is not None:
             self._reader.close()
             self._reader = None
