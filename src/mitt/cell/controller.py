@@ -47,6 +47,7 @@ class Controller:
         self.trouble, self.released = "", False
         self.stop_time: tuple[float, float] | None = None
         self._way = plan_brake(arm, 0.0, np.array([arm.q_ready, *np.zeros((2, arm.n))]))
+        self._held: Array | None = None
         self._told: Told | None = None
         self._heard, self._since, self._hand = 0.0, np.inf, 0.0
 
@@ -85,16 +86,24 @@ class Controller:
             self.stop_time = (t - self._since, self._way.duration)
             self._since = np.inf
         told = self._own(t, q, dq) if self._told is None else self._followed(q, dq)
-        still = not self.released and t > self._way.t + self._way.duration
+        still = not self.released and self._held is not None
         return Command(t=t, told=told, hand=self._hand, brakes=still)
 
     def _take_over(self, t: float, q: Array, dq: Array) -> None:
-        """Plan the stop from here."""
+        """Plan the stop from here, to hold wherever it ends."""
+        self._held = None
         self._way = plan_brake(self._arm, t, np.array([q, dq, np.zeros(self._arm.n)]))
 
     def _own(self, t: float, q: Array, dq: Array) -> Array:
-        """Return the controller's own command: along its stop, then to hold."""
-        return self._tracked(self._way.at(t), q, dq)
+        """Return the controller's own command: the speeds of its stop, then to hold.
+
+        Where the drives lag behind the stop the arm ends elsewhere; it does not move on to there.
+        """
+        if self._held is None and np.all(np.abs(dq) < _REST):
+            self._held = q.copy()
+        wanted = self._way.at(t)
+        wanted[0] = q if self._held is None else self._held
+        return self._tracked(wanted, q, dq)
 
     def _followed(self, q: Array, dq: Array) -> Array:
         """Return the command that came: its torque, or what follows its motion."""

@@ -1,14 +1,13 @@
 """A simulated cell in real time: a tick each millisecond by the steady clock."""
 
-import time
 from collections.abc import Callable
 from typing import Any, final
 
 from mitt.cell.prepare import PreparedCell, map_of
 from mitt.cell.session import rehearse
 from mitt.cell.simulated import Port, SimulatedCell
-from mitt.link.clock import monotonic
-from mitt.link.realtime import hurried, sleep_until, uncollected
+from mitt.link.clock import monotonic, sleep_until, time_of_day
+from mitt.link.realtime import hurried, uncollected
 from mitt.signals import TICK
 from mitt.trials.score import HELD_AFTER
 from mitt.trials.source import Source
@@ -44,7 +43,7 @@ class Server:
             port = self._port()
             self._cell = cell = SimulatedCell(
                 prepared.cell, prepared.arm, self._scene, self._source, port,
-                rig=prepared.rig, clock=monotonic, started=time.time(),
+                rig=prepared.rig, clock=monotonic, started=time_of_day(),
             )  # fmt: skip
             self._tell(f"{prepared.cell.name} is there; {granted}")
             try:

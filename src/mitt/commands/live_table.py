@@ -1,10 +1,10 @@
 """The live table of ``mitt run``, drawn by a process of its own: drawing takes milliseconds."""
 
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing import get_context
+from threading import Event
 from typing import Any
 
 from rich.console import Console
@@ -39,10 +39,11 @@ def live_table(shown: Any) -> Iterator[None]:  # noqa: ANN401 (shared memory)
 def _draw(shown: Any) -> None:  # noqa: ANN401
     """Draw until ended."""
     end_with_parent()
+    pause = Event()
     with Live(console=Console(stderr=True), auto_refresh=False, transient=True) as live:
         while True:
             live.update(picture(list(shown)), refresh=True)
-            time.sleep(_PERIOD)
+            pause.wait(_PERIOD)
 
 
 def picture(numbers: list[float]) -> Table:

@@ -31,6 +31,8 @@ _BRIDGED = 18
 _GONE, _LONGEST, _HELD = 0.4, 3.0, 0.6
 #: Slowest ball that is a throw [m/s].
 _THROWN = 1.0
+#: How long it is looked once more for readings that did not come in time [s].
+_LOOK = 0.003
 #: How far from the ready pose the arm may rest [rad], and how long it may take beyond its time [s].
 _NEAR, _PATIENCE = 0.03, 1.0
 #: How far outside its range a joint may be read before a unit is doubted [rad].
@@ -136,7 +138,8 @@ class LiveLoop:
     def cycle(self) -> None:
         """Wait for readings and answer them; nothing that a driver does raises."""
         try:
-            readings = self._robot.read(self._silence)
+            # The second look is for a stall of ours, after which nothing had time to come in.
+            readings = self._robot.read(self._silence) or self._robot.read(_LOOK)
         except Exception as error:  # a driver's own: whatever it is, the arm has to stop
             self._cut(f"the robot cannot be read: {error}")
             return

@@ -5,12 +5,8 @@ A full collection with a million live containers takes a tenth of a second.
 
 import gc
 import os
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-
-#: Time before a deadline from which it is waited for by spinning [s].
-_SPIN = 1.2e-4
 
 
 def settle() -> None:
@@ -61,15 +57,3 @@ def hurried(priority: int = 50) -> Iterator[str]:
         yield f"SCHED_FIFO {priority}"
     finally:
         os.sched_setscheduler(0, *before)
-
-
-def sleep_until(t: float) -> float:
-    """Sleep until the steady clock shows ``t`` [s], spinning at the end; return how late it is [s].
-
-    Sleep ends 0.1 ms late in the median, spinning does not; but it takes the core.
-    """
-    while (left := t - time.monotonic()) > _SPIN:
-        time.sleep(left - _SPIN)
-    while (now := time.monotonic()) < t:
-        pass
-    return now - t
