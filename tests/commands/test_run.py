@@ -26,9 +26,7 @@ def test_checking_says_what_the_cell_is(capsys: pytest.CaptureFixture[str]) -> N
         assert "the input is good: wam-sim" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    "words", [["wam-simm"], ["wam-sim", "--throws", "0"], ["tmp/none.toml"]]
-)
+@pytest.mark.parametrize("words", [["wam-simm"], ["wam-sim", "--throws", "0"], ["tmp/none.toml"]])
 def test_bad_input_is_one_line(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     """Exit status 2, before anything moves."""
     for command in ("run", "sim"):

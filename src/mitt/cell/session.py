@@ -36,7 +36,8 @@ Numbers: TypeAlias = MutableSequence[float]
 
 def numbers() -> Numbers:
     """Return shared memory for the numbers of the live table."""
-    return RawArray("d", len(SHOWN))
+    memory: Numbers = RawArray("d", len(SHOWN))
+    return memory
 
 
 def loop_of(
