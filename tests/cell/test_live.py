@@ -205,3 +205,21 @@ def test_balls_are_caught_in_images() -> None:
     cell.until(lambda: cell.loop.counts.throws == 2 and cell.loop.idle)
     assert cell.simulated.statuses == ["caught", "caught"]
     assert cell.simulated.violations == 0
+
+
+def test_whatever_a_driver_raises_stops_the_arm() -> None:
+    """While it is read, asked or written to; the reason is the driver's."""
+
+    def broken(*_: object) -> bool:
+        raise OSError("cable out")
+
+    for place, says in (
+        ("on_write", "takes no command: cable out"),
+        ("on_read", "cannot be read: cable out"),
+        ("on_points", "cable out"),
+    ):
+        cell = in_a_catch()
+        setattr(cell.robot, place, broken)
+        cell.until(lambda cell=cell: cell.loop.mode is Mode.STOPPED)  # type: ignore[misc]
+        assert says in cell.loop.why
+        assert cell.robot.braked[-1]

@@ -21,6 +21,7 @@ DOMAIN = "171"
 
 def test_checking_says_what_the_cell_is(capsys: pytest.CaptureFixture[str]) -> None:
     """And neither joins a network nor moves anything."""
+    pytest.importorskip("cyclonedds")
     for command in ("run", "sim"):
         assert main([command, "wam-sim", "--check"]) == 0
         assert "the input is good: wam-sim" in capsys.readouterr().err
@@ -34,6 +35,16 @@ def test_bad_input_is_one_line(words: list[str], capsys: pytest.CaptureFixture[s
         said = capsys.readouterr()
         assert said.out == ""
         assert len(said.err.strip().splitlines()) == 1
+
+
+def test_a_driver_that_is_not_there_is_found_by_checking(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its name, and the names that there are."""
+    file = tmp_path / "cell.toml"
+    file.write_text('schema = "mitt.cell/1"\nname = "x"\n[robot]\ndriver = "mine"\n')
+    assert main(["run", str(file), "--check"]) == 2
+    assert "one of ros2, sim" in capsys.readouterr().err
 
 
 def test_without_cyclone_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

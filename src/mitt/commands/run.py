@@ -2,7 +2,7 @@
 
 from contextlib import nullcontext
 
-from mitt.cell.drivers import robot_of
+from mitt.cell.drivers import check_driver, robot_of
 from mitt.cell.prepare import PreparedCell, map_of, prepare
 from mitt.cell.session import Person, Session, loop_of, numbers, rehearse
 from mitt.commands.live_table import live_table
@@ -20,6 +20,7 @@ def run(options: RunOptions) -> int:
         raise InputError("--throws", "at least 1", options.throws)
     prepared = prepare(read_cell(options.cell))
     throws = options.throws or prepared.cell.throws
+    check_driver(prepared.cell)
     if options.check:
         return checked(_about(prepared))
     tell_of_kernels()

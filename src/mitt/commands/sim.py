@@ -1,6 +1,7 @@
 """``mitt sim``: a cell in simulation, as a process of its own in real time."""
 
 import mitt
+from mitt.cell.drivers import check_driver
 from mitt.cell.prepare import balls_of, endless, prepare, scene_of_cell
 from mitt.cell.serve import serve
 from mitt.commands.options import SimOptions
@@ -21,6 +22,7 @@ def run(options: SimOptions) -> int:
         raise InputError("mitt sim", "a cell with the driver ros2", prepared.cell.robot.driver)
     scene = scene_of_cell(prepared.cell, options.scene)
     source = balls_of(prepared, scene, seed=options.seed, count=options.throws or endless())
+    check_driver(prepared.cell)
     if options.check:
         return checked(f"{prepared.cell.name}, scene {scene.base}")
     tell_of_kernels()
