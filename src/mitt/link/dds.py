@@ -53,14 +53,13 @@ def _configuration(interface: str) -> str:
     """Return Cyclone's configuration: one interface; on the loopback peers without multicast."""
     loopback = interface == "lo"
     peers = (
-        f"<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>"
+        f"<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>"
         f"{_PARTICIPANTS}</MaxAutoParticipantIndex><Peers><Peer address='127.0.0.1'/></Peers>"
-        f"</Discovery>"
     )
     return (
         f"<CycloneDDS><Domain id='any'><General><Interfaces><NetworkInterface name='{interface}'/>"
         f"</Interfaces><AllowMulticast>{'false' if loopback else 'true'}</AllowMulticast></General>"
-        f"{peers if loopback else ''}"
+        f"<Discovery><LeaseDuration>3s</LeaseDuration>{peers if loopback else ''}</Discovery>"
         f"<Internal><MultipleReceiveThreads>false</MultipleReceiveThreads></Internal>"
         f"</Domain></CycloneDDS>"
     )

@@ -23,6 +23,7 @@ from mitt.errors import InputError, MittError
 from mitt.files.cell import Cell, rotation_of
 from mitt.link import dds, messages
 from mitt.link import dds_types as types
+from mitt.link.clock import monotonic
 from mitt.robot.arm import Arm
 from mitt.signals import ArmState, Array, Command, Sighting
 
@@ -35,6 +36,9 @@ _KNOWN = {"state": "/joint_states", "command": "/joint_trajectory", "hand": "", 
           "unbraked": False}  # fmt: skip
 #: Readings between two looks at who publishes.
 _LOOK = 200
+#: Longest for which a participant that was killed is still believed to be there [s]: the default
+#: lease of Fast DDS is 20 s, that of Cyclone DDS 10 s.
+_LEASE = 25.0
 
 
 def options_of(cell: Cell) -> dict[str, Any]:
@@ -123,6 +127,7 @@ class Ros2Robot:
         self._R, self._place = rotation_of(source.rpy), np.array(source.origin)
         self._covariance = source.sigma**2 * np.eye(3)
         self._trouble, self._reads = "", 0
+        self._twice, self._twice_since = "", monotonic()
 
     def read(self, timeout: float) -> Sequence[ArmState]:
         """Return all encoder readings since the last call; InputError where they do not fit."""
@@ -179,22 +184,29 @@ class Ros2Robot:
         """Return why the robot does not take commands; nothing if it does."""
         self._reads += 1
         if self._reads % _LOOK == 1:
-            self._look()
+            self._twice = self._look()
         for raw in self._diagnostics.take():
             said = messages.read_diagnostics(raw).get(self._of["status"])
             if said is not None:
                 self._trouble = said[1] or "error" if said[0] >= _ERROR else ""
-        return self._trouble
+        return self._twice or self._trouble
 
-    def _look(self) -> None:
-        """Refuse two publishers on one topic: which of them is meant cannot be known."""
-        for topic, heard in (
-            (self._of["state"], self._state),
-            (self._cell.source.topic, self._ball),
-        ):
-            count = heard.speakers()
-            if count > 1:
-                raise InputError(f"publishers on {topic}", "one", count, do="end the others")
+    def _look(self) -> str:
+        """Say whether two publish one topic: which of them is meant cannot be known.
+
+        One that was killed is there until its lease ends, so two are waited for at first.
+
+        Raises:
+            InputError: There have been two for longer than any lease.
+        """
+        topics = {self._of["state"]: self._state, self._cell.source.topic: self._ball}
+        twice = [name for name, heard in topics.items() if heard.speakers() > 1]
+        if not twice:
+            self._twice_since = monotonic()
+            return ""
+        if monotonic() - self._twice_since > _LEASE:
+            raise InputError(f"publishers on {twice[0]}", "one", "more", do="end the others")
+        return f"two publishers on {twice[0]}: end one"
 
     def listened(self) -> bool:
         """Say whether anybody takes the commands."""
