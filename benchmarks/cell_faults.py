@@ -162,9 +162,9 @@ def say(value: dict[str, Any]) -> None:
     print(json.dumps(value), flush=True)
 
 
-def serve(lose: float, seed: int) -> None:
+def serve(name: str, lose: float, seed: int) -> None:
     """Be the cell."""
-    prepared = prepare(read_cell("wam-sim"))
+    prepared = prepare(read_cell(name))
     scene = scene_of_cell(prepared.cell, None)
     source = balls_of(prepared, scene, seed=seed, count=endless())
     Server(prepared, scene, source, tell, lambda: FaultyPort(prepared, lose)).run()
@@ -212,38 +212,39 @@ class Process:
         self.process.wait()
 
 
-def start_sim(lose: float, seed: int) -> Process:
+def start_sim(cell: str, lose: float, seed: int) -> Process:
     """Start the cell."""
-    sim = Process([__file__, "--serve", str(lose), "--seed", str(seed)])
+    sim = Process([__file__, "--cell", cell, "--serve", str(lose), "--seed", str(seed)])
     sim.until("is there", timeout=180.0)
     return sim
 
 
-def start_run() -> Process:
+def start_run(cell: str) -> Process:
     """Start the loop at the cell, and say that the arm may move."""
-    run = Process(["-m", "mitt", "run", "wam-sim"], keyboard=True)
+    run = Process(["-m", "mitt", "run", cell], keyboard=True)
     run.until("press Enter|waiting: protective", timeout=180.0)
     run.enter()
     run.until("the arm moves")
     return run
 
 
-def trials(fault: str, times: int, seed: int) -> Iterator[dict[str, Any]]:
+def trials(cell: str, fault: str, times: int, seed: int) -> Iterator[dict[str, Any]]:
     """Bring about a fault again and again; each time somebody says that the arm may move again."""
-    sim, run = start_sim(0.0, seed), start_run()
+    sim, run = start_sim(cell, 0.0, seed), start_run(cell)
     try:
         for _ in range(times):
             await_moving(sim, run)
+            found: dict[str, Any]
             if fault == "kill-run":
                 sim.process.send_signal(MARK)
                 run.end()
                 found, why = json.loads(sim.until("rest_s")), "the cell: no command for 20 ms"
-                run = start_run()
+                run = start_run(cell)
             elif fault == "kill-sim":
                 sim.end()
                 why = run.until("stopped:")
-                found = {"rest_s": None, "inside": True}
-                sim = start_sim(0.0, seed)
+                found = {}
+                sim = start_sim(cell, 0.0, seed)
                 again(run)
             else:
                 sim.process.send_signal({"cut": DO_CUT, "clock": DO_BACK}.get(fault, MARK))
@@ -288,9 +289,9 @@ def goes_on(run: Process) -> str:
     return ""
 
 
-def throws(share: float, times: int, seed: int) -> Iterator[dict[str, Any]]:
+def throws(cell: str, share: float, times: int, seed: int) -> Iterator[dict[str, Any]]:
     """Lose a share of all messages either way, throw after throw."""
-    sim, run = start_sim(share, seed), start_run()
+    sim, run = start_sim(cell, share, seed), start_run(cell)
     try:
         for _ in range(times):
             why, line = "", None
@@ -311,18 +312,20 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--times", type=int, default=20)
     parser.add_argument("--faults", default=",".join(FAULTS))
+    parser.add_argument("--cell", default="wam-sim")
     parser.add_argument("--seed", type=int, default=80200)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--serve", type=float)
     given = parser.parse_args()
     if given.serve is not None:
-        serve(given.serve, given.seed)
+        serve(given.cell, given.serve, given.seed)
         return
     found: dict[str, list[dict[str, Any]]] = {}
     for fault in given.faults.split(","):
         found[fault] = []
         lost, many = LOST.get(fault), (given.times, given.seed)
-        made = trials(fault, *many) if lost is None else throws(lost, *many)
+        made = (trials(given.cell, fault, *many) if lost is None
+                else throws(given.cell, lost, *many))  # fmt: skip
         try:
             for trial in made:
                 found[fault].append(trial)
@@ -344,13 +347,14 @@ def report(fault: str, rows: list[dict[str, Any]]) -> None:
         print(f"{fault}: caught {caught} of {len(rows)}, stopped {len(stops)} times, ticks beyond"
               f" a limit {last['violations']}, age of commands {last['age_us']}")  # fmt: skip
         return
-    timed = [row for row in rows if row["rest_s"] is not None]
+    timed = [row for row in rows if "rest_s" in row]
     over = [1e3 * (row["rest_s"] - row["brake_s"]) for row in timed]
-    inside = sum(row["inside"] for row in rows)
-    print(f"{fault}: {len(rows)} times, inside the joints' ranges {inside}")
+    print(f"{fault}: {len(rows)} times, {sum(bool(row['why']) for row in rows)} times said why")
     if over:
         sag = max(row["sag_rad"] for row in timed)
         late = f"{np.median(over):.0f} ms after the brake's time, {max(over):.0f} at most"
+        inside = sum(row["inside"] for row in timed)
+        print(f"{fault}: inside the joints' ranges {inside} times")
         print(f"{fault}: at rest {late}; {1e3 * sag:.0f} mrad of sag onto the brakes at most")
 
 

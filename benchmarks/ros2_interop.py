@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from mitt.files.cell import arm_of, read_cell
+from mitt.link.realtime import hurried, uncollected
 from mitt.signals import command_of
 
 HERE = Path(__file__).parent / "interop"
@@ -94,7 +95,9 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0)
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        found = exchange(build(Path(folder)), round(1e3 * given.seconds))
+        peer = build(Path(folder))
+        with hurried(), uncollected():
+            found = exchange(peer, round(1e3 * given.seconds))
     print(json.dumps(found))
     whole = found["sent"] == found["received"] == found["answered"]
     sys.exit(0 if whole and found["wrong"] == found["answers_wrong"] == 0 else 1)
