@@ -207,6 +207,13 @@ def test_balls_are_caught_in_images() -> None:
     assert cell.simulated.violations == 0
 
 
+def test_an_arm_that_moves_is_waited_for() -> None:
+    """Nobody knows what moves it."""
+    cell = LocalCell(throws=1)
+    cell.robot.on_read = lambda got: [replace(x, dq=x.dq + 1.0) for x in got]
+    assert cell.loop.healthy() == "the arm moves already"
+
+
 def test_whatever_a_driver_raises_stops_the_arm() -> None:
     """While it is read, asked or written to; the reason is the driver's."""
 

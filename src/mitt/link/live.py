@@ -37,6 +37,8 @@ _LOOK = 0.003
 _NEAR, _PATIENCE = 0.03, 1.0
 #: How far outside its range a joint may be read before a unit is doubted [rad].
 _OUTSIDE = 0.5
+#: Speed of a joint from which an arm is not at rest [rad/s]: more than a count of an encoder.
+_MOVES = 0.5
 #: Time within which a stop has to end [s], and time after a release in which the robot may still
 #: say why it had stopped before [s].
 _STOPS, _GRACE = 2.0, 0.05
@@ -113,6 +115,8 @@ class LiveLoop:
                              " degrees, or another joint?")  # fmt: skip
         if not np.all(np.isfinite(q)):
             return "joint positions that are no numbers"
+        if np.any(np.abs(readings[-1].dq) > _MOVES):
+            return "the arm moves already"
         return self._robot.trouble() or self._sight.open()
 
     def begin(self) -> None:
