@@ -13,11 +13,11 @@ import numpy as np
 
 from mitt.catcher.catcher import Catcher, Phase
 from mitt.control.health import Reason
-from mitt.errors import InputError
 from mitt.link.clock import monotonic
 from mitt.link.frames import FrameSet
 from mitt.link.modes import Counts, Mode, Recorder
 from mitt.link.moves import slow_motion
+from mitt.link.readings import wrong_with
 from mitt.link.robot import RobotLink
 from mitt.link.sight import FrameSource, Sight
 from mitt.link.stamps import Stamps
@@ -35,10 +35,6 @@ _THROWN = 1.0
 _LOOK = 0.003
 #: How far from the ready pose the arm may rest [rad], and how long it may take beyond its time [s].
 _NEAR, _PATIENCE = 0.03, 1.0
-#: How far outside its range a joint may be read before a unit is doubted [rad].
-_OUTSIDE = 0.5
-#: Speed of a joint from which an arm is not at rest [rad/s]: more than a count of an encoder.
-_MOVES = 0.5
 #: Time within which a stop has to end [s], and time after a release in which the robot may still
 #: say why it had stopped before [s].
 _STOPS, _GRACE = 2.0, 0.05
@@ -105,19 +101,8 @@ class LiveLoop:
         self._robot.points()
         if not readings:
             return "no joint states"
-        q, low, high = readings[-1].q, self._arm.q_min - _OUTSIDE, self._arm.q_max + _OUTSIDE
-        outside = np.flatnonzero((q < low) | (q > high))
-        if len(outside):
-            k = int(outside[0])
-            raise InputError(f"position of {self._arm.names[k]}",
-                             f"{self._arm.q_min[k]:.2f} to {self._arm.q_max[k]:.2f} rad",
-                             f"{q[k]:.4g}", do="joint states are in radians (REP 103); is it in"
-                             " degrees, or another joint?")  # fmt: skip
-        if not np.all(np.isfinite(q)):
-            return "joint positions that are no numbers"
-        if np.any(np.abs(readings[-1].dq) > _MOVES):
-            return "the arm moves already"
-        return self._robot.trouble() or self._sight.open()
+        wrong = wrong_with(self._arm, readings[-1])
+        return wrong or self._robot.trouble() or self._sight.open()
 
     def begin(self) -> None:
         """Move to the ready pose from here: a person has said that the arm may move."""
