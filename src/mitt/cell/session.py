@@ -21,8 +21,8 @@ from mitt.link.modes import Mode, Recorder
 from mitt.link.robot import Robot, RobotLink
 from mitt.link.sight import FrameSource
 
-#: Time between two lines on what is waited for [s], and for the last throw's verdict [s].
-_LINES, _VERDICT = 5.0, 1.5
+#: Time between two lines on what is waited for [s].
+_LINES = 5.0
 #: Most ticks of a rehearsal.
 _REHEARSED = 8000
 #: Cycles between two looks at what is no part of the loop.
@@ -171,7 +171,6 @@ class Session:
     def _caught_all(self) -> bool:
         """Go on until all throws are made, or the arm is stopped; say whether all are."""
         loop, count, wanted = self._loop, 0, self._throws
-        until = float("inf")
         while loop.mode is not Mode.STOPPED:
             loop.cycle()
             count += 1
@@ -184,10 +183,8 @@ class Session:
             made = wanted is not None and loop.counts.throws >= wanted
             told = any(said.get("done") for said in self.verdicts)
             if (made or told) and loop.idle:
-                until = min(until, monotonic() + _VERDICT)
-                if told or monotonic() > until:
-                    loop.finish()
-                    return True
+                loop.finish()
+                return True
         return False
 
     @contextmanager
