@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +15,7 @@ from mitt.cli import main
 from mitt.commands.live_table import picture
 from mitt.errors import InputError
 from mitt.link.modes import Mode
+from mitt.signals import Command
 
 #: A domain that no other test and nobody else here uses.
 DOMAIN = "171"
@@ -104,6 +106,25 @@ def test_a_fault_ends_a_session_that_nobody_can_answer() -> None:
     assert not s.run()
     assert any("protective stop" in line for line in said)
     assert s.summary()["stops"] == [cell.loop.why]
+
+
+def test_ctrl_c_in_a_catch_is_a_controlled_stop() -> None:
+    """The arm comes to rest within its limits, then the session ends and says by what."""
+    cell, said = LocalCell(throws=1), list[str]()
+    s = session(cell, said, yes=True, throws=1)
+
+    def interrupt(_: Command) -> bool:
+        if cell.fastest > 1.5 and not s.signal:
+            os.kill(os.getpid(), signal.SIGINT)
+        return True
+
+    cell.robot.on_write = interrupt
+    assert not s.run()
+    assert s.signal == signal.SIGINT
+    assert any("interrupted by SIGINT" in line for line in said)
+    assert cell.fastest < 0.05
+    assert cell.robot.braked[-1]
+    assert cell.simulated.violations == 0
 
 
 def test_the_live_table_shows_each_number() -> None:
