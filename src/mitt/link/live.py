@@ -22,7 +22,7 @@ from mitt.link.robot import RobotLink
 from mitt.link.sight import FrameSource, Sight
 from mitt.link.stamps import Stamps
 from mitt.robot.arm import Arm
-from mitt.signals import TICK, ArmState, Array, Command, Frame, Sighting, senses_of
+from mitt.signals import TICK, ArmState, Command, Frame, Sighting, senses_of
 
 #: Readings lost in a row that are bridged; more are an overrun.
 _BRIDGED = 18
@@ -35,6 +35,8 @@ _THROWN = 1.0
 _LOOK = 0.003
 #: How far from the ready pose the arm may rest [rad], and how long it may take beyond its time [s].
 _NEAR, _PATIENCE = 0.03, 1.0
+#: Speeds below which an arm rests, commanded and estimated [rad/s].
+_REST, _STILL = 1e-3, 0.05
 #: Time within which a stop has to end [s], and time after a release in which the robot may still
 #: say why it had stopped before [s].
 _STOPS, _GRACE = 2.0, 0.05
@@ -207,7 +209,7 @@ class LiveLoop:
         if self._stamps.fault and self.mode is not Mode.STOPPING:
             self.stop(f"the robot's stamps jumped: {self._stamps.fault}")
         if self.mode is Mode.STOPPING:
-            rests = catcher.phase is Phase.STOPPED and self._rests(catcher.result.command[1])
+            rests = catcher.phase is Phase.STOPPED and self._rests()
             if rests or t > self._until:
                 self._halt()
         elif catcher.phase is Phase.STOPPED:
@@ -226,7 +228,7 @@ class LiveLoop:
             self._until = now + len(way) * TICK
         elif now > self._until:
             gap = float(np.max(np.abs(catcher.estimated[0] - ready)))
-            if gap < _NEAR and self._rests(catcher.estimated[1] * 0.02):
+            if gap < _NEAR and self._rests():
                 self._fresh()
                 self.mode = Mode.CATCHING
             elif now > self._until + _PATIENCE:
@@ -254,7 +256,7 @@ class LiveLoop:
         """Go back after a stop for the ball's sake; else stay, once at rest."""
         found = catcher.stopped_by
         if found is not None and (self._missed or found.reason is Reason.LOST):
-            if self._rests(catcher.result.command[1]):
+            if self._rests():
                 self.counts.stopped += not self._missed
                 self._over()
             return
@@ -295,7 +297,7 @@ class LiveLoop:
             self.why = self.why if self.mode is Mode.STOPPING else why
             self._halt()
 
-    @staticmethod
-    def _rests(dq: Array) -> bool:
-        """Say whether speeds are those of rest."""
-        return bool(np.all(np.abs(dq) < 1e-3))
+    def _rests(self) -> bool:
+        """Say whether the arm is commanded to rest, and does."""
+        told, estimated = self._catcher.result.command[1], self._catcher.estimated[1]
+        return bool(np.all(np.abs(told) < _REST) and np.all(np.abs(estimated) < _STILL))
