@@ -10,8 +10,9 @@ reader that is too late has lost frames, and knows how many. x86-64 and ARM64 wi
 
 from collections.abc import Sequence
 from contextlib import suppress
-from multiprocessing import resource_tracker
+from mmap import ACCESS_READ, mmap
 from multiprocessing.shared_memory import SharedMemory
+from pathlib import Path
 from typing import NamedTuple, Self, final
 
 import numpy as np
@@ -20,6 +21,8 @@ from numpy.typing import NDArray
 from mitt.errors import InputError
 from mitt.signals import Frame, Image
 
+#: Where Linux shows shared memories.
+_FOLDER = Path("/dev/shm")  # noqa: S108 (made by SharedMemory, for its owner alone)
 #: Says that a memory is such a ring, and in which version.
 _MAGIC = 0x6D697474_0001
 #: Frames in a ring: what a reader may be late by [ticks].
@@ -54,19 +57,12 @@ def _checked(name: str) -> str:
     return name
 
 
-def _bytes(memory: SharedMemory) -> memoryview:
-    """Return the bytes of an open memory."""
-    assert memory.buf is not None
-    return memory.buf
-
-
 class _Ring:
     """The parts of the memory."""
 
-    def __init__(self, memory: SharedMemory) -> None:
+    def __init__(self, memory: memoryview) -> None:
         """Lay them out as the header says."""
-        self._memory = memory
-        self._head: NDArray[np.int64] = np.frombuffer(_bytes(memory), np.int64, 8)
+        self._head: NDArray[np.int64] = np.frombuffer(memory, np.int64, 8)
         _, cameras, height, width, slots, *_ = self._head.tolist()
         self._size = _SLOT_HEAD + (cameras * height * width + 7) // 8 * 8
         shape = (cameras, height, width)
@@ -75,15 +71,14 @@ class _Ring:
         self._images: list[NDArray[np.uint8]] = []
         for k in range(slots):
             at = _HEAD + k * self._size
-            self._counts.append(np.frombuffer(_bytes(memory), np.int64, 3, at))
-            self._stamps.append(np.frombuffer(_bytes(memory), np.float64, 3, at))
-            pixels = np.frombuffer(_bytes(memory), np.uint8, int(np.prod(shape)), at + _SLOT_HEAD)
+            self._counts.append(np.frombuffer(memory, np.int64, 3, at))
+            self._stamps.append(np.frombuffer(memory, np.float64, 3, at))
+            pixels = np.frombuffer(memory, np.uint8, int(np.prod(shape)), at + _SLOT_HEAD)
             self._images.append(pixels.reshape(shape))
 
     def close(self) -> None:
-        """Give the memory up."""
+        """Give the memory up: it goes with the last array in it."""
         del self._head, self._counts, self._stamps, self._images
-        self._memory.close()
 
 
 @final
@@ -95,11 +90,12 @@ class FrameWriter(_Ring):
         size = _HEAD + SLOTS * (_SLOT_HEAD + (cameras * height * width + 7) // 8 * 8)
         with suppress(FileNotFoundError):
             SharedMemory(_checked(name)).unlink()
-        memory = SharedMemory(name, create=True, size=size)
-        head: NDArray[np.int64] = np.frombuffer(_bytes(memory), np.int64, 8)
+        self._memory = SharedMemory(name, create=True, size=size)
+        assert self._memory.buf is not None
+        head: NDArray[np.int64] = np.frombuffer(self._memory.buf, np.int64, 8)
         head[:6] = _MAGIC, cameras, height, width, SLOTS, 0
         del head
-        super().__init__(memory)
+        super().__init__(self._memory.buf)
 
     def write(self, t: float, images: Sequence[Image]) -> None:
         """Write images that were exposed together at a stamp [s]."""
@@ -114,9 +110,9 @@ class FrameWriter(_Ring):
 
     def close(self) -> None:
         """Take the memory away; who reads it may finish."""
-        memory = self._memory
         super().close()
-        memory.unlink()
+        self._memory.close()
+        self._memory.unlink()
 
 
 @final
@@ -134,17 +130,17 @@ class FrameReader(_Ring):
         Raises:
             InputError: There is none, it is no ring, or its images are others.
         """
+        file = _FOLDER / _checked(name)
         try:
-            memory = SharedMemory(_checked(name))
-        except (FileNotFoundError, ValueError):
+            with file.open("rb") as opened:  # SharedMemory of a reader would remove it at its end
+                memory = memoryview(mmap(opened.fileno(), 0, access=ACCESS_READ))
+        except (OSError, ValueError):
             given = f"none called {name}"
             raise InputError("source.memory", "a shared memory that the cameras write", given,
                              do="start the cameras first") from None  # fmt: skip
-        # Python 3.11 would take the memory away when any process that has opened it ends.
-        resource_tracker.unregister(f"/{name}", "shared_memory")
-        if memory.size < _HEAD:
-            raise InputError("source.memory", "a ring of frames", f"{memory.size} bytes")
-        found: NDArray[np.int64] = np.frombuffer(_bytes(memory), np.int64, 8)
+        if len(memory) < _HEAD:
+            raise InputError("source.memory", "a ring of frames", f"{len(memory)} bytes")
+        found: NDArray[np.int64] = np.frombuffer(memory, np.int64, 8)
         head = [int(x) for x in found]
         del found
         wanted = [len(shapes), *shapes[0]]
@@ -155,7 +151,7 @@ class FrameReader(_Ring):
                              head[1:4], do="take the rig of these cameras")  # fmt: skip
         return cls(memory)
 
-    def __init__(self, memory: SharedMemory) -> None:
+    def __init__(self, memory: memoryview) -> None:
         """Begin with the next frame."""
         super().__init__(memory)
         self._next, self.lost = int(self._head[_WRITTEN]) + 1, 0
