@@ -9,14 +9,13 @@ from mitt.cell.simulated import Port, SimulatedCell
 from mitt.link.clock import monotonic, sleep_until, time_of_day
 from mitt.link.realtime import hurried, uncollected
 from mitt.signals import TICK
-from mitt.trials.score import HELD_AFTER
 from mitt.trials.source import Source
 from mitt.world.scene import Scene
 
 #: Lateness from which time is left out instead of made up for [s].
 _SLIP = 0.003
-#: How long the cell goes on after its last throw [s].
-_AFTER = 3.0 + HELD_AFTER
+#: Longest that the cell goes on after its last throw until its brakes are engaged [s].
+_AFTER = 10.0
 
 __all__ = ["Server", "serve"]
 
@@ -63,8 +62,8 @@ class Server:
                 due += late
             self.late += late > TICK
             cell.act()
-            if cell.done and end == float("inf"):
-                end = monotonic() + _AFTER
+            if cell.done:
+                end = min(end, monotonic() + _AFTER) if cell.released else monotonic()
 
     def summary(self) -> dict[str, Any]:
         """Return what was thrown and what became of it."""

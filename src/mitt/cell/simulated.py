@@ -129,6 +129,11 @@ class SimulatedCell:
         return self._base + self._world.t
 
     @property
+    def released(self) -> bool:
+        """Whether the robot expects commands: its brakes are not engaged."""
+        return self._controller.released
+
+    @property
     def truth(self) -> Truth:
         """True state now, for tests and benchmarks."""
         return self._world.truth()
