@@ -101,11 +101,11 @@ def test_too_few_views_are_refused() -> None:
 
 def test_images_come_from_another_rig_than_the_catcher_has() -> None:
     """Drawn from the trial's seed: other trials have other rigs, an exact scene has none."""
-    from mitt.trials.runner import _cameras  # noqa: PLC0415 (beside its use)
+    from mitt.trials.runner import cameras_of  # noqa: PLC0415 (beside its use)
 
     rig = fixed_rig()
     for views, equal in ((0, True), (20, False)):
-        made = _cameras(rig, scene_of({"sensing": {"views": views}}, place="x.toml"))
+        made = cameras_of(rig, scene_of({"sensing": {"views": views}}, place="x.toml"))
         optics = [made(np.random.default_rng(k)).film[0][2].copy() for k in (1, 1, 2)]
         assert np.array_equal(optics[0], optics[1])
         assert np.array_equal(optics[0], optics[2]) is equal

@@ -34,8 +34,10 @@ from mitt.catcher.settings import (
     FOLLOW,
     PHASES,
     REFINES,
+    REFUSED,
     STOPPED,
     STOPS,
+    WATCH,
     CatcherSettings,
     Phase,
 )
@@ -57,7 +59,7 @@ from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.mapping import DirectMap
 from mitt.generator.several import Several
 from mitt.robot.arm import Arm
-from mitt.signals import ArmState, Array, Command, Frame, Image, Senses
+from mitt.signals import TICK, ArmState, Array, Command, Frame, Image, Senses
 from mitt.vision.eyes import Eyes
 
 __all__ = ["Catcher", "CatcherSettings", "Phase", "Tick"]
@@ -168,6 +170,11 @@ class Catcher:
     def phase(self) -> Phase:
         """What the catcher is about in the next tick."""
         return PHASES[self._planner.phase]
+
+    @property
+    def braking(self) -> float:
+        """Time that braking, or a motion of :meth:`move`, takes from its start to rest [s]."""
+        return float(len(self._planner.brake) * TICK)
 
     @property
     def looking(self) -> bool:
@@ -288,6 +295,25 @@ class Catcher:
     def stop(self) -> None:
         """Stop with the next tick, within all limits, and stay until :meth:`recover`."""
         self._scalars["stop_requested"] = True
+
+    def move(self, motion: Array) -> None:
+        """Move the waiting or braked arm along a motion instead of catching, within all limits.
+
+        The hand stays as it is. The way is over for good: a throw takes a fresh catcher.
+
+        Args:
+            motion: q, dq, ddq each tick from the last command on, the last row at rest, shape
+                (k, 3, n) [rad ...].
+
+        Raises:
+            InputError: The arm was not commanded to rest by now, or the catcher has stopped.
+        """
+        motion = checks.array("motion", motion, (None, 3, self._arm.n), finite=True)
+        at_rest = bool(np.all(np.abs(self.result.command[1]) < _AT_REST))
+        waits = self._planner.phase in (WATCH, REFUSED, BRAKE)
+        if not waits or not at_rest or not self._ticked:
+            raise InputError("move", "a catcher that waits, its arm at rest", self.phase)
+        self._planner.move(motion, self._clock.item())
 
     def recover(self, *, checked: bool = False) -> None:
         """Release the brakes and watch for a ball again, from where the encoders say the arm is.

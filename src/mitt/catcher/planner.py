@@ -212,6 +212,12 @@ class Planner:
             self._state.alpha[:] = refined.map.alpha
             self.certificate = refined.certificate(ball)
 
+    def move(self, motion: Array, t: float) -> None:
+        """Follow a motion from now on, as if it were that of the brake; see ``Catcher.move``."""
+        self.brake = motion
+        self._scalars["t_brake"] = t
+        self._enter(BRAKE)
+
     def _grasp(self) -> None:
         """Brake from the last command on: the fingers will have closed.
 

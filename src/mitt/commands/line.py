@@ -18,6 +18,8 @@ _OPTIONS: dict[str, Callable[..., object]] = {
     "catch": of.CatchOptions,
     "learn": of.LearnOptions,
     "design": of.DesignOptions,
+    "run": of.RunOptions,
+    "sim": of.SimOptions,
     "study": of.StudyOptions,
     "report": of.ReportOptions,
     "track": cameras.TrackOptions,

@@ -148,6 +148,47 @@ class DesignOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RunOptions:
+    """Catch with the robot of a cell, throw after throw, until stopped.
+
+    The arm moves only once Enter was pressed or --yes was said; after a stop, only once it is said
+    again (docs/cell.md).
+
+    Attributes:
+        cell: A cell that ships (wam-sim), or a CELL.toml file.
+        throws: Number of throws; as many as the cell says, or until stopped, if left out.
+        yes: The arm may move at once: somebody watches it.
+        out: New folder for a recording of the catches, for mitt replay and mitt view.
+    """
+
+    cell: Annotated[str, Positional, arg(metavar="CELL")]
+    throws: Annotated[int | None, arg(metavar="N")] = None
+    yes: bool = False
+    out: Annotated[Path | None, arg(metavar="DIR")] = None
+    json: Json = False
+    check: Check = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimOptions:
+    """Be a cell in simulation, in real time: robot, thrower, and what sees the ball.
+
+    Attributes:
+        cell: A cell that ships (wam-sim), or a CELL.toml file.
+        throws: Number of throws; until stopped if left out.
+        seed: Seed of throws, plant and noise.
+        scene: The world: ideal, lab or rough, or a TOML file; lab with the cell's ball if left out.
+    """
+
+    cell: Annotated[str, Positional, arg(metavar="CELL")]
+    throws: Annotated[int | None, arg(metavar="N")] = None
+    seed: Annotated[int, arg(metavar="S")] = 0
+    scene: Annotated[str | None, arg(metavar="NAME|TOML")] = None
+    json: Json = False
+    check: Check = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StudyOptions:
     """Many throws: several generators in a grid of conditions; write tables and a summary.
 

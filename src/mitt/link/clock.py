@@ -20,6 +20,11 @@ monotonic = time.monotonic
 
 pause = time.sleep
 """Waits for a time [s]."""
+time_of_day = time.time
+"""Returns the time since 1970 [s], as ROS 2 stamps it; it may be set at any time."""
+
+#: Time before a deadline from which it is waited for by spinning [s].
+_SPIN = 1.2e-4
 
 _CLOCK = time.CLOCK_MONOTONIC
 _clock_gettime = types.ExternalFunction("clock_gettime", types.intc(types.intc, types.intp))
@@ -110,3 +115,15 @@ class Pace:
         self._begun = self._begun or (now, done)
         start, before = self._begun
         return None if done <= before else (now - start) / (done - before) * (of - done)
+
+
+def sleep_until(t: float) -> float:
+    """Sleep until the steady clock shows ``t`` [s], spinning at the end; return how late it is [s].
+
+    Sleep ends 0.1 ms late in the median, spinning does not; but it takes the core.
+    """
+    while (left := t - time.monotonic()) > _SPIN:
+        time.sleep(left - _SPIN)
+    while (now := time.monotonic()) < t:
+        pass
+    return now - t

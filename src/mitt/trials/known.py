@@ -51,6 +51,11 @@ def driven(arm: Arm, scene: Scene) -> Arm:
     """
     if scene.actuation == Actuation() and scene.sensing.encoder_step == 0.0:
         return arm
+    return reserved(arm)
+
+
+def reserved(arm: Arm) -> Arm:
+    """Return an arm with a share of its torque left for drives that lag behind their commands."""
     limits, left = arm.limits, 1.0 - RESERVE
     weaker = replace(limits, tau_peak=left * limits.tau_peak, tau_stall=left * limits.tau_stall)
     return Arm(arm.model, weaker)

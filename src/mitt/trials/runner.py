@@ -88,7 +88,7 @@ class TrialRunner:
         """
         self.arm, self._generator, self._scene, self._pixels = arm, generator, scene, pixels
         self.rig = active_rig() if scene.sensing.cameras == "active" else fixed_rig()
-        cameras = _cameras(self.rig, scene) if pixels else None
+        cameras = cameras_of(self.rig, scene) if pixels else None
         self.world = World(scene, arm.model, cameras=cameras, limits=arm.limits)
         self.stopwatch = Stopwatch()
         self._catcher, self.views = self._made(), list[tuple[Frame, ...]]()
@@ -274,7 +274,7 @@ def _max_tracking_error(generator: Generator) -> float:
     return np.inf if plain else CatcherSettings().max_tracking_error
 
 
-def _cameras(rig: Rig, scene: Scene) -> Callable[[np.random.Generator], Imager]:
+def cameras_of(rig: Rig, scene: Scene) -> Callable[[np.random.Generator], Imager]:
     """Return what sets up the cameras of a trial."""
     sensing, sensor = scene.sensing, sensor_of(scene)
     calibrated = sensing.views > 0 and not rig.heads

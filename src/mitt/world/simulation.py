@@ -138,16 +138,19 @@ class World:
         """Whether the physics broke down in this trial, or a command was not finite."""
         return bool(self._state[motion.BROKEN])
 
-    def reset(self, ball: Throw | BallPath, seed: int) -> None:
+    def reset(self, ball: Throw | BallPath, seed: int, *, stay: bool = False) -> None:
         """Start a trial.
 
         Args:
             ball: A throw, which flies freely, or a path, which leads the ball until it is touched.
             seed: Seed of the plant mismatch and of all noise in this trial.
+            stay: Whether arm and fingers go on from where they are, not from the ready pose.
         """
         seed = checks.whole("seed", seed, least=0)
         if not isinstance(ball, Throw | BallPath):
             raise InputError("ball", "a Throw or a BallPath", checks.shown(ball))
+        size = self._n + self._f
+        kept = self.data.qpos[:size].copy(), self.data.qvel[:size].copy()
         plant, noise, own = (
             np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)
         )
@@ -164,6 +167,8 @@ class World:
             ball = faults.ball
         mujoco.mj_resetData(self.model, self.data)
         self.data.qpos[: self._n] = self._arm.q_ready
+        if stay:
+            self.data.qpos[:size], self.data.qvel[:size] = kept
         if isinstance(ball, Throw):
             self._ball[0][:], self._ball[1][:] = ball.r, ball.dr
             self._start(None, drawn)

@@ -1,0 +1,130 @@
+"""A simulated cell in this process: time goes on by a tick with each reading, never by itself."""
+
+from collections.abc import Sequence
+from typing import NamedTuple, final
+
+import numpy as np
+
+from mitt.cell.simulated import SimulatedCell
+from mitt.link.frames import FrameSet
+from mitt.signals import ArmState, Array, Command, Image, Sighting
+
+
+@final
+class _Answer(NamedTuple):
+    """A command and the reading that it answers."""
+
+    answers: float
+    joints: Array
+    hand: float
+
+
+@final
+class LocalPort:
+    """Keeps what a simulated cell publishes until the robot of the same process reads it."""
+
+    def __init__(self, sigma: float) -> None:
+        """Keep nothing yet; ``sigma`` is that of the points [m]."""
+        self._covariance = sigma**2 * np.eye(3)
+        self.states, self.points = list[ArmState](), list[Sighting]()
+        self.sets, self._number = list[FrameSet](), 0
+        self.said, self.results = "", list[str]()
+        self.told: _Answer | None = None
+        self.braked: bool | None = None
+
+    def state(self, t: float, q: Array, dq: Array) -> None:
+        """Keep a reading."""
+        self.states.append(ArmState(t=t, q=q, dq=dq))
+
+    def ball(self, t: float, r_o: Array) -> None:
+        """Keep a position."""
+        self.points.append(Sighting(t=t, found=True, r_o=r_o, covariance=self._covariance))
+
+    def frames(self, t: float, images: Sequence[Image]) -> None:
+        """Keep images."""
+        self._number += 1
+        self.sets.append(FrameSet(t, self._number, tuple(images)))
+
+    def open(self) -> str:
+        """Nothing is ever wrong with these cameras."""
+        return ""
+
+    def take(self) -> Sequence[FrameSet]:
+        """Return all images since the last call."""
+        taken, self.sets = self.sets, []
+        return taken
+
+    def status(self, t: float, trouble: str) -> None:  # noqa: ARG002 (of the protocol)
+        """Keep how the robot is."""
+        self.said = trouble
+
+    def result(self, said: str) -> None:
+        """Keep how a throw ended."""
+        self.results.append(said)
+
+    def command(self) -> _Answer | None:
+        """Return the newest command since the last call."""
+        told, self.told = self.told, None
+        return told
+
+    def brake(self) -> bool | None:
+        """Return what was said to the brakes since the last call."""
+        said, self.braked = self.braked, None
+        return said
+
+    def close(self) -> None:
+        """Nothing is to be taken away."""
+
+
+@final
+class LocalRobot:
+    """The robot of a simulated cell in this process; see :class:`mitt.link.robot.Robot`.
+
+    Attributes:
+        brakes: It has brakes.
+    """
+
+    brakes = True
+
+    def __init__(self, simulated: SimulatedCell, port: LocalPort) -> None:
+        """Take the cell and its port."""
+        self._simulated, self._port, self._begun = simulated, port, False
+
+    def read(self, timeout: float) -> Sequence[ArmState]:
+        """Let what was commanded act for a tick, and return the reading after it."""
+        if timeout > 0.0:
+            if self._begun:
+                self._simulated.act()
+            self._begun = True
+            self._simulated.tick()
+        taken, self._port.states = self._port.states, []
+        return taken
+
+    def points(self) -> Sequence[Sighting]:
+        """Return the positions since the last call."""
+        taken, self._port.points = self._port.points, []
+        return taken
+
+    def write(self, command: Command, answers: float) -> None:
+        """Leave a command for the next tick."""
+        self._port.told = _Answer(answers, command.joints, command.hand)
+
+    def engage_brakes(self) -> None:
+        """Leave word for the brakes."""
+        self._port.braked = True
+
+    def release(self) -> None:
+        """Leave word for the brakes and the watchdog."""
+        self._port.braked = False
+
+    def trouble(self) -> str:
+        """Return why the robot takes no commands."""
+        return self._port.said
+
+    def news(self) -> Sequence[str]:
+        """Return how throws ended since the last call."""
+        taken, self._port.results = self._port.results, []
+        return taken
+
+    def close(self) -> None:
+        """Nothing is to be given up."""

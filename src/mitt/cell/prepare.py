@@ -1,0 +1,163 @@
+"""From a cell file to what runs it: arm, map, catcher, world, balls."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import final
+
+import numpy as np
+
+from mitt.catcher.catcher import Catcher, CatcherSettings
+from mitt.control.encoders import Encoders
+from mitt.errors import MittError
+from mitt.files.about import About
+from mitt.files.arm_file import is_arm_file, read_arm_file
+from mitt.files.cell import Cell, arm_of, around_of, rig_of
+from mitt.files.maps import read_map, save_map
+from mitt.generator.design import MapDesign, default_design
+from mitt.generator.generators import Direct
+from mitt.generator.learn import Learned
+from mitt.generator.mapping import DirectMap
+from mitt.jit import cache_folder
+from mitt.robot.arm import Arm
+from mitt.robot.identity import identity_of
+from mitt.robot.shapes import Surroundings
+from mitt.trials.known import known_ball, reserved
+from mitt.trials.learning import learn
+from mitt.trials.neighbourhood import neighbourhood_of_ball
+from mitt.trials.source import Source, source_of, widened
+from mitt.version import __version__
+from mitt.vision.camera import Rig
+from mitt.vision.eyes import Eyes, EyesConfig
+from mitt.vision.triangulation import TriangulatorConfig
+from mitt.world.scene import Ball, Scene
+from mitt.world.scenes import named_scene, read_scene
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PreparedCell:
+    """A cell whose file was read and found good.
+
+    Attributes:
+        cell: What the file says.
+        arm: The arm.
+        around: What stands around it.
+        design: Design of its map.
+        learned: Its map, where the file names one.
+        rig: Its cameras.
+    """
+
+    cell: Cell
+    arm: Arm
+    around: Surroundings
+    design: MapDesign
+    learned: Learned | None
+    rig: Rig
+
+
+def prepare(cell: Cell) -> PreparedCell:
+    """Return a cell whose arm, zones and map were found to fit.
+
+    Raises:
+        MittError: Something does not fit; the message says what.
+    """
+    arm = arm_of(cell)
+    around = around_of(cell, arm)
+    learned = None if cell.map is None else read_map(Path(cell.map), arm)
+    if learned is not None:
+        design = learned.map.design
+    else:
+        base = read_arm_file(Path(cell.arm.file)).map if is_arm_file(cell.arm.file) else None
+        design = default_design(arm, base=base)
+    return PreparedCell(
+        cell=cell, arm=arm, around=around, design=design, learned=learned, rig=rig_of(cell)
+    )
+
+
+def map_of(prepared: PreparedCell) -> DirectMap:
+    """Return the map of a cell: its own, one that was learned for the same before, or a new one."""
+    if prepared.learned is not None:
+        return prepared.learned.map
+    arm, drag, kept = prepared.arm, prepared.cell.ball.drag, _kept_map(prepared)
+    if kept is not None and kept.exists():
+        try:
+            return read_map(kept, arm).map
+        except MittError:
+            pass  # of another version: learned anew
+    found = learn(arm, design=prepared.design, around=neighbourhood_of_ball(drag))
+    if kept is not None:
+        save_map(kept, found, version=__version__)
+    return found.map
+
+
+def _kept_map(prepared: PreparedCell) -> Path | None:
+    """Return where the map of a cell is kept between runs; None where nothing can be kept."""
+    import hashlib  # noqa: PLC0415
+    import json  # noqa: PLC0415
+    from dataclasses import asdict  # noqa: PLC0415
+
+    folder = cache_folder()
+    if folder is None:
+        return None
+    of = [identity_of(prepared.arm), asdict(prepared.design), prepared.cell.ball.drag, __version__,
+          prepared.arm.limits.name]  # fmt: skip
+    name = hashlib.sha256(json.dumps(of, sort_keys=True).encode()).hexdigest()[:24]
+    return folder / "maps" / f"{name}.json"
+
+
+def about_of(prepared: PreparedCell, f: DirectMap) -> About:
+    """Return what makes the catcher of a cell, as its recordings say it."""
+    cell, ball, arm = prepared.cell, prepared.cell.ball, prepared.arm
+    settings = CatcherSettings(
+        ball_mass=ball.mass,
+        ball_radius=ball.radius,
+        ball_restitution=ball.restitution,
+        ball_friction=ball.friction,
+        flight=known_ball(ball.drag, ball.mass, spread=ball.drag_spread),
+        around=prepared.around,
+        encoders=Encoders(step=tuple(arm.encoder_step.tolist())),
+        torque_lead=cell.robot.delay,
+    )
+    floor = float(np.hypot(TriangulatorConfig().sigma_floor, cell.source.calibration_px))
+    config = EyesConfig(ball_radius=ball.radius, triangulator=TriangulatorConfig(sigma_floor=floor))
+    return About(
+        arm=arm, generator="direct", maps=(f,), settings=settings, rig=prepared.rig, eyes=config,
+        driven=reserved(arm).limits, notes={"cell": cell.name},
+    )  # fmt: skip
+
+
+def catchers(prepared: PreparedCell, f: DirectMap) -> tuple[Catcher, Callable[[Catcher], Catcher]]:
+    """Return a catcher of a cell, and what makes a fresh one of it for another throw."""
+    of, generator = about_of(prepared, f), Direct(f)
+    first = Catcher(of.driven_arm, generator, Eyes(of.rig, of.eyes), settings=of.settings)
+    return first, lambda catcher: catcher.again(generator)
+
+
+def scene_of_cell(cell: Cell, scene: str | None) -> Scene:
+    """Return the world of a simulated cell: a scene, by default ``lab`` with the cell's ball."""
+    if scene is not None:
+        return read_scene(scene)
+    lab, ball = named_scene("lab"), cell.ball
+    thrown = lab.ball.model_copy(
+        update={"radius": ball.radius, "mass": ball.mass, "drag": ball.drag}
+    )
+    sensing = lab.sensing.model_copy(update={"point_noise": cell.source.sigma})
+    update = {"ball": Ball.model_validate(thrown), "sensing": sensing, "floor": cell.floor}
+    return lab.model_copy(update=update)
+
+
+def balls_of(prepared: PreparedCell, scene: Scene, *, seed: int, count: int | None) -> Source:
+    """Return what a simulated cell throws."""
+    from mitt.generator.mapping import unlearned  # noqa: PLC0415
+
+    f = unlearned(prepared.arm, prepared.design)
+    source = source_of(f, seed=seed, count=count, drag=scene.ball.drag)
+    file = prepared.cell.arm.file
+    throws = read_arm_file(Path(file)).throws if is_arm_file(file) else None
+    return source if throws is None else widened(source, throws)
+
+
+def endless() -> int:
+    """Return the number of throws of a cell that goes on until it is stopped."""
+    return int(np.iinfo(np.int32).max)

@@ -1,0 +1,247 @@
+"""A simulated cell: a thrower, a robot with its own controller, and what sees the ball.
+
+It goes on by a millisecond a tick, whether commands come or not. A ball is thrown when the arm has
+been at rest in its ready pose for a while and is under command; it is taken away once it is clear
+how the throw ended.
+"""
+
+import json
+from collections.abc import Callable, Sequence
+from typing import Protocol, final
+
+import numpy as np
+
+from mitt.cell.controller import Controller, Told
+from mitt.files.cell import Cell
+from mitt.link.clock import Stopwatch
+from mitt.robot.arm import Arm
+from mitt.signals import TICK, Array, Command, Image
+from mitt.trials.drives import COMMANDED, MEASURED, drive_loads
+from mitt.trials.runner import LONGEST, cameras_of
+from mitt.trials.score import HELD_AFTER, held
+from mitt.trials.source import Source
+from mitt.vision.camera import Rig
+from mitt.world.contacts import ARM_FLOOR, SELF
+from mitt.world.flights import BallPath
+from mitt.world.scene import Scene
+from mitt.world.simulation import World
+from mitt.world.throws import Throw
+from mitt.world.truth import Trace, Truth
+
+#: For how long the arm rests in its ready pose before a throw [s], how near [rad], how slow
+#: [rad/s].
+_SETTLED, _NEAR, _SLOW = 0.8, 0.05, 0.05
+#: Where a ball lies that nobody has thrown, behind the cameras [m], and for how long before it is
+#: put there anew [s].
+_ASIDE, _ANEW = -30.0, 10.0
+#: Ticks between two messages on how the robot is.
+_STATUS = 100
+#: Ticks after which those beyond a limit are counted.
+_CHECKED = 100
+#: Readings whose times are kept to tell the age of the command that answers them.
+_KEPT = 256
+
+
+class Answer(Told, Protocol):
+    """A command that says which reading it answers."""
+
+    @property
+    def answers(self) -> float:
+        """Stamp of the reading [s]."""
+
+
+class Port(Protocol):
+    """Where a simulated cell publishes and hears."""
+
+    def state(self, t: float, q: Array, dq: Array) -> None:
+        """Publish a reading of the encoders."""
+
+    def ball(self, t: float, r_o: Array) -> None:
+        """Publish a position of the ball."""
+
+    def frames(self, t: float, images: Sequence[Image]) -> None:
+        """Publish images that were exposed together."""
+
+    def status(self, t: float, trouble: str) -> None:
+        """Publish how the robot is."""
+
+    def result(self, said: str) -> None:
+        """Publish how a throw ended, as JSON."""
+
+    def command(self) -> Answer | None:
+        """Return the newest command since the last call."""
+
+    def brake(self) -> bool | None:
+        """Return whether brakes are to be engaged or released; None where nothing was said."""
+
+    def close(self) -> None:
+        """Take away what others should not find any more."""
+
+
+@final
+class SimulatedCell:
+    """A cell in simulation.
+
+    Attributes:
+        done: Whether all throws were made and judged.
+        statuses: How each throw ended.
+        violations: Ticks beyond a limit so far, true or commanded.
+        ages: Ages of the commands that acted.
+    """
+
+    def __init__(
+        self, cell: Cell, arm: Arm, scene: Scene, source: Source, port: Port,
+        *, rig: Rig, clock: Callable[[], float], started: float = 0.0,
+    ) -> None:  # fmt: skip
+        """Set the cell up: the arm on its brakes in its ready pose.
+
+        Args:
+            cell: What its file says.
+            arm: The arm.
+            scene: The world.
+            source: What is thrown; ``count`` throws.
+            port: Where it publishes and hears.
+            rig: The cameras, where they see images.
+            clock: The steady clock [s], by which ages of commands are told.
+            started: Stamp of the first reading [s].
+        """
+        self._arm, self._source, self._port, self._clock = arm, source, port, clock
+        cameras = cameras_of(rig, scene) if cell.source.kind == "images" else None
+        self._sees = cameras is not None
+        self._world = World(scene, arm.model, cameras=cameras, limits=arm.limits)
+        self._controller = Controller(arm, cell.robot.watchdog, cell.robot.takes)
+        self._base, self._ticks, self._next, self._flying = started, 0, 0, False
+        self._settled, self.done = 0, False
+        self.statuses, self.violations, self.ages = list[str](), 0, Stopwatch()
+        self._sent = np.zeros((_KEPT, 2))
+        self._rows, self._trouble = list[Array](), ""
+        self._aside = Throw(r=np.array([_ASIDE, 0.0, scene.floor + 0.1]), dr=np.zeros(3))
+        self._world.reset(self._aside, self._seed)
+
+    @property
+    def _seed(self) -> int:
+        """Seed of the plant in the present throw, or of the next."""
+        return self._source.trial_seed(self._next)
+
+    @property
+    def t(self) -> float:
+        """Time of the cell [s], as its stamps say it."""
+        return self._base + self._world.t
+
+    @property
+    def released(self) -> bool:
+        """Whether the robot expects commands: its brakes are not engaged."""
+        return self._controller.released
+
+    @property
+    def truth(self) -> Truth:
+        """True state now, for tests and benchmarks."""
+        return self._world.truth()
+
+    def tick(self) -> None:
+        """Go on by a tick: read, publish, and let act what has come by then."""
+        world, port, t = self._world, self._port, self.t
+        senses = world.sense(look=self._flying or self._sees)
+        k = self._ticks % _KEPT
+        self._sent[k] = self._base + senses.t, self._clock()
+        port.state(float(self._sent[k, 0]), senses.arm.q, senses.arm.dq)
+        if senses.frames:
+            port.frames(self._base + senses.frames[0].t, [x.pixels for x in senses.frames])
+        for p in senses.points:
+            if p.found:
+                port.ball(self._base + p.t, p.r_o)
+        trouble = self._controller.trouble
+        if trouble != self._trouble or self._ticks % _STATUS == 0:
+            self._trouble = trouble
+            port.status(t, trouble)
+        self._ticks += 1
+
+    def act(self) -> None:
+        """Let what was commanded by now act for a tick."""
+        truth = self._world.truth()
+        q, dq, t, control = truth.q, truth.dq, self.t, self._controller
+        said = self._port.brake()
+        if said is not None:
+            (control.engage if said else control.release)(t, q, dq)
+        new = self._port.command()
+        if new is not None and control.released:
+            self._note_age(new.answers)
+        command = control.command(t, q, dq, new)
+        self._rows.append(command.joints)
+        self._world.apply(command)
+        if len(self._rows) >= _CHECKED:
+            self._check()
+        self._go_on(command, q, dq)
+
+    def _note_age(self, answers: float) -> None:
+        """Note how old a command is that begins to act."""
+        found = np.flatnonzero(np.abs(self._sent[:, 0] - answers) < 0.1 * TICK)
+        if len(found):
+            self.ages.add(np.array([round(1e9 * (self._clock() - self._sent[found[0], 1]))]))
+
+    def _go_on(self, command: Command, q: Array, dq: Array) -> None:
+        """Throw a ball, judge it, take it away."""
+        world = self._world
+        if self._flying:
+            if world.over(longest=LONGEST, held=HELD_AFTER):
+                self._judge()
+            return
+        still = np.all(np.abs(dq) < _SLOW) and np.all(np.abs(q - self._arm.q_ready) < _NEAR)
+        ready = still and self._controller.commanded and not command.brakes
+        self._settled = self._settled + 1 if ready else 0
+        if self._settled * TICK >= _SETTLED and self._next < self._source.count:
+            self._settled, self._flying = 0, True
+            self._put(self._source.ball(self._next))
+        elif world.t >= _ANEW:
+            self._put(self._aside)
+
+    def _judge(self) -> None:
+        """Say how the throw ended, and take the ball away."""
+        world = self._world
+        if world.diverged:
+            status = "aborted"
+        elif world.first_contact is None:
+            status = "missed"
+        else:
+            status = "caught" if held(world.truth(), world.radius) else "dropped"
+        self._flying = False
+        self.statuses.append(status)
+        self._next += 1
+        self._put(self._aside)
+        self.done = self._next >= self._source.count
+        self._port.result(json.dumps({
+            "throw": self._next - 1, "status": status, "limit_violations": self.violations,
+            "command_age_us": self.ages.percentiles_us(), "done": self.done,
+        }))  # fmt: skip
+
+    def _put(self, ball: Throw | BallPath) -> None:
+        """Put a ball somewhere; arm and hand stay as they are."""
+        self._check()
+        self._base = self.t
+        self._world.reset(ball, self._seed, stay=True)
+
+    def _check(self) -> None:
+        """Count the ticks beyond a limit since the last time, a few at once: it takes time."""
+        if self._rows:
+            self.violations += _beyond(self._arm, self._world.trace(), np.array(self._rows))
+        self._rows = []
+
+
+def _beyond(arm: Arm, truth: Trace, told: Array) -> int:
+    """Return in how many ticks the plant or a command was beyond a limit, as in ``Trial``.
+
+    Args:
+        arm: The arm.
+        truth: True states.
+        told: q, dq, ddq, tau that acted in its last k ticks, shape (k, 4, n).
+    """
+    k = len(told)
+    q, dq, tau = (x[-k - 1 :] for x in (truth.q, truth.dq, truth.tau))
+    bad = drive_loads(arm, q[:-1], dq[:-1], tau[1:]).over(MEASURED)
+    bad |= drive_loads(arm, q[:-1], dq[:-1], told[:, 3]).over(MEASURED)
+    for at, speed, slack in ((q[1:], dq[1:], MEASURED), (told[:, 0], told[:, 1], COMMANDED)):
+        span = slack * (arm.q_max - arm.q_min)
+        bad |= np.any((at < arm.q_min - span) | (at > arm.q_max + span), axis=1)
+        bad |= np.any(np.abs(speed) > arm.dq_max * (1.0 + slack), axis=1)
+    bad |= truth.seen[-k:] & (SELF | ARM_FLOOR) != 0
+    return int(np.sum(bad))

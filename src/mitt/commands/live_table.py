@@ -1,0 +1,66 @@
+"""The live table of ``mitt run``, drawn by a process of its own: drawing takes milliseconds."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from multiprocessing import get_context
+from threading import Event
+from typing import Any
+
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+from mitt.interrupts import end_with_parent
+
+#: Time between two pictures [s].
+_PERIOD = 0.25
+
+
+@contextmanager
+def live_table(shown: Any) -> Iterator[None]:  # noqa: ANN401 (shared memory)
+    """Show the numbers of a session on stderr while it runs, where that is a terminal.
+
+    Args:
+        shown: Shared memory of as many numbers as :data:`mitt.cell.session.SHOWN` has.
+    """
+    if not sys.stderr.isatty():
+        yield
+        return
+    drawer = get_context("spawn").Process(target=_draw, args=(shown,), daemon=True)
+    drawer.start()
+    try:
+        yield
+    finally:
+        drawer.terminate()
+        drawer.join()
+
+
+def _draw(shown: Any) -> None:  # noqa: ANN401
+    """Draw until ended."""
+    end_with_parent()
+    pause = Event()
+    with Live(console=Console(stderr=True), auto_refresh=False, transient=True) as live:
+        while True:
+            live.update(picture(list(shown)), refresh=True)
+            pause.wait(_PERIOD)
+
+
+def picture(numbers: list[float]) -> Table:
+    """Return the table of some numbers, in the order of :data:`mitt.cell.session.SHOWN`."""
+    from mitt.link.modes import Mode  # noqa: PLC0415
+
+    mode, rate, age, late, lost, throws, caught, told = numbers
+    table = Table(show_header=False, title="mitt run", title_justify="left")
+    rows = {
+        "state": tuple(Mode)[int(mode)].value,
+        "rate": f"{rate:.0f} Hz",
+        "reading to command": f"{age:.0f} us",
+        "late readings": f"{late:.0f}",
+        "lost readings": f"{lost:.0f}",
+        "throws": f"{throws:.0f}",
+        "caught": f"{caught:.0f} of {told:.0f}" if told else "unknown",
+    }
+    for name, value in rows.items():
+        table.add_row(name, value)
+    return table

@@ -1,0 +1,71 @@
+"""``mitt run``: catch with the robot of a cell."""
+
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+
+from mitt.cell.drivers import check_driver, robot_of
+from mitt.cell.prepare import PreparedCell, about_of, map_of, prepare
+from mitt.cell.session import Person, Session, loop_of, numbers, rehearse
+from mitt.commands.live_table import live_table
+from mitt.commands.options import RunOptions
+from mitt.commands.screen import checked, print_json, show, tell_of_kernels
+from mitt.errors import InputError
+from mitt.files.cell import read_cell
+from mitt.files.files import check_folder
+from mitt.generator.mapping import DirectMap
+from mitt.interrupts import tell
+from mitt.link.realtime import hurried, uncollected
+from mitt.link.recorder import Recorder
+
+
+def run(options: RunOptions) -> int:
+    """Run ``mitt run``; return its exit status: 1 where it was stopped before all was done."""
+    if options.throws is not None and options.throws < 1:
+        raise InputError("--throws", "at least 1", options.throws)
+    prepared = prepare(read_cell(options.cell))
+    throws = options.throws or prepared.cell.throws
+    if options.out is not None:
+        check_folder(options.out, overwrite=False)
+    check_driver(prepared.cell)
+    if options.check:
+        return checked(_about(prepared))
+    tell_of_kernels()
+    f = map_of(prepared)
+    rehearse(prepared, f)
+    person, shown = Person(yes=options.yes), numbers()
+    drawn = nullcontext() if options.json else live_table(shown)
+    simulated = prepared.cell.robot.driver == "sim"  # as fast as it goes: others want to run too
+    with drawn, nullcontext("no real time") if simulated else hurried() as granted, uncollected():
+        tell(f"{_about(prepared)}; {granted}")
+        robot, frames = robot_of(prepared)
+        with recording(prepared, f, options.out) as recorder:
+            loop = loop_of(prepared, f, robot, frames, recorder)
+            session = Session(loop, robot, person, tell, throws=throws, shown=shown)
+            done = session.run()
+            robot.close()
+    summary = session.summary()
+    if options.json:
+        print_json(summary)
+    else:
+        show(", ".join(f"{name} {value}" for name, value in summary.items()
+                       if name not in ("schema", "command_age_us")))  # fmt: skip
+    return 128 + session.signal if session.signal else int(not done)
+
+
+def recording(
+    prepared: PreparedCell, f: DirectMap, out: Path | None
+) -> AbstractContextManager[Recorder | None]:
+    """Return what records the catches, for ``mitt replay`` and ``mitt view``, if there is a DIR."""
+    if out is None:
+        return nullcontext()
+    out.mkdir(parents=True, exist_ok=True)
+    return Recorder(out / f"{prepared.cell.name}.mcap", about_of(prepared, f))
+
+
+def _about(prepared: PreparedCell) -> str:
+    """Say what a cell is, in a few words."""
+    cell, arm = prepared.cell, prepared.arm
+    return (
+        f"{cell.name}: {arm.model.name}, limits {arm.limits.name}, {cell.robot.driver},"
+        f" {cell.robot.takes}, joints {', '.join(cell.robot.joints or arm.names)}"
+    )

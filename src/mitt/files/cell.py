@@ -1,0 +1,253 @@
+"""Cell files: an arm, what it is thrown, who sees it, how the robot is reached (docs/cell.md)."""
+
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from mitt.errors import FileError, InputError
+from mitt.files.arm_file import is_arm_file
+from mitt.files.arms import load_arm
+from mitt.files.rig import read_rig
+from mitt.files.schema import Finite, Part, parsed
+from mitt.reading import read_toml
+from mitt.robot.arm import Arm
+from mitt.robot.description import Capsule
+from mitt.robot.hands import HandModel
+from mitt.robot.limits import Limits
+from mitt.robot.shapes import Surroundings, shapes_of
+from mitt.signals import TICK
+from mitt.vision.camera import Rig, fixed_rig
+
+SCHEMA = "mitt.cell/1"
+
+#: Share of a rate by which it may differ from that of the catcher's ticks.
+_SAME_RATE = 1e-3
+
+Takes = Literal["torque", "velocity", "position"]
+"""What a robot's drives are commanded."""
+
+_Name = Annotated[str, Field(min_length=1, max_length=200)]
+_Point = tuple[Finite, Finite, Finite]
+_Share = Annotated[float, Field(gt=0.0, le=1.0)]
+_Positive = Annotated[float, Field(gt=0.0, le=1e4)]
+
+
+class ArmPart(Part):
+    """The arm: a name or a file, as in ``mitt catch``."""
+
+    file: _Name = "wam"
+    tip: _Name | None = None
+    joints: list[_Name] | None = None
+    limits: _Name | None = None
+
+
+class BallPart(Part):
+    """What is thrown: radius [m], mass [kg], drag [1/m], restitution and friction on the palm."""
+
+    radius: Annotated[float, Field(ge=0.005, le=0.06)] = 0.04
+    mass: Annotated[float, Field(ge=0.001, le=2.0)] = 0.07
+    drag: Annotated[float, Field(ge=0.0, le=1.0)] = 0.04
+    drag_spread: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.3
+    restitution: Annotated[float, Field(ge=0.0, le=0.95)] = 0.2
+    friction: Annotated[float, Field(gt=0.0, le=3.0)] = 1.0
+
+
+class SourcePart(Part):
+    """Where the ball is seen.
+
+    Attributes:
+        kind: Positions of the ball, or images of two cameras.
+        topic: ROS 2 topic.
+        message: ``geometry_msgs/PointStamped`` or ``PoseStamped``.
+        frame: Frame that the messages must name (REP 105).
+        origin: Place of that frame in the arm's base frame [m].
+        rpy: Its roll, pitch and yaw there, about fixed axes (REP 103) [rad].
+        sigma: Standard deviation of each coordinate [m].
+        latency: By how much stamps are later than the exposure [s].
+        memory: Of images: name of the shared memory that they come through.
+        rig: Of images: RIG.toml of cameras without distortion; that of ``mitt catch`` if left out.
+        calibration_px: Of images: error of the image places that the calibration leaves [px].
+    """
+
+    kind: Literal["points", "images"] = "points"
+    topic: _Name = "/ball"
+    message: Literal["point", "pose"] = "point"
+    frame: _Name = "world"
+    origin: _Point = (0.0, 0.0, 0.0)
+    rpy: _Point = (0.0, 0.0, 0.0)
+    sigma: Annotated[float, Field(gt=0.0, le=0.1)] = 0.002
+    latency: Annotated[float, Field(ge=0.0, le=0.1)] = 0.0
+    memory: _Name = "mitt-cameras"
+    rig: _Name | None = None
+    calibration_px: Annotated[float, Field(ge=0.0, le=5.0)] = 0.05
+
+
+class RobotPart(Part):
+    """How the robot is reached.
+
+    Attributes:
+        driver: ``ros2``, or a name of the entry points ``mitt.robots``.
+        takes: What its drives are commanded.
+        rate: Readings and commands a second [Hz].
+        watchdog: Time without a command after which it brakes by itself [s].
+        delay: Time from reading the joints until the torque commanded then ceases to act [s].
+        joints: Names of the active joints at the robot, in the arm's order; the arm's if left out.
+        options: Options of the driver.
+    """
+
+    driver: _Name = "ros2"
+    takes: Takes = "torque"
+    rate: _Positive = 1000.0
+    watchdog: Annotated[float, Field(ge=0.002, le=1.0)] = 0.02
+    delay: Annotated[float, Field(ge=0.0, le=0.02)] = 0.002
+    joints: list[_Name] | None = None
+    options: dict[str, str | float | bool] = Field(default_factory=dict)
+
+
+class ZonePart(Part):
+    """A capsule that no part of the arm may enter, in the arm's base frame [m]."""
+
+    start: _Point
+    end: _Point
+    radius: _Positive
+
+
+class MotionPart(Part):
+    """How fast the arm moves.
+
+    Attributes:
+        speed_scale: Share of the speed limits that is used at all, catches included.
+        ready_speed: Share of those that motions to the ready pose use.
+    """
+
+    speed_scale: _Share = 1.0
+    ready_speed: Annotated[float, Field(gt=0.0, le=0.5)] = 0.15
+
+
+class Cell(Part):
+    """All that a cell file says."""
+
+    schema_name: Literal["mitt.cell/1"] = Field(alias="schema")
+    name: _Name
+    arm: ArmPart = ArmPart()
+    map: _Name | None = None
+    ball: BallPart = BallPart()
+    source: SourcePart = SourcePart()
+    robot: RobotPart = RobotPart()
+    zones: list[ZonePart] = Field(default_factory=list, max_length=32)
+    floor: Finite = -1.0
+    motion: MotionPart = MotionPart()
+    out: _Name | None = None
+    throws: Annotated[int, Field(ge=1, le=100_000)] | None = None
+
+
+def shipped() -> tuple[str, ...]:
+    """Return the names of the cells that come with the package."""
+    folder = files("mitt") / "data" / "cells"
+    return tuple(sorted(p.name.removesuffix(".toml") for p in folder.iterdir()))
+
+
+def read_cell(name_or_path: str | Path) -> Cell:
+    """Return a cell that ships, by name, or one from a TOML file.
+
+    File names in it are taken from the folder of the file.
+
+    Raises:
+        FileError: The file cannot be read, or does not say what it should.
+    """
+    path = Path(name_or_path)
+    if path.suffix != ".toml":
+        if str(name_or_path) not in shipped():
+            raise FileError(str(name_or_path), f"a .toml file, or one of {', '.join(shipped())}",
+                            "neither")  # fmt: skip
+        path = Path(str(files("mitt") / "data" / "cells" / f"{name_or_path}.toml"))
+    return cell_of(read_toml(path), place=str(path), folder=path.parent)
+
+
+def cell_of(raw: Any, *, place: str, folder: Path = Path()) -> Cell:  # noqa: ANN401 (any TOML)
+    """Return a cell from what its file says; see :func:`read_cell`."""
+    cell = parsed(
+        Cell, raw, place=place, wanted=f"a cell of schema {SCHEMA}", do="see docs/cell.md"
+    )
+    if abs(cell.robot.rate * TICK - 1.0) > _SAME_RATE:
+        wanted, given = f"{1.0 / TICK:g} Hz, the rate of the catcher", f"{cell.robot.rate:g}"
+        raise FileError(f"{place} key 'robot.rate'", wanted, given,
+                        do="let the driver hold commands in between")  # fmt: skip
+    named = {"file": _beside(folder, cell.arm.file), "limits": _beside(folder, cell.arm.limits)}
+    arm = cell.arm.model_copy(update=named)
+    source = cell.source.model_copy(update={"rig": _beside(folder, cell.source.rig)})
+    beside = {"arm": arm, "source": source, "map": _beside(folder, cell.map)}
+    return cell.model_copy(update=beside)
+
+
+def _beside(folder: Path, name: str | None) -> str | None:
+    """Return a file's name as seen from here; names without a suffix are names of ours."""
+    return name if name is None or Path(name).suffix == "" else str(folder / name)
+
+
+def arm_of(cell: Cell) -> Arm:
+    """Return the arm of a cell, its speeds scaled.
+
+    Raises:
+        MittError: The arm cannot be, carries no hand, or its joints do not fit the robot's.
+    """
+    of = cell.arm
+    hand = None if is_arm_file(of.file) else HandModel()
+    arm = load_arm(of.file, tip=of.tip, joints=of.joints, limits=of.limits, hand=hand)
+    if arm.model.hand is None:
+        do = 'say name = "three-finger" in its table [hand]'
+        raise InputError(f"{cell.name} arm", "an arm with a hand", "none", do=do)
+    names = cell.robot.joints
+    if names is not None and (len(names) != arm.n or len(set(names)) != arm.n):
+        raise InputError(f"{cell.name} robot.joints",
+                         f"{arm.n} different names, one for each of {', '.join(arm.names)}",
+                         ", ".join(names))  # fmt: skip
+    scale = cell.motion.speed_scale
+    return arm if scale == 1.0 else Arm(arm.model, _slower(arm.limits, scale))
+
+
+def _slower(limits: Limits, scale: float) -> Limits:
+    """Return a limit set with a share of its speeds."""
+    return replace(limits, name=f"{limits.name} x{scale:g}", dq_max=scale * limits.dq_max)
+
+
+def around_of(cell: Cell, arm: Arm) -> Surroundings:
+    """Return what stands around the arm of a cell.
+
+    Raises:
+        MittError: The arm is in a zone in its ready pose.
+    """
+    zones = tuple(Capsule(start=z.start, end=z.end, radius=z.radius) for z in cell.zones)
+    around = Surroundings(floor=cell.floor, zones=zones)
+    shapes_of(arm, around)
+    return around
+
+
+def rig_of(cell: Cell) -> Rig:
+    """Return the cameras of a cell; those of ``mitt catch`` where it names none.
+
+    Raises:
+        FileError: The rig cannot be read.
+        InputError: Its images are distorted: the live loop does not straighten them.
+    """
+    if cell.source.rig is None:
+        return fixed_rig()
+    found = read_rig(Path(cell.source.rig))
+    if any(np.any(c.lens.numbers[4:]) for c in found.cameras):
+        raise InputError(f"{cell.name} source.rig", "cameras without distortion", "distorted ones",
+                         do="let the camera's driver straighten its images")  # fmt: skip
+    return found.rig()
+
+
+def rotation_of(rpy: tuple[float, float, float]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Return the rotation of roll, pitch and yaw about fixed axes (REP 103), shape (3, 3)."""
+    (sr, sp, sy), (cr, cp, cy) = np.sin(rpy), np.cos(rpy)
+    return np.array([
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ])  # fmt: skip

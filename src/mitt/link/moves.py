@@ -1,0 +1,49 @@
+"""Motions from one pose at rest to another, slow, by Ruckig's position interface."""
+
+from math import ceil
+
+import numpy as np
+from ruckig import InputParameter, Result, Ruckig, Synchronization, Trajectory
+
+from mitt.errors import InputError
+from mitt.robot.arm import Arm, trusted_deceleration
+from mitt.signals import TICK, Array
+
+#: Fastest that a joint moves [rad/s]: the reduced speed of ISO 10218-1 is 0.25 m/s at the tool, a
+#: quarter of a metre from the joint; time to that speed [s], and share of the time for its onset.
+_FASTEST, _RAMP, _ONSET = 1.0, 0.25, 0.2
+#: Share of what the drives can accelerate with that is used.
+_GENTLE = 0.3
+
+
+def slow_motion(arm: Arm, start: Array, end: Array, share: float) -> Array:
+    """Return q, dq, ddq each tick from one pose to another, straight in the joints, (k, 3, n).
+
+    Args:
+        arm: The arm.
+        start: Where it rests [rad], shape (n,).
+        end: Where it is to rest [rad], shape (n,).
+        share: Share of the joints' speeds that is used; 1 rad/s at most.
+
+    Raises:
+        InputError: Ruckig finds no way, as between poses that are no numbers.
+    """
+    speed = np.minimum(share * arm.dq_max, _FASTEST)
+    most = _GENTLE * trusted_deceleration(arm, start)
+    acceleration = np.minimum(speed / _RAMP, most)
+    jerk = acceleration / (_ONSET * _RAMP)
+    if arm.limits.jerk is not None:
+        jerk = np.minimum(jerk, _GENTLE * arm.active(arm.limits.jerk))
+    request, way = InputParameter(arm.n), Trajectory(arm.n)
+    request.synchronization = Synchronization.Phase
+    request.current_position, request.target_position = start.tolist(), end.tolist()
+    request.max_velocity, request.max_acceleration = speed.tolist(), acceleration.tolist()
+    request.max_jerk = jerk.tolist()
+    try:
+        found = Ruckig(arm.n).calculate(request, way)
+    except Exception as error:  # Ruckig's own
+        raise InputError("a motion", "two poses at rest", f"{error}"[:120]) from error
+    if found not in (Result.Working, Result.Finished):
+        raise InputError("a motion", "two poses at rest", f"{start.tolist()}, {end.tolist()}")
+    ticks = range(ceil(way.duration / TICK) + 2)
+    return np.array([way.at_time(min(k * TICK, way.duration))[:3] for k in ticks])

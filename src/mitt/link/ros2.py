@@ -1,0 +1,223 @@
+"""A robot in a ROS 2 graph: joint states and the ball in, commands out, over DDS without ROS.
+
+Options of ``[robot.options]``, all topics with their leading /:
+
+| option      | what                                                                               |
+|-------------|------------------------------------------------------------------------------------|
+| state       | JointState with the encoders, best effort                                          |
+| command     | JointTrajectory; a topic that ends in ``/commands`` is a Float64MultiArray instead |
+| hand        | name under which the hand's angle is commanded, as last joint; "" for none         |
+| brake       | Bool: true engages the brakes, false releases them and acknowledges a stop         |
+| diagnostics | DiagnosticArray; ``status`` names the robot's entry, "" for none                   |
+| others      | names, with commas, that joint states may hold besides the arm's                   |
+| interface   | network interface; the loopback if left out                                        |
+| unbraked    | true for an arm that stays where it is without its drives and has no brakes        |
+"""
+
+from collections.abc import Sequence
+from typing import Any, final
+
+import numpy as np
+
+from mitt.errors import InputError, MittError
+from mitt.files.cell import Cell, rotation_of
+from mitt.link import dds, messages
+from mitt.link import dds_types as types
+from mitt.link.clock import monotonic
+from mitt.robot.arm import Arm
+from mitt.signals import ArmState, Array, Command, Sighting
+
+#: Where a simulated cell says how a throw ended; never read inside the loop.
+RESULTS = "/mitt/throw_result"
+#: Level of a diagnostic entry from which the robot does not work.
+_ERROR = 2
+_KNOWN = {"state": "/joint_states", "command": "/joint_trajectory", "hand": "", "brake": "",
+          "diagnostics": "/diagnostics", "status": "", "others": "", "interface": "lo",
+          "unbraked": False}  # fmt: skip
+#: Readings between two looks at who publishes.
+_LOOK = 200
+#: Longest for which a participant that was killed is still believed to be there [s]: the default
+#: lease of Fast DDS is 20 s, that of Cyclone DDS 10 s.
+_LEASE = 25.0
+
+
+def options_of(cell: Cell) -> dict[str, Any]:
+    """Return the options of a cell's robot, with what is left out.
+
+    Raises:
+        InputError: An option is unknown or of another type.
+    """
+    given = cell.robot.options
+    for key, value in given.items():
+        if key not in _KNOWN:
+            raise InputError(f"robot.options.{key}", f"one of {', '.join(_KNOWN)}", "another")
+        if type(value) is not type(_KNOWN[key]):
+            raise InputError(f"robot.options.{key}", type(_KNOWN[key]).__name__, repr(value)[:60])
+    return _KNOWN | given
+
+
+@final
+class Joints:
+    """Finds the arm's joints among the names of a message.
+
+    Attributes:
+        names: Names at the robot, in the arm's order.
+    """
+
+    def __init__(self, cell: Cell, arm: Arm, others: str = "", hand: str = "") -> None:
+        """Take the names that the arm's joints have at the robot, and those that may be besides."""
+        self.names = tuple(cell.robot.joints or arm.names)
+        held = (link.name for link in arm.model.links if link.held is not None)
+        named = [x.strip() for x in others.split(",") if x.strip()]
+        self._others = {*held, *named, hand} - {""}
+        self._seen: tuple[str, ...] = ()
+        self._index = np.zeros(arm.n, dtype=np.int64)
+
+    def pick(self, names: tuple[str, ...], *rows: Array) -> list[Array]:
+        """Return rows of the arm's joints, in its order; empty rows stay empty.
+
+        Raises:
+            InputError: A joint is missing, stands twice, or is not known.
+        """
+        if names != self._seen:
+            self._find(names)
+        return [row[self._index] if len(row) else row for row in rows]
+
+    def _find(self, names: tuple[str, ...]) -> None:
+        """Find where each joint stands."""
+        given, mine = ", ".join(names)[:200], ", ".join(self.names)
+        if len(set(names)) != len(names):
+            raise InputError("joint names", "each once", given)
+        missing = [x for x in self.names if x not in names]
+        unknown = [x for x in names if x not in self.names and x not in self._others]
+        if missing or unknown:
+            do = ("say how the robot calls the arm's joints in robot.joints" if missing else
+                  "name what else it has in robot.options.others")  # fmt: skip
+            raise InputError("joint names of the robot", mine, given, do=do)
+        self._index = np.array([names.index(x) for x in self.names])
+        self._seen = names
+
+
+@final
+class Ros2Robot:
+    """A robot and a point source in a ROS 2 graph; see :class:`mitt.link.robot.Robot`.
+
+    Attributes:
+        brakes: Whether there is a topic for the brakes.
+    """
+
+    def __init__(self, cell: Cell, arm: Arm) -> None:
+        """Join the graph."""
+        of, source = options_of(cell), cell.source
+        self._node = node = dds.Node(of["interface"])
+        self._joints = Joints(cell, arm, of["others"], of["hand"])
+        self._cell, self._of, self._n = cell, of, arm.n
+        self.brakes = bool(of["brake"]) or bool(of["unbraked"])
+        self._state = node.subscribe(of["state"], types.JointState, "sensor", wakes=True)
+        kind = types.PointStamped if source.message == "point" else types.PoseStamped
+        self._ball = node.subscribe(source.topic, kind, "sensor")
+        self._diagnostics = node.subscribe(of["diagnostics"], types.Diagnostics, "command")
+        self._results = node.subscribe(RESULTS, types.String, "command")
+        self._plain = of["command"].endswith("/commands")
+        told = types.MultiArray if self._plain else types.JointTrajectory
+        self._command = node.publish(of["command"], told, "command")
+        self._brake = node.publish(of["brake"], types.Bool, "command") if of["brake"] else None
+        self._names = (*self._joints.names, *([of["hand"]] if of["hand"] else []))
+        self._rows = np.zeros((4, len(self._names)))
+        self._R, self._place = rotation_of(source.rpy), np.array(source.origin)
+        self._covariance = source.sigma**2 * np.eye(3)
+        self._trouble, self._reads = "", 0
+        self._twice, self._twice_since = "", monotonic()
+
+    def read(self, timeout: float) -> Sequence[ArmState]:
+        """Return all encoder readings since the last call; InputError where they do not fit."""
+        raw = self._state.take()
+        if not raw and self._node.wait(timeout):
+            raw = self._state.take()
+        return [self._reading(x) for x in raw]
+
+    def _reading(self, raw: bytes) -> ArmState:
+        """Return one reading; velocities that are not sent count as none."""
+        said = messages.read_joint_state(raw)
+        q, dq = self._joints.pick(said.names, said.q, said.dq)
+        return ArmState(t=said.t, q=q, dq=dq if len(dq) else np.zeros(len(q)))
+
+    def points(self) -> Sequence[Sighting]:
+        """Return all positions of the ball since the last call, in the arm's base frame."""
+        found = []
+        for raw in self._ball.take():
+            t, frame, r_o = messages.read_point(raw)
+            if frame != self._cell.source.frame:
+                raise InputError(f"frame of {self._cell.source.topic}", self._cell.source.frame,
+                                 repr(frame)[:60], do="say it in source.frame")  # fmt: skip
+            seen = self._R @ r_o + self._place
+            good = bool(np.all(np.isfinite(seen)))
+            found.append(Sighting(t=t - self._cell.source.latency, found=good,
+                                  r_o=seen if good else np.zeros(3),
+                                  covariance=self._covariance))  # fmt: skip
+        return found
+
+    def write(self, command: Command, answers: float) -> None:
+        """Send a command: a trajectory of one point, or what the drives take as an array."""
+        rows, n = self._rows, self._n
+        rows[:, :n] = command.joints
+        rows[0, n:] = command.hand
+        if self._plain:
+            takes = {"torque": 3, "velocity": 1, "position": 0}[self._cell.robot.takes]
+            told = np.concatenate([rows[takes, :n], rows[0, n:]])
+            self._command.send(messages.array(told))
+        else:
+            self._command.send(messages.trajectory(answers, self._names, rows))
+
+    def engage_brakes(self) -> None:
+        """Send that the brakes are to engage."""
+        if self._brake is not None:
+            self._brake.send(messages.flag(True))
+
+    def release(self) -> None:
+        """Send that the brakes are to be released and a stop is acknowledged."""
+        self._trouble = ""
+        if self._brake is not None:
+            self._brake.send(messages.flag(False))
+
+    def trouble(self) -> str:
+        """Return why the robot does not take commands; nothing if it does."""
+        self._reads += 1
+        if self._reads % _LOOK == 1:
+            self._twice = self._look()
+        for raw in self._diagnostics.take():
+            said = messages.read_diagnostics(raw).get(self._of["status"])
+            if said is not None:
+                self._trouble = said[1] or "error" if said[0] >= _ERROR else ""
+        return self._twice or self._trouble
+
+    def _look(self) -> str:
+        """Say whether two publish one topic: which of them is meant cannot be known.
+
+        One that was killed is there until its lease ends, so two are waited for at first.
+
+        Raises:
+            InputError: There have been two for longer than any lease.
+        """
+        topics = {self._of["state"]: self._state, self._cell.source.topic: self._ball}
+        twice = [name for name, heard in topics.items() if heard.speakers() > 1]
+        if not twice:
+            self._twice_since = monotonic()
+            return ""
+        if monotonic() - self._twice_since > _LEASE:
+            raise InputError(f"publishers on {twice[0]}", "one", "more", do="end the others")
+        return f"two publishers on {twice[0]}: end one"
+
+    def listened(self) -> bool:
+        """Say whether anybody takes the commands."""
+        return self._command.listeners() > 0
+
+    def news(self) -> Sequence[str]:
+        """Return what a simulated cell has said of its throws."""
+        try:
+            return [messages.read_text(raw) for raw in self._results.take()]
+        except MittError:
+            return []
+
+    def close(self) -> None:
+        """Give the link up; Cyclone leaves the domain with the process."""

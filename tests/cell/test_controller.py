@@ -1,0 +1,56 @@
+"""The simulated robot's own controller: its watchdog brakes it, and it stays so."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from mitt.cell.controller import Controller
+from mitt.robot.arm import Arm
+from mitt.signals import Array
+
+
+class Told(NamedTuple):
+    """A command."""
+
+    joints: Array
+    hand: float = 0.0
+
+
+def test_it_takes_commands_only_once_released(arm: Arm) -> None:
+    """Before, and after the brakes were engaged, it holds the arm by itself."""
+    c, q, still = Controller(arm, 0.02, "torque"), arm.q_ready, np.zeros(arm.n)
+    told = Told(np.full((4, arm.n), 0.5), 0.3)
+    assert not np.array_equal(c.command(0.0, q, still, told).joints, told.joints)
+    c.release(0.001, q, still)
+    assert np.array_equal(c.command(0.001, q, still, told).joints, told.joints)
+    c.engage(0.002, q, still)
+    held = c.command(0.5, q, still, told)
+    assert held.brakes
+    assert np.allclose(held.tau, arm.inverse_dynamics(q, still, still))
+
+
+def test_the_watchdog_latches(arm: Arm) -> None:
+    """After 20 ms without a command it brakes, says so, and a late command changes nothing."""
+    c, q, dq = Controller(arm, 0.02, "torque"), arm.q_ready, np.full(arm.n, 2.0)
+    told = Told(np.zeros((4, arm.n)))
+    c.release(0.0, q, dq)
+    c.command(0.0, q, dq, told)
+    assert c.command(0.020, q, dq, None).tau.tolist() == [0.0] * arm.n
+    braking = c.command(0.0211, q, dq, None)
+    assert c.trouble == "protective stop: no command for 20 ms"
+    assert np.all(braking.ddq <= 0.0)
+    assert not np.array_equal(c.command(0.03, q, dq, told).joints, told.joints)
+    c.release(0.04, q, dq)
+    assert c.trouble == ""
+
+
+@pytest.mark.parametrize("takes", ["velocity", "position"])
+def test_motions_are_followed_within_the_torque_limits(arm: Arm, takes: str) -> None:
+    """Where drives take no torque, a step of the command does not exceed a motor's limit."""
+    c, q, still = Controller(arm, 0.02, takes), arm.q_ready, np.zeros(arm.n)
+    c.release(0.0, q, still)
+    rows = np.array([q + 1.0, still + 50.0, still, still])
+    tau = c.command(0.0, q, still, Told(rows)).tau
+    assert np.all(np.abs(tau) <= arm.tau_max * (1.0 + 1e-9))
+    assert np.any(np.abs(tau) > 0.9 * arm.tau_max)

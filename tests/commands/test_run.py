@@ -1,0 +1,169 @@
+"""``mitt run`` and ``mitt sim``: checks, refusals, and both as two processes."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from local_cell import LocalCell
+
+from mitt.cell.session import Person, Session
+from mitt.cli import main
+from mitt.commands.live_table import picture
+from mitt.errors import InputError
+from mitt.link.modes import Mode
+from mitt.signals import Command
+
+#: A domain that no other test and nobody else here uses.
+DOMAIN = "171"
+
+
+def test_checking_says_what_the_cell_is(capsys: pytest.CaptureFixture[str]) -> None:
+    """And neither joins a network nor moves anything."""
+    pytest.importorskip("cyclonedds")
+    for command in ("run", "sim"):
+        assert main([command, "wam-sim", "--check"]) == 0
+        assert "the input is good: wam-sim" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("words", [["wam-simm"], ["wam-sim", "--throws", "0"], ["tmp/none.toml"]])
+def test_bad_input_is_one_line(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """Exit status 2, before anything moves."""
+    for command in ("run", "sim"):
+        assert main([command, *words]) == 2
+        said = capsys.readouterr()
+        assert said.out == ""
+        assert len(said.err.strip().splitlines()) == 1
+
+
+def test_a_driver_that_is_not_there_is_found_by_checking(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its name, and the names that there are."""
+    file = tmp_path / "cell.toml"
+    file.write_text('schema = "mitt.cell/1"\nname = "x"\n[robot]\ndriver = "mine"\n')
+    assert main(["run", str(file), "--check"]) == 2
+    assert "one of ros2, sim" in capsys.readouterr().err
+
+
+def test_without_cyclone_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing else needs it."""
+    for name in [name for name in sys.modules if name.startswith(("cyclonedds", "mitt.link.dds"))]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "cyclonedds", None)
+    with pytest.raises(InputError, match=r'pip install "mitt\[ros2\]"'):
+        import mitt.link.dds  # noqa: F401, PLC0415
+
+
+def session(cell: LocalCell, said: list[str], *, yes: bool, throws: int | None) -> Session:
+    """Return a session at a cell in this process."""
+    return Session(cell.loop, cell.robot, Person(yes=yes), said.append, throws=throws)
+
+
+def test_a_session_ends_with_its_throws_and_knows_what_was_caught() -> None:
+    """The numbers are those of the contract; verdicts come from the simulated cell alone."""
+    cell, said = LocalCell(throws=2), list[str]()
+    s = session(cell, said, yes=True, throws=2)
+    assert s.run()
+    found = s.summary()
+    assert (found["schema"], found["throws"], found["caught"]) == ("mitt.run/1", 2, 2)
+    assert found["limit_violations"] == 0
+    assert set(found["command_age_us"]) == {"p50", "p99", "p99_9", "max"}
+    assert found["stops"] == []
+    assert cell.loop.mode is Mode.STOPPED
+    assert cell.robot.braked[-1]
+    assert json.loads(json.dumps(found, allow_nan=False)) == found
+    assert list(s.shown)[5:] == [2.0, 2.0, 2.0]
+
+
+def test_nothing_moves_before_somebody_says_so() -> None:
+    """Without a keyboard and without --yes the session ends at once."""
+    cell, said = LocalCell(throws=1), list[str]()
+    assert not session(cell, said, yes=False, throws=1).run()
+    assert cell.robot.braked == []
+    assert any("--yes" in line for line in said)
+
+
+def test_a_real_cell_tells_nothing_of_catches() -> None:
+    """Then what became of a ball is unknown."""
+    cell, said = LocalCell(throws=1), list[str]()
+    cell.robot.news = list  # type: ignore[method-assign]
+    s = session(cell, said, yes=True, throws=1)
+    assert s.run()
+    found = s.summary()
+    assert (found["throws"], found["caught"], found["unknown"]) == (1, 0, 1)
+    assert found["command_age_us"] is None
+
+
+def test_a_fault_ends_a_session_that_nobody_can_answer() -> None:
+    """The reason is said and counted."""
+    cell, said = LocalCell(throws=1), list[str]()
+    s = session(cell, said, yes=True, throws=1)
+    cell.robot.on_write = lambda _: cell.fastest < 1.0
+    assert not s.run()
+    assert any("protective stop" in line for line in said)
+    assert s.summary()["stops"] == [cell.loop.why]
+
+
+def test_ctrl_c_in_a_catch_is_a_controlled_stop() -> None:
+    """The arm comes to rest within its limits, then the session ends and says by what."""
+    cell, said = LocalCell(throws=1), list[str]()
+    s = session(cell, said, yes=True, throws=1)
+
+    def interrupt(_: Command) -> bool:
+        if cell.fastest > 1.5 and not s.signal:
+            os.kill(os.getpid(), signal.SIGINT)
+        return True
+
+    cell.robot.on_write = interrupt
+    assert not s.run()
+    assert s.signal == signal.SIGINT
+    assert any("interrupted by SIGINT" in line for line in said)
+    assert cell.fastest < 0.05
+    assert cell.robot.braked[-1]
+    assert cell.simulated.violations == 0
+
+
+def test_the_live_table_shows_each_number() -> None:
+    """In words."""
+    table = picture([2.0, 999.6, 120.0, 3.0, 4.0, 7.0, 6.0, 7.0])
+    cells = [str(x) for column in table.columns for x in column.cells]
+    assert "catching" in cells
+    assert "1000 Hz" in cells
+    assert "6 of 7" in cells
+
+
+@pytest.mark.slow
+def test_two_processes_catch_over_dds(tmp_path: Path) -> None:
+    """They find each other on the loopback; two balls, none dropped for the network's sake."""
+    pytest.importorskip("cyclonedds")
+    environment = {**os.environ, "ROS_DOMAIN_ID": DOMAIN}
+    words = [sys.executable, "-m", "mitt"]
+    said = tmp_path / "sim.json"
+    with said.open("w") as out:
+        sim = subprocess.Popen(
+            [*words, "sim", "wam-sim", "--throws", "2", "--seed", "3", "--json"], stdout=out,
+            stderr=subprocess.DEVNULL, env=environment,
+        )  # fmt: skip
+    try:
+        for _ in range(3):  # a machine that stalls for 20 ms stops the arm, as it should
+            run = subprocess.run(
+                [*words, "run", "wam-sim", "--throws", "2", "--yes", "--json"],
+                capture_output=True, text=True, timeout=240, env=environment, check=False,
+            )  # fmt: skip
+            if run.returncode == 0:
+                break
+        sim.wait(timeout=60)
+    finally:
+        sim.kill()
+        sim.wait()
+    assert run.returncode == 0, run.stderr
+    found, theirs = json.loads(run.stdout), json.loads(said.read_text())
+    assert found["caught"] + found["dropped"] + found["missed"] + found["stopped"] >= 1
+    assert found["caught"] >= 1
+    assert found["limit_violations"] == 0
+    assert theirs["schema"] == "mitt.sim/1"
+    assert theirs["limit_violations"] == 0

@@ -1,0 +1,113 @@
+"""Cell files: what ships can be read; what does not fit the arm is refused in one line."""
+
+import tomllib
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from mitt.errors import FileError, MittError
+from mitt.files.cell import arm_of, around_of, cell_of, read_cell, rotation_of, shipped
+
+SHIPPED = Path(str(files("mitt") / "data" / "cells" / "wam-sim.toml"))
+
+
+def changed(change: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
+    """Return what the shipped file says, changed."""
+    raw = tomllib.loads(SHIPPED.read_text("utf-8"))
+    change(raw)
+    return raw
+
+
+def test_what_ships_fits_its_arm() -> None:
+    """Each cell by its name."""
+    assert "wam-sim" in shipped()
+    for name in shipped():
+        cell = read_cell(name)
+        arm = arm_of(cell)
+        assert cell.name == name
+        assert around_of(cell, arm).floor == -1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda raw: raw.update(typo=1), "key 'typo'"),
+        (lambda raw: raw["robot"].update(rate=500.0), "1000 Hz, the rate of the catcher"),
+        (lambda raw: raw["robot"].update(takes="voltage"), "robot.takes"),
+        (lambda raw: raw["ball"].update(radius=40.0), "ball.radius"),
+        (lambda raw: raw["source"].update(sigma=float("nan")), "source.sigma"),
+        (lambda raw: raw.pop("schema"), "schema"),
+        (lambda raw: raw["motion"].update(ready_speed=2.0), "motion.ready_speed"),
+    ],
+)
+def test_bad_keys_are_named(change: Callable[[dict[str, Any]], object], says: str) -> None:
+    """With the file and what is wanted."""
+    with pytest.raises(FileError) as caught:
+        cell_of(changed(change), place="CELL.toml")
+    assert says in str(caught.value)
+    assert "CELL.toml" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda raw: raw["robot"].update(joints=["a", "b"]), "one for each of j1, j2, j4"),
+        (lambda raw: raw["robot"].update(joints=["a", "b", "a"]), "3 different names"),
+        (lambda raw: raw["arm"].update(file="nobody"), "nobody"),
+        (lambda raw: raw["arm"].update(limits="nothing"), "nothing"),
+    ],
+)
+def test_an_arm_that_does_not_fit_is_refused(
+    change: Callable[[dict[str, Any]], object], says: str
+) -> None:
+    """Other joints than the arm has, an arm or limits that there are not."""
+    with pytest.raises(MittError) as caught:
+        arm_of(cell_of(changed(change), place="CELL.toml"))
+    assert says in str(caught.value)
+
+
+def test_a_zone_in_which_the_arm_waits_is_refused() -> None:
+    """Before anything moves."""
+    zone = {"start": [0.0, 0.0, 0.3], "end": [0.0, 0.0, 0.6], "radius": 0.5}
+    cell = cell_of(changed(lambda raw: raw.update(zones=[zone])), place="CELL.toml")
+    with pytest.raises(MittError, match="zone 0"):
+        around_of(cell, arm_of(cell))
+
+
+def test_the_speed_scale_lowers_the_speeds_alone() -> None:
+    """Torques stay; the limit set's name says so."""
+    half = cell_of(changed(lambda raw: raw["motion"].update(speed_scale=0.5)), place="CELL.toml")
+    arm, slow = arm_of(read_cell("wam-sim")), arm_of(half)
+    assert np.allclose(slow.dq_max, 0.5 * arm.dq_max)
+    assert np.allclose(slow.tau_max, arm.tau_max)
+    assert slow.limits.name == "paper x0.5"
+
+
+def test_files_are_looked_for_beside_the_cell(tmp_path: Path) -> None:
+    """Names of ours stay names."""
+    text = SHIPPED.read_text("utf-8").replace('file = "wam"', 'file = "mine.toml"')
+    (tmp_path / "cell.toml").write_text('map = "MAP.json"\n' + text)
+    cell = read_cell(tmp_path / "cell.toml")
+    assert cell.arm.file == str(tmp_path / "mine.toml")
+    assert cell.map == str(tmp_path / "MAP.json")
+    assert cell.arm.limits == "paper"
+
+
+def test_what_is_neither_name_nor_file_is_refused(tmp_path: Path) -> None:
+    """The cells that ship are listed."""
+    with pytest.raises(FileError, match="wam-sim"):
+        read_cell("wam-simm")
+    with pytest.raises(FileError):
+        read_cell(tmp_path / "none.toml")
+
+
+def test_roll_pitch_and_yaw_are_about_fixed_axes() -> None:
+    """As REP 103 and SciPy have them."""
+    rpy = (0.3, -0.4, 1.1)
+    assert np.allclose(rotation_of(rpy), Rotation.from_euler("xyz", rpy).as_matrix())

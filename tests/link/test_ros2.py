@@ -1,0 +1,185 @@
+"""The driver ``ros2`` in a graph of two: what fits passes, what does not is refused in one line."""
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mitt.errors import InputError
+from mitt.files.cell import Cell, arm_of, cell_of, read_cell
+from mitt.link import messages
+from mitt.signals import Command
+
+try:
+    from mitt.link import dds
+    from mitt.link import dds_types as types
+    from mitt.link.ros2 import Ros2Robot
+    from mitt.link.ros2_cell import Ros2Cell
+except InputError:
+    pytest.skip("no Cyclone DDS", allow_module_level=True)
+
+NAMES = ("j1", "j2", "j4")
+Q = np.array([0.1, 0.2, 0.3])
+
+
+@pytest.fixture(autouse=True)
+def domain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A domain for each process that runs these tests."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 60))
+
+
+def cell_with(tag: str, **options: Any) -> Cell:  # noqa: ANN401
+    """Return the shipped cell with topics of its own, so that tests do not hear each other."""
+    cell = read_cell("wam-sim")
+    given = {"state": f"/{tag}/joint_states", "command": f"/{tag}/joint_trajectory",
+             "hand": "hand", "brake": f"/{tag}/brake", "status": "robot",
+             "diagnostics": f"/{tag}/diagnostics"} | options  # fmt: skip
+    robot = cell.robot.model_copy(update={"options": given})
+    source = cell.source.model_copy(update={"topic": f"/{tag}/ball"})
+    return cell.model_copy(update={"robot": robot, "source": source})
+
+
+def sent(send: Callable[..., None], *words: Any) -> bool:  # noqa: ANN401
+    """Send something, and say so."""
+    send(*words)
+    return True
+
+
+def soon(what: Callable[[], Any]) -> Any:  # noqa: ANN401
+    """Return what a call returns as soon as that is something."""
+    for _ in range(200):
+        if found := what():
+            return found
+        time.sleep(0.02)
+    raise AssertionError("nothing came")
+
+
+@pytest.fixture
+def both(request: pytest.FixtureRequest) -> Iterator[tuple[Ros2Robot, Ros2Cell]]:
+    """A robot's driver and the cell at the other end, which have found each other."""
+    cell = cell_with(request.node.name.replace("[", "_").replace("]", "_"))
+    arm = arm_of(cell)
+    robot, other = Ros2Robot(cell, arm), Ros2Cell(cell, arm)
+    soon(robot.listened)
+    soon(lambda: sent(other.state, 1.0, Q, Q) and robot.read(0.02))
+    soon(lambda: sent(other.ball, 1.0, Q) and robot.points())
+    yield robot, other
+    robot.close()
+
+
+def test_readings_and_commands_pass(both: tuple[Ros2Robot, Ros2Cell]) -> None:
+    """With their stamps, to the bit; the hand is the last joint of a command."""
+    robot, other = both
+    other.state(1_700_000_000.125, Q, -Q)
+    (reading,) = soon(lambda: robot.read(0.1))
+    assert reading.t == 1_700_000_000.125
+    assert np.array_equal([reading.q, reading.dq], [Q, -Q])
+    told = np.arange(12.0).reshape(4, 3)
+    robot.write(Command(t=0.0, joints=told, hand=0.7), reading.t)
+    got = soon(other.command)
+    assert (got.answers, got.hand) == (reading.t, 0.7)
+    assert np.array_equal(got.joints, told)
+
+
+def test_brakes_and_troubles_pass(both: tuple[Ros2Robot, Ros2Cell]) -> None:
+    """Engaged, released; a protective stop is a trouble until it is over."""
+    robot, other = both
+    robot.engage_brakes()
+    assert soon(other.brake) is True
+    robot.release()
+    time.sleep(0.1)
+    assert other.brake() is False
+    other.status(2.0, "protective stop")
+    assert soon(robot.trouble) == "protective stop"
+    other.status(2.1, "")
+    soon(lambda: not robot.trouble())
+
+
+def test_joints_are_found_by_name(both: tuple[Ros2Robot, Ros2Cell]) -> None:
+    """In any order, a held joint and the hand among them; others are refused, named."""
+    robot, _ = both
+    given = ("j4", "hand", "j1", "j3", "j2")
+    raw = messages.joint_state(1.0, given, np.array([4.0, 9.0, 1.0, 0.0, 2.0]), np.zeros(5))
+    assert robot._reading(raw).q.tolist() == [1.0, 2.0, 4.0]
+    for bad, says in ((("j1", "j2", "j5"), "robot.joints"), ((*NAMES, "k"), "others")):
+        with pytest.raises(InputError, match=says):
+            robot._reading(messages.joint_state(1.0, bad, np.zeros(len(bad)), np.zeros(0)))
+    with pytest.raises(InputError, match="each once"):
+        robot._reading(messages.joint_state(1.0, ("j1", "j1"), np.zeros(2), np.zeros(0)))
+
+
+def test_the_ball_comes_in_the_arms_frame() -> None:
+    """Turned and moved as the cell says; a message of another frame is refused."""
+    cell = cell_with("ball_frame")
+    turned = cell.source.model_copy(
+        update={"origin": (1.0, 0.0, 0.0), "rpy": (0.0, 0.0, np.pi / 2), "frame": "mocap",
+                "latency": 0.25, "message": "pose"}
+    )  # fmt: skip
+    cell = cell.model_copy(update={"source": turned})
+    arm = arm_of(cell)
+    robot, other = Ros2Robot(cell, arm), Ros2Cell(cell, arm)
+    seen = soon(lambda: sent(other.ball, 5.0, np.array([2.0, 0.0, 0.5])) and robot.points())[0]
+    assert np.allclose(seen.r_o, [1.0, 2.0, 0.5])
+    assert seen.t == 4.75
+    other.ball(5.0, np.full(3, np.nan))
+    assert not soon(robot.points)[-1].found
+    other._frame = "world"
+    with pytest.raises(InputError, match=r"source\.frame"):
+        soon(lambda: sent(other.ball, 5.0, Q) and robot.points())
+
+
+def test_two_publishers_on_one_topic_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Which of them is the robot cannot be known; one that was killed is waited for."""
+    cell = cell_with("two")
+    arm = arm_of(cell)
+    robot, one, two = Ros2Robot(cell, arm), Ros2Cell(cell, arm), Ros2Cell(cell, arm)
+    assert one is not two
+    soon(lambda: robot._state.speakers() == 2)
+    assert robot._look() == "two publishers on /two/joint_states: end one"
+    monkeypatch.setattr("mitt.link.ros2._LEASE", 0.0)
+    with pytest.raises(InputError, match="publishers on /two/joint_states: wanted one"):
+        robot._look()
+
+
+@pytest.mark.parametrize("takes", ["torque", "velocity", "position"])
+def test_arrays_carry_what_the_drives_take(takes: str) -> None:
+    """On a topic that ends in /commands."""
+    cell = cell_with(f"array_{takes}", command=f"/array_{takes}/commands")
+    cell = cell.model_copy(update={"robot": cell.robot.model_copy(update={"takes": takes})})
+    robot = Ros2Robot(cell, arm_of(cell))
+    heard = dds.Node().subscribe(f"/array_{takes}/commands", types.MultiArray, "command")
+    soon(robot.listened)
+    robot.write(Command(t=0.0, joints=np.arange(12.0).reshape(4, 3), hand=0.5), 1.0)
+    row = {"torque": 9.0, "velocity": 3.0, "position": 0.0}[takes]
+    got = messages.read_array(soon(heard.take)[0])
+    assert got.tolist() == [row, row + 1.0, row + 2.0, 0.5]
+
+
+def test_bad_options_are_refused() -> None:
+    """Unknown ones, those of another type, topics and domains that cannot be."""
+    arm = arm_of(read_cell("wam-sim"))
+    for options, says in (
+        ({"stat": "/x"}, "robot.options.stat"),
+        ({"state": 3.0}, "robot.options.state"),
+        ({"state": "joint_states"}, "begins with /"),
+        ({"interface": "lo'/>"}, "interface"),
+    ):
+        with pytest.raises(InputError, match=says):
+            Ros2Robot(cell_with("bad", **options), arm)
+
+
+def test_a_domain_that_is_no_number_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As ROS 2 allows them."""
+    for said in ("abc", "-1", "233"):
+        monkeypatch.setenv("ROS_DOMAIN_ID", said)
+        with pytest.raises(InputError, match="ROS_DOMAIN_ID"):
+            dds.domain_id()
+
+
+def test_cells_of_other_drivers_need_no_dds() -> None:
+    """A cell file may name any driver; what it is comes later."""
+    raw = {"schema": "mitt.cell/1", "name": "x", "robot": {"driver": "mine"}}
+    assert cell_of(raw, place="x").robot.driver == "mine"
