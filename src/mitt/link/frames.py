@@ -22,7 +22,7 @@ from mitt.errors import InputError
 from mitt.signals import Frame, Image
 
 #: Where Linux shows shared memories.
-_FOLDER = Path("/dev/shm")  # noqa: S108 (made by SharedMemory, for its owner alone)
+_FOLDER = Path("/dev/shm")  # noqa: S108  # nosec B108 (made by SharedMemory, for its owner alone)
 #: Says that a memory is such a ring, and in which version.
 _MAGIC = 0x6D697474_0001
 #: Frames in a ring: what a reader may be late by [ticks].
