@@ -66,8 +66,8 @@ _TOO_FAST = 3.0
 _SPEED_COST, _FORCE_COST = 0.02, 0.0001
 
 
-How = Literal["glance", "quick", "full"]
-"""How thoroughly a map is learned."""
+How = Literal["paper", "glance", "quick", "full"]
+"""How thoroughly a map is learned; on paper not at all."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

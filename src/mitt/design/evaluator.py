@@ -1,4 +1,4 @@
-"""Candidates tried side by side: each trial is a pure function, so the result is that of one."""
+"""Candidates tried side by side: each job is a pure function, so the result is that of one."""
 
 import json
 from collections.abc import Callable, Iterable, Sequence
@@ -46,29 +46,31 @@ class Job:
     give_up: bool = True
 
 
-def evaluated(trial: Job) -> Evaluation:
+def evaluated(job: Job) -> Evaluation:
     """Return what a candidate is worth, or why it could not be thrown at.
 
     An error of one candidate ends no search: it is part of the answer.
     """
     try:
-        return _evaluated(trial)
+        return _evaluated(job)
     except (MittError, np.linalg.LinAlgError) as error:
-        return _failed(trial.candidate, "error", str(error))
+        return _failed(job.candidate, "error", str(error))
 
 
-def _evaluated(trial: Job) -> Evaluation:
+def _evaluated(job: Job) -> Evaluation:
     """Return what a candidate is worth, stage by stage."""
-    c = trial.candidate
-    if not able_to_hold(trial.whole, c, trial.task):
+    c = job.candidate
+    if not able_to_hold(job.whole, c, job.task):
         return _failed(c, "no pose")
-    f = learned(trial.whole, c, trial.task, trial.how)
+    if job.how == "paper":
+        return Evaluation(candidate=c, able=1.0, speed=0.0)
+    f = learned(job.whole, c, job.task, job.how)
     if f is None:
         return _failed(c, "no map")
-    worth = judged(c, f, trial.task)
-    if trial.throws == 0 or worth.score < trial.least:
+    worth = judged(c, f, job.task)
+    if job.throws == 0 or worth.score < job.least:
         return worth
-    return thrown(c, f, trial.task, throws=trial.throws, seed=trial.seed, give_up=trial.give_up)
+    return thrown(c, f, job.task, throws=job.throws, seed=job.seed, give_up=job.give_up)
 
 
 def _failed(c: Candidate, why: str, said: str = "") -> Evaluation:
@@ -76,9 +78,9 @@ def _failed(c: Candidate, why: str, said: str = "") -> Evaluation:
     return Evaluation(candidate=c, able=0.0, speed=99.0, failed=why, said=said)
 
 
-def work(trial: Job) -> bytes:
+def work(job: Job) -> bytes:
     """Evaluate a candidate in a worker; the answer as bytes, without the candidate."""
-    w = evaluated(trial)
+    w = evaluated(job)
     plain = {x.name: getattr(w, x.name) for x in fields(w) if x.name != "candidate"}
     return json.dumps(plain).encode()
 
@@ -121,7 +123,7 @@ class Evaluator:
         self, whole: Arm, task: Task, engine: Engine | None, progress: Progress,
         tally: Tally | None = None,
     ) -> None:  # fmt: skip
-        """Take what all trials have in common.
+        """Take what all jobs have in common.
 
         Args:
             whole: The arm with all joints active.
@@ -152,12 +154,12 @@ class Evaluator:
             how: As in :class:`Job`.
             give_up: As in :class:`Job`.
         """
-        trials = [
+        jobs = [
             Job(number=k, whole=self.whole, candidate=c, task=self.task, throws=throws,
                   seed=seed, least=least, how=how, give_up=give_up)
             for k, c in enumerate(candidates)
         ]  # fmt: skip
-        return [w for w in self._worth(name, trials) if not w.failed]
+        return [w for w in self._worth(name, jobs) if not w.failed]
 
     def try_each(
         self, name: str, pairs: Sequence[tuple[Candidate, Task]], *, throws: int, seed: int
@@ -166,55 +168,55 @@ class Evaluator:
 
         All throws are made, however many are caught.
         """
-        trials = [
+        jobs = [
             Job(number=k, whole=self.whole, candidate=c, task=task, throws=throws, seed=seed,
                   give_up=False)
             for k, (c, task) in enumerate(pairs)
         ]  # fmt: skip
-        return self._worth(name, trials)
+        return self._worth(name, jobs)
 
-    def _worth(self, name: str, trials: Sequence[Job]) -> list[Evaluation]:
-        """Return what became of trials, in their order."""
+    def _worth(self, name: str, jobs: Sequence[Job]) -> list[Evaluation]:
+        """Return what became of jobs, in their order."""
         found = dict[int, Evaluation]()
-        for done, (number, worth) in enumerate(self._answers(trials), start=1):
-            self.progress(name, done, len(trials))
+        for done, (number, worth) in enumerate(self._answers(jobs), start=1):
+            self.progress(name, done, len(jobs))
             self.tally.count(worth)
             found[number] = worth
-        return [found[trial.number] for trial in trials]
+        return [found[job.number] for job in jobs]
 
-    def _answers(self, trials: Sequence[Job]) -> Iterable[tuple[int, Evaluation]]:
+    def _answers(self, jobs: Sequence[Job]) -> Iterable[tuple[int, Evaluation]]:
         """Yield number and worth of each, as they come.
 
         A worker that dies takes with it what else is under way, so that those are evaluated again
         one by one: only one whose own worker dies is lost.
         """
         if self._engine is None:
-            for trial in trials:
-                yield trial.number, evaluated(trial)
+            for job in jobs:
+                yield job.number, evaluated(job)
             return
         again = list[Job]()
-        for trial, answer in run_tasks(self._engine, work, trials, window=2 * self._engine.workers):
-            worth = self._answer(trial, answer)
+        for job, answer in run_tasks(self._engine, work, jobs, window=2 * self._engine.workers):
+            worth = self._answer(job, answer)
             if worth is None:
-                again.append(trial)
+                again.append(job)
             else:
-                yield trial.number, worth
-        for trial in sorted(again, key=lambda x: x.number):
-            yield trial.number, self._alone(trial, self._engine)
+                yield job.number, worth
+        for job in sorted(again, key=lambda x: x.number):
+            yield job.number, self._alone(job, self._engine)
 
-    def _alone(self, trial: Job, engine: Engine) -> Evaluation:
+    def _alone(self, job: Job, engine: Engine) -> Evaluation:
         """Return what a candidate is worth with nothing else under way."""
         for _ in range(_ROUNDS):
-            for _, answer in run_tasks(engine, work, [trial], window=1):
-                worth = self._answer(trial, answer)
+            for _, answer in run_tasks(engine, work, [job], window=1):
+                worth = self._answer(job, answer)
                 if worth is not None:
                     return worth
-        return _failed(trial.candidate, "lost")
+        return _failed(job.candidate, "lost")
 
-    def _answer(self, trial: Job, answer: bytes | BaseException) -> Evaluation | None:
+    def _answer(self, job: Job, answer: bytes | BaseException) -> Evaluation | None:
         """Return what a worker said of a candidate; None where it died."""
         if not isinstance(answer, BaseException):
-            return Evaluation(candidate=trial.candidate, **json.loads(answer))
+            return Evaluation(candidate=job.candidate, **json.loads(answer))
         if self._engine is not None and self._engine.died(answer):
             return None
         raise answer

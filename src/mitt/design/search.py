@@ -106,7 +106,8 @@ def search(
         return None
     first = best_of(rows, count=6 * effort.judged, each=2 * effort.judged)
     candidates = candidates_of(whole, task.balls, first, rng)
-    worth = evaluator.try_all("learning", candidates[: 2 * effort.judged], how="glance")
+    sound = [w.candidate for w in evaluator.try_all("on paper", candidates, how="paper")]
+    worth = evaluator.try_all("learning", sound[: 2 * effort.judged], how="glance")
     fresh = _distinct(worth, effort.thrown)
     pool = evaluator.try_all(
         "throwing", fresh, throws=effort.throws[0], seed=_COMPARE + effort.throws[0]

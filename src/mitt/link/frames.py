@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from mitt.errors import InputError
 from mitt.signals import Frame, Image
 
-#: Where Linux shows shared memories.
-_FOLDER = Path("/dev/shm")  # noqa: S108  # nosec B108 (made by SharedMemory, for its owner alone)
+#: Where Linux shows shared memories; SharedMemory makes them for their owner alone.
+_FOLDER = Path("/dev/shm")  # noqa: S108  # nosec B108
 #: Says that a memory is such a ring, and in which version.
 _MAGIC = 0x6D697474_0001
 #: Frames in a ring: what a reader may be late by [ticks].
