@@ -10,6 +10,7 @@ from mitt.design.interception import least_relative_velocity, map_velocities
 from mitt.design.poses import poses_of
 from mitt.design.sharing import virtual
 from mitt.robot.arm import Arm
+from mitt.signals import Array
 
 #: By what a joint is made quicker, and relative speed below which nothing has to be [m/s].
 QUICKER, _GENTLE = 1.5, 0.3
@@ -22,7 +23,7 @@ class FasterJoint:
     Attributes:
         joint: Its name.
         share: Share of its speed limit at the nominal catch.
-        relative_m_s: Least relative speed there, by joint speeds alone, as it is.
+        relative_m_s: Least relative speed there, by joint speeds alone.
         quicker_m_s: The same, were the joint 50 % faster.
     """
 
@@ -48,12 +49,17 @@ def faster_joints(whole: Arm, c: Candidate, balls: Balls) -> list[FasterJoint]:
     if not speed > _GENTLE:
         return [_row(whole, k, s, speed, speed) for k, s in zip(index, share, strict=True)]
     allowed, out = float(share.max()) * most, []
+
+    def least(speeds: Array) -> float:
+        """Return the least relative speed along the present direction [m/s]."""
+        s = float(least_relative_velocity(J, w, v, relative / speed, speeds[None], A).s[0])
+        return min(s, speed) if np.isfinite(s) else speed
+
+    now = least(allowed)
     for at, k in enumerate(index):
         quicker = allowed.copy()
         quicker[k] *= QUICKER
-        m = least_relative_velocity(J, w, v, relative / speed, quicker[None], A)
-        least = min(float(m.s[0]), speed) if np.isfinite(m.s[0]) else speed
-        out.append(_row(whole, int(k), float(share[at]), speed, least))
+        out.append(_row(whole, int(k), float(share[at]), now, min(least(quicker), now)))
     return out
 
 
