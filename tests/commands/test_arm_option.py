@@ -72,7 +72,7 @@ def test_an_arm_without_a_hand_catches_nothing(path: Path, tmp_path: Path) -> No
     with pytest.raises(InputError, match="an arm with a hand"):
         prepare(CatchOptions(arm=str(path), out=tmp_path / "run"))
     path.write_text(TEXT.replace("[map]", '[hand]\nname = "none"\n[map]'))
-    with pytest.raises(MittError, match="three-finger"):
+    with pytest.raises(MittError, match="a hand on an arm by name"):
         prepare(CatchOptions(arm=str(path), out=tmp_path / "run"))
     path.write_text(TEXT)
     with pytest.raises(InputError, match="nothing beside an arm file"):

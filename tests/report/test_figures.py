@@ -87,7 +87,7 @@ def test_figures_leave_their_inputs_alone(
     frozen = []
     for outcome in (direct, unoptimised):
         log = _log(outcome)
-        parts = {n: getattr(log, n).copy() for n in ("asked", "encoders", "tau", "ball", "t")}
+        parts = {n: getattr(log, n).copy() for n in ("desired", "encoders", "tau", "ball", "t")}
         for array in parts.values():
             array.setflags(write=False)
         frozen.append(LoggedTrial(outcome.trial, replace(log, **parts)))

@@ -65,7 +65,7 @@ def _log(outcome: LoggedTrial) -> TrialLog:
 
 def _same(mine: TrialLog, theirs: TrialLog) -> None:
     """Compare two logs to the last bit."""
-    for name in ("t", "phase", "encoders", "ball", "asked", "command", "tau", "hand"):
+    for name in ("t", "phase", "encoders", "ball", "desired", "command", "tau", "hand"):
         assert getattr(mine, name).tobytes() == getattr(theirs, name).tobytes(), name
     for name in ("t", "qpos", "qvel", "tau", "position", "velocity", "force", "seen"):
         a, b = getattr(mine.truth, name), getattr(theirs.truth, name)
@@ -127,7 +127,7 @@ def test_a_catcher_that_stops_is_the_same(
     arm: Arm, learned: Learned, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An arm that strays farther than is allowed stops as it is, both ways."""
-    monkeypatch.setattr("mitt.trials.runner._patience", lambda _: 0.001)
+    monkeypatch.setattr("mitt.trials.runner._max_tracking_error", lambda _: 0.001)
     runner = TrialRunner(arm, Direct(learned.map), Scene())
     log = through_both(runner, throws(learned, 1), monkeypatch)[0]
     assert {FOLLOW, STOPPED} <= set(log.phase.tolist())

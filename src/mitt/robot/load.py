@@ -50,8 +50,7 @@ def load_arm(
             ``none``, a file is taken to contain what the arm carries. The WAM has the three-finger
             hand if it is left out.
         hand_turn: How far the hand is turned about the z axis of the tip [rad].
-        hand_mount: For files: what of the hand is at the tip, its catch point or its plate, as on a
-            flange.
+        hand_mount: For files: whether the hand's catch point or its plate is at the tip.
         encoder_step: Resolution of the encoders of the active joints [rad], one for all or one a
             joint; the WAM's own, or ``description.ENCODER_STEP`` for files, if left out.
 

@@ -230,8 +230,7 @@ def play(
         note_stop(p, out.brakes, s.phase == STOPPED)
         move(plant, result.command[3], out.hand, trace)
         store(result, log, k)
-        if undecided(todo, state, result):
-            todo = 0
+        todo = 0 if undecided(todo, state, result) else todo
         if todo != 0 or over(p, until[0], until[1]):
             return int(todo)
     return 0
