@@ -222,6 +222,8 @@ class LiveLoop:
     def _advance(self, t: float) -> None:
         """Go on to what comes next."""
         catcher, now = self._catcher, t - self._begun
+        if self.mode is Mode.STOPPED:  # latched: only a person goes on
+            return
         if self._stamps.fault and self.mode is not Mode.STOPPING:
             self.stop(f"the robot's stamps jumped: {self._stamps.fault}")
         if self.mode is Mode.STOPPING:
@@ -273,7 +275,8 @@ class LiveLoop:
     def _stopped(self, catcher: Catcher) -> None:
         """Go back after a stop for the ball's sake; else stay, once at rest."""
         found = catcher.stopped_by
-        if found is not None and (self._missed or found.reason is Reason.LOST):
+        for_the_ball = found is not None and (self._missed or found.reason is Reason.LOST)
+        if for_the_ball and not self._link.braked:
             if self._rests():
                 self.counts.stopped += not self._missed
                 self._over()
