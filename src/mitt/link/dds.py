@@ -7,6 +7,7 @@ ROS topic ``/name`` is DDS topic ``rt/name``, type ``pkg/Type`` is ``pkg::msg::d
 
 import os
 from contextlib import suppress
+from socket import if_nameindex
 from typing import Any, Literal, final
 
 from mitt.errors import InputError
@@ -127,6 +128,9 @@ class Node:
         number = domain_id()
         if not interface.replace("-", "").replace(".", "").replace("_", "").isalnum():
             raise InputError("robot.options.interface", "the name of an interface", repr(interface))
+        known = [name for _, name in if_nameindex()]
+        if interface not in known:  # DDS would take all networks instead
+            raise InputError("robot.options.interface", f"one of {', '.join(known)}", interface)
         with suppress(DDSException):  # this process is in the domain already
             self._domain = Domain(number, _configuration(interface))
         try:
