@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.errors import ModelError
+from mitt.errors import MittError, ModelError
 from mitt.generator.design import MapDesign, tangent_of
 from mitt.generator.mapping import unlearned
-from mitt.generator.tangent import curve, expand, follow, scratch_of
+from mitt.generator.tangent import curve, expand, follow, invert, scratch_of
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import Array
@@ -97,3 +97,36 @@ def test_at_the_catch_a_map_with_joints_that_follow_meets_position_and_velocity(
     assert np.allclose(panda.jacobian(rows[0]) @ rows[1], dr_o, atol=1e-9)
     assert rows[1, 3] != 0.0
     assert np.allclose(f.F(r_o) @ dr_o, rows[1], atol=1e-8)
+
+
+@given(seed=seeds)
+def test_the_inverse_and_its_start_are_poses_of_the_virtual_arm(panda: Arm, seed: int) -> None:
+    """The joint that follows is where the free ones put it, wherever the inverse is asked."""
+    rng = np.random.default_rng(seed)
+    row = rng.uniform(-1.0, 1.0, 3)
+    design = MapDesign(catch_joint=2, q_catch=-1.4, free=(0, 1, 2), coupling=(tuple(row),))
+    f = unlearned(panda, design)
+
+    def follows(q: Array) -> bool:
+        rest = panda.q_ready
+        return bool(np.isclose(q[3], rest[3] + row @ (q[:3] - rest[:3]), atol=1e-12))
+
+    assert follows(f.start)
+    q_o = f.start + np.array([*rng.uniform(-0.1, 0.1, 3), 9.0])
+    w, q = scratch_of(4), f.start.copy()
+    if invert(f.tangent, f.to_ball(q_o), q, w):
+        assert follows(q)
+
+
+@pytest.mark.parametrize("coupling", [((1.0, 2.0),), ((1, 2), (3, 4), (5, 6)), "abc", 3.0])
+def test_a_coupling_that_is_no_rows_of_three_is_refused(coupling: object) -> None:
+    """In one line, not reshaped to something else."""
+    with pytest.raises(MittError, match="coupling"):
+        MapDesign(coupling=coupling)  # type: ignore[arg-type]
+
+
+def test_a_coupling_without_bounds_is_refused(panda: Arm) -> None:
+    """As kappa and inward are; so is one with a row too many."""
+    for coupling in (((1e6, 0.0, 0.0),), ((0.0,) * 3,) * 2):
+        with pytest.raises(ModelError, match="coupling"):
+            tangent_of(panda, MapDesign(catch_joint=2, q_catch=-1.4, coupling=coupling))

@@ -50,7 +50,7 @@ def palm_of(f: DirectMap, *, ball_radius: float) -> Array:
     q = f.start
     to_last = np.array(last_frame(f.tangent.chain, q)).reshape(3, 3).T
     normal = f.arm.orientation(q)[:, 2]
-    way = f.arm.jacobian(q)[:, f.design.catch_joint]
+    way = f.arm.jacobian(q) @ f.tangent.A[:, f.tangent.catch]
     side = np.cross(normal, way)
     side /= max(float(np.linalg.norm(side)), 1e-9)
     crosses = f.design.kappa > 1.0 and not isinstance(f.arm.model.hand, Basket)

@@ -54,8 +54,13 @@ class MapDesign:
         if len(given) != 3:
             raise InputError("free", "three indices of joints", checks.shown(self.free))
         fields["free"] = tuple(checks.whole("free", k, least=0) for k in given)
-        rows = checks.array("coupling", np.reshape(self.coupling, (-1, 3)), (None, 3), finite=True)
-        fields["coupling"] = tuple(tuple(row) for row in rows.tolist())
+        none = isinstance(self.coupling, tuple | list) and len(self.coupling) == 0
+        rows = (
+            np.zeros((0, 3))
+            if none
+            else checks.array("coupling", self.coupling, (None, 3), finite=True)
+        )
+        fields["coupling"] = tuple((float(a), float(b), float(c)) for a, b, c in rows)
         for name, kept in fields.items():
             object.__setattr__(self, name, kept)
 
@@ -207,6 +212,8 @@ def tangent_of(arm: Arm, design: MapDesign) -> Tangent:
         raise ModelError("kappa", "a ratio in 1..100", design.kappa)
     if not -100.0 <= design.inward <= 100.0:
         raise ModelError("inward", "a ratio in -100..100", design.inward)
+    if np.abs(design.coupling or 0.0).max() > 100.0:
+        raise ModelError("coupling", "ratios in -100..100", f"{np.abs(design.coupling).max():.3g}")
     if design.inward != 0.0 and arm.chain.prismatic[i] > 0.0:
         raise ModelError("inward", "0 where the catch joint slides", design.inward)
     plane = plane_of(

@@ -23,7 +23,7 @@ from mitt.generator.design import MapDesign, check_joints, tangent_of
 from mitt.generator.evaluation import reference, references, time_to_catch, virtual
 from mitt.generator.packing import pack, workspace
 from mitt.generator.polynomial import CatchBasis
-from mitt.generator.tangent import Scratch, Tangent, expand, scratch_of
+from mitt.generator.tangent import Scratch, Tangent, expand, follow, scratch_of
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState, JointReference, MapStatus
 
@@ -117,6 +117,7 @@ class DirectMap:
         known = bool(np.all(np.isfinite(self.region)))
         q: Array = self.region.mean(axis=0) if known else self.arm.q_ready.copy()
         q[self.design.catch_joint] = self.design.q_catch
+        follow(self.tangent, q)
         return q
 
     def virtual(self, ball: Array) -> tuple[bool, Array]:

@@ -26,7 +26,7 @@ from mitt.ball.flight import (
 )
 from mitt.generator.mapping import DirectMap
 from mitt.generator.packing import unfold, unpack
-from mitt.generator.tangent import invert_newton, invert_planar
+from mitt.generator.tangent import invert
 from mitt.jit import kernel
 from mitt.signals import Array, BallState
 
@@ -180,8 +180,7 @@ def _catch_time(packed: Array, state: Array, q_o: Array, ball: Array, work: Arra
     fly_on(state, 0.0, ball)
     last, t, stride = 0.0, 0.0, _STRIDE
     while t < _HORIZON:
-        inside = invert_planar(g, r, q_o) if g.planar else invert_newton(g, r, q_o, w)
-        if not inside:
+        if not invert(g, r, q_o, w):
             return _NO_CATCH
         s = q_o[g.catch_joint] - g.q_catch
         if last != 0.0 and s * last <= 0.0:
@@ -196,8 +195,7 @@ def _catch_time(packed: Array, state: Array, q_o: Array, ball: Array, work: Arra
         back = -stride if s * last <= 0.0 else stride
         go_on(ball, state[9], back)
         t += back
-        inside = invert_planar(g, r, q_o) if g.planar else invert_newton(g, r, q_o, w)
-        if not inside:
+        if not invert(g, r, q_o, w):
             return _NO_CATCH
         s = q_o[g.catch_joint] - g.q_catch
     return t

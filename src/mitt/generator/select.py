@@ -22,6 +22,7 @@ from mitt.generator.demand import Tolerance, shares_of
 from mitt.generator.design import MapDesign
 from mitt.generator.flights import Flight, Lifted, lift_flight
 from mitt.generator.mapping import DirectMap
+from mitt.generator.tangent import follow
 from mitt.signals import Array
 
 
@@ -112,5 +113,6 @@ def _entry(f: DirectMap, x: Lifted, flight: Flight) -> Array:
     """
     q_o, dq_o = x.virtual[-1, 0].copy(), x.virtual[-1, 1]
     q_o[f.design.catch_joint] = f.design.q_catch
+    follow(f.tangent, q_o)
     relative: Array = flight.ball[-1, 1] - f.arm.jacobian(q_o) @ dq_o
     return relative

@@ -277,6 +277,21 @@ def _orientation(A: Array) -> float:
 
 
 @kernel
+def invert(g: Tangent, r_o: Array, q_o: Array, w: Scratch) -> bool:
+    """Write l_c^-1(r_o), the joints that follow included; False outside the domain.
+
+    Args:
+        g: The map l_c.
+        r_o: Position of the ball [m], shape (3,).
+        q_o: Result [rad], shape (n,); where the inverse starts, if it is not closed-form.
+        w: Scratch.
+    """
+    inside = invert_planar(g, r_o, q_o) if g.planar else invert_newton(g, r_o, q_o, w)
+    follow(g, q_o)
+    return bool(inside)
+
+
+@kernel
 def lift(g: Tangent, ball: Array, virtual: Array, w: Scratch) -> bool:
     """Write virtual joints, velocities, accelerations (3, n) of a ball's r_o, dr_o, ddr_o (3, 3).
 
@@ -288,14 +303,10 @@ def lift(g: Tangent, ball: Array, virtual: Array, w: Scratch) -> bool:
     n = virtual.shape[1]
     q_o, r_o = view(virtual, 0, (n,)), view(ball, 0, (3,))
     dq_o, ddq_o = view(virtual, n, (n,)), view(virtual, 2 * n, (n,))
-    if g.planar:
-        if not invert_planar(g, r_o, q_o):
-            return False
-    elif not invert_newton(g, r_o, q_o, w):
+    if not invert(g, r_o, q_o, w):
         return False
     dq_o[:] = 0.0
     ddq_o[:] = 0.0
-    follow(g, q_o)
     expand(g, q_o, w)
     if not solve3(w.J_c, row(ball, 1), g.free, dq_o):
         return False
