@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from local_cell import LocalCell, Readings
 
+from mitt.cell.session import Person, Session
 from mitt.control.brake import plan_brake
 from mitt.errors import InputError
 from mitt.files.recorded import Recorded
@@ -223,3 +224,44 @@ def test_whatever_a_driver_raises_stops_the_arm() -> None:
         cell.until(lambda cell=cell: cell.loop.mode is Mode.STOPPED)  # type: ignore[misc]
         assert says in cell.loop.why
         assert cell.robot.braked[-1]
+
+
+def test_a_first_reading_without_a_number_moves_nothing() -> None:
+    """Where the arm is is not known then: brakes, and no torque towards the ready pose."""
+    cell = LocalCell(throws=1)
+    assert cell.loop.healthy() == ""
+    cell.robot.on_read = lambda got: [replace(x, q=np.full(len(x.q), np.nan)) for x in got]
+    cell.loop.begin()
+    cell.loop.cycle()
+    assert cell.loop.mode is Mode.STOPPED
+    assert cell.robot.braked[-1]
+    assert "first reading" in cell.loop.why
+
+
+def test_readings_without_a_time_stop_the_arm() -> None:
+    """A stamp that is no number is a fault; nothing raises, the brakes engage."""
+    cell = in_a_catch(throws=1)
+    cell.robot.on_read = lambda got: [replace(x, t=np.nan) for x in got]
+    cell.loop.cycle()
+    assert cell.loop.mode is Mode.STOPPED
+    assert cell.robot.braked[-1]
+
+
+def test_a_word_said_during_trouble_moves_nothing_later() -> None:
+    """Enter counts once it is asked for; brakes are not released for what is no protective stop."""
+    cell, person, heard = LocalCell(throws=1), Person(yes=False), list[str]()
+    person.keyboard = True
+    session = Session(cell.loop, cell.robot, person, lambda _: None, throws=1)
+    troubles = ["no joint states", "the arm moves already", "", "", ""]
+
+    def healthy() -> str:
+        trouble = troubles[len(heard)]
+        heard.append(trouble)
+        if trouble or len(heard) == len(troubles):
+            person._pressed.set()
+        return trouble
+
+    cell.loop.healthy = healthy  # type: ignore[method-assign]
+    assert session._waited()
+    assert len(heard) == len(troubles)
+    assert cell.robot.braked == []

@@ -140,8 +140,12 @@ class Session:
                 self._loop.begin()
                 self._tell("the arm moves")
                 self._begun = monotonic()
-                if self._caught_all():
-                    return True
+                try:
+                    if self._caught_all():
+                        return True
+                finally:
+                    if self._loop.mode is not Mode.STOPPED:
+                        self._loop.finish()
                 self._tell(f"stopped: {self._loop.why}; the brakes are engaged")
                 if self.signal or not self._person.keyboard:
                     return False
@@ -150,14 +154,19 @@ class Session:
     def _waited(self) -> bool:
         """Wait for a healthy robot and for a person's word; say whether both came."""
         spoken, asked = monotonic() - _LINES, False
-        self._person.forget()
-        agreed = False
+        agreed, before = False, "nothing heard yet"
         while not self.signal:
             trouble = self._loop.healthy()
+            if trouble != before:  # a word said before is no answer to this
+                self._person.forget()
+                agreed = agreed and not (trouble and self._person.keyboard)
+                before = trouble
             self._show()
-            if trouble and agreed:  # a person has said that a stop may be acknowledged
-                self._robot.release()
-            agreed = agreed or (trouble != "no joint states" and self._person.agrees())
+            own = trouble != "" and trouble == self._robot.trouble()
+            if not agreed and (own or not trouble) and self._person.agrees():
+                agreed = True
+                if own:  # a person has said that a protective stop is acknowledged
+                    self._robot.release()
             if agreed and not trouble:
                 return True
             if monotonic() - spoken > _LINES or (not trouble and not asked and not agreed):

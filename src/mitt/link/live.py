@@ -13,6 +13,7 @@ import numpy as np
 
 from mitt.catcher.catcher import Catcher, Phase
 from mitt.control.health import Reason
+from mitt.errors import InputError
 from mitt.link.clock import monotonic
 from mitt.link.frames import FrameSet
 from mitt.link.modes import Counts, Mode
@@ -128,13 +129,20 @@ class LiveLoop:
         self.mode = Mode.STOPPED
 
     def cycle(self) -> None:
-        """Wait for readings and answer them; nothing that a driver does raises."""
+        """Wait for readings and answer them; what goes wrong stops the arm and is not raised."""
         try:
             # The second look is for a stall of ours, after which nothing had time to come in.
             readings = self._robot.read(self._silence) or self._robot.read(_LOOK)
-        except Exception as error:  # a driver's own: whatever it is, the arm has to stop
+        except Exception as error:  # a driver's own
             self._cut(f"the robot cannot be read: {error}")
             return
+        try:
+            self._take(readings)
+        except Exception as error:  # ours, or what a driver gave
+            self._cut(str(error))
+
+    def _take(self, readings: Sequence[ArmState]) -> None:
+        """Answer the readings of a cycle."""
         now = monotonic()
         if not readings:
             self._cut(f"no joint states for {1e3 * self._silence:.0f} ms")
@@ -175,7 +183,8 @@ class LiveLoop:
     def _fill(self, t: float) -> None:
         """Make ticks without encoders for readings that never came."""
         missing = round((t - self._last) / TICK) - 1
-        if self.counts.ticks and 0 < missing <= _BRIDGED:
+        # A fresh catcher has no reading yet from which it could go on.
+        if self._catcher.tick is not None and 0 < missing <= _BRIDGED:
             self.counts.lost += missing
             nothing = self._nothing
             for k in range(missing):
@@ -197,6 +206,8 @@ class LiveLoop:
         frames: tuple[Frame, ...] = ()
         if shown is not None and self.mode is Mode.CATCHING:
             frames = self._sight.show(self._catcher, shown, shown.t + shift)
+        if self._catcher.tick is None and not np.all(np.isfinite(reading.q)):
+            raise InputError("the first reading", "the angle of each joint", "NaN")
         t -= self._begun
         arm = ArmState(t=t, q=reading.q, dq=reading.dq)
         self.counts.ticks += 1
@@ -304,8 +315,11 @@ class LiveLoop:
 
     def _halt(self) -> None:
         """Engage the brakes and stay; a ball in flight then is one that was not caught."""
-        self._link.brake()
         self.mode = Mode.STOPPED
+        try:
+            self._link.brake()
+        except Exception as error:  # a driver's own: its watchdog is left
+            self.why += f"; the brakes do not answer: {error}"
         self.counts.stops.append(self.why)
         if self._fastest > _THROWN:
             self.counts.throws += 1

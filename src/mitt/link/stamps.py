@@ -5,8 +5,10 @@ time of the catcher. But a clock of the day can be set: then stamps jump, while 
 as before. Stamps that jump are a fault, after which time goes on from tick to tick, for the stop.
 """
 
+from math import isfinite
 from typing import final
 
+from mitt.errors import InputError
 from mitt.signals import TICK
 
 #: By how much stamps may run ahead of the time between two messages [s]; what waits here longer
@@ -40,7 +42,12 @@ class Stamps:
         Args:
             stamp: Of the robot [s].
             arrived: When it came, by the steady clock here [s].
+
+        Raises:
+            InputError: The stamp is no number.
         """
+        if not isfinite(stamp):
+            raise InputError("the stamp of a reading", "a finite time [s]", stamp)
         if self._zero is None:
             self._zero = stamp
         else:
