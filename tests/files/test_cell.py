@@ -11,7 +11,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mitt.errors import FileError, MittError
-from mitt.files.cell import arm_of, around_of, cell_of, read_cell, rotation_of, shipped
+from mitt.files.cell import arm_of, around_of, cell_of, read_cell, shipped
+from mitt.robot.description import roll_pitch_yaw
 
 SHIPPED = Path(str(files("mitt") / "data" / "cells" / "wam-sim.toml"))
 
@@ -110,4 +111,4 @@ def test_what_is_neither_name_nor_file_is_refused(tmp_path: Path) -> None:
 def test_roll_pitch_and_yaw_are_about_fixed_axes() -> None:
     """As REP 103 and SciPy have them."""
     rpy = (0.3, -0.4, 1.1)
-    assert np.allclose(rotation_of(rpy), Rotation.from_euler("xyz", rpy).as_matrix())
+    assert np.allclose(roll_pitch_yaw(np.array(rpy)), Rotation.from_euler("xyz", rpy).as_matrix())

@@ -182,3 +182,12 @@ def test_what_simulate_records_replays(tmp_path: Path, learned: Learned) -> None
     files = sorted(tmp_path.iterdir())
     assert len(files) == len(trials) == 2
     assert all(replayed(path).identical for path in files)
+
+
+def test_a_recording_with_ticks_dropped_at_its_end_is_not_identical(one: Path) -> None:
+    """What is there is the same, but not all is there."""
+    x = replayed(one)
+    assert x.identical
+    x.recorded.dropped = 3
+    assert not x.identical
+    assert x.first_difference is None

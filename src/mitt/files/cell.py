@@ -241,13 +241,3 @@ def rig_of(cell: Cell) -> Rig:
         raise InputError(f"{cell.name} source.rig", "cameras without distortion", "distorted ones",
                          do="let the camera's driver straighten its images")  # fmt: skip
     return found.rig()
-
-
-def rotation_of(rpy: tuple[float, float, float]) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Return the rotation of roll, pitch and yaw about fixed axes (REP 103), shape (3, 3)."""
-    (sr, sp, sy), (cr, cp, cy) = np.sin(rpy), np.cos(rpy)
-    return np.array([
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-        [-sp, cp * sr, cp * cr],
-    ])  # fmt: skip

@@ -20,11 +20,12 @@ from typing import Any, final
 import numpy as np
 
 from mitt.errors import InputError, MittError
-from mitt.files.cell import Cell, rotation_of
+from mitt.files.cell import Cell
 from mitt.link import dds, messages
 from mitt.link import dds_types as types
 from mitt.link.clock import monotonic
 from mitt.robot.arm import Arm
+from mitt.robot.description import roll_pitch_yaw
 from mitt.signals import ArmState, Array, Command, Sighting
 
 #: Where a simulated cell says how a throw ended; never read inside the loop.
@@ -124,7 +125,7 @@ class Ros2Robot:
         self._brake = node.publish(of["brake"], types.Bool, "command") if of["brake"] else None
         self._names = (*self._joints.names, *([of["hand"]] if of["hand"] else []))
         self._rows = np.zeros((4, len(self._names)))
-        self._R, self._place = rotation_of(source.rpy), np.array(source.origin)
+        self._R, self._place = roll_pitch_yaw(np.array(source.rpy)), np.array(source.origin)
         self._covariance = source.sigma**2 * np.eye(3)
         self._trouble, self._reads = "", 0
         self._twice, self._twice_since = "", monotonic()

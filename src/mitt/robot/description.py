@@ -246,6 +246,16 @@ def transform(R: Array | None = None, p: Array | None = None) -> Array:
     return T
 
 
+def roll_pitch_yaw(angles: Array) -> Array:
+    """Return the rotation of roll, pitch and yaw about fixed axes (REP 103) [rad], shape (3, 3)."""
+    (a, b, c), (d, e, f) = np.cos(angles), np.sin(angles)
+    return np.array([
+        [c * b, c * e * d - f * a, c * e * a + f * d],
+        [f * b, f * e * d + c * a, f * e * a - c * d],
+        [-e, b * d, b * a],
+    ])  # fmt: skip
+
+
 def rotation(axis: Array, angle: float) -> Array:
     """Return the rotation matrix about a unit axis (Rodrigues), shape (3, 3)."""
     x, y, z = axis

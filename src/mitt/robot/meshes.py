@@ -15,6 +15,7 @@ import numpy as np
 
 from mitt.errors import FileError
 from mitt.reading import read_bytes
+from mitt.robot.description import roll_pitch_yaw
 from mitt.robot.stated import Shape
 from mitt.signals import Array
 
@@ -71,7 +72,7 @@ def _urdf_points(path: Path, element: Element, meshes: "Meshes") -> tuple[Array,
         points, radius = found
         origin = element.find("origin")
         if origin is not None:
-            R = _rpy(_numbers(origin, "rpy", 3, "0 0 0"))
+            R = roll_pitch_yaw(_numbers(origin, "rpy", 3, "0 0 0"))
             points = points @ R.T + _numbers(origin, "xyz", 3, "0 0 0")
     except FileError:
         raise
@@ -125,16 +126,6 @@ def _numbers(element: Element, key: str, count: int, default: str = "") -> Array
     if len(given) != count:
         raise ValueError(f"{count} numbers for {key}")
     return given
-
-
-def _rpy(angles: Array) -> Array:
-    """Return the rotation of fixed-axis roll, pitch, yaw, shape (3, 3)."""
-    (a, b, c), (d, e, f) = np.cos(angles), np.sin(angles)
-    return np.array([
-        [c * b, c * e * d - f * a, c * e * a + f * d],
-        [f * b, f * e * d + c * a, f * e * a - c * d],
-        [-e, b * d, b * a],
-    ])  # fmt: skip
 
 
 def box_points(half: Array) -> Array:

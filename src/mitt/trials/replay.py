@@ -76,7 +76,8 @@ class Replayed:
     def identical(self) -> bool:
         """Whether all commands are those of the recording to the bit, and no tick is missing."""
         numbers = self.recorded.numbers
-        return self.first_difference is None and np.array_equal(numbers, np.arange(len(numbers)))
+        all_there = self.recorded.dropped == 0 and np.array_equal(numbers, np.arange(len(numbers)))
+        return self.first_difference is None and bool(all_there)
 
     @property
     def begins(self) -> str:
