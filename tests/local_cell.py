@@ -3,15 +3,14 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from mitt.cell.local import LocalPort, LocalRobot
-from mitt.cell.prepare import about_of, balls_of, catchers, map_of, prepare, scene_of_cell
-from mitt.cell.simulated import SimulatedCell
+from mitt.cell.local import LocalRobot, local_robot
+from mitt.cell.prepare import PreparedCell, about_of, catchers, map_of, prepare, setpoints_of
 from mitt.files.cell import read_cell
-from mitt.link.clock import monotonic
 from mitt.link.live import LiveLoop
 from mitt.link.modes import Mode
 from mitt.link.recorder import Recorder
-from mitt.link.robot import RobotLink
+from mitt.link.robot import Robot, RobotLink
+from mitt.link.sight import straight
 from mitt.signals import ArmState, Command, Sighting
 
 Readings = Sequence[ArmState]
@@ -22,14 +21,14 @@ class FaultyRobot:
 
     brakes = True
 
-    def __init__(self, inner: LocalRobot) -> None:
+    def __init__(self, inner: Robot) -> None:
         """Change nothing yet."""
         self._inner = inner
         self.on_read: Callable[[Readings], Readings] = lambda x: x
         self.on_points: Callable[[Sequence[Sighting]], Sequence[Sighting]] = lambda x: x
         self.on_write: Callable[[Command], bool] = lambda _: True
         self.braked: list[bool] = []
-        self.said = ""
+        self.said = self.kept = ""
 
     def read(self, timeout: float) -> Readings:
         """Return readings."""
@@ -53,6 +52,10 @@ class FaultyRobot:
         """Note and pass on."""
         self.braked.append(False)
         self._inner.release()
+
+    def waits(self) -> str:
+        """Return what the test says keeps it from being commanded."""
+        return self.kept
 
     def trouble(self) -> str:
         """Return what the robot or the test says."""
@@ -78,23 +81,24 @@ class LocalCell:
 
     def __init__(
         self, *, throws: int, seed: int = 5, record: Path | None = None,
-        name: str = "wam-sim",
+        name: str = "wam-sim", prepared: PreparedCell | None = None,
+        driver: Callable[[LocalRobot, PreparedCell], Robot] = lambda local, _: local,
     ) -> None:  # fmt: skip
         """Set both up; nothing moves yet."""
-        self.prepared = prepared = prepare(read_cell(name))
+        self.prepared = prepared = prepared or prepare(read_cell(name))
         cell, arm = prepared.cell, prepared.arm
-        scene, port = scene_of_cell(cell, None), LocalPort(cell.source.sigma)
-        source = balls_of(prepared, scene, seed=seed, count=throws)
-        self.simulated = SimulatedCell(
-            cell, arm, scene, source, port, rig=prepared.rig, clock=monotonic, started=1.7e9
-        )
-        self.robot = FaultyRobot(LocalRobot(self.simulated, port))
+        local = local_robot(prepared, seed=seed, count=throws, started=1.7e9)
+        self.simulated, port = local.simulated, local.port
+        self.robot = FaultyRobot(driver(local, prepared))
         f = map_of(prepared)
         first, again = catchers(prepared, f)
         self.recorder = None if record is None else Recorder(record, about_of(prepared, f))
+        frames = port if cell.source.kind == "images" else None
         self.loop = LiveLoop(
-            RobotLink(self.robot), arm, first, again, ready_speed=cell.motion.ready_speed,
-            silence=cell.robot.watchdog, frames=port, recorder=self.recorder,
+            RobotLink(self.robot, setpoints=setpoints_of(prepared)), arm, first, again,
+            ready_speed=cell.motion.ready_speed, silence=cell.robot.watchdog,
+            frames=straight(frames, prepared.lenses), recorder=self.recorder,
+            clock=lambda: self.simulated.t,
         )  # fmt: skip
 
     def until(self, over: Callable[[], bool], *, ticks: int = 12_000) -> None:

@@ -7,7 +7,8 @@ import pytest
 
 from mitt.control.envelope import bounds_of
 from mitt.generator.feasibility import Approach, Outcome, Verdict
-from mitt.impact import CaughtBall, examined, shares_after, speed_caps, speed_jump
+from mitt.holding import CaughtBall
+from mitt.impact import examined, shares_after, speed_caps, speed_jump
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Basket
 from mitt.robot.hands import HandModel

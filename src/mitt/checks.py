@@ -6,20 +6,24 @@ float64 in C order (the given array if it is one already, else a copy). Other va
 :class:`mitt.errors.MittError` of one line.
 """
 
-from collections.abc import Sequence
+import os
+from collections.abc import Iterable, Mapping, Sequence
 from math import inf, isfinite
 from operator import index
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.errors import InputError, ShapeError
+from mitt.errors import InputError, ShapeError, UnknownNameError
 
 _Kind = TypeVar("_Kind")
 
 #: Largest text of a refused value in a message [characters].
 _MOST = 60
+#: Longest name of a file and longest path that systems take [bytes].
+_LONGEST_NAME, _LONGEST_PATH = 255, 4000
 
 
 def array(
@@ -59,19 +63,48 @@ def vector(name: str, value: object, n: int, *, finite: bool = False) -> NDArray
 
 
 def rows(name: str, value: object, width: int) -> NDArray[np.float64]:
-    """Return a value as an array of shape (..., ``width``), of at least one axis."""
+    """Return a value as an array of shape (..., ``width``), of at least one axis, without NaN."""
     given = _numbers(name, value)
     if given.ndim == 0 or given.shape[-1] != width:
         raise ShapeError(name, f"(..., {width})", given.shape)
-    return given
+    return numbers(name, given)
 
 
-def number(name: str, value: object, *, finite: bool = False) -> float:
-    """Return a real number; infinity and NaN pass unless ``finite`` is wanted.
+def numbers(name: str, value: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return an array that has no NaN in it; infinity passes, as the share of a limit of 0."""
+    if np.isnan(value).any():
+        raise InputError(name, "numbers", "NaN")
+    return value
+
+
+def number(
+    name: str, value: object, *, finite: bool = False,
+    least: float | None = None, most: float | None = None,
+) -> float:  # fmt: skip
+    """Return a real number, within bounds if there are any.
+
+    Args:
+        name: What an error calls it.
+        value: Given by a user.
+        finite: Whether NaN and infinity are refused; bounds refuse NaN, and what is beyond them.
+        least: Least number, if there is one.
+        most: Largest number, if there is one.
 
     Raises:
-        InputError: It is no real number.
+        InputError: It is no real number, or out of bounds.
     """
+    if least is not None or most is not None:
+        low, high = -inf if least is None else least, inf if most is None else most
+        given = _real(name, value, finite=finite)
+        if low <= given <= high:
+            return given
+        wanted = f"a number from {low:g} to {high:g}" if most is not None else f"at least {low:g}"
+        raise InputError(name, wanted, shown(value))
+    return _real(name, value, finite=finite)
+
+
+def _real(name: str, value: object, *, finite: bool) -> float:
+    """Return a real number; infinity and NaN pass unless ``finite`` is wanted."""
     if isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool):
         try:
             given = float(value)
@@ -80,7 +113,7 @@ def number(name: str, value: object, *, finite: bool = False) -> float:
         if not finite or isfinite(given):
             return given
     elif isinstance(value, np.ndarray) and value.ndim == 0 and value.dtype.kind in "fiu":
-        return number(name, value[()], finite=finite)
+        return _real(name, value[()], finite=finite)
     raise InputError(name, "a finite number" if finite else "a number", shown(value))
 
 
@@ -114,6 +147,59 @@ def flag(name: str, value: object) -> bool:
     raise InputError(name, "True or False", shown(value))
 
 
+def text(name: str, value: object) -> str:
+    """Return a text.
+
+    Raises:
+        InputError: It is none.
+    """
+    if isinstance(value, str):
+        return str(value)
+    raise InputError(name, "a text", shown(value))
+
+
+def one_of(name: str, value: object, known: Iterable[str]) -> str:
+    """Return a text that is one of those known.
+
+    Raises:
+        UnknownNameError: It is none of them.
+    """
+    known = tuple(known)
+    if isinstance(value, str) and value in known:
+        return value
+    raise UnknownNameError(name, value if isinstance(value, str) else shown(value), known)
+
+
+def path(name: str, value: object) -> Path:
+    """Return a path that a file could have, whether or not one is there.
+
+    Raises:
+        InputError: It is no path: of another type, empty, too long, or not to be written as one.
+    """
+    if not isinstance(value, str | Path):
+        raise InputError(name, "a path", shown(value))
+    try:
+        parts = [os.fsencode(part) for part in Path(value).parts]
+    except UnicodeEncodeError:
+        raise InputError(name, "a path", "characters that no path can have") from None
+    if not parts or b"\0" in b"".join(parts) or not str(value):
+        raise InputError(name, "a path", "an empty one" if not parts else "a NUL in it")
+    if max(map(len, parts)) > _LONGEST_NAME or sum(map(len, parts)) > _LONGEST_PATH:
+        raise InputError(name, f"a path of names of at most {_LONGEST_NAME} bytes", "a longer one")
+    return Path(value)
+
+
+def mapping(name: str, value: object) -> Mapping[object, object]:
+    """Return a mapping, as a dictionary is.
+
+    Raises:
+        InputError: It is none.
+    """
+    if not isinstance(value, Mapping):
+        raise InputError(name, "a mapping, as {name: value}", shown(value))
+    return value
+
+
 def instance(name: str, value: object, kind: type[_Kind]) -> _Kind:
     """Return a value that is of a class.
 
@@ -121,7 +207,7 @@ def instance(name: str, value: object, kind: type[_Kind]) -> _Kind:
         InputError: It is of another.
     """
     if not isinstance(value, kind):
-        raise InputError(name, f"a {kind.__name__}", shown(value))
+        raise InputError(name, _one(kind.__name__), shown(value))
     return value
 
 
@@ -159,7 +245,7 @@ def shown(value: object) -> str:
         except ValueError:  # an integer of thousands of digits
             return f"a huge {kind}"
         return text if len(text) <= _MOST else f"{text[:_MOST]}..."
-    return f"a {kind}"
+    return _one(kind)
 
 
 def _numbers(name: str, value: object) -> NDArray[np.float64]:
@@ -173,3 +259,8 @@ def _numbers(name: str, value: object) -> NDArray[np.float64]:
         raise InputError(name, "an array of numbers", shown(given))
     with np.errstate(over="ignore"):
         return np.array(given, dtype=np.float64, order="C")
+
+
+def _one(noun: str) -> str:
+    """Return a noun with its article."""
+    return f"{'an' if noun[0].lower() in 'aeiou' else 'a'} {noun}"

@@ -10,9 +10,16 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 
+#: Characters that a message keeps of either end of a very long name or value.
+_HALF = 150
+
 
 class MittError(Exception):
-    """Base of every error that mitt raises on purpose; its text is one line."""
+    """Base of every error that mitt raises on purpose; its text is one line that can be printed."""
+
+    def __init__(self, text: str) -> None:
+        """Take the text; what would end a line or steer a terminal is written as an escape."""
+        super().__init__(_printable(" ".join(text.split())))
 
     def __reduce__(self) -> tuple[Callable[..., "MittError"], tuple[object, ...]]:
         """Say how to make the same error in another process, whatever its constructor takes."""
@@ -36,8 +43,8 @@ class InputError(MittError, ValueError):
     def __init__(self, name: str, wanted: str, given: object, *, do: str = "") -> None:
         """Name the input, what was wanted, what was given and, where it helps, what to do."""
         self.name, self.wanted, self.given = name, wanted, given
-        text = f"{name}: wanted {wanted}, got {given}"
-        super().__init__(" ".join(f"{text}; {do}".split()) if do else " ".join(text.split()))
+        text = f"{_short(name)}: wanted {wanted}, got {_short(str(given))}"
+        super().__init__(f"{text}; {do}" if do else text)
 
 
 class FileError(InputError):
@@ -59,6 +66,18 @@ class UnknownNameError(InputError, KeyError):
     def __str__(self) -> str:
         """Show the message itself; KeyError would quote it."""
         return str(self.args[0])
+
+
+def _printable(text: str) -> str:
+    """Return a text whose characters can all be printed."""
+    if text.isprintable():
+        return text
+    return "".join(x if x.isprintable() else x.encode("unicode_escape").decode() for x in text)
+
+
+def _short(text: str) -> str:
+    """Return a text, the middle of a very long one left out."""
+    return text if len(text) <= 2 * _HALF else f"{text[:_HALF]} ... {text[-_HALF:]}"
 
 
 def _restored(
@@ -115,3 +134,18 @@ def heard() -> Iterator[list[str]]:
             os.close(before)
             stream.seek(0)
             said.append(stream.read(2000).decode(errors="replace"))
+
+
+@contextmanager
+def answered_by(name: str) -> Iterator[None]:
+    """Raise any exception of the block as an InputError of the package that adds something.
+
+    Args:
+        name: What it adds, as ``generator 'mine'``.
+    """
+    try:
+        yield
+    except Exception as error:
+        said = str(error) if isinstance(error, MittError) else f"{type(error).__name__}: {error}"
+        raise InputError(name, "an answer of the package that adds it", said,
+                         do="repair that package") from error  # fmt: skip

@@ -1,10 +1,10 @@
-"""What a caught ball does to the arm: its impact, its weight in the brake, its pull on the fingers.
+"""What a caught ball does to the arm: its impact and its weight in the brake.
 
 A verdict of a generator knows the way to the catch; here is what comes after it. The ball and the
 hand become one body: an impulse p = (1/m + J M^-1 J')^-1 v_rel passes between them (momentum is
 kept, the ball sticks), and the joints change their speed by M^-1 J' p, the more the farther the
-ball springs back at first. Then the arm brakes with the ball's mass at its hand, and the fingers
-hold the ball against gravity and the brake.
+ball springs back at first. Then the arm brakes with the ball's mass at its hand, which has to hold
+the ball (:mod:`mitt.holding`).
 
 | here      | meaning                                                       | unit  | shape    |
 |-----------|---------------------------------------------------------------|-------|----------|
@@ -13,21 +13,20 @@ hold the ball against gravity and the brake.
 | ``cap``   | largest joint speeds before the catch that leave room for it  | rad/s | (n,)     |
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
-from mitt.ball.flight import GRAVITY
 from mitt.control.brake import Brake, plan_brake
 from mitt.control.envelope import bounds_of
 from mitt.control.hand import TOUCH_BEFORE
 from mitt.generator.demand import Tolerance, shares_of
 from mitt.generator.feasibility import Approach, Outcome, Verdict
+from mitt.holding import CaughtBall, pull, spill
 from mitt.rehearsal import gap_at_catch
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Basket
-from mitt.robot.hands import HandModel
 from mitt.signals import Array
 
 #: Distance of the ball from the catch point at which the fingers still close around it [m].
@@ -50,37 +49,6 @@ _SLOWEST, _SLOWEST_TO_BRAKE = 0.7, 0.4
 _ROUNDED = 1e-3
 #: What a joint that is made slower must at least gain in room, as share of what it gives up.
 _GIVE = 0.05
-#: Share of what the fingers' drives hold at rest that holds a ball which has just struck: of 11
-#: balls of 1 kg that asked for more none stayed, of 60 of 0.5 kg that asked for less 50 did.
-_HOLDS = 0.6
-#: Instants of the brake at which the pull on the fingers is looked at, and a difference's step [s].
-_INSTANTS, _STEP = 8, 1e-3
-#: Instants of the brake in which a ball's way in a basket is followed; share of one that is lost.
-_SPILLS, _LOST = 24, 10.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CaughtBall:
-    """What is known of the ball that will be in the hand.
-
-    Attributes:
-        mass: Its mass [kg].
-        radius: Its radius [m].
-        restitution: Share of the approach speed with which it springs back from the palm.
-        friction: Coefficient of friction of ball and hand.
-        doubt: Relative error that the mass may have.
-    """
-
-    mass: float
-    radius: float
-    restitution: float = 0.2
-    friction: float = 1.0
-    doubt: float = 0.1
-
-    @property
-    def heaviest(self) -> float:
-        """Largest mass that the ball may have [kg]."""
-        return self.mass * (1.0 + self.doubt)
 
 
 def speed_jump(arm: Arm, q: Array, v_rel: Array, mass: float) -> Array:
@@ -242,9 +210,9 @@ def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, fl
         shares[f"{'impact' if kept else 'speed'}:{name}"] = x
     if isinstance(arm.model.hand, Basket):
         v_rel = approach.dr_o - arm.jacobian(approach.motion[-1, 0]) @ dq
-        shares["spill"] = _spill(arm, brake, ball, arm.model.hand, v_rel)
+        shares["spill"] = spill(arm, brake, ball, arm.model.hand, v_rel)
     else:
-        shares["grip"] = _pull(arm, brake, ball)
+        shares["grip"] = pull(arm, brake, ball)
     return shares
 
 
@@ -256,53 +224,3 @@ def _lateness(arm: Arm, approach: Approach, cap: Array) -> Array:
     gap = np.abs(approach.motion[-1, 0] - place)
     late: Array = gap * np.linalg.norm(arm.jacobian(approach.motion[-1, 0]), axis=0)
     return late
-
-
-def _pull(arm: Arm, brake: Brake, ball: CaughtBall) -> float:
-    """Return the largest pull of the ball on the fingers while the arm brakes, as share.
-
-    What presses it into the palm costs the fingers nothing. Without a hand there is no bound.
-    """
-    hand = arm.model.hand
-    if not isinstance(hand, HandModel):
-        return 0.0
-    up, most = np.array([0.0, 0.0, GRAVITY]), 0.0
-    for t in np.linspace(0.0, brake.duration, _INSTANTS).tolist():
-        (q, dq, _), (p, dp, _) = brake.at(t), brake.at(t + _STEP)
-        force = (arm.jacobian(p) @ dp - arm.jacobian(q) @ dq) / _STEP + up
-        normal = arm.orientation(q)[:, 2]
-        out = float(force @ normal)
-        across = float(np.linalg.norm(force - out * normal))
-        most = max(most, max(-out, 0.0) + across)
-    return ball.heaviest * most / (_HOLDS * _holding_force(hand, ball.radius, ball.friction))
-
-
-def _spill(arm: Arm, brake: Brake, ball: CaughtBall, basket: Basket, v_rel: Array) -> float:
-    """Return how far the ball leaves the bottom of a basket towards its ring, as share.
-
-    It springs back from the net, and goes on where the arm brakes under it; friction and the sides
-    of the net are left out. A basket that comes to rest facing down holds nothing.
-    """
-    up, h = np.array([0.0, 0.0, GRAVITY]), brake.duration / _SPILLS
-    normal = arm.orientation(brake.at(0.0)[0])[:, 2]
-    height, speed, most = 0.0, max(-ball.restitution * float(v_rel @ normal), 0.0), 0.0
-    for k in range(_SPILLS):
-        (q, dq, _), (p, dp, _) = brake.at((k + 0.5) * h), brake.at((k + 0.5) * h + _STEP)
-        pull = (arm.jacobian(p) @ dp - arm.jacobian(q) @ dq) / _STEP + up
-        normal = arm.orientation(q)[:, 2]
-        speed -= h * float(pull @ normal)
-        height += h * speed
-        if height < 0.0:
-            height, speed = 0.0, 0.0
-        most = max(most, height)
-    weight = GRAVITY * float(normal[2])
-    if weight <= 0.0:
-        return _LOST
-    most = max(most, height + 0.5 * max(speed, 0.0) ** 2 / weight)
-    return min(most / (basket.depth - ball.radius), _LOST)
-
-
-@lru_cache(maxsize=32)
-def _holding_force(hand: HandModel, radius: float, friction: float) -> float:
-    """Return what a hand holds a ball with [N]; worked out once."""
-    return hand.holding_force(radius, friction)

@@ -12,6 +12,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from mitt import checks
 from mitt.errors import FileError
 
 #: Largest TOML and JSON file that is read [bytes]; JSON may take twenty times as much memory.
@@ -38,8 +39,10 @@ def read_bytes(path: Path, *, max_bytes: int, wanted: str = "a readable file") -
         wanted: What an error calls it.
 
     Raises:
+        InputError: It is no path.
         FileError: It cannot be read, is no regular file or is too large.
     """
+    path = checks.path("file", path)
     try:
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)  # no waiting for a pipe
         with os.fdopen(handle, "rb") as file:
@@ -47,8 +50,6 @@ def read_bytes(path: Path, *, max_bytes: int, wanted: str = "a readable file") -
             content = file.read(max_bytes + 1) if regular else b""
     except OSError as error:
         raise FileError(str(path), wanted, error.strerror or "an error") from None
-    except ValueError as error:  # a NUL in the name
-        raise FileError(str(path), wanted, error) from None
     if not regular:
         raise FileError(str(path), wanted, "a device, a pipe or a folder")
     if len(content) > max_bytes:

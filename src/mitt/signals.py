@@ -7,8 +7,9 @@ SI units and radians; positions in the world frame (origin at the shoulder centr
 and converted once, when it is made (:mod:`mitt.checks`), so that kernels can trust it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
+from math import sqrt
 from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
@@ -23,6 +24,9 @@ Image = NDArray[np.uint8]
 
 TICK: Final = 0.001
 """Time between two ticks [s]."""
+
+GRAVITY: Final = 9.81
+"""Acceleration of free fall, towards -z [m/s^2]."""
 
 _keep = object.__setattr__
 """Writes a field of a frozen value while it is made."""
@@ -109,34 +113,47 @@ class Sighting:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BallState:
-    """Estimate of the ball's motion at time ``t``.
+    """Estimate of the ball's motion at time ``t``; what is left out follows from the rest.
 
     Attributes:
         t: Time that the estimate speaks of [s].
-        tracked: Whether there is an estimate; the arrays are zero if not.
         r_o: Position [m], shape (3,).
         dr_o: Velocity [m/s], shape (3,).
-        ddr_o: Acceleration by the flight model [m/s^2], shape (3,).
+        ddr_o: Acceleration [m/s^2], shape (3,); of free flight with ``drag`` if left out.
+        tracked: Whether there is an estimate; the arrays are zero if not.
         drag: Quadratic drag coefficient k of the flight model [1/m].
-        covariance: Covariance of position and velocity, shape (6, 6).
-        t_seen: Time of the newest sighting used [s].
-        t_first: Time of the first sighting of this track [s].
+        covariance: Covariance of position and velocity, shape (6, 6); if left out, zero: they
+            count as known exactly.
+        t_seen: Time of the newest sighting used [s]; ``t`` if left out.
+        t_first: Time of the first sighting of this track [s]; ``t_seen`` if left out.
         led: Whether another law of motion than flight speaks.
     """
 
     t: float
-    tracked: bool
     r_o: Array
     dr_o: Array
-    ddr_o: Array
-    drag: float
-    covariance: Array
-    t_seen: float
-    t_first: float
+    ddr_o: Array = None  # type: ignore[assignment]  # None is filled in when it is made
+    tracked: bool = True
+    drag: float = 0.0
+    covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    t_seen: float = None  # type: ignore[assignment]
+    t_first: float = None  # type: ignore[assignment]
     led: bool = False
 
     def __post_init__(self) -> None:
-        """Hold the fields to their shapes; ShapeError or InputError where they do not fit."""
+        """Fill in what was left out, and hold the fields to their shapes and types.
+
+        Raises:
+            InputError: A field is not what it should be.
+        """
+        if self.ddr_o is None:
+            drag = checks.number("ball.drag", self.drag)
+            dr = checks.vector("ball.dr_o", self.dr_o, 3)
+            _keep(self, "ddr_o", -drag * sqrt(dr @ dr) * dr - (0.0, 0.0, GRAVITY))
+        if self.t_seen is None:
+            _keep(self, "t_seen", self.t)
+        if self.t_first is None:
+            _keep(self, "t_first", self.t_seen)
         for name, x in (("r_o", self.r_o), ("dr_o", self.dr_o), ("ddr_o", self.ddr_o)):
             _keep(self, name, checks.vector(f"ball.{name}", x, 3))
         for name, value in (
@@ -189,8 +206,8 @@ class Senses:
         """Hold the fields to their types; InputError where they do not fit."""
         _keep(self, "t", checks.number("senses.t", self.t))
         checks.instance("senses.arm", self.arm, ArmState)
-        _keep(self, "frames", _all_of("senses.frames", self.frames, Frame))
-        _keep(self, "points", _all_of("senses.points", self.points, Sighting))
+        _keep(self, "frames", all_of("senses.frames", self.frames, Frame))
+        _keep(self, "points", all_of("senses.points", self.points, Sighting))
 
 
 class MapStatus(Enum):
@@ -272,7 +289,7 @@ class Command(NamedTuple):
         return tau
 
 
-def _all_of(name: str, values: object, kind: type[_Kind]) -> tuple[_Kind, ...]:
+def all_of(name: str, values: object, kind: type[_Kind]) -> tuple[_Kind, ...]:
     """Return a user's values as a tuple of one class; a list is taken as well."""
     if not isinstance(values, tuple | list):
         raise InputError(name, f"a tuple of {kind.__name__}", checks.shown(values))

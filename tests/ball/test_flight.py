@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.ball.flight import GRAVITY, STATES, acceleration, advance, advance_uncertain, forecast
+from mitt.ball.flight import STATES, acceleration, advance, advance_uncertain, forecast
 from mitt.errors import InputError
-from mitt.signals import Array, BallState
+from mitt.signals import GRAVITY, Array, BallState
 
 ROUNDING = 1e-12
 """Metres and metres a second."""

@@ -308,6 +308,58 @@ def test_a_ball_never_seen_moves_nothing(
     assert all(np.array_equal(command.q, arm.q_ready) for command in commands)
 
 
+def test_an_arm_whose_place_is_not_known_is_not_moved(arm: Arm, runner: TrialRunner) -> None:
+    """Until each joint was read once: no torque, brakes, no motion; then it stays where it is."""
+    catcher = runner.catcher()
+    place, still = arm.q_ready + np.array([0.3, -0.2, 0.4]), np.zeros(arm.n)
+    unknown, one = np.full(arm.n, np.nan), np.array([place[0], np.nan, np.nan])
+    for k, q in enumerate((unknown, unknown, one)):
+        command = catcher.step(Senses(t=1e-3 * k, arm=ArmState(t=1e-3 * k, q=q, dq=still)))
+        assert command.brakes
+        assert np.all(command.tau == 0.0)
+        with pytest.raises(InputError, match="move"):
+            catcher.move(np.array([[place, still, still]]))
+    for k in range(3, 40):
+        command = catcher.step(Senses(t=1e-3 * k, arm=ArmState(t=1e-3 * k, q=place, dq=still)))
+        assert not command.brakes
+        assert np.allclose(command.q, place, atol=1e-3)
+        assert np.allclose(command.tau, arm.inverse_dynamics(place, still, still), atol=1.0)
+
+
+def test_a_catcher_stopped_before_it_knows_its_place_keeps_the_brakes(
+    arm: Arm, runner: TrialRunner
+) -> None:
+    """Encoders that come back release nothing: that is for a person."""
+    catcher = runner.catcher()
+    place, still = arm.q_ready.copy(), np.zeros(arm.n)
+    unknown = np.full(arm.n, np.nan)
+    for k in range(100):
+        q = place if k >= 40 else unknown
+        command = catcher.step(Senses(t=1e-3 * k, arm=ArmState(t=1e-3 * k, q=q, dq=still)))
+        assert command.brakes, k
+    assert catcher.phase is Phase.STOPPED
+    assert np.all(command.tau == 0.0)
+    catcher.recover()
+    for k in range(100, 104):
+        command = catcher.step(Senses(t=1e-3 * k, arm=ArmState(t=1e-3 * k, q=place, dq=still)))
+    assert not command.brakes
+
+
+def test_a_joint_that_is_never_read_keeps_the_arm_on_its_brakes(
+    arm: Arm, runner: TrialRunner
+) -> None:
+    """It is an encoder's fault, after which there is still no torque."""
+    catcher = runner.catcher()
+    q, still = np.where(np.arange(arm.n) == 1, np.nan, arm.q_ready), np.zeros(arm.n)
+    for k in range(LOSSY_TICKS + 20):
+        command = catcher.step(Senses(t=1e-3 * k, arm=ArmState(t=1e-3 * k, q=q, dq=still)))
+        assert command.brakes
+        assert np.all(command.tau == 0.0)
+    assert catcher.phase is Phase.STOPPED
+    assert catcher.stopped_by is not None
+    assert catcher.stopped_by.reason is Reason.SILENT
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300])
 def test_points_that_are_no_numbers_never_reach_a_command(
     runner: TrialRunner, throws: list[Throw], bad: float

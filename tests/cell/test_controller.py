@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mitt.cell.controller import Controller
+from mitt.files.cell import RobotPart
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 
@@ -19,7 +20,7 @@ class Told(NamedTuple):
 
 def test_it_takes_commands_only_once_released(arm: Arm) -> None:
     """Before, and after the brakes were engaged, it holds the arm by itself."""
-    c, q, still = Controller(arm, 0.02, "torque"), arm.q_ready, np.zeros(arm.n)
+    c, q, still = Controller(arm, RobotPart()), arm.q_ready, np.zeros(arm.n)
     told = Told(np.full((4, arm.n), 0.5), 0.3)
     assert not np.array_equal(c.command(0.0, q, still, told).joints, told.joints)
     c.release(0.001, q, still)
@@ -32,7 +33,7 @@ def test_it_takes_commands_only_once_released(arm: Arm) -> None:
 
 def test_the_watchdog_latches(arm: Arm) -> None:
     """After 20 ms without a command it brakes, says so, and a late command changes nothing."""
-    c, q, dq = Controller(arm, 0.02, "torque"), arm.q_ready, np.full(arm.n, 2.0)
+    c, q, dq = Controller(arm, RobotPart()), arm.q_ready, np.full(arm.n, 2.0)
     told = Told(np.zeros((4, arm.n)))
     c.release(0.0, q, dq)
     c.command(0.0, q, dq, told)
@@ -48,7 +49,11 @@ def test_the_watchdog_latches(arm: Arm) -> None:
 @pytest.mark.parametrize("takes", ["velocity", "position"])
 def test_motions_are_followed_within_the_torque_limits(arm: Arm, takes: str) -> None:
     """Where drives take no torque, a step of the command does not exceed a motor's limit."""
-    c, q, still = Controller(arm, 0.02, takes), arm.q_ready, np.zeros(arm.n)
+    c, q, still = (
+        Controller(arm, RobotPart.model_validate({"takes": takes})),
+        arm.q_ready,
+        np.zeros(arm.n),
+    )
     c.release(0.0, q, still)
     rows = np.array([q + 1.0, still + 50.0, still, still])
     tau = c.command(0.0, q, still, Told(rows)).tau

@@ -1,5 +1,7 @@
 """The live loop at a simulated cell in this process: it catches, and stops as it should."""
 
+import re
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -8,13 +10,20 @@ import numpy as np
 import pytest
 from local_cell import LocalCell, Readings
 
+from mitt.catcher.catcher import Catcher
+from mitt.cell.local import LocalPort
+from mitt.cell.prepare import prepare
 from mitt.cell.session import Person, Session
 from mitt.control.brake import plan_brake
 from mitt.errors import InputError
+from mitt.files.cell import read_cell
 from mitt.files.recorded import Recorded
+from mitt.link.frames import FrameSet
 from mitt.link.modes import Mode
-from mitt.signals import ArmState, Sighting
+from mitt.link.ticks import Ticks
+from mitt.signals import ArmState, Command, Sighting
 from mitt.trials.replay import replay
+from mitt.vision.lens import Lens
 
 #: Speed of a joint in a catch at which faults begin [rad/s].
 FAST = 1.5
@@ -97,6 +106,27 @@ def test_a_clock_that_is_set_back_stops_the_arm() -> None:
     goes_on(cell)
 
 
+def test_readings_that_come_later_and_later_stop_the_arm() -> None:
+    """From a queue on their way that grows by one reading in 20; the reason says how late."""
+    cell, waiting, count, grows = in_a_catch(throws=3), deque[ArmState](), 0, True
+
+    def clogged(got: Readings) -> Readings:
+        nonlocal count
+        waiting.extend(got)
+        count += grows
+        return [waiting.popleft() for _ in range(len(waiting) - count // 20)]
+
+    cell.robot.on_read = clogged
+    cell.until(lambda: cell.loop.mode is Mode.STOPPED)
+    assert re.search("readings come 1[1-3] ms later than they did", cell.loop.why)
+    assert cell.robot.braked[-1]
+    grows = False
+    assert "later than they did" in cell.loop.healthy()
+    waiting.clear()
+    cell.robot.on_read = lambda x: x
+    assert cell.loop.healthy() == ""
+
+
 def test_a_robot_that_falls_silent_is_given_up() -> None:
     """No reading arrives and no command is taken: its own watchdog stops it, we say why."""
     cell = in_a_catch(throws=3)
@@ -127,6 +157,22 @@ def test_a_robot_in_trouble_is_stopped() -> None:
     cell.robot.said = "emergency stop pressed"
     rests_in_time(cell)
     assert cell.loop.why == "the robot says: emergency stop pressed"
+
+
+def test_a_protective_stop_that_is_acknowledged_does_not_come_at_once_again() -> None:
+    """Between a person's word and the first command no time passes in which the watchdog trips."""
+    cell = in_a_catch(throws=3)
+    cell.robot.on_write = lambda _: False
+    cell.until(lambda: cell.loop.mode is Mode.STOPPED)
+    cell.robot.on_write = lambda _: True
+    for _ in range(300):
+        cell.loop.healthy()
+    assert "protective stop" in cell.loop.healthy()
+    cell.robot.release()
+    before = cell.simulated.t
+    assert cell.loop.healthy() == ""
+    assert cell.simulated.t - before < 0.005
+    cell.begin()
 
 
 def test_lost_messages_are_bridged() -> None:
@@ -201,11 +247,147 @@ def test_balls_are_caught_in_images() -> None:
     assert cell.simulated.violations == 0
 
 
+@pytest.mark.parametrize("moving", [True, False])
+def test_cameras_that_fall_silent_stop_the_arm(
+    monkeypatch: pytest.MonkeyPatch, *, moving: bool
+) -> None:
+    """On its way as well as in a catch; without images nothing moves again."""
+    cell = LocalCell(throws=2, name="wam-sim-images")
+    assert cell.loop.healthy() == ""
+    cell.loop.begin()
+    cell.until(lambda: cell.loop.mode is Mode.CATCHING or moving)
+    with monkeypatch.context() as patch:
+        patch.setattr(LocalPort, "take", lambda _: ())
+        cell.until(lambda: cell.loop.mode is Mode.STOPPING, ticks=53)
+        cell.until(lambda: cell.loop.mode is Mode.STOPPED)
+        assert cell.loop.why == "no images for 50 ms"
+        assert cell.robot.braked[-1]
+        assert cell.loop.healthy() == "no images for 50 ms"
+    assert cell.loop.healthy() == ""
+
+
+def test_a_camera_that_repeats_its_last_image_is_silent(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As one does whose process hangs in its driver."""
+    cell = LocalCell(throws=2, name="wam-sim-images")
+    cell.begin()
+    last = list[FrameSet]()
+    take = LocalPort.take
+
+    def repeated(port: LocalPort) -> Sequence[FrameSet]:
+        last[:] = last or list(take(port))[-1:]
+        return last
+
+    monkeypatch.setattr(LocalPort, "take", repeated)
+    cell.until(lambda: cell.loop.mode is Mode.STOPPED, ticks=1000)
+    assert cell.loop.why == "no images for 50 ms"
+
+
+def bent_cell() -> LocalCell:
+    """Return a cell whose lenses bend the images by some pixels, one up and the other down."""
+    lenses = tuple(
+        Lens(width=128, height=128, numbers=np.array([220.0, 220.0, 63.5, 63.5, *k]))
+        for k in ((0.0, 0.0, 0.5, 0.0, 0.0), (0.0, 0.0, -0.5, 0.0, 0.0))
+    )
+    return LocalCell(
+        throws=1, prepared=replace(prepare(read_cell("wam-sim-images")), lenses=lenses)
+    )
+
+
+def test_balls_are_caught_in_images_of_bent_lenses(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The loop straightens them; with the images as they are it misses or drops the ball."""
+    cell = bent_cell()
+    cell.begin()
+    cell.until(lambda: cell.simulated.done)
+    assert cell.simulated.statuses == ["caught"]
+    monkeypatch.setattr("local_cell.straight", lambda source, _: source)
+    cell = bent_cell()
+    cell.begin()
+    cell.until(lambda: cell.simulated.done)
+    assert cell.simulated.statuses[0] in ("dropped", "missed")
+
+
+def test_an_arm_outside_its_range_is_not_moved() -> None:
+    """It would be pulled in at once: a person moves it back."""
+    cell = LocalCell(throws=1)
+    outside = cell.prepared.arm.q_max + np.array([-1.0, 0.3, -1.0])
+    cell.robot.on_read = lambda got: [replace(x, q=outside, dq=0.0 * x.dq) for x in got]
+    assert cell.loop.healthy() == "j2 is 0.30 rad outside its range: move it back by hand"
+    assert cell.robot.braked == []
+
+
+@pytest.mark.parametrize(("gap", "mode"), [(0.3, Mode.STOPPED), (0.05, Mode.MOVING)])
+def test_an_arm_that_was_pushed_does_not_go_back_by_itself(
+    monkeypatch: pytest.MonkeyPatch, gap: float, mode: Mode
+) -> None:
+    """After a stop for a lost ball; in its place it does."""
+    cell = in_a_catch(throws=2)
+    cell.robot.on_points = lambda _: ()
+    monkeypatch.setattr(Ticks, "gap", property(lambda _: gap))
+    cell.until(lambda: cell.loop.mode in (Mode.STOPPED, Mode.MOVING))
+    assert cell.loop.mode is mode
+    assert ("was pushed 0.30 rad" in cell.loop.why) == (mode is Mode.STOPPED)
+    assert cell.robot.braked[-1] == (mode is Mode.STOPPED)
+
+
+@pytest.mark.parametrize("takes", ["position", "velocity"])
+def test_the_last_setpoint_moves_nothing(takes: str) -> None:
+    """Whoever takes it may hold it for ever."""
+    cell = read_cell("wam-sim")
+    robot = cell.robot.model_copy(update={"takes": takes})
+    local = LocalCell(throws=1, prepared=prepare(cell.model_copy(update={"robot": robot})))
+    told = list[Command]()
+    local.begin()
+    local.robot.on_write = lambda command: not told.append(command)  # type: ignore[func-returns-value]
+    local.until(lambda: local.simulated.done and local.loop.idle)
+    for _ in range(200):
+        local.loop.cycle()
+    assert np.any(told[-1].dq != 0.0) == (takes == "velocity")  # what corrects small gaps
+    local.loop.finish()
+    assert np.all(told[-1].dq == 0.0)
+    assert told[-1].q == pytest.approx(local.simulated.truth.q, abs=2e-3)
+    assert local.simulated.statuses == ["caught"]
+
+
+def test_a_last_setpoint_that_fails_keeps_no_brakes_off() -> None:
+    """An arm that rests, and takes no command any more, is braked all the same."""
+    cell = read_cell("wam-sim")
+    robot = cell.robot.model_copy(update={"takes": "velocity"})
+    local = LocalCell(throws=1, prepared=prepare(cell.model_copy(update={"robot": robot})))
+    local.begin()
+    for _ in range(200):
+        local.loop.cycle()
+
+    def broken(_: Command) -> bool:
+        raise BrokenPipeError("cable out")
+
+    local.robot.on_write = broken
+    local.loop.cycle()
+    assert local.loop.mode is Mode.STOPPED
+    assert local.loop.why == "the robot takes no command: cable out"
+    assert local.robot.braked[-1]
+
+
 def test_an_arm_that_moves_is_waited_for() -> None:
     """Nobody knows what moves it."""
     cell = LocalCell(throws=1)
-    cell.robot.on_read = lambda got: [replace(x, dq=x.dq + 1.0) for x in got]
-    assert cell.loop.healthy() == "the arm moves already"
+    for speed, said in ((0.0, np.ones(3)), (0.6, np.full(3, np.nan)), (0.6, np.zeros(3))):
+        cell.robot.on_read = lambda _: []
+        assert cell.loop.healthy() == "no joint states"
+        cell.robot.on_read = lambda got, speed=speed, said=said: [  # type: ignore[misc]
+            replace(x, q=x.q + speed * (x.t - 1.7e9), dq=said) for x in got
+        ]
+        assert cell.loop.healthy() == "the arm moves already"
+    cell.robot.on_read = lambda got: [replace(x, dq=np.full(3, np.nan)) for x in got]
+    for _ in range(120):
+        cell.loop.healthy()
+    assert cell.loop.healthy() == ""
+
+
+def test_joint_states_whose_stamps_stand_still_are_waited_for() -> None:
+    """How fast the arm is cannot be known then."""
+    cell = LocalCell(throws=1)
+    cell.robot.on_read = lambda got: [replace(x, t=1.7e9) for x in got]
+    assert "stamps go on by 0 ms" in cell.loop.healthy()
 
 
 def test_whatever_a_driver_raises_stops_the_arm() -> None:
@@ -265,3 +447,82 @@ def test_a_word_said_during_trouble_moves_nothing_later() -> None:
     assert session._waited()
     assert len(heard) == len(troubles)
     assert cell.robot.braked == []
+
+
+def test_a_word_said_before_the_robot_is_there_moves_nothing_later() -> None:
+    """Enter acknowledges what the robot says, not that nobody takes commands."""
+    cell, person, heard = LocalCell(throws=1), Person(yes=False), list[str]()
+    person.keyboard = True
+    session = Session(cell.loop, cell.robot, person, lambda _: None, throws=1)
+    kept = ["nobody takes commands", "nobody takes commands", "", "", "", ""]
+
+    def healthy() -> str:
+        cell.robot.kept = kept[len(heard)]
+        heard.append(cell.robot.kept)
+        if cell.robot.kept or len(heard) == len(kept):
+            person._pressed.set()
+        return cell.robot.waits() or cell.robot.trouble()
+
+    cell.loop.healthy = healthy  # type: ignore[method-assign]
+    assert session._waited()
+    assert len(heard) == len(kept)
+    assert cell.robot.braked == []
+
+
+def test_another_commander_that_comes_later_stops_the_arm() -> None:
+    cell = in_a_catch()
+    cell.robot.kept = "another program commands the arm"
+    rests_in_time(cell)
+    assert "another program commands the arm" in cell.loop.why
+
+
+def test_a_release_that_fails_leaves_the_brakes_engaged(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The driver has released them when it raises."""
+    cell = LocalCell(throws=1)
+    release = cell.robot.release
+
+    def broken() -> None:
+        release()
+        raise BrokenPipeError("cable out")
+
+    monkeypatch.setattr(cell.robot, "release", broken)
+    assert cell.loop.healthy() == ""
+    cell.loop.begin()
+    assert cell.loop.mode is Mode.STOPPED
+    assert cell.robot.braked[-1]
+    assert "cannot be released: cable out" in cell.loop.why
+
+
+def test_brakes_that_a_wild_first_reading_engages_are_a_stop() -> None:
+    """A fresh catcher cannot use it: the arm is on its brakes, and that is said."""
+    cell = LocalCell(throws=2)
+    cell.begin()
+    wild = list[bool]()
+
+    def once(got: Readings) -> Readings:
+        if wild or not got:
+            return got
+        wild.append(True)
+        return [replace(x, q=x.q + 10.0) for x in got]
+
+    cell.loop._ticks.fresh()
+    cell.robot.on_read = once
+    for _ in range(5):
+        cell.loop.cycle()
+    assert wild
+    assert cell.loop.mode is Mode.STOPPED
+    assert cell.robot.braked[-1]
+    assert "a joint was not read" in cell.loop.why
+
+
+def test_an_arm_that_is_fast_on_its_slow_way_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As one does that swings because its readings come late."""
+    cell = LocalCell(throws=1)
+    assert cell.loop.healthy() == ""
+    cell.loop.begin()
+    cell.loop.cycle()
+    fast = np.array([cell.prepared.arm.q_ready, [3.0, 0.0, 0.0]])
+    monkeypatch.setattr(Catcher, "estimated", property(lambda _: fast))
+    cell.loop.cycle()
+    assert cell.loop.mode is Mode.STOPPING
+    assert "faster than it was told" in cell.loop.why

@@ -1,7 +1,10 @@
 """Frames through shared memory: whole, in order, and whoever is late knows how many he lost."""
 
 import os
+import subprocess
+import sys
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from mitt.link.sight import SharedFrames
 
 SHAPE = (12, 20)
 NAME = f"mitt-test-{os.getpid()}"
+FOLDER = Path("/dev/shm")  # noqa: S108
 
 
 def images(k: int) -> list[np.ndarray]:
@@ -83,6 +87,63 @@ def test_what_is_no_ring_of_this_rig_is_refused() -> None:
     writer.close()
     with pytest.raises(InputError, match="letters, digits"):
         FrameReader.named("../etc", [SHAPE])
+
+
+def test_a_memory_that_is_not_its_own_is_left_alone() -> None:
+    """Of another program, or of a writer that lives: one line, and it is there as before."""
+    file = FOLDER / NAME
+    file.write_bytes(b"somebody's own")
+    try:
+        with pytest.raises(InputError, match="of another program"):
+            FrameWriter(NAME, 2, *SHAPE)
+        assert file.read_bytes() == b"somebody's own"
+    finally:
+        file.unlink()
+    writer = FrameWriter(NAME, 2, *SHAPE)
+    with pytest.raises(InputError, match="wanted one writer"):
+        FrameWriter(NAME, 2, *SHAPE)
+    reader = FrameReader.named(NAME, [SHAPE, SHAPE])
+    writer.write(1.0, images(3))
+    assert len(reader.take()) == 1
+    file.rename(file.with_name(NAME + "-old"))
+    file.write_bytes(b"somebody's own")
+    writer.close()
+    assert file.read_bytes() == b"somebody's own"
+    file.unlink()
+    file.with_name(NAME + "-old").unlink()
+
+
+_KILLED = """
+import os, signal, sys
+from mitt.link.frames import FrameWriter
+writer = FrameWriter(sys.argv[1], 2, 12, 20)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_what_a_killed_writer_left_is_replaced() -> None:
+    """Its lock went with it."""
+    subprocess.run([sys.executable, "-c", _KILLED, NAME], check=False)
+    assert (FOLDER / NAME).exists()
+    writer = FrameWriter(NAME, 2, *SHAPE)
+    writer.write(1.0, images(3))
+    writer.close()
+    assert not (FOLDER / NAME).exists()
+
+
+def test_a_header_that_lies_is_one_line() -> None:
+    """Sizes beyond the memory, none at all, or below zero."""
+    writer = FrameWriter(NAME, 2, *SHAPE)
+    file, head = FOLDER / NAME, writer._head.copy()
+    for place, value, shapes in ((4, 4000, [SHAPE, SHAPE]), (4, -1, [SHAPE, SHAPE]),
+                                 (2, 0, [(0, 20)] * 2)):  # fmt: skip
+        bad = head.copy()
+        bad[place] = value
+        with file.open("r+b") as out:
+            out.write(bad.tobytes())
+        with pytest.raises(InputError, match="ring of frames"):
+            FrameReader.named(NAME, shapes)
+    writer.close()
 
 
 def test_cameras_may_come_later() -> None:

@@ -1,8 +1,12 @@
 """What is there before a loop is left alone by the garbage collector."""
 
 import gc
+import os
+import threading
 
-from mitt.link.realtime import settle
+import pytest
+
+from mitt.link.realtime import hurried, pinned, settle
 
 
 def test_settling_freezes_what_is_there() -> None:
@@ -17,3 +21,39 @@ def test_settling_freezes_what_is_there() -> None:
         assert gc.get_freeze_count() == frozen
     finally:
         gc.unfreeze()
+
+
+def test_a_hurried_loop_takes_the_threads_that_there_are_with_it() -> None:
+    """And gives all of them back; where it is not allowed nothing is changed."""
+    over, seen = threading.Event(), list[int]()
+    other = threading.Thread(target=over.wait)
+    other.start()
+    assert other.native_id is not None
+    before = os.sched_getscheduler(other.native_id)
+    with hurried() as granted:
+        seen = [os.sched_getscheduler(k) for k in (0, other.native_id)]
+        wanted = os.SCHED_FIFO if "FIFO 50" in granted else before
+    assert seen == [wanted, wanted]
+    assert os.sched_getscheduler(other.native_id) == before
+    over.set()
+    other.join()
+
+
+@pytest.mark.parametrize("place", [0, -1])
+def test_a_loop_has_a_core_of_its_own(place: int) -> None:
+    """The calling thread stays on one core of those allowed, another thread does not."""
+    before = os.sched_getaffinity(0)
+    done, others = threading.Event(), list[set[int]]()
+
+    def look() -> None:
+        done.wait()
+        others.append(os.sched_getaffinity(0))
+
+    other = threading.Thread(target=look)
+    other.start()
+    with pinned(place):
+        assert os.sched_getaffinity(0) == {sorted(before)[place]}
+        done.set()
+        other.join()
+    assert os.sched_getaffinity(0) == before
+    assert others == [before]

@@ -161,6 +161,23 @@ def test_a_file_survives_whoever_is_killed(tmp_path: Path, about: About, victim:
         assert len(back.ticks) > 100
 
 
+def test_a_writer_that_stands_still_is_not_waited_for(
+    tmp_path: Path, arm: Arm, runner: TrialRunner, about: About, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The end of a recording takes a bounded time, and says how much is not in the file."""
+    rng, catcher = np.random.default_rng(6), runner.catcher()
+    recorder = Recorder(tmp_path / "x.mcap", about)
+    monkeypatch.setattr("mitt.link.recorder._PATIENCE", 0.5)
+    recorder._process.send_signal(signal.SIGSTOP)
+    senses = _senses(1, arm, rng)
+    recorder.tick(senses, catcher.step(senses), catcher.result)
+    before = time.monotonic()
+    with pytest.raises(FileError, match=r"did nothing for 0 s; (\d+) of \1 bytes were not written"):
+        recorder.close()
+    assert time.monotonic() - before < 5.0
+    assert recorder._process.poll() is not None
+
+
 def test_a_file_cut_anywhere_is_readable_to_its_last_chunk(
     tmp_path: Path, arm: Arm, runner: TrialRunner, about: About
 ) -> None:

@@ -1,12 +1,16 @@
 """A link passes the command to the brakes on, and refuses a robot that has none."""
 
+import sys
 from importlib.metadata import EntryPoint
+from types import ModuleType
 
 import numpy as np
 import pytest
 
 from mitt.errors import InputError
+from mitt.files.cell import read_cell
 from mitt.link.robot import GROUP, RobotLink, driver_named
+from mitt.robot.arm import Arm
 from mitt.signals import ArmState, Command, Sighting
 
 
@@ -39,6 +43,10 @@ class Driver:
         """Note that a person lets it go on."""
         self.said.append("released")
 
+    def waits(self) -> str:
+        """Return what keeps it from being commanded: nothing does."""
+        return ""
+
     def trouble(self) -> str:
         """Return none."""
         return ""
@@ -61,7 +69,7 @@ def test_a_command_to_the_brakes_reaches_the_robot() -> None:
     driver = Driver(brakes=True)
     link = RobotLink(driver)
     for brakes in (False, True, True):
-        link.write(command(brakes=brakes), 0.0)
+        link.write(command(brakes=brakes), 0.0, np.zeros(3))
         assert link.braked == brakes
     assert driver.said == ["[0.0, 0.0]", "brakes", "[0.0, 0.0]", "brakes", "[0.0, 0.0]"]
     link.release()
@@ -73,7 +81,7 @@ def test_drives_that_do_not_answer_do_not_keep_the_brakes_off() -> None:
     """The brakes are engaged before the drives are told."""
     driver = Driver(brakes=True, fails=True)
     with pytest.raises(OSError, match="no answer"):
-        RobotLink(driver).write(command(brakes=True), 0.0)
+        RobotLink(driver).write(command(brakes=True), 0.0, np.zeros(3))
     assert driver.said == ["brakes"]
 
 
@@ -82,7 +90,7 @@ def test_a_robot_without_brakes_says_so_when_the_link_is_made() -> None:
     with pytest.raises(InputError, match="wanted brakes"):
         RobotLink(Driver(brakes=False))
     driver = Driver(brakes=False)
-    RobotLink(driver, unbraked=True).write(command(brakes=True), 0.0)
+    RobotLink(driver, unbraked=True).write(command(brakes=True), 0.0, np.zeros(3))
     assert driver.said == ["[0.0, 0.0]"]
 
 
@@ -100,3 +108,38 @@ def test_what_is_no_driver_is_refused() -> None:
     """In one line, before any command."""
     with pytest.raises(InputError, match="robot"):
         RobotLink(object())  # type: ignore[arg-type]
+
+
+def test_an_error_of_a_driver_is_said_to_be_that_package_s(
+    monkeypatch: pytest.MonkeyPatch, arm: Arm
+) -> None:
+    """When it makes its robot, and when that is asked: one line that names the driver."""
+    package = ModuleType("of_a_vendor")
+
+    class Weak(Driver):
+        """Loses its connection."""
+
+        def read(self, timeout: float) -> list[ArmState]:
+            """Break down."""
+            raise KeyError(f"joint\n{timeout}")
+
+    vars(package)["weak"] = lambda _cell, _arm: Weak(brakes=True)
+    vars(package)["fail"] = lambda cell, _arm: cell.address
+    vars(package)["none"] = lambda _cell, _arm: object()
+    monkeypatch.setitem(sys.modules, "of_a_vendor", package)
+    names = ("weak", "fail", "none")
+    points = [EntryPoint(name, f"of_a_vendor:{name}", GROUP) for name in names]
+    monkeypatch.setattr("mitt.link.robot.entry_points", lambda **_: points)
+    cell = read_cell("wam-sim")
+    robot = driver_named("weak")(cell, arm)
+    assert robot.brakes
+    assert robot.trouble() == ""
+    robot.write(command(brakes=False), 0.0)
+    for name, call in (
+        ("weak", lambda: robot.read(0.1)),
+        ("fail", lambda: driver_named("fail")(cell, arm)),
+        ("none", lambda: driver_named("none")(cell, arm)),
+    ):
+        with pytest.raises(InputError, match=f"driver '{name}'.*repair that package") as caught:
+            call()
+        assert "\n" not in str(caught.value)

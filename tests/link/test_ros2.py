@@ -1,6 +1,8 @@
 """The driver ``ros2`` in a graph of two: what fits passes, what does not is refused in one line."""
 
 import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -29,6 +31,8 @@ Q = np.array([0.1, 0.2, 0.3])
 def domain(monkeypatch: pytest.MonkeyPatch) -> None:
     """A domain for each process that runs these tests."""
     monkeypatch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 60))
+    monkeypatch.setattr("mitt.link.ros2._LOOK", 0.0)
+    monkeypatch.setattr("mitt.link.ros2._ALONE", 0.3)
 
 
 def cell_with(tag: str, **options: Any) -> Cell:  # noqa: ANN401
@@ -92,6 +96,7 @@ def test_brakes_and_troubles_pass(both: tuple[Ros2Robot, Ros2Cell]) -> None:
     robot.release()
     time.sleep(0.1)
     assert other.brake() is False
+    soon(lambda: not robot.trouble())
     other.status(2.0, "protective stop")
     assert soon(robot.trouble) == "protective stop"
     other.status(2.1, "")
@@ -142,6 +147,90 @@ def test_two_publishers_on_one_topic_are_refused(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr("mitt.link.ros2._LEASE", 0.0)
     with pytest.raises(InputError, match="publishers on /two/joint_states: wanted one"):
         robot._look()
+
+
+def test_a_second_commander_waits_and_releases_nothing() -> None:
+    """It says who is there before it publishes a command, so that the first is not disturbed."""
+    cell = cell_with("second")
+    arm = arm_of(cell)
+    first, other = Ros2Robot(cell, arm), Ros2Cell(cell, arm)
+    assert first.waits() == "looking for others that command the arm"
+    soon(lambda: not first.waits())
+    second = Ros2Robot(cell, arm)
+    says = "another program commands the arm on /second/joint_trajectory: end it"
+    soon(lambda: second.waits() == says)
+    second.release()
+    time.sleep(0.5)
+    assert second.waits() == says
+    assert second._command is None
+    assert first.waits() == ""
+    assert other.brake() is None
+
+
+def test_a_commander_that_comes_later_is_a_trouble(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a catch too, so that the loop stops; at rest it ends the session after any lease."""
+    cell = cell_with("later")
+    arm = arm_of(cell)
+    robot, other = Ros2Robot(cell, arm), Ros2Cell(cell, arm)
+    soon(lambda: not robot.waits())
+    assert other.command() is None
+    rival = dds.Node().publish("/later/joint_trajectory", types.JointTrajectory, "command")
+    soon(lambda: robot.waits().startswith("another program commands the arm"))
+    monkeypatch.setattr("mitt.link.ros2._LEASE", 0.0)
+    with pytest.raises(InputError, match="another one that commands the arm"):
+        robot.waits()
+    assert rival.listeners() > 0
+
+
+def test_a_robot_that_takes_no_commands_is_waited_for() -> None:
+    """Where nobody subscribes to them nothing would move, and no brake would be released."""
+    cell = cell_with("deaf")
+    robot = Ros2Robot(cell, arm_of(cell))
+    assert soon(lambda: robot.waits() if "looking" not in robot.waits() else "") == (
+        "nobody takes commands on /deaf/joint_trajectory"
+    )
+
+
+_BOUND = """
+import os, socket
+from mitt.link import dds
+node = dds.Node()
+for name in os.listdir("/proc/self/fd"):
+    try:
+        one = socket.socket(fileno=os.dup(int(name)))
+    except OSError:
+        continue
+    if one.type == socket.SOCK_DGRAM:
+        print(one.getsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, 16).rstrip(b"\\0").decode())
+"""
+
+
+def test_on_the_loopback_no_socket_hears_another_interface() -> None:
+    """Cyclone binds them to all addresses; the kernel drops what comes from elsewhere."""
+    done = subprocess.run([sys.executable, "-c", _BOUND], capture_output=True, text=True,
+                          check=True)  # fmt: skip
+    found = done.stdout.split()
+    assert len(found) >= 2
+    assert set(found) == {"lo"}
+
+
+@pytest.mark.parametrize("takes", ["torque", "velocity", "position"])
+def test_arrays_reach_the_simulated_cell(takes: str) -> None:
+    """What the drives take, and the hand; what an array does not say is unknown there."""
+    tag = f"there_{takes}"
+    cell = cell_with(tag, command=f"/{tag}/commands")
+    cell = cell.model_copy(update={"robot": cell.robot.model_copy(update={"takes": takes})})
+    robot, other = Ros2Robot(cell, arm_of(cell)), Ros2Cell(cell, arm_of(cell))
+    soon(lambda: not robot.waits())
+    rows = np.arange(12.0).reshape(4, 3)
+    robot.write(Command(t=0.0, joints=rows, hand=0.5), 1.0)
+    told, row = soon(other.command), {"torque": 3, "velocity": 1, "position": 0}[takes]
+    assert np.array_equal(told.joints[row], rows[row])
+    assert np.isnan(told.joints[[k for k in range(4) if k != row]]).all()
+    assert told.hand == 0.5
+    robot._commands().send(messages.array(np.zeros(2)))
+    time.sleep(0.2)
+    assert other.command() is None
 
 
 @pytest.mark.parametrize("takes", ["torque", "velocity", "position"])

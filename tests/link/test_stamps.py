@@ -1,9 +1,12 @@
 """Time from a robot's stamps: only forward, and jumps of its clock are found."""
 
+from collections.abc import Callable
+
+import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.link.stamps import Stamps
+from mitt.link.stamps import DRIFT, LATER, Lag, Stamps
 from mitt.signals import TICK
 
 
@@ -39,6 +42,69 @@ def test_a_clock_that_is_set_is_found_and_time_goes_on() -> None:
         later = s.take(10.0 + 3 * TICK + jump, 3 * TICK)
         assert later is not None
         assert abs(later - after - TICK) < 1e-9
+
+
+def faults(lag: Lag, ticks: int, late: Callable[[float], float]) -> list[tuple[float, str]]:
+    """Return when readings were found late, and how; ``late`` is their delay [s] by time [s]."""
+    found = []
+    for k in range(ticks):
+        t = k * TICK
+        said = lag.fault(1.7e9 + t, 5.0 + t + late(t))
+        found += [(t, said)] if said else []
+    return found
+
+
+def test_readings_that_come_later_and_later_are_found() -> None:
+    """A queue that grows by 1 ms in 20 ms: within 30 ms of its being 10 ms late, and how late."""
+    found = faults(Lag(), 500, lambda t: 0.0005 + max(t - 0.1, 0.0) / 20.0)
+    assert 0.3 < found[0][0] < 0.1 + 20.0 * LATER + 0.03
+    assert found[0][1] == "readings come 11 ms later than they did"
+    assert len(found) > 150
+
+
+def test_what_is_late_stays_late_until_it_comes_as_before() -> None:
+    """However long somebody waits: the allowance for drift does not forget it."""
+    late = 0.02
+    found = faults(Lag(), 60_000, lambda t: late if 1.0 < t < 59.0 else 0.0)
+    assert len(found) > 57_900
+    assert found[-1][0] < 59.001
+
+
+def test_a_clock_that_runs_slow_is_found_and_one_that_drifts_is_not() -> None:
+    """2000 ppm and 400 ppm, over 20 min of readings each 10 ms."""
+    for drift, ever in ((2e-3, True), (0.8 * DRIFT, False), (-2e-3, False)):
+        lag = Lag()
+        said = [lag.fault(t, t + drift * t) for t in 0.01 * np.arange(120_000)]
+        assert any(said) == ever
+
+
+def test_readings_that_waited_for_us_are_not_late() -> None:
+    """Some 15 ms old ones behind a stall of ours, a jitter of 5 ms, a clock that was set."""
+    rng = np.random.default_rng(1)
+    assert not faults(Lag(), 3000, lambda t: 0.015 if t % 0.5 < 0.015 else 0.001)
+    assert not faults(Lag(), 3000, lambda _: float(rng.uniform(0.0, 0.005)))
+
+
+def test_a_robot_that_was_away_may_stamp_otherwise() -> None:
+    """Started anew, its stamps are 13 ms behind what they were: that is how they come now."""
+    lag = Lag()
+    assert not any(lag.fault(k * TICK, 5.0 + k * TICK) for k in range(1000))
+    assert not any(lag.fault(k * TICK, 5.013 + k * TICK) for k in range(3000, 4000))
+    assert any(lag.fault(k * TICK, 5.033 + k * TICK) for k in range(4000, 4100))
+
+
+def test_a_clock_that_is_set_is_no_queue_and_a_queue_is_no_clock() -> None:
+    """Stamps go back by 50 ms or an hour, or one is wrong: not late. A queue of 150 ms is."""
+    for back in (0.05, 3600.0):
+        lag = Lag()
+        stamps = [k * TICK - (back if k > 1000 else 0.0) for k in range(3000)]
+        assert not any(lag.fault(x, 5.0 + k * TICK) for k, x in enumerate(stamps))
+    lag = Lag()
+    stamps = [k * TICK + (0.05 if k == 1000 else 0.0) for k in range(3000)]
+    assert not any(lag.fault(x, 5.0 + k * TICK) for k, x in enumerate(stamps))
+    lag = Lag()
+    assert not any(lag.fault(k * TICK, 5.0 + k * TICK) for k in range(1000))
+    assert any(lag.fault(k * TICK, 5.15 + k * TICK) for k in range(1000, 1100))
 
 
 @given(st.lists(st.tuples(st.floats(-1e6, 1e6), st.floats(0.0, 10.0)), min_size=1, max_size=60))

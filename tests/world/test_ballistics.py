@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.ball.flight import GRAVITY
+from mitt.signals import GRAVITY
 from mitt.world.ballistics import fly, release_velocity
 
 MISS_M = 1e-9

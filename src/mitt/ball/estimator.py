@@ -9,13 +9,13 @@ ring is dropped; one whose time was seen before changes nothing.
 from math import isfinite
 
 from mitt.ball import memory as at
-from mitt.ball.flight import GRAVITY, TRACK, acceleration, advance_uncertain, track_at
+from mitt.ball.flight import TRACK, acceleration, advance_uncertain, track_at
 from mitt.ball.kalman import is_sane
 from mitt.ball.memory import LIMITS, SCRATCH, SLOT_ESTIMATE, SLOT_R, SLOT_Z, track_of
 from mitt.ball.motion_models import FLOOR, is_biased
 from mitt.ball.reacquisition import begin, on_accepted, on_rejected, reconsider, try_sighting
 from mitt.jit import kernel
-from mitt.signals import Array
+from mitt.signals import GRAVITY, Array
 
 MAX_HORIZON = 2.0
 """Farthest that an estimate is carried [s]; no throw flies longer."""

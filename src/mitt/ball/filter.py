@@ -8,17 +8,16 @@ after ``min_sightings``. The kernels of ``estimator`` do the work on one vector 
 here they get their settings, and their results a name.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 
-from mitt import checks
+from mitt import checks, fields
 from mitt.ball import memory as at
 from mitt.ball.estimator import is_tracked, predict, update
-from mitt.ball.flight import GRAVITY
 from mitt.errors import InputError
-from mitt.signals import Array, BallState, Sighting
+from mitt.signals import GRAVITY, Array, BallState, Sighting
 
 #: Least and largest value of each number; those that stand in a denominator are above 0. Choices of
 #: this project, far beyond what balls and sightings ask for.
@@ -100,15 +99,7 @@ class FilterConfig:
             InputError: A field is no number, or out of its range; ``drag_mean`` exceeds
                 ``drag_max``.
         """
-        given = asdict(self)
-        if self.speaks_after is None:
-            given.pop("speaks_after")
-        for name, (low, high) in _RANGES.items():
-            value, whole = given.get(name, low), isinstance(low, int)
-            kind = int if whole else int | float
-            if not isinstance(value, kind) or isinstance(value, bool) or not low <= value <= high:
-                wanted = f"{'a whole number' if whole else 'a number'} from {low} to {high}"
-                raise InputError(f"FilterConfig.{name}", wanted, repr(value)[:60])
+        fields.check(self, _RANGES)
         if self.drag_mean > self.drag_max:
             raise InputError(
                 "FilterConfig.drag_mean", f"at most drag_max, {self.drag_max}", self.drag_mean
@@ -168,7 +159,8 @@ class BallFilter:
 
     def __init__(self, config: FilterConfig | None = None) -> None:
         """Start without a track."""
-        self.config = config or FilterConfig()
+        config = FilterConfig() if config is None else config
+        self.config = checks.instance("config", config, FilterConfig)
         self._settings = settings_of(self.config)
         self._memory, self._work = at.fresh(), np.zeros(at.WORK)
 

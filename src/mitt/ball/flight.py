@@ -16,11 +16,8 @@ from numba.extending import register_jitable
 from mitt import checks
 from mitt.errors import InputError
 from mitt.jit import kernel
-from mitt.signals import Array, BallState
+from mitt.signals import GRAVITY, Array, BallState
 from mitt.views import view
-
-GRAVITY = 9.81
-"""Acceleration of free fall, towards -z [m/s^2]."""
 
 MAX_STEP = 0.02
 """Longest Runge-Kutta step [s]; at 10 m/s and k = 0.2 its error stays below 1e-8 m."""

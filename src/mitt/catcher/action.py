@@ -83,6 +83,7 @@ def act(brake: Array, state: CatcherState, result: Result) -> int:
         state.room_mass, state.room_work, state.encoder_work, result.command,
         state.encoder_ddq_unknown, state.encoder_coupling,
     )  # fmt: skip
+    _wait(state.encoder_waiting, result.command)
     if s.braked:
         result.command[DDQ_BY_TAU] = 0.0
     if s.phase == STOPPED:
@@ -90,6 +91,16 @@ def act(brake: Array, state: CatcherState, result: Result) -> int:
     if phase == WATCH:
         return DECIDE if out.tracked else 0
     return _afterwards(state, result) if phase == FOLLOW else 0
+
+
+@kernel
+def _wait(waiting: Array, command: Array) -> None:
+    """Let the accelerations that a command causes take their time until it acts."""
+    last = len(waiting) - 1
+    for i in range(last):
+        waiting[i] = waiting[i + 1]
+    waiting[last] = command[DDQ_BY_TAU]
+    command[DDQ_BY_TAU] = waiting[0]
 
 
 @kernel
@@ -109,8 +120,14 @@ def _slow_down(state: CatcherState) -> None:
 
 @kernel
 def _engage(state: CatcherState, result: Result) -> None:
-    """Engage the brakes once a joint is not measured; no torques from when they act."""
+    """Engage the brakes once a joint is not measured; no torques from when they act.
+
+    Before each joint was read once it is on its brakes, and where it is not known: no torques.
+    """
     s, out = state.scalars[0], result.scalars[0]
+    if not s.begun:
+        result.command[TAU] = 0.0
+        return
     if s.encoder_fault > BRIDGED and not out.brakes:
         out.brakes, s.t_brakes_on = True, out.t
     if out.brakes and out.t - s.t_brakes_on > s.brake_delay - 0.5 * TICK:

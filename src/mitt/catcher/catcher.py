@@ -12,23 +12,16 @@ arm is at the other end.
 
 from collections.abc import Sequence
 from copy import copy, deepcopy
-from typing import Any, final
+from typing import final
 
 import numpy as np
 
 from mitt import checks
 from mitt.catcher.action import act
+from mitt.catcher.memory import Memory
 from mitt.catcher.perception import perceive, take
 from mitt.catcher.planner import Planner
-from mitt.catcher.result import (
-    Result,
-    ResultHandle,
-    Tick,
-    fresh_result,
-    result_handle,
-    stopped_by,
-    tick_of,
-)
+from mitt.catcher.result import Result, ResultHandle, Tick, stopped_by, tick_of
 from mitt.catcher.settings import (
     BRAKE,
     FOLLOW,
@@ -41,35 +34,19 @@ from mitt.catcher.settings import (
     CatcherSettings,
     Phase,
 )
-from mitt.catcher.state import (
-    CatcherState,
-    StateHandle,
-    arm_fields,
-    begun_with,
-    fresh_state,
-    state_handle,
-)
+from mitt.catcher.state import CatcherState, StateHandle, arm_fields, fresh_state
 from mitt.catcher.tick import tick
-from mitt.control.monitor import recovered
-from mitt.control.rows import DQ
+from mitt.control.monitor import check_recovered
 from mitt.control.stopped import StoppedBy
-from mitt.errors import InputError, ShapeError
+from mitt.errors import InputError
 from mitt.generator.feasibility import Verdict
-from mitt.generator.generators import Direct, Generator, Unoptimised
-from mitt.generator.mapping import DirectMap
+from mitt.generator.generators import Direct, Generator, GeneratorLike, Unoptimised, for_arm
 from mitt.generator.several import Several
 from mitt.robot.arm import Arm
-from mitt.signals import TICK, ArmState, Array, Command, Frame, Image, Senses
-from mitt.vision.eyes import Eyes
+from mitt.signals import TICK, Array, Command, Frame, Image, Senses
+from mitt.vision.eyes import Eyes, closed_eyes
 
 __all__ = ["Catcher", "CatcherSettings", "Phase", "Tick"]
-
-#: Speed below which a joint that brakes counts as at rest [rad/s].
-_AT_REST = 1e-3
-#: Attributes of a catcher that show its state and result, or scratch; not kept in a copy.
-_SHOWN = frozenset(
-    ("_scalars", "_out", "_clock", "_hand", "_brakes", "_command", "_handles", "_q", "_dq")
-)
 
 
 @final
@@ -79,19 +56,25 @@ class Catcher:
     Attributes:
         stopped_by: Why the catcher has stopped, and what it knew then; None where it has not.
         t_0: Time at which the arm began to move [s]; infinite before.
-        state: What the catcher knows and remembers, overwritten by the next tick.
-        result: What the last tick brought about, overwritten by the next.
     """
 
     def __init__(
-        self, arm: Arm, generator: Generator, eyes: Eyes, *, settings: CatcherSettings
-    ) -> None:
-        """Take the arm, the generator and the eyes, of which the catcher keeps a copy."""
-        checks.instance("arm", arm, Arm)
-        _check_generator(generator)
-        checks.instance("eyes", eyes, Eyes)
-        checks.instance("settings", settings, CatcherSettings)
-        self._arm, self._settings, self._map = arm, settings, generator.as_map()
+        self, arm: Arm, generator: GeneratorLike, eyes: Eyes | None = None, *,
+        settings: CatcherSettings | None = None,
+    ) -> None:  # fmt: skip
+        """Take the arm, what moves it, and the eyes, which are copied.
+
+        Args:
+            arm: The arm.
+            generator: A map, what :func:`mitt.learn` returned, or another generator.
+            eyes: Find the ball in images; if left out, the catcher is given points alone.
+            settings: What it knows of ball, arm and surroundings.
+        """
+        self._arm = checks.instance("arm", arm, Arm)
+        generator, self._map = for_arm(arm, generator)
+        eyes = closed_eyes() if eyes is None else checks.instance("eyes", eyes, Eyes)
+        settings = CatcherSettings() if settings is None else settings
+        self._settings = checks.instance("settings", settings, CatcherSettings)
         self._turns = eyes.heads > 0
         self._refines = isinstance(generator, Direct) and generator.online is not None
         # What is kept of the arm with the ball is worked out now, not in the middle of a catch.
@@ -102,33 +85,19 @@ class Catcher:
             arm, eyes, settings, self._map, several=isinstance(generator, Several),
             sigma_ready=settings.sigma_ready if plain else np.inf,
         )  # fmt: skip
-        self.state: CatcherState
-        self.result: Result
         self._begin(generator, copy(eyes))
 
     def __copy__(self) -> "Catcher":
         """Return a catcher that goes on from here on its own; the arm is shared."""
         return deepcopy(self, {id(self._arm): self._arm})
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Return what makes the catcher, without what only shows parts of it."""
-        return {name: value for name, value in vars(self).items() if name not in _SHOWN}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Take what :meth:`__getstate__` returned, and show its parts again."""
-        self.__dict__.update(state)
-        self._show()
-
-    def again(self, generator: Generator) -> "Catcher":
+    def again(self, generator: GeneratorLike) -> "Catcher":
         """Return a catcher for another throw, as this one was when it was made.
 
         Args:
-            generator: Of the same kind and with the same map, if any.
-
-        Raises:
-            InputError: It is of another.
+            generator: Of the same kind and with the same map, if any; another is refused.
         """
-        f, mine = _check_generator(generator), self._map
+        (generator, f), mine = for_arm(self._arm, generator), self._map
         same = f is mine or (f is not None and mine is not None and f.equals(mine))
         if not same:
             raise InputError("generator", "one with the map of this catcher", "another")
@@ -141,29 +110,25 @@ class Catcher:
     def _begin(self, generator: Generator, eyes: Eyes) -> None:
         """Begin a throw with a state of its own."""
         self._eyes = eyes
-        self.state = begun_with(self._blank, eyes)
-        self.result = fresh_result(self._arm.n, max(eyes.heads, 1))
-        self._show()
+        self._memory = Memory(self._blank, eyes)
         self._planner = Planner(self._arm, generator, self._settings, self.state, self.result)
         self._todo, self._ticked = 0, False
         self.stopped_by: StoppedBy | None = None
         self.t_0 = np.inf
 
-    def _show(self) -> None:
-        """Keep views of what is often read."""
-        self._q, self._dq = np.zeros((2, self._arm.n))
-        self._scalars, self._out = self.state.scalars[0], self.result.scalars[0]
-        out = self.result.scalars
-        self._clock, self._hand, self._brakes = out["t"], out["hand"], out["brakes"]
-        self._command = self.result.command[:4]
-        self._handles = state_handle(self.state), result_handle(self.result)
+    @property
+    def state(self) -> CatcherState:
+        """What the catcher knows and remembers, overwritten by the next tick."""
+        return self._memory.state
+
+    @property
+    def result(self) -> Result:
+        """What the last tick brought about, overwritten by the next."""
+        return self._memory.result
 
     @property
     def estimated(self) -> Array:
-        """Joint angles and speeds as the encoders' monitor estimates them, shape (2, n).
-
-        [rad, rad/s]; overwritten by the next tick.
-        """
+        """Joint angles and speeds as they are estimated [rad, rad/s], (2, n); overwritten."""
         return self.state.estimated
 
     @property
@@ -175,6 +140,12 @@ class Catcher:
     def braking(self) -> float:
         """Time that braking, or a motion of :meth:`move`, takes from its start to rest [s]."""
         return float(len(self._planner.brake) * TICK)
+
+    @property
+    def done(self) -> bool:
+        """Whether the throw is over: the arm has braked or stopped, or the ball was refused."""
+        over = self._planner.phase in (BRAKE, STOPPED) and self._memory.at_rest
+        return over or self._planner.phase == REFUSED
 
     @property
     def looking(self) -> bool:
@@ -206,14 +177,15 @@ class Catcher:
         """
         if senses.__class__ is not Senses:
             checks.instance("senses", senses, Senses)
-        self._read(senses.arm)
+        memory = self._memory
+        memory.read(self._arm, senses.arm)
         images, apart, t_exposed = self._eyes.arrange(senses.frames)
         if self._todo:
             self.think()
         t = senses.t
         if senses.points and self.looking:
             take(senses.points, t, self.state)
-        q, dq, (state, out) = self._q, self._dq, self._handles
+        q, dq, (state, out) = memory.q, memory.dq, memory.handles
         seen, brake = (images, self.backgrounds, apart, t_exposed), self._planner.brake
         if self._map is None:
             perceive(*seen, t, q, dq, state, out)
@@ -224,21 +196,12 @@ class Catcher:
         self._ticked = True
         if self._todo & STOPS:
             self._note_stop()
-        t = self._clock.item()
+        t = memory.t
         if self._planner.phase == FOLLOW:
             self.t_0 = t if t < self.t_0 else self.t_0
-            if self._refines and self._out["inside"]:
+            if self._refines and memory.out["inside"]:
                 self._todo |= REFINES
-        gaze = self.result.gaze.copy() if self._turns else None
-        return Command(t, self._command.copy(), self._hand.item(), gaze, self._brakes.item())
-
-    def _read(self, arm: ArmState) -> None:
-        """Take the encoders over: compiled code sees buffers of one type and the right length."""
-        q, dq, n = arm.q, arm.dq, self._arm.n
-        if q.shape != (n,) or dq.shape != (n,):
-            raise ShapeError("senses.arm.q, .dq", f"({n},)", q.shape if len(q) != n else dq.shape,
-                             do=f"give the active joints {', '.join(self._arm.names)}")  # fmt: skip
-        self._q[:], self._dq[:] = q, dq
+        return memory.command(memory.result.gaze.copy() if self._turns else None)
 
     def learn_background(self, views: Sequence[tuple[Frame, ...]]) -> None:
         """Learn what the cameras see before the throw, as :meth:`Eyes.learn_background`."""
@@ -263,7 +226,7 @@ class Catcher:
     @property
     def kernel_arguments(self) -> tuple[Array, StateHandle, ResultHandle]:
         """What the kernels of a tick take after the senses: the brake, the state, the result."""
-        return self._planner.brake, *self._handles
+        return self._planner.brake, *self._memory.handles
 
     def ticked(self, todo: int, since: float) -> None:
         """Take over after a loop over ticks of one phase.
@@ -272,7 +235,8 @@ class Catcher:
             todo: What the last tick left to be thought about.
             since: Time of the first tick [s].
         """
-        todo, since = checks.whole("todo", todo, least=0), checks.number("since", since)
+        todo = checks.whole("todo", todo, least=0)
+        since = checks.number("since", since, finite=True)
         self._todo, self._ticked = todo, True
         if todo & STOPS:
             self._note_stop()
@@ -294,7 +258,7 @@ class Catcher:
 
     def stop(self) -> None:
         """Stop with the next tick, within all limits, and stay until :meth:`recover`."""
-        self._scalars["stop_requested"] = True
+        self._memory.scalars["stop_requested"] = True
 
     def move(self, motion: Array) -> None:
         """Move the waiting or braked arm along a motion instead of catching, within all limits.
@@ -309,11 +273,10 @@ class Catcher:
             InputError: The arm was not commanded to rest by now, or the catcher has stopped.
         """
         motion = checks.array("motion", motion, (None, 3, self._arm.n), finite=True)
-        at_rest = bool(np.all(np.abs(self.result.command[1]) < _AT_REST))
         waits = self._planner.phase in (WATCH, REFUSED, BRAKE)
-        if not waits or not at_rest or not self._ticked:
+        if not waits or not self._memory.at_rest or not self._memory.scalars["begun"]:
             raise InputError("move", "a catcher that waits, its arm at rest", self.phase)
-        self._planner.move(motion, self._clock.item())
+        self._planner.move(motion, self._memory.t)
 
     def recover(self, *, checked: bool = False) -> None:
         """Release the brakes and watch for a ball again, from where the encoders say the arm is.
@@ -327,28 +290,11 @@ class Catcher:
             InputError: The catcher has not stopped, the arm is not at rest yet, or the encoder of a
                 joint still has a fault.
         """
-        at_rest = bool(np.all(np.abs(self.result.command[DQ]) < _AT_REST))
-        if self._planner.phase != STOPPED or not at_rest:
+        if self._planner.phase != STOPPED or not self._memory.at_rest:
             raise InputError("recover", "a catcher that has stopped, its arm at rest", self.phase)
-        good = recovered(self.state.encoder_memory)
-        if not checked and not np.all(good):
-            pairs = zip(self._arm.names, good, strict=True)
-            bad = ", ".join(name for name, fine in pairs if not fine)
-            do = "check the encoder, then recover(checked=True)"
-            raise InputError("recover", "encoders that read well", f"doubt about {bad}", do=do)
+        if not checks.flag("checked", checked):
+            check_recovered(self._arm.names, self.state.encoder_memory)
         self._eyes.reset()
-        fresh = begun_with(self._blank, self._eyes)  # the hand opens, a ball drops
-        fresh.estimated[:] = self.estimated
-        nothing = fresh_result(self._arm.n, max(self._eyes.heads, 1))
-        for old, new in ((self.state, fresh), (self.result, nothing)):
-            for mine, value in zip(old, new, strict=True):
-                mine[...] = value
+        self._memory.restart(self._blank, self._eyes)
         self._planner.begin()
         self.t_0, self.stopped_by = np.inf, None
-
-
-def _check_generator(generator: Generator) -> DirectMap | None:
-    """Return the map of a generator, if it is one; refuse what is no generator."""
-    if not isinstance(generator, Generator):
-        raise InputError("generator", "a generator", checks.shown(generator))
-    return generator.as_map()

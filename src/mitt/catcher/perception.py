@@ -7,6 +7,7 @@ from mitt.ball.estimator import predict, update
 from mitt.catcher.result import Result
 from mitt.catcher.settings import BRAKE, FOLLOW, SOON, STOPPED
 from mitt.catcher.state import CatcherState
+from mitt.control.encoder_memory import Q as ANGLE
 from mitt.control.health import pass_time
 from mitt.control.monitor import estimate_joints
 from mitt.jit import kernel
@@ -50,10 +51,13 @@ def perceive(
     for k in range(len(q)):
         encoders[0, k], encoders[1, k] = q[k], dq[k]
     _measure(state, result)
-    if not s.begun:  # stay
+    if not s.begun:  # stay, on the brakes until each joint was read once
         state.last[0], state.last[1] = state.estimated[0], state.estimated[1]
         state.desired[0] = state.estimated[0]
-        s.begun = True
+        s.begun = _is_known(state.encoder_memory)
+        out.brakes = not s.begun or s.phase == STOPPED
+        if s.begun and out.brakes:  # stopped before it was known: released by a person alone
+            s.t_brakes_on = t
     if s.phase in (BRAKE, STOPPED):  # the estimate stays
         return
     if s.heads > 0:
@@ -84,6 +88,15 @@ def perceive(
     out.t_first = memory[at.T_FIRST] if tracked else -np.inf
     if s.heads > 0:
         _turn_heads(images, t_exposed, state, result)
+
+
+@kernel
+def _is_known(encoder_memory: Array) -> bool:
+    """Say whether each joint was read since the start."""
+    known = True
+    for k in range(len(encoder_memory)):
+        known &= not np.isnan(encoder_memory[k, ANGLE])
+    return known
 
 
 @kernel

@@ -27,9 +27,10 @@ from mitt.control.rows import DQ_MAX
 from mitt.generator.feasibility import Outcome, Verdict, is_far, waiting_height
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.several import Several
-from mitt.impact import CaughtBall, examined, speed_caps, speed_jumps
+from mitt.holding import CaughtBall
+from mitt.impact import examined, speed_caps, speed_jumps
 from mitt.robot.arm import Arm
-from mitt.signals import TICK, Array, BallState, MapStatus
+from mitt.signals import TICK, Array, BallState, JointReference, MapStatus
 
 #: Time after which a ball that is far, or not seen, is looked at again for a verdict [s].
 _LOOK_AGAIN = 0.02
@@ -117,12 +118,16 @@ class Planner:
         ball = ball_in(self._result)
         ball = self.generator.waiting(ball) if self._scalars["surrogate"] else ball
         answer, out = self.generator.reference(ball), self._out
+        checks.instance("reference", answer, JointReference)
+        ahead = checks.number("reference.time_to_catch", answer.time_to_catch, least=-np.inf)
         motion = {"q_d": answer.q_d, "dq_d": answer.dq_d, "ddq_d": answer.ddq_d,
                   "q_o": answer.q_o, "dq_o": answer.dq_o}  # fmt: skip
         for row, (name, value) in zip(self._result.reference, motion.items(), strict=False):
-            row[:] = checks.vector(f"reference.{name}", value, self._arm.n)
+            row[:] = checks.vector(
+                f"reference.{name}", value, self._arm.n
+            )  # the safety filter bridges NaN
         out["inside"] = answer.status is MapStatus.INSIDE
-        out["time_to_catch"] = answer.time_to_catch if out["inside"] else np.inf
+        out["time_to_catch"] = ahead if out["inside"] else np.inf
 
     def _write(self, fields: Fields) -> None:
         """Overwrite fields of the state."""

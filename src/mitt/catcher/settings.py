@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass, field
 from enum import Enum
+from math import inf
 
+from mitt import fields
 from mitt.ball.filter import THROWN_BALL, FilterConfig
 from mitt.control.encoders import Encoders
 from mitt.robot.shapes import Surroundings
@@ -32,6 +34,16 @@ REFINES = 32
 #: Time to the catch within which the hand may hide the ball, and it is not taken for lost [s].
 SOON = 0.1
 
+#: Least and largest number of each setting, far beyond what arms and balls ask for; choices of this
+#: project.
+_RANGES = {
+    "bandwidth": (1.0, 1e4), "sigma_ready": (0.0, inf), "watch": (0.0, 1e3), "adapt_q": (0.0, inf),
+    "adapt_dq": (0.0, inf), "adapt_until": (0.0, 1e3), "review": (0.0, 1e3),
+    "ball_mass": (0.0, 1e3), "ball_radius": (1e-3, 1.0), "ball_restitution": (0.0, 1.0),
+    "ball_friction": (0.0, 100.0), "ball_doubt": (0.0, 1.0), "tolerance": (0.0, inf),
+    "max_tracking_error": (1e-6, inf), "torque_lead": (0.0, 1.0), "setpoint_delay": (0, 1000),
+}  # fmt: skip
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CatcherSettings:
@@ -60,6 +72,8 @@ class CatcherSettings:
             for longer.
         torque_lead: Time from the reading of the joints until the torque that is commanded then
             ceases to act [s]: a tick, and what the drives take to answer.
+        setpoint_delay: Ticks after which a command acts on the joints of a robot that follows
+            setpoints, for the encoders' monitor; 0 where torques act.
     """
 
     bandwidth: float = 80.0
@@ -80,3 +94,8 @@ class CatcherSettings:
     tolerance: float = 0.02
     max_tracking_error: float = 0.8
     torque_lead: float = 0.001
+    setpoint_delay: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be; InputError names the field."""
+        fields.check(self, _RANGES)

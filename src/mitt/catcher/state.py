@@ -49,7 +49,7 @@ class CatcherState(NamedTuple):
     Attributes:
         scalars: Single numbers, shape (1,):
             phase, surrogate: Phase, and whether the ball's surrogate target is followed.
-            begun: Whether there was a tick.
+            begun: Whether each joint was read.
             several: Whether there are several maps to choose from; review, t_reviewed: how often
             the choice is reviewed, and when it was last [s].
             stop_requested: Whether a stop was requested.
@@ -70,7 +70,8 @@ class CatcherState(NamedTuple):
         last: Last command within limits, as in :mod:`mitt.control.viability`, shape (3, n).
         health_memory: As in :mod:`mitt.control.health`.
         encoder_memory: As in :mod:`mitt.control.encoder_memory`; encoder_table, encoder_doubt,
-            encoder_coupling, encoder_work: as in :mod:`mitt.control.encoders`.
+            encoder_coupling, encoder_work: as in :mod:`mitt.control.encoders`; encoder_waiting:
+            accelerations that commands will cause once they act, oldest first, shape (k, n).
         z, R, target: Position of a sighting, its covariance, and the ball to be followed.
         ball_memory, ball_settings, ball_work: Of :mod:`mitt.ball.estimator`.
         closing, grip: As in :mod:`mitt.control.hand`.
@@ -96,6 +97,7 @@ class CatcherState(NamedTuple):
     encoder_table: Array
     encoder_ddq_unknown: Array
     encoder_coupling: Array
+    encoder_waiting: Array
     encoder_work: Array
     z: Array
     R: Array
@@ -186,6 +188,7 @@ def fresh_state(
         "encoder_table": table,
         "encoder_ddq_unknown": np.array([table[1] / np.diag(arm.mass_matrix(arm.q_ready))] * 2),
         "encoder_coupling": np.zeros((n, n)), "encoder_work": np.zeros((n + 2, 2 * n)),
+        "encoder_waiting": np.zeros((s.setpoint_delay + 1, n)),
         "z": np.zeros(3), "R": np.zeros((3, 3)), "target": np.zeros((3, 3)),
         "ball_memory": memory.fresh(), "ball_settings": settings_of(s.flight),
         "ball_work": np.zeros(memory.WORK), "closing": np.array([np.inf]),

@@ -1,12 +1,16 @@
 """The simulated robot's own controller: takes commands, and brakes by itself where none come."""
 
+from math import pi
 from typing import Protocol, final
 
 import numpy as np
 
 from mitt.control.brake import plan_brake
+from mitt.control.setpoints import ROWS
+from mitt.files.cell import RobotPart
 from mitt.robot.arm import Arm
-from mitt.signals import Array, Command
+from mitt.signals import TICK, Array, Command
+from mitt.world.servo import JointControl
 
 #: Bandwidth with which the controller holds and brakes by itself [rad/s]: that of the catcher.
 _BANDWIDTH = 80.0
@@ -19,7 +23,7 @@ class Told(Protocol):
 
     @property
     def joints(self) -> Array:
-        """Rows, shape (4, n)."""
+        """Rows, shape (4, n); NaN where it does not say them."""
 
     @property
     def hand(self) -> float:
@@ -41,9 +45,13 @@ class Controller:
             to take; None until there was one.
     """
 
-    def __init__(self, arm: Arm, watchdog: float, takes: str) -> None:
-        """Take the arm, the watchdog's time [s] and what the drives take."""
-        self._arm, self._watchdog, self._takes = arm, watchdog, takes
+    def __init__(self, arm: Arm, robot: RobotPart) -> None:
+        """Take the arm, and what the cell's file says of the robot."""
+        self._arm, self._watchdog, self._row = arm, robot.watchdog, ROWS[robot.takes]
+        w = 2.0 * pi * robot.servo
+        self._control = (
+            None if robot.takes == "torque" else JointControl(arm, robot.takes, bandwidth=w)
+        )
         self.trouble, self.released = "", False
         self.stop_time: tuple[float, float] | None = None
         self._way = plan_brake(arm, 0.0, np.array([arm.q_ready, *np.zeros((2, arm.n))]))
@@ -77,6 +85,8 @@ class Controller:
             new: A command that has come; None where none has.
         """
         if new is not None and self.released:
+            if self._control is not None:
+                self._control.take(new.joints[self._row], passed=max(t - self._heard, TICK))
             self._told, self._heard, self._hand = new, t, new.hand
         elif self.released and t - self._heard > self._watchdog:
             self.trouble = f"protective stop: no command for {1e3 * self._watchdog:.0f} ms"
@@ -92,6 +102,8 @@ class Controller:
     def _take_over(self, t: float, q: Array, dq: Array) -> None:
         """Plan the stop from here, to hold wherever it ends."""
         self._held = None
+        if self._control is not None:
+            self._control.restart()
         self._way = plan_brake(self._arm, t, np.array([q, dq, np.zeros(self._arm.n)]))
 
     def _own(self, t: float, q: Array, dq: Array) -> Array:
@@ -106,15 +118,17 @@ class Controller:
         return self._tracked(wanted, q, dq)
 
     def _followed(self, q: Array, dq: Array) -> Array:
-        """Return the command that came: its torque, or what follows its motion."""
+        """Return the command that came: its torque, or that of the robot's own control."""
         assert self._told is not None
-        told = self._told.joints
-        if self._takes == "torque":
-            return told
-        wanted = told[:3].copy()
-        if self._takes == "velocity":
-            wanted[0] = q
-        return self._tracked(wanted, q, dq)
+        told, still = self._told.joints, np.zeros(self._arm.n)
+        if self._control is not None:
+            arm = self._arm
+            within = np.array(
+                [np.clip(q, arm.q_min, arm.q_max), np.clip(dq, -arm.dq_max, arm.dq_max)]
+            )
+            within[self._row] = told[self._row]
+            return np.array([*within, still, self._control.torque(q, dq)])
+        return np.where(np.isnan(told), np.array([q, dq, still, still]), told)
 
     def _tracked(self, wanted: Array, q: Array, dq: Array) -> Array:
         """Return wanted q, dq, ddq with the torque that follows them, within the limits."""

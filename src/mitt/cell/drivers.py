@@ -1,15 +1,32 @@
 """The robots by name: ``ros2``, ``sim`` in this process, and those of other packages."""
 
-from mitt.cell.local import LocalPort, LocalRobot
-from mitt.cell.prepare import PreparedCell, balls_of, endless, scene_of_cell
-from mitt.cell.simulated import SimulatedCell
+from collections.abc import Callable
+from typing import NamedTuple, final
+
+from mitt.cell.local import LocalRobot, local_robot
+from mitt.cell.prepare import PreparedCell, endless
 from mitt.files.cell import Cell
 from mitt.link.clock import monotonic
 from mitt.link.robot import Robot, driver_named
 from mitt.link.sight import FrameSource, SharedFrames
 
 
-def robot_of(prepared: PreparedCell) -> tuple[Robot, FrameSource | None]:
+@final
+class Connection(NamedTuple):
+    """A robot, where images come from if any, and the steady clock by which readings come [s]."""
+
+    robot: Robot
+    frames: FrameSource | None
+    clock: Callable[[], float]
+
+
+def local_connection(cell: Cell, robot: LocalRobot) -> Connection:
+    """Return the robot and the cameras of a simulated cell in this process, and its own clock."""
+    frames = robot.port if cell.source.kind == "images" else None
+    return Connection(robot, frames, lambda: robot.t)
+
+
+def connect(prepared: PreparedCell) -> Connection:
     """Return the robot of a cell by the name of its driver, and its cameras.
 
     Raises:
@@ -18,17 +35,15 @@ def robot_of(prepared: PreparedCell) -> tuple[Robot, FrameSource | None]:
     """
     cell, arm = prepared.cell, prepared.arm
     if cell.robot.driver == "sim":
-        scene, port = scene_of_cell(cell, None), LocalPort(cell.source.sigma)
-        source = balls_of(prepared, scene, seed=0, count=cell.throws or endless())
-        simulated = SimulatedCell(cell, arm, scene, source, port, rig=prepared.rig, clock=monotonic)
-        return LocalRobot(simulated, port), port
+        local = local_robot(prepared, seed=0, count=cell.throws or endless())
+        return local_connection(cell, local)
     shapes = [(camera.height, camera.width) for camera in prepared.rig.cameras]
     frames = SharedFrames(cell.source.memory, shapes) if cell.source.kind == "images" else None
     if cell.robot.driver == "ros2":
         from mitt.link.ros2 import Ros2Robot  # noqa: PLC0415 (needs the extra ros2)
 
-        return Ros2Robot(cell, arm), frames
-    return driver_named(cell.robot.driver)(cell, arm), frames
+        return Connection(Ros2Robot(cell, arm), frames, monotonic)
+    return Connection(driver_named(cell.robot.driver)(cell, arm), frames, monotonic)
 
 
 def check_driver(cell: Cell) -> None:

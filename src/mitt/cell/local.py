@@ -5,7 +5,9 @@ from typing import NamedTuple, final
 
 import numpy as np
 
+from mitt.cell.prepare import PreparedCell, balls_of, scene_of_cell
 from mitt.cell.simulated import SimulatedCell
+from mitt.link.clock import monotonic
 from mitt.link.frames import FrameSet
 from mitt.signals import ArmState, Array, Command, Image, Sighting
 
@@ -82,49 +84,80 @@ class LocalRobot:
 
     Attributes:
         brakes: It has brakes.
+        simulated: The cell.
+        port: What it publishes and hears; its images, where it has cameras.
     """
 
     brakes = True
 
     def __init__(self, simulated: SimulatedCell, port: LocalPort) -> None:
         """Take the cell and its port."""
-        self._simulated, self._port, self._begun = simulated, port, False
+        self.simulated, self.port, self._begun = simulated, port, False
+
+    @property
+    def t(self) -> float:
+        """Time of the cell [s]: the steady clock of a loop here, as nothing is ever on its way."""
+        return self.simulated.t
 
     def read(self, timeout: float) -> Sequence[ArmState]:
         """Let what was commanded act for a tick, and return the reading after it."""
         if timeout > 0.0:
             if self._begun:
-                self._simulated.act()
+                self.simulated.act()
             self._begun = True
-            self._simulated.tick()
-        taken, self._port.states = self._port.states, []
+            self.simulated.tick()
+        taken, self.port.states = self.port.states, []
         return taken
 
     def points(self) -> Sequence[Sighting]:
         """Return the positions since the last call."""
-        taken, self._port.points = self._port.points, []
+        taken, self.port.points = self.port.points, []
         return taken
 
     def write(self, command: Command, answers: float) -> None:
         """Leave a command for the next tick."""
-        self._port.told = _Answer(answers, command.joints, command.hand)
+        self.port.told = _Answer(answers, command.joints, command.hand)
 
     def engage_brakes(self) -> None:
         """Leave word for the brakes."""
-        self._port.braked = True
+        self.port.braked = True
 
     def release(self) -> None:
         """Leave word for the brakes and the watchdog."""
-        self._port.braked = False
+        self.port.braked = False
+
+    def waits(self) -> str:
+        """Return what keeps it from being commanded: nothing does."""
+        return ""
 
     def trouble(self) -> str:
         """Return why the robot takes no commands."""
-        return self._port.said
+        return self.port.said
 
     def news(self) -> Sequence[str]:
         """Return how throws ended since the last call."""
-        taken, self._port.results = self._port.results, []
+        taken, self.port.results = self.port.results, []
         return taken
 
     def close(self) -> None:
         """Nothing is to be given up."""
+
+
+def local_robot(
+    prepared: PreparedCell, *, seed: int, count: int, started: float = 0.0
+) -> LocalRobot:
+    """Return the robot of a cell that is simulated here.
+
+    Args:
+        prepared: The cell.
+        seed: Of its balls and its noise.
+        count: Number of balls that it throws.
+        started: Stamp of its first reading [s].
+    """
+    cell, scene = prepared.cell, scene_of_cell(prepared.cell, None)
+    port, source = LocalPort(cell.source.sigma), balls_of(prepared, scene, seed=seed, count=count)
+    simulated = SimulatedCell(
+        cell, prepared.arm, scene, source, port, rig=prepared.rig, lenses=prepared.lenses,
+        clock=monotonic, started=started,
+    )  # fmt: skip
+    return LocalRobot(simulated, port)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import pi
 from pathlib import Path
 from typing import final
 
@@ -9,10 +10,11 @@ import numpy as np
 
 from mitt.catcher.catcher import Catcher, CatcherSettings
 from mitt.control.encoders import Encoders
-from mitt.errors import MittError
+from mitt.control.setpoints import Setpoints
+from mitt.errors import InputError, MittError
 from mitt.files.about import About
 from mitt.files.arm_file import is_arm_file, read_arm_file
-from mitt.files.cell import Cell, arm_of, around_of, rig_of
+from mitt.files.cell import Cell, arm_of, around_of, lenses_of, rig_of
 from mitt.files.maps import read_map, save_map
 from mitt.generator.design import MapDesign, default_design
 from mitt.generator.generators import Direct
@@ -22,13 +24,15 @@ from mitt.jit import cache_folder
 from mitt.robot.arm import Arm
 from mitt.robot.identity import identity_of
 from mitt.robot.shapes import Surroundings
-from mitt.trials.known import known_ball, reserved
+from mitt.signals import TICK, Array
+from mitt.trials.known import bandwidth_of, known_ball, reserved
 from mitt.trials.learning import learn
 from mitt.trials.neighbourhood import neighbourhood_of_ball
 from mitt.trials.source import Source, source_of, widened
 from mitt.version import __version__
 from mitt.vision.camera import Rig
 from mitt.vision.eyes import Eyes, EyesConfig
+from mitt.vision.lens import Lens
 from mitt.vision.triangulation import TriangulatorConfig
 from mitt.world.scene import Ball, Scene
 from mitt.world.scenes import named_scene, read_scene
@@ -45,7 +49,8 @@ class PreparedCell:
         around: What stands around it.
         design: Design of its map.
         learned: Its map, where the file names one.
-        rig: Its cameras.
+        rig: Its cameras, straightened.
+        lenses: What bends their images; empty where nothing does.
     """
 
     cell: Cell
@@ -54,6 +59,7 @@ class PreparedCell:
     design: MapDesign
     learned: Learned | None
     rig: Rig
+    lenses: tuple[Lens, ...] = ()
 
 
 def prepare(cell: Cell) -> PreparedCell:
@@ -71,8 +77,9 @@ def prepare(cell: Cell) -> PreparedCell:
         base = read_arm_file(Path(cell.arm.file)).map if is_arm_file(cell.arm.file) else None
         design = default_design(arm, base=base)
     return PreparedCell(
-        cell=cell, arm=arm, around=around, design=design, learned=learned, rig=rig_of(cell)
-    )
+        cell=cell, arm=arm, around=around, design=design, learned=learned, rig=rig_of(cell),
+        lenses=lenses_of(cell),
+    )  # fmt: skip
 
 
 def map_of(prepared: PreparedCell) -> DirectMap:
@@ -101,9 +108,15 @@ def _kept_map(prepared: PreparedCell) -> Path | None:
     if folder is None:
         return None
     of = [identity_of(prepared.arm), asdict(prepared.design), prepared.cell.ball.drag, __version__,
-          prepared.arm.limits.name]  # fmt: skip
+          prepared.arm.limits.name, _plain(prepared.arm.model.aim),
+          _plain(prepared.arm.model.arrivals)]  # fmt: skip
     name = hashlib.sha256(json.dumps(of, sort_keys=True).encode()).hexdigest()[:24]
     return folder / "maps" / f"{name}.json"
+
+
+def _plain(x: Array | None) -> list[list[float]] | None:
+    """Return a table as JSON holds it."""
+    return None if x is None else x.tolist()
 
 
 def about_of(prepared: PreparedCell, f: DirectMap) -> About:
@@ -118,6 +131,8 @@ def about_of(prepared: PreparedCell, f: DirectMap) -> About:
         around=prepared.around,
         encoders=Encoders(step=tuple(arm.encoder_step.tolist())),
         torque_lead=cell.robot.delay,
+        bandwidth=bandwidth_of(cell.robot.takes, cell.robot.servo),
+        setpoint_delay=0 if cell.robot.takes == "torque" else round(_delay_of(cell) / TICK),
     )
     floor = float(np.hypot(TriangulatorConfig().sigma_floor, cell.source.calibration_px))
     config = EyesConfig(ball_radius=ball.radius, triangulator=TriangulatorConfig(sigma_floor=floor))
@@ -134,10 +149,28 @@ def catchers(prepared: PreparedCell, f: DirectMap) -> tuple[Catcher, Callable[[C
     return first, lambda catcher: catcher.again(generator)
 
 
+def setpoints_of(prepared: PreparedCell) -> Setpoints | None:
+    """Return what makes setpoints for a cell's robot; None where it takes torques."""
+    robot = prepared.cell.robot
+    if robot.takes == "torque":
+        return None
+    w = 2.0 * pi * robot.servo
+    return Setpoints(prepared.arm, robot.takes, bandwidth=w, delay=_delay_of(prepared.cell))
+
+
+def _delay_of(cell: Cell) -> float:
+    """Return the time after which a setpoint acts, for a tick [s]."""
+    return max(cell.robot.delay - TICK, 0.0)
+
+
 def scene_of_cell(cell: Cell, scene: str | None) -> Scene:
     """Return the world of a simulated cell: a scene, by default ``lab`` with the cell's ball."""
     if scene is not None:
-        return read_scene(scene)
+        read = read_scene(scene)
+        if read.actuation.takes != "torque":  # what a cell's robot takes is said by the cell
+            raise InputError("actuation.takes of the scene", "torque", read.actuation.takes,
+                             do="say robot.takes in the cell's file")  # fmt: skip
+        return read
     lab, ball = named_scene("lab"), cell.ball
     thrown = lab.ball.model_copy(
         update={"radius": ball.radius, "mass": ball.mass, "drag": ball.drag}
@@ -152,7 +185,7 @@ def balls_of(prepared: PreparedCell, scene: Scene, *, seed: int, count: int | No
     from mitt.generator.mapping import unlearned  # noqa: PLC0415
 
     f = unlearned(prepared.arm, prepared.design)
-    source = source_of(f, seed=seed, count=count, drag=scene.ball.drag)
+    source = source_of(f.arm, seed=seed, count=count, drag=scene.ball.drag)
     file = prepared.cell.arm.file
     throws = read_arm_file(Path(file)).throws if is_arm_file(file) else None
     return source if throws is None else widened(source, throws)

@@ -4,15 +4,16 @@ import json
 import signal
 import sys
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterator, MutableSequence
 from contextlib import contextmanager
 from multiprocessing.sharedctypes import RawArray
 from types import FrameType
 from typing import Any, TypeAlias, final
 
-from mitt.cell.local import LocalPort, LocalRobot
-from mitt.cell.prepare import PreparedCell, balls_of, catchers, scene_of_cell
-from mitt.cell.simulated import SimulatedCell
+from mitt.cell.drivers import Connection, local_connection
+from mitt.cell.local import local_robot
+from mitt.cell.prepare import PreparedCell, catchers, setpoints_of
 from mitt.generator.mapping import DirectMap
 from mitt.interrupts import SIGNALS, notice
 from mitt.link.clock import monotonic
@@ -20,7 +21,7 @@ from mitt.link.live import LiveLoop
 from mitt.link.modes import Mode
 from mitt.link.recorder import Recorder
 from mitt.link.robot import Robot, RobotLink
-from mitt.link.sight import FrameSource
+from mitt.link.sight import straight
 
 #: Time between two lines on what is waited for [s].
 _LINES = 5.0
@@ -44,8 +45,7 @@ def numbers() -> Numbers:
 def loop_of(
     prepared: PreparedCell,
     f: DirectMap,
-    robot: Robot,
-    frames: FrameSource | None,
+    connection: Connection,
     recorder: Recorder | None = None,
 ) -> LiveLoop:
     """Return the live loop of a cell with a robot."""
@@ -53,27 +53,23 @@ def loop_of(
     first, again = catchers(prepared, f)
     unbraked = cell.robot.options.get("unbraked") is True
     return LiveLoop(
-        RobotLink(robot, unbraked=unbraked), prepared.arm, first, again,
+        RobotLink(connection.robot, unbraked=unbraked, setpoints=setpoints_of(prepared)),
+        prepared.arm, first, again,
         ready_speed=cell.motion.ready_speed, silence=cell.robot.watchdog,
-        frames=frames, recorder=recorder,
+        frames=straight(connection.frames, prepared.lenses), recorder=recorder,
+        clock=connection.clock,
     )  # fmt: skip
 
 
 def rehearse(prepared: PreparedCell, f: DirectMap) -> None:
     """Catch once in a simulation, so that nothing is compiled or loaded in front of the robot."""
-    cell = prepared.cell
-    scene = scene_of_cell(cell, None)
-    port = LocalPort(cell.source.sigma)
-    source = balls_of(prepared, scene, seed=0, count=1)
-    simulated = SimulatedCell(
-        cell, prepared.arm, scene, source, port, rig=prepared.rig, clock=monotonic
-    )
-    loop = loop_of(prepared, f, LocalRobot(simulated, port), port)
+    local = local_robot(prepared, seed=0, count=1)
+    loop = loop_of(prepared, f, local_connection(prepared.cell, local))
     loop.healthy()
     loop.begin()
     for _ in range(_REHEARSED):
         loop.cycle()
-        if loop.mode is Mode.STOPPED or (simulated.done and loop.mode is Mode.CATCHING):
+        if loop.mode is Mode.STOPPED or (local.simulated.done and loop.mode is Mode.CATCHING):
             return
 
 
@@ -99,9 +95,8 @@ class Person:
         return self.keyboard or self._yes
 
     def agrees(self) -> bool:
-        """Say whether the arm may move; each word counts once."""
+        """Say whether the arm may move; what was pressed counts once, --yes for one start."""
         if self._yes:
-            self._yes = False
             return True
         if self._pressed.is_set():
             self._pressed.clear()
@@ -112,6 +107,10 @@ class Person:
         """Forget what was pressed before it was asked for."""
         self._pressed.clear()
 
+    def spend(self) -> None:
+        """Count --yes as used: the arm moves."""
+        self._yes = False
+
 
 @final
 class Session:
@@ -119,24 +118,37 @@ class Session:
 
     Attributes:
         signal: Number of the signal that ended it; 0 without one.
-        verdicts: What a simulated cell said of each throw; empty at a real one.
     """
 
     def __init__(
         self, loop: LiveLoop, robot: Robot, person: Person, tell: Callable[[str], None],
-        *, throws: int | None, shown: Numbers | None = None,
+        *, throws: int | None, shown: Numbers | None = None, recorder: Recorder | None = None,
     ) -> None:  # fmt: skip
-        """Take the loop, its robot, whom to ask and tell, and where the table reads numbers."""
+        """Take the loop, its robot, whom to ask and tell, and where the table reads numbers.
+
+        Args:
+            loop: The live loop.
+            robot: Its robot.
+            person: Who says when the arm may move.
+            tell: Takes lines for a person.
+            throws: How many are to be made; None without an end.
+            shown: Where the live table reads its numbers.
+            recorder: What records the catches.
+        """
         self._loop, self._robot, self._person, self._tell = loop, robot, person, tell
         self._throws, self.signal = throws, 0
-        self.verdicts: list[dict[str, Any]] = []
+        self._told, self._last, self._done = Counter[str](), dict[str, Any](), False
         self.shown = numbers() if shown is None else shown
-        self._begun = monotonic()
+        self._begun, self._recorder, self._lost = monotonic(), recorder, False
 
     def run(self) -> bool:
         """Catch; return whether all was done that was to be done."""
         with self._signals():
             while self._waited():
+                self._hear()
+                if not self._loop.counts.ticks:  # of throws before this session
+                    self._told, self._last = Counter(), {}
+                self._done = False
                 self._loop.begin()
                 self._tell("the arm moves")
                 self._begun = monotonic()
@@ -154,20 +166,25 @@ class Session:
     def _waited(self) -> bool:
         """Wait for a healthy robot and for a person's word; say whether both came."""
         spoken, asked = monotonic() - _LINES, False
-        agreed, before = False, "nothing heard yet"
+        agreed, released, before = False, False, "nothing heard yet"
         while not self.signal:
             trouble = self._loop.healthy()
             if trouble != before:  # a word said before is no answer to this
                 self._person.forget()
-                agreed = agreed and not (trouble and self._person.keyboard)
+                agreed = agreed and not trouble
                 before = trouble
+                if released and trouble:
+                    released = False
+                    self._loop.finish()
             self._show()
             own = trouble != "" and trouble == self._robot.trouble()
             if not agreed and (own or not trouble) and self._person.agrees():
                 agreed = True
                 if own:  # a person has said that a protective stop is acknowledged
                     self._robot.release()
+                    released = True
             if agreed and not trouble:
+                self._person.spend()
                 return True
             if monotonic() - spoken > _LINES or (not trouble and not asked and not agreed):
                 spoken, asked = monotonic(), asked or not trouble
@@ -175,7 +192,9 @@ class Session:
                            else "press Enter and the arm moves to its ready pose")  # fmt: skip
                 if not trouble and not self._person.can_speak:
                     self._tell("nobody can say that the arm may move: say --yes")
-                    return False
+                    break
+        if released:
+            self._loop.finish()
         return False
 
     def _caught_all(self) -> bool:
@@ -188,14 +207,25 @@ class Session:
                 loop.stop(f"interrupted by {signal.Signals(self.signal).name}")
             if count % _LOOK:
                 continue
-            self.verdicts += [said for raw in self._robot.news() if (said := news_of(raw))]
+            self._hear()
             self._show()
             made = wanted is not None and loop.counts.throws >= wanted
-            told = any(said.get("done") for said in self.verdicts)
-            if (made or told) and loop.idle:
+            if (made or self._done) and loop.idle:
                 loop.finish()
                 return True
         return False
+
+    def _hear(self) -> None:
+        """Count what a simulated cell says of its throws; tell once of a recording that fails."""
+        failed = "" if self._recorder is None or self._lost else self._recorder.trouble
+        if failed and self._loop.idle:  # to tell may take time
+            self._lost = True
+            self._tell(f"the recording is not whole: {failed}; the catch goes on")
+        for raw in self._robot.news():
+            said = news_of(raw)
+            if said:
+                self._told[str(said.get("status"))[:40]] += 1
+                self._last, self._done = said, bool(said.get("done"))
 
     @contextmanager
     def _signals(self) -> Iterator[None]:
@@ -218,10 +248,9 @@ class Session:
         """Write the numbers of the live table where another process reads them."""
         loop, counts = self._loop, self._loop.counts
         passed = max(monotonic() - self._begun, 1e-3)
-        caught = sum(said.get("status") == "caught" for said in self.verdicts)
         self.shown[:] = [
             _MODES.index(loop.mode), counts.ticks / passed, 1e6 * loop.age, counts.late,
-            counts.lost, counts.throws, caught, len(self.verdicts),
+            counts.lost, counts.throws, self._told["caught"], self._told.total(),
         ]  # fmt: skip
 
     def summary(self) -> dict[str, Any]:
@@ -229,11 +258,10 @@ class Session:
 
         Whether a ball was caught is known of a simulated cell alone, which says so.
         """
-        counts, said = self._loop.counts, [str(x.get("status")) for x in self.verdicts]
-        last = self.verdicts[-1] if self.verdicts else {}
-        throws = max(counts.throws, len(said))
-        ended = {name: said.count(name) for name in ("caught", "dropped", "aborted")}
-        untouched = said.count("missed")
+        counts, said, last = self._loop.counts, self._told.total(), self._last
+        throws = max(counts.throws, said)
+        ended = {name: self._told[name] for name in ("caught", "dropped", "aborted")}
+        untouched = self._told["missed"]
         refused = min(counts.refused, untouched) if said else counts.refused
         stopped = min(counts.stopped, untouched - refused) if said else counts.stopped
         return {
@@ -244,7 +272,7 @@ class Session:
             "missed": untouched - refused - stopped if said else 0,
             "unreachable": refused,
             "stopped": stopped,
-            "unknown": throws - len(said) if said else throws - refused - stopped,
+            "unknown": throws - said if said else throws - refused - stopped,
             "limit_violations": last.get("limit_violations"),
             "command_age_us": last.get("command_age_us"),
             "late_ticks": counts.late,

@@ -11,9 +11,9 @@ from typing import Protocol, final
 
 import numpy as np
 
+from mitt.cell.ages import Ages
 from mitt.cell.controller import Controller, Told
 from mitt.files.cell import Cell
-from mitt.link.clock import Stopwatch
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array, Command, Image
 from mitt.trials.drives import COMMANDED, MEASURED, drive_loads
@@ -21,6 +21,8 @@ from mitt.trials.runner import LONGEST, cameras_of
 from mitt.trials.score import HELD_AFTER, held
 from mitt.trials.source import Source
 from mitt.vision.camera import Rig
+from mitt.vision.lens import Lens
+from mitt.vision.resampling import bender
 from mitt.world.contacts import ARM_FLOOR, SELF
 from mitt.world.flights import BallPath
 from mitt.world.scene import Scene
@@ -47,7 +49,7 @@ class Answer(Told, Protocol):
 
     @property
     def answers(self) -> float:
-        """Stamp of the reading [s]."""
+        """Stamp of the reading [s]; NaN where the command does not say it."""
 
 
 class Port(Protocol):
@@ -91,7 +93,7 @@ class SimulatedCell:
 
     def __init__(
         self, cell: Cell, arm: Arm, scene: Scene, source: Source, port: Port,
-        *, rig: Rig, clock: Callable[[], float], started: float = 0.0,
+        *, rig: Rig, clock: Callable[[], float], lenses: Sequence[Lens] = (), started: float = 0.0,
     ) -> None:  # fmt: skip
         """Set the cell up: the arm on its brakes in its ready pose.
 
@@ -102,17 +104,18 @@ class SimulatedCell:
             source: What is thrown; ``count`` throws.
             port: Where it publishes and hears.
             rig: The cameras, where they see images.
+            lenses: What bends their images.
             clock: The steady clock [s], by which ages of commands are told.
             started: Stamp of the first reading [s].
         """
         self._arm, self._source, self._port, self._clock = arm, source, port, clock
         cameras = cameras_of(rig, scene) if cell.source.kind == "images" else None
-        self._sees = cameras is not None
+        self._sees, self._bend = cameras is not None, [bender(lens) for lens in lenses]
         self._world = World(scene, arm.model, cameras=cameras, limits=arm.limits)
-        self._controller = Controller(arm, cell.robot.watchdog, cell.robot.takes)
+        self._controller = Controller(arm, cell.robot)
         self._base, self._ticks, self._next, self._flying = started, 0, 0, False
         self._settled, self.done = 0, False
-        self.statuses, self.violations, self.ages = list[str](), 0, Stopwatch()
+        self.statuses, self.violations, self.ages = list[str](), 0, Ages()
         self._sent = np.zeros((_KEPT, 2))
         self._rows, self._trouble = list[Array](), ""
         self._aside = Throw(r=np.array([_ASIDE, 0.0, scene.floor + 0.1]), dr=np.zeros(3))
@@ -146,7 +149,10 @@ class SimulatedCell:
         self._sent[k] = self._base + senses.t, self._clock()
         port.state(float(self._sent[k, 0]), senses.arm.q, senses.arm.dq)
         if senses.frames:
-            port.frames(self._base + senses.frames[0].t, [x.pixels for x in senses.frames])
+            images = [x.pixels for x in senses.frames]
+            if self._bend:
+                images = [bend(x) for bend, x in zip(self._bend, images, strict=True)]
+            port.frames(self._base + senses.frames[0].t, images)
         for p in senses.points:
             if p.found:
                 port.ball(self._base + p.t, p.r_o)
@@ -177,7 +183,7 @@ class SimulatedCell:
         """Note how old a command is that begins to act."""
         found = np.flatnonzero(np.abs(self._sent[:, 0] - answers) < 0.1 * TICK)
         if len(found):
-            self.ages.add(np.array([round(1e9 * (self._clock() - self._sent[found[0], 1]))]))
+            self.ages.add(self._clock() - float(self._sent[found[0], 1]))
 
     def _go_on(self, command: Command, q: Array, dq: Array) -> None:
         """Throw a ball, judge it, take it away."""
@@ -186,8 +192,9 @@ class SimulatedCell:
             if world.over(longest=LONGEST, held=HELD_AFTER):
                 self._judge()
             return
-        still = np.all(np.abs(dq) < _SLOW) and np.all(np.abs(q - self._arm.q_ready) < _NEAR)
-        ready = still and self._controller.commanded and not command.brakes
+        still = bool(np.all(np.abs(dq) < _SLOW))
+        near = bool(np.all(np.abs(q - self._arm.q_ready) < _NEAR))
+        ready = still and near and self._controller.commanded and not command.brakes
         self._settled = self._settled + 1 if ready else 0
         if self._settled * TICK >= _SETTLED and self._next < self._source.count:
             self._settled, self._flying = 0, True

@@ -13,6 +13,7 @@ from typing import final
 import numpy as np
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, Synchronization, Trajectory
 
+from mitt import checks
 from mitt.control.stop import (
     INSTANTS,
     ONSET,
@@ -25,6 +26,7 @@ from mitt.control.stop import (
     scratch_of,
     torque_share,
 )
+from mitt.errors import InputError
 from mitt.robot.arm import Arm, trusted_deceleration
 from mitt.signals import TICK, Array
 
@@ -32,6 +34,8 @@ from mitt.signals import TICK, Array
 _OTHERS = (0.15, 0.4, 0.8, 1.2)
 #: Rooms that differ by less count as the same until Ruckig has had its say [rad].
 _SAME = 1e-9
+#: Largest number of a motion that can be braked [rad ...].
+_FASTEST = 1e6
 #: Pieces of a joint's motion: seven of Ruckig's, and rest.
 _PIECES = 8
 
@@ -56,11 +60,11 @@ class Brake:
 
     def over(self, t: float) -> bool:
         """Say whether the arm has been commanded to rest for a tick or more at time ``t`` [s]."""
-        return t > self.t + self.duration + TICK
+        return checks.number("t", t, finite=True) > self.t + self.duration + TICK
 
     def at(self, t: float) -> Array:
         """Return q, dq, ddq at time ``t`` [rad ...], shape (3, n); at rest after the end."""
-        row: Array = self._sampled(np.array([t]))[0]
+        row: Array = self._sampled(np.array([checks.number("t", t, finite=True)]))[0]
         return row
 
     def table(self, tick: float) -> Array:
@@ -68,13 +72,14 @@ class Brake:
 
         The last row is at rest.
         """
+        tick = checks.number("tick", tick, least=1e-6, most=10.0)
         ticks = np.arange(ceil(self.duration / tick) + 2, dtype=np.float64)
         return self._sampled(self.t + tick * ticks)
 
     @property
     def q_end(self) -> Array:
         """Where the arm comes to rest [rad], shape (n,)."""
-        end: Array = self.at(np.inf)[0]
+        end: Array = self._sampled(np.array([np.inf]))[0, 0]
         return end
 
     def _sampled(self, t: Array) -> Array:
@@ -95,7 +100,15 @@ def plan_brake(arm: Arm, t: float, motion: Array) -> Brake:
         arm: The arm, with what it holds.
         t: Time at which to start [s].
         motion: q, dq, ddq at that time, shape (3, n).
+
+    Raises:
+        InputError: An argument is not what it should be.
     """
+    arm, t = checks.instance("arm", arm, Arm), checks.number("t", t, finite=True)
+    motion = checks.array("motion", motion, (3, arm.n), finite=True)
+    if np.abs(motion).max() > _FASTEST:
+        raise InputError("motion", f"numbers of at most {_FASTEST:g}", "larger ones",
+                         do="give rad, rad/s and rad/s^2")  # fmt: skip
     rate = trusted_deceleration(arm, motion[0])
     urgent = int(np.argmax(_urgency(arm, motion, rate)))
     ends, w = np.array([arm.q_min, arm.q_max]), scratch_of(arm)

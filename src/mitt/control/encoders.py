@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt import fields
 from mitt.control.rows import DDQ_BY_TAU, TAU
 from mitt.errors import InputError
 from mitt.jit import kernel
@@ -31,6 +32,10 @@ class Encoders:
 
     step: float | tuple[float, ...] | None = None
     unknown: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be; InputError names the field."""
+        fields.check(self, {"unknown": (0.0, 1e6)})
 
     def steps(self, own: Array) -> Array:
         """Return the resolution of each joint's encoder [rad], shape (n,).
@@ -59,8 +64,6 @@ class Encoders:
         Raises:
             InputError: A number that cannot be used.
         """
-        if not 0.0 <= self.unknown < np.inf:
-            raise InputError("unknown torque", "a number of at least 0 N m", self.unknown)
         unknown = np.clip(self.unknown, _LEAST * arm.tau_max, _MOST * arm.tau_max)
         return np.array([self.steps(arm.encoder_step), unknown])
 

@@ -29,6 +29,8 @@ What is remembered is in :mod:`mitt.control.encoder_memory`, the filter in
 :mod:`mitt.control.joint_filter`, the tests in :mod:`mitt.control.encoder_faults`.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from mitt.control import encoder_memory as at
@@ -36,6 +38,7 @@ from mitt.control.encoder_faults import EXCESS, explain_refused, moves_against, 
 from mitt.control.encoder_memory import BRIDGED, COLUMNS, FAST, FINE, REVERSED, SILENT, STUCK
 from mitt.control.joint_filter import IN_A_ROW, correct, predict, restart
 from mitt.control.rows import DDQ_BY_TAU, DDQ_MAX, DQ_MAX, Q_MAX, Q_MIN
+from mitt.errors import InputError
 from mitt.jit import kernel
 from mitt.signals import TICK, Array
 from mitt.views import view
@@ -67,6 +70,14 @@ def recovered(memory: Array) -> Array:
     moved = (memory[:, at.FAULT] != STUCK) | (memory[:, at.MOVED] > 0.0)
     out: Array = fine | ((memory[:, at.GOOD] >= GOOD_TICKS) & moved)
     return out
+
+
+def check_recovered(names: Sequence[str], memory: Array) -> None:
+    """Refuse encoders of which one has a fault and has not read well since; name the joints."""
+    pairs = zip(names, recovered(memory), strict=True)
+    if bad := ", ".join(name for name, fine in pairs if not fine):
+        raise InputError("recover", "encoders that read well", f"doubt about {bad}",
+                         do="check the encoder, then recover(checked=True)")  # fmt: skip
 
 
 @kernel

@@ -6,11 +6,12 @@ ROS topic ``/name`` is DDS topic ``rt/name``, type ``pkg/Type`` is ``pkg::msg::d
 """
 
 import os
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from socket import if_nameindex
 from typing import Any, Literal, final
 
 from mitt.errors import InputError
+from mitt.link.sockets import kept_to
 
 try:
     from cyclonedds.core import (
@@ -131,13 +132,14 @@ class Node:
         known = [name for _, name in if_nameindex()]
         if interface not in known:  # DDS would take all networks instead
             raise InputError("robot.options.interface", f"one of {', '.join(known)}", interface)
-        with suppress(DDSException):  # this process is in the domain already
-            self._domain = Domain(number, _configuration(interface))
-        try:
-            self._participant = DomainParticipant(number)
-        except DDSException as error:
-            raise InputError("DDS", f"domain {number} on interface {interface}",
-                             f"{error}"[:120]) from error  # fmt: skip
+        with kept_to(interface) if interface == "lo" else nullcontext():
+            with suppress(DDSException):  # this process is in the domain already
+                self._domain = Domain(number, _configuration(interface))
+            try:
+                self._participant = DomainParticipant(number)
+            except DDSException as error:
+                raise InputError("DDS", f"domain {number} on interface {interface}",
+                                 f"{error}"[:120]) from error  # fmt: skip
         self._waiting = WaitSet(self._participant)
 
     def publish(self, topic: str, kind: type[Any], qos: Kind) -> Publisher:
@@ -152,9 +154,19 @@ class Node:
         qos: Kind,
         *,
         wakes: bool = False,
+        others: bool = False,
     ) -> Subscriber:
-        """Subscribe to a ROS topic; ``wakes`` where :meth:`wait` is to return for it."""
-        reader = DataReader(self._participant, self._topic(topic, kind), qos=_qos(qos))
+        """Subscribe to a ROS topic.
+
+        Args:
+            topic: Its name.
+            kind: Its type.
+            qos: Kind of QoS.
+            wakes: Whether :meth:`wait` is to return for it.
+            others: Whether what this node publishes itself is left out.
+        """
+        q = _qos(qos) + Qos(Policy.IgnoreLocal.Participant) if others else _qos(qos)
+        reader = DataReader(self._participant, self._topic(topic, kind), qos=q)
         if wakes:
             self._waiting.attach(ReadCondition(reader, _ANY))
         return Subscriber(reader)

@@ -5,13 +5,16 @@
 
 A writer notes the frame's count before and after it writes; a reader takes a frame whose two counts
 are those that it looked for, before and after it has copied it. So nobody waits for anybody: a
-reader that is too late has lost frames, and knows how many. x86-64 and ARM64 with aligned words.
+reader that is too late has lost frames, and knows how many. A writer holds a lock (``flock``) on
+the memory as long as it lives. x86-64 and ARM64 with aligned words.
 """
 
+import os
+import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from fcntl import LOCK_EX, LOCK_NB, flock
 from mmap import ACCESS_READ, mmap
-from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
 from typing import NamedTuple, Self, final
 
@@ -21,10 +24,12 @@ from numpy.typing import NDArray
 from mitt.errors import InputError
 from mitt.signals import Frame, Image
 
-#: Where Linux shows shared memories; SharedMemory makes them for their owner alone.
+#: Where Linux shows shared memories.
 _FOLDER = Path("/dev/shm")  # noqa: S108  # nosec B108
 #: Says that a memory is such a ring, and in which version.
 _MAGIC = 0x6D697474_0001
+#: Most cameras, rows, columns.
+_MOST = 65_536
 #: Frames in a ring: what a reader may be late by [ticks].
 SLOTS = 64
 _MAGIC_AT, _CAMERAS, _HEIGHT, _WIDTH, _SLOTS, _WRITTEN = range(6)
@@ -57,6 +62,11 @@ def _checked(name: str) -> str:
     return name
 
 
+def _size_of(cameras: int, height: int, width: int, slots: int) -> int:
+    """Return the size of a ring [bytes]."""
+    return _HEAD + slots * (_SLOT_HEAD + (cameras * height * width + 7) // 8 * 8)
+
+
 class _Ring:
     """The parts of the memory."""
 
@@ -86,16 +96,47 @@ class FrameWriter(_Ring):
     """Writes frames."""
 
     def __init__(self, name: str, cameras: int, height: int, width: int) -> None:
-        """Make the ring; one of that name that somebody left is taken over."""
-        size = _HEAD + SLOTS * (_SLOT_HEAD + (cameras * height * width + 7) // 8 * 8)
-        with suppress(FileNotFoundError):
-            SharedMemory(_checked(name)).unlink()
-        self._memory = SharedMemory(name, create=True, size=size)
-        assert self._memory.buf is not None
-        head: NDArray[np.int64] = np.frombuffer(self._memory.buf, np.int64, 8)
-        head[:6] = _MAGIC, cameras, height, width, SLOTS, 0
-        del head
-        super().__init__(self._memory.buf)
+        """Make the ring; one that a writer left when it was killed is replaced.
+
+        Raises:
+            InputError: The memory cannot be made, is no ring, or its writer lives.
+        """
+        size = _size_of(cameras, height, width, SLOTS)
+        self._file = _FOLDER / _checked(name)
+        try:
+            self._remove_left()
+            self._fd = os.open(_FOLDER, os.O_RDWR | os.O_TMPFILE, 0o600)
+            flock(self._fd, LOCK_EX | LOCK_NB)  # as long as this process lives
+            os.truncate(self._fd, size)
+            memory = memoryview(mmap(self._fd, size))
+            head: NDArray[np.int64] = np.frombuffer(memory, np.int64, 8)
+            head[:6] = _MAGIC, cameras, height, width, SLOTS, 0
+            del head
+            # Whole and locked, or not there. With a folder Python follows the link (linkat).
+            os.link(f"/proc/self/fd/{self._fd}", self._file, src_dir_fd=self._fd)
+        except OSError as error:
+            raise InputError("source.memory", f"a shared memory called {name}", error.strerror,
+                             do="choose another name") from None  # fmt: skip
+        super().__init__(memory)
+
+    def _remove_left(self) -> None:
+        """Remove a ring of that name whose writer is dead; refuse anything else."""
+        try:
+            with self._file.open("rb") as left:
+                head = left.read(8)  # nothing where its writer was killed as it began
+                if head and int.from_bytes(head, sys.byteorder) != _MAGIC:
+                    raise InputError("source.memory", "a name of its own",
+                                     f"a memory called {self._file.name} of another program",
+                                     do="choose another name")  # fmt: skip
+                flock(left, LOCK_EX | LOCK_NB)
+                # Another may have replaced it since it was opened; its own ring is locked.
+                if os.path.samestat(self._file.stat(), os.fstat(left.fileno())):
+                    self._file.unlink()
+        except FileNotFoundError:
+            return
+        except BlockingIOError:
+            raise InputError("source.memory", "one writer", f"another one of {self._file.name}",
+                             do="end it, or choose another name") from None  # fmt: skip
 
     def write(self, t: float, images: Sequence[Image]) -> None:
         """Write images that were exposed together at a stamp [s]."""
@@ -111,8 +152,10 @@ class FrameWriter(_Ring):
     def close(self) -> None:
         """Take the memory away; who reads it may finish."""
         super().close()
-        self._memory.close()
-        self._memory.unlink()
+        with suppress(OSError):  # nobody's but its own
+            if os.path.samestat(self._file.stat(), os.fstat(self._fd)):
+                self._file.unlink()
+        os.close(self._fd)
 
 
 @final
@@ -146,6 +189,9 @@ class FrameReader(_Ring):
         wanted = [len(shapes), *shapes[0]]
         if head[0] != _MAGIC or not 0 < head[_SLOTS] <= 4096:
             raise InputError("source.memory", "a ring of frames of this version", "another")
+        whole = min(head[1:4]) > 0 and max(head[1:4]) <= _MOST
+        if not whole or len(memory) < _size_of(*head[1:5]):
+            raise InputError("source.memory", "a whole ring of frames", f"{len(memory)} bytes")
         if head[1:4] != wanted or len(set(shapes)) != 1:
             raise InputError("images in source.memory", f"cameras, height, width {wanted}",
                              head[1:4], do="take the rig of these cameras")  # fmt: skip

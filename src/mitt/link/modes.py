@@ -34,7 +34,7 @@ class Counts:
         throws: Balls that flew past, caught or not.
         refused: Those that the catcher refused.
         stopped: Those in which it stopped.
-        stray: Positions of the ball with impossible stamps.
+        stray: Positions of the ball, and images, with impossible stamps.
         stops: Why the arm was stopped and stayed so, each time.
     """
 

@@ -13,6 +13,7 @@ readable to its last chunk, a tenth of a second.
 """
 
 import json
+import select
 import struct
 import subprocess
 import sys
@@ -26,14 +27,15 @@ import numpy as np
 
 from mitt import checks
 from mitt.catcher.result import Result
-from mitt.errors import FileError, InputError
+from mitt.errors import FileError
 from mitt.files import messages as of
 from mitt.files.about import About
 from mitt.files.messages import EVENT
 from mitt.files.recording import heading_of
 from mitt.files.recording_rows import frame_row, point_rows
+from mitt.link.clock import monotonic
 from mitt.link.ring import Ring
-from mitt.signals import Command, Frame, Senses
+from mitt.signals import Command, Frame, Senses, all_of
 
 #: Kinds of entries: a tick, what the catcher was told, what happened, the background.
 TICK, CALL, NOTICE, GROUND = 1, 2, 3, 4
@@ -43,8 +45,8 @@ COUNTS = struct.Struct("<QII")
 _ROOM, _ROOM_IMAGES = 8_000_000, 64_000_000
 #: What can be told to a catcher besides its senses.
 CALLS = ("stop", "recover", "recover checked", "again")
-#: Time for the file to be ended [s].
-_PATIENCE = 60.0
+#: Time without progress after which a writer is ended [s], and time between two looks [s].
+_PATIENCE, _LOOK = 20.0, 0.1
 
 
 @final
@@ -76,7 +78,8 @@ class Recorder(AbstractContextManager["Recorder"]):
         Raises:
             FileError: The file is there, or cannot be written.
         """
-        checks.instance("about", about, About)
+        path, about = checks.path("path", path), checks.instance("about", about, About)
+        images, metadata = checks.flag("images", images), _texts(metadata)
         self.path, self.count, self._images = path, 0, images
         self._ring = Ring.new(_ROOM_IMAGES if images else _ROOM)
         self._lay_out(about)
@@ -91,8 +94,9 @@ class Recorder(AbstractContextManager["Recorder"]):
         if pipe is not None:
             pipe.write(json.dumps(heading).encode() + b"\n")
             pipe.flush()
-        said = self._answer()
+        said = self._last_words()
         if said != "ready":
+            self._process.kill()
             self._process.wait()
             self._ring.close()
             raise FileError(str(path), "a new file that can be written", said or "no answer")
@@ -121,6 +125,9 @@ class Recorder(AbstractContextManager["Recorder"]):
 
         Call it after ``catcher.step`` and before the next one; it copies what it is given.
         """
+        checks.instance("senses", senses, Senses)
+        checks.instance("command", command, Command)
+        checks.instance("result", result, Result)
         arm, points, frames = senses.arm, senses.points, senses.frames
         self._t[0], self._t_arm[0] = senses.t, arm.t
         self._q[:], self._dq[:], self._joints[:] = arm.q, arm.dq, command.joints
@@ -147,8 +154,7 @@ class Recorder(AbstractContextManager["Recorder"]):
         Args:
             name: ``stop``, ``recover``, ``recover checked``, or ``again`` for a fresh throw.
         """
-        if name not in CALLS:
-            raise InputError("call", f"one of {', '.join(CALLS)}", name)
+        checks.one_of("call", name, CALLS)
         self._ring.put(CALL, COUNTS.pack(self.count, 0, 0) + name.encode())
 
     def background(self, frames: tuple[Frame, ...]) -> None:
@@ -156,13 +162,14 @@ class Recorder(AbstractContextManager["Recorder"]):
 
         Kept only where images are.
         """
+        frames = all_of("frames", frames, Frame)
         if self._images:
             counts = COUNTS.pack(self.count, 0, len(frames))
             self._ring.put(GROUND, counts + _images(frames))
 
     def note(self, text: str, topic: str = EVENT) -> None:
         """Keep a text for readers, as the status of a throw; it changes nothing in a replay."""
-        content = json.dumps([topic, text[:2000]])
+        content = json.dumps([checks.text("topic", topic), checks.text("text", text)[:2000]])
         self._ring.put(NOTICE, COUNTS.pack(self.count, 0, 0) + content.encode())
 
     @property
@@ -171,12 +178,21 @@ class Recorder(AbstractContextManager["Recorder"]):
         return self._ring.refused
 
     @property
+    def trouble(self) -> str:
+        """Why the recording will not be whole; nothing if all is well."""
+        if self._process.poll() is not None:
+            return "its writer has ended"
+        return f"{self.dropped} entries found no room" if self.dropped else ""
+
+    @property
     def fullest(self) -> float:
         """Largest share of the memory between the processes that was ever full."""
         return self._ring.fullest
 
     def close(self) -> None:
-        """End the file; waits until it is written.
+        """End the file; waits until it is written, as long as its writer gets on.
+
+        A writer that takes nothing from the memory for 20 s is ended.
 
         Raises:
             FileError: It could not be written to its end.
@@ -184,17 +200,27 @@ class Recorder(AbstractContextManager["Recorder"]):
         if self._process.stdin is None or self._process.stdin.closed:
             return
         self._process.stdin.close()
-        said = self._answer()
-        try:
-            self._process.wait(_PATIENCE)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            said = "a writer that does not end"
+        said = self._last_words()
+        left = self._ring.left
+        self._process.kill()
+        self._process.wait()
         if self._process.stdout is not None:
             self._process.stdout.close()
         self._ring.close()
         if said != "written":
-            raise FileError(str(self.path), "a recording written to its end", said or "a cut one")
+            lost = f"{said or 'a cut one'}; {left} of {self._ring.ever} bytes were not written"
+            raise FileError(str(self.path), "a recording written to its end", lost)
+
+    def _last_words(self) -> str:
+        """Return what the writer says at its end; wait for it as long as it takes entries."""
+        pipe, before, due = self._process.stdout, -1, 0.0
+        while pipe is not None and not select.select([pipe], [], [], _LOOK)[0]:
+            left = self._ring.left
+            if left != before:
+                before, due = left, monotonic() + _PATIENCE
+            elif monotonic() > due:
+                return f"a writer that did nothing for {_PATIENCE:.0f} s"
+        return self._answer()
 
     def __exit__(self, *_: object) -> None:
         """End the file."""
@@ -204,6 +230,15 @@ class Recorder(AbstractContextManager["Recorder"]):
         """Return the next line that the writer says; nothing where it has died."""
         pipe = self._process.stdout
         return "" if pipe is None else pipe.readline().decode(errors="replace").strip()
+
+
+def _texts(metadata: object) -> dict[str, str]:
+    """Return texts by name; none where they were left out."""
+    given = {} if metadata is None else checks.mapping("metadata", metadata)
+    return {
+        checks.text("metadata", key): checks.text(f"metadata {key}", value)
+        for key, value in given.items()
+    }
 
 
 def _images(frames: tuple[Frame, ...]) -> bytes:

@@ -52,6 +52,16 @@ class Ring:
         return int(self._counters[_REFUSED])
 
     @property
+    def ever(self) -> int:
+        """Bytes put so far."""
+        return int(self._counters[_PUT])
+
+    @property
+    def left(self) -> int:
+        """Bytes put and not taken yet."""
+        return int(self._counters[_PUT]) - int(self._counters[_TAKEN])
+
+    @property
     def fullest(self) -> float:
         """Largest share of the ring that was ever full."""
         return float(self._counters[_FULLEST]) / self.size

@@ -9,17 +9,24 @@ Drivers of other packages are entry points of the group ``mitt.robots``: a funct
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from importlib.metadata import entry_points
+from math import inf
 from typing import Protocol, final, runtime_checkable
 
+import numpy as np
+
 from mitt import checks
-from mitt.errors import InputError, UnknownNameError
+from mitt.control.setpoints import Setpoints
+from mitt.errors import InputError, UnknownNameError, answered_by
 from mitt.files.cell import Cell
 from mitt.robot.arm import Arm
-from mitt.signals import ArmState, Command, Sighting
+from mitt.signals import TICK, ArmState, Array, Command, Sighting
 
 #: Group of the entry points.
 GROUP = "mitt.robots"
+#: Time after which a setpoint says nothing of the next [s].
+_STALE = 0.05
 
 
 @runtime_checkable
@@ -56,6 +63,9 @@ class Robot(Protocol):
     def release(self) -> None:
         """Release the brakes and acknowledge a protective stop: a person has said so."""
 
+    def waits(self) -> str:
+        """Return why it cannot be commanded at all, as by another commander; nothing if it can."""
+
     def trouble(self) -> str:
         """Return why the robot does not take commands, as a protective stop; nothing if it does."""
 
@@ -79,12 +89,15 @@ class RobotLink:
         braked: Whether the brakes were commanded to engage.
     """
 
-    def __init__(self, robot: Robot, *, unbraked: bool = False) -> None:
+    def __init__(
+        self, robot: Robot, *, unbraked: bool = False, setpoints: Setpoints | None = None
+    ) -> None:
         """Take the robot.
 
         Args:
             robot: Its driver.
             unbraked: Whether an arm without brakes is accepted: it is only de-energised then.
+            setpoints: Makes setpoints of the commands, for a robot that takes no torques.
 
         Raises:
             InputError: The robot has no brakes, or is no driver.
@@ -95,12 +108,38 @@ class RobotLink:
             do = "if the arm stays where it is without its drives, say unbraked=True"
             raise InputError("robot", "brakes that a stop can engage", "none", do=do)
         self.robot, self.braked = robot, False
+        self._setpoints, self._answered = setpoints, -inf
 
-    def write(self, command: Command, answers: float) -> None:
-        """Pass a command on: brakes first, so that nothing that fails later keeps them off."""
+    def write(self, command: Command, answers: float, q: Array, *, fastest: float = inf) -> None:
+        """Pass a command on: brakes first, so that nothing that fails later keeps them off.
+
+        Args:
+            command: The command.
+            answers: Stamp of the reading that it answers [s].
+            q: Where the joints are estimated to be [rad], shape (n,).
+            fastest: Speed beyond which no setpoint moves a joint [rad/s].
+        """
         if command.brakes:
             self.brake()
+        if self._setpoints is not None:
+            passed = answers - self._answered
+            passed = passed if 0.0 < passed < _STALE else TICK
+            command = self._setpoints.lead(command, q, passed=passed, fastest=fastest)
+        self._answered = answers
         self.robot.write(command, answers)
+
+    def stay(self, q: Array, hand: float, answers: float) -> None:
+        """Leave a robot that takes setpoints with one that moves nothing; it rests.
+
+        Args:
+            q: Where the joints are [rad], shape (n,).
+            hand: Closing angle [rad].
+            answers: Stamp of the last reading [s].
+        """
+        if self._setpoints is not None:
+            still = np.zeros(len(q))
+            joints = np.array([q, still, still, still])
+            self.robot.write(Command(t=answers, joints=joints, hand=hand), answers)
 
     def brake(self) -> None:
         """Engage the brakes, where there are any."""
@@ -110,6 +149,8 @@ class RobotLink:
 
     def release(self) -> None:
         """Let the robot take commands again: a person has said so."""
+        if self._setpoints is not None:
+            self._setpoints.restart()
         self.braked = False
         self.robot.release()
 
@@ -129,4 +170,56 @@ def driver_named(name: str) -> Driver:
     except (ImportError, AttributeError) as error:
         raise InputError(f"driver {name!r}", f"the entry point {added[name].value} to load", error,
                          do="repair that package") from error  # fmt: skip
-    return driver
+    return partial(_added, f"driver {name!r}", driver)
+
+
+def _added(name: str, driver: Driver, cell: Cell, arm: Arm) -> Robot:
+    """Return the robot that a driver of another package makes, its exceptions named after it."""
+    with answered_by(name):
+        robot = checks.instance("robot", driver(cell, arm), Robot)  # type: ignore[type-abstract]
+    return _Added(name, robot)
+
+
+@final
+class _Added:
+    """A robot of another package: the same calls, its exceptions named after it."""
+
+    def __init__(self, name: str, inner: Robot) -> None:
+        """Take what an error calls it, and the robot."""
+        self._name, self._inner, self.brakes = name, inner, inner.brakes
+
+    def read(self, timeout: float) -> Sequence[ArmState]:
+        with answered_by(self._name):
+            return self._inner.read(timeout)
+
+    def points(self) -> Sequence[Sighting]:
+        with answered_by(self._name):
+            return self._inner.points()
+
+    def write(self, command: Command, answers: float) -> None:
+        with answered_by(self._name):
+            self._inner.write(command, answers)
+
+    def engage_brakes(self) -> None:
+        with answered_by(self._name):
+            self._inner.engage_brakes()
+
+    def release(self) -> None:
+        with answered_by(self._name):
+            self._inner.release()
+
+    def waits(self) -> str:
+        with answered_by(self._name):
+            return self._inner.waits()
+
+    def trouble(self) -> str:
+        with answered_by(self._name):
+            return self._inner.trouble()
+
+    def news(self) -> Sequence[str]:
+        with answered_by(self._name):
+            return self._inner.news()
+
+    def close(self) -> None:
+        with answered_by(self._name):
+            self._inner.close()

@@ -15,10 +15,12 @@ Options of ``[robot.options]``, all topics with their leading /:
 """
 
 from collections.abc import Sequence
+from math import inf
 from typing import Any, final
 
 import numpy as np
 
+from mitt.control.setpoints import ROWS
 from mitt.errors import InputError, MittError
 from mitt.files.cell import Cell
 from mitt.link import dds, messages
@@ -35,8 +37,9 @@ _ERROR = 2
 _KNOWN = {"state": "/joint_states", "command": "/joint_trajectory", "hand": "", "brake": "",
           "diagnostics": "/diagnostics", "status": "", "others": "", "interface": "lo",
           "unbraked": False}  # fmt: skip
-#: Readings between two looks at who publishes.
-_LOOK = 200
+#: Time between two looks at who publishes, and for which nobody else may have been found before
+#: commands are published [s].
+_LOOK, _ALONE = 0.2, 1.0
 #: Longest for which a participant that was killed is still believed to be there [s]: the default
 #: lease of Fast DDS is 20 s, that of Cyclone DDS 10 s.
 _LEASE = 25.0
@@ -120,15 +123,17 @@ class Ros2Robot:
         self._diagnostics = node.subscribe(of["diagnostics"], types.Diagnostics, "command")
         self._results = node.subscribe(RESULTS, types.String, "command")
         self._plain = of["command"].endswith("/commands")
-        told = types.MultiArray if self._plain else types.JointTrajectory
-        self._command = node.publish(of["command"], told, "command")
+        self._told: type[Any] = types.MultiArray if self._plain else types.JointTrajectory
+        self._foreign = node.subscribe(of["command"], self._told, "sensor", others=True)
+        self._command: dds.Publisher | None = None
         self._brake = node.publish(of["brake"], types.Bool, "command") if of["brake"] else None
         self._names = (*self._joints.names, *([of["hand"]] if of["hand"] else []))
         self._rows = np.zeros((4, len(self._names)))
         self._R, self._place = roll_pitch_yaw(np.array(source.rpy)), np.array(source.origin)
         self._covariance = source.sigma**2 * np.eye(3)
-        self._trouble, self._reads = "", 0
-        self._twice, self._twice_since = "", monotonic()
+        self._trouble, self._taken = "", False
+        self._graph, self._due, self._begun = "", 0.0, monotonic()
+        self._twice_since = inf
 
     def read(self, timeout: float) -> Sequence[ArmState]:
         """Return all encoder readings since the last call; InputError where they do not fit."""
@@ -164,11 +169,10 @@ class Ros2Robot:
         rows[:, :n] = command.joints
         rows[0, n:] = command.hand
         if self._plain:
-            takes = {"torque": 3, "velocity": 1, "position": 0}[self._cell.robot.takes]
-            told = np.concatenate([rows[takes, :n], rows[0, n:]])
-            self._command.send(messages.array(told))
+            told = np.concatenate([rows[ROWS[self._cell.robot.takes], :n], rows[0, n:]])
+            self._commands().send(messages.array(told))
         else:
-            self._command.send(messages.trajectory(answers, self._names, rows))
+            self._commands().send(messages.trajectory(answers, self._names, rows))
 
     def engage_brakes(self) -> None:
         """Send that the brakes are to engage."""
@@ -176,42 +180,71 @@ class Ros2Robot:
             self._brake.send(messages.flag(True))
 
     def release(self) -> None:
-        """Send that the brakes are to be released and a stop is acknowledged."""
+        """Send that the brakes are to be released and a stop is acknowledged, unless not alone."""
         self._trouble = ""
-        if self._brake is not None:
+        if self._brake is not None and not self._graph:
             self._brake.send(messages.flag(False))
+
+    def waits(self) -> str:
+        """Return why this is no graph of one robot, one source and one commander.
+
+        Raises:
+            InputError: There have been others for longer than any lease.
+        """
+        if monotonic() > self._due:
+            self._due = monotonic() + _LOOK
+            self._graph = self._look()
+        return self._graph
 
     def trouble(self) -> str:
         """Return why the robot does not take commands; nothing if it does."""
-        self._reads += 1
-        if self._reads % _LOOK == 1:
-            self._twice = self._look()
         for raw in self._diagnostics.take():
             said = messages.read_diagnostics(raw).get(self._of["status"])
             if said is not None:
                 self._trouble = said[1] or "error" if said[0] >= _ERROR else ""
-        return self._twice or self._trouble
+        return self._trouble
 
     def _look(self) -> str:
-        """Say whether two publish one topic: which of them is meant cannot be known.
+        """Say why this is no graph of one robot, one source and one commander: who is meant?
 
-        One that was killed is there until its lease ends, so two are waited for at first.
+        One that was killed is there until its lease ends, so others are waited for at first.
 
         Raises:
-            InputError: There have been two for longer than any lease.
+            InputError: There have been others for longer than any lease.
         """
         topics = {self._of["state"]: self._state, self._cell.source.topic: self._ball}
         twice = [name for name, heard in topics.items() if heard.speakers() > 1]
-        if not twice:
-            self._twice_since = monotonic()
-            return ""
+        foreign = self._foreign.speakers() > 0 or bool(self._foreign.take())
+        if not twice and not foreign:
+            self._twice_since = inf
+            return self._alone()
+        self._twice_since = min(self._twice_since, monotonic())
         if monotonic() - self._twice_since > _LEASE:
-            raise InputError(f"publishers on {twice[0]}", "one", "more", do="end the others")
+            name = twice[0] if twice else self._of["command"]
+            given = "more" if twice else "another one that commands the arm"
+            raise InputError(f"publishers on {name}", "one", given, do="end the others")
+        if foreign:
+            return f"another program commands the arm on {self._of['command']}: end it"
         return f"two publishers on {twice[0]}: end one"
+
+    def _alone(self) -> str:
+        """Publish commands once nobody else was found to; say what is waited for until then."""
+        if self._taken:
+            return ""
+        if monotonic() - self._begun < _ALONE:
+            return "looking for others that command the arm"
+        self._taken = self._commands().listeners() > 0
+        return "" if self._taken else f"nobody takes commands on {self._of['command']}"
+
+    def _commands(self) -> dds.Publisher:
+        """Return what publishes commands: others see that this program commands the arm."""
+        if self._command is None:
+            self._command = self._node.publish(self._of["command"], self._told, "command")
+        return self._command
 
     def listened(self) -> bool:
         """Say whether anybody takes the commands."""
-        return self._command.listeners() > 0
+        return self._commands().listeners() > 0
 
     def news(self) -> Sequence[str]:
         """Return what a simulated cell has said of its throws."""

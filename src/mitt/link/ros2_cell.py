@@ -5,6 +5,7 @@ from typing import NamedTuple, final
 
 import numpy as np
 
+from mitt.control.setpoints import ROWS
 from mitt.errors import MittError
 from mitt.files.cell import Cell
 from mitt.link import dds, messages
@@ -19,7 +20,8 @@ from mitt.signals import Array, Image
 class Told(NamedTuple):
     """A command as a robot takes it: stamp of the reading that it answers [s], joints, hand [rad].
 
-    ``joints`` are q, dq, ddq, tau of the active joints, shape (4, n).
+    ``joints`` are q, dq, ddq, tau of the active joints, shape (4, n); NaN where an array does not
+    say them, as it does not say which reading it answers.
     """
 
     answers: float
@@ -46,7 +48,11 @@ class Ros2Cell:
         self._ball = node.publish(cell.source.topic, kind, "sensor")
         self._diagnostics = node.publish(of["diagnostics"], types.Diagnostics, "command")
         self._results = node.publish(RESULTS, types.String, "command")
-        self._command = node.subscribe(of["command"], types.JointTrajectory, "command")
+        plain = of["command"].endswith("/commands")
+        self._row, self._width = ROWS[cell.robot.takes], arm.n + bool(of["hand"])
+        self._read = self._array if plain else self._trajectory
+        told = types.MultiArray if plain else types.JointTrajectory
+        self._command = node.subscribe(of["command"], told, "command")
         self._brake = node.subscribe(of["brake"], types.Bool, "command") if of["brake"] else None
 
     def state(self, t: float, q: Array, dq: Array) -> None:
@@ -78,13 +84,26 @@ class Ros2Cell:
         if not raw:
             return None
         try:
-            t, names, rows = messages.read_trajectory(raw[-1])
-            told = np.array(self._joints.pick(names, *rows))
+            return self._read(raw[-1])
         except MittError:
             return None
+
+    def _trajectory(self, raw: bytes) -> Told | None:
+        """Return a trajectory of one point; None where it has other joints, or no numbers."""
+        t, names, rows = messages.read_trajectory(raw)
+        told = np.array(self._joints.pick(names, *rows))
         hand = float(rows[0, names.index(self._of["hand"])]) if self._of["hand"] in names else 0.0
         whole = np.all(np.isfinite(told)) and np.isfinite(hand)
         return Told(t, told, hand) if whole else None
+
+    def _array(self, raw: bytes) -> Told | None:
+        """Return what the drives take, then the hand; None where it is longer, or no numbers."""
+        values = messages.read_array(raw)
+        if len(values) != self._width or not np.all(np.isfinite(values)):
+            return None
+        told = np.full((4, self._n), np.nan)
+        told[self._row] = values[: self._n]
+        return Told(np.nan, told, float(values[self._n]) if self._width > self._n else 0.0)
 
     def close(self) -> None:
         """Take the shared memory away."""

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt import checks
+from mitt import checks, fields
 from mitt.errors import InputError
 from mitt.signals import Array, BallState, Frame, Image, Sighting
 from mitt.vision import localization, target, triangulation
-from mitt.vision.camera import Rig, pack_cameras
+from mitt.vision.camera import Rig, fixed_rig, pack_cameras
 from mitt.vision.gaze import empty_gaze, lead
 from mitt.vision.head import HEAD, aim, pack_heads
 from mitt.vision.localization import STATUS, localize
@@ -36,6 +36,10 @@ class EyesConfig:
     ball_radius: float = 0.04
     segmenter: SegmenterConfig = field(default_factory=SegmenterConfig)
     triangulator: TriangulatorConfig = field(default_factory=TriangulatorConfig)
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be; InputError names the field."""
+        fields.check(self, {"ball_radius": (1e-3, 1.0)})
 
 
 class EyesStatus(Enum):
@@ -75,8 +79,8 @@ class Eyes:
     def __init__(self, rig: Rig, config: EyesConfig | None = None) -> None:
         """Open the eyes; the first frames tell them the background."""
         checks.instance("rig", rig, Rig)
-        config = config or EyesConfig()
-        n = len(rig.cameras)
+        config = EyesConfig() if config is None else checks.instance("config", config, EyesConfig)
+        n, self._closed = len(rig.cameras), False
         self._max_skew = config.triangulator.max_skew
         self._settings = pack_segmenter(config.segmenter)
         self._cameras = pack_cameras(rig)
@@ -93,6 +97,10 @@ class Eyes:
         self._none = [np.empty((0, 0), dtype=np.uint8)] * n
         self._shapes = [(camera.height, camera.width) for camera in rig.cameras]
         self.reset()
+
+    def close(self) -> None:
+        """Take no image from now on: a frame is refused."""
+        self._closed = True
 
     def __copy__(self) -> "Eyes":
         """Return eyes that know the same, with memory of their own."""
@@ -154,7 +162,8 @@ class Eyes:
             ball: Estimate of the ball, at a time near ``t``.
             t: Time at which the heads are to be there [s].
         """
-        ball, t = checks.instance("ball", ball, BallState), checks.number("t", t)
+        ball = checks.instance("ball", ball, BallState)
+        t = checks.number("t", t, finite=True)
         if not self.heads:
             return None
         desired, motion = np.empty((self.heads, 4)), np.zeros((2, 3))
@@ -249,8 +258,18 @@ class Eyes:
     def _check(self, frame: Frame) -> None:
         """Refuse a frame of a camera that is not there, or an image that is not of its size."""
         camera = checks.instance("frame", frame, Frame).camera
+        if self._closed:
+            raise InputError("frames", "none where there are no eyes", "an image",
+                             do="give the catcher mitt.Eyes(rig)")  # fmt: skip
         if not 0 <= camera < len(self._shapes):
             raise InputError("frame.camera", f"0 to {len(self._shapes) - 1}", camera)
         pixels, shape = frame.pixels, self._shapes[camera]
         if pixels.shape != shape or pixels.dtype != _GREY:
             checks.image("frame.pixels", pixels, shape)
+
+
+def closed_eyes() -> Eyes:
+    """Return eyes of a catcher that is given points alone."""
+    eyes = Eyes(fixed_rig())
+    eyes.close()
+    return eyes

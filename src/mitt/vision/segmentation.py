@@ -9,7 +9,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.errors import ShapeError
+from mitt import fields
 from mitt.jit import kernel
 from mitt.signals import Array, Frame, Image, Moments
 from mitt.views import view
@@ -29,6 +29,13 @@ above which a target is the ball and something else."""
 
 _NONE = np.empty((0, 0), np.uint8)
 """No background."""
+
+
+#: Least and largest number of each setting; choices of this project.
+_RANGES = {
+    "min_area": (1, 10**6), "min_contrast": (0.0, 255.0), "noise_factor": (0.0, 1e3),
+    "reach": (0, 1000), "background_period": (1, 10**9), "frozen": (0, 10**6),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +61,10 @@ class SegmenterConfig:
     reach: int = 3
     background_period: int = 64
     frozen: int = 3
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be; InputError names the field."""
+        fields.check(self, _RANGES)
 
 
 @kernel
@@ -277,15 +288,8 @@ class Segmenter:
         at.forget(self._memory)
 
     def step(self, frame: Frame) -> Moments:
-        """Return the moments of the target in ``frame``.
-
-        Raises:
-            ShapeError: The frame is not a two-dimensional image.
-        """
-        pixels, m = frame.pixels, self._memory
-        if pixels.ndim != 2 or pixels.size == 0:
-            raise ShapeError("frame.pixels", "(height, width)", pixels.shape)
-        pixels = np.ascontiguousarray(pixels)
+        """Return the moments of the target in ``frame``."""
+        m, pixels = self._memory, np.ascontiguousarray(frame.pixels)
         area, clipped = detect(pixels, _NONE, _NONE, m, self._settings, self._work)
         if area == 0:
             return Moments(t=frame.t, camera=frame.camera, found=False)

@@ -14,6 +14,7 @@ from math import pi, sqrt
 
 import numpy as np
 
+from mitt import fields
 from mitt.ball.linear import invert_positive
 from mitt.errors import InputError
 from mitt.jit import kernel
@@ -22,6 +23,11 @@ from mitt.vision.camera import Rig, in_camera, pack_cameras, sphere_centroid
 
 WORK = 7
 """Rows of the scratch array."""
+
+
+#: Least and largest number of each setting; choices of this project.
+_RANGES = {"sigma_floor": (0.0, 1e3), "sigma_spread": (0.0, 1e3), "max_residual": (0.0, 1e6),
+           "max_skew": (0.0, 1.0)}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,6 +49,10 @@ class TriangulatorConfig:
     sigma_spread: float = 0.058
     max_residual: float = 2.0
     max_skew: float = 1e-4
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be; InputError names the field."""
+        fields.check(self, _RANGES)
 
 
 @kernel

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from mitt.ball.flight import GRAVITY, advance
-from mitt.signals import Array
+from mitt.ball.flight import advance
+from mitt.signals import GRAVITY, Array
 
 
 def fly(r: Array, dr: Array, *, drag: float, duration: float) -> tuple[Array, Array]:

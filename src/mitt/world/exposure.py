@@ -25,7 +25,8 @@ from mitt.world.capsules import Camera, Edges, Point, draw_body, into
 from mitt.world.heads import open_and_shut
 from mitt.world.noise import PERIOD
 from mitt.world.outline import draw_ball
-from mitt.world.painting import Canvas, Light, paint
+from mitt.world.painting import Light, paint
+from mitt.world.shading import Canvas
 
 Cameras: TypeAlias = tuple[Array, Array, Array, Array, Array, Light, Array, Canvas]
 Bank: TypeAlias = tuple[Image, Image, Array]

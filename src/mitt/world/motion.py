@@ -30,9 +30,9 @@ The state beside MuJoCo's own is one vector:
 
 import numpy as np
 
-from mitt.ball.flight import GRAVITY, advance
+from mitt.ball.flight import advance
 from mitt.jit import kernel
-from mitt.signals import TICK, Array
+from mitt.signals import GRAVITY, TICK, Array
 from mitt.world.brakes import ROWS, hold
 from mitt.world.build import STEP
 from mitt.world.contacts import BALL_ANY, BALL_FLOOR, BALL_HAND, survey, tip_velocity

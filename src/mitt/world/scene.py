@@ -131,10 +131,15 @@ class Actuation(Settings):
     Attributes:
         delay: Ticks from a command to its effect at the drives and fingers.
         bandwidth: Bandwidth of the drives' torque, of first order [Hz]; 0 follows at once.
+        takes: What the robot takes; one that takes no torques has a joint control of its own
+            (:mod:`mitt.world.servo`).
+        servo: Bandwidth of that control [Hz]; 8 Hz is a choice of this project.
     """
 
     delay: Annotated[int, Field(ge=0, le=20)] = 0
     bandwidth: Annotated[float, Field(ge=0.0, le=1e5)] = 0.0
+    takes: Literal["torque", "velocity", "position"] = "torque"
+    servo: Annotated[float, Field(ge=0.5, le=100.0)] = 8.0
 
 
 class Contact(Settings):

@@ -5,6 +5,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, get_args
 
+from mitt import checks
 from mitt.errors import FileError, InputError
 from mitt.reading import read_toml
 from mitt.world.scene import TABLE_TENNIS, Scene, SceneName
@@ -47,12 +48,22 @@ def read_scene(source: str | Path, *, flights: bool = False) -> Scene:
         FileError: The file cannot be read or is no TOML.
         InputError: A key is unknown or its value cannot be used; the message names both.
     """
+    flights = checks.flag("flights", flights)
+    path = checks.path("scene", source)
     if str(source) in NAMES and not Path(source).is_file():
         return named_scene(str(source), flights=flights)
-    path = Path(source)
     if path.suffix == "" and not path.exists():
         raise FileError(str(path), f"a scene file, or one of {', '.join(NAMES)}", "neither")
     return scene_of(read_toml(path), place=str(path), flights=flights)
+
+
+def scene_from(given: Scene | str | Path | None) -> Scene:
+    """Return a scene as a user gives one: itself, its name or file, or the default one for None."""
+    if isinstance(given, Scene):
+        return given
+    if given is not None and not isinstance(given, str | Path):
+        raise InputError("scene", "a Scene, or the name or file of one", checks.shown(given))
+    return read_scene(DEFAULT if given is None else given)
 
 
 def scene_of(

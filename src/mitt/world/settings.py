@@ -7,9 +7,10 @@ from typing import Any, TypeVar, get_args
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from mitt.errors import InputError
+from mitt.files.schema import OneLine
 
 
-class Settings(BaseModel):
+class Settings(BaseModel, metaclass=OneLine):
     """Frozen settings that know no other keys than their own."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)

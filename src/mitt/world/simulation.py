@@ -12,7 +12,7 @@ from mitt.robot.description import ArmModel
 from mitt.robot.hands import FingerDrive, HandModel
 from mitt.robot.limits import Limits
 from mitt.signals import TICK, Array, Command, Frame, Senses
-from mitt.world import contacts, motion
+from mitt.world import contacts, motion, prescribed
 from mitt.world.ballistics import fly
 from mitt.world.brakes import brake_numbers
 from mitt.world.build import build_scene
@@ -26,9 +26,10 @@ from mitt.world.imaging import Imager
 from mitt.world.mismatch import Drawn, PlantDraw
 from mitt.world.scene import Scene
 from mitt.world.sensors import CameraMaker, Sensors, encoder_steps
+from mitt.world.servo import servo_of
 from mitt.world.stage import Stage
 from mitt.world.throws import Throw
-from mitt.world.truth import FirstContact, Trace, TraceBuffer, Truth
+from mitt.world.truth import FirstContact, Trace, TraceBuffer, Truth, truth_of
 
 
 @final
@@ -70,6 +71,7 @@ class World:
         self.model = self._built.model
         self.data = mujoco.MjData(self.model)
         self._brakes = brake_numbers(arm.complete(), limits)
+        self._joint_servo = servo_of(scene, arm, limits)
         self._draw = PlantDraw(scene, self._built)
         self._n, self._f = self._built.joints, self._built.fingers
         drive = arm.hand.drive if isinstance(arm.hand, HandModel) else FingerDrive()
@@ -82,6 +84,7 @@ class World:
         self._body, self._steps = Silhouettes(self.model, d), encoder_steps(scene, arm)
         self._ball = self._senses[2:]
         self._trace = TraceBuffer((1, self.model.nq, self.model.nv, n, 3, 3, 1, 1))
+        self._path: BallPath | None = None
         self._start(None, self._draw.nominal)
 
     def __reduce__(self) -> NoReturn:
@@ -205,7 +208,7 @@ class World:
         pair.
         """
         sensors, turns = self._sensors, self._scene.sensing.cameras == "active"
-        if self._faults is not None or self._path is not None or turns:
+        if self._faults is not None or self._path is not None or turns or self._joint_servo:
             return None
         if not isinstance(sensors, Sensors):
             return None
@@ -221,8 +224,11 @@ class World:
         command = self._checked(command)
         if self._faults is not None:
             command = self._faults.command(self.t, command)
+        if self._joint_servo is not None:
+            command = self._joint_servo.torques(command, *self._senses[:2])
         motion.note_stop(self._state, command.brakes, False)
-        self._move(command.tau, command.hand, self._trace.reserve(self._ticks + 2))
+        asked = command.tau, command.hand, self._trace.reserve(self._ticks + 2)
+        self._path = prescribed.move(self._plant, *asked, path=self._path, faults=self._faults)
         self._sensors.turn(command.gaze, TICK)
 
     def _checked(self, command: Command) -> Command:
@@ -234,27 +240,8 @@ class World:
 
     def truth(self) -> Truth:
         """Return the true state at the end of the last tick."""
-        p, seen, velocity = self._plant, int(self._state[motion.SEEN]), np.empty(3)
-        qpos, qvel = p.qpos.copy(), p.qvel.copy()
-        contacts.survey(p, False, np.zeros(7))
-        contacts.tip_velocity(p, velocity)
-        n, ball = self._n, self._n + self._f
-        return Truth(
-            t=self.t,
-            r_o=qpos[ball : ball + 3],
-            dr_o=qvel[ball : ball + 3],
-            position=self._site.copy(),
-            velocity=velocity,
-            q=qpos[:n],
-            dq=qvel[:n],
-            tau=self._trace.last(self._ticks, column=3),
-            fingers=qpos[n:ball],
-            touching=contacts.names_touching(self._names, p.touching),
-            contact_force=self._state.item(motion.FORCE),
-            self_contact=bool(seen & contacts.SELF),
-            floor_contact=bool(seen & contacts.ARM_FLOOR),
-            ball_on_floor=bool(seen & contacts.BALL_FLOOR),
-        )
+        tau = self._trace.last(self._ticks, column=3)
+        return truth_of(self._plant, names=self._names, tau=tau)
 
     def trace(self) -> Trace:
         """Return all true states since release."""
@@ -280,7 +267,11 @@ class World:
         self._state = motion.fresh_motion(self._servo, drawn.friction, ball, self._brakes)
         self.model.opt.timestep = TICK
         mujoco.mj_step1(self.model, self.data)
-        drives = fresh_drives(self._scene.actuation, self.data.qfrc_bias[: self._n])
+        actuation = self._scene.actuation
+        if self._joint_servo is not None:
+            self._joint_servo.start()
+            actuation = actuation.model_copy(update={"delay": 0})  # its setpoints wait instead
+        drives = fresh_drives(actuation, self.data.qfrc_bias[: self._n])
         self._plant = self._plant._replace(state=self._state, drives=drives)
         drives[MEAN] = 0.0  # nothing was commanded yet
         motion.note(self._plant, self._trace.rows)
@@ -289,29 +280,3 @@ class World:
     def _ticks(self) -> int:
         """Ticks since release."""
         return int(self._state[motion.TICKS])
-
-    def _move(self, tau: Array, hand: float, rows: Array) -> None:
-        """Make a tick; step by step where the ball follows a path or its flight is disturbed.
-
-        From its first touch or disturbance on, a ball that followed a path flies freely.
-        """
-        state, faults = self._state, self._faults
-        start, steps = self._ticks * TICK, int(state[motion.STEPS])
-        untouched = state[motion.TOUCHED] < 0.0
-        pushed = faults is not None and untouched and faults.pushes(start, start + TICK)
-        if self._path is None and not pushed:
-            motion.move(self._plant, tau, hand, rows)
-            return
-        h = TICK / steps
-        motion.begin(self._plant, tau, hand)
-        for step in range(1, steps + 1):
-            flies = pushed and state[motion.TOUCHED] < 0.0
-            if faults and flies and faults.push(start + (step - 1) * h, h, *self._ball):
-                self._path = None
-            motion.leave(self._plant)
-            if self._path is not None:
-                self._ball[0][:], self._ball[1][:] = self._path.at(start + step * h)
-            if motion.arrive(self._plant, start + step * h) & contacts.BALL_ANY:
-                self._path = None
-        state[motion.TICKS] += 1.0
-        motion.note(self._plant, rows)

@@ -5,7 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.signals import Array
+from mitt.signals import TICK, Array
+from mitt.world import contacts, motion
+from mitt.world.engine import Plant
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -157,3 +159,34 @@ class TraceBuffer:
     def last(self, tick: int, *, column: int) -> Array:
         """Return a copy of one column of the row of a tick."""
         return self.rows[tick, self._columns[column]].copy()
+
+
+def truth_of(plant: Plant, *, names: tuple[str | None, ...], tau: Array) -> Truth:
+    """Return the true state of a plant at the end of its last tick.
+
+    Args:
+        plant: The plant.
+        names: As of :func:`mitt.world.contacts.hand_names`.
+        tau: Torques applied in that tick [N m], shape (n,).
+    """
+    state, velocity = plant.state, np.empty(3)
+    qpos, qvel, seen = plant.qpos.copy(), plant.qvel.copy(), int(state[motion.SEEN])
+    contacts.survey(plant, False, np.zeros(7))
+    contacts.tip_velocity(plant, velocity)
+    n, ball = len(plant.slides), len(plant.ctrl)
+    return Truth(
+        t=state.item(motion.TICKS) * TICK,
+        r_o=qpos[ball : ball + 3],
+        dr_o=qvel[ball : ball + 3],
+        position=plant.place.copy(),
+        velocity=velocity,
+        q=qpos[:n],
+        dq=qvel[:n],
+        tau=tau,
+        fingers=qpos[n:ball],
+        touching=contacts.names_touching(names, plant.touching),
+        contact_force=state.item(motion.FORCE),
+        self_contact=bool(seen & contacts.SELF),
+        floor_contact=bool(seen & contacts.ARM_FLOOR),
+        ball_on_floor=bool(seen & contacts.BALL_FLOOR),
+    )

@@ -1,0 +1,84 @@
+"""Fields of settings that a user makes, checked when they are made.
+
+A class of settings is a frozen dataclass. Its annotations say what a field may be, and a table of
+ranges says which numbers; a pair of numbers is itself a range, from low to high.
+"""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from functools import cache
+from math import inf
+from types import NoneType
+from typing import Any, get_args, get_origin, get_type_hints
+
+from mitt import checks
+from mitt.errors import InputError
+
+Ranges = Mapping[str, tuple[float, float]]
+"""Least and largest number of a field; a field without one has finite numbers."""
+
+#: Bounds of a number for which none are said.
+_FINITE = (-1e300, 1e300)
+
+
+def check(settings: object, ranges: Ranges | None = None) -> None:
+    """Hold each field to its annotation and its range; call it in ``__post_init__``.
+
+    Args:
+        settings: A dataclass, whose fields are replaced by what :mod:`mitt.checks` returns.
+        ranges: Of its numbers, by field.
+
+    Raises:
+        InputError: A field is not what it may be; the message names it.
+    """
+    kind: type[Any] = type(settings)
+    hints, ranges = _hints(kind), ranges or {}  # type: ignore[arg-type]  # classes are hashable
+    for field in fields(settings):  # type: ignore[arg-type]  # mypy wants to know the class
+        value = getattr(settings, field.name)
+        name = f"{kind.__name__}.{field.name}"
+        kept = _checked(name, value, hints[field.name], ranges.get(field.name, _FINITE))
+        object.__setattr__(settings, field.name, kept)
+
+
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    """Return what the fields of a class may be."""
+    return get_type_hints(kind)
+
+
+def _checked(name: str, value: object, hint: Any, bounds: tuple[float, float]) -> object:  # noqa: ANN401
+    """Return a value as an annotation has it."""
+    low, high = bounds
+    choices = [x for x in get_args(hint) if x is not NoneType]
+    if NoneType in get_args(hint) and value is None:
+        return None
+    if get_origin(hint) is tuple:
+        return _row(name, value, get_args(hint), bounds)
+    if choices:  # of several kinds a row is meant by a row
+        rows = [x for x in choices if get_origin(x) is tuple]
+        plain = [x for x in choices if get_origin(x) is not tuple]
+        one = rows[0] if rows and isinstance(value, tuple | list) else (plain or rows)[0]
+        return _checked(name, value, one, bounds)
+    if hint is bool:
+        return checks.flag(name, value)
+    if hint is int:
+        return checks.whole(name, value, least=int(max(low, -(2**63))), most=int(min(high, 2**63)))
+    if hint is float:
+        return checks.number(name, value, finite=high < inf, least=low, most=high)
+    return checks.instance(name, value, hint)
+
+
+def _row(name: str, value: object, kinds: tuple[Any, ...], bounds: tuple[float, float]) -> Any:  # noqa: ANN401
+    """Return a row of values, of one kind or of a kind each."""
+    if not isinstance(value, tuple | list):
+        raise InputError(name, "a tuple", checks.shown(value))
+    if kinds[-1] is Ellipsis:
+        kinds = kinds[:1] * len(value)
+    if len(value) != len(kinds):
+        raise InputError(name, f"{len(kinds)} values", f"{len(value)}")
+    kept: tuple[Any, ...] = tuple(
+        _checked(name, x, kind, bounds) for x, kind in zip(value, kinds, strict=True)
+    )
+    if kinds == (float, float) and kept[0] > kept[1]:
+        raise InputError(name, "a range from low to high", f"{kept[0]:g} to {kept[1]:g}")
+    return kept

@@ -1,0 +1,163 @@
+"""A catcher's ticks from a robot's readings: their time, what was seen beside them, the record.
+
+Each reading makes a tick. One that never came is a tick without encoders, which the catcher
+bridges.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import final
+
+import numpy as np
+
+from mitt.catcher.catcher import Catcher
+from mitt.errors import InputError
+from mitt.link.frames import FrameSet
+from mitt.link.modes import Counts
+from mitt.link.recorder import Recorder
+from mitt.link.sight import Sight
+from mitt.link.stamps import Stamps
+from mitt.signals import TICK, ArmState, Command, Frame, Senses, Sighting
+
+#: Readings lost in a row that are bridged; more are an overrun.
+_BRIDGED = 18
+#: Age, or time in the future, from which a position or an image has an impossible stamp [s].
+_STRAY = 0.4
+#: Speeds below which an arm rests, commanded and estimated [rad/s].
+_REST, _STILL = 1e-3, 0.05
+
+
+@final
+class Ticks:
+    """Lets catchers make ticks, one catcher a throw; their time begins with each.
+
+    Attributes:
+        catcher: The one of this throw.
+        stamps: The robot's stamps as a time that only goes on.
+        recorded: Whether the ticks are recorded: those of a catch are.
+    """
+
+    def __init__(
+        self,
+        first: Catcher,
+        again: Callable[[Catcher], Catcher],
+        sight: Sight,
+        counts: Counts,
+        recorder: Recorder | None,
+    ) -> None:
+        """Take the catchers and what is beside them.
+
+        Args:
+            first: A catcher.
+            again: Returns a fresh one for another throw.
+            sight: The cameras.
+            counts: Where ticks, readings that were lost, and stray positions are counted.
+            recorder: Keeps each tick of a catch.
+        """
+        self.catcher, self.stamps, self.recorded = first, Stamps(), False
+        self._again, self._sight, self._counts, self._recorder = again, sight, counts, recorder
+        self._begun = self._last = 0.0
+
+    @property
+    def t(self) -> float:
+        """Time of this catcher [s]."""
+        return self.stamps.t - self._begun
+
+    @property
+    def gap(self) -> float:
+        """How far the arm is from where it is commanded to be, at the worst joint [rad]."""
+        return float(np.max(np.abs(self.catcher.result.command[0] - self.catcher.estimated[0])))
+
+    @property
+    def rests(self) -> bool:
+        """Whether the arm is commanded to rest, and does."""
+        told, estimated = self.catcher.result.command[1], self.catcher.estimated[1]
+        return bool(np.all(np.abs(told) < _REST) and np.all(np.abs(estimated) < _STILL))
+
+    def restart(self) -> None:
+        """Forget the stamps so far, as after a stop, and take a fresh catcher."""
+        self.stamps, self._last = Stamps(), 0.0
+        self.fresh()
+
+    def fresh(self) -> None:
+        """Take a fresh catcher, whose time begins now."""
+        self.catcher, self.recorded = self._again(self.catcher), False
+        self._begun = self.stamps.t
+        self._sight.fresh()
+
+    def answer(
+        self,
+        reading: ArmState,
+        arrived: float,
+        points: Sequence[Sighting],
+        shown: FrameSet | None,
+    ) -> Command | None:
+        """Make a tick from a reading, and ticks without encoders for those before it that are lost.
+
+        Args:
+            reading: As stamped by the robot.
+            arrived: When it came [s].
+            points: Positions of the ball since the last call, as stamped by the robot.
+            shown: Images beside it, for a catcher that watches.
+
+        Returns:
+            The command that answers it; None where its stamp was there before.
+
+        Raises:
+            InputError: Its stamp is no number, or a first one has joints without a number.
+        """
+        t = self.stamps.take(reading.t, arrived)
+        if t is None:
+            return None
+        self._fill(t)
+        shift = self.stamps.at(0.0) - self._begun
+        t -= self._begun
+        seen = tuple(
+            Sighting(t=at, found=p.found, r_o=p.r_o, covariance=p.covariance)
+            for p in points
+            if -_STRAY < (at := p.t + shift) - t < _STRAY
+        )
+        self._counts.stray += len(points) - len(seen)
+        frames: tuple[Frame, ...] = ()
+        if shown is not None and -_STRAY < shown.t + shift - t < _STRAY:
+            frames = self._sight.show(self.catcher, shown, shown.t + shift)
+        elif shown is not None:
+            self._counts.stray += 1
+        if self.catcher.tick is None and not np.all(np.isfinite(reading.q)):
+            raise InputError("the first reading", "the angle of each joint", "NaN")
+        self._counts.ticks += 1
+        arm = ArmState(t=t, q=reading.q, dq=reading.dq)
+        return self._step(Senses(t=t, arm=arm, frames=frames, points=seen))
+
+    def _fill(self, t: float) -> None:
+        """Make ticks without encoders for readings that never came."""
+        missing = round((t - self._last) / TICK) - 1
+        # A fresh catcher has no reading yet from which it could go on.
+        if self.catcher.tick is not None and 0 < missing <= _BRIDGED:
+            self._counts.lost += missing
+            nothing = np.full(self.catcher.estimated.shape[1], np.nan)
+            for k in range(missing):
+                at = self._last + (k + 1) * TICK - self._begun
+                self._step(Senses(t=at, arm=ArmState(t=at, q=nothing, dq=nothing)))
+        self._last = t
+
+    def _step(self, senses: Senses) -> Command:
+        """Let the catcher make a tick; recorded unless it is on its way to the ready pose."""
+        command = self.catcher.step(senses)
+        if self._recorder is not None and self.recorded:
+            self._recorder.tick(senses, command, self.catcher.result)
+        return command
+
+    def stop(self) -> None:
+        """Stop with the next tick."""
+        self.catcher.stop()
+        self._note("stop")
+
+    def record(self) -> None:
+        """Record from now on: a catch begins."""
+        self.recorded = True
+        self._note("again")
+
+    def _note(self, call: str) -> None:
+        """Record what the catcher is told besides its senses."""
+        if self._recorder is not None and self.recorded:
+            self._recorder.call(call)

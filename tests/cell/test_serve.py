@@ -1,0 +1,56 @@
+"""A simulated cell in real time: after a stall its clock is right again, without a burst."""
+
+import numpy as np
+import pytest
+
+from mitt.cell.prepare import balls_of, prepare, scene_of_cell
+from mitt.cell.serve import Server
+from mitt.files.cell import read_cell
+from mitt.signals import TICK
+
+#: Tick with a stall, its length [s], number of ticks.
+AT, STALL, TICKS = 50, 0.012, 400
+
+
+class Cell:
+    """Counts ticks by a clock that it moves on itself; one of them stalls."""
+
+    released = False
+
+    def __init__(self) -> None:
+        """Begin at 0."""
+        self.now, self.times, self.done = 0.0, list[float](), False
+
+    def tick(self) -> None:
+        """Note the time, take some, and stall once."""
+        self.times.append(self.now)
+        self.now += STALL if len(self.times) == AT else 1e-4
+
+    def act(self) -> None:
+        """End after some ticks."""
+        self.done = len(self.times) >= TICKS
+
+    def sleep_until(self, due: float) -> float:
+        """Return how late it is."""
+        late = max(self.now - due, 0.0)
+        self.now = max(self.now, due)
+        return late
+
+
+def test_time_that_was_lost_is_made_up_for_little_by_little(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """By ticks that are a quarter shorter: within 50 ms the stamps are those of real time again."""
+    cell, prepared = Cell(), prepare(read_cell("wam-sim"))
+    scene = scene_of_cell(prepared.cell, None)
+    source = balls_of(prepared, scene, seed=0, count=1)
+    server = Server(prepared, scene, source, lambda _: None, lambda: None)  # type: ignore[arg-type, return-value]
+    monkeypatch.setattr("mitt.cell.serve.monotonic", lambda: cell.now)
+    monkeypatch.setattr("mitt.cell.serve.sleep_until", cell.sleep_until)
+    server._go_on(cell)  # type: ignore[arg-type]
+    lag = np.array(cell.times) - TICK * np.arange(TICKS)
+    assert server.slipped == 1
+    assert lag.max() == pytest.approx(STALL - TICK)
+    assert np.all(lag[: AT - 1] < 1e-9)
+    assert np.all(lag[AT + 50 :] < 1e-9)
+    assert np.diff(cell.times).min() >= 0.75 * TICK - 1e-9

@@ -1,0 +1,209 @@
+"""Fakes of two vendors' clients in Python: their calls, and the simulated WAM behind them."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from mitt.cell.local import LocalRobot
+from mitt.robot.arm import Arm
+from mitt.signals import ArmState, Array, Command
+
+#: Places of the arm's three joints among those of the vendor's arm.
+FRANKA, UR = [0, 1, 3], [0, 1, 2]
+
+
+class Torques:
+    """``pylibfranka.Torques``: seven numbers."""
+
+    def __init__(self, tau_J: list[float]) -> None:
+        """Take exactly seven."""
+        assert len(tau_J) == 7
+        self.tau_J = tau_J
+
+
+class FakeFranka:
+    """``pylibfranka.Robot``, and what its ``start_torque_control`` returns.
+
+    Attributes:
+        mode: Its mode, as text.
+        torques: All that were written.
+    """
+
+    def __init__(self, local: LocalRobot, arm: Arm, started: float) -> None:
+        """Take the simulated arm."""
+        self._local, self._arm, self._started = local, arm, started
+        self._reading: ArmState | None = None
+        self.mode, self.hand, self.torques = "Idle", 0.0, list[Array]()
+        self.controlled = False
+
+    def load_model(self) -> "FakeFranka":
+        """Return a model; it is this object."""
+        return self
+
+    def gravity(self, state: Any) -> list[float]:  # noqa: ANN401
+        """Return the torques of the weight."""
+        weight = np.full(7, 3.0)
+        still = np.zeros(3)
+        weight[FRANKA] = self._arm.inverse_dynamics(np.array(state.q)[FRANKA], still, still)
+        return weight.tolist()
+
+    def read_once(self) -> Any:  # noqa: ANN401
+        """Return the next state."""
+        (self._reading,) = self._local.read(0.02)
+        q, dq = np.array([0.0, 0.0, 0.1, 0.0, 0.2, 0.3, 0.4]), np.zeros(7)
+        q[FRANKA], dq[FRANKA] = self._reading.q, self._reading.dq
+        if self._local.trouble():
+            self.mode, self.controlled = "Reflex", False
+        return SimpleNamespace(
+            q=q.tolist(), dq=dq.tolist(), robot_mode=f"RobotMode.{self.mode}",
+            current_errors="[communication_constraints_violation]" if self.mode == "Reflex" else "",
+            time=SimpleNamespace(to_sec=lambda t=self._reading.t: t - self._started),
+        )  # fmt: skip
+
+    def start_torque_control(self) -> "FakeFranka":
+        """Take torques from now on."""
+        assert self.mode == "Idle"
+        self._local.release()
+        self.mode, self.controlled = "Move", True
+        return self
+
+    def readOnce(self) -> tuple[Any, Any]:  # noqa: N802 (the vendor's)
+        """Return the next state, and the time since the last."""
+        assert self.controlled
+        return self.read_once(), SimpleNamespace(to_sec=lambda: 0.001)
+
+    def writeOnce(self, command: Torques) -> None:  # noqa: N802 (the vendor's)
+        """Let torques act, with those against the weight."""
+        assert self.controlled
+        assert self._reading is not None
+        tau, (q, dq) = np.array(command.tau_J), (self._reading.q, self._reading.dq)
+        self.torques.append(tau)
+        still = np.zeros(3)
+        rows = np.array([q, dq, still, tau[FRANKA] + self._arm.inverse_dynamics(q, still, still)])
+        self._local.write(Command(t=0.0, joints=rows, hand=self.hand), self._reading.t)
+
+    def stop(self) -> None:
+        """Hold the arm."""
+        self._local.engage_brakes()
+        self.mode, self.controlled = "Idle", False
+
+    def automatic_error_recovery(self) -> None:
+        """Be idle again."""
+        self._local.release()
+        self._local.read(0.02)
+        self._local.engage_brakes()
+        self.mode = "Idle"
+
+    def grip(self, angle: float) -> None:
+        """Take the hand's angle with the next torques."""
+        self.hand = angle
+
+
+class FakeUr:
+    """``RTDEControlInterface`` and ``RTDEReceiveInterface`` in one: a state each 2 ms.
+
+    Attributes:
+        kicks: How often its watchdog was kicked.
+        least: What frequency the watchdog wants [Hz].
+        runs: Whether the program on the robot runs.
+    """
+
+    def __init__(self, local: LocalRobot, started: float) -> None:
+        """Take the simulated arm, whose drives take speeds."""
+        self._local, self._started, self._taken = local, started, True
+        self._speeds, self._wanted, self._limit = np.zeros(3), np.zeros(3), 1.0
+        self._reading: ArmState | None = None
+        self._moves, self.hand, self.kicks, self.least = False, 0.0, 0, 0.0
+        self.runs = True
+
+    def getTimestamp(self) -> float:  # noqa: N802 (the vendor's, as all below)
+        """Return the time of the newest state [s]; the next one comes once this was read."""
+        if self._taken:
+            self._taken = False
+            for _ in range(2):
+                self._tick()
+        assert self._reading is not None
+        return self._reading.t - self._started
+
+    def _tick(self) -> None:
+        """Accelerate for a millisecond."""
+        (self._reading,) = self._local.read(0.02)
+        step = self._limit * 1e-3
+        self._speeds += np.clip(self._wanted - self._speeds, -step, step)
+        if self._moves:
+            rows = np.full((4, 3), np.nan)
+            rows[1] = self._speeds
+            self._local.write(Command(t=0.0, joints=rows, hand=self.hand), self._reading.t)
+
+    def getActualQ(self) -> list[float]:  # noqa: N802
+        """Return joint angles [rad]."""
+        return self._all("q")
+
+    def getActualQd(self) -> list[float]:  # noqa: N802
+        """Return joint speeds [rad/s]; the state was taken."""
+        self._taken = True
+        return self._all("dq")
+
+    def _all(self, name: str) -> list[float]:
+        """Return six numbers."""
+        assert self._reading is not None
+        row = np.zeros(6)
+        row[UR] = self._reading.q if name == "q" else self._reading.dq
+        return row.tolist()
+
+    def speedJ(self, qd: list[float], acceleration: float, time: float) -> bool:  # noqa: N802
+        """Take speeds [rad/s]."""
+        assert len(qd) == 6
+        assert time == 0.002
+        if not self._moves:
+            self._local.release()
+        self._wanted, self._limit, self._moves = np.array(qd)[UR], acceleration, True
+        return True
+
+    def speedStop(self, a: float) -> bool:  # noqa: N802
+        """Stop; the drives hold the arm."""
+        self._wanted, self._limit, self._moves = np.zeros(3), a, False
+        self._local.engage_brakes()
+        return True
+
+    def setWatchdog(self, min_frequency: float) -> bool:  # noqa: N802
+        """Expect kicks."""
+        self.least = min_frequency
+        return True
+
+    def kickWatchdog(self) -> bool:  # noqa: N802
+        """Count one."""
+        self.kicks += 1
+        return True
+
+    def isProtectiveStopped(self) -> bool:  # noqa: N802
+        """Say whether its watchdog has braked."""
+        return bool(self._local.trouble())
+
+    def isEmergencyStopped(self) -> bool:  # noqa: N802
+        """Say no."""
+        return False
+
+    def isProgramRunning(self) -> bool:  # noqa: N802
+        """Say whether it does."""
+        return self.runs
+
+    def unlock(self) -> None:
+        """Acknowledge a protective stop."""
+        self._local.release()
+        self._local.read(0.02)
+        self._local.engage_brakes()
+        self._moves = False
+
+    def reuploadScript(self) -> bool:  # noqa: N802
+        """Start it anew."""
+        self.runs = True
+        return True
+
+    def stopScript(self) -> None:  # noqa: N802
+        """Do nothing more."""
+
+    def grip(self, angle: float) -> None:
+        """Take the hand's angle."""
+        self.hand = angle
