@@ -3,21 +3,26 @@
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
 from support import ball_state
 
+from mitt.baselines.choice import Intercept
+from mitt.baselines.pursuit import rival as rival_by
+from mitt.baselines.quintic import Plan, Planned, Planner
 from mitt.errors import InputError, UnknownNameError
 from mitt.generator.feasibility import Outcome
 from mitt.generator.generators import Generator
 from mitt.generator.learn import Learned
+from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
-from mitt.signals import BallState, MapStatus
+from mitt.signals import Array, BallState, JointReference, MapStatus
 from mitt.trials import registry
 from mitt.trials.registry import available, check_name, make_generator
 from mitt.trials.runner import TrialRunner
+from mitt.trials.source import source_of
 from mitt.world.scene import Scene
 from mitt.world.throws import Throw
 
@@ -158,12 +163,85 @@ def test_another_package_adds_a_generator(
     assert "\n" not in str(caught.value)
 
 
+def test_a_name_that_two_packages_give_is_refused(
+    monkeypatch: pytest.MonkeyPatch, learned: Learned
+) -> None:
+    """Nobody could say whose numbers they are."""
+    from importlib.metadata import EntryPoint  # noqa: PLC0415 (beside its use)
+
+    points = tuple(EntryPoint("mine", f"{x}:make", registry.GROUP) for x in ("theirs", "ours"))
+    monkeypatch.setattr(registry, "entry_points", lambda **_: points)
+    with pytest.raises(InputError, match="one package that adds it, got ours:make and theirs:make"):
+        make_generator("mine", learned.map)
+
+
+def _no_number(motion: Array, t: float, catch: Intercept) -> Plan:
+    """Return a plan that is none."""
+    return SimpleNamespace(at=lambda _: np.full((3, 3), np.nan) * t * catch.t_c + motion)
+
+
+def _no_way(motion: Array, t: float, catch: Intercept) -> Plan:
+    """Break down."""
+    raise KeyError(f"{motion} {t} {catch}")
+
+
+@pytest.mark.parametrize(
+    ("planner", "words"), [(_no_number, "finite numbers, got NaN"), (_no_way, "KeyError")]
+)
+def test_a_planner_of_another_package_is_held_to_its_motion(
+    monkeypatch: pytest.MonkeyPatch, learned: Learned, planner: Planner, words: str
+) -> None:
+    """Made into a generator by ``rival``, which is ours: what fails is the package's own."""
+    from importlib.metadata import EntryPoint  # noqa: PLC0415 (beside its use)
+
+    package = ModuleType("of_somebody")
+    vars(package)["make"] = lambda f: rival_by(f, Planned(planner=planner))
+    monkeypatch.setitem(sys.modules, "of_somebody", package)
+    point = EntryPoint("mine", "of_somebody:make", registry.GROUP)
+    monkeypatch.setattr(registry, "entry_points", lambda **_: (point,))
+    made = make_generator("mine", learned.map)
+    runner = TrialRunner(learned.map.arm, made, Scene(), pixels=False)
+    source = source_of(learned.map.arm, seed=1, count=1, drag=0.04)
+    with pytest.raises(InputError, match=f"generator 'mine'.*{words}"):
+        runner.throw(source, 0)
+
+
 class Faulty:
-    """A generator of another package that breaks down when it is asked."""
+    """A generator of another package that breaks down, or answers what is no answer."""
+
+    def __init__(self, f: DirectMap) -> None:
+        """Take the map that it is made from."""
+        self._f = f
 
     def sharpness(self, ball: BallState) -> float:
         """Break down."""
         raise ZeroDivisionError(f"two\nlines {ball.t}")
+
+    def verdict(self, ball: BallState, q: Array) -> str:
+        """Say it in words."""
+        return f"feasible {ball.t} {q}"
+
+    def unsettled(self, ball: BallState, q: Array) -> bool:
+        """Wait for nothing."""
+        return bool(ball.t < q[0] - 1e9)
+
+    def returns(self, ball: BallState) -> bool:
+        """Follow whatever comes."""
+        return ball.tracked
+
+    def waiting(self, ball: BallState) -> BallState:
+        """Wait for nothing."""
+        return ball
+
+    def adapt(self, ball: BallState, q: Array, dq: Array) -> None:
+        """Forget to return what starts there."""
+
+    def reference(self, ball: BallState) -> JointReference:
+        """Divide by zero somewhere."""
+        return replace(self._f.reference(ball), q_d=np.full(3, np.nan))
+
+    def as_map(self) -> None:
+        """Say that this is no map."""
 
 
 def test_an_error_of_another_package_is_said_to_be_that_package_s(
@@ -173,16 +251,23 @@ def test_an_error_of_another_package_is_said_to_be_that_package_s(
     from importlib.metadata import EntryPoint  # noqa: PLC0415 (beside its use)
 
     package = ModuleType("of_somebody")
-    vars(package)["make"] = lambda _f: Faulty()
+    vars(package)["make"] = Faulty
+    vars(package)["half"] = lambda _f: SimpleNamespace(sharpness=None)
     vars(package)["fail"] = lambda f: f.nothing
     monkeypatch.setitem(sys.modules, "of_somebody", package)
-    points = tuple(EntryPoint(x, f"of_somebody:{x}", registry.GROUP) for x in ("make", "fail"))
+    points = tuple(
+        EntryPoint(x, f"of_somebody:{x}", registry.GROUP) for x in ("make", "fail", "half")
+    )
     monkeypatch.setattr(registry, "entry_points", lambda **_: points)
     ball = ball_state(np.array([3.0, 0.1, 0.5]), np.array([-6.0, 0.0, 1.5]), G)
     made = make_generator("make", learned.map)
     for name, call in (
         ("make", lambda: made.sharpness(ball)),
+        ("make", lambda: made.verdict(ball, learned.map.arm.q_ready)),
+        ("make", lambda: made.reference(ball)),
+        ("make", lambda: made.adapt(ball, learned.map.arm.q_ready, np.zeros(3))),
         ("fail", lambda: make_generator("fail", learned.map)),
+        ("half", lambda: make_generator("half", learned.map)),
     ):
         with pytest.raises(InputError, match=f"generator '{name}'") as caught:
             call()

@@ -4,8 +4,8 @@ import pytest
 
 from mitt.design.balls import Balls
 from mitt.design.design import Design, design
-from mitt.design.evaluation import Task
 from mitt.design.search import Effort
+from mitt.design.task import Task
 from mitt.design.whole import whole_arm
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from mitt.commands import design as command
+from mitt.commands.options import DesignOptions
 from mitt.design.balls import Balls
 from mitt.design.candidate import Candidate
 from mitt.design.contact import Touch
@@ -86,3 +88,8 @@ def test_the_page_stands_alone(found: Design, tmp_path: Path) -> None:
     assert "What the arm can catch" in text
     assert text.count("data:image/png;base64,") == 2
     assert "speed:j2" in text
+
+
+def test_the_page_names_the_whole_command() -> None:
+    options = DesignOptions(arm="wam", out=Path("my arm.toml"), rate=0.9, aim="0.8,0,0", json=True)
+    assert command._words(options) == ("design wam --out 'my arm.toml' --aim 0.8,0,0 --rate 0.9")

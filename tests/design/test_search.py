@@ -20,12 +20,13 @@ from mitt.design.candidate import Candidate
 from mitt.design.causes import BEYOND, cause_of
 from mitt.design.contact import Touch
 from mitt.design.design import Design, Origin, design, rate_of
-from mitt.design.evaluation import Evaluation, Task, learned, thrown, trials_of
+from mitt.design.evaluation import Evaluation, learned, thrown, trials_of
 from mitt.design.evaluator import Evaluator
 from mitt.design.geometry import drawn, triples_of
 from mitt.design.mutation import mutated
-from mitt.design.search import REPORTED, reported, search
+from mitt.design.search import best_by_price, ranked, reported, search
 from mitt.design.speeds import AtSpeed, Fastest, release_speed, task_at
+from mitt.design.task import REPORTED, Task
 from mitt.design.whole import movable
 from mitt.errors import InputError
 from mitt.files.arm_file import ArmFile, open_arm, read_arm_file, write_arm_file
@@ -148,8 +149,9 @@ def test_a_map_is_learned_on_the_balls_that_are_thrown(
 ) -> None:
     assert found.best is not None
     c, at = found.best.candidate, task_at(task, 4.0)
-    start = unlearned(c.arm(whole), c.design)
-    flights = at.flights(start, np.random.default_rng(3), Neighbourhood(flights=20, kicked=0.0))
+    start = unlearned(c.arm(whole, at.arrivals), c.design)
+    settings = Neighbourhood(flights=20, kicked=0.0, bounced=0.0)
+    flights = at.flights(start, np.random.default_rng(3), settings)
     assert flights
     for flight in flights:
         speed = np.linalg.norm(flight.ball[-1, 1])
@@ -293,12 +295,12 @@ def test_what_is_reported_was_thrown_with_seeds_that_no_search_uses(
         return thrown(c, f, task, throws=throws, seed=seed, give_up=give_up)
 
     monkeypatch.setattr(evaluator, "thrown", noted)
-    chosen = search(Evaluator(whole, task, None, silent), TINY)
-    assert chosen is not None
+    confirmed = search(Evaluator(whole, task, None, silent), TINY)
+    assert confirmed
     assert seeds
     assert all(seed < REPORTED for seed, _, _ in seeds)
     seeds.clear()
-    best = reported(Evaluator(whole, task, None, silent), chosen.candidate, TINY)
+    best = reported(Evaluator(whole, task, None, silent), confirmed[0].candidate, TINY)
     assert best is not None
     assert seeds == [(REPORTED, TINY.report, False)]
     assert best.thrown == TINY.report
@@ -311,6 +313,39 @@ def test_a_share_is_told_with_its_interval(found: Design) -> None:
     assert "scene field" in text
     assert found.rate in text
     assert "95 % interval" in text
+
+
+def _worth(found: Design, clean: int, speed: float, *, thrown: int = 100) -> Evaluation:
+    """Return what a design would be worth."""
+    assert found.best is not None
+    return replace(found.best, thrown=thrown, caught=clean, clean=clean, speed=speed, force=0.0)
+
+
+def test_the_softest_of_those_that_catch_enough_is_taken(found: Design) -> None:
+    hard, soft, softest = _worth(found, 100, 4.0), _worth(found, 98, 2.0), _worth(found, 90, 1.0)
+    pool = [hard, softest, soft]
+    assert ranked(pool, 0.98) == [soft, hard, softest]
+    assert ranked(pool, 0.9)[0] is softest
+    assert ranked([softest, _worth(found, 95, 3.0)], 0.98)[0].clean == 95
+    assert ranked([], 0.98) == []
+
+
+def test_more_throws_at_a_design_are_added_up(found: Design) -> None:
+    first, second = _worth(found, 90, 2.0), _worth(found, 30, 4.0, thrown=50)
+    both = first.with_more(second)
+    assert (both.thrown, both.caught, both.clean) == (150, 120, 120)
+    assert both.speed == pytest.approx((90 * 2.0 + 30 * 4.0) / 120)
+    none = replace(first, caught=0, clean=0)
+    assert none.with_more(none).caught == 0
+
+
+def test_a_search_keeps_what_is_best_for_each_price(found: Design) -> None:
+    hard, soft = _worth(found, 100, 5.0), _worth(found, 60, 0.5)
+    between, poor = _worth(found, 90, 2.0), _worth(found, 10, 4.0)
+    paper = replace(_worth(found, 0, 0.1, thrown=0), able=1.0)
+    pool = [poor, paper, soft, between, hard]
+    assert best_by_price(pool, 4) == [hard, between, soft, poor]
+    assert best_by_price(pool, 9)[4:] == [paper]
 
 
 def test_balls_caught_beyond_a_limit_do_not_count(found: Design) -> None:
@@ -422,7 +457,7 @@ def test_a_design_for_slower_throws_only_is_the_one_described(
     at = task_at(task, 3.0)
     usual = replace(found.best, thrown=100, caught=20, clean=10, binding="speed:j2")
     slow = replace(usual, candidate=replace(usual.candidate, turn=0.5), caught=90, clean=90)
-    monkeypatch.setattr(design_of, "search", lambda *_, **__: usual)
+    monkeypatch.setattr(design_of, "search", lambda *_, **__: [usual])
     monkeypatch.setattr(design_of, "reported", lambda *_: usual)
     monkeypatch.setattr(design_of, "slower", lambda *_, **__: (slow, at))
     monkeypatch.setattr(design_of, "by_speed", lambda *_: _rows(True))
@@ -434,11 +469,13 @@ def test_a_design_for_slower_throws_only_is_the_one_described(
     assert mine.best is slow
     assert (said["found"], said["throws"], said["feasible"]) == (False, 100, 90)
     assert mine.reason is not None
-    assert "10 of 100 default throws" in mine.reason
+    assert "10 of 100 throws" in mine.reason
     assert "3.0 m/s" in mine.reason
     path = tmp_path / "slow.toml"
     write_arm_file(path, mine.arm_file(Origin(arm="wam", limits="wam-80v")), comment="x")
-    throws = read_arm_file(path).throws
+    throws, arrivals = read_arm_file(path).throws, read_arm_file(path).arrivals
+    assert arrivals is not None
+    assert 1.5 < arrivals.speed[0] < 3.0 < arrivals.speed[1] < 5.0
     assert throws is not None
     assert throws.speed == pytest.approx((2.85, 3.15))
     assert throws.height is not None

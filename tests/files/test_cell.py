@@ -11,8 +11,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mitt.errors import FileError, MittError
-from mitt.files.cell import arm_of, around_of, cell_of, read_cell, shipped
+from mitt.files.cell import arm_of, around_of, cell_of, lenses_of, read_cell, rig_of, shipped
+from mitt.files.rig import CalibratedRig, RigCamera, write_rig
 from mitt.robot.description import roll_pitch_yaw
+from mitt.vision.camera import fixed_rig
+from mitt.vision.lens import Lens
 
 SHIPPED = Path(str(files("mitt") / "data" / "cells" / "wam-sim.toml"))
 
@@ -112,3 +115,24 @@ def test_roll_pitch_and_yaw_are_about_fixed_axes() -> None:
     """As REP 103 and SciPy have them."""
     rpy = (0.3, -0.4, 1.1)
     assert np.allclose(roll_pitch_yaw(np.array(rpy)), Rotation.from_euler("xyz", rpy).as_matrix())
+
+
+def test_a_rig_whose_lenses_bend_gives_straight_cameras_and_the_lenses(tmp_path: Path) -> None:
+    """One bent lens is enough; a rig that bends nothing gives none."""
+    for k1, count in ((-0.2, 2), (0.0, 0)):
+        cameras = tuple(
+            RigCamera(
+                name=name, rms_px=0.1, T_world_cam=camera.T_world_cam,
+                lens=Lens(width=128, height=128, numbers=np.array(
+                    [220.0, 220.0, 63.5, 63.5, bend, 0.0, 0.0, 0.0, 0.0])),
+            )
+            for name, camera, bend in zip("ab", fixed_rig().cameras, (k1, 0.0), strict=True)
+        )  # fmt: skip
+        write_rig(tmp_path / "rig.toml", CalibratedRig(frame="robot", cameras=cameras), version="x")
+        raw = {"schema": "mitt.cell/1", "name": "x",
+               "source": {"kind": "images", "rig": "rig.toml"}}  # fmt: skip
+        cell = cell_of(raw, place="x", folder=tmp_path)
+        lenses = lenses_of(cell)
+        assert len(lenses) == count
+        assert [lens.numbers[4] for lens in lenses] == [k1, 0.0][:count]
+        assert all(camera.f_px == pytest.approx(220.0) for camera in rig_of(cell).cameras)

@@ -227,3 +227,16 @@ def test_a_ball_that_is_no_number_is_never_feasible(learned: Learned, bad: float
         x = np.concatenate([ball.r_o, ball.dr_o])
         x[k] = bad
         assert verdict(learned.map, ball_state(x[:3], x[3:], G)).outcome is not Outcome.FEASIBLE
+
+
+def test_a_verdict_is_said_in_a_few_words() -> None:
+    """With the share and the time where there are any."""
+    good = Verdict(
+        outcome=Outcome.FEASIBLE, binding_limit="brake:j4", share=0.834, t_catch=0.4981, sigma=0.002
+    )
+    assert str(good) == "feasible: 83 % of brake:j4, catch at 0.498 s"
+    far = Verdict(
+        outcome=Outcome.UNREACHABLE, binding_limit="domain", share=np.inf, t_catch=np.inf,
+        sigma=np.inf,
+    )  # fmt: skip
+    assert str(far) == "unreachable: domain"

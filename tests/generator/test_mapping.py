@@ -11,9 +11,10 @@ from support import ball_state
 
 from mitt.errors import MittError, ModelError, ShapeError
 from mitt.generator.design import MapDesign, tangent_of
+from mitt.generator.inverse import invert_newton
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap, unlearned
-from mitt.generator.tangent import invert_newton, scratch_of
+from mitt.generator.tangent import scratch_of
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import Array, MapStatus

@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 
 from mitt.generator.design import MapDesign
 from mitt.generator.evaluation import virtual
+from mitt.generator.inverse import lift
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.generator.packing import pack, unfold, unpack, workspace
-from mitt.generator.tangent import Scratch, lift, scratch_of
+from mitt.generator.tangent import Scratch, scratch_of
 from mitt.robot.load import load_arm
 from mitt.signals import Array
 

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from mitt.errors import InputError, UnknownNameError
 from mitt.robot.basket import HANDS, Basket, checked_hand, hand_named, mounting
+from mitt.robot.hand_shapes import hand_capsules
 from mitt.robot.hands import HandModel
 from mitt.robot.identity import difference, identity_of
 from mitt.robot.load import load_arm
-from mitt.robot.shapes import hand_capsules
 
 ROUNDING = 1e-12
 
@@ -102,3 +102,16 @@ def test_a_tilted_basket_turns_the_palm_of_the_arm() -> None:
     cosine = straight.orientation(q)[:, 2] @ tilted.orientation(q)[:, 2]
     assert np.arccos(cosine) == pytest.approx(0.7)
     assert replace(Basket(), tilt=-0.7).stand > Basket().catch_offset * np.cos(0.7)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("depth", -1.0), ("mass", 0.0), ("ring_radius", np.nan), ("catch_depth", 0.3),
+        ("tilt", 3.0), ("restitution", 1.5), ("cords", 21), ("cords", 2), ("struts", 2.5),
+        ("floor", "high"),
+    ],
+)  # fmt: skip
+def test_a_basket_that_nobody_can_build_is_refused(name: str, value: object) -> None:
+    with pytest.raises(InputError, match=f"basket.{name}"):
+        Basket(**{name: value})  # type: ignore[arg-type]

@@ -52,12 +52,25 @@ def test_a_set_fits_by_order_too(tmp_path: Path) -> None:
 def test_another_arms_set_is_refused(tmp_path: Path) -> None:
     """In one line that names both arms' joints; so are joints in another order."""
     path = urdf(tmp_path / "a.urdf")
-    for joints in (("a", "b", "c"), ("j2", "j1", "j4")):
+    for joints in (("a", "b", "c"), ("j1", "j2", "j4", "jay", "j5")):
         with pytest.raises(ModelError, match="an arm with the joints"):
-            load_arm(path, tip="l5", joints=_NAMES, limits=_set(joints, speed=[1.0, 1.0, 1.0]))
+            load_arm(path, tip="l5", joints=_NAMES, limits=_set(joints, speed=[1.0] * len(joints)))
     apart = _set(("j1",), lower=[4.0], upper=[5.0])
     with pytest.raises(ModelError, match="a range that meets"):
         load_arm(path, tip="l5", joints=_NAMES, limits=apart)
+
+
+def test_a_set_of_a_file_says_whose_its_bounds_are(tmp_path: Path) -> None:
+    """By the names of its joints, in any order; by order, with a note, where no name fits."""
+    path = urdf(tmp_path / "a.urdf")
+    turned = _set(("j4", "j1", "j2"), speed=[3.0, 1.0, 2.0])
+    arm = load_arm(path, tip="l5", joints=_NAMES, limits=turned)
+    assert dict(zip(arm.names, arm.dq_max, strict=True)) == {"j1": 1.0, "j2": 2.0, "j4": 3.0}
+    assert arm.model.notes == ()
+    strange = _set(("a", "b", "c", "d", "e"), speed=[1.0, 2.0, 9.0, 3.0, 4.0])
+    arm = load_arm(path, tip="l5", joints=_NAMES, limits=strange)
+    assert arm.dq_max.tolist() == [1.0, 2.0, 3.0]
+    assert "taken in their order" in arm.model.notes[0]
 
 
 def test_a_set_that_ships_is_for_its_own_arm(tmp_path: Path) -> None:

@@ -16,13 +16,13 @@ from typing import Protocol, Self, final
 import numpy as np
 
 from mitt import checks
-from mitt.ball.flight import GRAVITY, forecast
+from mitt.ball.flight import forecast
 from mitt.baselines.choice import Chooser, Intercept
 from mitt.baselines.intercept import meet
 from mitt.generator.feasibility import Outcome, Verdict, tempered
 from mitt.generator.mapping import DirectMap
 from mitt.generator.prediction import flown, state_of
-from mitt.signals import Array, BallState, JointReference, MapStatus
+from mitt.signals import GRAVITY, Array, BallState, JointReference, MapStatus
 
 #: A predicted catch point that has moved so far since it was chosen is chosen anew [m], if the
 #: catch is at least so far away [s].
@@ -82,12 +82,14 @@ class Rival:
         chooser: Chooses the catch.
         pursuit: The path there.
         q_hold: Where the arm rests without a catch [rad], shape (n,).
+        foreign: Whether the path is another package's, whose motion is checked; ours may give up.
         memory: What was commanded before.
     """
 
     chooser: Chooser
     pursuit: Pursuit
     q_hold: Array
+    foreign: bool = False
     memory: _Memory = field(default_factory=lambda: _Memory(None))
 
     def sharpness(self, ball: BallState) -> float:
@@ -157,6 +159,9 @@ class Rival:
         catch, pursuit, chosen_at = self._aimed(chase, ball)
         if t <= catch.t_c:
             motion, pursuit = pursuit.step(catch, ball)
+            if self.foreign:
+                shape = (3, self.chooser.arm.n)
+                motion = checks.array("motion to the catch", motion, shape, finite=True)
         else:
             motion = self._following(chase, ball)
         if not np.isfinite(motion).all():
@@ -215,7 +220,14 @@ class Rival:
 
 def rival(f: DirectMap, pursuit: Pursuit) -> Rival:
     """Return the rival with a pursuit for the arm of a map."""
-    return Rival(Chooser(f), pursuit, f.arm.q_ready)
+    made = (type(pursuit), getattr(pursuit, "planner", None))
+    foreign = any(not _module_of(x).startswith("mitt.") for x in made if x is not None)
+    return Rival(Chooser(f), pursuit, f.arm.q_ready, foreign)
+
+
+def _module_of(x: object) -> str:
+    """Return the module of a class, a function, or an object's class."""
+    return str(getattr(x, "__module__", None) or type(x).__module__)
 
 
 def _easy(catch: Intercept | None) -> bool:

@@ -49,7 +49,12 @@ class RuckigPlanner:
     arm: Arm
 
     def __call__(self, motion: Array, t: float, catch: Intercept) -> Plan | None:
-        """Return the plan that ends at the catch; None where Ruckig finds none in that time."""
+        """Return the plan that ends at the catch; None where Ruckig finds none in that time.
+
+        There is none from a motion that is no number.
+        """
+        if not np.all(np.isfinite(motion)):
+            return None
         request = self._request(motion, catch, catch.t_c - t)
         trajectory = Trajectory(self.arm.n)
         try:

@@ -11,10 +11,10 @@ from typing import Any, TypeAlias, final
 
 import numpy as np
 
-from mitt.ball.flight import GRAVITY
 from mitt.errors import InputError
 from mitt.robot.arm import Arm
 from mitt.robot.description import Link
+from mitt.signals import GRAVITY
 
 #: What CasADi makes, expressions and functions; CasADi is untyped.
 Expression: TypeAlias = Any

@@ -86,7 +86,7 @@ def measure(settings: BenchSettings, *, progress: Progress, say: Say) -> Result:
     progress("learning", 0, 1)
     f = learn(arm).map
     progress("learning", 1, 1)
-    source = source_of(f, seed=SEED, count=settings.throws, drag=Scene().ball.drag)
+    source = source_of(f.arm, seed=SEED, count=settings.throws, drag=Scene().ball.drag)
     progress("ticks", 0, 3)
     with_images, with_points = (
         TrialRunner(arm, Direct(f), Scene(), pixels=pixels) for pixels in (True, False)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from mitt.calibration.stage import Stage, weak
-from mitt.calibration.tables import POINT, read_columns, read_places, read_times
+from mitt.calibration.tables import POINT, read_columns, read_places, times_of
 from mitt.cameras.source import Camera
 from mitt.errors import InputError
 from mitt.files.rig import CalibratedRig
@@ -132,7 +132,7 @@ def calibrate_clock(
     hand, t_arm = read_places(log, arm, ("t_s",))
     seen = read_columns(points, ("t_s", *POINT))
     problem = clock_problem(
-        t_seen=read_times(points, seen), seen=seen[:, 1:], t_arm=read_times(log, t_arm),
+        t_seen=times_of(points, seen), seen=seen[:, 1:], t_arm=times_of(log, t_arm),
         hand=hand, search=search,
     )  # fmt: skip
     solved = fit(problem, robust=True)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mitt import checks
 from mitt.calibration.charuco import Board, Seen
 from mitt.calibration.stage import Stage, weak
 from mitt.cameras.recorded import read_image
@@ -31,6 +32,7 @@ def read_head_views(path: Path, board: Board, size: tuple[int, int]) -> tuple[Ar
     Raises:
         FileError: The table or an image cannot be read, or the image has another size.
     """
+    path = checks.path("table of views", path)
     angles, views = [], []
     for line, cells in read_rows(path, ("image", "pan_rad", "tilt_rad")):
         at = path.parent / cells["image"]

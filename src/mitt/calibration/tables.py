@@ -74,7 +74,7 @@ def read_places(path: Path, arm: Arm, others: Sequence[str]) -> tuple[Array, Arr
     return places, rest
 
 
-def read_times(path: Path, table: Array) -> Array:
+def times_of(path: Path, table: Array) -> Array:
     """Return the first column as times that rise [s], shape (n,).
 
     Raises:

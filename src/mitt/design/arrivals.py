@@ -1,21 +1,19 @@
-"""The balls of throws where they arrive, and flights of such throws to learn from.
+"""How balls arrive: of default throws, of a user's throws, and of recorded flights."""
 
-Both are drawn from the throws themselves, so that a map is learned on the balls that are thrown.
-"""
-
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from mitt.design.balls import BOX, FAR, Balls
-from mitt.errors import MittError
-from mitt.generator.flights import Flight
-from mitt.generator.mapping import DirectMap
+from mitt.errors import InputError
+from mitt.files.throws import ARRIVALS
 from mitt.robot.arm import Arm
 from mitt.signals import Array
-from mitt.trials.neighbourhood import NARROWEST, WIDER, Neighbourhood, kicked, sampled
 from mitt.trials.source import ranges_of
 from mitt.world.ballistics import fly
+from mitt.world.flights import CATCH_FRACTION, JITTER_POSITION, Recording, place_flight
 from mitt.world.throws import Aim, Throw, ThrowRanges, default_throw
 
 #: Seed and number of the throws whose arrivals are measured.
@@ -25,72 +23,176 @@ _SEED, _THROWS = 33, 400
 _PLACE = np.array([0.77, 0.0, 0.057])
 #: Shares of the throws that arrive slower, or less steeply, than what is taken.
 _LEAST, _MIDDLE, _MOST = 0.05, 0.5, 0.95
-#: Steps in which a throw is followed to the box [s].
-_STEP = 0.005
+#: Steps in which a throw is followed [s], and for how long.
+_STEP, _LONGEST = 0.005, 1.5
+#: By how much the flights to learn from differ more: speed as a share, descent and azimuth [rad],
+#: time [s].
+_MARGINS = (0.12, 0.11, 0.03, 0.03)
+#: Farthest that a user's throws may come from off +x in the middle [rad].
+_OFF = 0.6
+#: Box about the place of a user's throws: times their standard deviation, least half-width, and
+#: half-width along their way [m].
+_WIDTHS, _NARROWEST, _ALONG = 2.0, 0.03, 0.05
+#: Farthest that a user's aim may be off the middle of the throws [m].
+_MISSED = 0.5
+#: By which share the speeds of ranges are wider than those of the throws that they hold.
+_SPEEDS = 0.08
 
 
-def arriving(ranges: ThrowRanges, aim: Array | None = None) -> Balls:
-    """Return how the balls of throws arrive.
+class Arrivals(NamedTuple):
+    """Where balls are as they pass a place, how fast, and since when they fly."""
 
-    Args:
-        ranges: Of the throws, heights as for the WAM's aim.
-        aim: Of the balls that are returned, shape (2, 3); None where a design may choose it.
+    r: Array  # (B, 3)
+    v: Array  # (B, 3)
+    t: Array  # (B,)
+
+    def balls(self, *, aim: Array | None = None, around: Array | None = None) -> Balls:
+        """Return what a search needs to know of them; see :class:`Balls` for the arguments."""
+        speed = np.linalg.norm(self.v, axis=1)
+        slow, middle, quick = np.quantile(speed, (_LEAST, _MIDDLE, _MOST)).tolist()
+        descent = np.arcsin(-self.v[:, 2] / speed)
+        flat, down, steep = np.quantile(descent, (_LEAST, _MIDDLE, _MOST)).tolist()
+        return Balls(
+            speed=middle, descent=down, speeds=(slow, quick), descents=(flat, steep),
+            azimuth=self.azimuth, aim=aim, around=around,
+        )  # fmt: skip
+
+    @property
+    def azimuth(self) -> float:
+        """Middle of where they come from, off +x [rad]."""
+        return float(np.median(np.arctan2(-self.v[:, 1], -self.v[:, 0])))
+
+    def ranges(self) -> Array:
+        """Return what maps are to be learned on: ``ArmModel.arrivals``, shape (4, 2)."""
+        speed = np.linalg.norm(self.v, axis=1)
+        descent = np.arcsin(-self.v[:, 2] / speed)
+        side = np.arctan2(-self.v[:, 1], -self.v[:, 0])
+        ends = [np.quantile(x, (_LEAST, _MOST)) for x in (speed, descent, side, self.t)]
+        share, angle, aside, time = _MARGINS
+        ends[0] *= (1.0 - share, 1.0 + share)
+        ends[1] += (-angle, angle)
+        ends[2] += (-aside, aside)
+        ends[3] = np.maximum(ends[3] + (-time, time), 0.2)
+        bounds = np.array(list(ARRIVALS.values()))
+        out: Array = np.clip(np.array(ends), bounds[:, :1], bounds[:, 1:])
+        return out
+
+
+def of_default_throws(ranges: ThrowRanges) -> Arrivals:
+    """Return how default throws of some ranges arrive; heights are as for the WAM's aim.
 
     Raises:
         InputError: There are no such throws.
     """
     rng, half = np.random.default_rng(_SEED), FAR * np.array(BOX)
     place = Aim(position=np.copy, q_low=_PLACE - half, q_high=_PLACE + half)
-    v = np.array([
-        _passing(default_throw(rng, place, ranges), ranges.drag) for _ in range(_THROWS)
-    ])  # fmt: skip
-    speed = np.linalg.norm(v, axis=1)
-    slow, middle, quick = np.quantile(speed, (_LEAST, _MIDDLE, _MOST)).tolist()
-    flat, down, steep = np.quantile(np.arcsin(-v[:, 2] / speed), (_LEAST, _MIDDLE, _MOST)).tolist()
-    return Balls(speed=middle, descent=down, speeds=(slow, quick), descents=(flat, steep), aim=aim)
+    throws = [default_throw(rng, place, ranges) for _ in range(_THROWS)]
+    return of_throws(throws, _PLACE[0], ranges.drag)
 
 
-def _passing(throw: Throw, drag: float) -> Array:
-    """Return the velocity of a ball where it passes the middle of the box [m/s], shape (3,)."""
+def of_throws(throws: Sequence[Throw], x: float, drag: float) -> Arrivals:
+    """Return how throws pass the plane at x [m] with a drag coefficient [1/m].
+
+    Raises:
+        InputError: One does not within 1.5 s, or not towards the arm.
+    """
+    rows = list[tuple[Array, Array, float]]()
+    for number, throw in enumerate(throws, start=1):
+        r, v, t = throw.r.copy(), throw.dr.copy(), 0.0
+        while r[0] > x and t < _LONGEST:
+            r, v = fly(r, v, drag=drag, duration=_STEP)
+            t += _STEP
+        if r[0] > x or t == 0.0 or v[0] >= 0.0:
+            raise InputError(f"throw {number}", f"one from +x that passes x = {x:.2f} m",
+                             f"released at x = {throw.r[0]:.2f} m",
+                             do="aim it there, or say --aim")  # fmt: skip
+        rows.append((r, v, t))
+    return Arrivals(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def of_flights(recordings: Sequence[Recording]) -> Arrivals:
+    """Return how recorded flights arrive where they are led past the catch point."""
+    placed = [place_flight(x, np.zeros(3), rng=None) for x in recordings]
+    t = np.array([CATCH_FRACTION * x.duration for x in placed])
+    states = np.array([x.at(float(at)) for x, at in zip(placed, t, strict=True)])
+    return Arrivals(states[:, 0], states[:, 1], t)
+
+
+#: Half-widths of the box where recorded flights are led [m], shape (3,).
+AROUND_FLIGHTS = np.full(3, JITTER_POSITION)
+
+
+def box_of(throws: Sequence[Throw], drag: float, aim: Array | None, far: float) -> Array:
+    """Return the box that a user's throws pass, centre and half-widths [m], shape (2, 3).
+
+    Args:
+        throws: The throws.
+        drag: Drag coefficient [1/m].
+        aim: A point where they are to be caught [m], shape (3,); where they come near enough to
+            the base if left out.
+        far: How near that is, seen from the base [m].
+
+    Raises:
+        InputError: They do not come from +x, or do not pass there.
+    """
+    middle = Throw(r=np.median([x.r for x in throws], axis=0),
+                   dr=np.median([x.dr for x in throws], axis=0))  # fmt: skip
+    off = float(np.arctan2(-middle.dr[1], -middle.dr[0]))
+    if abs(off) > _OFF:
+        raise InputError("the throws", "throws from +x, the side of the thrower",
+                         f"{np.degrees(off):.0f} degrees off it in the middle",
+                         do="turn the frame of the throws")  # fmt: skip
+    x = _near(middle, drag, far) if aim is None else float(aim[0])
+    r = of_throws(throws, x, drag).r
+    if aim is not None and np.linalg.norm(np.median(r, axis=0) - aim) > _MISSED:
+        raise InputError("--aim", f"a point at most {_MISSED:g} m off the throws in the middle",
+                         f"{np.linalg.norm(np.median(r, axis=0) - aim):.2f} m off",
+                         do="leave --aim out")  # fmt: skip
+    centre = np.array([x, *np.median(r[:, 1:], axis=0)]) if aim is None else aim
+    half = np.maximum(_WIDTHS * r.std(axis=0), _NARROWEST)
+    half[0] = _ALONG
+    return np.array([centre, half])
+
+
+def _near(throw: Throw, drag: float, far: float) -> float:
+    """Return x where a throw first comes so near to the base, or nearest [m]."""
     r, v = throw.r.copy(), throw.dr.copy()
-    while r[0] > _PLACE[0]:
+    nearest, x = np.inf, float(r[0])
+    for _ in range(round(_LONGEST / _STEP)):
+        distance = float(np.linalg.norm(r))
+        if distance < nearest:
+            nearest, x = distance, float(r[0])
+        if distance < far:
+            break
         r, v = fly(r, v, drag=drag, duration=_STEP)
-    return v
+    return x
+
+
+def ranges_of_throws(throws: Sequence[Throw], box: Array, drag: float) -> ThrowRanges:
+    """Return ranges of default throws that hold a user's throws, for the arm file.
+
+    Args:
+        throws: The throws.
+        box: As of :func:`box_of`.
+        drag: Drag coefficient [1/m].
+    """
+    from_aim = np.array([x.r for x in throws]) - box[0]
+    speed = np.array([np.linalg.norm(x.dr) for x in throws])
+    t = of_throws(throws, float(box[0, 0]), drag).t
+    wide = _ends(speed * [[1.0 - _SPEEDS], [1.0 + _SPEEDS]])  # they are drawn one by one
+    return ThrowRanges(
+        duration=_ends(t), speed=wide, distance=_ends(np.hypot(*from_aim[:, :2].T)),
+        azimuth=_ends(np.arctan2(from_aim[:, 1], from_aim[:, 0])),
+        height=_ends(np.array([x.r[2] for x in throws])), drag=drag,
+    )  # fmt: skip
+
+
+def _ends(x: Array) -> tuple[float, float]:
+    """Return the least and the largest number."""
+    return float(x.min()), float(x.max())
 
 
 def shifted(ranges: ThrowRanges, arm: Arm) -> ThrowRanges:
     """Return ranges of throws with their own heights, raised as an arm's aim is above the WAM's."""
     by = ranges_of(arm).height[0] - ThrowRanges().height[0]
     return replace(ranges, height=(ranges.height[0] + by, ranges.height[1] + by))
-
-
-def flights_of(
-    f: DirectMap, ranges: ThrowRanges, rng: np.random.Generator, settings: Neighbourhood
-) -> list[Flight]:
-    """Draw flights of throws at a map's arm; those that are never caught are redrawn.
-
-    Args:
-        f: The map.
-        ranges: Of the throws, heights as for the WAM's aim.
-        rng: Source of randomness.
-        settings: How many, how well they are known, and how many are kicked; where they arrive
-            follows from the throws.
-    """
-    assert f.arm.model.aim is not None
-    at, half = f.arm.model.aim[0], np.maximum(WIDER * f.arm.model.aim[1], NARROWEST)
-    place = Aim(position=np.copy, q_low=at - half, q_high=at + half)
-    ranges, flights = shifted(ranges, f.arm), list[Flight]()
-    for _ in range(20 * settings.flights):
-        if len(flights) == settings.flights:
-            break
-        drag = float(rng.uniform(*settings.drag))
-        try:
-            throw = default_throw(rng, place, replace(ranges, drag=drag))
-        except MittError:
-            break
-        is_kicked = bool(rng.random() < settings.kicked)
-        motion = kicked(throw.r, throw.dr, drag, rng, settings, is_kicked)
-        flight = sampled(f, motion, drag, rng, settings)
-        if flight is not None:
-            flights.append(flight)
-    return flights

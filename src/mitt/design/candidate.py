@@ -54,18 +54,20 @@ class Candidate:
         swing = self.A @ (self.ready - self.q[list(self.free)])
         return np.array((self.q + swing)[list(self.active)])
 
-    def arm(self, whole: Arm) -> Arm:
+    def arm(self, whole: Arm, arrivals: Array | None = None) -> Arm:
         """Return the arm with the other joints held.
 
         Args:
             whole: The arm with all its joints active.
+            arrivals: How balls come, as in :class:`mitt.robot.description.ArmModel`.
         """
         held = {k: float(x) for k, x in enumerate(self.q) if k not in self.active}
         links = tuple(replace(x, held=held.get(k)) for k, x in enumerate(whole.model.links))
         about_z = transform(rotation(np.array([0.0, 0.0, 1.0]), self.turn))
         mount = mounting(whole.model.hand)[1]  # the turn is that of the arm's own plate
         tool = whole.model.tool @ np.linalg.inv(mount) @ about_z @ mount
-        model = replace(whole.model, links=links, q_ready=self.q_ready, tool=tool, aim=self.aim)
+        model = replace(whole.model, links=links, q_ready=self.q_ready, tool=tool, aim=self.aim,
+                        arrivals=arrivals)  # fmt: skip
         return Arm(model, whole.limits)
 
     @property

@@ -5,13 +5,14 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import mitt
-from mitt.design.arrivals import shifted
-from mitt.design.evaluation import Evaluation, Task
+from mitt.design.arrivals import ranges_of_throws, shifted
+from mitt.design.evaluation import Evaluation
 from mitt.design.evaluator import Evaluator, Progress
-from mitt.design.search import Effort, reported, search
+from mitt.design.search import RATE, Effort, reported, search
 from mitt.design.speeds import SPEEDS, AtSpeed, Fastest, by_speed, fastest, release_speed, slower
+from mitt.design.task import Task
 from mitt.files.arm_file import ArmFile, HandName, digest_of
-from mitt.files.throws import ThrowSettings
+from mitt.files.throws import ArrivalSettings, ThrowSettings
 from mitt.link.clock import monotonic
 from mitt.robot.arm import Arm
 from mitt.robot.serial import Mount
@@ -58,6 +59,7 @@ class Design:
         rows: How it does at several speeds.
         seconds: How long that took.
         left_out: Which candidates could not be evaluated, in words.
+        confirmed: What it was chosen from, the chosen one first, with the throws that decided.
     """
 
     whole: Arm
@@ -69,6 +71,7 @@ class Design:
     rows: Sequence[AtSpeed] = field(default_factory=tuple)
     seconds: float = 0.0
     left_out: Sequence[str] = ()
+    confirmed: Sequence[Evaluation] = ()
 
     @property
     def usable(self) -> bool:
@@ -127,13 +130,26 @@ class Design:
             hand_tilt=origin.tilt,
             map=c.design,
             throws=self._throws(tuple(at), tuple(around)),
+            arrivals=self._arrivals(),
         )
 
+    def _arrivals(self) -> ArrivalSettings | None:
+        """Return what maps are to be learned for; None for default throws."""
+        if self.task.arrivals is None:
+            return None
+        speed, descent, azimuth, flight = map(tuple, self.task.arrivals.tolist())
+        return ArrivalSettings(speed=speed, descent=descent, azimuth=azimuth, flight=flight)
+
     def _throws(self, at: Point, around: Point) -> ThrowSettings:
-        """Return a box to aim at [m], with the ranges of slower throws if it is for those."""
-        if self.task.ranges is None or self.best is None:
+        """Return a box to aim at [m], with the ranges of throws if they are no default ones."""
+        assert self.best is not None
+        task, c = self.task, self.best.candidate
+        if task.throws:
+            ranges = ranges_of_throws(task.throws, c.aim, task.scene.ball.drag)
+        elif task.ranges is not None:
+            ranges = shifted(task.ranges, c.arm(self.whole))
+        else:
             return ThrowSettings(at=at, around=around)
-        ranges = shifted(self.task.ranges, self.best.candidate.arm(self.whole))
         return ThrowSettings(
             at=at, around=around, duration=ranges.duration, speed=ranges.speed,
             distance=ranges.distance, azimuth=ranges.azimuth, height=ranges.height,
@@ -148,7 +164,7 @@ def rate_of(count: int, of: int) -> str:
 
 def design(
     whole: Arm, task: Task, effort: Effort, *, progress: Progress,
-    joints: Sequence[str] | None = None, engine: Engine | None = None,
+    joints: Sequence[str] | None = None, engine: Engine | None = None, rate: float = RATE,
 ) -> Design:  # fmt: skip
     """Find what an arm can catch and the map that does it.
 
@@ -159,15 +175,19 @@ def design(
         progress: Told what is done.
         joints: Joints of which three are active; any if left out.
         engine: Where candidates are tried; in this process if left out.
+        rate: Share of the throws that is asked for: the softest design that catches as many is
+            taken.
     """
     start = monotonic()
     evaluator = Evaluator(whole, task, engine, progress)
-    chosen = search(evaluator, effort, joints=joints)
-    usual = None if chosen is None else reported(evaluator, chosen.candidate, effort)
+    confirmed = search(evaluator, effort, joints=joints, rate=rate)
+    usual = reported(evaluator, confirmed[0].candidate, effort) if confirmed else None
     found = usual is not None and usual.enough
     best, own, reason = usual, release_speed(task) if found else 0.0, None
-    if not found:
-        again = slower(evaluator, effort.less(), joints=joints)
+    if not found and task.own:
+        reason = _lost(usual)
+    elif not found:
+        again = slower(evaluator, effort.less(), joints=joints, rate=rate)
         if again is not None:
             best, task = again
             own = release_speed(task)
@@ -179,7 +199,22 @@ def design(
     return Design(
         whole=whole, task=task, found=found, reason=reason, best=best, fastest=most, rows=rows,
         seconds=monotonic() - start, left_out=evaluator.tally.told(),
+        confirmed=tuple(confirmed) if found else (),
     )  # fmt: skip
+
+
+def _lost(usual: Evaluation | None) -> str:
+    """Return in words why nothing was found for the throws that were asked for.
+
+    Args:
+        usual: The best design for them, with throws that no search used.
+    """
+    if usual is None:
+        return "no design meets the throws within the joint speeds and ranges"
+    why = f"the best design caught {usual.clean} of {usual.thrown} throws within every limit"
+    over = usual.caught - usual.clean
+    why += f", and {over} beyond a limit" if over else ""
+    return why + (f"; most were lost by: {usual.binding}" if usual.binding else "")
 
 
 def _reason(usual: Evaluation | None, slow: Evaluation | None, speed: float) -> str:
@@ -190,15 +225,8 @@ def _reason(usual: Evaluation | None, slow: Evaluation | None, speed: float) -> 
         slow: The best design for slower throws, if one catches enough of them.
         speed: Speed of these at release [m/s].
     """
-    if usual is None:
-        why = "no design meets the default throws within the joint speeds and ranges"
-    else:
-        why = f"the best design caught {usual.clean} of {usual.thrown} default throws within"
-        why += " every limit"
-        over = usual.caught - usual.clean
-        why += f", and {over} beyond a limit" if over else ""
-        why += f"; most were lost by: {usual.binding}" if usual.binding else ""
-    if slow is None:
+    why = _lost(usual)
+    if slow is None or not slow.enough:
         return f"{why}; no design for slower throws catches enough of them either"
     return (
         f"{why}; the design given is for slower throws: {rate_of(slow.clean, slow.thrown)} that"

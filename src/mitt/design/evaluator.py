@@ -8,7 +8,8 @@ from typing import final
 import numpy as np
 
 from mitt.design.candidate import Candidate
-from mitt.design.evaluation import Evaluation, How, Task, able_to_hold, judged, learned, thrown
+from mitt.design.evaluation import Evaluation, How, able_to_hold, judged, learned, thrown
+from mitt.design.task import Task
 from mitt.errors import MittError
 from mitt.robot.arm import Arm
 from mitt.sweep.engine import Engine, run_tasks
@@ -30,7 +31,7 @@ class Job:
         task: What is to be caught.
         throws: Number of throws; 0 to judge it by flights alone.
         seed: Seed of the throws.
-        least: Least score by flights from which it is thrown at.
+        least: Least share of flights within the limits from which it is thrown at.
         how: How thoroughly the map is learned.
         give_up: Whether it is thrown at less where it catches few of the first throws.
     """
@@ -68,7 +69,7 @@ def _evaluated(job: Job) -> Evaluation:
     if f is None:
         return _failed(c, "no map")
     worth = judged(c, f, job.task)
-    if job.throws == 0 or worth.score < job.least:
+    if job.throws == 0 or worth.share < job.least:
         return worth
     return thrown(c, f, job.task, throws=job.throws, seed=job.seed, give_up=job.give_up)
 

@@ -51,9 +51,9 @@ def faster_joints(whole: Arm, c: Candidate, balls: Balls) -> list[FasterJoint]:
     allowed, out = float(share.max()) * most, []
 
     def least(speeds: Array) -> float:
-        """Return the least relative speed along the present direction [m/s]."""
-        s = float(least_relative_velocity(J, w, v, relative / speed, speeds[None], A).s[0])
-        return min(s, speed) if np.isfinite(s) else speed
+        """Return the least relative speed along the present direction, if there is one [m/s]."""
+        found = least_relative_velocity(J, w, v, relative / speed, speeds[None], A)
+        return min(float(found.s[0]), speed) if found.sound[0] else speed
 
     now = least(allowed)
     for at, k in enumerate(index):

@@ -15,6 +15,7 @@ from mitt.design.balls import Balls
 from mitt.design.candidate import within
 from mitt.design.contact import Touch
 from mitt.design.interception import Interception, least_relative_velocity, map_velocities
+from mitt.design.placing import clear, facing, led, off_line
 from mitt.design.poses import Poses, poses_of
 from mitt.design.rows import Rows, boxes_of, joined
 from mitt.design.sharing import alone, shared, virtual
@@ -36,9 +37,6 @@ _OFTEN = 0.6
 #: Choices of three joints that move alone, and of those that all others follow, of each pose; how
 #: often a further joint is held nevertheless.
 _ALONE, _SHARED, _HELD = 24, 8, 0.25
-#: Height above the floor that joints and catch point keep [m], and distance of the catch point
-#: from joints that are not next to it [m]; choices of this project.
-_ABOVE, _APART = 0.12, 0.16
 #: Largest angle at which a ball may come in off the palm's normal [rad], least cosine of the palm's
 #: normal and the direction from which the ball comes, and speed below which neither matters [m/s].
 _STRAIGHT, _FACING, _SOFT = np.deg2rad(25.0), 0.1, 1.0
@@ -87,7 +85,7 @@ def drawn(
         count: Poses drawn.
         touch: Finds what touches.
     """
-    q = _facing(whole, rng.uniform(whole.q_min, whole.q_max, (count, whole.n)), rng)
+    q = facing(whole, rng.uniform(whole.q_min, whole.q_max, (count, whole.n)), rng)
     q, poses, _ = _able(whole, balls, q, touch)
     parts = [_of_three(whole, balls, (q, poses), triples, rng)]
     if len(np.unique(triples)) > 3:
@@ -164,12 +162,12 @@ def _able(whole: Arm, balls: Balls, q: Array, touch: Touch) -> (
 ):  # fmt: skip
     """Return the poses clear of floor and arm with the palm towards the ball, and their indices."""
     if balls.aim is not None:
-        q = _led(whole, q, balls)
+        q = led(whole, q, balls)
     poses, v = poses_of(whole.model, q), balls.velocity()
-    good = _clear(poses, touch.floor) & within(whole, q, _MARGIN)
+    good = clear(poses, touch.floor) & within(whole, q, _MARGIN)
     good &= -(poses.palm @ v) > _FACING * np.linalg.norm(v)
     if balls.aim is not None:
-        good &= _off_line(poses.tip, balls) < 0.05
+        good &= off_line(poses.tip, balls) < 0.05
     return q[good], poses.take(good), np.flatnonzero(good)
 
 
@@ -211,60 +209,6 @@ def _rows(
         q=q[row], free=chosen, kappa=found.kappa, inward=found.inward, A=A, x=found.x,
         tip=poses.tip[row], score=found.s + 0.3 * effort,
     ).take(good)  # fmt: skip
-
-
-def _facing(whole: Arm, q: Array, rng: np.random.Generator) -> Array:
-    """Turn a first joint that stands upright so that the palm looks about towards +x."""
-    upright = (whole.model.mount @ whole.model.links[0].placement)[:3, :3] @ (
-        whole.model.links[0].axis
-    )
-    if whole.chain.prismatic[0] > 0.0 or abs(upright[2]) < 0.999 or not movable(whole)[0]:
-        return q
-    palm = poses_of(whole.model, q).palm
-    wanted = rng.uniform(-0.4, 0.4, len(q)) - np.arctan2(palm[:, 1], palm[:, 0])
-    turned = q[:, 0] + np.sign(upright[2]) * wanted
-    turned = whole.q_min[0] + np.mod(turned - whole.q_min[0], 2.0 * np.pi)
-    return np.column_stack([turned, q[:, 1:]])
-
-
-def _led(whole: Arm, q: Array, balls: Balls) -> Array:
-    """Lead the catch point of each pose to the way of a ball through the middle of the aim."""
-    for _ in range(6):
-        poses = poses_of(whole.model, q)
-        off = _offset(poses.tip, balls)
-        J = np.swapaxes(poses.J, 1, 2)
-        damped = J @ poses.J + 1e-3 * np.eye(3)
-        step = np.einsum("bkc,bc->bk", poses.J, np.linalg.solve(damped, off[..., None])[..., 0])
-        step = np.where(movable(whole), np.clip(step, -0.4, 0.4), 0.0)
-        q = np.clip(q - step, whole.q_min, whole.q_max)
-    return q
-
-
-def _offset(tip: Array, balls: Balls) -> Array:
-    """Return how far points lie from the way of the ball [m], (B, 3); 0.6 m of it either way."""
-    assert balls.aim is not None
-    way = balls.velocity() / balls.speed
-    off = tip - balls.aim[0]
-    along = np.clip(off @ way, -0.6, 0.3)
-    out: Array = off - along[:, None] * way
-    return out
-
-
-def _off_line(tip: Array, balls: Balls) -> Array:
-    """Return the distance of points from the way of the ball [m], shape (B,)."""
-    return np.asarray(np.linalg.norm(_offset(tip, balls), axis=1))
-
-
-def _clear(poses: Poses, floor: float) -> NDArray[np.bool_]:
-    """Say where an arm keeps above the floor, and its catch point away from its own joints."""
-    above = (poses.tip[:, 2] > floor + _ABOVE) & np.all(
-        poses.at[:, 1:, 2] > floor + 0.5 * _ABOVE, axis=1
-    )
-    far = np.linalg.norm(poses.tip[:, None] - poses.at, axis=2)
-    good: NDArray[np.bool_] = above & np.all(
-        far[:, : max(1, poses.at.shape[1] - 3)] > _APART, axis=1
-    )
-    return good
 
 
 def _into(palm: Array, J: Array, w: Array, rng: np.random.Generator) -> Array:

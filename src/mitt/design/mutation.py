@@ -10,9 +10,9 @@ from mitt.design.whole import movable
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 
-#: Standard deviations of a change: joints at the catch, held joints, ready pose [rad]; kappa - 1 as
-#: a share; inward as a share of 1 + |inward|.
-_FREE, _HELD, _READY, _KAPPA, _INWARD = 0.12, 0.2, 0.2, 0.4, 0.25
+#: Standard deviations of a change: joints at the catch, held joints, ready pose [rad]; kappa - 1
+#: and inward together, as a share; each by itself, as a share.
+_FREE, _HELD, _READY, _KAPPA, _INWARD = 0.12, 0.2, 0.2, 0.3, 0.15
 #: The same of how far a further joint turns per free one.
 _FOLLOWS = 0.1
 #: Room that is left to the ends of the ranges [rad].
@@ -50,9 +50,12 @@ def mutated(whole: Arm, c: Candidate, rng: np.random.Generator, *, size: float, 
     if rng.random() < _OFTEN:
         ready = ready + size * _READY * rng.standard_normal(3)
     kappa, inward = c.kappa, c.inward
+    if rng.random() < _OFTEN:  # harder or softer: both by one factor, the ball's way in stays
+        factor = float(np.exp(size * _KAPPA * rng.standard_normal()))
+        kappa, inward = 1.0 + (kappa - 1.0 + 0.02) * factor, inward * factor
     if rng.random() < _OFTEN:
-        kappa = 1.0 + (kappa - 1.0 + 0.02) * float(np.exp(size * _KAPPA * rng.standard_normal()))
-        inward += size * _INWARD * (1.0 + abs(inward)) * float(rng.standard_normal())
+        kappa = 1.0 + (kappa - 1.0) * float(np.exp(size * _INWARD * rng.standard_normal()))
+        inward += size * _INWARD * (kappa - 1.0 + abs(inward) + 0.1) * float(rng.standard_normal())
     aim = _aim(c.aim, whole.position(q) - whole.position(c.q), size, rng) if moves else c.aim
     turn = c.turn + (np.pi / 3.0 if rng.random() < 0.1 else 0.0)
     return replace(

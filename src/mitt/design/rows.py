@@ -57,6 +57,8 @@ def boxes_of(whole: Arm, balls: Balls, rows: Rows) -> Array:
     """Return centre and half-widths of the box of each candidate [m], shape (B, 2, 3)."""
     if balls.aim is not None:
         return np.broadcast_to(balls.aim, (len(rows.q), 2, 3))
+    if balls.around is not None:
+        return np.stack([rows.tip, np.broadcast_to(balls.around, rows.tip.shape)], axis=1)
     at = poses_of(whole.model, rows.q).at[:, 1]
     reach = np.minimum(np.linalg.norm(rows.tip - at, axis=1), FAR)
     return np.stack([rows.tip, reach[:, None] * np.array(BOX)], axis=1)

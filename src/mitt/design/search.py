@@ -1,32 +1,41 @@
 """The search for a design: geometry, flights, throws, small changes, and throws again.
 
+What catches most is rarely what catches most softly. So a search keeps several designs, each the
+best for another price of a hard catch (:data:`PRICES`), and chooses at the end: of those that catch
+as many as are asked for, the softest.
+
 Every number of candidates is fixed, so that the same seed gives the same design with any number
 of workers.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import cycle
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mitt.design.candidate import Candidate
 from mitt.design.contact import Touch
-from mitt.design.evaluation import Evaluation, Task
+from mitt.design.evaluation import Evaluation, How
 from mitt.design.evaluator import Evaluator, Progress
 from mitt.design.geometry import drawn, improved, spread, triples_of
 from mitt.design.mutation import mutated
 from mitt.design.rows import Rows, best_of, candidates_of, joined
+from mitt.design.task import REPORTED, Task
 from mitt.errors import ModelError
 from mitt.robot.arm import Arm
 
 #: Seeds of the throws by which candidates are compared, and by which the best is chosen; all of
 #: a search lie below those of the throws that are reported (:data:`REPORTED`).
-_COMPARE, _CONFIRM = 100, 1000
-#: Least seed of throws that are reported: no search uses one of these.
-REPORTED = 80_000
-#: Score by flights from which a changed candidate is thrown at.
-_WORTH_THROWING = 0.1
+_COMPARE, _CONFIRM, _AGAIN = 100, 1000, 1500
+#: Share of flights within the limits from which a changed candidate is thrown at.
+_WORTH_THROWING = 0.2
+#: What a catch that is harder by 1 m/s costs, in shares of throws; half of what is kept is for the
+#: least price.
+PRICES = (0.005, 0.03, 0.005, 0.1)
+#: Share of the throws that is asked for, if nothing else is said.
+RATE = 0.98
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,11 +50,13 @@ class Effort:
         judged: Candidates that are learned and judged by flights.
         thrown: Those of them that are thrown at.
         throws: Throws at each in each generation, the first being that without changes. They grow,
-            so that the few that are left are told apart.
+            so that the few that are left are told apart; where there are more than at first, maps
+            are learned from as many flights as those of ``mitt catch``.
         parents: Candidates that are changed in each generation.
         children: Changed ones of each generation.
         last: Candidates that are learned in full and confirmed.
         confirm: Throws at each of these, by which the best is chosen.
+        again: How many of them are thrown at once more: the best of several was lucky as well.
         report: Fresh throws at the chosen one, which alone are reported.
         slower: Searches for slower throws where the default ones are not caught.
     """
@@ -56,11 +67,12 @@ class Effort:
     changes: int = 16
     judged: int = 60
     thrown: int = 16
-    throws: tuple[int, ...] = (12, 12, 12, 16, 24, 32, 48)
-    parents: int = 5
+    throws: tuple[int, ...] = (12, 12, 12, 12, 16, 16, 24, 32)
+    parents: int = 6
     children: int = 20
-    last: int = 6
-    confirm: int = 60
+    last: int = 9
+    confirm: int = 100
+    again: int = 4
     report: int = 100
     slower: int = 3
 
@@ -81,17 +93,19 @@ EFFORTS = {
 
 
 def search(
-    evaluator: Evaluator, effort: Effort, *, joints: Sequence[str] | None = None
-) -> Evaluation | None:
-    """Search for the best way to catch; None where there is none.
+    evaluator: Evaluator, effort: Effort, *, joints: Sequence[str] | None = None,
+    rate: float = RATE,
+) -> list[Evaluation]:  # fmt: skip
+    """Search for ways to catch; the one to take comes first, and there may be none.
 
-    Its throws are those by which it was chosen: the best of several on the same throws, so no fair
-    figure (:func:`reported`).
+    Their throws are those by which they were chosen: the best of several on the same throws, so no
+    fair figures (:func:`reported`).
 
     Args:
         evaluator: The arm, what is to be caught, and where candidates are evaluated.
         effort: How much is tried.
         joints: Joints of which three are active; any if left out.
+        rate: Share of the throws that is asked for.
 
     Raises:
         ModelError: The arm has too few joints.
@@ -103,7 +117,7 @@ def search(
     rng = np.random.default_rng([task.seed, 1])
     rows = _by_geometry(whole, task, effort, triples, rng, evaluator.progress)
     if len(rows.q) == 0:
-        return None
+        return []
     first = best_of(rows, count=6 * effort.judged, each=2 * effort.judged)
     candidates = candidates_of(whole, task.balls, first, rng)
     sound = [w.candidate for w in evaluator.try_all("on paper", candidates, how="paper")]
@@ -113,12 +127,22 @@ def search(
         "throwing", fresh, throws=effort.throws[0], seed=_COMPARE + effort.throws[0]
     )
     pool = _refined(whole, task, effort, evaluator, pool)
-    last = [w.candidate for w in _sorted(pool)[: effort.last]]
-    confirmed = evaluator.try_all(
-        "confirming", last, throws=effort.confirm, seed=_CONFIRM, how="full"
+    return _confirmed(evaluator, effort, best_by_price(pool, effort.last), rate)
+
+
+def _confirmed(
+    evaluator: Evaluator, effort: Effort, last: Sequence[Evaluation], rate: float
+) -> list[Evaluation]:
+    """Return the last candidates, thrown at with their full maps, the one to take first."""
+    once = evaluator.try_all(
+        "confirming", [w.candidate for w in last], throws=effort.confirm, seed=_CONFIRM, how="full"
     )
-    ranked = _sorted(confirmed)
-    return ranked[0] if ranked else None
+    again = evaluator.try_all(
+        "confirming again", [w.candidate for w in ranked(once, rate)[: effort.again]],
+        throws=effort.confirm, seed=_AGAIN, how="full", give_up=False,
+    )  # fmt: skip
+    before = {w.candidate: w for w in once}
+    return ranked([before[w.candidate].with_more(w) for w in again], rate)
 
 
 def reported(evaluator: Evaluator, c: Candidate, effort: Effort) -> Evaluation | None:
@@ -126,8 +150,11 @@ def reported(evaluator: Evaluator, c: Candidate, effort: Effort) -> Evaluation |
 
     None where it is not thrown at.
     """
+    task = evaluator.task
+    own = task.kept or len(task.throws or task.recordings)  # 0 where throws are drawn
+    throws = min(effort.report, own) if own else effort.report
     worth = evaluator.try_all(
-        "reporting", [c], throws=effort.report, seed=REPORTED, how="full", give_up=False
+        "reporting", [c], throws=throws, seed=REPORTED, how="full", give_up=False
     )
     return worth[0] if worth else None
 
@@ -158,36 +185,71 @@ def _refined(
 ) -> list[Evaluation]:
     """Return the pool with small changes of its best, generation by generation."""
     for generation, throws in enumerate(effort.throws[1:]):
-        parents = _sorted(pool)[: effort.parents]
+        parents = best_by_price(pool, effort.parents)
         if not parents:
             break
         name = f"improving {generation + 1} of {len(effort.throws) - 1}"
         seed = _COMPARE + throws
+        how: How = "quick" if throws == effort.throws[0] else "many"
         if throws > parents[0].thrown:  # what was best on a few throws was lucky as well
-            parents = _sorted(evaluator.try_all(
-                name, [w.candidate for w in parents], throws=throws, seed=seed, give_up=False
-            ))  # fmt: skip
+            parents = evaluator.try_all(
+                name, [w.candidate for w in parents], throws=throws, seed=seed, how=how,
+                give_up=False,
+            )  # fmt: skip
             pool = list(parents)
         size = 1.0 / (1.0 + 0.35 * generation)
-        children = []
-        for k in range(effort.children if parents else 0):
-            rng = np.random.default_rng([task.seed, 2, generation, k])
-            parent = parents[min(int(rng.exponential(0.4 * len(parents))), len(parents) - 1)]
-            moves = task.balls.aim is None
-            children.append(mutated(whole, parent.candidate, rng, size=size, moves=moves))
-        pool += evaluator.try_all(name, children, throws=throws, seed=seed, least=_WORTH_THROWING)
+        children = _changed(whole, task, parents, effort.children, (generation, size))
+        pool += evaluator.try_all(
+            name, children, throws=throws, seed=seed, least=_WORTH_THROWING, how=how
+        )
     return pool
 
 
-def _sorted(pool: Sequence[Evaluation]) -> list[Evaluation]:
-    """Return the thrown ones first, the best first; ties stay in order."""
-    return sorted(pool, key=lambda w: (w.thrown == 0, -w.score))
+def _changed(
+    whole: Arm, task: Task, parents: Sequence[Evaluation], count: int, of: tuple[int, float]
+) -> list[Candidate]:
+    """Return small changes of candidates, of a generation with its size of changes."""
+    generation, size = of
+    children = list[Candidate]()
+    for k in range(count if parents else 0):
+        rng = np.random.default_rng([task.seed, 2, generation, k])
+        parent = parents[int(rng.integers(len(parents)))]
+        moves = task.balls.aim is None
+        children.append(mutated(whole, parent.candidate, rng, size=size, moves=moves))
+    return children
+
+
+def best_by_price(pool: Sequence[Evaluation], count: int) -> list[Evaluation]:
+    """Return the best few, for each of :data:`PRICES` in turn; those with throws come first."""
+    out, left = list[Evaluation](), list(pool)
+    for price in cycle(PRICES):
+        if not left or len(out) == count:
+            break
+        best = _best(left, price)
+        left.remove(best)
+        out.append(best)
+    return out
+
+
+def _best(pool: Sequence[Evaluation], price: float) -> Evaluation:
+    """Return the best for a price, one that was thrown at if there is any."""
+    return max(pool, key=lambda w: (w.thrown > 0, w.score(price)))
+
+
+def ranked(pool: Sequence[Evaluation], rate: float) -> list[Evaluation]:
+    """Return those that catch as many as are asked for, the softest first; then the others.
+
+    Balls caught beyond a limit do not count. Where none catches as many, what catches most is asked
+    for. The others follow by their share.
+    """
+    asked = min(rate, max((w.within for w in pool), default=0.0))
+    return sorted(pool, key=lambda w: (0.0, w.hardness) if w.within >= asked else (1.0, -w.share))
 
 
 def _distinct(worth: Sequence[Evaluation], count: int) -> list[Candidate]:
-    """Return the best few, not too many with the same joints."""
+    """Return the best few for each of :data:`PRICES`, not too many with the same joints."""
     out, seen = list[Candidate](), dict[tuple[int, ...], int]()
-    for w in sorted(worth, key=lambda w: -w.score):
+    for w in best_by_price(worth, len(worth)):
         key = (*w.candidate.active, w.candidate.catch)
         if seen.get(key, 0) < max(1, count // 3):
             seen[key] = seen.get(key, 0) + 1

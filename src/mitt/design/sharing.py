@@ -21,6 +21,8 @@ from mitt.signals import Array
 #: Least determinant of the free joints' part, as a share of the product of its rows' lengths, and
 #: largest share of a further joint per free one, for which joints share the motion.
 _SINGULAR, _MOST = 0.05, 3.0
+#: Largest share of a joint that counts as still.
+_STILL = 0.02
 
 
 def alone(free: NDArray[np.int64], n: int) -> Array:
@@ -49,6 +51,7 @@ def shared(J: Array, free: NDArray[np.int64], weights: Array) -> tuple[NDArray[n
     size = np.prod(np.linalg.norm(own, axis=2), axis=1)
     good = np.abs(np.linalg.det(own)) > _SINGULAR * size + 1e-12
     A = spanned @ np.linalg.inv(np.where(good[:, None, None], own, np.eye(3)))
+    A[np.abs(A).max(axis=2) < _STILL] = 0.0
     A[rows, free] = np.eye(3)
     sound: NDArray[np.bool_] = good & (np.abs(A).max(axis=(1, 2)) <= _MOST)
     return sound, A

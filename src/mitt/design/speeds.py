@@ -5,18 +5,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mitt.design.arrivals import arriving
+from mitt.design.arrivals import of_default_throws
 from mitt.design.balls import BOX, FAR, Balls
 from mitt.design.candidate import Candidate
-from mitt.design.evaluation import ENOUGH, Evaluation, Task
+from mitt.design.evaluation import ENOUGH, Evaluation
 from mitt.design.evaluator import Evaluator
-from mitt.design.search import REPORTED, Effort, reported, search
+from mitt.design.search import Effort, reported, search
+from mitt.design.task import REPORTED, Task
+from mitt.world.smoothing import smooth
 from mitt.world.throws import ThrowRanges
 
 #: Speeds of the throws that are tried [m/s], throws at each, and seed of these.
 SPEEDS, _THROWS, _SEED = (3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0), 12, REPORTED + 1000
-#: Fresh throws at the fastest speed, and their seed.
-_SURE, _SURE_SEED = 50, REPORTED + 2000
+#: Fresh throws at the fastest speed, and their seed; seed of those by which a design for slower
+#: throws is accepted.
+_SURE, _SURE_SEED, _ACCEPT = 50, REPORTED + 5000, 2000
 #: Half-width of the speeds of the throws of one speed, as a share; least distance of the release as
 #: a share of speed and shortest duration: the default throws' (docs/throws.md).
 _SPREAD, _NEAREST = 0.05, 0.8
@@ -74,15 +77,26 @@ def task_at(task: Task, speed: float) -> Task:
     usual = ThrowRanges()
     longer = float(np.sqrt(speed / np.mean(usual.speed)))
     short, long = (longer * t for t in usual.duration)
+    aside = task.balls.azimuth
     ranges = replace(
         usual, speed=((1.0 - _SPREAD) * speed, (1.0 + _SPREAD) * speed), duration=(short, long),
+        azimuth=(aside + usual.azimuth[0], aside + usual.azimuth[1]),
         distance=(_NEAREST * short * speed, long * speed), drag=task.scene.ball.drag,
     )  # fmt: skip
-    return replace(task, balls=arriving(ranges, task.balls.aim), ranges=ranges)
+    arrivals = of_default_throws(ranges)
+    return replace(
+        task, balls=arrivals.balls(aim=task.balls.aim), ranges=ranges, arrivals=arrivals.ranges(),
+        throws=(), recordings=(),
+    )  # fmt: skip
 
 
 def release_speed(task: Task) -> float:
     """Return the middle of the speeds at release of a task's throws [m/s]."""
+    if task.throws:
+        return float(np.median([np.linalg.norm(x.dr) for x in task.throws]))
+    if task.recordings:
+        return float(np.median([np.linalg.norm(smooth(x.t, x.r).at(0.0)[1])
+                                for x in task.recordings]))  # fmt: skip
     return float(np.mean((task.ranges or ThrowRanges()).speed))
 
 
@@ -136,27 +150,31 @@ def fastest(
 
 
 def slower(
-    evaluator: Evaluator, effort: Effort, *, joints: Sequence[str] | None
+    evaluator: Evaluator, effort: Effort, *, joints: Sequence[str] | None, rate: float
 ) -> tuple[Evaluation, Task] | None:
     """Search again for slower throws until an arm catches enough of them; None where it never does.
 
-    The speeds are bisected between the default throws' and the slowest. The throws of the answer
-    are fresh ones.
+    The speeds are bisected between the default throws' and the slowest, each design accepted by
+    throws of its own. The throws of the answer are fresh ones, so they may be fewer than enough.
     """
     low, high = _SLOWEST, release_speed(evaluator.task)
-    best: tuple[Evaluation, Task] | None = None
+    best: tuple[Candidate, Evaluator] | None = None
     for _ in range(effort.slower):
         middle = 0.5 * (low + high)
         at = evaluator.at(task_at(evaluator.task, middle))
-        chosen = search(at, effort, joints=joints)
-        worth = None if chosen is None or not chosen.enough else reported(
-            at, chosen.candidate, effort
-        )  # fmt: skip
-        if worth is not None and worth.enough:
-            best, low = (worth, at.task), middle
+        found = search(at, effort, joints=joints, rate=rate)
+        if found and _accepted(at, found[0].candidate, effort):
+            best, low = (found[0].candidate, at), middle
         else:
             high = middle
-    return best
+    worth = None if best is None else reported(best[1], best[0], effort)
+    return None if best is None or worth is None else (worth, best[1].task)
+
+
+def _accepted(evaluator: Evaluator, c: Candidate, effort: Effort) -> bool:
+    """Say whether a design catches enough of throws that are neither its search's nor reported."""
+    worth = evaluator.try_all("accepting", [c], throws=effort.report, seed=_ACCEPT, how="full")
+    return bool(worth) and worth[0].enough
 
 
 def default_balls(aim: Sequence[float] | None, reach: float) -> Balls:

@@ -10,16 +10,17 @@ from typing import Annotated, Any, Literal, Self, final
 import numpy as np
 from pydantic import Field, model_validator
 
+from mitt import checks
 from mitt.errors import FileError, InputError, MittError
 from mitt.files.files import write_text
 from mitt.files.limit_files import read_limits
 from mitt.files.schema import Finite, Part, parsed
-from mitt.files.throws import ThrowSettings
+from mitt.files.throws import ArrivalSettings, ThrowSettings
 from mitt.files.toml_text import toml_text
 from mitt.generator.design import MapDesign, tangent_of
 from mitt.reading import read_bytes, read_toml
 from mitt.robot.arm import Arm
-from mitt.robot.basket import Basket, Hand, hand_named
+from mitt.robot.basket import MOST_TILT, Basket, Hand, hand_named
 from mitt.robot.limit_sets import LimitSet
 from mitt.robot.load import load_arm
 from mitt.robot.serial import Mount
@@ -27,8 +28,6 @@ from mitt.robot.urdf import MAX_BYTES
 from mitt.robot.wam import LIMIT_SETS
 
 SCHEMA = "mitt.arm/1"
-#: Largest tilt of a basket [rad].
-MOST_TILT = 2.0
 HandName = Literal["three-finger", "basket", "none"]
 Name = Annotated[str, Field(min_length=1, max_length=200)]
 _Names = Annotated[list[Name], Field(min_length=1, max_length=64)]
@@ -53,6 +52,7 @@ class ArmFile:
         hand_tilt: How far a basket is then turned about the y axis of the tip [rad].
         map: Design of its map; None where it follows from the arm.
         throws: Where its balls come from; None where it says nothing.
+        arrivals: How they arrive there, for which maps are learned; None: as default throws do.
     """
 
     arm: str | Path
@@ -68,6 +68,7 @@ class ArmFile:
     hand_tilt: float = 0.0
     map: MapDesign | None = None
     throws: ThrowSettings | None = None
+    arrivals: ArrivalSettings | None = None
 
     def load(self, *, limits: str | LimitSet | None = None) -> Arm:
         """Return the arm.
@@ -98,7 +99,8 @@ class ArmFile:
         if self.throws is None or self.throws.at is None:
             return arm
         aim = np.array([self.throws.at, self.throws.around])
-        return Arm(replace(arm.model, aim=aim), arm.limits)
+        rows = None if self.arrivals is None else self.arrivals.rows
+        return Arm(replace(arm.model, aim=aim, arrivals=rows), arm.limits)
 
 
 class _Arm(Part):
@@ -146,6 +148,7 @@ class _ArmFile(Part):
     hand: _Hand = _Hand()
     map: _Map | None = None
     throws: ThrowSettings | None = None
+    arrivals: ArrivalSettings | None = None
 
 
 def is_arm_file(name_or_path: str | Path) -> bool:
@@ -159,6 +162,7 @@ def read_arm_file(path: Path) -> ArmFile:
     Raises:
         FileError: The file is missing, cut short, of another schema, or says what cannot be.
     """
+    path = checks.path("arm file", path)
     raw = read_toml(path, wanted="TOML of an arm")
     content = parsed(
         _ArmFile, raw, place=str(path), wanted=f"an arm of schema {SCHEMA}", do="see docs/arms.md"
@@ -176,6 +180,8 @@ def _arm_file(content: _ArmFile, folder: Path) -> ArmFile:
         raise InputError("hand", "a hand on an arm by name", "none")
     if content.hand.tilt and content.hand.name != "basket":
         raise InputError("tilt", "a basket", content.hand.name, do="leave it out")
+    if content.arrivals is not None and (content.throws is None or content.throws.at is None):
+        raise InputError("arrivals", "a box where they arrive, at and around of throws", "none")
     if arm.ready is not None and arm.joints is not None and len(arm.ready) != len(arm.joints):
         raise InputError("ready", f"{len(arm.joints)} angles, one for each joint", len(arm.ready))
     return ArmFile(
@@ -192,6 +198,7 @@ def _arm_file(content: _ArmFile, folder: Path) -> ArmFile:
         hand_tilt=content.hand.tilt,
         map=None if content.map is None else MapDesign(**content.map.model_dump()),
         throws=content.throws,
+        arrivals=content.arrivals,
     )
 
 
@@ -222,6 +229,7 @@ def write_arm_file(path: Path, arm: ArmFile, *, comment: str = "") -> None:
         "map": None if arm.map is None else asdict(arm.map),
         "throws": None if arm.throws is None
         else arm.throws.model_dump(exclude_none=True, exclude_defaults=True),
+        "arrivals": None if arm.arrivals is None else arm.arrivals.model_dump(),
     }  # fmt: skip
     head = "".join(f"# {line}".rstrip() + "\n" for line in comment.splitlines())
     write_text(path, head + toml_text(tables))
@@ -245,9 +253,10 @@ def hand_of(name: str, tilt: float) -> Hand | None:
 
 def limits_of(limits: str | Path | LimitSet | None) -> str | LimitSet | None:
     """Return limits as ``load_arm`` takes them: sets of the WAM and ``model`` stay names."""
-    if limits is None or isinstance(limits, LimitSet) or str(limits) in ("model", *LIMIT_SETS):
-        return limits if limits is None or isinstance(limits, LimitSet) else str(limits)
-    return read_limits(limits)
+    if limits is None or isinstance(limits, LimitSet):
+        return limits
+    named = isinstance(limits, str) and limits in ("model", *LIMIT_SETS)
+    return str(limits) if named else read_limits(limits)
 
 
 def open_arm(path: Path, *, limits: str | LimitSet | None = None) -> tuple[Arm, MapDesign | None]:

@@ -5,9 +5,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import numpy as np
 from pydantic import Field
 
+from mitt import checks
 from mitt.errors import FileError, InputError
 from mitt.files.arm_file import is_arm_file
 from mitt.files.arms import load_arm
@@ -21,6 +21,8 @@ from mitt.robot.limits import Limits
 from mitt.robot.shapes import Surroundings, shapes_of
 from mitt.signals import TICK
 from mitt.vision.camera import Rig, fixed_rig
+from mitt.vision.lens import Lens
+from mitt.vision.resampling import is_bent
 
 SCHEMA = "mitt.cell/1"
 
@@ -69,7 +71,7 @@ class SourcePart(Part):
         sigma: Standard deviation of each coordinate [m].
         latency: By how much stamps are later than the exposure [s].
         memory: Of images: name of the shared memory that they come through.
-        rig: Of images: RIG.toml of cameras without distortion; that of ``mitt catch`` if left out.
+        rig: Of images: RIG.toml; that of ``mitt catch`` if left out.
         calibration_px: Of images: error of the image places that the calibration leaves [px].
     """
 
@@ -94,7 +96,8 @@ class RobotPart(Part):
         takes: What its drives are commanded.
         rate: Readings and commands a second [Hz].
         watchdog: Time without a command after which it brakes by itself [s].
-        delay: Time from reading the joints until the torque commanded then ceases to act [s].
+        delay: Time from reading the joints until the command made then ceases to act [s].
+        servo: Bandwidth of its own joint control, where it takes no torques [Hz].
         joints: Names of the active joints at the robot, in the arm's order; the arm's if left out.
         options: Options of the driver.
     """
@@ -104,6 +107,7 @@ class RobotPart(Part):
     rate: _Positive = 1000.0
     watchdog: Annotated[float, Field(ge=0.002, le=1.0)] = 0.02
     delay: Annotated[float, Field(ge=0.0, le=0.02)] = 0.002
+    servo: Annotated[float, Field(ge=0.5, le=100.0)] = 8.0
     joints: list[_Name] | None = None
     options: dict[str, str | float | bool] = Field(default_factory=dict)
 
@@ -159,7 +163,7 @@ def read_cell(name_or_path: str | Path) -> Cell:
     Raises:
         FileError: The file cannot be read, or does not say what it should.
     """
-    path = Path(name_or_path)
+    path = checks.path("cell", name_or_path)
     if path.suffix != ".toml":
         if str(name_or_path) not in shipped():
             raise FileError(str(name_or_path), f"a .toml file, or one of {', '.join(shipped())}",
@@ -228,16 +232,21 @@ def around_of(cell: Cell, arm: Arm) -> Surroundings:
 
 
 def rig_of(cell: Cell) -> Rig:
-    """Return the cameras of a cell; those of ``mitt catch`` where it names none.
+    """Return the cameras of a cell, straightened; those of ``mitt catch`` where it names none.
 
     Raises:
         FileError: The rig cannot be read.
-        InputError: Its images are distorted: the live loop does not straighten them.
+    """
+    return fixed_rig() if cell.source.rig is None else read_rig(Path(cell.source.rig)).rig()
+
+
+def lenses_of(cell: Cell) -> tuple[Lens, ...]:
+    """Return the lenses by which the images of a cell are bent; none where none is.
+
+    Raises:
+        FileError: The rig cannot be read.
     """
     if cell.source.rig is None:
-        return fixed_rig()
-    found = read_rig(Path(cell.source.rig))
-    if any(np.any(c.lens.numbers[4:]) for c in found.cameras):
-        raise InputError(f"{cell.name} source.rig", "cameras without distortion", "distorted ones",
-                         do="let the camera's driver straighten its images")  # fmt: skip
-    return found.rig()
+        return ()
+    found = tuple(c.lens for c in read_rig(Path(cell.source.rig)).cameras)
+    return found if any(map(is_bent, found)) else ()

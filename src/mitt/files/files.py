@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from mitt import checks
 from mitt.errors import FileError, InputError
 from mitt.reading import MAX_JSON_BYTES, read_text
 
@@ -35,6 +36,7 @@ def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
     Raises:
         FileError: The file cannot be written; what stood there before is untouched.
     """
+    path = checks.path("file", path)
     with _reported(path, _FILE):
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")

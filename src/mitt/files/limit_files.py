@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from mitt import checks
 from mitt.errors import FileError, MittError, UnknownNameError
 from mitt.files.schema import Finite, Part, parsed
 from mitt.reading import read_toml
@@ -52,7 +53,7 @@ def read_limits(name_or_path: str | Path) -> LimitSet:
         UnknownNameError: No set is called that.
         FileError: The file cannot be read, or does not say what it should.
     """
-    path, ships = Path(name_or_path), False
+    path, ships = checks.path("limits", name_or_path), False
     if path.suffix != ".toml":
         if str(name_or_path) not in shipped():
             known = (*known_limits(), "a .toml file")

@@ -10,7 +10,8 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from mitt.errors import FileError, MittError
+from mitt import checks
+from mitt.errors import FileError, InputError, MittError
 from mitt.files.files import read_json, write_json
 from mitt.files.schema import Finite, Part, parsed
 from mitt.generator.design import MapDesign, tangent_of
@@ -65,8 +66,16 @@ class _MapFile(Part):
 
 
 def save_map(path: Path, learned: Learned, *, version: str) -> None:
-    """Write a learned map."""
-    write_json(path, map_content(learned, version=version))
+    """Write a learned map.
+
+    Raises:
+        InputError: Nothing was learned, or an argument is not what it should be.
+        FileError: The file cannot be written.
+    """
+    learned = checks.instance("learned", learned, Learned)
+    if not np.all(np.isfinite(learned.map.region)):
+        raise InputError("learned", "a map that was learned from flights", "one that was not")
+    write_json(path, map_content(learned, version=checks.text("version", version)))
 
 
 def map_content(learned: Learned, *, version: str) -> dict[str, object]:
@@ -100,6 +109,7 @@ def read_map(path: Path, arm: Arm) -> Learned:
         FileError: The file is missing, cut short, altered, of another schema or of a later
             version, or was learned for another arm or other limits.
     """
+    arm = checks.instance("arm", arm, Arm)
     return map_of(read_json(path), arm, place=str(path))
 
 

@@ -1,15 +1,39 @@
 """JSON and TOML files of ours, checked against a model of their content."""
 
-from typing import Annotated, Any, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from mitt.errors import FileError
+from mitt import checks
+from mitt.errors import FileError, InputError
+
+if TYPE_CHECKING:
+    from pydantic._internal._model_construction import ModelMetaclass as _ModelMetaclass
+else:
+    _ModelMetaclass = type(BaseModel)
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
-class Part(BaseModel):
+class OneLine(_ModelMetaclass):
+    """What makes a model: wrong values given in Python are one line, as those of a file are."""
+
+    def __call__(cls, *args: Any, **values: Any) -> Any:  # noqa: ANN401, N805 (as the model has them)
+        """Make a model.
+
+        Raises:
+            InputError: A value cannot be used; the message names the field.
+        """
+        try:
+            return super().__call__(*args, **values)
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            field = ".".join(str(part) for part in (cls.__name__, *first["loc"]))
+            wanted = first["msg"].removeprefix("Input should be ")
+            raise InputError(field, wanted, checks.shown(first["input"])) from None
+
+
+class Part(BaseModel, metaclass=OneLine):
     """Part of a file; unknown keys are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")

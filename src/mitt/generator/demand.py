@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mitt import fields
 from mitt.jit import kernel
 from mitt.robot.arm import Arm, Tables, trusted_deceleration
 from mitt.robot.dynamics import dynamics_scratch, inverse_dynamics
@@ -22,6 +23,9 @@ from mitt.signals import Array
 
 #: Time after the catch in which the hand closes and the arm still follows [s].
 _GRASP = 0.012
+#: Least and largest share that may be tolerated; an infinite one refuses nothing.
+_TOLERANCES = {"torque": (0.0, np.inf), "speed": (0.0, np.inf), "acceleration": (0.0, np.inf),
+               "strength": (1e-6, 1e3)}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,6 +49,10 @@ class Tolerance:
     speed: float = 1.6
     acceleration: float = 1.6
     strength: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be; InputError names the field."""
+        fields.check(self, _TOLERANCES)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -207,7 +207,7 @@ def tangent_of(arm: Arm, design: MapDesign) -> Tangent:
     i = design.catch_joint
     if not arm.q_min[i] < design.q_catch < arm.q_max[i]:
         room = f"an angle in {arm.q_min[i]:.3f}..{arm.q_max[i]:.3f} rad"
-        raise ModelError("q_catch", room, f"{design.q_catch:.3f}")
+        raise ModelError("q_catch", room, f"{design.q_catch:.3f}", do="angles are in rad")
     if not 1.0 <= design.kappa <= 100.0:
         raise ModelError("kappa", "a ratio in 1..100", design.kappa)
     if not -100.0 <= design.inward <= 100.0:

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from mitt.generator.inverse import lift
 from mitt.generator.packing import jet_rows, unfold, unpack
 from mitt.generator.polynomial import jets
-from mitt.generator.tangent import lift
 from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.views import view

@@ -80,6 +80,12 @@ class Verdict:
     probability: float = np.nan
     approach: Approach | None = field(default=None, compare=False, repr=False)
 
+    def __str__(self) -> str:
+        """Say it in a few words, as ``feasible: 83 % of brake:j4, catch at 0.498 s``."""
+        asked = f"{100.0 * self.share:.0f} % of " if np.isfinite(self.share) else ""
+        when = f", catch at {self.t_catch:.3f} s" if np.isfinite(self.t_catch) else ""
+        return f"{self.outcome.value}: {asked}{self.binding_limit}{when}"
+
     @property
     def margin(self) -> float:
         """What is left of the binding limit, as a share of it; negative beyond it."""

@@ -1,11 +1,12 @@
 """Generators of desired joint motion behind one call; rivals implement the same methods."""
 
 from dataclasses import dataclass, field, replace
-from typing import Protocol, Self, final, runtime_checkable
+from typing import Protocol, Self, TypeAlias, final, runtime_checkable
 
 import numpy as np
 
 from mitt import checks
+from mitt.errors import InputError
 from mitt.generator.demand import Tolerance
 from mitt.generator.feasibility import (
     Outcome,
@@ -16,8 +17,10 @@ from mitt.generator.feasibility import (
     sharpness,
     unsettled,
 )
+from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap
 from mitt.generator.online import Online, Refinement
+from mitt.robot.arm import Arm
 from mitt.robot.shapes import Surroundings
 from mitt.signals import Array, BallState, JointReference
 
@@ -80,8 +83,13 @@ class Direct:
     learned: DirectMap | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what is no map."""
+        """Refuse what is no map, no tolerance, and no online step."""
         checks.instance("map", self.map, DirectMap)
+        checks.instance("tolerance", self.tolerance, Tolerance)
+        if self.online is not None:
+            checks.instance("online", self.online, Online)
+        if self.learned is not None:
+            checks.instance("learned", self.learned, DirectMap)
 
     def sharpness(self, ball: BallState) -> float:
         """Fly the estimate on to the catch."""
@@ -100,7 +108,7 @@ class Direct:
 
     def unsettled(self, ball: BallState, q: Array) -> bool:
         """Look whether the ball is led and its catch far ahead or outside the region."""
-        checks.vector("q", q, self.map.arm.n)
+        checks.vector("q", q, self.map.arm.n, finite=True)
         return unsettled(self.map, ball)
 
     def returns(self, ball: BallState) -> bool:
@@ -129,6 +137,7 @@ class Direct:
 
     def certificate(self, ball: BallState) -> Verdict | None:
         """Return the certificate of the course last refined; None without one."""
+        ball = checks.instance("ball", ball, BallState)
         if self.online is None:
             return None
         return self.online.certify(self.map.alpha, ball, tolerance=self.tolerance)
@@ -190,3 +199,48 @@ class Unoptimised:
     def as_map(self) -> DirectMap:
         """Hand the map over."""
         return self.map
+
+
+GeneratorLike: TypeAlias = Generator | DirectMap | Learned
+"""What is taken for a generator: itself, a map, or what :func:`mitt.learn` returned."""
+
+
+def generator_of(given: object, *, name: str = "generator") -> Generator:
+    """Return a generator as a user gives one: itself, a map, or what :func:`mitt.learn` returned.
+
+    Raises:
+        InputError: It is none of them; it is called ``name``.
+    """
+    given = given.map if isinstance(given, Learned) else given
+    if isinstance(given, DirectMap):
+        return Direct(given)
+    if not isinstance(given, Generator) or isinstance(given, type):
+        wanted = "a generator, a map, or what mitt.learn returned"
+        raise InputError(name, wanted, checks.shown(given))
+    return given
+
+
+def map_of(generator: Generator) -> DirectMap | None:
+    """Return the map that a generator evaluates; None for one of another kind."""
+    return generator_of(generator).as_map()
+
+
+def for_arm(arm: Arm, given: object) -> tuple[Generator, DirectMap | None]:
+    """Return a generator as a user gives one for an arm, and the map that it evaluates, if any.
+
+    Raises:
+        InputError: It is none, or its map is for an arm of other joints, lengths or masses.
+    """
+    generator = generator_of(given)
+    f = generator.as_map()
+    if f is not None:
+        check_arm(arm, f)
+    return generator, f
+
+
+def check_arm(arm: Arm, f: DirectMap) -> None:
+    """Refuse a map that was learned for an arm of other joints, lengths or masses."""
+    same = f.arm.names == arm.names and np.array_equal(f.arm.bodies, arm.bodies)
+    if f.arm is not arm and not same:
+        raise InputError("generator", f"a map for {arm}", f"one for {f.arm}",
+                         do="learn a map for this arm")  # fmt: skip

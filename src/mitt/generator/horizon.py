@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.ball.flight import acceleration, advance
+from mitt.generator.inverse import lift
 from mitt.generator.packing import unfold, unpack
 from mitt.generator.polynomial import jets
-from mitt.generator.tangent import lift
 from mitt.jit import kernel
 from mitt.signals import Array
 

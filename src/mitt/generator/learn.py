@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mitt import fields
 from mitt.errors import InputError
 from mitt.generator.constraints import initial_matrix, project, shift
 from mitt.generator.demand import demand
@@ -37,6 +38,11 @@ _HALVINGS, _PENALTY = 6, 10.0
 _FEWEST = 0.5
 
 
+#: Least and largest number of each setting; choices of this project.
+_RANGES = {"steps": (0, 10**4), "tolerance": (0.0, 1.0), "share": (0.01, 100.0),
+           "near": (0.0, 100.0)}  # fmt: skip
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearnSettings:
     """How to learn.
@@ -52,6 +58,10 @@ class LearnSettings:
     tolerance: float = 1e-3
     share: float = 0.92
     near: float = 0.6
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be; InputError names the field."""
+        fields.check(self, _RANGES)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -27,6 +27,8 @@ from mitt.generator.tangent import Scratch, Tangent, expand, follow, scratch_of
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState, JointReference, MapStatus
 
+#: How far beyond its range a joint's angle cannot be meant any more: a turn [rad].
+_TURN = 2.0 * np.pi
 #: What maps with the same design, basis and metric have in common, once it has been computed.
 _SHARED = ("tangent", "packed", "H_inverse", "window", "work", "start")
 
@@ -70,7 +72,7 @@ class DirectMap:
         arrays = {
             "alpha": checks.array("alpha", self.alpha, (m, n), finite=True),
             "H": checks.array("H", self.H, (size, size), finite=True),
-            "region": checks.array("region", self.region, (2, n)),
+            "region": checks.numbers("region", checks.array("region", self.region, (2, n))),
         }
         for name, value in arrays.items():
             object.__setattr__(self, name, value)
@@ -152,7 +154,11 @@ class DirectMap:
             alpha: Coefficients instead of the map's own [rad], shape (m, n).
         """
         path = checks.array("path", path, (None, 3, 3))
-        alpha = self.alpha if alpha is None else checks.array("alpha", alpha, self.alpha.shape)
+        alpha = (
+            self.alpha
+            if alpha is None
+            else checks.array("alpha", alpha, self.alpha.shape, finite=True)
+        )
         rows, out = np.zeros((6, self.arm.n)), np.empty((len(path), 3, self.arm.n))
         of = self.packed, self.basis.powers, self.window, alpha
         references(*of, path, self.start, rows, out, self.work)
@@ -171,8 +177,11 @@ class DirectMap:
 
     def bend(self, q: Array) -> Array:
         """Return g(q) = q + b(q) of eqs. (7) and (11) [rad], shape (n,)."""
-        still, q = np.zeros(3), checks.vector("q", q, self.arm.n)
-        b: Array = self.basis.jets(q[list(self.design.free)], still, still)[0] @ self.alpha
+        still, q = np.zeros(3), checks.vector("q", q, self.arm.n, finite=True)
+        with np.errstate(over="ignore", invalid="ignore"):
+            b: Array = self.basis.jets(q[list(self.design.free)], still, still)[0] @ self.alpha
+        if not np.all(np.isfinite(b)):
+            raise InputError("q", "angles near those of the arm [rad]", "far larger ones")
         return q + b
 
     def catch_gap(self, r_o: Array) -> Array:
@@ -181,7 +190,7 @@ class DirectMap:
         It and its rate vanish at the catch, eq. (3), for any alpha (the rate at kappa = 1 and
         inward = 0).
         """
-        r_o = checks.vector("r_o", r_o, 3)
+        r_o = checks.vector("r_o", r_o, 3, finite=True)
         _, q_o = self.to_joints(r_o)
         gap: Array = self.arm.position(self.bend(q_o)) - r_o
         return gap
@@ -207,7 +216,7 @@ class DirectMap:
     def _expanded(self, name: str, q_o: Array) -> Scratch:
         """Return buffers of this call's own, with l_c and J_c at virtual joints, shape (n,)."""
         scratch = scratch_of(self.arm.n)
-        expand(self.tangent, checks.vector(name, q_o, self.arm.n), scratch)
+        expand(self.tangent, checks.vector(name, q_o, self.arm.n, finite=True), scratch)
         return scratch
 
     def reference(self, ball: BallState) -> JointReference:
@@ -255,6 +264,9 @@ class DirectMap:
         """Return alpha of :meth:`adapt` [rad], shape (m, n); None outside the domain."""
         ball = checks.instance("ball", ball, BallState)
         q, dq = (checks.vector(*x, self.arm.n, finite=True) for x in (("q", q), ("dq", dq)))
+        if np.any(q < self.arm.q_min - _TURN) or np.any(q > self.arm.q_max + _TURN):
+            wanted = f"joints of {', '.join(self.arm.names)}, in their ranges"
+            raise InputError("q", wanted, q.tolist(), do="angles are in rad")
         inside, rows = self.virtual(np.array([ball.r_o, ball.dr_o, ball.ddr_o]))
         if not inside:
             return None

@@ -24,7 +24,7 @@ from typing import Any, final
 import daqp
 import numpy as np
 
-from mitt import checks
+from mitt import checks, fields
 from mitt.generator.approach import palm_of
 from mitt.generator.clearance import space_of
 from mitt.generator.demand import Tolerance
@@ -61,6 +61,14 @@ class Refinement(Enum):
     FAILED = "failed"  # the solver's answer was not finite or broke the continuity
 
 
+#: Least and largest number of each setting; choices of this project.
+_RANGES = {
+    "pull": (0.0, 1e12), "share": (0.01, 100.0), "near": (0.0, 100.0), "weight": (0.0, 1e12),
+    "until": (0.0, 100.0), "lead": (0.0, 1.0), "halvings": (0, 100), "ball_radius": (1e-3, 1.0),
+    "gap": (0.0, 1.0),
+}  # fmt: skip
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OnlineSettings:
     """How to refine.
@@ -87,6 +95,10 @@ class OnlineSettings:
     halvings: int = 2
     ball_radius: float = 0.04
     gap: float = 0.02
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be; InputError names the field."""
+        fields.check(self, _RANGES)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

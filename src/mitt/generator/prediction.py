@@ -17,18 +17,17 @@ from math import exp
 import numpy as np
 
 from mitt.ball.flight import (
-    GRAVITY,
     STATES,
     TRACK,
     acceleration,
     advance,
     advance_uncertain,
 )
+from mitt.generator.inverse import invert
 from mitt.generator.mapping import DirectMap
 from mitt.generator.packing import unfold, unpack
-from mitt.generator.tangent import invert
 from mitt.jit import kernel
-from mitt.signals import Array, BallState
+from mitt.signals import GRAVITY, Array, BallState
 
 #: How far ahead a ball is flown [s], in what steps, and halvings of the step of the catch.
 _HORIZON, _STRIDE, _HALVINGS = 1.0, 0.01, 12

@@ -14,11 +14,12 @@ from math import erf, sqrt
 import numpy as np
 
 from mitt.generator.horizon import LATE, Course
+from mitt.generator.inverse import lift, solve3
 from mitt.generator.packing import unfold, unpack
 from mitt.generator.polynomial import jets
 from mitt.generator.sqp_step import Buffers, Map
 from mitt.generator.stopping import spare
-from mitt.generator.tangent import expand, follow_rate, lift, solve3
+from mitt.generator.tangent import expand, follow_rate
 from mitt.generator.utilization import Plant, asked_of
 from mitt.jit import kernel
 from mitt.robot.dynamics import inverse_dynamics

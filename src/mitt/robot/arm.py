@@ -16,9 +16,9 @@ from mitt import checks
 from mitt.errors import InputError, ShapeError
 from mitt.robot.chain import chain_of, motion_of, place
 from mitt.robot.description import ArmModel, Brake, transform
-from mitt.robot.dynamics import GRAVITY, bodies_of, dynamics_scratch, inverse_dynamics, torques
+from mitt.robot.dynamics import bodies_of, dynamics_scratch, inverse_dynamics, torques
 from mitt.robot.limits import Limits
-from mitt.signals import Array
+from mitt.signals import GRAVITY, Array
 
 Tables: TypeAlias = tuple[Array, Array, NDArray[np.int64]]
 """An arm for kernels: ``Arm.bodies``, ``Limits.packed``, active joints among the links."""
@@ -64,8 +64,8 @@ class _Scratch(threading.local):
 class Arm:
     """An arm with its limit set.
 
-    Its methods check the shapes of what they are given, and may be called from several threads.
-    A copy is built from the same table; NaN among the numbers given leads to NaN.
+    Its methods take finite numbers of the right shape and refuse others; they may be called from
+    several threads. A copy is built from the same table.
 
     Attributes:
         model: The table it was built from.
@@ -164,7 +164,7 @@ class Arm:
         Args:
             motion: q, dq, ddq [rad ...], shape (K, 3, n).
         """
-        motion = checks.array("motion", motion, (None, 3, self.n))
+        motion = checks.array("motion", motion, (None, 3, self.n), finite=True)
         tau = np.empty((len(motion), len(self.bodies)))
         torques(self.bodies, motion, tau, self._scratch.notes)
         return tau
@@ -236,8 +236,8 @@ class Arm:
         return M
 
     def _checked(self, name: str, x: Array) -> Array:
-        """Return numbers of the active joints as kernels take them; refuse any other shape."""
-        return checks.vector(name, x, self.n)
+        """Return numbers of the active joints as kernels take them; refuse any others."""
+        return checks.vector(name, x, self.n, finite=True)
 
 
 def trusted_deceleration(arm: Arm, q: Array, strength: float = 1.0) -> Array:

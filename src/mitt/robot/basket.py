@@ -29,6 +29,10 @@ from mitt.signals import Array
 _RING, _STRUTS, _FLANGE = 0.35, 0.45, 0.20
 #: Gap between a basket that lies across the plate and the plate [m].
 _GAP = 0.01
+#: Largest tilt [rad].
+MOST_TILT = 2.0
+#: Lengths that a basket cannot be without.
+_LENGTHS = ("ring_radius", "ring_thickness", "depth", "cord", "strut", "flange")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,6 +72,21 @@ class Basket:
     flange: float = 0.04
     tilt: float = 0.0
     restitution: float = 0.06
+
+    def __post_init__(self) -> None:
+        """Refuse a basket that nobody can build."""
+        bounds = dict.fromkeys(_LENGTHS, (1e-4, 2.0)) | {
+            "mass": (1e-3, 50.0), "floor": (0.0, 2.0), "clear": (0.0, 2.0),
+            "catch_depth": (0.0, self.depth), "tilt": (-MOST_TILT, MOST_TILT),
+            "restitution": (0.0, 1.0),
+        }  # fmt: skip
+        for name, (least, most) in bounds.items():
+            if not least <= checks.number(f"basket.{name}", getattr(self, name)) <= most:
+                raise InputError(f"basket.{name}", f"a number in {least:g}..{most:g}",
+                                 getattr(self, name))  # fmt: skip
+        checks.whole("basket.struts", self.struts, least=2, most=100)
+        if checks.whole("basket.cords", self.cords, least=6, most=200) % 2:
+            raise InputError("basket.cords", "an even number", self.cords)
 
     @property
     def ring_height(self) -> float:

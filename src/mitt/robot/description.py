@@ -159,6 +159,9 @@ class ArmModel:
         mount: Frame of the base in the world frame, shape (4, 4).
         aim: Centre and half-widths of the box at which default throws are aimed, and around which
             maps are learned, world frame [m], shape (2, 3); that of docs/throws.md where None.
+        arrivals: How balls come there, least and most: speed [m/s], descent [rad], azimuth off +x
+            [rad], time of flight before [s], shape (4, 2); as default throws do where None. Maps
+            are learned on them.
         notes: What a user should know of how the arm was read from its file.
     """
 
@@ -170,10 +173,11 @@ class ArmModel:
     base_capsules: tuple[Capsule, ...]
     mount: Array
     aim: Array | None = None
+    arrivals: Array | None = None
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse an arm without links or joints, and arrays of other shapes."""
+        """Refuse an arm without links or joints, other shapes, and a pose out of range."""
         if not self.links:
             raise ModelError("links", "at least one link", "none")
         for link in checks.instance("links", self.links, tuple):
@@ -184,8 +188,16 @@ class ArmModel:
         _keep(self, "mount", checks.array("mount", self.mount, (4, 4), finite=True))
         if self.aim is not None:
             _keep(self, "aim", checks.array("aim", self.aim, (2, 3), finite=True))
+        if self.arrivals is not None:
+            _keep(self, "arrivals", checks.array("arrivals", self.arrivals, (4, 2), finite=True))
         q_ready = checks.vector("q_ready", self.q_ready, len(self.active), finite=True)
         _keep(self, "q_ready", q_ready)
+        moving = [link for link in self.links if link.held is None]
+        for link, q in zip(moving, q_ready.tolist(), strict=True):
+            if not link.q_min <= q <= link.q_max:
+                wanted = f"a position in {link.q_min:.3f}..{link.q_max:.3f}"
+                raise ModelError(f"ready pose of {link.name}", wanted, f"{q:g}",
+                                 do="angles are in rad, in the order of the joints")  # fmt: skip
 
     @property
     def active(self) -> tuple[int, ...]:

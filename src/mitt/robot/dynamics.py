@@ -38,10 +38,8 @@ from mitt.robot.vectors import (
     unturn,
     vec_at,
 )
-from mitt.signals import Array
+from mitt.signals import GRAVITY, Array
 
-#: Standard gravity rounded as usual in robotics [m/s^2].
-GRAVITY = 9.81
 #: Columns of the table: rotation (from 0) and position of the joint frame, joint axis, whether it
 #: slides, mass, centre, inertia, rotor, index among the active joints.
 P, AXIS, SLIDES, MASS, COM, INERTIA, ROTOR, JOINT, _COLUMNS = 9, 12, 15, 16, 17, 20, 29, 30, 31

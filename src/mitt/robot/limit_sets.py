@@ -15,7 +15,7 @@ KINDS = ("lower", "upper", "speed", "acceleration", "jerk", "torque", "torque_ra
 N m/s (of a sliding joint m and N in the place of rad and N m)."""
 
 #: Names of joints that tell nothing of the arm.
-_BARE = re.compile(r"(joint|jnt|axis|j|a|q)?[ _-]*\d*", re.IGNORECASE)
+_BARE = re.compile(r"(actuator|joint|jnt|axis|j|a|q)?[ _-]*\d*", re.IGNORECASE)
 #: Share of a file's figure up to which a set's is the same but for rounding.
 _ROUNDED = 1.002
 
@@ -57,9 +57,10 @@ class LimitSet:
     def fitted(self, names: Sequence[str]) -> dict[str, dict[str, float]]:
         """Return the bounds of an arm's joints, each kind by the arm's own names.
 
-        Joints fit by name if each joint of the set ends the name of one joint of the arm, in the
-        same order; else by order, if both have as many. A set that ships fits by order only
-        where the arm's names tell nothing of the arm, as ``joint_1`` or ``A1`` do.
+        Joints fit by name if each joint of the set ends the name of one joint of the arm, those of
+        a set that ships in the same order. A set of which no name fits is taken by order, if both
+        have as many joints; one that ships only where the arm's names tell nothing of the arm, as
+        ``joint_1`` or ``A1`` do.
 
         Args:
             names: All joints of the arm, from the base outwards.
@@ -68,7 +69,8 @@ class LimitSet:
             ModelError: The set is of another arm.
         """
         pairs = self._by_name(names)
-        told = self.shipped and not all(_BARE.fullmatch(x) for x in names)
+        some = any(name.endswith(joint) for name in names for joint in self.joints)
+        told = not all(_BARE.fullmatch(x) for x in names) if self.shipped else some
         if pairs is None and len(names) == len(self.joints) and not told:
             pairs = list(enumerate(names))
         if pairs is None:
@@ -91,7 +93,7 @@ class LimitSet:
             own: What its file states, by kind and name.
         """
         notes = []
-        if self.shipped and self._by_name(names) is None:
+        if self._by_name(names) is None:
             notes.append(f"limits {self.name}: the names of the joints do not say whether they are"
                          " of this arm; taken in their order")  # fmt: skip
         bounds = self.fitted(names)
@@ -116,4 +118,6 @@ class LimitSet:
                 return None
             pairs.append((k, ends[0]))
         order = [list(names).index(name) for _, name in pairs]
-        return pairs if order == sorted(set(order)) else None
+        if len(set(order)) < len(order):
+            return None
+        return None if self.shipped and order != sorted(order) else pairs

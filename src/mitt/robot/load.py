@@ -63,22 +63,17 @@ def load_arm(
         checks.instance("tip", tip, str)
     if hand is not None:
         hand = hand_named(hand) if isinstance(hand, str) else checked_hand(hand)
-    if not isinstance(name_or_path, str | Path):
-        raise InputError("arm", "a name or a path", checks.shown(name_or_path))
+    path = checks.path("arm", name_or_path)
     names = _names(joints)
     turn = checks.number("hand_turn", hand_turn, finite=True)
-    if hand_mount not in MOUNTS:
-        raise UnknownNameError("hand_mount", checks.shown(hand_mount), MOUNTS)
-    held = {
-        checks.instance("held", k, str): checks.number(f"held {k}", x, finite=True)
-        for k, x in (held or {}).items()
-    }
+    checks.one_of("hand_mount", hand_mount, MOUNTS)
+    held = _angles(held)
     if str(name_or_path) == "wam":
         if tip is not None:
             raise ModelError("arm wam", "no tip: it is fixed", tip)
         model, set_of = _wam(hand or HandModel(), names, held, turn), _wam_limits(limits)
         return Arm(_with_encoders(_with_ready(model, names, ready), encoder_step), set_of)
-    arm = _from_file(Path(name_or_path), tip, names, ready, limits, (held, hand, turn, hand_mount))
+    arm = _from_file(path, tip, names, ready, limits, (held, hand, turn, hand_mount))
     return arm if encoder_step is None else with_encoders(arm, encoder_step)
 
 
@@ -125,6 +120,15 @@ def _names(joints: Sequence[str] | None) -> tuple[str, ...]:
     return tuple(checks.instance("joints", joint, str) for joint in joints)
 
 
+def _angles(held: Mapping[str, float] | None) -> dict[str, float]:
+    """Return angles [rad] by joint; none where they were left out."""
+    given = {} if held is None else checks.mapping("held", held)
+    return {
+        checks.text("held", name): checks.number(f"held {name}", angle, finite=True)
+        for name, angle in given.items()
+    }
+
+
 def _wam(hand: Hand, names: tuple[str, ...], held: Mapping[str, float], turn: float) -> ArmModel:
     """Return the WAM with all but the named joints held; joint 3 where none is named."""
     full = wam(hand, held_3=None)
@@ -143,7 +147,8 @@ def _wam(hand: Hand, names: tuple[str, ...], held: Mapping[str, float], turn: fl
     )
     for x in links:
         if x.held is not None and not x.q_min <= x.held <= x.q_max:
-            raise InputError(f"held {x.name}", f"an angle in {x.q_min:g}..{x.q_max:g}", x.held)
+            raise InputError(f"held {x.name}", f"an angle in {x.q_min:g}..{x.q_max:g}", x.held,
+                             do="angles are in rad")  # fmt: skip
     q_ready = np.array([q for x, q in zip(known, full.q_ready, strict=True) if x in active])
     about_z = transform(rotation(np.array([0.0, 0.0, 1.0]), turn)) if turn else np.eye(4)
     tool = full.tool @ about_z @ mounting(hand)[1]

@@ -13,10 +13,10 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
+from mitt import checks
 from mitt.errors import FileError, heard
 from mitt.reading import read_text
 from mitt.robot.description import rotation
-from mitt.robot.dynamics import GRAVITY
 from mitt.robot.meshes import (
     Meshes,
     box_points,
@@ -39,7 +39,7 @@ from mitt.robot.mjcf_joints import (
 )
 from mitt.robot.stated import Shape, Stated
 from mitt.robot.urdf import MAX_BYTES, checked_xml
-from mitt.signals import Array
+from mitt.signals import GRAVITY, Array
 
 _HOW = (
     "state it in the file (actuatorfrcrange, forcerange, numeric velocity_limit_JOINT)"
@@ -55,6 +55,7 @@ def read_mjcf(path: Path) -> Stated:
     Raises:
         FileError: It cannot be read or compiled, or a body has no mass but that of its meshes.
     """
+    path = checks.path("arm", path)
     text = read_text(path, max_bytes=MAX_BYTES)
     root = checked_xml(path, text)
     if root.tag != "mujoco":

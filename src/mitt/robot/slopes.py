@@ -17,7 +17,8 @@ force field 2 m w x v(r): 2 w x p, with the moment 2 (tr(K) w - K' w).
 import numpy as np
 
 from mitt.jit import kernel
-from mitt.robot.dynamics import AXIS, COM, GRAVITY, INERTIA, JOINT, MASS, ROTOR, SLIDES, P
+from mitt.robot.dynamics import AXIS, COM, INERTIA, JOINT, MASS, ROTOR, SLIDES, P
+from mitt.robot.spatial import Pair, crossed, pair_at, plus_pair, power, put_pair
 from mitt.robot.vectors import (
     IDENTITY,
     ZERO,
@@ -34,7 +35,7 @@ from mitt.robot.vectors import (
     turn,
     vec_at,
 )
-from mitt.signals import Array
+from mitt.signals import GRAVITY, Array
 
 #: Columns of a link's working row.
 _S, _DS, _DDS, _M, _MC, _EE, _F, _W, _PP, _K, _WIDTH = 0, 6, 12, 18, 19, 22, 28, 31, 34, 37, 46
@@ -103,15 +104,15 @@ def _add_rotors(bodies: Array, M: Array) -> None:
 @kernel
 def _mass(bodies: Array, work: Array, j: int, M: Array) -> None:
     """Write row and column of M where link j comes last, with the sums beyond it."""
-    here, S = int(bodies[j, JOINT]), _pair(work, j, _S)
+    here, S = int(bodies[j, JOINT]), pair_at(work, j, _S)
     if here >= 0:
         by_ddq = _inertia(work, j, S)
         for i in range(j + 1):
-            M[i, here] = _power(_pair(work, i, _S), by_ddq)
+            M[i, here] = power(pair_at(work, i, _S), by_ddq)
     for i in range(j):
         a = int(bodies[i, JOINT])
         if a >= 0:
-            M[j, a] = _power(S, _inertia(work, j, _pair(work, i, _S)))
+            M[j, a] = power(S, _inertia(work, j, pair_at(work, i, _S)))
 
 
 @kernel
@@ -133,26 +134,26 @@ def _row_and_column(bodies: Array, work: Array, j: int, slope: Array) -> None:
     at j, the turning of axis and load together changing nothing.
     """
     here = int(bodies[j, JOINT])
-    S, dS, ddS = _pair(work, j, _S), _pair(work, j, _DS), _pair(work, j, _DDS)
+    S, dS, ddS = pair_at(work, j, _S), pair_at(work, j, _DS), pair_at(work, j, _DDS)
     if here >= 0:
         force, moment = (work[j, _F], work[j, _F + 1], work[j, _F + 2]), vec_at(work, j, _W)
         turned = cross(S[1], force), plus(cross(S[0], force), cross(S[1], moment))
-        by_q = _sum(_sum(_coriolis(work, j, dS), _inertia(work, j, ddS)), turned)
-        by_dq = _sum(
+        by_q = plus_pair(plus_pair(_coriolis(work, j, dS), _inertia(work, j, ddS)), turned)
+        by_dq = plus_pair(
             _coriolis(work, j, S), _inertia(work, j, (times(2.0, dS[0]), times(2.0, dS[1])))
         )
         for i in range(j + 1):
-            T = _pair(work, i, _S)
-            slope[0, i, here] = _power(T, by_q)
-            slope[1, i, here] = _power(T, by_dq)
+            T = pair_at(work, i, _S)
+            slope[0, i, here] = power(T, by_q)
+            slope[1, i, here] = power(T, by_dq)
     for i in range(j):
         a = int(bodies[i, JOINT])
         if a < 0:
             continue
-        T, dT, ddT = _pair(work, i, _S), _pair(work, i, _DS), _pair(work, i, _DDS)
-        slope[0, j, a] = _power(S, _sum(_coriolis(work, j, dT), _inertia(work, j, ddT)))
+        T, dT, ddT = pair_at(work, i, _S), pair_at(work, i, _DS), pair_at(work, i, _DDS)
+        slope[0, j, a] = power(S, plus_pair(_coriolis(work, j, dT), _inertia(work, j, ddT)))
         twice = times(2.0, dT[0]), times(2.0, dT[1])
-        slope[1, j, a] = _power(S, _sum(_coriolis(work, j, T), _inertia(work, j, twice)))
+        slope[1, j, a] = power(S, plus_pair(_coriolis(work, j, T), _inertia(work, j, twice)))
 
 
 @kernel
@@ -176,11 +177,11 @@ def _outwards(bodies: Array, motion: Array, work: Array) -> None:
             if joint >= 0:
                 frame = compose(frame, turn(axis, q))
             S = cross(o, w), w
-        dS = _crossed((v, omega), S)
-        ddS = _sum(_crossed((a, domega), S), _crossed((v, omega), dS))
-        _keep(work, k, _S, S)
-        _keep(work, k, _DS, dS)
-        _keep(work, k, _DDS, ddS)
+        dS = crossed((v, omega), S)
+        ddS = plus_pair(crossed((a, domega), S), crossed((v, omega), dS))
+        put_pair(work, k, _S, S)
+        put_pair(work, k, _DS, dS)
+        put_pair(work, k, _DDS, ddS)
         v, omega = plus(v, times(dq, S[0])), plus(omega, times(dq, S[1]))
         a = plus(a, plus(times(ddq, S[0]), times(dq, dS[0])))
         domega = plus(domega, plus(times(ddq, S[1]), times(dq, dS[1])))
@@ -243,7 +244,7 @@ def _second_moments(bodies: Array, k: int, R: Mat, c: Vec) -> Sym:
 
 
 @kernel
-def _inertia(work: Array, k: int, motion: tuple[Vec, Vec]) -> tuple[Vec, Vec]:
+def _inertia(work: Array, k: int, motion: Pair) -> Pair:
     """Return I times a motion (velocity at the origin u, turning w)."""
     u, w = motion
     mc = vec_at(work, k, _MC)
@@ -258,7 +259,7 @@ def _inertia(work: Array, k: int, motion: tuple[Vec, Vec]) -> tuple[Vec, Vec]:
 
 
 @kernel
-def _coriolis(work: Array, k: int, motion: tuple[Vec, Vec]) -> tuple[Vec, Vec]:
+def _coriolis(work: Array, k: int, motion: Pair) -> Pair:
     """Return 2B times a motion: the wrench of the force field 2 m w x v(r)."""
     w = motion[1]
     trace = work[k, _K] + work[k, _K + 4] + work[k, _K + 8]
@@ -268,34 +269,3 @@ def _coriolis(work: Array, k: int, motion: tuple[Vec, Vec]) -> tuple[Vec, Vec]:
     )
     moment = plus(times(trace, w), times(-1.0, back))
     return times(2.0, cross(w, vec_at(work, k, _PP))), times(2.0, moment)
-
-
-@kernel
-def _crossed(v: tuple[Vec, Vec], m: tuple[Vec, Vec]) -> tuple[Vec, Vec]:
-    """Return v x m of two spatial motions (velocity at the origin, turning)."""
-    return plus(cross(v[1], m[0]), cross(v[0], m[1])), cross(v[1], m[1])
-
-
-@kernel
-def _power(m: tuple[Vec, Vec], f: tuple[Vec, Vec]) -> float:
-    """Return the power of a load on a motion."""
-    return float(dot(m[0], f[0]) + dot(m[1], f[1]))
-
-
-@kernel
-def _sum(a: tuple[Vec, Vec], b: tuple[Vec, Vec]) -> tuple[Vec, Vec]:
-    """Return the sum of two spatial vectors."""
-    return plus(a[0], b[0]), plus(a[1], b[1])
-
-
-@kernel
-def _pair(rows: Array, k: int, at: int) -> tuple[Vec, Vec]:
-    """Return two vectors of row k from column ``at``."""
-    return vec_at(rows, k, at), vec_at(rows, k, at + 3)
-
-
-@kernel
-def _keep(rows: Array, k: int, at: int, pair: tuple[Vec, Vec]) -> None:
-    """Write two vectors to row k from column ``at``."""
-    put_at(rows, k, at, pair[0])
-    put_at(rows, k, at + 3, pair[1])

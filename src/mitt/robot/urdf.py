@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 from defusedxml import DefusedXmlException, ElementTree
 
+from mitt import checks
 from mitt.errors import FileError, heard
 from mitt.reading import read_text
 from mitt.robot.meshes import urdf_shapes
@@ -35,6 +36,7 @@ def read_urdf(path: Path) -> Stated:
         FileError: It cannot be read or parsed, has two roots, a closed chain or a joint of more
             than one degree of freedom.
     """
+    path = checks.path("arm", path)
     root = checked_xml(path, read_text(path, max_bytes=MAX_BYTES))
     if root.tag != "robot":
         raise FileError(str(path), "a URDF, <robot>...</robot>", f"<{root.tag[:40]}>")
