@@ -111,7 +111,7 @@ def recorded(case: Case, folder: Path, *, throws: int, seed: int) -> Iterator[tu
     if case.generator == "refine":
         generator = refining(f, Surroundings(floor=scene.floor))
     runner = TrialRunner(f.arm, generator, scene, pixels=case.vision == "pixels")
-    source = source_of(f, seed=seed, count=throws, drag=scene.ball.drag)
+    source = source_of(f.arm, seed=seed, count=throws, drag=scene.ball.drag)
     about = runner.about("direct" if case.generator == "refine" else case.generator, f)
     for k in range(throws):
         outcome = runner.throw(source, k, log=True, images=case.images)

@@ -1,6 +1,10 @@
-"""Balls and flights that several tests use."""
+"""Balls, flights, and packages of tutorials that several tests use."""
+
+import tomllib
+from pathlib import Path
 
 import numpy as np
+import pytest
 
 from mitt.generator.flights import Flight
 from mitt.robot.arm import Arm
@@ -32,3 +36,26 @@ def parabola(arm: Arm, rng: np.random.Generator, *, instants: int = 25) -> Fligh
     r_c, t = arm.position(q), np.linspace(-0.4, 0.01, instants)
     ball = np.array([[r_c + dr_c * s + 0.5 * g * s * s, dr_c + g * s, g] for s in t])
     return Flight(t=t + 0.45, ball=ball, seen=ball[0].copy())
+
+
+def install(package: Path, into: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a package be found with its entry points as if it were installed, for one test.
+
+    Args:
+        package: Its folder, with pyproject.toml and modules.
+        into: An empty folder.
+        monkeypatch: Takes it away after the test.
+    """
+    table = tomllib.loads((package / "pyproject.toml").read_text())["project"]
+    about = into / f"{table['name'].replace('-', '_')}-{table['version']}.dist-info"
+    about.mkdir()
+    about.joinpath("METADATA").write_text(
+        f"Metadata-Version: 2.1\nName: {table['name']}\nVersion: {table['version']}\n"
+    )
+    groups = [
+        f"[{group}]\n" + "".join(f"{name} = {at}\n" for name, at in names.items())
+        for group, names in table["entry-points"].items()
+    ]
+    about.joinpath("entry_points.txt").write_text("".join(groups))
+    for path in (into, package):
+        monkeypatch.syspath_prepend(path)

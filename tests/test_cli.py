@@ -414,7 +414,7 @@ def test_help_is_light(words: tuple[str, ...], tmp_path: Path) -> None:
     """Help names its options on stdout with status 0, without loading NumPy or a simulator."""
     code = (
         "import sys; from mitt.cli import main\n"
-        f"try: main({list(words)!r})\n"
+        f"try: status = main({list(words)!r})\n"
         "except SystemExit as leave: status = leave.code\n"
         "print([x for x in ('numpy', 'mujoco', 'numba', 'pinocchio', 'matplotlib', 'viser')"
         " if x in sys.modules], status)"

@@ -18,6 +18,8 @@ NAMED = re.compile(
 )
 #: Addresses that only an example or a test has, below folders that are made when it runs.
 MADE = re.compile(r"^(?:out|runs|DIR|tmp|package|sub)/|^callee|^caller")
+#: Most lines of a module.
+LONGEST = 300
 
 
 def committed() -> list[Path]:
@@ -60,6 +62,15 @@ def test_every_file_that_is_named_is_there() -> None:
         for name in missing(path, path.read_text(encoding="utf-8"))
     }
     assert sorted(found) == []
+
+
+def test_no_module_is_longer_than_it_should_be() -> None:
+    """300 lines."""
+    lengths = {
+        path.relative_to(PACKAGE).as_posix(): len(path.read_text().splitlines())
+        for path in PACKAGE.rglob("*.py")
+    }
+    assert [f"{x}: {n}" for x, n in lengths.items() if n > LONGEST] == []
 
 
 def test_no_function_is_longer_than_a_screen() -> None:

@@ -11,9 +11,9 @@ import mitt
 
 PROMISED = {
     "load_arm", "DirectMap", "learn", "Catcher", "simulate", "BallState", "JointReference",
-    "MittError",
+    "MittError", "Eyes", "Senses", "Scene", "Generator", "Direct", "BallFilter",
 }  # fmt: skip
-MOST = 20
+MOST = 25
 HEAVY = ("numpy", "mujoco", "numba", "pinocchio", "matplotlib", "viser", "ruckig", "pydantic")
 
 
@@ -28,7 +28,7 @@ def loaded_by(code: str) -> list[str]:
 
 
 def test_the_promised_names_are_there_and_few() -> None:
-    """The contract's names are public, and no more than twenty in all."""
+    """The contract's names are public, and no more than 25 in all."""
     assert set(mitt.__all__) >= PROMISED
     assert len(mitt.__all__) <= MOST
     assert len(set(mitt.__all__)) == len(mitt.__all__)

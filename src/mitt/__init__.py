@@ -9,29 +9,55 @@ from typing import TYPE_CHECKING
 from mitt.version import __version__
 
 if TYPE_CHECKING:
+    from mitt.ball.filter import BallFilter as BallFilter
     from mitt.catcher.catcher import Catcher as Catcher
+    from mitt.catcher.settings import CatcherSettings as CatcherSettings
+    from mitt.control.brake import plan_brake as plan_brake
     from mitt.errors import MittError as MittError
     from mitt.files.arms import load_arm as load_arm
+    from mitt.files.maps import read_map as read_map
     from mitt.generator.design import MapDesign as MapDesign
+    from mitt.generator.feasibility import Outcome as Outcome
+    from mitt.generator.feasibility import Verdict as Verdict
+    from mitt.generator.generators import Direct as Direct
+    from mitt.generator.generators import Generator as Generator
     from mitt.generator.mapping import DirectMap as DirectMap
     from mitt.signals import ArmState as ArmState
     from mitt.signals import BallState as BallState
     from mitt.signals import Command as Command
+    from mitt.signals import Frame as Frame
     from mitt.signals import JointReference as JointReference
+    from mitt.signals import Senses as Senses
+    from mitt.signals import Sighting as Sighting
     from mitt.trials.learning import learn as learn
     from mitt.trials.simulate import simulate as simulate
+    from mitt.vision.eyes import Eyes as Eyes
+    from mitt.world.scene import Scene as Scene
 
 _HOMES = {
     "ArmState": "mitt.signals",
+    "BallFilter": "mitt.ball.filter",
     "BallState": "mitt.signals",
     "Catcher": "mitt.catcher.catcher",
+    "CatcherSettings": "mitt.catcher.settings",
     "Command": "mitt.signals",
+    "Direct": "mitt.generator.generators",
     "DirectMap": "mitt.generator.mapping",
+    "Eyes": "mitt.vision.eyes",
+    "Frame": "mitt.signals",
+    "Generator": "mitt.generator.generators",
     "JointReference": "mitt.signals",
     "MapDesign": "mitt.generator.design",
     "MittError": "mitt.errors",
+    "Outcome": "mitt.generator.feasibility",
+    "Scene": "mitt.world.scene",
+    "Senses": "mitt.signals",
+    "Sighting": "mitt.signals",
+    "Verdict": "mitt.generator.feasibility",
     "learn": "mitt.trials.learning",
     "load_arm": "mitt.files.arms",
+    "plan_brake": "mitt.control.brake",
+    "read_map": "mitt.files.maps",
     "simulate": "mitt.trials.simulate",
 }
 __all__ = [  # noqa: PLE0604 (strings all the same)

@@ -64,7 +64,7 @@ def test_a_library_that_is_missing_is_said_and_left_out(
         return inner(name, *rest)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    source = source_of(taught.map, seed=1, count=1, drag=0.04)
+    source = source_of(taught.map.arm, seed=1, count=1, drag=0.04)
     said: list[str] = []
     settings = bench.BenchSettings(throws=1, repeats=20)
     rivals = bench.rivals_of(taught.map, source, [], settings, said.append)

@@ -70,7 +70,7 @@ def test_break_even_is_where_the_line_between_two_values_crosses() -> None:
 def test_paired_tests_name_the_sure_differences(study: Study) -> None:
     pair = {"pairs": 100, "only_direct": 30, "only_this": 2, "p": 1e-6, "p_holm": 2e-6}
     rows = [{"condition": "clean", "generator": "unoptimised", "against_direct": pair}]
-    assert "+28.0 (0.0001)" in str(paired_tests(study, rows))
+    assert "30 : 2 (0.0001)" in str(paired_tests(study, rows))
 
 
 def test_a_study_that_is_not_over_has_no_page(tmp_path: Path, study: Study) -> None:

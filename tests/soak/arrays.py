@@ -76,7 +76,7 @@ def sweep(examples: Examples) -> Count:
     for name, (call, right) in examples.refusals().items():
         for wanted, value in right.items():
             for wrong in nonsense(value):
-                if not (wrong is None and wanted in ("design", "scene")):
+                if not (wrong is None and wanted in ("design", "scene", "eyes", "settings")):
                     _call(f"{name}({wanted})", call, right | {wanted: wrong}, count, must=True)
     return count
 
@@ -133,7 +133,8 @@ _IGNORED: Final = {
 def _fits(name: str, wanted: str, value: Value) -> bool:
     """Say whether a value that is wrong elsewhere is right here."""
     if value is None:
-        return wanted in ("alpha", "least") or (name == "eyes.step" and wanted == "frames")
+        left_out = ("alpha", "least", "ddr_o", "t_seen", "t_first")
+        return wanted in left_out or (name == "eyes.step" and wanted == "frames")
     if name == "ArmState":  # the catcher knows how many joints there are
         return False
     shape = np.shape(value) if isinstance(value, np.ndarray | np.floating) else None

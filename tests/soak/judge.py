@@ -91,6 +91,7 @@ class Judge:
     def reset(self) -> None:
         """Forget the last command, as after a recovery."""
         self._last: Array | None = None
+        self._begun = False
         self._loaded = self._stopped = self._clear = False
 
     def fault(self, catcher: Catcher, command: Command, slowest: Array) -> str:
@@ -108,7 +109,10 @@ class Judge:
         everything = np.concatenate([told.ravel(), tau, gaze.ravel(), (hand, command.t)])
         if not np.all(np.isfinite(everything)):
             return f"not finite: {everything.tolist()}"
-        last, self._last = self._last, told
+        begun, self._begun = self._begun, bool(catcher.state.scalars[0]["begun"])
+        last, self._last = self._last if begun else None, told
+        if not self._begun and (tau.any() or not command.brakes):
+            return f"torques {tau.tolist()}, brakes {command.brakes}, and a joint was not read yet"
         if not -ROUNDING <= hand <= self._closed + ROUNDING:
             return f"hand at {hand}"
         estimated = catcher.estimated[1]

@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 from throws_on_film import RATE, Film, calibrated, film, lens_of, write_film
 
-from mitt.ball.flight import GRAVITY
 from mitt.cameras.video_writer import VideoWriter
 from mitt.cli import main
 from mitt.files.rig import CalibratedRig, write_rig
-from mitt.signals import Array, Image
+from mitt.signals import GRAVITY, Array, Image
 from mitt.tracks.see import fall_error
 from mitt.vision.camera import Camera, Rig, fixed_rig
 from mitt.vision.lens import Lens

@@ -40,7 +40,7 @@ def _outside(r: Array) -> float:
 
 
 def test_default_throws_pass_the_box(aimed: Arm) -> None:
-    source = source_of(unlearned(aimed, MapDesign()), seed=5, drag=0.04, count=20)
+    source = source_of(aimed, seed=5, drag=0.04, count=20)
     for k in range(20):
         ball = source.ball(k)
         assert isinstance(ball, Throw)
@@ -54,7 +54,7 @@ def test_default_throws_pass_the_box(aimed: Arm) -> None:
 
 
 def test_an_arm_without_a_wish_keeps_its_throws(arm: Arm, aimed: Arm) -> None:
-    mine, other = (source_of(unlearned(x, MapDesign()), seed=5, drag=0.04) for x in (arm, aimed))
+    mine, other = (source_of(x, seed=5, drag=0.04) for x in (arm, aimed))
     assert mine.aim.q_low.shape == (arm.n,)
     assert mine.ranges != other.ranges
     np.testing.assert_allclose(other.catch_point, AIM[0])

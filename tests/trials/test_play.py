@@ -30,7 +30,7 @@ ASIDE = Throw(r=np.array([3.0, 0.5, 0.5]), dr=np.array([-4.0, 3.0, 3.0]))
 
 def throws(learned: Learned, count: int) -> list[Throw]:
     """Return default throws, which fly for longer than a block of frames."""
-    source = source_of(learned.map, seed=77, count=count, drag=0.04)
+    source = source_of(learned.map.arm, seed=77, count=count, drag=0.04)
     return [ball for k in range(count) if isinstance(ball := source.ball(k), Throw)]
 
 

@@ -68,7 +68,7 @@ def test_the_recording_of_a_stopped_throw_says_when_the_brakes_engaged_and_why(
     """From the tick of the stop to the end, with the reason as an event and in the metadata."""
     f = learned.map
     scene = Scene(faults=(Encoder(kind="encoder", fault="dropout", joint=1, start=0.3),))
-    source = source_of(f, seed=91, count=1, drag=0.04)
+    source = source_of(f.arm, seed=91, count=1, drag=0.04)
     runner = TrialRunner(f.arm, Direct(f), scene, pixels=False)
     outcome, about = runner.throw(source, 0, log=True), runner.about("direct", f)
     assert outcome.log is not None

@@ -93,7 +93,10 @@ def test_stops_recoveries_and_further_throws_of_a_live_loop_replay(
     """Stopped by a person, recovered, and another throw into the same file: the same commands."""
     f, scene = learned.map, read_scene("lab")
     runner = TrialRunner(f.arm, Direct(f), scene, pixels=False)
-    source, path = source_of(f, seed=_SEED, count=2, drag=scene.ball.drag), tmp_path / "live.mcap"
+    source, path = (
+        source_of(f.arm, seed=_SEED, count=2, drag=scene.ball.drag),
+        tmp_path / "live.mcap",
+    )
     with Recorder(path, runner.about("direct", f)) as recorder:
         for throw in range(2):
             if throw:

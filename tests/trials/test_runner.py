@@ -9,13 +9,17 @@ import numpy as np
 import pytest
 
 from mitt.ball.filter import FilterConfig
+from mitt.baselines.quintic import make_quintic
 from mitt.errors import InputError, StoppedError
 from mitt.files.recording import write_recording
-from mitt.generator.generators import Direct
+from mitt.generator.feasibility import Verdict
+from mitt.generator.generators import Direct, Unoptimised
 from mitt.generator.learn import Learned
+from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
+from mitt.signals import Array, BallState, JointReference
 from mitt.trials.known import driven, known_ball
 from mitt.trials.learning import learn
 from mitt.trials.recording import recording_of
@@ -199,7 +203,7 @@ def test_simulate_takes_what_learn_returns(learned: Learned) -> None:
     found = [simulate(f, throws=1, seed=3, pixels=False) for f in (learned, learned.map)]
     assert found[0] == found[1]
     for wrong in (None, 3, [learned.map]):
-        with pytest.raises(InputError, match="DirectMap"):
+        with pytest.raises(InputError, match="f: wanted a generator, a map"):
             simulate(wrong, throws=1)  # type: ignore[arg-type]  # what is refused
     with pytest.raises(InputError, match="seed"):
         simulate(learned, throws=1, seed=-1)
@@ -237,3 +241,61 @@ def test_the_ball_is_caught_beside_whatever_else_is_bright(
     """A bright arm, a ball at rest, one that rolls, a pattern in moving light: 3 of 3 each."""
     trials = simulate(learned.map, throws=3, seed=12, scene=Scene(sensing=sensing))
     assert [trial.status for trial in trials] == ["caught"] * 3
+
+
+def test_simulate_takes_whatever_moves_an_arm(learned: Learned, tmp_path: Path) -> None:
+    """A map, what was learned, a generator of ours with or without a map, one of somebody else."""
+    f, given = learned.map, {"throws": 1, "seed": 3, "pixels": False}
+    first = simulate(learned, throws=1, seed=3, pixels=False)
+    assert simulate(Direct(f), throws=1, seed=3, pixels=False) == first
+    assert simulate(Unoptimised(f), throws=1, seed=3, pixels=False) != first
+    rival = make_quintic(f)
+    (trial,) = simulate(rival, arm=f.arm, throws=1, seed=3, pixels=False)
+    assert trial.status == "caught"
+    for wanted, moved in (
+        ("arm: wanted the arm", {"f": rival}),
+        ("record: wanted nothing", {"f": rival, "arm": f.arm, "record": tmp_path}),
+        ("f: wanted a generator", {"f": "direct"}),
+        ("generator Somebodys: wanted an answer of", {"f": Somebodys(f), "arm": f.arm}),
+    ):
+        with pytest.raises(InputError, match=wanted):
+            simulate(**(given | moved))
+
+
+class Somebodys:
+    """A generator that somebody wrote, and whose last line is not."""
+
+    def __init__(self, f: DirectMap) -> None:
+        """Take a map to begin with."""
+        self._f = Direct(f)
+
+    def sharpness(self, ball: BallState) -> float:
+        """Ask the map."""
+        return self._f.sharpness(ball)
+
+    def verdict(self, ball: BallState, q: Array) -> Verdict:
+        """Ask the map."""
+        return self._f.verdict(ball, q)
+
+    def unsettled(self, ball: BallState, q: Array) -> bool:
+        """Ask the map."""
+        return self._f.unsettled(ball, q)
+
+    def returns(self, ball: BallState) -> bool:
+        """Ask the map."""
+        return self._f.returns(ball)
+
+    def waiting(self, ball: BallState) -> BallState:
+        """Ask the map."""
+        return self._f.waiting(ball)
+
+    def adapt(self, ball: BallState, q: Array, dq: Array) -> "Somebodys":
+        """Begin anew."""
+        return Somebodys(self._f.adapt(ball, q, dq).map)
+
+    def reference(self, ball: BallState) -> JointReference:
+        """Fail."""
+        raise AttributeError(f"nothing at {ball.t}")
+
+    def as_map(self) -> None:
+        """Say that this is no map."""

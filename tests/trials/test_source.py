@@ -18,7 +18,9 @@ def source(
     flights: Path | None = None,
 ) -> Source:  # fmt: skip
     """Return a source with the files given."""
-    return source_of(f, seed=seed, count=count, throws_file=throws, flights_file=flights, drag=0.12)
+    return source_of(
+        f.arm, seed=seed, count=count, throws_file=throws, flights_file=flights, drag=0.12
+    )
 
 
 @settings(max_examples=20)
@@ -39,7 +41,7 @@ def test_a_ball_depends_on_seed_and_index_alone(plain: DirectMap, seed: int, ind
 
 def test_default_throws_follow_the_scene_s_drag(plain: DirectMap) -> None:
     """The drag of a source is what its throws are aimed with: more drag is thrown harder."""
-    thick, thin = (source_of(plain, seed=3, count=5, drag=drag) for drag in (0.3, 0.0))
+    thick, thin = (source_of(plain.arm, seed=3, count=5, drag=drag) for drag in (0.3, 0.0))
     for index in range(5):
         heavy, light = thick.ball(index), thin.ball(index)
         assert isinstance(heavy, Throw)

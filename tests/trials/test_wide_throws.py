@@ -37,7 +37,7 @@ def thrown(learned: Learned, ranges: ThrowRanges, scene: Scene) -> list[Trial]:
     """Throw a few balls by points."""
     f = learned.map
     runner = TrialRunner(f.arm, make_generator("direct", f), scene, pixels=False)
-    source: Source = source_of(f, seed=SEED, count=COUNT, drag=scene.ball.drag)
+    source: Source = source_of(f.arm, seed=SEED, count=COUNT, drag=scene.ball.drag)
     source = replace(source, ranges=ranges)
     return [runner.throw(source, k).trial for k in range(COUNT)]
 

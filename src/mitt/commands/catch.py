@@ -87,7 +87,7 @@ def prepare(options: CatchOptions) -> Prepared:
     design = design_of(options, arm) if learned is None else learned.map.design
     f = unlearned(arm, design) if learned is None else learned.map
     source = source_of(
-        f,
+        f.arm,
         seed=options.seed,
         count=options.throws,
         throws_file=options.throws_file,

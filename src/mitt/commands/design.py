@@ -1,6 +1,8 @@
 """``mitt design``: find what an arm can catch and the map that does it."""
 
+import shlex
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -16,14 +18,15 @@ from mitt.commands.screen import (
     tell_of_kernels,
     warn,
 )
+from mitt.design.arrivals import AROUND_FLIGHTS, box_of, of_flights, of_throws
 from mitt.design.design import Design, Origin, design
-from mitt.design.evaluation import Task
+from mitt.design.evaluation import ENOUGH
 from mitt.design.search import EFFORTS
 from mitt.design.speeds import default_balls, release_speed
+from mitt.design.task import Task
 from mitt.design.whole import held_as, whole_arm
 from mitt.errors import InputError, UnknownNameError
 from mitt.files.arm_file import (
-    MOST_TILT,
     ArmFile,
     hand_of,
     is_arm_file,
@@ -32,10 +35,17 @@ from mitt.files.arm_file import (
 )
 from mitt.interrupts import tell
 from mitt.robot.arm import Arm
-from mitt.robot.basket import Hand
+from mitt.robot.basket import MOST_TILT, Hand
 from mitt.sweep.engine import engine_of
+from mitt.world.flights import read_flights
 from mitt.world.scene import Scene
 from mitt.world.scenes import DEFAULT, read_scene
+from mitt.world.throws import read_throws
+
+#: How near to the base a user's throws are to be caught, as a share of the arm's length.
+_CLOSE = 0.75
+#: Options that say nothing of the design.
+_ELSEWHERE = ("arm", "out", "workers", "overwrite", "json", "check")
 
 
 def run(options: DesignOptions) -> int:
@@ -48,10 +58,9 @@ def run(options: DesignOptions) -> int:
     joints = _joints(options, whole)
     if file is not None and joints is None:
         whole, joints = _as_in(file, whole)
-    scene = read_scene(options.scene or DEFAULT)
-    reach = float(sum(np.linalg.norm(link.placement[:3, 3]) for link in whole.model.links[1:]))
-    task = Task(balls=default_balls(_aim(options), reach), scene=scene, seed=_seed(options))
-    page = _page(options)
+    scene = read_scene(options.scene or DEFAULT, flights=options.flights is not None)
+    task = _task(options, whole, scene)
+    rate, page = _rate(options), _page(options)
     if options.check:
         return checked(f"{whole.model.name}, {whole.n} joints, output to {options.out}")
     tell_of_kernels()
@@ -59,8 +68,9 @@ def run(options: DesignOptions) -> int:
     try:
         with progress() as report:
             found = design(
-                whole, task, EFFORTS[options.effort], progress=report, joints=joints, engine=engine
-            )
+                whole, task, EFFORTS[options.effort], progress=report, joints=joints,
+                engine=engine, rate=rate,
+            )  # fmt: skip
     finally:
         if engine is not None:
             engine.close(at_once=True)
@@ -71,7 +81,7 @@ def run(options: DesignOptions) -> int:
     else:
         options.out.unlink(missing_ok=True)
     written = [options.out, page] if found.usable else [page]
-    _write_page(page, found, scene, f"design {options.arm} --out {options.out}")
+    _write_page(page, found, scene, _words(options))
     warn(found.left_out, json=options.json)
     if options.json:
         tell(f"written: {', '.join(str(path) for path in written)}")
@@ -79,6 +89,33 @@ def run(options: DesignOptions) -> int:
     else:
         _show(found, written)
     return 0
+
+
+def _task(options: DesignOptions, whole: Arm, scene: Scene) -> Task:
+    """Return what is to be caught: default throws, a user's throws, or recorded flights.
+
+    Raises:
+        MittError: There are none such, or two sources of them.
+    """
+    if options.throws_file is not None and options.flights is not None:
+        raise InputError("--throws-file and --flights", "one of them", "both")
+    aim, seed, drag = _aim(options), _seed(options), scene.ball.drag
+    reach = float(sum(np.linalg.norm(link.placement[:3, 3]) for link in whole.model.links[1:]))
+    if options.flights is not None:
+        recordings = read_flights(options.flights)
+        arrivals, box = of_flights(recordings), None
+        if aim is not None:
+            box = np.array([aim, AROUND_FLIGHTS])
+        balls = arrivals.balls(aim=box, around=AROUND_FLIGHTS)
+        return Task(balls=balls, scene=scene, seed=seed, arrivals=arrivals.ranges(),
+                    recordings=recordings)  # fmt: skip
+    if options.throws_file is not None:
+        throws = read_throws(options.throws_file)
+        box = box_of(throws, drag, None if aim is None else np.array(aim), _CLOSE * reach)
+        arrivals = of_throws(throws, float(box[0, 0]), drag)
+        return Task(balls=arrivals.balls(aim=box), scene=scene, seed=seed,
+                    arrivals=arrivals.ranges(), throws=throws)  # fmt: skip
+    return Task(balls=default_balls(aim, reach), scene=scene, seed=seed)
 
 
 def _page(options: DesignOptions) -> Path:
@@ -95,6 +132,16 @@ def _page(options: DesignOptions) -> Path:
     for path in (options.out, page):
         check_new_file("--out", path, overwrite=options.overwrite)
     return page
+
+
+def _words(options: DesignOptions) -> str:
+    """Return the command that makes the same design, without what does not change it."""
+    said = ["design", options.arm, "--out", str(options.out)]
+    for field in fields(options):
+        value = getattr(options, field.name)
+        if field.name not in _ELSEWHERE and value != field.default:
+            said += [f"--{field.name.replace('_', '-')}", str(value)]
+    return shlex.join(said)
 
 
 def _write_page(path: Path, found: Design, scene: Scene, command: str) -> None:
@@ -130,10 +177,12 @@ def _as_in(file: ArmFile, whole: Arm) -> tuple[Arm, list[str] | None]:
 def origin_of(options: DesignOptions, file: ArmFile | None) -> Origin:
     """Return where the arm comes from: a name, a description file, or that of an arm file."""
     if file is not None:
+        hand = options.hand or file.hand
+        own_tilt = file.hand_tilt if hand == "basket" else 0.0
         return Origin(arm=file.arm, tip=options.tip or file.tip,
                       mount=options.mount or file.hand_mount,
-                      limits=_limits(options.limits) or file.limits, hand=options.hand or file.hand,
-                      tilt=file.hand_tilt if options.tilt is None else options.tilt)  # fmt: skip
+                      limits=_limits(options.limits) or file.limits, hand=hand,
+                      tilt=own_tilt if options.tilt is None else options.tilt)  # fmt: skip
     arm = options.arm if options.arm == "wam" else Path(options.arm)
     return Origin(arm=arm, tip=options.tip, mount=options.mount or "plate",
                   limits=_limits(options.limits), hand=options.hand or "three-finger",
@@ -184,6 +233,13 @@ def _aim(options: DesignOptions) -> list[float] | None:
     return aim
 
 
+def _rate(options: DesignOptions) -> float:
+    """Return the share of the throws that is asked for."""
+    if not ENOUGH <= options.rate <= 1.0:
+        raise InputError("--rate", f"a share from {ENOUGH:g} to 1", options.rate)
+    return options.rate
+
+
 def _seed(options: DesignOptions) -> int:
     """Return the seed of the search."""
     if not 0 <= options.seed < 2**63:
@@ -196,15 +252,14 @@ def _comment(found: Design, scene: str) -> str:
     best = found.best
     assert best is not None
     text = (
-        f"mitt design: within every limit caught {found.rate} of throws that the search had\n"
-        f"not used (scene {scene}, points), relative speed {best.speed:.2f} m/s, force"
+        f"mitt design: within every limit caught {found.rate} of\n"
+        f"{found.task.reported} (scene {scene}, points), relative speed {best.speed:.2f} m/s, force"
         f" {best.force:.0f} N (medians)"
     )
     if not found.found:
         text += (
             f"\nfor slower throws, leaving at {release_speed(found.task):.1f} m/s: no design"
-            " catches enough of the default throws.\nThese figures are of a map learned on such"
-            " throws; the flights of mitt learn arrive\nas default throws do."
+            " catches enough of the default throws."
         )
     return text
 
@@ -227,5 +282,5 @@ def _show(found: Design, written: Sequence[Path]) -> None:
             f" (medians); fastest throws: {found.fastest}; {found.seconds:.0f} s"
         )
     if not found.found:
-        show(f"{name}: no design for the default throws; {found.reason}; {found.seconds:.0f} s")
+        show(f"{name}: no design for the throws asked for; {found.reason}; {found.seconds:.0f} s")
     show(f"written: {', '.join(str(path) for path in written)}")

@@ -11,10 +11,11 @@ from tyro.conf import FlagCreatePairsOff
 import mitt
 from mitt.commands import camera_options as cameras
 from mitt.commands import options as of
+from mitt.commands.help import overview, screen
 from mitt.errors import MittError
 
 #: Options of every command; the module of ``mitt.commands`` of the same name does what is asked.
-_OPTIONS: dict[str, Callable[..., object]] = {
+COMMANDS: dict[str, Callable[..., object]] = {
     "catch": of.CatchOptions,
     "learn": of.LearnOptions,
     "design": of.DesignOptions,
@@ -42,16 +43,20 @@ def run(words: list[str]) -> int:
     if "--version" in words:
         print(mitt.__version__, flush=True)  # noqa: T201
         return 0
-    name, options = _parse(words)
+    if {"--help", "-h"} & set(words) or words == ["--help-all"]:
+        said = screen(words[0], COMMANDS[words[0]]) if words[0] in COMMANDS else overview(COMMANDS)
+        print(said, flush=True)  # noqa: T201
+        return 0
+    name, options = parse(["--help" if word == "--help-all" else word for word in words])
     status: int = import_module(f"mitt.commands.{name}").run(options)  # heavy: only when needed
     return status
 
 
-def _parse(words: list[str]) -> tuple[str, object]:
+def parse(words: list[str]) -> tuple[str, object]:
     """Return command and options; tyro's framed message becomes one line."""
     said = io.StringIO()
     # A parser of one command alone is ready five times sooner than that of all.
-    chosen = {k: v for k, v in _OPTIONS.items() if [k] == words[:1]} or _OPTIONS
+    chosen = {k: v for k, v in COMMANDS.items() if [k] == words[:1]} or COMMANDS
     try:
         with contextlib.redirect_stderr(said):
             options: object = tyro.extras.subcommand_cli_from_dict(
@@ -64,8 +69,9 @@ def _parse(words: list[str]) -> tuple[str, object]:
     except SystemExit as leave:
         if leave.code in (0, None):
             raise
-        raise MittError(_one_line(said.getvalue())) from None
-    return next(name for name, kind in _OPTIONS.items() if type(options) is kind), options
+        where = f"mitt {words[0]}" if words and words[0] in COMMANDS else "mitt"
+        raise MittError(f"{_one_line(said.getvalue())}; see {where} --help") from None
+    return next(name for name, kind in COMMANDS.items() if type(options) is kind), options
 
 
 def _one_line(framed: str) -> str:
@@ -75,4 +81,4 @@ def _one_line(framed: str) -> str:
         if not line.strip(_FRAME + " "):
             break
         words.append(line.strip(_FRAME + " "))
-    return f"{' '.join(words)}; see mitt --help"
+    return " ".join(words)

@@ -122,6 +122,9 @@ class DesignOptions:
         hand: What is mounted at the tip; that of the arm file, or three-finger, if left out.
         tilt: Angle by which a basket's opening is turned off the tip's z axis [rad].
         aim: Point that the balls are aimed at [m], as X,Y,Z; the design chooses if left out.
+        throws_file: Throws to be caught: columns x,y,z,vx,vy,vz [m, m/s]; default ones if left out.
+        flights: Recorded flights to be caught: columns flight,t_s,x_m,y_m,z_m.
+        rate: Share of the throws to be caught; the softest design that does is taken.
         scene: The world in which it is tried: a name, or a TOML file.
         effort: How much is tried: quick for a first look.
         seed: Seed of the search.
@@ -138,6 +141,9 @@ class DesignOptions:
     hand: Literal["three-finger", "basket"] | None = None
     tilt: Annotated[float | None, arg(metavar="RAD")] = None
     aim: Annotated[str | None, arg(metavar="X,Y,Z")] = None
+    throws_file: Csv = None
+    flights: Csv = None
+    rate: Annotated[float, arg(metavar="SHARE")] = 0.98
     scene: Annotated[str | None, arg(metavar="NAME|TOML")] = None
     effort: Literal["quick", "full"] = "full"
     seed: Annotated[int, arg(metavar="S")] = 0

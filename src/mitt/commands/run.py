@@ -1,9 +1,9 @@
 """``mitt run``: catch with the robot of a cell."""
 
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, closing, nullcontext
 from pathlib import Path
 
-from mitt.cell.drivers import check_driver, robot_of
+from mitt.cell.drivers import check_driver, connect
 from mitt.cell.prepare import PreparedCell, about_of, map_of, prepare
 from mitt.cell.session import Person, Session, loop_of, numbers, rehearse
 from mitt.commands.live_table import live_table
@@ -14,8 +14,11 @@ from mitt.files.cell import read_cell
 from mitt.files.files import check_folder
 from mitt.generator.mapping import DirectMap
 from mitt.interrupts import tell
-from mitt.link.realtime import hurried, uncollected
+from mitt.link.realtime import hurried, pinned, uncollected
 from mitt.link.recorder import Recorder
+
+#: Core of the loop among those allowed: the last; ``mitt sim`` takes the first.
+_CORE = -1
 
 
 def run(options: RunOptions) -> int:
@@ -35,21 +38,33 @@ def run(options: RunOptions) -> int:
     person, shown = Person(yes=options.yes), numbers()
     drawn = nullcontext() if options.json else live_table(shown)
     simulated = prepared.cell.robot.driver == "sim"  # as fast as it goes: others want to run too
-    with drawn, nullcontext("no real time") if simulated else hurried() as granted, uncollected():
-        tell(f"{_about(prepared)}; {granted}")
-        robot, frames = robot_of(prepared)
-        with recording(prepared, f, options.out) as recorder:
-            loop = loop_of(prepared, f, robot, frames, recorder)
-            session = Session(loop, robot, person, tell, throws=throws, shown=shown)
-            done = session.run()
-            robot.close()
+    in_time = nullcontext("no real time") if simulated else hurried()
+    session: Session | None = None
+    try:
+        with drawn, uncollected(), recording(prepared, f, options.out) as recorder:
+            connection = connect(prepared)
+            robot = connection.robot
+            with closing(robot):
+                loop = loop_of(prepared, f, connection, recorder)
+                session = Session(loop, robot, person, tell, throws=throws, shown=shown,
+                                  recorder=recorder)  # fmt: skip
+                with in_time as granted, pinned(_CORE):
+                    tell(f"{_about(prepared)}; {granted}")
+                    done = session.run()
+    finally:  # what was caught before an error is told all the same
+        if session is not None:
+            _show(session, json=options.json)
+    return 128 + session.signal if session.signal else int(not done)
+
+
+def _show(session: Session, *, json: bool) -> None:
+    """Print what happened in a session."""
     summary = session.summary()
-    if options.json:
+    if json:
         print_json(summary)
     else:
         show(", ".join(f"{name} {value}" for name, value in summary.items()
                        if name not in ("schema", "command_age_us")))  # fmt: skip
-    return 128 + session.signal if session.signal else int(not done)
 
 
 def recording(

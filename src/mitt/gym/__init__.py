@@ -79,7 +79,7 @@ def map_policy(env: gymnasium.Env[Any, Any]) -> Callable[[Observation], Numbers]
     Args:
         env: One of this module, wrapped or not.
     """
-    raw = env.unwrapped
+    raw = checks.instance("env", env, gymnasium.Env).unwrapped
     if not isinstance(raw, Environment):
         raise InputError("env", "an environment of mitt.gym", checks.shown(env))
     if raw.residual:

@@ -16,7 +16,7 @@ from mitt.errors import InputError
 from mitt.files.arms import load_arm
 from mitt.files.maps import read_map
 from mitt.generator.design import default_design
-from mitt.generator.generators import Direct
+from mitt.generator.generators import Direct, check_arm
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.report.figures.pictures import Faces, body_faces, painted, placed
@@ -30,7 +30,7 @@ from mitt.trials.runner import LONGEST, TrialRunner
 from mitt.trials.score import HELD_AFTER, held, status_of
 from mitt.trials.source import aim_of, ranges_of
 from mitt.world.scene import Scene
-from mitt.world.scenes import DEFAULT, read_scene
+from mitt.world.scenes import scene_from
 from mitt.world.throws import default_throw
 
 Observation: TypeAlias = Any
@@ -57,21 +57,23 @@ class Environment(gymnasium.Env[Observation, Numbers]):
         render_mode: str | None = None,
         arm: Arm | str | Path = "wam",
         limits: str = "paper",
-        scene: Scene | str = DEFAULT,
+        scene: Scene | str | Path | None = None,
         action: Literal["torque", "residual"] = "torque",
         map: DirectMap | Learned | str | Path | None = None,  # noqa: A002 (its name outside)
         ticks: int = 5,
     ) -> None:
         """Build the world; arguments as of :mod:`mitt.gym`."""
-        if action not in ("torque", "residual"):
-            raise InputError("action", "torque or residual", checks.shown(action))
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise InputError("render_mode", "rgb_array or None", checks.shown(render_mode))
-        self.render_mode, self._action, self._map = render_mode, action, map
-        self.scene = scene if isinstance(scene, Scene) else read_scene(scene)
+        checks.one_of("action", action, ("torque", "residual"))
+        if render_mode is not None:
+            checks.one_of("render_mode", render_mode, self.metadata["render_modes"])
+        self.render_mode, self._action, self.scene = render_mode, action, scene_from(scene)
+        if self.scene.actuation.takes != "torque":
+            raise InputError("scene", "a robot that takes torques", self.scene.actuation.takes)
         self.ticks = checks.whole("ticks", ticks, least=1)
         self.metadata = {**self.metadata, "render_fps": max(round(1.0 / (TICK * ticks)), 1)}
+        limits = checks.text("limits", limits)
         self.arm = arm if isinstance(arm, Arm) else load_arm(arm, limits=limits)
+        self._map = self._checked(map)
         n, f = self.arm.n, None if action == "torque" else self.map
         base = f or unlearned(self.arm, default_design(self.arm))
         self._runner = TrialRunner(self.arm, Direct(base), self.scene, pixels=self.pixels)
@@ -92,18 +94,28 @@ class Environment(gymnasium.Env[Observation, Numbers]):
     @property
     def map(self) -> DirectMap:
         """The map; learned now if it was not given, which takes some seconds."""
-        given = self._map
+        if self._map is None:
+            self._map = learn(self.arm).map
+        return self._map
+
+    def _checked(self, given: object) -> DirectMap | None:
+        """Return the map that was given, for this arm; None where it is still to be learned."""
+        if isinstance(given, str | Path):
+            given = read_map(checks.path("map", given), self.arm)
+        given = given.map if isinstance(given, Learned) else given
         if given is None:
-            given = learn(self.arm)
-        elif isinstance(given, str | Path):
-            given = read_map(Path(given), self.arm)
-        self._map = given = given.map if isinstance(given, Learned) else given
-        return given
+            return None
+        f = checks.instance("map", given, DirectMap)
+        check_arm(self.arm, f)
+        return f
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Throw another ball; the same seed throws the same one."""
+        seed = None if seed is None else checks.whole("seed", seed, least=0)
+        if options is not None:
+            checks.instance("options", options, dict)
         super().reset(seed=seed, options=options)
         ranges = replace(ranges_of(self.arm), drag=self.scene.ball.drag)
         ball = default_throw(self.np_random, aim_of(self.arm), ranges)
@@ -116,10 +128,8 @@ class Environment(gymnasium.Env[Observation, Numbers]):
 
     def step(self, action: Numbers) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Act for some milliseconds."""
-        given = np.clip(np.asarray(action, np.float64), -1.0, 1.0)
-        if given.shape != self.action_space.shape or not np.all(np.isfinite(given)):
-            wanted = f"{self.action_space.shape} finite numbers"
-            raise InputError("action", wanted, checks.shown(action))
+        given = checks.array("action", action, self.action_space.shape or (), finite=True)
+        given = np.clip(given, -1.0, 1.0)
         world, rules = self.world, {"longest": LONGEST, "held": HELD_AFTER}
         self.senses = []
         for k in range(self.ticks):
@@ -159,6 +169,8 @@ class Environment(gymnasium.Env[Observation, Numbers]):
 
     def as_action(self, tau: Array, hand: float) -> Numbers:
         """Return a torque [N m], shape (n,), and a closing angle [rad] as an action ``torque``."""
+        tau = checks.vector("tau", tau, self.arm.n, finite=True)
+        hand = checks.number("hand", hand, finite=True)
         shares = [*(tau / self.arm.tau_max), 2.0 * hand / self._hand - 1.0]
         out: Numbers = np.clip(shares, -1.0, 1.0).astype(np.float32)
         return out

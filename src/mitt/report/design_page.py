@@ -15,6 +15,7 @@ _SECTIONS = (
     Section("summary", "Summary", "What the arm can catch"),
     Section("poses", "Poses", "How it waits, and how it catches"),
     Section("speeds", "Speeds", "Rate against the speed of the throws"),
+    Section("choice", "Choice", "What it was chosen from"),
     Section("help", "What would help", "What would help"),
 )
 
@@ -42,7 +43,8 @@ def write_design_page(path: Path, found: Design, scene: Scene, *, command: str) 
             "design", _SECTIONS, title=f"What {found.whole.model.name} can catch",
             command=command, found=found, best=best, pictures=pictures, helps=_rows(helps),
             advice=advice_of(found, helps), limits=found.whole.limits.name,
-            interval=_interval(best), plot=rate_by_speed(found.rows).svg if found.rows else "",
+            choice=_choice(found), interval=_interval(best),
+            plot=rate_by_speed(found.rows).svg if found.rows else "",
         ),
     )  # fmt: skip
 
@@ -53,6 +55,20 @@ def _interval(best: Evaluation | None) -> str:
         return ""
     low, high = wilson(best.clean, best.thrown)
     return f"{number(100.0 * low, 1)} to {number(100.0 * high, 1)} %"
+
+
+def _choice(found: Design) -> list[tuple[str, ...]]:
+    """Return the rows of the designs to choose from, the softest first."""
+    return [
+        (
+            "taken" if w is found.confirmed[0] else "",
+            f"{w.clean} of {w.thrown}",
+            number(w.speed, 2),
+            number(w.force, 0),
+            str(len(w.candidate.active)),
+        )
+        for w in sorted(found.confirmed, key=lambda w: w.hardness)
+    ]
 
 
 def advice_of(found: Design, helps: list[FasterJoint]) -> list[str]:

@@ -148,7 +148,7 @@ def sweeps_of(rows: Sequence[Row]) -> dict[str, list[Row]]:
 def paired_tests(study: Study, rows: Sequence[Row]) -> list[list[str]]:
     """Return the table of paired differences, a row a condition, a column a rival.
 
-    A difference stands in percentage points; after it p, where it is below 0.05.
+    Throws that only the reference caught, those that only the rival caught, and p.
     """
     rivals = [name for name in study.generators if name != REFERENCE]
     if not rivals or REFERENCE not in study.generators:
@@ -158,9 +158,8 @@ def paired_tests(study: Study, rows: Sequence[Row]) -> list[list[str]]:
     def difference(pair: Row | None) -> str:
         if pair is None or not pair["pairs"]:
             return ""
-        points = 100.0 * (pair["only_direct"] - pair["only_this"]) / pair["pairs"]
-        p = pair["p_holm"]
-        return f"{points:+.1f}" + (f" ({max(p, 1e-4):.2g})" if p < _LEVEL else "")
+        p = max(pair["p_holm"], 1e-4)
+        return f"{pair['only_direct']} : {pair['only_this']} ({p:.2g})"
 
     return [
         [c.name, *(difference(found.get((c.name, rival))) for rival in rivals)]

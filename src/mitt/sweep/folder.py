@@ -14,6 +14,7 @@ import hashlib
 from pathlib import Path
 from typing import final
 
+from mitt import checks
 from mitt.errors import FileError, InputError
 from mitt.files.files import claim_folder, make_folder, read_json, write_atomically, write_json
 from mitt.reading import read_bytes
@@ -135,6 +136,7 @@ def read_manifest(path: Path) -> Study:
     Raises:
         FileError: The folder holds no study.
     """
+    path = checks.path("study", path)
     if not (path / "study.json").is_file():
         if (path / "result.json").is_file():
             raise FileError(str(path), "the folder of a study", "one of mitt catch",

@@ -10,6 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from mitt import checks
 from mitt.errors import FileError, InputError
 from mitt.signals import Array
 from mitt.trials.score import Trial
@@ -98,6 +99,7 @@ def read_part(path: Path) -> tuple[list[dict[str, Any]], dict[str, str]]:
     Raises:
         FileError: The file is missing, cut short or altered.
     """
+    path = checks.path("part", path)
     try:
         table = pq.read_table(path, page_checksum_verification=True)
     except (OSError, pa.ArrowException) as error:
@@ -116,6 +118,7 @@ def read_columns(
     Raises:
         FileError: The file is missing, cut short or altered.
     """
+    path = checks.path("table", path)
     try:
         table = pq.read_table(
             path, columns=list(columns), filters=list(filters), page_checksum_verification=True

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import mitt
+from mitt import checks
 from mitt.errors import InputError, UnknownNameError
 from mitt.reading import read_bytes, read_toml
 from mitt.sweep.study import (
@@ -43,6 +44,7 @@ def read_study(path: Path, *, generators: tuple[str, ...]) -> Study:
         InputError: A key is unknown or its value cannot be used.
         UnknownNameError: A generator is not available.
     """
+    path = checks.path("study", path)
     if not path.is_file() and path.name == str(path) and str(path) in shipped():
         path = Path(str(files("mitt") / "data" / "studies" / f"{path}.toml"))
     settings = validated(StudySettings, read_toml(path), place=str(path))

@@ -86,7 +86,7 @@ def runner_of(job: Job) -> tuple[TrialRunner, Source, Learned]:
     pixels = job.condition.vision == "pixels"
     runner = TrialRunner(learned.map.arm, generator, job.condition.scene, pixels=pixels)
     source = source_of(
-        learned.map,
+        learned.map.arm,
         seed=job.seed,
         count=job.stop,
         recordings=job.recordings,

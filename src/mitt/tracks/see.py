@@ -7,12 +7,11 @@ from itertools import pairwise
 import numpy as np
 
 from mitt.ball.filter import TABLE_TENNIS_BALL, THROWN_BALL, BallFilter, FilterConfig
-from mitt.ball.flight import GRAVITY
 from mitt.cameras.opening import open_cameras
 from mitt.cameras.video_writer import VideoWriter
 from mitt.errors import InputError
 from mitt.files.rig import CalibratedRig
-from mitt.signals import Array, Frame, Moments, Sighting
+from mitt.signals import GRAVITY, Array, Frame, Moments, Sighting
 from mitt.tracks.overlay import Overlay
 from mitt.tracks.pairs import PairCounts, pairs
 from mitt.vision.segmentation import Segmenter

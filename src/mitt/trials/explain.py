@@ -12,6 +12,7 @@ from mitt.catcher.settings import FOLLOW, PHASES, REFUSED, WATCH
 from mitt.control.health import State
 from mitt.files.messages import TRUTH
 from mitt.generator.feasibility import Outcome
+from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.trials.drives import drive_loads
 from mitt.trials.replay import Judged, Replayed
@@ -26,7 +27,7 @@ _AT_CATCH, _OLD = 0.006, 0.1
 _AFTER = 350
 _STATES = tuple(State)
 #: What a limit that binds means, by its kind.
-_LIMITS = {
+LIMITS = {
     "torque": "{0} would need more torque than it has",
     "speed": "{0} would have to be faster than it may",
     "acceleration": "{0} would have to speed up more than it may",
@@ -34,6 +35,8 @@ _LIMITS = {
     "brake": "{0} would have too little room to come to rest after the catch",
     "impact": "the impact would drive {0} beyond its speed",
     "grip": "the fingers would not hold the ball",
+    "spill": "the ball would leave the basket in the brake",
+    "optimum": "the oracle found no motion within the limits",
     "domain": "the ball flies outside the domain of the map",
     "region": "the catch would be outside the region that the map was learned for",
     "time": "there would be too little time",
@@ -90,13 +93,18 @@ class Explanation:
     facts: tuple[tuple[str, str], ...]
 
 
+def _place(arm: Arm, q: Array) -> Array:
+    """Return where the hand is [m], shape (3,); NaN where a joint was not read."""
+    return arm.position(q) if np.isfinite(q).all() else np.full(3, np.nan)
+
+
 def evidence_of(x: Replayed) -> Evidence:
     """Return what a replay shows."""
     s, arm, command = x.ticks.scalars, x.about.driven_arm, x.ticks.command
     tracked, following = s["tracked"] & np.isin(s["phase"], (WATCH, FOLLOW)), s["following"]
     near = np.flatnonzero(np.abs(s["time_to_catch"]) < _AT_CATCH)
     q, q_d = command[:, 0], x.ticks.reference[:, 0]
-    places = [np.array([arm.position(row) for row in rows]).reshape(-1, 3)
+    places = [np.array([_place(arm, row) for row in rows]).reshape(-1, 3)
               for rows in (q, q_d, x.ticks.encoders[:, 0])]  # fmt: skip
     behind = np.linalg.norm([places[1] - places[0], places[2] - places[0]], axis=2).T
     behind[~following] = np.nan
@@ -252,7 +260,7 @@ def limit_words(judged: Judged) -> str:
     """Return what the limit of a verdict means, in words."""
     limit = judged.verdict.binding_limit or "unknown"
     kind, _, joint = limit.partition(":")
-    return f"{_LIMITS.get(kind, '{0}').format(joint or limit)} ({limit})"
+    return f"{LIMITS.get(kind, '{0}').format(joint or limit)} ({limit})"
 
 
 def _said(judged: Judged) -> str:

@@ -6,6 +6,7 @@ from math import pi, sqrt
 import numpy as np
 
 from mitt.ball.filter import FilterConfig
+from mitt.catcher.settings import CatcherSettings
 from mitt.control.encoders import Encoders
 from mitt.robot.arm import Arm
 from mitt.signals import TICK
@@ -61,6 +62,16 @@ def reserved(arm: Arm) -> Arm:
     return Arm(arm.model, weaker)
 
 
+def bandwidth_of(takes: str, servo: float) -> float:
+    """Return the bandwidth of the tracking error [rad/s]: a robot's own, or that of the torques.
+
+    Args:
+        takes: What the robot takes.
+        servo: Bandwidth of its own control, where that is no torque [Hz].
+    """
+    return CatcherSettings().bandwidth if takes == "torque" else 2.0 * pi * servo
+
+
 def torque_lead_of(actuation: Actuation) -> float:
     """Return from when joints are read until the torque commanded then ceases to act [s].
 
@@ -68,6 +79,11 @@ def torque_lead_of(actuation: Actuation) -> float:
     """
     rate = 2.0 * pi * actuation.bandwidth
     return TICK * (1.0 + actuation.delay) + (1.0 / rate if rate > 0.0 else 0.0)
+
+
+def setpoint_delay_of(actuation: Actuation) -> int:
+    """Return after how many ticks a setpoint acts; 0 where torques are commanded."""
+    return 0 if actuation.takes == "torque" else actuation.delay
 
 
 def known_ball(drag: float, mass: float, *, spread: float = 0.0) -> FilterConfig:

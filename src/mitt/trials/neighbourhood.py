@@ -15,11 +15,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mitt import fields
 from mitt.ball.flight import acceleration, advance
 from mitt.generator.design import catch_place
 from mitt.generator.flights import Flight
 from mitt.generator.mapping import DirectMap
+from mitt.robot.description import ArmModel
 from mitt.signals import Array
+
+#: Least and largest number of each setting; choices of this project.
+_RANGES = {
+    "flights": (1, 10**6), "instants": (2, 10**5), "kicked": (0.0, 1.0), "bounced": (0.0, 1.0),
+    "kick": (0.0, 100.0), "t_0": (0.0, 100.0), "after": (0.0, 10.0), "sigma_r": (0.0, 10.0),
+    "sigma_dr": (0.0, 100.0), "drag": (0.0, 10.0), "box": (0.0, 100.0), "arrival": (1e-3, 1e3),
+    "descent": (-1.6, 1.6), "azimuth": (-7.0, 7.0), "flight": (1e-3, 100.0),
+    "max_speed_share": (1e-6, np.inf),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,9 +71,13 @@ class Neighbourhood:
     box: tuple[float, float, float] = (0.08, 0.28, 0.24)
     arrival: tuple[float, float] = (4.5, 7.3)
     descent: tuple[float, float] = (0.24, 0.78)
-    azimuth: float = 0.15
+    azimuth: tuple[float, float] = (-0.15, 0.15)
     flight: tuple[float, float] = (0.42, 0.65)
     max_speed_share: float = np.inf
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be; InputError names the field."""
+        fields.check(self, _RANGES)
 
 
 def neighbourhood_of_ball(drag: float) -> Neighbourhood:
@@ -72,8 +87,8 @@ def neighbourhood_of_ball(drag: float) -> Neighbourhood:
 
 #: A motion of the ball: time [s] to position [m] and velocity [m/s].
 Motion = Callable[[float], tuple[Array, Array]]
-#: Longest flight considered [s], and the grid on which the catch is looked for [s].
-_LONGEST, _GRID = 1.1, 0.005
+#: Time after the time of flight in which the catch is still looked for [s], and on which grid [s].
+_LATER, _GRID = 0.45, 0.005
 #: Share of a joint's speed above which no map can follow a flight at the catch: it is left out.
 _AT_CATCH = 1.1
 #: For an arm that says where it wants its balls: width of the box of arrivals in widths of the box
@@ -88,7 +103,7 @@ def neighbourhood(
     f: DirectMap, rng: np.random.Generator, settings: Neighbourhood | None = None
 ) -> list[Flight]:
     """Draw flights around the catch region of a map; those that never reach it are redrawn."""
-    settings = _about(settings or Neighbourhood(), f.arm.model.aim)
+    settings = _about(settings or Neighbourhood(), f.arm.model)
     flights: list[Flight] = []
     for _ in range(20 * settings.flights):
         if len(flights) == settings.flights:
@@ -100,20 +115,21 @@ def neighbourhood(
     return flights
 
 
-def _about(settings: Neighbourhood, aim: Array | None) -> Neighbourhood:
+def _about(settings: Neighbourhood, model: ArmModel) -> Neighbourhood:
     """Return settings for an arm that says where it wants its balls: that box, and a margin.
 
-    Box and descent that are not the usual ones stay as they are given.
+    What is not as usual in the settings stays as it is given.
     """
-    if aim is None:
+    if model.aim is None:
         return settings
-    usual, (x, y, z) = Neighbourhood(), np.maximum(WIDER * aim[1], NARROWEST).tolist()
-    box = (x, y, z) if settings.box == usual.box else settings.box
-    return replace(
-        settings,
-        box=box,
-        descent=_DESCENT if settings.descent == usual.descent else settings.descent,
-    )
+    x, y, z = np.maximum(WIDER * model.aim[1], NARROWEST).tolist()
+    own: dict[str, tuple[float, ...]] = {"box": (x, y, z), "descent": _DESCENT}
+    if model.arrivals is not None:
+        names = ("arrival", "descent", "azimuth", "flight")
+        own |= {name: tuple(row) for name, row in zip(names, model.arrivals.tolist(), strict=True)}
+    usual = Neighbourhood()
+    unsaid = {k: x for k, x in own.items() if getattr(settings, k) == getattr(usual, k)}
+    return replace(settings, **unsaid)  # type: ignore[arg-type]
 
 
 def _draw(f: DirectMap, rng: np.random.Generator, settings: Neighbourhood) -> tuple[Motion, float]:
@@ -121,7 +137,7 @@ def _draw(f: DirectMap, rng: np.random.Generator, settings: Neighbourhood) -> tu
     drag, kind = float(rng.uniform(*settings.drag)), rng.random()
     arrival = catch_place(f.arm) + np.array(settings.box) * rng.uniform(-1.0, 1.0, 3)
     if kind < settings.bounced:
-        return _bounced(arrival, rng), _BOUNCED_DRAG
+        return _bounced(arrival, rng, float(np.mean(settings.azimuth))), _BOUNCED_DRAG
     release = _release(arrival, drag, rng, settings)
     return kicked(*release, drag, rng, settings, kind < settings.bounced + settings.kicked), drag
 
@@ -161,7 +177,7 @@ def _release(
 ) -> tuple[Array, Array]:
     """Draw how a ball arrives at a point [m], shape (3,), and return its release [m, m/s]."""
     speed = float(rng.uniform(*settings.arrival))
-    down, side = rng.uniform(*settings.descent), rng.uniform(-settings.azimuth, settings.azimuth)
+    down, side = rng.uniform(*settings.descent), rng.uniform(*settings.azimuth)
     ahead = np.cos(down)
     dr = -speed * np.array([ahead * np.cos(side), ahead * np.sin(side), np.sin(down)])
     r = arrival.copy()
@@ -169,14 +185,18 @@ def _release(
     return r, dr
 
 
-def _bounced(arrival: Array, rng: np.random.Generator) -> Motion:
+def _bounced(arrival: Array, rng: np.random.Generator, aside: float) -> Motion:
     """Draw a flight that bounces off a level surface shortly before it passes a point [m], (3,).
+
+    It comes from ``aside`` off +x in the middle [rad].
 
     Drawn backwards from that point. Speeds after and losses at the bounce as in the recorded
     table-tennis flights: 1.6 to 3.5 m/s, 0.75 to 0.9 of the vertical speed kept, 0.55 to 0.85 of
     the horizontal.
     """
     dr_aim = np.array([-rng.uniform(1.6, 3.5), rng.uniform(-0.3, 0.3), rng.uniform(0.3, 2.2)])
+    c, s = np.cos(aside), np.sin(aside)
+    dr_aim[:2] = c * dr_aim[0] - s * dr_aim[1], s * dr_aim[0] + c * dr_aim[1]
     since, before = float(rng.uniform(0.08, 0.25)), float(rng.uniform(0.4, 0.55))
     kept = np.array([1.0, 1.0, 0.0]) * rng.uniform(0.55, 0.85)
     kept[2] = -rng.uniform(0.75, 0.9)
@@ -198,7 +218,7 @@ def sampled(
 ) -> Flight | None:
     """Return the flight from t_0 to a little past the catch; None where there is no catch."""
     t_0 = float(rng.uniform(*settings.t_0))
-    t_c = _catch_time(f, motion, t_0)
+    t_c = _catch_time(f, motion, t_0, settings.flight[1] + _LATER)
     if t_c is None or t_c < t_0 + 0.2:
         return None
     t = np.linspace(t_0, t_c + settings.after, settings.instants)
@@ -235,10 +255,10 @@ def _row(motion: Motion, t: float, drag: float) -> Array:
     return np.array([r, dr, ddr])
 
 
-def _catch_time(f: DirectMap, motion: Motion, t_0: float) -> float | None:
+def _catch_time(f: DirectMap, motion: Motion, t_0: float, longest: float) -> float | None:
     """Return when q_o,i first reaches q_alpha after ``t_0``; None where it does not."""
     i, last = f.design.catch_joint, 0.0
-    for t in np.arange(t_0, _LONGEST, _GRID):
+    for t in np.arange(t_0, longest, _GRID):
         inside, rows = f.virtual(np.array([motion(float(t))[0], np.zeros(3), np.zeros(3)]))
         if not inside:
             return None

@@ -4,23 +4,24 @@ A package adds one by an entry point of the group ``mitt.generators`` that names
 a :class:`DirectMap` (it knows the arm) to a :class:`Generator`. A built-in name cannot be taken.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
+from math import inf
 from typing import final
 
+from mitt import checks
 from mitt.baselines.clairvoyant import make_clairvoyant
 from mitt.baselines.ds import make_ds
 from mitt.baselines.ik import make_ik
 from mitt.baselines.mpc import make_mpc
 from mitt.baselines.quintic import make_quintic
 from mitt.baselines.ruckig import make_ruckig
-from mitt.errors import InputError, MittError, UnknownNameError
+from mitt.errors import InputError, UnknownNameError, answered_by
 from mitt.generator.feasibility import Verdict
-from mitt.generator.generators import Direct, Generator, Unoptimised
+from mitt.generator.generators import Direct, Generator, Unoptimised, map_of
 from mitt.generator.mapping import DirectMap, unlearned
-from mitt.signals import Array, BallState, JointReference
+from mitt.signals import Array, BallState, JointReference, MapStatus
 from mitt.trials.learning import learn_several
 
 #: Makes a generator for the arm of a learned map.
@@ -55,9 +56,15 @@ def available() -> tuple[str, ...]:
 
 
 def check_name(name: str) -> None:
-    """Refuse a name that no generator has."""
-    if name not in BUILT_IN and name not in _added():
+    """Refuse a name that no generator has, or two packages give."""
+    if name in BUILT_IN:
+        return
+    if name not in _added():
         raise UnknownNameError("--generator", name, available())
+    places = sorted({x.value for x in entry_points(group=GROUP) if x.name == name})
+    if len(places) > 1:
+        raise InputError(f"generator {name!r}", "one package that adds it", " and ".join(places),
+                         do="uninstall one of the packages")  # fmt: skip
 
 
 def make_generator(name: str, f: DirectMap) -> Generator:
@@ -80,10 +87,14 @@ def make_generator(name: str, f: DirectMap) -> Generator:
     except (ImportError, AttributeError) as error:
         wanted = f"the entry point {entry.value} to load"
         raise InputError(f"generator {name!r}", wanted, error, do="repair that package") from error
-    with _answered_by(name):
+    with answered_by(f"generator {name!r}"):
         generator = factory(f)
-    ours = type(generator).__module__.startswith("mitt.")
-    return generator if ours else _Added(name, generator)
+    return generator if _is_map(generator) else added(f"generator {name!r}", generator, f.arm.n)
+
+
+def _is_map(generator: Generator) -> bool:
+    """Say whether a generator is a map of ours, which runs none of its package's code."""
+    return type(generator).__module__.startswith("mitt.") and map_of(generator) is not None
 
 
 def _added() -> dict[str, EntryPoint]:
@@ -91,55 +102,77 @@ def _added() -> dict[str, EntryPoint]:
     return {entry.name: entry for entry in entry_points(group=GROUP)}
 
 
-@contextmanager
-def _answered_by(name: str) -> Iterator[None]:
-    """Raise any exception of the block as an InputError of the package that adds a generator."""
-    try:
-        yield
-    except MittError:
-        raise
-    except Exception as error:
-        given = f"{type(error).__name__}: {error}"[:200]
-        raise InputError(f"generator {name!r}", "an answer of the package that adds it", given,
-                         do="repair that package") from error  # fmt: skip
-
-
 @final
 @dataclass(frozen=True, slots=True)
-class _Added:
-    """A generator of another package: the same calls, its exceptions named after it."""
+class Added:
+    """A generator of another package: the same calls, its exceptions and answers named after it.
+
+    Attributes:
+        name: What an error calls it.
+        inner: The generator.
+        n: Number of joints of its arm.
+    """
 
     name: str
     inner: Generator
+    n: int
 
     def sharpness(self, ball: BallState) -> float:
-        with _answered_by(self.name):
-            return self.inner.sharpness(ball)
+        """Ask the package; a number of at least 0."""
+        with answered_by(self.name):
+            return checks.number("sharpness", self.inner.sharpness(ball), least=0.0)
 
     def verdict(self, ball: BallState, q: Array) -> Verdict:
-        with _answered_by(self.name):
-            return self.inner.verdict(ball, q)
+        """Ask the package; a verdict."""
+        with answered_by(self.name):
+            return checks.instance("verdict", self.inner.verdict(ball, q), Verdict)
 
     def unsettled(self, ball: BallState, q: Array) -> bool:
-        with _answered_by(self.name):
-            return self.inner.unsettled(ball, q)
+        """Ask the package; a truth value."""
+        with answered_by(self.name):
+            return checks.flag("unsettled", self.inner.unsettled(ball, q))
 
     def returns(self, ball: BallState) -> bool:
-        with _answered_by(self.name):
-            return self.inner.returns(ball)
+        """Ask the package; a truth value."""
+        with answered_by(self.name):
+            return checks.flag("returns", self.inner.returns(ball))
 
     def waiting(self, ball: BallState) -> BallState:
-        with _answered_by(self.name):
-            return self.inner.waiting(ball)
+        """Ask the package; a ball."""
+        with answered_by(self.name):
+            return checks.instance("waiting", self.inner.waiting(ball), BallState)
 
-    def adapt(self, ball: BallState, q: Array, dq: Array) -> "_Added":
-        with _answered_by(self.name):
-            return _Added(self.name, self.inner.adapt(ball, q, dq))
+    def adapt(self, ball: BallState, q: Array, dq: Array) -> "Added":
+        """Ask the package; a generator."""
+        with answered_by(self.name):
+            return added(self.name, self.inner.adapt(ball, q, dq), self.n)
 
     def reference(self, ball: BallState) -> JointReference:
-        with _answered_by(self.name):
-            return self.inner.reference(ball)
+        """Ask the package; finite motion of n joints."""
+        with answered_by(self.name):
+            said = checks.instance("reference", self.inner.reference(ball), JointReference)
+            for row in ("q_d", "dq_d", "ddq_d", "q_o", "dq_o"):
+                checks.vector(f"reference.{row}", getattr(said, row), self.n, finite=True)
+            checks.instance("reference.status", said.status, MapStatus)
+            checks.number("reference.time_to_catch", said.time_to_catch, least=-inf)
+            return said
 
     def as_map(self) -> DirectMap | None:
-        with _answered_by(self.name):
-            return self.inner.as_map()
+        """Ask the package; a map, or None."""
+        with answered_by(self.name):
+            f = self.inner.as_map()
+            return None if f is None else checks.instance("as_map", f, DirectMap)
+
+
+def added(name: str, generator: Generator, n: int) -> Added:
+    """Return a generator of another package for an arm of n joints, held to its answers."""
+    if not isinstance(generator, Generator) or isinstance(generator, type):
+        raise InputError(name, "a generator", checks.shown(generator), do="repair that package")
+    return Added(name, generator, n)
+
+
+def answering(generator: Generator, n: int) -> Generator:
+    """Return a generator that somebody made, held to its answers where it is none of ours."""
+    kind = type(generator)
+    ours = kind.__module__.startswith("mitt.")
+    return generator if ours else added(f"generator {kind.__name__}", generator, n)

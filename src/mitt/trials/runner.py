@@ -18,7 +18,15 @@ from mitt.robot.arm import Arm
 from mitt.robot.basket import Basket
 from mitt.robot.shapes import Surroundings
 from mitt.signals import ArmState, Frame, Senses, Sighting
-from mitt.trials.known import driven, known_ball, known_encoders, known_eyes, torque_lead_of
+from mitt.trials.known import (
+    bandwidth_of,
+    driven,
+    known_ball,
+    known_encoders,
+    known_eyes,
+    setpoint_delay_of,
+    torque_lead_of,
+)
 from mitt.trials.log import TrialLog, log_of
 from mitt.trials.play import play_out
 from mitt.trials.score import (
@@ -133,7 +141,9 @@ class TrialRunner:
             around=Surroundings(floor=self._scene.floor),
             encoders=known_encoders(self._scene, self.arm),
             max_tracking_error=_max_tracking_error(self._generator),
+            bandwidth=bandwidth_of(self._scene.actuation.takes, self._scene.actuation.servo),
             torque_lead=torque_lead_of(self._scene.actuation),
+            setpoint_delay=setpoint_delay_of(self._scene.actuation),
         )
 
     def catcher(self) -> Catcher:

@@ -8,7 +8,6 @@ import numpy as np
 
 from mitt.files.throws import ThrowSettings
 from mitt.generator.design import catch_place, nominal_catch
-from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.world.flights import BallPath, Recording, place_flight, read_flights
@@ -98,7 +97,7 @@ class Source:
 
 
 def source_of(
-    f: DirectMap,
+    arm: Arm,
     *,
     seed: int,
     drag: float,
@@ -108,10 +107,10 @@ def source_of(
     recordings: tuple[Recording, ...] = (),
     ranges: ThrowRanges | None = None,
 ) -> Source:
-    """Return balls for the arm of a map: those of a file, recordings, or else default throws.
+    """Return balls for an arm: those of a file, recordings, or else default throws.
 
     Args:
-        f: The map.
+        arm: The arm that they are thrown to.
         seed: Seed of the run.
         drag: Drag of the balls [1/m].
         count: Number of trials; each throw or flight once if left out, or 10 default throws.
@@ -128,12 +127,12 @@ def source_of(
     return Source(
         seed=seed,
         count=count or len(throws) or len(recordings) or 10,
-        aim=aim_of(f.arm),
-        catch_point=catch_place(f.arm),
+        aim=aim_of(arm),
+        catch_point=catch_place(arm),
         throws=throws,
         recordings=recordings,
         drag=drag,
-        ranges=ranges or ranges_of(f.arm),
+        ranges=ranges or ranges_of(arm),
     )
 
 

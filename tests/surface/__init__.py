@@ -1,0 +1,1 @@
+"""Everything public, right values for all of it, and wrong ones."""

@@ -1,0 +1,296 @@
+"""A right value for every parameter of everything public."""
+
+import inspect
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+from soak.examples import ball_of
+
+import mitt
+import mitt.gym
+from mitt.ball.filter import BallFilter, FilterConfig
+from mitt.catcher.catcher import Catcher
+from mitt.catcher.settings import CatcherSettings
+from mitt.control.brake import plan_brake
+from mitt.files.about import About
+from mitt.files.cell import read_cell
+from mitt.files.maps import save_map
+from mitt.generator.demand import Tolerance
+from mitt.generator.flights import Flight
+from mitt.generator.generators import Direct
+from mitt.generator.learn import Learned, LearnSettings
+from mitt.generator.mapping import unlearned
+from mitt.generator.online import Online
+from mitt.link.recorder import Recorder
+from mitt.signals import ArmState, Frame, Senses, Sighting
+from mitt.trials.neighbourhood import Neighbourhood
+from mitt.vision.camera import fixed_rig
+from mitt.vision.eyes import Eyes, EyesConfig
+from mitt.world.scene import Scene
+from mitt.world.scenes import read_scene
+from surface import names
+
+URDF = names.ROOT / "examples" / "own_arm.urdf"
+
+#: Settings of which an infinite number says that there is no bound.
+_ENDLESS = frozenset(("sigma_ready", "adapt_q", "adapt_dq", "tolerance", "max_tracking_error",
+                      "max_speed_share"))  # fmt: skip
+#: What mitt hands out and nobody makes; what is public of them is what they say.
+RESULTS = frozenset(("Learned", "Step", "Verdict", "Tick", "Trial", "Brake", "Command",
+                     "JointReference", "gym.Environment"))  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class Case:
+    """A public call that is right.
+
+    Attributes:
+        call: What is called.
+        right: Values of all its parameters.
+        slow: Whether the right call takes long: only what has to be refused is tried.
+        measured: Parameters that come from sensors: a number that is none is a fault of theirs,
+            and answered, not refused.
+        endless: Parameters for which an infinite number means that there is no bound.
+        ignored: Parameters that it has because others of its kind do.
+        converts: Whether values are converted, as those of a file are.
+    """
+
+    call: Callable[..., Any]
+    right: dict[str, Any]
+    slow: bool = False
+    measured: frozenset[str] = frozenset()
+    endless: frozenset[str] = frozenset()
+    ignored: frozenset[str] = frozenset()
+    converts: bool = False
+
+    def answers(self, key: str, value: object) -> bool:
+        """Say whether a value that is refused elsewhere may be answered here."""
+        if key in self.ignored:
+            return isinstance(value, type(self.right[key]))
+        if key not in self.measured | self.endless:
+            return False
+        numbers = isinstance(value, float) or (
+            isinstance(value, np.ndarray) and value.dtype.kind == "f"
+            and value.shape == np.shape(self.right[key])
+        )  # fmt: skip
+        return numbers and (key in self.measured or not np.isnan(np.asarray(value)).any())
+
+
+def _read(reader: Callable[..., Any], rest: dict[str, Any], **given: Any) -> Any:  # noqa: ANN401
+    """Call a reader; one that yields rows is read to its end."""
+    answer = reader(**given, **rest)
+    return list(answer) if isinstance(answer, Iterator) else answer
+
+
+@final
+class Cases:
+    """The cases, by the name of what is called; built once, as an arm and a map take a second."""
+
+    def __init__(self, folder: Path) -> None:
+        """Build what is asked, and files in a folder."""
+        self.folder = folder
+        self.arm = arm = mitt.load_arm("wam", limits="paper")
+        f = unlearned(arm, mitt.MapDesign())
+        self.f = f = replace(f, region=np.array([arm.q_ready - 0.5, arm.q_ready + 0.5]))
+        self.other = unlearned(mitt.load_arm("wam", joints=["j1", "j2", "j3", "j4"]),
+                               mitt.MapDesign(catch_joint=3, free=(0, 1, 3)))  # fmt: skip
+        self.direct, self.eyes = Direct(f), Eyes(fixed_rig())
+        self.settings = CatcherSettings()
+        self.catcher = Catcher(arm, self.direct, self.eyes, settings=self.settings)
+        self.learned = Learned(map=f, maps=(f,), steps=(), flights=3, left_out=0, status="steps")
+        save_map(folder / "map.json", self.learned, version=mitt.__version__)
+        self.ball, self.q = ball_of(), arm.q_ready.copy()
+        self.still = np.zeros((3, arm.n))
+        self.still[0] = arm.q_ready
+        self.senses = Senses(t=0.25, arm=ArmState(t=0.25, q=self.q, dq=self.still[1]))
+        grey = np.zeros((128, 128), np.uint8)
+        self.frames = tuple(Frame(t=0.0, camera=k, number=0, pixels=grey) for k in range(2))
+        rows = np.array([[self.ball.r_o, self.ball.dr_o, self.ball.ddr_o]])
+        self.flight = Flight(t=np.zeros(1), ball=rows, seen=rows[0])
+        self.about = About(arm=arm, generator="direct", maps=(f,), settings=self.settings,
+                           rig=fixed_rig(), eyes=EyesConfig())  # fmt: skip
+        self.all = (self._arms() | self._maps() | self._flows() | self._settings()
+                    | self._catching() | self._worlds() | self._readers())  # fmt: skip
+
+    def _arms(self) -> dict[str, Case]:
+        """Return the cases of arms."""
+        arm, q, x = self.arm, self.q, np.ones(len(self.arm.model.links))
+        loads = {"name_or_path": URDF, "tip": "palm", "joints": ["yaw", "pitch", "elbow"],
+                 "held": {"lift": 0.0}, "ready": [0.0, 0.1, 0.2], "limits": "model",
+                 "hand": "three-finger", "hand_turn": 0.5, "hand_mount": "plate",
+                 "encoder_step": 1e-4}  # fmt: skip
+        one = {"q": q}
+        three = {"q": q, "dq": 0.0 * q, "ddq": 0.0 * q}
+        motion = np.array([self.still])
+        methods = {
+            "active": {"x": x}, "all_joints": {"x": q}, "by_joint": {"share": x},
+            "holding": {"mass": 0.125}, "inverse_dynamics": three, "jacobian": one,
+            "mass_matrix": one, "orientation": one, "position": one, "torque": three,
+            "torque_derivatives": three, "torques": {"motion": motion},
+        }  # fmt: skip
+        arms = names.ROOT / "examples" / "tutorials" / "arm" / "arm.toml"
+        return self._methods("Arm", arm, methods) | {
+            "load_arm": Case(mitt.load_arm, loads),
+            "Arm": Case(type(arm), {"model": arm.model, "limits": arm.limits}),
+            "open_arm": Case(names.public()["open_arm"], {"path": arms, "limits": "model"}),
+            "plan_brake": Case(plan_brake, {"arm": arm, "t": 0.25, "motion": self.still}),
+        } | self._methods("Brake", plan_brake(arm, 0.25, self.still),
+                  {"at": {"t": 0.5}, "over": {"t": 0.5}, "table": {"tick": 0.001}})  # fmt: skip
+
+    def _maps(self) -> dict[str, Case]:
+        """Return the cases of maps and of what learns and keeps them."""
+        f, q, ball, r_o = self.f, self.q, self.ball, self.ball.r_o
+        throw = {"ball": ball, "q": q, "dq": 0.0 * q}
+        rows = self.flight.ball
+        of_map = {
+            "F": {"r_o": r_o}, "adapt": throw, "adapted": throw, "bend": {"q": q},
+            "catch_gap": {"r_o": r_o}, "equals": {"other": f}, "motion": {"ball": rows[0]},
+            "motions": {"path": rows, "alpha": f.alpha}, "reference": {"ball": ball},
+            "to_ball": {"q_o": q}, "to_joints": {"r_o": r_o}, "virtual": {"ball": rows[0]},
+            "with_alpha": {"alpha": f.alpha},
+        }  # fmt: skip
+        one = {"ball": ball}
+        of_direct = {
+            "adapt": throw, "certificate": one, "reference": one, "refined": one, "returns": one,
+            "sharpness": one, "unsettled": {"ball": ball, "q": q}, "waiting": one,
+            "verdict": {"ball": ball, "q": q},
+        }  # fmt: skip
+        parts = {x.name: getattr(f, x.name) for x in fields(f)}
+        learns = {"arm": self.arm, "design": f.design, "flights": [self.flight], "seed": 1,
+                  "around": Neighbourhood(), "settings": LearnSettings()}  # fmt: skip
+        saved = self.folder / "map.json"
+        direct = {"map": f, "tolerance": Tolerance(), "online": Online(f), "learned": f}
+        found = self._methods("DirectMap", f, of_map) | self._methods(
+            "Direct", self.direct, of_direct
+        )
+        return found | {
+            "learn": Case(mitt.learn, learns, slow=True),
+            "DirectMap": Case(type(f), parts, endless=frozenset(("region",))),
+            "Direct": Case(Direct, direct),
+            "save_map": Case(save_map, {"path": self.folder / "new.json", "learned": self.learned,
+                                        "version": mitt.__version__}),
+            "read_map": Case(names.public()["read_map"], {"path": saved, "arm": self.arm}),
+        }  # fmt: skip
+
+    def _flows(self) -> dict[str, Case]:
+        """Return the cases of what flows from stage to stage."""
+        q, ball, found = self.q, self.ball, {}
+        covariance = 2.0**-20 * np.eye(3)
+        right = {
+            "Frame": (Frame, {"t": 0.25, "camera": 0, "number": 1, "pan": 0.0, "tilt": 0.0,
+                              "pixels": self.frames[0].pixels}),
+            "Sighting": (Sighting, {"t": 0.25, "found": True, "r_o": ball.r_o,
+                                    "covariance": covariance}),
+            "BallState": (mitt.BallState, {x.name: getattr(ball, x.name) for x in fields(ball)}),
+            "ArmState": (ArmState, {"t": 0.25, "q": q, "dq": 0.0 * q}),
+            "Senses": (Senses, {"t": 0.25, "arm": self.senses.arm, "frames": self.frames,
+                                "points": (Sighting(t=0.25, found=True, r_o=ball.r_o,
+                                                    covariance=covariance),)}),
+        }  # fmt: skip
+        for name, (call, given) in right.items():
+            found[name] = Case(call, given, measured=frozenset(given))
+        ballistic = BallFilter()
+        found["BallFilter"] = Case(BallFilter, {"config": FilterConfig()})
+        seen = {"update": {"sighting": right["Senses"][1]["points"][0]}, "state": {"t": 0.5}}
+        methods = self._methods("BallFilter", ballistic, seen)
+        methods["BallFilter.state"] = replace(
+            methods["BallFilter.state"], measured=frozenset(("t",))
+        )
+        return found | methods
+
+    def _settings(self) -> dict[str, Case]:
+        """Return the cases of settings: each field as it is if left out."""
+        found = {}
+        for name, value in names.public().items():
+            if name.endswith(("Settings", "Config")) or name in ("Neighbourhood", "Surroundings",
+                                                                 "MapDesign"):  # fmt: skip
+                usual = value()
+                given = {x.name: getattr(usual, x.name) for x in fields(usual)}
+                found[name] = Case(value, given, endless=_ENDLESS)
+        scene, cell = Scene(), names.public()["Cell"]
+        ships = read_cell("wam-sim")
+        keys = {"schema_name": "schema"}
+        of_cell = {keys.get(x, x): getattr(ships, x) for x in type(ships).model_fields}
+        of_scene = {x: getattr(scene, x) for x in type(scene).model_fields}
+        return found | {"Scene": Case(Scene, of_scene, converts=True),
+                        "Cell": Case(cell, of_cell, converts=True)}  # fmt: skip
+
+    def _catching(self) -> dict[str, Case]:
+        """Return the cases of the catcher, its eyes and its recorder."""
+        ball, motion = self.ball, np.array([self.still])
+        makes = {"arm": self.arm, "generator": self.direct, "eyes": self.eyes,
+                 "settings": self.settings}  # fmt: skip
+        of_catcher = {
+            "again": {"generator": self.direct}, "learn_background": {"views": [self.frames]},
+            "move": {"motion": motion}, "recover": {"checked": True},
+            "step": {"senses": self.senses}, "ticked": {"todo": 0, "since": 0.0},
+        }  # fmt: skip
+        of_eyes = {
+            "arrange": {"frames": self.frames}, "gaze": {"ball": ball, "t": 0.25},
+            "guide": {"ball": ball, "t": 0.25, "gap": 0.001, "alone": False},
+            "learn_background": {"views": [self.frames]}, "step": {"frames": self.frames},
+        }  # fmt: skip
+        recorder = Recorder(self.folder / "first.mcap", self.about)
+        command = self.catcher.step(self.senses)
+        of_recorder = {
+            "background": {"frames": self.frames}, "call": {"name": "stop"},
+            "note": {"text": "a note", "topic": "/events"},
+            "tick": {"senses": self.senses, "command": command, "result": self.catcher.result},
+        }  # fmt: skip
+        records = {"path": self.folder / "again.mcap", "about": self.about, "images": False,
+                   "metadata": {"a": "text"}}  # fmt: skip
+        return (
+            {"Catcher": Case(Catcher, makes), "Recorder": Case(Recorder, records, slow=True),
+             "Eyes": Case(Eyes, {"rig": fixed_rig(), "config": EyesConfig()})}
+            | self._methods("Catcher", self.catcher, of_catcher)
+            | self._methods("Eyes", self.eyes, of_eyes)
+            | self._methods("Recorder", recorder, of_recorder)
+        )  # fmt: skip
+
+    def _worlds(self) -> dict[str, Case]:
+        """Return the cases of simulation and of the environments."""
+        env = mitt.gym.Catch(scene="ideal", ticks=1)
+        env.reset(seed=1)
+        throws = {"f": self.f, "arm": self.arm, "throws": 1, "seed": 0, "scene": Scene(),
+                  "pixels": False, "raise_stopped": False,
+                  "record": self.folder / "records"}  # fmt: skip
+        builds = {"render_mode": "rgb_array", "arm": self.arm, "limits": "paper", "scene": "ideal",
+                  "action": "torque", "map": self.f, "ticks": 1}  # fmt: skip
+        acts = {
+            "as_action": {"tau": np.zeros(3), "hand": 0.5}, "step": {"action": np.zeros(4)},
+            "reset": {"seed": 1, "options": {}},
+        }  # fmt: skip
+        found = {"simulate": Case(mitt.simulate, throws, slow=True),
+                 "gym.map_policy": Case(mitt.gym.map_policy, {"env": env})}  # fmt: skip
+        for kind in ("gym.Catch", "gym.CatchPixels"):
+            found |= {kind: Case(names.public()[kind], builds, slow=True)}
+            found |= self._methods(kind, env, acts)
+        return found
+
+    def _readers(self) -> dict[str, Case]:
+        """Return the cases of what reads a file: the path alone, with one that is not there."""
+        rest = {"board": None, "size": (1, 1), "columns": ("t_s",), "arm": self.arm, "others": (),
+                "generators": ("direct",), "filters": (("index", "==", "0"),)}  # fmt: skip
+        found = {"read_scene": Case(read_scene, {"source": "lab", "flights": False})}
+        for name, (reader, path) in names.readers().items():
+            taken = inspect.signature(reader).parameters.values()
+            given = {x.name: rest[x.name] for x in taken
+                     if x.name != path and x.default is x.empty}  # fmt: skip
+            found[name] = Case(partial(_read, reader, given), {path: self.folder / "missing.toml"})
+        return found
+
+    def _methods(self, name: str, thing: object, of: Mapping[str, object]) -> dict[str, Case]:
+        """Return the cases of an object's methods."""
+        found: dict[str, Case] = {}
+        for method, given in of.items():
+            call: dict[str, Any] = given  # type: ignore[assignment]
+            found[f"{name}.{method}"] = Case(
+                getattr(thing, method), call, endless=frozenset(("x", "share")),
+                ignored=frozenset(("options",)),
+                measured=frozenset(("r_o", "path", "ball")) if name == "DirectMap" else frozenset(),
+            )  # fmt: skip
+        return found
