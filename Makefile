@@ -1,5 +1,6 @@
 # make catch    throw balls at the simulated arm and write runs/0-direct/report.html
 # make test     run the tests
+# make docs     build the documentation site: build/docs/index.html
 # make soak     fuzz envelope, ticks, calls and readers: COMMANDS=N TICKS=N CALLS=N FILES=N PROCESSES=N KILLS=N RUN_KILLS=N RUN_SIGNALS=N STUDY_KILLS=N SEED=S
 # make check    format, lint, types, import contracts, then make test
 # Each builds .venv with exactly pinned versions first if it is missing; Python >= 3.11 is enough.
@@ -18,7 +19,7 @@ RUN_SIGNALS ?= 4
 STUDY_KILLS ?= 2
 SEED ?= 1
 
-.PHONY: catch test check bench soak clean
+.PHONY: catch test check bench docs soak clean
 
 .venv/ready: pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "mitt needs Python 3.11 or later")'
@@ -31,6 +32,10 @@ SEED ?= 1
 .venv/complete: .venv/ready
 	$(INSTALL) --no-build-isolation --editable ".[dev]"
 	touch .venv/complete
+
+.venv/documented: .venv/ready
+	$(INSTALL) --no-build-isolation --editable ".[docs]"
+	touch .venv/documented
 
 catch: .venv/ready
 	$(BIN)/mitt catch --overwrite $(ARGS)
@@ -48,6 +53,9 @@ check: .venv/complete
 
 bench: .venv/complete
 	$(BIN)/mitt bench
+
+docs: .venv/documented
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --builder html docs build/docs
 
 soak: .venv/complete
 	PYTHONPATH=tests $(BIN)/python -m soak --commands $(COMMANDS) --ticks $(TICKS) --calls $(CALLS) --files $(FILES) --processes $(PROCESSES) --kills $(KILLS) --run-kills $(RUN_KILLS) --run-signals $(RUN_SIGNALS) --study-kills $(STUDY_KILLS) --seed $(SEED)

@@ -65,7 +65,7 @@ def learned(settings: ArmSettings) -> Learned:
 def part(options: argparse.Namespace, condition: Condition, number: int) -> list[Row]:
     """Run one worker's share of the throws of a condition."""
     f, scene, pixels = learned(condition.arm).map, condition.scene, options.vision == "pixels"
-    source = source_of(f, seed=options.seed, count=options.throws, drag=scene.ball.drag)
+    source = source_of(f.arm, seed=options.seed, count=options.throws, drag=scene.ball.drag)
     source = widened(source, condition.throws)
     made = make_generator(options.generator, f)
 

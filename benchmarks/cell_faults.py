@@ -1,11 +1,13 @@
 """Faults at a simulated cell, many times each: how long until the arm is at rest, and what is said.
 
     python benchmarks/cell_faults.py --times 20 [--faults kill-run,cut] [--json FILE]
+    python benchmarks/cell_faults.py --faults none --times 400 --record DIR
 
 Each fault comes while the arm moves faster than 1 rad/s in a catch. The cell runs in a process of
 its own that is this script again; it sees all true joint speeds, also those that it does not send.
-Where a process is killed or stalled, the fault is the last command. The brake's time is that of
-Ruckig's stop from the state at the fault, or 20 ms later if that is longer.
+Where a process is killed or stalled, the fault is the last command. Throws without a fault say
+besides how much memory both processes take, and how large the recording is. The brake's time is
+that of Ruckig's stop from the state at the fault, or 20 ms later if that is longer.
 """
 
 import argparse
@@ -202,6 +204,13 @@ class Process:
                 return line
         raise TimeoutError(f"no {pattern!r} in {seen[-8:]}")
 
+    @property
+    def memory_mb(self) -> float:
+        """Memory that it holds now [MB]."""
+        status = Path(f"/proc/{self.process.pid}/status").read_text()
+        found = re.search(r"VmRSS:\s+(\d+) kB", status)
+        return int(found[1]) / 1e3 if found else float("nan")
+
     def enter(self) -> None:
         """Press Enter."""
         os.write(self._keys, b"\n")
@@ -215,22 +224,43 @@ class Process:
 def start_sim(cell: str, lose: float, seed: int) -> Process:
     """Start the cell."""
     sim = Process([__file__, "--cell", cell, "--serve", str(lose), "--seed", str(seed)])
-    sim.until("is there", timeout=180.0)
+    try:
+        sim.until("is there", timeout=180.0)
+    except TimeoutError:
+        sim.end()
+        raise
     return sim
 
 
-def start_run(cell: str) -> Process:
+def start_run(cell: str, record: Path | None = None) -> Process:
     """Start the loop at the cell, and say that the arm may move."""
-    run = Process(["-m", "mitt", "run", cell], keyboard=True)
-    run.until("press Enter|waiting: protective", timeout=180.0)
-    run.enter()
-    run.until("the arm moves")
+    out = [] if record is None else ["--out", str(record)]
+    run = Process(["-m", "mitt", "run", cell, *out], keyboard=True)
+    try:
+        run.until("press Enter|waiting: protective", timeout=180.0)
+        run.enter()
+        run.until("the arm moves")
+    except TimeoutError:
+        run.end()
+        raise
     return run
+
+
+def started(
+    cell: str, lose: float, seed: int, record: Path | None = None
+) -> tuple[Process, Process]:
+    """Start the cell, and the loop at it."""
+    sim = start_sim(cell, lose, seed)
+    try:
+        return sim, start_run(cell, record)
+    except TimeoutError:
+        sim.end()
+        raise
 
 
 def trials(cell: str, fault: str, times: int, seed: int) -> Iterator[dict[str, Any]]:
     """Bring about a fault again and again; each time somebody says that the arm may move again."""
-    sim, run = start_sim(cell, 0.0, seed), start_run(cell)
+    sim, run = started(cell, 0.0, seed)
     try:
         for _ in range(times):
             await_moving(sim, run)
@@ -289,9 +319,11 @@ def goes_on(run: Process) -> str:
     return ""
 
 
-def throws(cell: str, share: float, times: int, seed: int) -> Iterator[dict[str, Any]]:
+def throws(
+    cell: str, share: float, times: int, seed: int, record: Path | None
+) -> Iterator[dict[str, Any]]:
     """Lose a share of all messages either way, throw after throw."""
-    sim, run = start_sim(cell, share, seed), start_run(cell)
+    sim, run = started(cell, share, seed, record)
     try:
         for _ in range(times):
             why, line = "", None
@@ -301,10 +333,18 @@ def throws(cell: str, share: float, times: int, seed: int) -> Iterator[dict[str,
                 except TimeoutError:
                     why = goes_on(run) or why
             yield {"why": why, "status": line["status"], "violations": line["limit_violations"],
-                   "age_us": line["command_age_us"]}  # fmt: skip
+                   "age_us": line["command_age_us"],
+                   "memory_mb": [round(sim.memory_mb, 1), round(run.memory_mb, 1)],
+                   "record_mb": recorded(record)}  # fmt: skip
     finally:
         run.end()
         sim.end()
+
+
+def recorded(folder: Path | None) -> float:
+    """Return how large the recordings in a folder are [MB]."""
+    files = [] if folder is None else folder.glob("*.mcap")
+    return round(sum(file.stat().st_size for file in files) / 1e6, 1)
 
 
 def main() -> None:
@@ -315,6 +355,7 @@ def main() -> None:
     parser.add_argument("--cell", default="wam-sim")
     parser.add_argument("--seed", type=int, default=80200)
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--record", type=Path, help="folder for recordings of throws")
     parser.add_argument("--serve", type=float)
     given = parser.parse_args()
     if given.serve is not None:
@@ -325,7 +366,7 @@ def main() -> None:
         found[fault] = []
         lost, many = LOST.get(fault), (given.times, given.seed)
         made = (trials(given.cell, fault, *many) if lost is None
-                else throws(given.cell, lost, *many))  # fmt: skip
+                else throws(given.cell, lost, *many, given.record))  # fmt: skip
         try:
             for trial in made:
                 found[fault].append(trial)
@@ -346,6 +387,9 @@ def report(fault: str, rows: list[dict[str, Any]]) -> None:
         stops, last = [row["why"] for row in rows if row["why"]], rows[-1]
         print(f"{fault}: caught {caught} of {len(rows)}, stopped {len(stops)} times, ticks beyond"
               f" a limit {last['violations']}, age of commands {last['age_us']}")  # fmt: skip
+        for row in (rows[min(9, len(rows) - 1)], last):
+            sim, run = row["memory_mb"]
+            print(f"{fault}: sim {sim} MB, run {run} MB, recorded {row['record_mb']} MB")
         return
     timed = [row for row in rows if "rest_s" in row]
     over = [1e3 * (row["rest_s"] - row["brake_s"]) for row in timed]

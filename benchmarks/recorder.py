@@ -30,7 +30,7 @@ def measured(f: DirectMap, throws: int, *, images: bool) -> None:
     """Print what recording costs with points, or with images."""
     scene = read_scene("lab")
     runner = TrialRunner(f.arm, Direct(f), scene, pixels=images)
-    source, about = source_of(f, seed=SEED, count=throws, drag=scene.ball.drag), None
+    source, about = source_of(f.arm, seed=SEED, count=throws, drag=scene.ball.drag), None
     about = runner.about("direct", f)
     costs, ticks, size, dropped, fullest = [], 0, 0, 0, 0.0
     with TemporaryDirectory() as folder:

@@ -14,17 +14,12 @@ arm = mitt.load_arm("wam")
 direct_map = mitt.learn(arm).map
 seen = mitt.BallState(
     t=0.08,
-    tracked=True,
     r_o=np.array([3.3, 0.15, 0.35]),
     dr_o=np.array([-5.1, -0.2, 1.9]),
-    ddr_o=np.zeros(3),
     drag=0.04,
-    covariance=1e-6 * np.eye(6),
-    t_seen=0.08,
-    t_first=0.0,
 )
 
-ball = forecast(seen, seen.t)  # your estimate, with the acceleration of the flight model
+ball = seen  # your estimate; its acceleration is that of the flight model if you leave it out
 f = direct_map.adapt(ball, arm.q_ready, np.zeros(arm.n))
 reference = f.reference(ball)
 print(f"start: {np.abs(reference.q_d - arm.q_ready).max():.1e} rad from where the arm is")

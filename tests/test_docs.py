@@ -26,7 +26,7 @@ from mitt.world.scene import Scene
 from mitt.world.scenes import read_scene
 
 ROOT = Path(__file__).parents[1]
-DOCS = sorted((ROOT / "docs").glob("*.md"))
+DOCS = sorted((ROOT / "docs").rglob("*.md"))
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted(ROOT.glob("[!.]*/**/*.md"))]
 #: The equations that the paper numbers.
 NUMBERED = [str(k) for k in (*range(1, 21), 22)]
@@ -71,7 +71,7 @@ def exists(name: str) -> bool:
             continue
         rest = parts[count:]
         if len(rest) < 2:
-            return not rest or rest[0] in vars(module)
+            return not rest or rest[0] in {*vars(module), *dir(module)}
         owner = vars(module).get(rest[0])
         known = owner.__mro__[:-1] if isinstance(owner, type) else ()
         return len(rest) == 2 and any(rest[1] in {*vars(x), *x.__annotations__} for x in known)

@@ -1,0 +1,102 @@
+"""The folders of ``src/mitt`` as floors of a house: each imports only from those below it."""
+
+import configparser
+from itertools import groupby
+from pathlib import Path
+
+from drawing import save
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon, Rectangle
+
+from mitt.report.figures.style import BAND, BLUE, GREY, INK
+
+CONTRACTS = Path(__file__).parents[2] / ".importlinter"
+#: What each part is for; a part that is not here is an error.
+DOES = {
+    "cli": "the command mitt",
+    "commands": "a module a command, and their options",
+    "report": "pages, figures, 3-D replays, the viewer",
+    "design": "what an arm can catch, and the map that does it",
+    "sweep": "many throws: study files, workers, statistics",
+    "bench": "speed beside other libraries",
+    "calibration": "cameras from boards, a ball in the hand, clocks",
+    "tracks": "recorded positions and videos to the track of a ball",
+    "cell": "a cell: its file, a session at it, the simulated one",
+    "trials": "one throw: the loop, its score, its log, its replay",
+    "cameras": "where images come from",
+    "world": "the simulation: physics, sensors, throws, faults",
+    "link": "robots: drivers, ROS 2, the live loop, its recorder",
+    "files": "every reader and writer",
+    "catcher": "one tick: the order of the stages, once",
+    "baselines": "rivals: other generators",
+    "control": "joint motion to torque: limits, brake, fingers",
+    "generator": "the paper: map, learning, verdict",
+    "vision": "images to the ball's position",
+    "robot": "the arm: kinematics, dynamics, limits, hands",
+    "ball": "positions to the ball's motion: flight, filter",
+    "signals": "what flows from stage to stage",
+    "checks": "arguments of public functions",
+    "reading": "files within bounds",
+    "errors": "one line: wanted, given, what to do",
+    "fields": "settings held to their annotations",
+    "views": "parts of arrays in another shape",
+    "structs": "arrays as one argument of compiled code",
+    "interrupts": "Ctrl-C and its kind",
+    "jit": "compiling, and where it is kept",
+    "version": "the version of mitt",
+}
+#: Height of a line, space about those of a floor, widths [inch].
+LINE, ABOUT, WIDE, NAME = 0.27, 0.06, 5.9, 1.4
+
+
+def layers() -> tuple[list[list[str]], set[str]]:
+    """Return the floors of the contracts, top down, and the parts that run on the robot."""
+    read = configparser.ConfigParser()
+    read.read(CONTRACTS)
+    lines = read["importlinter:contract:flow"]["layers"].split("\n")
+    floors = [[x.strip().split(".")[1] for x in line.split("|")] for line in lines if line]
+    seen: set[str] = set()
+    out = []
+    for floor in floors:  # modules of one folder on several floors: shown once, on their highest
+        new = [part for part, _ in groupby(floor) if part not in seen]
+        seen |= set(new)
+        out += [new] if new else []
+    pure = read["importlinter:contract:pure"]["source_modules"].split()
+    return out, {name.split(".")[1] for name in pure}
+
+
+def draw(figure: Figure) -> None:
+    """Draw a floor for each layer, a line for each part, and the roof."""
+    axes = figure.add_subplot()
+    floors, pure = layers()
+    y = 0.0
+    for parts in floors:
+        height = len(parts) * LINE + 2 * ABOUT
+        whole = BAND if pure.issuperset(parts) else "white"
+        axes.add_patch(Rectangle((0, y - height), WIDE, height, facecolor=whole, edgecolor=GREY))
+        for k, part in enumerate(parts):
+            middle = y - ABOUT - (k + 0.5) * LINE
+            if part in pure:
+                axes.add_patch(Rectangle((0.02, middle - LINE / 2), WIDE - 0.04, LINE, color=BAND))
+            colour = BLUE if part in pure else INK
+            axes.text(0.12, middle, part, va="center", weight="bold", color=colour, fontsize=10.5)
+            axes.text(NAME, middle, DOES[part], va="center", color=INK, fontsize=10)
+        y -= height
+    axes.add_patch(
+        Polygon([(-0.25, 0.0), (0.5 * WIDE, 0.6), (WIDE + 0.25, 0.0)], facecolor=GREY, linewidth=0)
+    )
+    axes.text(0.5 * WIDE, 0.2, "imports go down only", color="white", ha="center", va="center",
+              fontsize=10.5)  # fmt: skip
+    axes.text(0.0, y - 0.22, "blue: runs on the robot; knows no plots, files, network, clock,"
+              " command line", color=BLUE, va="center", fontsize=10)  # fmt: skip
+    axes.set(xlim=(-0.3, WIDE + 0.3), ylim=(y - 0.45, 0.65))
+    axes.set_axis_off()
+
+
+def height() -> float:
+    """Return the height of the drawing [inch]."""
+    floors, _ = layers()
+    return sum(len(parts) * LINE + 2 * ABOUT for parts in floors) + 1.1
+
+
+save("house", (WIDE + 0.6, height()), draw)
