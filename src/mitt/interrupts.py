@@ -25,6 +25,8 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _PATIENCE = 0.5
 
 _noticed = threading.Event()
+#: Held by whoever decides which thread ends the process: only one of them does.
+_deciding = threading.Lock()
 _arrived: list[int] = []
 _aside: list[TextIO] = []
 _last_words: list[Callable[[], str]] = []
@@ -83,7 +85,8 @@ def raise_again() -> None:
 
 def notice() -> None:
     """Say that the exception has arrived and that the main thread sees to the rest."""
-    _noticed.set()
+    with _deciding:
+        _noticed.set()
     while _aside:
         sys.stderr = _aside.pop()
 
@@ -98,6 +101,9 @@ def finally_do(last_words: Callable[[], str]) -> Iterator[None]:
     _last_words.append(last_words)
     try:
         yield
+    except KeyboardInterrupt:  # from here on the main thread can be reached
+        notice()
+        raise
     finally:
         _last_words.remove(last_words)
 
@@ -153,7 +159,9 @@ def _watch(reading: int) -> None:
     with os.fdopen(reading, "rb", buffering=0) as pipe:
         while number := pipe.read(1):
             if number[0] in SIGNALS and not _noticed.wait(_PATIENCE):
-                _give_up(number[0])
+                with _deciding:
+                    if not _noticed.is_set():
+                        _give_up(number[0])
 
 
 def _give_up(number: int) -> NoReturn:

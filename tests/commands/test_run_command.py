@@ -1,5 +1,6 @@
 """``mitt run`` and ``mitt sim``: checks, refusals, and both as two processes."""
 
+import fcntl
 import json
 import os
 import pty
@@ -7,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
 
@@ -17,11 +19,13 @@ from mitt.cell.session import Person, Session
 from mitt.cli import main
 from mitt.commands.live_table import picture
 from mitt.errors import FileError, InputError
+from mitt.link.clock import monotonic, sleep_until
 from mitt.link.modes import Mode
+from mitt.link.realtime import hurried, pinned
 from mitt.signals import Command
 
-#: A domain that no other test and nobody else here uses.
-DOMAIN, SECOND = "171", "172"
+#: Stall of the machine from which a catch in real time is none of ours [s].
+STALLED = 3e-3
 
 
 def test_checking_says_what_the_cell_is(capsys: pytest.CaptureFixture[str]) -> None:
@@ -195,33 +199,67 @@ def cell_that_takes(tmp_path: Path, takes: str) -> str:
     return str(path)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("takes", ["trajectory", "torque", "position", "velocity"])
-def test_two_processes_catch_over_dds(tmp_path: Path, takes: str) -> None:
-    """They find each other on the loopback; two balls, none dropped for the network's sake."""
-    pytest.importorskip("cyclonedds")
-    environment = {**os.environ, "ROS_DOMAIN_ID": DOMAIN}
-    words, name = [sys.executable, "-m", "mitt"], cell_that_takes(tmp_path, takes)
-    said = tmp_path / "sim.json"
-    with said.open("w") as out:
-        sim = subprocess.Popen(
-            [*words, "sim", name, "--throws", "2", "--seed", "3", "--json"], stdout=out,
-            stderr=subprocess.DEVNULL, env=environment,
-        )  # fmt: skip
+@pytest.fixture
+def alone(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
+    """Let one test at a time run in real time, in a domain of its own; the environment for it."""
+    with (tmp_path_factory.getbasetemp().parent / "real-time").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)  # until it is closed
+        yield {**os.environ, "ROS_DOMAIN_ID": str(170 + os.getpid() % 60)}
+
+
+def longest_stall() -> float:
+    """Return by how much a loop of a millisecond that does nothing else comes too late [s]."""
+    worst = 0.0
+    for core in (0, -1):
+        with hurried(), pinned(core):
+            due = monotonic()
+            for _ in range(5000):
+                due += 1e-3
+                late = sleep_until(due)
+                worst, due = max(worst, late), due + late
+    return worst
+
+
+def both(name: str, folder: Path, environment: dict[str, str]) -> tuple[str, str] | None:
+    """Throw two balls with ``mitt sim`` at ``mitt run``; what they said, unless the arm stopped."""
+    words = [sys.executable, "-m", "mitt"]
+    throws = ["--throws", "2", "--json"]
+    folder.mkdir()
+    with (folder / "sim.json").open("w") as out, (folder / "sim.txt").open("w") as err:
+        sim = subprocess.Popen([*words, "sim", name, "--seed", "3", *throws], stdout=out,
+                               stderr=err, env=environment)  # fmt: skip
     try:
-        for _ in range(3):  # a machine that stalls for 20 ms stops the arm, as it should
+        with (folder / "run.txt").open("w") as err:
             run = subprocess.run(
-                [*words, "run", name, "--throws", "2", "--yes", "--json"],
-                capture_output=True, text=True, timeout=240, env=environment, check=False,
+                [*words, "run", name, "--yes", *throws], stdout=subprocess.PIPE, stderr=err,
+                text=True, timeout=180, env=environment, check=False,
             )  # fmt: skip
-            if run.returncode == 0:
-                break
+        if run.returncode != 0:
+            return None
         sim.wait(timeout=60)
+    except subprocess.TimeoutExpired:
+        return None
     finally:
         sim.kill()
         sim.wait()
-    assert run.returncode == 0, run.stderr
-    found, theirs = json.loads(run.stdout), json.loads(said.read_text())
+    return run.stdout, (folder / "sim.json").read_text()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("takes", ["trajectory", "torque", "position", "velocity"])
+def test_two_processes_catch_over_dds(tmp_path: Path, alone: dict[str, str], takes: str) -> None:
+    """They find each other on the loopback; two balls, none dropped for the network's sake."""
+    pytest.importorskip("cyclonedds")
+    name = cell_that_takes(tmp_path, takes)
+    # A machine that stalls stops the arm, as it should: then both begin anew.
+    said = next((x for k in range(3) if (x := both(name, tmp_path / f"{k}", alone))), None)
+    if said is None:
+        told = "".join(path.read_text() for path in sorted(tmp_path.glob("*/*.txt")))
+        assert "the arm moves\n" in told, told
+        worst = longest_stall()
+        assert worst > STALLED, f"the machine stalls for {1e3 * worst:.1f} ms at most\n{told}"
+        pytest.skip(f"this machine stalls for {1e3 * worst:.0f} ms: no real time on it")
+    found, theirs = (json.loads(text) for text in said)
     assert found["caught"] + found["dropped"] + found["missed"] + found["stopped"] >= 1
     assert found["caught"] >= 1
     assert theirs["schema"] == "mitt.sim/1"
@@ -233,23 +271,22 @@ def test_two_processes_catch_over_dds(tmp_path: Path, takes: str) -> None:
 
 
 @pytest.mark.slow
-def test_a_second_run_at_one_arm_moves_nothing(tmp_path: Path) -> None:
+def test_a_second_run_at_one_arm_moves_nothing(tmp_path: Path, alone: dict[str, str]) -> None:
     """It says who is there, and waits; the first goes on to its end."""
     pytest.importorskip("cyclonedds")
-    environment = {**os.environ, "ROS_DOMAIN_ID": SECOND}
     words = [sys.executable, "-m", "mitt"]
     many = ["--throws", "1000", "--json"]  # the first must be there when the second looks
     run = [*words, "run", "wam-sim", "--yes", *many]
     outs = [(tmp_path / name).open("w+") for name in ("sim", "first", "second")]
     sim = subprocess.Popen([*words, "sim", "wam-sim", *many], stdout=outs[0],
-                           stderr=subprocess.DEVNULL, env=environment)  # fmt: skip
+                           stderr=subprocess.DEVNULL, env=alone)  # fmt: skip
     keyboard, keys = pty.openpty()  # with one it stays there, also after a stop
     first = subprocess.Popen(run, stdin=keys, stdout=subprocess.DEVNULL, stderr=outs[1],
-                             env=environment)  # fmt: skip
+                             env=alone)  # fmt: skip
     second = None
     try:
         heard(tmp_path / "first", "the arm moves\n")
-        second = subprocess.Popen(run, stdout=subprocess.DEVNULL, stderr=outs[2], env=environment)
+        second = subprocess.Popen(run, stdout=subprocess.DEVNULL, stderr=outs[2], env=alone)
         heard(tmp_path / "second", "another program commands the arm on /wam_controller/")
         assert "the arm moves\n" not in (tmp_path / "second").read_text()
     finally:

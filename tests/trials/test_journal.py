@@ -172,6 +172,7 @@ def test_a_signal_ends_a_run_at_once_and_keeps_its_throws(
     assert len(lines) == 1, err
     assert number.name in lines[0]
     found = json.loads((tmp_path / "out" / RESULT).read_text())
-    assert found == json.loads(out)
+    if out:  # nothing where the other thread had to end a process that did not get to it
+        assert found == json.loads(out)
     assert found["incomplete"] is True
     assert found["summary"]["throws"] == len(found["trials"]) >= 2

@@ -126,10 +126,10 @@ class LiveLoop:
 
     def finish(self) -> None:
         """Engage the brakes of the arm at rest: all is done."""
-        if self.mode is Mode.CATCHING:
-            self._stay()
+        was, self.mode = self.mode, Mode.STOPPED
         self._link.brake()
-        self.mode = Mode.STOPPED
+        if was is Mode.CATCHING:
+            self._stay()
 
     def _stay(self) -> None:
         """Leave a robot that rests with a setpoint that moves nothing: it may be its last."""
@@ -283,8 +283,8 @@ class LiveLoop:
         """Engage the brakes and stay; a ball in flight then is one that was not caught."""
         self.mode = Mode.STOPPED
         try:
-            self._stay()
             self._link.brake()
+            self._stay()
         except Exception as error:  # a driver's own: its watchdog is left
             self.why += f"; the brakes do not answer: {error}"
         self.counts.stops.append(self.why)

@@ -9,6 +9,7 @@ Drivers of other packages are entry points of the group ``mitt.robots``: a funct
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from importlib.metadata import entry_points
 from math import inf
@@ -129,7 +130,9 @@ class RobotLink:
         self.robot.write(command, answers)
 
     def stay(self, q: Array, hand: float, answers: float) -> None:
-        """Leave a robot that takes setpoints with one that moves nothing; it rests.
+        """Leave a robot that takes setpoints with one that moves nothing.
+
+        It rests and is braked: a driver that fails here changes nothing.
 
         Args:
             q: Where the joints are [rad], shape (n,).
@@ -139,7 +142,8 @@ class RobotLink:
         if self._setpoints is not None:
             still = np.zeros(len(q))
             joints = np.array([q, still, still, still])
-            self.robot.write(Command(t=answers, joints=joints, hand=hand), answers)
+            with suppress(Exception):  # a driver's own
+                self.robot.write(Command(t=answers, joints=joints, hand=hand), answers)
 
     def brake(self) -> None:
         """Engage the brakes, where there are any."""

@@ -1,0 +1,114 @@
+"""A catch over DDS tick by tick: each side waits for the other, so that no stall matters."""
+
+import json
+import os
+import time
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+import pytest
+from local_cell import FaultyRobot
+
+from mitt.cell.drivers import Connection
+from mitt.cell.prepare import balls_of, map_of, prepare, scene_of_cell
+from mitt.cell.session import loop_of
+from mitt.cell.simulated import SimulatedCell
+from mitt.errors import InputError
+from mitt.files.cell import Cell, read_cell
+from mitt.link.modes import Mode
+from mitt.link.robot import Robot
+from mitt.signals import ArmState, Command
+
+try:
+    from mitt.link.ros2 import Ros2Robot
+    from mitt.link.ros2_cell import Ros2Cell, Told
+except InputError:
+    pytest.skip("no Cyclone DDS", allow_module_level=True)
+
+T = TypeVar("T")
+
+
+def soon(what: Callable[[], T]) -> T:
+    """Return what a call returns as soon as that is something; else what it last returned."""
+    end = time.monotonic() + 2.0
+    while not (found := what()) and time.monotonic() < end:
+        time.sleep(2e-5)
+    return found
+
+
+class WaitsForCommands(FaultyRobot):
+    """A robot's driver that lets the cell go on by a tick, and waits for what it publishes."""
+
+    def __init__(self, inner: Robot, cell: SimulatedCell, port: Ros2Cell) -> None:
+        """Take the driver and the cell at the other end."""
+        super().__init__(inner)
+        self.cell, self.port, self.lost = cell, port, 0
+        self._take, self._begun, self._sent = port.command, False, False
+        port.command = self._commanded  # type: ignore[method-assign]
+
+    def read(self, timeout: float) -> Sequence[ArmState]:
+        """Let what was commanded act, and return the reading after it."""
+        if timeout > 0.0:
+            if self._begun:
+                self.cell.act()
+            self._begun = True
+            self.cell.tick()
+        return self._inner.read(2.0 if timeout > 0.0 else 0.0)
+
+    def write(self, command: Command, answers: float) -> None:
+        """Pass a command on."""
+        super().write(command, answers)
+        self._sent = True
+
+    def _commanded(self) -> Told | None:
+        """Return the command that is on its way, if one is."""
+        if not self._sent:
+            return self._take()
+        self._sent = False
+        told = soon(self._take)
+        self.lost += told is None
+        return told
+
+
+def cell_that_takes(takes: str) -> Cell:
+    """Return the shipped cell with topics of its own, and drives that take torques or else."""
+    cell = read_cell("wam-sim")
+    command = f"/{takes}/joint_trajectory" if takes == "trajectory" else f"/{takes}/commands"
+    options = {**cell.robot.options, "command": command, "state": f"/{takes}/states",
+               "brake": f"/{takes}/brake", "diagnostics": f"/{takes}/diagnostics"}  # fmt: skip
+    drives = "torque" if takes == "trajectory" else takes
+    robot = cell.robot.model_copy(update={"options": options, "takes": drives})
+    source = cell.source.model_copy(update={"topic": f"/{takes}/ball"})
+    return cell.model_copy(update={"robot": robot, "source": source})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("takes", ["trajectory", "torque", "position", "velocity"])
+def test_a_ball_is_caught_over_dds(takes: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two throws, both caught, no limit exceeded; what came of them is told over DDS too."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(100 + os.getpid() % 60))
+    monkeypatch.setattr("mitt.link.ros2._LOOK", 0.0)
+    monkeypatch.setattr("mitt.link.ros2._ALONE", 0.3)
+    prepared = prepare(cell_that_takes(takes))
+    cell, arm, scene = prepared.cell, prepared.arm, scene_of_cell(prepared.cell, None)
+    port, inner = Ros2Cell(cell, arm), Ros2Robot(cell, arm)
+    simulated = SimulatedCell(
+        cell, arm, scene, balls_of(prepared, scene, seed=3, count=2), port, rig=prepared.rig,
+        clock=lambda: simulated.t, started=1.7e9,
+    )  # fmt: skip
+    robot = WaitsForCommands(inner, simulated, port)
+    connection = Connection(robot, None, clock=lambda: simulated.t)
+    loop = loop_of(prepared, map_of(prepared), connection)
+    soon(lambda: not loop.healthy() and not inner.waits())
+    assert loop.healthy() == ""
+    loop.begin()
+    for _ in range(12_000):
+        loop.cycle()
+        if loop.mode is Mode.STOPPED or (simulated.done and loop.idle):
+            break
+    assert loop.why == ""
+    assert simulated.statuses == ["caught", "caught"]
+    assert simulated.violations == 0
+    assert robot.lost <= 2
+    assert [json.loads(x)["status"] for x in soon(inner.news)] == simulated.statuses
+    inner.close()
