@@ -86,11 +86,11 @@ def quiet(name: str, done: int, of: int) -> None:
     """Take in progress and say nothing."""
 
 
-def write_study(folder: Path, text: str) -> Study:
+def write_study(folder: Path, text: str, *, generators: tuple[str, ...] = GENERATORS) -> Study:
     """Write a study file and read it."""
     path = folder / "study.toml"
     path.write_text(text)
-    return read_study(path, generators=GENERATORS)
+    return read_study(path, generators=generators)
 
 
 def ready(path: Path, study: Study, learned: Learned) -> Folder:

@@ -149,11 +149,12 @@ def test_the_arm_of_the_tutorial_catches(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_the_tutorial_on_planners_is_its_files() -> None:
-    """The blocks of the page are the three files."""
+    """The blocks of the page are the four files."""
     page = ROOT / "docs/tutorials/own-planner.md"
     files = [(PLANNER / name).read_text() for name in ("pyproject.toml", "study.toml")]
     assert blocks(page, "toml") == files
-    assert blocks(page, "python") == [(PLANNER / "cubic_planner.py").read_text()]
+    names = ("cubic_planner.py", "careful_planner.py")
+    assert blocks(page, "python") == [(PLANNER / name).read_text() for name in names]
 
 
 @pytest.mark.slow
@@ -163,6 +164,11 @@ def test_the_planner_of_the_tutorial_catches(planner: Path, tmp_path: Path) -> N
     words = ["--throws", "3", "--seed", "300", "--vision", "points", "--out", str(run)]
     assert main(["catch", "--generator", "cubic", *words]) == 0
     assert json.loads((run / "result.json").read_text())["summary"]["caught"] == 3
+    assert main(["catch", "--generator", "careful", *words[:-1], str(tmp_path / "careful")]) == 0
+    trials = json.loads((tmp_path / "careful" / "result.json").read_text())["trials"]
+    assert {t["status"] for t in trials} == {"caught", "unreachable"}
+    refused = [t["certificate"]["margin"] for t in trials if t["status"] == "unreachable"]
+    assert max(refused) < 0.4
     text = (planner / "study.toml").read_text()
     assert "throws = 100" in text
     study.write_text(text.replace("throws = 100", "throws = 2").replace('"quintic", ', ""))

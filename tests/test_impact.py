@@ -131,6 +131,8 @@ def test_a_refusal_names_what_binds_and_a_pass_keeps_the_verdict(motors: Arm) ->
     assert examined(motors, given, ball(0.07), bandwidth=BANDWIDTH).outcome is Outcome.FEASIBLE
     blind = replace(given, approach=None)
     assert examined(motors, blind, ball(2.0), bandwidth=BANDWIDTH) is blind
+    by_choice = replace(given, outcome=Outcome.UNREACHABLE)  # a generator's own, below every limit
+    assert examined(motors, by_choice, ball(0.07), bandwidth=BANDWIDTH) is by_choice
 
 
 def test_a_refusal_for_torque_is_run_on_the_model(motors: Arm) -> None:

@@ -156,11 +156,12 @@ def examined(arm: Arm, verdict: Verdict, ball: CaughtBall, *, bandwidth: float) 
     """Return a verdict that has looked at what the arm will do, up to the catch and after it.
 
     One that refuses for torque or speed is run on the model (:mod:`mitt.rehearsal`); one that is
-    feasible, then, looks beyond the catch. Any other stays as it is.
+    feasible, then, looks beyond the catch. Any other stays as it is, as a generator's that refuses
+    although no limit is exceeded.
     """
     if verdict.approach is None:
         return verdict
-    if verdict.outcome is Outcome.UNREACHABLE:
+    if verdict.outcome is Outcome.UNREACHABLE and verdict.share > 1.0:
         verdict = _rehearsed(arm, verdict, verdict.approach, ball, bandwidth)
     if verdict.outcome is not Outcome.FEASIBLE or verdict.approach is None:
         return verdict

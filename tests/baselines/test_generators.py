@@ -20,7 +20,7 @@ from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState, JointReference, MapStatus
 from mitt.trials import registry
-from mitt.trials.registry import available, check_name, make_generator
+from mitt.trials.registry import available, factory_of, make_generator
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import source_of
 from mitt.world.scene import Scene
@@ -141,7 +141,7 @@ def test_names_are_listed_and_unknown_ones_refused() -> None:
     """The message names every generator."""
     assert {"direct", "unoptimised", "clairvoyant", *HONEST} <= set(available())
     with pytest.raises(UnknownNameError, match=r"ik.*quintic.*clairvoyant"):
-        check_name("magic")
+        factory_of("magic")
 
 
 def test_another_package_adds_a_generator(

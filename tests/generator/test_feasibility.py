@@ -239,4 +239,4 @@ def test_a_verdict_is_said_in_a_few_words() -> None:
         outcome=Outcome.UNREACHABLE, binding_limit="domain", share=np.inf, t_catch=np.inf,
         sigma=np.inf,
     )  # fmt: skip
-    assert str(far) == "unreachable: domain"
+    assert str(far) == "unreachable: domain (the ball does not come to where the map can meet it)"

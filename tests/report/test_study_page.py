@@ -1,5 +1,6 @@
 """The page of a study: what it says, that it stands alone, and the commands' manners."""
 
+import json
 import re
 from pathlib import Path
 
@@ -36,6 +37,16 @@ def test_the_page_has_all_its_sections_and_loads_nothing(folder: Folder) -> None
         assert f'<section id="{name}">' in page
     assert not re.search(r'(?:src|href)="(?:https?:)?//', page)
     assert "nan" not in re.sub(r"<style>.*?</style>", "", page, flags=re.DOTALL).lower().split()
+
+
+def test_the_page_says_how_long_a_tick_takes(folder: Folder) -> None:
+    """By generator, from the wall-clock figures of the study."""
+    page = (folder.path / "report.html").read_text()
+    rows = json.loads((folder.path / "timing.json").read_text())["rows"]
+    p99 = max(row["tick_us_p99"] for row in rows if row["generator"] == "unoptimised")
+    assert p99 > 0.0
+    cell = r"</td>\s*<td class=.n.>"
+    assert re.search(rf"<td>unoptimised{cell}\d+{cell}{p99:.0f}</td>", page)
 
 
 def test_a_replay_of_a_bad_throw_is_one_click_away(folder: Folder) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from mitt.sweep.folder import Folder
 from mitt.sweep.parts import read_part
 from mitt.sweep.run import FinishedStudy, all_jobs, run_study
 from mitt.sweep.study import Study
+from mitt.trials import registry
 
 #: What a finished study's folder is compared by.
 COMPARED = ("summary.json", "trials.parquet")
@@ -128,6 +130,27 @@ def test_a_folder_of_another_version_is_refused(
     write_json(folder.path / "study.json", manifest | {"version": "0.0.1", "digest": "x"})
     with pytest.raises(InputError, match=r"mitt 0\.0\.1"):
         folder.check(study, resume=True)
+
+
+def test_a_plug_in_that_was_changed_is_another_study(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its source is part of the study, and whoever goes on is told which one is not as it was."""
+    source = tmp_path / "their_planner.py"
+    source.write_text("from mitt.baselines.quintic import make_quintic as make\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    point = EntryPoint("theirs", "their_planner:make", registry.GROUP)
+    monkeypatch.setattr(registry, "entry_points", lambda **_: (point,))
+    text = TEXT.replace('"unoptimised"', '"theirs"')
+    study = write_study(tmp_path, text, generators=("direct", "theirs"))
+    assert study.plugins.keys() == {"theirs"}
+    folder = Folder(tmp_path / "out")
+    folder.claim(study, resume=False, overwrite=False)
+    folder.check(study, resume=True)
+    source.write_text(source.read_text() + "# changed\n")
+    changed = write_study(tmp_path, text, generators=("direct", "theirs"))
+    with pytest.raises(InputError, match=r"generator .theirs. of sources .*; now sources "):
+        folder.check(changed, resume=True)
 
 
 def test_two_runs_do_not_share_a_folder(tmp_path: Path) -> None:

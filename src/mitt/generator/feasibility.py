@@ -58,6 +58,13 @@ class Approach:
     dr_o: Array
 
 
+#: What it means that the place of the catch is against it, not a limit.
+_PLACES = {
+    "domain": " (the ball does not come to where the map can meet it)",
+    "region": " (the catch is not where the map was learned)",
+}
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
     """What the certificate says.
@@ -84,7 +91,8 @@ class Verdict:
         """Say it in a few words, as ``feasible: 83 % of brake:j4, catch at 0.498 s``."""
         asked = f"{100.0 * self.share:.0f} % of " if np.isfinite(self.share) else ""
         when = f", catch at {self.t_catch:.3f} s" if np.isfinite(self.t_catch) else ""
-        return f"{self.outcome.value}: {asked}{self.binding_limit}{when}"
+        why = _PLACES.get(self.binding_limit.partition(":")[0], "")
+        return f"{self.outcome.value}: {asked}{self.binding_limit}{why}{when}"
 
     @property
     def margin(self) -> float:

@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from mitt.files.files import write_text
+from mitt import checks
+from mitt.files.files import read_json, write_text
 from mitt.files.throws import ThrowSettings
 from mitt.report.figures.sweep import effort, rates_against, rates_by_condition, reach
 from mitt.report.page import Cell, Section, interval, number, page
@@ -91,6 +92,7 @@ def study_page(result: StudyResult, worst: Sequence[Sequence[Cell]]) -> str:
         even=break_even(rows),
         widest=widest.name,
         worst=worst,
+        times=_times(result),
         head=_HEAD,
         numbers=[_cells(row) for row in rows],
     )
@@ -134,6 +136,21 @@ def _cells(row: Row) -> list[str]:
         number(median["peak_contact_force_n"], 0), number(median["energy_j"], 0),
         str(row["violating_throws"]),
     ]  # fmt: skip
+
+
+def _times(result: StudyResult) -> list[list[str]]:
+    """Return the computing time of a tick of each generator [us]: median and p99, both largest."""
+    path = result.folder.path / "timing.json"
+    given = read_json(path) if path.exists() else {}
+    rows = given.get("rows") if isinstance(given, dict) else None
+    cells = []
+    for name in result.study.generators:
+        of = [r for r in rows or () if isinstance(r, dict) and r.get("generator") == name]
+        if of:
+            p50, p99 = ([checks.number(f"{path} {key}", row.get(key)) for row in of]
+                        for key in ("tick_us_p50", "tick_us_p99"))  # fmt: skip
+            cells.append([name, number(max(p50), 0), number(max(p99), 0)])
+    return cells
 
 
 def sweeps_of(rows: Sequence[Row]) -> dict[str, list[Row]]:

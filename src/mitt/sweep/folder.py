@@ -112,12 +112,25 @@ class Folder:
         given = read_json(manifest)
         digest = given.get("digest") if isinstance(given, dict) else None
         if digest != study.digest:
-            version = given.get("version") if isinstance(given, dict) else None
-            other = "another study" if version == study.version else f"a study of mitt {version}"
             raise InputError("--resume", f"a folder of the study {study.name!r} as it is now",
-                             f"{self.path}, made by {other}",
+                             f"{self.path}, made by {_other(given, study)}",
                              do="choose another folder or say --overwrite instead")  # fmt: skip
         return True
+
+
+def _other(given: object, study: Study) -> str:
+    """Return in words what made a folder that is not of this study."""
+    if not isinstance(given, dict):
+        return "another study"
+    if given.get("version") != study.version:
+        return f"a study of mitt {given.get('version')}"
+    told = given.get("study")
+    was = told.get("plugins") if isinstance(told, dict) else None
+    for name, origin in study.plugins.items():
+        before = was.get(name) if isinstance(was, dict) else None
+        if before is not None and before != origin:
+            return f"generator {name!r} of {before}; now {origin}"
+    return "another study"
 
 
 def _manifest(study: Study) -> dict[str, object]:

@@ -18,6 +18,7 @@ from mitt.sweep.study import (
     SweepSettings,
     Table,
 )
+from mitt.trials.registry import origin_of
 from mitt.world.scenes import DEFAULT, scene_of
 from mitt.world.settings import merged, validated
 from mitt.world.tables import MAX_BYTES
@@ -42,7 +43,7 @@ def read_study(path: Path, *, generators: tuple[str, ...]) -> Study:
     Raises:
         FileError: The file cannot be read or is no TOML.
         InputError: A key is unknown or its value cannot be used.
-        UnknownNameError: A generator is not available.
+        UnknownNameError: A generator is not available; InputError: one does not load.
     """
     path = checks.path("study", path)
     if not path.is_file() and path.name == str(path) and str(path) in shipped():
@@ -70,6 +71,7 @@ def read_study(path: Path, *, generators: tuple[str, ...]) -> Study:
         version=mitt.__version__,
         flights={c.flights: _digest(Path(c.flights)) for c in conditions
                  if c.flights is not None and c.flights != "builtin"},
+        plugins={name: origin for name in chosen if (origin := origin_of(name))},
     )  # fmt: skip
 
 

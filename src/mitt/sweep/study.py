@@ -164,6 +164,7 @@ class Study(Settings):
         record: Most failures to record, of each generator in each condition.
         version: Version of mitt.
         flights: Digests of the files of recorded flights, by their address.
+        plugins: Package, version and digest of the generators that other packages add.
     """
 
     name: str
@@ -175,6 +176,7 @@ class Study(Settings):
     record: int
     version: str
     flights: dict[str, str]
+    plugins: dict[str, str] = Field(default_factory=dict)
 
     @property
     def generators(self) -> tuple[str, ...]:
@@ -184,7 +186,8 @@ class Study(Settings):
     @property
     def digest(self) -> str:
         """SHA-256 of all that decides the results; of files what they hold, not where they lie."""
-        decisive = self.model_dump(mode="json", exclude={"about", "record", "flights"})
+        less = {"about", "record", "flights"} | (set() if self.plugins else {"plugins"})
+        decisive = self.model_dump(mode="json", exclude=less)
         for condition in decisive["conditions"]:
             condition["flights"] = self.flights.get(condition["flights"], condition["flights"])
         canonical = json.dumps(decisive, sort_keys=True, separators=(",", ":"))

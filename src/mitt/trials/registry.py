@@ -4,10 +4,13 @@ A package adds one by an entry point of the group ``mitt.generators`` that names
 a :class:`DirectMap` (it knows the arm) to a :class:`Generator`. A built-in name cannot be taken.
 """
 
+import hashlib
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from math import inf
+from pathlib import Path
 from typing import final
 
 from mitt import checks
@@ -55,18 +58,6 @@ def available() -> tuple[str, ...]:
     return (*BUILT_IN, *sorted(set(_added()) - set(BUILT_IN)))
 
 
-def check_name(name: str) -> None:
-    """Refuse a name that no generator has, or two packages give."""
-    if name in BUILT_IN:
-        return
-    if name not in _added():
-        raise UnknownNameError("--generator", name, available())
-    places = sorted({x.value for x in entry_points(group=GROUP) if x.name == name})
-    if len(places) > 1:
-        raise InputError(f"generator {name!r}", "one package that adds it", " and ".join(places),
-                         do="uninstall one of the packages")  # fmt: skip
-
-
 def make_generator(name: str, f: DirectMap) -> Generator:
     """Return a generator by name.
 
@@ -78,18 +69,61 @@ def make_generator(name: str, f: DirectMap) -> Generator:
         UnknownNameError: No generator is called that.
         InputError: The entry point of another package does not load, or it raises an error.
     """
-    check_name(name)
+    factory = factory_of(name)
     if name in BUILT_IN:
-        return BUILT_IN[name](f)
-    entry = _added()[name]
+        return factory(f)
+    with answered_by(f"generator {name!r}"):
+        generator = factory(f)
+    return generator if _is_map(generator) else added(f"generator {name!r}", generator, f.arm.n)
+
+
+def factory_of(name: str) -> Factory:
+    """Return what makes a generator, by its name; a package that adds it is loaded.
+
+    Raises:
+        UnknownNameError: No generator is called that.
+        InputError: Two packages add it, or the entry point does not load.
+    """
+    if name in BUILT_IN:
+        return BUILT_IN[name]
+    if name not in _added():
+        raise UnknownNameError("--generator", name, available())
+    entry, where = _added()[name], f"generator {name!r}"
+    places = sorted({x.value for x in entry_points(group=GROUP) if x.name == name})
+    if len(places) > 1:
+        raise InputError(where, "one package that adds it", " and ".join(places),
+                         do="uninstall one of the packages")  # fmt: skip
     try:
         factory: Factory = entry.load()
     except (ImportError, AttributeError) as error:
         wanted = f"the entry point {entry.value} to load"
-        raise InputError(f"generator {name!r}", wanted, error, do="repair that package") from error
-    with answered_by(f"generator {name!r}"):
-        generator = factory(f)
-    return generator if _is_map(generator) else added(f"generator {name!r}", generator, f.arm.n)
+        raise InputError(where, wanted, error, do="repair that package") from error
+    if not callable(factory):
+        wanted = f"a function of a map in the entry point {entry.value}"
+        raise InputError(where, wanted, checks.shown(factory), do="repair that package")
+    return factory
+
+
+def origin_of(name: str) -> str:
+    """Return package, version and digest of the sources of a generator of another package.
+
+    The sources are the Python files of the package that the entry point names. Nothing is returned
+    for a generator that ships.
+
+    Raises:
+        UnknownNameError: No generator is called that.
+        InputError: The entry point does not load.
+    """
+    factory_of(name)
+    if name in BUILT_IN:
+        return ""
+    entry = _added()[name]
+    module = sys.modules[entry.module.partition(".")[0]]
+    place = Path(getattr(module, "__file__", None) or "none")
+    sources = sorted(place.parent.rglob("*.py")) if place.stem == "__init__" else [place]
+    digest = hashlib.sha256(b"".join(x.read_bytes() for x in sources if x.is_file())).hexdigest()
+    package = "" if entry.dist is None else f"{entry.dist.name} {entry.dist.version}, "
+    return f"{package}sources {digest[:16]}"
 
 
 def _is_map(generator: Generator) -> bool:
