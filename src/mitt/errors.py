@@ -58,10 +58,10 @@ class ModelError(InputError):
 class UnknownNameError(InputError, KeyError):
     """A name that is not among those available."""
 
-    def __init__(self, kind: str, given: str, available: Iterable[str]) -> None:
-        """List the names that are available."""
+    def __init__(self, kind: str, given: str, available: Iterable[str], *, do: str = "") -> None:
+        """List the names that are available and, where it helps, say what to do."""
         self.available = tuple(available)
-        super().__init__(kind, f"one of {', '.join(self.available)}", repr(given))
+        super().__init__(kind, f"one of {', '.join(self.available)}", repr(given), do=do)
 
     def __str__(self) -> str:
         """Show the message itself; KeyError would quote it."""

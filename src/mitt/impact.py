@@ -19,7 +19,7 @@ from functools import lru_cache
 import numpy as np
 
 from mitt.control.brake import Brake, plan_brake
-from mitt.control.envelope import bounds_of
+from mitt.control.envelope import speeds_of
 from mitt.control.hand import TOUCH_BEFORE
 from mitt.generator.demand import Tolerance, shares_of
 from mitt.generator.feasibility import Approach, Outcome, Verdict
@@ -89,7 +89,7 @@ def speed_caps(arm: Arm, approach: Approach, ball: CaughtBall) -> Array:
             return cap
         speed = np.abs(np.clip(approach.motion[-1, 1], -cap, cap))
         slower = np.maximum(
-            np.sqrt(np.maximum(room, 0.0)) * speed, _SLOWEST_TO_BRAKE * _fastest(arm)
+            np.sqrt(np.maximum(room, 0.0)) * speed, _SLOWEST_TO_BRAKE * speeds_of(arm)
         )
         cap = np.where(room < 1.0, np.minimum(cap, slower), cap)
     return cap
@@ -118,7 +118,7 @@ def _impact_caps(arm: Arm, approach: Approach, ball: CaughtBall) -> Array:
     A joint that the ball drives on in its own direction must stay below its limit afterwards;
     one that it slows down needs no room.
     """
-    fastest, (q, wanted) = _fastest(arm), approach.motion[-1, :2]
+    fastest, (q, wanted) = speeds_of(arm), approach.motion[-1, :2]
     J, way = arm.jacobian(q), np.sign(wanted)
     answer = _hardest(arm, q, ball)
     give = np.clip(np.diag(answer @ J), 0.0, 1.0 - _GIVE)  # a slower joint is driven on farther
@@ -143,13 +143,6 @@ def _hardest(arm: Arm, q: Array, ball: CaughtBall) -> Array:
     """Return :func:`_answer` for the heaviest ball, while it springs back, shape (n, 3)."""
     out: Array = _HARDER * (1.0 + ball.restitution) * _answer(arm, q, ball.heaviest)
     return out
-
-
-@lru_cache(maxsize=32)
-def _fastest(arm: Arm) -> Array:
-    """Return the largest speeds that the envelope emits [rad/s], shape (n,)."""
-    speeds: Array = bounds_of(arm)[2]
-    return speeds
 
 
 def examined(arm: Arm, verdict: Verdict, ball: CaughtBall, *, bandwidth: float) -> Verdict:
@@ -205,7 +198,7 @@ def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, fl
     late = _lateness(arm, approach, cap) / GRASP
     driven = np.abs(dq + speed_jumps(arm, approach, ball)) / arm.dq_max
     late = np.where(driven > 1.0 + _ROUNDED, np.maximum(late, driven), late)
-    slowed = cap < _fastest(arm)
+    slowed = cap < speeds_of(arm)
     shares = {f"brake:{name}": float(x) for name, x in zip(arm.names, rest, strict=True)}
     for name, x, kept in zip(arm.names, late.tolist(), slowed.tolist(), strict=True):
         shares[f"{'impact' if kept else 'speed'}:{name}"] = x

@@ -12,8 +12,6 @@ catch.
 | ``b``    | limits, as of :func:`mitt.control.envelope.bounds_of`| rad.. | (6, n)    |
 """
 
-from functools import lru_cache
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,12 +25,6 @@ from mitt.robot.slopes import bias_and_mass, slopes_work
 from mitt.signals import TICK, Array
 
 
-@lru_cache(maxsize=8)
-def _bounds(arm: Arm) -> Array:
-    """Return :func:`bounds_of` an arm, worked out once, not to be written to."""
-    return bounds_of(arm)
-
-
 def gap_at_catch(arm: Arm, approach: Approach, caps: Array, bandwidth: float) -> float:
     """Return how far the hand will be from its place at the catch [m].
 
@@ -42,7 +34,7 @@ def gap_at_catch(arm: Arm, approach: Approach, caps: Array, bandwidth: float) ->
         caps: Largest joint speeds that are emitted [rad/s], shape (n,).
         bandwidth: Of the tracking error [rad/s].
     """
-    rows, b = _each_tick(approach), _bounds(arm).copy()
+    rows, b = _each_tick(approach), bounds_of(arm)
     b[DQ_MAX] = np.minimum(b[DQ_MAX], caps)
     state = rows[0, :2].copy()
     bodies, drives, index = arm.tables

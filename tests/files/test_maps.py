@@ -17,6 +17,7 @@ from mitt.files.maps import read_map, save_map
 from mitt.generator.learn import Learned
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
+from mitt.version import __version__
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +50,14 @@ def test_a_map_comes_back_to_the_bit(saved: Path, learned: Learned, arm: Arm) ->
     assert (again.steps, again.flights, again.left_out, again.status) == (
         learned.steps, learned.flights, learned.left_out, learned.status,
     )  # fmt: skip
+
+
+def test_a_map_says_which_version_wrote_it(tmp_path: Path, learned: Learned, arm: Arm) -> None:
+    """This one, unless the caller says another; it can be read again."""
+    path = tmp_path / "map.json"
+    save_map(path, learned)
+    assert json.loads(path.read_text())["version"] == __version__
+    assert read_map(path, arm).status == learned.status
 
 
 def test_saving_twice_gives_the_same_bytes(tmp_path: Path, saved: Path, learned: Learned) -> None:

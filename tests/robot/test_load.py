@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import mitt
 from mitt.errors import FileError, MittError, ModelError, UnknownNameError
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
@@ -146,3 +147,37 @@ def test_encoders_have_the_resolution_of_their_joint() -> None:
     for bad in (0.0, -1.0, [1e-4, 1e-4], float("nan")):
         with pytest.raises(ModelError, match=r"encoder"):
             load_arm("wam", encoder_step=bad)
+
+
+def test_an_unknown_arm_says_which_files_may_be_named(tmp_path: Path) -> None:
+    """Arm file, URDF and MJCF; a file that an arm file names is no arm file."""
+    for load in (load_arm, mitt.load_arm):
+        with pytest.raises(UnknownNameError) as caught:
+            load("panda")
+        for kind in ("wam", "arm file (.toml)", "URDF (.urdf)", "MJCF (.xml)"):
+            assert kind in str(caught.value)
+    with pytest.raises(UnknownNameError) as caught:
+        load_arm(tmp_path / "other.toml", tip="l5", joints=["j1"])
+    assert "arm file" not in str(caught.value)
+
+
+def test_a_tip_without_joints_is_told_what_there_is(tmp_path: Path) -> None:
+    """A wrong tip by its likeness and the links; a right one by its joints; none by the links."""
+    path = urdf(tmp_path / "five.urdf")
+    path.write_text(path.read_text().replace('"l5"', '"palm_link"'))
+    with pytest.raises(UnknownNameError, match=r"did you mean 'palm_link'\?") as unknown:
+        load_arm(path, tip="palm")
+    assert unknown.value.available == ("l0", "l1", "l2", "l3", "l4", "palm_link")
+    with pytest.raises(ModelError, match=r"base to 'l4': j1, j2, j3, j4$"):
+        load_arm(path, tip="l4")
+    with pytest.raises(ModelError, match="links of the file: l0, l1"):
+        load_arm(path)
+    with pytest.raises(FileError):
+        load_arm(tmp_path / "absent.urdf")
+
+
+def test_a_held_angle_in_degrees_is_told_its_unit(tmp_path: Path) -> None:
+    """As a ready pose is."""
+    path = urdf(tmp_path / "five.urdf")
+    with pytest.raises(MittError, match="angles are in rad"):
+        load_arm(path, tip="l5", joints=["j1", "j2", "j4"], held={"j3": 90.0})

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from robot.test_load import urdf
+from robot.test_load import MJCF, urdf
 
 from mitt.errors import FileError, ModelError
 from mitt.robot.description import Capsule
@@ -86,6 +86,45 @@ def test_a_missing_mesh_is_a_note(tmp_path: Path) -> None:
         assert "l2" in arm.model.notes[0]
         assert arm.model.links[1].capsules == ()
     assert find_mesh(tmp_path / "a.urdf", "package://robot/../../a.stl") is None
+
+
+@pytest.mark.parametrize(
+    ("mesh", "remedy"),
+    [
+        ("package://robot/meshes/a.stl", "no such file; put the folder 'robot' above or beside"),
+        ("meshes/a.stl", "no such file below the folder"),
+        ("../a.stl", "package://NAME/"),
+        ("file:///tmp/a.stl", "package://NAME/"),
+        ("a.step", "save it as one of .stl, .obj"),
+        ("broken.stl", "it cannot be read, save it as .stl"),
+    ],
+)
+def test_the_first_missing_mesh_is_named_with_a_remedy(
+    tmp_path: Path, mesh: str, remedy: str
+) -> None:
+    """The file as the description names it, why it is not there, and what to do."""
+    (tmp_path / "broken.stl").write_text("no mesh")
+    solids = {"l2": f'<mesh filename="{mesh}"/>', "l3": '<mesh filename="other.stl"/>'}
+    arm = load_arm(_shaped(tmp_path / "a.urdf", **solids), tip="l5", joints=_NAMES)
+    (note,) = arm.model.notes
+    assert "for l2, l3: " in note
+    assert f"{mesh!r}: " in note
+    assert remedy in note
+    assert "other.stl" not in note
+
+
+def test_a_missing_mesh_of_an_mjcf_is_named(tmp_path: Path) -> None:
+    """With the folder that the file names for its meshes."""
+    path = tmp_path / "two.xml"
+    mesh = '<geom type="mesh" mesh="m"/>'
+    asset = '<compiler meshdir="parts"/><asset><mesh name="m" file="a.stl"/></asset>'
+    text = MJCF.replace("</custom>", f"</custom>{asset}")
+    path.write_text(
+        text.replace('<body name="two" pos="0 0 0.4">', f'{mesh}<body name="two" pos="0 0 0.4">')
+    )
+    (note,) = load_arm(path, tip="two", joints=["a", "b"]).model.notes
+    assert "for one: " in note
+    assert "'parts/a.stl': no such file below the folder" in note
 
 
 def test_a_gripper_makes_room_for_the_hand(tmp_path: Path) -> None:

@@ -30,7 +30,7 @@ _REFUSED = {
     "quadrotor_base.urdf": "tip and joints",
     "quadruped.urdf": "a range",
     "romeo_small.urdf": "principal moments",
-    "ur3.urdf": "tip and joints",  # an empty file
+    "ur3.urdf": "a URDF arm",  # an empty file
 }
 
 
@@ -133,8 +133,10 @@ def test_a_joint_called_like_a_link_is_told_apart(tmp_path: Path) -> None:
         ('lower="-2" upper="2.5"', 'lower="-115" upper="143"', "degrees"),
         ('lower="-2" upper="2.5"', 'lower="low" upper="2.5"', "a number for lower"),
         ('lower="-2" upper="2.5" ', "", "a range"),
-        (' velocity="5"', "", "velocity limit"),
-        (' effort="50"', "", "effort limit"),
+        (' velocity="5"', "", "velocity limit.*<limit> velocity of 'j1' .*speed in a limits file"),
+        ('velocity="5"', 'velocity="0"', "velocity limit.*<limit> velocity of 'j1'"),
+        (' effort="50"', "", "effort limit.*<limit> effort of 'j1' .*torque in a limits file"),
+        (' effort="50" velocity="5"', "", "effort limit above 0 and a velocity limit"),
         ('<limit lower="-2" upper="2.5" effort="50" velocity="5"/>', "", "a range"),
     ],
 )
@@ -159,7 +161,8 @@ def test_limits_are_asked_for_where_they_are_needed(tmp_path: Path) -> None:
     arm = load_arm(path, tip="l5", joints=_NAMES)
     assert [x.name for x in arm.model.links] == ["j1", "j2", "j4", "j5"]
     assert len(arm.model.notes) == 1
-    assert "'j3'" in arm.model.notes[0]
+    assert "held joint 'j3': no torque known" in arm.model.notes[0]
+    assert "<limit> effort of 'j3' in the file, or torque in a limits file" in arm.model.notes[0]
     whole = load_arm(urdf(tmp_path / "a.urdf"), tip="l5", joints=_NAMES)
     for q in np.random.default_rng(1).uniform(-1.0, 1.0, (5, 3)):
         zero = np.zeros(3)

@@ -27,7 +27,6 @@ from mitt.control.rows import DQ_MAX
 from mitt.generator.feasibility import Outcome, Verdict, is_far, waiting_height
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.several import Several
-from mitt.holding import CaughtBall
 from mitt.impact import examined, speed_caps, speed_jumps
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array, BallState, JointReference, MapStatus
@@ -54,13 +53,7 @@ class Planner:
         """Take what a catcher is made of, its state and its result."""
         self._arm, self._given, self._settings = arm, generator, settings
         self._state, self._result = state, result
-        self._caught = CaughtBall(
-            mass=settings.ball_mass,
-            radius=settings.ball_radius,
-            restitution=settings.ball_restitution,
-            friction=settings.ball_friction,
-            doubt=settings.ball_doubt,
-        )
+        self._caught = settings.caught
         self.begin()
 
     def begin(self) -> None:

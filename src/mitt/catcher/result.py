@@ -9,7 +9,7 @@ import numpy as np
 from mitt.catcher.settings import PHASES, WATCH, Phase
 from mitt.control.health import ENCODER_REASONS, Reason, State
 from mitt.control.monitor import faulty
-from mitt.control.stopped import StoppedBy
+from mitt.control.stopped import StoppedBy, hint_of
 from mitt.control.tracking import Tracked
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
@@ -214,4 +214,5 @@ def stopped_by(arm: Arm, encoder_memory: Array, estimated: Array, result: Result
         dq_read=encoders[1],
         command=result.command[:4].copy(),
         brakes=s["brakes"].item(),
+        hint=hint_of(arm, reason, encoders[0]),
     )

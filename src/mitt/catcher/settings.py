@@ -7,6 +7,7 @@ from math import inf
 from mitt import fields
 from mitt.ball.filter import THROWN_BALL, FilterConfig
 from mitt.control.encoders import Encoders
+from mitt.holding import CaughtBall
 from mitt.robot.shapes import Surroundings
 
 #: What the catcher is about, in the field ``phase``; the names are those of :class:`Phase`.
@@ -99,3 +100,11 @@ class CatcherSettings:
     def __post_init__(self) -> None:
         """Refuse what cannot be; InputError names the field."""
         fields.check(self, _RANGES)
+
+    @property
+    def caught(self) -> CaughtBall:
+        """What is known of the ball that is to be caught."""
+        return CaughtBall(
+            mass=self.ball_mass, radius=self.ball_radius, restitution=self.ball_restitution,
+            friction=self.ball_friction, doubt=self.ball_doubt,
+        )  # fmt: skip

@@ -94,7 +94,7 @@ def map_of(prepared: PreparedCell) -> DirectMap:
             pass  # of another version: learned anew
     found = learn(arm, design=prepared.design, around=neighbourhood_of_ball(drag))
     if kept is not None:
-        save_map(kept, found, version=__version__)
+        save_map(kept, found)
     return found.map
 
 

@@ -14,12 +14,12 @@ from mitt.world.scene import Scene
 
 #: Lateness from which time is not made up for at once [s], and how much faster it is then [s/s].
 _SLIP, _FASTER = 0.003, 0.25
-#: Core of the simulated cell among those allowed: the first; ``mitt run`` takes the last.
-_CORE = 0
+CORE = 0
+"""Core of the simulated cell among those allowed: the first; ``mitt run`` takes the last."""
 #: Longest that the cell goes on after its last throw until its brakes are engaged [s].
 _AFTER = 10.0
 
-__all__ = ["Server", "serve"]
+__all__ = ["CORE", "Server", "serve"]
 
 
 @final
@@ -47,7 +47,7 @@ class Server:
                 rig=prepared.rig, lenses=prepared.lenses, clock=monotonic, started=time_of_day(),
             )  # fmt: skip
             try:
-                with hurried() as granted, pinned(_CORE):
+                with hurried() as granted, pinned(CORE):
                     self._tell(f"{prepared.cell.name} is there; {granted}")
                     self._go_on(cell)
             finally:

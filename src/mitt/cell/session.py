@@ -11,9 +11,11 @@ from multiprocessing.sharedctypes import RawArray
 from types import FrameType
 from typing import Any, TypeAlias, final
 
+from mitt.catcher.loading import load_decisions
 from mitt.cell.drivers import Connection, local_connection
 from mitt.cell.local import local_robot
-from mitt.cell.prepare import PreparedCell, catchers, setpoints_of
+from mitt.cell.prepare import PreparedCell, about_of, catchers, setpoints_of
+from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.interrupts import SIGNALS, notice
 from mitt.link.clock import monotonic
@@ -63,6 +65,7 @@ def loop_of(
 
 def rehearse(prepared: PreparedCell, f: DirectMap) -> None:
     """Catch once in a simulation, so that nothing is compiled or loaded in front of the robot."""
+    load_decisions(prepared.arm, Direct(f), about_of(prepared, f).settings)
     local = local_robot(prepared, seed=0, count=1)
     loop = loop_of(prepared, f, local_connection(prepared.cell, local))
     loop.healthy()

@@ -53,7 +53,7 @@ def run(options: DesignOptions) -> int:
     file = _given(options)
     origin = origin_of(options, file)
     whole = whole_arm(origin.arm, tip=origin.tip, limits=origin.limits, hand=_hand(origin),
-                      mount=origin.mount)  # fmt: skip
+                      mount=origin.mount, joints=_named(options))  # fmt: skip
     warn(whole.model.notes, json=options.json)
     joints = _joints(options, whole)
     if file is not None and joints is None:
@@ -207,11 +207,16 @@ def _limits(given: str | None) -> str | Path | None:
     return Path(given) if given is not None and given.endswith(".toml") else given
 
 
+def _named(options: DesignOptions) -> list[str]:
+    """Return the names that ``--joints`` gives; none where it is left out."""
+    return [] if options.joints is None else [x.strip() for x in options.joints.split(",")]
+
+
 def _joints(options: DesignOptions, whole: Arm) -> list[str] | None:
     """Return the joints of which three are to be active; any where none are named."""
+    names = _named(options)
     if options.joints is None:
         return None
-    names = [x.strip() for x in options.joints.split(",")]
     for name in names:
         if name not in whole.names:
             raise UnknownNameError("joint", name, whole.names)

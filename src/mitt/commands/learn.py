@@ -39,7 +39,7 @@ def run(options: LearnOptions) -> int:
             around=Neighbourhood(flights=options.flights_count),
         )
         report("learning", 1, 1)
-    save_map(options.out, learned, version=mitt.__version__)
+    save_map(options.out, learned)
     if options.json:
         print_json({
             "schema": "mitt.learn/1",

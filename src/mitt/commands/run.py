@@ -14,7 +14,7 @@ from mitt.files.cell import read_cell
 from mitt.files.files import check_folder
 from mitt.generator.mapping import DirectMap
 from mitt.interrupts import tell
-from mitt.link.realtime import hurried, pinned, uncollected
+from mitt.link.realtime import hurried, pinned, timekeeping, uncollected
 from mitt.link.recorder import Recorder
 
 #: Core of the loop among those allowed: the last; ``mitt sim`` takes the first.
@@ -30,14 +30,17 @@ def run(options: RunOptions) -> int:
     if options.out is not None:
         check_folder(options.out, overwrite=False)
     check_driver(prepared.cell)
+    simulated = prepared.cell.robot.driver == "sim"  # as fast as it goes: others want to run too
     if options.check:
-        return checked(_about(prepared))
+        checked(_about(prepared))
+        if not simulated:
+            tell(timekeeping(_CORE))
+        return 0
     tell_of_kernels()
     f = map_of(prepared)
     rehearse(prepared, f)
     person, shown = Person(yes=options.yes), numbers()
     drawn = nullcontext() if options.json else live_table(shown)
-    simulated = prepared.cell.robot.driver == "sim"  # as fast as it goes: others want to run too
     in_time = nullcontext("no real time") if simulated else hurried()
     session: Session | None = None
     try:

@@ -3,12 +3,13 @@
 import mitt
 from mitt.cell.drivers import check_driver
 from mitt.cell.prepare import balls_of, endless, prepare, scene_of_cell
-from mitt.cell.serve import serve
+from mitt.cell.serve import CORE, serve
 from mitt.commands.options import SimOptions
 from mitt.commands.screen import checked, print_json, show, tell_of_kernels
 from mitt.errors import InputError
 from mitt.files.cell import read_cell
 from mitt.interrupts import notice, status_of, tell
+from mitt.link.realtime import timekeeping
 
 
 def run(options: SimOptions) -> int:
@@ -24,7 +25,9 @@ def run(options: SimOptions) -> int:
     source = balls_of(prepared, scene, seed=options.seed, count=options.throws or endless())
     check_driver(prepared.cell)
     if options.check:
-        return checked(f"{prepared.cell.name}, scene {scene.base}")
+        checked(f"{prepared.cell.name}, scene {scene.base}")
+        tell(timekeeping(CORE))
+        return 0
     tell_of_kernels()
     status, served = 0, serve(prepared, scene, source, tell)
     try:

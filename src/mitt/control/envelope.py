@@ -24,6 +24,8 @@ likewise; torques are cut in :mod:`mitt.control.tracking`, all joints together.
 |           | jerk, infinite where the limit set has none                    |          |        |
 """
 
+from functools import lru_cache
+
 import numpy as np
 
 from mitt.control.jerk import calm, clamp_smooth, onwards
@@ -54,6 +56,18 @@ def bounds_of(arm: Arm, *, commanded: bool = True) -> Array:
         commanded: Whether commands are bounded, which keep the accelerations of the limit set;
             else what the arm itself can do by its torques.
     """
+    return _bounds(arm, commanded).copy()
+
+
+def speeds_of(arm: Arm) -> Array:
+    """Return the largest speeds that are emitted [rad/s], shape (n,)."""
+    speeds: Array = _SPEED_SHARE * arm.dq_max
+    return speeds
+
+
+@lru_cache(maxsize=32)
+def _bounds(arm: Arm, commanded: bool) -> Array:
+    """Return the limits of an arm, worked out once: 256 poses take longer than a tick."""
     limits, none = arm.limits, np.full(arm.n, np.inf)
     jerk = none if limits.jerk is None else arm.active(limits.jerk)
     most = none
@@ -65,7 +79,7 @@ def bounds_of(arm: Arm, *, commanded: bool = True) -> Array:
         [
             arm.q_min + _STOP_GAP,
             arm.q_max - _STOP_GAP,
-            _SPEED_SHARE * arm.dq_max,
+            speeds_of(arm),
             brake,
             np.minimum(np.maximum(_largest_acceleration(arm), brake), most),
             jerk,

@@ -49,7 +49,7 @@ SILENT_TICKS, LOSSY_TICKS, _IMPOSSIBLE = 6, 15, 3
 #: Share of a gap that is forgotten in a tick, of one that still counts, and of a new encoder.
 _HEALS, _GAP, _NEW = 0.002, 0.3, 0.37
 #: How far outside a joint's range a first reading may lie [rad].
-_BEYOND = 0.5
+BEYOND = 0.5
 #: Share of the modelled acceleration that may be wrong.
 _MODEL = 0.2
 #: Sigmas of an innovation beyond which a reading is refused.
@@ -137,7 +137,7 @@ def estimate_joints(
 @kernel
 def _begin(m: Array, b: Array, k: int, step: float, q: float, dq: float) -> int:
     """Take the first reading, if it can be one of this joint."""
-    if not b[Q_MIN, k] - _BEYOND <= q <= b[Q_MAX, k] + _BEYOND:
+    if not b[Q_MIN, k] - BEYOND <= q <= b[Q_MAX, k] + BEYOND:
         m[at.GONE] += 1.0
         m[at.REFUSED] += 1.0 if np.isfinite(q) else 0.0
         silent = m[at.GONE] >= LOSSY_TICKS or m[at.REFUSED] >= _IMPOSSIBLE

@@ -6,6 +6,8 @@ from typing import TypeAlias
 import numpy as np
 
 from mitt.control.health import Reason, State
+from mitt.control.monitor import BEYOND
+from mitt.robot.arm import Arm
 from mitt.signals import Array
 
 Plain: TypeAlias = str | float | bool | list[float | None] | None
@@ -20,6 +22,7 @@ class StoppedBy:
         state: State of the tick that stopped the arm: ABORT.
         reason: Why.
         joint: Name of the joint whose encoder is the reason; None for other reasons.
+        hint: What may be behind it, and what to do; nothing where that is not known.
         t: Time of that tick [s].
         q: Estimated joint positions in that tick [rad], shape (n,).
         dq: Estimated joint velocities in that tick [rad/s], shape (n,).
@@ -39,9 +42,10 @@ class StoppedBy:
     dq_read: Array
     command: Array
     brakes: bool
+    hint: str = ""
 
     def plain(self) -> dict[str, Plain]:
-        """Return it as JSON has it; numbers that are not finite are None."""
+        """Return it as JSON has it, without the hint; numbers that are not finite are None."""
         names = ("q", "dq", "ddq", "tau")
         rows = {f"command_{name}": row for name, row in zip(names, self.command, strict=True)}
         read = {"q_read": self.q_read, "dq_read": self.dq_read}
@@ -49,6 +53,26 @@ class StoppedBy:
         lists = {name: _listed(row) for name, row in rows.items()}
         return {"state": self.state.value, "reason": self.reason.value, "joint": self.joint,
                 "t": self.t, "brakes": self.brakes, **lists}  # fmt: skip
+
+
+def hint_of(arm: Arm, reason: Reason, q_read: Array) -> str:
+    """Return what may be behind a stop because of readings that no joint of the arm can have.
+
+    Args:
+        arm: The arm.
+        reason: Why it has stopped.
+        q_read: Encoder positions as read [rad], shape (n,).
+
+    Returns:
+        One line, or nothing where the readings can be those of the arm.
+    """
+    outside = np.flatnonzero((q_read < arm.q_min - BEYOND) | (q_read > arm.q_max + BEYOND))
+    if reason is not Reason.SILENT or not len(outside):
+        return ""
+    k = int(outside[0])
+    return (f"{arm.names[k]} reads {q_read[k]:.4g}, wanted {arm.q_min[k]:.2f} to"
+            f" {arm.q_max[k]:.2f} rad: readings are in radians, in the order of arm.names; are"
+            " these in degrees, or of another joint?")  # fmt: skip
 
 
 def _listed(row: Array) -> list[float | None]:

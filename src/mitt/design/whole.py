@@ -11,11 +11,11 @@ from mitt.errors import ModelError
 from mitt.files.arm_file import limits_of
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Hand
-from mitt.robot.carried import frame_of
+from mitt.robot.carried import joints_to
 from mitt.robot.limit_sets import LimitSet
 from mitt.robot.load import load_arm
 from mitt.robot.mjcf import read_mjcf
-from mitt.robot.serial import Mount
+from mitt.robot.serial import Mount, bounded, check_active
 from mitt.robot.urdf import read_urdf
 from mitt.robot.wam import LIMIT_SETS
 
@@ -32,6 +32,7 @@ def whole_arm(
     limits: str | Path | None,
     hand: Hand | None,
     mount: Mount = "plate",
+    joints: Sequence[str] = (),
 ) -> Arm:
     """Return an arm with all its driven joints active.
 
@@ -41,6 +42,7 @@ def whole_arm(
         limits: Name of a limit set, or a TOML file.
         hand: What is mounted at the tip.
         mount: What of it is at the tip of a file.
+        joints: Joints that have to be among the driven ones, where they are between base and tip.
 
     Raises:
         MittError: The arm cannot be.
@@ -48,7 +50,7 @@ def whole_arm(
     given = limits_of(limits)
     if str(arm) == "wam":
         return load_arm("wam", tip=tip, joints=_WAM, limits=given, hand=hand)
-    names = None if tip is None else driven_joints(Path(arm), tip, given)
+    names = None if tip is None else driven_joints(Path(arm), tip, given, joints)
     whole = load_arm(arm, tip=tip, joints=names, limits=given, hand=hand,
                      hand_mount=mount)  # fmt: skip
     endless = [link.name for link in whole.model.links if link.held is not None]
@@ -81,27 +83,30 @@ def movable(whole: Arm) -> NDArray[np.bool_]:
     return free
 
 
-def driven_joints(path: Path, tip: str, limits: str | LimitSet | None) -> Sequence[str] | None:
+def driven_joints(
+    path: Path, tip: str, limits: str | LimitSet | None, joints: Sequence[str] = ()
+) -> Sequence[str] | None:
     """Return the joints between base and tip that have a range, a torque and a speed.
 
     None where the file is of a kind that nobody reads.
+
+    Raises:
+        MittError: There are fewer than three, or one of ``joints`` is between base and tip and is
+            none of them.
     """
     if path.suffix not in (".urdf", ".xml", ".mjcf") or limits in LIMIT_SETS:
         return None
     stated = read_urdf(path) if path.suffix == ".urdf" else read_mjcf(path)
-    model = stated.model
-    carried = model.supports[frame_of(model, tip).parentJoint]
-    chain = [model.names[k] for k in list(carried)[1:]]
-    more = limits.fitted(chain) if isinstance(limits, LimitSet) else {}
-    found = [
-        name
-        for name in chain
-        if name not in stated.mimics
-        and (name in stated.ranges or name in more.get("lower", {}))
-        and (name in stated.torque or name in more.get("torque", {}))
-        and (name in stated.speed or name in more.get("speed", {}))
-    ]
+    chain = joints_to(stated.model, tip)
+    stated, _ = bounded(stated, limits if isinstance(limits, LimitSet) else None, chain)
+    own = [name for name in chain if name not in stated.mimics]
+    for name in joints:
+        if name in own:
+            check_active(stated, name)
+    found = [name for name in own if not stated.missing(name)]
     if len(found) < 3:
+        lacking = [name for name in own if stated.missing(name)]
+        do = stated.remedy(lacking[0]) if lacking else "name as tip a link behind more joints"
         wanted = f"three joints up to {tip!r} with a range, a torque and a speed"
-        raise ModelError(str(path), wanted, ", ".join(found) or "none", do=stated.how)  # fmt: skip
+        raise ModelError(str(path), wanted, ", ".join(found) or "none", do=do)
     return found

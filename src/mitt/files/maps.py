@@ -65,8 +65,14 @@ class _MapFile(Part):
     checksum: str
 
 
-def save_map(path: Path, learned: Learned, *, version: str) -> None:
+def save_map(path: Path, learned: Learned, *, version: str = __version__) -> None:
     """Write a learned map.
+
+    Args:
+        path: The file; one that is there is replaced.
+        learned: What :func:`mitt.learn` returned.
+        version: Version of mitt that the file says it was written by, this one if left out;
+            :func:`read_map` refuses maps of later versions.
 
     Raises:
         InputError: Nothing was learned, or an argument is not what it should be.

@@ -12,6 +12,15 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
+from mitt.link.clock import monotonic, sleep_until
+from mitt.signals import TICK
+
+STALL = 0.003
+"""How late a tick may come on a machine that a live loop is to run on [s]; longer stalls add up
+with those of the robot's side to the 10 to 20 ms at which the arm is stopped."""
+#: For how long a machine is watched [ticks].
+_WATCHED = 2000
+
 
 def settle() -> None:
     """Collect garbage once and take all that is left out of later collections, for good."""
@@ -96,3 +105,29 @@ def pinned(place: int) -> Iterator[None]:
         yield
     finally:
         os.sched_setaffinity(0, allowed)
+
+
+def longest_stall(place: int) -> float:
+    """Return by how much the latest tick of a loop that does nothing else came too late [s].
+
+    It runs for two seconds, hurried and pinned as a live loop is.
+
+    Args:
+        place: Its core, as for :func:`pinned`.
+    """
+    worst = 0.0
+    with hurried(), pinned(place):
+        due = monotonic()
+        for _ in range(_WATCHED):
+            due += TICK
+            late = sleep_until(due)
+            worst, due = max(worst, late), due + late
+    return worst
+
+
+def timekeeping(place: int) -> str:
+    """Return in words whether a live loop could keep its time on a core; see :func:`pinned`."""
+    worst = longest_stall(place)
+    said = f"a tick of 1 ms came {1e3 * worst:.1f} ms late at most in two seconds"
+    stops = ": such stalls stop the arm (docs/cell.md, real time)" if worst > STALL else ""
+    return f"{said}{stops}"

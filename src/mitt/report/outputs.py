@@ -5,7 +5,6 @@ from contextlib import contextmanager
 
 import numpy as np
 
-import mitt
 from mitt.files.files import claim_folder, write_json
 from mitt.files.maps import save_map
 from mitt.files.recording import write_recording
@@ -40,7 +39,7 @@ def keeping(prepared: Prepared, learned: Learned) -> Iterator[Callable[[Trial], 
     A process that cannot be reached by a signal leaves the result of the throws that are done.
     """
     claim_folder(prepared.out, overwrite=prepared.settings.overwrite, ours=LEAVES)
-    save_map(prepared.out / "map.json", learned, version=mitt.__version__)
+    save_map(prepared.out / "map.json", learned)
     journal = Journal(prepared.out, prepared.head, prepared.source.count)
     with journal, finally_do(journal.last_words):
         yield journal.add

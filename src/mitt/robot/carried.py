@@ -1,5 +1,7 @@
 """Which link carries what: frames of a description file, and capsules about its shapes."""
 
+from difflib import get_close_matches
+
 import numpy as np
 import pinocchio as pin
 
@@ -17,8 +19,29 @@ def frame_of(model: pin.Model, name: str) -> pin.Frame:
     """Return the frame of a name, the body where a joint is called the same."""
     frames = {frame.name: frame for frame in model.frames}
     if name not in frames:
-        raise UnknownNameError("tip", name, (x for x in frames if not x.endswith(LINK)))
+        links = links_of(model)
+        near = get_close_matches(name, links, n=1)
+        meant = f"did you mean {near[0]!r}? " if near else ""
+        raise UnknownNameError("tip", name, links,
+                               do=f"{meant}name the link or site of the palm (--tip)")  # fmt: skip
     return frames.get(name + LINK, frames[name])
+
+
+def joints_to(model: pin.Model, tip: str) -> list[str]:
+    """Return the joints that move a frame, from the base outwards.
+
+    Raises:
+        UnknownNameError: There is no such frame.
+    """
+    carriers = model.supports[frame_of(model, tip).parentJoint]
+    return [model.names[k] for k in list(carriers)[1:]]
+
+
+def links_of(model: pin.Model) -> tuple[str, ...]:
+    """Return the names of all links and sites of a file, from the base outwards."""
+    kinds = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
+    named = (x.name.removesuffix(LINK) for x in model.frames if x.type in kinds)
+    return tuple(x for x in named if x != "universe")
 
 
 def carried_shapes(

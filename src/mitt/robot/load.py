@@ -10,6 +10,7 @@ from mitt import checks
 from mitt.errors import InputError, ModelError, UnknownNameError
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Hand, checked_hand, hand_named, mounting
+from mitt.robot.carried import joints_to, links_of
 from mitt.robot.description import ArmModel, rotation, transform
 from mitt.robot.hands import HandModel
 from mitt.robot.limit_sets import LimitSet
@@ -87,16 +88,24 @@ def _from_file(
 ) -> Arm:
     """Return an arm from a description file; arguments as of :func:`load_arm`."""
     if path.suffix not in (".urdf", ".xml", ".mjcf"):
-        raise UnknownNameError("arm", str(path), ("wam", "a .urdf file", "an .xml MJCF"))
+        known = [x for x in _ARMS if path.suffix != ".toml" or ".toml" not in x]
+        raise UnknownNameError("arm", str(path), known, do="a file is named by its path")
     if isinstance(limits, str) and limits != "model":
         wanted = ("model",) if limits in LIMIT_SETS else ("model", *LIMIT_SETS)
         raise UnknownNameError("limits of an arm from a file", limits, wanted)
-    if tip is None or not names:
-        raise ModelError(str(path), "tip and joints", f"tip={tip}, joints={names or None}",
-                         do="name the frame of the catch point and the active joints")  # fmt: skip
-    if ready is not None:
+    if ready is not None and names:
         ready = checks.vector("ready", ready, len(names), finite=True).tolist()
     stated = read_urdf(path) if path.suffix == ".urdf" else read_mjcf(path)
+    if tip is None:
+        links = ", ".join(links_of(stated.model)) or "none"
+        raise ModelError(str(path), "tip and joints", f"tip=None, joints={names or None}",
+                         do="name as tip the link or site of the palm, and the active joints;"
+                         f" links of the file: {links}")  # fmt: skip
+    if not names:
+        chain = ", ".join(joints_to(stated.model, tip)) or "none"
+        raise ModelError(str(path), "tip and joints", f"tip={tip}, joints=None",
+                         do=f"name the active joints; joints from the base to {tip!r}:"
+                         f" {chain}")  # fmt: skip
     given = limits if isinstance(limits, LimitSet) else None
     held, hand, turn, mount = rest
     return serial_arm(
@@ -104,6 +113,10 @@ def _from_file(
         Wanted(name=path.stem, tip=tip, joints=names, held=held, ready=ready, limits=given,
                hand=hand, turn=turn, mount=mount),
     )  # fmt: skip
+
+
+#: What may be named as an arm; an arm file is read by :func:`mitt.load_arm`.
+_ARMS = ("wam", "an arm file (.toml)", "a URDF (.urdf)", "an MJCF (.xml)")
 
 
 def with_encoders(arm: Arm, step: float | Sequence[float]) -> Arm:

@@ -5,10 +5,10 @@ Meshes are looked for as ``package://NAME/...`` in a folder NAME above or beside
 """
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from io import BytesIO
 from pathlib import Path, PurePosixPath
-from typing import final
+from typing import NamedTuple, final
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -25,6 +25,8 @@ _MAX_BYTES, _MAX_TOTAL = 50_000_000, 300_000_000
 _KINDS = (".stl", ".obj", ".ply", ".dae")
 #: Largest size of a shape, and farthest from its link's frame, that is taken for meant [m].
 _LARGEST = 100.0
+#: Characters of a name that a note keeps.
+_LONGEST = 100
 #: Points of the circles that stand for the ends of a cylinder.
 _CIRCLE = 16
 
@@ -35,27 +37,57 @@ def urdf_shapes(path: Path, root: Element) -> tuple[tuple[Shape, ...], tuple[str
     Those of ``collision``, or of ``visual`` where a link has none.
     """
     shapes: list[Shape] = []
-    missing: list[str] = []
+    missing: list[Missing] = []
     meshes = Meshes(str(path))
     for link in root.findall("link"):
         name = link.get("name", "")
         for element in link.findall("collision") or link.findall("visual"):
             found = _urdf_points(path, element, meshes)
             if found is None:
-                missing.append(name)
+                mesh = element.find("geometry/mesh")
+                missing.append(Missing(name, "" if mesh is None else mesh.get("filename", "")))
             else:
                 shapes.append(Shape(frame=name, points=found[0], radius=found[1]))
-    return tuple(shapes), missing_notes(missing)
+    return tuple(shapes), missing_notes(path, missing)
 
 
-def missing_notes(missing: list[str]) -> tuple[str, ...]:
-    """Return a note of the links whose shapes are not known."""
+class Missing(NamedTuple):
+    """A link whose shape is not known, and the mesh that it names; nothing where it names none."""
+
+    link: str
+    mesh: str
+
+
+def missing_notes(path: Path, missing: Sequence[Missing]) -> tuple[str, ...]:
+    """Return a note of the links whose shapes are not known, the first file that is missing too.
+
+    Args:
+        path: The description file.
+        missing: These links, in the order of the file.
+    """
     if not missing:
         return ()
-    names = list(dict.fromkeys(missing))
+    names = list(dict.fromkeys(x.link for x in missing))
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    mesh = next((x.mesh for x in missing if x.mesh), "")
+    first = f"; first {mesh[:_LONGEST]!r}: {_remedy(path, mesh)}" if mesh else ""
     return (f"no mesh that can be read for {', '.join(names[:3])}{more}: the arm may touch itself"
-            " there, and hides no ball",)  # fmt: skip
+            f" there, and hides no ball{first}",)  # fmt: skip
+
+
+def _remedy(path: Path, mesh: str) -> str:
+    """Return why a mesh of a description file is not there, and what to do."""
+    package, inner = _split(mesh)
+    if find_mesh(path, mesh) is not None:
+        return "it cannot be read, save it as .stl"
+    if inner.suffix.lower() not in _KINDS:
+        return f"save it as one of {', '.join(_KINDS)}"
+    if inner.is_absolute() or ".." in inner.parts or (not package and "://" in mesh):
+        return "name it as package://NAME/..., or below the folder of the file"
+    if package:
+        return (f"no such file; put the folder {inner.parts[0][:_LONGEST]!r} above or beside the"
+                " file, or the folder that holds it into ROS_PACKAGE_PATH")  # fmt: skip
+    return f"no such file below the folder {str(path.parent)!r}; put it there"
 
 
 def _urdf_points(path: Path, element: Element, meshes: "Meshes") -> tuple[Array, float] | None:
@@ -141,10 +173,15 @@ def cylinder_points(radius: float, half: float) -> Array:
     return np.vstack([np.column_stack((ring, np.full(_CIRCLE, z))) for z in (-half, half)])
 
 
+def _split(name: str) -> tuple[bool, PurePosixPath]:
+    """Say whether a mesh is named by its package, and return its path without what says so."""
+    package = name.startswith(("package://", "model://"))
+    return package, PurePosixPath(name.partition("://")[2] if package else name)
+
+
 def find_mesh(path: Path, name: str) -> Path | None:
     """Return where a mesh of a description file is; None where it is not, or is not to be read."""
-    package = name.startswith(("package://", "model://"))
-    inner = PurePosixPath(name.partition("://")[2] if package else name)
+    package, inner = _split(name)
     outside = inner.is_absolute() or ".." in inner.parts
     if outside or not inner.parts or inner.suffix.lower() not in _KINDS or "\0" in name:
         return None

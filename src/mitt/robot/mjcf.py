@@ -19,6 +19,7 @@ from mitt.reading import read_text
 from mitt.robot.description import rotation
 from mitt.robot.meshes import (
     Meshes,
+    Missing,
     box_points,
     check_place,
     cylinder_points,
@@ -41,12 +42,13 @@ from mitt.robot.stated import Shape, Stated
 from mitt.robot.urdf import MAX_BYTES, checked_xml
 from mitt.signals import GRAVITY, Array
 
-_HOW = (
-    "state it in the file (actuatorfrcrange, forcerange, numeric velocity_limit_JOINT)"
-    " or in a limit set (--limits FILE.toml)"
-)
-_Mesh: TypeAlias = tuple[Path | None, Array]
-"""Where a mesh is, and its scale."""
+_KEYS = {
+    "range": "range", "torque": "actuatorfrcrange or forcerange",
+    "speed": "the numeric velocity_limit_JOINT",
+}  # fmt: skip
+_Mesh: TypeAlias = tuple[str, Path | None, Array]
+"""What a mesh is called, where it is, and its scale."""
+_NONE: _Mesh = ("", None, np.ones(3))
 
 
 def read_mjcf(path: Path) -> Stated:
@@ -70,7 +72,7 @@ def read_mjcf(path: Path) -> Stated:
     return Stated(
         place=str(path), model=_to_pinocchio(m, names), ranges=ranges_of(m, names),
         torque=torques_of(m, names), speed=speed, mimics=mimics, loops=loops_of(m, names),
-        shapes=tuple(shapes), notes=(*missing_notes(missing), *notes), how=_HOW,
+        shapes=tuple(shapes), notes=(*missing_notes(path, missing), *notes), keys=_KEYS,
     )  # fmt: skip
 
 
@@ -110,22 +112,25 @@ def _replaced(geom: mujoco.MjsGeom, k: int) -> str:
 
 
 def _mesh(path: Path, spec: mujoco.MjSpec, name: str) -> _Mesh:
-    """Return where a mesh is, None where it is not there, and its scale."""
+    """Return a mesh's file as it is named, where it is, None where it is not, and its scale."""
     mesh = next((x for x in spec.meshes if x.name == name), None)
     if mesh is None:
-        return None, np.ones(3)
-    return find_mesh(path, str(PurePosixPath(spec.meshdir) / mesh.file)), np.array(mesh.scale)
+        return _NONE
+    file = str(PurePosixPath(spec.meshdir) / mesh.file)
+    return file, find_mesh(path, file), np.array(mesh.scale)
 
 
 def _shapes(
     path: Path, m: mujoco.MjModel, names: Names, meshes: dict[str, _Mesh]
-) -> tuple[list[Shape], list[str]]:
-    """Return the shapes of the bodies, and the names of those whose meshes are missing.
+) -> tuple[list[Shape], list[Missing]]:
+    """Return the shapes of the bodies, and those whose meshes are missing.
 
     Those that may touch something, or all where a body has none that may.
     """
     touching = (m.geom_contype != 0) | (m.geom_conaffinity != 0)
-    shapes, missing, known = [], [], Meshes(str(path))
+    shapes: list[Shape] = []
+    missing: list[Missing] = []
+    known = Meshes(str(path))
     for b in range(m.nbody):
         own = np.flatnonzero(m.geom_bodyid == b)
         for g in own[touching[own]] if touching[own].any() else own:
@@ -134,7 +139,7 @@ def _shapes(
                 continue
             found = _points(m, int(g), meshes, known)
             if found is None:
-                missing.append(name)
+                missing.append(Missing(name, meshes.get(m.geom(g).name, _NONE)[0]))
                 continue
             T = _pose(m.geom_pos[g], m.geom_quat[g])
             points = found[0] @ T.rotation.T + T.translation
@@ -148,7 +153,7 @@ def _points(
 ) -> tuple[Array, float] | None:
     """Return the points of a geom in its own frame, and a radius about them [m]."""
     size, kind = m.geom_size[g], m.geom_type[g]
-    file, scale = meshes.get(m.geom(g).name, (None, np.ones(3)))
+    _, file, scale = meshes.get(m.geom(g).name, _NONE)
     if m.geom(g).name in meshes:
         points = None if file is None else known.points(file)
         return None if points is None else (points * scale, 0.0)

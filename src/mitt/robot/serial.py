@@ -10,15 +10,14 @@ import pinocchio as pin
 from mitt.errors import InputError, ModelError, UnknownNameError
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Hand, mounting
-from mitt.robot.carried import carried_shapes, frame_of
+from mitt.robot.carried import carried_shapes, frame_of, joints_to
 from mitt.robot.description import ArmModel, Link, rotation, transform
 from mitt.robot.limit_sets import LimitSet
 from mitt.robot.limits import Limits, joint_level
 from mitt.robot.stated import Stated
+from mitt.robot.units import WIDEST, check_range, check_set, slides, speed_notes
 from mitt.signals import Array
 
-#: Widest range of a hinge that is taken for radians [rad]; a wider one was written in degrees.
-_WIDEST = 4.0 * np.pi
 Mount = Literal["catch", "plate"]
 """What of a hand is at the tip of an arm: its catch point, or its plate."""
 MOUNTS: tuple[Mount, ...] = ("catch", "plate")
@@ -50,12 +49,11 @@ def serial_arm(stated: Stated, wanted: Wanted) -> Arm:
         ModelError: The chain is none, or a limit of an active joint is missing.
     """
     chain = _chain(stated, wanted)
-    limits = {} if wanted.limits is None else wanted.limits.fitted(chain)
     own = {"torque": stated.torque, "speed": stated.speed}
     set_notes = () if wanted.limits is None else wanted.limits.notes(chain, own)
-    stated = _tightened(stated, limits)
+    stated, limits = bounded(stated, wanted.limits, chain)
     for name in wanted.joints:
-        _check_active(stated, name)
+        check_active(stated, name)
     for first, second in stated.loops:
         _check_loop(stated, chain, first, second)
     loads = [x for x in chain if x in wanted.joints or _bears(stated, x)]
@@ -80,7 +78,8 @@ def serial_arm(stated: Stated, wanted: Wanted) -> Arm:
     notes = (
         stated.notes
         + set_notes
-        + tuple(f"held joint {x!r}: no torque, speed or mass known; taken as rigid" for x in locked)
+        + speed_notes(stated, wanted.joints)
+        + tuple(_locked_note(stated, x) for x in locked)
     )
     description = ArmModel(
         name=wanted.name, links=links, tool=tool, hand=wanted.hand,
@@ -91,8 +90,35 @@ def serial_arm(stated: Stated, wanted: Wanted) -> Arm:
 
 def _bears(stated: Stated, name: str) -> bool:
     """Say whether it is known what a held joint can bear, and what it carries."""
-    mass = stated.model.inertias[stated.model.getJointId(name)].mass
-    return name in stated.torque and name in stated.speed and mass > 0.0
+    return name in stated.torque and name in stated.speed and _mass(stated, name) > 0.0
+
+
+def _mass(stated: Stated, name: str) -> float:
+    """Return the mass of the body behind a joint [kg]."""
+    return float(stated.model.inertias[stated.model.getJointId(name)].mass)
+
+
+def _locked_note(stated: Stated, name: str) -> str:
+    """Return why a held joint is taken as rigid, and where what is missing can be stated."""
+    missing = [x for x in stated.missing(name) if x != "range"]
+    missing += [] if _mass(stated, name) > 0.0 else ["mass"]
+    remedy = f"; {stated.remedy(name)}" if stated.missing(name) else ""
+    return f"held joint {name!r}: no {' and no '.join(missing)} known; taken as rigid{remedy}"
+
+
+def bounded(
+    stated: Stated, limits: LimitSet | None, chain: Sequence[str]
+) -> tuple[Stated, Mapping[str, Mapping[str, float]]]:
+    """Return what a file states with the bounds of a set, and these by kind and joint.
+
+    Raises:
+        ModelError: The set is of another arm, in degrees, or its ranges do not meet the file's.
+    """
+    if limits is None:
+        return stated, {}
+    bounds = limits.fitted(chain)
+    check_set(stated.model, limits.name, bounds)
+    return _tightened(stated, bounds), bounds
 
 
 def _chain(stated: Stated, wanted: Wanted) -> list[str]:
@@ -106,7 +132,7 @@ def _chain(stated: Stated, wanted: Wanted) -> list[str]:
     both = [x for x in wanted.joints if x in wanted.held]
     if both:
         raise InputError("held", "joints that are not active", ", ".join(both))
-    chain = [model.names[k] for k in model.supports[frame_of(model, wanted.tip).parentJoint]][1:]
+    chain = joints_to(model, wanted.tip)
     for name in chain:
         joint = model.joints[model.getJointId(name)]
         if joint.nv != 1:
@@ -127,7 +153,8 @@ def _chain(stated: Stated, wanted: Wanted) -> list[str]:
     for name, value in wanted.held.items():
         low, high = stated.ranges.get(name, (-np.inf, np.inf))
         if not low <= value <= high:
-            raise InputError(f"held {name}", f"an angle in {low:.4g}..{high:.4g}", f"{value:g}")
+            raise InputError(f"held {name}", f"an angle in {low:.4g}..{high:.4g}", f"{value:g}",
+                             do="angles are in rad")  # fmt: skip
     return chain
 
 
@@ -146,19 +173,23 @@ def _tightened(stated: Stated, limits: Mapping[str, Mapping[str, float]]) -> Sta
     return replace(stated, ranges=ranges, torque=torque, speed=speed)
 
 
-def _check_active(stated: Stated, name: str) -> None:
-    """Refuse an active joint whose range, torque or speed is missing, or in other units."""
+_LIMITS = {"range": "a range", "torque": "an effort limit above 0",
+           "speed": "a velocity limit above 0"}  # fmt: skip
+
+
+def check_active(stated: Stated, name: str) -> None:
+    """Refuse an active joint whose range, torque or speed is missing, or a range in degrees.
+
+    Raises:
+        ModelError: As said; it names what is missing and where to state it.
+    """
     where = f"joint {name!r}"
-    for what, table in (("a range", stated.ranges), ("an effort limit", stated.torque),
-                        ("a velocity limit", stated.speed)):  # fmt: skip
-        if name not in table:
-            raise ModelError(where, f"{what}{' above 0' if table is not stated.ranges else ''}",
-                             "none", do=stated.how)  # fmt: skip
-    low, high = stated.ranges[name]
-    kind = stated.model.joints[stated.model.getJointId(name)].shortname()
-    if not kind.startswith("JointModelP") and max(abs(low), abs(high)) > _WIDEST:
-        raise ModelError(where, "a range within +-4 pi rad", f"{low:g}..{high:g}",
-                         do="these look like degrees: write radians")  # fmt: skip
+    missing = stated.missing(name)
+    if missing:
+        wanted = " and ".join(_LIMITS[kind] for kind in missing)
+        raise ModelError(where, wanted, "none", do=stated.remedy(name))
+    if not slides(stated.model, name):
+        check_range(where, *stated.ranges[name])
 
 
 def _check_loop(stated: Stated, chain: Sequence[str], first: str, second: str) -> None:
@@ -197,14 +228,14 @@ def _link(model: pin.Model, k: int, stated: Stated, held: float | None) -> Link:
     pin.forwardKinematics(model, data, pin.neutral(model), np.zeros(model.nv))
     subspace = np.asarray(data.joints[k].S).reshape(6)
     sliding = bool(np.linalg.norm(subspace[:3]) > 0.5)
-    low, high = stated.ranges.get(name, (-_WIDEST, _WIDEST))
+    low, high = stated.ranges.get(name, (-WIDEST, WIDEST))
     return Link(
         name=name,
         placement=model.jointPlacements[k].homogeneous,
         axis=subspace[:3] if sliding else subspace[3:],
         prismatic=sliding,
-        q_min=low if held is None else max(low, -_WIDEST),
-        q_max=high if held is None else min(high, _WIDEST),
+        q_min=low if held is None else max(low, -WIDEST),
+        q_max=high if held is None else min(high, WIDEST),
         mass=float(inertia.mass),
         com=np.array(inertia.lever),
         inertia=np.array(inertia.inertia),

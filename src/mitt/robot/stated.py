@@ -8,6 +8,7 @@ import pinocchio as pin
 
 from mitt.signals import Array
 
+_OPTION = "--limits FILE.toml, docs/arms.md"
 LINK = " (link)"
 """What the name of a link ends with where a joint of the file is called the same."""
 
@@ -50,7 +51,7 @@ class Stated:
         loops: Pairs of frames that the file joins besides the tree.
         shapes: Shapes of the bodies whose meshes are there.
         notes: What a user should know of how the file was read.
-        how: How what is missing is stated in such a file.
+        keys: How such a file states the range, torque and speed of a joint, by these words.
     """
 
     place: str
@@ -62,7 +63,19 @@ class Stated:
     loops: tuple[tuple[str, str], ...] = ()
     shapes: tuple[Shape, ...] = ()
     notes: tuple[str, ...] = ()
-    how: str = ""
+    keys: Mapping[str, str] = field(default_factory=dict)
+
+    def missing(self, name: str) -> tuple[str, ...]:
+        """Return which of range, torque and speed are not known of a joint."""
+        tables = {"range": self.ranges, "torque": self.torque, "speed": self.speed}
+        return tuple(kind for kind, table in tables.items() if name not in table)
+
+    def remedy(self, name: str) -> str:
+        """Return where what is missing of a joint can be stated."""
+        missing = self.missing(name)
+        keys = " and ".join(self.keys.get(kind, kind) for kind in missing)
+        own = " and ".join("lower, upper" if kind == "range" else kind for kind in missing)
+        return f"state {keys} of {name!r} in the file, or {own} in a limits file ({_OPTION})"
 
     def neutral(self, values: Mapping[str, float]) -> Array:
         """Return a configuration of the whole model, shape (nq,).

@@ -26,7 +26,9 @@ MAX_BYTES = 5_000_000
 _MOST_LEVELS = 100
 #: Joints that move, with a range that the file has to state or not.
 _MOVING = ("revolute", "prismatic", "continuous")
-_HOW = "state it in the joint's <limit>, or in a limit set (--limits FILE.toml)"
+_KEYS_OF = {
+    "range": "<limit> lower and upper", "torque": "<limit> effort", "speed": "<limit> velocity"
+}  # fmt: skip
 
 
 def read_urdf(path: Path) -> Stated:
@@ -62,7 +64,7 @@ def read_urdf(path: Path) -> Stated:
         raise FileError(str(path), "a URDF arm", " ".join(reason)[:200]) from failed
     return Stated(
         place=str(path), model=model, ranges=ranges, torque=torque, speed=speed,
-        mimics=mimics, shapes=shapes, notes=notes, how=_HOW,
+        mimics=mimics, shapes=shapes, notes=notes, keys=_KEYS_OF,
     )  # fmt: skip
 
 

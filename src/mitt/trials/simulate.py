@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from mitt import checks
+from mitt.catcher.loading import load_decisions
+from mitt.catcher.settings import CatcherSettings
 from mitt.errors import InputError, StoppedError
 from mitt.files.about import About
 from mitt.files.recording import write_recording
@@ -69,6 +71,7 @@ def simulate(
     source = source_of(used, seed=seed, count=throws, drag=scene.ball.drag)
     runner = TrialRunner(used, generator, scene, pixels=pixels)
     if map_of(generator) is not None:
+        load_decisions(used, generator, CatcherSettings())
         _load(runner)
     about = None if record is None else _about(runner, generator)
     trials = []

@@ -168,7 +168,7 @@ class Scene(Settings):
         sensing: What the catcher senses, and when.
         actuation: How commands become torques.
         contact: Contact of ball and hand.
-        floor: Height of the floor below the shoulder, negative [m]; the arm is on a stand.
+        floor: Height of the floor, or of the table that the arm stands on, in the base frame [m].
         faults: What goes wrong in every trial, in the order in which it acts.
     """
 
@@ -178,7 +178,7 @@ class Scene(Settings):
     sensing: Sensing = Sensing()
     actuation: Actuation = Actuation()
     contact: Contact = Contact()
-    floor: Annotated[float, Field(ge=-10.0, le=-0.5)] = -1.0
+    floor: Annotated[float, Field(ge=-10.0, le=0.0)] = -1.0
     faults: FaultPlan = ()
 
 

@@ -1,0 +1,58 @@
+"""Decisions on balls of each kind, made once before a catcher watches for one.
+
+Code is loaded at its first call, or even compiled, which takes up to seconds. A throw that needs
+what no throw before it needed, as the first that asks for too much torque, would wait for it.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from mitt.catcher.settings import CatcherSettings
+from mitt.control.envelope import speeds_of
+from mitt.generator.feasibility import Approach, is_far
+from mitt.generator.generators import Generator
+from mitt.impact import examined
+from mitt.rehearsal import gap_at_catch
+from mitt.robot.arm import Arm
+from mitt.signals import TICK, Array, BallState
+
+#: Velocity of a ball that comes [m/s], and the time for which it comes [s].
+_COMES, _FOR = np.array([-5.0, 0.0, -1.0]), 0.4
+#: By how much others miss the hand [m]: aside, below.
+_MISSES = ((0.0, 0.9, 0.0), (0.0, 0.0, -0.5))
+
+
+def load_decisions(arm: Arm, generator: Generator, settings: CatcherSettings) -> None:
+    """Ask about balls that come to the hand, aside, below or not at all, and one that is led.
+
+    Which ball asks for too much torque, or is caught beside the region of a map, depends on arm and
+    map: what is done for them is done here with a short motion, and with a corner of the region.
+
+    Args:
+        arm: The arm.
+        generator: What is asked.
+        settings: Of the catcher.
+    """
+    q = arm.q_ready
+    for ball in _balls(arm.position(q)):
+        generator.sharpness(ball)
+        generator.unsettled(ball, q)
+        is_far(ball, arm.position(q))
+        examined(arm, generator.verdict(ball, q), settings.caught, bandwidth=settings.bandwidth)
+        generator.returns(ball)
+        generator.waiting(ball)
+    f = generator.as_map()
+    if f is not None:
+        f.to_ball(f.region[0])
+    still = np.array([[q, 0.0 * q, 0.0 * q]] * 3)
+    short = Approach(motion=still, step=2.0 * TICK, dr_o=_COMES)
+    gap_at_catch(arm, short, speeds_of(arm), settings.bandwidth)
+
+
+def _balls(hand: Array) -> list[BallState]:
+    """Return a ball of each kind, for a hand that waits somewhere [m], shape (3,)."""
+    comes = BallState(t=0.0, r_o=hand - _FOR * _COMES, dr_o=_COMES)
+    miss = [replace(comes, r_o=comes.r_o + np.array(by)) for by in _MISSES]
+    away = replace(comes, dr_o=-comes.dr_o)
+    return [comes, *miss, away, replace(comes, led=True)]
