@@ -135,7 +135,7 @@ def test_throwing_again_gives_the_same_trial(prepared: Prepared) -> None:
         ({"adapt": "refine", "generator": "ik"}, "--generator direct"),
         ({"map": None, "order": 1000}, "order"),
         ({"arm": "arm.urdf", "tip": "t", "joints": "a,b,c"}, "arm.urdf"),
-        ({"arm": "arm.urdf"}, "tip"),
+        ({"arm": "arm.urdf"}, "arm.urdf: wanted a readable"),
     ],
 )
 def test_bad_options_are_refused_with_their_name(

@@ -97,7 +97,7 @@ def of_throws(throws: Sequence[Throw], x: float, drag: float) -> Arrivals:
         InputError: One does not within 1.5 s, or not towards the arm.
     """
     rows = list[tuple[Array, Array, float]]()
-    for number, throw in enumerate(throws, start=1):
+    for number, throw in enumerate(throws):
         r, v, t = throw.r.copy(), throw.dr.copy(), 0.0
         while r[0] > x and t < _LONGEST:
             r, v = fly(r, v, drag=drag, duration=_STEP)
