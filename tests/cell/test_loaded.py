@@ -39,15 +39,21 @@ def moved(by, scale=(1.0, 1.0, 1.0)):
     return lambda points: [replace(p, r_o=p.r_o * scale + by) for p in points]
 
 
+def seen_first(points):
+    global left
+    left -= len(points)
+    return points if left > 0 else []
+
+
 seen = {}
 for name, on_points in {
     "plain": moved((0.0, 0.0, 0.0)),
     "aside": moved((0.0, 0.9, 0.0)),
     "below": moved((0.0, 0.0, -0.5)),
     "fast": moved((-0.8, 0.0, 0.0), (1.9, 1.5, 1.0)),
-    "lost": lambda points: [] if len(begun_at) > 150 else begun_at.extend(points) or points,
+    "lost": seen_first,
 }.items():
-    begun_at = []
+    left = 150
     cell = LocalCell(throws=2, seed=3, prepared=prepared)
     begun.clear()
     cell.robot.on_points = on_points

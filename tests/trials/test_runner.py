@@ -209,6 +209,11 @@ def test_simulate_takes_what_learn_returns(learned: Learned) -> None:
         simulate(learned, throws=1, seed=-1)
 
 
+def test_a_map_that_never_learned_can_be_thrown_at(plain: DirectMap) -> None:
+    """Its region is everywhere, without a corner that could be asked about."""
+    assert len(simulate(plain, throws=1, seed=3, pixels=False)) == 1
+
+
 def test_a_stop_is_an_exception_s_data_where_that_is_asked_for(learned: Learned) -> None:
     """A lying encoder: the error carries what the trial says, also from another process."""
     scene = Scene.model_validate(

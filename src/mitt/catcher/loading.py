@@ -27,7 +27,7 @@ def load_decisions(arm: Arm, generator: Generator, settings: CatcherSettings) ->
     """Ask about balls that come to the hand, aside, below or not at all, and one that is led.
 
     Which ball asks for too much torque, or is caught beside the region of a map, depends on arm and
-    map: what is done for them is done here with a short motion, and with a corner of the region.
+    map: what is done for them is done here with a short motion, and with the pose of the start.
 
     Args:
         arm: The arm.
@@ -44,7 +44,7 @@ def load_decisions(arm: Arm, generator: Generator, settings: CatcherSettings) ->
         generator.waiting(ball)
     f = generator.as_map()
     if f is not None:
-        f.to_ball(f.region[0])
+        f.to_ball(f.start)
     still = np.array([[q, 0.0 * q, 0.0 * q]] * 3)
     short = Approach(motion=still, step=2.0 * TICK, dr_o=_COMES)
     gap_at_catch(arm, short, speeds_of(arm), settings.bandwidth)

@@ -139,7 +139,7 @@ def _cells(row: Row) -> list[str]:
 
 
 def _times(result: StudyResult) -> list[list[str]]:
-    """Return the computing time of a tick of each generator [us]: median and p99, both largest."""
+    """Return generators with a tick's median and p99 time [us] in their slowest condition."""
     path = result.folder.path / "timing.json"
     given = read_json(path) if path.exists() else {}
     rows = given.get("rows") if isinstance(given, dict) else None
