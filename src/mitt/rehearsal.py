@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mitt.control.envelope import bounds_of, clamp
 from mitt.control.rows import DQ_MAX, ROWS, TAU
-from mitt.control.tracking import SCRATCH, track
+from mitt.control.tracking import SCRATCH, slew_of, track
 from mitt.generator.feasibility import Approach
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
@@ -39,7 +39,7 @@ def gap_at_catch(arm: Arm, approach: Approach, caps: Array, bandwidth: float) ->
     state = rows[0, :2].copy()
     bodies, drives, index = arm.tables
     scratch, work = np.zeros((len(bodies), SCRATCH)), slopes_work(len(bodies))
-    rehearse(b, bandwidth, drives, bodies, index, rows, state, scratch, work)
+    rehearse(b, bandwidth, drives, bodies, index, rows, state, slew_of(arm), scratch, work)
     there, desired = arm.position(state[0]), arm.position(rows[-1, 0])
     return float(np.linalg.norm(there - desired))
 
@@ -61,7 +61,7 @@ def _each_tick(approach: Approach) -> Array:
 @kernel
 def rehearse(
     b: Array, bandwidth: float, drives: Array, bodies: Array, index: NDArray[np.int64],
-    rows: Array, state: Array, scratch: Array, work: Array,
+    rows: Array, state: Array, slew: Array, scratch: Array, work: Array,
 ) -> None:  # fmt: skip
     """Carry q, dq on along a motion within all limits, on the model of the arm.
 
@@ -73,6 +73,7 @@ def rehearse(
         index: Active joints among the links.
         rows: As in the module's table; the last is where the motion ends.
         state: q, dq, overwritten [rad, rad/s], shape (2, n).
+        slew: As of :func:`mitt.control.tracking.slew_of`, overwritten.
         scratch: Scratch of the tracking.
         work: Scratch of :mod:`mitt.robot.slopes`.
     """
@@ -85,7 +86,8 @@ def rehearse(
         command[:3] = rows[k]
         clamp(b, last, command[:3])
         last[:] = command[:3]
-        track(b, bandwidth, drives, bodies, index, state[0], state[1], command, scratch)
+        track(b, bandwidth, drives, bodies, index, state[0], state[1], command, slew, scratch)
+        slew[1] = command[TAU]
         motion[:2] = state
         bias_and_mass(bodies, motion, tau, mass, work)
         for i in range(n):

@@ -74,10 +74,14 @@ def act(brake: Array, state: CatcherState, result: Result) -> int:
         estimated[0],
         estimated[1],
         result.command,
+        state.slew,
         state.track_scratch,
     )
     _report(passed == BLOCKED, state, result)
     _engage(state, result)
+    state.slew[1] = result.command[TAU]
+    if s.braked or not s.begun:
+        state.slew[1] = np.inf
     predict_acceleration(
         state.bodies, state.active, estimated, state.encoder_table[1], state.room_tau,
         state.room_mass, state.room_work, state.encoder_work, result.command,

@@ -18,7 +18,7 @@ from mitt.catcher.settings import WATCH, CatcherSettings
 from mitt.control import encoder_memory, health
 from mitt.control.envelope import bounds_of
 from mitt.control.hand import pack_grip
-from mitt.control.tracking import SCRATCH
+from mitt.control.tracking import SCRATCH, slew_of
 from mitt.control.viability import SafetyFilter
 from mitt.generator.feasibility import trusted, waiting_height
 from mitt.generator.mapping import DirectMap
@@ -75,7 +75,7 @@ class CatcherState(NamedTuple):
         z, R, target: Position of a sighting, its covariance, and the ball to be followed.
         ball_memory, ball_settings, ball_work: Of :mod:`mitt.ball.estimator`.
         closing, grip: As in :mod:`mitt.control.hand`.
-        track_scratch: For the tracking.
+        slew, track_scratch: For the tracking; see :func:`mitt.control.tracking.slew_of`.
         jump: As in :mod:`mitt.control.margin`.
         impact_dq: Change of the joint speeds that the ball may cause now [rad/s], shape (n,).
         eyes_...: Arrays of :func:`mitt.vision.localization.localize` and of the gaze.
@@ -107,6 +107,7 @@ class CatcherState(NamedTuple):
     ball_work: Array
     closing: Array
     grip: Array
+    slew: Array
     track_scratch: Array
     jump: Array
     impact_dq: Array
@@ -212,6 +213,7 @@ def arm_fields(arm: Arm, around: Surroundings) -> Fields:
     """
     safety_filter, links = SafetyFilter(arm, around), len(arm.bodies)
     return {
+        "slew": slew_of(arm),
         "bounds": safety_filter.bounds,
         "encoder_bounds": bounds_of(arm, commanded=False),
         "shapes": safety_filter.shapes.table,

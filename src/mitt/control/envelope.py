@@ -8,7 +8,7 @@ Each emitted motion q, dq, ddq is finite and, tick after tick,
   (viability: a clamp alone would let a joint arrive at its stop at full speed);
 * where the limit set has jerk, the acceleration changes by no more than jerk T in a tick, and the
   way to standstill knows it (:mod:`mitt.control.jerk`); where it has none, the acceleration may
-  step by up to twice ddq_max in a tick;
+  step by up to twice ddq_max in a tick; torque rates bound the jerk, too (:func:`_jerk_of_rates`);
 * and, where there are bodies to keep clear of, the way to standstill is clear of them
   (:mod:`mitt.control.viability`).
 
@@ -28,7 +28,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from mitt.control.jerk import calm, clamp_smooth, onwards
+from mitt.control.jerk import calm, clamp_smooth, onwards, releasable
 from mitt.control.rows import DDQ_MAX, DECELERATION, DQ_MAX, JERK, Q_MAX, Q_MIN
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
@@ -38,6 +38,8 @@ from mitt.signals import TICK, Array
 _SPEED_SHARE, _STOP_GAP = 0.995, 0.06
 #: Time in which a joint may close in on a speed limit [s]; a few ticks.
 _APPROACH = 0.006
+#: Share of a torque rate that the jerk of one joint takes, in the ready pose.
+_RATE_SHARE = 0.7
 #: Poses over which the largest acceleration is looked for, and their seed.
 _POSES, _SEED = 256, 1
 
@@ -74,7 +76,10 @@ def _bounds(arm: Arm, commanded: bool) -> Array:
     if commanded and limits.acceleration is not None:
         most = arm.active(limits.acceleration)
         jerk = np.minimum(jerk, 2.0 * most / TICK)
-    brake = np.minimum(arm.tau_max / np.diag(arm.mass_matrix(arm.q_ready)), most)
+    mass = arm.mass_matrix(arm.q_ready)
+    brake = np.minimum(arm.tau_max / np.diag(mass), most)
+    if limits.torque_rate is not None:
+        jerk = np.minimum(jerk, _jerk_of_rates(mass, arm.active(limits.torque_rate)))
     return np.array(
         [
             arm.q_min + _STOP_GAP,
@@ -85,6 +90,17 @@ def _bounds(arm: Arm, commanded: bool) -> Array:
             jerk,
         ]
     )
+
+
+def _jerk_of_rates(mass: Array, rate: Array) -> Array:
+    """Return the jerk of each joint that leaves torque rates to the others, shape (n,).
+
+    Args:
+        mass: Mass matrix [kg m^2], shape (n, n).
+        rate: Largest rates of the torques [N m/s], shape (n,).
+    """
+    jerk: Array = _RATE_SHARE / np.max(np.abs(mass) / rate[:, None], axis=0)
+    return jerk
 
 
 def _largest_acceleration(arm: Arm) -> Array:
@@ -160,7 +176,8 @@ def clamp(b: Array, last: Array, desired: Array) -> bool:
         else:
             q, dq, ddq = clamp_smooth(
                 b[Q_MIN, k], b[Q_MAX, k], b[DQ_MAX, k], b[DECELERATION, k], b[DDQ_MAX, k],
-                b[JERK, k], (last[0, k], last[1, k], last[2, k]), desired[0, k], desired[1, k],
+                b[JERK, k], (last[0, k], last[1, k], last[2, k]),
+                (desired[0, k], desired[1, k], desired[2, k]),
             )  # fmt: skip
         changed |= q != desired[0, k] or dq != desired[1, k] or ddq != desired[2, k]
         desired[0, k], desired[1, k], desired[2, k] = q, dq, ddq
@@ -196,6 +213,13 @@ def bound_acceleration(b: Array, q: Array, dq: Array, ddq: Array) -> None:
         q_min, q_max, dq_max, brake = b[Q_MIN, k], b[Q_MAX, k], b[DQ_MAX, k], b[DECELERATION, k]
         up = np.sqrt(2.0 * brake * max(q_max - q[k], 0.0))
         down = np.sqrt(2.0 * brake * max(q[k] - q_min, 0.0))
-        highest = (min(dq_max, up) - dq[k]) / _APPROACH
-        lowest = (-min(dq_max, down) - dq[k]) / _APPROACH
+        highest = _closing(min(dq_max, up) - dq[k], b[JERK, k])
+        lowest = _closing(-min(dq_max, down) - dq[k], b[JERK, k])
         ddq[k] = min(max(ddq[k], lowest), highest)
+
+
+@kernel
+def _closing(gap: float, jerk: float) -> float:
+    """Return the acceleration at which a gap of speed is closed [rad/s^2]."""
+    most = releasable(gap, jerk)
+    return float(min(max(gap / _APPROACH, -most), most))

@@ -8,6 +8,10 @@ A joint can stop if the ticks that :func:`calm` would make from here end at rest
 and below its speed. That is checked tick by tick, so there is nothing that a formula forgets; a
 bound that is quickly worked out spares the walk where there is room. The wish is followed as far
 as the next state can still stop, else the joint brakes, which by induction it can.
+
+A joint that lags behind its motion comes back to it without overshoot: the speed at which it closes
+in, and the acceleration that it takes for that, are such that a share of the jerk suffices to end
+both in time.
 """
 
 import numpy as np
@@ -17,8 +21,39 @@ from mitt.signals import TICK
 
 #: Rate at which a gap to the wished position is closed [1/s].
 _CLOSING = 50.0
+#: Share of the jerk that coming back to the motion takes.
+_SHARE = 0.4
 #: Ticks in which a joint has to come to rest, halvings between wish and brake, and rounding.
 _LONGEST, _HALVINGS, _ROUNDING = 5000, 10, 1e-12
+
+
+@kernel
+def releasable(gap: float, jerk: float) -> float:
+    """Return the largest acceleration that can be ended before a gap of speed is closed.
+
+    Args:
+        gap: Speed that is lacking [rad/s].
+        jerk: Largest jerk [rad/s^3], of which a share s counts; infinite where there is no bound.
+
+    Returns:
+        Acceleration a with a^2 / (2 s jerk) = |gap| [rad/s^2]; infinite where there is no bound.
+    """
+    return np.inf if np.isinf(jerk) else np.sqrt(2.0 * _SHARE * jerk * abs(gap))
+
+
+@kernel
+def closing_speed(gap: float, gain: float, jerk: float) -> float:
+    """Return the speed at which a gap of position is closed [rad/s].
+
+    At v = (4.5 s j)^(1/3) gap^(2/3) closing in takes a constant jerk s j.
+
+    Args:
+        gap: Way that is lacking [rad].
+        gain: Speed for each unit of it, where the jerk allows that [1/s].
+        jerk: Largest jerk j [rad/s^3], of which a share s counts.
+    """
+    speed = min(gain * abs(gap), (4.5 * _SHARE * jerk * gap * gap) ** (1.0 / 3.0))
+    return float(np.copysign(speed, gap))
 
 
 @kernel
@@ -79,9 +114,9 @@ def can_stop(
 @kernel
 def clamp_smooth(
     low: float, high: float, dq_max: float, brake: float, ddq_max: float, jerk: float,
-    last: tuple[float, float, float], q: float, dq: float,
+    last: tuple[float, float, float], desired: tuple[float, float, float],
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Return the command of a joint with a jerk limit for which ``q``, ``dq`` is desired.
+    """Return the command of a joint with a jerk limit for which a motion is desired.
 
     Args:
         low: Lower end of the range [rad].
@@ -91,16 +126,18 @@ def clamp_smooth(
         ddq_max: Largest acceleration [rad/s^2].
         jerk: Largest jerk [rad/s^3].
         last: q, dq, ddq emitted in the tick before, finite.
-        q: Wanted position [rad]; of a wish with anything not finite nothing is taken.
-        dq: Wanted speed [rad/s].
+        desired: q, dq, ddq; of a wish with anything not finite nothing is taken.
     """
-    q0, dq0, ddq0 = last
+    (q0, dq0, ddq0), (q, dq, ddq) = last, desired
     near = calm(dq0, ddq0, brake, jerk)
-    if not (np.isfinite(q) and np.isfinite(dq)):
-        q, dq = q0, 0.0
+    if not (np.isfinite(q) and np.isfinite(dq) and np.isfinite(ddq)):
+        q, dq, ddq = q0, 0.0, 0.0
     gap = min(max(q - q0 - 0.5 * TICK * (dq + dq0), -1e3), 1e3)
-    wish = (min(max(dq, -2.0 * dq_max), 2.0 * dq_max) + _CLOSING * gap - dq0) / TICK
-    wish = min(max(wish, -ddq_max), ddq_max)
+    ddq = min(max(ddq, -ddq_max), ddq_max)
+    lacking = min(max(dq, -2.0 * dq_max), 2.0 * dq_max) - dq0 - TICK * ddq
+    lacking += closing_speed(gap, _CLOSING, jerk)
+    most = releasable(lacking, jerk)
+    wish = min(max(ddq + min(max(lacking / TICK, -most), most), -ddq_max), ddq_max)
     wish = min(max(wish, ddq0 - jerk * TICK), ddq0 + jerk * TICK)
     q1, dq1, _ = onwards(q0, dq0, wish)
     if can_stop(low, high, dq_max, brake, jerk, q1, dq1, wish):

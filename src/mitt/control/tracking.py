@@ -2,6 +2,10 @@
 
 tau = M(q) (ddq_d + K_d (dq_d - dq) + K_p (q_d - q)) + H(q, dq) dq + g(q), eq. (14) inverted: with
 an exact model the error of each joint obeys e'' + 2 w e' + w^2 e = 0 with w = ``bandwidth``.
+
+A joint with a jerk limit closes in on its motion as :mod:`mitt.control.jerk` does. Where the limit
+set has torque rates, the changes of all torques are cut by the same share, so that no joint's limit
+pushes another.
 """
 
 from dataclasses import dataclass, replace
@@ -11,14 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt.control.envelope import bound_acceleration
-from mitt.control.rows import DDQ, DDQ_BY_TAU, DQ, ROWS, TAU, Q
+from mitt.control.jerk import closing_speed, releasable
+from mitt.control.rows import DDQ, DDQ_BY_TAU, DQ, JERK, ROWS, TAU, Q
 from mitt.control.viability import SafetyFilter
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.dynamics import inverse_dynamics
 from mitt.robot.limits import bound_of, drive_asked, largest_share, saturate
 from mitt.robot.shapes import Surroundings
-from mitt.signals import ArmState, Array, Command
+from mitt.signals import TICK, ArmState, Array, Command
 from mitt.views import view
 
 #: Change of a torque that counts as meeting a limit [N m].
@@ -46,7 +51,7 @@ class Tracker:
         """Take the arm, the bandwidth w of the error [rad/s] and what stands around the arm."""
         self.arm, self.bandwidth = arm, bandwidth
         self.safety_filter = SafetyFilter(arm, around or Surroundings())
-        self._index = np.array(arm.model.active)
+        self._index, self._slew = np.array(arm.model.active), slew_of(arm)
         self._scratch = np.zeros((len(arm.model.links), SCRATCH))
         self._known = ArmState(t=0.0, q=arm.q_ready, dq=np.zeros(arm.n))
 
@@ -78,8 +83,10 @@ class Tracker:
             state.q,
             state.dq,
             rows,
+            self._slew,
             self._scratch,
         )
+        self._slew[1] = rows[TAU]
         command = Command(t=state.t, joints=rows[:4], hand=hand)
         return Tracked(command=command, saturated=saturated)
 
@@ -94,6 +101,7 @@ def track(
     q: Array,
     dq: Array,
     command: Array,
+    slew: Array,
     scratch: Array,
 ) -> bool:
     """Write the torques that follow a motion within every limit.
@@ -108,6 +116,7 @@ def track(
         dq: Encoders [rad/s], shape (n,).
         command: q, dq, ddq as the envelope let them pass; result: tau of the active joints in the
             fourth row; the fifth is scratch, shape (ROWS, n).
+        slew: As of :func:`slew_of`.
         scratch: Scratch, shape (N, SCRATCH).
 
     Returns:
@@ -120,6 +129,10 @@ def track(
     for k in range(n):
         lag, slow = command[Q, k] - q[k], command[DQ, k] - dq[k]
         push[k] = command[DDQ, k] + 2.0 * bandwidth * slow + bandwidth * bandwidth * lag
+        if np.isfinite(bounds[JERK, k]):
+            gap = slow + closing_speed(lag, 0.5 * bandwidth, bounds[JERK, k])
+            most = releasable(gap, bounds[JERK, k])
+            push[k] = command[DDQ, k] + min(max(2.0 * bandwidth * gap, -most), most)
     bound_acceleration(bounds, q, dq, push)
     inverse_dynamics(bodies, q, dq, push, tau_desired, dynamics)
     speed[:] = 0.0
@@ -133,7 +146,44 @@ def track(
         _give_way(bounds, drives, bodies, q, dq, command, scratch)
     for k in range(n):
         command[TAU, k] = kept[index[k]]
-    return met
+    return _change_slowly(slew, command[TAU]) or met
+
+
+@kernel
+def _change_slowly(slew: Array, tau: Array) -> bool:
+    """Cut the changes of all torques by one share to what a tick may bring; say whether it cut.
+
+    Args:
+        slew: As of :func:`slew_of`.
+        tau: Torques of the active joints, overwritten [N m], shape (n,).
+    """
+    share = 1.0
+    for k in range(len(tau)):
+        change = abs(tau[k] - slew[1, k])
+        if change > slew[0, k] and np.isfinite(slew[1, k]):
+            share = min(share, slew[0, k] / change)
+    if share < 1.0:
+        for k in range(len(tau)):
+            tau[k] = slew[1, k] + share * (tau[k] - slew[1, k])
+    return share < 1.0
+
+
+def slew_of(arm: Arm) -> Array:
+    """Return the largest changes of torques in a tick and the torques of the tick before [N m].
+
+    The first are infinite where the limit set has no torque rates, the second before the first
+    command.
+
+    Args:
+        arm: The arm, of n active joints.
+
+    Returns:
+        Shape (2, n).
+    """
+    slew, rate = np.full((2, arm.n), np.inf), arm.limits.torque_rate
+    if rate is not None:
+        slew[0] = arm.active(rate) * TICK
+    return slew
 
 
 @kernel

@@ -3,7 +3,8 @@
 From q, dq every joint brakes at its own trusted deceleration. The way to standstill is walked by
 conservative advancement: where the smallest gap is d, no point gets closer than d minus the way
 that it can still travel, and so far the arm can be moved on without looking. Nothing thin is
-stepped over, and in open space one look is enough.
+stepped over, and in open space one look is enough. Where joints have a jerk limit, the way is that
+of :func:`mitt.control.envelope.slow_down`, tick by tick.
 """
 
 from functools import lru_cache
@@ -26,6 +27,8 @@ from mitt.views import view
 MARGIN, _SLIVER = 0.01, 0.0005
 #: Looks along the way; if they do not suffice it counts as blocked.
 _LOOKS = 40
+#: Ticks of a smooth way to standstill; if they do not suffice it counts as blocked.
+_LONGEST = 5000
 #: What the sums of a bound on the room may be off by [m].
 _TRIFLE = 1e-9
 
@@ -58,34 +61,27 @@ def stops_clear(
         motion: q, dq, ddq, shape (3, n).
         known: Where room was last measured [rad], and how much there was [m], overwritten,
             shape (n + 1,).
-        work: Scratch, shape (2 m + n, 3).
+        work: Scratch, shape (2 m + 2 n, 3).
     """
     n, t = motion.shape[1], 0.0
-    ends, way = view(work, 3 * n, (len(work) - n, 3)), view(work, 0, (n,))
+    for k in range(n):
+        if not np.isinf(b[JERK, k]):
+            return bool(_stops_clear_smoothly(bodies, table, pairs, b, motion, known, work))
+    ends, way = view(work, 6 * n, (len(work) - 2 * n, 3)), view(work, 0, (n,))
     for look in range(_LOOKS):
-        left, pace, moved, unsure = 0.0, 0.0, _TRIFLE, 0.0
+        left, pace, moved = 0.0, 0.0, _TRIFLE
         for k in range(n):
-            brake, speed, reach, jerk = (
-                b[DECELERATION, k],
-                abs(motion[1, k]),
-                b[REACH, k],
-                b[JERK, k],
-            )
+            brake, speed, reach = b[DECELERATION, k], abs(motion[1, k]), b[REACH, k]
             passed = min(t, speed / brake)
             gone, then = passed * (speed - 0.5 * brake * passed), max(speed - brake * t, 0.0)
             whole = 0.5 * speed * speed / brake
-            if not np.isinf(jerk):  # where it is at most; where it is for sure is not known
-                least, turns = gone, 0.5 * motion[2, k] ** 2 / jerk > speed
-                gone, then = braked(motion[1, k], motion[2, k], brake, jerk, t)
-                whole, _ = braked(motion[1, k], motion[2, k], brake, jerk, np.inf)
-                unsure += 2.0 * reach * (gone if turns else gone - least)
             way[k] = motion[0, k] + np.copysign(gone, motion[1, k])
             left += reach * (whole - gone)
             pace += reach * then
             moved += reach * abs(motion[0, k] - known[k])
         if look == 0 and max(left, _SLIVER) < known[n] - moved:
             return True
-        room = clearance(bodies, way, table, pairs, ends) - MARGIN - unsure
+        room = clearance(bodies, way, table, pairs, ends) - MARGIN
         if look == 0:
             known[:n], known[n] = motion[0], room
         if room < 0.0 or (room < _SLIVER and left > 0.0):
@@ -93,6 +89,46 @@ def stops_clear(
         if left <= room:
             return True
         t += room / pace
+    return False
+
+
+@kernel
+def _stops_clear_smoothly(
+    bodies: Array,
+    table: Array,
+    pairs: NDArray[np.int64],
+    b: Array,
+    motion: Array,
+    known: Array,
+    work: Array,
+) -> bool:
+    """Say the same where joints have a jerk limit: the way to standstill is walked tick by tick."""
+    n, left, moved = motion.shape[1], _SLIVER, _TRIFLE
+    ends = view(work, 6 * n, (len(work) - 2 * n, 3))
+    row, after = view(work, 0, (3, n)), view(work, 3 * n, (3, n))
+    for k in range(n):
+        dq, ddq, jerk = motion[1, k], motion[2, k], b[JERK, k]
+        whole, _ = braked(dq, ddq, b[DECELERATION, k], jerk, np.inf)
+        turns = 0.5 * ddq * ddq / jerk > abs(dq)  # there and back
+        left += b[REACH, k] * (2.0 * whole if turns else whole)
+        moved += b[REACH, k] * abs(motion[0, k] - known[k])
+    if left < known[n] - moved:
+        return True
+    room = clearance(bodies, motion[0], table, pairs, ends) - MARGIN
+    known[:n], known[n] = motion[0], room
+    row[:] = motion
+    for _ in range(_LONGEST):
+        if room < 0.0 or room >= left or not np.any(row[1:]):
+            return room >= 0.0
+        slow_down(b, row, after)
+        step = 0.0
+        for k in range(n):
+            step += b[REACH, k] * abs(after[0, k] - row[0, k])
+        row[:] = after
+        room -= step
+        left -= step
+        if room < 0.0:
+            room = clearance(bodies, row[0], table, pairs, ends) - MARGIN
     return False
 
 
@@ -127,7 +163,7 @@ def safety_filter(
         last: q, dq, ddq emitted in the tick before, overwritten, shape (3, n).
         desired: q_d, dq_d, ddq_d; q, dq, ddq afterwards, shape (3, n).
         known: As for :func:`stops_clear`.
-        work: Scratch, shape (2 m + n, 3).
+        work: Scratch, shape (2 m + 2 n, 3).
         reserve: Scratch, of :func:`mitt.control.reserve.reserve_work`.
 
     Returns:
@@ -155,7 +191,7 @@ def _leads_out(
     work: Array,
 ) -> bool:
     """Say whether an arm that stands too close already would get no closer."""
-    ends = work[desired.shape[1] :]
+    ends = work[2 * desired.shape[1] :]
     before = clearance(bodies, last[0], table, pairs, ends)
     if before >= MARGIN:
         return False
@@ -180,7 +216,7 @@ class SafetyFilter:
         self.shapes, self.bounds = _numbers(arm, around)
         self.last = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)])
         self.known = np.full(arm.n + 1, -np.inf)
-        self.work = np.zeros((arm.n + 2 * len(self.shapes.table), 3))
+        self.work = np.zeros((2 * arm.n + 2 * len(self.shapes.table), 3))
         self.reserve = reserve_work(arm)
         self._packed = arm.bodies, self.shapes.table, self.shapes.pairs, self.bounds
         self._drives = arm.limits.packed, np.array(arm.model.active)
