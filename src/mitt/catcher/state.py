@@ -195,7 +195,7 @@ def fresh_state(
         "ball_work": np.zeros(memory.WORK), "closing": np.array([np.inf]),
         "grip": pack_grip(arm.model.hand, s.ball_radius, s.ball_restitution),
         "track_scratch": np.zeros((len(arm.model.links), SCRATCH)), "jump": np.zeros(n),
-        "impact_dq": np.zeros(n),
+        "impact_dq": np.zeros(n), "slew": slew_of(arm),
     }  # fmt: skip
     fields |= arm_fields(arm, s.around) | map_fields(f)
     own_arrays = {name: np.array(value, order="C") for name, value in fields.items()}
@@ -213,7 +213,6 @@ def arm_fields(arm: Arm, around: Surroundings) -> Fields:
     """
     safety_filter, links = SafetyFilter(arm, around), len(arm.bodies)
     return {
-        "slew": slew_of(arm),
         "bounds": safety_filter.bounds,
         "encoder_bounds": bounds_of(arm, commanded=False),
         "shapes": safety_filter.shapes.table,

@@ -4,6 +4,9 @@ Each joint brakes at its own constant rate, a share of tau_max / M_kk. The share
 of the whole arm within its limits at seven instants of the way (between them up to 7 % more was
 seen in 300 random states; the tracking saturates) and end as far from any stop as can be. They are
 searched for among stops in closed form (:mod:`mitt.control.stop`).
+
+Where the limit set bounds acceleration or jerk, the brake is the stop of the envelope itself,
+:func:`mitt.control.envelope.slow_down`: its own decelerations, or a share of them for the torque.
 """
 
 from dataclasses import dataclass
@@ -14,9 +17,12 @@ import numpy as np
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, Synchronization, Trajectory
 
 from mitt import checks
+from mitt.control.envelope import bounds_of, stop_in_ticks
+from mitt.control.rows import DECELERATION, JERK
 from mitt.control.stop import (
     INSTANTS,
     ONSET,
+    SHARE,
     Scratch,
     braking,
     hardest,
@@ -36,6 +42,8 @@ _OTHERS = (0.15, 0.4, 0.8, 1.2)
 _SAME = 1e-9
 #: Largest number of a motion that can be braked [rad ...].
 _FASTEST = 1e6
+#: Shares of the envelope's decelerations, and ticks that such a stop may take.
+_SHARES, _LONGEST = (1.0, 0.7, 0.5, 0.35), 5000
 #: Pieces of a joint's motion: seven of Ruckig's, and rest.
 _PIECES = 8
 
@@ -48,8 +56,8 @@ class Brake:
     Attributes:
         t: Time at which it starts [s].
         duration: Time to rest [s].
-        pieces: Ruckig's answer, joint by joint: start of each piece after ``t`` [s], and q, dq, ddq
-            and jerk there [rad ...], shape (n, 8, 5).
+        pieces: Joint by joint, start of each piece after ``t`` [s], and q, dq, ddq and jerk there
+            [rad ...], shape (n, k, 5): Ruckig's answer, or ticks.
         torque_share: Largest share of a torque limit on the way.
     """
 
@@ -109,6 +117,9 @@ def plan_brake(arm: Arm, t: float, motion: Array) -> Brake:
     if np.abs(motion).max() > _FASTEST:
         raise InputError("motion", f"numbers of at most {_FASTEST:g}", "larger ones",
                          do="give rad, rad/s and rad/s^2")  # fmt: skip
+    bounds = bounds_of(arm)
+    if np.any(np.isfinite(bounds[JERK])):
+        return _in_ticks(arm, t, motion, bounds)
     rate = trusted_deceleration(arm, motion[0])
     urgent = int(np.argmax(_urgency(arm, motion, rate)))
     ends, w = np.array([arm.q_min, arm.q_max]), scratch_of(arm)
@@ -120,6 +131,25 @@ def plan_brake(arm: Arm, t: float, motion: Array) -> Brake:
     best = [x for ok, left, x in tried if ok == fits and left > most - _SAME]
     stops = [_driven(arm, t, motion, x, w) for x in best]
     return max(stops, key=lambda brake: room(ends, brake.q_end))
+
+
+def _in_ticks(arm: Arm, t: float, motion: Array, bounds: Array) -> Brake:
+    """Return the hardest stop of the envelope that the torques bear, or the one with the least."""
+    w, tried = scratch_of(arm), list[Brake]()
+    for share in _SHARES:
+        b, rows = bounds.copy(), np.empty((_LONGEST, 3, arm.n))
+        b[DECELERATION] *= share
+        ticks = stop_in_ticks(b, motion, rows)
+        pieces = np.zeros((arm.n, ticks + 1, 5))
+        pieces[:, :, 0] = TICK * np.arange(ticks + 1)
+        pieces[:, :, 1:3] = rows[: ticks + 1, :2].transpose(2, 0, 1)
+        pieces[:, :-1, 3] = rows[1 : ticks + 1, 2].T
+        sample(pieces, np.linspace(0.0, TICK * ticks, INSTANTS), w.rows)
+        asked = float(torque_share(arm.tables, w.rows, w.tau, w.scratch))
+        tried.append(Brake(t, TICK * ticks, pieces, asked))
+        if asked <= SHARE:
+            return tried[-1]
+    return min(tried, key=lambda brake: brake.torque_share)
 
 
 def _urgency(arm: Arm, motion: Array, rate: Array) -> Array:

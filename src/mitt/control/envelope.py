@@ -207,6 +207,23 @@ def slow_down(b: Array, last: Array, desired: Array) -> None:
 
 
 @kernel
+def stop_in_ticks(b: Array, motion: Array, rows: Array) -> int:
+    """Write the motion from a state to rest, and return how many ticks it takes.
+
+    Args:
+        b: As in the module's table.
+        motion: q, dq, ddq at the start, shape (3, n).
+        rows: q, dq, ddq at the start and after each tick, shape (K, 3, n); K - 1 ticks at most.
+    """
+    rows[0] = motion
+    for k in range(len(rows) - 1):
+        if not np.any(rows[k, 1:]):
+            return k
+        slow_down(b, rows[k], rows[k + 1])
+    return len(rows) - 1
+
+
+@kernel
 def bound_acceleration(b: Array, q: Array, dq: Array, ddq: Array) -> None:
     """Bound accelerations in place by the speed limits and by the way left to the stops."""
     for k in range(len(q)):
