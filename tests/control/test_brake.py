@@ -1,5 +1,7 @@
 """Laws of the brake: it starts where the arm is, stays within torque and range, ends at rest."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,7 +9,7 @@ from hypothesis import strategies as st
 
 from mitt.control.brake import Brake, plan_brake
 from mitt.robot.arm import Arm
-from mitt.signals import Array
+from mitt.signals import TICK, Array
 
 START = 0.45
 #: Agreement of the start with the state handed in, and of the end with rest.
@@ -124,3 +126,22 @@ def test_the_planner_reckons_the_share_that_the_limits_say(arm: Arm, seed: int) 
     rows = [brake.at(START + min(x, brake.duration)) for x in after]
     shares = [arm.limits.torque_ratio(arm.torque(*row), arm.all_joints(row[1])) for row in rows]
     assert brake.torque_share == pytest.approx(np.max(shares), rel=1e-9)
+
+
+@pytest.mark.parametrize("seconds", [0.002, 0.05])
+@given(seed=seeds)
+def test_a_brake_keeps_acceleration_and_jerk(arm: Arm, seconds: float, seed: int) -> None:
+    """Tick by tick, from the acceleration of the moment; the end is at rest."""
+    most = np.array([15.0, 7.5, 10.0, 12.5])
+    limits = replace(arm.limits, acceleration=most, jerk=most / seconds)
+    slow = Arm(arm.model, limits)
+    rng, active = np.random.default_rng(seed), list(arm.model.active)
+    motion = np.array([arm.q_ready, rng.uniform(-1.0, 1.0, 3), rng.uniform(-1.0, 1.0, 3)])
+    motion[2] *= most[active]
+    rows = plan_brake(slow, START, motion).table(TICK)
+    assert np.allclose(rows[0, :2], motion[:2])
+    ddq = np.diff(rows[:, 1], axis=0) / TICK
+    assert np.all(np.abs(ddq) <= most[active] * (1.0 + 1e-6))
+    jerk = np.diff(np.concatenate([motion[2:], ddq]), axis=0) / TICK
+    assert np.all(np.abs(jerk) <= most[active] / seconds * (1.0 + 1e-6))
+    assert np.array_equal(rows[-1, 1:], np.zeros((2, 3)))

@@ -12,6 +12,8 @@ from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array
 
 ROUNDING = 1e-9
+#: Largest overshoot, as a share of the gap that was closed: that of the ticks.
+OVERSHOOT = 0.05
 
 seeds = st.integers(0, 2**31)
 rates = st.floats(10.0, 1000.0)
@@ -88,3 +90,30 @@ def test_a_motion_within_the_jerk_is_followed(arm: Arm, seed: int) -> None:
         clamp(b, last, kept)
         last = kept
         assert np.abs(kept[0] - wanted[0]).max() < 1e-6
+
+
+@given(seed=seeds, rate=rates)
+def test_a_joint_that_lags_comes_back_without_overshoot(arm: Arm, seed: int, rate: float) -> None:
+    """From off a moving reference it closes in from one side, and then is on it."""
+    b, rng = smooth(arm, rate), np.random.default_rng(seed)
+    off = rng.uniform(0.02, 0.2, arm.n) * rng.choice([-1.0, 1.0], arm.n)
+    q, dq = arm.q_ready.copy(), 0.05 * rng.uniform(-1.0, 1.0, arm.n)
+    last, gaps = np.array([q + off, dq, np.zeros(arm.n)]), []
+    for _ in range(3000):
+        q = q + TICK * dq
+        wanted = np.array([q, dq, np.zeros(arm.n)])
+        clamp(b, last, wanted)
+        last = wanted
+        gaps.append((last[0] - q) / off)
+    assert np.min(gaps) > -OVERSHOOT
+    assert np.abs(gaps[-1]).max() < 1e-6
+
+
+def test_torque_rates_bound_the_jerk(arm: Arm) -> None:
+    """In the ready pose no joint's jerk alone takes more than its share of any torque's rate."""
+    rate = np.array([300.0, 200.0, 150.0])
+    whole = np.full(len(arm.model.links), 1e9)
+    whole[list(arm.model.active)] = rate
+    b = bounds_of(Arm(arm.model, replace(arm.limits, torque_rate=whole)))
+    share = np.abs(arm.mass_matrix(arm.q_ready)) * b[5] / rate[:, None]
+    assert np.allclose(share.max(axis=0), 0.7)

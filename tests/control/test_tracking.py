@@ -1,5 +1,7 @@
 """Laws of the tracker: the error's own equation inside the limits, every limit outside."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -10,7 +12,7 @@ from mitt.control.tracking import Tracker
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.robot.slopes import slopes_work
-from mitt.signals import ArmState, Array, Command
+from mitt.signals import TICK, ArmState, Array, Command
 
 BANDWIDTH = 80.0
 #: Agreement of an acceleration through inverse dynamics and back, share of its size.
@@ -223,3 +225,45 @@ def test_torque_that_runs_out_speeds_up_no_joint_beyond_its_limit(arm: Arm, seed
     ddq = np.linalg.solve(arm.mass_matrix(q), tau - arm.inverse_dynamics(q, dq, np.zeros(n)))
     beyond = np.abs(dq) > arm.dq_max
     assert np.all(ddq[beyond] * np.sign(dq[beyond]) <= 1e-6)
+
+
+@given(seed=seeds, wild=st.sampled_from([0.1, 1.0, 10.0]))
+def test_torques_change_no_faster_than_their_rates(arm: Arm, seed: int, wild: float) -> None:
+    """Whatever is wanted, and by one share of the change of all joints' torques."""
+    rng, rate = np.random.default_rng(seed), np.full(len(arm.model.links), 1000.0)
+    slow = Tracker(Arm(arm.model, replace(arm.limits, torque_rate=rate)), bandwidth=BANDWIDTH)
+    state = ArmState(t=0.0, q=arm.q_ready, dq=np.zeros(arm.n))
+    still = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)])
+    before = slow.step(state, still, hand=0.0).command.tau.copy()
+    hold = arm.inverse_dynamics(arm.q_ready, state.dq, state.dq)
+    assert np.allclose(before, hold)
+    cut = 0
+    for k in range(60):
+        q = arm.q_ready + 1e-3 * wild * rng.standard_normal(arm.n)
+        wanted = still + 0.1 * wild * rng.standard_normal((3, arm.n))
+        tracked = slow.step(ArmState(t=k * TICK, q=q, dq=state.dq), wanted, hand=0.0)
+        change = np.abs(tracked.command.tau - before)
+        assert np.all(change <= 1000.0 * TICK + ROUNDING)
+        if change.max() > 1000.0 * TICK - ROUNDING:
+            cut += 1
+            assert tracked.saturated
+        before = tracked.command.tau.copy()
+    assert cut > 0
+    assert drive_excess(arm, state.dq, before) <= ROUNDING
+
+
+def test_an_arm_with_torque_rates_comes_back_from_a_push(arm: Arm) -> None:
+    """After a sudden speed, as of an impact, it settles; plain feedback swings ever farther."""
+    rate = np.full(len(arm.model.links), 1000.0)
+    slow = Arm(arm.model, replace(arm.limits, torque_rate=rate))
+    tracker, q, dq = Tracker(slow, bandwidth=BANDWIDTH), arm.q_ready.copy(), np.zeros(arm.n)
+    still, fastest = np.array([arm.q_ready, dq, dq]), 0.0
+    for k in range(1500):
+        dq = dq + (np.array([0.4, -0.3, 0.5]) if k == 10 else 0.0)
+        tau = tracker.step(ArmState(t=k * TICK, q=q, dq=dq), still, hand=0.0).command.tau
+        ddq = acceleration(arm, q, dq, tau)
+        q, dq = q + TICK * dq + 0.5 * TICK**2 * ddq, dq + TICK * ddq
+        fastest = max(fastest, float(np.abs(dq).max()))
+    assert fastest < 0.8
+    assert np.abs(q - arm.q_ready).max() < 1e-3
+    assert np.abs(dq).max() < 1e-2

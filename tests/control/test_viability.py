@@ -1,10 +1,13 @@
 """Laws of the guard: whatever is asked, the arm can stop clear of everything, tick after tick."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mitt.control.envelope import slow_down
 from mitt.control.viability import BLOCKED, MARGIN, PASSED, SafetyFilter
 from mitt.robot.arm import Arm
 from mitt.robot.description import Capsule
@@ -174,3 +177,51 @@ def test_a_wish_that_is_not_finite_ends_in_standing_still(
         safety_filter.step(wanted)
         assert np.all(np.isfinite(wanted))
     assert safety_filter.last[1, 1] == pytest.approx(0.0, abs=1e-9)
+
+
+def with_jerk(arm: Arm, seconds: float) -> Arm:
+    """Return an arm whose accelerations build up within a time [s]."""
+    most = np.full(len(arm.model.links), 20.0)
+    return Arm(arm.model, replace(arm.limits, acceleration=most, jerk=most / seconds))
+
+
+@pytest.mark.parametrize("seconds", [0.002, 0.06])
+@given(seed=seeds, size=st.sampled_from([0.3, 3.0, 1e3]), hold=st.integers(1, 150))
+def test_an_arm_with_jerk_can_stop_clear_of_everything(
+    arm: Arm, seconds: float, seed: int, size: float, hold: int
+) -> None:
+    """After every tick its own way to standstill, tick by tick, keeps clear."""
+    safety_filter = SafetyFilter(with_jerk(arm, seconds), AROUND)
+    rng, wish = np.random.default_rng(seed), np.zeros((3, arm.n))
+    for tick in range(200):
+        if tick % hold == 0:
+            wish = size * rng.standard_normal((3, arm.n)) + np.array(
+                [safety_filter.last[0], safety_filter.last[1], np.zeros(arm.n)]
+            )
+        safety_filter.step(wish.copy())
+        if tick % 40 == 0:
+            row, after = safety_filter.last.copy(), safety_filter.last.copy()
+            while np.any(row[1:]):
+                slow_down(safety_filter.bounds, row, after)
+                row[:] = after
+                assert gap(arm, safety_filter, row[0]) >= MARGIN - 1e-6
+
+
+@pytest.mark.parametrize("seconds", [0.002, 0.06])
+def test_jerk_lets_an_arm_move_beside_what_it_moves_along(arm: Arm, seconds: float) -> None:
+    """A motion that has room on its whole way to standstill passes, and is blocked in front of it.
+
+    A bound of that way by the largest delay of a brake forbade motions with centimetres of room.
+    """
+    safety_filter = SafetyFilter(with_jerk(arm, seconds), AROUND)
+    wish, free, said = np.zeros((3, arm.n)), np.inf, PASSED
+    for _ in range(4000):
+        wish[0], wish[1, 0] = safety_filter.last[0], 0.5
+        wish[0, 0] += TICK * 0.5
+        said = safety_filter.step(wish.copy())
+        if said == BLOCKED:
+            break
+        free = gap(arm, safety_filter, safety_filter.last[0])
+    assert said == BLOCKED
+    way = 0.5 * (0.5 / 20.0 + 2.0 * seconds + 2.0 * TICK) * safety_filter.bounds[6, 0]
+    assert MARGIN < free < MARGIN + way

@@ -21,8 +21,9 @@ from mitt.signals import TICK
 
 #: Rate at which a gap to the wished position is closed [1/s].
 _CLOSING = 50.0
-#: Share of the jerk that coming back to the motion takes.
-_SHARE = 0.4
+#: Share of the jerk that ends an acceleration, and shares of jerk and acceleration that close a gap
+#: of position: they leave room for the former.
+_ENDING, _CLOSING_JERK, _CLOSING_DDQ = 0.5, 0.1, 0.3
 #: Ticks in which a joint has to come to rest, halvings between wish and brake, and rounding.
 _LONGEST, _HALVINGS, _ROUNDING = 5000, 10, 1e-12
 
@@ -33,27 +34,31 @@ def releasable(gap: float, jerk: float) -> float:
 
     Args:
         gap: Speed that is lacking [rad/s].
-        jerk: Largest jerk [rad/s^3], of which a share s counts; infinite where there is no bound.
+        jerk: Largest jerk [rad/s^3]; infinite where there is no bound.
 
     Returns:
-        Acceleration a with a^2 / (2 s jerk) = |gap| [rad/s^2]; infinite where there is no bound.
+        Acceleration a with a^2 / (2 j) = |gap| [rad/s^2], j half the jerk; infinite where there is
+        no bound.
     """
-    return np.inf if np.isinf(jerk) else np.sqrt(2.0 * _SHARE * jerk * abs(gap))
+    return np.inf if np.isinf(jerk) else np.sqrt(2.0 * _ENDING * jerk * abs(gap))
 
 
 @kernel
-def closing_speed(gap: float, gain: float, jerk: float) -> float:
+def closing_speed(gap: float, gain: float, ddq_max: float, jerk: float) -> float:
     """Return the speed at which a gap of position is closed [rad/s].
 
-    At v = (4.5 s j)^(1/3) gap^(2/3) closing in takes a constant jerk s j.
+    At v = (4.5 j)^(1/3) gap^(2/3) closing in takes a constant jerk j, at v = (2 a gap)^(1/2) a
+    constant acceleration a.
 
     Args:
         gap: Way that is lacking [rad].
-        gain: Speed for each unit of it, where the jerk allows that [1/s].
-        jerk: Largest jerk j [rad/s^3], of which a share s counts.
+        gain: Speed for each unit of it, where the limits allow that [1/s].
+        ddq_max: Largest acceleration, of which a share is a [rad/s^2].
+        jerk: Largest jerk, of which a share is j [rad/s^3].
     """
-    speed = min(gain * abs(gap), (4.5 * _SHARE * jerk * gap * gap) ** (1.0 / 3.0))
-    return float(np.copysign(speed, gap))
+    smooth = (4.5 * _CLOSING_JERK * jerk * gap * gap) ** (1.0 / 3.0)
+    strong = np.sqrt(2.0 * _CLOSING_DDQ * ddq_max * abs(gap))
+    return float(np.copysign(min(gain * abs(gap), smooth, strong), gap))
 
 
 @kernel
@@ -135,7 +140,7 @@ def clamp_smooth(
     gap = min(max(q - q0 - 0.5 * TICK * (dq + dq0), -1e3), 1e3)
     ddq = min(max(ddq, -ddq_max), ddq_max)
     lacking = min(max(dq, -2.0 * dq_max), 2.0 * dq_max) - dq0 - TICK * ddq
-    lacking += closing_speed(gap, _CLOSING, jerk)
+    lacking += closing_speed(gap, _CLOSING, ddq_max, jerk)
     most = releasable(lacking, jerk)
     wish = min(max(ddq + min(max(lacking / TICK, -most), most), -ddq_max), ddq_max)
     wish = min(max(wish, ddq0 - jerk * TICK), ddq0 + jerk * TICK)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mitt.control.envelope import bound_acceleration
 from mitt.control.jerk import closing_speed, releasable
-from mitt.control.rows import DDQ, DDQ_BY_TAU, DQ, JERK, ROWS, TAU, Q
+from mitt.control.rows import DDQ, DDQ_BY_TAU, DDQ_MAX, DQ, JERK, ROWS, TAU, Q
 from mitt.control.viability import SafetyFilter
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
@@ -130,8 +130,9 @@ def track(
         lag, slow = command[Q, k] - q[k], command[DQ, k] - dq[k]
         push[k] = command[DDQ, k] + 2.0 * bandwidth * slow + bandwidth * bandwidth * lag
         if np.isfinite(bounds[JERK, k]):
-            gap = slow + closing_speed(lag, 0.5 * bandwidth, bounds[JERK, k])
-            most = releasable(gap, bounds[JERK, k])
+            ddq_max, jerk = bounds[DDQ_MAX, k], bounds[JERK, k]
+            gap = slow + closing_speed(lag, 0.5 * bandwidth, ddq_max, jerk)
+            most = releasable(gap, jerk)
             push[k] = command[DDQ, k] + min(max(2.0 * bandwidth * gap, -most), most)
     bound_acceleration(bounds, q, dq, push)
     inverse_dynamics(bodies, q, dq, push, tau_desired, dynamics)
