@@ -110,10 +110,12 @@ def test_a_joint_that_lags_comes_back_without_overshoot(arm: Arm, seed: int, rat
 
 
 def test_torque_rates_bound_the_jerk(arm: Arm) -> None:
-    """In the ready pose no joint's jerk alone takes more than its share of any torque's rate."""
+    """In no pose a joint's jerk alone takes more than about its share of any torque's rate."""
     rate = np.array([300.0, 200.0, 150.0])
     whole = np.full(len(arm.model.links), 1e9)
     whole[list(arm.model.active)] = rate
     b = bounds_of(Arm(arm.model, replace(arm.limits, torque_rate=whole)))
-    share = np.abs(arm.mass_matrix(arm.q_ready)) * b[5] / rate[:, None]
-    assert np.allclose(share.max(axis=0), 0.7)
+    poses = np.random.default_rng(7).uniform(arm.q_min, arm.q_max, (300, arm.n))
+    share = [np.abs(arm.mass_matrix(q)) * b[5] / rate[:, None] for q in poses]
+    most = np.max(share, axis=(0, 1))
+    assert np.all((most > 0.6) & (most < 0.75))

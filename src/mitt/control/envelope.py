@@ -38,9 +38,9 @@ from mitt.signals import TICK, Array
 _SPEED_SHARE, _STOP_GAP = 0.995, 0.06
 #: Time in which a joint may close in on a speed limit [s]; a few ticks.
 _APPROACH = 0.006
-#: Share of a torque rate that the jerk of one joint takes, in the ready pose.
+#: Share of a torque rate that the jerk of one joint takes in the pose where it takes most.
 _RATE_SHARE = 0.7
-#: Poses over which the largest acceleration is looked for, and their seed.
+#: Poses over which the largest of something is looked for, and their seed.
 _POSES, _SEED = 256, 1
 
 
@@ -76,10 +76,9 @@ def _bounds(arm: Arm, commanded: bool) -> Array:
     if commanded and limits.acceleration is not None:
         most = arm.active(limits.acceleration)
         jerk = np.minimum(jerk, 2.0 * most / TICK)
-    mass = arm.mass_matrix(arm.q_ready)
-    brake = np.minimum(arm.tau_max / np.diag(mass), most)
+    brake = np.minimum(arm.tau_max / np.diag(arm.mass_matrix(arm.q_ready)), most)
     if limits.torque_rate is not None:
-        jerk = np.minimum(jerk, _jerk_of_rates(mass, arm.active(limits.torque_rate)))
+        jerk = np.minimum(jerk, _jerk_of_rates(arm, arm.active(limits.torque_rate)))
     return np.array(
         [
             arm.q_min + _STOP_GAP,
@@ -92,23 +91,29 @@ def _bounds(arm: Arm, commanded: bool) -> Array:
     )
 
 
-def _jerk_of_rates(mass: Array, rate: Array) -> Array:
-    """Return the jerk of each joint that leaves torque rates to the others, shape (n,).
+def _jerk_of_rates(arm: Arm, rate: Array) -> Array:
+    """Return the jerk of each joint that leaves torque rates to the others in any pose, (n,).
 
     Args:
-        mass: Mass matrix [kg m^2], shape (n, n).
+        arm: The arm.
         rate: Largest rates of the torques [N m/s], shape (n,).
     """
-    jerk: Array = _RATE_SHARE / np.max(np.abs(mass) / rate[:, None], axis=0)
+    each = [np.max(np.abs(arm.mass_matrix(q)) / rate[:, None], axis=0) for q in _poses(arm)]
+    jerk: Array = _RATE_SHARE / np.max(each, axis=0)
     return jerk
 
 
 def _largest_acceleration(arm: Arm) -> Array:
     """Return the largest acceleration by the torques in any pose [rad/s^2], (n,)."""
-    poses = np.random.default_rng(_SEED).uniform(arm.q_min, arm.q_max, (_POSES, arm.n))
-    reached = [np.abs(np.linalg.inv(arm.mass_matrix(q))) @ arm.tau_max for q in poses]
+    reached = [np.abs(np.linalg.inv(arm.mass_matrix(q))) @ arm.tau_max for q in _poses(arm)]
     out: Array = np.max(reached, axis=0)
     return out
+
+
+def _poses(arm: Arm) -> Array:
+    """Return the poses over which the largest of something is looked for, shape (k, n)."""
+    poses = np.random.default_rng(_SEED).uniform(arm.q_min, arm.q_max, (_POSES, arm.n))
+    return np.asarray(poses)
 
 
 @kernel
