@@ -112,6 +112,20 @@ def test_no_point_moves_farther_than_the_reach_says(
     assert change <= shapes.reach[joint] * abs(by) + 1e-9
 
 
+@pytest.mark.parametrize(
+    ("floor", "fits"), [(-0.36, True), (-0.24, True), (-0.2, False), (0.0, False)]
+)
+def test_a_floor_above_what_the_arm_stands_on_is_refused(
+    arm: Arm, floor: float, *, fits: bool
+) -> None:
+    """The foot of the WAM is 0.33 m below its shoulder, and 0.1 m thick."""
+    if fits:
+        shapes_of(arm, Surroundings(floor=floor))
+        return
+    with pytest.raises(InputError, match=r"floor: wanted at most -0\.23 m, where wam stands"):
+        shapes_of(arm, Surroundings(floor=floor))
+
+
 def test_an_arm_that_begins_in_a_zone_is_refused(arm: Arm) -> None:
     """Such a pair could not be watched; the floor under an arm's foot may be as near as it is."""
     x, y, z = (float(k) for k in arm.position(arm.q_ready))

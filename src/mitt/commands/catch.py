@@ -21,6 +21,7 @@ from mitt.files.maps import read_map
 from mitt.generator.advice import warnings_of
 from mitt.generator.mapping import unlearned
 from mitt.interrupts import notice, status_of, tell, words_of
+from mitt.robot.shapes import check_floor
 from mitt.trials.journal import kept_words
 from mitt.trials.registry import factory_of
 from mitt.trials.result import STATUSES
@@ -76,6 +77,7 @@ def prepare(options: CatchOptions) -> Prepared:
         raise InputError("--arm", "an arm with a hand or a basket", "none",
                          do='say name = "three-finger" or "basket" in [hand]')  # fmt: skip
     scene = read_scene(options.scene or DEFAULT, flights=options.flights is not None)
+    check_floor(arm.model, scene.floor)
     if options.cameras is not None:
         sensing = scene.sensing.model_copy(update={"cameras": options.cameras})
         scene = scene.model_copy(update={"sensing": sensing})

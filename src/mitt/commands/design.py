@@ -36,6 +36,7 @@ from mitt.files.arm_file import (
 from mitt.interrupts import tell
 from mitt.robot.arm import Arm
 from mitt.robot.basket import MOST_TILT, Hand
+from mitt.robot.shapes import check_floor
 from mitt.sweep.engine import engine_of
 from mitt.world.flights import read_flights
 from mitt.world.scene import Scene
@@ -59,6 +60,7 @@ def run(options: DesignOptions) -> int:
     if file is not None and joints is None:
         whole, joints = _as_in(file, whole)
     scene = read_scene(options.scene or DEFAULT, flights=options.flights is not None)
+    check_floor(whole.model, scene.floor)
     task = _task(options, whole, scene)
     rate, page = _rate(options), _page(options)
     if options.check:

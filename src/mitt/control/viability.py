@@ -119,7 +119,7 @@ def _stops_clear_smoothly(
     row[:] = motion
     for _ in range(_LONGEST):
         if room < 0.0 or room >= left or not np.any(row[1:]):
-            return room >= 0.0
+            return bool(room >= 0.0)
         slow_down(b, row, after)
         step = 0.0
         for k in range(n):

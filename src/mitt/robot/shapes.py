@@ -91,8 +91,10 @@ def shapes_of(arm: Arm, around: Surroundings) -> Shapes:
     """Return the shapes of an arm with its hand and of what stands around it.
 
     Raises:
-        InputError: The arm is in a zone, or within 10 mm of one, in the ready pose.
+        InputError: The arm is in a zone, or within 10 mm of one, in the ready pose; or the floor is
+            above what the arm stands on.
     """
+    check_floor(arm.model, around.floor)
     still = [_row(STILL, x, arm.model.mount) for x in arm.model.base_capsules]
     still += [_row(STILL, x, np.eye(4)) for x in around.zones]
     floor = np.array([FLOOR, 0.0, 0.0, around.floor, 0.0, 0.0, 0.0, 0.0])
@@ -115,6 +117,15 @@ def shapes_of(arm: Arm, around: Surroundings) -> Shapes:
     apart = [x for x in apart if x not in never]
     pairs = np.array(apart, dtype=np.int64).reshape(len(apart), 2)
     return Shapes(table=table, pairs=pairs, reach=_reach(arm, table))
+
+
+def check_floor(model: ArmModel, floor: float) -> None:
+    """Refuse a floor that the lowest end of the arm's base would be under as a whole."""
+    ends = [x[2] + y.radius for y in model.base_capsules for x in (y.start, y.end)]
+    foot = min((model.mount[2, 3] + top for top in ends), default=np.inf)
+    if floor > foot:
+        raise InputError("floor", f"at most {foot:.2f} m, where {model.name} stands", f"{floor:g}",
+                         do="give its height in the frame of the arm's base")  # fmt: skip
 
 
 def _never_meeting(arm: Arm, table: Array, near: list[tuple[int, int]]) -> set[tuple[int, int]]:
