@@ -15,7 +15,7 @@ it. It adds the torque against its own weight itself, so that of its model is ta
 does not move is held here by a spring and a damper. A torque may change by 1 N m in a millisecond
 (libfranka, rate_limiting.h): more is cut off here. The catch of the simulated WAM needs between 2
 and 4; with 1 the live loop stops it, as its joints do not do what they should. Which catch a Franka
-can do within its own limits says ``mitt design``; that limit of torque rates it does not know.
+can do within all its own limits says ``mitt design --limits franka-panda`` or ``franka-fr3``.
 
 What it does not do: the gripper of Franka closes in some tenths of a second, a ball rests on a
 finger for some hundredths. So a hand of one's own is needed, and is driven where ``_hand`` is
