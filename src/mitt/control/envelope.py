@@ -34,8 +34,9 @@ from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array
 
-#: Share of a speed limit and gap to a joint stop [rad] that the emitted motion keeps.
-_SPEED_SHARE, _STOP_GAP = 0.995, 0.06
+#: Share of a speed limit that the emitted motion keeps, the same where torque rates let feedback
+#: come late, and its gap to a joint stop [rad].
+_SPEED_SHARE, _SLOW_SHARE, _STOP_GAP = 0.995, 0.96, 0.06
 #: Time in which a joint may close in on a speed limit [s]; a few ticks.
 _APPROACH = 0.006
 #: Share of a torque rate that the jerk of one joint takes in the pose where it takes most.
@@ -63,7 +64,8 @@ def bounds_of(arm: Arm, *, commanded: bool = True) -> Array:
 
 def speeds_of(arm: Arm) -> Array:
     """Return the largest speeds that are emitted [rad/s], shape (n,)."""
-    speeds: Array = _SPEED_SHARE * arm.dq_max
+    share = _SPEED_SHARE if arm.limits.torque_rate is None else _SLOW_SHARE
+    speeds: Array = share * arm.dq_max
     return speeds
 
 
