@@ -1,4 +1,4 @@
-"""Fakes of two vendors' clients in Python: their calls, and the simulated WAM behind them."""
+"""Fakes of two vendors' clients in Python: their calls, and a simulated arm behind them."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -9,7 +9,7 @@ from mitt.cell.local import LocalRobot
 from mitt.robot.arm import Arm
 from mitt.signals import ArmState, Array, Command
 
-#: Places of the arm's three joints among those of the vendor's arm.
+#: Places of the WAM's three joints among those of the vendor's arm.
 FRANKA, UR = [0, 1, 3], [0, 1, 2]
 
 
@@ -33,6 +33,7 @@ class FakeFranka:
     def __init__(self, local: LocalRobot, arm: Arm, started: float) -> None:
         """Take the simulated arm."""
         self._local, self._arm, self._started = local, arm, started
+        self._places, self._still = [int(name[-1]) - 1 for name in arm.names], np.zeros(arm.n)
         self._reading: ArmState | None = None
         self.mode, self.hand, self.torques = "Idle", 0.0, list[Array]()
         self.controlled = False
@@ -43,16 +44,15 @@ class FakeFranka:
 
     def gravity(self, state: Any) -> list[float]:  # noqa: ANN401
         """Return the torques of the weight."""
-        weight = np.full(7, 3.0)
-        still = np.zeros(3)
-        weight[FRANKA] = self._arm.inverse_dynamics(np.array(state.q)[FRANKA], still, still)
+        weight, q = np.full(7, 3.0), np.array(state.q)[self._places]
+        weight[self._places] = self._arm.inverse_dynamics(q, self._still, self._still)
         return weight.tolist()
 
     def read_once(self) -> Any:  # noqa: ANN401
         """Return the next state."""
         (self._reading,) = self._local.read(0.02)
         q, dq = np.array([0.0, 0.0, 0.1, 0.0, 0.2, 0.3, 0.4]), np.zeros(7)
-        q[FRANKA], dq[FRANKA] = self._reading.q, self._reading.dq
+        q[self._places], dq[self._places] = self._reading.q, self._reading.dq
         if self._local.trouble():
             self.mode, self.controlled = "Reflex", False
         return SimpleNamespace(
@@ -79,8 +79,8 @@ class FakeFranka:
         assert self._reading is not None
         tau, (q, dq) = np.array(command.tau_J), (self._reading.q, self._reading.dq)
         self.torques.append(tau)
-        still = np.zeros(3)
-        rows = np.array([q, dq, still, tau[FRANKA] + self._arm.inverse_dynamics(q, still, still)])
+        tau_arm = tau[self._places] + self._arm.inverse_dynamics(q, self._still, self._still)
+        rows = np.array([q, dq, self._still, tau_arm])
         self._local.write(Command(t=0.0, joints=rows, hand=self.hand), self._reading.t)
 
     def stop(self) -> None:

@@ -8,12 +8,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from drivers.fakes import FRANKA, FakeFranka, FakeUr, Torques
+from franka_design import panda_file
 from local_cell import LocalCell
 
 from mitt.cell.local import LocalRobot
 from mitt.cell.prepare import PreparedCell, prepare
 from mitt.errors import InputError
-from mitt.files.cell import Cell, read_cell
+from mitt.files.arm_file import read_arm_file
+from mitt.files.cell import ArmPart, Cell, read_cell
 from mitt.link.modes import Mode
 from mitt.link.robot import Robot
 from mitt.link.stamps import Lag
@@ -100,6 +102,20 @@ def test_with_the_torque_rate_of_a_franka_the_arm_of_the_example_stops() -> None
     assert cell.loop.why
     assert np.max(np.abs(np.diff(np.array(seen[0].torques), axis=0))) <= 1.0 + 1e-9
     assert not seen[0].controlled
+
+
+def test_a_panda_catches_with_the_torque_rate_of_a_franka(tmp_path: Path) -> None:
+    """What `mitt design --limits franka-panda` found, through the driver: 1 N m a millisecond."""
+    arm, seen = panda_file(tmp_path), list[FakeFranka]()
+    names = read_arm_file(arm).joints
+    assert names is not None
+    cell = cell_of(list(names)).model_copy(update={"arm": ArmPart(file=str(arm))})
+    local = franka_at(cell, seen)
+    local.begin()
+    local.until(lambda: local.simulated.done)
+    assert local.simulated.statuses == ["caught", "caught"]
+    assert np.max(np.abs(np.diff(np.array(seen[0].torques), axis=0))) <= 1.0 + 1e-9
+    assert local.loop.mode is not Mode.STOPPED
 
 
 def test_the_franka_driver_recovers_once_a_person_says_so() -> None:

@@ -1,10 +1,8 @@
 """A Panda catches within all limits of its data sheet: what `mitt design` found, end to end."""
 
-from pathlib import Path
-from sysconfig import get_paths
-
 import numpy as np
 import pytest
+from franka_design import panda_file
 
 from mitt.files.arm_file import read_arm_file
 from mitt.files.arms import load_arm
@@ -17,33 +15,6 @@ from mitt.trials.runner import TrialRunner
 from mitt.trials.source import Source, source_of, widened
 from mitt.world.scenes import read_scene
 
-PANDA = "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf/panda.urdf"
-#: By `mitt design panda.urdf --tip panda_hand_tcp --limits franka-panda`, rounded.
-DESIGN = """
-schema = "mitt.arm/1"
-[arm]
-file = "{file}"
-tip = "panda_hand_tcp"
-joints = ["panda_joint1", "panda_joint2", "panda_joint3", "panda_joint4", "panda_joint6"]
-ready = [-1.09871, -0.82363, 0.93243, -1.49714, 2.71801]
-limits = "franka-panda"
-[arm.held]
-panda_joint5 = -0.58471
-panda_joint7 = 1.44844
-[hand]
-name = "three-finger"
-mount = "plate"
-[map]
-catch_joint = 0
-q_catch = -0.76587
-kappa = 1.96149
-inward = 1.21946
-free = [0, 2, 4]
-coupling = [[-0.53859, -0.42736, 0.11661], [0.46633, -0.55867, 0.87200]]
-[throws]
-at = [0.39945, 0.59524, 0.82757]
-around = [0.04, 0.24, 0.176]
-"""
 THROWS = 4
 #: Rounding of a rate: a difference of two numbers, over a millisecond.
 ROUNDING = 1e-6
@@ -52,8 +23,7 @@ ROUNDING = 1e-6
 @pytest.fixture(scope="module")
 def thrown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Arm, TrialRunner, Source]:
     """Return the arm, its runner with a learned map, and what is thrown."""
-    path = tmp_path_factory.mktemp("panda") / "panda.toml"
-    path.write_text(DESIGN.format(file=Path(get_paths()["purelib"]) / PANDA))
+    path = panda_file(tmp_path_factory.mktemp("panda"))
     arm, file = load_arm(path), read_arm_file(path)
     f = learn(arm, design=default_design(arm, base=file.map)).map
     scene = read_scene("lab")

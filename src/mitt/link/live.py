@@ -219,7 +219,7 @@ class LiveLoop:
         if np.max(np.abs(catcher.estimated[1])) > _TOO_FAST:
             self.stop("the arm is faster than it was told to be on its way to the ready pose")
             return
-        if self._until == np.inf:
+        if self._until == np.inf and self._ticks.told_to_rest:  # with jerk limits after some ticks
             way = slow_motion(self._arm, catcher.result.command[0].copy(), ready, self._share)
             catcher.move(way)
             self._ticks.recorded = False

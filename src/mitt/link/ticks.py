@@ -68,10 +68,14 @@ class Ticks:
         return float(np.max(np.abs(self.catcher.result.command[0] - self.catcher.estimated[0])))
 
     @property
+    def told_to_rest(self) -> bool:
+        """Whether the last command leaves every joint at rest."""
+        return bool(np.all(np.abs(self.catcher.result.command[1]) < _REST))
+
+    @property
     def rests(self) -> bool:
         """Whether the arm is commanded to rest, and does."""
-        told, estimated = self.catcher.result.command[1], self.catcher.estimated[1]
-        return bool(np.all(np.abs(told) < _REST) and np.all(np.abs(estimated) < _STILL))
+        return self.told_to_rest and bool(np.all(np.abs(self.catcher.estimated[1]) < _STILL))
 
     def restart(self) -> None:
         """Forget the stamps so far, as after a stop, and take a fresh catcher."""
