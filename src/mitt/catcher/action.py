@@ -79,9 +79,6 @@ def act(brake: Array, state: CatcherState, result: Result) -> int:
     )
     _report(passed == BLOCKED, state, result)
     _engage(state, result)
-    state.slew[1] = result.command[TAU]
-    if s.braked or not s.begun:
-        state.slew[1] = np.inf
     predict_acceleration(
         state.bodies, state.active, estimated, state.encoder_table[1], state.room_tau,
         state.room_mass, state.room_work, state.encoder_work, result.command,
@@ -129,14 +126,15 @@ def _engage(state: CatcherState, result: Result) -> None:
     Before each joint was read once it is on its brakes, and where it is not known: no torques.
     """
     s, out = state.scalars[0], result.scalars[0]
+    state.slew[1] = result.command[TAU]
     if not s.begun:
-        result.command[TAU] = 0.0
+        result.command[TAU], state.slew[1] = 0.0, np.inf
         return
     if s.encoder_fault > BRIDGED and not out.brakes:
         out.brakes, s.t_brakes_on = True, out.t
     if out.brakes and out.t - s.t_brakes_on > s.brake_delay - 0.5 * TICK:
         s.braked = True
-        result.command[TAU] = 0.0
+        result.command[TAU], state.slew[1] = 0.0, np.inf
 
 
 @kernel

@@ -34,7 +34,7 @@ from mitt.catcher.settings import (
     CatcherSettings,
     Phase,
 )
-from mitt.catcher.state import CatcherState, StateHandle, arm_fields, fresh_state
+from mitt.catcher.state import CatcherState, StateHandle, fresh_state, prepare_holding
 from mitt.catcher.tick import tick
 from mitt.control.monitor import check_recovered
 from mitt.control.stopped import StoppedBy
@@ -77,8 +77,7 @@ class Catcher:
         self._settings = checks.instance("settings", settings, CatcherSettings)
         self._turns = eyes.heads > 0
         self._refines = isinstance(generator, Direct) and generator.online is not None
-        # What is kept of the arm with the ball is worked out now, not in the middle of a catch.
-        arm_fields(arm.holding(settings.ball_mass), settings.around)
+        prepare_holding(arm, settings)
         # Other generators predict sigma at another catch than the map's: evaluated at each tick.
         plain = isinstance(generator, Direct | Unoptimised)
         self._blank = fresh_state(

@@ -231,6 +231,18 @@ def arm_fields(arm: Arm, around: Surroundings) -> Fields:
     }
 
 
+def prepare_holding(arm: Arm, settings: CatcherSettings) -> None:
+    """Work out now what is kept of the arm with the ball, not in the middle of a catch.
+
+    Args:
+        arm: The arm.
+        settings: Of the catcher.
+    """
+    arm_fields(arm.holding(settings.ball_mass), settings.around)
+    if arm.limits.smooth:  # the verdict plans the brake for the heaviest ball
+        bounds_of(arm.holding(settings.caught.heaviest))
+
+
 def map_fields(f: DirectMap | None) -> Fields:
     """Return a map as the kernels of :mod:`mitt.generator.evaluation` take it; empty without."""
     if f is None:

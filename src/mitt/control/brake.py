@@ -18,7 +18,7 @@ from ruckig import ControlInterface, InputParameter, Result, Ruckig, Synchroniza
 
 from mitt import checks
 from mitt.control.envelope import bounds_of, stop_in_ticks
-from mitt.control.rows import DECELERATION, JERK
+from mitt.control.rows import DECELERATION
 from mitt.control.stop import (
     INSTANTS,
     ONSET,
@@ -117,9 +117,8 @@ def plan_brake(arm: Arm, t: float, motion: Array) -> Brake:
     if np.abs(motion).max() > _FASTEST:
         raise InputError("motion", f"numbers of at most {_FASTEST:g}", "larger ones",
                          do="give rad, rad/s and rad/s^2")  # fmt: skip
-    bounds = bounds_of(arm)
-    if np.any(np.isfinite(bounds[JERK])):
-        return _in_ticks(arm, t, motion, bounds)
+    if arm.limits.smooth:
+        return _in_ticks(arm, t, motion, bounds_of(arm))
     rate = trusted_deceleration(arm, motion[0])
     urgent = int(np.argmax(_urgency(arm, motion, rate)))
     ends, w = np.array([arm.q_min, arm.q_max]), scratch_of(arm)

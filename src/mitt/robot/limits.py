@@ -84,6 +84,11 @@ class Limits:
         """Whether the torque of a drive falls off towards its no-load speed."""
         return bool(np.all(np.isfinite(self.tau_stall)))
 
+    @property
+    def smooth(self) -> bool:
+        """Whether acceleration, jerk or torque rate is bounded."""
+        return any(x is not None for x in (self.acceleration, self.jerk, self.torque_rate))
+
     def drive_torque(self, tau: Array) -> Array:
         """Return drive torques [N m] for joint torques [N m], shapes (..., N)."""
         out: Array = self._rows("tau", tau) @ self.to_drive.T
