@@ -13,9 +13,8 @@ from mitt.world.scenes import read_scene
 
 #: A search that is over in seconds.
 TINY = Effort(
-    poses=4000, rounds=1, enough=200, changes=2, judged=4, thrown=2, throws=(2, 2), parents=1,
-    children=2, last=1, confirm=3, report=4,
-    slower=1,
+    poses=4000, rounds=1, enough=200, changes=2, judged=4, generations=1, offspring=2, thrown=2,
+    throws=(2, 2), parents=1, children=2, last=1, confirm=3, report=4, slower=1,
 )  # fmt: skip
 
 

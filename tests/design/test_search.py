@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from design.conftest import TINY, silent
 from mitt.cli import main
 from mitt.commands import design as command
 from mitt.design import design as design_of
-from mitt.design import evaluator, speeds
+from mitt.design import evaluation, evaluator, speeds
 from mitt.design.arrivals import shifted
 from mitt.design.balls import BOX, FAR, Balls
 from mitt.design.candidate import Candidate
@@ -30,7 +31,9 @@ from mitt.design.task import REPORTED, Task
 from mitt.design.whole import movable
 from mitt.errors import InputError
 from mitt.files.arm_file import ArmFile, open_arm, read_arm_file, write_arm_file
+from mitt.generator.design import MapDesign
 from mitt.generator.mapping import DirectMap, unlearned
+from mitt.generator.select import Assessment
 from mitt.robot.arm import Arm
 from mitt.robot.identity import difference, identity_of
 from mitt.sweep.engine import Processes, engine_of
@@ -337,6 +340,36 @@ def test_more_throws_at_a_design_are_added_up(found: Design) -> None:
     assert both.speed == pytest.approx((90 * 2.0 + 30 * 4.0) / 120)
     none = replace(first, caught=0, clean=0)
     assert none.with_more(none).caught == 0
+
+
+def test_of_two_maps_beyond_a_limit_the_nearer_one_counts_more() -> None:
+    """Near no load shares are large: what is far beyond must still be told from what is farther."""
+
+    def able(share: float, *, speed: float = 0.5, angle: float = 0.0) -> float:
+        one = np.ones(4)
+        found = Assessment(design=MapDesign(), share=share * one, speed=speed * one,
+                           angle=angle * one, binding=("torque:j2",) * 4)  # fmt: skip
+        return evaluation._able(found)
+
+    counts = [able(share) for share in (0.5, 0.95, 1.2, 3.0, 50.0, np.inf)]
+    assert counts[0] == counts[1] == 1.0
+    assert all(a > b for a, b in pairwise(counts[1:]))
+    assert counts[-1] == 0.0
+    assert able(0.5, speed=0.5, angle=1.5) == 1.0  # a slow ball may come in aslant
+    assert 0.0 < able(0.5, speed=3.0, angle=1.5) < able(0.5, speed=3.0, angle=0.6) < 1.0
+
+
+def test_a_map_counts_as_often_as_throws_come_to_it(found: Design, whole: Arm, task: Task) -> None:
+    assert found.best is not None
+    c = found.best.candidate
+    f = learned(whole, c, task)
+    assert f is not None
+    worth = evaluation.judged(c, f, task)
+    assert worth.able > 0.0
+    middle, away = f.region.mean(axis=0), replace(f, region=f.region + 3.0)
+    assert evaluation.judged(c, away, task).able == 0.0
+    narrow = replace(f, region=np.array([middle, middle]))
+    assert evaluation.judged(c, narrow, task).able <= worth.able
 
 
 def test_a_search_keeps_what_is_best_for_each_price(found: Design) -> None:

@@ -16,6 +16,7 @@ from mitt.design.causes import cause_of
 from mitt.design.contact import touching
 from mitt.design.task import Task
 from mitt.errors import MittError
+from mitt.generator.feasibility import returns
 from mitt.generator.flights import lift_flight
 from mitt.generator.generators import Direct
 from mitt.generator.learn import LearnSettings
@@ -23,11 +24,12 @@ from mitt.generator.mapping import DirectMap, unlearned
 from mitt.generator.select import Assessment, Choice, assess
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Surroundings, clearance, shapes_of
-from mitt.signals import Array, MapStatus
+from mitt.signals import Array, BallState, MapStatus
 from mitt.trials.learning import learn
 from mitt.trials.neighbourhood import Neighbourhood
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial
+from mitt.world.throws import Throw
 
 #: Share of each torque that holding a pose, and speeding up to the catch, may ask for on paper.
 _HOLDING, _SPEEDING = 0.85, 2.5
@@ -46,6 +48,8 @@ _JUDGE_SEED = 32
 _GLANCE, _QUICK = Neighbourhood(flights=16, instants=9), Neighbourhood(flights=30, instants=12)
 _MANY_FLIGHTS, _FULL = Neighbourhood(instants=12), Neighbourhood()
 _JUDGED = Neighbourhood(flights=24, instants=16, kicked=0.0, bounced=0.0)
+#: Throws of which the share that a map can meet is found.
+_SHOWN = 40
 _STEPS = {
     "glance": LearnSettings(steps=3, tolerance=0.05),
     "quick": LearnSettings(steps=5, tolerance=0.02),
@@ -53,6 +57,9 @@ _STEPS = {
     "full": LearnSettings(),
 }
 _AROUND = {"glance": _GLANCE, "quick": _QUICK, "many": _MANY_FLIGHTS, "full": _FULL}
+#: Share of a limit from which on a flight counts less, and how fast: 1 / (1 + _STEEP excess).
+#: The same of a ball that comes in aslant [1/rad].
+_FULL_SHARE, _STEEP, _ASLANT = 0.95, 2.0, 3.0
 #: Share of the throws that has to be caught, within every limit, for an arm to count as one that
 #: can catch them.
 ENOUGH = 0.8
@@ -212,18 +219,32 @@ def judged(c: Candidate, f: DirectMap, task: Task) -> Evaluation:
     if not flights:
         return Evaluation(candidate=c, able=0.0, speed=99.0, binding="domain")
     a = assess(f, flights)
-    lost = 1.0 - len(flights) / around.flights
-    return Evaluation(
-        candidate=c, able=_able(a) * (1.0 - lost), speed=_middle(a.speed), binding=a.binds
-    )
+    kept = len(flights) / around.flights * _reached(f, task)
+    return Evaluation(candidate=c, able=_able(a) * kept, speed=_middle(a.speed), binding=a.binds)
+
+
+def _reached(f: DirectMap, task: Task) -> float:
+    """Return the share of throws that come to where the map can meet them.
+
+    Flights say nothing of that: those that do not come there are drawn anew.
+    """
+    source = task.source(f, throws=_SHOWN, seed=_JUDGE_SEED)
+    balls = [x for x in map(source.ball, range(_SHOWN)) if isinstance(x, Throw)]
+    drag = task.scene.ball.drag
+    states = (BallState(t=0.0, r_o=x.r, dr_o=x.dr, drag=drag) for x in balls)
+    return sum(returns(f, x) for x in states) / len(balls) if balls else 1.0
 
 
 def _able(a: Assessment) -> float:
-    """Return about how many of the flights are caught: those near a limit count in part."""
+    """Return about how many of the flights are caught: the farther beyond a limit, the less.
+
+    It falls smoothly, so that of two candidates that are both beyond a limit the nearer one is
+    seen: near no load a drive has so little torque left that shares of 50 are common.
+    """
     choice = Choice()
-    straight = (a.angle <= choice.angle) | (a.speed <= choice.slow)
-    over = np.clip(2.0 - a.share / 0.9, 0.0, 1.0)
-    return float(np.mean(over * np.where(straight, 1.0, 0.4)))
+    beyond = np.maximum(a.share - _FULL_SHARE, 0.0)
+    aslant = np.where(a.speed <= choice.slow, 0.0, np.maximum(a.angle - choice.angle, 0.0))
+    return float(np.mean(1.0 / ((1.0 + _STEEP * beyond) * (1.0 + _ASLANT * aslant))))
 
 
 def _middle(x: Array) -> float:

@@ -1,4 +1,4 @@
-"""The search for a design: geometry, flights, throws, small changes, and throws again.
+"""The search for a design: geometry, flights, throws, and small changes by flights and by throws.
 
 What catches most is rarely what catches most softly. So a search keeps several designs, each the
 best for another price of a hard catch (:data:`PRICES`), and chooses at the end: of those that catch
@@ -29,11 +29,12 @@ from mitt.robot.arm import Arm
 #: Seeds of the throws by which candidates are compared, and by which the best is chosen; all of
 #: a search lie below those of the throws that are reported (:data:`REPORTED`).
 _COMPARE, _CONFIRM, _AGAIN = 100, 1000, 1500
+#: Stages of small changes; each draws its own.
+_BY_THROWS, _BY_FLIGHTS = 2, 3
 #: Share of flights within the limits from which a changed candidate is thrown at.
 _WORTH_THROWING = 0.2
-#: What a catch that is harder by 1 m/s costs, in shares of throws; half of what is kept is for the
-#: least price.
-PRICES = (0.005, 0.03, 0.005, 0.1)
+#: What a catch that is harder by 1 m/s costs, in shares of throws; the best for each are kept.
+PRICES = (0.005, 0.1, 0.03, 0.2)
 #: Share of the throws that is asked for, if nothing else is said.
 RATE = 0.98
 
@@ -48,6 +49,8 @@ class Effort:
         enough: Candidates by geometry after which no more are drawn.
         changes: Rounds of small changes of these.
         judged: Candidates that are learned and judged by flights.
+        generations: Rounds of small changes that are judged by flights alone.
+        offspring: Changed ones of each of these.
         thrown: Those of them that are thrown at.
         throws: Throws at each in each generation, the first being that without changes. They grow,
             so that the few that are left are told apart; where there are more than at first, maps
@@ -66,8 +69,10 @@ class Effort:
     enough: int = 2000
     changes: int = 16
     judged: int = 60
+    generations: int = 10
+    offspring: int = 60
     thrown: int = 16
-    throws: tuple[int, ...] = (12, 12, 12, 12, 16, 16, 24, 32)
+    throws: tuple[int, ...] = (12, 12, 12, 16, 16, 24, 32)
     parents: int = 6
     children: int = 20
     last: int = 9
@@ -79,15 +84,15 @@ class Effort:
     def less(self) -> "Effort":
         """Return less of it, for one of several searches."""
         return replace(
-            self, judged=self.judged // 3, thrown=self.thrown // 2, throws=self.throws[:3], last=1,
-            confirm=self.throws[0],
+            self, judged=self.judged // 3, generations=self.generations // 2,
+            thrown=self.thrown // 2, throws=self.throws[:3], last=1, confirm=self.throws[0],
         )  # fmt: skip
 
 
 #: By name: what ``mitt design --effort`` may ask for.
 EFFORTS = {
-    "quick": Effort(rounds=2, changes=8, judged=16, thrown=6, throws=(12, 12), children=8, last=1,
-                    confirm=20),
+    "quick": Effort(rounds=2, changes=8, judged=16, generations=4, offspring=40, thrown=6,
+                    throws=(12, 12), children=8, last=1, confirm=20),
     "full": Effort(),
 }  # fmt: skip
 
@@ -122,6 +127,7 @@ def search(
     candidates = candidates_of(whole, task.balls, first, rng)
     sound = [w.candidate for w in evaluator.try_all("on paper", candidates, how="paper")]
     worth = evaluator.try_all("learning", sound[: 2 * effort.judged], how="glance")
+    worth = _softened(whole, task, effort, evaluator, worth)
     fresh = _distinct(worth, effort.thrown)
     pool = evaluator.try_all(
         "throwing", fresh, throws=effort.throws[0], seed=_COMPARE + effort.throws[0]
@@ -180,6 +186,24 @@ def _by_geometry(
     return rows
 
 
+def _softened(
+    whole: Arm, task: Task, effort: Effort, evaluator: Evaluator, worth: list[Evaluation]
+) -> list[Evaluation]:
+    """Return what was judged by flights with small changes of its best, generation by generation.
+
+    Flights cost a tenth of throws. What geometry finds soft asks the drives for too much at first;
+    small changes lead from there to what they can do, and seldom from what is hard to what is soft.
+    """
+    pool = list(worth)
+    for generation in range(effort.generations):
+        parents = best_by_price(pool, 2 * effort.parents)
+        size = _size(generation)
+        children = _changed(whole, task, parents, effort.offspring, (_BY_FLIGHTS, generation, size))
+        name = f"changing {generation + 1} of {effort.generations}"
+        pool += evaluator.try_all(name, children, how="glance")
+    return pool
+
+
 def _refined(
     whole: Arm, task: Task, effort: Effort, evaluator: Evaluator, pool: list[Evaluation]
 ) -> list[Evaluation]:
@@ -197,22 +221,27 @@ def _refined(
                 give_up=False,
             )  # fmt: skip
             pool = list(parents)
-        size = 1.0 / (1.0 + 0.35 * generation)
-        children = _changed(whole, task, parents, effort.children, (generation, size))
+        of = (_BY_THROWS, generation, _size(generation))
+        children = _changed(whole, task, parents, effort.children, of)
         pool += evaluator.try_all(
             name, children, throws=throws, seed=seed, least=_WORTH_THROWING, how=how
         )
     return pool
 
 
+def _size(generation: int) -> float:
+    """Return the size of changes of a generation, as a share of that of the first."""
+    return 1.0 / (1.0 + 0.35 * generation)
+
+
 def _changed(
-    whole: Arm, task: Task, parents: Sequence[Evaluation], count: int, of: tuple[int, float]
+    whole: Arm, task: Task, parents: Sequence[Evaluation], count: int, of: tuple[int, int, float]
 ) -> list[Candidate]:
-    """Return small changes of candidates, of a generation with its size of changes."""
-    generation, size = of
+    """Return small changes of candidates, of a stage and generation with its size of changes."""
+    stage, generation, size = of
     children = list[Candidate]()
     for k in range(count if parents else 0):
-        rng = np.random.default_rng([task.seed, 2, generation, k])
+        rng = np.random.default_rng([task.seed, stage, generation, k])
         parent = parents[int(rng.integers(len(parents)))]
         moves = task.balls.aim is None
         children.append(mutated(whole, parent.candidate, rng, size=size, moves=moves))
