@@ -11,6 +11,7 @@ left free. Prints a JSON object with the relative speed of each ball [m/s].
 
 import argparse
 import json
+from itertools import islice
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -26,6 +27,8 @@ from mitt.signals import GRAVITY, Array
 PARTS, BEGIN, COMES = 16, 0.12, 0.5
 #: How much earlier or later than it comes to the aim a ball may be met [s].
 WINDOW = 0.1
+#: Poses drawn for each start: where the aim is out of reach none is found.
+TRIES = 50
 #: Share of torques and speeds that may be used; gap to the ends of the joint ranges [rad].
 TORQUE, SPEED, GAP = 0.9, 0.95, 0.08
 
@@ -137,12 +140,10 @@ def main() -> None:
     arm, rng = load_arm("wam", limits=options.limits), np.random.default_rng(options.seed)
     aim = np.array([float(x) for x in options.aim.split(",")])
     balls, model, found = balls_of(aim, options.balls, rng), symbolic(arm), []
-    while options.starts:
-        start = start_of(arm, balls[0], rng)
-        if start is not None:
-            options.starts -= 1
-            answer = softest(arm, model, balls, start)
-            found += [] if answer is None else [answer]
+    poses = (start_of(arm, balls[0], rng) for _ in range(TRIES * options.starts))
+    for start in islice((x for x in poses if x is not None), options.starts):
+        answer = softest(arm, model, balls, start)
+        found += [] if answer is None else [answer]
     ready, speeds = min(found, key=lambda x: float(np.sum(x[1])), default=(None, None))
     print(json.dumps({
         "limits": options.limits, "aim": aim.tolist(), "solved": len(found),

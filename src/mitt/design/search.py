@@ -197,8 +197,8 @@ def _softened(
     pool = list(worth)
     for generation in range(effort.generations):
         parents = best_by_price(pool, 2 * effort.parents)
-        size = _size(generation)
-        children = _changed(whole, task, parents, effort.offspring, (_BY_FLIGHTS, generation, size))
+        of = (_BY_FLIGHTS, generation)
+        children = _changed(whole, task, parents, effort.offspring, of)
         name = f"changing {generation + 1} of {effort.generations}"
         pool += evaluator.try_all(name, children, how="glance")
     return pool
@@ -221,7 +221,7 @@ def _refined(
                 give_up=False,
             )  # fmt: skip
             pool = list(parents)
-        of = (_BY_THROWS, generation, _size(generation))
+        of = (_BY_THROWS, generation)
         children = _changed(whole, task, parents, effort.children, of)
         pool += evaluator.try_all(
             name, children, throws=throws, seed=seed, least=_WORTH_THROWING, how=how
@@ -229,16 +229,12 @@ def _refined(
     return pool
 
 
-def _size(generation: int) -> float:
-    """Return the size of changes of a generation, as a share of that of the first."""
-    return 1.0 / (1.0 + 0.35 * generation)
-
-
 def _changed(
-    whole: Arm, task: Task, parents: Sequence[Evaluation], count: int, of: tuple[int, int, float]
+    whole: Arm, task: Task, parents: Sequence[Evaluation], count: int, of: tuple[int, int]
 ) -> list[Candidate]:
-    """Return small changes of candidates, of a stage and generation with its size of changes."""
-    stage, generation, size = of
+    """Return small changes of candidates, of a stage and generation; later ones are smaller."""
+    stage, generation = of
+    size = 1.0 / (1.0 + 0.35 * generation)
     children = list[Candidate]()
     for k in range(count if parents else 0):
         rng = np.random.default_rng([task.seed, stage, generation, k])
