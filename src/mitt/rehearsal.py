@@ -1,10 +1,9 @@
 """What the arm will make of a motion that asks for more than a limit: envelope, tracking, model.
 
-A share of a torque bound says little near a motor's no-load speed, where the bound goes to zero: a
-motion that asks for 2 % too much speed asks for fifty times the torque that is left, and the arm is
-a few millimetres late. So a motion that is beyond a limit is run, tick by tick, through envelope
-and controller on the model of the arm; what counts is how far the hand is from its place at the
-catch.
+A share of a limit says little of what becomes of the catch: a motion that asks for 2 % too much
+of a motor makes the arm a few millimetres late, or not at all, if it has the time to make up for
+it. So a motion that is beyond a limit is run, tick by tick, through envelope and controller on the
+model of the arm; what counts is how far the hand is from its place at the catch.
 
 | here     | meaning                                              | unit  | shape     |
 |----------|------------------------------------------------------|-------|-----------|

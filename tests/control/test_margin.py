@@ -64,8 +64,8 @@ def test_a_torque_within_the_derated_bound_is_within_the_bound_when_it_acts(
         later = given["dq"] + off + rng.uniform(0.0, LEAD) * given["rate"]
         later = later + (rng.uniform(0.0, 1.0) * given["jump"] if struck else 0.0)
         for m, (w, true) in enumerate(zip(now, speeds(motors, later), strict=True)):
-            torque = np.copysign(bound_of(lower, m, w, w, 0.0)[0], w)
-            assert abs(torque) <= bound_of(drives, m, torque, true, 1e-3)[0] + EXACT
+            torque = np.copysign(bound_of(lower, m, w, w, 0.0), w)
+            assert abs(torque) <= bound_of(drives, m, torque, true, 1e-3) + EXACT
 
 
 def test_a_brake_and_a_drive_without_a_line_keep_their_torque(motors: Arm) -> None:
@@ -73,7 +73,7 @@ def test_a_brake_and_a_drive_without_a_line_keep_their_torque(motors: Arm) -> No
     given = drawn(motors, np.random.default_rng(2))
     lower = derated(motors, given, struck=True)
     for m, w in enumerate(speeds(motors, given["dq"])):
-        assert bound_of(lower, m, -w, w, 0.0)[0] == motors.limits.tau_peak[m]
+        assert bound_of(lower, m, -w, w, 0.0) == motors.limits.tau_peak[m]
     plain = load_arm("wam", limits="paper")
     assert np.array_equal(derated(plain, given, struck=True), plain.limits.packed)
 

@@ -28,12 +28,11 @@ from mitt.design.mutation import mutated
 from mitt.design.search import best_by_price, ranked, reported, search
 from mitt.design.speeds import AtSpeed, Fastest, release_speed, task_at
 from mitt.design.task import REPORTED, Task
+from mitt.design.verdicts import Verdicts
 from mitt.design.whole import movable
 from mitt.errors import InputError
 from mitt.files.arm_file import ArmFile, open_arm, read_arm_file, write_arm_file
-from mitt.generator.design import MapDesign
 from mitt.generator.mapping import DirectMap, unlearned
-from mitt.generator.select import Assessment
 from mitt.robot.arm import Arm
 from mitt.robot.identity import difference, identity_of
 from mitt.sweep.engine import Processes, engine_of
@@ -343,13 +342,14 @@ def test_more_throws_at_a_design_are_added_up(found: Design) -> None:
 
 
 def test_of_two_maps_beyond_a_limit_the_nearer_one_counts_more() -> None:
-    """Near no load shares are large: what is far beyond must still be told from what is farther."""
+    """What is far beyond must still be told from what is farther."""
 
     def able(share: float, *, speed: float = 0.5, angle: float = 0.0) -> float:
         one = np.ones(4)
-        found = Assessment(design=MapDesign(), share=share * one, speed=speed * one,
-                           angle=angle * one, binding=("torque:j2",) * 4)  # fmt: skip
-        return evaluation._able(found)
+        said = Verdicts(
+            share=share * one, speed=speed * one, angle=angle * one, binding=("torque:j2",) * 4
+        )
+        return evaluation._able(said)
 
     counts = [able(share) for share in (0.5, 0.95, 1.2, 3.0, 50.0, np.inf)]
     assert counts[0] == counts[1] == 1.0

@@ -16,6 +16,7 @@ from mitt.generator.learn import Learned, learn
 from mitt.generator.mapping import DirectMap
 from mitt.generator.program import cost, limit_rows, sensitivity, solve
 from mitt.robot.arm import Arm
+from mitt.robot.wam import wam_limits
 from mitt.signals import Array
 
 STEP = 1e-6
@@ -76,16 +77,33 @@ def test_sensitivities_are_differences(learned: Learned, flights: Sequence[Fligh
     slope = (residual(STEP) - residual(-STEP)) / (2 * STEP)
     assert np.allclose(cost(f.arm, s).J @ way.ravel(), slope, atol=1e-6 * np.abs(slope).max())
     most = np.full(len(f.arm.model.links), 40.0)
-    arm = Arm(f.arm.model, replace(f.arm.limits, acceleration=most))
-    # With ``near`` at 0 every limit has its row, so that rows of the two sides can be compared.
-    rows = limit_rows(arm, s, share=1.0, near=0.0)
-    ahead, back = (
-        limit_rows(arm, sensitivity(arm, x.motion(f.alpha + h * way), x.phi), share=1.0,
-                   near=0.0).room
-        for h in (STEP, -STEP)
-    )  # fmt: skip
-    slope = -(ahead - back) / (2 * STEP)
-    assert np.allclose(rows.rows @ way.ravel(), slope, atol=1e-5 * np.abs(slope).max())
+    for name in ("paper", "wam-48v"):
+        arm = Arm(f.arm.model, replace(wam_limits(name), acceleration=most))
+        # With ``near`` at 0 every limit has its row: rows of the two sides can be compared.
+        rows = limit_rows(arm, s, share=1.0, near=0.0)
+        ahead, back = (
+            limit_rows(arm, sensitivity(arm, x.motion(f.alpha + h * way), x.phi), share=1.0,
+                       near=0.0).room
+            for h in (STEP, -STEP)
+        )  # fmt: skip
+        slope = -(ahead - back) / (2 * STEP)
+        assert np.allclose(rows.rows @ way.ravel(), slope, atol=1e-5 * np.abs(slope).max())
+
+
+def test_the_rows_of_the_limits_say_what_the_demand_says(
+    learned: Learned, flights: Sequence[Flight]
+) -> None:
+    """The largest share of a row is the largest of torque, voltage and speed that is asked for."""
+    f = learned.map
+    x = lift_flight(f, flights[0])
+    assert x is not None
+    for name in ("paper", "wam-80v", "wam-48v"):
+        arm = Arm(f.arm.model, wam_limits(name))
+        asked = demand(arm, x.motion(f.alpha))
+        rows = limit_rows(arm, sensitivity(arm, x.motion(f.alpha), x.phi), share=1.0, near=0.0)
+        most = max(float(asked.torque.max()), float(asked.speed.max()))
+        assert rows.worst == pytest.approx(most, rel=1e-9)
+        assert 1.0 - rows.room.min() == pytest.approx(most, rel=1e-9)
 
 
 def test_the_soft_programme_finds_its_minimum() -> None:

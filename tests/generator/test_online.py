@@ -16,9 +16,12 @@ from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap
 from mitt.generator.online import Online, OnlineSettings, Refinement
 from mitt.generator.prediction import flown, foresee
-from mitt.generator.program import cost, sensitivity
+from mitt.generator.program import cost, limit_rows, sensitivity
+from mitt.generator.qp import linearise
 from mitt.generator.sqp_step import begin, merit
 from mitt.generator.stopping import spare
+from mitt.robot.arm import Arm
+from mitt.robot.wam import wam_limits
 from mitt.signals import Array, BallState
 
 #: Jump of q_d and dq_d that is let pass [rad, rad/s].
@@ -94,6 +97,30 @@ def test_gradient_and_hessian_are_those_of_the_learner(
     assert b.programme.g == pytest.approx((J.T * weight) @ residual, abs=1e-10 * scale)
     expected = float(np.sum(weight * residual**2))
     assert merit(online._map, online._plant, online._goal, f.alpha, b) >= expected - 1e-12
+
+
+@pytest.mark.parametrize("name", ["paper", "wam-48v"])
+def test_the_rows_of_the_limits_are_those_of_the_learner(
+    throw: tuple[DirectMap, BallState], name: str
+) -> None:
+    """As many, with as much room and the same slopes, the motors' voltage among them."""
+    f, ball = throw
+    f = replace(f, arm=Arm(f.arm.model, wam_limits(name)))
+    online = Online(f, OnlineSettings(pull=0.0, near=0.0, share=1.0))
+    b, state = online._buffers, np.array([*ball.r_o, *ball.dr_o, ball.drag])
+    begin(online._map, online._plant, online._goal, state, (0.001, 0.35), f.alpha, b)
+    c, n = b.course, f.arm.n
+    s = sensitivity(f.arm, c.rows + c.phi @ f.alpha, c.phi)
+    rows = limit_rows(f.arm, s, share=1.0, near=0.0)
+    given = online._plant, c, f.alpha, (1.0, 0.0)
+    count, _, _ = linearise(*given, b.programme, b.shares, b.at, b.work)
+    A, room = b.programme.A[2 * n : count], b.programme.room[2 * n : count]
+    assert len(room) == len(rows.room)
+    mine, theirs = np.argsort(room), np.argsort(rows.room)
+    assert room[mine] == pytest.approx(rows.room[theirs], abs=1e-9)
+    scale = np.abs(rows.rows).max()
+    total = rows.rows.sum(axis=0)
+    assert A.sum(axis=0) == pytest.approx(total, abs=1e-7 * len(room) * scale)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mitt.errors import UnknownNameError
-from mitt.robot.limits import bound_of
+from mitt.robot.limits import bound_of, torque_share
 from mitt.robot.wam import wam_limits
 from mitt.signals import Array
 
@@ -30,20 +30,36 @@ def test_saturated_torque_is_within_and_torque_within_is_untouched(
 
 @pytest.mark.parametrize("name", ["paper", "wam-48v", "wam-80v"])
 @given(drive=st.floats(-50.0, 50.0), speed=st.floats(-250.0, 250.0))
-def test_the_bound_of_one_drive_is_that_of_all_and_its_fall_is_its_slope(
+def test_one_drive_is_asked_for_as_much_as_all_and_its_bound_is_where_that_is_1(
     name: str, drive: float, speed: float
 ) -> None:
-    """The kernel's bound is the formula's; it falls with speed as differences say."""
+    """The kernels say what the formulas say, and the limit lies where torque meets its bound."""
     limits = wam_limits(name)
+    tau = limits.transmission.T @ np.full(4, drive)
+    dq = np.linalg.solve(limits.transmission, np.full(4, speed))
+    shares = limits.torque_ratio(tau, dq)
     for m in range(4):
-        bound, fall = bound_of(limits.packed, m, drive, speed, 0.0)
+        bound = bound_of(limits.packed, m, drive, speed, 0.0)
         asked = limits.torque_bound(np.full(4, drive), np.full(4, speed))
         assert bound == pytest.approx(asked[m], abs=1e-12)
-        step = 1e-4 * np.sign(speed)
-        around = [bound_of(limits.packed, m, drive, speed + x, 0.0) for x in (-step, step)]
-        smooth = around[0][1] == around[1][1] and bound > 0.0 and abs(speed) > 1e-4
-        falls = (around[0][0] - around[1][0]) / 2e-4
-        assert not smooth or fall == pytest.approx(falls, abs=1e-6 * max(bound, 1.0))
+        share = torque_share(limits.packed, m, drive, speed)
+        assert share == pytest.approx(shares[m], rel=1e-6, abs=1e-9)
+        assert (
+            share == 1.0
+            or abs(drive) == pytest.approx(bound)
+            or ((share < 1.0) == (abs(drive) < bound))
+        )
+
+
+def test_beyond_the_no_load_speed_the_share_says_how_far() -> None:
+    """It grows in proportion to what the voltage would have to be, and is no more than that."""
+    limits = wam_limits("wam-48v")
+    tau = limits.transmission.T @ np.array([0.0, 0.0, 0.0, 0.01])
+    dq = np.linalg.solve(limits.transmission, np.array([0.0, 0.0, 0.0, 1.1 * limits.dq_max[3]]))
+    once, twice = (limits.torque_ratio(k * tau, k * dq)[3] for k in (1.0, 2.0))
+    assert twice == pytest.approx(2.0 * once)
+    assert 1.1 < once < 1.2
+    assert limits.torque_ratio(-tau, dq)[3] < 0.1
 
 
 def test_a_motor_gives_nothing_at_its_no_load_speed_but_brakes_fully() -> None:

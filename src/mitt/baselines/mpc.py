@@ -249,7 +249,7 @@ def _load(
             per[a, k * n + j] += slope[2, a, j]
     for d in range(links):
         tau, omega = asked_of(p, d, w.tau, motion[1])
-        bound, _ = bound_of(p.drives, d, tau, omega, 0.0)
+        bound = bound_of(p.drives, d, tau, omega, 0.0)
         bound = max(bound, _LEAST * p.drives[2 * links, d])
         row, load = 4 * n + k * links + d, 0.0
         for a in range(links):

@@ -253,7 +253,7 @@ def _share(packed: Array, rest: Array, tau_desired: Array, speed: Array) -> floa
             start += packed[m, k] * rest[k]
             way += packed[m, k] * (tau_desired[k] - rest[k])
         goal = start + way
-        bound, _ = bound_of(packed, m, goal, drive_asked(packed, m, tau_desired, speed)[1], 0.0)
+        bound = bound_of(packed, m, goal, drive_asked(packed, m, tau_desired, speed)[1], 0.0)
         if abs(goal) > bound:
             edge = np.copysign(bound, goal)
             share = min(share, max((edge - start) / way, 0.0)) if way * goal > 0.0 else 0.0

@@ -15,16 +15,17 @@ from mitt.design.candidate import Candidate
 from mitt.design.causes import cause_of
 from mitt.design.contact import touching
 from mitt.design.task import Task
+from mitt.design.verdicts import Verdicts, verdicts
 from mitt.errors import MittError
 from mitt.generator.feasibility import returns
 from mitt.generator.flights import lift_flight
 from mitt.generator.generators import Direct
 from mitt.generator.learn import LearnSettings
 from mitt.generator.mapping import DirectMap, unlearned
-from mitt.generator.select import Assessment, Choice, assess
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Surroundings, clearance, shapes_of
 from mitt.signals import Array, BallState, MapStatus
+from mitt.trials.known import driven, known_settings
 from mitt.trials.learning import learn
 from mitt.trials.neighbourhood import Neighbourhood
 from mitt.trials.runner import TrialRunner
@@ -58,8 +59,10 @@ _STEPS = {
 }
 _AROUND = {"glance": _GLANCE, "quick": _QUICK, "many": _MANY_FLIGHTS, "full": _FULL}
 #: Share of a limit from which on a flight counts less, and how fast: 1 / (1 + _STEEP excess).
-#: The same of a ball that comes in aslant [1/rad].
-_FULL_SHARE, _STEEP, _ASLANT = 0.95, 2.0, 3.0
+_FULL_SHARE, _STEEP = 0.95, 5.0
+#: Angle off the palm's normal from which on it counts less [rad], and how fast [1/rad]; up to this
+#: relative speed the angle does not matter [m/s].
+_STRAIGHT, _ASLANT, _SLOW = np.deg2rad(25.0), 3.0, 1.0
 #: Share of the throws that has to be caught, within every limit, for an arm to count as one that
 #: can catch them.
 ENOUGH = 0.8
@@ -79,7 +82,7 @@ class Evaluation:
 
     Attributes:
         candidate: The candidate.
-        able: Share of flights that its learned map keeps within the limits.
+        able: About how many of the flights its learned map catches, as a share.
         speed: Median relative speed of hand and ball [m/s]: of flights, or of throws.
         thrown: Number of throws.
         caught: Those caught.
@@ -218,9 +221,11 @@ def judged(c: Candidate, f: DirectMap, task: Task) -> Evaluation:
     flights = task.flights(f, rng, _JUDGED)
     if not flights:
         return Evaluation(candidate=c, able=0.0, speed=99.0, binding="domain")
-    a = assess(f, flights)
+    arm = driven(f.arm, task.scene)
+    said = verdicts(f, flights, arm, known_settings(f.arm, task.scene))
     kept = len(flights) / around.flights * _reached(f, task)
-    return Evaluation(candidate=c, able=_able(a) * kept, speed=_middle(a.speed), binding=a.binds)
+    able = _able(said) * kept
+    return Evaluation(candidate=c, able=able, speed=_middle(said.speed), binding=said.binds)
 
 
 def _reached(f: DirectMap, task: Task) -> float:
@@ -235,15 +240,14 @@ def _reached(f: DirectMap, task: Task) -> float:
     return sum(returns(f, x) for x in states) / len(balls) if balls else 1.0
 
 
-def _able(a: Assessment) -> float:
+def _able(said: Verdicts) -> float:
     """Return about how many of the flights are caught: the farther beyond a limit, the less.
 
     It falls smoothly, so that of two candidates that are both beyond a limit the nearer one is
-    seen: near no load a drive has so little torque left that shares of 50 are common.
+    seen.
     """
-    choice = Choice()
-    beyond = np.maximum(a.share - _FULL_SHARE, 0.0)
-    aslant = np.where(a.speed <= choice.slow, 0.0, np.maximum(a.angle - choice.angle, 0.0))
+    beyond = np.maximum(said.share - _FULL_SHARE, 0.0)
+    aslant = np.where(said.speed <= _SLOW, 0.0, np.maximum(said.angle - _STRAIGHT, 0.0))
     return float(np.mean(1.0 / ((1.0 + _STEEP * beyond) * (1.0 + _ASLANT * aslant))))
 
 

@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from mitt.robot.arm import Arm
-from mitt.robot.limits import LEAST
 from mitt.signals import Array
 
 #: Newton steps of the soft programme, and the relative step at which it has converged.
@@ -82,11 +81,16 @@ def limit_rows(arm: Arm, s: Sensitivity, *, share: float, near: float) -> Rows:
     dq = np.zeros((count, len(arm.model.links)))
     dq[:, arm.model.active] = s.motion[:, 1]
     drive_tau, drive_dq = limits.drive_torque(s.tau), limits.drive_speed(dq)
-    bound = limits.torque_bound(drive_tau, drive_dq, least=LEAST)
     middle, half = 0.5 * (arm.q_max + arm.q_min), 0.5 * (arm.q_max - arm.q_min)
-    values = [drive_tau / bound, drive_dq / limits.dq_max, (s.motion[:, 0] - middle) / half]
-    speeds = limits.transmission[:, arm.model.active] / limits.dq_max[:, None]
-    slopes = [limits.to_drive @ s.J_tau / bound[..., None], speeds @ s.J_dq, s.J_q / half[:, None]]
+    torque, speed = drive_tau / limits.tau_peak, drive_dq / limits.dq_max
+    J_torque = limits.to_drive @ s.J_tau
+    J_speed = limits.transmission[:, arm.model.active] / limits.dq_max[:, None] @ s.J_dq
+    values = [torque, speed, (s.motion[:, 0] - middle) / half]
+    slopes = [J_torque / limits.tau_peak[:, None], J_speed, s.J_q / half[:, None]]
+    if limits.no_load:
+        driving = drive_tau * drive_dq > 0.0
+        values.append(np.where(driving, drive_tau / limits.tau_stall + speed, 0.0))
+        slopes.append(J_torque / limits.tau_stall[:, None] + J_speed)
     if limits.acceleration is not None:
         most = arm.active(limits.acceleration)
         values.append(s.motion[:, 2] / most)

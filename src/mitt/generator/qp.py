@@ -17,7 +17,7 @@ from mitt.generator.horizon import Course
 from mitt.generator.utilization import Plant, Work, asked_of, assess, motion_at
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
-from mitt.robot.limits import LEAST, bound_of
+from mitt.robot.limits import voltage_share
 from mitt.robot.slopes import torque_slopes
 from mitt.signals import Array
 
@@ -37,7 +37,7 @@ class Programme(NamedTuple):
 
 def programme_of(arm: Arm, *, instants: int, size: int, pairs: int) -> Programme:
     """Return empty arrays for a programme in ``size`` coefficients, with gaps of ``pairs``."""
-    n, most = arm.n, instants * (3 * len(arm.model.links) + 1 + pairs) + 2 * arm.n
+    n, most = arm.n, instants * (4 * len(arm.model.links) + 1 + pairs) + 2 * arm.n
     return Programme(
         J=np.zeros((instants * n, size)),
         h=np.zeros((size, size)),
@@ -130,20 +130,20 @@ def _limits(
     n, links, (share, near) = w.motion.shape[1], len(w.tau), use
     for d in range(links):
         tau, omega = asked_of(p, d, w.tau, w.motion[1])
-        bound, fall = bound_of(p.drives, d, tau, omega, LEAST)
-        if abs(tau) > near * bound:
-            sign = np.copysign(1.0 / bound, tau)
-            for e in range(3):
-                for j in range(n):
-                    total = 0.0
-                    for i in range(links):
-                        total += p.drives[d, i] * w.slope[e, i, j]
-                    w.drive[e, j] = sign * total
-            for j in range(n):
-                # Where the bound falls with speed: tau' + share fall omega' <= what is left.
-                w.drive[1, j] += share * fall * sign * p.drives[links + d, p.joints[j]]
+        peak, stall = p.drives[2 * links, d], p.drives[2 * links + 1, d]
+        if abs(tau) > near * peak:
+            _torque(p, d, np.copysign(1.0 / peak, tau), w)
             spread(c.phi, k, w.drive, out.A, count)
-            out.room[count] = share - abs(tau) / bound
+            out.room[count] = share - abs(tau) / peak
+            count += 1
+        voltage = voltage_share(p.drives, d, tau, omega)
+        if voltage > near:
+            _torque(p, d, np.copysign(1.0 / stall, tau), w)
+            for j in range(n):
+                ratio = p.drives[links + d, p.joints[j]] / p.drives[2 * links + 2, d]
+                w.drive[1, j] += np.sign(omega) * ratio
+            spread(c.phi, k, w.drive, out.A, count)
+            out.room[count] = share - voltage
             count += 1
         top = p.drives[2 * links + 2, d]
         if abs(omega) > near * top:
@@ -163,6 +163,17 @@ def _limits(
             out.room[count] = share - abs(x)
             count += 1
     return count
+
+
+@kernel
+def _torque(p: Plant, d: int, scale: float, w: Work) -> None:
+    """Write how a drive's torque, times a scale, answers to q, dq and ddq, to ``w.drive``."""
+    for e in range(3):
+        for j in range(w.motion.shape[1]):
+            total = 0.0
+            for i in range(len(w.tau)):
+                total += p.drives[d, i] * w.slope[e, i, j]
+            w.drive[e, j] = scale * total
 
 
 @kernel

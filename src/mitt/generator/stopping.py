@@ -74,7 +74,7 @@ def _hardest(p: Plant, b: Buffers, braking: Array, urgent: int) -> float:
             way += p.drives[d, e] * y
         for j in range(n):
             omega += p.drives[links + d, p.joints[j]] * w.motion[1, j]
-        bound = _BRAKING * bound_of(p.drives, d, way, omega, LEAST)[0]
+        bound = _BRAKING * bound_of(p.drives, d, way, omega, LEAST)
         if abs(way) > 1e-12:
             high = min(high, max((bound - np.sign(way) * start) / abs(way), 0.0))
     return high

@@ -4,6 +4,11 @@ Every set is a linear transmission from joints to drives and limits on the drive
 sets the transmission is the identity; for motor-level ones it holds the gear ratios and the
 differential. A drive's torque is bounded by a peak and, when it drives rather than brakes, by
 the line from its stall torque at rest to zero at its no-load speed.
+
+How much of a drive is asked for is the larger of its share of the peak and, where it drives, of
+its voltage: tau/tau_stall + omega/omega_0. Like the torque over its bound this is 1 at the limit,
+but it is linear, and it says how far beyond the limit a motion is: near the no-load speed, where
+the bound vanishes, torque over bound is endless for a motion that a volt more would allow.
 """
 
 from dataclasses import dataclass
@@ -18,8 +23,8 @@ from mitt.jit import kernel
 from mitt.signals import Array
 
 LEAST: Final = 1e-3
-"""Share of its stall torque that counts as left to a drive beyond its no-load speed, wherever a
-share of the torque bound is to stay finite. Torques themselves are held to the bound without it."""
+"""Share of its stall torque that counts as left to a drive beyond its no-load speed, where it is
+divided by. Torques themselves are held to the bound without it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,29 +104,35 @@ class Limits:
         out: Array = self._rows("dq", dq) @ self.transmission.T
         return out
 
-    def torque_bound(self, tau_drive: Array, dq_drive: Array, *, least: float = 0.0) -> Array:
+    def torque_bound(self, tau_drive: Array, dq_drive: Array) -> Array:
         """Return the bound on the size of each drive torque in its direction [N m].
 
         Args:
             tau_drive: Drive torques [N m], shape (..., N).
             dq_drive: Drive speeds [rad/s], of the same shape.
-            least: As in :func:`bound_of`.
         """
         tau_drive, dq_drive = self._rows("tau_drive", tau_drive), self._rows("dq_drive", dq_drive)
-        least = checks.number("least", least)
         if tau_drive.shape != dq_drive.shape:
             raise ShapeError("dq_drive", str(tau_drive.shape), dq_drive.shape)
         out = np.asarray(np.broadcast_to(self.tau_peak, tau_drive.shape), np.float64)
         if self.no_load:
-            line = self.tau_stall * np.maximum(1.0 - np.abs(dq_drive) / self.dq_max, least)
+            line = self.tau_stall * np.maximum(1.0 - np.abs(dq_drive) / self.dq_max, 0.0)
             driving = tau_drive * dq_drive > 0.0
             out = np.asarray(np.where(driving, np.minimum(self.tau_peak, line), out), np.float64)
         return out
 
     def torque_ratio(self, tau: Array, dq: Array) -> Array:
-        """Return how much of each drive's torque is asked for, shape (..., N); 1 is the limit."""
-        drive = self.drive_torque(tau)
-        out: Array = np.abs(drive) / self.torque_bound(drive, self.drive_speed(dq), least=LEAST)
+        """Return how much of each drive is asked for, shape (..., N); 1 is the limit.
+
+        Args:
+            tau: Joint torques [N m], shape (..., N).
+            dq: Joint speeds [rad/s], of the same shape.
+        """
+        drive, speed = self.drive_torque(tau), self.drive_speed(dq)
+        out: Array = np.abs(drive) / self.tau_peak
+        if self.no_load:
+            voltage = np.abs(drive) / self.tau_stall + np.abs(speed) / self.dq_max
+            out = np.where(drive * speed > 0.0, np.maximum(out, voltage), out)
         return out
 
     def speed_ratio(self, dq: Array) -> Array:
@@ -147,10 +158,8 @@ _FIELDS = ("name", "transmission", "tau_peak", "tau_stall", "dq_max", "tau_rms",
 
 
 @kernel
-def bound_of(
-    packed: Array, m: int, drive: float, speed: float, least: float
-) -> tuple[float, float]:
-    """Return the bound on the size of a drive's torque [N m], and its fall a rad/s of speed.
+def bound_of(packed: Array, m: int, drive: float, speed: float, least: float) -> float:
+    """Return the bound on the size of a drive's torque [N m].
 
     Args:
         packed: ``Limits.packed``.
@@ -158,20 +167,18 @@ def bound_of(
         drive: Its torque, of which only the direction counts [N m].
         speed: Its speed [rad/s].
         least: Share of the stall torque that is always left: 0 where a torque is held to its
-            bound, ``LEAST`` where its share of the bound is to stay finite.
+            bound, ``LEAST`` where it is divided by.
     """
     n = packed.shape[1]
     bound, stall, top = packed[2 * n, m], packed[2 * n + 1, m], packed[2 * n + 2, m]
     if drive * speed > 0.0 and np.isfinite(stall):
-        line = stall * max(1.0 - abs(speed) / top, least)
-        if line < bound:
-            return line, stall / top
-    return bound, 0.0
+        bound = min(bound, stall * max(1.0 - abs(speed) / top, least))
+    return float(bound)
 
 
 @kernel
 def torque_share(packed: Array, m: int, drive: float, speed: float) -> float:
-    """Return the share of a drive's torque bound that is asked for; 1 is the limit.
+    """Return how much of a drive is asked for, see the module; 1 is the limit.
 
     Args:
         packed: ``Limits.packed``.
@@ -179,7 +186,21 @@ def torque_share(packed: Array, m: int, drive: float, speed: float) -> float:
         drive: Its torque [N m].
         speed: Its speed [rad/s].
     """
-    return float(abs(drive) / bound_of(packed, m, drive, speed, LEAST)[0])
+    n = packed.shape[1]
+    return float(max(abs(drive) / packed[2 * n, m], voltage_share(packed, m, drive, speed)))
+
+
+@kernel
+def voltage_share(packed: Array, m: int, drive: float, speed: float) -> float:
+    """Return the share of its voltage that a drive needs; 0 where it brakes or has no such limit.
+
+    Args as of :func:`torque_share`.
+    """
+    n = packed.shape[1]
+    stall, top = packed[2 * n + 1, m], packed[2 * n + 2, m]
+    if drive * speed > 0.0 and np.isfinite(stall):
+        return float(abs(drive) / stall + abs(speed) / top)
+    return 0.0
 
 
 @kernel
@@ -194,7 +215,7 @@ def drive_asked(packed: Array, m: int, tau: Array, dq: Array) -> tuple[float, fl
 
 @kernel
 def largest_share(packed: Array, tau: Array, dq: Array) -> float:
-    """Return the largest share of a drive's torque bound that is asked for; 1 is the limit.
+    """Return how much of the drive that is asked most is asked for; 1 is the limit.
 
     Args:
         packed: ``Limits.packed``.
@@ -222,7 +243,7 @@ def saturate(packed: Array, tau: Array, dq: Array, out: Array) -> None:
     out[:] = 0.0
     for m in range(n):
         drive, speed = drive_asked(packed, m, tau, dq)
-        bound, _ = bound_of(packed, m, drive, speed, 0.0)
+        bound = bound_of(packed, m, drive, speed, 0.0)
         drive = min(max(drive, -bound), bound)
         for k in range(n):
             out[k] += drive * packed[n + m, k]

@@ -9,9 +9,12 @@ from mitt.ball.filter import FilterConfig
 from mitt.catcher.settings import CatcherSettings
 from mitt.control.encoders import Encoders
 from mitt.robot.arm import Arm
+from mitt.robot.basket import Basket
+from mitt.robot.shapes import Surroundings
 from mitt.signals import TICK
 from mitt.vision.eyes import EyesConfig
 from mitt.vision.triangulation import TriangulatorConfig
+from mitt.world.materials import friction_of, restitution_of
 from mitt.world.scene import Actuation, Scene
 from mitt.world.sensors import encoder_steps
 
@@ -22,6 +25,25 @@ RESERVE = 0.02
 _UNCALIBRATED = 0.25
 #: Multiple of the nominal drag that the filter may find at most.
 _DRAGGIEST = 2.0
+#: Restitution of a soft contact, without a material: 0.18 was measured at 5 m/s.
+_SOFT = 0.2
+
+
+def known_settings(arm: Arm, scene: Scene) -> CatcherSettings:
+    """Return the settings of the catcher: what it is told of the scene and its own arm."""
+    ball = scene.ball
+    return CatcherSettings(
+        ball_mass=ball.mass,
+        ball_radius=ball.radius,
+        ball_restitution=_restitution(scene, arm),
+        ball_friction=friction_of(scene),
+        flight=known_ball(ball.drag, ball.mass, spread=scene.mismatch.drag),
+        around=Surroundings(floor=scene.floor),
+        encoders=known_encoders(scene, arm),
+        bandwidth=bandwidth_of(scene.actuation.takes, scene.actuation.servo),
+        torque_lead=torque_lead_of(scene.actuation),
+        setpoint_delay=setpoint_delay_of(scene.actuation),
+    )
 
 
 def known_eyes(scene: Scene) -> EyesConfig:
@@ -103,3 +125,10 @@ def known_ball(drag: float, mass: float, *, spread: float = 0.0) -> FilterConfig
         accel_density=1e-4 * lightness,
         push_sigma=0.04 * lightness,
     )
+
+
+def _restitution(scene: Scene, arm: Arm) -> float:
+    """Return what share of its speed a ball keeps that strikes the palm, or the net."""
+    if isinstance(arm.model.hand, Basket):
+        return arm.model.hand.restitution
+    return restitution_of(scene) or _SOFT

@@ -15,17 +15,11 @@ from mitt.generator.mapping import DirectMap
 from mitt.generator.several import Several
 from mitt.link.clock import Stopwatch
 from mitt.robot.arm import Arm
-from mitt.robot.basket import Basket
-from mitt.robot.shapes import Surroundings
 from mitt.signals import ArmState, Frame, Senses, Sighting
 from mitt.trials.known import (
-    bandwidth_of,
     driven,
-    known_ball,
-    known_encoders,
     known_eyes,
-    setpoint_delay_of,
-    torque_lead_of,
+    known_settings,
 )
 from mitt.trials.log import TrialLog, log_of
 from mitt.trials.play import play_out
@@ -47,7 +41,6 @@ from mitt.world.calibration import drawn_rig, error_root
 from mitt.world.faults.true_rig import true_rig
 from mitt.world.flights import BallPath
 from mitt.world.imaging import Imager, sensor_of
-from mitt.world.materials import friction_of, restitution_of
 from mitt.world.scene import Scene
 from mitt.world.simulation import World
 from mitt.world.throws import Throw
@@ -56,8 +49,6 @@ from mitt.world.throws import Throw
 LONGEST = 2.0
 #: Looks at the scene before a throw from which the catcher learns its background.
 LOOKS = 10
-#: Restitution of a soft contact, without a material: 0.18 was measured at 5 m/s.
-_SOFT = 0.2
 #: Time around the catch in which the map's own time to it is taken for exact [s].
 _NEAR_CATCH = 0.006
 
@@ -131,20 +122,8 @@ class TrialRunner:
 
     def _settings(self) -> CatcherSettings:
         """Return the settings of the catcher: what it is told of the scene."""
-        ball = self._scene.ball
-        return CatcherSettings(
-            ball_mass=ball.mass,
-            ball_radius=ball.radius,
-            ball_restitution=_restitution(self._scene, self.arm),
-            ball_friction=friction_of(self._scene),
-            flight=known_ball(ball.drag, ball.mass, spread=self._scene.mismatch.drag),
-            around=Surroundings(floor=self._scene.floor),
-            encoders=known_encoders(self._scene, self.arm),
-            max_tracking_error=_max_tracking_error(self._generator),
-            bandwidth=bandwidth_of(self._scene.actuation.takes, self._scene.actuation.servo),
-            torque_lead=torque_lead_of(self._scene.actuation),
-            setpoint_delay=setpoint_delay_of(self._scene.actuation),
-        )
+        most = _max_tracking_error(self._generator)
+        return replace(known_settings(self.arm, self._scene), max_tracking_error=most)
 
     def catcher(self) -> Catcher:
         """Return a fresh catcher; the clairvoyant is given the flight of the ball just released."""
@@ -268,13 +247,6 @@ def catch_time(ticks: Result) -> float:
     left = ticks.scalars["time_to_catch"]
     near = np.flatnonzero(np.abs(left) < _NEAR_CATCH)
     return float(ticks.scalars["t"][near[-1]] + left[near[-1]]) if len(near) else np.inf
-
-
-def _restitution(scene: Scene, arm: Arm) -> float:
-    """Return what share of its speed a ball keeps that strikes the palm, or the net."""
-    if isinstance(arm.model.hand, Basket):
-        return arm.model.hand.restitution
-    return restitution_of(scene) or _SOFT
 
 
 def _max_tracking_error(generator: Generator) -> float:
