@@ -227,6 +227,24 @@ def test_torque_that_runs_out_speeds_up_no_joint_beyond_its_limit(arm: Arm, seed
     assert np.all(ddq[beyond] * np.sign(dq[beyond]) <= 1e-6)
 
 
+@pytest.mark.parametrize("beyond", [0.99, 1.02, 1.1])
+def test_a_motor_that_can_hold_nothing_more_does_not_keep_the_others_from_braking(
+    beyond: float,
+) -> None:
+    """At the no-load speed of a differential of which one motor also holds a joint's weight."""
+    arm = load_arm("wam", limits="wam-80v", joints=["j1", "j3", "j4"], held={"j2": np.pi / 2})
+    q, dq = np.array([0.6, -0.8, 2.1]), np.array([-2.0, beyond * arm.dq_max[1], 3.0])
+    assert arm.limits.torque_ratio(
+        arm.torque(q, dq, np.zeros(3)), arm.all_joints(dq)
+    ).max() > 0.99  # fmt: skip
+    wanted = np.array([q, [-1.0, 0.8 * dq[1], 1.0], [10.0, -35.0, -100.0]])
+    tracker = begun(arm, q, dq)
+    tau = tracker.step(ArmState(t=0.0, q=q, dq=dq), wanted, hand=0.0).command.tau
+    assert tau[1] < -5.0
+    assert drive_excess(arm, dq, tau) <= ROUNDING
+    assert acceleration(arm, q, dq, tau)[1] < -35.0
+
+
 @given(seed=seeds, wild=st.sampled_from([0.1, 1.0, 10.0]))
 def test_torques_change_no_faster_than_their_rates(arm: Arm, seed: int, wild: float) -> None:
     """Whatever is wanted, and by one share of the change of all joints' torques."""

@@ -191,7 +191,12 @@ def slew_of(arm: Arm) -> Array:
 def _give_way(
     bounds: Array, drives: Array, bodies: Array, q: Array, dq: Array, command: Array, scratch: Array
 ) -> None:
-    """Cut the torques of all joints by one share, towards what the arm does by itself at most."""
+    """Cut the torques of all joints by one share, towards what the arm does by itself at most.
+
+    ``kept`` are those of which each drive gives what it can. They stay where the drives cannot even
+    keep the speeds: beyond its no-load speed a drive that is to hold something gives nothing, and
+    cut by one share the others would not brake either.
+    """
     links, n = len(bodies), len(q)
     tau_desired, speed = view(scratch, 0, (links,)), view(scratch, links, (links,))
     kept, given = view(scratch, 2 * links, (links,)), view(scratch, 3 * links, (links,))
@@ -205,9 +210,8 @@ def _give_way(
     level = view(scratch, 4 * links, (links,))
     coast[:] = 0.0
     inverse_dynamics(bodies, q, dq, coast, level, dynamics)
-    if largest_share(drives, level, speed) > 1.0:
-        level[:] = 0.0
-    _cut(drives, level, given, speed, kept)
+    if largest_share(drives, level, speed) <= 1.0:
+        _cut(drives, level, given, speed, kept)
 
 
 @kernel
@@ -218,7 +222,7 @@ def _cut(drives: Array, rest: Array, tau_desired: Array, speed: Array, kept: Arr
     same share: then each acceleration stays between coasting and the desired one, which both
     respect the speed limits and the stops. Cutting joint by joint would let one joint's limit push
     another beyond its own. Where the torques cannot even keep coasting within the limits, the line
-    leads there from constant speed, or, where those torques are beyond the limits too, from none.
+    leads there from constant speed.
     """
     share = _share(drives, rest, tau_desired, speed)
     for k in range(len(tau_desired)):

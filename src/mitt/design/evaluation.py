@@ -62,7 +62,7 @@ _AROUND = {"glance": _GLANCE, "quick": _QUICK, "many": _MANY_FLIGHTS, "full": _F
 _FULL_SHARE, _STEEP = 0.95, 5.0
 #: Angle off the palm's normal from which on it counts less [rad], and how fast [1/rad]; up to this
 #: relative speed the angle does not matter [m/s].
-_STRAIGHT, _ASLANT, _SLOW = np.deg2rad(25.0), 3.0, 1.0
+_STRAIGHT, _ASLANT, _SLOW = np.deg2rad(25.0), 0.3, 1.0
 #: Share of the throws that has to be caught, within every limit, for an arm to count as one that
 #: can catch them.
 ENOUGH = 0.8
