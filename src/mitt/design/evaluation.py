@@ -111,7 +111,7 @@ class Evaluation:
 
     @property
     def share(self) -> float:
-        """Share caught, or of flights within the limits where nothing was thrown.
+        """Share caught, or about to be caught by flights where nothing was thrown.
 
         A ball caught beyond a limit counts in part: where one of acceleration, jerk or torque rate
         is exceeded in every throw, the others are still to be told apart.

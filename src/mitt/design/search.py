@@ -31,7 +31,7 @@ from mitt.robot.arm import Arm
 _COMPARE, _CONFIRM, _AGAIN = 100, 1000, 1500
 #: Stages of small changes; each draws its own.
 _BY_THROWS, _BY_FLIGHTS = 2, 3
-#: Share of flights within the limits from which a changed candidate is thrown at.
+#: Share of flights that it about catches from which a changed candidate is thrown at.
 _WORTH_THROWING = 0.2
 #: What a catch that is harder by 1 m/s costs, in shares of throws; the best for each are kept.
 PRICES = (0.005, 0.1, 0.03, 0.2)

@@ -4,7 +4,7 @@
 |-----------------|-----------------------------------------|------|---------|
 | ``cost_torque`` | tau' K_tau tau, K_tau = 1/tau_max^2     | 1    | (K,)    |
 | ``cost_speed``  | omega' K_omega omega, 1/omega_max^2     | 1    | (K,)    |
-| ``torque``      | tau over its bound, drive by drive, (18)| 1    | (K, N)  |
+| ``torque``      | of each drive, :mod:`mitt.robot.limits`, (18) | 1 | (K, N) |
 | ``speed``       | omega over its bound, (20)              | 1    | (K, N)  |
 | ``excess``      | joint angle beyond its range            | rad  | (K, n)  |
 | ``acceleration``| joint acceleration over its bound, if any| 1   | (K, n)  |
@@ -38,7 +38,7 @@ class Tolerance:
     at the same share.
 
     Attributes:
-        torque: Of a drive's bound.
+        torque: Of what a drive can give.
         speed: Of a drive's largest speed.
         acceleration: Of a joint's largest acceleration, where the limit set has one.
         strength: Share of its torque with which each joint, after the catch, shall come to rest

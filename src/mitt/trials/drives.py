@@ -26,7 +26,7 @@ class DriveLoads:
     Attributes:
         torque: Torque of each drive [N m].
         bound: Largest torque of the drive in that direction at its speed [N m].
-        share: Torque over its bound; finite beyond the no-load speed.
+        share: How much of the drive is asked for (:mod:`mitt.robot.limits`); 1 is the limit.
     """
 
     torque: Array

@@ -117,9 +117,8 @@ def neighbourhood(
 def _about(settings: Neighbourhood, model: ArmModel) -> Neighbourhood:
     """Return settings for an arm that says where it wants its balls: that box, and a margin.
 
-    Default throws there do not bounce. Nor do flights to learn from, which cost such an arm balls:
-    with 48 V a map that meets the ball slowly caught 15 of 60 where a fifth of them bounced, and 36
-    where none did. What is not as usual in the settings stays as it is given.
+    Default throws there do not bounce, so none of these flights does. What is not as usual in the
+    settings stays as it is given.
     """
     if model.aim is None:
         return settings
