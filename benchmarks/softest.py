@@ -1,12 +1,13 @@
-r"""How softly an arm's drives let it meet a ball, whatever moves it.
+r"""How softly an arm's drives let it meet the default throws, whatever moves it.
 
-    python benchmarks/softest.py --limits wam-80v --aim 0.75,0,0.05 --balls 6 --seed 5
+    python benchmarks/softest.py --limits wam-80v --aim 0.77,0,0.057 --balls 12 --starts 4
 
 One ready pose for all balls; from there each motion is free: accelerations linear between even
 instants, drives' torques and speeds and joint ranges kept, room for the brake after the catch.
 IPOPT (extra ``mitt[rivals]``) looks for the least sum of relative speeds of hand and ball, from
-several starts. The balls are known: an arm that sees them can do no better. What the palm faces is
-left free. Prints a JSON object with the relative speed of each ball [m/s].
+several starts. The balls are those of ``mitt catch --aim``, and they are known: an arm that sees
+them can do no better. With ``--palm`` the ball has to come in at most so many degrees off the
+palm's normal. Prints a JSON object with the relative speed of each ball [m/s].
 """
 
 import argparse
@@ -16,40 +17,58 @@ from itertools import islice
 import numpy as np
 from scipy.optimize import least_squares
 
-from mitt.baselines.choice import FOLLOW
-from mitt.baselines.intercept import hand_of
-from mitt.baselines.symbolic import Expression, Symbolic, casadi, symbolic
+from mitt.ball.flight import acceleration
+from mitt.baselines.optimum import PARTS, braked, drive_rows, steps
+from mitt.baselines.symbolic import Symbolic, casadi, symbolic
+from mitt.design.balls import BOX, FAR
+from mitt.files.throws import ThrowSettings
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
-from mitt.signals import GRAVITY, Array
+from mitt.signals import Array
+from mitt.trials.source import source_of, widened
+from mitt.world.ballistics import fly
+from mitt.world.flights import BallPath
+from mitt.world.scenes import read_scene
+from mitt.world.throws import Throw
 
-#: Parts of a motion; time after the release at which it begins, and at which the ball comes [s].
-PARTS, BEGIN, COMES = 16, 0.12, 0.5
-#: How much earlier or later than it comes to the aim a ball may be met [s].
-WINDOW = 0.1
+#: Time after the release at which the arm begins [s], and how much earlier or later than the ball
+#: is nearest to the aim it may be met [s].
+BEGIN, WINDOW = 0.08, 0.08
+#: Step in which a throw is followed to the aim [s], and for how long.
+STEP, LONGEST = 0.001, 1.0
 #: Poses drawn for each start: where the aim is out of reach none is found.
 TRIES = 50
 #: Share of torques and speeds that may be used; gap to the ends of the joint ranges [rad].
-TORQUE, SPEED, GAP = 0.9, 0.95, 0.08
+SHARE, GAP = 0.95, 0.08
+
+#: A ball: time since its release [s]; position, velocity, acceleration then, shape (3, 3).
+Ball = tuple[float, Array]
 
 
-def balls_of(aim: Array, count: int, rng: np.random.Generator) -> list[tuple[Array, Array]]:
-    """Return position and velocity of balls as they come to the box about an aim."""
-    out = []
-    for _ in range(count):
-        speed, descent = rng.uniform(5.0, 6.2), rng.uniform(0.05, 0.55)
-        azimuth = rng.uniform(-0.12, 0.12)
-        flat = np.array([-np.cos(azimuth), np.sin(azimuth), 0.0]) * np.cos(descent)
-        v = speed * (flat - np.array([0.0, 0.0, np.sin(descent)]))
-        out.append((aim + rng.uniform(-1.0, 1.0, 3) * np.array([0.1, 0.2, 0.1]), v))
-    return out
+def balls_of(arm: Arm, aim: Array, count: int, seed: int) -> list[Ball]:
+    """Return throws of ``mitt catch --aim`` as they pass nearest to the aim."""
+    drag = read_scene("lab").ball.drag
+    half = min(float(np.linalg.norm(aim)), FAR) * np.array(BOX)
+    box = ThrowSettings(at=tuple(aim.tolist()), around=tuple(half.tolist()))
+    source = widened(source_of(arm, seed=seed, drag=drag, count=count), box)
+    return [_nearest(source.ball(k), aim, drag) for k in range(count)]
 
 
-def start_of(
-    arm: Arm, ball: tuple[Array, Array], rng: np.random.Generator
-) -> tuple[Array, Array] | None:
+def _nearest(ball: Throw | BallPath, aim: Array, drag: float) -> Ball:
+    """Return when and how a throw passes nearest to a point."""
+    assert isinstance(ball, Throw)
+    times = np.arange(0.0, LONGEST, STEP)
+    states = [fly(ball.r, ball.dr, drag=drag, duration=float(t)) for t in times]
+    k = int(np.argmin([np.linalg.norm(r - aim) for r, _ in states]))
+    motion = np.zeros((3, 3))
+    motion[:2] = states[k]
+    acceleration(motion[1], drag, motion[2])
+    return float(times[k]), motion
+
+
+def start_of(arm: Arm, ball: Ball, rng: np.random.Generator) -> tuple[Array, Array] | None:
     """Return a pose that meets a ball, and joint speeds there; None where none is found."""
-    position, velocity = ball
+    position, velocity = ball[1][:2]
     low, high = arm.q_min + 0.1, arm.q_max - 0.1
     found = least_squares(
         lambda q: arm.position(q) - position, rng.uniform(low, high), bounds=(low, high)
@@ -61,7 +80,7 @@ def start_of(
 
 
 def softest(
-    arm: Arm, model: Symbolic, balls: list[tuple[Array, Array]], start: tuple[Array, Array]
+    arm: Arm, model: Symbolic, balls: list[Ball], start: tuple[Array, Array], palm: float | None
 ) -> tuple[Array, Array] | None:
     """Return the ready pose and the relative speed of each ball; None where IPOPT ends without."""
     ca, n, (q_c, dq_c) = casadi(), arm.n, start
@@ -70,31 +89,36 @@ def softest(
     guess = np.clip(q_c - 0.2 * dq_c, arm.q_min + 0.1, arm.q_max - 0.1)
     problem.set_initial(ready, guess)
     speeds, cost = [], 0.0
-    for position, velocity in balls:
+    low, high = ca.DM(arm.q_min + GAP), ca.DM(arm.q_max - GAP)
+    for comes, ball in balls:
         q, dq, a = (problem.variable(n, PARTS + 1) for _ in range(3))
-        t = problem.variable()
-        problem.set_initial(t, COMES)
-        problem.subject_to(problem.bounded(COMES - WINDOW, t, COMES + WINDOW))
-        h = (t - BEGIN) / PARTS
+        late = problem.variable()
+        problem.subject_to(problem.bounded(-WINDOW, late, WINDOW))
+        h = (comes + late - BEGIN) / PARTS
         problem.subject_to(q[:, 0] == ready)
         problem.subject_to(dq[:, 0] == 0)
-        problem.subject_to(dq[:, 1:] - dq[:, :-1] == 0.5 * h * (a[:, 1:] + a[:, :-1]))
-        way = h * dq[:, :-1] + h**2 / 6 * (2 * a[:, :-1] + a[:, 1:])
-        problem.subject_to(q[:, 1:] - q[:, :-1] == way)
-        _keep_limits(problem, arm, model, (q, dq, a))
-        late = t - COMES
-        fall = ca.DM([0.0, 0.0, -GRAVITY])
+        for rest in steps(q, dq, a, h):
+            problem.subject_to(rest == 0)
+        for value, least, most in drive_rows(arm, model.torque.map(PARTS + 1)(q, dq, a), dq,
+                                             share=SHARE):  # fmt: skip
+            problem.subject_to(problem.bounded(least, value, most))
+        for k in range(PARTS + 1):
+            problem.subject_to(problem.bounded(low, q[:, k], high))
+        problem.subject_to(problem.bounded(low, braked(arm, q[:, -1], dq[:, -1]), high))
+        r, dr, ddr = (ca.DM(row) for row in ball)
         tip = model.tip(q[:, -1], dq[:, -1], a[:, -1])
-        met = ca.DM(position) + late * ca.DM(velocity) + 0.5 * late**2 * fall
-        problem.subject_to(tip[:, 0] == met)
-        missing = ca.sumsqr(tip[:, 1] - ca.DM(velocity) - late * fall)
-        speeds.append(ca.sqrt(missing + 1e-6))
-        cost += ca.sqrt(missing + 0.01) + 1e-4 * ca.sumsqr(a / 50)
+        problem.subject_to(tip[:, 0] == r + late * dr + 0.5 * late**2 * ddr)
+        relative = dr + late * ddr - tip[:, 1]
+        speeds.append(ca.sqrt(ca.sumsqr(relative) + 1e-6))
+        if palm is not None:
+            into = -ca.dot(relative, model.normal(q[:, -1]))
+            problem.subject_to(into >= np.cos(palm) * speeds[-1])
+        cost += ca.sqrt(ca.sumsqr(relative) + 0.01) + 1e-4 * ca.sumsqr(a / 50)
         for k in range(PARTS + 1):
             part = k / PARTS
             problem.set_initial(dq[:, k], part * dq_c)
             problem.set_initial(q[:, k], guess + part**2 * (q_c - guess))
-        problem.set_initial(a, np.repeat((dq_c / (COMES - BEGIN))[:, None], PARTS + 1, axis=1))
+        problem.set_initial(a, np.repeat((dq_c / (comes - BEGIN))[:, None], PARTS + 1, axis=1))
     problem.minimize(cost)
     options = {"print_level": 0, "sb": "yes", "max_iter": 400, "tol": 1e-4}
     problem.solver("ipopt", {"expand": True, "print_time": False}, options)
@@ -105,48 +129,30 @@ def softest(
     return np.asarray(found.value(ready)), np.array([float(found.value(x)) for x in speeds])
 
 
-def _keep_limits(
-    problem: Expression, arm: Arm, model: Symbolic, motion: tuple[Expression, ...]
-) -> None:
-    """Add drives' torques and speeds, joint ranges, and room for the brake."""
-    ca, limits, (q, dq, a) = casadi(), arm.limits, motion
-    torque = ca.mtimes(ca.DM(limits.to_drive), model.torque.map(PARTS + 1)(q, dq, a))
-    speed = ca.mtimes(ca.DM(limits.transmission[:, list(arm.model.active)]), dq)
-    for k in range(len(limits.dq_max)):
-        run = speed[k, :].T / limits.dq_max[k]
-        problem.subject_to(problem.bounded(-TORQUE, torque[k, :].T / limits.tau_peak[k], TORQUE))
-        problem.subject_to(problem.bounded(-SPEED, run, SPEED))
-        if np.isfinite(limits.tau_stall[k]):
-            line = torque[k, :].T / (TORQUE * limits.tau_stall[k]) + run
-            problem.subject_to(problem.bounded(-1, line, 1))
-    low, high = ca.DM(arm.q_min + GAP), ca.DM(arm.q_max - GAP)
-    for k in range(PARTS + 1):
-        problem.subject_to(problem.bounded(low, q[:, k], high))
-    last = dq[:, -1]
-    inertia = ca.DM(hand_of(arm)[3:])
-    way = FOLLOW * last + 0.5 * last * ca.sqrt(last**2 + 0.01) * inertia
-    problem.subject_to(problem.bounded(low, q[:, -1] + way, high))
-
-
 def main() -> None:
     """Look for the softest motions, and print them."""
     parser = argparse.ArgumentParser(description="least relative speed of hand and ball")
     parser.add_argument("--limits", default="wam-80v")
-    parser.add_argument("--aim", default="0.75,0,0.05", help="where balls come, x,y,z [m]")
+    parser.add_argument("--aim", default="0.77,0,0.057", help="where balls come, x,y,z [m]")
+    parser.add_argument("--joints", default="j1,j2,j4", help="joints that move")
+    parser.add_argument("--palm", type=float, help="largest angle off the palm's normal [deg]")
     parser.add_argument("--balls", type=int, default=6)
     parser.add_argument("--starts", type=int, default=6)
     parser.add_argument("--seed", type=int, default=5)
     options = parser.parse_args()
-    arm, rng = load_arm("wam", limits=options.limits), np.random.default_rng(options.seed)
+    arm = load_arm("wam", limits=options.limits, joints=options.joints.split(","))
+    rng = np.random.default_rng(options.seed)
     aim = np.array([float(x) for x in options.aim.split(",")])
-    balls, model, found = balls_of(aim, options.balls, rng), symbolic(arm), []
+    palm = None if options.palm is None else float(np.deg2rad(options.palm))
+    balls, model, found = balls_of(arm, aim, options.balls, options.seed), symbolic(arm), []
     poses = (start_of(arm, balls[0], rng) for _ in range(TRIES * options.starts))
     for start in islice((x for x in poses if x is not None), options.starts):
-        answer = softest(arm, model, balls, start)
+        answer = softest(arm, model, balls, start, palm)
         found += [] if answer is None else [answer]
     ready, speeds = min(found, key=lambda x: float(np.sum(x[1])), default=(None, None))
     print(json.dumps({
-        "limits": options.limits, "aim": aim.tolist(), "solved": len(found),
+        "limits": options.limits, "aim": aim.tolist(), "joints": options.joints,
+        "palm_deg": options.palm, "solved": len(found),
         "ready": None if ready is None else ready.round(3).tolist(),
         "relative_speed_m_s": None if speeds is None else speeds.round(3).tolist(),
         "median_m_s": None if speeds is None else round(float(np.median(speeds)), 3),

@@ -372,6 +372,16 @@ def test_a_map_counts_as_often_as_throws_come_to_it(found: Design, whole: Arm, t
     assert evaluation.judged(c, narrow, task).able <= worth.able
 
 
+def test_balls_too_fast_for_an_arm_count_as_lost(found: Design, whole: Arm, task: Task) -> None:
+    """Balls that a map cannot follow are not drawn anew: no map looks better than it is."""
+    assert found.best is not None
+    c = found.best.candidate
+    f = learned(whole, c, task)
+    assert f is not None
+    fast = replace(task, ranges=task_at(task, 12.0).ranges)
+    assert evaluation.judged(c, f, fast).able < 0.5 * evaluation.judged(c, f, task).able
+
+
 def test_a_search_keeps_what_is_best_for_each_price(found: Design) -> None:
     hard, soft = _worth(found, 100, 5.0), _worth(found, 60, 0.5)
     between, poor = _worth(found, 90, 2.0), _worth(found, 10, 4.0)

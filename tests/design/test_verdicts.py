@@ -1,4 +1,4 @@
-"""Verdicts on flights: as the catcher's, and how the ball comes into the hand."""
+"""Verdicts on balls: as the catcher's, and how they come into the hand."""
 
 from dataclasses import replace
 
@@ -11,15 +11,22 @@ from mitt.generator.flights import Flight
 from mitt.generator.learn import Learned, learn
 from mitt.generator.mapping import unlearned
 from mitt.robot.arm import Arm
+from mitt.signals import BallState
 
 SETTINGS = CatcherSettings()
+
+
+def balls_of(flights: list[Flight]) -> list[BallState]:
+    """Return balls as they are at the first instants of flights."""
+    drag = SETTINGS.flight.drag_mean
+    return [BallState(t=0.0, r_o=x.ball[0, 0], dr_o=x.ball[0, 1], drag=drag) for x in flights]
 
 
 def test_the_map_of_the_paper_meets_the_ball_without_relative_speed(
     learned: Learned, flights: list[Flight]
 ) -> None:
     """Kappa = 1 and inward = 0: hand and ball have one velocity, and the limits are kept."""
-    said = verdicts(learned.map, flights, learned.map.arm, SETTINGS)
+    said = verdicts(learned.map, balls_of(flights), learned.map.arm, SETTINGS)
     assert said.speed.max() < 0.05
     assert np.mean(said.share <= 1.0) > 0.9
     assert said.binds.split(":")[0] in ("torque", "speed", "range", "brake")
@@ -29,8 +36,8 @@ def test_an_inward_map_meets_it_faster_and_near_the_normal(arm: Arm, flights: li
     """The ball comes in within 25 degrees of the palm's normal; with kappa = 3 it crosses it."""
     inward = learn(arm, MapDesign(q_catch=0.6, inward=3.0), flights).map
     across = learn(arm, MapDesign(kappa=3.0), flights).map
-    straight = verdicts(inward, flights, arm, SETTINGS)
-    aslant = verdicts(across, flights, arm, SETTINGS)
+    straight = verdicts(inward, balls_of(flights), arm, SETTINGS)
+    aslant = verdicts(across, balls_of(flights), arm, SETTINGS)
     assert straight.angle.max() < np.deg2rad(25.0)
     assert aslant.angle.min() > np.deg2rad(60.0)
     assert straight.speed.min() > 3.0
@@ -43,14 +50,24 @@ def test_a_motion_that_the_arm_cannot_follow_is_refused(
     model, limits, shares = learned.map.arm.model, learned.map.arm.limits, []
     for part in (0.5, 0.2, 0.1):
         weak = Arm(model, replace(limits, tau_peak=part * limits.tau_peak))
-        said = verdicts(replace(learned.map, arm=weak), flights[:4], weak, SETTINGS)
+        said = verdicts(replace(learned.map, arm=weak), balls_of(flights[:4]), weak, SETTINGS)
         shares.append(float(np.median(said.share)))
     assert shares[-1] > 1.0
     assert shares == sorted(shares)
 
 
-def test_a_flight_outside_the_domain_has_no_share(arm: Arm, flights: list[Flight]) -> None:
-    """A map whose domain the flights leave says so."""
-    said = verdicts(unlearned(arm, MapDesign(q_catch=0.2)), flights, arm, SETTINGS)
+def test_a_ball_that_does_not_come_to_the_map_has_no_share(arm: Arm, flights: list[Flight]) -> None:
+    """A map whose domain the balls leave says so."""
+    said = verdicts(unlearned(arm, MapDesign(q_catch=0.2)), balls_of(flights), arm, SETTINGS)
     assert np.all(np.isinf(said.share))
     assert said.binds == "domain"
+
+
+def test_the_hand_is_no_faster_than_its_joints(arm: Arm, flights: list[Flight]) -> None:
+    """A map asks for what it likes; with joints at half the speed the ball comes in faster."""
+    found = learn(arm, MapDesign(), flights).map
+    slow = Arm(arm.model, replace(arm.limits, dq_max=0.4 * arm.limits.dq_max))
+    usual = verdicts(found, balls_of(flights), arm, SETTINGS)
+    said = verdicts(replace(found, arm=slow), balls_of(flights), slow, SETTINGS)
+    assert np.median(usual.speed) < 0.05
+    assert np.median(said.speed) > 1.0

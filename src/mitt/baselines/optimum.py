@@ -109,37 +109,20 @@ class Programme:
         tau = model.torque.map(M + 1)(q, dq, a)
         rows = _Rows()
         rows.equal(q[:, 0] - q_0, dq[:, 0] - dq_0)
-        rows.equal(dq[:, 1:] - dq[:, :-1] - 0.5 * h * (a[:, 1:] + a[:, :-1]))
-        rows.equal(q[:, 1:] - q[:, :-1] - h * dq[:, :-1] - h**2 / 6 * (2 * a[:, :-1] + a[:, 1:]))
+        rows.equal(*steps(q, dq, a, h))
         ball = _flight(ca, c, span - mid)
         tip = model.tip(q[:, -1], dq[:, -1], a[:, -1])
         met = tip - ball
         rows.equal(met[:, 0], 0.1 * met[:, 1])
         rows.equal(0.01 * (met[:, 2] + approach * model.normal(q[:, -1])))
-        self._limits(ca, rows, tau, dq)
-        inertia = hand_of(arm)[3:]
-        size = ca.sqrt(dq[:, -1] ** 2 + 0.01)
-        way = FOLLOW * dq[:, -1] + 0.5 * dq[:, -1] * size * inertia
-        rows.within(q[:, -1] + way, arm.q_min + _GAP, arm.q_max - _GAP)
+        for value, low, high in drive_rows(arm, tau, dq, share=_SHARE):
+            rows.within(value, np.full(M + 1, low), np.full(M + 1, high))
+        rows.within(braked(arm, q[:, -1], dq[:, -1]), arm.q_min + _GAP, arm.q_max - _GAP)
         active = tau[list(arm.model.active), :] / ca.DM(arm.tau_max)
         cost = (ca.sumsqr(active) + ca.sumsqr(dq / ca.DM(arm.dq_max))) / (M + 1)
         x = ca.vertcat(ca.vec(q), ca.vec(dq), ca.vec(a), span, approach)
         p = ca.vertcat(q_0, dq_0, ca.vec(c), mid)
         return x, p, cost, ca.vertcat(*rows.values), np.array(rows.low), np.array(rows.high)
-
-    def _limits(self, ca: ModuleType, rows: "_Rows", tau: Expression, dq: Expression) -> None:
-        """Add the drives' torques and speeds: peak, and the line from stall to no load."""
-        arm, limits, many = self.arm, self.arm.limits, np.ones(PARTS + 1)
-        drive = ca.mtimes(ca.DM(limits.to_drive), tau)
-        speed = ca.mtimes(ca.DM(limits.transmission[:, list(arm.model.active)]), dq)
-        for k, peak in enumerate(_SHARE * limits.tau_peak):
-            rows.within(drive[k, :].T / peak, -many, many)
-            rows.within(speed[k, :].T / limits.dq_max[k], -_SHARE * many, _SHARE * many)
-            if np.isfinite(limits.tau_stall[k]):
-                stall = _SHARE * limits.tau_stall[k]
-                for sign in (1.0, -1.0):
-                    line = sign * (drive[k, :].T / stall + speed[k, :].T / limits.dq_max[k])
-                    rows.within(line, -np.inf * many, many)
 
 
 class _Rows:
@@ -162,6 +145,58 @@ class _Rows:
         self.values.append(value)
         self.low.extend(low.tolist())
         self.high.extend(high.tolist())
+
+
+def steps(
+    q: Expression, dq: Expression, a: Expression, h: Expression
+) -> tuple[Expression, Expression]:
+    """Return what is zero where accelerations are linear between instants ``h`` s apart.
+
+    Args:
+        q: Angles at the instants, shape (n, M + 1).
+        dq: Speeds there.
+        a: Accelerations there.
+        h: Time between them [s].
+    """
+    gained = dq[:, 1:] - dq[:, :-1] - 0.5 * h * (a[:, 1:] + a[:, :-1])
+    moved = q[:, 1:] - q[:, :-1] - h * dq[:, :-1] - h**2 / 6 * (2 * a[:, :-1] + a[:, 1:])
+    return gained, moved
+
+
+def drive_rows(
+    arm: Arm, tau: Expression, dq: Expression, *, share: float
+) -> list[tuple[Expression, float, float]]:
+    """Return the drives' torques and speeds with their bounds: peak, and stall to no load.
+
+    Args:
+        arm: The arm.
+        tau: Torques of all N links at the instants [N m], shape (N, M + 1).
+        dq: Speeds of the active joints there [rad/s], shape (n, M + 1).
+        share: Part of each limit that may be used.
+    """
+    ca, limits = casadi(), arm.limits
+    drive = ca.mtimes(ca.DM(limits.to_drive), tau)
+    speed = ca.mtimes(ca.DM(limits.transmission[:, list(arm.model.active)]), dq)
+    rows = list[tuple[Expression, float, float]]()
+    for k, peak in enumerate(share * limits.tau_peak):
+        run = speed[k, :].T / limits.dq_max[k]
+        rows.append((drive[k, :].T / peak, -1.0, 1.0))
+        rows.append((run, -share, share))
+        if np.isfinite(limits.tau_stall[k]):
+            rows.append((drive[k, :].T / (share * limits.tau_stall[k]) + run, -1.0, 1.0))
+    return rows
+
+
+def braked(arm: Arm, q: Expression, dq: Expression) -> Expression:
+    """Return about where the joints stand once the arm has braked after the catch, shape (n,).
+
+    Args:
+        arm: The arm.
+        q: Angles at the catch, shape (n,).
+        dq: Speeds there, shape (n,).
+    """
+    size, inertia = casadi().sqrt(dq**2 + 0.01), hand_of(arm)[3:]
+    return q + FOLLOW * dq + 0.5 * dq * size * inertia
 
 
 def _flight(ca: ModuleType, c: Expression, s: Expression) -> Expression:

@@ -1,9 +1,9 @@
 """What a candidate is worth: on paper, learned, and thrown at.
 
 Each step costs more than the one before and is given fewer candidates: whether typical flights are
-in the domain of l_c^-1 and the arm can hold its poses (milliseconds), what a learned map asks
-for on other flights (tenths of a second), and how many thrown balls it catches in the simulated
-world (hundredths of a second a throw).
+in the domain of l_c^-1 and the arm can hold its poses (milliseconds), how many thrown balls the
+catcher would promise to catch with a learned map (tenths of a second), and how many it catches in
+the simulated world (hundredths of a second a throw).
 """
 
 from dataclasses import dataclass, replace
@@ -17,7 +17,6 @@ from mitt.design.contact import touching
 from mitt.design.task import Task
 from mitt.design.verdicts import Verdicts, verdicts
 from mitt.errors import MittError
-from mitt.generator.feasibility import returns
 from mitt.generator.flights import lift_flight
 from mitt.generator.generators import Direct
 from mitt.generator.learn import LearnSettings
@@ -30,6 +29,8 @@ from mitt.trials.learning import learn
 from mitt.trials.neighbourhood import Neighbourhood
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial
+from mitt.world.ballistics import fly
+from mitt.world.flights import BallPath
 from mitt.world.throws import Throw
 
 #: Share of each torque that holding a pose, and speeding up to the catch, may ask for on paper.
@@ -42,15 +43,14 @@ _SAME = 1e-3
 _GAP = 0.012
 #: Poses from the ready pose to the catch that are looked at, both included.
 _ON_THE_WAY = 4
-#: Seed of the flights that candidates are judged on.
-_JUDGE_SEED = 32
+#: Seed and number of the balls that candidates are judged by; time after their release at which
+#: the arm starts [s].
+_JUDGE_SEED, _JUDGED_BALLS, _START = 32, 30, 0.05
 #: Flights and instants for a quick answer, and for the last candidates. What is best on maps
 #: learned from 30 flights need not be with 120: of one design 98 and 86 % were caught.
 _GLANCE, _QUICK = Neighbourhood(flights=16, instants=9), Neighbourhood(flights=30, instants=12)
 _MANY_FLIGHTS, _FULL = Neighbourhood(instants=12), Neighbourhood()
-_JUDGED = Neighbourhood(flights=24, instants=16, kicked=0.0, bounced=0.0)
-#: Throws of which the share that a map can meet is found.
-_SHOWN = 40
+_ON_PAPER = Neighbourhood(flights=6, instants=7, kicked=0.0, bounced=0.0)
 _STEPS = {
     "glance": LearnSettings(steps=3, tolerance=0.05),
     "quick": LearnSettings(steps=5, tolerance=0.02),
@@ -82,8 +82,9 @@ class Evaluation:
 
     Attributes:
         candidate: The candidate.
-        able: About how many of the flights its learned map catches, as a share.
-        speed: Median relative speed of hand and ball [m/s]: of flights, or of throws.
+        able: About how many of the balls its learned map catches, as a share.
+        speed: Median relative speed of hand and ball [m/s]: as asked for, or of
+            throws.
         thrown: Number of throws.
         caught: Those caught.
         clean: Those caught without a tick beyond a limit.
@@ -111,7 +112,7 @@ class Evaluation:
 
     @property
     def share(self) -> float:
-        """Share caught, or about to be caught by flights where nothing was thrown.
+        """Share caught, or about to be caught by verdicts where nothing was thrown.
 
         A ball caught beyond a limit counts in part: where one of acceleration, jerk or torque rate
         is exceeded in every throw, the others are still to be told apart.
@@ -153,11 +154,10 @@ def able_to_hold(whole: Arm, c: Candidate, task: Task) -> bool:
     try:
         arm = c.arm(whole, task.arrivals)
         start = unlearned(arm, c.design)
-        few = replace(_JUDGED, flights=6, instants=7)
-        flights = task.flights(start, np.random.default_rng(_JUDGE_SEED), few)
+        flights = task.flights(start, np.random.default_rng(_JUDGE_SEED), _ON_PAPER)
     except MittError:
         return False
-    if len(flights) < 6 or not _holds(arm, c, task.scene.floor):
+    if len(flights) < _ON_PAPER.flights or not _holds(arm, c, task.scene.floor):
         return False
     if touching(arm, task.scene, _way(c)):
         return False
@@ -215,33 +215,30 @@ def learned(whole: Arm, c: Candidate, task: Task, how: How = "quick") -> DirectM
 
 
 def judged(c: Candidate, f: DirectMap, task: Task) -> Evaluation:
-    """Return what a learned map is worth on flights that it was not learned from."""
-    rng = np.random.default_rng([_JUDGE_SEED, task.seed])
-    around = task.around(_JUDGED)
-    flights = task.flights(f, rng, _JUDGED)
-    if not flights:
-        return Evaluation(candidate=c, able=0.0, speed=99.0, binding="domain")
-    arm = driven(f.arm, task.scene)
-    said = verdicts(f, flights, arm, known_settings(f.arm, task.scene))
-    kept = len(flights) / around.flights * _reached(f, task)
-    able = _able(said) * kept
-    return Evaluation(candidate=c, able=able, speed=_middle(said.speed), binding=said.binds)
+    """Return what a learned map is worth by the catcher's verdicts on balls that are thrown at it.
 
-
-def _reached(f: DirectMap, task: Task) -> float:
-    """Return the share of throws that come to where the map can meet them.
-
-    Flights say nothing of that: those that do not come there are drawn anew.
+    They are balls of the task, as throws are: drawn flights would leave out those that a map cannot
+    meet, and so judge a map by what suits it.
     """
-    source = task.source(f, throws=_SHOWN, seed=_JUDGE_SEED)
-    balls = [x for x in map(source.ball, range(_SHOWN)) if isinstance(x, Throw)]
-    drag = task.scene.ball.drag
-    states = (BallState(t=0.0, r_o=x.r, dr_o=x.dr, drag=drag) for x in balls)
-    return sum(returns(f, x) for x in states) / len(balls) if balls else 1.0
+    source = task.source(f, throws=_JUDGED_BALLS, seed=_JUDGE_SEED)
+    balls = [_seen(source.ball(k), task.scene.ball.drag) for k in range(_JUDGED_BALLS)]
+    said = verdicts(f, balls, driven(f.arm, task.scene), known_settings(f.arm, task.scene))
+    return Evaluation(
+        candidate=c, able=_able(said), speed=_middle(said.speed), binding=said.binds
+    )  # fmt: skip
+
+
+def _seen(ball: Throw | BallPath, drag: float) -> BallState:
+    """Return a ball as it is when it is first known well enough for the arm to start."""
+    if isinstance(ball, Throw):
+        r, dr = fly(ball.r, ball.dr, drag=drag, duration=_START)
+    else:
+        r, dr = ball.at(_START)
+    return BallState(t=0.0, r_o=r, dr_o=dr, drag=drag)
 
 
 def _able(said: Verdicts) -> float:
-    """Return about how many of the flights are caught: the farther beyond a limit, the less.
+    """Return about how many of the balls are caught: the farther beyond a limit, the less.
 
     It falls smoothly, so that of two candidates that are both beyond a limit the nearer one is
     seen.
