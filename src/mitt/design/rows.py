@@ -14,11 +14,12 @@ from mitt.signals import Array
 
 #: What each further candidate of the same choice of joints costs, in m/s of relative speed.
 _REPEATED = 0.08
-#: Time for which the hand's speed at the catch is taken to the ready pose [s].
-_SWING = (0.04, 0.2)
+#: Time for which the joints' speeds at the catch are taken to the ready pose [s]: 0.13 to 0.2 in
+#: the softest motions of the WAM (``benchmarks/softest.py``); and by how much it differs by joint.
+_SWING, _EACH = (0.04, 0.22), (0.7, 1.3)
 #: Farthest that the two other joints stand off their angles at the catch [rad]: l_c^-1 starts from
 #: the ready pose, and has other branches.
-_ASIDE = 0.4
+_ASIDE = 1.0
 #: Room that the ready pose keeps to the ends of the ranges [rad].
 _ROOM = 0.05
 
@@ -93,7 +94,7 @@ def candidates_of(
     for k in range(len(rows.q)):
         order = np.argsort(rows.free[k])
         free = rows.free[k][order]
-        swing = rng.uniform(*_SWING) * rows.x[k]
+        swing = rng.uniform(*_SWING) * rng.uniform(*_EACH, 3) * rows.x[k]
         swing[:2] = np.clip(swing[:2], -_ASIDE, _ASIDE)
         ready = rows.q[k, free] - swing[order]
         low, high = whole.q_min + _ROOM, whole.q_max - _ROOM

@@ -88,6 +88,14 @@ class Effort:
             thrown=self.thrown // 2, throws=self.throws[:3], last=1, confirm=self.throws[0],
         )  # fmt: skip
 
+    def halved(self) -> "Effort":
+        """Return half of it, for one choice of three joints where there may be hundreds."""
+        return replace(
+            self, judged=(self.judged + 1) // 2, offspring=(self.offspring + 1) // 2,
+            thrown=(self.thrown + 1) // 2, children=(self.children + 1) // 2,
+            last=(self.last + 1) // 2, again=(self.again + 1) // 2,
+        )  # fmt: skip
+
 
 #: By name: what ``mitt design --effort`` may ask for.
 EFFORTS = {
@@ -119,6 +127,8 @@ def search(
     triples = triples_of(whole, joints)
     if len(triples) == 0:
         raise ModelError("joints", "at least three, one of which turns", f"{whole.n}")
+    if len(np.unique(triples)) == 3:
+        effort = effort.halved()
     rng = np.random.default_rng([task.seed, 1])
     rows = _by_geometry(whole, task, effort, triples, rng, evaluator.progress)
     if len(rows.q) == 0:
