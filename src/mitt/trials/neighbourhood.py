@@ -90,7 +90,7 @@ Motion = Callable[[float], tuple[Array, Array]]
 #: Time after the time of flight in which the catch is still looked for [s], and on which grid [s].
 _LATER, _GRID = 0.45, 0.005
 #: Share of a joint's speed above which no map can follow a flight at the catch: it is left out.
-_AT_CATCH = 1.1
+_AT_CATCH = 1.3
 #: For an arm that says where it wants its balls: width of the box of arrivals in widths of the box
 #: that is aimed at, and its least half-width [m].
 WIDER, NARROWEST = np.array([2.0, 1.2, 1.35]), 0.03
