@@ -4,7 +4,7 @@ import pytest
 
 from mitt.design.balls import Balls
 from mitt.design.design import Design, design
-from mitt.design.search import Effort
+from mitt.design.effort import Effort
 from mitt.design.task import Task
 from mitt.design.whole import whole_arm
 from mitt.robot.arm import Arm

@@ -21,6 +21,7 @@ from mitt.design.candidate import Candidate
 from mitt.design.causes import BEYOND, cause_of
 from mitt.design.contact import Touch
 from mitt.design.design import Design, Origin, design, rate_of
+from mitt.design.effort import effort_of
 from mitt.design.evaluation import Evaluation, learned, thrown, trials_of
 from mitt.design.evaluator import Evaluator
 from mitt.design.geometry import drawn, triples_of
@@ -566,3 +567,11 @@ def test_candidates_of_a_dead_worker_are_evaluated_by_themselves(
     assert set(windows[1:]) == {1}
     assert bench.tally.lost == 1
     assert "1 candidates" in bench.tally.told()[0]
+
+
+def test_three_joints_take_half_the_candidates_in_full() -> None:
+    full, half = effort_of("full", 4), effort_of("full", 3)
+    assert effort_of("quick", 3) == effort_of("quick", 7)
+    for name in ("judged", "offspring", "thrown", "children", "last", "again"):
+        assert getattr(half, name) == (getattr(full, name) + 1) // 2
+    assert (half.throws, half.confirm, half.report) == (full.throws, full.confirm, full.report)

@@ -3,15 +3,23 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from mitt.catcher.settings import CatcherSettings
+from mitt.design.balls import Balls
+from mitt.design.task import Task
+from mitt.design.verdicts import balls_of as thrown
 from mitt.design.verdicts import verdicts
-from mitt.generator.design import MapDesign
+from mitt.generator.design import MapDesign, catch_place
 from mitt.generator.flights import Flight
 from mitt.generator.learn import Learned, learn
 from mitt.generator.mapping import unlearned
 from mitt.robot.arm import Arm
-from mitt.signals import BallState
+from mitt.signals import GRAVITY, BallState
+from mitt.world.ballistics import fly
+from mitt.world.flights import Recording
+from mitt.world.scenes import read_scene
+from mitt.world.throws import Throw
 
 SETTINGS = CatcherSettings()
 
@@ -64,10 +72,34 @@ def test_a_ball_that_does_not_come_to_the_map_has_no_share(arm: Arm, flights: li
 
 
 def test_the_hand_is_no_faster_than_its_joints(arm: Arm, flights: list[Flight]) -> None:
-    """A map asks for what it likes; with joints at half the speed the ball comes in faster."""
+    """A map asks for what it likes; with joints at 0.4 of the speed the ball comes in faster."""
     found = learn(arm, MapDesign(), flights).map
     slow = Arm(arm.model, replace(arm.limits, dq_max=0.4 * arm.limits.dq_max))
     usual = verdicts(found, balls_of(flights), arm, SETTINGS)
     said = verdicts(replace(found, arm=slow), balls_of(flights), slow, SETTINGS)
     assert np.median(usual.speed) < 0.05
     assert np.median(said.speed) > 1.0
+
+
+def test_throws_of_a_user_are_judged_once_each(learned: Learned) -> None:
+    """Five throws are five balls, 50 ms after their release, however many are asked for."""
+    throws = tuple(
+        Throw(r=np.array([3.0, 0.1 * k, 0.3]), dr=np.array([-5.5, 0.0, 2.0])) for k in range(5)
+    )
+    task = Task(balls=Balls(), scene=read_scene("lab"), throws=throws)
+    balls = thrown(learned.map, task, count=30, seed=1)
+    assert [ball.r_o[1] for ball in balls] == [0.1 * k for k in range(5)]
+    assert balls[0].r_o[0] == pytest.approx(3.0 - 0.05 * 5.5, abs=0.01)
+
+
+def test_a_recorded_ball_that_bounces_comes_to_the_catch_point(learned: Learned) -> None:
+    """A bounce on its way does not lead it elsewhere: flown on freely it passes the hand."""
+    t = np.linspace(0.0, 0.8, 161)
+    fall, rise = 1.0 - 0.5 * GRAVITY * t**2, 0.7 * GRAVITY * 0.4 * (t - 0.4)
+    up = 1.0 - 0.5 * GRAVITY * 0.16 + rise - 0.5 * GRAVITY * (t - 0.4) ** 2
+    r = np.stack([3.0 - 4.0 * t, 0.0 * t, np.where(t < 0.4, fall, up)], axis=1)
+    bounced = Recording(name="bounced", t=t, r=r)
+    task = Task(balls=Balls(), scene=read_scene("lab"), recordings=(bounced,))
+    (ball,) = thrown(learned.map, task, count=30, seed=1)
+    there = fly(ball.r_o, ball.dr_o, drag=ball.drag, duration=0.4)[0]
+    assert np.linalg.norm(there - catch_place(learned.map.arm)) < 0.1

@@ -20,8 +20,8 @@ from mitt.commands.screen import (
 )
 from mitt.design.arrivals import AROUND_FLIGHTS, box_of, of_flights, of_throws
 from mitt.design.design import Design, Origin, design
+from mitt.design.effort import effort_of
 from mitt.design.evaluation import ENOUGH
-from mitt.design.search import EFFORTS
 from mitt.design.speeds import default_balls, release_speed
 from mitt.design.task import Task
 from mitt.design.whole import held_as, whole_arm
@@ -66,13 +66,13 @@ def run(options: DesignOptions) -> int:
     if options.check:
         return checked(f"{whole.model.name}, {whole.n} joints, output to {options.out}")
     tell_of_kernels()
+    effort = effort_of(options.effort, whole.n if joints is None else len(joints))
     engine = None if options.workers == 1 else engine_of("local", options.workers)
     try:
         with progress() as report:
             found = design(
-                whole, task, EFFORTS[options.effort], progress=report, joints=joints,
-                engine=engine, rate=rate,
-            )  # fmt: skip
+                whole, task, effort, progress=report, joints=joints, engine=engine, rate=rate
+            )
     finally:
         if engine is not None:
             engine.close(at_once=True)

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import mitt
 from mitt.design.arrivals import ranges_of_throws, shifted
+from mitt.design.effort import Effort
 from mitt.design.evaluation import Evaluation
 from mitt.design.evaluator import Evaluator, Progress
-from mitt.design.search import RATE, Effort, reported, search
+from mitt.design.search import RATE, reported, search
 from mitt.design.speeds import SPEEDS, AtSpeed, Fastest, by_speed, fastest, release_speed, slower
 from mitt.design.task import Task
 from mitt.files.arm_file import ArmFile, HandName, digest_of

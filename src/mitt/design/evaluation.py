@@ -15,7 +15,7 @@ from mitt.design.candidate import Candidate
 from mitt.design.causes import cause_of
 from mitt.design.contact import touching
 from mitt.design.task import Task
-from mitt.design.verdicts import Verdicts, verdicts
+from mitt.design.verdicts import Verdicts, balls_of, verdicts
 from mitt.errors import MittError
 from mitt.generator.flights import lift_flight
 from mitt.generator.generators import Direct
@@ -23,15 +23,12 @@ from mitt.generator.learn import LearnSettings
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Surroundings, clearance, shapes_of
-from mitt.signals import Array, BallState, MapStatus
+from mitt.signals import Array, MapStatus
 from mitt.trials.known import driven, known_settings
 from mitt.trials.learning import learn
 from mitt.trials.neighbourhood import Neighbourhood
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial
-from mitt.world.ballistics import fly
-from mitt.world.flights import BallPath
-from mitt.world.throws import Throw
 
 #: Share of each torque that holding a pose, and speeding up to the catch, may ask for on paper.
 _HOLDING, _SPEEDING = 0.85, 2.5
@@ -43,11 +40,11 @@ _SAME = 1e-3
 _GAP = 0.012
 #: Poses from the ready pose to the catch that are looked at, both included.
 _ON_THE_WAY = 4
-#: Seed and number of the balls that candidates are judged by; time after their release at which
-#: the arm starts [s].
-_JUDGE_SEED, _JUDGED_BALLS, _START = 32, 30, 0.05
+#: Seed and largest number of the balls that candidates are judged by.
+_JUDGE_SEED, _JUDGED_BALLS = 32, 30
 #: Flights and instants for a quick answer, and for the last candidates. What is best on maps
-#: learned from 30 flights need not be with 120: of one design 98 and 86 % were caught.
+#: learned from 30 flights need not be with 120: of one design 98 and 86 % were caught. On paper a
+#: few show whether balls come to where the map can meet them.
 _GLANCE, _QUICK = Neighbourhood(flights=16, instants=9), Neighbourhood(flights=30, instants=12)
 _MANY_FLIGHTS, _FULL = Neighbourhood(instants=12), Neighbourhood()
 _ON_PAPER = Neighbourhood(flights=6, instants=7, kicked=0.0, bounced=0.0)
@@ -58,7 +55,7 @@ _STEPS = {
     "full": LearnSettings(),
 }
 _AROUND = {"glance": _GLANCE, "quick": _QUICK, "many": _MANY_FLIGHTS, "full": _FULL}
-#: Share of a limit from which on a flight counts less, and how fast: 1 / (1 + _STEEP excess).
+#: Share of a limit from which on a ball counts less, and how fast: 1 / (1 + _STEEP excess).
 _FULL_SHARE, _STEEP = 0.95, 5.0
 #: Angle off the palm's normal from which on it counts less [rad], and how fast [1/rad]; up to this
 #: relative speed the angle does not matter [m/s].
@@ -83,8 +80,7 @@ class Evaluation:
     Attributes:
         candidate: The candidate.
         able: About how many of the balls its learned map catches, as a share.
-        speed: Median relative speed of hand and ball [m/s]: as asked for, or of
-            throws.
+        speed: Median relative speed of hand and ball [m/s]: by the verdicts, or of throws.
         thrown: Number of throws.
         caught: Those caught.
         clean: Those caught without a tick beyond a limit.
@@ -220,21 +216,11 @@ def judged(c: Candidate, f: DirectMap, task: Task) -> Evaluation:
     They are balls of the task, as throws are: drawn flights would leave out those that a map cannot
     meet, and so judge a map by what suits it.
     """
-    source = task.source(f, throws=_JUDGED_BALLS, seed=_JUDGE_SEED)
-    balls = [_seen(source.ball(k), task.scene.ball.drag) for k in range(_JUDGED_BALLS)]
+    balls = balls_of(f, task, count=_JUDGED_BALLS, seed=_JUDGE_SEED)
     said = verdicts(f, balls, driven(f.arm, task.scene), known_settings(f.arm, task.scene))
     return Evaluation(
         candidate=c, able=_able(said), speed=_middle(said.speed), binding=said.binds
     )  # fmt: skip
-
-
-def _seen(ball: Throw | BallPath, drag: float) -> BallState:
-    """Return a ball as it is when it is first known well enough for the arm to start."""
-    if isinstance(ball, Throw):
-        r, dr = fly(ball.r, ball.dr, drag=drag, duration=_START)
-    else:
-        r, dr = ball.at(_START)
-    return BallState(t=0.0, r_o=r, dr_o=dr, drag=drag)
 
 
 def _able(said: Verdicts) -> float:

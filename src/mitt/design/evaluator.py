@@ -29,9 +29,9 @@ class Job:
         whole: The arm with all joints active.
         candidate: The candidate.
         task: What is to be caught.
-        throws: Number of throws; 0 to judge it by flights alone.
+        throws: Number of throws; 0 to judge it by verdicts alone.
         seed: Seed of the throws.
-        least: Least share of flights that it about catches from which it is thrown at.
+        least: Least share of balls caught by the verdicts from which it is thrown at.
         how: How thoroughly the map is learned.
         give_up: Whether it is thrown at less where it catches few of the first throws.
     """

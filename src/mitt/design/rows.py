@@ -14,11 +14,12 @@ from mitt.signals import Array
 
 #: What each further candidate of the same choice of joints costs, in m/s of relative speed.
 _REPEATED = 0.08
-#: Time for which the joints' speeds at the catch are taken to the ready pose [s]: 0.13 to 0.2 in
-#: the softest motions of the WAM (``benchmarks/softest.py``); and by how much it differs by joint.
+#: The ready pose is the pose at the catch less this time [s] times the joint speeds there: 0.13 to
+#: 0.2 in the softest motions of the WAM (``benchmarks/softest.py``). Range of a factor on it, drawn
+#: for each joint.
 _SWING, _EACH = (0.04, 0.22), (0.7, 1.3)
-#: Farthest that the two other joints stand off their angles at the catch [rad]: l_c^-1 starts from
-#: the ready pose, and has other branches.
+#: Farthest that the two other joints stand off their angles at the catch [rad]. From farther away
+#: l_c^-1 may find another branch; what does so is left out on paper.
 _ASIDE = 1.0
 #: Room that the ready pose keeps to the ends of the ranges [rad].
 _ROOM = 0.05

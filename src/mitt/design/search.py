@@ -1,4 +1,4 @@
-"""The search for a design: geometry, flights, throws, and small changes by flights and by throws.
+"""The search for a design: geometry, verdicts, throws, and small changes by both of these.
 
 What catches most is rarely what catches most softly. So a search keeps several designs, each the
 best for another price of a hard catch (:data:`PRICES`), and chooses at the end: of those that catch
@@ -9,7 +9,6 @@ of workers.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from itertools import cycle
 
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from mitt.design.candidate import Candidate
 from mitt.design.contact import Touch
+from mitt.design.effort import Effort
 from mitt.design.evaluation import Evaluation, How
 from mitt.design.evaluator import Evaluator, Progress
 from mitt.design.geometry import drawn, improved, spread, triples_of
@@ -30,79 +30,13 @@ from mitt.robot.arm import Arm
 #: a search lie below those of the throws that are reported (:data:`REPORTED`).
 _COMPARE, _CONFIRM, _AGAIN = 100, 1000, 1500
 #: Stages of small changes; each draws its own.
-_BY_THROWS, _BY_FLIGHTS = 2, 3
-#: Share of flights that it about catches from which a changed candidate is thrown at.
+_BY_THROWS, _BY_VERDICTS = 2, 3
+#: Share of balls caught by the verdicts from which a changed candidate is thrown at.
 _WORTH_THROWING = 0.2
 #: What a catch that is harder by 1 m/s costs, in shares of throws; the best for each are kept.
 PRICES = (0.005, 0.1, 0.03, 0.2)
 #: Share of the throws that is asked for, if nothing else is said.
 RATE = 0.98
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Effort:
-    """How much is looked at in each stage.
-
-    Attributes:
-        poses: Poses drawn at a time.
-        rounds: Most times that they are drawn.
-        enough: Candidates by geometry after which no more are drawn.
-        changes: Rounds of small changes of these.
-        judged: Candidates that are learned and judged by flights.
-        generations: Rounds of small changes that are judged by flights alone.
-        offspring: Changed ones of each of these.
-        thrown: Those of them that are thrown at.
-        throws: Throws at each in each generation, the first being that without changes. They grow,
-            so that the few that are left are told apart; where there are more than at first, maps
-            are learned from as many flights as those of ``mitt catch``.
-        parents: Candidates that are changed in each generation.
-        children: Changed ones of each generation.
-        last: Candidates that are learned in full and confirmed.
-        confirm: Throws at each of these, by which the best is chosen.
-        again: How many of them are thrown at once more: the best of several was lucky as well.
-        report: Fresh throws at the chosen one, which alone are reported.
-        slower: Searches for slower throws where the default ones are not caught.
-    """
-
-    poses: int = 40_000
-    rounds: int = 5
-    enough: int = 2000
-    changes: int = 16
-    judged: int = 60
-    generations: int = 10
-    offspring: int = 60
-    thrown: int = 16
-    throws: tuple[int, ...] = (12, 12, 12, 16, 16, 24, 32)
-    parents: int = 6
-    children: int = 20
-    last: int = 9
-    confirm: int = 100
-    again: int = 4
-    report: int = 100
-    slower: int = 3
-
-    def less(self) -> "Effort":
-        """Return less of it, for one of several searches."""
-        return replace(
-            self, judged=self.judged // 3, generations=self.generations // 2,
-            thrown=self.thrown // 2, throws=self.throws[:3], last=1, confirm=self.throws[0],
-        )  # fmt: skip
-
-    def halved(self) -> "Effort":
-        """Return half of it, for one choice of three joints where there may be hundreds."""
-        return replace(
-            self, judged=(self.judged + 1) // 2, offspring=(self.offspring + 1) // 2,
-            thrown=(self.thrown + 1) // 2, children=(self.children + 1) // 2,
-            last=(self.last + 1) // 2, again=(self.again + 1) // 2,
-        )  # fmt: skip
-
-
-#: By name: what ``mitt design --effort`` may ask for.
-EFFORTS = {
-    "quick": Effort(rounds=2, changes=8, judged=16, generations=4, offspring=40, thrown=6,
-                    throws=(12, 12), children=8, last=1, confirm=20),
-    "full": Effort(),
-}  # fmt: skip
 
 
 def search(
@@ -127,8 +61,6 @@ def search(
     triples = triples_of(whole, joints)
     if len(triples) == 0:
         raise ModelError("joints", "at least three, one of which turns", f"{whole.n}")
-    if len(np.unique(triples)) == 3:
-        effort = effort.halved()
     rng = np.random.default_rng([task.seed, 1])
     rows = _by_geometry(whole, task, effort, triples, rng, evaluator.progress)
     if len(rows.q) == 0:
@@ -199,15 +131,15 @@ def _by_geometry(
 def _softened(
     whole: Arm, task: Task, effort: Effort, evaluator: Evaluator, worth: list[Evaluation]
 ) -> list[Evaluation]:
-    """Return what was judged by flights with small changes of its best, generation by generation.
+    """Return what was judged by verdicts with small changes of its best, generation by generation.
 
-    Flights cost a tenth of throws. What geometry finds soft asks the drives for too much at first;
+    Verdicts cost less than throws. What geometry finds soft asks the drives for too much at first;
     small changes lead from there to what they can do, and seldom from what is hard to what is soft.
     """
     pool = list(worth)
     for generation in range(effort.generations):
         parents = best_by_price(pool, 2 * effort.parents)
-        of = (_BY_FLIGHTS, generation)
+        of = (_BY_VERDICTS, generation)
         children = _changed(whole, task, parents, effort.offspring, of)
         name = f"changing {generation + 1} of {effort.generations}"
         pool += evaluator.try_all(name, children, how="glance")

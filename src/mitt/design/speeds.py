@@ -8,9 +8,10 @@ import numpy as np
 from mitt.design.arrivals import of_default_throws
 from mitt.design.balls import BOX, FAR, Balls
 from mitt.design.candidate import Candidate
+from mitt.design.effort import Effort
 from mitt.design.evaluation import ENOUGH, Evaluation
 from mitt.design.evaluator import Evaluator
-from mitt.design.search import Effort, reported, search
+from mitt.design.search import reported, search
 from mitt.design.task import REPORTED, Task
 from mitt.world.smoothing import smooth
 from mitt.world.throws import ThrowRanges

@@ -69,7 +69,7 @@ class Task:
                 return f"{kept} throws that the search had not used"
 
     def around(self, usual: Neighbourhood) -> Neighbourhood:
-        """Return flights to learn from or to be judged on, of this ball."""
+        """Return flights of this ball, to learn from or to try a candidate on paper with."""
         drag = self.scene.ball.drag
         return replace(usual, drag=(0.75 * drag, 1.25 * drag))
 

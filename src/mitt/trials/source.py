@@ -10,7 +10,7 @@ from mitt.files.throws import ThrowSettings
 from mitt.generator.design import catch_place, nominal_catch
 from mitt.robot.arm import Arm
 from mitt.signals import Array
-from mitt.world.flights import BallPath, Recording, place_flight, read_flights
+from mitt.world.flights import BallPath, PlacedFlight, Recording, place_flight, read_flights
 from mitt.world.throws import Aim, Throw, ThrowRanges, default_throw, read_throws
 
 #: Streams drawn from one seed and index, so that no use of one disturbs another.
@@ -74,7 +74,7 @@ class Source:
     drag: float = 0.12
     ranges: ThrowRanges | None = None
 
-    def ball(self, index: int) -> Throw | BallPath:
+    def ball(self, index: int) -> Throw | PlacedFlight:
         """Return what is thrown in a trial."""
         rng = np.random.default_rng([self.seed, index, _BALL])
         if self.recordings:

@@ -1,0 +1,80 @@
+"""How much a search looks at: a number of candidates for each stage, by name."""
+
+from dataclasses import dataclass, replace
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effort:
+    """How much is looked at in each stage.
+
+    Attributes:
+        poses: Poses drawn at a time.
+        rounds: Most times that they are drawn.
+        enough: Candidates by geometry after which no more are drawn.
+        changes: Rounds of small changes of these.
+        judged: Candidates that are learned and judged by verdicts.
+        generations: Rounds of small changes that are judged by verdicts alone.
+        offspring: Changed ones of each of these.
+        thrown: Those of them that are thrown at.
+        throws: Throws at each in each generation, the first being that without changes. They grow,
+            so that the few that are left are told apart; where there are more than at first, maps
+            are learned from as many flights as those of ``mitt catch``.
+        parents: Candidates that are changed in each generation.
+        children: Changed ones of each generation.
+        last: Candidates that are learned in full and confirmed.
+        confirm: Throws at each of these, by which the best is chosen.
+        again: How many of them are thrown at once more: the best of several was lucky as well.
+        report: Fresh throws at the chosen one, which alone are reported.
+        slower: Searches for slower throws where the default ones are not caught.
+    """
+
+    poses: int = 40_000
+    rounds: int = 5
+    enough: int = 2000
+    changes: int = 16
+    judged: int = 60
+    generations: int = 10
+    offspring: int = 60
+    thrown: int = 16
+    throws: tuple[int, ...] = (12, 12, 12, 16, 16, 24, 32)
+    parents: int = 6
+    children: int = 20
+    last: int = 9
+    confirm: int = 100
+    again: int = 4
+    report: int = 100
+    slower: int = 3
+
+    def less(self) -> "Effort":
+        """Return less of it, for one of several searches."""
+        return replace(
+            self, judged=self.judged // 3, generations=self.generations // 2,
+            thrown=self.thrown // 2, throws=self.throws[:3], last=1, confirm=self.throws[0],
+        )  # fmt: skip
+
+    def halved(self) -> "Effort":
+        """Return it with half as many candidates, for an arm with one set of three joints."""
+        return replace(
+            self, judged=(self.judged + 1) // 2, offspring=(self.offspring + 1) // 2,
+            thrown=(self.thrown + 1) // 2, children=(self.children + 1) // 2,
+            last=(self.last + 1) // 2, again=(self.again + 1) // 2,
+        )  # fmt: skip
+
+
+#: By name: what ``mitt design --effort`` may ask for.
+EFFORTS = {
+    "quick": Effort(rounds=2, changes=8, judged=16, generations=4, offspring=40, thrown=6,
+                    throws=(12, 12), children=8, last=1, confirm=20),
+    "full": Effort(),
+}  # fmt: skip
+
+
+def effort_of(name: str, joints: int) -> Effort:
+    """Return how much is looked at.
+
+    Args:
+        name: One of :data:`EFFORTS`.
+        joints: How many joints may move: where there are three, half as many candidates do in full.
+    """
+    effort = EFFORTS[name]
+    return effort.halved() if name == "full" and joints == 3 else effort
