@@ -39,9 +39,9 @@ _OFTEN = 0.6
 _ALONE, _SHARED, _HELD = 24, 8, 0.25
 #: Largest angle at which a ball may come in off the palm's normal [rad], least cosine of the palm's
 #: normal and the direction from which the ball comes, and speed below which neither matters [m/s].
-_STRAIGHT, _FACING, _SOFT = np.deg2rad(25.0), 0.1, 1.0
+_STRAIGHT, _FACING, _SOFT = np.deg2rad(45.0), 0.1, 1.0
 #: Tilt of the relative velocity off the palm's normal that is tried [rad].
-_TILT = np.deg2rad(18.0)
+_TILT = np.deg2rad(35.0)
 #: Corners of the box (across, up), and the balls that come there: speed and descent from the least
 #: (-1) to the most (1) of the balls, and azimuth [rad].
 _CORNERS = (
