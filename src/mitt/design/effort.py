@@ -53,11 +53,15 @@ class Effort:
         )  # fmt: skip
 
     def halved(self) -> "Effort":
-        """Return it with half as many candidates, for an arm with one set of three joints."""
+        """Return it with half as many candidates, for an arm with one set of three joints.
+
+        Rounds of small changes by verdicts are two thirds.
+        """
         return replace(
-            self, judged=(self.judged + 1) // 2, offspring=(self.offspring + 1) // 2,
-            thrown=(self.thrown + 1) // 2, children=(self.children + 1) // 2,
-            last=(self.last + 1) // 2, again=(self.again + 1) // 2,
+            self, judged=(self.judged + 1) // 2, generations=(2 * self.generations + 2) // 3,
+            offspring=(self.offspring + 1) // 2, thrown=(self.thrown + 1) // 2,
+            children=(self.children + 1) // 2, last=(self.last + 1) // 2,
+            again=(self.again + 1) // 2,
         )  # fmt: skip
 
 
