@@ -26,7 +26,7 @@ from mitt.design.evaluation import Evaluation, learned, thrown, trials_of
 from mitt.design.evaluator import Evaluator
 from mitt.design.geometry import drawn, triples_of
 from mitt.design.mutation import mutated
-from mitt.design.search import best_by_price, ranked, reported, search
+from mitt.design.search import best_by_price, ranked, reported, search, surely
 from mitt.design.speeds import AtSpeed, Fastest, release_speed, task_at
 from mitt.design.task import REPORTED, Task
 from mitt.design.verdicts import Verdicts
@@ -575,3 +575,9 @@ def test_three_joints_take_half_the_candidates_in_full() -> None:
     for name in ("judged", "offspring", "thrown", "children", "last", "again"):
         assert getattr(half, name) == (getattr(full, name) + 1) // 2
     assert (half.throws, half.confirm, half.report) == (full.throws, full.confirm, full.report)
+
+
+def test_more_is_asked_for_than_the_rate_the_fewer_throws_there_are() -> None:
+    assert surely(0.98, 200) * 200 == pytest.approx(198.0, abs=0.1)
+    assert surely(0.98, 10**9) == pytest.approx(0.98, abs=1e-4)
+    assert surely(1.0, 10) == surely(0.99, 5) == 1.0

@@ -10,6 +10,7 @@ of workers.
 
 from collections.abc import Sequence
 from itertools import cycle
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,7 +91,17 @@ def _confirmed(
         throws=effort.confirm, seed=_AGAIN, how="full", give_up=False,
     )  # fmt: skip
     before = {w.candidate: w for w in once}
-    return ranked([before[w.candidate].with_more(w) for w in again], rate)
+    both = [before[w.candidate].with_more(w) for w in again]
+    return ranked(both, surely(rate, 2 * effort.confirm))
+
+
+def surely(rate: float, throws: int) -> float:
+    """Return the share to ask for in so many throws: by one standard error more than the rate.
+
+    The softest of several that caught as many as asked for was lucky; on fresh throws it catches
+    less.
+    """
+    return min(rate + sqrt(rate * (1.0 - rate) / throws), 1.0)
 
 
 def reported(evaluator: Evaluator, c: Candidate, effort: Effort) -> Evaluation | None:
