@@ -87,8 +87,9 @@ def neighbourhood_of_ball(drag: float) -> Neighbourhood:
 
 #: A motion of the ball: time [s] to position [m] and velocity [m/s].
 Motion = Callable[[float], tuple[Array, Array]]
-#: Time after the time of flight in which the catch is still looked for [s], and on which grid [s].
-_LATER, _GRID = 0.45, 0.005
+#: Time after the time of flight in which the catch is still looked for [s], on which grid [s], and
+#: every how many of its instants at first.
+_LATER, _GRID, _STRIDE = 0.45, 0.005, 6
 #: Share of a joint's speed that l_c^-1 may ask for at the catch, at most: above 1 the hand comes a
 #: little late, which the fingers allow. Maps of four designs caught as many balls or more with 1.3
 #: as with 1.1; with 1.6 no more.
@@ -261,13 +262,39 @@ def _row(motion: Motion, t: float, drag: float) -> Array:
 
 def _catch_time(f: DirectMap, motion: Motion, t_0: float, longest: float) -> float | None:
     """Return when q_o,i first reaches q_alpha after ``t_0``; None where it does not."""
-    i, last = f.design.catch_joint, 0.0
-    for t in np.arange(t_0, longest, _GRID):
-        inside, rows = f.virtual(np.array([motion(float(t))[0], np.zeros(3), np.zeros(3)]))
-        if not inside:
+    times = np.arange(t_0, longest, _GRID)
+    before = _beyond(f, motion, times[0])
+    for k in range(_STRIDE, len(times) + _STRIDE - 1, _STRIDE):
+        if before is None:
             return None
-        s = rows[0, i] - f.design.q_catch
-        if last != 0.0 and last * s <= 0.0:
-            return float(t - _GRID * s / (s - last))
-        last = s
+        step = times[k - _STRIDE + 1 : k + 1]
+        now = _beyond(f, motion, step[-1])
+        if now is None or before * now <= 0.0:
+            return _crossing(f, motion, step, before)
+        before = now
     return None
+
+
+def _crossing(f: DirectMap, motion: Motion, times: Array, before: float) -> float | None:
+    """Return when q_o,i reaches q_alpha at or before one of some times; None where it does not.
+
+    Args:
+        f: The map.
+        motion: Of the ball.
+        times: Every one to look at [s], :data:`_GRID` apart.
+        before: q_o,i - q_alpha one such step earlier [rad].
+    """
+    for t in times:
+        now = _beyond(f, motion, t)
+        if now is None:
+            return None
+        if before != 0.0 and before * now <= 0.0:
+            return float(t - _GRID * now / (now - before))
+        before = now
+    return None
+
+
+def _beyond(f: DirectMap, motion: Motion, t: float) -> float | None:
+    """Return q_o,i - q_alpha at a time [rad]; None outside the domain of l_c^-1."""
+    inside, rows = f.virtual(np.array([motion(float(t))[0], np.zeros(3), np.zeros(3)]))
+    return float(rows[0, f.design.catch_joint]) - f.design.q_catch if inside else None
