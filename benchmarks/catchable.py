@@ -3,6 +3,7 @@ r"""What the direct map catches of what can be caught, and whether its verdict i
     python benchmarks/catchable.py --throws 1000 --seed 40000 --limits paper --workers 2
     python benchmarks/catchable.py --conditions all --limits all --throws 100 --seed 80000 \
         --vision points --oracle 10 --sample 0
+    python benchmarks/catchable.py --arm DESIGN.toml --throws 200 --seed 82000 --vision points
 
 Each throw is given to the direct map. What the map does not catch, and a random share of what it
 catches, is given to the clairvoyant optimum as well: same ball, plant, hand and noise. A throw
@@ -10,7 +11,8 @@ counts as catchable where the clairvoyant's plan, run, catches it within all lim
 that the map catches that share is estimated from the sample. ``--oracle`` bounds how many throws
 of a condition go to the clairvoyant, which takes seconds for each; balls that the hand let go are
 then not among them. Conditions are ``default`` and
-those of the study show-throws. Prints a JSON object a line, one for each condition, and with
+those of the study show-throws; an arm file, as ``mitt design`` writes it, has its own limits and
+throws. Prints a JSON object a line, one for each condition, and with
 several a last one of all together.
 """
 
@@ -22,6 +24,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 
 from mitt.baselines.clairvoyant import make_clairvoyant
+from mitt.files.throws import ThrowSettings
 from mitt.generator.generators import Generator
 from mitt.generator.learn import Learned
 from mitt.sweep.oracle import Row, counted, is_sampled, judged, parallel
@@ -29,7 +32,7 @@ from mitt.sweep.read import read_study
 from mitt.sweep.study import ArmSettings, Condition
 from mitt.trials.learning import learn
 from mitt.trials.registry import make_generator
-from mitt.trials.run import arm_of, design_of
+from mitt.trials.run import arm_of, design_of, throws_of
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial
 from mitt.trials.source import source_of, widened
@@ -39,6 +42,14 @@ from mitt.world.scenes import read_scene
 SAMPLE = 0.05
 LIMITS = ("paper", "wam-80v", "wam-48v")
 STUDY = "show-throws"
+
+
+def of_arm_file(path: str, scene: str) -> Condition:
+    """Return the throws that an arm file asks for, at its arm and map."""
+    arm = ArmSettings(arm=path)
+    throws = throws_of(arm) or ThrowSettings()
+    return Condition(name=path, disturbance="default", arm=arm, scene=read_scene(scene),
+                     vision="pixels", throws=throws)  # fmt: skip
 
 
 def conditions(limits: str, names: str, scene: str) -> Iterator[Condition]:
@@ -85,6 +96,11 @@ def part(options: argparse.Namespace, condition: Condition, number: int) -> list
     return rows
 
 
+def run(options: argparse.Namespace, condition: Condition) -> list[Row]:
+    """Run all throws of a condition."""
+    return parallel(partial(part, options, condition), options.workers)
+
+
 def say(options: argparse.Namespace, limits: str, name: str, rows: list[Row]) -> None:
     """Print what some throws come to."""
     head = {"limits": limits, "condition": name, "seed": options.seed,
@@ -105,11 +121,17 @@ def main() -> None:
     parser.add_argument("--sample", type=float, default=SAMPLE)
     parser.add_argument("--oracle", type=int, default=sys.maxsize)
     parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--arm", help="an arm file, instead of limits and conditions of the WAM")
     options = parser.parse_args()
+    if options.arm:
+        condition = of_arm_file(options.arm, options.scene)
+        limits = learned(condition.arm).map.arm.limits.name
+        say(options, limits, condition.name, run(options, condition))
+        return
     total: list[Row] = []
     for limits in LIMITS if options.limits == "all" else (options.limits,):
         for condition in conditions(limits, options.conditions, options.scene):
-            rows = parallel(partial(part, options, condition), options.workers)
+            rows = run(options, condition)
             say(options, limits, condition.name, rows)
             total += rows
     if options.conditions != "default":
