@@ -86,7 +86,8 @@ def test_the_page_stands_alone(found: Design, tmp_path: Path) -> None:
     assert "http://" not in text
     assert "https://" not in text
     assert "What the arm can catch" in text
-    assert text.count("data:image/png;base64,") == 2
+    assert text.count("data:image/png;base64,") == 3
+    assert "Where balls may come" in text
     assert "speed:j2" in text
 
 

@@ -348,8 +348,9 @@ def test_of_two_maps_beyond_a_limit_the_nearer_one_counts_more() -> None:
     def able(share: float, *, speed: float = 0.5, angle: float = 0.0) -> float:
         one = np.ones(4)
         said = Verdicts(
-            share=share * one, speed=speed * one, angle=angle * one, binding=("torque:j2",) * 4
-        )
+            share=share * one, speed=speed * one, angle=angle * one, place=np.zeros((4, 3)),
+            binding=("torque:j2",) * 4,
+        )  # fmt: skip
         return evaluation._able(said)
 
     counts = [able(share) for share in (0.5, 0.95, 1.2, 3.0, 50.0, np.inf)]

@@ -9,6 +9,7 @@ from mitt.design.arrivals import ranges_of_throws, shifted
 from mitt.design.effort import Effort
 from mitt.design.evaluation import Evaluation
 from mitt.design.evaluator import Evaluator, Progress
+from mitt.design.region import Region, region_of
 from mitt.design.search import RATE, reported, search
 from mitt.design.speeds import SPEEDS, AtSpeed, Fastest, by_speed, fastest, release_speed, slower
 from mitt.design.task import Task
@@ -61,6 +62,7 @@ class Design:
         seconds: How long that took.
         left_out: Which candidates could not be evaluated, in words.
         confirmed: What it was chosen from, the chosen one first, with the throws that decided.
+        region: Where balls may pass; None without a design.
     """
 
     whole: Arm
@@ -73,6 +75,7 @@ class Design:
     seconds: float = 0.0
     left_out: Sequence[str] = ()
     confirmed: Sequence[Evaluation] = ()
+    region: Region | None = None
 
     @property
     def usable(self) -> bool:
@@ -193,14 +196,15 @@ def design(
             best, task = again
             own = release_speed(task)
         reason = _reason(usual, None if again is None else best, own)
-    rows, most = tuple[AtSpeed, ...](), Fastest(speed_m_s=own)
+    rows, most, region = tuple[AtSpeed, ...](), Fastest(speed_m_s=own), None
     if best is not None:
+        region = region_of(whole, best.candidate, task, progress)
         rows = tuple(by_speed(evaluator, best.candidate, task, SPEEDS))
         most = fastest(evaluator, best.candidate, task, rows, own=own)
     return Design(
         whole=whole, task=task, found=found, reason=reason, best=best, fastest=most, rows=rows,
         seconds=monotonic() - start, left_out=evaluator.tally.told(),
-        confirmed=tuple(confirmed) if found else (),
+        confirmed=tuple(confirmed) if found else (), region=region,
     )  # fmt: skip
 
 

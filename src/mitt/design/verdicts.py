@@ -5,11 +5,13 @@
 | ``share``   | share of the limit that binds; up to 1 the arm can follow     | 1     | (B,)  |
 | ``speed``   | relative speed of ball and catch point at the catch           | m/s   | (B,)  |
 | ``angle``   | between the way the ball comes in and the palm's normal       | rad   | (B,)  |
+| ``place``   | where hand and ball meet                                      | m     | (B, 3) |
 """
 
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,7 +35,7 @@ _STRICT = Tolerance(torque=1.0, speed=1.0, acceleration=1.0)
 
 #: Time after its release at which the arm starts [s]; of a recorded ball, time before it passes the
 #: catch point.
-_START, _BEFORE = 0.05, 0.4
+START, _BEFORE = 0.05, 0.4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,16 +43,18 @@ class Verdicts:
     """Verdicts on a set of balls; see the module's table.
 
     Attributes:
-        share: Infinite where the ball does not come to the map's region; so are ``speed`` and
-            ``angle``, also where the map asks for no motion that an arm could make.
+        share: Infinite where the ball does not come to the map's region; so are ``speed``,
+            ``angle`` and ``place``, also where the map asks for no motion that an arm could make.
         speed: With joints no faster than limits, impact and brake allow.
         angle: Of that relative velocity, off the palm's normal.
+        place: The catch point where the map brings it.
         binding: Name of the limit that binds, ball by ball.
     """
 
     share: Array
     speed: Array
     angle: Array
+    place: Array
     binding: tuple[str, ...]
 
     @property
@@ -80,7 +84,7 @@ def _started(ball: Throw | PlacedFlight, drag: float) -> BallState:
     A recorded one may bounce: it comes as it would without a bounce to where it is to be caught.
     """
     if isinstance(ball, Throw):
-        r, dr, since = ball.r, ball.dr, _START
+        r, dr, since = ball.r, ball.dr, START
     else:
         (r, dr), since = ball.at(CATCH_FRACTION * ball.duration), -_BEFORE
     r, dr = r.copy(), dr.copy()
@@ -100,34 +104,43 @@ def verdicts(
         settings: What the catcher knows.
     """
     q, caught = f.arm.q_ready, settings.caught
-    said, ends = list[Verdict](), list[tuple[float, float]]()
+    said, ends = list[Verdict](), list[_End]()
     for ball in balls:
         verdict = judge(f, ball, q, tolerance=_STRICT)
         said.append(examined(driven, verdict, caught, bandwidth=settings.bandwidth))
         ends.append(_end(driven, verdict.approach, caught))
     return Verdicts(
         share=np.array([v.share for v in said]),
-        speed=np.array([speed for speed, _ in ends]),
-        angle=np.array([angle for _, angle in ends]),
+        speed=np.array([end.speed for end in ends]),
+        angle=np.array([end.angle for end in ends]),
+        place=np.array([end.place for end in ends]).reshape(-1, 3),
         binding=tuple(v.binding_limit for v in said),
     )
 
 
-def _end(arm: Arm, approach: Approach | None, ball: CaughtBall) -> tuple[float, float]:
-    """Return relative speed [m/s] and angle off the palm's normal [rad] at the catch.
+class _End(NamedTuple):
+    """How a ball is met; see :class:`Verdicts`."""
+
+    speed: float
+    angle: float
+    place: Array
+
+
+def _end(arm: Arm, approach: Approach | None, ball: CaughtBall) -> _End:
+    """Return how a ball is met.
 
     A map may ask for more speed than the joints have; the hand is then a little late, and the ball
     meets it faster than the map asks for.
     """
     if approach is None or not _possible(arm, approach.motion):
-        return np.inf, np.inf
+        return _End(np.inf, np.inf, np.full(3, np.inf))
     q, dq = approach.motion[-1, :2]
     cap = speed_caps(arm, approach, ball)
     relative = approach.dr_o - arm.jacobian(q) @ np.clip(dq, -cap, cap)
     speed = float(np.linalg.norm(relative))
     normal = arm.orientation(q)[:, 2]
     cosine = float(np.clip(-relative @ normal / max(speed, 1e-9), -1.0, 1.0))
-    return speed, float(np.arccos(cosine))
+    return _End(speed, float(np.arccos(cosine)), arm.position(q))
 
 
 def _possible(arm: Arm, motion: Array) -> bool:

@@ -6,14 +6,16 @@ from mitt.design.design import Design
 from mitt.design.evaluation import Evaluation
 from mitt.design.faster_joints import FasterJoint, faster_joints
 from mitt.files.files import write_text
-from mitt.report.figures.design import pose_picture, rate_by_speed
+from mitt.report.figures.design import pose_picture, rate_by_speed, region_picture, region_plot
 from mitt.report.page import Section, number, page
+from mitt.robot.arm import Arm
 from mitt.trials.statistics import wilson
 from mitt.world.scene import Scene
 
 _SECTIONS = (
     Section("summary", "Summary", "What the arm can catch"),
     Section("poses", "Poses", "How it waits, and how it catches"),
+    Section("region", "Region", "Where balls may come"),
     Section("speeds", "Speeds", "Rate against the speed of the throws"),
     Section("choice", "Choice", "What it was chosen from"),
     Section("help", "What would help", "What would help"),
@@ -31,11 +33,7 @@ def write_design_page(path: Path, found: Design, scene: Scene, *, command: str) 
     """
     best = found.best
     arm = None if best is None else best.candidate.arm(found.whole)
-    pictures = [] if best is None or arm is None else [
-        ("ready", pose_picture(arm, scene, best.candidate.q_ready, catch=False).png),
-        ("catch", pose_picture(arm, scene, best.candidate.q_catch,
-                               catch=True).png),
-    ]  # fmt: skip
+    pictures = [] if best is None or arm is None else _pictures(arm, scene, found, best)
     helps = [] if best is None else faster_joints(found.whole, best.candidate, found.task.balls)
     write_text(
         path,
@@ -45,8 +43,21 @@ def write_design_page(path: Path, found: Design, scene: Scene, *, command: str) 
             advice=advice_of(found, helps), limits=found.whole.limits.name,
             choice=_choice(found), interval=_interval(best),
             plot=rate_by_speed(found.rows).svg if found.rows else "",
+            region=None if found.region is None else region_plot(found.region).svg,
         ),
     )  # fmt: skip
+
+
+def _pictures(arm: Arm, scene: Scene, found: Design, best: Evaluation) -> list[tuple[str, str]]:
+    """Return pictures of the arm, by name: PNG in base64."""
+    c, region = best.candidate, found.region
+    out = [
+        ("ready", pose_picture(arm, scene, c.q_ready, catch=False)),
+        ("catch", pose_picture(arm, scene, c.q_catch, catch=True)),
+    ]
+    if region is not None and len(region.hand):
+        out.append(("region", region_picture(arm, scene, c.q_catch, region)))
+    return [(name, picture.png) for name, picture in out]
 
 
 def _interval(best: Evaluation | None) -> str:

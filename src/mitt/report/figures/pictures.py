@@ -30,7 +30,7 @@ _PERIOD, _BEFORE, _LATER, _DOTS, _TRAIL, _DOT = 1.0 / 30.0, 7, 4, 8, 12, 0.011
 _SIZE, _DPI = (340, 262), 100.0
 #: The point that the camera looks at, half the box around it that Matplotlib scales [m], elevation
 #: and azimuth from there to the camera [deg]: from the side, a little from the thrower's end.
-_TARGET, _HALF, _FROM = (0.72, 0.0, 0.16), 0.9, (4.5, -85.5)
+_TARGET, _HALF, FROM_THE_SIDE = (0.72, 0.0, 0.16), 0.9, (4.5, -85.5)
 #: Matplotlib's zoom and focal length: the camera is 3.6 m away, so near that the fingers show.
 _ZOOM, _FOCAL = 1.7, 0.376
 #: Where the light comes from.
@@ -108,17 +108,20 @@ def placed(model: mujoco.MjModel, bodies: list[Faces], qpos: Array, trail: Array
 
 
 def drawn(
-    corners: Array, colours: Array, floor: float, *, target: Sequence[float] = _TARGET
-) -> bytes:
+    corners: Array, colours: Array, floor: float, *, target: Sequence[float] = _TARGET,
+    seen_from: tuple[float, float] = FROM_THE_SIDE,
+) -> bytes:  # fmt: skip
     """Return a picture of faces above a floor [m] as PNG; arguments as of :func:`painted`."""
     out = io.BytesIO()
-    painted(corners, colours, floor, target=target).print_png(out, metadata={"Software": "mitt"})
+    canvas = painted(corners, colours, floor, target=target, seen_from=seen_from)
+    canvas.print_png(out, metadata={"Software": "mitt"})
     return out.getvalue()
 
 
 def painted(
-    corners: Array, colours: Array, floor: float, *, target: Sequence[float] = _TARGET
-) -> FigureCanvasAgg:
+    corners: Array, colours: Array, floor: float, *, target: Sequence[float] = _TARGET,
+    seen_from: tuple[float, float] = FROM_THE_SIDE,
+) -> FigureCanvasAgg:  # fmt: skip
     """Return a picture of faces above a floor; nearer faces are painted last.
 
     Args:
@@ -126,14 +129,15 @@ def painted(
         colours: Their colours, shape (k, 3).
         floor: Height of the floor [m].
         target: The point that is looked at [m].
+        seen_from: Elevation and azimuth from there to the camera [deg].
     """
     width, height = _SIZE
     figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI, facecolor=_SKY)
     canvas = FigureCanvasAgg(figure)
     square = (0.0, 0.5 - 0.5 * width / height, 1.0, width / height)  # higher than the picture
     axes: Any = figure.add_axes(
-        square, projection="3d", proj_type="persp", focal_length=_FOCAL, elev=_FROM[0],
-        azim=_FROM[1], computed_zorder=False, facecolor="none",
+        square, projection="3d", proj_type="persp", focal_length=_FOCAL, elev=seen_from[0],
+        azim=seen_from[1], computed_zorder=False, facecolor="none",
     )  # fmt: skip
     axes.set_axis_off()
     axes.set(**{f"{k}lim": (at - _HALF, at + _HALF) for k, at in zip("xyz", target, strict=True)})
