@@ -4,14 +4,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from mitt.commands import design as command
 from mitt.commands.options import DesignOptions
+from mitt.design import faster_joints as module
 from mitt.design.balls import Balls
 from mitt.design.candidate import Candidate
 from mitt.design.contact import Touch
 from mitt.design.design import Design
-from mitt.design.faster_joints import QUICKER, faster_joints
+from mitt.design.faster_joints import LONGER, QUICKER, faster_joints, longer_arm
 from mitt.design.geometry import drawn, triples_of
 from mitt.design.rows import candidates_of
 from mitt.design.speeds import AtSpeed
@@ -73,8 +75,24 @@ def test_an_arm_with_that_joint_has_its_share_lowered(whole: Arm) -> None:
 
 def test_words_name_the_joint_and_the_limit(found: Design, whole: Arm) -> None:
     row = AtSpeed(speed_m_s=6.0, throws=12, feasible=3, binding_limit="brake:j4")
-    said = advice_of(replace(found, rows=(row,)), faster_joints(whole, _some(whole, 1)[0], Balls()))
+    helps = faster_joints(whole, _some(whole, 1)[0], Balls())
+    said = advice_of(replace(found, rows=(row,)), helps, helps[0].relative_m_s - 0.5)
     assert any("6 m/s" in line and "j4" in line for line in said)
+    assert any("longer" in line for line in said)
+    none = advice_of(replace(found, rows=(row,)), helps, helps[0].relative_m_s)
+    assert not any("longer" in line for line in none)
+
+
+def test_longer_links_are_as_good_as_all_joints_faster_by_as_much(whole: Arm) -> None:
+    """A hand at the same pose moves as much faster, whichever of the two it is."""
+    longer = 0
+    for c in _some(whole, 60):
+        catch = module._catch_of(whole, c, Balls())
+        now, then = catch.least(catch.allowed), longer_arm(whole, c, Balls())
+        assert then <= now + _ROUNDED
+        assert then == pytest.approx(min(catch.least(LONGER * catch.allowed), now), abs=1e-9)
+        longer += then < now - 0.1
+    assert longer > 10
 
 
 def test_the_page_stands_alone(found: Design, tmp_path: Path) -> None:

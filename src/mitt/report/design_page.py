@@ -4,7 +4,7 @@ from pathlib import Path
 
 from mitt.design.design import Design
 from mitt.design.evaluation import Evaluation
-from mitt.design.faster_joints import FasterJoint, faster_joints
+from mitt.design.faster_joints import FasterJoint, faster_joints, longer_arm
 from mitt.files.files import write_text
 from mitt.report.figures.design import pose_picture, rate_by_speed, region_picture, region_plot
 from mitt.report.page import Section, number, page
@@ -20,6 +20,8 @@ _SECTIONS = (
     Section("choice", "Choice", "What it was chosen from"),
     Section("help", "What would help", "What would help"),
 )
+#: Gain in relative speed that is worth a word [m/s].
+_GAIN = 0.1
 
 
 def write_design_page(path: Path, found: Design, scene: Scene, *, command: str) -> None:
@@ -34,13 +36,17 @@ def write_design_page(path: Path, found: Design, scene: Scene, *, command: str) 
     best = found.best
     arm = None if best is None else best.candidate.arm(found.whole)
     pictures = [] if best is None or arm is None else _pictures(arm, scene, found, best)
-    helps = [] if best is None else faster_joints(found.whole, best.candidate, found.task.balls)
+    helps, advice = list[FasterJoint](), list[str]()
+    if best is not None:
+        of = found.whole, best.candidate, found.task.balls
+        helps = faster_joints(*of)
+        advice = advice_of(found, helps, longer_arm(*of))
     write_text(
         path,
         page(
             "design", _SECTIONS, title=f"What {found.whole.model.name} can catch",
             command=command, found=found, best=best, pictures=pictures, helps=_rows(helps),
-            advice=advice_of(found, helps), limits=found.whole.limits.name,
+            advice=advice, limits=found.whole.limits.name,
             choice=_choice(found), interval=_interval(best),
             plot=rate_by_speed(found.rows).svg if found.rows else "",
             region=None if found.region is None else region_plot(found.region).svg,
@@ -82,10 +88,16 @@ def _choice(found: Design) -> list[tuple[str, ...]]:
     ]
 
 
-def advice_of(found: Design, helps: list[FasterJoint]) -> list[str]:
-    """Return in words what would help."""
+def advice_of(found: Design, helps: list[FasterJoint], longer: float) -> list[str]:
+    """Return in words what would help.
+
+    Args:
+        found: What was found.
+        helps: What each joint's speed is worth.
+        longer: Least relative speed with longer links [m/s].
+    """
     out = []
-    gains = [x for x in helps if x.relative_m_s - x.quicker_m_s > 0.1]
+    gains = [x for x in helps if x.relative_m_s - x.quicker_m_s > _GAIN]
     if gains:
         most = max(gains, key=lambda x: x.relative_m_s - x.quicker_m_s)
         out.append(
@@ -95,7 +107,11 @@ def advice_of(found: Design, helps: list[FasterJoint]) -> list[str]:
     elif helps and helps[0].relative_m_s > 1.0:
         out.append(
             "No single joint that is 50 % faster would make the catch softer: several are at"
-            " their limits at once. A longer arm or faster drives altogether would."
+            " their limits at once. Faster drives altogether would."
+        )
+    if helps and helps[0].relative_m_s - longer > _GAIN:
+        out.append(
+            f"If all links were 20 % longer and the joints as fast, it could be {longer:.1f} m/s."
         )
     lost = [
         row for row in found.rows
