@@ -1,1 +1,0 @@
-"""Tests of the map; a package, because `world` has a test_flights.py too."""
