@@ -8,7 +8,7 @@ import pytest
 from support import parabola
 
 from mitt.errors import InputError
-from mitt.generator.constraints import initial_matrix, shift
+from mitt.generator.constraints import initial_matrix, project, shift
 from mitt.generator.demand import demand
 from mitt.generator.design import MapDesign
 from mitt.generator.flights import Flight, lift_flight
@@ -20,6 +20,8 @@ from mitt.robot.wam import wam_limits
 from mitt.signals import Array
 
 STEP = 1e-6
+#: The catch lies between two instants of a flight; its velocities are carried there [m/s].
+EXTRAPOLATED = 3e-2
 
 
 def adapted_motion(f: DirectMap, flight: Flight) -> Array:
@@ -42,6 +44,40 @@ def test_learning_lowers_the_cost_and_keeps_the_limits(
     assert max(x.torque.max() for x in asked) <= 1.0
     assert max(x.speed.max() for x in asked) <= 1.0
     assert max(x.excess.max() for x in asked) == 0.0
+
+
+def met_at(f: DirectMap, flight: Flight) -> Array:
+    """Return the relative velocity at the catch, by the adapted map itself [m/s], shape (3,)."""
+    x = lift_flight(f, flight)
+    assert x is not None
+    alpha = project(f.alpha, f.H_inverse, x.phi_0, x.gap)
+    g, ball = f.with_alpha(alpha), flight.ball[-1].copy()
+    for _ in range(4):
+        _, rows = g.motion(ball)
+        dt = -g.to_go(rows[3]) / float(g.virtual_joints(rows[4])[g.tangent.catch])
+        ball[0] += dt * ball[1] + 0.5 * dt * dt * ball[2]
+        ball[1] += dt * ball[2]
+    _, rows = g.motion(ball)
+    assert np.allclose(g.arm.position(rows[0]), ball[0], atol=1e-6)
+    relative: Array = ball[1] - g.arm.jacobian(rows[0]) @ rows[1]
+    if f.design.match_weight > 0.0:
+        assert np.allclose(relative, x.relative_velocity(alpha), atol=EXTRAPOLATED)
+    return relative
+
+
+def test_the_more_a_match_weighs_the_softer_the_catch(
+    learned: Learned, flights: Sequence[Flight]
+) -> None:
+    """A map whose line asks for a hard catch is made soft by terms of first order, at some cost."""
+    few, speeds, costs = flights[:24], [], []
+    for weight in (0.0, 0.03, 3.0):
+        design = MapDesign(kappa=1.4, match_weight=weight)
+        found = learn(learned.map.arm, design, few)
+        speeds.append(np.mean([np.linalg.norm(met_at(found.map, x)) for x in few]))
+        costs.append(found.steps[-1].cost_torque + found.steps[-1].cost_speed)
+    assert speeds[0] > 1.5
+    assert speeds[0] > 1.5 * speeds[1] > 3.0 * speeds[2]
+    assert costs[0] < costs[2]
 
 
 def test_new_throws_of_the_same_kind_cost_little_more(learned: Learned, arm: Arm) -> None:

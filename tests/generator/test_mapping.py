@@ -54,6 +54,31 @@ def test_the_hand_meets_the_ball_whatever_alpha_is(
     assert np.allclose(relative, (kappa - 1.0) * J[:, 2] * reference.dq_d[2], atol=1e-7)
 
 
+@given(seed=seeds, slope=st.tuples(st.floats(-0.3, 0.3), st.floats(-1.0, 0.5)))
+def test_a_map_that_weighs_the_match_meets_the_ball_in_position(
+    arm: Arm, seed: int, slope: tuple[float, float]
+) -> None:
+    """Wherever q_alpha is, and whatever alpha is; the relative velocity is linear in alpha."""
+    rng = np.random.default_rng(seed)
+    design = MapDesign(q_catch=1.6 - 0.8 * slope[1], slope=slope, match_weight=1.0)
+    plain = unlearned(arm, design)
+    q = np.array([rng.uniform(-0.4, 0.4), 0.8 + rng.uniform(-0.2, 0.2), 0.0])
+    q[2] = design.q_catch + q[:2] @ slope
+    r_o, dr_o = arm.position(q), np.array([-rng.uniform(2, 7), *rng.uniform(-1, 1, 2)])
+    maps = [plain, bent(plain, rng), bent(plain, rng)]
+    maps.append(plain.with_alpha(0.5 * (maps[1].alpha + maps[2].alpha)))
+    relative = []
+    for f in maps:
+        answer = f.reference(ball_state(r_o, dr_o, np.zeros(3)))
+        assert f.to_go(answer.q_o) == pytest.approx(0.0, abs=1e-8)
+        assert np.allclose(answer.q_d, q, atol=1e-8)
+        assert np.allclose(f.catch_gap(r_o), 0.0, atol=1e-8)
+        assert np.allclose(f.F(r_o) @ dr_o, answer.dq_d, atol=1e-6)
+        relative.append(dr_o - arm.jacobian(answer.q_d) @ answer.dq_d)
+    assert np.abs(relative[1] - relative[0]).max() > 1e-3
+    assert np.allclose(relative[3], 0.5 * (relative[1] + relative[2]), atol=1e-6)
+
+
 @given(seed=seeds)
 def test_kappa_slows_the_catch_joint_by_itself_and_no_other(arm: Arm, seed: int) -> None:
     """q_i-dot at the catch is 1/kappa of its value at kappa = 1, the other joints unchanged."""

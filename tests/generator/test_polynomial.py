@@ -1,6 +1,7 @@
 """The polynomial b: its terms, its zero at the catch, its derivatives."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from math import comb
 
 import numpy as np
@@ -44,6 +45,27 @@ def test_b_and_its_rate_vanish_at_the_catch(shape: tuple[int, int, int], seed: i
     q, dq, ddq = rng.standard_normal((3, shape[1]))
     q[shape[2]] = b.centre[shape[2]]
     assert np.array_equal(b.jets(q, dq, ddq)[:2], np.zeros((2, len(b.powers))))
+
+
+@given(shape=shapes, seed=st.integers(0, 2**31))
+def test_terms_of_first_order_leave_the_position_and_free_the_velocity(
+    shape: tuple[int, int, int], seed: int
+) -> None:
+    """At q_i = q_alpha all monomials are 0; the rates are s-dot times 1 and the other variables."""
+    plain, rng = basis(*shape), np.random.default_rng(seed)
+    b = replace(plain, first_order=True)
+    order, n, i = shape
+    count, linear = len(plain.powers), [k for k in range(n) if k != i and order > 2]
+    assert np.array_equal(b.powers[:count], plain.powers)
+    assert len({tuple(row) for row in b.powers}) == len(b.powers) == count + 1 + len(linear)
+    q, dq, ddq = rng.standard_normal((3, n))
+    q[i] = b.centre[i]
+    phi, dphi, _ = b.jets(q, dq, ddq)
+    x = (q - b.centre) / b.scale
+    assert np.array_equal(phi, np.zeros(len(b.powers)))
+    rates = dq[i] / b.scale[i] * np.array([1.0, *x[linear]])
+    assert np.allclose(np.sort(dphi[count:]), np.sort(rates), atol=1e-12)
+    assert np.array_equal(dphi[:count], np.zeros(count))
 
 
 @given(shape=shapes, seed=st.integers(0, 2**31))

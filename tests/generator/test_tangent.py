@@ -29,24 +29,26 @@ def panda() -> Arm:
     return load_arm(path, tip="panda_hand_tcp", joints=[f"panda_joint{k}" for k in (1, 2, 4, 6)])
 
 
+@pytest.mark.parametrize("slope", [(0.0, 0.0), (0.6, -1.2)])
 @pytest.mark.parametrize("coupling", [(), ((0.4, -0.7, 1.3),)])
 @pytest.mark.parametrize("free", [(0, 1, 2), (0, 2, 3)])
 @pytest.mark.parametrize("place", [1, 2])
 @given(seed=seeds, kappa=st.floats(1.0, 3.0), inward=st.floats(-3.0, 3.0))
 def test_the_derivatives_of_l_c_are_differences(
     panda: Arm, place: int, free: tuple[int, int, int],
-    coupling: tuple[tuple[float, float, float], ...], seed: int, kappa: float, inward: float,
+    coupling: tuple[tuple[float, float, float], ...], slope: tuple[float, float], seed: int,
+    kappa: float, inward: float,
 ) -> None:  # fmt: skip
-    """J_c is dl_c/dq_o and the curvature d(J_c dq_o)/dt, joints before and behind i included.
+    """J_c is dl_c/dp and the curvature d(J_c dp)/dt, joints before and behind i included.
 
-    The fourth joint stays where it is, or follows the free ones.
+    The fourth joint stays where it is, or follows the free ones; q_alpha stays, or goes with them.
     """
     rng, i = np.random.default_rng(seed), free[place]
     q_catch = float(np.mean([panda.q_min[i], panda.q_max[i]]))
     design = MapDesign(catch_joint=i, q_catch=q_catch, kappa=kappa, inward=inward, free=free,
-                       coupling=coupling)  # fmt: skip
-    g, w, dq = tangent_of(panda, design), scratch_of(4), np.zeros(4)
-    q, dq[list(free)] = rng.uniform(-1.0, 1.0, 4), rng.uniform(-2.0, 2.0, 3)
+                       coupling=coupling, slope=slope)  # fmt: skip
+    g, w, dp = tangent_of(panda, design), scratch_of(4), rng.uniform(-2.0, 2.0, 3)
+    q, dq = rng.uniform(-1.0, 1.0, 4), g.A @ dp
 
     def at(x: Array) -> tuple[Array, Array, Array]:
         expand(g, x, w)
@@ -55,10 +57,10 @@ def test_the_derivatives_of_l_c_are_differences(
 
     _, J_c, curvature = at(q)
     for a in range(3):
-        e = STEP * np.eye(4)[free[a]]
+        e = STEP * g.A[:, a]
         assert np.allclose(J_c[a], (at(q + e)[0] - at(q - e)[0]) / (2 * STEP), atol=DIFFERENCE)
     ahead, behind = at(q + STEP * dq)[1], at(q - STEP * dq)[1]
-    change = (ahead - behind).T @ dq[list(free)] / (2 * STEP)
+    change = (ahead - behind).T @ dp / (2 * STEP)
     assert np.allclose(curvature, change, atol=20 * DIFFERENCE)
 
 
@@ -79,17 +81,19 @@ def test_an_inward_line_without_bounds_is_refused(arm: Arm) -> None:
             tangent_of(arm, MapDesign(inward=inward))
 
 
+@pytest.mark.parametrize("slope", [(0.0, 0.0), (0.3, -0.4)])
 @given(seed=seeds)
 def test_at_the_catch_a_map_with_joints_that_follow_meets_position_and_velocity(
-    panda: Arm, seed: int
+    panda: Arm, slope: tuple[float, float], seed: int
 ) -> None:
     """q_d moves the hand with the ball whatever alpha is; the further joint takes its part."""
     rng = np.random.default_rng(seed)
-    design = MapDesign(catch_joint=2, q_catch=-1.4, free=(0, 1, 2), coupling=((0.2, -0.3, 0.8),))
+    design = MapDesign(catch_joint=2, q_catch=-1.4, free=(0, 1, 2), coupling=((0.2, -0.3, 0.8),),
+                       slope=slope)  # fmt: skip
     f = unlearned(panda, design)
     f = f.with_alpha(rng.normal(size=f.alpha.shape))
     q_o = panda.q_ready + rng.uniform(-0.2, 0.2, 4)
-    q_o[2] = -1.4
+    q_o[2] = -1.4 + q_o[:2] @ slope
     follow(f.tangent, q_o)
     r_o, dr_o = f.to_ball(q_o), rng.uniform(-2.0, 2.0, 3)
     inside, rows = f.motion(np.array([r_o, dr_o, np.zeros(3)]))

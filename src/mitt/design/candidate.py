@@ -19,13 +19,15 @@ class Candidate:
     Attributes:
         q: Pose at the nominal catch [rad], shape (N,).
         free: The three free joints, from the base outwards.
-        A: How far each joint turns per free joint, shape (N, 3); zero rows where it is held.
+        A: How far each joint turns per virtual joint, shape (N, 3); zero rows where it is held. The
+            rows of the free joints are those of the identity, but for the slope of the catch angle.
         catch: Which of the three is the catch joint, 0 to 2.
         kappa: Velocity-match ratio.
         inward: Share of the ball's line towards the catch joint's axis.
         ready: Ready pose of the free joints [rad], shape (3,).
         aim: Centre and half-widths of the box where balls are aimed [m], shape (2, 3).
         turn: Turn of the hand about the palm's normal [rad].
+        match_weight: What a relative velocity at the catch costs in learning [(m/s)^-2].
     """
 
     q: Array
@@ -37,6 +39,7 @@ class Candidate:
     ready: Array
     aim: Array
     turn: float = 0.0
+    match_weight: float = 0.0
 
     @property
     def active(self) -> tuple[int, ...]:
@@ -51,7 +54,8 @@ class Candidate:
     @property
     def q_ready(self) -> Array:
         """Ready pose of the active joints [rad], shape (n,); further ones follow from the catch."""
-        swing = self.A @ (self.ready - self.q[list(self.free)])
+        free = list(self.free)
+        swing = self.A @ np.linalg.solve(self.A[free], self.ready - self.q[free])
         return np.array((self.q + swing)[list(self.active)])
 
     def arm(self, whole: Arm, arrivals: Array | None = None) -> Arm:
@@ -76,13 +80,17 @@ class Candidate:
         active = self.active
         a, b, c = (active.index(k) for k in self.free)
         further = [k for k in active if k not in self.free]
+        i, others = self.free[self.catch], [x for x in range(3) if x != self.catch]
+        slope = self.A[i, others]
         return MapDesign(
             catch_joint=(a, b, c)[self.catch],
             free=(a, b, c),
             coupling=tuple((x, y, z) for x, y, z in self.A[further].tolist()),
-            q_catch=float(self.q[self.free[self.catch]]),
+            q_catch=float(self.q[i] - slope @ self.q[[self.free[x] for x in others]]),
             kappa=self.kappa,
             inward=self.inward,
+            slope=(float(slope[0]), float(slope[1])),
+            match_weight=self.match_weight,
         )
 
 

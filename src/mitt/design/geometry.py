@@ -18,7 +18,7 @@ from mitt.design.interception import Interception, least_relative_velocity, map_
 from mitt.design.placing import clear, facing, led, off_line
 from mitt.design.poses import Poses, poses_of
 from mitt.design.rows import Rows, boxes_of, joined
-from mitt.design.sharing import alone, shared, virtual
+from mitt.design.sharing import alone, shared, slope_of, sloped, virtual
 from mitt.design.whole import movable
 from mitt.robot.arm import Arm
 from mitt.signals import Array
@@ -37,6 +37,8 @@ _OFTEN = 0.6
 #: Choices of three joints that move alone, and of those that all others follow, of each pose; how
 #: often a further joint is held nevertheless.
 _ALONE, _SHARED, _HELD = 24, 8, 0.25
+#: How often the catch angle goes with the other joints, and standard deviation of its slope.
+_SLOPED, _SLOPE = 0.6, 1.0
 #: Largest angle at which a ball may come in off the palm's normal [rad], least cosine of the palm's
 #: normal and the direction from which the ball comes, and speed below which neither matters [m/s].
 _STRAIGHT, _FACING, _SOFT = np.deg2rad(45.0), 0.1, 1.0
@@ -99,12 +101,15 @@ def _of_three(
 ) -> Rows:  # fmt: skip
     """Return poses in which three joints meet the typical ball, the others held."""
     chosen, row = _choices(len(of[0]), triples, _ALONE, rng)
+    slope = _slopes(len(row), rng)
+    A = sloped(np.broadcast_to(np.eye(3), (len(row), 3, 3)), slope)
     J, w = of[1].J[row[:, None], chosen], of[1].W[row, chosen[:, 2]]
+    J[:, :2] += slope[:, :, None] * J[:, 2:]
     d, v = _into(of[1].palm[row], J[:, 2], w, rng), balls.velocity()
     share = rng.uniform(*_SHARES, (len(row), 1))
-    found = least_relative_velocity(J, w, v, d, share * whole.dq_max[chosen], np.eye(3)[None])
+    found = least_relative_velocity(J, w, v, d, share * whole.dq_max[chosen], A)
     good = np.flatnonzero(found.sound & (found.s < balls.speed))
-    moving = chosen[good], alone(chosen[good], whole.n)
+    moving = chosen[good], sloped(alone(chosen[good], whole.n), slope[good])
     return _rows(whole, of, moving, row[good], d[good], found.take(good))
 
 
@@ -119,7 +124,14 @@ def _of_all(
     weights[:, ~(named & movable(whole))] = 0.0
     weights[np.arange(len(row))[:, None], chosen] = whole.dq_max[chosen] ** 2
     good, A = shared(of[1].J[row], chosen, weights)
+    A = sloped(A, _slopes(len(row), rng))
     return _met(whole, balls.velocity(), of, (chosen[good], A[good]), row[good], rng)
+
+
+def _slopes(count: int, rng: np.random.Generator) -> Array:
+    """Draw how catch angles go with the two other joints, shape (count, 2)."""
+    slope: Array = _SLOPE * rng.standard_normal((count, 2)) * (rng.random((count, 1)) < _SLOPED)
+    return slope
 
 
 def _choices(
@@ -148,10 +160,12 @@ def improved(
     change *= (rng.random(change.shape) < _OFTEN) & movable(whole)
     q, poses, kept = _able(whole, balls, rows.q + change, touch)
     chosen, A = rows.free[kept], rows.A[kept]
-    takes_part = np.any(A != 0.0, axis=2)
+    takes_part, slope = np.any(A != 0.0, axis=2), slope_of(A, chosen)
     good, again = shared(poses.J, chosen, np.where(takes_part, whole.dq_max**2, 0.0))
     further = takes_part.sum(axis=1) > 3
-    A = np.where((further & good)[:, None, None], again, A)
+    A = np.where((further & good)[:, None, None], again, sloped(A, -slope))
+    slope = slope + size * _slopes(len(A), rng)
+    A = sloped(A, slope)
     found = _met(whole, balls.velocity(), (q, poses), (chosen, A), np.arange(len(q)), rng)
     found = spread(whole, balls, found, touch)
     return joined([rows, found])

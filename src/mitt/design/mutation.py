@@ -17,6 +17,9 @@ _FREE, _HELD, _READY, _KAPPA, _INWARD = 0.12, 0.2, 0.2, 0.3, 0.15
 _FOLLOWS = 0.1
 #: Room that is left to the ends of the ranges [rad].
 _MARGIN = 0.06
+#: The same of the slope of the catch angle, and of the match weight as a share; how often the
+#: weight is set to 0, or to 1 where it was.
+_SLOPE, _WEIGHT, _SWITCHED = 0.3, 0.7, 0.05
 #: Shift of the aim against the catch point [m], and how often a held joint is turned square.
 _AIM, _SQUARE = 0.07, 0.1
 #: How often each part is changed.
@@ -48,6 +51,9 @@ def mutated(whole: Arm, c: Candidate, rng: np.random.Generator, *, size: float, 
         further = [k for k in c.active if k not in free]
         A[further] += size * _FOLLOWS * rng.standard_normal((len(further), 3))
     if rng.random() < _OFTEN:
+        others = [x for x in range(3) if x != c.catch]
+        A[:, others] += np.outer(A[:, c.catch], size * _SLOPE * rng.standard_normal(2))
+    if rng.random() < _OFTEN:
         ready = ready + size * _READY * rng.standard_normal(3)
     kappa, inward = c.kappa, c.inward
     if rng.random() < _OFTEN:  # harder or softer: both by one factor, the ball's way in stays
@@ -60,9 +66,17 @@ def mutated(whole: Arm, c: Candidate, rng: np.random.Generator, *, size: float, 
     turn = c.turn + (np.pi / 3.0 if rng.random() < 0.1 else 0.0)
     return replace(
         c, q=q, A=A, ready=_inside(whole, ready, np.array(free)), kappa=min(kappa, 50.0),
-        inward=float(np.clip(inward, -50.0, 50.0)), aim=aim,
+        inward=float(np.clip(inward, -50.0, 50.0)), aim=aim, match_weight=_weight(c, size, rng),
         turn=float(np.mod(turn, 2.0 * np.pi / 3.0)),
     )  # fmt: skip
+
+
+def _weight(c: Candidate, size: float, rng: np.random.Generator) -> float:
+    """Return a match weight that is a little larger or smaller, and now and then 0."""
+    weight = c.match_weight * float(np.exp(size * _WEIGHT * rng.standard_normal()))
+    if rng.random() < _SWITCHED:
+        weight = 0.0 if weight > 0.0 else 1.0
+    return min(weight, 100.0)
 
 
 def _squared(q: Array, free: list[int], rng: np.random.Generator) -> Array:

@@ -23,6 +23,8 @@ _SWING, _EACH = (0.04, 0.22), (0.7, 1.3)
 _ASIDE = 1.0
 #: Room that the ready pose keeps to the ends of the ranges [rad].
 _ROOM = 0.05
+#: How often a relative velocity at the catch costs something in learning, and how much [(m/s)^-2].
+_WEIGHED, _WEIGHTS = 0.7, (0.1, 10.0)
 
 
 class Rows(NamedTuple):
@@ -87,6 +89,12 @@ def best_of(rows: Rows, *, count: int, each: int) -> Rows:
     return rows.take(np.array(taken, dtype=np.int64)[ranked])
 
 
+def _weight(rng: np.random.Generator) -> float:
+    """Draw a match weight: 0, or one of any size [(m/s)^-2]."""
+    size = float(np.exp(rng.uniform(*np.log(_WEIGHTS))))
+    return size if rng.random() < _WEIGHED else 0.0
+
+
 def candidates_of(
     whole: Arm, balls: Balls, rows: Rows, rng: np.random.Generator
 ) -> list[Candidate]:
@@ -97,10 +105,10 @@ def candidates_of(
         free = rows.free[k][order]
         swing = rng.uniform(*_SWING) * rng.uniform(*_EACH, 3) * rows.x[k]
         swing[:2] = np.clip(swing[:2], -_ASIDE, _ASIDE)
-        ready = rows.q[k, free] - swing[order]
+        A = rows.A[k][:, order]
         low, high = whole.q_min + _ROOM, whole.q_max - _ROOM
-        ready = np.clip(ready, low[free], high[free])
-        swing = rows.A[k][:, order] @ (ready - rows.q[k, free])
+        ready = np.clip(rows.q[k, free] - A[free] @ swing[order], low[free], high[free])
+        swing = A @ np.linalg.solve(A[free], ready - rows.q[k, free])
         room = np.where(swing > 0.0, high - rows.q[k], rows.q[k] - low) / np.maximum(
             np.abs(swing), 1e-9
         )
@@ -111,8 +119,9 @@ def candidates_of(
             catch=int(np.argmax(order == 2)),
             kappa=float(rows.kappa[k]),
             inward=float(rows.inward[k]),
-            A=rows.A[k][:, order],
+            A=A,
             ready=ready,
             aim=boxes[k].copy(),
+            match_weight=_weight(rng),
         ))  # fmt: skip
     return out

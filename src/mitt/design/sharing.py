@@ -5,9 +5,12 @@ of the identity. Where all other rows are zero, three joints move and the rest i
 take part, each in proportion to the square of its speed limit: dq = W J' (J W J')^-1 v moves the
 hand at v with the least sum of squared shares of the limits, so A spans W J' of the nominal catch.
 
+The catch joint may stand otherwise where balls pass elsewhere: q_alpha goes with the two other free
+joints, and the catch joint's row of A holds that slope (:mod:`mitt.generator.tangent`).
+
 | here     | meaning                                                 | unit  | shape     |
 |----------|---------------------------------------------------------|-------|-----------|
-| ``A``    | dq over the free joints, the catch joint last           | 1     | (B, N, 3) |
+| ``A``    | dq over the virtual joints, the catch joint last        | 1     | (B, N, 3) |
 | ``J``    | dl/dp of the virtual joints, rows as in ``Poses.J``     | m/rad | (B, 3, 3) |
 | ``w``    | turning rate of the hand per rate of the catch joint    | 1     | (B, 3)    |
 """
@@ -55,6 +58,19 @@ def shared(J: Array, free: NDArray[np.int64], weights: Array) -> tuple[NDArray[n
     A[rows, free] = np.eye(3)
     sound: NDArray[np.bool_] = good & (np.abs(A).max(axis=(1, 2)) <= _MOST)
     return sound, A
+
+
+def slope_of(A: Array, free: NDArray[np.int64]) -> Array:
+    """Return how the catch angle goes with the two other free joints, shape (B, 2)."""
+    slope: Array = A[np.arange(len(A)), free[:, 2], :2]
+    return slope
+
+
+def sloped(A: Array, slope: Array) -> Array:
+    """Return A with more slope, shape (B, 2): the same motions by other virtual joints."""
+    out = A.copy()
+    out[:, :, :2] += A[:, :, 2:] * slope[:, None, :]
+    return out
 
 
 def virtual(poses: Poses, A: Array) -> tuple[Array, Array]:

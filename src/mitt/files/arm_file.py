@@ -140,6 +140,8 @@ class _Map(Part):
     order: Annotated[int, Field(ge=2, le=20)] = 4
     free: tuple[int, int, int] = (0, 1, 2)
     coupling: Annotated[tuple[tuple[Finite, Finite, Finite], ...], Field(max_length=64)] = ()
+    slope: tuple[Finite, Finite] = (0.0, 0.0)
+    match_weight: Annotated[float, Field(ge=0.0, le=1e6)] = 0.0
 
 
 class _ArmFile(Part):

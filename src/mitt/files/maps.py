@@ -16,8 +16,8 @@ from mitt.files.files import read_json, write_json
 from mitt.files.schema import Finite, Part, parsed
 from mitt.generator.design import MapDesign, tangent_of
 from mitt.generator.learn import Learned, Step
-from mitt.generator.mapping import DirectMap
-from mitt.generator.polynomial import MOST_ORDER, CatchBasis
+from mitt.generator.mapping import DirectMap, basis_of
+from mitt.generator.polynomial import MOST_ORDER
 from mitt.robot.arm import Arm
 from mitt.robot.identity import difference, identity_of
 from mitt.version import __version__
@@ -35,6 +35,8 @@ class _Design(Part):
     order: int = Field(ge=2, le=MOST_ORDER)
     free: tuple[int, int, int]
     coupling: tuple[tuple[Finite, Finite, Finite], ...] = ()
+    slope: tuple[Finite, Finite] = (0.0, 0.0)
+    match_weight: Finite = 0.0
 
 
 class _Step(Part):
@@ -154,8 +156,7 @@ def _learned(place: str, content: _MapFile, arm: Arm) -> Learned:
     """Build the map from a file's content."""
     try:
         design = MapDesign(**content.design.model_dump())
-        index = design.free.index(design.catch_joint)
-        basis = CatchBasis(design.order, index, np.array(content.centre), np.array(content.scale))
+        basis = basis_of(design, np.array(content.centre), np.array(content.scale))
         alpha, H, region = map(np.array, (content.alpha, content.H, content.region))
         f = DirectMap(arm=arm, design=design, basis=basis, alpha=alpha, H=H, region=region)
         tangent_of(arm, design)

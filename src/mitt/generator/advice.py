@@ -54,7 +54,8 @@ def _palm(arm: Arm, design: MapDesign | None) -> Iterator[str]:
         return
     design = default_design(arm) if design is None else design
     catch: Array = arm.q_ready.copy()
-    catch[design.catch_joint] = design.q_catch
+    others = [k for k in design.free if k != design.catch_joint]
+    catch[design.catch_joint] = design.q_catch + catch[others] @ design.slope
     most = max(_facing(arm, q) for q in (arm.q_ready, catch))
     if most < _FACING:
         yield (

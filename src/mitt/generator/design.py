@@ -28,6 +28,12 @@ class MapDesign:
         free: The three joints of l_c, the catch joint among them; all where the arm has three.
         coupling: How far each further joint turns per free joint in l_c, a row of three a joint;
             nothing where they stay.
+        slope: How q_alpha goes with the two other free joints in their order: it is
+            q_catch + slope . (their angles). Balls that pass elsewhere are then caught in another
+            pose of the catch joint. 0 is the paper.
+        match_weight: What a relative velocity of ball and hand at the catch costs in learning, on
+            top of eq. (22) [(m/s)^-2]: b then has terms of first order, and the hand moves with the
+            ball as far as the limits allow. 0 is the paper: b-dot vanishes at the catch, eq. (7).
     """
 
     catch_joint: int = 2
@@ -37,6 +43,8 @@ class MapDesign:
     order: int = 4
     free: tuple[int, int, int] = (0, 1, 2)
     coupling: tuple[tuple[float, float, float], ...] = ()
+    slope: tuple[float, float] = (0.0, 0.0)
+    match_weight: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse what no map can have; an arm may refuse more."""
@@ -61,6 +69,10 @@ class MapDesign:
             else checks.array("coupling", self.coupling, (None, 3), finite=True)
         )
         fields["coupling"] = tuple((float(a), float(b), float(c)) for a, b, c in rows)
+        fields["match_weight"] = checks.number(
+            "match_weight", self.match_weight, least=0.0, most=1e6
+        )
+        fields["slope"] = tuple(checks.array("slope", self.slope, (2,), finite=True).tolist())
         for name, kept in fields.items():
             object.__setattr__(self, name, kept)
 
@@ -192,10 +204,24 @@ def check_joints(arm: Arm, design: MapDesign) -> None:
         raise ModelError("coupling", f"{arm.n - 3} rows, one a further joint", len(design.coupling))
 
 
+def _check_angle(arm: Arm, design: MapDesign) -> None:
+    """Raise ModelError where no pose has the catch joint at q_alpha."""
+    i, others = design.catch_joint, [k for k in design.free if k != design.catch_joint]
+    ends = np.array([arm.q_min[others], arm.q_max[others]]) * design.slope
+    low, high = (design.q_catch + x.sum() for x in (ends.min(axis=0), ends.max(axis=0)))
+    if not (arm.q_min[i] < high and low < arm.q_max[i]):
+        room = f"an angle in {arm.q_min[i]:.3f}..{arm.q_max[i]:.3f} rad"
+        raise ModelError("q_catch", room, f"{design.q_catch:.3f}", do="angles are in rad")
+    if np.abs(design.slope).max() > 100.0:
+        raise ModelError("slope", "ratios in -100..100", f"{np.abs(design.slope).max():.3g}")
+
+
 def coupling_of(n: int, design: MapDesign) -> Array:
-    """Return A: how far each of n joints turns per free joint in l_c, shape (n, 3)."""
+    """Return A: how far each of n joints turns per virtual joint in l_c, shape (n, 3)."""
     A, further = np.zeros((n, 3)), [k for k in range(n) if k not in design.free]
     A[list(design.free)] = np.eye(3)
+    others = [a for a in range(3) if design.free[a] != design.catch_joint]
+    A[design.catch_joint, others] = design.slope
     if design.coupling:
         A[further] = design.coupling
     return A
@@ -205,9 +231,7 @@ def tangent_of(arm: Arm, design: MapDesign) -> Tangent:
     """Return the arrays of l_c, eq. (5), for an arm; ModelError where it cannot be built."""
     check_joints(arm, design)
     i = design.catch_joint
-    if not arm.q_min[i] < design.q_catch < arm.q_max[i]:
-        room = f"an angle in {arm.q_min[i]:.3f}..{arm.q_max[i]:.3f} rad"
-        raise ModelError("q_catch", room, f"{design.q_catch:.3f}", do="angles are in rad")
+    _check_angle(arm, design)
     if not 1.0 <= design.kappa <= 100.0:
         raise ModelError("kappa", "a ratio in 1..100", design.kappa)
     if not -100.0 <= design.inward <= 100.0:
@@ -229,6 +253,6 @@ def tangent_of(arm: Arm, design: MapDesign) -> Tangent:
         inward=design.inward,
         q_rest=arm.q_ready.copy(),
         A=coupling_of(arm.n, design),
-        planar=plane is not None and design.free == (0, 1, 2),
+        planar=plane is not None and design.free == (0, 1, 2) and not any(design.slope),
         plane=np.zeros(7) if plane is None else plane,
     )

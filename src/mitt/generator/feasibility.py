@@ -255,14 +255,14 @@ def _can_wait(
         start: q, dq of the arm [rad, rad/s], shape (n,) each.
         tolerance: Share of each limit that may be asked for.
     """
-    path, i = flown(ball, np.arange(0.0, _AHEAD, _STRIDE)), f.design.catch_joint
+    path = flown(ball, np.arange(0.0, _AHEAD, _STRIDE))
     to_go = list[float]()
     for motion in path:
         level(motion, waiting_height(f))
         inside, rows = f.virtual(motion)
         if not inside:
             return False
-        to_go.append(rows[0, i] - f.design.q_catch)
+        to_go.append(f.to_go(rows[0]))
         if to_go[0] * to_go[-1] <= 0.0:
             break
     else:

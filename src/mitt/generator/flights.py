@@ -14,6 +14,7 @@ import numpy as np
 
 from mitt import checks
 from mitt.generator.constraints import initial_gap
+from mitt.generator.evaluation import root_time
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array
 
@@ -42,20 +43,49 @@ class Lifted(NamedTuple):
     phi: Array  # (K, 3, m) monomials and their two time derivatives
     phi_0: Array  # (2, m) monomials and their rate at t_0
     gap: Array  # (2n,) d of eq. (12) for an arm at rest in its ready pose
+    relative: Array  # (3,) velocity of the ball relative to the hand at the catch, alpha = 0 [m/s]
+    slope: Array  # (3, m n) of that in alpha; (0,) and (0, m n) where the map does not weigh it
 
     def motion(self, alpha: Array) -> Array:
         """Return q_d, dq_d, ddq_d along the flight, shape (K, 3, n)."""
         out: Array = self.virtual + self.phi @ alpha
         return out
 
+    def relative_velocity(self, alpha: Array) -> Array:
+        """Return the velocity of the ball relative to the hand at the catch [m/s], shape (3,)."""
+        out: Array = self.relative + self.slope @ alpha.ravel()
+        return out
+
 
 def lift_flight(f: DirectMap, flight: Flight) -> Lifted | None:
     """Return the flight in virtual joints; None where it leaves the domain of l_c^-1."""
-    free = list(f.design.free)
     rows = [f.virtual(ball) for ball in (flight.seen, *flight.ball)]
     if not all(inside for inside, _ in rows):
         return None
     virtual = np.array([row for _, row in rows])
-    phi = np.array([f.basis.jets(*row[:, free]) for row in virtual])
+    phi = np.array([f.basis.jets(*f.virtual_joints(row)) for row in virtual])
     gap = initial_gap(f.arm.q_ready, np.zeros(f.arm.n), virtual[0])
-    return Lifted(virtual[1:], phi[1:], phi[0, :2], gap)
+    return Lifted(virtual[1:], phi[1:], phi[0, :2], gap, *_met(f, flight, virtual[-1]))
+
+
+def _met(f: DirectMap, flight: Flight, last: Array) -> tuple[Array, Array]:
+    """Return the relative velocity at the catch [m/s], (3,), and its slope in alpha, (3, m n).
+
+    There b vanishes, so the pose is l_c^-1(r_o), and the velocity of the hand is linear in alpha.
+
+    Args:
+        f: The map.
+        flight: The flight, which ends a little past the catch.
+        last: Virtual joints and two derivatives at its end, shape (3, n).
+    """
+    size = f.alpha.size
+    if f.design.match_weight == 0.0:
+        return np.zeros(0), np.zeros((0, size))
+    s, ds, dds = f.virtual_joints(last)[:, f.tangent.catch] - [f.design.q_catch, 0.0, 0.0]
+    dt, (r, dr, ddr) = root_time(s, ds, dds), flight.ball[-1]
+    ball = np.array([r + dt * dr + 0.5 * dt * dt * ddr, dr + dt * ddr, ddr])
+    _, rows = f.virtual(ball)
+    J = f.arm.jacobian(rows[0])
+    rate = f.basis.jets(*f.virtual_joints(rows))[1]
+    slope = -np.einsum("cj,a->caj", J, rate).reshape(3, size)
+    return ball[1] - J @ rows[1], slope

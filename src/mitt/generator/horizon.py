@@ -20,6 +20,7 @@ from mitt.ball.flight import acceleration, advance
 from mitt.generator.inverse import lift
 from mitt.generator.packing import unfold, unpack
 from mitt.generator.polynomial import jets
+from mitt.generator.tangent import virtual_joint
 from mitt.jit import kernel
 from mitt.signals import Array
 
@@ -95,12 +96,11 @@ def lay(
         if not lift(g, c.path[k], c.rows[k], w):
             return np.nan
         for a in range(3):
-            q[a], dq[a] = c.rows[k, 0, g.free[a]], c.rows[k, 1, g.free[a]]
-            ddq[a] = c.rows[k, 2, g.free[a]]
+            q[a], dq[a] = virtual_joint(g, c.rows[k, 0], a), virtual_joint(g, c.rows[k, 1], a)
+            ddq[a] = virtual_joint(g, c.rows[k, 2], a)
         jets(powers, window[0], window[1], q, dq, ddq, c.phi[k])
         if k == len(c.after) - 1 - LATE:
-            i = g.catch_joint
-            better -= (c.rows[k, 0, i] - g.q_catch) / c.rows[k, 1, i]
+            better -= (q[g.catch] - g.q_catch) / dq[g.catch]
     return better
 
 

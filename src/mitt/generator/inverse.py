@@ -13,7 +13,7 @@ method for any other arm.
 
 import numpy as np
 
-from mitt.generator.tangent import Scratch, Tangent, curve, expand, follow, follow_rate
+from mitt.generator.tangent import Scratch, Tangent, curve, expand, follow, turn_all
 from mitt.jit import kernel
 from mitt.robot.vectors import Vec, cross, dot, minus, row
 from mitt.signals import Array
@@ -107,6 +107,7 @@ def _newton(g: Tangent, share: float, q_o: Array, w: Scratch) -> bool:
         largest = 0.0
         for a in range(3):
             largest = max(largest, abs(w.step[g.free[a]]))
+        turn_all(g, w.step)
         for a in range(3):
             q_o[g.free[a]] += w.step[g.free[a]] * min(1.0, _NEWTON_STEP / max(largest, 1e-300))
     return False
@@ -152,9 +153,9 @@ def lift(g: Tangent, ball: Array, virtual: Array, w: Scratch) -> bool:
     expand(g, q_o, w)
     if not solve3(w.J_c, row(ball, 1), g.free, dq_o):
         return False
-    follow_rate(g, dq_o)
+    turn_all(g, dq_o)
     curve(g, q_o, dq_o, w)
     left = minus(row(ball, 2), row(w.point, 2))
     inside: bool = solve3(w.J_c, left, g.free, ddq_o)
-    follow_rate(g, ddq_o)
+    turn_all(g, ddq_o)
     return inside

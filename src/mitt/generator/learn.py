@@ -4,6 +4,8 @@ One alpha cannot start every flight where the arm is (eq. (12) holds C and d of 
 each flight f has its own alpha_f, the projection of the common alpha* onto C_f alpha = d_f in
 the norm of H. The cost is that of the alpha_f; its Gauss-Newton step in alpha* is a small
 quadratic programme with the torque, speed, range and acceleration rows (18), (20) of all flights.
+A map with ``match_weight`` adds that weight times the squared relative velocity at the catch, which
+is linear in alpha.
 
 | here            | meaning                                        | shape        |
 |-----------------|------------------------------------------------|--------------|
@@ -24,8 +26,7 @@ from mitt.generator.constraints import initial_matrix, project, shift
 from mitt.generator.demand import demand
 from mitt.generator.design import MapDesign
 from mitt.generator.flights import Flight, Lifted, lift_flight
-from mitt.generator.mapping import DirectMap, unlearned
-from mitt.generator.polynomial import CatchBasis
+from mitt.generator.mapping import DirectMap, basis_of, unlearned
 from mitt.generator.program import Rows, cost, limit_rows, sensitivity, solve
 from mitt.robot.arm import Arm
 from mitt.signals import Array
@@ -114,7 +115,7 @@ def learn(
         parts = [_linearise(f, flight, settings) for flight in lifted]
         history.append(_mean([part.step for part in parts]))
         maps.append(f)
-        now = history[-1].cost_torque + history[-1].cost_speed
+        now = float(np.mean([part.cost for part in parts]))
         if abs(last - now) <= settings.tolerance * now:
             status = "converged"
             break
@@ -160,6 +161,7 @@ class _Part(NamedTuple):
     gradient: Array  # (m n,) P' gradient
     limits: Rows
     step: Step
+    cost: float  # of eq. (22), and of the relative velocity at the catch
 
 
 def _scaled(start: DirectMap, flights: Sequence[Flight]) -> tuple[DirectMap, list[Lifted]]:
@@ -167,11 +169,10 @@ def _scaled(start: DirectMap, flights: Sequence[Flight]) -> tuple[DirectMap, lis
 
     Flights end a little past the catch; their last virtual joints mark the region of the map.
     """
-    free = list(start.design.free)
     inside = [x for x in (lift_flight(start, flight) for flight in flights) if x is not None]
     if not inside:
         raise InputError("flights", "at least one inside the map's domain", f"{len(flights)}, none")
-    q_o = np.concatenate([x.virtual[:, 0, free] for x in inside])
+    q_o = np.concatenate([start.virtual_joints(x.virtual[:, 0]) for x in inside])
     basis = start.basis
     centre = 0.5 * (q_o.min(axis=0) + q_o.max(axis=0))
     centre[basis.catch_joint] = start.design.q_catch
@@ -179,7 +180,7 @@ def _scaled(start: DirectMap, flights: Sequence[Flight]) -> tuple[DirectMap, lis
     ends = np.array([x.virtual[-1, 0] for x in inside])
     scaled = replace(
         start,
-        basis=CatchBasis(basis.order, basis.catch_joint, centre, scale),
+        basis=basis_of(start.design, centre, scale),
         region=np.array([ends.min(axis=0), ends.max(axis=0)]),
     )
     lifted = [x for x in (lift_flight(scaled, flight) for flight in flights) if x is not None]
@@ -216,13 +217,15 @@ def _linearise(f: DirectMap, x: Lifted, settings: LearnSettings) -> _Part:
     torque, speed, J = cost(f.arm, s)
     residual, count = np.concatenate([torque.ravel(), speed.ravel()]), len(torque)
     limits = limit_rows(f.arm, s, share=settings.share, near=settings.near)
-    J_star = J @ keep
+    weight, relative = f.design.match_weight, x.relative_velocity(alpha)
+    J_star, slope = J @ keep, x.slope @ keep
     return _Part(
-        hessian=J.T @ J / count,
-        reduced=J_star.T @ J_star / count,
-        gradient=J_star.T @ residual / count,
+        hessian=J.T @ J / count + weight * x.slope.T @ x.slope,
+        reduced=J_star.T @ J_star / count + weight * slope.T @ slope,
+        gradient=J_star.T @ residual / count + weight * slope.T @ relative,
         limits=limits._replace(rows=limits.rows @ keep),
-        step=_step_of(torque, speed, limits.worst),
+        step=(step := _step_of(torque, speed, limits.worst)),
+        cost=step.cost_torque + step.cost_speed + weight * float(relative @ relative),
     )
 
 
@@ -294,4 +297,5 @@ def _merit(f: DirectMap, lifted: Sequence[Lifted], settings: LearnSettings) -> f
         over = np.concatenate([share.ravel() for share in shares]) - settings.share
         total += asked.cost + _PENALTY * float(np.sum(np.maximum(over, 0.0) ** 2))
         total += _PENALTY * float(np.sum(asked.excess**2))
+        total += f.design.match_weight * float(np.sum(x.relative_velocity(alpha) ** 2))
     return total / len(lifted)

@@ -23,7 +23,15 @@ from mitt.generator.design import MapDesign, check_joints, tangent_of
 from mitt.generator.evaluation import reference, references, time_to_catch, virtual
 from mitt.generator.packing import pack, workspace
 from mitt.generator.polynomial import CatchBasis
-from mitt.generator.tangent import Scratch, Tangent, expand, follow, scratch_of
+from mitt.generator.tangent import (
+    Scratch,
+    Tangent,
+    catch_angle,
+    expand,
+    follow,
+    scratch_of,
+    to_go,
+)
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState, JointReference, MapStatus
 
@@ -118,9 +126,26 @@ class DirectMap:
         """
         known = bool(np.all(np.isfinite(self.region)))
         q: Array = self.region.mean(axis=0) if known else self.arm.q_ready.copy()
-        q[self.design.catch_joint] = self.design.q_catch
+        q[self.design.catch_joint] = catch_angle(self.tangent, q)
         follow(self.tangent, q)
         return q
+
+    def virtual_joints(self, q_o: Array) -> Array:
+        """Return the virtual joints p of poses or of their rates, shapes (..., 3) and (..., n)."""
+        p: Array = q_o[..., list(self.design.free)].copy()
+        p[..., self.tangent.catch] -= p @ self._slope
+        return p
+
+    def to_go(self, q_o: Array) -> float:
+        """Return s = q_i - q_alpha at a pose [rad], the signed distance still to go, eq. (5)."""
+        return float(to_go(self.tangent, q_o))
+
+    @cached_property
+    def _slope(self) -> Array:
+        """How q_alpha goes with the free joints, 0 for the catch joint itself, shape (3,)."""
+        slope: Array = self.tangent.A[self.design.catch_joint].copy()
+        slope[self.tangent.catch] = 0.0
+        return slope
 
     def virtual(self, ball: Array) -> tuple[bool, Array]:
         """Return virtual joints and two derivatives, shape (3, n), of r_o, dr_o, ddr_o, (3, 3)."""
@@ -179,7 +204,7 @@ class DirectMap:
         """Return g(q) = q + b(q) of eqs. (7) and (11) [rad], shape (n,)."""
         still, q = np.zeros(3), checks.vector("q", q, self.arm.n, finite=True)
         with np.errstate(over="ignore", invalid="ignore"):
-            b: Array = self.basis.jets(q[list(self.design.free)], still, still)[0] @ self.alpha
+            b: Array = self.basis.jets(self.virtual_joints(q), still, still)[0] @ self.alpha
         if not np.all(np.isfinite(b)):
             raise InputError("q", "angles near those of the arm [rad]", "far larger ones")
         return q + b
@@ -205,12 +230,9 @@ class DirectMap:
         if status is not MapStatus.INSIDE:
             raise InputError("r_o", "a position in the domain of the map", np.asarray(r_o).tolist(),
                              do="ask to_joints whether it is")  # fmt: skip
-        J_c = self._expanded("q_o", q_o).J_c
-        free = list(self.design.free)
-        per_ball = self.tangent.A @ np.linalg.inv(J_c.T)
-        slope = np.zeros((self.arm.n, self.arm.n))
-        slope[:, free] = self.alpha.T @ self.basis.gradient(q_o[free])
-        out: Array = per_ball + slope @ per_ball
+        per_ball = np.linalg.inv(self._expanded("q_o", q_o).J_c.T)
+        bent = self.alpha.T @ self.basis.gradient(self.virtual_joints(q_o))
+        out: Array = (self.tangent.A + bent) @ per_ball
         return out
 
     def _expanded(self, name: str, q_o: Array) -> Scratch:
@@ -270,8 +292,16 @@ class DirectMap:
         inside, rows = self.virtual(np.array([ball.r_o, ball.dr_o, ball.ddr_o]))
         if not inside:
             return None
-        phi = self.basis.jets(*rows[:, list(self.design.free)])
+        phi = self.basis.jets(*self.virtual_joints(rows))
         return project(self.alpha, self.H_inverse, phi[:2], initial_gap(q, dq, rows))
+
+
+def basis_of(design: MapDesign, centre: Array, scale: Array) -> CatchBasis:
+    """Return the monomials of a map's b, of virtual joints shifted and scaled, shape (3,) each."""
+    return CatchBasis(
+        design.order, design.free.index(design.catch_joint), centre, scale,
+        first_order=design.match_weight > 0.0,
+    )  # fmt: skip
 
 
 def unlearned(arm: Arm, design: MapDesign) -> DirectMap:
@@ -280,7 +310,7 @@ def unlearned(arm: Arm, design: MapDesign) -> DirectMap:
     free = list(design.free)
     centre = arm.q_ready[free].copy()
     centre[design.free.index(design.catch_joint)] = design.q_catch
-    basis = CatchBasis(design.order, design.free.index(design.catch_joint), centre, np.ones(3))
+    basis = basis_of(design, centre, np.ones(3))
     size = len(basis.powers) * arm.n
     region = np.array([np.full(arm.n, -np.inf), np.full(arm.n, np.inf)])
     alpha = np.zeros((len(basis.powers), arm.n))

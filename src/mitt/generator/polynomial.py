@@ -5,6 +5,10 @@ makes b and its first derivatives vanish at the catch, so that eq. (3) holds wha
 coefficients are. Variables are shifted and scaled, which spans the same space and conditions
 better; the catch joint is shifted by q_alpha itself, so the factor stays exact.
 
+Where the drives cannot match the ball's velocity, terms of first order in q_i - q_alpha may be
+added. The position still matches whatever the coefficients are, and the relative velocity becomes
+part of what is learned (:mod:`mitt.generator.learn`).
+
 | here         | paper              | unit       | shape   |
 |--------------|--------------------|------------|---------|
 | ``q``        | q                  | rad        | (n,)    |
@@ -31,19 +35,22 @@ MOST_ORDER = 9
 
 @dataclass(frozen=True, eq=False)
 class CatchBasis:
-    """Monomials of total degree at most ``order``, zero to second order at the catch.
+    """Monomials of total degree at most ``order``, zero to first or second order at the catch.
 
     Attributes:
         order: Degree N of the expansion; eq. (11) keeps j1 + ... + jn <= N - 2.
         catch_joint: Index i of the catch joint among the variables, from 0.
         centre: Shift of each variable [rad], shape (n,); q_alpha at the catch joint.
         scale: Scale of each variable [rad], shape (n,).
+        first_order: Whether there are terms of first order in q_i - q_alpha too, linear in the
+            other variables, so that b-dot need not vanish at the catch.
     """
 
     order: int
     catch_joint: int
     centre: Array
     scale: Array
+    first_order: bool = False
 
     def __post_init__(self) -> None:
         """Refuse a basis without terms, without its catch joint, or with a void scale."""
@@ -57,6 +64,7 @@ class CatchBasis:
         catch_joint = checks.whole("catch_joint", self.catch_joint)
         if not 0 <= catch_joint < len(centre):
             raise ModelError("catch_joint", f"an index in 0..{len(centre) - 1}", catch_joint)
+        checks.instance("first_order", self.first_order, bool)
         fields = {"order": order, "catch_joint": catch_joint, "centre": centre, "scale": scale}
         for name, value in fields.items():
             object.__setattr__(self, name, value)
@@ -64,11 +72,13 @@ class CatchBasis:
     @cached_property
     def powers(self) -> NDArray[np.int64]:
         """Exponents, shape (m, n), with the two extra powers of the catch joint."""
-        degrees = range(self.order - 1)
+        degrees, i = range(self.order - 1), self.catch_joint
         rows = [j for j in product(degrees, repeat=len(self.centre)) if sum(j) <= self.order - 2]
         powers = np.array(rows, dtype=np.int64)
-        powers[:, self.catch_joint] += 2
-        return powers
+        first = powers[(powers.sum(axis=1) <= 1) & (powers[:, i] == 0)]
+        powers[:, i] += 2
+        first[:, i] += 1
+        return np.concatenate([powers, first]) if self.first_order else powers
 
     def jets(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return phi, its first and its second time derivative along a motion, shape (3, m)."""

@@ -26,6 +26,7 @@ from mitt.ball.flight import (
 from mitt.generator.inverse import invert
 from mitt.generator.mapping import DirectMap
 from mitt.generator.packing import unfold, unpack
+from mitt.generator.tangent import to_go
 from mitt.jit import kernel
 from mitt.signals import GRAVITY, Array, BallState
 
@@ -181,7 +182,7 @@ def _catch_time(packed: Array, state: Array, q_o: Array, ball: Array, work: Arra
     while t < _HORIZON:
         if not invert(g, r, q_o, w):
             return _NO_CATCH
-        s = q_o[g.catch_joint] - g.q_catch
+        s = to_go(g, q_o)
         if last != 0.0 and s * last <= 0.0:
             break
         last = s
@@ -196,7 +197,7 @@ def _catch_time(packed: Array, state: Array, q_o: Array, ball: Array, work: Arra
         t += back
         if not invert(g, r, q_o, w):
             return _NO_CATCH
-        s = q_o[g.catch_joint] - g.q_catch
+        s = to_go(g, q_o)
     return t
 
 

@@ -19,7 +19,7 @@ from mitt.generator.packing import unfold, unpack
 from mitt.generator.polynomial import jets
 from mitt.generator.sqp_step import Buffers, Map
 from mitt.generator.stopping import spare
-from mitt.generator.tangent import expand, follow_rate
+from mitt.generator.tangent import expand, to_go, turn_all, virtual_joint
 from mitt.generator.utilization import Plant, asked_of
 from mitt.jit import kernel
 from mitt.robot.dynamics import inverse_dynamics
@@ -100,8 +100,8 @@ def place(f: Map, c: Course, P: Array, region: Array, out: Array) -> float:
     for x in range(3):
         if not solve3(w.J_c, units[x], g.free, answer[x]):
             return 0.0
-        follow_rate(g, answer[x])
-        late = answer[x, i] / dq[i]
+        turn_all(g, answer[x])
+        late = virtual_joint(g, answer[x], g.catch) / virtual_joint(g, dq, g.catch)
         for j in range(n):
             answer[x, j] -= dq[j] * late
     odds = 1.0
@@ -149,7 +149,7 @@ def within(
     at the same distance s from the catch: that the catch comes sooner or later costs nothing.
     """
     c, k, g = b.course, limit[2], unpack(f.packed)
-    i, w = g.catch_joint, unfold(f.work, alpha.shape[1])
+    w = unfold(f.work, alpha.shape[1])
     ball, rows, phi = c.path[k].copy(), c.rows[k].copy(), np.empty((3, alpha.shape[0]))
     slope = np.zeros(6)
     before = _share(f, p, alpha, b, (ball, rows, phi), limit)
@@ -159,7 +159,8 @@ def within(
         ball[x // 3, x % 3] += step
         if not lift(g, ball, rows, w):
             return 0.0
-        late = (c.rows[k, 0, i] - rows[0, i]) / rows[1, i]
+        late = to_go(g, c.rows[k, 0]) - to_go(g, rows[0])
+        late /= virtual_joint(g, rows[1], g.catch)
         for e in range(3):
             ball[0, e] += late * ball[1, e]
             ball[1, e] += late * ball[2, e]
@@ -188,7 +189,7 @@ def _share(
     free = np.empty((3, 3))
     for d in range(3):
         for a in range(3):
-            free[d, a] = rows[d, g.free[a]]
+            free[d, a] = virtual_joint(g, rows[d], a)
     jets(f.powers, f.window[0], f.window[1], free[0], free[1], free[2], phi)
     for d in range(3):
         for j in range(n):

@@ -10,14 +10,18 @@ inward lets it in along the line to joint i's axis, for an elbow down the forear
 |---------------|-------------------------------------------|-------------|--------|
 | ``T``         | the line along which the ball comes       | m/rad       | (3,)   |
 | ``q_o``       | virtual joints                            | rad         | (n,)   |
-| ``A``         | dq_o over the three free joints           | 1           | (n, 3) |
-| ``J_c``       | dl_c/dq over the three free joints        | m/rad       | (3, 3) |
+| ``A``         | dq_o over the three virtual joints        | 1           | (n, 3) |
+| ``J_c``       | dl_c/dp over the three virtual joints     | m/rad       | (3, 3) |
 | ``curvature`` | J_c-dot dq_o, second derivative along dq_o| m/s^2       | (3,)   |
 
 Three joints are free, the catch joint among them, so J_c is square. Any further joint follows them,
-q_o = q_rest + A (p - p_rest) with p the free joints: the arm is one of three virtual joints
-then, each of which turns several. Where its row of A is 0 a joint stays at q_rest and takes part
-through b alone. J_i and w_i are those of the virtual joint: sums over the joints that it turns.
+q_o = q_rest + A (p - p_rest): the arm is one of three virtual joints p then, each of which turns
+several. Where its row of A is 0 a joint stays at q_rest and takes part through b alone. J_i and w_i
+are those of the virtual joint: sums over the joints that it turns.
+
+The virtual joints p are the free joints themselves, but for the catch joint where q_alpha goes with
+the two others: q_alpha = q_catch + slope . (the others), and p_i = q_i - slope . (the others), so
+that s = p_i - q_catch all the same and the catch joint's row of A holds the slope.
 """
 
 from typing import NamedTuple
@@ -41,11 +45,11 @@ class Tangent(NamedTuple):
     free: tuple[int, int, int]  # the free joints, from the base outwards
     catch_joint: int  # index i among the active joints
     catch: int  # its place among the free ones
-    q_catch: float  # q_alpha [rad]
+    q_catch: float  # q_alpha [rad], where the slope is 0 or the two other free joints are at 0
     kappa: float  # velocity-match ratio
     inward: float  # share of the ball's line that leads towards the catch joint's axis
     q_rest: Array  # (n,) pose from which the joints that are not free follow [rad]
-    A: Array  # (n, 3) how far each joint turns per free joint
+    A: Array  # (n, 3) how far each joint turns per virtual joint
     planar: bool
     plane: Array  # (7,) p_x, p_z, t_x, t_z, shoulder height, sign of yaw, sign of pitch
 
@@ -70,36 +74,59 @@ def scratch_of(n: int) -> Scratch:
 
 
 @kernel
-def follow(g: Tangent, q_o: Array) -> None:
-    """Write the angles of the joints that are not free, of a pose whose free joints are there."""
-    follow_rate(g, q_o)
-    for k in range(len(q_o)):
-        if k != g.free[0] and k != g.free[1] and k != g.free[2]:
-            rest = g.q_rest[k]
-            for a in range(3):
-                rest -= g.A[k, a] * g.q_rest[g.free[a]]
-            q_o[k] += rest
+def virtual_joint(g: Tangent, q_o: Array, a: int) -> float:
+    """Return virtual joint ``a`` of a pose of all joints, or of a rate of it."""
+    p = q_o[g.free[a]]
+    if a == g.catch:
+        for b in range(3):
+            if b != a:
+                p -= g.A[g.catch_joint, b] * q_o[g.free[b]]
+    return float(p)
 
 
 @kernel
-def follow_rate(g: Tangent, dq_o: Array) -> None:
-    """Write the speeds of the joints that are not free, from those that are."""
-    for k in range(len(dq_o)):
+def catch_angle(g: Tangent, q_o: Array) -> float:
+    """Return q_alpha for a pose, of which the two other free joints are read [rad]."""
+    angle = g.q_catch
+    for a in range(3):
+        if a != g.catch:
+            angle += g.A[g.catch_joint, a] * q_o[g.free[a]]
+    return float(angle)
+
+
+@kernel
+def to_go(g: Tangent, q_o: Array) -> float:
+    """Return s = q_i - q_alpha, the signed distance still to go [rad]."""
+    return float(q_o[g.catch_joint] - catch_angle(g, q_o))
+
+
+@kernel
+def follow(g: Tangent, q_o: Array) -> None:
+    """Write the angles of the joints that are not free, of a pose whose free joints are there."""
+    for k in range(len(q_o)):
         if k != g.free[0] and k != g.free[1] and k != g.free[2]:
-            dq_o[k] = 0.0
+            q_o[k] = g.q_rest[k]
             for a in range(3):
-                dq_o[k] += g.A[k, a] * dq_o[g.free[a]]
+                q_o[k] += g.A[k, a] * (virtual_joint(g, q_o, a) - virtual_joint(g, g.q_rest, a))
+
+
+@kernel
+def turn_all(g: Tangent, dq: Array) -> None:
+    """Write dq = A dp of all joints, where the entries of the free joints hold dp."""
+    dp = dq[g.free[0]], dq[g.free[1]], dq[g.free[2]]
+    for k in range(len(dq)):
+        dq[k] = g.A[k, 0] * dp[0] + g.A[k, 1] * dp[1] + g.A[k, 2] * dp[2]
 
 
 @kernel
 def expand(g: Tangent, q_o: Array, w: Scratch) -> None:
-    """Write l_c and J_c at the virtual joints ``q_o``, of which the free ones are read."""
+    """Write l_c and J_c at a pose ``q_o``, of which the free joints are read."""
     c, m = g.catch, w.motion
+    s = to_go(g, q_o)
     for k in range(len(q_o)):
         w.q[k] = q_o[k]
-    w.q[g.catch_joint] = g.q_catch
+    w.q[g.catch_joint] = catch_angle(g, q_o)
     follow(g, w.q)
-    s = q_o[g.catch_joint] - g.q_catch
     place(g.chain, w.q, m)
     J = _turned(g.A, c, m.J)
     T = plus(times(g.kappa, J), times(g.inward, cross(_turned(g.A, c, m.W), J)))
@@ -147,12 +174,12 @@ def _line_slope(g: Tangent, m: Motion, a: int) -> Vec:
 @kernel
 def curve(g: Tangent, q_o: Array, dq_o: Array, w: Scratch) -> None:
     """Write the curvature of l_c along ``dq_o`` at the virtual joints that were expanded last."""
-    i, m = g.catch_joint, w.motion
+    m = w.motion
+    s, ds = to_go(g, q_o), virtual_joint(g, dq_o, g.catch)
     for k in range(len(q_o)):
         w.dq[k] = dq_o[k]
-    w.dq[i] = 0.0
-    follow_rate(g, w.dq)
-    s, ds = q_o[i] - g.q_catch, dq_o[i]
+    w.dq[g.catch_joint] = 0.0
+    turn_all(g, w.dq)
     move(g.chain, w.q, w.dq, m)
     dT, ddT = _line(g, m)
     put(w.point, 2, plus(row(m.tip, 2), plus(times(2.0 * ds, dT), times(s, ddT))))

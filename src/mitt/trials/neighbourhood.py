@@ -297,4 +297,4 @@ def _crossing(f: DirectMap, motion: Motion, times: Array, before: float) -> floa
 def _beyond(f: DirectMap, motion: Motion, t: float) -> float | None:
     """Return q_o,i - q_alpha at a time [rad]; None outside the domain of l_c^-1."""
     inside, rows = f.virtual(np.array([motion(float(t))[0], np.zeros(3), np.zeros(3)]))
-    return float(rows[0, f.design.catch_joint]) - f.design.q_catch if inside else None
+    return f.to_go(rows[0]) if inside else None
