@@ -14,9 +14,12 @@ from hypothesis import strategies as st
 
 from mitt.errors import FileError
 from mitt.files.maps import read_map, save_map
+from mitt.generator.design import MapDesign
 from mitt.generator.learn import Learned
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
+from mitt.trials.learning import learn
+from mitt.trials.neighbourhood import Neighbourhood
 from mitt.version import __version__
 
 
@@ -50,6 +53,16 @@ def test_a_map_comes_back_to_the_bit(saved: Path, learned: Learned, arm: Arm) ->
     assert (again.steps, again.flights, again.left_out, again.status) == (
         learned.steps, learned.flights, learned.left_out, learned.status,
     )  # fmt: skip
+
+
+def test_a_map_with_a_slope_that_weighs_the_match_comes_back(tmp_path: Path, arm: Arm) -> None:
+    """Its monomials of first order too; it gives the same motions."""
+    design = MapDesign(slope=(0.1, -0.2), match_weight=0.5)
+    soft = learn(arm, design=design, around=Neighbourhood(flights=12, instants=6))
+    save_map(tmp_path / "soft.json", soft)
+    again = read_map(tmp_path / "soft.json", arm)
+    assert again.map.design == design
+    assert again.map.equals(soft.map)
 
 
 def test_a_map_says_which_version_wrote_it(tmp_path: Path, learned: Learned, arm: Arm) -> None:

@@ -5,7 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitt.generator.design import MapDesign, default_design, further_designs, nominal_catch
+from mitt.errors import MittError
+from mitt.generator.design import (
+    MapDesign,
+    default_design,
+    further_designs,
+    nominal_catch,
+    tangent_of,
+)
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 
@@ -27,6 +34,26 @@ def test_an_arm_slower_than_the_ball_lets_it_in_along_the_palm_s_normal(limits: 
     before, after = further_designs(arm)
     assert all(x.inward < chosen.inward for x in before)
     assert all(x.inward > chosen.inward for x in after)
+
+
+def test_a_catch_angle_that_is_stated_goes_with_no_other_joint(arm: Arm) -> None:
+    """Beside a design with a slope: the angle that a user names is the angle at the catch."""
+    base = MapDesign(q_catch=0.4, slope=(0.0, 1.0), match_weight=2.0)
+    assert default_design(arm, base=base).slope == (0.0, 1.0)
+    stated = default_design(arm, base=base, q_catch=1.2)
+    assert (stated.q_catch, stated.slope, stated.match_weight) == (1.2, (0.0, 0.0), 2.0)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("slope", (1.0,)), ("slope", (np.nan, 0.0)), ("slope", "ab"), ("slope", (1e308, 1e308)),
+     ("slope", (1e3, 0.0)), ("match_weight", -1.0), ("match_weight", np.inf),
+     ("match_weight", "much"), ("q_catch", 9.0)],
+)  # fmt: skip
+def test_a_slope_or_a_weight_that_cannot_be_is_named(arm: Arm, field: str, value: object) -> None:
+    """In one line, when the design is made or when an arm is to have it."""
+    with pytest.raises(MittError, match=field):
+        tangent_of(arm, MapDesign(**{"slope": (0.1, 0.2), field: value}))  # type: ignore[arg-type]
 
 
 def test_throws_are_the_same_for_every_limit_set(arm: Arm) -> None:

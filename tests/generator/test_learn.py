@@ -54,7 +54,7 @@ def met_at(f: DirectMap, flight: Flight) -> Array:
     g, ball = f.with_alpha(alpha), flight.ball[-1].copy()
     for _ in range(4):
         _, rows = g.motion(ball)
-        dt = -g.to_go(rows[3]) / float(g.virtual_joints(rows[4])[g.tangent.catch])
+        dt = -g.to_go(rows[3]) / float(g.coordinates(rows[4])[g.tangent.catch])
         ball[0] += dt * ball[1] + 0.5 * dt * dt * ball[2]
         ball[1] += dt * ball[2]
     _, rows = g.motion(ball)

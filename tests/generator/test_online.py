@@ -9,11 +9,13 @@ from support import ball_state
 
 from mitt.ball.flight import advance
 from mitt.control.brake import plan_brake
+from mitt.errors import InputError
 from mitt.generator.demand import Tolerance, demand
+from mitt.generator.design import MapDesign
 from mitt.generator.feasibility import Outcome
 from mitt.generator.flights import Flight
 from mitt.generator.learn import Learned
-from mitt.generator.mapping import DirectMap
+from mitt.generator.mapping import DirectMap, unlearned
 from mitt.generator.online import Online, OnlineSettings, Refinement
 from mitt.generator.prediction import flown, foresee
 from mitt.generator.program import cost, limit_rows, sensitivity
@@ -124,6 +126,13 @@ def test_the_rows_of_the_limits_are_those_of_the_learner(
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_map_that_weighs_the_match_is_not_refined(learned: Learned) -> None:
+    """Eq. (22) alone would undo the match; it is refused in one line with the remedy."""
+    soft = unlearned(learned.map.arm, MapDesign(match_weight=1.0))
+    with pytest.raises(InputError, match="leave --adapt refine out"):
+        Online(soft)
+
+
 def test_nonsense_keeps_the_last_good_coefficients(
     learned: Learned, throw: tuple[DirectMap, BallState], value: float
 ) -> None:

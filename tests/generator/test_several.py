@@ -154,6 +154,15 @@ def test_a_ball_that_has_come_back_is_not_waited_for_with_another_map(several: S
     assert followed.adapt(back, q, still).chosen == 1
 
 
+def test_maps_that_weigh_the_match_are_chosen_among_their_own_kind(learned: Learned) -> None:
+    """A map with terms of first order has no others of that size beside it that have none."""
+    soft = learn(learned.map.arm, design=MapDesign(match_weight=1.0),
+                 around=Neighbourhood(flights=20, instants=6))  # fmt: skip
+    with pytest.raises(InputError, match="match_weight"):
+        Several((Direct(learned.map), Direct(soft.map)))
+    assert len(Several((Direct(soft.map), Direct(soft.map))).maps) == 2
+
+
 def test_a_choice_among_nothing_is_refused() -> None:
     """There must be a map."""
     with pytest.raises(InputError, match="maps"):

@@ -13,7 +13,7 @@ from mitt.signals import Array
 #: Standard deviations of a change: joints at the catch, held joints, ready pose [rad]; kappa - 1
 #: and inward together, as a share; each by itself, as a share.
 _FREE, _HELD, _READY, _KAPPA, _INWARD = 0.12, 0.2, 0.2, 0.3, 0.15
-#: The same of how far a further joint turns per free one.
+#: The same of how far a further joint turns per coordinate of the free ones.
 _FOLLOWS = 0.1
 #: Room that is left to the ends of the ranges [rad].
 _MARGIN = 0.06
@@ -52,7 +52,9 @@ def mutated(whole: Arm, c: Candidate, rng: np.random.Generator, *, size: float, 
         A[further] += size * _FOLLOWS * rng.standard_normal((len(further), 3))
     if rng.random() < _OFTEN:
         others = [x for x in range(3) if x != c.catch]
-        A[:, others] += np.outer(A[:, c.catch], size * _SLOPE * rng.standard_normal(2))
+        slope = c.A[free[c.catch], others]
+        change = np.clip(slope + size * _SLOPE * rng.standard_normal(2), -10.0, 10.0) - slope
+        A[:, others] += np.outer(A[:, c.catch], change)
     if rng.random() < _OFTEN:
         ready = ready + size * _READY * rng.standard_normal(3)
     kappa, inward = c.kappa, c.inward

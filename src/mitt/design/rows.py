@@ -35,7 +35,7 @@ class Rows(NamedTuple):
     kappa: Array  # (B,)
     inward: Array  # (B,)
     A: Array  # (B, N, 3) how joints share the motion, catch joint last (mitt.design.sharing)
-    x: Array  # (B, 3) speeds of the free joints at the nominal catch, catch joint last
+    x: Array  # (B, 3) rates of the coordinates p at the nominal catch, catch joint last
     tip: Array  # (B, 3)
     score: Array  # (B,) relative speed [m/s] and what else is bad; smaller is better
 

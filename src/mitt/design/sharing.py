@@ -1,6 +1,6 @@
 """How joints share the motion: three virtual joints, each of which turns one or several.
 
-A pose moves by dq = A dp, p three free joints of the arm, the rows of A that belong to them those
+A pose moves by dq = A dp, p the angles of three free joints of the arm, whose rows of A are those
 of the identity. Where all other rows are zero, three joints move and the rest is held. Or all
 take part, each in proportion to the square of its speed limit: dq = W J' (J W J')^-1 v moves the
 hand at v with the least sum of squared shares of the limits, so A spans W J' of the nominal catch.

@@ -53,8 +53,7 @@ def palm_of(f: DirectMap, *, ball_radius: float) -> Array:
     way = f.arm.jacobian(q) @ f.tangent.A[:, f.tangent.catch]
     side = np.cross(normal, way)
     side /= max(float(np.linalg.norm(side)), 1e-9)
-    slower = f.design.kappa > 1.0 or f.design.match_weight > 0.0
-    crosses = slower and not isinstance(f.arm.model.hand, Basket)
+    crosses = f.design.kappa > 1.0 and not isinstance(f.arm.model.hand, Basket)
     last = np.array([float(crosses), _free_width(f, side, ball_radius), 0.0])
     return np.array([to_last @ normal, to_last @ side, last])
 

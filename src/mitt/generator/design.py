@@ -19,21 +19,22 @@ class MapDesign:
 
     Attributes:
         catch_joint: Index i of the catch joint among the active joints, from 0.
-        q_catch: Its angle q_alpha at the catch [rad].
+        q_catch: Its angle q_alpha at the catch [rad]; see ``slope``.
         kappa: Velocity-match ratio; 1 is the paper.
         inward: How much of the ball's line leads towards joint i's axis, in units of dl/dq_i; 0 is
             the paper. The ball then meets the hand with inward times joint i's own speed, along
             the palm's normal.
         order: Degree N of the polynomial.
         free: The three joints of l_c, the catch joint among them; all where the arm has three.
-        coupling: How far each further joint turns per free joint in l_c, a row of three a joint;
-            nothing where they stay.
+        coupling: How far each further joint turns in l_c, a row of three a joint over the
+            coordinates p of :mod:`mitt.generator.tangent`; nothing where they stay.
         slope: How q_alpha goes with the two other free joints in their order: it is
             q_catch + slope . (their angles). Balls that pass elsewhere are then caught in another
             pose of the catch joint. 0 is the paper.
         match_weight: What a relative velocity of ball and hand at the catch costs in learning, on
             top of eq. (22) [(m/s)^-2]: b then has terms of first order, and the hand moves with the
-            ball as far as the limits allow. 0 is the paper: b-dot vanishes at the catch, eq. (7).
+            ball as far as torque, speed and the limits, which are soft in learning, make it pay. 0
+            is the paper: b-dot vanishes at the catch, eq. (7).
     """
 
     catch_joint: int = 2
@@ -128,8 +129,8 @@ def default_design(
         arm: The arm.
         base: A design whose choices go before the defaults, unless another catch joint is given.
         catch_joint: Index of the catch joint; the last active joint by default.
-        q_catch: Its angle at the catch [rad]; by default the one chosen for the limit set, or
-            else pi/2 or the middle of its range.
+        q_catch: Its angle at the catch [rad], without a slope; by default the one chosen for the
+            limit set, or else pi/2 or the middle of its range.
         kappa: Velocity-match ratio.
         inward: Share of the ball's line towards the catch joint's axis.
         order: Degree of the polynomial.
@@ -151,6 +152,7 @@ def default_design(
     return replace(
         base,
         q_catch=base.q_catch if q_catch is None else q_catch,
+        slope=base.slope if q_catch is None else (0.0, 0.0),
         kappa=base.kappa if kappa is None else kappa,
         inward=base.inward if inward is None else inward,
         order=base.order if order is None else order,
@@ -206,18 +208,19 @@ def check_joints(arm: Arm, design: MapDesign) -> None:
 
 def _check_angle(arm: Arm, design: MapDesign) -> None:
     """Raise ModelError where no pose has the catch joint at q_alpha."""
+    if np.abs(design.slope).max() > 100.0:
+        raise ModelError("slope", "ratios in -100..100", f"{np.abs(design.slope).max():.3g}")
     i, others = design.catch_joint, [k for k in design.free if k != design.catch_joint]
     ends = np.array([arm.q_min[others], arm.q_max[others]]) * design.slope
     low, high = (design.q_catch + x.sum() for x in (ends.min(axis=0), ends.max(axis=0)))
     if not (arm.q_min[i] < high and low < arm.q_max[i]):
         room = f"an angle in {arm.q_min[i]:.3f}..{arm.q_max[i]:.3f} rad"
-        raise ModelError("q_catch", room, f"{design.q_catch:.3f}", do="angles are in rad")
-    if np.abs(design.slope).max() > 100.0:
-        raise ModelError("slope", "ratios in -100..100", f"{np.abs(design.slope).max():.3g}")
+        given = f"{low:.3f}" if low == high else f"{low:.3f}..{high:.3f} with its slope"
+        raise ModelError("q_catch", room, given, do="angles are in rad")
 
 
 def coupling_of(n: int, design: MapDesign) -> Array:
-    """Return A: how far each of n joints turns per virtual joint in l_c, shape (n, 3)."""
+    """Return A = dq_o/dp: how far each of n joints turns in l_c, shape (n, 3)."""
     A, further = np.zeros((n, 3)), [k for k in range(n) if k not in design.free]
     A[list(design.free)] = np.eye(3)
     others = [a for a in range(3) if design.free[a] != design.catch_joint]

@@ -5,7 +5,7 @@ import numpy as np
 from mitt.generator.inverse import lift
 from mitt.generator.packing import jet_rows, unfold, unpack
 from mitt.generator.polynomial import jets
-from mitt.generator.tangent import to_go, virtual_joint
+from mitt.generator.tangent import coordinate, to_go
 from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.views import view
@@ -41,7 +41,7 @@ def reference(
     motion, phi = jet_rows(work, n, m)
     for a in range(3):
         for d in range(3):
-            motion[d, a] = virtual_joint(g, view(rows, (3 + d) * n, (n,)), a)
+            motion[d, a] = coordinate(g, view(rows, (3 + d) * n, (n,)), a)
     centre, scale = view(window, 0, (3,)), view(window, 3, (3,))
     x, dx, ddx = view(motion, 0, (3,)), view(motion, 3, (3,)), view(motion, 6, (3,))
     jets(powers, centre, scale, x, dx, ddx, phi)
@@ -94,5 +94,5 @@ def time_to_catch(packed: Array, rows: Array) -> float:
         rows: As :func:`reference` writes them, shape (6, n).
     """
     g = unpack(packed)
-    ds, dds = virtual_joint(g, rows[4], g.catch), virtual_joint(g, rows[5], g.catch)
+    ds, dds = coordinate(g, rows[4], g.catch), coordinate(g, rows[5], g.catch)
     return float(root_time(to_go(g, rows[3]), ds, dds))

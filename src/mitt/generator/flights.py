@@ -36,6 +36,10 @@ class Flight:
             object.__setattr__(self, name, value)
 
 
+#: Farthest from its end that the catch of a flight is looked for [s].
+_NEAR_CATCH = 0.05
+
+
 class Lifted(NamedTuple):
     """A flight in virtual joints: all that q_d along it depends on besides alpha."""
 
@@ -63,7 +67,7 @@ def lift_flight(f: DirectMap, flight: Flight) -> Lifted | None:
     if not all(inside for inside, _ in rows):
         return None
     virtual = np.array([row for _, row in rows])
-    phi = np.array([f.basis.jets(*f.virtual_joints(row)) for row in virtual])
+    phi = np.array([f.basis.jets(*f.coordinates(row)) for row in virtual])
     gap = initial_gap(f.arm.q_ready, np.zeros(f.arm.n), virtual[0])
     return Lifted(virtual[1:], phi[1:], phi[0, :2], gap, *_met(f, flight, virtual[-1]))
 
@@ -72,6 +76,7 @@ def _met(f: DirectMap, flight: Flight, last: Array) -> tuple[Array, Array]:
     """Return the relative velocity at the catch [m/s], (3,), and its slope in alpha, (3, m n).
 
     There b vanishes, so the pose is l_c^-1(r_o), and the velocity of the hand is linear in alpha.
+    Nothing where the map does not weigh it, or where the flight ends far from its catch.
 
     Args:
         f: The map.
@@ -81,11 +86,15 @@ def _met(f: DirectMap, flight: Flight, last: Array) -> tuple[Array, Array]:
     size = f.alpha.size
     if f.design.match_weight == 0.0:
         return np.zeros(0), np.zeros((0, size))
-    s, ds, dds = f.virtual_joints(last)[:, f.tangent.catch] - [f.design.q_catch, 0.0, 0.0]
+    s, ds, dds = f.coordinates(last)[:, f.tangent.catch] - [f.design.q_catch, 0.0, 0.0]
     dt, (r, dr, ddr) = root_time(s, ds, dds), flight.ball[-1]
+    if not abs(dt) <= _NEAR_CATCH:
+        return np.zeros(0), np.zeros((0, size))
     ball = np.array([r + dt * dr + 0.5 * dt * dt * ddr, dr + dt * ddr, ddr])
-    _, rows = f.virtual(ball)
+    inside, rows = f.virtual(ball)
+    if not inside:
+        return np.zeros(0), np.zeros((0, size))
     J = f.arm.jacobian(rows[0])
-    rate = f.basis.jets(*f.virtual_joints(rows))[1]
+    rate = f.basis.jets(*f.coordinates(rows))[1]
     slope = -np.einsum("cj,a->caj", J, rate).reshape(3, size)
     return ball[1] - J @ rows[1], slope

@@ -20,7 +20,7 @@ from mitt.ball.flight import acceleration, advance
 from mitt.generator.inverse import lift
 from mitt.generator.packing import unfold, unpack
 from mitt.generator.polynomial import jets
-from mitt.generator.tangent import virtual_joint
+from mitt.generator.tangent import coordinate
 from mitt.jit import kernel
 from mitt.signals import Array
 
@@ -96,8 +96,8 @@ def lay(
         if not lift(g, c.path[k], c.rows[k], w):
             return np.nan
         for a in range(3):
-            q[a], dq[a] = virtual_joint(g, c.rows[k, 0], a), virtual_joint(g, c.rows[k, 1], a)
-            ddq[a] = virtual_joint(g, c.rows[k, 2], a)
+            q[a], dq[a] = coordinate(g, c.rows[k, 0], a), coordinate(g, c.rows[k, 1], a)
+            ddq[a] = coordinate(g, c.rows[k, 2], a)
         jets(powers, window[0], window[1], q, dq, ddq, c.phi[k])
         if k == len(c.after) - 1 - LATE:
             better -= (q[g.catch] - g.q_catch) / dq[g.catch]

@@ -21,7 +21,7 @@ from mitt.views import view
 
 #: |det J_c| below this share of the product of its columns' lengths counts as singular.
 _SINGULAR = 1e-9
-#: Newton: largest step of a joint [rad], largest residual [m], steps allowed, stride [m].
+#: Newton: largest step of a coordinate p [rad], largest residual [m], steps allowed, stride [m].
 _NEWTON_STEP, _NEWTON_RESIDUAL, _NEWTON_STEPS, _STRIDE = 0.5, 1e-11, 40, 0.25
 
 #: Beyond these a ball counts as outside the domain [m; m/s and m/s^2]: so what the map says stays

@@ -172,7 +172,7 @@ def _scaled(start: DirectMap, flights: Sequence[Flight]) -> tuple[DirectMap, lis
     inside = [x for x in (lift_flight(start, flight) for flight in flights) if x is not None]
     if not inside:
         raise InputError("flights", "at least one inside the map's domain", f"{len(flights)}, none")
-    q_o = np.concatenate([start.virtual_joints(x.virtual[:, 0]) for x in inside])
+    q_o = np.concatenate([start.coordinates(x.virtual[:, 0]) for x in inside])
     basis = start.basis
     centre = 0.5 * (q_o.min(axis=0) + q_o.max(axis=0))
     centre[basis.catch_joint] = start.design.q_catch

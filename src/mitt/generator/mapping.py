@@ -1,7 +1,8 @@
 """The map from the ball's motion to the desired joint motion, eqs. (1), (6), (7), (15).
 
 q_d = f(r_o) = g(l_c^-1(r_o)) with g(q) = q + b(q): at the catch q_i = q_alpha, b and its first
-derivatives vanish, and position and velocity match whatever the coefficients are.
+derivatives vanish, and position and velocity match whatever the coefficients are. Of a map with a
+``match_weight`` b alone vanishes: the position matches, and the velocity as well as it has learned.
 
 | here     | paper          | unit  | shape  |
 |----------|----------------|-------|--------|
@@ -130,8 +131,8 @@ class DirectMap:
         follow(self.tangent, q)
         return q
 
-    def virtual_joints(self, q_o: Array) -> Array:
-        """Return the virtual joints p of poses or of their rates, shapes (..., 3) and (..., n)."""
+    def coordinates(self, q_o: Array) -> Array:
+        """Return the coordinates p, (..., 3), of poses or of their rates, shape (..., n)."""
         p: Array = q_o[..., list(self.design.free)].copy()
         p[..., self.tangent.catch] -= p @ self._slope
         return p
@@ -204,7 +205,7 @@ class DirectMap:
         """Return g(q) = q + b(q) of eqs. (7) and (11) [rad], shape (n,)."""
         still, q = np.zeros(3), checks.vector("q", q, self.arm.n, finite=True)
         with np.errstate(over="ignore", invalid="ignore"):
-            b: Array = self.basis.jets(self.virtual_joints(q), still, still)[0] @ self.alpha
+            b: Array = self.basis.jets(self.coordinates(q), still, still)[0] @ self.alpha
         if not np.all(np.isfinite(b)):
             raise InputError("q", "angles near those of the arm [rad]", "far larger ones")
         return q + b
@@ -212,8 +213,8 @@ class DirectMap:
     def catch_gap(self, r_o: Array) -> Array:
         """Return r_e = l(f(r_o)) - r_o of eq. (4) [m], shape (3,).
 
-        It and its rate vanish at the catch, eq. (3), for any alpha (the rate at kappa = 1 and
-        inward = 0).
+        It and its rate vanish at the catch, eq. (3), for any alpha (the rate at kappa = 1,
+        inward = 0 and match_weight = 0).
         """
         r_o = checks.vector("r_o", r_o, 3, finite=True)
         _, q_o = self.to_joints(r_o)
@@ -231,7 +232,7 @@ class DirectMap:
             raise InputError("r_o", "a position in the domain of the map", np.asarray(r_o).tolist(),
                              do="ask to_joints whether it is")  # fmt: skip
         per_ball = np.linalg.inv(self._expanded("q_o", q_o).J_c.T)
-        bent = self.alpha.T @ self.basis.gradient(self.virtual_joints(q_o))
+        bent = self.alpha.T @ self.basis.gradient(self.coordinates(q_o))
         out: Array = (self.tangent.A + bent) @ per_ball
         return out
 
@@ -292,7 +293,7 @@ class DirectMap:
         inside, rows = self.virtual(np.array([ball.r_o, ball.dr_o, ball.ddr_o]))
         if not inside:
             return None
-        phi = self.basis.jets(*self.virtual_joints(rows))
+        phi = self.basis.jets(*self.coordinates(rows))
         return project(self.alpha, self.H_inverse, phi[:2], initial_gap(q, dq, rows))
 
 

@@ -25,6 +25,7 @@ import daqp
 import numpy as np
 
 from mitt import checks, fields
+from mitt.errors import InputError
 from mitt.generator.approach import palm_of
 from mitt.generator.clearance import space_of
 from mitt.generator.demand import Tolerance
@@ -133,6 +134,9 @@ class Online:
     ) -> None:
         """Take the learned map, whose alpha is alpha*, H the metric; and what stands around."""
         self._f = checks.instance("f", f, DirectMap)
+        if f.design.match_weight > 0.0:  # eq. (22) alone would undo what the map has learned
+            raise InputError("a map refined in flight", "match_weight 0", f.design.match_weight,
+                             do="leave --adapt refine out")  # fmt: skip
         self.settings, self._around = settings or OnlineSettings(), around
         s, (m, n), links = self.settings, f.alpha.shape, len(f.arm.model.links)
         weights = np.array([s.pull, s.share, s.near, s.weight, s.gap])

@@ -1,6 +1,6 @@
 """The polynomial b(q) that bends the trajectory between its two ends.
 
-Eq. (11) writes b as a sum of monomials, each with the factor (q_i - q_alpha)^2. That factor
+Eq. (11) writes b as a sum of monomials, each with the factor (q_i - q_alpha)^2, which
 makes b and its first derivatives vanish at the catch, so that eq. (3) holds whatever the
 coefficients are. Variables are shifted and scaled, which spans the same space and conditions
 better; the catch joint is shifted by q_alpha itself, so the factor stays exact.
@@ -71,7 +71,7 @@ class CatchBasis:
 
     @cached_property
     def powers(self) -> NDArray[np.int64]:
-        """Exponents, shape (m, n), with the two extra powers of the catch joint."""
+        """Exponents, shape (m, n), with the extra powers of the catch joint: two, or one."""
         degrees, i = range(self.order - 1), self.catch_joint
         rows = [j for j in product(degrees, repeat=len(self.centre)) if sum(j) <= self.order - 2]
         powers = np.array(rows, dtype=np.int64)

@@ -19,7 +19,7 @@ from mitt.generator.packing import unfold, unpack
 from mitt.generator.polynomial import jets
 from mitt.generator.sqp_step import Buffers, Map
 from mitt.generator.stopping import spare
-from mitt.generator.tangent import expand, to_go, turn_all, virtual_joint
+from mitt.generator.tangent import coordinate, expand, to_go, turn_all
 from mitt.generator.utilization import Plant, asked_of
 from mitt.jit import kernel
 from mitt.robot.dynamics import inverse_dynamics
@@ -101,7 +101,7 @@ def place(f: Map, c: Course, P: Array, region: Array, out: Array) -> float:
         if not solve3(w.J_c, units[x], g.free, answer[x]):
             return 0.0
         turn_all(g, answer[x])
-        late = virtual_joint(g, answer[x], g.catch) / virtual_joint(g, dq, g.catch)
+        late = coordinate(g, answer[x], g.catch) / coordinate(g, dq, g.catch)
         for j in range(n):
             answer[x, j] -= dq[j] * late
     odds = 1.0
@@ -160,7 +160,7 @@ def within(
         if not lift(g, ball, rows, w):
             return 0.0
         late = to_go(g, c.rows[k, 0]) - to_go(g, rows[0])
-        late /= virtual_joint(g, rows[1], g.catch)
+        late /= coordinate(g, rows[1], g.catch)
         for e in range(3):
             ball[0, e] += late * ball[1, e]
             ball[1, e] += late * ball[2, e]
@@ -189,7 +189,7 @@ def _share(
     free = np.empty((3, 3))
     for d in range(3):
         for a in range(3):
-            free[d, a] = virtual_joint(g, rows[d], a)
+            free[d, a] = coordinate(g, rows[d], a)
     jets(f.powers, f.window[0], f.window[1], free[0], free[1], free[2], phi)
     for d in range(3):
         for j in range(n):

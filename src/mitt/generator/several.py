@@ -50,7 +50,8 @@ class Several:
             checks.instance("maps", f, Direct)
         sizes = {f.map.alpha.shape for f in self.maps}
         if len(sizes) != 1:
-            raise InputError("maps", "maps of one arm and one degree", f"{len(self.maps)} others")
+            wanted = "maps of one arm and one degree, all with a match_weight or none"
+            raise InputError("maps", wanted, f"{len(self.maps)} others")
 
     @property
     def map(self) -> Direct:

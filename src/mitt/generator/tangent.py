@@ -9,9 +9,9 @@ inward lets it in along the line to joint i's axis, for an elbow down the forear
 | here          | paper / equations                         | unit        | shape  |
 |---------------|-------------------------------------------|-------------|--------|
 | ``T``         | the line along which the ball comes       | m/rad       | (3,)   |
-| ``q_o``       | virtual joints                            | rad         | (n,)   |
-| ``A``         | dq_o over the three virtual joints        | 1           | (n, 3) |
-| ``J_c``       | dl_c/dp over the three virtual joints     | m/rad       | (3, 3) |
+| ``q_o``       | joint angles of l_c^-1                    | rad         | (n,)   |
+| ``A``         | dq_o/dp                                   | 1           | (n, 3) |
+| ``J_c``       | dl_c/dp                                   | m/rad       | (3, 3) |
 | ``curvature`` | J_c-dot dq_o, second derivative along dq_o| m/s^2       | (3,)   |
 
 Three joints are free, the catch joint among them, so J_c is square. Any further joint follows them,
@@ -19,9 +19,10 @@ q_o = q_rest + A (p - p_rest): the arm is one of three virtual joints p then, ea
 several. Where its row of A is 0 a joint stays at q_rest and takes part through b alone. J_i and w_i
 are those of the virtual joint: sums over the joints that it turns.
 
-The virtual joints p are the free joints themselves, but for the catch joint where q_alpha goes with
-the two others: q_alpha = q_catch + slope . (the others), and p_i = q_i - slope . (the others), so
-that s = p_i - q_catch all the same and the catch joint's row of A holds the slope.
+The coordinates p of these virtual joints are the angles of the free joints, but for the catch joint
+where q_alpha goes with the two others: q_alpha = q_catch + slope . (the others), and
+p_i = q_i - slope . (the others), so that s = p_i - q_catch all the same. The catch joint's row of A
+holds the slope.
 """
 
 from typing import NamedTuple
@@ -49,7 +50,7 @@ class Tangent(NamedTuple):
     kappa: float  # velocity-match ratio
     inward: float  # share of the ball's line that leads towards the catch joint's axis
     q_rest: Array  # (n,) pose from which the joints that are not free follow [rad]
-    A: Array  # (n, 3) how far each joint turns per virtual joint
+    A: Array  # (n, 3) how far each joint turns per coordinate p
     planar: bool
     plane: Array  # (7,) p_x, p_z, t_x, t_z, shoulder height, sign of yaw, sign of pitch
 
@@ -64,7 +65,7 @@ class Scratch(NamedTuple):
     still: Array  # (n,) zeros
     point: Array  # (3, 3) l_c, residual, curvature
     ends: Array  # (3, 3) start of a way and the way itself
-    J_c: Array  # (3, 3) rows over the free joints: J_c transposed
+    J_c: Array  # (3, 3) rows over the coordinates p: J_c transposed
 
 
 def scratch_of(n: int) -> Scratch:
@@ -74,8 +75,8 @@ def scratch_of(n: int) -> Scratch:
 
 
 @kernel
-def virtual_joint(g: Tangent, q_o: Array, a: int) -> float:
-    """Return virtual joint ``a`` of a pose of all joints, or of a rate of it."""
+def coordinate(g: Tangent, q_o: Array, a: int) -> float:
+    """Return coordinate ``a`` of p, of a pose of all joints or of a rate of it."""
     p = q_o[g.free[a]]
     if a == g.catch:
         for b in range(3):
@@ -107,7 +108,7 @@ def follow(g: Tangent, q_o: Array) -> None:
         if k != g.free[0] and k != g.free[1] and k != g.free[2]:
             q_o[k] = g.q_rest[k]
             for a in range(3):
-                q_o[k] += g.A[k, a] * (virtual_joint(g, q_o, a) - virtual_joint(g, g.q_rest, a))
+                q_o[k] += g.A[k, a] * (coordinate(g, q_o, a) - coordinate(g, g.q_rest, a))
 
 
 @kernel
@@ -140,7 +141,7 @@ def expand(g: Tangent, q_o: Array, w: Scratch) -> None:
 
 @kernel
 def _turned(A: Array, a: int, rows: Array) -> Vec:
-    """Return what free joint ``a`` turns of a vector a joint: J or w of that virtual joint."""
+    """Return what coordinate ``a`` turns of a vector a joint: J or w of that virtual joint."""
     total: Vec = ZERO
     for k in range(len(A)):
         if A[k, a] != 0.0:
@@ -150,7 +151,7 @@ def _turned(A: Array, a: int, rows: Array) -> Vec:
 
 @kernel
 def _line_slope(g: Tangent, m: Motion, a: int) -> Vec:
-    """Return dT/dp of a free joint, by dJ_l/dq_k = w_k x J_l for k <= l and w_l x J_k beyond."""
+    """Return dT/dp of a coordinate, by dJ_l/dq_k = w_k x J_l for k <= l and w_l x J_k beyond."""
     c = g.catch
     dJ: Vec = ZERO
     dw: Vec = ZERO
@@ -175,7 +176,7 @@ def _line_slope(g: Tangent, m: Motion, a: int) -> Vec:
 def curve(g: Tangent, q_o: Array, dq_o: Array, w: Scratch) -> None:
     """Write the curvature of l_c along ``dq_o`` at the virtual joints that were expanded last."""
     m = w.motion
-    s, ds = to_go(g, q_o), virtual_joint(g, dq_o, g.catch)
+    s, ds = to_go(g, q_o), coordinate(g, dq_o, g.catch)
     for k in range(len(q_o)):
         w.dq[k] = dq_o[k]
     w.dq[g.catch_joint] = 0.0

@@ -74,6 +74,8 @@ def learn_several(first: DirectMap) -> Several:
     In order of preference, the gentlest first; a map that is one of them already stands once.
     """
     before, after = further_designs(first.arm)
+    weight = first.design.match_weight
+    before, after = (tuple(replace(x, match_weight=weight) for x in y) for y in (before, after))
     maps = [learn(first.arm, design=x).map for x in (*before, *after) if x != first.design]
     count = sum(x != first.design for x in before)
     return Several(tuple(Direct(f) for f in (*maps[:count], first, *maps[count:])))
