@@ -426,6 +426,27 @@ def test_help_is_light(words: tuple[str, ...], tmp_path: Path) -> None:
     assert done.stderr == ""
 
 
+@pytest.mark.parametrize("given", [None, "3"])
+def test_linear_algebra_has_one_thread_unless_a_user_says_else(
+    given: str | None, tmp_path: Path
+) -> None:
+    """Said before NumPy is loaded, so that processes that are started inherit it."""
+    code = (
+        "import os, sys; from mitt.cli import main\n"
+        "sys.argv = ['mitt', '--version']\n"
+        f"given = {given!r}\n"
+        "os.environ.pop('OPENBLAS_NUM_THREADS', None)\n"
+        "if given: os.environ['OPENBLAS_NUM_THREADS'] = given\n"
+        "early = 'numpy' not in sys.modules\n"
+        "try: main()\n"
+        "except SystemExit: pass\n"
+        "print(early, os.environ['OPENBLAS_NUM_THREADS'])"
+    )
+    done = process(["-c", code], tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == f"True {given or 1}"
+
+
 def test_a_closed_pipe_is_no_fault(a_map: Path, tmp_path: Path) -> None:
     """``mitt catch --json | head -c 0``: no traceback, not status 1."""
     script = f"{sys.executable} -m mitt --help | head -c 1 >/dev/null; exit ${{PIPESTATUS[0]}}"

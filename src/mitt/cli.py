@@ -20,6 +20,10 @@ from mitt.interrupts import (
     words_of,
 )
 
+#: Linear algebra runs in one thread, in this process and in those that it starts. The matrices are
+#: small: with two threads on two busy cores a map of five joints took 4.6 times as long, and sums
+#: would depend on the number of cores. What a user has set stays.
+_ONE_THREAD = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 #: Exit statuses above this are those of signals.
 _SIGNALLED = 128
 #: What the system says where a standard stream cannot be written.
@@ -34,6 +38,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     alone = arguments is None
     _open_streams()
+    for name in _ONE_THREAD if alone else ():
+        os.environ.setdefault(name, "1")
     status = 0
     try:
         with listening(for_good=alone):

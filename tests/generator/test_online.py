@@ -125,7 +125,6 @@ def test_the_rows_of_the_limits_are_those_of_the_learner(
     assert A.sum(axis=0) == pytest.approx(total, abs=1e-7 * len(room) * scale)
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_a_map_that_weighs_the_match_is_not_refined(learned: Learned) -> None:
     """Eq. (22) alone would undo the match; it is refused in one line with the remedy."""
     soft = unlearned(learned.map.arm, MapDesign(match_weight=1.0))
@@ -133,6 +132,7 @@ def test_a_map_that_weighs_the_match_is_not_refined(learned: Learned) -> None:
         Online(soft)
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_nonsense_keeps_the_last_good_coefficients(
     learned: Learned, throw: tuple[DirectMap, BallState], value: float
 ) -> None:
