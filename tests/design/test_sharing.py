@@ -13,6 +13,7 @@ from mitt.design.sharing import alone, slope_of, sloped
 from mitt.design.task import Task
 from mitt.errors import MittError
 from mitt.generator.mapping import unlearned
+from mitt.generator.tangent import to_go
 from mitt.robot.arm import Arm
 
 FREE = np.array([[3, 0, 2], [1, 2, 4]])
@@ -53,7 +54,7 @@ def test_candidates_wait_and_catch_in_poses_of_their_own_map(whole: Arm, task: T
         assert np.allclose(c.q_ready[free], c.ready)
         try:
             f = unlearned(c.arm(whole), c.design)
-            gap = f.to_go(c.q_catch)
+            gap = to_go(f.tangent, c.q_catch)
         except MittError:  # kappa, inward or slope beyond what a map may have
             continue
         known += 1

@@ -9,12 +9,14 @@ from support import parabola
 
 from mitt.errors import InputError
 from mitt.generator.constraints import initial_matrix, project, shift
+from mitt.generator.coordinates import coordinates
 from mitt.generator.demand import demand
 from mitt.generator.design import MapDesign
 from mitt.generator.flights import Flight, lift_flight
 from mitt.generator.learn import Learned, learn
 from mitt.generator.mapping import DirectMap
 from mitt.generator.program import cost, limit_rows, sensitivity, solve
+from mitt.generator.tangent import to_go
 from mitt.robot.arm import Arm
 from mitt.robot.wam import wam_limits
 from mitt.signals import Array
@@ -54,7 +56,7 @@ def met_at(f: DirectMap, flight: Flight) -> Array:
     g, ball = f.with_alpha(alpha), flight.ball[-1].copy()
     for _ in range(4):
         _, rows = g.motion(ball)
-        dt = -g.to_go(rows[3]) / float(g.coordinates(rows[4])[g.tangent.catch])
+        dt = -to_go(g.tangent, rows[3]) / float(coordinates(g.tangent, rows[4])[g.tangent.catch])
         ball[0] += dt * ball[1] + 0.5 * dt * dt * ball[2]
         ball[1] += dt * ball[2]
     _, rows = g.motion(ball)

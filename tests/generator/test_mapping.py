@@ -14,7 +14,7 @@ from mitt.generator.design import MapDesign, tangent_of
 from mitt.generator.inverse import invert_newton
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap, unlearned
-from mitt.generator.tangent import scratch_of
+from mitt.generator.tangent import scratch_of, to_go
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import Array, MapStatus
@@ -70,7 +70,7 @@ def test_a_map_that_weighs_the_match_meets_the_ball_in_position(
     relative = []
     for f in maps:
         answer = f.reference(ball_state(r_o, dr_o, np.zeros(3)))
-        assert f.to_go(answer.q_o) == pytest.approx(0.0, abs=1e-8)
+        assert to_go(f.tangent, answer.q_o) == pytest.approx(0.0, abs=1e-8)
         assert np.allclose(answer.q_d, q, atol=1e-8)
         assert np.allclose(f.catch_gap(r_o), 0.0, atol=1e-8)
         assert np.allclose(f.F(r_o) @ dr_o, answer.dq_d, atol=1e-6)

@@ -14,9 +14,10 @@ from mitt import checks
 from mitt.errors import FileError, InputError, MittError
 from mitt.files.files import read_json, write_json
 from mitt.files.schema import Finite, Part, parsed
+from mitt.generator.coordinates import basis_of
 from mitt.generator.design import MapDesign, tangent_of
 from mitt.generator.learn import Learned, Step
-from mitt.generator.mapping import DirectMap, basis_of
+from mitt.generator.mapping import DirectMap
 from mitt.generator.polynomial import MOST_ORDER
 from mitt.robot.arm import Arm
 from mitt.robot.identity import difference, identity_of

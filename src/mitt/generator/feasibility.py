@@ -14,6 +14,7 @@ from mitt.generator import prediction
 from mitt.generator.demand import Tolerance, shares_of
 from mitt.generator.mapping import DirectMap
 from mitt.generator.prediction import Foresight, flown, foresee, spread
+from mitt.generator.tangent import to_go
 from mitt.jit import kernel
 from mitt.signals import Array, BallState
 
@@ -256,21 +257,21 @@ def _can_wait(
         tolerance: Share of each limit that may be asked for.
     """
     path = flown(ball, np.arange(0.0, _AHEAD, _STRIDE))
-    to_go = list[float]()
+    ways = list[float]()
     for motion in path:
         level(motion, waiting_height(f))
         inside, rows = f.virtual(motion)
         if not inside:
             return False
-        to_go.append(f.to_go(rows[0]))
-        if to_go[0] * to_go[-1] <= 0.0:
+        ways.append(float(to_go(f.tangent, rows[0])))
+        if ways[0] * ways[-1] <= 0.0:
             break
     else:
         return False
     alpha = f.adapted(levelled(f, ball), *start)
     if alpha is None:
         return False
-    return max(shares_of(f.arm, f.motions(path[: len(to_go)], alpha), tolerance).values()) <= 1.0
+    return max(shares_of(f.arm, f.motions(path[: len(ways)], alpha), tolerance).values()) <= 1.0
 
 
 def _passes_over(f: DirectMap, ball: BallState) -> bool:

@@ -14,6 +14,7 @@ import numpy as np
 
 from mitt import checks
 from mitt.generator.constraints import initial_gap
+from mitt.generator.coordinates import coordinates
 from mitt.generator.evaluation import root_time
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array
@@ -67,7 +68,7 @@ def lift_flight(f: DirectMap, flight: Flight) -> Lifted | None:
     if not all(inside for inside, _ in rows):
         return None
     virtual = np.array([row for _, row in rows])
-    phi = np.array([f.basis.jets(*f.coordinates(row)) for row in virtual])
+    phi = np.array([f.basis.jets(*coordinates(f.tangent, row)) for row in virtual])
     gap = initial_gap(f.arm.q_ready, np.zeros(f.arm.n), virtual[0])
     return Lifted(virtual[1:], phi[1:], phi[0, :2], gap, *_met(f, flight, virtual[-1]))
 
@@ -86,7 +87,7 @@ def _met(f: DirectMap, flight: Flight, last: Array) -> tuple[Array, Array]:
     size = f.alpha.size
     if f.design.match_weight == 0.0:
         return np.zeros(0), np.zeros((0, size))
-    s, ds, dds = f.coordinates(last)[:, f.tangent.catch] - [f.design.q_catch, 0.0, 0.0]
+    s, ds, dds = coordinates(f.tangent, last)[:, f.tangent.catch] - [f.design.q_catch, 0.0, 0.0]
     dt, (r, dr, ddr) = root_time(s, ds, dds), flight.ball[-1]
     if not abs(dt) <= _NEAR_CATCH:
         return np.zeros(0), np.zeros((0, size))
@@ -95,6 +96,6 @@ def _met(f: DirectMap, flight: Flight, last: Array) -> tuple[Array, Array]:
     if not inside:
         return np.zeros(0), np.zeros((0, size))
     J = f.arm.jacobian(rows[0])
-    rate = f.basis.jets(*f.coordinates(rows))[1]
+    rate = f.basis.jets(*coordinates(f.tangent, rows))[1]
     slope = -np.einsum("cj,a->caj", J, rate).reshape(3, size)
     return ball[1] - J @ rows[1], slope

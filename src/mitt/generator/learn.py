@@ -23,10 +23,11 @@ import numpy as np
 from mitt import fields
 from mitt.errors import InputError
 from mitt.generator.constraints import initial_matrix, project, shift
+from mitt.generator.coordinates import basis_of, coordinates
 from mitt.generator.demand import demand
 from mitt.generator.design import MapDesign
 from mitt.generator.flights import Flight, Lifted, lift_flight
-from mitt.generator.mapping import DirectMap, basis_of, unlearned
+from mitt.generator.mapping import DirectMap, unlearned
 from mitt.generator.program import Rows, cost, limit_rows, sensitivity, solve
 from mitt.robot.arm import Arm
 from mitt.signals import Array
@@ -37,8 +38,6 @@ _RIDGE = 1e-9
 _HALVINGS, _PENALTY = 6, 10.0
 #: Least share of usable flights of a map that is called converged; a choice of this project.
 _FEWEST = 0.5
-
-
 #: Least and largest number of each setting; choices of this project.
 _RANGES = {"steps": (0, 10**4), "tolerance": (0.0, 1.0), "share": (0.01, 100.0),
            "near": (0.0, 100.0)}  # fmt: skip
@@ -172,7 +171,7 @@ def _scaled(start: DirectMap, flights: Sequence[Flight]) -> tuple[DirectMap, lis
     inside = [x for x in (lift_flight(start, flight) for flight in flights) if x is not None]
     if not inside:
         raise InputError("flights", "at least one inside the map's domain", f"{len(flights)}, none")
-    q_o = np.concatenate([start.coordinates(x.virtual[:, 0]) for x in inside])
+    q_o = np.concatenate([coordinates(start.tangent, x.virtual[:, 0]) for x in inside])
     basis = start.basis
     centre = 0.5 * (q_o.min(axis=0) + q_o.max(axis=0))
     centre[basis.catch_joint] = start.design.q_catch

@@ -20,19 +20,12 @@ import numpy as np
 from mitt import checks
 from mitt.errors import InputError, ModelError
 from mitt.generator.constraints import initial_gap, project
+from mitt.generator.coordinates import basis_of, coordinates
 from mitt.generator.design import MapDesign, check_joints, tangent_of
 from mitt.generator.evaluation import reference, references, time_to_catch, virtual
 from mitt.generator.packing import pack, workspace
 from mitt.generator.polynomial import CatchBasis
-from mitt.generator.tangent import (
-    Scratch,
-    Tangent,
-    catch_angle,
-    expand,
-    follow,
-    scratch_of,
-    to_go,
-)
+from mitt.generator.tangent import Scratch, Tangent, catch_angle, expand, follow, scratch_of
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState, JointReference, MapStatus
 
@@ -131,23 +124,6 @@ class DirectMap:
         follow(self.tangent, q)
         return q
 
-    def coordinates(self, q_o: Array) -> Array:
-        """Return the coordinates p, (..., 3), of poses or of their rates, shape (..., n)."""
-        p: Array = q_o[..., list(self.design.free)].copy()
-        p[..., self.tangent.catch] -= p @ self._slope
-        return p
-
-    def to_go(self, q_o: Array) -> float:
-        """Return s = q_i - q_alpha at a pose [rad], the signed distance still to go, eq. (5)."""
-        return float(to_go(self.tangent, q_o))
-
-    @cached_property
-    def _slope(self) -> Array:
-        """How q_alpha goes with the free joints, 0 for the catch joint itself, shape (3,)."""
-        slope: Array = self.tangent.A[self.design.catch_joint].copy()
-        slope[self.tangent.catch] = 0.0
-        return slope
-
     def virtual(self, ball: Array) -> tuple[bool, Array]:
         """Return virtual joints and two derivatives, shape (3, n), of r_o, dr_o, ddr_o, (3, 3)."""
         out = np.zeros((3, self.arm.n))
@@ -205,7 +181,7 @@ class DirectMap:
         """Return g(q) = q + b(q) of eqs. (7) and (11) [rad], shape (n,)."""
         still, q = np.zeros(3), checks.vector("q", q, self.arm.n, finite=True)
         with np.errstate(over="ignore", invalid="ignore"):
-            b: Array = self.basis.jets(self.coordinates(q), still, still)[0] @ self.alpha
+            b: Array = self.basis.jets(coordinates(self.tangent, q), still, still)[0] @ self.alpha
         if not np.all(np.isfinite(b)):
             raise InputError("q", "angles near those of the arm [rad]", "far larger ones")
         return q + b
@@ -232,7 +208,7 @@ class DirectMap:
             raise InputError("r_o", "a position in the domain of the map", np.asarray(r_o).tolist(),
                              do="ask to_joints whether it is")  # fmt: skip
         per_ball = np.linalg.inv(self._expanded("q_o", q_o).J_c.T)
-        bent = self.alpha.T @ self.basis.gradient(self.coordinates(q_o))
+        bent = self.alpha.T @ self.basis.gradient(coordinates(self.tangent, q_o))
         out: Array = (self.tangent.A + bent) @ per_ball
         return out
 
@@ -293,16 +269,8 @@ class DirectMap:
         inside, rows = self.virtual(np.array([ball.r_o, ball.dr_o, ball.ddr_o]))
         if not inside:
             return None
-        phi = self.basis.jets(*self.coordinates(rows))
+        phi = self.basis.jets(*coordinates(self.tangent, rows))
         return project(self.alpha, self.H_inverse, phi[:2], initial_gap(q, dq, rows))
-
-
-def basis_of(design: MapDesign, centre: Array, scale: Array) -> CatchBasis:
-    """Return the monomials of a map's b, of virtual joints shifted and scaled, shape (3,) each."""
-    return CatchBasis(
-        design.order, design.free.index(design.catch_joint), centre, scale,
-        first_order=design.match_weight > 0.0,
-    )  # fmt: skip
 
 
 def unlearned(arm: Arm, design: MapDesign) -> DirectMap:

@@ -20,6 +20,7 @@ from mitt.ball.flight import acceleration, advance
 from mitt.generator.design import catch_place
 from mitt.generator.flights import Flight
 from mitt.generator.mapping import DirectMap
+from mitt.generator.tangent import to_go
 from mitt.robot.description import ArmModel
 from mitt.signals import Array
 
@@ -297,4 +298,4 @@ def _crossing(f: DirectMap, motion: Motion, times: Array, before: float) -> floa
 def _beyond(f: DirectMap, motion: Motion, t: float) -> float | None:
     """Return q_o,i - q_alpha at a time [rad]; None outside the domain of l_c^-1."""
     inside, rows = f.virtual(np.array([motion(float(t))[0], np.zeros(3), np.zeros(3)]))
-    return f.to_go(rows[0]) if inside else None
+    return float(to_go(f.tangent, rows[0])) if inside else None
