@@ -184,9 +184,8 @@ def _release(
     """Draw how a ball arrives at a point [m], shape (3,), and return its release [m, m/s]."""
     speed = float(rng.uniform(*settings.arrival))
     down, side = rng.uniform(*settings.descent), rng.uniform(*settings.azimuth)
-    ahead = np.cos(down)
+    ahead, r = np.cos(down), arrival.copy()
     dr = -speed * np.array([ahead * np.cos(side), ahead * np.sin(side), np.sin(down)])
-    r = arrival.copy()
     advance(r, dr, drag, -float(rng.uniform(*settings.flight)))
     return r, dr
 
