@@ -17,8 +17,8 @@ _FREE, _HELD, _READY, _KAPPA, _INWARD = 0.12, 0.2, 0.2, 0.3, 0.15
 _FOLLOWS = 0.1
 #: Room that is left to the ends of the ranges [rad].
 _MARGIN = 0.06
-#: Standard deviations of the slope of the catch angle, and of the match weight as a share; how often
-#: the weight is set to 0, or to 1 where it was 0.
+#: Standard deviations of the slope of the catch angle, and of the match weight as a share; how
+#: often the weight is set to 0, or to 1 where it was 0.
 _SLOPE, _WEIGHT, _SWITCHED = 0.3, 0.7, 0.05
 #: Shift of the aim against the catch point [m], and how often a held joint is turned square.
 _AIM, _SQUARE = 0.07, 0.1
