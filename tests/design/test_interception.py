@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 
 from mitt.design.balls import Balls
 from mitt.design.candidate import Candidate
 from mitt.design.contact import Touch
-from mitt.design.geometry import drawn, spread, triples_of
-from mitt.design.interception import least_relative_velocity, map_velocities
+from mitt.design.corners import spread
+from mitt.design.geometry import drawn, triples_of
+from mitt.design.interception import bounded, least_relative_velocity, line_rates
 from mitt.design.poses import poses_of
 from mitt.design.rows import Rows, best_of, candidates_of
 from mitt.design.whole import whole_arm
@@ -71,18 +73,30 @@ def test_the_least_relative_velocity_keeps_the_speeds_and_uses_one_up() -> None:
 def test_kappa_and_inward_give_back_the_meeting_they_came_from() -> None:
     J, w, v, d, fastest = _problem(2000)
     m = least_relative_velocity(J, w, v, d, fastest, EYE)
-    x, relative = map_velocities(J, w, v, m.kappa, m.inward)
+    x = line_rates(J, w, v, m.kappa, m.inward)
     np.testing.assert_allclose(x[m.sound], m.x[m.sound], rtol=1e-6, atol=1e-6)
-    np.testing.assert_allclose(relative[m.sound], (m.s[:, None] * d)[m.sound], rtol=1e-6, atol=1e-6)
 
 
 def test_dependent_columns_are_never_sound() -> None:
     J, w, v, d, fastest = _problem(5)
     J[:, 1] = 2.0 * J[:, 0]
     assert not least_relative_velocity(J, w, v, d, fastest, EYE).sound.any()
-    x, relative = map_velocities(J, w, v, np.ones(5), np.zeros(5))
-    assert not np.isfinite(x).any()
-    assert not np.isfinite(relative).any()
+    assert not np.isfinite(line_rates(J, w, v, np.ones(5), np.zeros(5))).any()
+
+
+def test_bounded_speeds_are_the_least_squares_of_a_solver() -> None:
+    rng = np.random.default_rng(4)
+    J, v = rng.standard_normal((20, 5, 3)), 4.0 * rng.standard_normal((20, 3))
+    high = rng.uniform(0.1, 1.5, (20, 5))
+    high[:, 4] = 0.0  # a joint that is held
+    low = -high
+    low[3, 0] = 0.05  # a speed that has to be asked
+    dq = bounded(J, v, low, high)
+    assert np.all((dq >= low) & (dq <= high))
+    for k in range(20):
+        ends = low[k] - 1e-12, high[k] + 1e-12
+        best = lsq_linear(J[k].T, v[k], bounds=ends, tol=1e-12).cost
+        assert 0.5 * np.sum((v[k] - J[k].T @ dq[k]) ** 2) <= best + 1e-4
 
 
 def test_joint_speeds_are_those_of_the_map_at_its_catch(whole: Arm, rows: Rows) -> None:

@@ -19,7 +19,6 @@ from mitt.design.rows import candidates_of
 from mitt.design.speeds import AtSpeed
 from mitt.report.design_page import advice_of, write_design_page
 from mitt.robot.arm import Arm
-from mitt.robot.limits import Limits
 from mitt.world.scenes import read_scene
 
 #: How far the gain of a quicker joint may be off when it is measured on a quicker arm [m/s].
@@ -49,28 +48,26 @@ def test_a_quicker_joint_never_makes_a_catch_harder(whole: Arm) -> None:
     assert helped > 10
 
 
-def test_only_the_joint_that_is_nearest_to_its_limit_helps(whole: Arm) -> None:
+def test_only_a_joint_at_its_limit_helps(whole: Arm) -> None:
+    idle = 0
     for c in _some(whole, 60):
-        rows = faster_joints(whole, c, Balls())
-        most = max(x.share for x in rows)
-        for x in rows:
-            if x.share < most - _ROUNDED:
+        for x in faster_joints(whole, c, Balls()):
+            if x.share < 0.9 - 1e-3:
                 assert x.quicker_m_s >= x.relative_m_s - 1e-3
+                idle += 1
+    assert idle > 10
 
 
-def test_an_arm_with_that_joint_has_its_share_lowered(whole: Arm) -> None:
-    c = _some(whole, 1)[0]
-    rows = faster_joints(whole, c, Balls())
-    name = max(rows, key=lambda x: x.share).joint
-    k = whole.names.index(name)
-    limits: Limits = whole.limits
-    speeds = limits.dq_max.copy()
-    speeds[k] *= QUICKER
-    quicker = Arm(whole.model, replace(limits, dq_max=speeds, transmission=np.eye(whole.n)))
-    plain = Arm(whole.model, replace(limits, transmission=np.eye(whole.n)))
-    mine = {x.joint: x.share for x in faster_joints(plain, c, Balls())}
-    theirs = {x.joint: x.share for x in faster_joints(quicker, c, Balls())}
-    assert np.isclose(theirs[name] * QUICKER, mine[name])
+def test_an_arm_with_that_joint_meets_balls_as_softly(whole: Arm) -> None:
+    plain = replace(whole.limits, transmission=np.eye(whole.n))  # joints have their own drives
+    for c in _some(whole, 10):
+        rows = faster_joints(Arm(whole.model, plain), c, Balls())
+        best = min(rows, key=lambda x: x.quicker_m_s)
+        speeds = plain.dq_max.copy()
+        speeds[whole.names.index(best.joint)] *= QUICKER
+        limits = replace(plain, dq_max=speeds)
+        theirs = faster_joints(Arm(whole.model, limits), c, Balls())[0].relative_m_s
+        assert theirs == pytest.approx(best.quicker_m_s, abs=_ROUNDED)
 
 
 def test_words_name_the_joint_and_the_limit(found: Design, whole: Arm) -> None:

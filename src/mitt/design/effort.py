@@ -21,7 +21,7 @@ class Effort:
             are learned from as many flights as those of ``mitt catch``.
         parents: Candidates that are changed in each generation.
         children: Changed ones of each generation.
-        last: Candidates that are learned in full and confirmed.
+        last: Candidates that are learned in full and confirmed, with some match weights each.
         confirm: Throws at each of these, by which the best is chosen.
         again: How many of them are thrown at once more: the best of several was lucky as well.
         report: Fresh throws at the chosen one, which alone are reported.
@@ -33,13 +33,13 @@ class Effort:
     enough: int = 2000
     changes: int = 16
     judged: int = 60
-    generations: int = 10
+    generations: int = 6
     offspring: int = 60
     thrown: int = 16
-    throws: tuple[int, ...] = (12, 12, 12, 16, 16, 24, 32)
+    throws: tuple[int, ...] = (12, 12, 16, 24, 32)
     parents: int = 6
-    children: int = 20
-    last: int = 9
+    children: int = 16
+    last: int = 5
     confirm: int = 100
     again: int = 4
     report: int = 100

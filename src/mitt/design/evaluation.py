@@ -32,6 +32,9 @@ from mitt.trials.score import Trial
 
 #: Share of each torque that holding a pose, and speeding up to the catch, may ask for on paper.
 _HOLDING, _SPEEDING = 0.85, 2.5
+#: Largest share of a joint's speed that l_c^-1 may ask for at the catch on paper; the same where
+#: learning weighs the match.
+_ASKED, _ASKED_WEIGHED = 1.6, 3.0
 #: Time in which the hand reaches its speed at the catch, on paper [s].
 _RISE = 0.25
 #: Largest difference of one pose from itself, by its catch point and l_c^-1 [rad].
@@ -63,6 +66,8 @@ _STRAIGHT, _ASLANT, _SLOW = np.deg2rad(25.0), 0.3, 1.0
 #: Share of the throws that has to be caught, within every limit, for an arm to count as one that
 #: can catch them.
 ENOUGH = 0.8
+#: Share of the first throws that a candidate has to catch to be thrown at further.
+_PROMISING = 0.7
 #: What a ball counts that is caught beyond a limit, while candidates are compared.
 _BEYOND = 0.7
 #: Force that counts as much as a relative speed of 1 m/s [N].
@@ -160,7 +165,13 @@ def able_to_hold(whole: Arm, c: Candidate, task: Task) -> bool:
     if not _on_branch(arm, start, c):
         return False
     inside = [x for x in (lift_flight(start, flight) for flight in flights) if x is not None]
-    return len(inside) >= 4 and sum(_asks_little(arm, x.virtual[-1]) for x in inside) >= 3
+    return (
+        len(inside) >= 4
+        and sum(
+            _asks_little(arm, x.virtual[-1], 3.0 if c.match_weight > 0 else 1.6) for x in inside
+        )
+        >= 3
+    )
 
 
 def _way(c: Candidate) -> Array:
@@ -188,12 +199,18 @@ def _holds(arm: Arm, c: Candidate, floor: float) -> bool:
     return bool(np.all((ready > arm.q_min) & (ready < arm.q_max)))
 
 
-def _asks_little(arm: Arm, virtual: Array) -> bool:
-    """Say whether the arm could reach the joint speeds at a catch, rows q_o, dq_o, ddq_o."""
+def _asks_little(arm: Arm, virtual: Array, most: float) -> bool:
+    """Say whether the arm could about reach the joint speeds of l_c^-1 at a catch.
+
+    Args:
+        arm: The arm.
+        virtual: Rows q_o, dq_o, ddq_o there.
+        most: Largest share of a joint's speed.
+    """
     q, dq = virtual[0], virtual[1]
     tau = arm.torque(q, np.zeros(arm.n), dq / _RISE)
     share = arm.limits.torque_ratio(tau, np.zeros(len(arm.bodies)))
-    return bool(float(share.max()) <= _SPEEDING and np.abs(dq / arm.dq_max).max() <= 1.6)
+    return bool(float(share.max()) <= _SPEEDING and np.abs(dq / arm.dq_max).max() <= most)
 
 
 def learned(whole: Arm, c: Candidate, task: Task, how: How = "quick") -> DirectMap | None:
@@ -271,12 +288,12 @@ def trials_of(
         task: What is thrown.
         throws: How many.
         seed: Seed of throws, plant and noise.
-        give_up: Whether a third of them suffices where fewer than half of these are caught.
+        give_up: Whether a third of them suffices where few of these are caught.
     """
     source = task.source(f, throws=throws, seed=seed)
     runner = TrialRunner(f.arm, Direct(f), task.scene, pixels=False)
     first = throws // 3 if give_up else throws
     trials = [runner.throw(source, k).trial for k in range(first)]
-    if sum(trial.status == "caught" for trial in trials) < 0.5 * first:
+    if sum(trial.status == "caught" for trial in trials) < _PROMISING * first:
         return trials
     return trials + [runner.throw(source, k).trial for k in range(first, throws)]

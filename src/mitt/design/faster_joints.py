@@ -6,15 +6,13 @@ import numpy as np
 
 from mitt.design.balls import Balls
 from mitt.design.candidate import Candidate
-from mitt.design.interception import least_relative_velocity, map_velocities
+from mitt.design.interception import bounded
 from mitt.design.poses import poses_of
-from mitt.design.sharing import virtual
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 
-#: By what a joint is made quicker, and all links longer; relative speed below which nothing has to
-#: be [m/s].
-QUICKER, LONGER, _GENTLE = 1.5, 1.2, 0.3
+#: By what a joint is made quicker, and all links longer; share of joint speeds that may be asked.
+QUICKER, LONGER, _FASTEST = 1.5, 1.2, 0.9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,7 +21,7 @@ class FasterJoint:
 
     Attributes:
         joint: Its name.
-        share: Share of its speed limit at the nominal catch.
+        share: Share of its speed limit that this takes.
         relative_m_s: Least relative speed there, by joint speeds alone.
         quicker_m_s: The same, were the joint 50 % faster.
     """
@@ -38,63 +36,51 @@ class FasterJoint:
 class _Catch:
     """The nominal catch of a candidate: what its joint speeds allow there."""
 
-    J: Array
-    w: Array
-    v: Array
-    A: Array
-    relative: Array
-    share: Array
-    allowed: Array
+    J: Array  # (1, N, 3)
+    v: Array  # (1, 3)
+    allowed: Array  # (N,) speeds that may be asked, 0 of held joints [rad/s]
 
-    @property
-    def speed(self) -> float:
-        """Relative speed that the map asks for [m/s]."""
-        return float(np.linalg.norm(self.relative))
-
-    def least(self, speeds: Array, *, longer: float = 1.0) -> float:
-        """Return the least relative speed along the present direction, if there is one [m/s].
+    def speeds(self, allowed: Array, *, longer: float = 1.0) -> Array:
+        """Return the joint speeds that leave the least relative velocity [rad/s], shape (N,).
 
         Args:
-            speeds: Of all joints, which may be asked [rad/s], shape (N,).
-            longer: By what factor the arm is longer, its pose and the speeds being the same.
+            allowed: Speeds that may be asked [rad/s], shape (N,).
+            longer: By what factor the arm is longer, its pose being the same.
         """
-        if not self.speed > _GENTLE:
-            return self.speed
-        d = self.relative / self.speed
-        found = least_relative_velocity(longer * self.J, self.w, self.v, d, speeds[None], self.A)
-        return min(float(found.s[0]), self.speed) if found.sound[0] else self.speed
+        return np.array(bounded(longer * self.J, self.v, -allowed[None], allowed[None])[0])
+
+    def least(self, allowed: Array, *, longer: float = 1.0) -> float:
+        """Return that least relative speed [m/s]; arguments as of :meth:`speeds`."""
+        dq = self.speeds(allowed, longer=longer)
+        return float(np.linalg.norm(self.v[0] - longer * dq @ self.J[0]))
 
 
 def _catch_of(whole: Arm, c: Candidate, balls: Balls) -> _Catch:
     """Return the nominal catch of a candidate."""
-    order = [k for k in range(3) if k != c.catch] + [c.catch]
-    A, v = c.A[None][:, :, order], balls.velocity()
-    J, w = virtual(poses_of(whole.model, c.q[None]), A)
-    x, relative = map_velocities(J, w, v, np.array([c.kappa]), np.array([c.inward]))
-    share = np.abs(A[0] @ x[0]) / whole.dq_max
-    allowed = float(share[list(c.active)].max()) * whole.dq_max
-    return _Catch(J=J, w=w, v=v, A=A, relative=relative, share=share, allowed=allowed)
+    allowed = np.zeros(whole.n)
+    allowed[list(c.active)] = _FASTEST * whole.dq_max[list(c.active)]
+    return _Catch(J=poses_of(whole.model, c.q[None]).J, v=balls.velocity()[None], allowed=allowed)
 
 
 def faster_joints(whole: Arm, c: Candidate, balls: Balls) -> list[FasterJoint]:
     """Return what each active joint's speed is worth at a candidate's nominal catch.
 
-    The direction of the relative velocity stays, and the joints may be as near to their limits as
-    the quickest of them is now.
+    In that pose and for a ball in the middle of those thrown. A map may use less of the joints than
+    they allow.
     """
     catch, out = _catch_of(whole, c, balls), []
-    now = catch.least(catch.allowed)
+    share, now = np.abs(catch.speeds(catch.allowed)) / whole.dq_max, catch.least(catch.allowed)
     for k in c.active:
         quicker = catch.allowed.copy()
         quicker[k] *= QUICKER
-        out.append(_row(whole, k, float(catch.share[k]), now, min(catch.least(quicker), now)))
+        out.append(_row(whole, k, float(share[k]), now, min(catch.least(quicker), now)))
     return out
 
 
 def longer_arm(whole: Arm, c: Candidate, balls: Balls) -> float:
     """Return the least relative speed there, were all links longer by :data:`LONGER` [m/s].
 
-    Pose and joint speeds stay, so that the hand is faster; by joint speeds alone, as above.
+    The pose stays, and the hand is faster by as much; by joint speeds alone, as above.
     """
     catch = _catch_of(whole, c, balls)
     return min(catch.least(catch.allowed, longer=LONGER), catch.least(catch.allowed))

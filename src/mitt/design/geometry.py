@@ -1,8 +1,8 @@
 """Candidates by geometry alone, by the hundred thousand.
 
 Poses are drawn over all joints, the first turned so that the palm looks towards the thrower. For
-each, some choices of three joints meet a typical ball (:mod:`mitt.design.interception`); those that
-do so softly meet balls from the corners of the box of throws too, with the same map.
+each, some choices of three joints meet a typical ball (:mod:`mitt.design.interception`). All are
+scored by balls from the corners of the box of throws (:mod:`mitt.design.corners`).
 """
 
 from collections.abc import Sequence
@@ -14,24 +14,19 @@ from numpy.typing import NDArray
 from mitt.design.balls import Balls
 from mitt.design.candidate import within
 from mitt.design.contact import Touch
-from mitt.design.interception import Interception, least_relative_velocity, map_velocities
+from mitt.design.corners import BRAKED, SOFT, STRAIGHT, spread
+from mitt.design.interception import MOST, Interception, least_relative_velocity
 from mitt.design.placing import clear, facing, led, off_line
 from mitt.design.poses import Poses, poses_of
-from mitt.design.rows import Rows, boxes_of, joined
+from mitt.design.rows import Rows, drawn_weights, joined
 from mitt.design.sharing import alone, shared, slope_of, sloped, virtual
 from mitt.design.whole import movable
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 
-#: Joint range left free at the catch [rad], share of joint speeds that may be asked, and what of
-#: it is drawn for a typical ball: balls elsewhere ask for more of the same map.
-_MARGIN, _FASTEST, _SHARES = 0.12, 0.9, (0.3, 0.9)
-#: Time for which the joints go on at their speeds after the catch, until the arm has braked [s].
-_BRAKED = 0.1
-#: Largest share of a joint speed that a ball at a corner may ask: the learned map may do better.
-_BEYOND = 1.5
-#: What it costs to ask for more than a joint's speed, in m/s of relative speed.
-_TOO_FAST = 5.0
+#: Joint range left free at the catch [rad], and share of joint speeds that is drawn for a typical
+#: ball: balls elsewhere ask for more of the same map.
+_MARGIN, _SHARES = 0.12, (0.3, 0.9)
 #: How often each joint is changed.
 _OFTEN = 0.6
 #: Choices of three joints that move alone, and of those that all others follow, of each pose; how
@@ -39,20 +34,10 @@ _OFTEN = 0.6
 _ALONE, _SHARED, _HELD = 24, 8, 0.25
 #: How often the catch angle goes with the other joints, and standard deviation of its slope.
 _SLOPED, _SLOPE = 0.6, 1.0
-#: Largest angle at which a ball may come in off the palm's normal [rad], least cosine of the palm's
-#: normal and the direction from which the ball comes, and speed below which neither matters [m/s].
-_STRAIGHT, _FACING, _SOFT = np.deg2rad(45.0), 0.1, 1.0
+#: Least cosine of the palm's normal and the direction from which the ball comes.
+_FACING = 0.1
 #: Tilt of the relative velocity off the palm's normal that is tried [rad].
 _TILT = np.deg2rad(35.0)
-#: Corners of the box (across, up), and the balls that come there: speed and descent from the least
-#: (-1) to the most (1) of the balls, and azimuth [rad].
-_CORNERS = (
-    (0.0, 0.0, 1.0, 0.0, -1.0),
-    (0.9, 0.5, 0.0, 0.1, 0.5),
-    (-0.9, -0.5, 0.0, -0.1, -0.5),
-    (0.5, -0.9, -1.0, -0.1, 1.0),
-    (-0.5, 0.9, 0.5, 0.1, 0.0),
-)
 
 
 def triples_of(whole: Arm, joints: Sequence[str] | None) -> NDArray[np.int64]:
@@ -110,7 +95,7 @@ def _of_three(
     found = least_relative_velocity(J, w, v, d, share * whole.dq_max[chosen], A)
     good = np.flatnonzero(found.sound & (found.s < balls.speed))
     moving = chosen[good], sloped(alone(chosen[good], whole.n), slope[good])
-    return _rows(whole, of, moving, row[good], d[good], found.take(good))
+    return _rows(whole, of, moving, row[good], d[good], found.take(good), rng)
 
 
 def _of_all(
@@ -167,8 +152,22 @@ def improved(
     slope = slope + size * _slopes(len(A), rng)
     A = sloped(A, slope)
     found = _met(whole, balls.velocity(), (q, poses), (chosen, A), np.arange(len(q)), rng)
-    found = spread(whole, balls, found, touch)
-    return joined([rows, found])
+    same = rows.take(kept)._replace(q=q, A=A, tip=poses.tip)
+    further = _same_line(same.take(same.weight > 0.0), rng, size=size)
+    return joined([rows, spread(whole, balls, joined([found, further]), touch)])
+
+
+def _same_line(rows: Rows, rng: np.random.Generator, *, size: float) -> Rows:
+    """Return candidates with about the same kappa and inward: their line need not lead to the ball.
+
+    First-order terms of b turn the hand's velocity towards it (:mod:`mitt.generator.polynomial`).
+    """
+    count, kappa, inward = len(rows.q), rows.kappa, rows.inward
+    harder = (kappa - 1.0 + 0.02) * np.exp(2.0 * size * rng.standard_normal(count))
+    aside = size * (kappa - 1.0 + np.abs(inward) + 0.1) * rng.standard_normal(count)
+    return rows._replace(
+        kappa=np.minimum(1.0 + harder, MOST), inward=np.clip(inward + aside, -MOST, MOST)
+    )
 
 
 def _able(whole: Arm, balls: Balls, q: Array, touch: Touch) -> (
@@ -206,22 +205,22 @@ def _met(
     found = least_relative_velocity(J, w, v, d, share * whole.dq_max, A)
     good = np.flatnonzero(found.sound & (found.s < np.linalg.norm(v)))
     moving = moving[0][good], A[good]
-    return _rows(whole, of, moving, row[good], d[good], found.take(good))
+    return _rows(whole, of, moving, row[good], d[good], found.take(good), rng)
 
 
 def _rows(
     whole: Arm, of: tuple[Array, Poses], moving: tuple[NDArray[np.int64], Array],
-    row: NDArray[np.int64], d: Array, found: Interception,
+    row: NDArray[np.int64], d: Array, found: Interception, rng: np.random.Generator,
 ) -> Rows:  # fmt: skip
     """Return what meets the ball so that it comes into the palm and the joints can brake after."""
     (q, poses), (chosen, A) = of, moving
     speeds = np.einsum("bka,ba->bk", A, found.x)
-    straight: NDArray[np.bool_] = -np.sum(d * poses.palm[row], axis=1) > np.cos(_STRAIGHT)
-    good = within(whole, q[row] + _BRAKED * speeds, 0.0) & (straight | (found.s < _SOFT))
+    straight: NDArray[np.bool_] = -np.sum(d * poses.palm[row], axis=1) > np.cos(STRAIGHT)
+    good = within(whole, q[row] + BRAKED * speeds, 0.0) & (straight | (found.s < SOFT))
     effort = np.abs(speeds / whole.dq_max).max(axis=1)
     return Rows(
         q=q[row], free=chosen, kappa=found.kappa, inward=found.inward, A=A, x=found.x,
-        tip=poses.tip[row], score=found.s + 0.3 * effort,
+        tip=poses.tip[row], score=found.s + 0.3 * effort, weight=drawn_weights(len(chosen), rng),
     ).take(good)  # fmt: skip
 
 
@@ -234,50 +233,3 @@ def _into(palm: Array, J: Array, w: Array, rng: np.random.Generator) -> Array:
     tilt = rng.uniform(-_TILT, _TILT, len(palm))[:, None]
     d: Array = np.cos(tilt) * flat + np.sin(tilt) * np.cross(across, flat)
     return d
-
-
-def spread(whole: Arm, balls: Balls, rows: Rows, touch: Touch) -> Rows:
-    """Score candidates by how they meet balls all over the box.
-
-    Those that cannot, or that touch themselves at the nominal catch, are left out.
-    """
-    good: NDArray[np.bool_] = np.ones(len(rows.q), dtype=bool)
-    total, worst = rows.score.copy(), np.zeros(len(rows.q))
-    box = boxes_of(whole, balls, rows)
-    for corner in _CORNERS:
-        v = balls.velocity(*corner[2:])
-        q = _moved(whole, rows, v, np.array([0.0, *corner[:2]]) * box[:, 1])
-        poses = poses_of(whole.model, q)
-        x, relative = map_velocities(*virtual(poses, rows.A), v, rows.kappa, rows.inward)
-        s = np.linalg.norm(relative, axis=1)
-        cosine = -np.sum(relative * poses.palm, axis=1) / np.maximum(s, 1e-9)
-        straight = (cosine > np.cos(_STRAIGHT)) | (s < _SOFT)
-        share = np.abs(np.einsum("bka,ba->bk", rows.A, x) / whole.dq_max).max(axis=1)
-        good &= within(whole, q, 0.05) & np.isfinite(s)
-        total += s + _TOO_FAST * np.maximum(share - _FASTEST, 0.0) + 1.0 * ~straight
-        worst = np.maximum(worst, share)
-    kept = rows._replace(score=total / (1 + len(_CORNERS))).take(good & (worst < _BEYOND))
-    return kept.take(touch.clear(kept.q))
-
-
-def _moved(whole: Arm, rows: Rows, v: Array, offset: Array) -> Array:
-    """Move the other free joints so that the catch point lies elsewhere, seen along the ball's way.
-
-    Two steps of Newton's method across v.
-    """
-    n = v / np.linalg.norm(v)
-    across = np.array([np.cross(n, [0.0, 0.0, 1.0]), np.zeros(3)])
-    across[0] /= np.linalg.norm(across[0])
-    across[1] = np.cross(across[0], n)
-    q, goal = rows.q.copy(), (rows.tip + offset) @ across.T
-    lost = np.zeros(len(q), dtype=bool)
-    for _ in range(2):
-        poses = poses_of(whole.model, q)
-        C = np.swapaxes(virtual(poses, rows.A)[0][:, :2] @ across.T, 1, 2)
-        flat = np.abs(np.linalg.det(C)) < 1e-4
-        C = np.where(flat[:, None, None], np.eye(2), C)
-        step = np.linalg.solve(C, (goal - poses.tip @ across.T)[..., None])[..., 0]
-        q += np.einsum("bka,ba->bk", rows.A[:, :, :2], np.clip(step, -0.8, 0.8))
-        lost |= flat
-    q[lost] = whole.q_max + 1.0  # in no range
-    return q

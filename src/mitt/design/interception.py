@@ -32,7 +32,9 @@ _SINGULAR = 0.05
 #: Least speed of the catch joint [rad/s]: a slower one makes no way along the ball's line.
 _SLOWEST = 0.3
 #: Largest kappa and inward that are looked at.
-_MOST = 12.0
+MOST = 12.0
+#: Sweeps of coordinate descent over all joints.
+_SWEEPS = 60
 
 
 class Interception(NamedTuple):
@@ -78,7 +80,7 @@ def least_relative_velocity(
     scale = np.where(sound, s, 0.0) / np.where(sound, x[:, 2], 1.0)
     kappa = 1.0 + scale * np.sum(d * J_i, axis=1) / np.maximum(size[:, 2] ** 2, 1e-12)
     inward = scale * np.sum(d * lever, axis=1) / np.maximum(np.sum(lever**2, axis=1), 1e-12)
-    sound &= (kappa > 1.0 - 1e-9) & (kappa < _MOST) & (np.abs(inward) < _MOST)
+    sound &= (kappa > 1.0 - 1e-9) & (kappa < MOST) & (np.abs(inward) < MOST)
     return Interception(sound=sound, s=s, x=x, kappa=np.maximum(kappa, 1.0), inward=inward)
 
 
@@ -94,10 +96,10 @@ def _interval(x_0: Array, slope: Array, fastest: Array) -> tuple[Array, Array]:
     return ends[0].max(axis=1), ends[1].min(axis=1)
 
 
-def map_velocities(
-    J: Array, w: Array, v: Array, kappa: Array, inward: Array
-) -> tuple[Array, Array]:
-    """Return the joint speeds and the ball's relative velocity of given maps, (B, 3) each.
+def line_rates(J: Array, w: Array, v: Array, kappa: Array, inward: Array) -> Array:
+    """Return the rates of the three joints when a ball moves along given lines, shape (B, 3).
+
+    Infinite where a line gives none.
 
     Args:
         J: As in :func:`least_relative_velocity`.
@@ -113,6 +115,28 @@ def map_velocities(
     A = np.where(flat[:, None, None], np.eye(3), A)
     solved = np.linalg.solve(A, np.broadcast_to(v, T.shape)[..., None])[..., 0]
     x: Array = np.where(flat[:, None], np.inf, solved)
-    own = np.where(flat, 0.0, x[:, 2])[:, None]
-    relative: Array = np.where(flat[:, None], np.inf, (T - J_i) * own)
-    return x, relative
+    return x
+
+
+def bounded(J: Array, v: Array, low: Array, high: Array) -> Array:
+    """Return joint speeds within bounds that move the hand as nearly as possible at a velocity.
+
+    |v - J dq| is least for low <= dq <= high: by coordinate descent, which comes to the minimum of
+    a convex quadratic in a box.
+
+    Args:
+        J: dl/dq of all joints, shape (B, N, 3).
+        v: Velocity that is wanted [m/s], shape (B, 3).
+        low: Least speeds [rad/s], shape (B, N).
+        high: Largest speeds [rad/s], shape (B, N).
+    """
+    dq: Array = np.clip(np.zeros_like(low), low, high)
+    rest = v - np.einsum("bkc,bk->bc", J, dq)
+    size = np.maximum(np.sum(J**2, axis=2), 1e-9)
+    for _ in range(_SWEEPS):
+        for k in range(J.shape[1]):
+            better = dq[:, k] + np.sum(J[:, k] * rest, axis=1) / size[:, k]
+            better = np.clip(better, low[:, k], high[:, k])
+            rest -= (better - dq[:, k])[:, None] * J[:, k]
+            dq[:, k] = better
+    return dq

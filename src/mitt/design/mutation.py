@@ -78,7 +78,7 @@ def _weight(c: Candidate, size: float, rng: np.random.Generator) -> float:
     weight = c.match_weight * float(np.exp(size * _WEIGHT * rng.standard_normal()))
     if rng.random() < _SWITCHED:
         weight = 0.0 if weight > 0.0 else 1.0
-    return min(weight, 100.0)
+    return min(weight, 1000.0)
 
 
 def _squared(q: Array, free: list[int], rng: np.random.Generator) -> Array:

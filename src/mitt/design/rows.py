@@ -24,7 +24,7 @@ _ASIDE = 1.0
 #: Room that the ready pose keeps to the ends of the ranges [rad].
 _ROOM = 0.05
 #: How often a relative velocity at the catch costs something in learning, and how much [(m/s)^-2].
-_WEIGHED, _WEIGHTS = 0.7, (0.1, 10.0)
+_WEIGHED, _WEIGHTS = 0.7, (0.3, 100.0)
 
 
 class Rows(NamedTuple):
@@ -38,6 +38,7 @@ class Rows(NamedTuple):
     x: Array  # (B, 3) rates of the coordinates p at the nominal catch, catch joint last
     tip: Array  # (B, 3)
     score: Array  # (B,) relative speed [m/s] and what else is bad; smaller is better
+    weight: Array  # (B,) match weight, 0 where the map matches by its line alone [(m/s)^-2]
 
     @property
     def moving(self) -> NDArray[np.int64]:
@@ -48,7 +49,7 @@ class Rows(NamedTuple):
         """Return some of them, by index or by mask."""
         return Rows(
             self.q[rows], self.free[rows], self.kappa[rows], self.inward[rows], self.A[rows],
-            self.x[rows], self.tip[rows], self.score[rows],
+            self.x[rows], self.tip[rows], self.score[rows], self.weight[rows],
         )  # fmt: skip
 
 
@@ -78,7 +79,7 @@ def best_of(rows: Rows, *, count: int, each: int) -> Rows:
     taken, cost = list[int](), list[float]()
     seen, near = dict[tuple[int, ...], int](), dict[tuple[int, ...], int]()
     for k in order.tolist():
-        key = (*rows.free[k].tolist(), int(moving[k]))
+        key = (*rows.free[k].tolist(), int(moving[k]), int(rows.weight[k] > 0.0))
         place = (*key, *np.round(rows.tip[k] / 0.15).astype(int).tolist())
         if seen.get(key, 0) >= each or near.get(place, 0) >= max(1, each // 8):
             continue
@@ -89,10 +90,12 @@ def best_of(rows: Rows, *, count: int, each: int) -> Rows:
     return rows.take(np.array(taken, dtype=np.int64)[ranked])
 
 
-def _weight(rng: np.random.Generator) -> float:
-    """Draw a match weight: 0, or one of any size [(m/s)^-2]."""
-    size = float(np.exp(rng.uniform(*np.log(_WEIGHTS))))
-    return size if rng.random() < _WEIGHED else 0.0
+def drawn_weights(count: int, rng: np.random.Generator) -> Array:
+    """Draw match weights: 0, or one of any size [(m/s)^-2], shape (count,)."""
+    low, high = np.log(_WEIGHTS).tolist()
+    size = np.exp(rng.uniform(low, high, count))
+    out: Array = np.where(rng.random(count) < _WEIGHED, size, 0.0)
+    return out
 
 
 def candidates_of(
@@ -122,6 +125,6 @@ def candidates_of(
             A=A,
             ready=ready,
             aim=boxes[k].copy(),
-            match_weight=_weight(rng),
+            match_weight=float(rows.weight[k]),
         ))  # fmt: skip
     return out

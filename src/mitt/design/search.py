@@ -9,6 +9,7 @@ of workers.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import cycle
 from math import sqrt
 
@@ -17,10 +18,11 @@ from numpy.typing import NDArray
 
 from mitt.design.candidate import Candidate
 from mitt.design.contact import Touch
+from mitt.design.corners import spread
 from mitt.design.effort import Effort
 from mitt.design.evaluation import Evaluation, How
 from mitt.design.evaluator import Evaluator, Progress
-from mitt.design.geometry import drawn, improved, spread, triples_of
+from mitt.design.geometry import drawn, improved, triples_of
 from mitt.design.mutation import mutated
 from mitt.design.rows import Rows, best_of, candidates_of, joined
 from mitt.design.task import REPORTED, Task
@@ -36,6 +38,9 @@ _BY_THROWS, _BY_VERDICTS = 2, 3
 _WORTH_THROWING = 0.2
 #: What a catch that is harder by 1 m/s costs, in shares of throws; the best for each are kept.
 PRICES = (0.005, 0.1, 0.03, 0.2)
+#: Times their match weight with which the last candidates are tried: small changes come to soft
+#: catches slowly, and one number decides how soft a learned map is.
+_WEIGHTS = (1.0, 2.0, 4.0)
 #: Share of the throws that is asked for, if nothing else is said.
 RATE = 0.98
 
@@ -83,9 +88,12 @@ def _confirmed(
     evaluator: Evaluator, effort: Effort, last: Sequence[Evaluation], rate: float
 ) -> list[Evaluation]:
     """Return the last candidates, thrown at with their full maps, the one to take first."""
-    once = evaluator.try_all(
-        "confirming", [w.candidate for w in last], throws=effort.confirm, seed=_CONFIRM, how="full"
-    )
+    softer = [
+        replace(c, match_weight=x * c.match_weight)
+        for c in (w.candidate for w in last)
+        for x in (_WEIGHTS if c.match_weight > 0.0 else _WEIGHTS[:1])
+    ]
+    once = evaluator.try_all("confirming", softer, throws=effort.confirm, seed=_CONFIRM, how="full")
     again = evaluator.try_all(
         "confirming again", [w.candidate for w in ranked(once, rate)[: effort.again]],
         throws=effort.confirm, seed=_AGAIN, how="full", give_up=False,

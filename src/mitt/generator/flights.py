@@ -85,16 +85,17 @@ def _met(f: DirectMap, flight: Flight, last: Array) -> tuple[Array, Array]:
         last: Virtual joints and two derivatives at its end, shape (3, n).
     """
     size = f.alpha.size
+    nothing = np.zeros(0), np.zeros((0, size))
     if f.design.match_weight == 0.0:
-        return np.zeros(0), np.zeros((0, size))
+        return nothing
     s, ds, dds = coordinates(f.tangent, last)[:, f.tangent.catch] - [f.design.q_catch, 0.0, 0.0]
     dt, (r, dr, ddr) = root_time(s, ds, dds), flight.ball[-1]
     if not abs(dt) <= _NEAR_CATCH:
-        return np.zeros(0), np.zeros((0, size))
+        return nothing
     ball = np.array([r + dt * dr + 0.5 * dt * dt * ddr, dr + dt * ddr, ddr])
     inside, rows = f.virtual(ball)
     if not inside:
-        return np.zeros(0), np.zeros((0, size))
+        return nothing
     J = f.arm.jacobian(rows[0])
     rate = f.basis.jets(*coordinates(f.tangent, rows))[1]
     slope = -np.einsum("cj,a->caj", J, rate).reshape(3, size)

@@ -34,8 +34,8 @@ from mitt.signals import Array
 
 #: Share of the trace of a Hessian that is added to its diagonal.
 _RIDGE = 1e-9
-#: Halvings of a step that does not help, and weight of squared excess in the merit of a step.
-_HALVINGS, _PENALTY = 6, 10.0
+#: Halvings of a step that does not help, and weight of the mean squared excess over the instants.
+_HALVINGS, _PENALTY = 6, 300.0
 #: Least share of usable flights of a map that is called converged; a choice of this project.
 _FEWEST = 0.5
 #: Least and largest number of each setting; choices of this project.
@@ -273,7 +273,8 @@ def _advanced(
     gradient = np.mean([p.gradient for p in parts], axis=0)
     rows = np.concatenate([p.limits.rows for p in parts])
     room = np.concatenate([p.limits.room for p in parts])
-    step = solve(H, gradient, (rows, room), weight=_PENALTY / len(parts))
+    instants = sum(len(x.virtual) for x in lifted)
+    step = solve(H, gradient, (rows, room), weight=_PENALTY / instants)
     if step is None:
         return None
     before, best = _merit(f, lifted, settings), f
@@ -294,7 +295,7 @@ def _merit(f: DirectMap, lifted: Sequence[Lifted], settings: LearnSettings) -> f
         asked = demand(f.arm, x.motion(alpha))
         shares = asked.torque, asked.speed, asked.acceleration
         over = np.concatenate([share.ravel() for share in shares]) - settings.share
-        total += asked.cost + _PENALTY * float(np.sum(np.maximum(over, 0.0) ** 2))
-        total += _PENALTY * float(np.sum(asked.excess**2))
+        excess = float(np.sum(np.maximum(over, 0.0) ** 2) + np.sum(asked.excess**2))
+        total += asked.cost + _PENALTY * excess / len(x.virtual)
         total += f.design.match_weight * float(np.sum(x.relative_velocity(alpha) ** 2))
     return total / len(lifted)

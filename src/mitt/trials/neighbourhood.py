@@ -56,7 +56,7 @@ class Neighbourhood:
         azimuth: Where it comes from, seen from there, off the direction of +x [rad].
         flight: Time of its flight before that [s].
         max_speed_share: Share of a joint's speed above which l_c^-1 asks for what no learned map
-            catches; such flights are redrawn. At the catch 1.3 at most, where it is finite.
+            catches; such flights are redrawn. At the catch 1.3, if finite and no match is weighed.
     """
 
     flights: int = 120
@@ -91,9 +91,8 @@ Motion = Callable[[float], tuple[Array, Array]]
 #: Time after the time of flight in which the catch is still looked for [s], on which grid [s], and
 #: every how many of its instants at first.
 _LATER, _GRID, _STRIDE = 0.45, 0.005, 6
-#: Share of a joint's speed that l_c^-1 may ask for at the catch, at most: above 1 the hand comes a
-#: little late, which the fingers allow. Maps of four designs caught as many balls or more with 1.3
-#: as with 1.1; with 1.6 no more.
+#: Share of a joint's speed that l_c^-1 may ask for at the catch: above 1 the hand is a little late,
+#: which fingers allow. Four designs caught as many or more with 1.3 as with 1.1; with 1.6 no more.
 _AT_CATCH = 1.3
 #: For an arm that says where it wants its balls: width of the box of arrivals in widths of the box
 #: that is aimed at, and its least half-width [m].
@@ -244,9 +243,10 @@ def _asks_too_much(f: DirectMap, ball: Array, share: float, catch: int) -> bool:
     There the virtual joints turn as fast as one likes, and a few such flights would decide what
     is learned. From row ``catch`` on the ball is at the hand.
     """
+    at_catch = min(share, _AT_CATCH) if f.design.match_weight == 0.0 else share
     for k, motion in enumerate(ball):
         inside, rows = f.virtual(motion)
-        most = min(share, _AT_CATCH) if k >= catch else share
+        most = at_catch if k >= catch else share
         if not inside or bool(np.any(np.abs(rows[1]) > most * f.arm.dq_max)):
             return True
     return False
