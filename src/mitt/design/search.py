@@ -38,6 +38,8 @@ _BY_THROWS, _BY_VERDICTS = 2, 3
 _WORTH_THROWING = 0.2
 #: What a catch that is harder by 1 m/s costs, in shares of throws; the best for each are kept.
 PRICES = (0.005, 0.1, 0.03, 0.2)
+#: How many times as many throws decide among the last as chose them.
+_MORE = 2
 #: Times their match weight with which the last candidates are tried: small changes come to soft
 #: catches slowly, and one number decides how soft a learned map is.
 _WEIGHTS = (1.0, 2.0, 4.0)
@@ -94,13 +96,14 @@ def _confirmed(
         for x in (_WEIGHTS if c.match_weight > 0.0 else _WEIGHTS[:1])
     ]
     once = evaluator.try_all("confirming", softer, throws=effort.confirm, seed=_CONFIRM, how="full")
+    last = ranked(once, surely(rate, effort.confirm))[: effort.again]
     again = evaluator.try_all(
-        "confirming again", [w.candidate for w in ranked(once, rate)[: effort.again]],
-        throws=effort.confirm, seed=_AGAIN, how="full", give_up=False,
+        "confirming again", [w.candidate for w in last],
+        throws=_MORE * effort.confirm, seed=_AGAIN, how="full", give_up=False,
     )  # fmt: skip
     before = {w.candidate: w for w in once}
     both = [before[w.candidate].with_more(w) for w in again]
-    return ranked(both, surely(rate, 2 * effort.confirm))
+    return ranked(both, surely(rate, (1 + _MORE) * effort.confirm))
 
 
 def surely(rate: float, throws: int) -> float:
