@@ -267,13 +267,12 @@ def _advanced(
     f: DirectMap, parts: Sequence[_Part], lifted: Sequence[Lifted], settings: LearnSettings
 ) -> DirectMap | None:
     """Return the map one Gauss-Newton step further, and with the metric found there if it helps."""
-    size = len(parts[0].reduced)
+    size, instants = len(parts[0].reduced), sum(len(x.virtual) for x in lifted)
     H = np.mean([p.reduced for p in parts], axis=0)
     H = H + _RIDGE * np.trace(H) * np.eye(size)
     gradient = np.mean([p.gradient for p in parts], axis=0)
     rows = np.concatenate([p.limits.rows for p in parts])
     room = np.concatenate([p.limits.room for p in parts])
-    instants = sum(len(x.virtual) for x in lifted)
     step = solve(H, gradient, (rows, room), weight=_PENALTY / instants)
     if step is None:
         return None
