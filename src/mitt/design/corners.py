@@ -27,6 +27,7 @@ from mitt.design.rows import Rows, boxes_of
 from mitt.design.sharing import virtual
 from mitt.robot.arm import Arm
 from mitt.signals import Array
+from mitt.trials.learning import FASTEST_SHARE
 
 #: Time for which the joints go on at their speeds after the catch, until the arm has braked [s].
 BRAKED = 0.1
@@ -44,16 +45,14 @@ _PLACES = (
 )
 _BALLS = ((0.0, 0.0), (1.0, -1.0), (-1.0, 1.0))
 #: Share of joint speeds that may be asked, and largest share that a candidate may ask for: its
-#: learned map may do better. Largest share that the line alone may ask for.
-_FASTEST, _BEYOND, _LINE = 0.9, 1.5, 3.0
+#: learned map may do better.
+_FASTEST, _BEYOND = 0.9, 1.5
 #: In m/s of relative speed: what it costs to ask for all of a joint's speed beyond that share, and
 #: to use all of a joint's speed.
 _TOO_FAST, _EFFORT = 5.0, 0.3
 #: The same: for a ball that comes in aslant, for one after which the arm cannot brake, and where
 #: all balls are outside the domain early on their way.
 _ASLANT, _NO_BRAKE, _OUTSIDE = 1.0, 1.0, 2.0
-
-
 #: Stands for a speed that is not finite, and the least rate of the catch joint's way [rad/s].
 _NEVER, _STILL = 1e6, 0.05
 
@@ -87,7 +86,7 @@ def spread(whole: Arm, balls: Balls, rows: Rows, touch: Touch) -> Rows:
         v = np.array([balls.velocity(x, azimuth, y) for x, y in _BALLS])
         met = _met(whole, rows, poses, v)
         share = np.abs(met.dq / whole.dq_max).max(axis=2)
-        good &= within(whole, q, 0.05) & (share.max(axis=0) < _BEYOND) & (met.line < _LINE)
+        good &= within(whole, q, 0.05) & (share.max(axis=0) < _BEYOND) & (met.line < FASTEST_SHARE)
         braked = within(whole, q + BRAKED * met.dq, 0.0)
         cost = _EFFORT * share + _TOO_FAST * np.maximum(share - _FASTEST, 0.0) + _NO_BRAKE * ~braked
         total += np.mean(cost + _hardness(met.relative, poses.palm), axis=0) / len(_PLACES)
@@ -113,7 +112,8 @@ def _met(whole: Arm, rows: Rows, poses: Poses, v: Array) -> _Meeting:
 def _first_order(whole: Arm, J: Array, dq: Array, ds: Array, v: Array) -> Array:
     """Return c ds, shape (K, B, N): what first-order terms add to joint speeds.
 
-    c is the same for all balls, so the hand is to move at the mean of what is left, by their ds.
+    c is the same for all balls: the sum of their squared relative velocities is least, within the
+    joint speeds. Where no c keeps them for all balls, it is the middle of what comes nearest.
     """
     ds = np.where(np.abs(ds) > _STILL, ds, np.copysign(_STILL, ds))
     fastest = np.where(np.any(dq != 0.0, axis=0), _FASTEST * whole.dq_max, 0.0)

@@ -23,7 +23,7 @@ class Effort:
         children: Changed ones of each generation.
         last: Candidates that are learned in full and confirmed, with some match weights each.
         confirm: Throws at each of these, by which the best is chosen.
-        again: How many of them are thrown at once more: the best of several was lucky as well.
+        again: How many of them are thrown at further: the best of several was lucky as well.
         report: Fresh throws at the chosen one, which alone are reported.
         slower: Searches for slower throws where the default ones are not caught.
     """

@@ -25,16 +25,16 @@ from mitt.robot.arm import Arm
 from mitt.robot.shapes import Surroundings, clearance, shapes_of
 from mitt.signals import Array, MapStatus
 from mitt.trials.known import driven, known_settings
-from mitt.trials.learning import learn
+from mitt.trials.learning import FASTEST_SHARE, learn
 from mitt.trials.neighbourhood import Neighbourhood
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial
 
 #: Share of each torque that holding a pose, and speeding up to the catch, may ask for on paper.
 _HOLDING, _SPEEDING = 0.85, 2.5
-#: Largest share of a joint's speed that l_c^-1 may ask for at the catch on paper; the same where
-#: learning weighs the match.
-_ASKED, _ASKED_WEIGHED = 1.6, 3.0
+#: Largest share of a joint's speed that l_c^-1 may ask for at the catch on paper; where learning
+#: weighs the match, as much as of its flights.
+_ASKED, _ASKED_WEIGHED = 1.6, FASTEST_SHARE
 #: Time in which the hand reaches its speed at the catch, on paper [s].
 _RISE = 0.25
 #: Largest difference of one pose from itself, by its catch point and l_c^-1 [rad].

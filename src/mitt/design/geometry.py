@@ -153,14 +153,15 @@ def improved(
     A = sloped(A, slope)
     found = _met(whole, balls.velocity(), (q, poses), (chosen, A), np.arange(len(q)), rng)
     same = rows.take(kept)._replace(q=q, A=A, tip=poses.tip)
-    further = _same_line(same.take(same.weight > 0.0), rng, size=size)
-    return joined([rows, spread(whole, balls, joined([found, further]), touch)])
+    near = _same_line(same.take(same.weight > 0.0), rng, size=size)
+    return joined([rows, spread(whole, balls, joined([found, near]), touch)])
 
 
 def _same_line(rows: Rows, rng: np.random.Generator, *, size: float) -> Rows:
-    """Return candidates with about the same kappa and inward: their line need not lead to the ball.
+    """Return candidates with kappa and inward a little different.
 
-    First-order terms of b turn the hand's velocity towards it (:mod:`mitt.generator.polynomial`).
+    Their line need not match the ball's velocity: terms of first order in b do, as far as joint
+    speeds allow (:mod:`mitt.design.corners`).
     """
     count, kappa, inward = len(rows.q), rows.kappa, rows.inward
     harder = (kappa - 1.0 + 0.02) * np.exp(2.0 * size * rng.standard_normal(count))

@@ -35,7 +35,7 @@ class Rows(NamedTuple):
     kappa: Array  # (B,)
     inward: Array  # (B,)
     A: Array  # (B, N, 3) how joints share the motion, catch joint last (mitt.design.sharing)
-    x: Array  # (B, 3) rates of the coordinates p at the nominal catch, catch joint last
+    x: Array  # (B, 3) rates of p at the nominal catch, catch joint last; of weighed matches, means
     tip: Array  # (B, 3)
     score: Array  # (B,) relative speed [m/s] and what else is bad; smaller is better
     weight: Array  # (B,) match weight, 0 where the map matches by its line alone [(m/s)^-2]

@@ -96,9 +96,9 @@ def _confirmed(
         for x in (_WEIGHTS if c.match_weight > 0.0 else _WEIGHTS[:1])
     ]
     once = evaluator.try_all("confirming", softer, throws=effort.confirm, seed=_CONFIRM, how="full")
-    last = ranked(once, surely(rate, effort.confirm))[: effort.again]
+    best = ranked(once, surely(rate, effort.confirm))[: effort.again]
     again = evaluator.try_all(
-        "confirming again", [w.candidate for w in last],
+        "confirming again", [w.candidate for w in best],
         throws=_MORE * effort.confirm, seed=_AGAIN, how="full", give_up=False,
     )  # fmt: skip
     before = {w.candidate: w for w in once}

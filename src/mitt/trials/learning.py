@@ -21,7 +21,7 @@ from mitt.trials.neighbourhood import Neighbourhood, neighbourhood
 LEARNING_SEED = 20020708
 #: Share of a joint's speed that l_c^-1 may ask of an arm that says where it wants its balls; a
 #: choice of this project.
-_FASTEST_SHARE = 3.0
+FASTEST_SHARE = 3.0
 
 
 def learn(
@@ -59,7 +59,7 @@ def learn(
             checks.instance(name, value, kind)
     around = around or Neighbourhood()
     if arm.model.aim is not None and not np.isfinite(around.max_speed_share):
-        around = replace(around, max_speed_share=_FASTEST_SHARE)
+        around = replace(around, max_speed_share=FASTEST_SHARE)
     if flights is None:
         start = unlearned(arm, design)
         flights = neighbourhood(start, np.random.default_rng(seed), around)
