@@ -22,7 +22,8 @@ from mitt.generator.utilization import plant_of
 from mitt.robot import chain
 from mitt.robot.arm import Arm
 from mitt.robot.description import Capsule
-from mitt.robot.shapes import Surroundings, clearance, gap, place
+from mitt.robot.gaps import clearance, gap, place
+from mitt.robot.shapes import Surroundings
 from mitt.signals import Array, BallState
 
 #: Step of the differences [rad], agreement of slopes [m/rad], distance of the places at which a

@@ -9,10 +9,11 @@ from robot.test_load import MJCF, urdf
 
 from mitt.errors import FileError, ModelError
 from mitt.robot.description import Capsule
+from mitt.robot.gaps import gap, place
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
 from mitt.robot.meshes import find_mesh
-from mitt.robot.shapes import Surroundings, gap, place, shapes_of
+from mitt.robot.shapes import Surroundings, shapes_of
 
 _NAMES = ["j1", "j2", "j4"]
 

@@ -12,13 +12,14 @@ from hypothesis import strategies as st
 from mitt.errors import InputError
 from mitt.robot.arm import Arm
 from mitt.robot.description import ArmModel, Capsule, Link
+from mitt.robot.gaps import clearance, place
+from mitt.robot.gaps import gap as pair_gap
 from mitt.robot.hand_shapes import hand_capsules
 from mitt.robot.hands import HandModel
 from mitt.robot.limits import joint_level
 from mitt.robot.plant import add_arm
 from mitt.robot.segments import segment_distance
-from mitt.robot.shapes import Shapes, Surroundings, clearance, place, shapes_of
-from mitt.robot.shapes import gap as pair_gap
+from mitt.robot.shapes import Shapes, Surroundings, shapes_of
 from mitt.signals import Array
 
 #: Agreement with MuJoCo's distance of two capsules [m].

@@ -100,22 +100,22 @@ def _jerk_of_rates(arm: Arm, rate: Array) -> Array:
         arm: The arm.
         rate: Largest rates of the torques [N m/s], shape (n,).
     """
-    each = [np.max(np.abs(arm.mass_matrix(q)) / rate[:, None], axis=0) for q in _poses(arm)]
-    jerk: Array = _RATE_SHARE / np.max(each, axis=0)
+    jerk: Array = _RATE_SHARE / np.max(np.abs(_masses(arm)) / rate[:, None], axis=(0, 1))
     return jerk
 
 
 def _largest_acceleration(arm: Arm) -> Array:
     """Return the largest acceleration by the torques in any pose [rad/s^2], (n,)."""
-    reached = [np.abs(np.linalg.inv(arm.mass_matrix(q))) @ arm.tau_max for q in _poses(arm)]
+    reached = np.abs(np.linalg.inv(_masses(arm))) @ arm.tau_max
     out: Array = np.max(reached, axis=0)
     return out
 
 
-def _poses(arm: Arm) -> Array:
-    """Return the poses over which the largest of something is looked for, shape (k, n)."""
+@lru_cache(maxsize=32)
+def _masses(arm: Arm) -> Array:
+    """Return the mass matrices over which the largest of something is looked for, (k, n, n)."""
     poses = np.random.default_rng(_SEED).uniform(arm.q_min, arm.q_max, (_POSES, arm.n))
-    return np.asarray(poses)
+    return np.array([arm.mass_matrix(q) for q in poses])
 
 
 @kernel

@@ -19,7 +19,8 @@ from mitt.control.reserve import clamp_to_reserve, gentle_rates, reserve_work
 from mitt.control.rows import DECELERATION, JERK, REACH
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
-from mitt.robot.shapes import Shapes, Surroundings, clearance, shapes_of
+from mitt.robot.gaps import clearance
+from mitt.robot.shapes import Shapes, Surroundings, shapes_of
 from mitt.signals import Array
 from mitt.views import view
 

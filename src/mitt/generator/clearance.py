@@ -26,8 +26,9 @@ from mitt.generator.utilization import Plant, Work, positions_at
 from mitt.jit import kernel
 from mitt.robot import chain
 from mitt.robot.arm import Arm
+from mitt.robot.gaps import FLOOR, clearance, gap
 from mitt.robot.segments import nearest_shares
-from mitt.robot.shapes import FLOOR, Surroundings, clearance, gap, shapes_of
+from mitt.robot.shapes import Surroundings, shapes_of
 from mitt.robot.vectors import Vec, cross, dot, minus, plus, row, times
 from mitt.signals import Array
 

@@ -107,7 +107,6 @@ class Arm:
         self.bodies = bodies_of(complete)
         self._moved = limits.transmission[:, self._index] != 0.0
         self.tables: Tables = self.bodies, limits.packed, self._index
-        self._still = np.zeros(self.n)
         self._pin = to_pinocchio(complete)
         self._holding: dict[float, Arm] = {}
         size = len(model.links)
@@ -183,9 +182,10 @@ class Arm:
 
     def mass_matrix(self, q: Array) -> Array:
         """Return M(q) over the active joints [kg m^2], shape (n, n)."""
-        data, rows = self._filled(q, self._still, self._still)
-        mass = self._mirrored(pin.crba(self._pin, data, rows[0]))
-        M: Array = mass[np.ix_(self._index, self._index)]
+        scratch = self._scratch
+        scratch.rows[0, self._index] = self._checked("q", q)
+        mass = self._mirrored(pin.crba(self._pin, scratch.data, scratch.rows[0]))
+        M: Array = mass[self._index[:, None], self._index]
         return M
 
     def all_joints(self, x: Array) -> Array:

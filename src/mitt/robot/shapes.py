@@ -18,33 +18,17 @@ from numpy.typing import NDArray
 
 from mitt import fields
 from mitt.errors import InputError
-from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.description import ArmModel, Capsule
+from mitt.robot.gaps import FLOOR, STILL, TRIED, all_apart, gap, place
 from mitt.robot.hand_shapes import hand_capsules
-from mitt.robot.segments import segment_distance
-from mitt.robot.vectors import (
-    IDENTITY,
-    ZERO,
-    compose,
-    plus,
-    put,
-    rotate,
-    row,
-    times,
-    turn,
-)
 from mitt.signals import Array
 
-#: What stands in the place of a link's index.
-STILL, FLOOR = -1, -2
 #: Gap in the ready pose above which a pair is watched [m].
 _APART = 0.01
 #: Gap in the ready pose below which it is tried whether any pose brings a pair together [m], and
-#: the gap that none of them may fall below.
-_NEAR, _NEVER = 0.1, 0.012
-#: Most joints between two shapes for which that is tried, and most boxes of poses of a pair.
-_MOST_BETWEEN, _TRIED = 2, 20000
+#: most joints between two shapes for which that is tried.
+_NEAR, _MOST_BETWEEN = 0.1, 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,32 +125,13 @@ def _never_meeting(arm: Arm, table: Array, near: list[tuple[int, int]]) -> set[t
 
 
 def _stay_apart(arm: Arm, table: Array, a: int, b: int, between: list[int]) -> bool:
-    """Say whether it is certain that no pose brings two shapes nearer than ``_NEVER``.
-
-    A box of poses in which the gap in the middle, less what it may change by up to the corners, is
-    larger holds no such pose; any other is cut in two (branch and bound, Lipschitz: Piyavskii
-    1972). What is not settled after ``_TRIED`` boxes counts as meeting.
-    """
-    middle = 0.5 * (arm.q_min + arm.q_max)[between]
-    todo, q, ends = [(middle, (arm.q_max[between] - middle))], arm.q_ready.copy(), _ends(table)
+    """Say whether it is certain that no pose brings two shapes nearer than ``NEVER``."""
+    both, boxes = table[[a, b]], np.zeros((TRIED + 2, 2, len(between)))
+    boxes[0, 0] = 0.5 * (arm.q_min + arm.q_max)[between]
+    boxes[0, 1] = arm.q_max[between] - boxes[0, 0]
     slopes = np.array([_slope(arm, table, a, b, arm.model.active[j]) for j in between])
-    for _ in range(_TRIED):
-        if not todo:
-            return True
-        middle, half = todo.pop()
-        q[between] = middle
-        place(arm.bodies, q, table, ends)
-        found = gap(table, ends, a, b)
-        if found <= _NEVER:
-            return False
-        change = slopes * half
-        if found - change.sum() > _NEVER:
-            continue
-        side = np.zeros(len(between))
-        widest = int(np.argmax(change))
-        side[widest] = 0.5 * half[widest]
-        todo += [(middle - side, half - side), (middle + side, half - side)]
-    return not todo
+    joints, q = np.array(between, dtype=np.int64), arm.q_ready.copy()
+    return bool(all_apart(arm.bodies, both, joints, slopes, boxes, q, _ends(both)))
 
 
 def _slope(arm: Arm, table: Array, a: int, b: int, k: int) -> float:
@@ -221,72 +186,3 @@ def _reach(arm: Arm, table: Array) -> Array:
             out[arm.model.active.index(k)] = beyond
         beyond += float(np.linalg.norm(links[k].placement[:3, 3]))
     return out
-
-
-@kernel
-def place(bodies: Array, q: Array, table: Array, ends: Array) -> None:
-    """Write where both ends of every shape are in the world.
-
-    Args:
-        bodies: Table of :mod:`mitt.robot.dynamics`, shape (N, 31).
-        q: Active joint positions [rad], shape (n,).
-        table: Shapes, those that stand still first, then by link, shape (m, 8).
-        ends: Result [m], shape (2 m, 3).
-    """
-    R, p, at = IDENTITY, ZERO, 0
-    for link in range(-1, len(bodies)):
-        if link >= 0:
-            axis, j = (bodies[link, 12], bodies[link, 13], bodies[link, 14]), int(bodies[link, 30])
-            p = plus(p, rotate(R, (bodies[link, 9], bodies[link, 10], bodies[link, 11])))
-            R = compose(R, (
-                bodies[link, 0], bodies[link, 1], bodies[link, 2],
-                bodies[link, 3], bodies[link, 4], bodies[link, 5],
-                bodies[link, 6], bodies[link, 7], bodies[link, 8],
-            ))  # fmt: skip
-            if j >= 0 and bodies[link, 15] > 0.0:
-                p = plus(p, rotate(R, times(q[j], axis)))
-            elif j >= 0:
-                R = compose(R, turn(axis, q[j]))
-        while at < len(table) and table[at, 0] <= link:
-            put(ends, 2 * at, plus(p, rotate(R, (table[at, 1], table[at, 2], table[at, 3]))))
-            put(ends, 2 * at + 1, plus(p, rotate(R, (table[at, 4], table[at, 5], table[at, 6]))))
-            at += 1
-
-
-@kernel
-def gap(table: Array, ends: Array, a: int, b: int) -> float:
-    """Return the gap between two placed shapes [m]; negative where they overlap.
-
-    Args:
-        table: Shapes, shape (m, 8).
-        ends: Where they are, shape (2 m, 3).
-        a: Index of one shape, which may be the floor.
-        b: Index of another one, which is a capsule.
-    """
-    if table[a, 0] == FLOOR:
-        lowest = min(ends[2 * b, 2], ends[2 * b + 1, 2])
-        return float(lowest - table[b, 7] - table[a, 3])
-    apart = segment_distance(
-        row(ends, 2 * a), row(ends, 2 * a + 1), row(ends, 2 * b), row(ends, 2 * b + 1)
-    )
-    return float(apart - table[a, 7] - table[b, 7])
-
-
-@kernel
-def clearance(
-    bodies: Array, q: Array, table: Array, pairs: NDArray[np.int64], ends: Array
-) -> float:
-    """Return the smallest gap of any watched pair [m]; infinite if none is watched.
-
-    Args:
-        bodies: Table of :mod:`mitt.robot.dynamics`, shape (N, 31).
-        q: Active joint positions [rad], shape (n,).
-        table: ``Shapes.table``.
-        pairs: ``Shapes.pairs``.
-        ends: Scratch, shape (2 m, 3).
-    """
-    place(bodies, q, table, ends)
-    nearest = np.inf
-    for k in range(len(pairs)):
-        nearest = min(nearest, gap(table, ends, pairs[k, 0], pairs[k, 1]))
-    return float(nearest)
