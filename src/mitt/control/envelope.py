@@ -100,22 +100,30 @@ def _jerk_of_rates(arm: Arm, rate: Array) -> Array:
         arm: The arm.
         rate: Largest rates of the torques [N m/s], shape (n,).
     """
-    jerk: Array = _RATE_SHARE / np.max(np.abs(_masses(arm)) / rate[:, None], axis=(0, 1))
+    jerk: Array = _RATE_SHARE / np.max(np.abs(masses_of(arm)) / rate[:, None], axis=(0, 1))
     return jerk
 
 
 def _largest_acceleration(arm: Arm) -> Array:
     """Return the largest acceleration by the torques in any pose [rad/s^2], (n,)."""
-    reached = np.abs(np.linalg.inv(_masses(arm))) @ arm.tau_max
+    reached = np.abs(np.linalg.inv(masses_of(arm))) @ arm.tau_max
     out: Array = np.max(reached, axis=0)
     return out
 
 
-@lru_cache(maxsize=32)
-def _masses(arm: Arm) -> Array:
-    """Return the mass matrices over which the largest of something is looked for, (k, n, n)."""
+def poses_of(arm: Arm) -> Array:
+    """Return the poses over which the worst of something is looked for [rad], shape (k, n)."""
     poses = np.random.default_rng(_SEED).uniform(arm.q_min, arm.q_max, (_POSES, arm.n))
-    return np.array([arm.mass_matrix(q) for q in poses])
+    return np.asarray(poses)
+
+
+@lru_cache(maxsize=32)
+def masses_of(arm: Arm) -> Array:
+    """Return the mass matrices in :func:`poses_of` [kg m^2], shape (k, n, n).
+
+    Worked out once, not to be written to.
+    """
+    return np.array([arm.mass_matrix(q) for q in poses_of(arm)])
 
 
 @kernel

@@ -13,7 +13,7 @@ it is the stop that is found there.
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.control.envelope import brake_joint, slow_down
+from mitt.control.envelope import brake_joint, masses_of, poses_of, slow_down
 from mitt.control.rows import DECELERATION, DQ_MAX, GENTLE, JERK, Q_MAX, Q_MIN
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
@@ -31,9 +31,8 @@ INSTANTS = 5
 _HARD, _MILD = (1.0, 0.7, 0.5, 0.35), (1.0, 0.5, 0.25)
 #: Where trying begins: the hardest stop first, or the gentlest kinds, which mostly are possible.
 HARDEST, EASIEST = 0, len(_HARD)
-#: Poses over which gentle rates are sought, their seed, and the share of the largest deceleration
-#: that they are at least, in whatever pose.
-_POSES, _SEED, _LEAST = 256, 1, 0.02
+#: Share of the largest deceleration that gentle rates are at least, in whatever pose.
+_LEAST = 0.02
 
 
 def gentle_rates(arm: Arm, most: Array) -> Array:
@@ -43,11 +42,10 @@ def gentle_rates(arm: Arm, most: Array) -> Array:
         arm: The arm.
         most: Largest decelerations, in whose ratio they are [rad/s^2], shape (n,).
     """
-    poses = np.random.default_rng(_SEED).uniform(arm.q_min, arm.q_max, (_POSES, arm.n))
     still, share = np.zeros(arm.n), 1.0
-    for q in poses:
+    for q, mass in zip(poses_of(arm), masses_of(arm), strict=True):
         left = SHARE * arm.tau_max - np.abs(arm.inverse_dynamics(q, still, still))
-        share = min(share, float(np.min(left / (np.abs(arm.mass_matrix(q)) @ most))))
+        share = min(share, float(np.min(left / (np.abs(mass) @ most))))
     out: Array = max(share, _LEAST) * most
     return out
 

@@ -2,7 +2,8 @@
 
 | here     | meaning                                                            | unit | shape  |
 |----------|--------------------------------------------------------------------|------|--------|
-| ``table``| shapes, as of :mod:`mitt.robot.shapes`, by link, those still first | m    | (m, 8) |
+| ``table``| shapes, as of :mod:`mitt.robot.shapes`: those that stand still,    | m    | (m, 8) |
+|          | then by link                                                       |      |        |
 | ``ends`` | both ends of every shape in the world                              | m    | (2m, 3)|
 """
 
@@ -26,9 +27,9 @@ from mitt.signals import Array
 
 #: What stands in the place of a link's index.
 STILL, FLOOR = -1, -2
-#: Gap of two shapes which no pose falls below where they never meet [m], and the most boxes of
-#: poses that are tried for that.
-NEVER, TRIED = 0.012, 20000
+#: Gap that two shapes keep in every pose if they never meet [m], and the most boxes of poses that
+#: are looked at to find that out.
+LEAST_GAP, MOST_BOXES = 0.012, 20000
 
 
 @kernel
@@ -85,26 +86,27 @@ def all_apart(
     bodies: Array, table: Array, joints: NDArray[np.int64], slopes: Array, boxes: Array,
     q: Array, ends: Array,
 ) -> bool:  # fmt: skip
-    """Say whether no pose of a box brings two shapes nearer than ``NEVER``.
+    """Say whether no pose of a box brings two shapes nearer than ``LEAST_GAP``.
 
     A box of poses in which the gap in the middle, less what it may change by up to the corners, is
     larger holds no such pose; any other is cut in two (branch and bound, Lipschitz: Piyavskii
-    1972). What is not settled after ``TRIED`` boxes counts as meeting.
+    1972). What is not settled after ``MOST_BOXES`` boxes counts as meeting.
 
     Args:
         bodies: Table of :mod:`mitt.robot.dynamics`, shape (N, 31).
         table: The two shapes, shape (2, 8).
         joints: Active joints that move, shape (k,).
         slopes: How fast each of them may change the gap [m/rad], shape (k,).
-        boxes: Middle and half width [rad]; the first is the box, shape (TRIED + 2, 2, k).
+        boxes: Middle and half width [rad]; the first is the box, shape (MOST_BOXES + 2, 2, k).
         q: A pose, overwritten [rad], shape (n,).
         ends: Scratch, shape (4, 3).
     """
     left = 1
-    for _ in range(TRIED):
+    for _ in range(MOST_BOXES):
         if left == 0:
             return True
-        box, widest, change = boxes[left - 1], 0, 0.0
+        left -= 1
+        box, widest, change = boxes[left], 0, 0.0
         for i in range(len(joints)):
             q[joints[i]] = box[0, i]
             change += slopes[i] * box[1, i]
@@ -112,10 +114,9 @@ def all_apart(
                 widest = i
         place(bodies, q, table, ends)
         found = gap(table, ends, 0, 1)
-        if found <= NEVER:
+        if found <= LEAST_GAP:
             return False
-        left -= 1
-        if found - change <= NEVER:
+        if found - change <= LEAST_GAP:
             half = 0.5 * box[1, widest]
             box[1, widest] = half
             boxes[left + 1] = box

@@ -20,7 +20,7 @@ from mitt import fields
 from mitt.errors import InputError
 from mitt.robot.arm import Arm
 from mitt.robot.description import ArmModel, Capsule
-from mitt.robot.gaps import FLOOR, STILL, TRIED, all_apart, gap, place
+from mitt.robot.gaps import FLOOR, MOST_BOXES, STILL, all_apart, gap, place
 from mitt.robot.hand_shapes import hand_capsules
 from mitt.signals import Array
 
@@ -125,8 +125,8 @@ def _never_meeting(arm: Arm, table: Array, near: list[tuple[int, int]]) -> set[t
 
 
 def _stay_apart(arm: Arm, table: Array, a: int, b: int, between: list[int]) -> bool:
-    """Say whether it is certain that no pose brings two shapes nearer than ``NEVER``."""
-    both, boxes = table[[a, b]], np.zeros((TRIED + 2, 2, len(between)))
+    """Say whether it is certain that no pose brings two shapes nearer than ``LEAST_GAP``."""
+    both, boxes = table[[a, b]], np.zeros((MOST_BOXES + 2, 2, len(between)))
     boxes[0, 0] = 0.5 * (arm.q_min + arm.q_max)[between]
     boxes[0, 1] = arm.q_max[between] - boxes[0, 0]
     slopes = np.array([_slope(arm, table, a, b, arm.model.active[j]) for j in between])
