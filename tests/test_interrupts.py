@@ -13,7 +13,7 @@ import pytest
 
 from mitt import cli
 from mitt.cli import main
-from mitt.interrupts import Interrupted, listening, status_of, words_of
+from mitt.interrupts import Interrupted, finally_do, listening, status_of, words_of
 
 #: How long a process may go on after a signal [s]: a second is promised, on a machine of its own.
 SOON = 6.0
@@ -69,11 +69,10 @@ def test_a_signal_that_was_ignored_stays_ignored() -> None:
         signal.signal(signal.SIGHUP, before)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_main_thread_that_does_not_hear_is_ended(tmp_path: Path, number: signal.Signals) -> None:
-    """Stuck in a library that swallows exceptions: last words are done, one line, the status."""
+def _stuck(folder: Path, script: str, number: int) -> tuple[int, str]:
+    """Signal a process that does not hear; return its status and what it says."""
     process = subprocess.Popen(
-        [sys.executable, "-c", STUCK], cwd=tmp_path, text=True, stdout=subprocess.PIPE,
+        [sys.executable, "-c", script], cwd=folder, text=True, stdout=subprocess.PIPE,
         stderr=subprocess.PIPE, env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
     )  # fmt: skip
     assert process.stdout is not None
@@ -83,9 +82,25 @@ def test_a_main_thread_that_does_not_hear_is_ended(tmp_path: Path, number: signa
     process.send_signal(number)
     _, err = process.communicate(timeout=60)
     assert time.monotonic() - sent < SOON
-    assert process.returncode == 128 + number
-    assert err == "mitt: two throws are kept\n"
+    return process.returncode, err
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_main_thread_that_does_not_hear_is_ended(tmp_path: Path, number: signal.Signals) -> None:
+    """Stuck in a library that swallows exceptions: last words are done, one line, the status."""
+    status, err = _stuck(tmp_path, STUCK, number)
+    assert status == 128 + number
+    assert err == f"mitt: interrupted by {number.name}; two throws are kept\n"
     assert (tmp_path / "kept").exists()
+
+
+def test_what_could_not_be_kept_is_said(tmp_path: Path) -> None:
+    """A disk that is full at the last moment is no reason to be silent."""
+    (tmp_path / "kept").mkdir()  # so that it cannot be written as a file
+    status, err = _stuck(tmp_path, STUCK, signal.SIGTERM)
+    assert status == 143
+    assert err.startswith("mitt: interrupted by SIGTERM; what was finished could not be kept: ")
+    assert err.count("\n") == 1
 
 
 def test_an_interrupt_that_a_library_makes_another_error_of_is_an_interrupt(
@@ -102,6 +117,22 @@ def test_an_interrupt_that_a_library_makes_another_error_of_is_an_interrupt(
     monkeypatch.setattr("mitt.commands.catch.prepare", load)
     assert main(["catch"]) == 143
     assert capsys.readouterr().err == "mitt: interrupted by SIGTERM\n"
+
+
+def test_an_interrupt_stays_one_where_something_is_to_be_kept() -> None:
+    """A library made another error of it: who keeps what is finished still hears of a signal."""
+
+    def load() -> None:
+        try:
+            _signal_myself(signal.SIGTERM)
+        except KeyboardInterrupt:
+            raise SystemError("returned a result with an exception set") from None
+
+    with listening(), pytest.raises(Interrupted) as caught, finally_do(str):
+        load()
+    assert status_of(caught.value) == 143
+    with listening(), pytest.raises(SystemError, match="by itself"), finally_do(str):
+        raise SystemError("by itself")
 
 
 def test_a_signal_while_signals_are_taken_says_its_line(

@@ -80,6 +80,7 @@ def raise_again() -> None:
     An extension module that is interrupted while it is loaded says that it cannot be loaded.
     """
     if _arrived and not _noticed.is_set():
+        notice()
         raise Interrupted(_arrived[0])
 
 
@@ -96,13 +97,17 @@ def finally_do(last_words: Callable[[], str]) -> Iterator[None]:
     """Within the block, have something done if the main thread cannot be reached by a signal.
 
     Args:
-        last_words: Is called in another thread; keeps what is finished and returns what to say.
+        last_words: Is called in another thread; keeps what is finished and returns in words how
+            much that is.
     """
     _last_words.append(last_words)
     try:
         yield
     except KeyboardInterrupt:  # from here on the main thread can be reached
         notice()
+        raise
+    except Exception:
+        raise_again()
         raise
     finally:
         _last_words.remove(last_words)
@@ -167,9 +172,11 @@ def _watch(reading: int) -> None:
 def _give_up(number: int) -> NoReturn:
     """Keep what is finished, say one line and end the process."""
     said = words_of(128 + number)
-    for last_words in _last_words:
-        with suppress(Exception):
-            said = last_words()
+    for last_words in list(_last_words):
+        try:
+            said += f"; {last_words()}"
+        except Exception as error:  # noqa: BLE001 (the process ends, and says what was lost)
+            said += f"; what was finished could not be kept: {error}"
     with suppress(OSError):
         shown = "\x1b[?25h\r\x1b[K" if os.isatty(2) else ""  # a bar of progress hides the cursor
         os.write(2, f"{shown}mitt: {said}\n".encode())
