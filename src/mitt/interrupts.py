@@ -172,10 +172,10 @@ def _watch(reading: int) -> None:
 def _give_up(number: int) -> NoReturn:
     """Keep what is finished, say one line and end the process."""
     said = words_of(128 + number)
-    for last_words in list(_last_words):
+    for last_words in _last_words:
         try:
             said += f"; {last_words()}"
-        except Exception as error:  # noqa: BLE001 (the process ends, and says what was lost)
+        except Exception as error:
             said += f"; what was finished could not be kept: {error}"
     with suppress(OSError):
         shown = "\x1b[?25h\r\x1b[K" if os.isatty(2) else ""  # a bar of progress hides the cursor

@@ -430,7 +430,7 @@ def test_what_was_not_thrown_at_has_no_throws_and_says_why(
     assert found.best is not None
     c, bench = found.best.candidate, Evaluator(whole, task, None, silent)
     monkeypatch.setattr(evaluator, "learned", lambda *_: None)
-    row = speeds.by_speed(bench, c, task, [5.0])[0]
+    row = speeds.by_speed(bench, c, task, [5.0], throws=2)[0]
     assert (row.throws, row.feasible) == (0, 0)
     assert row.binding_limit in ("no pose", "no map")
     assert bench.tally.told() == []
@@ -480,13 +480,13 @@ def test_the_fastest_throws_are_the_last_before_the_first_failure(
     monkeypatch.setattr(Evaluator, "try_each", lambda _, *a, **k: each(*a, **k))
 
     def of(rows: list[AtSpeed], own: float) -> Fastest:
-        return speeds.fastest(bench, best.candidate, task, rows, own=own)
+        return speeds.fastest(bench, best.candidate, task, rows, TINY, own=own)
 
     # A lucky row beyond the first failure does not count.
     mine = of(_rows(True, True, True, False, True), 4.0)
     assert 5.0 <= mine.speed_m_s < limit
     assert not mine.more
-    assert thrown_at[-1][1:] == (50, speeds._SURE_SEED)
+    assert thrown_at[-1][1:] == (TINY.sure, speeds._SURE_SEED)
     assert speeds._SURE_SEED > speeds._SEED > REPORTED
     # Rows that were luck are taken back by fresh throws.
     assert of(_rows(True, True, True, True, True), 3.0).speed_m_s == 5.0

@@ -198,9 +198,9 @@ def design(
         reason = _reason(usual, None if again is None else best, own)
     rows, most, region = tuple[AtSpeed, ...](), Fastest(speed_m_s=own), None
     if best is not None:
-        region = region_of(whole, best.candidate, task, progress)
-        rows = tuple(by_speed(evaluator, best.candidate, task, SPEEDS))
-        most = fastest(evaluator, best.candidate, task, rows, own=own)
+        region = region_of(whole, best.candidate, task, progress, each_way=effort.grid)
+        rows = tuple(by_speed(evaluator, best.candidate, task, SPEEDS, throws=effort.each_speed))
+        most = fastest(evaluator, best.candidate, task, rows, effort, own=own)
     return Design(
         whole=whole, task=task, found=found, reason=reason, best=best, fastest=most, rows=rows,
         seconds=monotonic() - start, left_out=evaluator.tally.told(),

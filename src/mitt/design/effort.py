@@ -25,6 +25,9 @@ class Effort:
         confirm: Throws at each of these, by which the best is chosen.
         again: How many of them are thrown at further: the best of several was lucky as well.
         report: Fresh throws at the chosen one, which alone are reported.
+        each_speed: Throws at each speed of which the page tells.
+        sure: Fresh throws at the fastest of these that is caught.
+        grid: Points of the region of balls on each side of its middle.
         slower: Searches for slower throws where the default ones are not caught.
     """
 
@@ -33,16 +36,19 @@ class Effort:
     enough: int = 2000
     changes: int = 16
     judged: int = 60
-    generations: int = 6
+    generations: int = 8
     offspring: int = 60
     thrown: int = 16
-    throws: tuple[int, ...] = (12, 12, 16, 24, 32)
+    throws: tuple[int, ...] = (12, 12, 16, 24)
     parents: int = 6
     children: int = 16
     last: int = 5
-    confirm: int = 100
+    confirm: int = 50
     again: int = 4
     report: int = 100
+    each_speed: int = 12
+    sure: int = 50
+    grid: int = 8
     slower: int = 3
 
     def less(self) -> "Effort":

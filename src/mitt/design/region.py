@@ -27,8 +27,8 @@ from mitt.signals import Array, BallState
 from mitt.trials.known import driven, known_settings
 from mitt.trials.neighbourhood import Neighbourhood
 
-#: Distance of the points [m], and how many there are on each side of the middle.
-_APART, _EACH_WAY = 0.08, 8
+#: How far off the middle the outermost points are [m].
+_FARTHEST = 0.64
 #: Speeds of the balls through a point: the least, the middle and the most of the task's.
 _SPEEDS = (-1.0, 0.0, 1.0)
 
@@ -55,7 +55,9 @@ class Region:
     box: tuple[float, float]
 
 
-def region_of(whole: Arm, c: Candidate, task: Task, progress: Progress) -> Region | None:
+def region_of(
+    whole: Arm, c: Candidate, task: Task, progress: Progress, *, each_way: int
+) -> Region | None:
     """Return the region of a design; None where it has no map.
 
     Args:
@@ -63,11 +65,12 @@ def region_of(whole: Arm, c: Candidate, task: Task, progress: Progress) -> Regio
         c: The design.
         task: What is caught.
         progress: Told what is done.
+        each_way: Points on each side of the middle.
     """
     f = learned(whole, c, task, "full")
     if f is None:
         return None
-    steps = np.asarray(_APART * np.arange(-_EACH_WAY, _EACH_WAY + 1), dtype=np.float64)
+    steps = np.linspace(-_FARTHEST, _FARTHEST, 2 * each_way + 1)
     caught, hand, binding = list[Array](), list[Array](), list[tuple[str, ...]]()
     for k, up in enumerate(steps):
         said = _row(f, c, task, steps, float(up))

@@ -39,7 +39,7 @@ _WORTH_THROWING = 0.2
 #: What a catch that is harder by 1 m/s costs, in shares of throws; the best for each are kept.
 PRICES = (0.005, 0.1, 0.03, 0.2)
 #: How many times as many throws decide among the last as chose them.
-_MORE = 2
+_MORE = 4
 #: Times their match weight with which the last candidates are tried: small changes come to soft
 #: catches slowly, and one number decides how soft a learned map is.
 _WEIGHTS = (1.0, 2.0, 4.0)
@@ -96,7 +96,7 @@ def _confirmed(
         for x in (_WEIGHTS if c.match_weight > 0.0 else _WEIGHTS[:1])
     ]
     once = evaluator.try_all("confirming", softer, throws=effort.confirm, seed=_CONFIRM, how="full")
-    best = ranked(once, surely(rate, effort.confirm))[: effort.again]
+    best = _likely(once, rate, effort.again)
     again = evaluator.try_all(
         "confirming again", [w.candidate for w in best],
         throws=_MORE * effort.confirm, seed=_AGAIN, how="full", give_up=False,
@@ -104,6 +104,16 @@ def _confirmed(
     before = {w.candidate: w for w in once}
     both = [before[w.candidate].with_more(w) for w in again]
     return ranked(both, surely(rate, (1 + _MORE) * effort.confirm))
+
+
+def _likely(once: Sequence[Evaluation], rate: float, count: int) -> list[Evaluation]:
+    """Return a few that may catch as many as asked for: the softest, and what catches most."""
+    soft = ranked(once, rate)
+    best = soft[:count]
+    surest = max(once, key=lambda w: (w.within, -w.hardness), default=None)
+    if surest is not None and surest not in best:
+        best[-1] = surest
+    return best
 
 
 def surely(rate: float, throws: int) -> float:

@@ -16,11 +16,10 @@ from mitt.design.task import REPORTED, Task
 from mitt.world.smoothing import smooth
 from mitt.world.throws import ThrowRanges
 
-#: Speeds of the throws that are tried [m/s], throws at each, and seed of these.
-SPEEDS, _THROWS, _SEED = (3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0), 12, REPORTED + 1000
-#: Fresh throws at the fastest speed, and their seed; seed of those by which a design for slower
-#: throws is accepted.
-_SURE, _SURE_SEED, _ACCEPT = 50, REPORTED + 5000, 2000
+#: Speeds of the throws that are tried [m/s], and seed of these.
+SPEEDS, _SEED = (3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0), REPORTED + 1000
+#: Seed of the fresh throws at the fastest speed, and of those that accept a design for slower.
+_SURE_SEED, _ACCEPT = REPORTED + 5000, 2000
 #: Half-width of the speeds of the throws of one speed, as a share; least distance of the release as
 #: a share of speed and shortest duration: the default throws' (docs/throws.md).
 _SPREAD, _NEAREST = 0.05, 0.8
@@ -102,11 +101,19 @@ def release_speed(task: Task) -> float:
 
 
 def by_speed(
-    evaluator: Evaluator, c: Candidate, task: Task, speeds: Sequence[float]
+    evaluator: Evaluator, c: Candidate, task: Task, speeds: Sequence[float], *, throws: int
 ) -> list[AtSpeed]:
-    """Return how a design does at several speeds, its map learned for each."""
+    """Return how a design does at several speeds, its map learned for each.
+
+    Args:
+        evaluator: Where it is thrown at.
+        c: The design.
+        task: What is caught; the speed is changed.
+        speeds: At release [m/s].
+        throws: At each speed.
+    """
     worth = evaluator.try_each(
-        "speeds", [(c, task_at(task, speed)) for speed in speeds], throws=_THROWS, seed=_SEED
+        "speeds", [(c, task_at(task, speed)) for speed in speeds], throws=throws, seed=_SEED
     )
     return [_at(speed, w) for speed, w in zip(speeds, worth, strict=True)]
 
@@ -118,8 +125,9 @@ def _at(speed: float, w: Evaluation) -> AtSpeed:
 
 
 def fastest(
-    evaluator: Evaluator, c: Candidate, task: Task, rows: Sequence[AtSpeed], *, own: float
-) -> Fastest:
+    evaluator: Evaluator, c: Candidate, task: Task, rows: Sequence[AtSpeed], effort: Effort, *,
+    own: float,
+) -> Fastest:  # fmt: skip
     """Return the last speed before the first failure, and what fresh throws say of it.
 
     Args:
@@ -127,6 +135,7 @@ def fastest(
         c: The design.
         task: What is caught; the speed is changed.
         rows: How it does at several speeds, rising.
+        effort: How much is thrown.
         own: Speed of the throws that it was found to catch [m/s]; failures at slower ones do not
             count. 0 where there are none.
     """
@@ -137,14 +146,14 @@ def fastest(
     if failed is not None and good:
         for _ in range(_STEPS):
             middle = 0.5 * (low + failed)
-            if by_speed(evaluator, c, task, [middle])[0].enough:
+            if by_speed(evaluator, c, task, [middle], throws=effort.each_speed)[0].enough:
                 low = middle
                 good.add(middle)
             else:
                 failed = middle
     for speed in sorted(good, reverse=True):
         again = [(c, task_at(task, speed))]
-        worth = evaluator.try_each("fastest", again, throws=_SURE, seed=_SURE_SEED)[0]
+        worth = evaluator.try_each("fastest", again, throws=effort.sure, seed=_SURE_SEED)[0]
         if worth.enough:
             return Fastest(speed_m_s=speed, more=failed is None and speed == rows[-1].speed_m_s)
     return Fastest(speed_m_s=0.0)
