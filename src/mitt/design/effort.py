@@ -66,8 +66,8 @@ class Effort:
         return replace(
             self, judged=(self.judged + 1) // 2, generations=(2 * self.generations + 2) // 3,
             offspring=(self.offspring + 1) // 2, thrown=(self.thrown + 1) // 2,
-            children=(self.children + 1) // 2, last=(self.last + 1) // 2,
-            again=(self.again + 1) // 2,
+            parents=(self.parents + 1) // 2, children=(self.children + 1) // 2,
+            last=self.last // 2, again=(self.again + 1) // 2,
         )  # fmt: skip
 
 
