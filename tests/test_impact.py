@@ -158,6 +158,26 @@ def test_fingers_hold_more_with_friction() -> None:
     assert strong.holding_force(0.04, 1.0) == pytest.approx(2.0 * forces[2])
 
 
+def test_a_ball_from_behind_the_palm_is_refused(motors: Arm) -> None:
+    """From in front none is; from the side nearly; at less than 1 m/s it may come from anywhere."""
+    still, normal = np.zeros(3), motors.orientation(Q)[:, 2]
+    side = np.cross(normal, [0.0, 0.0, 1.0]) / np.linalg.norm(np.cross(normal, [0.0, 0.0, 1.0]))
+
+    def palm(angle: float, speed: float) -> float:
+        """Return the share for a ball at so many degrees off the normal."""
+        a = np.deg2rad(angle)
+        v = -speed * (np.cos(a) * normal + np.sin(a) * side)
+        return shares_after(motors, approach(Q, still, v), ball(0.07))["palm"]
+
+    shares = [palm(angle, 3.0) for angle in (0.0, 30.0, 60.0, 90.0, 95.0, 120.0)]
+    assert shares == sorted(shares)
+    assert shares[0] == pytest.approx(0.0, abs=EXACT)
+    assert shares[3] < 1.0 < shares[5]
+    assert shares[4] == pytest.approx(1.0, abs=EXACT)
+    assert palm(120.0, 0.5) == pytest.approx(0.5 * shares[5])
+    assert palm(120.0, 0.5) < 1.0
+
+
 def test_a_basket_that_comes_to_rest_facing_down_spills(motors: Arm) -> None:
     """Its share is beyond any; one that faces up, with the arm at rest, keeps the ball."""
     baskets = [load_arm("wam", limits="wam-80v", hand=Basket(tilt=x)) for x in (0.0, -np.pi / 2)]

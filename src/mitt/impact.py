@@ -23,7 +23,7 @@ from mitt.control.envelope import speeds_of
 from mitt.control.hand import TOUCH_BEFORE
 from mitt.generator.demand import Tolerance, shares_of
 from mitt.generator.feasibility import Approach, Outcome, Verdict
-from mitt.holding import CaughtBall, pull, spill
+from mitt.holding import CaughtBall, aslant, pull, spill
 from mitt.rehearsal import gap_at_catch
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Basket
@@ -188,7 +188,8 @@ def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, fl
         impact, in units of what the hand tolerates, or the speed that the ball drives it to where
         no room suffices (``speed:NAME`` where its own limit keeps it slow); ``brake:NAME`` where
         the joint comes to rest, in its range; ``grip`` the pull on the fingers, in units of what
-        they hold; ``spill`` how far the ball leaves the bottom of a basket, in units of its depth.
+        they hold; ``palm`` how far the ball comes from the side or from behind the palm;
+        ``spill`` how far the ball leaves the bottom of a basket, in units of its depth.
     """
     cap = speed_caps(arm, approach, ball)
     dq = np.clip(approach.motion[-1, 1], -cap, cap)
@@ -202,11 +203,13 @@ def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, fl
     shares = {f"brake:{name}": float(x) for name, x in zip(arm.names, rest, strict=True)}
     for name, x, kept in zip(arm.names, late.tolist(), slowed.tolist(), strict=True):
         shares[f"{'impact' if kept else 'speed'}:{name}"] = x
+    q = approach.motion[-1, 0]
+    v_rel = approach.dr_o - arm.jacobian(q) @ dq
     if isinstance(arm.model.hand, Basket):
-        v_rel = approach.dr_o - arm.jacobian(approach.motion[-1, 0]) @ dq
         shares["spill"] = spill(arm, brake, ball, arm.model.hand, v_rel)
     else:
         shares["grip"] = pull(arm, brake, ball)
+        shares["palm"] = aslant(arm, q, v_rel)
     return shares
 
 

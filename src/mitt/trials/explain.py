@@ -35,6 +35,7 @@ LIMITS = {
     "brake": "{0} would have too little room to come to rest after the catch",
     "impact": "the impact would drive {0} beyond its speed",
     "grip": "the fingers would not hold the ball",
+    "palm": "the ball would come from behind the palm and touch the fingers first",
     "spill": "the ball would leave the basket in the brake",
     "optimum": "the oracle found no motion within the limits",
     "domain": "the ball flies outside the domain of the map",
