@@ -61,13 +61,13 @@ class Effort:
     def halved(self) -> "Effort":
         """Return it with half as many candidates, for an arm with one set of three joints.
 
-        Rounds of small changes by verdicts are two thirds.
+        Rounds of small changes by verdicts are two thirds, those by throws one less.
         """
         return replace(
             self, judged=(self.judged + 1) // 2, generations=(2 * self.generations + 2) // 3,
             offspring=(self.offspring + 1) // 2, thrown=(self.thrown + 1) // 2,
-            parents=(self.parents + 1) // 2, children=(self.children + 1) // 2,
-            last=self.last // 2, again=(self.again + 1) // 2,
+            throws=self.throws[:-1], parents=(self.parents + 1) // 2,
+            children=(self.children + 1) // 2, last=self.last // 2, again=self.again // 2,
         )  # fmt: skip
 
 
