@@ -571,13 +571,14 @@ def test_candidates_of_a_dead_worker_are_evaluated_by_themselves(
     assert "1 candidates" in bench.tally.told()[0]
 
 
-def test_three_joints_take_half_the_candidates_in_full() -> None:
-    full, half = effort_of("full", 4), effort_of("full", 3)
+def test_the_effort_in_full_goes_with_the_number_of_joints() -> None:
+    full, half, many = effort_of("full", 4), effort_of("full", 3), effort_of("full", 7)
+    assert many == effort_of("full", 5) == replace(full, throws=full.throws[:-1])
     assert effort_of("quick", 3) == effort_of("quick", 7)
     for name in ("judged", "offspring", "thrown", "parents", "children"):
         assert getattr(half, name) == (getattr(full, name) + 1) // 2
     assert (half.last, half.again) == (full.last // 2, full.again // 2)
-    assert half.throws == full.throws[:-1]
+    assert half.throws == full.throws[:-2]
     assert (half.confirm, half.report) == (full.confirm, full.report)
 
 

@@ -39,7 +39,7 @@ class Effort:
     generations: int = 8
     offspring: int = 60
     thrown: int = 16
-    throws: tuple[int, ...] = (12, 12, 16, 24)
+    throws: tuple[int, ...] = (12, 12, 16, 24, 32)
     parents: int = 6
     children: int = 16
     last: int = 5
@@ -61,16 +61,18 @@ class Effort:
     def halved(self) -> "Effort":
         """Return it with half as many candidates, for an arm with one set of three joints.
 
-        Rounds of small changes by verdicts are two thirds, those by throws one less.
+        Rounds of small changes by verdicts are two thirds, those by throws two less.
         """
         return replace(
             self, judged=(self.judged + 1) // 2, generations=(2 * self.generations + 2) // 3,
             offspring=(self.offspring + 1) // 2, thrown=(self.thrown + 1) // 2,
-            throws=self.throws[:-1], parents=(self.parents + 1) // 2,
+            throws=self.throws[:-2], parents=(self.parents + 1) // 2,
             children=(self.children + 1) // 2, last=self.last // 2, again=self.again // 2,
         )  # fmt: skip
 
 
+#: Numbers of joints for which less is looked at in full: of few, and from so many on.
+_FEW, _MANY = 3, 5
 #: By name: what ``mitt design --effort`` may ask for.
 EFFORTS = {
     "quick": Effort(rounds=2, changes=8, judged=16, generations=4, offspring=40, thrown=6,
@@ -84,7 +86,12 @@ def effort_of(name: str, joints: int) -> Effort:
 
     Args:
         name: One of :data:`EFFORTS`.
-        joints: How many joints may move: where there are three, half as many candidates do in full.
+        joints: How many joints may move. In full, half as many candidates do where there are three;
+            where there are many, each takes longer, and one round by throws less is made.
     """
     effort = EFFORTS[name]
-    return effort.halved() if name == "full" and joints == 3 else effort
+    if name == "full" and joints == _FEW:
+        return effort.halved()
+    if name == "full" and joints >= _MANY:
+        return replace(effort, throws=effort.throws[:-1])
+    return effort
