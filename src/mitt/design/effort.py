@@ -71,7 +71,7 @@ class Effort:
         )  # fmt: skip
 
 
-#: Numbers of joints for which less is looked at in full: of few, and from so many on.
+#: Where just so few joints may move, and from so many on, less is looked at in full.
 _FEW, _MANY = 3, 5
 #: By name: what ``mitt design --effort`` may ask for.
 EFFORTS = {
