@@ -506,7 +506,7 @@ def test_a_design_for_slower_throws_only_is_the_one_described(
     monkeypatch.setattr(design_of, "search", lambda *_, **__: [usual])
     monkeypatch.setattr(design_of, "reported", lambda *_: usual)
     monkeypatch.setattr(design_of, "slower", lambda *_, **__: (slow, at))
-    monkeypatch.setattr(design_of, "by_speed", lambda *_: _rows(True))
+    monkeypatch.setattr(design_of, "by_speed", lambda *_, **__: _rows(True))
     monkeypatch.setattr(design_of, "fastest", lambda *_, **__: Fastest(speed_m_s=3.0))
     mine = design(whole, task, TINY, progress=silent)
     said = mine.as_json()
