@@ -15,7 +15,7 @@ from mitt.world.scenes import read_scene
 TINY = Effort(
     poses=4000, rounds=1, enough=200, changes=2, judged=4, generations=1, offspring=2, thrown=2,
     throws=(2, 2), parents=1, children=2, last=1, confirm=3, again=1, report=4,
-    each_speed=2, sure=3, grid=4, slower=1,
+    speeds=(5.0, 7.0), each_speed=2, sure=3, grid=4, slower=1,
 )  # fmt: skip
 
 

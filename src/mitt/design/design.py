@@ -11,7 +11,7 @@ from mitt.design.evaluation import Evaluation
 from mitt.design.evaluator import Evaluator, Progress
 from mitt.design.region import Region, region_of
 from mitt.design.search import RATE, reported, search
-from mitt.design.speeds import SPEEDS, AtSpeed, Fastest, by_speed, fastest, release_speed, slower
+from mitt.design.speeds import AtSpeed, Fastest, by_speed, fastest, release_speed, slower
 from mitt.design.task import Task
 from mitt.files.arm_file import ArmFile, HandName, digest_of
 from mitt.files.throws import ArrivalSettings, ThrowSettings
@@ -199,7 +199,9 @@ def design(
     rows, most, region = tuple[AtSpeed, ...](), Fastest(speed_m_s=own), None
     if best is not None:
         region = region_of(whole, best.candidate, task, progress, each_way=effort.grid)
-        rows = tuple(by_speed(evaluator, best.candidate, task, SPEEDS, throws=effort.each_speed))
+        rows = tuple(
+            by_speed(evaluator, best.candidate, task, effort.speeds, throws=effort.each_speed)
+        )
         most = fastest(evaluator, best.candidate, task, rows, effort, own=own)
     return Design(
         whole=whole, task=task, found=found, reason=reason, best=best, fastest=most, rows=rows,

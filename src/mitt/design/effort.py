@@ -25,8 +25,9 @@ class Effort:
         confirm: Throws at each of these, by which the best is chosen.
         again: How many of them are thrown at further: the best of several was lucky as well.
         report: Fresh throws at the chosen one, which alone are reported.
-        each_speed: Throws at each speed of which the page tells.
-        sure: Fresh throws at the fastest of these that is caught.
+        speeds: Speeds of throws of which the page tells, rising [m/s].
+        each_speed: Throws at each of these.
+        sure: Fresh throws at the fastest of them that is caught.
         grid: Points of the region of balls on each side of its middle.
         slower: Searches for slower throws where the default ones are not caught.
     """
@@ -46,6 +47,7 @@ class Effort:
     confirm: int = 50
     again: int = 4
     report: int = 100
+    speeds: tuple[float, ...] = (3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
     each_speed: int = 12
     sure: int = 50
     grid: int = 8

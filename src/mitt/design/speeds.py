@@ -16,10 +16,9 @@ from mitt.design.task import REPORTED, Task
 from mitt.world.smoothing import smooth
 from mitt.world.throws import ThrowRanges
 
-#: Speeds of the throws that are tried [m/s], and seed of these.
-SPEEDS, _SEED = (3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0), REPORTED + 1000
-#: Seed of the fresh throws at the fastest speed, and of those that accept a design for slower.
-_SURE_SEED, _ACCEPT = REPORTED + 5000, 2000
+#: Seeds: of the throws at several speeds, of the fresh ones at the fastest of these, and of those
+#: that accept a design for slower throws.
+_SEED, _SURE_SEED, _ACCEPT = REPORTED + 1000, REPORTED + 5000, 2000
 #: Half-width of the speeds of the throws of one speed, as a share; least distance of the release as
 #: a share of speed and shortest duration: the default throws' (docs/throws.md).
 _SPREAD, _NEAREST = 0.05, 0.8
