@@ -31,6 +31,7 @@ from mitt.sweep.oracle import Row, counted, is_sampled, judged, parallel
 from mitt.sweep.read import read_study
 from mitt.sweep.study import ArmSettings, Condition
 from mitt.trials.learning import learn
+from mitt.trials.neighbourhood import neighbourhood_of_ball
 from mitt.trials.registry import make_generator
 from mitt.trials.run import arm_of, design_of, throws_of
 from mitt.trials.runner import TrialRunner
@@ -67,15 +68,16 @@ def conditions(limits: str, names: str, scene: str) -> Iterator[Condition]:
 
 
 @lru_cache(maxsize=len(LIMITS))
-def learned(settings: ArmSettings) -> Learned:
-    """Return the map of an arm, learned once in a process."""
+def learned(settings: ArmSettings, drag: float) -> Learned:
+    """Return the map of an arm for a ball, as ``mitt catch`` learns it; once in a process."""
     arm = arm_of(settings)
-    return learn(arm, design=design_of(settings, arm))
+    return learn(arm, design=design_of(settings, arm), around=neighbourhood_of_ball(drag))
 
 
 def part(options: argparse.Namespace, condition: Condition, number: int) -> list[Row]:
     """Run one worker's share of the throws of a condition."""
-    f, scene, pixels = learned(condition.arm).map, condition.scene, options.vision == "pixels"
+    scene, pixels = condition.scene, options.vision == "pixels"
+    f = learned(condition.arm, scene.ball.drag).map
     source = source_of(f.arm, seed=options.seed, count=options.throws, drag=scene.ball.drag)
     source = widened(source, condition.throws)
     made = make_generator(options.generator, f)
@@ -125,7 +127,7 @@ def main() -> None:
     options = parser.parse_args()
     if options.arm:
         condition = of_arm_file(options.arm, options.scene)
-        limits = learned(condition.arm).map.arm.limits.name
+        limits = learned(condition.arm, condition.scene.ball.drag).map.arm.limits.name
         say(options, limits, condition.name, run(options, condition))
         return
     total: list[Row] = []
