@@ -69,10 +69,10 @@ def test_a_signal_that_was_ignored_stays_ignored() -> None:
         signal.signal(signal.SIGHUP, before)
 
 
-def _stuck(folder: Path, script: str, number: int) -> tuple[int, str]:
+def _stuck(folder: Path, number: int) -> tuple[int, str]:
     """Signal a process that does not hear; return its status and what it says."""
     process = subprocess.Popen(
-        [sys.executable, "-c", script], cwd=folder, text=True, stdout=subprocess.PIPE,
+        [sys.executable, "-c", STUCK], cwd=folder, text=True, stdout=subprocess.PIPE,
         stderr=subprocess.PIPE, env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
     )  # fmt: skip
     assert process.stdout is not None
@@ -88,7 +88,7 @@ def _stuck(folder: Path, script: str, number: int) -> tuple[int, str]:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_main_thread_that_does_not_hear_is_ended(tmp_path: Path, number: signal.Signals) -> None:
     """Stuck in a library that swallows exceptions: last words are done, one line, the status."""
-    status, err = _stuck(tmp_path, STUCK, number)
+    status, err = _stuck(tmp_path, number)
     assert status == 128 + number
     assert err == f"mitt: interrupted by {number.name}; two throws are kept\n"
     assert (tmp_path / "kept").exists()
@@ -97,7 +97,7 @@ def test_a_main_thread_that_does_not_hear_is_ended(tmp_path: Path, number: signa
 def test_what_could_not_be_kept_is_said(tmp_path: Path) -> None:
     """A disk that is full at the last moment is no reason to be silent."""
     (tmp_path / "kept").mkdir()  # so that it cannot be written as a file
-    status, err = _stuck(tmp_path, STUCK, signal.SIGTERM)
+    status, err = _stuck(tmp_path, signal.SIGTERM)
     assert status == 143
     assert err.startswith("mitt: interrupted by SIGTERM; what was finished could not be kept: ")
     assert err.count("\n") == 1

@@ -16,7 +16,7 @@ from mitt.signals import GRAVITY, Array
 _HOLDS = 0.6
 #: Angle off the palm's normal, seen from the hand, from which on a ball touches the fingers before
 #: it is in the hand [rad]: of 200 throws at one design all beyond it were lost, none below 95
-#: degrees, and of 15 balls at 95 to 96 degrees at another arm none. Relative speed below which the
+#: degrees, and of 15 balls at 95 to 96 degrees at another map none. Relative speed below which the
 #: share falls with it, a choice of this project [m/s].
 _BEHIND, _SLOW = np.deg2rad(100.0), 1.0
 #: Instants of the brake at which the pull on the fingers is looked at, and a difference's step [s].
