@@ -72,6 +72,19 @@ def _answer(arm: Arm, q: Array, mass: float) -> Array:
     return answer
 
 
+def relative_velocity(arm: Arm, approach: Approach, cap: Array) -> Array:
+    """Return the ball's velocity relative to the catch point, joints no faster than a cap [m/s].
+
+    Args:
+        arm: The arm, without the ball.
+        approach: The motion to the catch.
+        cap: Largest joint speeds [rad/s], shape (n,).
+    """
+    q, dq = approach.motion[-1, :2]
+    relative: Array = approach.dr_o - arm.jacobian(q) @ np.clip(dq, -cap, cap)
+    return relative
+
+
 @lru_cache(maxsize=4)
 def speed_caps(arm: Arm, approach: Approach, ball: CaughtBall) -> Array:
     """Return the joint speeds that leave room for the impact and the brake [rad/s], shape (n,).
@@ -104,8 +117,7 @@ def _end(arm: Arm, share: Array) -> Array:
 def _stop(arm: Arm, approach: Approach, ball: CaughtBall, cap: Array) -> tuple[Brake, Array, Array]:
     """Return the brake after a catch at capped speeds, and where it begins and ends [rad], (n,)."""
     q, dq = approach.motion[-1, 0], np.clip(approach.motion[-1, 1], -cap, cap)
-    v_rel = approach.dr_o - arm.jacobian(q) @ dq
-    after = dq + speed_jump(arm, q, v_rel, ball.heaviest)
+    after = dq + speed_jump(arm, q, relative_velocity(arm, approach, cap), ball.heaviest)
     # An arm that is short of room brakes from the first touch of the fingers on.
     start = q + TOUCH_BEFORE * dq
     brake = plan_brake(arm.holding(ball.heaviest), 0.0, np.array([start, after, np.zeros(arm.n)]))
@@ -133,9 +145,8 @@ def _impact_caps(arm: Arm, approach: Approach, ball: CaughtBall) -> Array:
 
 def speed_jumps(arm: Arm, approach: Approach, ball: CaughtBall) -> Array:
     """Return by how much the ball changes the joint speeds at its hardest [rad/s], shape (n,)."""
-    cap, (q, wanted) = speed_caps(arm, approach, ball), approach.motion[-1, :2]
-    v_rel = approach.dr_o - arm.jacobian(q) @ np.clip(wanted, -cap, cap)
-    jumps: Array = _hardest(arm, q, ball) @ v_rel
+    v_rel = relative_velocity(arm, approach, speed_caps(arm, approach, ball))
+    jumps: Array = _hardest(arm, approach.motion[-1, 0], ball) @ v_rel
     return jumps
 
 
@@ -203,13 +214,12 @@ def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, fl
     shares = {f"brake:{name}": float(x) for name, x in zip(arm.names, rest, strict=True)}
     for name, x, kept in zip(arm.names, late.tolist(), slowed.tolist(), strict=True):
         shares[f"{'impact' if kept else 'speed'}:{name}"] = x
-    q = approach.motion[-1, 0]
-    v_rel = approach.dr_o - arm.jacobian(q) @ dq
+    v_rel = relative_velocity(arm, approach, cap)
     if isinstance(arm.model.hand, Basket):
         shares["spill"] = spill(arm, brake, ball, arm.model.hand, v_rel)
     else:
         shares["grip"] = pull(arm, brake, ball)
-        shares["palm"] = aslant(arm, q, v_rel)
+        shares["palm"] = aslant(arm, approach.motion[-1, 0], v_rel)
     return shares
 
 

@@ -22,7 +22,7 @@ from mitt.generator.demand import Tolerance
 from mitt.generator.feasibility import Approach, Verdict, judge
 from mitt.generator.mapping import DirectMap
 from mitt.holding import CaughtBall
-from mitt.impact import examined, speed_caps
+from mitt.impact import examined, relative_velocity, speed_caps
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState
 from mitt.world.flights import CATCH_FRACTION, PlacedFlight
@@ -134,9 +134,8 @@ def _end(arm: Arm, approach: Approach | None, ball: CaughtBall) -> _End:
     """
     if approach is None or not _possible(arm, approach.motion):
         return _End(np.inf, np.inf, np.full(3, np.inf))
-    q, dq = approach.motion[-1, :2]
-    cap = speed_caps(arm, approach, ball)
-    relative = approach.dr_o - arm.jacobian(q) @ np.clip(dq, -cap, cap)
+    q = approach.motion[-1, 0]
+    relative = relative_velocity(arm, approach, speed_caps(arm, approach, ball))
     speed = float(np.linalg.norm(relative))
     normal = arm.orientation(q)[:, 2]
     cosine = float(np.clip(-relative @ normal / max(speed, 1e-9), -1.0, 1.0))
