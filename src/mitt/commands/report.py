@@ -6,9 +6,6 @@ from mitt.commands.options import ReportOptions
 from mitt.commands.screen import checked, print_json, progress, show
 from mitt.errors import InputError
 from mitt.files.files import locked, write_json
-from mitt.report.study_page import write_study_report
-from mitt.sweep.folder import Folder
-from mitt.sweep.summary import read_result
 from mitt.trials.journal import RESULT, died, recovered
 
 #: Most replays beside one page; each weighs a megabyte.
@@ -21,6 +18,15 @@ def run(options: ReportOptions) -> int:
         raise InputError("--replays", f"a number in 0..{_MOST_REPLAYS}", options.replays)
     if died(options.folder):
         return _recover(options)
+    return _study(options)
+
+
+def _study(options: ReportOptions) -> int:
+    """Write the page of a study; tables and plots are loaded only now."""
+    from mitt.report.study_page import write_study_report  # noqa: PLC0415
+    from mitt.sweep.folder import Folder  # noqa: PLC0415
+    from mitt.sweep.summary import read_result  # noqa: PLC0415
+
     folder = Folder(options.folder)
     result = read_result(folder)
     if options.check:

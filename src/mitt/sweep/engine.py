@@ -17,9 +17,12 @@ from concurrent.futures import (
     ProcessPoolExecutor,
     wait,
 )
+from importlib import import_module
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from typing import Protocol, TypeVar, final
 
-from mitt.errors import InputError
+from mitt.errors import InputError, MittError
 from mitt.interrupts import end_with_parent
 from mitt.link.realtime import settle
 
@@ -27,6 +30,11 @@ _Task = TypeVar("_Task")
 
 #: How long a scheduler may take to answer [s].
 _ANSWER = "5s"
+#: Deaths of workers, without a task done in between, after which no more are started: of such that
+#: had not begun, and of such that were at work.
+_AT_START, _AT_WORK = 2, 6
+#: How long a process may take to be gone [s], and characters of what one says of its death.
+_SOON, _LONGEST = 5.0, 600
 
 
 class Engine(Protocol):
@@ -43,7 +51,11 @@ class Engine(Protocol):
         """Say whether an error of a future means that its worker died."""
 
     def restart(self) -> None:
-        """Be ready for work again after a worker died; work under way is lost."""
+        """Be ready for work again after a worker died; work under way is lost.
+
+        Raises:
+            InputError: Workers die again and again.
+        """
 
     def close(self, *, at_once: bool) -> None:
         """Let all workers go; ``at_once`` drops what they are doing."""
@@ -51,50 +63,140 @@ class Engine(Protocol):
 
 @final
 class Processes:
-    """Processes of this machine."""
+    """Processes of this machine, started when there is something to do.
+
+    Workers that die again and again, without a task done in between, end by an error: at once where
+    one cannot import what it is to do, after two that died before they could begin, and after six
+    that died at their tasks.
+    """
 
     def __init__(self, workers: int) -> None:
-        """Start as many processes."""
+        """Say how many processes there are to be."""
         self.workers = workers
-        self._pool = self._fresh()
+        self._pool: _Pool | None = None
+        self._deaths = 0
 
     def submit(self, work: Callable[..., bytes], *given: object) -> "Future[bytes]":
-        """Start some work."""
-        return self._pool.submit(work, *given)
+        """Start some work.
+
+        Raises:
+            InputError: The system starts no more processes.
+        """
+        self._pool = self._pool or _Pool(self.workers, work.__module__)
+        try:
+            future = self._pool.executor.submit(work, *given)
+        except OSError as error:
+            raise _no_workers(str(error)) from None
+        future.add_done_callback(self._ended)
+        return future
 
     def died(self, error: BaseException) -> bool:
         """Say whether an error means that a worker died."""
         return isinstance(error, BrokenExecutor)
 
     def restart(self) -> None:
-        """Start new processes."""
-        self._pool.shutdown(wait=False, cancel_futures=True)
-        self._pool = self._fresh()
+        """Let new processes start.
+
+        Raises:
+            InputError: It would not help: workers die again and again.
+        """
+        if self._pool is None:
+            return
+        why, begun = self._pool.buried()
+        self._pool = None
+        self._deaths += 1
+        if self._deaths >= (_AT_WORK if begun else _AT_START):
+            raise _no_workers(why)
 
     def close(self, *, at_once: bool) -> None:
         """Let the processes go."""
-        started = list((self._pool._processes or {}).values()) if at_once else []
-        self._pool.shutdown(wait=not at_once, cancel_futures=True)
-        for process in started:
-            process.terminate()
+        if self._pool is not None:
+            self._pool.close(at_once=at_once)
+        self._pool = None
 
-    def _fresh(self) -> ProcessPoolExecutor:
-        """Return a pool of new processes, which share nothing with this one."""
+    def _ended(self, future: "Future[bytes]") -> None:
+        """Note that a worker lived to the end of a task."""
+        if not future.cancelled() and not self.died(future.exception() or Exception()):
+            self._deaths = 0
+
+
+@final
+class _Pool:
+    """Processes that share nothing with this one, and a pipe by which they say that they began."""
+
+    def __init__(self, workers: int, module: str) -> None:
+        """Prepare them for the work of a module."""
         context = multiprocessing.get_context("spawn")
-        return ProcessPoolExecutor(self.workers, mp_context=context, initializer=_begin)
+        self._said, self._told = context.Pipe(duplex=False)
+        self.executor = ProcessPoolExecutor(
+            workers, mp_context=context, initializer=_begin, initargs=(module, self._told)
+        )
+
+    def close(self, *, at_once: bool) -> "list[BaseProcess]":
+        """Let the processes go; return those that there were."""
+        started = list((self.executor._processes or {}).values())
+        self.executor.shutdown(wait=not at_once, cancel_futures=True)
+        for process in started if at_once else ():
+            process.terminate()
+        return started
+
+    def buried(self) -> tuple[str, bool]:
+        """Let go what is left after a death; return why one died, and whether it had begun.
+
+        Raises:
+            InputError: It could not import what it was to do.
+        """
+        started = self.close(at_once=True)
+        for process in started:
+            process.join(_SOON)
+        begun = set[int]()
+        while self._said.poll():
+            number, _, why = self._said.recv_bytes().decode().partition(" ")
+            if why:
+                raise _no_workers(f"one that cannot begin: {why}")
+            begun.add(int(number))
+        ends = {x.pid: x.exitcode for x in started if x.exitcode}
+        own = {pid: code for pid, code in ends.items() if code != -signal.SIGTERM} or ends
+        pid, code = next(iter(own.items()), (None, None))
+        return _end_of(code), pid in begun
 
 
-def _begin() -> None:
+def _end_of(code: int | None) -> str:
+    """Return in words how a process ended, by its exit code."""
+    if code is None:
+        return "one that ended without a word"
+    if code > 0:
+        return f"one that ended with status {code}"
+    name = signal.Signals(-code).name
+    return f"one killed by {name}" + (", as where memory runs out" if name == "SIGKILL" else "")
+
+
+def _no_workers(why: str) -> InputError:
+    """Return the error of workers that do not live."""
+    return InputError("workers", "processes that live", why,
+                      do="see to the memory and the limits of the machine")  # fmt: skip
+
+
+def _begin(module: str, told: Connection) -> None:
     """Begin a worker: interrupts are its parent's business, and it does not outlive its parent.
 
     The process throws and nothing else, so the garbage collector need not look at all that it
     has imported again and again.
-    """
-    import mitt.sweep.work  # noqa: F401, PLC0415 (what a job will import)
 
-    settle()
+    Args:
+        module: What a job will import.
+        told: Where the process says that it has begun, or why it cannot.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     end_with_parent()
+    try:
+        import_module(module)
+        settle()
+    except BaseException as error:  # an executor would print it, and start the next
+        said = str(error) if isinstance(error, MittError) else f"{type(error).__name__}: {error}"
+        told.send_bytes(f"{os.getpid()} {said[:_LONGEST]}".encode())
+        os._exit(1)
+    told.send_bytes(str(os.getpid()).encode())
 
 
 @final
