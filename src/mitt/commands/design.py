@@ -19,13 +19,15 @@ from mitt.commands.screen import (
     warn,
 )
 from mitt.design.arrivals import AROUND_FLIGHTS, box_of, of_flights, of_throws
-from mitt.design.design import Design, Origin, design
+from mitt.design.design import Design, Origin, best_so_far, design
 from mitt.design.effort import effort_of
 from mitt.design.evaluation import ENOUGH
+from mitt.design.job import search_of
+from mitt.design.kept import Kept
 from mitt.design.speeds import default_balls, release_speed
 from mitt.design.task import Task
 from mitt.design.whole import held_as, whole_arm
-from mitt.errors import InputError, UnknownNameError
+from mitt.errors import InputError, MittError, UnknownNameError
 from mitt.files.arm_file import (
     ArmFile,
     hand_of,
@@ -33,7 +35,7 @@ from mitt.files.arm_file import (
     read_arm_file,
     write_arm_file,
 )
-from mitt.interrupts import tell
+from mitt.interrupts import finally_do, notice, status_of, tell, words_of
 from mitt.robot.arm import Arm
 from mitt.robot.basket import MOST_TILT, Hand
 from mitt.robot.shapes import check_floor
@@ -46,7 +48,7 @@ from mitt.world.throws import read_throws
 #: How near to the base a user's throws are to be caught, as a share of the arm's length.
 _CLOSE = 0.75
 #: Options that say nothing of the design.
-_ELSEWHERE = ("arm", "out", "workers", "overwrite", "json", "check")
+_ELSEWHERE = ("arm", "out", "workers", "resume", "overwrite", "json", "check")
 
 
 def run(options: DesignOptions) -> int:
@@ -62,20 +64,42 @@ def run(options: DesignOptions) -> int:
     scene = read_scene(options.scene or DEFAULT, flights=options.flights is not None)
     check_floor(whole.model, scene.floor)
     task = _task(options, whole, scene)
-    rate, page = _rate(options), _page(options)
+    rate = _rate(options)
+    _check_outputs(options)
     if options.check:
         return checked(f"{whole.model.name}, {whole.n} joints, output to {options.out}")
     tell_of_kernels()
     effort = effort_of(options.effort, whole.n if joints is None else len(joints))
+    search = search_of(whole, task, effort, joints=joints, rate=rate)
+    kept = Kept.open(_search(options), search, resume=options.resume)
     engine = None if options.workers == 1 else engine_of("local", options.workers)
+
+    def last_words() -> str:
+        return _keep(best_so_far(whole, kept, rate), origin, options)
+
     try:
-        with progress() as report:
+        with finally_do(last_words), progress() as report:
             found = design(
-                whole, task, effort, progress=report, joints=joints, engine=engine, rate=rate
-            )
+                whole, task, effort, progress=report, joints=joints, engine=engine, rate=rate,
+                kept=kept,
+            )  # fmt: skip
+    except KeyboardInterrupt as stop:
+        notice()
+        tell(f"{words_of(status_of(stop))}; {last_words()}")
+        return status_of(stop)
+    except MittError as error:
+        raise MittError(f"{error}; {last_words()}") from None
     finally:
         if engine is not None:
             engine.close(at_once=True)
+    _finish(found, origin, scene, options)
+    kept.close(done=True)
+    return 0
+
+
+def _finish(found: Design, origin: Origin, scene: Scene, options: DesignOptions) -> None:
+    """Write arm file and page of a search that is over, and print what was found."""
+    page = options.out.with_suffix(".html")
     if found.usable:
         write_arm_file(
             options.out, found.arm_file(origin), comment=_comment(found, options.scene or DEFAULT)
@@ -90,7 +114,20 @@ def run(options: DesignOptions) -> int:
         print_json(found.as_json())
     else:
         _show(found, written)
-    return 0
+
+
+def _keep(best: Design | None, origin: Origin, options: DesignOptions) -> str:
+    """Write the best design of a search that is broken off; return in words what is kept."""
+    go_on = "--resume goes on with the search"
+    if best is None:
+        return f"no design catches enough yet; {go_on}"
+    assert best.best is not None
+    caught = f"{best.best.clean} of {best.best.thrown}"
+    write_arm_file(options.out, best.arm_file(origin), comment=(
+        f"mitt design, broken off: the best so far. Within every limit it caught {caught} of the\n"
+        "throws of the search."
+    ))  # fmt: skip
+    return f"the best so far, {caught} caught, is in {options.out}; {go_on}"
 
 
 def _task(options: DesignOptions, whole: Arm, scene: Scene) -> Task:
@@ -120,8 +157,13 @@ def _task(options: DesignOptions, whole: Arm, scene: Scene) -> Task:
     return Task(balls=default_balls(aim, reach), scene=scene, seed=seed)
 
 
-def _page(options: DesignOptions) -> Path:
-    """Return where the page goes, beside the arm file; both may be written.
+def _search(options: DesignOptions) -> Path:
+    """Return where the answers of a search are kept until it is over, beside the arm file."""
+    return options.out.with_suffix(".search.jsonl")
+
+
+def _check_outputs(options: DesignOptions) -> None:
+    """Refuse an arm file, a page or answers of a search that may not be written.
 
     Raises:
         InputError: One of them may not be.
@@ -130,10 +172,15 @@ def _page(options: DesignOptions) -> Path:
         raise InputError("--out", "a name that ends in .toml", options.out)
     if is_arm_file(options.arm) and options.out.resolve() == Path(options.arm).resolve():
         raise InputError("--out", "another file than the arm's", options.out)
-    page = options.out.with_suffix(".html")
-    for path in (options.out, page):
-        check_new_file("--out", path, overwrite=options.overwrite)
-    return page
+    if options.resume and options.overwrite:
+        raise InputError("--resume and --overwrite", "one of them", "both")
+    answers = _search(options)
+    if answers.exists() and not (options.resume or options.overwrite):
+        raise InputError("--out", "a design that is not begun", f"{answers}, of a broken search",
+                         do="say --resume to go on with it, or --overwrite")  # fmt: skip
+    for path in (options.out, options.out.with_suffix(".html")):
+        replaced = options.overwrite or (options.resume and answers.exists())
+        check_new_file("--out", path, overwrite=replaced)
 
 
 def _words(options: DesignOptions) -> str:

@@ -129,7 +129,8 @@ class DesignOptions:
         effort: How much is tried: quick for a first look.
         seed: Seed of the search.
         workers: Processes; one a core if left out.
-        overwrite: Replace an existing file.
+        resume: Go on with a search that was broken off; it comes to the same design.
+        overwrite: Replace an existing file, and begin a search anew.
     """
 
     arm: Annotated[str, Positional, arg(metavar="ARM")]
@@ -148,6 +149,7 @@ class DesignOptions:
     effort: Literal["quick", "full"] = "full"
     seed: Annotated[int, arg(metavar="S")] = 0
     workers: Annotated[int | None, arg(metavar="N")] = None
+    resume: bool = False
     overwrite: bool = False
     json: Json = False
     check: Check = False

@@ -56,12 +56,15 @@ def tell_of_kernels() -> None:
 
 @contextmanager
 def progress() -> Iterator[Report]:
-    """Show progress on stderr: a bar on a terminal, else a line now and then."""
+    """Show progress on stderr: a bar on a terminal, else a line now and then.
+
+    What is named ``work: part`` is one work, of whichever part.
+    """
     if not sys.stderr.isatty():
         paces: dict[str, Pace] = {}
 
         def line(name: str, done: int, of: int) -> None:
-            pace = paces.setdefault(name, Pace())
+            pace = paces.setdefault(name.partition(":")[0], Pace())
             left = pace.left(done, of)
             if left is not None and done < of and pace.due():
                 tell(f"{name} {done} of {of}, {left / 60.0:.1f} min left")
@@ -75,9 +78,10 @@ def progress() -> Iterator[Report]:
         tasks = {}
 
         def report(name: str, done: int, of: int) -> None:
-            if name not in tasks:
-                tasks[name] = bar.add_task(name, total=of)
-            bar.update(tasks[name], completed=done, total=of)
+            work = name.partition(":")[0]
+            if work not in tasks:
+                tasks[work] = bar.add_task(name, total=of)
+            bar.update(tasks[work], description=name, completed=done, total=of)
 
         yield report
 

@@ -9,10 +9,12 @@ from mitt.design.arrivals import ranges_of_throws, shifted
 from mitt.design.effort import Effort
 from mitt.design.evaluation import Evaluation
 from mitt.design.evaluator import Evaluator, Progress
+from mitt.design.kept import Kept
 from mitt.design.region import Region, region_of
-from mitt.design.search import RATE, reported, search
+from mitt.design.search import RATE, ranked, reported, search
 from mitt.design.speeds import AtSpeed, Fastest, by_speed, fastest, release_speed, slower
 from mitt.design.task import Task
+from mitt.design.total import Total
 from mitt.files.arm_file import ArmFile, HandName, digest_of
 from mitt.files.throws import ArrivalSettings, ThrowSettings
 from mitt.link.clock import monotonic
@@ -169,6 +171,7 @@ def rate_of(count: int, of: int) -> str:
 def design(
     whole: Arm, task: Task, effort: Effort, *, progress: Progress,
     joints: Sequence[str] | None = None, engine: Engine | None = None, rate: float = RATE,
+    kept: Kept | None = None,
 ) -> Design:  # fmt: skip
     """Find what an arm can catch and the map that does it.
 
@@ -176,14 +179,15 @@ def design(
         whole: The arm, all its joints active.
         task: What is to be caught.
         effort: How much is tried.
-        progress: Told what is done.
+        progress: Told what is done of the whole search.
         joints: Joints of which three are active; any if left out.
         engine: Where candidates are tried; in this process if left out.
         rate: Share of the throws that is asked for: the softest design that catches as many is
             taken.
+        kept: Where answers are kept, and those of a search that was broken off are found.
     """
-    start = monotonic()
-    evaluator = Evaluator(whole, task, engine, progress)
+    start, total = monotonic(), Total(effort, progress)
+    evaluator = Evaluator(whole, task, engine, total, kept=kept)
     confirmed = search(evaluator, effort, joints=joints, rate=rate)
     usual = reported(evaluator, confirmed[0].candidate, effort) if confirmed else None
     found = usual is not None and usual.enough
@@ -191,6 +195,7 @@ def design(
     if not found and task.own:
         reason = _lost(usual)
     elif not found:
+        total.again(effort.less())
         again = slower(evaluator, effort.less(), joints=joints, rate=rate)
         if again is not None:
             best, task = again
@@ -198,7 +203,7 @@ def design(
         reason = _reason(usual, None if again is None else best, own)
     rows, most, region = tuple[AtSpeed, ...](), Fastest(speed_m_s=own), None
     if best is not None:
-        region = region_of(whole, best.candidate, task, progress, each_way=effort.grid)
+        region = region_of(whole, best.candidate, task, total, each_way=effort.grid)
         rows = tuple(
             by_speed(evaluator, best.candidate, task, effort.speeds, throws=effort.each_speed)
         )
@@ -208,6 +213,18 @@ def design(
         seconds=monotonic() - start, left_out=evaluator.tally.told(),
         confirmed=tuple(confirmed) if found else (), region=region,
     )  # fmt: skip
+
+
+def best_so_far(whole: Arm, kept: Kept, rate: float) -> Design | None:
+    """Return the best of a search that is broken off; None where none caught enough yet.
+
+    Its throws are mostly those by which it was chosen, so no fair figures.
+    """
+    if kept.best is None:
+        return None
+    task, worth = kept.best
+    return Design(whole=whole, task=task, found=False, reason="the search was broken off",
+                  best=ranked(worth, rate)[0], fastest=Fastest(speed_m_s=0.0))  # fmt: skip
 
 
 def _lost(usual: Evaluation | None) -> str:

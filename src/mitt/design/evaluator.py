@@ -2,13 +2,15 @@
 
 import json
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 
 from mitt.design.candidate import Candidate
 from mitt.design.evaluation import Evaluation, How, able_to_hold, judged, learned, thrown
+from mitt.design.job import Job, answer_of
+from mitt.design.kept import Kept
 from mitt.design.task import Task
 from mitt.errors import MittError
 from mitt.robot.arm import Arm
@@ -18,33 +20,6 @@ from mitt.sweep.engine import Engine, run_tasks
 _ROUNDS = 2
 
 Progress = Callable[[str, int, int], None]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Job:
-    """What is to be tried of a candidate.
-
-    Attributes:
-        number: Its place among those tried together.
-        whole: The arm with all joints active.
-        candidate: The candidate.
-        task: What is to be caught.
-        throws: Number of throws; 0 to judge it by verdicts alone.
-        seed: Seed of the throws.
-        least: Least share of balls caught by the verdicts from which it is thrown at.
-        how: How thoroughly the map is learned.
-        give_up: Whether it is thrown at less where it catches few of the first throws.
-    """
-
-    number: int
-    whole: Arm
-    candidate: Candidate
-    task: Task
-    throws: int = 0
-    seed: int = 0
-    least: float = -1e9
-    how: How = "quick"
-    give_up: bool = True
 
 
 def evaluated(job: Job) -> Evaluation:
@@ -81,9 +56,7 @@ def _failed(c: Candidate, why: str, said: str = "") -> Evaluation:
 
 def work(job: Job) -> bytes:
     """Evaluate a candidate in a worker; the answer as bytes, without the candidate."""
-    w = evaluated(job)
-    plain = {x.name: getattr(w, x.name) for x in fields(w) if x.name != "candidate"}
-    return json.dumps(plain).encode()
+    return json.dumps(answer_of(evaluated(job))).encode()
 
 
 @dataclass(slots=True)
@@ -122,7 +95,7 @@ class Evaluator:
 
     def __init__(
         self, whole: Arm, task: Task, engine: Engine | None, progress: Progress,
-        tally: Tally | None = None,
+        tally: Tally | None = None, kept: Kept | None = None,
     ) -> None:  # fmt: skip
         """Take what all jobs have in common.
 
@@ -132,13 +105,14 @@ class Evaluator:
             engine: Where to work; in this process where None.
             progress: Told what is done, and how much of it.
             tally: Where what could not be evaluated is counted.
+            kept: Where answers are kept, and looked for first.
         """
         self.whole, self.task, self._engine, self.progress = whole, task, engine, progress
-        self.tally = tally or Tally()
+        self.tally, self.kept = tally or Tally(), kept or Kept()
 
     def at(self, task: Task) -> "Evaluator":
-        """Return an evaluator for another task, which counts in the same tally."""
-        return Evaluator(self.whole, task, self._engine, self.progress, self.tally)
+        """Return an evaluator for another task, which counts and keeps where this one does."""
+        return Evaluator(self.whole, task, self._engine, self.progress, self.tally, self.kept)
 
     def try_all(
         self, name: str, candidates: Sequence[Candidate], *, throws: int = 0, seed: int = 0,
@@ -160,7 +134,9 @@ class Evaluator:
                   seed=seed, least=least, how=how, give_up=give_up)
             for k, c in enumerate(candidates)
         ]  # fmt: skip
-        return [w for w in self._worth(name, jobs) if not w.failed]
+        worth = [w for w in self._worth(name, jobs) if not w.failed]
+        self.kept.ended(self.task, worth)
+        return worth
 
     def try_each(
         self, name: str, pairs: Sequence[tuple[Candidate, Task]], *, throws: int, seed: int
@@ -178,11 +154,14 @@ class Evaluator:
 
     def _worth(self, name: str, jobs: Sequence[Job]) -> list[Evaluation]:
         """Return what became of jobs, in their order."""
-        found = dict[int, Evaluation]()
-        for done, (number, worth) in enumerate(self._answers(jobs), start=1):
-            self.progress(name, done, len(jobs))
-            self.tally.count(worth)
+        found = {job.number: w for job in jobs if (w := self.kept.get(job)) is not None}
+        new = [job for job in jobs if job.number not in found]
+        for number, worth in self._answers(new):
             found[number] = worth
+            self.kept.add(jobs[number], worth)
+            self.progress(name, len(found), len(jobs))
+        for job in jobs:
+            self.tally.count(found[job.number])
         return [found[job.number] for job in jobs]
 
     def _answers(self, jobs: Sequence[Job]) -> Iterable[tuple[int, Evaluation]]:
