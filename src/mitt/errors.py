@@ -9,6 +9,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from difflib import get_close_matches
 
 #: Characters that a message keeps of either end of a very long name or value.
 _HALF = 150
@@ -59,13 +60,30 @@ class UnknownNameError(InputError, KeyError):
     """A name that is not among those available."""
 
     def __init__(self, kind: str, given: str, available: Iterable[str], *, do: str = "") -> None:
-        """List the names that are available and, where it helps, say what to do."""
+        """List the names that are available; say which may be meant, and what to do."""
         self.available = tuple(available)
+        do = " ".join(x for x in (meant(given, self.available), do) if x)
         super().__init__(kind, f"one of {', '.join(self.available)}", repr(given), do=do)
 
     def __str__(self) -> str:
         """Show the message itself; KeyError would quote it."""
         return str(self.args[0])
+
+
+class MissingPackageError(InputError, ImportError):
+    """A package that only some of mitt needs is not installed."""
+
+    def __init__(self, name: str, package: str, extra: str) -> None:
+        """Say what needs which package, and the extra that has it."""
+        wanted = f"the package {package}"
+        super().__init__(name, wanted, "a Python without it", do=f"install mitt[{extra}]")
+
+
+def meant(given: str, known: Iterable[str]) -> str:
+    """Return in words which of the known names was meant; nothing where none is near."""
+    names = {x.lower(): x for x in known}
+    near = get_close_matches(given.lower(), names, n=1)
+    return f"did you mean {names[near[0]]!r}?" if near else ""
 
 
 def _printable(text: str) -> str:

@@ -1,10 +1,18 @@
 """A tiny search for the WAM, done once for the tests of designs."""
 
+import fcntl
+from collections.abc import Sequence
+
 import pytest
 
 from mitt.design.balls import Balls
 from mitt.design.design import Design, design
 from mitt.design.effort import Effort
+from mitt.design.evaluation import Evaluation
+from mitt.design.evaluator import Evaluator
+from mitt.design.job import Job, search_of
+from mitt.design.kept import Kept
+from mitt.design.search import RATE
 from mitt.design.task import Task
 from mitt.design.whole import whole_arm
 from mitt.robot.arm import Arm
@@ -34,5 +42,30 @@ def task() -> Task:
 
 
 @pytest.fixture(scope="session")
-def found(whole: Arm, task: Task) -> Design:
-    return design(whole, task, TINY, progress=silent)
+def searched(
+    whole: Arm, task: Task, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Design, list[tuple[str, Job]]]:
+    """The search, and what it asked of candidates in which stage.
+
+    Processes that test side by side search once: the second finds the answers of the first.
+    """
+    folder, asked = tmp_path_factory.getbasetemp().parent, list[tuple[str, Job]]()
+    inner = Evaluator._worth
+
+    def noted(self: Evaluator, name: str, jobs: Sequence[Job]) -> list[Evaluation]:
+        asked.extend((name, job) for job in jobs)
+        return inner(self, name, jobs)
+
+    search = search_of(whole, task, TINY, joints=None, rate=RATE)
+    with (folder / "search.lock").open("w") as lock, pytest.MonkeyPatch.context() as patch:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        kept = Kept.open(folder / "search.jsonl", search, resume=True)
+        patch.setattr(Evaluator, "_worth", noted)
+        found = design(whole, task, TINY, progress=silent, kept=kept)
+        kept.close(done=False)
+    return found, asked
+
+
+@pytest.fixture(scope="session")
+def found(searched: tuple[Design, list[tuple[str, Job]]]) -> Design:
+    return searched[0]

@@ -22,21 +22,22 @@ from mitt.design.causes import BEYOND, cause_of
 from mitt.design.contact import Touch
 from mitt.design.design import Design, Origin, design, rate_of
 from mitt.design.effort import effort_of
-from mitt.design.evaluation import Evaluation, learned, thrown, trials_of
+from mitt.design.evaluation import Evaluation, learned, trials_of
 from mitt.design.evaluator import Evaluator
 from mitt.design.geometry import drawn, triples_of
+from mitt.design.job import Job
 from mitt.design.mutation import mutated
-from mitt.design.search import best_by_price, ranked, reported, search, surely
+from mitt.design.search import best_by_price, ranked, surely
 from mitt.design.speeds import AtSpeed, Fastest, release_speed, task_at
 from mitt.design.task import REPORTED, Task
 from mitt.design.verdicts import Verdicts
 from mitt.design.whole import movable
 from mitt.errors import InputError
 from mitt.files.arm_file import ArmFile, open_arm, read_arm_file, write_arm_file
-from mitt.generator.mapping import DirectMap, unlearned
+from mitt.generator.mapping import unlearned
 from mitt.robot.arm import Arm
 from mitt.robot.identity import difference, identity_of
-from mitt.sweep.engine import Processes, engine_of
+from mitt.sweep.engine import Processes
 from mitt.trials.neighbourhood import Neighbourhood
 from mitt.world.ballistics import fly
 from mitt.world.scenes import read_scene
@@ -46,17 +47,6 @@ KEYS = {
     "schema", "version", "arm", "found", "reason", "joints", "throws", "feasible", "caught",
     "relative_speed_m_s", "force_n", "fastest_m_s", "by_speed", "seconds",
 }  # fmt: skip
-
-
-@pytest.mark.slow
-def test_the_same_seed_gives_the_same_design(whole: Arm, task: Task, found: Design) -> None:
-    again = design(whole, task, TINY, progress=silent)
-    mine, other = found.as_json(), again.as_json()
-    del mine["seconds"], other["seconds"]
-    assert mine == other
-    assert found.best is not None
-    assert again.best is not None
-    np.testing.assert_array_equal(found.best.candidate.q, again.best.candidate.q)
 
 
 def test_what_is_printed_keeps_the_contract(found: Design) -> None:
@@ -287,26 +277,20 @@ def test_an_arm_file_of_another_description_or_without_a_hand_is_refused(
 
 
 def test_what_is_reported_was_thrown_with_seeds_that_no_search_uses(
-    whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
+    searched: tuple[Design, list[tuple[str, Job]]],
 ) -> None:
-    seeds = list[tuple[int, int, bool]]()
-
-    def noted(
-        c: Candidate, f: DirectMap, task: Task, *, throws: int, seed: int, give_up: bool
-    ) -> Evaluation:
-        seeds.append((seed, throws, give_up))
-        return thrown(c, f, task, throws=throws, seed=seed, give_up=give_up)
-
-    monkeypatch.setattr(evaluator, "thrown", noted)
-    confirmed = search(Evaluator(whole, task, None, silent), TINY)
-    assert confirmed
-    assert seeds
-    assert all(seed < REPORTED for seed, _, _ in seeds)
-    seeds.clear()
-    best = reported(Evaluator(whole, task, None, silent), confirmed[0].candidate, TINY)
-    assert best is not None
-    assert seeds == [(REPORTED, TINY.report, False)]
-    assert best.thrown == TINY.report
+    found, asked = searched
+    names = [name for name, _ in asked]
+    last = names.index("reporting")
+    thrown = [job for _, job in asked[:last] if job.throws]
+    assert thrown
+    assert all(job.seed < REPORTED for job in thrown)
+    job = asked[last][1]
+    assert (job.seed, job.throws, job.give_up) == (REPORTED, TINY.report, False)
+    assert found.best is not None
+    assert found.best.thrown == TINY.report
+    assert set(names[last + 1 :]) == {"speeds", "fastest"}
+    assert all(job.seed > REPORTED for _, job in asked[last + 1 :])
 
 
 def test_a_share_is_told_with_its_interval(found: Design) -> None:
@@ -528,21 +512,6 @@ def test_a_design_for_slower_throws_only_is_the_one_described(
     assert "slower throws, leaving at 3.0 m/s" in command._comment(mine, "lab")
 
 
-@pytest.mark.slow
-def test_two_workers_give_the_same_design(whole: Arm, task: Task, found: Design) -> None:
-    engine = engine_of("local", 2)
-    try:
-        other = design(whole, task, TINY, progress=silent, engine=engine)
-    finally:
-        engine.close(at_once=True)
-    mine, theirs = found.as_json(), other.as_json()
-    del mine["seconds"], theirs["seconds"]
-    assert mine == theirs
-    assert found.best is not None
-    assert other.best is not None
-    np.testing.assert_array_equal(found.best.candidate.q, other.best.candidate.q)
-
-
 def test_candidates_of_a_dead_worker_are_evaluated_by_themselves(
     found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -551,8 +520,8 @@ def test_candidates_of_a_dead_worker_are_evaluated_by_themselves(
     c, windows = found.best.candidate, list[int]()
 
     def run(
-        _: object, __: object, trials: list[evaluator.Job], *, window: int
-    ) -> Iterator[tuple[evaluator.Job, bytes | BaseException]]:
+        _: object, __: object, trials: list[Job], *, window: int
+    ) -> Iterator[tuple[Job, bytes | BaseException]]:
         windows.append(window)
         bad = any(trial.number == 1 for trial in trials)
         plain = b'{"able": 0.5, "speed": 1.0}'

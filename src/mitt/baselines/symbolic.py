@@ -11,7 +11,7 @@ from typing import Any, TypeAlias, final
 
 import numpy as np
 
-from mitt.errors import InputError
+from mitt.errors import MissingPackageError
 from mitt.robot.arm import Arm
 from mitt.robot.description import Link
 from mitt.signals import GRAVITY
@@ -29,9 +29,7 @@ def casadi() -> ModuleType:
     try:
         import casadi as found  # noqa: PLC0415 (heavy, and an extra)
     except ImportError:
-        raise InputError(
-            "generator clairvoyant", "CasADi", "none", do="install mitt[rivals]"
-        ) from None
+        raise MissingPackageError("generator clairvoyant", "CasADi", "rivals") from None
     module: ModuleType = found
     return module
 

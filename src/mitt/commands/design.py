@@ -89,12 +89,14 @@ def run(options: DesignOptions) -> int:
         return status_of(stop)
     except MittError as error:
         raise MittError(f"{error}; {last_words()}") from None
+    else:
+        _finish(found, origin, scene, options)
+        kept.close(done=True)
+        return 0
     finally:
         if engine is not None:
             engine.close(at_once=True)
-    _finish(found, origin, scene, options)
-    kept.close(done=True)
-    return 0
+        kept.close(done=False)
 
 
 def _finish(found: Design, origin: Origin, scene: Scene, options: DesignOptions) -> None:

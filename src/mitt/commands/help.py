@@ -6,11 +6,9 @@ longer than its line ends early, with dots; ``--help-all`` has all of it.
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, fields
 from textwrap import wrap
-from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
-from tyro.conf import Positional
+from mitt.commands import words
 
 Commands = Mapping[str, Callable[..., object]]
 """Options of each command, by its name."""
@@ -82,43 +80,16 @@ def screen(name: str, options: Callable[..., object]) -> str:
 
 def options_of(options: Callable[..., object]) -> list[tuple[str, str, bool]]:
     """Return the options of a command: what they are called, their text, whether by place."""
-    said, found = _attributes(options), []
-    hints = get_type_hints(options, include_extras=True)
-    for field in fields(options):  # type: ignore[arg-type]  # it is a dataclass
-        hint, text = hints[field.name], said.get(field.name, "")
-        called, value = field.name, _choices(hint)
-        for about in _metadata(hint):
-            if about is not Positional:
-                text, called = about.help or text, about.name or called
-                value = about.metavar or value
-        positional = Positional in _metadata(hint)
-        default = field.default
-        if default is MISSING and not positional:
+    said, found = _attributes(options), list[tuple[str, str, bool]]()
+    for option in words.options_of(options):
+        text, default = option.text or said.get(option.field, ""), option.default
+        if option.required and not option.positional:
             text = f"Required. {text}"
         elif isinstance(default, str | int | float) and not isinstance(default, bool):
             text = f"{text.rstrip('.')} (default: {default})."
-        option = f"--{called.replace('_', '-')} {value}".strip()
-        found.append((value if positional else option, text, positional))
+        called = option.name if option.positional else f"{option.name} {option.value}".strip()
+        found.append((called, text, option.positional))
     return sorted(found, key=lambda row: not row[2])
-
-
-def _metadata(hint: Any) -> tuple[Any, ...]:  # noqa: ANN401 (an annotation)
-    """Return what an annotation says besides the type."""
-    return get_args(hint)[1:] if _is_annotated(hint) else ()
-
-
-def _is_annotated(hint: Any) -> bool:  # noqa: ANN401 (an annotation)
-    """Say whether an annotation says more than the type."""
-    return get_origin(hint) is Annotated
-
-
-def _choices(hint: Any) -> str:  # noqa: ANN401 (an annotation)
-    """Return the words that an option takes, if it takes some alone."""
-    inner = get_args(hint)[0] if _is_annotated(hint) else hint
-    for kind in (inner, *get_args(inner)):
-        if get_origin(kind) is Literal:
-            return "{" + ",".join(map(str, get_args(kind))) + "}"
-    return ""
 
 
 def _paragraphs(options: Callable[..., object]) -> list[str]:

@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import shlex
 from collections.abc import Callable
 from importlib import import_module
 
@@ -12,7 +13,8 @@ import mitt
 from mitt.commands import camera_options as cameras
 from mitt.commands import options as of
 from mitt.commands.help import overview, screen
-from mitt.errors import MittError
+from mitt.commands.words import check_words, options_of
+from mitt.errors import InputError, MittError
 
 #: Options of every command; the module of ``mitt.commands`` of the same name does what is asked.
 COMMANDS: dict[str, Callable[..., object]] = {
@@ -30,8 +32,6 @@ COMMANDS: dict[str, Callable[..., object]] = {
     "view": of.ViewOptions,
     "bench": of.BenchOptions,
 }
-#: Characters that frame tyro's messages.
-_FRAME = "╭╮╰╯│─"
 
 
 def run(words: list[str]) -> int:
@@ -40,6 +40,7 @@ def run(words: list[str]) -> int:
     Raises:
         MittError: The input is bad.
     """
+    words = words or ["--help"]
     if "--version" in words:
         print(mitt.__version__, flush=True)  # noqa: T201
         return 0
@@ -48,17 +49,32 @@ def run(words: list[str]) -> int:
         print(said, flush=True)  # noqa: T201
         return 0
     name, options = parse(["--help" if word == "--help-all" else word for word in words])
-    status: int = import_module(f"mitt.commands.{name}").run(options)  # heavy: only when needed
+    try:
+        status: int = import_module(f"mitt.commands.{name}").run(options)  # heavy: only now
+    except InputError as error:
+        raise _as_said(name, error) from error
     return status
 
 
+def _as_said(name: str, error: InputError) -> MittError:
+    """Return an error that calls an input as the command line does, where it is an option."""
+    options = {x.field: x.name for x in options_of(COMMANDS[name])}
+    said = options.get(error.name.replace(" ", "_"))
+    return error if said is None else MittError(said + str(error).removeprefix(error.name))
+
+
 def parse(words: list[str]) -> tuple[str, object]:
-    """Return command and options; tyro's framed message becomes one line."""
-    said = io.StringIO()
+    """Return command and options.
+
+    Raises:
+        InputError: A word cannot be.
+    """
+    if "--help" not in words:
+        check_words(words, COMMANDS)
     # A parser of one command alone is ready five times sooner than that of all.
     chosen = {k: v for k, v in COMMANDS.items() if [k] == words[:1]} or COMMANDS
     try:
-        with contextlib.redirect_stderr(said):
+        with contextlib.redirect_stderr(io.StringIO()):
             options: object = tyro.extras.subcommand_cli_from_dict(
                 chosen,
                 args=words,
@@ -69,16 +85,6 @@ def parse(words: list[str]) -> tuple[str, object]:
     except SystemExit as leave:
         if leave.code in (0, None):
             raise
-        where = f"mitt {words[0]}" if words and words[0] in COMMANDS else "mitt"
-        raise MittError(f"{_one_line(said.getvalue())}; see {where} --help") from None
+        raise InputError(words[0], "options of its own", shlex.join(words[1:]),
+                         do=f"see mitt {words[0]} --help") from None  # fmt: skip
     return next(name for name, kind in COMMANDS.items() if type(options) is kind), options
-
-
-def _one_line(framed: str) -> str:
-    """Return the first paragraph of a framed message in one line."""
-    words: list[str] = []
-    for line in framed.splitlines()[1:]:
-        if not line.strip(_FRAME + " "):
-            break
-        words.append(line.strip(_FRAME + " "))
-    return " ".join(words)

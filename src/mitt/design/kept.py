@@ -66,10 +66,14 @@ class Kept:
                              f"{path}, where one is looking") from None  # fmt: skip
         except OSError as error:
             raise self._unwritable(error) from None
-        size = self._take(head) if resume else 0
-        os.ftruncate(self._file, size)
-        if size == 0:
-            self._write(head)
+        try:
+            size = self._take(head) if resume else 0
+            os.ftruncate(self._file, size)
+            if size == 0:
+                self._write(head)
+        except BaseException:
+            self.close(done=False)
+            raise
         return self
 
     def get(self, job: Job) -> Evaluation | None:
@@ -101,7 +105,7 @@ class Kept:
         return self._ended or ((first[0][0], [w for _, w in first]) if first else None)
 
     def close(self, *, done: bool) -> None:
-        """Close the file; it goes where the search is done."""
+        """Close the file; it goes where the search is done. Twice does no more than once."""
         if self._file is not None:
             if done:
                 self._path.unlink(missing_ok=True)

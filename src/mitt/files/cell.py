@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from mitt import checks
-from mitt.errors import FileError, InputError
+from mitt.errors import FileError, InputError, meant
 from mitt.files.arm_file import is_arm_file
 from mitt.files.arms import load_arm
 from mitt.files.rig import read_rig
@@ -167,7 +167,7 @@ def read_cell(name_or_path: str | Path) -> Cell:
     if path.suffix != ".toml":
         if str(name_or_path) not in shipped():
             raise FileError(str(name_or_path), f"a .toml file, or one of {', '.join(shipped())}",
-                            "neither")  # fmt: skip
+                            "neither", do=meant(str(name_or_path), shipped()))  # fmt: skip
         path = Path(str(files("mitt") / "data" / "cells" / f"{name_or_path}.toml"))
     return cell_of(read_toml(path), place=str(path), folder=path.parent)
 

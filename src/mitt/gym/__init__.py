@@ -19,12 +19,17 @@ docs/gym.md says what is observed and rewarded.
 from collections.abc import Callable
 from typing import Any, final
 
-import gymnasium
 import numpy as np
-from gymnasium import spaces
 
 from mitt import checks
-from mitt.errors import InputError
+from mitt.errors import InputError, MissingPackageError
+
+try:
+    import gymnasium
+    from gymnasium import spaces
+except ImportError:
+    raise MissingPackageError("mitt.gym", "gymnasium", "gym") from None
+
 from mitt.generator.generators import Direct
 from mitt.gym.environment import FAR, FAST, Environment, Numbers, Observation
 from mitt.signals import Command

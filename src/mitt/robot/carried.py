@@ -1,7 +1,5 @@
 """Which link carries what: frames of a description file, and capsules about its shapes."""
 
-from difflib import get_close_matches
-
 import numpy as np
 import pinocchio as pin
 
@@ -19,11 +17,8 @@ def frame_of(model: pin.Model, name: str) -> pin.Frame:
     """Return the frame of a name, the body where a joint is called the same."""
     frames = {frame.name: frame for frame in model.frames}
     if name not in frames:
-        links = links_of(model)
-        near = get_close_matches(name, links, n=1)
-        meant = f"did you mean {near[0]!r}? " if near else ""
-        raise UnknownNameError("tip", name, links,
-                               do=f"{meant}name the link or site of the palm (--tip)")  # fmt: skip
+        raise UnknownNameError("tip", name, links_of(model),
+                               do="name the link or site of the palm (--tip)")  # fmt: skip
     return frames.get(name + LINK, frames[name])
 
 

@@ -98,12 +98,12 @@ def _from_file(
     stated = read_urdf(path) if path.suffix == ".urdf" else read_mjcf(path)
     if tip is None:
         links = ", ".join(links_of(stated.model)) or "none"
-        raise ModelError(str(path), "tip and joints", f"tip=None, joints={names or None}",
+        raise ModelError(str(path), "tip and joints (--tip, --joints)", "no tip",
                          do="name as tip the link or site of the palm, and the active joints;"
                          f" links of the file: {links}")  # fmt: skip
     if not names:
         chain = ", ".join(joints_to(stated.model, tip)) or "none"
-        raise ModelError(str(path), "tip and joints", f"tip={tip}, joints=None",
+        raise ModelError(str(path), "tip and joints (--tip, --joints)", "no joints",
                          do=f"name the active joints; joints from the base to {tip!r}:"
                          f" {chain}")  # fmt: skip
     given = limits if isinstance(limits, LimitSet) else None

@@ -22,7 +22,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Protocol, TypeVar, final
 
-from mitt.errors import InputError, MittError
+from mitt.errors import InputError, MissingPackageError, MittError
 from mitt.interrupts import end_with_parent
 from mitt.link.realtime import settle
 
@@ -212,8 +212,7 @@ class Cluster:
         try:
             from distributed import Client  # noqa: PLC0415 (optional)
         except ImportError:
-            raise InputError("--engine", "the package distributed for dask://", "a Python without",
-                             do="install mitt[cluster]") from None  # fmt: skip
+            raise MissingPackageError("--engine", "distributed", "cluster") from None
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         place = f"tcp://{address.removeprefix('dask://')}"
         try:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from mitt import checks
-from mitt.errors import FileError, InputError
+from mitt.errors import FileError, MissingPackageError
 from mitt.signals import Array
 from mitt.trials.score import Trial
 
@@ -19,8 +19,7 @@ try:
     import pyarrow as pa
     import pyarrow.parquet as pq
 except ImportError as error:
-    raise InputError("mitt study", "the package pyarrow", "a Python without it",
-                     do="install mitt[study]") from error  # fmt: skip
+    raise MissingPackageError("mitt study", "pyarrow", "study") from error
 
 Row = dict[str, Any]
 """A throw, by columns of the table."""

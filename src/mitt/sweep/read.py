@@ -7,7 +7,7 @@ from typing import Any
 
 import mitt
 from mitt import checks
-from mitt.errors import InputError, UnknownNameError
+from mitt.errors import FileError, InputError, UnknownNameError, meant
 from mitt.reading import read_bytes, read_toml
 from mitt.sweep.study import (
     ArmSettings,
@@ -48,6 +48,9 @@ def read_study(path: Path, *, generators: tuple[str, ...]) -> Study:
     path = checks.path("study", path)
     if not path.is_file() and path.name == str(path) and str(path) in shipped():
         path = Path(str(files("mitt") / "data" / "studies" / f"{path}.toml"))
+    elif path.suffix == "" and not path.exists():
+        raise FileError(str(path), f"a study file, or one of {', '.join(shipped())}", "neither",
+                        do=meant(str(path), shipped()))  # fmt: skip
     settings = validated(StudySettings, read_toml(path), place=str(path))
     chosen = generators if settings.generators == ("all",) else settings.generators
     for name in (*chosen, *settings.throws_of):

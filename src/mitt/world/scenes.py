@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from mitt import checks
-from mitt.errors import FileError, InputError
+from mitt.errors import FileError, InputError, meant
 from mitt.reading import read_toml
 from mitt.world.scene import TABLE_TENNIS, Scene, SceneName
 from mitt.world.settings import merged, validated
@@ -53,7 +53,8 @@ def read_scene(source: str | Path, *, flights: bool = False) -> Scene:
     if str(source) in NAMES and not Path(source).is_file():
         return named_scene(str(source), flights=flights)
     if path.suffix == "" and not path.exists():
-        raise FileError(str(path), f"a scene file, or one of {', '.join(NAMES)}", "neither")
+        raise FileError(str(path), f"a scene file, or one of {', '.join(NAMES)}", "neither",
+                        do=meant(str(path), NAMES))  # fmt: skip
     return scene_of(read_toml(path), place=str(path), flights=flights)
 
 

@@ -1,0 +1,277 @@
+"""A search that is broken off: what it keeps, and that it goes on to the same design."""
+
+import json
+import os
+import signal
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from design.conftest import TINY, silent
+
+from mitt.cli import main
+from mitt.commands import design as command
+from mitt.design.design import Design, best_so_far, design
+from mitt.design.effort import EFFORTS
+from mitt.design.evaluation import Evaluation
+from mitt.design.evaluator import Evaluator
+from mitt.design.job import Job, search_of
+from mitt.design.kept import Kept
+from mitt.design.search import RATE
+from mitt.design.task import Task
+from mitt.design.total import Total
+from mitt.errors import FileError, InputError
+from mitt.files.arm_file import open_arm
+from mitt.interrupts import Interrupted
+from mitt.robot.arm import Arm
+from mitt.sweep.engine import Processes
+
+#: Stages in which the search is broken off, one after the other.
+BROKEN = ("learning", "confirming", "fastest")
+
+
+def breaking(stage: str) -> Callable[[str, int, int], None]:
+    """Return what interrupts a search as soon as something is done in a stage."""
+
+    def progress(name: str, *_: int) -> None:
+        if name == f"designing: {stage}":
+            raise Interrupted(signal.SIGINT)
+
+    return progress
+
+
+@pytest.mark.slow
+def test_a_search_that_is_broken_off_again_and_again_comes_to_the_same_design(
+    found: Design, whole: Arm, task: Task, tmp_path: Path
+) -> None:
+    """With any number of workers: two at first, then none."""
+    search = search_of(whole, task, TINY, joints=None, rate=RATE)
+    path, lines = tmp_path / "search.jsonl", [0]
+
+    def searched(progress: Callable[[str, int, int], None], workers: int) -> Design:
+        kept = Kept.open(path, search, resume=True)
+        engine = Processes(workers) if workers else None
+        try:
+            return design(whole, task, TINY, progress=progress, engine=engine, kept=kept)
+        finally:
+            best = best_so_far(whole, kept, RATE)
+            assert best.usable if best else progress is not silent and stage == "learning"
+            lines.append(path.read_bytes().count(b"\n"))
+            kept.close(done=False)
+            if engine is not None:
+                engine.close(at_once=True)
+
+    for k, stage in enumerate(BROKEN):
+        with pytest.raises(Interrupted):
+            searched(breaking(stage), 2 if k == 0 else 0)
+        path.write_bytes(path.read_bytes() + b'["half')  # of a line, as kill -9 leaves
+    assert lines == sorted(set(lines))
+    again = searched(silent, 0)
+    mine, other = found.as_json(), again.as_json()
+    del mine["seconds"], other["seconds"]
+    assert mine == other
+    assert found.best is not None
+    assert again.best is not None
+    np.testing.assert_array_equal(found.best.candidate.q, again.best.candidate.q)
+
+
+def test_answers_come_back_to_the_bit_and_none_for_another_question(
+    found: Design, whole: Arm, task: Task, tmp_path: Path
+) -> None:
+    """Whatever numbers they have; what was lost with a worker is asked again."""
+    assert found.best is not None
+    c, path = found.best.candidate, tmp_path / "a.jsonl"
+    worth = replace(
+        found.best, able=1.0 / 3.0, speed=float("inf"), force=0.1 + 0.2, said="two\nlines"
+    )
+    job = Job(number=0, whole=whole, candidate=c, task=task, throws=4, seed=7)
+    others = [replace(job, throws=5), replace(job, seed=8), replace(job, how="full"),
+              replace(job, give_up=False), replace(job, task=replace(task, seed=9)),
+              replace(job, candidate=replace(c, turn=c.turn + 1e-15))]  # fmt: skip
+    kept = Kept.open(path, "x", resume=False)
+    kept.add(job, worth)
+    kept.add(others[0], replace(worth, failed="lost"))
+    kept.close(done=False)
+    kept = Kept.open(path, "x", resume=True)
+    assert kept.get(replace(job, number=5, task=replace(task))) is not None
+    back = kept.get(job)
+    assert back is not None
+    assert all(getattr(back, x) == getattr(worth, x) for x in Evaluation.__slots__)
+    assert [kept.get(other) for other in others] == [None] * len(others)
+    kept.close(done=True)
+    assert not path.exists()
+
+
+def test_answers_of_another_search_are_refused_and_those_in_use(tmp_path: Path) -> None:
+    path = tmp_path / "a.jsonl"
+    kept = Kept.open(path, "x", resume=False)
+    with pytest.raises(InputError, match="where one is looking"):
+        Kept.open(path, "x", resume=True)
+    kept.close(done=False)
+    with pytest.raises(InputError, match="--resume: wanted the arm"):
+        Kept.open(path, "y", resume=True)
+    Kept.open(path, "x", resume=True).close(done=False)
+    path.write_bytes(path.read_bytes() + b"[1]\n")
+    with pytest.raises(FileError, match="line 2: wanted an answer"):
+        Kept.open(path, "x", resume=True)
+    Kept.open(path, "y", resume=False).close(done=False)
+    assert path.read_bytes().count(b"\n") == 1
+
+
+def test_all_that_decides_a_search_is_in_its_digest(whole: Arm, task: Task) -> None:
+    def of(
+        arm: Arm = whole, task: Task = task, effort: str = "quick", joints: list[str] | None = None,
+        rate: float = RATE,
+    ) -> str:  # fmt: skip
+        return search_of(arm, task, EFFORTS[effort], joints=joints, rate=rate)
+
+    heavier = replace(whole.model, links=(*whole.model.links[:-1],
+                      replace(whole.model.links[-1], mass=9.0)))  # fmt: skip
+    deeper = task.scene.model_copy(update={"floor": -2.0})
+    said = [
+        of(), of(Arm(heavier, whole.limits)), of(task=replace(task, seed=4)), of(effort="full"),
+        of(joints=["j1", "j2", "j4"]), of(rate=0.9), of(task=replace(task, scene=deeper)),
+    ]  # fmt: skip
+    assert len(set(said)) == len(said)
+    assert of() == of(task=replace(task))
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_an_interrupt_writes_the_best_so_far_and_says_how_to_go_on(
+    number: signal.Signals, status: int, found: Design, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """The arm file is good; nothing is refused for it when the search goes on."""
+    assert found.best is not None
+    out, before = tmp_path / "d.toml", list[object]()
+
+    def broken(_: Arm, task: Task, *__: object, kept: Kept, **___: object) -> Design:
+        before.append(kept.best)
+        if len(before) == 2:
+            assert found.best is not None
+            kept.ended(task, [found.best])
+        if len(before) < 3:
+            os.kill(os.getpid(), number)
+        return found
+
+    monkeypatch.setattr(command, "design", broken)
+    words = ["design", "wam", "--limits", "wam-80v", "--out", str(out), "--workers", "1"]
+    assert main(words) == status
+    said = capsys.readouterr().err.splitlines()
+    why = f"interrupted by {number.name}; no design catches enough yet"
+    assert said == [f"mitt: {why}; --resume goes on with the search"]
+    assert not out.exists()
+    assert main(words) == 2
+    assert "say --resume" in capsys.readouterr().err
+    assert main([*words, "--resume"]) == status
+    assert f"the best so far, 4 of 4 caught, is in {out}" in capsys.readouterr().err
+    arm, _ = open_arm(out)
+    assert arm.names == found.joints
+    assert "broken off" in out.read_text()
+    assert main([*words, "--resume", "--overwrite"]) == 2
+    assert main([*words, "--resume", "--check"]) == 0
+    assert main([*words, "--resume", "--aim", "0.7,0,0"]) == 2
+    assert "--resume: wanted the arm" in capsys.readouterr().err
+    assert main([*words, "--resume"]) == 0
+    assert "broken off" not in out.read_text()
+    assert sorted(x.name for x in tmp_path.iterdir()) == ["d.html", "d.toml"]
+
+
+def test_what_ends_a_search_by_an_error_keeps_it_as_well(
+    found: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    def broken(_: Arm, task: Task, *__: object, kept: Kept, **___: object) -> Design:
+        assert found.best is not None
+        kept.ended(task, [found.best])
+        raise InputError("workers", "processes that live", "none")
+
+    monkeypatch.setattr(command, "design", broken)
+    out = tmp_path / "d.toml"
+    assert main(["design", "wam", "--out", str(out), "--workers", "1"]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 1
+    assert "workers: wanted processes that live, got none; the best so far" in said[0]
+    assert open_arm(out)
+
+
+def test_the_best_so_far_is_of_the_last_stage_that_caught_enough(
+    found: Design, whole: Arm, task: Task
+) -> None:
+    assert found.best is not None
+    kept, first = Kept(), replace(found.best, thrown=10, caught=9, clean=9)
+    assert kept.best is None
+    job = Job(number=0, whole=whole, candidate=first.candidate, task=task, throws=10)
+    kept.add(job, replace(first, clean=2))
+    assert kept.best is None
+    kept.add(job, first)
+    assert kept.best == (task, [first])
+    later = replace(first, thrown=50, caught=50, clean=50)
+    kept.ended(task, [later, first])
+    kept.ended(task, [replace(first, clean=2)])
+    assert kept.best == (task, [later, first])
+
+
+@pytest.mark.parametrize("slower", [False, True])
+@pytest.mark.parametrize("name", EFFORTS)
+def test_the_time_left_is_that_of_the_whole_search(name: str, slower: bool) -> None:
+    """Each stage adds; searches for slower throws add to the whole; at the end all is done."""
+    effort, told = EFFORTS[name], list[float]()
+
+    def heard(work: str, done: int, of: int) -> None:
+        assert work.startswith("designing: ")
+        told.append(done / of)
+
+    total = Total(effort, heard)
+    own = [x for x in total._takes if not x.startswith("changing 2")]  # a stage is left out
+    for stage in own:
+        for k in range(3):
+            total(stage, k + 1, 3)
+    assert told == sorted(told)
+    assert 0.6 < told[-1] < 1.0
+    if slower:
+        total.again(effort.less())
+        most = told[-1]
+        for _ in range(effort.slower):
+            for stage in list(total._takes):
+                total(stage, 1, 1)
+        assert told[-1] > 0.3
+        assert min(told[len(own) * 3 :]) > 0.3 * most
+    for stage in total._last:
+        total(stage, 1, 1)
+    assert told[-1] == 1.0
+    total("another", 1, 1)
+    assert told[-1] == 1.0
+
+
+def test_every_stage_of_a_search_is_expected(
+    searched: tuple[Design, list[tuple[str, Job]]],
+) -> None:
+    """A stage that nobody expected would not move the bar."""
+    total = Total(TINY, silent)
+    assert {name for name, _ in searched[1]} <= set(total._takes) | set(total._last)
+
+
+def test_the_evaluator_asks_for_nothing_that_is_known(
+    found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    assert found.best is not None
+    c, asked = found.best.candidate, list[Job]()
+
+    def noted(job: Job) -> Evaluation:
+        asked.append(job)
+        return Evaluation(candidate=job.candidate, able=0.5, speed=1.0 + job.number)
+
+    monkeypatch.setattr("mitt.design.evaluator.evaluated", noted)
+    for more in (2, 3):
+        kept = Kept.open(tmp_path / "a.jsonl", "x", resume=True)
+        bench = Evaluator(whole, task, None, silent, kept=kept)
+        worth = bench.try_all("some", [replace(c, turn=0.1 * k) for k in range(more)])
+        assert [w.speed for w in worth] == [1.0 + k for k in range(more)]
+        kept.close(done=False)
+    assert [job.number for job in asked] == [0, 1, 2]
+    assert (
+        json.loads((tmp_path / "a.jsonl").read_text().splitlines()[0])["schema"] == "mitt.search/1"
+    )
