@@ -9,7 +9,7 @@ import numpy as np
 
 from mitt.commands.options import DesignOptions
 from mitt.commands.screen import (
-    check_new_file,
+    check_new_files,
     checked,
     print_json,
     progress,
@@ -33,6 +33,7 @@ from mitt.files.arm_file import (
     read_arm_file,
     write_arm_file,
 )
+from mitt.files.folders import wrote
 from mitt.interrupts import tell
 from mitt.robot.arm import Arm
 from mitt.robot.basket import MOST_TILT, Hand
@@ -80,7 +81,7 @@ def run(options: DesignOptions) -> int:
         write_arm_file(
             options.out, found.arm_file(origin), comment=_comment(found, options.scene or DEFAULT)
         )
-    else:
+    elif wrote(options.out):
         options.out.unlink(missing_ok=True)
     written = [options.out, page] if found.usable else [page]
     _write_page(page, found, scene, _words(options))
@@ -131,8 +132,7 @@ def _page(options: DesignOptions) -> Path:
     if is_arm_file(options.arm) and options.out.resolve() == Path(options.arm).resolve():
         raise InputError("--out", "another file than the arm's", options.out)
     page = options.out.with_suffix(".html")
-    for path in (options.out, page):
-        check_new_file("--out", path, overwrite=options.overwrite)
+    check_new_files(options, {"--out": options.out, "page of --out": page})
     return page
 
 
