@@ -35,6 +35,9 @@ _PIECE = re.compile(
 )
 
 
+#: Where what comes with mitt is.
+_PACKAGE = Path(__file__).parent
+
 #: Digests of what is read, by its name, where somebody wants to know.
 _noted: ContextVar[dict[str, str] | None] = ContextVar("noted", default=None)
 
@@ -43,7 +46,8 @@ _noted: ContextVar[dict[str, str] | None] = ContextVar("noted", default=None)
 def noted() -> Iterator[dict[str, str]]:
     """Note the SHA-256 of each file that is read in the block, by its name, in their order.
 
-    That is what makes an arm, for one: its file, the description, the meshes and the limits.
+    That is what makes an arm, for one: its file, the description, the meshes and the limits. What
+    comes with mitt is known by its version.
     """
     found: dict[str, str] = {}
     token = _noted.set(found)
@@ -83,7 +87,7 @@ def read_bytes(path: Path, *, max_bytes: int, wanted: str = "a readable file") -
         raise FileError(str(path), wanted, "a device, a pipe or a folder")
     if len(content) > max_bytes:
         raise FileError(str(path), f"at most {max_bytes} bytes", "more")
-    if (notes := _noted.get()) is not None:
+    if (notes := _noted.get()) is not None and not path.is_relative_to(_PACKAGE):
         notes[str(path)] = hashlib.sha256(content).hexdigest()
     return content
 

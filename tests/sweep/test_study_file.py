@@ -9,7 +9,6 @@ from mitt.errors import InputError, MittError, UnknownNameError
 from mitt.sweep.folder import Folder
 from mitt.sweep.read import read_study, shipped
 from mitt.sweep.study import Study, extent
-from mitt.sweep.work import Job
 from mitt.world.faults.plan import Kick
 from mitt.world.settings import merged
 

@@ -19,7 +19,7 @@ from mitt.files.files import LOCK, locked
 from mitt.files.maps import save_map
 from mitt.generator.learn import Learned
 from mitt.link.clock import Stopwatch
-from mitt.trials.journal import NAME, RESULT, PAGE, Journal, died, read_kept
+from mitt.trials.journal import NAME, PAGE, RESULT, Journal, died, read_kept
 from mitt.trials.result import result
 from mitt.trials.score import Trial
 

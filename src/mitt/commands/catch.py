@@ -4,6 +4,7 @@ from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
+import mitt
 from mitt.commands.options import CatchOptions
 from mitt.commands.screen import (
     Report,
@@ -81,6 +82,8 @@ def prepared_again(folder: Path, kept: Kept) -> Prepared:
     options, read = kept.again.get("options"), kept.again.get("read")
     if not isinstance(options, dict) or not isinstance(read, dict):
         raise FileError(str(folder), "a run that says what makes it again", "one that does not")
+    if (version := kept.head.get("version")) != mitt.__version__:
+        raise FileError(str(folder), f"a run of mitt {mitt.__version__}", f"one of {version}")
     paths = {name: Path(options[name]) for name in ("throws_file", "flights") if name in options}
     less = {k: x for k, x in options.items() if k not in (*_OF_THE_MAP, "json", "check")}
     try:
