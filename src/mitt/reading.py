@@ -5,10 +5,15 @@ as are wanted are taken, whatever size the file claims to have. A TOML file is l
 it is parsed, because the standard parser needs memory that grows with the square of a dotted key.
 """
 
+import hashlib
 import os
 import re
 import stat
 import tomllib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +33,34 @@ _PIECE = re.compile(
     r"|#[^\n]*|[ \t]+|[\w+-]+|.",
     re.DOTALL,
 )
+
+
+#: Where what comes with mitt is.
+_PACKAGE = Path(__file__).parent
+
+#: Digests of what is read, by its name, where somebody wants to know.
+_noted: ContextVar[dict[str, str] | None] = ContextVar("noted", default=None)
+
+
+@contextmanager
+def noted() -> Iterator[dict[str, str]]:
+    """Note the SHA-256 of each file that is read in the block, by its name, in their order.
+
+    That is what makes an arm, for one: its file, the description, the meshes and the limits. What
+    comes with mitt is known by its version.
+    """
+    found: dict[str, str] = {}
+    token = _noted.set(found)
+    try:
+        yield found
+    finally:
+        _noted.reset(token)
+
+
+def difference(was: Mapping[str, str], now: Mapping[str, str]) -> str:
+    """Return the name of the first file that holds something else than before; nothing if none."""
+    pairs = zip_longest(was.items(), now.items(), fillvalue=("", ""))
+    return next((b[0] or a[0] for a, b in pairs if a[1] != b[1]), "")
 
 
 def read_bytes(path: Path, *, max_bytes: int, wanted: str = "a readable file") -> bytes:
@@ -54,6 +87,8 @@ def read_bytes(path: Path, *, max_bytes: int, wanted: str = "a readable file") -
         raise FileError(str(path), wanted, "a device, a pipe or a folder")
     if len(content) > max_bytes:
         raise FileError(str(path), f"at most {max_bytes} bytes", "more")
+    if (notes := _noted.get()) is not None and not path.is_relative_to(_PACKAGE):
+        notes[str(path)] = hashlib.sha256(content).hexdigest()
     return content
 
 

@@ -1,6 +1,8 @@
 """Files written whole or not at all; JSON that says what JSON may say; folders kept safe."""
 
 import json
+import os
+import re
 from pathlib import Path
 
 import pytest
@@ -11,7 +13,8 @@ from mitt.errors import FileError, InputError, MittError
 from mitt.files.files import (
     LOCK,
     check_folder,
-    claim_folder,
+    file_name,
+    make_folder,
     read_json,
     write_atomically,
     write_json,
@@ -103,11 +106,44 @@ def test_an_interrupt_while_writing_leaves_the_old_file(tmp_path: Path) -> None:
 
 
 def test_folders_on_the_way_are_made(tmp_path: Path) -> None:
-    """A file in a folder that does not exist yet can be written, readable for all."""
+    """A file in a folder that does not exist yet can be written."""
     path = tmp_path / "a" / "b" / "x.json"
     write_json(path, {"a": 1})
     assert json.loads(path.read_text()) == {"a": 1}
-    assert path.stat().st_mode & 0o777 == 0o644
+
+
+@pytest.mark.parametrize("mask", [0o077, 0o022, 0o002, 0o027])
+def test_a_file_has_the_rights_that_its_user_gives_to_new_files(tmp_path: Path, mask: int) -> None:
+    """By the umask, as any other program's; also where an older file had others."""
+    path = tmp_path / "x.json"
+    before = os.umask(mask)
+    try:
+        for _ in range(2):
+            write_json(path, {"a": 1})
+            assert path.stat().st_mode & 0o777 == 0o666 & ~mask
+            path.chmod(0o600)
+    finally:
+        os.umask(before)
+
+
+HOSTILE = ("../../up", "/etc/passwd", "..", ".", "", "a/b", "a\\b", ".hidden", "nul\0", "line\nend",
+           "x" * 300, "\u202e", "\ud800", "a b", "$(ls)", "~", "C:x", "é")  # fmt: skip
+
+
+@given(names=st.lists(st.sampled_from(HOSTILE) | st.text(max_size=120), min_size=2, max_size=5,
+                      unique=True))  # fmt: skip
+def test_a_name_from_elsewhere_never_leads_out_of_a_folder(names: list[str]) -> None:
+    """Whatever it says it is one visible file, and two names are two files."""
+    made = [file_name(name) for name in names]
+    for name in made:
+        assert re.fullmatch(r"[A-Za-z0-9_-][A-Za-z0-9._-]{0,110}", name)
+        assert (Path("folder") / name).parent == Path("folder")
+    assert len(set(made)) == len(made)
+
+
+def test_a_plain_name_stays_as_it_is() -> None:
+    """Letters, digits, dots, dashes and underlines."""
+    assert [file_name(x) for x in ("direct", "wam-80v_2.1")] == ["direct", "wam-80v_2.1"]
 
 
 @pytest.mark.parametrize("place", ["file/x", "file/deeper/x"])
@@ -117,34 +153,8 @@ def test_a_path_below_a_file_is_an_error_of_ours(tmp_path: Path, place: str) -> 
     with pytest.raises(FileError, match="wanted a file that can be written"):
         write_text(tmp_path / place, "x")
     with pytest.raises(MittError) as caught:
-        claim_folder(tmp_path / place, overwrite=True, ours=())
+        make_folder(tmp_path / place)
     assert "\n" not in str(caught.value)
-
-
-def test_a_folder_with_files_needs_overwrite(tmp_path: Path) -> None:
-    """Refused without the word; with it only our names go, links are not followed."""
-    (tmp_path / "result.json").write_text("old")
-    (tmp_path / "recordings").mkdir()
-    (tmp_path / "recordings" / "x.mcap").write_text("old")
-    (tmp_path / "mine.txt").write_text("mine")
-    ours = ("result.json", "recordings")
-    with pytest.raises(InputError, match="--overwrite"):
-        claim_folder(tmp_path, overwrite=False, ours=ours)
-    assert (tmp_path / "result.json").exists()
-    claim_folder(tmp_path, overwrite=True, ours=ours)
-    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
-
-
-def test_a_link_among_our_names_is_removed_not_followed(tmp_path: Path) -> None:
-    """A folder of ours that is a link elsewhere: the link goes, what it points to stays."""
-    out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
-    out.mkdir()
-    elsewhere.mkdir()
-    (elsewhere / "precious.txt").write_text("precious")
-    (out / "recordings").symlink_to(elsewhere)
-    claim_folder(out, overwrite=True, ours=("recordings",))
-    assert (elsewhere / "precious.txt").exists()
-    assert not (out / "recordings").exists()
 
 
 def test_a_lock_alone_does_not_fill_a_folder(tmp_path: Path) -> None:

@@ -14,13 +14,15 @@ from mitt.errors import InputError, MittError
 from mitt.files.maps import read_map, save_map
 from mitt.generator.learn import Learned
 from mitt.link.clock import Stopwatch
-from mitt.report.outputs import LEAVES, keeping, write_outputs
-from mitt.trials.journal import recovered
+from mitt.report.outputs import keeping, write_outputs
+from mitt.trials.journal import MAP, NAME, PAGE, RESULT, read_kept
 from mitt.trials.result import STATUSES, result
 from mitt.trials.run import FinishedRun, run
 from mitt.trials.score import Trial
 from mitt.trials.statistics import wilson
 
+#: How a page begins.
+PAGE_TEXT = "<!doctype html>\n<title>mitt: 2 balls</title>"
 HEAD: dict[str, object] = {"version": "0", "arm": "wam"}
 
 
@@ -31,7 +33,9 @@ def quiet(_name: str, _done: int, _of: int) -> None:
 @pytest.fixture
 def finished(tmp_path: Path, learned: Learned, monkeypatch: pytest.MonkeyPatch) -> FinishedRun:
     """A finished run of two throws whose report is not drawn."""
-    monkeypatch.setattr("mitt.report.outputs.write_report", lambda path, _: path.write_text("page"))
+    monkeypatch.setattr(
+        "mitt.report.outputs.write_report", lambda path, _: path.write_text(PAGE_TEXT)
+    )
     save_map(tmp_path / "map.json", learned, version="0.1.0")
     job = CatchOptions(
         throws=2, seed=5, map=tmp_path / "map.json", vision="points", out=tmp_path / "out"
@@ -61,7 +65,7 @@ def test_a_run_leaves_result_map_report_and_the_first_recording(finished: Finish
     """Exactly those names, and both files read back as what was run."""
     out = finished.prepared.out
     write_outputs(finished, progress=quiet)
-    assert {path.name for path in out.iterdir()} == set(LEAVES)
+    assert {path.name for path in out.iterdir()} == {NAME, RESULT, MAP, PAGE, "recordings"}
     assert json.loads((out / "result.json").read_text()) == finished.result
     again = read_map(out / "map.json", finished.prepared.arm)
     assert (again.map.alpha == finished.learned.map.alpha).all()
@@ -80,9 +84,9 @@ def test_recordings_are_as_many_as_asked(finished: FinishedRun, record: str, cou
 
 
 def test_strangers_are_refused_and_with_overwrite_left_alone(finished: FinishedRun) -> None:
-    """A folder with files is not used; with --overwrite only our own names are replaced."""
+    """A folder with files is not used; with --overwrite only what a run wrote is replaced."""
     out = finished.prepared.out
-    (out / "recordings").mkdir(parents=True)
+    write_outputs(finished, progress=quiet)
     (out / "recordings" / "old.mcap").write_text("old")
     (out / "notes.txt").write_text("mine")
     with (
@@ -94,8 +98,8 @@ def test_strangers_are_refused_and_with_overwrite_left_alone(finished: FinishedR
     with keeping(replace(finished.prepared, settings=settings), finished.learned) as keep:
         keep(finished.trials[0])
     assert (out / "notes.txt").read_text() == "mine"
-    assert not (out / "recordings" / "old.mcap").exists()
-    assert recovered(out)["trials"] == finished.result["trials"][:1]
+    assert [path.name for path in (out / "recordings").iterdir()] == ["old.mcap"]
+    assert read_kept(out).result["trials"] == finished.result["trials"][:1]
 
 
 def test_a_run_without_trials_leaves_a_valid_result(finished: FinishedRun) -> None:

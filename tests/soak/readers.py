@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -9,12 +10,21 @@ import numpy as np
 from small_study import TEXT, Here, quiet, ready, write_study
 from throws_on_film import calibrated, film, write_film
 
+from mitt.files.recording import write_recording
 from mitt.files.rig import write_rig
+from mitt.generator.generators import Direct
 from mitt.sweep.run import run_study
+from mitt.trials.recording import recording_of
+from mitt.trials.runner import TrialRunner
+from mitt.trials.source import source_of
+from mitt.world.scenes import named_scene
+from soak.packing import packed, unpacked
 from soak.samples import CATCHING, Sample, no_learning
 
 #: Frames of the film; rounds of which one reads what takes long.
 _FRAMES, _RARELY = 12, 10
+#: Ticks of the recording.
+_TICKS = 50
 
 
 def _written(folder: Path, *words: str | Path, name: str = "out.csv") -> tuple[str, ...]:
@@ -157,7 +167,23 @@ def _of_study(name: str) -> Callable[[Path], Sample]:
     return sample
 
 
-#: One for every reader. Recordings are written only: nothing of mitt reads them.
+def _recording(folder: Path) -> Sample:
+    """Return the first ticks of a recorded throw, unpacked: mutants get behind its checksums."""
+    learned, path = no_learning(), folder / "throw.mcap"
+    arm = learned.map.arm
+    runner = TrialRunner(arm, Direct(learned.map), named_scene("lab"), pixels=False)
+    thrown = runner.throw(source_of(arm, seed=5, drag=0.04), 0, log=True)
+    assert thrown.log is not None
+    whole = recording_of(thrown.log, thrown.trial, runner.about("direct", learned.map), {})
+    points = {k: x for k, x in whole.points.items() if k < _TICKS}
+    tracks = tuple(replace(x, t=x.t[:_TICKS], r=x.r[:_TICKS]) for x in whole.tracks)
+    write_recording(path, replace(whole, ticks=whole.ticks[:_TICKS], points=points, tracks=tracks))
+    valid = unpacked(path.read_bytes())
+    return Sample(name="recording", path=path, valid=valid, mend=packed,
+                  command=("replay", str(path), "--check"))  # fmt: skip
+
+
+#: One for every reader.
 SAMPLES: tuple[Callable[[Path], Sample], ...] = (
     *CATCHING,
     _rig,
@@ -171,4 +197,5 @@ SAMPLES: tuple[Callable[[Path], Sample], ...] = (
     _study,
     _of_study("study.json"),
     _of_study("trials.parquet"),
+    _recording,
 )

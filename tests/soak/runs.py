@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from mitt.errors import FileError
-from mitt.trials.journal import NAME, recovered
+from mitt.trials.journal import NAME, read_kept
 
 #: Throws of a run: enough that the moments fall before, among and behind them.
 THROWS = 40
@@ -54,7 +54,7 @@ def soak(kills: int, signals: int, *, seed: int, folder: Path) -> Ended:
     with _run(folder / "whole", seed) as process:
         process.communicate()
     span = time.monotonic() - began
-    whole = recovered(folder / "whole")["trials"]
+    whole = read_kept(folder / "whole").result["trials"]
     for k in range(kills):
         _kill(folder / f"kill{k}", seed, float(rng.uniform(0.0, span)), whole, ended)
     for k in range(signals):
@@ -94,7 +94,7 @@ def _kill(out: Path, seed: int, moment: float, whole: list[Any], ended: Ended) -
     if not before:  # the list was not begun
         return
     try:
-        kept = recovered(out)["trials"]
+        kept = read_kept(out).result["trials"]
     except FileError as error:
         ended.faults.append(f"{out.name}: {error}")
         return

@@ -8,9 +8,7 @@ from small_study import GENERATORS, TEXT, write_study
 from mitt.errors import InputError, MittError, UnknownNameError
 from mitt.sweep.folder import Folder
 from mitt.sweep.read import read_study, shipped
-from mitt.sweep.run import recording_path
 from mitt.sweep.study import Study, extent
-from mitt.sweep.work import Job
 from mitt.world.faults.plan import Kick
 from mitt.world.settings import merged
 
@@ -61,16 +59,10 @@ def test_a_folder_of_the_same_name_is_not_taken_for_the_study(
     assert read_study(Path("smoke"), generators=EVERY).name == "smoke"
 
 
-def test_two_names_never_share_a_recording(tmp_path: Path, study: Study) -> None:
+def test_two_names_never_share_a_recording(tmp_path: Path) -> None:
     """Characters that a file's name had better not have are replaced, and names stay apart."""
     names = ("kick 1", "kick_1", "kick/1", "kick=1", "kick+1")
-    one = study.conditions[0]
-    jobs = [
-        Job(number=0, generator="direct", condition=one.model_copy(update={"name": name}), seed=0,
-            start=0, stop=1, map="", recordings=(), notes=())
-        for name in names
-    ]  # fmt: skip
-    paths = {recording_path(Folder(tmp_path), job, 0) for job in jobs}
+    paths = {Folder(tmp_path).recording("direct", name, 0) for name in names}
     assert len(paths) == len(names)
     assert Folder(tmp_path).recordings / "direct-kick_1-0.mcap" in paths
 

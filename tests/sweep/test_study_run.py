@@ -164,7 +164,7 @@ def test_two_runs_do_not_share_a_folder(tmp_path: Path) -> None:
 def test_leavings_of_a_killed_run_are_swept_away(tmp_path: Path, study: Study) -> None:
     folder = Folder(tmp_path / "out")
     folder.claim(study, resume=True, overwrite=False)
-    left = folder.path / "parts" / ".part-000001.parquet.abc"
+    left = folder.path / "parts" / ".part-000001.parquet.a1b2c3d4"
     left.write_text("half")
     folder.claim(study, resume=True, overwrite=False)
     assert not left.exists()

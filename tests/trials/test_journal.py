@@ -19,7 +19,7 @@ from mitt.files.files import LOCK, locked
 from mitt.files.maps import save_map
 from mitt.generator.learn import Learned
 from mitt.link.clock import Stopwatch
-from mitt.trials.journal import NAME, RESULT, Journal, died, recovered
+from mitt.trials.journal import NAME, PAGE, RESULT, Journal, died, read_kept
 from mitt.trials.result import result
 from mitt.trials.score import Trial
 
@@ -78,13 +78,13 @@ def test_what_is_kept_comes_back_as_the_result_of_the_same_throws(tmp_path: Path
             journal.add(trial(k))
     assert died(tmp_path)
     wanted = result([trial(k) for k in range(3)], Stopwatch(), dict(HEAD), 5)
-    assert recovered(tmp_path) == wanted
+    assert read_kept(tmp_path).result == wanted
     assert wanted["incomplete"] is True
     whole = (tmp_path / NAME).read_bytes()
     last = whole.rstrip(b"\n").rfind(b"\n") + 1
     for cut in (last, last + 1, len(whole) - 2, len(whole) - 1):
         (tmp_path / NAME).write_bytes(whole[:cut])
-        assert [t["index"] for t in recovered(tmp_path)["trials"]] == [0, 1]
+        assert [t["index"] for t in read_kept(tmp_path).result["trials"]] == [0, 1]
 
 
 def test_each_throw_is_on_disk_as_soon_as_it_is_kept(tmp_path: Path) -> None:
@@ -114,7 +114,7 @@ def test_what_is_no_list_of_throws_is_refused(tmp_path: Path, text: str) -> None
     """Empty, another schema, no JSON: one line that names the file."""
     (tmp_path / NAME).write_text(text)
     with pytest.raises(FileError, match=NAME):
-        recovered(tmp_path)
+        read_kept(tmp_path)
 
 
 def test_a_folder_in_which_a_run_is_under_way_is_refused(
@@ -134,9 +134,11 @@ def test_a_folder_in_which_a_run_is_under_way_is_refused(
 
 @pytest.mark.slow
 def test_kill_9_loses_at_most_the_throw_under_way(
-    a_map: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+    a_map: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
     """Killed at random moments: all throws up to the last are there, and mitt report reads them."""
+    monkeypatch.setattr("mitt.report.outputs.write_report", lambda path, _: path.write_text("page"))
     rng = random.Random(5)  # noqa: S311 (moments, not secrets)
     for k in range(2):
         out = tmp_path / str(k)
@@ -145,7 +147,7 @@ def test_kill_9_loses_at_most_the_throw_under_way(
             time.sleep(rng.uniform(0.0, 0.5))
         lines = (out / NAME).read_bytes().count(b"\n") - 1
         assert main(["report", str(out), "--json"]) == 0
-        assert json.loads(capsys.readouterr().out)["report"] == str(out / RESULT)
+        assert json.loads(capsys.readouterr().out)["report"] == str(out / PAGE)
         found = json.loads((out / RESULT).read_text())
         assert found["incomplete"] is True
         assert [t["index"] for t in found["trials"]] == list(range(lines))

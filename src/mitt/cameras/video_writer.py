@@ -1,7 +1,6 @@
 """Writing videos: without loss for our own images, compressed for people."""
 
 import os
-import tempfile
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -9,6 +8,7 @@ from typing import Any, final
 
 from mitt.cameras.source import optional
 from mitt.errors import FileError, InputError
+from mitt.files.files import temporary_beside
 from mitt.signals import Image
 
 #: What people's players read; ffv1 keeps every grey value.
@@ -40,13 +40,12 @@ class VideoWriter:
         self._stream: Any = None
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+            self._temporary = temporary_beside(path)
         except OSError as error:
             raise FileError(str(path), "a file that can be written", error.strerror) from error
-        os.close(handle)
-        self._temporary = Path(name)
         form = "matroska" if path.suffix.lower() == ".mkv" else "mp4"
-        self._container = self._av.open(name, "w", format=form)
+        self._container = self._av.open(str(self._temporary), "w", format=form)
+        self._container.metadata["title"] = "mitt"
 
     def write(self, pixels: Image) -> None:
         """Add a frame: grey, shape (height, width), or red, green, blue, shape (h, w, 3)."""
@@ -83,7 +82,6 @@ class VideoWriter:
                 self._container.mux(self._stream.encode())
             self._container.close()
             if self._stream is not None and (kind is None or issubclass(kind, KeyboardInterrupt)):
-                self._temporary.chmod(0o644)
                 os.replace(self._temporary, self._path)
         except OSError as problem:
             reason = problem.strerror or "an error"

@@ -21,7 +21,7 @@ from mitt.cameras.opening import open_cameras
 from mitt.commands.camera_options import CalibrateOptions
 from mitt.commands.screen import (
     Report,
-    check_new_file,
+    check_new_files,
     checked,
     print_json,
     progress,
@@ -68,8 +68,7 @@ def run(options: CalibrateOptions) -> int:
     picture = (options.picture or options.out.with_suffix(".png")) if options.left else None
     if picture is not None and picture.suffix.lower() != ".png":
         raise InputError("--picture", "a name that ends with .png", picture.name)
-    for name, path in (("--out", options.out), ("--picture", picture)):
-        check_new_file(name, path, overwrite=options.overwrite)
+    check_new_files(options, {"--out": options.out, "--picture": picture})
     if options.check:
         return checked(f"{', '.join(job.names)}, output to {options.out}")
     with progress() as report:

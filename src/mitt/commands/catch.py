@@ -4,6 +4,7 @@ from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
+import mitt
 from mitt.commands.options import CatchOptions
 from mitt.commands.screen import (
     Report,
@@ -15,14 +16,16 @@ from mitt.commands.screen import (
     tell_of_kernels,
     warn,
 )
-from mitt.errors import InputError
-from mitt.files.files import check_folder, locked
+from mitt.errors import FileError, InputError
+from mitt.files.files import check_folder, file_name, locked
+from mitt.files.folders import check_ours, new_folder
 from mitt.files.maps import read_map
 from mitt.generator.advice import warnings_of
 from mitt.generator.mapping import unlearned
 from mitt.interrupts import notice, status_of, tell, words_of
+from mitt.reading import difference, noted
 from mitt.robot.shapes import check_floor
-from mitt.trials.journal import kept_words
+from mitt.trials.journal import LEAVES, MAP, Kept, kept_words
 from mitt.trials.registry import factory_of
 from mitt.trials.result import STATUSES
 from mitt.trials.run import FinishedRun, Prepared, RunSettings, arm_of, design_of, throws_of
@@ -63,6 +66,47 @@ def prepare(options: CatchOptions) -> Prepared:
     Raises:
         MittError: An input cannot be used.
     """
+    with noted() as read:
+        prepared = _prepared(options)
+    read.pop(str(options.map), None)  # a run keeps its map
+    given = {key: _placed(value) for key, value in asdict(options).items() if value is not None}
+    return replace(prepared, again={"options": given, "read": read})
+
+
+def prepared_again(folder: Path, kept: Kept) -> Prepared:
+    """Return a run once more, from what its list of throws says, with the map in its folder.
+
+    Raises:
+        InputError: A file that it read holds something else now; MittError: one is not there.
+    """
+    options, read = kept.again.get("options"), kept.again.get("read")
+    if not isinstance(options, dict) or not isinstance(read, dict):
+        raise FileError(str(folder), "a run that says what makes it again", "one that does not")
+    if (version := kept.head.get("version")) != mitt.__version__:
+        raise FileError(str(folder), f"a run of mitt {mitt.__version__}", f"one of {version}")
+    paths = {name: Path(options[name]) for name in ("throws_file", "flights") if name in options}
+    less = {k: x for k, x in options.items() if k not in (*_OF_THE_MAP, "json", "check")}
+    try:
+        again = CatchOptions(**less | paths | {"map": folder / MAP, "out": folder,
+                                               "overwrite": True})  # fmt: skip
+    except TypeError:
+        raise FileError(str(folder), "a run of this version", "another") from None
+    prepared = prepare(again)
+    if changed := difference(read, prepared.again["read"]):
+        raise FileError(changed, "the file that the run read", "another content")
+    return prepared
+
+
+def _placed(value: object) -> object:
+    """Return an option as it is written down: of a file, where it is from anywhere."""
+    path = Path(value) if isinstance(value, str | Path) else None
+    if path is None or not path.is_file():
+        return str(value) if path is not None else value
+    return str(path.absolute())
+
+
+def _prepared(options: CatchOptions) -> Prepared:
+    """Read and check all that a run needs."""
     factory_of(options.generator)
     if options.adapt == "refine" and options.generator != "direct":
         raise InputError("--adapt refine", "--generator direct", options.generator)
@@ -98,14 +142,22 @@ def prepare(options: CatchOptions) -> Prepared:
     )
     throws = throws_of(options)
     source = source if throws is None else widened(source, throws)
-    out = options.out or Path("runs") / f"{options.seed}-{options.generator}"
-    check_folder(out, overwrite=options.overwrite)
+    out = options.out or _default_folder(options)
+    if not options.check:
+        check_folder(out, overwrite=options.overwrite)
+        check_ours(out, LEAVES)
     settings = RunSettings(
         generator=options.generator, adapt=options.adapt, vision=options.vision, seed=options.seed,
         record=options.record, record_images=options.record_images, overwrite=options.overwrite,
     )  # fmt: skip
     return Prepared(settings=settings, arm=arm, design=design, scene=scene, source=source,
                     learned=learned, out=out)  # fmt: skip
+
+
+def _default_folder(options: CatchOptions) -> Path:
+    """Return where a run goes whose user named no place: a new folder, unless one may be used."""
+    folder = Path("runs") / file_name(f"{options.seed}-{options.generator}")
+    return folder if options.overwrite else new_folder(folder)
 
 
 def _run(prepared: Prepared, report: Report) -> FinishedRun:

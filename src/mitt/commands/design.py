@@ -9,7 +9,7 @@ import numpy as np
 
 from mitt.commands.options import DesignOptions
 from mitt.commands.screen import (
-    check_new_file,
+    check_new_files,
     checked,
     print_json,
     progress,
@@ -35,6 +35,7 @@ from mitt.files.arm_file import (
     read_arm_file,
     write_arm_file,
 )
+from mitt.files.folders import wrote
 from mitt.interrupts import finally_do, notice, status_of, tell, words_of
 from mitt.robot.arm import Arm
 from mitt.robot.basket import MOST_TILT, Hand
@@ -106,7 +107,7 @@ def _finish(found: Design, origin: Origin, scene: Scene, options: DesignOptions)
         write_arm_file(
             options.out, found.arm_file(origin), comment=_comment(found, options.scene or DEFAULT)
         )
-    else:
+    elif wrote(options.out):
         options.out.unlink(missing_ok=True)
     written = [options.out, page] if found.usable else [page]
     _write_page(page, found, scene, _words(options))
@@ -126,7 +127,7 @@ def _keep(best: Design | None, origin: Origin, options: DesignOptions) -> str:
     assert best.best is not None
     caught = f"{best.best.clean} of {best.best.thrown}"
     write_arm_file(options.out, best.arm_file(origin), comment=(
-        f"mitt design, broken off: the best so far. Within every limit it caught {caught} of the\n"
+        f"mitt design: broken off, the best so far. Within every limit it caught {caught} of the\n"
         "throws of the search."
     ))  # fmt: skip
     return f"the best so far, {caught} caught, is in {options.out}; {go_on}"
@@ -177,12 +178,12 @@ def _check_outputs(options: DesignOptions) -> None:
     if options.resume and options.overwrite:
         raise InputError("--resume and --overwrite", "one of them", "both")
     answers = _search(options)
-    if answers.exists() and not (options.resume or options.overwrite):
+    if answers.exists() and not (options.resume or options.overwrite or options.check):
         raise InputError("--out", "a design that is not begun", f"{answers}, of a broken search",
                          do="say --resume to go on with it, or --overwrite")  # fmt: skip
-    for path in (options.out, options.out.with_suffix(".html")):
-        replaced = options.overwrite or (options.resume and answers.exists())
-        check_new_file("--out", path, overwrite=replaced)
+    files = {"--out": options.out, "page of --out": options.out.with_suffix(".html")}
+    replaced = options.overwrite or (options.resume and answers.exists())
+    check_new_files(options, files, overwrite=replaced)
 
 
 def _words(options: DesignOptions) -> str:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import mitt
 from mitt.commands.options import LearnOptions
-from mitt.commands.screen import check_new_file, checked, print_json, progress, show, table, warn
+from mitt.commands.screen import check_new_files, checked, print_json, progress, show, table, warn
 from mitt.errors import InputError
 from mitt.files.maps import save_map
 from mitt.generator.advice import warnings_of
@@ -26,7 +26,7 @@ def run(options: LearnOptions) -> int:
         raise InputError("--flights", f"a number in 1..{_MOST_FLIGHTS}", options.flights_count)
     if options.seed is not None and not 0 <= options.seed < 2**63:
         raise InputError("--seed", "a number from 0 to 2^63 - 1", options.seed)
-    check_new_file("--out", options.out, overwrite=options.overwrite)
+    check_new_files(options, {"--out": options.out})
     warn(warnings_of(arm, design), json=options.json)
     if options.check:
         return checked(f"{options.flights_count} flights, output to {options.out}")

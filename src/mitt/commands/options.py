@@ -67,8 +67,8 @@ class CatchOptions(ArmOptions):
         flights: Recorded flights to use: columns flight,t_s,x_m,y_m,z_m.
         record: Which throws to record, besides the first: none at all, the failures, or all.
         record_images: Keep the images in recordings, 11 MB a throw: a replay begins with them.
-        out: Folder to write; runs/<seed>-<generator> if left out.
-        overwrite: Use a folder that has files in it.
+        out: Folder to write; a new runs/<seed>-<generator> if left out.
+        overwrite: Use a folder that has files in it; what mitt catch left there is replaced.
     """
 
     throws: Annotated[int | None, arg(metavar="N")] = None
@@ -166,13 +166,15 @@ class RunOptions:
         cell: A cell that ships (wam-sim), or a CELL.toml file.
         throws: Number of throws; as many as the cell says, or until stopped, if left out.
         yes: The arm may move at once: somebody watches it.
-        out: New folder for a recording of the catches, for mitt replay and mitt view.
+        out: Folder for a recording of the catches, for mitt replay and mitt view.
+        overwrite: Use a folder that has files in it, and replace an earlier recording of this cell.
     """
 
     cell: Annotated[str, Positional, arg(metavar="CELL")]
     throws: Annotated[int | None, arg(metavar="N")] = None
     yes: bool = False
     out: Annotated[Path | None, arg(metavar="DIR")] = None
+    overwrite: bool = False
     json: Json = False
     check: Check = False
 
@@ -206,7 +208,7 @@ class StudyOptions:
         engine: Where to throw: local, or dask://HOST:PORT of a scheduler.
         workers: Processes of the local engine; one a core if left out.
         resume: Go on with a study that was broken off; only what is missing is thrown.
-        overwrite: Use a folder that has files in it, and throw everything anew.
+        overwrite: Use a folder that has files in it; what a study left there is thrown anew.
         json: Print the summary as one JSON object and nothing else to stdout.
     """
 
@@ -222,7 +224,7 @@ class StudyOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportOptions:
-    """Write the page of a study, DIR/report.html, with replays of its worst throws beside it.
+    """Write DIR/report.html: the page of a study, with replays of its worst throws beside it.
 
     Attributes:
         folder: Folder of a study, or of a run of mitt catch that was broken off.

@@ -1,5 +1,6 @@
 """``mitt replay``: recordings through the catcher once more, and why a ball was missed."""
 
+import re
 import shlex
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,8 @@ import mitt
 from mitt.commands.options import ReplayOptions
 from mitt.commands.screen import checked, print_json, progress, show, table, tell_of_kernels
 from mitt.errors import InputError
-from mitt.files.files import claim_folder, locked
+from mitt.files.files import check_folder, locked
+from mitt.files.folders import Leaves, check_ours
 from mitt.files.recorded import Recorded
 from mitt.interrupts import tell
 from mitt.trials.explain import Explanation, evidence_of, explain
@@ -30,9 +32,22 @@ def run(options: ReplayOptions) -> int:
         return checked(f"{len(options.recordings)} recordings, {ticks} ticks")
     if options.out is not None:
         with locked(options.out):
-            claim_folder(options.out, overwrite=options.overwrite, ours=())
+            check_folder(options.out, overwrite=options.overwrite)
+            check_ours(options.out, _pages(options))
             return _replay(options)
     return _replay(options)
+
+
+def _pages(options: ReplayOptions) -> Leaves:
+    """Return what is left in a folder: pages, which say themselves who wrote them."""
+    count = len(options.recordings)
+    names = tuple(re.escape(_name(path, count, k)) for k, path in enumerate(options.recordings))
+    return Leaves(command="mitt replay", schema="", manifests=(), names=names)
+
+
+def _name(path: Path, count: int, k: int) -> str:
+    """Return what the page of a recording is called."""
+    return "replay.html" if count == 1 else f"{k:05d}-{path.stem}.html"
 
 
 def _read(path: Path, options: ReplayOptions) -> tuple[Recorded, Any]:
@@ -87,7 +102,7 @@ def _page(out: Path, x: Replayed, count: int, k: int) -> None:
     """Write the page of a replay."""
     from mitt.report.replay_report import write_replay_page  # noqa: PLC0415 (plots: when written)
 
-    name = "replay.html" if count == 1 else f"{k:05d}-{x.recorded.path.stem}.html"
+    name = _name(x.recorded.path, count, k)
     write_replay_page(out / name, x, command=shlex.join(["replay", x.recorded.path.name]))
 
 

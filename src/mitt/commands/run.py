@@ -1,7 +1,7 @@
 """``mitt run``: catch with the robot of a cell."""
 
+import re
 from contextlib import AbstractContextManager, closing, nullcontext
-from pathlib import Path
 
 from mitt.cell.drivers import check_driver, connect
 from mitt.cell.prepare import PreparedCell, about_of, map_of, prepare
@@ -11,7 +11,8 @@ from mitt.commands.options import RunOptions
 from mitt.commands.screen import checked, print_json, show, tell_of_kernels
 from mitt.errors import InputError
 from mitt.files.cell import read_cell
-from mitt.files.files import check_folder
+from mitt.files.files import check_folder, file_name
+from mitt.files.folders import Leaves, check_ours, claim_folder
 from mitt.generator.mapping import DirectMap
 from mitt.interrupts import tell
 from mitt.link.realtime import hurried, pinned, timekeeping, uncollected
@@ -27,8 +28,9 @@ def run(options: RunOptions) -> int:
         raise InputError("--throws", "at least 1", options.throws)
     prepared = prepare(read_cell(options.cell))
     throws = options.throws or prepared.cell.throws
-    if options.out is not None:
-        check_folder(options.out, overwrite=False)
+    if options.out is not None and not options.check:
+        check_folder(options.out, overwrite=options.overwrite)
+        check_ours(options.out, _leaves(prepared))
     check_driver(prepared.cell)
     simulated = prepared.cell.robot.driver == "sim"  # as fast as it goes: others want to run too
     if options.check:
@@ -44,7 +46,7 @@ def run(options: RunOptions) -> int:
     in_time = nullcontext("no real time") if simulated else hurried()
     session: Session | None = None
     try:
-        with drawn, uncollected(), recording(prepared, f, options.out) as recorder:
+        with drawn, uncollected(), recording(prepared, f, options) as recorder:
             connection = connect(prepared)
             robot = connection.robot
             with closing(robot):
@@ -71,13 +73,25 @@ def _show(session: Session, *, json: bool) -> None:
 
 
 def recording(
-    prepared: PreparedCell, f: DirectMap, out: Path | None
+    prepared: PreparedCell, f: DirectMap, options: RunOptions
 ) -> AbstractContextManager[Recorder | None]:
     """Return what records the catches, for ``mitt replay`` and ``mitt view``, if there is a DIR."""
+    out = options.out
     if out is None:
         return nullcontext()
-    out.mkdir(parents=True, exist_ok=True)
-    return Recorder(out / f"{prepared.cell.name}.mcap", about_of(prepared, f))
+    claim_folder(out, _leaves(prepared), overwrite=options.overwrite)
+    return Recorder(out / _name(prepared), about_of(prepared, f))
+
+
+def _name(prepared: PreparedCell) -> str:
+    """Return what the recording of a cell is called."""
+    return f"{file_name(prepared.cell.name)}.mcap"
+
+
+def _leaves(prepared: PreparedCell) -> Leaves:
+    """Return what is left in a folder: a recording, which says itself who wrote it."""
+    names = (re.escape(_name(prepared)),)
+    return Leaves(command="mitt run", schema="", manifests=(), names=names)
 
 
 def _about(prepared: PreparedCell) -> str:

@@ -2,9 +2,11 @@
 
 import json
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -12,6 +14,7 @@ from rich.table import Table
 
 from mitt.errors import InputError
 from mitt.files.files import check_folder
+from mitt.files.folders import overlaps, wrote
 from mitt.interrupts import tell
 from mitt.link.clock import Pace
 
@@ -27,20 +30,51 @@ def checked(what: str) -> int:
     return 0
 
 
-def check_new_file(name: str, path: Path | None, *, overwrite: bool) -> None:
-    """Refuse an output file that exists, or whose folder cannot be written; None is no file.
+def check_new_files(
+    options: Any,  # noqa: ANN401
+    made: Mapping[str, Path | None],
+    *,
+    overwrite: bool | None = None,
+) -> None:
+    """Refuse output files that exist, that are read, or whose folder cannot be written.
+
+    With ``--check`` an output may exist: nothing is written.
+
+    Args:
+        options: Options of a command: their other paths are what is read.
+        made: The files that would be written, by the option that names each; None is no file.
+        overwrite: Whether files of mitt may be replaced; as the options say if left out.
 
     Raises:
-        InputError: The file may not be written.
+        InputError: A file may not be written.
     """
-    if path is None:
-        return
-    if path.is_dir():
-        raise InputError(name, "a file", f"{path}, which is a folder")
-    if path.exists() and not overwrite:
-        raise InputError(name, "a new file", f"{path}, which exists",
-                         do="choose another or say --overwrite")  # fmt: skip
-    check_folder(path.parent, overwrite=True)
+    files = [(name, path) for name, path in made.items() if path is not None]
+    read = _named(options, without=made)
+    overwrite = options.overwrite if overwrite is None else overwrite
+    for k, (name, path) in enumerate(files):
+        if path.is_dir():
+            raise InputError(name, "a file", f"{path}, which is a folder")
+        if any(overlaps(path, other) for other in (*read, *(x for _, x in files[:k]))):
+            raise InputError(name, "a file of its own", f"{path}, which is read or written too",
+                             do="choose another")  # fmt: skip
+        if path.exists() and not overwrite and not options.check:
+            raise InputError(name, "a new file", f"{path}, which exists",
+                             do="choose another or say --overwrite")  # fmt: skip
+        if path.exists() and path not in _named(options) and not wrote(path):
+            raise InputError(name, "a place beside --out that is free, or a file of mitt", path,
+                             do="choose another name for --out, or move that away")  # fmt: skip
+        check_folder(path.parent, overwrite=True)
+
+
+def _named(options: Any, *, without: Collection[str] = ()) -> list[Path]:  # noqa: ANN401
+    """Return what options name that may be a file, but for some of them."""
+    out: list[Path] = []
+    for field in fields(options):
+        value = getattr(options, field.name)
+        if f"--{field.name.replace('_', '-')}" not in without:
+            values = value if isinstance(value, tuple) else (value,)
+            out += [Path(x) for x in values if isinstance(x, str | Path)]
+    return out
 
 
 def tell_of_kernels() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import mitt
 from mitt.cameras.video_writer import SUFFIXES, VideoWriter
 from mitt.commands.camera_options import SeeOptions
-from mitt.commands.screen import check_new_file, checked, print_json, progress, show, warn
+from mitt.commands.screen import check_new_files, checked, print_json, progress, show, warn
 from mitt.errors import InputError
 from mitt.files.rig import CalibratedRig, read_rig
 from mitt.interrupts import notice
@@ -17,8 +17,8 @@ from mitt.tracks.tables import POINTS, STATE, write_table
 def run(options: SeeOptions) -> int:
     """Run ``mitt see``; return its exit status."""
     rig, video = _checked_rig(options), _video(options)
-    for name, path in (("--out", options.out), ("--points", options.points), ("--video", video)):
-        check_new_file(name, path, overwrite=options.overwrite)
+    made = {"--out": options.out, "--points": options.points, "--video": video}
+    check_new_files(options, made)
     for spec in (options.left, options.right):
         if ":" not in spec and not Path(spec).exists():
             raise InputError(spec, "a video, a folder of images or a camera", "nothing there")

@@ -22,7 +22,8 @@ def run(options: StudyOptions) -> int:
     if options.resume and options.overwrite:
         raise InputError("--resume and --overwrite", "one of them", "both")
     folder = Folder(options.out)
-    check_folder(folder.path, overwrite=options.overwrite or options.resume)
+    if not options.check:
+        check_folder(folder.path, overwrite=options.overwrite or options.resume)
     folder.check(study, resume=options.resume)
     for settings in dict.fromkeys(c.arm for c in study.conditions):
         arm = arm_of(settings)

@@ -3,7 +3,7 @@
 import mitt
 from mitt.ball.estimator import MAX_HORIZON
 from mitt.commands.camera_options import TrackOptions
-from mitt.commands.screen import check_new_file, checked, print_json, show
+from mitt.commands.screen import check_new_files, checked, print_json, show
 from mitt.errors import InputError
 from mitt.tracks.filtering import follow_all
 from mitt.tracks.tables import read_positions, write_track
@@ -19,7 +19,7 @@ def run(options: TrackOptions) -> int:
         raise InputError("--ahead", f"a time from 0 to {MAX_HORIZON:g} s", ahead)
     if sigma is not None and not 0.0 < sigma <= _MAX_SIGMA:
         raise InputError("--sigma", f"a length above 0, up to {_MAX_SIGMA:g} m", sigma)
-    check_new_file("--out", options.out, overwrite=options.overwrite)
+    check_new_files(options, {"--out": options.out})
     positions = read_positions(options.points)
     rows, flights = len(positions.samples), len(positions.rows)
     if options.check:

@@ -1,9 +1,11 @@
 """Files written whole or not at all, inside the folder that was named."""
 
 import fcntl
+import hashlib
 import json
 import os
-import shutil
+import re
+import secrets
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,6 +20,9 @@ _FILE, _FOLDER = "a file that can be written", "a folder that can be written"
 
 LOCK = ".lock"
 """File that keeps a second run out of a folder; alone it does not make the folder full."""
+
+#: Characters of a name that a file keeps.
+_LONGEST = 100
 
 
 @contextmanager
@@ -39,15 +44,32 @@ def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
     path = checks.path("file", path)
     with _reported(path, _FILE):
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        os.close(handle)
-        temporary = Path(name)
+        temporary = temporary_beside(path)
         try:
             write(temporary)
-            temporary.chmod(0o644)
             os.replace(temporary, path)
         finally:
             temporary.unlink(missing_ok=True)
+
+
+def temporary_beside(path: Path) -> Path:
+    """Make an empty file beside another, with the rights that any new file of the user gets."""
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC, 0o666))
+    return temporary
+
+
+def file_name(text: str) -> str:
+    """Return what a file can be called after a name from elsewhere: never a path, never hidden.
+
+    Letters, digits, dots, dashes and underlines stay; a name that is changed gets a part that
+    tells it from another that would read the same.
+    """
+    name = re.sub(r"[^A-Za-z0-9._-]", "_", text.replace("%", "pc"))[:_LONGEST]
+    name = re.sub(r"^\.", "_", name)
+    if name == text and name:
+        return name
+    return f"{name}-{hashlib.sha256(text.encode(errors='surrogatepass')).hexdigest()[:6]}"
 
 
 def write_text(path: Path, text: str) -> None:
@@ -86,29 +108,6 @@ def _unique(pairs: list[tuple[str, object]]) -> dict[str, object]:
     return found
 
 
-def claim_folder(folder: Path, *, overwrite: bool, ours: tuple[str, ...]) -> None:
-    """Make an output folder, or clear our own files out of an existing one.
-
-    Args:
-        folder: The folder.
-        overwrite: Whether a folder with files in it may be used.
-        ours: Names of the files and folders that an earlier run may have left.
-
-    Raises:
-        InputError: The folder has files in it and ``overwrite`` was not said.
-        FileError: It cannot be made or written.
-    """
-    check_folder(folder, overwrite=overwrite)
-    with _reported(folder, _FOLDER):
-        folder.mkdir(parents=True, exist_ok=True)
-        for name in ours:
-            old = folder / name
-            if old.is_dir() and not old.is_symlink():
-                shutil.rmtree(old)
-            else:
-                old.unlink(missing_ok=True)
-
-
 def make_folder(folder: Path) -> None:
     """Make an output folder before the work is done, so that no work is done for nothing.
 
@@ -131,7 +130,8 @@ def locked(folder: Path) -> Iterator[None]:
     """
     make_folder(folder)
     with _reported(folder, _FOLDER):
-        handle = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
+        handle = os.open(folder / LOCK, flags, 0o666)
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -144,13 +144,22 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def check_folder(folder: Path, *, overwrite: bool) -> None:
-    """Say whether :func:`claim_folder` would succeed, without touching anything."""
+    """Refuse a folder that cannot be used, without touching anything.
+
+    Raises:
+        InputError: It is a file, or has files in it and ``overwrite`` was not said.
+        FileError: It cannot be read.
+    """
     with _reported(folder, "a folder that can be read"):
         if folder.exists() and not folder.is_dir():
             raise InputError("--out", "a folder", f"{folder}, which is a file")
-        if folder.is_dir() and not overwrite and any(p.name != LOCK for p in folder.iterdir()):
+        if not overwrite and not is_free(folder):
             raise InputError("--out", "a new or empty folder", f"{folder}, which has files in it",
                              do="choose another or say --overwrite")  # fmt: skip
-        parent = next(p for p in (folder, *folder.parents) if p.exists())
-    if not os.access(parent, os.W_OK | os.X_OK):
-        raise FileError(str(folder), _FOLDER, f"{parent} is read-only")
+
+
+def is_free(folder: Path) -> bool:
+    """Say whether a folder has nothing in it, or is not there."""
+    return not os.path.lexists(folder) or (
+        folder.is_dir() and all(path.name == LOCK for path in folder.iterdir())
+    )

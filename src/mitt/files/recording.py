@@ -55,6 +55,8 @@ from mitt.signals import Array, Frame, Sighting
 
 #: Name of the metadata record, of what is said at the end, and of the attachment.
 METADATA, ENDING, ABOUT = "mitt", "mitt.end", "about.json.zst"
+#: What the file says of the program that wrote it.
+LIBRARY = "mitt"
 #: Ticks in a chunk: a file that is cut loses at most so many.
 _CHUNK_TICKS = 100
 
@@ -96,7 +98,7 @@ class RecordingWriter:
         """Begin the file."""
         size = of.ticks(len(heading.joints), heading.heads).dtype.itemsize
         self._writer = Writer(stream, chunk_size=_CHUNK_TICKS * (size + 600))
-        self._writer.start(profile="ros2", library="mitt")
+        self._writer.start(profile="ros2", library=LIBRARY)
         compressed = zstandard.ZstdCompressor(level=9).compress(heading.about.encode())
         self._writer.add_attachment(0, 0, ABOUT, "application/zstd", compressed)
         self._writer.add_metadata(METADATA, dict(heading.metadata))

@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 
-from mitt.files.files import claim_folder, write_json
+from mitt.files.files import write_json
+from mitt.files.folders import claim_folder
 from mitt.files.maps import save_map
 from mitt.files.recording import write_recording
 from mitt.generator.generators import Direct, Unoptimised
@@ -14,7 +16,7 @@ from mitt.interrupts import finally_do
 from mitt.link.clock import Stopwatch
 from mitt.report.figures.learning import feedback_share
 from mitt.report.run_page import ReportContent, write_report
-from mitt.trials.journal import NAME, RESULT, Journal
+from mitt.trials.journal import LEAVES, MAP, PAGE, RESULT, Journal
 from mitt.trials.recording import recording_of
 from mitt.trials.result import result
 from mitt.trials.run import FinishedRun, Prepared, make_runner, runner_for
@@ -22,8 +24,6 @@ from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.score import Trial
 from mitt.trials.source import release_of
 
-#: Everything a run leaves; an earlier run's is removed first.
-LEAVES = (NAME, RESULT, "report.html", "map.json", "recordings")
 #: Throws that the report compares with alpha = 0.
 _COMPARED = 10
 #: A throw with fewer ticks has nothing to draw.
@@ -38,10 +38,10 @@ def keeping(prepared: Prepared, learned: Learned) -> Iterator[Callable[[Trial], 
 
     A process that cannot be reached by a signal leaves the result of the throws that are done.
     """
-    claim_folder(prepared.out, overwrite=prepared.settings.overwrite, ours=LEAVES)
-    save_map(prepared.out / "map.json", learned)
-    journal = Journal(prepared.out, prepared.head, prepared.source.count)
+    claim_folder(prepared.out, LEAVES, overwrite=prepared.settings.overwrite)
+    journal = Journal(prepared.out, prepared.head, prepared.source.count, again=prepared.again)
     with journal, finally_do(journal.last_words):
+        save_map(prepared.out / MAP, learned)
         yield journal.add
 
 
@@ -54,9 +54,15 @@ def write_outputs(finished: FinishedRun, *, progress: Progress) -> None:
     write_json(prepared.out / RESULT, finished.result)
     if finished.trials and finished.interrupt is None:
         _write_recordings(finished, progress)
-        progress("report", 0, 1)
-        write_report(prepared.out / "report.html", _content(finished, progress))
-        progress("report", 1, 1)
+        write_page(finished, finished.result, progress=progress)
+
+
+def write_page(finished: FinishedRun, result: dict[str, Any], *, progress: Progress) -> None:
+    """Write the page of a run, for its result as the folder has it."""
+    progress("report", 0, 1)
+    content = _content(finished, result, progress)
+    write_report(finished.prepared.out / PAGE, content)
+    progress("report", 1, 1)
 
 
 def _write_recordings(finished: FinishedRun, progress: Progress) -> None:
@@ -77,7 +83,7 @@ def _write_recordings(finished: FinishedRun, progress: Progress) -> None:
     progress("recordings", len(kept), len(kept))
 
 
-def _content(finished: FinishedRun, progress: Progress) -> ReportContent:
+def _content(finished: FinishedRun, result: dict[str, Any], progress: Progress) -> ReportContent:
     """Collect what the report shows; alpha = 0 is thrown beside it, if the run was not that."""
     prepared, learned = finished.prepared, finished.learned
     generator = prepared.settings.generator
@@ -88,7 +94,7 @@ def _content(finished: FinishedRun, progress: Progress) -> ReportContent:
     whole = len(learned.maps) > 1
     balls = [prepared.source.ball(trial.index) for trial in finished.trials]
     return ReportContent(
-        result=finished.result,
+        result=result,
         arm=prepared.arm,
         scene=prepared.scene,
         steps=learned.steps if whole else None,

@@ -7,7 +7,7 @@ from mitt.files.files import write_text
 from mitt.report.page import Cell
 from mitt.report.replay import replay_page
 from mitt.sweep.parts import read_columns
-from mitt.sweep.run import Progress, all_jobs, by_cell, recording_path
+from mitt.sweep.run import Progress, all_jobs, by_cell
 from mitt.sweep.summary import StudyResult
 from mitt.sweep.work import Job, throw_again
 
@@ -23,7 +23,7 @@ def worst_throws(result: StudyResult, count: int, progress: Progress) -> list[tu
     rows: list[tuple[Cell, ...]] = []
     for done, (job, row) in enumerate(tasks):
         progress("replays", done, len(tasks))
-        recording = recording_path(result.folder, job, row["index"])
+        recording = result.folder.recording(job.generator, job.condition.name, row["index"])
         path = result.folder.path / "replays" / f"{recording.stem}.html"
         outcome, arm = throw_again(job, row["index"])
         if outcome.log is None or outcome.trial.status != row["status"]:

@@ -11,22 +11,30 @@ timing.json      wall-clock figures, which no comparison reads
 """
 
 import hashlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import final
 
 from mitt import checks
 from mitt.errors import FileError, InputError
-from mitt.files.files import claim_folder, make_folder, read_json, write_atomically, write_json
-from mitt.reading import read_bytes
+from mitt.files.files import file_name, make_folder, read_json, write_atomically, write_json
+from mitt.files.folders import Leaves, claim_folder, clear_temporary
+from mitt.reading import difference, read_bytes
 from mitt.sweep.study import SCHEMA, ArmSettings, Study
 from mitt.world.settings import validated
 from mitt.world.tables import MAX_BYTES
 
-LEAVES = ("study.json", "maps", "flights", "parts", "recordings", "replays", "trials.parquet",
-          "summary.json", "timing.json", "report.html")  # fmt: skip
-#: Temporary files that a killed run may have left.
-_TEMPORARY = (".*.json.*", ".trials.*", ".report.*", "parts/.part-*", "maps/.map-*", "flights/.*",
-              "recordings/.*", "replays/.*")  # fmt: skip
+MANIFEST = "study.json"
+"""File that says which study a folder belongs to."""
+
+_MANIFEST_SCHEMA = "mitt.study-run/1"
+LEAVES = Leaves(
+    command="mitt study", schema=_MANIFEST_SCHEMA, manifests=(MANIFEST,),
+    names=(r"study\.json", r"maps/map-[0-9a-f]{12}\.json", r"flights/[0-9a-f]{16}\.csv",
+           r"parts/part-\d{6,}\.parquet", r"recordings/.+-\d+\.mcap", r"replays/.+-\d+\.html",
+           r"trials\.parquet", r"summary\.json", r"timing\.json", r"report\.html"),
+)  # fmt: skip
+"""All that a study leaves in its folder."""
 
 
 @final
@@ -72,7 +80,7 @@ class Folder:
             FileError: The file is not there any more, or holds something else.
         """
         digest = study.flights[address]
-        kept = self.path / "flights" / f"{digest[:16]}.csv"
+        kept = self._flights(digest)
         place = kept if kept.exists() else Path(address)
         content = read_bytes(place, max_bytes=MAX_BYTES, wanted="a readable CSV file")
         if hashlib.sha256(content).hexdigest() != digest:
@@ -80,6 +88,14 @@ class Folder:
         if place is not kept:
             write_bytes(kept, content)
         return kept
+
+    def _flights(self, digest: str) -> Path:
+        """Return where recorded flights of a digest are kept."""
+        return self.path / "flights" / f"{digest[:16]}.csv"
+
+    def recording(self, generator: str, condition: str, index: int) -> Path:
+        """Return where the recording of a throw is kept."""
+        return self.path / "recordings" / f"{throw_name(generator, condition)}-{index}.mcap"
 
     def claim(self, study: Study, *, resume: bool, overwrite: bool) -> None:
         """Make the folder ready for a study.
@@ -89,12 +105,31 @@ class Folder:
             FileError: It cannot be made or written.
         """
         if not (resume and self._is_ours(study)):
-            claim_folder(self.path, overwrite=overwrite or resume, ours=LEAVES)
-            write_json(self.path / "study.json", _manifest(study))
+            flights = [x for a, d in study.flights.items() for x in (Path(a), self._flights(d))]
+            claim_folder(self.path, LEAVES, overwrite=overwrite or resume, made=self._made(),
+                         keep=(self.path / MANIFEST, *flights))  # fmt: skip
+            write_json(self.path / MANIFEST, _manifest(study))
         make_folder(self.path / "parts")
-        for pattern in _TEMPORARY:
-            for left in self.path.glob(pattern):
-                left.unlink(missing_ok=True)
+        clear_temporary(self.path, LEAVES)
+
+    def _made(self) -> Callable[[str], bool]:
+        """Return what says whether the study of this folder made a file: its throws have names."""
+        raw = read_json(self.path / MANIFEST) if LEAVES.owns(self.path) else {}
+        told = raw.get("study")
+        told = told if isinstance(told, dict) else {}
+        counts, conditions = told.get("counts"), told.get("conditions")
+        names = {
+            throw_name(str(generator), str(condition.get("name")))
+            for generator in (counts if isinstance(counts, dict) else ())
+            for condition in (conditions if isinstance(conditions, list) else ())
+            if isinstance(condition, dict)
+        }
+
+        def made(name: str) -> bool:
+            inner, _, last = name.partition("/")
+            return inner not in ("recordings", "replays") or last.rpartition("-")[0] in names
+
+        return made
 
     def check(self, study: Study, *, resume: bool) -> None:
         """Refuse a folder that a study cannot go on in; for resuming only."""
@@ -106,7 +141,7 @@ class Folder:
         files = [p for p in self.path.glob("*") if not p.name.startswith(".")]
         if not files:
             return False
-        manifest = self.path / "study.json"
+        manifest = self.path / MANIFEST
         if not manifest.exists():
             raise InputError("--resume", "the folder of a study", f"{self.path}, which is none")
         given = read_json(manifest)
@@ -118,25 +153,39 @@ class Folder:
         return True
 
 
+def throw_name(generator: str, condition: str) -> str:
+    """Return what the files of a throw begin with."""
+    return f"{file_name(generator)}-{file_name(condition)}"
+
+
 def _other(given: object, study: Study) -> str:
     """Return in words what made a folder that is not of this study."""
     if not isinstance(given, dict):
         return "another study"
     if given.get("version") != study.version:
         return f"a study of mitt {given.get('version')}"
-    told = given.get("study")
-    was = told.get("plugins") if isinstance(told, dict) else None
+    try:
+        was = validated(Study, given.get("study"), place=MANIFEST)
+    except InputError:
+        return "another study"
     for name, origin in study.plugins.items():
-        before = was.get(name) if isinstance(was, dict) else None
-        if before is not None and before != origin:
+        before = was.plugins.get(name, origin)
+        if before != origin:
             return f"generator {name!r} of {before}; now {origin}"
+    for name, digest in study.flights.items():
+        if was.flights.get(name, digest) != digest:
+            return f"another content of {name}"
+    for old, new in zip(was.conditions, study.conditions, strict=False):
+        name = difference(old.arm_files, new.arm_files)
+        if name and old.arm == new.arm:
+            return f"another content of {name}"
     return "another study"
 
 
 def _manifest(study: Study) -> dict[str, object]:
     """Return what ``study.json`` says."""
     return {
-        "schema": "mitt.study-run/1",
+        "schema": _MANIFEST_SCHEMA,
         "version": study.version,
         "digest": study.digest,
         "study": study.model_dump(mode="json"),
@@ -150,15 +199,15 @@ def read_manifest(path: Path) -> Study:
         FileError: The folder holds no study.
     """
     path = checks.path("study", path)
-    if not (path / "study.json").is_file():
+    if not (path / MANIFEST).is_file():
         if (path / "result.json").is_file():
             raise FileError(str(path), "the folder of a study", "one of mitt catch",
                             do="its page is report.html, written by mitt catch itself")  # fmt: skip
         raise FileError(str(path), "the folder of a study, with study.json in it", "none")
-    raw = read_json(path / "study.json")
-    if not isinstance(raw, dict) or raw.get("schema") != "mitt.study-run/1":
-        raise FileError(str(path / "study.json"), "schema mitt.study-run/1", "another")
-    return validated(Study, raw.get("study"), place=str(path / "study.json"))
+    raw = read_json(path / MANIFEST)
+    if not isinstance(raw, dict) or raw.get("schema") != _MANIFEST_SCHEMA:
+        raise FileError(str(path / MANIFEST), f"schema {_MANIFEST_SCHEMA}", "another")
+    return validated(Study, raw.get("study"), place=str(path / MANIFEST))
 
 
 def write_bytes(path: Path, content: bytes) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import mitt
 from mitt import checks
 from mitt.errors import FileError, InputError, UnknownNameError, meant
-from mitt.reading import read_bytes, read_toml
+from mitt.reading import noted, read_bytes, read_toml
 from mitt.sweep.study import (
     ArmSettings,
     Condition,
@@ -19,6 +19,7 @@ from mitt.sweep.study import (
     Table,
 )
 from mitt.trials.registry import origin_of
+from mitt.trials.run import arm_of
 from mitt.world.scenes import DEFAULT, scene_of
 from mitt.world.settings import merged, validated
 from mitt.world.tables import MAX_BYTES
@@ -56,7 +57,7 @@ def read_study(path: Path, *, generators: tuple[str, ...]) -> Study:
     for name in (*chosen, *settings.throws_of):
         if name not in generators:
             raise UnknownNameError(f"{path} key generators", name, generators)
-    conditions = _conditions(settings, path)
+    conditions = _with_files(_conditions(settings, path))
     names = [condition.name for condition in conditions]
     doubled = {name for name in names if names.count(name) > 1}
     if doubled or not 1 <= len(names) <= _MOST_CONDITIONS:
@@ -98,6 +99,15 @@ def _conditions(settings: StudySettings, path: Path) -> list[Condition]:
             one = _condition(settings, changed, path, name=name, disturbance=sweep.name)
             out.append(one.model_copy(update={"value": value, "unit": sweep.unit}))
     return out
+
+
+def _with_files(conditions: list[Condition]) -> list[Condition]:
+    """Return conditions with the digests of what their arms are read from; each is read once."""
+    files: dict[ArmSettings, dict[str, str]] = {}
+    for settings in dict.fromkeys(c.arm for c in conditions):
+        with noted() as files[settings]:
+            arm_of(settings)
+    return [c.model_copy(update={"arm_files": files[c.arm]}) for c in conditions]
 
 
 def _condition(

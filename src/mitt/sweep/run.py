@@ -1,6 +1,5 @@
 """Running a study: split, throw wherever there is a worker, keep, and sum up at the end."""
 
-import hashlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,17 +12,14 @@ from mitt.interrupts import notice, status_of
 from mitt.sweep.engine import Engine, run_tasks
 from mitt.sweep.folder import Folder, notes_of, write_bytes
 from mitt.sweep.parts import merge, read_part, timing_of
-from mitt.sweep.study import SCHEMA, ArmSettings, Condition, Study
+from mitt.sweep.study import SCHEMA, Condition, Study
 from mitt.sweep.summary import summary
 from mitt.sweep.work import ChunkError, Job, record_throw, throw_chunk
 from mitt.trials.learning import learn
-from mitt.trials.run import arm_of, design_of
+from mitt.trials.run import chosen_arm
 from mitt.world.flights import Recording, builtin_flights, read_flights
 
 Progress = Callable[[str, int, int], None]
-
-#: Characters of a condition's name that a file's name had better not have.
-_SAFE = str.maketrans({" ": "_", "/": "_", "%": "pc", "=": "_", "+": "_"})
 
 
 @final
@@ -83,7 +79,7 @@ def all_jobs(study: Study, folder: Folder, progress: Progress) -> Iterator[Job]:
     """
     notes, places = tuple(notes_of(study).items()), []
     for condition in study.conditions:
-        text = _map_text(condition.arm, folder, study.version, progress)
+        text = _map_text(condition, folder, study.version, progress)
         recordings = _recordings(condition, study, folder)
         places += [(condition, text, recordings, each) for each in study.counts.items()]
     starts = range(0, max(study.counts.values(), default=0), study.chunk)
@@ -98,17 +94,18 @@ def all_jobs(study: Study, folder: Folder, progress: Progress) -> Iterator[Job]:
             stop=min(start + study.chunk, count),
             map=text,
             recordings=recordings,
+            origin=study.plugins.get(generator, ""),
             notes=notes,
         )
 
 
-def _map_text(settings: ArmSettings, folder: Folder, version: str, progress: Progress) -> str:
+def _map_text(condition: Condition, folder: Folder, version: str, progress: Progress) -> str:
     """Return the map of an arm as its file says it; learned once, and kept in the folder."""
-    path = folder.map(settings)
+    path = folder.map(condition.arm)
     if not path.exists():
         progress("learning", 0, 1)
-        arm = arm_of(settings)
-        save_map(path, learn(arm, design=design_of(settings, arm)), version=version)
+        of = chosen_arm(condition.arm, wanted=condition.arm_files)
+        save_map(path, learn(of.arm, design=of.design), version=version)
         progress("learning", 1, 1)
     read_json(path)  # refuses a file that was altered into no JSON
     return path.read_text(encoding="utf-8")
@@ -173,7 +170,7 @@ def _is_done(folder: Folder, job: Job) -> bool:
         return False
     place = {(r["generator"], r["condition"]) for r in rows}
     indices = [r["index"] for r in rows] == list(range(job.start, job.stop))
-    own = notes.get("digest") == dict(job.notes)["digest"]
+    own = notes.get("digest") == dict(job.notes)["digest"] and notes.get("map") == job.map_digest
     return own and indices and place == {(job.generator, job.condition.name)}
 
 
@@ -210,21 +207,17 @@ def record_failures(
         progress: Is told how many are done, and of how many.
     """
     wanted = [task for group in cells for task in _failures(group, folder, most)]
-    missing = [task for task in wanted if not recording_path(folder, *task).exists()]
+    missing = [task for task in wanted if not _recording(folder, *task).exists()]
     made = run_tasks(engine, record_throw, missing, window=engine.workers + 1)
     for done, (task, outcome) in enumerate(made, start=1):
         if isinstance(outcome, bytes):
-            write_bytes(recording_path(folder, *task), outcome)
+            write_bytes(_recording(folder, *task), outcome)
         progress("recording", done, len(missing))
 
 
-def recording_path(folder: Folder, job: Job, index: int) -> Path:
+def _recording(folder: Folder, job: Job, index: int) -> Path:
     """Return where the recording of a throw is kept."""
-    name = job.condition.name
-    condition = name.translate(_SAFE)
-    if condition != name:  # another name may read the same now
-        condition += f"-{hashlib.sha256(name.encode()).hexdigest()[:6]}"
-    return folder.recordings / f"{job.generator}-{condition}-{index}.mcap"
+    return folder.recording(job.generator, job.condition.name, index)
 
 
 def _failures(group: list[Job], folder: Folder, most: int) -> list[tuple[Job, int]]:

@@ -138,6 +138,8 @@ class Condition(Settings):
         vision: What the catcher sees.
         flights: Recorded flights instead of throws, a file's address or ``builtin``.
         throws: Ranges of the default throws.
+        arm_files: Digests of what the arm was read from, by name, in the order of reading: an arm
+            file, its description, meshes, limits.
     """
 
     name: str
@@ -149,6 +151,7 @@ class Condition(Settings):
     vision: Literal["pixels", "points"]
     flights: str | None = None
     throws: ThrowSettings = ThrowSettings()
+    arm_files: dict[str, str] = Field(default_factory=dict)
 
 
 class Study(Settings):
@@ -190,6 +193,8 @@ class Study(Settings):
         decisive = self.model_dump(mode="json", exclude=less)
         for condition in decisive["conditions"]:
             condition["flights"] = self.flights.get(condition["flights"], condition["flights"])
+            if files := condition.pop("arm_files"):
+                condition["arm_files"] = list(files.values())
         canonical = json.dumps(decisive, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
 

@@ -4,6 +4,7 @@ A worker gets everything it needs in its job and gives back bytes, so that it ne
 folder of the study. A chunk is the same whoever throws it and whatever was thrown before.
 """
 
+import hashlib
 import json
 import threading
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from mitt.errors import MittError
+from mitt.errors import InputError, MittError
 from mitt.files.maps import map_of
 from mitt.files.recording import write_recording
 from mitt.files.throws import ThrowSettings
@@ -25,8 +26,8 @@ from mitt.signals import Array
 from mitt.sweep.parts import Row, row_of, write_rows
 from mitt.sweep.study import ArmSettings, Condition
 from mitt.trials.recording import recording_of
-from mitt.trials.registry import make_generator
-from mitt.trials.run import arm_of, throws_of
+from mitt.trials.registry import make_generator, origin_of
+from mitt.trials.run import chosen_arm
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.source import Source, source_of, widened
 from mitt.world.faults.flight import Undisturbed
@@ -51,6 +52,7 @@ class Job:
         map: The learned map as its file says it.
         recordings: Recorded flights to throw; none for default throws.
         notes: What the metadata of a part say of the study.
+        origin: Package and digest of the generator, where another package adds it.
     """
 
     number: int
@@ -62,18 +64,35 @@ class Job:
     map: str
     recordings: tuple[Recording, ...]
     notes: tuple[tuple[str, str], ...]
+    origin: str = ""
+
+    @property
+    def map_digest(self) -> str:
+        """SHA-256 of the map."""
+        return hashlib.sha256(self.map.encode()).hexdigest()
+
+
+_ArmOfJob = tuple[ArmSettings, tuple[tuple[str, str], ...], str, int]
+"""Settings of an arm, digests of its files, its map, and the thread that throws."""
 
 
 @lru_cache(maxsize=_KEPT)
-def _learned(settings: ArmSettings, text: str, thread: int) -> Learned:  # noqa: ARG001
-    """Return arm and map, kept for the thread alone: an arm's scratch is not to be shared."""
-    return map_of(json.loads(text), arm_of(settings), place="map of the study")
+def _learned(of: _ArmOfJob) -> tuple[Learned, ThrowSettings | None]:
+    """Return arm and map, and where its balls come from; held to what the study was made with.
+
+    They are kept for the thread alone: an arm's scratch is not to be shared.
+    """
+    settings, files, text, _ = of
+    found = chosen_arm(settings, wanted=dict(files))
+    return map_of(json.loads(text), found.arm, place="map of the study"), found.throws
 
 
 @lru_cache(maxsize=_KEPT)
-def _generator(name: str, settings: ArmSettings, text: str, thread: int) -> Generator:
+def _generator(name: str, origin: str, of: _ArmOfJob) -> Generator:
     """Return a generator, kept as its map is: some learn or build much before they begin."""
-    return make_generator(name, _learned(settings, text, thread).map)
+    if origin and (here := origin_of(name)) != origin:
+        raise InputError(f"generator {name!r}", f"that of the study, {origin}", here)
+    return make_generator(name, _learned(of)[0].map)
 
 
 def runner_of(job: Job) -> tuple[TrialRunner, Source, Learned]:
@@ -81,8 +100,9 @@ def runner_of(job: Job) -> tuple[TrialRunner, Source, Learned]:
 
     A generator is a value and may be shared; what a throw teaches it stays with that throw.
     """
-    of = job.condition.arm, job.map, threading.get_ident()
-    learned, generator = _learned(*of), _generator(job.generator, *of)
+    files = tuple(job.condition.arm_files.items())
+    of = job.condition.arm, files, job.map, threading.get_ident()
+    (learned, own), generator = _learned(of), _generator(job.generator, job.origin, of)
     pixels = job.condition.vision == "pixels"
     runner = TrialRunner(learned.map.arm, generator, job.condition.scene, pixels=pixels)
     source = source_of(
@@ -94,7 +114,7 @@ def runner_of(job: Job) -> tuple[TrialRunner, Source, Learned]:
     )
     throws = job.condition.throws
     if throws == ThrowSettings():
-        throws = throws_of(job.condition.arm) or throws
+        throws = own or throws
     return runner, widened(source, throws), learned
 
 
@@ -122,7 +142,8 @@ def _thrown(job: Job) -> bytes:
         rows = [_row(job, runner, source, learned.map.arm, k) for k in range(job.start, job.stop)]
     timing = runner.stopwatch.percentiles_us() | {"seconds": 1e-6 * watch.percentiles_us()["max"]}
     timing["deadline_misses"] = float(runner.stopwatch.misses())
-    notes = {"condition": job.condition.model_dump_json(), "timing": json.dumps(timing)}
+    notes = {"condition": job.condition.model_dump_json(), "timing": json.dumps(timing),
+             "map": job.map_digest}  # fmt: skip
     return write_rows(rows, dict(job.notes) | notes)
 
 

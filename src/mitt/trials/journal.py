@@ -7,23 +7,32 @@ with it. ``result.json`` is written from the same throws when the run is over.
 
 import io
 import json
+import re
+from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, final
 
 from mitt.errors import FileError
 from mitt.files.files import write_json
+from mitt.files.folders import Leaves
 from mitt.link.clock import Stopwatch
 from mitt.reading import read_text
 from mitt.trials.result import SCHEMA, finite, result
 from mitt.trials.score import Trial
 
-NAME, RESULT = "trials.jsonl", "result.json"
-"""What the throws are called in the folder of a run, and the result."""
+NAME, RESULT, MAP, PAGE = "trials.jsonl", "result.json", "map.json", "report.html"
+"""What the throws are called in the folder of a run, the result, the map and the page."""
 
-#: Largest list of throws that is read [bytes].
-_MAX_BYTES = 200_000_000
+LEAVES = Leaves(
+    command="mitt catch", schema=SCHEMA, manifests=(NAME, RESULT),
+    names=(*map(re.escape, (NAME, RESULT, MAP, PAGE)), r"recordings/throw-\d{5,}\.mcap"),
+)  # fmt: skip
+"""All that a run leaves in its folder."""
+
+MAX_BYTES = 200_000_000
+"""Largest list of throws that is read, and largest result [bytes]."""
 
 
 @final
@@ -34,8 +43,17 @@ class Journal(AbstractContextManager["Journal"]):
         trials: Those that are kept.
     """
 
-    def __init__(self, folder: Path, head: dict[str, Any], wanted: int) -> None:
+    def __init__(
+        self, folder: Path, head: dict[str, Any], wanted: int,
+        again: Mapping[str, Any] | None = None,
+    ) -> None:  # fmt: skip
         """Begin the list in a folder that is claimed.
+
+        Args:
+            folder: The folder.
+            head: What the result says of the run.
+            wanted: How many throws there are to be.
+            again: What makes the run again.
 
         Raises:
             FileError: It cannot be written.
@@ -46,7 +64,7 @@ class Journal(AbstractContextManager["Journal"]):
             self._file = (folder / NAME).open("x", encoding="utf-8", buffering=1)
         except OSError as error:
             raise _unwritable(folder, error) from None
-        self._write({"schema": SCHEMA, **head, "throws": wanted})
+        self._write({"schema": SCHEMA, **head, "throws": wanted, "again": dict(again or {})})
 
     def __exit__(self, *_: object) -> None:
         """Close the list."""
@@ -90,19 +108,41 @@ def died(folder: Path) -> bool:
     return (folder / NAME).exists() and not (folder / RESULT).exists()
 
 
-def recovered(folder: Path) -> dict[str, Any]:
-    """Return the result of a run that died, from its list of throws.
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kept:
+    """What the list of a run says.
 
-    The times of its ticks died with it: those of the result are zero.
+    Attributes:
+        head: What the result says of the run.
+        wanted: How many throws there were to be.
+        again: What makes the run again; nothing where the list does not say.
+        trials: The throws that ended.
+    """
+
+    head: dict[str, Any]
+    wanted: int
+    again: dict[str, Any]
+    trials: list[Trial]
+
+    @property
+    def result(self) -> dict[str, Any]:
+        """The result of a run that died; the times of its ticks died with it and are zero."""
+        return result(self.trials, Stopwatch(), self.head, self.wanted)
+
+
+def read_kept(folder: Path) -> Kept:
+    """Return what the list of a run says.
 
     Raises:
         FileError: There is no list, or it is none of a run.
     """
     path = folder / NAME
-    lines = io.StringIO(read_text(path, max_bytes=_MAX_BYTES, wanted="the throws of a run"))
+    lines = io.StringIO(read_text(path, max_bytes=MAX_BYTES, wanted="the throws of a run"))
     head = _row(lines.readline())
-    wanted = head.pop("throws", None)
-    if head.pop("schema", None) != SCHEMA or not isinstance(wanted, int):
+    wanted, again = head.pop("throws", None), head.pop("again", {})
+    ours = head.pop("schema", None) == SCHEMA and isinstance(again, dict)
+    if not ours or not isinstance(wanted, int):
         raise FileError(str(path), f"throws of schema {SCHEMA}", "others")
     trials = []
     for line in lines:
@@ -113,7 +153,7 @@ def recovered(folder: Path) -> dict[str, Any]:
         except TypeError:
             place = f"{path} line {len(trials) + 2}"
             raise FileError(place, "a throw of this version", line[:60]) from None
-    return result(trials, Stopwatch(), head, wanted)
+    return Kept(head=head, wanted=wanted, again=again, trials=trials)
 
 
 def _row(line: str) -> dict[str, Any]:

@@ -1,12 +1,13 @@
 """A run of throws as ``mitt catch`` makes it: learn, throw, keep."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, final
 
 import mitt
+from mitt.errors import FileError
 from mitt.files.arm_file import is_arm_file, read_arm_file
 from mitt.files.arms import load_arm
 from mitt.files.throws import ThrowSettings
@@ -16,6 +17,7 @@ from mitt.generator.learn import Learned
 from mitt.interrupts import notice, status_of
 from mitt.link.clock import Stopwatch
 from mitt.link.realtime import settled
+from mitt.reading import difference, noted
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.shapes import Surroundings
@@ -69,6 +71,44 @@ def throws_of(choice: ArmChoice) -> ThrowSettings | None:
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ChosenArm:
+    """An arm with all that its files say, read at one time.
+
+    Attributes:
+        arm: The arm.
+        design: Design of its map.
+        throws: Where balls are to come from; None where no file says so.
+        files: Digests of what was read, by name, in the order of reading.
+    """
+
+    arm: Arm
+    design: MapDesign
+    throws: ThrowSettings | None
+    files: dict[str, str]
+
+
+def chosen_arm(choice: ArmChoice, *, wanted: Mapping[str, str] | None = None) -> ChosenArm:
+    """Return the arm that is chosen, and what it was read from.
+
+    Args:
+        choice: The choice.
+        wanted: Digests of the files as they were; as they are if left out.
+
+    Raises:
+        FileError: A file holds something else than it did.
+    """
+    with noted() as files:
+        arm = arm_of(choice)
+        found = ChosenArm(arm=arm, design=design_of(choice, arm), throws=throws_of(choice),
+                          files=files)  # fmt: skip
+    if wanted is not None and (name := difference(wanted, files)):
+        raise FileError(name, "the file that the study was made with", "another content",
+                        do="put it back, or begin the study anew")  # fmt: skip
+    return found
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RunSettings:
     """How a run throws, and what it leaves.
 
@@ -105,6 +145,7 @@ class Prepared:
         source: What is thrown.
         learned: The map; None to learn it first.
         out: Folder to write.
+        again: What makes the run again, as JSON: its options, and what it read.
     """
 
     settings: RunSettings
@@ -114,6 +155,7 @@ class Prepared:
     source: Source
     learned: Learned | None
     out: Path
+    again: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def head(self) -> dict[str, object]:

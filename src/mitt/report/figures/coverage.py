@@ -41,7 +41,8 @@ def draw_coverage(
                               pad=0.02)  # fmt: skip
         bar.set_label(f"reprojection error [px]; lines: {_STRETCH:g} times as long", color=INK)
         bar.outline.set_visible(False)
-        write_atomically(path, canvas.print_png)
+        mark = {"Software": "mitt"}
+        write_atomically(path, lambda temporary: canvas.print_png(temporary, metadata=mark))
 
 
 def _panel(

@@ -1,0 +1,198 @@
+"""The folder of a run: only what mitt wrote there, and can prove that it wrote, is replaced.
+
+The proof is threefold: the folder says whose it is in a file of our schema, a file in it is called
+as one of that command is, and where its kind tells who wrote it, it is one of ours. A link is never
+ours and never followed. Whatever else lies in the folder stays there; where it stands in the way
+of what will be written, the folder is refused before anything is touched.
+"""
+
+import os
+import re
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+
+from mitt.errors import FileError, InputError
+from mitt.files.files import check_folder, is_free, make_folder
+
+#: How a file of ours begins, by its suffix, and how many bytes that takes.
+_BEGINNINGS = {
+    ".json": re.compile(rb'\{\s*"schema":\s*"mitt\.'),
+    ".jsonl": re.compile(rb'\{\s*"schema":\s*"mitt\.'),
+    ".html": re.compile(rb"<!doctype html>.*<title>mitt: ", re.DOTALL),
+    ".mcap": re.compile(rb"\x89MCAP0\r\n\x01.{12}ros2.{4}mitt", re.DOTALL),
+    ".toml": re.compile(rb"# mitt design: "),
+    ".png": re.compile(rb"\x89PNG.*tEXtSoftware\x00mitt", re.DOTALL),
+    ".mkv": re.compile(rb"\x1aE\xdf\xa3.*mitt", re.DOTALL),
+}  # fmt: skip
+_HEAD = 2000
+#: What a temporary file of a run that was killed has about its name.
+_TEMPORARY = re.compile(r"\.(.+)\.[a-z0-9_]{8}")
+#: Pages of replays are made by the viewer and do not say who wanted them.
+_REPLAYS = "replays/"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Leaves:
+    """What a command leaves in its folder.
+
+    Attributes:
+        command: The command.
+        schema: What the file says that tells whose folder it is.
+        manifests: Names of that file, one of which is there.
+        names: All that is left, as seen from the folder: patterns of whole names.
+    """
+
+    command: str
+    schema: str
+    manifests: tuple[str, ...]
+    names: tuple[str, ...]
+
+    def owns(self, folder: Path) -> bool:
+        """Say whether a folder says that it is one of this command."""
+        stated = re.compile(rb'\{\s*"schema":\s*"%b"' % re.escape(self.schema).encode())
+        return any(stated.match(_head(folder / name)) for name in self.manifests)
+
+    def calls(self, name: str) -> bool:
+        """Say whether a file of this command may be called so."""
+        return any(re.fullmatch(pattern, name) for pattern in self.names)
+
+    @property
+    def folders(self) -> tuple[str, ...]:
+        """Folders in the folder."""
+        found = (name.partition("/")[0] for name in self.names if "/" in name)
+        return tuple(dict.fromkeys(found))
+
+
+def claim_folder(
+    folder: Path, leaves: Leaves, *, overwrite: bool, keep: Collection[Path] = (),
+    made: Callable[[str], bool] | None = None,
+) -> None:  # fmt: skip
+    """Make an output folder, or clear our own files out of an existing one.
+
+    What tells whose folder it is goes last, so that a process that dies leaves a folder of ours.
+
+    Args:
+        folder: The folder.
+        leaves: What the command leaves there.
+        overwrite: Whether a folder with files in it may be used.
+        keep: Files that stay, as they are read.
+        made: Says of a name whether that run made it, where the folder knows; any is if left out.
+
+    Raises:
+        InputError: The folder has files in it and ``overwrite`` was not said, or something that
+            is not ours is in the way.
+        FileError: It cannot be made or written.
+    """
+    check_folder(folder, overwrite=overwrite)
+    ours = _ours(folder, leaves, made)
+    make_folder(folder)
+    kept = [path for path in keep if path.exists()]
+    try:
+        for name in sorted(ours, key=lambda name: name in leaves.manifests):
+            if not any((folder / name).samefile(path) for path in kept):
+                (folder / name).unlink()
+        for name in leaves.folders:
+            if (folder / name).is_dir() and not any((folder / name).iterdir()):
+                (folder / name).rmdir()
+    except OSError as error:
+        wanted = "a folder that can be written"
+        raise FileError(str(folder), wanted, error.strerror or "an error") from error
+
+
+def check_ours(folder: Path, leaves: Leaves) -> None:
+    """Refuse a folder in which what will be written would replace what is not ours.
+
+    Raises:
+        InputError: Something is in the way.
+    """
+    _ours(folder, leaves, None)
+
+
+def clear_temporary(folder: Path, leaves: Leaves) -> None:
+    """Remove what a killed run of this folder left half written."""
+    for name in _names(folder, leaves):
+        if name not in leaves.folders and _is_temporary(name, leaves):
+            (folder / name).unlink(missing_ok=True)
+
+
+def _ours(folder: Path, leaves: Leaves, made: Callable[[str], bool] | None) -> list[str]:
+    """Return the files of a folder that are ours; refuse what else is in the way.
+
+    Raises:
+        InputError: Something is.
+    """
+    owned = leaves.owns(folder) or not leaves.manifests
+    ours = []
+    for name in _names(folder, leaves):
+        path = folder / name
+        plain = path.is_file() and not path.is_symlink()
+        if name in leaves.folders:
+            ok = path.is_dir() and not path.is_symlink()
+        elif leaves.calls(name):
+            ok = owned and plain and wrote(path, name) and (made is None or made(name))
+            ours.append(name)
+        else:
+            ok = True
+            ours += [name] if owned and plain and _is_temporary(name, leaves) else []
+        if not ok:
+            what = "a link" if path.is_symlink() else f"which {leaves.command} did not write there"
+            raise InputError("--out", f"a folder for {leaves.command}", f"{path}, {what}",
+                             do="choose another folder, or move that away")  # fmt: skip
+    return ours
+
+
+def _is_temporary(name: str, leaves: Leaves) -> bool:
+    """Say whether a name is that of a file of the command that was never whole."""
+    folder, slash, last = name.rpartition("/")
+    found = _TEMPORARY.fullmatch(last)
+    return found is not None and leaves.calls(f"{folder}{slash}{found[1]}")
+
+
+def _names(folder: Path, leaves: Leaves) -> Iterator[str]:
+    """Yield what is in a folder and in those of its folders that may be ours."""
+    if not folder.is_dir():
+        return
+    for name in sorted(os.listdir(folder)):
+        yield name
+        inner = folder / name
+        if name in leaves.folders and inner.is_dir() and not inner.is_symlink():
+            yield from (f"{name}/{x}" for x in sorted(os.listdir(inner)))
+
+
+def wrote(path: Path, name: str = "") -> bool:
+    """Say whether mitt wrote a file, as far as its kind tells; of tables it does not.
+
+    Args:
+        path: The file.
+        name: What it is called as seen from its folder.
+    """
+    begins = _BEGINNINGS.get(path.suffix)
+    return begins is None or name.startswith(_REPLAYS) or bool(begins.match(_head(path)))
+
+
+def _head(path: Path) -> bytes:
+    """Return how a file begins; nothing where it is a link, no file, or cannot be read."""
+    try:
+        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOFOLLOW)
+        with os.fdopen(handle, "rb") as file:
+            return file.read(_HEAD)
+    except OSError:
+        return b""
+
+
+def overlaps(path: Path, other: Path) -> bool:
+    """Say whether a file to be written is another, or one that is there in another, a folder."""
+    try:
+        if path.exists() and other.is_dir():
+            return path.parent.samefile(other)
+        return path.samefile(other) if path.exists() else path.absolute() == other.absolute()
+    except (OSError, ValueError):  # no such file, or no name of one
+        return False
+
+
+def new_folder(folder: Path) -> Path:
+    """Return a folder that has no files in it: this one, or with -2, -3, ... at its name."""
+    names = (folder if k == 1 else folder.with_name(f"{folder.name}-{k}") for k in count(1))
+    return next(path for path in names if is_free(path))
