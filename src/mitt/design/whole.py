@@ -12,11 +12,10 @@ from mitt.files.arm_file import limits_of
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Hand
 from mitt.robot.carried import joints_to
+from mitt.robot.described import is_described, read_described
 from mitt.robot.limit_sets import LimitSet
 from mitt.robot.load import load_arm
-from mitt.robot.mjcf import read_mjcf
 from mitt.robot.serial import Mount, bounded, check_active
-from mitt.robot.urdf import read_urdf
 from mitt.robot.wam import LIMIT_SETS
 
 #: Half of the range of a joint that is held where it is [rad].
@@ -94,9 +93,9 @@ def driven_joints(
         MittError: There are fewer than three, or one of ``joints`` is between base and tip and is
             none of them.
     """
-    if path.suffix not in (".urdf", ".xml", ".mjcf") or limits in LIMIT_SETS:
+    if not is_described(path) or limits in LIMIT_SETS:
         return None
-    stated = read_urdf(path) if path.suffix == ".urdf" else read_mjcf(path)
+    stated = read_described(path)
     chain = joints_to(stated.model, tip)
     stated, _ = bounded(stated, limits if isinstance(limits, LimitSet) else None, chain)
     own = [name for name in chain if name not in stated.mimics]
