@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from mitt import checks
-from mitt.errors import FileError, ModelError, heard
+from mitt.errors import FileError, MittError, ModelError, heard
 from mitt.robot.description import rotation
 from mitt.robot.inertia import mended_inertia
 from mitt.robot.meshes import (
@@ -118,6 +118,8 @@ def _compiled(path: Path, text: str) -> tuple[mujoco.MjModel, dict[str, _Mesh], 
             element.material = ""
         notes += _mend_inertias(path, spec)
         return spec.compile(), meshes, tuple(notes)
+    except MittError:
+        raise
     except (ValueError, RuntimeError, TypeError) as error:
         reason = " ".join(str(error).split())[:200]
         raise FileError(str(path), "an MJCF arm", reason) from error
