@@ -3,10 +3,11 @@
 import mitt
 from mitt.ball.estimator import MAX_HORIZON
 from mitt.commands.camera_options import TrackOptions
-from mitt.commands.screen import check_new_files, checked, print_json, show
+from mitt.commands.screen import check_new_files, checked, print_json, show, warn
 from mitt.errors import InputError
 from mitt.tracks.filtering import follow_all
 from mitt.tracks.tables import read_positions, write_track
+from mitt.world.fall import WANTED, doubt_of
 
 #: Largest standard deviation of a coordinate that makes sense [m].
 _MAX_SIGMA = 1.0
@@ -22,6 +23,9 @@ def run(options: TrackOptions) -> int:
     check_new_files(options, {"--out": options.out})
     positions = read_positions(options.points)
     rows, flights = len(positions.samples), len(positions.rows)
+    doubt = doubt_of([(x[:, 0], x[:, 1:]) for x in map(positions.flight, positions.rows)])
+    warnings = [] if doubt is None else [f"wanted {WANTED}, got {doubt.given}; {doubt.do}"]
+    warn(warnings, json=options.json)
     if options.check:
         return checked(f"{rows} rows, {flights} flights, output to {options.out}")
     track = follow_all(positions.samples, positions.rows.values(), ahead=ahead or 0.0, sigma=sigma)
@@ -34,6 +38,7 @@ def run(options: TrackOptions) -> int:
             "flights": flights,
             "ahead_s": ahead,
             "sigma_m": sigma,
+            "warnings": warnings,
             "out": str(options.out),
         })  # fmt: skip
     else:

@@ -12,18 +12,14 @@ from mitt.files.arm_file import limits_of
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Hand
 from mitt.robot.carried import joints_to, links_of
+from mitt.robot.described import is_described, read_described
 from mitt.robot.limit_sets import LimitSet
 from mitt.robot.load import load_arm
-from mitt.robot.mjcf import read_mjcf
 from mitt.robot.serial import Mount, bounded, check_active
-from mitt.robot.stated import Stated
-from mitt.robot.urdf import read_urdf
 from mitt.robot.wam import LIMIT_SETS
 
 #: Half of the range of a joint that is held where it is [rad].
 _HELD = 5e-4
-#: Description files, by how their names end.
-_FILES = (".urdf", ".xml", ".mjcf")
 #: Joints of the WAM.
 _WAM = ("j1", "j2", "j3", "j4")
 
@@ -53,8 +49,8 @@ def whole_arm(
     given = limits_of(limits)
     if str(arm) == "wam":
         return load_arm("wam", tip=tip, joints=_WAM, limits=given, hand=hand)
-    if tip is None and Path(arm).suffix in _FILES:
-        links = ", ".join(links_of(_stated(Path(arm)).model)) or "none"
+    if tip is None and is_described(Path(arm)):
+        links = ", ".join(links_of(read_described(Path(arm)).model)) or "none"
         raise ModelError("--tip", "the link or site of the palm", "none",
                          do=f"links of {arm}: {links}")  # fmt: skip
     names = None if tip is None else driven_joints(Path(arm), tip, given, joints)
@@ -90,11 +86,6 @@ def movable(whole: Arm) -> NDArray[np.bool_]:
     return free
 
 
-def _stated(path: Path) -> Stated:
-    """Return what a description file states."""
-    return read_urdf(path) if path.suffix == ".urdf" else read_mjcf(path)
-
-
 def driven_joints(
     path: Path, tip: str, limits: str | LimitSet | None, joints: Sequence[str] = ()
 ) -> Sequence[str] | None:
@@ -106,9 +97,9 @@ def driven_joints(
         MittError: There are fewer than three, or one of ``joints`` is between base and tip and is
             none of them.
     """
-    if path.suffix not in _FILES or limits in LIMIT_SETS:
+    if not is_described(path) or limits in LIMIT_SETS:
         return None
-    stated = _stated(path)
+    stated = read_described(path)
     chain = joints_to(stated.model, tip)
     stated, _ = bounded(stated, limits if isinstance(limits, LimitSet) else None, chain)
     own = [name for name in chain if name not in stated.mimics]

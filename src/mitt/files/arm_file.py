@@ -24,8 +24,8 @@ from mitt.robot.basket import MOST_TILT, Basket, Hand, hand_named
 from mitt.robot.limit_sets import LimitSet
 from mitt.robot.load import load_arm
 from mitt.robot.serial import Mount
-from mitt.robot.urdf import MAX_BYTES
 from mitt.robot.wam import LIMIT_SETS
+from mitt.robot.xml_files import MAX_BYTES
 
 SCHEMA = "mitt.arm/1"
 HandName = Literal["three-finger", "basket", "none"]

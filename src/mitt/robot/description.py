@@ -12,13 +12,14 @@ import numpy as np
 from mitt import checks
 from mitt.errors import ModelError
 from mitt.robot.basket import Hand, checked_hand
+from mitt.robot.inertia import checked_inertia
 from mitt.signals import Array
 
 _keep = object.__setattr__
-#: Slack of the triangle inequality of principal moments [kg m^2]: files round their figures.
-_INERTIA_SLACK = 1e-6
 #: Largest length, mass or inertia of a link that is taken for meant [m, kg, kg m^2].
 _LARGEST = 1e4
+#: Least mass of a link, which MuJoCo still takes [kg].
+_LIGHTEST = 1e-12
 
 #: Encoder resolution of a joint whose description states none [rad or m]: 17 bits a turn of the
 #: joint, as the joint-side encoders of common cobots have or better. A choice of this project.
@@ -114,15 +115,12 @@ class Link:
             raise ModelError(
                 where, f"numbers within +-{_LARGEST:g}", "larger ones, NaN or infinity"
             )
-        if not 0.0 < self.mass <= _LARGEST:
+        if not _LIGHTEST < self.mass <= _LARGEST:
             wanted = f"a mass above 0 and up to {_LARGEST:g} kg"
             raise ModelError(where, wanted, f"{self.mass:g} kg")
         if not self.q_min < self.q_max:
             raise ModelError(where, "a range with lower < upper", f"{self.q_min:g}..{self.q_max:g}")
-        moments = np.linalg.eigvalsh(0.5 * (self.inertia + self.inertia.T))
-        if moments[0] < 0.0 or moments[2] > moments[0] + moments[1] + _INERTIA_SLACK:
-            wanted = "principal moments that a body can have (none above the sum of the others)"
-            raise ModelError(where, wanted, np.array2string(moments, precision=6))
+        _keep(self, "inertia", checked_inertia(where, self.inertia))
         if self.armature < 0.0:
             raise ModelError(where, "an armature of at least 0", f"{self.armature:g}")
 

@@ -11,13 +11,12 @@ from mitt.errors import InputError, ModelError, UnknownNameError
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Hand, checked_hand, hand_named, mounting
 from mitt.robot.carried import joints_to, links_of
+from mitt.robot.described import check_described, read_described
 from mitt.robot.description import ArmModel, rotation, transform
 from mitt.robot.hands import HandModel
 from mitt.robot.limit_sets import LimitSet
 from mitt.robot.limits import Limits
-from mitt.robot.mjcf import read_mjcf
 from mitt.robot.serial import MOUNTS, Mount, Wanted, serial_arm
-from mitt.robot.urdf import read_urdf
 from mitt.robot.wam import LIMIT_SETS, wam, wam_limits
 
 
@@ -87,15 +86,13 @@ def _from_file(
     rest: tuple[Mapping[str, float], Hand | None, float, Mount],
 ) -> Arm:
     """Return an arm from a description file; arguments as of :func:`load_arm`."""
-    if path.suffix not in (".urdf", ".xml", ".mjcf"):
-        known = [x for x in _ARMS if path.suffix != ".toml" or ".toml" not in x]
-        raise UnknownNameError("arm", str(path), known, do="a file is named by its path")
+    check_described(path)
     if isinstance(limits, str) and limits != "model":
         wanted = ("model",) if limits in LIMIT_SETS else ("model", *LIMIT_SETS)
         raise UnknownNameError("limits of an arm from a file", limits, wanted)
     if ready is not None and names:
         ready = checks.vector("ready", ready, len(names), finite=True).tolist()
-    stated = read_urdf(path) if path.suffix == ".urdf" else read_mjcf(path)
+    stated = read_described(path)
     if tip is None:
         links = ", ".join(links_of(stated.model)) or "none"
         raise ModelError(str(path), "tip and joints (--tip, --joints)", "no tip",
@@ -113,10 +110,6 @@ def _from_file(
         Wanted(name=path.stem, tip=tip, joints=names, held=held, ready=ready, limits=given,
                hand=hand, turn=turn, mount=mount),
     )  # fmt: skip
-
-
-#: What may be named as an arm; an arm file is read by :func:`mitt.load_arm`.
-_ARMS = ("wam", "an arm file (.toml)", "a URDF (.urdf)", "an MJCF (.xml)")
 
 
 def with_encoders(arm: Arm, step: float | Sequence[float]) -> Arm:

@@ -71,7 +71,8 @@ def missing_notes(path: Path, missing: Sequence[Missing]) -> tuple[str, ...]:
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
     mesh = next((x.mesh for x in missing if x.mesh), "")
     first = f"; first {mesh[:_LONGEST]!r}: {_remedy(path, mesh)}" if mesh else ""
-    return (f"no mesh that can be read for {', '.join(names[:3])}{more}: the arm may touch itself"
+    kind = "mesh" if mesh else "shape"
+    return (f"no {kind} that can be read for {', '.join(names[:3])}{more}: the arm may touch itself"
             f" there, and hides no ball{first}",)  # fmt: skip
 
 
@@ -164,6 +165,17 @@ def box_points(half: Array) -> Array:
     """Return the corners of a box of half widths [m], shape (8, 3)."""
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     return np.asarray(signs * half)
+
+
+def ball_points() -> Array:
+    """Return the corners of a dodecahedron that holds the unit ball, shape (20, 3)."""
+    golden = 0.5 * (1.0 + np.sqrt(5.0))
+    signs = (-1.0, 1.0)
+    edges = [(0.0, x / golden, y * golden) for x in signs for y in signs]
+    turned = [np.roll(edge, k) for k in range(3) for edge in edges]
+    corners = np.vstack((box_points(np.ones(3)), turned))
+    inside = golden**2 / np.sqrt(1.0 + golden**2)  # radius of the ball that touches the faces
+    return np.asarray(corners / inside)
 
 
 def cylinder_points(radius: float, half: float) -> Array:

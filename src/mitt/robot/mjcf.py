@@ -14,12 +14,13 @@ import numpy as np
 import pinocchio as pin
 
 from mitt import checks
-from mitt.errors import FileError, heard
-from mitt.reading import read_text
+from mitt.errors import FileError, MittError, ModelError, heard
 from mitt.robot.description import rotation
+from mitt.robot.inertia import mended_inertia
 from mitt.robot.meshes import (
     Meshes,
     Missing,
+    ball_points,
     box_points,
     check_place,
     cylinder_points,
@@ -28,6 +29,7 @@ from mitt.robot.meshes import (
 )
 from mitt.robot.mjcf_files import check_files
 from mitt.robot.mjcf_joints import (
+    BALL,
     HINGE,
     SLIDE,
     Names,
@@ -38,14 +40,27 @@ from mitt.robot.mjcf_joints import (
     speeds_of,
     torques_of,
 )
+from mitt.robot.mjcf_left_out import file_notes, left_out_of
 from mitt.robot.stated import Shape, Stated
-from mitt.robot.urdf import MAX_BYTES, checked_xml
+from mitt.robot.xml_files import read_xml
 from mitt.signals import GRAVITY, Array
 
 _KEYS = {
     "range": "range", "torque": "actuatorfrcrange or forcerange",
     "speed": "the numeric velocity_limit_JOINT",
 }  # fmt: skip
+#: Kinds of geoms. As plain numbers: an enum of MuJoCo is not equal to a number of numpy.
+_PLANE, _SPHERE, _CAPSULE, _ELLIPSOID, _CYLINDER, _BOX = (
+    int(kind)
+    for kind in (
+        mujoco.mjtGeom.mjGEOM_PLANE,
+        mujoco.mjtGeom.mjGEOM_SPHERE,
+        mujoco.mjtGeom.mjGEOM_CAPSULE,
+        mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+        mujoco.mjtGeom.mjGEOM_CYLINDER,
+        mujoco.mjtGeom.mjGEOM_BOX,
+    )
+)
 _Mesh: TypeAlias = tuple[str, Path | None, Array]
 """What a mesh is called, where it is, and its scale."""
 _NONE: _Mesh = ("", None, np.ones(3))
@@ -58,37 +73,40 @@ def read_mjcf(path: Path) -> Stated:
         FileError: It cannot be read or compiled, or a body has no mass but that of its meshes.
     """
     path = checks.path("arm", path)
-    text = read_text(path, max_bytes=MAX_BYTES)
-    root = checked_xml(path, text)
-    if root.tag != "mujoco":
-        raise FileError(str(path), "an MJCF, <mujoco>...</mujoco>", f"<{root.tag[:40]}>")
+    text, root = read_xml(path, "mujoco")
     check_files(path, root)
     speed = speeds_of(path, root)
     with heard():
-        m, meshes = _compiled(path, text)
+        m, meshes, mended = _compiled(path, text)
     names = names_of(m)
     shapes, missing = _shapes(path, m, names, meshes)
     mimics, notes = mimics_of(m, names)
+    notes = (*mended, *notes, *file_notes(m, names))
     return Stated(
         place=str(path), model=_to_pinocchio(m, names), ranges=ranges_of(m, names),
         torque=torques_of(m, names), speed=speed, mimics=mimics, loops=loops_of(m, names),
         shapes=tuple(shapes), notes=(*missing_notes(path, missing), *notes), keys=_KEYS,
+        left_out=left_out_of(m, names),
     )  # fmt: skip
 
 
-def _compiled(path: Path, text: str) -> tuple[mujoco.MjModel, dict[str, _Mesh]]:
+def _compiled(path: Path, text: str) -> tuple[mujoco.MjModel, dict[str, _Mesh], tuple[str, ...]]:
     """Compile a file without what only is to be looked at; no other file is opened.
 
     Returns:
-        The model, each mesh a tiny sphere in its place, and the meshes by the names of these.
+        The model, each mesh a tiny sphere in its place, the meshes by the names of these, and
+        notes of inertias that were mended.
     """
     try:
         spec = mujoco.MjSpec.from_string(text)
         meshes: dict[str, _Mesh] = {}
+        notes: list[str] = []
         for k, geom in enumerate(list(spec.geoms)):
             if geom.type == mujoco.mjtGeom.mjGEOM_HFIELD:
+                notes.append(f"the height field {geom.hfieldname!r} is left out: nothing keeps the"
+                             " arm off it")  # fmt: skip
                 spec.delete(geom)
-            elif geom.type == mujoco.mjtGeom.mjGEOM_MESH:
+            elif geom.meshname:  # a mesh, or the solid that MuJoCo fits to one
                 _check_weight(path, spec, geom)
                 meshes[_replaced(geom, k)] = _mesh(path, spec, geom.meshname)
                 geom.meshname = ""
@@ -98,10 +116,46 @@ def _compiled(path: Path, text: str) -> tuple[mujoco.MjModel, dict[str, _Mesh]]:
             spec.delete(element)
         for element in (*spec.geoms, *spec.sites, *spec.tendons):
             element.material = ""
-        return spec.compile(), meshes
+        notes += _mend_inertias(path, spec)
+        return spec.compile(), meshes, tuple(notes)
+    except MittError:
+        raise
     except (ValueError, RuntimeError, TypeError) as error:
         reason = " ".join(str(error).split())[:200]
         raise FileError(str(path), "an MJCF arm", reason) from error
+
+
+def _mend_inertias(path: Path, spec: mujoco.MjSpec) -> list[str]:
+    """Mend the rounded inertias that bodies state, in their place, and return notes of it.
+
+    Raises:
+        ModelError: A body has a mass below 0, or moments that no body can have.
+    """
+    kind = spec.compiler.inertiafromgeom
+    if kind == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE or spec.compiler.balanceinertia:
+        return []
+    notes = []
+    for body in spec.bodies:
+        if not body.explicitinertial:
+            continue
+        where = f"{path} body {body.name!r}"
+        if body.mass < 0.0:
+            raise ModelError(where, "a mass of at least 0 kg", f"{body.mass:g}")
+        full = not np.isnan(body.fullinertia[0])
+        xx, yy, zz, xy, xz, yz = body.fullinertia if full else (*body.inertia, 0.0, 0.0, 0.0)
+        given = np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+        light = body.mass == 0.0 and not given.any()
+        if light or np.any(np.isnan(given)):
+            continue
+        inertia, note = mended_inertia(where, float(body.mass), given)
+        if note:
+            notes.append(note)
+            if full:
+                ((xx, xy, xz), (_, yy, yz), (_, _, zz)) = inertia
+                body.fullinertia = [xx, yy, zz, xy, xz, yz]
+            else:
+                body.inertia = np.diag(inertia)
+    return notes
 
 
 def _replaced(geom: mujoco.MjsGeom, k: int) -> str:
@@ -135,8 +189,8 @@ def _shapes(
         own = np.flatnonzero(m.geom_bodyid == b)
         for g in own[touching[own]] if touching[own].any() else own:
             name = names.bodies[b] if b else "universe"
-            if m.geom_type[g] == mujoco.mjtGeom.mjGEOM_PLANE:
-                continue
+            if int(m.geom_type[g]) == _PLANE:
+                continue  # which a note says
             found = _points(m, int(g), meshes, known)
             if found is None:
                 missing.append(Missing(name, meshes.get(m.geom(g).name, _NONE)[0]))
@@ -152,19 +206,20 @@ def _points(
     m: mujoco.MjModel, g: int, meshes: dict[str, _Mesh], known: Meshes
 ) -> tuple[Array, float] | None:
     """Return the points of a geom in its own frame, and a radius about them [m]."""
-    size, kind = m.geom_size[g], m.geom_type[g]
+    size, kind = m.geom_size[g], int(m.geom_type[g])
     _, file, scale = meshes.get(m.geom(g).name, _NONE)
     if m.geom(g).name in meshes:
         points = None if file is None else known.points(file)
         return None if points is None else (points * scale, 0.0)
-    if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
+    if kind == _SPHERE:
         return np.zeros((1, 3)), float(size[0])
-    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+    if kind == _CAPSULE:
         return np.array([[0.0, 0.0, -size[1]], [0.0, 0.0, size[1]]]), float(size[0])
-    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+    if kind == _CYLINDER:
         return cylinder_points(float(size[0]), float(size[1])), 0.0
-    solid = kind in (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_ELLIPSOID)
-    return (box_points(size), 0.0) if solid else None
+    if kind == _ELLIPSOID:
+        return ball_points() * size, 0.0
+    return (box_points(size), 0.0) if kind == _BOX else None
 
 
 def _check_weight(path: Path, spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> None:
@@ -225,7 +280,7 @@ def _joint(m: mujoco.MjModel, k: int) -> pin.JointModel:
         return pin.JointModelRevoluteUnaligned(np.array(m.jnt_axis[k]))
     if m.jnt_type[k] == SLIDE:
         return pin.JointModelPrismaticUnaligned(np.array(m.jnt_axis[k]))
-    if m.jnt_type[k] == mujoco.mjtJoint.mjJNT_BALL:
+    if m.jnt_type[k] == BALL:
         return pin.JointModelSpherical()
     return pin.JointModelFreeFlyer()
 

@@ -18,7 +18,12 @@ from mitt.robot.stated import LINK, Mimic
 from mitt.signals import Array
 
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
-"""Kinds of joints that turn and slide."""
+BALL = int(mujoco.mjtJoint.mjJNT_BALL)
+"""Kinds of joints that turn about one axis, slide, and turn freely."""
+AT_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+"""How actuators reach a joint; the frame of the torque is the same for one axis."""
+MOTOR = int(mujoco.mjtBias.mjBIAS_NONE)
+"""What actuators add to their control times their gain: nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,12 +77,12 @@ def torques_of(m: mujoco.MjModel, names: Names) -> dict[str, float]:
         if m.jnt_type[k] in (HINGE, SLIDE) and m.jnt_actfrclimited[k]:
             bounds.setdefault(names.joints[k], []).append(_width(m.jnt_actfrcrange[k]))
     for a in range(m.nu):
-        if m.actuator_trntype[a] != mujoco.mjtTrn.mjTRN_JOINT:
+        if int(m.actuator_trntype[a]) not in AT_JOINT:
             continue
         name, gear = names.joints[m.actuator_trnid[a, 0]], abs(float(m.actuator_gear[a, 0]))
         if m.actuator_forcelimited[a]:
             bounds.setdefault(name, []).append(gear * _width(m.actuator_forcerange[a]))
-        motor = m.actuator_biastype[a] == mujoco.mjtBias.mjBIAS_NONE
+        motor = int(m.actuator_biastype[a]) == MOTOR
         if motor and m.actuator_ctrllimited[a]:
             gain = abs(float(m.actuator_gainprm[a, 0]))
             bounds.setdefault(name, []).append(gear * gain * _width(m.actuator_ctrlrange[a]))
@@ -112,7 +117,7 @@ def loops_of(m: mujoco.MjModel, names: Names) -> tuple[tuple[str, str], ...]:
     out = []
     for k in np.flatnonzero(np.isin(m.eq_type, [int(x) for x in kinds])):
         ends = [int(m.eq_obj1id[k]), int(m.eq_obj2id[k])]
-        if m.eq_objtype[k] == mujoco.mjtObj.mjOBJ_SITE:
+        if int(m.eq_objtype[k]) == int(mujoco.mjtObj.mjOBJ_SITE):
             ends = [int(m.site_bodyid[x]) for x in ends]
         out.append((names.bodies[ends[0]], names.bodies[ends[1]]))
     return tuple(out)

@@ -12,10 +12,11 @@ from mitt.robot.arm import Arm
 from mitt.robot.basket import Hand, mounting
 from mitt.robot.carried import carried_shapes, frame_of, joints_to
 from mitt.robot.description import ArmModel, Link, rotation, transform
+from mitt.robot.inertia import mended_inertia
 from mitt.robot.limit_sets import LimitSet
 from mitt.robot.limits import Limits, joint_level
-from mitt.robot.stated import Stated
-from mitt.robot.units import WIDEST, check_range, check_set, slides, speed_notes
+from mitt.robot.stated import LeftOut, Stated
+from mitt.robot.units import WIDEST, check_range, check_set, doubts, slides
 from mitt.signals import Array
 
 Mount = Literal["catch", "plate"]
@@ -64,6 +65,7 @@ def serial_arm(stated: Stated, wanted: Wanted) -> Arm:
     kept = {stated.model.getJointId(name) for name in loads}
     rest = [k for k in range(1, stated.model.njoints) if k not in kept]
     model = pin.buildReducedModel(stated.model, rest, q)
+    mended = _mend_inertias(model)
     at = {name: q[stated.model.joints[stated.model.getJointId(name)].idx_q] for name in loads}
     tool = plate = _tool(model, wanted)
     if wanted.hand is not None:
@@ -78,7 +80,9 @@ def serial_arm(stated: Stated, wanted: Wanted) -> Arm:
     notes = (
         stated.notes
         + set_notes
-        + speed_notes(stated, wanted.joints)
+        + mended
+        + doubts(stated, links, tool)
+        + _left_out_notes(stated, loads, wanted.joints)
         + tuple(_locked_note(stated, x) for x in locked)
     )
     description = ArmModel(
@@ -96,6 +100,42 @@ def _bears(stated: Stated, name: str) -> bool:
 def _mass(stated: Stated, name: str) -> float:
     """Return the mass of the body behind a joint [kg]."""
     return float(stated.model.inertias[stated.model.getJointId(name)].mass)
+
+
+def _mend_inertias(model: pin.Model) -> tuple[str, ...]:
+    """Mend the rounded inertias of a model's bodies in their place, and return notes of it."""
+    notes = []
+    for k in range(1, model.njoints):
+        body = model.inertias[k]
+        if not 0.0 < body.mass < np.inf:
+            continue  # which a link refuses
+        frames = (x for x in model.frames if x.parentJoint == k)
+        name = next((x.name for x in frames if x.type == pin.FrameType.BODY), "")
+        where = f"link {name!r} behind joint {model.names[k]!r}"
+        inertia, note = mended_inertia(where, float(body.mass), np.array(body.inertia))
+        if note:
+            model.inertias[k] = pin.Inertia(float(body.mass), np.array(body.lever), inertia)
+            notes.append(note)
+    return tuple(notes)
+
+
+def _left_out_notes(stated: Stated, loads: Sequence[str], active: Sequence[str]) -> tuple[str, ...]:
+    """Return a note of what the file states of the joints and no drive is asked for."""
+    words = []
+    for name in loads:
+        lost = stated.left_out.get(name, LeftOut())
+        if not lost.words or (name not in active and not lost.others):
+            continue
+        most = lost.friction + lost.damping * stated.speed[name]
+        share = (
+            f" ({most:.4g} of {stated.torque[name]:.4g} N m at its largest speed)" if most else ""
+        )
+        words.append(f"{name} {lost.words}{share}")
+    if not words:
+        return ()
+    rest = f"; {len(words) - 4} more joints" if len(words) > 4 else ""
+    return (f"stated in the file and not counted in what drives give: {'; '.join(words[:4])}{rest};"
+            " take friction off the torques of a limits file (--limits FILE.toml)",)  # fmt: skip
 
 
 def _locked_note(stated: Stated, name: str) -> str:
@@ -187,7 +227,8 @@ def check_active(stated: Stated, name: str) -> None:
     missing = stated.missing(name)
     if missing:
         wanted = " and ".join(_LIMITS[kind] for kind in missing)
-        raise ModelError(where, wanted, "none", do=stated.remedy(name))
+        given = stated.unusable.get(name, "none")
+        raise ModelError(where, wanted, given, do=stated.remedy(name))
     if not slides(stated.model, name):
         check_range(where, *stated.ranges[name])
 

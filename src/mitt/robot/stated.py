@@ -37,6 +37,27 @@ class Shape:
     radius: float = 0.0
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeftOut:
+    """What a file states of a joint and mitt does not count.
+
+    Attributes:
+        damping: Torque per speed [N m s/rad].
+        friction: Dry friction [N m].
+        others: Anything else, as a note says it.
+    """
+
+    damping: float = 0.0
+    friction: float = 0.0
+    others: tuple[str, ...] = ()
+
+    @property
+    def words(self) -> str:
+        """What it is, in words; empty where it is nothing."""
+        named = (("damping", self.damping), ("dry friction", self.friction))
+        return ", ".join((*(f"{name} {x:.4g}" for name, x in named if x), *self.others))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Stated:
     """What a file states; a joint that is missing in one of the tables has no such limit there.
@@ -52,6 +73,8 @@ class Stated:
         shapes: Shapes of the bodies whose meshes are there.
         notes: What a user should know of how the file was read.
         keys: How such a file states the range, torque and speed of a joint, by these words.
+        left_out: What is stated of joints and not counted.
+        unusable: What is written of a joint in the place of a limit that is missing.
     """
 
     place: str
@@ -64,6 +87,8 @@ class Stated:
     shapes: tuple[Shape, ...] = ()
     notes: tuple[str, ...] = ()
     keys: Mapping[str, str] = field(default_factory=dict)
+    left_out: Mapping[str, LeftOut] = field(default_factory=dict)
+    unusable: Mapping[str, str] = field(default_factory=dict)
 
     def missing(self, name: str) -> tuple[str, ...]:
         """Return which of range, torque and speed are not known of a joint."""

@@ -1,4 +1,4 @@
-"""Whether the limits of joints can be in radians: degrees are refused, or doubted in a note.
+"""Whether numbers of an arm can be in SI units: what cannot be is refused, else doubted in a note.
 
 A hinge may state any speed: files of walking robots allow 40 rad/s, and others write 1000 for "no
 limit". So a speed of the description file is only doubted. A limit set has a unit of its own, and
@@ -12,13 +12,31 @@ import numpy as np
 import pinocchio as pin
 
 from mitt.errors import ModelError
+from mitt.robot.description import Link
 from mitt.robot.stated import Stated
+from mitt.signals import GRAVITY, Array
 
 #: Widest range of a hinge that is taken for radians [rad]; a wider one was written in degrees.
 WIDEST: Final = 4.0 * np.pi
+#: End of a range above which it is no angle in degrees either.
+_ENDLESS = 4000.0
 #: Speed of a hinge above which a unit is doubted, and above which a limit set is refused [rad/s].
 #: Choices of this project: arms turn at up to 10 rad/s, and state 60 to 400 degrees a second.
 _DOUBTED, _FASTEST = 20.0, 20.0 * np.pi
+#: Speed of a hinge below which its unit is doubted [rad/s].
+_SLOWEST = 0.1
+#: Width of a hinge's range below which it is doubted [rad]: 4 pi read as degrees.
+_NARROWEST = np.radians(WIDEST)
+#: Range or speed of a sliding joint above which it is doubted [m, m/s].
+_FARTHEST = 20.0
+#: Torque of a joint, in torques that its weight asks for, above which it is doubted. Real arms have
+#: up to 10. Least length that counts as a lever [m].
+_STRONGEST, _SHORTEST = 60.0, 0.1
+#: Lengths of arms [m], and masses over their cubes [kg/m^3], that are believed: real arms have 3 to
+#: 60 kg/m^3.
+_REACH, _DENSITY = (0.03, 12.0), (0.3, 1000.0)
+#: Radius of gyration of a link, in lengths of the arm, above which it is doubted.
+_WIDEST_BODY = 3.0
 
 
 def slides(model: pin.Model, name: str) -> bool:
@@ -33,8 +51,10 @@ def check_range(where: str, low: float, high: float) -> None:
         ModelError: An end is beyond 4 pi.
     """
     if max(abs(low), abs(high)) > WIDEST:
-        raise ModelError(where, "a range within +-4 pi rad", f"{low:g}..{high:g}",
-                         do="these look like degrees: write radians")  # fmt: skip
+        do = "these look like degrees: write radians"
+        if max(abs(low), abs(high)) > _ENDLESS:
+            do = "these stand for no end: write the range that the joint has, in radians"
+        raise ModelError(where, "a range within +-4 pi rad", f"{low:g}..{high:g}", do=do)
 
 
 def check_set(model: pin.Model, name: str, bounds: Mapping[str, Mapping[str, float]]) -> None:
@@ -59,14 +79,120 @@ def check_set(model: pin.Model, name: str, bounds: Mapping[str, Mapping[str, flo
             )  # fmt: skip
 
 
-def speed_notes(stated: Stated, joints: Sequence[str]) -> tuple[str, ...]:
-    """Return a note of the active joints whose speed limits are too large to be believed."""
-    fast = [x for x in joints if not slides(stated.model, x) and stated.speed[x] > _DOUBTED]
-    if not fast:
-        return ()
-    named = [f"{x} {stated.speed[x]:.4g} rad/s" for x in fast[:2]]
-    rest = f" and {len(fast) - 2} more" if len(fast) > 2 else ""
-    degrees = np.radians(stated.speed[fast[0]])
-    return (f"large speed limits: {', '.join(named)}{rest}; if they are in degrees, write radians"
-            f" ({fast[0]} {degrees:.4g}), in the file or as speed in a limits file"
-            " (--limits FILE.toml)",)  # fmt: skip
+def doubts(stated: Stated, links: Sequence[Link], tool: Array) -> tuple[str, ...]:
+    """Return notes of what is hardly meant: ranges, speeds, torques, lengths, masses, inertias.
+
+    Args:
+        stated: What the file states, with the bounds of a limit set.
+        links: The links of the arm, from the base outwards; what is held is not doubted.
+        tool: Frame of the tool in that of the last link, shape (4, 4).
+    """
+    lengths = _lengths(links, tool)
+    reach, mass = float(lengths.sum()), sum(x.mass for x in links)
+    active = [x for x in links if x.held is None]
+    hinges = [x for x in active if not x.prismatic]
+    slow = {x.name: f"{stated.speed[x.name]:.4g} rad/s" for x in hinges
+            if stated.speed[x.name] < _SLOWEST}  # fmt: skip
+    found = (
+        _narrow(hinges),
+        _fast({x.name: stated.speed[x.name] for x in hinges if stated.speed[x.name] > _DOUBTED}),
+        _named("small speed limits", slow, "write rad/s"),
+        _named("large ranges or speeds of sliding joints", _far(stated, active),
+               "if they are in mm, write metres"),
+        _named("large torque limits for the weight and length that they move",
+               _strong(stated, links, lengths), 'do they stand for "no limit", or for another'
+               " unit? write what the drives give, here or as torque in a limits file"),
+        _sizes(reach, mass),
+        _wide(links, reach),
+    )  # fmt: skip
+    return tuple(x for x in found if x)
+
+
+def _named(what: str, values: Mapping[str, str], do: str) -> str:
+    """Return a note that names two of the joints; empty where there are none."""
+    if not values:
+        return ""
+    named = [f"{name} {x}" for name, x in list(values.items())[:2]]
+    rest = f" and {len(values) - 2} more" if len(values) > 2 else ""
+    return f"{what}: {', '.join(named)}{rest}; {do}"
+
+
+def _narrow(hinges: Sequence[Link]) -> str:
+    """Return a note of the hinges whose range would be one of radians taken for degrees."""
+    narrow = {x.name: x.q_max - x.q_min for x in hinges if x.q_max - x.q_min < _NARROWEST}
+    if not narrow:
+        return ""
+    x = next(x for x in hinges if x.name in narrow)
+    low, high = np.degrees(x.q_min), np.degrees(x.q_max)
+    do = (f"if {low:.3g}..{high:.3g} rad are meant for {x.name}, radians were read as degrees: say"
+          ' <compiler angle="radian"/> in an MJCF, write radians in other files')  # fmt: skip
+    widths = {name: f"{x:.4g} rad wide" for name, x in narrow.items()}
+    return _named("narrow ranges", widths, do)
+
+
+def _fast(fast: Mapping[str, float]) -> str:
+    """Return a note of the hinges whose speed limits may be in degrees."""
+    first = next(iter(fast), "")
+    radians = np.radians(fast.get(first, 0.0))
+    do = (f"if they are in degrees, write radians ({first} {radians:.4g}), in the file or as speed"
+          " in a limits file (--limits FILE.toml)")  # fmt: skip
+    speeds = {name: f"{x:.4g} rad/s" for name, x in fast.items()}
+    return _named("large speed limits", speeds, do)
+
+
+def _far(stated: Stated, active: Sequence[Link]) -> dict[str, str]:
+    """Return the sliding joints whose ranges or speeds may be in millimetres."""
+    most = {
+        x.name: max(abs(x.q_min), abs(x.q_max), stated.speed[x.name]) for x in active if x.prismatic
+    }
+    return {name: f"{x:.4g} m or m/s" for name, x in most.items() if x > _FARTHEST}
+
+
+def _lengths(links: Sequence[Link], tool: Array) -> Array:
+    """Return the length from each joint to the next, the tip behind the last [m], shape (N,)."""
+    ends = [x.placement[:3, 3] for x in links[1:]] + [tool[:3, 3]]
+    return np.array([float(np.linalg.norm(p)) for p in ends])
+
+
+def _strong(stated: Stated, links: Sequence[Link], lengths: Array) -> dict[str, str]:
+    """Return the active joints whose torque is far beyond what weight asks of them.
+
+    That is the weight of what is behind the joint, and of half of the arm at its tip, all stretched
+    out.
+    """
+    out = {}
+    load = 0.5 * sum(x.mass for x in links)
+    for k, x in enumerate(links):
+        if x.held is not None:
+            continue
+        at = np.concatenate(([0.0], np.cumsum(lengths[k:])))
+        behind = links[k:]
+        if x.prismatic:
+            weight = sum(y.mass for y in behind) + load
+        else:
+            arms = [d + float(np.linalg.norm(y.com)) for d, y in zip(at, behind, strict=False)]
+            weight = sum(y.mass * d for y, d in zip(behind, arms, strict=True))
+            weight += load * max(float(at[-1]), _SHORTEST)
+        if stated.torque[x.name] > _STRONGEST * GRAVITY * weight:
+            out[x.name] = f"{stated.torque[x.name]:.4g} {'N' if x.prismatic else 'N m'}"
+    return out
+
+
+def _sizes(reach: float, mass: float) -> str:
+    """Return a note of an arm that is too long, too short, too heavy or too light for one."""
+    if not _REACH[0] <= reach <= _REACH[1]:
+        return (f"the joints up to the tip are {reach:.4g} m long in all; if lengths are in mm,"
+                " write metres")  # fmt: skip
+    if not _DENSITY[0] <= mass / reach**3 <= _DENSITY[1]:
+        return (f"the arm weighs {mass:.4g} kg and is {reach:.3g} m long; if masses are in grams"
+                " or pounds, or lengths in another unit, write kg and metres")  # fmt: skip
+    return ""
+
+
+def _wide(links: Sequence[Link], reach: float) -> str:
+    """Return a note of inertias that only bodies far longer than the arm have."""
+    radii = {x.name: float(np.sqrt(np.linalg.eigvalsh(x.inertia)[2] / x.mass)) for x in links}
+    most = _WIDEST_BODY * max(reach, _SHORTEST)
+    wide = {name: f"{x:.4g} m" for name, x in radii.items() if x > most}
+    return _named("large inertias for their masses, radius of gyration behind", wide,
+                  "write kg m^2")  # fmt: skip

@@ -6,26 +6,22 @@ needed). The schema of URDF: the ROS wiki, pages urdf/XML/joint and urdf/XML/lin
 """
 
 from collections.abc import Iterator
-from math import hypot, isfinite, pi
+from math import hypot, inf, isfinite, pi
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
 import pinocchio as pin
-from defusedxml import DefusedXmlException, ElementTree
 
 from mitt import checks
 from mitt.errors import FileError, heard
-from mitt.reading import read_text
 from mitt.robot.meshes import urdf_shapes
-from mitt.robot.stated import LINK, Mimic, Stated
+from mitt.robot.stated import LINK, LeftOut, Mimic, Stated
+from mitt.robot.xml_files import check_numbers, read_xml, without_sources
 
-#: Largest description file read [byte]; real ones stay below 1 MB.
-MAX_BYTES = 5_000_000
-#: Elements in one another; more would be too many for the parsers behind Pinocchio.
-_MOST_LEVELS = 100
 #: Joints that move, with a range that the file has to state or not.
 _MOVING = ("revolute", "prismatic", "continuous")
+_TYPES = (*_MOVING, "fixed", "floating", "planar")
 _KEYS_OF = {
     "range": "<limit> lower and upper", "torque": "<limit> effort", "speed": "<limit> velocity"
 }  # fmt: skip
@@ -39,9 +35,8 @@ def read_urdf(path: Path) -> Stated:
             than one degree of freedom.
     """
     path = checks.path("arm", path)
-    root = checked_xml(path, read_text(path, max_bytes=MAX_BYTES))
-    if root.tag != "robot":
-        raise FileError(str(path), "a URDF, <robot>...</robot>", f"<{root.tag[:40]}>")
+    _, root = read_xml(path, "robot")
+    check_numbers(path, root)
     joints = [x for x in root.findall("joint") if x.get("type") is not None]
     _check_tree(path, root, joints)
     for joint in joints:
@@ -50,6 +45,7 @@ def read_urdf(path: Path) -> Stated:
                 joint.remove(axis)  # it has no meaning there, and some files have zeros
             else:
                 _check_axis(path, axis)
+    left_out, unusable = _left_out(root, joints), _unusable(joints)
     ranges, torque, speed = _mended(path, joints)
     mimics = dict(_mimics(path, joints))
     shapes, notes = urdf_shapes(path, root)
@@ -60,52 +56,31 @@ def read_urdf(path: Path) -> Stated:
         except (ValueError, RuntimeError, IndexError, KeyError) as error:
             failed = error
     if failed is not None:
-        reason = f"{''.join(said)} {failed}".split() or ["a parse error"]
-        raise FileError(str(path), "a URDF arm", " ".join(reason)[:200]) from failed
+        reason = without_sources("".join(said).splitlines()) or without_sources([str(failed)])
+        raise FileError(str(path), "a URDF arm", reason[:200] or "a parse error") from failed
     return Stated(
         place=str(path), model=model, ranges=ranges, torque=torque, speed=speed,
-        mimics=mimics, shapes=shapes, notes=notes, keys=_KEYS_OF,
+        mimics=mimics, shapes=shapes, notes=notes, keys=_KEYS_OF, left_out=left_out,
+        unusable=unusable,
     )  # fmt: skip
-
-
-def checked_xml(path: Path, text: str) -> Element:
-    """Return the root of an XML file; refuse malformed ones and masses that are no numbers.
-
-    The parsers behind take a link whose mass does not parse for one without mass.
-    """
-    try:
-        root: Element = ElementTree.fromstring(text, forbid_dtd=True)
-    except (ElementTree.ParseError, DefusedXmlException, ValueError) as error:
-        raise FileError(str(path), "well-formed XML", error) from error
-    level = [root]
-    for _ in range(_MOST_LEVELS):
-        level = [child for element in level for child in element]
-    if level:
-        raise FileError(str(path), f"at most {_MOST_LEVELS} elements in one another", "more")
-    if root.find(".//include") is not None:
-        raise FileError(str(path), "one file", "one that includes others", do="join them")
-    for inertial in root.iter("inertial"):
-        for element in (x for x in inertial if x.tag in ("mass", "inertia")):
-            for key, value in element.attrib.items():
-                if not _is_number(value):
-                    raise FileError(str(path), f"a number for {element.tag} {key}", repr(value))
-    return root
-
-
-def _is_number(text: str) -> bool:
-    """Say whether a text is a finite number."""
-    try:
-        return isfinite(float(text))
-    except ValueError:
-        return False
 
 
 def _check_tree(path: Path, root: Element, joints: list[Element]) -> None:
     """Refuse two roots, closed chains, and joints that are no tree."""
     links = [x.get("name", "") for x in root.findall("link")]
+    if not links:
+        raise FileError(str(path), "a URDF arm with links", "none", do="export it again")
+    for kind, names in (("link", links), ("joint", [x.get("name", "") for x in joints])):
+        twice = next((x for k, x in enumerate(names) if x in names[:k]), None)
+        if twice is not None:
+            raise FileError(str(path), f"{kind}s with names of their own", f"two {twice!r}",
+                            do="rename one of them")  # fmt: skip
     above: dict[str, str] = {}
     for joint in joints:
         name, child = joint.get("name", ""), _link_of(joint, "child")
+        if joint.get("type") not in _TYPES:
+            raise FileError(f"{path} joint {name!r}", f"one of the types {', '.join(_TYPES)}",
+                            repr(joint.get("type")))  # fmt: skip
         if child in above:
             raise FileError(str(path), "an arm without closed chains",
                             f"link {child!r} behind joints {above[child]!r} and {name!r}",
@@ -118,6 +93,12 @@ def _check_tree(path: Path, root: Element, joints: list[Element]) -> None:
     if links and not roots:
         raise FileError(str(path), "an arm without closed chains", "no root link",
                         do="take out the joint that closes the chain")  # fmt: skip
+    for joint in joints:
+        for end in ("parent", "child"):
+            if _link_of(joint, end) not in links:
+                where = f"{path} joint {joint.get('name', '')!r}"
+                raise FileError(where, f"a link of the file as its {end}",
+                                repr(_link_of(joint, end)))  # fmt: skip
 
 
 def _link_of(joint: Element, end: str) -> str:
@@ -134,7 +115,8 @@ def _check_axis(path: Path, axis: Element) -> None:
     except ValueError:
         size = 0.0
     if not 1e-6 < size < 1e6:
-        raise FileError(str(path), "joint axes with a direction", repr(given[:60]))
+        do = "separate the numbers by spaces" if "," in given else ""
+        raise FileError(str(path), "joint axes with a direction", repr(given[:60]), do=do)
 
 
 _Limits = tuple[dict[str, tuple[float, float]], dict[str, float], dict[str, float]]
@@ -159,9 +141,11 @@ def _mended(path: Path, joints: list[Element]) -> _Limits:
             joint.set("type", "revolute")
             ranges[name] = (-pi, pi)
         elif "lower" in stated or "upper" in stated:
-            ranges[name] = (stated.get("lower", 0.0), stated.get("upper", 0.0))
+            ends = stated.get("lower", 0.0), stated.get("upper", 0.0)
+            if all(map(isfinite, ends)):
+                ranges[name] = ends
         for table, key in ((torque, "effort"), (speed, "velocity")):
-            if stated.get(key, 0.0) > 0.0:
+            if 0.0 < stated.get(key, 0.0) < inf:
                 table[name] = stated[key]
         low, high = ranges.get(name, (0.0, 0.0))
         for key, value in zip(_KEYS, (low, high, torque.get(name, 0.0), speed.get(name, 0.0)),
@@ -171,6 +155,52 @@ def _mended(path: Path, joints: list[Element]) -> _Limits:
 
 
 _KEYS = ("lower", "upper", "effort", "velocity")
+
+
+def _unusable(joints: list[Element]) -> dict[str, str]:
+    """Return what joints state in the place of a limit: 0, less, or no end."""
+    out = {}
+    for joint in joints:
+        given = joint.find("limit")
+        stated = {} if given is None else {k: given.get(k, "") for k in _KEYS if given.get(k)}
+        words = [f"{key} {text[:20]}" for key, text in stated.items() if not _usable(key, text)]
+        if words:
+            out[joint.get("name", "")] = ", ".join(words)
+    return out
+
+
+def _usable(key: str, text: str) -> bool:
+    """Say whether a text is a limit: of a torque or a speed above 0, of any finite."""
+    try:
+        value = float(text)
+    except ValueError:
+        return False
+    return isfinite(value) and (value > 0.0 or key in ("lower", "upper"))
+
+
+def _left_out(root: Element, joints: list[Element]) -> dict[str, LeftOut]:
+    """Return what is stated of joints and not counted."""
+    geared = {
+        joint.get("name", ""): reduction
+        for transmission in root.iter("transmission")
+        for joint in transmission.findall("joint")
+        for reduction in transmission.findall(".//mechanicalReduction")
+    }
+    out = {}
+    for joint in joints:
+        name, others = joint.get("name", ""), []
+        lost = {"damping": 0.0, "friction": 0.0}
+        for dynamics in joint.findall("dynamics"):
+            lost |= {key: abs(float(dynamics.get(key, "0"))) for key in lost}
+            others += [f"{key} {x[:20]}" for key, x in dynamics.attrib.items() if key not in lost]
+        limit = joint.find("limit")
+        more = {} if limit is None else limit.attrib
+        others += [f"{key} {x[:20]}" for key, x in more.items() if key not in _KEYS]
+        others += ["safety_controller"] * (joint.find("safety_controller") is not None)
+        ratio = "1" if name not in geared else (geared[name].text or "1").strip()
+        others += [f"mechanicalReduction {ratio[:20]}"] * (ratio not in ("1", "1.0"))
+        out[name] = LeftOut(**lost, others=tuple(others))
+    return out
 
 
 def _number(path: Path, joint: str, element: Element, key: str) -> float:

@@ -42,6 +42,10 @@ class Positions:
     rows: dict[str, list[int]]
     samples: Array
 
+    def flight(self, name: str) -> Array:
+        """Return time and position of one flight [s, m], shape (k, 4)."""
+        return np.asarray(self.samples[self.rows[name]])
+
 
 def read_positions(path: Path) -> Positions:
     """Read recorded positions; flights may be interleaved.

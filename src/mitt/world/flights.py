@@ -10,6 +10,7 @@ import numpy as np
 from mitt.errors import FileError
 from mitt.signals import Array
 from mitt.world.ballistics import fly
+from mitt.world.fall import WANTED, doubt_of
 from mitt.world.smoothing import Pieces, smooth
 from mitt.world.tables import number, read_rows
 
@@ -87,7 +88,8 @@ def read_flights(path: Path) -> tuple[Recording, ...]:
 
     Raises:
         FileError: Not the columns ``flight,t_s,x_m,y_m,z_m``, a cell that is no finite number,
-            times that do not rise, fewer than ten samples, or a flight that goes nowhere.
+            times that do not rise, fewer than ten samples, a flight that goes nowhere, or flights
+            in other units or with another axis up.
     """
     rows: dict[str, list[tuple[float, ...]]] = {}
     limits = {"t_s": MAX_TIME, "x_m": MAX_DISTANCE, "y_m": MAX_DISTANCE, "z_m": MAX_DISTANCE}
@@ -100,7 +102,11 @@ def read_flights(path: Path) -> tuple[Recording, ...]:
         flight.append(row)
     if not rows:
         raise FileError(str(path), "at least one flight", "none")
-    return tuple(_recording(path, name, np.array(samples)) for name, samples in rows.items())
+    flights = tuple(_recording(path, name, np.array(samples)) for name, samples in rows.items())
+    doubt = doubt_of([(flight.t, flight.r) for flight in flights])
+    if doubt is not None:
+        raise FileError(str(path), WANTED, doubt.given, do=doubt.do)
+    return flights
 
 
 def _recording(path: Path, name: str, samples: Array) -> Recording:

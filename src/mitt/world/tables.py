@@ -69,5 +69,6 @@ def number(path: Path, line: int, column: str, text: str, *, limit: float) -> fl
         value = math.nan
     if not abs(value) <= limit:
         place = f"{path} line {line} column {column}"
-        raise FileError(place, f"a number within +-{limit:g}", repr(text[:40]))
+        do = "" if math.isnan(value) else "is it in another unit than the table's?"
+        raise FileError(place, f"a number within +-{limit:g}", repr(text[:40]), do=do)
     return value

@@ -10,6 +10,7 @@ from mitt import checks
 from mitt.errors import FileError, InputError, ShapeError
 from mitt.signals import Array
 from mitt.world.ballistics import release_velocity
+from mitt.world.fall import doubt_of_throws
 from mitt.world.tables import number, read_rows
 
 COLUMNS = ("x", "y", "z", "vx", "vy", "vz")
@@ -121,7 +122,8 @@ def read_throws(path: Path) -> tuple[Throw, ...]:
     """Read throws from a CSV file with the columns x, y, z, vx, vy, vz [m, m/s], one a row.
 
     Raises:
-        FileError: The file does not say that; the message names line and column.
+        FileError: The file does not say that, and names line and column; or its throws are in other
+            units or with another axis up.
     """
     limits = dict.fromkeys(COLUMNS[:3], MAX_DISTANCE) | dict.fromkeys(COLUMNS[3:], MAX_SPEED)
     throws = []
@@ -130,4 +132,8 @@ def read_throws(path: Path) -> tuple[Throw, ...]:
         throws.append(Throw(r=row[:3], dr=row[3:]))
     if not throws:
         raise FileError(str(path), "at least one throw", "none")
+    doubt = doubt_of_throws(np.array([x.r for x in throws]), np.array([x.dr for x in throws]))
+    if doubt is not None:
+        raise FileError(str(path), "throws towards the arm, z up, in m and m/s", doubt.given,
+                        do=doubt.do)  # fmt: skip
     return tuple(throws)
