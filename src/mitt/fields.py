@@ -11,6 +11,8 @@ from math import inf
 from types import NoneType
 from typing import Any, get_args, get_origin, get_type_hints
 
+import numpy as np
+
 from mitt import checks
 from mitt.errors import InputError
 
@@ -23,6 +25,8 @@ _FINITE = (-1e300, 1e300)
 
 def check(settings: object, ranges: Ranges | None = None) -> None:
     """Hold each field to its annotation and its range; call it in ``__post_init__``.
+
+    Arrays are left to the class, which knows their shapes.
 
     Args:
         settings: A dataclass, whose fields are replaced by what :mod:`mitt.checks` returns.
@@ -52,6 +56,8 @@ def _checked(name: str, value: object, hint: Any, bounds: tuple[float, float]) -
     choices = [x for x in get_args(hint) if x is not NoneType]
     if NoneType in get_args(hint) and value is None:
         return None
+    if get_origin(hint) is np.ndarray:
+        return value
     if get_origin(hint) is tuple:
         return _row(name, value, get_args(hint), bounds)
     if choices:  # of several kinds a row is meant by a row

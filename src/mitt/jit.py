@@ -97,10 +97,14 @@ def cache_folder() -> Path | None:
 
 
 def _folder_of(file: Path, cache: Path) -> Path:
-    """Return where the compiled kernels of a file are kept, below the cache's folder."""
+    """Return where the compiled kernels of a file are kept, below the cache's folder.
+
+    Code that checks bounds (``NUMBA_BOUNDSCHECK``) is kept apart.
+    """
+    how = f"numba-{__version__}{'-checked' if config.BOUNDSCHECK else ''}"
     name = file.relative_to(PACKAGE) if file.is_relative_to(PACKAGE) else Path(file.name)
     folder = f"{'.'.join(name.with_suffix('').parts)}-{stamp_of(file).hex()[:16]}"
-    return cache / f"numba-{__version__}" / folder
+    return cache / how / folder
 
 
 def is_cold() -> bool:

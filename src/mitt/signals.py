@@ -9,7 +9,7 @@ and converted once, when it is made (:mod:`mitt.checks`), so that kernels can tr
 
 from dataclasses import dataclass, field
 from enum import Enum
-from math import sqrt
+from math import inf, sqrt
 from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
@@ -27,6 +27,9 @@ TICK: Final = 0.001
 
 GRAVITY: Final = 9.81
 """Acceleration of free fall, towards -z [m/s^2]."""
+
+_ROUNDED: Final = 1e-9
+"""Relative error that rounding may bring into a covariance."""
 
 _keep = object.__setattr__
 """Writes a field of a frozen value while it is made."""
@@ -85,6 +88,16 @@ class Moments:
     clipped: bool = False
     merged: bool = False
 
+    def __post_init__(self) -> None:
+        """Hold the fields to their types; InputError where they do not fit."""
+        for name, value in (("t", self.t), ("area", self.area), ("u", self.u), ("v", self.v)):
+            _keep(self, name, checks.number(f"moments.{name}", value))
+        for name, flag in (
+            ("found", self.found), ("clipped", self.clipped), ("merged", self.merged),
+        ):  # fmt: skip
+            _keep(self, name, checks.flag(f"moments.{name}", flag))
+        _keep(self, "camera", checks.whole("moments.camera", self.camera, least=0))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sighting:
@@ -93,8 +106,10 @@ class Sighting:
     Attributes:
         t: Time of the exposure [s].
         found: Whether the ball was seen; ``r_o`` is zero if not.
-        r_o: Position [m], shape (3,).
-        covariance: Covariance of ``r_o`` [m^2], shape (3, 3).
+        r_o: Position [m], shape (3,); one that is not finite, as trackers send for a ball that they
+            do not see, tells nothing.
+        covariance: Covariance of ``r_o`` [m^2], shape (3, 3); zero where it is known exactly, as in
+            a simulation: it counts as known to 10 um.
     """
 
     t: float
@@ -103,11 +118,21 @@ class Sighting:
     covariance: Array
 
     def __post_init__(self) -> None:
-        """Hold the fields to their shapes; ShapeError or InputError where they do not fit."""
+        """Hold the fields to their shapes.
+
+        Raises:
+            ShapeError: A field has another shape.
+            InputError: A field is not what it should be; the covariance of a ball that was found
+                is none: not finite, not symmetric, or negative in some direction.
+        """
         _keep(self, "t", checks.number("sighting.t", self.t))
         _keep(self, "found", checks.flag("sighting.found", self.found))
         _keep(self, "r_o", checks.vector("sighting.r_o", self.r_o, 3))
         covariance = checks.array("sighting.covariance", self.covariance, (3, 3))
+        if self.found and not _is_covariance(covariance.tolist()):
+            raise InputError("sighting.covariance", "a covariance: finite, symmetric, not negative",
+                             covariance.tolist(),
+                             do="give sigma**2 * numpy.eye(3), zero if exact")  # fmt: skip
         _keep(self, "covariance", covariance)
 
 
@@ -287,6 +312,18 @@ class Command(NamedTuple):
         """Torques [N m], shape (n,)."""
         tau: Array = self.joints[3]
         return tau
+
+
+def _is_covariance(P: list[list[float]]) -> bool:
+    """Say whether three rows of three numbers are a covariance, but for rounding."""
+    (a, b, c), (d, e, f), (g, h, i) = P
+    largest = max(a, e, i, 0.0)
+    if not all(abs(x - y) <= _ROUNDED * largest for x, y in ((b, d), (c, g), (f, h))):
+        return False
+    most = 1.0 + _ROUNDED
+    minors = b * b <= most * a * e and c * c <= most * a * i and f * f <= most * e * i
+    volume = a * (e * i - f * f) - b * (b * i - f * c) + c * (b * f - e * c)
+    return min(a, e, i) >= 0.0 and largest < inf and minors and volume >= -_ROUNDED * a * e * i
 
 
 def all_of(name: str, values: object, kind: type[_Kind]) -> tuple[_Kind, ...]:

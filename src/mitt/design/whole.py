@@ -49,7 +49,7 @@ def whole_arm(
     """
     given = limits_of(limits)
     if str(arm) == "wam":
-        return load_arm("wam", tip=tip, joints=_WAM, limits=given, hand=hand)
+        return load_arm("wam", tip=tip, joints=_WAM, limits=given, hand=hand or "none")
     names = None if tip is None else driven_joints(Path(arm), tip, given, joints)
     whole = load_arm(arm, tip=tip, joints=names, limits=given, hand=hand,
                      hand_mount=mount)  # fmt: skip

@@ -40,9 +40,9 @@ def load_arm(
         limits: Limit set: a name of ``mitt.files.limit_files.shipped()``, ``paper``, ``wam-48v`` or
             ``wam-80v`` for the WAM, ``model`` for what a file states, or a TOML file
             (docs/arms.md).
-        hand: A hand, or the name of one of ``mitt.robot.basket.HANDS``; without one, or with
-            ``none``, a file is taken to contain what the arm carries. The WAM has the three-finger
-            hand if it is left out.
+        hand: A hand, or the name of one of ``mitt.robot.basket.HANDS``; with ``none`` nothing is
+            mounted, and the tip is the catch point. If left out, the WAM has the three-finger hand,
+            and a file is taken to contain what the arm carries, as with ``none``.
         hand_turn: How far the hand is turned about the z axis of the tip [rad].
         hand_mount: For files: whether the hand's catch point or its plate is at the tip.
         encoder_step: Resolution of the encoders of the active joints [rad], one for all or one a

@@ -58,6 +58,9 @@ class Capsule:
 
     def __post_init__(self) -> None:
         """Refuse ends that are not finite and a radius that is not above zero."""
+        for name, end in (("start", self.start), ("end", self.end)):
+            _keep(self, name, tuple(checks.vector(f"capsule.{name}", end, 3).tolist()))
+        _keep(self, "radius", checks.number("capsule.radius", self.radius))
         finite = np.all(np.isfinite((*self.start, *self.end, self.radius)))
         if not (finite and self.radius > 0.0):
             given = f"{self.start}, {self.end}, {self.radius}"
