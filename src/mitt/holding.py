@@ -22,7 +22,7 @@ _HOLDS = 0.6
 _BEHIND, _SLOW = np.deg2rad(100.0), 1.0
 #: Instants of the brake at which the pull on the fingers is looked at, and a difference's step [s].
 _INSTANTS, _STEP = 8, 1e-3
-#: Instants of the brake in which a ball's way in a basket is followed; share of a ball that is lost,
+#: Instants of the brake in which a ball's way in a basket is followed; share of a ball that is lost
 #: whatever the arm does, as one that is too large for the hand.
 _SPILLS, _LOST = 24, 10.0
 #: Least and largest number of what is known of a ball, far beyond what balls are like.

@@ -233,7 +233,7 @@ class HandModel:
         object.__setattr__(self, "inertia", inertia)
 
     def reaches(self, ball_radius: float) -> bool:
-        """Say whether a ball at the catch point gets between the open fingers, and they close on it.
+        """Say whether the fingers, open, let a ball to the catch point, and then close on it.
 
         Args:
             ball_radius: Radius of the ball [m].

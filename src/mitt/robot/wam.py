@@ -109,7 +109,7 @@ LIMIT_SETS = ("paper", *_VOLTS)
 
 
 def wam(hand: Hand | None, *, held_3: float | None = 0.0) -> ArmModel:
-    """Return the WAM with a hand, if one is given; joint 3 held at ``held_3`` [rad], active where None."""
+    """Return the WAM with a hand, or none; joint 3 held at ``held_3`` [rad], active where None."""
     links = tuple(
         _link(k, row, held_3 if k == 2 else None, _behind(k)) for k, row in enumerate(_TABLE)
     )

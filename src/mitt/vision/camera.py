@@ -20,7 +20,7 @@ from math import pi
 import numpy as np
 
 from mitt import checks
-from mitt.errors import InputError, ShapeError
+from mitt.errors import InputError
 from mitt.jit import kernel
 from mitt.signals import Array, all_of
 
