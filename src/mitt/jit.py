@@ -7,6 +7,7 @@ and versions, clones and environments share what they have in common.
 """
 
 import hashlib
+import logging
 import os
 import re
 import shutil
@@ -93,7 +94,13 @@ def cache_folder() -> Path | None:
     else:
         user = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
         folders = [Path(user) / "mitt" / "kernels", Path(sys.prefix) / "kernels"]
-    return next((folder for folder in folders if _is_writable(folder)), None)
+    found = next((folder for folder in folders if _is_writable(folder)), None)
+    if found is None:
+        logging.getLogger("mitt").warning(
+            "no folder for compiled kernels can be written to: each process compiles anew; "
+            "set NUMBA_CACHE_DIR"
+        )
+    return found
 
 
 def _folder_of(file: Path, cache: Path) -> Path:

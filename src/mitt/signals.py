@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from mitt import checks
 from mitt.errors import InputError
+from mitt.fields import brief, line
 
 _Kind = TypeVar("_Kind")
 Array = NDArray[np.float64]
@@ -55,6 +56,8 @@ class Frame:
     pan: float = 0.0
     tilt: float = 0.0
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
         """Hold the fields to their types; ShapeError or InputError where they do not fit."""
         for name, value in (("t", self.t), ("pan", self.pan), ("tilt", self.tilt)):
@@ -88,6 +91,8 @@ class Moments:
     clipped: bool = False
     merged: bool = False
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
         """Hold the fields to their types; InputError where they do not fit."""
         for name, value in (("t", self.t), ("area", self.area), ("u", self.u), ("v", self.v)):
@@ -116,6 +121,8 @@ class Sighting:
     found: bool
     r_o: Array
     covariance: Array
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Hold the fields to their shapes.
@@ -165,6 +172,8 @@ class BallState:
     t_first: float = None  # type: ignore[assignment]
     led: bool = False
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
         """Fill in what was left out, and hold the fields to their shapes and types.
 
@@ -204,6 +213,8 @@ class ArmState:
     q: Array
     dq: Array
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
         """Hold q and dq to vectors of one length; the catcher knows which."""
         _keep(self, "t", checks.number("arm.t", self.t))
@@ -226,6 +237,8 @@ class Senses:
     arm: ArmState
     frames: tuple[Frame, ...] = ()
     points: tuple[Sighting, ...] = ()
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Hold the fields to their types; InputError where they do not fit."""
@@ -268,6 +281,8 @@ class JointReference:
     dq_o: Array
     time_to_catch: float
 
+    __repr__ = brief
+
 
 class Command(NamedTuple):
     """What arm and hand are commanded to do, within every limit.
@@ -288,6 +303,10 @@ class Command(NamedTuple):
     hand: float
     gaze: Array | None = None
     brakes: bool = False
+
+    def __repr__(self) -> str:
+        """Return one line."""
+        return line("Command", self._asdict().items())
 
     @property
     def q(self) -> Array:

@@ -76,7 +76,8 @@ def update(memory: Array, t: float, z: Array, R: Array, settings: Array, work: A
         memory[at.FILLED] = memory[at.USED] = memory[at.DOUBTFUL] = memory[at.RUN] = 0.0
         for k in range(ROW):
             seen = WAIT + SEEN * k
-            z_k, R_k = view(memory, seen + SLOT_Z, (3,)), view(memory, seen + SLOT_R, (3, 3))
+            z_k = view(memory, seen + SLOT_Z, (3,))
+            R_k = view(memory, seen + SLOT_R, (3, 3))
             _take(memory, memory[seen], z_k, R_k, settings, work)
     else:
         _take(memory, t, z, R, settings, work)

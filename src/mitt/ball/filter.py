@@ -17,6 +17,7 @@ from mitt import checks, fields
 from mitt.ball import memory as at
 from mitt.ball.estimator import is_tracked, predict, update
 from mitt.errors import InputError
+from mitt.fields import brief
 from mitt.signals import GRAVITY, Array, BallState, Sighting
 
 #: Least and largest value of each number; those that stand in a denominator are above 0. Choices of
@@ -91,6 +92,8 @@ class FilterConfig:
     switch_time: float = 2.0
     watchful: bool = False
     speaks_after: int | None = None
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse numbers with which the filter cannot work.

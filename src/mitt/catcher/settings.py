@@ -7,6 +7,7 @@ from math import inf
 from mitt import fields
 from mitt.ball.filter import THROWN_BALL, FilterConfig
 from mitt.control.encoders import Encoders
+from mitt.fields import brief
 from mitt.holding import CaughtBall
 from mitt.robot.shapes import Surroundings
 
@@ -96,6 +97,8 @@ class CatcherSettings:
     max_tracking_error: float = 0.8
     torque_lead: float = 0.001
     setpoint_delay: int = 0
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse what cannot be; InputError names the field."""

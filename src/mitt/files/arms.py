@@ -1,5 +1,6 @@
 """Arms as a user names them: by name, from a description file, or from an arm file."""
 
+import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -27,6 +28,9 @@ def load_arm(
     encoder_step: float | Sequence[float] | None = None,
 ) -> Arm:
     """Return an arm by name, from a URDF or MJCF file, or from an arm file (``.toml``).
+
+    What a user should know of how a file was read, ``arm.model.notes``, is logged as warnings of
+    the logger ``mitt``.
 
     Args:
         name_or_path: Name or file. An arm file says all the rest but the limits and the encoders.
@@ -60,16 +64,20 @@ def load_arm(
                 raise InputError(name, "nothing beside an arm file, which says it", "a value",
                                  do="change the arm file")  # fmt: skip
         arm = read_arm_file(Path(name_or_path)).load(limits=limits_of(limits))
-        return arm if encoder_step is None else with_encoders(arm, encoder_step)
-    return load(
-        name_or_path,
-        tip=tip,
-        joints=joints,
-        held=held,
-        ready=ready,
-        limits=limits_of(limits),
-        hand=hand,
-        hand_turn=hand_turn,
-        hand_mount=hand_mount,
-        encoder_step=encoder_step,
-    )
+        arm = arm if encoder_step is None else with_encoders(arm, encoder_step)
+    else:
+        arm = load(
+            name_or_path,
+            tip=tip,
+            joints=joints,
+            held=held,
+            ready=ready,
+            limits=limits_of(limits),
+            hand=hand,
+            hand_turn=hand_turn,
+            hand_mount=hand_mount,
+            encoder_step=encoder_step,
+        )
+    for note in arm.model.notes:
+        logging.getLogger("mitt").warning("%s: %s", name_or_path, note)
+    return arm

@@ -11,6 +11,7 @@ import numpy as np
 
 from mitt import checks
 from mitt.errors import ModelError
+from mitt.fields import brief
 from mitt.robot.basket import Hand, checked_hand
 from mitt.signals import Array
 
@@ -104,6 +105,8 @@ class Link:
     encoder_step: float = ENCODER_STEP
     brake: Brake | None = None
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
         """Refuse what no real link can have."""
         where = f"joint {self.name!r}"
@@ -178,6 +181,8 @@ class ArmModel:
     aim: Array | None = None
     arrivals: Array | None = None
     notes: tuple[str, ...] = ()
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse an arm without links or joints, other shapes, and a pose out of range."""

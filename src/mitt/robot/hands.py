@@ -13,6 +13,7 @@ import numpy as np
 
 from mitt import checks, fields
 from mitt.errors import InputError
+from mitt.fields import brief
 from mitt.jit import kernel
 from mitt.signals import Array
 
@@ -68,6 +69,8 @@ class Finger:
     thickness: float = 0.006
     mass: float = 0.025
     armature: float = 5e-5
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse what no finger can be; InputError names the field."""
@@ -135,6 +138,8 @@ class FingerDrive:
     gain: float = 0.12
     closed: float = np.pi / 2
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
         """Refuse what no drive can be; InputError names the field."""
         fields.check(self, _DRIVE)
@@ -169,6 +174,8 @@ class Closing:
     soft: float = 0.5
     hard: float = 0.85
     extra_lead: float = 0.009
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse what no closing can be; InputError names the field."""
@@ -215,6 +222,8 @@ class HandModel:
     finger: Finger = field(default_factory=Finger)
     drive: FingerDrive = field(default_factory=FingerDrive)
     closing: Closing = field(default_factory=Closing)
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse what no hand can be.

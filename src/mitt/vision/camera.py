@@ -21,6 +21,7 @@ import numpy as np
 
 from mitt import checks
 from mitt.errors import InputError
+from mitt.fields import brief
 from mitt.jit import kernel
 from mitt.signals import Array, all_of
 
@@ -46,6 +47,8 @@ class Camera:
     cu: float
     cv: float
     T_world_cam: Array
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse a camera that cannot see, or a pose that is no rigid transform."""
@@ -119,6 +122,8 @@ class Head:
     nod: float = 0.0
     expected_range: float = 4.0
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
         """Refuse a head that cannot turn, or a pose that is none."""
         arrays = {"T_world_base": (self.T_world_base, (4, 4)), "lens": (self.lens, (3,)),
@@ -144,6 +149,8 @@ class Rig:
 
     cameras: tuple[Camera, ...]
     heads: tuple[Head, ...] = ()
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse a rig without cameras, or with heads for some of them only."""
