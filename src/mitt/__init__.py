@@ -67,7 +67,7 @@ __all__ = [  # noqa: PLE0604 (strings all the same)
 ]
 
 
-# What mitt has to say goes to the logger "mitt", which is silent until a program gives it a handler.
+# What mitt has to say goes to the logger "mitt", silent until a program gives it a handler.
 logging.getLogger("mitt").addHandler(logging.NullHandler())
 
 

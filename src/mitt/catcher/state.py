@@ -71,8 +71,9 @@ class CatcherState(NamedTuple):
         last: Last command within limits, as in :mod:`mitt.control.viability`, shape (3, n).
         health_memory: As in :mod:`mitt.control.health`.
         encoder_memory: As in :mod:`mitt.control.encoder_memory`; encoder_table,
-            encoder_ddq_unknown, encoder_coupling, encoder_work: as in :mod:`mitt.control.encoders`; encoder_waiting:
-            accelerations that commands will cause once they act, oldest first, shape (k, n).
+            encoder_ddq_unknown, encoder_coupling, encoder_work: as in :mod:`mitt.control.encoders`;
+            encoder_waiting: accelerations that commands will cause once they act, oldest first,
+            shape (k, n).
         z, R, target: Position of a sighting, its covariance, and the ball to be followed.
         ball_memory, ball_settings, ball_work: Of :mod:`mitt.ball.estimator`.
         closing, grip: As in :mod:`mitt.control.hand`.
