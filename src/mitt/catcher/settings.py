@@ -38,7 +38,7 @@ SOON = 0.1
 
 #: Least and largest number of each setting, far beyond what arms and balls ask for; choices of this
 #: project.
-_RANGES = {
+RANGES = {
     "bandwidth": (1.0, 1e4), "sigma_ready": (0.0, inf), "watch": (0.0, 1e3), "adapt_q": (0.0, inf),
     "adapt_dq": (0.0, inf), "adapt_until": (0.0, 1e3), "review": (0.0, 1e3),
     "ball_mass": (0.0, 1e3), "ball_radius": (1e-3, 1.0), "ball_restitution": (0.0, 1.0),
@@ -102,7 +102,7 @@ class CatcherSettings:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be; InputError names the field."""
-        fields.check(self, _RANGES)
+        fields.check(self, RANGES)
 
     @property
     def caught(self) -> CaughtBall:
