@@ -136,3 +136,29 @@ def test_a_kernel_that_python_and_kernels_call_is_kept_for_both(tmp_path: Path) 
     assert int(said[1][1]) >= 2
     names = {path.name.split("-")[0] for path in (tmp_path / "cache").rglob("*.nbc")}
     assert names == {"both_ways.part", "both_ways.part_inner", "both_ways.whole"}
+
+
+BEYOND = """
+import numpy as np
+from mitt.jit import kernel
+
+@kernel
+def third(x):
+    return x[2]
+"""
+
+
+@pytest.mark.parametrize("first", ["0", "1"])
+def test_code_that_checks_bounds_is_kept_apart(package: Path, tmp_path: Path, first: str) -> None:
+    """Whichever is compiled first: what runs does what its own process asked for."""
+    (package / "beyond.py").write_text(BEYOND)
+    second = "1" if first == "0" else "0"
+    code = "from mitt.beyond import third, np; third(np.ones(3)); third(np.ones(3)[:2])"
+    for checked in (first, second, first, second):
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            env=os.environ | {"PYTHONPATH": str(package.parent), "NUMBA_BOUNDSCHECK": checked,
+                              "NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": str(tmp_path / "cache")},
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert ("IndexError" in done.stderr) == (checked == "1")

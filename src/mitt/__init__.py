@@ -3,6 +3,7 @@
 Names are imported when they are first used, so that ``import mitt`` stays quick.
 """
 
+import logging
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -64,6 +65,10 @@ __all__ = [  # noqa: PLE0604 (strings all the same)
     "__version__",
     *_HOMES,
 ]
+
+
+# What mitt has to say goes to the logger "mitt", silent until a program gives it a handler.
+logging.getLogger("mitt").addHandler(logging.NullHandler())
 
 
 def __getattr__(name: str) -> object:

@@ -1,15 +1,18 @@
-"""Fields of settings that a user makes, checked when they are made.
+"""Fields of settings that a user makes, checked when they are made, and shown in one line.
 
 A class of settings is a frozen dataclass. Its annotations say what a field may be, and a table of
 ranges says which numbers; a pair of numbers is itself a range, from low to high.
 """
 
-from collections.abc import Mapping
-from dataclasses import fields
+from collections.abc import Iterable, Mapping
+from dataclasses import MISSING, fields
+from enum import Enum
 from functools import cache
 from math import inf
 from types import NoneType
 from typing import Any, get_args, get_origin, get_type_hints
+
+import numpy as np
 
 from mitt import checks
 from mitt.errors import InputError
@@ -19,10 +22,14 @@ Ranges = Mapping[str, tuple[float, float]]
 
 #: Bounds of a number for which none are said.
 _FINITE = (-1e300, 1e300)
+#: Characters of a line that shows a value, and entries of a row that are shown one by one.
+_LONGEST, _FEW = 150, 6
 
 
 def check(settings: object, ranges: Ranges | None = None) -> None:
     """Hold each field to its annotation and its range; call it in ``__post_init__``.
+
+    Arrays are left to the class, which knows their shapes.
 
     Args:
         settings: A dataclass, whose fields are replaced by what :mod:`mitt.checks` returns.
@@ -40,6 +47,59 @@ def check(settings: object, ranges: Ranges | None = None) -> None:
         object.__setattr__(settings, field.name, kept)
 
 
+def brief(value: Any) -> str:  # noqa: ANN401
+    """Return one line that says what a dataclass is: its class, and what was not left out.
+
+    To be a class's ``__repr__``.
+    """
+    told = []
+    for field in fields(value):
+        own, default = getattr(value, field.name), field.default
+        if field.default_factory is not MISSING:
+            default = field.default_factory()
+        if field.repr and not (default is not MISSING and _same(own, default)):
+            told.append((field.name, own))
+    return line(type(value).__name__, told)
+
+
+def line(name: str, told: Iterable[tuple[str, object]]) -> str:
+    """Return a class's name and fields in one line, cut where it is full."""
+    text = ""
+    for field, value in told:
+        text += f"{', ' if text else ''}{field}={_text(value)}"
+        if len(name) + len(text) > _LONGEST:
+            text = f"{text[: _LONGEST - len(name)]}..."
+            break
+    return f"{name}({text})"
+
+
+def _same(a: object, b: object) -> bool:
+    """Say whether a value is what a field has if it is left out."""
+    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
+        return np.array_equal(a, b)  # type: ignore[arg-type]  # of whatever kind
+    return type(a) is type(b) and a == b
+
+
+def _text(value: object) -> str:
+    """Return a few words for a value."""
+    if isinstance(value, np.ndarray):
+        few = value.ndim == 1 and value.size <= _FEW and value.dtype.kind in "fiu"
+        row = ", ".join(f"{x:.4g}" for x in value.tolist()) if few else ""
+        return f"[{row}]" if few else f"array{value.shape}"
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, str | bool | int | None):
+        return checks.shown(value)
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, Mapping):
+        return f"{len(value)} entries"
+    if isinstance(value, tuple | list):
+        plain = len(value) <= _FEW and all(isinstance(x, str | int | float) for x in value)
+        return f"({', '.join(map(_text, value))})" if plain else f"<{len(value)}>"
+    return f"{type(value).__name__}(...)"
+
+
 @cache
 def _hints(kind: type) -> dict[str, Any]:
     """Return what the fields of a class may be."""
@@ -52,6 +112,8 @@ def _checked(name: str, value: object, hint: Any, bounds: tuple[float, float]) -
     choices = [x for x in get_args(hint) if x is not NoneType]
     if NoneType in get_args(hint) and value is None:
         return None
+    if get_origin(hint) is np.ndarray:
+        return value
     if get_origin(hint) is tuple:
         return _row(name, value, get_args(hint), bounds)
     if choices:  # of several kinds a row is meant by a row

@@ -5,6 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from mitt import fields
 from mitt.control.brake import Brake
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Basket
@@ -21,8 +22,14 @@ _HOLDS = 0.6
 _BEHIND, _SLOW = np.deg2rad(100.0), 1.0
 #: Instants of the brake at which the pull on the fingers is looked at, and a difference's step [s].
 _INSTANTS, _STEP = 8, 1e-3
-#: Instants of the brake in which a ball's way in a basket is followed; share of one that is lost.
+#: Instants of the brake in which a ball's way in a basket is followed; share of a ball that is lost
+#: whatever the arm does, as one that is too large for the hand.
 _SPILLS, _LOST = 24, 10.0
+#: Least and largest number of what is known of a ball, far beyond what balls are like.
+_RANGES = {
+    "mass": (0.0, 1e4), "radius": (1e-4, 10.0), "restitution": (0.0, 1.0), "friction": (0.0, 100.0),
+    "doubt": (0.0, 1.0),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +49,10 @@ class CaughtBall:
     restitution: float = 0.2
     friction: float = 1.0
     doubt: float = 0.1
+
+    def __post_init__(self) -> None:
+        """Refuse what no ball can be; InputError names the field."""
+        fields.check(self, _RANGES)
 
     @property
     def heaviest(self) -> float:
@@ -69,11 +80,15 @@ def aslant(arm: Arm, q: Array, v_rel: Array) -> float:
 def pull(arm: Arm, brake: Brake, ball: CaughtBall) -> float:
     """Return the largest pull of the ball on the fingers while the arm brakes, as share.
 
-    What presses it into the palm costs the fingers nothing. Without a hand there is no bound.
+    What presses it into the palm costs the fingers nothing. A ball that they cannot hold at all is
+    lost. Without a hand there is no bound.
     """
     hand = arm.model.hand
     if not isinstance(hand, HandModel):
         return 0.0
+    held = _HOLDS * _holding_force(hand, ball.radius, ball.friction)
+    if held == 0.0:
+        return _LOST
     up, most = np.array([0.0, 0.0, GRAVITY]), 0.0
     for t in np.linspace(0.0, brake.duration, _INSTANTS).tolist():
         (q, dq, _), (p, dp, _) = brake.at(t), brake.at(t + _STEP)
@@ -82,15 +97,18 @@ def pull(arm: Arm, brake: Brake, ball: CaughtBall) -> float:
         out = float(force @ normal)
         across = float(np.linalg.norm(force - out * normal))
         most = max(most, max(-out, 0.0) + across)
-    return ball.heaviest * most / (_HOLDS * _holding_force(hand, ball.radius, ball.friction))
+    return ball.heaviest * most / held
 
 
 def spill(arm: Arm, brake: Brake, ball: CaughtBall, basket: Basket, v_rel: Array) -> float:
     """Return how far the ball leaves the bottom of a basket towards its ring, as share.
 
     It springs back from the net, and goes on where the arm brakes under it; friction and the sides
-    of the net are left out. A basket that comes to rest facing down holds nothing.
+    of the net are left out. A basket that comes to rest facing down holds nothing, and one whose
+    ring or net is too small for the ball does not let it in.
     """
+    if ball.radius >= min(basket.ring_radius, basket.depth):
+        return _LOST
     up, h = np.array([0.0, 0.0, GRAVITY]), brake.duration / _SPILLS
     normal = arm.orientation(brake.at(0.0)[0])[:, 2]
     height, speed, most = 0.0, max(-ball.restitution * float(v_rel @ normal), 0.0), 0.0

@@ -45,6 +45,8 @@ _ROUNDS = 4
 #: Share of its speed limit to which a joint is slowed down at most, for an impact and for a brake.
 #: Slower, with 48 V and half a kilogram, the impact was harder than expected (8 ticks in 3 of 20).
 _SLOWEST, _SLOWEST_TO_BRAKE = 0.7, 0.4
+#: Mass below which a ball moves no arm [kg].
+_WEIGHTLESS = 1e-9
 #: Relative excess of a speed limit that is rounding.
 _ROUNDED = 1e-3
 #: What a joint that is made slower must at least gain in room, as share of what it gives up.
@@ -66,6 +68,8 @@ def speed_jump(arm: Arm, q: Array, v_rel: Array, mass: float) -> Array:
 
 def _answer(arm: Arm, q: Array, mass: float) -> Array:
     """Return how the joint speeds answer to the ball's relative velocity [rad/m], shape (n, 3)."""
+    if mass < _WEIGHTLESS:
+        return np.zeros((arm.n, 3))
     J = arm.jacobian(q)
     push = np.linalg.solve(arm.mass_matrix(q), J.T)  # M^-1 J'
     answer: Array = np.linalg.solve((np.eye(3) / mass + J @ push).T, push.T).T

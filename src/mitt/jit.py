@@ -7,6 +7,7 @@ and versions, clones and environments share what they have in common.
 """
 
 import hashlib
+import logging
 import os
 import re
 import shutil
@@ -93,14 +94,24 @@ def cache_folder() -> Path | None:
     else:
         user = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
         folders = [Path(user) / "mitt" / "kernels", Path(sys.prefix) / "kernels"]
-    return next((folder for folder in folders if _is_writable(folder)), None)
+    found = next((folder for folder in folders if _is_writable(folder)), None)
+    if found is None:
+        logging.getLogger("mitt").warning(
+            "no folder for compiled kernels can be written to: each process compiles anew; "
+            "set NUMBA_CACHE_DIR"
+        )
+    return found
 
 
 def _folder_of(file: Path, cache: Path) -> Path:
-    """Return where the compiled kernels of a file are kept, below the cache's folder."""
+    """Return where the compiled kernels of a file are kept, below the cache's folder.
+
+    Code that checks bounds (``NUMBA_BOUNDSCHECK``) is kept apart.
+    """
+    how = f"numba-{__version__}{'-checked' if config.BOUNDSCHECK else ''}"
     name = file.relative_to(PACKAGE) if file.is_relative_to(PACKAGE) else Path(file.name)
     folder = f"{'.'.join(name.with_suffix('').parts)}-{stamp_of(file).hex()[:16]}"
-    return cache / f"numba-{__version__}" / folder
+    return cache / how / folder
 
 
 def is_cold() -> bool:

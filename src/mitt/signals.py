@@ -9,7 +9,7 @@ and converted once, when it is made (:mod:`mitt.checks`), so that kernels can tr
 
 from dataclasses import dataclass, field
 from enum import Enum
-from math import sqrt
+from math import inf, sqrt
 from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from mitt import checks
 from mitt.errors import InputError
+from mitt.fields import brief, line
 
 _Kind = TypeVar("_Kind")
 Array = NDArray[np.float64]
@@ -27,6 +28,9 @@ TICK: Final = 0.001
 
 GRAVITY: Final = 9.81
 """Acceleration of free fall, towards -z [m/s^2]."""
+
+_ROUNDED: Final = 1e-9
+"""Relative error that rounding may bring into a covariance."""
 
 _keep = object.__setattr__
 """Writes a field of a frozen value while it is made."""
@@ -51,6 +55,8 @@ class Frame:
     pixels: Image
     pan: float = 0.0
     tilt: float = 0.0
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Hold the fields to their types; ShapeError or InputError where they do not fit."""
@@ -85,6 +91,18 @@ class Moments:
     clipped: bool = False
     merged: bool = False
 
+    __repr__ = brief
+
+    def __post_init__(self) -> None:
+        """Hold the fields to their types; InputError where they do not fit."""
+        for name, value in (("t", self.t), ("area", self.area), ("u", self.u), ("v", self.v)):
+            _keep(self, name, checks.number(f"moments.{name}", value))
+        for name, flag in (
+            ("found", self.found), ("clipped", self.clipped), ("merged", self.merged),
+        ):  # fmt: skip
+            _keep(self, name, checks.flag(f"moments.{name}", flag))
+        _keep(self, "camera", checks.whole("moments.camera", self.camera, least=0))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sighting:
@@ -93,8 +111,10 @@ class Sighting:
     Attributes:
         t: Time of the exposure [s].
         found: Whether the ball was seen; ``r_o`` is zero if not.
-        r_o: Position [m], shape (3,).
-        covariance: Covariance of ``r_o`` [m^2], shape (3, 3).
+        r_o: Position [m], shape (3,); one that is not finite, as trackers send for a ball that they
+            do not see, tells nothing.
+        covariance: Covariance of ``r_o`` [m^2], shape (3, 3); zero where it is known exactly, as in
+            a simulation: it counts as known to 10 um.
     """
 
     t: float
@@ -102,12 +122,24 @@ class Sighting:
     r_o: Array
     covariance: Array
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
-        """Hold the fields to their shapes; ShapeError or InputError where they do not fit."""
+        """Hold the fields to their shapes.
+
+        Raises:
+            ShapeError: A field has another shape.
+            InputError: A field is not what it should be; the covariance of a ball that was found
+                is none: not finite, not symmetric, or negative in some direction.
+        """
         _keep(self, "t", checks.number("sighting.t", self.t))
         _keep(self, "found", checks.flag("sighting.found", self.found))
         _keep(self, "r_o", checks.vector("sighting.r_o", self.r_o, 3))
         covariance = checks.array("sighting.covariance", self.covariance, (3, 3))
+        if self.found and not _is_covariance(covariance.tolist()):
+            raise InputError("sighting.covariance", "a covariance: finite, symmetric, not negative",
+                             covariance.tolist(),
+                             do="give sigma**2 * numpy.eye(3), zero if exact")  # fmt: skip
         _keep(self, "covariance", covariance)
 
 
@@ -139,6 +171,8 @@ class BallState:
     t_seen: float = None  # type: ignore[assignment]
     t_first: float = None  # type: ignore[assignment]
     led: bool = False
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Fill in what was left out, and hold the fields to their shapes and types.
@@ -179,6 +213,8 @@ class ArmState:
     q: Array
     dq: Array
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
         """Hold q and dq to vectors of one length; the catcher knows which."""
         _keep(self, "t", checks.number("arm.t", self.t))
@@ -201,6 +237,8 @@ class Senses:
     arm: ArmState
     frames: tuple[Frame, ...] = ()
     points: tuple[Sighting, ...] = ()
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Hold the fields to their types; InputError where they do not fit."""
@@ -243,6 +281,8 @@ class JointReference:
     dq_o: Array
     time_to_catch: float
 
+    __repr__ = brief
+
 
 class Command(NamedTuple):
     """What arm and hand are commanded to do, within every limit.
@@ -263,6 +303,10 @@ class Command(NamedTuple):
     hand: float
     gaze: Array | None = None
     brakes: bool = False
+
+    def __repr__(self) -> str:
+        """Return one line."""
+        return line("Command", self._asdict().items())
 
     @property
     def q(self) -> Array:
@@ -287,6 +331,18 @@ class Command(NamedTuple):
         """Torques [N m], shape (n,)."""
         tau: Array = self.joints[3]
         return tau
+
+
+def _is_covariance(P: list[list[float]]) -> bool:
+    """Say whether three rows of three numbers are a covariance, but for rounding."""
+    (a, b, c), (d, e, f), (g, h, i) = P
+    largest = max(a, e, i, 0.0)
+    if not all(abs(x - y) <= _ROUNDED * largest for x, y in ((b, d), (c, g), (f, h))):
+        return False
+    most = 1.0 + _ROUNDED
+    minors = b * b <= most * a * e and c * c <= most * a * i and f * f <= most * e * i
+    volume = a * (e * i - f * f) - b * (b * i - f * c) + c * (b * f - e * c)
+    return min(a, e, i) >= 0.0 and largest < inf and minors and volume >= -_ROUNDED * a * e * i
 
 
 def all_of(name: str, values: object, kind: type[_Kind]) -> tuple[_Kind, ...]:

@@ -213,10 +213,6 @@ def test_what_is_not_news_changes_nothing() -> None:
         sight(np.inf, r),
         sight(0.2, r + 0.001),
         sight(0.15, r),
-        sight(0.201, r, sigma=np.nan),
-        sight(0.201, r, sigma=0.0),
-        Sighting(t=0.201, found=True, r_o=r, covariance=np.diag((1e-6, -1e-6, 1e-6))),
-        Sighting(t=0.201, found=True, r_o=r, covariance=1e-6 * (3.0 - 2.0 * np.eye(3))),
     ]
     for sighting in useless:
         f.update(sighting)

@@ -17,6 +17,7 @@ from mitt import checks, fields
 from mitt.ball import memory as at
 from mitt.ball.estimator import is_tracked, predict, update
 from mitt.errors import InputError
+from mitt.fields import brief
 from mitt.signals import GRAVITY, Array, BallState, Sighting
 
 #: Least and largest value of each number; those that stand in a denominator are above 0. Choices of
@@ -53,7 +54,9 @@ class FilterConfig:
         max_rejection_time: Time from the first of three rejections in a row that makes one,
             too [s].
         kick_sigma: Velocity change that a kick may bring, each component [m/s].
-        max_gap: Time without a sighting after which a new one begins a new track [s].
+        max_gap: Time without a sighting after which a new track begins, once three in a row have
+            come; one alone as far from the track in time, before it or after it, counts for
+            nothing [s].
         push_sigma: Standard deviation of each component of the push, a slowly varying acceleration
             that drag does not explain, such as the lift of a spinning ball [m/s^2].
         push_time: Its correlation time [s].
@@ -92,6 +95,8 @@ class FilterConfig:
     watchful: bool = False
     speaks_after: int | None = None
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
         """Refuse numbers with which the filter cannot work.
 
@@ -123,11 +128,13 @@ class FilterCounts:
 
     Attributes:
         used: Taken in.
-        ignored: Not found, not finite, absurd, or with a stamp that was there before.
+        ignored: Not found, not finite, absurd, with a stamp that was there before, or a point that
+            comes back to the last digit while the ball is elsewhere.
         late: Too old to be put in their place.
         rejected: Beyond the gate.
         kicks: Times that the velocity was forgotten.
-        restarts: Times that a new track replaced an old one.
+        restarts: Times that a new track replaced an old one: sightings in a row, elsewhere or of
+            another time, agreed with one another.
     """
 
     used: int = 0

@@ -25,6 +25,12 @@ from mitt.views import view
 MAX_DISTANCE = 1000.0
 """Beyond it no ball is sighted [m]."""
 
+LEAST_VARIANCE = 1e-10
+"""Least variance of a sighting [m^2]: a place that is known exactly counts as known to 10 um."""
+
+_ROUNDED = 1.0 + 1e-9
+"""By what the rounding of a covariance of full correlation may exceed it."""
+
 
 @kernel
 def is_sane(z: Array, R: Array) -> bool:
@@ -35,10 +41,10 @@ def is_sane(z: Array, R: Array) -> bool:
         R: Covariance [m^2], shape (3, 3).
     """
     for i in range(3):
-        if not (abs(z[i]) < MAX_DISTANCE and 0.0 < R[i, i] < MAX_DISTANCE**2):
+        if not (abs(z[i]) < MAX_DISTANCE and 0.0 <= R[i, i] < MAX_DISTANCE**2):
             return False
         for j in range(i):
-            if not R[i, j] * R[i, j] <= R[i, i] * R[j, j]:
+            if not R[i, j] * R[i, j] <= R[i, i] * R[j, j] * _ROUNDED:
                 return False
     return True
 

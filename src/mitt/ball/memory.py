@@ -6,6 +6,8 @@
 | counts             | 8           | what is counted outside the estimate, and the ring's state    |
 | scratch            | TRACK       | a track that is carried to another instant                    |
 | ring               | RING x SLOT | the newest sightings, each with the estimate before it        |
+| spare              | SLOT        | an estimate that is gone back to where a trial has failed     |
+| waiting            | ROW x SEEN  | sightings of another time than the track's                    |
 """
 
 import numpy as np
@@ -27,7 +29,7 @@ MODELS = 3
 """Motion models: flight, steady, driven (``motion_models``)."""
 
 ESTIMATE = BALL + MODELS * TRACK
-IGNORED, LATE, FILLED, NEWEST, DRAG = range(ESTIMATE, ESTIMATE + 5)
+IGNORED, LATE, FILLED, NEWEST, DRAG, WAITING = range(ESTIMATE, ESTIMATE + 6)
 SCRATCH = ESTIMATE + 8
 
 RING = 64
@@ -37,11 +39,20 @@ LOOSE = 0.5
 """Variance of a sighting, all directions together, above which it does not tell a position: one
 camera made it [m^2]."""
 
-SLOT_Z, SLOT_R, SLOT_ESTIMATE = 1, 4, 16
+SLOT_Z, SLOT_R, SLOT_TAKEN, SLOT_ESTIMATE = 1, 4, 13, 16
+"""Where position, covariance, whether it was accepted, and the estimate lie in a slot."""
+
+SEEN = 13
+"""Numbers of a sighting: time, position, covariance."""
+
+ROW = 3
+"""Sightings in a row that are believed to be of another time than the track's."""
+
 SLOT = SLOT_ESTIMATE + ESTIMATE
 SLOTS = SCRATCH + TRACK
 SPARE = SLOTS + RING * SLOT
-MEMORY = SPARE + SLOT
+WAIT = SPARE + SLOT
+MEMORY = WAIT + ROW * SEEN
 """Numbers in the memory."""
 
 WORK = (2, 10, 10)
@@ -68,7 +79,7 @@ def fresh() -> Array:
 def clear(memory: Array) -> None:
     """Forget the ball; the counts go on."""
     memory[[T, T_SEEN, T_FIRST]] = -np.inf
-    memory[[USED, REJECTED, IN_A_ROW, DOUBTFUL, FILLED, ACTIVE]] = 0.0
+    memory[[USED, REJECTED, IN_A_ROW, DOUBTFUL, FILLED, ACTIVE, WAITING]] = 0.0
 
 
 @kernel

@@ -184,9 +184,10 @@ def _afterwards(state: CatcherState, result: Result) -> int:
         todo |= REVIEWS
     if out.inside and not soon:
         reference, estimated = result.reference, state.estimated
-        gap = largest_gap(reference[0], estimated[0]) / s.adapt_q
-        lag = largest_gap(reference[1], estimated[1]) / s.adapt_dq
-        if max(gap, lag) >= 1.0:
+        if (
+            largest_gap(reference[0], estimated[0]) >= s.adapt_q
+            or largest_gap(reference[1], estimated[1]) >= s.adapt_dq
+        ):
             todo |= LAGS
     if has_closed(state.closing, state.grip, out.t + TICK, True) and (
         has_closed(state.closing, state.grip, out.t + TICK, False)

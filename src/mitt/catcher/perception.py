@@ -67,8 +67,8 @@ def perceive(
         images, backgrounds, apart, state.eyes_memory, state.eyes_settings, state.eyes_boxes,
         state.eyes_cameras, state.eyes_ball, state.eyes_work, state.z, state.R,
     )  # fmt: skip
-    out.sighted, out.t_sighted = found and t_exposed <= t + TICK, t_exposed
-    if out.sighted:  # a sighting of the future is one of a clock that was set
+    out.sighted, out.t_sighted = found and is_of_now(t_exposed, t, state), t_exposed
+    if out.sighted:
         if beside:
             for k in range(3):
                 state.R[k, k] += TOUCHED * TOUCHED
@@ -153,10 +153,20 @@ def _turn_heads(
     )
 
 
+@kernel
+def is_of_now(t_seen: float, t: float, state: CatcherState) -> bool:
+    """Say whether a sighting can be of the flight that is followed at ``t`` [s].
+
+    One of the future, or older than the longest gap in a track, bears the stamp of another clock.
+    """
+    return bool(-state.ball_settings[at.LIMITS, at.MAX_GAP] <= t_seen - t <= TICK)
+
+
 def take(points: tuple[Sighting, ...], t: float, state: CatcherState) -> None:
-    """Take in positions from another source than images; none from after ``t`` [s]."""
+    """Take in positions from another source than images, seen about ``t`` [s]."""
+    oldest = t - state.ball_settings[at.LIMITS, at.MAX_GAP]
     for point in points:
-        if point.found and not point.t > t + TICK:
+        if point.found and not (point.t > t + TICK or point.t < oldest):
             update(
                 state.ball_memory, point.t, point.r_o, point.covariance, state.ball_settings,
                 state.ball_work,

@@ -11,6 +11,7 @@ from mitt.control.health import ENCODER_REASONS, Reason, State
 from mitt.control.monitor import faulty
 from mitt.control.stopped import StoppedBy, hint_of
 from mitt.control.tracking import Tracked
+from mitt.fields import brief, line
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState, Command, JointReference, MapStatus
@@ -67,6 +68,10 @@ class Result(NamedTuple):
     gaze: Array
     sighting: Array
 
+    def __repr__(self) -> str:
+        """Return one line."""
+        return line("Result", self._asdict().items())
+
 
 class ResultHandle(Handle):
     """A result, for kernels."""
@@ -117,6 +122,8 @@ class Tick:
     reason: Reason
     age: float
     sigma: float
+
+    __repr__ = brief
 
 
 def fresh_result(n: int, heads: int = 1) -> Result:

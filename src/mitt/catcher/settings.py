@@ -7,6 +7,7 @@ from math import inf
 from mitt import fields
 from mitt.ball.filter import THROWN_BALL, FilterConfig
 from mitt.control.encoders import Encoders
+from mitt.fields import brief
 from mitt.holding import CaughtBall
 from mitt.robot.shapes import Surroundings
 
@@ -37,7 +38,7 @@ SOON = 0.1
 
 #: Least and largest number of each setting, far beyond what arms and balls ask for; choices of this
 #: project.
-_RANGES = {
+RANGES = {
     "bandwidth": (1.0, 1e4), "sigma_ready": (0.0, inf), "watch": (0.0, 1e3), "adapt_q": (0.0, inf),
     "adapt_dq": (0.0, inf), "adapt_until": (0.0, 1e3), "review": (0.0, 1e3),
     "ball_mass": (0.0, 1e3), "ball_radius": (1e-3, 1.0), "ball_restitution": (0.0, 1.0),
@@ -97,9 +98,11 @@ class CatcherSettings:
     torque_lead: float = 0.001
     setpoint_delay: int = 0
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
         """Refuse what cannot be; InputError names the field."""
-        fields.check(self, _RANGES)
+        fields.check(self, RANGES)
 
     @property
     def caught(self) -> CaughtBall:

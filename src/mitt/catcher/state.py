@@ -20,6 +20,7 @@ from mitt.control.envelope import bounds_of
 from mitt.control.hand import pack_grip
 from mitt.control.tracking import SCRATCH, slew_of
 from mitt.control.viability import SafetyFilter
+from mitt.fields import line
 from mitt.generator.feasibility import trusted, waiting_height
 from mitt.generator.mapping import DirectMap
 from mitt.jit import kernel
@@ -69,9 +70,10 @@ class CatcherState(NamedTuple):
         desired: q_d, dq_d, ddq_d of the last tick, shape (3, n).
         last: Last command within limits, as in :mod:`mitt.control.viability`, shape (3, n).
         health_memory: As in :mod:`mitt.control.health`.
-        encoder_memory: As in :mod:`mitt.control.encoder_memory`; encoder_table, encoder_doubt,
-            encoder_coupling, encoder_work: as in :mod:`mitt.control.encoders`; encoder_waiting:
-            accelerations that commands will cause once they act, oldest first, shape (k, n).
+        encoder_memory: As in :mod:`mitt.control.encoder_memory`; encoder_table,
+            encoder_ddq_unknown, encoder_coupling, encoder_work: as in :mod:`mitt.control.encoders`;
+            encoder_waiting: accelerations that commands will cause once they act, oldest first,
+            shape (k, n).
         z, R, target: Position of a sighting, its covariance, and the ball to be followed.
         ball_memory, ball_settings, ball_work: Of :mod:`mitt.ball.estimator`.
         closing, grip: As in :mod:`mitt.control.hand`.
@@ -143,6 +145,10 @@ class CatcherState(NamedTuple):
     start: Array
     trusted: Array
     map_work: Array
+
+    def __repr__(self) -> str:
+        """Return one line."""
+        return line("CatcherState", self._asdict().items())
 
 
 class StateHandle(Handle):

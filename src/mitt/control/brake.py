@@ -33,6 +33,7 @@ from mitt.control.stop import (
     torque_share,
 )
 from mitt.errors import InputError
+from mitt.fields import brief
 from mitt.robot.arm import Arm, trusted_deceleration
 from mitt.signals import TICK, Array
 
@@ -65,6 +66,8 @@ class Brake:
     duration: float
     pieces: Array
     torque_share: float
+
+    __repr__ = brief
 
     def over(self, t: float) -> bool:
         """Say whether the arm has been commanded to rest for a tick or more at time ``t`` [s]."""

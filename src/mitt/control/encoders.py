@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from mitt import fields
 from mitt.control.rows import DDQ_BY_TAU, TAU
 from mitt.errors import InputError
+from mitt.fields import brief
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.slopes import bias_and_mass
@@ -32,6 +33,8 @@ class Encoders:
 
     step: float | tuple[float, ...] | None = None
     unknown: float = 2.0
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse what cannot be; InputError names the field."""

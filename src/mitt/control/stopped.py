@@ -7,6 +7,7 @@ import numpy as np
 
 from mitt.control.health import Reason, State
 from mitt.control.monitor import BEYOND
+from mitt.fields import brief
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 
@@ -43,6 +44,8 @@ class StoppedBy:
     command: Array
     brakes: bool
     hint: str = ""
+
+    __repr__ = brief
 
     def plain(self) -> dict[str, Plain]:
         """Return it as JSON has it, without the hint; numbers that are not finite are None."""

@@ -232,10 +232,7 @@ def _cut(drives: Array, rest: Array, tau_desired: Array, speed: Array, kept: Arr
 
 def all_finite(x: Array) -> bool:
     """Say whether every entry of a vector is a finite number."""
-    for k in range(len(x)):  # noqa: SIM110 (compiled: a loop is the fast form)
-        if not np.isfinite(x[k]):
-            return False
-    return True
+    return bool(np.isfinite(x).all())
 
 
 @kernel

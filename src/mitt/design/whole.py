@@ -48,7 +48,7 @@ def whole_arm(
     """
     given = limits_of(limits)
     if str(arm) == "wam":
-        return load_arm("wam", tip=tip, joints=_WAM, limits=given, hand=hand)
+        return load_arm("wam", tip=tip, joints=_WAM, limits=given, hand=hand or "none")
     if tip is None and is_described(Path(arm)):
         links = ", ".join(links_of(read_described(Path(arm)).model)) or "none"
         raise ModelError("--tip", "the link or site of the palm", "none",

@@ -1,5 +1,6 @@
 """Arms as a user names them: by name, from a description file, or from an arm file."""
 
+import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -28,6 +29,9 @@ def load_arm(
 ) -> Arm:
     """Return an arm by name, from a URDF or MJCF file, or from an arm file (``.toml``).
 
+    What a user should know of how a file was read, ``arm.model.notes``, is logged as warnings of
+    the logger ``mitt``.
+
     Args:
         name_or_path: Name or file. An arm file says all the rest but the limits and the encoders.
         tip: Frame of the file whose origin is the catch point and whose z axis is the normal
@@ -40,9 +44,9 @@ def load_arm(
         limits: Limit set: a name of ``mitt.files.limit_files.shipped()``, ``paper``, ``wam-48v`` or
             ``wam-80v`` for the WAM, ``model`` for what a file states, or a TOML file
             (docs/arms.md).
-        hand: A hand, or the name of one of ``mitt.robot.basket.HANDS``; without one, or with
-            ``none``, a file is taken to contain what the arm carries. The WAM has the three-finger
-            hand if it is left out.
+        hand: A hand, or the name of one of ``mitt.robot.basket.HANDS``; with ``none`` nothing is
+            mounted, and the tip is the catch point. If left out, the WAM has the three-finger hand,
+            and a file is taken to contain what the arm carries, as with ``none``.
         hand_turn: How far the hand is turned about the z axis of the tip [rad].
         hand_mount: For files: whether the hand's catch point or its plate is at the tip.
         encoder_step: Resolution of the encoders of the active joints [rad], one for all or one a
@@ -60,16 +64,20 @@ def load_arm(
                 raise InputError(name, "nothing beside an arm file, which says it", "a value",
                                  do="change the arm file")  # fmt: skip
         arm = read_arm_file(Path(name_or_path)).load(limits=limits_of(limits))
-        return arm if encoder_step is None else with_encoders(arm, encoder_step)
-    return load(
-        name_or_path,
-        tip=tip,
-        joints=joints,
-        held=held,
-        ready=ready,
-        limits=limits_of(limits),
-        hand=hand,
-        hand_turn=hand_turn,
-        hand_mount=hand_mount,
-        encoder_step=encoder_step,
-    )
+        arm = arm if encoder_step is None else with_encoders(arm, encoder_step)
+    else:
+        arm = load(
+            name_or_path,
+            tip=tip,
+            joints=joints,
+            held=held,
+            ready=ready,
+            limits=limits_of(limits),
+            hand=hand,
+            hand_turn=hand_turn,
+            hand_mount=hand_mount,
+            encoder_step=encoder_step,
+        )
+    for note in arm.model.notes:
+        logging.getLogger("mitt").warning("%s: %s", name_or_path, note)
+    return arm

@@ -6,6 +6,7 @@ import numpy as np
 
 from mitt import checks
 from mitt.errors import InputError, ModelError
+from mitt.fields import brief
 from mitt.generator.planar import plane_of
 from mitt.generator.polynomial import MOST_ORDER
 from mitt.generator.tangent import Tangent
@@ -46,6 +47,8 @@ class MapDesign:
     coupling: tuple[tuple[float, float, float], ...] = ()
     slope: tuple[float, float] = (0.0, 0.0)
     match_weight: float = 0.0
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse what no map can have; an arm may refuse more."""

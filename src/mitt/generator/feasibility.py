@@ -10,6 +10,7 @@ from enum import Enum
 import numpy as np
 
 from mitt import checks
+from mitt.fields import brief
 from mitt.generator import prediction
 from mitt.generator.demand import Tolerance, shares_of
 from mitt.generator.mapping import DirectMap
@@ -58,6 +59,8 @@ class Approach:
     step: float
     dr_o: Array
 
+    __repr__ = brief
+
 
 #: What it means that the place of the catch is against it, not a limit.
 _PLACES = {
@@ -87,6 +90,8 @@ class Verdict:
     sigma: float
     probability: float = np.nan
     approach: Approach | None = field(default=None, compare=False, repr=False)
+
+    __repr__ = brief
 
     def __str__(self) -> str:
         """Say it in a few words, as ``feasible: 83 % of brake:j4, catch at 0.498 s``."""

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mitt import checks
+from mitt.fields import brief
 from mitt.generator.constraints import initial_gap
 from mitt.generator.coordinates import coordinates
 from mitt.generator.evaluation import root_time
@@ -27,6 +28,8 @@ class Flight:
     t: Array
     ball: Array
     seen: Array
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Hold the arrays to each other."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from mitt import checks
 from mitt.errors import InputError
+from mitt.fields import brief
 from mitt.generator.demand import Tolerance
 from mitt.generator.feasibility import (
     Outcome,
@@ -81,6 +82,8 @@ class Direct:
     tolerance: Tolerance = field(default_factory=Tolerance)
     online: Online | None = None
     learned: DirectMap | None = None
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse what is no map, no tolerance, and no online step."""
@@ -162,6 +165,8 @@ class Unoptimised:
     """The map with alpha = 0, as the paper's figs. 10 and 11 show it; it never refuses."""
 
     map: DirectMap
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse what is no map."""

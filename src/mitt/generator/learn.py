@@ -22,6 +22,7 @@ import numpy as np
 
 from mitt import fields
 from mitt.errors import InputError
+from mitt.fields import brief
 from mitt.generator.constraints import initial_matrix, project, shift
 from mitt.generator.coordinates import basis_of, coordinates
 from mitt.generator.demand import demand
@@ -58,6 +59,8 @@ class LearnSettings:
     tolerance: float = 1e-3
     share: float = 0.92
     near: float = 0.6
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse what cannot be; InputError names the field."""
@@ -96,6 +99,8 @@ class Learned:
     flights: int
     left_out: int
     status: str
+
+    __repr__ = brief
 
 
 def learn(

@@ -19,6 +19,7 @@ import numpy as np
 
 from mitt import checks
 from mitt.errors import InputError, ModelError
+from mitt.fields import brief
 from mitt.generator.constraints import initial_gap, project
 from mitt.generator.coordinates import basis_of, coordinates
 from mitt.generator.design import MapDesign, check_joints, tangent_of
@@ -57,6 +58,8 @@ class DirectMap:
     H: Array
     region: Array
     status: MapStatus = MapStatus.INSIDE
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Hold the parts to each other: kernels trust that they fit."""

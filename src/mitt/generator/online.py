@@ -26,6 +26,7 @@ import numpy as np
 
 from mitt import checks, fields
 from mitt.errors import InputError
+from mitt.fields import brief
 from mitt.generator.approach import palm_of
 from mitt.generator.clearance import space_of
 from mitt.generator.demand import Tolerance
@@ -97,6 +98,8 @@ class OnlineSettings:
     ball_radius: float = 0.04
     gap: float = 0.02
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
         """Refuse what cannot be; InputError names the field."""
         fields.check(self, _RANGES)
@@ -119,6 +122,8 @@ class Refined:
     ahead: float
     cost: float
     shares: Array
+
+    __repr__ = brief
 
 
 @final

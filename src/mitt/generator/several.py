@@ -18,6 +18,7 @@ import numpy as np
 
 from mitt import checks
 from mitt.errors import InputError
+from mitt.fields import brief
 from mitt.generator.demand import Tolerance
 from mitt.generator.feasibility import Outcome, Verdict, judge
 from mitt.generator.generators import Direct
@@ -43,6 +44,8 @@ class Several:
     maps: tuple[Direct, ...]
     margin: float = 0.9
     chosen: int | None = None
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse a choice among nothing."""

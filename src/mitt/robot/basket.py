@@ -21,6 +21,7 @@ import numpy as np
 
 from mitt import checks
 from mitt.errors import InputError, UnknownNameError
+from mitt.fields import brief
 from mitt.robot.hands import HandModel
 from mitt.signals import Array
 
@@ -72,6 +73,8 @@ class Basket:
     flange: float = 0.04
     tilt: float = 0.0
     restitution: float = 0.06
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse a basket that nobody can build."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from mitt import checks
 from mitt.errors import ModelError
+from mitt.fields import brief
 from mitt.robot.basket import Hand, checked_hand
 from mitt.robot.inertia import checked_inertia
 from mitt.signals import Array
@@ -59,6 +60,9 @@ class Capsule:
 
     def __post_init__(self) -> None:
         """Refuse ends that are not finite and a radius that is not above zero."""
+        for name, end in (("start", self.start), ("end", self.end)):
+            _keep(self, name, tuple(checks.vector(f"capsule.{name}", end, 3).tolist()))
+        _keep(self, "radius", checks.number("capsule.radius", self.radius))
         finite = np.all(np.isfinite((*self.start, *self.end, self.radius)))
         if not (finite and self.radius > 0.0):
             given = f"{self.start}, {self.end}, {self.radius}"
@@ -101,6 +105,8 @@ class Link:
     held: float | None = None
     encoder_step: float = ENCODER_STEP
     brake: Brake | None = None
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse what no real link can have."""
@@ -173,6 +179,8 @@ class ArmModel:
     aim: Array | None = None
     arrivals: Array | None = None
     notes: tuple[str, ...] = ()
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse an arm without links or joints, other shapes, and a pose out of range."""

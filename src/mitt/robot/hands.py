@@ -11,8 +11,33 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from mitt import checks, fields
+from mitt.errors import InputError
+from mitt.fields import brief
 from mitt.jit import kernel
 from mitt.signals import Array
+
+# Least and largest number of each field, far beyond what hands are like; choices of this project.
+# Those that stand in a denominator are above 0.
+_FINGER = {
+    "base_radius": (0.0, 1.0), "base_height": (-1.0, 1.0), "offset": (-1.0, 1.0),
+    "lean": (-np.pi, np.pi), "proximal": (1e-3, 1.0), "distal": (1e-3, 1.0),
+    "bend": (-np.pi, np.pi), "thickness": (1e-4, 0.1), "mass": (1e-6, 10.0),
+    "armature": (0.0, 1.0),
+}  # fmt: skip
+_DRIVE = {
+    "tau_max": (1e-6, 1e4), "braking": (1.0, 1e7), "settling": (1e-5, 1.0), "gain": (0.0, 1e4),
+    "closed": (1e-3, np.pi),
+}  # fmt: skip
+_CLOSING = {
+    "acceleration": (1.0, 1e7), "touch_speed": (1e-3, 1e3), "margin": (0.0, np.pi),
+    "lead": (0.0, 1.0), "squeeze": (0.0, np.pi), "soft": (0.0, 1.0), "hard": (0.0, 1.0),
+    "extra_lead": (0.0, 1.0),
+}  # fmt: skip
+_HAND = {
+    "mass": (1e-12, 100.0), "com": (-1.0, 1.0), "catch_offset": (-1.0, 2.0),
+    "palm_height": (0.0, 1.0), "fingers": (1, 12), "yaw": (-10.0, 10.0),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,6 +69,12 @@ class Finger:
     thickness: float = 0.006
     mass: float = 0.025
     armature: float = 5e-5
+
+    __repr__ = brief
+
+    def __post_init__(self) -> None:
+        """Refuse what no finger can be; InputError names the field."""
+        fields.check(self, _FINGER)
 
     def points(self, angle: float) -> tuple[Array, Array, Array]:
         """Return joint, bend and tip [m], each shape (2,): outward and along the palm normal.
@@ -107,6 +138,12 @@ class FingerDrive:
     gain: float = 0.12
     closed: float = np.pi / 2
 
+    __repr__ = brief
+
+    def __post_init__(self) -> None:
+        """Refuse what no drive can be; InputError names the field."""
+        fields.check(self, _DRIVE)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Closing:
@@ -137,6 +174,14 @@ class Closing:
     soft: float = 0.5
     hard: float = 0.85
     extra_lead: float = 0.009
+
+    __repr__ = brief
+
+    def __post_init__(self) -> None:
+        """Refuse what no closing can be; InputError names the field."""
+        fields.check(self, _CLOSING)
+        if not self.soft < self.hard:
+            raise InputError("Closing.soft", f"a number below hard, {self.hard:g}", self.soft)
 
     def lead_for(self, restitution: float) -> float:
         """Return the start of the closing before the catch [s], for a ball's restitution."""
@@ -178,6 +223,33 @@ class HandModel:
     drive: FingerDrive = field(default_factory=FingerDrive)
     closing: Closing = field(default_factory=Closing)
 
+    __repr__ = brief
+
+    def __post_init__(self) -> None:
+        """Refuse what no hand can be.
+
+        Raises:
+            ShapeError: The inertia has another shape.
+            InputError: A field is not what it may be; the message names it.
+        """
+        fields.check(self, _HAND)
+        inertia = checks.array("HandModel.inertia", self.inertia, (3, 3), finite=True)
+        largest = float(np.abs(inertia).max())
+        if np.abs(inertia - inertia.T).max() > 1e-6 * largest or np.any(
+            np.linalg.eigvalsh(inertia) < -1e-6 * largest
+        ):
+            raise InputError("HandModel.inertia", "symmetric, no moment below 0", inertia.tolist())
+        object.__setattr__(self, "inertia", inertia)
+
+    def reaches(self, ball_radius: float) -> bool:
+        """Say whether the fingers, open, let a ball to the catch point, and then close on it.
+
+        Args:
+            ball_radius: Radius of the ball [m].
+        """
+        gap, at = self.finger.gap, (ball_radius, self.catch_offset)
+        return gap(0.0, *at) > 0.0 >= gap(self.drive.closed, *at)
+
     def touch_angle(self, ball_radius: float) -> float:
         """Return the closing angle at which the fingers touch a ball at the catch point [rad].
 
@@ -214,18 +286,22 @@ class HandModel:
         """Return how hard a ball at the catch point can be pulled out of the closed hand [N].
 
         Each finger presses on the ball where it touches it, as hard as its drive can; what holds
-        the ball along the palm's normal is that force's own part and its friction.
+        the ball along the palm's normal is that force's own part and its friction. A ball that is
+        too large for the open fingers, or that they do not reach, is held by nothing.
 
         Args:
             ball_radius: Radius of the ball [m].
             friction: Coefficient of friction of ball and fingers.
         """
+        if not self.reaches(ball_radius):
+            return 0.0
         point, base = self.finger.touches(self.touch_angle(ball_radius), self.catch_offset)
         inward = np.array([-point[0], -self.finger.offset, self.catch_offset - point[1]])
         inward = inward / np.linalg.norm(inward)
         arm = point - base
         lever = abs(float(arm[0] * inward[2] - arm[1] * inward[0]))
-        press = self.drive.tau_max / max(lever, 1e-6)
+        # A lever shorter than a finger is thick is none: there the rod bends, not the joint.
+        press = self.drive.tau_max / max(lever, self.finger.thickness)
         held = -inward[2] + friction * float(np.hypot(inward[0], inward[1]))
         return self.fingers * press * max(float(held), 0.0)
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from mitt import checks
 from mitt.errors import ModelError
+from mitt.fields import brief
 from mitt.signals import Array
 
 KINDS = ("lower", "upper", "speed", "acceleration", "jerk", "torque", "torque_rate")
@@ -35,6 +36,8 @@ class LimitSet:
     joints: tuple[str, ...]
     bounds: Mapping[str, Array] = field(default_factory=dict)
     shipped: bool = False
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse bounds that no joint can have; ModelError, InputError or ShapeError."""

@@ -19,6 +19,7 @@ import numpy as np
 
 from mitt import checks
 from mitt.errors import ShapeError
+from mitt.fields import brief
 from mitt.jit import kernel
 from mitt.signals import Array
 
@@ -54,6 +55,8 @@ class Limits:
     acceleration: Array | None = None
     jerk: Array | None = None
     torque_rate: Array | None = None
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Hold the arrays to the number of drives; ShapeError or InputError where they differ."""

@@ -13,7 +13,6 @@ from mitt.robot.basket import Hand, checked_hand, hand_named, mounting
 from mitt.robot.carried import joints_to, links_of
 from mitt.robot.described import check_described, read_described
 from mitt.robot.description import ArmModel, rotation, transform
-from mitt.robot.hands import HandModel
 from mitt.robot.limit_sets import LimitSet
 from mitt.robot.limits import Limits
 from mitt.robot.serial import MOUNTS, Mount, Wanted, serial_arm
@@ -46,9 +45,9 @@ def load_arm(
             of a range that 0 is not in.
         limits: Limit set: ``paper``, ``wam-48v``, ``wam-80v`` for the WAM; for files ``model``,
             what the file states, or a set that goes before it.
-        hand: A hand, or the name of one of ``mitt.robot.basket.HANDS``; without one, or with
-            ``none``, a file is taken to contain what the arm carries. The WAM has the three-finger
-            hand if it is left out.
+        hand: A hand, or the name of one of ``mitt.robot.basket.HANDS``; with ``none`` nothing is
+            mounted, and the tip is the catch point. If left out, the WAM has the three-finger hand,
+            and a file is taken to contain what the arm carries, as with ``none``.
         hand_turn: How far the hand is turned about the z axis of the tip [rad].
         hand_mount: For files: whether the hand's catch point or its plate is at the tip.
         encoder_step: Resolution of the encoders of the active joints [rad], one for all or one a
@@ -61,8 +60,9 @@ def load_arm(
     """
     if tip is not None:
         checks.instance("tip", tip, str)
-    if hand is not None:
-        hand = hand_named(hand) if isinstance(hand, str) else checked_hand(hand)
+    if hand is None:
+        hand = "three-finger" if str(name_or_path) == "wam" else "none"
+    mounted = hand_named(hand) if isinstance(hand, str) else checked_hand(hand)
     path = checks.path("arm", name_or_path)
     names = _names(joints)
     turn = checks.number("hand_turn", hand_turn, finite=True)
@@ -71,9 +71,9 @@ def load_arm(
     if str(name_or_path) == "wam":
         if tip is not None:
             raise ModelError("arm wam", "no tip: it is fixed", tip)
-        model, set_of = _wam(hand or HandModel(), names, held, turn), _wam_limits(limits)
+        model, set_of = _wam(mounted, names, held, turn), _wam_limits(limits)
         return Arm(_with_encoders(_with_ready(model, names, ready), encoder_step), set_of)
-    arm = _from_file(path, tip, names, ready, limits, (held, hand, turn, hand_mount))
+    arm = _from_file(path, tip, names, ready, limits, (held, mounted, turn, hand_mount))
     return arm if encoder_step is None else with_encoders(arm, encoder_step)
 
 
@@ -135,7 +135,9 @@ def _angles(held: Mapping[str, float] | None) -> dict[str, float]:
     }
 
 
-def _wam(hand: Hand, names: tuple[str, ...], held: Mapping[str, float], turn: float) -> ArmModel:
+def _wam(
+    hand: Hand | None, names: tuple[str, ...], held: Mapping[str, float], turn: float
+) -> ArmModel:
     """Return the WAM with all but the named joints held; joint 3 where none is named."""
     full = wam(hand, held_3=None)
     known = full.names

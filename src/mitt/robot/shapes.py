@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from mitt import fields
 from mitt.errors import InputError
+from mitt.fields import brief
 from mitt.robot.arm import Arm
 from mitt.robot.description import ArmModel, Capsule
 from mitt.robot.gaps import FLOOR, MOST_BOXES, STILL, all_apart, gap, place
@@ -46,6 +47,8 @@ class Surroundings:
     floor: float = -1.0
     zones: tuple[Capsule, ...] = ()
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
         """Refuse what cannot be; InputError names the field."""
         fields.check(self)
@@ -64,6 +67,8 @@ class Shapes:
     table: Array
     pairs: NDArray[np.int64]
     reach: Array
+
+    __repr__ = brief
 
     @property
     def ends(self) -> Array:

@@ -108,8 +108,8 @@ _BRAKE_DAMPING = _TORQUE_CONSTANT**2 / _RESISTANCE * (TRANSMISSION**2).sum(axis=
 LIMIT_SETS = ("paper", *_VOLTS)
 
 
-def wam(hand: Hand, *, held_3: float | None = 0.0) -> ArmModel:
-    """Return the WAM with a hand; joint 3 held at ``held_3`` [rad], active where None."""
+def wam(hand: Hand | None, *, held_3: float | None = 0.0) -> ArmModel:
+    """Return the WAM with a hand, or none; joint 3 held at ``held_3`` [rad], active where None."""
     links = tuple(
         _link(k, row, held_3 if k == 2 else None, _behind(k)) for k, row in enumerate(_TABLE)
     )

@@ -19,9 +19,13 @@ from math import pi
 
 import numpy as np
 
-from mitt.errors import InputError, ShapeError
+from mitt import checks
+from mitt.errors import InputError
+from mitt.fields import brief
 from mitt.jit import kernel
-from mitt.signals import Array
+from mitt.signals import Array, all_of
+
+_keep = object.__setattr__
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -44,11 +48,16 @@ class Camera:
     cv: float
     T_world_cam: Array
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
         """Refuse a camera that cannot see, or a pose that is no rigid transform."""
-        T = self.T_world_cam
-        if T.shape != (4, 4):
-            raise ShapeError("T_world_cam", "(4, 4)", T.shape)
+        T = checks.array("T_world_cam", self.T_world_cam, (4, 4))
+        _keep(self, "T_world_cam", T)
+        for side in ("width", "height"):
+            _keep(self, side, checks.whole(f"camera.{side}", getattr(self, side)))
+        for name in ("f_px", "cu", "cv"):
+            _keep(self, name, checks.number(f"camera.{name}", getattr(self, name)))
         values = np.append(T.ravel(), (self.f_px, self.cu, self.cv))
         if not np.all(np.isfinite(values)) or self.f_px <= 0 or min(self.width, self.height) < 8:
             raise InputError(
@@ -113,15 +122,19 @@ class Head:
     nod: float = 0.0
     expected_range: float = 4.0
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
         """Refuse a head that cannot turn, or a pose that is none."""
         arrays = {"T_world_base": (self.T_world_base, (4, 4)), "lens": (self.lens, (3,)),
                   "search": (self.search, (2,))}  # fmt: skip
         for name, (value, shape) in arrays.items():
-            if value.shape != shape or not np.all(np.isfinite(value)):
-                raise ShapeError(name, f"{shape}, finite", value.shape)
+            kept = checks.array(f"head.{name}", value, shape, finite=True)
+            _keep(self, name, kept)
+        for name in ("encoder_step", "max_speed", "max_accel", "nod", "expected_range"):
+            _keep(self, name, checks.number(f"head.{name}", getattr(self, name), finite=True))
         limits = (self.max_speed, self.max_accel, self.expected_range)
-        if not (min(limits) > 0.0 and max(limits) < np.inf and 0.0 <= self.encoder_step < 0.1):
+        if not (min(limits) > 0.0 and 0.0 <= self.encoder_step < 0.1):
             raise InputError("head", "positive limits, an encoder step below 0.1 rad", limits)
 
 
@@ -137,8 +150,12 @@ class Rig:
     cameras: tuple[Camera, ...]
     heads: tuple[Head, ...] = ()
 
+    __repr__ = brief
+
     def __post_init__(self) -> None:
         """Refuse a rig without cameras, or with heads for some of them only."""
+        _keep(self, "cameras", all_of("cameras", self.cameras, Camera))
+        _keep(self, "heads", all_of("heads", self.heads, Head))
         if not self.cameras:
             raise InputError("cameras", "at least one camera", "none")
         if len(self.heads) not in (0, len(self.cameras)):

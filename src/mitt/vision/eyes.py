@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mitt import checks, fields
 from mitt.errors import InputError
+from mitt.fields import brief
 from mitt.signals import Array, BallState, Frame, Image, Sighting
 from mitt.vision import localization, target, triangulation
 from mitt.vision.camera import Rig, fixed_rig, pack_cameras
@@ -36,6 +37,8 @@ class EyesConfig:
     ball_radius: float = 0.04
     segmenter: SegmenterConfig = field(default_factory=SegmenterConfig)
     triangulator: TriangulatorConfig = field(default_factory=TriangulatorConfig)
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse what cannot be; InputError names the field."""

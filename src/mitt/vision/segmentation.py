@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mitt import fields
+from mitt.fields import brief
 from mitt.jit import kernel
 from mitt.signals import Array, Frame, Image, Moments
 from mitt.views import view
@@ -61,6 +62,8 @@ class SegmenterConfig:
     reach: int = 3
     background_period: int = 64
     frozen: int = 3
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse what cannot be; InputError names the field."""

@@ -17,6 +17,7 @@ import numpy as np
 from mitt import fields
 from mitt.ball.linear import invert_positive
 from mitt.errors import InputError
+from mitt.fields import brief
 from mitt.jit import kernel
 from mitt.signals import Array, Moments, Sighting
 from mitt.vision.camera import Rig, in_camera, pack_cameras, sphere_centroid
@@ -49,6 +50,8 @@ class TriangulatorConfig:
     sigma_spread: float = 0.058
     max_residual: float = 2.0
     max_skew: float = 1e-4
+
+    __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse what cannot be; InputError names the field."""

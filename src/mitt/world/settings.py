@@ -7,6 +7,7 @@ from typing import Any, TypeVar, get_args
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from mitt.errors import InputError
+from mitt.fields import line
 from mitt.files.schema import OneLine
 
 
@@ -14,6 +15,14 @@ class Settings(BaseModel, metaclass=OneLine):
     """Frozen settings that know no other keys than their own."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    def __repr__(self) -> str:
+        """Return one line: what differs from the settings that are left out."""
+        own = [(name, getattr(self, name), field.get_default(call_default_factory=True))
+               for name, field in type(self).model_fields.items()]  # fmt: skip
+        return line(type(self).__name__, [(x, value) for x, value, usual in own if value != usual])
+
+    __str__ = __repr__
 
 
 _Model = TypeVar("_Model", bound=BaseModel)
