@@ -29,10 +29,12 @@ def run(options: RunOptions) -> int:
     throws = options.throws or prepared.cell.throws
     if options.out is not None:
         check_folder(options.out, overwrite=False)
-    check_driver(prepared.cell)
+    controllers = check_driver(prepared.cell, prepared.arm)
     simulated = prepared.cell.robot.driver == "sim"  # as fast as it goes: others want to run too
     if options.check:
         checked(_about(prepared))
+        for wanted in controllers:
+            tell(wanted)
         if not simulated:
             tell(timekeeping(_CORE))
         return 0
