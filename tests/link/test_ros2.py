@@ -13,6 +13,7 @@ import pytest
 from mitt.errors import InputError
 from mitt.files.cell import Cell, arm_of, cell_of, read_cell
 from mitt.link import messages
+from mitt.link.cdr import Writer
 from mitt.signals import Command
 
 try:
@@ -231,6 +232,100 @@ def test_arrays_reach_the_simulated_cell(takes: str) -> None:
     robot._commands().send(messages.array(np.zeros(2)))
     time.sleep(0.2)
     assert other.command() is None
+
+
+@pytest.mark.parametrize(
+    ("takes", "names", "angle", "says"),
+    [
+        ("torque", ("j1", "j2", "j4"), 0.0, ""),
+        ("torque", ("j1", "j3", "j2", "j4"), 0.5, "j3 is at 0.50 rad"),
+        ("position", ("j1", "j3", "j2", "j4"), 0.01, ""),
+        ("position", ("j4", "j3", "j2", "j1"), -0.2, "j3 is at -0.20 rad"),
+        ("position", ("j1", "j2", "j4"), 0.0, "joint states do not say where j3 is"),
+        ("velocity", ("j1", "j2", "j4"), 0.0, ""),
+    ],
+)
+def test_a_held_joint_has_to_be_where_the_arm_holds_it(
+    takes: str, names: tuple[str, ...], angle: float, says: str
+) -> None:
+    """And where a controller moves it, that has to be known: it would jump."""
+    cell = cell_with("held")
+    robot_part = cell.robot.model_copy(update={"takes": takes})
+    robot = Ros2Robot(cell.model_copy(update={"robot": robot_part}), arm_of(cell))
+    robot._taken = True
+    q = np.array([angle if name == "j3" else 0.1 for name in names])
+    robot._reading(messages.joint_state(1.0, names, q, np.zeros(len(q))))
+    said = robot.waits()
+    assert said.startswith(says)
+    assert bool(said) == bool(says)
+
+
+class Heard:
+    """Stands for a subscription: gives messages one after another."""
+
+    def __init__(self, raw: list[bytes]) -> None:
+        """Take them."""
+        self._raw = raw
+
+    def take(self, most: int) -> list[bytes]:
+        """Return so many."""
+        taken, self._raw = self._raw[:most], self._raw[most:]
+        return taken
+
+
+def test_diagnostics_of_others_neither_stop_nor_delay_the_arm(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """However long, many or broken they are; the robot's own entry is found among them."""
+    cell = cell_with("noisy")
+    robot = Ros2Robot(cell, arm_of(cell))
+    good = messages.diagnostics(1.0, "robot", 2, "stop")
+    long = messages.diagnostics(1.0, "robot", 2, "x" * 5000)
+    crowd = Writer().header(1.0, "").whole(2000)
+    for _ in range(1999):
+        crowd.small(0).text("others").text("m").text("").whole(0)
+    crowd.small(2).text("robot").text("in a crowd").text("").whole(0)
+    broken = [long, good[:30], good[:20] + b"robot\0", b"", b"\0", messages.text("robot")]
+    robot._diagnostics = Heard([*broken, crowd.done(), *broken, good])  # type: ignore[assignment]
+    steps, walk = 0, messages.search_diagnostics
+
+    def counted(raw: bytes, name: str) -> Iterator[tuple[int, str] | None]:
+        nonlocal steps
+        for step in walk(raw, name):
+            steps += 1
+            yield step
+
+    monkeypatch.setattr(messages, "search_diagnostics", counted)
+    said = list[str]()
+    for _ in range(200):
+        before, found = steps, robot.trouble()
+        assert steps - before <= 32
+        said += [found] if found not in said else []
+    assert said == ["", "in a crowd", "stop"]
+
+
+def test_without_a_name_for_its_state_no_diagnostics_are_heard() -> None:
+    """So nobody's can be taken for the robot's."""
+    cell = cell_with("unnamed", status="")
+    robot = Ros2Robot(cell, arm_of(cell))
+    other = dds.Node().publish("/unnamed/diagnostics", types.Diagnostics, "command")
+    time.sleep(0.3)
+    assert other.listeners() == 0
+    assert robot.trouble() == ""
+
+
+def test_where_nobody_publishes_the_interface_is_named() -> None:
+    """Within a second; what else to try is said too."""
+    cell = cell_with("silent")
+    robot = Ros2Robot(cell, arm_of(cell))
+    end = time.monotonic() + 1.0
+    while "nobody publishes" not in robot.waits():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    said = robot.waits()
+    assert "/silent/joint_states on the interface lo" in said
+    assert "robot.options.interface" in said
+    assert "mitt sim" in said
 
 
 @pytest.mark.parametrize("takes", ["torque", "velocity", "position"])

@@ -154,7 +154,7 @@ class Session:
         self._throws, self.signal = throws, 0
         self._told, self._last, self._done = Counter[str](), dict[str, Any](), False
         self.shown = numbers() if shown is None else shown
-        self._words = words() if said is None else said
+        self.words = words() if said is None else said
         self._deaf = False
         self._begun, self._recorder, self._lost = monotonic(), recorder, False
 
@@ -291,7 +291,7 @@ class Session:
             _MODES.index(loop.mode), counts.ticks / passed, 1e6 * loop.age, counts.late,
             counts.lost, counts.throws, self._told["caught"], self._told.total(),
         ]  # fmt: skip
-        self._words.value = self._odd.encode()[: _WORDS - 1]
+        self.words.value = self._odd.encode()[: _WORDS - 1]
 
     @property
     def _odd(self) -> str:

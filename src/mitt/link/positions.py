@@ -20,14 +20,14 @@ from mitt.signals import TICK, Array, Sighting
 STRAY = 0.4
 #: Positions that are looked at together: a flight has 30 of a camera with 60 images a second.
 WINDOW = 25
-#: By how much all may be stamped ahead of the joint states before it is a fault [s], and come after
-#: their stamps before it is said [s]: 3 ms of flight are 15 mm.
-_AHEAD, _LATE = 0.002, 0.008
+#: By how much all may be stamped ahead of the joint states before it is said, and before it is a
+#: fault [s]; and by how much behind before it is said: 3 ms of flight are 15 mm.
+_AHEAD, _FAULT, _LATE = 0.0015, 0.005, 0.008
 #: Distance from which a unit is doubted [m].
 _FAR = 50.0
 #: Rounding of a stamp [s]: a time of the day has 2.4e-7.
 _ROUNDING = 1e-6
-_CLOCKS = "of the joint states: both need one clock, or synchronised ones"
+_CLOCKS = "the joint states: both need one clock, or synchronised ones"
 #: For how long a fault is said after the positions that showed it [s].
 _SAID = 1.0
 
@@ -116,8 +116,10 @@ class Positions:
             far = min(self._sizes) ** 0.5
             self.fault = (f"the ball's positions are {far:.3g} m away or more:"
                           " they are in metres (REP 103); are these millimetres?")  # fmt: skip
-        elif (least := min(gaps)) > _AHEAD:
-            self.fault = f"the ball's positions are stamped {_long(least)} ahead {_CLOCKS}"
+        elif (least := min(gaps)) > _FAULT:
+            self.fault = f"the ball's positions are stamped {_long(least)} ahead of {_CLOCKS}"
+        elif least > _AHEAD:
+            self.note = f"the ball's positions are stamped {_long(least)} ahead of {_CLOCKS}"
         elif (most := max(gaps)) < -STRAY:
             self.fault = f"the ball's positions are stamped {_long(-most)} behind {_CLOCKS}"
         elif most < -_LATE:

@@ -151,7 +151,8 @@ class Ticks:
             return False
         if self.catcher.tick is None:
             return False
-        moved = passed * np.abs(self.catcher.estimated[1])
+        told, known = self.catcher.result.command[1], self.catcher.estimated[1]
+        moved = passed * np.maximum(np.abs(told), np.abs(known))
         return bool(np.any(moved > self._least))
 
     def _fill(self, t: float) -> None:
