@@ -2,7 +2,7 @@
 
 import re
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from mitt.files.recorded import Recorded
 from mitt.link.frames import FrameSet
 from mitt.link.modes import Mode
 from mitt.link.ticks import Ticks
-from mitt.signals import ArmState, Command, Sighting
+from mitt.signals import ArmState, Command, Senses, Sighting
 from mitt.trials.replay import replay
 from mitt.vision.lens import Lens
 
@@ -197,10 +197,17 @@ def test_lost_messages_are_bridged() -> None:
     assert cell.loop.counts.stops == []
 
 
-def test_readings_that_come_all_at_once_are_all_taken() -> None:
-    """After a stall of 10 ms of ours each is a tick, and the newest is answered."""
+def test_readings_that_come_all_at_once_are_all_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a stall of 10 ms of ours each is a tick with its position; the newest is answered."""
     cell = in_a_catch()
     held: list[ArmState] = []
+    taken, taking = list[tuple[float, float]](), Catcher.step
+
+    def noted(self: Catcher, senses: Senses) -> Command:
+        taken.extend((senses.t, p.t) for p in senses.points)
+        return taking(self, senses)
+
+    monkeypatch.setattr(Catcher, "step", noted)
 
     def late(got: Readings) -> Readings:
         held.extend(got)
@@ -214,19 +221,95 @@ def test_readings_that_come_all_at_once_are_all_taken() -> None:
     cell.loop.cycle()
     assert cell.loop.counts.ticks == ticks + 10
     assert cell.loop.counts.late == 9
+    assert len(taken) == 10
+    assert all(-1.5e-3 < p - t < 1e-6 for t, p in taken)
     cell.until(lambda: cell.simulated.done)
     assert cell.simulated.statuses == ["caught"]
 
 
 def test_positions_with_impossible_stamps_are_left_out() -> None:
-    """Those of another clock are counted, none reaches the catcher."""
+    """Those of another clock are counted, none reaches the catcher, and the arm stops for that."""
     cell = LocalCell(throws=1)
     cell.begin()
     cell.robot.on_points = lambda got: [replace(x, t=x.t - 100.0) for x in got]
-    cell.until(lambda: cell.simulated.done)
-    assert cell.simulated.statuses == ["missed"]
-    assert cell.loop.counts.stray > 100
+    cell.until(lambda: cell.loop.mode is Mode.STOPPED)
+    assert "100 s behind the joint states" in cell.loop.why
+    assert cell.loop.counts.stray > 20
     assert cell.loop.counts.throws == 0
+    assert cell.robot.braked[-1]
+
+
+@pytest.mark.parametrize(
+    ("changed", "says", "stops"),
+    [
+        (lambda x, _: replace(x, r_o=1e3 * x.r_o), "millimetres", True),
+        (lambda x, _: replace(x, t=x.t + 0.03), "ahead of the joint states", True),
+        (lambda x, _: replace(x, t=x.t - 0.02), "ms after their stamps", False),
+        (lambda x, _: replace(x, r_o=np.full(3, np.nan)), "no numbers, or all zero", False),
+        (lambda x, _: replace(x, r_o=np.zeros(3)), "no numbers, or all zero", False),
+        (lambda x, k: replace(x, r_o=np.array([2.0, k // 8, 0.5])), "repeat", False),
+    ],
+)
+def test_what_blinds_the_catcher_is_said_within_a_second(
+    changed: Callable[[Sighting, int], Sighting], says: str, *, stops: bool
+) -> None:
+    """Of flight: in the reason of the stop, or beside the numbers and in the summary."""
+    cell, count, first = LocalCell(throws=1), 0, list[float]()
+    cell.begin()
+
+    def on_points(got: Sequence[Sighting]) -> Sequence[Sighting]:
+        nonlocal count
+        count += len(got)
+        first.extend([cell.simulated.t] * (bool(got) and not first))
+        return [changed(x, count) for x in got]
+
+    cell.robot.on_points = on_points
+    session = Session(cell.loop, cell.robot, Person(yes=True), lambda _: None, throws=1)
+    cell.until(lambda: bool(first) and cell.simulated.t > first[0] + 0.9)
+    session._show()
+    said = session.summary()
+    where = cell.loop.why if stops else said["notes"][0]
+    assert says in where
+    assert (cell.loop.mode is Mode.STOPPED) == stops
+    assert stops or says in session.words.value.decode()
+
+
+@pytest.mark.parametrize("times", [2, 8])
+def test_joint_states_that_repeat_are_lost_readings(times: int) -> None:
+    """As of hardware of 500 or 125 Hz behind a publisher of 1 kHz: caught, and said."""
+    cell, count, last = LocalCell(throws=1), 0, list[ArmState]()
+
+    def held(got: Readings) -> Readings:
+        nonlocal count
+        out = []
+        for x in got:
+            if count % times == 0:
+                last[:] = [x]
+            count += 1
+            out.append(replace(x, q=last[0].q, dq=last[0].dq))
+        return out
+
+    cell.robot.on_read = held
+    cell.begin()
+    cell.until(lambda: cell.simulated.done)
+    assert cell.simulated.statuses == ["caught"]
+    assert cell.loop.counts.stops == []
+    assert cell.loop.counts.repeated > 100
+    assert "joint states repeat" in cell.loop.notes["readings"]
+
+
+def test_joint_states_that_freeze_stop_the_arm() -> None:
+    """With stamps that go on: the reason says so, whatever the catcher makes of it."""
+    cell, last = in_a_catch(), list[ArmState]()
+
+    def frozen(got: Readings) -> Readings:
+        last[:] = last or list(got)[-1:]
+        return [replace(x, q=last[0].q, dq=last[0].dq) for x in got]
+
+    cell.robot.on_read = frozen
+    cell.until(lambda: cell.loop.mode is Mode.STOPPED)
+    assert "joint states repeat" in cell.loop.why
+    assert cell.robot.braked[-1]
 
 
 def test_degrees_are_refused_before_anything_moves() -> None:

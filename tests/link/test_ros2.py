@@ -13,6 +13,7 @@ import pytest
 from mitt.errors import InputError
 from mitt.files.cell import Cell, arm_of, cell_of, read_cell
 from mitt.link import messages
+from mitt.link.cdr import Writer
 from mitt.signals import Command
 
 try:
@@ -39,8 +40,8 @@ def cell_with(tag: str, **options: Any) -> Cell:  # noqa: ANN401
     """Return the shipped cell with topics of its own, so that tests do not hear each other."""
     cell = read_cell("wam-sim")
     given = {"state": f"/{tag}/joint_states", "command": f"/{tag}/joint_trajectory",
-             "hand": "hand", "brake": f"/{tag}/brake", "status": "robot",
-             "diagnostics": f"/{tag}/diagnostics"} | options  # fmt: skip
+             "hand": "hand", "hand_command": f"/{tag}/hand/commands", "brake": f"/{tag}/brake",
+             "status": "robot", "diagnostics": f"/{tag}/diagnostics"} | options  # fmt: skip
     robot = cell.robot.model_copy(update={"options": given})
     source = cell.source.model_copy(update={"topic": f"/{tag}/ball"})
     return cell.model_copy(update={"robot": robot, "source": source})
@@ -75,7 +76,7 @@ def both(request: pytest.FixtureRequest) -> Iterator[tuple[Ros2Robot, Ros2Cell]]
 
 
 def test_readings_and_commands_pass(both: tuple[Ros2Robot, Ros2Cell]) -> None:
-    """With their stamps, to the bit; the hand is the last joint of a command."""
+    """With their stamps, to the bit; the hand has a message of its own."""
     robot, other = both
     other.state(1_700_000_000.125, Q, -Q)
     (reading,) = soon(lambda: robot.read(0.1))
@@ -233,6 +234,100 @@ def test_arrays_reach_the_simulated_cell(takes: str) -> None:
     assert other.command() is None
 
 
+@pytest.mark.parametrize(
+    ("takes", "names", "angle", "says"),
+    [
+        ("torque", ("j1", "j2", "j4"), 0.0, ""),
+        ("torque", ("j1", "j3", "j2", "j4"), 0.5, "j3 is at 0.50 rad"),
+        ("position", ("j1", "j3", "j2", "j4"), 0.01, ""),
+        ("position", ("j4", "j3", "j2", "j1"), -0.2, "j3 is at -0.20 rad"),
+        ("position", ("j1", "j2", "j4"), 0.0, "joint states do not say where j3 is"),
+        ("velocity", ("j1", "j2", "j4"), 0.0, ""),
+    ],
+)
+def test_a_held_joint_has_to_be_where_the_arm_holds_it(
+    takes: str, names: tuple[str, ...], angle: float, says: str
+) -> None:
+    """And where a controller moves it, that has to be known: it would jump."""
+    cell = cell_with("held")
+    robot_part = cell.robot.model_copy(update={"takes": takes})
+    robot = Ros2Robot(cell.model_copy(update={"robot": robot_part}), arm_of(cell))
+    robot._taken = True
+    q = np.array([angle if name == "j3" else 0.1 for name in names])
+    robot._reading(messages.joint_state(1.0, names, q, np.zeros(len(q))))
+    said = robot.waits()
+    assert said.startswith(says)
+    assert bool(said) == bool(says)
+
+
+class Heard:
+    """Stands for a subscription: gives messages one after another."""
+
+    def __init__(self, raw: list[bytes]) -> None:
+        """Take them."""
+        self._raw = raw
+
+    def take(self, most: int) -> list[bytes]:
+        """Return so many."""
+        taken, self._raw = self._raw[:most], self._raw[most:]
+        return taken
+
+
+def test_diagnostics_of_others_neither_stop_nor_delay_the_arm(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """However long, many or broken they are; the robot's own entry is found among them."""
+    cell = cell_with("noisy")
+    robot = Ros2Robot(cell, arm_of(cell))
+    good = messages.diagnostics(1.0, "robot", 2, "stop")
+    long = messages.diagnostics(1.0, "robot", 2, "x" * 5000)
+    crowd = Writer().header(1.0, "").whole(2000)
+    for _ in range(1999):
+        crowd.small(0).text("others").text("m").text("").whole(0)
+    crowd.small(2).text("robot").text("in a crowd").text("").whole(0)
+    broken = [long, good[:30], good[:20] + b"robot\0", b"", b"\0", messages.text("robot")]
+    robot._diagnostics = Heard([*broken, crowd.done(), *broken, good])  # type: ignore[assignment]
+    steps, walk = 0, messages.search_diagnostics
+
+    def counted(raw: bytes, name: str) -> Iterator[tuple[int, str] | None]:
+        nonlocal steps
+        for step in walk(raw, name):
+            steps += 1
+            yield step
+
+    monkeypatch.setattr(messages, "search_diagnostics", counted)
+    said = list[str]()
+    for _ in range(200):
+        before, found = steps, robot.trouble()
+        assert steps - before <= 32
+        said += [found] if found not in said else []
+    assert said == ["", "in a crowd", "stop"]
+
+
+def test_without_a_name_for_its_state_no_diagnostics_are_heard() -> None:
+    """So nobody's can be taken for the robot's."""
+    cell = cell_with("unnamed", status="")
+    robot = Ros2Robot(cell, arm_of(cell))
+    other = dds.Node().publish("/unnamed/diagnostics", types.Diagnostics, "command")
+    time.sleep(0.3)
+    assert other.listeners() == 0
+    assert robot.trouble() == ""
+
+
+def test_where_nobody_publishes_the_interface_is_named() -> None:
+    """Within a second; what else to try is said too."""
+    cell = cell_with("silent")
+    robot = Ros2Robot(cell, arm_of(cell))
+    end = time.monotonic() + 1.0
+    while "nobody publishes" not in robot.waits():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    said = robot.waits()
+    assert "/silent/joint_states on the interface lo" in said
+    assert "robot.options.interface" in said
+    assert "mitt sim" in said
+
+
 @pytest.mark.parametrize("takes", ["torque", "velocity", "position"])
 def test_arrays_carry_what_the_drives_take(takes: str) -> None:
     """On a topic that ends in /commands."""
@@ -242,9 +337,11 @@ def test_arrays_carry_what_the_drives_take(takes: str) -> None:
     heard = dds.Node().subscribe(f"/array_{takes}/commands", types.MultiArray, "command")
     soon(robot.listened)
     robot.write(Command(t=0.0, joints=np.arange(12.0).reshape(4, 3), hand=0.5), 1.0)
-    row = {"torque": 9.0, "velocity": 3.0, "position": 0.0}[takes]
     got = messages.read_array(soon(heard.take)[0])
-    assert got.tolist() == [row, row + 1.0, row + 2.0, 0.5]
+    # j3 is held: at its angle, still; nobody says by which torque.
+    wanted = {"torque": [9.0, 10.0, 11.0], "velocity": [3.0, 4.0, 0.0, 5.0],
+              "position": [0.0, 1.0, 0.0, 2.0]}[takes]  # fmt: skip
+    assert got.tolist() == wanted
 
 
 def test_bad_options_are_refused() -> None:

@@ -64,6 +64,16 @@ class Controller:
         """Whether a command acts."""
         return self._told is not None
 
+    @property
+    def told(self) -> Array:
+        """Rows q, dq, ddq, tau of the command that acts, shape (4, n); NaN where it says none."""
+        rows = np.full((4, self._arm.n), np.nan)
+        if self._told is not None and self._control is None:
+            rows[:] = self._told.joints
+        elif self._told is not None:
+            rows[self._row] = self._told.joints[self._row]
+        return rows
+
     def release(self, t: float, q: Array, dq: Array) -> None:
         """Release the brakes and forget a stop: hold the arm until a command comes."""
         self.trouble, self.released, self._told, self._heard = "", True, None, t

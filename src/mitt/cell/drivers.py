@@ -9,6 +9,7 @@ from mitt.files.cell import Cell
 from mitt.link.clock import monotonic
 from mitt.link.robot import Robot, driver_named
 from mitt.link.sight import FrameSource, SharedFrames
+from mitt.robot.arm import Arm
 
 
 @final
@@ -46,16 +47,18 @@ def connect(prepared: PreparedCell) -> Connection:
     return Connection(driver_named(cell.robot.driver)(cell, arm), frames, monotonic)
 
 
-def check_driver(cell: Cell) -> None:
-    """Refuse a cell whose driver is not there or does not know its options; joins no network.
+def check_driver(cell: Cell, arm: Arm) -> list[str]:
+    """Return what the robot's controllers have to be, a line each; joins no network.
 
     Raises:
         UnknownNameError: No driver is called that.
         InputError: It does not load, its library is not there, or an option is not one.
     """
     if cell.robot.driver == "ros2":
+        from mitt.link.orders import Orders  # noqa: PLC0415
         from mitt.link.ros2 import options_of  # noqa: PLC0415 (needs the extra ros2)
 
-        options_of(cell)
-    elif cell.robot.driver != "sim":
+        return Orders(cell, arm, options_of(cell)).wanted()
+    if cell.robot.driver != "sim":
         driver_named(cell.robot.driver)
+    return []

@@ -6,7 +6,7 @@ import sys
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, MutableSequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing.sharedctypes import RawArray
 from types import FrameType
 from typing import Any, TypeAlias, final
@@ -24,9 +24,10 @@ from mitt.link.modes import Mode
 from mitt.link.recorder import Recorder
 from mitt.link.robot import Robot, RobotLink
 from mitt.link.sight import straight
+from mitt.trials.result import STATUSES
 
-#: Time between two lines on what is waited for [s].
-_LINES = 5.0
+#: Time between two lines on what is waited for, the same and another [s].
+_LINES, _OTHER = 5.0, 0.5
 #: Most ticks of a rehearsal.
 _REHEARSED = 8000
 #: Cycles between two looks at what is no part of the loop.
@@ -34,6 +35,8 @@ _LOOK = 50
 #: Numbers of the live table, in this order.
 SHOWN = ("mode", "rate", "age_us", "late", "lost", "throws", "caught", "told")
 _MODES = tuple(Mode)
+#: Room for the line of the live table on what is odd [bytes].
+_WORDS = 240
 
 Numbers: TypeAlias = MutableSequence[float]
 
@@ -42,6 +45,11 @@ def numbers() -> Numbers:
     """Return shared memory for the numbers of the live table."""
     memory: Numbers = RawArray("d", len(SHOWN))
     return memory
+
+
+def words() -> Any:  # noqa: ANN401 (shared memory)
+    """Return shared memory for what the live table says in words."""
+    return RawArray("c", _WORDS)
 
 
 def loop_of(
@@ -88,9 +96,11 @@ class Person:
             threading.Thread(target=self._listen, daemon=True).start()
 
     def _listen(self) -> None:
-        """Note each time Enter is pressed."""
-        for _ in sys.stdin:
-            self._pressed.set()
+        """Note each time Enter is pressed, until the keyboard is gone."""
+        with suppress(OSError, ValueError):
+            for _ in sys.stdin:
+                self._pressed.set()
+        self.keyboard = False
 
     @property
     def can_speak(self) -> bool:
@@ -125,7 +135,8 @@ class Session:
 
     def __init__(
         self, loop: LiveLoop, robot: Robot, person: Person, tell: Callable[[str], None],
-        *, throws: int | None, shown: Numbers | None = None, recorder: Recorder | None = None,
+        *, throws: int | None, shown: Numbers | None = None, said: Any = None,  # noqa: ANN401
+        recorder: Recorder | None = None,
     ) -> None:  # fmt: skip
         """Take the loop, its robot, whom to ask and tell, and where the table reads numbers.
 
@@ -136,39 +147,53 @@ class Session:
             tell: Takes lines for a person.
             throws: How many are to be made; None without an end.
             shown: Where the live table reads its numbers.
+            said: Where it reads its words.
             recorder: What records the catches.
         """
-        self._loop, self._robot, self._person, self._tell = loop, robot, person, tell
+        self._loop, self._robot, self._person, self._teller = loop, robot, person, tell
         self._throws, self.signal = throws, 0
         self._told, self._last, self._done = Counter[str](), dict[str, Any](), False
         self.shown = numbers() if shown is None else shown
+        self.words = words() if said is None else said
+        self._deaf = False
         self._begun, self._recorder, self._lost = monotonic(), recorder, False
 
     def run(self) -> bool:
-        """Catch; return whether all was done that was to be done."""
+        """Catch; return whether all was done that was to be done.
+
+        However it ends, the arm has come to rest if it could and its brakes are engaged.
+        """
         with self._signals():
-            while self._waited():
-                self._hear()
-                if not self._loop.counts.ticks:  # of throws before this session
-                    self._told, self._last = Counter(), {}
-                self._done = False
-                self._loop.begin()
-                self._tell("the arm moves")
-                self._begun = monotonic()
-                try:
-                    if self._caught_all():
-                        return True
-                finally:
-                    if self._loop.mode is not Mode.STOPPED:
-                        self._loop.finish()
-                self._tell(f"stopped: {self._loop.why}; the brakes are engaged")
-                if self.signal or not self._person.keyboard:
-                    return False
+            try:
+                return self._caught()
+            finally:
+                self._loop.leave("the session ends")
+
+    def _caught(self) -> bool:
+        """Wait, catch, stop, and wait again; say whether all was done that was to be done."""
+        while self._waited():
+            self._hear()
+            if not self._loop.counts.ticks:  # of throws before this session
+                self._told, self._last = Counter(), {}
+            self._done = False
+            self._tell("the arm moves")  # before it does: to tell may take time
+            self._loop.begin()
+            self._begun = monotonic()
+            if self._caught_all():
+                return True
+            self._tell(f"stopped: {self._loop.why}; the brakes are engaged")
+            if self.signal or not self._person.keyboard:
+                return False
         return False
+
+    def _tell(self, text: str) -> None:
+        """Say a line; whoever cannot hear it does not keep the arm from being stopped."""
+        with suppress(Exception):
+            self._teller(text)
 
     def _waited(self) -> bool:
         """Wait for a healthy robot and for a person's word; say whether both came."""
-        spoken, asked = monotonic() - _LINES, False
+        spoken, asked, told = monotonic() - _LINES, False, ""
         agreed, released, before = False, False, "nothing heard yet"
         while not self.signal:
             trouble = self._loop.healthy()
@@ -184,20 +209,22 @@ class Session:
             if not agreed and (own or not trouble) and self._person.agrees():
                 agreed = True
                 if own:  # a person has said that a protective stop is acknowledged
-                    self._robot.release()
-                    released = True
+                    failed = self._loop.acknowledge()
+                    agreed, released = not failed, not failed
+                    if failed:
+                        self._tell(failed)
             if agreed and not trouble:
                 self._person.spend()
                 return True
-            if monotonic() - spoken > _LINES or (not trouble and not asked and not agreed):
-                spoken, asked = monotonic(), asked or not trouble
+            passed = monotonic() - spoken
+            other = trouble != told and passed > _OTHER
+            if passed > _LINES or other or (not trouble and not asked and not agreed):
+                spoken, asked, told = monotonic(), asked or not trouble, trouble
                 self._tell(f"waiting: {trouble}" if trouble
                            else "press Enter and the arm moves to its ready pose")  # fmt: skip
                 if not trouble and not self._person.can_speak:
                     self._tell("nobody can say that the arm may move: say --yes")
                     break
-        if released:
-            self._loop.finish()
         return False
 
     def _caught_all(self) -> bool:
@@ -219,16 +246,25 @@ class Session:
         return False
 
     def _hear(self) -> None:
-        """Count what a simulated cell says of its throws; tell once of a recording that fails."""
+        """Count what a simulated cell says of its throws; tell once of what fails beside the loop.
+
+        What fails here serves a summary alone: the catch goes on.
+        """
         failed = "" if self._recorder is None or self._lost else self._recorder.trouble
         if failed and self._loop.idle:  # to tell may take time
             self._lost = True
             self._tell(f"the recording is not whole: {failed}; the catch goes on")
-        for raw in self._robot.news():
-            said = news_of(raw)
-            if said:
-                self._told[str(said.get("status"))[:40]] += 1
-                self._last, self._done = said, bool(said.get("done"))
+        try:
+            heard = [news_of(raw) for raw in self._robot.news()]
+        except Exception as error:  # a driver's own
+            heard = []
+            if not self._deaf:
+                self._deaf = True
+                self._loop.notes["news"] = f"what became of throws is not told: {error}"[:_WORDS]
+        for said in heard:
+            if said.get("status") in STATUSES:
+                self._told[said["status"]] += 1
+                self._last, self._done = said, said.get("done") is True
 
     @contextmanager
     def _signals(self) -> Iterator[None]:
@@ -255,6 +291,14 @@ class Session:
             _MODES.index(loop.mode), counts.ticks / passed, 1e6 * loop.age, counts.late,
             counts.lost, counts.throws, self._told["caught"], self._told.total(),
         ]  # fmt: skip
+        self.words.value = self._odd.encode()[: _WORDS - 1]
+
+    @property
+    def _odd(self) -> str:
+        """What is odd in what the robot and the ball's source send; nothing if nothing is."""
+        counts, notes = self._loop.counts, self._loop.notes
+        stray = f"{counts.stray} positions or images with impossible stamps" if counts.stray else ""
+        return "; ".join(x for x in (*notes.values(), stray) if x)
 
     def summary(self) -> dict[str, Any]:
         """Return what happened, as ``mitt.run/1``; without a simulated cell what cannot be known.
@@ -280,15 +324,23 @@ class Session:
             "command_age_us": last.get("command_age_us"),
             "late_ticks": counts.late,
             "lost_readings": counts.lost,
+            "repeated": counts.repeated,
+            "stray": counts.stray,
             "ticks": counts.ticks,
             "stops": counts.stops,
+            "notes": list(self._loop.notes.values()),
         }
 
 
 def news_of(raw: str) -> dict[str, Any]:
-    """Return what a simulated cell said; nothing where it is no JSON object."""
+    """Return what a simulated cell said; nothing where that is not what one says."""
     try:
         said = json.loads(raw)
-    except ValueError:
+        json.dumps(said, allow_nan=False)
+    except (ValueError, TypeError, RecursionError):
         return {}
-    return said if isinstance(said, dict) else {}
+    if not isinstance(said, dict) or not isinstance(said.get("status"), str):
+        return {}
+    number, ages = said.get("limit_violations"), said.get("command_age_us")
+    fits = isinstance(number, int | None) and isinstance(ages, dict | None)
+    return said if fits else {}

@@ -11,24 +11,31 @@ from typing import Protocol, final
 
 import numpy as np
 
+from mitt.catcher.settings import Phase
 from mitt.cell.ages import Ages
 from mitt.cell.controller import Controller, Told
 from mitt.files.cell import Cell
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array, Command, Image
-from mitt.trials.drives import COMMANDED, MEASURED, drive_loads
+from mitt.trials.drives import drive_loads
 from mitt.trials.runner import LONGEST, cameras_of
-from mitt.trials.score import HELD_AFTER, held
+from mitt.trials.score import (
+    HELD_AFTER,
+    continuous_shares,
+    overheated,
+    status_of,
+    ticks_beyond,
+    was_held,
+)
 from mitt.trials.source import Source
 from mitt.vision.camera import Rig
 from mitt.vision.lens import Lens
 from mitt.vision.resampling import bender
-from mitt.world.contacts import ARM_FLOOR, SELF
 from mitt.world.flights import BallPath
 from mitt.world.scene import Scene
 from mitt.world.simulation import World
 from mitt.world.throws import Throw
-from mitt.world.truth import Trace, Truth
+from mitt.world.truth import Truth
 
 #: For how long the arm rests in its ready pose before a throw [s], how near [rad], how slow
 #: [rad/s].
@@ -87,7 +94,8 @@ class SimulatedCell:
     Attributes:
         done: Whether all throws were made and judged.
         statuses: How each throw ended.
-        violations: Ticks beyond a limit so far, true or commanded.
+        violations: Ticks beyond a limit so far, true or commanded, and one for each drive beyond
+            its continuous torque in a throw, by the rules of a trial.
         ages: Ages of the commands that acted.
     """
 
@@ -117,7 +125,9 @@ class SimulatedCell:
         self._settled, self.done = 0, False
         self.statuses, self.violations, self.ages = list[str](), 0, Ages()
         self._sent = np.zeros((_KEPT, 2))
-        self._rows, self._trouble = list[Array](), ""
+        self._rows, self._driven, self._trouble = list[Array](), list[bool](), ""
+        self._before: Array | None = None
+        self._squares, self._summed = np.zeros(len(arm.limits.tau_rms)), 0
         self._aside = Throw(r=np.array([_ASIDE, 0.0, scene.floor + 0.1]), dr=np.zeros(3))
         self._world.reset(self._aside, self._seed)
 
@@ -173,7 +183,8 @@ class SimulatedCell:
         if new is not None and control.released:
             self._note_age(new.answers)
         command = control.command(t, q, dq, new)
-        self._rows.append(command.joints)
+        self._rows.append(control.told)
+        self._driven.append(control.commanded)
         self._world.apply(command)
         if len(self._rows) >= _CHECKED:
             self._check()
@@ -205,12 +216,9 @@ class SimulatedCell:
     def _judge(self) -> None:
         """Say how the throw ended, and take the ball away."""
         world = self._world
-        if world.diverged:
-            status = "aborted"
-        elif world.first_contact is None:
-            status = "missed"
-        else:
-            status = "caught" if held(world.truth(), world.radius) else "dropped"
+        status = status_of(world, Phase.WATCH, was_held=was_held(self._arm, world))
+        self._check()
+        self.violations += overheated(continuous_shares(self._arm, self._squares, self._summed))
         self._flying = False
         self.statuses.append(status)
         self._next += 1
@@ -224,31 +232,21 @@ class SimulatedCell:
     def _put(self, ball: Throw | BallPath) -> None:
         """Put a ball somewhere; arm and hand stay as they are."""
         self._check()
+        self._squares[:], self._summed = 0.0, 0
         self._base = self.t
         self._world.reset(ball, self._seed, stay=True)
 
     def _check(self) -> None:
         """Count the ticks beyond a limit since the last time, a few at once: it takes time."""
-        if self._rows:
-            self.violations += _beyond(self._arm, self._world.trace(), np.array(self._rows))
-        self._rows = []
-
-
-def _beyond(arm: Arm, truth: Trace, told: Array) -> int:
-    """Return in how many ticks the plant or a command was beyond a limit, as in ``Trial``.
-
-    Args:
-        arm: The arm.
-        truth: True states.
-        told: q, dq, ddq, tau that acted in its last k ticks, shape (k, 4, n).
-    """
-    k = len(told)
-    q, dq, tau = (x[-k - 1 :] for x in (truth.q, truth.dq, truth.tau))
-    bad = drive_loads(arm, q[:-1], dq[:-1], tau[1:]).over(MEASURED)
-    bad |= drive_loads(arm, q[:-1], dq[:-1], told[:, 3]).over(MEASURED)
-    for at, speed, slack in ((q[1:], dq[1:], MEASURED), (told[:, 0], told[:, 1], COMMANDED)):
-        span = slack * (arm.q_max - arm.q_min)
-        bad |= np.any((at < arm.q_min - span) | (at > arm.q_max + span), axis=1)
-        bad |= np.any(np.abs(speed) > arm.dq_max * (1.0 + slack), axis=1)
-    bad |= truth.seen[-k:] & (SELF | ARM_FLOOR) != 0
-    return int(np.sum(bad))
+        k, arm, truth = len(self._rows), self._arm, self._world.trace()
+        if k == 0:
+            return
+        rows, driven = np.array(self._rows), np.array(self._driven)
+        q, dq, given = truth.q[-k - 1 : -1], truth.dq[-k - 1 : -1], truth.tau[-k:]
+        drives = drive_loads(arm, q, dq, given)
+        beyond = ticks_beyond(arm, truth, drives, rows, driven=driven, before=self._before)
+        self.violations += int(np.sum(beyond))
+        self._squares += np.sum(drives.torque**2, axis=0)
+        self._summed += k
+        self._before = rows[-1] if driven[-1] else None
+        self._rows, self._driven = [], []

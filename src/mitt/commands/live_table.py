@@ -10,6 +10,7 @@ from typing import Any
 from rich.console import Console
 from rich.live import Live
 from rich.table import Table
+from rich.text import Text
 
 from mitt.interrupts import end_with_parent
 
@@ -18,16 +19,17 @@ _PERIOD = 0.25
 
 
 @contextmanager
-def live_table(shown: Any) -> Iterator[None]:  # noqa: ANN401 (shared memory)
+def live_table(shown: Any, said: Any) -> Iterator[None]:  # noqa: ANN401 (shared memory)
     """Show the numbers of a session on stderr while it runs, where that is a terminal.
 
     Args:
         shown: Shared memory of as many numbers as :data:`mitt.cell.session.SHOWN` has.
+        said: Shared memory of what is odd, in words.
     """
     if not sys.stderr.isatty():
         yield
         return
-    drawer = get_context("spawn").Process(target=_draw, args=(shown,), daemon=True)
+    drawer = get_context("spawn").Process(target=_draw, args=(shown, said), daemon=True)
     drawer.start()
     try:
         yield
@@ -36,18 +38,23 @@ def live_table(shown: Any) -> Iterator[None]:  # noqa: ANN401 (shared memory)
         drawer.join()
 
 
-def _draw(shown: Any) -> None:  # noqa: ANN401
+def _draw(shown: Any, said: Any) -> None:  # noqa: ANN401
     """Draw until ended."""
     end_with_parent()
     pause = Event()
     with Live(console=Console(stderr=True), auto_refresh=False, transient=True) as live:
         while True:
-            live.update(picture(list(shown)), refresh=True)
+            live.update(picture(list(shown), said.value.decode(errors="replace")), refresh=True)
             pause.wait(_PERIOD)
 
 
-def picture(numbers: list[float]) -> Table:
-    """Return the table of some numbers, in the order of :data:`mitt.cell.session.SHOWN`."""
+def picture(numbers: list[float], odd: str = "") -> Table:
+    """Return the table of some numbers, in the order of :data:`mitt.cell.session.SHOWN`.
+
+    Args:
+        numbers: The numbers.
+        odd: What is odd in what the robot and the ball's source send; nothing if nothing is.
+    """
     from mitt.link.modes import Mode  # noqa: PLC0415
 
     mode, rate, age, late, lost, throws, caught, told = numbers
@@ -60,7 +67,8 @@ def picture(numbers: list[float]) -> Table:
         "lost readings": f"{lost:.0f}",
         "throws": f"{throws:.0f}",
         "caught": f"{caught:.0f} of {told:.0f}" if told else "unknown",
+        **({"odd": odd} if odd else {}),
     }
     for name, value in rows.items():
-        table.add_row(name, value)
+        table.add_row(name, Text(value))
     return table

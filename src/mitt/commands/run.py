@@ -5,7 +5,7 @@ from contextlib import AbstractContextManager, closing, nullcontext
 
 from mitt.cell.drivers import check_driver, connect
 from mitt.cell.prepare import PreparedCell, about_of, map_of, prepare
-from mitt.cell.session import Person, Session, loop_of, numbers, rehearse
+from mitt.cell.session import Person, Session, loop_of, numbers, rehearse, words
 from mitt.commands.live_table import live_table
 from mitt.commands.options import RunOptions
 from mitt.commands.screen import checked, print_json, show, tell_of_kernels
@@ -31,18 +31,20 @@ def run(options: RunOptions) -> int:
     if options.out is not None and not options.check:
         check_folder(options.out, overwrite=options.overwrite)
         check_ours(options.out, _leaves(prepared))
-    check_driver(prepared.cell)
+    controllers = check_driver(prepared.cell, prepared.arm)
     simulated = prepared.cell.robot.driver == "sim"  # as fast as it goes: others want to run too
     if options.check:
         checked(_about(prepared))
+        for wanted in controllers:
+            tell(wanted)
         if not simulated:
             tell(timekeeping(_CORE))
         return 0
     tell_of_kernels()
     f = map_of(prepared)
     rehearse(prepared, f)
-    person, shown = Person(yes=options.yes), numbers()
-    drawn = nullcontext() if options.json else live_table(shown)
+    person, shown, said = Person(yes=options.yes), numbers(), words()
+    drawn = nullcontext() if options.json else live_table(shown, said)
     in_time = nullcontext("no real time") if simulated else hurried()
     session: Session | None = None
     try:
@@ -52,7 +54,7 @@ def run(options: RunOptions) -> int:
             with closing(robot):
                 loop = loop_of(prepared, f, connection, recorder)
                 session = Session(loop, robot, person, tell, throws=throws, shown=shown,
-                                  recorder=recorder)  # fmt: skip
+                                  said=said, recorder=recorder)  # fmt: skip
                 with in_time as granted, pinned(_CORE):
                     tell(f"{_about(prepared)}; {granted}")
                     done = session.run()

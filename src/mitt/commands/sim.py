@@ -1,5 +1,7 @@
 """``mitt sim``: a cell in simulation, as a process of its own in real time."""
 
+from typing import Any
+
 import mitt
 from mitt.cell.drivers import check_driver
 from mitt.cell.prepare import balls_of, endless, prepare, scene_of_cell
@@ -23,7 +25,7 @@ def run(options: SimOptions) -> int:
         raise InputError("mitt sim", "a cell with the driver ros2", prepared.cell.robot.driver)
     scene = scene_of_cell(prepared.cell, options.scene)
     source = balls_of(prepared, scene, seed=options.seed, count=options.throws or endless())
-    check_driver(prepared.cell)
+    check_driver(prepared.cell, prepared.arm)
     if options.check:
         checked(f"{prepared.cell.name}, scene {scene.base}")
         tell(timekeeping(CORE))
@@ -40,5 +42,19 @@ def run(options: SimOptions) -> int:
     if options.json:
         print_json(said)
     else:
-        show(", ".join(f"{name} {value}" for name, value in said.items() if name != "schema"))
+        show(_words(said))
     return status
+
+
+def _words(said: dict[str, Any]) -> str:
+    """Return what was thrown and what became of it as a line for a person."""
+    ages = said.get("command_age_us")
+    ends = [f"{said[name]} {name}" for name in ("caught", "dropped", "missed", "aborted")
+            if said.get(name)]  # fmt: skip
+    parts = [f"{said['cell']}, seed {said['seed']}: {said['throws']} throws", *ends]
+    if "limit_violations" in said:
+        parts += [f"{said['limit_violations']} ticks beyond a limit",
+                  f"{said['late_ticks']} late ticks, {said['slipped_ticks']} slipped"]  # fmt: skip
+    if ages is not None:
+        parts.append(f"commands {ages['p50']:.0f} us old (median), {ages['max']:.0f} at most")
+    return ", ".join(parts)

@@ -33,6 +33,8 @@ Takes = Literal["torque", "velocity", "position"]
 """What a robot's drives are commanded."""
 
 _Name = Annotated[str, Field(min_length=1, max_length=200)]
+#: Of a cell: part of file names.
+_FileName = Annotated[str, Field(pattern=r"^\w[\w .+-]{0,59}$")]
 _Point = tuple[Finite, Finite, Finite]
 _Share = Annotated[float, Field(gt=0.0, le=1.0)]
 _Positive = Annotated[float, Field(gt=0.0, le=1e4)]
@@ -136,7 +138,7 @@ class Cell(Part):
     """All that a cell file says."""
 
     schema_name: Literal["mitt.cell/1"] = Field(alias="schema")
-    name: _Name
+    name: _FileName
     arm: ArmPart = ArmPart()
     map: _Name | None = None
     ball: BallPart = BallPart()

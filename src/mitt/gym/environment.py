@@ -24,10 +24,17 @@ from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.limits import saturate
 from mitt.signals import TICK, Array, Command, Frame, Senses
-from mitt.trials.drives import MEASURED, drive_loads
+from mitt.trials.drives import drive_loads
 from mitt.trials.learning import learn
 from mitt.trials.runner import LONGEST, TrialRunner
-from mitt.trials.score import HELD_AFTER, held, status_of
+from mitt.trials.score import (
+    HELD_AFTER,
+    continuous_shares,
+    overheated,
+    status_of,
+    ticks_beyond,
+    was_held,
+)
 from mitt.trials.source import aim_of, ranges_of
 from mitt.world.scene import Scene
 from mitt.world.scenes import scene_from
@@ -121,6 +128,7 @@ class Environment(gymnasium.Env[Observation, Numbers]):
         ball = default_throw(self.np_random, aim_of(self.arm), ranges)
         self._catcher = self._runner.release(ball, seed=int(self.np_random.integers(2**62)))
         self._touched, self.senses = False, []
+        self._told, self._driven = list[Array](), list[bool]()
         self.images = np.zeros((2, *self.shape()), np.uint8)
         for frame in self._runner.views[-1] if self._runner.views else ():
             self.images[frame.camera] = frame.pixels
@@ -131,10 +139,13 @@ class Environment(gymnasium.Env[Observation, Numbers]):
         given = checks.array("action", action, self.action_space.shape or (), finite=True)
         given = np.clip(given, -1.0, 1.0)
         world, rules = self.world, {"longest": LONGEST, "held": HELD_AFTER}
-        self.senses = []
+        self.senses, nothing = [], np.full((3, self.arm.n), np.nan)
         for k in range(self.ticks):
             command = self._command(self._sensed(k), given)
             world.apply(command)
+            told = command.joints.copy() if self.residual else np.array([*nothing, command.tau])
+            self._told.append(told)
+            self._driven.append(not command.brakes)
             if world.over(**rules):
                 break
         reward = self._reward(command.tau, TICK * (k + 1))
@@ -220,16 +231,16 @@ class Environment(gymnasium.Env[Observation, Numbers]):
 
     def _ended(self) -> dict[str, Any]:
         """Return what became of the throw."""
-        world, trace = self.world, self.world.trace()
-        was_held = held(world.truth(), world.radius)
+        world, trace, arm = self.world, self.world.trace(), self.arm
         phase = self._catcher.phase if self.residual else Phase.WATCH
-        loads = drive_loads(self.arm, trace.q[:-1], trace.dq[:-1], trace.tau[1:])
-        beyond = loads.over(np.full(len(trace.t) - 1, MEASURED))
-        beyond |= np.any(np.abs(trace.dq[1:]) > (1.0 + MEASURED) * self.arm.dq_max, axis=1)
+        drives = drive_loads(arm, trace.q[:-1], trace.dq[:-1], trace.tau[1:])
+        commanded, driven = np.array(self._told), np.array(self._driven)
+        beyond = ticks_beyond(arm, trace, drives, commanded, driven=driven)
+        shares = continuous_shares(arm, np.sum(drives.torque**2, axis=0), len(drives.torque))
         contact = world.first_contact
         return {
-            "status": status_of(world, phase, was_held=was_held),
-            "limit_violations": int(np.sum(beyond)),
+            "status": status_of(world, phase, was_held=was_held(arm, world)),
+            "limit_violations": int(np.sum(beyond)) + overheated(shares),
             "peak_contact_force_n": float(world.peak_force),
             "position_error_m": -1.0 if contact is None else contact.position_error,
             "velocity_error_m_s": -1.0 if contact is None else contact.velocity_error,

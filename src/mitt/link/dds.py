@@ -36,6 +36,8 @@ Kind = Literal["command", "sensor", "state"]
 
 #: Messages that wait to be taken.
 _DEPTH = {"command": 10, "sensor": 40, "state": 10}
+#: Most messages taken at once.
+_TAKEN = 64
 #: Longest that a reliable writer waits for room [ns].
 _BLOCK = 1_000_000
 #: Participants on one machine that find each other without multicast.
@@ -103,17 +105,13 @@ class Subscriber:
         """Take Cyclone's reader."""
         self._reader = reader
 
-    def take(self) -> list[bytes]:
-        """Return all messages that have come, oldest first."""
-        return [m.cdr for m in self._reader.take(_TAKEN) if m.sample_info.valid_data]
+    def take(self, most: int = _TAKEN) -> list[bytes]:
+        """Return the messages that have come, oldest first, so many at most."""
+        return [m.cdr for m in self._reader.take(most) if m.sample_info.valid_data]
 
     def speakers(self) -> int:
         """Return how many publish."""
         return len(self._reader.get_matched_publications())
-
-
-#: Most messages taken at once.
-_TAKEN = 64
 
 
 @final

@@ -14,8 +14,9 @@ import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from fcntl import LOCK_EX, LOCK_NB, flock
-from mmap import ACCESS_READ, mmap
+from mmap import mmap
 from pathlib import Path
+from stat import S_ISREG
 from typing import NamedTuple, Self, final
 
 import numpy as np
@@ -62,37 +63,31 @@ def _checked(name: str) -> str:
     return name
 
 
+def _slot_size(cameras: int, height: int, width: int) -> int:
+    """Return the size of a slot [bytes]."""
+    return _SLOT_HEAD + (cameras * height * width + 7) // 8 * 8
+
+
 def _size_of(cameras: int, height: int, width: int, slots: int) -> int:
     """Return the size of a ring [bytes]."""
-    return _HEAD + slots * (_SLOT_HEAD + (cameras * height * width + 7) // 8 * 8)
+    return _HEAD + slots * _slot_size(cameras, height, width)
 
 
-class _Ring:
-    """The parts of the memory."""
+class _Slot:
+    """A slot of a ring in memory: its counts, its stamp, its images."""
 
-    def __init__(self, memory: memoryview) -> None:
-        """Lay them out as the header says."""
-        self._head: NDArray[np.int64] = np.frombuffer(memory, np.int64, 8)
-        _, cameras, height, width, slots, *_ = self._head.tolist()
-        self._size = _SLOT_HEAD + (cameras * height * width + 7) // 8 * 8
-        shape = (cameras, height, width)
-        self._counts: list[NDArray[np.int64]] = []
-        self._stamps: list[NDArray[np.float64]] = []
-        self._images: list[NDArray[np.uint8]] = []
-        for k in range(slots):
-            at = _HEAD + k * self._size
-            self._counts.append(np.frombuffer(memory, np.int64, 3, at))
-            self._stamps.append(np.frombuffer(memory, np.float64, 3, at))
-            pixels = np.frombuffer(memory, np.uint8, int(np.prod(shape)), at + _SLOT_HEAD)
-            self._images.append(pixels.reshape(shape))
-
-    def close(self) -> None:
-        """Give the memory up: it goes with the last array in it."""
-        del self._head, self._counts, self._stamps, self._images
+    def __init__(self, memory: memoryview, k: int, shape: tuple[int, int, int]) -> None:
+        """Lay it out."""
+        at = _HEAD + k * _slot_size(*shape)
+        self.counts: NDArray[np.int64] = np.frombuffer(memory, np.int64, 3, at)
+        self.stamp: NDArray[np.float64] = np.frombuffer(memory, np.float64, 3, at)
+        size = int(np.prod(shape))
+        pixels: NDArray[np.uint8] = np.frombuffer(memory, np.uint8, size, at + _SLOT_HEAD)
+        self.images = pixels.reshape(shape)
 
 
 @final
-class FrameWriter(_Ring):
+class FrameWriter:
     """Writes frames."""
 
     def __init__(self, name: str, cameras: int, height: int, width: int) -> None:
@@ -117,7 +112,8 @@ class FrameWriter(_Ring):
         except OSError as error:
             raise InputError("source.memory", f"a shared memory called {name}", error.strerror,
                              do="choose another name") from None  # fmt: skip
-        super().__init__(memory)
+        self._head: NDArray[np.int64] = np.frombuffer(memory, np.int64, 8)
+        self._slots = [_Slot(memory, k, (cameras, height, width)) for k in range(SLOTS)]
 
     def _remove_left(self) -> None:
         """Remove a ring of that name whose writer is dead; refuse anything else."""
@@ -141,17 +137,17 @@ class FrameWriter(_Ring):
     def write(self, t: float, images: Sequence[Image]) -> None:
         """Write images that were exposed together at a stamp [s]."""
         count = int(self._head[_WRITTEN]) + 1
-        k = count % SLOTS
-        self._counts[k][_BEFORE] = count
-        self._stamps[k][_STAMP] = t
-        for place, image in zip(self._images[k], images, strict=True):
+        slot = self._slots[count % SLOTS]
+        slot.counts[_BEFORE] = count
+        slot.stamp[_STAMP] = t
+        for place, image in zip(slot.images, images, strict=True):
             place[:] = image
-        self._counts[k][_AFTER] = count
+        slot.counts[_AFTER] = count
         self._head[_WRITTEN] = count
 
     def close(self) -> None:
         """Take the memory away; who reads it may finish."""
-        super().close()
+        del self._head, self._slots
         with suppress(OSError):  # nobody's but its own
             if os.path.samestat(self._file.stat(), os.fstat(self._fd)):
                 self._file.unlink()
@@ -159,8 +155,8 @@ class FrameWriter(_Ring):
 
 
 @final
-class FrameReader(_Ring):
-    """Reads frames.
+class FrameReader:
+    """Reads frames. It copies them from the file: a memory that is cut short ends no process.
 
     Attributes:
         lost: Frames that were overwritten before they were read.
@@ -171,50 +167,85 @@ class FrameReader(_Ring):
         """Return a reader of a ring whose images are those of a rig.
 
         Raises:
-            InputError: There is none, it is no ring, or its images are others.
+            InputError: There is none, it is no ring, another user writes it, or its images are
+                others.
         """
         file = _FOLDER / _checked(name)
         try:
-            with file.open("rb") as opened:  # SharedMemory of a reader would remove it at its end
-                memory = memoryview(mmap(opened.fileno(), 0, access=ACCESS_READ))
-        except (OSError, ValueError):
+            fd = os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        except OSError:
             given = f"none called {name}"
             raise InputError("source.memory", "a shared memory that the cameras write", given,
                              do="start the cameras first") from None  # fmt: skip
-        if len(memory) < _HEAD:
-            raise InputError("source.memory", "a ring of frames", f"{len(memory)} bytes")
-        found: NDArray[np.int64] = np.frombuffer(memory, np.int64, 8)
-        head = [int(x) for x in found]
-        del found
-        wanted = [len(shapes), *shapes[0]]
-        if head[0] != _MAGIC or not 0 < head[_SLOTS] <= 4096:
-            raise InputError("source.memory", "a ring of frames of this version", "another")
-        whole = min(head[1:4]) > 0 and max(head[1:4]) <= _MOST
-        if not whole or len(memory) < _size_of(*head[1:5]):
-            raise InputError("source.memory", "a whole ring of frames", f"{len(memory)} bytes")
-        if head[1:4] != wanted or len(set(shapes)) != 1:
-            raise InputError("images in source.memory", f"cameras, height, width {wanted}",
-                             head[1:4], do="take the rig of these cameras")  # fmt: skip
-        return cls(memory)
+        try:
+            return cls(fd, _checked_head(fd, shapes))
+        except InputError:
+            os.close(fd)
+            raise
 
-    def __init__(self, memory: memoryview) -> None:
-        """Begin with the next frame."""
-        super().__init__(memory)
-        self._next, self.lost = int(self._head[_WRITTEN]) + 1, 0
+    def __init__(self, fd: int, head: list[int]) -> None:
+        """Begin with the next frame of an open file, whose header was found good."""
+        self._fd, self._shape, self._slots = fd, tuple(head[1:4]), head[_SLOTS]
+        self._next, self.lost = head[_WRITTEN] + 1, 0
+
+    def close(self) -> None:
+        """Give the memory up."""
+        os.close(self._fd)
 
     def take(self) -> list[FrameSet]:
-        """Return all sets since the last call, oldest first."""
-        newest, slots = int(self._head[_WRITTEN]), len(self._counts)
-        if newest < self._next - 1:  # another writer has begun
+        """Return all sets since the last call, oldest first; none from a memory that was cut."""
+        head = os.pread(self._fd, _HEAD, 0)
+        newest = int.from_bytes(head[8 * _WRITTEN :][:8], sys.byteorder, signed=True)
+        if len(head) < _HEAD or newest < self._next - 1:  # cut, or another writer has begun
             self._next = newest + 1
-        first, found = max(self._next, newest - slots + 2), []
+        first, found = max(self._next, newest - self._slots + 2), []
         self.lost += first - self._next
         for count in range(first, newest + 1):
-            k = count % slots
-            stamp, images = float(self._stamps[k][_STAMP]), self._images[k].copy()
-            if self._counts[k][_BEFORE] == count == self._counts[k][_AFTER]:
-                found.append(FrameSet(stamp, count, tuple(images)))
-            else:
-                self.lost += 1
+            seen = self._read(count)
+            self.lost += seen is None
+            found += [] if seen is None else [seen]
         self._next = newest + 1
         return found
+
+    def _read(self, count: int) -> FrameSet | None:
+        """Return a frame; None where it is another one by now, or cut."""
+        size = _slot_size(*self._shape)
+        at = _HEAD + count % self._slots * size
+        raw = os.pread(self._fd, size, at)
+        again = os.pread(self._fd, _SLOT_HEAD, at)  # after the images: they are whole
+        if len(raw) < size or len(again) < _SLOT_HEAD:
+            return None
+        counts: NDArray[np.int64] = np.frombuffer(raw + again, np.int64, 3, size)
+        if not counts[_BEFORE] == count == counts[_AFTER]:
+            return None
+        stamp = float(np.frombuffer(raw, np.float64, 3)[_STAMP])
+        pixels: NDArray[np.uint8] = np.frombuffer(
+            raw, np.uint8, int(np.prod(self._shape)), _SLOT_HEAD
+        )
+        return FrameSet(stamp, count, tuple(pixels.reshape(self._shape)))
+
+
+def _checked_head(fd: int, shapes: Sequence[tuple[int, int]]) -> list[int]:
+    """Return the numbers of the header of a ring.
+
+    Raises:
+        InputError: As of :meth:`FrameReader.named`.
+    """
+    of = os.fstat(fd)
+    if not S_ISREG(of.st_mode) or of.st_uid not in (os.geteuid(), 0):
+        raise InputError("source.memory", "a shared memory of this user", "another one's",
+                         do="run the cameras as the same user")  # fmt: skip
+    raw = os.pread(fd, _HEAD, 0)
+    if len(raw) < _HEAD:
+        raise InputError("source.memory", "a ring of frames", f"{of.st_size} bytes")
+    head: list[int] = np.frombuffer(raw, np.int64, 8).tolist()
+    wanted = [len(shapes), *shapes[0]]
+    if head[0] != _MAGIC or not 0 < head[_SLOTS] <= 4096:
+        raise InputError("source.memory", "a ring of frames of this version", "another")
+    whole = min(head[1:4]) > 0 and max(head[1:4]) <= _MOST
+    if not whole or of.st_size < _size_of(*head[1:5]):
+        raise InputError("source.memory", "a whole ring of frames", f"{of.st_size} bytes")
+    if head[1:4] != wanted or len(set(shapes)) != 1:
+        raise InputError("images in source.memory", f"cameras, height, width {wanted}",
+                         head[1:4], do="take the rig of these cameras")  # fmt: skip
+    return head

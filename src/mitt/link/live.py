@@ -2,7 +2,8 @@
 
 Readings pace the loop: each makes a tick of the catcher, and one command answers the newest. Where
 no reading comes at all nothing is written, so that the robot's own watchdog brakes, and the brakes
-are engaged.
+are engaged. Whatever a driver raises or gives that cannot be used stops the arm: within its limits
+as long as it can be read, by its brakes where it cannot.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,16 +14,18 @@ import numpy as np
 from mitt.catcher.catcher import Catcher, Phase
 from mitt.control.health import Reason
 from mitt.link.clock import monotonic
+from mitt.link.frames import FrameSet
 from mitt.link.modes import Counts, Mode
 from mitt.link.moves import slow_motion
-from mitt.link.readings import Watch
+from mitt.link.positions import Positions
+from mitt.link.readings import Watch, check_reading
 from mitt.link.recorder import Recorder
 from mitt.link.robot import RobotLink
 from mitt.link.sight import FrameSource, Sight
 from mitt.link.stamps import Lag
 from mitt.link.ticks import Ticks
 from mitt.robot.arm import Arm
-from mitt.signals import TICK, ArmState, Command, Sighting
+from mitt.signals import TICK, ArmState, Command
 
 #: Time without a position after which a ball is gone, longest throw, and how long a caught ball is
 #: held before the arm goes back [s].
@@ -41,6 +44,8 @@ _PUSHED = 0.1
 #: Time within which a stop has to end [s], and time after a release in which the robot may still
 #: say why it had stopped before [s].
 _STOPS, _GRACE = 2.0, 0.05
+#: How often brakes that do not answer are told again, and repeated readings from which it is said.
+_TOLD, _MANY = 3, 20
 
 
 @final
@@ -51,6 +56,7 @@ class LiveLoop:
         mode: What it is about.
         why: Why it stops or has stopped.
         counts: What happened so far.
+        notes: What is odd in what the robot and the ball's source send, in words, by its kind.
         age: Time from the newest reading to its command here [s].
     """
 
@@ -83,11 +89,15 @@ class LiveLoop:
         self._link, self._robot, self._arm = link, link.robot, arm
         self._share, self._silence, self._sight = ready_speed, silence, Sight(frames)
         self._clock, self._lag = clock, Lag()
-        self._watch = Watch(arm, link.robot, self._lag, clock=clock, silence=silence)
         self.mode, self.why = Mode.WAITING, ""
-        self.counts = Counts(0, 0, 0, 0, 0, 0, 0, [])
-        self._ticks = Ticks(first, again, self._sight, self.counts, recorder)
+        self.counts, self.notes = Counts(0, 0, 0, 0, 0, 0, 0, 0, []), dict[str, str]()
+        self._positions = Positions(self.counts)
+        self._watch = Watch(arm, link.robot, self._lag, self._positions, clock=clock,
+                            silence=silence)  # fmt: skip
+        self._ticks = Ticks(first, again, self._sight, self._positions, self.counts, recorder,
+                            steps=arm.encoder_step)  # fmt: skip
         self.age, self._until, self._fastest, self._missed = 0.0, np.inf, 0.0, False
+        self._unread = 0
 
     @property
     def idle(self) -> bool:
@@ -109,13 +119,39 @@ class LiveLoop:
 
     def begin(self) -> None:
         """Move to the ready pose from here: a person has said that the arm may move."""
-        self.mode, self.why, self._until = Mode.MOVING, "", np.inf
+        self.mode, self.why, self._until, self._unread = Mode.MOVING, "", np.inf, 0
         try:
             self._robot.read(0.0)
             self._ticks.restart()
             self._link.release()
         except Exception as error:  # a driver's own
             self._cut(f"the robot cannot be released: {error}")
+
+    def acknowledge(self) -> str:
+        """Release the brakes of a robot in protective stop: a person has said so.
+
+        Returns:
+            Why that failed; nothing where it did not.
+        """
+        try:
+            self._link.release()
+        except Exception as error:  # a driver's own
+            return f"the robot cannot be released: {error}{self._engaged()}"
+        return ""
+
+    def leave(self, why: str) -> None:
+        """Leave the arm safe, whatever happened: at rest if it can be, its brakes engaged."""
+        end = monotonic() + _STOPS + 1.0
+        try:
+            self.stop(why)
+            while self.mode is Mode.STOPPING and monotonic() < end:
+                try:
+                    self.cycle()
+                except BaseException as error:  # it ends anyway: first the arm comes to rest
+                    self._failed(f"interrupted: {error}")
+        finally:
+            if self._link.released:
+                self.finish()
 
     def stop(self, why: str) -> None:
         """Stop within all limits, for a reason; it stays so until :meth:`begin`."""
@@ -127,9 +163,21 @@ class LiveLoop:
     def finish(self) -> None:
         """Engage the brakes of the arm at rest: all is done."""
         was, self.mode = self.mode, Mode.STOPPED
-        self._link.brake()
+        self.why += self._engaged()
         if was is Mode.CATCHING:
             self._stay()
+
+    def _engaged(self) -> str:
+        """Engage the brakes, more than once where they do not answer; say so if they never do."""
+        said = ""
+        for _ in range(_TOLD):
+            try:
+                self._link.brake()
+            except BaseException as error:  # a driver's own: its watchdog is left
+                said = f"; the brakes do not answer: {error}"
+            else:
+                return ""
+        return said
 
     def _stay(self) -> None:
         """Leave a robot that rests with a setpoint that moves nothing: it may be its last."""
@@ -143,13 +191,26 @@ class LiveLoop:
         try:
             # The second look is for a stall of ours, after which nothing had time to come in.
             readings = self._robot.read(self._silence) or self._robot.read(_LOOK)
+            for reading in readings or ():
+                check_reading(reading, self._arm.n)
         except Exception as error:  # a driver's own
-            self._cut(f"the robot cannot be read: {error}")
+            self._failed(f"the robot cannot be read: {error}")
             return
+        self._unread = 0
         try:
             self._take(readings)
         except Exception as error:  # ours, or what a driver gave
             self._cut(str(error))
+
+    def _failed(self, why: str) -> None:
+        """Stop where readings fail; give the robot up once they have for as long as silence may be.
+
+        What fails at once, without waiting, counts as a tick.
+        """
+        self._unread += 1
+        self.stop(why)
+        if self._unread * TICK >= self._silence:
+            self._cut(why)
 
     def _take(self, readings: Sequence[ArmState]) -> None:
         """Answer the readings of a cycle."""
@@ -157,13 +218,15 @@ class LiveLoop:
         if not readings:
             self._cut(f"no joint states for {1e3 * self._silence:.0f} ms")
             return
-        points, answer, watches = self._others(), None, self.mode is Mode.CATCHING
-        for reading, seen in zip(readings, self._sight.beside(len(readings), now), strict=True):
-            command = self._ticks.answer(reading, now, points, seen if watches else None)
+        late = self._lag.fault(readings[-1].t, now)
+        self._look_at_ball(readings[-1].t + self._lag.later)
+        answer, watches = None, self.mode is Mode.CATCHING
+        for reading, seen in zip(readings, self._images(len(readings), now), strict=True):
+            command = self._ticks.answer(reading, now, seen if watches else None)
             if command is not None:
-                answer, points = (command, reading.t), ()
+                answer = (command, reading.t)
         self.counts.late += len(readings) - 1
-        if (late := self._lag.fault(readings[-1].t, now)) and not self._ticks.stamps.fault:
+        if late and not self._ticks.stamps.fault:
             self.stop(f"the robot's {late}")
         if blind := self._sight.silent(now):
             self.stop(blind)
@@ -171,6 +234,8 @@ class LiveLoop:
             self._answer(*answer)
             self.age = monotonic() - begun
             self._ticks.catcher.think()
+        self._ask()  # after the command: what others say may take its time
+        if answer is not None and self.mode is not Mode.STOPPED:
             self._advance()
 
     def _answer(self, command: Command, stamp: float) -> None:
@@ -182,16 +247,39 @@ class LiveLoop:
         except Exception as error:  # a driver's own
             self._cut(f"the robot takes no command: {error}")
 
-    def _others(self) -> Sequence[Sighting]:
-        """Return new positions of the ball; stop where the robot or the source says so."""
+    def _ask(self) -> None:
+        """Stop where the robot says so."""
         try:
             trouble = self._robot.waits() or self._robot.trouble()
-            if trouble and self._ticks.stamps.t > _GRACE:
-                self.stop(f"the robot says: {trouble}")
-            return self._robot.points()
+        except Exception as error:  # a driver's own
+            trouble = str(error)
+        if trouble and self._ticks.stamps.t > _GRACE:
+            self.stop(f"the robot says: {trouble}")
+
+    def _look_at_ball(self, due: float) -> None:
+        """Take in new positions of the ball; stop where none of them can be used.
+
+        Args:
+            due: Stamp that the newest reading would have, were it not late [s].
+        """
+        try:
+            self._positions.take(self._robot.points(), due)
         except Exception as error:  # a driver's own
             self.stop(str(error))
-            return ()
+        if self._positions.fault:
+            self.stop(self._positions.fault)
+        if self._positions.note:
+            self.notes["ball"] = self._positions.note
+        if self._ticks.repeated > _MANY:
+            self.notes["readings"] = "joint states repeat: the robot is slower than its publisher"
+
+    def _images(self, count: int, now: float) -> Sequence[FrameSet | None]:
+        """Return images beside so many readings; stop where their source fails."""
+        try:
+            return self._sight.beside(count, now)
+        except Exception as error:  # a source's own
+            self.stop(f"the cameras cannot be read: {error}")
+            return [None] * count
 
     def _advance(self) -> None:
         """Go on to what comes next."""
@@ -282,11 +370,8 @@ class LiveLoop:
     def _halt(self) -> None:
         """Engage the brakes and stay; a ball in flight then is one that was not caught."""
         self.mode = Mode.STOPPED
-        try:
-            self._link.brake()
-            self._stay()
-        except Exception as error:  # a driver's own: its watchdog is left
-            self.why += f"; the brakes do not answer: {error}"
+        self.why = "; ".join([self.why, *self.notes.values()]) + self._engaged()
+        self._stay()
         self.counts.stops.append(self.why)
         if self._fastest > _THROWN:
             self.counts.throws += 1

@@ -5,13 +5,14 @@
 | ``sensor_msgs/JointState``        | encoders                                             |
 | ``geometry_msgs/PointStamped``    | the ball                                             |
 | ``geometry_msgs/PoseStamped``     | the ball, from motion capture                        |
-| ``trajectory_msgs/JointTrajectory`` | commands, one point, with the hand as last joint   |
-| ``std_msgs/Float64MultiArray``    | commands, what the drives take and the hand          |
+| ``trajectory_msgs/JointTrajectory`` | commands, one point                                |
+| ``std_msgs/Float64MultiArray``    | commands, what the drives take                       |
 | ``std_msgs/Bool``                 | brakes                                               |
 | ``diagnostic_msgs/DiagnosticArray`` | state of the robot                                 |
 | ``std_msgs/String``               | what a simulated cell says of a throw                |
 """
 
+from collections.abc import Iterator
 from typing import NamedTuple, final
 
 import numpy as np
@@ -20,8 +21,8 @@ from mitt.errors import InputError
 from mitt.link.cdr import Reader, Writer
 from mitt.signals import Array
 
-#: Time that a trajectory's point is given to be reached [s]: two ticks.
-_REACH_NS = 2_000_000
+#: Time that a trajectory's point is given to be reached [ns]: two updates at 500 Hz.
+_REACH_NS = 4_000_000
 
 
 @final
@@ -67,24 +68,33 @@ def pose(t: float, frame: str, r_o: Array) -> bytes:
     return Writer().header(t, frame).numbers(np.concatenate([r_o, turn])).done()
 
 
-def trajectory(t: float, names: tuple[str, ...], rows: Array) -> bytes:
-    """Return a JointTrajectory of one point.
+def trajectory(answers: float, names: tuple[str, ...], rows: Array) -> bytes:
+    """Return a JointTrajectory of one point that begins when it is taken: its stamp is 0.
+
+    Its frame, of which a controller makes nothing, names the reading that it answers.
 
     Args:
-        t: Stamp of the reading that it answers [s].
+        answers: Stamp of that reading [s].
         names: Joints.
-        rows: Positions, velocities, accelerations and efforts, shape (4, names).
+        rows: Positions, velocities, accelerations and efforts, or the first of them, shape
+            (k, names); those after them are left empty.
     """
-    w = Writer().header(t, "").texts(names).whole(1)
+    w = Writer().stamp(0.0).text(repr(float(answers))).texts(names).whole(1)
     for row in rows:
         w.row(row)
+    for _ in range(4 - len(rows)):
+        w.whole(0)
     return w.whole(0).whole(_REACH_NS).done()
 
 
 def read_trajectory(raw: bytes) -> tuple[float, tuple[str, ...], Array]:
-    """Return stamp, names and the last point's rows of a JointTrajectory, shape (4, names)."""
+    """Return which reading a JointTrajectory answers, its names and its last point's rows.
+
+    The rows have shape (4, names), NaN where one is left out; so is the stamp of the reading where
+    the frame names none.
+    """
     r = Reader(raw)
-    t, _ = r.header()
+    _, frame = r.header()
     names, count = r.texts(), r.count()
     if count == 0:
         raise InputError("a trajectory", "at least one point", "none")
@@ -94,9 +104,13 @@ def read_trajectory(raw: bytes) -> tuple[float, tuple[str, ...], Array]:
             row = r.row()
             if len(row) not in (0, len(names)):
                 raise InputError("a trajectory", f"{len(names)} numbers a row", len(row))
-            rows[k] = row if len(row) else 0.0
+            rows[k] = row if len(row) else np.nan
         r.stamp()
-    return t, names, rows
+    try:
+        answers = float(frame)
+    except ValueError:
+        answers = np.nan
+    return answers, names, rows
 
 
 def array(x: Array) -> bytes:
@@ -141,16 +155,31 @@ def diagnostics(t: float, name: str, level: int, message: str) -> bytes:
     return w.text(name).text(message).text("").whole(0).done()
 
 
-def read_diagnostics(raw: bytes) -> dict[str, tuple[int, str]]:
-    """Return level and message of each entry of a DiagnosticArray, by name."""
-    r, found = Reader(raw), {}
+def search_diagnostics(raw: bytes, name: str) -> Iterator[tuple[int, str] | None]:
+    """Look for an entry of a DiagnosticArray, a field at a time: others write what they like there.
+
+    Args:
+        raw: The message.
+        name: Of the entry.
+
+    Yields:
+        None as long as it was not found; then its level and message, and no more.
+
+    Raises:
+        InputError: It is no such message.
+    """
+    if name.encode() + b"\0" not in raw:
+        return
+    r = Reader(raw)
     r.header()
     for _ in range(r.count()):
-        level = r.small()
-        name, message = r.text(), r.text()
+        level, found, message = r.small(), r.text(), r.text()
+        if found == name:
+            yield level, message
+            return
         r.text()
+        yield None
         for _ in range(r.count()):
             r.text()
             r.text()
-        found[name] = (level, message)
-    return found
+            yield None

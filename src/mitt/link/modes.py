@@ -35,6 +35,8 @@ class Counts:
         refused: Those that the catcher refused.
         stopped: Those in which it stopped.
         stray: Positions of the ball, and images, with impossible stamps.
+        repeated: Readings of a moving arm, and positions of the ball, that repeat the ones before
+            to the last digit: their source is slower than its publisher.
         stops: Why the arm was stopped and stayed so, each time.
     """
 
@@ -45,4 +47,5 @@ class Counts:
     refused: int
     stopped: int
     stray: int
+    repeated: int
     stops: list[str]

@@ -7,6 +7,7 @@ from typing import final
 import numpy as np
 
 from mitt.errors import InputError
+from mitt.link.positions import Positions
 from mitt.link.robot import Robot
 from mitt.link.stamps import Lag
 from mitt.robot.arm import Arm
@@ -62,23 +63,37 @@ def _check_range(arm: Arm, q: Array) -> None:
         raise InputError(f"position of {arm.names[k]}", wanted, f"{q[k]:.4g}", do=do)
 
 
+def check_reading(reading: ArmState, n: int) -> None:
+    """Refuse a reading of another shape; what is no number is the catcher's matter.
+
+    Raises:
+        InputError: It is none of an arm with ``n`` joints.
+    """
+    if not isinstance(reading, ArmState) or not isinstance(reading.t, float | int):
+        raise InputError("a reading", "an ArmState with its stamp [s]", repr(reading)[:80])
+    if np.shape(reading.q) != (n,) or np.shape(reading.dq) != (n,):
+        raise InputError("a reading", f"{n} angles and {n} speeds", repr(reading)[:80])
+
+
 @final
 class Watch:
     """Reads a robot that waits, and says why its arm cannot be moved."""
 
     def __init__(
-        self, arm: Arm, robot: Robot, lag: Lag, *, clock: Callable[[], float], silence: float
-    ) -> None:
+        self, arm: Arm, robot: Robot, lag: Lag, positions: Positions, *,
+        clock: Callable[[], float], silence: float,
+    ) -> None:  # fmt: skip
         """Take the arm, its robot, what knows how late readings come, and the steady clock.
 
         Args:
             arm: The arm.
             robot: Its driver.
             lag: How late readings come.
+            positions: What knows whether positions of the ball can be used.
             clock: The steady clock by which readings arrive [s].
             silence: Time without a reading after which the robot is lost [s].
         """
-        self._arm, self._robot, self._lag = arm, robot, lag
+        self._arm, self._robot, self._lag, self._positions = arm, robot, lag, positions
         self._clock, self._silence = clock, silence
         self._seen, self._looked = deque[tuple[float, ArmState]](), -np.inf
 
@@ -96,13 +111,17 @@ class Watch:
             self._looked = now = self._clock()
             if not new:
                 self._seen.clear()
-                return "no joint states"
-            self._seen.extend((now, x) for x in new)
+                return "; ".join(x for x in ("no joint states", self._robot.waits()) if x)
+            for reading in new:
+                check_reading(reading, self._arm.n)
+                self._seen.append((now, reading))
             late = self._lag.fault(new[-1].t, now)
             full = now - self._seen[0][0] >= WATCHED
         while now - self._seen[0][0] > 2.0 * WATCHED:
             self._seen.popleft()
-        self._robot.points()
+        newest = self._seen[-1][1].t + self._lag.later
+        self._positions.take(self._robot.points(), newest)
+        self._positions.upto(np.inf)
         wrong = wrong_with(self._arm, [x for _, x in self._seen])
-        found = (wrong, self._robot.waits(), self._robot.trouble(), late)
+        found = (wrong, self._robot.waits(), self._robot.trouble(), late, self._positions.fault)
         return "; ".join(x for x in found if x)

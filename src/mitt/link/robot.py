@@ -88,6 +88,7 @@ class RobotLink:
     Attributes:
         robot: Its driver.
         braked: Whether the brakes were commanded to engage.
+        released: Whether they may be released: they were told to be, and not to engage since.
     """
 
     def __init__(
@@ -108,7 +109,7 @@ class RobotLink:
         if not robot.brakes and not unbraked:
             do = "if the arm stays where it is without its drives, say unbraked=True"
             raise InputError("robot", "brakes that a stop can engage", "none", do=do)
-        self.robot, self.braked = robot, False
+        self.robot, self.braked, self.released = robot, False, False
         self._setpoints, self._answered = setpoints, -inf
 
     def write(self, command: Command, answers: float, q: Array, *, fastest: float = inf) -> None:
@@ -150,12 +151,13 @@ class RobotLink:
         self.braked = True
         if self.robot.brakes:
             self.robot.engage_brakes()
+        self.released = False
 
     def release(self) -> None:
         """Let the robot take commands again: a person has said so."""
         if self._setpoints is not None:
             self._setpoints.restart()
-        self.braked = False
+        self.braked, self.released = False, True
         self.robot.release()
 
 

@@ -6,7 +6,9 @@ Options of ``[robot.options]``, all topics with their leading /:
 |-------------|------------------------------------------------------------------------------------|
 | state       | JointState with the encoders, best effort                                          |
 | command     | JointTrajectory; a topic that ends in ``/commands`` is a Float64MultiArray instead |
-| hand        | name under which the hand's angle is commanded, as last joint; "" for none         |
+| controller  | joints of that controller in its order, with commas; see :mod:`mitt.link.orders`   |
+| hand        | name of the hand's joint; "" where it is not commanded                             |
+| hand_command | topic for its angle, as of ``command``, with this one joint                       |
 | brake       | Bool: true engages the brakes, false releases them and acknowledges a stop         |
 | diagnostics | DiagnosticArray; ``status`` names the robot's entry, "" for none                   |
 | others      | names, with commas, that joint states may hold besides the arm's                   |
@@ -14,32 +16,37 @@ Options of ``[robot.options]``, all topics with their leading /:
 | unbraked    | true for an arm that stays where it is without its drives and has no brakes        |
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from math import inf
+from socket import if_nameindex
 from typing import Any, final
 
 import numpy as np
 
-from mitt.control.setpoints import ROWS
 from mitt.errors import InputError, MittError
 from mitt.files.cell import Cell
 from mitt.link import dds, messages
 from mitt.link import dds_types as types
 from mitt.link.clock import monotonic
+from mitt.link.orders import Orders
 from mitt.robot.arm import Arm
 from mitt.robot.description import roll_pitch_yaw
 from mitt.signals import ArmState, Array, Command, Sighting
 
 #: Where a simulated cell says how a throw ended; never read inside the loop.
 RESULTS = "/mitt/throw_result"
-#: Level of a diagnostic entry from which the robot does not work.
-_ERROR = 2
-_KNOWN = {"state": "/joint_states", "command": "/joint_trajectory", "hand": "", "brake": "",
-          "diagnostics": "/diagnostics", "status": "", "others": "", "interface": "lo",
-          "unbraked": False}  # fmt: skip
+#: Level of a diagnostic entry from which the robot does not work, and fields that are read a cycle.
+_ERROR, _FIELDS = 2, 32
+_KNOWN = {"state": "/joint_states", "command": "/joint_trajectory", "controller": "", "hand": "",
+          "hand_command": "/hand_controller/commands", "brake": "", "diagnostics": "/diagnostics",
+          "status": "", "others": "", "interface": "lo", "unbraked": False}  # fmt: skip
 #: Time between two looks at who publishes, and for which nobody else may have been found before
 #: commands are published [s].
 _LOOK, _ALONE = 0.2, 1.0
+#: Time after which a publisher that was not found is missed [s].
+_FOUND = 0.5
+#: How far a held joint may be from where the arm holds it [rad].
+_HELD = 0.05
 #: Longest for which a participant that was killed is still believed to be there [s]: the default
 #: lease of Fast DDS is 20 s, that of Cyclone DDS 10 s.
 _LEASE = 25.0
@@ -72,6 +79,7 @@ class Joints:
         """Take the names that the arm's joints have at the robot, and those that may be besides."""
         self.names = tuple(cell.robot.joints or arm.names)
         held = (link.name for link in arm.model.links if link.held is not None)
+        self._held = {x.name: float(x.held) for x in arm.model.links if x.held is not None}
         named = [x.strip() for x in others.split(",") if x.strip()]
         self._others = {*held, *named, hand} - {""}
         self._seen: tuple[str, ...] = ()
@@ -101,6 +109,24 @@ class Joints:
         self._index = np.array([names.index(x) for x in self.names])
         self._seen = names
 
+    def misplaced(self, q: Array, needed: Iterable[str]) -> str:
+        """Say which held joint is not where the arm holds it; nothing if all are.
+
+        Args:
+            q: Positions of the names that were picked last [rad].
+            needed: Held joints that a command moves: where they are has to be known.
+        """
+        for name, angle in self._held.items():
+            if name in self._seen:
+                found = float(q[self._seen.index(name)])
+                if not abs(found - angle) <= _HELD:
+                    return (f"{name} is at {found:.2f} rad, and the arm's model holds it at"
+                            f" {angle:.2f}: move it there, or say so in the arm")  # fmt: skip
+            elif name in needed:
+                return (f"joint states do not say where {name} is, which its controller moves:"
+                        " publish it, or leave it out of robot.options.controller")  # fmt: skip
+        return ""
+
 
 @final
 class Ros2Robot:
@@ -115,20 +141,26 @@ class Ros2Robot:
         of, source = options_of(cell), cell.source
         self._node = node = dds.Node(of["interface"])
         self._joints = Joints(cell, arm, of["others"], of["hand"])
-        self._cell, self._of, self._n = cell, of, arm.n
+        self._cell, self._of = cell, of
         self.brakes = bool(of["brake"]) or bool(of["unbraked"])
         self._state = node.subscribe(of["state"], types.JointState, "sensor", wakes=True)
         kind = types.PointStamped if source.message == "point" else types.PoseStamped
         self._ball = node.subscribe(source.topic, kind, "sensor")
-        self._diagnostics = node.subscribe(of["diagnostics"], types.Diagnostics, "command")
+        self._diagnostics = (node.subscribe(of["diagnostics"], types.Diagnostics, "command")
+                             if of["status"] else None)  # fmt: skip
+        self._search: Iterator[tuple[int, str] | None] | None = None
         self._results = node.subscribe(RESULTS, types.String, "command")
-        self._plain = of["command"].endswith("/commands")
-        self._told: type[Any] = types.MultiArray if self._plain else types.JointTrajectory
+        self._orders = Orders(cell, arm, of)
+        plain = self._orders.plain
+        self._told: type[Any] = types.MultiArray if plain else types.JointTrajectory
         self._foreign = node.subscribe(of["command"], self._told, "sensor", others=True)
         self._command: dds.Publisher | None = None
         self._brake = node.publish(of["brake"], types.Bool, "command") if of["brake"] else None
-        self._names = (*self._joints.names, *([of["hand"]] if of["hand"] else []))
-        self._rows = np.zeros((4, len(self._names)))
+        kind = types.MultiArray if self._orders.plain_hand else types.JointTrajectory
+        self._hand = node.publish(of["hand_command"], kind, "command") if of["hand"] else None
+        # A velocity of zero moves no joint, an angle does.
+        self._needed = self._orders.held if cell.robot.takes == "position" else {}
+        self._misplaced = ""
         self._R, self._place = roll_pitch_yaw(np.array(source.rpy)), np.array(source.origin)
         self._covariance = source.sigma**2 * np.eye(3)
         self._trouble, self._taken = "", False
@@ -146,6 +178,7 @@ class Ros2Robot:
         """Return one reading; velocities that are not sent count as none."""
         said = messages.read_joint_state(raw)
         q, dq = self._joints.pick(said.names, said.q, said.dq)
+        self._misplaced = self._joints.misplaced(said.q, self._needed)
         return ArmState(t=said.t, q=q, dq=dq if len(dq) else np.zeros(len(q)))
 
     def points(self) -> Sequence[Sighting]:
@@ -164,15 +197,10 @@ class Ros2Robot:
         return found
 
     def write(self, command: Command, answers: float) -> None:
-        """Send a command: a trajectory of one point, or what the drives take as an array."""
-        rows, n = self._rows, self._n
-        rows[:, :n] = command.joints
-        rows[0, n:] = command.hand
-        if self._plain:
-            told = np.concatenate([rows[ROWS[self._cell.robot.takes], :n], rows[0, n:]])
-            self._commands().send(messages.array(told))
-        else:
-            self._commands().send(messages.trajectory(answers, self._names, rows))
+        """Send a command: the hand's angle where that is new, then what the drives take."""
+        if self._hand is not None and (said := self._orders.of_hand(command, answers)):
+            self._hand.send(said)
+        self._commands().send(self._orders.of_joints(command, answers))
 
     def engage_brakes(self) -> None:
         """Send that the brakes are to engage."""
@@ -194,14 +222,24 @@ class Ros2Robot:
         if monotonic() > self._due:
             self._due = monotonic() + _LOOK
             self._graph = self._look()
-        return self._graph
+        return self._graph or self._misplaced
 
     def trouble(self) -> str:
-        """Return why the robot does not take commands; nothing if it does."""
-        for raw in self._diagnostics.take():
-            said = messages.read_diagnostics(raw).get(self._of["status"])
-            if said is not None:
-                self._trouble = said[1] or "error" if said[0] >= _ERROR else ""
+        """Return why the robot does not take commands; nothing if it does.
+
+        Of what others say a little is read at a time, and what cannot be read is left.
+        """
+        if self._search is None:
+            for raw in [] if self._diagnostics is None else self._diagnostics.take(1):
+                self._search = messages.search_diagnostics(raw, self._of["status"])
+        for _ in range(_FIELDS if self._search is not None else 0):
+            try:
+                found = next(self._search)
+            except (StopIteration, MittError):
+                self._search = None
+                break
+            if found is not None:
+                self._trouble = found[1] or "error" if found[0] >= _ERROR else ""
         return self._trouble
 
     def _look(self) -> str:
@@ -231,10 +269,23 @@ class Ros2Robot:
         """Publish commands once nobody else was found to; say what is waited for until then."""
         if self._taken:
             return ""
-        if monotonic() - self._begun < _ALONE:
+        passed = monotonic() - self._begun
+        if passed > _FOUND and not self._state.speakers():
+            return self._unheard()
+        if passed < _ALONE:
             return "looking for others that command the arm"
         self._taken = self._commands().listeners() > 0
         return "" if self._taken else f"nobody takes commands on {self._of['command']}"
+
+    def _unheard(self) -> str:
+        """Say where joint states were looked for, and where else they may be."""
+        used, state = self._of["interface"], self._of["state"]
+        others = ", ".join(name for _, name in if_nameindex() if name != used)
+        return (
+            f"nobody publishes {state} on the interface {used}, domain {dds.domain_id()}: start the"
+            f" driver, or mitt sim; who publishes on another is heard with robot.options.interface"
+            f" ({others or 'there is none'})"
+        )
 
     def _commands(self) -> dds.Publisher:
         """Return what publishes commands: others see that this program commands the arm."""

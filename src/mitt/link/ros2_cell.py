@@ -1,32 +1,18 @@
 """The other end of :mod:`mitt.link.ros2`: what a simulated cell publishes and takes."""
 
 from collections.abc import Sequence
-from typing import NamedTuple, final
+from typing import final
 
 import numpy as np
 
-from mitt.control.setpoints import ROWS
-from mitt.errors import MittError
 from mitt.files.cell import Cell
 from mitt.link import dds, messages
 from mitt.link import dds_types as types
 from mitt.link.frames import FrameWriter
-from mitt.link.ros2 import RESULTS, Joints, options_of
+from mitt.link.orders import Orders, Told, joints_of
+from mitt.link.ros2 import RESULTS, options_of
 from mitt.robot.arm import Arm
 from mitt.signals import Array, Image
-
-
-@final
-class Told(NamedTuple):
-    """A command as a robot takes it: stamp of the reading that it answers [s], joints, hand [rad].
-
-    ``joints`` are q, dq, ddq, tau of the active joints, shape (4, n); NaN where an array does not
-    say them, as it does not say which reading it answers.
-    """
-
-    answers: float
-    joints: Array
-    hand: float
 
 
 @final
@@ -37,7 +23,9 @@ class Ros2Cell:
         """Join the graph."""
         of = options_of(cell)
         self._of, self._frame = of, cell.source.frame
-        self._joints, self._n = Joints(cell, arm, of["others"], of["hand"]), arm.n
+        self._names, self._active = joints_of(cell, arm), list(arm.model.active)
+        self._q = np.array([x.held or 0.0 for x in arm.model.links])
+        self._dq, self._orders = np.zeros(len(self._q)), Orders(cell, arm, of)
         self._memory = cell.source.memory
         self._frames: FrameWriter | None = None
         node = dds.Node(of["interface"])
@@ -48,16 +36,18 @@ class Ros2Cell:
         self._ball = node.publish(cell.source.topic, kind, "sensor")
         self._diagnostics = node.publish(of["diagnostics"], types.Diagnostics, "command")
         self._results = node.publish(RESULTS, types.String, "command")
-        plain = of["command"].endswith("/commands")
-        self._row, self._width = ROWS[cell.robot.takes], arm.n + bool(of["hand"])
-        self._read = self._array if plain else self._trajectory
-        told = types.MultiArray if plain else types.JointTrajectory
+        told = types.MultiArray if self._orders.plain else types.JointTrajectory
         self._command = node.subscribe(of["command"], told, "command")
+        kind = types.MultiArray if self._orders.plain_hand else types.JointTrajectory
+        topic = of["hand_command"]
+        self._hand = node.subscribe(topic, kind, "command") if of["hand"] else None
+        self._closing = 0.0
         self._brake = node.subscribe(of["brake"], types.Bool, "command") if of["brake"] else None
 
     def state(self, t: float, q: Array, dq: Array) -> None:
-        """Publish a reading of the encoders."""
-        self._state.send(messages.joint_state(t, self._joints.names, q, dq))
+        """Publish a reading of the encoders; held joints are where they are held."""
+        self._q[self._active], self._dq[self._active] = q, dq
+        self._state.send(messages.joint_state(t, self._names, self._q, self._dq))
 
     def frames(self, t: float, images: Sequence[Image]) -> None:
         """Write images that were exposed together into the shared memory."""
@@ -80,30 +70,11 @@ class Ros2Cell:
 
     def command(self) -> Told | None:
         """Return the newest command since the last call; None where none came that fits."""
+        for said in [] if self._hand is None else self._hand.take()[-1:]:
+            angle = self._orders.read_hand(said)
+            self._closing = angle if np.isfinite(angle) else self._closing
         raw = self._command.take()
-        if not raw:
-            return None
-        try:
-            return self._read(raw[-1])
-        except MittError:
-            return None
-
-    def _trajectory(self, raw: bytes) -> Told | None:
-        """Return a trajectory of one point; None where it has other joints, or no numbers."""
-        t, names, rows = messages.read_trajectory(raw)
-        told = np.array(self._joints.pick(names, *rows))
-        hand = float(rows[0, names.index(self._of["hand"])]) if self._of["hand"] in names else 0.0
-        whole = np.all(np.isfinite(told)) and np.isfinite(hand)
-        return Told(t, told, hand) if whole else None
-
-    def _array(self, raw: bytes) -> Told | None:
-        """Return what the drives take, then the hand; None where it is longer, or no numbers."""
-        values = messages.read_array(raw)
-        if len(values) != self._width or not np.all(np.isfinite(values)):
-            return None
-        told = np.full((4, self._n), np.nan)
-        told[self._row] = values[: self._n]
-        return Told(np.nan, told, float(values[self._n]) if self._width > self._n else 0.0)
+        return self._orders.read(raw[-1], self._closing) if raw else None
 
     def close(self) -> None:
         """Take the shared memory away."""

@@ -38,10 +38,15 @@ _LASTS = 0.02
 
 @final
 class Lag:
-    """Knows by how much readings come later than the least late ones so far, drift allowed for."""
+    """Knows by how much readings come later than the least late ones so far, drift allowed for.
+
+    Attributes:
+        later: By how much the newest came later [s].
+    """
 
     def __init__(self) -> None:
         """Know nothing yet."""
+        self.later = 0.0
         self._least, self._stamp, self._known, self._since = inf, -inf, 0.0, inf
         self._late = False
 
@@ -61,7 +66,7 @@ class Lag:
         drift = 0.0 if self._late else DRIFT
         least = self._least + drift * max(arrived - self._known, 0.0)
         self._least, self._stamp, self._known = min(least, lag), stamp, arrived
-        later = lag - self._least
+        self.later = later = lag - self._least
         self._since = min(self._since, arrived) if later > LATER else inf
         self._late = arrived - self._since >= _LASTS
         return f"readings come {1e3 * later:.0f} ms later than they did" if self._late else ""

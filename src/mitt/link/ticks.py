@@ -4,7 +4,7 @@ Each reading makes a tick. One that never came is a tick without encoders, which
 bridges.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import final
 
 import numpy as np
@@ -13,15 +13,17 @@ from mitt.catcher.catcher import Catcher
 from mitt.errors import InputError
 from mitt.link.frames import FrameSet
 from mitt.link.modes import Counts
+from mitt.link.positions import STRAY, Positions
 from mitt.link.recorder import Recorder
 from mitt.link.sight import Sight
 from mitt.link.stamps import Stamps
-from mitt.signals import TICK, ArmState, Command, Frame, Senses, Sighting
+from mitt.signals import TICK, ArmState, Array, Command, Frame, Senses, Sighting
 
 #: Readings lost in a row that are bridged; more are an overrun.
 _BRIDGED = 18
-#: Age, or time in the future, from which a position or an image has an impossible stamp [s].
-_STRAY = 0.4
+#: How far a joint has to have moved before a row of angles that repeats is no reading [rad], beside
+#: two steps of its encoder.
+_MOVED = 1e-4
 #: Speeds below which an arm rests, commanded and estimated [rad/s].
 _REST, _STILL = 1e-3, 0.05
 
@@ -34,6 +36,7 @@ class Ticks:
         catcher: The one of this throw.
         stamps: The robot's stamps as a time that only goes on.
         recorded: Whether the ticks are recorded: those of a catch are.
+        repeated: Readings of a moving arm that repeat the one before.
     """
 
     def __init__(
@@ -41,8 +44,11 @@ class Ticks:
         first: Catcher,
         again: Callable[[Catcher], Catcher],
         sight: Sight,
+        positions: Positions,
         counts: Counts,
         recorder: Recorder | None,
+        *,
+        steps: Array,
     ) -> None:
         """Take the catchers and what is beside them.
 
@@ -50,12 +56,16 @@ class Ticks:
             first: A catcher.
             again: Returns a fresh one for another throw.
             sight: The cameras.
-            counts: Where ticks, readings that were lost, and stray positions are counted.
+            positions: Of the ball, for a catcher that sees no images.
+            counts: Where ticks, readings that were lost or repeat, and stray images are counted.
             recorder: Keeps each tick of a catch.
+            steps: Resolution of the joints' encoders [rad], shape (n,).
         """
         self.catcher, self.stamps, self.recorded = first, Stamps(), False
         self._again, self._sight, self._counts, self._recorder = again, sight, counts, recorder
-        self._begun = self._last = 0.0
+        self._positions, self._begun, self._last = positions, 0.0, 0.0
+        self.repeated = 0
+        self._read, self._since, self._least = np.zeros(0), 0.0, _MOVED + 2.0 * steps
 
     @property
     def t(self) -> float:
@@ -79,7 +89,8 @@ class Ticks:
 
     def restart(self) -> None:
         """Forget the stamps so far, as after a stop, and take a fresh catcher."""
-        self.stamps, self._last = Stamps(), 0.0
+        self.stamps, self._last, self._read = Stamps(), 0.0, np.zeros(0)
+        self._positions.restart()
         self.fresh()
 
     def fresh(self) -> None:
@@ -88,19 +99,12 @@ class Ticks:
         self._begun = self.stamps.t
         self._sight.fresh()
 
-    def answer(
-        self,
-        reading: ArmState,
-        arrived: float,
-        points: Sequence[Sighting],
-        shown: FrameSet | None,
-    ) -> Command | None:
+    def answer(self, reading: ArmState, arrived: float, shown: FrameSet | None) -> Command | None:
         """Make a tick from a reading, and ticks without encoders for those before it that are lost.
 
         Args:
             reading: As stamped by the robot.
             arrived: When it came [s].
-            points: Positions of the ball since the last call, as stamped by the robot.
             shown: Images beside it, for a catcher that watches.
 
         Returns:
@@ -116,13 +120,11 @@ class Ticks:
         shift = self.stamps.at(0.0) - self._begun
         t -= self._begun
         seen = tuple(
-            Sighting(t=at, found=p.found, r_o=p.r_o, covariance=p.covariance)
-            for p in points
-            if -_STRAY < (at := p.t + shift) - t < _STRAY
+            Sighting(t=p.t + shift, found=p.found, r_o=p.r_o, covariance=p.covariance)
+            for p in self._positions.upto(reading.t)
         )
-        self._counts.stray += len(points) - len(seen)
         frames: tuple[Frame, ...] = ()
-        if shown is not None and -_STRAY < shown.t + shift - t < _STRAY:
+        if shown is not None and -STRAY < shown.t + shift - t < STRAY:
             frames = self._sight.show(self.catcher, shown, shown.t + shift)
         elif shown is not None:
             self._counts.stray += 1
@@ -130,7 +132,28 @@ class Ticks:
             raise InputError("the first reading", "the angle of each joint", "NaN")
         self._counts.ticks += 1
         arm = ArmState(t=t, q=reading.q, dq=reading.dq)
+        if self._repeats(reading):
+            self._counts.repeated += 1
+            self.repeated += 1
+            nothing = np.full(len(reading.q), np.nan)
+            arm = ArmState(t=t, q=nothing, dq=nothing)
         return self._step(Senses(t=t, arm=arm, frames=frames, points=seen))
+
+    def _repeats(self, reading: ArmState) -> bool:
+        """Say whether a reading is the one before under a new stamp: all joints, to the last digit.
+
+        An arm at rest repeats itself. One that moves does not, once a joint has moved by more than
+        its encoder tells apart.
+        """
+        passed = self.stamps.t - self._since
+        if not np.array_equal(reading.q, self._read):
+            self._read, self._since = np.array(reading.q), self.stamps.t
+            return False
+        if self.catcher.tick is None:
+            return False
+        told, known = self.catcher.result.command[1], self.catcher.estimated[1]
+        moved = passed * np.maximum(np.abs(told), np.abs(known))
+        return bool(np.any(moved > self._least))
 
     def _fill(self, t: float) -> None:
         """Make ticks without encoders for readings that never came."""

@@ -14,7 +14,7 @@ from mitt.generator.feasibility import Verdict
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Basket
 from mitt.signals import TICK, Array
-from mitt.trials.drives import COMMANDED, MEASURED, drive_loads
+from mitt.trials.drives import COMMANDED, MEASURED, DriveLoads, drive_loads
 from mitt.world.contacts import ARM_FLOOR, BALL_HAND, SELF
 from mitt.world.simulation import World
 from mitt.world.truth import Trace, Truth
@@ -145,37 +145,78 @@ class Measured:
 def measure(arm: Arm, ticks: Result, truth: Trace) -> Measured:
     """Return what a trial was by the numbers.
 
-    A tick violates a limit where a command or the plant exceeds one, or where the arm touches
-    itself or the floor: its range is where it can be.
-
     Args:
         arm: The arm.
         ticks: Results of all k ticks.
         truth: True states, k + 1 rows.
     """
-    commanded, given = ticks.command, truth.tau[1:]
-    drives = drive_loads(arm, truth.q[:-1], truth.dq[:-1], given)
-    same = np.all(commanded[:, 3] == given, axis=1)
-    bad = drives.over(np.where(same, COMMANDED, MEASURED))
-    before = truth.q[:-1][~same], truth.dq[:-1][~same]
-    bad[~same] |= drive_loads(arm, *before, commanded[~same, 3]).over(COMMANDED)
-    bad |= _beyond(arm, truth.q[1:], truth.dq[1:], MEASURED)
-    bad |= _beyond(arm, commanded[:, 0], commanded[:, 1], COMMANDED)
-    bad |= _rates_beyond(arm, commanded, ticks.scalars["brakes"])
-    bad |= truth.seen[1:] & (SELF | ARM_FLOOR) != 0
-    mean_square = np.sum(drives.torque**2, axis=0) / max(len(given), 1)
-    rms = (np.sqrt(mean_square) / arm.limits.tau_rms).tolist()
+    drives = drive_loads(arm, truth.q[:-1], truth.dq[:-1], truth.tau[1:])
+    bad = ticks_beyond(arm, truth, drives, ticks.command, driven=~ticks.scalars["brakes"])
+    rms = continuous_shares(arm, np.sum(drives.torque**2, axis=0), len(drives.torque))
     demanded = demand(arm, ticks.reference[ticks.scalars["following"], :3])
     following = len(demanded.excess) > 0
     return Measured(
         peak_torque_ratio=arm.by_joint(np.max(drives.share, axis=0, initial=0.0)).tolist(),
         peak_speed_ratio=np.max(np.abs(truth.dq) / arm.dq_max, axis=0).tolist(),
-        rms_torque_ratio=rms,
-        limit_violations=int(np.sum(bad)) + sum(share > 1.0 + MEASURED for share in rms),
+        rms_torque_ratio=rms.tolist(),
+        limit_violations=int(np.sum(bad)) + overheated(rms),
         demand_cost=demanded.cost if following else 0.0,
         range_excess_rad=float(demanded.excess.max()) if following else 0.0,
         saturated_ticks=int(np.sum(ticks.scalars["saturated"])),
     )
+
+
+def ticks_beyond(
+    arm: Arm,
+    truth: Trace,
+    drives: DriveLoads,
+    commanded: Array,
+    *,
+    driven: NDArray[np.bool_],
+    before: Array | None = None,
+) -> NDArray[np.bool_]:
+    """Say of each tick whether a limit was exceeded, by a command or by the plant, shape (k,).
+
+    One in which the arm touches itself or the floor counts: its range is where it can be.
+
+    Args:
+        arm: The arm.
+        truth: True states, whose last k + 1 rows are looked at.
+        drives: Loads of the drives by the torques that they gave, k rows.
+        commanded: q, dq, ddq, tau and more of each tick, shape (k, ROWS, n); NaN where a command
+            does not say them.
+        driven: Whether each command is carried out: not once the brakes are engaged, shape (k,).
+        before: Command of the tick before the first, where that was carried out as well.
+    """
+    k = len(commanded)
+    q, dq, given = truth.q[-k - 1 :], truth.dq[-k - 1 :], truth.tau[-k:]
+    same = np.all(commanded[:, 3] == given, axis=1)
+    bad = drives.over(np.where(same, COMMANDED, MEASURED))
+    other = ~same & np.all(np.isfinite(commanded[:, 3]), axis=1)
+    loads = drive_loads(arm, q[:-1][other], dq[:-1][other], commanded[other, 3])
+    bad[other] |= loads.over(COMMANDED)
+    bad |= _beyond(arm, q[1:], dq[1:], MEASURED)
+    bad |= _beyond(arm, commanded[:, 0], commanded[:, 1], COMMANDED)
+    bad |= _rates_beyond(arm, commanded, driven, before)
+    bad |= truth.seen[-k:] & (SELF | ARM_FLOOR) != 0
+    return bad
+
+
+def continuous_shares(arm: Arm, squares: Array, ticks: int) -> Array:
+    """Return how much of its continuous torque each drive used, as root mean square.
+
+    Args:
+        arm: The arm.
+        squares: Sum of the squares of each drive's torque [N^2 m^2].
+        ticks: Over how many ticks.
+    """
+    shares: Array = np.sqrt(squares / max(ticks, 1)) / arm.limits.tau_rms
+    return shares
+
+
+def overheated(shares: Array) -> int:
+    """Return how many drives went beyond their continuous torque."""
+    return int(np.sum(shares > 1.0 + MEASURED))
 
 
 def _beyond(arm: Arm, q: Array, dq: Array, slack: float) -> NDArray[np.bool_]:
@@ -185,27 +226,25 @@ def _beyond(arm: Arm, q: Array, dq: Array, slack: float) -> NDArray[np.bool_]:
     return np.asarray(np.any(out, axis=1))
 
 
-def _rates_beyond(arm: Arm, commanded: Array, brakes: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _rates_beyond(
+    arm: Arm, commanded: Array, driven: NDArray[np.bool_], before: Array | None
+) -> NDArray[np.bool_]:
     """Say of each tick whether the command's acceleration, jerk or torque rate exceeds its limit.
 
-    Jerk and torque rate are those from the tick before, a tick apart. Once the brakes are engaged
-    the drives are off, and the command is not carried out.
-
-    Args:
-        arm: The arm.
-        commanded: q, dq, ddq, tau and more of each tick, shape (k, ROWS, n).
-        brakes: Whether the brakes are to be engaged, shape (k,).
+    Jerk and torque rate are those from the tick before, a tick apart. Args as of
+    :func:`ticks_beyond`.
     """
-    limits, out = arm.limits, np.zeros(len(commanded), dtype=np.bool_)
-    driven, slack = ~brakes, 1.0 + _RATE_SLACK
+    limits, out, slack = arm.limits, np.zeros(len(commanded), dtype=np.bool_), 1.0 + _RATE_SLACK
     if limits.acceleration is not None:
         most = arm.active(limits.acceleration)
         out |= driven & np.any(np.abs(commanded[:, 2]) > most * slack, axis=1)
-    both = driven[1:] & driven[:-1]
+    both = driven & np.concatenate([[before is not None], driven[:-1]])
+    rows = commanded if before is None else np.concatenate([before[None], commanded])
     for row, bound in ((2, limits.jerk), (3, limits.torque_rate)):
         if bound is not None:
-            rate = np.abs(np.diff(commanded[:, row], axis=0)) / TICK
-            out[1:] |= both & np.any(rate > arm.active(bound) * slack, axis=1)
+            rate = np.abs(np.diff(rows[:, row], axis=0)) / TICK
+            over = np.any(rate > arm.active(bound) * slack, axis=1)
+            out |= both & (over if before is not None else np.concatenate([[False], over]))
     return out
 
 

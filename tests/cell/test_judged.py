@@ -1,0 +1,148 @@
+"""A throw is judged by one rule, whether ``mitt catch``, a simulated cell or ``mitt.gym`` asks."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from local_cell import LocalCell
+
+from mitt.catcher.catcher import Catcher
+from mitt.cell.local import LocalPort, _Answer
+from mitt.cell.prepare import PreparedCell, balls_of, map_of, prepare, scene_of_cell
+from mitt.cell.simulated import SimulatedCell
+from mitt.files.cell import cell_of
+from mitt.generator.generators import Direct
+from mitt.link.modes import Mode
+from mitt.robot.arm import Arm
+from mitt.signals import Array
+from mitt.trials.drives import drive_loads
+from mitt.trials.runner import TrialRunner
+from mitt.trials.score import continuous_shares, overheated, ticks_beyond
+
+_BASKET = """schema = "mitt.arm/1"
+[arm]
+name = "wam"
+limits = "wam-80v"
+[hand]
+name = "basket"
+tilt = -1.065
+[map]
+q_catch = 1.25
+kappa = 1.777
+inward = 0.97
+"""
+
+
+@pytest.fixture(scope="module")
+def basket(tmp_path_factory: pytest.TempPathFactory) -> PreparedCell:
+    """A simulated cell whose arm carries a basket."""
+    file = tmp_path_factory.mktemp("basket") / "arm.toml"
+    file.write_text(_BASKET)
+    raw = {"schema": "mitt.cell/1", "name": "basket", "arm": {"file": file.name},
+           "robot": {"driver": "sim", "delay": 0.0033}}  # fmt: skip
+    return prepare(cell_of(raw, place="cell", folder=file.parent))
+
+
+def test_a_cell_with_a_basket_knows_a_caught_ball(basket: PreparedCell) -> None:
+    """It lies in the net, far from the catch point and touched by one cord or none."""
+    cell = LocalCell(throws=2, seed=83000, prepared=basket)
+    cell.begin()
+    cell.until(lambda: cell.simulated.done and cell.loop.mode is Mode.CATCHING)
+    assert cell.simulated.statuses == ["caught", "caught"]
+
+
+def judged(arm: Arm) -> Arm:
+    """Return an arm with limits that any catch exceeds: of rates, of continuous torque."""
+    size, drives = len(arm.model.links), len(arm.limits.tau_rms)
+    bounds = {"acceleration": 20.0, "jerk": 5e4, "torque_rate": 2e3}
+    rates = {name: np.full(size, bound) for name, bound in bounds.items()}
+    return Arm(arm.model, replace(arm.limits, **rates, tau_rms=np.ones(drives)))
+
+
+@pytest.mark.parametrize("hand", ["basket", "fingers"])
+@pytest.mark.parametrize("tight", [False, True])
+def test_an_environment_judges_as_mitt_catch_does(
+    hand: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, *, tight: bool
+) -> None:
+    """A residual of nothing is the catcher itself: the same status, the same ticks beyond."""
+    pytest.importorskip("gymnasium")
+    from mitt.gym import Catch  # noqa: PLC0415
+
+    if hand == "basket":
+        prepared = request.getfixturevalue("basket")
+        f = map_of(prepared)
+    else:
+        f = request.getfixturevalue("learned").map
+    thrown = list[tuple[Any, int]]()
+    release = TrialRunner.release
+
+    def noted(self: TrialRunner, ball: Any, *, seed: int) -> Catcher:  # noqa: ANN401
+        thrown.append((ball, seed))
+        return release(self, ball, seed=seed)
+
+    monkeypatch.setattr(TrialRunner, "release", noted)
+    env = Catch(action="residual", map=f, arm=f.arm, ticks=20)
+    runner = TrialRunner(f.arm, Direct(f), env.scene, pixels=False)
+    if tight:
+        env.arm = runner.arm = judged(f.arm)
+    env.reset(seed=1)
+    over, info = False, dict[str, Any]()
+    while not over:
+        *_, terminated, truncated, info = env.step(np.zeros(f.arm.n, np.float32))
+        over = terminated or truncated
+    ball, seed = thrown[0]
+    trial = runner.run(0, ball, seed=seed).trial
+    assert (info["status"], info["limit_violations"]) == (trial.status, trial.limit_violations)
+    assert trial.status == "caught"
+    assert (trial.limit_violations > 100) == tight
+
+
+class Commander(LocalPort):
+    """A port that commands something at random every millisecond, but for some."""
+
+    def __init__(self, arm: Arm, rng: np.random.Generator) -> None:
+        """Take the arm."""
+        super().__init__(1e-3)
+        self._arm, self._rng = arm, rng
+
+    def command(self) -> Any:  # noqa: ANN401 (of the protocol)
+        """Return a command that moves the arm a little, now and then beyond a limit."""
+        arm, rng = self._arm, self._rng
+        if rng.random() < 0.1:
+            return None
+        rows = rng.normal(size=(4, arm.n)) * np.array([[0.01], [0.3], [20.0], [3.0]])
+        rows[0] += arm.q_ready
+        return _Answer(float("nan"), rows, 0.0)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_cell_counts_the_ticks_that_a_trial_counts(
+    seed: int, basket: PreparedCell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However its ticks fall into the batches in which it counts; continuous torque a throw."""
+    arm = judged(basket.arm)
+    scene = scene_of_cell(basket.cell, None)
+    port = Commander(arm, np.random.default_rng(seed))
+    cell = SimulatedCell(
+        basket.cell, arm, scene, balls_of(basket, scene, seed=seed, count=1), port,
+        rig=basket.rig, clock=lambda: 0.0,
+    )  # fmt: skip
+    port.braked = False
+    told, driven = list[Array](), list[bool]()
+    for _ in range(250):
+        cell.tick()
+        cell.act()
+        told.append(cell._controller.told)
+        driven.append(cell._controller.commanded)
+    cell._check()
+    truth = cell._world.trace()
+    drives = drive_loads(arm, truth.q[:-1], truth.dq[:-1], truth.tau[1:])
+    wanted = ticks_beyond(arm, truth, drives, np.array(told), driven=np.array(driven))
+    assert cell.violations == int(np.sum(wanted)) > 50
+    shares = continuous_shares(arm, np.sum(drives.torque**2, axis=0), len(told))
+    before = cell.violations
+    monkeypatch.setattr(type(cell._world), "diverged", True)
+    cell._judge()
+    assert cell.violations - before == overheated(shares) > 0
+    assert cell.statuses == ["aborted"]
