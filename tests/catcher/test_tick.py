@@ -351,7 +351,7 @@ def again(times, start, images, backgrounds, q, dq, brake, state, result):  # ty
     todo = 0
     for k in range(times):
         t = start + 0.001 * k
-        todo |= tick(images, backgrounds, 0, t - 0.001, t, q, dq, brake, state, result)
+        todo |= tick(images, backgrounds, 0, t - 0.001, t, t, q, dq, brake, state, result)
     return todo
 
 

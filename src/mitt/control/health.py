@@ -67,9 +67,8 @@ MEMORY = 4
 
 #: Longest tick that counts as in time, and longest that is bridged at all [s].
 IN_TIME, BRIDGED_TIME = 0.005, 0.020
-#: Age from which a reading of the encoders is none [s]: at the catcher's bandwidth of 80 rad/s
-#: a delay of 10 ms takes 46 degrees of the phase margin.
-OLD_READING = 0.010
+#: Age beyond which a reading of the encoders is none [s].
+OLD_READING = IN_TIME
 #: Ticks without usable time after which the catcher stops.
 _TIMELESS_TICKS = 20
 #: Age of the last measurement from which the ball is predicted, and from which it can be lost [s].
@@ -81,6 +80,17 @@ _FAR_TICKS = 20
 def memory() -> Array:
     """Return the memory of a catcher that has made no tick, shape (MEMORY,)."""
     return np.array([np.nan, 0.0, 0.0, 0.0])
+
+
+@kernel
+def time_since(before: float, t: float) -> float:
+    """Return the time from one tick to the next [s], in whole nanoseconds.
+
+    Args:
+        before: Time of the tick before [s]; NaN where there was none: a tick has passed then.
+        t: Time of the tick [s].
+    """
+    return TICK if np.isnan(before) else np.floor(1e9 * (t - before) + 0.5) / 1e9
 
 
 @kernel
@@ -103,22 +113,11 @@ def pass_time(m: Array, t: float) -> tuple[float, int]:
         m[_TIMELESS] += 1.0
         m[_T] = before + TICK if np.isfinite(before) else 0.0
         return m[_T], CLOCK if m[_TIMELESS] >= _TIMELESS_TICKS else _LATE
-    m[_TIMELESS], m[_T] = 0.0, t
-    if t - before <= IN_TIME:
+    m[_TIMELESS], m[_T], passed = 0.0, t, time_since(before, t)
+    if passed <= IN_TIME:
         return t, _NONE
     m[_LATES] += 1.0
-    return t, OVERRUN if t - before > BRIDGED_TIME else _LATE
-
-
-@kernel
-def time_since(before: float, t: float) -> float:
-    """Return the time from one tick to the next [s], in whole nanoseconds.
-
-    Args:
-        before: Time of the tick before [s]; NaN where there was none: a tick has passed then.
-        t: Time of the tick [s].
-    """
-    return TICK if np.isnan(before) else np.floor(1e9 * (t - before) + 0.5) / 1e9
+    return t, OVERRUN if passed > BRIDGED_TIME else _LATE
 
 
 @kernel

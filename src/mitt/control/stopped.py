@@ -71,9 +71,10 @@ def hint_of(arm: Arm, reason: Reason, q_read: Array, age: float | None = None) -
     if reason is not Reason.SILENT:
         return ""
     if age is not None:
-        return (f"the last reading was stamped {age:.4g} s before its tick, wanted less than"
-                f" {OLD_READING:g} s and a later stamp than the reading before: is the bus frozen,"
-                " or are Senses.t and ArmState.t of two clocks?")  # fmt: skip
+        stamped = f"stamped {age:.4g} s before its tick" if np.isfinite(age) else "not stamped"
+        return (f"the last reading was {stamped}, wanted at most {OLD_READING:g} s and a later"
+                " stamp than the reading before: is the bus frozen, or are Senses.t and ArmState.t"
+                " of two clocks?")  # fmt: skip
     if not len(outside):
         return ""
     k = int(outside[0])

@@ -1,7 +1,6 @@
 """A catcher's ticks from a robot's readings: their time, what was seen beside them, the record.
 
-Each reading makes a tick. One that never came is a tick without encoders, which the catcher
-bridges.
+Each reading makes a tick. Those that never came are counted; the catcher goes by the stamps.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,8 +17,6 @@ from mitt.link.sight import Sight
 from mitt.link.stamps import Stamps
 from mitt.signals import TICK, ArmState, Command, Frame, Senses, Sighting
 
-#: Readings lost in a row that are bridged; more are an overrun.
-_BRIDGED = 18
 #: Age, or time in the future, from which a position or an image has an impossible stamp [s].
 _STRAY = 0.4
 #: Speeds below which an arm rests, commanded and estimated [rad/s].
@@ -95,7 +92,7 @@ class Ticks:
         points: Sequence[Sighting],
         shown: FrameSet | None,
     ) -> Command | None:
-        """Make a tick from a reading, and ticks without encoders for those before it that are lost.
+        """Make a tick from a reading, and count those before it that are lost.
 
         Args:
             reading: As stamped by the robot.
@@ -112,7 +109,9 @@ class Ticks:
         t = self.stamps.take(reading.t, arrived)
         if t is None:
             return None
-        self._fill(t)
+        if self.catcher.tick is not None:  # a fresh one begins with this reading
+            self._counts.lost += max(round((t - self._last) / TICK) - 1, 0)
+        self._last = t
         shift = self.stamps.at(0.0) - self._begun
         t -= self._begun
         seen = tuple(
@@ -131,18 +130,6 @@ class Ticks:
         self._counts.ticks += 1
         arm = ArmState(t=t, q=reading.q, dq=reading.dq)
         return self._step(Senses(t=t, arm=arm, frames=frames, points=seen))
-
-    def _fill(self, t: float) -> None:
-        """Make ticks without encoders for readings that never came."""
-        missing = round((t - self._last) / TICK) - 1
-        # A fresh catcher has no reading yet from which it could go on.
-        if self.catcher.tick is not None and 0 < missing <= _BRIDGED:
-            self._counts.lost += missing
-            nothing = np.full(self.catcher.estimated.shape[1], np.nan)
-            for k in range(missing):
-                at = self._last + (k + 1) * TICK - self._begun
-                self._step(Senses(t=at, arm=ArmState(t=at, q=nothing, dq=nothing)))
-        self._last = t
 
     def _step(self, senses: Senses) -> Command:
         """Let the catcher make a tick; recorded unless it is on its way to the ready pose."""
