@@ -143,7 +143,7 @@ class Joints:
         read = np.array([senses.arm.q, senses.arm.dq])
         estimate_joints(
             self.memory, self.bounds, self.table[0], self.ddq_unknown, self.coupling, read,
-            self.rows, False, impact_dq, self.estimated,
+            self.rows, False, impact_dq, TICK, TICK, 0.0, self.estimated,
         )  # fmt: skip
         assert np.allclose(self.estimated, estimated, rtol=SAME, atol=SAME)
         self.estimated[:] = estimated
@@ -351,7 +351,7 @@ def again(times, start, images, backgrounds, q, dq, brake, state, result):  # ty
     todo = 0
     for k in range(times):
         t = start + 0.001 * k
-        todo |= tick(images, backgrounds, 0, t - 0.001, t, q, dq, brake, state, result)
+        todo |= tick(images, backgrounds, 0, t - 0.001, t, t, q, dq, brake, state, result)
     return todo
 
 

@@ -98,7 +98,7 @@ class Cell:
         read = np.array([read, 0.0 * read])
         code = int(estimate_joints(
             self.memory, b, self.table[0], self.ddq_unknown, self.coupling, read, self.rows, held,
-            np.zeros(arm.n), self.estimated,
+            np.zeros(arm.n), TICK, TICK, 0.0, self.estimated,
         ))  # fmt: skip
         if code > BRIDGED or self.since >= 0:
             self.since += 1

@@ -73,7 +73,10 @@ class Watch:
         self.coupling = M / np.diag(M)[:, None]
         self.ddq_unknown = np.array([np.abs(np.linalg.inv(M)) @ unknown, unknown / np.diag(M)])
 
-    def read(self, q: Array, push: Array, dq: Array | None = None, *, held: bool = False) -> int:
+    def read(
+        self, q: Array, push: Array, dq: Array | None = None, *, held: bool = False,
+        passed: float = TICK,
+    ) -> int:  # fmt: skip
         """Feed positions as they are."""
         read = np.array([q, np.zeros_like(q) if dq is None else dq])
         return int(
@@ -87,6 +90,9 @@ class Watch:
                 telling(push),
                 held,
                 self.impact_dq,
+                passed,
+                passed,
+                0.0,
                 self.estimated,
             )
         )

@@ -17,10 +17,11 @@ from mitt.catcher.settings import (
     WATCH,
 )
 from mitt.catcher.state import CatcherState
+from mitt.control.encoder_faults import TRIFLE
 from mitt.control.encoder_memory import BRIDGED
 from mitt.control.encoders import predict_acceleration
 from mitt.control.hand import close, has_closed
-from mitt.control.health import ABORT, REQUESTED, assess
+from mitt.control.health import ABORT, BRIDGED_TIME, IN_TIME, REQUESTED, assess
 from mitt.control.margin import derate
 from mitt.control.reserve import HARDEST, choose_stop, stop_by
 from mitt.control.rows import DDQ_BY_TAU, TAU, Q
@@ -42,27 +43,13 @@ def act(brake: Array, state: CatcherState, result: Result) -> int:
         else:
             desired[1:] = 0.0
     elif phase == BRAKE:
-        desired[:] = brake[min(max(round((t - s.t_brake) / TICK), 0), len(brake) - 1)]
-    elif phase == STOPPED:
-        _slow_down(state)
-    result.command[:3] = desired
-    passed = safety_filter(
-        state.bodies,
-        state.shapes,
-        state.pairs,
-        state.bounds,
-        state.drives,
-        state.active,
-        state.last,
-        result.command[:3],
-        state.filter_known,
-        state.filter_work,
-        state.filter_reserve,
-    )
+        _brake_at(brake, t - s.t_brake, desired)
+    blocked = _go_on(brake, state, result)
     out.hand = close(state.closing, state.grip, t, out.time_to_catch)
     derate(
         state.drives, state.active, state.encoder_memory, estimated[1], result.command,
-        state.encoder_ddq_unknown, state.jump, s.torque_lead, state.closing[0] < np.inf,
+        state.encoder_ddq_unknown, state.jump,
+        s.torque_lead + max(min(s.passed, IN_TIME) - TICK, 0.0), state.closing[0] < np.inf,
         state.drives_now,
     )  # fmt: skip
     out.saturated = track(
@@ -76,15 +63,17 @@ def act(brake: Array, state: CatcherState, result: Result) -> int:
         result.command,
         state.slew,
         state.track_scratch,
+        s.passed,
     )
-    _report(passed == BLOCKED, state, result)
+    _report(blocked, state, result)
     _engage(state, result)
     predict_acceleration(
         state.bodies, state.active, estimated, state.encoder_table[1], state.room_tau,
         state.room_mass, state.room_work, state.encoder_work, result.command,
         state.encoder_ddq_unknown, state.encoder_coupling,
     )  # fmt: skip
-    _wait(state.encoder_waiting, result.command)
+    state.encoder_waiting[-1] = result.command[DDQ_BY_TAU]
+    result.command[DDQ_BY_TAU] = state.encoder_waiting[0]
     if s.braked:
         result.command[DDQ_BY_TAU] = 0.0
     if s.phase == STOPPED:
@@ -95,13 +84,64 @@ def act(brake: Array, state: CatcherState, result: Result) -> int:
 
 
 @kernel
-def _wait(waiting: Array, command: Array) -> None:
-    """Let the accelerations that a command causes take their time until it acts."""
-    last = len(waiting) - 1
-    for i in range(last):
-        waiting[i] = waiting[i + 1]
-    waiting[last] = command[DDQ_BY_TAU]
-    command[DDQ_BY_TAU] = waiting[0]
+def _go_on(brake: Array, state: CatcherState, result: Result) -> bool:
+    """Let the commanded motion go on to the time of the tick; say whether its way was blocked.
+
+    Whatever time has passed, it goes on in ticks, each within every limit, until it is at the time
+    of the tick or less than one ahead. What is commanded then lies between the last two.
+    """
+    s, last, before = state.scalars[0], state.last, state.before
+    wish, blocked = result.command[:3], False
+    s.ahead -= min(s.passed, BRIDGED_TIME) / TICK
+    while s.ahead < -TRIFLE:
+        s.ahead += 1.0
+        if abs(s.ahead) < TRIFLE:
+            s.ahead = 0.0
+        before[:] = last
+        _wish(brake, s.ahead * TICK, state, result.scalars[0].t, wish)
+        passed = safety_filter(
+            state.bodies, state.shapes, state.pairs, state.bounds, state.drives, state.active, last,
+            wish, state.filter_known, state.filter_work, state.filter_reserve,
+        )  # fmt: skip
+        blocked |= passed == BLOCKED
+    wish[:] = last
+    if s.ahead > 0.0:
+        for i in range(3):
+            for k in range(last.shape[1]):
+                wish[i, k] -= s.ahead * (last[i, k] - before[i, k])
+    return blocked
+
+
+@kernel
+def _wish(brake: Array, later: float, state: CatcherState, t: float, wish: Array) -> None:
+    """Write the desired motion of a time later than the tick, or before it [s], shape (3, n)."""
+    s, desired = state.scalars[0], state.desired
+    if s.phase == STOPPED:
+        _slow_down(state)
+    elif s.phase == BRAKE:
+        _brake_at(brake, t + later - s.t_brake, wish)
+        return
+    wish[:] = desired
+    if s.phase == FOLLOW and later != 0.0:
+        _carry(wish, later)
+
+
+@kernel
+def _brake_at(brake: Array, since: float, motion: Array) -> None:
+    """Write q, dq, ddq at a time since braking began [s], shape (3, n)."""
+    k = min(max(round(since / TICK), 0), len(brake) - 1)
+    motion[:] = brake[k]
+    rest = since - k * TICK
+    if since > 0.0 and k < len(brake) - 1 and abs(rest) > TRIFLE * TICK:
+        _carry(motion, rest)
+
+
+@kernel
+def _carry(motion: Array, dt: float) -> None:
+    """Carry q, dq, ddq on by a time [s] with constant accelerations, shape (3, n)."""
+    for k in range(motion.shape[1]):
+        motion[0, k] += dt * (motion[1, k] + 0.5 * dt * motion[2, k])
+        motion[1, k] += dt * motion[2, k]
 
 
 @kernel
@@ -164,6 +204,7 @@ def _report(blocked: bool, state: CatcherState, result: Result) -> None:
         R[0, 0] + R[1, 1] + R[2, 2] > at.LOOSE,
         gap,
         s.max_tracking_error,
+        s.passed,
     )
     if s.stop_requested:
         out.health, out.reason = ABORT, REQUESTED
@@ -171,6 +212,7 @@ def _report(blocked: bool, state: CatcherState, result: Result) -> None:
         s.phase = STOPPED
         if gap > s.max_tracking_error and s.encoder_fault <= BRIDGED:
             state.last[0], state.last[1], state.last[2] = estimated[0], estimated[1], 0.0
+            state.before[:] = state.last
 
 
 @kernel

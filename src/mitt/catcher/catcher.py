@@ -184,14 +184,14 @@ class Catcher:
         t = senses.t
         if senses.points and self.looking:
             take(senses.points, t, self.state)
-        q, dq, (state, out) = memory.q, memory.dq, memory.handles
+        at, q, dq, (state, out) = senses.arm.t, memory.q, memory.dq, memory.handles
         seen, brake = (images, self.backgrounds, apart, t_exposed), self._planner.brake
         if self._map is None:
-            perceive(*seen, t, q, dq, state, out)
+            perceive(*seen, t, at, q, dq, state, out)
             self._planner.refer()
             self._todo = act(brake, state, out)
         else:
-            self._todo = tick(*seen, t, q, dq, brake, state, out)
+            self._todo = tick(*seen, t, at, q, dq, brake, state, out)
         self._ticked = True
         if self._todo & STOPS:
             self._note_stop()
@@ -252,8 +252,7 @@ class Catcher:
 
     def _note_stop(self) -> None:
         """Note why the tick just made has stopped the arm."""
-        memory = self.state.encoder_memory
-        self.stopped_by = stopped_by(self._arm, memory, self.estimated, self.result)
+        self.stopped_by = stopped_by(self._arm, self.state, self.result)
 
     def stop(self) -> None:
         """Stop with the next tick, within all limits, and stay until :meth:`recover`."""

@@ -7,9 +7,11 @@ from mitt.ball.estimator import predict, update
 from mitt.catcher.result import Result
 from mitt.catcher.settings import BRAKE, FOLLOW, SOON, STOPPED
 from mitt.catcher.state import CatcherState
+from mitt.control.encoder_faults import TRIFLE
 from mitt.control.encoder_memory import Q as ANGLE
-from mitt.control.health import pass_time
+from mitt.control.health import BRIDGED_TIME, age_of_reading, pass_time, time_since
 from mitt.control.monitor import estimate_joints
+from mitt.control.rows import DDQ_BY_TAU
 from mitt.jit import kernel
 from mitt.signals import TICK, Array, Image, Sighting
 from mitt.vision.eyes import LET_GO
@@ -35,24 +37,28 @@ def perceive(
     apart: int,
     t_exposed: float,
     t: float,
+    t_read: float,
     q: Array,
     dq: Array,
     state: CatcherState,
     result: Result,
 ) -> None:
     """Take encoders and images in and carry the estimate to the time of the command; see tick."""
-    s, out = state.scalars[0], result.scalars[0]
-    t, s.clock_fault = pass_time(state.health_memory, t)
+    s, out, told = state.scalars[0], result.scalars[0], t
+    before = state.health_memory[0]
+    t, s.clock_fault = pass_time(state.health_memory, told)
+    s.passed = time_since(before, t)
     out.t, out.phase = t, s.phase
     beside = not s.surrogate and -SOON < out.time_to_catch < BESIDE
     out.inside, out.time_to_catch, out.sighted = False, np.inf, False
     out.following = s.phase == FOLLOW
-    encoders = result.encoders
-    for k in range(len(q)):
-        encoders[0, k], encoders[1, k] = q[k], dq[k]
-    _measure(state, result)
+    lag = s.lag
+    _read(told, t_read, q, dq, state, result)
+    _act_on(state.encoder_waiting, result.command, state)
+    _measure(s.passed + lag - s.lag, state, result)
     if not s.begun:  # stay, on the brakes until each joint was read once
         state.last[0], state.last[1] = state.estimated[0], state.estimated[1]
+        state.before[:] = state.last
         state.desired[0] = state.estimated[0]
         s.begun = _is_known(state.encoder_memory)
         out.brakes = not s.begun or s.phase == STOPPED
@@ -114,7 +120,48 @@ def _guide(
 
 
 @kernel
-def _measure(state: CatcherState, result: Result) -> None:
+def _read(
+    told: float, t_read: float, q: Array, dq: Array, state: CatcherState, result: Result
+) -> None:
+    """Keep what the encoders say, and how old it is; an old reading says nothing."""
+    s, out, encoders, taken = state.scalars[0], result.scalars[0], result.encoders, state.taken
+    s.age_told = told - t_read
+    age, again = age_of_reading(t_read, told, out.t, s.t_read), t_read == s.stamp
+    for k in range(len(q)):
+        again &= q[k] == encoders[0, k]
+        encoders[0, k], encoders[1, k] = q[k], dq[k]
+    s.stale, s.stamp = again or np.isnan(age), t_read
+    if s.stale:
+        taken[:] = np.nan
+        return
+    s.t_read, s.lag = out.t - age, age
+    taken[:] = encoders
+
+
+@kernel
+def _act_on(waiting: Array, command: Array, state: CatcherState) -> None:
+    """Let the commands that wait act, each in its turn, for as long as has passed.
+
+    The acceleration that they caused is their mean then: the last goes on until there is another.
+    """
+    s, last = state.scalars[0], len(waiting) - 1
+    if last == 0:
+        return
+    ticks = min(s.passed, BRIDGED_TIME) / TICK
+    count = max(round(ticks), 1)
+    if count > 1:
+        command[DDQ_BY_TAU] = 0.0
+        for i in range(count):
+            command[DDQ_BY_TAU] += waiting[min(i, last)] / count
+    s.waited += ticks
+    moved = int(s.waited + TRIFLE)
+    s.waited -= moved
+    for i in range(last):
+        waiting[i] = waiting[min(i + moved, last)]
+
+
+@kernel
+def _measure(dt: float, state: CatcherState, result: Result) -> None:
     """Let the monitor estimate the joints; the ball may strike soon after the fingers close."""
     s, out = state.scalars[0], result.scalars[0]
     may_strike, impact_dq = state.closing[0] <= out.t <= state.closing[0] + STRIKES, state.impact_dq
@@ -122,8 +169,8 @@ def _measure(state: CatcherState, result: Result) -> None:
         impact_dq[k] = NO_FAULT * abs(state.jump[k]) if may_strike else 0.0
     s.encoder_fault = estimate_joints(
         state.encoder_memory, state.encoder_bounds, state.encoder_table[0],
-        state.encoder_ddq_unknown, state.encoder_coupling, result.encoders, result.command,
-        s.braked, impact_dq, state.estimated,
+        state.encoder_ddq_unknown, state.encoder_coupling, state.taken, result.command,
+        s.braked, impact_dq, s.passed, dt, s.lag, state.estimated,
     )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mitt.catcher.settings import PHASES, WATCH, Phase
+from mitt.catcher.state import CatcherState
 from mitt.control.health import ENCODER_REASONS, Reason, State
 from mitt.control.monitor import faulty
 from mitt.control.stopped import StoppedBy, hint_of
@@ -197,18 +198,17 @@ def _reference_of(result: Result) -> JointReference:
     )
 
 
-def stopped_by(arm: Arm, encoder_memory: Array, estimated: Array, result: Result) -> StoppedBy:
+def stopped_by(arm: Arm, state: CatcherState, result: Result) -> StoppedBy:
     """Return why the tick just made has stopped the arm, and what the catcher knew then.
 
     Args:
         arm: The arm.
-        encoder_memory: As in :mod:`mitt.control.encoder_memory`.
-        estimated: q, dq as estimated [rad, rad/s], shape (2, n).
+        state: What it knew.
         result: That of the tick.
     """
-    s, encoders = result.scalars[0], result.encoders.copy()
-    reason = REASONS[s["reason"]]
-    joints = faulty(encoder_memory)
+    s, encoders, estimated = result.scalars[0], result.encoders.copy(), state.estimated
+    reason, own = REASONS[s["reason"]], state.scalars[0]
+    joints, age = faulty(state.encoder_memory), own["age_told"].item() if own["stale"] else None
     by_encoder = reason in ENCODER_REASONS and len(joints) > 0
     return StoppedBy(
         state=STATES[s["health"]],
@@ -221,5 +221,5 @@ def stopped_by(arm: Arm, encoder_memory: Array, estimated: Array, result: Result
         dq_read=encoders[1],
         command=result.command[:4].copy(),
         brakes=s["brakes"].item(),
-        hint=hint_of(arm, reason, encoders[0]),
+        hint=hint_of(arm, reason, encoders[0], age),
     )

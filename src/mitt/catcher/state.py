@@ -27,7 +27,7 @@ from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Surroundings
 from mitt.robot.slopes import slopes_work
-from mitt.signals import Array
+from mitt.signals import TICK, Array
 from mitt.structs import Handle, Record, define, record_of
 from mitt.vision.eyes import Eyes
 
@@ -35,7 +35,9 @@ Fields: TypeAlias = dict[str, NDArray[Any]]
 
 #: Single numbers of a state, with what they begin as.
 _STATE = {
-    "phase": WATCH, "surrogate": False, "begun": False, "several": False, "stop_requested": False,
+    "phase": WATCH, "passed": TICK, "ahead": 0.0, "t_read": -np.inf, "lag": 0.0, "stamp": np.nan,
+    "stale": False, "age_told": 0.0, "waited": 0.0,
+    "surrogate": False, "begun": False, "several": False, "stop_requested": False,
     "braked": False, "t_brake": 0.0, "t_brakes_on": np.inf, "brake_delay": 0.0, "clock_fault": 0,
     "encoder_fault": 0, "tolerance": 0.0, "max_tracking_error": 0.0, "review": 0.0,
     "t_reviewed": -np.inf, "watch": 0.0, "t_look": -np.inf, "heads": 0, "t_exposed": 0.0,
@@ -50,6 +52,13 @@ class CatcherState(NamedTuple):
     Attributes:
         scalars: Single numbers, shape (1,):
             phase, surrogate: Phase, and whether the ball's surrogate target is followed.
+            passed: Time since the tick before [s].
+            ahead: By how much ``last`` is ahead of the tick, in ticks.
+            t_read, lag, stamp: When the newest reading was made [s], how old it was in its tick
+            [s], and the stamp of the last reading, new or old [s].
+            stale, age_told: Whether the last reading was an old one, and how much earlier than the
+            tick it was stamped [s].
+            waited: How long the first of ``encoder_waiting`` has acted, in ticks.
             begun: Whether each joint was read.
             several: Whether there are several maps to choose from; review, t_reviewed: how often
             the choice is reviewed, and when it was last [s].
@@ -68,8 +77,10 @@ class CatcherState(NamedTuple):
             waiting_height: Of :func:`mitt.generator.feasibility.level` [m].
         estimated: q, dq of the joints as the monitor estimates them [rad, rad/s], shape (2, n).
         desired: q_d, dq_d, ddq_d of the last tick, shape (3, n).
-        last: Last command within limits, as in :mod:`mitt.control.viability`, shape (3, n).
+        last: Last command within limits, as in :mod:`mitt.control.viability`, shape (3, n);
+            before: the one a tick before it.
         health_memory: As in :mod:`mitt.control.health`.
+        taken: q, dq of the reading as the monitor takes it; NaN for an old one, shape (2, n).
         encoder_memory: As in :mod:`mitt.control.encoder_memory`; encoder_table,
             encoder_ddq_unknown, encoder_coupling, encoder_work: as in :mod:`mitt.control.encoders`;
             encoder_waiting: accelerations that commands will cause once they act, oldest first,
@@ -94,7 +105,9 @@ class CatcherState(NamedTuple):
     estimated: Array
     desired: Array
     last: Array
+    before: Array
     health_memory: Array
+    taken: Array
     encoder_memory: Array
     encoder_table: Array
     encoder_ddq_unknown: Array
@@ -191,6 +204,8 @@ def fresh_state(
         "estimated": np.array([arm.q_ready, still]),
         "desired": np.array([arm.q_ready, still, still]),
         "last": np.array([arm.q_ready, still, still]),
+        "before": np.array([arm.q_ready, still, still]),
+        "taken": np.zeros((2, n)),
         "health_memory": health.memory(), "encoder_memory": encoder_memory.memory_of(n),
         "encoder_table": table,
         "encoder_ddq_unknown": np.array([table[1] / np.diag(arm.mass_matrix(arm.q_ready))] * 2),

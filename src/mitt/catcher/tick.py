@@ -35,6 +35,7 @@ def tick(
     apart: int,
     t_exposed: float,
     t: float,
+    t_read: float,
     q: Array,
     dq: Array,
     brake: Array,
@@ -49,6 +50,7 @@ def tick(
         apart: Those not exposed at ``t_exposed``, a bit each.
         t_exposed: Instant of the exposure [s].
         t: Time of the tick [s].
+        t_read: Time of the reading of the encoders [s].
         q: Encoders [rad], shape (n,).
         dq: Encoders [rad/s], shape (n,).
         brake: q, dq, ddq while braking, a row each tick, shape (k, 3, n).
@@ -58,7 +60,7 @@ def tick(
     Returns:
         What is to be thought about: bits.
     """
-    perceive(images, backgrounds, apart, t_exposed, t, q, dq, state, result)
+    perceive(images, backgrounds, apart, t_exposed, t, t_read, q, dq, state, result)
     refer(state, result)
     return int(act(brake, state, result))
 

@@ -11,6 +11,8 @@ from mitt.control.rows import Q_MAX, Q_MIN
 from mitt.jit import kernel
 from mitt.signals import TICK, Array
 
+#: What a sum of ticks may be off by because it was rounded.
+TRIFLE = 1e-6
 #: Excess over a speed limit that is none of the joint.
 EXCESS = 1.5
 #: Counts of least motion after which a still encoder is stuck, and ticks in which it must have
@@ -39,67 +41,73 @@ def explain_refused(
     If the joint was struck at some instant since the last good reading, the line through the new
     readings meets the one that it was on then. A jump leaves a gap between them.
     """
-    ticks = m[at.SINCE]
-    dq = (q - m[at.FIRST]) / ((IN_A_ROW - 1) * TICK)
+    ticks, apart = m[at.SINCE], m[at.SPAN] * TICK / (IN_A_ROW - 1)
+    dq = (q - m[at.FIRST]) / ((IN_A_ROW - 1) * apart)
     change = abs(dq - m[at.DQ0])
     gap = abs(q - dq * ticks * TICK - m[at.Q0])
     bent = EXCESS * ddq_max * (ticks * TICK) ** 2
     if abs(dq) > EXCESS * dq_max or gap > change * ticks * TICK + bent + 4.0 * step:
         return at.JUMPED
-    alike = abs(dq + m[at.DQ0]) < _ALIKE * abs(m[at.DQ0]) + 2.0 * step / TICK
+    alike = abs(dq + m[at.DQ0]) < _ALIKE * abs(m[at.DQ0]) + 2.0 * step / apart
     alike &= change > impact_dq and abs(m[at.DQ0]) >= _STEADY * m[at.FRESH]
-    if alike and abs(m[at.DQ0]) > max(_MIRROR, 10.0 * step / TICK):
+    if alike and abs(m[at.DQ0]) > max(_MIRROR, 10.0 * step / apart):
         return at.REVERSED
-    restart(m, q, dq, step)
+    restart(m, q, dq, step, apart)
     return at.FINE
 
 
 @kernel
 def stands_still(
-    m: Array, b: Array, k: int, step: float, q: float, alone: tuple[float, float, float, float]
+    m: Array, b: Array, k: int, step: float, q: float, alone: tuple[float, float, float, float],
+    ticks: float, anew: bool,
 ) -> bool:  # fmt: skip
-    """Say whether a reading stands still that must have moved, whether or not the ball struck."""
-    low, high, error, slack = alone
-    if abs(q - m[at.HELD]) >= 0.5 * step:
+    """Say whether a reading stands still that must have moved, whether or not the ball struck.
+
+    ``ticks`` have passed; the look begins ``anew`` where nobody knows what the joint did in them.
+    """
+    (low, high, error, slack), dt = alone, m[at.STEP]
+    if anew or abs(q - m[at.HELD]) >= 0.5 * step:
         sure = max(abs(m[at.DQ]) - 3.0 * np.sqrt(m[at.VARIANCE_DQ]) - slack, 0.0)
         m[at.HELD], m[at.STILL], m[at.DUE], m[at.RESTS] = q, 0.0, 0.0, 0.0
         m[at.LEAST] = np.copysign(sure, m[at.DQ])
         return False
-    slowest, fastest = m[at.LEAST] + low * TICK, m[at.LEAST] + high * TICK
+    slowest, fastest = m[at.LEAST] + low * dt, m[at.LEAST] + high * dt
     speed = slowest if slowest > 0.0 else min(fastest, 0.0)
-    m[at.STILL] += 1.0
-    m[at.RESTS] += 1.0
-    m[at.LEAST] = np.copysign(max(abs(speed) - error * TICK, 0.0), speed)
+    m[at.STILL] += ticks
+    m[at.RESTS] += ticks
+    m[at.LEAST] = np.copysign(max(abs(speed) - error * dt, 0.0), speed)
     least = max(abs(m[at.LEAST]) - slack, 0.0)
-    m[at.DUE] += np.copysign(least, m[at.LEAST]) * TICK
+    m[at.DUE] += np.copysign(least, m[at.LEAST]) * dt
     if least == 0.0:
         m[at.DUE] = m[at.STILL] = 0.0
     above, below = q > b[Q_MAX, k] + _STOP, q < b[Q_MIN, k] - _STOP
     at_stop = (m[at.DUE] > 0.0 and above) or (m[at.DUE] < 0.0 and below)
-    due = abs(m[at.DUE]) > (_COUNTS + 1.0) * step and m[at.STILL] >= _STILL_TICKS
+    due = abs(m[at.DUE]) > (_COUNTS + 1.0) * step and m[at.STILL] >= _STILL_TICKS - TRIFLE
     if due and not at_stop and abs(m[at.DQ]) < abs(m[at.LEAST]):  # the reading has led it astray
         m[at.Q], m[at.DQ] = m[at.HELD] + m[at.DUE], m[at.LEAST]
     return bool(due and not at_stop)
 
 
 @kernel
-def moves_against(m: Array, ddq_unknown: float, push: float) -> bool:
+def moves_against(m: Array, ddq_unknown: float, push: float, ticks: float, anew: bool) -> bool:
     """Say whether a reading has gained speed against the torques for too long to be true.
 
-    The state of the joint is then that of the beginning, carried on by the model.
+    The state of the joint is then that of the beginning, carried on by the model. ``ticks`` and
+    ``anew`` are as for :func:`stands_still`.
     """
-    speed = abs(m[at.DQ])
-    if not (abs(push) > _SURE * ddq_unknown and m[at.DQ] * push < 0.0):
-        m[at.AGAINST], m[at.FROM] = 0.0, max(speed, (1.0 - _FORGETS) * m[at.FROM])
+    speed, dt = abs(m[at.DQ]), m[at.STEP]
+    if anew or not (abs(push) > _SURE * ddq_unknown and m[at.DQ] * push < 0.0):
+        m[at.AGAINST], m[at.FROM] = 0.0, max(speed, (1.0 - _FORGETS * ticks) * m[at.FROM])
         m[at.SHADOW_Q], m[at.SHADOW_DQ] = m[at.Q], m[at.DQ]
         return False
-    m[at.SHADOW_Q] += TICK * (m[at.SHADOW_DQ] + 0.5 * TICK * push)
-    m[at.SHADOW_DQ] += TICK * push
-    m[at.AGAINST] += 1.0
-    if m[at.AGAINST] == _TICKS_AGAINST // 2:  # an impact is over by now
+    m[at.SHADOW_Q] += dt * (m[at.SHADOW_DQ] + 0.5 * dt * push)
+    m[at.SHADOW_DQ] += dt * push
+    before = m[at.AGAINST]
+    m[at.AGAINST] += ticks
+    if before < _TICKS_AGAINST // 2 - TRIFLE <= m[at.AGAINST]:  # an impact is over by now
         m[at.FROM] = max(m[at.FROM], speed)
     least = _GAINED + 3.0 * np.sqrt(m[at.VARIANCE_DQ])
-    if m[at.AGAINST] < _TICKS_AGAINST or speed - m[at.FROM] < least:
+    if m[at.AGAINST] < _TICKS_AGAINST - TRIFLE or speed - m[at.FROM] < least:
         return False
     m[at.Q], m[at.DQ] = m[at.SHADOW_Q], m[at.SHADOW_DQ]
     return True

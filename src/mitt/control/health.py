@@ -9,7 +9,7 @@
 | INVALID  | what came in or went out cannot be real; the result does not count             |
 
 Memory, in this order: time of the last tick [s] (NaN: none), ticks in a row without usable time,
-ticks in a row far from the commanded motion, late ticks so far.
+time for which the arm was far from the commanded motion, in ticks, late ticks so far.
 """
 
 from enum import Enum
@@ -66,18 +66,31 @@ _T, _TIMELESS, _FAR, _LATES = range(4)
 MEMORY = 4
 
 #: Longest tick that counts as in time, and longest that is bridged at all [s].
-_IN_TIME, BRIDGED_TIME = 0.005, 0.020
+IN_TIME, BRIDGED_TIME = 0.005, 0.020
+#: Age beyond which a reading of the encoders is none [s].
+OLD_READING = IN_TIME
 #: Ticks without usable time after which the catcher stops.
 _TIMELESS_TICKS = 20
 #: Age of the last measurement from which the ball is predicted, and from which it can be lost [s].
 _FRESH, _OLD = 0.005, 0.020
-#: Ticks for which a joint may be far from the commanded motion.
+#: Time for which a joint may be far from the commanded motion, in ticks.
 _FAR_TICKS = 20
 
 
 def memory() -> Array:
     """Return the memory of a catcher that has made no tick, shape (MEMORY,)."""
     return np.array([np.nan, 0.0, 0.0, 0.0])
+
+
+@kernel
+def time_since(before: float, t: float) -> float:
+    """Return the time from one tick to the next [s], in whole nanoseconds.
+
+    Args:
+        before: Time of the tick before [s]; NaN where there was none: a tick has passed then.
+        t: Time of the tick [s].
+    """
+    return TICK if np.isnan(before) else np.floor(1e9 * (t - before) + 0.5) / 1e9
 
 
 @kernel
@@ -100,11 +113,32 @@ def pass_time(m: Array, t: float) -> tuple[float, int]:
         m[_TIMELESS] += 1.0
         m[_T] = before + TICK if np.isfinite(before) else 0.0
         return m[_T], CLOCK if m[_TIMELESS] >= _TIMELESS_TICKS else _LATE
-    m[_TIMELESS], m[_T] = 0.0, t
-    if t - before <= _IN_TIME:
+    m[_TIMELESS], m[_T], passed = 0.0, t, time_since(before, t)
+    if passed <= IN_TIME:
         return t, _NONE
     m[_LATES] += 1.0
-    return t, OVERRUN if t - before > BRIDGED_TIME else _LATE
+    return t, OVERRUN if passed > BRIDGED_TIME else _LATE
+
+
+@kernel
+def age_of_reading(stamp: float, told: float, t: float, newest: float) -> float:
+    """Return how old a reading of the encoders is [s]; NaN where it is none.
+
+    It is none where it is no newer than the one before, older than ``OLD_READING``, of a time to
+    come, or of no time at all. Where the time of the tick had to be replaced nothing can be said of
+    its age, and it counts as read in that tick.
+
+    Args:
+        stamp: Its time, by the clock of the tick [s].
+        told: Time of the tick as it was told [s].
+        t: Time of the tick as it is used [s].
+        newest: Time of the newest reading so far, as it is used [s].
+    """
+    age = 0.0 if told != t else time_since(stamp, t)
+    if told == t and np.isnan(stamp):
+        return np.nan
+    good = -TICK <= age <= OLD_READING and t - age > newest + 1e-8
+    return age if good else np.nan
 
 
 @kernel
@@ -133,6 +167,7 @@ def assess(
     one_camera: bool,
     gap: float,
     max_gap: float,
+    passed: float,
 ) -> tuple[int, int]:
     """Return state and reason of a tick.
 
@@ -149,13 +184,14 @@ def assess(
         one_camera: Whether the last measurement came from one camera.
         gap: Largest gap between commanded and estimated joint positions [rad].
         max_gap: Gap that is too large, if it lasts [rad].
+        passed: Time since the tick before [s].
     """
-    m[_FAR] = m[_FAR] + 1.0 if gap > max_gap else 0.0
+    m[_FAR] = m[_FAR] + min(passed, IN_TIME) / TICK if gap > max_gap else 0.0
     if encoders > BRIDGED:
         return ABORT, _OF_ENCODER[encoders]
     if clock > _LATE:
         return ABORT, clock
-    if m[_FAR] >= _FAR_TICKS:
+    if m[_FAR] >= _FAR_TICKS - 1e-6:
         return ABORT, _TRACKING
     if following and not near and is_lost(age, sigma, tolerance):
         return ABORT, LOST

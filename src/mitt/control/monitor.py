@@ -8,7 +8,7 @@ before), its measurement noise that of rounding, so it trusts the counts as far 
 
 An encoder has a fault only where no admissible plant explains what it reads:
 
-* SILENT: no number for ``SILENT_TICKS`` in a row. Shorter gaps are bridged by the prediction, and
+* SILENT: no number for ``SILENT_TICKS``. Shorter gaps are bridged by the prediction, and
   up to ``LOSSY_TICKS`` where the encoder has had gaps of late, or has only been read for 0.1 s:
   with 30 % of the readings lost, fifteen in a row are lost once in 7e7 ticks;
 * JUMPED: three readings in a row lie where no motion within the limits leads, impacts included: an
@@ -22,6 +22,10 @@ An encoder has a fault only where no admissible plant explains what it reads:
   velocity that its impact explains is none;
 * FAST: the joint is half as fast again as its limit.
 
+All of it goes by time, not by calls: the filter by the time between two readings, and so do the
+counts, in units of ``TICK``. After a late call nobody knows what the joint did in between, so what
+looks at readings in a row begins anew, and after one so late that it stops the arm the filter does.
+
 Then the joint is *unmeasured*: nothing that is read of it reaches the controller. It is predicted
 by the model from the last state that was trusted. Good readings end that once a person recovers.
 
@@ -34,8 +38,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from mitt.control import encoder_memory as at
-from mitt.control.encoder_faults import EXCESS, explain_refused, moves_against, stands_still
+from mitt.control.encoder_faults import (
+    EXCESS,
+    TRIFLE,
+    explain_refused,
+    moves_against,
+    stands_still,
+)
 from mitt.control.encoder_memory import BRIDGED, COLUMNS, FAST, FINE, REVERSED, SILENT, STUCK
+from mitt.control.health import BRIDGED_TIME, IN_TIME
 from mitt.control.joint_filter import IN_A_ROW, correct, predict, restart
 from mitt.control.rows import DDQ_BY_TAU, DDQ_MAX, DQ_MAX, Q_MAX, Q_MIN
 from mitt.errors import InputError
@@ -54,7 +65,9 @@ BEYOND = 0.5
 _MODEL = 0.2
 #: Sigmas of an innovation beyond which a reading is refused.
 _GATE = 6.0
-#: Good readings in a row after which a faulty encoder counts as good again, how near they have
+#: Ticks for which readings in a row have to be refused at least before they are explained.
+_APART = 1.5
+#: Ticks of good readings after which a faulty encoder counts as good again, how near they have
 #: to be to where the joint is predicted [rad], and counts that a stuck one has to move.
 GOOD_TICKS, _NEAR, _MOVES = 50, 0.1, 3.0
 
@@ -91,6 +104,9 @@ def estimate_joints(
     command: Array,
     held: bool,
     impact_dq: Array,
+    passed: float,
+    dt: float,
+    lag: float,
     estimated: Array,
 ) -> int:
     """Estimate the joints' q and dq, and say what is wrong with the worst encoder.
@@ -106,59 +122,74 @@ def estimate_joints(
             by the model, shape (5, n).
         held: Whether brakes hold the joints: one that is not measured rests.
         impact_dq: Change of speed that the ball's impact may cause now [rad/s], shape (n,).
+        passed: Time since the tick before [s].
+        dt: Time from what the filter knows to what is read [s]; ``passed`` where readings are no
+            older than they were.
+        lag: Age of the reading, by which the estimate is carried on [s].
         estimated: Result: q, dq, shape (2, n).
     """
-    worst, n = FINE, read.shape[1]
+    worst, n, ticks = FINE, read.shape[1], min(passed, IN_TIME) / TICK
+    before = max(abs(memory[0, at.STEP]), 0.5 * TICK)
     for k in range(n):
         memory[k, at.BEFORE], memory[k, at.CORRECTED] = memory[k, at.CORRECTED], 0.0
+        memory[k, at.STEP] = dt
+        if passed > BRIDGED_TIME and memory[k, at.FAULT] == FINE:
+            memory[k, at.Q], memory[k, at.VARIANCE_DQ] = np.nan, b[DQ_MAX, k] ** 2
     for k in range(n):
         m, q = view(memory, k * COLUMNS, (COLUMNS,)), read[0, k]
         push = command[DDQ_BY_TAU, k] if np.isfinite(command[DDQ_BY_TAU, k]) else 0.0
         if np.isnan(m[at.Q]):
-            found = _begin(m, b, k, steps[k], q, read[1, k])
+            found = _begin(m, b, k, steps[k], q, read[1, k], ticks)
         elif m[at.FAULT] != FINE:
             found = int(m[at.FAULT])
-            _dead_reckon(m, b[DQ_MAX, k], steps[k], q, push, held)
+            _dead_reckon(m, b[DQ_MAX, k], steps[k], q, push, ticks, held)
         else:
-            alone = _held_alone(memory, k, ddq_unknown, coupling, command, push, impact_dq)
+            alone = _held_alone(memory, k, ddq_unknown, coupling, command, push, impact_dq, before)
             found = _observe(
-                m, b, k, steps[k], ddq_unknown[0, k], q, push, impact_dq[k], alone, held
+                m, b, k, steps[k], ddq_unknown[0, k], q, push, impact_dq[k], alone, ticks, held
             )
             if found >= SILENT:  # what it read may have been taken for a motion that pushes others
                 memory[:, at.STILL], memory[:, at.DUE], memory[:, at.LEAST] = 0.0, 0.0, 0.0
                 m[at.FAULT], m[at.GOOD], m[at.MOVED], m[at.LAST] = found, 0.0, 0.0, q
         m[at.PUSH] = push
         if not np.isnan(m[at.Q]):
-            estimated[0, k], estimated[1, k] = m[at.Q], m[at.DQ]
+            estimated[0, k] = m[at.Q] + lag * (m[at.DQ] + 0.5 * lag * push)
+            estimated[1, k] = m[at.DQ] + lag * push
         worst = max(worst, found)
     return worst
 
 
 @kernel
-def _begin(m: Array, b: Array, k: int, step: float, q: float, dq: float) -> int:
+def _begin(
+    m: Array, b: Array, k: int, step: float, q: float, dq: float, ticks: float
+) -> int:  # fmt: skip
     """Take the first reading, if it can be one of this joint."""
     if not b[Q_MIN, k] - BEYOND <= q <= b[Q_MAX, k] + BEYOND:
-        m[at.GONE] += 1.0
+        m[at.GONE] += ticks
         m[at.REFUSED] += 1.0 if np.isfinite(q) else 0.0
-        silent = m[at.GONE] >= LOSSY_TICKS or m[at.REFUSED] >= _IMPOSSIBLE
+        silent = m[at.GONE] >= LOSSY_TICKS - TRIFLE or m[at.REFUSED] >= _IMPOSSIBLE
         return SILENT if silent else BRIDGED
-    known = abs(dq) <= EXCESS * b[DQ_MAX, k]
-    restart(m, q, dq if known else 0.0, step)
+    known, unsure = abs(dq) <= EXCESS * b[DQ_MAX, k], m[at.VARIANCE_DQ]
+    restart(m, q, dq if known else 0.0, step, TICK)
+    m[at.VARIANCE_DQ] = max(m[at.VARIANCE_DQ], unsure)
     m[at.GONE], m[at.HELD], m[at.LEAST], m[at.GAPS], m[at.CORRECTED] = 0.0, q, 0.0, _NEW, 0.0
     return FINE
 
 
 @kernel
-def _dead_reckon(m: Array, dq_max: float, step: float, q: float, push: float, held: bool) -> None:
+def _dead_reckon(
+    m: Array, dq_max: float, step: float, q: float, push: float, ticks: float, held: bool
+) -> None:
     """Carry an unmeasured joint on by the model, and watch what its encoder reads."""
+    dt = min(m[at.STEP], BRIDGED_TIME)
     if held:
         m[at.DQ] = 0.0
     else:
-        m[at.Q] += TICK * (m[at.DQ] + 0.5 * TICK * push)
-        m[at.DQ] = min(max(m[at.DQ] + TICK * push, -dq_max), dq_max)
+        m[at.Q] += dt * (m[at.DQ] + 0.5 * dt * push)
+        m[at.DQ] = min(max(m[at.DQ] + dt * push, -dq_max), dq_max)
     moved = abs(q - m[at.LAST]) if np.isfinite(q) and np.isfinite(m[at.LAST]) else np.inf
-    likely = moved <= EXCESS * dq_max * TICK + 2.0 * step and abs(q - m[at.Q]) <= _NEAR
-    m[at.GOOD] = m[at.GOOD] + 1.0 if likely else 0.0
+    likely = moved <= EXCESS * dq_max * abs(dt) + 2.0 * step and abs(q - m[at.Q]) <= _NEAR
+    m[at.GOOD] = m[at.GOOD] + ticks if likely else 0.0
     if likely and abs(q - m[at.HELD]) >= _MOVES * step:
         m[at.MOVED] = 1.0
     m[at.LAST] = q
@@ -173,6 +204,7 @@ def _held_alone(
     command: Array,
     push: float,
     impact_dq: Array,
+    before: float,
 ) -> tuple[float, float, float, float]:
     """Return what a torque at this joint has to overcome to hold it while the others move as read.
 
@@ -192,7 +224,7 @@ def _held_alone(
         if other[at.FAULT] != FINE:
             own = max(own, ddq_unknown[0, k])
         elif j != k:
-            pull = -ratio * other[at.BEFORE] / TICK
+            pull = -ratio * other[at.BEFORE] / before
             low += min(pull, 0.0) if other[at.RESTS] > 0.0 else pull
             high += max(pull, 0.0) if other[at.RESTS] > 0.0 else pull
             moved += ratio * command[DDQ_BY_TAU, j] if np.isfinite(command[DDQ_BY_TAU, j]) else 0.0
@@ -204,30 +236,31 @@ def _held_alone(
 @kernel
 def _observe(
     m: Array, b: Array, k: int, step: float, ddq_unknown: float, q: float, push: float,
-    impact_dq: float, alone: tuple[float, float, float, float], held: bool,
+    impact_dq: float, alone: tuple[float, float, float, float], ticks: float, held: bool,
 ) -> int:  # fmt: skip
     """Predict a measured joint, correct it by its reading, and say what is wrong with that."""
-    error = ddq_unknown + _MODEL * abs(push) + abs(push - m[at.PUSH])
-    predict(m, push, error)
+    error, dt = ddq_unknown + _MODEL * abs(push) + abs(push - m[at.PUSH]), m[at.STEP]
+    predict(m, push, error, dt)
     if not np.isfinite(q):
-        m[at.GONE] += 1.0
-        lossy = m[at.GAPS] > _GAP
-        return SILENT if m[at.GONE] >= (LOSSY_TICKS if lossy else SILENT_TICKS) else BRIDGED
-    m[at.GAPS] = (1.0 - _HEALS) * m[at.GAPS] + (1.0 if m[at.GONE] > 0.0 else 0.0)
-    m[at.GONE] = 0.0
-    if not held and stands_still(m, b, k, step, q, alone):  # brakes hold as hard as they do
+        m[at.GONE] += ticks
+        most = LOSSY_TICKS if m[at.GAPS] > _GAP else SILENT_TICKS
+        return SILENT if m[at.GONE] >= most - TRIFLE else BRIDGED
+    m[at.GAPS] = (1.0 - _HEALS * ticks) * m[at.GAPS] + (1.0 if m[at.GONE] > 0.0 else 0.0)
+    m[at.GONE], anew = 0.0, not 0.0 < dt <= IN_TIME
+    if not held and stands_still(m, b, k, step, q, alone, ticks, anew):  # brakes hold as they do
         return STUCK
-    off, r = q - m[at.Q], step * step / 12.0
-    gate = _GATE * np.sqrt(m[at.VARIANCE_Q] + r) + step + EXCESS * b[DDQ_MAX, k] * TICK * TICK
+    off, r, span = q - m[at.Q], step * step / 12.0, max(abs(dt), TICK)
+    gate = _GATE * np.sqrt(m[at.VARIANCE_Q] + r) + step + EXCESS * b[DDQ_MAX, k] * span * span
     if abs(off) > gate:
-        m[at.FIRST] = q if m[at.REFUSED] == 0.0 else m[at.FIRST]
+        if m[at.REFUSED] == 0.0:
+            m[at.FIRST], m[at.SPAN] = q, 0.0
         m[at.REFUSED] += 1.0
-        if m[at.REFUSED] < IN_A_ROW:
+        if m[at.REFUSED] < IN_A_ROW or m[at.SPAN] < _APART:
             return BRIDGED
         return int(explain_refused(m, b[DQ_MAX, k], b[DDQ_MAX, k], step, q, impact_dq))
-    correct(m, off, r)
+    correct(m, off, r, ticks)
     too_fast = abs(m[at.DQ]) - 3.0 * np.sqrt(m[at.VARIANCE_DQ]) > EXCESS * b[DQ_MAX, k]
     m[at.FASTS] = m[at.FASTS] + 1.0 if too_fast else 0.0
     if m[at.FASTS] >= IN_A_ROW:
         return FAST
-    return REVERSED if moves_against(m, ddq_unknown, push) else FINE
+    return REVERSED if moves_against(m, ddq_unknown, push, ticks, anew) else FINE

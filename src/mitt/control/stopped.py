@@ -5,7 +5,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mitt.control.health import Reason, State
+from mitt.control.health import OLD_READING, Reason, State
 from mitt.control.monitor import BEYOND
 from mitt.fields import brief
 from mitt.robot.arm import Arm
@@ -58,19 +58,27 @@ class StoppedBy:
                 "t": self.t, "brakes": self.brakes, **lists}  # fmt: skip
 
 
-def hint_of(arm: Arm, reason: Reason, q_read: Array) -> str:
-    """Return what may be behind a stop because of readings that no joint of the arm can have.
+def hint_of(arm: Arm, reason: Reason, q_read: Array, age: float | None = None) -> str:
+    """Return what may be behind a stop because of readings that are none.
 
     Args:
         arm: The arm.
         reason: Why it has stopped.
         q_read: Encoder positions as read [rad], shape (n,).
+        age: By how much the last reading was stamped before its tick, if that made it none [s].
 
     Returns:
         One line, or nothing where the readings can be those of the arm.
     """
     outside = np.flatnonzero((q_read < arm.q_min - BEYOND) | (q_read > arm.q_max + BEYOND))
-    if reason is not Reason.SILENT or not len(outside):
+    if reason is not Reason.SILENT:
+        return ""
+    if age is not None:
+        stamped = f"stamped {age:.4g} s before its tick" if np.isfinite(age) else "not stamped"
+        return (f"the last reading was {stamped}, wanted at most {OLD_READING:g} s and a later"
+                " stamp than the reading before: is the bus frozen, or are Senses.t and ArmState.t"
+                " of two clocks?")  # fmt: skip
+    if not len(outside):
         return ""
     k = int(outside[0])
     return (f"{arm.names[k]} reads {q_read[k]:.4g}, wanted {arm.q_min[k]:.2f} to"

@@ -103,6 +103,7 @@ def track(
     command: Array,
     slew: Array,
     scratch: Array,
+    passed: float = TICK,
 ) -> bool:
     """Write the torques that follow a motion within every limit.
 
@@ -118,6 +119,7 @@ def track(
             fourth row; the fifth is scratch, shape (ROWS, n).
         slew: As of :func:`slew_of`.
         scratch: Scratch, shape (N, SCRATCH).
+        passed: Time since the torques before [s].
 
     Returns:
         Whether a torque limit was met.
@@ -147,22 +149,23 @@ def track(
         _give_way(bounds, drives, bodies, q, dq, command, scratch)
     for k in range(n):
         command[TAU, k] = kept[index[k]]
-    return _change_slowly(slew, command[TAU]) or met
+    return _change_slowly(slew, command[TAU], min(passed / TICK, 1.0)) or met
 
 
 @kernel
-def _change_slowly(slew: Array, tau: Array) -> bool:
-    """Cut the changes of all torques by one share to what a tick may bring; say whether it cut.
+def _change_slowly(slew: Array, tau: Array, ticks: float) -> bool:
+    """Cut the changes of all torques by one share to what they may be; say whether it cut.
 
     Args:
         slew: As of :func:`slew_of`.
         tau: Torques of the active joints, overwritten [N m], shape (n,).
+        ticks: Share of what a tick may bring, at most 1: a late one brings no more.
     """
     share = 1.0
     for k in range(len(tau)):
-        change = abs(tau[k] - slew[1, k])
-        if change > slew[0, k] and np.isfinite(slew[1, k]):
-            share = min(share, slew[0, k] / change)
+        change, most = abs(tau[k] - slew[1, k]), ticks * slew[0, k]
+        if change > most and np.isfinite(slew[1, k]):
+            share = min(share, most / change)
     if share < 1.0:
         for k in range(len(tau)):
             tau[k] = slew[1, k] + share * (tau[k] - slew[1, k])

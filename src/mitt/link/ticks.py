@@ -1,7 +1,6 @@
 """A catcher's ticks from a robot's readings: their time, what was seen beside them, the record.
 
-Each reading makes a tick. One that never came is a tick without encoders, which the catcher
-bridges.
+Each reading makes a tick. Those that never came are counted; the catcher goes by the stamps.
 """
 
 from collections.abc import Callable
@@ -19,8 +18,6 @@ from mitt.link.sight import Sight
 from mitt.link.stamps import Stamps
 from mitt.signals import TICK, ArmState, Array, Command, Frame, Senses, Sighting
 
-#: Readings lost in a row that are bridged; more are an overrun.
-_BRIDGED = 18
 #: How far a joint has to have moved before a row of angles that repeats is no reading [rad], beside
 #: two steps of its encoder.
 _MOVED = 1e-4
@@ -100,7 +97,7 @@ class Ticks:
         self._sight.fresh()
 
     def answer(self, reading: ArmState, arrived: float, shown: FrameSet | None) -> Command | None:
-        """Make a tick from a reading, and ticks without encoders for those before it that are lost.
+        """Make a tick from a reading, and count those before it that are lost.
 
         Args:
             reading: As stamped by the robot.
@@ -116,7 +113,9 @@ class Ticks:
         t = self.stamps.take(reading.t, arrived)
         if t is None:
             return None
-        self._fill(t)
+        if self.catcher.tick is not None:  # a fresh one begins with this reading
+            self._counts.lost += max(round((t - self._last) / TICK) - 1, 0)
+        self._last = t
         shift = self.stamps.at(0.0) - self._begun
         t -= self._begun
         seen = tuple(
@@ -154,18 +153,6 @@ class Ticks:
         told, known = self.catcher.result.command[1], self.catcher.estimated[1]
         moved = passed * np.maximum(np.abs(told), np.abs(known))
         return bool(np.any(moved > self._least))
-
-    def _fill(self, t: float) -> None:
-        """Make ticks without encoders for readings that never came."""
-        missing = round((t - self._last) / TICK) - 1
-        # A fresh catcher has no reading yet from which it could go on.
-        if self.catcher.tick is not None and 0 < missing <= _BRIDGED:
-            self._counts.lost += missing
-            nothing = np.full(self.catcher.estimated.shape[1], np.nan)
-            for k in range(missing):
-                at = self._last + (k + 1) * TICK - self._begun
-                self._step(Senses(t=at, arm=ArmState(t=at, q=nothing, dq=nothing)))
-        self._last = t
 
     def _step(self, senses: Senses) -> Command:
         """Let the catcher make a tick; recorded unless it is on its way to the ready pose."""

@@ -219,8 +219,8 @@ def play(
                 sight.points.covariance, state.ball_settings, state.ball_work,
             )  # fmt: skip
         todo = tick(
-            images, backgrounds, 0, exposed, k * TICK, encoders[Q], encoders[DQ], brake, state,
-            result,
+            images, backgrounds, 0, exposed, k * TICK, k * TICK, encoders[Q], encoders[DQ], brake,
+            state, result,
         )  # fmt: skip
         times[k] = now_ns(clock) - before
         if arrived and with_points:
