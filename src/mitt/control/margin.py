@@ -59,10 +59,11 @@ def derate(
     """
     links = drives.shape[1]
     out[:] = drives
+    measured = True
     for k in range(len(index)):
-        if memory[k, FAULT] != FINE or memory[k, GONE] > 0.0:
-            out[2 * links] = _UNMEASURED * drives[2 * links]
+        measured &= memory[k, FAULT] == FINE and memory[k, GONE] == 0.0
     for m in range(links):
+        out[2 * links, m] *= 1.0 if measured else _UNMEASURED
         stall, top = drives[2 * links + 1, m], drives[2 * links + 2, m]
         if not np.isfinite(stall):
             continue

@@ -39,8 +39,13 @@ def check_motion(names: Sequence[str], b: Array, last: Array, motion: Array) -> 
         raise InputError("motion", f"{where} at rest", f"{names[k[1]]} at {speeds[k]:.4g} rad/s")
     _check_steps(names, q, dq, ddq)
     low, high = np.minimum(b[Q_MIN], q[0]), np.maximum(b[Q_MAX], q[0])
+    far = np.maximum(low - q, q - high)
+    if (k := _worst(far, _ROUNDED)) is not None:
+        joint = k[1]
+        raise InputError("motion", f"positions of {names[joint]} in {low[joint]:.4g}.."
+                         f"{high[joint]:.4g} rad", f"{q[k]:.4g} at tick {k[0]}",
+                         do="commands keep a gap to the ends of the range")  # fmt: skip
     for name, value, most, unit in (
-        ("way beyond its range", np.maximum(low - q, q - high), 0.0 * low, "rad"),
         ("speed", np.abs(dq), b[DQ_MAX], "rad/s"),
         ("acceleration", np.abs(ddq), b[DDQ_MAX], "rad/s^2"),
         ("jerk", np.abs(np.diff(ddq, axis=0, prepend=last[None, DDQ])) / TICK, b[JERK], "rad/s^3"),
