@@ -21,7 +21,16 @@ from mitt.control.encoder_faults import TRIFLE
 from mitt.control.encoder_memory import BRIDGED
 from mitt.control.encoders import predict_acceleration
 from mitt.control.hand import close, has_closed
-from mitt.control.health import ABORT, BRIDGED_TIME, IN_TIME, REQUESTED, assess
+from mitt.control.health import (
+    ABORT,
+    BRIDGED_TIME,
+    DEGRADED,
+    FAILED,
+    FAILED_TICKS,
+    IN_TIME,
+    REQUESTED,
+    assess,
+)
 from mitt.control.margin import derate
 from mitt.control.reserve import HARDEST, choose_stop, stop_by
 from mitt.control.rows import DDQ_BY_TAU, TAU, Q
@@ -164,17 +173,31 @@ def _engage(state: CatcherState, result: Result) -> None:
     """Engage the brakes once a joint is not measured; no torques from when they act.
 
     Before each joint was read once it is on its brakes, and where it is not known: no torques.
+    Torques that take an arm over from its brakes build up at their rates; the brakes hold until
+    they have.
     """
     s, out = state.scalars[0], result.scalars[0]
-    state.slew[1] = result.command[TAU]
-    if not s.begun:
-        result.command[TAU], state.slew[1] = 0.0, np.inf
-        return
-    if s.encoder_fault > BRIDGED and not out.brakes:
+    if s.begun and s.encoder_fault > BRIDGED and not out.brakes:
         out.brakes, s.t_brakes_on = True, out.t
-    if out.brakes and out.t - s.t_brakes_on > s.brake_delay - 0.5 * TICK:
+    late = out.brakes and out.t - s.t_brakes_on > s.brake_delay - 0.5 * TICK
+    if not s.begun or late:
         s.braked = True
-        result.command[TAU], state.slew[1] = 0.0, np.inf
+    elif s.braked and s.phase != STOPPED:
+        s.braked = out.brakes = _builds_up(state.slew, result.command[TAU])
+        state.slew[1] = result.command[TAU]
+        return
+    if s.braked:
+        result.command[TAU] = 0.0
+    state.slew[1] = result.command[TAU]
+
+
+@kernel
+def _builds_up(slew: Array, tau: Array) -> bool:
+    """Say whether a torque changes in this tick as fast as it may."""
+    share = 0.0
+    for k in range(len(tau)):
+        share = max(share, abs(tau[k] - slew[1, k]) / slew[0, k])
+    return bool(share > 1.0 - 1e-9)
 
 
 @kernel
@@ -206,6 +229,9 @@ def _report(blocked: bool, state: CatcherState, result: Result) -> None:
         s.max_tracking_error,
         s.passed,
     )
+    if s.failures > 0 and out.health != ABORT:
+        out.health = ABORT if s.failures >= FAILED_TICKS else DEGRADED
+        out.reason = FAILED
     if s.stop_requested:
         out.health, out.reason = ABORT, REQUESTED
     if out.health == ABORT:

@@ -12,6 +12,7 @@ arm is at the other end.
 
 from collections.abc import Sequence
 from copy import copy, deepcopy
+from dataclasses import replace
 from typing import final
 
 import numpy as np
@@ -24,7 +25,6 @@ from mitt.catcher.planner import Planner
 from mitt.catcher.result import Result, ResultHandle, Tick, stopped_by, tick_of
 from mitt.catcher.settings import (
     BRAKE,
-    FOLLOW,
     PHASES,
     REFINES,
     REFUSED,
@@ -34,11 +34,15 @@ from mitt.catcher.settings import (
     CatcherSettings,
     Phase,
 )
+from mitt.catcher.sightings import Sightings
 from mitt.catcher.state import CatcherState, StateHandle, fresh_state, prepare_holding
 from mitt.catcher.tick import tick
+from mitt.control.health import Reason
 from mitt.control.monitor import check_recovered
+from mitt.control.motions import check_motion
 from mitt.control.stopped import StoppedBy
 from mitt.errors import InputError
+from mitt.generator.answers import answering
 from mitt.generator.feasibility import Verdict
 from mitt.generator.generators import Direct, Generator, GeneratorLike, Unoptimised, for_arm
 from mitt.generator.several import Several
@@ -72,6 +76,7 @@ class Catcher:
         """
         self._arm = checks.instance("arm", arm, Arm)
         generator, self._map = for_arm(arm, generator)
+        generator = answering(generator, arm.n)
         eyes = closed_eyes() if eyes is None else checks.instance("eyes", eyes, Eyes)
         settings = CatcherSettings() if settings is None else settings
         self._settings = checks.instance("settings", settings, CatcherSettings)
@@ -100,6 +105,7 @@ class Catcher:
         same = f is mine or (f is not None and mine is not None and f.equals(mine))
         if not same:
             raise InputError("generator", "one with the map of this catcher", "another")
+        generator = answering(generator, self._arm.n)
         other, eyes = object.__new__(Catcher), copy(self._eyes)
         other.__dict__.update(self.__dict__)
         other._begin(generator, eyes)
@@ -111,7 +117,7 @@ class Catcher:
         self._eyes = eyes
         self._memory = Memory(self._blank, eyes)
         self._planner = Planner(self._arm, generator, self._settings, self.state, self.result)
-        self._todo, self._ticked = 0, False
+        self._todo, self._ticked, self._sightings = 0, False, Sightings()
         self.stopped_by: StoppedBy | None = None
         self.t_0 = np.inf
 
@@ -132,7 +138,7 @@ class Catcher:
 
     @property
     def phase(self) -> Phase:
-        """What the catcher is about in the next tick."""
+        """What the catcher is about in the next tick, as far as that is known by now."""
         return PHASES[self._planner.phase]
 
     @property
@@ -142,14 +148,28 @@ class Catcher:
 
     @property
     def done(self) -> bool:
-        """Whether the throw is over: the arm has braked or stopped, or the ball was refused."""
-        over = self._planner.phase in (BRAKE, STOPPED) and self._memory.at_rest
-        return over or self._planner.phase == REFUSED
+        """Whether the throw is over: braked, stopped or refused, and the arm rests.
+
+        Its torques hold it, or its brakes once they act. They go on to hold it only as long as
+        ticks are made and their commands are sent.
+        """
+        return self._planner.phase in (BRAKE, STOPPED, REFUSED) and self._memory.held
 
     @property
     def looking(self) -> bool:
         """Whether the catcher wants images; none once its hand has closed or it has stopped."""
         return self._planner.phase not in (BRAKE, STOPPED)
+
+    @property
+    def hint(self) -> str | None:
+        """Why it stopped, or why it may never see its ball, as far as a likely cause is known.
+
+        One line: sightings in other units, of another clock, without a covariance, always the same,
+        or none for some seconds. None while there is nothing to say.
+        """
+        if self.stopped_by is not None:
+            return self.stopped_by.hint or None
+        return self._sightings.hint if self._planner.phase == WATCH else None
 
     @property
     def certificate(self) -> Verdict | None:
@@ -181,8 +201,8 @@ class Catcher:
         images, apart, t_exposed = self._eyes.arrange(senses.frames)
         if self._todo:
             self.think()
-        t = senses.t
-        if senses.points and self.looking:
+        t, looks = senses.t, self.looking
+        if senses.points and looks:
             take(senses.points, t, self.state)
         at, q, dq, (state, out) = senses.arm.t, memory.q, memory.dq, memory.handles
         seen, brake = (images, self.backgrounds, apart, t_exposed), self._planner.brake
@@ -193,11 +213,12 @@ class Catcher:
         else:
             self._todo = tick(*seen, t, at, q, dq, brake, state, out)
         self._ticked = True
+        if looks:
+            self._sightings.note(senses.points, bool(memory.out["sighted"]), memory.t)
         if self._todo & STOPS:
             self._note_stop()
-        t = memory.t
-        if self._planner.phase == FOLLOW:
-            self.t_0 = t if t < self.t_0 else self.t_0
+        if memory.out["following"]:
+            self.t_0 = min(self.t_0, memory.t)
             if self._refines and memory.out["inside"]:
                 self._todo |= REFINES
         return memory.command(memory.result.gaze.copy() if self._turns else None)
@@ -239,7 +260,7 @@ class Catcher:
         self._todo, self._ticked = todo, True
         if todo & STOPS:
             self._note_stop()
-        if self._planner.phase == FOLLOW:
+        if self._memory.out["following"]:
             self.t_0 = min(self.t_0, since)
 
     def think(self) -> None:
@@ -252,7 +273,9 @@ class Catcher:
 
     def _note_stop(self) -> None:
         """Note why the tick just made has stopped the arm."""
-        self.stopped_by = stopped_by(self._arm, self.state, self.result)
+        found = stopped_by(self._arm, self.state, self.result)
+        failed = found.reason is Reason.FAILED
+        self.stopped_by = replace(found, hint=self._planner.failure) if failed else found
 
     def stop(self) -> None:
         """Stop with the next tick, within all limits, and stay until :meth:`recover`."""
@@ -268,12 +291,17 @@ class Catcher:
                 (k, 3, n) [rad ...].
 
         Raises:
-            InputError: The arm was not commanded to rest by now, or the catcher has stopped.
+            InputError: The arm was not commanded to rest by now, or the catcher has stopped or was
+                told to; the motion does not begin at the last command, does not end at rest, has
+                rows that are not those of one motion, or is beyond a limit.
         """
         motion = checks.array("motion", motion, (None, 3, self._arm.n), finite=True)
-        waits = self._planner.phase in (WATCH, REFUSED, BRAKE)
-        if not waits or not self._memory.at_rest or not self._memory.scalars["begun"]:
+        scalars = self._memory.scalars
+        waits = self._planner.phase in (WATCH, REFUSED, BRAKE) and not scalars["stop_requested"]
+        if not waits or not self._memory.at_rest or not scalars["begun"]:
             raise InputError("move", "a catcher that waits, its arm at rest", self.phase)
+        last = self._memory.state.last
+        check_motion(self._arm.names, self._memory.state.bounds, last, motion)
         self._planner.move(motion, self._memory.t)
 
     def recover(self, *, checked: bool = False) -> None:
@@ -285,14 +313,15 @@ class Catcher:
                 that was stuck has to have moved.
 
         Raises:
-            InputError: The catcher has not stopped, the arm is not at rest yet, or the encoder of a
-                joint still has a fault.
+            InputError: The catcher has not stopped, the arm is not at rest and held yet, or the
+                encoder of a joint still has a fault.
         """
-        if self._planner.phase != STOPPED or not self._memory.at_rest:
+        if self._planner.phase != STOPPED or not self._memory.held:
             raise InputError("recover", "a catcher that has stopped, its arm at rest", self.phase)
         if not checks.flag("checked", checked):
             check_recovered(self._arm.names, self.state.encoder_memory)
         self._eyes.reset()
         self._memory.restart(self._blank, self._eyes)
         self._planner.begin()
-        self.t_0, self.stopped_by = np.inf, None
+        self._todo, self.t_0, self.stopped_by = 0, np.inf, None
+        self._sightings = Sightings()

@@ -12,8 +12,8 @@ from mitt.robot.arm import Arm
 from mitt.signals import ArmState, Array, Command
 from mitt.vision.eyes import Eyes
 
-#: Speed below which a joint that brakes counts as at rest [rad/s].
-_AT_REST = 1e-3
+#: Speeds below which a joint counts as at rest, commanded and estimated [rad/s].
+_AT_REST, _STILL = 1e-3, 0.05
 
 
 @final
@@ -64,6 +64,13 @@ class Memory:
         """Whether the last command leaves every joint at rest."""
         return bool(np.all(np.abs(self.result.command[DQ]) < _AT_REST))
 
+    @property
+    def held(self) -> bool:
+        """Whether the arm rests, and its torques hold it, or its brakes by now."""
+        still = np.all(np.abs(self.state.estimated[1]) < _STILL)
+        braked = self.scalars["braked"] or not self.out["brakes"]
+        return bool(self.at_rest and still and braked)
+
     def read(self, arm: Arm, given: ArmState) -> None:
         """Take the encoders over: compiled code sees buffers of one type and the right length.
 
@@ -81,9 +88,14 @@ class Memory:
         return Command(self.t, self._joints.copy(), self._hand.item(), gaze, self._brakes.item())
 
     def restart(self, blank: CatcherState, eyes: Eyes) -> None:
-        """Overwrite both by a beginning, from where the encoders say the arm is."""
-        state, result = _begun(blank, eyes)  # the hand opens, a ball drops
+        """Overwrite both by a beginning, from where the encoders say the arm is and what holds it.
+
+        The hand opens: a ball drops.
+        """
+        state, result = _begun(blank, eyes)
         state.estimated[:] = self.state.estimated
+        state.slew[1] = self.state.slew[1]
+        state.scalars["braked"] = self.scalars["braked"]
         for old, new in ((self.state, state), (self.result, result)):
             for mine, value in zip(old, new, strict=True):
                 mine[...] = value

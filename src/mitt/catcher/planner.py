@@ -1,10 +1,10 @@
 """What a catcher decides between ticks: verdict, adaptation, another map, the brake."""
 
+from pathlib import Path
 from typing import Any, final
 
 import numpy as np
 
-from mitt import checks
 from mitt.catcher.result import Result, ball_in
 from mitt.catcher.settings import (
     BRAKE,
@@ -16,20 +16,19 @@ from mitt.catcher.settings import (
     REFUSED,
     REVIEWS,
     STOPPED,
-    STOPS,
     WATCH,
     CatcherSettings,
 )
 from mitt.catcher.state import CatcherState, Fields, arm_fields, map_fields
 from mitt.control.brake import plan_brake
-from mitt.control.health import is_lost
+from mitt.control.health import FAILED_TICKS, is_lost
 from mitt.control.rows import DQ_MAX
 from mitt.generator.feasibility import Outcome, Verdict, is_far, waiting_height
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.several import Several
 from mitt.impact import examined, speed_caps, speed_jumps
 from mitt.robot.arm import Arm
-from mitt.signals import TICK, Array, BallState, JointReference, MapStatus
+from mitt.signals import TICK, Array, BallState, MapStatus
 
 #: Time after which a ball that is far, or not seen, is looked at again for a verdict [s].
 _LOOK_AGAIN = 0.02
@@ -42,7 +41,7 @@ class Planner:
     Attributes:
         generator: What makes the reference, as adapted last.
         brake: q, dq, ddq while braking, a row each tick, shape (k, 3, n).
-        phase: Phase of the next tick.
+        failure: What the generator, or a plan, failed with; nothing where none did.
         certificate: What the last online step says of the catch; None where none was made.
     """
 
@@ -58,11 +57,17 @@ class Planner:
 
     def begin(self) -> None:
         """Watch for a ball with the generator as it was given."""
-        self.generator, self.phase = self._given, WATCH
+        self.generator, self.failure = self._given, ""
         self.brake = np.zeros((1, 3, self._arm.n))
         self._verdict: Verdict | None = None
         self._deferred: tuple[BallState, Array] | None = None
         self.certificate: Verdict | None = None
+
+    @property
+    def phase(self) -> int:
+        """Phase of the next tick."""
+        phase: int = self._scalars["phase"].item()
+        return phase
 
     @property
     def _scalars(self) -> Any:  # noqa: ANN401
@@ -76,16 +81,37 @@ class Planner:
     def verdict(self) -> Verdict | None:
         """Verdict on the throw, the newest; None before the first."""
         if self._deferred is not None:
-            ball, q = self._deferred
-            self._verdict, self._deferred = self.generator.verdict(ball, q), None
+            (ball, q), self._deferred = self._deferred, None
+            try:
+                self._verdict = self.generator.verdict(ball, q)
+            except Exception as error:  # whatever a generator raises
+                self._fail(error, FAILED_TICKS)
         return self._verdict
 
     def think(self, todo: int) -> None:
-        """Do what a tick has left to be thought about: bits of :mod:`mitt.catcher.settings`."""
-        if todo & STOPS:
-            self.phase = STOPPED
-        if todo == 0 or self.phase == STOPPED:
+        """Do what a tick has left to be thought about: bits of :mod:`mitt.catcher.settings`.
+
+        What fails here ends in a controlled stop in the next tick.
+        """
+        if todo == 0 or self.phase not in (WATCH, FOLLOW):
             return
+        try:
+            self._decide(todo)
+        except Exception as error:  # whatever a generator or a solver raises
+            self._fail(error, FAILED_TICKS)
+
+    def _fail(self, error: Exception, ticks: int) -> None:
+        """Keep what failed, and count so many ticks without an answer."""
+        root, where = error.__cause__ or error, ""
+        place = root.__traceback__
+        while place is not None:
+            where = f" ({Path(place.tb_frame.f_code.co_filename).name}, line {place.tb_lineno})"
+            place = place.tb_next
+        self.failure = f"{type(root).__name__}: {' '.join(str(root).split())}{where}"
+        self._scalars["failures"] += ticks
+
+    def _decide(self, todo: int) -> None:
+        """Do what :meth:`think` says."""
         ball = ball_in(self._result)
         if self.phase == WATCH:
             self._watch(ball)
@@ -105,22 +131,24 @@ class Planner:
             self._grasp()
 
     def refer(self) -> None:
-        """Evaluate a generator that is no map."""
+        """Evaluate a generator that is no map; where it fails, there is no motion in this tick."""
         if self.phase != FOLLOW:
             return
         ball = ball_in(self._result)
-        ball = self.generator.waiting(ball) if self._scalars["surrogate"] else ball
-        answer, out = self.generator.reference(ball), self._out
-        checks.instance("reference", answer, JointReference)
-        ahead = checks.number("reference.time_to_catch", answer.time_to_catch, least=-np.inf)
-        motion = {"q_d": answer.q_d, "dq_d": answer.dq_d, "ddq_d": answer.ddq_d,
-                  "q_o": answer.q_o, "dq_o": answer.dq_o}  # fmt: skip
-        for row, (name, value) in zip(self._result.reference, motion.items(), strict=False):
-            row[:] = checks.vector(
-                f"reference.{name}", value, self._arm.n
-            )  # the safety filter bridges NaN
+        try:
+            ball = self.generator.waiting(ball) if self._scalars["surrogate"] else ball
+            answer = self.generator.reference(ball)
+            motion = answer.q_d, answer.dq_d, answer.ddq_d, answer.q_o, answer.dq_o
+            for row, value in zip(self._result.reference, motion, strict=False):
+                row[:] = value
+        except Exception as error:  # whatever a generator raises
+            self._fail(error, 1)
+            return
+        out = self._out
         out["inside"] = answer.status is MapStatus.INSIDE
-        out["time_to_catch"] = ahead if out["inside"] else np.inf
+        out["time_to_catch"] = answer.time_to_catch if out["inside"] else np.inf
+        if self._scalars["failures"] < FAILED_TICKS:
+            self._scalars["failures"] = 0
 
     def _write(self, fields: Fields) -> None:
         """Overwrite fields of the state."""
@@ -128,9 +156,9 @@ class Planner:
             getattr(self._state, name)[...] = value
 
     def _enter(self, phase: int) -> None:
-        """Begin another phase with the next tick."""
-        self.phase = phase
-        self._scalars["phase"] = phase
+        """Begin another phase with the next tick; one that has stopped begins none."""
+        if self.phase != STOPPED:
+            self._scalars["phase"] = phase
 
     def _watch(self, ball: BallState) -> None:
         """Give the verdict once the ball is known well enough, or when it is due.

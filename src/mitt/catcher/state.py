@@ -39,7 +39,7 @@ _STATE = {
     "stale": False, "age_told": 0.0, "waited": 0.0,
     "surrogate": False, "begun": False, "several": False, "stop_requested": False,
     "braked": False, "t_brake": 0.0, "t_brakes_on": np.inf, "brake_delay": 0.0, "clock_fault": 0,
-    "encoder_fault": 0, "tolerance": 0.0, "max_tracking_error": 0.0, "review": 0.0,
+    "encoder_fault": 0, "failures": 0, "tolerance": 0.0, "max_tracking_error": 0.0, "review": 0.0,
     "t_reviewed": -np.inf, "watch": 0.0, "t_look": -np.inf, "heads": 0, "t_exposed": 0.0,
     "bandwidth": 0.0, "adapt_q": 0.0, "adapt_dq": 0.0, "adapt_until": 0.0, "torque_lead": 0.0,
     "sigma_ready": np.inf, "waiting_height": 0.0,
@@ -65,6 +65,8 @@ class CatcherState(NamedTuple):
             stop_requested: Whether a stop was requested.
             t_brakes_on, braked, brake_delay: When the brakes were commanded to engage [s], whether
             they have, and how long they take [s].
+            failures: Ticks in a row in which the generator failed; enough at once where what is
+            thought between ticks did.
             clock_fault, encoder_fault, tolerance: As in :mod:`mitt.control.health`;
             max_tracking_error: as of ``CatcherSettings`` [rad].
             t_brake: Time at which braking began [s].

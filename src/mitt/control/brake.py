@@ -173,9 +173,12 @@ def _driven(arm: Arm, t: float, motion: Array, rate: Array, w: Scratch) -> Brake
     request.current_acceleration = [braking(*row) for row in rows]
     request.target_velocity = request.target_acceleration = [0.0] * n
     request.max_acceleration, request.max_jerk = rate.tolist(), (rate / ONSET).tolist()
-    result = Ruckig(n).calculate(request, trajectory)
+    try:
+        result = Ruckig(n).calculate(request, trajectory)
+    except Exception as error:  # Ruckig's own
+        raise InputError("motion", "one that can be braked", f"{error}"[:120]) from error
     if result not in (Result.Working, Result.Finished):
-        raise RuntimeError(f"Ruckig refused a stop from {motion.tolist()}: {result}")
+        raise InputError("motion", "one that can be braked", f"{motion.tolist()}: {result}")
     end, pieces = trajectory.duration, _pieces(trajectory)
     sample(pieces, np.array([instant(i, end) for i in range(INSTANTS)]), w.rows)
     return Brake(t, end, pieces, float(torque_share(arm.tables, w.rows, w.tau, w.scratch)))

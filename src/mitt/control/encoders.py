@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt import fields
+from mitt import checks, fields
 from mitt.control.rows import DDQ_BY_TAU, TAU
 from mitt.errors import InputError
 from mitt.fields import brief
@@ -49,7 +49,10 @@ class Encoders:
         Raises:
             InputError: Not one number above 0 for each joint.
         """
-        given = own if self.step is None else np.atleast_1d(np.asarray(self.step, np.float64))
+        given = own
+        if self.step is not None:
+            scalar = isinstance(self.step, int | float)
+            given = checks.array("encoder step", [self.step] if scalar else self.step, (None,))
         if given.shape not in ((1,), own.shape) or not np.all((given > 0.0) & (given < 0.1)):
             wanted = f"one number or {len(own)}, above 0 and below 0.1 rad"
             raise InputError("encoder step", wanted, self.step)

@@ -32,11 +32,12 @@ from mitt.control.jerk import calm, clamp_smooth, onwards, releasable
 from mitt.control.rows import DDQ_MAX, DECELERATION, DQ_MAX, JERK, Q_MAX, Q_MIN
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
+from mitt.robot.description import STOP_GAP
 from mitt.signals import TICK, Array
 
-#: Share of a speed limit that the emitted motion keeps, the same where torque rates let feedback
-#: come late, and its gap to a joint stop [rad].
-_SPEED_SHARE, _SLOW_SHARE, _STOP_GAP = 0.995, 0.96, 0.06
+#: Share of a speed limit that the emitted motion keeps, and the same where torque rates let
+#: feedback come late.
+_SPEED_SHARE, _SLOW_SHARE = 0.995, 0.96
 #: Time in which a joint may close in on a speed limit [s]; a few ticks.
 _APPROACH = 0.006
 #: Share of a torque rate that the jerk of one joint takes in the pose where it takes most.
@@ -83,8 +84,8 @@ def _bounds(arm: Arm, commanded: bool) -> Array:
         jerk = np.minimum(jerk, _jerk_of_rates(arm, arm.active(limits.torque_rate)))
     return np.array(
         [
-            arm.q_min + _STOP_GAP,
-            arm.q_max - _STOP_GAP,
+            arm.q_min + STOP_GAP,
+            arm.q_max - STOP_GAP,
             speeds_of(arm),
             brake,
             np.minimum(np.maximum(_largest_acceleration(arm), brake), most),

@@ -17,8 +17,9 @@ from typing import final
 
 import numpy as np
 
+from mitt import checks
 from mitt.jit import kernel
-from mitt.robot.basket import Basket, Hand
+from mitt.robot.basket import Basket, Hand, checked_hand
 from mitt.robot.hands import closing_angle
 from mitt.signals import Array
 
@@ -103,6 +104,10 @@ class Closing:
             ball_radius: Radius of the ball [m].
             restitution: Share of its speed with which the ball springs back from the palm.
         """
+        if hand is not None:
+            checked_hand(hand)
+        ball_radius = checks.number("ball_radius", ball_radius, least=1e-3, most=1.0)
+        restitution = checks.number("restitution", restitution, least=0.0, most=1.0)
         self.memory = np.array([inf])
         self.grip = pack_grip(hand, ball_radius, restitution)
 
@@ -123,7 +128,9 @@ class Closing:
             t: Time of the tick [s].
             time_to_catch: Time until the catch [s]; infinite where none is in sight.
         """
-        return float(close(self.memory, self.grip, t, time_to_catch))
+        t = checks.number("t", t, finite=True)
+        ahead = checks.number("time_to_catch", time_to_catch)
+        return float(close(self.memory, self.grip, t, ahead))
 
     def closed(self, t: float, *, hurry: bool) -> bool:
         """Say whether the fingers have had the time to close around the ball.
@@ -132,4 +139,5 @@ class Closing:
             t: Time of the tick [s].
             hurry: Whether the arm is short of room to brake; then the first touch is enough.
         """
+        t, hurry = checks.number("t", t, finite=True), checks.flag("hurry", hurry)
         return bool(has_closed(self.memory, self.grip, t, hurry))

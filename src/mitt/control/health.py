@@ -52,10 +52,11 @@ class Reason(Enum):
     TRACKING = "far from the told motion"
     REQUESTED = "stop asked for"
     FAST = "joint beyond its speed"
+    FAILED = "generator or planning failed"
 
 
 (_NONE, _UNSEEN, _ONE_CAMERA, _LATE, _BRIDGED, _BLOCKED, LOST, _SILENT, _JUMPED, _STUCK, _REVERSED,
- CLOCK, OVERRUN, _TRACKING, REQUESTED, _FAST) = range(16)  # fmt: skip
+ CLOCK, OVERRUN, _TRACKING, REQUESTED, _FAST, FAILED) = range(17)  # fmt: skip
 
 #: Reason for each state of an encoder, in the order of :mod:`mitt.control.encoder_memory`.
 _OF_ENCODER = (_NONE, _BRIDGED, _SILENT, _JUMPED, _STUCK, _REVERSED, _FAST)
@@ -73,6 +74,8 @@ OLD_READING = IN_TIME
 _TIMELESS_TICKS = 20
 #: Age of the last measurement from which the ball is predicted, and from which it can be lost [s].
 _FRESH, _OLD = 0.005, 0.020
+#: Ticks in a row without an answer of the generator after which the catcher stops.
+FAILED_TICKS = 5
 #: Time for which a joint may be far from the commanded motion, in ticks.
 _FAR_TICKS = 20
 

@@ -24,6 +24,8 @@ _CLOSING = 50.0
 #: Share of the jerk that ends an acceleration, and shares of jerk and acceleration that close a gap
 #: of position: they leave room for the former.
 _ENDING, _CLOSING_JERK, _CLOSING_DDQ = 0.5, 0.1, 0.3
+#: How far into its range a joint that is beyond an end is led at least [rad].
+_WITHIN = 0.001
 #: Ticks in which a joint has to come to rest, halvings between wish and brake, and rounding.
 _LONGEST, _HALVINGS, _ROUNDING = 5000, 10, 1e-12
 
@@ -123,6 +125,9 @@ def clamp_smooth(
 ) -> tuple[float, float, float]:  # fmt: skip
     """Return the command of a joint with a jerk limit for which a motion is desired.
 
+    Beyond its speed it brakes, and beyond an end of its range it is led back in, whatever is
+    desired.
+
     Args:
         low: Lower end of the range [rad].
         high: Upper end of the range [rad].
@@ -135,11 +140,18 @@ def clamp_smooth(
     """
     (q0, dq0, ddq0), (q, dq, ddq) = last, desired
     near = calm(dq0, ddq0, brake, jerk)
+    if abs(dq0) > dq_max + _ROUNDING:
+        return onwards(q0, dq0, near)
     if not (np.isfinite(q) and np.isfinite(dq) and np.isfinite(ddq)):
         q, dq, ddq = q0, 0.0, 0.0
+    within = min(_WITHIN, 0.25 * (high - low))
+    if q0 > high:
+        q, dq, ddq, high = min(q, high - within), min(dq, 0.0), min(ddq, 0.0), q0
+    elif q0 < low:
+        q, dq, ddq, low = max(q, low + within), max(dq, 0.0), max(ddq, 0.0), q0
+    dq, ddq = min(max(dq, -2.0 * dq_max), 2.0 * dq_max), min(max(ddq, -ddq_max), ddq_max)
     gap = min(max(q - q0 - 0.5 * TICK * (dq + dq0), -1e3), 1e3)
-    ddq = min(max(ddq, -ddq_max), ddq_max)
-    lacking = min(max(dq, -2.0 * dq_max), 2.0 * dq_max) - dq0 - TICK * ddq
+    lacking = dq - dq0 - TICK * ddq
     lacking += closing_speed(gap, _CLOSING, ddq_max, jerk)
     most = releasable(lacking, jerk)
     wish = min(max(ddq + min(max(lacking / TICK, -most), most), -ddq_max), ddq_max)

@@ -10,6 +10,9 @@ that a drive can have by then,
 all in the direction in which the drive turns. A line that is lower by a margin w_m is the line of a
 drive whose stall torque and no-load speed are both smaller by the share w_m / w_0.
 
+While a joint is not measured, the torques that hold what it moves are worked out from a place and a
+speed that are not quite its own: every drive then keeps a share of its peak back.
+
 | here       | meaning                                                           | unit    | shape |
 |------------|-------------------------------------------------------------------|---------|-------|
 | ``lead``   | T, from the reading of the joints until the command has acted     | s       |       |
@@ -22,7 +25,7 @@ drive whose stall torque and no-load speed are both smaller by the share w_m / w
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.control.encoder_memory import VARIANCE_DQ
+from mitt.control.encoder_memory import FAULT, FINE, GONE, VARIANCE_DQ
 from mitt.control.rows import DDQ_BY_TAU
 from mitt.jit import kernel
 from mitt.robot.limits import LEAST
@@ -30,6 +33,9 @@ from mitt.signals import Array
 
 #: Multiple of the estimate's 1-sigma by which a speed may be larger.
 _SIGMAS = 3.0
+#: Share of its peak that a drive may give while a joint is not measured; the rest is for what a
+#: wrong pose makes of the torques. The plant of a trial may exceed a limit by as much.
+_UNMEASURED = 0.99
 
 
 @kernel
@@ -53,7 +59,11 @@ def derate(
     """
     links = drives.shape[1]
     out[:] = drives
+    measured = True
+    for k in range(len(index)):
+        measured &= memory[k, FAULT] == FINE and memory[k, GONE] == 0.0
     for m in range(links):
+        out[2 * links, m] *= 1.0 if measured else _UNMEASURED
         stall, top = drives[2 * links + 1, m], drives[2 * links + 2, m]
         if not np.isfinite(stall):
             continue

@@ -64,14 +64,13 @@ _BESIDE = 1e-9
 def _rates(b: Array, motion: Array, kind: int, rates: Array) -> None:
     """Write the decelerations of one kind of stop; see :func:`choose_stop`.
 
-    A joint that is outside its limits, or short of room, brakes at its largest.
+    A joint that is beyond its speed, or short of room ahead, brakes at its largest.
     """
     for k in range(len(rates)):
         q, dq, most = motion[0, k], motion[1, k], b[DECELERATION, k]
         base = _HARD[kind] * most if kind < EASIEST else _MILD[kind - EASIEST] * b[GENTLE, k]
         room = b[Q_MAX, k] - q if dq > 0.0 else q - b[Q_MIN, k]
-        outside = not b[Q_MIN, k] <= q <= b[Q_MAX, k] or abs(dq) > b[DQ_MAX, k]
-        if outside or 2.0 * room * most <= dq * dq:
+        if abs(dq) > b[DQ_MAX, k] or 2.0 * room * most <= dq * dq:
             rates[k] = most
         else:
             rates[k] = min(max(base, 0.5 * dq * dq / max(room, 1e-12)), most)

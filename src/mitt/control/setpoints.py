@@ -12,9 +12,13 @@ motion will be by then, q_d + d dq_d + d^2 / 2 ddq_d and so on, with what makes 
     velocity:  v_s = dq_d + (w / 2) (q_d - q) + ddq_d / (2 w)
 
 so that the arm obeys e'' + 2 w e' + w^2 e = 0 as with torques (:mod:`mitt.control.tracking`), but
-for what changes within the delay. Filters and limits that a vendor adds are not in this model. No
-setpoint is outside the joints' ranges, none is beyond their speeds or differs from the one before
-by more than those allow.
+for what changes within the delay. Filters and limits that a vendor adds are not in this model.
+
+No setpoint is a position outside the joints' ranges or a speed beyond theirs, but on the way in
+from outside. From one to the next a position changes by no more than the speeds allow, a speed by
+no more than what a motion of the largest acceleration a, up and down, can ask for:
+a (T + 2 d + 1 / w) + w T dq_max. A joint of which the reading is no number is taken to be where it
+is desired.
 """
 
 from math import exp, inf
@@ -22,12 +26,16 @@ from typing import final
 
 import numpy as np
 
-from mitt.errors import InputError
+from mitt import checks
+from mitt.control.envelope import bounds_of
+from mitt.control.rows import DDQ_MAX
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array, Command
 
 #: Row of a command that a robot follows.
 ROWS = {"torque": 3, "velocity": 1, "position": 0}
+#: Largest bandwidth [rad/s], delay [s] and time between two setpoints [s] that are taken for meant.
+_QUICKEST, _LATEST, _LONGEST = 1e5, 1.0, 10.0
 
 
 @final
@@ -43,9 +51,11 @@ class Setpoints:
             bandwidth: Of its control, w [rad/s].
             delay: Time after which a setpoint acts, d [s].
         """
-        if takes not in ("position", "velocity"):
-            raise InputError("setpoints", "position or velocity", takes)
-        self._takes, self._w, self._delay, self._arm = takes, bandwidth, delay, arm
+        self._arm = checks.instance("arm", arm, Arm)
+        self._takes = checks.one_of("takes", takes, ("position", "velocity"))
+        self._w = checks.number("bandwidth", bandwidth, least=1e-3, most=_QUICKEST)
+        self._delay = checks.number("delay", delay, least=0.0, most=_LATEST)
+        self._hardest = bounds_of(arm)[DDQ_MAX]
         self._ahead: Array | None = None
         self._last: Array | None = None
 
@@ -63,18 +73,32 @@ class Setpoints:
             fastest: Speed beyond which no joint is sent, below that of its limit [rad/s].
         """
         w, d, arm = self._w, self._delay, self._arm
-        place, speed, rate = desired
-        most = np.minimum(arm.dq_max, fastest)
+        place, speed, rate = checks.array("desired", desired, (3, arm.n), finite=True)
+        q = self._read(q, place)
+        passed = checks.number("passed", passed, least=1e-9, most=_LONGEST)
+        most = np.minimum(arm.dq_max, checks.number("fastest", fastest, least=0.0))
         if self._takes == "velocity":
-            led: Array = speed + d * rate + 0.5 * w * (place - q) + 0.5 / w * rate
-            return np.clip(led, -most, most)
+            led = speed + d * rate + 0.5 * w * (place - q) + 0.5 / w * rate
+            before = np.clip(speed, -most, most) if self._last is None else self._last
+            change = self._hardest * (passed + 2.0 * d + 1.0 / w) + w * passed * arm.dq_max
+            self._last = np.clip(np.clip(led, -most, most), before - change, before + change)
+            return self._last.copy()
         steady = rate / w**2
         ahead = steady if self._ahead is None else self._ahead
-        before = q if self._last is None else self._last
         self._ahead = steady + (ahead - steady) * exp(-0.5 * w * passed)
         wanted = np.clip(place + d * speed + 0.5 * d**2 * rate + ahead, arm.q_min, arm.q_max)
-        self._last = np.clip(wanted, before - most * passed, before + most * passed)
-        return self._last
+        return self._moved(wanted, q, passed * most)
+
+    def _read(self, q: Array, place: Array) -> Array:
+        """Return where the joints are [rad]; where they are desired, if a reading is no number."""
+        q = checks.vector("q", q, self._arm.n)
+        return np.where(np.isfinite(q), q, place)
+
+    def _moved(self, wanted: Array, q: Array, step: Array) -> Array:
+        """Return a position as near to one that is wanted as a step from the last one leads."""
+        before = q if self._last is None else self._last
+        self._last = np.clip(wanted, before - step, before + step)
+        return self._last.copy()
 
     def lead(
         self, command: Command, q: Array, *, passed: float = TICK, fastest: float = inf
@@ -87,11 +111,19 @@ class Setpoints:
             passed: Time since the setpoint before [s].
             fastest: Speed beyond which no joint is sent, below that of its limit [rad/s].
         """
+        command = checks.instance("command", command, Command)
         joints = command.joints.copy()
         if command.brakes and not command.tau.any():
+            q = self._read(q, command.q)
+            passed = checks.number("passed", passed, least=1e-9, most=_LONGEST)
             joints[:3] = 0.0
-            joints[0] = q
-            self.restart()
+            self._ahead = None
+            if self._takes == "velocity":
+                joints[0], self._last = q, None
+            else:
+                fastest = checks.number("fastest", fastest, least=0.0)
+                step = passed * np.minimum(self._arm.dq_max, fastest)
+                joints[0] = self._moved(q, q, step)
         else:
             told = self.of(command.joints[:3], q, passed=passed, fastest=fastest)
             joints[ROWS[self._takes]] = told

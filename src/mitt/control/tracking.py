@@ -14,6 +14,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt import checks
 from mitt.control.envelope import bound_acceleration
 from mitt.control.jerk import closing_speed, releasable
 from mitt.control.rows import DDQ, DDQ_BY_TAU, DDQ_MAX, DQ, JERK, ROWS, TAU, Q
@@ -49,7 +50,8 @@ class Tracker:
 
     def __init__(self, arm: Arm, *, bandwidth: float, around: Surroundings | None = None) -> None:
         """Take the arm, the bandwidth w of the error [rad/s] and what stands around the arm."""
-        self.arm, self.bandwidth = arm, bandwidth
+        self.arm = checks.instance("arm", arm, Arm)
+        self.bandwidth = checks.number("bandwidth", bandwidth, least=1e-3, most=1e5)
         self.safety_filter = SafetyFilter(arm, around or Surroundings())
         self._index, self._slew = np.array(arm.model.active), slew_of(arm)
         self._scratch = np.zeros((len(arm.model.links), SCRATCH))
@@ -70,9 +72,12 @@ class Tracker:
             desired: q_d, dq_d, ddq_d [rad, rad/s, rad/s^2], shape (3, n).
             hand: Closing angle of the fingers [rad].
         """
+        n, state = self.arm.n, checks.instance("state", state, ArmState)
+        checks.vector("state.q", state.q, n)
+        hand = checks.number("hand", hand, finite=True)
         state = self.last_finite(state)
-        rows = np.zeros((ROWS, self.arm.n))
-        rows[:3] = desired
+        rows = np.zeros((ROWS, n))
+        rows[:3] = checks.array("desired", desired, (3, n))
         self.safety_filter.step(rows[:3])
         saturated = track(
             self.safety_filter.bounds,

@@ -13,10 +13,12 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt import checks
 from mitt.control.envelope import bounds_of, clamp, slow_down
 from mitt.control.jerk import braked
 from mitt.control.reserve import clamp_to_reserve, gentle_rates, reserve_work
 from mitt.control.rows import DECELERATION, JERK, REACH
+from mitt.errors import InputError
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.gaps import clearance
@@ -214,6 +216,8 @@ class SafetyFilter:
 
     def __init__(self, arm: Arm, around: Surroundings) -> None:
         """Take the arm and what stands around it; the arm is taken to rest in its ready pose."""
+        checks.instance("arm", arm, Arm)
+        checks.instance("around", around, Surroundings)
         self.shapes, self.bounds = _numbers(arm, around)
         self.last = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)])
         self.known = np.full(arm.n + 1, -np.inf)
@@ -224,11 +228,16 @@ class SafetyFilter:
 
     def begin(self, q: Array, dq: Array) -> None:
         """Start from where the arm is, [rad, rad/s], shapes (n,); what is not finite is left."""
+        n = self.last.shape[1]
+        q, dq = checks.vector("q", q, n), checks.vector("dq", dq, n)
         if np.all(np.isfinite(q)) and np.all(np.isfinite(dq)):
             self.last[0], self.last[1], self.last[2] = q, dq, 0.0
 
     def step(self, desired: Array) -> int:
         """Replace a desired motion, shape (3, n), by what is emitted; see :func:`safety_filter`."""
+        if checks.array("desired", desired, self.last.shape) is not desired:
+            raise InputError("desired", "an array of float64, which is overwritten",
+                             checks.shown(desired))  # fmt: skip
         return int(
             safety_filter(*self._packed, *self._drives, self.last, desired, self.known, self.work,
                   self.reserve)
@@ -236,7 +245,9 @@ class SafetyFilter:
 
     def clear(self, q: Array, dq: Array) -> bool:
         """Say whether an arm that moves so can come to standstill without touching anything."""
-        motion = np.array([q, dq, np.zeros_like(q)])
+        n = self.last.shape[1]
+        q = checks.vector("q", q, n, finite=True)
+        motion = np.array([q, checks.vector("dq", dq, n, finite=True), np.zeros(n)])
         return bool(stops_clear(*self._packed, motion, self.known, self.work))
 
 

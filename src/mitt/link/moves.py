@@ -5,6 +5,8 @@ from math import ceil
 import numpy as np
 from ruckig import InputParameter, Result, Ruckig, Synchronization, Trajectory
 
+from mitt.control.envelope import bounds_of
+from mitt.control.rows import DDQ_MAX, DQ_MAX, JERK
 from mitt.errors import InputError
 from mitt.robot.arm import Arm, trusted_deceleration
 from mitt.signals import TICK, Array
@@ -12,7 +14,8 @@ from mitt.signals import TICK, Array
 #: Fastest that a joint moves [rad/s]: the reduced speed of ISO 10218-1 is 0.25 m/s at the tool, a
 #: quarter of a metre from the joint; time to that speed [s], and share of the time for its onset.
 _FASTEST, _RAMP, _ONSET = 1.0, 0.25, 0.2
-#: Share of what the drives can accelerate with that is used.
+#: Share of what the drives can accelerate with, and of the limits of acceleration and jerk, that
+#: is used.
 _GENTLE = 0.3
 
 
@@ -28,12 +31,11 @@ def slow_motion(arm: Arm, start: Array, end: Array, share: float) -> Array:
     Raises:
         InputError: Ruckig finds no way, as between poses that are no numbers.
     """
-    speed = np.minimum(share * arm.dq_max, _FASTEST)
-    most = _GENTLE * trusted_deceleration(arm, start)
+    b = bounds_of(arm)
+    speed = np.minimum(np.minimum(share * arm.dq_max, b[DQ_MAX]), _FASTEST)
+    most = _GENTLE * np.minimum(trusted_deceleration(arm, start), b[DDQ_MAX])
     acceleration = np.minimum(speed / _RAMP, most)
-    jerk = acceleration / (_ONSET * _RAMP)
-    if arm.limits.jerk is not None:
-        jerk = np.minimum(jerk, _GENTLE * arm.active(arm.limits.jerk))
+    jerk = np.minimum(acceleration / (_ONSET * _RAMP), _GENTLE * b[JERK])
     request, way = InputParameter(arm.n), Trajectory(arm.n)
     request.synchronization = Synchronization.Phase
     request.current_position, request.target_position = start.tolist(), end.tolist()

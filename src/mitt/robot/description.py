@@ -22,6 +22,9 @@ _LARGEST = 1e4
 #: Least mass of a link, which MuJoCo still takes [kg].
 _LIGHTEST = 1e-12
 
+#: Gap that commands keep to the ends of a joint's range [rad or m]; a choice of this project.
+STOP_GAP = 0.06
+
 #: Encoder resolution of a joint whose description states none [rad or m]: 17 bits a turn of the
 #: joint, as the joint-side encoders of common cobots have or better. A choice of this project.
 ENCODER_STEP = 2.0 * np.pi / 2**17
@@ -200,6 +203,12 @@ class ArmModel:
         _keep(self, "q_ready", q_ready)
         moving = [link for link in self.links if link.held is None]
         for link, q in zip(moving, q_ready.tolist(), strict=True):
+            unit, span = ("m" if link.prismatic else "rad"), link.q_max - link.q_min
+            if not span > 2.0 * STOP_GAP:
+                wanted = (f"a range of more than {2.0 * STOP_GAP:g} {unit}, since commands keep"
+                          f" {STOP_GAP:g} {unit} to its ends")  # fmt: skip
+                raise ModelError(f"joint {link.name!r}", wanted, f"{span:g} {unit}",
+                                 do="hold the joint, or widen its range")  # fmt: skip
             if not link.q_min <= q <= link.q_max:
                 wanted = f"a position in {link.q_min:.3f}..{link.q_max:.3f}"
                 raise ModelError(f"ready pose of {link.name}", wanted, f"{q:g}",

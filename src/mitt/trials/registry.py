@@ -7,11 +7,8 @@ a :class:`DirectMap` (it knows the arm) to a :class:`Generator`. A built-in name
 import hashlib
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
-from math import inf
 from pathlib import Path
-from typing import final
 
 from mitt import checks
 from mitt.baselines.clairvoyant import make_clairvoyant
@@ -21,10 +18,9 @@ from mitt.baselines.mpc import make_mpc
 from mitt.baselines.quintic import make_quintic
 from mitt.baselines.ruckig import make_ruckig
 from mitt.errors import InputError, UnknownNameError, answered_by
-from mitt.generator.feasibility import Verdict
+from mitt.generator.answers import added
 from mitt.generator.generators import Direct, Generator, Unoptimised, map_of
 from mitt.generator.mapping import DirectMap, unlearned
-from mitt.signals import Array, BallState, JointReference, MapStatus
 from mitt.trials.learning import learn_several
 
 #: Makes a generator for the arm of a learned map.
@@ -134,79 +130,3 @@ def _is_map(generator: Generator) -> bool:
 def _added() -> dict[str, EntryPoint]:
     """Return the entry points of other packages by name."""
     return {entry.name: entry for entry in entry_points(group=GROUP)}
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class Added:
-    """A generator of another package: the same calls, its exceptions and answers named after it.
-
-    Attributes:
-        name: What an error calls it.
-        inner: The generator.
-        n: Number of joints of its arm.
-    """
-
-    name: str
-    inner: Generator
-    n: int
-
-    def sharpness(self, ball: BallState) -> float:
-        """Ask the package; a number of at least 0."""
-        with answered_by(self.name):
-            return checks.number("sharpness", self.inner.sharpness(ball), least=0.0)
-
-    def verdict(self, ball: BallState, q: Array) -> Verdict:
-        """Ask the package; a verdict."""
-        with answered_by(self.name):
-            return checks.instance("verdict", self.inner.verdict(ball, q), Verdict)
-
-    def unsettled(self, ball: BallState, q: Array) -> bool:
-        """Ask the package; a truth value."""
-        with answered_by(self.name):
-            return checks.flag("unsettled", self.inner.unsettled(ball, q))
-
-    def returns(self, ball: BallState) -> bool:
-        """Ask the package; a truth value."""
-        with answered_by(self.name):
-            return checks.flag("returns", self.inner.returns(ball))
-
-    def waiting(self, ball: BallState) -> BallState:
-        """Ask the package; a ball."""
-        with answered_by(self.name):
-            return checks.instance("waiting", self.inner.waiting(ball), BallState)
-
-    def adapt(self, ball: BallState, q: Array, dq: Array) -> "Added":
-        """Ask the package; a generator."""
-        with answered_by(self.name):
-            return added(self.name, self.inner.adapt(ball, q, dq), self.n)
-
-    def reference(self, ball: BallState) -> JointReference:
-        """Ask the package; finite motion of n joints."""
-        with answered_by(self.name):
-            said = checks.instance("reference", self.inner.reference(ball), JointReference)
-            for row in ("q_d", "dq_d", "ddq_d", "q_o", "dq_o"):
-                checks.vector(f"reference.{row}", getattr(said, row), self.n, finite=True)
-            checks.instance("reference.status", said.status, MapStatus)
-            checks.number("reference.time_to_catch", said.time_to_catch, least=-inf)
-            return said
-
-    def as_map(self) -> DirectMap | None:
-        """Ask the package; a map, or None."""
-        with answered_by(self.name):
-            f = self.inner.as_map()
-            return None if f is None else checks.instance("as_map", f, DirectMap)
-
-
-def added(name: str, generator: Generator, n: int) -> Added:
-    """Return a generator of another package for an arm of n joints, held to its answers."""
-    if not isinstance(generator, Generator) or isinstance(generator, type):
-        raise InputError(name, "a generator", checks.shown(generator), do="repair that package")
-    return Added(name, generator, n)
-
-
-def answering(generator: Generator, n: int) -> Generator:
-    """Return a generator that somebody made, held to its answers where it is none of ours."""
-    kind = type(generator)
-    ours = kind.__module__.startswith("mitt.")
-    return generator if ours else added(f"generator {kind.__name__}", generator, n)

@@ -10,6 +10,7 @@ from mitt.catcher.settings import CatcherSettings
 from mitt.errors import InputError, StoppedError
 from mitt.files.about import About
 from mitt.files.recording import write_recording
+from mitt.generator.answers import answering
 from mitt.generator.generators import Direct, Generator, Unoptimised, generator_of, map_of
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap
@@ -17,7 +18,6 @@ from mitt.generator.several import Several
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, ArmState, Senses, Sighting
 from mitt.trials.recording import recording_of
-from mitt.trials.registry import answering
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial, reason_of
 from mitt.trials.source import source_of

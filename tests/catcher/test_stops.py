@@ -1,0 +1,408 @@
+"""A catcher that has stopped stays so, whatever fails or is called, and says when it is done."""
+# ruff: noqa: D102 (the methods of a generator)
+
+from collections.abc import Callable
+from copy import copy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import mitt
+from mitt.ball.filter import THROWN_BALL
+from mitt.catcher import planner
+from mitt.catcher.catcher import Catcher, Phase
+from mitt.catcher.settings import GRASPS
+from mitt.control.health import FAILED_TICKS, Reason, State
+from mitt.errors import InputError
+from mitt.generator.generators import Direct
+from mitt.generator.learn import Learned
+from mitt.generator.mapping import DirectMap
+from mitt.robot.arm import Arm
+from mitt.signals import TICK, Array, Command, JointReference
+
+RELEASE, VELOCITY = np.array([3.6, 0.15, 0.2]), np.array([-5.9, -0.2, 2.2])
+FALL = np.array([0.0, 0.0, -9.81])
+
+
+class Cell:
+    """An exact arm, a ball seen with 1 mm of noise, and a catcher, tick by tick."""
+
+    def __init__(self, arm: Arm, catcher: Catcher) -> None:
+        """Begin at rest in the ready pose, the ball released."""
+        self.arm, self.catcher, self.t, self.rng = arm, catcher, 0.0, np.random.default_rng(7)
+        self.q, self.dq = arm.q_ready.copy(), np.zeros(arm.n)
+        self.silent = False
+
+    def tick(self, *, thinks: bool = True, seen: bool = True) -> Command:
+        """Make a tick, then let the arm move by its torques, unless its brakes hold it."""
+        r = RELEASE + self.t * VELOCITY + 0.5 * self.t**2 * FALL
+        r = r + 1e-3 * self.rng.standard_normal(3)
+        ball = mitt.Sighting(t=self.t, found=True, r_o=r, covariance=1e-6 * np.eye(3))
+        read = self.q.copy()
+        read[1] = np.nan if self.silent else read[1]
+        reading = mitt.ArmState(t=self.t, q=read, dq=self.dq)
+        points = (ball,) if seen else ()
+        command = self.catcher.step(mitt.Senses(t=self.t, arm=reading, points=points))
+        if thinks:
+            self.catcher.think()
+        for _ in range(2):
+            if command.brakes and not command.tau.any():
+                self.dq = np.zeros(self.arm.n)
+                break
+            bias = self.arm.inverse_dynamics(self.q, self.dq, np.zeros(self.arm.n))
+            ddq = np.linalg.solve(self.arm.mass_matrix(self.q), command.tau - bias)
+            self.dq = self.dq + 0.5 * TICK * ddq
+            self.q = self.q + 0.5 * TICK * self.dq
+        self.t += TICK
+        return command
+
+    def until(self, what: Callable[[], bool], *, ticks: int = 1500, seen: bool = True) -> Command:
+        """Make ticks until something is so."""
+        for _ in range(ticks):
+            command = self.tick(seen=seen)
+            if what():
+                return command
+        raise AssertionError(f"{self.catcher.phase}, {self.catcher.stopped_by}")
+
+
+def cell_of(arm: Arm, generator: object, **settings: float) -> Cell:
+    """Return a cell whose filter knows that there is no drag."""
+    flight = replace(THROWN_BALL, drag_mean=0.0, drag_sigma=0.002)
+    given = mitt.CatcherSettings(flight=flight, **settings)  # type: ignore[arg-type]
+    return Cell(arm, Catcher(arm, generator, settings=given))  # type: ignore[arg-type]
+
+
+def follows(cell: Cell) -> Callable[[], bool]:
+    """Return whether the arm of a cell follows at full swing."""
+    return lambda: cell.catcher.phase is Phase.FOLLOW and float(np.abs(cell.dq).max()) > 2.0
+
+
+def rest(q: Array) -> Array:
+    """Return a motion that stays where it is."""
+    return np.array([[q, np.zeros(len(q)), np.zeros(len(q))]] * 3)
+
+
+CALLS: dict[str, Callable[[Catcher], object]] = {
+    "move": lambda c: c.move(rest(c.result.command[0].copy())),
+    "recover": lambda c: c.recover(checked=True),
+    "stop": lambda c: c.stop(),
+    "ticked": lambda c: c.ticked(0, 0.0),
+    "ticked, grasps": lambda c: c.ticked(GRASPS, 0.0),
+    "think": lambda c: c.think(),
+    "again": lambda c: c.again(c._planner.generator),
+    "verdict": lambda c: c.verdict,
+    "copy": copy,
+}
+
+
+@pytest.mark.parametrize("thinks", [False, True])
+@pytest.mark.parametrize("name", CALLS)
+@pytest.mark.parametrize("moving", [False, True])
+def test_no_call_undoes_a_stop(
+    arm: Arm, learned: Learned, name: str, moving: bool, thinks: bool
+) -> None:
+    """At rest and at full swing, before the catcher thinks and after: it stays stopped."""
+    cell = cell_of(arm, learned)
+    cell.until(follows(cell) if moving else lambda: cell.t > 0.01, seen=moving)
+    cell.silent = True
+    while cell.catcher.stopped_by is None:
+        command = cell.tick(thinks=False, seen=moving)
+    catcher = cell.catcher
+    assert catcher.phase is Phase.STOPPED
+    assert not catcher.looking
+    assert not catcher.done
+    if thinks:
+        catcher.think()
+    if name in ("move", "recover"):
+        with pytest.raises(InputError, match=name):
+            CALLS[name](catcher)
+    else:
+        made = CALLS[name](catcher)
+        cell.catcher = catcher = made if name == "copy" and isinstance(made, Catcher) else catcher
+    for _ in range(250):
+        before, command = np.abs(command.dq), cell.tick(seen=moving)
+        assert catcher.phase is Phase.STOPPED
+        assert command.brakes
+        assert np.all(np.abs(command.dq) <= before + 1e-9)
+    assert catcher.done
+    assert not command.tau.any()
+
+
+def test_a_stop_that_was_asked_for_lets_nothing_begin(arm: Arm, learned: Learned) -> None:
+    """Between `stop` and its tick no motion is taken."""
+    cell = cell_of(arm, learned)
+    cell.until(lambda: cell.t > 0.01, seen=False)
+    cell.catcher.stop()
+    with pytest.raises(InputError, match="move"):
+        CALLS["move"](cell.catcher)
+    cell.tick(seen=False)
+    assert cell.catcher.phase is Phase.STOPPED
+
+
+def test_a_throw_is_done_once_the_arm_rests_and_is_held(arm: Arm, learned: Learned) -> None:
+    """After a catch, a refusal, a stop, an encoder that fails: at rest, by torques or brakes."""
+    for kind in ("caught", "stopped", "silent", "refused"):
+        cell = cell_of(arm, learned, ball_mass=5.0 if kind == "refused" else 0.07)
+        if kind in ("stopped", "silent"):
+            cell.until(follows(cell))
+            cell.silent = kind == "silent"
+        if kind == "stopped":
+            cell.catcher.stop()
+        command = cell.until(lambda cell=cell: cell.catcher.done)  # type: ignore[misc]
+        phases = {"caught": Phase.BRAKE, "refused": Phase.REFUSED}
+        assert cell.catcher.phase is phases.get(kind, Phase.STOPPED)
+        assert np.abs(cell.dq).max() < 0.06
+        assert command.brakes == (kind == "silent")
+        assert bool(command.tau.any()) == (kind != "silent")
+        q = cell.q.copy()
+        for _ in range(100):
+            cell.tick()
+        assert cell.catcher.done
+        assert np.abs(cell.q - q).max() < 0.01
+
+
+class Odd:
+    """A generator of somebody: a map whose answers are spoilt from a tick on."""
+
+    def __init__(
+        self, f: DirectMap, spoils: str, spoil: Callable[[object], object], last: int
+    ) -> None:
+        """Take the map, which answer is spoilt, how, and in how many of its calls."""
+        self._g = Direct(f)
+        self.spoils, self._spoil, self.left, self.after = spoils, spoil, last, 0
+
+    def _said(self, name: str, *given: object) -> object:
+        """Return an answer, spoilt while it is to be."""
+        answer = getattr(self._g, name)(*given)
+        if name == self.spoils and self.after > 0:
+            self.after -= 1
+        elif name == self.spoils and self.left > 0:
+            self.left -= 1
+            return self._spoil(answer)
+        return answer
+
+    def sharpness(self, *x: object) -> object:
+        return self._said("sharpness", *x)
+
+    def verdict(self, *x: object) -> object:
+        return self._said("verdict", *x)
+
+    def unsettled(self, *x: object) -> object:
+        return self._said("unsettled", *x)
+
+    def returns(self, *x: object) -> object:
+        return self._said("returns", *x)
+
+    def waiting(self, *x: object) -> object:
+        return self._said("waiting", *x)
+
+    def reference(self, *x: object) -> object:
+        return self._said("reference", *x)
+
+    def adapt(self, *x: object) -> object:
+        adapted = self._said("adapt", *x)
+        if isinstance(adapted, Direct):
+            self._g = adapted
+            return self
+        return adapted
+
+    def as_map(self) -> None:
+        return None
+
+
+def fails(_: object) -> object:
+    """Raise what nobody expects."""
+    raise ZeroDivisionError("in a generator")
+
+
+def changed(**fields: Callable[[JointReference], object]) -> Callable[[object], object]:
+    """Return what changes fields of a reference."""
+
+    def spoil(answer: object) -> object:
+        assert isinstance(answer, JointReference)
+        return replace(answer, **{name: new(answer) for name, new in fields.items()})
+
+    return spoil
+
+
+#: How answers are spoilt: in which call, and what `stopped_by` says of it.
+SPOILT: dict[str, tuple[str, Callable[[object], object], str]] = {
+    "raises": ("reference", fails, "ZeroDivisionError: in a generator"),
+    "None": ("reference", lambda _: None, "JointReference"),
+    "time": ("reference", changed(time_to_catch=lambda _: np.nan), "time_to_catch"),
+    "no time": ("reference", changed(time_to_catch=lambda _: "soon"), "time_to_catch"),
+    "q_d": ("reference", changed(q_d=lambda x: x.q_d * np.nan), "q_d"),
+    "q_o": ("reference", changed(q_o=lambda x: x.q_o * np.inf), "q_o"),
+    "shape": ("reference", changed(dq_d=lambda x: x.dq_d[:2]), "dq_d"),
+    "verdict": ("verdict", lambda _: "feasible", "Verdict"),
+    "no verdict": ("verdict", fails, "ZeroDivisionError"),
+    "sharpness": ("sharpness", lambda _: np.nan, "sharpness"),
+    "adapt": ("adapt", lambda _: None, "a generator"),
+    "unsettled": ("unsettled", lambda _: "no", "unsettled"),
+}
+
+
+@pytest.mark.parametrize("name", SPOILT)
+def test_a_generator_that_fails_stops_the_arm(arm: Arm, learned: Learned, name: str) -> None:
+    """In whatever call: no exception, no command that jumps, a stop that names what failed."""
+    spoils, spoil, says = SPOILT[name]
+    odd = Odd(learned.map, spoils, spoil, 10**6)
+    odd.after = 200 if spoils == "reference" else 0
+    cell = cell_of(arm, odd)
+    before = cell.tick()
+    swing = 0.0
+    while cell.catcher.stopped_by is None and cell.t < 1.0:
+        command = cell.tick()
+        assert np.all(np.isfinite(command.joints))
+        assert np.abs(command.q - before.q).max() <= TICK * arm.dq_max.max() + 1e-9
+        before, swing = command, max(swing, float(np.abs(command.dq).max()))
+    by = cell.catcher.stopped_by
+    assert by is not None
+    assert by.reason is Reason.FAILED
+    assert says in by.hint
+    assert "\n" not in by.hint
+    assert cell.catcher.hint == by.hint
+    assert (swing > 1.0) == (spoils == "reference")
+    cell.until(lambda: cell.catcher.done)
+    odd.left = 0
+    cell.catcher.recover()
+    assert cell.catcher.hint is None
+    cell.tick(seen=False)
+    assert cell.catcher.phase is Phase.WATCH
+
+
+@pytest.mark.parametrize("name", ["raises", "time", "q_d", "shape", "None"])
+def test_a_generator_that_fails_in_a_few_ticks_is_bridged(
+    arm: Arm, learned: Learned, name: str
+) -> None:
+    """The ball is caught all the same, and the ticks say so."""
+    spoils, spoil, _ = SPOILT[name]
+    odd = Odd(learned.map, spoils, spoil, FAILED_TICKS - 1)
+    odd.after = 200
+    cell, states, nearest = cell_of(arm, odd), list[State](), np.inf
+    while not cell.catcher.done:
+        cell.tick()
+        tick = cell.catcher.tick
+        assert tick is not None
+        states += [tick.state] if tick.reason is Reason.FAILED else []
+        ball = RELEASE + cell.t * VELOCITY + 0.5 * cell.t**2 * FALL
+        nearest = min(nearest, float(np.linalg.norm(arm.position(cell.q) - ball)))
+    assert states == [State.DEGRADED] * (FAILED_TICKS - 1)
+    assert cell.catcher.phase is Phase.BRAKE
+    assert nearest < 0.03
+
+
+@pytest.mark.parametrize("name", ["plan_brake", "examined", "speed_caps", "ball_in"])
+def test_a_plan_that_fails_stops_the_arm(
+    arm: Arm, learned: Learned, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is thought between ticks may raise as well, as a solver does."""
+
+    def raises(*_: object, **__: object) -> object:
+        raise RuntimeError("no solution")
+
+    cell = cell_of(arm, learned)
+    monkeypatch.setattr(planner, name, raises)
+    cell.until(lambda: cell.catcher.done)
+    by = cell.catcher.stopped_by
+    assert by is not None
+    assert by.reason is Reason.FAILED
+    assert "RuntimeError: no solution" in by.hint
+
+
+def test_an_arm_that_recovers_is_taken_over_from_its_brakes_smoothly(
+    arm: Arm, learned: Learned
+) -> None:
+    """Torques build up from none at their rate, and the brakes hold until they have."""
+    rate = 1000.0
+    slow = Arm(arm.model, replace(arm.limits, torque_rate=np.full(len(arm.model.links), rate)))
+    cell = cell_of(slow, replace(learned.map, arm=slow))
+    cell.until(lambda: cell.t > 0.05, seen=False)
+    cell.silent = True
+    cell.until(lambda: cell.catcher.done, seen=False)
+    cell.silent = False
+    cell.until(lambda: cell.t > 0.4, seen=False)
+    q, before, held = cell.q.copy(), np.zeros(arm.n), 0
+    cell.catcher.recover(checked=True)
+    carried = slow.inverse_dynamics(q, np.zeros(arm.n), np.zeros(arm.n))
+    for _ in range(60):
+        command = cell.tick(seen=False)
+        assert np.all(np.abs(command.tau - before) <= rate * TICK * (1.0 + 1e-9))
+        short = np.abs(command.tau - carried).max() > 0.5
+        assert command.brakes or not short
+        before, held = command.tau, held + command.brakes
+    assert 10 <= held <= 25
+    assert not command.brakes
+    assert cell.catcher.phase is Phase.WATCH
+    assert np.abs(cell.q - q).max() < 0.005
+
+
+def test_a_stop_held_by_torques_is_taken_over_from_them(arm: Arm, learned: Learned) -> None:
+    """After a stop that was asked for, the torque goes on from the last one."""
+    rate = 1000.0
+    slow = Arm(arm.model, replace(arm.limits, torque_rate=np.full(len(arm.model.links), rate)))
+    cell = cell_of(slow, replace(learned.map, arm=slow))
+    cell.until(lambda: cell.t > 0.02, seen=False)
+    cell.catcher.stop()
+    before = cell.until(lambda: cell.catcher.done, seen=False).tau
+    cell.catcher.recover()
+    cell.q = cell.q + 0.02  # it was pushed meanwhile
+    for _ in range(30):
+        command = cell.tick(seen=False)
+        assert np.all(np.abs(command.tau - before) <= rate * TICK * (1.0 + 1e-9))
+        assert not command.brakes
+        before = command.tau
+
+
+def _shown(arm: Arm, learned: Learned, seen: Callable[[float], mitt.Sighting | None]) -> Catcher:
+    """Return a catcher after 4 s of sightings as they are told, each 5 ms."""
+    catcher = Catcher(arm, learned)
+    for k in range(800):
+        t = 5e-3 * k
+        reading = mitt.ArmState(t=t, q=arm.q_ready, dq=np.zeros(arm.n))
+        sighting = seen(t)
+        points = () if sighting is None else (sighting,)
+        catcher.step(mitt.Senses(t=t, arm=reading, points=points))
+    return catcher
+
+
+def _ball(t: float) -> Array:
+    """Return where a ball is that rolls to and fro, far from the arm [m]."""
+    return np.array([3.0 + 0.5 * np.sin(3.0 * t), 0.4 * np.cos(t), 0.1])
+
+
+HINTS: dict[str, tuple[str, Callable[[float], mitt.Sighting | None]]] = {
+    "millimetres": ("metres", lambda t: mitt.Sighting(
+        t=t, found=True, r_o=1e3 * _ball(t), covariance=np.eye(3))),
+    "clock ahead": ("ahead of their ticks", lambda t: mitt.Sighting(
+        t=t + 1.7e9, found=True, r_o=_ball(t), covariance=1e-6 * np.eye(3))),
+    "clock behind": ("behind their ticks", lambda t: mitt.Sighting(
+        t=t - 20.0, found=True, r_o=_ball(t), covariance=1e-6 * np.eye(3))),
+    "covariance": ("covariance", lambda t: mitt.Sighting(
+        t=t, found=True, r_o=_ball(t), covariance=-1e-6 * np.eye(3))),
+    "repeated": ("same place", lambda t: mitt.Sighting(
+        t=t, found=True, r_o=_ball(0.0), covariance=1e-6 * np.eye(3))),
+    "not found": ("no sighting for", lambda t: mitt.Sighting(
+        t=t, found=False, r_o=np.zeros(3), covariance=np.eye(3))),
+    "nothing": ("no sighting for", lambda t: None),  # noqa: ARG005
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", HINTS)
+def test_a_catcher_that_will_never_see_its_ball_says_why(
+    arm: Arm, learned: Learned, name: str
+) -> None:
+    """One line; nothing while all is well, nor for one odd sighting."""
+    says, seen = HINTS[name]
+    assert Catcher(arm, learned).hint is None
+    hint = _shown(arm, learned, seen).hint
+    assert hint is not None
+    assert says in hint
+    assert "\n" not in hint
+
+    def once(t: float) -> mitt.Sighting | None:
+        good = mitt.Sighting(t=t, found=True, r_o=_ball(t), covariance=1e-6 * np.eye(3))
+        return seen(t) if abs(t - 3.995) < 1e-9 else good
+
+    assert _shown(arm, learned, once).hint is None
