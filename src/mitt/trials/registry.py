@@ -22,8 +22,9 @@ from mitt.baselines.quintic import make_quintic
 from mitt.baselines.ruckig import make_ruckig
 from mitt.errors import InputError, UnknownNameError, answered_by
 from mitt.generator.feasibility import Verdict
-from mitt.generator.generators import Direct, Generator, Unoptimised, map_of
+from mitt.generator.generators import Direct, Generator, Unoptimised, arms_of, map_of
 from mitt.generator.mapping import DirectMap, unlearned
+from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState, JointReference, MapStatus
 from mitt.trials.learning import learn_several
 
@@ -150,6 +151,11 @@ class Added:
     name: str
     inner: Generator
     n: int
+
+    @property
+    def arms(self) -> tuple[Arm, ...]:
+        """The arms that the package's generator says it is for."""
+        return arms_of(self.inner)
 
     def sharpness(self, ball: BallState) -> float:
         """Ask the package; a number of at least 0."""
