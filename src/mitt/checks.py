@@ -22,6 +22,8 @@ _Kind = TypeVar("_Kind")
 
 #: Largest text of a refused value in a message [characters].
 _MOST = 60
+#: Relative error of a covariance that is rounding.
+_ROUNDED = 1e-6
 #: Longest name of a file and longest path that systems take [bytes].
 _LONGEST_NAME, _LONGEST_PATH = 255, 4000
 
@@ -55,6 +57,36 @@ def array(
     if finite and not np.isfinite(given).all():
         raise InputError(name, "finite numbers", "NaN or infinity")
     return given
+
+
+def covariance(name: str, value: object, n: int) -> NDArray[np.float64]:
+    """Return a value as a covariance of ``n`` numbers; see :func:`array`.
+
+    Raises:
+        InputError: It is not finite, not symmetric, or some sum of the numbers would have a
+            negative variance, beyond what rounding makes of 0.
+        ShapeError: It has another shape.
+    """
+    given = array(name, value, (n, n), finite=True)
+    if not given.any() or _is_definite(given):
+        return given
+    sigma = np.sqrt(np.maximum(given.diagonal(), 0.0))
+    known = sigma == 0.0  # exactly, so it varies with nothing
+    sigma[known] = 1.0
+    share = given / np.outer(sigma, sigma)
+    even = np.abs(share - share.T).max() <= _ROUNDED and not given[known].any()
+    if not even or np.linalg.eigvalsh(share)[0] < -_ROUNDED:
+        raise InputError(name, "a symmetric, positive semidefinite matrix", "another")
+    return given
+
+
+def _is_definite(matrix: NDArray[np.float64]) -> bool:
+    """Say whether a matrix is symmetric and positive definite, to the bit."""
+    try:
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        return False
+    return bool((matrix == matrix.T).all())
 
 
 def vector(name: str, value: object, n: int, *, finite: bool = False) -> NDArray[np.float64]:

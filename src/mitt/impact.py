@@ -227,6 +227,14 @@ def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, fl
     return shares
 
 
+def harms(arm: Arm, verdict: Verdict, ball: CaughtBall) -> bool:
+    """Say whether the catch of a verdict would drive a joint too far, or not keep the ball."""
+    if verdict.approach is None:
+        return False
+    shares = shares_after(arm, verdict.approach, ball)
+    return any(x > 1.0 for name, x in shares.items() if not name.startswith("speed:"))
+
+
 def _lateness(arm: Arm, approach: Approach, cap: Array) -> Array:
     """Return by how far each joint, kept below its cap, brings the hand late [m], shape (n,)."""
     place, step = approach.motion[0, 0].copy(), cap * approach.step

@@ -26,6 +26,12 @@ Image = NDArray[np.uint8]
 TICK: Final = 0.001
 """Time between two ticks [s]."""
 
+MOST_DRAG: Final = 10.0
+"""Largest drag coefficient of a ball [1/m]; thrown balls have 0.04, a shuttlecock 0.2."""
+
+PASSED: Final = 0.02
+"""Time after a catch for which it counts as just passed, not as one that never comes [s]."""
+
 GRAVITY: Final = 9.81
 """Acceleration of free fall, towards -z [m/s^2]."""
 
@@ -153,9 +159,9 @@ class BallState:
         dr_o: Velocity [m/s], shape (3,).
         ddr_o: Acceleration [m/s^2], shape (3,); of free flight with ``drag`` if left out.
         tracked: Whether there is an estimate; the arrays are zero if not.
-        drag: Quadratic drag coefficient k of the flight model [1/m].
-        covariance: Covariance of position and velocity, shape (6, 6); if left out, zero: they
-            count as known exactly.
+        drag: Quadratic drag coefficient k of the flight model [1/m], from 0 to ``MOST_DRAG``.
+        covariance: Covariance of position and velocity, positive semidefinite, shape (6, 6); if
+            left out, zero: they count as known exactly.
         t_seen: Time of the newest sighting used [s]; ``t`` if left out.
         t_first: Time of the first sighting of this track [s]; ``t_seen`` if left out.
         led: Whether another law of motion than flight speaks.
@@ -181,7 +187,7 @@ class BallState:
             InputError: A field is not what it should be.
         """
         if self.ddr_o is None:
-            drag = checks.number("ball.drag", self.drag)
+            drag = checks.number("ball.drag", self.drag, least=0.0, most=MOST_DRAG)
             dr = checks.vector("ball.dr_o", self.dr_o, 3)
             _keep(self, "ddr_o", -drag * sqrt(dr @ dr) * dr - (0.0, 0.0, GRAVITY))
         if self.t_seen is None:
@@ -190,13 +196,12 @@ class BallState:
             _keep(self, "t_first", self.t_seen)
         for name, x in (("r_o", self.r_o), ("dr_o", self.dr_o), ("ddr_o", self.ddr_o)):
             _keep(self, name, checks.vector(f"ball.{name}", x, 3))
-        for name, value in (
-            ("t", self.t), ("drag", self.drag), ("t_seen", self.t_seen), ("t_first", self.t_first),
-        ):  # fmt: skip
+        _keep(self, "drag", checks.number("ball.drag", self.drag, least=0.0, most=MOST_DRAG))
+        for name, value in (("t", self.t), ("t_seen", self.t_seen), ("t_first", self.t_first)):
             _keep(self, name, checks.number(f"ball.{name}", value))
         for name, flag in (("tracked", self.tracked), ("led", self.led)):
             _keep(self, name, checks.flag(f"ball.{name}", flag))
-        _keep(self, "covariance", checks.array("ball.covariance", self.covariance, (6, 6)))
+        _keep(self, "covariance", checks.covariance("ball.covariance", self.covariance, 6))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -267,9 +272,9 @@ class JointReference:
         ddq_d: Desired accelerations [rad/s^2], shape (n,).
         q_o: Virtual joints, the inverse of l_c at the ball [rad], shape (n,).
         dq_o: Their velocities [rad/s], shape (n,).
-        time_to_catch: Time until q_o of the catch joint reaches q_alpha [s]; negative after it,
-            and for a ball that flies away: no catch is to come then, and what follows is no way
-            to one. Infinite where it never does.
+        time_to_catch: Time until q_o of the catch joint reaches q_alpha [s], as the ball flies;
+            negative for ``PASSED`` after it. Infinite where no catch is to come, as for a ball that
+            flies away or is outside the domain.
     """
 
     t: float

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from mitt.control.hand import ENTERS, FOLLOW_ON, TOUCH_BEFORE, Closing
 from mitt.robot.basket import Basket
 from mitt.robot.hands import HandModel
+from mitt.signals import PASSED
 
 TICK = 0.001
 RADIUS = 0.04
@@ -27,7 +28,7 @@ def test_a_started_closing_is_not_taken_back(times: list[float], radius: float) 
         starts.add(hand.t_start)
     assert np.all(np.diff(angles) >= 0.0)
     assert len(starts - {np.inf}) <= 1
-    assert hand.started == any(time <= LEAD for time in times)
+    assert hand.started == any(-PASSED <= time <= LEAD for time in times)
     assert max(angles) <= HandModel().drive.closed
 
 
@@ -39,6 +40,15 @@ def test_a_hand_stays_open_while_the_catch_is_far(times: list[float]) -> None:
         assert hand.step(k * TICK, time if time > LEAD else np.inf) == 0.0
     assert not hand.started
     assert not hand.closed(10.0, hurry=True)
+
+
+@given(times=st.lists(st.floats(-1e3, -PASSED, exclude_max=True), min_size=1, max_size=50))
+def test_a_hand_stays_open_where_the_catch_is_long_over(times: list[float]) -> None:
+    """As a rising ball that passed by before: nothing comes any more that it could close around."""
+    for hand in (HandModel(), Basket(), None):
+        closing = Closing(hand, ball_radius=RADIUS)
+        assert all(closing.step(k * TICK, time) == 0.0 for k, time in enumerate(times))
+        assert not closing.started
 
 
 def test_the_hand_starts_its_lead_before_the_catch() -> None:
@@ -98,7 +108,7 @@ def test_a_basket_never_closes_and_lets_the_arm_brake_at_the_catch(times: list[f
     basket = Closing(Basket(), ball_radius=RADIUS)
     for k, time in enumerate(times):
         assert basket.step(k * TICK, time) == 0.0
-    assert basket.started == any(time <= ENTERS for time in times)
+    assert basket.started == any(-PASSED <= time <= ENTERS for time in times)
     if basket.started:
         assert basket.closed(basket.t_start + ENTERS + FOLLOW_ON + TICK, hurry=False)
         assert not basket.closed(basket.t_start + 0.5 * ENTERS, hurry=True)

@@ -22,6 +22,7 @@ from mitt.baselines.symbolic import casadi
 from mitt.generator.demand import demand
 from mitt.generator.feasibility import Outcome, Verdict
 from mitt.generator.mapping import DirectMap
+from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState, JointReference, MapStatus
 
 #: The true flight: time since release [s] to position [m] and velocity [m/s], each (3,).
@@ -76,6 +77,11 @@ class Clairvoyant:
     flight: Flight | None = None
     plan: Motion | None = None
     last: _Last = field(default_factory=_Last)
+
+    @property
+    def arms(self) -> tuple[Arm, ...]:
+        """The arm that it moves."""
+        return (self.chooser.arm,)
 
     def with_flight(self, flight: Flight) -> "Clairvoyant":
         """Return the one that knows this flight."""

@@ -22,6 +22,7 @@ from mitt.baselines.intercept import meet
 from mitt.generator.feasibility import Outcome, Verdict, tempered
 from mitt.generator.mapping import DirectMap
 from mitt.generator.prediction import flown, state_of
+from mitt.robot.arm import Arm
 from mitt.signals import GRAVITY, Array, BallState, JointReference, MapStatus
 
 #: A predicted catch point that has moved so far since it was chosen is chosen anew [m], if the
@@ -91,6 +92,11 @@ class Rival:
     q_hold: Array
     foreign: bool = False
     memory: _Memory = field(default_factory=lambda: _Memory(None))
+
+    @property
+    def arms(self) -> tuple[Arm, ...]:
+        """The arm that it moves."""
+        return (self.chooser.arm,)
 
     def sharpness(self, ball: BallState) -> float:
         """Return the 1-sigma of the ball where it passes nearest to the nominal catch [m]."""

@@ -1,5 +1,6 @@
 """What a catcher decides between ticks: verdict, adaptation, another map, the brake."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, final
 
@@ -21,17 +22,23 @@ from mitt.catcher.settings import (
 )
 from mitt.catcher.state import CatcherState, Fields, arm_fields, map_fields
 from mitt.control.brake import plan_brake
+from mitt.control.envelope import speeds_of
 from mitt.control.health import FAILED_TICKS, is_lost
 from mitt.control.rows import DQ_MAX
 from mitt.generator.feasibility import Outcome, Verdict, is_far, waiting_height
 from mitt.generator.generators import Direct, Generator, Unoptimised
+from mitt.generator.prediction import foresee
 from mitt.generator.several import Several
-from mitt.impact import examined, speed_caps, speed_jumps
+from mitt.impact import examined, harms, speed_caps, speed_jumps
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array, BallState, MapStatus
 
 #: Time after which a ball that is far, or not seen, is looked at again for a verdict [s].
 _LOOK_AGAIN = 0.02
+#: Time after which a ball that has come back and cannot be caught yet is judged again [s].
+_JUDGE_AGAIN = 0.005
+#: Verdicts with which a ball, or what stands for it, is followed.
+_FOLLOWED = (Outcome.FEASIBLE, Outcome.OPEN)
 
 
 @final
@@ -122,7 +129,7 @@ class Planner:
             # The ball has left the arm behind, as after a bounce: the map starts again from where
             # the arm is and how fast it moves, eq. (12), and the gap is closed on the way to the
             # catch instead of by feedback at once.
-            self._adapt(ball)
+            self._renew(ball)
         elif todo & REFINES:
             self._refine(ball)
         elif todo & REVIEWS:
@@ -179,17 +186,34 @@ class Planner:
             self._deferred = ball, self._state.estimated[0].copy()
             self._scalars["t_look"] = ball.t + _LOOK_AGAIN
             return
-        verdict = self.generator.verdict(ball, self._state.estimated[0])
-        if not isinstance(self.generator, Unoptimised):  # alpha = 0 is never refused
-            bandwidth = self._settings.bandwidth
-            verdict = examined(self._arm, verdict, self._caught, bandwidth=bandwidth)
+        verdict = self._judged(ball)
+        if verdict.outcome in _FOLLOWED:
+            self._take(verdict, ball)
+            return
         self._verdict, self._deferred = verdict, None
-        if verdict.outcome is Outcome.UNSETTLED:
-            return
-        if verdict.outcome is Outcome.UNREACHABLE:
-            if due:
-                self._enter(REFUSED)
-            return
+        if verdict.outcome is Outcome.UNREACHABLE and due:
+            self._enter(REFUSED)
+
+    def _judged(self, ball: BallState) -> Verdict:
+        """Return the verdict on a ball for the arm as it is and moves, up to its rest afterwards.
+
+        A generator that knows of an arm at rest alone is taken at its word that the ball has
+        come back, or was feasible; what comes after the catch is looked at all the same.
+        """
+        g, (q, dq) = self.generator, self._state.estimated.copy()
+        if isinstance(g, Unoptimised):  # alpha = 0 is never refused
+            return g.verdict(ball, q)
+        if self.phase == WATCH:
+            verdict = g.verdict(ball, q)
+        elif isinstance(g, Direct | Several):
+            verdict = g.verdict(ball, q, dq)
+        else:
+            verdict = replace(g.verdict(ball, q), outcome=Outcome.FEASIBLE)
+        return examined(self._arm, verdict, self._caught, bandwidth=self._settings.bandwidth)
+
+    def _take(self, verdict: Verdict, ball: BallState) -> None:
+        """Let a verdict that the ball can be caught, or waited for, take effect: follow it."""
+        self._verdict, self._deferred = verdict, None
         self._scalars["surrogate"] = verdict.outcome is Outcome.OPEN
         self._adapt(self.generator.waiting(ball) if self._scalars["surrogate"] else ball)
         self._make_room(verdict)
@@ -205,16 +229,51 @@ class Planner:
 
         The motors' torque is kept to what is left of it at such speeds.
         """
-        if verdict.approach is not None:
-            given = self._arm, verdict.approach, self._caught
-            self._state.bounds[DQ_MAX] = speed_caps(*given)
-            self._state.jump[:] = speed_jumps(*given)
+        if verdict.approach is None:
+            self._state.bounds[DQ_MAX], self._state.jump[:] = speeds_of(self._arm), 0.0
+            return
+        given = self._arm, verdict.approach, self._caught
+        self._state.bounds[DQ_MAX] = speed_caps(*given)
+        self._state.jump[:] = speed_jumps(*given)
 
     def _reconsider(self, ball: BallState) -> None:
-        """Follow the ball itself as soon as it can be caught; its surrogate target until then."""
-        if self.generator.returns(ball):
-            self._scalars["surrogate"] = False
+        """Follow the ball itself as soon as it can be caught; its surrogate target until then.
+
+        The arm brakes where the ball, known well, has come back and cannot be caught.
+        """
+        if ball.t < self._scalars["t_look"] or not self.generator.returns(ball):
+            return
+        verdict = self._judged(ball)
+        if verdict.outcome is Outcome.FEASIBLE:
+            self._take(verdict, ball)
+        elif verdict.outcome is Outcome.UNREACHABLE and self._is_sharp(ball):
+            self._give_up(verdict)
+        else:
+            self._scalars["t_look"] = ball.t + _JUDGE_AGAIN
+
+    def _renew(self, ball: BallState) -> None:
+        """Let the map start again from where the arm is, for a ball that is not where it was.
+
+        What asks for too much on the way is tried all the same, within all limits. But the arm
+        brakes where it would not come through the impact, or not hold the ball.
+        """
+        verdict = self._judged(ball)
+        if verdict.outcome in _FOLLOWED:
+            self._take(verdict, ball)
+        elif self._is_sharp(ball) and harms(self._arm, verdict, self._caught):
+            self._give_up(verdict)
+        else:
             self._adapt(ball)
+            self._make_room(verdict)
+
+    def _is_sharp(self, ball: BallState) -> bool:
+        """Say whether a ball is known well enough at its catch to be refused."""
+        return self.generator.sharpness(ball) <= self._settings.sigma_ready
+
+    def _give_up(self, verdict: Verdict) -> None:
+        """Brake from the last command on: the ball that was followed is refused."""
+        self._verdict, self._deferred = verdict, None
+        self._slow_down(self._arm)
 
     def _adapt(self, ball: BallState) -> None:
         """Let the generator start from where the arm is."""
@@ -224,12 +283,13 @@ class Planner:
         if f is not None:
             self._write(map_fields(f))
             self._scalars["waiting_height"] = waiting_height(f)
+            self._scalars["t_catch"] = ball.t + foresee(f, ball).after
 
     def _review(self, ball: BallState) -> None:
         """Follow another map where the present one cannot catch any more what it could at first."""
         hoped = self.verdict is not None and self.verdict.outcome is Outcome.FEASIBLE
         if hoped and isinstance(self.generator, Several) and self.generator.astray(ball):
-            self._adapt(ball)
+            self._renew(ball)
 
     def _refine(self, ball: BallState) -> None:
         """Let the generator make its map a little better for the rest of this flight."""
@@ -249,9 +309,13 @@ class Planner:
 
         The model carries the ball's weight from then on.
         """
-        t = self._result.scalars["t"].item()
         loaded = self._arm.holding(self._settings.ball_mass)
-        self.brake = plan_brake(loaded, t, self._result.command[:3].copy()).table(TICK)
+        self._slow_down(loaded)
         self._write(arm_fields(loaded, self._settings.around))
+
+    def _slow_down(self, arm: Arm) -> None:
+        """Brake an arm, with the ball or without, from the last command on."""
+        t = self._result.scalars["t"].item()
+        self.brake = plan_brake(arm, t, self._result.command[:3].copy()).table(TICK)
         self._scalars["t_brake"] = t
         self._enter(BRAKE)

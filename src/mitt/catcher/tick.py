@@ -80,7 +80,7 @@ def refer(state: CatcherState, result: Result) -> None:
         state.packed, state.powers, state.window, state.alpha, target, rows, state.map_work
     ):
         out.inside = True
-        out.time_to_catch = time_to_catch(state.packed, rows)
+        out.time_to_catch = time_to_catch(state.packed, rows, s.t_catch - out.t)
 
 
 @kernel

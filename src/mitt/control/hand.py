@@ -2,7 +2,8 @@
 
 The fingers start a fixed lead before the catch, which the map itself announces as the time until
 q_o,i reaches q_alpha, and from then on run through the hand's closing profile by the clock: a
-started closing is not taken back. A ball that springs back from the palm is met earlier.
+started closing is not taken back. A ball that springs back from the palm is met earlier. Where the
+catch has just passed they start at once; they never do for one that is long over.
 
 | here       | meaning                                                                     | unit  |
 |------------|-----------------------------------------------------------------------------|-------|
@@ -21,7 +22,7 @@ from mitt import checks
 from mitt.jit import kernel
 from mitt.robot.basket import Basket, Hand, checked_hand
 from mitt.robot.hands import closing_angle
-from mitt.signals import Array
+from mitt.signals import PASSED, Array
 
 #: Following after the catch, while the fingers close on the ball [s]. Each millisecond costs
 #: 15 mrad of the room that joint 4 has for braking; by then the fingers have touched.
@@ -67,7 +68,7 @@ def close(memory: Array, grip: Array, t: float, time_to_catch: float) -> float:
         time_to_catch: Time until the catch [s]; infinite where none is in sight.
     """
     if memory[0] == np.inf:
-        if not time_to_catch <= grip[0]:  # later, or no number
+        if not -PASSED <= time_to_catch <= grip[0]:  # later, long over, or no number
             return 0.0
         memory[0] = t
     elapsed = t - memory[0]

@@ -7,8 +7,9 @@ from typing import final
 from mitt import checks
 from mitt.errors import InputError, answered_by
 from mitt.generator.feasibility import Outcome, Verdict
-from mitt.generator.generators import Generator
+from mitt.generator.generators import Generator, arms_of
 from mitt.generator.mapping import DirectMap
+from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState, JointReference, MapStatus
 
 
@@ -26,6 +27,11 @@ class Added:
     name: str
     inner: Generator
     n: int
+
+    @property
+    def arms(self) -> tuple[Arm, ...]:
+        """The arms that the package's generator says it is for."""
+        return arms_of(self.inner)
 
     def sharpness(self, ball: BallState) -> float:
         """Ask the package; a number of at least 0."""

@@ -24,7 +24,7 @@ from mitt.signals import Array
 #: Time after the catch in which the hand closes and the arm still follows [s].
 _GRASP = 0.012
 #: Least and largest share that may be tolerated; an infinite one refuses nothing.
-_TOLERANCES = {"torque": (0.0, np.inf), "speed": (0.0, np.inf), "acceleration": (0.0, np.inf),
+_TOLERANCES = {"torque": (1e-6, np.inf), "speed": (1e-6, np.inf), "acceleration": (1e-6, np.inf),
                "strength": (1e-6, 1e3)}  # fmt: skip
 
 

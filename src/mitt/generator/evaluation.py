@@ -7,8 +7,11 @@ from mitt.generator.packing import jet_rows, unfold, unpack
 from mitt.generator.polynomial import jets
 from mitt.generator.tangent import coordinate, to_go
 from mitt.jit import kernel
-from mitt.signals import Array
+from mitt.signals import PASSED, Array
 from mitt.views import view
+
+#: Time to the catch up to which the ball's present motion tells it [s].
+NEAR = 0.1
 
 
 @kernel
@@ -77,22 +80,45 @@ def references(
 
 @kernel
 def root_time(s: float, ds: float, dds: float) -> float:
-    """Return the time to the nearest zero of s + ds t + dds t^2 / 2; infinite without one."""
+    """Return the time to the next zero of s + ds t + dds t^2 / 2, 0 at one; infinite without."""
     disc = ds * ds - 2.0 * s * dds
-    slow = ds + np.copysign(np.sqrt(max(disc, 0.0)), ds)
-    if slow == 0.0:
+    if not 0.0 <= disc < np.inf:
         return np.inf
-    return float(-2.0 * s / slow)
+    if s == 0.0:
+        return 0.0
+    slow, after = ds + np.copysign(np.sqrt(disc), ds), np.inf
+    if slow != 0.0:
+        after = -2.0 * s / slow
+        if after < 0.0:
+            after = np.inf
+    if dds != 0.0 and -slow / dds >= 0.0:
+        after = min(after, -slow / dds)
+    return float(after)
 
 
 @kernel
-def time_to_catch(packed: Array, rows: Array) -> float:
-    """Return the time until q_o of the catch joint reaches q_alpha [s]; infinite if it will not.
+def time_to_catch(packed: Array, rows: Array, foreseen: float) -> float:
+    """Return the time to the catch [s], as of :class:`mitt.signals.JointReference`.
+
+    Near the catch the ball's present motion tells it. Farther ahead it does not: gravity turns the
+    way of a ball that still rises, so the catch is the one that was foreseen.
 
     Args:
         packed: The tangent map.
         rows: As :func:`reference` writes them, shape (6, n).
+        foreseen: Time to the catch as the flight was foreseen [s]; infinite without one.
     """
+    near = present_time(packed, rows)
+    return near if near <= NEAR else max(foreseen, NEAR)
+
+
+@kernel
+def present_time(packed: Array, rows: Array) -> float:
+    """Return the time to the catch as the ball's present motion tells it [s]; see above."""
     g = unpack(packed)
+    s = to_go(g, rows[3])
     ds, dds = coordinate(g, rows[4], g.catch), coordinate(g, rows[5], g.catch)
-    return float(root_time(to_go(g, rows[3]), ds, dds))
+    after, before = root_time(s, ds, dds), root_time(s, -ds, dds)
+    along = g.plane[0] * g.plane[2] + g.plane[1] * g.plane[3]
+    outside = g.planar and s * along > 0.0  # where balls come from: it has not passed
+    return -before if before <= PASSED and before < after and not outside else after

@@ -157,17 +157,29 @@ def _judged(
             t_catch=ball.t + seen.after,
             sigma=np.inf,
         )
-    path = flown(ball, np.linspace(0.0, seen.after, _INSTANTS))
-    motion = f.motions(path, alpha)
+    return weigh(f.with_alpha(alpha), ball, seen.after, tolerance)
+
+
+def weigh(f: DirectMap, ball: BallState, after: float, tolerance: Tolerance) -> Verdict:
+    """Return the verdict by what the way to a foreseen catch asks of the arm of an adapted map.
+
+    Args:
+        f: The map, adapted.
+        ball: Estimate of the ball.
+        after: Time to the catch [s].
+        tolerance: Share of each limit at which the throw is refused.
+    """
+    path = flown(ball, np.linspace(0.0, after, _INSTANTS))
+    motion = f.motions(path)
     shares = shares_of(f.arm, motion, tolerance)
     binding = max(shares, key=lambda name: shares[name])
     return Verdict(
         outcome=Outcome.FEASIBLE if shares[binding] <= 1.0 else Outcome.UNREACHABLE,
         binding_limit=binding,
         share=shares[binding],
-        t_catch=ball.t + seen.after,
-        sigma=spread(ball, seen.after),
-        approach=Approach(motion=motion, step=seen.after / (_INSTANTS - 1), dr_o=path[-1, 1]),
+        t_catch=ball.t + after,
+        sigma=spread(ball, after),
+        approach=Approach(motion=motion, step=after / (_INSTANTS - 1), dr_o=path[-1, 1]),
     )
 
 
@@ -207,12 +219,13 @@ def returns(f: DirectMap, ball: BallState) -> bool:
 def levelled(f: DirectMap, ball: BallState) -> BallState:
     """Return the ball as if it flew level at the nominal catch height: where to wait for a bounce.
 
-    A bounce changes neither where over the ground the ball flies nor, much, how fast.
+    A bounce changes neither where over the ground the ball flies nor, much, how fast. What goes
+    level does not fly: it is led.
     """
     ball = _checked(ball)
     motion = np.array([ball.r_o, ball.dr_o, ball.ddr_o])
     level(motion, waiting_height(f))
-    return replace(ball, r_o=motion[0], dr_o=motion[1], ddr_o=motion[2])
+    return replace(ball, r_o=motion[0], dr_o=motion[1], ddr_o=motion[2], led=True)
 
 
 def waiting_height(f: DirectMap) -> float:

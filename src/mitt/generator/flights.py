@@ -92,7 +92,8 @@ def _met(f: DirectMap, flight: Flight, last: Array) -> tuple[Array, Array]:
     if f.design.match_weight == 0.0:
         return nothing
     s, ds, dds = coordinates(f.tangent, last)[:, f.tangent.catch] - [f.design.q_catch, 0.0, 0.0]
-    dt, (r, dr, ddr) = root_time(s, ds, dds), flight.ball[-1]
+    after, before = root_time(s, ds, dds), root_time(s, -ds, dds)
+    dt, (r, dr, ddr) = after if after < before else -before, flight.ball[-1]
     if not abs(dt) <= _NEAR_CATCH:
         return nothing
     ball = np.array([r + dt * dr + 0.5 * dt * dt * ddr, dr + dt * ddr, ddr])

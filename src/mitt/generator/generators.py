@@ -1,6 +1,7 @@
 """Generators of desired joint motion behind one call; rivals implement the same methods."""
 
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Protocol, Self, TypeAlias, final, runtime_checkable
 
 import numpy as np
@@ -17,16 +18,20 @@ from mitt.generator.feasibility import (
     returns,
     sharpness,
     unsettled,
+    weigh,
 )
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap
 from mitt.generator.online import Online, Refinement
 from mitt.robot.arm import Arm
+from mitt.robot.identity import difference, identity_of
 from mitt.robot.shapes import Surroundings
 from mitt.signals import Array, BallState, JointReference
 
 #: Online steps before the verdict.
 _STEPS_BEFORE = 3
+#: Least share of the torque that an arm commands which is the same but for a reserve.
+_KEPT = 0.95
 
 
 @runtime_checkable
@@ -94,20 +99,37 @@ class Direct:
         if self.learned is not None:
             checks.instance("learned", self.learned, DirectMap)
 
+    @property
+    def arms(self) -> tuple[Arm, ...]:
+        """The arms that its parts were made for."""
+        maps = (self.map, self.map if self.learned is None else self.learned)
+        online = () if self.online is None else (self.online.arm,)
+        return (*(f.arm for f in maps), *online)
+
     def sharpness(self, ball: BallState) -> float:
         """Fly the estimate on to the catch."""
         return sharpness(self.map, ball)
 
-    def verdict(self, ball: BallState, q: Array) -> Verdict:
-        """Judge the throw by the demand of the adapted map, refined by a few steps if wished."""
-        judged = judge(self.map, ball, q, tolerance=self.tolerance)
+    def verdict(self, ball: BallState, q: Array, dq: Array | None = None) -> Verdict:
+        """Judge the throw by the demand of the adapted map, refined by a few steps if wished.
+
+        The arm is at rest in ``q``, or moves at ``dq`` [rad, rad/s], shape (n,) each.
+        """
+        start = self.map if self.learned is None else self.learned
+        judged = judge(start, ball, q, tolerance=self.tolerance, dq=dq)
         if self.online is None or ball.led or not np.isfinite(judged.share):
             return judged
-        g = self.adapt(ball, q, np.zeros(len(q)))
+        g = self.adapt(ball, q, np.zeros(len(q)) if dq is None else dq)
         for _ in range(_STEPS_BEFORE):
             g = g.refined(ball)
-        refined = g.certificate(ball)
-        return judged if refined is None else replace(refined, approach=judged.approach)
+        said = g.certificate(ball)
+        if said is None:
+            return judged
+        refined = weigh(g.map, ball, judged.t_catch - ball.t, self.tolerance)
+        binding = refined if refined.share > said.share else said
+        return replace(
+            binding, probability=said.probability, sigma=said.sigma, approach=refined.approach
+        )
 
     def unsettled(self, ball: BallState, q: Array) -> bool:
         """Look whether the ball is led and its catch far ahead or outside the region."""
@@ -234,18 +256,57 @@ def for_arm(arm: Arm, given: object) -> tuple[Generator, DirectMap | None]:
     """Return a generator as a user gives one for an arm, and the map that it evaluates, if any.
 
     Raises:
-        InputError: It is none, or its map is for an arm of other joints, lengths or masses.
+        InputError: It is none, or was made for another arm.
     """
     generator = generator_of(given)
     f = generator.as_map()
-    if f is not None:
-        check_arm(arm, f)
+    for other in (*arms_of(generator), *(() if f is None else (f.arm,))):
+        check_same_arm(arm, other)
     return generator, f
 
 
+def arms_of(generator: Generator) -> tuple[Arm, ...]:
+    """Return the arms that a generator says its parts were made for; one need not say it."""
+    arms: tuple[Arm, ...] = getattr(generator, "arms", ())
+    return arms
+
+
 def check_arm(arm: Arm, f: DirectMap) -> None:
-    """Refuse a map that was learned for an arm of other joints, lengths or masses."""
-    same = f.arm.names == arm.names and np.array_equal(f.arm.bodies, arm.bodies)
-    if f.arm is not arm and not same:
-        raise InputError("generator", f"a map for {arm}", f"one for {f.arm}",
+    """Refuse a map that was learned for another arm, or for other limits."""
+    check_same_arm(arm, f.arm)
+
+
+def check_same_arm(arm: Arm, other: Arm) -> None:
+    """Refuse what was made for an arm that is not this one by its numbers.
+
+    It is the same with a little of its torque in reserve.
+
+    Args:
+        arm: The arm that is used.
+        other: The arm that a map or another generator was made for.
+    """
+    unlike = None if other is arm else _difference(arm, other)
+    if unlike is not None:
+        raise InputError("generator", f"one for {arm}", f"one for another arm: {unlike}",
                          do="learn a map for this arm")  # fmt: skip
+
+
+@lru_cache(maxsize=32)
+def _difference(arm: Arm, other: Arm) -> str | None:
+    """Return what tells two arms apart, in words; None where they are the same."""
+    if arm.names != other.names:
+        return f"its joints are {', '.join(other.names)}"
+    mine, theirs = identity_of(arm), identity_of(other)
+    for name in ("peak torques", "stall torques"):
+        if _is_reserve(mine[name], theirs[name]):
+            mine[name] = theirs[name]
+    shapes, others = ([x.base_capsules, *(link.capsules for link in x.links)]
+                      for x in (arm.model.complete(), other.model.complete()))  # fmt: skip
+    return "its shapes differ" if shapes != others else difference(mine, theirs)
+
+
+def _is_reserve(mine: list[float | None], whole: list[float | None]) -> bool:
+    """Say whether torques, of which None is infinite, are nearly the whole, and no more."""
+    pairs = [(np.inf if x is None else x, np.inf if y is None else y)
+             for x, y in zip(mine, whole, strict=False)]  # fmt: skip
+    return len(mine) == len(whole) and all(_KEPT * y <= x <= y for x, y in pairs)

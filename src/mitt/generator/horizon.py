@@ -100,6 +100,8 @@ def lay(
             ddq[a] = coordinate(g, c.rows[k, 2], a)
         jets(powers, window[0], window[1], q, dq, ddq, c.phi[k])
         if k == len(c.after) - 1 - LATE:
+            if dq[g.catch] == 0.0:  # it does not come nearer
+                return np.nan
             better -= (q[g.catch] - g.q_catch) / dq[g.catch]
     return better
 

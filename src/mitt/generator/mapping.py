@@ -23,9 +23,10 @@ from mitt.fields import brief
 from mitt.generator.constraints import initial_gap, project
 from mitt.generator.coordinates import basis_of, coordinates
 from mitt.generator.design import MapDesign, check_joints, tangent_of
-from mitt.generator.evaluation import reference, references, time_to_catch, virtual
+from mitt.generator.evaluation import NEAR, reference, references, time_to_catch, virtual
 from mitt.generator.packing import pack, workspace
 from mitt.generator.polynomial import CatchBasis
+from mitt.generator.prediction import catch_time, state_of
 from mitt.generator.tangent import Scratch, Tangent, catch_angle, expand, follow, scratch_of
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState, JointReference, MapStatus
@@ -194,10 +195,12 @@ class DirectMap:
 
         It and its rate vanish at the catch, eq. (3), for any alpha (the rate at kappa = 1,
         inward = 0 and match_weight = 0).
+
+        Raises:
+            InputError: r_o is outside the domain.
         """
         r_o = checks.vector("r_o", r_o, 3, finite=True)
-        _, q_o = self.to_joints(r_o)
-        gap: Array = self.arm.position(self.bend(q_o)) - r_o
+        gap: Array = self.arm.position(self.bend(self._virtual_joints(r_o))) - r_o
         return gap
 
     def F(self, r_o: Array) -> Array:  # noqa: N802 (the paper's letter)
@@ -206,14 +209,19 @@ class DirectMap:
         Raises:
             InputError: r_o is outside the domain.
         """
-        status, q_o = self.to_joints(r_o)
-        if status is not MapStatus.INSIDE:
-            raise InputError("r_o", "a position in the domain of the map", np.asarray(r_o).tolist(),
-                             do="ask to_joints whether it is")  # fmt: skip
+        q_o = self._virtual_joints(r_o)
         per_ball = np.linalg.inv(self._expanded("q_o", q_o).J_c.T)
         bent = self.alpha.T @ self.basis.gradient(coordinates(self.tangent, q_o))
         out: Array = (self.tangent.A + bent) @ per_ball
         return out
+
+    def _virtual_joints(self, r_o: Array) -> Array:
+        """Return l_c^-1(r_o) [rad], shape (n,); InputError outside the domain."""
+        status, q_o = self.to_joints(r_o)
+        if status is not MapStatus.INSIDE:
+            raise InputError("r_o", "a position in the domain of the map", np.asarray(r_o).tolist(),
+                             do="ask to_joints whether it is")  # fmt: skip
+        return q_o
 
     def _expanded(self, name: str, q_o: Array) -> Scratch:
         """Return buffers of this call's own, with l_c and J_c at virtual joints, shape (n,)."""
@@ -236,8 +244,17 @@ class DirectMap:
             ddq_d=rows[2],
             q_o=rows[3],
             dq_o=rows[4],
-            time_to_catch=time_to_catch(self.packed, rows) if inside else np.inf,
+            time_to_catch=self._time_to_catch(ball, rows) if inside else np.inf,
         )
+
+    def _time_to_catch(self, ball: BallState, rows: Array) -> float:
+        """Return the time to the catch of a ball in the domain [s]; the far one is foreseen."""
+        near = time_to_catch(self.packed, rows, np.inf)
+        if near <= NEAR:
+            return near
+        q_o, end = self.start.copy(), np.empty((3, 3))
+        after = catch_time(self.packed, state_of(ball), q_o, end, self.work)
+        return time_to_catch(self.packed, rows, after)
 
     def equals(self, other: "DirectMap") -> bool:
         """Say whether another map gives the same motions."""

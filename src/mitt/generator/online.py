@@ -29,7 +29,7 @@ from mitt.errors import InputError
 from mitt.fields import brief
 from mitt.generator.approach import palm_of
 from mitt.generator.clearance import space_of
-from mitt.generator.demand import Tolerance
+from mitt.generator.demand import Tolerance, acceleration_share
 from mitt.generator.feasibility import Outcome, Verdict, trusted
 from mitt.generator.horizon import INSTANTS, course_of
 from mitt.generator.mapping import DirectMap
@@ -39,6 +39,7 @@ from mitt.generator.qp import programme_of
 from mitt.generator.qp_buffers import end, gather, opened, start, vouch
 from mitt.generator.sqp_step import Buffers, Goal, Map
 from mitt.generator.utilization import plant_of, work_of
+from mitt.robot.arm import Arm
 from mitt.robot.shapes import Surroundings
 from mitt.signals import Array, BallState
 
@@ -182,6 +183,11 @@ class Online:
         self._t_catch, self._share, self._laid, *arrays = progress
         self._state[:], self._sigma[:], self._known[0][:] = arrays
 
+    @property
+    def arm(self) -> Arm:
+        """The arm whose map it refines."""
+        return self._f.arm
+
     def restart(self) -> None:
         """Forget the flight: the next ball is another, or its way has changed."""
         self._t_catch, self._share, self._laid = inf, 1.0, False
@@ -237,16 +243,29 @@ class Online:
             *self._known, alpha, ball.covariance, self._region,
             np.array([tolerance.torque, tolerance.speed, 1.0]), self._sigma,
         )  # fmt: skip
-        ahead = self._t_catch - ball.t
-        good = share <= 1.0
+        ahead, binding = (
+            self._t_catch - ball.t,
+            f"{KINDS[limit[0]]}:{arm.model.links[limit[1]].name}",
+        )
+        most, joint = self._acceleration(alpha, tolerance)
+        if most > share:
+            share, binding = most, f"acceleration:{arm.names[joint]}"
         return Verdict(
-            outcome=Outcome.FEASIBLE if good else Outcome.UNREACHABLE,
-            binding_limit=f"{KINDS[limit[0]]}:{arm.model.links[limit[1]].name}",
+            outcome=Outcome.FEASIBLE if share <= 1.0 else Outcome.UNREACHABLE,
+            binding_limit=binding,
             share=share,
             t_catch=ball.t + ahead,
             sigma=float(spread_ahead(ball.covariance, ahead)),
             probability=probability,
         )
+
+    def _acceleration(self, alpha: Array, tolerance: Tolerance) -> tuple[float, int]:
+        """Return the largest share of an acceleration limit along the course, and its joint."""
+        c = self._buffers.course
+        ddq = c.rows[:, 2] + c.phi[:, 2] @ alpha
+        shares = acceleration_share(self._f.arm, ddq).max(axis=0) / tolerance.acceleration
+        joint = int(np.argmax(shares))
+        return float(shares[joint]), joint
 
     def _solved(self, count: int) -> Array | None:
         """Return the step of the programme's first ``count`` rows, (m n,); None without one."""

@@ -13,6 +13,7 @@ One that falls although it is led is in the air, but pushed, as by a gust: the p
 
 from dataclasses import dataclass
 from math import exp
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,21 +25,20 @@ from mitt.ball.flight import (
     advance_uncertain,
 )
 from mitt.generator.inverse import invert
-from mitt.generator.mapping import DirectMap
 from mitt.generator.packing import unfold, unpack
 from mitt.generator.tangent import to_go
 from mitt.jit import kernel
 from mitt.signals import GRAVITY, Array, BallState
 
+if TYPE_CHECKING:  # the map asks this module for the time to its catch
+    from mitt.generator.mapping import DirectMap
+
 #: How far ahead a ball is flown [s], in what steps, and halvings of the step of the catch.
 _HORIZON, _STRIDE, _HALVINGS = 1.0, 0.01, 12
 #: Spectral density of the acceleration that the flight model does not explain [m^2/s^3].
 _UNEXPLAINED = 0.005
-#: Answers of the kernel besides a time.
-_NO_CATCH = -1.0
-
 LED = -1.0
-"""Stands in the place of the drag coefficient of what does not fly."""
+"""Stands in the place of the drag coefficient, never negative, of what does not fly."""
 
 FADES = 0.2
 """Time in which the acceleration of what is led fades by 1/e [s]; ``FilterConfig.driven_time``."""
@@ -59,15 +59,14 @@ class Foresight:
     below: bool
 
 
-def foresee(f: DirectMap, ball: BallState) -> Foresight:
+def foresee(f: "DirectMap", ball: BallState) -> Foresight:
     """Fly the ball on to the catch."""
     q_o, end = f.start.copy(), np.zeros((3, 3))
     reach = float(np.linalg.norm(f.arm.position(f.start)))
     state = state_of(ball)
-    after = _catch_time(f.packed, state, q_o, end, f.work)
-    if after == _NO_CATCH:
-        return Foresight(after=np.inf, q_o=q_o, below=bool(_passes_below(state, reach)))
-    return Foresight(after=after, q_o=q_o, below=False)
+    after = catch_time(f.packed, state, q_o, end, f.work)
+    below = after == np.inf and bool(_passes_below(state, reach))
+    return Foresight(after=after, q_o=q_o, below=below)
 
 
 def spread(ball: BallState, after: float) -> float:
@@ -75,7 +74,7 @@ def spread(ball: BallState, after: float) -> float:
     return float(_spread(state_of(ball), ball.drag, ball.covariance, after))
 
 
-def sharpness(f: DirectMap, ball: BallState, low: Array, high: Array) -> float:
+def sharpness(f: "DirectMap", ball: BallState, low: Array, high: Array) -> float:
     """Return the predicted 1-sigma of the ball at the catch [m].
 
     Args:
@@ -172,8 +171,8 @@ def fly(state: Array, after: Array, path: Array) -> None:
 
 
 @kernel
-def _catch_time(packed: Array, state: Array, q_o: Array, ball: Array, work: Array) -> float:
-    """Return the time until s = q_o,i - q_alpha changes its sign, by halving; -1 without."""
+def catch_time(packed: Array, state: Array, q_o: Array, ball: Array, work: Array) -> float:
+    """Return the time until s = q_o,i - q_alpha changes its sign, by halving; infinity without."""
     g = unpack(packed)
     w = unfold(work, len(q_o))
     r = ball[0]
@@ -181,7 +180,7 @@ def _catch_time(packed: Array, state: Array, q_o: Array, ball: Array, work: Arra
     last, t, stride = 0.0, 0.0, _STRIDE
     while t < _HORIZON:
         if not invert(g, r, q_o, w):
-            return _NO_CATCH
+            return np.inf
         s = to_go(g, q_o)
         if last != 0.0 and s * last <= 0.0:
             break
@@ -189,14 +188,14 @@ def _catch_time(packed: Array, state: Array, q_o: Array, ball: Array, work: Arra
         go_on(ball, state[9], stride)
         t += stride
     else:
-        return _NO_CATCH
+        return np.inf
     for _ in range(_HALVINGS):
         stride *= 0.5
         back = -stride if s * last <= 0.0 else stride
         go_on(ball, state[9], back)
         t += back
         if not invert(g, r, q_o, w):
-            return _NO_CATCH
+            return np.inf
         s = to_go(g, q_o)
     return t
 
@@ -227,8 +226,8 @@ def sigma_at_catch(
     work: Array,
 ) -> float:
     """Return the 1-sigma at the catch; see :func:`sharpness`."""
-    after = _catch_time(packed, state, q_o, np.empty((3, 3)), work)
-    if after == _NO_CATCH:
+    after = catch_time(packed, state, q_o, np.empty((3, 3)), work)
+    if after == np.inf:
         return np.inf
     for k in range(len(q_o)):
         if not low[k] <= q_o[k] <= high[k]:
@@ -246,7 +245,7 @@ def _spread(state: Array, drag: float, covariance: Array, after: float) -> float
     P[:6, :6] = covariance
     law = np.array([[GRAVITY, _UNEXPLAINED, 0.0, 0.0, 1.0]])
     advance_uncertain(track, 0, after, law, 0, work)
-    return float(np.sqrt(_largest(P)))
+    return float(np.sqrt(max(_largest(P), 0.0)))
 
 
 @kernel

@@ -96,12 +96,16 @@ def place(f: Map, c: Course, P: Array, region: Array, out: Array) -> float:
     q, dq = c.rows[k, 0], c.rows[k, 1]
     expand(g, q, w)
     answer = np.zeros((3, n))
+    out[0], out[1] = q, np.inf
+    ds = coordinate(g, dq, g.catch)
+    if ds == 0.0:
+        return 0.0
     units = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     for x in range(3):
         if not solve3(w.J_c, units[x], g.free, answer[x]):
             return 0.0
         turn_all(g, answer[x])
-        late = coordinate(g, answer[x], g.catch) / coordinate(g, dq, g.catch)
+        late = coordinate(g, answer[x], g.catch) / ds
         for j in range(n):
             answer[x, j] -= dq[j] * late
     odds = 1.0
@@ -159,8 +163,10 @@ def within(
         ball[x // 3, x % 3] += step
         if not lift(g, ball, rows, w):
             return 0.0
-        late = to_go(g, c.rows[k, 0]) - to_go(g, rows[0])
-        late /= coordinate(g, rows[1], g.catch)
+        ds = coordinate(g, rows[1], g.catch)
+        if ds == 0.0:
+            return 0.0
+        late = (to_go(g, c.rows[k, 0]) - to_go(g, rows[0])) / ds
         for e in range(3):
             ball[0, e] += late * ball[1, e]
             ball[1, e] += late * ball[2, e]

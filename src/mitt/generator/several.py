@@ -23,6 +23,7 @@ from mitt.generator.demand import Tolerance
 from mitt.generator.feasibility import Outcome, Verdict, judge
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
+from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState, JointReference
 
 #: Share of each limit in units of which maps are compared: one that keeps them is preferred. The
@@ -61,13 +62,22 @@ class Several:
         """The map that is followed; the preferred one before the first choice."""
         return self.maps[self.chosen or 0]
 
+    @property
+    def arms(self) -> tuple[Arm, ...]:
+        """The arms that its maps were made for."""
+        return tuple(arm for f in self.maps for arm in f.arms)
+
     def sharpness(self, ball: BallState) -> float:
         """Return the smallest predicted 1-sigma at any map's catch [m]."""
         return min(f.sharpness(ball) for f in self._candidates())
 
-    def verdict(self, ball: BallState, q: Array) -> Verdict:
-        """Return the verdict of the map that the throw would be given to."""
-        return self.maps[self._best(ball, q, np.zeros(self.map.map.arm.n))].verdict(ball, q)
+    def verdict(self, ball: BallState, q: Array, dq: Array | None = None) -> Verdict:
+        """Return the verdict of the map that the throw would be given to.
+
+        The arm is at rest in ``q``, or moves at ``dq`` [rad, rad/s], shape (n,) each.
+        """
+        best = self._best(ball, q, np.zeros(self.map.map.arm.n) if dq is None else dq)
+        return self.maps[best].verdict(ball, q, dq)
 
     def unsettled(self, ball: BallState, q: Array) -> bool:
         """Look whether no map's verdict could settle it."""

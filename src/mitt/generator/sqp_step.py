@@ -127,6 +127,9 @@ def finish(
             return float(after)
         share *= 0.5
     moved[:] = alpha
+    weigh(
+        p, b.course, alpha, goal.weights[1], b.shares, b.at, b.work
+    )  # not those of the last trial
     return before
 
 
