@@ -1,5 +1,7 @@
 # make catch    throw balls at the simulated arm and write runs/0-direct/report.html
 # make test     run the tests
+# make bare     run each command of the README and the tutorials without any extra
+# make extras   add all extras to .venv
 # make docs     build the documentation site: build/docs/index.html
 # make soak     fuzz envelope, ticks, calls and readers: COMMANDS=N TICKS=N CALLS=N FILES=N PROCESSES=N KILLS=N RUN_KILLS=N RUN_SIGNALS=N STUDY_KILLS=N SEED=S
 # make check    format, lint, types, import contracts, then make test
@@ -19,7 +21,7 @@ RUN_SIGNALS ?= 4
 STUDY_KILLS ?= 2
 SEED ?= 1
 
-.PHONY: catch test check bench docs soak clean
+.PHONY: catch test bare extras check bench docs soak clean
 
 .venv/ready: pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "mitt needs Python 3.11 or later")'
@@ -42,6 +44,11 @@ catch: .venv/ready
 
 test: .venv/complete
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal $(ARGS)
+
+bare: .venv/ready
+	$(BIN)/python tests/bare_run.py
+
+extras: .venv/complete
 
 check: .venv/complete
 	$(BIN)/ruff format --check .

@@ -1,10 +1,10 @@
 """Balls, flights, and packages of tutorials that several tests use."""
 
-import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from documents import write_metadata
 
 from mitt.generator.flights import Flight
 from mitt.robot.arm import Arm
@@ -46,16 +46,6 @@ def install(package: Path, into: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         into: An empty folder.
         monkeypatch: Takes it away after the test.
     """
-    table = tomllib.loads((package / "pyproject.toml").read_text())["project"]
-    about = into / f"{table['name'].replace('-', '_')}-{table['version']}.dist-info"
-    about.mkdir()
-    about.joinpath("METADATA").write_text(
-        f"Metadata-Version: 2.1\nName: {table['name']}\nVersion: {table['version']}\n"
-    )
-    groups = [
-        f"[{group}]\n" + "".join(f"{name} = {at}\n" for name, at in names.items())
-        for group, names in table["entry-points"].items()
-    ]
-    about.joinpath("entry_points.txt").write_text("".join(groups))
+    write_metadata(package, into)
     for path in (into, package):
         monkeypatch.syspath_prepend(path)

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from documents import BLOCK, ROOT, blocks, lines_of
 from support import install
 
 from mitt.catcher.catcher import Catcher, Phase
@@ -28,9 +29,7 @@ from mitt.trials.source import source_of
 from mitt.world.scenes import read_scene
 from mitt.world.simulation import World
 
-ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
-_BLOCK = re.compile(r"^```([^\n]*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 _INLINE = re.compile(r"`(mitt [a-z]+(?: [^`]*)?)`")
 #: Files of two tutorials.
 PLANNER, ROBOT = (ROOT / "examples" / "tutorials" / name for name in ("planner", "robot"))
@@ -42,34 +41,15 @@ NAMED = {"help", "version", "flights"}
 KNOWN = {"", "python", "toml", "csv", "bibtex", "{toctree}", "{eval-rst}", "{include}"}
 
 
-def blocks(path: Path, language: str) -> list[str]:
-    """Return the blocks of a language in a document."""
-    found = _BLOCK.findall(path.read_text(encoding="utf-8"))
-    return [text for name, text in found if name.strip() == language]
-
-
 def name_of(path: Path) -> str:
     """Return the name of a document below the repository."""
     return path.relative_to(ROOT).as_posix()
 
 
-def lines_of(path: Path) -> list[str]:
-    """Return the console lines of a document, joined commands apart, without comments."""
-    text = _BLOCK.sub("", path.read_text(encoding="utf-8"))
-    out = re.findall(r"\n\n {4,}((?:mitt|python|make|pip) .*)", text)  # a block within a list
-    for block in blocks(path, ""):
-        if block.startswith("{"):  # what a command prints
-            continue
-        for line in block.splitlines():
-            parts = re.split(r"&&?", line.split("#")[0])
-            out += [part.strip() for part in parts if part.strip()]
-    return out
-
-
 def test_every_block_is_of_a_kind_that_is_checked() -> None:
     """A block in another language would be checked by nobody."""
     for path in PAGES:
-        for language, _ in _BLOCK.findall(path.read_text(encoding="utf-8")):
+        for language, _ in BLOCK.findall(path.read_text(encoding="utf-8")):
             assert language.strip().split(" ")[0] in {*KNOWN, "{command-options}"}, name_of(path)
 
 

@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from difflib import get_close_matches
+from importlib.util import find_spec
 
 #: Characters that a message keeps of either end of a very long name or value.
 _HALF = 150
@@ -77,6 +78,16 @@ class MissingPackageError(InputError, ImportError):
         """Say what needs which package, and the extra that has it."""
         wanted = f"the package {package}"
         super().__init__(name, wanted, "a Python without it", do=f"install mitt[{extra}]")
+
+
+def check_package(name: str, module: str, package: str, extra: str) -> None:
+    """Refuse to go on without a package of an extra; it is looked for, not loaded.
+
+    Raises:
+        MissingPackageError: It is not installed.
+    """
+    if find_spec(module) is None:
+        raise MissingPackageError(name, package, extra)
 
 
 def meant(given: str, known: Iterable[str]) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from mitt.cameras.live import Basler, GenICam, Producers
 from mitt.cameras.recorded import Folder, Video
-from mitt.cameras.source import Camera
+from mitt.cameras.source import Camera, check_library
 from mitt.errors import InputError
 
 
@@ -30,6 +30,18 @@ def open_cameras(specs: Sequence[str], *, fps: float | None = None) -> Iterator[
             stack.enter_context(closing(_opened(spec, k, producers, fps)))
             for k, spec in enumerate(specs)
         ]
+
+
+def check_cameras(specs: Sequence[str]) -> None:
+    """Refuse sources whose library is not installed; nothing is opened.
+
+    Raises:
+        MissingPackageError: A library of the extra ``cameras`` is missing.
+    """
+    for spec in specs:
+        kind = spec.partition(":")[0]
+        known = {"basler": "pypylon", "genicam": "harvesters"}
+        check_library(known.get(kind, "cv2" if Path(spec).is_dir() else "av"))
 
 
 def _opened(spec: str, camera: int, producers: Producers, fps: float | None) -> Camera:

@@ -6,7 +6,7 @@ from types import ModuleType
 
 import numpy as np
 
-from mitt.errors import InputError
+from mitt.errors import InputError, check_package
 from mitt.signals import Frame, Image
 
 
@@ -53,6 +53,15 @@ class Camera(ABC):
     @abstractmethod
     def close(self) -> None:
         """Close the file or release the device."""
+
+
+def check_library(module: str) -> None:
+    """Refuse to go on without a library of the extra ``cameras``; it is not loaded.
+
+    Raises:
+        MissingPackageError: It is not installed.
+    """
+    check_package("cameras", module, module, "cameras")
 
 
 def optional(module: str) -> ModuleType:

@@ -17,7 +17,7 @@ from mitt.calibration.hand import calibrate_clock, calibrate_hand, centroid_colu
 from mitt.calibration.heads import FACE_UP, calibrate_head, read_head_views
 from mitt.calibration.stage import Stage
 from mitt.calibration.tables import header_of, read_places
-from mitt.cameras.opening import open_cameras
+from mitt.cameras.opening import check_cameras, open_cameras
 from mitt.commands.camera_options import CalibrateOptions
 from mitt.commands.screen import (
     Report,
@@ -155,6 +155,7 @@ def _prepare(options: CalibrateOptions) -> Calibration:
     for spec in (o.left, o.right, o.hand_left, o.hand_right):
         if spec is not None and ":" not in spec and not Path(spec).exists():
             raise FileError(spec, "a folder of images or a video", "nothing there")
+    check_cameras([x for x in (o.left, o.right, o.hand_left, o.hand_right) if x is not None])
     joints = None if o.joints is None else [x.strip() for x in o.joints.split(",")]
     return Calibration(
         options=o,

@@ -26,7 +26,7 @@ from mitt.interrupts import notice, status_of, tell, words_of
 from mitt.reading import difference, noted
 from mitt.robot.shapes import check_floor
 from mitt.trials.journal import LEAVES, MAP, Kept, kept_words
-from mitt.trials.registry import factory_of
+from mitt.trials.registry import check_generator
 from mitt.trials.result import STATUSES
 from mitt.trials.run import FinishedRun, Prepared, RunSettings, arm_of, design_of, throws_of
 from mitt.trials.run import run as run_throws
@@ -107,7 +107,7 @@ def _placed(value: object) -> object:
 
 def _prepared(options: CatchOptions) -> Prepared:
     """Read and check all that a run needs."""
-    factory_of(options.generator)
+    check_generator(options.generator)
     if options.adapt == "refine" and options.generator != "direct":
         raise InputError("--adapt refine", "--generator direct", options.generator)
     if options.throws is not None and not 1 <= options.throws <= _MOST_THROWS:

@@ -14,7 +14,7 @@ from mitt.files.folders import Leaves, check_ours
 from mitt.files.recorded import Recorded
 from mitt.interrupts import tell
 from mitt.trials.explain import Explanation, evidence_of, explain
-from mitt.trials.registry import factory_of
+from mitt.trials.registry import check_generator
 from mitt.trials.replay import Replayed, changed, replay
 
 #: Most recordings in one call.
@@ -26,7 +26,7 @@ def run(options: ReplayOptions) -> int:
     if not 1 <= len(options.recordings) <= _MOST:
         raise InputError("recordings", f"1 to {_MOST} of them", len(options.recordings))
     if options.generator is not None:
-        factory_of(options.generator)
+        check_generator(options.generator)
     if options.check:
         ticks = sum(len(_read(path, options)[0].ticks) for path in options.recordings)
         return checked(f"{len(options.recordings)} recordings, {ticks} ticks")

@@ -4,6 +4,8 @@ from contextlib import nullcontext
 from pathlib import Path
 
 import mitt
+from mitt.cameras.opening import check_cameras
+from mitt.cameras.source import check_library
 from mitt.cameras.video_writer import SUFFIXES, VideoWriter
 from mitt.commands.camera_options import SeeOptions
 from mitt.commands.screen import check_new_files, checked, print_json, progress, show, warn
@@ -22,6 +24,9 @@ def run(options: SeeOptions) -> int:
     for spec in (options.left, options.right):
         if ":" not in spec and not Path(spec).exists():
             raise InputError(spec, "a video, a folder of images or a camera", "nothing there")
+    check_cameras((options.left, options.right))
+    for module in () if video is None else ("cv2", "av"):
+        check_library(module)
     if options.check:
         return checked(f"{options.left} and {options.right}, output to {options.out}")
     seen = Seen()

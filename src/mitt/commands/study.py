@@ -11,7 +11,7 @@ from mitt.sweep.folder import Folder
 from mitt.sweep.read import read_study
 from mitt.sweep.run import FinishedStudy, run_study
 from mitt.sweep.study import Study, extent
-from mitt.trials.registry import available
+from mitt.trials.registry import available, check_generator
 from mitt.trials.run import arm_of, design_of
 
 
@@ -25,6 +25,8 @@ def run(options: StudyOptions) -> int:
     if not options.check:
         check_folder(folder.path, overwrite=options.overwrite or options.resume)
     folder.check(study, resume=options.resume)
+    for name in study.counts:
+        check_generator(name)
     for settings in dict.fromkeys(c.arm for c in study.conditions):
         arm = arm_of(settings)
         warn(warnings_of(arm, design_of(settings, arm)), json=options.json)

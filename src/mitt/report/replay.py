@@ -14,6 +14,7 @@ import numpy as np
 import viser
 
 from mitt.report.meshes import BALL, body_meshes
+from mitt.report.own_pages import own_pages_alone
 from mitt.robot.arm import Arm
 from mitt.trials.log import PHASES, TrialLog
 from mitt.world.build import build_scene
@@ -51,8 +52,8 @@ def replay_page(arm: Arm, scene: Scene, log: TrialLog) -> str:
 
 @contextlib.contextmanager
 def served(host: str = "127.0.0.1", port: int = 8080) -> Iterator[Any]:
-    """Run Viser, by default on the loopback only; what it prints is kept off stdout."""
-    with contextlib.redirect_stdout(io.StringIO()):
+    """Run Viser for its own page, by default on the loopback; what it prints is not shown."""
+    with contextlib.redirect_stdout(io.StringIO()), own_pages_alone():
         server = viser.ViserServer(host=host, port=port, verbose=False)
     try:
         yield server

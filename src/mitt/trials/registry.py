@@ -17,7 +17,7 @@ from mitt.baselines.ik import make_ik
 from mitt.baselines.mpc import make_mpc
 from mitt.baselines.quintic import make_quintic
 from mitt.baselines.ruckig import make_ruckig
-from mitt.errors import InputError, UnknownNameError, answered_by
+from mitt.errors import InputError, UnknownNameError, answered_by, check_package
 from mitt.generator.answers import added
 from mitt.generator.generators import Direct, Generator, Unoptimised, map_of
 from mitt.generator.mapping import DirectMap, unlearned
@@ -98,6 +98,18 @@ def factory_of(name: str) -> Factory:
         wanted = f"a function of a map in the entry point {entry.value}"
         raise InputError(where, wanted, checks.shown(factory), do="repair that package")
     return factory
+
+
+def check_generator(name: str) -> None:
+    """Refuse a generator that is not there, or whose package is not.
+
+    Raises:
+        UnknownNameError: No generator is called that.
+        InputError: Its entry point does not load, or a package that it needs is not installed.
+    """
+    factory_of(name)
+    if name == "clairvoyant":
+        check_package("generator clairvoyant", "casadi", "CasADi", "rivals")
 
 
 def origin_of(name: str) -> str:
