@@ -13,6 +13,7 @@ from mitt.commands.screen import (
     checked,
     print_json,
     progress,
+    say,
     show,
     table,
     tell_of_kernels,
@@ -34,7 +35,6 @@ from mitt.files.arm_file import (
     write_arm_file,
 )
 from mitt.files.folders import wrote
-from mitt.interrupts import tell
 from mitt.robot.arm import Arm
 from mitt.robot.basket import MOST_TILT, Hand
 from mitt.robot.shapes import check_floor
@@ -87,7 +87,7 @@ def run(options: DesignOptions) -> int:
     _write_page(page, found, scene, _words(options))
     warn(found.left_out, json=options.json)
     if options.json:
-        tell(f"written: {', '.join(str(path) for path in written)}")
+        say(f"written: {', '.join(str(path) for path in written)}")
         print_json(found.as_json())
     else:
         _show(found, written)
