@@ -9,7 +9,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from mitt.errors import MittError
+from mitt.errors import InputError, MittError
 from mitt.interrupts import (
     Interrupted,
     listening,
@@ -66,6 +66,7 @@ def _run(words: list[str]) -> int:
     try:
         from mitt.commands.line import run  # noqa: PLC0415 (once signals are in order)
 
+        _check_words(words)
         return run(words)
     except MittError as error:
         raise_again()
@@ -83,6 +84,17 @@ def _run(words: list[str]) -> int:
         return _failed(
             1, f"a fault of mitt, please report it: {text} (MITT_TRACEBACK=1 shows where)"
         )
+
+
+def _check_words(words: list[str]) -> None:
+    """Refuse names that no text file could repeat.
+
+    Raises:
+        InputError: A word is no UTF-8.
+    """
+    for word in words:
+        if any("\ud800" <= character <= "\udfff" for character in word):
+            raise InputError("mitt", "names and values in UTF-8", word, do="rename the file")
 
 
 def _open_streams() -> None:

@@ -21,7 +21,7 @@ class MittError(Exception):
 
     def __init__(self, text: str) -> None:
         """Take the text; what would end a line or steer a terminal is written as an escape."""
-        super().__init__(_printable(" ".join(text.split())))
+        super().__init__(printable(" ".join(text.split())))
 
     def __reduce__(self) -> tuple[Callable[..., "MittError"], tuple[object, ...]]:
         """Say how to make the same error in another process, whatever its constructor takes."""
@@ -97,8 +97,8 @@ def meant(given: str, known: Iterable[str]) -> str:
     return f"did you mean {names[near[0]]!r}?" if near else ""
 
 
-def _printable(text: str) -> str:
-    """Return a text whose characters can all be printed."""
+def printable(text: str) -> str:
+    """Return a text in one line whose characters can all be printed, others as escapes."""
     if text.isprintable():
         return text
     return "".join(x if x.isprintable() else x.encode("unicode_escape").decode() for x in text)

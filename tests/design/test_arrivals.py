@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from mitt.cli import main
+from mitt.commands.design import _task
+from mitt.commands.options import DesignOptions
 from mitt.design.arrivals import (
     box_of,
     of_default_throws,
@@ -17,15 +19,17 @@ from mitt.design.arrivals import (
 from mitt.design.balls import Balls
 from mitt.design.design import Design, Origin
 from mitt.design.speeds import release_speed, task_at
-from mitt.design.task import REPORTED, Task
+from mitt.design.task import REPORTED, Task, kept
 from mitt.errors import FileError, InputError
 from mitt.files.arm_file import open_arm, write_arm_file
+from mitt.files.plain import to_plain
 from mitt.generator.mapping import unlearned
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.trials.neighbourhood import Neighbourhood
 from mitt.trials.source import aim_of
 from mitt.world.flights import builtin_flights
+from mitt.world.scenes import read_scene
 from mitt.world.throws import NOMINAL_DRAG, Aim, Throw, ThrowRanges, default_throw
 
 PLACE = 0.77
@@ -173,3 +177,54 @@ def test_bad_sources_are_one_line(
     said = capsys.readouterr().err.strip()
     assert wanted in said
     assert len(said.splitlines()) == 1
+
+
+def test_what_is_kept_for_the_report_decides_nothing(
+    found: Design, throws: tuple[Throw, ...], tmp_path: Path
+) -> None:
+    """Throws or flights of the half that no search sees, made quicker or moved: all is the same.
+
+    Aim, box, speeds, the ranges that maps are learned on, and those of the arm file.
+    """
+    whole, scene = found.whole, read_scene("lab")
+    throws = throws[:40]
+    other = {id(x) for x in kept(throws)}
+    moved = [Throw(r=x.r + 0.02, dr=1.2 * x.dr) if id(x) in other else x for x in throws]
+    tasks = []
+    for name, rows in (("as-they-are", throws), ("moved", moved)):
+        path = tmp_path / f"{name}.csv"
+        lines = [",".join(map(repr, [*x.r.tolist(), *x.dr.tolist()])) for x in rows]
+        path.write_text("\n".join(["x,y,z,vx,vy,vz", *lines]))
+        options = DesignOptions(arm="wam", out=tmp_path / "d.toml", throws_file=path)
+        tasks.append(_task(options, whole, scene))
+    _same_but_for_what_is_kept(found, tasks)
+    flights = builtin_flights()
+    other = {id(x) for x in kept(flights)}
+    tasks = []
+    for factor in (1.0, 1.3):
+        path = tmp_path / f"flights-{factor}.csv"
+        rows = [
+            f"{x.name},{t / (factor if id(x) in other else 1.0)!r},{r[0]!r},{r[1]!r},{r[2]!r}"
+            for x in flights for t, r in zip(x.t.tolist(), x.r.tolist(), strict=True)
+        ]  # fmt: skip
+        path.write_text("\n".join(["flight,t_s,x_m,y_m,z_m", *rows]))
+        options = DesignOptions(arm="wam", out=tmp_path / "d.toml", flights=path)
+        tasks.append(_task(options, whole, scene))
+    _same_but_for_what_is_kept(found, tasks)
+
+
+def _same_but_for_what_is_kept(found: Design, tasks: list[Task]) -> None:
+    """Hold two tasks to the same decisions, and to different throws for the report."""
+    one, two = tasks
+    assert to_plain(one.balls) == to_plain(two.balls)
+    assert one.arrivals is not None
+    assert np.array_equal(one.arrivals, two.arrivals)
+    assert release_speed(one) == release_speed(two)
+    if one.throws:
+        files = [
+            replace(found, task=x).arm_file(Origin(arm="wam", limits="wam-80v")) for x in tasks
+        ]
+        assert files[0].throws == files[1].throws
+        assert [x.dr.tolist() for x in one.throws] != [x.dr.tolist() for x in two.throws]
+    else:
+        assert [x.t.tolist() for x in one.recordings] != [x.t.tolist() for x in two.recordings]

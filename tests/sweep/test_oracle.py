@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from mitt.sweep.oracle import Row, counted, is_sampled, judged
@@ -115,3 +116,50 @@ def test_the_sample_is_the_same_every_time() -> None:
     drawn = [is_sampled(5, k, 0.2) for k in range(1000)]
     assert drawn == [is_sampled(5, k, 0.2) for k in range(1000)]
     assert 150 < sum(drawn) < 250
+
+
+def _drawn(rng: np.random.Generator, n: int, refused: float, catchable: float, ask: int) -> Row:
+    """Return what a drawn table comes to, whose oracle is asked about few refused throws."""
+    rows: list[Row] = []
+    for k in range(n):
+        status = "unreachable" if rng.random() < refused else "caught"
+        best = "caught" if status == "caught" or rng.random() < catchable else "missed"
+        asked = status == "unreachable" and ask > 0
+        ask -= asked
+        rows.append({
+            "index": k, "status": status, "verdict": "unreachable", "binding_limit": None,
+            "violations": 0, "position_error_mm": None, "velocity_error_m_s": None,
+            "clairvoyant": best if asked else None, "clairvoyant_violations": 0,
+        })  # fmt: skip
+    return counted(rows)
+
+
+@pytest.mark.parametrize(
+    ("n", "refused", "catchable", "ask"),
+    [(100, 0.4, 0.25, 10), (1000, 0.3, 0.1, 10), (200, 0.4, 0.25, 200), (100, 0.5, 0.5, 25)],
+)
+def test_an_interval_covers_the_truth_however_few_were_asked_about(
+    n: int, refused: float, catchable: float, ask: int
+) -> None:
+    """Of drawn tables, nearly all intervals hold the rate that the tables are drawn with."""
+    rng, timid, ratio, draws = np.random.default_rng(4), 0, 0, 150
+    truth = refused * catchable
+    for _ in range(draws):
+        found = _drawn(rng, n, refused, catchable, ask)
+        rate, either = found["false_unreachable"], found["caught_of_what_either_catches"]
+        timid += rate["low"] <= truth <= rate["high"]
+        whole = (1.0 - refused) / (1.0 - refused + truth)
+        ratio += either["low"] <= whole <= either["high"]
+    assert timid > 0.88 * draws
+    assert ratio > 0.88 * draws
+
+
+def test_none_asked_about_is_not_known_and_one_of_a_hundred_says_little() -> None:
+    """No answer leaves everything open up to what was refused; both counts are told."""
+    rng = np.random.default_rng(1)
+    none, few = (_drawn(rng, 1000, 0.3, 0.1, ask) for ask in (0, 3))
+    assert none["false_unreachable"]["low"] == 0.0
+    assert none["false_unreachable"]["high"] > none["refused"] / 1000
+    assert few["false_unreachable"]["high"] > 0.15
+    assert (few["refused_and_asked"], none["refused_and_asked"]) == (3, 0)
+    assert few["refused_and_caught_by_clairvoyant"] in range(4)

@@ -11,6 +11,7 @@ from mitt.commands.screen import (
     checked,
     print_json,
     progress,
+    say,
     show,
     table,
     tell_of_kernels,
@@ -22,7 +23,7 @@ from mitt.files.folders import check_ours, new_folder
 from mitt.files.maps import read_map
 from mitt.generator.advice import warnings_of
 from mitt.generator.mapping import unlearned
-from mitt.interrupts import notice, status_of, tell, words_of
+from mitt.interrupts import notice, status_of, words_of
 from mitt.reading import difference, noted
 from mitt.robot.shapes import check_floor
 from mitt.trials.journal import LEAVES, MAP, Kept, kept_words
@@ -56,7 +57,7 @@ def run(options: CatchOptions) -> int:
         _show(finished)
     if finished.interrupt is not None:
         kept = kept_words(len(finished.trials), prepared.source.count, prepared.out)
-        tell(f"{words_of(finished.interrupt)}; {kept}")
+        say(f"{words_of(finished.interrupt)}; {kept}")
     return finished.status
 
 

@@ -13,6 +13,7 @@ from mitt.commands.screen import (
     checked,
     print_json,
     progress,
+    say,
     show,
     table,
     tell_of_kernels,
@@ -25,7 +26,7 @@ from mitt.design.evaluation import ENOUGH
 from mitt.design.job import search_of
 from mitt.design.kept import Kept
 from mitt.design.speeds import default_balls, release_speed
-from mitt.design.task import Task
+from mitt.design.task import Task, seen
 from mitt.design.whole import held_as, whole_arm
 from mitt.errors import InputError, MittError, UnknownNameError
 from mitt.files.arm_file import (
@@ -113,7 +114,7 @@ def _finish(found: Design, origin: Origin, scene: Scene, options: DesignOptions)
     _write_page(page, found, scene, _words(options))
     warn(found.left_out, json=options.json)
     if options.json:
-        tell(f"written: {', '.join(str(path) for path in written)}")
+        say(f"written: {', '.join(str(path) for path in written)}")
         print_json(found.as_json())
     else:
         _show(found, written)
@@ -145,7 +146,7 @@ def _task(options: DesignOptions, whole: Arm, scene: Scene) -> Task:
     reach = float(sum(np.linalg.norm(link.placement[:3, 3]) for link in whole.model.links[1:]))
     if options.flights is not None:
         recordings = read_flights(options.flights)
-        arrivals, box = of_flights(recordings), None
+        arrivals, box = of_flights(seen(recordings)), None
         if aim is not None:
             box = np.array([aim, AROUND_FLIGHTS])
         balls = arrivals.balls(aim=box, around=AROUND_FLIGHTS)
@@ -153,8 +154,9 @@ def _task(options: DesignOptions, whole: Arm, scene: Scene) -> Task:
                     recordings=recordings)  # fmt: skip
     if options.throws_file is not None:
         throws = read_throws(options.throws_file)
-        box = box_of(throws, drag, None if aim is None else np.array(aim), _CLOSE * reach)
-        arrivals = of_throws(throws, float(box[0, 0]), drag)
+        box = box_of(seen(throws), drag, None if aim is None else np.array(aim), _CLOSE * reach)
+        of_throws(throws, float(box[0, 0]), drag)  # refuses one that does not pass there
+        arrivals = of_throws(seen(throws), float(box[0, 0]), drag)
         return Task(balls=arrivals.balls(aim=box), scene=scene, seed=seed,
                     arrivals=arrivals.ranges(), throws=throws)  # fmt: skip
     return Task(balls=default_balls(aim, reach), scene=scene, seed=seed)

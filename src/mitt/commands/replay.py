@@ -7,12 +7,11 @@ from typing import Any
 
 import mitt
 from mitt.commands.options import ReplayOptions
-from mitt.commands.screen import checked, print_json, progress, show, table, tell_of_kernels
+from mitt.commands.screen import checked, print_json, progress, say, show, table, tell_of_kernels
 from mitt.errors import InputError
 from mitt.files.files import check_folder, locked
 from mitt.files.folders import Leaves, check_ours
 from mitt.files.recorded import Recorded
-from mitt.interrupts import tell
 from mitt.trials.explain import Explanation, evidence_of, explain
 from mitt.trials.registry import check_generator
 from mitt.trials.replay import Replayed, changed, replay
@@ -70,7 +69,7 @@ def _replay(options: ReplayOptions) -> int:
             x = replay(*_read(path, options))
             rows.append(_row(x, explain(x, evidence_of(x))))
             if not x.recorded.whole:
-                tell(f"{path}: cut after {len(x.recorded.ticks)} ticks; these are replayed")
+                say(f"{path}: cut after {len(x.recorded.ticks)} ticks; these are replayed")
             if options.out is not None:
                 _page(options.out, x, len(options.recordings), k)
         report("replaying", len(options.recordings), len(options.recordings))

@@ -8,11 +8,11 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
+from rich.console import Console, JustifyMethod
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from mitt.errors import InputError
+from mitt.errors import InputError, printable
 from mitt.files.files import check_folder
 from mitt.files.folders import overlaps, wrote
 from mitt.interrupts import tell
@@ -24,9 +24,14 @@ Report = Callable[[str, int, int], None]
 _FILE_WIDTH = 110
 
 
+def say(text: str) -> None:
+    """Say one line on stderr, whatever names are in it."""
+    tell(printable(text))
+
+
 def checked(what: str) -> int:
     """Say that the input is good."""
-    tell(f"the input is good: {what}")
+    say(f"the input is good: {what}")
     return 0
 
 
@@ -106,9 +111,10 @@ def progress() -> Iterator[Report]:
         yield line
         return
     columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+        TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(),
+        TimeRemainingColumn(),
     )  # fmt: skip
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Progress(*columns, console=_console(stderr=True), transient=True) as bar:
         tasks = {}
 
         def report(name: str, done: int, of: int) -> None:
@@ -127,17 +133,23 @@ def print_json(value: object) -> None:
 
 def show(*parts: str | Table, style: str | None = None) -> None:
     """Print tables and lines on stdout: as wide as the terminal, wide enough in a file."""
-    console = Console()
-    console = console if console.is_terminal else Console(width=_FILE_WIDTH)
+    console = _console()
+    console = console if console.is_terminal else _console(width=_FILE_WIDTH)
     for part in parts:
-        console.print(part, soft_wrap=isinstance(part, str), style=style)
+        plain = printable(part) if isinstance(part, str) else part
+        console.print(plain, soft_wrap=isinstance(part, str), style=style)
+
+
+def _console(*, stderr: bool = False, width: int | None = None) -> Console:
+    """Return what prints texts as they are: a name that looks like markup is a name."""
+    return Console(stderr=stderr, width=width, markup=False, emoji=False)
 
 
 def warn(texts: Sequence[str], *, json: bool = False) -> None:
     """Print warnings on stdout; on stderr where stdout is for JSON."""
     if json:
         for text in texts:
-            tell(f"warning: {text}")
+            say(f"warning: {text}")
         return
     show(*(f"warning: {text}" for text in texts), style="yellow")
 
@@ -146,7 +158,16 @@ def table(
     title: str, columns: Sequence[str], *, left: Sequence[str] = (), no_wrap: bool = False
 ) -> Table:
     """Return an empty table; all columns but those in ``left`` are aligned to the right."""
-    out = Table(title=title, title_justify="left")
+    out = _Table(title=printable(title), title_justify="left")
     for name in columns:
-        out.add_column(name, justify="left" if name in left else "right", no_wrap=no_wrap)
+        justify: JustifyMethod = "left" if name in left else "right"
+        out.add_column(printable(name), justify=justify, no_wrap=no_wrap)
     return out
+
+
+class _Table(Table):
+    """A table whose cells can all be printed."""
+
+    def add_row(self, *cells: Any, **how: Any) -> None:  # noqa: ANN401 (as its parent has them)
+        """Add a row."""
+        super().add_row(*(printable(x) if isinstance(x, str) else x for x in cells), **how)

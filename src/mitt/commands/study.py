@@ -1,11 +1,11 @@
 """``mitt study``: many throws, several generators, a grid of conditions."""
 
 from mitt.commands.options import StudyOptions
-from mitt.commands.screen import checked, progress, show, table, tell_of_kernels, warn
+from mitt.commands.screen import checked, progress, say, show, table, tell_of_kernels, warn
 from mitt.errors import InputError
 from mitt.files.files import check_folder, locked
 from mitt.generator.advice import warnings_of
-from mitt.interrupts import tell, words_of
+from mitt.interrupts import words_of
 from mitt.sweep.engine import check_engine, engine_of
 from mitt.sweep.folder import Folder
 from mitt.sweep.read import read_study
@@ -45,9 +45,9 @@ def run(options: StudyOptions) -> int:
         _show(study, folder, finished)
     if finished.lost:
         more = f" and {len(finished.lost) - 1} more" if len(finished.lost) > 1 else ""
-        tell(f"{finished.lost[0]}{more}; the rest is kept, --resume tries again")
+        say(f"{finished.lost[0]}{more}; the rest is kept, --resume tries again")
     if finished.interrupt is not None:
-        tell(f"{words_of(finished.interrupt)}; {finished.thrown} of {finished.total} throws are "
+        say(f"{words_of(finished.interrupt)}; {finished.thrown} of {finished.total} throws are "
              f"kept in {folder.path}, --resume goes on")  # fmt: skip
     return finished.status
 

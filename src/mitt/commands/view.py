@@ -1,5 +1,6 @@
 """``mitt view``: a recording, whole or still being written, in the browser."""
 
+import os
 from pathlib import Path
 
 from mitt.commands.options import ViewOptions
@@ -20,6 +21,8 @@ def run(options: ViewOptions) -> int:
     if options.recording is None and not place.is_dir():
         raise FileError(str(place), "a folder with recordings", "none",
                         do="name a recording or a folder")  # fmt: skip
+    if place.is_dir() and not os.access(place, os.R_OK | os.X_OK):
+        raise FileError(str(place), "a folder that can be read", "one that may not be")
     if options.check:
         path = newest(place) if place.is_dir() else place
         if path is None:

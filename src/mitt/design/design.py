@@ -13,7 +13,7 @@ from mitt.design.kept import Kept
 from mitt.design.region import Region, region_of
 from mitt.design.search import RATE, ranked, reported, search
 from mitt.design.speeds import AtSpeed, Fastest, by_speed, fastest, release_speed, slower
-from mitt.design.task import Task
+from mitt.design.task import Task, seen
 from mitt.design.total import Total
 from mitt.files.arm_file import ArmFile, HandName, digest_of
 from mitt.files.throws import ArrivalSettings, ThrowSettings
@@ -151,7 +151,7 @@ class Design:
         assert self.best is not None
         task, c = self.task, self.best.candidate
         if task.throws:
-            ranges = ranges_of_throws(task.throws, c.aim, task.scene.ball.drag)
+            ranges = ranges_of_throws(seen(task.throws), c.aim, task.scene.ball.drag)
         elif task.ranges is not None:
             ranges = shifted(task.ranges, c.arm(self.whole))
         else:

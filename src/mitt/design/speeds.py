@@ -92,10 +92,10 @@ def task_at(task: Task, speed: float) -> Task:
 def release_speed(task: Task) -> float:
     """Return the middle of the speeds at release of a task's throws [m/s]."""
     if task.throws:
-        return float(np.median([np.linalg.norm(x.dr) for x in task.throws]))
+        return float(np.median([np.linalg.norm(x.dr) for x in seen(task.throws)]))
     if task.recordings:
         return float(np.median([np.linalg.norm(smooth(x.t, x.r).at(0.0)[1])
-                                for x in task.recordings]))  # fmt: skip
+                                for x in seen(task.recordings)]))  # fmt: skip
     return float(np.mean((task.ranges or ThrowRanges()).speed))
 
 

@@ -89,16 +89,24 @@ class Task:
             f.arm, seed=seed, count=throws, drag=self.scene.ball.drag,
             ranges=None if self.ranges is None else shifted(self.ranges, f.arm),
         )  # fmt: skip
-        first = int(seed >= REPORTED)
-        return replace(
-            drawn, throws=_part(self.throws, first), recordings=_part(self.recordings, first)
-        )
+        part = kept if seed >= REPORTED else seen
+        return replace(drawn, throws=part(self.throws), recordings=part(self.recordings))
 
 
 _Balls = TypeVar("_Balls", Throw, Recording)
 
 
-def _part(balls: tuple[_Balls, ...], first: int) -> tuple[_Balls, ...]:
+def seen(balls: tuple[_Balls, ...]) -> tuple[_Balls, ...]:
+    """Return the half, mixed, of many balls that a search may see and measure; all of a few."""
+    return _half(balls, 0)
+
+
+def kept(balls: tuple[_Balls, ...]) -> tuple[_Balls, ...]:
+    """Return the other half, which is thrown for the report alone; all of a few."""
+    return _half(balls, 1)
+
+
+def _half(balls: tuple[_Balls, ...], first: int) -> tuple[_Balls, ...]:
     """Return the first or second half, mixed, of many balls; all of a few."""
     if len(balls) < _MANY:
         return balls

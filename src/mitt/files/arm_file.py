@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from mitt import checks
-from mitt.errors import FileError, InputError, MittError
+from mitt.errors import FileError, InputError, MittError, printable
 from mitt.files.files import write_text
 from mitt.files.limit_files import read_limits
 from mitt.files.schema import Finite, Part, parsed
@@ -233,7 +233,7 @@ def write_arm_file(path: Path, arm: ArmFile, *, comment: str = "") -> None:
         else arm.throws.model_dump(exclude_none=True, exclude_defaults=True),
         "arrivals": None if arm.arrivals is None else arm.arrivals.model_dump(),
     }  # fmt: skip
-    head = "".join(f"# {line}".rstrip() + "\n" for line in comment.splitlines())
+    head = "".join(f"# {printable(line)}".rstrip() + "\n" for line in comment.splitlines())
     write_text(path, head + toml_text(tables))
 
 

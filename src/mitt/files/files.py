@@ -73,8 +73,16 @@ def file_name(text: str) -> str:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file atomically."""
-    write_atomically(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+    """Write a text file atomically.
+
+    Raises:
+        FileError: It cannot be written, or the text is none that UTF-8 has.
+    """
+    try:
+        content = text.encode()
+    except UnicodeEncodeError as error:
+        raise FileError(str(path), "text in UTF-8", error) from None
+    write_atomically(path, lambda temporary: temporary.write_bytes(content))
 
 
 def write_json(path: Path, value: object) -> None:

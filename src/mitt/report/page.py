@@ -57,10 +57,11 @@ def page(
         for s in sections
         if html[s.name]
     ]
-    return _environment().get_template("layout.html").render(
+    whole = _environment().get_template("layout.html").render(
         title=title, command=command, settings=html["settings"], footer=html["footer"],
         sections=parts,
     )  # fmt: skip
+    return whole.encode(errors="backslashreplace").decode()  # a name may hold what UTF-8 has not
 
 
 @cache

@@ -1,6 +1,9 @@
 """The viewer: a recording in the browser, to be scrubbed, or followed while it is written."""
 
+import contextlib
 import html
+import os
+import stat
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, final
@@ -9,7 +12,7 @@ import numpy as np
 
 from mitt.catcher.result import REASONS, STATES
 from mitt.catcher.settings import PHASES
-from mitt.errors import MittError
+from mitt.errors import FileError, MittError
 from mitt.files.recorded import Recorded
 from mitt.link.clock import monotonic, pause
 from mitt.report.replay import served
@@ -17,8 +20,8 @@ from mitt.report.stage_view import Stage
 from mitt.signals import Array
 from mitt.trials.drives import drive_loads
 
-#: Time between two pictures [s], and between two looks for a newer file [s].
-_FRAME, _LOOK = 0.033, 1.0
+#: Time between two pictures [s], between two looks for a newer file, and for the first [s].
+_FRAME, _LOOK, _WAIT = 0.033, 1.0, 0.2
 #: Place of the slider in the panel: behind the title.
 _SECOND = 0.5
 _SPEEDS = {"1/20": 0.05, "1/10": 0.1, "1/5": 0.2, "1/2": 0.5, "1": 1.0}
@@ -27,9 +30,18 @@ _MARK = {"caught": "#009e73", "stopped": "#cc79a7", "abort": "#cc79a7", "refused
 
 
 def newest(folder: Path) -> Path | None:
-    """Return the recording in a folder that was written last; None where there is none."""
-    found = [(path.stat().st_mtime_ns, path) for path in folder.rglob("*.mcap")]
-    return max(found)[1] if found else None
+    """Return the recording in a folder that was written last; None where there is none.
+
+    What vanishes meanwhile, leads nowhere or may not be looked at is none.
+    """
+    found: list[tuple[int, Path]] = []
+    for place, _, names in os.walk(folder):
+        for path in (Path(place, name) for name in names if name.endswith(".mcap")):
+            with contextlib.suppress(OSError):
+                status = path.stat()
+                if stat.S_ISREG(status.st_mode):
+                    found.append((status.st_mtime_ns, path))
+    return max(found, default=(0, None))[1]
 
 
 @final
@@ -55,8 +67,14 @@ class Viewer:
         self.load(path)
 
     def load(self, path: Path) -> None:
-        """Show another recording."""
-        self._recorded = Recorded(path)
+        """Show another recording; the one that is shown stays where it cannot be read.
+
+        Raises:
+            FileError: It cannot be.
+        """
+        recorded = Recorded(path)
+        _ = recorded.ticks
+        self._recorded = recorded
         with self._server.atomic():
             self._put_up()
 
@@ -91,7 +109,10 @@ class Viewer:
 
     def step(self, elapsed: float) -> None:
         """Go on by so much time [s]: read what is new, play."""
-        if not self._recorded.whole and self._recorded.more():
+        grown = False
+        with contextlib.suppress(MittError):  # gone or broken: what was read stays
+            grown = not self._recorded.whole and self._recorded.more() > 0
+        if grown:
             self._grown()
             self._stage.refresh(self._recorded)
             if self._live.value:
@@ -196,11 +217,9 @@ def watch(
         until: Time after which to end [s]; never if left out.
     """
     end = np.inf if until is None else monotonic() + until
-    while (path := find()) is None and monotonic() < end:
-        pause(0.2)
+    path = _first(find, end)
     if path is None:
         return
-    Recorded(path)  # refused before anything listens
     with served(host, port) as server:
         viewer = Viewer(server, path)
         ready(f"http://{server.get_host()}:{server.get_port()}")
@@ -214,12 +233,26 @@ def watch(
             pause(_FRAME)
 
 
+def _first(find: Callable[[], Path | None], end: float) -> Path | None:
+    """Return the first recording that is found and can be read; None where there is none in time.
+
+    Raises:
+        FileError: It cannot be read, and it is not that it has gone meanwhile.
+    """
+    while (path := find()) is not None or monotonic() < end:
+        try:
+            if path is not None:
+                Recorded(path)  # refused before anything listens
+                return path
+        except FileError:
+            if path is not None and path.exists():
+                raise
+        pause(_WAIT)
+    return None
+
+
 def _switch(viewer: Viewer, path: Path | None) -> None:
     """Show a newer recording once it can be read."""
-    if path is None or path == viewer.path:
-        return
-    try:
-        Recorded(path)
-    except MittError:
-        return  # just begun
-    viewer.load(path)
+    if path is not None and path != viewer.path:
+        with contextlib.suppress(MittError):  # just begun, or gone again
+            viewer.load(path)

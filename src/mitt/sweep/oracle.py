@@ -12,13 +12,14 @@ slipped out all the same, is *let go*: the verdict on the way was right, and it 
 from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from mitt.trials.result import STATUSES
 from mitt.trials.score import Trial, reason_of
-from mitt.trials.statistics import wilson
+from mitt.trials.statistics import Estimate, combined, share
 
 #: The stream that a sample is drawn from.
 _STREAM = 7
@@ -54,32 +55,38 @@ def judged(
 
 
 def counted(rows: Sequence[Row]) -> Row:
-    """Return what a table of throws comes to."""
-    failed = [row for row in rows if row["status"] != "caught"]
-    both = [row for row in rows if row["status"] == "caught" and row["clairvoyant"] is not None]
-    caught, lost = len(rows) - len(failed), _caught_by_optimum(failed)
-    # The sample stands for all that the map catches.
-    common = round((_caught_by_optimum(both) / len(both) if both else 1.0) * caught)
-    feasible = sum(row["verdict"] == "feasible" for row in rows)
+    """Return what a table of throws comes to.
+
+    Where the clairvoyant was asked about some throws of a kind only, these stand for all of them,
+    and the intervals say how few they are.
+    """
+    n, failed = len(rows), [row for row in rows if row["status"] != "caught"]
+    met = [row for row in rows if row["status"] == "caught"]
+    both = [row for row in met if row["clairvoyant"] is not None]
     broken, let_go = sum(_broken(row) for row in rows), [row for row in rows if _let_go(row)]
     refused = [row for row in failed if row["status"] == "unreachable"]
-    timid = round(sum(_timid(refused, name) for name in {row.get("condition") for row in refused}))
+    unasked = [row for row in failed if not (_let_go(row) and row["clairvoyant"] is None)]
+    asked = [row for row in refused if row["clairvoyant"] is not None]
+    # Without a sample the clairvoyant is believed to catch what the map catches.
+    common, caught = (_Part.of([met]) if both else _Part(len(met))), _Part(len(met))
+    timid, lost = _Part.of(_kinds(refused)), _Part.of(_kinds(unasked))
     speeds = [row["velocity_error_m_s"] for row in let_go]
     return {
-        "throws": len(rows),
-        "caught": caught,
+        "throws": n,
+        "caught": len(met),
         **{status: sum(row["status"] == status for row in rows) for status in STATUSES[1:]},
         "sampled": {"throws": len(both), "caught_by_clairvoyant": _caught_by_optimum(both)},
-        "catchable": common + lost,
-        "caught_of_catchable": _rate(common, common + lost),
-        "caught_of_what_either_catches": _rate(caught, caught + lost),
-        "false_feasible": _rate(broken, feasible),
-        "false_unreachable": _rate(timid, len(rows)),
-        "false": _rate(broken + timid, len(rows)),
+        "catchable": round(common.count + lost.count),
+        "caught_of_catchable": _ratio(common, lost),
+        "caught_of_what_either_catches": _ratio(caught, lost),
+        "false_feasible": _rate(broken, sum(row["verdict"] == "feasible" for row in rows)),
+        "false_unreachable": timid.rate(n),
+        "false": replace(timid, known=timid.known + broken).rate(n),
         "let_go": len(let_go),
         "let_go_at_m_s": float(np.median(speeds)) if speeds else None,
         "refused": len(refused),
-        "refused_and_asked": sum(row["clairvoyant"] is not None for row in refused),
+        "refused_and_asked": len(asked),
+        "refused_and_caught_by_clairvoyant": _caught_by_optimum(asked),
         "refused_by": dict(Counter(row["binding_limit"] for row in refused)),
         "violations": sum(row["violations"] for row in rows),
         "violations_of_clairvoyant": sum(row.get("clairvoyant_violations", 0) for row in rows),
@@ -87,19 +94,90 @@ def counted(rows: Sequence[Row]) -> Row:
     }
 
 
+def _kinds(rows: Sequence[Row]) -> list[list[Row]]:
+    """Return throws by what one may stand for another in: condition, and refused or not."""
+    kinds: dict[tuple[object, bool], list[Row]] = {}
+    for row in rows:
+        kind = row.get("condition"), row["status"] == "unreachable"
+        kinds.setdefault(kind, []).append(row)
+    return list(kinds.values())
+
+
+#: Share of the throws of a kind that are all known.
+_SURE = Estimate(1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """A part of all throws, of which the clairvoyant knows some.
+
+    Attributes:
+        known: Throws of it that are counted.
+        drawn: How many throws there are of each further kind, how many of them were asked about,
+            and how many of these the clairvoyant caught.
+    """
+
+    known: int
+    drawn: tuple[tuple[int, int, int], ...] = ()
+
+    @classmethod
+    def of(cls, kinds: Sequence[Sequence[Row]]) -> "_Part":
+        """Return the throws of some kinds that the clairvoyant catches."""
+        known, drawn = 0, []
+        for rows in kinds:
+            asked = [row for row in rows if row["clairvoyant"] is not None]
+            found = _caught_by_optimum(asked)
+            if len(asked) == len(rows):
+                known += found
+            else:
+                drawn.append((len(rows), len(asked), found))
+        return cls(known, tuple(drawn))
+
+    @property
+    def count(self) -> float:
+        """How many throws that is, by the rates of those that were asked about."""
+        return self.known + sum(m * found / asked for m, asked, found in self.drawn if asked)
+
+    @property
+    def kinds(self) -> list[tuple[int, Estimate]]:
+        """Throws of each kind, and the share of them that counts."""
+        return [(self.known, _SURE), *((m, share(found, asked)) for m, asked, found in self.drawn)]
+
+    def rate(self, n: int) -> Row:
+        """Return it as a share of n throws, with its interval."""
+        pairs = [(share(size, n), of_kind) for size, of_kind in self.kinds]
+
+        def f(*rates: float) -> float:
+            return sum(a * b for a, b in zip(rates[::2], rates[1::2], strict=True))
+
+        return _row(combined(f, [x for pair in pairs for x in pair]), self.count, n)
+
+
+def _ratio(part: _Part, rest: _Part) -> Row:
+    """Return the share of a part in it and the rest, with its interval.
+
+    The throws that either may hold are split into kinds, one after the other: each split is a rate
+    of its own.
+    """
+    kinds = [*part.kinds, *rest.kinds]
+    left = [sum(size for size, _ in kinds[k:]) for k in range(len(kinds))]
+    splits = [share(size, of) for (size, _), of in zip(kinds, left, strict=True)][:-1]
+
+    def f(*given: float) -> float:
+        left, shares = 1.0, []
+        for split, rate in zip((*given[: len(splits)], 1.0), given[len(splits) :], strict=True):
+            shares.append(left * split * rate)
+            left *= 1.0 - split
+        whole = sum(shares)
+        return sum(shares[: len(part.kinds)]) / whole if whole > 0.0 else 0.0
+
+    rate = combined(f, [*splits, *(of_kind for _, of_kind in kinds)])
+    return _row(rate, part.count, round(part.count + rest.count))
+
+
 def _caught_by_optimum(rows: Sequence[Row]) -> int:
     """Return how many of some throws the clairvoyant caught within all limits."""
     return sum(row["clairvoyant"] == "caught" and not row["clairvoyant_violations"] for row in rows)
-
-
-def _timid(refused: list[Row], condition: str | None) -> float:
-    """Return how many refused throws of a condition could have been caught.
-
-    Those that the clairvoyant was asked about stand for all that were refused.
-    """
-    here = [row for row in refused if row.get("condition") == condition]
-    asked = [row for row in here if row["clairvoyant"] is not None]
-    return _caught_by_optimum(asked) / len(asked) * len(here) if asked else 0.0
 
 
 def _let_go(row: Row) -> bool:
@@ -117,8 +195,13 @@ def _broken(row: Row) -> bool:
 
 def _rate(k: int, n: int) -> Row:
     """Return a rate with its 95 % Wilson interval."""
-    low, high = wilson(k, n)
-    return {"of": n, "count": k, "rate": k / n if n else None, "low": low, "high": high}
+    return _row(share(k, n), k, n)
+
+
+def _row(rate: Estimate, count: float, n: int) -> Row:
+    """Return a rate with its interval, and the counts behind it."""
+    return {"of": n, "count": round(count), "rate": rate.rate if n else None, "low": rate.low,
+            "high": rate.high}  # fmt: skip
 
 
 def is_sampled(seed: int, index: int, share: float) -> bool:

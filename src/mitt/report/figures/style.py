@@ -83,6 +83,7 @@ RC: dict[str, object] = {
     "path.simplify": True,
     "path.simplify_threshold": 0.15,
     "savefig.transparent": True,
+    "text.parse_math": False,  # names are names: a dollar begins no formula
 }
 
 
