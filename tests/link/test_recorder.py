@@ -38,9 +38,10 @@ def about(runner: TrialRunner, learned: Learned) -> About:
 def _senses(k: int, arm: Arm, rng: np.random.Generator, frames: tuple[Frame, ...] = ()) -> Senses:
     """Return random senses, now and then with points."""
     t, count = 1e-3 * k + 1e-5 * rng.random(), int(rng.integers(3)) if k % 3 == 0 else 0
+    roots = rng.random((count, 3, 3))
     points = tuple(
-        Sighting(t=t, found=True, r_o=rng.standard_normal(3), covariance=rng.random((3, 3)))
-        for _ in range(count)
+        Sighting(t=t, found=True, r_o=rng.standard_normal(3), covariance=root @ root.T)
+        for root in roots
     )
     state = ArmState(t=t - 1e-4, q=rng.standard_normal(arm.n), dq=rng.standard_normal(arm.n))
     return Senses(t=t, arm=state, frames=frames, points=points)

@@ -115,7 +115,9 @@ def points(fault: str, t: float, r_o: Array, rng: np.random.Generator) -> tuple[
         P *= 10.0 ** rng.uniform(-300.0, 20.0)
     elif fault == "lopsided":
         P = rng.standard_normal((3, 3))
-    return (replace(good, r_o=place, covariance=P),)
+    bad = replace(good, r_o=place, covariance=good.covariance.copy())
+    bad.covariance[:] = P  # gets past the check: an array that is used again
+    return (bad,)
 
 
 @kernel

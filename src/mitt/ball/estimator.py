@@ -73,7 +73,8 @@ def update(memory: Array, t: float, z: Array, R: Array, settings: Array, work: A
         if not _waited(memory, t, z, R, gap):
             return
         memory[at.ALL_RESTARTS] += 1.0
-        memory[at.FILLED] = memory[at.USED] = memory[at.DOUBTFUL] = memory[at.RUN] = 0.0
+        for number in (at.FILLED, at.USED, at.DOUBTFUL, at.RUN):
+            memory[number] = 0.0
         for k in range(ROW):
             seen = WAIT + SEEN * k
             z_k = view(memory, seen + SLOT_Z, (3,))

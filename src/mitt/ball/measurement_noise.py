@@ -19,6 +19,8 @@ LEAST = 5e-5
 BEFORE, WINDOW = 6.0, 100.0
 """Samples that the first value is worth, and that are remembered."""
 CLIP = 5.0
+SOONEST = 1e-9
+"""Time between two positions in a row [s]."""
 
 NOISE = 17
 """Numbers kept: variances of the axes [m^2], positions so far, three times [s] and positions [m],
@@ -44,7 +46,7 @@ def learn(noise: Array, t: float, z: Array) -> None:
     if not (isfinite(t) and isfinite(z[0]) and isfinite(z[1]) and isfinite(z[2])):
         return
     seen = noise[3]
-    if not t > noise[6]:
+    if not t - noise[6] > SOONEST:
         noise[16] = 0.0
     if noise[16] >= 3.0:
         a, b, c = noise[4], noise[5], noise[6]
@@ -56,6 +58,8 @@ def learn(noise: Array, t: float, z: Array) -> None:
             e = z[i] - wa * noise[7 + i] - wb * noise[10 + i] - wc * noise[13 + i]
             sample = e * e / (1.0 + wa * wa + wb * wb + wc * wc)
             so_far = noise[i]
+            if not sample >= 0.0:  # times too far apart for numbers
+                continue
             noise[i] = max(so_far + share * (min(sample, CLIP * so_far) - so_far), LEAST**2)
     noise[3] = seen + 1.0
     noise[16] += 1.0
