@@ -247,7 +247,7 @@ def test_positions_with_impossible_stamps_are_left_out() -> None:
         (lambda x, _: replace(x, t=x.t - 0.02), "ms after their stamps", False),
         (lambda x, _: replace(x, r_o=np.full(3, np.nan)), "no numbers, or all zero", False),
         (lambda x, _: replace(x, r_o=np.zeros(3)), "no numbers, or all zero", False),
-        (lambda x, k: replace(x, r_o=np.array([2.0, k // 8, 0.5])), "repeat", False),
+        (lambda x, k: replace(x, r_o=np.array([2.0, 0.01 * (k // 8), 0.5])), "repeat", False),
     ],
 )
 def test_what_blinds_the_catcher_is_said_within_a_second(

@@ -136,3 +136,20 @@ def test_a_rig_whose_lenses_bend_gives_straight_cameras_and_the_lenses(tmp_path:
         assert len(lenses) == count
         assert [lens.numbers[4] for lens in lenses] == [k1, 0.0][:count]
         assert all(camera.f_px == pytest.approx(220.0) for camera in rig_of(cell).cameras)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../../x", "/tmp/x", "a/b", "..", ".", ".hidden", "a\\b", "a\nb", "a\n", "a\0b", "", " a", "[x]",
+     "x" * 61, "a:b", "-a"],
+)  # fmt: skip
+def test_a_name_is_part_of_a_file_s_name(name: str) -> None:
+    """So a recording stays in the folder that was named."""
+    with pytest.raises(FileError, match="name"):
+        cell_of({"schema": "mitt.cell/1", "name": name}, place="cell")
+
+
+def test_names_of_people_are_names() -> None:
+    """Letters of any language, digits, spaces."""
+    for name in ("wam-sim", "Zelle 3", "käfig_2", "ur5e.v2+", "a"):
+        assert cell_of({"schema": "mitt.cell/1", "name": name}, place="cell").name == name

@@ -157,3 +157,53 @@ def test_cameras_may_come_later() -> None:
     writer.write(1.0, images(3))
     assert len(later.take()) == 1
     writer.close()
+
+
+def test_a_memory_that_is_cut_short_ends_no_process() -> None:
+    """Nothing comes from it any more; grown again, its frames come again."""
+    writer = FrameWriter(NAME, 2, *SHAPE)
+    reader = FrameReader.named(NAME, [SHAPE, SHAPE])
+    writer.write(1.0, images(1))
+    whole = (FOLDER / NAME).read_bytes()
+    for size in (0, 8, 63, 64, 200, len(whole) // 2, len(whole) - 1):
+        other = FOLDER / f"{NAME}-cut"
+        other.write_bytes(whole)
+        try:
+            cut = FrameReader.named(other.name, [SHAPE, SHAPE])
+            with other.open("r+b") as file:
+                file.seek(8 * 5)
+                file.write((SLOTS - 1).to_bytes(8, "little"))
+                file.truncate(size)
+            assert all(x.number == 1 for x in cut.take())
+            cut.close()
+        finally:
+            other.unlink()
+    assert [x.t for x in reader.take()] == [1.0]
+    reader.close()
+    writer.close()
+
+
+def test_what_is_no_memory_of_this_user_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pipe would hold the loop; another user could write whatever he likes."""
+    pipe = FOLDER / f"{NAME}-pipe"
+    os.mkfifo(pipe)
+    try:
+        with pytest.raises(InputError, match="of this user"):
+            FrameReader.named(pipe.name, [SHAPE, SHAPE])
+    finally:
+        pipe.unlink()
+    writer = FrameWriter(NAME, 2, *SHAPE)
+    monkeypatch.setattr(os, "geteuid", lambda: 4321)
+    monkeypatch.setattr(os, "fstat", lambda fd, of=os.fstat: Owned(of(fd)))
+    with pytest.raises(InputError, match="as the same user"):
+        FrameReader.named(NAME, [SHAPE, SHAPE])
+    monkeypatch.undo()
+    writer.close()
+
+
+class Owned:
+    """What the system says of a file, with another owner."""
+
+    def __init__(self, of: os.stat_result) -> None:
+        """Take it."""
+        self.st_mode, self.st_size, self.st_uid = of.st_mode, of.st_size, 1234

@@ -67,8 +67,8 @@ ODD: dict[str, tuple[Change, str, bool]] = {
     "no numbers": (lambda k, r: at(NOW + k * TICK, np.nan * r), "no numbers", False),
     "not found": (lambda k, r: at(NOW + k * TICK, r, found=False), "no numbers", False),
     "all zero": (lambda k, r: at(NOW + k * TICK, 0.0 * r), "all zero", False),
-    "no time": (lambda k, r: at(np.nan, r), "no numbers", False),
-    "repeated": (lambda k, r: at(NOW + k * TICK, [1.0 + k // 4, 0.0, 0.0]), "repeat", False),
+    "no time": (lambda k, r: at(np.nan * k, r), "no numbers", False),
+    "repeated": (lambda k, r: at(NOW + k * TICK, 0.0 * r + [k // 4, 1.0, 0.0]), "repeat", False),
 }
 
 

@@ -45,7 +45,8 @@ _PUSHED = 0.1
 #: say why it had stopped before [s].
 _STOPS, _GRACE = 2.0, 0.05
 #: How often brakes that do not answer are told again, and repeated readings from which it is said.
-_TOLD, _MANY = 3, 20
+_TOLD, _MANY = 3, 5
+_SLOWER = "joint states repeat: the robot is slower than its publisher"
 
 
 @final
@@ -95,7 +96,7 @@ class LiveLoop:
         self._watch = Watch(arm, link.robot, self._lag, self._positions, clock=clock,
                             silence=silence)  # fmt: skip
         self._ticks = Ticks(first, again, self._sight, self._positions, self.counts, recorder,
-                            steps=arm.encoder_step)  # fmt: skip
+                            steps=arm.encoder_step, obeys=link.obeys)  # fmt: skip
         self.age, self._until, self._fastest, self._missed = 0.0, np.inf, 0.0, False
         self._unread = 0
 
@@ -230,6 +231,8 @@ class LiveLoop:
             self.stop(f"the robot's {late}")
         if blind := self._sight.silent(now):
             self.stop(blind)
+        if self._ticks.frozen:
+            self.stop("joint states repeat while the arm moves: the robot is not read any more")
         if answer is not None and self.mode is not Mode.STOPPED:
             self._answer(*answer)
             self.age = monotonic() - begun
@@ -271,7 +274,7 @@ class LiveLoop:
         if self._positions.note:
             self.notes["ball"] = self._positions.note
         if self._ticks.repeated > _MANY:
-            self.notes["readings"] = "joint states repeat: the robot is slower than its publisher"
+            self.notes["readings"] = _SLOWER
 
     def _images(self, count: int, now: float) -> Sequence[FrameSet | None]:
         """Return images beside so many readings; stop where their source fails."""

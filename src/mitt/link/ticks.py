@@ -20,7 +20,9 @@ from mitt.signals import TICK, ArmState, Array, Command, Frame, Senses, Sighting
 
 #: How far a joint has to have moved before a row of angles that repeats is no reading [rad], beside
 #: two steps of its encoder.
-_MOVED = 1e-4
+_MOVED = 2e-4
+#: Rows in a row that repeat while the arm moves, from which its joint states have stopped.
+_FROZEN = 9
 #: Speeds below which an arm rests, commanded and estimated [rad/s].
 _REST, _STILL = 1e-3, 0.05
 
@@ -34,6 +36,7 @@ class Ticks:
         stamps: The robot's stamps as a time that only goes on.
         recorded: Whether the ticks are recorded: those of a catch are.
         repeated: Readings of a moving arm that repeat the one before.
+        frozen: Whether they have for so long that no reading comes any more.
     """
 
     def __init__(
@@ -46,6 +49,7 @@ class Ticks:
         recorder: Recorder | None,
         *,
         steps: Array,
+        obeys: bool,
     ) -> None:
         """Take the catchers and what is beside them.
 
@@ -57,11 +61,12 @@ class Ticks:
             counts: Where ticks, readings that were lost or repeat, and stray images are counted.
             recorder: Keeps each tick of a catch.
             steps: Resolution of the joints' encoders [rad], shape (n,).
+            obeys: Whether the arm does at once what it is told: by torques, not by setpoints.
         """
         self.catcher, self.stamps, self.recorded = first, Stamps(), False
         self._again, self._sight, self._counts, self._recorder = again, sight, counts, recorder
         self._positions, self._begun, self._last = positions, 0.0, 0.0
-        self.repeated = 0
+        self.repeated, self.frozen, self._run, self._obeys = 0, False, 0, obeys
         self._read, self._since, self._least = np.zeros(0), 0.0, _MOVED + 2.0 * steps
 
     @property
@@ -86,7 +91,7 @@ class Ticks:
 
     def restart(self) -> None:
         """Forget the stamps so far, as after a stop, and take a fresh catcher."""
-        self.stamps, self._last, self._read = Stamps(), 0.0, np.zeros(0)
+        self.stamps, self._last, self._read, self.frozen = Stamps(), 0.0, np.zeros(0), False
         self._positions.restart()
         self.fresh()
 
@@ -147,12 +152,17 @@ class Ticks:
         passed = self.stamps.t - self._since
         if not np.array_equal(reading.q, self._read):
             self._read, self._since = np.array(reading.q), self.stamps.t
+            self._run, self.frozen = 0, False
             return False
         if self.catcher.tick is None:
             return False
-        told, known = self.catcher.result.command[1], self.catcher.estimated[1]
-        moved = passed * np.maximum(np.abs(told), np.abs(known))
-        return bool(np.any(moved > self._least))
+        speed = np.abs(self.catcher.estimated[1])
+        if self._obeys:
+            speed = np.maximum(speed, np.abs(self.catcher.result.command[1]))
+        repeats = bool(np.any(passed * speed > self._least))
+        self._run = self._run + 1 if repeats else 0
+        self.frozen = self._run >= _FROZEN
+        return repeats
 
     def _step(self, senses: Senses) -> Command:
         """Let the catcher make a tick; recorded unless it is on its way to the ready pose."""
