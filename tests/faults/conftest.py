@@ -74,16 +74,22 @@ class Range:
         pixels: bool = False,
         change: Change | None = None,
         ball: Throw | None = None,
+        late: tuple[int, int] | None = None,
     ) -> Thrown:
-        """Throw once with a plan of faults and a change of the senses."""
+        """Throw once with a plan of faults and a change of the senses.
+
+        ``late`` is the number of a tick that does not come, and how many do not; the world goes on
+        with the command before.
+        """
         arm = self.taught.map.arm
         scene = Scene.model_validate({"faults": list(faults)})
         runner = TrialRunner(arm, Direct(self.taught.map), scene, pixels=pixels)
         world, catcher, rows, finite = runner.world, runner.catcher(), [], True
         world.reset(ball or self.throws[number], SEED + number)
-        for _ in range(TICKS):
+        for k in range(TICKS):
             senses = world.sense(look=catcher.looking)
-            command = catcher.step(senses if change is None else change(senses))
+            if late is None or not late[0] <= k < sum(late):
+                command = catcher.step(senses if change is None else change(senses))
             everything = (
                 command.q,
                 command.dq,

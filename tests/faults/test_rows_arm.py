@@ -1,7 +1,6 @@
 """Rows 9 to 22 of the fault table: numbers, time, the map, the arm, the ball, the world."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from mitt.catcher.catcher import CatcherSettings
 from mitt.control.health import CLOCK, OVERRUN, memory, pass_time
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
-from mitt.signals import Command, MapStatus, Senses
+from mitt.signals import Command, MapStatus
 from mitt.world.scene import exact_scene
 from mitt.world.simulation import World
 from mitt.world.throws import Throw
@@ -55,19 +54,24 @@ def test_row_10_clock_jump_of_the_ticks(place: Range, jump: float) -> None:
     assert thrown.status == "stopped"
 
 
-@pytest.mark.parametrize(("stall", "stops"), [(0.004, False), (0.015, False), (0.030, True)])
-def test_row_11_overrun(place: Range, stall: float, stops: bool) -> None:
-    """A tick that comes late is bridged up to 20 ms, and counted; a later one stops the arm."""
+@pytest.mark.parametrize("at", [300, 450])
+@pytest.mark.parametrize("missing", [4, 14, 19, 29])
+def test_row_11_overrun(place: Range, missing: int, at: int) -> None:
+    """A tick that comes late is bridged up to 20 ms, and counted; a later one stops the arm.
 
-    def late(senses: Senses) -> Senses:
-        behind = stall if senses.t > 0.3 else 0.0
-        arm = replace(senses.arm, t=senses.t + behind)
-        return replace(senses, t=senses.t + behind, arm=arm)
-
-    thrown = place.throw(change=late)
-    assert is_sound(thrown)
-    assert (thrown.status == "stopped") is stops
+    The arm goes on meanwhile, under the torques of the last command.
+    """
+    thrown, stops = place.throw(late=(at, missing)), missing >= 20
+    assert thrown.finite
+    assert stops or thrown.violations == 0
+    assert thrown.status == ("stopped" if stops else "caught")
     assert ("overrun" in thrown.reasons) is stops
+    assert ("late tick" in thrown.reasons) is (5 <= missing < 20)
+    assert not any(reason.startswith("encoder") for reason in thrown.reasons)
+
+
+def test_row_11_time_that_stands_still() -> None:
+    """Twenty ticks without a usable time in a row stop the arm; so does one that comes too late."""
     notes = memory()
     assert [pass_time(notes, t)[1] for t in (0.0, 0.001, 0.05)][-1] == OVERRUN
     assert [pass_time(notes, 0.04)[1] for _ in range(20)][-1] == CLOCK

@@ -11,7 +11,7 @@ from typing import Any, final
 import numpy as np
 
 from mitt.jit import kernel
-from mitt.signals import ArmState, Array, Frame, Image, Sighting
+from mitt.signals import TICK, ArmState, Array, Frame, Image, Sighting
 from mitt.vision.camera import Rig
 
 #: Numbers that are none, or none that could be real.
@@ -52,13 +52,19 @@ def absurd(rng: np.random.Generator) -> float:
     return ABSURD[rng.integers(len(ABSURD))]
 
 
+def passed(fault: str, rng: np.random.Generator) -> float:
+    """Return the time that passes until the next tick, for the arm and the ball as well [s]."""
+    longest = {"skips": 0.004, "stalls": 0.1}.get(fault, 0.0)
+    return TICK + float(longest * rng.random())
+
+
 def clock(fault: str, t: float, before: float, rng: np.random.Generator) -> float:
     """Return the time that is told, ``before`` being the one told last [s]."""
     told: dict[str, Callable[[], float]] = {
         "stands": lambda: before,
         "back": lambda: t - 10.0 * rng.random(),
-        "skips": lambda: t + 0.004 * rng.random(),
-        "stalls": lambda: t + 0.1 * rng.random(),
+        "skips": lambda: t,
+        "stalls": lambda: t,
         "hour": lambda: t + 3600.0 * rng.choice([-1.0, 1.0]),
         "absurd": lambda: absurd(rng),
     }

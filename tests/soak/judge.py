@@ -6,6 +6,8 @@
 * Where the way to standstill is blocked, or the arm is stopping, a joint that is outside may brake
   instead: at its trusted deceleration, no slower, and never away from where braking leads.
 * An arm that could stop clear of itself and the floor once never comes closer to them than is kept.
+* Where more or less than a tick has passed, the motion has gone on in ticks, of which the last is
+  judged, and the command lies between its ends.
 * After a stop nothing gets faster, and the stop is latched. A stop far from the command starts
   from the estimate.
 """
@@ -92,6 +94,7 @@ class Judge:
     def reset(self) -> None:
         """Forget the last command, as after a recovery."""
         self._last: Array | None = None
+        self._t = np.nan
         self._begun = False
         self._loaded = self._stopped = self._clear = False
 
@@ -112,6 +115,7 @@ class Judge:
             return f"not finite: {everything.tolist()}"
         begun, self._begun = self._begun, bool(catcher.state.scalars[0]["begun"])
         last, self._last = self._last if begun else None, told
+        passed, self._t = command.t - self._t, command.t
         if not self._begun and (tau.any() or not command.brakes):
             return f"torques {tau.tolist()}, brakes {command.brakes}, and a joint was not read yet"
         if not -ROUNDING <= hand <= self._closed + ROUNDING:
@@ -124,9 +128,17 @@ class Judge:
         if last is not None:
             b = self._bounds[self._loaded].copy()
             b[2] = np.minimum(b[2], slowest)
-            joint = breaks(b, last, told, blocked)
+            ends, ahead = (last, told), catcher.state.scalars[0]["ahead"].item()
+            if ahead > 0.0 or abs(passed - TICK) > ROUNDING:
+                ends = catcher.state.before.copy(), catcher.state.last.copy()
+                between = ends[1] - ahead * (ends[1] - ends[0])
+                if np.array_equal(*ends):  # begun anew at the estimate by a stop in this tick
+                    between = told
+                if np.any(np.abs(told - between) > ROUNDING):
+                    return f"{told.tolist()}, not {between.tolist()}, {ahead} of a tick before"
+            joint = -1 if np.array_equal(*ends) else breaks(b, *ends, blocked)
             if joint >= 0:
-                return f"joint {joint} from {last.tolist()} to {told.tolist()}"
+                return f"joint {joint} from {ends[0].tolist()} to {ends[1].tolist()}"
             if self._stopped and np.any(np.abs(told[1]) > np.abs(last[1]) + ROUNDING):
                 return f"faster after a stop: {last[1].tolist()} to {told[1].tolist()}"
         if self._clear and self._gap(told[0]) < MARGIN - ROUNDING:

@@ -1,8 +1,8 @@
 """Whole ticks fed with garbage, in all phases, checked after each by an independent rule.
 
-The arm is one that does what the torques bring by the catcher's own model; clock, encoders,
-points and images are garbage by turns (:mod:`soak.garbage`). The rule is that of
-:mod:`soak.judge`.
+The arm is one that does what the torques bring by the catcher's own model, in some episodes the
+exact one of :mod:`exact_plant`; it moves on while a tick is late. Clock, encoders, points and
+images are garbage by turns (:mod:`soak.garbage`). The rule is that of :mod:`soak.judge`.
 """
 
 from collections import Counter
@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import final
 
 import numpy as np
+from exact_plant import ExactPlant
 
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
 from mitt.errors import InputError, ShapeError
@@ -34,6 +35,8 @@ from soak.judge import Judge
 _EPISODE, _CALM = 900, 0.4
 #: Flights that are flown once, and faults kept for the report.
 _FLIGHTS, _KEPT = 24, 20
+#: Share of the episodes with the exact plant.
+_EXACT = 0.3
 #: Rows and columns of an image [px].
 _SIDE = 128
 #: Rates at which faults strike a channel, a tick.
@@ -170,7 +173,10 @@ class _Episode:
         rates = _RATES[rng.integers(2) :]
         self._channels = [Channel(kind, rng, float(rng.choice(rates))) for kind in kinds]
         self._calm = int(_CALM * _EPISODE * rng.random()) if rng.random() < 0.5 else 0
-        self._joints, self._found = self._start(), False
+        self._joints, self._found, self._now = self._start(), False, 0.0
+        self._plant = ExactPlant(self._arm) if rng.random() < _EXACT else None
+        if self._plant is not None:
+            self._plant.state[:] = self._joints
 
     def _start(self) -> Array:
         """Return q, dq of the arm at the start: mostly ready, at times anywhere."""
@@ -185,10 +191,13 @@ class _Episode:
         before, told, catcher = self._joints, 0.0, self._catcher
         for k in range(ticks):
             faults = [channel.next() if k >= self._calm else "" for channel in self._channels]
-            told = garbage.clock(faults[0], k * TICK, told, self._rng)
-            senses = self._sense(k, told, faults, before)
-            before = self._joints
-            fault = self._tick(senses)
+            time = garbage.passed(faults[0], self._rng)
+            if k > 0:
+                before = self._joints
+                self._move(time)
+                self._now += time
+            told = garbage.clock(faults[0], self._now, told, self._rng)
+            fault = self._tick(self._sense(told, faults, before))
             count.ticks += 1
             count.phases[catcher.phase.value] += 1
             if catcher.tick is not None:
@@ -204,9 +213,9 @@ class _Episode:
             if catcher.phase is Phase.STOPPED and self._rng.random() < 0.1:
                 count.recovered += self._recovers()
 
-    def _sense(self, k: int, t: float, faults: list[str], before: Array) -> Senses:
+    def _sense(self, t: float, faults: list[str], before: Array) -> Senses:
         """Return what the catcher is told."""
-        rng, r_o = self._rng, self._flight[k]
+        rng, r_o = self._rng, self._flight[min(round(self._now / TICK), _EPISODE - 1)]
         arm: ArmState = garbage.encoders(faults[1], t, self._joints, before, rng)
         if self._cameras is None:
             return Senses(t=t, arm=arm, points=garbage.points(faults[2], t, r_o, rng))
@@ -230,18 +239,22 @@ class _Episode:
             self._catcher.think()
         except Exception as error:
             return f"raised {type(error).__name__}: {error}"
-        self._move()
+        self._told = command
         return self._judge.fault(self._catcher, command, slowest)
 
-    def _move(self) -> None:
-        """Let the arm do what the torques bring, within what joints and drives can do at all."""
+    def _move(self, time: float) -> None:
+        """Let the arm do for so long what the torques bring, within what joints can do at all."""
         (q, dq), arm = self._joints, self._arm
+        if self._plant is not None:
+            self._plant.move(self._told, time)
+            self._joints = self._plant.state.copy()
+            return
         command, brakes = self._catcher.result.command, self._catcher.result.scalars["brakes"]
         push = command[4]
         if brakes.item() and not command[3].any():
             dq = 0.0 * dq  # the brakes hold
-        dq = np.clip(dq + TICK * np.nan_to_num(push), -arm.dq_max, arm.dq_max)
-        self._joints = np.array([np.clip(q + TICK * dq, arm.q_min, arm.q_max), dq])
+        dq = np.clip(dq + time * np.nan_to_num(push), -arm.dq_max, arm.dq_max)
+        self._joints = np.array([np.clip(q + time * dq, arm.q_min, arm.q_max), dq])
 
     def _recovers(self) -> bool:
         """Ask the catcher to recover; return whether it did."""

@@ -72,7 +72,7 @@ def act(brake: Array, state: CatcherState, result: Result) -> int:
         result.command,
         state.slew,
         state.track_scratch,
-        s.passed,
+        min(s.passed, IN_TIME),
     )
     _report(blocked, state, result)
     _engage(state, result)

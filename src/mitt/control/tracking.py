@@ -154,7 +154,7 @@ def track(
         _give_way(bounds, drives, bodies, q, dq, command, scratch)
     for k in range(n):
         command[TAU, k] = kept[index[k]]
-    return _change_slowly(slew, command[TAU], min(passed / TICK, 1.0)) or met
+    return _change_slowly(slew, command[TAU], passed / TICK) or met
 
 
 @kernel
@@ -164,7 +164,7 @@ def _change_slowly(slew: Array, tau: Array, ticks: float) -> bool:
     Args:
         slew: As of :func:`slew_of`.
         tau: Torques of the active joints, overwritten [N m], shape (n,).
-        ticks: Share of what a tick may bring, at most 1: a late one brings no more.
+        ticks: Time since the torques before, in ticks.
     """
     share = 1.0
     for k in range(len(tau)):
