@@ -222,7 +222,8 @@ def changed(**fields: Callable[[JointReference], object]) -> Callable[[object], 
 
     def spoil(answer: object) -> object:
         assert isinstance(answer, JointReference)
-        return replace(answer, **{name: new(answer) for name, new in fields.items()})
+        new = {name: spoilt(answer) for name, spoilt in fields.items()}
+        return replace(answer, **new)  # type: ignore[arg-type]
 
     return spoil
 
