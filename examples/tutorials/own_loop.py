@@ -116,6 +116,7 @@ while not catcher.done:
     t += TICK
     ball_now = release + t * velocity + 0.5 * t * t * FALL
     nearest = min(nearest, float(np.linalg.norm(arm.position(q) - ball_now)))
+# here: engage your brakes, or go on with the loop, whose commands hold the arm and the ball
 print(f"{catcher.phase.value}, {1e3 * nearest:.1f} mm from the ball at the nearest")
 
 servo, delay = 2.0 * pi * 8.0, 4  # bandwidth [rad/s] and delay [ticks]: measure both
@@ -123,4 +124,4 @@ setpoints = Setpoints(arm, "position", bandwidth=servo, delay=delay * TICK)
 settings = mitt.CatcherSettings(
     bandwidth=servo, setpoint_delay=delay, torque_lead=TICK * (1 + delay)
 )
-told = setpoints.lead(command, q)  # each tick; told.q goes to the robot
+told = setpoints.lead(command, catcher.estimated[0])  # each tick; told.q goes to the robot

@@ -32,10 +32,10 @@ class Cell:
         """Begin at rest in the ready pose, the ball released."""
         self.arm, self.catcher, self.t, self.rng = arm, catcher, 0.0, np.random.default_rng(7)
         self.q, self.dq = arm.q_ready.copy(), np.zeros(arm.n)
-        self.silent = False
+        self.silent, self.braked = False, 0
 
     def tick(self, *, thinks: bool = True, seen: bool = True) -> Command:
-        """Make a tick, then let the arm move by its torques, unless its brakes hold it."""
+        """Make a tick, then let the arm move by its torques, unless its brakes act by now."""
         r = RELEASE + self.t * VELOCITY + 0.5 * self.t**2 * FALL
         r = r + 1e-3 * self.rng.standard_normal(3)
         ball = mitt.Sighting(t=self.t, found=True, r_o=r, covariance=1e-6 * np.eye(3))
@@ -46,8 +46,9 @@ class Cell:
         command = self.catcher.step(mitt.Senses(t=self.t, arm=reading, points=points))
         if thinks:
             self.catcher.think()
+        self.braked = self.braked + 1 if command.brakes else 0
         for _ in range(2):
-            if command.brakes and not command.tau.any():
+            if self.braked * TICK > self.arm.brakes[0].delay:
                 self.dq = np.zeros(self.arm.n)
                 break
             bias = self.arm.inverse_dynamics(self.q, self.dq, np.zeros(self.arm.n))
@@ -90,7 +91,7 @@ CALLS: dict[str, Callable[[Catcher], object]] = {
     "ticked": lambda c: c.ticked(0, 0.0),
     "ticked, grasps": lambda c: c.ticked(GRASPS, 0.0),
     "think": lambda c: c.think(),
-    "again": lambda c: c.again(c._planner.generator),
+    "again": lambda c: c.again(c._planner._given),
     "verdict": lambda c: c.verdict,
     "copy": copy,
 }
@@ -221,7 +222,8 @@ def changed(**fields: Callable[[JointReference], object]) -> Callable[[object], 
 
     def spoil(answer: object) -> object:
         assert isinstance(answer, JointReference)
-        return replace(answer, **{name: new(answer) for name, new in fields.items()})
+        new = {name: spoilt(answer) for name, spoilt in fields.items()}
+        return replace(answer, **new)  # type: ignore[arg-type]
 
     return spoil
 

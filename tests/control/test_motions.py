@@ -113,7 +113,7 @@ def test_the_motions_of_mitt_are_taken(arm: Arm, seed: int, share: float) -> Non
         name: None if rng.random() < 0.5 else np.full(n, size)
         for name, size in (("acceleration", 0.5), ("jerk", 4.0), ("torque_rate", 100.0))
     }
-    slow = Arm(arm.model, replace(arm.limits, **low))
+    slow = Arm(arm.model, replace(arm.limits, **low))  # type: ignore[arg-type]
     start = rng.uniform(arm.q_min - 0.3, arm.q_max + 0.3)
     motion = slow_motion(slow, start, arm.q_ready, share)
     checked(slow, motion, start)

@@ -62,7 +62,7 @@ def test_a_reading_that_is_lost_once_leaves_no_trace(arm: Arm, takes: str) -> No
                 told = setpoints.of(still, q)
                 assert np.all(np.isfinite(told))
             sent.append(told)
-        assert np.array_equal(*sent)
+        assert np.array_equal(sent[0], sent[1])
 
 
 @pytest.mark.parametrize(
@@ -88,4 +88,4 @@ def test_a_tick_that_cannot_be_is_refused(arm: Arm, name: str, bad: object) -> N
     good = {"desired": np.array([arm.q_ready, *np.zeros((2, 3))]), "q": arm.q_ready}
     with pytest.raises(MittError, match=name):
         setpoints.of(**(good | {name: bad}))  # type: ignore[arg-type]
-    assert np.array_equal(setpoints.of(**good), arm.q_ready)
+    assert np.array_equal(setpoints.of(good["desired"], good["q"]), arm.q_ready)

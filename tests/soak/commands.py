@@ -9,13 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitt.control.envelope import clamp_joint
+from mitt.control.jerk import clamp_smooth
 from mitt.jit import kernel
 from mitt.signals import TICK, Array
 
 #: Excess beyond a limit that is rounding, and how far inside a wish must be to pass untouched.
 ROUNDING, INSIDE = 1e-9, 1e-9
-#: Ticks for which one adversary drives one joint.
-EPISODE = 500
+#: Ticks for which one adversary drives one joint, and one with a jerk limit. Of so many commands
+#: one is to such a joint: its way to standstill is walked each time.
+EPISODE, SMOOTH_EPISODE, SMOOTH_SHARE = 500, 3000, 50
 
 #: What an adversary does.
 STEADY, WANDER, JUMP, BANG, HUGE, BROKEN, EDGE, TINY = range(8)
@@ -42,9 +44,11 @@ class Count:
 
 
 def soak(commands: int, *, seed: int) -> Count:
-    """Send ``commands`` adversarial commands through the envelope."""
+    """Send ``commands`` adversarial commands through the envelope, some to joints with jerk."""
     counts = np.zeros(4, dtype=np.int64)
-    _drive(commands, seed, counts)
+    smooth = commands // SMOOTH_SHARE
+    _drive(commands - smooth, seed, counts)
+    _drive_smooth(smooth, seed, counts)
     return Count(commands, *(int(x) for x in counts))
 
 
@@ -157,4 +161,52 @@ def _drive(commands: int, seed: int, counts: Array) -> None:
             ):
                 counts[0] += 1
             q0, dq0 = q, dq
+            done += 1
+
+
+@kernel
+def obeys_smooth(
+    b: Array, jerk: float, last: tuple[float, float, float], told: tuple[float, float, float]
+) -> bool:
+    """Say whether a motion with a jerk limit may follow another."""
+    (q0, dq0, ddq0), (q, dq, ddq), e = last, told, ROUNDING
+    most = max(b[4], abs(ddq0))
+    return bool(
+        abs(ddq - ddq0) <= jerk * TICK * (1.0 + e) + e
+        and abs(ddq) <= most + e
+        and abs(dq) <= max(b[2], abs(dq0)) + e
+        and abs(dq - dq0 - TICK * ddq) <= e
+        and abs(q - q0 - 0.5 * TICK * (dq0 + dq)) <= e
+    )
+
+
+@kernel
+def _drive_smooth(commands: int, seed: int, counts: Array) -> None:
+    """Count as :func:`_drive`, for joints with a jerk limit that begin at rest, also beyond an end.
+
+    None goes farther out, none that is in leaves, and at the end of an episode each is in.
+    """
+    np.random.seed(seed)  # noqa: NPY002 (compiled: the thread's own generator)
+    b, done = np.zeros(5), 0
+    while done < commands:
+        _limits(b)
+        jerk = min(b[3] * 10.0 ** (0.5 + 2.8 * np.random.random()), 2.0 * b[4] / TICK)  # noqa: NPY002
+        now = (b[0] - 0.5 + np.random.random() * (b[1] - b[0] + 1.0), 0.0, 0.0)  # noqa: NPY002
+        out = max(now[0] - b[1], b[0] - now[0], 0.0)
+        mode, goal = np.random.randint(MODES), np.random.random() - 0.5  # noqa: NPY002
+        for tick in range(min(SMOOTH_EPISODE, commands - done)):
+            if np.random.random() < 0.01:  # noqa: NPY002
+                mode, goal = np.random.randint(MODES), np.random.random() - 0.5  # noqa: NPY002
+            wish = _wish(mode, b, now[0], now[1], tick, goal)
+            told = clamp_smooth(b[0], b[1], b[2], b[3], b[4], jerk, now, wish)
+            counts[2] += told != wish
+            counts[3] += out > 0.0
+            if not (np.isfinite(told[0]) and np.isfinite(told[1]) and np.isfinite(told[2])):
+                counts[1] += 1
+                break
+            before, out = out, max(told[0] - b[1], b[0] - told[0], 0.0)
+            late = tick == SMOOTH_EPISODE - 1 and out > 0.0
+            if out > before + 1e-12 or late or not obeys_smooth(b, jerk, now, told):
+                counts[0] += 1
+            now = told
             done += 1

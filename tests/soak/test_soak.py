@@ -39,6 +39,21 @@ def test_the_rule_sees_what_breaks_it(motion: tuple[float, float, float]) -> Non
     assert not commands.obeys(b, start, 0.0, *motion)
 
 
+@pytest.mark.parametrize(
+    "motion",
+    [
+        (1e-7, 2e-4, 0.3),  # steps in acceleration by more than its jerk limit
+        (0.0, 2e-4, 0.2),  # is no motion: the place does not go with the speed
+        (1e-7, 0.0, 0.2),  # nor the speed with the acceleration
+    ],
+)
+def test_the_rule_of_smooth_joints_sees_what_breaks_it(motion: tuple[float, float, float]) -> None:
+    """At rest, with 200 rad/s^3: each broken by a little is noticed."""
+    b, rest = np.array([-1.0, 1.0, 20.0, 200.0, 300.0]), (0.0, 0.0, 0.0)
+    assert commands.obeys_smooth(b, 200.0, rest, (1e-7, 2e-4, 0.2))
+    assert not commands.obeys_smooth(b, 200.0, rest, motion)
+
+
 def test_the_rule_sees_a_joint_that_cannot_stop() -> None:
     """A speed from which the range does not suffice to stop breaks the rule."""
     b = np.array([-1.0, 1.0, 20.0, 200.0, 300.0])

@@ -141,7 +141,8 @@ def clamp_smooth(
     (q0, dq0, ddq0), (q, dq, ddq) = last, desired
     near = calm(dq0, ddq0, brake, jerk)
     if abs(dq0) > dq_max + _ROUNDING:
-        return onwards(q0, dq0, near)
+        q1, dq1, _ = onwards(q0, dq0, near)
+        return q1, dq1, near
     if not (np.isfinite(q) and np.isfinite(dq) and np.isfinite(ddq)):
         q, dq, ddq = q0, 0.0, 0.0
     within = min(_WITHIN, 0.25 * (high - low))
