@@ -27,7 +27,6 @@ from mitt.control.health import FAILED_TICKS, is_lost
 from mitt.control.rows import DQ_MAX
 from mitt.generator.feasibility import Outcome, Verdict, is_far, waiting_height
 from mitt.generator.generators import Direct, Generator, Unoptimised
-from mitt.generator.prediction import foresee
 from mitt.generator.several import Several
 from mitt.impact import examined, harms, speed_caps, speed_jumps
 from mitt.robot.arm import Arm
@@ -283,7 +282,6 @@ class Planner:
         if f is not None:
             self._write(map_fields(f))
             self._scalars["waiting_height"] = waiting_height(f)
-            self._scalars["t_catch"] = ball.t + foresee(f, ball).after
 
     def _review(self, ball: BallState) -> None:
         """Follow another map where the present one cannot catch any more what it could at first."""

@@ -42,7 +42,7 @@ _STATE = {
     "encoder_fault": 0, "failures": 0, "tolerance": 0.0, "max_tracking_error": 0.0, "review": 0.0,
     "t_reviewed": -np.inf, "watch": 0.0, "t_look": -np.inf, "heads": 0, "t_exposed": 0.0,
     "bandwidth": 0.0, "adapt_q": 0.0, "adapt_dq": 0.0, "adapt_until": 0.0, "torque_lead": 0.0,
-    "sigma_ready": np.inf, "waiting_height": 0.0, "t_catch": np.inf,
+    "sigma_ready": np.inf, "waiting_height": 0.0,
 }  # fmt: skip
 
 
@@ -77,7 +77,6 @@ class CatcherState(NamedTuple):
             bandwidth, adapt_...: As of ``CatcherSettings``; torque_lead: see
             :mod:`mitt.control.margin`.
             waiting_height: Of :func:`mitt.generator.feasibility.level` [m].
-            t_catch: When the catch was to be, as last foreseen [s]; infinite without one.
         estimated: q, dq of the joints as the monitor estimates them [rad, rad/s], shape (2, n).
         desired: q_d, dq_d, ddq_d of the last tick, shape (3, n).
         last: Last command within limits, as in :mod:`mitt.control.viability`, shape (3, n);

@@ -80,7 +80,10 @@ def refer(state: CatcherState, result: Result) -> None:
         state.packed, state.powers, state.window, state.alpha, target, rows, state.map_work
     ):
         out.inside = True
-        out.time_to_catch = time_to_catch(state.packed, rows, s.t_catch - out.t)
+        out.time_to_catch = time_to_catch(
+            state.packed, rows, target, out.drag, out.led or s.surrogate, state.start,
+            state.map_work,
+        )  # fmt: skip
 
 
 @kernel

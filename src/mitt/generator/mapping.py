@@ -23,10 +23,9 @@ from mitt.fields import brief
 from mitt.generator.constraints import initial_gap, project
 from mitt.generator.coordinates import basis_of, coordinates
 from mitt.generator.design import MapDesign, check_joints, tangent_of
-from mitt.generator.evaluation import NEAR, reference, references, time_to_catch, virtual
+from mitt.generator.evaluation import reference, references, time_to_catch, virtual
 from mitt.generator.packing import pack, workspace
 from mitt.generator.polynomial import CatchBasis
-from mitt.generator.prediction import catch_time, state_of
 from mitt.generator.tangent import Scratch, Tangent, catch_angle, expand, follow, scratch_of
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState, JointReference, MapStatus
@@ -235,7 +234,9 @@ class DirectMap:
         A pure function; what it returns is finite whatever the ball.
         """
         ball = checks.instance("ball", ball, BallState)
-        inside, rows = self.motion(np.array([ball.r_o, ball.dr_o, ball.ddr_o]))
+        motion = np.array([ball.r_o, ball.dr_o, ball.ddr_o])
+        inside, rows = self.motion(motion)
+        of = motion, ball.drag, ball.led
         return JointReference(
             t=ball.t,
             status=MapStatus.INSIDE if inside else MapStatus.DOMAIN,
@@ -244,17 +245,10 @@ class DirectMap:
             ddq_d=rows[2],
             q_o=rows[3],
             dq_o=rows[4],
-            time_to_catch=self._time_to_catch(ball, rows) if inside else np.inf,
+            time_to_catch=time_to_catch(self.packed, rows, *of, self.start, self.work)
+            if inside
+            else np.inf,
         )
-
-    def _time_to_catch(self, ball: BallState, rows: Array) -> float:
-        """Return the time to the catch of a ball in the domain [s]; the far one is foreseen."""
-        near = time_to_catch(self.packed, rows, np.inf)
-        if near <= NEAR:
-            return near
-        q_o, end = self.start.copy(), np.empty((3, 3))
-        after = catch_time(self.packed, state_of(ball), q_o, end, self.work)
-        return time_to_catch(self.packed, rows, after)
 
     def equals(self, other: "DirectMap") -> bool:
         """Say whether another map gives the same motions."""

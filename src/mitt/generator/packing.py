@@ -49,13 +49,20 @@ def unpack(v: Array) -> Tangent:
 
 def workspace(n: int, m: int = 0) -> Array:
     """Return a vector that holds all buffers for ``n`` active joints and ``m`` monomials."""
-    return np.zeros(35 * n + 45 + 3 * m)
+    return np.zeros(38 * n + 64 + 3 * m)
+
+
+@register_jitable
+def flight_rows(v: Array, n: int) -> tuple[Array, Array, Array]:
+    """Return buffers for a ball's state, (10,), its motion, (3, 3), and virtual joints, (3, n)."""
+    a = 35 * n + 36
+    return view(v, a, (10,)), view(v, a + 10, (3, 3)), view(v, a + 19, (3, n))
 
 
 @register_jitable
 def jet_rows(v: Array, n: int, m: int) -> tuple[Array, Array]:
     """Return buffers for the variables of the polynomial, (3, 3), and its monomials, (3, m)."""
-    a = 35 * n + 36
+    a = 38 * n + 55
     return view(v, a, (3, 3)), view(v, a + 9, (3, m))
 
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:  # the map asks this module for the time to its catch
     from mitt.generator.mapping import DirectMap
 
 #: How far ahead a ball is flown [s], in what steps, and halvings of the step of the catch.
-_HORIZON, _STRIDE, _HALVINGS = 1.0, 0.01, 12
+HORIZON, _STRIDE, _HALVINGS = 1.0, 0.01, 12
 #: Spectral density of the acceleration that the flight model does not explain [m^2/s^3].
 _UNEXPLAINED = 0.005
 LED = -1.0
@@ -178,7 +178,7 @@ def catch_time(packed: Array, state: Array, q_o: Array, ball: Array, work: Array
     r = ball[0]
     fly_on(state, 0.0, ball)
     last, t, stride = 0.0, 0.0, _STRIDE
-    while t < _HORIZON:
+    while t < HORIZON:
         if not invert(g, r, q_o, w):
             return np.inf
         s = to_go(g, q_o)
@@ -205,7 +205,7 @@ def _passes_below(state: Array, reach: float) -> bool:
     """Say whether the ball comes over ground within reach of the shoulder, but below it."""
     ball, t = np.empty((3, 3)), 0.0
     fly_on(state, 0.0, ball)
-    while t < _HORIZON:
+    while t < HORIZON:
         x, y = ball[0, 0], ball[0, 1]
         if np.sqrt(x * x + y * y) <= reach:
             return bool(ball[0, 2] < 0.0)
