@@ -71,7 +71,7 @@ class UnknownNameError(InputError, KeyError):
         return str(self.args[0])
 
 
-class MissingPackageError(InputError, ImportError):
+class MissingPackageError(InputError, ImportError):  # type: ignore[misc]  # both have a name
     """A package that only some of mitt needs is not installed."""
 
     def __init__(self, name: str, package: str, extra: str) -> None:

@@ -17,6 +17,8 @@ from mitt.link.clock import Pace
 
 Report = Callable[[str, int, int], None]
 
+#: Time over which the pace of a bar is taken [s].
+_PACE = 600.0
 #: Width of tables that do not go to a terminal [characters].
 _FILE_WIDTH = 110
 
@@ -74,7 +76,8 @@ def progress() -> Iterator[Report]:
     columns = (
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
     )  # fmt: skip
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, speed_estimate_period=_PACE) as bar:
         tasks = {}
 
         def report(name: str, done: int, of: int) -> None:
