@@ -86,7 +86,8 @@ def check_package(name: str, module: str, package: str, extra: str) -> None:
     Raises:
         MissingPackageError: It is not installed.
     """
-    if find_spec(module) is None:
+    there = sys.modules[module] if module in sys.modules else find_spec(module)
+    if there is None:
         raise MissingPackageError(name, package, extra)
 
 
