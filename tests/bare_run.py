@@ -248,7 +248,7 @@ def main(part: str = "") -> int:
                 Path("runs/0-direct").rename("RUN")
             elif Path("runs/0-direct").exists():
                 shutil.rmtree("runs/0-direct")
-            outputs.write_report = draw if "ARM.toml" in line else blank  # drawn twice
+            outputs.write_report = draw if "design ARM.urdf" in line else blank  # drawn twice
         os.chdir(ROOT)
     for text in wrong:
         print(text, file=sys.stderr)  # noqa: T201

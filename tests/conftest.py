@@ -1,6 +1,7 @@
 """What tests share: the arm, a few flights, a learned map, and a fixed Hypothesis profile."""
 
 import signal
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -48,3 +49,17 @@ def flights(arm: Arm) -> list[Flight]:
 def learned(arm: Arm, flights: list[Flight]) -> Learned:
     """A map learned from them."""
     return learn(arm, MapDesign(), flights)
+
+
+@pytest.fixture(scope="session")
+def thrown_study(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> Path:
+    """The folder of the small study after it was thrown here; to be copied, not written to."""
+    from small_study import TEXT, Here, quiet, ready, write_study  # noqa: PLC0415 (needs pyarrow)
+
+    from mitt.sweep.run import run_study  # noqa: PLC0415
+
+    place = tmp_path_factory.mktemp("thrown_study")
+    study = write_study(place, TEXT)
+    folder = ready(place / "out", study, learned)
+    assert run_study(study, folder, Here(), progress=quiet).status == 0
+    return folder.path

@@ -32,6 +32,20 @@ if parent_process() is not None:
     _die(os.environ.get("MITT_DIES", ""))
 
 
+def aborts_at_three(number: int) -> bytes:
+    """Die without a word at three."""
+    if number == 3:
+        os.abort()
+    return work(number)
+
+
+def raises_at_three(number: int) -> bytes:
+    """Raise an error at three."""
+    if number == 3:
+        raise ValueError("three")
+    return work(number)
+
+
 def work(number: int) -> bytes:
     """Return a number as text, or die at it."""
     if os.environ.get("MITT_DIES") == "at work":

@@ -1,6 +1,6 @@
 """A small study with a map at hand, and an engine that works here and now."""
 
-import os
+import shutil
 from collections.abc import Callable
 from concurrent.futures import Future
 from pathlib import Path
@@ -102,20 +102,7 @@ def ready(path: Path, study: Study, learned: Learned) -> Folder:
     return folder
 
 
-def said(number: int) -> bytes:
-    """Return a number as text."""
-    return str(number).encode()
-
-
-def aborts_at_three(number: int) -> bytes:
-    """Die without a word at three."""
-    if number == 3:
-        os.abort()
-    return said(number)
-
-
-def raises_at_three(number: int) -> bytes:
-    """Raise an error at three."""
-    if number == 3:
-        raise ValueError("three")
-    return said(number)
+def thrown_again(whole: Path, place: Path) -> tuple[Study, Folder]:
+    """Return the small study and a copy of its folder after it was thrown."""
+    study = write_study(place, TEXT)
+    return study, Folder(Path(shutil.copytree(whole, place / "out")))

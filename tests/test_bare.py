@@ -6,36 +6,20 @@ The other packages of this environment cannot be imported in the processes that 
 import json
 import subprocess
 import sys
-from functools import cache
-from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
-from packaging.utils import canonicalize_name
-from test_package import core
+from bare_run import extras
 from throws_on_film import calibrated
 
 from mitt.files.rig import write_rig
-
-ROOT = Path(__file__).parents[1]
-
-
-@cache
-def others() -> str:
-    """Return the modules of all packages that no installation without extras has."""
-    inside, found = core(), packages_distributions().items()
-    names = {m for m, of in found if not inside & {canonicalize_name(name) for name in of}}
-    assert {"pytest", "cv2", "pyarrow", "gymnasium", "casadi"} <= names
-    return ",".join(sorted(names))
 
 
 def bare(code: str, *words: str, cwd: Path) -> "subprocess.CompletedProcess[str]":
     """Run Python without them."""
     head = "import sys; sys.modules.update(dict.fromkeys(sys.argv.pop(1).split(',')))\n"
-    return subprocess.run(
-        [sys.executable, "-c", head + code, others(), *words], cwd=cwd, capture_output=True,
-        text=True, check=False, timeout=500,
-    )  # fmt: skip
+    command = [sys.executable, "-c", head + code, ",".join(extras()), *words]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
 
 
 #: Imports every command, and what workers of a design import; says what is missing for which.
@@ -100,6 +84,7 @@ def test_the_check_of_a_command_names_the_extra_that_it_will_need(tmp_path: Path
         (tmp_path / name).mkdir()
     for name in ("L.mkv", "R.mkv"):
         (tmp_path / name).write_bytes(b"")
+    assert {"pytest", "cv2", "pyarrow", "gymnasium", "casadi"} <= set(extras())
     before = sorted(tmp_path.iterdir())
     done = bare(COMMANDS, *(f"{words} --check" for words in NEEDS), cwd=tmp_path)
     assert done.returncode == 0, done.stderr

@@ -71,7 +71,7 @@ class UnknownNameError(InputError, KeyError):
         return str(self.args[0])
 
 
-class MissingPackageError(InputError, ImportError):
+class MissingPackageError(InputError, ImportError):  # type: ignore[misc]  # both have a name
     """A package that only some of mitt needs is not installed."""
 
     def __init__(self, name: str, package: str, extra: str) -> None:
@@ -86,7 +86,8 @@ def check_package(name: str, module: str, package: str, extra: str) -> None:
     Raises:
         MissingPackageError: It is not installed.
     """
-    if find_spec(module) is None:
+    there = sys.modules[module] if module in sys.modules else find_spec(module)
+    if there is None:
         raise MissingPackageError(name, package, extra)
 
 

@@ -1,6 +1,7 @@
 """A tiny search for the WAM, done once for the tests of designs."""
 
 import fcntl
+import os
 from collections.abc import Sequence
 
 import pytest
@@ -49,7 +50,9 @@ def searched(
 
     Processes that test side by side search once: the second finds the answers of the first.
     """
-    folder, asked = tmp_path_factory.getbasetemp().parent, list[tuple[str, Job]]()
+    folder, asked = tmp_path_factory.getbasetemp(), list[tuple[str, Job]]()
+    if "PYTEST_XDIST_WORKER" in os.environ:  # each process has a folder of its own in that of all
+        folder = folder.parent
     inner = Evaluator._worth
 
     def noted(self: Evaluator, name: str, jobs: Sequence[Job]) -> list[Evaluation]:

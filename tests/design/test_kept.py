@@ -109,15 +109,20 @@ def test_answers_of_another_search_are_refused_and_those_in_use(tmp_path: Path) 
     kept = Kept.open(path, "x", resume=False)
     with pytest.raises(InputError, match="where one is looking"):
         Kept.open(path, "x", resume=True)
+    head = path.read_bytes()
+    path.write_bytes(head + b'["a", {"able": 1.0, "speed": 2.0}]\n')
     kept.close(done=False)
+    path.write_bytes(head + b'["a", {"able": 1.0, "speed": 2.0}]\n')
     with pytest.raises(InputError, match="--resume: wanted the arm"):
         Kept.open(path, "y", resume=True)
     Kept.open(path, "x", resume=True).close(done=False)
-    path.write_bytes(path.read_bytes() + b"[1]\n")
-    with pytest.raises(FileError, match="line 2: wanted an answer"):
-        Kept.open(path, "x", resume=True)
+    assert path.exists()
+    for line in (b"[1]", b'["a", {"able": 1.0, "colour": 2}]', b"null", b'{"a": 1}', b"[[[["):
+        path.write_bytes(head + line + b"\n")
+        with pytest.raises(FileError, match="line 2: wanted an answer"):
+            Kept.open(path, "x", resume=True)
     Kept.open(path, "y", resume=False).close(done=False)
-    assert path.read_bytes().count(b"\n") == 1
+    assert not path.exists()  # nothing was answered
 
 
 def test_all_that_decides_a_search_is_in_its_digest(whole: Arm, task: Task) -> None:
@@ -147,10 +152,12 @@ def test_an_interrupt_writes_the_best_so_far_and_says_how_to_go_on(
     assert found.best is not None
     out, before = tmp_path / "d.toml", list[object]()
 
-    def broken(_: Arm, task: Task, *__: object, kept: Kept, **___: object) -> Design:
+    def broken(arm: Arm, task: Task, *_: object, kept: Kept, **__: object) -> Design:
+        assert found.best is not None
         before.append(kept.best)
+        job = Job(number=0, whole=arm, candidate=found.best.candidate, task=task, seed=len(before))
+        kept.add(job, replace(found.best, clean=0))
         if len(before) == 2:
-            assert found.best is not None
             kept.ended(task, [found.best])
         if len(before) < 3:
             os.kill(os.getpid(), number)
@@ -177,6 +184,24 @@ def test_an_interrupt_writes_the_best_so_far_and_says_how_to_go_on(
     assert main([*words, "--resume"]) == 0
     assert "broken off" not in out.read_text()
     assert sorted(x.name for x in tmp_path.iterdir()) == ["d.html", "d.toml"]
+
+
+def test_a_search_that_has_not_begun_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Ctrl-C at once, or workers that cannot be: the same command may be said again."""
+
+    def broken(*_: object, **__: object) -> Design:
+        os.kill(os.getpid(), signal.SIGINT)
+        raise AssertionError
+
+    monkeypatch.setattr(command, "design", broken)
+    words = ["design", "wam", "--out", str(tmp_path / "d.toml")]
+    for _ in range(2):
+        assert main([*words, "--workers", "1"]) == 130
+        assert main([*words, "--workers", "0"]) == 2
+        assert not list(tmp_path.iterdir())
+    assert "--workers: wanted a number in 1..1024" in capsys.readouterr().err
 
 
 def test_what_ends_a_search_by_an_error_keeps_it_as_well(

@@ -8,13 +8,14 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 import viser
 from faults.conftest import Range
-from small_study import TEXT, Here, quiet, ready, write_study
+from small_study import TEXT, Here, quiet, ready, thrown_again, write_study
 
 import mitt
 from mitt.catcher.catcher import Catcher
@@ -29,6 +30,7 @@ from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.sweep.parts import read_part
 from mitt.sweep.run import run_study
+from mitt.trials.journal import NAME
 from mitt.trials.runner import TrialRunner
 from mitt.world.scene import Scene
 from mitt.world.scenes import read_scene
@@ -105,11 +107,9 @@ def test_row_25_malformed_log(tmp_path: Path, learned: Learned, arm: Arm) -> Non
     assert refused > 50
 
 
-def test_row_26_truncated_log(tmp_path: Path, learned: Learned) -> None:
+def test_row_26_truncated_log(tmp_path: Path, thrown_study: Path) -> None:
     """A part of a study cut anywhere is refused, and only what it held is thrown again."""
-    study = write_study(tmp_path, TEXT)
-    folder = ready(tmp_path / "out", study, learned)
-    assert run_study(study, folder, Here(), progress=quiet).status == 0
+    study, folder = thrown_again(thrown_study, tmp_path)
     whole, part = folder.trials.read_bytes(), folder.part(3)
     for share in (0.0, 0.3, 0.99):
         data = part.read_bytes()
@@ -122,11 +122,9 @@ def test_row_26_truncated_log(tmp_path: Path, learned: Learned) -> None:
         assert len(engine.done) <= 1
 
 
-def test_row_27_killed_study_resumes(tmp_path: Path, learned: Learned) -> None:
+def test_row_27_killed_study_resumes(tmp_path: Path, thrown_study: Path) -> None:
     """What a kill leaves, a study without some of its parts, is finished to the same bytes."""
-    study = write_study(tmp_path, TEXT)
-    folder = ready(tmp_path / "out", study, learned)
-    assert run_study(study, folder, Here(), progress=quiet).status == 0
+    study, folder = thrown_again(thrown_study, tmp_path)
     wanted = folder.trials.read_bytes()
     for k in (1, 4):
         folder.part(k).unlink()
@@ -247,25 +245,16 @@ def test_row_34_worker_dies(tmp_path: Path, learned: Learned) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("number", "status"), [(2, 130), (15, 143)])
-def test_row_35_signals(tmp_path: Path, number: int, status: int) -> None:
+def test_row_35_signals(tmp_path: Path, learned: Learned, number: int, status: int) -> None:
     """Interrupted before or between throws: the status tells the signal, one line, no traceback."""
-    words = [
-        "catch",
-        "--throws",
-        "100000",
-        "--vision",
-        "points",
-        "--record",
-        "none",
-        "--out",
-        "out",
-    ]
+    save_map(tmp_path / "map.json", learned, version="0")
+    words = ["catch", "--throws", "100000", "--vision", "points", "--record", "none"]
     process = subprocess.Popen(
-        [sys.executable, "-m", "mitt", *words], cwd=tmp_path, stderr=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
+        [sys.executable, "-m", "mitt", *words, "--map", "map.json", "--out", "out"], cwd=tmp_path,
+        stderr=subprocess.PIPE, stdout=subprocess.DEVNULL,
     )  # fmt: skip
-    assert process.stderr is not None
-    process.stderr.read(1)  # it has begun
+    while process.poll() is None and not (tmp_path / "out" / NAME).exists():
+        time.sleep(0.05)  # until it has begun
     process.send_signal(number)
     _, said = process.communicate(timeout=120)
     assert process.returncode == status

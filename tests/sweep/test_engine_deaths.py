@@ -31,15 +31,19 @@ def test_workers_that_die_again_and_again_end_by_one_line(
     """However many tasks wait: few processes are started, and they print nothing themselves."""
     monkeypatch.setenv("MITT_DIES", how)
     told, most = TOLD[how]
-    engine, starts = Processes(1), 0
-    with pytest.raises(InputError) as stop:
+    engine, outcomes = Processes(1), list[bytes | BaseException]()
+
+    def work() -> None:
         for _, outcome in run_tasks(engine, dying_workers.work, range(1000), window=2):
-            assert isinstance(outcome, BaseException)
-            starts += 1
+            outcomes.append(outcome)
+
+    with pytest.raises(InputError) as stop:
+        work()
     engine.close(at_once=True)
+    assert all(isinstance(outcome, BaseException) for outcome in outcomes)
     assert told in str(stop.value)
     assert "\n" not in str(stop.value)
-    assert starts <= 2 * most  # two tasks are under way at a time
+    assert len(outcomes) <= 2 * most  # two tasks are under way at a time
     assert "Traceback" not in capfd.readouterr().err
 
 

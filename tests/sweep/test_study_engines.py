@@ -9,16 +9,8 @@ import time
 from pathlib import Path
 
 import pytest
-from small_study import (
-    TEXT,
-    Here,
-    aborts_at_three,
-    quiet,
-    raises_at_three,
-    ready,
-    said,
-    write_study,
-)
+from dying_workers import aborts_at_three, raises_at_three, work
+from small_study import TEXT, quiet, ready, thrown_again, write_study
 
 from mitt.errors import InputError
 from mitt.generator.learn import Learned
@@ -44,10 +36,10 @@ def _thrown(place: Path, learned: Learned, engine: Processes | Cluster) -> list[
 
 @pytest.mark.slow
 def test_one_worker_two_workers_and_a_cluster_come_to_the_same_byte_by_byte(
-    tmp_path: Path, learned: Learned
+    tmp_path: Path, learned: Learned, thrown_study: Path
 ) -> None:
     distributed = pytest.importorskip("distributed")
-    one = _thrown(tmp_path / "one", learned, Processes(1))
+    one = _files(thrown_study)
     assert _thrown(tmp_path / "two", learned, Processes(2)) == one
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None,
@@ -68,7 +60,7 @@ def test_a_worker_that_aborts_takes_few_tasks_with_it_and_the_others_go_on() -> 
     assert 3 in dead
     assert len(dead) <= 3
     assert all(engine.died(error) for error in dead.values())
-    assert all(got[number] == said(number) for number in set(range(12)) - set(dead))
+    assert all(got[number] == work(number) for number in set(range(12)) - set(dead))
 
 
 @pytest.mark.slow
@@ -79,7 +71,7 @@ def test_a_task_that_raises_costs_nobody_else_anything() -> None:
     finally:
         engine.close(at_once=False)
     assert isinstance(got.pop(3), ValueError)
-    assert got == {number: said(number) for number in (0, 1, 2, 4, 5)}
+    assert got == {number: work(number) for number in (0, 1, 2, 4, 5)}
 
 
 @pytest.mark.slow
@@ -108,10 +100,9 @@ def _start(study: Path, out: Path) -> "subprocess.Popen[bytes]":
 
 @pytest.mark.slow
 def test_kill_9_at_any_moment_loses_no_throw_and_doubles_none(
-    tmp_path: Path, learned: Learned
+    tmp_path: Path, learned: Learned, thrown_study: Path
 ) -> None:
     """After a few kills a last run finishes, and all is as if there had been no kill."""
-    wanted = _thrown(tmp_path / "whole", learned, Processes(2))
     study = write_study(tmp_path, TEXT)
     folder = ready(tmp_path / "out", study, learned)
     rng = random.Random(8)  # noqa: S311 (moments, not secrets)
@@ -122,7 +113,7 @@ def test_kill_9_at_any_moment_loses_no_throw_and_doubles_none(
         process.communicate()
     last = _start(tmp_path / "study.toml", folder.path)
     assert last.wait(120) == 0
-    assert _files(folder.path) == wanted
+    assert _files(folder.path) == _files(thrown_study)
 
 
 @pytest.mark.slow
@@ -165,11 +156,11 @@ def test_a_number_of_workers_that_cannot_be_meant_is_refused(workers: int) -> No
 
 
 @pytest.mark.slow
-def test_a_full_disk_is_one_line_and_what_is_done_is_kept(tmp_path: Path, learned: Learned) -> None:
+def test_a_full_disk_is_one_line_and_what_is_done_is_kept(
+    tmp_path: Path, thrown_study: Path
+) -> None:
     """A part does not fit, so that it is not there, and all others are."""
-    study = write_study(tmp_path, TEXT)
-    folder = ready(tmp_path / "out", study, learned)
-    assert run_study(study, folder, Here(), progress=quiet).status == 0
+    _, folder = thrown_again(thrown_study, tmp_path)
     folder.part(5).unlink()
     code = (
         "import resource, sys; from mitt.cli import main; "

@@ -73,8 +73,8 @@ def run(options: DesignOptions) -> int:
     tell_of_kernels()
     effort = effort_of(options.effort, whole.n if joints is None else len(joints))
     search = search_of(whole, task, effort, joints=joints, rate=rate)
-    kept = Kept.open(_search(options), search, resume=options.resume)
     engine = None if options.workers == 1 else engine_of("local", options.workers)
+    kept = Kept.open(_search(options), search, resume=options.resume)
 
     def last_words() -> str:
         return _keep(best_so_far(whole, kept, rate), origin, options)

@@ -20,6 +20,8 @@ from mitt.link.clock import Pace
 
 Report = Callable[[str, int, int], None]
 
+#: Time over which the pace of a bar is taken [s].
+_PACE = 600.0
 #: Width of tables that do not go to a terminal [characters].
 _FILE_WIDTH = 110
 
@@ -114,7 +116,8 @@ def progress() -> Iterator[Report]:
         TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(),
         TimeRemainingColumn(),
     )  # fmt: skip
-    with Progress(*columns, console=_console(stderr=True), transient=True) as bar:
+    console = _console(stderr=True)
+    with Progress(*columns, console=console, transient=True, speed_estimate_period=_PACE) as bar:
         tasks = {}
 
         def report(name: str, done: int, of: int) -> None:

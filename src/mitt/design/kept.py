@@ -5,10 +5,12 @@ finds the answers of one that was broken off comes to the same design as one tha
 is handed to the system as soon as it is whole: a process that is killed loses what is under way.
 """
 
+import errno
 import fcntl
 import json
 import os
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, final
 
@@ -20,8 +22,9 @@ from mitt.errors import FileError, InputError
 from mitt.reading import read_text
 
 _SCHEMA = "mitt.search/1"
-#: Largest file of answers that is read [bytes].
+#: Largest file of answers that is read [bytes], and what an answer may say.
 _MAX_BYTES = 100_000_000
+_FIELDS = {x.name for x in fields(Evaluation)} - {"candidate"}
 
 
 @final
@@ -34,12 +37,8 @@ class Kept:
         self._under_way = list[tuple[Task, Evaluation]]()
         self._answers, self._tasks = dict[str, dict[str, Any]](), dict[int, tuple[Task, str]]()
         self._file: int | None = None
+        self._begun: bool | None = None  # whether there are answers, once that is known
         self._path = Path()
-
-    @property
-    def known(self) -> int:
-        """How many answers there are."""
-        return len(self._answers)
 
     @classmethod
     def open(cls, path: Path, search: str, *, resume: bool) -> "Kept":
@@ -62,12 +61,14 @@ class Kept:
             self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
+            os.close(self._file or 0)
             raise InputError("--out", "a design that no other search is looking for",
                              f"{path}, where one is looking") from None  # fmt: skip
         except OSError as error:
             raise self._unwritable(error) from None
         try:
             size = self._take(head) if resume else 0
+            self._begun = bool(self._answers)
             os.ftruncate(self._file, size)
             if size == 0:
                 self._write(head)
@@ -91,6 +92,7 @@ class Kept:
             self._under_way.append((job.task, worth))
         if self._file is not None and worth.failed != "lost":
             self._write(json.dumps([self._question(job), answer_of(worth)]))
+            self._begun = True
 
     def ended(self, task: Task, worth: Sequence[Evaluation]) -> None:
         """Note what a stage has found: candidates that catch enough, by throws."""
@@ -105,9 +107,12 @@ class Kept:
         return self._ended or ((first[0][0], [w for _, w in first]) if first else None)
 
     def close(self, *, done: bool) -> None:
-        """Close the file; it goes where the search is done. Twice does no more than once."""
+        """Close the file; it goes where the search is done, or has not begun.
+
+        Twice does no more than once.
+        """
         if self._file is not None:
-            if done:
+            if done or self._begun is False:
                 self._path.unlink(missing_ok=True)
             os.close(self._file)
         self._file = None
@@ -131,6 +136,8 @@ class Kept:
             try:
                 question, answer = json.loads(line)
                 self._answers[str(question)] = dict(answer)
+                if not set(answer) <= _FIELDS:
+                    raise ValueError("another answer")
             except (ValueError, TypeError, RecursionError):
                 raise FileError(f"{self._path} line {number}", "an answer", line[:60],
                                 do="say --overwrite to begin anew") from None  # fmt: skip
@@ -140,7 +147,9 @@ class Kept:
         """Hand a line to the system."""
         assert self._file is not None
         try:
-            os.write(self._file, f"{line}\n".encode())
+            data = f"{line}\n".encode()
+            if os.write(self._file, data) < len(data):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         except OSError as error:
             raise self._unwritable(error) from None
 

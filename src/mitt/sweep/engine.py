@@ -83,10 +83,14 @@ class Processes:
             InputError: The system starts no more processes.
         """
         self._pool = self._pool or _Pool(self.workers, work.__module__)
+        # A process that is started here is not to be interrupted either while it is starting.
+        usual = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             future = self._pool.executor.submit(work, *given)
         except OSError as error:
             raise _no_workers(str(error)) from None
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, usual)
         future.add_done_callback(self._ended)
         return future
 
