@@ -12,7 +12,7 @@ from mitt.design.effort import Effort
 from mitt.design.evaluation import ENOUGH, Evaluation
 from mitt.design.evaluator import Evaluator
 from mitt.design.search import reported, search
-from mitt.design.task import REPORTED, Task
+from mitt.design.task import REPORTED, Task, seen
 from mitt.world.smoothing import smooth
 from mitt.world.throws import ThrowRanges
 
