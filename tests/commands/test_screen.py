@@ -59,8 +59,8 @@ def test_nobody_who_hears_is_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
 
 #: Names that are markup, escapes or formulas to somebody.
 HOSTILE = ("m[a].json", "[/red]", "[bold]x[/bold]", "[link=http://x]y[/link]", ":smile:",
-           "$\\frac$", "a\x1b[31mb", "line\nend", "tab\tend", "\u202eevil", "<b>&amp;", "{x}", "%s", "\\[x]",
-           "\ud800", "caf\u00e9")  # fmt: skip
+           "$\\frac$", "a\x1b[31mb", "line\nend", "tab\tend", "\u202eevil", "<b>&amp;", "{x}", "%s",
+           "\\[x]", "\ud800", "caf\u00e9")  # fmt: skip
 
 
 @given(name=st.sampled_from(HOSTILE) | st.text(max_size=30))
@@ -97,6 +97,7 @@ def test_a_command_bears_any_name_of_its_files(
 ) -> None:
     """The file is written, its name is told as it is, and the status is 0."""
     points = tmp_path / f"in-{name}"
+    points.parent.mkdir(exist_ok=True)
     rows = [f"{0.01 * k},{3.0 - 0.05 * k},0,{0.5 + 0.03 * k - 0.000491 * k * k}" for k in range(20)]
     points.write_text("\n".join(["t_s,x_m,y_m,z_m", *rows]))
     assert main(["track", str(points), "--out", str(tmp_path / name)]) == 0

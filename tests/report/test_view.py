@@ -1,6 +1,7 @@
 """The viewer shows what the recording says, while it is written as well."""
 
 import json
+import os
 import urllib.request
 from pathlib import Path
 from typing import Any
@@ -135,3 +136,30 @@ def test_the_command_serves_and_refuses(
         assert len(capsys.readouterr().err.strip().splitlines()) <= 2
     with pytest.raises(FileError):
         watch(lambda: tmp_path / "x.mcap", host="127.0.0.1", port=8874, ready=print, until=1.0)
+
+
+def test_what_vanishes_leads_nowhere_or_is_no_file_is_no_recording(tmp_path: Path) -> None:
+    """The newest is the newest of those that are there; where there is none, none."""
+    (tmp_path / "nowhere.mcap").symlink_to(tmp_path / "gone")
+    (tmp_path / "loop.mcap").symlink_to(tmp_path / "loop.mcap")
+    (tmp_path / "folder.mcap").mkdir()
+    os.mkfifo(tmp_path / "pipe.mcap")
+    assert newest(tmp_path) is None
+    (tmp_path / "inner").mkdir()
+    (tmp_path / "inner" / "a.mcap").write_bytes(b"")
+    assert newest(tmp_path) == tmp_path / "inner" / "a.mcap"
+    assert newest(tmp_path / "none") is None
+
+
+def test_a_recording_that_vanishes_is_left_for_the_next(
+    one: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Gone between the look and the opening, at the start and later: the viewer goes on."""
+    gone, there = tmp_path / "gone.mcap", tmp_path / "there.mcap"
+    there.write_bytes(one.read_bytes())
+    looks = iter((gone, there, there, gone, gone, there))
+    seen: list[Path] = []
+    monkeypatch.setattr("mitt.report.view._LOOK", 0.1)
+    monkeypatch.setattr(Viewer, "step", lambda self, _: seen.append(self.path))
+    watch(lambda: next(looks, gone), host="127.0.0.1", port=8875, ready=lambda _: None, until=1.5)
+    assert set(seen) == {there}

@@ -237,7 +237,7 @@ def _first(find: Callable[[], Path | None], end: float) -> Path | None:
     """Return the first recording that is found and can be read; None where there is none in time.
 
     Raises:
-        FileError: It cannot be read, and it is not that it has gone meanwhile.
+        FileError: It cannot be read, and is still what is found.
     """
     while (path := find()) is not None or monotonic() < end:
         try:
@@ -245,7 +245,7 @@ def _first(find: Callable[[], Path | None], end: float) -> Path | None:
                 Recorded(path)  # refused before anything listens
                 return path
         except FileError:
-            if path is not None and path.exists():
+            if find() == path:
                 raise
         pause(_WAIT)
     return None
