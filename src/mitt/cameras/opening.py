@@ -6,7 +6,7 @@ from pathlib import Path
 
 from mitt.cameras.live import Basler, GenICam, Producers
 from mitt.cameras.recorded import Folder, Video
-from mitt.cameras.source import Camera
+from mitt.cameras.source import Camera, Zero
 from mitt.errors import InputError
 
 
@@ -24,12 +24,15 @@ def open_cameras(specs: Sequence[str], *, fps: float | None = None) -> Iterator[
     """
     if fps is not None and not 0.01 <= fps <= 1e6:
         raise InputError("--fps", "a number of frames a second in 0.01..1e6", fps)
-    producers = Producers()
+    producers, zero = Producers(), Zero()
     with ExitStack() as stack:
-        yield [
+        cameras = [
             stack.enter_context(closing(_opened(spec, k, producers, fps)))
             for k, spec in enumerate(specs)
         ]
+        for camera in cameras:
+            camera.zero = zero
+        yield cameras
 
 
 def _opened(spec: str, camera: int, producers: Producers, fps: float | None) -> Camera:
