@@ -6,7 +6,7 @@ from pathlib import Path
 
 from mitt.cameras.live import Basler, GenICam, Producers
 from mitt.cameras.recorded import Folder, Video
-from mitt.cameras.source import Camera, Zero
+from mitt.cameras.source import Camera, share_zero
 from mitt.errors import InputError
 
 
@@ -24,14 +24,13 @@ def open_cameras(specs: Sequence[str], *, fps: float | None = None) -> Iterator[
     """
     if fps is not None and not 0.01 <= fps <= 1e6:
         raise InputError("--fps", "a number of frames a second in 0.01..1e6", fps)
-    producers, zero = Producers(), Zero()
+    producers = Producers()
     with ExitStack() as stack:
         cameras = [
             stack.enter_context(closing(_opened(spec, k, producers, fps)))
             for k, spec in enumerate(specs)
         ]
-        for camera in cameras:
-            camera.zero = zero
+        share_zero(cameras)
         yield cameras
 
 

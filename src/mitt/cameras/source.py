@@ -1,6 +1,7 @@
 """What all cameras have in common: frames one after the other, each with its time and number."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from importlib import import_module
 from types import ModuleType
 
@@ -48,7 +49,7 @@ class Camera(ABC):
         """Take the name, the index in the rig, and frames a second [Hz], None for stamps."""
         self.name, self._camera, self._fps = name, camera, fps
         self._number, self._arrivals = 0, Zero()
-        self.zero, self.stamp, self.timed = Zero(), 0.0, False
+        self.zero, self.stamp, self.timed = Zero(), 0.0, self.live
 
     def read(self) -> Frame | None:
         """Return the next frame; None at the end.
@@ -75,6 +76,12 @@ class Camera(ABC):
     @abstractmethod
     def close(self) -> None:
         """Close the file or release the device."""
+
+
+def share_zero(cameras: Sequence[Camera]) -> None:
+    """Let the stamps of the devices of a rig count from the first frame of any of them."""
+    for camera in cameras[1:]:
+        camera.zero = cameras[0].zero
 
 
 def optional(module: str) -> ModuleType:

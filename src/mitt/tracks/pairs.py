@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from mitt.cameras.source import Camera
+from mitt.cameras.source import Camera, share_zero
 from mitt.signals import Frame
 
 
@@ -39,6 +39,7 @@ def pairs(
         max_skew: Largest difference of two times that are one instant [s].
         most: Most frames from each camera; None for all.
     """
+    share_zero(cameras)
     sources = [_rising(camera, k, counts, most) for k, camera in enumerate(cameras)]
     left, right = (next(source, None) for source in sources)
     if left is not None and right is not None:
