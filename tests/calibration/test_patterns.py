@@ -37,9 +37,14 @@ def _poses(board: Board) -> list[Array]:
     """Return four poses: two with the whole board, two with its middle only, nearer."""
     centre = board.corners.mean(axis=0)
     poses = []
-    for turn, away in ((0.1, 0.75), (-0.3, 0.4), (0.25, 0.42), (0.4, 0.8)):
+    for turn, away, side in (
+        (0.1, 0.75, 0.0),
+        (-0.3, 0.4, 0.0),
+        (0.25, 0.42, 0.03),
+        (0.4, 0.8, 0.1),
+    ):
         T = turned(np.eye(4), np.array((turn, 0.5 * turn, 0.1, 0.0, 0.0, 0.0)))
-        T[:3, 3] = np.array((0.0, 0.0, away)) - T[:3, :3] @ centre
+        T[:3, 3] = np.array((side, 0.0, away)) - T[:3, :3] @ centre
         poses.append(T)
     return poses
 
@@ -68,7 +73,8 @@ def test_every_corner_has_its_own_number(
                           progress=lambda *_: None)  # fmt: skip
     assert seen.without == (0,)
     assert len(seen.views) == len(order)
-    for (view,), k in zip(seen.views, order, strict=True):
+    for (view,), n in zip(seen.views, seen.numbers, strict=True):
+        k = order[n]
         assert view is not None
         assert np.abs(view.uv - places[k][view.ids]).max() < 1.5
     assert board.legacy == (legacy and size[1] % 2 == 0)
