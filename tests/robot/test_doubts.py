@@ -1,6 +1,7 @@
 """What a description states and no arm can have: refused, mended or doubted, in one line each."""
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -127,7 +128,7 @@ def test_a_mass_below_zero_is_refused_also_where_it_is_carried(tmp_path: Path) -
              q_max=1.0, mass=1.0, com=np.zeros(3), inertia=np.diag((1.0, 0.1, 0.1)))  # fmt: skip
 
 
-_GEOMS = {
+_GEOMS: dict[str, tuple[str, Callable[[Array], Array]]] = {
     "sphere": ("0.1", lambda u: 0.1 * u),
     "capsule": ("0.05 0.2", lambda u: 0.05 * u + (0.0, 0.0, 0.2) * np.sign(u[:, 2:])),
     "cylinder": ("0.05 0.2", lambda u: np.column_stack((
