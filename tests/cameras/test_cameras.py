@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 
 from mitt.cameras import source
 from mitt.cameras.opening import open_cameras
-from mitt.cameras.source import grey, optional
+from mitt.cameras.recorded import read_image
+from mitt.cameras.source import Camera, grey, optional
 from mitt.cameras.video_writer import VideoWriter
 from mitt.errors import FileError, InputError
 from mitt.signals import Frame, Image
+from mitt.tracks.pairs import PairCounts, pairs
 
 VIKY = Path(genicam.__file__).parent / "viky.cti"
 
@@ -235,3 +237,49 @@ def test_a_camera_that_is_not_there_is_one_line(spec: str, says: str) -> None:
     with pytest.raises(InputError, match=says) as caught:
         all_of(spec)
     assert "\n" not in str(caught.value)
+
+
+class Device(Camera):
+    """A live camera whose device stamps its frames."""
+
+    live = True
+
+    def __init__(self, index: int, stamps: list[float]) -> None:
+        """Take the stamps to come [s]."""
+        super().__init__(f"device {index}", index, None)
+        self._stamps = iter(stamps)
+
+    def _grab(self) -> tuple[float, NDArray[np.uint8]] | None:
+        """Return a black image."""
+        t = next(self._stamps, None)
+        return None if t is None else (t, np.zeros((4, 4), dtype=np.uint8))
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+@pytest.mark.parametrize("skew", [0.0, 0.003, 0.35, -0.35, 3600.0])
+def test_devices_of_a_rig_keep_their_skew(skew: float) -> None:
+    """Stamps count from one zero, so that a camera that is late is seen to be."""
+    stamps = [1000.0 + 0.01 * k for k in range(20)]
+    left, right = Device(0, stamps), Device(1, [t + skew for t in stamps])
+    counts = PairCounts()
+    together = [x for x in pairs((left, right), counts, max_skew=0.004, most=20) if len(x) == 2]
+    assert counts.first_gap == pytest.approx(-skew)
+    assert all(abs(a.t - b.t) <= 0.004 for a, b in together)
+    whole = round(abs(skew) / 0.01) if abs(skew) < 0.2 else 20
+    assert counts.paired == 20 - min(whole, 20)
+
+
+@pytest.mark.parametrize("colour", [(230, 110, 20), (20, 110, 230), (7, 7, 7), (255, 0, 0)])
+def test_a_picture_has_one_grey_as_file_video_and_live(
+    tmp_path: Path, colour: tuple[int, int, int]
+) -> None:
+    """The mean of red, green and blue, whatever the source; grey files stay as they are."""
+    pixels = np.full((16, 16, 3), colour, dtype=np.uint8)
+    path = tmp_path / "a.png"
+    assert cv2.imwrite(str(path), pixels[:, :, ::-1])
+    assert np.array_equal(read_image(path), grey(pixels))
+    plain = np.arange(256, dtype=np.uint8).reshape(16, 16)
+    assert cv2.imwrite(str(path), plain)
+    assert np.array_equal(read_image(path), plain)

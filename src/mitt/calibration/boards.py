@@ -6,12 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.calibration.charuco import Board, Seen, between, plain
+from mitt.calibration.charuco import Board, Seen, Sight, between, plain
+from mitt.calibration.patterns import shown_instead
 from mitt.calibration.stage import Stage, weak
 from mitt.cameras.source import Camera
 from mitt.errors import InputError
 from mitt.files.rig import CalibratedRig, RigCamera
-from mitt.signals import Array
+from mitt.signals import Array, Image
 from mitt.vision.calibration.boards import BoardProblem, Corners
 from mitt.vision.calibration.fit import Fit, fit
 from mitt.vision.lens import NUMBERS, Lens
@@ -23,6 +24,9 @@ MOST_VIEWS, MOST_FRAMES, FEWEST = 60, 20_000, 3
 CELLS, COVERED = (6, 4), 0.6
 #: Least mean motion of the board between two views that are kept, share of the image's width.
 _APART = 0.02
+#: Most images without a board that are looked at for what they show, of each camera; share of all
+#: from which they are told of; and difference of two stamps that is one instant [s].
+_BARE, _MANY, _AT_ONCE = 8, 0.2, 2e-3
 
 View = tuple[Seen | None, ...]
 """What each camera saw of the board at one instant; None where it saw no board."""
@@ -38,6 +42,10 @@ class BoardViews:
         views: What was seen at each instant that is used.
         numbers: Number of each view's frame in its source.
         frames: Frames looked at.
+        without: How many frames of each camera showed no board.
+        instead: What some of these showed, in words, for each camera; empty where few did.
+        apart: Largest difference of the stamps of live cameras in one view [s].
+        pattern: What to say of the pattern of the board; empty where it is that of today.
     """
 
     names: tuple[str, ...]
@@ -45,6 +53,10 @@ class BoardViews:
     views: tuple[View, ...]
     numbers: tuple[int, ...]
     frames: int
+    without: tuple[int, ...] = ()
+    instead: tuple[str, ...] = ()
+    apart: float = 0.0
+    pattern: str = ""
 
 
 def look_for_board(
@@ -56,9 +68,11 @@ def look_for_board(
     Raises:
         InputError: The sources have different numbers of frames, or no frame.
     """
-    kept: list[tuple[int, View]] = []
+    kept: list[tuple[int, tuple[Sight, ...]]] = []
     sizes: tuple[tuple[int, int], ...] | None = None
-    count = 0
+    count, apart = 0, 0.0
+    bare: list[list[Image]] = [[] for _ in sources]
+    without = [0] * len(sources)
     while count < MOST_FRAMES:
         frames = [source.read() for source in sources]
         got = [f for f in frames if f is not None]
@@ -71,20 +85,52 @@ def look_for_board(
         sizes = sizes or now
         if now != sizes:
             raise InputError("images", f"one size throughout, {sizes}", f"{now} at frame {count}")
-        view = tuple(board.find(f.pixels) for f in got)
-        if any(view) and all(_apart(view, old, sizes[0][0]) for _, old in kept):
-            kept.append((count, view))
+        sights = tuple(board.sight(f.pixels) for f in got)
+        view = _either(sights)
+        for k, seen in enumerate(view):
+            if seen is None:
+                without[k] += 1
+                bare[k] = (bare[k] + [got[k].pixels])[-_BARE:]
+        if any(view) and all(_apart(view, _either(old), sizes[0][0]) for _, old in kept):
+            kept.append((count, sights))
+            apart = max(apart, _spread(sources))
         count += 1
         progress("board", count, count + 1)
         if any(source.live for source in sources) and len(kept) == MOST_VIEWS:
             break
     if sizes is None:
         raise InputError("images", "at least one", "none")
-    chosen = np.unique(np.linspace(0, len(kept) - 1, min(len(kept), MOST_VIEWS)).astype(int))
+    shown = board.settle([sight for _, sights in kept for sight in sights])
+    views = [(n, tuple(sight[board.legacy] for sight in sights)) for n, sights in kept]
+    views = [(n, view) for n, view in views if any(view)]
+    chosen = np.unique(np.linspace(0, len(views) - 1, min(len(views), MOST_VIEWS)).astype(int))
     return BoardViews(
-        names=names, sizes=sizes, views=tuple(kept[k][1] for k in chosen),
-        numbers=tuple(kept[k][0] for k in chosen), frames=count,
+        names=names, sizes=sizes, views=tuple(views[k][1] for k in chosen),
+        numbers=tuple(views[k][0] for k in chosen), frames=count, without=tuple(without),
+        instead=tuple(shown_instead(board.spec, x) if n > _MANY * count else ""
+                      for x, n in zip(bare, without, strict=True)), apart=apart,
+        pattern=_pattern(legacy=board.legacy, shown=shown and bool(kept)),
     )  # fmt: skip
+
+
+def _either(sights: tuple[Sight, ...]) -> View:
+    """Return what each camera saw by either pattern."""
+    return tuple(a or b for a, b in sights)
+
+
+def _pattern(*, legacy: bool, shown: bool) -> str:
+    """Return what to say of the pattern of a board; nothing where it is that of today."""
+    if legacy:
+        return "the board has the pattern of boards drawn before OpenCV 4.6, and is read so"
+    return "" if shown else ("no view shows the board's outer columns: if it was drawn before"
+                             " OpenCV 4.6, the place of the board is a square off; add a view of"
+                             " the whole board")  # fmt: skip
+
+
+def _spread(sources: Sequence[Camera]) -> float:
+    """Return how far apart the stamps of live cameras' last frames are [s]."""
+    stamps = [source.stamp for source in sources if source.timed]
+    return max(stamps) - min(stamps) if stamps else 0.0
 
 
 def _apart(a: View, b: View, width: int) -> bool:
@@ -121,12 +167,32 @@ def board_problem(board: Board, seen: BoardViews, free: NDArray[np.bool_]) -> Bo
         if len(mine) < FEWEST:
             raise InputError(
                 f"camera {name}", f"the board in {FEWEST} different views or more",
-                f"{len(mine)} of {seen.frames} images",
+                f"{len(mine)} of {seen.frames} images{_shown(seen, k)}",
                 do="check --board, --square, --dictionary, light and focus",
             )  # fmt: skip
         guesses.append((board.lens(mine, size, free), plain(size)))
     starts = [_started(board, seen, free, lenses) for lenses in zip(*guesses, strict=True)]
     return min(starts, key=lambda problem: float(np.abs(problem.residuals()).max()))
+
+
+def _shown(seen: BoardViews, k: int) -> str:
+    """Return what a camera's images without a board show."""
+    instead = seen.instead[k] if seen.instead else ""
+    return f", and the others show {instead}" if instead else ""
+
+
+def _left_out(seen: BoardViews) -> list[str]:
+    """Return what to say of images that were left out."""
+    said = [
+        f"{name}: no board in {n} of {seen.frames} images{_shown(seen, k)}: they are left out"
+        for k, (name, n) in enumerate(zip(seen.names, seen.without, strict=False))
+        if n > _MANY * seen.frames
+    ]
+    if seen.apart > _AT_ONCE:
+        said.append(f"images of one view were taken up to {1e3 * seen.apart:.0f} ms apart: start"
+                    " the cameras by one trigger, set their clocks alike, or hold the board"
+                    " still")  # fmt: skip
+    return [*said, seen.pattern] if seen.pattern else said
 
 
 def _started(
@@ -170,6 +236,8 @@ def calibrate_boards(
     numbers: dict[str, float] = {
         "views": len(seen.views), "frames": seen.frames, "rms_px": solved.rms,
     }  # fmt: skip
+    numbers |= {f"{name}_without_board": n
+                for name, n in zip(seen.names, seen.without, strict=False)}  # fmt: skip
     r = problem.residuals().reshape(-1, 2)
     for k, (name, size) in enumerate(zip(seen.names, seen.sizes, strict=True)):
         mine, lens = problem.corners.camera == k, problem.lenses[k]
@@ -192,7 +260,8 @@ def calibrate_boards(
         numbers |= _base_line(solved)
     alike = ["the fit did not settle: the views are too much alike"]
     warnings = (*weak(solved, _limits(rig, problem)),
-                *(alike if solved.status != "converged" else ()), *few)  # fmt: skip
+                *(alike if solved.status != "converged" else ()), *few,
+                *_left_out(seen))  # fmt: skip
     return rig, solved, Stage("boards", solved.status, numbers, warnings)
 
 

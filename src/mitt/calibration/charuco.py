@@ -1,11 +1,14 @@
 """ChArUco boards in images, by OpenCV: corners found, and a first guess of lens and poses."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt.calibration.patterns import BoardSpec as BoardSpec  # noqa: PLC0414 (public here)
+from mitt.calibration.patterns import Layout, drawn_board
 from mitt.cameras.source import optional
 from mitt.errors import InputError, UnknownNameError
 from mitt.signals import Array, Image
@@ -16,34 +19,8 @@ from mitt.vision.poses import inverse
 FEWEST_CORNERS = 6
 #: Focal length over the image's width, and its inverse, beyond which a guess is not believed.
 _LIKELY = 15.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BoardSpec:
-    """A ChArUco board.
-
-    Attributes:
-        columns: Squares in a row.
-        rows: Squares in a column.
-        square: Side of a square [m].
-        marker: Side of a marker [m].
-        dictionary: Markers, as 4X4_50.
-    """
-
-    columns: int = 9
-    rows: int = 6
-    square: float = 0.03
-    marker: float = 0.022
-    dictionary: str = "4X4_50"
-
-    def __post_init__(self) -> None:
-        """Refuse a board that cannot be printed."""
-        if min(self.columns, self.rows) < 3 or max(self.columns, self.rows) > 100:
-            raise InputError("--board", "3 to 100 squares either way",
-                             f"{self.columns}x{self.rows}")  # fmt: skip
-        if not 0.0 < self.marker < self.square < 10.0:
-            raise InputError("--marker", "0 < marker < square < 10 m",
-                             f"marker {self.marker}, square {self.square}")  # fmt: skip
+#: How much better markers fit one of two patterns that is the board's.
+_CLEARLY = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -59,12 +36,18 @@ class Seen:
     uv: Array
 
 
+Sight: TypeAlias = tuple[Seen | None, Seen | None]
+"""An image's corners by the pattern of today, and by that before OpenCV 4.6."""
+
+
 @final
 class Board:
     """A board that can be found.
 
     Attributes:
+        spec: What it is.
         corners: Every corner on the board, z = 0 [m], shape (m, 3).
+        legacy: Whether it has the pattern of boards drawn before OpenCV 4.6; see :meth:`settle`.
     """
 
     def __init__(self, spec: BoardSpec) -> None:
@@ -82,15 +65,44 @@ class Board:
         needed = spec.columns * spec.rows // 2
         if needed > len(markers.bytesList):
             raise InputError("--dictionary", f"{needed} markers or more", spec.dictionary)
-        self.board = aruco.CharucoBoard(
-            (spec.columns, spec.rows), spec.square, spec.marker, markers
-        )
-        self._detector = aruco.CharucoDetector(self.board)
+        self.spec, self.legacy = spec, False
+        patterns = (False, True) if spec.rows % 2 == 0 else (False,)
+        boards = [drawn_board(aruco, spec, markers, legacy=legacy) for legacy in patterns]
+        self.board = boards[0]
+        self._layouts = [Layout(self._cv2, board) for board in boards]
+        self._detectors = [aruco.CharucoDetector(board) for board in boards]
         self.corners = np.asarray(self.board.getChessboardCorners(), dtype=np.float64)
 
+    def sight(self, pixels: Image) -> Sight:
+        """Return the corners in an image by the pattern of today and by that before OpenCV 4.6.
+
+        None where too few of them are seen, or where the markers lie as the other one has them. A
+        board with an odd number of rows has one pattern, and so has a view that does not show it.
+        """
+        uv, ids, markers, names = self._detectors[0].detectBoard(pixels)
+        today = self._seen(uv, ids)
+        if len(self._layouts) == 1 or names is None:
+            return today, None
+        now, before = (layout.misfit(markers, names.ravel()) for layout in self._layouts)
+        if before > _CLEARLY * now:
+            return today, None
+        uv, ids, _, _ = self._detectors[1].detectBoard(
+            pixels, markerCorners=markers, markerIds=names
+        )
+        return (None if now > _CLEARLY * before else today), self._seen(uv, ids)
+
     def find(self, pixels: Image) -> Seen | None:
-        """Return the corners in an image; None where too few of them are seen."""
-        uv, ids, _, _ = self._detector.detectBoard(pixels)
+        """Return the corners in an image, by the pattern that was settled; None without a board."""
+        return self.sight(pixels)[self.legacy]
+
+    def settle(self, sights: Sequence[Sight]) -> bool:
+        """Settle the pattern by what was seen of it; say whether a view shows which it is."""
+        today, before = (sum(s[k] is not None and s[1 - k] is None for s in sights) for k in (0, 1))
+        self.legacy = before > today if before or today else self.legacy
+        return bool(before or today or len(self._layouts) == 1)
+
+    def _seen(self, uv: Any, ids: Any) -> Seen | None:  # noqa: ANN401 (arrays of OpenCV, or None)
+        """Return corners that OpenCV found; None where they are too few, or lie on a line."""
         if ids is None or len(ids) < FEWEST_CORNERS:
             return None
         seen = Seen(ids=ids.ravel().astype(np.int64), uv=uv.reshape(-1, 2).astype(np.float64))

@@ -89,9 +89,9 @@ class GenICam(Camera):
         try:
             with self._device.fetch(timeout=_TIMEOUT) as buffer:
                 try:
-                    t = 1e-9 * float(buffer.timestamp_ns)
+                    t, self.timed = 1e-9 * float(buffer.timestamp_ns), True
                 except Exception:
-                    t = monotonic()
+                    t, self.timed = monotonic(), False
                 return t, _pixels(self.name, buffer.payload.components[0])
         except FileError:
             raise
@@ -155,7 +155,8 @@ class Basler(Camera):
         try:
             if not got.GrabSucceeded():
                 raise FileError(self.name, "a whole frame", got.GetErrorDescription())
-            return (1e-9 * got.TimeStamp if got.TimeStamp else monotonic()), grey(got.Array)
+            self.timed = bool(got.TimeStamp)
+            return (1e-9 * got.TimeStamp if self.timed else monotonic()), grey(got.Array)
         finally:
             got.Release()
 

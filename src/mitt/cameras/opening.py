@@ -6,7 +6,7 @@ from pathlib import Path
 
 from mitt.cameras.live import Basler, GenICam, Producers
 from mitt.cameras.recorded import Folder, Video
-from mitt.cameras.source import Camera, check_library
+from mitt.cameras.source import Camera, check_library, share_zero
 from mitt.errors import InputError
 
 
@@ -26,10 +26,12 @@ def open_cameras(specs: Sequence[str], *, fps: float | None = None) -> Iterator[
         raise InputError("--fps", "a number of frames a second in 0.01..1e6", fps)
     producers = Producers()
     with ExitStack() as stack:
-        yield [
+        cameras = [
             stack.enter_context(closing(_opened(spec, k, producers, fps)))
             for k, spec in enumerate(specs)
         ]
+        share_zero(cameras)
+        yield cameras
 
 
 def check_cameras(specs: Sequence[str]) -> None:

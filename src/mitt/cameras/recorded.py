@@ -132,10 +132,10 @@ def read_image(path: Path) -> Image:
     data = np.frombuffer(content, dtype=np.uint8)
     pixels: Image | None = None
     with heard(), suppress(cv2.error):  # its decoders complain on the error stream
-        pixels = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
+        pixels = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
     if pixels is None:
         raise FileError(str(path), "an image", "a file that does not decode")
-    return pixels
+    return grey(pixels)
 
 
 def images_in(path: Path) -> list[Path]:

@@ -1,6 +1,7 @@
 """What all cameras have in common: frames one after the other, each with its time and number."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from importlib import import_module
 from types import ModuleType
 
@@ -10,15 +11,36 @@ from mitt.errors import InputError, check_package
 from mitt.signals import Frame, Image
 
 
+class Zero:
+    """The stamp from which stamps count.
+
+    Attributes:
+        stamp: That stamp [s]; None before the first frame.
+    """
+
+    def __init__(self) -> None:
+        """Begin without one."""
+        self.stamp: float | None = None
+
+    def since(self, stamp: float) -> float:
+        """Return the time of a stamp [s]."""
+        self.stamp = stamp if self.stamp is None else self.stamp
+        return stamp - self.stamp
+
+
 class Camera(ABC):
     """A video, a folder of images, or a live camera.
 
-    The time of a frame is its number over ``fps`` or, without that, its stamp; the stamps of a
-    live camera count from the first frame.
+    The time of a frame is its number over ``fps`` or, without that, its stamp. Stamps of devices
+    count from the first frame of any camera of a rig, their clocks being taken for one; times of
+    arrival count from the camera's own first frame.
 
     Attributes:
         name: What the user called it.
         live: Whether it runs until it is closed.
+        zero: From where the stamps of devices count.
+        stamp: Stamp of the last frame [s].
+        timed: Whether that is the device's own.
     """
 
     live = False
@@ -26,7 +48,8 @@ class Camera(ABC):
     def __init__(self, name: str, camera: int, fps: float | None) -> None:
         """Take the name, the index in the rig, and frames a second [Hz], None for stamps."""
         self.name, self._camera, self._fps = name, camera, fps
-        self._number, self._first = 0, 0.0
+        self._number, self._arrivals = 0, Zero()
+        self.zero, self.stamp, self.timed = Zero(), 0.0, self.live
 
     def read(self) -> Frame | None:
         """Return the next frame; None at the end.
@@ -38,11 +61,11 @@ class Camera(ABC):
         if got is None:
             return None
         (t, pixels), number = got, self._number
+        self.stamp = t
         if self._fps is not None:
             t = number / self._fps
         elif self.live:
-            self._first = self._first if number else t
-            t -= self._first
+            t = (self.zero if self.timed else self._arrivals).since(t)
         self._number += 1
         return Frame(t=t, camera=self._camera, number=number, pixels=pixels)
 
@@ -62,6 +85,12 @@ def check_library(module: str) -> None:
         MissingPackageError: It is not installed.
     """
     check_package("cameras", module, module, "cameras")
+
+
+def share_zero(cameras: Sequence[Camera]) -> None:
+    """Let the stamps of the devices of a rig count from the first frame of any of them."""
+    for camera in cameras[1:]:
+        camera.zero = cameras[0].zero
 
 
 def optional(module: str) -> ModuleType:

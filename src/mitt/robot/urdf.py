@@ -191,6 +191,7 @@ def _left_out(root: Element, joints: list[Element]) -> dict[str, LeftOut]:
         name, others = joint.get("name", ""), []
         lost = {"damping": 0.0, "friction": 0.0}
         for dynamics in joint.findall("dynamics"):
+            joint.remove(dynamics)  # what is read of it stands here
             lost |= {key: abs(float(dynamics.get(key, "0"))) for key in lost}
             others += [f"{key} {x[:20]}" for key, x in dynamics.attrib.items() if key not in lost]
         limit = joint.find("limit")

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from mitt.cameras.source import Camera
+from mitt.cameras.source import Camera, share_zero
 from mitt.signals import Frame
 
 
@@ -17,6 +17,7 @@ class PairCounts:
         ended: Name of the camera that ended while the other went on; empty if none did.
         left_over: Frames of the other after that.
         backward: Frames dropped because their time did not rise.
+        first_gap: Time of the first left frame less that of the first right one [s].
     """
 
     frames: list[int] = field(default_factory=lambda: [0, 0])
@@ -24,6 +25,7 @@ class PairCounts:
     ended: str = ""
     left_over: int = 0
     backward: int = 0
+    first_gap: float = 0.0
 
 
 def pairs(
@@ -37,8 +39,11 @@ def pairs(
         max_skew: Largest difference of two times that are one instant [s].
         most: Most frames from each camera; None for all.
     """
+    share_zero(cameras)
     sources = [_rising(camera, k, counts, most) for k, camera in enumerate(cameras)]
     left, right = (next(source, None) for source in sources)
+    if left is not None and right is not None:
+        counts.first_gap = left.t - right.t
     while left is not None and right is not None:
         gap = left.t - right.t
         if abs(gap) <= max_skew:

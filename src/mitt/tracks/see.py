@@ -161,8 +161,10 @@ def complaints(seen: Seen, names: tuple[str, ...]) -> tuple[str, ...]:
                     f"{counts.left_over} without a partner are left out")  # fmt: skip
     alone = min(a, b) - counts.paired
     if alone > 0.05 * max(min(a, b), 1):
-        said.append(f"{alone} of {min(a, b)} frames have no partner in time: "
-                    "say --fps, or a larger --max-skew")  # fmt: skip
+        early = "left" if counts.first_gap < 0.0 else "right"
+        said.append(f"{alone} of {min(a, b)} frames have no partner in time, and the first {early}"
+                    f" one is {abs(counts.first_gap):.4g} s early: start both by one trigger, set"
+                    " their clocks alike, say --fps, or a larger --max-skew")  # fmt: skip
     if counts.backward:
         said.append(f"{counts.backward} frames dropped, as their time did not rise")
     for name, count in zip(names, seen.targets, strict=True):

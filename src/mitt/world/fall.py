@@ -175,7 +175,9 @@ def _fit(a: Array, v: Array, axis: int) -> tuple[float, float]:
     scale = np.linalg.norm(columns, axis=(0, 1))
     columns = columns / np.where(scale > 0.0, scale, 1.0)
     weight = np.ones(len(a))
-    found, rest, off = np.zeros(2), np.zeros(len(a)), np.zeros_like(a)
+    found: Array = np.zeros(2)
+    rest: Array = np.zeros(len(a))
+    off: Array = np.zeros_like(a)
     for _ in range(_STEPS):
         root = np.sqrt(weight)[:, None]
         rows, wanted = columns * root[:, :, None], a * root
