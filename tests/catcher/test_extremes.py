@@ -67,16 +67,6 @@ def test_no_setting_that_is_allowed_breaks_a_throw(
     assert verdict is None or np.isfinite(verdict.share)
 
 
-@pytest.mark.parametrize(("name", "value"), [("adapt_q", 0.0), ("adapt_dq", 0.0)])
-def test_a_gap_of_nothing_means_to_adapt_at_each_tick(
-    arm: Arm, learned: Learned, name: str, value: float
-) -> None:
-    """And the ball is met as before."""
-    catcher, near, _ = catch(arm, learned, **{name: value})  # type: ignore[arg-type]  # a setting
-    assert catcher.phase is Phase.BRAKE
-    assert near < 0.01
-
-
 def test_a_ball_that_the_hand_cannot_hold_is_refused_for_it(arm: Arm, learned: Learned) -> None:
     """Too large for the open fingers, or too small for them to reach: before the arm moves."""
     for radius in (0.005, 0.08, 0.12, 0.5):
