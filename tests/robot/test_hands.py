@@ -134,4 +134,4 @@ def test_a_capsule_takes_lists_and_refuses_what_is_no_point() -> None:
     assert hash(one) == hash(Capsule(start=(0.0, 0.0, 0.0), end=(0.0, 0.0, 1.0), radius=1.0))
     for bad in ({"start": (0.0, 0.0)}, {"end": "up"}, {"radius": None}, {"radius": 0.0}):
         with pytest.raises(MittError, match="capsule"):
-            replace(one, **bad)  # type: ignore[arg-type]
+            replace(one, **bad)
