@@ -1,5 +1,6 @@
 """A throw is judged by one rule, whether ``mitt catch``, a simulated cell or ``mitt.gym`` asks."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -98,22 +99,17 @@ def test_an_environment_judges_as_mitt_catch_does(
     assert (trial.limit_violations > 100) == tight
 
 
-class Commander(LocalPort):
-    """A port that commands something at random every millisecond, but for some."""
+def commander(arm: Arm, rng: np.random.Generator) -> Callable[[LocalPort], _Answer | None]:
+    """Return what commands something at random, a little motion, now and then beyond a limit."""
 
-    def __init__(self, arm: Arm, rng: np.random.Generator) -> None:
-        """Take the arm."""
-        super().__init__(1e-3)
-        self._arm, self._rng = arm, rng
-
-    def command(self) -> Any:  # noqa: ANN401 (of the protocol)
-        """Return a command that moves the arm a little, now and then beyond a limit."""
-        arm, rng = self._arm, self._rng
+    def command(_: LocalPort) -> _Answer | None:
         if rng.random() < 0.1:
             return None
         rows = rng.normal(size=(4, arm.n)) * np.array([[0.01], [0.3], [20.0], [3.0]])
         rows[0] += arm.q_ready
         return _Answer(float("nan"), rows, 0.0)
+
+    return command
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -123,7 +119,8 @@ def test_a_cell_counts_the_ticks_that_a_trial_counts(
     """However its ticks fall into the batches in which it counts; continuous torque a throw."""
     arm = judged(basket.arm)
     scene = scene_of_cell(basket.cell, None)
-    port = Commander(arm, np.random.default_rng(seed))
+    port = LocalPort(1e-3)
+    monkeypatch.setattr(LocalPort, "command", commander(arm, np.random.default_rng(seed)))
     cell = SimulatedCell(
         basket.cell, arm, scene, balls_of(basket, scene, seed=seed, count=1), port,
         rig=basket.rig, clock=lambda: 0.0,

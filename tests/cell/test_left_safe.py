@@ -134,7 +134,7 @@ def ended(
         made.append(Failing(local, method, first, fault, forever=forever))
         return made[0]
 
-    cell = LocalCell(throws=1, driver=driver)  # type: ignore[arg-type]
+    cell = LocalCell(throws=1, driver=driver)
     made[0].speed = lambda: cell.fastest
     cell.robot.waits = made[0].waits  # type: ignore[method-assign]
     session = Session(cell.loop, cell.robot, Person(yes=True), tell, throws=1)

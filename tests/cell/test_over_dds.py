@@ -20,8 +20,9 @@ from mitt.link.robot import Robot
 from mitt.signals import ArmState, Command
 
 try:
+    from mitt.link.orders import Told
     from mitt.link.ros2 import Ros2Robot
-    from mitt.link.ros2_cell import Ros2Cell, Told
+    from mitt.link.ros2_cell import Ros2Cell
 except InputError:
     pytest.skip("no Cyclone DDS", allow_module_level=True)
 
@@ -75,7 +76,7 @@ def cell_that_takes(takes: str) -> Cell:
     cell = read_cell("wam-sim")
     command = f"/{takes}/joint_trajectory" if takes == "trajectory" else f"/{takes}/commands"
     options = {**cell.robot.options, "command": command, "state": f"/{takes}/states",
-               "brake": f"/{takes}/brake", "diagnostics": f"/{takes}/diagnostics"}  # fmt: skip
+               "hand_command": f"/{takes}/hand", "brake": f"/{takes}/brake", "diagnostics": f"/{takes}/diagnostics"}  # fmt: skip
     drives = "torque" if takes == "trajectory" else takes
     robot = cell.robot.model_copy(update={"options": options, "takes": drives})
     source = cell.source.model_copy(update={"topic": f"/{takes}/ball"})

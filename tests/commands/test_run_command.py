@@ -280,8 +280,8 @@ def both(name: str, folder: Path, environment: dict[str, str]) -> tuple[str, str
 
 #: Why an arm is stopped on a machine that stalls; any other reason is a fault of ours.
 STALLED = re.compile(
-    "stopped: (the robot's readings come [0-9]+ ms later|no joint states for|the robot's stamps jumped"
-    "|the robot says: protective stop: no command)"
+    "stopped: (the robot's readings come [0-9]+ ms later|no joint states for"
+    "|the robot's stamps jumped|the robot says: protective stop: no command)"
 )
 
 

@@ -140,8 +140,8 @@ def test_a_rig_whose_lenses_bend_gives_straight_cameras_and_the_lenses(tmp_path:
 
 @pytest.mark.parametrize(
     "name",
-    ["../../x", "/tmp/x", "a/b", "..", ".", ".hidden", "a\\b", "a\nb", "a\n", "a\0b", "", " a", "[x]",
-     "x" * 61, "a:b", "-a"],
+    ["../../x", "/etc/x", "a/b", "..", ".", ".hidden", "a\\b", "a\nb", "a\n", "a\0b", "", " a",
+     "[x]", "x" * 61, "a:b", "-a"],
 )  # fmt: skip
 def test_a_name_is_part_of_a_file_s_name(name: str) -> None:
     """So a recording stays in the folder that was named."""

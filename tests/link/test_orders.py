@@ -10,6 +10,7 @@ import pytest
 from mitt.errors import InputError
 from mitt.files.cell import Cell, arm_of, read_cell
 from mitt.link import messages
+from mitt.link.cdr import Reader
 from mitt.link.orders import Orders, joints_of
 from mitt.robot.arm import Arm
 from mitt.signals import Array, Command
@@ -49,7 +50,7 @@ def refused(raw: bytes, controller: Sequence[str], *, nonzero: bool) -> str:
     Its rules for a topic: all its joints and no others, rows of the joints' number or empty, no
     efforts, an end that is at rest and not in the past; where the stamp is 0 it begins now.
     """
-    r = messages.Reader(raw)
+    r = Reader(raw)
     stamp, _ = r.header()
     names, count = r.texts(), r.count()
     rows = [r.row() for _ in range(4)]

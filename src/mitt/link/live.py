@@ -44,8 +44,8 @@ _PUSHED = 0.1
 #: Time within which a stop has to end [s], and time after a release in which the robot may still
 #: say why it had stopped before [s].
 _STOPS, _GRACE = 2.0, 0.05
-#: How often brakes that do not answer are told again, and repeated readings from which it is said.
-_TOLD, _MANY = 3, 5
+#: How often brakes are told that do not answer, and repeated readings from which it is said.
+_TOLD, _MANY = 3, 3.5
 _SLOWER = "joint states repeat: the robot is slower than its publisher"
 
 
@@ -273,7 +273,7 @@ class LiveLoop:
             self.stop(self._positions.fault)
         if self._positions.note:
             self.notes["ball"] = self._positions.note
-        if self._ticks.repeated > _MANY:
+        if self._ticks.repeating > _MANY:
             self.notes["readings"] = _SLOWER
 
     def _images(self, count: int, now: float) -> Sequence[FrameSet | None]:

@@ -156,8 +156,8 @@ class Ros2Robot:
         self._foreign = node.subscribe(of["command"], self._told, "sensor", others=True)
         self._command: dds.Publisher | None = None
         self._brake = node.publish(of["brake"], types.Bool, "command") if of["brake"] else None
-        kind = types.MultiArray if self._orders.plain_hand else types.JointTrajectory
-        self._hand = node.publish(of["hand_command"], kind, "command") if of["hand"] else None
+        of_hand: type[Any] = types.MultiArray if self._orders.plain_hand else types.JointTrajectory
+        self._hand = node.publish(of["hand_command"], of_hand, "command") if of["hand"] else None
         # A velocity of zero moves no joint, an angle does.
         self._needed = self._orders.held if cell.robot.takes == "position" else {}
         self._misplaced = ""
@@ -232,7 +232,9 @@ class Ros2Robot:
         if self._search is None:
             for raw in [] if self._diagnostics is None else self._diagnostics.take(1):
                 self._search = messages.search_diagnostics(raw, self._of["status"])
-        for _ in range(_FIELDS if self._search is not None else 0):
+        for _ in range(_FIELDS):
+            if self._search is None:
+                break
             try:
                 found = next(self._search)
             except (StopIteration, MittError):

@@ -38,9 +38,9 @@ class Ros2Cell:
         self._results = node.publish(RESULTS, types.String, "command")
         told = types.MultiArray if self._orders.plain else types.JointTrajectory
         self._command = node.subscribe(of["command"], told, "command")
-        kind = types.MultiArray if self._orders.plain_hand else types.JointTrajectory
+        told = types.MultiArray if self._orders.plain_hand else types.JointTrajectory
         topic = of["hand_command"]
-        self._hand = node.subscribe(topic, kind, "command") if of["hand"] else None
+        self._hand = node.subscribe(topic, told, "command") if of["hand"] else None
         self._closing = 0.0
         self._brake = node.subscribe(of["brake"], types.Bool, "command") if of["brake"] else None
 

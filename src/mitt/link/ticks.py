@@ -19,10 +19,14 @@ from mitt.link.stamps import Stamps
 from mitt.signals import TICK, ArmState, Array, Command, Frame, Senses, Sighting
 
 #: How far a joint has to have moved before a row of angles that repeats is no reading [rad], beside
-#: two steps of its encoder.
-_MOVED = 2e-4
-#: Rows in a row that repeat while the arm moves, from which its joint states have stopped.
-_FROZEN = 9
+#: a step of its encoder.
+_MOVED = 5e-5
+#: Share of what it has moved by that is forgotten in a tick: at rest estimates are not zero; and of
+#: the readings that repeat.
+_FORGOTTEN, _FADES = 0.1, 0.01
+#: Rows in a row that repeat, and how far a joint has moved meanwhile [rad], from which joint states
+#: have stopped: hardware of 125 Hz repeats 7, an encoder of 1 degree more on a slow way.
+_FROZEN, _FAR = 9, 0.005
 #: Speeds below which an arm rests, commanded and estimated [rad/s].
 _REST, _STILL = 1e-3, 0.05
 
@@ -35,7 +39,7 @@ class Ticks:
         catcher: The one of this throw.
         stamps: The robot's stamps as a time that only goes on.
         recorded: Whether the ticks are recorded: those of a catch are.
-        repeated: Readings of a moving arm that repeat the one before.
+        repeating: How many readings of the last tenth of a second, about, repeat the one before.
         frozen: Whether they have for so long that no reading comes any more.
     """
 
@@ -66,8 +70,9 @@ class Ticks:
         self.catcher, self.stamps, self.recorded = first, Stamps(), False
         self._again, self._sight, self._counts, self._recorder = again, sight, counts, recorder
         self._positions, self._begun, self._last = positions, 0.0, 0.0
-        self.repeated, self.frozen, self._run, self._obeys = 0, False, 0, obeys
-        self._read, self._since, self._least = np.zeros(0), 0.0, _MOVED + 2.0 * steps
+        self.repeating, self.frozen, self._run, self._obeys = 0.0, False, 0, obeys
+        self._travel = 0.0
+        self._read, self._moved, self._least = np.zeros(0), np.zeros(0), _MOVED + steps
 
     @property
     def t(self) -> float:
@@ -136,9 +141,10 @@ class Ticks:
             raise InputError("the first reading", "the angle of each joint", "NaN")
         self._counts.ticks += 1
         arm = ArmState(t=t, q=reading.q, dq=reading.dq)
+        self.repeating *= 1.0 - _FADES
         if self._repeats(reading):
             self._counts.repeated += 1
-            self.repeated += 1
+            self.repeating += 1.0
             nothing = np.full(len(reading.q), np.nan)
             arm = ArmState(t=t, q=nothing, dq=nothing)
         return self._step(Senses(t=t, arm=arm, frames=frames, points=seen))
@@ -149,19 +155,18 @@ class Ticks:
         An arm at rest repeats itself. One that moves does not, once a joint has moved by more than
         its encoder tells apart.
         """
-        passed = self.stamps.t - self._since
-        if not np.array_equal(reading.q, self._read):
-            self._read, self._since = np.array(reading.q), self.stamps.t
-            self._run, self.frozen = 0, False
-            return False
-        if self.catcher.tick is None:
+        if self.catcher.tick is None or not np.array_equal(reading.q, self._read):
+            self._read, self._moved = np.array(reading.q), np.zeros(len(reading.q))
+            self._run, self._travel, self.frozen = 0, 0.0, False
             return False
         speed = np.abs(self.catcher.estimated[1])
         if self._obeys:
             speed = np.maximum(speed, np.abs(self.catcher.result.command[1]))
-        repeats = bool(np.any(passed * speed > self._least))
-        self._run = self._run + 1 if repeats else 0
-        self.frozen = self._run >= _FROZEN
+        self._moved = (1.0 - _FORGOTTEN) * self._moved + TICK * speed
+        repeats = bool(np.any(self._moved > self._least))
+        self._run += repeats
+        self._travel += TICK * float(np.max(speed))
+        self.frozen = self._run >= _FROZEN and self._travel > _FAR
         return repeats
 
     def _step(self, senses: Senses) -> Command:
