@@ -209,7 +209,8 @@ class ArmState:
     """Joint encoders.
 
     Attributes:
-        t: Time of the reading [s].
+        t: Time of the reading, by the clock of ``Senses.t`` [s]. A reading that is older than 5 ms,
+            or not newer than the one before, counts as missing.
         q: Active joint positions [rad], shape (n,).
         dq: Active joint velocities [rad/s], shape (n,).
     """
@@ -232,7 +233,7 @@ class Senses:
     """All that reaches the catcher in one tick.
 
     Attributes:
-        t: Time of the tick [s].
+        t: Time of the tick, monotonic [s]; all other stamps are by the same clock.
         arm: Joint encoders.
         frames: New images, one a camera; empty where points are given instead.
         points: New sightings from another source than images.

@@ -148,7 +148,7 @@ class Judge:
         loads = catcher.phase is Phase.BRAKE and not self._loaded
         self._loaded |= loads
         if last is None or loads:
-            self._clear = self._stops_clear(told)
+            self._clear = self._begun and self._stops_clear(told)
         stops = catcher.phase is Phase.STOPPED and not self._stopped
         self._stopped |= stops
         measured = REASONS[reason] not in ENCODER_REASONS
