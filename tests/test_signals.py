@@ -41,3 +41,28 @@ def test_a_ball_without_a_velocity_is_refused() -> None:
     for dr in (None, [1.0, 2.0], "fast"):
         with pytest.raises(InputError if not isinstance(dr, list) else ValueError, match=r"dr_o"):
             mitt.BallState(t=0.3, r_o=_R, dr_o=dr)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("drag", [-1.0, -0.999, -1e-12, 1e9, np.nan, np.inf, 10.001])
+def test_a_drag_that_no_ball_has_is_refused(drag: float) -> None:
+    """None of them means anything else, as that the ball is led."""
+    for ddr_o in (None, np.zeros(3)):
+        with pytest.raises(mitt.MittError, match="drag"):
+            mitt.BallState(t=0.3, r_o=_R, dr_o=_DR, ddr_o=ddr_o, drag=drag)  # type: ignore[arg-type]
+
+
+def test_a_covariance_is_one() -> None:
+    """Any product L L' passes, of whatever rank and scale; no matrix with a negative variance."""
+    rng, base = np.random.default_rng(3), {"t": 0.3, "r_o": _R, "dr_o": _DR}
+    for k in range(200):
+        L = rng.normal(size=(6, 1 + k % 6)) * 10.0 ** rng.uniform(-6, 2, (6, 1))
+        P = L @ L.T
+        assert np.array_equal(mitt.BallState(**base, covariance=P).covariance, P)
+        _, axes = np.linalg.eigh(P / np.sqrt(np.outer(P.diagonal(), P.diagonal())))
+        sigma = np.sqrt(P.diagonal())
+        worse = P - np.outer(sigma, sigma) * np.outer(axes[:, 0], axes[:, 0])
+        odd = P.copy()
+        odd[0, 1] += sigma[0] * sigma[1]
+        for bad in (-P, worse, odd, np.where(np.eye(6) > 0, np.nan, P), np.full((6, 6), np.inf)):
+            with pytest.raises(mitt.MittError, match="covariance"):
+                mitt.BallState(**base, covariance=bad)

@@ -206,6 +206,8 @@ class BallFilter:
         t, m = checks.number("t", t), self._memory
         motion, covariance = np.empty((3, 3)), np.empty((6, 6))
         tracked = predict(m, t, self._settings, motion, covariance, self._work)
+        if not np.isfinite(covariance).all():
+            tracked, motion[:], covariance[:] = False, 0.0, 0.0
         return BallState(
             t=t, tracked=tracked, r_o=motion[0], dr_o=motion[1], ddr_o=motion[2],
             drag=float(m[at.DRAG]) if tracked else 0.0, covariance=covariance,

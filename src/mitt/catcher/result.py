@@ -173,12 +173,13 @@ def tick_of(result: Result) -> Tick:
 
 
 def ball_in(result: Result) -> BallState:
-    """Return the estimate that a result holds now, a copy."""
-    s = result.scalars[0]
+    """Return the estimate that a result holds now, a copy; none that is past all numbers."""
+    s, P = result.scalars[0], result.covariance.copy()
+    sound = bool(np.isfinite(P).all())
     return BallState(
-        t=s["t_ball"].item(), tracked=s["tracked"].item(), r_o=result.ball[0].copy(),
+        t=s["t_ball"].item(), tracked=s["tracked"].item() and sound, r_o=result.ball[0].copy(),
         dr_o=result.ball[1].copy(), ddr_o=result.ball[2].copy(), drag=s["drag"].item(),
-        covariance=result.covariance.copy(), t_seen=s["t_seen"].item(),
+        covariance=P if sound else np.zeros((6, 6)), t_seen=s["t_seen"].item(),
         t_first=s["t_first"].item(), led=s["led"].item(),
     )  # fmt: skip
 

@@ -1,0 +1,121 @@
+"""What a verdict brings about: the same whenever it is given, before the arm moves or on the way."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mitt.ball.filter import THROWN_BALL
+from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
+from mitt.control.envelope import speeds_of
+from mitt.control.rows import DQ_MAX
+from mitt.generator.feasibility import Outcome, Verdict
+from mitt.generator.generators import Direct
+from mitt.generator.learn import Learned
+from mitt.impact import speed_caps, speed_jumps
+from mitt.robot.arm import Arm
+from mitt.signals import GRAVITY, TICK, Array, ArmState, Senses, Sighting
+from mitt.trials.learning import learn
+
+FALL = np.array([0.0, 0.0, -GRAVITY])
+#: Height of the floor [m], share of its vertical speed that a ball has after the bounce there.
+FLOOR, SPRINGS = -0.7, 0.85
+BOUNCE = np.array([3.2, 0.1, 0.2]), np.array([-5.2, -0.1, -2.5])
+FLIGHT = replace(THROWN_BALL, drag_mean=0.0, drag_sigma=0.002)
+
+
+@pytest.fixture(scope="module")
+def taught(arm: Arm) -> Learned:
+    """The map that ``mitt catch`` learns."""
+    return learn(arm)
+
+
+def bouncing(t: float) -> Array:
+    """Return where a ball is that bounces off a floor that nobody announced [m]."""
+    r, dr = BOUNCE
+    hit = (dr[2] + np.sqrt(dr[2] ** 2 + 2.0 * GRAVITY * (r[2] - FLOOR))) / GRAVITY
+    if t < hit:
+        return r + t * dr + 0.5 * t * t * FALL
+    up = np.array([dr[0], dr[1], -SPRINGS * (dr[2] - GRAVITY * hit)])
+    since, at = t - hit, r + hit * dr + 0.5 * hit * hit * FALL
+    return at + since * up + 0.5 * since * since * FALL
+
+
+def kicked(t: float) -> Array:
+    """Return where a ball is that comes well and is pushed aside on the way [m]."""
+    r, dr = np.array([3.6, 0.15, 0.2]), np.array([-5.9, -0.2, 2.2])
+    push = np.array([0.0, 0.5, 0.6]) * max(t - 0.25, 0.0)
+    return r + t * dr + 0.5 * t * t * FALL + push
+
+
+def caught(
+    arm: Arm, generator: Direct, way: Callable[[float], Array], settings: CatcherSettings,
+    watch: Callable[[Catcher], None] = lambda catcher: None,
+) -> Catcher:  # fmt: skip
+    """Return the catcher after a throw at an arm that does what it is told."""
+    catcher, q, dq = Catcher(arm, generator, settings=settings), arm.q_ready, np.zeros(arm.n)
+    rng = np.random.default_rng(0)
+    for k in range(900):
+        t, seen = k * TICK, way(k * TICK) + 1e-3 * rng.standard_normal(3)
+        point = Sighting(t=t, found=True, r_o=seen, covariance=1e-6 * np.eye(3))
+        senses = Senses(t=t, arm=ArmState(t=t, q=q, dq=dq), points=(point,))
+        command = catcher.step(senses)
+        catcher.think()
+        watch(catcher)
+        if catcher.phase in (Phase.BRAKE, Phase.STOPPED, Phase.REFUSED):
+            break
+        q, dq = command.q.copy(), command.dq.copy()
+    return catcher
+
+
+def settings_for(mass: float) -> CatcherSettings:
+    """Return settings for a ball [kg]."""
+    return CatcherSettings(flight=FLIGHT, ball_mass=mass, ball_restitution=0.6)
+
+
+def test_a_ball_that_comes_back_is_judged_with_all_that_comes_after(
+    arm: Arm, taught: Learned
+) -> None:
+    """A light one is caught with room for its impact; a heavy one the arm brakes for, hand open."""
+    said: list[Verdict] = []
+
+    def watch(catcher: Catcher) -> None:
+        if catcher.verdict is not None and (not said or said[-1] is not catcher.verdict):
+            said.append(catcher.verdict)
+
+    for mass, outcome in ((0.3, Outcome.FEASIBLE), (2.0, Outcome.UNREACHABLE)):
+        said.clear()
+        settings = settings_for(mass)
+        catcher = caught(arm, Direct(taught.map), bouncing, settings, watch)
+        assert said[-2].outcome is Outcome.OPEN
+        assert catcher.verdict is said[-1]
+        assert catcher.verdict.outcome is outcome
+        assert catcher.phase is Phase.BRAKE
+        closed = catcher.state.closing[0] < np.inf
+        assert closed == (outcome is Outcome.FEASIBLE)
+        kind = catcher.verdict.binding_limit.partition(":")[0]
+        assert closed or kind in ("impact", "brake", "grip")
+
+
+@pytest.mark.parametrize("way", [bouncing, kicked])
+def test_whatever_verdict_is_followed_its_room_is_kept(
+    arm: Arm, taught: Learned, way: Callable[[float], Array]
+) -> None:
+    """In each tick caps and jumps of the speeds are those of the verdict that is in effect."""
+    settings, followed = settings_for(0.3), set[int]()
+
+    def watch(catcher: Catcher) -> None:
+        verdict = catcher.verdict
+        if catcher.phase is not Phase.FOLLOW or verdict is None:
+            return
+        followed.add(id(verdict))
+        caps, jumps = speeds_of(arm), np.zeros(arm.n)
+        if verdict.approach is not None:
+            given = arm, verdict.approach, settings.caught
+            caps, jumps = speed_caps(*given), speed_jumps(*given)
+        assert np.array_equal(catcher.state.bounds[DQ_MAX], caps)
+        assert np.array_equal(catcher.state.jump, jumps)
+
+    caught(arm, Direct(taught.map), way, settings, watch)
+    assert len(followed) >= 2
