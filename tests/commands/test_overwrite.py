@@ -71,6 +71,9 @@ def quick(monkeypatch: pytest.MonkeyPatch, learned: Learned, a_map: Path) -> Qui
     """What runs a command; nothing is learned, and no page of throws is drawn."""
     page = "<!doctype html>\n<title>mitt: it</title>"
     monkeypatch.setattr("mitt.report.outputs.write_report", lambda path, _: path.write_text(page))
+    monkeypatch.setattr("mitt.report.outputs._content", lambda *_: None)
+    monkeypatch.setattr("mitt.report.replay_report.write_replay_page",
+                        lambda path, *_, **__: path.write_text(page))  # fmt: skip
     monkeypatch.setattr("mitt.sweep.run.learn", lambda *_, **__: learned)
     monkeypatch.setattr("mitt.commands.study.engine_of", lambda *_: Here())
 
@@ -310,3 +313,16 @@ def test_a_run_that_was_broken_off_gets_its_page(
     assert "throws.csv" in capsys.readouterr().err
     shutil.move(throws, tmp_path / "moved.csv")
     assert quick("report", out) == 2
+    for head in (
+        {},
+        {"words": 3},
+        {"words": ["--throws=x"], "read": {}},
+        {"words": ["--no"], "read": 1},
+    ):
+        first, _, rest = kept.partition(b"\n")
+        (out / NAME).write_bytes(
+            json.dumps(json.loads(first) | {"again": head}).encode() + b"\n" + rest
+        )
+        capsys.readouterr()
+        assert quick("report", out) == 2
+        assert capsys.readouterr().err.count("\n") == 1
