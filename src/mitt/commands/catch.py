@@ -1,10 +1,12 @@
 """``mitt catch``: throw, see, map, catch; a table and a folder."""
 
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 from functools import partial
 from pathlib import Path
 
 import mitt
+from mitt import checks
+from mitt.commands.line import parse
 from mitt.commands.options import CatchOptions
 from mitt.commands.screen import (
     Report,
@@ -37,6 +39,8 @@ from mitt.world.scenes import DEFAULT, read_scene
 
 #: Most throws in one run; more belong into a study.
 _MOST_THROWS = 100_000
+#: Options that may name a file.
+_FILES = ("arm", "limits", "scene", "map", "throws_file", "flights")
 #: Options that a map has decided already.
 _OF_THE_MAP = ("catch_joint", "q_catch", "kappa", "inward", "order")
 
@@ -70,8 +74,7 @@ def prepare(options: CatchOptions) -> Prepared:
     with noted() as read:
         prepared = _prepared(options)
     read.pop(str(options.map), None)  # a run keeps its map
-    given = {key: _placed(value) for key, value in asdict(options).items() if value is not None}
-    return replace(prepared, again={"options": given, "read": read})
+    return replace(prepared, again={"words": _words(options), "read": read})
 
 
 def prepared_again(folder: Path, kept: Kept) -> Prepared:
@@ -80,30 +83,33 @@ def prepared_again(folder: Path, kept: Kept) -> Prepared:
     Raises:
         InputError: A file that it read holds something else now; MittError: one is not there.
     """
-    options, read = kept.again.get("options"), kept.again.get("read")
-    if not isinstance(options, dict) or not isinstance(read, dict):
+    words, read = kept.again.get("words"), kept.again.get("read")
+    if not isinstance(words, list) or not isinstance(read, dict):
         raise FileError(str(folder), "a run that says what makes it again", "one that does not")
     if (version := kept.head.get("version")) != mitt.__version__:
         raise FileError(str(folder), f"a run of mitt {mitt.__version__}", f"one of {version}")
-    paths = {name: Path(options[name]) for name in ("throws_file", "flights") if name in options}
-    less = {k: x for k, x in options.items() if k not in (*_OF_THE_MAP, "json", "check")}
-    try:
-        again = CatchOptions(**less | paths | {"map": folder / MAP, "out": folder,
-                                               "overwrite": True})  # fmt: skip
-    except TypeError:
-        raise FileError(str(folder), "a run of this version", "another") from None
-    prepared = prepare(again)
+    _, options = parse(["catch", *map(str, words)])
+    options = checks.instance("options", options, CatchOptions)
+    less = dict.fromkeys(_OF_THE_MAP)
+    prepared = prepare(replace(options, map=folder / MAP, out=folder, overwrite=True, **less))
     if changed := difference(read, prepared.again["read"]):
         raise FileError(changed, "the file that the run read", "another content")
     return prepared
 
 
-def _placed(value: object) -> object:
-    """Return an option as it is written down: of a file, where it is from anywhere."""
-    path = Path(value) if isinstance(value, str | Path) else None
-    if path is None or not path.is_file():
-        return str(value) if path is not None else value
-    return str(path.absolute())
+def _words(options: CatchOptions) -> list[str]:
+    """Return the options that make a run again, files by where they are from anywhere."""
+    out = []
+    for field in fields(options):
+        name, value = field.name, getattr(options, field.name)
+        if name in ("out", "overwrite", "json", "check") or value == field.default:
+            continue
+        said = f"--{name.replace('_', '-')}"
+        path = Path(value) if isinstance(value, str | Path) else Path()
+        if name in _FILES and path.is_file() and (path.suffix or name == "scene"):
+            value = path.absolute()
+        out.append(said if value is True else f"{said}={value}")
+    return out
 
 
 def _prepared(options: CatchOptions) -> Prepared:
