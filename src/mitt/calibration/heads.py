@@ -21,8 +21,12 @@ from mitt.world.tables import number, read_rows
 FACE_UP = np.diag((1.0, -1.0, -1.0, 1.0))
 
 
-def read_head_views(path: Path, board: Board, size: tuple[int, int]) -> tuple[Array, list[Seen]]:
+def read_head_views(
+    path: Path, board: Board, size: tuple[int, int]
+) -> tuple[Array, list[Seen], int]:
     """Return angles [rad], shape (k, 2), and corners of the views that a table lists.
+
+    The last of what is returned is how many of its images show no board, and are left out.
 
     Args:
         path: CSV file with columns image,pan_rad,tilt_rad; images relative to its folder.
@@ -33,19 +37,21 @@ def read_head_views(path: Path, board: Board, size: tuple[int, int]) -> tuple[Ar
         FileError: The table or an image cannot be read, or the image has another size.
     """
     path = checks.path("table of views", path)
-    angles, views = [], []
+    angles, sights = [], []
     for line, cells in read_rows(path, ("image", "pan_rad", "tilt_rad")):
         at = path.parent / cells["image"]
         pixels = read_image(at)
         if pixels.shape != (size[1], size[0]):
             given = f"{pixels.shape[1]} x {pixels.shape[0]}"
             raise FileError(str(at), f"an image of {size[0]} x {size[1]} pixels", given)
-        seen = board.find(pixels)
-        if seen is not None:
-            angles.append([number(path, line, name, cells[name], limit=7.0)
-                           for name in ("pan_rad", "tilt_rad")])  # fmt: skip
-            views.append(seen)
-    return np.array(angles).reshape(-1, 2), views
+        sights.append(board.sight(pixels))
+        angles.append([number(path, line, name, cells[name], limit=7.0)
+                       for name in ("pan_rad", "tilt_rad")])  # fmt: skip
+    board.settle(sights)
+    views = [sight[board.legacy] for sight in sights]
+    kept = [k for k, view in enumerate(views) if view is not None]
+    found = [view for view in views if view is not None]
+    return np.array(angles).reshape(-1, 2)[kept], found, len(views) - len(kept)
 
 
 def head_problem(camera: RigCamera, board: Board, angles: Array, views: list[Seen]) -> HeadProblem:

@@ -222,8 +222,9 @@ def _with_heads(job: Calibration, rig: CalibratedRig, board: Board) -> Calibrate
     cameras = []
     for camera in rig.cameras:
         size = (camera.lens.width, camera.lens.height)
-        angles, seen = read_head_views(tables[camera.name], board, size)
+        angles, seen, without = read_head_views(tables[camera.name], board, size)
         moved, _, stage = calibrate_head(camera, board, angles, seen)
+        stage = replace(stage, numbers={**stage.numbers, "without_board": without})
         cameras.append(moved)
         job.stages.append(stage)
     return replace(rig, frame="board", cameras=tuple(cameras))
