@@ -88,6 +88,6 @@ def test_a_bound_that_is_none_is_refused(bound: str, bad: float) -> None:
     """Bounds stand in the denominators of a tick; none but a number above 0 gets there."""
     given = {"tau": np.ones(3), "speed": np.ones(3), bound: np.array([1.0, bad, 1.0])}
     with pytest.raises(InputError, match="wanted numbers above 0"):
-        joint_level("wrong", **given)  # type: ignore[arg-type]  # arrays all
-    fine = joint_level("endless", **(given | {bound: np.array([1.0, np.inf, 1.0])}))  # type: ignore[arg-type]
+        joint_level("wrong", **given)
+    fine = joint_level("endless", **(given | {bound: np.array([1.0, np.inf, 1.0])}))
     assert fine.name == "endless"
