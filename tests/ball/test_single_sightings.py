@@ -234,8 +234,8 @@ def test_one_wrong_row_does_not_spoil_the_noise(stamp: float, place: float, k: i
     """A stamp that repeats, goes back or far ahead, a place beside itself: the noise is learned."""
     rng, t = np.random.default_rng(k), np.arange(400) * H
     z = np.array([true(x) for x in t]) + 2e-3 * rng.standard_normal((400, 3))
-    t = np.insert(t, k, t[k - 1] + stamp).astype(np.float64)
-    sigma = np.sqrt(learned(t, np.insert(z, k, place, axis=0)))
+    stamps = np.insert(t, k, t[k - 1] + stamp).astype(np.float64)
+    sigma = np.sqrt(learned(stamps, np.insert(z, k, place, axis=0)))
     assert np.isfinite(sigma).all()
     assert sigma.min() > 1.2e-3
     assert sigma.max() < 3.5e-3

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.errors import UnknownNameError
-from mitt.robot.limits import bound_of, torque_share
+from mitt.errors import InputError, UnknownNameError
+from mitt.robot.limits import bound_of, joint_level, torque_share
 from mitt.robot.wam import wam_limits
 from mitt.signals import Array
 
@@ -80,3 +80,14 @@ def test_an_unknown_set_is_refused_by_name() -> None:
     """The message lists what there is."""
     with pytest.raises(UnknownNameError, match="paper, wam-48v, wam-80v"):
         wam_limits("strong")
+
+
+@pytest.mark.parametrize("bound", ["tau", "speed", "acceleration", "jerk", "torque_rate"])
+@pytest.mark.parametrize("bad", [0.0, -1.0, np.nan, -np.inf])
+def test_a_bound_that_is_none_is_refused(bound: str, bad: float) -> None:
+    """Bounds stand in the denominators of a tick; none but a number above 0 gets there."""
+    given = {"tau": np.ones(3), "speed": np.ones(3), bound: np.array([1.0, bad, 1.0])}
+    with pytest.raises(InputError, match="wanted numbers above 0"):
+        joint_level("wrong", **given)
+    fine = joint_level("endless", **(given | {bound: np.array([1.0, np.inf, 1.0])}))
+    assert fine.name == "endless"

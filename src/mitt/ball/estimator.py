@@ -9,7 +9,7 @@ No single sighting decides. One whose time is more than ``max_gap`` from the tra
 ``ROW`` of them come in a row, the clock was set or another throw has begun, and a new track begins
 with them; one alone is dropped when the next sighting fits the time. And a point that comes back to
 the last digit while the ball is elsewhere, as the origin that trackers send for a ball that they do
-not see, is no ball.
+not see, is no ball; that is judged when it arrives.
 """
 
 from math import isfinite

@@ -55,7 +55,8 @@ class CatcherSettings:
         bandwidth: Bandwidth of the tracking error [rad/s].
         sigma_ready: Predicted 1-sigma at the catch at which the arm starts to move [m].
         watch: Longest time from first sight to the verdict [s].
-        adapt_q: Gap between desired and true joint angles at which to adapt anew [rad].
+        adapt_q: Gap between desired and true joint angles at which to adapt anew [rad]; at 0
+            in each tick.
         adapt_dq: The same for joint speeds [rad/s].
         adapt_until: Time to the catch below which the map is left as it is [s].
         review: Time between two reviews of the choice among several maps [s].

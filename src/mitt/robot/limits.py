@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 
 from mitt import checks
-from mitt.errors import ShapeError
+from mitt.errors import InputError, ShapeError
 from mitt.fields import brief
 from mitt.jit import kernel
 from mitt.signals import Array
@@ -59,7 +59,12 @@ class Limits:
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        """Hold the arrays to the number of drives; ShapeError or InputError where they differ."""
+        """Hold the arrays to the number of drives, and their bounds to numbers above 0.
+
+        Raises:
+            ShapeError: An array has another shape.
+            InputError: A bound is none.
+        """
         bounds = {"tau_peak": self.tau_peak, "tau_stall": self.tau_stall, "dq_max": self.dq_max,
                   "tau_rms": self.tau_rms}  # fmt: skip
         transmission = checks.array("transmission", self.transmission, (None, None), finite=True)
@@ -70,6 +75,8 @@ class Limits:
                  "torque_rate": self.torque_rate}  # fmt: skip
         kept |= {k: checks.vector(k, x, size) for k, x in rates.items() if x is not None}
         for name, value in kept.items():
+            if name != "transmission" and not np.all(value > 0.0):  # they stand in denominators
+                raise InputError(f"limits {name}", "numbers above 0", value.tolist())
             object.__setattr__(self, name, value)
 
     def __getstate__(self) -> dict[str, object]:
