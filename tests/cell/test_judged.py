@@ -56,9 +56,11 @@ def test_a_cell_with_a_basket_knows_a_caught_ball(basket: PreparedCell) -> None:
 def judged(arm: Arm) -> Arm:
     """Return an arm with limits that any catch exceeds: of rates, of continuous torque."""
     size, drives = len(arm.model.links), len(arm.limits.tau_rms)
-    bounds = {"acceleration": 20.0, "jerk": 5e4, "torque_rate": 2e3}
-    rates = {name: np.full(size, bound) for name, bound in bounds.items()}
-    return Arm(arm.model, replace(arm.limits, **rates, tau_rms=np.ones(drives)))
+    tight = replace(
+        arm.limits, acceleration=np.full(size, 20.0), jerk=np.full(size, 5e4),
+        torque_rate=np.full(size, 2e3), tau_rms=np.full(drives, 0.03),
+    )  # fmt: skip
+    return Arm(arm.model, tight)
 
 
 @pytest.mark.parametrize("hand", ["basket", "fingers"])

@@ -76,7 +76,8 @@ def cell_that_takes(takes: str) -> Cell:
     cell = read_cell("wam-sim")
     command = f"/{takes}/joint_trajectory" if takes == "trajectory" else f"/{takes}/commands"
     options = {**cell.robot.options, "command": command, "state": f"/{takes}/states",
-               "hand_command": f"/{takes}/hand", "brake": f"/{takes}/brake", "diagnostics": f"/{takes}/diagnostics"}  # fmt: skip
+               "hand_command": f"/{takes}/hand", "brake": f"/{takes}/brake",
+               "diagnostics": f"/{takes}/diagnostics"}  # fmt: skip
     drives = "torque" if takes == "trajectory" else takes
     robot = cell.robot.model_copy(update={"options": options, "takes": drives})
     source = cell.source.model_copy(update={"topic": f"/{takes}/ball"})

@@ -70,8 +70,16 @@ def _show(session: Session, *, json: bool) -> None:
     if json:
         print_json(summary)
     else:
-        show(", ".join(f"{name} {value}" for name, value in summary.items()
-                       if name not in ("schema", "command_age_us")))  # fmt: skip
+        said = {name.replace("_", " "): _in_words(value) for name, value in summary.items()
+                if name not in ("schema", "command_age_us")}  # fmt: skip
+        show(", ".join(f"{name} {value}" for name, value in said.items()))
+
+
+def _in_words(value: object) -> str:
+    """Return a value of the summary for a person."""
+    if isinstance(value, list):
+        return "; ".join(map(str, value)) or "none"
+    return "unknown" if value is None else str(value)
 
 
 def recording(
