@@ -98,6 +98,12 @@ class Thrown:
     brakes: bool
 
 
+def each(period: float, count: int) -> Array:
+    """Return the times of ticks at a constant period [s]."""
+    times: Array = period * np.arange(count, dtype=np.float64)
+    return times
+
+
 def as_read(_: int, reading: ArmState) -> ArmState:
     """Return a reading as it is."""
     return reading

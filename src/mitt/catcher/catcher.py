@@ -252,7 +252,9 @@ class Catcher:
 
     def _note_stop(self) -> None:
         """Note why the tick just made has stopped the arm."""
-        self.stopped_by = stopped_by(self._arm, self.state, self.result)
+        memory, s = self.state.encoder_memory, self.state.scalars[0]
+        age = s["age_told"].item() if s["stale"] else None
+        self.stopped_by = stopped_by(self._arm, memory, self.estimated, self.result, age)
 
     def stop(self) -> None:
         """Stop with the next tick, within all limits, and stay until :meth:`recover`."""
@@ -281,7 +283,7 @@ class Catcher:
 
         Args:
             checked: Whether a person has checked the encoders that had a fault. If not, each has
-                to have read well for 50 ticks, near to where its joint was predicted to be, and one
+                to have read well for 50 ms, near to where its joint was predicted to be, and one
                 that was stuck has to have moved.
 
         Raises:
