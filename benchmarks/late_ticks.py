@@ -21,7 +21,7 @@ from time import perf_counter
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from exact_plant import SETTINGS, Change, as_read, throw
+from exact_plant import SETTINGS, Change, as_read, each, throw
 from franka_design import panda_file
 
 from mitt.catcher.catcher import Catcher
@@ -35,6 +35,7 @@ from mitt.signals import TICK, ArmState, Array
 from mitt.trials.learning import learn
 from mitt.trials.source import Source, source_of, widened
 from mitt.trials.statistics import wilson
+from mitt.world.throws import Throw
 
 SEED = 9000
 ARMS = ("paper", "wam-48v", "panda")
@@ -60,7 +61,7 @@ def setting(name: str, seed: int, count: int) -> tuple[Arm, DirectMap, Source]:
 
 def drawn(kind: str, rng: np.random.Generator) -> tuple[Array, Change, str]:
     """Draw when the ticks come and how old the readings are; return it in words, too."""
-    times = TICK * np.arange(round(LONGEST / TICK))
+    times = each(TICK, round(LONGEST / TICK))
     if kind == "late":
         at = np.linspace(*SWING, INSTANTS)[rng.integers(INSTANTS)]
         late = rng.uniform(*LATE)
@@ -71,7 +72,7 @@ def drawn(kind: str, rng: np.random.Generator) -> tuple[Array, Change, str]:
         return np.unique(times + off - off[0]), as_read, "jitter"
     if kind == "period":
         period = PERIODS[rng.integers(len(PERIODS))]
-        return period * np.arange(round(LONGEST / period)), as_read, f"each {1e3 * period:g} ms"
+        return each(period, round(LONGEST / period)), as_read, f"each {1e3 * period:g} ms"
     if kind == "old":
         old, past = int(rng.integers(1, OLD + 1)), list[ArmState]()
 
@@ -96,6 +97,7 @@ def main() -> None:
         rows: dict[str, Counter[str]] = defaultdict(Counter)
         for k in range(options.throws):
             kind, ball = KINDS[k % len(KINDS)], source.ball(k)
+            assert isinstance(ball, Throw)
             times, change, what = drawn(kind, np.random.default_rng([options.seed, k]))
             out = throw(first.again(generator), arm, ball, times, seed=k, change=change)
             row = rows[kind]

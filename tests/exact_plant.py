@@ -98,6 +98,12 @@ class Thrown:
     brakes: bool
 
 
+def each(period: float, count: int) -> Array:
+    """Return the times of ticks at a constant period [s]."""
+    times: Array = period * np.arange(count, dtype=np.float64)
+    return times
+
+
 def as_read(_: int, reading: ArmState) -> ArmState:
     """Return a reading as it is."""
     return reading
@@ -118,7 +124,7 @@ def throw(
         change: Changes the reading of a tick, whose number it is given.
     """
     plant, rng, out = ExactPlant(arm), np.random.default_rng(seed), catcher.result.scalars
-    reasons, commands, places, nearest = [], [], [], np.inf
+    reasons, commands, places, nearest = list[Reason](), list[Command](), list[Array](), np.inf
     for k, t in enumerate(times.tolist()):
         if k > 0:
             plant.move(commands[-1], t - times[k - 1])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from exact_plant import SETTINGS, Change, Thrown, as_read, throw
+from exact_plant import SETTINGS, Change, Thrown, as_read, each, throw
 
 from mitt.catcher.catcher import Catcher, Phase
 from mitt.control.envelope import bounds_of
@@ -34,7 +34,7 @@ def on(
 
 def late_by(late: float, at: float) -> Array:
     """Return the times of ticks of which one comes late [s]."""
-    times = TICK * np.arange(TICKS)
+    times = each(TICK, TICKS)
     times[times > at] += late - TICK
     return times
 
@@ -85,7 +85,7 @@ def test_jitter_is_no_fault(
 ) -> None:
     """Ticks that are off by up to half a period, and read when they are made, are all in time."""
     off = np.random.default_rng(seed).uniform(-jitter, jitter, TICKS)
-    times = np.unique(TICK * np.arange(TICKS) + off - off[0])
+    times = np.unique(each(TICK, TICKS) + off - off[0])
     thrown = on(times, first, arm, learned, seed=seed)
     assert thrown.stopped is None
     assert set(thrown.reasons) == {Reason.NONE}
@@ -98,7 +98,7 @@ def test_another_period_is_no_fault(
     first: Catcher, arm: Arm, learned: Learned, period: float
 ) -> None:
     """A loop may have its own rate, as long as a tick comes within 5 ms of the last."""
-    times = period * np.arange(round(TICKS * TICK / period))
+    times = each(period, round(TICKS * TICK / period))
     thrown = on(times, first, arm, learned)
     assert thrown.stopped is None
     assert set(thrown.reasons) == {Reason.NONE}
@@ -119,7 +119,7 @@ def test_a_reading_is_taken_at_its_own_time(
         return past[max(k - old, 0)] if k >= begin else reading
 
     assert old * TICK <= OLD_READING
-    thrown = on(TICK * np.arange(TICKS), first, arm, learned, delayed)
+    thrown = on(each(TICK, TICKS), first, arm, learned, delayed)
     assert thrown.stopped is None
     assert thrown.reasons.count(Reason.BRIDGED) == old  # those that come again
     assert thrown.nearest < NEAR
@@ -141,7 +141,7 @@ def test_old_readings_in_the_swing_are_none(
         shift = {"hour": -3600.0, "nan": np.nan, "future": 0.002}.get(kind, 0.0)
         return told.get(kind, ArmState(t=new.t + shift, q=new.q, dq=new.dq))
 
-    thrown = on(TICK * np.arange(TICKS), first, arm, learned, stale)
+    thrown = on(each(TICK, TICKS), first, arm, learned, stale)
     assert thrown.stopped is Reason.SILENT
     assert thrown.reasons[begin : begin + SILENT_TICKS - 1] == [Reason.BRIDGED] * (SILENT_TICKS - 1)
     assert thrown.reasons[begin + SILENT_TICKS - 1] is Reason.SILENT
@@ -158,7 +158,7 @@ def test_a_loop_whose_stamps_are_of_another_clock_is_told_so(
     def shifted(_: int, reading: ArmState) -> ArmState:
         return ArmState(t=reading.t + shift, q=reading.q, dq=reading.dq)
 
-    thrown = throw(catcher, arm, BALL, TICK * np.arange(50), change=shifted)
+    thrown = throw(catcher, arm, BALL, each(TICK, 50), change=shifted)
     assert thrown.stopped is Reason.SILENT
     assert len(thrown.t) == LOSSY_TICKS
     assert not thrown.commands[:, 1:].any()
@@ -175,7 +175,7 @@ def test_silence_is_a_time(first: Catcher, arm: Arm, learned: Learned, period: f
     def silent(k: int, new: ArmState) -> ArmState:
         return new if k < begin else ArmState(t=new.t, q=np.full(3, np.nan), dq=new.dq)
 
-    times = period * np.arange(round(TICKS * TICK / period))
+    times = each(period, round(TICKS * TICK / period))
     thrown = on(times, first, arm, learned, silent)
     assert thrown.stopped is Reason.SILENT
     calls = thrown.reasons.index(Reason.SILENT) - begin + 1

@@ -273,7 +273,9 @@ class Catcher:
 
     def _note_stop(self) -> None:
         """Note why the tick just made has stopped the arm."""
-        found = stopped_by(self._arm, self.state, self.result)
+        memory, s = self.state.encoder_memory, self.state.scalars[0]
+        age = s["age_told"].item() if s["stale"] else None
+        found = stopped_by(self._arm, memory, self.estimated, self.result, age)
         failed = found.reason is Reason.FAILED
         self.stopped_by = replace(found, hint=self._planner.failure) if failed else found
 
@@ -309,7 +311,7 @@ class Catcher:
 
         Args:
             checked: Whether a person has checked the encoders that had a fault. If not, each has
-                to have read well for 50 ticks, near to where its joint was predicted to be, and one
+                to have read well for 50 ms, near to where its joint was predicted to be, and one
                 that was stuck has to have moved.
 
         Raises:

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mitt.catcher.settings import PHASES, WATCH, Phase
-from mitt.catcher.state import CatcherState
 from mitt.control.health import ENCODER_REASONS, Reason, State
 from mitt.control.monitor import faulty
 from mitt.control.stopped import StoppedBy, hint_of
@@ -199,17 +198,21 @@ def _reference_of(result: Result) -> JointReference:
     )
 
 
-def stopped_by(arm: Arm, state: CatcherState, result: Result) -> StoppedBy:
+def stopped_by(
+    arm: Arm, encoder_memory: Array, estimated: Array, result: Result, age: float | None
+) -> StoppedBy:
     """Return why the tick just made has stopped the arm, and what the catcher knew then.
 
     Args:
         arm: The arm.
-        state: What it knew.
+        encoder_memory: As in :mod:`mitt.control.encoder_memory`.
+        estimated: q, dq as estimated [rad, rad/s], shape (2, n).
         result: That of the tick.
+        age: As of :func:`mitt.control.stopped.hint_of`.
     """
-    s, encoders, estimated = result.scalars[0], result.encoders.copy(), state.estimated
-    reason, own = REASONS[s["reason"]], state.scalars[0]
-    joints, age = faulty(state.encoder_memory), own["age_told"].item() if own["stale"] else None
+    s, encoders = result.scalars[0], result.encoders.copy()
+    reason = REASONS[s["reason"]]
+    joints = faulty(encoder_memory)
     by_encoder = reason in ENCODER_REASONS and len(joints) > 0
     return StoppedBy(
         state=STATES[s["health"]],
