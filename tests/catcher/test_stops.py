@@ -130,6 +130,21 @@ def test_no_call_undoes_a_stop(
     assert not command.tau.any()
 
 
+def test_a_motion_is_taken_as_it_was_given(arm: Arm, learned: Learned) -> None:
+    """What becomes of its array afterwards moves nothing, and the arm is done at its end."""
+    cell = cell_of(arm, learned)
+    cell.until(lambda: cell.t > 0.01, seen=False)
+    motion = rest(cell.catcher.result.command[0].copy())
+    motion[-1, 1] = 5e-5
+    cell.catcher.move(motion)
+    motion += 1.0
+    for _ in range(20):
+        command = cell.tick(seen=False)
+        assert np.array_equal(command.dq, np.zeros(arm.n))
+    assert np.abs(command.q - arm.q_ready).max() < 1e-3
+    assert cell.catcher.done
+
+
 def test_a_stop_that_was_asked_for_lets_nothing_begin(arm: Arm, learned: Learned) -> None:
     """Between `stop` and its tick no motion is taken."""
     cell = cell_of(arm, learned)

@@ -153,8 +153,7 @@ class Planner:
         out = self._out
         out["inside"] = answer.status is MapStatus.INSIDE
         out["time_to_catch"] = answer.time_to_catch if out["inside"] else np.inf
-        if self._scalars["failures"] < FAILED_TICKS:
-            self._scalars["failures"] = 0
+        self._answered()
 
     def _write(self, fields: Fields) -> None:
         """Overwrite fields of the state."""
@@ -165,6 +164,12 @@ class Planner:
         """Begin another phase with the next tick; one that has stopped begins none."""
         if self.phase != STOPPED:
             self._scalars["phase"] = phase
+            self._answered()
+
+    def _answered(self) -> None:
+        """Forget ticks without an answer, unless they were enough for a stop."""
+        if self._scalars["failures"] < FAILED_TICKS:
+            self._scalars["failures"] = 0
 
     def _watch(self, ball: BallState) -> None:
         """Give the verdict once the ball is known well enough, or when it is due.
@@ -298,7 +303,8 @@ class Planner:
 
     def move(self, motion: Array, t: float) -> None:
         """Follow a motion from now on, as if it were that of the brake; see ``Catcher.move``."""
-        self.brake = motion
+        self.brake = motion.copy()
+        self.brake[-1, 1:] = 0.0
         self._scalars["t_brake"] = t
         self._enter(BRAKE)
 

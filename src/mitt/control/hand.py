@@ -108,7 +108,7 @@ class Closing:
         if hand is not None:
             checked_hand(hand)
         ball_radius = checks.number("ball_radius", ball_radius, least=1e-3, most=1.0)
-        restitution = checks.number("restitution", restitution, least=0.0, most=1.0)
+        restitution = checks.number("restitution", restitution, least=0.0, finite=True)
         self.memory = np.array([inf])
         self.grip = pack_grip(hand, ball_radius, restitution)
 
