@@ -28,20 +28,35 @@ from mitt.world.throws import Throw
 #: Ranges of the catch: angles about the nominal ones [rad], speed [m/s], descent below the level
 #: and azimuth [rad]; duration of the flight before it [s].
 AROUND, SPEED, DESCENT, AZIMUTH, DURATION = 0.25, (1.5, 6.0), (1.2, 1.5), 0.3, (0.35, 0.8)
+#: Step of the way back [s]; distance that it keeps from the waiting hand, over the ground and above
+#: it, but in the end [m, s]; least height [m].
+STEP, CLEAR, LAST, FLOOR = 0.01, 0.3, 0.1, -0.7
 
 
 def lob(f: DirectMap, rng: np.random.Generator, drag: float) -> Throw:
-    """Return a ball that falls steeply through a random point of a map's region."""
-    aside = rng.uniform(-AROUND, AROUND, f.arm.n)
-    aside[f.design.catch_joint] = 0.0
-    speed, down, turn = rng.uniform(*SPEED), rng.uniform(*DESCENT), rng.uniform(-AZIMUTH, AZIMUTH)
-    level = np.array([-np.cos(turn), -np.sin(turn)])
-    r, dr = (
-        f.arm.position(f.start + aside),
-        speed * np.array([*np.cos(down) * level, -np.sin(down)]),
-    )
-    advance(r, dr, drag, -rng.uniform(*DURATION))
-    return Throw(r=r, dr=dr)
+    """Return a ball that falls steeply through a random point of a map's region.
+
+    On its way it comes from above the floor, and not through the arm that waits.
+    """
+    hand = f.arm.position(f.arm.q_ready)
+    while True:
+        aside = rng.uniform(-AROUND, AROUND, f.arm.n)
+        aside[f.design.catch_joint] = 0.0
+        speed, down, turn = (
+            rng.uniform(*SPEED),
+            rng.uniform(*DESCENT),
+            rng.uniform(-AZIMUTH, AZIMUTH),
+        )
+        level = np.array([-np.cos(turn), -np.sin(turn)])
+        r = f.arm.position(f.start + aside)
+        dr = speed * np.array([*np.cos(down) * level, -np.sin(down)])
+        steps, clear = int(rng.uniform(*DURATION) / STEP), True
+        for k in range(steps):
+            advance(r, dr, drag, -STEP)
+            near = np.hypot(*(r - hand)[:2]) < CLEAR and r[2] < hand[2] + CLEAR
+            clear &= r[2] > FLOOR and not (near and k * STEP > LAST)
+        if clear:
+            return Throw(r=r.copy(), dr=dr.copy())
 
 
 def off_lead(runner: TrialRunner, t_catch: float, lead: float) -> float:

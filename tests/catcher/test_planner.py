@@ -1,4 +1,4 @@
-"""What a verdict brings about: the same whenever it is given, before the arm moves or on the way."""
+"""What a verdict brings about: the same before the arm moves and on the way."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,7 +15,7 @@ from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
 from mitt.impact import speed_caps, speed_jumps
 from mitt.robot.arm import Arm
-from mitt.signals import GRAVITY, TICK, Array, ArmState, Senses, Sighting
+from mitt.signals import GRAVITY, TICK, ArmState, Array, Senses, Sighting
 from mitt.trials.learning import learn
 
 FALL = np.array([0.0, 0.0, -GRAVITY])
@@ -43,15 +43,15 @@ def bouncing(t: float) -> Array:
 
 
 def kicked(t: float) -> Array:
-    """Return where a ball is that comes well and is pushed aside on the way [m]."""
+    """Return where a ball is that comes well and is kicked aside on the way [m]."""
     r, dr = np.array([3.6, 0.15, 0.2]), np.array([-5.9, -0.2, 2.2])
-    push = np.array([0.0, 0.5, 0.6]) * max(t - 0.25, 0.0)
+    push = np.array([0.0, 0.8, 0.0]) * max(t - 0.15, 0.0)
     return r + t * dr + 0.5 * t * t * FALL + push
 
 
 def caught(
     arm: Arm, generator: Direct, way: Callable[[float], Array], settings: CatcherSettings,
-    watch: Callable[[Catcher], None] = lambda catcher: None,
+    watch: Callable[[Catcher], None],
 ) -> Catcher:  # fmt: skip
     """Return the catcher after a throw at an arm that does what it is told."""
     catcher, q, dq = Catcher(arm, generator, settings=settings), arm.q_ready, np.zeros(arm.n)
@@ -88,7 +88,7 @@ def test_a_ball_that_comes_back_is_judged_with_all_that_comes_after(
         said.clear()
         settings = settings_for(mass)
         catcher = caught(arm, Direct(taught.map), bouncing, settings, watch)
-        assert said[-2].outcome is Outcome.OPEN
+        assert said[0].outcome is Outcome.OPEN
         assert catcher.verdict is said[-1]
         assert catcher.verdict.outcome is outcome
         assert catcher.phase is Phase.BRAKE

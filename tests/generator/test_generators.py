@@ -8,10 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support import ball_state
 
+from mitt.generator.demand import shares_of
 from mitt.generator.feasibility import Outcome
-from mitt.generator.generators import Direct, Generator, Unoptimised
+from mitt.generator.generators import Direct, Generator, Unoptimised, refining
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap
+from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState
 
 G = np.array([0.0, 0.0, -9.81])
@@ -102,3 +104,23 @@ def test_whatever_the_ball_the_reference_is_finite(
 def _arm_ready(plain: DirectMap) -> Array:
     """The ready pose."""
     return plain.arm.q_ready
+
+
+def test_a_refined_verdict_knows_what_the_direct_one_knows(learned: Learned) -> None:
+    """Whatever acceleration is allowed: it is judged, and so is the motion that comes of it."""
+    f, refused = learned.map, 0
+    ball = ball_state(np.array([3.0, 0.1, 0.5]), np.array([-6.0, 0.0, 1.5]), G)
+    for most in (15.0, 40.0, 80.0, 160.0, 1e4):
+        limits = replace(f.arm.limits, acceleration=np.full(len(f.arm.limits.dq_max), most))
+        g = refining(replace(f, arm=Arm(f.arm.model, limits)))
+        said = g.verdict(ball, f.arm.q_ready)
+        assert said.approach is not None
+        asked = shares_of(g.map.arm, said.approach.motion, g.tolerance)
+        assert said.share >= max(asked.values()) - 1e-12
+        assert (said.outcome is Outcome.FEASIBLE) == (said.share <= 1.0)
+        refused += said.binding_limit.startswith("acceleration:")
+        moving = g.adapt(ball, f.arm.q_ready, np.zeros(3)).refined(ball)
+        certificate = moving.certificate(ball)
+        assert certificate is not None
+        assert most > 40.0 or certificate.outcome is Outcome.UNREACHABLE
+    assert refused >= 2

@@ -221,3 +221,18 @@ def test_designs_that_cannot_be_are_refused(arm: Arm, plain: DirectMap) -> None:
         plain.to_joints(np.zeros(2))
     with pytest.raises(MittError):
         replace(plain, alpha=np.full_like(plain.alpha, np.nan))
+
+
+def test_what_needs_a_place_in_the_domain_refuses_any_other(plain: DirectMap) -> None:
+    """The gap of the catch as well as F: no number stands for none."""
+    rng, outside = np.random.default_rng(5), 0
+    for r_o in rng.uniform(-1.5, 1.5, (200, 3)):
+        inside = plain.to_joints(r_o)[0] is MapStatus.INSIDE
+        for ask in (plain.catch_gap, plain.F):
+            if inside:
+                assert np.all(np.isfinite(ask(r_o)))
+            else:
+                outside += 1
+                with pytest.raises(InputError, match="in the domain"):
+                    ask(r_o)
+    assert outside > 0

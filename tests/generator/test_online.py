@@ -22,6 +22,7 @@ from mitt.generator.program import cost, limit_rows, sensitivity
 from mitt.generator.qp import linearise
 from mitt.generator.sqp_step import begin, merit
 from mitt.generator.stopping import spare
+from mitt.generator.utilization import weigh
 from mitt.robot.arm import Arm
 from mitt.robot.wam import wam_limits
 from mitt.signals import Array, BallState
@@ -193,6 +194,28 @@ def test_less_certainty_means_less_probability(
         odds.append(verdict.probability)
     assert odds[0] == pytest.approx(1.0, abs=1e-6)
     assert odds[0] >= odds[1] > odds[2]
+
+
+def test_the_shares_are_those_of_the_coefficients_that_are_kept(
+    learned: Learned, flights: list[Flight]
+) -> None:
+    """After every step, also one that did not help, they are reckoned anew to the same."""
+    kept = 0
+    for flight in flights[:6]:
+        ball = ball_state(*flight.ball[0])
+        f = learned.map.adapt(ball, learned.map.arm.q_ready, np.zeros(3))
+        online, alpha = Online(learned.map), f.alpha
+        for _ in range(12):
+            answer = online.refine(alpha, ball)
+            b, again, at = (
+                online._buffers,
+                np.zeros_like(answer.shares),
+                np.zeros_like(answer.shares),
+            )
+            weigh(online._plant, b.course, answer.alpha, online.settings.share, again, at, b.work)
+            assert np.allclose(answer.shares, again, rtol=0.0, atol=1e-12)
+            kept, alpha = kept + (answer.status is Refinement.KEPT), answer.alpha
+    assert kept > 0
 
 
 def test_where_the_certificate_sees_room_the_brake_finds_it(

@@ -259,8 +259,13 @@ class Planner:
         """Let the map start again from where the arm is, for a ball that is not where it was.
 
         What asks for too much on the way is tried all the same, within all limits. But the arm
-        brakes where it would not come through the impact, or not hold the ball.
+        brakes where it would not come through the impact, or not hold the ball. A verdict takes
+        long: what lags again soon starts again without another.
         """
+        if ball.t < self._scalars["t_look"]:
+            self._adapt(ball)
+            return
+        self._scalars["t_look"] = ball.t + _LOOK_AGAIN
         verdict = self._judged(ball)
         if verdict.outcome in _FOLLOWED:
             self._take(verdict, ball)
@@ -268,7 +273,8 @@ class Planner:
             self._give_up(verdict)
         else:
             self._adapt(ball)
-            self._make_room(verdict)
+            if verdict.approach is not None:
+                self._make_room(verdict)
 
     def _is_sharp(self, ball: BallState) -> bool:
         """Say whether a ball is known well enough at its catch to be refused."""

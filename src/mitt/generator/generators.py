@@ -32,6 +32,10 @@ from mitt.signals import Array, BallState, JointReference
 _STEPS_BEFORE = 3
 #: Least share of the torque that an arm commands which is the same but for a reserve.
 _KEPT = 0.95
+#: Parts of an arm's identity that are limits: what a map was learned for, not what it is made of.
+_TORQUES = ("peak torques", "stall torques")
+_LIMITS = (*_TORQUES, "continuous torques", "transmission", "joint ranges", "joint speeds",
+           "accelerations", "jerks", "torque rates")  # fmt: skip
 
 
 @runtime_checkable
@@ -71,6 +75,15 @@ class Generator(Protocol):
         ...
 
 
+@runtime_checkable
+class Movable(Generator, Protocol):
+    """A generator that can be given the same arm with other limits."""
+
+    def on(self, arm: Arm) -> Generator:
+        """Return the generator for an arm."""
+        ...
+
+
 @final
 @dataclass(frozen=True, slots=True)
 class Direct:
@@ -105,6 +118,14 @@ class Direct:
         maps = (self.map, self.map if self.learned is None else self.learned)
         online = () if self.online is None else (self.online.arm,)
         return (*(f.arm for f in maps), *online)
+
+    def on(self, arm: Arm) -> "Direct":
+        """Return the generator for the same arm with other limits."""
+        return Direct(
+            self.map.on(arm), self.tolerance,
+            online=None if self.online is None else self.online.on(arm),
+            learned=None if self.learned is None else self.learned.on(arm),
+        )  # fmt: skip
 
     def sharpness(self, ball: BallState) -> float:
         """Fly the estimate on to the catch."""
@@ -194,6 +215,10 @@ class Unoptimised:
         """Refuse what is no map."""
         checks.instance("map", self.map, DirectMap)
 
+    def on(self, arm: Arm) -> "Unoptimised":
+        """Return the generator for the same arm with other limits."""
+        return Unoptimised(self.map.on(arm))
+
     def sharpness(self, ball: BallState) -> float:
         """Fly the estimate on to the catch."""
         return sharpness(self.map, ball)
@@ -255,14 +280,20 @@ def map_of(generator: Generator) -> DirectMap | None:
 def for_arm(arm: Arm, given: object) -> tuple[Generator, DirectMap | None]:
     """Return a generator as a user gives one for an arm, and the map that it evaluates, if any.
 
+    A map that was learned with other limits of the same arm is judged by the limits of this one.
+
     Raises:
         InputError: It is none, or was made for another arm.
     """
     generator = generator_of(given)
     f = generator.as_map()
-    for other in (*arms_of(generator), *(() if f is None else (f.arm,))):
-        check_same_arm(arm, other)
-    return generator, f
+    others = {*arms_of(generator), *(() if f is None else (f.arm,))}
+    for other in others:
+        _check_same(arm, other, limits=not isinstance(generator, Movable))
+    unlike = any(_difference(arm, other, limits=True) for other in others)
+    if unlike and isinstance(generator, Movable):
+        generator = generator.on(arm)
+    return generator, generator.as_map()
 
 
 def arms_of(generator: Generator) -> tuple[Arm, ...]:
@@ -272,33 +303,36 @@ def arms_of(generator: Generator) -> tuple[Arm, ...]:
 
 
 def check_arm(arm: Arm, f: DirectMap) -> None:
-    """Refuse a map that was learned for another arm, or for other limits."""
-    check_same_arm(arm, f.arm)
+    """Refuse a map that was learned for another arm; other limits of the same arm may do."""
+    _check_same(arm, f.arm, limits=False)
 
 
-def check_same_arm(arm: Arm, other: Arm) -> None:
+def _check_same(arm: Arm, other: Arm, *, limits: bool) -> None:
     """Refuse what was made for an arm that is not this one by its numbers.
-
-    It is the same with a little of its torque in reserve.
 
     Args:
         arm: The arm that is used.
         other: The arm that a map or another generator was made for.
+        limits: Whether their limits have to be the same too.
     """
-    unlike = None if other is arm else _difference(arm, other)
+    unlike = None if other is arm else _difference(arm, other, limits=limits)
     if unlike is not None:
         raise InputError("generator", f"one for {arm}", f"one for another arm: {unlike}",
                          do="learn a map for this arm")  # fmt: skip
 
 
 @lru_cache(maxsize=32)
-def _difference(arm: Arm, other: Arm) -> str | None:
-    """Return what tells two arms apart, in words; None where they are the same."""
+def _difference(arm: Arm, other: Arm, *, limits: bool) -> str | None:
+    """Return what tells two arms apart, in words; None where they are the same.
+
+    An arm that keeps a little of its torque in reserve is the same.
+    """
     if arm.names != other.names:
         return f"its joints are {', '.join(other.names)}"
     mine, theirs = identity_of(arm), identity_of(other)
-    for name in ("peak torques", "stall torques"):
-        if _is_reserve(mine[name], theirs[name]):
+    for name in _LIMITS:
+        reserved = name in _TORQUES and _is_reserve(mine[name], theirs[name])
+        if reserved or not limits:
             mine[name] = theirs[name]
     shapes, others = ([x.base_capsules, *(link.capsules for link in x.links)]
                       for x in (arm.model.complete(), other.model.complete()))  # fmt: skip

@@ -258,6 +258,10 @@ class DirectMap:
         )
         return all(np.array_equal(a, b) for a, b in zip(mine, theirs, strict=True))
 
+    def on(self, arm: Arm) -> "DirectMap":
+        """Return the map for the same arm with other limits."""
+        return replace(self, arm=arm)
+
     def with_alpha(self, alpha: Array) -> "DirectMap":
         """Return the map with other coefficients [rad], shape (m, n); all else is shared."""
         other = replace(self, alpha=alpha, status=MapStatus.INSIDE)

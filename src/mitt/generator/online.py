@@ -188,6 +188,10 @@ class Online:
         """The arm whose map it refines."""
         return self._f.arm
 
+    def on(self, arm: Arm) -> "Online":
+        """Return one for the same arm with other limits."""
+        return Online(self._f.on(arm), self.settings, around=self._around)
+
     def restart(self) -> None:
         """Forget the flight: the next ball is another, or its way has changed."""
         self._t_catch, self._share, self._laid = inf, 1.0, False

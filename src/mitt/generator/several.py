@@ -67,6 +67,10 @@ class Several:
         """The arms that its maps were made for."""
         return tuple(arm for f in self.maps for arm in f.arms)
 
+    def on(self, arm: Arm) -> "Several":
+        """Return the choice for the same arm with other limits."""
+        return replace(self, maps=tuple(f.on(arm) for f in self.maps))
+
     def sharpness(self, ball: BallState) -> float:
         """Return the smallest predicted 1-sigma at any map's catch [m]."""
         return min(f.sharpness(ball) for f in self._candidates())
