@@ -194,7 +194,8 @@ def interrupted(words: list[str], env: dict[str, str]) -> tuple[int, str]:
 def without_extras(folder: Path) -> Iterator[dict[str, str]]:
     """Let extras be missing here and in processes that are started; yield their environment."""
     missing = extras()
-    sys.modules.update(dict.fromkeys(missing))
+    for name in missing:
+        sys.modules[name] = None  # type: ignore[assignment]  # so it cannot be imported
     (folder / "sitecustomize.py").write_text(
         f"import sys\nsys.modules.update(dict.fromkeys({missing!r}))\n"
     )
@@ -238,17 +239,19 @@ def main(part: str = "") -> int:
         folder.mkdir()
         os.chdir(folder)
         prepared(folder)
-        draw = outputs.write_report
+        draw = vars(outputs)["write_report"]
         for line in (x for x in lines if x in RUNS and (part in x or x == "make catch")):
             start = time.monotonic()
             said = tried(line, env)
             wrong += [f"{line}: {said}"] if said else []
-            print(f"{time.monotonic() - start:6.1f} s  {line}", flush=True)  # noqa: T201
+            took = f"{time.monotonic() - start:6.1f} s"
+            print(took, line, f": {said}" if said else "", flush=True)  # noqa: T201
             if line == "make catch":
                 Path("runs/0-direct").rename("RUN")
             elif Path("runs/0-direct").exists():
                 shutil.rmtree("runs/0-direct")
-            outputs.write_report = draw if "design ARM.urdf" in line else blank  # drawn twice
+            drawn = "design ARM.urdf" in line  # as is the first
+            vars(outputs)["write_report"] = draw if drawn else blank
         os.chdir(ROOT)
     for text in wrong:
         print(text, file=sys.stderr)  # noqa: T201

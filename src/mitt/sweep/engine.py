@@ -136,7 +136,7 @@ class _Pool:
             workers, mp_context=context, initializer=_begin, initargs=(module, self._told)
         )
 
-    def close(self, *, at_once: bool) -> "list[BaseProcess]":
+    def close(self, *, at_once: bool) -> "Sequence[BaseProcess]":
         """Let the processes go; return those that there were."""
         started = list((self.executor._processes or {}).values())
         self.executor.shutdown(wait=not at_once, cancel_futures=True)
