@@ -129,8 +129,13 @@ def test_study_and_report_leave_what_is_not_their_own(tmp_path: Path, quick: Qui
         assert quick("study", tmp_path / "study.toml", "--out", tmp_path, "--overwrite") == 0
         assert (tmp_path / "summary.json").exists()
         assert all_there(tmp_path, mine)
-    assert quick("report", tmp_path, "--replays", "0") == 0
-    assert all_there(tmp_path, mine)
+    (tmp_path / PAGE).write_text("mine")
+    assert quick("report", tmp_path, "--replays", "0") == 2
+    assert (tmp_path / PAGE).read_text() == "mine"
+    (tmp_path / PAGE).unlink()
+    for _ in range(2):
+        assert quick("report", tmp_path, "--replays", "0") == 0
+        assert all_there(tmp_path, mine)
     (tmp_path / "recordings" / "mine-3.mcap").write_text("mine")
     assert quick("study", tmp_path / "study.toml", "--out", tmp_path, "--overwrite") == 2
     assert (tmp_path / "recordings" / "mine-3.mcap").read_text() == "mine"

@@ -191,7 +191,7 @@ def test_what_is_kept_for_the_report_decides_nothing(
     other = {id(x) for x in kept(throws)}
     moved = [Throw(r=x.r + 0.02, dr=1.2 * x.dr) if id(x) in other else x for x in throws]
     tasks = []
-    for name, rows in (("as-they-are", throws), ("moved", moved)):
+    for name, rows in (("as-they-are", list(throws)), ("moved", moved)):
         path = tmp_path / f"{name}.csv"
         lines = [",".join(map(repr, [*x.r.tolist(), *x.dr.tolist()])) for x in rows]
         path.write_text("\n".join(["x,y,z,vx,vy,vz", *lines]))
@@ -203,11 +203,11 @@ def test_what_is_kept_for_the_report_decides_nothing(
     tasks = []
     for factor in (1.0, 1.3):
         path = tmp_path / f"flights-{factor}.csv"
-        rows = [
+        samples = [
             f"{x.name},{t / (factor if id(x) in other else 1.0)!r},{r[0]!r},{r[1]!r},{r[2]!r}"
             for x in flights for t, r in zip(x.t.tolist(), x.r.tolist(), strict=True)
         ]  # fmt: skip
-        path.write_text("\n".join(["flight,t_s,x_m,y_m,z_m", *rows]))
+        path.write_text("\n".join(["flight,t_s,x_m,y_m,z_m", *samples]))
         options = DesignOptions(arm="wam", out=tmp_path / "d.toml", flights=path)
         tasks.append(_task(options, whole, scene))
     _same_but_for_what_is_kept(found, tasks)
@@ -218,6 +218,7 @@ def _same_but_for_what_is_kept(found: Design, tasks: list[Task]) -> None:
     one, two = tasks
     assert to_plain(one.balls) == to_plain(two.balls)
     assert one.arrivals is not None
+    assert two.arrivals is not None
     assert np.array_equal(one.arrivals, two.arrivals)
     assert release_speed(one) == release_speed(two)
     if one.throws:

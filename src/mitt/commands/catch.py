@@ -3,6 +3,7 @@
 from dataclasses import asdict, fields, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import mitt
 from mitt import checks
@@ -90,7 +91,7 @@ def prepared_again(folder: Path, kept: Kept) -> Prepared:
         raise FileError(str(folder), f"a run of mitt {mitt.__version__}", f"one of {version}")
     _, options = parse(["catch", *map(str, words)])
     options = checks.instance("options", options, CatchOptions)
-    less = dict.fromkeys(_OF_THE_MAP)
+    less: dict[str, Any] = dict.fromkeys(_OF_THE_MAP)
     prepared = prepare(replace(options, map=folder / MAP, out=folder, overwrite=True, **less))
     if changed := difference(read, prepared.again["read"]):
         raise FileError(changed, "the file that the run read", "another content")

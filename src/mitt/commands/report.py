@@ -7,6 +7,7 @@ from mitt.commands.options import ReportOptions
 from mitt.commands.screen import checked, print_json, progress, show
 from mitt.errors import FileError, InputError
 from mitt.files.files import locked, read_json, write_json
+from mitt.files.folders import wrote
 from mitt.link.clock import Stopwatch
 from mitt.sweep.folder import MANIFEST, Folder
 from mitt.trials.journal import MAX_BYTES, NAME, PAGE, RESULT, died, read_kept
@@ -34,9 +35,12 @@ def _study(options: ReportOptions) -> int:
     result = read_result(folder)
     if options.check:
         return checked(f"study {result.study.name!r}, {len(result.rows)} rows")
+    page = folder.path / PAGE
+    if page.exists() and not wrote(page):
+        raise FileError(str(page), "a page of mitt, or none", "another file", do="move it away")
     with locked(folder.path), progress() as report:
         write_study_report(result, replays=options.replays, progress=report)
-    return _written(options, folder.path / PAGE, "")
+    return _written(options, page, "")
 
 
 def _page_of_run(options: ReportOptions) -> int:
@@ -59,6 +63,8 @@ def _page_of_run(options: ReportOptions) -> int:
         if result is None:
             result = kept.result
             write_json(folder / RESULT, result)
+        if not isinstance(result, dict) or not {"trials", "summary"} <= result.keys():
+            raise FileError(str(folder / RESULT), "the result of the run", "another file")
         if not kept.trials:
             raise FileError(str(folder), "a run with a throw that ended", "none")
         prepared = prepared_again(folder, kept)
