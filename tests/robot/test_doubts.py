@@ -317,7 +317,7 @@ _XACRO = "expand it first: xacro"
         ("a.usd", "PXR-USDC", ("a USD file",)),
         ("a.urdf", "<!DOCTYPE html><html/>", ("a DOCTYPE",)),
         ("a.urdf", "solid arm", ("a mesh in STL",)),
-        ("a.urdf", "version https://git-lfs.github.com/spec/v1", ("Git LFS",)),
+        ("a.urdf", "version https://git-lfs", ("Git LFS",)),
         ("a.urdf", '<robot><link name="l0"></robot>', ("well-formed XML", "line 1")),
         ("a.urdf", "<robot/>", ("links", "none")),
         ("a.urdf", '<robot><link name="a"/><link name="a"/></robot>', ("two 'a'",)),
