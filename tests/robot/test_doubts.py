@@ -246,6 +246,29 @@ def test_a_limit_that_is_none_is_asked_for_in_one_line(
 
 
 @pytest.mark.parametrize(
+    ("parts", "word"),
+    [
+        ({"target": 'joint="elbow" forcerange="0 50"'}, "not about 0"),
+        ({"target": 'tendon="t"', "end": '<tendon><fixed name="t"><joint joint="elbow" coef="1"/>'
+          "</fixed></tendon>"}, "an actuator at a tendon"),
+    ],
+)  # fmt: skip
+def test_a_torque_that_an_mjcf_states_otherwise_is_said(
+    tmp_path: Path, parts: dict[str, str], word: str
+) -> None:
+    """One way only, or by a tendon."""
+    with pytest.raises(ModelError, match=f"effort limit above 0, got .*{word}"):
+        _notes(_mjcf(tmp_path / "a.xml", **parts))
+
+
+def test_a_gear_and_the_parents_frame_count(tmp_path: Path) -> None:
+    """The torque of a motor is its control by its gear, in whichever frame of the joint."""
+    for target, torque in (('joint="elbow" gear="2"', 120.0), ('jointinparent="elbow"', 60.0)):
+        arm = load_arm(_mjcf(tmp_path / "a.xml", target=target), tip="palm", joints=_JOINTS)
+        assert arm.tau_max[2] == torque
+
+
+@pytest.mark.parametrize(
     ("metre", "kilogram", "word"),
     [(1000.0, 1.0, "if lengths are in mm"), (1.0, 1000.0, "if masses are in grams"),
      (1.0, 1e-3, "if masses are in grams")],
@@ -294,7 +317,7 @@ _XACRO = "expand it first: xacro"
         ("a.usd", "PXR-USDC", ("a USD file",)),
         ("a.urdf", "<!DOCTYPE html><html/>", ("a DOCTYPE",)),
         ("a.urdf", "solid arm", ("a mesh in STL",)),
-        ("a.urdf", "version https://git-lfs.github.com/spec/v1", ("Git LFS",)),
+        ("a.urdf", "version https://git-lfs", ("Git LFS",)),
         ("a.urdf", '<robot><link name="l0"></robot>', ("well-formed XML", "line 1")),
         ("a.urdf", "<robot/>", ("links", "none")),
         ("a.urdf", '<robot><link name="a"/><link name="a"/></robot>', ("two 'a'",)),

@@ -81,12 +81,13 @@ def read_mjcf(path: Path) -> Stated:
     names = names_of(m)
     shapes, missing = _shapes(path, m, names, meshes)
     mimics, notes = mimics_of(m, names)
+    torque, unusable = torques_of(m, names)
     notes = (*mended, *notes, *file_notes(m, names))
     return Stated(
         place=str(path), model=_to_pinocchio(m, names), ranges=ranges_of(m, names),
-        torque=torques_of(m, names), speed=speed, mimics=mimics, loops=loops_of(m, names),
+        torque=torque, speed=speed, mimics=mimics, loops=loops_of(m, names),
         shapes=tuple(shapes), notes=(*missing_notes(path, missing), *notes), keys=_KEYS,
-        left_out=left_out_of(m, names),
+        left_out=left_out_of(m, names), unusable=unusable,
     )  # fmt: skip
 
 

@@ -70,8 +70,11 @@ def ranges_of(m: mujoco.MjModel, names: Names) -> dict[str, tuple[float, float]]
     return out
 
 
-def torques_of(m: mujoco.MjModel, names: Names) -> dict[str, float]:
-    """Return the joints' largest torques: the least that joint and actuator allow."""
+def torques_of(m: mujoco.MjModel, names: Names) -> tuple[dict[str, float], dict[str, str]]:
+    """Return the joints' largest torques, the least that joint and actuator allow.
+
+    And, by joint, what is written in the place of one: ranges that allow nothing one way.
+    """
     bounds: dict[str, list[float]] = {}
     for k in range(m.njnt):
         if m.jnt_type[k] in (HINGE, SLIDE) and m.jnt_actfrclimited[k]:
@@ -86,7 +89,9 @@ def torques_of(m: mujoco.MjModel, names: Names) -> dict[str, float]:
         if motor and m.actuator_ctrllimited[a]:
             gain = abs(float(m.actuator_gainprm[a, 0]))
             bounds.setdefault(name, []).append(gear * gain * _width(m.actuator_ctrlrange[a]))
-    return {name: min(x) for name, x in bounds.items() if min(x) > 0.0}
+    torques = {name: min(x) for name, x in bounds.items() if min(x) > 0.0}
+    one_way = "a range of force or control that is not about 0"
+    return torques, {name: one_way for name in bounds if name not in torques}
 
 
 def _width(ends: Array) -> float:

@@ -227,7 +227,8 @@ def check_active(stated: Stated, name: str) -> None:
     missing = stated.missing(name)
     if missing:
         wanted = " and ".join(_LIMITS[kind] for kind in missing)
-        given = stated.unusable.get(name, "none")
+        others = stated.left_out.get(name, LeftOut()).others
+        given = stated.unusable.get(name) or ", ".join(("none", *others))
         raise ModelError(where, wanted, given, do=stated.remedy(name))
     if not slides(stated.model, name):
         check_range(where, *stated.ranges[name])

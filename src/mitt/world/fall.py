@@ -186,7 +186,7 @@ def _fit(a: Array, v: Array, axis: int) -> tuple[float, float]:
             found = np.array((float(rows[:, :, 0].ravel() @ wanted.ravel())
                               / float(np.sum(rows[:, :, 0] ** 2)), 0.0))  # fmt: skip
         off = a - columns @ found
-        rest = np.linalg.norm(off, axis=1)
+        rest = np.sqrt(np.sum(off**2, axis=1))
         weight = 1.0 / np.maximum(rest, least)
         weight = weight / weight.max()
     always = float(np.linalg.norm(np.median(off, axis=0)))
