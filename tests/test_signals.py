@@ -53,11 +53,11 @@ def test_a_drag_that_no_ball_has_is_refused(drag: float) -> None:
 
 def test_a_covariance_is_one() -> None:
     """Any product L L' passes, of whatever rank and scale; no matrix with a negative variance."""
-    rng, base = np.random.default_rng(3), {"t": 0.3, "r_o": _R, "dr_o": _DR}
+    rng = np.random.default_rng(3)
     for k in range(200):
         L = rng.normal(size=(6, 1 + k % 6)) * 10.0 ** rng.uniform(-6, 2, (6, 1))
         P = L @ L.T
-        assert np.array_equal(mitt.BallState(**base, covariance=P).covariance, P)
+        assert np.array_equal(mitt.BallState(t=0.3, r_o=_R, dr_o=_DR, covariance=P).covariance, P)
         _, axes = np.linalg.eigh(P / np.sqrt(np.outer(P.diagonal(), P.diagonal())))
         sigma = np.sqrt(P.diagonal())
         worse = P - np.outer(sigma, sigma) * np.outer(axes[:, 0], axes[:, 0])
@@ -65,4 +65,4 @@ def test_a_covariance_is_one() -> None:
         odd[0, 1] += sigma[0] * sigma[1]
         for bad in (-P, worse, odd, np.where(np.eye(6) > 0, np.nan, P), np.full((6, 6), np.inf)):
             with pytest.raises(mitt.MittError, match="covariance"):
-                mitt.BallState(**base, covariance=bad)
+                mitt.BallState(t=0.3, r_o=_R, dr_o=_DR, covariance=bad)

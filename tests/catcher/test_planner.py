@@ -36,17 +36,20 @@ def bouncing(t: float) -> Array:
     r, dr = BOUNCE
     hit = (dr[2] + np.sqrt(dr[2] ** 2 + 2.0 * GRAVITY * (r[2] - FLOOR))) / GRAVITY
     if t < hit:
-        return r + t * dr + 0.5 * t * t * FALL
+        before: Array = r + t * dr + 0.5 * t * t * FALL
+        return before
     up = np.array([dr[0], dr[1], -SPRINGS * (dr[2] - GRAVITY * hit)])
     since, at = t - hit, r + hit * dr + 0.5 * hit * hit * FALL
-    return at + since * up + 0.5 * since * since * FALL
+    after: Array = at + since * up + 0.5 * since * since * FALL
+    return after
 
 
 def kicked(t: float) -> Array:
     """Return where a ball is that comes well and is kicked aside on the way [m]."""
     r, dr = np.array([3.6, 0.15, 0.2]), np.array([-5.9, -0.2, 2.2])
     push = np.array([0.0, 0.8, 0.0]) * max(t - 0.15, 0.0)
-    return r + t * dr + 0.5 * t * t * FALL + push
+    at: Array = r + t * dr + 0.5 * t * t * FALL + push
+    return at
 
 
 def caught(

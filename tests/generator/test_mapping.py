@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support import ball_state
 
-from mitt.errors import MittError, ModelError, ShapeError
+from mitt.errors import InputError, MittError, ModelError, ShapeError
 from mitt.generator.design import MapDesign, tangent_of
 from mitt.generator.inverse import invert_newton
 from mitt.generator.learn import Learned

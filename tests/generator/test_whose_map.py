@@ -13,6 +13,7 @@ from mitt.generator.generators import Direct, Generator, check_arm, for_arm, ref
 from mitt.generator.learn import Learned
 from mitt.generator.several import Several
 from mitt.robot.arm import Arm
+from mitt.robot.hands import HandModel
 from mitt.robot.limits import Limits
 from mitt.robot.load import load_arm
 from mitt.signals import BallState
@@ -51,8 +52,8 @@ def of_model(**changes: object) -> Change:
 def other_hand(arm: Arm) -> Arm:
     """Return the arm with a hand that catches 20 mm farther in."""
     hand = arm.model.hand
-    assert hand is not None
-    nearer = replace(hand, catch_offset=hand.catch_offset - 0.02)  # type: ignore[call-arg]
+    assert isinstance(hand, HandModel)
+    nearer = replace(hand, catch_offset=hand.catch_offset - 0.02)
     return Arm(replace(arm.model, hand=nearer), arm.limits)
 
 

@@ -125,10 +125,10 @@ def time_to_catch(
     away = g.plane[0] * g.plane[2] + g.plane[1] * g.plane[3]
     outside = g.planar and s * away > 0.0  # from where balls come: it has not passed by
     if before <= PASSED and before < after and not outside:
-        return -before
+        return float(-before)
     if after <= NEAR:
-        return after
-    return max(_time_ahead(packed, s, after, (ball, drag, led), start, work), NEAR)
+        return float(after)
+    return float(max(_time_ahead(packed, s, after, (ball, drag, led), start, work), NEAR))
 
 
 @kernel
