@@ -181,7 +181,8 @@ def _fit(a: Array, v: Array, axis: int) -> tuple[float, float]:
     for _ in range(_STEPS):
         root = np.sqrt(weight)[:, None]
         rows, wanted = columns * root[:, :, None], a * root
-        found = np.linalg.lstsq(rows.reshape(-1, 2), wanted.ravel(), rcond=None)[0]
+        solved = np.linalg.lstsq(rows.reshape(-1, 2), wanted.ravel(), rcond=None)
+        found = np.asarray(solved[0], np.float64)
         if found[1] < 0.0:  # nothing drives a ball on
             found = np.array((float(rows[:, :, 0].ravel() @ wanted.ravel())
                               / float(np.sum(rows[:, :, 0] ** 2)), 0.0))  # fmt: skip
