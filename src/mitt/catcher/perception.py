@@ -149,7 +149,7 @@ def _act_on(waiting: Array, command: Array, state: CatcherState) -> None:
         return
     ticks = min(s.passed, BRIDGED_TIME) / TICK
     count = max(round(ticks), 1)
-    if count > 1:
+    if count > 1 and not s.braked:
         command[DDQ_BY_TAU] = 0.0
         for i in range(count):
             command[DDQ_BY_TAU] += waiting[min(i, last)] / count
