@@ -260,9 +260,11 @@ class Planner:
 
         What asks for too much on the way is tried all the same, within all limits. But the arm
         brakes where it would not come through the impact, or not hold the ball. A verdict takes
-        long: what lags again soon starts again without another.
+        long: what lags again soon starts again without another, and so does a generator whose
+        verdicts say nothing of its motion.
         """
-        if ball.t < self._scalars["t_look"]:
+        blind = self._verdict is None or self._verdict.approach is None
+        if blind or ball.t < self._scalars["t_look"]:
             self._adapt(ball)
             return
         self._scalars["t_look"] = ball.t + _LOOK_AGAIN
