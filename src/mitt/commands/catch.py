@@ -197,6 +197,9 @@ def _show(finished: FinishedRun) -> None:
     show(throws)
     if len(shown) < len(finished.trials):
         show(f"{len(finished.trials) - len(shown)} more throws, all in result.json")
+    stops = (trial.stopped_by for trial in finished.trials)
+    for hint in dict.fromkeys(str(stop["hint"]) for stop in stops if stop and stop["hint"]):
+        show(f"stopped: {hint}")
     low, high = summary["ci95"]
     whole = finished.trials and finished.interrupt is None
     page = "report.html" if whole else "result.json"

@@ -48,14 +48,14 @@ class StoppedBy:
     __repr__ = brief
 
     def plain(self) -> dict[str, Plain]:
-        """Return it as JSON has it, without the hint; numbers that are not finite are None."""
+        """Return it as JSON has it; numbers that are not finite are None."""
         names = ("q", "dq", "ddq", "tau")
         rows = {f"command_{name}": row for name, row in zip(names, self.command, strict=True)}
         read = {"q_read": self.q_read, "dq_read": self.dq_read}
         rows = {"q": self.q, "dq": self.dq, **read, **rows}
         lists = {name: _listed(row) for name, row in rows.items()}
         return {"state": self.state.value, "reason": self.reason.value, "joint": self.joint,
-                "t": self.t, "brakes": self.brakes, **lists}  # fmt: skip
+                "t": self.t, "brakes": self.brakes, "hint": self.hint, **lists}  # fmt: skip
 
 
 def hint_of(arm: Arm, reason: Reason, q_read: Array, age: float | None = None) -> str:

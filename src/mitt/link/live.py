@@ -353,11 +353,13 @@ class LiveLoop:
                 self.counts.stopped += not self._missed
                 self._over()
                 return
-            why, joint = f"the arm was pushed {gap:.2f} rad away from where it was to stop", ""
+            self.why = f"the arm was pushed {gap:.2f} rad away from where it was to stop"
+        elif found is None:
+            self.why = "unknown"
         else:
-            why = "unknown" if found is None else found.reason.value
-            joint = "" if found is None or found.joint is None else f" {found.joint}"
-        self.why = f"{why}{joint}"
+            joint = "" if found.joint is None else f" {found.joint}"
+            hint = f"; {found.hint}" if found.hint else ""
+            self.why = f"{found.reason.value}{joint}{hint}"
         self.mode, self._until = Mode.STOPPING, self._ticks.stamps.t + _STOPS
 
     def _over(self, *, refused: bool = False) -> None:

@@ -30,7 +30,7 @@ _AXES = ("x", "y", "z", "vx", "vy", "vz")
 _FLOATS = ("t_catch_s", "position_error_mm", "velocity_error_m_s", "demand_cost",
            "peak_contact_force_n", "range_excess_rad")  # fmt: skip
 #: Fields of ``stopped_by``, each a column of its own.
-_STOP_WORDS = ("state", "reason", "joint")
+_STOP_WORDS = ("state", "reason", "joint", "hint")
 _STOP_ROWS = ("q", "dq", "q_read", "dq_read", "command_q", "command_dq", "command_ddq",
               "command_tau")  # fmt: skip
 
