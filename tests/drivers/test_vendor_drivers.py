@@ -214,7 +214,8 @@ def test_with_the_acceleration_of_a_ur_the_arm_of_the_example_stops() -> None:
     cell = ur_at(cell_of(UR_JOINTS, takes="velocity"), seen, acceleration=40.0)
     cell.begin()
     cell.until(lambda: cell.loop.mode is Mode.STOPPED)
-    assert cell.loop.why in ("far from the told motion", "encoder stuck j4")
+    why = cell.loop.why
+    assert why == "far from the told motion" or why.startswith("encoder stuck j")
 
 
 def test_the_package_names_what_there_is() -> None:
