@@ -396,8 +396,6 @@ HINTS: dict[str, tuple[str, Callable[[float], mitt.Sighting | None]]] = {
         t=t + 1.7e9, found=True, r_o=_ball(t), covariance=1e-6 * np.eye(3))),
     "clock behind": ("behind their ticks", lambda t: mitt.Sighting(
         t=t - 20.0, found=True, r_o=_ball(t), covariance=1e-6 * np.eye(3))),
-    "covariance": ("covariance", lambda t: mitt.Sighting(
-        t=t, found=True, r_o=_ball(t), covariance=-1e-6 * np.eye(3))),
     "repeated": ("same place", lambda t: mitt.Sighting(
         t=t, found=True, r_o=_ball(0.0), covariance=1e-6 * np.eye(3))),
     "not found": ("no sighting for", lambda t: mitt.Sighting(

@@ -261,10 +261,13 @@ def test_simulate_takes_whatever_moves_an_arm(learned: Learned, tmp_path: Path) 
         ("arm: wanted the arm", {"f": rival}),
         ("record: wanted nothing", {"f": rival, "arm": f.arm, "record": tmp_path}),
         ("f: wanted a generator", {"f": "direct"}),
-        ("generator Somebodys: wanted an answer of", {"f": Somebodys(f), "arm": f.arm}),
     ):
         with pytest.raises(InputError, match=wanted):
             simulate(**(given | moved))
+    (trial,) = simulate(Somebodys(f), arm=f.arm, **given)
+    assert trial.status == "stopped"
+    assert trial.stopped_by is not None
+    assert "generator Somebodys: wanted an answer of" in str(trial.stopped_by["hint"])
 
 
 class Somebodys:

@@ -25,6 +25,7 @@ from mitt.control.brake import plan_brake
 from mitt.control.envelope import speeds_of
 from mitt.control.health import FAILED_TICKS, is_lost
 from mitt.control.rows import DQ_MAX
+from mitt.errors import MittError
 from mitt.generator.feasibility import Outcome, Verdict, is_far, waiting_height
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.several import Several
@@ -113,7 +114,8 @@ class Planner:
         while place is not None:
             where = f" ({Path(place.tb_frame.f_code.co_filename).name}, line {place.tb_lineno})"
             place = place.tb_next
-        self.failure = f"{type(root).__name__}: {' '.join(str(root).split())}{where}"
+        said = str(error) if isinstance(error, MittError) else f"{type(error).__name__}: {error}"
+        self.failure = " ".join(said.split()) + where
         self._scalars["failures"] += ticks
 
     def _decide(self, todo: int) -> None:

@@ -5,7 +5,6 @@ from typing import final
 
 import numpy as np
 
-from mitt.ball.kalman import MAX_DISTANCE, is_sane
 from mitt.signals import TICK, Sighting
 
 #: Distance beyond which a ball is none that an arm could catch [m].
@@ -71,8 +70,4 @@ def _fault(t: float, point: Sighting) -> str:
     if not far <= _FAR:
         return (f"a sighting is {far:.6g} m from the arm's base: positions are in metres, in the"
                 " frame of the base; are these in millimetres?")  # fmt: skip
-    if not is_sane(point.r_o, point.covariance):
-        return (f"a sighting's covariance is refused, its diagonal is"
-                f" {np.diag(point.covariance).tolist()}: wanted the squared errors [m^2], above 0"
-                f" and below {MAX_DISTANCE**2:g}")  # fmt: skip
     return ""
