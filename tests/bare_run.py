@@ -43,11 +43,11 @@ RUNS: dict[str, tuple[int, str, str]] = {
     "mitt catch --throws 20 --seed 1": (0, "caught 1 of 1", ""),
     "mitt catch --scene rough --limits wam-48v": (0, "limits wam-48v", ""),
     "mitt catch --arm ARM.toml": (0, "written: ", ""),
-    "mitt catch --flights FLIGHTS.csv --out flights": (0, "written: flights", ""),
-    "mitt catch --generator quintic --out rival": (0, "quintic", ""),
+    "mitt catch --flights FLIGHTS.csv": (0, "written: runs/0-direct", ""),
+    "mitt catch --generator quintic": (0, "quintic", ""),
     "mitt learn --out MAP.json": (0, "written: MAP.json", ""),
-    "mitt catch --map MAP.json --throws-file THROWS.csv --record all --out DIR": (
-        0, "written: DIR", ""),
+    "mitt catch --map MAP.json --throws-file THROWS.csv --record all": (
+        0, "written: runs/0-direct", ""),
     "mitt design ARM.urdf --tip FRAME --out ARM.toml": (
         0, "the input is good", "--check --overwrite"),
     "mitt track POINTS.csv --out TRACK.csv --ahead 0.1": (0, "written: TRACK.csv", ""),
