@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -117,3 +118,10 @@ def test_time_never_runs_backwards(given: list[tuple[float, float]]) -> None:
         if t is not None:
             assert t > before
             before = t
+
+
+@pytest.mark.parametrize("at", [0, 1, 2, 3, 500])
+def test_one_stamp_that_is_ahead_makes_no_later_reading_late(at: int) -> None:
+    """Wherever it comes: 15 ms ahead, then as before."""
+    wrong = 1e-3 * at
+    assert not faults(Lag(), 1000, lambda t: -0.015 if abs(t - wrong) < 5e-4 else 0.001)

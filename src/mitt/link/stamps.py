@@ -5,13 +5,15 @@ time of the catcher. But a clock of the day can be set: then stamps jump, while 
 as before. Stamps that jump are a fault, after which time goes on from tick to tick, for the stop.
 
 Readings that wait in a queue on their way come later and later, and so do those of a clock that
-runs slow: the lag, arrival minus stamp, grows. It is compared with the least lag so far. How long
-the readings were on their way then is not known; a queue that was full from the start is not found.
-What was found late stays late until it comes as before, the robot's clock is set, or the
-robot was away.
+runs slow: the lag, arrival minus stamp, grows. It is compared with the least lag so far, of three
+readings in a row the middle one, so that one wrong stamp decides nothing. How long the readings
+were on their way then is not known; a queue that was full from the start is not found. What was
+found late stays late until it comes as before, the robot's clock is set, or the robot was away.
 """
 
+from collections import deque
 from math import inf, isfinite
+from statistics import median_low
 from typing import final
 
 from mitt.errors import InputError
@@ -49,6 +51,7 @@ class Lag:
         self.later = 0.0
         self._least, self._stamp, self._known, self._since = inf, -inf, 0.0, inf
         self._late = False
+        self._newest: deque[float] = deque(maxlen=3)
 
     def fault(self, stamp: float, arrived: float) -> str:
         """Return how late readings come, in words; nothing where they come as they did.
@@ -63,9 +66,13 @@ class Lag:
         # What came before says nothing of a clock that was set back, or a robot that was away.
         if not -_SWAPPED < stamp - self._stamp < _AWAY:
             self._least = lag
+            self._newest.clear()
+        self._newest.append(lag)
         drift = 0.0 if self._late else DRIFT
         least = self._least + drift * max(arrived - self._known, 0.0)
-        self._least, self._stamp, self._known = min(least, lag), stamp, arrived
+        few = len(self._newest) < 3
+        least = max(self._newest) if few else min(least, median_low(self._newest))
+        self._least, self._stamp, self._known = least, stamp, arrived
         self.later = later = lag - self._least
         self._since = min(self._since, arrived) if later > LATER else inf
         self._late = arrived - self._since >= _LASTS
