@@ -210,7 +210,7 @@ class ArmState:
 
     Attributes:
         t: Time of the reading, by the clock of ``Senses.t`` [s]. A reading that is older than 5 ms,
-            or not newer than the one before, counts as missing.
+            from more than 1 ms ahead, or not newer than the one before, counts as missing.
         q: Active joint positions [rad], shape (n,).
         dq: Active joint velocities [rad/s], shape (n,).
     """

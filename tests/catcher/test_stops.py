@@ -15,11 +15,12 @@ from mitt.catcher.catcher import Catcher, Phase
 from mitt.catcher.settings import GRASPS
 from mitt.control.health import FAILED_TICKS, Reason, State
 from mitt.errors import InputError
+from mitt.generator.feasibility import Approach, Verdict
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
-from mitt.signals import TICK, Array, Command, JointReference
+from mitt.signals import TICK, Array, BallState, Command, JointReference
 
 RELEASE, VELOCITY = np.array([3.6, 0.15, 0.2]), np.array([-5.9, -0.2, 2.2])
 FALL = np.array([0.0, 0.0, -9.81])
@@ -243,6 +244,16 @@ def changed(**fields: Callable[[JointReference], object]) -> Callable[[object], 
     return spoil
 
 
+def of_verdict(**fields: object) -> Callable[[object], object]:
+    """Return what changes fields of a verdict."""
+
+    def spoil(answer: object) -> object:
+        assert isinstance(answer, Verdict)
+        return replace(answer, **fields)  # type: ignore[arg-type]
+
+    return spoil
+
+
 #: How answers are spoilt: in which call, and what `stopped_by` says of it.
 SPOILT: dict[str, tuple[str, Callable[[object], object], str]] = {
     "raises": ("reference", fails, "ZeroDivisionError: in a generator"),
@@ -254,6 +265,13 @@ SPOILT: dict[str, tuple[str, Callable[[object], object], str]] = {
     "shape": ("reference", changed(dq_d=lambda x: x.dq_d[:2]), "dq_d"),
     "verdict": ("verdict", lambda _: "feasible", "Verdict"),
     "no verdict": ("verdict", fails, "ZeroDivisionError"),
+    "share": ("verdict", of_verdict(share="much"), "verdict.share"),
+    "no catch": ("verdict", of_verdict(t_catch=None), "verdict.t_catch"),
+    "no rows": (
+        "verdict",
+        of_verdict(approach=Approach(motion=np.zeros((0, 3, 3)), step=0.01, dr_o=np.zeros(3))),
+        "verdict.approach.motion",
+    ),
     "sharpness": ("sharpness", lambda _: np.nan, "sharpness"),
     "adapt": ("adapt", lambda _: None, "a generator"),
     "unsettled": ("unsettled", lambda _: "no", "unsettled"),
@@ -287,6 +305,58 @@ def test_a_generator_that_fails_stops_the_arm(arm: Arm, learned: Learned, name: 
     assert cell.catcher.hint is None
     cell.tick(seen=False)
     assert cell.catcher.phase is Phase.WATCH
+
+
+class Writes(Odd):
+    """A generator that writes to whatever it is given."""
+
+    def _said(self, name: str, *given: object) -> object:
+        answer = getattr(self._g, name)(*given)
+        for x in given:
+            arrays = (x.r_o, x.dr_o, x.ddr_o, x.covariance) if isinstance(x, BallState) else (x,)
+            for array in arrays:
+                assert isinstance(array, np.ndarray)
+                array[:] = np.nan
+        return answer
+
+
+def test_a_generator_may_write_to_what_it_is_given(arm: Arm, learned: Learned) -> None:
+    """It changes nothing: the commands are those of one that does not."""
+    odd, fair = Writes(learned.map, "", fails, 0), Odd(learned.map, "", fails, 0)
+    cells = cell_of(arm, odd), cell_of(arm, fair)
+    for _ in range(600):
+        commands = [cell.tick() for cell in cells]
+        assert np.array_equal(commands[0].joints, commands[1].joints)
+    assert cells[0].catcher.phase is Phase.BRAKE
+
+
+@pytest.mark.parametrize(
+    ("fields", "says"),
+    [({"arms": None}, "not iterable"), ({"arms": (1,)}, "arms: wanted an Arm"),
+     ({"as_map": lambda _: 1 / 0}, "ZeroDivisionError"), ({"as_map": lambda _: 5}, "DirectMap")],
+    ids=["no arms", "numbers", "raises", "no map"],
+)  # fmt: skip
+def test_a_generator_that_cannot_say_what_it_is_for_is_refused(
+    arm: Arm, learned: Learned, fields: dict[str, object], says: str
+) -> None:
+    """Before any tick, by its name."""
+    odd = type("Lost", (Odd,), fields)(learned.map, "", fails, 0)
+    with pytest.raises(InputError, match=r"^generator Lost: ") as caught:
+        Catcher(arm, odd)
+    assert says in str(caught.value)
+
+
+def test_what_cannot_move_or_recover_says_why(arm: Arm, learned: Learned) -> None:
+    """Not by its phase alone, which may be the right one."""
+    cell = cell_of(arm, learned)
+    with pytest.raises(InputError, match="make a tick first"):
+        cell.catcher.move(rest(cell.q))
+    cell.tick(seen=False)
+    cell.catcher.stop()
+    with pytest.raises(InputError, match="told to stop"):
+        cell.catcher.move(rest(cell.q))
+    with pytest.raises(InputError, match="got watch"):
+        cell.catcher.recover()
 
 
 @pytest.mark.parametrize("name", ["raises", "time", "q_d", "shape", "None"])

@@ -45,10 +45,12 @@ def test_what_no_hand_can_be_is_refused(part: Any, name: str, bad: object) -> No
 
 
 @pytest.mark.parametrize(
-    "inertia", [np.eye(2), -np.eye(3), np.full((3, 3), np.nan), np.arange(9.0).reshape(3, 3)]
-)
+    "inertia",
+    [np.eye(2), -np.eye(3), np.full((3, 3), np.nan), np.arange(9.0).reshape(3, 3),
+     np.zeros((3, 3)), np.diag([1e-3, 1e-3, 9e-3])],
+)  # fmt: skip
 def test_what_is_no_inertia_is_refused(inertia: Array) -> None:
-    """Another shape, a moment below zero, not symmetric; a list of rows is taken."""
+    """Another shape, not symmetric, moments that no body has; a list of rows is taken."""
     with pytest.raises(MittError, match=r"HandModel\.inertia"):
         HandModel(inertia=inertia)
     assert HandModel(inertia=np.eye(3).tolist()).inertia.dtype == np.float64  # type: ignore[arg-type]
@@ -103,8 +105,9 @@ def test_what_a_hand_holds_is_bounded_by_its_drives(hand: HandModel, friction: f
     assert all(np.isfinite(force))
     fits = [hand.finger.gap(0.0, r, hand.catch_offset) > 0.0 for r in radii]
     assert fits == sorted(fits, reverse=True)
+    angles = np.linspace(0.0, hand.drive.closed, 181).tolist()
     for r, held, fit in zip(radii, force, fits, strict=True):
-        meets = hand.finger.gap(hand.drive.closed, r, hand.catch_offset) <= 0.0
+        meets = any(hand.finger.gap(x, r, hand.catch_offset) <= 0.0 for x in angles)
         assert held == 0.0 or (fit and meets)
 
 
@@ -135,3 +138,13 @@ def test_a_capsule_takes_lists_and_refuses_what_is_no_point() -> None:
     for bad in ({"start": (0.0, 0.0)}, {"end": "up"}, {"radius": None}, {"radius": 0.0}):
         with pytest.raises(MittError, match="capsule"):
             replace(one, **bad)
+
+
+@pytest.mark.parametrize("closed", [1.6, 2.2, 3.1])
+def test_fingers_that_could_pass_a_small_ball_hold_it_where_they_meet_it(closed: float) -> None:
+    """How far they could go without it takes nothing from how they hold it."""
+    hand, far = HandModel(), HandModel(drive=FingerDrive(closed=closed))
+    for radius in (0.02, 0.04):
+        assert far.reaches(radius)
+        assert far.touch_angle(radius) == pytest.approx(hand.touch_angle(radius), abs=1e-9)
+        assert far.holding_force(radius, 1.0) == pytest.approx(hand.holding_force(radius, 1.0))

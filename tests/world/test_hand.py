@@ -1,6 +1,6 @@
 """The hand: what it weighs, how fast it closes, what it holds. Contact alone holds the ball."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mitt.errors import ModelError
 from mitt.robot.hands import HandModel
 from mitt.signals import Array
 from mitt.world.build import STEP
@@ -232,6 +233,19 @@ def test_a_finger_weighs_what_it_should() -> None:
     assert HAND_MODEL.finger.proximal + HAND_MODEL.finger.distal == pytest.approx(0.1)
     about_joint = (inertia + steiner(mass, com))[1, 1]
     assert 0.0 < about_joint < mass * 0.1**2
+
+
+@pytest.mark.parametrize(
+    "hand",
+    [replace(HAND_MODEL, fingers=12), replace(HAND_MODEL, mass=0.05),
+     replace(HAND_MODEL, finger=replace(HAND_MODEL.finger, mass=10.0))],
+    ids=["fingers", "mass", "finger"],
+)  # fmt: skip
+def test_fingers_that_are_more_than_the_hand_are_refused(hand: HandModel) -> None:
+    """They are part of it; MuJoCo would say so in words of its own, or not at all."""
+    spec = mujoco.MjSpec()
+    with pytest.raises(ModelError, match=r"^HandModel\.(mass|inertia)"):
+        add_hand(spec, spec.worldbody.add_body(name="plate"), hand)
 
 
 @given(

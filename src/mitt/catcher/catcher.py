@@ -298,13 +298,21 @@ class Catcher:
                 rows that are not those of one motion, or is beyond a limit.
         """
         motion = checks.array("motion", motion, (None, 3, self._arm.n), finite=True)
-        scalars = self._memory.scalars
-        waits = self._planner.phase in (WATCH, REFUSED, BRAKE) and not scalars["stop_requested"]
-        if not waits or not self._memory.at_rest or not scalars["begun"]:
-            raise InputError("move", "a catcher that waits, its arm at rest", self.phase)
+        if (why := self._unfit_to_move()) is not None:
+            raise InputError("move", "a catcher that waits, its arm at rest", why)
         last = self._memory.state.last
         check_motion(self._arm.names, self._memory.state.bounds, last, motion)
         self._planner.move(motion, self._memory.t)
+
+    def _unfit_to_move(self) -> str | None:
+        """Return in words why no motion can begin now; None where one can."""
+        if not self._memory.scalars["begun"]:
+            return "one whose joints were not all read yet: make a tick first"
+        if self._planner.phase not in (WATCH, REFUSED, BRAKE):
+            return self.phase.value
+        if self._memory.scalars["stop_requested"]:
+            return "one that was told to stop"
+        return None if self._memory.at_rest else "one whose arm was commanded to move"
 
     def recover(self, *, checked: bool = False) -> None:
         """Release the brakes and watch for a ball again, from where the encoders say the arm is.
@@ -318,8 +326,10 @@ class Catcher:
             InputError: The catcher has not stopped, the arm is not at rest and held yet, or the
                 encoder of a joint still has a fault.
         """
-        if self._planner.phase != STOPPED or not self._memory.held:
-            raise InputError("recover", "a catcher that has stopped, its arm at rest", self.phase)
+        stopped = self._planner.phase == STOPPED
+        if not (stopped and self._memory.held):
+            given = "one whose arm is not at rest and held yet" if stopped else self.phase.value
+            raise InputError("recover", "a catcher that has stopped, its arm at rest", given)
         if not checks.flag("checked", checked):
             check_recovered(self._arm.names, self.state.encoder_memory)
         self._eyes.reset()

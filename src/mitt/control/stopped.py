@@ -9,7 +9,7 @@ from mitt.control.health import OLD_READING, Reason, State
 from mitt.control.monitor import BEYOND
 from mitt.fields import brief
 from mitt.robot.arm import Arm
-from mitt.signals import Array
+from mitt.signals import TICK, Array
 
 Plain: TypeAlias = str | float | bool | list[float | None] | None
 """A value as JSON has it."""
@@ -74,10 +74,11 @@ def hint_of(arm: Arm, reason: Reason, q_read: Array, age: float | None = None) -
     if reason is not Reason.SILENT:
         return ""
     if age is not None:
-        stamped = f"stamped {age:.4g} s before its tick" if np.isfinite(age) else "not stamped"
-        return (f"the last reading was {stamped}, wanted at most {OLD_READING:g} s and a later"
-                " stamp than the reading before: is the bus frozen, or are Senses.t and ArmState.t"
-                " of two clocks?")  # fmt: skip
+        side = "before" if age >= 0.0 else "after"
+        stamped = f"stamped {abs(age):.4g} s {side} its tick" if np.isfinite(age) else "not stamped"
+        return (f"the last reading was {stamped}, wanted at most {OLD_READING:g} s before or"
+                f" {TICK:g} s after, and a later stamp than the reading before: is the bus frozen,"
+                " or are Senses.t and ArmState.t of two clocks?")  # fmt: skip
     if not len(outside):
         return ""
     k = int(outside[0])

@@ -7,7 +7,7 @@ from typing import Protocol, Self, TypeAlias, final, runtime_checkable
 import numpy as np
 
 from mitt import checks
-from mitt.errors import InputError
+from mitt.errors import InputError, answered_by
 from mitt.fields import brief
 from mitt.generator.demand import Tolerance
 from mitt.generator.feasibility import (
@@ -274,7 +274,15 @@ def generator_of(given: object, *, name: str = "generator") -> Generator:
 
 def map_of(generator: Generator) -> DirectMap | None:
     """Return the map that a generator evaluates; None for one of another kind."""
-    return generator_of(generator).as_map()
+    given = generator_of(generator)
+    with answered_by(called(given)):
+        f = given.as_map()
+        return None if f is None else checks.instance("as_map", f, DirectMap)
+
+
+def called(generator: Generator) -> str:
+    """Return what an error calls a generator that somebody made."""
+    return f"generator {type(generator).__name__}"
 
 
 def for_arm(arm: Arm, given: object) -> tuple[Generator, DirectMap | None]:
@@ -286,20 +294,20 @@ def for_arm(arm: Arm, given: object) -> tuple[Generator, DirectMap | None]:
         InputError: It is none, or was made for another arm.
     """
     generator = generator_of(given)
-    f = generator.as_map()
+    f = map_of(generator)
     others = {*arms_of(generator), *(() if f is None else (f.arm,))}
     for other in others:
         _check_same(arm, other, limits=not isinstance(generator, Movable))
     unlike = any(_difference(arm, other, limits=True) for other in others)
     if unlike and isinstance(generator, Movable):
-        generator = generator.on(arm)
-    return generator, generator.as_map()
+        generator = generator_of(generator.on(arm), name=called(generator))
+    return generator, map_of(generator)
 
 
 def arms_of(generator: Generator) -> tuple[Arm, ...]:
     """Return the arms that a generator says its parts were made for; one need not say it."""
-    arms: tuple[Arm, ...] = getattr(generator, "arms", ())
-    return arms
+    with answered_by(called(generator)):
+        return tuple(checks.instance("arms", arm, Arm) for arm in getattr(generator, "arms", ()))
 
 
 def check_arm(arm: Arm, f: DirectMap) -> None:

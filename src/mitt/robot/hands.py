@@ -8,6 +8,7 @@ so that the fingers pass one another instead of meeting tip to tip over a small 
 """
 
 from dataclasses import dataclass, field
+from math import inf
 
 import numpy as np
 
@@ -15,8 +16,11 @@ from mitt import checks, fields
 from mitt.errors import InputError
 from mitt.fields import brief
 from mitt.jit import kernel
+from mitt.robot.inertia import checked_inertia
 from mitt.signals import Array
 
+#: Angles from open to closed at which fingers are looked at for a ball in their way.
+_LOOKS = 91
 # Least and largest number of each field, far beyond what hands are like; choices of this project.
 # Those that stand in a denominator are above 0.
 _FINGER = {
@@ -231,14 +235,13 @@ class HandModel:
         Raises:
             ShapeError: The inertia has another shape.
             InputError: A field is not what it may be; the message names it.
+            ModelError: No body has such an inertia.
         """
         fields.check(self, _HAND)
         inertia = checks.array("HandModel.inertia", self.inertia, (3, 3), finite=True)
-        largest = float(np.abs(inertia).max())
-        if np.abs(inertia - inertia.T).max() > 1e-6 * largest or np.any(
-            np.linalg.eigvalsh(inertia) < -1e-6 * largest
-        ):
-            raise InputError("HandModel.inertia", "symmetric, no moment below 0", inertia.tolist())
+        if np.abs(inertia - inertia.T).max() > 1e-6 * np.abs(inertia).max():
+            raise InputError("HandModel.inertia", "a symmetric matrix", inertia.tolist())
+        inertia = checked_inertia("HandModel.inertia", inertia, do="check the hand's inertia")
         object.__setattr__(self, "inertia", inertia)
 
     def reaches(self, ball_radius: float) -> bool:
@@ -247,8 +250,8 @@ class HandModel:
         Args:
             ball_radius: Radius of the ball [m].
         """
-        gap, at = self.finger.gap, (ball_radius, self.catch_offset)
-        return gap(0.0, *at) > 0.0 >= gap(self.drive.closed, *at)
+        at_catch = ball_radius, self.catch_offset
+        return self.finger.gap(0.0, *at_catch) > 0.0 and self._meets(*at_catch) < inf
 
     def touch_angle(self, ball_radius: float) -> float:
         """Return the closing angle at which the fingers touch a ball at the catch point [rad].
@@ -271,9 +274,9 @@ class HandModel:
 
     def _touch(self, ball_radius: float, height: float) -> float:
         """Return the angle at which the fingers touch a ball on the axis at a height [rad]."""
-        low, high = 0.0, self.drive.closed
-        if self.finger.gap(high, ball_radius, height) > 0.0:
-            return high
+        low, high = 0.0, self._meets(ball_radius, height)
+        if high == inf:
+            return self.drive.closed
         for _ in range(40):
             middle = 0.5 * (low + high)
             if self.finger.gap(middle, ball_radius, height) > 0.0:
@@ -281,6 +284,16 @@ class HandModel:
             else:
                 high = middle
         return high
+
+    def _meets(self, ball_radius: float, height: float) -> float:
+        """Return an angle at which a ball on the axis is in the way; infinite without one [rad].
+
+        That is the closed angle, unless fingers that close farther pass a small ball by then.
+        """
+        for angle in (self.drive.closed, *np.linspace(0.0, self.drive.closed, _LOOKS).tolist()):
+            if self.finger.gap(angle, ball_radius, height) <= 0.0:
+                return float(angle)
+        return inf
 
     def holding_force(self, ball_radius: float, friction: float) -> float:
         """Return how hard a ball at the catch point can be pulled out of the closed hand [N].

@@ -21,12 +21,15 @@ _STEEL = 7850.0
 WANTED = "principal moments that a body can have (above 0, none above the sum of the others)"
 
 
-def checked_inertia(where: str, inertia: Array) -> Array:
+def checked_inertia(
+    where: str, inertia: Array, *, do: str = "check the inertia of that link"
+) -> Array:
     """Return an inertia that MuJoCo takes; a flat plate's moments are moved by rounding only.
 
     Args:
         where: What an error calls the body.
         inertia: Inertia about the centre of mass [kg m^2], shape (3, 3).
+        do: What to do about another one.
 
     Raises:
         ModelError: No body has such moments.
@@ -34,7 +37,7 @@ def checked_inertia(where: str, inertia: Array) -> Array:
     moments, axes = np.linalg.eigh(0.5 * (inertia + inertia.T))
     room = moments[0] + moments[1] - moments[2]
     if moments[0] < _LEAST or room < -_ROOM * moments[2]:
-        raise ModelError(where, WANTED, shown(moments), do="check the inertia of that link")
+        raise ModelError(where, WANTED, shown(moments), do=do)
     if room > 1e-3 * _ROOM * moments[2]:
         return inertia
     return _turned(_apart(moments), axes)

@@ -6,8 +6,10 @@ Nothing holds the ball but contact and friction: no weld, no adhesion.
 import mujoco
 import numpy as np
 
+from mitt.errors import ModelError
 from mitt.robot.description import rotation
 from mitt.robot.hands import Finger, HandModel
+from mitt.robot.inertia import checked_inertia
 from mitt.signals import Array
 
 #: Who may touch whom: a bit for each kind of geom. Two geoms meet if the one's kind is among
@@ -105,12 +107,25 @@ def set_inertial(body: mujoco.MjsBody, mass: float, com: Array, inertia: Array) 
 
 
 def _rest(hand: HandModel, fingers: list[tuple[float, Array, Array]]) -> tuple[float, Array, Array]:
-    """Return what the palm must weigh so that palm and open fingers make up the whole hand."""
+    """Return what the palm must weigh so that palm and open fingers make up the whole hand.
+
+    Raises:
+        ModelError: The fingers are more than the hand leaves room for.
+    """
+    do = "give the whole hand, or lighter fingers"
     whole_com = np.array([0.0, 0.0, hand.com])
     mass = hand.mass - sum(m for m, _, _ in fingers)
+    if not mass > 0.0:
+        raise ModelError("HandModel.mass", f"more than its {hand.fingers} fingers weigh",
+                         f"{hand.mass:g} kg", do=do)  # fmt: skip
     com = (hand.mass * whole_com - sum(m * p for m, p, _ in fingers)) / mass
     inertia = hand.inertia - sum(i + steiner(m, p - whole_com) for m, p, i in fingers)
-    return mass, np.asarray(com), np.asarray(inertia - steiner(mass, com - whole_com))
+    own = np.asarray(inertia - steiner(mass, com - whole_com))
+    return (
+        mass,
+        np.asarray(com),
+        checked_inertia("HandModel.inertia, of its palm alone", own, do=do),
+    )
 
 
 def _add_palm_geoms(palm: mujoco.MjsBody, hand: HandModel) -> None:
