@@ -37,6 +37,8 @@ SUMMARY = {
     "throws", "caught", "dropped", "missed", "unreachable", "stopped", "aborted", "catch_rate",
     "ci95", "tick_us", "deadline_misses",
 }  # fmt: skip
+#: Of a file: longer than a name may be.
+LONG = "a" * 300
 STATUSES = {"caught", "dropped", "missed", "unreachable", "stopped", "aborted"}
 
 THROWS = "x,y,z,vx,vy,vz\n"
@@ -262,6 +264,21 @@ def test_bad_options_end_with_status_2_and_one_line(
     status, out, err = call(*words, *(["--check"] if len(words) > 1 else []))
     assert (status, out) == (2, ""), err
     assert said in one_line(err)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("words", [
+    ("learn", "--out", LONG), ("catch", "--out", LONG), ("report", LONG), ("view", LONG),
+    ("replay", LONG), ("track", "no.csv", "--out", LONG), ("study", "smoke", "--out", LONG),
+])  # fmt: skip
+def test_a_name_that_no_file_can_have_is_bad_input(
+    call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+) -> None:
+    """Whichever command is given it: the system's own word is no fault of ours."""
+    monkeypatch.chdir(tmp_path)
+    status, out, err = call(*words)
+    assert (status, out) == (2, ""), err
+    assert "fault of mitt" not in one_line(err)
     assert not list(tmp_path.iterdir())
 
 

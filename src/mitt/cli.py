@@ -9,7 +9,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from mitt.errors import InputError, MittError
+from mitt.errors import FileError, InputError, MittError
 from mitt.interrupts import (
     Interrupted,
     listening,
@@ -28,6 +28,8 @@ _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 _SIGNALLED = 128
 #: What the system says where a standard stream cannot be written.
 _NOT_WRITTEN = (errno.ENOSPC, errno.EIO, errno.EBADF, errno.EDQUOT, errno.EFBIG)
+#: What it says of a path that a user named and that cannot be looked at.
+_NO_PATH = (errno.EACCES, errno.EPERM, errno.ENAMETOOLONG, errno.ELOOP, errno.EROFS)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -78,6 +80,10 @@ def _run(words: list[str]) -> int:
                 return _unwritten(0)
             if error.errno in _NOT_WRITTEN:
                 return _unwritten(0, error.strerror or "an error")
+        if isinstance(error, OSError) and error.errno in _NO_PATH and error.filename is not None:
+            place = os.fsdecode(error.filename) if isinstance(error.filename, str | bytes) else "it"
+            wanted, given = "a path that can be used", error.strerror
+            return _failed(2, str(FileError(place, wanted, given)))
         if os.environ.get("MITT_TRACEBACK"):
             raise
         text = " ".join(f"{type(error).__name__}: {error}".split())

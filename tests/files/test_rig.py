@@ -80,7 +80,7 @@ def swapped(text: str, old: str, new: str) -> str:
         (lambda t: swapped(t, "width = 640\n", ""), "width"),
         (lambda t: swapped(t, "width = 640", "width = nan"), "width"),
         (lambda t: swapped(t, "K = \\[\n    \\[700.0", "K = [\n    [inf"), "K"),
-        (lambda t: swapped(t, "K = \\[\n    \\[700.0, 0.0", "K = [\n    [700.0, 1.0"), "K must be"),
+        (lambda t: swapped(t, "K = \\[\n    \\[700.0, 0.0", "K = [\n    [700.0, 1.0"), "a K of"),
         (lambda t: swapped(t, "K = \\[\n    \\[700.0", "K = [\n    [-700.0"), "focal"),
         (
             lambda t: swapped(t, "T_world_cam = \\[\n    \\[[^,]*", "T_world_cam = [\n    [9.0"),

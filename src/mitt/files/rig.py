@@ -98,9 +98,9 @@ class _Camera(Part):
         """Refuse skew and a last row that no camera matrix or pose has."""
         (_, skew, _), (zero, _, _), last = self.K
         if (skew, zero, *last) != (0.0, 0.0, 0.0, 0.0, 1.0):
-            raise ValueError("K must be [[fu, 0, cu], [0, fv, cv], [0, 0, 1]]")
+            raise ValueError("a K of [[fu, 0, cu], [0, fv, cv], [0, 0, 1]]")
         if self.T_world_cam[3] != (0.0, 0.0, 0.0, 1.0):
-            raise ValueError("the last row of T_world_cam must be [0, 0, 0, 1]")
+            raise ValueError("[0, 0, 0, 1] as last row of T_world_cam")
         return self
 
 

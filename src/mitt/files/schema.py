@@ -1,5 +1,7 @@
 """JSON and TOML files of ours, checked against a model of their content."""
 
+import re
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -29,8 +31,7 @@ class OneLine(_ModelMetaclass):
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
             field = ".".join(str(part) for part in (cls.__name__, *first["loc"]))
-            wanted = first["msg"].removeprefix("Input should be ")
-            raise InputError(field, wanted, checks.shown(first["input"])) from None
+            raise InputError(field, *in_words(first)) from None
 
 
 class Part(BaseModel, metaclass=OneLine):
@@ -42,6 +43,22 @@ class Part(BaseModel, metaclass=OneLine):
 _Model = TypeVar("_Model", bound=Part)
 
 
+def in_words(error: Mapping[str, Any]) -> tuple[str, str]:
+    """Return what a value should have been and what it is, for what Pydantic says of it."""
+    if error["type"] == "missing":
+        return "a value", "none"
+    if error["type"] == "value_error":  # of a validator of ours: it says what was wanted
+        return error["msg"].removeprefix("Value error, "), checks.shown(error["input"])
+    message, given = error["msg"], checks.shown(error["input"])
+    message = re.sub(r", unable to .*| after validation, .*", "", message)
+    found = re.fullmatch(r"(\w+) should (be|have|match) (.*)", message, re.DOTALL)
+    if found is None:
+        return message, given
+    noun = {"Input": "value", "String": "text"}.get(found[1], found[1].lower())
+    verb = {"be": "", "have": f"a {noun} that has ", "match": f"a {noun} that matches the "}
+    return verb[found[2]] + found[3], given
+
+
 def parsed(model: type[_Model], raw: Any, *, place: str, wanted: str, do: str) -> _Model:  # noqa: ANN401 (any JSON value)
     """Return what a file says as a model.
 
@@ -49,7 +66,7 @@ def parsed(model: type[_Model], raw: Any, *, place: str, wanted: str, do: str) -
         model: Class of the content.
         raw: What the file says.
         place: What an error calls the file.
-        wanted: What an error says was wanted.
+        wanted: What an error says was wanted where it is of the whole.
         do: What it says is to be done.
 
     Raises:
@@ -64,6 +81,8 @@ def parsed(model: type[_Model], raw: Any, *, place: str, wanted: str, do: str) -
             known = _known(model, first["loc"][:-1])
             raise FileError(f"{place} key {key[:120]!r}", f"one of {known}", "another",
                             do=do) from None  # fmt: skip
+        if first["loc"]:
+            raise FileError(f"{place} key {key[:120]!r}", *in_words(first), do=do) from None
         raise FileError(f"{place} key {key[:120]!r}", wanted, first["msg"], do=do) from None
 
 

@@ -13,6 +13,7 @@ from mitt.control.health import State
 from mitt.files.messages import TRUTH
 from mitt.generator.feasibility import Outcome
 from mitt.robot.arm import Arm
+from mitt.robot.hands import HandModel
 from mitt.signals import Array
 from mitt.trials.drives import drive_loads
 from mitt.trials.replay import Judged, Replayed
@@ -199,12 +200,13 @@ def _at_the_catch(x: Replayed, e: Evidence, k: int) -> Iterator[str]:
                f" the map; a torque limit was met in {ticks} ticks.")  # fmt: skip
     if lag > _NEAR:
         yield f"The arm did not follow its commands: {1e3 * lag:.0f} mm off at the catch."
-    hand = x.ticks.scalars["hand"]
-    closing = np.flatnonzero(hand > 0.0)
-    if not len(closing) or closing[0] > k:
+    closes = isinstance(x.about.driven_arm.model.hand, HandModel)  # nothing of a basket does
+    closing = np.flatnonzero(x.ticks.scalars["hand"] > 0.0)
+    if closes and (not len(closing) or closing[0] > k):
         yield "The fingers began to close after the catch, too late."
+    timing = " the timing of the fingers" if closes else " the speed of the ball in the basket"
     yield ("By what the catcher knew, hand and ball met: command, arm and estimate agreed within"
-           f" {1e3 * np.nanmax([held, lag]):.0f} mm. Look at the contact, the timing of the fingers"
+           f" {1e3 * np.nanmax([held, lag]):.0f} mm. Look at the contact,{timing}"
            " or the calibration.")  # fmt: skip
 
 

@@ -1,14 +1,13 @@
 """Settings that come from TOML files: how they are read, checked and refused."""
 
 import copy
-import sys
 from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from mitt.errors import InputError
 from mitt.fields import line
-from mitt.files.schema import OneLine
+from mitt.files.schema import OneLine, in_words
 
 
 class Settings(BaseModel, metaclass=OneLine):
@@ -56,26 +55,18 @@ def validated(model: type[_Model], data: object, *, place: str) -> _Model:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"]) or "(all)"
-        wanted = _wanted(model, first["type"], first["msg"], first["loc"])
-        raise InputError(f"{place} key {key[:120]}", wanted, _shown(first["input"])) from None
+        wanted, given = in_words(first)
+        if first["type"] == "extra_forbidden":
+            wanted = f"one of the keys {', '.join(_known(model, first['loc']))}"
+        raise InputError(f"{place} key {key[:120]}", wanted, given) from None
 
 
-def _shown(value: object) -> str:
-    """Return the beginning of what was given."""
-    try:
-        return repr(value)[:60]
-    except ValueError:  # Python writes no number that is longer than this
-        return f"a number of more than {sys.get_int_max_str_digits()} digits"
-
-
-def _wanted(model: type[BaseModel], kind: str, message: str, at: tuple[int | str, ...]) -> str:
-    """Say what a key should have held, in our words."""
-    if kind != "extra_forbidden":
-        return message.removeprefix("Input should be ").removeprefix("Value error, ")
+def _known(model: type[BaseModel], at: tuple[int | str, ...]) -> list[str]:
+    """Return the keys that there may be in place of one that is unknown."""
     models: list[type[BaseModel]] = [model]
     for part in at[:-1]:
         models = _inner(models, str(part))
-    return f"one of the keys {', '.join(models[0].model_fields)}"
+    return list(models[0].model_fields)
 
 
 def _inner(models: list[type[BaseModel]], part: str) -> list[type[BaseModel]]:
