@@ -166,7 +166,8 @@ def _torques(
     That is the weight of what is behind the joint, all stretched out, and for the former that of
     half of the arm at its tip besides.
     """
-    strong, weak = {}, {}
+    strong: dict[str, str] = {}
+    weak: dict[str, str] = {}
     load = 0.5 * sum(x.mass for x in links)
     for k, x in enumerate(links):
         if x.held is not None:
