@@ -176,6 +176,11 @@ def _outside(points: Array, capsules: Any) -> Array:  # noqa: ANN401 (a tuple of
         ({"world": '<geom name="floor" type="plane" size="1 1 1"/>'}, ("planes (floor)",)),
         ({"more": '<option gravity="0 -9.81 0"/>'}, ("gravity 0 -9.81 0", "z up")),
         ({"more": '<option gravity="0 0 0"/>'}, ("gravity 0 0 0",)),
+        ({"more": '<option><flag gravity="disable"/></option>'}, ("gravity 0 0 0",)),
+        ({"inertial": _INERTIAL.format(mass="1.5", moments="1e-9 1e-9 1e-9")},
+         ("small inertias", "elbow 1e-09 kg m^2 for 1.5 kg")),
+        ({"inertial": _INERTIAL.format(mass="1.5", moments=".02 .02 .004").replace("0.2", "200")},
+         ("centres of mass", "elbow 200 m", "write metres")),
         ({"more": '<option density="1.2"/>'}, ("fluid",)),
         ({"end": '<tendon><fixed name="t" stiffness="3"><joint joint="elbow" coef="1"/></fixed>'
           "</tendon>"}, ("elbow a tendon",)),
@@ -213,10 +218,16 @@ def test_what_is_left_out_of_a_urdf_is_named(tmp_path: Path, element: str, word:
 @pytest.mark.parametrize(
     ("before", "after", "word"),
     [
-        ('lower="-2" upper="2.5"', 'lower="-0.035" upper="0.044"', "narrow ranges: j1"),
+        (
+            'lower="-2" upper="2.5"',
+            'lower="-0.1" upper="0.1"',
+            "narrow ranges: j1.*-5.73..5.73 rad",
+        ),
         ('velocity="5"', 'velocity="0.05"', "small speed limits: j1 0.05 rad/s"),
         ('effort="50"', 'effort="1e9"', "large torque limits.*j1 1e.09 N m"),
         ('effort="50"', 'effort="50000"', "large torque limits.*j1 5e.04 N m"),
+        ('effort="50"', 'effort="0.05"', "small torque limits.*j1 0.05 N m"),
+        ('xyz="0.1 0 0.4"', 'xyz="0.1 0 0.4" rpy="0 90 0"', "large angles: rpy '0 90 0' of joint"),
     ],
 )
 def test_limits_of_a_file_are_doubted_both_ways(
@@ -229,6 +240,14 @@ def test_limits_of_a_file_are_doubted_both_ways(
     path.write_text(path.read_text().replace(before, after))
     (note,) = load_arm(path, tip="l5", joints=_NAMES).model.notes
     assert re.search(word, note)
+
+
+def test_a_range_in_radians_that_was_read_as_one_in_degrees_is_told_so(tmp_path: Path) -> None:
+    """Commands keep more to its ends than there is; the angle unit of an MJCF is degrees."""
+    path = _mjcf(tmp_path / "a.xml")
+    path.write_text(path.read_text().replace('angle="radian"', ""))
+    with pytest.raises(ModelError, match=r"if -2.5..2.5 rad are meant for yaw, .*angle=.radian"):
+        _notes(path)
 
 
 @pytest.mark.parametrize("value", ["inf", "-inf", "1e400", "0", "-5"])
@@ -350,10 +369,14 @@ def test_another_kind_of_file_is_named_in_one_line(
             '<child link="l1"/><dynamics damping="low"/>',
             ("a number for dynamics damping", "'low'"),
         ),
-        ('<child link="l1"/>', "", ("one root link",)),
+        ('<child link="l1"/>', "", ("joint 'j1'", "a link of the file as its child, got ''")),
+        ('name="j1" type="revolute"', 'name="j1"', ("joint 'j1'", "one of the types", "''")),
+        ('name="j1" type="revolute"', 'type="revolute"', ("joints with names",)),
+        ('<child link="l1"/>', '<child link="l1"/><mimic/>', ("no mimic joint specified",)),
         ('name="j1" type="revolute"', 'name="j1" type="hinge"', ("one of the types", "'hinge'")),
         ('name="j1" type="revolute"', 'name="j2" type="revolute"', ("two 'j2'",)),
         ('axis xyz="', 'axis xyz="1,', ("joint axes with a direction", "by spaces")),
+        ('axis xyz="', 'axis xyz="1 ', ("joint axes with a direction",)),
     ],
 )
 def test_a_broken_urdf_is_told_in_our_words(

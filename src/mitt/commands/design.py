@@ -181,7 +181,8 @@ def _check_outputs(options: DesignOptions) -> None:
         raise InputError("--resume and --overwrite", "one of them", "both")
     answers = _search(options)
     if answers.exists() and not (options.resume or options.overwrite or options.check):
-        raise InputError("--out", "a design that is not begun", f"{answers}, of a broken search",
+        raise InputError("--out", "a design that is not begun",
+                         f"{answers}, of a search that was broken off or still runs",
                          do="say --resume to go on with it, or --overwrite")  # fmt: skip
     files = {"--out": options.out, "page of --out": options.out.with_suffix(".html")}
     replaced = options.overwrite or (options.resume and answers.exists())

@@ -121,9 +121,8 @@ class Link:
         bodily = (self.placement, self.axis, self.com, self.inertia, self.armature)
         numbers = (*bodily, self.q_min, self.q_max)
         if not all(np.all(np.abs(x) <= _LARGEST) for x in numbers):
-            raise ModelError(
-                where, f"numbers within +-{_LARGEST:g}", "larger ones, NaN or infinity"
-            )
+            raise ModelError(where, f"numbers within +-{_LARGEST:g} in m, rad and kg m^2",
+                             "larger ones, NaN or infinity")  # fmt: skip
         if not _LIGHTEST < self.mass <= _LARGEST:
             wanted = f"a mass above 0 and up to {_LARGEST:g} kg"
             raise ModelError(where, wanted, f"{self.mass:g} kg")
@@ -207,8 +206,9 @@ class ArmModel:
             if not span > 2.0 * STOP_GAP:
                 wanted = (f"a range of more than {2.0 * STOP_GAP:g} {unit}, since commands keep"
                           f" {STOP_GAP:g} {unit} to its ends")  # fmt: skip
+                also = "" if link.prismatic else f"; {meant_in_radians(link)}"
                 raise ModelError(f"joint {link.name!r}", wanted, f"{span:g} {unit}",
-                                 do="hold the joint, or widen its range")  # fmt: skip
+                                 do=f"hold the joint, or widen its range{also}")  # fmt: skip
             if not link.q_min <= q <= link.q_max:
                 wanted = f"a position in {link.q_min:.3f}..{link.q_max:.3f}"
                 raise ModelError(f"ready pose of {link.name}", wanted, f"{q:g}",
@@ -289,6 +289,13 @@ def rotation(axis: Array, angle: float) -> Array:
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     R: Array = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
     return R
+
+
+def meant_in_radians(link: Link) -> str:
+    """Return what to do where a hinge's range in radians was read as one in degrees."""
+    low, high = np.degrees((link.q_min, link.q_max))
+    return (f"if {low:.3g}..{high:.3g} rad are meant for {link.name}, radians were read as degrees:"
+            ' say <compiler angle="radian"/> in an MJCF, write radians in other files')  # fmt: skip
 
 
 def joint_motion(link: Link, q: float) -> Array:

@@ -60,7 +60,7 @@ def mended_inertia(where: str, mass: float, inertia: Array) -> tuple[Array, str]
     given, axes = np.linalg.eigh(0.5 * (inertia + inertia.T))
     moments = given.copy()
     if -_ROUNDED <= moments[0] < _LEAST:
-        ball = max(0.4 * mass * (3.0 * mass / (4.0 * np.pi * _STEEL)) ** (2.0 / 3.0), _LEAST)
+        ball = max(steel_ball(mass), _LEAST)
         moments[moments < _LEAST] = min(ball, moments[2]) if moments[2] > _LEAST else ball
     order = np.argsort(moments, kind="stable")
     moments, axes = moments[order], axes[:, order]
@@ -71,6 +71,11 @@ def mended_inertia(where: str, mass: float, inertia: Array) -> tuple[Array, str]
     out = checked_inertia(where, _turned(moments, axes))
     return out, (f"{where}: no body has the principal moments {shown(given)} kg m^2; taken as"
                  f" {shown(moments)}")  # fmt: skip
+
+
+def steel_ball(mass: float) -> float:
+    """Return the moment of inertia of a ball of steel, given its mass [kg]."""
+    return float(0.4 * mass * (3.0 * mass / (4.0 * np.pi * _STEEL)) ** (2.0 / 3.0))
 
 
 def shown(moments: Array) -> str:

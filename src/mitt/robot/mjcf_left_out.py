@@ -70,7 +70,8 @@ def _others(m: mujoco.MjModel) -> defaultdict[int, list[str]]:
 def file_notes(m: mujoco.MjModel, names: Names) -> tuple[str, ...]:
     """Return notes of what the file states of its world and is not read."""
     notes = []
-    gravity = np.array(m.opt.gravity)
+    off = bool(m.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY))
+    gravity = np.zeros(3) if off else np.array(m.opt.gravity)
     if np.linalg.norm(gravity - np.array((0.0, 0.0, -GRAVITY))) > _NEAR:
         said = " ".join(f"{x:g}" for x in gravity)
         notes.append(f"gravity {said} of the file is left out: taken as 0 0 -{GRAVITY:g} m/s^2,"

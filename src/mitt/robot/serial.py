@@ -135,7 +135,7 @@ def _left_out_notes(stated: Stated, loads: Sequence[str], active: Sequence[str])
         return ()
     rest = f"; {len(words) - 4} more joints" if len(words) > 4 else ""
     return (f"stated in the file and not counted in what drives give: {'; '.join(words[:4])}{rest};"
-            " take friction off the torques of a limits file (--limits FILE.toml)",)  # fmt: skip
+            " what matters goes into a limits file (--limits FILE.toml)",)  # fmt: skip
 
 
 def _locked_note(stated: Stated, name: str) -> str:

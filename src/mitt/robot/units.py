@@ -12,7 +12,8 @@ import numpy as np
 import pinocchio as pin
 
 from mitt.errors import ModelError
-from mitt.robot.description import Link
+from mitt.robot.description import Link, meant_in_radians
+from mitt.robot.inertia import steel_ball
 from mitt.robot.stated import Stated
 from mitt.signals import GRAVITY, Array
 
@@ -29,14 +30,15 @@ _SLOWEST = 0.1
 _NARROWEST = np.radians(WIDEST)
 #: Range or speed of a sliding joint above which it is doubted [m, m/s].
 _FARTHEST = 20.0
-#: Torque of a joint, in torques that its weight asks for, above which it is doubted. Real arms have
-#: up to 10. Least length that counts as a lever [m].
-_STRONGEST, _SHORTEST = 60.0, 0.1
+#: Torque of a joint, in torques that its weight asks for, above which and below which it is
+#: doubted. Real arms have up to 10. Least length that counts as a lever [m].
+_STRONGEST, _WEAKEST, _SHORTEST = 60.0, 0.05, 0.1
 #: Lengths of arms [m], and masses over their cubes [kg/m^3], that are believed: real arms have 3 to
 #: 60 kg/m^3.
 _REACH, _DENSITY = (0.03, 12.0), (0.3, 1000.0)
-#: Radius of gyration of a link, in lengths of the arm, above which it is doubted.
-_WIDEST_BODY = 3.0
+#: Radius of gyration of a link and distance of its centre of mass, in lengths of the arm, above
+#: which they are doubted. Least moment of inertia, in those of a ball of steel: no metal has less.
+_WIDEST_BODY, _DENSEST = 3.0, 0.1
 
 
 def slides(model: pin.Model, name: str) -> bool:
@@ -88,7 +90,9 @@ def doubts(stated: Stated, links: Sequence[Link], tool: Array) -> tuple[str, ...
         tool: Frame of the tool in that of the last link, shape (4, 4).
     """
     lengths = _lengths(links, tool)
+    strong, weak = _torques(stated, links, lengths)
     reach, mass = float(lengths.sum()), sum(x.mass for x in links)
+    sized = _sizes(reach, mass), _off(links, reach)
     active = [x for x in links if x.held is None]
     hinges = [x for x in active if not x.prismatic]
     slow = {x.name: f"{stated.speed[x.name]:.4g} rad/s" for x in hinges
@@ -100,10 +104,13 @@ def doubts(stated: Stated, links: Sequence[Link], tool: Array) -> tuple[str, ...
         _named("large ranges or speeds of sliding joints", _far(stated, active),
                "if they are in mm, write metres"),
         _named("large torque limits for the weight and length that they move",
-               _strong(stated, links, lengths), 'do they stand for "no limit", or for another'
+               strong, 'do they stand for "no limit", or for another'
                " unit? write what the drives give, here or as torque in a limits file"),
-        _sizes(reach, mass),
+        *sized,
+        "" if any(sized) else _named("small torque limits for the weight that they move", weak,
+                                     "write N m, or N for sliding joints"),
         _wide(links, reach),
+        _dense(links),
     )  # fmt: skip
     return tuple(x for x in found if x)
 
@@ -123,11 +130,8 @@ def _narrow(hinges: Sequence[Link]) -> str:
     if not narrow:
         return ""
     x = next(x for x in hinges if x.name in narrow)
-    low, high = np.degrees(x.q_min), np.degrees(x.q_max)
-    do = (f"if {low:.3g}..{high:.3g} rad are meant for {x.name}, radians were read as degrees: say"
-          ' <compiler angle="radian"/> in an MJCF, write radians in other files')  # fmt: skip
     widths = {name: f"{x:.4g} rad wide" for name, x in narrow.items()}
-    return _named("narrow ranges", widths, do)
+    return _named("narrow ranges", widths, meant_in_radians(x))
 
 
 def _fast(fast: Mapping[str, float]) -> str:
@@ -154,13 +158,16 @@ def _lengths(links: Sequence[Link], tool: Array) -> Array:
     return np.array([float(np.linalg.norm(p)) for p in ends])
 
 
-def _strong(stated: Stated, links: Sequence[Link], lengths: Array) -> dict[str, str]:
-    """Return the active joints whose torque is far beyond what weight asks of them.
+def _torques(
+    stated: Stated, links: Sequence[Link], lengths: Array
+) -> tuple[dict[str, str], dict[str, str]]:
+    """Return the active joints whose torque is far beyond and far below what weight asks of them.
 
-    That is the weight of what is behind the joint, and of half of the arm at its tip, all stretched
-    out.
+    That is the weight of what is behind the joint, all stretched out, and for the former that of
+    half of the arm at its tip besides.
     """
-    out = {}
+    strong: dict[str, str] = {}
+    weak: dict[str, str] = {}
     load = 0.5 * sum(x.mass for x in links)
     for k, x in enumerate(links):
         if x.held is not None:
@@ -168,14 +175,18 @@ def _strong(stated: Stated, links: Sequence[Link], lengths: Array) -> dict[str, 
         at = np.concatenate(([0.0], np.cumsum(lengths[k:])))
         behind = links[k:]
         if x.prismatic:
-            weight = sum(y.mass for y in behind) + load
+            weight, more = sum(y.mass for y in behind), load
         else:
             arms = [d + float(np.linalg.norm(y.com)) for d, y in zip(at, behind, strict=False)]
             weight = sum(y.mass * d for y, d in zip(behind, arms, strict=True))
-            weight += load * max(float(at[-1]), _SHORTEST)
-        if stated.torque[x.name] > _STRONGEST * GRAVITY * weight:
-            out[x.name] = f"{stated.torque[x.name]:.4g} {'N' if x.prismatic else 'N m'}"
-    return out
+            more = load * max(float(at[-1]), _SHORTEST)
+        torque = stated.torque[x.name]
+        words = {x.name: f"{torque:.4g} {'N' if x.prismatic else 'N m'}"}
+        if torque > _STRONGEST * GRAVITY * (weight + more):
+            strong |= words
+        elif torque < _WEAKEST * GRAVITY * weight:
+            weak |= words
+    return strong, weak
 
 
 def _sizes(reach: float, mass: float) -> str:
@@ -187,6 +198,25 @@ def _sizes(reach: float, mass: float) -> str:
         return (f"the arm weighs {mass:.4g} kg and is {reach:.3g} m long; if masses are in grams"
                 " or pounds, or lengths in another unit, write kg and metres")  # fmt: skip
     return ""
+
+
+def _off(links: Sequence[Link], reach: float) -> str:
+    """Return a note of centres of mass that are far from anything of the arm."""
+    apart = {x.name: float(np.linalg.norm(x.com)) for x in links}
+    most = _WIDEST_BODY * max(reach, _SHORTEST)
+    off = {name: f"{x:.4g} m" for name, x in apart.items() if x > most}
+    return _named("centres of mass far from their joints", off, "if they are in mm, write metres")
+
+
+def _dense(links: Sequence[Link]) -> str:
+    """Return a note of inertias that no metal is dense enough for."""
+    largest = {x.name: float(np.linalg.eigvalsh(x.inertia)[2]) for x in links}
+    dense = {
+        x.name: f"{largest[x.name]:.4g} kg m^2 for {x.mass:.4g} kg"
+        for x in links if largest[x.name] < _DENSEST * steel_ball(x.mass)
+    }  # fmt: skip
+    return _named("small inertias for their masses", dense, "write kg m^2, about the centre of"
+                  " mass")  # fmt: skip
 
 
 def _wide(links: Sequence[Link], reach: float) -> str:

@@ -21,6 +21,8 @@ from mitt.robot.xml_files import check_numbers, read_xml, without_sources
 
 #: Joints that move, with a range that the file has to state or not.
 _MOVING = ("revolute", "prismatic", "continuous")
+#: Largest angle of a frame that is believed: one turn, and room for rounding [rad].
+_ONE_TURN = 2.0 * pi + 0.01
 _TYPES = (*_MOVING, "fixed", "floating", "planar")
 _KEYS_OF = {
     "range": "<limit> lower and upper", "torque": "<limit> effort", "speed": "<limit> velocity"
@@ -37,7 +39,7 @@ def read_urdf(path: Path) -> Stated:
     path = checks.path("arm", path)
     _, root = read_xml(path, "robot")
     check_numbers(path, root)
-    joints = [x for x in root.findall("joint") if x.get("type") is not None]
+    joints = root.findall("joint")
     _check_tree(path, root, joints)
     for joint in joints:
         for axis in joint.findall("axis"):
@@ -60,8 +62,8 @@ def read_urdf(path: Path) -> Stated:
         raise FileError(str(path), "a URDF arm", reason[:200] or "a parse error") from failed
     return Stated(
         place=str(path), model=model, ranges=ranges, torque=torque, speed=speed,
-        mimics=mimics, shapes=shapes, notes=notes, keys=_KEYS_OF, left_out=left_out,
-        unusable=unusable,
+        mimics=mimics, shapes=shapes, notes=(*notes, *_turned(root)), keys=_KEYS_OF,
+        left_out=left_out, unusable=unusable,
     )  # fmt: skip
 
 
@@ -71,6 +73,8 @@ def _check_tree(path: Path, root: Element, joints: list[Element]) -> None:
     if not links:
         raise FileError(str(path), "a URDF arm with links", "none", do="export it again")
     for kind, names in (("link", links), ("joint", [x.get("name", "") for x in joints])):
+        if "" in names:
+            raise FileError(str(path), f"{kind}s with names", "one without")
         twice = next((x for k, x in enumerate(names) if x in names[:k]), None)
         if twice is not None:
             raise FileError(str(path), f"{kind}s with names of their own", f"two {twice!r}",
@@ -80,7 +84,11 @@ def _check_tree(path: Path, root: Element, joints: list[Element]) -> None:
         name, child = joint.get("name", ""), _link_of(joint, "child")
         if joint.get("type") not in _TYPES:
             raise FileError(f"{path} joint {name!r}", f"one of the types {', '.join(_TYPES)}",
-                            repr(joint.get("type")))  # fmt: skip
+                            repr(joint.get("type", "")))  # fmt: skip
+        for end in ("parent", "child"):
+            if _link_of(joint, end) not in links:
+                raise FileError(f"{path} joint {name!r}", f"a link of the file as its {end}",
+                                repr(_link_of(joint, end)))  # fmt: skip
         if child in above:
             raise FileError(str(path), "an arm without closed chains",
                             f"link {child!r} behind joints {above[child]!r} and {name!r}",
@@ -93,12 +101,6 @@ def _check_tree(path: Path, root: Element, joints: list[Element]) -> None:
     if links and not roots:
         raise FileError(str(path), "an arm without closed chains", "no root link",
                         do="take out the joint that closes the chain")  # fmt: skip
-    for joint in joints:
-        for end in ("parent", "child"):
-            if _link_of(joint, end) not in links:
-                where = f"{path} joint {joint.get('name', '')!r}"
-                raise FileError(where, f"a link of the file as its {end}",
-                                repr(_link_of(joint, end)))  # fmt: skip
 
 
 def _link_of(joint: Element, end: str) -> str:
@@ -111,7 +113,8 @@ def _check_axis(path: Path, axis: Element) -> None:
     """Refuse an axis without a direction."""
     given = axis.get("xyz", "1 0 0")
     try:
-        size = hypot(*(float(x) for x in given.split()))
+        x, y, z = (float(x) for x in given.split())
+        size = hypot(x, y, z)
     except ValueError:
         size = 0.0
     if not 1e-6 < size < 1e6:
@@ -199,9 +202,28 @@ def _left_out(root: Element, joints: list[Element]) -> dict[str, LeftOut]:
         others += [f"{key} {x[:20]}" for key, x in more.items() if key not in _KEYS]
         others += ["safety_controller"] * (joint.find("safety_controller") is not None)
         ratio = "1" if name not in geared else (geared[name].text or "1").strip()
-        others += [f"mechanicalReduction {ratio[:20]}"] * (ratio not in ("1", "1.0"))
+        others += [f"mechanicalReduction {ratio[:20]}"] * (not _is_one(ratio))
         out[name] = LeftOut(**lost, others=tuple(others))
     return out
+
+
+def _turned(root: Element) -> Iterator[str]:
+    """Yield a note of the first frame that is turned by more than one turn."""
+    for part in root:
+        for origin in part.iter("origin") if part.tag in ("link", "joint") else ():
+            rpy = origin.get("rpy", "0")
+            if max((abs(float(x)) for x in rpy.split()), default=0.0) > _ONE_TURN:
+                yield (f"large angles: rpy {rpy[:60]!r} of {part.tag} {part.get('name', '')!r}; if"
+                       " they are in degrees, write radians")  # fmt: skip
+                return
+
+
+def _is_one(text: str) -> bool:
+    """Say whether a text is the number 1."""
+    try:
+        return float(text) == 1.0
+    except ValueError:
+        return False
 
 
 def _number(path: Path, joint: str, element: Element, key: str) -> float:

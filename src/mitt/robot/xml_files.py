@@ -188,7 +188,7 @@ def _are_numbers(text: str, count: int, *, finite: bool) -> bool:
     return len(values) == count and known
 
 
-_SOURCES = re.compile(r"(\s+at line \d+ in \S+|^Error:\s*)")
+_SOURCES = re.compile(r"((^|\s+)at line \d+ in \S+|^Error:\s*)")
 
 
 def without_sources(said: Iterator[str] | list[str]) -> str:
