@@ -9,10 +9,12 @@ from mitt.errors import FileError, InputError
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass as _ModelMetaclass
+    from pydantic_core import ErrorDetails
 else:
     _ModelMetaclass = type(BaseModel)
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
+"""A finite number, and no text or truth value that could be read as one."""
 
 
 class OneLine(_ModelMetaclass):
@@ -64,7 +66,20 @@ def parsed(model: type[_Model], raw: Any, *, place: str, wanted: str, do: str) -
             known = _known(model, first["loc"][:-1])
             raise FileError(f"{place} key {key[:120]!r}", f"one of {known}", "another",
                             do=do) from None  # fmt: skip
-        raise FileError(f"{place} key {key[:120]!r}", wanted, first["msg"], do=do) from None
+        if first["type"] == "missing":
+            raise FileError(f"{place} key {key[:120]!r}", wanted, "none", do=do) from None
+        given = checks.shown(first["input"])
+        raise FileError(f"{place} key {key[:120]!r}", _meant(first), given, do=do) from None
+
+
+def _meant(error: "ErrorDetails") -> str:
+    """Return what a value should have been, in our words."""
+    if error["type"] in ("model_type", "dict_type"):
+        return "a table"
+    if error["type"] in ("list_type", "tuple_type"):
+        return "a list"
+    said = error["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+    return said.replace("a valid ", "a ")
 
 
 def _known(model: type[Part], place: tuple[int | str, ...]) -> str:
