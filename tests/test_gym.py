@@ -152,3 +152,38 @@ def test_arms_and_scenes_by_keyword_and_what_is_refused() -> None:
         env.unwrapped.step(np.full(4, np.nan, np.float32))
     with pytest.raises(InputError, match=r"mitt\.gym"):
         mitt.gym.map_policy(gymnasium.make("CartPole-v1"))
+
+
+def test_an_arm_file_has_its_own_design_and_throws(tmp_path: Path) -> None:
+    """The map as a baseline is the one of ``mitt catch``, and the balls come as the file says."""
+    path = tmp_path / "arm.toml"
+    path.write_text(
+        """schema = "mitt.arm/1"
+[arm]
+name = "wam"
+limits = "wam-80v"
+[hand]
+name = "basket"
+tilt = -1.065
+[map]
+q_catch = 1.25
+kappa = 1.777
+inward = 0.97
+[throws]
+speed = [5.8, 5.9]
+"""
+    )
+    made = gymnasium.make("mitt/Catch-v0", arm=path, limits="wam-80v", action="residual")
+    env: Any = made.unwrapped
+    assert env.map.design.kappa == 1.777
+    policy = mitt.gym.map_policy(env)
+    caught = 0
+    for seed in range(2):
+        obs, _ = env.reset(seed=seed)
+        assert 5.75 <= np.linalg.norm(obs[-3:]) <= 6.0
+        over = False
+        while not over:
+            obs, _, terminated, truncated, info = env.step(policy(obs))
+            over = terminated or truncated
+        caught += info["status"] == "caught"
+    assert caught == 2

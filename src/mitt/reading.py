@@ -113,7 +113,7 @@ def read_toml(path: Path, *, wanted: str = "TOML") -> dict[str, Any]:
     text = read_text(path, max_bytes=MAX_TOML_BYTES, wanted="a readable TOML file")
     try:
         _check_nesting(text)
-        return tomllib.loads(text)
+        return tomllib.loads(text.removeprefix("\ufeff"))
     except (ValueError, RecursionError) as error:
         raise FileError(str(path), wanted, str(error)[:120]) from None
 

@@ -462,6 +462,8 @@ def _ball(t: float) -> Array:
 HINTS: dict[str, tuple[str, Callable[[float], mitt.Sighting | None]]] = {
     "millimetres": ("metres", lambda t: mitt.Sighting(
         t=t, found=True, r_o=1e3 * _ball(t), covariance=np.eye(3))),
+    "square millimetres": ("in mm^2", lambda t: mitt.Sighting(
+        t=t, found=True, r_o=_ball(t), covariance=np.eye(3))),
     "clock ahead": ("ahead of their ticks", lambda t: mitt.Sighting(
         t=t + 1.7e9, found=True, r_o=_ball(t), covariance=1e-6 * np.eye(3))),
     "clock behind": ("behind their ticks", lambda t: mitt.Sighting(

@@ -16,6 +16,8 @@ from mitt.world.throws import Throw
 BALL = Throw(r=np.array([3.6, 0.15, 0.2]), dr=np.array([-5.9, -0.2, 2.2]))
 #: Ticks of a throw, instants of the swing [s], and how near the ball comes to the hand [m].
 TICKS, INSTANTS, NEAR = 900, (0.42, 0.5), 0.005
+#: How fast the ball is about, by which stamps that are all late bring the hand late [m/s].
+BALL_SPEED = 6.0
 
 
 @pytest.fixture(scope="module")
@@ -91,6 +93,23 @@ def test_jitter_is_no_fault(
     assert set(thrown.reasons) == {Reason.NONE}
     assert thrown.nearest < NEAR
     assert keeps_limits(arm, thrown)
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("off", [5e-5, 2e-4, 5e-4])
+def test_stamps_that_are_a_little_off_are_no_fault(
+    first: Catcher, arm: Arm, learned: Learned, off: float, seed: int
+) -> None:
+    """Readings each millisecond, stamped by a clock that is read sooner or later than they."""
+    rng = np.random.default_rng(seed)
+
+    def stamped(_: int, new: ArmState) -> ArmState:
+        return ArmState(t=new.t - off + rng.uniform(-off, off), q=new.q, dq=new.dq)
+
+    thrown = on(each(TICK, TICKS), first, arm, learned, stamped, seed=seed)
+    assert thrown.stopped is None
+    assert set(thrown.reasons) == {Reason.NONE}
+    assert thrown.nearest < NEAR + off * BALL_SPEED
 
 
 @pytest.mark.parametrize("period", [0.0005, 0.00098, 0.002, 0.004])

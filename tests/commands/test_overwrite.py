@@ -283,7 +283,7 @@ def test_a_generator_of_any_name_stays_below_runs(
 ) -> None:
     """What another package calls its generator is no path."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("mitt.commands.catch.factory_of", lambda _: None)
+    monkeypatch.setattr("mitt.commands.catch.check_generator", lambda _: None)
     for name in ("../../up", "/etc/up", "a/b"):
         out = prepare(CatchOptions(generator=name, throws=1)).out
         assert out.parent == Path("runs")

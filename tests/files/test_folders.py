@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mitt.errors import InputError
+from mitt.files.files import check_folder
 from mitt.files.folders import (
     Leaves,
     check_ours,
@@ -181,3 +182,13 @@ def test_an_output_is_never_an_input(tmp_path: Path) -> None:
     assert not overlaps(tmp_path / "images" / "2.png", tmp_path / "images")
     assert overlaps(tmp_path / "new.csv", tmp_path / "new.csv")
     assert not overlaps(tmp_path / "new.csv", Path("nul\0"))
+
+
+def test_a_folder_in_a_file_is_refused_before_anything_is_made(tmp_path: Path) -> None:
+    """However deep it would be; a folder that is not there yet is fine."""
+    check_folder(tmp_path / "new/one", overwrite=False)
+    (tmp_path / "file").write_text("x")
+    for folder in ("file", "file/a", "file/a/b"):
+        with pytest.raises(InputError, match="file, which is a file"):
+            check_folder(tmp_path / folder, overwrite=True)
+    assert [x.name for x in tmp_path.iterdir()] == ["file"]

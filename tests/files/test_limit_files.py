@@ -41,6 +41,13 @@ def test_a_file_is_read_as_it_says(tmp_path: Path) -> None:
     assert set(limits.bounds) <= set(KINDS)
 
 
+def test_a_byte_order_mark_is_no_text(tmp_path: Path) -> None:
+    """Editors of Windows write one; tables and descriptions have it taken off, too."""
+    path = tmp_path / "mine.toml"
+    path.write_text(TEXT, encoding="utf-8-sig")
+    assert read_limits(path).joints == ("a", "b")
+
+
 def test_a_panda_is_no_kuka() -> None:
     """Both have seven joints."""
     panda = [f"panda_joint{k}" for k in range(1, 8)]
@@ -53,7 +60,12 @@ def test_a_panda_is_no_kuka() -> None:
 @pytest.mark.parametrize(
     ("before", "after", "wanted"),
     [
-        ("mitt.limits/1", "mitt.limits/9", "mitt.limits/1"),
+        ("mitt.limits/1", "mitt.limits/9", "wanted 'mitt.limits/1', got 'mitt.limits/9'"),
+        ("[1.0, 2.0]", '["1.0", 2.0]', "wanted a number, got '1.0'"),
+        ("[1.0, 2.0]", "[true, 2.0]", "wanted a number, got True"),
+        ("[1.0, 2.0]", "1.0", "wanted a list, got 1.0"),
+        ("[limits]", "limits = 3\n[more]", "wanted a table, got 3"),
+        ('joints = ["a", "b"]', "", "key 'limits.joints': wanted limits of schema .*, got none"),
         ("speed", "velocity", "one of joints, lower, upper, speed"),
         ("[1.0, 2.0]", "[1.0]", "shape"),
         ("[1.0, 2.0]", "[1.0, -2.0]", "above 0"),

@@ -67,7 +67,9 @@ ODD: dict[str, tuple[Change, str, bool]] = {
     "no numbers": (lambda k, r: at(NOW + k * TICK, np.nan * r), "no numbers", False),
     "not found": (lambda k, r: at(NOW + k * TICK, r, found=False), "no numbers", False),
     "all zero": (lambda k, r: at(NOW + k * TICK, 0.0 * r), "all zero", False),
-    "no time": (lambda k, r: at(np.nan * k, r), "no numbers", False),
+    "no time": (lambda k, r: at(np.nan * k, r), "stamps of the ball are no numbers", False),
+    "stuck": (lambda k, r: at(NOW + k * TICK, 0.0 * r + 1.0), "is stuck", False),
+    "now and then": (lambda k, r: at(NOW + k * TICK, r * (k % 3 == 0)), "of 25 positions", False),
     "repeated": (lambda k, r: at(NOW + k * TICK, 0.0 * r + [k // 4, 1.0, 0.0]), "repeat", False),
 }
 
@@ -77,20 +79,36 @@ def test_a_source_of_no_use_is_named(name: str) -> None:
     """Within as many positions as are looked at together; where nothing is wrong, nothing is."""
     change, says, fault = ODD[name]
     kept, counts = positions()
-    rng = np.random.default_rng(0)
+    rng, before = np.random.default_rng(0), NOW - 60.0
     for k in range(2 * WINDOW):
         r = np.array([2.0, 0.1, 0.5]) + rng.normal(size=3) * 1e-3
-        kept.take([at(NOW + k * TICK - 2e-3, r)], NOW + k * TICK)
-        assert len(kept.upto(NOW + k * TICK)) == 1
+        kept.take([at(before + k * TICK - 2e-3, r)], before + k * TICK)
+        assert len(kept.upto(before + k * TICK)) == 1
     assert (kept.fault, kept.note, counts.stray, counts.repeated) == ("", "", 0, 0)
     for k in range(2 * WINDOW):
         kept.take([change(k, np.array([2.0, 0.1, 0.5]) + 1e-3 * rng.normal(size=3))],
                   NOW + k * TICK)  # fmt: skip
         kept.upto(NOW + k * TICK)
-    assert says in (kept.fault if fault else kept.note)
+    assert says in (kept.fault if fault else kept.note + kept.absent)
     assert bool(kept.fault) == fault
     kept.take([], NOW + 3.0)
     assert kept.fault == ""
+    kept.take([at(NOW + 3.0, [1.0, 2.0, 3.0])], NOW + 3.0)
+    assert kept.absent == ""
+
+
+@pytest.mark.parametrize("away", [0.0, np.nan])
+def test_a_tracker_that_sends_nothing_between_throws_is_a_good_one(away: float) -> None:
+    """Zeros or no numbers while no ball is there, whenever it comes."""
+    kept, _ = positions()
+    rng, notes = np.random.default_rng(0), set[str]()
+    for k in range(3000):
+        r = np.array([2.0, 0.1, 0.5]) + 1e-3 * rng.normal(size=3)
+        flies = k < 2 * WINDOW or k % 700 > 260
+        kept.take([at(NOW + k * TICK, r if flies else away * r)], NOW + k * TICK)
+        kept.upto(NOW + k * TICK)
+        notes |= {kept.note, kept.fault, kept.absent}
+    assert notes == {""}
 
 
 def test_what_never_can_be_used_is_counted_and_not_kept() -> None:

@@ -274,7 +274,8 @@ class Cases:
     def _readers(self) -> dict[str, Case]:
         """Return the cases of what reads a file: the path alone, with one that is not there."""
         rest = {"board": None, "size": (1, 1), "columns": ("t_s",), "arm": self.arm, "others": (),
-                "generators": ("direct",), "filters": (("index", "==", "0"),)}  # fmt: skip
+                "generators": ("direct",), "filters": (("index", "==", "0"),),
+                "root": "robot"}  # fmt: skip
         found = {"read_scene": Case(read_scene, {"source": "lab", "flights": False})}
         for name, (reader, path) in names.readers().items():
             taken = inspect.signature(reader).parameters.values()

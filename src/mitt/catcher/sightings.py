@@ -5,6 +5,7 @@ from typing import final
 
 import numpy as np
 
+from mitt.ball.memory import LOOSE
 from mitt.signals import TICK, Sighting
 
 #: Distance beyond which a ball is none that an arm could catch [m].
@@ -70,4 +71,7 @@ def _fault(t: float, point: Sighting) -> str:
     if not far <= _FAR:
         return (f"a sighting is {far:.6g} m from the arm's base: positions are in metres, in the"
                 " frame of the base; are these in millimetres?")  # fmt: skip
+    if not (spread := float(np.trace(point.covariance))) <= LOOSE:
+        return (f"a sighting's covariance, for errors of {np.sqrt(spread):.3g} m, has no position"
+                " in it: covariances are in m^2; are these in mm^2?")  # fmt: skip
     return ""

@@ -151,8 +151,8 @@ def _prepared(options: CatchOptions) -> Prepared:
     throws = throws_of(options)
     source = source if throws is None else widened(source, throws)
     out = options.out or _default_folder(options)
+    check_folder(out, overwrite=options.overwrite or options.check)
     if not options.check:
-        check_folder(out, overwrite=options.overwrite)
         check_ours(out, LEAVES)
     settings = RunSettings(
         generator=options.generator, adapt=options.adapt, vision=options.vision, seed=options.seed,

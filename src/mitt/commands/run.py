@@ -28,8 +28,9 @@ def run(options: RunOptions) -> int:
         raise InputError("--throws", "at least 1", options.throws)
     prepared = prepare(read_cell(options.cell))
     throws = options.throws or prepared.cell.throws
+    if options.out is not None:
+        check_folder(options.out, overwrite=options.overwrite or options.check)
     if options.out is not None and not options.check:
-        check_folder(options.out, overwrite=options.overwrite)
         check_ours(options.out, _leaves(prepared))
     controllers = check_driver(prepared.cell, prepared.arm)
     simulated = prepared.cell.robot.driver == "sim"  # as fast as it goes: others want to run too

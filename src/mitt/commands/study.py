@@ -22,8 +22,7 @@ def run(options: StudyOptions) -> int:
     if options.resume and options.overwrite:
         raise InputError("--resume and --overwrite", "one of them", "both")
     folder = Folder(options.out)
-    if not options.check:
-        check_folder(folder.path, overwrite=options.overwrite or options.resume)
+    check_folder(folder.path, overwrite=options.overwrite or options.resume or options.check)
     folder.check(study, resume=options.resume)
     for name in study.counts:
         check_generator(name)

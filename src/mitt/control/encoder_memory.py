@@ -31,7 +31,9 @@ GAPS, FRESH = range(25, 27)
 CORRECTED, BEFORE, RESTS = range(27, 30)
 #: Time that the last step took [s]; ticks since the first of the refused readings.
 STEP, SPAN = range(30, 32)
-COLUMNS = 32
+#: By how much the stamps of readings may be off, by how evenly they came of late [s].
+SHAKE = 32
+COLUMNS = 33
 
 #: Values of ``FAULT``; the first two are not a fault yet.
 FINE, BRIDGED, SILENT, JUMPED, STUCK, REVERSED, FAST = range(7)

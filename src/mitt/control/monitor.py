@@ -67,6 +67,9 @@ _MODEL = 0.2
 _GATE = 6.0
 #: Ticks for which readings in a row have to be refused at least before they are explained.
 _APART = 1.5
+#: Share of the unevenness of readings that may be their stamps', the most that may be [s], and what
+#: of it is forgotten in a tick.
+_STAMPED, _MOST_STAMPED, _CALMS = 0.25, 2e-4, 0.02
 #: Ticks of good readings after which a faulty encoder counts as good again, how near they have
 #: to be to where the joint is predicted [rad], and counts that a stuck one has to move.
 GOOD_TICKS, _NEAR, _MOVES = 50, 0.1, 3.0
@@ -132,6 +135,7 @@ def estimate_joints(
     before = max(abs(memory[0, at.STEP]), 0.5 * TICK)
     for k in range(n):
         memory[k, at.BEFORE], memory[k, at.CORRECTED] = memory[k, at.CORRECTED], 0.0
+        _note_unevenness(memory[k], dt, ticks)
         memory[k, at.STEP] = dt
         if passed > BRIDGED_TIME and memory[k, at.FAULT] == FINE:
             memory[k, at.Q], memory[k, at.VARIANCE_DQ] = np.nan, b[DQ_MAX, k] ** 2
@@ -157,6 +161,14 @@ def estimate_joints(
             estimated[1, k] = m[at.DQ] + lag * push
         worst = max(worst, found)
     return worst
+
+
+@kernel
+def _note_unevenness(m: Array, dt: float, ticks: float) -> None:
+    """Note by how much the stamps of readings may be off; see above."""
+    uneven = abs(dt - m[at.STEP]) if m[at.STEP] != 0.0 else 0.0
+    m[at.SHAKE] *= 1.0 - _CALMS * ticks
+    m[at.SHAKE] = max(m[at.SHAKE], min(_STAMPED * uneven, _MOST_STAMPED))
 
 
 @kernel
@@ -249,7 +261,8 @@ def _observe(
     m[at.GONE], anew = 0.0, not 0.0 < dt <= IN_TIME
     if not held and stands_still(m, b, k, step, q, alone, ticks, anew):  # brakes hold as they do
         return STUCK
-    off, r, span = q - m[at.Q], step * step / 12.0, max(abs(dt), TICK)
+    off, span, stamped = q - m[at.Q], max(abs(dt), TICK), m[at.SHAKE] * m[at.DQ]
+    r = step * step / 12.0 + stamped * stamped
     gate = _GATE * np.sqrt(m[at.VARIANCE_Q] + r) + step + EXCESS * b[DDQ_MAX, k] * span * span
     if abs(off) > gate:
         if m[at.REFUSED] == 0.0:

@@ -155,12 +155,16 @@ def check_folder(folder: Path, *, overwrite: bool) -> None:
     """Refuse a folder that cannot be used, without touching anything.
 
     Raises:
-        InputError: It is a file, or has files in it and ``overwrite`` was not said.
-        FileError: It cannot be read.
+        InputError: It or one above it is a file, or it has files in it and ``overwrite`` was not
+            said.
+        FileError: It cannot be read or written.
     """
     with _reported(folder, "a folder that can be read"):
-        if folder.exists() and not folder.is_dir():
-            raise InputError("--out", "a folder", f"{folder}, which is a file")
+        above = next(x for x in (folder, *folder.absolute().parents) if x.exists())
+        if not above.is_dir():
+            raise InputError("--out", "a folder", f"{above}, which is a file")
+        if not os.access(above, os.W_OK):
+            raise FileError(str(above), "a folder that can be written", "one that cannot")
         if not overwrite and not is_free(folder):
             raise InputError("--out", "a new or empty folder", f"{folder}, which has files in it",
                              do="choose another or say --overwrite")  # fmt: skip

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 else:
     _ModelMetaclass = type(BaseModel)
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
+"""A finite number, and no text or truth value that could be read as one."""
 
 
 class OneLine(_ModelMetaclass):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mitt import checks
 from mitt.catcher.settings import Phase
 from mitt.errors import InputError
+from mitt.files.arm_file import is_arm_file, read_arm_file
 from mitt.files.arms import load_arm
 from mitt.files.maps import read_map
 from mitt.generator.design import default_design
@@ -35,10 +36,10 @@ from mitt.trials.score import (
     ticks_beyond,
     was_held,
 )
-from mitt.trials.source import aim_of, ranges_of
+from mitt.trials.source import source_of, widened
 from mitt.world.scene import Scene
 from mitt.world.scenes import scene_from
-from mitt.world.throws import default_throw
+from mitt.world.throws import ThrowRanges, default_throw
 
 Observation: TypeAlias = Any
 Numbers: TypeAlias = NDArray[np.float32]
@@ -80,9 +81,16 @@ class Environment(gymnasium.Env[Observation, Numbers]):
         self.metadata = {**self.metadata, "render_fps": max(round(1.0 / (TICK * ticks)), 1)}
         limits = checks.text("limits", limits)
         self.arm = arm if isinstance(arm, Arm) else load_arm(arm, limits=limits)
+        said = None if isinstance(arm, Arm) or not is_arm_file(arm) else read_arm_file(Path(arm))
+        self._design = default_design(self.arm, base=None if said is None else said.map)
+        source = source_of(self.arm, seed=0, count=1, drag=self.scene.ball.drag)
+        if said is not None and said.throws is not None:
+            source = widened(source, said.throws)
+        self._aim = source.aim
+        self._ranges = replace(source.ranges or ThrowRanges(), drag=source.drag)
         self._map = self._checked(map)
         n, f = self.arm.n, None if action == "torque" else self.map
-        base = f or unlearned(self.arm, default_design(self.arm))
+        base = f or unlearned(self.arm, self._design)
         self._runner = TrialRunner(self.arm, Direct(base), self.scene, pixels=self.pixels)
         self.world, self._catcher = self._runner.world, self._runner.catcher()
         self._drawn: tuple[mujoco.MjModel, list[Faces]] | None = None
@@ -102,7 +110,7 @@ class Environment(gymnasium.Env[Observation, Numbers]):
     def map(self) -> DirectMap:
         """The map; learned now if it was not given, which takes some seconds."""
         if self._map is None:
-            self._map = learn(self.arm).map
+            self._map = learn(self.arm, design=self._design).map
         return self._map
 
     def _checked(self, given: object) -> DirectMap | None:
@@ -124,8 +132,7 @@ class Environment(gymnasium.Env[Observation, Numbers]):
         if options is not None:
             checks.instance("options", options, dict)
         super().reset(seed=seed, options=options)
-        ranges = replace(ranges_of(self.arm), drag=self.scene.ball.drag)
-        ball = default_throw(self.np_random, aim_of(self.arm), ranges)
+        ball = default_throw(self.np_random, self._aim, self._ranges)
         self._catcher = self._runner.release(ball, seed=int(self.np_random.integers(2**62)))
         self._touched, self.senses = False, []
         self._told, self._driven = list[Array](), list[bool]()

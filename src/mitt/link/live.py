@@ -273,6 +273,9 @@ class LiveLoop:
             self.stop(self._positions.fault)
         if self._positions.note:
             self.notes["ball"] = self._positions.note
+        self.notes["absent"] = self._positions.absent
+        if not self.notes["absent"]:  # it has come
+            del self.notes["absent"]
         if self._ticks.repeating > _MANY:
             self.notes["readings"] = _SLOWER
 

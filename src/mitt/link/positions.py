@@ -30,6 +30,9 @@ _ROUNDING = 1e-6
 _CLOCKS = "the joint states: both need one clock, or synchronised ones"
 #: For how long a fault is said after the positions that showed it [s].
 _SAID = 1.0
+#: Time without one that can be used after which it is said [s]: between throws many a tracker
+#: sends zeros.
+_ABSENT = 30.0
 
 
 @final
@@ -39,11 +42,12 @@ class Positions:
     Attributes:
         fault: Why none of the last of them can be used, in words; nothing if they can.
         note: What else is odd in the last of them, in words.
+        absent: What none are that come, where none was of use for long, in words.
     """
 
     def __init__(self, counts: Counts) -> None:
         """Take where stray and repeated ones are counted."""
-        self._counts, self._waiting = counts, deque[Sighting]()
+        self._counts, self._waiting, self._used = counts, deque[Sighting](), -inf
         self.restart()
 
     def restart(self) -> None:
@@ -52,6 +56,7 @@ class Positions:
         self.fault, self.note, self._judged = "", "", -inf
         self._last: Array | None = None
         self._gaps, self._sizes, self._none, self._same = list[float](), list[float](), 0, 0
+        self._away, self.absent = 0, ""
 
     def take(self, points: Sequence[Sighting], newest: float) -> None:
         """Take what has come since the last time.
@@ -86,13 +91,16 @@ class Positions:
     def _take(self, point: Sighting, newest: float) -> None:
         """Keep a position, unless it is none, is stray, or repeats the one before."""
         r_o = _checked(point)
-        if not point.found or not np.all(np.isfinite(r_o)) or not np.any(r_o):
-            self._none += 1  # nothing is seen: no number, or all zero
+        seen = point.found and bool(np.all(np.isfinite(r_o))) and bool(np.any(r_o))
+        if not seen or not isfinite(point.t):  # nothing is seen: no number, or all zero
+            self._counts.stray += seen
+            self._away += 1
+            if self._away % WINDOW == 0:
+                self._miss(newest, "stamps" if seen else "positions")
             return
-        if not isfinite(point.t):
-            self._none += 1
-            self._counts.stray += 1
-            return
+        if self._away < WINDOW:  # not seen in between; for longer it is away
+            self._none += self._away
+        self._away, self._used, self.absent = 0, newest, ""
         gap = point.t - newest
         self._gaps.append(gap)
         self._sizes.append(float(r_o @ r_o))
@@ -106,13 +114,18 @@ class Positions:
         else:
             self._waiting.append(point)
 
+    def _miss(self, newest: float, what: str) -> None:
+        """Say that none can be used, unless some could a while ago, and begin anew."""
+        if not newest - self._used < _ABSENT:
+            self.absent = f"the {what} of the ball are no numbers, or all zero"
+        self.note = ""
+        self._gaps, self._sizes, self._none, self._same = [], [], 0, 0
+
     def _judge(self, newest: float) -> None:
         """Say what is wrong with as many as are looked at together, and begin anew."""
         gaps, none, same = self._gaps, self._none, self._same
         self.fault, self.note, self._judged = "", "", newest
-        if not gaps:
-            self.note = "the positions of the ball are no numbers, or all zero"
-        elif min(self._sizes) > _FAR**2:
+        if min(self._sizes) > _FAR**2:
             far = min(self._sizes) ** 0.5
             self.fault = (f"the ball's positions are {far:.3g} m away or more:"
                           " they are in metres (REP 103); are these millimetres?")  # fmt: skip
@@ -125,6 +138,8 @@ class Positions:
         elif most < -_LATE:
             self.note = (f"the ball's positions come {-1e3 * most:.0f} ms after their stamps: where"
                          " that is not how long they take, their clock is behind")  # fmt: skip
+        elif same == len(gaps):
+            self.note = "the ball's positions are one and the same: their source is stuck"
         elif 3 * same > WINDOW:
             self.note = "the ball's positions repeat: their source is slower than its publisher"
         elif 2 * none > WINDOW:
