@@ -14,13 +14,13 @@ TEXT = (files("mitt") / "data" / "cells" / "wam-sim.toml").read_text()
 @pytest.mark.parametrize(
     ("key", "value", "said"),
     [
-        ("rate", '"fast"', "'robot.rate': wanted a valid number, got 'fast'"),
+        ("rate", '"fast"', "'robot.rate': wanted a number, got 'fast'"),
         ("takes", '"force"', "wanted 'torque', 'velocity' or 'position', got 'force'"),
         ("delay", "-1", "wanted greater than or equal to 0, got -1"),
         ("schema", '"mitt.cell/9"', "wanted 'mitt.cell/1', got 'mitt.cell/9'"),
         ("name", '"../../a"', "wanted a text that matches the pattern '^"),
         ("frame", '""', "wanted a text that has at least 1 character, got ''"),
-        ("radius", "[1]", "wanted a valid number, got a list"),
+        ("radius", "[1]", "wanted a number, got a list"),
     ],
 )
 def test_a_wrong_value_is_told_in_our_words(

@@ -445,7 +445,7 @@ def test_a_spring_passes_its_middle_at_the_speed_it_says() -> None:
     ("text", "word"),
     [
         ('kind = "sneeze"', "kick"),
-        ('kind = "kick"', "required"),
+        ('kind = "kick"', "wanted a value, got none"),
         ('kind = "kick"\nmagnitude = -1.0', "greater than or equal to 0"),
         ('kind = "kick"\nmagnitude = nan', "finite"),
         ('kind = "kick"\nmagnitude = 1.0\nwhen = 2.0', "share"),

@@ -10,6 +10,8 @@ from mitt.catcher.settings import (
     FOLLOW,
     GRASPS,
     LAGS,
+    PASSES,
+    PATIENCE,
     REVIEWS,
     SOON,
     STOPPED,
@@ -257,6 +259,10 @@ def _afterwards(state: CatcherState, result: Result) -> int:
             or largest_gap(reference[1], estimated[1]) >= s.adapt_dq
         ):
             todo |= LAGS
+    if s.surrogate or out.time_to_catch < np.inf or state.closing[0] < np.inf:
+        s.t_ahead = out.t
+    elif out.t - s.t_ahead > PATIENCE:
+        todo |= PASSES
     if has_closed(state.closing, state.grip, out.t + TICK, True) and (
         has_closed(state.closing, state.grip, out.t + TICK, False)
         or short_of_room(

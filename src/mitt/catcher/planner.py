@@ -13,6 +13,7 @@ from mitt.catcher.settings import (
     FOLLOW,
     GRASPS,
     LAGS,
+    PASSES,
     REFINES,
     REFUSED,
     REVIEWS,
@@ -123,6 +124,9 @@ class Planner:
         ball = ball_in(self._result)
         if self.phase == WATCH:
             self._watch(ball)
+            return
+        if todo & PASSES:
+            self._slow_down(self._arm)
             return
         if todo & DECIDE:
             self._reconsider(ball)

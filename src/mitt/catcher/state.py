@@ -40,7 +40,7 @@ _STATE = {
     "surrogate": False, "begun": False, "several": False, "stop_requested": False,
     "braked": False, "t_brake": 0.0, "t_brakes_on": np.inf, "brake_delay": 0.0, "clock_fault": 0,
     "encoder_fault": 0, "failures": 0, "tolerance": 0.0, "max_tracking_error": 0.0, "review": 0.0,
-    "t_reviewed": -np.inf, "watch": 0.0, "t_look": -np.inf, "heads": 0, "t_exposed": 0.0,
+    "t_reviewed": -np.inf, "watch": 0.0, "t_look": -np.inf, "t_ahead": np.inf, "heads": 0, "t_exposed": 0.0,
     "bandwidth": 0.0, "adapt_q": 0.0, "adapt_dq": 0.0, "adapt_until": 0.0, "torque_lead": 0.0,
     "sigma_ready": np.inf, "waiting_height": 0.0,
 }  # fmt: skip
@@ -71,6 +71,7 @@ class CatcherState(NamedTuple):
             max_tracking_error: as of ``CatcherSettings`` [rad].
             t_brake: Time at which braking began [s].
             watch: Longest time from first sight to the verdict [s].
+            t_ahead: When a catch was ahead last [s]; infinite where none was.
             t_look: Time before which there is no verdict: one that refuses a far ball waits [s].
             sigma_ready: As of ``CatcherSettings``; infinite where the generator predicts it.
             heads: Number of heads; t_exposed: instant of the newest image [s].

@@ -51,13 +51,17 @@ def in_words(error: Mapping[str, Any]) -> tuple[str, str]:
     if error["type"] == "value_error":  # of a validator of ours: it says what was wanted
         return error["msg"].removeprefix("Value error, "), checks.shown(error["input"])
     message, given = error["msg"], checks.shown(error["input"])
+    if error["type"] in ("model_type", "dict_type"):
+        return "a table", given
+    if error["type"] in ("list_type", "tuple_type"):
+        return "a list", given
     message = re.sub(r", unable to .*| after validation, .*", "", message)
     found = re.fullmatch(r"(\w+) should (be|have|match) (.*)", message, re.DOTALL)
     if found is None:
         return message, given
     noun = {"Input": "value", "String": "text"}.get(found[1], found[1].lower())
     verb = {"be": "", "have": f"a {noun} that has ", "match": f"a {noun} that matches the "}
-    return verb[found[2]] + found[3], given
+    return verb[found[2]] + found[3].replace("a valid ", "a "), given
 
 
 def parsed(model: type[_Model], raw: Any, *, place: str, wanted: str, do: str) -> _Model:  # noqa: ANN401 (any JSON value)
