@@ -1,5 +1,6 @@
 """Every rival behind the generator's call: finite, repeatable, and able to catch."""
 
+import re
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -202,8 +203,10 @@ def test_a_planner_of_another_package_is_held_to_its_motion(
     made = make_generator("mine", learned.map)
     runner = TrialRunner(learned.map.arm, made, Scene(), pixels=False)
     source = source_of(learned.map.arm, seed=1, count=1, drag=0.04)
-    with pytest.raises(InputError, match=f"generator 'mine'.*{words}"):
-        runner.throw(source, 0)
+    trial = runner.throw(source, 0).trial
+    assert trial.status == "stopped"
+    assert trial.stopped_by is not None
+    assert re.search(f"generator 'mine'.*{words}", str(trial.stopped_by["hint"]))
 
 
 class Faulty:

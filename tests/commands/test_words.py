@@ -73,9 +73,6 @@ def test_a_wrong_value_of_any_option_is_told_in_our_words(
         said = refused([*words, option.name, near], capsys)
         assert option.name in said
         assert f"did you mean {meant(near, option.choices)[14:-2]!r}?" in said
-    value = [] if option.kind is bool else [option.choices[0] if option.choices else "3"]
-    twice = [option.name, *value]
-    assert "said once" in refused([*words, *twice, *twice], capsys)
 
 
 @pytest.mark.parametrize(("name", "option"), ALL, ids=NAMES)

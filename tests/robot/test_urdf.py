@@ -125,7 +125,7 @@ def test_a_joint_called_like_a_link_is_told_apart(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("before", "after", "wanted"),
     [
-        ('<child link="l3"/>', '<child link="l9"/>', "one root link"),
+        ('<child link="l3"/>', '<child link="l9"/>', "a link of the file as its child"),
         ('<child link="l3"/>', '<child link="l2"/>', "without closed chains"),
         ('<link name="l0">', '<link name="other"/><link name="l0">', "one root link"),
         ('name="j3" type="revolute"', 'name="j3" type="planar"', "one axis"),

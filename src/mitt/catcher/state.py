@@ -41,8 +41,8 @@ _STATE = {
     "braked": False, "t_brake": 0.0, "t_brakes_on": np.inf, "brake_delay": 0.0, "clock_fault": 0,
     "encoder_fault": 0, "failures": 0, "tolerance": 0.0, "max_tracking_error": 0.0, "review": 0.0,
     "t_reviewed": -np.inf, "watch": 0.0, "t_look": -np.inf, "t_ahead": np.inf,
-    "heads": 0, "t_exposed": 0.0, "bandwidth": 0.0, "adapt_q": 0.0, "adapt_dq": 0.0, "adapt_until": 0.0,
-    "torque_lead": 0.0, "sigma_ready": np.inf, "waiting_height": 0.0,
+    "heads": 0, "t_exposed": 0.0, "bandwidth": 0.0, "adapt_q": 0.0, "adapt_dq": 0.0,
+    "adapt_until": 0.0, "torque_lead": 0.0, "sigma_ready": np.inf, "waiting_height": 0.0,
 }  # fmt: skip
 
 

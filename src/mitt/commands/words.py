@@ -104,8 +104,6 @@ def check_words(words: Sequence[str], commands: Mapping[str, Callable[..., objec
             placed.append(word)
             continue
         option, given = _option(name, word, options)
-        if option.name in said:
-            raise InputError(option.name, "to be said once", "it twice")
         if option.kind is bool:
             if given is not None:
                 raise InputError(option.name, "no value", repr(given))

@@ -26,6 +26,8 @@ _ALWAYS = 2.0
 _ALONG, _SCALED = (0.65, 1.6), (0.87, 1.15)
 #: Acceleration of a spinning ball: so much, and more with its speed [m/s^2, 1/s].
 _SPIN, _SPIN_BY_SPEED = 3.0, 2.5
+#: Fewest throws of a table that tell its axes.
+_FEWEST_THROWS = 3
 #: Steps of the fit; most flights and throws of a table that are looked at.
 _STEPS, _MOST_FLIGHTS, _MOST_THROWS = 12, 20, 300
 #: How near the origin of an arm a throw comes, and within which time [m, s]; shares of the throws
@@ -85,7 +87,8 @@ def doubt_of(flights: Sequence[tuple[Array, Array]]) -> Doubt | None:
 def doubt_of_throws(r: Array, dr: Array) -> Doubt | None:
     """Return why throws are in other axes or units than metres, seconds and z up, or None.
 
-    Few of them come near the arm as they are written, and most do otherwise.
+    Few of them come near the arm as they are written, and most do otherwise. Fewer than three say
+    nothing.
 
     Args:
         r: Positions at release, shape (n, 3).
@@ -93,7 +96,7 @@ def doubt_of_throws(r: Array, dr: Array) -> Doubt | None:
     """
     chosen = _spread(len(r), _MOST_THROWS)
     r, dr = r[chosen], dr[chosen]
-    if _near(r, dr, 0.0) >= _FEW:
+    if len(r) < _FEWEST_THROWS or _near(r, dr, 0.0) >= _FEW:
         return None
     for axis, turn in _TURNS.items():
         if _near(_turned(turn, r), _turned(turn, dr), _NEAR) >= _MANY:
