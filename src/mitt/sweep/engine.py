@@ -20,6 +20,7 @@ from concurrent.futures import (
 from importlib import import_module
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
+from time import sleep
 from typing import Protocol, TypeVar, final
 
 from mitt.errors import InputError, MissingPackageError, MittError
@@ -35,6 +36,8 @@ _ANSWER = "5s"
 _AT_START, _AT_WORK = 2, 6
 #: How long a process may take to be gone [s], and characters of what one says of its death.
 _SOON, _LONGEST = 5.0, 600
+#: Looks for an exit code in that time.
+_LOOKS = 100
 
 
 class Engine(Protocol):
@@ -152,7 +155,7 @@ class _Pool:
         """
         started = self.close(at_once=True)
         for process in started:
-            process.join(_SOON)
+            _join(process)
         begun = set[int]()
         while self._said.poll():
             number, _, why = self._said.recv_bytes().decode().partition(" ")
@@ -163,6 +166,18 @@ class _Pool:
         own = {pid: code for pid, code in ends.items() if code != -signal.SIGTERM} or ends
         pid, code = next(iter(own.items()), (None, None))
         return _end_of(code), pid in begun
+
+
+def _join(process: "BaseProcess") -> None:
+    """Wait until a process has ended and its exit code is known.
+
+    The executor's own thread waits for it as well, and may be the one that hears of its end.
+    """
+    process.join(_SOON)
+    for _ in range(_LOOKS):
+        if process.exitcode is not None:
+            return
+        sleep(_SOON / _LOOKS)
 
 
 def _end_of(code: int | None) -> str:
