@@ -196,7 +196,7 @@ def test_an_arm_that_cannot_is_told_so_and_no_file_is_written(
     again = ["design", "wam", "--out", str(out), "--workers", "1"]
     assert main(again) == 2
     assert "d.html" in capsys.readouterr().err
-    out.write_text("stale")
+    out.write_text("# mitt design: stale")
     assert main([*again, "--overwrite"]) == 0
     assert not out.exists()
     said_so = capsys.readouterr().out.replace("\n", "")

@@ -149,7 +149,8 @@ class Cases:
         of_map = {
             "F": {"r_o": r_o}, "adapt": throw, "adapted": throw, "bend": {"q": q},
             "catch_gap": {"r_o": r_o}, "equals": {"other": f}, "motion": {"ball": rows[0]},
-            "motions": {"path": rows, "alpha": f.alpha}, "reference": {"ball": ball},
+            "motions": {"path": rows, "alpha": f.alpha}, "on": {"arm": self.arm},
+            "reference": {"ball": ball},
             "to_ball": {"q_o": q}, "to_joints": {"r_o": r_o}, "virtual": {"ball": rows[0]},
             "with_alpha": {"alpha": f.alpha},
         }  # fmt: skip
@@ -157,7 +158,7 @@ class Cases:
         of_direct = {
             "adapt": throw, "certificate": one, "reference": one, "refined": one, "returns": one,
             "sharpness": one, "unsettled": {"ball": ball, "q": q}, "waiting": one,
-            "verdict": {"ball": ball, "q": q},
+            "verdict": throw, "on": {"arm": self.arm},
         }  # fmt: skip
         parts = {x.name: getattr(f, x.name) for x in fields(f)}
         learns = {"arm": self.arm, "design": f.design, "flights": [self.flight], "seed": 1,

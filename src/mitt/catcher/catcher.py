@@ -75,6 +75,7 @@ class Catcher:
             settings: What it knows of ball, arm and surroundings.
         """
         self._arm = checks.instance("arm", arm, Arm)
+        arm.model.check_ranges()
         generator, self._map = for_arm(arm, generator)
         generator = answering(generator, arm.n)
         eyes = closed_eyes() if eyes is None else checks.instance("eyes", eyes, Eyes)

@@ -56,14 +56,8 @@ def perceive(
     _read(told, t_read, q, dq, state, result)
     _act_on(state.encoder_waiting, result.command, state)
     _measure(s.passed + lag - s.lag, state, result)
-    if not s.begun:  # stay, on the brakes until each joint was read once
-        state.last[0], state.last[1] = state.estimated[0], state.estimated[1]
-        state.before[:] = state.last
-        state.desired[0] = state.estimated[0]
-        s.begun = _is_known(state.encoder_memory)
-        out.brakes = not s.begun or s.phase == STOPPED
-        if s.begun and out.brakes:  # stopped before it was known: released by a person alone
-            s.t_brakes_on = t
+    if not s.begun:
+        _wait_for_encoders(state, result)
     if s.phase in (BRAKE, STOPPED):  # the estimate stays
         return
     if s.heads > 0:
@@ -94,6 +88,19 @@ def perceive(
     out.t_first = memory[at.T_FIRST] if tracked else -np.inf
     if s.heads > 0:
         _turn_heads(images, t_exposed, state, result)
+
+
+@kernel
+def _wait_for_encoders(state: CatcherState, result: Result) -> None:
+    """Stay where the arm is, on the brakes until each joint was read once."""
+    s, out = state.scalars[0], result.scalars[0]
+    state.last[0], state.last[1] = state.estimated[0], state.estimated[1]
+    state.before[:] = state.last
+    state.desired[0] = state.estimated[0]
+    s.begun = _is_known(state.encoder_memory)
+    out.brakes = not s.begun or s.phase == STOPPED
+    if s.begun and out.brakes:  # stopped before it was known: released by a person alone
+        s.t_brakes_on = out.t
 
 
 @kernel

@@ -133,12 +133,7 @@ def estimate_joints(
     """
     worst, n, ticks = FINE, read.shape[1], min(passed, IN_TIME) / TICK
     before = max(abs(memory[0, at.STEP]), 0.5 * TICK)
-    for k in range(n):
-        memory[k, at.BEFORE], memory[k, at.CORRECTED] = memory[k, at.CORRECTED], 0.0
-        _note_unevenness(memory[k], dt, ticks)
-        memory[k, at.STEP] = dt
-        if passed > BRIDGED_TIME and memory[k, at.FAULT] == FINE:
-            memory[k, at.Q], memory[k, at.VARIANCE_DQ] = np.nan, b[DQ_MAX, k] ** 2
+    _let_pass(memory, b, passed, dt)
     for k in range(n):
         m, q = view(memory, k * COLUMNS, (COLUMNS,)), read[0, k]
         push = command[DDQ_BY_TAU, k] if np.isfinite(command[DDQ_BY_TAU, k]) else 0.0
@@ -169,6 +164,17 @@ def _note_unevenness(m: Array, dt: float, ticks: float) -> None:
     uneven = abs(dt - m[at.STEP]) if m[at.STEP] != 0.0 else 0.0
     m[at.SHAKE] *= 1.0 - _CALMS * ticks
     m[at.SHAKE] = max(m[at.SHAKE], min(_STAMPED * uneven, _MOST_STAMPED))
+
+
+@kernel
+def _let_pass(memory: Array, b: Array, passed: float, dt: float) -> None:
+    """Let time pass for all joints; after a tick so late that it stops the arm they begin anew."""
+    for k in range(len(memory)):
+        memory[k, at.BEFORE], memory[k, at.CORRECTED] = memory[k, at.CORRECTED], 0.0
+        _note_unevenness(memory[k], dt, min(passed, IN_TIME) / TICK)
+        memory[k, at.STEP] = dt
+        if passed > BRIDGED_TIME and memory[k, at.FAULT] == FINE:
+            memory[k, at.Q], memory[k, at.VARIANCE_DQ] = np.nan, b[DQ_MAX, k] ** 2
 
 
 @kernel

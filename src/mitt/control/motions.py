@@ -48,7 +48,7 @@ def check_motion(names: Sequence[str], b: Array, last: Array, motion: Array) -> 
     for name, value, most, unit in (
         ("speed", np.abs(dq), b[DQ_MAX], "rad/s"),
         ("acceleration", np.abs(ddq), b[DDQ_MAX], "rad/s^2"),
-        ("jerk", np.abs(np.diff(ddq, axis=0, prepend=last[None, DDQ])) / TICK, b[JERK], "rad/s^3"),
+        ("jerk", np.abs(np.diff(ddq, axis=0, prepend=ddq[:1])) / TICK, b[JERK], "rad/s^3"),
     ):  # fmt: skip
         if (k := _worst(value - most * (1.0 + _SLACK), _ROUNDED)) is not None:
             given = f"{value[k]:.4g} {unit} at tick {k[0]}"

@@ -67,17 +67,9 @@ def load_arm(
         arm = arm if encoder_step is None else with_encoders(arm, encoder_step)
     else:
         arm = load(
-            name_or_path,
-            tip=tip,
-            joints=joints,
-            held=held,
-            ready=ready,
-            limits=limits_of(limits),
-            hand=hand,
-            hand_turn=hand_turn,
-            hand_mount=hand_mount,
-            encoder_step=encoder_step,
-        )
+            name_or_path, tip=tip, joints=joints, held=held, ready=ready, limits=limits_of(limits),
+            hand=hand, hand_turn=hand_turn, hand_mount=hand_mount, encoder_step=encoder_step,
+        )  # fmt: skip
     for note in arm.model.notes:
         logging.getLogger("mitt").warning("%s: %s", name_or_path, note)
     return arm

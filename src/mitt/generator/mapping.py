@@ -260,7 +260,7 @@ class DirectMap:
 
     def on(self, arm: Arm) -> "DirectMap":
         """Return the map for the same arm with other limits."""
-        return replace(self, arm=arm)
+        return replace(self, arm=checks.instance("arm", arm, Arm))
 
     def with_alpha(self, alpha: Array) -> "DirectMap":
         """Return the map with other coefficients [rad], shape (m, n); all else is shared."""

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from mitt import checks
 from mitt.errors import UnknownNameError
 from mitt.robot.mjcf import read_mjcf
 from mitt.robot.stated import Stated
@@ -38,5 +39,6 @@ def read_described(path: Path) -> Stated:
         UnknownNameError: It is neither a URDF nor an MJCF by its name.
         FileError: It cannot be read.
     """
+    path = checks.path("path", path)
     check_described(path)
     return _READERS[path.suffix.lower()](path)

@@ -202,6 +202,18 @@ class ArmModel:
         _keep(self, "q_ready", q_ready)
         moving = [link for link in self.links if link.held is None]
         for link, q in zip(moving, q_ready.tolist(), strict=True):
+            if not link.q_min <= q <= link.q_max:
+                wanted = f"a position in {link.q_min:.3f}..{link.q_max:.3f}"
+                raise ModelError(f"ready pose of {link.name}", wanted, f"{q:g}",
+                                 do="angles are in rad, in the order of the joints")  # fmt: skip
+
+    def check_ranges(self) -> None:
+        """Refuse an arm with a joint that could not be moved: commands keep a gap to its ends.
+
+        Raises:
+            ModelError: A range is too short; the joint is named.
+        """
+        for link in (link for link in self.links if link.held is None):
             unit, span = ("m" if link.prismatic else "rad"), link.q_max - link.q_min
             if not span > 2.0 * STOP_GAP:
                 wanted = (f"a range of more than {2.0 * STOP_GAP:g} {unit}, since commands keep"
@@ -209,10 +221,6 @@ class ArmModel:
                 also = "" if link.prismatic else f"; {meant_in_radians(link)}"
                 raise ModelError(f"joint {link.name!r}", wanted, f"{span:g} {unit}",
                                  do=f"hold the joint, or widen its range{also}")  # fmt: skip
-            if not link.q_min <= q <= link.q_max:
-                wanted = f"a position in {link.q_min:.3f}..{link.q_max:.3f}"
-                raise ModelError(f"ready pose of {link.name}", wanted, f"{q:g}",
-                                 do="angles are in rad, in the order of the joints")  # fmt: skip
 
     @property
     def active(self) -> tuple[int, ...]:

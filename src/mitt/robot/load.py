@@ -74,6 +74,7 @@ def load_arm(
         model, set_of = _wam(mounted, names, held, turn), _wam_limits(limits)
         return Arm(_with_encoders(_with_ready(model, names, ready), encoder_step), set_of)
     arm = _from_file(path, tip, names, ready, limits, (held, mounted, turn, hand_mount))
+    arm.model.check_ranges()
     return arm if encoder_step is None else with_encoders(arm, encoder_step)
 
 
