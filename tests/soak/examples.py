@@ -62,7 +62,7 @@ class Examples:
             "sighting": Sighting(t=0.25, found=True, r_o=_R, covariance=2.0**-20 * np.eye(3)),
             "frames": (), "least": 0.0, "other": f,
             "views": [tuple(Frame(t=0.0, camera=k, number=0, pixels=grey) for k in range(2))],
-            "generator": Direct(f), "todo": 0, "since": 0.0,
+            "arm": arm, "generator": Direct(f), "todo": 0, "since": 0.0,
             "gap": 2.0**-10, "known": True, "alone": False,
         }  # fmt: skip
         self.special: dict[str, dict[str, Value]] = {

@@ -111,6 +111,7 @@ def judge(
 ) -> Verdict:
     """Return the verdict on a ball for an arm in ``q`` [rad], (n,), at rest or moving at ``dq``."""
     ball, q = _checked(ball), checks.vector("q", q, f.arm.n, finite=True)
+    dq = None if dq is None else checks.vector("dq", dq, f.arm.n, finite=True)
     return tempered(_judged(f, ball, q, tolerance=tolerance, dq=dq), ball)
 
 
