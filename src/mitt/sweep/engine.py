@@ -20,7 +20,7 @@ from concurrent.futures import (
 from importlib import import_module
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
-from time import sleep
+from threading import Event
 from typing import Protocol, TypeVar, final
 
 from mitt.errors import InputError, MissingPackageError, MittError
@@ -177,7 +177,7 @@ def _join(process: "BaseProcess") -> None:
     for _ in range(_LOOKS):
         if process.exitcode is not None:
             return
-        sleep(_SOON / _LOOKS)
+        Event().wait(_SOON / _LOOKS)
 
 
 def _end_of(code: int | None) -> str:
