@@ -49,3 +49,18 @@ def install(package: Path, into: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_metadata(package, into)
     for path in (into, package):
         monkeypatch.syspath_prepend(path)
+
+
+#: An arm file: the WAM with 80 V and a basket.
+BASKET_ARM = """schema = "mitt.arm/1"
+[arm]
+name = "wam"
+limits = "wam-80v"
+[hand]
+name = "basket"
+tilt = -1.065
+[map]
+q_catch = 1.25
+kappa = 1.777
+inward = 0.97
+"""

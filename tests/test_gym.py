@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
+from support import BASKET_ARM
 
 import mitt.gym
 from mitt.errors import InputError
@@ -158,18 +159,7 @@ def test_an_arm_file_has_its_own_design_and_throws(tmp_path: Path) -> None:
     """The map as a baseline is the one of ``mitt catch``, and the balls come as the file says."""
     path = tmp_path / "arm.toml"
     path.write_text(
-        """schema = "mitt.arm/1"
-[arm]
-name = "wam"
-limits = "wam-80v"
-[hand]
-name = "basket"
-tilt = -1.065
-[map]
-q_catch = 1.25
-kappa = 1.777
-inward = 0.97
-[throws]
+        f"""{BASKET_ARM}[throws]
 speed = [5.8, 5.9]
 """
     )

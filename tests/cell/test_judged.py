@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from local_cell import LocalCell
+from support import BASKET_ARM
 
 from mitt.catcher.catcher import Catcher
 from mitt.cell.local import LocalPort, _Answer
@@ -21,25 +22,12 @@ from mitt.trials.drives import drive_loads
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import continuous_shares, overheated, ticks_beyond
 
-_BASKET = """schema = "mitt.arm/1"
-[arm]
-name = "wam"
-limits = "wam-80v"
-[hand]
-name = "basket"
-tilt = -1.065
-[map]
-q_catch = 1.25
-kappa = 1.777
-inward = 0.97
-"""
-
 
 @pytest.fixture(scope="module")
 def basket(tmp_path_factory: pytest.TempPathFactory) -> PreparedCell:
     """A simulated cell whose arm carries a basket."""
     file = tmp_path_factory.mktemp("basket") / "arm.toml"
-    file.write_text(_BASKET)
+    file.write_text(BASKET_ARM)
     raw = {"schema": "mitt.cell/1", "name": "basket", "arm": {"file": file.name},
            "robot": {"driver": "sim", "delay": 0.0033}}  # fmt: skip
     return prepare(cell_of(raw, place="cell", folder=file.parent))

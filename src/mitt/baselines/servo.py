@@ -26,12 +26,13 @@ from mitt.generator.mapping import DirectMap
 from mitt.generator.packing import unfold, unpack
 from mitt.jit import kernel
 from mitt.robot.chain import sweep
+from mitt.robot.description import STOP_GAP
 from mitt.robot.vectors import Vec
 from mitt.signals import Array, BallState
 
-#: Gap to a joint stop that is kept [rad], share of the speed limits, and share of the torques on
-#: each joint's own inertia that bounds its acceleration.
-_STOP_GAP, _SPEED, _TORQUE = 0.06, 0.98, 2.0
+#: Share of the speed limits, and share of the torques on each joint's own inertia that bounds its
+#: acceleration.
+_SPEED, _TORQUE = 0.98, 2.0
 #: Share of the reach within which the hand may wait, and values of each joint that it is found by.
 _REACH, _GRID = 0.96, 9
 #: Relative acceleration along the palm's normal at the catch [m/s^2], largest set-back h [m].
@@ -52,7 +53,7 @@ class Reach:
         """Bounds of the joints, as in the module's table."""
         arm = self.map.arm
         top = _TORQUE * arm.tau_max / np.diag(arm.mass_matrix(arm.q_ready))
-        return np.array([arm.q_min + _STOP_GAP, arm.q_max - _STOP_GAP, _SPEED * arm.dq_max, top])
+        return np.array([arm.q_min + STOP_GAP, arm.q_max - STOP_GAP, _SPEED * arm.dq_max, top])
 
     @cached_property
     def hand(self) -> Array:

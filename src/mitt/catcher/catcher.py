@@ -165,8 +165,8 @@ class Catcher:
     def hint(self) -> str | None:
         """Why it stopped, or why it may never see its ball, as far as a likely cause is known.
 
-        One line: sightings in other units, of another clock, always the same,
-        or none for some seconds. None while there is nothing to say.
+        One line: sightings in other units, of another clock, too uncertain, always the same, or
+        none for some seconds. None while there is nothing to say.
         """
         if self.stopped_by is not None:
             return self.stopped_by.hint or None

@@ -9,7 +9,7 @@ from mitt.ball.memory import LOOSE
 from mitt.signals import TICK, Sighting
 
 #: Distance beyond which a ball is none that an arm could catch [m].
-_FAR = 50.0
+FAR = 50.0
 #: How far a sighting's stamp may lie behind its tick [s], and time without a sighting [s], from
 #: which something is said.
 _BEHIND, _NOTHING = 0.6, 3.0
@@ -68,7 +68,7 @@ def _fault(t: float, point: Sighting) -> str:
         side = "ahead of" if ahead > 0.0 else "behind"
         return (f"sightings are stamped {abs(ahead):.6g} s {side} their ticks: stamps and ticks"
                 " need one clock, in seconds")  # fmt: skip
-    if not far <= _FAR:
+    if not far <= FAR:
         return (f"a sighting is {far:.6g} m from the arm's base: positions are in metres, in the"
                 " frame of the base; are these in millimetres?")  # fmt: skip
     if not (spread := float(np.trace(point.covariance))) <= LOOSE:

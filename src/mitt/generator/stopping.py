@@ -5,6 +5,7 @@ import numpy as np
 from mitt.generator.sqp_step import Buffers
 from mitt.generator.utilization import Plant, motion_at
 from mitt.jit import kernel
+from mitt.robot.description import STOP_GAP
 from mitt.robot.limits import LEAST, bound_of
 from mitt.robot.slopes import torque_slopes
 from mitt.signals import Array
@@ -12,8 +13,6 @@ from mitt.signals import Array
 #: Share of the torque that a brake may use, and shares of their own rate for the other joints.
 _BRAKING = 0.95
 _OTHERS = (0.15, 0.4, 0.8, 1.2)
-#: Gap to a stop that the controller keeps [rad].
-_STOP_GAP = 0.06
 
 
 @kernel
@@ -48,7 +47,7 @@ def spare(p: Plant, alpha: Array, b: Buffers) -> tuple[float, int]:
         for j in range(n):
             v, a = w.motion[1, j], max(braking[j], 1e-3)
             end = abs(w.motion[0, j] + v * abs(v) / (2.0 * a) - p.scales[2, j])
-            share = end / (p.scales[3, j] - _STOP_GAP)
+            share = end / (p.scales[3, j] - STOP_GAP)
             if share > worst:
                 worst, where = share, j
         if worst < best:

@@ -12,6 +12,7 @@ from typing import final
 
 import numpy as np
 
+from mitt.catcher.sightings import FAR
 from mitt.errors import InputError
 from mitt.link.modes import Counts
 from mitt.signals import TICK, Array, Sighting
@@ -23,8 +24,6 @@ WINDOW = 25
 #: By how much all may be stamped ahead of the joint states before it is said, and before it is a
 #: fault [s]; and by how much behind before it is said: 3 ms of flight are 15 mm.
 _AHEAD, _FAULT, _LATE = 0.0015, 0.005, 0.008
-#: Distance from which a unit is doubted [m].
-_FAR = 50.0
 #: Rounding of a stamp [s]: a time of the day has 2.4e-7.
 _ROUNDING = 1e-6
 _CLOCKS = "the joint states: both need one clock, or synchronised ones"
@@ -125,7 +124,7 @@ class Positions:
         """Say what is wrong with as many as are looked at together, and begin anew."""
         gaps, none, same = self._gaps, self._none, self._same
         self.fault, self.note, self._judged = "", "", newest
-        if min(self._sizes) > _FAR**2:
+        if min(self._sizes) > FAR**2:
             far = min(self._sizes) ** 0.5
             self.fault = (f"the ball's positions are {far:.3g} m away or more:"
                           " they are in metres (REP 103); are these millimetres?")  # fmt: skip
