@@ -19,7 +19,7 @@ from mitt.control.brake import Brake, plan_brake
 from mitt.control.encoder_memory import memory_of
 from mitt.control.encoders import Encoders, predict_acceleration
 from mitt.control.envelope import bounds_of
-from mitt.control.hand import Closing
+from mitt.control.hand import close, pack_grip
 from mitt.control.health import State
 from mitt.control.monitor import estimate_joints
 from mitt.control.tracking import Tracker
@@ -167,7 +167,8 @@ class Staged:
         self.arm, self.settings, self.notes = arm, settings, notes
         self.eyes = Eyes(fixed_rig(), EyesConfig(ball_radius=settings.ball_radius))
         self.track = BallFilter(settings.flight)
-        self.closing = Closing(arm.model.hand, ball_radius=settings.ball_radius)
+        self.closing = np.full(2, np.inf)
+        self.grip = pack_grip(arm.model.hand, settings.ball_radius, settings.ball_restitution)
         self.tracker = Tracker(arm, bandwidth=settings.bandwidth)
         self.joints = Joints(arm)
         self.wanted = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)])
@@ -200,11 +201,18 @@ class Staged:
         elif phase is Phase.BRAKE:
             self.wanted = self._braking().at(senses.t)
         self.beside = time < BESIDE
-        hand = self.closing.step(senses.t, time)
-        self.command = self.tracker.step(arm, self.wanted, hand=hand).command
+        command = self.tracker.step(arm, self.wanted, hand=0.0).command
+        self.command = command._replace(hand=self._closing(senses.t, time, command))
         self.joints.after(self.tracker.arm, self.command)
         self.t_last = senses.t
         return self.command, reference
+
+    def _closing(self, t: float, time: float, command: Command) -> float:
+        """Return the closing angle."""
+        ball, q, dq = self.track.state(t), command.q, command.dq
+        gap = np.array([ball.r_o - self.arm.position(q), ball.dr_o - self.arm.jacobian(q) @ dq])
+        later = self.settings.torque_lead - TICK
+        return float(close(self.closing, self.grip, t, time, gap, later))
 
     def _guide(self, senses: Senses) -> None:
         """Tell the eyes what the estimate of the tick before says of the ball."""

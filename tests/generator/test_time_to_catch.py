@@ -102,9 +102,9 @@ def test_the_time_is_that_of_the_flight(learned: Learned, descent: tuple[float, 
             assert said == pytest.approx(max(true, NEAR), abs=CHORD)
 
 
-def test_a_hand_closes_at_its_lead_whatever_comes(learned: Learned) -> None:
-    """Along feasible flights, steep lobs among them, the time falls below the lead at the lead."""
-    f, lead, feasible = learned.map, HandModel().closing.lead, 0
+def test_the_time_that_a_closing_takes_is_told_whatever_comes(learned: Learned) -> None:
+    """Along feasible flights, steep lobs among them, the time falls below a lead at the lead."""
+    f, lead, feasible = learned.map, HandModel().closing_time(0.04), 0
     g = Direct(f)
     for seed in range(30):
         ball, _ = coming(f, seed, (1.2, 1.5) if seed % 2 else (0.0, 1.2))

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mitt.control.hand import LONGEST_INSIDE
 from mitt.errors import ModelError
-from mitt.robot.hands import HandModel
+from mitt.robot.hands import HandModel, closing_angle
 from mitt.signals import Array
 from mitt.world.build import STEP
 from mitt.world.contacts import survey
@@ -88,8 +89,9 @@ def catch(
     """Meet a ball on the tangent at ``speed`` [rad/s]; None where it starts inside the palm."""
     data, start = mujoco.MjData(model), -0.04
     radius = float(model.geom("ball").size[0])
-    touch, hold = HAND_MODEL.touch_angle(radius), HAND_MODEL.hold_angle(radius)
-    servo = servo_numbers(HAND_MODEL.drive)
+    profile, servo = HAND_MODEL.profile(radius), servo_numbers(HAND_MODEL.drive)
+    inside = np.sqrt(2.0 * HAND_MODEL.closing.inside / (speed**2 * ELBOW))
+    lead = HAND_MODEL.closing_time(radius) + min(inside, LONGEST_INSIDE)
     g, velocity = model.opt.gravity, np.array([speed * ELBOW, 0.0, 0.0]) + errors.velocity
     data.qpos[0], data.qvel[0] = speed * start, speed
     data.qpos[4:7] = [0.0, 0.0, ELBOW] + errors.position + velocity * start + 0.5 * g * start**2
@@ -101,8 +103,7 @@ def catch(
     touching = plant.touching
     t, end = start, np.inf
     while t < min(0.7, end):
-        elapsed = t + HAND_MODEL.closing.lead + errors.lead
-        angle = HAND_MODEL.closing_angle_towards(elapsed, touch, hold) if close else 0.0
+        angle = float(closing_angle(t + lead + errors.lead, profile)) if close else 0.0
         for k in range(3):
             data.ctrl[k] = finger_torque(data.qpos[1 + k], data.qvel[1 + k], angle, *servo)
         data.qfrc_applied[0] = -TURN * BRAKE if t > FOLLOW and data.qvel[0] > 0.1 else 0.0
@@ -148,15 +149,14 @@ def lies_on(model: mujoco.MjModel, away: Array, tilt: float) -> bool:
         Whether the ball is still in the hand 0.6 s later.
     """
     data, radius = mujoco.MjData(model), float(model.geom("ball").size[0])
-    touch, hold = HAND_MODEL.touch_angle(radius), HAND_MODEL.hold_angle(radius)
-    servo = servo_numbers(HAND_MODEL.drive)
+    profile, servo = HAND_MODEL.profile(radius), servo_numbers(HAND_MODEL.drive)
     data.qpos[0] = tilt
     mujoco.mj_kinematics(model, data)
     site = data.site("catch")
     low = HAND_MODEL.palm_height + radius - HAND_MODEL.catch_offset
     data.qpos[4:7] = site.xpos + site.xmat.reshape(3, 3) @ np.array([*away, low])
     for k in range(round(0.6 / STEP)):
-        angle = HAND_MODEL.closing_angle_towards(k * STEP, touch, hold)
+        angle = float(closing_angle(k * STEP, profile))
         for j in range(3):
             data.ctrl[j] = finger_torque(data.qpos[1 + j], data.qvel[1 + j], angle, *servo)
         mujoco.mj_step(model, data)
@@ -289,7 +289,7 @@ def test_closing_is_smooth_and_within_the_drive(radius: float) -> None:
     """The commanded angle rises without jumps, no faster than the servo follows, to the hold."""
     touch, hold = HAND_MODEL.touch_angle(radius), HAND_MODEL.hold_angle(radius)
     t = np.arange(0.0, 0.25, 0.0005)
-    angle = np.array([HAND_MODEL.closing_angle_towards(s, touch, hold) for s in t])
+    angle = np.array([HAND_MODEL.closing_angle(s, radius) for s in t])
     rate = np.diff(angle) / 0.0005
     assert angle[0] == 0.0
     assert angle[-1] == hold <= HAND_MODEL.drive.closed

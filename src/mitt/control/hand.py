@@ -79,7 +79,10 @@ def close(
         takes = grip[_TAKES] + later
         if not -PASSED <= time_to_catch <= takes + LONGEST_INSIDE:  # later, long over, no number
             return 0.0
-        if time_to_catch > takes + grip[_EARLY] and _gap_after(takes, time_to_catch, gap) > grip[_INSIDE]:
+        if (
+            time_to_catch > takes + grip[_EARLY]
+            and _gap_after(takes, time_to_catch, gap) > grip[_INSIDE]
+        ):
             return 0.0
         memory[0], memory[1] = t, t + time_to_catch
     return float(closing_angle(t - memory[0], grip))
@@ -107,4 +110,5 @@ def has_closed(memory: Array, grip: Array, t: float, later: float, hurry: bool) 
         hurry: Whether the arm is short of room to brake; then the first touch is enough.
     """
     after = TOUCH_BEFORE if hurry else FOLLOW_ON
-    return bool(t - memory[1] >= after and t - memory[0] >= grip[_TAKES] + later + after)
+    takes = grip[_TAKES] + later + min(after, 0.0)
+    return bool(t - memory[1] >= after and t - memory[0] >= takes)
