@@ -34,12 +34,14 @@ class AtSpeed:
         speed_m_s: Middle of their speeds at release [m/s].
         throws: How many were thrown.
         feasible: Those caught without a tick beyond a limit.
+        force_n: Median of their largest contact forces [N]; None where none was caught.
         binding_limit: Why the others most often were not; None where nothing is known.
     """
 
     speed_m_s: float
     throws: int
     feasible: int
+    force_n: float | None
     binding_limit: str | None
 
     @property
@@ -120,7 +122,8 @@ def by_speed(
 def _at(speed: float, w: Evaluation) -> AtSpeed:
     """Return one row; what was not thrown at has no throws, and says why."""
     limit = w.failed or w.binding or None
-    return AtSpeed(speed_m_s=speed, throws=w.thrown, feasible=w.clean, binding_limit=limit)
+    return AtSpeed(speed_m_s=speed, throws=w.thrown, feasible=w.clean,
+                   force_n=w.force if w.caught else None, binding_limit=limit)  # fmt: skip
 
 
 def fastest(

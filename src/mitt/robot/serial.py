@@ -302,5 +302,6 @@ def _limits(
         "model" if given is None else given.name,
         tau=np.array([stated.torque[name] for name in names]),
         speed=np.array([stated.speed[name] for name in names]),
+        force=np.inf if given is None else given.force,
         **more,
     )
