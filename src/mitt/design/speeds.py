@@ -34,15 +34,15 @@ class AtSpeed:
         speed_m_s: Middle of their speeds at release [m/s].
         throws: How many were thrown.
         feasible: Those caught without a tick beyond a limit.
-        force_n: Median of their largest contact forces [N]; None where none was caught.
         binding_limit: Why the others most often were not; None where nothing is known.
+        force_n: Median of the largest contact forces of the caught ones [N]; None without any.
     """
 
     speed_m_s: float
     throws: int
     feasible: int
-    force_n: float | None
     binding_limit: str | None
+    force_n: float | None = None
 
     @property
     def enough(self) -> bool:
