@@ -40,6 +40,7 @@ from mitt.control.stop import short_of_room
 from mitt.control.tracking import largest_gap, track
 from mitt.control.viability import BLOCKED, safety_filter
 from mitt.jit import kernel
+from mitt.robot.dynamics import point_motion
 from mitt.signals import TICK, Array
 
 
@@ -56,7 +57,7 @@ def act(brake: Array, state: CatcherState, result: Result) -> int:
     elif phase == BRAKE:
         _brake_at(brake, t - s.t_brake, desired)
     blocked = _go_on(brake, state, result)
-    out.hand = close(state.closing, state.grip, t, out.time_to_catch)
+    _close(state, result)
     derate(
         state.drives, state.active, state.encoder_memory, estimated[1], result.command,
         state.encoder_ddq_unknown, state.jump,
@@ -92,6 +93,20 @@ def act(brake: Array, state: CatcherState, result: Result) -> int:
     if phase == WATCH:
         return DECIDE if out.tracked else 0
     return _afterwards(state, result) if phase == FOLLOW else 0
+
+
+@kernel
+def _close(state: CatcherState, result: Result) -> None:
+    """Lead the fingers: they begin when the ball will be in the hand by the time they need."""
+    s, out, gap, ball = state.scalars[0], result.scalars[0], state.gap, result.ball
+    if state.closing[0] == np.inf and out.time_to_catch < np.inf:
+        command = result.command
+        point_motion(state.bodies, state.catch_point, command[0], command[1], gap)
+        for i in range(2):
+            for k in range(3):
+                gap[i, k] = ball[i, k] - gap[i, k]
+    later = max(s.torque_lead - TICK, 0.0)
+    out.hand = close(state.closing, state.grip, out.t, out.time_to_catch, gap, later)
 
 
 @kernel
@@ -263,8 +278,9 @@ def _afterwards(state: CatcherState, result: Result) -> int:
         s.t_ahead = out.t
     elif out.t - s.t_ahead > PATIENCE:
         todo |= PASSES
-    if has_closed(state.closing, state.grip, out.t + TICK, True) and (
-        has_closed(state.closing, state.grip, out.t + TICK, False)
+    t, later = out.t + TICK, max(s.torque_lead - TICK, 0.0)
+    if has_closed(state.closing, state.grip, t, later, True) and (
+        has_closed(state.closing, state.grip, t, later, False)
         or short_of_room(
             state.bodies, state.active, state.room, result.command, state.room_tau, state.room_mass,
             state.room_work,

@@ -24,10 +24,10 @@ from mitt.vision.localization import guide, localize
 #: sighting's error [m].
 BESIDE, TOUCHED = 0.08, 0.002
 
-#: Time from the start of the closing in which the ball may strike [s]: it comes 20 to 29 ms after.
+#: Time after the catch until which the ball may strike, once the fingers close [s].
 #: Multiple of the hardest impact by :mod:`mitt.impact` that is still no fault of an encoder. Both
 #: are choices of this project.
-STRIKES, NO_FAULT = 0.05, 1.5
+STRIKES, NO_FAULT = 0.03, 1.5
 
 
 @kernel
@@ -171,7 +171,8 @@ def _act_on(waiting: Array, command: Array, state: CatcherState) -> None:
 def _measure(dt: float, state: CatcherState, result: Result) -> None:
     """Let the monitor estimate the joints; the ball may strike soon after the fingers close."""
     s, out = state.scalars[0], result.scalars[0]
-    may_strike, impact_dq = state.closing[0] <= out.t <= state.closing[0] + STRIKES, state.impact_dq
+    closing, impact_dq = state.closing, state.impact_dq
+    may_strike = closing[0] <= out.t <= closing[1] + STRIKES
     for k in range(len(impact_dq)):
         impact_dq[k] = NO_FAULT * abs(state.jump[k]) if may_strike else 0.0
     s.encoder_fault = estimate_joints(

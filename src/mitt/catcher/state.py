@@ -90,7 +90,7 @@ class CatcherState(NamedTuple):
             shape (k, n).
         z, R, target: Position of a sighting, its covariance, and the ball to be followed.
         ball_memory, ball_settings, ball_work: Of :mod:`mitt.ball.estimator`.
-        closing, grip: As in :mod:`mitt.control.hand`.
+        closing, grip, gap: As in :mod:`mitt.control.hand`.
         slew, track_scratch: For the tracking; see :func:`mitt.control.tracking.slew_of`.
         jump: As in :mod:`mitt.control.margin`.
         impact_dq: Change of the joint speeds that the ball may cause now [rad/s], shape (n,).
@@ -98,7 +98,8 @@ class CatcherState(NamedTuple):
         bounds, shapes, pairs, filter_...: As in :mod:`mitt.control.viability`; encoder_bounds: the
             same for the encoders' monitor, without room for an impact.
         drives, drives_now: Drives as of :mod:`mitt.control.margin`.
-        bodies, active: The arm's links, and which of them are active joints.
+        bodies, active: The arm's links, and which of them are active joints; catch_point: in the
+            frame of the last [m], shape (3,).
         room, room_...: For :func:`mitt.control.stop.short_of_room`.
         packed, powers, window, alpha, start, trusted, map_work: The map, as the kernels of
             :mod:`mitt.generator.evaluation` take it; empty where the generator is no map.
@@ -125,6 +126,7 @@ class CatcherState(NamedTuple):
     ball_work: Array
     closing: Array
     grip: Array
+    gap: Array
     slew: Array
     track_scratch: Array
     jump: Array
@@ -150,6 +152,7 @@ class CatcherState(NamedTuple):
     drives_now: Array
     bodies: Array
     active: NDArray[np.int64]
+    catch_point: Array
     room: Array
     room_tau: Array
     room_mass: Array
@@ -216,8 +219,8 @@ def fresh_state(
         "encoder_waiting": np.zeros((s.setpoint_delay + 1, n)),
         "z": np.zeros(3), "R": np.zeros((3, 3)), "target": np.zeros((3, 3)),
         "ball_memory": memory.fresh(), "ball_settings": settings_of(s.flight),
-        "ball_work": np.zeros(memory.WORK), "closing": np.array([np.inf]),
-        "grip": pack_grip(arm.model.hand, s.ball_radius, s.ball_restitution),
+        "ball_work": np.zeros(memory.WORK), "closing": np.full(2, np.inf),
+        "grip": pack_grip(arm.model.hand, s.ball_radius), "gap": np.zeros((2, 3)),
         "track_scratch": np.zeros((len(arm.model.links), SCRATCH)), "jump": np.zeros(n),
         "impact_dq": np.zeros(n), "slew": slew_of(arm),
     }  # fmt: skip
@@ -248,6 +251,7 @@ def arm_fields(arm: Arm, around: Surroundings) -> Fields:
         "drives_now": arm.limits.packed,
         "bodies": arm.bodies,
         "active": np.array(arm.model.active),
+        "catch_point": arm.model.catch_point,
         "room": np.array([arm.tau_max, arm.q_min, arm.q_max]),
         "room_tau": np.zeros(links),
         "room_mass": np.zeros((links, arm.n)),

@@ -1,40 +1,47 @@
-"""Closing the hand by time to contact.
+"""Closing the hand so that the fingers have closed when the ball is inside.
 
-The fingers start a fixed lead before the catch, which the map itself announces as the time until
-q_o,i reaches q_alpha, and from then on run through the hand's closing profile by the clock: a
-started closing is not taken back. A ball that springs back from the palm is met earlier. Where the
-catch has just passed they start at once; they never do for one that is long over.
+The map itself announces the time until the catch, when q_o,i reaches q_alpha and the ball is at the
+catch point. On the way there the gap between them follows from what it is now and how it changes:
+nothing at the catch, and a parabola in between. The fingers start as soon as the ball will be
+inside by the time that they need; from then on they run through the hand's closing profile by the
+clock: a started closing is not taken back. Where the catch has just passed they start at once; they
+never do for one that is long over.
+
+So a ball that the hand meets at its own speed is enclosed long before the catch, and one that comes
+in at 5 m/s as it passes the fingertips: each hand, ball and motion has its own lead.
 
 | here       | meaning                                                                     | unit  |
 |------------|-----------------------------------------------------------------------------|-------|
-| ``memory`` | time at which the closing began, infinite before                            | s     |
-| ``grip``   | lead, touch angle, acceleration, speed and margin at the touch, hold angle, | s ... |
-|            | time from the start to the first touch and to the grip                      |       |
+| ``memory`` | time at which the closing began, infinite before; time of the catch then    | s     |
+| ``grip``   | the closing profile, as of :func:`mitt.robot.hands.closing_angle`; time that| s ... |
+|            | the closing takes; distance at which the ball is inside [m]; 1 for a basket |       |
 """
 
 from functools import lru_cache
-from math import inf
-from typing import final
 
 import numpy as np
 
-from mitt import checks
 from mitt.jit import kernel
-from mitt.robot.basket import Basket, Hand, checked_hand
-from mitt.robot.hands import closing_angle
+from mitt.robot.basket import Hand
+from mitt.robot.hands import HandModel, closing_angle
 from mitt.signals import PASSED, Array
 
 #: Following after the catch, while the fingers close on the ball [s]. Each millisecond costs
 #: 15 mrad of the room that joint 4 has for braking; by then the fingers have touched.
 FOLLOW_ON = 0.001
-#: When the fingers first touch the ball, after the catch [s]: the palm lies one radius behind it.
+#: When an arm that is short of room may brake, after the catch [s]: the palm lies one radius behind
+#: it.
 TOUCH_BEFORE = -0.004
 #: From the first time that a ball can strike a basket's net to the catch [s].
 ENTERS = 0.010
+#: Longest time from when the ball is inside to the catch [s]: the gap is no parabola for longer.
+LONGEST_INSIDE = 0.03
+#: Columns of ``grip`` behind those of the profile.
+_TAKES, _INSIDE = 6, 7
 
 
 @lru_cache(maxsize=8)
-def pack_grip(hand: Hand | None, ball_radius: float, restitution: float = 0.0) -> Array:
+def pack_grip(hand: Hand | None, ball_radius: float) -> Array:
     """Return a hand's closing as numbers, shape (8,), not to be written to.
 
     No hand is one that stays open. So is a basket: the ball is inside at the catch, and the arm
@@ -43,102 +50,57 @@ def pack_grip(hand: Hand | None, ball_radius: float, restitution: float = 0.0) -
     Args:
         hand: The hand.
         ball_radius: Radius of the ball [m].
-        restitution: Share of its speed with which the ball springs back from the palm.
     """
-    if hand is None:
-        return np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
-    if isinstance(hand, Basket):
-        times = (ENTERS + TOUCH_BEFORE, ENTERS + FOLLOW_ON)
-        return np.array([ENTERS, 0.0, 1.0, 1.0, 0.0, 0.0, *times])
-    c = hand.closing
-    touch, hold = hand.touch_angle(ball_radius), hand.hold_angle(ball_radius)
-    lead = c.lead_for(restitution)
-    times = (lead + TOUCH_BEFORE, lead + FOLLOW_ON)
-    return np.array([lead, touch, c.acceleration, c.touch_speed, c.margin, hold, *times])
+    if not isinstance(hand, HandModel):
+        return np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0 if hand is None else ENTERS, 0.0])
+    takes = hand.closing_time(ball_radius)
+    return np.array([*hand.profile(ball_radius), takes, hand.closing.inside])
 
 
 @kernel
-def close(memory: Array, grip: Array, t: float, time_to_catch: float) -> float:
+def close(
+    memory: Array, grip: Array, t: float, time_to_catch: float, gap: Array, later: float
+) -> float:
     """Return the closing angle to command at ``t`` [rad].
 
     Args:
-        memory: As in the module's table, overwritten, shape (1,).
+        memory: As in the module's table, overwritten, shape (2,).
         grip: As in the module's table, shape (8,).
         t: Time of the tick [s].
         time_to_catch: Time until the catch [s]; infinite where none is in sight.
+        gap: From the catch point to the ball, and its rate [m, m/s], shape (2, 3).
+        later: Time from a command until the fingers answer to it [s].
     """
     if memory[0] == np.inf:
-        if not -PASSED <= time_to_catch <= grip[0]:  # later, long over, or no number
+        takes = grip[_TAKES] + later
+        if not -PASSED <= time_to_catch <= takes + LONGEST_INSIDE:  # later, long over, no number
             return 0.0
-        memory[0] = t
-    elapsed = t - memory[0]
-    return float(closing_angle(elapsed, grip[1], grip[2], grip[3], grip[4], grip[5]))
+        if time_to_catch > takes and _gap_after(takes, time_to_catch, gap) > grip[_INSIDE]:
+            return 0.0
+        memory[0], memory[1] = t, t + time_to_catch
+    return float(closing_angle(t - memory[0], grip))
 
 
 @kernel
-def has_closed(memory: Array, grip: Array, t: float, hurry: bool) -> bool:
-    """Say whether the fingers have had the time to close around the ball.
+def _gap_after(time: float, time_to_catch: float, gap: Array) -> float:
+    """Return how far the ball will be from the catch point after a time before the catch [m]."""
+    share, squared = time / time_to_catch, 0.0
+    for k in range(3):
+        x = (1.0 - share) * ((1.0 + share) * gap[0, k] + time * gap[1, k])
+        squared += x * x
+    return float(np.sqrt(squared))
+
+
+@kernel
+def has_closed(memory: Array, grip: Array, t: float, later: float, hurry: bool) -> bool:
+    """Say whether the fingers have had the time to close around the ball, and it to come in.
 
     Args:
-        memory: As in the module's table, shape (1,).
+        memory: As in the module's table, shape (2,).
         grip: As in the module's table, shape (8,).
         t: Time of the tick [s].
+        later: As of :func:`close`.
         hurry: Whether the arm is short of room to brake; then the first touch is enough.
     """
-    return bool(t - memory[0] >= (grip[6] if hurry else grip[7]))
-
-
-@final
-class Closing:
-    """The fingers of one throw.
-
-    Attributes:
-        memory: As in the module's table, shape (1,).
-        grip: As in the module's table, shape (8,).
-    """
-
-    def __init__(self, hand: Hand | None, *, ball_radius: float, restitution: float = 0.0) -> None:
-        """Take the hand (None leaves a hand that does not exist open) and what the ball is like.
-
-        Args:
-            hand: The hand.
-            ball_radius: Radius of the ball [m].
-            restitution: Share of its speed with which the ball springs back from the palm.
-        """
-        if hand is not None:
-            checked_hand(hand)
-        ball_radius = checks.number("ball_radius", ball_radius, least=1e-3, most=1.0)
-        restitution = checks.number("restitution", restitution, least=0.0, finite=True)
-        self.memory = np.array([inf])
-        self.grip = pack_grip(hand, ball_radius, restitution)
-
-    @property
-    def t_start(self) -> float:
-        """Time at which the fingers began to close [s]; infinite before."""
-        return float(self.memory[0])
-
-    @property
-    def started(self) -> bool:
-        """Whether the fingers are closing."""
-        return self.t_start < inf
-
-    def step(self, t: float, time_to_catch: float) -> float:
-        """Return the closing angle to command at ``t`` [rad].
-
-        Args:
-            t: Time of the tick [s].
-            time_to_catch: Time until the catch [s]; infinite where none is in sight.
-        """
-        t = checks.number("t", t, finite=True)
-        ahead = checks.number("time_to_catch", time_to_catch)
-        return float(close(self.memory, self.grip, t, ahead))
-
-    def closed(self, t: float, *, hurry: bool) -> bool:
-        """Say whether the fingers have had the time to close around the ball.
-
-        Args:
-            t: Time of the tick [s].
-            hurry: Whether the arm is short of room to brake; then the first touch is enough.
-        """
-        t, hurry = checks.number("t", t, finite=True), checks.flag("hurry", hurry)
-        return bool(has_closed(self.memory, self.grip, t, hurry))
+    after = TOUCH_BEFORE if hurry else FOLLOW_ON
+    return bool(t - memory[1] >= after and t - memory[0] >= grip[_TAKES] + later + after)

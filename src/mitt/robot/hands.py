@@ -21,6 +21,8 @@ from mitt.signals import Array
 
 #: Angles from open to closed at which fingers are looked at for a ball in their way.
 _LOOKS = 91
+#: Places of a ball, from the catch point to one radius in front of it, at which they are.
+_PLACES = 21
 # Least and largest number of each field, far beyond what hands are like; choices of this project.
 # Those that stand in a denominator are above 0.
 _FINGER = {
@@ -34,9 +36,8 @@ _DRIVE = {
     "closed": (1e-3, np.pi),
 }  # fmt: skip
 _CLOSING = {
-    "acceleration": (1.0, 1e7), "touch_speed": (1e-3, 1e3), "margin": (0.0, np.pi),
-    "lead": (0.0, 1.0), "squeeze": (0.0, np.pi), "soft": (0.0, 1.0), "hard": (0.0, 1.0),
-    "extra_lead": (0.0, 1.0),
+    "acceleration": (1.0, 1e7), "fastest": (1e-2, 1e3), "touch_speed": (1e-3, 1e3),
+    "margin": (0.0, np.pi), "firm": (0.0, 1.0), "inside": (0.0, 1.0), "squeeze": (0.0, np.pi),
 }  # fmt: skip
 _HAND = {
     "mass": (1e-12, 100.0), "com": (-1.0, 1.0), "catch_offset": (-1.0, 2.0),
@@ -153,44 +154,51 @@ class FingerDrive:
 class Closing:
     """How the fingers are led: fast until just before they touch, slow and firm from there.
 
+    They begin so early that they have closed on a ball at the catch point when the ball is still
+    ``inside`` away from it. The ring of the open fingertips is widest for a ball whose middle
+    passes them, 25 mm before the catch point for the default fingers and ball: so the fingers meet
+    a fast ball as it passes, slow it down, and are behind it before it has come back from the palm.
+
     They end a little beyond the angle at which they touch a ball that lies on the palm: a cage
     whose fingers each push back what comes towards them. Fingers that press on at full torque
     push a ball that lies off the middle out of the hand, the sooner the more slippery it is.
 
     Attributes:
         acceleration: Acceleration and braking of the fast part [rad/s^2].
+        fastest: Largest speed of the fast part [rad/s].
         touch_speed: Speed at which the ball is met [rad/s]; it sets the force of the impact.
         margin: Angle before touching at which the fast part ends [rad].
-        lead: Start of the closing before the catch [s].
+        firm: Time from the first touch until the fingers hold [s].
+        inside: Distance of the ball from the catch point at which the fingers have closed [m].
         squeeze: Angle beyond the touch of a ball on the palm at which the closing ends [rad]; it
             asks the default drives for their full torque.
-        soft: Restitution up to which ``lead`` holds; a harder ball is met earlier, to be in the
-            cage before it has come back from the palm.
-        hard: Restitution from which ``extra_lead`` is added in full, in proportion between the two.
-        extra_lead: What is added to the lead for the hardest balls [s].
     """
 
     acceleration: float = 11_000.0
+    fastest: float = 200.0
     touch_speed: float = 12.0
     margin: float = 0.12
-    lead: float = 0.020
+    firm: float = 0.005
+    inside: float = 0.012
     squeeze: float = 0.04
-    soft: float = 0.5
-    hard: float = 0.85
-    extra_lead: float = 0.009
 
     __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse what no closing can be; InputError names the field."""
         fields.check(self, _CLOSING)
-        if not self.soft < self.hard:
-            raise InputError("Closing.soft", f"a number below hard, {self.hard:g}", self.soft)
 
-    def lead_for(self, restitution: float) -> float:
-        """Return the start of the closing before the catch [s], for a ball's restitution."""
-        share = (restitution - self.soft) / (self.hard - self.soft)
-        return self.lead + self.extra_lead * min(max(share, 0.0), 1.0)
+    def profile(self, touch: float, hold: float) -> Array:
+        """Return the numbers that :func:`closing_angle` takes, shape (6,).
+
+        Args:
+            touch: Angle at which the fingers touch a ball at the catch point [rad].
+            hold: Angle at which the closing ends [rad].
+        """
+        slow, fast_part = min(self.touch_speed, self.fastest), max(0.0, touch - self.margin)
+        peak = max(float(np.sqrt(self.acceleration * fast_part + 0.5 * slow**2)), slow)
+        peak = min(peak, self.fastest)
+        return np.array([self.acceleration, peak, slow, fast_part, touch, hold])
 
 
 def _cylinder(mass: float, radius: float, length: float) -> Array:
@@ -274,6 +282,15 @@ class HandModel:
         touch = max(on_palm, self.touch_angle(ball_radius))
         return min(touch + self.closing.squeeze, self.drive.closed)
 
+    def ring_angle(self, ball_radius: float) -> float:
+        """Return the closing angle at which a ball just passes between the fingertips [rad].
+
+        Args:
+            ball_radius: Radius of the ball [m].
+        """
+        places = self.catch_offset + np.linspace(0.0, ball_radius, _PLACES)
+        return min(self._touch(ball_radius, height) for height in places.tolist())
+
     def _touch(self, ball_radius: float, height: float) -> float:
         """Return the angle at which the fingers touch a ball on the axis at a height [rad]."""
         low, high = 0.0, self._meets(ball_radius, height)
@@ -343,6 +360,20 @@ class HandModel:
         inertia = f.armature + f.mass * (f.proximal**2 + f.distal**2) / 3.0
         return self.fingers * inertia / f.distal**2
 
+    def profile(self, ball_radius: float) -> Array:
+        """Return the numbers of the closing on a ball, for :func:`closing_angle`, shape (6,)."""
+        touch, hold = self.touch_angle(ball_radius), self.hold_angle(ball_radius)
+        return self.closing.profile(touch, hold)
+
+    def closing_time(self, ball_radius: float) -> float:
+        """Return the time from the start of the closing until the fingers hold a ball [s].
+
+        Args:
+            ball_radius: Radius of the ball [m].
+        """
+        ring = closing_time(self.profile(ball_radius), self.ring_angle(ball_radius))
+        return ring + self.drive.settling + self.closing.firm
+
     def closing_angle(self, elapsed: float, ball_radius: float) -> float:
         """Return the angle to be commanded so long after the start of the closing [rad].
 
@@ -350,42 +381,47 @@ class HandModel:
             elapsed: Time since the start [s]; 0 or less is open.
             ball_radius: Radius of the ball [m].
         """
-        touch, hold = self.touch_angle(ball_radius), self.hold_angle(ball_radius)
-        return self.closing_angle_towards(elapsed, touch, hold)
-
-    def closing_angle_towards(self, elapsed: float, touch: float, hold: float) -> float:
-        """Return the commanded angle [rad] where touch and hold angle are at hand."""
-        c = self.closing
-        return float(closing_angle(elapsed, touch, c.acceleration, c.touch_speed, c.margin, hold))
+        return float(closing_angle(elapsed, self.profile(ball_radius)))
 
 
 @kernel
-def closing_angle(
-    elapsed: float, touch: float, a: float, slow: float, margin: float, hold: float
-) -> float:
+def closing_angle(elapsed: float, profile: Array) -> float:
     """Return the commanded angle [rad] so long after the start of the closing.
 
     Args:
         elapsed: Time since the start [s]; 0 or less is open.
-        touch: Angle at which the fingers touch the ball [rad].
-        a: Acceleration and braking of the fast part [rad/s^2].
-        slow: Speed at which the ball is met [rad/s].
-        margin: Angle before touching at which the fast part ends [rad].
-        hold: Angle at which the closing ends [rad].
+        profile: Acceleration, largest speed, speed at the touch, angle at which the fast part ends,
+            at which the fingers touch, and at which the closing ends [rad ...], shape (6,).
     """
-    fast_part = max(0.0, touch - margin)
-    peak = max(np.sqrt(a * fast_part + 0.5 * slow * slow), slow)
+    a, peak, slow, fast_part = profile[0], profile[1], profile[2], profile[3]
     rise, fall = peak / a, (peak - slow) / a
+    risen = 0.5 * a * rise * rise
+    even = max(fast_part - risen - 0.5 * (peak + slow) * fall, 0.0) / peak
     if elapsed <= 0.0:
         angle = 0.0
     elif elapsed < rise:
         angle = 0.5 * a * elapsed * elapsed
-    elif elapsed < rise + fall:
-        left = rise + fall - elapsed
+    elif elapsed < rise + even:
+        angle = risen + peak * (elapsed - rise)
+    elif elapsed < rise + even + fall:
+        left = rise + even + fall - elapsed
         angle = fast_part - slow * left - 0.5 * a * left * left
     else:
-        angle = fast_part + slow * (elapsed - rise - fall)
-    return min(angle, hold)
+        angle = fast_part + slow * (elapsed - rise - even - fall)
+    return min(angle, profile[5])
+
+
+def closing_time(profile: Array, angle: float) -> float:
+    """Return the time from the start of the closing until an angle is commanded [s].
+
+    Args:
+        profile: As of :func:`closing_angle`.
+        angle: The angle, between those at which the fast part and the closing end [rad].
+    """
+    a, peak, slow, fast_part = profile[:4].tolist()
+    rise, fall = peak / a, (peak - slow) / a
+    even = max(fast_part - 0.5 * a * rise * rise - 0.5 * (peak + slow) * fall, 0.0) / peak
+    return float(rise + even + fall + max(angle - fast_part, 0.0) / slow)
 
 
 def _distance(point: Array, start: Array, end: Array) -> float:
