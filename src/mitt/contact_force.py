@@ -20,10 +20,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from mitt.control.hand import LONGEST_INSIDE
 from mitt.holding import CaughtBall
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Basket, Hand
-from mitt.robot.hands import HandModel
+from mitt.robot.hands import HandModel, closing_angle, closing_time
 from mitt.signals import Array
 
 #: Rate of a contact with the pads [1/s]: not below that of a tennis ball, which touches for 5 ms,
@@ -40,13 +41,13 @@ _ONE_FINGER = 0.65
 #: How far beyond a ball's widest circle, towards the palm, fingers have to meet it to stop it, for
 #: one as heavy as they are [m]; from how much less on they leave it all of its speed [m].
 _BEYOND, _BAND = 0.0034, 0.009
-#: By how much fingers are behind their command when they touch [s].
-_BEHIND = 0.0032
+#: By how much fingers are behind a command that is given early enough for its delays [s].
+_BEHIND = 0.002
 #: Rate of a cord of a basket's net [1/s]: its damping (``mitt.world.basket.NET``).
 _CORD = 300.0
-#: Instants of a closing that are looked at, the first end that is tried for it [s], greatest height
-#: above the catch point at which a ball is looked for [m], and how many: fingers end below it.
-_INSTANTS, _FIRST, _HIGHEST, _HEIGHTS = 161, 0.01, 0.12, 241
+#: Instants of a closing that are looked at, greatest height above the catch point at which a ball
+#: is looked for [m], and how many heights: fingers end below it.
+_INSTANTS, _HIGHEST, _HEIGHTS = 161, 0.12, 241
 
 
 def rate(restitution: float) -> float:
@@ -144,12 +145,10 @@ def _closing(hand: HandModel, radius: float) -> tuple[Array, Array, Array]:
         above the catch point at which they touch the ball on its way in [m], -inf where it is free
         to come in; shape (k,) each.
     """
-    touch, hold = hand.touch_angle(radius), hand.hold_angle(radius)
-    end = _FIRST
-    while hand.closing_angle_towards(end - _BEHIND, touch, hold) < hold:
-        end *= 2.0
+    profile = hand.profile(radius)
+    end = _BEHIND + closing_time(profile, hand.hold_angle(radius))
     times: Array = np.linspace(0.0, end, _INSTANTS)
-    angles: Array = np.array([hand.closing_angle_towards(t - _BEHIND, touch, hold) for t in times])
+    angles: Array = np.array([closing_angle(t - _BEHIND, profile) for t in times])
     heights: Array = np.linspace(_HIGHEST, 0.0, _HEIGHTS)
     tops: Array = np.full(len(times), -np.inf)
     for k, angle in enumerate(angles.tolist()):
@@ -170,6 +169,24 @@ def _gaps(hand: HandModel, radius: float, angle: float, heights: Array) -> Array
         nearest = np.minimum(nearest, away)
     gaps: Array = np.hypot(nearest, hand.finger.offset) - radius - hand.finger.thickness
     return gaps
+
+
+def lead_of(hand: HandModel, radius: float, speed: float) -> float:
+    """Return the time from the start of the closing to the catch [s], drives and delays apart.
+
+    Args:
+        hand: The hand.
+        radius: Of the ball [m].
+        speed: Of the ball relative to the catch point at the catch [m/s].
+    """
+    inside = hand.closing.inside / max(speed, hand.closing.inside / LONGEST_INSIDE)
+    return _closing_time(hand, radius) + inside
+
+
+@lru_cache(maxsize=8)
+def _closing_time(hand: HandModel, radius: float) -> float:
+    """Return how long a closing takes [s]; worked out once."""
+    return hand.closing_time(radius)
 
 
 def force_of(arm: Arm, q: Array, v_rel: Array, ball: CaughtBall) -> float:
@@ -193,7 +210,7 @@ def force_of(arm: Arm, q: Array, v_rel: Array, ball: CaughtBall) -> float:
     behind = 1.0 / yields if yields > 0.0 else np.inf
     left, met = 1.0, 0.0
     if isinstance(hand, HandModel):
-        lead = hand.closing.lead_for(ball.restitution)
+        lead = lead_of(hand, ball.radius, float(np.linalg.norm(v_rel)))
         left = speed_left(hand, ball, meeting(hand, ball.radius, lead, speed))
         met = speed if left < 1.0 else 0.0
     return contact_force(hand, ball, palm_speed=left * speed, finger_speed=met, behind=behind)
