@@ -12,7 +12,8 @@ contacts are looked at, and the hardest of them is the force of the catch:
 | press   | of the closed fingers, by their drives                                            |
 
 Fingers that come between ball and palm stop the ball, others hardly slow it: what counts is where
-on the ball they touch it. A net gives way: it presses with its damping.
+on the ball they touch it. A net gives way, from whichever side the ball comes: it presses with its
+damping.
 """
 
 from functools import lru_cache
@@ -42,8 +43,8 @@ _ONE_FINGER = 0.65
 _BEYOND, _BAND = 0.0034, 0.009
 #: By how much fingers are behind their command when they touch [s].
 _BEHIND = 0.0032
-#: Rate of a cord of a basket's net [1/s]: its damping (``mitt.world.basket.NET``).
-_CORD = 300.0
+#: Rate of a basket's net, of all its cords together [1/s]: its damping (``mitt.world.basket.NET``).
+_NET = 300.0
 #: Instants of a closing that are looked at, the first end that is tried for it [s], greatest height
 #: above the catch point at which a ball is looked for [m], and how many: fingers end below it.
 _INSTANTS, _FIRST, _HIGHEST, _HEIGHTS = 161, 0.01, 0.12, 241
@@ -69,15 +70,15 @@ def contact_force(
     Args:
         hand: The hand, or the basket.
         ball: The ball.
-        palm_speed: Speed along the palm's normal at which the ball meets the palm, or the net, in
-            what the fingers leave of it [m/s].
+        palm_speed: Speed along the palm's normal at which the ball meets the palm, of which the
+            fingers have taken their part; for a net its whole speed [m/s].
         finger_speed: Speed along it at which fingers meet the ball; 0 where they close on a ball
             that lies in the palm [m/s].
         behind: Mass that the palm has behind it, along its normal [kg].
     """
     mass = reduced(ball.mass, behind)
     if isinstance(hand, Basket):
-        return _CORD * mass * palm_speed
+        return _NET * mass * palm_speed
     palm = rate(ball.restitution) * jam(ball) * mass * palm_speed
     struck = reduced(ball.mass, hand.finger_mass)
     fingers = _ONE_FINGER * rate(ball.restitution) * struck * finger_speed
@@ -187,7 +188,8 @@ def force_of(arm: Arm, q: Array, v_rel: Array, ball: CaughtBall) -> float:
     if hand is None:
         return 0.0
     normal = arm.orientation(q)[:, 2]
-    speed = max(-float(v_rel @ normal), 0.0)
+    whole = float(np.linalg.norm(v_rel))
+    speed = whole if isinstance(hand, Basket) else max(-float(v_rel @ normal), 0.0)
     pushed = normal @ arm.jacobian(q)
     yields = float(pushed @ np.linalg.solve(arm.mass_matrix(q), pushed))
     behind = 1.0 / yields if yields > 0.0 else np.inf
