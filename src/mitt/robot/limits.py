@@ -272,7 +272,6 @@ def joint_level(
     acceleration: Array | None = None,
     jerk: Array | None = None,
     torque_rate: Array | None = None,
-    force: float = np.inf,
 ) -> Limits:
     """Return a set whose drives are the joints themselves.
 
@@ -283,7 +282,6 @@ def joint_level(
         acceleration: Largest accelerations [rad/s^2], shape (N,), if the set has them.
         jerk: Largest jerks [rad/s^3], shape (N,), likewise.
         torque_rate: Largest torque rates [N m/s], shape (N,), likewise.
-        force: Largest force of a single contact at the hand [N], likewise.
     """
     endless = np.full(len(tau), np.inf)
     return Limits(
@@ -296,5 +294,4 @@ def joint_level(
         acceleration=acceleration,
         jerk=jerk,
         torque_rate=torque_rate,
-        force=force,
     )
