@@ -220,7 +220,8 @@ def fresh_state(
         "z": np.zeros(3), "R": np.zeros((3, 3)), "target": np.zeros((3, 3)),
         "ball_memory": memory.fresh(), "ball_settings": settings_of(s.flight),
         "ball_work": np.zeros(memory.WORK), "closing": np.full(2, np.inf),
-        "grip": pack_grip(arm.model.hand, s.ball_radius), "gap": np.zeros((2, 3)),
+        "gap": np.zeros((2, 3)),
+        "grip": pack_grip(arm.model.hand, s.ball_radius, s.ball_restitution),
         "track_scratch": np.zeros((len(arm.model.links), SCRATCH)), "jump": np.zeros(n),
         "impact_dq": np.zeros(n), "slew": slew_of(arm),
     }  # fmt: skip

@@ -14,7 +14,8 @@ in at 5 m/s as it passes the fingertips: each hand, ball and motion has its own 
 |------------|-----------------------------------------------------------------------------|-------|
 | ``memory`` | time at which the closing began, infinite before; time of the catch then    | s     |
 | ``grip``   | the closing profile, as of :func:`mitt.robot.hands.closing_angle`; time that| s ... |
-|            | the closing takes; distance at which the ball is inside [m]; 1 for a basket |       |
+|            | the closing takes; distance at which the ball is inside [m]; time before    |       |
+|            | the catch at which the hand has closed at the latest [s]                    |       |
 """
 
 from functools import lru_cache
@@ -37,12 +38,12 @@ ENTERS = 0.010
 #: Longest time from when the ball is inside to the catch [s]: the gap is no parabola for longer.
 LONGEST_INSIDE = 0.03
 #: Columns of ``grip`` behind those of the profile.
-_TAKES, _INSIDE = 6, 7
+_TAKES, _INSIDE, _EARLY = 6, 7, 8
 
 
 @lru_cache(maxsize=8)
-def pack_grip(hand: Hand | None, ball_radius: float) -> Array:
-    """Return a hand's closing as numbers, shape (8,), not to be written to.
+def pack_grip(hand: Hand | None, ball_radius: float, restitution: float = 0.0) -> Array:
+    """Return a hand's closing as numbers, shape (9,), not to be written to.
 
     No hand is one that stays open. So is a basket: the ball is inside at the catch, and the arm
     may brake. What would be its closing begins as early as the ball can strike its net.
@@ -50,11 +51,14 @@ def pack_grip(hand: Hand | None, ball_radius: float) -> Array:
     Args:
         hand: The hand.
         ball_radius: Radius of the ball [m].
+        restitution: Share of its speed with which the ball springs back from the palm.
     """
     if not isinstance(hand, HandModel):
-        return np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0 if hand is None else ENTERS, 0.0])
-    takes = hand.closing_time(ball_radius)
-    return np.array([*hand.profile(ball_radius), takes, hand.closing.inside])
+        takes = 0.0 if hand is None else ENTERS
+        return np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, takes, 0.0, 0.0])
+    c, hardness = hand.closing, hand.closing.hardness(restitution)
+    inside, early = (1.0 - hardness) * c.inside, hardness * c.early
+    return np.array([*hand.profile(ball_radius), hand.closing_time(ball_radius), inside, early])
 
 
 @kernel
@@ -65,7 +69,7 @@ def close(
 
     Args:
         memory: As in the module's table, overwritten, shape (2,).
-        grip: As in the module's table, shape (8,).
+        grip: As in the module's table, shape (9,).
         t: Time of the tick [s].
         time_to_catch: Time until the catch [s]; infinite where none is in sight.
         gap: From the catch point to the ball, and its rate [m, m/s], shape (2, 3).
@@ -75,7 +79,7 @@ def close(
         takes = grip[_TAKES] + later
         if not -PASSED <= time_to_catch <= takes + LONGEST_INSIDE:  # later, long over, no number
             return 0.0
-        if time_to_catch > takes and _gap_after(takes, time_to_catch, gap) > grip[_INSIDE]:
+        if time_to_catch > takes + grip[_EARLY] and _gap_after(takes, time_to_catch, gap) > grip[_INSIDE]:
             return 0.0
         memory[0], memory[1] = t, t + time_to_catch
     return float(closing_angle(t - memory[0], grip))
@@ -97,7 +101,7 @@ def has_closed(memory: Array, grip: Array, t: float, later: float, hurry: bool) 
 
     Args:
         memory: As in the module's table, shape (2,).
-        grip: As in the module's table, shape (8,).
+        grip: As in the module's table, shape (9,).
         t: Time of the tick [s].
         later: As of :func:`close`.
         hurry: Whether the arm is short of room to brake; then the first touch is enough.

@@ -38,6 +38,7 @@ _DRIVE = {
 _CLOSING = {
     "acceleration": (1.0, 1e7), "fastest": (1e-2, 1e3), "touch_speed": (1e-3, 1e3),
     "margin": (0.0, np.pi), "firm": (0.0, 1.0), "inside": (0.0, 1.0), "squeeze": (0.0, np.pi),
+    "soft": (0.0, 1.0), "hard": (0.0, 1.0), "early": (0.0, 1.0),
 }  # fmt: skip
 _HAND = {
     "mass": (1e-12, 100.0), "com": (-1.0, 1.0), "catch_offset": (-1.0, 2.0),
@@ -172,21 +173,35 @@ class Closing:
         inside: Distance of the ball from the catch point at which the fingers have closed [m].
         squeeze: Angle beyond the touch of a ball on the palm at which the closing ends [rad]; it
             asks the default drives for their full torque.
+        soft: Restitution up to which ``inside`` holds. A harder ball springs off the fingers, too:
+            it is met farther inside, the harder the farther, but before the catch.
+        hard: Restitution from which the fingers have closed ``early`` before the catch, wherever
+            the ball is then.
+        early: That time [s].
     """
 
     acceleration: float = 11_000.0
     fastest: float = 200.0
-    touch_speed: float = 12.0
+    touch_speed: float = 10.0
     margin: float = 0.12
     firm: float = 0.005
-    inside: float = 0.012
+    inside: float = 0.011
     squeeze: float = 0.04
+    soft: float = 0.5
+    hard: float = 0.85
+    early: float = 0.0035
 
     __repr__ = brief
 
     def __post_init__(self) -> None:
         """Refuse what no closing can be; InputError names the field."""
         fields.check(self, _CLOSING)
+        if not self.soft < self.hard:
+            raise InputError("Closing.soft", f"a number below hard, {self.hard:g}", self.soft)
+
+    def hardness(self, restitution: float) -> float:
+        """Return where a ball's restitution is between ``soft``, 0, and ``hard``, 1."""
+        return min(max((restitution - self.soft) / (self.hard - self.soft), 0.0), 1.0)
 
     def profile(self, touch: float, hold: float) -> Array:
         """Return the numbers that :func:`closing_angle` takes, shape (6,).
