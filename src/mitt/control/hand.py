@@ -79,7 +79,10 @@ def close(
         takes = grip[_TAKES] + later
         if not -PASSED <= time_to_catch <= takes + LONGEST_INSIDE:  # later, long over, no number
             return 0.0
-        if time_to_catch > takes + grip[_EARLY] and _gap_after(takes, time_to_catch, gap) > grip[_INSIDE]:
+        if (
+            time_to_catch > takes + grip[_EARLY]
+            and _gap_after(takes, time_to_catch, gap) > grip[_INSIDE]
+        ):
             return 0.0
         memory[0], memory[1] = t, t + time_to_catch
     return float(closing_angle(t - memory[0], grip))
