@@ -41,7 +41,7 @@ _ROUND, _NARROW = 0.040, 0.0065
 _ONE_FINGER = 0.65
 #: How far beyond a ball's widest circle, towards the palm, fingers have to meet it to stop it, for
 #: one as heavy as they are [m]; from how much less on they leave it all of its speed [m].
-_BEYOND, _BAND = 0.0070, 0.009
+_BEYOND, _BAND = 0.0034, 0.009
 #: By how much fingers are behind a command that is given early enough for its delays [s].
 _BEHIND = 0.002
 #: Rate of a basket's net, of all its cords together [1/s]: its damping (``mitt.world.basket.NET``).
