@@ -118,7 +118,7 @@ def test_heavier_balls_ask_for_more(motors: Arm) -> None:
 
 
 def test_a_refusal_names_what_binds_and_a_pass_keeps_the_verdict(motors: Arm) -> None:
-    """2 kg at 5 m/s are refused by impact, brake or grip; 70 g pass; refusals stay as they are."""
+    """2 kg at 5 m/s are refused, by force or else; 70 g pass; refusals stay as they are."""
     way = approach(Q, np.array([0.0, 0.5, 3.5]), V)
     given = Verdict(
         outcome=Outcome.FEASIBLE, binding_limit="range:j4", share=0.9, t_catch=0.5, sigma=0.001,
@@ -126,7 +126,7 @@ def test_a_refusal_names_what_binds_and_a_pass_keeps_the_verdict(motors: Arm) ->
     )  # fmt: skip
     refused = examined(motors, given, ball(2.0), bandwidth=BANDWIDTH)
     assert refused.outcome is Outcome.UNREACHABLE
-    assert refused.binding_limit.split(":")[0] in ("impact", "brake", "grip")
+    assert refused.binding_limit.split(":")[0] in ("impact", "brake", "grip", "force")
     assert refused.margin < 0.0
     assert examined(motors, given, ball(0.07), bandwidth=BANDWIDTH).outcome is Outcome.FEASIBLE
     blind = replace(given, approach=None)

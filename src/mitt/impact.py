@@ -18,6 +18,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from mitt.contact_force import force_of
 from mitt.control.brake import Brake, plan_brake
 from mitt.control.envelope import speeds_of
 from mitt.control.hand import TOUCH_BEFORE
@@ -204,7 +205,9 @@ def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, fl
         no room suffices (``speed:NAME`` where its own limit keeps it slow); ``brake:NAME`` where
         the joint comes to rest, in its range; ``grip`` the pull on the fingers, in units of what
         they hold; ``palm`` how far the ball comes from the side or from behind the palm;
-        ``spill`` how far the ball leaves the bottom of a basket, in units of its depth.
+        ``spill`` how far the ball leaves the bottom of a basket, in units of its depth; ``force``
+        the largest force of a contact (:mod:`mitt.contact_force`), in units of what hand and arm
+        take.
     """
     cap = speed_caps(arm, approach, ball)
     dq = np.clip(approach.motion[-1, 1], -cap, cap)
@@ -224,6 +227,8 @@ def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, fl
     else:
         shares["grip"] = pull(arm, brake, ball)
         shares["palm"] = aslant(arm, approach.motion[-1, 0], v_rel)
+    if np.isfinite(arm.force):
+        shares["force"] = force_of(arm, approach.motion[-1, 0], v_rel, ball) / arm.force
     return shares
 
 

@@ -19,6 +19,7 @@ from local_cell import LocalCell
 from mitt.cell.session import Person, Session
 from mitt.cli import main
 from mitt.commands.live_table import picture
+from mitt.commands.run import _show
 from mitt.commands.sim import _words
 from mitt.errors import FileError, InputError
 from mitt.link.modes import Mode
@@ -82,6 +83,7 @@ def test_a_session_ends_with_its_throws_and_knows_what_was_caught() -> None:
     found = s.summary()
     assert (found["schema"], found["throws"], found["caught"]) == ("mitt.run/1", 2, 2)
     assert found["limit_violations"] == 0
+    assert 1.0 < found["force_n"]["median"] <= found["force_n"]["p95"] < 1000.0
     assert set(found["command_age_us"]) == {"p50", "p99", "p99_9", "max"}
     assert found["stops"] == []
     assert cell.loop.mode is Mode.STOPPED
@@ -116,8 +118,8 @@ def test_nothing_moves_before_somebody_says_so() -> None:
     assert any("--yes" in line for line in said)
 
 
-def test_a_real_cell_tells_nothing_of_catches() -> None:
-    """Then what became of a ball is unknown."""
+def test_a_real_cell_tells_nothing_of_catches(capsys: pytest.CaptureFixture[str]) -> None:
+    """Then what became of a ball is unknown, and how hard it pressed."""
     cell, said = LocalCell(throws=1), list[str]()
     cell.robot.news = list  # type: ignore[method-assign]
     s = session(cell, said, yes=True, throws=1)
@@ -125,6 +127,9 @@ def test_a_real_cell_tells_nothing_of_catches() -> None:
     found = s.summary()
     assert (found["throws"], found["caught"], found["unknown"]) == (1, 0, 1)
     assert found["command_age_us"] is None
+    assert found["force_n"] is None
+    _show(s, json=False)
+    assert "contact force not measured" in capsys.readouterr().out.replace("\n", " ")
 
 
 def test_what_a_simulated_cell_says_is_counted_not_kept() -> None:
@@ -227,8 +232,10 @@ def test_what_a_simulated_cell_did_is_a_line_of_words() -> None:
     head = {"schema": "mitt.sim/1", "version": "0", "cell": "wam-sim", "seed": 5}
     assert _words({**head, "throws": 0}) == "wam-sim, seed 5: 0 throws"
     for age, says in ((ages, "commands 1777 us old (median), 3000 at most"), (None, "1 slipped")):
-        said = _words({**head, "throws": 2, **counts, "command_age_us": age})
-        assert said.startswith("wam-sim, seed 5: 2 throws, 1 caught, 1 dropped, 0 ticks beyond")
+        force = {"median": 44.4, "p95": 61.0}
+        said = _words({**head, "throws": 2, **counts, "force_n": force, "command_age_us": age})
+        assert said.startswith("wam-sim, seed 5: 2 throws, 1 caught, 1 dropped, contact force 44 N"
+                               " median, 95 % 61 N, 0 ticks beyond")  # fmt: skip
         assert said.endswith(says)
         assert not set(said) & set("{}[]'_")
 

@@ -18,11 +18,11 @@ from mitt.design import evaluation, evaluator, speeds
 from mitt.design.arrivals import shifted
 from mitt.design.balls import BOX, FAR, Balls
 from mitt.design.candidate import Candidate
-from mitt.design.causes import BEYOND, cause_of
+from mitt.design.causes import BEYOND, FORCE, cause_of
 from mitt.design.contact import Touch
-from mitt.design.design import Design, Origin, design, rate_of
+from mitt.design.design import Design, Origin, design, rate_of, softer
 from mitt.design.effort import effort_of
-from mitt.design.evaluation import Evaluation, learned, trials_of
+from mitt.design.evaluation import Evaluation, learned, thrown, trials_of
 from mitt.design.evaluator import Evaluator
 from mitt.design.geometry import drawn, triples_of
 from mitt.design.job import Job
@@ -35,7 +35,9 @@ from mitt.design.whole import movable
 from mitt.errors import InputError
 from mitt.files.arm_file import ArmFile, open_arm, read_arm_file, write_arm_file
 from mitt.generator.mapping import unlearned
+from mitt.report.design_page import advice_of
 from mitt.robot.arm import Arm
+from mitt.robot.basket import Basket
 from mitt.robot.identity import difference, identity_of
 from mitt.sweep.engine import Processes
 from mitt.trials.neighbourhood import Neighbourhood
@@ -45,7 +47,8 @@ from mitt.world.throws import Aim, ThrowRanges, default_throw
 
 KEYS = {
     "schema", "version", "arm", "found", "reason", "joints", "throws", "feasible", "caught",
-    "relative_speed_m_s", "force_n", "fastest_m_s", "by_speed", "seconds",
+    "relative_speed_m_s", "force_n", "force_limit_n", "over_force", "fastest_m_s", "by_speed",
+    "seconds",
 }  # fmt: skip
 
 
@@ -63,7 +66,7 @@ def test_what_is_printed_keeps_the_contract(found: Design) -> None:
     rows = said["by_speed"]
     assert isinstance(rows, list)
     for row in rows:
-        assert set(row) == {"speed_m_s", "throws", "feasible", "binding_limit"}
+        assert set(row) == {"speed_m_s", "throws", "feasible", "binding_limit", "force_n"}
 
 
 def test_an_arm_file_gives_the_design_back(found: Design, whole: Arm, tmp_path: Path) -> None:
@@ -406,6 +409,44 @@ def test_a_cause_is_the_limit_only_where_a_throw_was_refused_for_it(
     assert cause_of([stopped]) == "stopped: encoder j1"
     assert cause_of([caught, replace(caught, limit_violations=3)]) == BEYOND
     assert cause_of([caught]) == ""
+    hard = replace(caught, over_force=True)
+    assert cause_of([caught, hard]) == FORCE
+    assert cause_of([replace(hard, limit_violations=3)]) == BEYOND
+
+
+def test_a_design_whose_force_is_too_much_says_so_and_what_helps(
+    found: Design, whole: Arm, task: Task, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Caught above what hand or arm take is beyond a limit; a basket is named, if it is none."""
+    assert found.best is not None
+    best = found.best
+    c, weak = best.candidate, Arm(whole.model, replace(whole.limits, force=20.0))
+    f = learned(whole, c, task)
+    assert f is not None
+    soft = thrown(c, f, task, throws=2, seed=70)
+    frail = replace(f.arm.limits, force=0.5 * soft.force)
+    hard = thrown(c, replace(f, arm=Arm(f.arm.model, frail)),
+                  task, throws=2, seed=70)  # fmt: skip
+    assert (soft.caught, soft.clean, soft.hard) == (2, 2, 0)
+    assert hard.clean == 0
+    assert hard.hard == hard.caught  # 0 where the verdict refuses it before
+    assert hard.binding == FORCE
+    lost = replace(best, thrown=100, caught=90, clean=10, hard=80, binding=FORCE)
+    monkeypatch.setattr(design_of, "search", lambda *_, **__: [lost])
+    monkeypatch.setattr(design_of, "reported", lambda *_: lost)
+    monkeypatch.setattr(design_of, "slower", lambda *_, **__: None)
+    monkeypatch.setattr(design_of, "by_speed", lambda *_, **__: _rows(True))
+    monkeypatch.setattr(design_of, "fastest", lambda *_, **__: Fastest(speed_m_s=0.0))
+    mine = design(weak, task, TINY, progress=silent)
+    said = mine.as_json()
+    assert (said["found"], said["force_limit_n"], said["over_force"]) == (False, 20.0, 80)
+    assert mine.reason is not None
+    for words in ("80 of them by their force", "take 20 N", "--hand basket", "slower throws"):
+        assert words in mine.reason
+    assert any("80 of 100 balls" in line for line in advice_of(mine, [], 0.0))
+    net = Arm(replace(weak.model, hand=Basket()), weak.limits)
+    assert "--hand basket" not in softer(net)
+    assert "slower throws" in softer(net)
 
 
 def test_what_was_not_thrown_at_has_no_throws_and_says_why(

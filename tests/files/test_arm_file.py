@@ -20,6 +20,7 @@ from mitt.files.arm_file import (
 from mitt.files.throws import ThrowSettings
 from mitt.generator.design import MapDesign, default_design
 from mitt.robot.basket import Basket
+from mitt.robot.hands import HandModel
 
 TEXT = """schema = "mitt.arm/1"
 [arm]
@@ -182,6 +183,24 @@ def test_a_basket_and_its_tilt_are_read_and_written(path: Path, tmp_path: Path) 
     again = read_arm_file(other)
     assert (again.hand, again.hand_tilt, again.hand_turn) == ("basket", -1.25, 0.3)
     assert again.load().model.hand == Basket(tilt=-1.25)
+
+
+def test_force_of_hand_and_arm_are_read_and_written(path: Path, tmp_path: Path) -> None:
+    """Each stays as it is; the weaker is the arm's; a hand that is not there takes none."""
+    assert read_arm_file(path).hand_force is None
+    (tmp_path / "own.toml").write_text(LIMITS + "force = 150.0\n")
+    assert read_arm_file(path).load().force == min(150.0, HandModel().force)
+    for hand in ("three-finger", "basket"):
+        said = replace(read_arm_file(path), hand=hand, hand_force=80.0)
+        write_arm_file(tmp_path / "soft.toml", said)
+        again = read_arm_file(tmp_path / "soft.toml")
+        assert again.hand_force == 80.0
+        arm = again.load()
+        assert (arm.force, arm.limits.force) == (80.0, 150.0)
+    text = TEXT.replace('"three-finger"', '"none"').replace("turn = 0.3", "force = 10.0")
+    path.write_text(text)
+    with pytest.raises(FileError, match="force of hand: wanted a hand, got none"):
+        read_arm_file(path)
 
 
 def test_fingers_are_not_tilted(path: Path) -> None:

@@ -41,6 +41,22 @@ def test_a_file_is_read_as_it_says(tmp_path: Path) -> None:
     assert set(limits.bounds) <= set(KINDS)
 
 
+def test_a_set_may_say_what_force_the_arm_takes(tmp_path: Path) -> None:
+    """Those of Universal Robots do, with their source; elsewhere nothing is known of it."""
+    path = tmp_path / "mine.toml"
+    path.write_text(TEXT)
+    assert read_limits(path).force == np.inf
+    path.write_text(TEXT + "force = 42.5\n")
+    assert read_limits(path).force == 42.5
+    for bad in ("0.0", "-1.0", "nan", "inf", '"much"'):
+        path.write_text(TEXT + f"force = {bad}\n")
+        with pytest.raises(MittError, match="force"):
+            read_limits(path)
+    for name in ("ur3e", "ur5e", "ur10e"):
+        assert read_limits(name).force == 100.0
+    assert read_limits("franka-fr3").force == np.inf
+
+
 def test_a_byte_order_mark_is_no_text(tmp_path: Path) -> None:
     """Editors of Windows write one; tables and descriptions have it taken off, too."""
     path = tmp_path / "mine.toml"

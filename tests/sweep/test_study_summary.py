@@ -1,16 +1,21 @@
 """What a study comes to: every throw counts, and stops are told by their reason."""
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
+import pytest
 
+from mitt.commands.study import _rate
 from mitt.control.health import Reason, State
 from mitt.control.stopped import StoppedBy
+from mitt.link.clock import Stopwatch
 from mitt.sweep.parts import Row, read_part, row_of, write_rows
 from mitt.sweep.study import Study
 from mitt.sweep.summary import cell_of, compared
+from mitt.trials.result import force_words, summary
 from mitt.trials.score import Trial, reason_of, stop_as_json
 from mitt.trials.statistics import wilson
 
@@ -29,6 +34,32 @@ def trial(index: int, status: str, stop: StoppedBy | None = None) -> Trial:
         limit_violations=0, demand_cost=0.0, peak_contact_force_n=None, binding_limit=None,
         saturated_ticks=0, range_excess_rad=0.0, stopped_by=stop_as_json(stop),
     )  # fmt: skip
+
+
+def test_forces_stand_beside_the_rate(tmp_path: Path, study: Study) -> None:
+    """Median and 95th percentile of those that touched; how many were more than is taken."""
+    forces = [10.0, 20.0, 30.0, 400.0, None]
+    trials = [
+        replace(trial(k, "caught" if x else "missed"), peak_contact_force_n=x,
+                over_force=None if x is None else x > 240.0)
+        for k, x in enumerate(forces)
+    ]  # fmt: skip
+    path = tmp_path / "part.parquet"
+    path.write_bytes(write_rows(rows_of("direct", trials), {}))
+    row, _ = cell_of("direct", study.conditions[0], 5, read_part(path)[0])
+    assert (row["catch_rate"], row["over_force"]) == (0.8, 1)
+    assert row["force_n"] == {"median": 25.0, "p95": pytest.approx(344.5)}
+    assert _rate(row) == "80.0, 25!"
+    mine = summary(trials, Stopwatch())
+    assert (mine["force_n"], mine["over_force"]) == (row["force_n"], 1)
+    assert force_words(mine["force_n"], 1) == (
+        "contact force 25 N median, 95 % 344 N, 1 beyond what hand or arm take"
+    )
+    none, _ = cell_of("direct", study.conditions[0], 1, [row_of(
+        "direct", "clean", trial(0, "missed"), 0.0, np.zeros(6), np.zeros(6)) | {
+            "stopped_by_reason": None, "stopped_by_joint": None}])  # fmt: skip
+    assert (none["force_n"], _rate(none)) == (None, "0.0, -")
+    assert force_words(None, 0) == "no ball touched the hand"
 
 
 def rows_of(generator: str, trials: list[Trial]) -> list[Row]:

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from mitt.catcher.settings import CatcherSettings
+from mitt.contact_force import force_of
 from mitt.control.envelope import speeds_of
 from mitt.generator.feasibility import Approach, is_far
 from mitt.generator.generators import Generator
@@ -48,6 +49,7 @@ def load_decisions(arm: Arm, generator: Generator, settings: CatcherSettings) ->
     still = np.array([[q, 0.0 * q, 0.0 * q]] * 3)
     short = Approach(motion=still, step=2.0 * TICK, dr_o=_COMES)
     gap_at_catch(arm, short, speeds_of(arm), settings.bandwidth)
+    force_of(arm, q, _COMES, settings.caught)
 
 
 def _balls(hand: Array) -> list[BallState]:

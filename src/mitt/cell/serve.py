@@ -9,6 +9,7 @@ from mitt.cell.simulated import Port, SimulatedCell
 from mitt.link.clock import monotonic, sleep_until, time_of_day
 from mitt.link.realtime import hurried, pinned, uncollected
 from mitt.signals import TICK
+from mitt.trials.result import spread_of
 from mitt.trials.source import Source
 from mitt.world.scene import Scene
 
@@ -78,6 +79,7 @@ class Server:
         return {
             "throws": len(said),
             **{name: said.count(name) for name in ("caught", "dropped", "missed", "aborted")},
+            "force_n": spread_of(cell.forces),
             "limit_violations": cell.violations,
             "command_age_us": cell.ages.percentiles_us(),
             "late_ticks": self.late,

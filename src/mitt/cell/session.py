@@ -24,7 +24,7 @@ from mitt.link.modes import Mode
 from mitt.link.recorder import Recorder
 from mitt.link.robot import Robot, RobotLink
 from mitt.link.sight import straight
-from mitt.trials.result import STATUSES
+from mitt.trials.result import STATUSES, spread_of
 
 #: Time between two lines on what is waited for, the same and another [s].
 _LINES, _OTHER = 5.0, 0.5
@@ -153,6 +153,7 @@ class Session:
         self._loop, self._robot, self._person, self._teller = loop, robot, person, tell
         self._throws, self.signal = throws, 0
         self._told, self._last, self._done = Counter[str](), dict[str, Any](), False
+        self._forces = list[float | None]()
         self.shown = numbers() if shown is None else shown
         self.words = words() if said is None else said
         self._deaf = False
@@ -174,7 +175,7 @@ class Session:
         while self._waited():
             self._hear()
             if not self._loop.counts.ticks:  # of throws before this session
-                self._told, self._last = Counter(), {}
+                self._told, self._last, self._forces = Counter(), {}, []
             self._done = False
             self._tell("the arm moves")  # before it does: to tell may take time
             self._loop.begin()
@@ -264,6 +265,7 @@ class Session:
         for said in heard:
             if said.get("status") in STATUSES:
                 self._told[said["status"]] += 1
+                self._forces.append(said.get("peak_contact_force_n"))
                 self._last, self._done = said, said.get("done") is True
 
     @contextmanager
@@ -303,7 +305,8 @@ class Session:
     def summary(self) -> dict[str, Any]:
         """Return what happened, as ``mitt.run/1``; without a simulated cell what cannot be known.
 
-        Whether a ball was caught is known of a simulated cell alone, which says so.
+        Whether a ball was caught, and how hard it pressed, is known of a simulated cell alone,
+        which says so.
         """
         counts, said, last = self._loop.counts, self._told.total(), self._last
         throws = max(counts.throws, said)
@@ -320,6 +323,7 @@ class Session:
             "unreachable": refused,
             "stopped": stopped,
             "unknown": throws - said if said else throws - refused - stopped,
+            "force_n": spread_of(self._forces),
             "limit_violations": last.get("limit_violations"),
             "command_age_us": last.get("command_age_us"),
             "late_ticks": counts.late,
@@ -343,4 +347,5 @@ def news_of(raw: str) -> dict[str, Any]:
         return {}
     number, ages = said.get("limit_violations"), said.get("command_age_us")
     fits = isinstance(number, int | None) and isinstance(ages, dict | None)
+    fits &= isinstance(said.get("peak_contact_force_n"), int | float | None)
     return said if fits else {}

@@ -94,6 +94,7 @@ class SimulatedCell:
     Attributes:
         done: Whether all throws were made and judged.
         statuses: How each throw ended.
+        forces: Largest contact force of each [N]; None where the ball did not touch the hand.
         violations: Ticks beyond a limit so far, true or commanded, and one for each drive beyond
             its continuous torque in a throw, by the rules of a trial.
         ages: Ages of the commands that acted.
@@ -124,6 +125,7 @@ class SimulatedCell:
         self._base, self._ticks, self._next, self._flying = started, 0, 0, False
         self._settled, self.done = 0, False
         self.statuses, self.violations, self.ages = list[str](), 0, Ages()
+        self.forces = list[float | None]()
         self._sent = np.zeros((_KEPT, 2))
         self._rows, self._driven, self._trouble = list[Array](), list[bool](), ""
         self._before: Array | None = None
@@ -221,11 +223,13 @@ class SimulatedCell:
         self.violations += overheated(continuous_shares(self._arm, self._squares, self._summed))
         self._flying = False
         self.statuses.append(status)
+        self.forces.append(None if world.first_contact is None else world.peak_force)
         self._next += 1
         self._put(self._aside)
         self.done = self._next >= self._source.count
         self._port.result(json.dumps({
             "throw": self._next - 1, "status": status, "limit_violations": self.violations,
+            "peak_contact_force_n": self.forces[-1],
             "command_age_us": self.ages.percentiles_us(), "done": self.done,
         }))  # fmt: skip
 

@@ -31,7 +31,7 @@ from mitt.reading import difference, noted
 from mitt.robot.shapes import check_floor
 from mitt.trials.journal import LEAVES, MAP, Kept, kept_words
 from mitt.trials.registry import check_generator
-from mitt.trials.result import STATUSES
+from mitt.trials.result import STATUSES, force_words
 from mitt.trials.run import FinishedRun, Prepared, RunSettings, arm_of, design_of, throws_of
 from mitt.trials.run import run as run_throws
 from mitt.trials.score import Trial, reason_of
@@ -206,6 +206,7 @@ def _show(finished: FinishedRun) -> None:
     show(
         f"caught {summary['caught']} of {summary['throws']}: {100 * summary['catch_rate']:.1f} % "
         f"(95 % interval {100 * low:.1f} to {100 * high:.1f} %), "
+        f"{force_words(summary['force_n'], summary['over_force'])}; "
         f"{', '.join(f'{status} {summary[status]}' for status in STATUSES[1:])}; "
         f"tick {summary['tick_us']['p50']:.0f} us median",
         f"written: {finished.prepared.out / page}",
@@ -222,7 +223,7 @@ def _row(trial: Trial) -> tuple[str, ...]:
         _number(trial.velocity_error_m_s, 2),
         f"{100 * max(trial.peak_torque_ratio):.0f} %",
         f"{100 * max(trial.peak_speed_ratio):.0f} %",
-        _number(trial.peak_contact_force_n, 0),
+        _number(trial.peak_contact_force_n, 0) + ("!" if trial.over_force else ""),
         reason_of(trial.stopped_by) or trial.binding_limit or "",
     )
 

@@ -234,7 +234,8 @@ def origin_of(options: DesignOptions, file: ArmFile | None) -> Origin:
     if file is not None:
         hand = options.hand or file.hand
         own_tilt = file.hand_tilt if hand == "basket" else 0.0
-        return Origin(arm=file.arm, tip=options.tip or file.tip,
+        own_force = file.hand_force if hand == file.hand else None
+        return Origin(arm=file.arm, force=own_force, tip=options.tip or file.tip,
                       mount=options.mount or file.hand_mount,
                       limits=_limits(options.limits) or file.limits, hand=hand,
                       tilt=own_tilt if options.tilt is None else options.tilt)  # fmt: skip
@@ -254,7 +255,7 @@ def _hand(origin: Origin) -> Hand | None:
         raise InputError("--tilt", "--hand basket", origin.hand)
     if not abs(origin.tilt) <= MOST_TILT:
         raise InputError("--tilt", f"an angle in -{MOST_TILT:g}..{MOST_TILT:g}", origin.tilt)
-    return hand_of(origin.hand, origin.tilt)
+    return hand_of(origin.hand, origin.tilt, origin.force)
 
 
 def _limits(given: str | None) -> str | Path | None:
@@ -324,13 +325,21 @@ def _comment(found: Design, scene: str) -> str:
     return text
 
 
+def _taken(found: Design) -> str:
+    """Return in words what force hand and arm take; nothing where that is not known."""
+    force = found.whole.force
+    return f", of {force:.0f} N that hand and arm take" if np.isfinite(force) else ""
+
+
 def _show(found: Design, written: Sequence[Path]) -> None:
     """Print what was found."""
     if found.rows:
         rows = table("caught within every limit, by the speed of the throws",
-                     ("m/s", "caught", "of", "why not"), left=("why not",))  # fmt: skip
+                     ("m/s", "caught", "of", "force [N]", "why not"),
+                     left=("why not",))  # fmt: skip
         for row in found.rows:
-            rows.add_row(f"{row.speed_m_s:g}", str(row.feasible), str(row.throws),
+            force = "" if row.force_n is None else f"{row.force_n:.0f}"
+            rows.add_row(f"{row.speed_m_s:g}", str(row.feasible), str(row.throws), force,
                          row.binding_limit or "")  # fmt: skip
         show(rows)
     best, name = found.best, found.whole.model.name
@@ -339,7 +348,7 @@ def _show(found: Design, written: Sequence[Path]) -> None:
         show(
             f"{name}, joints {', '.join(found.joints)}: caught within every limit"
             f" {found.rate}{what}, relative speed {best.speed:.2f} m/s, force {best.force:.0f} N"
-            f" (medians); fastest throws: {found.fastest}; {found.seconds:.0f} s"
+            f" (medians){_taken(found)}; fastest throws: {found.fastest}; {found.seconds:.0f} s"
         )
     if not found.found:
         show(f"{name}: no design for the throws asked for; {found.reason}; {found.seconds:.0f} s")

@@ -17,6 +17,7 @@ from mitt.generator.mapping import DirectMap
 from mitt.interrupts import tell
 from mitt.link.realtime import hurried, pinned, timekeeping, uncollected
 from mitt.link.recorder import Recorder
+from mitt.trials.result import spread_words
 
 #: Core of the loop among those allowed: the last; ``mitt sim`` takes the first.
 _CORE = -1
@@ -72,8 +73,11 @@ def _show(session: Session, *, json: bool) -> None:
         print_json(summary)
     else:
         said = {name.replace("_", " "): _in_words(value) for name, value in summary.items()
-                if name not in ("schema", "command_age_us")}  # fmt: skip
-        show(", ".join(f"{name} {value}" for name, value in said.items()))
+                if name not in ("schema", "command_age_us", "force_n")}  # fmt: skip
+        force = summary["force_n"]
+        pressed = "not measured" if force is None else spread_words(force)
+        words = [f"{name} {value}" for name, value in said.items()]
+        show(", ".join([*words, f"contact force {pressed}"]))
 
 
 def _in_words(value: object) -> str:

@@ -12,6 +12,7 @@ from mitt.errors import InputError
 from mitt.files.cell import read_cell
 from mitt.interrupts import notice, status_of, tell
 from mitt.link.realtime import timekeeping
+from mitt.trials.result import spread_words
 
 
 def run(options: SimOptions) -> int:
@@ -52,6 +53,8 @@ def _words(said: dict[str, Any]) -> str:
     ends = [f"{said[name]} {name}" for name in ("caught", "dropped", "missed", "aborted")
             if said.get(name)]  # fmt: skip
     parts = [f"{said['cell']}, seed {said['seed']}: {said['throws']} throws", *ends]
+    if said.get("force_n"):
+        parts.append(f"contact force {spread_words(said['force_n'])}")
     if "limit_violations" in said:
         parts += [f"{said['limit_violations']} ticks beyond a limit",
                   f"{said['late_ticks']} late ticks, {said['slipped_ticks']} slipped"]  # fmt: skip

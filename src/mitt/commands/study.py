@@ -52,9 +52,10 @@ def run(options: StudyOptions) -> int:
 
 
 def _show(study: Study, folder: Folder, finished: FinishedStudy) -> None:
-    """Print the catch rates: a row a condition, a column a generator."""
-    rates = table(f"{study.name}: caught [%]", ("condition", *study.generators),
-                  left=("condition",), no_wrap=True)  # fmt: skip
+    """Print catch rates with contact forces: a row a condition, a column a generator."""
+    rates = table(f"{study.name}: caught [%], contact force [N] (median)",
+                  ("condition", *study.generators), left=("condition",),
+                  no_wrap=True)  # fmt: skip
     rows = {(row["condition"], row["generator"]): row for row in finished.rows}
     for condition in study.conditions:
         cells = [rows[condition.name, generator] for generator in study.generators]
@@ -63,7 +64,13 @@ def _show(study: Study, folder: Folder, finished: FinishedStudy) -> None:
 
 
 def _rate(row: dict[str, object]) -> str:
-    """Return a catch rate for the table, with a star where throws are missing."""
+    """Return a catch rate and force for the table, with a star where throws are missing.
+
+    An exclamation mark where some pressed harder than hand and arm take.
+    """
     if not row["throws"]:
         return ""
-    return f"{100 * float(str(row['catch_rate'])):.1f}{'' if row['complete'] else ' *'}"
+    force = row["force_n"]
+    pressed = f"{force['median']:.0f}" if isinstance(force, dict) else "-"
+    marks = ("!" if row["over_force"] else "") + ("" if row["complete"] else " *")
+    return f"{100 * float(str(row['catch_rate'])):.1f}, {pressed}{marks}"

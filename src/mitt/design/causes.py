@@ -3,7 +3,9 @@
 from mitt.trials.score import Trial, reason_of
 
 BEYOND = "beyond a limit"
-"""Why a ball does not count that was caught, in :attr:`Worth.binding`."""
+"""Why a ball does not count that was caught, in :attr:`Evaluation.binding`."""
+FORCE = "force"
+"""And where it pressed harder than hand and arm take."""
 
 
 def cause_of(trials: list[Trial]) -> str:
@@ -19,7 +21,7 @@ def _cause(trial: Trial) -> str:
     """
     match trial.status:
         case "caught":
-            return BEYOND if trial.limit_violations else ""
+            return BEYOND if trial.limit_violations else FORCE if trial.over_force else ""
         case "unreachable":
             return trial.binding_limit or trial.status
         case "stopped":

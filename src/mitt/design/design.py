@@ -2,10 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
+from math import isfinite
 from pathlib import Path
 
 import mitt
 from mitt.design.arrivals import ranges_of_throws, shifted
+from mitt.design.causes import FORCE
 from mitt.design.effort import Effort
 from mitt.design.evaluation import Evaluation
 from mitt.design.evaluator import Evaluator, Progress
@@ -19,6 +21,7 @@ from mitt.files.arm_file import ArmFile, HandName, digest_of
 from mitt.files.throws import ArrivalSettings, ThrowSettings
 from mitt.link.clock import monotonic
 from mitt.robot.arm import Arm
+from mitt.robot.basket import Basket
 from mitt.robot.serial import Mount
 from mitt.sweep.engine import Engine
 from mitt.trials.statistics import wilson
@@ -38,6 +41,7 @@ class Origin:
         limits: Name or file of its limits; None for those of the file.
         hand: Name of the hand mounted at the tip.
         tilt: How far a basket is turned off the tip's z axis [rad].
+        force: Largest force of a contact that the hand takes [N]; None: as that hand says.
     """
 
     arm: str | Path
@@ -46,6 +50,7 @@ class Origin:
     limits: str | Path | None = None
     hand: HandName = "three-finger"
     tilt: float = 0.0
+    force: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -111,6 +116,8 @@ class Design:
             "caught": 0 if self.best is None else self.best.caught,
             "relative_speed_m_s": None if w is None else w.speed,
             "force_n": None if w is None else w.force,
+            "force_limit_n": self.whole.force if isfinite(self.whole.force) else None,
+            "over_force": 0 if self.best is None else self.best.hard,
             "fastest_m_s": self.fastest.speed_m_s,
             "by_speed": [asdict(row) for row in self.rows],
             "seconds": self.seconds,
@@ -134,6 +141,7 @@ class Design:
             hand_turn=c.turn,
             hand_mount="catch" if path is None else origin.mount,
             hand_tilt=origin.tilt,
+            hand_force=origin.force,
             map=c.design,
             throws=self._throws(tuple(at), tuple(around)),
             arrivals=self._arrivals(),
@@ -193,14 +201,14 @@ def design(
     found = usual is not None and usual.enough
     best, own, reason = usual, release_speed(task) if found else 0.0, None
     if not found and task.own:
-        reason = _lost(usual)
+        reason = _lost(whole, usual)
     elif not found:
         total.again(effort.less())
         again = slower(evaluator, effort.less(), joints=joints, rate=rate)
         if again is not None:
             best, task = again
             own = release_speed(task)
-        reason = _reason(usual, None if again is None else best, own)
+        reason = _reason(whole, usual, None if again is None else best, own)
     rows, most, region = tuple[AtSpeed, ...](), Fastest(speed_m_s=own), None
     if best is not None:
         region = region_of(whole, best.candidate, task, total, each_way=effort.grid)
@@ -227,10 +235,22 @@ def best_so_far(whole: Arm, kept: Kept, rate: float) -> Design | None:
                   best=ranked(worth, rate)[0], fastest=Fastest(speed_m_s=0.0))  # fmt: skip
 
 
-def _lost(usual: Evaluation | None) -> str:
+def softer(whole: Arm) -> str:
+    """Return in words what makes catches softer than hand and arm take."""
+    basket = isinstance(whole.model.hand, Basket)
+    net = "" if basket else "a basket (--hand basket), whose net gives way, "
+    lead = "" if basket else ", fingers that meet the ball before the palm does"
+    return (
+        f"hand or arm take {whole.force:.0f} N: {net}slower throws, joints that leave less relative"
+        f" speed{lead} or a lighter ball help"
+    )
+
+
+def _lost(whole: Arm, usual: Evaluation | None) -> str:
     """Return in words why nothing was found for the throws that were asked for.
 
     Args:
+        whole: The arm.
         usual: The best design for them, with throws that no search used.
     """
     if usual is None:
@@ -238,18 +258,22 @@ def _lost(usual: Evaluation | None) -> str:
     why = f"the best design caught {usual.clean} of {usual.thrown} throws within every limit"
     over = usual.caught - usual.clean
     why += f", and {over} beyond a limit" if over else ""
-    return why + (f"; most were lost by: {usual.binding}" if usual.binding else "")
+    why += f", {usual.hard} of them by their force" if usual.hard else ""
+    why += f"; most were lost by: {usual.binding}" if usual.binding else ""
+    pressed = usual.hard or usual.binding == FORCE
+    return why + (f"; {softer(whole)}" if pressed else "")
 
 
-def _reason(usual: Evaluation | None, slow: Evaluation | None, speed: float) -> str:
+def _reason(whole: Arm, usual: Evaluation | None, slow: Evaluation | None, speed: float) -> str:
     """Return in words why nothing was found for default throws, and what was for slower ones.
 
     Args:
+        whole: The arm.
         usual: The best design for default throws, with throws that no search used.
         slow: The best design for slower throws, if one catches enough of them.
         speed: Speed of these at release [m/s].
     """
-    why = _lost(usual)
+    why = _lost(whole, usual)
     if slow is None or not slow.enough:
         return f"{why}; no design for slower throws catches enough of them either"
     return (

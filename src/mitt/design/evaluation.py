@@ -92,7 +92,9 @@ class Evaluation:
         speed: Median relative speed of hand and ball [m/s]: by the verdicts, or of throws.
         thrown: Number of throws.
         caught: Those caught.
-        clean: Those caught without a tick beyond a limit.
+        clean: Those caught without a tick beyond a limit, and with no more force than hand and arm
+            take.
+        hard: Those caught with more force than that.
         force: Median of their largest contact forces [N].
         binding: Why balls most often were not caught within every limit; nothing where all were.
         failed: Why it was not thrown at: ``no pose``, ``no map``, ``error`` or ``lost``.
@@ -105,6 +107,7 @@ class Evaluation:
     thrown: int = 0
     caught: int = 0
     clean: int = 0
+    hard: int = 0
     force: float = 0.0
     binding: str = ""
     failed: str = ""
@@ -136,6 +139,7 @@ class Evaluation:
         mine = 0.5 if caught == 0 else self.caught / caught
         return replace(
             self, thrown=self.thrown + other.thrown, caught=caught, clean=self.clean + other.clean,
+            hard=self.hard + other.hard,
             speed=mine * self.speed + (1.0 - mine) * other.speed,
             force=mine * self.force + (1.0 - mine) * other.force,
         )  # fmt: skip
@@ -271,7 +275,8 @@ def thrown(
         speed=_middle(speeds) if good else 9.0,
         thrown=throws,
         caught=len(good),
-        clean=sum(x.limit_violations == 0 for x in good),
+        clean=sum(x.limit_violations == 0 and not x.over_force for x in good),
+        hard=sum(x.over_force is True for x in good),
         force=_middle(forces) if good else 999.0,
         binding=cause_of(trials),
     )

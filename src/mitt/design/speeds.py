@@ -35,12 +35,14 @@ class AtSpeed:
         throws: How many were thrown.
         feasible: Those caught without a tick beyond a limit.
         binding_limit: Why the others most often were not; None where nothing is known.
+        force_n: Median of the largest contact forces of the caught ones [N]; None without any.
     """
 
     speed_m_s: float
     throws: int
     feasible: int
     binding_limit: str | None
+    force_n: float | None = None
 
     @property
     def enough(self) -> bool:
@@ -120,7 +122,8 @@ def by_speed(
 def _at(speed: float, w: Evaluation) -> AtSpeed:
     """Return one row; what was not thrown at has no throws, and says why."""
     limit = w.failed or w.binding or None
-    return AtSpeed(speed_m_s=speed, throws=w.thrown, feasible=w.clean, binding_limit=limit)
+    return AtSpeed(speed_m_s=speed, throws=w.thrown, feasible=w.clean,
+                   force_n=w.force if w.caught else None, binding_limit=limit)  # fmt: skip
 
 
 def fastest(

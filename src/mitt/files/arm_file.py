@@ -50,6 +50,7 @@ class ArmFile:
         hand_turn: How far it is turned about the z axis of the tip [rad].
         hand_mount: What of it is at the tip: its catch point, or its plate.
         hand_tilt: How far a basket is then turned about the y axis of the tip [rad].
+        hand_force: Largest force of a contact that it takes [N]; None: as that hand says.
         map: Design of its map; None where it follows from the arm.
         throws: Where its balls come from; None where it says nothing.
         arrivals: How they arrive there, for which maps are learned; None: as default throws do.
@@ -66,6 +67,7 @@ class ArmFile:
     hand_turn: float = 0.0
     hand_mount: Mount = "catch"
     hand_tilt: float = 0.0
+    hand_force: float | None = None
     map: MapDesign | None = None
     throws: ThrowSettings | None = None
     arrivals: ArrivalSettings | None = None
@@ -92,7 +94,7 @@ class ArmFile:
             held=self.held,
             ready=self.ready,
             limits=limits_of(self.limits if limits is None else limits),
-            hand=hand_of(self.hand, self.hand_tilt),
+            hand=hand_of(self.hand, self.hand_tilt, self.hand_force),
             hand_turn=self.hand_turn,
             hand_mount=self.hand_mount,
         )
@@ -130,6 +132,7 @@ class _Hand(Part):
     turn: Annotated[float, Field(ge=-10.0, le=10.0)] = 0.0
     mount: Mount = "catch"
     tilt: Annotated[float, Field(ge=-MOST_TILT, le=MOST_TILT)] = 0.0
+    force: Annotated[float, Field(gt=0.0, le=1e6)] | None = None
 
 
 class _Map(Part):
@@ -182,6 +185,8 @@ def _arm_file(content: _ArmFile, folder: Path) -> ArmFile:
         raise InputError("hand", "a hand on an arm by name", "none")
     if content.hand.tilt and content.hand.name != "basket":
         raise InputError("tilt", "a basket", content.hand.name, do="leave it out")
+    if content.hand.force is not None and content.hand.name == "none":
+        raise InputError("force of hand", "a hand", "none", do="leave it out")
     if content.arrivals is not None and (content.throws is None or content.throws.at is None):
         raise InputError("arrivals", "a box where they arrive, at and around of throws", "none")
     if arm.ready is not None and arm.joints is not None and len(arm.ready) != len(arm.joints):
@@ -198,6 +203,7 @@ def _arm_file(content: _ArmFile, folder: Path) -> ArmFile:
         hand_turn=content.hand.turn,
         hand_mount=content.hand.mount,
         hand_tilt=content.hand.tilt,
+        hand_force=content.hand.force,
         map=None if content.map is None else MapDesign(**content.map.model_dump()),
         throws=content.throws,
         arrivals=content.arrivals,
@@ -227,7 +233,8 @@ def write_arm_file(path: Path, arm: ArmFile, *, comment: str = "") -> None:
         "schema": SCHEMA,
         "arm": own,
         "hand": {"name": arm.hand, "turn": float(arm.hand_turn), "mount": arm.hand_mount}
-        | ({"tilt": float(arm.hand_tilt)} if arm.hand_tilt else {}),
+        | ({"tilt": float(arm.hand_tilt)} if arm.hand_tilt else {})
+        | ({} if arm.hand_force is None else {"force": float(arm.hand_force)}),
         "map": None if arm.map is None else asdict(arm.map),
         "throws": None if arm.throws is None
         else arm.throws.model_dump(exclude_none=True, exclude_defaults=True),
@@ -247,10 +254,11 @@ def digest_of(path: Path) -> str:
     return hashlib.sha256(read_bytes(path, max_bytes=MAX_BYTES)).hexdigest()
 
 
-def hand_of(name: str, tilt: float) -> Hand | None:
-    """Return a hand by name; a basket is tilted by an angle [rad]."""
+def hand_of(name: str, tilt: float, force: float | None = None) -> Hand | None:
+    """Return a hand by name; a basket is tilted by an angle [rad], any takes a force [N]."""
     hand = hand_named(name)
-    return replace(hand, tilt=tilt) if isinstance(hand, Basket) else hand
+    hand = replace(hand, tilt=tilt) if isinstance(hand, Basket) else hand
+    return hand if hand is None or force is None else replace(hand, force=force)
 
 
 def limits_of(limits: str | Path | LimitSet | None) -> str | LimitSet | None:

@@ -28,6 +28,7 @@ class _Limits(Part):
     jerk: _Row | None = None
     torque: _Row | None = None
     torque_rate: _Row | None = None
+    force: Annotated[float, Field(gt=0.0, le=1e6)] | None = None
 
 
 class _LimitsFile(Part):
@@ -70,6 +71,7 @@ def read_limits(name_or_path: str | Path) -> LimitSet:
             name=path.stem,
             joints=tuple(content.joints),
             bounds={k: np.array(x) for k, x in given.items() if x is not None},
+            force=np.inf if content.force is None else content.force,
             shipped=ships,
         )
     except MittError as error:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from mitt.design.design import Design
+from mitt.design.design import Design, softer
 from mitt.design.evaluation import Evaluation
 from mitt.design.faster_joints import FasterJoint, faster_joints, longer_arm
 from mitt.files.files import write_text
@@ -113,6 +113,12 @@ def advice_of(found: Design, helps: list[FasterJoint], longer: float) -> list[st
         out.append(
             f"If all links were 20 % longer and the joints as fast, it could be {longer:.1f} m/s."
         )
+    if found.best is not None and found.best.hard:
+        best = found.best
+        out.append(
+            f"{best.hard} of {best.thrown} balls were caught with more force than is taken;"
+            f" {softer(found.whole)}."
+        )
     lost = [
         row for row in found.rows
         if row.binding_limit and (row.feasible < row.throws or row.throws == 0)
@@ -136,6 +142,7 @@ _WHAT = {
     "acceleration": "{0} may not speed up quickly enough",
     "region": "the catch would be outside the region that the map was learned for ({0})",
     "domain": "the flights leave the domain of the map, throws from less far would help",
+    "force": "the ball would press harder than hand or arm take",
     "grip": "the fingers would not hold the ball",
     "palm": "the ball would come from behind the palm",
     "spill": "the ball would leave the basket while the arm brakes",

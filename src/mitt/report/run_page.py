@@ -130,6 +130,7 @@ def result_summary(result: dict[str, Any]) -> dict[str, Any]:
         "cost": _spread(trials, "demand_cost"),
         "violating_throws": sum(v > 0 for v in violations),
         "violations": sum(violations),
+        "over_force": sum(t.get("over_force") is True for t in trials),
     }
 
 
@@ -162,12 +163,14 @@ def _rows(trials: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
 def _compared(result: dict[str, Any]) -> tuple[str, ...]:
     """Return a result as a row of the table that compares generators."""
     d = result_summary(result)
-    place, speed, cost = (None if d[name] is None else d[name]["median"]
-                          for name in ("position_mm", "velocity_m_s", "cost"))  # fmt: skip
+    place, speed, force, cost = (
+        None if d[name] is None else d[name]["median"]
+        for name in ("position_mm", "velocity_m_s", "force_n", "cost")
+    )
     return (
         str(result["generator"]), str(result["limits"]), f"{d['caught']} of {d['throws']}",
         f"{100 * d['catch_rate']:.1f}", interval(d["ci95"]), number(place, 1), number(speed, 2),
-        number(cost, 3), str(d["violating_throws"]),
+        number(force, 0), number(cost, 3), str(d["violating_throws"]),
     )  # fmt: skip
 
 

@@ -42,7 +42,7 @@ _SECTIONS = (
 )
 _HEAD = ("condition", "generator", "stopped by", "throws", "caught", "rate [%]",
          "95 % interval [%]", *STATUSES[1:], "position [mm]", "velocity [m/s]", "force [N]",
-         "work [J]", "beyond a limit")  # fmt: skip
+         "force, 95 % [N]", "too hard", "work [J]", "beyond a limit")  # fmt: skip
 
 
 def write_study_report(result: StudyResult, *, replays: int, progress: Progress) -> None:
@@ -125,7 +125,7 @@ def _passings(result: StudyResult, generator: str, condition: str) -> Array:
 
 def _cells(row: Row) -> list[str]:
     """Return a row of the summary as cells of the table of all numbers."""
-    median = row["median"]
+    median, force = row["median"], row["force_n"] or {"median": None, "p95": None}
     return [
         str(row["condition"]), str(row["generator"]),
         ", ".join(f"{reason} {count}" for reason, count in row["stopped_by"].items()),
@@ -133,7 +133,8 @@ def _cells(row: Row) -> list[str]:
         f"{100.0 * row['catch_rate']:.1f}", interval(row["ci95"]),
         *(str(row[status]) for status in STATUSES[1:]),
         number(median["position_error_mm"], 1), number(median["velocity_error_m_s"], 2),
-        number(median["peak_contact_force_n"], 0), number(median["energy_j"], 0),
+        number(force["median"], 0), number(force["p95"], 0), str(row["over_force"]),
+        number(median["energy_j"], 0),
         str(row["violating_throws"]),
     ]  # fmt: skip
 

@@ -129,6 +129,12 @@ class Arm:
         per_speed = np.abs(self.limits.drive_speed(alone)) / self.limits.dq_max
         return 1.0 / per_torque.max(axis=1), 1.0 / per_speed.max(axis=1)
 
+    @property
+    def force(self) -> float:
+        """Largest force of a contact that hand and arm take [N]; infinite where none is stated."""
+        hand = self.model.hand
+        return min(self.limits.force, np.inf if hand is None else hand.force)
+
     def position(self, q: Array) -> Array:
         """Return the catch point l(q), eq. (2) [m], shape (3,), for q [rad], shape (n,)."""
         motion = self._scratch.motion

@@ -15,6 +15,7 @@ Heights are above the tool plate, along the opening's normal:
 """
 
 from dataclasses import dataclass
+from math import inf
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -57,6 +58,9 @@ class Basket:
             towards its x axis [rad]. A tilted basket stands farther off, clear of the plate.
         restitution: Share of its speed with which a ball comes back from the net, measured by
             ``tests/world/test_net.py``: 0.04 to 0.08.
+        force: Largest force of a single contact with a ball that it takes [N]; infinite where
+            nobody knows. That at which its struts yield, bent by a force across their ends: three
+            of pi r^3 / 4 times 240 MPa (aluminium 6061-T6) over 0.2 m.
     """
 
     mass: float = 0.3
@@ -73,6 +77,7 @@ class Basket:
     flange: float = 0.04
     tilt: float = 0.0
     restitution: float = 0.06
+    force: float = 180.0
 
     __repr__ = brief
 
@@ -81,7 +86,7 @@ class Basket:
         bounds = dict.fromkeys(_LENGTHS, (1e-4, 2.0)) | {
             "mass": (1e-3, 50.0), "floor": (0.0, 2.0), "clear": (0.0, 2.0),
             "catch_depth": (0.0, self.depth), "tilt": (-MOST_TILT, MOST_TILT),
-            "restitution": (0.0, 1.0),
+            "restitution": (0.0, 1.0), "force": (1e-3, inf),
         }  # fmt: skip
         for name, (least, most) in bounds.items():
             if not least <= checks.number(f"basket.{name}", getattr(self, name)) <= most:

@@ -29,12 +29,15 @@ class LimitSet:
         name: Name of the set.
         joints: Names of the joints, from the base outwards.
         bounds: Bounds by kind, of :data:`KINDS`, each of shape (len(joints),).
+        force: Largest force of a single contact at the hand that the arm takes [N]; infinite where
+            its source says nothing of it.
         shipped: Whether it comes with the package, for one arm whose joints have these names.
     """
 
     name: str
     joints: tuple[str, ...]
     bounds: Mapping[str, Array] = field(default_factory=dict)
+    force: float = np.inf
     shipped: bool = False
 
     __repr__ = brief
@@ -55,6 +58,8 @@ class LimitSet:
             raise ModelError(place, "both ends of the range, lower and upper", "one")
         if "lower" in kept and not np.all(kept["lower"] < kept["upper"]):
             raise ModelError(place, "lower < upper", f"{kept['lower']}, {kept['upper']}")
+        if not checks.number(f"{place} force", self.force) > 0.0:
+            raise ModelError(f"{place} force", "a number above 0", self.force)
         object.__setattr__(self, "bounds", kept)
 
     def fitted(self, names: Sequence[str]) -> dict[str, dict[str, float]]:

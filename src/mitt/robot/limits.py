@@ -44,6 +44,8 @@ class Limits:
         jerk: Largest jerk of each joint [rad/s^3], shape (N,); None where the set has none.
         torque_rate: Largest rate of each joint's torque [N m/s], shape (N,); None where the set
             has none.
+        force: Largest force of a single contact at the hand that the arm takes [N]; infinite where
+            the set says nothing of it.
     """
 
     name: str
@@ -55,6 +57,7 @@ class Limits:
     acceleration: Array | None = None
     jerk: Array | None = None
     torque_rate: Array | None = None
+    force: float = np.inf
 
     __repr__ = brief
 
@@ -78,6 +81,8 @@ class Limits:
             if name != "transmission" and not np.all(value > 0.0):  # they stand in denominators
                 raise InputError(f"limits {name}", "numbers above 0", value.tolist())
             object.__setattr__(self, name, value)
+        if not checks.number("limits force", self.force) > 0.0:
+            raise InputError("limits force", "a number above 0", self.force)
 
     def __getstate__(self) -> dict[str, object]:
         """Return the fields; what follows from them is worked out anew."""
@@ -163,7 +168,7 @@ class Limits:
 
 
 _FIELDS = ("name", "transmission", "tau_peak", "tau_stall", "dq_max", "tau_rms", "acceleration",
-           "jerk", "torque_rate")  # fmt: skip
+           "jerk", "torque_rate", "force")  # fmt: skip
 """Fields of a limit set."""
 
 

@@ -298,9 +298,10 @@ def _limits(
         for kind in ("acceleration", "jerk", "torque_rate")
         if kind in bounds
     }
-    return joint_level(
+    limits = joint_level(
         "model" if given is None else given.name,
         tau=np.array([stated.torque[name] for name in names]),
         speed=np.array([stated.speed[name] for name in names]),
         **more,
     )
+    return limits if given is None else replace(limits, force=given.force)

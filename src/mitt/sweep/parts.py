@@ -44,6 +44,7 @@ _COLUMNS = pa.schema(
         pa.field("peak_torque_ratio", pa.list_(pa.float64())),
         pa.field("peak_speed_ratio", pa.list_(pa.float64())),
         pa.field("limit_violations", pa.int64()),
+        pa.field("over_force", pa.bool_()),
         pa.field("saturated_ticks", pa.int64()),
         pa.field("binding_limit", pa.string()),
         *(pa.field(f"stopped_by_{name}", pa.string()) for name in _STOP_WORDS),

@@ -15,7 +15,7 @@ from mitt.errors import FileError
 from mitt.sweep.folder import Folder, read_manifest
 from mitt.sweep.parts import read_columns
 from mitt.sweep.study import Condition, Study
-from mitt.trials.result import STATUSES
+from mitt.trials.result import STATUSES, spread_of
 from mitt.trials.score import reason_of
 from mitt.trials.statistics import holm, mcnemar, wilson
 
@@ -32,8 +32,8 @@ REFERENCE = "direct"
 _MEDIANS = ("position_error_mm", "velocity_error_m_s", "peak_contact_force_n", "energy_j",
             "demand_cost", "peak_torque_ratio", "peak_speed_ratio")  # fmt: skip
 #: Columns that a summary needs.
-_COLUMNS = ("index", "status", "limit_violations", "stopped_by_reason", "stopped_by_joint",
-            *_MEDIANS)  # fmt: skip
+_COLUMNS = ("index", "status", "limit_violations", "over_force", "stopped_by_reason",
+            "stopped_by_joint", *_MEDIANS)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -93,10 +93,11 @@ def cell_of(
     counts = dict.fromkeys(STATUSES, 0)
     values: dict[str, list[float]] = {name: [] for name in _MEDIANS}
     caught: dict[int, bool] = {}
-    violating, reasons = 0, Counter[str]()
+    violating, over, reasons = 0, 0, Counter[str]()
     for trial in trials:
         counts[trial["status"]] += 1
         violating += trial["limit_violations"] > 0
+        over += trial["over_force"] is True
         if trial["stopped_by_reason"] is not None:
             named = {"reason": trial["stopped_by_reason"], "joint": trial["stopped_by_joint"]}
             reasons[reason_of(named)] += 1
@@ -113,6 +114,8 @@ def cell_of(
         "caught": counts["caught"],
         "catch_rate": counts["caught"] / throws if throws else 0.0,
         "ci95": list(wilson(counts["caught"], throws)),
+        "force_n": spread_of(values["peak_contact_force_n"]),
+        "over_force": over,
         **{status: counts[status] for status in STATUSES[1:]},
         "stopped_by": dict(sorted(reasons.items())),
         "complete": throws == wanted,

@@ -35,6 +35,7 @@ LIMITS = {
     "range": "the range of {0} ends",
     "brake": "{0} would have too little room to come to rest after the catch",
     "impact": "the impact would drive {0} beyond its speed",
+    "force": "the ball would press on the hand harder than hand or arm take",
     "grip": "the fingers would not hold the ball",
     "palm": "the ball would come from behind the palm and touch the fingers first",
     "spill": "the ball would leave the basket in the brake",

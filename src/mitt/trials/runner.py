@@ -210,7 +210,8 @@ class TrialRunner:
     def _score(self, index: int, catcher: Catcher, found: Measured, t_catch: float) -> Trial:
         """Score the finished trial."""
         world, verdict = self.world, catcher.verdict
-        contact = world.first_contact
+        contact, most = world.first_contact, self.arm.force
+        known = contact is not None and np.isfinite(most)
         return Trial(
             index=index,
             status=status_of(world, catcher.phase, was_held=was_held(self.arm, world)),
@@ -218,6 +219,7 @@ class TrialRunner:
             position_error_mm=None if contact is None else 1e3 * contact.position_error,
             velocity_error_m_s=None if contact is None else contact.velocity_error,
             peak_contact_force_n=None if contact is None else world.peak_force,
+            over_force=world.peak_force > most if known else None,
             binding_limit="unseen" if verdict is None else verdict.binding_limit,
             certificate=certificate_of(verdict),
             certificate_last=certificate_of(catcher.certificate),

@@ -56,6 +56,8 @@ class Trial:
             refined in flight.
         stopped_by: Why the catcher stopped: state, reason, joint, time, and what it estimated, read
             and commanded then; None where it did not.
+        over_force: Whether the largest contact force is more than hand and arm take; None without
+            a contact, or where nothing is known of what they take.
     """
 
     index: int
@@ -75,6 +77,7 @@ class Trial:
     certificate: dict[str, str | float | None] | None = None
     certificate_last: dict[str, str | float | None] | None = None
     stopped_by: dict[str, Plain] | None = None
+    over_force: bool | None = None
 
 
 def certificate_of(verdict: Verdict | None) -> dict[str, str | float | None] | None:
