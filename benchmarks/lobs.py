@@ -76,7 +76,7 @@ def main() -> None:
     scene, arm = Scene(), load_arm("wam", limits=options.limits)
     f = learn(arm).map
     hand = arm.model.hand
-    lead = hand.closing.lead if isinstance(hand, HandModel) else 0.0
+    lead = hand.closing_time(scene.ball.radius) if isinstance(hand, HandModel) else 0.0
     runner, rng = (
         TrialRunner(arm, Direct(f), scene, pixels=False),
         np.random.default_rng(options.seed),

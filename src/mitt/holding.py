@@ -10,7 +10,7 @@ from mitt.control.brake import Brake
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Basket
 from mitt.robot.hands import HandModel
-from mitt.signals import GRAVITY, Array
+from mitt.signals import GRAVITY, TICK, Array
 
 #: Share of what the fingers' drives hold at rest that holds a ball which has just struck: of 11
 #: balls of 1 kg that asked for more none stayed, of 60 of 0.5 kg that asked for less 50 did.
@@ -98,6 +98,26 @@ def pull(arm: Arm, brake: Brake, ball: CaughtBall) -> float:
         across = float(np.linalg.norm(force - out * normal))
         most = max(most, max(-out, 0.0) + across)
     return ball.heaviest * most / held
+
+
+def closing(arm: Arm, ball: CaughtBall, left: float) -> float:
+    """Return the time that the fingers need to close, as share of what is left until the catch.
+
+    Args:
+        arm: The arm; one without fingers needs none.
+        ball: The ball.
+        left: That time [s].
+    """
+    hand = arm.model.hand
+    if not isinstance(hand, HandModel):
+        return 0.0
+    return min(_closing_time(hand, ball.radius) / max(left, TICK), _LOST)
+
+
+@lru_cache(maxsize=32)
+def _closing_time(hand: HandModel, radius: float) -> float:
+    """Return how long a hand needs to close on a ball [s]; worked out once."""
+    return hand.closing_time(radius)
 
 
 def spill(arm: Arm, brake: Brake, ball: CaughtBall, basket: Basket, v_rel: Array) -> float:

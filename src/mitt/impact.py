@@ -24,7 +24,7 @@ from mitt.control.envelope import speeds_of
 from mitt.control.hand import TOUCH_BEFORE
 from mitt.generator.demand import Tolerance, shares_of
 from mitt.generator.feasibility import Approach, Outcome, Verdict
-from mitt.holding import CaughtBall, aslant, pull, spill
+from mitt.holding import CaughtBall, aslant, closing, pull, spill
 from mitt.rehearsal import gap_at_catch
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Basket
@@ -204,7 +204,8 @@ def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, fl
         impact, in units of what the hand tolerates, or the speed that the ball drives it to where
         no room suffices (``speed:NAME`` where its own limit keeps it slow); ``brake:NAME`` where
         the joint comes to rest, in its range; ``grip`` the pull on the fingers, in units of what
-        they hold; ``palm`` how far the ball comes from the side or from behind the palm;
+        they hold; ``hand`` the time that they need to close, in units of what is left until the
+        catch; ``palm`` how far the ball comes from the side or from behind the palm;
         ``spill`` how far the ball leaves the bottom of a basket, in units of its depth; ``force``
         the largest force of a contact (:mod:`mitt.contact_force`), in units of what hand and arm
         take.
@@ -225,6 +226,7 @@ def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, fl
     if isinstance(arm.model.hand, Basket):
         shares["spill"] = spill(arm, brake, ball, arm.model.hand, v_rel)
     else:
+        shares["hand"] = closing(arm, ball, approach.step * (len(approach.motion) - 1))
         shares["grip"] = pull(arm, brake, ball)
         shares["palm"] = aslant(arm, approach.motion[-1, 0], v_rel)
     if np.isfinite(arm.force):
@@ -233,11 +235,14 @@ def shares_after(arm: Arm, approach: Approach, ball: CaughtBall) -> dict[str, fl
 
 
 def harms(arm: Arm, verdict: Verdict, ball: CaughtBall) -> bool:
-    """Say whether the catch of a verdict would drive a joint too far, or not keep the ball."""
+    """Say whether the catch of a verdict would drive a joint too far, or not keep the ball.
+
+    Fingers that should have begun to close may have done so.
+    """
     if verdict.approach is None:
         return False
     shares = shares_after(arm, verdict.approach, ball)
-    return any(x > 1.0 for name, x in shares.items() if not name.startswith("speed:"))
+    return any(x > 1.0 for name, x in shares.items() if not name.startswith(("speed:", "hand")))
 
 
 def _lateness(arm: Arm, approach: Approach, cap: Array) -> Array:
