@@ -96,7 +96,7 @@ class Eyes:
         self._gaze, self._gaze_work = empty_gaze(rows), np.zeros((7, 3))
         self._numbers, self._t = [-1] * n, 0.0
         self._boxes = np.zeros((target.WORK, 4), dtype=np.int64)
-        self._work = np.empty((triangulation.WORK + n, 3))
+        self._work = np.empty((triangulation.WORK + 2 * n + 4, 3))
         self._none = [np.empty((0, 0), dtype=np.uint8)] * n
         self._shapes = [(camera.height, camera.width) for camera in rig.cameras]
         self.reset()

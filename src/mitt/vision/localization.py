@@ -33,6 +33,9 @@ position was corrected, whether one camera counts while something hides the ball
 how far from there the ball may be if the position is that of :func:`guide` [m], else 0."""
 BLIND, ONE, BOTH, AT_ODDS = range(4)
 
+LACKING = -2.0
+"""Instead of a centroid's standard deviation: the target is not as heavy as the ball should be."""
+
 ALONG = 1.0
 """Standard deviation along the ray of a ball that one camera alone sees [m]: a thousand times what
 is known of it, and few enough digits away from what is seen across."""
@@ -186,7 +189,7 @@ def localize(
         boxes: Scratch, shape (target.WORK, 4).
         cameras: As in :mod:`mitt.vision.camera`, shape (n, 5, 3).
         ball: As of :func:`mitt.vision.triangulation.pack_ball`, shape (5,).
-        work: Scratch, shape (triangulation.WORK + n, 3).
+        work: Scratch, shape (triangulation.WORK + 2 n + 4, 3).
         r: Result, centre of the ball [m], shape (3,).
         P: Result, its covariance [m^2], shape (3, 3).
 
@@ -224,12 +227,44 @@ def localize(
         elif _is_whole(own, since, point):
             count, one = count + 1, n
         else:
-            point[2], hidden = -1.0, True
+            point[2], hidden = LACKING, True
+    if count < 2:
+        count = max(count, _count_where_they_meet(memory, since, cameras, points, ball, work))
     if count >= 2:
         return bool(_locate(memory, cameras, points, ball, work, r, P))
     if count == 1 and (not hidden or rig[ALONE] > 0.0) and rig[KNOWN] > 0.0:
         return bool(_locate_alone(one, hidden, memory, cameras, points, ball, r, P))
     return False
+
+
+@kernel
+def _count_where_they_meet(
+    memory: Array, since: float, cameras: Array, points: Array, ball: Array, work: Array
+) -> int:
+    """Judge targets that are not as heavy as expected where their lines of sight meet.
+
+    After a bounce the ball is farther away than by its flight, or nearer, and its mass is that of
+    a ball there. The arguments are those of :func:`localize`, and frames as of :func:`_is_whole`.
+
+    Returns:
+        How many cameras see the whole ball there; 0 if one does not, and ``points`` are as before.
+    """
+    start, count = triangulation.WORK + len(points), 0
+    r, P = view(work, 3 * start, (3,)), view(work, 3 * start + 3, (3, 3))
+    seen = view(work, 3 * start + 12, points.shape)
+    for n in range(len(points)):
+        seen[n, 2] = -1.0
+        if points[n, 2] > 0.0 or points[n, 2] == LACKING:
+            own = memory[n]
+            count += note(seen[n], own[0], own[1], own[target.AREA], False, ball)
+    if count < 2 or not triangulate(cameras, seen, ball[0], r, P, work) <= ball[3]:
+        return 0
+    target.expect(memory, cameras, ball[0], r, 0.0)
+    for n in range(len(points)):
+        if seen[n, 2] > 0.0 and not _is_whole(memory[n], since, seen[n]):
+            return 0
+    points[:] = seen
+    return count
 
 
 @kernel
