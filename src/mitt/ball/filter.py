@@ -15,7 +15,7 @@ import numpy as np
 
 from mitt import checks, fields
 from mitt.ball import memory as at
-from mitt.ball.estimator import is_tracked, predict, update
+from mitt.ball.estimator import doubt, is_tracked, predict, update
 from mitt.errors import InputError
 from mitt.fields import brief
 from mitt.signals import GRAVITY, Array, BallState, Sighting
@@ -206,6 +206,8 @@ class BallFilter:
         t, m = checks.number("t", t), self._memory
         motion, covariance = np.empty((3, 3)), np.empty((6, 6))
         tracked = predict(m, t, self._settings, motion, covariance, self._work)
+        if tracked:
+            doubt(m, t, self._settings, covariance)
         if not np.isfinite(covariance).all():
             tracked, motion[:], covariance[:] = False, 0.0, 0.0
         return BallState(

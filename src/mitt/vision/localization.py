@@ -26,11 +26,12 @@ from mitt.vision.target import (
 from mitt.vision.triangulation import note, on_ray, triangulate
 
 KNOWN, SINCE, ODDS, STATUS, SPEED = range(3, 8)
-AGE, ALONE, GUIDED = 10, 11, 12
+AGE, ALONE, GUIDED, MISSED = 10, 11, 12, 13
 """Places in the rig's row of the memory, after the position: sightings that it rests on, frames
 since both cameras saw the ball, frames at odds in a row, status, motion a frame, frames since the
 position was corrected, whether one camera counts while something hides the ball from the other,
-how far from there the ball may be if the position is that of :func:`guide` [m], else 0."""
+how far from there the ball may be if the position is that of :func:`guide` [m], else 0, frames
+since the last sighting that should have shown the ball and did not."""
 BLIND, ONE, BOTH, AT_ODDS = range(4)
 
 LACKING = -2.0
@@ -126,7 +127,7 @@ def _correct(rig: Array, r: Array) -> None:
             rig[SPEED + i] = 0.0
         else:
             rig[SPEED + i] += (1.0 if count == 1.0 else BETA) * error / frames
-    rig[KNOWN], rig[AGE] = min(count + 1.0, SLOWLY), 0.0
+    rig[KNOWN], rig[AGE], rig[MISSED] = min(count + 1.0, SLOWLY), 0.0, 0.0
 
 
 @kernel
@@ -159,6 +160,16 @@ def _is_elsewhere(memory: Array) -> bool:
     off = max(abs(memory[0] - memory[AT_U]), abs(memory[1] - memory[AT_V]))
     ball = memory[GAIN] * memory[EXPECTED]
     return bool(off > memory[NEAR] or (memory[WEIGHED] > 0.0 and memory[WEIGHTS] > LARGE * ball))
+
+
+@kernel
+def _is_inside(memory: Array, pixels: Image) -> bool:
+    """Return whether the whole ball should be in an image."""
+    rows, columns = pixels.shape
+    rim = sqrt(memory[EXPECTED] / pi)
+    u, v = memory[AT_U], memory[AT_V]
+    across, down = rim <= u < columns - rim, rim <= v < rows - rim
+    return bool(memory[EXPECTED] > 0.0 and across and down)
 
 
 @kernel
@@ -198,7 +209,7 @@ def localize(
         hides it from the other, one counts only where ``ALONE`` says so, and not before a catch:
         it is then soon half hidden from both, and the flight model knows better.
     """
-    eyes, hidden, count, one = len(images), False, 0, -1
+    eyes, hidden, gone, count, one = len(images), False, False, 0, -1
     points, rig = view(work, 3 * triangulation.WORK, (eyes, 3)), memory[eyes]
     _predict(rig)
     rig[STATUS] = float(BLIND)
@@ -218,16 +229,19 @@ def localize(
         scratch = backgrounds[eyes]
         area, clipped = detect(pixels, backgrounds[n], scratch, own, settings, boxes)
         hidden |= own[STATE] >= MERGED
+        if own[STATE] == GOOD and area > 0 and guided and _is_elsewhere(own):
+            hidden, own[STATE] = True, float(LOST)  # to be searched anew
+        gone |= area == 0 and _is_inside(own, pixels)
         if apart >> n & 1 or area == 0 or own[STATE] != GOOD:
             continue
         if not note(point, own[0], own[1], float(area), clipped, ball):
             continue
-        if guided and _is_elsewhere(own):
-            point[2], hidden, own[STATE] = -1.0, True, float(LOST)  # to be searched anew
-        elif _is_whole(own, since, point):
+        if _is_whole(own, since, point):
             count, one = count + 1, n
         else:
             point[2], hidden = LACKING, True
+    if gone and not hidden:
+        rig[MISSED] += 1.0
     if count < 2:
         count = max(count, _count_where_they_meet(memory, since, cameras, points, ball, work))
     if count >= 2:
