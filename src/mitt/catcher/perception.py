@@ -86,10 +86,7 @@ def perceive(
     out.drag = memory[at.DRAG] if tracked else 0.0
     out.t_seen = memory[at.T_SEEN] if tracked else -np.inf
     out.t_first = memory[at.T_FIRST] if tracked else -np.inf
-    P = result.covariance
-    s.flight_sigma = np.sqrt((P[0, 0] + P[1, 1] + P[2, 2]) / 3.0) if tracked else np.inf
-    if tracked:
-        _doubt(state, result)
+    _doubt(state, result)
     if s.heads > 0:
         _turn_heads(images, t_exposed, state, result)
 
@@ -97,11 +94,12 @@ def perceive(
 @kernel
 def _doubt(state: CatcherState, result: Result) -> None:
     """Let the estimate know that the ball may fly no more as it did."""
-    out, rig = result.scalars[0], state.eyes_memory[len(state.eyes_memory) - 1]
-    doubt(state.ball_memory, out.t, state.ball_settings, result.covariance)
-    doubt_flight(
-        result.ball[1], out.t - out.t_seen, rig[MISSED], state.target[0], result.covariance
-    )
+    s, out, P = state.scalars[0], result.scalars[0], result.covariance
+    s.flight_sigma = np.sqrt((P[0, 0] + P[1, 1] + P[2, 2]) / 3.0) if out.tracked else np.inf
+    if out.tracked:
+        missed = state.eyes_memory[len(state.eyes_memory) - 1, MISSED]
+        doubt(state.ball_memory, out.t, state.ball_settings, P)
+        doubt_flight(result.ball[1], out.t - out.t_seen, missed, state.target[0], P)
 
 
 @kernel

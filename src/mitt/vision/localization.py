@@ -222,24 +222,12 @@ def localize(
     rig[GUIDED] = 0.0
     _expect(memory, cameras, ball, reach + ASTRAY * since, guided)
     for n in range(eyes):
-        pixels, own, point = images[n], memory[n], points[n]
-        point[2] = -1.0
-        if pixels.size == 0:
-            continue
-        scratch = backgrounds[eyes]
-        area, clipped = detect(pixels, backgrounds[n], scratch, own, settings, boxes)
-        hidden |= own[STATE] >= MERGED
-        if own[STATE] == GOOD and area > 0 and guided and _is_elsewhere(own):
-            hidden, own[STATE] = True, float(LOST)  # to be searched anew
-        gone |= area == 0 and _is_inside(own, pixels)
-        if apart >> n & 1 or area == 0 or own[STATE] != GOOD:
-            continue
-        if not note(point, own[0], own[1], float(area), clipped, ball):
-            continue
-        if _is_whole(own, since, point):
-            count, one = count + 1, n
-        else:
-            point[2], hidden = LACKING, True
+        points[n, 2] = -1.0
+        if images[n].size > 0:
+            look = images[n], backgrounds[n], backgrounds[eyes], memory[n], settings, boxes
+            whole, covered, missing = _look(*look, apart >> n & 1, since, guided, ball, points[n])
+            count, one = (count + 1, n) if whole else (count, one)
+            hidden, gone = hidden | covered, gone | missing
     if gone and not hidden:
         rig[MISSED] += 1.0
     if count < 2:
@@ -249,6 +237,31 @@ def localize(
     if count == 1 and (not hidden or rig[ALONE] > 0.0) and rig[KNOWN] > 0.0:
         return bool(_locate_alone(one, hidden, memory, cameras, points, ball, r, P))
     return False
+
+
+@kernel
+def _look(
+    pixels: Image, background: Image, scratch: Image, own: Array, settings: Array, boxes: Box,
+    apart: int, since: float, guided: bool, ball: Array, point: Array,
+) -> tuple[bool, bool, bool]:  # fmt: skip
+    """Find the target of one camera, and write what it sees; see ``localize``.
+
+    Returns:
+        Whether it is the whole ball; whether something hides that, or is beside it; and whether
+        there is nothing where the ball should be.
+    """
+    area, clipped = detect(pixels, background, scratch, own, settings, boxes)
+    hidden = own[STATE] >= MERGED
+    if own[STATE] == GOOD and area > 0 and guided and _is_elsewhere(own):
+        hidden, own[STATE] = True, float(LOST)  # to be searched anew
+    if apart > 0 or area == 0 or own[STATE] != GOOD:
+        return False, hidden, area == 0 and _is_inside(own, pixels)
+    if not note(point, own[0], own[1], float(area), clipped, ball):
+        return False, hidden, False
+    if _is_whole(own, since, point):
+        return True, hidden, False
+    point[2] = LACKING
+    return False, True, False
 
 
 @kernel
