@@ -86,7 +86,7 @@ def test_heads_find_a_ball_again_that_bounced_unseen(hidden: int, shown: bool) -
     """
     for restitution, kept in BOUNCES:
         seen = watch(active_rig(), 4.5, restitution, kept, hidden=hidden, shown=shown)
-        again = hidden - BEFORE + round(0.5 * SWEEP / TICK) + 15
+        again = hidden - BEFORE + round(0.5 * SWEEP / TICK) + 20
         assert max(seen.errors[again : again + 10]) < 8e-3, (restitution, kept)
 
 

@@ -201,7 +201,8 @@ class BallFilter:
     def state(self, t: float) -> BallState:
         """Return the estimate carried by the flight model to ``t`` [s], near or far.
 
-        Not tracked without an estimate, or further than ``estimator.MAX_HORIZON`` from it.
+        Not tracked without an estimate, or further than ``estimator.MAX_HORIZON`` from it. Where
+        the newest sightings were rejected, the covariance holds the kick that they may show.
         """
         t, m = checks.number("t", t), self._memory
         motion, covariance = np.empty((3, 3)), np.empty((6, 6))

@@ -35,7 +35,8 @@ GAZE = 8
 
 ALPHA, BETA = 0.5, 0.15
 FRESH, STALE = 0.006, 0.03
-"""Ages up to which an image contradicts the filter, and up to which it leads a head [s]."""
+"""Ages up to which an image contradicts the filter, beyond how old the newest always are, and up to
+which it leads a head while there is no track [s]."""
 LET_GO = 0.15
 """Time without a sighting after which the heads no longer follow the filter [s]."""
 DOUBT = 0.04
@@ -102,7 +103,7 @@ def _distance(head: Array, r: Array) -> float:
 
 @kernel
 def _from_others(
-    heads: Array, gaze: Array, n: int, t: float, oldest: float, far: float, work: Array,
+    heads: Array, gaze: Array, n: int, t: float, oldest: float, known: bool, r: Array, work: Array,
     desired: Array,
 ) -> bool:  # fmt: skip
     """Write where head ``n`` looks to meet the line of sight of another; False if none sees.
@@ -113,7 +114,8 @@ def _from_others(
         n: The head.
         t: As for :func:`lead`.
         oldest: Greatest age of what the other sees [s].
-        far: Distance from the other at which they meet [m]; as it expects where that is 0.
+        known: Whether they meet as far off as ``r``; else as far as balls come into sight.
+        r: About where the ball is [m], shape (3,).
         work: Scratch, shape (7, 3).
         desired: Result, shape (4,).
     """
@@ -121,9 +123,9 @@ def _from_others(
     for m in range(heads.shape[0]):
         if m == n or gaze[m, 4] < 1.0 or t - gaze[m, 5] > oldest:
             continue
-        reach = far if far > 0.0 else heads[m, 20]
-        _along(heads[m], gaze[m], t, reach, work[:5], now)
-        _along(heads[m], gaze[m], t + h, reach, work[:5], rate)
+        far = _distance(heads[m], r) if known else heads[m, 20]
+        _along(heads[m], gaze[m], t, far, work[:5], now)
+        _along(heads[m], gaze[m], t + h, far, work[:5], rate)
         for i in range(3):
             rate[i] = (rate[i] - now[i]) / h
         bearing(heads[n], now, rate, desired)
@@ -157,9 +159,11 @@ def _search(
     speed = sqrt(change[0] ** 2 + change[1] ** 2 + change[2] ** 2)
     held = max(min(head[16], head[17]) - BORDER - sqrt(area / pi), 0.0) / head[15]
     fits = 2.0 * held * _distance(head, motion[0]) / speed
-    swept, phase = max(silence - fits, 0.0), 2.0 * pi * (silence - fits) / SWEEP
-    share = 0.5 * (silence + swept * cos(phase))
-    drift = 0.5 if swept == 0.0 else 0.5 + 0.5 * cos(phase) - pi * swept / SWEEP * sin(phase)
+    share, drift, swept = 0.5 * silence, 0.5, silence - fits
+    if swept > 0.0:
+        phase = 2.0 * pi * swept / SWEEP
+        share += 0.5 * swept * cos(phase)
+        drift += 0.5 * cos(phase) - pi * swept / SWEEP * sin(phase)
     for i in range(3):
         sought[0, i] += share * change[i]
         sought[1, i] += drift * change[i]
@@ -177,12 +181,13 @@ def _look_at(
     track = gaze[n]
     later = t - track[5]
     bearing(heads[n], sought[0], sought[1], goal)
-    if track[4] >= 1.0 and later < FRESH:
+    oldest = gaze[0, LAG] + FRESH
+    if track[4] >= 1.0 and later < oldest:
         u, v = track[0] + later * track[2], track[1] + later * track[3]
         if silent or max(abs(goal[0] - u), abs(goal[1] - v)) > DOUBT:
             goal[0], goal[1], goal[2], goal[3] = u, v, track[2], track[3]
     elif silent:
-        _from_others(heads, gaze, n, t, FRESH, _distance(heads[n], sought[0]), work, goal)
+        _from_others(heads, gaze, n, t, oldest, True, sought[0], work, goal)
 
 
 @kernel
@@ -193,7 +198,7 @@ def _wait(heads: Array, gaze: Array, n: int, t: float, work: Array, goal: Array)
     if track[4] >= 1.0 and later < STALE:
         goal[0], goal[1] = track[0] + later * track[2], track[1] + later * track[3]
         goal[2], goal[3] = track[2], track[3]
-    elif not _from_others(heads, gaze, n, t, STALE, 0.0, work, goal):
+    elif not _from_others(heads, gaze, n, t, STALE, False, head[9:12], work, goal):
         nod, sway, breadth = 2.0 * pi / NOD, 2.0 * pi / SWAY, BREADTH * head[21]
         goal[0], goal[2] = head[21] + breadth * sin(sway * t), breadth * sway * cos(sway * t)
         goal[1] = head[22] + head[23] * sin(nod * t)
@@ -214,7 +219,7 @@ def lead(
         gaze: As in the module's table, overwritten, shape (n, GAZE + 4).
         motion: Position [m] and velocity [m/s] of the ball at ``t``, rows 0 and 1.
         t_seen: When the ball was last seen that ``motion`` is known of [s]; -infinity: unknown.
-        te: Time of the last exposure [s].
+        te: Time of the newest exposure [s].
         t: Time at which the heads are to be there [s].
         work: Scratch, shape (9, 3).
         desired: Result.

@@ -271,7 +271,8 @@ def _count_where_they_meet(
     """Judge targets that are not as heavy as expected where their lines of sight meet.
 
     After a bounce the ball is farther away than by its flight, or nearer, and its mass is that of
-    a ball there. The arguments are those of :func:`localize`, and frames as of :func:`_is_whole`.
+    a ball there. That says something only where its contrast is well known. The arguments are those
+    of :func:`localize`, and frames as of :func:`_is_whole`.
 
     Returns:
         How many cameras see the whole ball there; 0 if one does not, and ``points`` are as before.
@@ -281,8 +282,8 @@ def _count_where_they_meet(
     seen = view(work, 3 * start + 12, points.shape)
     for n in range(len(points)):
         seen[n, 2] = -1.0
-        if points[n, 2] > 0.0 or points[n, 2] == LACKING:
-            own = memory[n]
+        own = memory[n]
+        if own[WEIGHED] == SLOWLY and (points[n, 2] > 0.0 or points[n, 2] == LACKING):
             count += note(seen[n], own[0], own[1], own[target.AREA], False, ball)
     if count < 2 or not triangulate(cameras, seen, ball[0], r, P, work) <= ball[3]:
         return 0
