@@ -11,7 +11,9 @@ from mitt.errors import InputError, ShapeError
 from mitt.signals import Array
 from mitt.vision.camera import Head, Rig, look_at
 from mitt.vision.eyes import Eyes, EyesStatus
+from mitt.vision.gaze import empty_gaze, lead
 from mitt.vision.head import active_rig, aim, bearing, pack_heads, pose_of
+from mitt.vision.target import EXPECTED, GAIN, GOOD, STATE, WEIGHED, WEIGHTS
 from mitt.world.imaging import Imager, ImageSensor
 
 ANGLE = st.floats(-1.2, 1.2)
@@ -101,6 +103,47 @@ def test_the_heads_find_a_thrown_ball_and_keep_it_in_the_middle(seed: int) -> No
                 assert camera.f_px * np.hypot(*local[:2]) / local[2] < 4.0
         advance(r, dr, 0.04, 1e-3)
     assert 0 < first <= 80
+
+
+@pytest.mark.parametrize(("mass", "follows"), [(0.8, True), (1.2, True), (2.5, False)])
+def test_a_head_follows_its_image_only_while_that_may_be_the_ball(
+    mass: float, follows: bool
+) -> None:
+    """A target 40 px beside the flight leads the head, unless it is twice as heavy as the ball."""
+    eyes, gaze = Eyes(active_rig()), empty_gaze(2)
+    arrays = eyes.arrays()
+    heads, cameras, memory = arrays["heads"], arrays["cameras"], arrays["memory"]
+    motion, desired = np.array([(2.0, 0.1, 0.1), (-5.0, 0.0, 0.0)]), np.zeros((2, 4))
+    for n in range(2):
+        bearing(heads[n], *motion, desired[n])
+    aim(heads, desired[:, :2].copy(), cameras)
+    memory[0, :2], memory[1, :2] = (103.5, 63.5), (23.5, 63.5)
+    memory[:2, STATE], memory[:2, EXPECTED], memory[:2, GAIN] = GOOD, 700.0, 100.0
+    memory[:2, WEIGHED], memory[:2, WEIGHTS] = 20.0, mass * 7e4
+    ahead = desired.copy()
+    lead(heads, cameras, memory, gaze, motion, 0.299, 0.3, 0.302, np.zeros((9, 3)), desired)
+    turned_by = np.abs(desired[:, 0] - ahead[:, 0])
+    assert np.all((turned_by > 0.04) == follows)
+
+
+@pytest.mark.parametrize("silence", [0.01, 0.03, 0.07])
+def test_heads_that_search_agree_on_a_place_between_flight_and_bounce(silence: float) -> None:
+    """Their lines of sight meet above where the ball would be if it flew on, if it fell."""
+    eyes, gaze = Eyes(active_rig()), empty_gaze(2)
+    arrays = eyes.arrays()
+    heads, cameras, desired = arrays["heads"], arrays["cameras"], np.zeros((2, 4))
+    for falls in (3.0, -3.0):
+        motion = np.array([(1.5, 0.1, 0.1), (-4.0, 0.0, -falls)])
+        given = heads, cameras, arrays["memory"], gaze, motion
+        lead(*given, 0.3 - silence, 0.3, 0.3, np.zeros((9, 3)), desired)
+        aim(heads, desired[:, :2].copy(), cameras)
+        a, b = cameras[0, :3, 2], cameras[1, :3, 2]
+        far = np.linalg.lstsq(np.stack((a, -b), axis=1), cameras[1, 3] - cameras[0, 3])[0]
+        place = cameras[0, 3] + far[0] * a
+        assert place == pytest.approx(cameras[1, 3] + far[1] * b, abs=2e-3)
+        raised = place[2] - motion[0, 2]
+        assert (-2e-3 < raised < 2.0 * abs(falls) * silence) if falls > 0 else abs(raised) < 2e-3
+        assert raised > 0.1 * falls * silence or falls < 0.0 or silence > 0.05
 
 
 def test_heads_that_cannot_turn_are_refused() -> None:

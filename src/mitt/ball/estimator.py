@@ -218,6 +218,31 @@ def predict(
 
 
 @kernel
+def doubt(memory: Array, t: float, settings: Array, covariance: Array) -> None:
+    """Add to the covariance of :func:`predict` what sightings say that were rejected last.
+
+    They are outliers, or the ball was kicked at any instant since the last one that fits; the more
+    of them in a row, the likelier. Either shows within ``max_rejection_time``.
+
+    Args:
+        memory: The filter's memory, shape (MEMORY,).
+        t: The instant [s].
+        settings: Settings, shape SETTINGS.
+        covariance: Of position and velocity at that instant, overwritten, shape (6, 6).
+    """
+    origin = _speaks_of(memory, t)
+    run, since = memory[origin + at.RUN], t - memory[origin + at.T_SEEN]
+    if not (run > 0.0 and since > 0.0):
+        return
+    kick = run / (run + 1.0) * settings[GATES, at.KICK_SIGMA] ** 2
+    for i in range(3):
+        covariance[i, i] += kick * since * since
+        covariance[i, 3 + i] += kick * since
+        covariance[3 + i, i] += kick * since
+        covariance[3 + i, 3 + i] += kick
+
+
+@kernel
 def _speaks_of(memory: Array, t: float) -> int:
     """Return where the estimate lies that speaks of an instant [s].
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from mitt import checks, fields
 from mitt.ball import memory as at
-from mitt.ball.estimator import is_tracked, predict, update
+from mitt.ball.estimator import doubt, is_tracked, predict, update
 from mitt.errors import InputError
 from mitt.fields import brief
 from mitt.signals import GRAVITY, Array, BallState, Sighting
@@ -201,11 +201,14 @@ class BallFilter:
     def state(self, t: float) -> BallState:
         """Return the estimate carried by the flight model to ``t`` [s], near or far.
 
-        Not tracked without an estimate, or further than ``estimator.MAX_HORIZON`` from it.
+        Not tracked without an estimate, or further than ``estimator.MAX_HORIZON`` from it. Where
+        the newest sightings were rejected, the covariance holds the kick that they may show.
         """
         t, m = checks.number("t", t), self._memory
         motion, covariance = np.empty((3, 3)), np.empty((6, 6))
         tracked = predict(m, t, self._settings, motion, covariance, self._work)
+        if tracked:
+            doubt(m, t, self._settings, covariance)
         if not np.isfinite(covariance).all():
             tracked, motion[:], covariance[:] = False, 0.0, 0.0
         return BallState(

@@ -239,7 +239,7 @@ def _report(blocked: bool, state: CatcherState, result: Result) -> None:
         s.phase == FOLLOW,
         out.inside and abs(out.time_to_catch) < SOON,
         out.age,
-        out.sigma,
+        s.flight_sigma,
         s.tolerance,
         R[0, 0] + R[1, 1] + R[2, 2] > at.LOOSE,
         gap,

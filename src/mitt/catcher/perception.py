@@ -3,7 +3,8 @@
 import numpy as np
 
 from mitt.ball import memory as at
-from mitt.ball.estimator import predict, update
+from mitt.ball.bounce import doubt_flight
+from mitt.ball.estimator import doubt, predict, update
 from mitt.catcher.result import Result
 from mitt.catcher.settings import BRAKE, FOLLOW, SOON, STOPPED
 from mitt.catcher.state import CatcherState
@@ -14,10 +15,9 @@ from mitt.control.monitor import estimate_joints
 from mitt.control.rows import DDQ_BY_TAU
 from mitt.jit import kernel
 from mitt.signals import TICK, Array, Image, Sighting
-from mitt.vision.eyes import LET_GO
 from mitt.vision.gaze import lead
 from mitt.vision.head import aim
-from mitt.vision.localization import guide, localize
+from mitt.vision.localization import MISSED, guide, localize
 
 #: Time to the catch from which the hand comes so near the ball's images that its own light and the
 #: rim that it hides move their centroids [s], until ``SOON`` after it, and what that adds to a
@@ -86,8 +86,20 @@ def perceive(
     out.drag = memory[at.DRAG] if tracked else 0.0
     out.t_seen = memory[at.T_SEEN] if tracked else -np.inf
     out.t_first = memory[at.T_FIRST] if tracked else -np.inf
+    _doubt(state, result)
     if s.heads > 0:
         _turn_heads(images, t_exposed, state, result)
+
+
+@kernel
+def _doubt(state: CatcherState, result: Result) -> None:
+    """Let the estimate know that the ball may fly no more as it did."""
+    s, out, P = state.scalars[0], result.scalars[0], result.covariance
+    s.flight_sigma = np.sqrt((P[0, 0] + P[1, 1] + P[2, 2]) / 3.0) if out.tracked else np.inf
+    if out.tracked:
+        missed = state.eyes_memory[len(state.eyes_memory) - 1, MISSED]
+        doubt(state.ball_memory, out.t, state.ball_settings, P)
+        doubt_flight(result.ball[1], out.t - out.t_seen, missed, state.target[0], P)
 
 
 @kernel
@@ -200,7 +212,7 @@ def _turn_heads(
         state.eyes_memory,
         state.eyes_gaze,
         motion,
-        out.tracked and out.t - out.t_seen < LET_GO,
+        out.t_seen if out.tracked else -np.inf,
         s.t_exposed,
         out.t + TICK,
         state.eyes_gaze_work,

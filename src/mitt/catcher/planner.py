@@ -231,7 +231,7 @@ class Planner:
 
     def _is_out_of_sight(self) -> bool:
         """Say whether an arm that followed the ball would stop at once: it is not seen any more."""
-        age, sigma = self._out["age"].item(), self._out["sigma"].item()
+        age, sigma = self._out["age"].item(), self._scalars["flight_sigma"].item()
         return bool(is_lost(age, sigma, self._settings.tolerance))
 
     def _make_room(self, verdict: Verdict) -> None:

@@ -45,7 +45,8 @@ class Result(NamedTuple):
             saturated: Whether a torque limit was met.
             health, reason: State and reason as in :mod:`mitt.control.health`.
             age: Age of the last good measurement [s]; infinite without a track.
-            sigma: 1-sigma of the ball's predicted position [m]; infinite without a track.
+            sigma: 1-sigma of the ball's predicted position, which may have bounced unseen [m];
+            infinite without a track.
             brakes: Whether the brakes are to be engaged.
             sighted, t_sighted: Whether the filter was given a position that the eyes found, and the
             instant of its exposure [s].
@@ -111,7 +112,8 @@ class Tick:
         state: State of the catcher.
         reason: Why it is not nominal.
         age: Age of the last good measurement of the ball [s]; infinite without a track.
-        sigma: 1-sigma of the ball's predicted position [m]; infinite without a track.
+        sigma: 1-sigma of the ball's predicted position, which may have bounced unseen [m];
+            infinite without a track.
     """
 
     phase: Phase

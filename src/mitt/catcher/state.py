@@ -43,6 +43,7 @@ _STATE = {
     "t_reviewed": -np.inf, "watch": 0.0, "t_look": -np.inf, "t_ahead": np.inf,
     "heads": 0, "t_exposed": 0.0, "bandwidth": 0.0, "adapt_q": 0.0, "adapt_dq": 0.0,
     "adapt_until": 0.0, "torque_lead": 0.0, "sigma_ready": np.inf, "waiting_height": 0.0,
+    "flight_sigma": np.inf,
 }  # fmt: skip
 
 
@@ -74,6 +75,7 @@ class CatcherState(NamedTuple):
             t_ahead: When a catch was ahead last [s]; infinite where none was.
             t_look: Time before which there is no verdict: one that refuses a far ball waits [s].
             sigma_ready: As of ``CatcherSettings``; infinite where the generator predicts it.
+            flight_sigma: 1-sigma of the ball's position if it flies on as it did [m].
             heads: Number of heads; t_exposed: instant of the newest image [s].
             bandwidth, adapt_...: As of ``CatcherSettings``; torque_lead: see
             :mod:`mitt.control.margin`.

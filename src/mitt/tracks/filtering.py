@@ -7,7 +7,7 @@ import numpy as np
 
 from mitt.ball import measurement_noise
 from mitt.ball import memory as at
-from mitt.ball.estimator import predict, update
+from mitt.ball.estimator import doubt, predict, update
 from mitt.ball.filter import FilterConfig, settings_of
 from mitt.jit import kernel
 from mitt.signals import Array
@@ -102,7 +102,8 @@ def _follow(
         update(memory, t[n], points[n], R, settings, work)
         predict(memory, t[n] + ahead, settings, motion, covariance, work)
         rows[n, 4] = motion[0]
-        predict(memory, t[n], settings, motion, covariance, work)
+        if predict(memory, t[n], settings, motion, covariance, work):
+            doubt(memory, t[n], settings, covariance)
         rows[n, 0:3] = motion
         for i in range(3):
             rows[n, 3, i] = np.sqrt(covariance[i, i])

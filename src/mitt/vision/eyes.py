@@ -57,9 +57,6 @@ class EyesStatus(Enum):
 #: Type of an image.
 _GREY = np.dtype(np.uint8)
 
-LET_GO = 0.1
-"""Time without a sighting after which the heads no longer follow the filter [s]."""
-
 _ARRAYS = (
     "memory", "settings", "boxes", "cameras", "ball", "work", "heads", "angles", "gaze",
     "gaze_work",
@@ -93,10 +90,10 @@ class Eyes:
         rows = max(self.heads, 1)  # a rig that stands still has a row that is not used
         self._heads, self._angles = np.zeros((rows, HEAD)), np.zeros((rows, 2))
         self._heads[: self.heads] = pack_heads(rig)
-        self._gaze, self._gaze_work = empty_gaze(rows), np.zeros((7, 3))
+        self._gaze, self._gaze_work = empty_gaze(rows), np.zeros((9, 3))
         self._numbers, self._t = [-1] * n, 0.0
         self._boxes = np.zeros((target.WORK, 4), dtype=np.int64)
-        self._work = np.empty((triangulation.WORK + n, 3))
+        self._work = np.empty((triangulation.WORK + 2 * n + 4, 3))
         self._none = [np.empty((0, 0), dtype=np.uint8)] * n
         self._shapes = [(camera.height, camera.width) for camera in rig.cameras]
         self.reset()
@@ -172,9 +169,9 @@ class Eyes:
         desired, motion = np.empty((self.heads, 4)), np.zeros((2, 3))
         if ball.tracked:
             motion[0], motion[1] = ball.r_o + (t - ball.t) * ball.dr_o, ball.dr_o
-        follows = ball.tracked and ball.t - ball.t_seen < LET_GO
+        t_seen = ball.t_seen if ball.tracked else -inf
         lead(
-            self._heads, self._cameras, self._memory, self._gaze, motion, follows, self._t, t,
+            self._heads, self._cameras, self._memory, self._gaze, motion, t_seen, self._t, t,
             self._gaze_work, desired,
         )  # fmt: skip
         return desired
@@ -216,7 +213,7 @@ class Eyes:
             ShapeError: An image has not the size of its camera.
         """
         images, apart, t = self.arrange(frames)
-        self._t = t
+        self._t = t if frames else self._t
         if self.heads:
             aim(self._heads, self._angles, self._cameras)
         r_o, covariance = np.empty(3), np.empty((3, 3))

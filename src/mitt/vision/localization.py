@@ -26,12 +26,16 @@ from mitt.vision.target import (
 from mitt.vision.triangulation import note, on_ray, triangulate
 
 KNOWN, SINCE, ODDS, STATUS, SPEED = range(3, 8)
-AGE, ALONE, GUIDED = 10, 11, 12
+AGE, ALONE, GUIDED, MISSED = 10, 11, 12, 13
 """Places in the rig's row of the memory, after the position: sightings that it rests on, frames
 since both cameras saw the ball, frames at odds in a row, status, motion a frame, frames since the
 position was corrected, whether one camera counts while something hides the ball from the other,
-how far from there the ball may be if the position is that of :func:`guide` [m], else 0."""
+how far from there the ball may be if the position is that of :func:`guide` [m], else 0, frames
+since the last sighting that should have shown the ball and did not."""
 BLIND, ONE, BOTH, AT_ODDS = range(4)
+
+LACKING = -2.0
+"""Instead of a centroid's standard deviation: the target is not as heavy as the ball should be."""
 
 ALONG = 1.0
 """Standard deviation along the ray of a ball that one camera alone sees [m]: a thousand times what
@@ -123,7 +127,7 @@ def _correct(rig: Array, r: Array) -> None:
             rig[SPEED + i] = 0.0
         else:
             rig[SPEED + i] += (1.0 if count == 1.0 else BETA) * error / frames
-    rig[KNOWN], rig[AGE] = min(count + 1.0, SLOWLY), 0.0
+    rig[KNOWN], rig[AGE], rig[MISSED] = min(count + 1.0, SLOWLY), 0.0, 0.0
 
 
 @kernel
@@ -159,6 +163,16 @@ def _is_elsewhere(memory: Array) -> bool:
 
 
 @kernel
+def _is_inside(memory: Array, pixels: Image) -> bool:
+    """Return whether the whole ball should be in an image."""
+    rows, columns = pixels.shape
+    rim = sqrt(memory[EXPECTED] / pi)
+    u, v = memory[AT_U], memory[AT_V]
+    across, down = rim <= u < columns - rim, rim <= v < rows - rim
+    return bool(memory[EXPECTED] > 0.0 and across and down)
+
+
+@kernel
 def _is_searching(
     images: tuple[Image, ...], apart: int, memory: Array, rig: Array, ball: Array
 ) -> bool:
@@ -186,7 +200,7 @@ def localize(
         boxes: Scratch, shape (target.WORK, 4).
         cameras: As in :mod:`mitt.vision.camera`, shape (n, 5, 3).
         ball: As of :func:`mitt.vision.triangulation.pack_ball`, shape (5,).
-        work: Scratch, shape (triangulation.WORK + n, 3).
+        work: Scratch, shape (triangulation.WORK + 2 n + 4, 3).
         r: Result, centre of the ball [m], shape (3,).
         P: Result, its covariance [m^2], shape (3, 3).
 
@@ -195,7 +209,7 @@ def localize(
         hides it from the other, one counts only where ``ALONE`` says so, and not before a catch:
         it is then soon half hidden from both, and the flight model knows better.
     """
-    eyes, hidden, count, one = len(images), False, 0, -1
+    eyes, hidden, gone, count, one = len(images), False, False, 0, -1
     points, rig = view(work, 3 * triangulation.WORK, (eyes, 3)), memory[eyes]
     _predict(rig)
     rig[STATUS] = float(BLIND)
@@ -208,28 +222,77 @@ def localize(
     rig[GUIDED] = 0.0
     _expect(memory, cameras, ball, reach + ASTRAY * since, guided)
     for n in range(eyes):
-        pixels, own, point = images[n], memory[n], points[n]
-        point[2] = -1.0
-        if pixels.size == 0:
-            continue
-        scratch = backgrounds[eyes]
-        area, clipped = detect(pixels, backgrounds[n], scratch, own, settings, boxes)
-        hidden |= own[STATE] >= MERGED
-        if apart >> n & 1 or area == 0 or own[STATE] != GOOD:
-            continue
-        if not note(point, own[0], own[1], float(area), clipped, ball):
-            continue
-        if guided and _is_elsewhere(own):
-            point[2], hidden, own[STATE] = -1.0, True, float(LOST)  # to be searched anew
-        elif _is_whole(own, since, point):
-            count, one = count + 1, n
-        else:
-            point[2], hidden = -1.0, True
+        points[n, 2] = -1.0
+        if images[n].size > 0:
+            look = images[n], backgrounds[n], backgrounds[eyes], memory[n], settings, boxes
+            whole, covered, missing = _look(*look, apart >> n & 1, since, guided, ball, points[n])
+            count, one = (count + 1, n) if whole else (count, one)
+            hidden, gone = hidden | covered, gone | missing
+    if gone and not hidden:
+        rig[MISSED] += 1.0
+    if count < 2:
+        count = max(count, _count_where_they_meet(memory, since, cameras, points, ball, work))
     if count >= 2:
         return bool(_locate(memory, cameras, points, ball, work, r, P))
     if count == 1 and (not hidden or rig[ALONE] > 0.0) and rig[KNOWN] > 0.0:
         return bool(_locate_alone(one, hidden, memory, cameras, points, ball, r, P))
     return False
+
+
+@kernel
+def _look(
+    pixels: Image, background: Image, scratch: Image, own: Array, settings: Array, boxes: Box,
+    apart: int, since: float, guided: bool, ball: Array, point: Array,
+) -> tuple[bool, bool, bool]:  # fmt: skip
+    """Find the target of one camera, and write what it sees; see ``localize``.
+
+    Returns:
+        Whether it is the whole ball; whether something hides that, or is beside it; and whether
+        there is nothing where the ball should be.
+    """
+    area, clipped = detect(pixels, background, scratch, own, settings, boxes)
+    hidden = own[STATE] >= MERGED
+    if own[STATE] == GOOD and area > 0 and guided and _is_elsewhere(own):
+        hidden, own[STATE] = True, float(LOST)  # to be searched anew
+    if apart > 0 or area == 0 or own[STATE] != GOOD:
+        return False, hidden, area == 0 and _is_inside(own, pixels)
+    if not note(point, own[0], own[1], float(area), clipped, ball):
+        return False, hidden, False
+    if _is_whole(own, since, point):
+        return True, hidden, False
+    point[2] = LACKING
+    return False, True, False
+
+
+@kernel
+def _count_where_they_meet(
+    memory: Array, since: float, cameras: Array, points: Array, ball: Array, work: Array
+) -> int:
+    """Judge targets that are not as heavy as expected where their lines of sight meet.
+
+    After a bounce the ball is farther away than by its flight, or nearer, and its mass is that of
+    a ball there. That says something only where its contrast is well known. The arguments are those
+    of :func:`localize`, and frames as of :func:`_is_whole`.
+
+    Returns:
+        How many cameras see the whole ball there; 0 if one does not, and ``points`` are as before.
+    """
+    start, count = triangulation.WORK + len(points), 0
+    r, P = view(work, 3 * start, (3,)), view(work, 3 * start + 3, (3, 3))
+    seen = view(work, 3 * start + 12, points.shape)
+    for n in range(len(points)):
+        seen[n, 2] = -1.0
+        own = memory[n]
+        if own[WEIGHED] == SLOWLY and (points[n, 2] > 0.0 or points[n, 2] == LACKING):
+            count += note(seen[n], own[0], own[1], own[target.AREA], False, ball)
+    if count < 2 or not triangulate(cameras, seen, ball[0], r, P, work) <= ball[3]:
+        return 0
+    target.expect(memory, cameras, ball[0], r, 0.0)
+    for n in range(len(points)):
+        if seen[n, 2] > 0.0 and not _is_whole(memory[n], since, seen[n]):
+            return 0
+    points[:] = seen
+    return count
 
 
 @kernel
