@@ -13,10 +13,12 @@ from mitt.control.health import BRIDGED_TIME, age_of_reading, pass_time, time_si
 from mitt.control.monitor import estimate_joints
 from mitt.control.rows import DDQ_BY_TAU
 from mitt.jit import kernel
+from mitt.robot.chain import tip_motion
 from mitt.signals import TICK, Array, Image, Sighting
 from mitt.vision.eyes import LET_GO
 from mitt.vision.gaze import lead
 from mitt.vision.head import aim
+from mitt.vision.held import find_held
 from mitt.vision.localization import guide, localize
 
 #: Time to the catch from which the hand comes so near the ball's images that its own light and the
@@ -59,6 +61,8 @@ def perceive(
     if not s.begun:
         _wait_for_encoders(state, result)
     if s.phase in (BRAKE, STOPPED):  # the estimate stays
+        if s.phase == BRAKE and before < s.t_rest:
+            _see_held(images, apart, t_exposed, state, result)
         return
     if s.heads > 0:
         aim(state.eyes_heads, state.eyes_angles, state.eyes_cameras)
@@ -87,7 +91,44 @@ def perceive(
     out.t_seen = memory[at.T_SEEN] if tracked else -np.inf
     out.t_first = memory[at.T_FIRST] if tracked else -np.inf
     if s.heads > 0:
-        _turn_heads(images, t_exposed, state, result)
+        for i in range(3):
+            state.target[0, i] = result.ball[0, i] + TICK * result.ball[1, i]
+            state.target[1, i] = result.ball[1, i]
+        follows = out.tracked and out.t - out.t_seen < LET_GO
+        _turn_heads(images, t_exposed, follows, state, result)
+
+
+@kernel
+def looks(state: CatcherState, result: Result) -> bool:
+    """Say whether the next tick wants to see: not after a stop, nor once a braked arm rests."""
+    s = state.scalars[0]
+    return bool(result.scalars[0].t < s.t_rest) if s.phase == BRAKE else bool(s.phase != STOPPED)
+
+
+@kernel
+def _see_held(
+    images: tuple[Image, ...], apart: int, t_exposed: float, state: CatcherState, result: Result
+) -> None:
+    """Find the ball that rides on the braking hand; its flight is over, the filter is not told."""
+    s, out, hand, shown = state.scalars[0], result.scalars[0], state.target, False
+    tip_motion(state.chain, state.estimated[0], state.estimated[1], hand)
+    for n in range(len(images)):
+        shown |= images[n].size > 0
+    if shown:
+        if s.heads > 0:
+            aim(state.eyes_heads, state.eyes_angles, state.eyes_cameras)
+        for i in range(3):
+            hand[2, i] = hand[0, i] + (t_exposed - out.t) * hand[1, i]
+        found = find_held(
+            images, apart, state.eyes_memory, state.eyes_cameras, state.eyes_ball, state.eyes_work,
+            hand[2], state.z, state.R,
+        )  # fmt: skip
+        out.sighted, out.t_sighted = found and is_of_now(t_exposed, out.t, state), t_exposed
+        result.sighting[0], result.sighting[1:] = state.z, state.R
+    if s.heads > 0:
+        for i in range(3):
+            hand[0, i] += TICK * hand[1, i]
+        _turn_heads(images, t_exposed, True, state, result)
 
 
 @kernel
@@ -183,25 +224,22 @@ def _measure(dt: float, state: CatcherState, result: Result) -> None:
 
 @kernel
 def _turn_heads(
-    images: tuple[Image, ...], t_exposed: float, state: CatcherState, result: Result
+    images: tuple[Image, ...], t_exposed: float, follows: bool, state: CatcherState, result: Result
 ) -> None:
-    """Let the heads look where the ball will be when the command acts; see :func:`tick`."""
-    s, out = state.scalars[0], result.scalars[0]
+    """Let the heads look where ``target`` says that the ball will be when the command acts."""
+    s = state.scalars[0]
     for n in range(len(images)):
         if images[n].size > 0:
             s.t_exposed = t_exposed
-    motion, ball = state.target, result.ball
-    for i in range(3):
-        motion[0, i], motion[1, i] = ball[0, i] + TICK * ball[1, i], ball[1, i]
     lead(
         state.eyes_heads,
         state.eyes_cameras,
         state.eyes_memory,
         state.eyes_gaze,
-        motion,
-        out.tracked and out.t - out.t_seen < LET_GO,
+        state.target,
+        follows,
         s.t_exposed,
-        out.t + TICK,
+        result.scalars[0].t + TICK,
         state.eyes_gaze_work,
         result.gaze,
     )

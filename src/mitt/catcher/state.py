@@ -25,6 +25,7 @@ from mitt.generator.feasibility import trusted, waiting_height
 from mitt.generator.mapping import DirectMap
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
+from mitt.robot.chain import packed_chain
 from mitt.robot.shapes import Surroundings
 from mitt.robot.slopes import slopes_work
 from mitt.signals import TICK, Array
@@ -41,6 +42,7 @@ _STATE = {
     "braked": False, "t_brake": 0.0, "t_brakes_on": np.inf, "brake_delay": 0.0, "clock_fault": 0,
     "encoder_fault": 0, "failures": 0, "tolerance": 0.0, "max_tracking_error": 0.0, "review": 0.0,
     "t_reviewed": -np.inf, "watch": 0.0, "t_look": -np.inf, "t_ahead": np.inf,
+    "t_rest": -np.inf,
     "heads": 0, "t_exposed": 0.0, "bandwidth": 0.0, "adapt_q": 0.0, "adapt_dq": 0.0,
     "adapt_until": 0.0, "torque_lead": 0.0, "sigma_ready": np.inf, "waiting_height": 0.0,
 }  # fmt: skip
@@ -69,7 +71,7 @@ class CatcherState(NamedTuple):
             thought between ticks did.
             clock_fault, encoder_fault, tolerance: As in :mod:`mitt.control.health`;
             max_tracking_error: as of ``CatcherSettings`` [rad].
-            t_brake: Time at which braking began [s].
+            t_brake, t_rest: Time at which braking began, and at which it ends [s].
             watch: Longest time from first sight to the verdict [s].
             t_ahead: When a catch was ahead last [s]; infinite where none was.
             t_look: Time before which there is no verdict: one that refuses a far ball waits [s].
@@ -88,7 +90,9 @@ class CatcherState(NamedTuple):
             encoder_ddq_unknown, encoder_coupling, encoder_work: as in :mod:`mitt.control.encoders`;
             encoder_waiting: accelerations that commands will cause once they act, oldest first,
             shape (k, n).
-        z, R, target: Position of a sighting, its covariance, and the ball to be followed.
+        z, R, target: Position of a sighting, its covariance, and the ball to be followed; while
+            the arm brakes the catch point, its velocity, and where it was at the exposure.
+        chain: As of :func:`mitt.robot.chain.packed_chain`.
         ball_memory, ball_settings, ball_work: Of :mod:`mitt.ball.estimator`.
         closing, grip: As in :mod:`mitt.control.hand`.
         slew, track_scratch: For the tracking; see :func:`mitt.control.tracking.slew_of`.
@@ -120,6 +124,7 @@ class CatcherState(NamedTuple):
     z: Array
     R: Array
     target: Array
+    chain: Array
     ball_memory: Array
     ball_settings: Array
     ball_work: Array
@@ -215,6 +220,7 @@ def fresh_state(
         "encoder_coupling": np.zeros((n, n)), "encoder_work": np.zeros((n + 2, 2 * n)),
         "encoder_waiting": np.zeros((s.setpoint_delay + 1, n)),
         "z": np.zeros(3), "R": np.zeros((3, 3)), "target": np.zeros((3, 3)),
+        "chain": packed_chain(arm.chain),
         "ball_memory": memory.fresh(), "ball_settings": settings_of(s.flight),
         "ball_work": np.zeros(memory.WORK), "closing": np.array([np.inf]),
         "grip": pack_grip(arm.model.hand, s.ball_radius, s.ball_restitution),

@@ -1,0 +1,280 @@
+"""The offset between the clocks of eyes and arm, from a ball that rides on the braking hand.
+
+The hand's path is known by the arm's clock, that of the ball by the eyes'. With offset d the ball
+seen at t lies in the hand as the hand was at t + d, at a place that does not change:
+
+    seen(t) = l(q(t + d)) + R(q(t + d)) c
+
+Fitted for d and c by weighted least squares, from when the ball has come to rest in the hand until
+the arm has. A place that drifts must not be fitted beside d: under constant braking it imitates d.
+In flight alone d does not show: a flight that is shifted in time is a flight.
+"""
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+
+from mitt.fields import brief
+from mitt.jit import kernel
+from mitt.robot.arm import Arm
+from mitt.robot.chain import packed_chain, tip_motion
+from mitt.signals import TICK, Array
+
+SETTLES = 0.02
+"""Time from the catch until the ball lies still in the hand [s]."""
+FEWEST = 20
+"""Fewest sightings that say something."""
+GATE, HAND = 0.003, 0.06
+"""Residual above which the ball does not ride on the hand: dropped ones leave 5 mm; and distance
+from the catch point beyond which it is in no hand [m]."""
+UNSURE = 0.001
+"""Standard deviation above which the hand has moved too little to tell [s]."""
+FARTHEST = 0.05
+"""Largest offset that is looked for [s]."""
+WARNED = 0.002
+"""Offset that costs catches [s]."""
+LEAST = 1e-4
+"""What a sighting is off at least, whatever it says [m]."""
+_STEPS, _NEAR = 15, 1e-7
+_UNSEEN = "the ball was hardly seen in the braking hand"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockOffset:
+    """What one catch says of the clocks.
+
+    Attributes:
+        offset: Arm's clock minus the eyes' [s]: negative where images are older than their stamps.
+        sigma: Its standard deviation [s].
+        residual: Root mean square of what the fit leaves, an axis [m].
+        count: Sightings that it rests on.
+        unknown: Why the offset is not known, in words; nothing where it is.
+    """
+
+    offset: float = 0.0
+    sigma: float = np.inf
+    residual: float = np.inf
+    count: int = 0
+    unknown: str = ""
+
+    __repr__ = brief
+
+
+@kernel
+def _between(rows: Array, t_arm: Array, t: float, out: Array) -> bool:
+    """Interpolate rows in time; False before the first row or after the last."""
+    k = np.searchsorted(t_arm, t)
+    if k == 0 or k >= len(t_arm):
+        return False
+    share = (t - t_arm[k - 1]) / (t_arm[k] - t_arm[k - 1])
+    out[:] = rows[k - 1] + share * (rows[k] - rows[k - 1])
+    return True
+
+
+@kernel
+def _in_hand(seen: Array, pose: Array, place: Array) -> None:
+    """Write a place in the hand [m]; ``pose`` is the catch point, then the rotation by rows."""
+    for i in range(3):
+        place[i] = 0.0
+        for j in range(3):
+            place[i] += pose[3 + 3 * j + i] * (seen[j] - pose[j])
+
+
+@kernel
+def _poses(chain: Array, q: Array) -> Array:
+    """Return catch point and rotation of the hand at each reading, shape (m, 12)."""
+    poses, motion, still = np.empty((len(q), 12)), np.empty((2, 3)), np.zeros(q.shape[1])
+    for k in range(len(q)):
+        turned = tip_motion(chain, q[k], still, motion)
+        poses[k, :3] = motion[0]
+        for i in range(9):
+            poses[k, 3 + i] = turned[i]
+    return poses
+
+
+@kernel
+def fit_caught(
+    chain: Array, t_arm: Array, q: Array, t_seen: Array, seen: Array, weights: Array
+) -> tuple[float, float, float, float, int]:
+    """Fit offset and place.
+
+    Args:
+        chain: As of :func:`mitt.robot.chain.packed_chain`.
+        t_arm: Times of the readings, rising [s], shape (m,).
+        q: Joint angles [rad], shape (m, n).
+        t_seen: Times of the sightings [s], shape (k,).
+        seen: Ball [m], shape (k, 3).
+        weights: Inverse of each covariance [1/m^2], shape (k, 3, 3).
+
+    Returns:
+        Offset, its standard deviation [s], residual, distance from the catch point [m], count.
+    """
+    poses, size, count = _poses(chain, q), np.zeros(len(t_seen)), 0
+    pose, g, ahead, behind = np.empty(12), np.empty(3), np.empty(3), np.empty(3)
+    x, N, A, W, e = np.zeros(4), np.zeros((4, 4)), np.zeros((3, 4)), np.empty((3, 3)), np.zeros(3)
+    along, spread, total, knee = np.zeros(len(t_seen)), 0.0, 0.0, np.inf
+    for i in range(3):
+        A[i, 1 + i] = -1.0
+    for step in range(_STEPS):
+        b, count, spread, total = np.zeros(4), 0, 0.0, 1e-300
+        N[:, :] = 0.0
+        for k in range(len(t_seen)):
+            t, size[k], along[k] = t_seen[k] + x[0], np.nan, 0.0
+            if not _between(poses, t_arm, t + TICK, pose):
+                continue
+            _in_hand(seen[k], pose, ahead)
+            if not _between(poses, t_arm, t - TICK, pose):
+                continue
+            _in_hand(seen[k], pose, behind)
+            _between(poses, t_arm, t, pose)
+            _in_hand(seen[k], pose, g)
+            R = pose[3:].copy().reshape(3, 3)
+            W[:, :] = R.T @ weights[k] @ R
+            for i in range(3):
+                A[i, 0] = (ahead[i] - behind[i]) / (2.0 * TICK)
+                e[i] = g[i] - x[1 + i]
+            trace = W[0, 0] + W[1, 1] + W[2, 2]
+            size[k] = np.sqrt(e @ W @ e)
+            count += 1
+            w = 1.0 if step == 0 or size[k] <= knee else knee / size[k]
+            spread, total = spread + w * size[k] ** 2, total + w * trace
+            N += w * (A.T @ W @ A)
+            b_k = A.T @ (W @ e)
+            b -= w * b_k
+            along[k] = b_k[0]
+        if count < FEWEST:
+            return x[0], np.inf, np.inf, np.inf, count
+        for i in range(4):
+            N[i, i] *= 1.0 + 1e-12
+        if not np.linalg.det(N / np.trace(N)) > 0.0:
+            return x[0], np.inf, np.inf, np.inf, count
+        knee = 2.0 * 1.4826 / np.sqrt(3.0) * max(np.nanmedian(size), 1e-12)
+        dx = np.linalg.solve(N, b)
+        if step == _STEPS - 1 or (step > 2 and abs(dx[0]) < _NEAR):
+            break
+        x += dx
+        if not abs(x[0]) < FARTHEST:
+            return x[0], np.inf, np.inf, np.inf, count
+    scale = spread / max(3 * count - 4, 1)
+    sigma = np.sqrt(scale * np.linalg.inv(N)[0, 0] * _alike(along))
+    place = np.sqrt(x[1] ** 2 + x[2] ** 2 + x[3] ** 2)
+    return x[0], sigma, np.sqrt(spread / total), place, count
+
+
+@kernel
+def _alike(along: Array) -> float:
+    """Return by how much errors that follow one another are alike: 1 for white noise.
+
+    The variance of a mean grows so for errors that decay by a constant share (Bayley and
+    Hammersley 1946).
+    """
+    both, own = 0.0, 1e-300
+    for k in range(1, len(along)):
+        both += along[k] * along[k - 1]
+        own += along[k] * along[k]
+    share = min(max(both / own, 0.0), 0.98)
+    return (1.0 + share) / (1.0 - share)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Catch:
+    """What arm and eyes said of a catch.
+
+    Attributes:
+        t_arm: Times of the readings, rising [s], shape (m,).
+        q: Joint angles as read [rad], shape (m, n); rows that are not finite are left out.
+        t_seen: Times of the sightings [s], shape (k,).
+        seen: Ball [m], shape (k, 3).
+        covariance: Of the sightings [m^2], shape (k, 3, 3).
+        t_brake: When the arm began to brake [s].
+        t_rest: When it came to rest [s].
+    """
+
+    t_arm: Array
+    q: Array
+    t_seen: Array
+    seen: Array
+    covariance: Array
+    t_brake: float
+    t_rest: float
+
+    __repr__ = brief
+
+
+def caught_offset(arm: Arm, of: Catch) -> ClockOffset:
+    """Return what a catch says of the clocks of eyes and arm."""
+    read, seen = np.isfinite(of.q).all(axis=1), np.isfinite(of.seen).all(axis=1)
+    use = seen & (of.t_seen >= of.t_brake + SETTLES) & (of.t_seen <= of.t_rest)
+    count = int(np.sum(use))
+    if count < FEWEST or np.sum(read) < FEWEST:
+        return ClockOffset(count=count, unknown=_UNSEEN)
+    weights = np.linalg.inv(of.covariance[use] + LEAST**2 * np.eye(3))
+    offset, sigma, residual, place, count = fit_caught(
+        packed_chain(arm.chain), of.t_arm[read], np.ascontiguousarray(of.q[read]), of.t_seen[use],
+        np.ascontiguousarray(of.seen[use]), weights,
+    )  # fmt: skip
+    unknown = ""
+    if count < FEWEST:
+        unknown = _UNSEEN
+    elif not (residual <= GATE and place <= HAND):
+        unknown = "the ball did not ride on the hand"
+    elif not sigma <= UNSURE:
+        unknown = "the hand moved too little"
+    return ClockOffset(
+        offset=float(offset), sigma=float(sigma), residual=float(residual), count=int(count),
+        unknown=unknown,
+    )  # fmt: skip
+
+
+#: What a catch may be off beyond its own sigma, and what a clock drifts from throw to throw, one
+#: sigma [s].
+_SYSTEMATIC, _DRIFT = 3e-4, 1e-4
+#: Sigmas, and least difference [s], from which an offset is another one: a clock was set, or the
+#: catch was none. The next catch says which.
+_OTHER, _STEP = 4.0, 1e-3
+
+
+@final
+class LearnedClock:
+    """The offset of the eyes' clock as the catches so far say it.
+
+    Attributes:
+        offset: Arm's clock minus the eyes' [s].
+        sigma: Its standard deviation [s]; infinite while nothing is known.
+        count: Catches that it rests on.
+    """
+
+    def __init__(self) -> None:
+        """Know nothing."""
+        self.offset, self.sigma, self.count = 0.0, np.inf, 0
+        self._doubtful: float | None = None
+
+    def take(self, found: ClockOffset) -> None:
+        """Take what a catch has said, whose stamps were corrected by ``offset``."""
+        if found.unknown:
+            return
+        new, own = self.offset + found.offset, float(np.hypot(found.sigma, _SYSTEMATIC))
+        before = float(np.hypot(self.sigma, _DRIFT))
+        gap = max(_OTHER * float(np.hypot(own, before)), _STEP)
+        if self.count == 0:
+            self.offset, self.sigma, self.count = new, own, 1
+        elif abs(new - self.offset) <= gap:
+            gain = before**2 / (before**2 + own**2)
+            self.offset += gain * (new - self.offset)
+            self.sigma, self.count = float(np.sqrt(gain)) * own, self.count + 1
+        elif self._doubtful is not None and abs(new - self._doubtful) <= gap:
+            self.offset, self.sigma, self.count = 0.5 * (new + self._doubtful), own, 2
+        else:
+            self._doubtful = new
+            return
+        self._doubtful = None
+
+    @property
+    def warning(self) -> str:
+        """What a person should know of the clocks; nothing where they are well."""
+        if not abs(self.offset) > WARNED:
+            return ""
+        side = "older" if self.offset < 0.0 else "newer"
+        return (f"what the eyes see is {1e3 * abs(self.offset):.1f} ms {side} than its stamps say;"
+                " corrected, but synchronise the clocks")  # fmt: skip
