@@ -72,8 +72,8 @@ def _show(session: Session, *, json: bool) -> None:
         print_json(summary)
     else:
         said = {name.replace("_", " "): _in_words(value) for name, value in summary.items()
-                if name not in ("schema", "command_age_us")}  # fmt: skip
-        show(", ".join(f"{name} {value}" for name, value in said.items()))
+                if name not in ("schema", "command_age_us", "clock")}  # fmt: skip
+        show(", ".join(f"{name} {value}" for name, value in said.items()), session.clock)
 
 
 def _in_words(value: object) -> str:

@@ -186,7 +186,7 @@ class TrialRunner:
             self.arm, ticks, truth, t_0=catcher.t_0, t_catch=t_catch, senses=tuple(senses),
             background=ground,
         )  # fmt: skip
-        return LoggedTrial(trial, kept)
+        return LoggedTrial(trial, replace(kept, clock_offset=self.clock_offset))
 
     def throw(
         self, source: Source, index: int, *, log: bool = False, images: bool = False

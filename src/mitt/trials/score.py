@@ -56,6 +56,9 @@ class Trial:
             refined in flight.
         stopped_by: Why the catcher stopped: state, reason, joint, time, and what it estimated, read
             and commanded then; None where it did not.
+        clock: Where the eyes' clock is learned: what stamps were corrected by in this throw
+            (``offset_s``), what it says of the whole offset (``found_s``, ``sigma_s``), or why
+            nothing (``unknown``). None, and left out of results, where it is not.
     """
 
     index: int
@@ -75,6 +78,7 @@ class Trial:
     certificate: dict[str, str | float | None] | None = None
     certificate_last: dict[str, str | float | None] | None = None
     stopped_by: dict[str, Plain] | None = None
+    clock: dict[str, float | str | None] | None = None
 
 
 def certificate_of(verdict: Verdict | None) -> dict[str, str | float | None] | None:

@@ -250,11 +250,16 @@ class LearnedClock:
         self.offset, self.sigma, self.count = 0.0, np.inf, 0
         self._doubtful: float | None = None
 
-    def take(self, found: ClockOffset) -> None:
-        """Take what a catch has said, whose stamps were corrected by ``offset``."""
+    def take(self, found: ClockOffset, used: float) -> None:
+        """Take what a catch has said.
+
+        Args:
+            found: What it said.
+            used: What its stamps were corrected by [s].
+        """
         if found.unknown:
             return
-        new, own = self.offset + found.offset, float(np.hypot(found.sigma, _SYSTEMATIC))
+        new, own = used + found.offset, float(np.hypot(found.sigma, _SYSTEMATIC))
         before = float(np.hypot(self.sigma, _DRIFT))
         gap = max(_OTHER * float(np.hypot(own, before)), _STEP)
         if self.count == 0:
@@ -269,6 +274,22 @@ class LearnedClock:
             self._doubtful = new
             return
         self._doubtful = None
+
+    @property
+    def words(self) -> str:
+        """What is known, for a person."""
+        if self.count == 0:
+            return "the eyes' clock is not known yet"
+        catches = "1 catch" if self.count == 1 else f"{self.count} catches"
+        return (f"the eyes' clock is off by {1e3 * self.offset:+.1f} ms, {1e3 * self.sigma:.1f} ms"
+                f" sigma, from {catches}")  # fmt: skip
+
+    @property
+    def figures(self) -> dict[str, float | int | None]:
+        """The same as JSON has it."""
+        known = self.count > 0
+        return {"offset_s": self.offset if known else None,
+                "sigma_s": self.sigma if known else None, "catches": self.count}  # fmt: skip
 
     @property
     def warning(self) -> str:
