@@ -15,6 +15,7 @@ from typing import final
 
 import numpy as np
 
+from mitt.ball.memory import LOOSE
 from mitt.fields import brief
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
@@ -34,8 +35,15 @@ FARTHEST = 0.05
 """Largest offset that is looked for [s]."""
 WARNED = 0.002
 """Offset that costs catches [s]."""
+TRIAL = 0.007
+"""Offset that is tried where no ball was held [s]: up to 8 ms either way the ball is held for long
+enough to tell."""
 LEAST = 1e-4
 """What a sighting is off at least, whatever it says [m]."""
+FLIES, STRIKES, STRUCK = 0.25, 0.05, 0.01
+"""Time before the braking from which a flight is fitted, until and around which a hand may strike
+the ball [s], and how far off its flight a ball was struck [m]."""
+_FEW = 10
 _STEPS, _NEAR = 15, 1e-7
 _UNSEEN = "the ball was hardly seen in the braking hand"
 
@@ -50,6 +58,9 @@ class ClockOffset:
         residual: Root mean square of what the fit leaves, an axis [m].
         count: Sightings that it rests on.
         unknown: Why the offset is not known, in words; nothing where it is.
+        side: Where it is not known, and the ball was struck out of its flight: -1 where the palm
+            did that, which it meets early if images are older than their stamps; 1 where the
+            fingers did, which close on it late if they are newer. Else 0.
     """
 
     offset: float = 0.0
@@ -57,6 +68,7 @@ class ClockOffset:
     residual: float = np.inf
     count: int = 0
     unknown: str = ""
+    side: int = 0
 
     __repr__ = brief
 
@@ -208,7 +220,7 @@ def caught_offset(arm: Arm, of: Catch) -> ClockOffset:
     use = seen & (of.t_seen >= of.t_brake + SETTLES) & (of.t_seen <= of.t_rest)
     count = int(np.sum(use))
     if count < FEWEST or np.sum(read) < FEWEST:
-        return ClockOffset(count=count, unknown=_UNSEEN)
+        return ClockOffset(count=count, unknown=_UNSEEN, side=_side(arm, of))
     weights = np.linalg.inv(of.covariance[use] + LEAST**2 * np.eye(3))
     offset, sigma, residual, place, count = fit_caught(
         packed_chain(arm.chain), of.t_arm[read], np.ascontiguousarray(of.q[read]), of.t_seen[use],
@@ -223,8 +235,27 @@ def caught_offset(arm: Arm, of: Catch) -> ClockOffset:
         unknown = "the hand moved too little"
     return ClockOffset(
         offset=float(offset), sigma=float(sigma), residual=float(residual), count=int(count),
-        unknown=unknown,
+        unknown=unknown, side=_side(arm, of) if unknown else 0,
     )  # fmt: skip
+
+
+def _side(arm: Arm, of: Catch) -> int:
+    """Return which part of the hand struck the ball out of its flight; see ``ClockOffset.side``."""
+    since = of.t_seen - of.t_brake
+    near = np.isfinite(of.seen).all(axis=1) & (np.trace(of.covariance, axis1=1, axis2=2) < LOOSE)
+    free, after = near & (since > -FLIES) & (since < -STRIKES), near & (np.abs(since) < STRIKES)
+    if np.sum(free) < FEWEST or not np.any(after):
+        return 0
+    t = since[free, None]
+    flight = np.linalg.lstsq(t ** [0, 1, 2], of.seen[free], rcond=None)[0]
+    t = since[after, None]
+    off = of.seen[after] - t ** [0, 1, 2] @ flight
+    struck = np.flatnonzero(np.linalg.norm(off, axis=1) > STRUCK)
+    if len(struck) == 0:
+        return 0
+    k = int(np.argmin(np.abs(of.t_arm - of.t_brake - t[struck[0], 0])))
+    in_hand = np.mean(off[struck[:_FEW]], axis=0) @ arm.orientation(of.q[k])
+    return -1 if in_hand[2] > float(np.hypot(in_hand[0], in_hand[1])) else 1
 
 
 #: What a catch may be off beyond its own sigma, and what a clock drifts from throw to throw, one
@@ -239,8 +270,11 @@ _OTHER, _STEP = 4.0, 1e-3
 class LearnedClock:
     """The offset of the eyes' clock as the catches so far say it.
 
+    Where nothing is known, and a ball was struck but did not ride on the hand, an offset is tried
+    in the next throw, then the other way: the clock may be so far off that no ball is ever held.
+
     Attributes:
-        offset: Arm's clock minus the eyes' [s].
+        offset: Arm's clock minus the eyes', or what is tried [s]; stamps are corrected by it.
         sigma: Its standard deviation [s]; infinite while nothing is known.
         count: Catches that it rests on.
     """
@@ -249,6 +283,7 @@ class LearnedClock:
         """Know nothing."""
         self.offset, self.sigma, self.count = 0.0, np.inf, 0
         self._doubtful: float | None = None
+        self._tried = 0
 
     def take(self, found: ClockOffset, used: float) -> None:
         """Take what a catch has said.
@@ -258,6 +293,9 @@ class LearnedClock:
             used: What its stamps were corrected by [s].
         """
         if found.unknown:
+            if self.count == 0 and found.side != 0:
+                way = (found.side, -np.sign(self.offset))[self._tried] if self._tried < 2 else 0
+                self.offset, self._tried = TRIAL * float(way), self._tried + 1
             return
         new, own = used + found.offset, float(np.hypot(found.sigma, _SYSTEMATIC))
         before = float(np.hypot(self.sigma, _DRIFT))
@@ -279,7 +317,8 @@ class LearnedClock:
     def words(self) -> str:
         """What is known, for a person."""
         if self.count == 0:
-            return "the eyes' clock is not known yet"
+            tried = f"; {1e3 * self.offset:+.0f} ms is tried" if self.offset else ""
+            return f"the eyes' clock is not known yet{tried}"
         catches = "1 catch" if self.count == 1 else f"{self.count} catches"
         return (f"the eyes' clock is off by {1e3 * self.offset:+.1f} ms, {1e3 * self.sigma:.1f} ms"
                 f" sigma, from {catches}")  # fmt: skip
@@ -294,7 +333,7 @@ class LearnedClock:
     @property
     def warning(self) -> str:
         """What a person should know of the clocks; nothing where they are well."""
-        if not abs(self.offset) > WARNED:
+        if self.count == 0 or not abs(self.offset) > WARNED:
             return ""
         side = "older" if self.offset < 0.0 else "newer"
         return (f"what the eyes see is {1e3 * abs(self.offset):.1f} ms {side} than its stamps say;"
