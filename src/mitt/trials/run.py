@@ -272,9 +272,10 @@ def _thrown(runner: TrialRunner, source: Source, index: int, clock: LearnedClock
     trial, used = runner.throw(source, index).trial, runner.clock_offset
     if clock is None:
         return trial
-    none = ClockOffset(unknown="the arm has not caught")
-    found = none if runner.caught is None else caught_offset(runner.arm, runner.caught)
-    clock.take(found, used)
+    found = ClockOffset(unknown="the arm has not braked for a ball")
+    if runner.caught is not None:
+        found = caught_offset(runner.arm, runner.caught)
+        clock.take(found, used)
     runner.clock_offset = clock.offset
     known = not found.unknown
     return replace(trial, clock={

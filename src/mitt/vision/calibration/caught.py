@@ -26,9 +26,9 @@ SETTLES = 0.02
 """Time from the catch until the ball lies still in the hand [s]."""
 FEWEST = 20
 """Fewest sightings that say something."""
-GATE, HAND = 0.003, 0.06
-"""Residual above which the ball does not ride on the hand: dropped ones leave 5 mm; and distance
-from the catch point beyond which it is in no hand [m]."""
+GATE, LOST, HAND = 0.003, 0.006, 0.06
+"""Residual above which a fit tells nothing, as of a ball that slips: dropped ones leave 5 mm; above
+which the ball was lost; and distance from the catch point beyond which it is in no hand [m]."""
 UNSURE = 0.001
 """Standard deviation above which the hand has moved too little to tell [s]."""
 FARTHEST = 0.05
@@ -58,7 +58,7 @@ class ClockOffset:
         residual: Root mean square of what the fit leaves, an axis [m].
         count: Sightings that it rests on.
         unknown: Why the offset is not known, in words; nothing where it is.
-        side: Where it is not known, and the ball was struck out of its flight: -1 where the palm
+        side: Where the ball was seen to be lost, and was struck out of its flight: -1 where the palm
             did that, which it meets early if images are older than their stamps; 1 where the
             fingers did, which close on it late if they are newer. Else 0.
     """
@@ -220,13 +220,13 @@ def caught_offset(arm: Arm, of: Catch) -> ClockOffset:
     use = seen & (of.t_seen >= of.t_brake + SETTLES) & (of.t_seen <= of.t_rest)
     count = int(np.sum(use))
     if count < FEWEST or np.sum(read) < FEWEST:
-        return ClockOffset(count=count, unknown=_UNSEEN, side=_side(arm, of))
+        return ClockOffset(count=count, unknown=_UNSEEN)
     weights = np.linalg.inv(of.covariance[use] + LEAST**2 * np.eye(3))
     offset, sigma, residual, place, count = fit_caught(
         packed_chain(arm.chain), of.t_arm[read], np.ascontiguousarray(of.q[read]), of.t_seen[use],
         np.ascontiguousarray(of.seen[use]), weights,
     )  # fmt: skip
-    unknown = ""
+    unknown, lost = "", count >= FEWEST and not (residual <= LOST and place <= HAND)
     if count < FEWEST:
         unknown = _UNSEEN
     elif not (residual <= GATE and place <= HAND):
@@ -235,7 +235,7 @@ def caught_offset(arm: Arm, of: Catch) -> ClockOffset:
         unknown = "the hand moved too little"
     return ClockOffset(
         offset=float(offset), sigma=float(sigma), residual=float(residual), count=int(count),
-        unknown=unknown, side=_side(arm, of) if unknown else 0,
+        unknown=unknown, side=_side(arm, of) if lost else 0,
     )  # fmt: skip
 
 
@@ -254,8 +254,12 @@ def _side(arm: Arm, of: Catch) -> int:
     if len(struck) == 0:
         return 0
     k = int(np.argmin(np.abs(of.t_arm - of.t_brake - t[struck[0], 0])))
-    in_hand = np.mean(off[struck[:_FEW]], axis=0) @ arm.orientation(of.q[k])
-    return -1 if in_hand[2] > float(np.hypot(in_hand[0], in_hand[1])) else 1
+    way = arm.position(of.q[k]) - arm.position(of.q[max(k - 1, 0)])
+    way = way / max(float(np.linalg.norm(way)), 1e-12)
+    push = np.mean(off[struck[:_FEW]], axis=0)
+    push = push - way * (way @ push)  # along its way the hand brakes, and the ball does not
+    out = float(push @ arm.orientation(of.q[k])[:, 2])
+    return -1 if out > 0.0 and 2.0 * out**2 > push @ push else 1
 
 
 #: What a catch may be off beyond its own sigma, and what a clock drifts from throw to throw, one
@@ -293,9 +297,8 @@ class LearnedClock:
             used: What its stamps were corrected by [s].
         """
         if found.unknown:
-            if self.count == 0 and found.side != 0:
-                way = (found.side, -np.sign(self.offset))[self._tried] if self._tried < 2 else 0
-                self.offset, self._tried = TRIAL * float(way), self._tried + 1
+            if self.count == 0 and (found.side != 0 or self.offset != 0.0):
+                self._try(found.side)
             return
         new, own = used + found.offset, float(np.hypot(found.sigma, _SYSTEMATIC))
         before = float(np.hypot(self.sigma, _DRIFT))
@@ -312,6 +315,14 @@ class LearnedClock:
             self._doubtful = new
             return
         self._doubtful = None
+
+    def _try(self, side: int) -> None:
+        """Try an offset in the next throw: to a side, then to the other, then none."""
+        self._tried = (self._tried + 1) % 3
+        if self._tried == 1:
+            self.offset = TRIAL * side
+        else:
+            self.offset = -self.offset if self._tried == 2 else 0.0
 
     @property
     def words(self) -> str:
