@@ -77,10 +77,7 @@ def perceive(
             for k in range(3):
                 state.R[k, k] += TOUCHED * TOUCHED
         update(state.ball_memory, t_exposed, state.z, state.R, state.ball_settings, state.ball_work)
-    for k in range(3):
-        result.sighting[0, k] = state.z[k]
-        for j in range(3):
-            result.sighting[1 + k, j] = state.R[k, j]
+    result.sighting[0], result.sighting[1:] = state.z, state.R
     memory = state.ball_memory
     tracked = predict(
         memory, t, state.ball_settings, result.ball, result.covariance, state.ball_work

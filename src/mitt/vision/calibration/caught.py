@@ -58,9 +58,9 @@ class ClockOffset:
         residual: Root mean square of what the fit leaves, an axis [m].
         count: Sightings that it rests on.
         unknown: Why the offset is not known, in words; nothing where it is.
-        side: Where the ball was seen to be lost, and was struck out of its flight: -1 where the palm
-            did that, which it meets early if images are older than their stamps; 1 where the
-            fingers did, which close on it late if they are newer. Else 0.
+        side: Where the ball was seen to be lost, and was struck out of its flight: -1 where it went
+            off the palm, which it meets early if images are older than their stamps; 1 where it
+            went aside, as the fingers push it that comes late, if they are newer. Else 0.
     """
 
     offset: float = 0.0
@@ -106,10 +106,41 @@ def _poses(chain: Array, q: Array) -> Array:
 
 
 @kernel
+def _row(
+    poses: Array, t_arm: Array, t: float, seen: Array, x: Array, work: Array, A: Array
+) -> Array:  # fmt: skip
+    """Write the derivative of a sighting's error into ``A``; return the error [m], and the pose.
+
+    Args:
+        poses: As of :func:`_poses`.
+        t_arm: Their times [s].
+        t: Time of the sighting by the arm's clock [s].
+        seen: Ball [m], shape (3,).
+        x: Offset and place.
+        work: Scratch, shape (3, 3).
+        A: Result, shape (3, 4).
+
+    Returns:
+        Error in the hand, then the hand's rotation by rows, shape (12,); empty where the arm was
+        not read about then.
+    """
+    pose = np.empty(12)
+    for k in range(3):
+        if not _between(poses, t_arm, t + (k - 1) * TICK, pose):
+            return np.empty(0)
+        _in_hand(seen, pose, work[k])
+    _between(poses, t_arm, t, pose)
+    for i in range(3):
+        A[i, 0] = (work[2, i] - work[0, i]) / (2.0 * TICK)
+        pose[i] = work[1, i] - x[1 + i]
+    return pose
+
+
+@kernel
 def fit_caught(
     chain: Array, t_arm: Array, q: Array, t_seen: Array, seen: Array, weights: Array
 ) -> tuple[float, float, float, float, int]:
-    """Fit offset and place.
+    """Fit offset and place by Gauss-Newton steps, with Huber's weights from the second on.
 
     Args:
         chain: As of :func:`mitt.robot.chain.packed_chain`.
@@ -122,44 +153,30 @@ def fit_caught(
     Returns:
         Offset, its standard deviation [s], residual, distance from the catch point [m], count.
     """
-    poses, size, count = _poses(chain, q), np.zeros(len(t_seen)), 0
-    pose, g, ahead, behind = np.empty(12), np.empty(3), np.empty(3), np.empty(3)
-    x, N, A, W, e = np.zeros(4), np.zeros((4, 4)), np.zeros((3, 4)), np.empty((3, 3)), np.zeros(3)
-    along, spread, total, knee = np.zeros(len(t_seen)), 0.0, 0.0, np.inf
+    poses, size, count, knee = _poses(chain, q), np.zeros(len(t_seen)), 0, np.inf
+    x, N, A, work = np.zeros(4), np.zeros((4, 4)), np.zeros((3, 4)), np.empty((3, 3))
+    along, spread, total = np.zeros(len(t_seen)), 0.0, 0.0
     for i in range(3):
         A[i, 1 + i] = -1.0
     for step in range(_STEPS):
         b, count, spread, total = np.zeros(4), 0, 0.0, 1e-300
-        N[:, :] = 0.0
+        N[:, :], size[:], along[:] = 0.0, np.nan, 0.0
         for k in range(len(t_seen)):
-            t, size[k], along[k] = t_seen[k] + x[0], np.nan, 0.0
-            if not _between(poses, t_arm, t + TICK, pose):
+            row = _row(poses, t_arm, t_seen[k] + x[0], seen[k], x, work, A)
+            if len(row) == 0:
                 continue
-            _in_hand(seen[k], pose, ahead)
-            if not _between(poses, t_arm, t - TICK, pose):
-                continue
-            _in_hand(seen[k], pose, behind)
-            _between(poses, t_arm, t, pose)
-            _in_hand(seen[k], pose, g)
-            R = pose[3:].copy().reshape(3, 3)
-            W[:, :] = R.T @ weights[k] @ R
-            for i in range(3):
-                A[i, 0] = (ahead[i] - behind[i]) / (2.0 * TICK)
-                e[i] = g[i] - x[1 + i]
-            trace = W[0, 0] + W[1, 1] + W[2, 2]
-            size[k] = np.sqrt(e @ W @ e)
-            count += 1
-            w = 1.0 if step == 0 or size[k] <= knee else knee / size[k]
-            spread, total = spread + w * size[k] ** 2, total + w * trace
+            e, R = row[:3].copy(), row[3:].copy().reshape(3, 3)
+            W = R.T @ weights[k] @ R
+            size[k], count = np.sqrt(e @ W @ e), count + 1
+            w = 1.0 if size[k] <= knee else knee / size[k]
+            spread, total = spread + w * size[k] ** 2, total + w * np.trace(W)
             N += w * (A.T @ W @ A)
             b_k = A.T @ (W @ e)
             b -= w * b_k
             along[k] = b_k[0]
-        if count < FEWEST:
-            return x[0], np.inf, np.inf, np.inf, count
         for i in range(4):
             N[i, i] *= 1.0 + 1e-12
-        if not np.linalg.det(N / np.trace(N)) > 0.0:
+        if count < FEWEST or not np.linalg.det(N / np.trace(N)) > 0.0:
             return x[0], np.inf, np.inf, np.inf, count
         knee = 2.0 * 1.4826 / np.sqrt(3.0) * max(np.nanmedian(size), 1e-12)
         dx = np.linalg.solve(N, b)
@@ -170,8 +187,7 @@ def fit_caught(
             return x[0], np.inf, np.inf, np.inf, count
     scale = spread / max(3 * count - 4, 1)
     sigma = np.sqrt(scale * np.linalg.inv(N)[0, 0] * _alike(along))
-    place = np.sqrt(x[1] ** 2 + x[2] ** 2 + x[3] ** 2)
-    return x[0], sigma, np.sqrt(spread / total), place, count
+    return x[0], sigma, np.sqrt(spread / total), np.sqrt(np.sum(x[1:] ** 2)), count
 
 
 @kernel
