@@ -1,6 +1,5 @@
 """The eyes' clock is learned from throw to throw, corrected, recorded, and read from recordings."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +23,7 @@ from mitt.trials.source import Source, source_of
 from mitt.vision.calibration.caught import LearnedClock, caught_offset
 from mitt.world.faults.plan import Clock
 from mitt.world.scene import Scene
+from mitt.world.throws import Throw
 
 #: By how much the clock of what the eyes say is ahead of the arm's [s].
 HIDDEN = 0.0015
@@ -98,7 +98,7 @@ def test_the_next_throw_is_corrected_and_its_recording_tells_the_whole_offset(
 def test_a_recording_without_a_catch_tells_no_clock(learned: Learned, tmp_path: Path) -> None:
     """It is refused in words."""
     runner, path = runner_of(learned), tmp_path / "x.mcap"
-    ball = replace(source(learned, 1).ball(0), dr=np.array([-1.0, 3.0, 0.0]))  # type: ignore[type-var]  # a throw
+    ball = Throw(r=np.array([3.0, 0.0, 0.5]), dr=np.array([-1.0, 3.0, 0.0]))
     outcome = runner.run(0, ball, seed=3, log=True)
     assert outcome.log is not None
     about = runner.about("direct", learned.map)

@@ -33,7 +33,8 @@ def drawn(camera: Array, r: Array, hidden: float, *, ball: float = BALL) -> Imag
     grey[(np.abs(u - uv[0]) < 8.0) & (v > uv[1] + size * (1.0 - 2.0 * hidden)) & (v < 127)] = HAND
     noise = np.random.default_rng(0).normal(0.0, 2.0, (128, 128))
     grey = grey.reshape(128, fine, 128, fine).mean(axis=(1, 3)) + noise
-    return np.clip(np.rint(grey), 0, 255).astype(np.uint8)
+    image: Image = np.clip(np.rint(grey), 0, 255).astype(np.uint8)
+    return image
 
 
 def found_at(

@@ -7,7 +7,7 @@ import numpy as np
 from mitt.catcher.catcher import Catcher
 from mitt.catcher.settings import BRAKE, FOLLOW
 from mitt.robot.arm import Arm
-from mitt.signals import TICK, Senses
+from mitt.signals import TICK, Array, Senses
 from mitt.vision.calibration.caught import FARTHEST, Catch, ClockOffset, caught_offset
 
 #: Ticks and sightings that are kept: the longest brake takes a second, and a clock may be off.
@@ -47,7 +47,7 @@ class CatchNotes:
             if point.found:
                 self._see(point.t, point.r_o, point.covariance)
 
-    def _see(self, t: float, r_o: object, covariance: object) -> None:
+    def _see(self, t: float, r_o: Array, covariance: Array) -> None:
         """Keep a sighting."""
         k = self._saw % _KEPT
         self._t_seen[k], self._seen[k, 0], self._seen[k, 1:] = t, r_o, covariance

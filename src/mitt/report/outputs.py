@@ -76,7 +76,7 @@ def _write_recordings(finished: FinishedRun, progress: Progress) -> None:
     for done, index in enumerate(kept):
         progress("recordings", done, len(kept))
         clock = clocks[index]
-        runner.clock_offset = 0.0 if clock is None else clock["offset_s"]
+        runner.clock_offset = 0.0 if clock is None else float(clock["offset_s"] or 0.0)
         images = prepared.settings.record_images and prepared.settings.vision == "pixels"
         outcome = runner.throw(prepared.source, index, log=True, images=images)
         if outcome.log is not None:

@@ -64,7 +64,7 @@ def window_about(
         return 0.0
     window[0], window[1] = max(floor(v - around), 0), min(ceil(v + around), shape[0] - 1)
     window[2], window[3] = max(floor(u - around), 0), min(ceil(u + around), shape[1] - 1)
-    return size if window[0] < window[1] and window[2] < window[3] else 0.0
+    return float(size) if window[0] < window[1] and window[2] < window[3] else 0.0
 
 
 @kernel
