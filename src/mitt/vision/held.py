@@ -146,7 +146,7 @@ def _lay_disc(
                 if cost < best:
                     best, in_sight, point[0], point[1] = cost, share, u, v
         step, reach = 0.5 * step, 1
-    return in_sight
+    return float(in_sight)
 
 
 @kernel
