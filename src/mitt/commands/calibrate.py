@@ -155,9 +155,8 @@ def _prepare(options: CalibrateOptions) -> Calibration:
     for path in (*heads, *(p for p in (o.hand, o.arm_log, o.points) if p)):
         if not path.is_file():
             raise FileError(str(path), "a CSV file", "no such file")
-    for path in o.catches:
-        if not path.is_file():
-            raise FileError(str(path), "a recording", "no such file")
+    if o.catches is not None and not _recordings(o.catches):
+        raise FileError(str(o.catches), "a recording, or a folder of them", "nothing there")
     for spec in (o.left, o.right, o.hand_left, o.hand_right):
         if spec is not None and ":" not in spec and not Path(spec).exists():
             raise FileError(spec, "a folder of images or a video", "nothing there")
@@ -170,6 +169,11 @@ def _prepare(options: CalibrateOptions) -> Calibration:
         arm=load_arm(o.arm, tip=o.tip, joints=joints) if o.hand or o.arm_log else None,
         rig=None if o.rig is None else read_rig(o.rig),
     )
+
+
+def _recordings(path: Path) -> list[Path]:
+    """Return the recordings that a path names, or a folder holds."""
+    return sorted(path.glob("*.mcap")) if path.is_dir() else [path] * path.is_file()
 
 
 def _spec(options: CalibrateOptions) -> BoardSpec:
@@ -197,8 +201,8 @@ def _calibrate(job: Calibration, report: Report) -> CalibratedRig:
     if arm is not None and o.arm_log is not None and o.points is not None:
         rig, stage = calibrate_clock(rig, arm, log=o.arm_log, points=o.points, search=o.search)
         job.stages.append(stage)
-    if o.catches:
-        rig, stage = calibrate_by_catches(rig, o.catches)
+    if o.catches is not None:
+        rig, stage = calibrate_by_catches(rig, _recordings(o.catches))
         job.stages.append(stage)
     return rig
 
