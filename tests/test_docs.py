@@ -257,7 +257,7 @@ def keys_of(table: list[list[str]]) -> list[str]:
 def test_the_keys_of_a_result_are_those_of_the_document() -> None:
     """Head, trial and summary of a result have the keys of notation.md, and no others."""
     head = {"version": "", "arm": "", "limits": "", "generator": "", "vision": "", "seed": 0,
-            "scene": "ideal", "scene_changed": {}}  # fmt: skip
+            "scene": "ideal", "scene_changed": {}, "clock": {}}  # fmt: skip
     written = result([], Stopwatch(), head, 1)
     text = section("Result")
     assert keys_of(rows(text, "key")) == sorted(written)

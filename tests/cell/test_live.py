@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from local_cell import LocalCell, Readings
 
+from mitt.calibration.catches import catches_in
 from mitt.catcher.catcher import Catcher
 from mitt.cell.local import LocalPort
 from mitt.cell.prepare import prepare
@@ -23,6 +24,7 @@ from mitt.link.modes import Mode
 from mitt.link.ticks import Ticks
 from mitt.signals import ArmState, Command, Senses, Sighting
 from mitt.trials.replay import replay
+from mitt.vision.calibration.caught import caught_offset
 from mitt.vision.lens import Lens
 
 #: Speed of a joint in a catch at which faults begin [rad/s].
@@ -85,6 +87,30 @@ def test_balls_are_caught_one_after_another_and_replay_to_the_bit(tmp_path: Path
     again = replay(Recorded(path))
     assert 1000 < len(again.recorded.ticks) < cell.loop.counts.ticks
     assert again.identical
+
+
+@pytest.mark.parametrize("ahead", [0.003, -0.002])
+def test_the_eyes_clock_is_learned_told_corrected_and_recorded(
+    tmp_path: Path, ahead: float
+) -> None:
+    """From catch to catch; the recording replays to the bit and tells the whole offset."""
+    path = tmp_path / "cell.mcap"
+    cell = LocalCell(throws=3, record=path)
+    cell.robot.on_points = lambda got: [replace(x, t=x.t + ahead) for x in got]
+    cell.begin()
+    cell.until(lambda: cell.loop.counts.throws == 3 and cell.loop.idle, ticks=20_000)
+    clock = cell.loop.clock
+    assert clock.count == 3
+    assert abs(clock.offset + ahead) < 0.001
+    assert ("clock" in cell.loop.notes) == (abs(clock.offset) > 0.002)
+    assert cell.simulated.violations == 0
+    assert cell.recorder is not None
+    cell.recorder.close()
+    recorded = Recorded(path)
+    assert replay(recorded).identical
+    told = [used + caught_offset(recorded.about.arm, x).offset for used, x in catches_in(recorded)]
+    assert len(told) == 3
+    assert abs(np.mean(told) + ahead) < 0.001
 
 
 def test_a_stop_that_is_asked_for_is_latched() -> None:

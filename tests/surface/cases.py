@@ -239,7 +239,7 @@ class Cases:
         command = self.catcher.step(self.senses)
         of_recorder = {
             "background": {"frames": self.frames}, "call": {"name": "stop"},
-            "note": {"text": "a note", "topic": "/events"},
+            "clock": {"offset": -0.005}, "note": {"text": "a note", "topic": "/events"},
             "tick": {"senses": self.senses, "command": command, "result": self.catcher.result},
         }  # fmt: skip
         records = {"path": self.folder / "again.mcap", "about": self.about, "images": False,

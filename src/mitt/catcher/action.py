@@ -40,7 +40,7 @@ from mitt.control.stop import short_of_room
 from mitt.control.tracking import largest_gap, track
 from mitt.control.viability import BLOCKED, safety_filter
 from mitt.jit import kernel
-from mitt.robot.dynamics import point_motion
+from mitt.robot.chain import tip_motion
 from mitt.signals import TICK, Array
 
 
@@ -101,7 +101,7 @@ def _close(state: CatcherState, result: Result) -> None:
     s, out, gap, ball = state.scalars[0], result.scalars[0], state.gap, result.ball
     if state.closing[0] == np.inf and out.time_to_catch < np.inf:
         command = result.command
-        point_motion(state.bodies, state.catch_point, command[0], command[1], gap)
+        tip_motion(state.chain, command[0], command[1], gap)
         for i in range(2):
             for k in range(3):
                 gap[i, k] = ball[i, k] - gap[i, k]

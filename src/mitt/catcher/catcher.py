@@ -20,7 +20,7 @@ import numpy as np
 from mitt import checks
 from mitt.catcher.action import act
 from mitt.catcher.memory import Memory
-from mitt.catcher.perception import perceive, take
+from mitt.catcher.perception import looks, perceive, take
 from mitt.catcher.planner import Planner
 from mitt.catcher.result import Result, ResultHandle, Tick, stopped_by, tick_of
 from mitt.catcher.settings import (
@@ -158,7 +158,12 @@ class Catcher:
 
     @property
     def looking(self) -> bool:
-        """Whether the catcher wants images; none once its hand has closed or it has stopped."""
+        """Whether the catcher wants to see; not once it has stopped, or its braked arm rests."""
+        return bool(looks(*self._memory.handles))
+
+    @property
+    def flying(self) -> bool:
+        """Whether what is seen tells of the ball's flight; in the braking hand it has ended."""
         return self._planner.phase not in (BRAKE, STOPPED)
 
     @property
@@ -202,8 +207,8 @@ class Catcher:
         images, apart, t_exposed = self._eyes.arrange(senses.frames)
         if self._todo:
             self.think()
-        t, looks = senses.t, self.looking
-        if senses.points and looks:
+        t, flying = senses.t, self.flying
+        if senses.points and flying:
             take(senses.points, t, self.state)
         at, q, dq, (state, out) = senses.arm.t, memory.q, memory.dq, memory.handles
         seen, brake = (images, self.backgrounds, apart, t_exposed), self._planner.brake
@@ -214,7 +219,7 @@ class Catcher:
         else:
             self._todo = tick(*seen, t, at, q, dq, brake, state, out)
         self._ticked = True
-        if looks:
+        if flying:
             self._sightings.note(senses.points, bool(memory.out["sighted"]), memory.t)
         if self._todo & STOPS:
             self._note_stop()

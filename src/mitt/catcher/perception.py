@@ -14,9 +14,11 @@ from mitt.control.health import BRIDGED_TIME, age_of_reading, pass_time, time_si
 from mitt.control.monitor import estimate_joints
 from mitt.control.rows import DDQ_BY_TAU
 from mitt.jit import kernel
+from mitt.robot.chain import tip_motion
 from mitt.signals import TICK, Array, Image, Sighting
 from mitt.vision.gaze import lead
-from mitt.vision.head import aim
+from mitt.vision.head import aim, bearing
+from mitt.vision.held import find_held
 from mitt.vision.localization import MISSED, guide, localize
 
 #: Time to the catch from which the hand comes so near the ball's images that its own light and the
@@ -59,6 +61,8 @@ def perceive(
     if not s.begun:
         _wait_for_encoders(state, result)
     if s.phase in (BRAKE, STOPPED):  # the estimate stays
+        if s.phase == BRAKE and before < s.t_rest:
+            _see_held(images, apart, t_exposed, state, result)
         return
     if s.heads > 0:
         aim(state.eyes_heads, state.eyes_angles, state.eyes_cameras)
@@ -73,10 +77,7 @@ def perceive(
             for k in range(3):
                 state.R[k, k] += TOUCHED * TOUCHED
         update(state.ball_memory, t_exposed, state.z, state.R, state.ball_settings, state.ball_work)
-    for k in range(3):
-        result.sighting[0, k] = state.z[k]
-        for j in range(3):
-            result.sighting[1 + k, j] = state.R[k, j]
+    result.sighting[0], result.sighting[1:] = state.z, state.R
     memory = state.ball_memory
     tracked = predict(
         memory, t, state.ball_settings, result.ball, result.covariance, state.ball_work
@@ -89,6 +90,40 @@ def perceive(
     _doubt(state, result)
     if s.heads > 0:
         _turn_heads(images, t_exposed, state, result)
+
+
+@kernel
+def looks(state: CatcherState, result: Result) -> bool:
+    """Say whether the next tick wants to see: not after a stop, nor once a braked arm rests."""
+    s = state.scalars[0]
+    return bool(result.scalars[0].t < s.t_rest) if s.phase == BRAKE else bool(s.phase != STOPPED)
+
+
+@kernel
+def _see_held(
+    images: tuple[Image, ...], apart: int, t_exposed: float, state: CatcherState, result: Result
+) -> None:
+    """Find the ball that rides on the braking hand; its flight is over, the filter is not told."""
+    s, out, hand, shown = state.scalars[0], result.scalars[0], state.target, False
+    tip_motion(state.chain, state.estimated[0], state.estimated[1], hand)
+    for n in range(len(images)):
+        shown |= images[n].size > 0
+    if shown:
+        if s.heads > 0:
+            aim(state.eyes_heads, state.eyes_angles, state.eyes_cameras)
+        for i in range(3):
+            hand[2, i] = hand[0, i] + (t_exposed - out.t) * hand[1, i]
+        found = find_held(
+            images, apart, state.eyes_memory, state.eyes_cameras, state.eyes_ball, state.eyes_work,
+            hand[2], state.z, state.R,
+        )  # fmt: skip
+        out.sighted, out.t_sighted = found and is_of_now(t_exposed, out.t, state), t_exposed
+        result.sighting[0], result.sighting[1:] = state.z, state.R
+    if s.heads > 0:
+        for i in range(3):
+            hand[0, i] += TICK * hand[1, i]
+        for n in range(s.heads):
+            bearing(state.eyes_heads[n], hand[0], hand[1], result.gaze[n])
 
 
 @kernel
@@ -198,20 +233,19 @@ def _measure(dt: float, state: CatcherState, result: Result) -> None:
 def _turn_heads(
     images: tuple[Image, ...], t_exposed: float, state: CatcherState, result: Result
 ) -> None:
-    """Let the heads look where the ball will be when the command acts; see :func:`tick`."""
-    s, out = state.scalars[0], result.scalars[0]
+    """Let the heads look where the ball will be when the command acts."""
+    s, out, target, ball = state.scalars[0], result.scalars[0], state.target, result.ball
     for n in range(len(images)):
         if images[n].size > 0:
             s.t_exposed = t_exposed
-    motion, ball = state.target, result.ball
     for i in range(3):
-        motion[0, i], motion[1, i] = ball[0, i] + TICK * ball[1, i], ball[1, i]
+        target[0, i], target[1, i] = ball[0, i] + TICK * ball[1, i], ball[1, i]
     lead(
         state.eyes_heads,
         state.eyes_cameras,
         state.eyes_memory,
         state.eyes_gaze,
-        motion,
+        target,
         out.t_seen if out.tracked else -np.inf,
         s.t_exposed,
         out.t + TICK,

@@ -319,8 +319,7 @@ class Planner:
         """Follow a motion from now on, as if it were that of the brake; see ``Catcher.move``."""
         self.brake = motion.copy()
         self.brake[-1, 1:] = 0.0
-        self._scalars["t_brake"] = t
-        self._enter(BRAKE)
+        self._brake_from(t)
 
     def _grasp(self) -> None:
         """Brake from the last command on: the fingers will have closed.
@@ -335,5 +334,9 @@ class Planner:
         """Brake an arm, with the ball or without, from the last command on."""
         t = self._result.scalars["t"].item()
         self.brake = plan_brake(arm, t, self._result.command[:3].copy()).table(TICK)
-        self._scalars["t_brake"] = t
+        self._brake_from(t)
+
+    def _brake_from(self, t: float) -> None:
+        """Follow the brake from a time on [s]."""
+        self._scalars["t_brake"], self._scalars["t_rest"] = t, t + len(self.brake) * TICK
         self._enter(BRAKE)

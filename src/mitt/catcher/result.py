@@ -48,8 +48,8 @@ class Result(NamedTuple):
             sigma: 1-sigma of the ball's predicted position, which may have bounced unseen [m];
             infinite without a track.
             brakes: Whether the brakes are to be engaged.
-            sighted, t_sighted: Whether the filter was given a position that the eyes found, and the
-            instant of its exposure [s].
+            sighted, t_sighted: Whether the eyes found the ball, and when it was exposed [s]. The
+            filter is given its position, but for that of a ball which the braking hand holds.
         encoders: q, dq as read [rad, rad/s], shape (2, n).
         ball: r_o, dr_o, ddr_o of the ball at ``t_ball``, shape (3, 3); zero without an estimate.
         covariance: Of r_o, dr_o, shape (6, 6).

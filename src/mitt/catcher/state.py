@@ -25,6 +25,7 @@ from mitt.generator.feasibility import trusted, waiting_height
 from mitt.generator.mapping import DirectMap
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
+from mitt.robot.chain import packed_chain
 from mitt.robot.shapes import Surroundings
 from mitt.robot.slopes import slopes_work
 from mitt.signals import TICK, Array
@@ -41,6 +42,7 @@ _STATE = {
     "braked": False, "t_brake": 0.0, "t_brakes_on": np.inf, "brake_delay": 0.0, "clock_fault": 0,
     "encoder_fault": 0, "failures": 0, "tolerance": 0.0, "max_tracking_error": 0.0, "review": 0.0,
     "t_reviewed": -np.inf, "watch": 0.0, "t_look": -np.inf, "t_ahead": np.inf,
+    "t_rest": -np.inf,
     "heads": 0, "t_exposed": 0.0, "bandwidth": 0.0, "adapt_q": 0.0, "adapt_dq": 0.0,
     "adapt_until": 0.0, "torque_lead": 0.0, "sigma_ready": np.inf, "waiting_height": 0.0,
     "flight_sigma": np.inf,
@@ -70,7 +72,7 @@ class CatcherState(NamedTuple):
             thought between ticks did.
             clock_fault, encoder_fault, tolerance: As in :mod:`mitt.control.health`;
             max_tracking_error: as of ``CatcherSettings`` [rad].
-            t_brake: Time at which braking began [s].
+            t_brake, t_rest: Time at which braking began, and at which it ends [s].
             watch: Longest time from first sight to the verdict [s].
             t_ahead: When a catch was ahead last [s]; infinite where none was.
             t_look: Time before which there is no verdict: one that refuses a far ball waits [s].
@@ -90,7 +92,9 @@ class CatcherState(NamedTuple):
             encoder_ddq_unknown, encoder_coupling, encoder_work: as in :mod:`mitt.control.encoders`;
             encoder_waiting: accelerations that commands will cause once they act, oldest first,
             shape (k, n).
-        z, R, target: Position of a sighting, its covariance, and the ball to be followed.
+        z, R, target: Position of a sighting, its covariance, and the ball to be followed; while
+            the arm brakes the catch point, its velocity, and where it was at the exposure.
+        chain: As of :func:`mitt.robot.chain.packed_chain`.
         ball_memory, ball_settings, ball_work: Of :mod:`mitt.ball.estimator`.
         closing, grip, gap: As in :mod:`mitt.control.hand`.
         slew, track_scratch: For the tracking; see :func:`mitt.control.tracking.slew_of`.
@@ -100,8 +104,7 @@ class CatcherState(NamedTuple):
         bounds, shapes, pairs, filter_...: As in :mod:`mitt.control.viability`; encoder_bounds: the
             same for the encoders' monitor, without room for an impact.
         drives, drives_now: Drives as of :mod:`mitt.control.margin`.
-        bodies, active: The arm's links, and which of them are active joints; catch_point: in the
-            frame of the last [m], shape (3,).
+        bodies, active: The arm's links, and which of them are active joints.
         room, room_...: For :func:`mitt.control.stop.short_of_room`.
         packed, powers, window, alpha, start, trusted, map_work: The map, as the kernels of
             :mod:`mitt.generator.evaluation` take it; empty where the generator is no map.
@@ -123,6 +126,7 @@ class CatcherState(NamedTuple):
     z: Array
     R: Array
     target: Array
+    chain: Array
     ball_memory: Array
     ball_settings: Array
     ball_work: Array
@@ -154,7 +158,6 @@ class CatcherState(NamedTuple):
     drives_now: Array
     bodies: Array
     active: NDArray[np.int64]
-    catch_point: Array
     room: Array
     room_tau: Array
     room_mass: Array
@@ -220,6 +223,7 @@ def fresh_state(
         "encoder_coupling": np.zeros((n, n)), "encoder_work": np.zeros((n + 2, 2 * n)),
         "encoder_waiting": np.zeros((s.setpoint_delay + 1, n)),
         "z": np.zeros(3), "R": np.zeros((3, 3)), "target": np.zeros((3, 3)),
+        "chain": packed_chain(arm.chain),
         "ball_memory": memory.fresh(), "ball_settings": settings_of(s.flight),
         "ball_work": np.zeros(memory.WORK), "closing": np.full(2, np.inf),
         "gap": np.zeros((2, 3)),
@@ -254,7 +258,6 @@ def arm_fields(arm: Arm, around: Surroundings) -> Fields:
         "drives_now": arm.limits.packed,
         "bodies": arm.bodies,
         "active": np.array(arm.model.active),
-        "catch_point": arm.model.catch_point,
         "room": np.array([arm.tau_max, arm.q_min, arm.q_max]),
         "room_tau": np.zeros(links),
         "room_mass": np.zeros((links, arm.n)),

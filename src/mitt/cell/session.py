@@ -302,6 +302,11 @@ class Session:
         stray = f"{counts.stray} positions or images with impossible stamps" if counts.stray else ""
         return "; ".join(x for x in (*notes.values(), stray) if x)
 
+    @property
+    def clock(self) -> str:
+        """What the catches so far say of the eyes' clock, in words."""
+        return self._loop.clock.words
+
     def summary(self) -> dict[str, Any]:
         """Return what happened, as ``mitt.run/1``; without a simulated cell what cannot be known.
 
@@ -333,6 +338,7 @@ class Session:
             "ticks": counts.ticks,
             "stops": counts.stops,
             "notes": list(self._loop.notes.values()),
+            "clock": self._loop.clock.figures,
         }
 
 

@@ -12,6 +12,7 @@ from rich.table import Table
 
 import mitt
 from mitt.calibration.boards import CELLS, BoardViews, calibrate_boards, look_for_board
+from mitt.calibration.catches import calibrate_by_catches
 from mitt.calibration.charuco import Board, BoardSpec
 from mitt.calibration.hand import calibrate_clock, calibrate_hand, centroid_columns, centroids_in
 from mitt.calibration.heads import FACE_UP, calibrate_head, read_head_views
@@ -134,17 +135,19 @@ def _prepare(options: CalibrateOptions) -> Calibration:
     o = options
     heads = [path for path in (o.left_head, o.right_head) if path is not None]
     stages = [name for name, given in (("boards", o.left), ("heads", heads), ("hand", o.hand),
-              ("clock", o.arm_log)) if given]  # fmt: skip
+              ("clock", o.arm_log or o.catches)) if given]  # fmt: skip
     if o.right is not None and o.left is None:
         raise InputError("--right", "--left as well (one camera alone is --left)", "--right alone")
     if not stages:
-        raise InputError("mitt calibrate", "--left and --right, --left-head, --hand or --arm-log",
-                         "none of them", do="see docs/rig.md")  # fmt: skip
+        wanted = "--left and --right, --left-head, --hand, --arm-log or --catches"
+        raise InputError("mitt calibrate", wanted, "none of them", do="see docs/rig.md")
     if (o.rig is None) == (o.left is None):
         raise InputError("mitt calibrate", "either --left (boards) or --rig (a rig to begin with)",
                          "both" if o.rig else "neither")  # fmt: skip
     if (o.arm_log is None) != (o.points is None):
         raise InputError("--arm-log and --points", "both or neither", "one of them")
+    if o.arm_log is not None and o.catches:
+        raise InputError("--arm-log and --catches", "one of them", "both")
     if o.level is not None and o.left is None:
         raise InputError("--level", "boards (--left) in the same run", "none")
     if not 0.0 < o.ball_radius < 1.0:
@@ -152,6 +155,8 @@ def _prepare(options: CalibrateOptions) -> Calibration:
     for path in (*heads, *(p for p in (o.hand, o.arm_log, o.points) if p)):
         if not path.is_file():
             raise FileError(str(path), "a CSV file", "no such file")
+    if o.catches is not None and not _recordings(o.catches):
+        raise FileError(str(o.catches), "a recording, or a folder of them", "nothing there")
     for spec in (o.left, o.right, o.hand_left, o.hand_right):
         if spec is not None and ":" not in spec and not Path(spec).exists():
             raise FileError(spec, "a folder of images or a video", "nothing there")
@@ -164,6 +169,11 @@ def _prepare(options: CalibrateOptions) -> Calibration:
         arm=load_arm(o.arm, tip=o.tip, joints=joints) if o.hand or o.arm_log else None,
         rig=None if o.rig is None else read_rig(o.rig),
     )
+
+
+def _recordings(path: Path) -> list[Path]:
+    """Return the recordings that a path names, or a folder holds."""
+    return sorted(path.glob("*.mcap")) if path.is_dir() else [path] * path.is_file()
 
 
 def _spec(options: CalibrateOptions) -> BoardSpec:
@@ -190,6 +200,9 @@ def _calibrate(job: Calibration, report: Report) -> CalibratedRig:
         rig = _with_hand(job, rig, arm, o.hand)
     if arm is not None and o.arm_log is not None and o.points is not None:
         rig, stage = calibrate_clock(rig, arm, log=o.arm_log, points=o.points, search=o.search)
+        job.stages.append(stage)
+    if o.catches is not None:
+        rig, stage = calibrate_by_catches(rig, _recordings(o.catches))
         job.stages.append(stage)
     return rig
 

@@ -100,6 +100,8 @@ class CalibrateOptions:
         tip: Frame of the file at the catch point.
         arm_log: The hand in motion: t_s and places as in --hand.
         points: What the cameras saw of it: t_s,x_m,y_m,z_m, from mitt see --points.
+        catches: Recording of catches, or a folder of them, instead of --arm-log and --points: the
+            ball that rides on the braking hand tells the clock.
         search: Largest clock offset looked for, either way [s].
         picture: Picture of the coverage to write; beside --out if left out.
         overwrite: Replace existing files.
@@ -126,6 +128,7 @@ class CalibrateOptions:
     joints: Joints = None
     arm_log: Csv = None
     points: Csv = None
+    catches: Annotated[Path | None, arg(metavar="MCAP|FOLDER")] = None
     search: Annotated[float, arg(metavar="S")] = 1.0
     picture: Annotated[Path | None, arg(metavar="PNG")] = None
     overwrite: bool = False

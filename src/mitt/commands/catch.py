@@ -60,6 +60,8 @@ def run(options: CatchOptions) -> int:
         print_json(finished.result)
     else:
         _show(finished)
+    if finished.clock is not None and finished.clock.warning:
+        warn([finished.clock.warning], json=options.json)
     if finished.interrupt is not None:
         kept = kept_words(len(finished.trials), prepared.source.count, prepared.out)
         say(f"{words_of(finished.interrupt)}; {kept}")
@@ -157,6 +159,7 @@ def _prepared(options: CatchOptions) -> Prepared:
     settings = RunSettings(
         generator=options.generator, adapt=options.adapt, vision=options.vision, seed=options.seed,
         record=options.record, record_images=options.record_images, overwrite=options.overwrite,
+        learn_clock=options.learn_clock,
     )  # fmt: skip
     return Prepared(settings=settings, arm=arm, design=design, scene=scene, source=source,
                     learned=learned, out=out)  # fmt: skip
@@ -209,6 +212,7 @@ def _show(finished: FinishedRun) -> None:
         f"{force_words(summary['force_n'], summary['over_force'])}; "
         f"{', '.join(f'{status} {summary[status]}' for status in STATUSES[1:])}; "
         f"tick {summary['tick_us']['p50']:.0f} us median",
+        *([] if finished.clock is None else [finished.clock.words]),
         f"written: {finished.prepared.out / page}",
     )
 

@@ -65,6 +65,8 @@ class CatchOptions(ArmOptions):
         scene: The world: ideal, lab or rough, or a TOML file that may start from one of them.
         throws_file: Throws to use: columns x,y,z,vx,vy,vz [m, m/s].
         flights: Recorded flights to use: columns flight,t_s,x_m,y_m,z_m.
+        learn_clock: Learn the offset between the clocks of eyes and arm from each catch, and
+            correct it from the next throw on.
         record: Which throws to record, besides the first: none at all, the failures, or all.
         record_images: Keep the images in recordings, 11 MB a throw: a replay begins with them.
         out: Folder to write; a new runs/<seed>-<generator> if left out.
@@ -81,6 +83,7 @@ class CatchOptions(ArmOptions):
     scene: Annotated[str | None, arg(metavar="NAME|TOML")] = None
     throws_file: Csv = None
     flights: Csv = None
+    learn_clock: bool = False
     record: Literal["none", "failures", "all"] = "failures"
     record_images: bool = False
     out: Annotated[Path | None, arg(metavar="DIR")] = None

@@ -73,11 +73,11 @@ def _show(session: Session, *, json: bool) -> None:
         print_json(summary)
     else:
         said = {name.replace("_", " "): _in_words(value) for name, value in summary.items()
-                if name not in ("schema", "command_age_us", "force_n")}  # fmt: skip
+                if name not in ("schema", "command_age_us", "force_n", "clock")}  # fmt: skip
         force = summary["force_n"]
         pressed = "not measured" if force is None else spread_words(force)
         words = [f"{name} {value}" for name, value in said.items()]
-        show(", ".join([*words, f"contact force {pressed}"]))
+        show(", ".join([*words, f"contact force {pressed}"]), session.clock)
 
 
 def _in_words(value: object) -> str:

@@ -1,6 +1,6 @@
 """What is written into a recording, as messages: ticks, sightings, frames, texts."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -14,6 +14,8 @@ from mitt.signals import Array, Frame, Senses, Sighting
 STAMPED, JOINTS = "geometry_msgs/msg/PointStamped", "sensor_msgs/msg/JointState"
 TEXT, FLAG, IMAGE = "std_msgs/msg/String", "std_msgs/msg/Bool", "sensor_msgs/msg/Image"
 TICK, POINT, FRAME = "mitt_msgs/msg/Tick", "mitt_msgs/msg/Point", "mitt_msgs/msg/Frame"
+#: What a correction of the eyes' stamps is called among the calls.
+_CLOCK = "clock"
 #: Largest time that a stamp can say [ns].
 _LAST = 2**31 * 1_000_000_000 - 1
 
@@ -50,6 +52,21 @@ def tick_rows(results: Result, senses: Sequence[Senses], heads: int) -> Rows:
 def call_message(name: str) -> Said:
     """Return what the catcher was told to do."""
     return of.CALLS, TEXT, of.text(name), None
+
+
+def clock_call(offset: float) -> str:
+    """Return what is kept of a correction of the eyes' stamps, which they bear already [s]."""
+    return f"{_CLOCK} {offset!r}"
+
+
+def clock_in(calls: Iterable[str]) -> float:
+    """Return what stamps were corrected by, as the newest of the calls says [s]; 0 without one."""
+    said = [name.split() for name in calls]
+    given = [words[1] for words in said if len(words) == 2 and words[0] == _CLOCK]
+    try:
+        return float(given[-1]) if given else 0.0
+    except ValueError:
+        return 0.0
 
 
 def notice_message(topic: str, text: str) -> Said:

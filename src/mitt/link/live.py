@@ -13,6 +13,7 @@ import numpy as np
 
 from mitt.catcher.catcher import Catcher, Phase
 from mitt.control.health import Reason
+from mitt.link.catches import CatchNotes
 from mitt.link.clock import monotonic
 from mitt.link.frames import FrameSet
 from mitt.link.modes import Counts, Mode
@@ -26,6 +27,7 @@ from mitt.link.stamps import Lag
 from mitt.link.ticks import Ticks
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, ArmState, Command
+from mitt.vision.calibration.caught import LearnedClock
 
 #: Time without a position after which a ball is gone, longest throw, and how long a caught ball is
 #: held before the arm goes back [s].
@@ -96,7 +98,7 @@ class LiveLoop:
         self._watch = Watch(arm, link.robot, self._lag, self._positions, clock=clock,
                             silence=silence)  # fmt: skip
         self._ticks = Ticks(first, again, self._sight, self._positions, self.counts, recorder,
-                            steps=arm.encoder_step, obeys=link.obeys)  # fmt: skip
+                            CatchNotes(arm), steps=arm.encoder_step, obeys=link.obeys)  # fmt: skip
         self.age, self._until, self._fastest, self._missed = 0.0, np.inf, 0.0, False
         self._unread = 0
 
@@ -106,6 +108,11 @@ class LiveLoop:
         catcher = self._ticks.catcher
         watches = self.mode is Mode.CATCHING and catcher.phase is Phase.WATCH
         return watches and catcher.tick is not None
+
+    @property
+    def clock(self) -> LearnedClock:
+        """The eyes' clock as the catches so far say it."""
+        return self._ticks.clock
 
     def healthy(self) -> str:
         """Read without moving, at first for 50 ms; return what is wrong, nothing if all is well.
@@ -370,10 +377,20 @@ class LiveLoop:
         if self._fastest > _THROWN:
             self.counts.throws += 1
             self.counts.refused += refused
-        if self._ticks.catcher.phase is not Phase.BRAKE:  # a braked one still holds the ball
+        if self._ticks.catcher.phase is Phase.BRAKE:  # a braked one still holds the ball
+            self._learn_clock()
+        else:
             self._ticks.fresh()
         self._fastest, self._missed = 0.0, False
         self.mode, self._until = Mode.MOVING, np.inf
+
+    def _learn_clock(self) -> None:
+        """Learn from a catch how far the eyes' clock is off, and say so where that is too far."""
+        self._ticks.learn()
+        if warning := self.clock.warning:
+            self.notes["clock"] = warning
+        else:
+            self.notes.pop("clock", None)
 
     def _halt(self) -> None:
         """Engage the brakes and stay; a ball in flight then is one that was not caught."""

@@ -32,7 +32,7 @@ from mitt.files import messages as of
 from mitt.files.about import About
 from mitt.files.messages import EVENT
 from mitt.files.recording import heading_of
-from mitt.files.recording_rows import frame_row, point_rows
+from mitt.files.recording_rows import clock_call, frame_row, point_rows
 from mitt.link.clock import monotonic
 from mitt.link.ring import Ring
 from mitt.signals import Command, Frame, Senses, all_of
@@ -156,6 +156,17 @@ class Recorder(AbstractContextManager["Recorder"]):
         """
         checks.one_of("call", name, CALLS)
         self._ring.put(CALL, COUNTS.pack(self.count, 0, 0) + name.encode())
+
+    def clock(self, offset: float) -> None:
+        """Keep what the stamps of sightings and images are corrected by from now on.
+
+        They bear the correction already; a replay needs nothing of it.
+
+        Args:
+            offset: What is added to them [s].
+        """
+        said = clock_call(checks.number("offset", offset, finite=True))
+        self._ring.put(CALL, COUNTS.pack(self.count, 0, 0) + said.encode())
 
     def background(self, frames: tuple[Frame, ...]) -> None:
         """Keep frames of which the catcher learns its background, before the first tick.

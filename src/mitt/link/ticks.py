@@ -10,6 +10,7 @@ import numpy as np
 
 from mitt.catcher.catcher import Catcher
 from mitt.errors import InputError
+from mitt.link.catches import CatchNotes
 from mitt.link.frames import FrameSet
 from mitt.link.modes import Counts
 from mitt.link.positions import STRAY, Positions
@@ -17,6 +18,7 @@ from mitt.link.recorder import Recorder
 from mitt.link.sight import Sight
 from mitt.link.stamps import Stamps
 from mitt.signals import TICK, ArmState, Array, Command, Frame, Senses, Sighting
+from mitt.vision.calibration.caught import ClockOffset, LearnedClock
 
 #: How far a joint has to have moved before a row of angles that repeats is no reading [rad], beside
 #: a step of its encoder.
@@ -41,6 +43,7 @@ class Ticks:
         recorded: Whether the ticks are recorded: those of a catch are.
         repeating: How many readings of the last tenth of a second, about, repeat the one before.
         frozen: Whether they have for so long that no reading comes any more.
+        clock: The eyes' clock as the catches so far say it; it corrects their stamps.
     """
 
     def __init__(
@@ -51,6 +54,7 @@ class Ticks:
         positions: Positions,
         counts: Counts,
         recorder: Recorder | None,
+        notes: CatchNotes,
         *,
         steps: Array,
         obeys: bool,
@@ -64,12 +68,14 @@ class Ticks:
             positions: Of the ball, for a catcher that sees no images.
             counts: Where ticks, readings that were lost or repeat, and stray images are counted.
             recorder: Keeps each tick of a catch.
+            notes: Where each tick of a catch is noted, for the clocks.
             steps: Resolution of the joints' encoders [rad], shape (n,).
             obeys: Whether the arm does at once what it is told: by torques, not by setpoints.
         """
         self.catcher, self.stamps, self.recorded = first, Stamps(), False
         self._again, self._sight, self._counts, self._recorder = again, sight, counts, recorder
         self._positions, self._begun, self._last = positions, 0.0, 0.0
+        self.clock, self._offset, self._notes = LearnedClock(), 0.0, notes
         self.repeating, self.frozen, self._run, self._obeys = 0.0, False, 0, obeys
         self._travel = 0.0
         self._read, self._moved, self._least = np.zeros(0), np.zeros(0), _MOVED + steps
@@ -129,12 +135,14 @@ class Ticks:
         shift = self.stamps.at(0.0) - self._begun
         t -= self._begun
         seen = tuple(
-            Sighting(t=p.t + shift, found=p.found, r_o=p.r_o, covariance=p.covariance)
+            Sighting(
+                t=p.t + shift + self._offset, found=p.found, r_o=p.r_o, covariance=p.covariance
+            )
             for p in self._positions.upto(reading.t)
         )
         frames: tuple[Frame, ...] = ()
         if shown is not None and -STRAY < shown.t + shift - t < STRAY:
-            frames = self._sight.show(self.catcher, shown, shown.t + shift)
+            frames = self._sight.show(self.catcher, shown, shown.t + shift + self._offset)
         elif shown is not None:
             self._counts.stray += 1
         if self.catcher.tick is None and not np.all(np.isfinite(reading.q)):
@@ -172,6 +180,8 @@ class Ticks:
     def _step(self, senses: Senses) -> Command:
         """Let the catcher make a tick; recorded unless it is on its way to the ready pose."""
         command = self.catcher.step(senses)
+        if self.recorded:
+            self._notes.note(senses, self.catcher)
         if self._recorder is not None and self.recorded:
             self._recorder.tick(senses, command, self.catcher.result)
         return command
@@ -182,9 +192,18 @@ class Ticks:
         self._note("stop")
 
     def record(self) -> None:
-        """Record from now on: a catch begins."""
-        self.recorded = True
+        """Record from now on: a catch begins, with the clock as it is known."""
+        self.recorded, self._offset = True, self.clock.offset
+        self._notes.clear()
         self._note("again")
+        if self._recorder is not None and self._offset != 0.0:
+            self._recorder.clock(self._offset)
+
+    def learn(self) -> ClockOffset:
+        """Learn from the catch that is over what it says of the clocks, and return that."""
+        found = self._notes.offset(self.catcher)
+        self.clock.take(found, self._offset)
+        return found
 
     def _note(self, call: str) -> None:
         """Record what the catcher is told besides its senses."""

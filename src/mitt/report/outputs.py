@@ -72,8 +72,11 @@ def _write_recordings(finished: FinishedRun, progress: Progress) -> None:
             if record == "all" or (record == "failures" and (t.index == 0 or t.status != "caught"))
             ]  # fmt: skip
     runner = make_runner(prepared, finished.learned, generator=prepared.settings.generator)
+    clocks = {t.index: t.clock for t in finished.trials}
     for done, index in enumerate(kept):
         progress("recordings", done, len(kept))
+        clock = clocks[index]
+        runner.clock_offset = 0.0 if clock is None else float(clock["offset_s"] or 0.0)
         images = prepared.settings.record_images and prepared.settings.vision == "pixels"
         outcome = runner.throw(prepared.source, index, log=True, images=images)
         if outcome.log is not None:

@@ -19,6 +19,7 @@ from mitt.robot.description import ArmModel, joint_motion, transform
 from mitt.robot.vectors import (
     IDENTITY,
     ZERO,
+    Mat,
     Vec,
     compose,
     cross,
@@ -32,6 +33,7 @@ from mitt.robot.vectors import (
     turn,
 )
 from mitt.signals import Array
+from mitt.views import view
 
 
 class Chain(NamedTuple):
@@ -90,6 +92,50 @@ def motion_of(n: int) -> Motion:
         origin=np.zeros((3, n, 3)),
         line=np.zeros((3, n, 3)),
     )
+
+
+def packed_chain(chain: Chain) -> Array:
+    """Return a chain as one vector, to be read by :func:`tip_motion`, shape (16 n + 3,)."""
+    parts = (chain.R, chain.p, chain.axis, chain.prismatic, chain.tip)
+    return np.concatenate([x.ravel() for x in parts])
+
+
+@kernel
+def tip_motion(packed: Array, q: Array, dq: Array, motion: Array) -> Mat:
+    """Write where the catch point is and how fast it moves.
+
+    Args:
+        packed: As of :func:`packed_chain`.
+        q: Joint positions [rad], shape (n,).
+        dq: Joint velocities [rad/s], shape (n,).
+        motion: Result, position [m] and velocity [m/s] in its first two rows, shape (.., 3).
+
+    Returns:
+        The rotation of the last frame, row by row.
+    """
+    n = len(q)
+    R, p, axis = (
+        view(packed, 0, (n, 3, 3)),
+        view(packed, 9 * n, (n, 3)),
+        view(packed, 12 * n, (n, 3)),
+    )
+    frame, o, omega, v = IDENTITY, ZERO, ZERO, ZERO
+    for k in range(n):
+        step = rotate(frame, row(p, k))
+        o, v = plus(o, step), plus(v, cross(omega, step))
+        frame = compose(frame, matrix(R, k))
+        w = rotate(frame, row(axis, k))
+        if packed[15 * n + k] > 0.0:
+            step = times(q[k], w)
+            o, v = plus(o, step), plus(v, plus(cross(omega, step), times(dq[k], w)))
+        else:
+            frame = compose(frame, turn(row(axis, k), q[k]))
+            omega = plus(omega, times(dq[k], w))
+    a = 16 * n
+    step = rotate(frame, (packed[a], packed[a + 1], packed[a + 2]))
+    put(motion, 0, plus(o, step))
+    put(motion, 1, plus(v, cross(omega, step)))
+    return frame
 
 
 @kernel

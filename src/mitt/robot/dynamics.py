@@ -23,7 +23,6 @@ import numpy as np
 from mitt.jit import kernel
 from mitt.robot.description import ArmModel, joint_motion
 from mitt.robot.vectors import (
-    IDENTITY,
     ZERO,
     Mat,
     Vec,
@@ -32,7 +31,6 @@ from mitt.robot.vectors import (
     dot,
     mat_at,
     plus,
-    put,
     put_at,
     rotate,
     times,
@@ -113,35 +111,6 @@ def inverse_dynamics(
         R, p = mat_at(scratch, k, 0), vec_at(scratch, k, _P)
         force = rotate(R, force)
         moment = plus(rotate(R, moment), cross(p, force))
-
-
-@kernel
-def point_motion(bodies: Array, point: Array, q: Array, dq: Array, motion: Array) -> None:
-    """Write where a point of the last link is, and its velocity.
-
-    Args:
-        bodies: Table of the links, shape (N, 31).
-        point: In the frame of the last link [m], shape (3,).
-        q: Active joint positions [rad], shape (n,).
-        dq: Their velocities [rad/s], shape (n,).
-        motion: Result [m, m/s], shape (2, 3).
-    """
-    R, o, omega, v = IDENTITY, ZERO, ZERO, ZERO
-    for k in range(bodies.shape[0]):
-        axis, j = vec_at(bodies, k, AXIS), int(bodies[k, JOINT])
-        here, speed = (q[j], dq[j]) if j >= 0 else (0.0, 0.0)
-        p = rotate(R, vec_at(bodies, k, P))
-        R = compose(R, mat_at(bodies, k, 0))
-        w = rotate(R, axis)
-        if bodies[k, SLIDES] > 0.0:
-            p = plus(p, times(here, w))
-            v = plus(v, times(speed, w))
-        o, v = plus(o, p), plus(v, cross(omega, p))
-        if j >= 0 and not bodies[k, SLIDES] > 0.0:
-            R, omega = compose(R, turn(axis, here)), plus(omega, times(speed, w))
-    arm = rotate(R, (point[0], point[1], point[2]))
-    put(motion, 0, plus(o, arm))
-    put(motion, 1, plus(v, cross(omega, arm)))
 
 
 @kernel

@@ -10,7 +10,7 @@ import json
 import re
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, final
 
@@ -19,7 +19,7 @@ from mitt.files.files import write_json
 from mitt.files.folders import Leaves
 from mitt.link.clock import Stopwatch
 from mitt.reading import read_text
-from mitt.trials.result import SCHEMA, finite, result
+from mitt.trials.result import SCHEMA, finite, plain, result
 from mitt.trials.score import Trial
 
 NAME, RESULT, MAP, PAGE = "trials.jsonl", "result.json", "map.json", "report.html"
@@ -76,7 +76,7 @@ class Journal(AbstractContextManager["Journal"]):
         Raises:
             FileError: It cannot be written.
         """
-        self._write(asdict(trial))
+        self._write(plain(trial))
         self.trials.append(trial)
 
     def last_words(self) -> str:

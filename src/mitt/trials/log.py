@@ -39,6 +39,7 @@ class TrialLog:
         senses: What each tick took, images only where they were asked for; empty where a compiled
             loop made the ticks: ``ticks`` then says it all.
         background: Frames of which the eyes learned their background, where images are kept.
+        clock_offset: What was added to the stamps of what the eyes saw [s].
     """
 
     t: Array
@@ -60,6 +61,7 @@ class TrialLog:
     ticks: Result
     senses: tuple[Senses, ...] = ()
     background: tuple[Frame, ...] = ()
+    clock_offset: float = 0.0
 
 
 def log_of(

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from mitt.ball.estimator import update
 from mitt.catcher.catcher import Catcher
+from mitt.catcher.perception import looks
 from mitt.catcher.result import Result, ResultHandle, result_handle, room_for, rows_of, store
 from mitt.catcher.settings import BRAKE, STOPPED
 from mitt.catcher.state import StateHandle
@@ -23,6 +24,7 @@ from mitt.errors import ShapeError
 from mitt.jit import kernel
 from mitt.link.clock import Stopwatch, now_ns
 from mitt.signals import TICK, Array, Image
+from mitt.vision.held import window_about
 from mitt.vision.segmentation import suffices
 from mitt.vision.target import WORK, region_of_interest
 from mitt.world.capsules import lay_capsules
@@ -79,7 +81,10 @@ class LookAhead(NamedTuple):
 
 
 class Sight(NamedTuple):
-    """Arm and hand, cameras, exposures, points; half the exposure [s], radius of the ball [m]."""
+    """Arm and hand, cameras, exposures, points, and single numbers.
+
+    Those are half the exposure [s], radius of the ball [m], and what is added to stamps [s].
+    """
 
     body: Body
     film: Film
@@ -87,6 +92,7 @@ class Sight(NamedTuple):
     points: Points
     half: float
     radius: float
+    offset: float
 
 
 _NO_LIGHT = Light(*(0.0,) * 13, painted=False)
@@ -99,6 +105,8 @@ _DARK: Film = (
     (np.zeros((0, 0), np.uint8), np.zeros(0, np.uint8), np.zeros(0)),
     np.zeros((BLOCK, 0, 2), np.int64),
 )  # fmt: skip
+MARGIN = 2.0
+"""What the hand may be off where it was expected a tick before [px]."""
 NOTHING = np.empty((0, 0), np.uint8), np.empty((0, 0), np.uint8)
 """Images of no camera."""
 
@@ -107,11 +115,12 @@ NOTHING = np.empty((0, 0), np.uint8), np.empty((0, 0), np.uint8)
 def render(
     shot: Array, starts: NDArray[np.int64], images: tuple[Image, Image], camera: Cameras,
     bank: Bank, half: float, radius: float, t: float, backgrounds: tuple[Image, ...],
-    state: StateHandle, ahead: LookAhead,
+    state: StateHandle, ahead: LookAhead, held: bool,
 ) -> None:  # fmt: skip
     """Draw of the images of an exposure what the eyes are going to look at.
 
-    That is where they find the ball again; where they do not, and so look everywhere, all.
+    That is where they find the ball again; where they do not, and so look everywhere, all. A ball
+    that the braking hand holds is looked for about the hand.
 
     Args:
         shot: A row of ``Shots.rows``, shape (c + 2, 8).
@@ -125,10 +134,24 @@ def render(
         backgrounds: As of ``Catcher.backgrounds``.
         state: As of ``Catcher.parts``.
         ahead: Scratch.
+        held: Whether the tick before has looked for a held ball.
     """
     windows, known = ahead.windows, ahead.known
     memory, settings, count = state.eyes_memory, state.eyes_settings, len(shot) - 2
     r_o, dr_o = shot[count, :3], shot[count + 1, :3]
+    if state.scalars[0].phase == BRAKE:
+        hand = ahead.weights[:3]
+        hand[:] = state.target[2] + TICK * state.target[1]
+        for n in range(2):
+            if not held or window_about(
+                state.eyes_cameras[n], hand, state.eyes_ball[0], MARGIN, images[n].shape, windows[n]
+            ) == 0.0:  # fmt: skip
+                windows[n, 0], windows[n, 1] = 0, images[n].shape[0] - 1
+                windows[n, 2], windows[n, 3] = 0, images[n].shape[1] - 1
+        render_images(
+            images, camera, bank, starts, half, radius, r_o, dr_o, shot[:count], windows, t
+        )
+        return
     for whole in (False, True):
         missed = False
         for n in range(2):
@@ -150,7 +173,7 @@ def render(
 @kernel
 def capture(
     plant: Plant, sight: Sight, backgrounds: tuple[Image, ...], state: StateHandle,
-    ahead: LookAhead, k: int,
+    ahead: LookAhead, k: int, held: bool,
 ) -> None:  # fmt: skip
     """Keep what is in view in tick ``k``, and draw the images that arrive in it; see ``play``."""
     shots, points = sight.shots, sight.points
@@ -169,7 +192,7 @@ def capture(
     if k >= latency:
         render(
             shots.rows[place], shots.starts[place], (shots.images[0], shots.images[1]), camera,
-            bank, sight.half, sight.radius, (k - latency) * TICK, backgrounds, state, ahead,
+            bank, sight.half, sight.radius, (k - latency) * TICK, backgrounds, state, ahead, held,
         )  # fmt: skip
 
 
@@ -205,17 +228,17 @@ def play(
     latency, with_points = len(line) - 1, len(sight.points.noise) > 0
     for _ in range(count):
         k, images, exposed = int(p[TICKS]), nothing, 0.0
-        looking = s.phase != BRAKE and s.phase != STOPPED
+        looking, held = looks(state, result), s.phase == BRAKE
         if looking:
-            capture(plant, sight, backgrounds, state, ahead, k)
-        arrived = looking and k >= latency
+            capture(plant, sight, backgrounds, state, ahead, k, out.phase == BRAKE)
+        arrived, stamp = looking and k >= latency, (k - latency) * TICK + sight.offset
         if arrived and not with_points:
-            images, exposed = (sight.shots.images[0], sight.shots.images[1]), (k - latency) * TICK
+            images, exposed = (sight.shots.images[0], sight.shots.images[1]), stamp
         read_encoders(encoders, k * TICK, plant.qpos[:n], plant.qvel[:n])
         before = now_ns(clock)
-        if arrived and with_points:
+        if arrived and with_points and not held:
             update(
-                state.ball_memory, (k - latency) * TICK, line[(k - latency) % len(line)],
+                state.ball_memory, stamp, line[(k - latency) % len(line)],
                 sight.points.covariance, state.ball_settings, state.ball_work,
             )  # fmt: skip
         todo = tick(
@@ -224,7 +247,7 @@ def play(
         )  # fmt: skip
         times[k] = now_ns(clock) - before
         if arrived and with_points:
-            out.sighted, out.t_sighted = True, (k - latency) * TICK
+            out.sighted, out.t_sighted = True, stamp
             result.sighting[0] = line[(k - latency) % len(line)]
             result.sighting[1:] = sight.points.covariance
         note_stop(p, out.brakes, s.phase == STOPPED)
@@ -237,8 +260,9 @@ def play(
 
 
 def play_out(
-    stage: Stage, catcher: Catcher, stopwatch: Stopwatch, *, longest: float, held: float
-) -> Result:
+    stage: Stage, catcher: Catcher, stopwatch: Stopwatch, *, longest: float, held: float,
+    offset: float = 0.0,
+) -> Result:  # fmt: skip
     """Play a trial from its first tick to its end and return the results of all ticks.
 
     Args:
@@ -247,6 +271,7 @@ def play_out(
         stopwatch: Gets how long the catcher took in each tick.
         longest: As of :func:`mitt.world.motion.over` [s].
         held: As of :func:`mitt.world.motion.over` [s].
+        offset: What is added to the stamps of what is seen [s].
 
     Raises:
         ShapeError: The catcher's arm has another number of joints than the stage's.
@@ -275,7 +300,7 @@ def play_out(
             cameras = imager.film
         elif k % BLOCK == 0 and catcher.looking:
             points = points._replace(noise=stage.sensors.noise(BLOCK))
-        sight = Sight(stage.body, cameras, shots, points, half, stage.radius)
+        sight = Sight(stage.body, cameras, shots, points, half, stage.radius, offset)
         todo = play(
             stage.plant, rows, sight, (longest, held), NOTHING, catcher.backgrounds,
             stage.sensors.encoders, parts, ahead, kept, times, BLOCK - k % BLOCK,

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
 
 import numpy as np
 
@@ -10,9 +9,9 @@ from mitt.catcher.settings import PHASES, Phase
 from mitt.files.about import About
 from mitt.files.messages import CATCH_POINT, EVENT, TRUTH
 from mitt.files.recording import Notice, Recording, Track, heading_of
-from mitt.files.recording_rows import tick_rows
+from mitt.files.recording_rows import clock_call, tick_rows
 from mitt.trials.log import TrialLog
-from mitt.trials.result import finite
+from mitt.trials.result import finite, plain
 from mitt.trials.score import Trial, reason_of
 
 
@@ -27,11 +26,11 @@ def recording_of(
         about: What makes its catcher.
         notes: What else the metadata says: seed, vision, scene.
     """
-    truth = log.truth
+    truth, used = log.truth, log.clock_offset
     metadata = {name: str(value) for name, value in (notes or {}).items()}
     metadata |= {
         "throw": str(trial.index),
-        "trial": json.dumps(finite(asdict(trial)), allow_nan=False),
+        "trial": json.dumps(finite(plain(trial)), allow_nan=False),
     }
     frames = {k: x.frames for k, x in enumerate(log.senses) if x.frames}
     if log.background:
@@ -41,6 +40,7 @@ def recording_of(
         ticks=tick_rows(log.ticks, log.senses, len(about.rig.heads)),
         points={k: x.points for k, x in enumerate(log.senses) if x.points},
         frames=frames,
+        calls={} if not used else {0: (clock_call(used),)},
         tracks=(
             Track(topic=TRUTH, t=truth.t, r=truth.r_o),
             Track(topic=CATCH_POINT, t=truth.t, r=truth.position),

@@ -221,7 +221,7 @@ class _Run:
         self.catcher.think()
         s, seen = self.catcher.state, row["sighting"].reshape(4, 3)
         s.z[:], s.R[:] = seen[0], seen[1:]
-        if row["out_sighted"] and self.catcher.looking:
+        if row["out_sighted"] and self.catcher.flying:
             at = float(row["out_t_sighted"])
             update(s.ball_memory, at, s.z, s.R, s.ball_settings, s.ball_work)
 
@@ -237,7 +237,7 @@ class _Run:
 
     def _note(self, t: float) -> None:
         """Keep the verdict where it has changed, and why the catcher stopped."""
-        verdict = self.catcher.verdict if not self.verdicts or self.catcher.looking else None
+        verdict = self.catcher.verdict if not self.verdicts or self.catcher.flying else None
         if verdict is not None and (not self.verdicts or verdict is not self.verdicts[-1].verdict):
             self.verdicts.append(Judged(t, verdict))
         self.stopped_by = self.stopped_by or self.catcher.stopped_by

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, final
 
@@ -30,6 +30,7 @@ from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial
 from mitt.trials.source import Source
 from mitt.trials.warm import warming
+from mitt.vision.calibration.caught import ClockOffset, LearnedClock, caught_offset
 from mitt.world.scene import Scene
 from mitt.world.scenes import changed
 
@@ -121,6 +122,7 @@ class RunSettings:
         record: Which throws to record besides the first: ``none`` at all, ``failures`` or ``all``.
         record_images: Whether recordings keep the images.
         overwrite: Use a folder that has files in it.
+        learn_clock: Whether the eyes' clock is learned from catch to catch and corrected.
     """
 
     generator: str = "direct"
@@ -130,6 +132,7 @@ class RunSettings:
     record: Literal["none", "failures", "all"] = "failures"
     record_images: bool = False
     overwrite: bool = False
+    learn_clock: bool = False
 
 
 @final
@@ -184,6 +187,7 @@ class FinishedRun:
     trials: list[Trial]
     stopwatch: Stopwatch
     interrupt: int | None
+    clock: LearnedClock | None = None
 
     @property
     def status(self) -> int:
@@ -193,7 +197,8 @@ class FinishedRun:
     @property
     def result(self) -> dict[str, Any]:
         """The result as the contract writes it."""
-        return result(self.trials, self.stopwatch, self.prepared.head, self.prepared.source.count)
+        head = self.prepared.head | ({} if self.clock is None else {"clock": self.clock.figures})
+        return result(self.trials, self.stopwatch, head, self.prepared.source.count)
 
 
 def make_runner(prepared: Prepared, learned: Learned, *, generator: str) -> TrialRunner:
@@ -238,13 +243,14 @@ def run(
     runner = make_runner(prepared, learned, generator=prepared.settings.generator)
     runner.run(-1, ball, seed=0)
     runner.stopwatch.clear()
+    clock = LearnedClock() if prepared.settings.learn_clock else None
     trials: list[Trial] = []
     interrupt = None
     try:
         with settled(), keeping(learned) if keeping else nullcontext(lambda _: None) as keep:
             for index in range(count):
                 progress("throwing", index, count)
-                trial = runner.throw(prepared.source, index).trial
+                trial = _thrown(runner, prepared.source, index, clock)
                 keep(trial)
                 trials.append(trial)
         progress("throwing", count, count)
@@ -257,4 +263,22 @@ def run(
         trials=trials,
         stopwatch=runner.stopwatch,
         interrupt=interrupt,
+        clock=clock,
     )
+
+
+def _thrown(runner: TrialRunner, source: Source, index: int, clock: LearnedClock | None) -> Trial:
+    """Throw once; where a clock is learned, corrected by it and with what the catch says of it."""
+    trial, used = runner.throw(source, index).trial, runner.clock_offset
+    if clock is None:
+        return trial
+    found = ClockOffset(unknown="the arm has not braked for a ball")
+    if runner.caught is not None:
+        found = caught_offset(runner.arm, runner.caught)
+        clock.take(found, used)
+    runner.clock_offset = clock.offset
+    known = not found.unknown
+    return replace(trial, clock={
+        "offset_s": used, "found_s": used + found.offset if known else None,
+        "sigma_s": found.sigma if known else None, "unknown": found.unknown or None,
+    })  # fmt: skip

@@ -1,6 +1,6 @@
 """One throw from release to verdict: world and catcher, a tick at a time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import final
 
@@ -34,6 +34,7 @@ from mitt.trials.score import (
     was_held,
 )
 from mitt.trials.source import Source
+from mitt.vision.calibration.caught import Catch
 from mitt.vision.camera import Rig, fixed_rig
 from mitt.vision.eyes import Eyes
 from mitt.vision.head import active_rig
@@ -72,6 +73,8 @@ class TrialRunner:
         ticks: Results of all ticks of the last trial.
         rig: The cameras.
         views: Looks at the scene before the last throw, from which its background was learned.
+        clock_offset: What is added to the stamps of what the eyes see [s].
+        caught: What arm and eyes said of the catch in the last trial; None where none was tried.
     """
 
     def __init__(
@@ -89,7 +92,8 @@ class TrialRunner:
         self.rig = active_rig() if scene.sensing.cameras == "active" else fixed_rig()
         cameras = cameras_of(self.rig, scene) if pixels else None
         self.world = World(scene, arm.model, cameras=cameras, limits=arm.limits)
-        self.stopwatch = Stopwatch()
+        self.stopwatch, self.clock_offset = Stopwatch(), 0.0
+        self.caught: Catch | None = None
         self._catcher, self.views = self._made(), list[tuple[Frame, ...]]()
         self.ticks = room_for(self._catcher.result, 0)
 
@@ -149,7 +153,7 @@ class TrialRunner:
     def step(self, catcher: Catcher) -> Senses:
         """Make one tick through Python: sense, step, apply, think; return what was sensed."""
         world = self.world
-        senses = world.sense(look=catcher.looking)
+        senses = _shifted(world.sense(look=catcher.looking), self.clock_offset)
         with self.stopwatch:
             command = catcher.step(senses)
         if catcher.stopped_by is not None:
@@ -182,7 +186,7 @@ class TrialRunner:
             self.arm, ticks, truth, t_0=catcher.t_0, t_catch=t_catch, senses=tuple(senses),
             background=ground,
         )  # fmt: skip
-        return LoggedTrial(trial, kept)
+        return LoggedTrial(trial, replace(kept, clock_offset=self.clock_offset))
 
     def throw(
         self, source: Source, index: int, *, log: bool = False, images: bool = False
@@ -194,18 +198,23 @@ class TrialRunner:
     def _play(self, catcher: Catcher, senses: list[Senses] | None, *, images: bool) -> Result:
         """Play a trial to its end, compiled where that is possible; return all ticks' results."""
         rules = {"longest": LONGEST, "held": HELD_AFTER}
-        stage, rows = self.world.stage, list[Result]()
+        offset = self.clock_offset
+        stage, rows, points = self.world.stage, list[Result](), list[Sighting]()
         if stage is not None and catcher.parts is not None and not images:
-            ticks = play_out(stage, catcher, self.stopwatch, **rules)
+            ticks = play_out(stage, catcher, self.stopwatch, **rules, offset=offset)
+            self.caught = _caught(catcher, ticks, ())
             if senses is not None and not self._pixels:
                 senses += _with_points(ticks)
             return ticks
         while not self.world.over(**rules):
             taken = self.step(catcher)
+            points += taken.points
             if senses is not None:
                 senses.append(taken if images else replace(taken, frames=()))
             rows.append(copied(catcher.result))
-        return gathered(rows) if rows else room_for(catcher.result, 0)
+        ticks = gathered(rows) if rows else room_for(catcher.result, 0)
+        self.caught = _caught(catcher, ticks, points)
+        return ticks
 
     def _score(self, index: int, catcher: Catcher, found: Measured, t_catch: float) -> Trial:
         """Score the finished trial."""
@@ -226,6 +235,30 @@ class TrialRunner:
             stopped_by=stop_as_json(catcher.stopped_by),
             **asdict(found),
         )
+
+
+def _caught(catcher: Catcher, ticks: Result, points: Sequence[Sighting]) -> Catch | None:
+    """Return what arm and eyes said of a catch; None where the arm never braked for one."""
+    s, now = ticks.scalars, catcher.state.scalars[0]
+    if not np.isfinite(now["t_rest"]):
+        return None
+    seen = s["sighted"]
+    t, r, P = s["t_sighted"][seen], ticks.sighting[seen, 0], ticks.sighting[seen, 1:]
+    if points:
+        given = [p for p in points if p.found]
+        t, r = np.array([p.t for p in given]), np.array([p.r_o for p in given])
+        P = np.array([p.covariance for p in given])
+    return Catch(t_arm=s["t"], q=ticks.encoders[:, 0], t_seen=t, seen=r, covariance=P,
+                 t_brake=now["t_brake"].item(), t_rest=now["t_rest"].item())  # fmt: skip
+
+
+def _shifted(senses: Senses, by: float) -> Senses:
+    """Return senses with other stamps of what is seen, by a time [s]."""
+    if by == 0.0:
+        return senses
+    frames = tuple(replace(x, t=x.t + by) for x in senses.frames)
+    points = tuple(replace(x, t=x.t + by) for x in senses.points)
+    return replace(senses, frames=frames, points=points)
 
 
 def _with_points(ticks: Result) -> list[Senses]:

@@ -58,6 +58,9 @@ class Trial:
             and commanded then; None where it did not.
         over_force: Whether the largest contact force is more than hand and arm take; None without
             a contact, or where nothing is known of what they take.
+        clock: Where the eyes' clock is learned: what stamps were corrected by in this throw
+            (``offset_s``), what it says of the whole offset (``found_s``, ``sigma_s``), or why
+            nothing (``unknown``). None, and left out of results, where it is not.
     """
 
     index: int
@@ -78,6 +81,7 @@ class Trial:
     certificate_last: dict[str, str | float | None] | None = None
     stopped_by: dict[str, Plain] | None = None
     over_force: bool | None = None
+    clock: dict[str, float | str | None] | None = None
 
 
 def certificate_of(verdict: Verdict | None) -> dict[str, str | float | None] | None:

@@ -91,7 +91,7 @@ def _compile_eyes(f: DirectMap, scene: Scene, ball: Throw | BallPath, pixels: bo
         catcher.learn_background(views)
     _, state, result = catcher.kernel_arguments
     q = np.zeros(f.arm.n)
-    _compile(perceive.inner, NOTHING, catcher.backgrounds, 0, 0.0, 0.0, q, q, state, result)
+    _compile(perceive.inner, NOTHING, catcher.backgrounds, 0, 0.0, 0.0, 0.0, q, q, state, result)
 
 
 def _compile_arm(f: DirectMap, scene: Scene, ball: Throw | BallPath, pixels: bool) -> None:
