@@ -21,7 +21,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mitt.control.hand import LONGEST_INSIDE, pack_grip
+from mitt.control.hand import LONGEST_INSIDE, pack_grip, takes_of
 from mitt.holding import CaughtBall
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Basket, Hand
@@ -46,8 +46,8 @@ _BEYOND, _BAND = 0.0034, 0.009
 _BEHIND = 0.002
 #: Rate of a basket's net, of all its cords together [1/s]: its damping (``mitt.world.basket.NET``).
 _NET = 300.0
-#: Columns of a packed closing with its duration, distance inside and time before the catch; speed
-#: of a ball that stands still in the hand [m/s].
+#: Columns of a packed closing with distance inside, time before the catch and height of the ring of
+#: fingertips; speed of a ball that stands still in the hand [m/s].
 _TIMES, _STILL = slice(6, 9), 1e-6
 #: Instants of a closing that are looked at, greatest height above the catch point at which a ball
 #: is looked for [m], and how many heights: fingers end below it.
@@ -175,7 +175,7 @@ def _gaps(hand: HandModel, radius: float, angle: float, heights: Array) -> Array
     return gaps
 
 
-def lead_of(hand: HandModel, ball: CaughtBall, speed: float) -> float:
+def lead_of(hand: HandModel, ball: CaughtBall, speed: float, aslant: float = 0.0) -> float:
     """Return the time from the start of the closing to the catch [s], drives and delays apart.
 
     As :func:`mitt.control.hand.close` has it for a ball of a steady relative speed.
@@ -184,8 +184,11 @@ def lead_of(hand: HandModel, ball: CaughtBall, speed: float) -> float:
         hand: The hand.
         ball: The ball.
         speed: Of it relative to the catch point at the catch [m/s].
+        aslant: Sine of the angle between its way and the palm's normal.
     """
-    takes, inside, early = pack_grip(hand, ball.radius, ball.restitution)[_TIMES].tolist()
+    grip = pack_grip(hand, ball.radius, ball.restitution)
+    inside, early, ring = grip[_TIMES].tolist()
+    takes = takes_of(grip, aslant * ring)
     return float(takes + max(early, inside / max(speed, inside / LONGEST_INSIDE, _STILL)))
 
 
@@ -211,7 +214,8 @@ def force_of(arm: Arm, q: Array, v_rel: Array, ball: CaughtBall) -> float:
     behind = 1.0 / yields if yields > 0.0 else np.inf
     left, met = 1.0, 0.0
     if isinstance(hand, HandModel):
-        lead = lead_of(hand, ball, whole)
+        aslant = float(np.sqrt(max(1.0 - (speed / max(whole, _STILL)) ** 2, 0.0)))
+        lead = lead_of(hand, ball, whole, aslant)
         left = speed_left(hand, ball, meeting(hand, ball.radius, lead, speed))
         met = speed if left < 1.0 else 0.0
     return contact_force(hand, ball, palm_speed=left * speed, finger_speed=met, behind=behind)

@@ -22,7 +22,7 @@ from mitt.catcher.state import CatcherState
 from mitt.control.encoder_faults import TRIFLE
 from mitt.control.encoder_memory import BRIDGED
 from mitt.control.encoders import predict_acceleration
-from mitt.control.hand import close, has_closed
+from mitt.control.hand import LONGEST_INSIDE, close, has_closed
 from mitt.control.health import (
     ABORT,
     BRIDGED_TIME,
@@ -41,6 +41,7 @@ from mitt.control.tracking import largest_gap, track
 from mitt.control.viability import BLOCKED, safety_filter
 from mitt.jit import kernel
 from mitt.robot.chain import tip_motion
+from mitt.robot.vectors import rotate
 from mitt.signals import TICK, Array
 
 
@@ -99,14 +100,21 @@ def act(brake: Array, state: CatcherState, result: Result) -> int:
 def _close(state: CatcherState, result: Result) -> None:
     """Lead the fingers: they begin when the ball will be in the hand by the time they need."""
     s, out, gap, ball = state.scalars[0], result.scalars[0], state.gap, result.ball
-    if state.closing[0] == np.inf and out.time_to_catch < np.inf:
-        command = result.command
-        tip_motion(state.chain, command[0], command[1], gap)
-        for i in range(2):
-            for k in range(3):
-                gap[i, k] = ball[i, k] - gap[i, k]
     later = max(s.torque_lead - TICK, 0.0)
-    out.hand = close(state.closing, state.grip, out.t, out.time_to_catch, gap, later)
+    if state.closing[0] == np.inf and out.time_to_catch < np.inf:
+        q, dq = result.command[0], result.command[1]
+        q_then = state.encoder_work[0, : len(q)]
+        for k in range(len(q)):
+            q_then[k] = q[k] + min(max(out.time_to_catch, 0.0), LONGEST_INSIDE) * dq[k]
+        R, p = tip_motion(state.chain, q_then, dq, gap), state.palm
+        palm = rotate(R, (p[0], p[1], p[2]))
+        tip_motion(state.chain, q, dq, gap)
+        for k in range(3):
+            state.palm_now[k] = palm[k]
+            gap[0, k], gap[1, k] = ball[0, k] - gap[0, k], ball[1, k] - gap[1, k]
+    out.hand = close(
+        state.closing, state.grip, out.t, out.time_to_catch, gap, state.palm_now, later
+    )
 
 
 @kernel
@@ -279,8 +287,8 @@ def _afterwards(state: CatcherState, result: Result) -> int:
     elif out.t - s.t_ahead > PATIENCE:
         todo |= PASSES
     t, later = out.t + TICK, max(s.torque_lead - TICK, 0.0)
-    if has_closed(state.closing, state.grip, t, later, True) and (
-        has_closed(state.closing, state.grip, t, later, False)
+    if has_closed(state.closing, t, later, True) and (
+        has_closed(state.closing, t, later, False)
         or short_of_room(
             state.bodies, state.active, state.room, result.command, state.room_tau, state.room_mass,
             state.room_work,

@@ -25,7 +25,7 @@ from mitt.generator.feasibility import trusted, waiting_height
 from mitt.generator.mapping import DirectMap
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
-from mitt.robot.chain import packed_chain
+from mitt.robot.chain import packed_chain, tip_motion
 from mitt.robot.shapes import Surroundings
 from mitt.robot.slopes import slopes_work
 from mitt.signals import TICK, Array
@@ -96,7 +96,8 @@ class CatcherState(NamedTuple):
             the arm brakes the catch point, its velocity, and where it was at the exposure.
         chain: As of :func:`mitt.robot.chain.packed_chain`.
         ball_memory, ball_settings, ball_work: Of :mod:`mitt.ball.estimator`.
-        closing, grip, gap: As in :mod:`mitt.control.hand`.
+        closing, grip, gap: As in :mod:`mitt.control.hand`; palm: its normal in the frame of the last
+            joint, and ``palm_now`` in the base frame, shape (3,).
         slew, track_scratch: For the tracking; see :func:`mitt.control.tracking.slew_of`.
         jump: As in :mod:`mitt.control.margin`.
         impact_dq: Change of the joint speeds that the ball may cause now [rad/s], shape (n,).
@@ -133,6 +134,8 @@ class CatcherState(NamedTuple):
     closing: Array
     grip: Array
     gap: Array
+    palm: Array
+    palm_now: Array
     slew: Array
     track_scratch: Array
     jump: Array
@@ -225,8 +228,9 @@ def fresh_state(
         "z": np.zeros(3), "R": np.zeros((3, 3)), "target": np.zeros((3, 3)),
         "chain": packed_chain(arm.chain),
         "ball_memory": memory.fresh(), "ball_settings": settings_of(s.flight),
-        "ball_work": np.zeros(memory.WORK), "closing": np.full(2, np.inf),
+        "ball_work": np.zeros(memory.WORK), "closing": np.full(3, np.inf),
         "gap": np.zeros((2, 3)),
+        "palm": palm_of(arm), "palm_now": np.zeros(3),
         "grip": pack_grip(arm.model.hand, s.ball_radius, s.ball_restitution),
         "track_scratch": np.zeros((len(arm.model.links), SCRATCH)), "jump": np.zeros(n),
         "impact_dq": np.zeros(n), "slew": slew_of(arm),
@@ -234,6 +238,14 @@ def fresh_state(
     fields |= arm_fields(arm, s.around) | map_fields(f)
     own_arrays = {name: np.array(value, order="C") for name, value in fields.items()}
     return CatcherState(**own_arrays, **eye_fields(eyes))
+
+
+def palm_of(arm: Arm) -> Array:
+    """Return the palm's normal in the frame of the last active joint, shape (3,)."""
+    q = arm.q_ready
+    frame = np.reshape(tip_motion(packed_chain(arm.chain), q, q, np.zeros((2, 3))), (3, 3))
+    normal: Array = frame.T @ arm.orientation(q)[:, 2]
+    return normal
 
 
 @lru_cache(maxsize=32)

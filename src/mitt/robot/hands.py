@@ -383,14 +383,30 @@ class HandModel:
         touch, hold = self.touch_angle(ball_radius), self.hold_angle(ball_radius)
         return self.closing.profile(touch, hold)
 
-    def closing_time(self, ball_radius: float) -> float:
+    def closing_time(self, ball_radius: float, aside: float = 0.0) -> float:
         """Return the time from the start of the closing until the fingers hold a ball [s].
+
+        A ball that passes between the fingertips off the palm's axis needs room as a larger one:
+        the fingers have to be as far open as for that one when it does.
+
+        Args:
+            ball_radius: Radius of the ball [m].
+            aside: How far from the axis it passes between the fingertips [m].
+        """
+        ring = self.ring_angle(ball_radius + aside)
+        return (
+            closing_time(self.profile(ball_radius), ring) + self.drive.settling + self.closing.firm
+        )
+
+    def ring_height(self, ball_radius: float) -> float:
+        """Return how far before the catch point a ball passes between the fingertips [m].
 
         Args:
             ball_radius: Radius of the ball [m].
         """
-        ring = closing_time(self.profile(ball_radius), self.ring_angle(ball_radius))
-        return ring + self.drive.settling + self.closing.firm
+        places = np.linspace(0.0, ball_radius, _PLACES)
+        angles = [self._touch(ball_radius, self.catch_offset + x) for x in places.tolist()]
+        return float(places[int(np.argmin(angles))])
 
     def closing_angle(self, elapsed: float, ball_radius: float) -> float:
         """Return the angle to be commanded so long after the start of the closing [rad].
@@ -426,7 +442,7 @@ def closing_angle(elapsed: float, profile: Array) -> float:
         angle = fast_part - slow * left - 0.5 * a * left * left
     else:
         angle = fast_part + slow * (elapsed - rise - even - fall)
-    return min(angle, profile[5])
+    return float(min(angle, profile[5]))
 
 
 def closing_time(profile: Array, angle: float) -> float:
@@ -434,12 +450,18 @@ def closing_time(profile: Array, angle: float) -> float:
 
     Args:
         profile: As of :func:`closing_angle`.
-        angle: The angle, between those at which the fast part and the closing end [rad].
+        angle: The angle, up to that at which the closing ends [rad].
     """
-    a, peak, slow, fast_part = profile[:4].tolist()
-    rise, fall = peak / a, (peak - slow) / a
-    even = max(fast_part - 0.5 * a * rise * rise - 0.5 * (peak + slow) * fall, 0.0) / peak
-    return float(rise + even + fall + max(angle - fast_part, 0.0) / slow)
+    low, high = 0.0, 1.0
+    while closing_angle(high, profile) < min(angle, float(profile[5])):
+        high *= 2.0
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        if closing_angle(middle, profile) < angle:
+            low = middle
+        else:
+            high = middle
+    return high
 
 
 def _distance(point: Array, start: Array, end: Array) -> float:
