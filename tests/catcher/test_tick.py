@@ -19,7 +19,7 @@ from mitt.control.brake import Brake, plan_brake
 from mitt.control.encoder_memory import memory_of
 from mitt.control.encoders import Encoders, predict_acceleration
 from mitt.control.envelope import bounds_of
-from mitt.control.hand import close, pack_grip
+from mitt.control.hand import LONGEST_INSIDE, close, pack_grip
 from mitt.control.health import State
 from mitt.control.monitor import estimate_joints
 from mitt.control.tracking import Tracker
@@ -167,7 +167,7 @@ class Staged:
         self.arm, self.settings, self.notes = arm, settings, notes
         self.eyes = Eyes(fixed_rig(), EyesConfig(ball_radius=settings.ball_radius))
         self.track = BallFilter(settings.flight)
-        self.closing = np.full(2, np.inf)
+        self.closing = np.full(3, np.inf)
         self.grip = pack_grip(arm.model.hand, settings.ball_radius, settings.ball_restitution)
         self.tracker = Tracker(arm, bandwidth=settings.bandwidth)
         self.joints = Joints(arm)
@@ -212,7 +212,9 @@ class Staged:
         ball, q, dq = self.track.state(t), command.q, command.dq
         gap = np.array([ball.r_o - self.arm.position(q), ball.dr_o - self.arm.jacobian(q) @ dq])
         later = self.settings.torque_lead - TICK
-        return float(close(self.closing, self.grip, t, time, gap, later))
+        ahead = min(max(time, 0.0), LONGEST_INSIDE)
+        palm = self.arm.orientation(q + ahead * dq)[:, 2]
+        return float(close(self.closing, self.grip, t, time, gap, palm, later))
 
     def _guide(self, senses: Senses) -> None:
         """Tell the eyes what the estimate of the tick before says of the ball."""

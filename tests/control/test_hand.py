@@ -19,17 +19,19 @@ announced = st.lists(st.one_of(st.floats(-0.1, 0.6), st.just(np.inf)), min_size=
 class Fingers:
     """The fingers of one throw."""
 
+    palm = np.array([0.0, 0.0, 1.0])
+
     def __init__(self, hand: Hand | None, radius: float = RADIUS, restitution: float = 0.0) -> None:
         """Take the hand and what the ball is like."""
-        self.memory, self.grip = np.full(2, np.inf), pack_grip(hand, radius, restitution)
+        self.memory, self.grip = np.full(3, np.inf), pack_grip(hand, radius, restitution)
 
     def step(self, t: float, time: float, gap: Array = FAR, later: float = 0.0) -> float:
         """Return the angle that is commanded."""
-        return float(close(self.memory, self.grip, t, time, gap, later))
+        return float(close(self.memory, self.grip, t, time, gap, self.palm, later))
 
     def closed(self, t: float, *, hurry: bool) -> bool:
         """Say whether they have closed."""
-        return bool(has_closed(self.memory, self.grip, t, 0.0, hurry))
+        return bool(has_closed(self.memory, t, 0.0, hurry))
 
     @property
     def started(self) -> bool:
@@ -80,6 +82,20 @@ def test_the_fingers_have_closed_when_the_ball_is_inside(
         assert gap == pytest.approx(model.closing.inside, abs=5e-4 * (speed + acceleration * 0.03))
     else:
         assert left <= 0.0301
+
+
+@given(speed=st.floats(1.0, 8.0), slope=st.floats(0.0, 1.0), more=st.floats(0.0, 0.5))
+def test_a_ball_that_passes_aside_is_met_later(speed: float, slope: float, more: float) -> None:
+    """The farther off the palm's axis it passes the fingertips, the farther open they are then."""
+    leads = []
+    for tangent in (slope, slope + more):
+        hand = Fingers(HandModel())
+        hand.palm = np.array([tangent, 0.0, 1.0]) / np.hypot(tangent, 1.0)
+        leads.append(lead_of(hand, speed, 0.0))
+    assert leads[1] <= leads[0] + 3e-4
+    aside = HandModel().ring_height(RADIUS) * np.sin(np.arctan(slope + more))
+    model, opened = HandModel(), HandModel().closing_time(RADIUS, max(aside - 0.004, 0.0))
+    assert leads[1] <= opened + model.closing.inside / speed + 1.5e-3
 
 
 @given(e=st.floats(0.0, 1.0), harder=st.floats(0.0, 1.0), speed=st.floats(0.5, 8.0))

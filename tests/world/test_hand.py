@@ -87,11 +87,12 @@ def catch(
     model: mujoco.MjModel, speed: float, errors: Errors, *, close: bool = True
 ) -> Outcome | None:
     """Meet a ball on the tangent at ``speed`` [rad/s]; None where it starts inside the palm."""
-    data, start = mujoco.MjData(model), -0.04
+    data = mujoco.MjData(model)
     radius = float(model.geom("ball").size[0])
     profile, servo = HAND_MODEL.profile(radius), servo_numbers(HAND_MODEL.drive)
     inside = np.sqrt(2.0 * HAND_MODEL.closing.inside / (speed**2 * ELBOW))
     lead = HAND_MODEL.closing_time(radius) + min(inside, LONGEST_INSIDE)
+    start = min(-0.04, -lead - errors.lead)
     g, velocity = model.opt.gravity, np.array([speed * ELBOW, 0.0, 0.0]) + errors.velocity
     data.qpos[0], data.qvel[0] = speed * start, speed
     data.qpos[4:7] = [0.0, 0.0, ELBOW] + errors.position + velocity * start + 0.5 * g * start**2

@@ -96,8 +96,8 @@ class CatcherState(NamedTuple):
             the arm brakes the catch point, its velocity, and where it was at the exposure.
         chain: As of :func:`mitt.robot.chain.packed_chain`.
         ball_memory, ball_settings, ball_work: Of :mod:`mitt.ball.estimator`.
-        closing, grip, gap: As in :mod:`mitt.control.hand`; palm: its normal in the frame of the last
-            joint, and ``palm_now`` in the base frame, shape (3,).
+        closing, grip, gap: As in :mod:`mitt.control.hand`; palm: its normal in the last frame,
+            ``palm_now`` in the base frame, shape (3,).
         slew, track_scratch: For the tracking; see :func:`mitt.control.tracking.slew_of`.
         jump: As in :mod:`mitt.control.margin`.
         impact_dq: Change of the joint speeds that the ball may cause now [rad/s], shape (n,).

@@ -62,11 +62,11 @@ def pack_grip(hand: Hand | None, ball_radius: float, restitution: float = 0.0) -
         restitution: Share of its speed with which the ball springs back from the palm.
     """
     if not isinstance(hand, HandModel):
-        takes = 0.0 if hand is None else ENTERS
-        return np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *np.full(len(_ASIDE), takes)])
+        takes = np.full(len(_ASIDE), 0.0 if hand is None else ENTERS)
+        return np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *takes])
     c, hardness = hand.closing, hand.closing.hardness(restitution)
     inside, early = (1.0 - hardness) * c.inside, hardness * c.early
-    takes = [hand.closing_time(ball_radius, x) for x in _ASIDE.tolist()]
+    takes = np.array([hand.closing_time(ball_radius, x) for x in _ASIDE.tolist()])
     ring = hand.ring_height(ball_radius)
     return np.array([*hand.profile(ball_radius), inside, early, ring, *takes])
 

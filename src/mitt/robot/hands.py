@@ -182,8 +182,8 @@ class Closing:
 
     acceleration: float = 11_000.0
     fastest: float = 200.0
-    touch_speed: float = 10.0
-    margin: float = 0.12
+    touch_speed: float = 11.0
+    margin: float = 0.07
     firm: float = 0.005
     inside: float = 0.011
     squeeze: float = 0.04
