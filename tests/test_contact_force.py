@@ -28,7 +28,7 @@ STARTS = (0.0100, 0.0107, 0.0114)
 SPEED = 4.5
 HAND = HandModel()
 #: One whose fingers close around a ball that is in the palm already.
-TOO_LATE = replace(HAND, closing=replace(HAND.closing, firm=0.0, inside=0.0))
+TOO_LATE = replace(HAND, closing=replace(HAND.closing, firm=0.0, passed=1.0))
 
 
 def ball(

@@ -66,11 +66,11 @@ class Errors:
 
 
 def drawn(rng: np.random.Generator) -> Errors:
-    """Draw 5 mm an axis, 0.3 m/s an axis, 5 ms."""
+    """Draw 5 mm an axis, 0.3 m/s an axis, 2 ms."""
     return Errors(
         position=rng.uniform(-0.005, 0.005, 3),
         velocity=rng.uniform(-0.3, 0.3, 3),
-        lead=rng.uniform(-0.005, 0.005),
+        lead=rng.uniform(-0.002, 0.002),
     )
 
 
@@ -90,7 +90,7 @@ def catch(
     data = mujoco.MjData(model)
     radius = float(model.geom("ball").size[0])
     profile, servo = HAND_MODEL.profile(radius), servo_numbers(HAND_MODEL.drive)
-    inside = np.sqrt(2.0 * HAND_MODEL.closing.inside / (speed**2 * ELBOW))
+    inside = np.sqrt(2.0 * HAND_MODEL.inside(radius) / (speed**2 * ELBOW))
     lead = HAND_MODEL.closing_time(radius) + min(inside, LONGEST_INSIDE)
     start = min(-0.04, -lead - errors.lead)
     g, velocity = model.opt.gravity, np.array([speed * ELBOW, 0.0, 0.0]) + errors.velocity

@@ -65,7 +65,7 @@ def pack_grip(hand: Hand | None, ball_radius: float, restitution: float = 0.0) -
         takes = np.full(len(_ASIDE), 0.0 if hand is None else ENTERS)
         return np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *takes])
     c, hardness = hand.closing, hand.closing.hardness(restitution)
-    inside, early = (1.0 - hardness) * c.inside, hardness * c.early
+    inside, early = (1.0 - hardness) * hand.inside(ball_radius), hardness * c.early
     takes = np.array([hand.closing_time(ball_radius, x) for x in _ASIDE.tolist()])
     ring = hand.ring_height(ball_radius)
     return np.array([*hand.profile(ball_radius), inside, early, ring, *takes])

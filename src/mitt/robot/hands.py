@@ -37,7 +37,7 @@ _DRIVE = {
 }  # fmt: skip
 _CLOSING = {
     "acceleration": (1.0, 1e7), "fastest": (1e-2, 1e3), "touch_speed": (1e-3, 1e3),
-    "margin": (0.0, np.pi), "firm": (0.0, 1.0), "inside": (0.0, 1.0), "squeeze": (0.0, np.pi),
+    "margin": (0.0, np.pi), "firm": (0.0, 1.0), "passed": (0.0, 1.0), "squeeze": (0.0, np.pi),
     "soft": (0.0, 1.0), "hard": (0.0, 1.0), "early": (0.0, 1.0),
 }  # fmt: skip
 _HAND = {
@@ -155,10 +155,10 @@ class FingerDrive:
 class Closing:
     """How the fingers are led: fast until just before they touch, slow and firm from there.
 
-    They begin so early that they have closed on a ball at the catch point when the ball is still
-    ``inside`` away from it. The ring of the open fingertips is widest for a ball whose middle
-    passes them, 25 mm before the catch point for the default fingers and ball: so the fingers meet
-    a fast ball as it passes, slow it down, and are behind it before it has come back from the palm.
+    The ring of the fingertips is widest for a ball whose middle passes them, 26 mm before the catch
+    point for the default fingers and ball. They begin so early that they have closed when the ball
+    has passed by ``passed``: so they meet a fast ball as it passes, slow it down, and are behind it
+    before it has come back from the palm.
 
     They end a little beyond the angle at which they touch a ball that lies on the palm: a cage
     whose fingers each push back what comes towards them. Fingers that press on at full torque
@@ -170,10 +170,10 @@ class Closing:
         touch_speed: Speed at which the ball is met [rad/s]; it sets the force of the impact.
         margin: Angle before touching at which the fast part ends [rad].
         firm: Time from the first touch until the fingers hold [s].
-        inside: Distance of the ball from the catch point at which the fingers have closed [m].
+        passed: How far the ball's middle has passed the fingertips when they have closed [m].
         squeeze: Angle beyond the touch of a ball on the palm at which the closing ends [rad]; it
             asks the default drives for their full torque.
-        soft: Restitution up to which ``inside`` holds. A harder ball springs off the fingers, too:
+        soft: Restitution up to which ``passed`` holds. A harder ball springs off the fingers, too:
             it is met farther inside, the harder the farther, but before the catch.
         hard: Restitution from which the fingers have closed ``early`` before the catch, wherever
             the ball is then.
@@ -185,7 +185,7 @@ class Closing:
     touch_speed: float = 11.0
     margin: float = 0.07
     firm: float = 0.005
-    inside: float = 0.011
+    passed: float = 0.015
     squeeze: float = 0.04
     soft: float = 0.5
     hard: float = 0.85
@@ -407,6 +407,14 @@ class HandModel:
         places = np.linspace(0.0, ball_radius, _PLACES)
         angles = [self._touch(ball_radius, self.catch_offset + x) for x in places.tolist()]
         return float(places[int(np.argmin(angles))])
+
+    def inside(self, ball_radius: float) -> float:
+        """Return how far from the catch point a ball is when the fingers have closed [m].
+
+        Args:
+            ball_radius: Radius of the ball [m].
+        """
+        return max(self.ring_height(ball_radius) - self.closing.passed, 0.0)
 
     def closing_angle(self, elapsed: float, ball_radius: float) -> float:
         """Return the angle to be commanded so long after the start of the closing [rad].
