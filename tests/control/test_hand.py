@@ -73,7 +73,7 @@ def test_a_started_closing_is_not_taken_back(times: list[float], radius: float) 
 def test_the_fingers_have_closed_when_the_ball_is_inside(
     speed: float, acceleration: float, radius: float, later: float, takes: float
 ) -> None:
-    """Whatever hand, ball, motion and delay: by the time they need, the ball has passed the fingertips."""
+    """Whatever hand, ball, motion, delay: by the time they need it has passed the fingertips."""
     model = HandModel(closing=Closing(firm=takes))
     lead = lead_of(Fingers(model, radius), speed, acceleration, later)
     left = lead - model.closing_time(radius) - later
