@@ -35,7 +35,7 @@ BEYOND = {
 }
 SUMMARY = {
     "throws", "caught", "dropped", "missed", "unreachable", "stopped", "aborted", "catch_rate",
-    "ci95", "tick_us", "deadline_misses",
+    "ci95", "tick_us", "deadline_misses", "force_n", "over_force",
 }  # fmt: skip
 #: Of a file: longer than a name may be.
 LONG = "a" * 300

@@ -31,7 +31,7 @@ CLAIMS: dict[str, list[tuple[str, float, float]]] = {
     "03_catch_rate": [
         (rf"caught {_NUMBER} of 20", 18.0, 20.0),
         (rf"95 % interval {_NUMBER} to", 69.0, 84.0),
-        (rf"first contact: {_NUMBER} mm", 0.0, 5.0),
+        (rf"first contact: {_NUMBER} mm", 0.0, 25.0),
     ],
     "04_own_arm": [
         (rf"share of a limit {_NUMBER}", 0.0, 1.05),

@@ -143,6 +143,7 @@ _WHAT = {
     "region": "the catch would be outside the region that the map was learned for ({0})",
     "domain": "the flights leave the domain of the map, throws from less far would help",
     "force": "the ball would press harder than hand or arm take",
+    "hand": "the fingers would have too little time to close",
     "grip": "the fingers would not hold the ball",
     "palm": "the ball would come from behind the palm",
     "spill": "the ball would leave the basket while the arm brakes",

@@ -36,6 +36,7 @@ LIMITS = {
     "brake": "{0} would have too little room to come to rest after the catch",
     "impact": "the impact would drive {0} beyond its speed",
     "force": "the ball would press on the hand harder than hand or arm take",
+    "hand": "the fingers would have too little time to close",
     "grip": "the fingers would not hold the ball",
     "palm": "the ball would come from behind the palm and touch the fingers first",
     "spill": "the ball would leave the basket in the brake",

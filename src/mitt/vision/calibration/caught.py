@@ -19,6 +19,7 @@ from mitt.ball.memory import LOOSE
 from mitt.fields import brief
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
+from mitt.robot.basket import Basket
 from mitt.robot.chain import packed_chain, tip_motion
 from mitt.signals import TICK, Array
 
@@ -235,6 +236,8 @@ def caught_offset(arm: Arm, of: Catch) -> ClockOffset:
     read, seen = np.isfinite(of.q).all(axis=1), np.isfinite(of.seen).all(axis=1)
     use = seen & (of.t_seen >= of.t_brake + SETTLES) & (of.t_seen <= of.t_rest)
     count = int(np.sum(use))
+    if isinstance(arm.model.hand, Basket):
+        return ClockOffset(count=count, unknown="a ball rolls about in a basket")
     if count < FEWEST or np.sum(read) < FEWEST:
         return ClockOffset(count=count, unknown=_UNSEEN)
     weights = np.linalg.inv(of.covariance[use] + LEAST**2 * np.eye(3))
