@@ -57,7 +57,7 @@ def test_the_types_are_those_of_a_throw(
     q, number, whole = typeof(given["encoders"][0]), typeof(0.0), typeof(0)
     nothing, grounds = typeof(given["nothing"]), typeof(given["backgrounds"])
     wanted = {
-        "perceive": (nothing, grounds, whole, number, number, q, q, state, result),
+        "perceive": (nothing, grounds, whole, number, number, number, q, q, state, result),
         "act": (brake, state, result),
         "refer": (state, result),
         "undecided": (whole, state, result),
