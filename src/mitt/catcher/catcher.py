@@ -20,7 +20,7 @@ import numpy as np
 from mitt import checks
 from mitt.catcher.action import act
 from mitt.catcher.memory import Memory
-from mitt.catcher.perception import looks, perceive, take
+from mitt.catcher.perception import perceive, take
 from mitt.catcher.planner import Planner
 from mitt.catcher.result import Result, ResultHandle, Tick, stopped_by, tick_of
 from mitt.catcher.settings import (
@@ -159,7 +159,9 @@ class Catcher:
     @property
     def looking(self) -> bool:
         """Whether the catcher wants to see; not once it has stopped, or its braked arm rests."""
-        return bool(looks(*self._memory.handles))
+        if self._planner.phase == BRAKE:
+            return bool(self._memory.t < self.state.scalars[0]["t_rest"].item())
+        return self._planner.phase != STOPPED
 
     @property
     def flying(self) -> bool:
