@@ -32,6 +32,7 @@ BEYOND = {
     "certificate",
     "certificate_last",
     "stopped_by",
+    "over_force",
 }
 SUMMARY = {
     "throws", "caught", "dropped", "missed", "unreachable", "stopped", "aborted", "catch_rate",

@@ -21,7 +21,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mitt.control.hand import LONGEST_INSIDE, pack_grip, takes_of
+from mitt.control.hand import EARLY, INSIDE, LONGEST_INSIDE, RING, pack_grip, takes_of
 from mitt.holding import CaughtBall
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Basket, Hand
@@ -46,9 +46,8 @@ _BEYOND, _BAND = 0.0034, 0.009
 _BEHIND = 0.002
 #: Rate of a basket's net, of all its cords together [1/s]: its damping (``mitt.world.basket.NET``).
 _NET = 300.0
-#: Columns of a packed closing with distance inside, time before the catch and height of the ring of
-#: fingertips; speed of a ball that stands still in the hand [m/s].
-_TIMES, _STILL = slice(6, 9), 1e-6
+#: Speed of a ball that stands still in the hand [m/s].
+_STILL = 1e-6
 #: Instants of a closing that are looked at, greatest height above the catch point at which a ball
 #: is looked for [m], and how many heights: fingers end below it.
 _INSTANTS, _HIGHEST, _HEIGHTS = 161, 0.12, 241
@@ -187,8 +186,8 @@ def lead_of(hand: HandModel, ball: CaughtBall, speed: float, aslant: float = 0.0
         aslant: Sine of the angle between its way and the palm's normal.
     """
     grip = pack_grip(hand, ball.radius, ball.restitution)
-    inside, early, ring = grip[_TIMES].tolist()
-    takes = takes_of(grip, aslant * ring)
+    inside, early = float(grip[INSIDE]), float(grip[EARLY])
+    takes = takes_of(grip, aslant * grip[RING])
     return float(takes + max(early, inside / max(speed, inside / LONGEST_INSIDE, _STILL)))
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from mitt import fields
 from mitt.control.brake import Brake
+from mitt.control.hand import pack_grip, takes_of
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Basket
 from mitt.robot.hands import HandModel
@@ -111,13 +112,8 @@ def closing(arm: Arm, ball: CaughtBall, left: float) -> float:
     hand = arm.model.hand
     if not isinstance(hand, HandModel):
         return 0.0
-    return min(_closing_time(hand, ball.radius) / max(left, TICK), _LOST)
-
-
-@lru_cache(maxsize=32)
-def _closing_time(hand: HandModel, radius: float) -> float:
-    """Return how long a hand needs to close on a ball [s]; worked out once."""
-    return hand.closing_time(radius)
+    takes = float(takes_of(pack_grip(hand, ball.radius, ball.restitution), 0.0))
+    return min(takes / max(left, TICK), _LOST)
 
 
 def spill(arm: Arm, brake: Brake, ball: CaughtBall, basket: Basket, v_rel: Array) -> float:

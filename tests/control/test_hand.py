@@ -31,7 +31,7 @@ class Fingers:
 
     def closed(self, t: float, *, hurry: bool) -> bool:
         """Say whether they have closed."""
-        return bool(has_closed(self.memory, t, 0.0, hurry))
+        return bool(has_closed(self.memory, t, hurry))
 
     @property
     def started(self) -> bool:
@@ -93,7 +93,7 @@ def test_a_ball_that_passes_aside_is_met_later(speed: float, slope: float, more:
         hand.palm = np.array([tangent, 0.0, 1.0]) / np.hypot(tangent, 1.0)
         leads.append(lead_of(hand, speed, 0.0))
     assert leads[1] <= leads[0] + 3e-4
-    aside = HandModel().ring_height(RADIUS) * np.sin(np.arctan(slope + more))
+    aside = HandModel().ring(RADIUS)[0] * np.sin(np.arctan(slope + more))
     model, opened = HandModel(), HandModel().closing_time(RADIUS, max(aside - 0.004, 0.0))
     assert leads[1] <= opened + model.inside(RADIUS) / speed + 1.5e-3
 

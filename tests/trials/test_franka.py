@@ -16,6 +16,8 @@ from mitt.trials.source import Source, source_of, widened
 from mitt.world.scenes import read_scene
 
 THROWS = 4
+#: One throw that the design, found with fingers that closed later, now refuses.
+REFUSED = pytest.mark.xfail(strict=True, reason="refused: the design is of another closing")
 #: Rounding of a rate: a difference of two numbers, over a millisecond.
 ROUNDING = 1e-6
 
@@ -33,17 +35,15 @@ def thrown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Arm, TrialRunner, 
     return arm, runner, widened(source, file.throws)
 
 
-@pytest.mark.parametrize("throw", range(THROWS))
+@pytest.mark.parametrize("throw", [0, 1, 2, pytest.param(3, marks=REFUSED)])
 def test_a_panda_catches_within_its_data_sheet(
     thrown: tuple[Arm, TrialRunner, Source], throw: int
 ) -> None:
     """Speed, acceleration, jerk, torque and torque rate, commanded and true."""
     arm, runner, source = thrown
     trial = runner.throw(source, throw).trial
-    assert trial.limit_violations == 0
-    if trial.status == "unreachable":
-        pytest.xfail(f"refused for {trial.binding_limit}: the design is of another closing")
     assert trial.status == "caught"
+    assert trial.limit_violations == 0
     _, dq, ddq, tau = runner.ticks.command[:, :4].transpose(1, 0, 2)
     limits = arm.limits
     assert limits.acceleration is not None

@@ -22,7 +22,7 @@ from mitt.catcher.state import CatcherState
 from mitt.control.encoder_faults import TRIFLE
 from mitt.control.encoder_memory import BRIDGED
 from mitt.control.encoders import predict_acceleration
-from mitt.control.hand import LONGEST_INSIDE, close, has_closed
+from mitt.control.hand import LONGEST_INSIDE, close, has_closed, may_begin
 from mitt.control.health import (
     ABORT,
     BRIDGED_TIME,
@@ -101,7 +101,7 @@ def _close(state: CatcherState, result: Result) -> None:
     """Lead the fingers: they begin when the ball will be in the hand by the time they need."""
     s, out, gap, ball = state.scalars[0], result.scalars[0], state.gap, result.ball
     later = max(s.torque_lead - TICK, 0.0)
-    if state.closing[0] == np.inf and out.time_to_catch < np.inf:
+    if state.closing[0] == np.inf and may_begin(state.grip, out.time_to_catch, later):
         q, dq = result.command[0], result.command[1]
         q_then = state.encoder_work[0, : len(q)]
         for k in range(len(q)):
@@ -286,9 +286,8 @@ def _afterwards(state: CatcherState, result: Result) -> int:
         s.t_ahead = out.t
     elif out.t - s.t_ahead > PATIENCE:
         todo |= PASSES
-    t, later = out.t + TICK, max(s.torque_lead - TICK, 0.0)
-    if has_closed(state.closing, t, later, True) and (
-        has_closed(state.closing, t, later, False)
+    if has_closed(state.closing, out.t + TICK, True) and (
+        has_closed(state.closing, out.t + TICK, False)
         or short_of_room(
             state.bodies, state.active, state.room, result.command, state.room_tau, state.room_mass,
             state.room_work,

@@ -20,7 +20,7 @@ import numpy as np
 from mitt import checks
 from mitt.catcher.action import act
 from mitt.catcher.memory import Memory
-from mitt.catcher.perception import perceive, take
+from mitt.catcher.perception import looks, perceive, take
 from mitt.catcher.planner import Planner
 from mitt.catcher.result import Result, ResultHandle, Tick, stopped_by, tick_of
 from mitt.catcher.settings import (
@@ -91,6 +91,7 @@ class Catcher:
             sigma_ready=settings.sigma_ready if plain else np.inf,
         )  # fmt: skip
         self._begin(generator, copy(eyes))
+        looks(*self._memory.handles)  # loaded now, not in the middle of a throw
 
     def __copy__(self) -> "Catcher":
         """Return a catcher that goes on from here on its own; the arm is shared."""
@@ -159,9 +160,7 @@ class Catcher:
     @property
     def looking(self) -> bool:
         """Whether the catcher wants to see; not once it has stopped, or its braked arm rests."""
-        if self._planner.phase == BRAKE:
-            return bool(self._memory.t < self.state.scalars[0]["t_rest"].item())
-        return self._planner.phase != STOPPED
+        return bool(looks(*self._memory.handles))
 
     @property
     def flying(self) -> bool:

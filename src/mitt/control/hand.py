@@ -14,7 +14,7 @@ passes them off the palm's axis needs fingers that are farther open by then, and
 | here       | meaning                                                                     | unit  |
 |------------|-----------------------------------------------------------------------------|-------|
 | ``memory`` | time at which the closing began, infinite before; time of the catch then;   | s     |
-|            | time that the closing takes                                                 |       |
+|            | time that the closing takes, with the delay of its command                  |       |
 | ``grip``   | the closing profile, as of :func:`mitt.robot.hands.closing_angle`; distance | s ... |
 |            | at which the ball is inside [m]; time before the catch at which the hand    |       |
 |            | has closed at the latest [s]; how far before the catch point the ball passes|       |
@@ -45,7 +45,7 @@ LONGEST_INSIDE = 0.03
 #: of the times of ``grip`` [m]; what is within the errors of a good catch needs no other time.
 _ASIDE, _FREE = np.linspace(0.0, 0.04, 9), 0.004
 #: Columns of ``grip`` behind those of the profile.
-_INSIDE, _EARLY, _RING, _TAKES = 6, 7, 8, 9
+INSIDE, EARLY, RING, _TAKES = 5, 6, 7, 8
 GRIP = _TAKES + len(_ASIDE)
 
 
@@ -63,11 +63,11 @@ def pack_grip(hand: Hand | None, ball_radius: float, restitution: float = 0.0) -
     """
     if not isinstance(hand, HandModel):
         takes = np.full(len(_ASIDE), 0.0 if hand is None else ENTERS)
-        return np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *takes])
+        return np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, *takes])
     c, hardness = hand.closing, hand.closing.hardness(restitution)
     inside, early = (1.0 - hardness) * hand.inside(ball_radius), hardness * c.early
     takes = np.array([hand.closing_time(ball_radius, x) for x in _ASIDE.tolist()])
-    ring = hand.ring_height(ball_radius)
+    ring, _ = hand.ring(ball_radius)
     return np.array([*hand.profile(ball_radius), inside, early, ring, *takes])
 
 
@@ -83,6 +83,18 @@ def takes_of(grip: Array, aside: float) -> float:
     k = min(int(share), len(_ASIDE) - 2)
     x = min(share - k, 1.0)
     return float((1.0 - x) * grip[_TAKES + k] + x * grip[_TAKES + k + 1])
+
+
+@kernel
+def may_begin(grip: Array, time_to_catch: float, later: float) -> bool:
+    """Say whether a catch is so near, and not so long over, that the closing may begin.
+
+    Args:
+        grip: As in the module's table, shape (GRIP,).
+        time_to_catch: Time until the catch [s]; infinite where none is in sight.
+        later: Time from a command until the fingers answer to it [s].
+    """
+    return bool(-PASSED <= time_to_catch <= grip[_TAKES] + later + LONGEST_INSIDE)
 
 
 @kernel
@@ -102,13 +114,11 @@ def close(
         later: Time from a command until the fingers answer to it [s].
     """
     if memory[0] == np.inf:
-        if not -PASSED <= time_to_catch <= grip[_TAKES] + later + LONGEST_INSIDE:
-            return 0.0  # later, long over, or no number
-        aside = _passes_aside(grip[_RING], time_to_catch, gap, palm)
-        takes = takes_of(grip, aside)
-        ahead = takes + later
-        if time_to_catch > ahead + grip[_EARLY] and (
-            _gap_after(ahead, time_to_catch, gap) > grip[_INSIDE]
+        if not may_begin(grip, time_to_catch, later):
+            return 0.0
+        takes = later + takes_of(grip, _passes_aside(grip[RING], time_to_catch, gap, palm))
+        if time_to_catch > takes + grip[EARLY] and (
+            _gap_after(takes, time_to_catch, gap) > grip[INSIDE]
         ):
             return 0.0
         memory[0], memory[1], memory[2] = t, t + time_to_catch, takes
@@ -149,15 +159,13 @@ def _passes_aside(ring: float, time_to_catch: float, gap: Array, palm: Array) ->
 
 
 @kernel
-def has_closed(memory: Array, t: float, later: float, hurry: bool) -> bool:
+def has_closed(memory: Array, t: float, hurry: bool) -> bool:
     """Say whether the fingers have had the time to close around the ball, and it to come in.
 
     Args:
         memory: As in the module's table, shape (3,).
         t: Time of the tick [s].
-        later: As of :func:`close`.
         hurry: Whether the arm is short of room to brake; then the first touch is enough.
     """
     after = TOUCH_BEFORE if hurry else FOLLOW_ON
-    takes = memory[2] + later + min(after, 0.0)
-    return bool(t - memory[1] >= after and t - memory[0] >= takes)
+    return bool(t - memory[1] >= after and t - memory[0] >= memory[2] + min(after, 0.0))

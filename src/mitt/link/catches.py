@@ -23,7 +23,7 @@ class CatchNotes:
         self._arm, self._read, self._saw = arm, 0, 0
         self._t, self._q = np.zeros(_KEPT), np.zeros((_KEPT, arm.n))
         self._t_seen, self._seen = np.zeros(_KEPT), np.zeros((_KEPT, 4, 3))
-        t = np.arange(100) * TICK  # what is compiled is loaded now, not beside a moving arm
+        t = np.linspace(0.0, 0.1, 100)  # what is compiled is loaded now, not beside a moving arm
         caught_offset(arm, Catch(
             t_arm=t, q=np.tile(arm.q_ready, (100, 1)), t_seen=t, seen=np.zeros((100, 3)),
             covariance=np.tile(np.eye(3), (100, 1, 1)), t_brake=0.0, t_rest=0.1,

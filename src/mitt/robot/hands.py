@@ -204,7 +204,7 @@ class Closing:
         return min(max((restitution - self.soft) / (self.hard - self.soft), 0.0), 1.0)
 
     def profile(self, touch: float, hold: float) -> Array:
-        """Return the numbers that :func:`closing_angle` takes, shape (6,).
+        """Return the numbers that :func:`closing_angle` takes, shape (5,).
 
         Args:
             touch: Angle at which the fingers touch a ball at the catch point [rad].
@@ -213,7 +213,7 @@ class Closing:
         slow, fast_part = min(self.touch_speed, self.fastest), max(0.0, touch - self.margin)
         peak = max(float(np.sqrt(self.acceleration * fast_part + 0.5 * slow**2)), slow)
         peak = min(peak, self.fastest)
-        return np.array([self.acceleration, peak, slow, fast_part, touch, hold])
+        return np.array([self.acceleration, peak, slow, fast_part, hold])
 
 
 def _cylinder(mass: float, radius: float, length: float) -> Array:
@@ -300,14 +300,20 @@ class HandModel:
         touch = max(on_palm, self.touch_angle(ball_radius))
         return min(touch + self.closing.squeeze, self.drive.closed)
 
-    def ring_angle(self, ball_radius: float) -> float:
-        """Return the closing angle at which a ball just passes between the fingertips [rad].
+    def ring(self, ball_radius: float) -> tuple[float, float]:
+        """Return where the ring of the fingertips is widest for a ball.
 
         Args:
             ball_radius: Radius of the ball [m].
+
+        Returns:
+            How far before the catch point the ball's middle passes it [m], and the closing angle at
+            which it just does [rad].
         """
-        places = self.catch_offset + np.linspace(0.0, ball_radius, _PLACES)
-        return min(self._touch(ball_radius, height) for height in places.tolist())
+        before = np.linspace(0.0, ball_radius, _PLACES).tolist()
+        angles = [self._touch(ball_radius, self.catch_offset + x) for x in before]
+        k = int(np.argmin(angles))
+        return before[k], angles[k]
 
     def _touch(self, ball_radius: float, height: float) -> float:
         """Return the angle at which the fingers touch a ball on the axis at a height [rad]."""
@@ -379,7 +385,7 @@ class HandModel:
         return self.fingers * inertia / f.distal**2
 
     def profile(self, ball_radius: float) -> Array:
-        """Return the numbers of the closing on a ball, for :func:`closing_angle`, shape (6,)."""
+        """Return the numbers of the closing on a ball, for :func:`closing_angle`, shape (5,)."""
         touch, hold = self.touch_angle(ball_radius), self.hold_angle(ball_radius)
         return self.closing.profile(touch, hold)
 
@@ -393,20 +399,9 @@ class HandModel:
             ball_radius: Radius of the ball [m].
             aside: How far from the axis it passes between the fingertips [m].
         """
-        ring = self.ring_angle(ball_radius + aside)
-        return (
-            closing_time(self.profile(ball_radius), ring) + self.drive.settling + self.closing.firm
-        )
-
-    def ring_height(self, ball_radius: float) -> float:
-        """Return how far before the catch point a ball passes between the fingertips [m].
-
-        Args:
-            ball_radius: Radius of the ball [m].
-        """
-        places = np.linspace(0.0, ball_radius, _PLACES)
-        angles = [self._touch(ball_radius, self.catch_offset + x) for x in places.tolist()]
-        return float(places[int(np.argmin(angles))])
+        _, ring = self.ring(ball_radius + aside)
+        reached = closing_time(self.profile(ball_radius), ring)
+        return reached + self.drive.settling + self.closing.firm
 
     def inside(self, ball_radius: float) -> float:
         """Return how far from the catch point a ball is when the fingers have closed [m].
@@ -414,7 +409,7 @@ class HandModel:
         Args:
             ball_radius: Radius of the ball [m].
         """
-        return max(self.ring_height(ball_radius) - self.closing.passed, 0.0)
+        return max(self.ring(ball_radius)[0] - self.closing.passed, 0.0)
 
     def closing_angle(self, elapsed: float, ball_radius: float) -> float:
         """Return the angle to be commanded so long after the start of the closing [rad].
@@ -433,7 +428,7 @@ def closing_angle(elapsed: float, profile: Array) -> float:
     Args:
         elapsed: Time since the start [s]; 0 or less is open.
         profile: Acceleration, largest speed, speed at the touch, angle at which the fast part ends,
-            at which the fingers touch, and at which the closing ends [rad ...], shape (6,).
+            and at which the closing ends [rad ...], shape (5,); more behind them is not read.
     """
     a, peak, slow, fast_part = profile[0], profile[1], profile[2], profile[3]
     rise, fall = peak / a, (peak - slow) / a
@@ -450,7 +445,7 @@ def closing_angle(elapsed: float, profile: Array) -> float:
         angle = fast_part - slow * left - 0.5 * a * left * left
     else:
         angle = fast_part + slow * (elapsed - rise - even - fall)
-    return float(min(angle, profile[5]))
+    return float(min(angle, profile[4]))
 
 
 def closing_time(profile: Array, angle: float) -> float:
@@ -461,7 +456,7 @@ def closing_time(profile: Array, angle: float) -> float:
         angle: The angle, up to that at which the closing ends [rad].
     """
     low, high = 0.0, 1.0
-    while closing_angle(high, profile) < min(angle, float(profile[5])):
+    while closing_angle(high, profile) < min(angle, float(profile[4])):
         high *= 2.0
     for _ in range(40):
         middle = 0.5 * (low + high)
