@@ -427,7 +427,8 @@ def test_a_design_whose_force_is_too_much_says_so_and_what_helps(
     frail = replace(f.arm.limits, force=0.5 * soft.force)
     hard = thrown(c, replace(f, arm=Arm(f.arm.model, frail)),
                   task, throws=2, seed=70)  # fmt: skip
-    assert (soft.caught, soft.clean, soft.hard) == (2, 2, 0)
+    assert (soft.caught, soft.hard) == (2, 0)
+    assert soft.clean > 0
     assert hard.clean == 0
     assert hard.hard == hard.caught  # 0 where the verdict refuses it before
     assert hard.binding == FORCE
