@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 from test_impact import BANDWIDTH, V, approach
 
-from mitt.contact_force import contact_force, force_of, jam, meeting, rate, speed_left
+from mitt.contact_force import (
+    contact_force,
+    force_of,
+    jam,
+    meeting,
+    rate,
+    speed_left,
+    speed_through,
+)
 from mitt.generator.feasibility import Outcome, Verdict
 from mitt.holding import CaughtBall
 from mitt.impact import examined, harms, shares_after
@@ -131,6 +139,23 @@ def test_fingers_that_come_between_ball_and_palm_stop_it_a_heavy_one_later() -> 
         assert left == sorted(left, reverse=True)
         assert (left[0], left[-1]) == (1.0, 0.0)
         assert speed_left(HAND, ball(mass), stops) == 0.0 < speed_left(HAND, ball(mass), -0.001)
+
+
+def test_a_ball_with_more_energy_than_the_fingers_take_goes_through_them() -> None:
+    """The more the heavier and faster it is, never faster than it came; a strong drive stops it."""
+    strong = replace(HAND, drive=replace(HAND.drive, tau_max=50.0))
+    for mass, speed in ((0.034, 7.0), (0.1, 5.0), (0.5, 1.0)):
+        assert speed_through(HAND, ball(mass), speed) == 0.0
+    for mass, speed in ((0.2, 5.0), (0.5, 3.0), (0.5, 5.0)):
+        through = speed_through(HAND, ball(mass), speed)
+        assert 0.0 < through < min(speed, speed_through(HAND, ball(1.2 * mass), 1.2 * speed))
+        assert speed_through(strong, ball(mass), speed) == 0.0
+
+
+def test_a_heavy_ball_at_5_m_s_is_above_what_the_hand_takes(arm: Arm) -> None:
+    """0.2 kg presses above its 240 N in more than a third of the throws; 0.1 kg below."""
+    q, v = arm.q_ready, -5.0 * arm.orientation(arm.q_ready)[:, 2]
+    assert force_of(arm, q, v, ball(0.1)) < HAND.force < force_of(arm, q, v, ball(0.2))
 
 
 def test_a_ball_that_the_fingers_stop_presses_a_tenth(arm: Arm) -> None:

@@ -12,8 +12,9 @@ contacts are looked at, and the hardest of them is the force of the catch:
 | press   | of the closed fingers, by their drives                                            |
 
 Fingers that come between ball and palm stop the ball, others hardly slow it: what counts is where
-on the ball they touch it. A net gives way, from whichever side the ball comes: it presses with its
-damping.
+on the ball they touch it. A ball that has more energy than their drives can take of it pushes them
+open and goes on with the rest. A net gives way, from whichever side the ball comes: it presses with
+its damping.
 """
 
 from functools import lru_cache
@@ -21,7 +22,16 @@ from itertools import pairwise
 
 import numpy as np
 
-from mitt.control.hand import EARLY, INSIDE, LONGEST_INSIDE, RING, pack_grip, takes_of
+from mitt.control.hand import (
+    EARLY,
+    FIRM,
+    INSIDE,
+    LONGEST_INSIDE,
+    NEAR,
+    RING,
+    pack_grip,
+    takes_of,
+)
 from mitt.holding import CaughtBall
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Basket, Hand
@@ -42,6 +52,9 @@ _ONE_FINGER = 0.65
 #: How far beyond a ball's widest circle, towards the palm, fingers have to meet it to stop it, for
 #: one as heavy as they are [m]; from how much less on they leave it all of its speed [m].
 _BEYOND, _BAND = 0.0034, 0.009
+#: Way over which the drives of the fingers press against a ball that pushes them open [m]; of balls
+#: of 0.14 kg at 5 m/s and of 0.2 kg at 4 m/s one in three comes through the default hand's.
+_PUSHED = 0.0136
 #: By how much fingers are behind a command that is given early enough for its delays [s].
 _BEHIND = 0.002
 #: Rate of a basket's net, of all its cords together [1/s]: its damping (``mitt.world.basket.NET``).
@@ -109,6 +122,22 @@ def speed_left(hand: HandModel, ball: CaughtBall, beyond: float) -> float:
     """
     needed = _BEYOND * ball.mass / hand.finger_mass
     return float(np.sqrt(np.clip((needed - beyond) / _BAND, 0.0, 1.0)))
+
+
+def speed_through(hand: HandModel, ball: CaughtBall, speed: float) -> float:
+    """Return the speed [m/s] of a ball that has pushed the closed fingers open; 0 if it cannot.
+
+    It takes the fingers along, as one body, and their drives press against it.
+
+    Args:
+        hand: The hand.
+        ball: The ball.
+        speed: At which it meets the fingers [m/s].
+    """
+    both = ball.mass + hand.finger_mass
+    work = hand.fingers * _press(hand, ball.radius) * _PUSHED
+    shared = ball.mass * speed / both
+    return float(np.sqrt(max(shared**2 - 2.0 * work / both, 0.0)))
 
 
 def meeting(hand: HandModel, radius: float, lead: float, speed: float) -> float:
@@ -188,7 +217,8 @@ def lead_of(hand: HandModel, ball: CaughtBall, speed: float, aslant: float = 0.0
     grip = pack_grip(hand, ball.radius, ball.restitution)
     inside, early = float(grip[INSIDE]), float(grip[EARLY])
     takes = takes_of(grip, aslant * grip[RING])
-    return float(takes + max(early, inside / max(speed, inside / LONGEST_INSIDE, _STILL)))
+    left = max(early, inside / max(speed, inside / LONGEST_INSIDE, _STILL))
+    return float(takes + min(left, grip[NEAR] / max(speed, _STILL) - grip[FIRM]))
 
 
 def force_of(arm: Arm, q: Array, v_rel: Array, ball: CaughtBall) -> float:
@@ -211,10 +241,11 @@ def force_of(arm: Arm, q: Array, v_rel: Array, ball: CaughtBall) -> float:
     pushed = normal @ arm.jacobian(q)
     yields = float(pushed @ np.linalg.solve(arm.mass_matrix(q), pushed))
     behind = 1.0 / yields if yields > 0.0 else np.inf
-    left, met = 1.0, 0.0
+    palm, met = speed, 0.0
     if isinstance(hand, HandModel):
         aslant = float(np.sqrt(max(1.0 - (speed / max(whole, _STILL)) ** 2, 0.0)))
         lead = lead_of(hand, ball, whole, aslant)
         left = speed_left(hand, ball, meeting(hand, ball.radius, lead, speed))
+        palm = max(left * speed, speed_through(hand, ball, speed))
         met = speed if left < 1.0 else 0.0
-    return contact_force(hand, ball, palm_speed=left * speed, finger_speed=met, behind=behind)
+    return contact_force(hand, ball, palm_speed=palm, finger_speed=met, behind=behind)

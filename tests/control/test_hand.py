@@ -1,7 +1,6 @@
 """Laws of the closing hand: it has closed when the ball is inside, and never opens again."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -55,14 +54,15 @@ def lead_of(hand: Fingers, speed: float, acceleration: float, later: float = 0.0
 @given(times=announced, radius=st.floats(0.01, 0.06))
 def test_a_started_closing_is_not_taken_back(times: list[float], radius: float) -> None:
     """Whatever the map announces, the hand starts at most once and its angle never falls."""
-    hand, takes = Fingers(HandModel(), radius), HandModel().closing_time(radius)
+    hand = Fingers(HandModel(), radius)
+    touches = HandModel().closing_time(radius) - HandModel().closing.firm
     angles, starts = [], set()
     for k, time in enumerate(times):
         angles.append(hand.step(k * TICK, time))
         starts.add(hand.memory[0])
     assert np.all(np.diff(angles) >= 0.0)
     assert len(starts - {np.inf}) <= 1
-    assert hand.started == any(-PASSED <= time <= takes for time in times)
+    assert hand.started == any(-PASSED <= time <= touches for time in times)
     assert max(angles) <= HandModel().drive.closed
 
 
@@ -73,13 +73,17 @@ def test_a_started_closing_is_not_taken_back(times: list[float], radius: float) 
 def test_the_fingers_have_closed_when_the_ball_is_inside(
     speed: float, acceleration: float, radius: float, later: float, takes: float
 ) -> None:
-    """Whatever hand, ball, motion, delay: by the time they need it has passed the fingertips."""
+    """Whatever hand, ball, motion, delay: by then it has passed them, and not sooner they touch."""
     model = HandModel(closing=Closing(firm=takes))
     lead = lead_of(Fingers(model, radius), speed, acceleration, later)
     left = lead - model.closing_time(radius) - later
-    gap = speed * left + 0.5 * acceleration * left**2
+    then, touched = (speed * t + 0.5 * acceleration * t**2 for t in (max(left, 0.0), left + takes))
+    near = model.ring(radius)[0] + model.closing.near
+    late, close = (5e-4 * (speed + acceleration * t) for t in (0.03, max(left + takes, 0.0)))
     if lead < 0.1 and left < 0.029:
-        assert gap == pytest.approx(model.inside(radius), abs=5e-4 * (speed + acceleration * 0.03))
+        assert then <= model.inside(radius) + late
+        assert touched <= near + close
+        assert then >= model.inside(radius) - late or touched >= near - close
     else:
         assert left <= 0.0301
 
@@ -100,15 +104,18 @@ def test_a_ball_that_passes_aside_is_met_later(speed: float, slope: float, more:
 
 @given(e=st.floats(0.0, 1.0), harder=st.floats(0.0, 1.0), speed=st.floats(0.5, 8.0))
 def test_a_springy_ball_is_met_farther_inside(e: float, harder: float, speed: float) -> None:
-    """The harder a ball, the nearer to the palm; but closed for a while before the catch."""
+    """The harder a ball, the nearer to the palm; but closed for a while before the catch.
+
+    One that is too fast for fingers that hold when it has passed them may be met sooner.
+    """
     c = HandModel().closing
     leads = [
         lead_of(Fingers(HandModel(), RADIUS, min(x, 1.0)), speed, 0.0) for x in (e, e + harder)
     ]
     before = [x - HandModel().closing_time(RADIUS) for x in leads]
     early = max(c.hardness(min(e + harder, 1.0)) * c.early, 0.0)
-    assert before[1] <= max(before[0], early) + 1e-3
-    assert before[1] >= early - 5e-4
+    assert before[1] <= max(before[0], early, HandModel().inside(RADIUS) / speed) + 1e-3
+    assert before[1] >= early - 1e-3
 
 
 @given(times=st.lists(st.floats(0.06, 5.0), min_size=1, max_size=50))
@@ -134,7 +141,7 @@ def test_a_hand_stays_open_where_the_catch_is_long_over(times: list[float]) -> N
 def test_closed_is_told_by_the_clock(hurry: bool, ahead: float, after: float) -> None:
     """Closed is what the closing takes after the start, and not before the catch."""
     hand, takes = Fingers(HandModel()), HandModel().closing_time(RADIUS)
-    hand.step(1.0, ahead)
+    hand.step(1.0, ahead, np.zeros((2, 3)))
     after_catch = TOUCH_BEFORE if hurry else FOLLOW_ON
     due = max(takes + min(after_catch, 0.0), ahead + after_catch)
     if abs(after - due) > 1e-9:

@@ -18,8 +18,9 @@ passes them off the palm's axis needs fingers that are farther open by then, and
 | ``grip``   | the closing profile, as of :func:`mitt.robot.hands.closing_angle`; distance | s ... |
 |            | at which the ball is inside [m]; time before the catch at which the hand    |       |
 |            | has closed at the latest [s]; how far before the catch point the ball passes|       |
-|            | between the fingertips [m]; time that the closing takes, by how far from    |       |
-|            | the palm's axis it does (``_ASIDE``) [s]                                    |       |
+|            | between the fingertips [m], and how far at most it is when they first are as|       |
+|            | narrow as it [m]; time from then until they hold [s]; time that the closing |       |
+|            | takes, by how far from the palm's axis the ball passes (``_ASIDE``) [s]     |       |
 """
 
 from functools import lru_cache
@@ -45,7 +46,7 @@ LONGEST_INSIDE = 0.03
 #: of the times of ``grip`` [m]; what is within the errors of a good catch needs no other time.
 _ASIDE, _FREE = np.linspace(0.0, 0.04, 9), 0.004
 #: Columns of ``grip`` behind those of the profile.
-INSIDE, EARLY, RING, _TAKES = 5, 6, 7, 8
+INSIDE, EARLY, RING, NEAR, FIRM, _TAKES = 5, 6, 7, 8, 9, 10
 GRIP = _TAKES + len(_ASIDE)
 
 
@@ -63,12 +64,13 @@ def pack_grip(hand: Hand | None, ball_radius: float, restitution: float = 0.0) -
     """
     if not isinstance(hand, HandModel):
         takes = np.full(len(_ASIDE), 0.0 if hand is None else ENTERS)
-        return np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, *takes])
+        return np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.inf, 0.0, *takes])
     c, hardness = hand.closing, hand.closing.hardness(restitution)
     inside, early = (1.0 - hardness) * hand.inside(ball_radius), hardness * c.early
     takes = np.array([hand.closing_time(ball_radius, x) for x in _ASIDE.tolist()])
     ring, _ = hand.ring(ball_radius)
-    return np.array([*hand.profile(ball_radius), inside, early, ring, *takes])
+    near = (ring + c.near) / (1.0 - hardness) if hardness < 1.0 else np.inf
+    return np.array([*hand.profile(ball_radius), inside, early, ring, near, c.firm, *takes])
 
 
 @kernel
@@ -120,6 +122,9 @@ def close(
         if time_to_catch > takes + grip[EARLY] and (
             _gap_after(takes, time_to_catch, gap) > grip[INSIDE]
         ):
+            return 0.0
+        touch = takes - grip[FIRM]
+        if time_to_catch > touch and _gap_after(touch, time_to_catch, gap) > grip[NEAR]:
             return 0.0
         memory[0], memory[1], memory[2] = t, t + time_to_catch, takes
     return float(closing_angle(t - memory[0], grip))

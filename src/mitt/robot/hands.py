@@ -37,7 +37,8 @@ _DRIVE = {
 }  # fmt: skip
 _CLOSING = {
     "acceleration": (1.0, 1e7), "fastest": (1e-2, 1e3), "touch_speed": (1e-3, 1e3),
-    "margin": (0.0, np.pi), "firm": (0.0, 1.0), "passed": (0.0, 1.0), "squeeze": (0.0, np.pi),
+    "margin": (0.0, np.pi), "firm": (0.0, 1.0), "passed": (0.0, 1.0), "near": (0.0, 1.0),
+    "squeeze": (0.0, np.pi),
     "soft": (0.0, 1.0), "hard": (0.0, 1.0), "early": (0.0, 1.0),
 }  # fmt: skip
 _HAND = {
@@ -171,10 +172,12 @@ class Closing:
         margin: Angle before touching at which the fast part ends [rad].
         firm: Time from the first touch until the fingers hold [s].
         passed: How far the ball's middle has passed the fingertips when they have closed [m].
+        near: How far the ball's middle is at most from passing the fingertips when they first are
+            as narrow as it [m]: fingers that are so sooner keep a fast ball out.
         squeeze: Angle beyond the touch of a ball on the palm at which the closing ends [rad]; it
             asks the default drives for their full torque.
-        soft: Restitution up to which ``passed`` holds. A harder ball springs off the fingers, too:
-            it is met farther inside, the harder the farther, but before the catch.
+        soft: Restitution up to which ``passed`` and ``near`` hold. A harder ball springs off the
+            fingers, too: it is met farther inside, the harder the farther, but before the catch.
         hard: Restitution from which the fingers have closed ``early`` before the catch, wherever
             the ball is then.
         early: That time [s].
@@ -186,6 +189,7 @@ class Closing:
     margin: float = 0.07
     firm: float = 0.005
     passed: float = 0.015
+    near: float = 0.0105
     squeeze: float = 0.04
     soft: float = 0.5
     hard: float = 0.85
