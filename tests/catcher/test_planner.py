@@ -2,12 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 from mitt.ball.filter import THROWN_BALL
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
+from mitt.catcher.settings import PATIENCE
 from mitt.control.envelope import speeds_of
 from mitt.control.rows import DQ_MAX
 from mitt.generator.feasibility import Outcome, Verdict
@@ -21,6 +23,8 @@ from mitt.trials.learning import learn
 FALL = np.array([0.0, 0.0, -GRAVITY])
 #: Height of the floor [m], share of its vertical speed that a ball has after the bounce there.
 FLOOR, SPRINGS = -0.7, 0.85
+#: When a ball is kicked, and stops on the floor [s].
+KICKED, STOPS = 0.15, 0.247
 BOUNCE = np.array([3.2, 0.1, 0.2]), np.array([-5.2, -0.1, -2.5])
 FLIGHT = replace(THROWN_BALL, drag_mean=0.0, drag_sigma=0.002)
 
@@ -31,25 +35,43 @@ def taught(arm: Arm) -> Learned:
     return learn(arm)
 
 
+def along(r: Array, dr: Array, t: float, fall: Array = FALL) -> Array:
+    """Return where a ball is that falls [m], shape (3,)."""
+    at: Array = r + t * dr + 0.5 * t * t * fall
+    return at
+
+
 def bouncing(t: float) -> Array:
     """Return where a ball is that bounces off a floor that nobody announced [m]."""
     r, dr = BOUNCE
     hit = (dr[2] + np.sqrt(dr[2] ** 2 + 2.0 * GRAVITY * (r[2] - FLOOR))) / GRAVITY
     if t < hit:
-        before: Array = r + t * dr + 0.5 * t * t * FALL
-        return before
+        return along(r, dr, t)
     up = np.array([dr[0], dr[1], -SPRINGS * (dr[2] - GRAVITY * hit)])
-    since, at = t - hit, r + hit * dr + 0.5 * hit * hit * FALL
-    after: Array = at + since * up + 0.5 * since * since * FALL
-    return after
+    return along(along(r, dr, hit), up, t - hit)
 
 
 def kicked(t: float) -> Array:
     """Return where a ball is that comes well and is kicked aside on the way [m]."""
     r, dr = np.array([3.6, 0.15, 0.2]), np.array([-5.9, -0.2, 2.2])
-    push = np.array([0.0, 0.8, 0.0]) * max(t - 0.15, 0.0)
-    at: Array = r + t * dr + 0.5 * t * t * FALL + push
-    return at
+    return along(r, dr, t) + np.array([0.0, 0.8, 0.0]) * max(t - KICKED, 0.0)
+
+
+def sinking(t: float, down: float, table: float) -> Array:
+    """Return where a ball is that topspin draws down onto a table, which it springs off [m].
+
+    Args:
+        t: Time [s].
+        down: What draws it down besides gravity [m/s^2].
+        table: Height of the table [m].
+    """
+    r, dr = np.array([3.1, 0.15, 0.3]), np.array([-5.0, -0.2, 0.9])
+    fall = FALL - np.array([0.0, 0.0, down])
+    hit = (dr[2] + np.sqrt(dr[2] ** 2 - 2.0 * fall[2] * (r[2] - table))) / -fall[2]
+    if t < hit:
+        return along(r, dr, t, fall)
+    up = np.array([0.8, 0.8, -SPRINGS]) * (dr + hit * fall)
+    return along(along(r, dr, hit, fall), up, t - hit)
 
 
 def caught(
@@ -122,3 +144,57 @@ def test_whatever_verdict_is_followed_its_room_is_kept(
 
     caught(arm, Direct(taught.map), way, settings, watch)
     assert len(followed) >= 2
+
+
+@pytest.mark.parametrize(("down", "table"), [(1.5, -0.1), (1.5, -0.2), (2.0, -0.2), (3.0, -0.3)])
+def test_a_ball_that_sinks_out_of_reach_is_waited_for(
+    arm: Arm, taught: Learned, down: float, table: float
+) -> None:
+    """It was to be caught at the edge of the reach, passes below it, and springs up from there."""
+    said: list[Outcome] = []
+
+    def watch(catcher: Catcher) -> None:
+        if catcher.verdict is not None and catcher.verdict.outcome not in said[-1:]:
+            said.append(catcher.verdict.outcome)
+
+    way = partial(sinking, down=down, table=table)
+    catcher = caught(arm, Direct(taught.map), way, settings_for(0.07), watch)
+    assert said[-3:] == [Outcome.FEASIBLE, Outcome.OPEN, Outcome.FEASIBLE]
+    assert catcher.phase is Phase.BRAKE
+    t = catcher.state.closing[1]
+    assert np.linalg.norm(way(t) - arm.position(catcher.estimated[0])) < 0.03
+
+
+PUSHES = {"aside": (0.0, 2.0, 0.0), "up": (0.0, 0.0, 3.0), "back": (8.0, 0.0, 0.0),
+          "to a stop": (5.9, 0.2, 0.0)}  # fmt: skip
+
+
+@pytest.mark.parametrize("push", PUSHES)
+def test_a_ball_that_goes_away_ends_in_the_brake(arm: Arm, taught: Learned, push: str) -> None:
+    """Kicked so that no bounce brings it to the hand: as soon as patience ends, the hand open."""
+    r, dr, by = np.array([3.6, 0.15, 0.2]), np.array([-5.9, -0.2, 2.2]), np.array(PUSHES[push])
+
+    def way(t: float) -> Array:
+        return along(r, dr, t) + by * max(t - KICKED, 0.0)
+
+    catcher = caught(arm, Direct(taught.map), way, settings_for(0.07), lambda _: None)
+    assert catcher.phase is Phase.BRAKE
+    assert catcher.state.closing[0] == np.inf
+    assert catcher.state.scalars[0]["t_brake"] - KICKED < PATIENCE + 0.012
+
+
+def test_a_ball_that_is_waited_for_and_lies_still_ends_in_the_brake(
+    arm: Arm, taught: Learned
+) -> None:
+    """It stays where it came down, out of reach: nothing comes any more."""
+    way, watched = (lambda t: bouncing(min(t, STOPS))), list[Outcome]()
+
+    def watch(catcher: Catcher) -> None:
+        if catcher.verdict is not None:
+            watched.append(catcher.verdict.outcome)
+
+    catcher = caught(arm, Direct(taught.map), way, settings_for(0.07), watch)
+    assert Outcome.OPEN in watched
+    assert catcher.phase is Phase.BRAKE
+    assert catcher.state.closing[0] == np.inf
+    assert catcher.state.scalars[0]["t_brake"] - STOPS < PATIENCE + 0.012

@@ -282,7 +282,7 @@ def _afterwards(state: CatcherState, result: Result) -> int:
             or largest_gap(reference[1], estimated[1]) >= s.adapt_dq
         ):
             todo |= LAGS
-    if s.surrogate or out.time_to_catch < np.inf or state.closing[0] < np.inf:
+    if out.time_to_catch < np.inf or state.closing[0] < np.inf:
         s.t_ahead = out.t
     elif out.t - s.t_ahead > PATIENCE:
         todo |= PASSES

@@ -126,7 +126,7 @@ class Planner:
             self._watch(ball)
             return
         if todo & PASSES:
-            self._slow_down(self._arm)
+            self._let_pass(ball)
             return
         if todo & DECIDE:
             self._reconsider(ball)
@@ -210,16 +210,19 @@ class Planner:
         A generator that knows of an arm at rest alone is taken at its word that the ball has
         come back, or was feasible; what comes after the catch is looked at all the same.
         """
-        g, (q, dq) = self.generator, self._state.estimated.copy()
+        g, verdict = self.generator, self._said(ball)
         if isinstance(g, Unoptimised):  # alpha = 0 is never refused
-            return g.verdict(ball, q)
-        if self.phase == WATCH:
-            verdict = g.verdict(ball, q)
-        elif isinstance(g, Direct | Several):
-            verdict = g.verdict(ball, q, dq)
-        else:
-            verdict = replace(g.verdict(ball, q), outcome=Outcome.FEASIBLE)
+            return verdict
+        if self.phase != WATCH and not isinstance(g, Direct | Several):
+            verdict = replace(verdict, outcome=Outcome.FEASIBLE)
         return examined(self._arm, verdict, self._caught, bandwidth=self._settings.bandwidth)
+
+    def _said(self, ball: BallState) -> Verdict:
+        """Return what the generator says of a ball, of an arm that moves if it knows of one."""
+        g, (q, dq) = self.generator, self._state.estimated.copy()
+        if self.phase != WATCH and isinstance(g, Direct | Several):
+            return g.verdict(ball, q, dq)
+        return g.verdict(ball, q)
 
     def _take(self, verdict: Verdict, ball: BallState) -> None:
         """Let a verdict that the ball can be caught, or waited for, take effect: follow it."""
@@ -260,6 +263,19 @@ class Planner:
             self._give_up(verdict)
         else:
             self._scalars["t_look"] = ball.t + _JUDGE_AGAIN
+
+    def _let_pass(self, ball: BallState) -> None:
+        """Brake for a ball that has passed by; wait for one that a bounce may still bring up.
+
+        What was to be caught on the very edge of the reach may turn out to pass below it: then its
+        verdict is open, as it would have been before the start.
+        """
+        verdict = self._said(ball)
+        if verdict.outcome is Outcome.OPEN:
+            self._scalars["t_ahead"] = ball.t
+            self._take(verdict, ball)
+        else:
+            self._slow_down(self._arm)
 
     def _renew(self, ball: BallState) -> None:
         """Let the map start again from where the arm is, for a ball that is not where it was.

@@ -31,10 +31,10 @@ PHASES = tuple(Phase)
 #: has left the arm behind, the fingers have closed as far as there is time for, the catcher has
 #: stopped, the choice of the map is to be reviewed.
 DECIDE, LAGS, GRASPS, STOPS, REVIEWS = 1, 2, 4, 8, 16
-#: And that the ball has passed by: a catch was ahead, and is not any more.
+#: And that no catch is ahead any more: the ball has passed by, unless a bounce may bring it up.
 PASSES = 64
-#: Time without a catch ahead after which a ball that is followed has passed by [s]: longer than the
-#: estimate needs to settle after a bounce or a kick.
+#: Time without a catch ahead after which that is looked into [s]: longer than the estimate needs to
+#: settle after a bounce or a kick.
 PATIENCE = 0.1
 #: And for a generator that refines its map: it can be refined.
 REFINES = 32
