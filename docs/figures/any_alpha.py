@@ -39,6 +39,8 @@ def draw(figure: Figure) -> None:
     left.set(xlabel="x [m]", ylabel="z [m]", xlim=(-0.1, 1.6), ylim=(-0.2, 1.0), aspect="equal")
     right.set(xlabel="time to the catch [ms]", ylabel="distance of hand and ball [mm]")
     right.invert_xaxis()
+    for axis in (right.xaxis, right.yaxis):
+        axis.set_major_formatter("{x:g}")
     for colour, name in ((PALE, "40 random alpha"), (BLUE, "learned alpha"), (BALL, "ball")):
         right.plot([], [], color=colour, label=name)
     right.legend(loc="lower left", labelcolor=INK)

@@ -41,7 +41,7 @@ def draw(figure: Figure) -> None:
     left.set(xlabel="along the palm [mm]", ylabel="along the palm's normal [mm]",
              xlim=(-260, 260), ylim=(-70, 300))  # fmt: skip
     right.axhline(ARM.dq_max[2], color=GREY, linewidth=1.0, linestyle="--")
-    right.annotate("dashed: limit of a 48 V motor", (-118, 3.9), (0, 0), color=GREY,
+    right.annotate("dashed: limit of a 48 V motor", (-70, 5.75), (0, 0), color=GREY,
                    textcoords="offset points")  # fmt: skip
     right.set(xlabel="time before the catch [ms]", ylabel="speed of joint 4 [rad/s]")
     figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3)

@@ -45,7 +45,7 @@ def draw(figure: Figure) -> None:
             axes.annotate("", (x1 - WIDE - 0.06, y1), (x0 + WIDE + 0.06, y0), arrowprops=arrow)
             at = 0.5 * (x0 + x1), y0 + 0.08
         else:
-            axes.plot([x0, x0, x1], [y0 - HIGH, BETWEEN, BETWEEN], color=BLUE, linewidth=1.4)
+            axes.plot([x0, x0, x1], [y0 - HIGH - 0.05, BETWEEN, BETWEEN], color=BLUE, linewidth=1.4)
             axes.annotate("", (x1, y1 + HIGH + 0.05), (x1, BETWEEN), arrowprops=arrow)
             at = 0.5 * (x0 + x1), BETWEEN + 0.08
         axes.text(*at, signal, ha="center", va="bottom", color=BLUE, fontsize=9.5)

@@ -11,10 +11,14 @@ from mitt.generator.feasibility import Outcome, judge
 from mitt.holding import CaughtBall
 from mitt.impact import examined
 from mitt.report.figures.style import BAND, BLUE, GREEN, GREY, INK, ORANGE, PURPLE, YELLOW
+from mitt.world.materials import restitution_of
+from mitt.world.scenes import read_scene
 
 SPEEDS, MASSES = np.linspace(3.0, 10.0, 15), np.geomspace(0.02, 2.0, 13)
-COLOURS = {"torque": ORANGE, "speed": YELLOW, "range": PURPLE, "impact": BLUE, "brake": GREEN,
-           "grip": INK}  # fmt: skip
+COLOURS = {"torque": ORANGE, "speed": YELLOW, "range": GREY, "impact": BLUE, "brake": GREEN,
+           "grip": INK, "force": PURPLE}  # fmt: skip
+#: How the ball of the scene ``lab`` springs back from the palm.
+RESTITUTION = restitution_of(read_scene("lab"))
 
 
 def verdicts(limits: str) -> list[tuple[float, float, str, bool]]:
@@ -27,7 +31,7 @@ def verdicts(limits: str) -> list[tuple[float, float, str, bool]]:
         ball = ball_at(r_c, speed * np.array([-0.95, 0.03, -0.3]), -0.4)
         plain = judge(f, ball, arm.q_ready, tolerance=Tolerance())
         for mass in MASSES:
-            caught = CaughtBall(mass=float(mass), radius=0.04)
+            caught = CaughtBall(mass=float(mass), radius=0.04, restitution=RESTITUTION)
             verdict = examined(arm, plain, caught, bandwidth=80.0)
             kind = verdict.binding_limit.split(":")[0]
             out.append((float(speed), float(mass), kind, verdict.outcome is not Outcome.FEASIBLE))
@@ -36,18 +40,19 @@ def verdicts(limits: str) -> list[tuple[float, float, str, bool]]:
 
 def draw(figure: Figure) -> None:
     """Draw a panel for each limit set; what is refused is filled."""
-    columns = figure.subplots(1, 2, sharey=True)
+    columns, binds = figure.subplots(1, 2, sharey=True), set()
     for axes, limits in zip(columns, ("paper", "wam-48v"), strict=True):
         for speed, mass, kind, refused in verdicts(limits):
-            colour = COLOURS.get(kind, GREY) if refused else BAND
-            axes.plot(speed, mass, "s", color=colour, markersize=10.5)
+            axes.plot(speed, mass, "s", color=COLOURS[kind] if refused else BAND, markersize=10.5)
+            binds |= {kind} if refused else set()
         axes.set(yscale="log", xlabel="speed at the catch [m/s]", title=limits)
         axes.grid(visible=False)
     columns[0].set_ylabel("mass of the ball [kg]")
     columns[0].set_yticks([0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0], ["0.02", "0.05", "0.1", "0.2",
                           "0.5", "1", "2"])  # fmt: skip
-    for kind, colour in {"accepted": BAND, **COLOURS, "other": GREY}.items():
-        columns[0].plot([], [], "s", color=colour, label=kind)
+    for kind, colour in {"accepted": BAND, **COLOURS}.items():
+        if kind in binds | {"accepted"}:
+            columns[0].plot([], [], "s", color=colour, label=kind)
     figure.legend(loc="outside lower center", ncols=8)
 
 

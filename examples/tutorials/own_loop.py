@@ -88,7 +88,7 @@ while ball.tracked and reference.time_to_catch > 0.5 * TICK:
     tracker.saw(t, measure(t))
     ball = tracker.state(t)
     reference = f.reference(ball)
-    # here: begin to close your hand when reference.time_to_catch falls below 0.02
+    # here: close your hand, so early that it has closed a few milliseconds before the catch
 
 gap = 1e3 * np.linalg.norm(arm.position(robot.q) - ball.r_o)
 relative = np.linalg.norm(arm.jacobian(robot.q) @ robot.dq - ball.dr_o)

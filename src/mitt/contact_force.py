@@ -18,7 +18,6 @@ its damping.
 """
 
 from functools import lru_cache
-from itertools import pairwise
 
 import numpy as np
 
@@ -184,23 +183,11 @@ def _closing(hand: HandModel, radius: float) -> tuple[Array, Array, Array]:
     heights: Array = np.linspace(_HIGHEST, 0.0, _HEIGHTS)
     tops: Array = np.full(len(times), -np.inf)
     for k, angle in enumerate(angles.tolist()):
-        touched = np.flatnonzero(_gaps(hand, radius, angle, heights) <= 0.0)
+        gaps = hand.finger.gap(angle, radius, hand.catch_offset + heights)
+        touched = np.flatnonzero(gaps <= 0.0)
         if len(touched):
             tops[k] = heights[touched[0]]
     return times, angles, tops
-
-
-def _gaps(hand: HandModel, radius: float, angle: float, heights: Array) -> Array:
-    """Return the free way of a finger to balls on the axis above the catch point [m], (m,)."""
-    ball = np.column_stack((np.zeros(len(heights)), hand.catch_offset + heights))
-    rods, nearest = hand.finger.points(angle), np.full(len(heights), np.inf)
-    for start, end in pairwise(rods):
-        along = end - start
-        share = np.clip((ball - start) @ along / (along @ along), 0.0, 1.0)
-        away = np.linalg.norm(start + share[:, None] * along - ball, axis=1)
-        nearest = np.minimum(nearest, away)
-    gaps: Array = np.hypot(nearest, hand.finger.offset) - radius - hand.finger.thickness
-    return gaps
 
 
 def lead_of(hand: HandModel, ball: CaughtBall, speed: float, aslant: float = 0.0) -> float:

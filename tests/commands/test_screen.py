@@ -4,6 +4,8 @@ import contextlib
 import html
 import io
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -13,9 +15,10 @@ from matplotlib.figure import Figure
 from mitt import jit
 from mitt.cli import main
 from mitt.commands.screen import checked, progress, show, table, tell_of_kernels, warn
+from mitt.commands.study import _show as show_study
 from mitt.errors import printable
 from mitt.interrupts import tell
-from mitt.report.figures.style import legend_above, plot
+from mitt.report.figures.style import GENERATORS, legend_above, plot
 
 
 class Full:
@@ -142,3 +145,20 @@ def test_what_is_written_beside_an_input_never_replaces_it(
         assert main(["track", str(points), "--out", str(out), "--overwrite"]) == 2
         assert "read or written too" in capsys.readouterr().err
     assert points.read_text() == "mine"
+
+
+def test_a_study_of_many_generators_shows_each_rate_and_force(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Where cells are wider than there is room they go on in a second line; nothing is cut."""
+    names = tuple(GENERATORS)
+    row = {"condition": "clean", "throws": 8, "catch_rate": 1.0, "over_force": 0, "complete": True}
+    rows = [{**row, "generator": x, "force_n": {"median": 30.0 + k}} for k, x in enumerate(names)]
+    clean = SimpleNamespace(name="clean")
+    study: Any = SimpleNamespace(name="s", generators=names, conditions=(clean,))
+    folder: Any = SimpleNamespace(summary=Path("summary.json"), trials=Path("trials.parquet"))
+    finished: Any = SimpleNamespace(rows=rows)
+    show_study(study, folder, finished)
+    out = capsys.readouterr().out
+    assert out.count("100.0,") == len(names)
+    assert all(f" {30 + k} " in out for k in range(len(names)))

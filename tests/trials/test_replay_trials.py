@@ -15,7 +15,7 @@ from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
 from mitt.link.recorder import Recorder
 from mitt.trials.explain import evidence_of, explain
-from mitt.trials.recording import recording_of
+from mitt.trials.recording import FIRST_CONTACT, recording_of
 from mitt.trials.replay import changed, replay
 from mitt.trials.runner import TrialRunner
 from mitt.trials.simulate import simulate
@@ -161,6 +161,10 @@ def test_the_first_cause_is_named(name: str, tmp_path: Path) -> None:
         assert _CAUSES[name] in said.cause
         assert "nan" not in " ".join(value for _, value in said.facts)
         assert np.nanmax(e.torque) <= 1.0 + 1e-6
+        touched = [t for t, _, text in x.recorded.notices if text == FIRST_CONTACT]
+        after = e.t >= min(touched, default=np.inf)
+        assert not np.any(np.isfinite(e.error[after]))  # the hand moves the ball from there on
+        assert np.any(np.isfinite(e.sigma[after])) or name != "points"
 
 
 def test_a_throw_that_ended_before_its_first_tick_replays(tmp_path: Path, learned: Learned) -> None:

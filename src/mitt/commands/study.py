@@ -54,8 +54,7 @@ def run(options: StudyOptions) -> int:
 def _show(study: Study, folder: Folder, finished: FinishedStudy) -> None:
     """Print catch rates with contact forces: a row a condition, a column a generator."""
     rates = table(f"{study.name}: caught [%], contact force [N] (median)",
-                  ("condition", *study.generators), left=("condition",),
-                  no_wrap=True)  # fmt: skip
+                  ("condition", *study.generators), left=("condition",))  # fmt: skip
     rows = {(row["condition"], row["generator"]): row for row in finished.rows}
     for condition in study.conditions:
         cells = [rows[condition.name, generator] for generator in study.generators]

@@ -41,8 +41,8 @@ _SECTIONS = (
     Section("rows", "All numbers", "All numbers"),
 )
 _HEAD = ("condition", "generator", "stopped by", "throws", "caught", "rate [%]",
-         "95 % interval [%]", *STATUSES[1:], "position [mm]", "velocity [m/s]", "force [N]",
-         "force, 95 % [N]", "too hard", "work [J]", "beyond a limit")  # fmt: skip
+         "95 % interval [%]", "force [N]", "force, 95 % [N]", "too hard", *STATUSES[1:],
+         "position [mm]", "velocity [m/s]", "work [J]", "beyond a limit")  # fmt: skip
 
 
 def write_study_report(result: StudyResult, *, replays: int, progress: Progress) -> None:
@@ -131,11 +131,10 @@ def _cells(row: Row) -> list[str]:
         ", ".join(f"{reason} {count}" for reason, count in row["stopped_by"].items()),
         str(row["throws"]), str(row["caught"]),
         f"{100.0 * row['catch_rate']:.1f}", interval(row["ci95"]),
+        number(force["median"], 0), number(force["p95"], 0), str(row["over_force"]),
         *(str(row[status]) for status in STATUSES[1:]),
         number(median["position_error_mm"], 1), number(median["velocity_error_m_s"], 2),
-        number(force["median"], 0), number(force["p95"], 0), str(row["over_force"]),
-        number(median["energy_j"], 0),
-        str(row["violating_throws"]),
+        number(median["energy_j"], 0), str(row["violating_throws"]),
     ]  # fmt: skip
 
 

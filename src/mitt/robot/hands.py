@@ -83,17 +83,17 @@ class Finger:
         """Refuse what no finger can be; InputError names the field."""
         fields.check(self, _FINGER)
 
-    def points(self, angle: float) -> tuple[Array, Array, Array]:
-        """Return joint, bend and tip [m], each shape (2,): outward and along the palm normal.
+    def points(self, angle: float | Array) -> tuple[Array, Array, Array]:
+        """Return joint, bend and tip [m], each shape (..., 2): outward and along the palm normal.
 
         Args:
-            angle: Closing angle [rad]; 0 is open.
+            angle: Closing angles [rad], shape (...); 0 is open.
         """
-        first = angle - self.lean
+        first = np.asarray(angle) - self.lean
         second = first + self.bend
         base = np.array([self.base_radius, self.base_height])
-        knuckle = base + self.proximal * np.array([-np.sin(first), np.cos(first)])
-        tip = knuckle + self.distal * np.array([-np.sin(second), np.cos(second)])
+        knuckle = base + self.proximal * np.stack((-np.sin(first), np.cos(first)), axis=-1)
+        tip = knuckle + self.distal * np.stack((-np.sin(second), np.cos(second)), axis=-1)
         return base, knuckle, tip
 
     def touches(self, angle: float, ball_height: float) -> tuple[Array, Array]:
@@ -108,22 +108,24 @@ class Finger:
         """
         base, knuckle, tip = self.points(angle)
         ball = np.array([0.0, ball_height])
-        rods = ((base, knuckle), (knuckle, tip))
-        nearest = min(rods, key=lambda rod: _distance(ball, *rod))
-        return _nearest(ball, *nearest), base
+        near = [_nearest(ball, *rod) for rod in ((base, knuckle), (knuckle, tip))]
+        return min(near, key=lambda point: float(np.linalg.norm(point - ball))), base
 
-    def gap(self, angle: float, ball_radius: float, ball_height: float) -> float:
-        """Return the free way between the finger and a ball on the palm's axis [m].
+    def gap(self, angle: float | Array, ball_radius: float, ball_height: float | Array) -> Array:
+        """Return the free way between the finger and balls on the palm's axis [m], shape (...).
 
         Args:
-            angle: Closing angle [rad].
-            ball_radius: Radius of the ball [m].
-            ball_height: Height of its centre above the tool plate [m].
+            angle: Closing angles [rad], shape (...).
+            ball_radius: Radius of the balls [m].
+            ball_height: Heights of their centres above the tool plate [m], shape (...).
         """
         base, knuckle, tip = self.points(angle)
-        ball = np.array([0.0, ball_height])
-        nearest = min(_distance(ball, base, knuckle), _distance(ball, knuckle, tip))
-        return float(np.hypot(nearest, self.offset)) - ball_radius - self.thickness
+        height = np.asarray(ball_height)
+        ball = np.stack((np.zeros_like(height), height), axis=-1)
+        away = [np.linalg.norm(_nearest(ball, *rod) - ball, axis=-1)
+                for rod in ((base, knuckle), (knuckle, tip))]  # fmt: skip
+        free: Array = np.hypot(np.minimum(*away), self.offset) - ball_radius - self.thickness
+        return free
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -282,8 +284,9 @@ class HandModel:
         Args:
             ball_radius: Radius of the ball [m].
         """
-        at_catch = ball_radius, self.catch_offset
-        return self.finger.gap(0.0, *at_catch) > 0.0 and self._meets(*at_catch) < inf
+        at_catch = np.array([self.catch_offset])
+        let_in = self.finger.gap(0.0, ball_radius, at_catch) > 0.0
+        return bool(np.all(let_in & (self._meets(ball_radius, at_catch) < inf)))
 
     def touch_angle(self, ball_radius: float) -> float:
         """Return the closing angle at which the fingers touch a ball at the catch point [rad].
@@ -292,7 +295,7 @@ class HandModel:
             ball_radius: Radius of the ball [m]; where the fingers never touch it, the closed
                 angle is returned.
         """
-        return self._touch(ball_radius, self.catch_offset)
+        return float(self._touch(ball_radius, np.array([self.catch_offset]))[0])
 
     def hold_angle(self, ball_radius: float) -> float:
         """Return the closing angle at which the closing ends [rad]: see :class:`Closing`.
@@ -300,8 +303,8 @@ class HandModel:
         Args:
             ball_radius: Radius of the ball [m].
         """
-        on_palm = self._touch(ball_radius, self.palm_height + ball_radius)
-        touch = max(on_palm, self.touch_angle(ball_radius))
+        heights = np.array([self.palm_height + ball_radius, self.catch_offset])
+        touch = float(self._touch(ball_radius, heights).max())
         return min(touch + self.closing.squeeze, self.drive.closed)
 
     def ring(self, ball_radius: float) -> tuple[float, float]:
@@ -314,33 +317,30 @@ class HandModel:
             How far before the catch point the ball's middle passes it [m], and the closing angle at
             which it just does [rad].
         """
-        before = np.linspace(0.0, ball_radius, _PLACES).tolist()
-        angles = [self._touch(ball_radius, self.catch_offset + x) for x in before]
+        before = np.linspace(0.0, ball_radius, _PLACES)
+        angles = self._touch(ball_radius, self.catch_offset + before)
         k = int(np.argmin(angles))
-        return before[k], angles[k]
+        return float(before[k]), float(angles[k])
 
-    def _touch(self, ball_radius: float, height: float) -> float:
-        """Return the angle at which the fingers touch a ball on the axis at a height [rad]."""
-        low, high = 0.0, self._meets(ball_radius, height)
-        if high == inf:
-            return self.drive.closed
+    def _touch(self, ball_radius: float, heights: Array) -> Array:
+        """Return the angles at which the fingers touch balls on the axis at heights [rad], (m,)."""
+        low, high = np.zeros(len(heights)), self._meets(ball_radius, heights)
+        met, high = high < inf, np.minimum(high, self.drive.closed)
         for _ in range(40):
             middle = 0.5 * (low + high)
-            if self.finger.gap(middle, ball_radius, height) > 0.0:
-                low = middle
-            else:
-                high = middle
-        return high
+            free = self.finger.gap(middle, ball_radius, heights) > 0.0
+            low, high = np.where(free, middle, low), np.where(free, high, middle)
+        return np.where(met, high, self.drive.closed)
 
-    def _meets(self, ball_radius: float, height: float) -> float:
-        """Return an angle at which a ball on the axis is in the way; infinite without one [rad].
+    def _meets(self, ball_radius: float, heights: Array) -> Array:
+        """Return angles at which balls on the axis are in the way; infinite without one [rad], (m,).
 
         That is the closed angle, unless fingers that close farther pass a small ball by then.
         """
-        for angle in (self.drive.closed, *np.linspace(0.0, self.drive.closed, _LOOKS).tolist()):
-            if self.finger.gap(angle, ball_radius, height) <= 0.0:
-                return float(angle)
-        return inf
+        closed = self.drive.closed
+        angles = np.array([closed, *np.linspace(0.0, closed, _LOOKS)])
+        met = self.finger.gap(angles[:, None], ball_radius, heights) <= 0.0
+        return np.where(met.any(axis=0), angles[met.argmax(axis=0)], inf)
 
     def holding_force(self, ball_radius: float, friction: float) -> float:
         """Return how hard a ball at the catch point can be pulled out of the closed hand [N].
@@ -471,14 +471,9 @@ def closing_time(profile: Array, angle: float) -> float:
     return high
 
 
-def _distance(point: Array, start: Array, end: Array) -> float:
-    """Return the distance of a point from a segment [m]."""
-    return float(np.linalg.norm(_nearest(point, start, end) - point))
-
-
 def _nearest(point: Array, start: Array, end: Array) -> Array:
-    """Return the point of a segment nearest to a point [m], shape (2,)."""
+    """Return the points of segments nearest to points [m], shape (..., 2)."""
     along = end - start
-    share = np.clip((point - start) @ along / (along @ along), 0.0, 1.0)
-    out: Array = start + share * along
+    share = np.sum((point - start) * along, axis=-1) / np.sum(along * along, axis=-1)
+    out: Array = start + np.clip(share, 0.0, 1.0)[..., None] * along
     return out

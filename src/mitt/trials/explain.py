@@ -10,12 +10,13 @@ import numpy as np
 
 from mitt.catcher.settings import FOLLOW, PHASES, REFUSED, WATCH
 from mitt.control.health import State
-from mitt.files.messages import TRUTH
+from mitt.files.messages import EVENT, TRUTH
 from mitt.generator.feasibility import Outcome
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.signals import Array
 from mitt.trials.drives import drive_loads
+from mitt.trials.recording import FIRST_CONTACT
 from mitt.trials.replay import Judged, Replayed
 
 #: What a hand needs: 1-sigma of the ball's place, and how far it may be off [m] (Baeuml and others,
@@ -26,7 +27,7 @@ _NEAR = 0.02
 _AT_CATCH, _OLD = 0.006, 0.1
 #: Ticks after the last sighting that are shown.
 _AFTER = 350
-_STATES = tuple(State)
+_STATES, _CONTACT = tuple(State), (EVENT, FIRST_CONTACT)
 #: What a limit that binds means, by its kind.
 LIMITS = {
     "torque": "{0} would need more torque than it has",
@@ -54,7 +55,8 @@ class Evidence:
     Attributes:
         t: Time of the tick [s], shape (k,).
         residual: Distance of a sighting from where the tick before expected it [m], shape (k,).
-        error: Distance of the estimate from the truth, where the recording has it [m], shape (k,).
+        error: Distance of the estimate from the truth until hand and ball touch, where the
+            recording has it [m], shape (k,).
         sigma: 1-sigma of the ball's estimated place [m], shape (k,).
         age: Age of the last good measurement [s], shape (k,).
         torque: Share of each joint's torque limit that was commanded, shape (k, n).
@@ -73,6 +75,13 @@ class Evidence:
     speed: Array
     behind: Array
     catch: int | None
+
+    @property
+    def last_error(self) -> float:
+        """The last known error up to the catch [m]; NaN without one."""
+        until = self.error[: 0 if self.catch is None else self.catch + 1]
+        known = until[np.isfinite(until)]
+        return float(known[-1]) if len(known) else np.nan
 
     @property
     def shown(self) -> tuple[float, float]:
@@ -117,7 +126,7 @@ def evidence_of(x: Replayed) -> Evidence:
     return Evidence(
         t=s["t"],
         residual=_residuals(x),
-        error=np.where(tracked, _errors(x), np.nan),
+        error=np.where(tracked & (s["t"] < _touched(x)), _errors(x), np.nan),
         sigma=np.where(tracked, s["sigma"], np.nan),
         age=np.where(tracked, s["age"], np.nan),
         torque=arm.by_joint(loads.share) if len(s) else np.zeros((0, arm.n)),
@@ -125,6 +134,12 @@ def evidence_of(x: Replayed) -> Evidence:
         behind=behind,
         catch=int(near[-1]) if len(near) else None,
     )
+
+
+def _touched(x: Replayed) -> float:
+    """Return when hand and ball first touched [s]; infinite where the recording does not say."""
+    contacts = (t for t, topic, text in x.recorded.notices if (topic, text) == _CONTACT)
+    return min(contacts, default=np.inf)
 
 
 def _residuals(x: Replayed) -> Array:
@@ -192,8 +207,9 @@ def _causes(x: Replayed, e: Evidence) -> Iterator[str]:
 def _at_the_catch(x: Replayed, e: Evidence, k: int) -> Iterator[str]:
     """Yield what was wrong in the tick of the catch."""
     held, lag = e.behind[k]
-    if e.error[k] > _NEAR:
-        yield f"The estimate was wrong: {1e3 * e.error[k]:.0f} mm from the ball at the catch."
+    if e.last_error > _NEAR:
+        yield (f"The estimate was wrong: {1e3 * e.last_error:.0f} mm from the ball when it should"
+               " have met the hand.")  # fmt: skip
     if e.age[k] > _OLD:
         yield f"The ball had not been seen for {1e3 * e.age[k]:.0f} ms at the catch."
     if held > _NEAR:
@@ -225,9 +241,12 @@ def _facts(x: Replayed, e: Evidence) -> Iterator[tuple[str, str]]:
         yield "verdict", f"{_said(judged)} at {_ms(judged.t)}"
     if e.catch is not None:
         yield "catch by the map", _ms(e.t[e.catch])
-        for name, value in (("error", e.error), ("1-sigma", e.sigma)):
-            if np.isfinite(value[e.catch]):
-                yield f"estimate at the catch, {name}", f"{1e3 * value[e.catch]:.1f} mm"
+        for name, value in (
+            ("last error", e.last_error),
+            ("1-sigma at the catch", e.sigma[e.catch]),
+        ):
+            if np.isfinite(value):
+                yield f"estimate, {name}", f"{1e3 * value:.1f} mm"
     if np.any(np.isfinite(e.residual)):
         yield "residuals, median", f"{1e3 * np.nanmedian(e.residual):.2f} mm"
         yield "residuals, largest", f"{1e3 * np.nanmax(e.residual):.1f} mm"

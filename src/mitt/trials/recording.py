@@ -14,6 +14,9 @@ from mitt.trials.log import TrialLog
 from mitt.trials.result import finite, plain
 from mitt.trials.score import Trial, reason_of
 
+#: What the event is called.
+FIRST_CONTACT = "first contact"
+
 
 def recording_of(
     log: TrialLog, trial: Trial, about: About, notes: Mapping[str, object] | None = None
@@ -61,7 +64,7 @@ def _events(log: TrialLog, trial: Trial) -> tuple[Notice, ...]:
         ("refused", refused[:1]),
         ("arm starts", np.array([log.t_0])),
         ("catch", np.array([log.t_catch])),
-        ("first contact", touched[:1]),
+        (FIRST_CONTACT, touched[:1]),
         (trial.status, log.truth.t[-1:]),
     )
     return tuple(

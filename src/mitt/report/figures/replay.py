@@ -73,6 +73,7 @@ def estimate(x: Replayed, e: Evidence) -> Plot:
                 axes.plot(e.t, 1e3 * values, color=colour, label=label)
         axes.axhline(20.0, color=GREY, lw=0.9, ls=":", label="what a hand needs")
         axes.set(ylabel="[mm]", xlabel="time [s]", yscale="log")
+        axes.yaxis.set_major_formatter("{x:g}")
         axes.set_ylim(0.1, 1000.0)
         axes.legend(ncols=4, loc="upper right")
         _mark(axes, x, e, named=False)
