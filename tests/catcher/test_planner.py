@@ -12,13 +12,16 @@ from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
 from mitt.catcher.settings import PATIENCE
 from mitt.control.envelope import speeds_of
 from mitt.control.rows import DQ_MAX
+from mitt.generator.design import further_designs
 from mitt.generator.feasibility import Outcome, Verdict
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
+from mitt.generator.several import Several
 from mitt.impact import speed_caps, speed_jumps
 from mitt.robot.arm import Arm
 from mitt.signals import GRAVITY, TICK, ArmState, Array, Senses, Sighting
 from mitt.trials.learning import learn
+from mitt.trials.neighbourhood import Neighbourhood
 
 FALL = np.array([0.0, 0.0, -GRAVITY])
 #: Height of the floor [m], share of its vertical speed that a ball has after the bounce there.
@@ -26,6 +29,7 @@ FLOOR, SPRINGS = -0.7, 0.85
 #: When a ball is kicked, and stops on the floor [s].
 KICKED, STOPS = 0.15, 0.247
 BOUNCE = np.array([3.2, 0.1, 0.2]), np.array([-5.2, -0.1, -2.5])
+SUNK = np.array([3.1, 0.15, 0.3]), np.array([-5.0, -0.2, 0.9])
 FLIGHT = replace(THROWN_BALL, drag_mean=0.0, drag_sigma=0.002)
 
 
@@ -57,15 +61,19 @@ def kicked(t: float) -> Array:
     return along(r, dr, t) + np.array([0.0, 0.8, 0.0]) * max(t - KICKED, 0.0)
 
 
-def sinking(t: float, down: float, table: float) -> Array:
+def sinking(
+    t: float, down: float, table: float, start: Array = SUNK[0], speed: Array = SUNK[1]
+) -> Array:
     """Return where a ball is that topspin draws down onto a table, which it springs off [m].
 
     Args:
         t: Time [s].
         down: What draws it down besides gravity [m/s^2].
         table: Height of the table [m].
+        start: Where it is at first [m], shape (3,).
+        speed: Its velocity then [m/s], shape (3,).
     """
-    r, dr = np.array([3.1, 0.15, 0.3]), np.array([-5.0, -0.2, 0.9])
+    r, dr = start, speed
     fall = FALL - np.array([0.0, 0.0, down])
     hit = (dr[2] + np.sqrt(dr[2] ** 2 - 2.0 * fall[2] * (r[2] - table))) / -fall[2]
     if t < hit:
@@ -75,7 +83,7 @@ def sinking(t: float, down: float, table: float) -> Array:
 
 
 def caught(
-    arm: Arm, generator: Direct, way: Callable[[float], Array], settings: CatcherSettings,
+    arm: Arm, generator: Direct | Several, way: Callable[[float], Array], settings: CatcherSettings,
     watch: Callable[[Catcher], None],
 ) -> Catcher:  # fmt: skip
     """Return the catcher after a throw at an arm that does what it is told."""
@@ -161,6 +169,21 @@ def test_a_ball_that_sinks_out_of_reach_is_waited_for(
     catcher = caught(arm, Direct(taught.map), way, settings_for(0.07), watch)
     assert said[-3:] == [Outcome.FEASIBLE, Outcome.OPEN, Outcome.FEASIBLE]
     assert catcher.phase is Phase.BRAKE
+    t = catcher.state.closing[1]
+    assert np.linalg.norm(way(t) - arm.position(catcher.estimated[0])) < 0.03
+
+
+@pytest.mark.parametrize(("x", "up"), [(3.4, 1.6), (3.6, 1.9)])
+def test_several_maps_wait_for_a_ball_that_comes_in_low(
+    arm: Arm, taught: Learned, x: float, up: float
+) -> None:
+    """A map that reaches lower does not go for it where it falls; the one that waits catches it."""
+    start, speed = np.array([x, 0.1, 0.15]), np.array([-4.6, -0.1, up])
+    way = partial(sinking, down=0.0, table=-0.25, start=start, speed=speed)
+    lower = learn(arm, design=further_designs(arm)[1][-1], around=Neighbourhood(flights=40)).map
+    maps = Several((Direct(taught.map), Direct(lower)))
+    catcher = caught(arm, maps, way, settings_for(0.07), lambda _: None)
+    assert catcher.state.closing[0] < np.inf
     t = catcher.state.closing[1]
     assert np.linalg.norm(way(t) - arm.position(catcher.estimated[0])) < 0.03
 

@@ -120,6 +120,44 @@ def test_a_ball_that_falls_short_changes_the_map_in_flight(several: Several) -> 
     assert not changed.astray(short)
 
 
+def low_ball(seed: int, after: float) -> BallState:
+    """Return a ball that will pass below the paper's map, where the inward one reaches."""
+    rng = np.random.default_rng(seed)
+    end = np.array([0.95, rng.uniform(-0.1, 0.1), rng.uniform(-0.4, -0.3)])
+    steep = np.array([rng.uniform(-4.5, -3.8), rng.uniform(-0.6, 0.6), -3.8])
+    return ball_state(end - steep * after + 0.5 * G * after**2, steep - G * after, G)
+
+
+@settings(max_examples=20)
+@given(seed=seeds, after=st.floats(0.3, 0.6), later=st.floats(0.0, 0.15))
+def test_the_map_that_waits_for_a_low_ball_is_the_one_whose_verdict_is_open(
+    several: Several, seed: int, after: float, later: float
+) -> None:
+    """However far ahead the catch is: it waits at its own height, and lets no other go down."""
+    q, still, ball = several.map.map.arm.q_ready, np.zeros(3), low_ball(seed, after)
+    assert several.verdict(ball, q).outcome is Outcome.OPEN
+    assert several.maps[1].verdict(ball, q).outcome is Outcome.FEASIBLE
+    waiting = several.wait(ball, q, still)
+    assert waiting.chosen == 0
+    surrogate = several.maps[0].waiting(ball)
+    alone = several.maps[0].adapt(surrogate, q, still)
+    assert np.array_equal(waiting.reference(surrogate).q_d, alone.reference(surrogate).q_d)
+    falls = low_ball(seed, after - later)
+    assert not waiting.astray(falls)
+    assert waiting.verdict(falls, q, still).outcome is Outcome.OPEN
+    assert waiting.adapt(falls, q, still).chosen == 0
+
+
+def test_a_map_that_has_waited_keeps_a_ball_that_it_can_catch(several: Several) -> None:
+    """Also one that leaves it less room for the brake than another map would have."""
+    q, still, ball = several.map.map.arm.q_ready, np.zeros(3), some_ball(2, 6.0)
+    assert several.adapt(ball, q, still).chosen == 1
+    waited = several.wait(low_ball(1, 0.4), q, still)
+    assert waited.adapt(ball, q, still).chosen == waited.chosen == 0
+    too_fast = some_ball(1, 9.0)
+    assert waited.adapt(too_fast, q, still).chosen == 1
+
+
 @given(before=st.floats(0.05, 1.2), side=st.floats(-0.6, 0.6), led=st.booleans())
 def test_what_is_known_to_be_unsettled_gets_no_other_verdict(
     several: Several, before: float, side: float, led: bool

@@ -228,7 +228,7 @@ class Planner:
         """Let a verdict that the ball can be caught, or waited for, take effect: follow it."""
         self._verdict, self._deferred = verdict, None
         self._scalars["surrogate"] = verdict.outcome is Outcome.OPEN
-        self._adapt(self.generator.waiting(ball) if self._scalars["surrogate"] else ball)
+        self._adapt(ball, waits=verdict.outcome is Outcome.OPEN)
         self._make_room(verdict)
         self._enter(FOLLOW)
 
@@ -309,10 +309,13 @@ class Planner:
         self._verdict, self._deferred = verdict, None
         self._slow_down(self._arm)
 
-    def _adapt(self, ball: BallState) -> None:
-        """Let the generator start from where the arm is."""
-        q, dq = self._state.estimated.copy()
-        self.generator = self.generator.adapt(ball, q, dq)
+    def _adapt(self, ball: BallState, *, waits: bool = False) -> None:
+        """Let the generator start from where the arm is, for a ball or to wait for it."""
+        g, (q, dq) = self.generator, self._state.estimated.copy()
+        if waits and isinstance(g, Several):
+            self.generator = g.wait(ball, q, dq)
+        else:
+            self.generator = g.adapt(g.waiting(ball) if waits else ball, q, dq)
         f = self.generator.as_map()
         if f is not None:
             self._write(map_fields(f))

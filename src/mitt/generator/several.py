@@ -6,8 +6,10 @@ finds it low, or else to the one that asks least of its tightest limit. Whenever
 adapted anew, as after a bounce, the choice is made again, and as soon as the predicted catch
 leaves the region of the map that is followed, as where drag or a gust makes the ball fall short. A
 ball that comes in low from the first is waited for: it may be meant to bounce into the region of a
-map. Eq. (12) makes the new map start where the arm is and as fast as it moves, so that a change of
-maps is no jump.
+map. That map waits where it would, and keeps the ball as long as it can catch or await it: another
+map that reaches lower would go for the ball where it falls, and come too late after the bounce.
+Eq. (12) makes the new map start where the arm is and as fast as it moves, so that a change of maps
+is no jump.
 """
 
 from collections.abc import Sequence
@@ -40,11 +42,13 @@ class Several:
         maps: The maps, the preferred one first.
         margin: Share of its tightest limit up to which a map is taken without asking the others.
         chosen: Index of the map that is followed; None before the first choice.
+        waited: Whether the map that is followed has waited for the ball.
     """
 
     maps: tuple[Direct, ...]
     margin: float = 0.9
     chosen: int | None = None
+    waited: bool = False
 
     __repr__ = brief
 
@@ -92,9 +96,13 @@ class Several:
         return self.map.returns(ball)
 
     def astray(self, ball: BallState) -> bool:
-        """Say whether the map that is followed cannot catch any more, and another can."""
+        """Say whether the map that is followed cannot catch any more, and another can.
+
+        A ball that was waited for was never given to a map for where it falls.
+        """
         others = (f for f in self.maps if f is not self.map)
-        return not self.map.returns(ball) and any(f.returns(ball) for f in others)
+        lost = not self.waited and not self.map.returns(ball)
+        return lost and any(f.returns(ball) for f in others)
 
     def waiting(self, ball: BallState) -> BallState:
         """Wait where the map that is followed would."""
@@ -103,9 +111,13 @@ class Several:
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "Several":
         """Choose, and adapt the chosen map to start in ``q``, ``dq``, eq. (12)."""
         index = self._best(ball, q, dq)
-        maps = list(self.maps)
-        maps[index] = maps[index].adapt(ball, q, dq)
-        return replace(self, maps=tuple(maps), chosen=index)
+        return self._follow(index, self.maps[index].adapt(ball, q, dq))
+
+    def wait(self, ball: BallState, q: Array, dq: Array) -> "Several":
+        """Let the map whose verdict on a ball is open wait for it, from ``q``, ``dq`` on."""
+        index = self._best(ball, q, dq)
+        f = self.maps[index]
+        return replace(self._follow(index, f.adapt(f.waiting(ball), q, dq)), waited=True)
 
     def reference(self, ball: BallState) -> JointReference:
         """Evaluate the chosen map."""
@@ -114,6 +126,11 @@ class Several:
     def as_map(self) -> DirectMap:
         """Hand the chosen map over; all have the same number of monomials."""
         return self.map.map
+
+    def _follow(self, index: int, adapted: Direct) -> "Several":
+        """Return the choice of a map, adapted."""
+        maps = (*self.maps[:index], adapted, *self.maps[index + 1 :])
+        return replace(self, maps=maps, chosen=index)
 
     def _candidates(self) -> Sequence[Direct]:
         """Return the maps that are still to be asked: all, or the one that is followed."""
@@ -130,6 +147,8 @@ class Several:
                 return k
             if waits and verdict.outcome is Outcome.OPEN:
                 return k
+            if self.waited and k == self.chosen and verdict.outcome in _KEPT:
+                return k
             waits = waits and not np.isfinite(verdict.share)
             said.append((k, verdict))
         if all(verdict.outcome is Outcome.UNREACHABLE for _, verdict in said):
@@ -139,6 +158,8 @@ class Several:
         return min(said, key=lambda x: (worth.index(x[1].outcome), x[1].share))[0]
 
 
+#: Verdicts with which a map that has waited for a ball keeps it.
+_KEPT = (Outcome.FEASIBLE, Outcome.OPEN)
 #: Verdicts, the one worth most first. Once under way, a catch that costs too much is worth more
 #: than to wait with another map for what the map that was followed had waited for.
 _AT_FIRST = (Outcome.FEASIBLE, Outcome.OPEN, Outcome.UNSETTLED, Outcome.UNREACHABLE)
