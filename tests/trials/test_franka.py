@@ -16,8 +16,6 @@ from mitt.trials.source import Source, source_of, widened
 from mitt.world.scenes import read_scene
 
 THROWS = 4
-#: One throw that the design, found with fingers that closed later, now refuses.
-REFUSED = pytest.mark.xfail(strict=True, reason="refused: the design is of another closing")
 #: Rounding of a rate: a difference of two numbers, over a millisecond.
 ROUNDING = 1e-6
 
@@ -35,7 +33,7 @@ def thrown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Arm, TrialRunner, 
     return arm, runner, widened(source, file.throws)
 
 
-@pytest.mark.parametrize("throw", [0, 1, 2, pytest.param(3, marks=REFUSED)])
+@pytest.mark.parametrize("throw", range(4))
 def test_a_panda_catches_within_its_data_sheet(
     thrown: tuple[Arm, TrialRunner, Source], throw: int
 ) -> None:
