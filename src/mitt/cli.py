@@ -8,6 +8,7 @@ import errno
 import os
 import sys
 from collections.abc import Sequence
+from typing import TextIO
 
 from mitt.errors import FileError, InputError, MittError
 from mitt.interrupts import (
@@ -119,7 +120,11 @@ def _open_streams() -> None:
 
 
 def _flushed(status: int) -> int:
-    """Write what is left for stdout; return the exit status."""
+    """Write what is left for stdout and stderr; return the exit status."""
+    try:
+        sys.stderr.flush()
+    except (OSError, ValueError):
+        _give_up(sys.stderr)
     try:
         sys.stdout.flush()
         return status
@@ -132,15 +137,22 @@ def _flushed(status: int) -> int:
 def _unwritten(status: int, reason: str | None = None) -> int:
     """Give up stdout; return the exit status, 2 where there is a reason for it.
 
-    Nobody who reads is no fault, as for other commands in a pipe. What is not written is gone: the
-    stream is pointed at the null device, or Python would try again and complain at its end.
+    Nobody who reads is no fault, as for other commands in a pipe.
     """
     if reason is not None:
         status = _failed(2, f"stdout: wanted a place that can be written, got {reason}")
-    null = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(null, sys.stdout.fileno())
-    os.close(null)
+    _give_up(sys.stdout)
     return status
+
+
+def _give_up(stream: TextIO) -> None:
+    """Point a stream at the null device, or Python would try again and complain at its end.
+
+    What is not written is gone.
+    """
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, stream.fileno())
+    os.close(null)
 
 
 def _failed(status: int, text: str) -> int:
