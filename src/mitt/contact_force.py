@@ -54,10 +54,11 @@ _BEYOND, _BAND = 0.0034, 0.009
 #: Way over which the drives of the fingers press against a ball that pushes them open [m]; of balls
 #: of 0.14 kg at 5 m/s and of 0.2 kg at 4 m/s one in three comes through the default hand's.
 _PUSHED = 0.0136
-#: Share of how far off the axis a ball passes by which fingers that wait for it meet it later: the
-#: one that it passes nearest meets it sooner. Of 60 throws at a Panda 2 instead of 15 are expected
-#: above 240 N that are not; of the 6 that are it finds 1 instead of 4.
-_ASIDE = 0.7
+#: Share of a ball's distance from the axis that counts here. For one off the axis the fingers start
+#: later (:func:`mitt.control.hand.takes_of`), but the finger that it passes nearest meets it sooner
+#: than one on the axis. Chosen on 60 throws at a Panda: with it 2 of the 54 that press less than
+#: 240 N are refused, with 1 there were 15; of the 6 that press more it refuses 1, with 1 four.
+_OFF_AXIS = 0.7
 #: By how much fingers are behind a command that is given early enough for its delays [s].
 _BEHIND = 0.002
 #: Rate of a basket's net, of all its cords together [1/s]: its damping (``mitt.world.basket.NET``).
@@ -235,7 +236,7 @@ def force_of(arm: Arm, q: Array, v_rel: Array, ball: CaughtBall) -> float:
     palm, met = speed, 0.0
     if isinstance(hand, HandModel):
         aslant = float(np.sqrt(max(1.0 - (speed / max(whole, _STILL)) ** 2, 0.0)))
-        lead = lead_of(hand, ball, whole, _ASIDE * aslant)
+        lead = lead_of(hand, ball, whole, _OFF_AXIS * aslant)
         left = speed_left(hand, ball, meeting(hand, ball.radius, lead, speed))
         palm = max(left * speed, speed_through(hand, ball, speed))
         met = speed if left < 1.0 else 0.0

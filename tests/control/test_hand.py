@@ -113,9 +113,11 @@ def test_a_springy_ball_is_met_farther_inside(e: float, harder: float, speed: fl
         lead_of(Fingers(HandModel(), RADIUS, min(x, 1.0)), speed, 0.0) for x in (e, e + harder)
     ]
     before = [x - HandModel().closing_time(RADIUS) for x in leads]
-    early = max(c.hardness(min(e + harder, 1.0)) * c.early, 0.0)
+    hard = c.hardness(min(e + harder, 1.0))
+    early, ring = hard * c.early, HandModel().ring(RADIUS)[0]
+    near = (ring + c.near) / max(1.0 - hard, 1e-9) / speed - c.firm
     assert before[1] <= max(before[0], early, HandModel().inside(RADIUS) / speed) + 1e-3
-    assert before[1] >= early - 1e-3
+    assert before[1] >= min(early, near) - 5e-4
 
 
 @given(times=st.lists(st.floats(0.06, 5.0), min_size=1, max_size=50))

@@ -33,7 +33,7 @@ def thrown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Arm, TrialRunner, 
     return arm, runner, widened(source, file.throws)
 
 
-@pytest.mark.parametrize("throw", range(4))
+@pytest.mark.parametrize("throw", range(THROWS))
 def test_a_panda_catches_within_its_data_sheet(
     thrown: tuple[Arm, TrialRunner, Source], throw: int
 ) -> None:

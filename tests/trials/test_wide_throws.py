@@ -50,7 +50,8 @@ def test_fast_throws_keep_the_motors_torque_speed_lines(
     """No tick is beyond a limit, though torques act a millisecond after they were commanded."""
     trials = thrown(maps[limits], ranges, lab())
     assert [trial.limit_violations for trial in trials] == [0] * COUNT
-    assert sum(trial.status == "caught" for trial in trials) >= COUNT - 2
+    lost = 2 if (ranges, limits) == (FLAT, "wam-80v") else 1
+    assert sum(trial.status == "caught" for trial in trials) >= COUNT - lost
 
 
 def test_a_high_throw_is_refused_only_once_it_comes_near(maps: dict[str, Learned]) -> None:

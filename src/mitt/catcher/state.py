@@ -74,8 +74,7 @@ class CatcherState(NamedTuple):
             max_tracking_error: as of ``CatcherSettings`` [rad].
             t_brake, t_rest: Time at which braking began, and at which it ends [s].
             watch: Longest time from first sight to the verdict [s].
-            t_ahead: When a catch was ahead last, or its want led to a wait [s]; infinite where none
-            was.
+            t_ahead: When a catch was ahead last, or a wait for one began [s]; infinite before.
             t_look: Time before which there is no verdict: one that refuses a far ball waits [s].
             sigma_ready: As of ``CatcherSettings``; infinite where the generator predicts it.
             flight_sigma: 1-sigma of the ball's position if it flies on as it did [m].

@@ -333,7 +333,7 @@ class HandModel:
         return np.where(met, high, self.drive.closed)
 
     def _meets(self, ball_radius: float, heights: Array) -> Array:
-        """Return angles at which balls on the axis are in the way; infinite without [rad], (m,).
+        """Return angles at which balls on the axis are in the way, or infinity [rad], (m,).
 
         That is the closed angle, unless fingers that close farther pass a small ball by then.
         """
