@@ -53,7 +53,7 @@ class FaultyPort:
 
     def __init__(self, prepared: PreparedCell, lose: float) -> None:
         """Join the network; ``lose`` is the share of messages that is lost either way."""
-        from mitt.link.ros2_cell import Ros2Cell  # noqa: PLC0415 (after the loop is hurried)
+        from mitt.link.ros2 import Ros2Cell  # noqa: PLC0415 (after the loop is hurried)
 
         self._inner, self._arm = Ros2Cell(prepared.cell, prepared.arm), prepared.arm
         self._lose, self._rng = lose, np.random.default_rng(80100)

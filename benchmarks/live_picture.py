@@ -19,12 +19,12 @@ from rich.console import Console
 
 from mitt.cell.drivers import connect
 from mitt.cell.prepare import map_of, prepare
-from mitt.cell.session import SHOWN, Numbers, Person, Session, loop_of, numbers, rehearse
+from mitt.cell.session import SHOWN, STATES, Numbers, Person, Session, loop_of, numbers, rehearse
 from mitt.commands.live_table import picture
 from mitt.files.cell import read_cell
 from mitt.interrupts import tell
-from mitt.link.modes import Mode
-from mitt.link.realtime import hurried, uncollected
+from mitt.link.clock import hurried, uncollected
+from mitt.link.live import Mode
 
 #: Domain of the two, throws, and number of the throw in which the picture is made, from 0.
 DOMAIN, THROWS, SHOT = "174", 5, 3
@@ -33,7 +33,7 @@ DOMAIN, THROWS, SHOT = "174", 5, 3
 def save(shown: list[float], path: Path) -> None:
     """Write the table as SVG, in a font that each viewer has."""
     console = Console(record=True, width=44, file=Path(os.devnull).open("w"))  # noqa: SIM115
-    console.print(picture(shown))
+    console.print(picture(shown, STATES))
     plain = re.sub(r"@font-face \{\{.*?\}\}\s*", "", _export_format.CONSOLE_SVG_FORMAT, flags=re.S)
     plain = re.sub(r"<!--.*?-->", "", plain).replace("Fira Code", "monospace")
     text = console.export_svg(title="mitt run wam-sim", code_format=plain)

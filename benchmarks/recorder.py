@@ -16,7 +16,7 @@ import numpy as np
 import mitt
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
-from mitt.link.realtime import uncollected
+from mitt.link.clock import uncollected
 from mitt.link.recorder import Recorder
 from mitt.trials.runner import LONGEST, TrialRunner
 from mitt.trials.score import HELD_AFTER

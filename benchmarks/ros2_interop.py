@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from mitt.files.cell import arm_of, read_cell
-from mitt.link.realtime import hurried, uncollected
+from mitt.link.clock import hurried, uncollected
 from mitt.signals import Command
 
 HERE = Path(__file__).parent / "interop"

@@ -6,11 +6,10 @@ from pathlib import Path
 from mitt.cell.local import LocalRobot, local_robot
 from mitt.cell.prepare import PreparedCell, about_of, catchers, map_of, prepare, setpoints_of
 from mitt.files.cell import read_cell
-from mitt.link.live import LiveLoop
-from mitt.link.modes import Mode
+from mitt.link.frames import straight
+from mitt.link.live import LiveLoop, Mode
 from mitt.link.recorder import Recorder
 from mitt.link.robot import Robot, RobotLink
-from mitt.link.sight import straight
 from mitt.signals import ArmState, Command, Sighting
 
 Readings = Sequence[ArmState]

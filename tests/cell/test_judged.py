@@ -15,7 +15,7 @@ from mitt.cell.prepare import PreparedCell, balls_of, map_of, prepare, scene_of_
 from mitt.cell.simulated import SimulatedCell
 from mitt.files.cell import cell_of
 from mitt.generator.generators import Direct
-from mitt.link.modes import Mode
+from mitt.link.live import Mode
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.trials.drives import drive_loads

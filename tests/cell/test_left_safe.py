@@ -16,7 +16,7 @@ import pytest
 from local_cell import LocalCell
 
 from mitt.cell.session import Person, Session, news_of
-from mitt.link.modes import Mode
+from mitt.link.live import Mode
 from mitt.link.robot import Robot
 from mitt.signals import ArmState, Command, Sighting
 

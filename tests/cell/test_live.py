@@ -20,7 +20,7 @@ from mitt.errors import InputError
 from mitt.files.cell import read_cell
 from mitt.files.recorded import Recorded
 from mitt.link.frames import FrameSet
-from mitt.link.modes import Mode
+from mitt.link.live import Mode
 from mitt.link.ticks import Ticks
 from mitt.signals import ArmState, Command, Senses, Sighting
 from mitt.trials.replay import replay

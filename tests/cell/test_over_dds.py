@@ -15,14 +15,13 @@ from mitt.cell.session import loop_of
 from mitt.cell.simulated import SimulatedCell
 from mitt.errors import InputError
 from mitt.files.cell import Cell, read_cell
-from mitt.link.modes import Mode
+from mitt.link.live import Mode
 from mitt.link.robot import Robot
 from mitt.signals import ArmState, Command
 
 try:
-    from mitt.link.orders import Told
-    from mitt.link.ros2 import Ros2Robot
-    from mitt.link.ros2_cell import Ros2Cell
+    from mitt.link.robot import ReceivedCommand
+    from mitt.link.ros2 import Ros2Cell, Ros2Robot
 except InputError:
     pytest.skip("no Cyclone DDS", allow_module_level=True)
 
@@ -61,7 +60,7 @@ class WaitsForCommands(FaultyRobot):
         super().write(command, answers)
         self._sent = True
 
-    def _commanded(self) -> Told | None:
+    def _commanded(self) -> ReceivedCommand | None:
         """Return the command that is on its way, if one is."""
         if not self._sent:
             return self._take()

@@ -16,14 +16,14 @@ from pathlib import Path
 import pytest
 from local_cell import LocalCell
 
-from mitt.cell.session import Person, Session
+from mitt.cell.session import STATES, Person, Session
 from mitt.cli import main
 from mitt.commands.live_table import picture
 from mitt.commands.run import _show
 from mitt.commands.sim import _words
 from mitt.errors import FileError, InputError
-from mitt.link.modes import Mode
-from mitt.link.realtime import STALL, longest_stall
+from mitt.link.clock import STALL, longest_stall
+from mitt.link.live import Mode
 from mitt.signals import Command
 
 
@@ -189,13 +189,13 @@ def test_ctrl_c_in_a_catch_is_a_controlled_stop() -> None:
 
 def test_the_live_table_shows_each_number() -> None:
     """In words."""
-    table = picture([2.0, 999.6, 120.0, 3.0, 4.0, 7.0, 6.0, 7.0])
+    table = picture([2.0, 999.6, 120.0, 3.0, 4.0, 7.0, 6.0, 7.0], STATES)
     cells = [str(x) for column in table.columns for x in column.cells]
     assert "catching" in cells
     assert "1000 Hz" in cells
     assert "6 of 7" in cells
     assert "odd" not in cells
-    table = picture([0.0] * 8, "12 [stray] positions")
+    table = picture([0.0] * 8, STATES, "12 [stray] positions")
     assert "12 [stray] positions" in [str(x) for column in table.columns for x in column.cells]
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mitt.control.envelope import bounds_of
 from mitt.control.motions import check_motion
 from mitt.errors import InputError
-from mitt.link.moves import slow_motion
+from mitt.link.live import slow_motion
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array
 

@@ -16,9 +16,9 @@ from mitt.cell.prepare import PreparedCell, prepare
 from mitt.errors import InputError
 from mitt.files.arm_file import read_arm_file
 from mitt.files.cell import ArmPart, Cell, read_cell
-from mitt.link.modes import Mode
+from mitt.link.live import Mode
+from mitt.link.readings import Lag
 from mitt.link.robot import Robot
-from mitt.link.stamps import Lag
 
 FOLDER = Path(__file__).parents[2] / "examples" / "drivers"
 STARTED = 1.7e9

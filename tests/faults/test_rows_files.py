@@ -24,7 +24,7 @@ from mitt.files.files import locked, write_text
 from mitt.files.maps import read_map, save_map
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
-from mitt.link.realtime import uncollected
+from mitt.link.clock import uncollected
 from mitt.report.replay import served
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm

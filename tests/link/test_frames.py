@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from mitt.errors import InputError
-from mitt.link.frames import SLOTS, FrameReader, FrameWriter, frames_of
-from mitt.link.sight import SharedFrames
+from mitt.link.frames import SLOTS, FrameReader, FrameWriter, SharedFrames, frames_of
 
 SHAPE = (12, 20)
 NAME = f"mitt-test-{os.getpid()}"
@@ -26,7 +25,7 @@ def images(k: int) -> list[np.ndarray]:
 def test_frames_come_whole_and_in_order() -> None:
     """With stamps and numbers; each once."""
     writer = FrameWriter(NAME, 2, *SHAPE)
-    reader = FrameReader.named(NAME, [SHAPE, SHAPE])
+    reader = FrameReader(NAME, [SHAPE, SHAPE])
     for k in range(5):
         writer.write(10.0 + k, images(k))
     got = reader.take()
@@ -41,7 +40,7 @@ def test_frames_come_whole_and_in_order() -> None:
 def test_a_late_reader_counts_what_it_lost() -> None:
     """And takes the newest that are still there."""
     writer = FrameWriter(NAME, 2, *SHAPE)
-    reader = FrameReader.named(NAME, [SHAPE, SHAPE])
+    reader = FrameReader(NAME, [SHAPE, SHAPE])
     for k in range(3 * SLOTS):
         writer.write(float(k), images(k))
     got = reader.take()
@@ -62,7 +61,7 @@ def test_no_torn_frame_is_ever_taken() -> None:
             k += 1
 
     thread = threading.Thread(target=write)
-    reader, seen = FrameReader.named(NAME, [SHAPE, SHAPE]), 0
+    reader, seen = FrameReader(NAME, [SHAPE, SHAPE]), 0
     thread.start()
     try:
         while seen < 500:
@@ -79,14 +78,14 @@ def test_no_torn_frame_is_ever_taken() -> None:
 def test_what_is_no_ring_of_this_rig_is_refused() -> None:
     """None there, images of another size, a name that cannot be."""
     with pytest.raises(InputError, match="none called"):
-        FrameReader.named(NAME, [SHAPE, SHAPE])
+        FrameReader(NAME, [SHAPE, SHAPE])
     writer = FrameWriter(NAME, 2, *SHAPE)
     for shapes in ([SHAPE], [(128, 128)] * 2, [SHAPE, (1, 2)]):
         with pytest.raises(InputError, match="cameras, height, width"):
-            FrameReader.named(NAME, shapes)
+            FrameReader(NAME, shapes)
     writer.close()
     with pytest.raises(InputError, match="letters, digits"):
-        FrameReader.named("../etc", [SHAPE])
+        FrameReader("../etc", [SHAPE])
 
 
 def test_a_memory_that_is_not_its_own_is_left_alone() -> None:
@@ -102,7 +101,7 @@ def test_a_memory_that_is_not_its_own_is_left_alone() -> None:
     writer = FrameWriter(NAME, 2, *SHAPE)
     with pytest.raises(InputError, match="wanted one writer"):
         FrameWriter(NAME, 2, *SHAPE)
-    reader = FrameReader.named(NAME, [SHAPE, SHAPE])
+    reader = FrameReader(NAME, [SHAPE, SHAPE])
     writer.write(1.0, images(3))
     assert len(reader.take()) == 1
     file.rename(file.with_name(NAME + "-old"))
@@ -135,14 +134,14 @@ def test_a_header_that_lies_is_one_line() -> None:
     """Sizes beyond the memory, none at all, or below zero."""
     writer = FrameWriter(NAME, 2, *SHAPE)
     file, head = FOLDER / NAME, writer._head.copy()
-    for place, value, shapes in ((4, 4000, [SHAPE, SHAPE]), (4, -1, [SHAPE, SHAPE]),
-                                 (2, 0, [(0, 20)] * 2)):  # fmt: skip
+    for field, value, shapes in (("slots", 4000, [SHAPE, SHAPE]), ("slots", -1, [SHAPE, SHAPE]),
+                                 ("height", 0, [(0, 20)] * 2)):  # fmt: skip
         bad = head.copy()
-        bad[place] = value
+        bad[field] = value
         with file.open("r+b") as out:
             out.write(bad.tobytes())
         with pytest.raises(InputError, match="ring of frames"):
-            FrameReader.named(NAME, shapes)
+            FrameReader(NAME, shapes)
     writer.close()
 
 
@@ -162,14 +161,14 @@ def test_cameras_may_come_later() -> None:
 def test_a_memory_that_is_cut_short_ends_no_process() -> None:
     """Nothing comes from it any more; grown again, its frames come again."""
     writer = FrameWriter(NAME, 2, *SHAPE)
-    reader = FrameReader.named(NAME, [SHAPE, SHAPE])
+    reader = FrameReader(NAME, [SHAPE, SHAPE])
     writer.write(1.0, images(1))
     whole = (FOLDER / NAME).read_bytes()
     for size in (0, 8, 63, 64, 200, len(whole) // 2, len(whole) - 1):
         other = FOLDER / f"{NAME}-cut"
         other.write_bytes(whole)
         try:
-            cut = FrameReader.named(other.name, [SHAPE, SHAPE])
+            cut = FrameReader(other.name, [SHAPE, SHAPE])
             with other.open("r+b") as file:
                 file.seek(8 * 5)
                 file.write((SLOTS - 1).to_bytes(8, "little"))
@@ -189,14 +188,14 @@ def test_what_is_no_memory_of_this_user_is_refused(monkeypatch: pytest.MonkeyPat
     os.mkfifo(pipe)
     try:
         with pytest.raises(InputError, match="of this user"):
-            FrameReader.named(pipe.name, [SHAPE, SHAPE])
+            FrameReader(pipe.name, [SHAPE, SHAPE])
     finally:
         pipe.unlink()
     writer = FrameWriter(NAME, 2, *SHAPE)
     monkeypatch.setattr(os, "geteuid", lambda: 4321)
     monkeypatch.setattr(os, "fstat", lambda fd, of=os.fstat: Owned(of(fd)))
     with pytest.raises(InputError, match="as the same user"):
-        FrameReader.named(NAME, [SHAPE, SHAPE])
+        FrameReader(NAME, [SHAPE, SHAPE])
     monkeypatch.undo()
     writer.close()
 

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ruckig import InputParameter, Ruckig, Synchronization, Trajectory
 
-from mitt.link.moves import sampled, slow_motion
+from mitt.link.live import sampled, slow_motion
 from mitt.robot.load import load_arm
 from mitt.signals import TICK
 

@@ -10,7 +10,7 @@ import pytest
 from mitt.errors import InputError
 from mitt.files.cell import Cell, arm_of, read_cell
 from mitt.link import messages
-from mitt.link.cdr import Reader
+from mitt.link.messages import Reader
 from mitt.link.orders import Orders, joints_of
 from mitt.robot.arm import Arm
 from mitt.signals import Array, Command
@@ -52,9 +52,9 @@ def refused(raw: bytes, controller: Sequence[str], *, nonzero: bool) -> str:
     """
     r = Reader(raw)
     stamp, _ = r.header()
-    names, count = r.texts(), r.count()
-    rows = [r.row() for _ in range(4)]
-    reach = r.stamp()
+    names, count = r.strings(), r.count()
+    rows = [r.sequence() for _ in range(4)]
+    reach = r.uint32() + 1e-9 * r.uint32()
     if sorted(names) != sorted(controller):
         return f"joints {names}"
     if count != 1 or any(len(row) not in (0, len(names)) for row in rows) or not len(rows[0]):

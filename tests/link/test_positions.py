@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mitt.errors import InputError
-from mitt.link.modes import Counts
-from mitt.link.positions import STRAY, WINDOW, Positions
+from mitt.link.readings import STRAY, WINDOW, Counts, Positions
 from mitt.signals import TICK, Sighting
 
 #: A time of the day [s].

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from mitt.link.realtime import hurried, longest_stall, pinned, settle, timekeeping
+from mitt.link.clock import hurried, longest_stall, pinned, settle, timekeeping
 
 
 def test_a_machine_that_stalls_is_told_from_one_that_keeps_time(
@@ -15,10 +15,10 @@ def test_a_machine_that_stalls_is_told_from_one_that_keeps_time(
     """By the latest tick of many; the stop that it leads to is said."""
     for latest, warned in ((0.0004, False), (0.012, True)):
         late = iter([0.0] * 1000 + [latest] + [0.0] * 999)
-        monkeypatch.setattr("mitt.link.realtime.sleep_until", lambda _, late=late: next(late))
+        monkeypatch.setattr("mitt.link.clock.sleep_until", lambda _, late=late: next(late))
         assert longest_stall(0) == latest
         late = iter([latest] * 2000)
-        monkeypatch.setattr("mitt.link.realtime.sleep_until", lambda _, late=late: next(late))
+        monkeypatch.setattr("mitt.link.clock.sleep_until", lambda _, late=late: next(late))
         said = timekeeping(-1)
         assert f"{1e3 * latest:.1f} ms late at most" in said
         assert ("stop the arm" in said) == warned

@@ -15,8 +15,7 @@ from mitt.files.about import About
 from mitt.files.recorded import Recorded
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
-from mitt.link.recorder import Recorder
-from mitt.link.ring import Ring
+from mitt.link.recorder import Recorder, Ring
 from mitt.robot.arm import Arm
 from mitt.signals import ArmState, Array, Frame, Senses, Sighting
 from mitt.trials.runner import TrialRunner

@@ -13,14 +13,13 @@ import pytest
 from mitt.errors import InputError
 from mitt.files.cell import Cell, arm_of, cell_of, read_cell
 from mitt.link import messages
-from mitt.link.cdr import Writer
+from mitt.link.messages import Writer
 from mitt.signals import Command
 
 try:
     from mitt.link import dds
-    from mitt.link import dds_types as types
-    from mitt.link.ros2 import Ros2Robot
-    from mitt.link.ros2_cell import Ros2Cell
+    from mitt.link import dds as types
+    from mitt.link.ros2 import Ros2Cell, Ros2Robot
 except InputError:
     pytest.skip("no Cyclone DDS", allow_module_level=True)
 
@@ -281,10 +280,10 @@ def test_diagnostics_of_others_neither_stop_nor_delay_the_arm(
     robot = Ros2Robot(cell, arm_of(cell))
     good = messages.diagnostics(1.0, "robot", 2, "stop")
     long = messages.diagnostics(1.0, "robot", 2, "x" * 5000)
-    crowd = Writer().header(1.0, "").whole(2000)
+    crowd = Writer().header(1.0, "").uint32(2000)
     for _ in range(1999):
-        crowd.small(0).text("others").text("m").text("").whole(0)
-    crowd.small(2).text("robot").text("in a crowd").text("").whole(0)
+        crowd.byte(0).string("others").string("m").string("").uint32(0)
+    crowd.byte(2).string("robot").string("in a crowd").string("").uint32(0)
     broken = [long, good[:30], good[:20] + b"robot\0", b"", b"\0", messages.text("robot")]
     robot._diagnostics = Heard([*broken, crowd.done(), *broken, good])  # type: ignore[assignment]
     steps, walk = 0, messages.search_diagnostics

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.link.stamps import DRIFT, LATER, Lag, Stamps
+from mitt.link.readings import DRIFT, LATER, Lag, Stamps
 from mitt.signals import TICK
 
 

@@ -12,7 +12,7 @@ from mitt.cell.local import local_robot
 from mitt.cell.prepare import map_of, prepare
 from mitt.cell.session import loop_of
 from mitt.files.cell import read_cell
-from mitt.link.modes import Mode
+from mitt.link.live import Mode
 
 #: Controllers that are not as the driver believes.
 MISTAKES: dict[str, dict[str, Any]] = {

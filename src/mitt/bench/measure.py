@@ -22,8 +22,7 @@ from mitt.errors import InputError
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.generator.online import Online
-from mitt.link.clock import Stopwatch, processor_time
-from mitt.link.realtime import settle
+from mitt.link.clock import Stopwatch, processor_time, settle
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm

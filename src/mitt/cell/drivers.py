@@ -7,8 +7,8 @@ from mitt.cell.local import LocalRobot, local_robot
 from mitt.cell.prepare import PreparedCell, endless
 from mitt.files.cell import Cell
 from mitt.link.clock import monotonic
+from mitt.link.frames import FrameSource, SharedFrames
 from mitt.link.robot import Robot, driver_named
-from mitt.link.sight import FrameSource, SharedFrames
 from mitt.robot.arm import Arm
 
 

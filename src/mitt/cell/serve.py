@@ -6,8 +6,7 @@ from typing import Any, final
 from mitt.cell.prepare import PreparedCell, map_of
 from mitt.cell.session import rehearse
 from mitt.cell.simulated import Port, SimulatedCell
-from mitt.link.clock import monotonic, sleep_until, time_of_day
-from mitt.link.realtime import hurried, pinned, uncollected
+from mitt.link.clock import hurried, monotonic, pinned, sleep_until, time_of_day, uncollected
 from mitt.signals import TICK
 from mitt.trials.result import spread_of
 from mitt.trials.source import Source
@@ -91,6 +90,6 @@ def serve(
     prepared: PreparedCell, scene: Scene, source: Source, tell: Callable[[str], None]
 ) -> Server:
     """Return a simulated cell that is to be served over ROS 2."""
-    from mitt.link.ros2_cell import Ros2Cell  # noqa: PLC0415 (needs the extra ros2)
+    from mitt.link.ros2 import Ros2Cell  # noqa: PLC0415 (needs the extra ros2)
 
     return Server(prepared, scene, source, tell, lambda: Ros2Cell(prepared.cell, prepared.arm))

@@ -19,11 +19,10 @@ from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.interrupts import SIGNALS, notice
 from mitt.link.clock import monotonic
-from mitt.link.live import LiveLoop
-from mitt.link.modes import Mode
+from mitt.link.frames import straight
+from mitt.link.live import LiveLoop, Mode
 from mitt.link.recorder import Recorder
 from mitt.link.robot import Robot, RobotLink
-from mitt.link.sight import straight
 from mitt.trials.result import STATUSES, spread_of
 
 #: Time between two lines on what is waited for, the same and another [s].
@@ -34,7 +33,8 @@ _REHEARSED = 8000
 _LOOK = 50
 #: Numbers of the live table, in this order.
 SHOWN = ("mode", "rate", "age_us", "late", "lost", "throws", "caught", "told")
-_MODES = tuple(Mode)
+STATES = tuple(mode.value for mode in Mode)
+"""What the first of them counts, in words."""
 #: Room for the line of the live table on what is odd [bytes].
 _WORDS = 240
 
@@ -290,7 +290,7 @@ class Session:
         loop, counts = self._loop, self._loop.counts
         passed = max(monotonic() - self._begun, 1e-3)
         self.shown[:] = [
-            _MODES.index(loop.mode), counts.ticks / passed, 1e6 * loop.age, counts.late,
+            STATES.index(loop.mode.value), counts.ticks / passed, 1e6 * loop.age, counts.late,
             counts.lost, counts.throws, self._told["caught"], self._told.total(),
         ]  # fmt: skip
         self.words.value = self._odd.encode()[: _WORDS - 1]

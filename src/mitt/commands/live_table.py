@@ -1,7 +1,7 @@
 """The live table of ``mitt run``, drawn by a process of its own: drawing takes milliseconds."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from multiprocessing import get_context
 from threading import Event
@@ -19,17 +19,18 @@ _PERIOD = 0.25
 
 
 @contextmanager
-def live_table(shown: Any, said: Any) -> Iterator[None]:  # noqa: ANN401 (shared memory)
+def live_table(shown: Any, said: Any, states: Sequence[str]) -> Iterator[None]:  # noqa: ANN401
     """Show the numbers of a session on stderr while it runs, where that is a terminal.
 
     Args:
         shown: Shared memory of as many numbers as :data:`mitt.cell.session.SHOWN` has.
         said: Shared memory of what is odd, in words.
+        states: What the first of the numbers counts, in words.
     """
     if not sys.stderr.isatty():
         yield
         return
-    drawer = get_context("spawn").Process(target=_draw, args=(shown, said), daemon=True)
+    drawer = get_context("spawn").Process(target=_draw, args=(shown, said, states), daemon=True)
     drawer.start()
     try:
         yield
@@ -38,29 +39,29 @@ def live_table(shown: Any, said: Any) -> Iterator[None]:  # noqa: ANN401 (shared
         drawer.join()
 
 
-def _draw(shown: Any, said: Any) -> None:  # noqa: ANN401
+def _draw(shown: Any, said: Any, states: Sequence[str]) -> None:  # noqa: ANN401
     """Draw until ended."""
     end_with_parent()
     pause = Event()
     with Live(console=Console(stderr=True), auto_refresh=False, transient=True) as live:
         while True:
-            live.update(picture(list(shown), said.value.decode(errors="replace")), refresh=True)
+            odd = said.value.decode(errors="replace")
+            live.update(picture(list(shown), states, odd), refresh=True)
             pause.wait(_PERIOD)
 
 
-def picture(numbers: list[float], odd: str = "") -> Table:
+def picture(numbers: list[float], states: Sequence[str], odd: str = "") -> Table:
     """Return the table of some numbers, in the order of :data:`mitt.cell.session.SHOWN`.
 
     Args:
         numbers: The numbers.
+        states: What the first of them counts, in words.
         odd: What is odd in what the robot and the ball's source send; nothing if nothing is.
     """
-    from mitt.link.modes import Mode  # noqa: PLC0415
-
     mode, rate, age, late, lost, throws, caught, told = numbers
     table = Table(show_header=False, title="mitt run", title_justify="left")
     rows = {
-        "state": tuple(Mode)[int(mode)].value,
+        "state": states[int(mode)],
         "rate": f"{rate:.0f} Hz",
         "reading to command": f"{age:.0f} us",
         "late readings": f"{late:.0f}",

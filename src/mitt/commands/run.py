@@ -5,7 +5,7 @@ from contextlib import AbstractContextManager, closing, nullcontext
 
 from mitt.cell.drivers import check_driver, connect
 from mitt.cell.prepare import PreparedCell, about_of, map_of, prepare
-from mitt.cell.session import Person, Session, loop_of, numbers, rehearse, words
+from mitt.cell.session import STATES, Person, Session, loop_of, numbers, rehearse, words
 from mitt.commands.live_table import live_table
 from mitt.commands.options import RunOptions
 from mitt.commands.screen import checked, print_json, show, tell_of_kernels
@@ -15,7 +15,7 @@ from mitt.files.files import check_folder, file_name
 from mitt.files.folders import Leaves, check_ours, claim_folder
 from mitt.generator.mapping import DirectMap
 from mitt.interrupts import tell
-from mitt.link.realtime import hurried, pinned, timekeeping, uncollected
+from mitt.link.clock import hurried, pinned, timekeeping, uncollected
 from mitt.link.recorder import Recorder
 from mitt.trials.result import spread_words
 
@@ -46,7 +46,7 @@ def run(options: RunOptions) -> int:
     f = map_of(prepared)
     rehearse(prepared, f)
     person, shown, said = Person(yes=options.yes), numbers(), words()
-    drawn = nullcontext() if options.json else live_table(shown, said)
+    drawn = nullcontext() if options.json else live_table(shown, said, STATES)
     in_time = nullcontext("no real time") if simulated else hurried()
     session: Session | None = None
     try:

@@ -11,7 +11,7 @@ from mitt.commands.screen import checked, print_json, show, tell_of_kernels
 from mitt.errors import InputError
 from mitt.files.cell import read_cell
 from mitt.interrupts import notice, status_of, tell
-from mitt.link.realtime import timekeeping
+from mitt.link.clock import timekeeping
 from mitt.trials.result import spread_words
 
 

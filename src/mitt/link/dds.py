@@ -2,16 +2,18 @@
 
 ROS topic ``/name`` is DDS topic ``rt/name``, type ``pkg/Type`` is ``pkg::msg::dds_::Type_``, domain
 0 or ``ROS_DOMAIN_ID`` is DDS domain of that number. Messages pass as CDR bytes
-(:mod:`mitt.link.messages`); the classes here only tell Cyclone their types.
+(:mod:`mitt.link.messages`); the types only tell Cyclone what a topic is.
 """
 
 import os
-from contextlib import nullcontext, suppress
+import socket
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from socket import if_nameindex
 from typing import Any, Literal, final
 
 from mitt.errors import InputError
-from mitt.link.sockets import kept_to
 
 try:
     from cyclonedds.core import (
@@ -23,6 +25,8 @@ try:
         WaitSet,
     )
     from cyclonedds.domain import Domain, DomainParticipant
+    from cyclonedds.idl import make_idl_struct
+    from cyclonedds.idl import types as idl
     from cyclonedds.pub import DataWriter
     from cyclonedds.qos import Policy, Qos
     from cyclonedds.sub import DataReader
@@ -43,6 +47,67 @@ _BLOCK = 1_000_000
 #: Participants on one machine that find each other without multicast.
 _PARTICIPANTS = 32
 _ANY = SampleState.Any | ViewState.Any | InstanceState.Any
+
+
+@final
+class Received:
+    """A message as it came: its bytes, and what DDS says of it."""
+
+    __slots__ = ("cdr", "sample_info")
+
+    def __init__(self, cdr: bytes) -> None:
+        """Keep the bytes."""
+        self.cdr, self.sample_info = cdr, None
+
+
+def _part(package: str, name: str, /, **fields: Any) -> Any:  # noqa: ANN401 (Cyclone's)
+    """Return a ROS 2 type by its fields, in their order."""
+    return make_idl_struct(name, f"{package}::msg::dds_::{name}_", fields)
+
+
+def _message(package: str, name: str, /, **fields: Any) -> Any:  # noqa: ANN401 (Cyclone's)
+    """Return a ROS 2 type whose messages pass as bytes."""
+    kind = _part(package, name, **fields)
+    kind.serialize = lambda self, **_: self.cdr
+    kind.deserialize = classmethod(lambda _, raw: Received(raw))
+    kind.deserialize_key = classmethod(lambda _, __: Received(b""))
+    return kind
+
+
+_sequence: Any = idl.sequence
+_float, _uint32, _floats = idl.float64, idl.uint32, _sequence[idl.float64]
+_std, _geometry, _diagnostic = "std_msgs", "geometry_msgs", "diagnostic_msgs"
+Time = _part("builtin_interfaces", "Time", sec=idl.int32, nanosec=_uint32)
+Duration = _part("builtin_interfaces", "Duration", sec=idl.int32, nanosec=_uint32)
+Header = _part(_std, "Header", stamp=Time, frame_id=str)
+Point = _part(_geometry, "Point", x=_float, y=_float, z=_float)
+Quaternion = _part(_geometry, "Quaternion", x=_float, y=_float, z=_float, w=_float)
+Pose = _part(_geometry, "Pose", position=Point, orientation=Quaternion)
+TrajectoryPoint = _part(
+    "trajectory_msgs", "JointTrajectoryPoint", positions=_floats, velocities=_floats,
+    accelerations=_floats, effort=_floats, time_from_start=Duration,
+)  # fmt: skip
+Dimension = _part(_std, "MultiArrayDimension", label=str, size=_uint32, stride=_uint32)
+Layout = _part(_std, "MultiArrayLayout", dim=_sequence[Dimension], data_offset=_uint32)
+KeyValue = _part(_diagnostic, "KeyValue", key=str, value=str)
+Status = _part(
+    _diagnostic, "DiagnosticStatus", level=idl.byte, name=str, message=str, hardware_id=str,
+    values=_sequence[KeyValue],
+)  # fmt: skip
+JointState = _message(
+    "sensor_msgs", "JointState", header=Header, name=_sequence[str], position=_floats,
+    velocity=_floats, effort=_floats,
+)  # fmt: skip
+PointStamped = _message(_geometry, "PointStamped", header=Header, point=Point)
+PoseStamped = _message(_geometry, "PoseStamped", header=Header, pose=Pose)
+JointTrajectory = _message(
+    "trajectory_msgs", "JointTrajectory", header=Header, joint_names=_sequence[str],
+    points=_sequence[TrajectoryPoint],
+)  # fmt: skip
+MultiArray = _message(_std, "Float64MultiArray", layout=Layout, data=_floats)
+Bool = _message(_std, "Bool", data=bool)
+String = _message(_std, "String", data=str)
+Diagnostics = _message(_diagnostic, "DiagnosticArray", header=Header, status=_sequence[Status])
 
 
 def domain_id() -> int:
@@ -67,6 +132,50 @@ def _configuration(interface: str) -> str:
         f"<Internal><MultipleReceiveThreads>false</MultipleReceiveThreads></Internal>"
         f"</Domain></CycloneDDS>"
     )
+
+
+def _sockets() -> dict[int, str]:
+    """Return the sockets of this process: file descriptor, and what the kernel calls it."""
+    found = {}
+    for name in os.listdir("/proc/self/fd"):
+        with suppress(OSError):
+            place = os.readlink(f"/proc/self/fd/{name}")
+            if place.startswith("socket:"):
+                found[int(name)] = place
+    return found
+
+
+@contextmanager
+def kept_to(interface: str) -> Iterator[None]:
+    """Bind each UDP socket that is made inside the block to an interface.
+
+    Cyclone DDS 11 binds its receiving sockets to all addresses, whatever interface it is told to
+    use. So bound, the kernel drops what comes in by any other interface.
+
+    Raises:
+        InputError: The system does not allow it.
+    """
+    if sys.platform != "linux":
+        raise InputError("robot.options.interface", "Linux for the loopback alone", sys.platform,
+                         do="name another interface")  # fmt: skip
+    before = _sockets()
+    yield
+    for fd, place in _sockets().items():
+        if before.get(fd) == place:
+            continue
+        with socket.socket(fileno=os.dup(fd)) as one:
+            if one.type == socket.SOCK_DGRAM and one.family in (socket.AF_INET, socket.AF_INET6):
+                _bind(one, interface)
+
+
+def _bind(one: socket.socket, interface: str) -> None:
+    """Bind a socket to an interface."""
+    try:
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, interface.encode() + b"\0")
+    except OSError as error:
+        do = "needs Linux 5.7 or the capability CAP_NET_RAW; or name another interface"
+        raise InputError("robot.options.interface", f"sockets bound to {interface}",
+                         error.strerror, do=do) from None  # fmt: skip
 
 
 def _qos(kind: Kind) -> Any:  # noqa: ANN401 (Cyclone's)

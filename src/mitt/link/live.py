@@ -7,26 +7,26 @@ as long as it can be read, by its brakes where it cannot.
 """
 
 from collections.abc import Callable, Sequence
+from enum import Enum
+from math import ceil
 from typing import final
 
 import numpy as np
+from ruckig import InputParameter, Result, Ruckig, Synchronization, Trajectory
 
 from mitt.catcher.catcher import Catcher, Phase
+from mitt.control.envelope import bounds_of
 from mitt.control.health import Reason
-from mitt.link.catches import CatchNotes
+from mitt.control.rows import DDQ_MAX, DQ_MAX, JERK
+from mitt.errors import InputError
 from mitt.link.clock import monotonic
-from mitt.link.frames import FrameSet
-from mitt.link.modes import Counts, Mode
-from mitt.link.moves import slow_motion
-from mitt.link.positions import Positions
-from mitt.link.readings import Watch, check_reading
+from mitt.link.frames import FrameSet, FrameSource, Sight
+from mitt.link.readings import Counts, Lag, Positions, Watch, check_reading
 from mitt.link.recorder import Recorder
 from mitt.link.robot import RobotLink
-from mitt.link.sight import FrameSource, Sight
-from mitt.link.stamps import Lag
-from mitt.link.ticks import Ticks
-from mitt.robot.arm import Arm
-from mitt.signals import TICK, ArmState, Command
+from mitt.link.ticks import CatchNotes, Ticks
+from mitt.robot.arm import Arm, trusted_deceleration
+from mitt.signals import TICK, ArmState, Array, Command
 from mitt.vision.calibration.caught import LearnedClock
 
 #: Time without a position after which a ball is gone, longest throw, and how long a caught ball is
@@ -49,6 +49,27 @@ _STOPS, _GRACE = 2.0, 0.05
 #: How often brakes are told that do not answer, and repeated readings from which it is said.
 _TOLD, _MANY = 3, 3.5
 _SLOWER = "joint states repeat: the robot is slower than its publisher"
+#: Fastest that a joint moves [rad/s]: the reduced speed of ISO 10218-1 is 0.25 m/s at the tool, a
+#: quarter of a metre from the joint; time to that speed [s], and share of the time for its onset.
+_FASTEST, _RAMP, _ONSET = 1.0, 0.25, 0.2
+#: Share of what the drives can accelerate with, and of the limits of acceleration and jerk, that
+#: is used.
+_GENTLE = 0.3
+
+
+class Mode(Enum):
+    """What the loop is about: a value says it in words."""
+
+    WAITING = "waiting for the robot"
+    """No healthy robot yet, or nobody has said that the arm may move."""
+    MOVING = "to the ready pose"
+    """Slowly."""
+    CATCHING = "catching"
+    """A fresh catcher watches, follows, brakes and holds."""
+    STOPPING = "stopping"
+    """A controlled stop within all limits."""
+    STOPPED = "stopped"
+    """At rest, brakes engaged, latched until a person says so."""
 
 
 @final
@@ -93,7 +114,7 @@ class LiveLoop:
         self._share, self._silence, self._sight = ready_speed, silence, Sight(frames)
         self._clock, self._lag = clock, Lag()
         self.mode, self.why = Mode.WAITING, ""
-        self.counts, self.notes = Counts(0, 0, 0, 0, 0, 0, 0, 0, []), dict[str, str]()
+        self.counts, self.notes = Counts(), dict[str, str]()
         self._positions = Positions(self.counts)
         self._watch = Watch(arm, link.robot, self._lag, self._positions, clock=clock,
                             silence=silence)  # fmt: skip
@@ -408,3 +429,61 @@ class LiveLoop:
         if self.mode not in (Mode.STOPPED, Mode.WAITING):
             self.why = self.why if self.mode is Mode.STOPPING else why
             self._halt()
+
+
+def slow_motion(arm: Arm, start: Array, end: Array, share: float) -> Array:
+    """Return q, dq, ddq each tick from one pose to another, straight in the joints, (k, 3, n).
+
+    Args:
+        arm: The arm.
+        start: Where it rests [rad], shape (n,).
+        end: Where it is to rest [rad], shape (n,).
+        share: Share of the joints' speeds that is used; 1 rad/s at most.
+
+    Raises:
+        InputError: Ruckig finds no way, as between poses that are no numbers.
+    """
+    b = bounds_of(arm)
+    speed = np.minimum(np.minimum(share * arm.dq_max, b[DQ_MAX]), _FASTEST)
+    most = _GENTLE * np.minimum(trusted_deceleration(arm, start), b[DDQ_MAX])
+    acceleration = np.minimum(speed / _RAMP, most)
+    jerk = np.minimum(acceleration / (_ONSET * _RAMP), _GENTLE * b[JERK])
+    request, way = InputParameter(arm.n), Trajectory(arm.n)
+    request.synchronization = Synchronization.Phase
+    request.current_position, request.target_position = start.tolist(), end.tolist()
+    request.max_velocity, request.max_acceleration = speed.tolist(), acceleration.tolist()
+    request.max_jerk = jerk.tolist()
+    try:
+        found = Ruckig(arm.n).calculate(request, way)
+    except Exception as error:  # Ruckig's own
+        raise InputError("a motion", "two poses at rest", f"{error}"[:120]) from error
+    if found not in (Result.Working, Result.Finished):
+        raise InputError("a motion", "two poses at rest", f"{start.tolist()}, {end.tolist()}")
+    return sampled(way, np.arange(ceil(way.duration / TICK) + 2) * TICK)
+
+
+def sampled(way: Trajectory, t: Array) -> Array:
+    """Return q, dq, ddq of a motion from rest at some times, shape (k, 3, n); at its end after it.
+
+    Ruckig is asked where the jerk of a joint changes, 7 times a joint at most. Between these times
+    each joint is a cubic. Asking for each tick takes 4 us a tick, longer than a robot waits.
+
+    Args:
+        way: The motion.
+        t: Times [s], shape (k,).
+    """
+    ends = [np.cumsum(profile.t) for profile in way.profiles[0]]
+    knots = np.unique(np.clip([0.0, way.duration, *np.concatenate(ends)], 0.0, way.duration))
+    known = np.array([way.at_time(x)[:3] for x in knots.tolist()])
+    t = np.minimum(t, way.duration)
+    k = np.clip(np.searchsorted(knots, t, side="right") - 1, 0, max(len(knots) - 2, 0))
+    x = (t - knots[k])[:, None]
+    lasts = np.append(np.diff(knots), 1.0)[k, None]
+    q, dq, ddq = np.moveaxis(known[k], 1, 0)
+    jerk = (known[np.minimum(k + 1, len(knots) - 1), 2] - ddq) / lasts
+    rows = (
+        q + x * (dq + x * (0.5 * ddq + x * jerk / 6.0)),
+        dq + x * (ddq + 0.5 * x * jerk),
+        ddq + x * jerk,
+    )
+    return np.stack(rows, axis=1)

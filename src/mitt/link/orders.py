@@ -7,7 +7,7 @@ that the arm holds are told to stay where they are held. The hand has a message 
 """
 
 from math import nan
-from typing import Any, NamedTuple, final
+from typing import Any, final
 
 import numpy as np
 
@@ -15,8 +15,9 @@ from mitt.control.setpoints import ROWS
 from mitt.errors import InputError, MittError
 from mitt.files.cell import Cell
 from mitt.link import messages
+from mitt.link.robot import ReceivedCommand
 from mitt.robot.arm import Arm
-from mitt.signals import Array, Command
+from mitt.signals import Command
 
 #: Rows of a trajectory's point by what the drives take: what is not needed is left out, since a
 #: controller refuses rows that it has no use for.
@@ -25,19 +26,6 @@ _TOLD = {"position": 1, "velocity": 2, "torque": 4}
 _INTERFACES = {"position": "position", "velocity": "velocity", "torque": "effort"}
 #: Writes after which the hand's angle is sent again, though it is the same.
 _AGAIN = 20
-
-
-@final
-class Told(NamedTuple):
-    """A command as a robot takes it: stamp of the reading that it answers [s], joints, hand [rad].
-
-    ``joints`` are q, dq, ddq, tau of the active joints, shape (4, n); NaN where the message does
-    not say them, as an array does not say which reading it answers.
-    """
-
-    answers: float
-    joints: Array
-    hand: float
 
 
 def joints_of(cell: Cell, arm: Arm) -> tuple[str, ...]:
@@ -98,12 +86,7 @@ class Orders:
         self._sent, self._since = nan, 0
 
     def of_joints(self, command: Command, answers: float) -> bytes:
-        """Return the message for the joints' controller.
-
-        Args:
-            command: The command.
-            answers: Stamp of the reading that it answers [s].
-        """
+        """Return the message for the joints' controller; ``answers`` is the reading's stamp [s]."""
         self._rows[:, self._place] = command.joints
         if self.plain:
             return messages.array(self._rows[self._row])
@@ -120,12 +103,10 @@ class Orders:
             return messages.array(angle)
         return messages.trajectory(answers, (self.hand,), angle[None])
 
-    def read(self, raw: bytes, hand: float) -> Told | None:
+    def read(self, raw: bytes, hand: float) -> ReceivedCommand | None:
         """Return a command for the joints; None where its controller would refuse it.
 
-        Args:
-            raw: The message.
-            hand: Angle that the hand was told [rad].
+        ``hand`` is the angle that the hand was told [rad].
         """
         answers, told = nan, np.full((4, self._n), nan)
         try:
@@ -141,7 +122,9 @@ class Orders:
                 told[:] = rows[:, [names.index(self.names[k]) for k in self._place]]
         except MittError:
             return None
-        return Told(answers, told, hand) if np.all(np.isfinite(told[self._row])) else None
+        return (
+            ReceivedCommand(answers, told, hand) if np.all(np.isfinite(told[self._row])) else None
+        )
 
     def read_hand(self, raw: bytes) -> float:
         """Return the angle that the hand is told [rad]; NaN where the message says none."""

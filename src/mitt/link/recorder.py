@@ -10,31 +10,50 @@ readable to its last chunk, a tenth of a second.
             robot.write(command)
             recorder.tick(senses, command, catcher.result)
             catcher.think()
+
+Between the two processes is a ring of bytes that one puts and one takes; neither waits. Its memory
+has a file descriptor and no name, so nothing is left behind however they end. Each side writes one
+counter that the other reads: bytes put and bytes taken since the start. An entry is ``size, kind``
+(two uint32), then its bytes, then padding to 8; kind 0 fills the end of the ring.
+
+The process that writes is this module as a program. It ends when its standard input does: the
+recorder was closed, or its process has died.
 """
 
 import json
+import mmap
+import os
 import select
 import struct
 import subprocess
 import sys
+import tempfile
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, final
+from typing import Any, BinaryIO, final
 
 import numpy as np
 
 from mitt import checks
 from mitt.catcher.result import Result
-from mitt.errors import FileError
+from mitt.errors import FileError, MittError
 from mitt.files import messages as of
 from mitt.files.about import About
 from mitt.files.messages import EVENT
-from mitt.files.recording import heading_of
-from mitt.files.recording_rows import clock_call, frame_row, point_rows
+from mitt.files.recording import Heading, RecordingWriter, heading_of
+from mitt.files.recording_rows import (
+    Said,
+    call_message,
+    clock_call,
+    frame_messages,
+    frame_row,
+    notice_message,
+    point_message,
+    point_rows,
+)
 from mitt.link.clock import monotonic
-from mitt.link.ring import Ring
 from mitt.signals import Command, Frame, Senses, all_of
 
 #: Kinds of entries: a tick, what the catcher was told, what happened, the background.
@@ -45,8 +64,112 @@ COUNTS = struct.Struct("<QII")
 _ROOM, _ROOM_IMAGES = 8_000_000, 64_000_000
 #: What can be told to a catcher besides its senses.
 CALLS = ("stop", "recover", "recover checked", "again")
-#: Time without progress after which a writer is ended [s], and time between two looks [s].
+#: Time without progress after which a writer is ended [s], and time between two looks at it [s].
 _PATIENCE, _LOOK = 20.0, 0.1
+#: Time between two looks of the writer at the ring [s], and between two chunks [s].
+_LOOK_IN, _CHUNK = 0.02, 0.1
+#: Most ticks that are written at once.
+_MOST = 200
+#: Counters before the ring: bytes put, bytes taken, entries refused, largest fill [bytes].
+_COUNTERS = np.dtype({
+    "names": ["put", "taken", "refused", "fullest"], "formats": [np.int64] * 4, "itemsize": 64,
+})  # fmt: skip
+#: What entries are aligned to [bytes].
+_ALIGN = 8
+_START, _HEAD = _COUNTERS.itemsize, struct.Struct("<II")
+
+
+@final
+class Ring:
+    """One end of the ring.
+
+    Attributes:
+        fd: File descriptor of the memory.
+        size: Bytes for entries.
+    """
+
+    def __init__(self, fd: int, size: int) -> None:
+        """Map the memory behind a descriptor."""
+        self.fd, self.size = fd, size
+        self._memory = mmap.mmap(fd, _COUNTERS.itemsize + size)
+        self._counters = np.frombuffer(self._memory, _COUNTERS, 1)[0]
+
+    @classmethod
+    def new(cls, size: int) -> "Ring":
+        """Return the first end of a new ring with room for ``size`` bytes."""
+        size += -size % _ALIGN
+        try:
+            fd = os.memfd_create("mitt")
+        except AttributeError:  # not Linux
+            fd, name = tempfile.mkstemp()
+            os.unlink(name)
+        os.truncate(fd, _COUNTERS.itemsize + size)
+        return cls(fd, size)
+
+    @property
+    def refused(self) -> int:
+        """Entries for which there was no room."""
+        return int(self._counters["refused"])
+
+    @property
+    def ever(self) -> int:
+        """Bytes put so far."""
+        return int(self._counters["put"])
+
+    @property
+    def left(self) -> int:
+        """Bytes put and not taken yet."""
+        return int(self._counters["put"]) - int(self._counters["taken"])
+
+    @property
+    def fullest(self) -> float:
+        """Largest share of the ring that was ever full."""
+        return float(self._counters["fullest"]) / self.size
+
+    def put(self, kind: int, data: bytes) -> bool:
+        """Put an entry of a kind from 1 on; False, and it is counted, where there is no room."""
+        counters = self._counters
+        put, room = int(counters["put"]), self.size
+        whole = _HEAD.size + len(data)
+        whole += -whole % _ALIGN
+        at = put % room
+        gap = room - at if room - at < whole else 0
+        used = put - int(counters["taken"]) + gap + whole
+        if used > room:
+            counters["refused"] += 1
+            return False
+        if gap:
+            _HEAD.pack_into(self._memory, _START + at, gap, 0)
+            at = 0
+        start = _START + at
+        _HEAD.pack_into(self._memory, start, len(data), kind)
+        self._memory[start + _HEAD.size : start + _HEAD.size + len(data)] = data
+        if used > counters["fullest"]:
+            counters["fullest"] = used
+        counters["put"] = put + gap + whole  # last: the other end sees whole entries only
+        return True
+
+    def take(self) -> tuple[int, bytes] | None:
+        """Return kind and bytes of the oldest entry; None where there is none."""
+        counters = self._counters
+        taken = int(counters["taken"])
+        while taken < int(counters["put"]):
+            start = _START + taken % self.size
+            size, kind = _HEAD.unpack_from(self._memory, start)
+            if kind == 0:
+                taken += size
+                continue
+            data = self._memory[start + _HEAD.size : start + _HEAD.size + size]
+            whole = _HEAD.size + size
+            counters["taken"] = taken + whole + -whole % _ALIGN
+            return kind, data
+        return None
+
+    def close(self) -> None:
+        """Let go of the memory; what was counted stays."""
+        self._counters = self._counters.copy()
+        self._memory.close()
+        os.close(self.fd)
 
 
 @final
@@ -85,15 +208,14 @@ class Recorder(AbstractContextManager["Recorder"]):
         self._lay_out(about)
         heading = asdict(heading_of(about, metadata))
         self._process = subprocess.Popen(  # noqa: S603 (this interpreter, our module)
-            [sys.executable, "-m", "mitt.link.recording", str(self._ring.fd),
+            [sys.executable, "-m", "mitt.link.recorder", str(self._ring.fd),
              str(self._ring.size), str(path.resolve())],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
             pass_fds=(self._ring.fd,), start_new_session=True,
         )  # fmt: skip
-        pipe = self._process.stdin
-        if pipe is not None:
-            pipe.write(json.dumps(heading).encode() + b"\n")
-            pipe.flush()
+        assert self._process.stdin is not None
+        self._process.stdin.write(json.dumps(heading).encode() + b"\n")
+        self._process.stdin.flush()
         said = self._last_words()
         if said != "ready":
             self._process.kill()
@@ -208,39 +330,39 @@ class Recorder(AbstractContextManager["Recorder"]):
         Raises:
             FileError: It could not be written to its end.
         """
-        if self._process.stdin is None or self._process.stdin.closed:
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        if self._process.stdin.closed:
             return
         self._process.stdin.close()
         said = self._last_words()
         left = self._ring.left
         self._process.kill()
         self._process.wait()
-        if self._process.stdout is not None:
-            self._process.stdout.close()
+        self._process.stdout.close()
         self._ring.close()
         if said != "written":
             lost = f"{said or 'a cut one'}; {left} of {self._ring.ever} bytes were not written"
             raise FileError(str(self.path), "a recording written to its end", lost)
 
     def _last_words(self) -> str:
-        """Return what the writer says at its end; wait for it as long as it takes entries."""
+        """Return the next line of the writer, nothing where it has died.
+
+        It is waited for as long as the writer takes entries.
+        """
         pipe, before, due = self._process.stdout, -1, 0.0
-        while pipe is not None and not select.select([pipe], [], [], _LOOK)[0]:
+        assert pipe is not None
+        while not select.select([pipe], [], [], _LOOK)[0]:
             left = self._ring.left
             if left != before:
                 before, due = left, monotonic() + _PATIENCE
             elif monotonic() > due:
                 return f"a writer that did nothing for {_PATIENCE:.0f} s"
-        return self._answer()
+        return pipe.readline().decode(errors="replace").strip()
 
     def __exit__(self, *_: object) -> None:
         """End the file."""
         self.close()
-
-    def _answer(self) -> str:
-        """Return the next line that the writer says; nothing where it has died."""
-        pipe = self._process.stdout
-        return "" if pipe is None else pipe.readline().decode(errors="replace").strip()
 
 
 def _texts(metadata: object) -> dict[str, str]:
@@ -259,3 +381,137 @@ def _images(frames: tuple[Frame, ...]) -> bytes:
         row, pixels = frame_row(frame)
         parts += [row.tobytes(), len(pixels).to_bytes(4, "little"), pixels]
     return b"".join(parts)
+
+
+class _Writer:
+    """Takes entries from the ring and writes them."""
+
+    def __init__(self, stream: BinaryIO, heading: Heading, ring: Ring) -> None:
+        """Begin the file."""
+        self._out, self._ring, self._shapes = RecordingWriter(stream, heading), ring, heading.shapes
+        self._row = of.ticks(len(heading.joints), heading.heads).dtype
+        self._frame, self._point = of.frames().dtype, of.points().dtype
+        self._rows: list[bytes] = []
+        self._before: dict[int, list[Said]] = {}
+        self._first = self._dropped = 0
+
+    def drain(self) -> None:
+        """Write all that is there now."""
+        while (entry := self._ring.take()) is not None:
+            self._take(*entry)
+        self._put()
+
+    def finish(self) -> None:
+        """Write the rest and end the file."""
+        self.drain()
+        for number in sorted(self._before):
+            self._out.say(self._before[number], number)
+        self._out.finish(dropped=self._ring.refused)
+
+    def flush(self) -> None:
+        """End the chunk."""
+        self._out.flush()
+
+    def _take(self, kind: int, data: bytes) -> None:
+        """Take one entry."""
+        number, points, frames = COUNTS.unpack_from(data)
+        rest = memoryview(data)[COUNTS.size :]
+        says = self._before.setdefault(number, [])
+        if self._ring.refused != self._dropped:
+            self._dropped = self._ring.refused
+            says.append(notice_message(EVENT, f"recorder: {self._dropped} entries dropped so far"))
+        if kind == TICK:
+            size = self._row.itemsize
+            row, rest = bytes(rest[:size]), rest[size:]
+            if self._rows and (number != self._first + len(self._rows) or len(self._rows) >= _MOST):
+                self._put()
+                self._before.setdefault(number, says)
+            self._first = self._first if self._rows else number
+            self._rows.append(row)
+            size = points * self._point.itemsize
+            says += [point_message(x) for x in np.frombuffer(rest[:size], self._point)]
+            rest = rest[size:]
+        if kind in (TICK, GROUND):
+            says += self._images(frames, rest)
+        elif kind == CALL:
+            says.append(call_message(bytes(rest).decode()))
+        elif kind == NOTICE:
+            topic, text = json.loads(bytes(rest))
+            says.append(notice_message(topic, text))
+
+    def _images(self, count: int, rest: memoryview) -> list[Said]:
+        """Return the messages of frames."""
+        out: list[Said] = []
+        for _ in range(count):
+            size = self._frame.itemsize
+            row = np.frombuffer(rest[:size], self._frame)
+            end = size + 4 + int.from_bytes(rest[size : size + 4], "little")
+            out += frame_messages(row, bytes(rest[size + 4 : end]), self._shapes)
+            rest = rest[end:]
+        return out
+
+    def _put(self) -> None:
+        """Write the ticks taken so far; what is said before a tick to come waits for it."""
+        if not self._rows:
+            return
+        rows, self._rows = np.frombuffer(b"".join(self._rows), self._row), []
+        self._out.ticks(self._first, rows, self._before)
+        last = self._first + len(rows)
+        self._before = {k: x for k, x in self._before.items() if k >= last}
+
+
+def main(words: list[str]) -> int:
+    """Write a file; say ``ready``, and in the end ``written``, or what went wrong."""
+    fd, size, path = int(words[0]), int(words[1]), Path(words[2])
+    _be_ordinary()
+    try:
+        heading = json.loads(sys.stdin.buffer.readline())
+        heading["joints"] = tuple(heading["joints"])
+        heading["shapes"] = tuple((int(h), int(w)) for h, w in heading["shapes"])
+        ring = Ring(fd, size)
+        with path.open("xb") as stream:
+            writer = _Writer(stream, Heading(**heading), ring)
+            writer.flush()
+            _say("ready")
+            _follow(writer)
+            writer.finish()
+    except (OSError, MittError) as error:
+        _say(" ".join(str(error.strerror if isinstance(error, OSError) else error).split()))
+        return 2
+    _say("written")
+    return 0
+
+
+def _follow(writer: _Writer) -> None:
+    """Write what comes until the recorder has no more to say."""
+    due = monotonic() + _CHUNK
+    while True:
+        ended = bool(select.select([sys.stdin.buffer], [], [], _LOOK_IN)[0])
+        writer.drain()
+        if monotonic() >= due:
+            writer.flush()
+            due = monotonic() + _CHUNK
+        if ended:
+            return
+
+
+def _be_ordinary() -> None:
+    """Give up what a real-time loop has given to itself: its core and its priority."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        os.sched_setaffinity(0, range(os.cpu_count() or 1))
+        os.nice(5)
+    except (OSError, AttributeError):
+        return
+
+
+def _say(text: str) -> None:
+    """Say a line to the recorder, if it still listens."""
+    try:
+        print(text, flush=True)  # noqa: T201
+    except OSError:
+        return
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -13,7 +13,7 @@ from contextlib import suppress
 from functools import partial
 from importlib.metadata import entry_points
 from math import inf
-from typing import Protocol, final, runtime_checkable
+from typing import NamedTuple, ParamSpec, Protocol, TypeVar, final, runtime_checkable
 
 import numpy as np
 
@@ -26,6 +26,8 @@ from mitt.signals import TICK, ArmState, Array, Command, Sighting
 
 #: Group of the entry points.
 GROUP = "mitt.robots"
+P = ParamSpec("P")
+R = TypeVar("R")
 #: Time after which a setpoint says nothing of the next [s].
 _STALE = 0.05
 
@@ -79,6 +81,19 @@ class Robot(Protocol):
 
 Driver = Callable[[Cell, Arm], Robot]
 """Makes the robot of a cell."""
+
+
+@final
+class ReceivedCommand(NamedTuple):
+    """A command as it arrives at a robot: stamp of the reading that it answers [s], joints, hand.
+
+    ``joints`` are q, dq, ddq, tau of the active joints, shape (4, n), ``hand`` is its closing angle
+    [rad]; NaN where a message does not say them, as an array does not say which reading it answers.
+    """
+
+    answers: float
+    joints: Array
+    hand: float
 
 
 @final
@@ -138,12 +153,7 @@ class RobotLink:
     def stay(self, q: Array, hand: float, answers: float) -> None:
         """Leave a robot that takes setpoints with one that moves nothing.
 
-        It rests and is braked: a driver that fails here changes nothing.
-
-        Args:
-            q: Where the joints are [rad], shape (n,).
-            hand: Closing angle [rad].
-            answers: Stamp of the last reading [s].
+        It rests at ``q`` and is braked: a driver that fails here changes nothing.
         """
         if self._setpoints is not None:
             still = np.zeros(len(q))
@@ -191,46 +201,29 @@ def _added(name: str, driver: Driver, cell: Cell, arm: Arm) -> Robot:
     return _Added(name, robot)
 
 
+def _answered(name: str, method: Callable[P, R]) -> Callable[P, R]:
+    """Return a method of another package whose exceptions are named after it."""
+
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        with answered_by(name):
+            return method(*args, **kwargs)
+
+    return call
+
+
 @final
 class _Added:
     """A robot of another package: the same calls, its exceptions named after it."""
 
     def __init__(self, name: str, inner: Robot) -> None:
         """Take what an error calls it, and the robot."""
-        self._name, self._inner, self.brakes = name, inner, inner.brakes
-
-    def read(self, timeout: float) -> Sequence[ArmState]:
-        with answered_by(self._name):
-            return self._inner.read(timeout)
-
-    def points(self) -> Sequence[Sighting]:
-        with answered_by(self._name):
-            return self._inner.points()
-
-    def write(self, command: Command, answers: float) -> None:
-        with answered_by(self._name):
-            self._inner.write(command, answers)
-
-    def engage_brakes(self) -> None:
-        with answered_by(self._name):
-            self._inner.engage_brakes()
-
-    def release(self) -> None:
-        with answered_by(self._name):
-            self._inner.release()
-
-    def waits(self) -> str:
-        with answered_by(self._name):
-            return self._inner.waits()
-
-    def trouble(self) -> str:
-        with answered_by(self._name):
-            return self._inner.trouble()
-
-    def news(self) -> Sequence[str]:
-        with answered_by(self._name):
-            return self._inner.news()
-
-    def close(self) -> None:
-        with answered_by(self._name):
-            self._inner.close()
+        self.brakes = inner.brakes
+        self.read = _answered(name, inner.read)
+        self.points = _answered(name, inner.points)
+        self.write = _answered(name, inner.write)
+        self.engage_brakes = _answered(name, inner.engage_brakes)
+        self.release = _answered(name, inner.release)
+        self.waits = _answered(name, inner.waits)
+        self.trouble = _answered(name, inner.trouble)
+        self.news = _answered(name, inner.news)
+        self.close = _answered(name, inner.close)

@@ -1,19 +1,21 @@
 """A robot in a ROS 2 graph: joint states and the ball in, commands out, over DDS without ROS.
 
+At the end the other side of that graph: what a simulated cell publishes and takes.
+
 Options of ``[robot.options]``, all topics with their leading /:
 
-| option      | what                                                                               |
-|-------------|------------------------------------------------------------------------------------|
-| state       | JointState with the encoders, best effort                                          |
-| command     | JointTrajectory; a topic that ends in ``/commands`` is a Float64MultiArray instead |
-| controller  | joints of that controller in its order, with commas; see :mod:`mitt.link.orders`   |
-| hand        | name of the hand's joint; "" where it is not commanded                             |
-| hand_command | topic for its angle, as of ``command``, with this one joint                       |
-| brake       | Bool: true engages the brakes, false releases them and acknowledges a stop         |
-| diagnostics | DiagnosticArray; ``status`` names the robot's entry, "" for none                   |
-| others      | names, with commas, that joint states may hold besides the arm's                   |
-| interface   | network interface; the loopback if left out                                        |
-| unbraked    | true for an arm that stays where it is without its drives and has no brakes        |
+| option       | what                                                                             |
+|--------------|----------------------------------------------------------------------------------|
+| state        | JointState with the encoders, best effort                                        |
+| command      | JointTrajectory; one that ends in ``/commands`` is a Float64MultiArray instead   |
+| controller   | joints of that controller in its order, with commas; see :mod:`mitt.link.orders` |
+| hand         | name of the hand's joint; "" where it is not commanded                           |
+| hand_command | topic for its angle, as of ``command``, with this one joint                      |
+| brake        | Bool: true engages the brakes, false releases them and acknowledges a stop       |
+| diagnostics  | DiagnosticArray; ``status`` names the robot's entry, "" for none                 |
+| others       | names, with commas, that joint states may hold besides the arm's                 |
+| interface    | network interface; the loopback if left out                                      |
+| unbraked     | true for an arm that stays where it is without its drives and has no brakes      |
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -26,12 +28,13 @@ import numpy as np
 from mitt.errors import InputError, MittError
 from mitt.files.cell import Cell
 from mitt.link import dds, messages
-from mitt.link import dds_types as types
 from mitt.link.clock import monotonic
-from mitt.link.orders import Orders
+from mitt.link.frames import FrameWriter
+from mitt.link.orders import Orders, joints_of
+from mitt.link.robot import ReceivedCommand
 from mitt.robot.arm import Arm
 from mitt.robot.description import roll_pitch_yaw
-from mitt.signals import ArmState, Array, Command, Sighting
+from mitt.signals import ArmState, Array, Command, Image, Sighting
 
 #: Where a simulated cell says how a throw ended; never read inside the loop.
 RESULTS = "/mitt/throw_result"
@@ -78,10 +81,8 @@ class Joints:
     def __init__(self, cell: Cell, arm: Arm, others: str = "", hand: str = "") -> None:
         """Take the names that the arm's joints have at the robot, and those that may be besides."""
         self.names = tuple(cell.robot.joints or arm.names)
-        held = (link.name for link in arm.model.links if link.held is not None)
         self._held = {x.name: float(x.held) for x in arm.model.links if x.held is not None}
-        named = [x.strip() for x in others.split(",") if x.strip()]
-        self._others = {*held, *named, hand} - {""}
+        self._others = {*self._held, *(x.strip() for x in others.split(",")), hand} - {""}
         self._seen: tuple[str, ...] = ()
         self._index = np.zeros(arm.n, dtype=np.int64)
 
@@ -112,9 +113,8 @@ class Joints:
     def misplaced(self, q: Array, needed: Iterable[str]) -> str:
         """Say which held joint is not where the arm holds it; nothing if all are.
 
-        Args:
-            q: Positions of the names that were picked last [rad].
-            needed: Held joints that a command moves: where they are has to be known.
+        ``q`` are positions of the names that were picked last [rad]; ``needed`` are held joints
+        that a command moves, so that it has to be known where they are.
         """
         for name, angle in self._held.items():
             if name in self._seen:
@@ -126,6 +126,12 @@ class Joints:
                 return (f"joint states do not say where {name} is, which its controller moves:"
                         " publish it, or leave it out of robot.options.controller")  # fmt: skip
         return ""
+
+
+def _kind_of(plain: bool) -> type[Any]:
+    """Return the type of a controller's topic."""
+    kind: type[Any] = dds.MultiArray if plain else dds.JointTrajectory
+    return kind
 
 
 @final
@@ -143,21 +149,20 @@ class Ros2Robot:
         self._joints = Joints(cell, arm, of["others"], of["hand"])
         self._cell, self._of = cell, of
         self.brakes = bool(of["brake"]) or bool(of["unbraked"])
-        self._state = node.subscribe(of["state"], types.JointState, "sensor", wakes=True)
-        kind = types.PointStamped if source.message == "point" else types.PoseStamped
+        self._state = node.subscribe(of["state"], dds.JointState, "sensor", wakes=True)
+        kind = dds.PointStamped if source.message == "point" else dds.PoseStamped
         self._ball = node.subscribe(source.topic, kind, "sensor")
-        self._diagnostics = (node.subscribe(of["diagnostics"], types.Diagnostics, "command")
+        self._diagnostics = (node.subscribe(of["diagnostics"], dds.Diagnostics, "command")
                              if of["status"] else None)  # fmt: skip
         self._search: Iterator[tuple[int, str] | None] | None = None
-        self._results = node.subscribe(RESULTS, types.String, "command")
+        self._results = node.subscribe(RESULTS, dds.String, "command")
         self._orders = Orders(cell, arm, of)
-        plain = self._orders.plain
-        self._told: type[Any] = types.MultiArray if plain else types.JointTrajectory
+        self._told = _kind_of(self._orders.plain)
         self._foreign = node.subscribe(of["command"], self._told, "sensor", others=True)
         self._command: dds.Publisher | None = None
-        self._brake = node.publish(of["brake"], types.Bool, "command") if of["brake"] else None
-        of_hand: type[Any] = types.MultiArray if self._orders.plain_hand else types.JointTrajectory
-        self._hand = node.publish(of["hand_command"], of_hand, "command") if of["hand"] else None
+        self._brake = node.publish(of["brake"], dds.Bool, "command") if of["brake"] else None
+        kind = _kind_of(self._orders.plain_hand)
+        self._hand = node.publish(of["hand_command"], kind, "command") if of["hand"] else None
         # A velocity of zero moves no joint, an angle does.
         self._needed = self._orders.held if cell.robot.takes == "position" else {}
         self._misplaced = ""
@@ -183,17 +188,16 @@ class Ros2Robot:
 
     def points(self) -> Sequence[Sighting]:
         """Return all positions of the ball since the last call, in the arm's base frame."""
-        found = []
+        source, found = self._cell.source, []
         for raw in self._ball.take():
             t, frame, r_o = messages.read_point(raw)
-            if frame != self._cell.source.frame:
-                raise InputError(f"frame of {self._cell.source.topic}", self._cell.source.frame,
-                                 repr(frame)[:60], do="say it in source.frame")  # fmt: skip
+            if frame != source.frame:
+                raise InputError(f"frame of {source.topic}", source.frame, repr(frame)[:60],
+                                 do="say it in source.frame")  # fmt: skip
             seen = self._R @ r_o + self._place
             good = bool(np.all(np.isfinite(seen)))
-            found.append(Sighting(t=t - self._cell.source.latency, found=good,
-                                  r_o=seen if good else np.zeros(3),
-                                  covariance=self._covariance))  # fmt: skip
+            found.append(Sighting(t=t - source.latency, found=good, covariance=self._covariance,
+                                  r_o=seen if good else np.zeros(3)))  # fmt: skip
         return found
 
     def write(self, command: Command, answers: float) -> None:
@@ -308,3 +312,74 @@ class Ros2Robot:
 
     def close(self) -> None:
         """Give the link up; Cyclone leaves the domain with the process."""
+
+
+@final
+class Ros2Cell:
+    """Publishes what a cell's robot and its point source say, and takes commands."""
+
+    def __init__(self, cell: Cell, arm: Arm) -> None:
+        """Join the graph."""
+        of = options_of(cell)
+        self._of, self._frame = of, cell.source.frame
+        self._names, self._active = joints_of(cell, arm), list(arm.model.active)
+        self._q = np.array([x.held or 0.0 for x in arm.model.links])
+        self._dq, self._orders = np.zeros(len(self._q)), Orders(cell, arm, of)
+        self._memory = cell.source.memory
+        self._frames: FrameWriter | None = None
+        self._node = node = dds.Node(of["interface"])
+        points = cell.source.message == "point"
+        self._state = node.publish(of["state"], dds.JointState, "sensor")
+        kind = dds.PointStamped if points else dds.PoseStamped
+        self._write_point = messages.point if points else messages.pose
+        self._ball = node.publish(cell.source.topic, kind, "sensor")
+        self._diagnostics = node.publish(of["diagnostics"], dds.Diagnostics, "command")
+        self._results = node.publish(RESULTS, dds.String, "command")
+        told = _kind_of(self._orders.plain)
+        self._command = node.subscribe(of["command"], told, "command")
+        told, topic = _kind_of(self._orders.plain_hand), of["hand_command"]
+        self._hand = node.subscribe(topic, told, "command") if of["hand"] else None
+        self._closing = 0.0
+        self._brake = node.subscribe(of["brake"], dds.Bool, "command") if of["brake"] else None
+
+    def state(self, t: float, q: Array, dq: Array) -> None:
+        """Publish a reading of the encoders; held joints are where they are held."""
+        self._q[self._active], self._dq[self._active] = q, dq
+        self._state.send(messages.joint_state(t, self._names, self._q, self._dq))
+
+    def frames(self, t: float, images: Sequence[Image]) -> None:
+        """Write images that were exposed together into the shared memory."""
+        if self._frames is None:
+            self._frames = FrameWriter(self._memory, len(images), *images[0].shape)
+        self._frames.write(t, images)
+
+    def ball(self, t: float, r_o: Array) -> None:
+        """Publish a position of the ball."""
+        self._ball.send(self._write_point(t, self._frame, r_o))
+
+    def status(self, t: float, trouble: str) -> None:
+        """Publish how the robot is."""
+        level, said = (2, trouble) if trouble else (0, "ready")
+        self._diagnostics.send(messages.diagnostics(t, self._of["status"], level, said))
+
+    def result(self, said: str) -> None:
+        """Publish how a throw ended."""
+        self._results.send(messages.text(said))
+
+    def command(self) -> ReceivedCommand | None:
+        """Return the newest command since the last call; None where none came that fits."""
+        for said in [] if self._hand is None else self._hand.take()[-1:]:
+            angle = self._orders.read_hand(said)
+            self._closing = angle if np.isfinite(angle) else self._closing
+        raw = self._command.take()
+        return self._orders.read(raw[-1], self._closing) if raw else None
+
+    def close(self) -> None:
+        """Take the shared memory away."""
+        if self._frames is not None:
+            self._frames.close()
+
+    def brake(self) -> bool | None:
+        """Return whether the brakes are to be engaged, or released; None where nothing was said."""
+        raw = [] if self._brake is None else self._brake.take()
+        return messages.read_flag(raw[-1]) if raw else None

@@ -25,7 +25,7 @@ from typing import Protocol, TypeVar, final
 
 from mitt.errors import InputError, MissingPackageError, MittError
 from mitt.interrupts import end_with_parent
-from mitt.link.realtime import settle
+from mitt.link.clock import settle
 
 _Task = TypeVar("_Task")
 

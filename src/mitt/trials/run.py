@@ -15,8 +15,7 @@ from mitt.generator.design import MapDesign, default_design, tangent_of
 from mitt.generator.generators import Generator, refining
 from mitt.generator.learn import Learned
 from mitt.interrupts import notice, status_of
-from mitt.link.clock import Stopwatch
-from mitt.link.realtime import settled
+from mitt.link.clock import Stopwatch, settled
 from mitt.reading import difference, noted
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
