@@ -16,7 +16,7 @@ from mitt.catcher.result import REASONS
 from mitt.control.health import Reason
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
-from mitt.robot.slopes import bias_and_mass, slopes_work
+from mitt.robot.dynamics import bias_and_mass, slopes_work
 from mitt.signals import ArmState, Array, Command, Senses, Sighting
 from mitt.world.throws import Throw
 

@@ -20,7 +20,7 @@ from mitt.control.tracking import SCRATCH, slew_of, track
 from mitt.generator.feasibility import Approach
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
-from mitt.robot.slopes import bias_and_mass, slopes_work
+from mitt.robot.dynamics import bias_and_mass, slopes_work
 from mitt.signals import TICK, Array
 
 
@@ -74,7 +74,7 @@ def rehearse(
         state: q, dq, overwritten [rad, rad/s], shape (2, n).
         slew: As of :func:`mitt.control.tracking.slew_of`, overwritten.
         scratch: Scratch of the tracking.
-        work: Scratch of :mod:`mitt.robot.slopes`.
+        work: Scratch of :mod:`mitt.robot.dynamics`.
     """
     n = state.shape[1]
     command, last = np.zeros((ROWS, n)), np.zeros((3, n))

@@ -11,7 +11,7 @@ from mitt.baselines.choice import APPROACH, Chooser
 from mitt.baselines.intercept import lift, meet, reach, resolve
 from mitt.generator.prediction import fly_on, state_of
 from mitt.robot.arm import Arm
-from mitt.robot.vectors import ZERO
+from mitt.robot.kinematics import ZERO
 from mitt.signals import Array, BallState
 
 seeds = st.integers(0, 2**31)

@@ -27,7 +27,7 @@ from mitt.generator.feasibility import Verdict
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
-from mitt.robot.slopes import slopes_work
+from mitt.robot.dynamics import slopes_work
 from mitt.signals import (
     TICK,
     ArmState,

@@ -20,8 +20,8 @@ from mitt.control.rows import ROWS
 from mitt.control.tracking import Tracker
 from mitt.robot.arm import Arm, to_pinocchio
 from mitt.robot.description import ArmModel, Link, rotation, transform
+from mitt.robot.dynamics import slopes_work
 from mitt.robot.limits import joint_level
-from mitt.robot.slopes import slopes_work
 from mitt.signals import TICK, ArmState, Array
 
 ARMS = int(os.environ.get("MITT_LAW", "3"))

@@ -11,7 +11,7 @@ from mitt.control.stop import INSTANTS, ONSET, SHARE, braking, hardest, instant,
 from mitt.control.stop import short_of_room as is_short
 from mitt.control.stop import torque_share as share_of
 from mitt.robot.arm import Arm
-from mitt.robot.slopes import slopes_work
+from mitt.robot.dynamics import slopes_work
 from mitt.signals import Array
 
 #: Agreement with Ruckig [rad, rad/s, rad/s^2].

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from mitt.control.encoders import predict_acceleration
 from mitt.control.tracking import Tracker
 from mitt.robot.arm import Arm
+from mitt.robot.dynamics import slopes_work
 from mitt.robot.load import load_arm
-from mitt.robot.slopes import slopes_work
 from mitt.signals import TICK, ArmState, Array, Command
 
 BANDWIDTH = 80.0

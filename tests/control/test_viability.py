@@ -11,8 +11,7 @@ from mitt.control.envelope import slow_down
 from mitt.control.viability import BLOCKED, MARGIN, PASSED, SafetyFilter
 from mitt.robot.arm import Arm
 from mitt.robot.description import Capsule
-from mitt.robot.gaps import clearance
-from mitt.robot.shapes import Surroundings
+from mitt.robot.shapes import Surroundings, clearance
 from mitt.signals import TICK, Array
 
 ROUNDING = 1e-9

@@ -36,9 +36,8 @@ from mitt.errors import InputError
 from mitt.files.arm_file import ArmFile, open_arm, read_arm_file, write_arm_file
 from mitt.generator.mapping import unlearned
 from mitt.report.design_page import advice_of
-from mitt.robot.arm import Arm
+from mitt.robot.arm import Arm, difference, identity_of
 from mitt.robot.basket import Basket
-from mitt.robot.identity import difference, identity_of
 from mitt.sweep.engine import Processes
 from mitt.trials.neighbourhood import Neighbourhood
 from mitt.world.ballistics import fly

@@ -19,11 +19,10 @@ from mitt.generator.prediction import foresee
 from mitt.generator.sqp_step import begin
 from mitt.generator.tangent import scratch_of
 from mitt.generator.utilization import plant_of
-from mitt.robot import chain
+from mitt.robot import kinematics
 from mitt.robot.arm import Arm
 from mitt.robot.description import Capsule
-from mitt.robot.gaps import clearance, gap, place
-from mitt.robot.shapes import Surroundings
+from mitt.robot.shapes import Surroundings, clearance, gap, place_shapes
 from mitt.signals import Array, BallState
 
 #: Step of the differences [rad], agreement of slopes [m/rad], distance of the places at which a
@@ -46,15 +45,15 @@ def test_the_slope_of_every_gap_is_its_central_difference(learned: Learned, seed
     )
 
     def gap_at(q: Array, a: int, b: int) -> float:
-        place(arm.bodies, q, space.table, space.ends)
+        place_shapes(arm.bodies, q, space.table, space.ends)
         return float(gap(space.table, space.ends, a, b))
 
     for a, b in space.pairs:
         steps = STEP * np.eye(3)
         here = gap_at(q, a, b)
         ahead, behind = (np.array([gap_at(q + s * x, a, b) for x in steps]) for s in (1, -1))
-        place(arm.bodies, q, space.table, space.ends)
-        chain.place(f.tangent.chain, q, scratch.motion)
+        place_shapes(arm.bodies, q, space.table, space.ends)
+        kinematics.place(f.tangent.chain, q, scratch.motion)
         gap_slope(plant_of(arm), f.tangent, space, a, b, scratch, slope)
         kinked = np.abs(ahead + behind - 2.0 * here).max() > STEP * SMOOTH
         crossed = here + space.table[a, 7] + space.table[b, 7] < SMOOTH
@@ -94,7 +93,7 @@ def nearest(arm: Arm, way: Array, around: Surroundings) -> float:
 def post(arm: Arm, way: Array, side: int, room: float) -> Surroundings:
     """Return a thin post beside the hand in the middle of a way, beneath it or left or right."""
     space, middle = space_of(arm, Surroundings()), int(0.38 * len(way))
-    place(arm.bodies, way[middle], space.table, space.ends)
+    place_shapes(arm.bodies, way[middle], space.table, space.ends)
     hand = space.ends[-2:].mean(axis=0)
     ahead = arm.jacobian(way[middle]) @ (way[middle + 1] - way[middle])
     up = np.cross(ahead, [0.0, 1.0, 0.0]) / np.linalg.norm(ahead)

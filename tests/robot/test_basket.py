@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mitt.errors import InputError, UnknownNameError
+from mitt.robot.arm import difference, identity_of
 from mitt.robot.basket import HANDS, Basket, checked_hand, hand_named, mounting
 from mitt.robot.hand_shapes import hand_capsules
 from mitt.robot.hands import HandModel
-from mitt.robot.identity import difference, identity_of
 from mitt.robot.load import load_arm
 
 ROUNDING = 1e-12

@@ -1,4 +1,4 @@
-"""Inverse dynamics by our kernel against Pinocchio, and its laws."""
+"""Torques, their derivatives and poses by our kernels against Pinocchio, and laws of them."""
 
 from dataclasses import replace
 
@@ -10,9 +10,15 @@ from hypothesis import strategies as st
 
 from mitt.robot.arm import Arm, to_pinocchio
 from mitt.robot.description import ArmModel, Link, rotation, transform
-from mitt.robot.dynamics import bodies_of, dynamics_scratch, inverse_dynamics
+from mitt.robot.dynamics import (
+    bodies_of,
+    dynamics_scratch,
+    inverse_dynamics,
+    slopes_work,
+    torque_slopes,
+)
 from mitt.robot.hands import HandModel
-from mitt.robot.wam import wam
+from mitt.robot.wam import wam, wam_limits
 from mitt.signals import Array
 
 #: Agreement with Pinocchio, share of the largest torque.
@@ -118,3 +124,57 @@ def test_many_instants_are_one_by_one(arm: Arm, seed: int) -> None:
     rng = np.random.default_rng(seed)
     motion = np.array([state(rng, arm.n) for _ in range(5)])
     assert np.array_equal(arm.torques(motion), [arm.torque(*row) for row in motion])
+
+
+@pytest.fixture(scope="module", params=["wam", "wam-free"])
+def any_arm(request: pytest.FixtureRequest, arm: Arm) -> Arm:
+    """The WAM with joint 3 held, and with all four joints free."""
+    if request.param == "wam":
+        return arm
+    return Arm(wam(HandModel(), held_3=None), wam_limits("paper"))
+
+
+def slopes(arm: Arm, motion: Array) -> tuple[Array, Array]:
+    """Return torques and their derivatives by the kernel."""
+    links = len(arm.model.links)
+    tau, slope = np.zeros(links), np.zeros((3, links, arm.n))
+    torque_slopes(arm.bodies, motion, tau, slope, slopes_work(links))
+    return tau, slope
+
+
+@given(seed=seeds)
+def test_derivatives_mass_and_orientation_are_pinocchio_s(any_arm: Arm, seed: int) -> None:
+    """Torque of all links, d tau/dq, d tau/d dq and M, and the way the plate is turned."""
+    model, index = any_arm.model.complete(), list(any_arm.model.active)
+    motion = np.random.default_rng(seed).uniform(-1.0, 1.0, (3, any_arm.n)) * [[1.5], [8.0], [60.0]]
+    tau, slope = slopes(any_arm, motion)
+    assert tau == pytest.approx(any_arm.torque(*motion), abs=AGREE)
+    built, whole = to_pinocchio(model), np.zeros((3, len(model.links)))
+    whole[:, index] = motion
+    data = built.createData()
+    by_q, by_dq, mass = pin.computeRNEADerivatives(built, data, *whole)
+    mass = np.triu(mass) + np.triu(mass, 1).T
+    theirs = by_q[:, index], by_dq[:, index], mass[:, index]
+    for ours, derived, library in zip(
+        slope, any_arm.torque_derivatives(*motion), theirs, strict=True
+    ):
+        assert ours == pytest.approx(library, abs=AGREE)
+        assert derived == pytest.approx(library, abs=AGREE)
+    assert any_arm.mass_matrix(motion[0]) == pytest.approx(theirs[2][index], abs=AGREE)
+    pin.framesForwardKinematics(built, data, whole[0])
+    plate = data.oMf[built.getFrameId("catch_point")]
+    assert any_arm.orientation(motion[0]) == pytest.approx(plate.rotation, abs=AGREE)
+    assert any_arm.position(motion[0]) == pytest.approx(plate.translation, abs=AGREE)
+
+
+def test_derivatives_are_central_differences_of_the_torque(any_arm: Arm) -> None:
+    """Each of the three derivatives is the slope of the torque along each joint."""
+    motion = np.random.default_rng(4).uniform(-1.0, 1.0, (3, any_arm.n)) * [[1.5], [8.0], [60.0]]
+    _, slope = slopes(any_arm, motion)
+    h = 1e-6
+    for d in range(3):
+        for j in range(any_arm.n):
+            step = np.zeros_like(motion)
+            step[d, j] = h
+            change = (any_arm.torque(*(motion + step)) - any_arm.torque(*(motion - step))) / (2 * h)
+            assert slope[d, :, j] == pytest.approx(change, abs=1e-6)

@@ -9,11 +9,10 @@ from robot.test_load import MJCF, urdf
 
 from mitt.errors import FileError, ModelError
 from mitt.robot.description import Capsule
-from mitt.robot.gaps import gap, place
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
 from mitt.robot.meshes import find_mesh
-from mitt.robot.shapes import Surroundings, shapes_of
+from mitt.robot.shapes import Surroundings, gap, place_shapes, shapes_of
 
 _NAMES = ["j1", "j2", "j4"]
 
@@ -195,7 +194,7 @@ def test_shapes_that_never_meet_are_not_watched(tmp_path: Path) -> None:
     carriers = [tuple(shapes.table[list(pair), 0].astype(int)) for pair in shapes.pairs]
     assert (0, 2) not in carriers
     ends = shapes.ends
-    place(arm.bodies, arm.q_ready, shapes.table, ends)
+    place_shapes(arm.bodies, arm.q_ready, shapes.table, ends)
     rows = {int(row[0]): k for k, row in enumerate(shapes.table)}
     assert 0.01 < gap(shapes.table, ends, rows[0], rows[2]) < 0.1
     assert (0, 3) in carriers

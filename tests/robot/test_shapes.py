@@ -12,14 +12,19 @@ from hypothesis import strategies as st
 from mitt.errors import InputError
 from mitt.robot.arm import Arm
 from mitt.robot.description import ArmModel, Capsule, Link
-from mitt.robot.gaps import clearance, place
-from mitt.robot.gaps import gap as pair_gap
 from mitt.robot.hand_shapes import hand_capsules
 from mitt.robot.hands import HandModel
 from mitt.robot.limits import joint_level
 from mitt.robot.plant import add_arm
-from mitt.robot.segments import segment_distance
-from mitt.robot.shapes import Shapes, Surroundings, shapes_of
+from mitt.robot.shapes import (
+    Shapes,
+    Surroundings,
+    clearance,
+    place_shapes,
+    segment_distance,
+    shapes_of,
+)
+from mitt.robot.shapes import gap as pair_gap
 from mitt.signals import Array
 
 #: Agreement with MuJoCo's distance of two capsules [m].
@@ -187,11 +192,11 @@ def test_a_pair_of_the_arm_that_is_not_watched_never_meets(seed: int) -> None:
     arm = Arm(replace(beads.model, links=tuple(links)), beads.limits)
     shapes = shapes_of(arm, Surroundings(floor=-2.0))
     ends, kept = shapes.ends, set(map(tuple, shapes.pairs.tolist()))
-    place(arm.bodies, arm.q_ready, shapes.table, ends)
+    place_shapes(arm.bodies, arm.q_ready, shapes.table, ends)
     dropped = [
         pair for pair in combinations(range(1, len(shapes.table)), 2)
         if pair not in kept and pair_gap(shapes.table, ends, *pair) > 0.01
     ]  # fmt: skip
     for q in rng.uniform(arm.q_min, arm.q_max, (300, 3)) if dropped else ():
-        place(arm.bodies, q, shapes.table, ends)
+        place_shapes(arm.bodies, q, shapes.table, ends)
         assert min(pair_gap(shapes.table, ends, *pair) for pair in dropped) > 0.012

@@ -23,9 +23,8 @@ from mitt.control.health import ABORT, ENCODER_REASONS, Reason
 from mitt.control.viability import MARGIN
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
-from mitt.robot.gaps import clearance
 from mitt.robot.hands import HandModel
-from mitt.robot.shapes import shapes_of
+from mitt.robot.shapes import clearance, shapes_of
 from mitt.signals import TICK, Array, Command
 from soak.commands import ROUNDING, inside, obeys
 

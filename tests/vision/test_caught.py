@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mitt.robot.arm import Arm
-from mitt.robot.chain import packed_chain, tip_motion
+from mitt.robot.kinematics import packed_chain, tip_motion
 from mitt.signals import TICK, Array
 from mitt.vision.calibration.caught import (
     TRIAL,

@@ -19,19 +19,21 @@ from numpy.typing import NDArray
 from mitt.generator.packing import unfold, unpack
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
-from mitt.robot.chain import Chain, place, sweep
-from mitt.robot.vectors import (
+from mitt.robot.kinematics import (
     IDENTITY,
     ZERO,
+    Chain,
     Vec,
     compose,
     cross,
     dot,
     matrix,
     minus,
+    place,
     plus,
     rotate,
     row,
+    sweep,
     times,
     turn,
 )

@@ -37,8 +37,8 @@ from mitt.generator.mapping import DirectMap
 from mitt.generator.utilization import Plant, Work, asked_of, plant_of, work_of
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
+from mitt.robot.dynamics import torque_slopes
 from mitt.robot.limits import bound_of
-from mitt.robot.slopes import torque_slopes
 from mitt.signals import Array
 
 #: Kinds of DAQP's rows: an equality, an inequality that may give way.

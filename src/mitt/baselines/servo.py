@@ -25,9 +25,8 @@ from mitt.baselines.paths import quintic
 from mitt.generator.mapping import DirectMap
 from mitt.generator.packing import unfold, unpack
 from mitt.jit import kernel
-from mitt.robot.chain import sweep
 from mitt.robot.description import STOP_GAP
-from mitt.robot.vectors import Vec
+from mitt.robot.kinematics import Vec, sweep
 from mitt.signals import Array, BallState
 
 #: Share of the speed limits, and share of the torques on each joint's own inertia that bounds its

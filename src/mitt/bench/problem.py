@@ -26,7 +26,7 @@ from mitt.generator.mapping import unlearned
 from mitt.generator.utilization import Plant, plant_of
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
-from mitt.robot.slopes import slopes_work, torque_slopes
+from mitt.robot.dynamics import slopes_work, torque_slopes
 from mitt.signals import Array
 from mitt.trials.neighbourhood import Neighbourhood, neighbourhood
 

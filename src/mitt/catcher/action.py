@@ -40,8 +40,7 @@ from mitt.control.stop import short_of_room
 from mitt.control.tracking import largest_gap, track
 from mitt.control.viability import BLOCKED, safety_filter
 from mitt.jit import kernel
-from mitt.robot.chain import tip_motion
-from mitt.robot.vectors import rotate
+from mitt.robot.kinematics import rotate, tip_motion
 from mitt.signals import TICK, Array
 
 

@@ -14,7 +14,7 @@ from mitt.control.health import BRIDGED_TIME, age_of_reading, pass_time, time_si
 from mitt.control.monitor import estimate_joints
 from mitt.control.rows import DDQ_BY_TAU
 from mitt.jit import kernel
-from mitt.robot.chain import tip_motion
+from mitt.robot.kinematics import tip_motion
 from mitt.signals import TICK, Array, Image, Sighting
 from mitt.vision.gaze import lead
 from mitt.vision.head import aim, bearing

@@ -25,9 +25,9 @@ from mitt.generator.feasibility import trusted, waiting_height
 from mitt.generator.mapping import DirectMap
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
-from mitt.robot.chain import packed_chain, tip_motion
+from mitt.robot.dynamics import slopes_work
+from mitt.robot.kinematics import packed_chain, tip_motion
 from mitt.robot.shapes import Surroundings
-from mitt.robot.slopes import slopes_work
 from mitt.signals import TICK, Array
 from mitt.structs import Handle, Record, define, record_of
 from mitt.vision.eyes import Eyes
@@ -94,7 +94,7 @@ class CatcherState(NamedTuple):
             shape (k, n).
         z, R, target: Position of a sighting, its covariance, and the ball to be followed; while
             the arm brakes the catch point, its velocity, and where it was at the exposure.
-        chain: As of :func:`mitt.robot.chain.packed_chain`.
+        chain: As of :func:`mitt.robot.kinematics.packed_chain`.
         ball_memory, ball_settings, ball_work: Of :mod:`mitt.ball.estimator`.
         closing, grip, gap: As in :mod:`mitt.control.hand`; palm: its normal in the last frame,
             ``palm_now`` in the base frame, shape (3,).

@@ -21,8 +21,7 @@ from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap
 from mitt.jit import cache_folder
-from mitt.robot.arm import Arm
-from mitt.robot.identity import identity_of
+from mitt.robot.arm import Arm, identity_of
 from mitt.robot.shapes import Surroundings
 from mitt.signals import TICK, Array
 from mitt.trials.known import bandwidth_of, known_ball, reserved

@@ -11,7 +11,7 @@ from mitt.errors import InputError
 from mitt.fields import brief
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
-from mitt.robot.slopes import bias_and_mass
+from mitt.robot.dynamics import bias_and_mass
 from mitt.signals import Array
 from mitt.views import view
 
@@ -92,7 +92,7 @@ def predict_acceleration(
         unknown: Largest unknown torque of each joint [N m], shape (n,).
         tau: Scratch, shape (N,).
         mass: Scratch, shape (N, n).
-        work: Scratch of :mod:`mitt.robot.slopes`, shape (N, 46).
+        work: Scratch of :mod:`mitt.robot.dynamics`, shape (N, 46).
         solved: Scratch, shape (n + 2, 2 n).
         command: Torques in the fourth row [N m]; result in the fifth [rad/s^2], shape (5, n).
         ddq_unknown: Result: acceleration that the unknown torques of all joints can cause, and the

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 
 from mitt.jit import kernel
 from mitt.robot.arm import Arm, Tables
-from mitt.robot.dynamics import dynamics_scratch, inverse_dynamics
+from mitt.robot.dynamics import bias_and_mass, dynamics_scratch, inverse_dynamics
 from mitt.robot.limits import largest_share
-from mitt.robot.slopes import bias_and_mass
 from mitt.signals import Array
 
 #: Share of the torque limits that braking may use; feedback needs the rest.
@@ -202,7 +201,7 @@ def short_of_room(
         motion: q, dq, ddq in the first three rows, shape (3 or more, n).
         tau: Scratch, shape (N,).
         mass: Scratch, shape (N, n).
-        work: Scratch of :mod:`mitt.robot.slopes`, shape (N, 46).
+        work: Scratch of :mod:`mitt.robot.dynamics`, shape (N, 46).
     """
     bias_and_mass(bodies, motion, tau, mass, work)
     for k in range(len(index)):

@@ -21,8 +21,7 @@ from mitt.control.rows import DECELERATION, JERK, REACH
 from mitt.errors import InputError
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
-from mitt.robot.gaps import clearance
-from mitt.robot.shapes import Shapes, Surroundings, shapes_of
+from mitt.robot.shapes import Shapes, Surroundings, clearance, shapes_of
 from mitt.signals import Array
 from mitt.views import view
 

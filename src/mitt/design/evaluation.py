@@ -22,8 +22,7 @@ from mitt.generator.generators import Direct
 from mitt.generator.learn import LearnSettings
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.robot.arm import Arm
-from mitt.robot.gaps import clearance
-from mitt.robot.shapes import Surroundings, shapes_of
+from mitt.robot.shapes import Surroundings, clearance, shapes_of
 from mitt.signals import Array, MapStatus
 from mitt.trials.known import driven, known_settings
 from mitt.trials.learning import FASTEST_SHARE, learn

@@ -1,6 +1,6 @@
 """Forward kinematics of one arm for many poses at once, in NumPy.
 
-The kernels of :mod:`mitt.robot.chain` place one pose; a search looks at a hundred thousand.
+The kernels of :mod:`mitt.robot.kinematics` place one pose; a search looks at a hundred thousand.
 
 | here     | meaning                                                      | unit  | shape     |
 |----------|--------------------------------------------------------------|-------|-----------|

@@ -19,8 +19,7 @@ from mitt.generator.design import MapDesign, tangent_of
 from mitt.generator.learn import Learned, Step
 from mitt.generator.mapping import DirectMap
 from mitt.generator.polynomial import MOST_ORDER
-from mitt.robot.arm import Arm
-from mitt.robot.identity import difference, identity_of
+from mitt.robot.arm import Arm, difference, identity_of
 from mitt.version import __version__
 
 SCHEMA = "mitt.map/2"

@@ -21,15 +21,16 @@ from mitt.generator.tangent import Scratch, Tangent
 from mitt.generator.utilization import Work, motion_at
 from mitt.jit import kernel
 from mitt.robot.basket import Basket
-from mitt.robot.chain import Chain, place
-from mitt.robot.vectors import (
+from mitt.robot.kinematics import (
     IDENTITY,
+    Chain,
     Vec,
     compose,
     cross,
     dot,
     matrix,
     minus,
+    place,
     rotate,
     row,
     times,

@@ -24,12 +24,10 @@ from mitt.generator.qp import Programme, spread
 from mitt.generator.tangent import Scratch, Tangent
 from mitt.generator.utilization import Plant, Work, positions_at
 from mitt.jit import kernel
-from mitt.robot import chain
+from mitt.robot import kinematics
 from mitt.robot.arm import Arm
-from mitt.robot.gaps import FLOOR, clearance, gap
-from mitt.robot.segments import nearest_shares
-from mitt.robot.shapes import Surroundings, shapes_of
-from mitt.robot.vectors import Vec, cross, dot, minus, plus, row, times
+from mitt.robot.kinematics import Vec, cross, dot, minus, plus, row, times
+from mitt.robot.shapes import FLOOR, Surroundings, clearance, gap, nearest_shares, shapes_of
 from mitt.signals import Array
 
 #: Gap missing that weighs as much as a limit exceeded by all of it [m], and gap beyond what is
@@ -83,7 +81,7 @@ def keep_clear(
         _look(p, space, k, w.motion[0])
         if space.seen[k, -1] > enough:
             continue
-        chain.place(g.chain, w.motion[0], s.motion)
+        kinematics.place(g.chain, w.motion[0], s.motion)
         for x in range(len(space.pairs)):
             a, b = space.pairs[x, 0], space.pairs[x, 1]
             room = (gap(space.table, space.ends, a, b) - least) / _SCALE

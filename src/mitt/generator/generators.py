@@ -23,8 +23,7 @@ from mitt.generator.feasibility import (
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap
 from mitt.generator.online import Online, Refinement
-from mitt.robot.arm import Arm
-from mitt.robot.identity import difference, identity_of
+from mitt.robot.arm import Arm, difference, identity_of
 from mitt.robot.shapes import Surroundings
 from mitt.signals import Array, BallState, JointReference
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from mitt.generator.tangent import Scratch, Tangent, curve, expand, follow, turn_all
 from mitt.jit import kernel
-from mitt.robot.vectors import Vec, cross, dot, minus, row
+from mitt.robot.kinematics import Vec, cross, dot, minus, row
 from mitt.signals import Array
 from mitt.views import view
 

@@ -8,7 +8,7 @@ import numpy as np
 from numba.extending import register_jitable
 
 from mitt.generator.tangent import Scratch, Tangent
-from mitt.robot.chain import Chain, Motion
+from mitt.robot.kinematics import Chain, Motion
 from mitt.signals import Array
 from mitt.views import view
 

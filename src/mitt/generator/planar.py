@@ -8,7 +8,7 @@ The Barrett WAM with joint 3 at zero is such an arm; the test looks at geometry,
 import numpy as np
 
 from mitt.robot.arm import Arm
-from mitt.robot.chain import motion_of, sweep
+from mitt.robot.kinematics import motion_of, sweep
 from mitt.signals import Array
 
 #: Largest deviation from that geometry [m or 1].

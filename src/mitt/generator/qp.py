@@ -17,8 +17,8 @@ from mitt.generator.horizon import Course
 from mitt.generator.utilization import Plant, Work, asked_of, assess, motion_at
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
+from mitt.robot.dynamics import torque_slopes
 from mitt.robot.limits import voltage_share
-from mitt.robot.slopes import torque_slopes
 from mitt.signals import Array
 
 

@@ -6,8 +6,8 @@ from mitt.generator.sqp_step import Buffers
 from mitt.generator.utilization import Plant, motion_at
 from mitt.jit import kernel
 from mitt.robot.description import STOP_GAP
+from mitt.robot.dynamics import torque_slopes
 from mitt.robot.limits import LEAST, bound_of
-from mitt.robot.slopes import torque_slopes
 from mitt.signals import Array
 
 #: Share of the torque that a brake may use, and shares of their own rate for the other joints.

@@ -30,8 +30,20 @@ from typing import NamedTuple
 import numpy as np
 
 from mitt.jit import kernel
-from mitt.robot.chain import Chain, Motion, motion_of, move, place
-from mitt.robot.vectors import ZERO, Vec, cross, plus, put, row, times
+from mitt.robot.kinematics import (
+    ZERO,
+    Chain,
+    Motion,
+    Vec,
+    cross,
+    motion_of,
+    move,
+    place,
+    plus,
+    put,
+    row,
+    times,
+)
 from mitt.signals import Array
 
 

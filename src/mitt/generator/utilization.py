@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from mitt.generator.horizon import Course
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
-from mitt.robot.dynamics import dynamics_scratch, inverse_dynamics
+from mitt.robot.dynamics import dynamics_scratch, inverse_dynamics, slopes_work
 from mitt.robot.limits import torque_share
-from mitt.robot.slopes import slopes_work
 from mitt.signals import Array
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mitt.jit import kernel
 from mitt.robot.arm import Arm, Tables
-from mitt.robot.slopes import bias_and_mass, slopes_work
+from mitt.robot.dynamics import bias_and_mass, slopes_work
 from mitt.signals import Array
 
 #: Limit violations: commanded beyond a limit by more than this, and the plant beyond by a share.

@@ -20,7 +20,7 @@ from mitt.fields import brief
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Basket
-from mitt.robot.chain import packed_chain, tip_motion
+from mitt.robot.kinematics import packed_chain, tip_motion
 from mitt.signals import TICK, Array
 
 SETTLES = 0.02
@@ -144,7 +144,7 @@ def fit_caught(
     """Fit offset and place by Gauss-Newton steps, with Huber's weights from the second on.
 
     Args:
-        chain: As of :func:`mitt.robot.chain.packed_chain`.
+        chain: As of :func:`mitt.robot.kinematics.packed_chain`.
         t_arm: Times of the readings, rising [s], shape (m,).
         q: Joint angles [rad], shape (m, n).
         t_seen: Times of the sightings [s], shape (k,).

@@ -1,4 +1,4 @@
-"""Forward kinematics of a serial chain as a kernel: positions, axes and their motion.
+"""Forward kinematics of a serial chain as kernels: positions, axes and their motion.
 
 | here              | meaning                                            | unit      | shape   |
 |-------------------|----------------------------------------------------|-----------|---------|
@@ -10,30 +10,145 @@
 All in the world frame. Rows of ``J`` are the columns of the Jacobian.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from mitt.jit import kernel
 from mitt.robot.description import ArmModel, joint_motion, transform
-from mitt.robot.vectors import (
-    IDENTITY,
-    ZERO,
-    Mat,
-    Vec,
-    compose,
-    cross,
-    matrix,
-    minus,
-    plus,
-    put,
-    rotate,
-    row,
-    times,
-    turn,
-)
 from mitt.signals import Array
 from mitt.views import view
+
+Vec: TypeAlias = tuple[float, float, float]
+Mat: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
+"""Vectors, and rotations row by row, as tuples: what compiled kernels keep in registers, where
+views of arrays cost reference counts."""
+
+ZERO: Vec = (0.0, 0.0, 0.0)
+IDENTITY: Mat = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
+
+@kernel
+def row(rows: Array, k: int) -> Vec:
+    """Return row k of an array of shape (n, 3)."""
+    return rows[k, 0], rows[k, 1], rows[k, 2]
+
+
+@kernel
+def put(rows: Array, k: int, v: Vec) -> None:
+    """Write row k of an array of shape (n, 3)."""
+    rows[k, 0], rows[k, 1], rows[k, 2] = v
+
+
+@kernel
+def cross(a: Vec, b: Vec) -> Vec:
+    """Return a x b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@kernel
+def plus(a: Vec, b: Vec) -> Vec:
+    """Return a + b."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@kernel
+def minus(a: Vec, b: Vec) -> Vec:
+    """Return a - b."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@kernel
+def times(s: float, a: Vec) -> Vec:
+    """Return s a."""
+    return s * a[0], s * a[1], s * a[2]
+
+
+@kernel
+def dot(a: Vec, b: Vec) -> float:
+    """Return a . b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel
+def rotate(R: Mat, v: Vec) -> Vec:
+    """Return R v."""
+    return (
+        R[0] * v[0] + R[1] * v[1] + R[2] * v[2],
+        R[3] * v[0] + R[4] * v[1] + R[5] * v[2],
+        R[6] * v[0] + R[7] * v[1] + R[8] * v[2],
+    )
+
+
+@kernel
+def unturn(R: Mat, v: Vec) -> Vec:
+    """Return R' v: a vector as the turned frame sees it."""
+    return (
+        R[0] * v[0] + R[3] * v[1] + R[6] * v[2],
+        R[1] * v[0] + R[4] * v[1] + R[7] * v[2],
+        R[2] * v[0] + R[5] * v[1] + R[8] * v[2],
+    )
+
+
+@kernel
+def compose(A: Mat, B: Mat) -> Mat:
+    """Return A B."""
+    return (
+        A[0] * B[0] + A[1] * B[3] + A[2] * B[6],
+        A[0] * B[1] + A[1] * B[4] + A[2] * B[7],
+        A[0] * B[2] + A[1] * B[5] + A[2] * B[8],
+        A[3] * B[0] + A[4] * B[3] + A[5] * B[6],
+        A[3] * B[1] + A[4] * B[4] + A[5] * B[7],
+        A[3] * B[2] + A[4] * B[5] + A[5] * B[8],
+        A[6] * B[0] + A[7] * B[3] + A[8] * B[6],
+        A[6] * B[1] + A[7] * B[4] + A[8] * B[7],
+        A[6] * B[2] + A[7] * B[5] + A[8] * B[8],
+    )
+
+
+@kernel
+def turn(axis: Vec, angle: float) -> Mat:
+    """Return the rotation about a unit axis (Rodrigues)."""
+    x, y, z = axis
+    c, s = np.cos(angle), np.sin(angle)
+    u = 1.0 - c
+    return (
+        c + x * x * u, x * y * u - z * s, x * z * u + y * s,
+        x * y * u + z * s, c + y * y * u, y * z * u - x * s,
+        x * z * u - y * s, y * z * u + x * s, c + z * z * u,
+    )  # fmt: skip
+
+
+@kernel
+def matrix(rows: Array, k: int) -> Mat:
+    """Return matrix k of an array of shape (n, 3, 3)."""
+    return (
+        rows[k, 0, 0], rows[k, 0, 1], rows[k, 0, 2],
+        rows[k, 1, 0], rows[k, 1, 1], rows[k, 1, 2],
+        rows[k, 2, 0], rows[k, 2, 1], rows[k, 2, 2],
+    )  # fmt: skip
+
+
+@kernel
+def vec_at(rows: Array, k: int, column: int) -> Vec:
+    """Return three numbers of row k from a column on."""
+    return rows[k, column], rows[k, column + 1], rows[k, column + 2]
+
+
+@kernel
+def put_at(rows: Array, k: int, column: int, v: Vec) -> None:
+    """Write a vector to row k from a column on."""
+    rows[k, column], rows[k, column + 1], rows[k, column + 2] = v
+
+
+@kernel
+def mat_at(rows: Array, k: int, column: int) -> Mat:
+    """Return nine numbers of row k from a column on."""
+    return (
+        rows[k, column], rows[k, column + 1], rows[k, column + 2],
+        rows[k, column + 3], rows[k, column + 4], rows[k, column + 5],
+        rows[k, column + 6], rows[k, column + 7], rows[k, column + 8],
+    )  # fmt: skip
 
 
 class Chain(NamedTuple):
@@ -60,38 +175,30 @@ class Motion(NamedTuple):
 
 def chain_of(model: ArmModel) -> Chain:
     """Fold the held joints of an arm into the placements of the active ones."""
-    frames, axes, sliding = [], [], []
-    T = model.mount
+    active = [link for link in model.links if link.held is None]
+    frames, T = [], model.mount
     for link in model.links:
         T = T @ link.placement
         if link.held is None:
             frames.append(T)
-            axes.append(link.axis)
-            sliding.append(link.prismatic)
             T = transform()
         else:
             T = T @ joint_motion(link, link.held)
-    tip = T[:3, :3] @ model.catch_point + T[:3, 3]
     return Chain(
-        R=np.ascontiguousarray([F[:3, :3] for F in frames]),
-        p=np.ascontiguousarray([F[:3, 3] for F in frames]),
-        axis=np.ascontiguousarray(axes),
-        prismatic=np.array(sliding, dtype=np.float64),
-        tip=tip,
+        R=np.array([F[:3, :3] for F in frames]),
+        p=np.array([F[:3, 3] for F in frames]),
+        axis=np.array([link.axis for link in active]),
+        prismatic=np.array([link.prismatic for link in active], dtype=np.float64),
+        tip=T[:3, :3] @ model.catch_point + T[:3, 3],
     )
 
 
 def motion_of(n: int) -> Motion:
     """Return buffers for a chain of ``n`` active joints."""
     return Motion(
-        W=np.zeros((n, 3)),
-        J=np.zeros((n, 3)),
-        dJ=np.zeros((n, 3)),
-        ddJ=np.zeros((n, 3)),
-        tip=np.zeros((3, 3)),
-        origin=np.zeros((3, n, 3)),
-        line=np.zeros((3, n, 3)),
-    )
+        W=np.zeros((n, 3)), J=np.zeros((n, 3)), dJ=np.zeros((n, 3)), ddJ=np.zeros((n, 3)),
+        tip=np.zeros((3, 3)), origin=np.zeros((3, n, 3)), line=np.zeros((3, n, 3)),
+    )  # fmt: skip
 
 
 def packed_chain(chain: Chain) -> Array:
@@ -146,8 +253,12 @@ def sweep(chain: Chain, q: Array, dq: Array, m: Motion) -> None:
 
 
 @kernel
-def place(chain: Chain, q: Array, m: Motion) -> None:
-    """Fill of ``m`` what does not depend on velocities: W, J and the first rows of the others."""
+def place(chain: Chain, q: Array, m: Motion) -> Mat:
+    """Fill of ``m`` what does not depend on velocities: W, J and the first rows of the others.
+
+    Returns:
+        The rotation of the last frame, row by row.
+    """
     frame, o = IDENTITY, ZERO
     for k in range(len(q)):
         o = plus(o, rotate(frame, row(chain.p, k)))
@@ -167,6 +278,7 @@ def place(chain: Chain, q: Array, m: Motion) -> None:
         slides = chain.prismatic[k] > 0.0
         put(m.W, k, ZERO if slides else w)
         put(m.J, k, w if slides else cross(w, minus(tip, o)))
+    return frame
 
 
 @kernel

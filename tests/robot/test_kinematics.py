@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.robot.chain import chain_of, motion_of, sweep
 from mitt.robot.hands import HandModel
+from mitt.robot.kinematics import chain_of, motion_of, sweep
 from mitt.robot.wam import wam
 from mitt.signals import Array
 
