@@ -9,8 +9,7 @@ from hypothesis import HealthCheck, settings
 from support import parabola
 
 from mitt.generator.design import MapDesign
-from mitt.generator.flights import Flight
-from mitt.generator.learn import Learned, learn
+from mitt.generator.learn import Flight, Learned, learn
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm

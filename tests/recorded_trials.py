@@ -11,7 +11,6 @@ from mitt.files.recording import write_recording
 from mitt.generator.generators import Generator, refining
 from mitt.generator.mapping import DirectMap
 from mitt.robot.load import load_arm
-from mitt.robot.shapes import Surroundings
 from mitt.trials.learning import learn
 from mitt.trials.recording import recording_of
 from mitt.trials.registry import make_generator
@@ -96,7 +95,7 @@ def map_for(limits: str) -> DirectMap:
 @lru_cache(maxsize=16)
 def _generator(name: str, limits: str) -> Generator:
     f = map_for(limits)
-    return refining(f, Surroundings()) if name == "refine" else make_generator(name, f)
+    return refining(f) if name == "refine" else make_generator(name, f)
 
 
 def recorded(case: Case, folder: Path, *, throws: int, seed: int) -> Iterator[tuple[str, Path]]:
@@ -108,8 +107,6 @@ def recorded(case: Case, folder: Path, *, throws: int, seed: int) -> Iterator[tu
         merged[key] = {**merged[key], **value} if isinstance(value, dict) else value
     scene = type(scene).model_validate(merged)
     f, generator = map_for(case.limits), _generator(case.generator, case.limits)
-    if case.generator == "refine":
-        generator = refining(f, Surroundings(floor=scene.floor))
     runner = TrialRunner(f.arm, generator, scene, pixels=case.vision == "pixels")
     source = source_of(f.arm, seed=seed, count=throws, drag=scene.ball.drag)
     about = runner.about("direct" if case.generator == "refine" else case.generator, f)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from documents import write_metadata
 
-from mitt.generator.flights import Flight
+from mitt.generator.learn import Flight
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState
 

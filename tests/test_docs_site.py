@@ -18,7 +18,6 @@ from mitt.generator.demand import Tolerance, shares_of
 from mitt.generator.feasibility import judge
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
-from mitt.generator.probability import KINDS
 from mitt.holding import CaughtBall
 from mitt.impact import shares_after
 from mitt.robot.arm import Arm
@@ -124,7 +123,6 @@ def kinds_in_code(learned: Learned) -> set[str]:
         for mass in (0.05, 0.5):  # an arm that is kept slow for the impact says so
             caught = CaughtBall(mass=mass, radius=0.04)
             names |= set(shares_after(arm, verdict.approach, caught))
-    names |= {f"{kind}:" for kind in KINDS}
     written = re.compile(r'binding_limit="(\w+)"|return "(domain)"|f"(region):|"(unseen)" if')
     for path in (ROOT / "src" / "mitt").rglob("*.py"):
         for found in written.findall(path.read_text()):

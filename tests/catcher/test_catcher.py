@@ -192,10 +192,10 @@ def test_another_seed_is_another_trial(runner: TrialRunner, throws: list[Throw])
     assert not logs_equal(a, b)
 
 
-def test_refining_in_flight_repeats_itself_and_costs_less(
+def test_refining_repeats_itself_and_costs_less(
     arm: Arm, taught: Learned, runner: TrialRunner, throws: list[Throw]
 ) -> None:
-    """With an online step a tick: caught with less demand, to the bit whatever ran before."""
+    """With steps for each ball: caught with less demand, to the bit whatever ran before."""
     refined = TrialRunner(arm, refining(taught.map), Scene(), pixels=False)
     first = refined.run(0, throws[0], seed=7, log=True)
     refined.run(1, throws[1], seed=8)
@@ -210,7 +210,7 @@ def test_refining_in_flight_repeats_itself_and_costs_less(
 
 
 def test_refining_keeps_a_certificate(arm: Arm, taught: Learned, throws: list[Throw]) -> None:
-    """While a ball is followed the catcher says each tick what it makes of the catch."""
+    """While a ball is followed the catcher says what it makes of the catch."""
     refined = TrialRunner(arm, refining(taught.map), Scene(), pixels=False)
     world, catcher = refined.world, refined.catcher()
     world.reset(throws[0], 5)

@@ -11,8 +11,7 @@ from mitt.design.task import Task
 from mitt.design.verdicts import balls_of as thrown
 from mitt.design.verdicts import verdicts
 from mitt.generator.design import MapDesign, catch_place
-from mitt.generator.flights import Flight
-from mitt.generator.learn import Learned, learn
+from mitt.generator.learn import Flight, Learned, learn
 from mitt.generator.mapping import unlearned
 from mitt.robot.arm import Arm
 from mitt.signals import GRAVITY, BallState

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mitt.generator.demand import Tolerance, demand, shares_of
-from mitt.generator.program import limit_rows, sensitivity
+from mitt.generator.learn import limit_rows, sensitivity
 from mitt.generator.utilization import assess, plant_of, work_of
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from support import parabola
 
 from mitt.errors import ShapeError
-from mitt.generator.flights import Flight, lift_flight
+from mitt.generator.learn import Flight, lift_flight
 from mitt.generator.mapping import DirectMap
 
 EXACT = 1e-9

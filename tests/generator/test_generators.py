@@ -119,8 +119,7 @@ def test_a_refined_verdict_knows_what_the_direct_one_knows(learned: Learned) -> 
         assert said.share >= max(asked.values()) - 1e-12
         assert (said.outcome is Outcome.FEASIBLE) == (said.share <= 1.0)
         refused += said.binding_limit.startswith("acceleration:")
-        moving = g.adapt(ball, f.arm.q_ready, np.zeros(3)).refined(ball)
-        certificate = moving.certificate(ball)
+        certificate = g.adapt(ball, f.arm.q_ready, np.zeros(3)).certificate
         assert certificate is not None
         assert most > 40.0 or certificate.outcome is Outcome.UNREACHABLE
     assert refused >= 2

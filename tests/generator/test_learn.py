@@ -12,10 +12,17 @@ from mitt.generator.constraints import initial_matrix, project, shift
 from mitt.generator.coordinates import coordinates
 from mitt.generator.demand import demand
 from mitt.generator.design import MapDesign
-from mitt.generator.flights import Flight, lift_flight
-from mitt.generator.learn import Learned, learn
+from mitt.generator.learn import (
+    Flight,
+    Learned,
+    cost,
+    learn,
+    lift_flight,
+    limit_rows,
+    sensitivity,
+    solve,
+)
 from mitt.generator.mapping import DirectMap
-from mitt.generator.program import cost, limit_rows, sensitivity, solve
 from mitt.generator.tangent import to_go
 from mitt.robot.arm import Arm
 from mitt.robot.wam import wam_limits

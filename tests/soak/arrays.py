@@ -124,8 +124,7 @@ _IGNORED: Final = {
     "unoptimised.adapt": ("ball", "q", "dq"), "unoptimised.unsettled": ("ball", "q"),
     "unoptimised.returns": ("ball",), "unoptimised.waiting": ("ball",),
     "direct.unsettled": ("q",), "refining.unsettled": ("q",), "several.unsettled": ("q",),
-    "rival.unsettled": ("q",), "direct.refined": (), "direct.certificate": ("ball",),
-    "refining.certificate": (), "forecast": (),
+    "rival.unsettled": ("q",), "forecast": (),
 }  # fmt: skip
 """Parameters that a function has because others of its kind do, and does not look at."""
 

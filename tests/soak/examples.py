@@ -15,8 +15,8 @@ from mitt.ball.flight import forecast
 from mitt.baselines.quintic import make_quintic
 from mitt.catcher.catcher import Catcher, CatcherSettings
 from mitt.generator.design import default_design
-from mitt.generator.flights import Flight
 from mitt.generator.generators import Direct, Unoptimised, refining
+from mitt.generator.learn import Flight
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.generator.several import Several
 from mitt.robot.arm import Arm

@@ -20,11 +20,9 @@ from mitt.files.about import About
 from mitt.files.cell import read_cell
 from mitt.files.maps import save_map
 from mitt.generator.demand import Tolerance
-from mitt.generator.flights import Flight
 from mitt.generator.generators import Direct
-from mitt.generator.learn import Learned, LearnSettings
+from mitt.generator.learn import Flight, Learned, LearnSettings
 from mitt.generator.mapping import unlearned
-from mitt.generator.online import Online
 from mitt.link.recorder import Recorder
 from mitt.signals import ArmState, Frame, Senses, Sighting
 from mitt.trials.neighbourhood import Neighbourhood
@@ -156,7 +154,7 @@ class Cases:
         }  # fmt: skip
         one = {"ball": ball}
         of_direct = {
-            "adapt": throw, "certificate": one, "reference": one, "refined": one, "returns": one,
+            "adapt": throw, "reference": one, "returns": one,
             "sharpness": one, "unsettled": {"ball": ball, "q": q}, "waiting": one,
             "verdict": throw, "on": {"arm": self.arm},
         }  # fmt: skip
@@ -164,7 +162,8 @@ class Cases:
         learns = {"arm": self.arm, "design": f.design, "flights": [self.flight], "seed": 1,
                   "around": Neighbourhood(), "settings": LearnSettings()}  # fmt: skip
         saved = self.folder / "map.json"
-        direct = {"map": f, "tolerance": Tolerance(), "online": Online(f), "learned": f}
+        direct = {"map": f, "tolerance": Tolerance(), "refines": True, "learned": f,
+                  "certificate": self.direct.verdict(ball, q)}  # fmt: skip
         found = self._methods("DirectMap", f, of_map) | self._methods(
             "Direct", self.direct, of_direct
         )

@@ -3,8 +3,7 @@
 import numpy as np
 
 from mitt.generator.design import MapDesign
-from mitt.generator.flights import Flight
-from mitt.generator.learn import LearnSettings
+from mitt.generator.learn import Flight, LearnSettings
 from mitt.robot.arm import Arm
 from mitt.trials.learning import LEARNING_SEED, learn
 from mitt.trials.neighbourhood import Neighbourhood

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mitt.ball.flight import advance
-from mitt.generator.flights import Flight
+from mitt.generator.learn import Flight
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array
 from mitt.trials.neighbourhood import Neighbourhood, neighbourhood, neighbourhood_of_ball

@@ -21,7 +21,7 @@ from mitt.bench.problem import solve as solve_problem
 from mitt.errors import InputError
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
-from mitt.generator.online import Online
+from mitt.generator.refine import refine
 from mitt.link.clock import Stopwatch, processor_time, settle
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
@@ -36,7 +36,7 @@ from mitt.world.throws import Throw
 
 SCHEMA = "mitt.speed/1"
 
-#: Seed of the throws that are timed, and when the ball of an online step is seen [s].
+#: Seed of the throws that are timed, and when the ball that a map is refined for is seen [s].
 SEED, _T_0 = 20_300, 0.082
 #: Most times that a map is learned as a user does.
 _MOST_LEARNED = 5
@@ -57,7 +57,7 @@ class BenchSettings:
 
     Attributes:
         throws: Throws of the ticks and of the throughput.
-        repeats: Calls of a rival, of an online step and of the probe.
+        repeats: Calls of a rival and of the probe.
         solves: How often the learning problem is solved.
         flights: Flights of the learning problem, 30 samples each.
         ipopt: Whether IPOPT learns it too, and plans a catch.
@@ -218,19 +218,18 @@ def thrown(source: Source, index: int) -> Throw:
 
 
 def time_adapting(f: DirectMap, source: Source, repeats: int) -> Stopwatch:
-    """Return the times of online steps, with all rows, along flights from their start on."""
-    stopwatch, online = Stopwatch(), Online(f)
+    """Return the times of refining a map for a ball, from its projection on, along flights."""
+    stopwatch = Stopwatch()
+    start = f.arm.q_ready, np.zeros(f.arm.n)
     for index in range(-1, source.count):
         if index == 0:
             stopwatch.clear()
         throw = thrown(source, max(index, 0))
-        online.restart()
-        alpha = f.adapt(by.ball_at(throw, _T_0), f.arm.q_ready, np.zeros(f.arm.n)).alpha
-        for tick in range(min(300, max(repeats // source.count, 1))):
+        for tick in range(min(30, max(repeats // source.count, 1))):
             ball = by.ball_at(throw, _T_0 + 1e-3 * tick)
+            g = f.adapt(ball, *start)
             with stopwatch:
-                answer = online.refine(alpha, ball)
-            alpha = answer.alpha
+                refine(g, ball, *start)
     return stopwatch
 
 

@@ -19,8 +19,7 @@ import numpy as np
 
 from mitt.generator.constraints import initial_matrix, shift
 from mitt.generator.design import default_design
-from mitt.generator.flights import lift_flight
-from mitt.generator.learn import LearnSettings
+from mitt.generator.learn import LearnSettings, lift_flight
 from mitt.generator.learn import learn as learn_from
 from mitt.generator.mapping import unlearned
 from mitt.generator.utilization import Plant, plant_of

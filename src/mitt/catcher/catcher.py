@@ -5,7 +5,7 @@
 ``step`` makes a tick, one compiled call that knows the order of the stages
 (:mod:`mitt.catcher.tick`).
 ``think`` comes after the command has left and does what is slow or rare: the verdict, adapting the
-map, refining it where the generator does, planning the brake; it takes effect at the next tick.
+map, planning the brake; it takes effect at the next tick.
 The catcher takes senses and gives commands, so it does not know whether a simulated world or a real
 arm is at the other end.
 """
@@ -26,7 +26,6 @@ from mitt.catcher.result import Result, ResultHandle, Tick, stopped_by, tick_of
 from mitt.catcher.settings import (
     BRAKE,
     PHASES,
-    REFINES,
     REFUSED,
     STOPPED,
     STOPS,
@@ -82,7 +81,6 @@ class Catcher:
         settings = CatcherSettings() if settings is None else settings
         self._settings = checks.instance("settings", settings, CatcherSettings)
         self._turns = eyes.heads > 0
-        self._refines = isinstance(generator, Direct) and generator.online is not None
         prepare_holding(arm, settings)
         # Other generators predict sigma at another catch than the map's: evaluated at each tick.
         plain = isinstance(generator, Direct | Unoptimised)
@@ -180,7 +178,7 @@ class Catcher:
 
     @property
     def certificate(self) -> Verdict | None:
-        """What the last online step says of the catch; None where none was made."""
+        """What the map as refined last says of the catch; None where none was refined."""
         return self._planner.certificate
 
     @property
@@ -226,8 +224,6 @@ class Catcher:
             self._note_stop()
         if memory.out["following"]:
             self.t_0 = min(self.t_0, memory.t)
-            if self._refines and memory.out["inside"]:
-                self._todo |= REFINES
         return memory.command(memory.result.gaze.copy() if self._turns else None)
 
     def learn_background(self, views: Sequence[tuple[Frame, ...]]) -> None:
@@ -245,10 +241,9 @@ class Catcher:
 
         Such a loop goes on without :meth:`think` where :func:`mitt.catcher.tick.undecided` says so.
 
-        None for a generator that is no map or that is refined in each tick: those ask for
-        :meth:`step`.
+        None for a generator that is no map: it asks for :meth:`step`.
         """
-        return None if self._map is None or self._refines else self.kernel_arguments
+        return None if self._map is None else self.kernel_arguments
 
     @property
     def kernel_arguments(self) -> tuple[Array, StateHandle, ResultHandle]:

@@ -14,7 +14,6 @@ from mitt.catcher.settings import (
     GRASPS,
     LAGS,
     PASSES,
-    REFINES,
     REFUSED,
     REVIEWS,
     STOPPED,
@@ -50,7 +49,7 @@ class Planner:
         generator: What makes the reference, as adapted last.
         brake: q, dq, ddq while braking, a row each tick, shape (k, 3, n).
         failure: What the generator, or a plan, failed with; nothing where none did.
-        certificate: What the last online step says of the catch; None where none was made.
+        certificate: What the map as refined last says of the catch; None where none was refined.
     """
 
     def __init__(
@@ -135,8 +134,6 @@ class Planner:
             # the arm is and how fast it moves, eq. (12), and the gap is closed on the way to the
             # catch instead of by feedback at once.
             self._renew(ball)
-        elif todo & REFINES:
-            self._refine(ball)
         elif todo & REVIEWS:
             self._review(ball)
         if todo & GRASPS:
@@ -316,6 +313,8 @@ class Planner:
             self.generator = g.wait(ball, q, dq)
         else:
             self.generator = g.adapt(g.waiting(ball) if waits else ball, q, dq)
+        if isinstance(self.generator, Direct):
+            self.certificate = self.generator.certificate
         f = self.generator.as_map()
         if f is not None:
             self._write(map_fields(f))
@@ -326,13 +325,6 @@ class Planner:
         hoped = self.verdict is not None and self.verdict.outcome is Outcome.FEASIBLE
         if hoped and isinstance(self.generator, Several) and self.generator.astray(ball):
             self._renew(ball)
-
-    def _refine(self, ball: BallState) -> None:
-        """Let the generator make its map a little better for the rest of this flight."""
-        if isinstance(self.generator, Direct):
-            self.generator = refined = self.generator.refined(ball)
-            self._state.alpha[:] = refined.map.alpha
-            self.certificate = refined.certificate(ball)
 
     def move(self, motion: Array, t: float) -> None:
         """Follow a motion from now on, as if it were that of the brake; see ``Catcher.move``."""

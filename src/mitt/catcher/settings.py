@@ -36,8 +36,6 @@ PASSES = 64
 #: Time without a catch ahead after which that is looked into [s]: longer than the estimate needs to
 #: settle after a bounce or a kick.
 PATIENCE = 0.1
-#: And for a generator that refines its map: it can be refined.
-REFINES = 32
 #: Time to the catch within which the hand may hide the ball, and it is not taken for lost [s].
 SOON = 0.1
 

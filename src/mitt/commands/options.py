@@ -58,7 +58,7 @@ class CatchOptions(ArmOptions):
             rival (ik, quintic, ruckig, mpc, ds, clairvoyant), or one that another package adds.
         map: A map from mitt learn; learned first if left out.
         adapt: How the direct map is adapted to a throw: once before moving, by projection, or
-            refined each millisecond besides.
+            refined for that throw besides.
         vision: What the catcher sees: images of two cameras, or noisy points.
         cameras: Cameras that stand still, or on heads that follow the ball; as the scene says if
             left out.

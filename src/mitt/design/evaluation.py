@@ -17,9 +17,8 @@ from mitt.design.contact import touching
 from mitt.design.task import Task
 from mitt.design.verdicts import Verdicts, balls_of, verdicts
 from mitt.errors import MittError
-from mitt.generator.flights import lift_flight
 from mitt.generator.generators import Direct
-from mitt.generator.learn import LearnSettings
+from mitt.generator.learn import LearnSettings, lift_flight
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.robot.arm import Arm
 from mitt.robot.shapes import Surroundings, clearance, shapes_of

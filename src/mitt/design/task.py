@@ -7,7 +7,7 @@ import numpy as np
 
 from mitt.design.arrivals import shifted
 from mitt.design.balls import Balls
-from mitt.generator.flights import Flight
+from mitt.generator.learn import Flight
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array
 from mitt.trials.neighbourhood import Neighbourhood, neighbourhood

@@ -18,17 +18,13 @@ from mitt.generator.feasibility import (
     returns,
     sharpness,
     unsettled,
-    weigh,
 )
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap
-from mitt.generator.online import Online, Refinement
+from mitt.generator.refine import certify, refine
 from mitt.robot.arm import Arm, difference, identity_of
-from mitt.robot.shapes import Surroundings
-from mitt.signals import Array, BallState, JointReference
+from mitt.signals import Array, BallState, JointReference, MapStatus
 
-#: Online steps before the verdict.
-_STEPS_BEFORE = 3
 #: Least share of the torque that an arm commands which is the same but for a reserve.
 _KEPT = 0.95
 #: Parts of an arm's identity that are limits: what a map was learned for, not what it is made of.
@@ -86,70 +82,60 @@ class Movable(Generator, Protocol):
 @final
 @dataclass(frozen=True, slots=True)
 class Direct:
-    """The learned map, adapted to each throw by one projection, and refined in flight if wished.
+    """The learned map, adapted to each throw by one projection, and refined for it if wished.
 
     Attributes:
         map: The map in use.
         tolerance: Share of each limit at which a throw is refused.
-        online: What refines it in flight; None for the projection alone.
+        refines: Whether each adaptation goes on by steps of eq. (22) for the ball that comes.
         learned: The map that adaptations start from; the one in use where None.
+        certificate: What the refined map says of its catch; None where nothing was refined.
     """
 
     map: DirectMap
     tolerance: Tolerance = field(default_factory=Tolerance)
-    online: Online | None = None
+    refines: bool = False
     learned: DirectMap | None = None
+    certificate: Verdict | None = None
 
     __repr__ = brief
 
     def __post_init__(self) -> None:
-        """Refuse what is no map, no tolerance, and no online step."""
+        """Refuse what is no map and no tolerance, and to refine a map that weighs its match."""
         checks.instance("map", self.map, DirectMap)
         checks.instance("tolerance", self.tolerance, Tolerance)
-        if self.online is not None:
-            checks.instance("online", self.online, Online)
+        checks.instance("refines", self.refines, bool)
         if self.learned is not None:
             checks.instance("learned", self.learned, DirectMap)
+        weight = self.map.design.match_weight
+        if self.refines and weight > 0.0:  # eq. (22) alone would undo what the map has learned
+            raise InputError("a map refined in flight", "match_weight 0", weight,
+                             do="leave --adapt refine out")  # fmt: skip
 
     @property
     def arms(self) -> tuple[Arm, ...]:
         """The arms that its parts were made for."""
-        maps = (self.map, self.map if self.learned is None else self.learned)
-        online = () if self.online is None else (self.online.arm,)
-        return (*(f.arm for f in maps), *online)
+        return (self.map.arm, (self.learned or self.map).arm)
 
     def on(self, arm: Arm) -> "Direct":
         """Return the generator for the same arm with other limits."""
-        return Direct(
-            self.map.on(arm), self.tolerance,
-            online=None if self.online is None else self.online.on(arm),
-            learned=None if self.learned is None else self.learned.on(arm),
-        )  # fmt: skip
+        learned = None if self.learned is None else self.learned.on(arm)
+        return replace(self, map=self.map.on(arm), learned=learned)
 
     def sharpness(self, ball: BallState) -> float:
         """Fly the estimate on to the catch."""
         return sharpness(self.map, ball)
 
     def verdict(self, ball: BallState, q: Array, dq: Array | None = None) -> Verdict:
-        """Judge the throw by the demand of the adapted map, refined by a few steps if wished.
+        """Judge the throw by the demand of the map as it would be adapted.
 
         The arm is at rest in ``q``, or moves at ``dq`` [rad, rad/s], shape (n,) each.
         """
-        start = self.map if self.learned is None else self.learned
-        judged = judge(start, ball, q, tolerance=self.tolerance, dq=dq)
-        if self.online is None or ball.led or not np.isfinite(judged.share):
+        judged = judge(self.learned or self.map, ball, q, tolerance=self.tolerance, dq=dq)
+        if not self.refines or ball.led or not np.isfinite(judged.share):
             return judged
-        g = self.adapt(ball, q, np.zeros(len(q)) if dq is None else dq)
-        for _ in range(_STEPS_BEFORE):
-            g = g.refined(ball)
-        said = g.certificate(ball)
-        if said is None:
-            return judged
-        refined = weigh(g.map, ball, judged.t_catch - ball.t, self.tolerance)
-        binding = refined if refined.share > said.share else said
-        return replace(
-            binding, probability=said.probability, sigma=said.sigma, approach=refined.approach
-        )
+        refined = self.adapt(ball, q, np.zeros(len(q)) if dq is None else dq).certificate
+        return judged if refined is None else refined
 
     def unsettled(self, ball: BallState, q: Array) -> bool:
         """Look whether the ball is led and its catch far ahead or outside the region."""
@@ -165,27 +151,12 @@ class Direct:
         return levelled(self.map, ball)
 
     def adapt(self, ball: BallState, q: Array, dq: Array) -> "Direct":
-        """Project alpha onto the initial constraint, eq. (12); refining begins anew."""
-        if self.online is not None:
-            self.online.restart()
-        start = self.map if self.learned is None else self.learned
-        return replace(self, map=start.adapt(ball, q, dq))
-
-    def refined(self, ball: BallState) -> "Direct":
-        """Return the generator of the next tick, one online step better for the flight's rest."""
-        if checks.instance("ball", ball, BallState).led or self.online is None:
-            return self
-        answer = self.online.refine(self.map.alpha, ball)
-        if answer.status is not Refinement.REFINED:
-            return self
-        return replace(self, map=self.map.with_alpha(answer.alpha))
-
-    def certificate(self, ball: BallState) -> Verdict | None:
-        """Return the certificate of the course last refined; None without one."""
-        ball = checks.instance("ball", ball, BallState)
-        if self.online is None:
-            return None
-        return self.online.certify(self.map.alpha, ball, tolerance=self.tolerance)
+        """Project alpha onto the initial constraint, eq. (12), and refine it for the ball."""
+        f = (self.learned or self.map).adapt(ball, q, dq)
+        if not self.refines or ball.led or f.status is not MapStatus.INSIDE:
+            return replace(self, map=f)
+        g = refine(f, ball, q, dq)
+        return replace(self, map=g, certificate=certify(g, ball, (q, dq), self.tolerance))
 
     def reference(self, ball: BallState) -> JointReference:
         """Evaluate the map."""
@@ -196,9 +167,9 @@ class Direct:
         return self.map
 
 
-def refining(f: DirectMap, around: Surroundings | None = None) -> Direct:
-    """Return the learned map with an online step each millisecond, clear of what stands around."""
-    return Direct(f, online=Online(f, around=around), learned=f)
+def refining(f: DirectMap) -> Direct:
+    """Return the learned map, refined for each ball."""
+    return Direct(f, refines=True, learned=f)
 
 
 @final

@@ -7,11 +7,15 @@ quadratic programme with the torque, speed, range and acceleration rows (18), (2
 A map with ``match_weight`` adds that weight times the squared relative velocity at the catch, which
 is linear in alpha.
 
-| here            | meaning                                        | shape        |
-|-----------------|------------------------------------------------|--------------|
-| ``P``           | I - W C, the part of alpha* that a flight keeps | (m n, m n)  |
-| ``W``           | answer of alpha to a gap in d                  | (m n, 2n)    |
-| ``rows, room``  | linearised limits: rows @ step <= room         | (R, m n), (R,)|
+| here           | meaning                                                   | shape          |
+|----------------|-----------------------------------------------------------|----------------|
+| ``t, ball``    | instants from t_0 to a little past t_c; r_o, dr_o, ddr_o  | (K,), (K, 3, 3)|
+| ``seen``       | the same at t_0, as the filter believed                   | (3, 3)         |
+| ``slope``      | d tau/dq, d tau/d dq, M at each instant                   | (K, 3, N, n)   |
+| ``J``          | d residual / d alpha of the cost (22)                     | (2 K n, m n)   |
+| ``rows, room`` | linearised limits: rows @ step <= room                    | (R, m n), (R,) |
+| ``P``          | I - W C, the part of alpha* that a flight keeps           | (m n, m n)     |
+| ``W``          | answer of alpha to a gap in d                             | (m n, 2n)      |
 """
 
 from collections.abc import Sequence
@@ -20,16 +24,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mitt import fields
+from mitt import checks, fields
 from mitt.errors import InputError
 from mitt.fields import brief
-from mitt.generator.constraints import initial_matrix, project, shift
+from mitt.generator.constraints import initial_gap, initial_matrix, project, shift
 from mitt.generator.coordinates import basis_of, coordinates
 from mitt.generator.demand import demand
 from mitt.generator.design import MapDesign
-from mitt.generator.flights import Flight, Lifted, lift_flight
+from mitt.generator.evaluation import root_time
 from mitt.generator.mapping import DirectMap, unlearned
-from mitt.generator.program import Rows, cost, limit_rows, sensitivity, solve
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 
@@ -42,6 +45,10 @@ _FEWEST = 0.5
 #: Least and largest number of each setting; choices of this project.
 _RANGES = {"steps": (0, 10**4), "tolerance": (0.0, 1.0), "share": (0.01, 100.0),
            "near": (0.0, 100.0)}  # fmt: skip
+#: Newton steps of the soft programme, and the relative step at which it has converged.
+_NEWTON_STEPS, _SMALL = 30, 1e-9
+#: Farthest from its end that the catch of a flight is looked for [s].
+_NEAR_CATCH = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,6 +108,216 @@ class Learned:
     status: str
 
     __repr__ = brief
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Flight:
+    """One flight to learn from or to judge."""
+
+    t: Array
+    ball: Array
+    seen: Array
+
+    __repr__ = brief
+
+    def __post_init__(self) -> None:
+        """Hold the arrays to each other."""
+        t = checks.array("t", self.t, (None,), finite=True)
+        ball = checks.array("ball", self.ball, (len(t), 3, 3))
+        arrays = {"t": t, "ball": ball, "seen": checks.array("seen", self.seen, (3, 3))}
+        for name, value in arrays.items():
+            object.__setattr__(self, name, value)
+
+
+class Lifted(NamedTuple):
+    """A flight in virtual joints: all that q_d along it depends on besides alpha."""
+
+    virtual: Array  # (K, 3, n) q_o, dq_o, ddq_o
+    phi: Array  # (K, 3, m) monomials and their two time derivatives
+    phi_0: Array  # (2, m) monomials and their rate at t_0
+    gap: Array  # (2n,) d of eq. (12) for the arm at t_0
+    relative: Array  # (3,) velocity of the ball relative to the hand at the catch, alpha = 0 [m/s]
+    slope: Array  # (3, m n) of that in alpha; (0,) and (0, m n) where the map does not weigh it
+
+    def motion(self, alpha: Array) -> Array:
+        """Return q_d, dq_d, ddq_d along the flight, shape (K, 3, n)."""
+        out: Array = self.virtual + self.phi @ alpha
+        return out
+
+    def relative_velocity(self, alpha: Array) -> Array:
+        """Return the velocity of the ball relative to the hand at the catch [m/s], shape (3,)."""
+        out: Array = self.relative + self.slope @ alpha.ravel()
+        return out
+
+
+def lift_flight(
+    f: DirectMap, flight: Flight, start: tuple[Array, Array] | None = None
+) -> Lifted | None:
+    """Return the flight in virtual joints; None where it leaves the domain of l_c^-1.
+
+    Args:
+        f: The map.
+        flight: The flight.
+        start: q, dq of the arm at t_0 [rad, rad/s], shape (n,) each; at rest in its ready pose if
+            left out.
+    """
+    rows = [f.virtual(ball) for ball in (flight.seen, *flight.ball)]
+    if not all(inside for inside, _ in rows):
+        return None
+    virtual = np.array([row for _, row in rows])
+    phi = np.array([f.basis.jets(*coordinates(f.tangent, row)) for row in virtual])
+    q, dq = (f.arm.q_ready, np.zeros(f.arm.n)) if start is None else start
+    gap = initial_gap(q, dq, virtual[0])
+    return Lifted(virtual[1:], phi[1:], phi[0, :2], gap, *_met(f, flight, virtual[-1]))
+
+
+def _met(f: DirectMap, flight: Flight, last: Array) -> tuple[Array, Array]:
+    """Return the relative velocity at the catch [m/s], (3,), and its slope in alpha, (3, m n).
+
+    There b vanishes, so the pose is l_c^-1(r_o), and the velocity of the hand is linear in alpha.
+    Nothing where the map does not weigh it, or where the flight ends far from its catch.
+
+    Args:
+        f: The map.
+        flight: The flight, which ends a little past the catch.
+        last: Virtual joints and two derivatives at its end, shape (3, n).
+    """
+    size = f.alpha.size
+    nothing = np.zeros(0), np.zeros((0, size))
+    if f.design.match_weight == 0.0:
+        return nothing
+    s, ds, dds = coordinates(f.tangent, last)[:, f.tangent.catch] - [f.design.q_catch, 0.0, 0.0]
+    after, before = root_time(s, ds, dds), root_time(s, -ds, dds)
+    dt, (r, dr, ddr) = after if after < before else -before, flight.ball[-1]
+    if not abs(dt) <= _NEAR_CATCH:
+        return nothing
+    ball = np.array([r + dt * dr + 0.5 * dt * dt * ddr, dr + dt * ddr, ddr])
+    inside, rows = f.virtual(ball)
+    if not inside:
+        return nothing
+    J = f.arm.jacobian(rows[0])
+    rate = f.basis.jets(*coordinates(f.tangent, rows))[1]
+    slope = -np.einsum("cj,a->caj", J, rate).reshape(3, size)
+    return ball[1] - J @ rows[1], slope
+
+
+class Cost(NamedTuple):
+    """Least-squares form of eq. (22) for one motion: residual and its derivative."""
+
+    torque: Array  # (K, n) tau / tau_max
+    speed: Array  # (K, n) omega / omega_max
+    J: Array  # (2 K n, m n)
+
+
+class Rows(NamedTuple):
+    """Linearised limits: rows @ step <= room, and the largest share of any limit."""
+
+    rows: Array
+    room: Array
+    worst: float
+
+
+class Sensitivity(NamedTuple):
+    """A motion, its torques and how they answer to alpha."""
+
+    motion: Array  # (K, 3, n)
+    tau: Array  # (K, N)
+    J_tau: Array  # (K, N, m n) d tau / d alpha
+    J_dq: Array  # (K, n, m n)
+    J_q: Array  # (K, n, m n)
+    J_ddq: Array  # (K, n, m n)
+
+
+def sensitivity(arm: Arm, motion: Array, phi: Array) -> Sensitivity:
+    """Return d tau/d alpha = tau_q Phi + tau_qdot Phi-dot + M Phi-ddot and its companions."""
+    tau = arm.torques(motion)
+    slope = np.array([arm.torque_derivatives(*row) for row in motion])
+    count, n = len(motion), arm.n
+    J_tau = np.einsum("tdrk,tda->trak", slope, phi).reshape(count, tau.shape[1], -1)
+    eye = np.eye(n)
+    J_q = np.einsum("ta,jk->tjak", phi[:, 0], eye).reshape(count, n, -1)
+    J_dq = np.einsum("ta,jk->tjak", phi[:, 1], eye).reshape(count, n, -1)
+    J_ddq = np.einsum("ta,jk->tjak", phi[:, 2], eye).reshape(count, n, -1)
+    return Sensitivity(motion, tau, J_tau, J_dq, J_q, J_ddq)
+
+
+def cost(arm: Arm, s: Sensitivity) -> Cost:
+    """Return the residual of eq. (22), K_tau = 1/tau_max^2 and K_omega = 1/omega_max^2."""
+    torque, speed = arm.active(s.tau) / arm.tau_max, s.motion[:, 1] / arm.dq_max
+    active = s.J_tau[:, arm.model.active] / arm.tau_max[:, None]
+    size = s.J_tau.shape[-1]
+    J = np.concatenate([active.reshape(-1, size), (s.J_dq / arm.dq_max[:, None]).reshape(-1, size)])
+    return Cost(torque, speed, J)
+
+
+def limit_rows(arm: Arm, s: Sensitivity, *, share: float, near: float) -> Rows:
+    """Return the limits (18), (20), ranges and accelerations as rows, those above ``near`` of one.
+
+    Args:
+        arm: The arm.
+        s: Motion and sensitivities.
+        share: Share of each limit that may be used.
+        near: Share from which a limit gets a row.
+    """
+    limits, count = arm.limits, len(s.motion)
+    dq = np.zeros((count, len(arm.model.links)))
+    dq[:, arm.model.active] = s.motion[:, 1]
+    drive_tau, drive_dq = limits.drive_torque(s.tau), limits.drive_speed(dq)
+    middle, half = 0.5 * (arm.q_max + arm.q_min), 0.5 * (arm.q_max - arm.q_min)
+    torque, speed = drive_tau / limits.tau_peak, drive_dq / limits.dq_max
+    J_torque = limits.to_drive @ s.J_tau
+    J_speed = limits.transmission[:, arm.model.active] / limits.dq_max[:, None] @ s.J_dq
+    values = [torque, speed, (s.motion[:, 0] - middle) / half]
+    slopes = [J_torque / limits.tau_peak[:, None], J_speed, s.J_q / half[:, None]]
+    if limits.no_load:
+        driving = drive_tau * drive_dq > 0.0
+        values.append(np.where(driving, drive_tau / limits.tau_stall + speed, 0.0))
+        slopes.append(J_torque / limits.tau_stall[:, None] + J_speed)
+    if limits.acceleration is not None:
+        most = arm.active(limits.acceleration)
+        values.append(s.motion[:, 2] / most)
+        slopes.append(s.J_ddq / most[:, None])
+    rows, room = [], []
+    for value, slope in zip(values, slopes, strict=True):
+        at = np.abs(value) > near
+        sign = np.sign(value[at])
+        rows.append(sign[:, None] * slope[at])
+        room.append(share - np.abs(value[at]))
+    worst = max(float(np.abs(value).max()) for value in values)
+    return Rows(np.concatenate(rows), np.concatenate(room), worst)
+
+
+def solve(H: Array, gradient: Array, limits: tuple[Array, Array], *, weight: float) -> Array | None:
+    """Return the step that minimises the quadratic plus weighted squares of the excess.
+
+    x'Hx/2 + g'x + weight sum max(rows x - room, 0)^2 is convex and piecewise quadratic: Newton's
+    method on the rows in excess, with halved steps where the set of rows changes too much. A
+    soft form, because some limits cannot be kept: the catch itself fixes the last instants.
+
+    Returns:
+        The step, shape (m n,); None where the problem or the answer is not finite.
+    """
+    rows, room = limits
+    if not all(np.all(np.isfinite(x)) for x in (H, gradient, rows, room)):
+        return None
+
+    def value(x: Array) -> float:
+        over = np.maximum(rows @ x - room, 0.0)
+        return float(0.5 * x @ H @ x + gradient @ x + weight * (over @ over))
+
+    x = np.zeros(len(gradient))
+    for _ in range(_NEWTON_STEPS):
+        over = rows @ x - room
+        active = rows[over > 0.0]
+        slope = H @ x + gradient + 2.0 * weight * active.T @ over[over > 0.0]
+        newton = -np.linalg.solve(H + 2.0 * weight * active.T @ active, slope)
+        if np.linalg.norm(newton) <= _SMALL * (1.0 + np.linalg.norm(x)):
+            break
+        share, here = 1.0, value(x)
+        while value(x + share * newton) > here and share > _SMALL:
+            share *= 0.5
+        x = x + share * newton
+    return x if np.all(np.isfinite(x)) else None
 
 
 def learn(
@@ -272,6 +489,17 @@ def _advanced(
     f: DirectMap, parts: Sequence[_Part], lifted: Sequence[Lifted], settings: LearnSettings
 ) -> DirectMap | None:
     """Return the map one Gauss-Newton step further, and with the metric found there if it helps."""
+    best = _stepped(f, parts, lifted, settings)
+    if best is None:
+        return None
+    metric = _with_metric(best, np.mean([p.hessian for p in parts], axis=0))
+    return min((best, metric), key=lambda x: _merit(x, lifted, settings))
+
+
+def _stepped(
+    f: DirectMap, parts: Sequence[_Part], lifted: Sequence[Lifted], settings: LearnSettings
+) -> DirectMap | None:
+    """Return the map after the largest share of a Gauss-Newton step that helps; None if unsound."""
     size, instants = len(parts[0].reduced), sum(len(x.virtual) for x in lifted)
     H = np.mean([p.reduced for p in parts], axis=0)
     H = H + _RIDGE * np.trace(H) * np.eye(size)
@@ -281,14 +509,22 @@ def _advanced(
     step = solve(H, gradient, (rows, room), weight=_PENALTY / instants)
     if step is None:
         return None
-    before, best = _merit(f, lifted, settings), f
+    before = _merit(f, lifted, settings)
     for k in range(_HALVINGS):
-        tried = replace(f, alpha=f.alpha + 0.5**k * step.reshape(f.alpha.shape))
+        tried = f.with_alpha(f.alpha + 0.5**k * step.reshape(f.alpha.shape))
         if _merit(tried, lifted, settings) < before:
-            best = tried
+            return tried
+    return f
+
+
+def refined(f: DirectMap, lifted: Sequence[Lifted], settings: LearnSettings) -> DirectMap:
+    """Return the map after some Gauss-Newton steps over flights, in the metric that it has."""
+    for _ in range(settings.steps):
+        further = _stepped(f, [_linearise(f, x, settings) for x in lifted], lifted, settings)
+        if further is None or further is f:
             break
-    metric = _with_metric(best, np.mean([p.hessian for p in parts], axis=0))
-    return min((best, metric), key=lambda x: _merit(x, lifted, settings))
+        f = further
+    return f
 
 
 def _merit(f: DirectMap, lifted: Sequence[Lifted], settings: LearnSettings) -> float:

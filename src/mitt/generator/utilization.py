@@ -14,10 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.generator.horizon import Course
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
-from mitt.robot.dynamics import dynamics_scratch, inverse_dynamics, slopes_work
+from mitt.robot.dynamics import dynamics_scratch, slopes_work
 from mitt.robot.limits import torque_share
 from mitt.signals import Array
 
@@ -62,51 +61,6 @@ def work_of(arm: Arm) -> Work:
         links=slopes_work(links),
         notes=dynamics_scratch(links),
     )
-
-
-@kernel
-def weigh(
-    p: Plant, c: Course, alpha: Array, share: float, shares: Array, at: Array, w: Work
-) -> tuple[float, float]:
-    """Return cost (22) and squared excess over limits of a motion along a course.
-
-    Args:
-        p: The arm.
-        c: The course.
-        alpha: Coefficients [rad], shape (m, n).
-        share: Share of each limit that may be used.
-        shares: Result: largest share of each drive's torque and speed and of each range, (3, N).
-        at: Result: instant of each of those shares, shape (3, N).
-        w: Buffers.
-    """
-    cost, over = 0.0, 0.0
-    shares[:] = 0.0
-    for k in range(len(c.after)):
-        motion_at(c, k, alpha, w.motion)
-        inverse_dynamics(p.bodies, w.motion[0], w.motion[1], w.motion[2], w.tau, w.notes)
-        here, excess = assess(p, k, share, shares, at, w)
-        cost, over = cost + c.weight[k] * here, over + excess
-    return cost, over
-
-
-@kernel
-def motion_at(c: Course, k: int, alpha: Array, motion: Array) -> None:
-    """Write q_d, dq_d, ddq_d = q_o + Phi alpha and its derivatives at one instant."""
-    for d in range(3):
-        for j in range(alpha.shape[1]):
-            total = c.rows[k, d, j]
-            for a in range(alpha.shape[0]):
-                total += c.phi[k, d, a] * alpha[a, j]
-            motion[d, j] = total
-
-
-@kernel
-def positions_at(c: Course, k: int, alpha: Array, q: Array) -> None:
-    """Write q_d at one instant."""
-    for j in range(alpha.shape[1]):
-        q[j] = c.rows[k, 0, j]
-        for a in range(alpha.shape[0]):
-            q[j] += c.phi[k, 0, a] * alpha[a, j]
 
 
 @kernel

@@ -8,9 +8,8 @@ import numpy as np
 from mitt import checks
 from mitt.errors import InputError
 from mitt.generator.design import MapDesign, default_design, further_designs
-from mitt.generator.flights import Flight
 from mitt.generator.generators import Direct
-from mitt.generator.learn import Learned, LearnSettings
+from mitt.generator.learn import Flight, Learned, LearnSettings
 from mitt.generator.learn import learn as learn_from
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.generator.several import Several

@@ -18,7 +18,7 @@ import numpy as np
 from mitt import fields
 from mitt.ball.flight import acceleration, advance
 from mitt.generator.design import catch_place
-from mitt.generator.flights import Flight
+from mitt.generator.learn import Flight
 from mitt.generator.mapping import DirectMap
 from mitt.generator.tangent import to_go
 from mitt.robot.description import ArmModel

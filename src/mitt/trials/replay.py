@@ -97,7 +97,7 @@ def generator_of(about: About) -> Generator:
     if name == "several":
         return Several(tuple(Direct(x) for x in about.maps))
     if name == "direct" and about.refines:
-        return refining(f, about.settings.around)
+        return refining(f)
     if name == "clairvoyant":
         raise InputError("a replay", "a generator that knows what its catcher was told", name)
     return make_generator(name, f)

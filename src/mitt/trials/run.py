@@ -19,7 +19,6 @@ from mitt.link.clock import Stopwatch, settled
 from mitt.reading import difference, noted
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
-from mitt.robot.shapes import Surroundings
 from mitt.trials.choice import ArmChoice
 from mitt.trials.learning import learn
 from mitt.trials.neighbourhood import neighbourhood_of_ball
@@ -115,7 +114,7 @@ class RunSettings:
     Attributes:
         generator: Name of the generator.
         adapt: How the direct map is adapted to a throw: once before moving, by ``projection``, or
-            besides refined each millisecond (``refine``).
+            refined for that throw besides (``refine``).
         vision: What the catcher sees: ``pixels`` of two cameras, or noisy ``points``.
         seed: Seed of throws, plant and noise.
         record: Which throws to record besides the first: ``none`` at all, ``failures`` or ``all``.
@@ -203,8 +202,7 @@ class FinishedRun:
 def make_runner(prepared: Prepared, learned: Learned, *, generator: str) -> TrialRunner:
     """Return the runner of a run, for a generator by name."""
     if prepared.settings.adapt == "refine" and generator == "direct":
-        around = Surroundings(floor=prepared.scene.floor)
-        return runner_for(prepared, refining(learned.map, around))
+        return runner_for(prepared, refining(learned.map))
     return runner_for(prepared, make_generator(generator, learned.map))
 
 

@@ -121,7 +121,7 @@ class TrialRunner:
             rig=self.rig,
             eyes=known_eyes(self._scene),
             driven=None if limits is f.arm.limits else limits,
-            refines=isinstance(used, Direct) and used.online is not None,
+            refines=isinstance(used, Direct) and used.refines,
         )
 
     def _settings(self) -> CatcherSettings:

@@ -52,8 +52,7 @@ class Trial:
         rms_torque_ratio: Share of each drive's continuous torque, as root mean square over the
             trial; 0 where the limit set has none.
         certificate: The verdict before moving: outcome, binding limit, margin and probability.
-        certificate_last: The same of the last online step before the catch; None where nothing was
-            refined in flight.
+        certificate_last: The same of the map as it was refined last; None where it was not.
         stopped_by: Why the catcher stopped: state, reason, joint, time, and what it estimated, read
             and commanded then; None where it did not.
         over_force: Whether the largest contact force is more than hand and arm take; None without
