@@ -23,20 +23,18 @@ from collections.abc import Callable, Iterator
 from functools import lru_cache, partial
 from pathlib import Path
 
-from mitt.baselines.clairvoyant import make_clairvoyant
 from mitt.files.throws import ThrowSettings
 from mitt.generator.generators import Generator
 from mitt.generator.learn import Learned
-from mitt.sweep.oracle import Row, counted, is_sampled, judged, parallel
-from mitt.sweep.read import read_study
-from mitt.sweep.study import ArmSettings, Condition
-from mitt.trials.learning import learn
-from mitt.trials.neighbourhood import neighbourhood_of_ball
+from mitt.rivals.clairvoyant import make_clairvoyant
+from mitt.trials.learning import learn, neighbourhood_of_ball
+from mitt.trials.oracle import Row, counted, is_sampled, judged, parallel
 from mitt.trials.registry import make_generator
-from mitt.trials.run import arm_of, design_of, throws_of
 from mitt.trials.runner import TrialRunner
+from mitt.trials.runs import arm_of, design_of, throws_of
 from mitt.trials.score import Trial
 from mitt.trials.source import source_of, widened
+from mitt.trials.study_file import ArmSettings, Condition, read_study
 from mitt.world.scenes import read_scene
 
 #: Share of the throws that the map catches which are given to the clairvoyant as well.

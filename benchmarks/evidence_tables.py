@@ -12,8 +12,8 @@ from typing import Any
 
 import pyarrow.parquet as pq
 
-from mitt.sweep.summary import against
 from mitt.trials.result import STATUSES
+from mitt.trials.study_results import against
 
 BEGIN, END = "<!-- tables -->", "<!-- end of tables -->"
 #: Corrected p from which two generators count as different.

@@ -20,10 +20,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from mitt.ball.flight import acceleration
-from mitt.baselines.optimum import PARTS, braked, drive_rows, steps
-from mitt.baselines.symbolic import Symbolic, casadi, symbolic
 from mitt.design.balls import BOX, FAR
 from mitt.files.throws import ThrowSettings
+from mitt.rivals.clairvoyant import PARTS, Symbolic, braked, casadi, drive_rows, steps, symbolic
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import Array

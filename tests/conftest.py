@@ -55,7 +55,7 @@ def thrown_study(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> 
     """The folder of the small study after it was thrown here; to be copied, not written to."""
     from small_study import TEXT, Here, quiet, ready, write_study  # noqa: PLC0415 (needs pyarrow)
 
-    from mitt.sweep.run import run_study  # noqa: PLC0415
+    from mitt.trials.study_run import run_study  # noqa: PLC0415
 
     place = tmp_path_factory.mktemp("thrown_study")
     study = write_study(place, TEXT)

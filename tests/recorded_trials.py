@@ -12,7 +12,7 @@ from mitt.generator.generators import Generator, refining
 from mitt.generator.mapping import DirectMap
 from mitt.robot.load import load_arm
 from mitt.trials.learning import learn
-from mitt.trials.recording import recording_of
+from mitt.trials.log import recording_of
 from mitt.trials.registry import make_generator
 from mitt.trials.replay import Replayed, replay
 from mitt.trials.runner import TrialRunner

@@ -7,10 +7,9 @@ from pathlib import Path
 
 from mitt.files.maps import save_map
 from mitt.generator.learn import Learned
-from mitt.sweep.folder import Folder
-from mitt.sweep.read import read_study
-from mitt.sweep.study import Study
-from mitt.sweep.work import Job
+from mitt.trials.study_file import Study, read_study
+from mitt.trials.study_results import Folder
+from mitt.trials.study_run import Job
 
 TEXT = """
 name = "small"

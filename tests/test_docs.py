@@ -18,9 +18,9 @@ from pydantic.fields import FieldInfo
 from mitt.files.maps import save_map
 from mitt.generator.learn import Learned
 from mitt.link.clock import Stopwatch
-from mitt.sweep.read import read_study
 from mitt.trials.result import STATUSES, result
 from mitt.trials.score import Trial
+from mitt.trials.study_file import read_study
 from mitt.world.faults.plan import Fault
 from mitt.world.scene import Scene
 from mitt.world.scenes import read_scene

@@ -19,8 +19,8 @@ from mitt.generator.mapping import DirectMap
 from mitt.reading import MAX_JSON_BYTES, MAX_TOML_BYTES, read_bytes, read_toml
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
-from mitt.sweep.read import read_study
 from mitt.tracks.tables import read_positions
+from mitt.trials.study_file import read_study
 from mitt.world.flights import read_flights
 from mitt.world.scenes import read_scene
 from mitt.world.throws import read_throws

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from mitt.signals import Senses as Senses
     from mitt.signals import Sighting as Sighting
     from mitt.trials.learning import learn as learn
-    from mitt.trials.simulate import simulate as simulate
+    from mitt.trials.runs import simulate as simulate
     from mitt.vision.eyes import Eyes as Eyes
     from mitt.world.scene import Scene as Scene
 
@@ -59,7 +59,7 @@ _HOMES = {
     "load_arm": "mitt.files.arms",
     "plan_brake": "mitt.control.brake",
     "read_map": "mitt.files.maps",
-    "simulate": "mitt.trials.simulate",
+    "simulate": "mitt.trials.runs",
 }
 __all__ = [  # noqa: PLE0604 (strings all the same)
     "__version__",

@@ -20,8 +20,7 @@ from mitt.generator.several import Several
 from mitt.impact import speed_caps, speed_jumps
 from mitt.robot.arm import Arm
 from mitt.signals import GRAVITY, TICK, ArmState, Array, Senses, Sighting
-from mitt.trials.learning import learn
-from mitt.trials.neighbourhood import Neighbourhood
+from mitt.trials.learning import Neighbourhood, learn
 
 FALL = np.array([0.0, 0.0, -GRAVITY])
 #: Height of the floor [m], share of its vertical speed that a ball has after the bounce there.

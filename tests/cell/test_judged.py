@@ -18,9 +18,8 @@ from mitt.generator.generators import Direct
 from mitt.link.live import Mode
 from mitt.robot.arm import Arm
 from mitt.signals import Array
-from mitt.trials.drives import drive_loads
 from mitt.trials.runner import TrialRunner
-from mitt.trials.score import continuous_shares, overheated, ticks_beyond
+from mitt.trials.score import continuous_shares, drive_loads, overheated, ticks_beyond
 
 
 @pytest.fixture(scope="module")

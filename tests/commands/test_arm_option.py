@@ -9,8 +9,8 @@ from mitt.commands.catch import prepare
 from mitt.commands.options import CatchOptions
 from mitt.commands.screen import warn
 from mitt.errors import InputError, MittError
-from mitt.sweep.study import ArmSettings
-from mitt.trials.run import arm_of, design_of, throws_of
+from mitt.trials.runs import arm_of, design_of, throws_of
+from mitt.trials.study_file import ArmSettings
 
 TEXT = """schema = "mitt.arm/1"
 [arm]

@@ -18,7 +18,7 @@ from mitt.commands.line import COMMANDS, parse
 from mitt.files.maps import save_map
 from mitt.files.rig import write_rig
 from mitt.generator.learn import Learned
-from mitt.trials.simulate import simulate
+from mitt.trials.runs import simulate
 
 ROOT = Path(__file__).parents[2]
 #: A screen.
@@ -97,7 +97,7 @@ def test_every_example_parses_and_passes_its_check(
     """As it stands in the help; nothing is written."""
     words = shlex.split(line)[1:]
     name, _ = parse(words)
-    if name == "report":  # of a study that has been thrown: tests/sweep
+    if name == "report":  # of a study that has been thrown: tests/trials
         return
     here = tmp_path / "here"
     shutil.copytree(files, here)

@@ -21,7 +21,7 @@ from mitt.files.files import file_name
 from mitt.files.maps import save_map
 from mitt.files.rig import write_rig
 from mitt.generator.learn import Learned
-from mitt.trials.journal import NAME, PAGE, RESULT
+from mitt.trials.result import NAME, PAGE, RESULT
 
 #: The user's own files: names that mean something to one of the commands, and others.
 MINE = ("notes.txt", "maps/notes.txt", "flights/mine.csv", "recordings/.git/config", "parts/x.csv",
@@ -74,7 +74,7 @@ def quick(monkeypatch: pytest.MonkeyPatch, learned: Learned, a_map: Path) -> Qui
     monkeypatch.setattr("mitt.report.outputs._content", lambda *_: None)
     monkeypatch.setattr("mitt.report.replay_report.write_replay_page",
                         lambda path, *_, **__: path.write_text(page))  # fmt: skip
-    monkeypatch.setattr("mitt.sweep.run.learn", lambda *_, **__: learned)
+    monkeypatch.setattr("mitt.trials.study_run.learn", lambda *_, **__: learned)
     monkeypatch.setattr("mitt.commands.study.engine_of", lambda *_: Here())
 
     def run(*words: object) -> int:

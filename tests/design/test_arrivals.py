@@ -26,7 +26,7 @@ from mitt.files.plain import to_plain
 from mitt.generator.mapping import unlearned
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
-from mitt.trials.neighbourhood import Neighbourhood
+from mitt.trials.learning import Neighbourhood
 from mitt.trials.source import aim_of
 from mitt.world.flights import builtin_flights
 from mitt.world.scenes import read_scene

@@ -26,7 +26,7 @@ from mitt.errors import FileError, InputError
 from mitt.files.arm_file import open_arm
 from mitt.interrupts import Interrupted
 from mitt.robot.arm import Arm
-from mitt.sweep.engine import Processes
+from mitt.trials.workers import Processes
 
 #: Stages in which the search is broken off, one after the other.
 BROKEN = ("learning", "confirming", "fastest")

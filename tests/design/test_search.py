@@ -38,8 +38,8 @@ from mitt.generator.mapping import unlearned
 from mitt.report.design_page import advice_of
 from mitt.robot.arm import Arm, difference, identity_of
 from mitt.robot.basket import Basket
-from mitt.sweep.engine import Processes
-from mitt.trials.neighbourhood import Neighbourhood
+from mitt.trials.learning import Neighbourhood
+from mitt.trials.workers import Processes
 from mitt.world.ballistics import fly
 from mitt.world.scenes import read_scene
 from mitt.world.throws import Aim, ThrowRanges, default_throw

@@ -28,10 +28,10 @@ from mitt.link.clock import uncollected
 from mitt.report.replay import served
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
-from mitt.sweep.parts import read_part
-from mitt.sweep.run import run_study
-from mitt.trials.journal import NAME
+from mitt.trials.result import NAME
 from mitt.trials.runner import TrialRunner
+from mitt.trials.study_results import read_part
+from mitt.trials.study_run import run_study
 from mitt.world.scene import Scene
 from mitt.world.scenes import read_scene
 

@@ -19,7 +19,7 @@ from mitt.files.folders import (
     overlaps,
     wrote,
 )
-from mitt.trials.journal import LEAVES as OF_CATCH
+from mitt.trials.result import LEAVES as OF_CATCH
 
 LEAVES = Leaves(
     command="mitt try", schema="mitt.try/1", manifests=("try.json",),

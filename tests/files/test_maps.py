@@ -18,8 +18,7 @@ from mitt.generator.design import MapDesign
 from mitt.generator.learn import Learned
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
-from mitt.trials.learning import learn
-from mitt.trials.neighbourhood import Neighbourhood
+from mitt.trials.learning import Neighbourhood, learn
 from mitt.version import __version__
 
 

@@ -17,8 +17,7 @@ from mitt.generator.learn import Learned
 from mitt.generator.several import Several
 from mitt.robot.arm import Arm
 from mitt.signals import BallState
-from mitt.trials.learning import learn
-from mitt.trials.neighbourhood import Neighbourhood
+from mitt.trials.learning import Neighbourhood, learn
 
 G = np.array([0.0, 0.0, -9.81])
 seeds = st.integers(0, 2**31)

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitt.baselines.quintic import make_quintic
 from mitt.catcher.catcher import Catcher
 from mitt.errors import InputError
 from mitt.generator.generators import Direct, Generator, check_arm, for_arm, refining
 from mitt.generator.learn import Learned
 from mitt.generator.several import Several
+from mitt.rivals.planned import make_quintic
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.limits import Limits

@@ -6,7 +6,7 @@ import pytest
 from one_throw import direct, scene, throw, unoptimised
 from small_study import TEXT, write_study
 
-from mitt.sweep.study import Study
+from mitt.trials.study_file import Study
 
 __all__ = ["direct", "scene", "study", "throw", "unoptimised"]
 

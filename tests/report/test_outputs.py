@@ -15,9 +15,8 @@ from mitt.files.maps import read_map, save_map
 from mitt.generator.learn import Learned
 from mitt.link.clock import Stopwatch
 from mitt.report.outputs import keeping, write_outputs
-from mitt.trials.journal import MAP, NAME, PAGE, RESULT, read_kept
-from mitt.trials.result import STATUSES, result
-from mitt.trials.run import FinishedRun, run
+from mitt.trials.result import MAP, NAME, PAGE, RESULT, STATUSES, read_kept, result
+from mitt.trials.runs import FinishedRun, run
 from mitt.trials.score import Trial
 from mitt.trials.statistics import wilson
 

@@ -12,10 +12,9 @@ from mitt.errors import FileError
 from mitt.files.files import write_json
 from mitt.generator.learn import Learned
 from mitt.report.study_page import break_even, paired_tests, sweeps_of, write_study_report
-from mitt.sweep.folder import Folder
-from mitt.sweep.run import run_study
-from mitt.sweep.study import Study
-from mitt.sweep.summary import read_result
+from mitt.trials.study_file import Study
+from mitt.trials.study_results import Folder, read_result
+from mitt.trials.study_run import run_study
 
 
 @pytest.fixture(scope="session")

@@ -12,13 +12,13 @@ import numpy as np
 import mitt
 from mitt.ball.filter import BallFilter
 from mitt.ball.flight import forecast
-from mitt.baselines.quintic import make_quintic
 from mitt.catcher.catcher import Catcher, CatcherSettings
 from mitt.generator.design import default_design
 from mitt.generator.generators import Direct, Unoptimised, refining
 from mitt.generator.learn import Flight
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.generator.several import Several
+from mitt.rivals.planned import make_quintic
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import ArmState, Frame, Senses, Sighting

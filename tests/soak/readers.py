@@ -13,10 +13,10 @@ from throws_on_film import calibrated, film, write_film
 from mitt.files.recording import write_recording
 from mitt.files.rig import write_rig
 from mitt.generator.generators import Direct
-from mitt.sweep.run import run_study
-from mitt.trials.recording import recording_of
+from mitt.trials.log import recording_of
 from mitt.trials.runner import TrialRunner
 from mitt.trials.source import source_of
+from mitt.trials.study_run import run_study
 from mitt.world.scenes import named_scene
 from soak.packing import packed, unpacked
 from soak.samples import CATCHING, Sample, no_learning

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from mitt.errors import FileError
-from mitt.trials.journal import NAME, read_kept
+from mitt.trials.result import NAME, read_kept
 
 #: Throws of a run: enough that the moments fall before, among and behind them.
 THROWS = 40

@@ -25,7 +25,7 @@ from mitt.generator.learn import Flight, Learned, LearnSettings
 from mitt.generator.mapping import unlearned
 from mitt.link.recorder import Recorder
 from mitt.signals import ArmState, Frame, Senses, Sighting
-from mitt.trials.neighbourhood import Neighbourhood
+from mitt.trials.learning import Neighbourhood
 from mitt.vision.camera import fixed_rig
 from mitt.vision.eyes import Eyes, EyesConfig
 from mitt.world.scene import Scene

@@ -1,5 +1,17 @@
-"""Fixtures of the tests of a trial."""
+"""Fixtures of the tests of a trial, and of many."""
 
+from pathlib import Path
+
+import pytest
 from one_throw import direct, scene, throw, unoptimised
+from small_study import TEXT, write_study
 
-__all__ = ["direct", "scene", "throw", "unoptimised"]
+from mitt.trials.study_file import Study
+
+__all__ = ["direct", "scene", "study", "throw", "unoptimised"]
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Study:
+    """A study of 24 throws in twelve chunks."""
+    return write_study(tmp_path, TEXT)

@@ -13,7 +13,7 @@ from mitt.generator.design import MapDesign
 from mitt.generator.mapping import unlearned
 from mitt.robot.arm import Arm
 from mitt.signals import Array
-from mitt.trials.neighbourhood import Neighbourhood, neighbourhood
+from mitt.trials.learning import Neighbourhood, neighbourhood
 from mitt.trials.source import source_of
 from mitt.world.throws import Throw
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
-from mitt.trials.drives import drive_loads, link_torques
+from mitt.trials.score import drive_loads, link_torques
 
 
 @pytest.fixture(name="motors", scope="module")

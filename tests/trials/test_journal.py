@@ -19,8 +19,7 @@ from mitt.files.files import LOCK, locked
 from mitt.files.maps import save_map
 from mitt.generator.learn import Learned
 from mitt.link.clock import Stopwatch
-from mitt.trials.journal import NAME, PAGE, RESULT, Journal, died, read_kept
-from mitt.trials.result import result
+from mitt.trials.result import NAME, PAGE, RESULT, Journal, died, read_kept, result
 from mitt.trials.score import Trial
 
 HEAD = {"version": "0", "arm": "wam", "seed": 3}

@@ -15,10 +15,10 @@ from mitt.files.recorded import Recorded
 from mitt.files.recording import write_recording
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
-from mitt.trials.recording import recording_of
+from mitt.trials.log import recording_of
 from mitt.trials.result import plain
-from mitt.trials.run import _thrown
 from mitt.trials.runner import TrialRunner
+from mitt.trials.runs import _thrown
 from mitt.trials.source import Source, source_of
 from mitt.vision.calibration.caught import LearnedClock, caught_offset
 from mitt.world.faults.plan import Clock

@@ -5,8 +5,7 @@ import numpy as np
 from mitt.generator.design import MapDesign
 from mitt.generator.learn import Flight, LearnSettings
 from mitt.robot.arm import Arm
-from mitt.trials.learning import LEARNING_SEED, learn
-from mitt.trials.neighbourhood import Neighbourhood
+from mitt.trials.learning import LEARNING_SEED, Neighbourhood, learn
 
 FEW = Neighbourhood(flights=12, instants=12)
 

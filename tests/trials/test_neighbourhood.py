@@ -9,7 +9,7 @@ from mitt.ball.flight import advance
 from mitt.generator.learn import Flight
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array
-from mitt.trials.neighbourhood import Neighbourhood, neighbourhood, neighbourhood_of_ball
+from mitt.trials.learning import Neighbourhood, neighbourhood, neighbourhood_of_ball
 from mitt.trials.source import aim_of
 from mitt.world.throws import default_throw
 

@@ -12,9 +12,8 @@ from mitt.generator.generators import Direct, Generator
 from mitt.generator.learn import Learned
 from mitt.generator.several import Several
 from mitt.robot.arm import Arm
-from mitt.trials.learning import learn
+from mitt.trials.learning import Neighbourhood, learn
 from mitt.trials.log import TrialLog
-from mitt.trials.neighbourhood import Neighbourhood
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.source import source_of
 from mitt.world.imaging import BLOCK

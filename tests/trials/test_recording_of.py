@@ -10,7 +10,7 @@ from mitt.files.about import About
 from mitt.files.messages import CATCH_POINT, EVENT, TRUTH
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
-from mitt.trials.recording import recording_of
+from mitt.trials.log import recording_of
 from mitt.trials.runner import LoggedTrial, TrialRunner
 from mitt.trials.source import source_of
 from mitt.world.faults.plan import Encoder

@@ -15,10 +15,10 @@ from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
 from mitt.link.recorder import Recorder
 from mitt.trials.explain import evidence_of, explain
-from mitt.trials.recording import FIRST_CONTACT, recording_of
+from mitt.trials.log import FIRST_CONTACT, recording_of
 from mitt.trials.replay import changed, replay
 from mitt.trials.runner import TrialRunner
-from mitt.trials.simulate import simulate
+from mitt.trials.runs import simulate
 from mitt.trials.source import source_of
 from mitt.version import __version__
 from mitt.world.scene import Scene

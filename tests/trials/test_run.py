@@ -17,7 +17,7 @@ from mitt.generator.learn import Learned
 from mitt.interrupts import Interrupted
 from mitt.robot.load import load_arm
 from mitt.trials.registry import make_generator
-from mitt.trials.run import (
+from mitt.trials.runs import (
     FinishedRun,
     Prepared,
     design_of,
@@ -102,7 +102,7 @@ def test_an_interrupt_keeps_what_is_finished(
 
 def test_throwing_again_gives_the_same_trial(prepared: Prepared) -> None:
     """A recording is made by throwing once more: it is the very same trial."""
-    from mitt.trials.run import make_runner  # noqa: PLC0415 (beside its use)
+    from mitt.trials.runs import make_runner  # noqa: PLC0415 (beside its use)
 
     finished = run(prepared, progress=quiet)
     bench = make_runner(prepared, finished.learned, generator="direct")

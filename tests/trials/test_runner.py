@@ -9,23 +9,23 @@ import numpy as np
 import pytest
 
 from mitt.ball.filter import FilterConfig
-from mitt.baselines.quintic import make_quintic
 from mitt.errors import InputError, StoppedError
 from mitt.files.recording import write_recording
 from mitt.generator.feasibility import Verdict
 from mitt.generator.generators import Direct, Unoptimised
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap
+from mitt.rivals.planned import make_quintic
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
 from mitt.signals import Array, BallState, JointReference
 from mitt.trials.known import driven, known_ball
 from mitt.trials.learning import learn
-from mitt.trials.recording import recording_of
+from mitt.trials.log import recording_of
 from mitt.trials.runner import LoggedTrial, TrialRunner
+from mitt.trials.runs import simulate
 from mitt.trials.score import HELD_AFTER
-from mitt.trials.simulate import simulate
 from mitt.trials.source import aim_of
 from mitt.world.scene import Scene, Sensing
 from mitt.world.scenes import named_scene, scene_of

@@ -12,7 +12,7 @@ from mitt.generator.generators import Direct
 from mitt.generator.mapping import unlearned
 from mitt.robot.arm import Arm
 from mitt.trials import play as loop
-from mitt.trials import warm
+from mitt.trials import runs
 from mitt.trials.runner import TrialRunner
 from mitt.world.scene import Scene
 from mitt.world.throws import Throw
@@ -38,10 +38,10 @@ def test_the_types_are_those_of_a_throw(
     """Another type, and each kernel would be compiled twice without a word."""
     spies = {name: Spy() for name in ("perceive", "act", "refer", "undecided", "move")}
     for name, spy in spies.items():
-        monkeypatch.setattr(warm, name, spy)
+        monkeypatch.setattr(runs, name, spy)
     f = unlearned(arm, default_design(arm))
-    warm._compile_eyes(f, Scene(), throw, pixels)
-    warm._compile_arm(f, Scene(), throw, pixels)
+    runs._compile_eyes(f, Scene(), throw, pixels)
+    runs._compile_arm(f, Scene(), throw, pixels)
     given: dict[str, Any] = {}
 
     def play(plant: Any, rows: Any, *rest: Any) -> int:  # noqa: ANN401 (arguments of a kernel)
@@ -71,10 +71,10 @@ def test_nothing_is_done_where_it_is_done_or_cannot_be_kept(
     arm: Arm, throw: Throw, monkeypatch: pytest.MonkeyPatch, folder: Path | None, cold: bool
 ) -> None:
     """No second process, no bar."""
-    monkeypatch.setattr(warm, "cache_folder", lambda: folder)
-    monkeypatch.setattr(warm, "is_cold", lambda: cold)
-    monkeypatch.setattr(warm, "get_context", _never)
-    with warm.warming(
+    monkeypatch.setattr(runs, "cache_folder", lambda: folder)
+    monkeypatch.setattr(runs, "is_cold", lambda: cold)
+    monkeypatch.setattr(runs, "get_context", _never)
+    with runs.warming(
         arm, default_design(arm), Scene(), throw, pixels=True, progress=lambda *_: _never("bar")
     ):
         pass
@@ -89,11 +89,11 @@ def test_the_bar_ends(arm: Arm, throw: Throw, monkeypatch: pytest.MonkeyPatch) -
     """The second process is waited for, and the last report is that all is done."""
     calls: list[tuple[str, int, int]] = []
     other = _Other()
-    monkeypatch.setattr(warm, "cache_folder", Path)
-    monkeypatch.setattr(warm, "is_cold", lambda: True)
-    monkeypatch.setattr(warm, "get_context", lambda _: other)
-    monkeypatch.setattr(warm, "_compile_arm", lambda *_: None)
-    with warm.warming(
+    monkeypatch.setattr(runs, "cache_folder", Path)
+    monkeypatch.setattr(runs, "is_cold", lambda: True)
+    monkeypatch.setattr(runs, "get_context", lambda _: other)
+    monkeypatch.setattr(runs, "_compile_arm", lambda *_: None)
+    with runs.warming(
         arm, default_design(arm), Scene(), throw, pixels=True,
         progress=lambda *call: calls.append(call),
     ):  # fmt: skip

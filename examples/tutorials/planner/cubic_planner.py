@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitt.baselines.choice import Intercept
-from mitt.baselines.pursuit import rival
-from mitt.baselines.quintic import Planned
 from mitt.generator.generators import Generator
 from mitt.generator.mapping import DirectMap
+from mitt.rivals.intercept import Intercept
+from mitt.rivals.planned import Planned
+from mitt.rivals.pursuit import rival
 from mitt.signals import Array
 
 

@@ -9,8 +9,8 @@ from types import ModuleType
 
 import numpy as np
 
-from mitt.baselines.symbolic import Expression, casadi, symbolic
 from mitt.bench.problem import Answer, LearningProblem, judged
+from mitt.rivals.clairvoyant import Expression, casadi, symbolic
 
 SETUPS = ("exact", "supplied", "lbfgs")
 

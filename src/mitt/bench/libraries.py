@@ -149,7 +149,7 @@ def by_opencv(kept: Sequence[tuple[Frame, ...]]) -> Tick:
 
 def by_mpc(f: DirectMap, ball: BallState) -> Tick:
     """Plan once to the catch by the model-predictive rival, a programme solved by DAQP."""
-    from mitt.baselines.mpc import MpcPlanner, MpcSettings, solve  # noqa: PLC0415 (timed alone)
+    from mitt.rivals.mpc import MpcPlanner, MpcSettings, solve  # noqa: PLC0415 (timed alone)
 
     planner, ends = MpcPlanner(f.arm, MpcSettings()), catches(f, ball, np.random.default_rng(0))
     start = np.array([f.arm.q_ready, np.zeros(f.arm.n), np.zeros(f.arm.n)])

@@ -27,7 +27,7 @@ from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.dynamics import slopes_work, torque_slopes
 from mitt.signals import Array
-from mitt.trials.neighbourhood import Neighbourhood, neighbourhood
+from mitt.trials.learning import Neighbourhood, neighbourhood
 
 #: Share of the unbounded optimum's torque that is allowed; share of the bound from which an
 #: instant gets a row; most steps; relative gain, and excess, at which a solver has converged.

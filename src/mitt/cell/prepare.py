@@ -25,8 +25,7 @@ from mitt.robot.arm import Arm, identity_of
 from mitt.robot.shapes import Surroundings
 from mitt.signals import TICK, Array
 from mitt.trials.known import bandwidth_of, known_ball, reserved
-from mitt.trials.learning import learn
-from mitt.trials.neighbourhood import neighbourhood_of_ball
+from mitt.trials.learning import learn, neighbourhood_of_ball
 from mitt.trials.source import Source, source_of, widened
 from mitt.version import __version__
 from mitt.vision.camera import Rig

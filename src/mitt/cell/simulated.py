@@ -17,11 +17,11 @@ from mitt.cell.controller import Controller, Told
 from mitt.files.cell import Cell
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array, Command, Image
-from mitt.trials.drives import drive_loads
 from mitt.trials.runner import LONGEST, cameras_of
 from mitt.trials.score import (
     HELD_AFTER,
     continuous_shares,
+    drive_loads,
     overheated,
     status_of,
     ticks_beyond,

@@ -29,11 +29,10 @@ from mitt.generator.mapping import unlearned
 from mitt.interrupts import notice, status_of, words_of
 from mitt.reading import difference, noted
 from mitt.robot.shapes import check_floor
-from mitt.trials.journal import LEAVES, MAP, Kept, kept_words
 from mitt.trials.registry import check_generator
-from mitt.trials.result import STATUSES, force_words
-from mitt.trials.run import FinishedRun, Prepared, RunSettings, arm_of, design_of, throws_of
-from mitt.trials.run import run as run_throws
+from mitt.trials.result import LEAVES, MAP, STATUSES, Kept, force_words, kept_words
+from mitt.trials.runs import FinishedRun, Prepared, RunSettings, arm_of, design_of, throws_of
+from mitt.trials.runs import run as run_throws
 from mitt.trials.score import Trial, reason_of
 from mitt.trials.source import source_of, widened
 from mitt.world.scenes import DEFAULT, read_scene

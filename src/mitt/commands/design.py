@@ -41,7 +41,7 @@ from mitt.interrupts import finally_do, notice, status_of, tell, words_of
 from mitt.robot.arm import Arm
 from mitt.robot.basket import MOST_TILT, Hand
 from mitt.robot.shapes import check_floor
-from mitt.sweep.engine import engine_of
+from mitt.trials.workers import engine_of
 from mitt.world.flights import read_flights
 from mitt.world.scene import Scene
 from mitt.world.scenes import DEFAULT, read_scene

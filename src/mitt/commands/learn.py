@@ -9,10 +9,9 @@ from mitt.errors import InputError
 from mitt.files.maps import save_map
 from mitt.generator.advice import warnings_of
 from mitt.generator.learn import Learned
-from mitt.trials.learning import LEARNING_SEED
+from mitt.trials.learning import LEARNING_SEED, Neighbourhood
 from mitt.trials.learning import learn as learn_map
-from mitt.trials.neighbourhood import Neighbourhood
-from mitt.trials.run import arm_of, design_of
+from mitt.trials.runs import arm_of, design_of
 
 #: Most flights to learn from; more only takes longer.
 _MOST_FLIGHTS = 10_000

@@ -9,9 +9,9 @@ from mitt.errors import FileError, InputError
 from mitt.files.files import locked, read_json, write_json
 from mitt.files.folders import wrote
 from mitt.link.clock import Stopwatch
-from mitt.sweep.folder import MANIFEST, Folder
-from mitt.trials.journal import MAX_BYTES, NAME, PAGE, RESULT, died, read_kept
-from mitt.trials.run import FinishedRun
+from mitt.trials.result import MAX_BYTES, NAME, PAGE, RESULT, died, read_kept
+from mitt.trials.runs import FinishedRun
+from mitt.trials.study_results import MANIFEST, Folder
 
 #: Most replays beside one page; each weighs a megabyte.
 _MOST_REPLAYS = 200
@@ -29,7 +29,7 @@ def run(options: ReportOptions) -> int:
 def _study(options: ReportOptions) -> int:
     """Write the page of a study; tables and plots are loaded only now."""
     from mitt.report.study_page import write_study_report  # noqa: PLC0415
-    from mitt.sweep.summary import read_result  # noqa: PLC0415
+    from mitt.trials.study_results import read_result  # noqa: PLC0415
 
     folder = Folder(options.folder)
     result = read_result(folder)

@@ -6,13 +6,12 @@ from mitt.errors import InputError
 from mitt.files.files import check_folder, locked
 from mitt.generator.advice import warnings_of
 from mitt.interrupts import words_of
-from mitt.sweep.engine import check_engine, engine_of
-from mitt.sweep.folder import Folder
-from mitt.sweep.read import read_study
-from mitt.sweep.run import FinishedStudy, run_study
-from mitt.sweep.study import Study, extent
 from mitt.trials.registry import available, check_generator
-from mitt.trials.run import arm_of, design_of
+from mitt.trials.runs import arm_of, design_of
+from mitt.trials.study_file import Study, extent, read_study
+from mitt.trials.study_results import Folder
+from mitt.trials.study_run import FinishedStudy, run_study
+from mitt.trials.workers import check_engine, engine_of
 
 
 def run(options: StudyOptions) -> int:

@@ -23,8 +23,8 @@ from mitt.link.clock import monotonic
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Basket
 from mitt.robot.serial import Mount
-from mitt.sweep.engine import Engine
 from mitt.trials.statistics import wilson
+from mitt.trials.workers import Engine
 
 SCHEMA = "mitt.design/1"
 Point = tuple[float, float, float]

@@ -24,8 +24,7 @@ from mitt.robot.arm import Arm
 from mitt.robot.shapes import Surroundings, clearance, shapes_of
 from mitt.signals import Array, MapStatus
 from mitt.trials.known import driven, known_settings
-from mitt.trials.learning import FASTEST_SHARE, learn
-from mitt.trials.neighbourhood import Neighbourhood
+from mitt.trials.learning import FASTEST_SHARE, Neighbourhood, learn
 from mitt.trials.runner import TrialRunner
 from mitt.trials.score import Trial
 

@@ -14,7 +14,7 @@ from mitt.design.kept import Kept
 from mitt.design.task import Task
 from mitt.errors import MittError
 from mitt.robot.arm import Arm
-from mitt.sweep.engine import Engine, run_tasks
+from mitt.trials.workers import Engine, run_tasks
 
 #: How often a candidate is evaluated by itself whose worker died.
 _ROUNDS = 2

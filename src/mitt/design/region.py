@@ -25,7 +25,7 @@ from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState
 from mitt.trials.known import driven, known_settings
-from mitt.trials.neighbourhood import Neighbourhood
+from mitt.trials.learning import Neighbourhood
 
 #: How far off the middle the outermost points are [m].
 _FARTHEST = 0.64

@@ -10,7 +10,7 @@ from mitt.design.balls import Balls
 from mitt.generator.learn import Flight
 from mitt.generator.mapping import DirectMap
 from mitt.signals import Array
-from mitt.trials.neighbourhood import Neighbourhood, neighbourhood
+from mitt.trials.learning import Neighbourhood, neighbourhood
 from mitt.trials.source import Source, source_of
 from mitt.world.flights import Recording
 from mitt.world.scene import Scene

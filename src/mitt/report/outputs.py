@@ -16,11 +16,10 @@ from mitt.interrupts import finally_do
 from mitt.link.clock import Stopwatch
 from mitt.report.figures.learning import feedback_share
 from mitt.report.run_page import ReportContent, write_report
-from mitt.trials.journal import LEAVES, MAP, PAGE, RESULT, Journal
-from mitt.trials.recording import recording_of
-from mitt.trials.result import result
-from mitt.trials.run import FinishedRun, Prepared, make_runner, runner_for
+from mitt.trials.log import recording_of
+from mitt.trials.result import LEAVES, MAP, PAGE, RESULT, Journal, result
 from mitt.trials.runner import LoggedTrial, TrialRunner
+from mitt.trials.runs import FinishedRun, Prepared, make_runner, runner_for
 from mitt.trials.score import Trial
 from mitt.trials.source import release_of
 

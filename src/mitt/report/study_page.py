@@ -12,11 +12,10 @@ from mitt.report.figures.sweep import effort, rates_against, rates_by_condition,
 from mitt.report.page import Cell, Section, interval, number, page
 from mitt.report.worst import worst_throws
 from mitt.signals import Array
-from mitt.sweep.parts import read_columns
-from mitt.sweep.run import Progress
-from mitt.sweep.study import SCHEMA, Condition, Study, extent
-from mitt.sweep.summary import REFERENCE, StudyResult
 from mitt.trials.result import STATUSES
+from mitt.trials.study_file import SCHEMA, Condition, Study, extent
+from mitt.trials.study_results import REFERENCE, StudyResult, read_columns
+from mitt.trials.study_run import Progress
 
 Row = Mapping[str, Any]
 Curve = list[tuple[float, float]]

@@ -18,7 +18,7 @@ from mitt.link.clock import monotonic, pause
 from mitt.report.replay import served
 from mitt.report.stage_view import Stage
 from mitt.signals import Array
-from mitt.trials.drives import drive_loads
+from mitt.trials.score import drive_loads
 
 #: Time between two pictures [s], between two looks for a newer file, and for the first [s].
 _FRAME, _LOOK, _WAIT = 0.033, 1.0, 0.2

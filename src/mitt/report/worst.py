@@ -6,10 +6,8 @@ import mitt
 from mitt.files.files import write_text
 from mitt.report.page import Cell
 from mitt.report.replay import replay_page
-from mitt.sweep.parts import read_columns
-from mitt.sweep.run import Progress, all_jobs, by_cell
-from mitt.sweep.summary import StudyResult
-from mitt.sweep.work import Job, throw_again
+from mitt.trials.study_results import StudyResult, read_columns
+from mitt.trials.study_run import Job, Progress, all_jobs, by_cell, throw_again
 
 
 def worst_throws(result: StudyResult, count: int, progress: Progress) -> list[tuple[Cell, ...]]:

@@ -15,9 +15,9 @@ from mitt.generator.feasibility import Outcome
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.signals import Array
-from mitt.trials.drives import drive_loads
-from mitt.trials.recording import FIRST_CONTACT
+from mitt.trials.log import FIRST_CONTACT
 from mitt.trials.replay import Judged, Replayed
+from mitt.trials.score import drive_loads
 
 #: What a hand needs: 1-sigma of the ball's place, and how far it may be off [m] (Baeuml and others,
 #: ICRA 2011, as of ``CatcherSettings.tolerance``).

@@ -11,16 +11,14 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 from mitt import checks
-from mitt.baselines.clairvoyant import make_clairvoyant
-from mitt.baselines.ds import make_ds
-from mitt.baselines.ik import make_ik
-from mitt.baselines.mpc import make_mpc
-from mitt.baselines.quintic import make_quintic
-from mitt.baselines.ruckig import make_ruckig
 from mitt.errors import InputError, UnknownNameError, answered_by, check_package
 from mitt.generator.answers import added
 from mitt.generator.generators import Direct, Generator, Unoptimised, map_of
 from mitt.generator.mapping import DirectMap, unlearned
+from mitt.rivals.clairvoyant import make_clairvoyant
+from mitt.rivals.mpc import make_mpc
+from mitt.rivals.planned import make_quintic, make_ruckig
+from mitt.rivals.servo import make_ds, make_ik
 from mitt.trials.learning import learn_several
 
 #: Makes a generator for the arm of a learned map.

@@ -6,7 +6,6 @@ from typing import final
 
 import numpy as np
 
-from mitt.baselines.clairvoyant import Clairvoyant
 from mitt.catcher.catcher import Catcher, CatcherSettings
 from mitt.catcher.result import Result, copied, gathered, room_for
 from mitt.files.about import About
@@ -14,6 +13,7 @@ from mitt.generator.generators import Direct, Generator
 from mitt.generator.mapping import DirectMap
 from mitt.generator.several import Several
 from mitt.link.clock import Stopwatch
+from mitt.rivals.clairvoyant import Clairvoyant
 from mitt.robot.arm import Arm
 from mitt.signals import ArmState, Frame, Senses, Sighting
 from mitt.trials.known import (

@@ -1,0 +1,423 @@
+"""Choose the catch: where and when on the ball's flight the arm will meet it, and how.
+
+**How**, by inverse kinematics: position and velocity of the catch point are those of the ball. Its
+acceleration is not: the ball must enter the open hand from the front, so relative to the hand it
+accelerates along the palm's normal n, ddl = ddr_o - a n with a > 0; t seconds before the catch it
+is a t^2 / 2 in front of the palm. Of the accelerations ``a`` between two bounds the one with the
+least joint torques is taken, each joint by itself.
+
+**Where and when**: candidates are the instants at which the catch point can be where the ball will
+be. A quintic from the arm's state to each is evaluated at a few instants: it costs eq. (22), and
+more where it uses much of a limit or ends low. The distance that the brake needs after the catch
+counts as range.
+
+| here     | meaning                                          | unit          | shape  |
+|----------|--------------------------------------------------|---------------|--------|
+| ``ball`` | r_o, dr_o, ddr_o                                 | m, m/s, m/s^2 | (3, 3) |
+| ``rows`` | q, dq, ddq; row 0 is where the iteration starts  | rad ...       | (3, n) |
+| ``hand`` | n in the last joint's frame, then M_kk / tau_max | 1, s^2/rad    | (3 + n,) |
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+from typing import NamedTuple, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mitt.generator.feasibility import Outcome, Verdict
+from mitt.generator.mapping import DirectMap
+from mitt.generator.packing import unfold, unpack
+from mitt.generator.prediction import flown, fly_on, state_of
+from mitt.generator.utilization import Plant, Work, assess, plant_of, work_of
+from mitt.jit import kernel
+from mitt.rivals.paths import sample
+from mitt.robot.arm import Arm
+from mitt.robot.dynamics import inverse_dynamics
+from mitt.robot.kinematics import (
+    IDENTITY,
+    ZERO,
+    Chain,
+    Vec,
+    compose,
+    cross,
+    dot,
+    matrix,
+    minus,
+    place,
+    plus,
+    rotate,
+    row,
+    sweep,
+    times,
+    turn,
+)
+from mitt.signals import Array, BallState
+
+#: det(J J') below which steps are damped [m^6], and the damping at 0 [m^2].
+_POOR, _DAMPING = 1e-3, 1e-2
+#: Newton: largest step of a joint [rad], residual [m], steps allowed.
+_STEP, _RESIDUAL, _STEPS = 0.4, 1e-9, 30
+
+
+def hand_of(arm: Arm) -> Array:
+    """Return ``hand`` of the module's table, shape (3 + n,)."""
+    q = arm.q_ready
+    frame = np.array([_frame(arm.chain, q, axis) for axis in np.eye(3)]).T
+    normal = frame.T @ arm.orientation(q)[:, 2]
+    return np.array([*normal, *np.diag(arm.mass_matrix(q)) / arm.tau_max])
+
+
+@kernel
+def _frame(chain: Chain, q: Array, local: Array) -> Vec:
+    """Return a direction fixed in the last joint's frame in the world."""
+    frame = IDENTITY
+    for k in range(len(q)):
+        frame = compose(frame, matrix(chain.R, k))
+        if chain.prismatic[k] == 0.0:
+            frame = compose(frame, turn(row(chain.axis, k), q[k]))
+    out: Vec = rotate(frame, (local[0], local[1], local[2]))
+    return out
+
+
+@kernel
+def resolve(J: Array, b: Vec, out: Array) -> None:
+    """Write x with J' x = b by damped least squares, J of shape (n, 3).
+
+    x = J (J' J + lambda I)^-1 b, damped only where det(J' J) is small (Nakamura and Hanafusa
+    1986); elsewhere the solution is exact.
+    """
+    a, c, e = _gram(J, 0), _gram(J, 1), _gram(J, 2)
+    det = dot(a, cross(c, e))
+    poor = max(0.0, 1.0 - det / _POOR)
+    damp = _DAMPING * poor * poor
+    a, c, e = (a[0] + damp, a[1], a[2]), (c[0], c[1] + damp, c[2]), (e[0], e[1], e[2] + damp)
+    normal = cross(c, e)
+    det = dot(a, normal)
+    y = (dot(b, normal) / det, dot(b, cross(e, a)) / det, dot(b, cross(a, c)) / det)
+    for k in range(len(out)):
+        out[k] = dot(row(J, k), y)
+
+
+@kernel
+def _gram(J: Array, i: int) -> Vec:
+    """Return row i of J' J."""
+    x, y, z = 0.0, 0.0, 0.0
+    for k in range(J.shape[0]):
+        x += J[k, i] * J[k, 0]
+        y += J[k, i] * J[k, 1]
+        z += J[k, i] * J[k, 2]
+    return x, y, z
+
+
+@kernel
+def reach(packed: Array, r: Array, q: Array, work: Array) -> float:
+    """Move ``q`` to where the catch point is at ``r``; return the distance that is left [m]."""
+    g = unpack(packed)
+    w = unfold(work, len(q))
+    m, gap = w.motion, np.inf
+    for _ in range(_STEPS):
+        place(g.chain, q, m)
+        b = minus((r[0], r[1], r[2]), row(m.tip, 0))
+        gap = np.sqrt(dot(b, b))
+        if not gap > _RESIDUAL:
+            break
+        resolve(m.J, b, w.step)
+        largest = 0.0
+        for k in range(len(q)):
+            largest = max(largest, abs(w.step[k]))
+        for k in range(len(q)):
+            q[k] += w.step[k] * min(1.0, _STEP / max(largest, 1e-300))
+    return float(gap)
+
+
+@kernel
+def lift(packed: Array, hand: Array, ahead: Vec, point: Array, rows: Array, work: Array) -> float:
+    """Write q, dq, ddq at which a point in front of the palm follows a moving point.
+
+    Args:
+        packed: The arm.
+        hand: As of :func:`hand_of`.
+        ahead: Distance in front of the catch point along the palm's normal, and its two
+            derivatives in time [m, m/s, m/s^2].
+        point: Position, velocity, acceleration to be followed [m ...], shape (3, 3).
+        rows: Result; row 0 is where the iteration starts and so chooses the branch, shape (3, n).
+        work: Scratch.
+
+    Returns:
+        Distance that is left [m].
+    """
+    longer = packed.copy()  # kept by its use as an argument below: views do not keep it
+    tip = unpack(longer).chain.tip
+    for c in range(3):
+        tip[c] += ahead[0] * hand[c]
+    gap: float = _lift(longer, hand, ahead, point, rows, work)
+    return gap
+
+
+@kernel
+def _lift(packed: Array, hand: Array, ahead: Vec, point: Array, rows: Array, work: Array) -> float:
+    """As :func:`lift`, for an arm whose tip is the point in front of the palm."""
+    g = unpack(packed)
+    gap = reach(packed, point[0], rows[0], work)
+    w = unfold(work, rows.shape[1])
+    m = w.motion
+    normal = _frame(g.chain, rows[0], hand[:3])
+    resolve(m.J, minus(row(point, 1), times(ahead[1], normal)), rows[1])
+    sweep(g.chain, rows[0], rows[1], m)
+    turning = ZERO
+    for k in range(rows.shape[1]):
+        turning = plus(turning, times(rows[1, k], cross(row(m.W, k), normal)))
+    fixed = plus(row(m.tip, 2), plus(times(2.0 * ahead[1], turning), times(ahead[2], normal)))
+    resolve(m.J, minus(row(point, 2), fixed), rows[2])
+    return float(gap)
+
+
+@kernel
+def meet(
+    packed: Array, hand: Array, bounds: tuple[float, float], ball: Array, rows: Array, work: Array
+) -> bool:
+    """Write how the ball is met; False where the catch point cannot be where the ball is.
+
+    Args:
+        packed: The arm, as :attr:`DirectMap.packed`.
+        hand: As of :func:`hand_of`.
+        bounds: Smallest and largest relative acceleration a [m/s^2].
+        ball: The ball, shape (3, 3).
+        rows: Result, shape (3, n).
+        work: Scratch.
+    """
+    n = rows.shape[1]
+    if not _lift(packed, hand, ZERO, ball, rows, work) <= 1e3 * _RESIDUAL:
+        return False
+    g = unpack(packed)
+    w = unfold(work, n)
+    resolve(w.motion.J, _frame(g.chain, rows[0], hand[:3]), w.dq)
+    along, size = 0.0, 1e-300
+    for k in range(n):
+        along += rows[2, k] * w.dq[k] * hand[3 + k] ** 2
+        size += (w.dq[k] * hand[3 + k]) ** 2
+    a = min(max(along / size, bounds[0]), bounds[1])
+    for k in range(n):
+        rows[2, k] -= a * w.dq[k]
+    return True
+
+
+@kernel
+def meetings(
+    packed: Array, hand: Array, bounds: tuple[float, float], balls: Array, rows: Array, work: Array
+) -> NDArray[np.bool_]:
+    """Write how each of several balls (K, 3, 3) is met, shape (K, 3, n); say which can be.
+
+    Each starts from the one before it; ``rows[0, 0]`` is where the first starts.
+    """
+    found = np.zeros(len(balls), np.bool_)
+    first = rows[0, 0].copy()
+    for k in range(len(balls)):
+        rows[k, 0] = rows[k - 1, 0] if k > 0 and found[k - 1] else first
+        found[k] = meet(packed, hand, bounds, balls[k], rows[k], work)
+    return found
+
+
+#: Smallest and largest relative acceleration along the palm's normal [m/s^2].
+APPROACH = (70.0, 160.0)
+#: Candidates: shortest and longest time ahead, and step [s].
+SOONEST, HORIZON, STRIDE = 0.06, 0.9, 0.02
+#: Instants at which the path to a candidate is evaluated.
+INSTANTS = 8
+#: Utilization above which a candidate pays, price per squared excess, and price of a low catch.
+SPARE, PRICE, LOW = 0.9, 100.0, 2.0
+#: Utilization beyond which a throw is refused.
+REFUSED = 1.6
+#: Time after the catch for which the ball is still followed [s].
+FOLLOW = 0.004
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Intercept:
+    """A chosen catch.
+
+    Attributes:
+        t_c: Its time [s].
+        end: q, dq, ddq then [rad ...], shape (3, n).
+        r_c: The ball's predicted position then [m], shape (3,).
+        binding_limit: The limit that the path there uses most.
+        utilization: How much of it is used.
+        low: Whether the catch is lower than any that the map was learned on, where a surface may
+            be in the way.
+    """
+
+    t_c: float
+    end: Array
+    r_c: Array
+    binding_limit: str
+    utilization: float
+    low: bool
+
+
+class Search(NamedTuple):
+    """What the search knows of the arm, and scratch."""
+
+    packed: Array  # this, hand and work as of mitt.rivals.intercept
+    hand: Array
+    work: Array
+    bounds: Array  # (3, n) lowest and highest joints; where the first inverse starts [rad]
+    plant: Plant
+    scratch: Work
+    floor: float  # height below which a catch is low [m]
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Chooser:
+    """Chooses the catch for the arm of a map."""
+
+    map: DirectMap
+
+    @property
+    def arm(self) -> Arm:
+        """The arm."""
+        return self.map.arm
+
+    @cached_property
+    def hand(self) -> Array:
+        """Numbers of the kernels."""
+        return hand_of(self.arm)
+
+    @cached_property
+    def floor(self) -> float:
+        """Height of the lowest catch that the map was learned on [m]; nothing else of it counts."""
+        low, high = self.map.region
+        if not np.all(np.isfinite(self.map.region)):
+            return -np.inf
+        corners = product(*zip(low, high, strict=True))
+        return float(min(self.arm.position(np.array(q))[2] for q in corners))
+
+    @cached_property
+    def _search(self) -> Search:
+        """The arm, as the kernels take it."""
+        f, arm = self.map, self.arm
+        bounds = np.array([arm.q_min, arm.q_max, f.start])
+        return Search(f.packed, self.hand, f.work, bounds, plant_of(arm), work_of(arm), self.floor)
+
+    def choose(self, ball: BallState, motion: Array) -> Intercept | None:
+        """Return the best catch: the best in even steps, then the best about that.
+
+        Args:
+            ball: The ball's estimate.
+            motion: The arm's q, dq, ddq at the same time, shape (3, n).
+
+        Returns:
+            None where there is no catch.
+        """
+        after = np.arange(SOONEST, HORIZON, STRIDE)
+        first = self.best(after, flown(ball, after), motion)
+        if first is None:
+            return None
+        near = np.linspace(first.t_c - STRIDE / 2, first.t_c + STRIDE / 2, 3)
+        near = near[near >= SOONEST]
+        best = self.best(near, flown(ball, near), motion) or first
+        return replace(best, t_c=ball.t + best.t_c)
+
+    def best(self, after: Array, balls: Array, motion: Array) -> Intercept | None:
+        """Return the best of several catches, its time counted from now; None without one.
+
+        Args:
+            after: Times from now [s], shape (K,).
+            balls: r_o, dr_o, ddr_o then, shape (K, 3, 3).
+            motion: q, dq, ddq now, shape (3, n).
+        """
+        ends, table = np.zeros((len(after), 3, self.arm.n)), np.zeros((len(after), 3))
+        weigh(self._search, after, balls, motion, ends, table)
+        k = int(np.argmin(table[:, 0]))
+        price, utilization, which = table[k].tolist()
+        if not price < np.inf:
+            return None
+        kind, joint = divmod(int(which), self.arm.n)
+        return Intercept(
+            t_c=float(after[k]),
+            end=ends[k],
+            r_c=balls[k, 0],
+            binding_limit=f"{('torque', 'speed', 'range')[kind]}:{self.arm.names[joint]}",
+            utilization=utilization,
+            low=bool(balls[k, 0, 2] < self.floor),
+        )
+
+    def aim(self, catch: Intercept, ball: BallState) -> Intercept:
+        """Return the catch with its end where the ball is now predicted to be at its time."""
+        f, at, end = self.map, np.empty((3, 3)), catch.end.copy()
+        fly_on(state_of(ball), catch.t_c - ball.t, at)
+        if np.isfinite(at).all() and meet(f.packed, self.hand, APPROACH, at, end, f.work):
+            return replace(catch, end=end, r_c=at[0])
+        return catch
+
+    def verdict(self, catch: Intercept | None, *, sigma: float) -> Verdict:
+        """Return the verdict on a throw by the catch chosen for it; feasible or unreachable."""
+        if catch is None:
+            return Verdict(
+                outcome=Outcome.UNREACHABLE, binding_limit="domain", share=np.inf,
+                t_catch=np.inf, sigma=sigma,
+            )  # fmt: skip
+        fits = catch.utilization <= REFUSED
+        return Verdict(
+            outcome=Outcome.FEASIBLE if fits else Outcome.UNREACHABLE,
+            binding_limit=catch.binding_limit, share=catch.utilization,
+            t_catch=catch.t_c, sigma=sigma,
+        )  # fmt: skip
+
+
+@kernel
+def weigh(g: Search, after: Array, balls: Array, motion: Array, ends: Array, table: Array) -> None:
+    """Weigh several catches; those that need much too high speeds only if there are no others.
+
+    Args:
+        g: The arm.
+        after: Their times from now [s], shape (K,).
+        balls: r_o, dr_o, ddr_o then, shape (K, 3, 3).
+        motion: q, dq, ddq now, shape (3, n).
+        ends: Result: q, dq, ddq then, shape (K, 3, n).
+        table: Result: the module's table, shape (K, 3).
+    """
+    p, n = g.plant, motion.shape[1]
+    ends[0, 0] = g.bounds[2]
+    found = meetings(g.packed, g.hand, APPROACH, balls, ends, g.work)
+    paths, speed = np.empty((len(after), INSTANTS, 3, n)), np.full(len(after), np.inf)
+    for k in range(len(after)):
+        for j in range(n):
+            found[k] &= g.bounds[0, j] < ends[k, 0, j] < g.bounds[1, j]
+        if found[k]:
+            sample(motion, ends[k], after[k], paths[k])
+            speed[k] = np.max(np.abs(paths[k, :, 1] / p.scales[1]))
+            if not speed[k] < np.inf:  # one that is no number would win every comparison
+                found[k], speed[k] = False, np.inf
+    most = max(REFUSED, np.min(speed))
+    for k in range(len(after)):
+        table[k, 0] = np.inf
+        if found[k] and speed[k] <= most:
+            _weigh(g, balls[k, 0, 2] < g.floor, ends[k], paths[k], table[k])
+            if not table[k, 0] < np.inf:
+                table[k, 0] = np.inf
+
+
+@kernel
+def _weigh(g: Search, low: bool, end: Array, path: Array, out: Array) -> None:
+    """Write a row of the table, shape (3,), for a path, shape (S, 3, n)."""
+    p, w, inertia = g.plant, g.scratch, g.hand[3:]
+    shares, at, cost = np.zeros((3, len(w.tau))), np.empty((3, len(w.tau))), 0.0
+    for j in range(path.shape[2]):
+        stop = end[0, j] + FOLLOW * end[1, j] + 0.5 * end[1, j] * abs(end[1, j]) * inertia[j]
+        x = abs(stop - p.scales[2, j]) / p.scales[3, j]
+        shares[2, p.joints[j]] = max(shares[2, p.joints[j]], x)
+    for s in range(len(path)):
+        w.motion[:] = path[s]
+        inverse_dynamics(p.bodies, path[s, 0], path[s, 1], path[s, 2], w.tau, w.notes)
+        cost += assess(p, s, np.inf, shares, at, w)[0]
+    share, which = -1.0, 0
+    for kind in range(3):
+        for j in range(path.shape[2]):
+            if shares[kind, p.joints[j]] > share:
+                share, which = shares[kind, p.joints[j]], kind * path.shape[2] + j
+    out[0] = cost / len(path) + PRICE * max(share - SPARE, 0.0) ** 2 + LOW * low
+    out[1], out[2] = share, which

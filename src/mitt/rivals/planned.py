@@ -1,0 +1,190 @@
+"""Rivals that plan to the predicted catch, and plan anew when the prediction moves.
+
+``quintic`` is the classic of robotic catching (Hong and Slotine 1995, Frese and others 2001):
+position, velocity and acceleration are met at the predicted catch by a polynomial of degree five in
+each joint. ``ruckig`` and ``mpc`` do the same with planners of their own.
+
+While the catch is far, a new plan starts from the commanded motion, so nothing jumps. Near the
+catch a new plan would accelerate the arm for a millimetre; there the last plan stays and only its
+end is moved: a quintic that starts from zero adds what the end has moved.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol, final
+
+import numpy as np
+from ruckig import InputParameter, Result, Ruckig, RuckigError, Synchronization, Trajectory
+
+from mitt.generator.generators import Generator
+from mitt.generator.mapping import DirectMap
+from mitt.rivals.intercept import Intercept
+from mitt.rivals.paths import quintic
+from mitt.rivals.pursuit import rival
+from mitt.robot.arm import Arm
+from mitt.signals import Array, BallState
+
+
+class Plan(Protocol):
+    """A motion by time."""
+
+    def at(self, t: float) -> Array:
+        """Return q, dq, ddq at time ``t`` [s], shape (3, n)."""
+        ...
+
+
+#: Makes a plan from q, dq, ddq at a time to a catch; None where it finds none.
+Planner = Callable[[Array, float, Intercept], Plan | None]
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class QuinticPlan:
+    """The quintic between two states of motion at two times."""
+
+    t: float
+    start: Array
+    t_c: float
+    end: Array
+
+    def at(self, t: float) -> Array:
+        """Evaluate it."""
+        out = np.empty_like(self.start)
+        quintic(self.start, self.end, max(self.t_c - self.t, 1e-4), t - self.t, out)
+        return out
+
+
+def plan_quintic(motion: Array, t: float, catch: Intercept) -> QuinticPlan:
+    """Return the quintic from a motion at a time to a catch."""
+    return QuinticPlan(t=t, start=motion, t_c=catch.t_c, end=catch.end)
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Planned:
+    """Pursuit by the plans of a planner; where it finds none, by a quintic.
+
+    Attributes:
+        planner: Makes the plans.
+        dead_q: Change of the end's angles below which the plan stays [rad].
+        dead_dq: The same for its speeds [rad/s].
+        settled: Time before the catch from which on only the end is moved [s].
+        every: Shortest time between two plans [s].
+        plan: The present plan.
+        end: The end it was made for, shape (3, n).
+        t: When it was made [s].
+    """
+
+    planner: Planner
+    dead_q: float = 0.004
+    dead_dq: float = 0.06
+    settled: float = 0.06
+    every: float = 0.005
+    plan: Plan | None = None
+    end: Array | None = None
+    t: float = -np.inf
+
+    def begin(self, catch: Intercept, t: float, motion: Array) -> "Planned":
+        """Plan for the first time."""
+        plan = self.planner(motion, t, catch) or plan_quintic(motion, t, catch)
+        return replace(self, plan=plan, end=catch.end, t=t)
+
+    def step(self, catch: Intercept, ball: BallState) -> tuple[Array, "Planned"]:
+        """Follow the plan, made anew or moved at its end."""
+        if self.plan is None or self.end is None:
+            raise RuntimeError("a pursuit must begin before it goes on")
+        t, motion, moved = ball.t, self.plan.at(ball.t), catch.end - self.end
+        if catch.t_c - t > self.settled:
+            kept = np.abs(moved[0]) < self.dead_q, np.abs(moved[1]) < self.dead_dq
+            if t - self.t < self.every or np.all(kept):
+                return motion, self
+            return motion, self.begin(catch, t, motion)
+        t_s, added = max(catch.t_c - self.settled, self.t), np.empty_like(moved)
+        quintic(np.zeros_like(moved), moved, max(catch.t_c - t_s, 1e-4), t - t_s, added)
+        return motion + added, self
+
+
+def make_quintic(f: DirectMap) -> Generator:
+    """Return the rival for the arm of a map."""
+    return rival(f, Planned(planner=plan_quintic))
+
+
+#: Share of the speed limits, and time in which the largest acceleration builds up [s].
+_SPEED, _ONSET = 0.98, 0.04
+#: Difference of the duration from the time left that is accepted [s].
+_LATE = 2e-4
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class RuckigPlan:
+    """Ruckig's trajectory from a time on."""
+
+    t: float
+    trajectory: Trajectory
+
+    def at(self, t: float) -> Array:
+        """Evaluate it; past its end, at its end."""
+        after = min(max(t - self.t, 0.0), float(self.trajectory.duration))
+        return np.array(self.trajectory.at_time(after))
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class RuckigPlanner:
+    """Plans for one arm with Ruckig (Berscheid and Kroeger 2021).
+
+    It gives time-optimal motions of bounded speed, acceleration and jerk between any two states;
+    here it is stretched to end at the time of the catch. The largest accelerations follow from the
+    torques that gravity and speed leave, each joint with its own inertia. A target that moves very
+    little can make Ruckig fail, once in about 1e4 ticks, so the plan stays within a dead band;
+    where Ruckig finds none, the quintic is taken.
+    """
+
+    arm: Arm
+
+    def __call__(self, motion: Array, t: float, catch: Intercept) -> Plan | None:
+        """Return the plan that ends at the catch; None where Ruckig finds none in that time.
+
+        There is none from a motion that is no number.
+        """
+        if not np.all(np.isfinite(motion)):
+            return None
+        request = self._request(motion, catch, catch.t_c - t)
+        trajectory = Trajectory(self.arm.n)
+        try:
+            answer = Ruckig(self.arm.n).calculate(request, trajectory)
+        except (RuckigError, RuntimeError, ValueError):
+            return None
+        if answer not in (Result.Working, Result.Finished):
+            return None
+        ends = abs(float(trajectory.duration) - (catch.t_c - t)) <= _LATE
+        return RuckigPlan(t, trajectory) if ends else None
+
+    def _request(self, motion: Array, catch: Intercept, left: float) -> InputParameter:
+        """Return the problem: from a motion to a catch in the time left [s]."""
+        most = self.accelerations(motion, catch.end)
+        request = InputParameter(self.arm.n)
+        request.synchronization = Synchronization.Time
+        request.current_position, request.current_velocity = list(motion[0]), list(motion[1])
+        request.current_acceleration = list(np.clip(motion[2], -most, most))
+        request.target_position, request.target_velocity = list(catch.end[0]), list(catch.end[1])
+        request.target_acceleration = list(np.clip(catch.end[2], -0.98 * most, 0.98 * most))
+        request.max_velocity = list(_SPEED * self.arm.dq_max)
+        request.max_acceleration, request.max_jerk = list(most), list(most / _ONSET)
+        request.minimum_duration = max(left, 0.0)
+        return request
+
+    def accelerations(self, motion: Array, end: Array) -> Array:
+        """Return the accelerations that the torques allow at both ends [rad/s^2], shape (n,)."""
+        arm, most = self.arm, np.full(self.arm.n, np.inf)
+        for q, dq in ((motion[0], motion[1]), (end[0], end[1])):
+            bias = arm.inverse_dynamics(q, dq, np.zeros(arm.n))
+            free = np.maximum(arm.tau_max - np.abs(bias), 0.2 * arm.tau_max)
+            most = np.minimum(most, free / np.diag(arm.mass_matrix(q)))
+        return most
+
+
+def make_ruckig(f: DirectMap) -> Generator:
+    """Return the rival for the arm of a map."""
+    return rival(f, Planned(planner=RuckigPlanner(f.arm)))

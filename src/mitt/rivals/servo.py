@@ -1,0 +1,278 @@
+"""Pursuit tick by tick: the joints follow a moving goal within bounds, the palm towards the ball.
+
+The point that is led to the ball lies h in front of the catch point, along the palm's present
+normal; h goes to zero at the catch. So the ball enters the open hand from the front, wherever the
+palm faces on the way. The goal is kept within the reach of the arm, where the hand waits.
+
+| here     | meaning                                                   | unit    | shape  |
+|----------|-----------------------------------------------------------|---------|--------|
+| ``goal`` | q, dq, ddq to be followed                                 | rad ... | (3, n) |
+| ``rows`` | q, dq, ddq, advanced by a tick in place                   | rad ... | (3, n) |
+| ``most`` | q_min, q_max, largest speed, largest acceleration         | rad ... | (4, n) |
+
+Two rivals move so, each with a point of its own that attracts the hand: ``ik``
+(:func:`on_the_line`) and ``ds`` (:func:`virtual_ball`).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+from typing import final
+
+import numpy as np
+
+from mitt.generator.generators import Generator
+from mitt.generator.mapping import DirectMap
+from mitt.generator.packing import unfold, unpack
+from mitt.generator.prediction import fly_on, state_of
+from mitt.jit import kernel
+from mitt.rivals.intercept import Intercept, hand_of, lift
+from mitt.rivals.paths import quintic
+from mitt.rivals.pursuit import rival
+from mitt.robot.description import STOP_GAP
+from mitt.robot.kinematics import Vec, sweep
+from mitt.signals import Array, BallState
+
+#: Share of the speed limits, and share of the torques on each joint's own inertia that bounds its
+#: acceleration.
+_SPEED, _TORQUE = 0.98, 2.0
+#: Share of the reach within which the hand may wait, and values of each joint that it is found by.
+_REACH, _GRID = 0.96, 9
+#: Relative acceleration along the palm's normal at the catch [m/s^2], largest set-back h [m].
+_APPROACH, _BACK = 90.0, 0.2
+#: Bandwidth of the joints times the time to the catch, and its largest value [rad/s].
+_SHARPEN, _FASTEST = 6.0, 60.0
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """What the pursuit knows of the arm of a map."""
+
+    map: DirectMap
+
+    @cached_property
+    def most(self) -> Array:
+        """Bounds of the joints, as in the module's table."""
+        arm = self.map.arm
+        top = _TORQUE * arm.tau_max / np.diag(arm.mass_matrix(arm.q_ready))
+        return np.array([arm.q_min + STOP_GAP, arm.q_max - STOP_GAP, _SPEED * arm.dq_max, top])
+
+    @cached_property
+    def hand(self) -> Array:
+        """Numbers of the hand, as of :func:`mitt.rivals.intercept.hand_of`."""
+        return hand_of(self.map.arm)
+
+    @cached_property
+    def sphere(self) -> Array:
+        """Where the hand may wait: the second joint, and a radius about it [m], shape (4,)."""
+        f, arm, centre = self.map, self.map.arm, np.zeros(3)
+        _second(f.packed, arm.q_ready, centre, f.work)
+        ends = zip(arm.q_min, arm.q_max, strict=True)
+        grid = product(*(np.linspace(low, high, _GRID) for low, high in ends))
+        far = max(float(np.linalg.norm(arm.position(np.array(q)) - centre)) for q in grid)
+        return np.array([*centre, _REACH * far])
+
+    def lead(self, point: Array, left: float, goal: Array) -> None:
+        """Write the joint motion that leads the hand, palm first, to a moving point.
+
+        Args:
+            point: Position, velocity, acceleration of the point [m ...], shape (3, 3); changed.
+            left: Time to the catch [s].
+            goal: Result, shape (3, n); row 0 is where it was and chooses the branch.
+        """
+        _lead(self.map.packed, self.hand, self.sphere, left, point, goal, self.map.work)
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Servo:
+    """Pursuit of a goal that moves.
+
+    Attributes:
+        reach: The arm.
+        point: Returns position, velocity and acceleration of the point that attracts, (3, 3).
+        slowest: Smallest bandwidth of the joints [rad/s].
+        join: Share of the time to the catch in which the first gap to the goal is closed; 0 to
+            leave that to the bandwidth.
+        t: Time of ``motion`` [s].
+        t_s: When the pursuit began [s].
+        motion: q, dq, ddq of the tick before, shape (3, n).
+        goal: The goal of the tick before, shape (3, n).
+        gap: Motion minus goal when the pursuit began, shape (3, n).
+    """
+
+    reach: Reach
+    point: Callable[[Intercept, BallState], Array]
+    slowest: float
+    join: float = 0.0
+    t: float = 0.0
+    t_s: float = 0.0
+    motion: Array | None = None
+    goal: Array | None = None
+    gap: Array | None = None
+
+    def begin(self, catch: Intercept, t: float, motion: Array) -> "Servo":
+        """Start from a motion, on the branch of the catch."""
+        return replace(self, t=t, t_s=t, motion=motion, goal=catch.end, gap=None)
+
+    def step(self, catch: Intercept, ball: BallState) -> tuple[Array, "Servo"]:
+        """Advance the joints by a tick."""
+        if self.motion is None or self.goal is None:
+            raise RuntimeError("a pursuit must begin before it goes on")
+        goal, rows, left = self.goal.copy(), self.motion.copy(), np.zeros_like(self.goal)
+        self.reach.lead(self.point(catch, ball), catch.t_c - ball.t, goal)
+        gap = self.motion - goal if self.gap is None else self.gap
+        span = max(self.join * (catch.t_c - self.t_s), 1e-3)
+        if self.join > 0.0 and ball.t - self.t_s < span:
+            quintic(gap, np.zeros_like(gap), span, ball.t - self.t_s, left)
+        rate = min(max(_SHARPEN / max(catch.t_c - ball.t, 1e-3), self.slowest), _FASTEST)
+        if ball.t > self.t:
+            _follow(self.reach.most, goal + left, rate, ball.t - self.t, rows)
+        return rows, replace(self, t=ball.t, motion=rows, goal=goal, gap=gap)
+
+
+@kernel
+def _second(packed: Array, q: Array, place: Array, work: Array) -> None:
+    """Write the origin of the second active joint in the world."""
+    g = unpack(packed)
+    w = unfold(work, len(q))
+    sweep(g.chain, q, w.still, w.motion)
+    place[:] = w.motion.origin[0, 1]
+
+
+@kernel
+def _lead(
+    packed: Array, hand: Array, sphere: Array, left: float, point: Array, rows: Array, work: Array
+) -> None:
+    """As :meth:`Reach.lead`."""
+    h = _set_back(left)
+    _hold_back(point, sphere, h[0])
+    lift(packed, hand, h, point, rows, work)
+
+
+@kernel
+def _set_back(left: float) -> Vec:
+    """Return h [m] and its two derivatives in time, a time ``left`` [s] before the catch.
+
+    h = x / (1 + x / h_max) with x = a left^2 / 2: near the catch the ball nears the palm with the
+    relative acceleration a, far from it h is at most h_max.
+    """
+    a, x = _APPROACH, 0.5 * _APPROACH * left * left
+    part = 1.0 / (1.0 + x / _BACK)
+    bend = a * part * part - 2.0 * (a * left) ** 2 * part**3 / _BACK
+    return x * part, -a * left * part * part, bend
+
+
+@kernel
+def _hold_back(point: Array, sphere: Array, longer: float) -> None:
+    """Project a moving point onto the reach, its centre and radius in ``sphere`` (4,) [m]."""
+    size, radius = 0.0, sphere[3] + longer
+    for c in range(3):
+        size += (point[0, c] - sphere[c]) ** 2
+    size = np.sqrt(size)
+    if size <= radius:
+        return
+    along = 0.0
+    for c in range(3):
+        along += point[1, c] * (point[0, c] - sphere[c]) / size
+    for c in range(3):
+        ray = (point[0, c] - sphere[c]) / size
+        point[0, c] = sphere[c] + radius * ray
+        point[1, c] = radius / size * (point[1, c] - along * ray)
+        point[2, c] = 0.0
+
+
+@kernel
+def _follow(most: Array, goal: Array, gain: float, dt: float, rows: Array) -> None:
+    """Advance ``rows`` by a tick so that the gap to the goal decays, critically damped.
+
+    ddq = ddq_g + 2 w (dq_g - dq) + w^2 (q_g - q), the goal being that of the end of the tick.
+
+    Args:
+        most: Bounds, shape (4, n).
+        goal: The goal at the end of the tick, shape (3, n).
+        gain: w [rad/s].
+        dt: Length of the tick [s].
+        rows: q, dq, ddq, shape (3, n).
+    """
+    for k in range(rows.shape[1]):
+        q, dq = rows[0, k] + dt * rows[1, k], rows[1, k]
+        lag, slow = goal[0, k] - q, goal[1, k] - dt * goal[2, k] - dq
+        ddq = goal[2, k] + 2.0 * gain * slow + gain * gain * lag
+        ddq = min(max(ddq, -most[3, k]), most[3, k])
+        dq = min(max(dq + dt * ddq, -most[2, k]), most[2, k])
+        q = rows[0, k] + 0.5 * dt * (rows[1, k] + dq)
+        if q < most[0, k] or q > most[1, k]:
+            q, dq = min(max(q, most[0, k]), most[1, k]), 0.0
+        rows[2, k] = (dq - rows[1, k]) / max(dt, 1e-9)
+        rows[0, k], rows[1, k] = q, dq
+
+
+#: ``ik``: time before the catch at which the hand sets off along the line [s], share of the time to
+#: the catch in which it gets there, and smallest bandwidth of the joints [rad/s].
+_RUN, _JOIN, _SLOWEST_IK = 0.13, 0.95, 15.0
+#: ``ds``: distance R of the ball from the intercept at which the coupling begins [m], and smallest
+#: rate of the system [rad/s].
+_RADIUS, _SLOWEST_DS = 1.6, 6.0
+
+
+def on_the_line(catch: Intercept, ball: BallState) -> Array:
+    """Return the motion of the point that ``ik`` follows, position to acceleration, (3, 3).
+
+    What the paper sets out from: the desired position of the hand is that of the ball, resolved to
+    joint motion by damped least squares, f = l^-1. Taken literally it cannot catch: the ball enters
+    the reach of the arm where the arm is stretched, and no arm starts at 6 m/s. What an expert
+    makes of it: until the ball is near, the hand waits on the predicted line of flight, ahead of
+    the ball and within the reach; then it sets off along the line and lets the ball catch up: the
+    hand is where the ball will be a moment later, r_o(sigma(t)) with sigma -> t and
+    d sigma / dt -> 1 at the catch. Of the two elbows that reach a point that of the catch is taken;
+    the gap between the arm and that motion is closed on the way.
+
+    With u = left / D it is at the ball's place of the time sigma = t_c - D (u - u^3 + u^4 / 2), so
+    that d sigma / dt = 1 - u^2 (3 - 2 u).
+    """
+    left = catch.t_c - ball.t
+    u = min(max(left / _RUN, 0.0), 1.0)
+    ds, dds = 1.0 - u * u * (3.0 - 2.0 * u), 6.0 * u * (1.0 - u) / _RUN
+    point = np.empty((3, 3))
+    fly_on(state_of(ball), left - _RUN * (u - u * u * u + 0.5 * ((u * u) * (u * u))), point)
+    r, dr, ddr = point
+    return np.array([r, dr * ds, ddr * ds * ds + dr * dds])
+
+
+def make_ik(f: DirectMap) -> Generator:
+    """Return the rival for the arm of a map."""
+    return rival(f, Servo(reach=Reach(f), point=on_the_line, slowest=_SLOWEST_IK, join=_JOIN))
+
+
+def virtual_ball(catch: Intercept, ball: BallState) -> Array:
+    """Return position, velocity and acceleration of the virtual ball of ``ds``, shape (3, 3).
+
+    A dynamical system that is softly coupled to the ball, after Salehian, Khoramshahi and Billard,
+    "A Dynamical System Approach for Softly Catching a Flying Object: Theory and Experiment", IEEE
+    Transactions on Robotics 32 (2016): the hand is attracted not by the ball but by a virtual one,
+    seen from the predicted intercept r_c as x = r_c + gamma (r_o - r_c). The softness gamma goes
+    from 0, where the hand is attracted by the intercept alone, to 1, where it moves with the ball,
+    and depends on the state. Here gamma = (1 - s)^3 with s = |r_o - r_c|^2 / R^2 (0 beyond R), and
+    the system is of second order in the joints, critically damped, its rate rising towards the
+    catch.
+    """
+    o, do, ddo = ball.r_o - catch.r_c, ball.dr_o, ball.ddr_o
+    size = _RADIUS * _RADIUS
+    left = max(1.0 - float(np.sum(o * o)) / size, 0.0)
+    ds = float(np.sum(2.0 * o * do)) / size
+    dds = float(np.sum(2.0 * (do * do + o * ddo))) / size
+    soft, dsoft = left * left * left, -3.0 * left * left * ds
+    ddsoft = 6.0 * left * ds * ds - 3.0 * left * left * dds
+    return np.array([
+        catch.r_c + soft * o,
+        soft * do + dsoft * o,
+        soft * ddo + 2.0 * dsoft * do + ddsoft * o,
+    ])  # fmt: skip
+
+
+def make_ds(f: DirectMap) -> Generator:
+    """Return the rival for the arm of a map."""
+    return rival(f, Servo(reach=Reach(f), point=virtual_ball, slowest=_SLOWEST_DS))

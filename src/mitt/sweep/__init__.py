@@ -1,1 +1,0 @@
-"""Many throws: what a study asks for, who throws, what it comes to."""

@@ -1,0 +1,496 @@
+"""Runs of throws: as ``mitt catch`` makes them (learn, throw, keep), and from Python.
+
+All that a throw needs is compiled in two processes at once, before the first ball flies.
+"""
+
+import signal
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass, field, replace
+from multiprocessing import get_context
+from pathlib import Path
+from threading import Event, Thread
+from typing import Any, Literal, final
+
+import numpy as np
+from numba import typeof
+
+import mitt
+from mitt import checks
+from mitt.catcher.action import act
+from mitt.catcher.catcher import Catcher
+from mitt.catcher.loading import load_decisions
+from mitt.catcher.perception import perceive
+from mitt.catcher.settings import CatcherSettings
+from mitt.catcher.tick import refer, undecided
+from mitt.errors import FileError, InputError, StoppedError
+from mitt.files.about import About
+from mitt.files.arm_file import is_arm_file, read_arm_file
+from mitt.files.arms import load_arm
+from mitt.files.recording import write_recording
+from mitt.files.throws import ThrowSettings
+from mitt.generator.answers import answering
+from mitt.generator.design import MapDesign, default_design, tangent_of
+from mitt.generator.generators import Direct, Generator, Unoptimised, generator_of, map_of, refining
+from mitt.generator.learn import Learned
+from mitt.generator.mapping import DirectMap, unlearned
+from mitt.generator.several import Several
+from mitt.interrupts import end_with_parent, notice, status_of
+from mitt.jit import cache_folder, compiled_count, is_cold
+from mitt.link.clock import Stopwatch, settled
+from mitt.reading import difference, noted
+from mitt.robot.arm import Arm
+from mitt.robot.hands import HandModel
+from mitt.signals import TICK, ArmState, Senses, Sighting
+from mitt.trials.choice import ArmChoice
+from mitt.trials.learning import learn, neighbourhood_of_ball
+from mitt.trials.log import recording_of
+from mitt.trials.play import NOTHING
+from mitt.trials.registry import make_generator
+from mitt.trials.result import result
+from mitt.trials.runner import LOOKS, TrialRunner
+from mitt.trials.score import Trial, reason_of
+from mitt.trials.source import Source, source_of
+from mitt.vision.calibration.caught import ClockOffset, LearnedClock, caught_offset
+from mitt.world.flights import BallPath
+from mitt.world.motion import move
+from mitt.world.scene import Scene
+from mitt.world.scenes import changed, scene_from
+from mitt.world.throws import Throw
+
+#: Kernels of a default ``mitt catch``, counted on November 23; how often the bar looks at them [s].
+_KERNELS, _PERIOD = 331, 1.0
+#: What the bar says.
+_COMPILING = "compiling, once"
+
+Report = Callable[[str, int, int], None]
+
+
+@contextmanager
+def warming(
+    arm: Arm, design: MapDesign, scene: Scene, ball: Throw | BallPath, *, pixels: bool,
+    progress: Report,
+) -> Iterator[None]:  # fmt: skip
+    """Compile in a second process what the eyes need, meanwhile here what the arm needs.
+
+    Does nothing where the kernels have been compiled before, or cannot be kept. What a process
+    could not compile is compiled when it is needed.
+
+    Args:
+        arm: The arm.
+        design: Of the map.
+        scene: The world.
+        ball: Any throw.
+        pixels: Whether the catcher sees images.
+        progress: Is told how many kernels are compiled.
+    """
+    if cache_folder() is None or not is_cold():
+        yield
+        return
+    over, job = Event(), (unlearned(arm, design), scene, ball, pixels)
+    other = get_context("spawn").Process(target=_compile_eyes, args=job, daemon=True)
+    watch = Thread(target=_watch, args=(over, progress), daemon=True)
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # for the second process, for good
+    try:
+        other.start()
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    watch.start()
+    try:
+        yield
+        _compile_arm(*job)
+        other.join()
+        progress(_COMPILING, _KERNELS, _KERNELS)
+    finally:
+        other.terminate()
+        over.set()
+        watch.join()
+
+
+def _watch(over: Event, progress: Report) -> None:
+    """Report how many kernels are compiled until it is over."""
+    before = compiled_count()
+    while not over.wait(_PERIOD):
+        progress(_COMPILING, min(max(compiled_count() - before, 0), _KERNELS - 1), _KERNELS)
+
+
+def _compile_eyes(f: DirectMap, scene: Scene, ball: Throw | BallPath, pixels: bool) -> None:
+    """Compile what draws images and what finds the ball in them."""
+    end_with_parent()
+    runner, catcher = _prepared(f, scene, ball, pixels=pixels)
+    if views := runner.world.views_before(LOOKS):
+        catcher.learn_background(views)
+    _, state, result = catcher.kernel_arguments
+    q = np.zeros(f.arm.n)
+    _compile(perceive.inner, NOTHING, catcher.backgrounds, 0, 0.0, 0.0, 0.0, q, q, state, result)
+
+
+def _compile_arm(f: DirectMap, scene: Scene, ball: Throw | BallPath, pixels: bool) -> None:
+    """Compile what moves the arm, in the catcher and in the world."""
+    runner, catcher = _prepared(f, scene, ball, pixels=pixels)
+    brake, state, result = catcher.kernel_arguments
+    _compile(act.inner, brake, state, result)
+    _compile(refer.inner, state, result)
+    _compile(undecided.inner, 0, state, result)
+    stage = runner.world.stage
+    if stage is not None:
+        rows, tau = stage.trace_buffer.reserve(2), catcher.result.command[3]
+        _compile(move.inner, stage.plant, tau, 0.0, rows)
+
+
+def _prepared(
+    f: DirectMap, scene: Scene, ball: Throw | BallPath, *, pixels: bool
+) -> tuple[TrialRunner, Catcher]:
+    """Return a runner whose world is ready for a throw, and its catcher."""
+    runner = TrialRunner(f.arm, Direct(f), scene, pixels=pixels)
+    runner.world.reset(ball, 0)
+    return runner, runner.catcher()
+
+
+def _compile(kernel: Any, *args: object) -> None:  # noqa: ANN401
+    """Compile a kernel for the types of its arguments."""
+    kernel.compile(tuple(typeof(x) for x in args))
+
+
+#: Index of the throw that is run once before the others, so that compiling is not measured.
+_WARM_UP = 2**31
+
+
+def arm_of(choice: ArmChoice) -> Arm:
+    """Return the arm that is chosen; with a hand at its tip, unless an arm file says otherwise."""
+    names = None if choice.joints is None else [x.strip() for x in choice.joints.split(",")]
+    hand = None if is_arm_file(choice.arm) else HandModel()
+    return load_arm(choice.arm, tip=choice.tip, joints=names, limits=choice.limits, hand=hand)
+
+
+def design_of(choice: ArmChoice, arm: Arm) -> MapDesign:
+    """Return the map design that is chosen.
+
+    What is left out is that of the arm file, if the arm comes from one that has a design, or else
+    follows from the arm.
+    """
+    base = read_arm_file(Path(choice.arm)).map if is_arm_file(choice.arm) else None
+    design = default_design(
+        arm,
+        base=base,
+        catch_joint=choice.catch_joint,
+        q_catch=choice.q_catch,
+        kappa=choice.kappa,
+        inward=choice.inward,
+        order=choice.order,
+    )
+    tangent_of(arm, design)  # refuses angles and ratios that cannot be, before anything is run
+    return design
+
+
+def throws_of(choice: ArmChoice) -> ThrowSettings | None:
+    """Return where the arm file wants balls to come from; None where it says nothing."""
+    return read_arm_file(Path(choice.arm)).throws if is_arm_file(choice.arm) else None
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChosenArm:
+    """An arm with all that its files say, read at one time.
+
+    Attributes:
+        arm: The arm.
+        design: Design of its map.
+        throws: Where balls are to come from; None where no file says so.
+        files: Digests of what was read, by name, in the order of reading.
+    """
+
+    arm: Arm
+    design: MapDesign
+    throws: ThrowSettings | None
+    files: dict[str, str]
+
+
+def chosen_arm(choice: ArmChoice, *, wanted: Mapping[str, str] | None = None) -> ChosenArm:
+    """Return the arm that is chosen, and what it was read from.
+
+    Args:
+        choice: The choice.
+        wanted: Digests of the files as they were; as they are if left out.
+
+    Raises:
+        FileError: A file holds something else than it did.
+    """
+    with noted() as files:
+        arm = arm_of(choice)
+        found = ChosenArm(arm=arm, design=design_of(choice, arm), throws=throws_of(choice),
+                          files=files)  # fmt: skip
+    if wanted is not None and (name := difference(wanted, files)):
+        raise FileError(name, "the file that the study was made with", "another content",
+                        do="put it back, or begin the study anew")  # fmt: skip
+    return found
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunSettings:
+    """How a run throws, and what it leaves.
+
+    Attributes:
+        generator: Name of the generator.
+        adapt: How the direct map is adapted to a throw: once before moving, by ``projection``, or
+            refined for that throw besides (``refine``).
+        vision: What the catcher sees: ``pixels`` of two cameras, or noisy ``points``.
+        seed: Seed of throws, plant and noise.
+        record: Which throws to record besides the first: ``none`` at all, ``failures`` or ``all``.
+        record_images: Whether recordings keep the images.
+        overwrite: Use a folder that has files in it.
+        learn_clock: Whether the eyes' clock is learned from catch to catch and corrected.
+    """
+
+    generator: str = "direct"
+    adapt: Literal["projection", "refine"] = "projection"
+    vision: Literal["pixels", "points"] = "pixels"
+    seed: int = 0
+    record: Literal["none", "failures", "all"] = "failures"
+    record_images: bool = False
+    overwrite: bool = False
+    learn_clock: bool = False
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prepared:
+    """A run that can start: every input read and found good.
+
+    Attributes:
+        settings: How it throws.
+        arm: The arm.
+        design: Design of the map to be learned, where none is given.
+        scene: The world.
+        source: What is thrown.
+        learned: The map; None to learn it first.
+        out: Folder to write.
+        again: What makes the run again, as JSON: its options, and what it read.
+    """
+
+    settings: RunSettings
+    arm: Arm
+    design: MapDesign
+    scene: Scene
+    source: Source
+    learned: Learned | None
+    out: Path
+    again: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def head(self) -> dict[str, object]:
+        """What the result says of the run; the scene, and in what it was changed."""
+        changes, of = changed(self.scene), self.settings
+        return {
+            "version": mitt.__version__,
+            "arm": self.arm.model.name,
+            "limits": self.arm.limits.name,
+            "generator": of.generator,
+            "vision": of.vision,
+            "seed": of.seed,
+            **({"adapt": of.adapt} if of.adapt != "projection" else {}),
+            "scene": self.scene.base,
+            **({"scene_changed": changes} if changes else {}),
+        }
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FinishedRun:
+    """A run that is over, by itself or because it was interrupted."""
+
+    prepared: Prepared
+    learned: Learned
+    trials: list[Trial]
+    stopwatch: Stopwatch
+    interrupt: int | None
+    clock: LearnedClock | None = None
+
+    @property
+    def status(self) -> int:
+        """Exit status of the command."""
+        return 0 if self.interrupt is None else self.interrupt
+
+    @property
+    def result(self) -> dict[str, Any]:
+        """The result as the contract writes it."""
+        head = self.prepared.head | ({} if self.clock is None else {"clock": self.clock.figures})
+        return result(self.trials, self.stopwatch, head, self.prepared.source.count)
+
+
+def make_runner(prepared: Prepared, learned: Learned, *, generator: str) -> TrialRunner:
+    """Return the runner of a run, for a generator by name."""
+    if prepared.settings.adapt == "refine" and generator == "direct":
+        return runner_for(prepared, refining(learned.map))
+    return runner_for(prepared, make_generator(generator, learned.map))
+
+
+def runner_for(prepared: Prepared, generator: Generator) -> TrialRunner:
+    """Return the runner of a run, for any generator."""
+    pixels = prepared.settings.vision == "pixels"
+    return TrialRunner(prepared.arm, generator, prepared.scene, pixels=pixels)
+
+
+def run(
+    prepared: Prepared,
+    *,
+    progress: Callable[[str, int, int], None],
+    keeping: Callable[[Learned], AbstractContextManager[Callable[[Trial], None]]] | None = None,
+) -> FinishedRun:
+    """Learn if no map was given, and throw; an interrupt ends the run and keeps what is done.
+
+    Args:
+        prepared: The run.
+        progress: Is told what is being done, how many are done, and of how many.
+        keeping: Is called when the first ball is about to be thrown, and gives what keeps each
+            throw that has ended.
+    """
+    count = prepared.source.count
+    ball, pixels = prepared.source.ball(_WARM_UP), prepared.settings.vision == "pixels"
+    parts = prepared.arm, prepared.design, prepared.scene, ball
+    with warming(*parts, pixels=pixels, progress=progress):
+        progress("learning", 0, 1)
+        learned = prepared.learned or learn(
+            prepared.arm,
+            design=prepared.design,
+            around=neighbourhood_of_ball(prepared.scene.ball.drag),
+        )
+        progress("learning", 1, 1)
+    runner = make_runner(prepared, learned, generator=prepared.settings.generator)
+    runner.run(-1, ball, seed=0)
+    runner.stopwatch.clear()
+    clock = LearnedClock() if prepared.settings.learn_clock else None
+    trials: list[Trial] = []
+    interrupt = None
+    try:
+        with settled(), keeping(learned) if keeping else nullcontext(lambda _: None) as keep:
+            for index in range(count):
+                progress("throwing", index, count)
+                trial = _thrown(runner, prepared.source, index, clock)
+                keep(trial)
+                trials.append(trial)
+        progress("throwing", count, count)
+    except KeyboardInterrupt as stop:
+        notice()
+        interrupt = status_of(stop)
+    return FinishedRun(
+        prepared=prepared,
+        learned=learned,
+        trials=trials,
+        stopwatch=runner.stopwatch,
+        interrupt=interrupt,
+        clock=clock,
+    )
+
+
+def _thrown(runner: TrialRunner, source: Source, index: int, clock: LearnedClock | None) -> Trial:
+    """Throw once; where a clock is learned, corrected by it and with what the catch says of it."""
+    trial, used = runner.throw(source, index).trial, runner.clock_offset
+    if clock is None:
+        return trial
+    found = ClockOffset(unknown="the arm has not braked for a ball")
+    if runner.caught is not None:
+        found = caught_offset(runner.arm, runner.caught)
+        clock.take(found, used)
+    runner.clock_offset = clock.offset
+    known = not found.unknown
+    return replace(trial, clock={
+        "offset_s": used, "found_s": used + found.offset if known else None,
+        "sigma_s": found.sigma if known else None, "unknown": found.unknown or None,
+    })  # fmt: skip
+
+
+#: Ticks that load what ticks need, and where the ball is seen in them [m].
+_TICKS, _FAR = 20, np.array([3.0, 0.0, 1.0])
+
+
+def simulate(
+    f: DirectMap | Learned | Generator,
+    *,
+    arm: Arm | None = None,
+    throws: int = 10,
+    seed: int = 0,
+    scene: Scene | str | Path | None = None,
+    pixels: bool = True,
+    raise_stopped: bool = False,
+    record: Path | None = None,
+) -> list[Trial]:
+    """Throw default throws at an arm, and return the scored trials.
+
+    The same throws, plant and noise as ``mitt catch --throws N --seed S``. One throw also loads all
+    that a catcher with the same kind of map needs, which takes a tenth of a second in its first
+    throw otherwise, and seconds where it has to be compiled: too long for an arm that moves.
+
+    Args:
+        f: What moves the arm: a map, which knows its arm, what :func:`mitt.learn` returned, or a
+            generator.
+        arm: The arm of a generator that is no map; otherwise that of the map.
+        throws: Number of throws.
+        seed: Seed of throws, plant and noise.
+        scene: The world's settings, or the name or file of a scene; the scene of ``mitt catch`` if
+            left out.
+        pixels: Whether the catcher sees images; noisy points otherwise.
+        raise_stopped: Whether a throw that is stopped raises instead of being one of the trials.
+        record: Folder for a recording of each throw, to be replayed; none if left out. Only of
+            maps: a replay makes its generator again.
+
+    Raises:
+        InputError: An argument is not what it should be.
+        StoppedError: A throw was stopped; its data say by what.
+    """
+    generator, used = _moved_by(f, arm)
+    throws = checks.whole("throws", throws, least=1)
+    seed, pixels = checks.whole("seed", seed, least=0), checks.flag("pixels", pixels)
+    raise_stopped = checks.flag("raise_stopped", raise_stopped)
+    record = None if record is None else checks.path("record", record)
+    scene = scene_from(scene)
+    source = source_of(used, seed=seed, count=throws, drag=scene.ball.drag)
+    runner = TrialRunner(used, generator, scene, pixels=pixels)
+    if map_of(generator) is not None:
+        load_decisions(used, generator, CatcherSettings())
+        _load(runner)
+    about = None if record is None else _about(runner, generator)
+    trials = []
+    for k in range(source.count):
+        outcome = runner.throw(source, k, log=about is not None)
+        trial = outcome.trial
+        if record is not None and about is not None and outcome.log is not None:
+            recording = recording_of(outcome.log, trial, about, {"seed": seed})
+            write_recording(record / f"throw-{k:05d}.mcap", recording)
+        if raise_stopped and trial.stopped_by is not None:
+            raise StoppedError(k, reason_of(trial.stopped_by), trial.stopped_by)
+        trials.append(trial)
+    return trials
+
+
+def _load(runner: TrialRunner) -> None:
+    """Make some ticks as a loop in Python does; those of a trial are made in compiled code."""
+    catcher, q = runner.catcher(), runner.arm.q_ready
+    for k in range(_TICKS):
+        t = k * TICK
+        ball = Sighting(t=t, found=True, r_o=_FAR, covariance=1e-6 * np.eye(3))
+        arm = ArmState(t=t, q=q, dq=np.zeros(len(q)))
+        catcher.step(Senses(t=t, arm=arm, points=(ball,)))
+
+
+def _moved_by(f: object, arm: Arm | None) -> tuple[Generator, Arm]:
+    """Return the generator and the arm that it moves."""
+    generator = generator_of(f, name="f")
+    own = map_of(generator)
+    if arm is not None:
+        checks.instance("arm", arm, Arm)
+    elif own is None:
+        raise InputError("arm", "the arm of a generator that is no map", "none")
+    used = own.arm if arm is None and own is not None else arm
+    used = checks.instance("arm", used, Arm)
+    return answering(generator, used.n), used
+
+
+def _about(runner: TrialRunner, generator: Generator) -> About:
+    """Return what makes the catcher of a recording again; InputError where nothing does."""
+    names = {Direct: "direct", Several: "several", Unoptimised: "unoptimised"}
+    f, name = map_of(generator), names.get(type(generator))
+    if f is None or name is None:
+        raise InputError("record", "nothing, where the generator is no map", "a folder")
+    return runner.about(name, f)

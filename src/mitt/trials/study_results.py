@@ -1,0 +1,535 @@
+"""The folder of a study: who may write to it, its table of throws, and what it all comes to.
+
+study.json       the study, spelled out, and its digest
+maps/            learned maps, one an arm with its limits
+flights/         recorded flights that are thrown, named by what they hold
+parts/           one Parquet file a chunk, whole or not there
+recordings/      failures
+trials.parquet   all throws, one row each
+summary.json     rates by generator and condition; follows from the table, and is never read back
+timing.json      wall-clock figures, which no comparison reads
+
+Pages of the tables carry checksums, and the metadata say which study, seed and version a part
+belongs to.
+"""
+
+import hashlib
+import io
+import json
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+
+from mitt import checks
+from mitt.errors import FileError, InputError, MissingPackageError
+from mitt.files.files import file_name, make_folder, read_json, write_atomically, write_json
+from mitt.files.folders import Leaves, claim_folder, clear_temporary
+from mitt.reading import difference, read_bytes
+from mitt.signals import Array
+from mitt.trials.result import STATUSES, spread_of
+from mitt.trials.score import Trial, reason_of
+from mitt.trials.statistics import holm, mcnemar, wilson
+from mitt.trials.study_file import SCHEMA, ArmSettings, Condition, Study
+from mitt.world.settings import validated
+from mitt.world.tables import MAX_BYTES
+
+MANIFEST = "study.json"
+"""File that says which study a folder belongs to."""
+
+_MANIFEST_SCHEMA = "mitt.study-run/1"
+LEAVES = Leaves(
+    command="mitt study", schema=_MANIFEST_SCHEMA, manifests=(MANIFEST,),
+    names=(r"study\.json", r"maps/map-[0-9a-f]{12}\.json", r"flights/[0-9a-f]{16}\.csv",
+           r"parts/part-\d{6,}\.parquet", r"recordings/.+-\d+\.mcap", r"replays/.+-\d+\.html",
+           r"trials\.parquet", r"summary\.json", r"timing\.json", r"report\.html"),
+)  # fmt: skip
+"""All that a study leaves in its folder."""
+
+
+@final
+class Folder:
+    """The folder of a study."""
+
+    def __init__(self, path: Path) -> None:
+        """Take the place; nothing is read or written yet."""
+        self.path = path
+
+    @property
+    def recordings(self) -> Path:
+        """Where recordings are kept."""
+        return self.path / "recordings"
+
+    @property
+    def trials(self) -> Path:
+        """The table of all throws."""
+        return self.path / "trials.parquet"
+
+    @property
+    def summary(self) -> Path:
+        """The summary."""
+        return self.path / "summary.json"
+
+    def part(self, number: int) -> Path:
+        """Return where the part of a chunk is kept."""
+        return self.path / "parts" / f"part-{number:06d}.parquet"
+
+    def map(self, arm: ArmSettings) -> Path:
+        """Return where the map of an arm is kept."""
+        name = hashlib.sha256(arm.model_dump_json().encode()).hexdigest()[:12]
+        return self.path / "maps" / f"map-{name}.json"
+
+    def flights(self, study: Study, address: str) -> Path:
+        """Return where recorded flights are kept; copied there when they are first asked for.
+
+        Args:
+            study: The study.
+            address: Address of the file as the study has it.
+
+        Raises:
+            FileError: The file is not there any more, or holds something else.
+        """
+        digest = study.flights[address]
+        kept = self._flights(digest)
+        place = kept if kept.exists() else Path(address)
+        content = read_bytes(place, max_bytes=MAX_BYTES, wanted="a readable CSV file")
+        if hashlib.sha256(content).hexdigest() != digest:
+            raise FileError(str(place), "the flights that the study was made with", "others")
+        if place is not kept:
+            write_bytes(kept, content)
+        return kept
+
+    def _flights(self, digest: str) -> Path:
+        """Return where recorded flights of a digest are kept."""
+        return self.path / "flights" / f"{digest[:16]}.csv"
+
+    def recording(self, generator: str, condition: str, index: int) -> Path:
+        """Return where the recording of a throw is kept."""
+        return self.path / "recordings" / f"{throw_name(generator, condition)}-{index}.mcap"
+
+    def claim(self, study: Study, *, resume: bool, overwrite: bool) -> None:
+        """Make the folder ready for a study.
+
+        Raises:
+            InputError: It has files in it and neither option was said, or it is another study's.
+            FileError: It cannot be made or written.
+        """
+        if not (resume and self._is_ours(study)):
+            flights = [x for a, d in study.flights.items() for x in (Path(a), self._flights(d))]
+            claim_folder(self.path, LEAVES, overwrite=overwrite or resume, made=self._made(),
+                         keep=(self.path / MANIFEST, *flights))  # fmt: skip
+            write_json(self.path / MANIFEST, _manifest(study))
+        make_folder(self.path / "parts")
+        clear_temporary(self.path, LEAVES)
+
+    def _made(self) -> Callable[[str], bool]:
+        """Return what says whether the study of this folder made a file: its throws have names."""
+        raw = read_json(self.path / MANIFEST) if LEAVES.owns(self.path) else {}
+        told = raw.get("study")
+        told = told if isinstance(told, dict) else {}
+        counts, conditions = told.get("counts"), told.get("conditions")
+        names = {
+            throw_name(str(generator), str(condition.get("name")))
+            for generator in (counts if isinstance(counts, dict) else ())
+            for condition in (conditions if isinstance(conditions, list) else ())
+            if isinstance(condition, dict)
+        }
+
+        def made(name: str) -> bool:
+            inner, _, last = name.partition("/")
+            return inner not in ("recordings", "replays") or last.rpartition("-")[0] in names
+
+        return made
+
+    def check(self, study: Study, *, resume: bool) -> None:
+        """Refuse a folder that a study cannot go on in; for resuming only."""
+        if resume:
+            self._is_ours(study)
+
+    def _is_ours(self, study: Study) -> bool:
+        """Say whether the folder holds the beginning of this study; False where it is empty."""
+        files = [p for p in self.path.glob("*") if not p.name.startswith(".")]
+        if not files:
+            return False
+        manifest = self.path / MANIFEST
+        if not manifest.exists():
+            raise InputError("--resume", "the folder of a study", f"{self.path}, which is none")
+        given = read_json(manifest)
+        digest = given.get("digest") if isinstance(given, dict) else None
+        if digest != study.digest:
+            raise InputError("--resume", f"a folder of the study {study.name!r} as it is now",
+                             f"{self.path}, made by {_other(given, study)}",
+                             do="choose another folder or say --overwrite instead")  # fmt: skip
+        return True
+
+
+def throw_name(generator: str, condition: str) -> str:
+    """Return what the files of a throw begin with."""
+    return f"{file_name(generator)}-{file_name(condition)}"
+
+
+def _other(given: object, study: Study) -> str:
+    """Return in words what made a folder that is not of this study."""
+    if not isinstance(given, dict):
+        return "another study"
+    if given.get("version") != study.version:
+        return f"a study of mitt {given.get('version')}"
+    try:
+        was = validated(Study, given.get("study"), place=MANIFEST)
+    except InputError:
+        return "another study"
+    for name, origin in study.plugins.items():
+        before = was.plugins.get(name, origin)
+        if before != origin:
+            return f"generator {name!r} of {before}; now {origin}"
+    for name, digest in study.flights.items():
+        if was.flights.get(name, digest) != digest:
+            return f"another content of {name}"
+    for old, new in zip(was.conditions, study.conditions, strict=False):
+        name = difference(old.arm_files, new.arm_files)
+        if name and old.arm == new.arm:
+            return f"another content of {name}"
+    return "another study"
+
+
+def _manifest(study: Study) -> dict[str, object]:
+    """Return what ``study.json`` says."""
+    return {
+        "schema": _MANIFEST_SCHEMA,
+        "version": study.version,
+        "digest": study.digest,
+        "study": study.model_dump(mode="json"),
+    }
+
+
+def read_manifest(path: Path) -> Study:
+    """Return the study that a folder was made by.
+
+    Raises:
+        FileError: The folder holds no study.
+    """
+    path = checks.path("study", path)
+    if not (path / MANIFEST).is_file():
+        if (path / "result.json").is_file():
+            raise FileError(str(path), "the folder of a study", "one of mitt catch",
+                            do="its page is report.html, written by mitt catch itself")  # fmt: skip
+        raise FileError(str(path), "the folder of a study, with study.json in it", "none")
+    raw = read_json(path / MANIFEST)
+    if not isinstance(raw, dict) or raw.get("schema") != _MANIFEST_SCHEMA:
+        raise FileError(str(path / MANIFEST), f"schema {_MANIFEST_SCHEMA}", "another")
+    return validated(Study, raw.get("study"), place=str(path / MANIFEST))
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file atomically."""
+    write_atomically(path, lambda temporary: temporary.write_bytes(content))
+
+
+def notes_of(study: Study) -> dict[str, str]:
+    """Return what the metadata of a table say of its study."""
+    return {
+        "schema": SCHEMA,
+        "study": study.name,
+        "digest": study.digest,
+        "seed": str(study.seed),
+        "version": study.version,
+    }
+
+
+try:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+except ImportError as error:
+    raise MissingPackageError("mitt study", "pyarrow", "study") from error
+
+Row = dict[str, Any]
+"""A throw, by columns of the table."""
+
+#: Rows of one row group of the whole table.
+_GROUP = 4096
+_AXES = ("x", "y", "z", "vx", "vy", "vz")
+_FLOATS = ("t_catch_s", "position_error_mm", "velocity_error_m_s", "demand_cost",
+           "peak_contact_force_n", "range_excess_rad")  # fmt: skip
+#: Fields of ``stopped_by``, each a column of its own.
+_STOP_WORDS = ("state", "reason", "joint", "hint")
+_STOP_ROWS = ("q", "dq", "q_read", "dq_read", "command_q", "command_dq", "command_ddq",
+              "command_tau")  # fmt: skip
+
+_COLUMNS = pa.schema(
+    [
+        pa.field("generator", pa.string()),
+        pa.field("condition", pa.string()),
+        pa.field("index", pa.int64()),
+        pa.field("status", pa.string()),
+        *(pa.field(name, pa.float64()) for name in _FLOATS),
+        pa.field("peak_torque_ratio", pa.list_(pa.float64())),
+        pa.field("peak_speed_ratio", pa.list_(pa.float64())),
+        pa.field("limit_violations", pa.int64()),
+        pa.field("over_force", pa.bool_()),
+        pa.field("saturated_ticks", pa.int64()),
+        pa.field("binding_limit", pa.string()),
+        *(pa.field(f"stopped_by_{name}", pa.string()) for name in _STOP_WORDS),
+        pa.field("stopped_by_t_s", pa.float64()),
+        pa.field("stopped_by_brakes", pa.bool_()),
+        *(pa.field(f"stopped_by_{name}", pa.list_(pa.float64())) for name in _STOP_ROWS),
+        pa.field("energy_j", pa.float64()),
+        *(pa.field(f"release_{axis}", pa.float64()) for axis in _AXES),
+        *(pa.field(f"passing_{axis}", pa.float64()) for axis in _AXES),
+    ]
+)
+
+
+def row_of(
+    generator: str, condition: str, trial: Trial, energy_j: float, release: Array, passing: Array
+) -> Row:
+    """Return a throw by columns.
+
+    Args:
+        generator: Name of the generator.
+        condition: Name of the condition.
+        trial: Its score.
+        energy_j: Mechanical work of the joints, counted positive both ways [J].
+        release: Position and velocity at release [m, m/s], shape (6,).
+        passing: The same where the undisturbed ball is nearest to the waiting hand, shape (6,).
+    """
+    known = set(_COLUMNS.names)
+    row: Row = {key: value for key, value in asdict(trial).items() if key in known}
+    row |= {f"stopped_by_{name}": x for name, x in (trial.stopped_by or {}).items()}
+    row |= {"generator": generator, "condition": condition, "energy_j": energy_j}
+    for name, state in (("release", release), ("passing", passing)):
+        row |= {f"{name}_{axis}": float(x) for axis, x in zip(_AXES, state, strict=True)}
+    return row
+
+
+def write_rows(rows: Sequence[Row], notes: dict[str, str]) -> bytes:
+    """Return a part as the bytes of a Parquet file."""
+    out, schema = io.BytesIO(), _schema(notes)
+    with pq.ParquetWriter(out, schema, write_page_checksum=True) as writer:
+        writer.write_table(pa.Table.from_pylist(list(rows), schema=schema))
+    return out.getvalue()
+
+
+def _schema(notes: dict[str, str]) -> Any:  # noqa: ANN401 (pyarrow has no types)
+    """Return the columns with metadata."""
+    return _COLUMNS.with_metadata(dict(sorted(notes.items())))
+
+
+def read_part(path: Path) -> tuple[list[dict[str, Any]], dict[str, str]]:
+    """Return rows and metadata of a part.
+
+    Raises:
+        FileError: The file is missing, cut short or altered.
+    """
+    path = checks.path("part", path)
+    try:
+        table = pq.read_table(path, page_checksum_verification=True)
+    except (OSError, pa.ArrowException) as error:
+        raise FileError(str(path), "a whole part of a study", str(error)[:100]) from None
+    if set(table.schema.names) != set(_COLUMNS.names):
+        raise FileError(str(path), "the columns of this version", "others")
+    notes = {k.decode(): v.decode() for k, v in (table.schema.metadata or {}).items()}
+    return table.to_pylist(), notes
+
+
+def read_columns(
+    path: Path, columns: Sequence[str], filters: Sequence[tuple[str, str, str]]
+) -> Any:  # noqa: ANN401
+    """Return columns of the whole table, of the rows that pass all filters.
+
+    Raises:
+        FileError: The file is missing, cut short or altered.
+    """
+    path = checks.path("table", path)
+    try:
+        table = pq.read_table(
+            path, columns=list(columns), filters=list(filters), page_checksum_verification=True
+        )
+    except (OSError, pa.ArrowException) as error:
+        raise FileError(str(path), "a whole table of a study", str(error)[:100]) from None
+    if any(table.schema.field(name).type != _COLUMNS.field(name).type for name in columns):
+        raise FileError(str(path), "the columns of this version", "others")
+    return table
+
+
+def merge(parts: Sequence[Path], out: Path, notes: dict[str, str]) -> None:
+    """Write all parts as one table, in their order, a few thousand rows in memory at a time."""
+    with pq.ParquetWriter(out, _schema(notes), write_page_checksum=True) as writer:
+        for group in _groups(parts):
+            writer.write_table(group.replace_schema_metadata(_schema(notes).metadata))
+
+
+def _groups(parts: Sequence[Path]) -> Iterator[Any]:
+    """Yield the rows of all parts in groups."""
+    held: list[Any] = []
+    for path in parts:
+        held.append(pq.read_table(path, page_checksum_verification=True)
+                    .replace_schema_metadata(None))  # fmt: skip
+        if sum(table.num_rows for table in held) >= _GROUP:
+            yield pa.concat_tables(held).combine_chunks()
+            held = []
+    if held:
+        yield pa.concat_tables(held).combine_chunks()
+
+
+def timing_of(path: Path) -> dict[str, float]:
+    """Return the wall-clock figures of a part."""
+    notes = pq.read_schema(path).metadata or {}
+    found: dict[str, float] = json.loads(notes.get(b"timing", b"{}"))
+    return found
+
+
+Place = tuple[str, str]
+"""Generator and condition."""
+Pair = dict[str, float]
+"""How two generators differ on the same throws."""
+Cell = tuple[dict[str, Any], Mapping[int, bool]]
+"""A row of the summary, and whether each of its throws was caught, by its index."""
+
+#: The generator that all others are compared with.
+REFERENCE = "direct"
+#: Columns of which the rows give the median.
+_MEDIANS = ("position_error_mm", "velocity_error_m_s", "peak_contact_force_n", "energy_j",
+            "demand_cost", "peak_torque_ratio", "peak_speed_ratio")  # fmt: skip
+#: Columns that a summary needs.
+_SUMMED = ("index", "status", "limit_violations", "over_force", "stopped_by_reason",
+            "stopped_by_joint", *_MEDIANS)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StudyResult:
+    """What the folder of a study holds.
+
+    Attributes:
+        study: The study.
+        folder: The folder.
+        rows: A row for each generator in each condition.
+    """
+
+    study: Study
+    folder: Folder
+    rows: list[dict[str, Any]]
+
+
+def read_result(folder: Folder) -> StudyResult:
+    """Read the folder of a study.
+
+    Raises:
+        FileError: It holds no study, one without a table of throws, or one that was altered.
+    """
+    study = read_manifest(folder.path)
+    if not folder.summary.exists() or not folder.trials.exists():
+        raise FileError(str(folder.path), "a study with a summary", "one that is not over",
+                        do="finish it with mitt study --resume")  # fmt: skip
+    return StudyResult(study=study, folder=folder, rows=summary(study, folder))
+
+
+def summary(study: Study, folder: Folder) -> list[dict[str, Any]]:
+    """Return the rows of a study's summary, from its table of throws.
+
+    Raises:
+        FileError: The table is missing, cut short or altered.
+    """
+    cells = []
+    for condition in study.conditions:
+        for generator, wanted in study.counts.items():
+            cell = [("generator", "=", generator), ("condition", "=", condition.name)]
+            throws = read_columns(folder.trials, _SUMMED, cell).to_pylist()
+            cells.append(cell_of(generator, condition, wanted, throws))
+    return compared(cells)
+
+
+def cell_of(
+    generator: str, condition: Condition, wanted: int, trials: Iterable[dict[str, Any]]
+) -> Cell:
+    """Return the throws of one generator in one condition, as far as they are done.
+
+    Args:
+        generator: Name of the generator.
+        condition: The condition.
+        wanted: How many throws there should be.
+        trials: Those that there are, as rows of the table.
+    """
+    counts = dict.fromkeys(STATUSES, 0)
+    values: dict[str, list[float]] = {name: [] for name in _MEDIANS}
+    caught: dict[int, bool] = {}
+    violating, over, reasons = 0, 0, Counter[str]()
+    for trial in trials:
+        counts[trial["status"]] += 1
+        violating += trial["limit_violations"] > 0
+        over += trial["over_force"] is True
+        if trial["stopped_by_reason"] is not None:
+            named = {"reason": trial["stopped_by_reason"], "joint": trial["stopped_by_joint"]}
+            reasons[reason_of(named)] += 1
+        caught[trial["index"]] = trial["status"] == "caught"
+        for name, found in values.items():
+            value = trial[name]
+            if value is not None:
+                found.append(max(value, default=0.0) if isinstance(value, list) else value)
+    throws = sum(counts.values())
+    row = {
+        "generator": generator,
+        "condition": condition.name,
+        "throws": throws,
+        "caught": counts["caught"],
+        "catch_rate": counts["caught"] / throws if throws else 0.0,
+        "ci95": list(wilson(counts["caught"], throws)),
+        "force_n": spread_of(values["peak_contact_force_n"]),
+        "over_force": over,
+        **{status: counts[status] for status in STATUSES[1:]},
+        "stopped_by": dict(sorted(reasons.items())),
+        "complete": throws == wanted,
+        "disturbance": condition.disturbance,
+        "value": condition.value,
+        "unit": condition.unit,
+        "violating_throws": violating,
+        "median": {name: float(np.median(x)) if x else None for name, x in values.items()},
+    }
+    return row, caught
+
+
+def compared(cells: Sequence[Cell]) -> list[dict[str, Any]]:
+    """Return the rows; each rival is compared with the direct map on the same throws."""
+    caught = {(row["generator"], row["condition"]): hits for row, hits in cells}
+    pairs = against(caught, REFERENCE)
+    return [
+        row | {"against_direct": pairs.get(place)}
+        for place, (row, _) in zip(caught, cells, strict=True)
+    ]
+
+
+def against(caught: Mapping[Place, Mapping[int, bool]], reference: str) -> dict[Place, Pair]:
+    """Return how others differ from a generator on the throws that both had.
+
+    McNemar's test, ``p``, and the same after Holm's correction over the conditions of a generator,
+    ``p_holm``.
+
+    Args:
+        caught: Whether each throw was caught, by its index, of each generator in each condition.
+        reference: Name of the generator that all others are compared with.
+    """
+    out = {
+        (generator, condition): _paired(caught[reference, condition], hits)
+        for (generator, condition), hits in caught.items()
+        if generator != reference and (reference, condition) in caught
+    }
+    for generator in {name for name, _ in out}:
+        pairs = [pair for (name, _), pair in out.items() if name == generator]
+        for pair, p in zip(pairs, holm([pair["p"] for pair in pairs]), strict=True):
+            pair["p_holm"] = p
+    return out
+
+
+def _paired(first: Mapping[int, bool], second: Mapping[int, bool]) -> Pair:
+    """Return how two generators differ on the throws that both had."""
+    both = first.keys() & second.keys()
+    only_direct = sum(first[k] and not second[k] for k in both)
+    only_this = sum(second[k] and not first[k] for k in both)
+    return {
+        "pairs": len(both),
+        "only_direct": only_direct,
+        "only_this": only_this,
+        "p": mcnemar(only_direct, only_this),
+    }

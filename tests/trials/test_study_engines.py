@@ -1,0 +1,176 @@
+"""Engines: the same results wherever a study is thrown, and what is kept when something dies."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from dying_workers import aborts_at_three, raises_at_three, work
+from small_study import TEXT, quiet, ready, thrown_again, write_study
+
+from mitt.errors import InputError
+from mitt.generator.learn import Learned
+from mitt.trials.study_run import run_study
+from mitt.trials.workers import Cluster, Processes, engine_of, run_tasks
+
+COMPARED = ("summary.json", "trials.parquet")
+
+
+def _files(folder: Path) -> list[bytes]:
+    """Return what two runs of a study are compared by."""
+    return [(folder / name).read_bytes() for name in COMPARED]
+
+
+def _thrown(place: Path, learned: Learned, engine: Processes | Cluster) -> list[bytes]:
+    """Throw the small study somewhere and return what came out."""
+    place.mkdir()
+    study = write_study(place, TEXT)
+    folder = ready(place / "out", study, learned)
+    assert run_study(study, folder, engine, progress=quiet).status == 0
+    return _files(folder.path)
+
+
+@pytest.mark.slow
+def test_one_worker_two_workers_and_a_cluster_come_to_the_same_byte_by_byte(
+    tmp_path: Path, learned: Learned, thrown_study: Path
+) -> None:
+    distributed = pytest.importorskip("distributed")
+    one = _files(thrown_study)
+    assert _thrown(tmp_path / "two", learned, Processes(2)) == one
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None,
+        host="127.0.0.1", protocol="tcp",
+    ) as cluster:  # fmt: skip
+        address = cluster.scheduler_address.replace("tcp://", "dask://")
+        assert _thrown(tmp_path / "dask", learned, Cluster(address)) == one
+
+
+@pytest.mark.slow
+def test_a_worker_that_aborts_takes_few_tasks_with_it_and_the_others_go_on() -> None:
+    engine = Processes(2)
+    try:
+        got = dict(run_tasks(engine, aborts_at_three, range(12), window=3))
+    finally:
+        engine.close(at_once=True)
+    dead = {number: what for number, what in got.items() if not isinstance(what, bytes)}
+    assert 3 in dead
+    assert len(dead) <= 3
+    assert all(engine.died(error) for error in dead.values())
+    assert all(got[number] == work(number) for number in set(range(12)) - set(dead))
+
+
+@pytest.mark.slow
+def test_a_task_that_raises_costs_nobody_else_anything() -> None:
+    engine = Processes(1)
+    try:
+        got = dict(run_tasks(engine, raises_at_three, range(6), window=2))
+    finally:
+        engine.close(at_once=False)
+    assert isinstance(got.pop(3), ValueError)
+    assert got == {number: work(number) for number in (0, 1, 2, 4, 5)}
+
+
+@pytest.mark.slow
+def test_what_a_chunk_cannot_be_thrown_for_is_one_line_and_bad_input(
+    tmp_path: Path, learned: Learned
+) -> None:
+    """Speeds that no throw has: the worker lives, its reason is told, the status is 2."""
+    text = TEXT.replace('name = "clean"', 'name = "clean"\nthrows = { speed = [90.0, 91.0] }')
+    study = write_study(tmp_path, text)
+    folder = ready(tmp_path / "out", study, learned)
+    engine = Processes(1)
+    finished = run_study(study, folder, engine, progress=quiet)
+    assert finished.status == 2
+    assert len(finished.lost) == 4
+    assert all("a release speed of 90 to 91 m/s" in line for line in finished.lost)
+    assert not any("died" in line for line in finished.lost)
+
+
+def _start(study: Path, out: Path) -> "subprocess.Popen[bytes]":
+    """Start ``mitt study --resume`` as a process."""
+    words = ["study", str(study), "--out", str(out), "--workers", "2", "--resume"]
+    return subprocess.Popen(
+        [sys.executable, "-m", "mitt", *words], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
+    )
+
+
+@pytest.mark.slow
+def test_kill_9_at_any_moment_loses_no_throw_and_doubles_none(
+    tmp_path: Path, learned: Learned, thrown_study: Path
+) -> None:
+    """After a few kills a last run finishes, and all is as if there had been no kill."""
+    study = write_study(tmp_path, TEXT)
+    folder = ready(tmp_path / "out", study, learned)
+    rng = random.Random(8)  # noqa: S311 (moments, not secrets)
+    for _ in range(2):
+        process = _start(tmp_path / "study.toml", folder.path)
+        time.sleep(rng.uniform(1.0, 9.0))
+        process.kill()
+        process.communicate()
+    last = _start(tmp_path / "study.toml", folder.path)
+    assert last.wait(120) == 0
+    assert _files(folder.path) == _files(thrown_study)
+
+
+@pytest.mark.slow
+def test_an_interrupt_keeps_what_is_done_and_says_130(tmp_path: Path, learned: Learned) -> None:
+    study = write_study(tmp_path, TEXT.replace("throws = 4", "throws = 400"))
+    folder = ready(tmp_path / "out", study, learned)
+    process = _start(tmp_path / "study.toml", folder.path)
+    for _ in range(600):
+        if folder.part(0).exists():
+            break
+        time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    _, said_last = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert b"Traceback" not in said_last
+    assert folder.summary.exists()
+    assert folder.trials.exists()
+
+
+def test_a_scheduler_that_does_not_answer_is_one_line() -> None:
+    pytest.importorskip("distributed")
+    start = os.times().elapsed
+    with pytest.raises(InputError, match="Dask scheduler that answers"):
+        engine_of("dask://127.0.0.1:9", None)
+    assert os.times().elapsed - start < 60.0  # generous: it must end, not be fast
+
+
+@pytest.mark.parametrize(
+    "name", ["", "remote", "dask://", "dask://host", "tcp://host:1", "dask://h:x"]
+)
+def test_an_engine_that_is_none_is_refused(name: str) -> None:
+    with pytest.raises(InputError, match="local or dask://HOST:PORT"):
+        engine_of(name, None)
+
+
+@pytest.mark.parametrize("workers", [0, -1, 100_000])
+def test_a_number_of_workers_that_cannot_be_meant_is_refused(workers: int) -> None:
+    with pytest.raises(InputError, match="--workers"):
+        engine_of("local", workers)
+
+
+@pytest.mark.slow
+def test_a_full_disk_is_one_line_and_what_is_done_is_kept(
+    tmp_path: Path, thrown_study: Path
+) -> None:
+    """A part does not fit, so that it is not there, and all others are."""
+    _, folder = thrown_again(thrown_study, tmp_path)
+    folder.part(5).unlink()
+    code = (
+        "import resource, sys; from mitt.cli import main; "
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000)); sys.exit(main(sys.argv[1:]))"
+    )
+    words = ["study", str(tmp_path / "study.toml"), "--out", str(folder.path), "--workers", "1",
+             "--resume"]  # fmt: skip
+    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.decode().strip().splitlines()[-1].startswith("mitt: ")
+    assert b"wanted a file that can be written" in done.stderr
+    assert [k for k in range(12) if not folder.part(k).exists()] == [5]
+    assert not list((folder.path / "parts").glob(".*"))
