@@ -31,7 +31,7 @@ import numpy as np
 from mitt.cell.prepare import PreparedCell, balls_of, endless, prepare, scene_of_cell
 from mitt.cell.serve import Server
 from mitt.cell.simulated import Answer
-from mitt.control.brake import plan_brake
+from mitt.control.stop import plan_brake
 from mitt.files.cell import read_cell
 from mitt.interrupts import tell
 from mitt.signals import TICK, Array, Image

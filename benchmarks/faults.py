@@ -26,9 +26,8 @@ from typing import Any
 import numpy as np
 from arms import WAM, named
 
-from mitt.catcher.result import REASONS, Result, rows_of
+from mitt.catcher.state import REASONS, Result, rows_of
 from mitt.control.health import ABORT
-from mitt.control.rows import DECELERATION
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
@@ -184,7 +183,7 @@ def broken(f: DirectMap, kind: str, throws: list[Throw], seed: int, numbers: ran
         rows["told_ms"].append(max(int(told[-1]) + 1 - stop, 0) if len(told) else 0)
         command, brake = (
             ticks.command[max(stop - 1, 0), 1],
-            runner.catcher().state.bounds[DECELERATION],
+            runner.catcher().state.safety.bounds["deceleration"],
         )
         rows["brake_ms"].append(float(1e3 * np.max(np.abs(command) / brake)))
         _at_rest(rows, f.arm, ticks, truth, stop)

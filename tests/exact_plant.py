@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mitt.ball.filter import THROWN_BALL
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
-from mitt.catcher.result import REASONS
+from mitt.catcher.state import REASONS
 from mitt.control.health import Reason
 from mitt.jit import kernel
 from mitt.robot.arm import Arm

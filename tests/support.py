@@ -1,6 +1,8 @@
 """Balls, flights, and packages of tutorials that several tests use."""
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +11,15 @@ from documents import write_metadata
 from mitt.generator.learn import Flight
 from mitt.robot.arm import Arm
 from mitt.signals import Array, BallState
+
+
+def arrays_in(x: Any) -> Iterator[Any]:  # noqa: ANN401
+    """Yield all arrays in a tuple of arrays and of such tuples."""
+    for part in x:
+        if isinstance(part, tuple):
+            yield from arrays_in(part)
+        else:
+            yield part
 
 
 def ball_state(

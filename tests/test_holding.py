@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mitt.control.brake import Brake, plan_brake
+from mitt.control.stop import Brake, plan_brake
 from mitt.errors import InputError
 from mitt.holding import CaughtBall, pull, spill
 from mitt.impact import speed_jump

@@ -67,7 +67,7 @@ def test_an_impact_is_that_of_two_bodies_with_a_constraint(motors: Arm) -> None:
 
 def test_caps_leave_room_for_the_impact(motors: Arm) -> None:
     """A joint that the ball drives on stays below its limit with the jump on top of its cap."""
-    fastest = bounds_of(motors)[2]
+    fastest = bounds_of(motors)["dq_max"]
     dq = np.array([0.0, 0.5, 0.99 * motors.dq_max[2]])
     relative = np.array([-7.5, 0.3, 1.3])  # as of a ball of 9 m/s that a throw brought
     for mass in (0.07, 0.15, 0.25):
@@ -84,7 +84,7 @@ def test_a_joint_is_not_slowed_without_end(motors: Arm) -> None:
     dq = np.array([0.0, 0.5, 0.99 * motors.dq_max[2]])
     way = approach(Q, dq, np.array([-7.5, 0.3, 1.3]) + motors.jacobian(Q) @ dq)
     caps = speed_caps(motors, way, ball(0.5))
-    assert caps[2] == pytest.approx(0.7 * bounds_of(motors)[2][2])
+    assert caps[2] == pytest.approx(0.7 * bounds_of(motors)["dq_max"][2])
     assert shares_after(motors, way, ball(0.5))["impact:j4"] > 1.0
 
 
@@ -104,7 +104,7 @@ def test_a_ball_that_slows_a_joint_down_needs_no_room(motors: Arm) -> None:
     relative = np.array([-7.5, 0.3, 1.3])
     dr_o = relative + motors.jacobian(Q) @ dq
     caps = speed_caps(motors, approach(Q, dq, dr_o), ball(0.2))
-    assert caps[2] == bounds_of(motors)[2][2]
+    assert caps[2] == bounds_of(motors)["dq_max"][2]
 
 
 def test_heavier_balls_ask_for_more(motors: Arm) -> None:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numba.core import event
+from support import arrays_in
 
 import mitt
 from mitt.catcher.catcher import Catcher, CatcherSettings
@@ -145,7 +146,7 @@ def test_no_value_of_the_wrong_shape_or_type_gets_past_a_public_function() -> No
 
 def values(catcher: Catcher) -> list[str]:
     """Return all that a catcher knows and remembers."""
-    return [repr(x.tolist()) for x in catcher.state]
+    return [repr(x.tolist()) for x in arrays_in(catcher.state)]
 
 
 def begun(runner: TrialRunner, ticks: int = UNDER_WAY) -> tuple[Catcher, list[Senses]]:

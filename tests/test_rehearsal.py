@@ -72,6 +72,6 @@ def test_what_a_weak_arm_cannot_follow_it_misses() -> None:
 def test_caps_make_a_fast_motion_late(motors: Arm) -> None:
     """A joint kept at half of its speed cannot be where a faster one would be."""
     approach = swing(motors, np.array([0.0, 0.0, 1.0]), 0.25)
-    fast = bounds_of(motors)[2]
+    fast = bounds_of(motors)["dq_max"]
     gaps = [gap_at_catch(motors, approach, share * fast, BANDWIDTH) for share in (1.0, 0.5)]
     assert gaps[0] < CLOSE < 0.02 < gaps[1]

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from mitt.ball.filter import BallFilter as BallFilter
     from mitt.catcher.catcher import Catcher as Catcher
     from mitt.catcher.settings import CatcherSettings as CatcherSettings
-    from mitt.control.brake import plan_brake as plan_brake
+    from mitt.control.stop import plan_brake as plan_brake
     from mitt.errors import MittError as MittError
     from mitt.files.arms import load_arm as load_arm
     from mitt.files.maps import read_map as read_map
@@ -57,7 +57,7 @@ _HOMES = {
     "Verdict": "mitt.generator.feasibility",
     "learn": "mitt.trials.learning",
     "load_arm": "mitt.files.arms",
-    "plan_brake": "mitt.control.brake",
+    "plan_brake": "mitt.control.stop",
     "read_map": "mitt.files.maps",
     "simulate": "mitt.trials.runs",
 }

@@ -21,16 +21,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from mitt.control.hand import (
-    EARLY,
-    FIRM,
-    INSIDE,
-    LONGEST_INSIDE,
-    NEAR,
-    RING,
-    pack_grip,
-    takes_of,
-)
+from mitt.control.closing import LONGEST_INSIDE, fingers_of, takes_of
 from mitt.holding import CaughtBall
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Basket, Hand
@@ -55,9 +46,9 @@ _BEYOND, _BAND = 0.0034, 0.009
 #: of 0.14 kg at 5 m/s and of 0.2 kg at 4 m/s one in three comes through the default hand's.
 _PUSHED = 0.0136
 #: Share of a ball's distance from the axis that counts here. For one off the axis the fingers start
-#: later (:func:`mitt.control.hand.takes_of`), but the finger that it passes nearest meets it sooner
-#: than one on the axis. Chosen on 60 throws at a Panda: with it 2 of the 54 that press less than
-#: 240 N are refused, with 1 there were 15; of the 6 that press more it refuses 1, with 1 four.
+#: later (:func:`mitt.control.closing.takes_of`), but the finger that it passes nearest meets it
+#: sooner than one on the axis. Chosen on 60 throws at a Panda: with it 2 of the 54 that press less
+#: than 240 N are refused, with 1 there were 15; of the 6 that press more it refuses 1, with 1 four.
 _OFF_AXIS = 0.7
 #: By how much fingers are behind a command that is given early enough for its delays [s].
 _BEHIND = 0.002
@@ -198,7 +189,7 @@ def _closing(hand: HandModel, radius: float) -> tuple[Array, Array, Array]:
 def lead_of(hand: HandModel, ball: CaughtBall, speed: float, aslant: float = 0.0) -> float:
     """Return the time from the start of the closing to the catch [s], drives and delays apart.
 
-    As :func:`mitt.control.hand.close` has it for a ball of a steady relative speed.
+    As :func:`mitt.control.closing.close` has it for a ball of a steady relative speed.
 
     Args:
         hand: The hand.
@@ -206,11 +197,11 @@ def lead_of(hand: HandModel, ball: CaughtBall, speed: float, aslant: float = 0.0
         speed: Of it relative to the catch point at the catch [m/s].
         aslant: Sine of the angle between its way and the palm's normal.
     """
-    grip = pack_grip(hand, ball.radius, ball.restitution)
-    inside, early = float(grip[INSIDE]), float(grip[EARLY])
-    takes = takes_of(grip, aslant * grip[RING])
+    f = fingers_of(hand, ball.radius, ball.restitution)[0]
+    inside, early = float(f["inside"]), float(f["early"])
+    takes = takes_of(f, aslant * f["ring"])
     left = max(early, inside / max(speed, inside / LONGEST_INSIDE, _STILL))
-    return float(takes + min(left, grip[NEAR] / max(speed, _STILL) - grip[FIRM]))
+    return float(takes + min(left, f["near"] / max(speed, _STILL) - f["firm"]))
 
 
 def force_of(arm: Arm, q: Array, v_rel: Array, ball: CaughtBall) -> float:

@@ -6,8 +6,8 @@ from functools import lru_cache
 import numpy as np
 
 from mitt import fields
-from mitt.control.brake import Brake
-from mitt.control.hand import pack_grip, takes_of
+from mitt.control.closing import fingers_of, takes_of
+from mitt.control.stop import Brake
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Basket
 from mitt.robot.hands import HandModel
@@ -112,7 +112,7 @@ def closing(arm: Arm, ball: CaughtBall, left: float) -> float:
     hand = arm.model.hand
     if not isinstance(hand, HandModel):
         return 0.0
-    takes = float(takes_of(pack_grip(hand, ball.radius, ball.restitution), 0.0))
+    takes = float(takes_of(fingers_of(hand, ball.radius, ball.restitution)[0], 0.0))
     return min(takes / max(left, TICK), _LOST)
 
 

@@ -19,9 +19,9 @@ from functools import lru_cache
 import numpy as np
 
 from mitt.contact_force import force_of
-from mitt.control.brake import Brake, plan_brake
+from mitt.control.closing import TOUCH_BEFORE
 from mitt.control.envelope import speeds_of
-from mitt.control.hand import TOUCH_BEFORE
+from mitt.control.stop import Brake, plan_brake
 from mitt.generator.demand import Tolerance, shares_of
 from mitt.generator.feasibility import Approach, Outcome, Verdict
 from mitt.holding import CaughtBall, aslant, closing, pull, spill

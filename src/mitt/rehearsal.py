@@ -8,20 +8,20 @@ model of the arm; what counts is how far the hand is from its place at the catch
 | here     | meaning                                              | unit  | shape     |
 |----------|------------------------------------------------------|-------|-----------|
 | ``rows`` | q_d, dq_d, ddq_d at each tick                        | rad.. | (K, 3, n) |
-| ``b``    | limits, as of :func:`mitt.control.envelope.bounds_of`| rad.. | (6, n)    |
+| ``b``    | limits, as of :func:`mitt.control.envelope.bounds_of`| rad.. | (n,)      |
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mitt.control.envelope import bounds_of, clamp
-from mitt.control.rows import DQ_MAX, ROWS, TAU
-from mitt.control.tracking import SCRATCH, slew_of, track
+from mitt.control.stop import MassWork, mass_work
+from mitt.control.tracking import Tracking, track, tracking_of
 from mitt.generator.feasibility import Approach
 from mitt.jit import kernel
-from mitt.robot.arm import Arm
-from mitt.robot.dynamics import bias_and_mass, slopes_work
+from mitt.robot.arm import Arm, Tables
+from mitt.robot.dynamics import bias_and_mass
 from mitt.signals import TICK, Array
+from mitt.structs import Record
 
 
 def gap_at_catch(arm: Arm, approach: Approach, caps: Array, bandwidth: float) -> float:
@@ -34,11 +34,9 @@ def gap_at_catch(arm: Arm, approach: Approach, caps: Array, bandwidth: float) ->
         bandwidth: Of the tracking error [rad/s].
     """
     rows, b = _each_tick(approach), bounds_of(arm)
-    b[DQ_MAX] = np.minimum(b[DQ_MAX], caps)
+    b["dq_max"] = np.minimum(b["dq_max"], caps)
     state = rows[0, :2].copy()
-    bodies, drives, index = arm.tables
-    scratch, work = np.zeros((len(bodies), SCRATCH)), slopes_work(len(bodies))
-    rehearse(b, bandwidth, drives, bodies, index, rows, state, slew_of(arm), scratch, work)
+    rehearse(arm.tables, b, bandwidth, rows, state, tracking_of(arm), mass_work(arm))
     there, desired = arm.position(state[0]), arm.position(rows[-1, 0])
     return float(np.linalg.norm(there - desired))
 
@@ -59,40 +57,35 @@ def _each_tick(approach: Approach) -> Array:
 
 @kernel
 def rehearse(
-    b: Array, bandwidth: float, drives: Array, bodies: Array, index: NDArray[np.int64],
-    rows: Array, state: Array, slew: Array, scratch: Array, work: Array,
-) -> None:  # fmt: skip
+    arm: Tables, b: Record, bandwidth: float, rows: Array, state: Array, w: Tracking, m: MassWork
+) -> None:
     """Carry q, dq on along a motion within all limits, on the model of the arm.
 
     Args:
+        arm: As of ``Arm.tables``.
         b: As in the module's table.
         bandwidth: Of the tracking error [rad/s].
-        drives: ``Limits.packed``.
-        bodies: Table of :mod:`mitt.robot.dynamics`.
-        index: Active joints among the links.
         rows: As in the module's table; the last is where the motion ends.
         state: q, dq, overwritten [rad, rad/s], shape (2, n).
-        slew: As of :func:`mitt.control.tracking.slew_of`, overwritten.
-        scratch: Scratch of the tracking.
-        work: Scratch of :mod:`mitt.robot.dynamics`.
+        w: Of the tracking, before the first torques.
+        m: Scratch.
     """
-    n = state.shape[1]
-    command, last = np.zeros((ROWS, n)), np.zeros((3, n))
+    (bodies, _, index), n = arm, state.shape[1]
+    command, last = np.zeros((4, n)), np.zeros((3, n))
     last[:2] = state
-    motion, tau, push = np.zeros((3, n)), np.zeros(len(bodies)), np.zeros(n)
-    mass, system = np.zeros((len(bodies), n)), np.zeros((n, n))
+    motion, push, system = np.zeros((3, n)), np.zeros(n), np.zeros((n, n))
     for k in range(len(rows) - 1):
         command[:3] = rows[k]
         clamp(b, last, command[:3])
         last[:] = command[:3]
-        track(b, bandwidth, drives, bodies, index, state[0], state[1], command, slew, scratch)
-        slew[1] = command[TAU]
+        track(w, arm, b, bandwidth, state, command, TICK)
+        w.before[:] = command[3]
         motion[:2] = state
-        bias_and_mass(bodies, motion, tau, mass, work)
+        bias_and_mass(bodies, motion, m.tau, m.mass, m.work)
         for i in range(n):
             for j in range(n):
-                system[i, j] = mass[index[i], j]
-            push[i] = command[TAU, i] - tau[index[i]]
+                system[i, j] = m.mass[index[i], j]
+            push[i] = command[3, i] - m.tau[index[i]]
         ddq = np.linalg.solve(system, push)
         for j in range(n):
             state[0, j] += TICK * (state[1, j] + 0.5 * TICK * ddq[j])

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from mitt.ball.bounce import change_by_bounce, doubt_flight
 from mitt.ball.filter import THROWN_BALL, BallFilter
-from mitt.ball.flight import advance
+from mitt.ball.flight import advance, change_by_bounce, doubt_flight
 from mitt.signals import GRAVITY, TICK, Array, Sighting
 
 NOISE = 1e-3

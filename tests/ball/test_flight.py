@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.ball.flight import STATES, acceleration, advance, advance_uncertain, forecast
+from mitt.ball.flight import STATES, MotionModel, acceleration, advance, advance_uncertain, forecast
 from mitt.errors import InputError
 from mitt.signals import GRAVITY, Array, BallState
 
@@ -87,9 +87,9 @@ def test_drag_takes_energy_and_opposes_the_velocity() -> None:
 
 def carry(x: Array, P: Array, dt: float, law: Array) -> tuple[Array, Array]:
     """Return an estimate, shape (10,), and its covariance after ``dt``."""
-    track = np.concatenate((x, P.ravel()))
-    advance_uncertain(track, 0, dt, law[None], 0, np.empty((2, STATES, STATES)))
-    return track[:STATES], track[STATES:].reshape(STATES, STATES)
+    x, P = x.copy(), P.copy()
+    advance_uncertain(x, P, dt, MotionModel(*law), np.empty((6, 4)), np.empty(P.shape))
+    return x, P
 
 
 @pytest.mark.parametrize("law", [(GRAVITY, 0.0, 0.0, 0.0, 1e9), (GRAVITY, 0.0, 0.0, 0.0, 0.5)])

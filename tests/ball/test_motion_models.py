@@ -1,11 +1,11 @@
 """Targets that do not fly: at rest, led, swinging; and the speed of changing one's mind."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from mitt.ball import memory as at
-from mitt.ball.estimator import update
-from mitt.ball.filter import settings_of
+from mitt.ball.filter import fresh_filter, update
 from mitt.ball.flight import advance
 from mitt.signals import Array
 from mitt.tracks.filtering import UNKNOWN_BALL, follow
@@ -46,12 +46,12 @@ def test_a_swinging_target_is_followed() -> None:
 def test_a_ball_let_go_is_known_to_fly() -> None:
     """Held for half a second, then thrown: 60 ms after the release it is a flight again."""
     rng, h, best = np.random.default_rng(2), 2e-3, []
-    settings, memory, work = settings_of(UNKNOWN_BALL), at.fresh(), np.zeros(at.WORK)
+    ball = fresh_filter(UNKNOWN_BALL)
     r, dr = np.array((4.0, 0.0, 0.3)), np.array((-5.0, 0.3, 4.0))
     for i in range(400):
         z = r + NOISE * rng.normal(size=3)
-        update(memory, i * h, z, NOISE**2 * np.eye(3), settings, work)
-        best.append(int(memory[at.BEST]))
+        update(ball, i * h, z, NOISE**2 * np.eye(3))
+        best.append(int(ball["now"]["best"][0]))
         if i >= 250:
             advance(r, dr, 0.04, h)
     assert set(best[100:250]) == {1}
@@ -61,10 +61,9 @@ def test_a_ball_let_go_is_known_to_fly() -> None:
 def test_a_known_ball_in_flight_costs_one_model() -> None:
     """While flight fits, the other models are inactive."""
     rng, h = np.random.default_rng(3), 1e-3
-    settings, memory = settings_of(UNKNOWN_BALL), at.fresh()
-    settings[at.LIMITS, at.WATCHFUL] = 0.0
-    r, dr, work = np.array((4.0, 0.0, 0.3)), np.array((-6.0, 0.3, 2.0)), np.zeros(at.WORK)
+    ball = fresh_filter(replace(UNKNOWN_BALL, watchful=False))
+    r, dr = np.array((4.0, 0.0, 0.3)), np.array((-6.0, 0.3, 2.0))
     for i in range(400):
-        update(memory, i * h, r + NOISE * rng.normal(size=3), NOISE**2 * np.eye(3), settings, work)
-        assert memory[at.ACTIVE] == 0.0
+        update(ball, i * h, r + NOISE * rng.normal(size=3), NOISE**2 * np.eye(3))
+        assert not ball["now"]["active"][0]
         advance(r, dr, 0.08, h)

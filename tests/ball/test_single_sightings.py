@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.ball import measurement_noise
 from mitt.ball.filter import THROWN_BALL, BallFilter
-from mitt.ball.memory import RING, ROW
+from mitt.ball.measurement_noise import fresh_noise, learn
+from mitt.ball.motion_models import RING, ROW
 from mitt.errors import InputError
 from mitt.signals import GRAVITY, Array, Sighting
 
@@ -218,11 +218,11 @@ def test_every_covariance_is_taken_and_no_other_matrix(seed: int, size: float) -
 
 def learned(t: Array, z: Array) -> Array:
     """Return the variances that are learned from positions [m^2], shape (3,)."""
-    noise = np.zeros(measurement_noise.NOISE)
-    measurement_noise.reset(noise)
+    noise = fresh_noise()
     for k in range(len(t)):
-        measurement_noise.learn(noise, t[k], z[k])
-    return noise[:3]
+        learn(noise, t[k], z[k])
+    variance: Array = noise["variance"][0]
+    return variance
 
 
 @given(

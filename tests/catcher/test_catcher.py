@@ -7,13 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numba import typeof
-from support import ball_state
+from support import arrays_in, ball_state
 
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
-from mitt.catcher.state import arm_fields
+from mitt.catcher.state import arm_numbers
+from mitt.control.encoders import GOOD_TICKS, LOSSY_TICKS, SILENT_TICKS
 from mitt.control.health import Reason
-from mitt.control.monitor import GOOD_TICKS, LOSSY_TICKS, SILENT_TICKS
-from mitt.control.rows import DECELERATION
 from mitt.errors import InputError
 from mitt.generator.design import default_design
 from mitt.generator.feasibility import Outcome as Feasible
@@ -86,7 +85,7 @@ def logs_equal(a: LoggedTrial, b: LoggedTrial) -> bool:
 
 def values(catcher: Catcher) -> list[str]:
     """Return all fields of a catcher's state and result."""
-    return [repr(x.tolist()) for x in (*catcher.state, *catcher.result)]
+    return [repr(x.tolist()) for x in arrays_in((catcher.state, catcher.result))]
 
 
 def stepped(
@@ -263,9 +262,9 @@ def test_no_catch_waits_for_what_is_known_of_the_arm_with_the_ball() -> None:
         arm, Direct(unlearned(arm, default_design(arm))), Eyes(fixed_rig()),
         settings=CatcherSettings(ball_mass=0.123),
     )  # fmt: skip
-    before = arm_fields.cache_info().misses
-    arm_fields(arm.holding(0.123), catcher._settings.around)
-    assert arm_fields.cache_info().misses == before
+    before = arm_numbers.cache_info().misses
+    arm_numbers(arm.holding(0.123), catcher._settings.around)
+    assert arm_numbers.cache_info().misses == before
 
 
 def test_the_arm_holds_its_pose_until_t_0(
@@ -463,9 +462,8 @@ def test_an_arm_that_was_left_behind_stops_where_it_is(
         far += 1
         after = truth.t >= by.t
         way = np.ptp(truth.q[after], axis=0)
-        assert np.all(way <= 1.6 * by.dq**2 / (2.0 * catcher.state.bounds[DECELERATION]) + 0.05), (
-            way
-        )
+        rate = catcher.state.safety.bounds["deceleration"]
+        assert np.all(way <= 1.6 * by.dq**2 / (2.0 * rate) + 0.05), way
         assert np.all(np.abs(truth.dq[after]).max(axis=0) <= np.abs(by.dq) + 0.7)
         assert np.abs(truth.dq[-1]).max() < 1e-2
     assert far >= 3

@@ -11,7 +11,6 @@ from mitt.ball.filter import THROWN_BALL
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
 from mitt.catcher.settings import PATIENCE
 from mitt.control.envelope import speeds_of
-from mitt.control.rows import DQ_MAX
 from mitt.generator.design import further_designs
 from mitt.generator.feasibility import Outcome, Verdict
 from mitt.generator.generators import Direct
@@ -124,7 +123,7 @@ def test_a_ball_that_comes_back_is_judged_with_all_that_comes_after(
         assert catcher.verdict is said[-1]
         assert catcher.verdict.outcome is outcome
         assert catcher.phase is Phase.BRAKE
-        closed = catcher.state.closing[0] < np.inf
+        closed = catcher.state.fingers["t_begun"][0] < np.inf
         assert closed == (outcome is Outcome.FEASIBLE)
         kind = catcher.verdict.binding_limit.partition(":")[0]
         assert closed or kind in ("impact", "brake", "grip", "force")
@@ -146,7 +145,7 @@ def test_whatever_verdict_is_followed_its_room_is_kept(
         if verdict.approach is not None:
             given = arm, verdict.approach, settings.caught
             caps, jumps = speed_caps(*given), speed_jumps(*given)
-        assert np.array_equal(catcher.state.bounds[DQ_MAX], caps)
+        assert np.array_equal(catcher.state.safety.bounds["dq_max"], caps)
         assert np.array_equal(catcher.state.jump, jumps)
 
     caught(arm, Direct(taught.map), way, settings, watch)
@@ -168,7 +167,7 @@ def test_a_ball_that_sinks_out_of_reach_is_waited_for(
     catcher = caught(arm, Direct(taught.map), way, settings_for(0.07), watch)
     assert said[-3:] == [Outcome.FEASIBLE, Outcome.OPEN, Outcome.FEASIBLE]
     assert catcher.phase is Phase.BRAKE
-    t = catcher.state.closing[1]
+    t = catcher.state.fingers["t_catch"][0]
     assert np.linalg.norm(way(t) - arm.position(catcher.estimated[0])) < 0.03
 
 
@@ -182,8 +181,8 @@ def test_several_maps_wait_for_a_ball_that_comes_in_low(
     lower = learn(arm, design=further_designs(arm)[1][-1], around=Neighbourhood(flights=40)).map
     maps = Several((Direct(taught.map), Direct(lower)))
     catcher = caught(arm, maps, way, settings_for(0.07), lambda _: None)
-    assert catcher.state.closing[0] < np.inf
-    t = catcher.state.closing[1]
+    assert catcher.state.fingers["t_begun"][0] < np.inf
+    t = catcher.state.fingers["t_catch"][0]
     assert np.linalg.norm(way(t) - arm.position(catcher.estimated[0])) < 0.03
 
 
@@ -201,7 +200,7 @@ def test_a_ball_that_goes_away_ends_in_the_brake(arm: Arm, taught: Learned, push
 
     catcher = caught(arm, Direct(taught.map), way, settings_for(0.07), lambda _: None)
     assert catcher.phase is Phase.BRAKE
-    assert catcher.state.closing[0] == np.inf
+    assert catcher.state.fingers["t_begun"][0] == np.inf
     assert catcher.state.scalars[0]["t_brake"] - KICKED < PATIENCE + 0.012
 
 
@@ -218,5 +217,5 @@ def test_a_ball_that_is_waited_for_and_lies_still_ends_in_the_brake(
     catcher = caught(arm, Direct(taught.map), way, settings_for(0.07), watch)
     assert Outcome.OPEN in watched
     assert catcher.phase is Phase.BRAKE
-    assert catcher.state.closing[0] == np.inf
+    assert catcher.state.fingers["t_begun"][0] == np.inf
     assert catcher.state.scalars[0]["t_brake"] - STOPS < PATIENCE + 0.012

@@ -13,21 +13,23 @@ from numba.core.runtime import rtsys
 
 from mitt.ball.filter import BallFilter
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
-from mitt.catcher.perception import BESIDE, TOUCHED
-from mitt.catcher.tick import tick
-from mitt.control.brake import Brake, plan_brake
-from mitt.control.encoder_memory import memory_of
-from mitt.control.encoders import Encoders, predict_acceleration
+from mitt.catcher.tick import BESIDE, TOUCHED, tick
+from mitt.control.closing import LONGEST_INSIDE, close, fingers_of
+from mitt.control.encoders import (
+    Encoders,
+    Reading,
+    estimate_joints,
+    monitor_of,
+    predict_acceleration,
+)
 from mitt.control.envelope import bounds_of
-from mitt.control.hand import LONGEST_INSIDE, close, pack_grip
 from mitt.control.health import State
-from mitt.control.monitor import estimate_joints
+from mitt.control.stop import Brake, mass_work, plan_brake
 from mitt.control.tracking import Tracker
 from mitt.generator.feasibility import Verdict
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
-from mitt.robot.dynamics import slopes_work
 from mitt.signals import (
     TICK,
     ArmState,
@@ -127,13 +129,9 @@ class Joints:
 
     def __init__(self, arm: Arm) -> None:
         """Start with nothing read."""
-        n, links = arm.n, len(arm.bodies)
-        self.table, self.memory = Encoders().table(arm), memory_of(n)
-        self.ddq_unknown = np.array([self.table[1] / np.diag(arm.mass_matrix(arm.q_ready))] * 2)
-        self.coupling = np.zeros((n, n))
-        self.rows, self.estimated = np.zeros((5, n)), np.array([arm.q_ready, np.zeros(n)])
-        self.scratch = np.zeros(links), np.zeros((links, n)), slopes_work(links)
-        self.solved, self.bounds = np.zeros((n + 2, 2 * n)), bounds_of(arm)
+        self.monitor, self.work = monitor_of(arm, Encoders()), mass_work(arm)
+        self.estimated = np.array([arm.q_ready, np.zeros(arm.n)])
+        self.monitor.bounds[:] = bounds_of(arm)
 
     def read(self, senses: Senses, estimated: Array, impact_dq: Array) -> ArmState:
         """Return the joints as the catcher estimates them, which has to be the monitor's estimate.
@@ -141,22 +139,16 @@ class Joints:
         The stages go on from the catcher's own: feedback makes 6,400 of each rounding.
         """
         read = np.array([senses.arm.q, senses.arm.dq])
-        estimate_joints(
-            self.memory, self.bounds, self.table[0], self.ddq_unknown, self.coupling, read,
-            self.rows, False, impact_dq, TICK, TICK, 0.0, self.estimated,
-        )  # fmt: skip
+        when = Reading(TICK, TICK, 0.0)
+        estimate_joints(self.monitor, read, False, impact_dq, when, self.estimated)
         assert np.allclose(self.estimated, estimated, rtol=SAME, atol=SAME)
         self.estimated[:] = estimated
         return ArmState(t=senses.t, q=estimated[0].copy(), dq=estimated[1].copy())
 
     def after(self, arm: Arm, command: Command) -> None:
         """Note what was commanded, and what acceleration it brings."""
-        self.rows[:4] = command.joints
-        self.bounds = bounds_of(arm)
-        predict_acceleration(
-            arm.bodies, np.array(arm.model.active), self.estimated, self.table[1], *self.scratch,
-            self.solved, self.rows, self.ddq_unknown, self.coupling,
-        )  # fmt: skip
+        self.monitor.bounds[:] = bounds_of(arm)
+        predict_acceleration(self.monitor, arm.tables, self.estimated, command.tau, self.work)
 
 
 class Staged:
@@ -167,8 +159,8 @@ class Staged:
         self.arm, self.settings, self.notes = arm, settings, notes
         self.eyes = Eyes(fixed_rig(), EyesConfig(ball_radius=settings.ball_radius))
         self.track = BallFilter(settings.flight)
-        self.closing = np.full(3, np.inf)
-        self.grip = pack_grip(arm.model.hand, settings.ball_radius, settings.ball_restitution)
+        s = settings
+        self.fingers = fingers_of(arm.model.hand, s.ball_radius, s.ball_restitution).copy()[0]
         self.tracker = Tracker(arm, bandwidth=settings.bandwidth)
         self.joints = Joints(arm)
         self.wanted = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)])
@@ -210,15 +202,13 @@ class Staged:
     def _closing(self, t: float, time: float, command: Command) -> float:
         """Return the closing angle."""
         if np.isinf(time):
-            return float(
-                close(self.closing, self.grip, t, time, np.zeros((2, 3)), np.zeros(3), 0.0)
-            )
+            return float(close(self.fingers, t, time, np.zeros((2, 3)), np.zeros(3), 0.0))
         ball, q, dq = self.track.state(t), command.q, command.dq
         gap = np.array([ball.r_o - self.arm.position(q), ball.dr_o - self.arm.jacobian(q) @ dq])
         later = self.settings.torque_lead - TICK
         ahead = min(max(time, 0.0), LONGEST_INSIDE)
         palm = self.arm.orientation(q + ahead * dq)[:, 2]
-        return float(close(self.closing, self.grip, t, time, gap, palm, later))
+        return float(close(self.fingers, t, time, gap, palm, later))
 
     def _guide(self, senses: Senses) -> None:
         """Tell the eyes what the estimate of the tick before says of the ball."""
@@ -230,10 +220,7 @@ class Staged:
 
     def keep_below(self, speeds: Array) -> None:
         """Take the speeds below which the catcher keeps the joints, as its verdict says."""
-        safety_filter = self.tracker.safety_filter
-        safety_filter.bounds = safety_filter.bounds.copy()
-        safety_filter.bounds[2] = speeds
-        safety_filter._packed = (*safety_filter._packed[:3], safety_filter.bounds)
+        self.tracker.safety_filter.bounds["dq_max"] = speeds
 
     def _braking(self) -> Brake:
         """Return the brake, planned from the last command when it is first asked for."""
@@ -271,7 +258,7 @@ def compare(
         if phase is Phase.STOPPED:  # the stages have no monitor that could stop them
             break
         if phase is Phase.FOLLOW:
-            staged.keep_below(catcher.state.bounds[2])
+            staged.keep_below(catcher.state.safety.bounds["dq_max"])
         sent = catcher.step(senses)
         staged.impact_dq = catcher.state.impact_dq
         command, reference = staged.step(senses, phase, catcher.estimated)

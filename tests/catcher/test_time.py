@@ -5,9 +5,9 @@ import pytest
 from exact_plant import SETTINGS, Change, Thrown, as_read, each, throw
 
 from mitt.catcher.catcher import Catcher, Phase
+from mitt.control.encoders import BRIDGED_TIME, IN_TIME, LOSSY_TICKS, SILENT_TICKS
 from mitt.control.envelope import bounds_of
-from mitt.control.health import BRIDGED_TIME, IN_TIME, OLD_READING, Reason
-from mitt.control.monitor import LOSSY_TICKS, SILENT_TICKS
+from mitt.control.health import OLD_READING, Reason
 from mitt.generator.learn import Learned
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, ArmState, Array
@@ -47,8 +47,8 @@ def keeps_limits(arm: Arm, thrown: Thrown) -> bool:
     q, dq = thrown.commands[:, 0], thrown.commands[:, 1]
     moved, changed = np.abs(np.diff(q, axis=0)), np.abs(np.diff(dq, axis=0))
     return bool(
-        np.all(moved <= b[2] * passed + 1e-9)
-        and np.all(changed <= b[4] * passed + 1e-9)
+        np.all(moved <= b["dq_max"] * passed + 1e-9)
+        and np.all(changed <= b["ddq_max"] * passed + 1e-9)
         and np.all(np.abs(dq) <= arm.dq_max)
     )
 

@@ -15,7 +15,7 @@ from mitt.catcher.catcher import Catcher
 from mitt.cell.local import LocalPort
 from mitt.cell.prepare import prepare
 from mitt.cell.session import Person, Session
-from mitt.control.brake import plan_brake
+from mitt.control.stop import plan_brake
 from mitt.errors import InputError
 from mitt.files.cell import read_cell
 from mitt.files.recorded import Recorded

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.control.brake import Brake, plan_brake
+from mitt.control.stop import Brake, plan_brake
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array
 

@@ -11,6 +11,7 @@ from mitt.control.envelope import bound_acceleration, bounds_of, brake_joint, cl
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import TICK, Array
+from mitt.structs import Record
 
 #: A joint may pass the emitted range [rad] and speed [share] by so much in discrete time.
 OVERSHOOT, OVERSPEED = 0.02, 1e-9
@@ -22,11 +23,11 @@ seeds = st.integers(0, 2**31)
 wide = st.lists(st.floats(-50.0, 50.0), min_size=3, max_size=3).map(np.array)
 
 
-def stoppable(b: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+def stoppable(b: Record, rng: np.random.Generator) -> tuple[Array, Array]:
     """Return q and dq within the limits from which every joint can still stop in its range."""
-    q = rng.uniform(b[0], b[1])
-    up, down = (np.sqrt(2.0 * b[3] * way) for way in (b[1] - q, q - b[0]))
-    return q, rng.uniform(-np.minimum(b[2], down), np.minimum(b[2], up))
+    q = rng.uniform(b["q_min"], b["q_max"])
+    up, down = (np.sqrt(2.0 * b["deceleration"] * way) for way in (b["q_max"] - q, q - b["q_min"]))
+    return q, rng.uniform(-np.minimum(b["dq_max"], down), np.minimum(b["dq_max"], up))
 
 
 @given(seed=seeds)
@@ -35,7 +36,7 @@ def test_a_motion_within_the_limits_passes_bit_by_bit(arm: Arm, seed: int) -> No
     b, rng = bounds_of(arm), np.random.default_rng(seed)
     q, dq = stoppable(b, rng)
     last = 0.9 * np.array([q, dq])
-    wanted = np.array([last[0] + TICK * last[1], last[1], 0.5 * b[4]])
+    wanted = np.array([last[0] + TICK * last[1], last[1], 0.5 * b["ddq_max"]])
     kept = wanted.copy()
     assert not clamp(b, last, kept)
     assert np.array_equal(kept, wanted)
@@ -50,13 +51,13 @@ def test_whatever_is_wanted_the_limits_are_kept(
     last = np.array(stoppable(b, rng))
     kept = np.array([q, dq, ddq])
     clamp(b, last, kept)
-    assert np.all((kept[0] >= b[0]) & (kept[0] <= b[1]))
-    assert np.all(np.abs(kept[1]) <= b[2])
-    assert np.all(np.abs(kept[2]) <= b[4])
-    assert np.all(np.abs(kept[0] - last[0]) <= b[2] * TICK + ROUNDING)
-    assert np.all(np.abs(kept[1] - last[1]) <= b[4] * TICK + ROUNDING)
-    end = kept[0] + 0.5 * kept[1] * np.abs(kept[1]) / b[3]
-    assert np.all((end >= b[0] - ROUNDING) & (end <= b[1] + ROUNDING))
+    assert np.all((kept[0] >= b["q_min"]) & (kept[0] <= b["q_max"]))
+    assert np.all(np.abs(kept[1]) <= b["dq_max"])
+    assert np.all(np.abs(kept[2]) <= b["ddq_max"])
+    assert np.all(np.abs(kept[0] - last[0]) <= b["dq_max"] * TICK + ROUNDING)
+    assert np.all(np.abs(kept[1] - last[1]) <= b["ddq_max"] * TICK + ROUNDING)
+    end = kept[0] + 0.5 * kept[1] * np.abs(kept[1]) / b["deceleration"]
+    assert np.all((end >= b["q_min"] - ROUNDING) & (end <= b["q_max"] + ROUNDING))
 
 
 def test_accelerations_of_the_limit_set_bind(arm: Arm) -> None:
@@ -64,8 +65,8 @@ def test_accelerations_of_the_limit_set_bind(arm: Arm) -> None:
     most = np.array([15.0, 7.5, 3.0, 12.5])
     slower = Arm(arm.model, replace(arm.limits, acceleration=most))
     b, own = bounds_of(slower), most[list(arm.model.active)]
-    assert np.all(b[3] <= own)
-    assert np.array_equal(b[4], np.minimum(bounds_of(arm)[4], own))
+    assert np.all(b["deceleration"] <= own)
+    assert np.array_equal(b["ddq_max"], np.minimum(bounds_of(arm)["ddq_max"], own))
     last = np.array([arm.q_ready, 0.0 * own, 0.0 * own])
     wanted = np.array([arm.q_max, 9.0 * own, 99.0 * own])
     clamp(b, last, wanted)
@@ -91,12 +92,12 @@ def test_braking_ends_at_rest_where_viability_says(arm: Arm, seed: int) -> None:
     """A joint that brakes tick by tick comes to rest at q + dq |dq| / (2 brake)."""
     b, rng = bounds_of(arm), np.random.default_rng(seed)
     q, dq = stoppable(b, rng)
-    end = q + 0.5 * dq * np.abs(dq) / b[3]
+    end = q + 0.5 * dq * np.abs(dq) / b["deceleration"]
     for k in range(arm.n):
         place, speed = float(q[k]), float(dq[k])
         for _ in range(400):
-            place, speed, push = brake_joint(float(b[3, k]), place, speed)
-            assert abs(push) <= b[3, k] + ROUNDING
+            place, speed, push = brake_joint(float(b["deceleration"][k]), place, speed)
+            assert abs(push) <= b["deceleration"][k] + ROUNDING
         assert speed == 0.0
         assert place == pytest.approx(end[k], abs=1e-9)
 
@@ -107,7 +108,7 @@ def test_an_acceleration_far_from_every_limit_passes_bit_by_bit(arm: Arm, seed: 
     b, rng = bounds_of(arm), np.random.default_rng(seed)
     wish = rng.uniform(-300.0, 300.0, arm.n)
     kept = wish.copy()
-    bound_acceleration(b, 0.5 * (b[0] + b[1]), np.zeros(arm.n), kept)
+    bound_acceleration(b, 0.5 * (b["q_min"] + b["q_max"]), np.zeros(arm.n), kept)
     assert np.array_equal(kept, wish)
 
 
@@ -124,16 +125,16 @@ def test_no_wish_takes_a_double_integrator_beyond_its_limits(
         ddq = wish.copy()
         bound_acceleration(b, q, dq, ddq)
         q, dq = q + TICK * dq + 0.5 * TICK**2 * ddq, dq + TICK * ddq
-        assert np.all(np.abs(dq) <= b[2] * (1.0 + OVERSPEED))
-        assert np.all((q > b[0] - OVERSHOOT) & (q < b[1] + OVERSHOOT))
+        assert np.all(np.abs(dq) <= b["dq_max"] * (1.0 + OVERSPEED))
+        assert np.all((q > b["q_min"] - OVERSHOOT) & (q < b["q_max"] + OVERSHOOT))
 
 
 def test_the_overshoot_stays_before_the_true_stop(arm: Arm) -> None:
     """The gap that the envelope keeps is wider than what it may overshoot."""
     b = bounds_of(arm)
-    assert np.all(b[0] - OVERSHOOT > arm.q_min)
-    assert np.all(b[1] + OVERSHOOT < arm.q_max)
-    assert np.all(b[2] < arm.dq_max)
+    assert np.all(b["q_min"] - OVERSHOOT > arm.q_min)
+    assert np.all(b["q_max"] + OVERSHOOT < arm.q_max)
+    assert np.all(b["dq_max"] < arm.dq_max)
 
 
 @given(seed=seeds, beyond=st.floats(1.05, 4.0))
@@ -141,15 +142,15 @@ def test_a_joint_beyond_its_speed_limit_is_brought_back(arm: Arm, seed: int, bey
     """From up to four times a speed limit the bound itself slows down, even against the wish."""
     b, rng = bounds_of(arm), np.random.default_rng(seed)
     sign = rng.choice([-1.0, 1.0], arm.n)
-    q, dq = 0.5 * (b[0] + b[1]), sign * b[2] * beyond
-    excess = np.abs(dq) - b[2]
+    q, dq = 0.5 * (b["q_min"] + b["q_max"]), sign * b["dq_max"] * beyond
+    excess = np.abs(dq) - b["dq_max"]
     for _ in range(round(BACK / TICK)):
         ddq = 1e6 * sign
         # The middle of the range again and again: only the speed limit is looked at.
         bound_acceleration(b, q, dq, ddq)
         assert np.all(ddq * sign <= 0.0)
         dq = dq + TICK * ddq
-    assert np.all(np.abs(dq) - b[2] < 0.01 * excess)
+    assert np.all(np.abs(dq) - b["dq_max"] < 0.01 * excess)
 
 
 @pytest.mark.parametrize("row", [0, 1, 2])
@@ -169,7 +170,7 @@ def test_every_limit_set_has_its_own_bounds(limits: str) -> None:
     """Ranges shrink by a gap, speeds to just below the set's own, decelerations are positive."""
     other = load_arm("wam", limits=limits)
     b = bounds_of(other)
-    assert np.all(b[0] > other.q_min)
-    assert np.all(b[1] < other.q_max)
-    assert np.all((b[2] < other.dq_max) & (b[2] > 0.99 * other.dq_max))
-    assert np.all(b[3] > 0.0)
+    assert np.all(b["q_min"] > other.q_min)
+    assert np.all(b["q_max"] < other.q_max)
+    assert np.all((b["dq_max"] < other.dq_max) & (b["dq_max"] > 0.99 * other.dq_max))
+    assert np.all(b["deceleration"] > 0.0)

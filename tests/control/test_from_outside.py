@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mitt.catcher.catcher import Catcher
-from mitt.control.envelope import bounds_of, clamp, clamp_joint
-from mitt.control.jerk import clamp_smooth
+from mitt.control.envelope import BOUNDS, bounds_of, clamp, clamp_joint, clamp_smooth
 from mitt.control.viability import SafetyFilter
 from mitt.errors import ModelError
 from mitt.robot.arm import Arm
@@ -48,6 +47,14 @@ def limits(rng: np.random.Generator) -> tuple[float, float, float, float, float,
     return low, high, 0.2 + 20.0 * rng.random() ** 2, brake, ddq_max, jerk
 
 
+def record(b: tuple[float, ...]) -> np.void:
+    """Return limits as the envelope takes them."""
+    joint = np.zeros(1, BOUNDS)
+    joint[0] = (*b, 0.0, 0.0)
+    limits: np.void = joint[0]
+    return limits
+
+
 def beyond(low: float, high: float, q: float) -> float:
     """Return how far a position is beyond a range."""
     return max(q - high, low - q, 0.0)
@@ -64,7 +71,7 @@ def test_a_smooth_joint_comes_back_in(seed: int, mixed: bool) -> None:
     out, came = beyond(low, high, now[0]), 0
     for _ in range(round(BACK / TICK)):
         kind = int(rng.integers(6)) if mixed and rng.random() < 0.01 else kind
-        new = clamp_smooth(*b, now, wish(rng, kind, now))
+        new = clamp_smooth(record(b), now, wish(rng, kind, now))
         assert np.all(np.isfinite(new))
         assert abs(new[1]) <= dq_max + ROUNDING
         assert abs(new[2]) <= ddq_max + ROUNDING
@@ -93,7 +100,7 @@ def test_a_smooth_joint_at_any_speed_stops_and_comes_back_in(seed: int) -> None:
     stops = abs(dq) / brake + 2.0 * brake / jerk + 2.0 * np.sqrt(abs(dq) / jerk) + 4.0 * TICK
     way = beyond(low, high, now[0]) + abs(dq) * stops
     for tick in range(round((stops + BACK * max(1.0, 2.0 * way)) / TICK)):
-        new = clamp_smooth(*b, now, wish(rng, kind, now))
+        new = clamp_smooth(record(b), now, wish(rng, kind, now))
         assert abs(new[2] - now[2]) <= jerk * TICK * (1.0 + ROUNDING) + ROUNDING
         assert abs(new[1]) <= max(abs(now[1]), dq_max) + ROUNDING
         now = new
@@ -107,10 +114,10 @@ def test_a_joint_without_jerk_comes_back_in(seed: int) -> None:
     """At any speed, whatever is wanted: the excess of place and speed falls in each tick."""
     rng = np.random.default_rng(seed)
     low, high, dq_max, brake, ddq_max, _ = limits(rng)
-    b, kind = (low, high, dq_max, brake, ddq_max), int(rng.integers(6))
+    b, kind = record((low, high, dq_max, brake, ddq_max, np.inf)), int(rng.integers(6))
     q, dq = float(rng.uniform(low - 1.0, high + 1.0)), float(rng.uniform(-2.5, 2.5)) * dq_max
     for _ in range(round((1.0 / dq_max + 2.5 * dq_max / ddq_max) / TICK) + 2):
-        new_q, new_dq, _ = clamp_joint(*b, q, dq, *wish(rng, kind, (q, dq, 0.0)))
+        new_q, new_dq, _ = clamp_joint(b, (q, dq, 0.0), wish(rng, kind, (q, dq, 0.0)))
         out = max(beyond(low, high, q) - dq_max * TICK, 0.0)
         assert beyond(low, high, new_q) <= out + ROUNDING
         fast = max(abs(dq) - dq_max - ddq_max * TICK, 0.0)
@@ -143,11 +150,11 @@ def test_an_arm_comes_back_in(arm: Arm, kind: str, off: float) -> None:
             envelope, q = SafetyFilter(slower, Surroundings()), arm.q_ready.copy()
             b, q[k] = envelope.bounds, end + sign * off
             envelope.begin(q, np.zeros(arm.n))
-            out = beyond(b[0, k], b[1, k], q[k])
+            out = beyond(b["q_min"][k], b["q_max"][k], q[k])
             for _ in range(round(BACK / TICK)):
                 told = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)])
                 envelope.step(told)
-                before, out = out, beyond(b[0, k], b[1, k], told[0, k])
+                before, out = out, beyond(b["q_min"][k], b["q_max"][k], told[0, k])
                 assert out <= before + ROUNDING
                 if out == 0.0:
                     break

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.control.hand import ENTERS, FOLLOW_ON, TOUCH_BEFORE, close, has_closed, pack_grip
+from mitt.control.closing import ENTERS, FOLLOW_ON, TOUCH_BEFORE, close, fingers_of, has_closed
 from mitt.robot.basket import Basket, Hand
 from mitt.robot.hands import Closing, HandModel
 from mitt.signals import PASSED, TICK, Array
@@ -22,20 +22,20 @@ class Fingers:
 
     def __init__(self, hand: Hand | None, radius: float = RADIUS, restitution: float = 0.0) -> None:
         """Take the hand and what the ball is like."""
-        self.memory, self.grip = np.full(3, np.inf), pack_grip(hand, radius, restitution)
+        self.fingers = fingers_of(hand, radius, restitution).copy()[0]
 
     def step(self, t: float, time: float, gap: Array = FAR, later: float = 0.0) -> float:
         """Return the angle that is commanded."""
-        return float(close(self.memory, self.grip, t, time, gap, self.palm, later))
+        return float(close(self.fingers, t, time, gap, self.palm, later))
 
     def closed(self, t: float, *, hurry: bool) -> bool:
         """Say whether they have closed."""
-        return bool(has_closed(self.memory, t, hurry))
+        return bool(has_closed(self.fingers, t, hurry))
 
     @property
     def started(self) -> bool:
         """Whether they are closing."""
-        return bool(self.memory[0] < np.inf)
+        return bool(self.fingers["t_begun"] < np.inf)
 
 
 def lead_of(hand: Fingers, speed: float, acceleration: float, later: float = 0.0) -> float:
@@ -59,7 +59,7 @@ def test_a_started_closing_is_not_taken_back(times: list[float], radius: float) 
     angles, starts = [], set()
     for k, time in enumerate(times):
         angles.append(hand.step(k * TICK, time))
-        starts.add(hand.memory[0])
+        starts.add(float(hand.fingers["t_begun"]))
     assert np.all(np.diff(angles) >= 0.0)
     assert len(starts - {np.inf}) <= 1
     assert hand.started == any(-PASSED <= time <= touches for time in times)

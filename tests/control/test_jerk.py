@@ -6,10 +6,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.control.envelope import bounds_of, clamp, slow_down
-from mitt.control.jerk import braked
+from mitt.control.envelope import bounds_of, braked, clamp, slow_down
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array
+from mitt.structs import Record
 
 ROUNDING = 1e-9
 #: Largest overshoot, as a share of the gap that was closed: that of the ticks.
@@ -19,14 +19,14 @@ seeds = st.integers(0, 2**31)
 rates = st.floats(10.0, 1000.0)
 
 
-def smooth(arm: Arm, rate: float) -> Array:
+def smooth(arm: Arm, rate: float) -> Record:
     """Return the bounds of an arm whose jerk is so many times its trusted deceleration a second."""
     b = bounds_of(arm)
-    b[5] = rate * b[3]
+    b["jerk"] = rate * b["deceleration"]
     return b
 
 
-def settle(b: Array, last: Array) -> Array:
+def settle(b: Record, last: Array) -> Array:
     """Brake to rest; return all motions on the way, shape (k, 3, n)."""
     rows, wanted = [], last.copy()
     for _ in range(5000):
@@ -41,10 +41,10 @@ def settle(b: Array, last: Array) -> Array:
 
 def test_bounds_have_the_jerk_of_the_limit_set(arm: Arm) -> None:
     """Infinite where the set has none."""
-    assert np.all(np.isinf(bounds_of(arm)[5]))
+    assert np.all(np.isinf(bounds_of(arm)["jerk"]))
     jerk = np.arange(1.0, len(arm.model.links) + 1.0)
     other = Arm(arm.model, replace(arm.limits, jerk=jerk))
-    assert np.array_equal(bounds_of(other)[5], jerk[list(arm.model.active)])
+    assert np.array_equal(bounds_of(other)["jerk"], jerk[list(arm.model.active)])
 
 
 @given(seed=seeds, rate=rates, hold=st.integers(1, 200), size=st.sampled_from([0.1, 3.0, 1e6]))
@@ -61,18 +61,19 @@ def test_no_wish_takes_a_joint_beyond_its_jerk(
         kept = wish.copy()
         clamp(b, last, kept)
         q, dq, ddq = kept
-        assert np.all((q >= b[0]) & (q <= b[1]))
-        assert np.all(np.abs(dq) <= b[2] + ROUNDING)
-        assert np.all(np.abs(ddq) <= b[4] + ROUNDING)
-        assert np.all(np.abs(ddq - last[2]) <= b[5] * TICK * (1.0 + ROUNDING) + ROUNDING)
+        assert np.all((q >= b["q_min"]) & (q <= b["q_max"]))
+        assert np.all(np.abs(dq) <= b["dq_max"] + ROUNDING)
+        assert np.all(np.abs(ddq) <= b["ddq_max"] + ROUNDING)
+        assert np.all(np.abs(ddq - last[2]) <= b["jerk"] * TICK * (1.0 + ROUNDING) + ROUNDING)
         assert np.allclose(dq, last[1] + TICK * ddq, rtol=0.0, atol=ROUNDING)
         assert np.allclose(q, last[0] + 0.5 * TICK * (dq + last[1]), rtol=0.0, atol=ROUNDING)
         last = kept
     start = last.copy()
     rows = settle(b, last)
-    assert np.all((rows[:, 0] >= b[0] - ROUNDING) & (rows[:, 0] <= b[1] + ROUNDING))
+    assert np.all((rows[:, 0] >= b["q_min"] - ROUNDING) & (rows[:, 0] <= b["q_max"] + ROUNDING))
     for k in range(arm.n):
-        way = [braked(start[1, k], start[2, k], b[3, k], b[5, k], TICK * (i + 1.0))[0]
+        rate, jerk = b["deceleration"][k], b["jerk"][k]
+        way = [braked(start[1, k], start[2, k], rate, jerk, TICK * (i + 1.0))[0]
                for i in range(len(rows))]  # fmt: skip
         assert np.all(np.abs(rows[:, 0, k] - start[0, k]) <= np.array(way) + ROUNDING)
 
@@ -116,6 +117,6 @@ def test_torque_rates_bound_the_jerk(arm: Arm) -> None:
     whole[list(arm.model.active)] = rate
     b = bounds_of(Arm(arm.model, replace(arm.limits, torque_rate=whole)))
     poses = np.random.default_rng(7).uniform(arm.q_min, arm.q_max, (300, arm.n))
-    share = [np.abs(arm.mass_matrix(q)) * b[5] / rate[:, None] for q in poses]
+    share = [np.abs(arm.mass_matrix(q)) * b["jerk"] / rate[:, None] for q in poses]
     most = np.max(share, axis=(0, 1))
     assert np.all((most > 0.6) & (most < 0.75))

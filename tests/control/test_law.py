@@ -12,15 +12,18 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from mitt.control.encoder_memory import BRIDGED, memory_of
-from mitt.control.encoders import Encoders, predict_acceleration
-from mitt.control.monitor import estimate_joints
-from mitt.control.reserve import HARDEST, choose_stop, stop_by
-from mitt.control.rows import ROWS
+from mitt.control.encoders import (
+    BRIDGED,
+    Encoders,
+    Reading,
+    estimate_joints,
+    monitor_of,
+    predict_acceleration,
+)
+from mitt.control.stop import HARDEST, choose_stop, mass_work, stop_by
 from mitt.control.tracking import Tracker
 from mitt.robot.arm import Arm, to_pinocchio
 from mitt.robot.description import ArmModel, Link, rotation, transform
-from mitt.robot.dynamics import slopes_work
 from mitt.robot.limits import joint_level
 from mitt.signals import TICK, ArmState, Array
 
@@ -74,14 +77,12 @@ class Cell:
         self.data = self.plant.createData()
         self.friction = FRICTION * arm.tau_max * rng.uniform(0.0, 1.0, n)
         self.q, self.dq, self.step = arm.q_ready.copy(), np.zeros(n), arm.encoder_step
-        self.tracker, self.rows = Tracker(arm, bandwidth=40.0), np.zeros((ROWS, n))
-        self.memory, self.estimated = memory_of(n), np.zeros((2, n))
-        self.table = Encoders().table(arm)
-        self.ddq_unknown, self.index = np.ones((2, n)), np.array(arm.model.active)
-        self.coupling = np.eye(n)
-        links_n = len(arm.bodies)
-        self.scratch = (np.zeros(links_n), np.zeros((links_n, n)), slopes_work(links_n),
-                        np.zeros((n + 2, 2 * n)))  # fmt: skip
+        self.tracker, self.tau = Tracker(arm, bandwidth=40.0), np.zeros(n)
+        self.monitor, self.estimated = monitor_of(arm, Encoders()), np.zeros((2, n))
+        self.monitor.coupling[:] = np.eye(n)
+        self.monitor.joints["ddq_unknown"] = self.monitor.joints["ddq_own"] = 1.0
+        self.monitor.bounds[:] = self.tracker.safety_filter.bounds
+        self.work = mass_work(arm)
         self.since, self.rubbed = -1, np.zeros(n)
 
     def energy(self) -> float:
@@ -93,28 +94,22 @@ class Cell:
     def tick(self, wish: Array, read: Array) -> int:
         """Make a tick; return what the monitor says."""
         tracker, arm = self.tracker, self.arm
-        b, last = tracker.safety_filter.bounds, tracker.safety_filter.last
+        safety, last = tracker.safety_filter.safety, tracker.safety_filter.last
         held = self.since * TICK >= DELAY
         read = np.array([read, 0.0 * read])
-        code = int(estimate_joints(
-            self.memory, b, self.table[0], self.ddq_unknown, self.coupling, read, self.rows, held,
-            np.zeros(arm.n), TICK, TICK, 0.0, self.estimated,
-        ))  # fmt: skip
+        when = Reading(TICK, TICK, 0.0)
+        code = int(estimate_joints(self.monitor, read, held, np.zeros(arm.n), when, self.estimated))
         if code > BRIDGED or self.since >= 0:
             self.since += 1
             wish = last.copy()
-            work = tracker.safety_filter.reserve
-            choose_stop(arm.bodies, arm.limits.packed, self.index, b, last, HARDEST, work)
-            stop_by(b, last, work[: arm.n], wish)
+            choose_stop(arm.tables, safety.bounds, last, HARDEST, safety.stop)
+            stop_by(safety.bounds, last, safety.stop.rates, wish)
         state = ArmState(t=0.0, q=self.estimated[0], dq=self.estimated[1])
-        self.rows[:4] = tracker.step(state, wish, hand=0.0).command.joints
-        predict_acceleration(
-            arm.bodies, self.index, self.estimated, self.table[1], *self.scratch, self.rows,
-            self.ddq_unknown, self.coupling,
-        )  # fmt: skip
+        self.tau = tracker.step(state, wish, hand=0.0).command.tau.copy()
+        predict_acceleration(self.monitor, arm.tables, self.estimated, self.tau, self.work)
         if held:
-            self.rows[3:] = 0.0
-        self._move(self.rows[3], held)
+            self.tau[:] = self.monitor.ddq_by_tau[:] = 0.0
+        self._move(self.tau, held)
         return code
 
     def _move(self, tau: Array, held: bool) -> None:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mitt.control.encoder_memory import COLUMNS, VARIANCE_DQ, memory_of
-from mitt.control.margin import derate
+from mitt.control.encoders import Encoders, monitor_of
+from mitt.control.tracking import derate, tracking_of
 from mitt.robot.arm import Arm
 from mitt.robot.limits import bound_of
 from mitt.robot.load import load_arm
@@ -22,15 +22,11 @@ def motors() -> Arm:
 
 def derated(arm: Arm, given: dict[str, np.ndarray], *, struck: bool) -> np.ndarray:
     """Return the drives for a state of the joints."""
-    memory = memory_of(arm.n)
-    memory[:, VARIANCE_DQ] = given["sigma"] ** 2
-    told = np.zeros((5, arm.n))
-    told[4] = given["rate"]
-    drives, index = arm.limits.packed, np.array(arm.model.active)
-    out, ddq_unknown = np.zeros_like(drives), np.array([given["doubt"], np.zeros(arm.n)])
-    derate(drives, index, memory, given["dq"], told, ddq_unknown, given["jump"], LEAD, struck, out)
-    assert memory.shape == (arm.n, COLUMNS)
-    return out
+    monitor, w = monitor_of(arm, Encoders()), tracking_of(arm)
+    monitor.joints["variance_dq"] = given["sigma"] ** 2
+    monitor.joints["ddq_unknown"], monitor.ddq_by_tau[:] = given["doubt"], given["rate"]
+    derate(w, arm.tables, monitor, given["dq"], given["jump"], LEAD, struck)
+    return w.drives
 
 
 def drawn(arm: Arm, rng: np.random.Generator) -> dict[str, np.ndarray]:

@@ -5,21 +5,24 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mitt.control import monitor
-from mitt.control.encoder_memory import (
+from mitt.control import encoders
+from mitt.control.encoders import (
     BRIDGED,
     FAST,
-    FAULT,
     FINE,
+    GOOD_TICKS,
     JUMPED,
+    LOSSY_TICKS,
     REVERSED,
     SILENT,
+    SILENT_TICKS,
     STUCK,
-    memory_of,
+    Encoders,
+    Reading,
+    estimate_joints,
+    monitor_of,
 )
-from mitt.control.encoders import Encoders
 from mitt.control.envelope import bounds_of
-from mitt.control.monitor import GOOD_TICKS, LOSSY_TICKS, SILENT_TICKS
 from mitt.errors import InputError
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array
@@ -41,7 +44,7 @@ def motion(arm: Arm, seed: int, ticks: int) -> tuple[Array, Array, Array]:
     """Return a smooth motion within the limits: q, dq, ddq, each shape (ticks, n)."""
     rng, b = np.random.default_rng(seed), bounds_of(arm)
     w = rng.uniform(3.0, 12.0, arm.n)
-    size = 0.7 * np.minimum(b[2] / w, b[4] / w**2) * rng.uniform(0.1, 1.0, arm.n)
+    size = 0.7 * np.minimum(b["dq_max"] / w, b["ddq_max"] / w**2) * rng.uniform(0.1, 1.0, arm.n)
     size = np.minimum(size, 0.6)
     t = TICK * np.arange(ticks)[:, None]
     phase = rng.uniform(0.0, 2.0 * np.pi, arm.n)
@@ -49,29 +52,24 @@ def motion(arm: Arm, seed: int, ticks: int) -> tuple[Array, Array, Array]:
     return q, size * w * np.cos(w * t + phase), -size * w**2 * np.sin(w * t + phase)
 
 
-def telling(push: Array) -> Array:
-    """Return what a tick told the arm, as far as the monitor reads it, shape (5, n)."""
-    told = np.zeros((5, len(push)))
-    told[4] = push
-    return told
-
-
 class Watch:
     """A monitor that is fed a motion, tick by tick."""
 
     def __init__(self, arm: Arm, step: float = 3.65e-5) -> None:
         """Start with nothing read."""
-        self.b, self.step = bounds_of(arm), step
-        self.memory, self.estimated = memory_of(arm.n), np.zeros((2, arm.n))
-        self.steps, self.ddq_unknown = np.full(arm.n, step), np.full((2, arm.n), DOUBT)
-        self.coupling = np.eye(arm.n)
+        self.monitor, self.step = monitor_of(arm, Encoders(step=step)), step
+        self.monitor.bounds[:] = bounds_of(arm)
+        self.monitor.coupling[:] = np.eye(arm.n)
+        self.joints, self.estimated = self.monitor.joints, np.zeros((2, arm.n))
+        self.joints["ddq_unknown"] = self.joints["ddq_own"] = DOUBT
         self.impact_dq = np.zeros(arm.n)
 
     def couple(self, arm: Arm) -> None:
         """Let joints drive each other as the arm's, with a tenth of its torque unknown."""
         M, unknown = arm.mass_matrix(arm.q_ready), 0.1 * arm.tau_max
-        self.coupling = M / np.diag(M)[:, None]
-        self.ddq_unknown = np.array([np.abs(np.linalg.inv(M)) @ unknown, unknown / np.diag(M)])
+        self.monitor.coupling[:] = M / np.diag(M)[:, None]
+        self.joints["ddq_unknown"] = np.abs(np.linalg.inv(M)) @ unknown
+        self.joints["ddq_own"] = unknown / np.diag(M)
 
     def read(
         self, q: Array, push: Array, dq: Array | None = None, *, held: bool = False,
@@ -79,23 +77,9 @@ class Watch:
     ) -> int:  # fmt: skip
         """Feed positions as they are."""
         read = np.array([q, np.zeros_like(q) if dq is None else dq])
-        return int(
-            monitor.estimate_joints(
-                self.memory,
-                self.b,
-                self.steps,
-                self.ddq_unknown,
-                self.coupling,
-                read,
-                telling(push),
-                held,
-                self.impact_dq,
-                passed,
-                passed,
-                0.0,
-                self.estimated,
-            )
-        )
+        self.monitor.ddq_by_tau[:] = push
+        when = Reading(passed, passed, 0.0)
+        return int(estimate_joints(self.monitor, read, held, self.impact_dq, when, self.estimated))
 
     def count(self, q: Array, push: Array, dq: Array | None = None) -> int:
         """Feed positions as the encoders count them."""
@@ -178,7 +162,7 @@ def test_an_impact_is_no_fault(arm: Arm, seed: int, joint: int, change: float, s
             assume(abs(dq[joint] + before) > 0.1 * before + 3.0 * step / TICK)  # no mirror image
         q = q + TICK * dq
         assert watch.count(q, push, dq) <= BRIDGED
-        assert watch.memory[joint, FAULT] == FINE
+        assert watch.monitor.joints["fault"][joint] == FINE
     assert np.all(np.abs(watch.estimated[1] - dq) <= 0.3)
 
 
@@ -202,7 +186,8 @@ def test_how_the_others_move_says_whether_something_holds_a_joint(
     By unknown torques at all joints it could be held.
     """
     watch, push, found = Watch(arm, step), np.array([0.0, 0.0, -60.0]), FINE
-    watch.ddq_unknown[0], watch.ddq_unknown[1], watch.coupling[2, 1] = 80.0, 8.0, 1.6
+    watch.joints["ddq_unknown"], watch.joints["ddq_own"] = 80.0, 8.0
+    watch.monitor.coupling[2, 1] = 1.6
     for k in range(100):
         t = TICK * max(k - 40, 0)
         q = arm.q_ready + np.array([0.0, -0.5 * t * t * 60.0 / 1.6 if held else 0.0, 0.0])
@@ -220,10 +205,10 @@ def test_a_stuck_encoder_puts_no_other_in_doubt(
     """One joint is driven and reads nothing of it, the others rest: it alone is in doubt."""
     watch, push = Watch(arm, step), np.zeros(arm.n)
     watch.couple(arm)
-    push[joint] = times * watch.ddq_unknown[1, joint]
+    push[joint] = times * watch.joints["ddq_own"][joint]
     for k in range(300):
         watch.count(arm.q_ready, push if k >= 40 else 0.0 * push)
-    assert monitor.faulty(watch.memory) == [joint]
+    assert encoders.faulty(watch.monitor.joints) == [joint]
 
 
 @given(joint=joints, change=st.floats(-1.0, 1.0), step=st.sampled_from(STEPS[:2]))
@@ -312,7 +297,7 @@ def test_a_wrong_velocity_dies_out_however_fine_the_encoder(
     about the truth without end, the controller with it, until the joint seemed too fast.
     """
     watch, speed, found = Watch(arm, step), 0.5, []
-    watch.ddq_unknown[:] = ddq_unknown
+    watch.joints["ddq_unknown"] = watch.joints["ddq_own"] = ddq_unknown
     for k in range(60):
         way = speed * TICK * max(k - 29.75, 0.0)
         assert watch.read(arm.q_ready + way, np.zeros(arm.n)) == FINE
@@ -430,7 +415,7 @@ def test_a_passive_contact_is_not_a_wrong_sign(arm: Arm, seed: int, joint: int) 
         dq[joint] += TICK * (push[joint] + force)
         q[joint] += TICK * dq[joint]
         watch.count(q, push, dq)
-        assert watch.memory[joint, FAULT] not in (REVERSED, JUMPED)
+        assert watch.monitor.joints["fault"][joint] not in (REVERSED, JUMPED)
 
 
 @given(seed=seeds, joint=joints, impact_dq=st.floats(0.1, 2.0))
@@ -447,13 +432,13 @@ def test_a_blow_against_the_torques_is_not_a_wrong_sign(
         dq[joint] = min(dq[joint] + TICK * 0.85 * push[joint], 0.3)
         q = q + TICK * dq
         watch.count(q, push, dq)
-        assert watch.memory[joint, FAULT] == FINE
+        assert watch.monitor.joints["fault"][joint] == FINE
 
 
 def test_a_joint_much_beyond_its_speed_is_a_fault(arm: Arm) -> None:
     """At twice its limit the readings, though they agree with one another, stop the arm."""
     watch, q = Watch(arm), arm.q_min.copy()
-    dq, said = 2.0 * watch.b[2], []
+    dq, said = 2.0 * watch.monitor.bounds["dq_max"], []
     for k in range(60):
         push = dq / 0.05 if k < 50 else 0.0 * dq
         said.append(watch.read(q, push))
@@ -485,14 +470,14 @@ def test_an_encoder_is_good_again_after_readings_that_fit(arm: Arm, seed: int) -
     still = np.zeros(arm.n)
     for k in range(100):
         watch.read(np.where(np.array([0, 1, 0]) * (k >= 50) > 0, np.nan, q), still)
-    assert not monitor.recovered(watch.memory)[1]
+    assert not encoders.recovered(watch.monitor.joints)[1]
     off = np.array([0.0, rng.choice([0.0, 0.05, 0.3]), 0.0])
     for _ in range(GOOD_TICKS + 1):
-        assert not monitor.recovered(watch.memory)[1]
+        assert not encoders.recovered(watch.monitor.joints)[1]
         watch.read(q + off, still, held=True)
-    assert monitor.recovered(watch.memory)[1] == (off[1] < 0.1)
+    assert encoders.recovered(watch.monitor.joints)[1] == (off[1] < 0.1)
     watch.read(np.full(3, np.nan), still, held=True)
-    assert not monitor.recovered(watch.memory)[1]
+    assert not encoders.recovered(watch.monitor.joints)[1]
 
 
 def test_what_is_known_of_the_encoders_is_one_number_or_one_a_joint(arm: Arm) -> None:
@@ -505,4 +490,4 @@ def test_what_is_known_of_the_encoders_is_one_number_or_one_a_joint(arm: Arm) ->
         with pytest.raises(InputError, match=r"encoder step|Encoders\.step"):
             Encoders(step=bad).steps(own)
     with pytest.raises(InputError, match=r"Encoders\.unknown"):
-        Encoders(unknown=-1.0).table(arm)
+        Encoders(unknown=-1.0).of(arm)

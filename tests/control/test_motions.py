@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.control.envelope import bounds_of
-from mitt.control.motions import check_motion
+from mitt.control.envelope import bounds_of, check_motion
 from mitt.errors import InputError
 from mitt.link.live import slow_motion
 from mitt.robot.arm import Arm
@@ -36,8 +35,11 @@ def checked(arm: Arm, motion: Array, start: Array | None = None) -> None:
 def test_a_motion_between_two_poses_is_taken(arm: Arm, seed: int, ticks: int) -> None:
     """From anywhere to anywhere within the ranges, and from beyond an end back in."""
     rng, b = np.random.default_rng(seed), bounds_of(arm)
-    start, end = rng.uniform(b[0] - 0.5, b[1] + 0.5), rng.uniform(b[0], b[1])
-    slow = max(ticks, int(2000.0 * np.max(np.abs(end - start) / b[2])))
+    start, end = (
+        rng.uniform(b["q_min"] - 0.5, b["q_max"] + 0.5),
+        rng.uniform(b["q_min"], b["q_max"]),
+    )
+    slow = max(ticks, int(2000.0 * np.max(np.abs(end - start) / b["dq_max"])))
     checked(arm, quintic(start, end, slow), start)
 
 

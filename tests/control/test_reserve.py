@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from mitt.control.reserve import EASIEST, HARDEST, SHARE, choose_stop
+from mitt.control.stop import EASIEST, HARDEST, SHARE, choose_stop
 from mitt.control.viability import BLOCKED, PASSED, SafetyFilter
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
@@ -39,12 +39,8 @@ def stop_of(
     arm: Arm, safety_filter: SafetyFilter, motion: Array, first: int = EASIEST
 ) -> tuple[float, Array]:
     """Return the share of torque and the decelerations of the stop that is found."""
-    work = safety_filter.reserve
-    index = np.array(arm.model.active)
-    share = choose_stop(
-        arm.bodies, arm.limits.packed, index, safety_filter.bounds, motion, first, work
-    )
-    return float(share), work[: arm.n].copy()
+    s = safety_filter.safety
+    return float(choose_stop(arm.tables, s.bounds, motion, first, s.stop)), s.stop.rates.copy()
 
 
 def shares(arm: Arm, motion: Array, rates: Array) -> Array:
@@ -77,17 +73,17 @@ def test_a_stop_that_is_found_takes_what_is_said_of_it(arm: Arm, seed: int, hard
     """Against another implementation, between the instants that were looked at as well."""
     safety_filter, rng = SafetyFilter(arm, Surroundings()), np.random.default_rng(seed)
     b = safety_filter.bounds
-    q = rng.uniform(b[0], b[1])
-    room = np.minimum(q - b[0], b[1] - q)
-    dq = rng.uniform(-1.0, 1.0, arm.n) * np.minimum(b[2], np.sqrt(b[3] * room))
+    q = rng.uniform(b["q_min"], b["q_max"])
+    room = np.minimum(q - b["q_min"], b["q_max"] - q)
+    dq = rng.uniform(-1.0, 1.0, arm.n) * np.minimum(b["dq_max"], np.sqrt(b["deceleration"] * room))
     motion = np.array([q, dq, np.zeros(arm.n)])
     share, rates = stop_of(arm, safety_filter, motion, HARDEST if hard else EASIEST)
     found = shares(arm, motion, rates)
     assert np.all(rates > 0.0)
-    assert np.all(rates <= b[3] * (1.0 + 1e-12))
+    assert np.all(rates <= b["deceleration"] * (1.0 + 1e-12))
     ends = q + 0.5 * dq * np.abs(dq) / rates
-    assert np.all(ends >= b[0] - 1e-9)
-    assert np.all(ends <= b[1] + 1e-9)
+    assert np.all(ends >= b["q_min"] - 1e-9)
+    assert np.all(ends <= b["q_max"] + 1e-9)
     assert found.max() >= share * (1.0 - 1e-2) - 1e-9
     assert found.max() <= BETWEEN * max(share, SHARE) + 0.1 * share
 

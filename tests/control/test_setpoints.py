@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mitt.control.envelope import bounds_of
-from mitt.control.rows import DDQ_MAX
 from mitt.control.setpoints import Setpoints
 from mitt.errors import MittError
 from mitt.robot.arm import Arm
@@ -23,7 +22,7 @@ def test_every_setpoint_is_finite_and_near_the_one_before(
 ) -> None:
     """Desired motions that jump, readings that are lost, brakes that engage and let go."""
     rng, setpoints = np.random.default_rng(seed), Setpoints(arm, takes, bandwidth=W, delay=DELAY)
-    hardest = bounds_of(arm)[DDQ_MAX]
+    hardest = bounds_of(arm)["ddq_max"]
     most = {
         "position": TICK * arm.dq_max,
         "velocity": hardest * (TICK + 2.0 * DELAY + 1.0 / W) + W * TICK * arm.dq_max,

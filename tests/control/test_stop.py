@@ -6,12 +6,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from ruckig import ControlInterface, InputParameter, Ruckig, Synchronization, Trajectory
 
-from mitt.control.brake import plan_brake
-from mitt.control.stop import INSTANTS, ONSET, SHARE, braking, hardest, instant, lay, scratch_of
+from mitt.control.stop import (
+    INSTANTS,
+    ONSET,
+    SHARE,
+    braking,
+    hardest,
+    instant,
+    lay,
+    mass_work,
+    plan_brake,
+    scratch_of,
+)
 from mitt.control.stop import short_of_room as is_short
 from mitt.control.stop import torque_share as share_of
 from mitt.robot.arm import Arm
-from mitt.robot.dynamics import slopes_work
 from mitt.signals import Array
 
 #: Agreement with Ruckig [rad, rad/s, rad/s^2].
@@ -47,9 +56,8 @@ def ruckigs(motion: Array, rate: Array) -> Trajectory:
 
 def short_of_room(arm: Arm, motion: Array) -> bool:
     """Ask the kernel with buffers of its own."""
-    most, N = np.array([arm.tau_max, arm.q_min, arm.q_max]), len(arm.bodies)
-    work = np.zeros(N), np.zeros((N, arm.n)), slopes_work(N)
-    return bool(is_short(arm.bodies, arm.tables[2], most, motion, *work))
+    most = np.array([arm.tau_max, arm.q_min, arm.q_max])
+    return bool(is_short(arm.tables, most, motion, mass_work(arm)))
 
 
 @settings(max_examples=200)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import mitt
-from mitt.control.health import Reason
-from mitt.control.stopped import StoppedBy, hint_of
+from mitt.control.health import Reason, StoppedBy, hint_of
 from mitt.generator.learn import Learned
 from mitt.robot.arm import Arm
 from mitt.signals import Array

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mitt.control.encoders import predict_acceleration
+from mitt.control.encoders import Encoders, monitor_of, predict_acceleration
+from mitt.control.stop import mass_work
 from mitt.control.tracking import Tracker
 from mitt.robot.arm import Arm
-from mitt.robot.dynamics import slopes_work
 from mitt.robot.load import load_arm
 from mitt.signals import TICK, ArmState, Array, Command
 
@@ -130,7 +130,7 @@ def test_saturation_is_told_exactly_when_a_limit_was_met(arm: Arm, seed: int) ->
     q, rest = arm.q_ready + rng.uniform(-0.3, 0.3, 3), np.zeros(3)
     state = ArmState(t=0.0, q=q, dq=rest)
     tracker = begun(arm, q, rest)
-    push = tracker.safety_filter.bounds[4]
+    push = tracker.safety_filter.bounds["ddq_max"]
     assert not tracker.step(state, np.array([q, rest, rest]), hand=0.0).saturated
     assert tracker.step(state, np.array([q, rest, push]), hand=0.0).saturated
 
@@ -184,25 +184,23 @@ def test_the_acceleration_that_torques_bring_is_the_models(arm: Arm, seed: int) 
     """Whatever was cut: Pinocchio's forward dynamics of the torques as commanded."""
     rng, n = np.random.default_rng(seed), arm.n
     q, dq = rng.uniform(arm.q_min, arm.q_max), rng.uniform(-1.5, 1.5, n) * arm.dq_max
-    tracker, rows, ddq_unknown = Tracker(arm, bandwidth=80.0), np.zeros((5, n)), np.zeros((2, n))
+    tracker, monitor = Tracker(arm, bandwidth=80.0), monitor_of(arm, Encoders())
     tracker.safety_filter.begin(q, dq)
     wanted = np.array([q, dq, np.zeros(n)]) + rng.standard_normal((3, n))
-    rows[:4] = tracker.step(ArmState(t=0.0, q=q, dq=dq), wanted, hand=0.0).command.joints
-    unknown, links = rng.uniform(0.0, 3.0, n), len(arm.bodies)
-    scratch = np.zeros(links), np.zeros((links, n)), slopes_work(links), np.zeros((n + 2, 2 * n))
-    index = np.array(arm.model.active)
-    coupling = np.zeros((n, n))
-    predict_acceleration(
-        arm.bodies, index, np.array([q, dq]), unknown, *scratch, rows, ddq_unknown, coupling
-    )
+    tau = tracker.step(ArmState(t=0.0, q=q, dq=dq), wanted, hand=0.0).command.tau
+    unknown = rng.uniform(0.0, 3.0, n)
+    monitor.joints["unknown"] = unknown
+    predict_acceleration(monitor, arm.tables, np.array([q, dq]), tau, mass_work(arm))
+    ddq, coupling = monitor.ddq_by_tau, monitor.coupling
     bias, M = arm.inverse_dynamics(q, dq, np.zeros(n)), arm.mass_matrix(q)
-    assert np.allclose(rows[4], np.linalg.solve(M, rows[3] - bias), rtol=1e-8, atol=1e-8)
-    assert np.allclose(ddq_unknown[0], np.abs(np.linalg.inv(M)) @ unknown, rtol=1e-8, atol=1e-8)
-    assert np.allclose(ddq_unknown[1], unknown / np.diag(M), rtol=1e-8, atol=1e-8)
+    assert np.allclose(ddq, np.linalg.solve(M, tau - bias), rtol=1e-8, atol=1e-8)
+    any_of_them = np.abs(np.linalg.inv(M)) @ unknown
+    assert np.allclose(monitor.joints["ddq_unknown"], any_of_them, rtol=1e-8, atol=1e-8)
+    assert np.allclose(monitor.joints["ddq_own"], unknown / np.diag(M), rtol=1e-8, atol=1e-8)
     a, k = rng.standard_normal(n), int(rng.integers(n))  # the others move otherwise than modelled
     others = np.arange(n) != k
-    alone = (rows[3, k] - bias[k] - M[k, others] @ a[others]) / M[k, k]
-    given_others = rows[4, k] + coupling[k, others] @ (rows[4] - a)[others]
+    alone = (tau[k] - bias[k] - M[k, others] @ a[others]) / M[k, k]
+    given_others = ddq[k] + coupling[k, others] @ (ddq - a)[others]
     assert np.isclose(given_others, alone, rtol=1e-6, atol=1e-6)
 
 

@@ -30,13 +30,13 @@ def safety_filter(arm: Arm) -> SafetyFilter:
 
 def gap(arm: Arm, safety_filter: SafetyFilter, q: Array) -> float:
     """Return the clearance in a pose."""
-    s = safety_filter.shapes
-    return float(clearance(arm.bodies, q, s.table, s.pairs, s.ends))
+    s = safety_filter.safety
+    return float(clearance(arm.bodies, q, s.shapes, s.pairs, s.ends))
 
 
 def path(safety_filter: SafetyFilter, q: Array, dq: Array) -> Array:
     """Return poses on the way to standstill, finely sampled, shape (m, n)."""
-    brake = safety_filter.bounds[3]
+    brake = safety_filter.bounds["deceleration"]
     t = np.linspace(0.0, np.max(np.abs(dq) / brake), 60)[:, None]
     passed = np.minimum(t, np.abs(dq) / brake)
     out: Array = q + np.sign(dq) * (np.abs(dq) * passed - 0.5 * brake * passed**2)
@@ -58,9 +58,9 @@ def test_whatever_is_asked_the_arm_can_stop_clear_of_everything(
         before, wanted = safety_filter.last.copy(), wish.copy()
         safety_filter.step(wanted)
         q, dq, ddq = wanted
-        assert np.all(np.abs(q - before[0]) <= safety_filter.bounds[2] * TICK + ROUNDING)
-        assert np.all(np.abs(dq - before[1]) <= safety_filter.bounds[4] * TICK + ROUNDING)
-        assert np.all(np.abs(ddq) <= safety_filter.bounds[4] + ROUNDING)
+        assert np.all(np.abs(q - before[0]) <= safety_filter.bounds["dq_max"] * TICK + ROUNDING)
+        assert np.all(np.abs(dq - before[1]) <= safety_filter.bounds["ddq_max"] * TICK + ROUNDING)
+        assert np.all(np.abs(ddq) <= safety_filter.bounds["ddq_max"] + ROUNDING)
         if tick % 20 == 0:
             gaps = [gap(arm, safety_filter, x) for x in path(safety_filter, q, dq)]
             assert min(gaps) >= MARGIN - 1e-6
@@ -82,11 +82,11 @@ def test_a_guard_that_remembers_the_room_says_what_one_does_that_measures_it(
             wish = size * rng.standard_normal((3, arm.n)) + np.array(
                 [safety_filter.last[0], safety_filter.last[1], np.zeros(arm.n)]
             )
-        mine, other, known = wish.copy(), wish.copy(), safety_filter.known.copy()
-        plain.known[:] = -np.inf
+        mine, other, known = wish.copy(), wish.copy(), safety_filter.safety.measured.copy()
+        plain.safety.measured[:] = -np.inf
         assert safety_filter.step(mine) == plain.step(other)
         assert np.array_equal(mine, other)
-        measured += not np.array_equal(known, safety_filter.known)
+        measured += not np.array_equal(known, safety_filter.safety.measured)
     assert measured > 0
 
 
@@ -101,7 +101,7 @@ def test_a_guard_that_creeps_up_to_a_pillar_remembers_what_one_measures(
         wish[0], wish[1, 0] = safety_filter.last[0], speed if tick > 1500 else 2.0
         wish[0, 0] += TICK * wish[1, 0]
         mine, other = wish.copy(), wish.copy()
-        plain.known[:] = -np.inf
+        plain.safety.measured[:] = -np.inf
         said = safety_filter.step(mine)
         assert said == plain.step(other)
         assert np.array_equal(mine, other)
@@ -118,9 +118,9 @@ def test_room_is_measured_again_only_where_the_arm_has_used_it_up(
         wanted = still.copy()
         if k >= 300:
             wanted[0, 1] += 0.002 * (k - 300)
-        before = safety_filter.known.copy()
+        before = safety_filter.safety.measured.copy()
         assert safety_filter.step(wanted) == PASSED
-        measured.append(not np.array_equal(before, safety_filter.known))
+        measured.append(not np.array_equal(before, safety_filter.safety.measured))
     assert sum(measured[:301]) == 1
     assert 0 < sum(measured[301:]) < 30
 
@@ -223,5 +223,5 @@ def test_jerk_lets_an_arm_move_beside_what_it_moves_along(arm: Arm, seconds: flo
             break
         free = gap(arm, safety_filter, safety_filter.last[0])
     assert said == BLOCKED
-    way = 0.5 * (0.5 / 20.0 + 2.0 * seconds + 2.0 * TICK) * safety_filter.bounds[6, 0]
+    way = 0.5 * (0.5 / 20.0 + 2.0 * seconds + 2.0 * TICK) * safety_filter.bounds["reach"][0]
     assert MARGIN < free < MARGIN + way

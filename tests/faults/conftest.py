@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mitt.catcher.catcher import Phase
-from mitt.catcher.result import REASONS, STATES, Result, copied, gathered
+from mitt.catcher.state import REASONS, STATES, Result, copied, gathered
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
 from mitt.robot.arm import Arm

@@ -9,7 +9,7 @@ from faults.conftest import Range, Thrown
 from support import ball_state
 
 from mitt.catcher.catcher import CatcherSettings
-from mitt.control.health import CLOCK, OVERRUN, memory, pass_time
+from mitt.control.health import CLOCK, OVERRUN, fresh_health, pass_time
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
 from mitt.signals import Command, MapStatus
@@ -72,7 +72,7 @@ def test_row_11_overrun(place: Range, missing: int, at: int) -> None:
 
 def test_row_11_time_that_stands_still() -> None:
     """Twenty ticks without a usable time in a row stop the arm; so does one that comes too late."""
-    notes = memory()
+    notes = fresh_health()[0]
     assert [pass_time(notes, t)[1] for t in (0.0, 0.001, 0.05)][-1] == OVERRUN
     assert [pass_time(notes, 0.04)[1] for _ in range(20)][-1] == CLOCK
 

@@ -119,7 +119,7 @@ import os, signal, sys, time
 from pathlib import Path
 import numpy as np
 import mitt
-from mitt.catcher.result import fresh_result
+from mitt.catcher.state import fresh_result
 from mitt.files.recorded import Recorded
 from mitt.link.recorder import Recorder
 from mitt.signals import ArmState, Command, Senses

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mitt.control.envelope import clamp_joint
-from mitt.control.jerk import clamp_smooth
+from mitt.control.envelope import BOUNDS, clamp_joint, clamp_smooth
 from mitt.jit import kernel
 from mitt.signals import TICK, Array
 
@@ -47,8 +46,8 @@ def soak(commands: int, *, seed: int) -> Count:
     """Send ``commands`` adversarial commands through the envelope, some to joints with jerk."""
     counts = np.zeros(4, dtype=np.int64)
     smooth = commands // SMOOTH_SHARE
-    _drive(commands - smooth, seed, counts)
-    _drive_smooth(smooth, seed, counts)
+    _drive(commands - smooth, seed, counts, np.zeros(1, BOUNDS))
+    _drive_smooth(smooth, seed, counts, np.zeros(1, BOUNDS))
     return Count(commands, *(int(x) for x in counts))
 
 
@@ -125,6 +124,14 @@ def _limits(b: Array) -> None:
 
 
 @kernel
+def _fill(b: Array, jerk: float, joint: Array) -> None:
+    """Write limits as the envelope takes them."""
+    k = joint[0]
+    k.q_min, k.q_max, k.dq_max = b[0], b[1], b[2]
+    k.deceleration, k.ddq_max, k.jerk = b[3], b[4], jerk
+
+
+@kernel
 def _start(b: Array) -> tuple[float, float]:
     """Draw a state, in one of three cases outside the limits."""
     x, y, z = np.random.random(), np.random.random(), np.random.random()  # noqa: NPY002 (compiled)
@@ -136,19 +143,20 @@ def _start(b: Array) -> tuple[float, float]:
 
 
 @kernel
-def _drive(commands: int, seed: int, counts: Array) -> None:
+def _drive(commands: int, seed: int, counts: Array, joint: Array) -> None:
     """Count violations, non-finite and changed commands, and starts from outside."""
     np.random.seed(seed)  # noqa: NPY002 (compiled: the thread's own generator)
     b, done = np.zeros(5), 0
     while done < commands:
         _limits(b)
+        _fill(b, np.inf, joint)
         q0, dq0 = _start(b)
         mode, goal = np.random.randint(MODES), np.random.random() - 0.5  # noqa: NPY002
         for tick in range(min(EPISODE, commands - done)):
             if np.random.random() < 0.01:  # noqa: NPY002
                 mode, goal = np.random.randint(MODES), np.random.random() - 0.5  # noqa: NPY002
             wq, wdq, wddq = _wish(mode, b, q0, dq0, tick, goal)
-            q, dq, ddq = clamp_joint(b[0], b[1], b[2], b[3], b[4], q0, dq0, wq, wdq, wddq)
+            q, dq, ddq = clamp_joint(joint[0], (q0, dq0, 0.0), (wq, wdq, wddq))
             same = q == wq and dq == wdq and ddq == wddq
             counts[2] += not same
             within = inside(b, q0, dq0, 0.0)
@@ -181,7 +189,7 @@ def obeys_smooth(
 
 
 @kernel
-def _drive_smooth(commands: int, seed: int, counts: Array) -> None:
+def _drive_smooth(commands: int, seed: int, counts: Array, joint: Array) -> None:
     """Count as :func:`_drive`, for joints with a jerk limit that begin at rest, also beyond an end.
 
     None goes farther out, none that is in leaves, and at the end of an episode each is in.
@@ -191,6 +199,7 @@ def _drive_smooth(commands: int, seed: int, counts: Array) -> None:
     while done < commands:
         _limits(b)
         jerk = min(b[3] * 10.0 ** (0.5 + 2.8 * np.random.random()), 2.0 * b[4] / TICK)  # noqa: NPY002
+        _fill(b, jerk, joint)
         now = (b[0] - 0.5 + np.random.random() * (b[1] - b[0] + 1.0), 0.0, 0.0)  # noqa: NPY002
         out = max(now[0] - b[1], b[0] - now[0], 0.0)
         mode, goal = np.random.randint(MODES), np.random.random() - 0.5  # noqa: NPY002
@@ -198,7 +207,7 @@ def _drive_smooth(commands: int, seed: int, counts: Array) -> None:
             if np.random.random() < 0.01:  # noqa: NPY002
                 mode, goal = np.random.randint(MODES), np.random.random() - 0.5  # noqa: NPY002
             wish = _wish(mode, b, now[0], now[1], tick, goal)
-            told = clamp_smooth(b[0], b[1], b[2], b[3], b[4], jerk, now, wish)
+            told = clamp_smooth(joint[0], now, wish)
             counts[2] += told != wish
             counts[3] += out > 0.0
             if not (np.isfinite(told[0]) and np.isfinite(told[1]) and np.isfinite(told[2])):

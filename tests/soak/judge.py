@@ -17,7 +17,7 @@ from typing import final
 import numpy as np
 
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
-from mitt.catcher.result import REASONS
+from mitt.catcher.state import REASONS
 from mitt.control.envelope import bounds_of
 from mitt.control.health import ABORT, ENCODER_REASONS, Reason
 from mitt.control.viability import MARGIN
@@ -26,10 +26,17 @@ from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.shapes import clearance, shapes_of
 from mitt.signals import TICK, Array, Command
+from mitt.structs import Record
 from soak.commands import ROUNDING, inside, obeys
 
 #: Poses that are looked at along a way to standstill.
 _LOOKS = 60
+
+
+def rows_of(bounds: Record) -> Array:
+    """Return limits as the rule takes them: ends, speed, deceleration, acceleration, (5, n)."""
+    names = "q_min", "q_max", "dq_max", "deceleration", "ddq_max"
+    return np.array([bounds[name] for name in names])
 
 
 @kernel
@@ -50,7 +57,7 @@ def breaks(b: Array, last: Array, told: Array, blocked: bool) -> int:
     """Return the first joint that breaks the rule of motion; -1 if none.
 
     Args:
-        b: Limits, as of :mod:`mitt.control.envelope`, shape (>= 5, n).
+        b: Limits, of :func:`rows_of`, shape (5, n).
         last: q, dq told before, shape (>= 2, n).
         told: q, dq, ddq, shape (3, n).
         blocked: Whether a joint that is outside may brake instead of returning.
@@ -84,7 +91,7 @@ class Judge:
         """Take the arm, empty and with the ball."""
         self._arms = arm, arm.holding(settings.ball_mass)
         self._max_tracking_error = settings.max_tracking_error
-        self._bounds = tuple(bounds_of(a) for a in self._arms)
+        self._bounds = tuple(rows_of(bounds_of(a)) for a in self._arms)
         self._shapes = shapes_of(arm, settings.around)
         hand = arm.model.hand
         self._closed = hand.drive.closed if isinstance(hand, HandModel) else 0.0

@@ -76,7 +76,7 @@ def test_the_rule_of_ticks_sees_what_breaks_it(arm: Arm) -> None:
     still = np.zeros(arm.n)
     assert not judge.too_strong(arm, arm.tau_max, still)
     assert judge.too_strong(arm, 1.001 * arm.tau_max, still)
-    b, last = bounds_of(arm), np.array([arm.q_max + 0.2, still])
+    b, last = judge.rows_of(bounds_of(arm)), np.array([arm.q_max + 0.2, still])
     resting, faster = (np.array([last[0], x * np.ones(arm.n), still]) for x in (0.0, 0.01))
     assert judge.breaks(b, last, resting, True) == -1
     assert judge.breaks(b, last, resting, False) == 0
@@ -86,7 +86,7 @@ def test_the_rule_of_ticks_sees_what_breaks_it(arm: Arm) -> None:
 @pytest.mark.parametrize("share", [1.0, 0.5, 0.0])
 def test_a_joint_outside_may_brake_but_not_dawdle(arm: Arm, share: float) -> None:
     """Beyond its range, the way blocked: it brakes at its deceleration; less breaks the rule."""
-    b, dq = bounds_of(arm), 2.0 * np.ones(arm.n)
+    b, dq = judge.rows_of(bounds_of(arm)), 2.0 * np.ones(arm.n)
     last = np.array([arm.q_max + 0.2, dq])
     slower = dq - share * b[3] * TICK
     told = np.array([last[0] + 0.5 * TICK * (dq + slower), slower, -share * b[3]])

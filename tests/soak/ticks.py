@@ -235,7 +235,7 @@ class _Episode:
                 if len(fitting) == len(senses.frames):
                     raise
                 command = self._catcher.step(replace(senses, frames=fitting))
-            slowest = self._catcher.state.bounds[2].copy()
+            slowest = self._catcher.state.safety.bounds["dq_max"].copy()
             self._catcher.think()
         except Exception as error:
             return f"raised {type(error).__name__}: {error}"

@@ -15,7 +15,7 @@ import mitt.gym
 from mitt.ball.filter import BallFilter, FilterConfig
 from mitt.catcher.catcher import Catcher
 from mitt.catcher.settings import CatcherSettings
-from mitt.control.brake import plan_brake
+from mitt.control.stop import plan_brake
 from mitt.files.about import About
 from mitt.files.cell import read_cell
 from mitt.files.maps import save_map

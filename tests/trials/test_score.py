@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.catcher.result import Result, fresh_result, room_for
 from mitt.catcher.settings import Phase
+from mitt.catcher.state import Result, fresh_result, room_for
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Basket
 from mitt.robot.load import load_arm

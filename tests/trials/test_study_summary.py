@@ -9,8 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from mitt.commands.study import _rate
-from mitt.control.health import Reason, State
-from mitt.control.stopped import StoppedBy
+from mitt.control.health import Reason, State, StoppedBy
 from mitt.link.clock import Stopwatch
 from mitt.trials.result import force_words, summary
 from mitt.trials.score import Trial, reason_of, stop_as_json

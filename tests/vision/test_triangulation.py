@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.ball.linear import invert_positive
+from mitt.ball.motion_models import invert_positive
 from mitt.errors import InputError
 from mitt.signals import Array, Moments
 from mitt.vision.camera import Camera, Rig, fixed_rig, look_at

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.control.hand import LONGEST_INSIDE
+from mitt.control.closing import LONGEST_INSIDE
 from mitt.errors import ModelError
 from mitt.robot.hands import HandModel, closing_angle
 from mitt.signals import Array

@@ -1,24 +1,75 @@
-"""Estimate of the ball's motion from sightings: extended Kalman filters, a motion model each.
+"""The ball filter: time-stamped sightings in, an estimate of the ball's motion out.
 
 State: position, velocity, drag coefficient k and push a; in flight ddr_o = g - k |dr_o| dr_o + a
-+ noise (``flight``). Targets that do not fly are followed by other models (``motion_models``). The
-correction is in Joseph's form, in double precision. A track begins with a velocity as good as
-unknown, so that the first sightings amount to a least-squares fit with known gravity; it speaks
-after ``min_sightings``. The kernels of ``estimator`` do the work on one vector (``memory``);
-here they get their settings, and their results a name.
++ noise (``flight``). Targets that do not fly are followed by other models (``motion_models``). A
+track begins with a velocity as good as unknown, so that the first sightings amount to a
+least-squares fit with known gravity; it speaks after ``min_sightings``.
+
+A sighting counts at its own time, whatever the order of arrival: the ring keeps the newest
+sightings, each with the estimate before it; a late one is put in its place, and all after it are
+processed again. The result is that of the right order, bit for bit. A sighting too old for the
+ring is dropped; one whose time was seen before changes nothing.
+
+No single sighting decides. One whose time is more than ``max_gap`` from the track's waits: where
+``ROW`` of them come in a row, the clock was set or another throw has begun, and a new track begins
+with them; one alone is dropped when the next sighting fits the time. And a point that comes back to
+the last digit while the ball is elsewhere, as the origin that trackers send for a ball that they do
+not see, is no ball; that is judged when it arrives.
+
+A bounce or a kick changes the velocity, not the position: after a few rejections the filter goes
+back to before the first of them, forgets the velocity, and processes the sightings since then
+again. If that fits no better, they were outliers, unless the rejections follow one another and the
+newest of them agree: then the filter goes on from the newest sighting, or begins a new track with
+them if that is farther away than a kick can carry; but not from sightings that tell no position, as
+when one camera alone sees the ball. A track that does not speak yet gives way to sightings in a row
+that are as many as its own, and two at least. A small kick passes the gate; it shows in innovations
+that lean to one side (``motion_models.is_biased``), and the newest sightings are then processed
+again with some freedom of velocity.
 """
 
 from dataclasses import dataclass
+from math import isfinite, sqrt
 from typing import final
 
 import numpy as np
 
 from mitt import checks, fields
-from mitt.ball import memory as at
-from mitt.ball.estimator import doubt, is_tracked, predict, update
+from mitt.ball.flight import acceleration, advance_uncertain
+from mitt.ball.motion_models import (
+    FILTER,
+    FLOOR,
+    LEAST_VARIANCE,
+    MODELS,
+    RING,
+    ROW,
+    Fields,
+    activate,
+    deactivate,
+    fit,
+    inverse,
+    is_biased,
+    is_sane,
+    reset_drag_and_push,
+    reset_motion,
+    tells_position,
+)
 from mitt.errors import InputError
 from mitt.fields import brief
+from mitt.jit import kernel
 from mitt.signals import GRAVITY, Array, BallState, Sighting
+from mitt.structs import Record
+
+MAX_HORIZON = 2.0
+"""Farthest that an estimate is carried [s]; no throw flies longer."""
+MAX_DOUBTFUL = 24
+"""Sightings that are reconsidered at most when some of them were rejected."""
+LOOK_BACK = 16
+"""Sightings that are reconsidered when the innovations lean to one side."""
+SMALL_KICK = 1.0
+"""Standard deviation of a velocity change that passes the gate [m/s]."""
+_REMEMBERED, _ELSEWHERE = 16, 0.05
+"""Sightings among which a point that comes back is looked for, and distance from it, along an axis,
+at which another one lies elsewhere [m]: far beyond noise and steps of digits."""
 
 #: Least and largest value of each number; those that stand in a denominator are above 0. Choices of
 #: this project, far beyond what balls and sightings ask for.
@@ -145,19 +196,32 @@ class FilterCounts:
     restarts: int = 0
 
 
-def settings_of(config: FilterConfig) -> Array:
-    """Return the settings as the kernels read them, shape ``memory.SETTINGS``."""
-    c = config
-    table, other = np.zeros(at.SETTINGS), 0.5 * c.other_motion
-    table[0] = (GRAVITY, c.accel_density, c.drag_density, c.push_sigma, c.push_time, c.drag_mean,
-                c.drag_sigma, 1.0 - c.other_motion)  # fmt: skip
-    table[1] = (0.0, c.steady_density, 0.0, 0.0, 1.0, 0.0, 0.0, other)
-    table[2] = (0.0, c.steady_density, 0.0, c.driven_sigma, c.driven_time, 0.0, 0.0, other)
-    table[at.GATES, :6] = (c.gate, c.first_gate, c.min_sightings, c.max_rejections,
-                           c.max_rejection_time, c.kick_sigma)  # fmt: skip
-    speaks = c.min_sightings if c.speaks_after is None else c.speaks_after
-    table[at.LIMITS, :6] = (c.drag_max, c.speed_sigma, c.max_gap, speaks, c.watchful, c.switch_time)
-    return table
+def fresh_filter(config: FilterConfig) -> Record:
+    """Return a filter without a track, one record of type ``FILTER``, shape (1,)."""
+    ball, c = np.zeros(1, FILTER), config
+    speaks_after = c.min_sightings if c.speaks_after is None else c.speaks_after
+    ball["settings"] = (
+        c.gate, c.first_gate, c.min_sightings, c.max_rejections, c.max_rejection_time, c.kick_sigma,
+        c.drag_max, c.speed_sigma, c.max_gap, speaks_after, c.watchful, c.switch_time,
+    )  # fmt: skip
+    other = 0.5 * c.other_motion
+    ball["models"][0] = [
+        (GRAVITY, c.accel_density, c.drag_density, c.push_sigma, c.push_time, c.drag_mean,
+         c.drag_sigma, 1.0 - c.other_motion),
+        (0.0, c.steady_density, 0.0, 0.0, 1.0, 0.0, 0.0, other),
+        (0.0, c.steady_density, 0.0, c.driven_sigma, c.driven_time, 0.0, 0.0, other),
+    ]  # fmt: skip
+    _forget(ball)
+    return ball
+
+
+def _forget(ball: Record) -> None:
+    """Forget the ball; the counts go on."""
+    ball["waits"] = ball["filled"] = 0
+    for name in ("t", "t_seen", "t_first"):
+        ball["now"][name] = -np.inf
+    for name in ("used", "rejected", "in_a_row", "doubtful", "active"):
+        ball["now"][name] = 0
 
 
 @final
@@ -168,53 +232,434 @@ class BallFilter:
         """Start without a track."""
         config = FilterConfig() if config is None else config
         self.config = checks.instance("config", config, FilterConfig)
-        self._settings = settings_of(self.config)
-        self._memory, self._work = at.fresh(), np.zeros(at.WORK)
+        self._ball = fresh_filter(self.config)
 
     def reset(self) -> None:
         """Forget the ball; the counts go on."""
-        at.clear(self._memory)
+        _forget(self._ball)
 
     @property
     def tracked(self) -> bool:
         """Whether there is an estimate."""
-        return bool(is_tracked(self._memory, self._settings))
+        return bool(self._ball[0]["now"]["used"] >= self._ball[0]["settings"]["speaks_after"])
 
     @property
     def counts(self) -> FilterCounts:
         """What became of the sightings so far."""
-        m = self._memory
-        used, rejected, kicks, restarts = (int(count) for count in m[at.ALL_USED : at.ACTIVE])
-        return FilterCounts(
-            used=used, ignored=int(m[at.IGNORED]), late=int(m[at.LATE]), rejected=rejected,
-            kicks=kicks, restarts=restarts,
-        )  # fmt: skip
+        b = self._ball[0]
+        counts = {name: int(b["now"][f"all_{name}"])
+                  for name in ("used", "rejected", "kicks", "restarts")}  # fmt: skip
+        return FilterCounts(ignored=int(b["ignored"]), late=int(b["late"]), **counts)
 
     def update(self, sighting: Sighting) -> None:
         """Take a sighting in at its own time, whatever the order of arrival."""
         s = checks.instance("sighting", sighting, Sighting)
         if s.found:
-            update(self._memory, s.t, s.r_o, s.covariance, self._settings, self._work)
+            update(self._ball, s.t, s.r_o, s.covariance)
         else:
-            self._memory[at.IGNORED] += 1.0
+            self._ball["ignored"] += 1
 
     def state(self, t: float) -> BallState:
         """Return the estimate carried by the flight model to ``t`` [s], near or far.
 
-        Not tracked without an estimate, or further than ``estimator.MAX_HORIZON`` from it. Where
-        the newest sightings were rejected, the covariance holds the kick that they may show.
+        Not tracked without an estimate, or further than ``MAX_HORIZON`` from it. Where the newest
+        sightings were rejected, the covariance holds the kick that they may show.
         """
-        t, m = checks.number("t", t), self._memory
+        t, b = checks.number("t", t), self._ball[0]
         motion, covariance = np.empty((3, 3)), np.empty((6, 6))
-        tracked = predict(m, t, self._settings, motion, covariance, self._work)
+        tracked = predict(self._ball, t, motion, covariance)
         if tracked:
-            doubt(m, t, self._settings, covariance)
+            doubt(self._ball, t, covariance)
         if not np.isfinite(covariance).all():
             tracked, motion[:], covariance[:] = False, 0.0, 0.0
+        now = b["now"]
         return BallState(
             t=t, tracked=tracked, r_o=motion[0], dr_o=motion[1], ddr_o=motion[2],
-            drag=float(m[at.DRAG]) if tracked else 0.0, covariance=covariance,
-            t_seen=float(m[at.T_SEEN]) if tracked else -np.inf,
-            t_first=float(m[at.T_FIRST]) if tracked else -np.inf,
-            led=bool(tracked and m[at.BEST] > 0.0),
+            drag=float(b["drag"]) if tracked else 0.0, covariance=covariance,
+            t_seen=float(now["t_seen"]) if tracked else -np.inf,
+            t_first=float(now["t_first"]) if tracked else -np.inf,
+            led=bool(tracked and now["best"] > 0),
         )  # fmt: skip
+
+
+@kernel
+def update(ball: Record, t: float, z: Array, R: Array) -> None:
+    """Process a sighting; one that is not finite, absurd, repeated or too old is dropped.
+
+    Args:
+        ball: The filter, of :func:`fresh_filter`.
+        t: Time of the exposure [s]; one of another time than the track's waits.
+        z: Position [m], shape (3,).
+        R: Its covariance [m^2], shape (3, 3).
+    """
+    b = ball[0]
+    now, seen = b.now, b.given
+    if not (isfinite(t) and is_sane(z, R)):
+        b.ignored += 1
+        return
+    seen.t = t
+    seen.z[:] = z
+    seen.R[:] = R
+    if now.used > 0 and abs(t - now.t_seen) > b.settings.max_gap:
+        if not _waited(b):
+            return
+        now.all_restarts += 1
+        b.filled = now.used = now.doubtful = now.run = 0
+        for k in range(ROW):
+            _take(b, b.waiting[k])
+    else:
+        _take(b, seen)
+    b.waits = 0
+
+
+@kernel
+def _waited(b: Fields) -> bool:
+    """Let a sighting of another time wait; return whether it ends a row of them."""
+    count = b.waits
+    for k in range(count):
+        apart = abs(b.given.t - b.waiting[k].t)
+        if apart == 0.0:
+            b.ignored += 1
+            return False
+        if apart > b.settings.max_gap:
+            count = 0  # those before were single ones
+            break
+    b.waiting[count] = b.given
+    b.waits = count + 1
+    return bool(count + 1 == ROW)
+
+
+@kernel
+def _slot(b: Fields, age: int) -> Fields:
+    """Return the slot of the sighting that is ``age`` places before the newest."""
+    return b.ring[(b.newest - age) % RING]
+
+
+@kernel
+def _take(b: Fields, seen: Fields) -> None:
+    """Put a sighting in its place, and process it and all after it; see :func:`update`."""
+    age = 0
+    while age < b.filled and _slot(b, age).seen.t > seen.t:
+        age += 1
+    if (age < b.filled and _slot(b, age).seen.t == seen.t) or _comes_back(b, age, seen.z):
+        b.ignored += 1
+        return
+    if age > 0:
+        after = _slot(b, age - 1)
+        if b.filled == RING and age + after.before.doubtful >= RING:
+            b.late += 1  # the ring lacks what could change
+            return
+        b.now = after.before
+    b.newest = (b.newest + 1) % RING
+    b.filled = min(b.filled + 1, RING)
+    for k in range(age):
+        into, origin = _slot(b, k), _slot(b, k + 1)
+        into.seen, into.taken = origin.seen, origin.taken
+    slot = _slot(b, age)
+    slot.seen = seen
+    R = slot.seen.R
+    definite = inverse(R[0, 0], R[0, 1], R[0, 2], R[1, 1], R[1, 2], R[2, 2])[0]
+    exact = 0.0 if definite else LEAST_VARIANCE
+    for i in range(3):
+        R[i, i] = max(R[i, i] + exact, LEAST_VARIANCE)
+    for k in range(age, -1, -1):
+        _process(b, k)
+
+
+@kernel
+def _comes_back(b: Fields, age: int, z: Array) -> bool:
+    """Say whether a point was seen before, to the last digit, and the ball elsewhere.
+
+    That is: a known track has rejected it, or a sighting since then lies elsewhere.
+    """
+    known, elsewhere = b.now.used >= b.settings.min_sightings, False
+    for k in range(age, min(b.filled, age + _REMEMBERED)):
+        slot, apart = _slot(b, k), 0.0
+        for i in range(3):
+            apart = max(apart, abs(slot.seen.z[i] - z[i]))
+        if apart == 0.0 and (elsewhere or (known and not slot.taken)):
+            return True
+        elsewhere |= apart > _ELSEWHERE
+    return False
+
+
+@kernel
+def _process(b: Fields, age: int) -> None:
+    """Process the sighting of a slot, after keeping the estimate before it."""
+    slot = _slot(b, age)
+    slot.before = b.now
+    slot.taken = False
+    if b.now.used == 0:
+        if tells_position(slot.seen):
+            _begin(b, slot)
+    elif _try(b, slot):
+        _on_accepted(b, slot)
+        if is_biased(b.now):
+            _reconsider(b, age)
+    else:
+        _on_rejected(b, age)
+
+
+@kernel
+def _try(b: Fields, slot: Fields) -> bool:
+    """Carry the estimate to a sighting; correct it, and return true, if that lies in the gate."""
+    known = b.now.used >= b.settings.min_sightings
+    return bool(fit(b, slot.seen, b.settings.gate if known else b.settings.first_gate))
+
+
+@kernel
+def _begin(b: Fields, slot: Fields) -> None:
+    """Begin a new track at a sighting."""
+    now = b.now
+    if now.used > 0:
+        now.all_restarts += 1
+    deactivate(b)
+    now.x[0, 3:6] = 0.0
+    reset_drag_and_push(b, 0)
+    reset_motion(now.x[0], now.P[0], slot.seen, b.settings.speed_sigma)
+    if b.settings.watchful:
+        activate(b)
+        for model in range(MODELS):
+            now.weight[model] = b.models[model].prior
+    now.t = now.t_first = slot.seen.t
+    now.used = now.doubtful = 0
+    _on_accepted(b, slot)
+
+
+@kernel
+def _on_accepted(b: Fields, slot: Fields) -> None:
+    """Count a sighting that fits; three in a row end a doubt."""
+    now = b.now
+    slot.taken, now.t_seen, now.run = True, slot.seen.t, 0
+    now.used += 1
+    now.all_used += 1
+    if now.doubtful > 0:
+        now.doubtful += 1
+        now.in_a_row += 1
+        if now.in_a_row == 3 or now.doubtful > MAX_DOUBTFUL:
+            now.doubtful = 0
+
+
+@kernel
+def _on_rejected(b: Fields, age: int) -> None:
+    """Count a rejected sighting; act when they are too many or last too long."""
+    now, limits, most = b.now, b.settings, min(b.filled - age, MAX_DOUBTFUL)
+    now.all_rejected += 1
+    if now.doubtful == 0:
+        now.rejected = 0
+    now.doubtful += 1
+    now.rejected += 1
+    now.run += 1
+    now.in_a_row = 0
+    run, doubtful = min(now.run, most), min(now.doubtful, most)
+    lasts = _slot(b, age).seen.t - _slot(b, age + run - 1).seen.t
+    if now.used < limits.min_sightings:
+        depth = _telling(b, age, run)
+        if run >= min(max(now.used, 2), limits.max_rejections) and depth > 0:
+            _begin_with(b, age, depth)
+    elif run >= 3 and lasts >= limits.max_rejection_time:
+        _reacquire(b, age, run, run)
+    elif now.rejected >= limits.max_rejections:
+        _reacquire(b, age, doubtful, run)
+
+
+@kernel
+def _telling(b: Fields, age: int, depth: int) -> int:
+    """Return how many of the newest ``depth`` sightings there are from one on that tells where."""
+    while depth > 0 and not tells_position(_slot(b, age + depth - 1).seen):
+        depth -= 1
+    return depth
+
+
+@kernel
+def _begin_with(b: Fields, age: int, depth: int) -> int:
+    """Begin a new track at the oldest of ``depth`` sightings; return how many of them fit it."""
+    _begin(b, _slot(b, age + depth - 1))
+    return 1 + int(_fit_again(b, age, depth - 1))
+
+
+@kernel
+def _fit_again(b: Fields, age: int, depth: int) -> int:
+    """Process the newest ``depth`` sightings again; return how many of them fit."""
+    fitting = 0
+    for k in range(age + depth - 1, age - 1, -1):
+        slot = _slot(b, k)
+        slot.taken = False
+        if _try(b, slot):
+            _on_accepted(b, slot)
+            fitting += 1
+    return fitting
+
+
+@kernel
+def _reacquire(b: Fields, age: int, depth: int, run: int) -> None:
+    """Explain the newest ``depth`` sightings: outliers, a kick, or another ball.
+
+    The depth is the ``run`` of rejections, or reaches back to where the doubt began.
+    """
+    now, newest, first = b.now, _slot(b, age), _slot(b, age + depth - 1)
+    kick, most = b.settings.kick_sigma, b.settings.max_rejections
+    fitted = 0 if depth == run else depth - now.rejected
+    leap = 0.0
+    for i in range(3):
+        leap += (now.x[now.best, i] - newest.seen.z[i]) ** 2
+    reach = 1.5 * kick * (newest.seen.t - now.t_seen)
+    b.spare = b.now
+    now.doubtful = 0
+    _go_back(b, first, kick)
+    fitting = _fit_again(b, age, depth)
+    if 2 * fitting > depth and fitting > fitted + 1:
+        now.all_kicks += 1
+        return
+    b.now = b.spare
+    if run >= most and tells_position(newest.seen):
+        far, size = sqrt(leap) > reach, _telling(b, age, most)
+        agreeing = _begin_with(b, age, size)
+        if far and 2 * agreeing > most:
+            return
+        b.now = b.spare
+        if far or 2 * agreeing <= size:
+            return
+        now.all_kicks += 1  # go on from the newest, with a velocity as good as unknown
+        reset_motion(now.x[now.best], now.P[now.best], newest.seen, kick)
+        activate(b)
+        now.doubtful = 0
+        _on_accepted(b, newest)
+    elif depth != run:
+        now.doubtful = 0
+
+
+@kernel
+def _reconsider(b: Fields, age: int) -> None:
+    """Weight all motion models, and a small kick, on the newest sightings."""
+    depth = min(LOOK_BACK, b.filled - age, b.now.used - 1)
+    if depth < 1:
+        return
+    _go_back(b, _slot(b, age + depth - 1), SMALL_KICK)
+    for k in range(age + depth - 1, age - 1, -1):
+        _try(b, _slot(b, k))
+
+
+@kernel
+def _go_back(b: Fields, first: Fields, kick: float) -> None:
+    """Go back to the estimate before a sighting, its velocity changed by a kick [m/s]."""
+    now, past = b.now, first.before
+    best = past.best
+    now.x[best] = past.x[best]
+    now.P[best] = past.P[best]
+    now.t, now.best, now.active = past.t, best, past.active
+    if now.active:
+        for model in range(MODELS):
+            now.weight[model] = past.weight[model]
+    # When within the gap the kick came is unknown, and so how far it has carried the ball.
+    P, gap = now.P[best], first.seen.t - now.t
+    for i in range(3):
+        P[i, i] += (kick * gap) ** 2
+        P[3 + i, 3 + i] += kick**2
+    activate(b)
+
+
+@kernel
+def predict(ball: Record, t: float, motion: Array, covariance: Array) -> bool:
+    """Carry the estimate to an instant, without changing it.
+
+    Args:
+        ball: The filter, of which only scratch and ``drag`` are changed.
+        t: The instant [s].
+        motion: Result: position, velocity, acceleration [m, m/s, m/s^2], shape (3, 3).
+        covariance: Result, covariance of position and velocity, shape (6, 6).
+
+    Returns:
+        Whether the ball is tracked; if not, or further than ``MAX_HORIZON`` from the last
+        sighting, or beyond sightings that wait, the results are zero. The drag coefficient is in
+        ``drag``.
+    """
+    b = ball[0]
+    origin = _estimate_for(b, t)
+    dt = t - origin.t
+    motion[:, :] = 0.0
+    covariance[:, :] = 0.0
+    tracked = b.now.used >= b.settings.speaks_after and abs(dt) <= MAX_HORIZON
+    if not tracked or _is_of_others(b, t):
+        return False
+    best, active, x, P = origin.best, origin.active, b.work.x, b.work.P
+    _carry(b, origin, best, dt)
+    motion[0], motion[1] = x[:3], x[3:6]
+    b.drag = x[6]
+    acceleration(motion[1], x[6], motion[2])
+    for i in range(3):
+        motion[2, i] += x[7 + i]
+    motion[2, 2] += GRAVITY - b.models[best].gravity
+    _add_moment(motion, x, P, origin.weight[best] if active else 1.0, covariance)
+    for model in range(MODELS):
+        if active and model != best and origin.weight[model] > FLOOR:
+            _carry(b, origin, model, dt)
+            _add_moment(motion, x, P, origin.weight[model], covariance)
+    return True
+
+
+@kernel
+def doubt(ball: Record, t: float, covariance: Array) -> None:
+    """Add to the covariance of :func:`predict` what sightings say that were rejected last.
+
+    They are outliers, or the ball was kicked at any instant since the last one that fits; the more
+    of them in a row, the likelier. Either shows within ``max_rejection_time``.
+
+    Args:
+        ball: The filter.
+        t: The instant [s].
+        covariance: Of position and velocity at that instant, overwritten, shape (6, 6).
+    """
+    b = ball[0]
+    origin = _estimate_for(b, t)
+    run, since = origin.run, t - origin.t_seen
+    if not (run > 0 and since > 0.0):
+        return
+    kick = run / (run + 1.0) * b.settings.kick_sigma**2
+    for i in range(3):
+        covariance[i, i] += kick * since * since
+        covariance[i, 3 + i] += kick * since
+        covariance[3 + i, i] += kick * since
+        covariance[3 + i, 3 + i] += kick
+
+
+@kernel
+def _estimate_for(b: Fields, t: float) -> Fields:
+    """Return the estimate that speaks of an instant [s].
+
+    That is the newest, but before a rejected sighting the one before it: nothing is carried
+    forth to a wrong stamp, and back.
+    """
+    newest, now = _slot(b, 0), b.now
+    if b.filled > 0 and t < now.t == newest.seen.t > now.t_seen:
+        return newest.before
+    return now
+
+
+@kernel
+def _is_of_others(b: Fields, t: float) -> bool:
+    """Say whether an instant lies at or beyond sightings that wait, seen from the track."""
+    if b.waits == 0:
+        return False
+    if b.waiting[0].t > b.now.t_seen:
+        return bool(t >= b.waiting[0].t)
+    return bool(t <= b.waiting[b.waits - 1].t)
+
+
+@kernel
+def _carry(b: Fields, origin: Fields, model: int, dt: float) -> None:
+    """Carry a copy of a model's track, in the scratch, from an estimate on by ``dt`` [s]."""
+    work = b.work
+    work.x[:] = origin.x[model]
+    work.P[:] = origin.P[model]
+    advance_uncertain(work.x[:], work.P[:], dt, b.models[model], work.A, work.FP)
+
+
+@kernel
+def _add_moment(motion: Array, x: Array, P: Array, weight: float, covariance: Array) -> None:
+    """Add the second moment of one model's estimate about ``motion``, weighted."""
+    for i in range(6):
+        for j in range(i + 1):
+            d_i, d_j = x[i] - motion[i // 3, i % 3], x[j] - motion[j // 3, j % 3]
+            covariance[i, j] += weight * (P[i, j] + d_i * d_j)
+            covariance[j, i] = covariance[i, j]

@@ -4,20 +4,20 @@ Everything that carries a ball through time uses these kernels: the filter, the 
 throw and the simulated world. They write into the arrays they are given.
 Gravity is 9.81 m/s^2 (the standard value of ISO 80000-3, 9.80665, to three digits, as in
 MuJoCo). Drag coefficients are fitted to recorded flights: 0.036 to 0.042 per metre for a
-thrown ball, 0.09 to 0.15 for a table-tennis ball.
+thrown ball, 0.09 to 0.15 for a table-tennis ball. The end of the module says what a bounce does to
+a ball where nobody knows of a table: it may be at any height.
 """
 
 from dataclasses import replace
 from math import ceil, exp, sqrt
+from typing import NamedTuple
 
 import numpy as np
-from numba.extending import register_jitable
 
 from mitt import checks
 from mitt.errors import InputError
 from mitt.jit import kernel
 from mitt.signals import GRAVITY, Array, BallState
-from mitt.views import view
 
 MAX_STEP = 0.02
 """Longest Runge-Kutta step [s]; at 10 m/s and k = 0.2 its error stays below 1e-8 m."""
@@ -25,11 +25,36 @@ MAX_STEP = 0.02
 STATES = 10
 """Numbers that an estimate consists of: position, velocity, drag coefficient, push."""
 
-TRACK = STATES + STATES * STATES
-"""Numbers of an estimate with its covariance."""
-
 MAX_FORECAST = 10.0
 """Farthest instant that ``forecast`` speaks of [s]; a bound on its work."""
+
+REBOUND, GRIP = 0.8, 0.25
+"""Shares of its speed that a bounce gives back across a surface, and takes along it: about those of
+balls in use, 0.5 to 0.9 and 0.1 to 0.4."""
+
+SEEMS_GONE = 2.0
+"""Frames that should show the ball and do not, after which it has bounced as likely as not."""
+
+
+class MotionModel(NamedTuple):
+    """What moves a target besides drag.
+
+    The *push* is a slowly varying acceleration that gravity and drag do not explain (the lift of a
+    spinning ball, a hand): a Gauss-Markov process of first order.
+
+    Attributes:
+        gravity: Acceleration downwards [m/s^2].
+        accel_density: Spectral density of the unmodelled acceleration [m^2/s^3].
+        drag_density: The same of the drift of the drag coefficient [1/(m^2 s)].
+        push_sigma: Standard deviation of each component of the push [m/s^2].
+        push_time: Its correlation time [s].
+    """
+
+    gravity: float
+    accel_density: float
+    drag_density: float = 0.0
+    push_sigma: float = 0.0
+    push_time: float = 1.0
 
 
 @kernel
@@ -98,12 +123,6 @@ def advance(r: Array, dr: Array, k: float, dt: float) -> None:
         _step(r, dr, k, (0.0, 0.0, -GRAVITY), dt / steps)
 
 
-@register_jitable
-def track_at(m: Array, at: int) -> tuple[Array, Array]:
-    """Return the estimate, shape (10,), and its covariance, (10, 10), that begin at an index."""
-    return view(m, at, (STATES,)), view(m, at + STATES, (STATES, STATES))
-
-
 @kernel
 def _differentiate(x: Array, gravity: float, h: float, A: Array) -> None:
     """Write d(position, velocity after h) / d(velocity, drag), taken at the step's middle.
@@ -151,10 +170,11 @@ def _transition(A: Array, h: float, mean: float, left: float, P: Array, out: Arr
 
 
 @kernel
-def _add_noise(P: Array, model: Array, h: float, left: float) -> None:
+def _add_noise(P: Array, model: MotionModel, h: float, left: float) -> None:
     """Add what the unmodelled acceleration and the drift of drag and push do in ``abs(h)``."""
     a, sign = abs(h), 1.0 if h > 0.0 else -1.0
-    white, jerk = model[1], model[3] ** 2 * (1.0 - left * left) / a if a > 0.0 else 0.0
+    white = model.accel_density
+    jerk = model.push_sigma**2 * (1.0 - left * left) / a if a > 0.0 else 0.0
     rr = white * a**3 / 3.0 + jerk * a**5 / 20.0
     rv = sign * (white * a**2 / 2.0 + jerk * a**4 / 8.0)
     vv = white * a + jerk * a**3 / 3.0
@@ -170,42 +190,33 @@ def _add_noise(P: Array, model: Array, h: float, left: float) -> None:
         P[push, r] += ra
         P[v, push] += va
         P[push, v] += va
-    P[6, 6] += model[2] * a
+    P[6, 6] += model.drag_density * a
 
 
 @kernel
-def advance_uncertain(m: Array, at: int, dt: float, models: Array, row: int, work: Array) -> None:
+def advance_uncertain(
+    x: Array, P: Array, dt: float, model: MotionModel, A: Array, FP: Array
+) -> None:
     """Carry an estimate and its covariance by ``dt``, in place; uncertainty grows either way.
 
-    The estimate holds position [m], velocity [m/s], drag coefficient [1/m] and *push*, a slowly
-    varying acceleration [m/s^2] that gravity and drag do not explain (the lift of a spinning
-    ball, a hand): 10 numbers, and then their covariance, shape (10, 10), row by row.
-
-    A motion model holds gravity [m/s^2], the spectral densities of the unmodelled acceleration
-    [m^2/s^3] and of the drift of the drag coefficient [1/(m^2 s)], and standard deviation
-    [m/s^2] and correlation time [s] of the push (a Gauss-Markov process of first order).
-
     Args:
-        m: Memory that holds the estimate.
-        at: Index of the estimate in it.
+        x: Position [m], velocity [m/s], drag coefficient [1/m] and push [m/s^2], shape (10,).
+        P: Covariance, shape (10, 10).
         dt: Duration [s]; may be negative.
-        models: Motion models, shape (n, >= 5).
-        row: Which of them holds.
-        work: Scratch, overwritten, shape (2, 10, 10).
+        model: A record with the fields of :class:`MotionModel`.
+        A: Scratch, shape (6, 4).
+        FP: Scratch, shape (10, 10).
     """
-    x, P = track_at(m, at)
-    A, FP = view(work, 0, (STATES, STATES)), view(work, STATES * STATES, (STATES, STATES))
-    model = models[row]
     steps = max(1, ceil(abs(dt) / MAX_STEP))
     h = dt / steps
-    left = exp(-abs(h) / model[4])
+    left = exp(-abs(h) / model.push_time)
     mean = 0.5 * (1.0 + left)
     for _ in range(steps):
-        _differentiate(x, model[0], h, A)
+        _differentiate(x, model.gravity, h, A)
         _transition(A, h, mean, left, P, FP)
         _transition(A, h, mean, left, FP.T, P.T)
         _add_noise(P, model, h, left)
-        push = (mean * x[7], mean * x[8], mean * x[9] - model[0])
+        push = (mean * x[7], mean * x[8], mean * x[9] - model.gravity)
         _step(x[:3], x[3:6], x[6], push, h)
         for i in range(7, STATES):
             x[i] *= left
@@ -234,14 +245,60 @@ def forecast(
     drag_sigma = checks.number("drag_sigma", drag_sigma)
     if not abs(t - state.t) <= MAX_FORECAST:
         raise InputError("t", f"within {MAX_FORECAST} s of the estimate at {state.t} s", t)
-    track = np.zeros(TRACK)
-    track[:STATES] = (*state.r_o, *state.dr_o, state.drag, 0.0, 0.0, 0.0)
-    P = track[STATES:].reshape(STATES, STATES)
+    x, P = np.zeros(STATES), np.zeros((STATES, STATES))
+    x[:7] = (*state.r_o, *state.dr_o, state.drag)
     P[:6, :6] = state.covariance
     P[6, 6] = drag_sigma * drag_sigma
-    flight = np.array([[GRAVITY, accel_density, 0.0, 0.0, 1.0]])
-    advance_uncertain(track, 0, t - state.t, flight, 0, np.empty((2, STATES, STATES)))
+    flight = MotionModel(GRAVITY, accel_density)
+    advance_uncertain(x, P, t - state.t, flight, np.empty((6, 4)), np.empty(P.shape))
     ddr = np.empty(3)
-    acceleration(track[3:6], state.drag, ddr)
+    acceleration(x[3:6], state.drag, ddr)
     covariance = 0.5 * (P + P.T)[:6, :6]
-    return replace(state, t=t, r_o=track[:3], dr_o=track[3:6], ddr_o=ddr, covariance=covariance)
+    return replace(state, t=t, r_o=x[:3], dr_o=x[3:6], ddr_o=ddr, covariance=covariance)
+
+
+@kernel
+def change_by_bounce(dr: Array, ago: float, change: Array) -> bool:
+    """Write by how much a bounce on a level surface would have changed a ball's velocity.
+
+    Args:
+        dr: Its velocity if it flies on [m/s], shape (3,).
+        ago: How long ago it would have bounced [s].
+        change: Result [m/s], shape (3,).
+
+    Returns:
+        Whether it could: a ball that rose does not bounce, and nothing is written.
+    """
+    falling = -(dr[2] + GRAVITY * ago)
+    if not falling > 0.0:
+        return False
+    change[0], change[1], change[2] = -GRIP * dr[0], -GRIP * dr[1], (1.0 + REBOUND) * falling
+    return True
+
+
+@kernel
+def doubt_flight(
+    dr: Array, silence: float, missed: float, change: Array, covariance: Array
+) -> None:
+    """Add to a covariance what a bounce may have done to a ball that frames do not show any more.
+
+    It bounced at any instant of the silence, or something hides it and it flies on. The more frames
+    should have shown it and did not, the likelier is the bounce.
+
+    Args:
+        dr: Velocity if it flies on [m/s], shape (3,).
+        silence: Time since it was seen [s].
+        missed: Frames since then that should have shown it.
+        change: Scratch, shape (3,).
+        covariance: Of position and velocity, overwritten, shape (6, 6).
+    """
+    if not (missed > 0.0 and silence > 0.0 and change_by_bounce(dr, silence, change)):
+        return
+    likely = missed / (missed + SEEMS_GONE)
+    for i in range(3):
+        for j in range(3):
+            both = likely * change[i] * change[j]
+            covariance[i, j] += both * silence * silence / 3.0
+            covariance[i, 3 + j] += both * silence / 2.0
+            covariance[3 + i, j] += both * silence / 2.0
+            covariance[3 + i, 3 + j] += both

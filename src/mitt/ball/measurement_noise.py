@@ -9,8 +9,11 @@ as after a wrong stamp, the next four positions in a row are waited for.
 
 from math import isfinite
 
+import numpy as np
+
 from mitt.jit import kernel
 from mitt.signals import Array
+from mitt.structs import Record
 
 START = 1.5e-3
 """Standard deviation assumed at first [m], of a good pair of cameras at a few metres."""
@@ -22,51 +25,56 @@ CLIP = 5.0
 SOONEST = 1e-9
 """Time between two positions in a row [s]."""
 
-NOISE = 17
-"""Numbers kept: variances of the axes [m^2], positions so far, three times [s] and positions [m],
-positions in a row."""
+NOISE = np.dtype(
+    [
+        ("variance", float, (3,)),  # of the axes [m^2]
+        ("seen", int),  # positions so far
+        ("in_a_row", int),  # positions in a row
+        ("t", float, (3,)),  # times of the newest [s], and the positions [m]
+        ("z", float, (3, 3)),
+    ],
+    align=True,
+)
+
+
+def fresh_noise() -> Record:
+    """Return what is known without a position, one record of type ``NOISE``, shape (1,)."""
+    noise = np.zeros(1, NOISE)
+    noise["variance"] = START**2
+    return noise
 
 
 @kernel
-def reset(noise: Array) -> None:
-    """Forget all but the first value, shape (NOISE,)."""
-    noise[:] = 0.0
-    noise[0] = noise[1] = noise[2] = START**2
-
-
-@kernel
-def learn(noise: Array, t: float, z: Array) -> None:
+def learn(noise: Record, t: float, z: Array) -> None:
     """Learn from the next position, if that and its time are finite.
 
     Args:
-        noise: What is known, shape (NOISE,); its first three numbers are the variances.
+        noise: What is known, of :func:`fresh_noise`.
         t: Its time [s].
         z: Position [m], shape (3,).
     """
     if not (isfinite(t) and isfinite(z[0]) and isfinite(z[1]) and isfinite(z[2])):
         return
-    seen = noise[3]
-    if not t - noise[6] > SOONEST:
-        noise[16] = 0.0
-    if noise[16] >= 3.0:
-        a, b, c = noise[4], noise[5], noise[6]
+    k = noise[0]
+    if not t - k.t[2] > SOONEST:
+        k.in_a_row = 0
+    if k.in_a_row >= 3:
+        a, b, c = k.t[0], k.t[1], k.t[2]
         wa = (t - b) * (t - c) / ((a - b) * (a - c))
         wb = (t - a) * (t - c) / ((b - a) * (b - c))
         wc = (t - a) * (t - b) / ((c - a) * (c - b))
-        share = 1.0 / (BEFORE + min(seen - 2.0, WINDOW))
+        share = 1.0 / (BEFORE + min(k.seen - 2.0, WINDOW))
         for i in range(3):
-            e = z[i] - wa * noise[7 + i] - wb * noise[10 + i] - wc * noise[13 + i]
+            e = z[i] - wa * k.z[0, i] - wb * k.z[1, i] - wc * k.z[2, i]
             sample = e * e / (1.0 + wa * wa + wb * wb + wc * wc)
-            so_far = noise[i]
-            if not sample >= 0.0:  # times too far apart for numbers
-                continue
-            noise[i] = max(so_far + share * (min(sample, CLIP * so_far) - so_far), LEAST**2)
-    noise[3] = seen + 1.0
-    noise[16] += 1.0
-    for k in range(2):
-        noise[4 + k] = noise[5 + k]
-        for i in range(3):
-            noise[7 + 3 * k + i] = noise[10 + 3 * k + i]
-    noise[6] = t
-    for i in range(3):
-        noise[13 + i] = z[i]
+            so_far = k.variance[i]
+            if sample >= 0.0:  # else times too far apart for numbers
+                more = share * (min(sample, CLIP * so_far) - so_far)
+                k.variance[i] = max(so_far + more, LEAST**2)
+    k.seen += 1
+    k.in_a_row += 1
+    for n in range(2):
+        k.t[n] = k.t[n + 1]
+        k.z[n] = k.z[n + 1]
+    k.t[2] = t
+    k.z[2] = z

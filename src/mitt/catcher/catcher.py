@@ -10,6 +10,7 @@ The catcher takes senses and gives commands, so it does not know whether a simul
 arm is at the other end.
 """
 
+from collections import deque
 from collections.abc import Sequence
 from copy import copy, deepcopy
 from dataclasses import replace
@@ -18,11 +19,8 @@ from typing import final
 import numpy as np
 
 from mitt import checks
-from mitt.catcher.action import act
-from mitt.catcher.memory import Memory
-from mitt.catcher.perception import looks, perceive, take
+from mitt.ball.motion_models import LOOSE
 from mitt.catcher.planner import Planner
-from mitt.catcher.result import Result, ResultHandle, Tick, stopped_by, tick_of
 from mitt.catcher.settings import (
     BRAKE,
     PHASES,
@@ -33,23 +31,40 @@ from mitt.catcher.settings import (
     CatcherSettings,
     Phase,
 )
-from mitt.catcher.sightings import Sightings
-from mitt.catcher.state import CatcherState, StateHandle, fresh_state, prepare_holding
-from mitt.catcher.tick import tick
-from mitt.control.health import Reason
-from mitt.control.monitor import check_recovered
-from mitt.control.motions import check_motion
-from mitt.control.stopped import StoppedBy
+from mitt.catcher.state import (
+    CatcherState,
+    Memory,
+    Result,
+    ResultHandle,
+    StateHandle,
+    Tick,
+    fresh_state,
+    prepare_holding,
+    stopped_by,
+    tick_of,
+)
+from mitt.catcher.tick import act, looks, perceive, take, tick
+from mitt.control.encoders import check_recovered
+from mitt.control.envelope import check_motion
+from mitt.control.health import Reason, StoppedBy
 from mitt.errors import InputError
 from mitt.generator.answers import answering
 from mitt.generator.feasibility import Verdict
 from mitt.generator.generators import Direct, Generator, GeneratorLike, Unoptimised, for_arm
 from mitt.generator.several import Several
 from mitt.robot.arm import Arm
-from mitt.signals import TICK, Array, Command, Frame, Image, Senses
+from mitt.signals import TICK, Array, Command, Frame, Image, Senses, Sighting
 from mitt.vision.eyes import Eyes, closed_eyes
 
 __all__ = ["Catcher", "CatcherSettings", "Phase", "Tick"]
+
+#: Distance beyond which a ball is none that an arm could catch [m].
+FAR = 50.0
+#: How far a sighting's stamp may lie behind its tick [s], and time without a sighting [s], from
+#: which something is said.
+_BEHIND, _NOTHING = 0.6, 3.0
+#: Sightings in a row that have the same fault, and that are equal.
+_FAULTS, _EQUALS = 5, 20
 
 
 @final
@@ -275,9 +290,9 @@ class Catcher:
 
     def _note_stop(self) -> None:
         """Note why the tick just made has stopped the arm."""
-        memory, s = self.state.encoder_memory, self.state.scalars[0]
+        s = self.state.scalars[0]
         age = s["age_told"].item() if s["stale"] else None
-        found = stopped_by(self._arm, memory, self.estimated, self.result, age)
+        found = stopped_by(self._arm, self.state.monitor.joints, self.estimated, self.result, age)
         failed = found.reason is Reason.FAILED
         self.stopped_by = replace(found, hint=self._planner.failure) if failed else found
 
@@ -303,7 +318,7 @@ class Catcher:
         if (why := self._unfit_to_move()) is not None:
             raise InputError("move", "a catcher that waits, its arm at rest", why)
         last = self._memory.state.last
-        check_motion(self._arm.names, self._memory.state.bounds, last, motion)
+        check_motion(self._arm.names, self._memory.state.safety.bounds, last, motion)
         self._planner.move(motion, self._memory.t)
 
     def _unfit_to_move(self) -> str | None:
@@ -333,9 +348,69 @@ class Catcher:
             given = "one whose arm is not at rest and held yet" if stopped else self.phase.value
             raise InputError("recover", "a catcher that has stopped, its arm at rest", given)
         if not checks.flag("checked", checked):
-            check_recovered(self._arm.names, self.state.encoder_memory)
+            check_recovered(self._arm.names, self.state.monitor.joints)
         self._eyes.reset()
         self._memory.restart(self._blank, self._eyes)
         self._planner.begin()
         self._todo, self.t_0, self.stopped_by = 0, np.inf, None
         self._sightings = Sightings()
+
+
+@final
+class Sightings:
+    """The newest sightings of a throw, each with the time of its tick."""
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self._newest: deque[tuple[float, Sighting]] = deque(maxlen=_EQUALS)
+        self._t_begin: float | None = None
+        self._t_seen = self._t = 0.0
+
+    def note(self, points: tuple[Sighting, ...], sighted: bool, t: float) -> None:
+        """Keep what a tick was given.
+
+        Args:
+            points: Positions from another source than images.
+            sighted: Whether the eyes found the ball in images.
+            t: Time of the tick [s].
+        """
+        self._t = t
+        if self._t_begin is None:
+            self._t_begin = self._t_seen = t
+        for point in points:
+            if point.found:
+                self._newest.append((t, point))
+                self._t_seen = t
+        if sighted:
+            self._newest.clear()
+            self._t_seen = t
+
+    @property
+    def hint(self) -> str | None:
+        """Why no ball may ever be seen, in one line; None where nothing is known to be wrong."""
+        if self._t - self._t_seen > _NOTHING:
+            return (f"no sighting for {self._t - self._t_seen:.1f} s: do the points, or the images,"
+                    " reach step, and is the ball in view?")  # fmt: skip
+        faults = [_fault(t, point) for t, point in list(self._newest)[-_FAULTS:]]
+        if len(faults) == _FAULTS and all(faults):
+            return faults[-1]
+        if len(self._newest) == _EQUALS and len({x.r_o.tobytes() for _, x in self._newest}) == 1:
+            return (f"the last {_EQUALS} sightings are at the same place: does the tracker repeat"
+                    " an old one, with a new stamp?")  # fmt: skip
+        return None
+
+
+def _fault(t: float, point: Sighting) -> str:
+    """Return what is wrong with a sighting in the tick of a time [s]; nothing if it is well."""
+    ahead, far = point.t - t, float(np.linalg.norm(point.r_o))
+    if not -_BEHIND <= ahead <= TICK:
+        side = "ahead of" if ahead > 0.0 else "behind"
+        return (f"sightings are stamped {abs(ahead):.6g} s {side} their ticks: stamps and ticks"
+                " need one clock, in seconds")  # fmt: skip
+    if not far <= FAR:
+        return (f"a sighting is {far:.6g} m from the arm's base: positions are in metres, in the"
+                " frame of the base; are these in millimetres?")  # fmt: skip
+    if not (spread := float(np.trace(point.covariance))) <= LOOSE:
+        return (f"a sighting's covariance, for errors of {np.sqrt(spread):.3g} m, has no position"
+                " in it: covariances are in m^2; are these in mm^2?")  # fmt: skip
+    return ""

@@ -6,7 +6,6 @@ from typing import Any, final
 
 import numpy as np
 
-from mitt.catcher.result import Result, ball_in
 from mitt.catcher.settings import (
     BRAKE,
     DECIDE,
@@ -20,16 +19,17 @@ from mitt.catcher.settings import (
     WATCH,
     CatcherSettings,
 )
-from mitt.catcher.state import CatcherState, Fields, arm_fields, map_fields
-from mitt.control.brake import plan_brake
+from mitt.catcher.state import CatcherState, Result, ball_in, exchange_arm, map_fields
+from mitt.contact_force import force_of
 from mitt.control.envelope import speeds_of
 from mitt.control.health import FAILED_TICKS, is_lost
-from mitt.control.rows import DQ_MAX
+from mitt.control.stop import plan_brake
 from mitt.errors import MittError
-from mitt.generator.feasibility import Outcome, Verdict, is_far, waiting_height
+from mitt.generator.feasibility import Approach, Outcome, Verdict, is_far, waiting_height
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.several import Several
 from mitt.impact import examined, harms, speed_caps, speed_jumps
+from mitt.rehearsal import gap_at_catch
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array, BallState, MapStatus
 
@@ -37,6 +37,10 @@ from mitt.signals import TICK, Array, BallState, MapStatus
 _LOOK_AGAIN = 0.02
 #: Time after which a ball that has come back and cannot be caught yet is judged again [s].
 _JUDGE_AGAIN = 0.005
+#: Velocity of a ball that comes [m/s], and the time for which it comes [s].
+_COMES, _FOR = np.array([-5.0, 0.0, -1.0]), 0.4
+#: By how much others miss the hand [m]: aside, below.
+_MISSES = ((0.0, 0.9, 0.0), (0.0, 0.0, -0.5))
 #: Verdicts with which a ball, or what stands for it, is followed.
 _FOLLOWED = (Outcome.FEASIBLE, Outcome.OPEN)
 
@@ -158,11 +162,6 @@ class Planner:
         out["time_to_catch"] = answer.time_to_catch if out["inside"] else np.inf
         self._answered()
 
-    def _write(self, fields: Fields) -> None:
-        """Overwrite fields of the state."""
-        for name, value in fields.items():
-            getattr(self._state, name)[...] = value
-
     def _enter(self, phase: int) -> None:
         """Begin another phase with the next tick; one that has stopped begins none."""
         if self.phase != STOPPED:
@@ -239,11 +238,12 @@ class Planner:
 
         The motors' torque is kept to what is left of it at such speeds.
         """
+        speeds = self._state.safety.bounds["dq_max"]
         if verdict.approach is None:
-            self._state.bounds[DQ_MAX], self._state.jump[:] = speeds_of(self._arm), 0.0
+            speeds[:], self._state.jump[:] = speeds_of(self._arm), 0.0
             return
         given = self._arm, verdict.approach, self._caught
-        self._state.bounds[DQ_MAX] = speed_caps(*given)
+        speeds[:] = speed_caps(*given)
         self._state.jump[:] = speed_jumps(*given)
 
     def _reconsider(self, ball: BallState) -> None:
@@ -317,7 +317,9 @@ class Planner:
             self.certificate = self.generator.certificate
         f = self.generator.as_map()
         if f is not None:
-            self._write(map_fields(f))
+            now = self._state._asdict()
+            for name, value in map_fields(f).items():
+                now[name][...] = value
             self._scalars["waiting_height"] = waiting_height(f)
 
     def _review(self, ball: BallState) -> None:
@@ -339,7 +341,7 @@ class Planner:
         """
         loaded = self._arm.holding(self._settings.ball_mass)
         self._slow_down(loaded)
-        self._write(arm_fields(loaded, self._settings.around))
+        exchange_arm(self._state, loaded, self._settings.around)
 
     def _slow_down(self, arm: Arm) -> None:
         """Brake an arm, with the ball or without, from the last command on."""
@@ -351,3 +353,41 @@ class Planner:
         """Follow the brake from a time on [s]."""
         self._scalars["t_brake"], self._scalars["t_rest"] = t, t + len(self.brake) * TICK
         self._enter(BRAKE)
+
+
+def load_decisions(arm: Arm, generator: Generator, settings: CatcherSettings) -> None:
+    """Ask about balls that come to the hand, aside, below or not at all, and one that is led.
+
+    Code is loaded at its first call, or even compiled, which takes up to seconds. A throw that
+    needs what no throw before it needed, as the first that asks for too much torque, would wait.
+    Which ball asks for too much torque, or is caught beside the region of a map, depends on arm and
+    map: what is done for them is done here with a short motion, and with the pose of the start.
+
+    Args:
+        arm: The arm.
+        generator: What is asked.
+        settings: Of the catcher.
+    """
+    q = arm.q_ready
+    for ball in _balls(arm.position(q)):
+        generator.sharpness(ball)
+        generator.unsettled(ball, q)
+        is_far(ball, arm.position(q))
+        examined(arm, generator.verdict(ball, q), settings.caught, bandwidth=settings.bandwidth)
+        generator.returns(ball)
+        generator.waiting(ball)
+    f = generator.as_map()
+    if f is not None:
+        f.to_ball(f.start)
+    still = np.array([[q, 0.0 * q, 0.0 * q]] * 3)
+    short = Approach(motion=still, step=2.0 * TICK, dr_o=_COMES)
+    gap_at_catch(arm, short, speeds_of(arm), settings.bandwidth)
+    force_of(arm, q, _COMES, settings.caught)
+
+
+def _balls(hand: Array) -> list[BallState]:
+    """Return a ball of each kind, for a hand that waits somewhere [m], shape (3,)."""
+    comes = BallState(t=0.0, r_o=hand - _FOR * _COMES, dr_o=_COMES)
+    miss = [replace(comes, r_o=comes.r_o + np.array(by)) for by in _MISSES]
+    away = replace(comes, dr_o=-comes.dr_o)
+    return [comes, *miss, away, replace(comes, led=True)]

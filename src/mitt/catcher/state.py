@@ -1,145 +1,187 @@
-"""What a catcher knows and remembers.
+"""What a catcher knows and remembers, and what a tick brings about.
 
-It is a named tuple of arrays that Python and compiled code share: each reads and writes them in
+Both are named tuples of arrays that Python and compiled code share: each reads and writes them in
 place, by the same names (:mod:`mitt.structs`). Single numbers are fields of one record,
-``scalars``. No type holds the number of joints, heads or coefficients, so one compilation serves
-every arm.
+``scalars``; what a stage knows is a tuple of its own. No type holds the number of joints, heads or
+coefficients, so one compilation serves every arm.
 """
 
+from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.ball import memory
-from mitt.ball.filter import settings_of
-from mitt.catcher.settings import WATCH, CatcherSettings
-from mitt.control import encoder_memory, health
+from mitt.ball.filter import fresh_filter
+from mitt.catcher.settings import PHASES, WATCH, CatcherSettings, Phase
+from mitt.control.closing import fingers_of
+from mitt.control.encoders import Monitor, faulty, monitor_of
 from mitt.control.envelope import bounds_of
-from mitt.control.hand import pack_grip
-from mitt.control.tracking import SCRATCH, slew_of
-from mitt.control.viability import SafetyFilter
-from mitt.fields import line
+from mitt.control.health import (
+    ENCODER_REASONS,
+    Reason,
+    State,
+    StoppedBy,
+    fresh_health,
+    hint_of,
+)
+from mitt.control.stop import MassWork, mass_work
+from mitt.control.tracking import Tracked, Tracking, tracking_of
+from mitt.control.viability import Safety, safety_of
+from mitt.errors import ShapeError
+from mitt.fields import brief, line
 from mitt.generator.feasibility import trusted, waiting_height
 from mitt.generator.mapping import DirectMap
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
-from mitt.robot.dynamics import slopes_work
 from mitt.robot.kinematics import packed_chain, tip_motion
 from mitt.robot.shapes import Surroundings
-from mitt.signals import TICK, Array
+from mitt.signals import TICK, ArmState, Array, BallState, Command, JointReference, MapStatus
 from mitt.structs import Handle, Record, define, record_of
 from mitt.vision.eyes import Eyes
 
-Fields: TypeAlias = dict[str, NDArray[Any]]
+Fields: TypeAlias = dict[str, Any]
+"""Arrays by name."""
+
+#: States and reasons in the order of their numbers.
+STATES, REASONS = tuple(State), tuple(Reason)
+#: Speeds below which a joint counts as at rest, commanded and estimated [rad/s].
+_AT_REST, _STILL = 1e-3, 0.05
 
 #: Single numbers of a state, with what they begin as.
 _STATE = {
-    "phase": WATCH, "passed": TICK, "ahead": 0.0, "t_read": -np.inf, "lag": 0.0, "stamp": np.nan,
-    "stale": False, "age_told": 0.0, "waited": 0.0,
-    "surrogate": False, "begun": False, "several": False, "stop_requested": False,
-    "braked": False, "t_brake": 0.0, "t_brakes_on": np.inf, "brake_delay": 0.0, "clock_fault": 0,
-    "encoder_fault": 0, "failures": 0, "tolerance": 0.0, "max_tracking_error": 0.0, "review": 0.0,
-    "t_reviewed": -np.inf, "watch": 0.0, "t_look": -np.inf, "t_ahead": np.inf,
-    "t_rest": -np.inf,
-    "heads": 0, "t_exposed": 0.0, "bandwidth": 0.0, "adapt_q": 0.0, "adapt_dq": 0.0,
-    "adapt_until": 0.0, "torque_lead": 0.0, "sigma_ready": np.inf, "waiting_height": 0.0,
-    "flight_sigma": np.inf,
+    "phase": WATCH,
+    "passed": TICK,  # time since the tick before [s]
+    "ahead": 0.0,  # by how much ``last`` is ahead of the tick, in ticks
+    "t_read": -np.inf,  # when the newest reading was made [s]
+    "lag": 0.0,  # how old it was in its tick [s]
+    "stamp": np.nan,  # of the last reading, new or old [s]
+    "stale": False,  # whether the last reading was an old one
+    "age_told": 0.0,  # how much earlier than the tick it was stamped [s]
+    "waited": 0.0,  # how long the first of ``waiting`` has acted, in ticks
+    "surrogate": False,  # whether the ball's surrogate target is followed
+    "begun": False,  # whether each joint was read
+    "several": False,  # whether there are several maps to choose from
+    "stop_requested": False,
+    "braked": False,  # whether the brakes have engaged
+    "t_brake": 0.0,  # when braking began [s]
+    "t_rest": -np.inf,  # when it ends [s]
+    "t_brakes_on": np.inf,  # when the brakes were commanded to engage [s]
+    "brake_delay": 0.0,  # how long they take [s]
+    "clock_fault": 0,  # of :func:`mitt.control.health.pass_time`
+    "encoder_fault": 0,  # of the worst encoder, of :mod:`mitt.control.encoders`
+    "failures": 0,  # ticks in a row in which the generator failed; enough where a thought did
+    "t_reviewed": -np.inf,  # when the choice among maps was reviewed last [s]
+    "t_look": -np.inf,  # before it there is no verdict: one that refuses a far ball waits [s]
+    "t_ahead": np.inf,  # when a catch was ahead last, or a wait for one began [s]
+    "heads": 0,
+    "t_exposed": 0.0,  # instant of the newest image [s]
+    "waiting_height": 0.0,  # of :func:`mitt.generator.feasibility.level` [m]
+    "flight_sigma": np.inf,  # 1-sigma of the ball's position if it flies on as it did [m]
+    "sigma_ready": np.inf,  # of ``CatcherSettings``; infinite where the generator predicts it
+    # As of ``CatcherSettings``:
+    "tolerance": 0.0, "max_tracking_error": 0.0, "review": 0.0, "watch": 0.0, "bandwidth": 0.0,
+    "adapt_q": 0.0, "adapt_dq": 0.0, "adapt_until": 0.0, "torque_lead": 0.0,
 }  # fmt: skip
+
+#: Single numbers of a result, with what they begin as.
+_RESULT = {
+    "t": 0.0,  # time of the tick [s]
+    "phase": WATCH,  # in which it was made
+    "t_ball": 0.0,  # of which instant the estimate of the ball is [s]
+    "tracked": False,  # this and the next four as of ``BallState``
+    "led": False,
+    "drag": 0.0,
+    "t_seen": -np.inf,
+    "t_first": -np.inf,
+    "following": False,  # whether the generator was evaluated
+    "inside": False,  # whether its reference is a motion
+    "time_to_catch": np.inf,  # infinite where none is in sight [s]
+    "hand": 0.0,  # closing angle of the fingers commanded [rad]
+    "saturated": False,  # whether a torque limit was met
+    "health": 0,  # state and reason as in :mod:`mitt.control.health`
+    "reason": 0,
+    "age": np.inf,  # of the last good measurement; infinite without a track [s]
+    "sigma": np.inf,  # 1-sigma of the ball's position, which may have bounced unseen [m]
+    "brakes": False,  # whether the brakes are to be engaged
+    # Whether the eyes found the ball, and when it was exposed [s]. The filter is given its
+    # position, but for that of a ball which the braking hand holds.
+    "sighted": False,
+    "t_sighted": 0.0,
+}
 
 
 class CatcherState(NamedTuple):
     """What a catcher knows and remembers.
 
     Attributes:
-        scalars: Single numbers, shape (1,):
-            phase, surrogate: Phase, and whether the ball's surrogate target is followed.
-            passed: Time since the tick before [s].
-            ahead: By how much ``last`` is ahead of the tick, in ticks.
-            t_read, lag, stamp: When the newest reading was made [s], how old it was in its tick
-            [s], and the stamp of the last reading, new or old [s].
-            stale, age_told: Whether the last reading was an old one, and how much earlier than the
-            tick it was stamped [s].
-            waited: How long the first of ``encoder_waiting`` has acted, in ticks.
-            begun: Whether each joint was read.
-            several: Whether there are several maps to choose from; review, t_reviewed: how often
-            the choice is reviewed, and when it was last [s].
-            stop_requested: Whether a stop was requested.
-            t_brakes_on, braked, brake_delay: When the brakes were commanded to engage [s], whether
-            they have, and how long they take [s].
-            failures: Ticks in a row in which the generator failed; enough at once where what is
-            thought between ticks did.
-            clock_fault, encoder_fault, tolerance: As in :mod:`mitt.control.health`;
-            max_tracking_error: as of ``CatcherSettings`` [rad].
-            t_brake, t_rest: Time at which braking began, and at which it ends [s].
-            watch: Longest time from first sight to the verdict [s].
-            t_ahead: When a catch was ahead last, or a wait for one began [s]; infinite before.
-            t_look: Time before which there is no verdict: one that refuses a far ball waits [s].
-            sigma_ready: As of ``CatcherSettings``; infinite where the generator predicts it.
-            flight_sigma: 1-sigma of the ball's position if it flies on as it did [m].
-            heads: Number of heads; t_exposed: instant of the newest image [s].
-            bandwidth, adapt_...: As of ``CatcherSettings``; torque_lead: see
-            :mod:`mitt.control.margin`.
-            waiting_height: Of :func:`mitt.generator.feasibility.level` [m].
+        scalars: Single numbers, fields as of ``_STATE``, shape (1,).
+        health: Of :func:`mitt.control.health.fresh_health`.
+        ball_filter: Of :func:`mitt.ball.filter.fresh_filter`.
+        fingers: Of :func:`mitt.control.closing.fingers_of`.
+        monitor: Of the encoders.
+        safety: Of the safety filter.
+        tracking: Of the tracking.
+        mass: Scratch for the mass matrix.
         estimated: q, dq of the joints as the monitor estimates them [rad, rad/s], shape (2, n).
         desired: q_d, dq_d, ddq_d of the last tick, shape (3, n).
         last: Last command within limits, as in :mod:`mitt.control.viability`, shape (3, n);
             before: the one a tick before it.
-        health_memory: As in :mod:`mitt.control.health`.
         taken: q, dq of the reading as the monitor takes it; NaN for an old one, shape (2, n).
-        encoder_memory: As in :mod:`mitt.control.encoder_memory`; encoder_table,
-            encoder_ddq_unknown, encoder_coupling, encoder_work: as in :mod:`mitt.control.encoders`;
-            encoder_waiting: accelerations that commands will cause once they act, oldest first,
-            shape (k, n).
-        z, R, target: Position of a sighting, its covariance, and the ball to be followed; while
-            the arm brakes the catch point, its velocity, and where it was at the exposure.
+        waiting: Accelerations that commands will cause once they act, oldest first, shape (k, n).
+        z, R: Position of a sighting, and its covariance.
+        followed: The ball that is followed, or its surrogate, shape (3, 3).
+        hand: While the arm brakes the catch point, its velocity, and where it was at the exposure.
+        ahead: Position and velocity of the ball that the heads look for, shape (2, 3).
+        bounce, gap, pose: Scratch, shapes (3,), (2, 3), (n,).
         chain: As of :func:`mitt.robot.kinematics.packed_chain`.
-        ball_memory, ball_settings, ball_work: Of :mod:`mitt.ball.estimator`.
-        closing, grip, gap: As in :mod:`mitt.control.hand`; palm: its normal in the last frame,
-            ``palm_now`` in the base frame, shape (3,).
-        slew, track_scratch: For the tracking; see :func:`mitt.control.tracking.slew_of`.
-        jump: As in :mod:`mitt.control.margin`.
+        palm: The palm's normal in the last frame, ``palm_now`` in the base frame, shape (3,).
+        jump: Change of the joint speeds by the ball, where it may come [rad/s], shape (n,).
         impact_dq: Change of the joint speeds that the ball may cause now [rad/s], shape (n,).
-        eyes_...: Arrays of :func:`mitt.vision.localization.localize` and of the gaze.
-        bounds, shapes, pairs, filter_...: As in :mod:`mitt.control.viability`; encoder_bounds: the
-            same for the encoders' monitor, without room for an impact.
-        drives, drives_now: Drives as of :mod:`mitt.control.margin`.
-        bodies, active: The arm's links, and which of them are active joints.
-        room, room_...: For :func:`mitt.control.stop.short_of_room`.
+        limits: For :func:`mitt.control.stop.short_of_room`, shape (3, n).
         packed, powers, window, alpha, start, trusted, map_work: The map, as the kernels of
             :mod:`mitt.generator.evaluation` take it; empty where the generator is no map.
+        eyes_...: Arrays of :func:`mitt.vision.localization.localize` and of the gaze.
     """
 
     scalars: Record
+    health: Record
+    ball_filter: Record
+    fingers: Record
+    monitor: Monitor
+    safety: Safety
+    tracking: Tracking
+    mass: MassWork
     estimated: Array
     desired: Array
     last: Array
     before: Array
-    health_memory: Array
     taken: Array
-    encoder_memory: Array
-    encoder_table: Array
-    encoder_ddq_unknown: Array
-    encoder_coupling: Array
-    encoder_waiting: Array
-    encoder_work: Array
+    waiting: Array
     z: Array
     R: Array
-    target: Array
-    chain: Array
-    ball_memory: Array
-    ball_settings: Array
-    ball_work: Array
-    closing: Array
-    grip: Array
+    followed: Array
+    hand: Array
+    ahead: Array
+    bounce: Array
     gap: Array
+    pose: Array
+    chain: Array
     palm: Array
     palm_now: Array
-    slew: Array
-    track_scratch: Array
     jump: Array
     impact_dq: Array
+    limits: Array
+    packed: Array
+    powers: NDArray[np.int64]
+    window: Array
+    alpha: Array
+    start: Array
+    trusted: Array
+    map_work: Array
     eyes_memory: Array
     eyes_settings: Array
     eyes_boxes: NDArray[np.int64]
@@ -150,45 +192,77 @@ class CatcherState(NamedTuple):
     eyes_angles: Array
     eyes_gaze: Array
     eyes_gaze_work: Array
-    bounds: Array
-    encoder_bounds: Array
-    shapes: Array
-    pairs: NDArray[np.int64]
-    filter_known: Array
-    filter_work: Array
-    filter_reserve: Array
-    drives: Array
-    drives_now: Array
-    bodies: Array
-    active: NDArray[np.int64]
-    room: Array
-    room_tau: Array
-    room_mass: Array
-    room_work: Array
-    packed: Array
-    powers: NDArray[np.int64]
-    window: Array
-    alpha: Array
-    start: Array
-    trusted: Array
-    map_work: Array
 
     def __repr__(self) -> str:
         """Return one line."""
         return line("CatcherState", self._asdict().items())
 
 
+class Result(NamedTuple):
+    """What a tick brought about, and the next one starts from.
+
+    Those of k ticks are kept in one as well, with k rows in each array.
+
+    Attributes:
+        scalars: Single numbers, fields as of ``_RESULT``, shape (1,).
+        encoders: q, dq as read [rad, rad/s], shape (2, n).
+        ball: r_o, dr_o, ddr_o of the ball at ``t_ball``, shape (3, 3); zero without an estimate.
+        covariance: Of r_o, dr_o, shape (6, 6).
+        reference: q_d, q_o and their derivatives, shape (6, n).
+        command: q, dq, ddq, tau of the command, shape (4, n).
+        gaze: Where the heads are to look, as of ``Command``, shape (heads, 4).
+        sighting: What the eyes said last: position [m], then its covariance [m^2], shape (4, 3).
+    """
+
+    scalars: Record
+    encoders: Array
+    ball: Array
+    covariance: Array
+    reference: Array
+    command: Array
+    gaze: Array
+    sighting: Array
+
+    def __repr__(self) -> str:
+        """Return one line."""
+        return line("Result", self._asdict().items())
+
+
 class StateHandle(Handle):
     """A state, for kernels."""
 
 
+class ResultHandle(Handle):
+    """A result, for kernels."""
+
+
 define(StateHandle, CatcherState)
+define(ResultHandle, Result)
 
 
 @kernel
 def state_handle(state: CatcherState) -> Any:  # noqa: ANN401
     """Return the handle of a state."""
     return StateHandle(*state)
+
+
+@kernel
+def result_handle(result: Result) -> Any:  # noqa: ANN401
+    """Return the handle of a result."""
+    return ResultHandle(*result)
+
+
+@kernel
+def store(result: Any, ticks: Any, k: int) -> None:  # noqa: ANN401
+    """Write a result into row ``k`` of room for many, both handles."""
+    ticks.scalars[k] = result.scalars[0]
+    ticks.encoders[k] = result.encoders
+    ticks.ball[k] = result.ball
+    ticks.covariance[k] = result.covariance
+    ticks.reference[k] = result.reference
+    ticks.command[k] = result.command
+    ticks.gaze[k] = result.gaze
+    ticks.sighting[k] = result.sighting
 
 
 def fresh_state(
@@ -205,39 +279,34 @@ def fresh_state(
         several: Whether there are several maps to choose from.
         sigma_ready: As of :class:`CatcherState`.
     """
-    s, n, table = settings, arm.n, settings.encoders.table(arm)
-    still = np.zeros(n)
-    own = {name: getattr(s, name) for name in _STATE if hasattr(s, name)}
-    scalars = _STATE | own | {
+    s, n, of = settings, arm.n, arm_numbers(arm, settings.around)
+    scalars = _STATE | {
         "several": several, "sigma_ready": sigma_ready, "heads": eyes.heads,
         "brake_delay": max(brake.delay for brake in arm.brakes),
         "waiting_height": 0.0 if f is None else waiting_height(f),
+        "tolerance": s.tolerance, "max_tracking_error": s.max_tracking_error, "review": s.review,
+        "watch": s.watch, "bandwidth": s.bandwidth, "adapt_q": s.adapt_q, "adapt_dq": s.adapt_dq,
+        "adapt_until": s.adapt_until, "torque_lead": s.torque_lead,
     }  # fmt: skip
-    fields: Fields = {
-        "scalars": record_of(scalars, _STATE),
-        "estimated": np.array([arm.q_ready, still]),
-        "desired": np.array([arm.q_ready, still, still]),
-        "last": np.array([arm.q_ready, still, still]),
-        "before": np.array([arm.q_ready, still, still]),
-        "taken": np.zeros((2, n)),
-        "health_memory": health.memory(), "encoder_memory": encoder_memory.memory_of(n),
-        "encoder_table": table,
-        "encoder_ddq_unknown": np.array([table[1] / np.diag(arm.mass_matrix(arm.q_ready))] * 2),
-        "encoder_coupling": np.zeros((n, n)), "encoder_work": np.zeros((n + 2, 2 * n)),
-        "encoder_waiting": np.zeros((s.setpoint_delay + 1, n)),
-        "z": np.zeros(3), "R": np.zeros((3, 3)), "target": np.zeros((3, 3)),
-        "chain": packed_chain(arm.chain),
-        "ball_memory": memory.fresh(), "ball_settings": settings_of(s.flight),
-        "ball_work": np.zeros(memory.WORK), "closing": np.full(3, np.inf),
-        "gap": np.zeros((2, 3)),
-        "palm": palm_of(arm), "palm_now": np.zeros(3),
-        "grip": pack_grip(arm.model.hand, s.ball_radius, s.ball_restitution),
-        "track_scratch": np.zeros((len(arm.model.links), SCRATCH)), "jump": np.zeros(n),
-        "impact_dq": np.zeros(n), "slew": slew_of(arm),
-    }  # fmt: skip
-    fields |= arm_fields(arm, s.around) | map_fields(f)
-    own_arrays = {name: np.array(value, order="C") for name, value in fields.items()}
-    return CatcherState(**own_arrays, **eye_fields(eyes))
+    ready = np.array([arm.q_ready, np.zeros(n), np.zeros(n)])
+    return CatcherState(
+        scalars=record_of(scalars, _STATE),
+        health=fresh_health(),
+        ball_filter=fresh_filter(s.flight),
+        fingers=fingers_of(arm.model.hand, s.ball_radius, s.ball_restitution).copy(),
+        monitor=monitor_of(arm, s.encoders),
+        safety=deepcopy(of.safety),
+        tracking=tracking_of(arm),
+        mass=mass_work(arm),
+        estimated=ready[:2].copy(), desired=ready.copy(), last=ready.copy(), before=ready.copy(),
+        taken=np.zeros((2, n)), waiting=np.zeros((s.setpoint_delay + 1, n)),
+        z=np.zeros(3), R=np.zeros((3, 3)),
+        followed=np.zeros((3, 3)), hand=np.zeros((3, 3)), ahead=np.zeros((2, 3)),
+        bounce=np.zeros(3), gap=np.zeros((2, 3)), pose=np.zeros(n),
+        chain=packed_chain(arm.chain).copy(), palm=palm_of(arm), palm_now=np.zeros(3),
+        jump=np.zeros(n), impact_dq=np.zeros(n), limits=of.limits.copy(),
+        **map_fields(f), **eye_fields(eyes),
+    )  # fmt: skip
 
 
 def palm_of(arm: Arm) -> Array:
@@ -248,33 +317,36 @@ def palm_of(arm: Arm) -> Array:
     return normal
 
 
-@lru_cache(maxsize=32)
-def arm_fields(arm: Arm, around: Surroundings) -> Fields:
-    """Return what the tracking knows of an arm, which changes when it holds the ball.
+class ArmNumbers(NamedTuple):
+    """What changes when the arm holds the ball."""
 
-    Worked out once, not to be written to. ``encoder_bounds`` are the bounds for the encoders'
-    monitor, those of ``bounds`` without room for an impact; ``drives_now`` are the drives as of
-    :mod:`mitt.control.margin`; ``room`` and what follows is for
-    :func:`mitt.control.stop.short_of_room`.
-    """
-    safety_filter, links = SafetyFilter(arm, around), len(arm.bodies)
-    return {
-        "bounds": safety_filter.bounds,
-        "encoder_bounds": bounds_of(arm, commanded=False),
-        "shapes": safety_filter.shapes.table,
-        "pairs": safety_filter.shapes.pairs,
-        "filter_known": safety_filter.known,
-        "filter_work": safety_filter.work,
-        "filter_reserve": safety_filter.reserve,
-        "drives": arm.limits.packed,
-        "drives_now": arm.limits.packed,
-        "bodies": arm.bodies,
-        "active": np.array(arm.model.active),
-        "room": np.array([arm.tau_max, arm.q_min, arm.q_max]),
-        "room_tau": np.zeros(links),
-        "room_mass": np.zeros((links, arm.n)),
-        "room_work": slopes_work(links),
-    }
+    safety: Safety
+    encoder_bounds: Record
+    drives: Array
+    limits: Array
+
+
+@lru_cache(maxsize=32)
+def arm_numbers(arm: Arm, around: Surroundings) -> ArmNumbers:
+    """Return what the tick knows of an arm; worked out once, not to be written to."""
+    limits = np.array([arm.tau_max, arm.q_min, arm.q_max])
+    encoder_bounds = bounds_of(arm, commanded=False)
+    return ArmNumbers(safety_of(arm, around), encoder_bounds, arm.limits.packed, limits)
+
+
+def exchange_arm(state: CatcherState, arm: Arm, around: Surroundings) -> None:
+    """Let a state go on with the arm as it holds the ball."""
+    of = state.safety, state.monitor.bounds, state.tracking.drives, state.limits
+    overwrite(of, arm_numbers(arm, around))
+
+
+def overwrite(old: tuple[Any, ...], new: tuple[Any, ...]) -> None:
+    """Overwrite arrays by those of another tuple, and of the tuples in it."""
+    for mine, value in zip(old, new, strict=True):
+        if isinstance(mine, tuple):
+            overwrite(mine, value)
+        else:
+            mine[...] = value
 
 
 def prepare_holding(arm: Arm, settings: CatcherSettings) -> None:
@@ -284,7 +356,7 @@ def prepare_holding(arm: Arm, settings: CatcherSettings) -> None:
         arm: The arm.
         settings: Of the catcher.
     """
-    arm_fields(arm.holding(settings.ball_mass), settings.around)
+    arm_numbers(arm.holding(settings.ball_mass), settings.around)
     if arm.limits.smooth:  # the verdict plans the brake for the heaviest ball
         bounds_of(arm.holding(settings.caught.heaviest))
 
@@ -295,23 +367,239 @@ def map_fields(f: DirectMap | None) -> Fields:
         empty = {name: np.zeros(0) for name in ("packed", "start", "map_work")}
         pairs = {name: np.zeros((0, 0)) for name in ("alpha", "window", "trusted")}
         return empty | pairs | {"powers": np.zeros((0, 0), np.int64)}
-    return {
-        "packed": f.packed,
-        "powers": f.basis.powers,
-        "window": f.window,
-        "alpha": f.alpha,
-        "start": f.start,
-        "trusted": trusted(f),
-        "map_work": f.work,
-    }
+    fields = {
+        "packed": f.packed, "powers": f.basis.powers, "window": f.window, "alpha": f.alpha,
+        "start": f.start, "trusted": trusted(f), "map_work": f.work,
+    }  # fmt: skip
+    return {name: np.array(value, order="C") for name, value in fields.items()}
 
 
 def begun_with(state: CatcherState, eyes: Eyes) -> CatcherState:
     """Return a copy of a state that shares the arrays of other eyes."""
-    fields = {name: x.copy() for name, x in state._asdict().items() if not name.startswith("eyes_")}
-    return CatcherState(**fields, **eye_fields(eyes))
+    own = {name: deepcopy(x) for name, x in state._asdict().items() if not name.startswith("eyes_")}
+    return CatcherState(**own, **eye_fields(eyes))
 
 
 def eye_fields(eyes: Eyes) -> Fields:
     """Return the arrays of the eyes, which the state shares."""
     return {f"eyes_{name}": x for name, x in eyes.arrays().items()}
+
+
+def fresh_result(n: int, heads: int = 1) -> Result:
+    """Return the result of no tick for ``n`` joints."""
+    shapes = (2, n), (3, 3), (6, 6), (6, n), (4, n), (heads, 4), (4, 3)
+    return Result(record_of(_RESULT, _RESULT), *(np.zeros(shape) for shape in shapes))
+
+
+def room_for(result: Result, ticks: int) -> Result:
+    """Return room for the results of ``ticks`` ticks."""
+    scalars, *arrays = result
+    return Result(np.repeat(scalars, ticks), *(np.zeros((ticks, *x.shape)) for x in arrays))
+
+
+def copied(result: Result) -> Result:
+    """Return a copy of a result."""
+    return Result._make(x.copy() for x in result)
+
+
+def rows_of(ticks: Result, first: int, last: int) -> Result:
+    """Return ticks ``first`` to before ``last`` of many, as views."""
+    return Result._make(x[first:last] for x in ticks)
+
+
+def gathered(results: Sequence[Result]) -> Result:
+    """Return the results of single ticks, one or more, as one of many."""
+    scalars, *arrays = zip(*results, strict=True)
+    return Result(np.concatenate(scalars), *(np.stack(x) for x in arrays))
+
+
+@final
+class Memory:
+    """State and result of a catcher; one object a throw.
+
+    Attributes:
+        state: What the catcher knows and remembers, overwritten by the next tick.
+        result: What the last tick brought about, overwritten by the next.
+        scalars, out: Single numbers of both.
+        q, dq: What the encoders read last [rad, rad/s], shape (n,).
+        handles: State and result as kernels take them.
+    """
+
+    def __init__(self, blank: CatcherState, eyes: Eyes) -> None:
+        """Begin as ``blank`` says, which is copied, with the arrays of the eyes."""
+        self.state, self.result = _begun(blank, eyes)
+        self._show()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return state and result, without what only shows parts of them."""
+        return {"state": self.state, "result": self.result}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take what :meth:`__getstate__` returned, and show its parts again."""
+        self.__dict__.update(state)
+        self._show()
+
+    def _show(self) -> None:
+        """Keep views of what is often read."""
+        self.q, self.dq = np.zeros((2, self.state.estimated.shape[1]))
+        self.scalars, self.out = self.state.scalars[0], self.result.scalars[0]
+        out = self.result.scalars
+        self._clock, self._hand, self._brakes = out["t"], out["hand"], out["brakes"]
+        self.handles: tuple[StateHandle, ResultHandle] = (
+            state_handle(self.state), result_handle(self.result)
+        )  # fmt: skip
+
+    @property
+    def t(self) -> float:
+        """Time of the last tick [s]."""
+        t: float = self._clock.item()
+        return t
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the last command leaves every joint at rest."""
+        return bool(np.all(np.abs(self.result.command[1]) < _AT_REST))
+
+    @property
+    def held(self) -> bool:
+        """Whether the arm rests, and its torques hold it, or its brakes by now."""
+        still = np.all(np.abs(self.state.estimated[1]) < _STILL)
+        braked = self.scalars["braked"] or not self.out["brakes"]
+        return bool(self.at_rest and still and braked)
+
+    def read(self, arm: Arm, given: ArmState) -> None:
+        """Take the encoders over: compiled code sees buffers of one type and the right length.
+
+        Raises:
+            ShapeError: They are not those of this arm.
+        """
+        q, dq, n = given.q, given.dq, arm.n
+        if q.shape != (n,) or dq.shape != (n,):
+            raise ShapeError("senses.arm.q, .dq", f"({n},)", q.shape if len(q) != n else dq.shape,
+                             do=f"give the active joints {', '.join(arm.names)}")  # fmt: skip
+        self.q[:], self.dq[:] = q, dq
+
+    def command(self, gaze: Array | None) -> Command:
+        """Return the command of the last tick, with where the heads are to look."""
+        return Command(
+            self.t, self.result.command.copy(), self._hand.item(), gaze, self._brakes.item()
+        )
+
+    def restart(self, blank: CatcherState, eyes: Eyes) -> None:
+        """Overwrite both by a beginning, from where the encoders say the arm is and what holds it.
+
+        The hand opens: a ball drops.
+        """
+        state, result = _begun(blank, eyes)
+        state.estimated[:] = self.state.estimated
+        state.tracking.before[:] = self.state.tracking.before
+        state.scalars["braked"] = self.scalars["braked"]
+        overwrite((self.state, self.result), (state, result))
+
+
+def _begun(blank: CatcherState, eyes: Eyes) -> tuple[CatcherState, Result]:
+    """Return a copy of a state, and a result before any tick."""
+    n = blank.estimated.shape[1]
+    return begun_with(blank, eyes), fresh_result(n, max(eyes.heads, 1))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tick:
+    """All that one tick brought about.
+
+    Attributes:
+        phase: Phase in which it was made.
+        ball: Estimate of the ball, carried to the time of the command.
+        reference: The generator's reference, before any limit; None while there is none.
+        tracked: Command and its parts.
+        state: State of the catcher.
+        reason: Why it is not nominal.
+        age: Age of the last good measurement of the ball [s]; infinite without a track.
+        sigma: 1-sigma of the ball's predicted position, which may have bounced unseen [m];
+            infinite without a track.
+    """
+
+    phase: Phase
+    ball: BallState
+    reference: JointReference | None
+    tracked: Tracked
+    state: State
+    reason: Reason
+    age: float
+    sigma: float
+
+    __repr__ = brief
+
+
+def tick_of(result: Result) -> Tick:
+    """Return a result as what it means; it is copied."""
+    result, numbers = copied(result), result.scalars[0].item()
+    s = dict(zip(_RESULT, numbers, strict=True))
+    command = Command(t=s["t"], joints=result.command, hand=s["hand"], brakes=s["brakes"])
+    return Tick(
+        phase=PHASES[s["phase"]],
+        ball=ball_in(result),
+        reference=_reference_of(result) if s["following"] else None,
+        tracked=Tracked(command=command, saturated=s["saturated"]),
+        state=STATES[s["health"]],
+        reason=REASONS[s["reason"]],
+        age=s["age"],
+        sigma=s["sigma"],
+    )
+
+
+def ball_in(result: Result) -> BallState:
+    """Return the estimate that a result holds now, a copy; none that is past all numbers."""
+    s, P = result.scalars[0], result.covariance.copy()
+    sound = bool(np.isfinite(P).all())
+    return BallState(
+        t=s["t_ball"].item(), tracked=s["tracked"].item() and sound, r_o=result.ball[0].copy(),
+        dr_o=result.ball[1].copy(), ddr_o=result.ball[2].copy(), drag=s["drag"].item(),
+        covariance=P if sound else np.zeros((6, 6)), t_seen=s["t_seen"].item(),
+        t_first=s["t_first"].item(), led=s["led"].item(),
+    )  # fmt: skip
+
+
+def _reference_of(result: Result) -> JointReference:
+    """Return the generator's reference in a copied result."""
+    s, rows = result.scalars[0], result.reference
+    return JointReference(
+        t=s["t"].item(),
+        status=MapStatus.INSIDE if s["inside"] else MapStatus.DOMAIN,
+        q_d=rows[0],
+        dq_d=rows[1],
+        ddq_d=rows[2],
+        q_o=rows[3],
+        dq_o=rows[4],
+        time_to_catch=s["time_to_catch"].item(),
+    )
+
+
+def stopped_by(
+    arm: Arm, joints: Record, estimated: Array, result: Result, age: float | None
+) -> StoppedBy:
+    """Return why the tick just made has stopped the arm, and what the catcher knew then.
+
+    Args:
+        arm: The arm.
+        joints: As of :class:`mitt.control.encoders.Monitor`.
+        estimated: q, dq as estimated [rad, rad/s], shape (2, n).
+        result: That of the tick.
+        age: As of :func:`mitt.control.health.hint_of`.
+    """
+    s, encoders = result.scalars[0], result.encoders.copy()
+    reason = REASONS[s["reason"]]
+    bad = faulty(joints) if reason in ENCODER_REASONS else []
+    return StoppedBy(
+        state=STATES[s["health"]],
+        reason=reason,
+        joint=arm.names[bad[0]] if bad else None,
+        t=s["t"].item(),
+        q=estimated[0].copy(),
+        dq=estimated[1].copy(),
+        q_read=encoders[0],
+        dq_read=encoders[1],
+        command=result.command.copy(),
+        brakes=s["brakes"].item(),
+        hint=hint_of(arm, reason, encoders[0], age),
+    )

@@ -5,8 +5,8 @@ from typing import Protocol, final
 
 import numpy as np
 
-from mitt.control.brake import plan_brake
 from mitt.control.setpoints import ROWS
+from mitt.control.stop import plan_brake
 from mitt.files.cell import RobotPart
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array, Command

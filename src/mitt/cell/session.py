@@ -11,7 +11,7 @@ from multiprocessing.sharedctypes import RawArray
 from types import FrameType
 from typing import Any, TypeAlias, final
 
-from mitt.catcher.loading import load_decisions
+from mitt.catcher.planner import load_decisions
 from mitt.cell.drivers import Connection, local_connection
 from mitt.cell.local import local_robot
 from mitt.cell.prepare import PreparedCell, about_of, catchers, setpoints_of

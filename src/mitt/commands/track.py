@@ -1,7 +1,7 @@
 """``mitt track``: the ball filter alone, on recorded positions."""
 
 import mitt
-from mitt.ball.estimator import MAX_HORIZON
+from mitt.ball.filter import MAX_HORIZON
 from mitt.commands.camera_options import TrackOptions
 from mitt.commands.screen import check_new_files, checked, print_json, show, warn
 from mitt.errors import InputError

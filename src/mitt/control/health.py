@@ -7,18 +7,24 @@
 | DEGRADED | one camera, a reading bridged, or a command replaced by braking                |
 | ABORT    | controlled stop within all limits; latched until the caller recovers           |
 | INVALID  | what came in or went out cannot be real; the result does not count             |
-
-Memory, in this order: time of the last tick [s] (NaN: none), ticks in a row without usable time,
-time for which the arm was far from the commanded motion, in ticks, late ticks so far.
 """
 
+from dataclasses import dataclass
 from enum import Enum
+from typing import TypeAlias
 
 import numpy as np
 
-from mitt.control.encoder_memory import BRIDGED, FINE
+from mitt.control.encoders import BEYOND, BRIDGED, BRIDGED_TIME, FINE, IN_TIME
+from mitt.control.envelope import Fields
+from mitt.fields import brief
 from mitt.jit import kernel
+from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array
+from mitt.structs import Record
+
+Plain: TypeAlias = str | float | bool | list[float | None] | None
+"""A value as JSON has it."""
 
 NOMINAL, PREDICT, DEGRADED, ABORT, INVALID = range(5)
 
@@ -58,16 +64,11 @@ class Reason(Enum):
 (_NONE, _UNSEEN, _ONE_CAMERA, _LATE, _BRIDGED, _BLOCKED, LOST, _SILENT, _JUMPED, _STUCK, _REVERSED,
  CLOCK, OVERRUN, _TRACKING, REQUESTED, _FAST, FAILED) = range(17)  # fmt: skip
 
-#: Reason for each state of an encoder, in the order of :mod:`mitt.control.encoder_memory`.
+#: Reason for each state of an encoder, in the order of :mod:`mitt.control.encoders`.
 _OF_ENCODER = (_NONE, _BRIDGED, _SILENT, _JUMPED, _STUCK, _REVERSED, _FAST)
 #: Reasons that one joint's encoder gives.
 ENCODER_REASONS = (Reason.SILENT, Reason.JUMPED, Reason.STUCK, Reason.REVERSED, Reason.FAST)
 
-_T, _TIMELESS, _FAR, _LATES = range(4)
-MEMORY = 4
-
-#: Longest tick that counts as in time, and longest that is bridged at all [s].
-IN_TIME, BRIDGED_TIME = 0.005, 0.020
 #: Age beyond which a reading of the encoders is none [s].
 OLD_READING = IN_TIME
 #: Ticks without usable time after which the catcher stops.
@@ -79,10 +80,22 @@ FAILED_TICKS = 5
 #: Time for which a joint may be far from the commanded motion, in ticks.
 _FAR_TICKS = 20
 
+HEALTH = np.dtype(
+    [
+        ("t", float),  # time of the last tick [s]; NaN before the first
+        ("timeless", int),  # ticks in a row without usable time
+        ("far", float),  # time for which the arm was far from the commanded motion, in ticks
+        ("late", int),  # late ticks so far
+    ],
+    align=True,
+)
 
-def memory() -> Array:
-    """Return the memory of a catcher that has made no tick, shape (MEMORY,)."""
-    return np.array([np.nan, 0.0, 0.0, 0.0])
+
+def fresh_health() -> Record:
+    """Return what a catcher that has made no tick remembers, shape (1,)."""
+    health = np.zeros(1, HEALTH)
+    health["t"] = np.nan
+    return health
 
 
 @kernel
@@ -97,29 +110,29 @@ def time_since(before: float, t: float) -> float:
 
 
 @kernel
-def pass_time(m: Array, t: float) -> tuple[float, int]:
+def pass_time(m: Fields, t: float) -> tuple[float, int]:
     """Take the time of a tick in.
 
     Args:
-        m: Memory, overwritten, shape (MEMORY,).
+        m: Of type :data:`HEALTH`, overwritten.
         t: Time as given [s].
 
     Returns:
         Time to be used [s], which never runs backwards, and what is wrong with it: 0, ``_LATE``,
         ``CLOCK`` or ``OVERRUN``.
     """
-    before = m[_T]
+    before = m.t
     if np.isnan(before) and np.isfinite(t):
-        m[_T] = t
+        m.t = t
         return t, _NONE
     if not (np.isfinite(t) and t > before):
-        m[_TIMELESS] += 1.0
-        m[_T] = before + TICK if np.isfinite(before) else 0.0
-        return m[_T], CLOCK if m[_TIMELESS] >= _TIMELESS_TICKS else _LATE
-    m[_TIMELESS], m[_T], passed = 0.0, t, time_since(before, t)
+        m.timeless += 1
+        m.t = before + TICK if np.isfinite(before) else 0.0
+        return m.t, CLOCK if m.timeless >= _TIMELESS_TICKS else _LATE
+    m.timeless, m.t, passed = 0, t, time_since(before, t)
     if passed <= IN_TIME:
         return t, _NONE
-    m[_LATES] += 1.0
+    m.late += 1
     return t, OVERRUN if passed > BRIDGED_TIME else _LATE
 
 
@@ -158,54 +171,114 @@ def is_lost(age: float, sigma: float, tolerance: float) -> bool:
 
 @kernel
 def assess(
-    m: Array,
-    clock: int,
-    encoders: int,
-    blocked: bool,
-    following: bool,
-    near: bool,
-    age: float,
-    sigma: float,
-    tolerance: float,
-    one_camera: bool,
-    gap: float,
-    max_gap: float,
-    passed: float,
-) -> tuple[int, int]:
+    m: Fields, s: Fields, out: Fields, blocked: bool, near: bool, one_camera: bool, gap: float
+) -> tuple[int, int]:  # fmt: skip
     """Return state and reason of a tick.
 
     Args:
-        m: Memory, overwritten, shape (MEMORY,).
-        clock: What is wrong with the time, of :func:`pass_time`.
-        encoders: What is wrong with the worst encoder, of :mod:`mitt.control.encoder_memory`.
+        m: Of type :data:`HEALTH`, overwritten.
+        s: Single numbers of the catcher's state.
+        out: Single numbers of the tick's result.
         blocked: Whether the command was replaced by braking.
-        following: Whether the arm follows a ball.
         near: Whether the catch is near: the hand then hides the ball, which is no loss.
-        age: Age of the last good measurement [s]; infinite without a track.
-        sigma: 1-sigma of the ball's predicted position [m].
-        tolerance: What the hand tolerates of it [m].
         one_camera: Whether the last measurement came from one camera.
         gap: Largest gap between commanded and estimated joint positions [rad].
-        max_gap: Gap that is too large, if it lasts [rad].
-        passed: Time since the tick before [s].
     """
-    m[_FAR] = m[_FAR] + min(passed, IN_TIME) / TICK if gap > max_gap else 0.0
-    if encoders > BRIDGED:
-        return ABORT, _OF_ENCODER[encoders]
-    if clock > _LATE:
-        return ABORT, clock
-    if m[_FAR] >= _FAR_TICKS - 1e-6:
+    too_far = gap > s.max_tracking_error
+    m.far = m.far + min(s.passed, IN_TIME) / TICK if too_far else 0.0
+    if s.encoder_fault > BRIDGED:
+        return ABORT, _OF_ENCODER[s.encoder_fault]
+    if s.clock_fault > _LATE:
+        return ABORT, s.clock_fault
+    if m.far >= _FAR_TICKS - 1e-6:
         return ABORT, _TRACKING
-    if following and not near and is_lost(age, sigma, tolerance):
+    if out.following and not near and is_lost(out.age, s.flight_sigma, s.tolerance):
         return ABORT, LOST
     if blocked:
         return DEGRADED, _BLOCKED
-    if encoders != FINE:
+    if s.encoder_fault != FINE:
         return DEGRADED, _BRIDGED
-    if clock == _LATE:
+    if s.clock_fault == _LATE:
         return DEGRADED, _LATE
-    if following and age > _FRESH:
+    if out.following and out.age > _FRESH:
         return PREDICT, _UNSEEN
-    if following and one_camera:
+    if out.following and one_camera:
         return DEGRADED, _ONE_CAMERA
     return NOMINAL, _NONE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StoppedBy:
+    """Why a catcher has stopped, and what it knew then.
+
+    Attributes:
+        state: State of the tick that stopped the arm: ABORT.
+        reason: Why.
+        joint: Name of the joint whose encoder is the reason; None for other reasons.
+        hint: What may be behind it, and what to do; nothing where that is not known.
+        t: Time of that tick [s].
+        q: Estimated joint positions in that tick [rad], shape (n,).
+        dq: Estimated joint velocities in that tick [rad/s], shape (n,).
+        q_read: Encoder positions in that tick, as read [rad], shape (n,).
+        dq_read: Encoder velocities in that tick, as read [rad/s], shape (n,).
+        command: q, dq, ddq, tau of that tick's command [rad ..., N m], shape (4, n).
+        brakes: Whether the brakes were commanded to engage.
+    """
+
+    state: State
+    reason: Reason
+    joint: str | None
+    t: float
+    q: Array
+    dq: Array
+    q_read: Array
+    dq_read: Array
+    command: Array
+    brakes: bool
+    hint: str = ""
+
+    __repr__ = brief
+
+    def plain(self) -> dict[str, Plain]:
+        """Return it as JSON has it; numbers that are not finite are None."""
+        names = ("q", "dq", "ddq", "tau")
+        rows = {f"command_{name}": row for name, row in zip(names, self.command, strict=True)}
+        read = {"q_read": self.q_read, "dq_read": self.dq_read}
+        rows = {"q": self.q, "dq": self.dq, **read, **rows}
+        lists = {name: _listed(row) for name, row in rows.items()}
+        return {"state": self.state.value, "reason": self.reason.value, "joint": self.joint,
+                "t": self.t, "brakes": self.brakes, "hint": self.hint, **lists}  # fmt: skip
+
+
+def hint_of(arm: Arm, reason: Reason, q_read: Array, age: float | None = None) -> str:
+    """Return what may be behind a stop because of readings that are none.
+
+    Args:
+        arm: The arm.
+        reason: Why it has stopped.
+        q_read: Encoder positions as read [rad], shape (n,).
+        age: By how much the last reading was stamped before its tick, if that made it none [s].
+
+    Returns:
+        One line, or nothing where the readings can be those of the arm.
+    """
+    outside = np.flatnonzero((q_read < arm.q_min - BEYOND) | (q_read > arm.q_max + BEYOND))
+    if reason is not Reason.SILENT:
+        return ""
+    if age is not None:
+        side = "before" if age >= 0.0 else "after"
+        stamped = f"stamped {abs(age):.4g} s {side} its tick" if np.isfinite(age) else "not stamped"
+        return (f"the last reading was {stamped}, wanted at most {OLD_READING:g} s before or"
+                f" {TICK:g} s after, and a later stamp than the reading before: is the bus frozen,"
+                " or are Senses.t and ArmState.t of two clocks?")  # fmt: skip
+    if not len(outside):
+        return ""
+    k = int(outside[0])
+    return (f"{arm.names[k]} reads {q_read[k]:.4g}, wanted {arm.q_min[k]:.2f} to"
+            f" {arm.q_max[k]:.2f} rad: readings are in radians, in the order of arm.names; are"
+            " these in degrees, or of another joint?")  # fmt: skip
+
+
+def _listed(row: Array) -> list[float | None]:
+    """Return a row as a list; numbers that are not finite are None."""
+    return [float(x) if np.isfinite(x) else None for x in row]

@@ -28,7 +28,6 @@ import numpy as np
 
 from mitt import checks
 from mitt.control.envelope import bounds_of
-from mitt.control.rows import DDQ_MAX
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array, Command
 
@@ -55,7 +54,7 @@ class Setpoints:
         self._takes = checks.one_of("takes", takes, ("position", "velocity"))
         self._w = checks.number("bandwidth", bandwidth, least=1e-3, most=_QUICKEST)
         self._delay = checks.number("delay", delay, least=0.0, most=_LATEST)
-        self._hardest = bounds_of(arm)[DDQ_MAX]
+        self._hardest = bounds_of(arm)["ddq_max"]
         self._ahead: Array | None = None
         self._last: Array | None = None
 

@@ -3,34 +3,49 @@
 tau = M(q) (ddq_d + K_d (dq_d - dq) + K_p (q_d - q)) + H(q, dq) dq + g(q), eq. (14) inverted: with
 an exact model the error of each joint obeys e'' + 2 w e' + w^2 e = 0 with w = ``bandwidth``.
 
-A joint with a jerk limit closes in on its motion as :mod:`mitt.control.jerk` does. Where the limit
-set has torque rates, the changes of all torques are cut by the same share, so that no joint's limit
-pushes another.
+A joint with a jerk limit closes in on its motion as :mod:`mitt.control.envelope` says. Where the
+limit set has torque rates, the changes of all torques are cut by the same share, so that no joint's
+limit pushes another.
+
+Near its no-load speed a motor's torque falls off to nothing, so what it may give depends on a speed
+that nobody knows yet: the joints go on speeding up until the torque acts, their speeds are
+estimated, and the ball strikes them. The torque-speed line is therefore taken at the largest speed
+that a drive can have by then,
+
+    w + max(w', 0) T + sum_k |T_k| (3 sigma_k + a_k T) + max(w_ball, 0),
+
+all in the direction in which the drive turns (:func:`derate`): T is the time from the reading of
+the joints until the command has acted, sigma_k the error of joint k's estimated speed, a_k the
+acceleration that unknown torques can add. A line that is lower by a margin w_m is the line of a
+drive whose stall torque and no-load speed are both smaller by the share w_m / w_0. While a joint is
+not measured, the torques that hold what it moves are worked out from a place and a speed that are
+not quite its own: every drive then keeps a share of its peak back.
 """
 
 from dataclasses import dataclass, replace
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mitt import checks
-from mitt.control.envelope import bound_acceleration
-from mitt.control.jerk import closing_speed, releasable
-from mitt.control.rows import DDQ, DDQ_BY_TAU, DDQ_MAX, DQ, JERK, ROWS, TAU, Q
+from mitt.control.encoders import FINE, Monitor
+from mitt.control.envelope import bound_acceleration, closing_speed, releasable
 from mitt.control.viability import SafetyFilter
 from mitt.jit import kernel
-from mitt.robot.arm import Arm
-from mitt.robot.dynamics import inverse_dynamics
-from mitt.robot.limits import bound_of, drive_asked, largest_share, saturate
+from mitt.robot.arm import Arm, Tables
+from mitt.robot.dynamics import dynamics_scratch, inverse_dynamics
+from mitt.robot.limits import LEAST, bound_of, drive_asked, largest_share, saturate
 from mitt.robot.shapes import Surroundings
 from mitt.signals import TICK, ArmState, Array, Command
-from mitt.views import view
+from mitt.structs import Record
 
 #: Change of a torque that counts as meeting a limit [N m].
 _TOUCH = 1e-9
-#: Scratch numbers of each link: five of its own, the rest of its dynamics.
-SCRATCH = 23
+#: Multiple of the estimate's 1-sigma by which a speed may be larger.
+_SIGMAS = 3.0
+#: Share of its peak that a drive may give while a joint is not measured; the rest is for what a
+#: wrong pose makes of the torques. The plant of a trial may exceed a limit by as much.
+_UNMEASURED = 0.99
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -39,6 +54,44 @@ class Tracked:
 
     command: Command
     saturated: bool
+
+
+class Tracking(NamedTuple):
+    """What the tracking remembers of the torques, and its scratch.
+
+    Attributes:
+        drives: ``Limits.packed`` as it is to be kept now, shape (2 N + 3, N).
+        change: Largest changes of the torques in a tick [N m]; infinite where the limit set has no
+            torque rates, shape (n,).
+        before: Torques of the tick before [N m]; infinite before the first command, shape (n,).
+        push, coast: Accelerations, shape (n,).
+        tau_desired, speed, kept, given, level: Torques and speeds of all links, shape (N,).
+        dynamics: Of :func:`mitt.robot.dynamics.inverse_dynamics`.
+    """
+
+    drives: Array
+    change: Array
+    before: Array
+    push: Array
+    coast: Array
+    tau_desired: Array
+    speed: Array
+    kept: Array
+    given: Array
+    level: Array
+    dynamics: Array
+
+
+def tracking_of(arm: Arm) -> Tracking:
+    """Return what the tracking knows before the first command of an arm."""
+    n, links, rate = arm.n, len(arm.bodies), arm.limits.torque_rate
+    change = np.full(n, np.inf) if rate is None else arm.active(rate) * TICK
+    return Tracking(
+        drives=arm.limits.packed.copy(), change=change, before=np.full(n, np.inf),
+        push=np.zeros(n), coast=np.zeros(n), tau_desired=np.zeros(links), speed=np.zeros(links),
+        kept=np.zeros(links), given=np.zeros(links), level=np.zeros(links),
+        dynamics=dynamics_scratch(links),
+    )  # fmt: skip
 
 
 @final
@@ -53,13 +106,12 @@ class Tracker:
         self.arm = checks.instance("arm", arm, Arm)
         self.bandwidth = checks.number("bandwidth", bandwidth, least=1e-3, most=1e5)
         self.safety_filter = SafetyFilter(arm, around or Surroundings())
-        self._index, self._slew = np.array(arm.model.active), slew_of(arm)
-        self._scratch = np.zeros((len(arm.model.links), SCRATCH))
+        self._tracking = tracking_of(arm)
         self._known = ArmState(t=0.0, q=arm.q_ready, dq=np.zeros(arm.n))
 
     def last_finite(self, state: ArmState) -> ArmState:
         """Return the encoder readings, or the last that were finite in their place."""
-        if not (all_finite(state.q) and all_finite(state.dq)):
+        if not (np.isfinite(state.q).all() and np.isfinite(state.dq).all()):
             return replace(self._known, t=state.t)
         self._known = state
         return state
@@ -76,154 +128,142 @@ class Tracker:
         checks.vector("state.q", state.q, n)
         hand = checks.number("hand", hand, finite=True)
         state = self.last_finite(state)
-        rows = np.zeros((ROWS, n))
+        rows = np.zeros((4, n))
         rows[:3] = checks.array("desired", desired, (3, n))
         self.safety_filter.step(rows[:3])
+        estimated = np.array([state.q, state.dq])
         saturated = track(
-            self.safety_filter.bounds,
-            self.bandwidth,
-            self.arm.limits.packed,
-            self.arm.bodies,
-            self._index,
-            state.q,
-            state.dq,
-            rows,
-            self._slew,
-            self._scratch,
-        )
-        self._slew[1] = rows[TAU]
-        command = Command(t=state.t, joints=rows[:4], hand=hand)
+            self._tracking, self.arm.tables, self.safety_filter.bounds, self.bandwidth, estimated,
+            rows, TICK,
+        )  # fmt: skip
+        self._tracking.before[:] = rows[3]
+        command = Command(t=state.t, joints=rows, hand=hand)
         return Tracked(command=command, saturated=saturated)
 
 
 @kernel
+def derate(
+    w: Tracking, arm: Tables, monitor: Monitor, dq: Array, jump: Array, lead: float, struck: bool
+) -> None:
+    """Write the drives with what is left of their torque-speed lines: ``w.drives``.
+
+    Args:
+        w: Result.
+        arm: As of ``Arm.tables``.
+        monitor: Of the encoders.
+        dq: Estimated joint speeds [rad/s], shape (n,).
+        jump: Change of the joint speeds by the ball, where it may come [rad/s], shape (n,).
+        lead: T, from the reading of the joints until the command has acted [s].
+        struck: Whether the ball may come before the command ceases to act.
+    """
+    (_, drives, index), joints, out = arm, monitor.joints, w.drives
+    links = drives.shape[1]
+    out[:] = drives
+    measured = True
+    for k in range(len(index)):
+        measured &= joints[k].fault == FINE and joints[k].gone == 0.0
+    for m in range(links):
+        out[2 * links, m] *= 1.0 if measured else _UNMEASURED
+        stall, top = drives[2 * links + 1, m], drives[2 * links + 2, m]
+        if not np.isfinite(stall):
+            continue
+        speed, rate, impact_dq, margin = 0.0, 0.0, 0.0, 0.0
+        for k in range(len(index)):
+            ratio = drives[links + m, index[k]]
+            speed += ratio * dq[k]
+            rate += ratio * monitor.ddq_by_tau[k]
+            impact_dq += ratio * jump[k]
+            sigma = np.sqrt(max(joints[k].variance_dq, 0.0))
+            margin += abs(ratio) * (_SIGMAS * sigma + lead * joints[k].ddq_unknown)
+        way = 1.0 if speed >= 0.0 else -1.0
+        margin += lead * max(way * rate, 0.0) + (max(way * impact_dq, 0.0) if struck else 0.0)
+        left = max(1.0 - margin / top, LEAST)
+        out[2 * links + 1, m], out[2 * links + 2, m] = left * stall, left * top
+
+
+@kernel
 def track(
-    bounds: Array,
-    bandwidth: float,
-    drives: Array,
-    bodies: Array,
-    index: NDArray[np.int64],
-    q: Array,
-    dq: Array,
-    command: Array,
-    slew: Array,
-    scratch: Array,
-    passed: float = TICK,
-) -> bool:
+    w: Tracking, arm: Tables, bounds: Record, bandwidth: float, estimated: Array, command: Array,
+    passed: float,
+) -> bool:  # fmt: skip
     """Write the torques that follow a motion within every limit.
 
     Args:
-        bounds: As of :func:`mitt.control.envelope.bounds_of`, shape (>= 4, n).
+        w: Drives, torques before, scratch.
+        arm: As of ``Arm.tables``.
+        bounds: As of :func:`mitt.control.envelope.bounds_of`, shape (n,).
         bandwidth: Bandwidth w of the error [rad/s].
-        drives: ``Limits.packed``, shape (2 N + 3, N).
-        bodies: Table of :mod:`mitt.robot.dynamics`, shape (N, 31).
-        index: Active joints among the links, shape (n,).
-        q: Encoders [rad], shape (n,).
-        dq: Encoders [rad/s], shape (n,).
+        estimated: q, dq of the joints [rad, rad/s], shape (2, n).
         command: q, dq, ddq as the envelope let them pass; result: tau of the active joints in the
-            fourth row; the fifth is scratch, shape (ROWS, n).
-        slew: As of :func:`slew_of`.
-        scratch: Scratch, shape (N, SCRATCH).
+            fourth row, shape (4, n).
         passed: Time since the torques before [s].
 
     Returns:
         Whether a torque limit was met.
     """
+    (bodies, _, index), q, dq, push = arm, estimated[0], estimated[1], w.push
     links, n = len(bodies), len(index)
-    tau_desired, speed = view(scratch, 0, (links,)), view(scratch, links, (links,))
-    kept, push = view(scratch, 2 * links, (links,)), view(command, DDQ_BY_TAU * n, (n,))
-    dynamics = view(scratch, 5 * links, (links, SCRATCH - 5))
     for k in range(n):
-        lag, slow = command[Q, k] - q[k], command[DQ, k] - dq[k]
-        push[k] = command[DDQ, k] + 2.0 * bandwidth * slow + bandwidth * bandwidth * lag
-        if np.isfinite(bounds[JERK, k]):
-            ddq_max, jerk = bounds[DDQ_MAX, k], bounds[JERK, k]
+        lag, slow = command[0, k] - q[k], command[1, k] - dq[k]
+        push[k] = command[2, k] + 2.0 * bandwidth * slow + bandwidth * bandwidth * lag
+        if np.isfinite(bounds[k].jerk):
+            ddq_max, jerk = bounds[k].ddq_max, bounds[k].jerk
             gap = slow + closing_speed(lag, 0.5 * bandwidth, ddq_max, jerk)
             most = releasable(gap, jerk)
-            push[k] = command[DDQ, k] + min(max(2.0 * bandwidth * gap, -most), most)
+            push[k] = command[2, k] + min(max(2.0 * bandwidth * gap, -most), most)
     bound_acceleration(bounds, q, dq, push)
-    inverse_dynamics(bodies, q, dq, push, tau_desired, dynamics)
-    speed[:] = 0.0
+    inverse_dynamics(bodies, q, dq, push, w.tau_desired, w.dynamics)
+    w.speed[:] = 0.0
     for k in range(n):
-        speed[index[k]] = dq[k]
-    saturate(drives, tau_desired, speed, kept)
+        w.speed[index[k]] = dq[k]
+    saturate(w.drives, w.tau_desired, w.speed, w.kept)
     met = False
     for k in range(links):
-        met |= abs(kept[k] - tau_desired[k]) > _TOUCH
+        met |= abs(w.kept[k] - w.tau_desired[k]) > _TOUCH
     if met:
-        _give_way(bounds, drives, bodies, q, dq, command, scratch)
+        _give_way(w, bodies, bounds, q, dq)
     for k in range(n):
-        command[TAU, k] = kept[index[k]]
-    return _change_slowly(slew, command[TAU], passed / TICK) or met
+        command[3, k] = w.kept[index[k]]
+    return _change_slowly(w, command[3], passed / TICK) or met
 
 
 @kernel
-def _change_slowly(slew: Array, tau: Array, ticks: float) -> bool:
-    """Cut the changes of all torques by one share to what they may be; say whether it cut.
-
-    Args:
-        slew: As of :func:`slew_of`.
-        tau: Torques of the active joints, overwritten [N m], shape (n,).
-        ticks: Time since the torques before, in ticks.
-    """
+def _change_slowly(w: Tracking, tau: Array, ticks: float) -> bool:
+    """Cut the changes of all torques in so many ticks by one share; say whether it cut."""
     share = 1.0
     for k in range(len(tau)):
-        change, most = abs(tau[k] - slew[1, k]), ticks * slew[0, k]
-        if change > most and np.isfinite(slew[1, k]):
+        change, most = abs(tau[k] - w.before[k]), ticks * w.change[k]
+        if change > most and np.isfinite(w.before[k]):
             share = min(share, most / change)
     if share < 1.0:
         for k in range(len(tau)):
-            tau[k] = slew[1, k] + share * (tau[k] - slew[1, k])
+            tau[k] = w.before[k] + share * (tau[k] - w.before[k])
     return share < 1.0
 
 
-def slew_of(arm: Arm) -> Array:
-    """Return the largest changes of torques in a tick and the torques of the tick before [N m].
-
-    The first are infinite where the limit set has no torque rates, the second before the first
-    command.
-
-    Args:
-        arm: The arm, of n active joints.
-
-    Returns:
-        Shape (2, n).
-    """
-    slew, rate = np.full((2, arm.n), np.inf), arm.limits.torque_rate
-    if rate is not None:
-        slew[0] = arm.active(rate) * TICK
-    return slew
-
-
 @kernel
-def _give_way(
-    bounds: Array, drives: Array, bodies: Array, q: Array, dq: Array, command: Array, scratch: Array
-) -> None:
+def _give_way(w: Tracking, bodies: Array, bounds: Record, q: Array, dq: Array) -> None:
     """Cut the torques of all joints by one share, towards what the arm does by itself at most.
 
-    ``kept`` are those of which each drive gives what it can. They stay where the drives cannot even
-    keep the speeds: beyond its no-load speed a drive that is to hold something gives nothing, and
-    cut by one share the others would not brake either.
+    ``w.kept`` are those of which each drive gives what it can. They stay where the drives cannot
+    even keep the speeds: beyond its no-load speed a drive that is to hold something gives nothing,
+    and cut by one share the others would not brake either.
     """
-    links, n = len(bodies), len(q)
-    tau_desired, speed = view(scratch, 0, (links,)), view(scratch, links, (links,))
-    kept, given = view(scratch, 2 * links, (links,)), view(scratch, 3 * links, (links,))
-    dynamics, coast = view(scratch, 5 * links, (links, SCRATCH - 5)), view(command, TAU * n, (n,))
+    coast, drives = w.coast, w.drives
     coast[:] = 0.0
     bound_acceleration(bounds, q, dq, coast)
-    inverse_dynamics(bodies, q, dq, coast, given, dynamics)
-    if largest_share(drives, given, speed) <= 1.0:
-        _cut(drives, given, tau_desired, speed, kept)
+    inverse_dynamics(bodies, q, dq, coast, w.given, w.dynamics)
+    if largest_share(drives, w.given, w.speed) <= 1.0:
+        _cut(w, w.given, w.tau_desired)
         return
-    level = view(scratch, 4 * links, (links,))
     coast[:] = 0.0
-    inverse_dynamics(bodies, q, dq, coast, level, dynamics)
-    if largest_share(drives, level, speed) <= 1.0:
-        _cut(drives, level, given, speed, kept)
+    inverse_dynamics(bodies, q, dq, coast, w.level, w.dynamics)
+    if largest_share(drives, w.level, w.speed) <= 1.0:
+        _cut(w, w.level, w.given)
 
 
 @kernel
-def _cut(drives: Array, rest: Array, tau_desired: Array, speed: Array, kept: Array) -> None:
+def _cut(w: Tracking, rest: Array, tau_desired: Array) -> None:
     """Write torques within every limit that lead as far towards the desired ones as they can.
 
     Torques are cut along the line from those of coasting to the desired ones, all joints by the
@@ -232,24 +272,10 @@ def _cut(drives: Array, rest: Array, tau_desired: Array, speed: Array, kept: Arr
     another beyond its own. Where the torques cannot even keep coasting within the limits, the line
     leads there from constant speed.
     """
-    share = _share(drives, rest, tau_desired, speed)
+    share = _share(w.drives, rest, tau_desired, w.speed)
     for k in range(len(tau_desired)):
         tau_desired[k] = rest[k] + share * (tau_desired[k] - rest[k])
-    saturate(drives, tau_desired, speed, kept)
-
-
-def all_finite(x: Array) -> bool:
-    """Say whether every entry of a vector is a finite number."""
-    return bool(np.isfinite(x).all())
-
-
-@kernel
-def largest_gap(a: Array, b: Array) -> float:
-    """Return the largest difference of two vectors' entries."""
-    gap = 0.0
-    for k in range(len(a)):
-        gap = max(gap, abs(a[k] - b[k]))
-    return gap
+    saturate(w.drives, tau_desired, w.speed, w.kept)
 
 
 @kernel
@@ -267,3 +293,12 @@ def _share(packed: Array, rest: Array, tau_desired: Array, speed: Array) -> floa
             edge = np.copysign(bound, goal)
             share = min(share, max((edge - start) / way, 0.0)) if way * goal > 0.0 else 0.0
     return share
+
+
+@kernel
+def largest_gap(a: Array, b: Array) -> float:
+    """Return the largest difference of two vectors' entries."""
+    gap = 0.0
+    for k in range(len(a)):
+        gap = max(gap, abs(a[k] - b[k]))
+    return gap

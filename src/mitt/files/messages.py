@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.catcher.result import fresh_result
+from mitt.catcher.state import fresh_result
 
 Rows: TypeAlias = NDArray[np.void]
 """Messages of one kind, one a row."""

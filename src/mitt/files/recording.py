@@ -29,8 +29,8 @@ import numpy as np
 import zstandard
 from mcap.writer import Writer
 
-from mitt.catcher.result import REASONS, STATES
 from mitt.catcher.settings import PHASES
+from mitt.catcher.state import REASONS, STATES
 from mitt.errors import ShapeError
 from mitt.files import messages as of
 from mitt.files.about import About

@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.catcher.result import Result
+from mitt.catcher.state import Result
 from mitt.files import messages as of
 from mitt.files.messages import Rows
 from mitt.signals import Array, Frame, Senses, Sighting
@@ -38,7 +38,7 @@ def tick_rows(results: Result, senses: Sequence[Senses], heads: int) -> Rows:
     for row, x in zip(rows, senses, strict=False):
         row["t"], row["t_arm"], row["q"], row["dq"] = x.t, x.arm.t, x.arm.q, x.arm.dq
         row["points"], row["frames"] = len(x.points), len(x.frames)
-    rows["command"] = results.command[:, :4].reshape(k, 4 * n)
+    rows["command"] = results.command.reshape(k, 4 * n)
     rows["hand"], rows["brakes"] = s["hand"], s["brakes"]
     if heads:
         rows["gaze"] = results.gaze.reshape(k, 4 * heads)

@@ -17,13 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mitt.ball.flight import (
-    STATES,
-    TRACK,
-    acceleration,
-    advance,
-    advance_uncertain,
-)
+from mitt.ball.flight import STATES, MotionModel, acceleration, advance, advance_uncertain
 from mitt.generator.inverse import invert
 from mitt.generator.packing import unfold, unpack
 from mitt.generator.tangent import to_go
@@ -238,13 +232,12 @@ def sigma_at_catch(
 @kernel
 def _spread(state: Array, drag: float, covariance: Array, after: float) -> float:
     """Return the largest 1-sigma of the position some time ahead; see :func:`spread`."""
-    track, work = np.zeros(TRACK), np.empty((2, STATES, STATES))
-    track[:6] = state[:6]
-    track[6] = drag
-    P = track[STATES:].reshape(STATES, STATES)
+    x, P = np.zeros(STATES), np.zeros((STATES, STATES))
+    x[:6] = state[:6]
+    x[6] = drag
     P[:6, :6] = covariance
-    law = np.array([[GRAVITY, _UNEXPLAINED, 0.0, 0.0, 1.0]])
-    advance_uncertain(track, 0, after, law, 0, work)
+    model = MotionModel(GRAVITY, _UNEXPLAINED, 0.0, 0.0, 1.0)
+    advance_uncertain(x, P, after, model, np.empty((6, 4)), np.empty((STATES, STATES)))
     return float(np.sqrt(max(_largest(P), 0.0)))
 
 

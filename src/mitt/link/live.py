@@ -17,7 +17,6 @@ from ruckig import InputParameter, Result, Ruckig, Synchronization, Trajectory
 from mitt.catcher.catcher import Catcher, Phase
 from mitt.control.envelope import bounds_of
 from mitt.control.health import Reason
-from mitt.control.rows import DDQ_MAX, DQ_MAX, JERK
 from mitt.errors import InputError
 from mitt.link.clock import monotonic
 from mitt.link.frames import FrameSet, FrameSource, Sight
@@ -444,10 +443,10 @@ def slow_motion(arm: Arm, start: Array, end: Array, share: float) -> Array:
         InputError: Ruckig finds no way, as between poses that are no numbers.
     """
     b = bounds_of(arm)
-    speed = np.minimum(np.minimum(share * arm.dq_max, b[DQ_MAX]), _FASTEST)
-    most = _GENTLE * np.minimum(trusted_deceleration(arm, start), b[DDQ_MAX])
+    speed = np.minimum(np.minimum(share * arm.dq_max, b["dq_max"]), _FASTEST)
+    most = _GENTLE * np.minimum(trusted_deceleration(arm, start), b["ddq_max"])
     acceleration = np.minimum(speed / _RAMP, most)
-    jerk = np.minimum(acceleration / (_ONSET * _RAMP), _GENTLE * b[JERK])
+    jerk = np.minimum(acceleration / (_ONSET * _RAMP), _GENTLE * b["jerk"])
     request, way = InputParameter(arm.n), Trajectory(arm.n)
     request.synchronization = Synchronization.Phase
     request.current_position, request.target_position = start.tolist(), end.tolist()

@@ -26,7 +26,7 @@ from typing import final
 
 import numpy as np
 
-from mitt.catcher.sightings import FAR
+from mitt.catcher.catcher import FAR
 from mitt.errors import InputError
 from mitt.link.robot import Robot
 from mitt.robot.arm import Arm

@@ -37,7 +37,7 @@ from typing import Any, BinaryIO, final
 import numpy as np
 
 from mitt import checks
-from mitt.catcher.result import Result
+from mitt.catcher.state import Result
 from mitt.errors import FileError, MittError
 from mitt.files import messages as of
 from mitt.files.about import About

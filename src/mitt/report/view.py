@@ -10,8 +10,8 @@ from typing import Any, final
 
 import numpy as np
 
-from mitt.catcher.result import REASONS, STATES
 from mitt.catcher.settings import PHASES
+from mitt.catcher.state import REASONS, STATES
 from mitt.errors import FileError, MittError
 from mitt.files.recorded import Recorded
 from mitt.link.clock import monotonic, pause

@@ -5,12 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mitt.ball import measurement_noise
-from mitt.ball import memory as at
-from mitt.ball.estimator import doubt, predict, update
-from mitt.ball.filter import FilterConfig, settings_of
+from mitt.ball.filter import FilterConfig, doubt, fresh_filter, predict, update
+from mitt.ball.measurement_noise import fresh_noise, learn
 from mitt.jit import kernel
 from mitt.signals import Array
+from mitt.structs import Record
 
 UNKNOWN_BALL = FilterConfig(
     drag_mean=0.08,
@@ -61,7 +60,7 @@ def follow(
         config: What is assumed of the ball.
     """
     rows = np.zeros((len(t), 5, 3))
-    _follow(t, points, ahead, sigma or 0.0, settings_of(config), at.fresh(), rows)
+    _follow(t, points, ahead, sigma or 0.0, fresh_filter(config), fresh_noise(), rows)
     return Track(*rows.transpose(1, 0, 2))
 
 
@@ -88,22 +87,19 @@ def follow_all(
 
 @kernel
 def _follow(
-    t: Array, points: Array, ahead: float, sigma: float, settings: Array, memory: Array, rows: Array
+    t: Array, points: Array, ahead: float, sigma: float, ball: Record, noise: Record, rows: Array
 ) -> None:
     """Fill the rows of a track, shape (n, 5, 3); the noise is learned if ``sigma`` is 0."""
-    R, work = np.zeros((3, 3)), np.zeros(at.WORK)
-    noise = np.zeros(measurement_noise.NOISE)
-    motion, covariance = np.zeros((3, 3)), np.zeros((6, 6))
-    measurement_noise.reset(noise)
+    R, motion, covariance = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((6, 6))
     for n in range(len(t)):
-        measurement_noise.learn(noise, t[n], points[n])
+        learn(noise, t[n], points[n])
         for i in range(3):
-            R[i, i] = sigma * sigma if sigma > 0.0 else noise[i]
-        update(memory, t[n], points[n], R, settings, work)
-        predict(memory, t[n] + ahead, settings, motion, covariance, work)
+            R[i, i] = sigma * sigma if sigma > 0.0 else noise[0].variance[i]
+        update(ball, t[n], points[n], R)
+        predict(ball, t[n] + ahead, motion, covariance)
         rows[n, 4] = motion[0]
-        if predict(memory, t[n], settings, motion, covariance, work):
-            doubt(memory, t[n], settings, covariance)
+        if predict(ball, t[n], motion, covariance):
+            doubt(ball, t[n], covariance)
         rows[n, 0:3] = motion
         for i in range(3):
             rows[n, 3, i] = np.sqrt(covariance[i, i])

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.catcher.result import Result
 from mitt.catcher.settings import PHASES, Phase
+from mitt.catcher.state import Result
 from mitt.files.about import About
 from mitt.files.messages import CATCH_POINT, EVENT, TRUTH
 from mitt.files.recording import Notice, Recording, Track, heading_of

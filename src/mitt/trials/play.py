@@ -13,13 +13,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.ball.estimator import update
+from mitt.ball.filter import update
 from mitt.catcher.catcher import Catcher
-from mitt.catcher.perception import looks
-from mitt.catcher.result import Result, ResultHandle, result_handle, room_for, rows_of, store
 from mitt.catcher.settings import BRAKE, STOPPED
-from mitt.catcher.state import StateHandle
-from mitt.catcher.tick import tick, undecided
+from mitt.catcher.state import (
+    Result,
+    ResultHandle,
+    StateHandle,
+    result_handle,
+    room_for,
+    rows_of,
+    store,
+)
+from mitt.catcher.tick import looks, tick, undecided
 from mitt.errors import ShapeError
 from mitt.jit import kernel
 from mitt.link.clock import Stopwatch, now_ns
@@ -141,7 +147,7 @@ def render(
     r_o, dr_o = shot[count, :3], shot[count + 1, :3]
     if state.scalars[0].phase == BRAKE:
         hand = ahead.weights[:3]
-        hand[:] = state.target[2] + TICK * state.target[1]
+        hand[:] = state.hand[2] + TICK * state.hand[1]
         for n in range(2):
             if not held or window_about(
                 state.eyes_cameras[n], hand, state.eyes_ball[0], MARGIN, images[n].shape, windows[n]
@@ -238,9 +244,8 @@ def play(
         before = now_ns(clock)
         if arrived and with_points and not held:
             update(
-                state.ball_memory, stamp, line[(k - latency) % len(line)],
-                sight.points.covariance, state.ball_settings, state.ball_work,
-            )  # fmt: skip
+                state.ball_filter, stamp, line[(k - latency) % len(line)], sight.points.covariance
+            )
         todo = tick(
             images, backgrounds, 0, exposed, k * TICK, k * TICK, encoders[Q], encoders[DQ], brake,
             state, result,

@@ -16,11 +16,11 @@ from typing import Any, final
 import numpy as np
 
 from mitt import checks
-from mitt.ball.estimator import update
+from mitt.ball.filter import update
 from mitt.catcher.catcher import Catcher
-from mitt.catcher.result import Result, copied, gathered, room_for
 from mitt.catcher.settings import CatcherSettings
-from mitt.control.stopped import StoppedBy
+from mitt.catcher.state import Result, copied, gathered, room_for
+from mitt.control.health import StoppedBy
 from mitt.errors import FileError, InputError, MittError
 from mitt.files.about import About
 from mitt.files.maps import read_map
@@ -223,7 +223,7 @@ class _Run:
         s.z[:], s.R[:] = seen[0], seen[1:]
         if row["out_sighted"] and self.catcher.flying:
             at = float(row["out_t_sighted"])
-            update(s.ball_memory, at, s.z, s.R, s.ball_settings, s.ball_work)
+            update(s.ball_filter, at, s.z, s.R)
 
     def _call(self, name: str) -> None:
         """Tell the catcher what it was told."""

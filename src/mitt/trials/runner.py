@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 
 from mitt.catcher.catcher import Catcher, CatcherSettings
-from mitt.catcher.result import Result, copied, gathered, room_for
+from mitt.catcher.state import Result, copied, gathered, room_for
 from mitt.files.about import About
 from mitt.generator.generators import Direct, Generator
 from mitt.generator.mapping import DirectMap

@@ -17,12 +17,10 @@ from numba import typeof
 
 import mitt
 from mitt import checks
-from mitt.catcher.action import act
 from mitt.catcher.catcher import Catcher
-from mitt.catcher.loading import load_decisions
-from mitt.catcher.perception import perceive
+from mitt.catcher.planner import load_decisions
 from mitt.catcher.settings import CatcherSettings
-from mitt.catcher.tick import refer, undecided
+from mitt.catcher.tick import act, perceive, refer, undecided
 from mitt.errors import FileError, InputError, StoppedError
 from mitt.files.about import About
 from mitt.files.arm_file import is_arm_file, read_arm_file

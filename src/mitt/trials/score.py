@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.catcher.result import Result
 from mitt.catcher.settings import Phase
-from mitt.control.stopped import Plain, StoppedBy
+from mitt.catcher.state import Result
+from mitt.control.health import Plain, StoppedBy
 from mitt.generator.demand import demand
 from mitt.generator.feasibility import Verdict
 from mitt.jit import kernel

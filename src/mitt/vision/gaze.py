@@ -22,7 +22,7 @@ from math import cos, pi, sin, sqrt
 
 import numpy as np
 
-from mitt.ball.bounce import change_by_bounce
+from mitt.ball.flight import change_by_bounce
 from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.vision.head import aim_one, bearing

@@ -15,7 +15,7 @@ from math import pi, sqrt
 import numpy as np
 
 from mitt import fields
-from mitt.ball.linear import invert_positive
+from mitt.ball.motion_models import invert_positive
 from mitt.errors import InputError
 from mitt.fields import brief
 from mitt.jit import kernel

@@ -15,7 +15,7 @@ from typing import final
 
 import numpy as np
 
-from mitt.ball.memory import LOOSE
+from mitt.ball.motion_models import LOOSE
 from mitt.fields import brief
 from mitt.jit import kernel
 from mitt.robot.arm import Arm

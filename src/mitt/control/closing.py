@@ -10,27 +10,18 @@ never do for one that is long over.
 So a ball that the hand meets at its own speed is enclosed long before the catch, and one that comes
 in at 5 m/s as it passes the fingertips: each hand, ball and motion has its own lead. A ball that
 passes them off the palm's axis needs fingers that are farther open by then, and has a shorter one.
-
-| here       | meaning                                                                     | unit  |
-|------------|-----------------------------------------------------------------------------|-------|
-| ``memory`` | time at which the closing began, infinite before; time of the catch then;   | s     |
-|            | time that the closing takes, with the delay of its command                  |       |
-| ``grip``   | the closing profile, as of :func:`mitt.robot.hands.closing_angle`; distance | s ... |
-|            | at which the ball is inside [m]; time before the catch at which the hand    |       |
-|            | has closed at the latest [s]; how far before the catch point the ball passes|       |
-|            | between the fingertips [m], and how far at most it is when they first are as|       |
-|            | narrow as it [m]; time from then until they hold [s]; time that the closing |       |
-|            | takes, by how far from the palm's axis the ball passes (``_ASIDE``) [s]     |       |
 """
 
 from functools import lru_cache
 
 import numpy as np
 
+from mitt.control.envelope import Fields
 from mitt.jit import kernel
 from mitt.robot.basket import Hand
 from mitt.robot.hands import HandModel, closing_angle
 from mitt.signals import PASSED, Array
+from mitt.structs import Record
 
 #: Following after the catch, while the fingers close on the ball [s]. Each millisecond costs
 #: 15 mrad of the room that joint 4 has for braking; by then the fingers have touched.
@@ -43,16 +34,32 @@ ENTERS = 0.010
 #: Longest time from when the ball is inside to the catch [s]: the gap is no parabola for longer.
 LONGEST_INSIDE = 0.03
 #: How far from the palm's axis a ball may pass between the fingertips, beyond ``_FREE``, for each
-#: of the times of ``grip`` [m]; what is within the errors of a good catch needs no other time.
+#: of the times ``takes`` [m]; what is within the errors of a good catch needs no other time.
 _ASIDE, _FREE = np.linspace(0.0, 0.04, 9), 0.004
-#: Columns of ``grip`` behind those of the profile.
-INSIDE, EARLY, RING, NEAR, FIRM, _TAKES = 5, 6, 7, 8, 9, 10
-GRIP = _TAKES + len(_ASIDE)
+
+FINGERS = np.dtype(
+    [
+        ("profile", float, (5,)),  # of :func:`mitt.robot.hands.closing_angle`
+        ("inside", float),  # distance at which the ball is inside [m]
+        ("early", float),  # before the catch the hand has closed by this at the latest [s]
+        # How far before the catch point the ball passes between the fingertips, and how far it is
+        # at most when they first are as narrow as it [m]; time from then until they hold [s].
+        ("ring", float),
+        ("near", float),
+        ("firm", float),
+        # Time that the closing takes, by how far from the palm's axis the ball passes (_ASIDE) [s].
+        ("takes", float, (len(_ASIDE),)),
+        ("t_begun", float),  # when the closing began, infinite before [s]
+        ("t_catch", float),  # when the catch was to be then [s]
+        ("duration", float),  # how long the closing takes, with the delay of its command [s]
+    ],
+    align=True,
+)
 
 
 @lru_cache(maxsize=8)
-def pack_grip(hand: Hand | None, ball_radius: float, restitution: float = 0.0) -> Array:
-    """Return a hand's closing as numbers, shape (GRIP,), not to be written to.
+def fingers_of(hand: Hand | None, ball_radius: float, restitution: float = 0.0) -> Record:
+    """Return an open hand and how it closes on a ball, shape (1,), not to be written to.
 
     No hand is one that stays open. So is a basket: the ball is inside at the catch, and the arm
     may brake. What would be its closing begins as early as the ball can strike its net.
@@ -62,72 +69,68 @@ def pack_grip(hand: Hand | None, ball_radius: float, restitution: float = 0.0) -
         ball_radius: Radius of the ball [m].
         restitution: Share of its speed with which the ball springs back from the palm.
     """
+    fingers = np.zeros(1, FINGERS)
+    f = fingers[0]
+    f["t_begun"] = f["t_catch"] = f["duration"] = f["near"] = np.inf
     if not isinstance(hand, HandModel):
-        takes = np.full(len(_ASIDE), 0.0 if hand is None else ENTERS)
-        return np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, np.inf, 0.0, *takes])
+        f["profile"][:3], f["takes"] = 1.0, 0.0 if hand is None else ENTERS
+        return fingers
     c, hardness = hand.closing, hand.closing.hardness(restitution)
-    inside, early = (1.0 - hardness) * hand.inside(ball_radius), hardness * c.early
-    takes = np.array([hand.closing_time(ball_radius, x) for x in _ASIDE.tolist()])
-    ring, _ = hand.ring(ball_radius)
-    near = (ring + c.near) / (1.0 - hardness) if hardness < 1.0 else np.inf
-    return np.array([*hand.profile(ball_radius), inside, early, ring, near, c.firm, *takes])
+    f["profile"] = hand.profile(ball_radius)
+    f["inside"], f["early"] = (1.0 - hardness) * hand.inside(ball_radius), hardness * c.early
+    f["ring"], f["firm"] = hand.ring(ball_radius)[0], c.firm
+    if hardness < 1.0:
+        f["near"] = (f["ring"] + c.near) / (1.0 - hardness)
+    f["takes"] = [hand.closing_time(ball_radius, x) for x in _ASIDE.tolist()]
+    return fingers
 
 
 @kernel
-def takes_of(grip: Array, aside: float) -> float:
-    """Return the time that the closing on a ball takes [s].
-
-    Args:
-        grip: As in the module's table, shape (GRIP,).
-        aside: How far from the palm's axis it passes between the fingertips [m].
-    """
+def takes_of(f: Fields, aside: float) -> float:
+    """Return the time that the closing takes on a ball that passes so far from the axis [s, m]."""
     share = max(aside - _FREE, 0.0) / (_ASIDE[1] - _ASIDE[0])
     k = min(int(share), len(_ASIDE) - 2)
     x = min(share - k, 1.0)
-    return float((1.0 - x) * grip[_TAKES + k] + x * grip[_TAKES + k + 1])
+    return float((1.0 - x) * f.takes[k] + x * f.takes[k + 1])
 
 
 @kernel
-def may_begin(grip: Array, time_to_catch: float, later: float) -> bool:
+def may_begin(f: Fields, time_to_catch: float, later: float) -> bool:
     """Say whether a catch is so near, and not so long over, that the closing may begin.
 
     Args:
-        grip: As in the module's table, shape (GRIP,).
+        f: Of type :data:`FINGERS`.
         time_to_catch: Time until the catch [s]; infinite where none is in sight.
         later: Time from a command until the fingers answer to it [s].
     """
-    return bool(-PASSED <= time_to_catch <= grip[_TAKES] + later + LONGEST_INSIDE)
+    return bool(-PASSED <= time_to_catch <= f.takes[0] + later + LONGEST_INSIDE)
 
 
 @kernel
 def close(
-    memory: Array, grip: Array, t: float, time_to_catch: float, gap: Array, palm: Array,
-    later: float,
+    f: Fields, t: float, time_to_catch: float, gap: Array, palm: Array, later: float
 ) -> float:  # fmt: skip
     """Return the closing angle to command at ``t`` [rad].
 
     Args:
-        memory: As in the module's table, overwritten, shape (3,).
-        grip: As in the module's table, shape (GRIP,).
+        f: Of type :data:`FINGERS`, overwritten.
         t: Time of the tick [s].
         time_to_catch: Time until the catch [s]; infinite where none is in sight.
         gap: From the catch point to the ball, and its rate [m, m/s], shape (2, 3).
         palm: Direction of the palm's normal when the ball is about to be caught, shape (3,).
         later: Time from a command until the fingers answer to it [s].
     """
-    if memory[0] == np.inf:
-        if not may_begin(grip, time_to_catch, later):
+    if f.t_begun == np.inf:
+        if not may_begin(f, time_to_catch, later):
             return 0.0
-        takes = later + takes_of(grip, _passes_aside(grip[RING], time_to_catch, gap, palm))
-        if time_to_catch > takes + grip[EARLY] and (
-            _gap_after(takes, time_to_catch, gap) > grip[INSIDE]
-        ):
+        takes = later + takes_of(f, _passes_aside(f.ring, time_to_catch, gap, palm))
+        if time_to_catch > takes + f.early and _gap_after(takes, time_to_catch, gap) > f.inside:
             return 0.0
-        touch = takes - grip[FIRM]
-        if time_to_catch > touch and _gap_after(touch, time_to_catch, gap) > grip[NEAR]:
+        touch = takes - f.firm
+        if time_to_catch > touch and _gap_after(touch, time_to_catch, gap) > f.near:
             return 0.0
-        memory[0], memory[1], memory[2] = t, t + time_to_catch, takes
-    return float(closing_angle(t - memory[0], grip))
+        f.t_begun, f.t_catch, f.duration = t, t + time_to_catch, takes
+    return float(closing_angle(t - f.t_begun, f.profile))
 
 
 @kernel
@@ -164,13 +167,13 @@ def _passes_aside(ring: float, time_to_catch: float, gap: Array, palm: Array) ->
 
 
 @kernel
-def has_closed(memory: Array, t: float, hurry: bool) -> bool:
+def has_closed(f: Fields, t: float, hurry: bool) -> bool:
     """Say whether the fingers have had the time to close around the ball, and it to come in.
 
     Args:
-        memory: As in the module's table, shape (3,).
+        f: Of type :data:`FINGERS`.
         t: Time of the tick [s].
         hurry: Whether the arm is short of room to brake; then the first touch is enough.
     """
     after = TOUCH_BEFORE if hurry else FOLLOW_ON
-    return bool(t - memory[1] >= after and t - memory[0] >= memory[2] + min(after, 0.0))
+    return bool(t - f.t_catch >= after and t - f.t_begun >= f.duration + min(after, 0.0))
