@@ -29,11 +29,11 @@ from typing import Any
 import numpy as np
 
 from mitt.cell.prepare import PreparedCell, balls_of, endless, prepare, scene_of_cell
-from mitt.cell.serve import Server
-from mitt.cell.simulated import Answer
+from mitt.cell.session import Server
 from mitt.control.stop import plan_brake
 from mitt.files.cell import read_cell
 from mitt.interrupts import tell
+from mitt.link.robot import ReceivedCommand
 from mitt.signals import TICK, Array, Image
 
 #: Speed that counts as moving and as at rest [rad/s]; how long rest has to last, and how long it is
@@ -136,7 +136,7 @@ class FaultyPort:
         say({"result": json.loads(said)})
         self._inner.result(said)
 
-    def command(self) -> Answer | None:
+    def command(self) -> ReceivedCommand | None:
         """Return the newest command, unless it is lost."""
         new = self._inner.command()
         if new is None or self._lost():

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from mitt.calibration.boards import BoardViews
+from mitt.calibration.board_calibration import BoardViews
 from mitt.calibration.charuco import Board, BoardSpec, Seen
 from mitt.signals import Array, Image
 from mitt.vision.lens import Lens

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from boards import SPEC, many_views, true_lens, true_stereo
 
-from mitt.calibration.boards import board_problem, free_numbers
+from mitt.calibration.board_calibration import board_problem, free_numbers
 from mitt.calibration.charuco import Board
 from mitt.signals import Array
 from mitt.vision.calibration.boards import BoardProblem

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from mitt.cell.local import LocalRobot, local_robot
+from mitt.cell.drivers import LocalRobot, local_robot
 from mitt.cell.prepare import PreparedCell, about_of, catchers, map_of, prepare, setpoints_of
 from mitt.files.cell import read_cell
 from mitt.link.frames import straight

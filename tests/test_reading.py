@@ -9,8 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from mitt.calibration.tables import header_of
-from mitt.cameras.recorded import read_image
+from mitt.calibration.stages import header_of
+from mitt.cameras.cameras import read_image
 from mitt.errors import FileError
 from mitt.files.files import read_json
 from mitt.files.maps import read_map
@@ -19,7 +19,7 @@ from mitt.generator.mapping import DirectMap
 from mitt.reading import MAX_JSON_BYTES, MAX_TOML_BYTES, read_bytes, read_toml
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
-from mitt.tracks.tables import read_positions
+from mitt.tracks.filtering import read_positions
 from mitt.trials.study_file import read_study
 from mitt.world.flights import read_flights
 from mitt.world.scenes import read_scene

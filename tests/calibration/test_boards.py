@@ -8,7 +8,7 @@ import pytest
 from boards import SPEC, many_views, true_lens, true_stereo
 from cramer_rao import one_calibration
 
-from mitt.calibration.boards import board_problem, calibrate_boards, free_numbers
+from mitt.calibration.board_calibration import board_problem, calibrate_boards, free_numbers
 from mitt.calibration.charuco import Board
 from mitt.vision.calibration.fit import fit
 

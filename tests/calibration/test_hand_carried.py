@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from throws_on_film import calibrated
 
-from mitt.calibration.hand import calibrate_hand, hand_problem
+from mitt.calibration.hand_calibration import calibrate_hand, hand_problem
 from mitt.errors import InputError
 from mitt.files.rig import CalibratedRig
 from mitt.signals import Array

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from boards import SPEC, seen_by, true_lens
 
+from mitt.calibration.board_calibration import calibrate_head, head_problem
 from mitt.calibration.charuco import Board, Seen
-from mitt.calibration.heads import calibrate_head, head_problem
 from mitt.errors import InputError
 from mitt.files.rig import RigCamera
 from mitt.signals import Array

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from boards import SIZE, SPEC, drawn, true_lens
 
-from mitt.calibration.boards import board_problem, free_numbers, look_for_board
-from mitt.calibration.charuco import Board, BoardSpec
-from mitt.calibration.patterns import shown_instead
-from mitt.cameras.source import Camera
+from mitt.calibration.board_calibration import board_problem, free_numbers, look_for_board
+from mitt.calibration.charuco import Board, BoardSpec, shown_instead
+from mitt.cameras.cameras import Camera
 from mitt.errors import InputError
 from mitt.signals import Array, Image
 from mitt.vision.poses import turned

@@ -13,14 +13,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mitt.cameras import source
-from mitt.cameras.opening import open_cameras
-from mitt.cameras.recorded import read_image
-from mitt.cameras.source import Camera, grey, optional
+from mitt.cameras import cameras as source
+from mitt.cameras.cameras import Camera, grey, open_cameras, optional, read_image
 from mitt.cameras.video_writer import VideoWriter
 from mitt.errors import FileError, InputError
 from mitt.signals import Frame, Image
-from mitt.tracks.pairs import PairCounts, pairs
+from mitt.tracks.two_cameras import PairCounts, pairs
 
 VIKY = Path(genicam.__file__).parent / "viky.cti"
 

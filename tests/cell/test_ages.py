@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mitt.cell.ages import Ages
+from mitt.cell.simulated import Ages
 
 
 @pytest.mark.parametrize("scale", [2e-5, 1e-3, 0.3])

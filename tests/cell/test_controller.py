@@ -1,27 +1,18 @@
 """The simulated robot's own controller: its watchdog brakes it, and it stays so."""
 
-from typing import NamedTuple
-
 import numpy as np
 import pytest
 
-from mitt.cell.controller import Controller
+from mitt.cell.simulated import Controller
 from mitt.files.cell import RobotPart
+from mitt.link.robot import ReceivedCommand
 from mitt.robot.arm import Arm
-from mitt.signals import Array
-
-
-class Told(NamedTuple):
-    """A command."""
-
-    joints: Array
-    hand: float = 0.0
 
 
 def test_it_takes_commands_only_once_released(arm: Arm) -> None:
     """Before, and after the brakes were engaged, it holds the arm by itself."""
     c, q, still = Controller(arm, RobotPart()), arm.q_ready, np.zeros(arm.n)
-    told = Told(np.full((4, arm.n), 0.5), 0.3)
+    told = ReceivedCommand(0.0, np.full((4, arm.n), 0.5), 0.3)
     assert not np.array_equal(c.command(0.0, q, still, told).joints, told.joints)
     c.release(0.001, q, still)
     assert np.array_equal(c.command(0.001, q, still, told).joints, told.joints)
@@ -34,7 +25,7 @@ def test_it_takes_commands_only_once_released(arm: Arm) -> None:
 def test_the_watchdog_latches(arm: Arm) -> None:
     """After 20 ms without a command it brakes, says so, and a late command changes nothing."""
     c, q, dq = Controller(arm, RobotPart()), arm.q_ready, np.full(arm.n, 2.0)
-    told = Told(np.zeros((4, arm.n)))
+    told = ReceivedCommand(0.0, np.zeros((4, arm.n)), 0.0)
     c.release(0.0, q, dq)
     c.command(0.0, q, dq, told)
     assert c.command(0.020, q, dq, None).tau.tolist() == [0.0] * arm.n
@@ -56,6 +47,6 @@ def test_motions_are_followed_within_the_torque_limits(arm: Arm, takes: str) -> 
     )
     c.release(0.0, q, still)
     rows = np.array([q + 1.0, still + 50.0, still, still])
-    tau = c.command(0.0, q, still, Told(rows)).tau
+    tau = c.command(0.0, q, still, ReceivedCommand(0.0, rows, 0.0)).tau
     assert np.all(np.abs(tau) <= arm.tau_max * (1.0 + 1e-9))
     assert np.any(np.abs(tau) > 0.9 * arm.tau_max)

@@ -10,12 +10,13 @@ from local_cell import LocalCell
 from support import BASKET_ARM
 
 from mitt.catcher.catcher import Catcher
-from mitt.cell.local import LocalPort, _Answer
+from mitt.cell.drivers import LocalPort
 from mitt.cell.prepare import PreparedCell, balls_of, map_of, prepare, scene_of_cell
 from mitt.cell.simulated import SimulatedCell
 from mitt.files.cell import cell_of
 from mitt.generator.generators import Direct
 from mitt.link.live import Mode
+from mitt.link.robot import ReceivedCommand
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.trials.runner import TrialRunner
@@ -88,15 +89,15 @@ def test_an_environment_judges_as_mitt_catch_does(
     assert (trial.limit_violations > 100) == tight
 
 
-def commander(arm: Arm, rng: np.random.Generator) -> Callable[[LocalPort], _Answer | None]:
+def commander(arm: Arm, rng: np.random.Generator) -> Callable[[LocalPort], ReceivedCommand | None]:
     """Return what commands something at random, a little motion, now and then beyond a limit."""
 
-    def command(_: LocalPort) -> _Answer | None:
+    def command(_: LocalPort) -> ReceivedCommand | None:
         if rng.random() < 0.1:
             return None
         rows = rng.normal(size=(4, arm.n)) * np.array([[0.01], [0.3], [20.0], [3.0]])
         rows[0] += arm.q_ready
-        return _Answer(float("nan"), rows, 0.0)
+        return ReceivedCommand(float("nan"), rows, 0.0)
 
     return command
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from local_cell import LocalCell, Readings
 
-from mitt.calibration.catches import catches_in
+from mitt.calibration.hand_calibration import catches_in
 from mitt.catcher.catcher import Catcher
-from mitt.cell.local import LocalPort
+from mitt.cell.drivers import LocalPort
 from mitt.cell.prepare import prepare
 from mitt.cell.session import Person, Session
 from mitt.control.stop import plan_brake

@@ -9,7 +9,7 @@ import pytest
 
 from mitt.cli import main
 from mitt.signals import Array
-from mitt.tracks.tables import ADDED, AHEAD
+from mitt.tracks.filtering import ADDED, AHEAD
 from mitt.world.flights import builtin_flights
 
 HEADER = "t_s,x_m,y_m,z_m\n"

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from mitt.cell.local import LocalRobot
+from mitt.cell.drivers import LocalRobot
 from mitt.robot.arm import Arm
 from mitt.signals import ArmState, Array, Command
 

@@ -11,7 +11,7 @@ from drivers.fakes import FRANKA, FakeFranka, FakeUr, Torques
 from franka_design import panda_file
 from local_cell import LocalCell
 
-from mitt.cell.local import LocalRobot
+from mitt.cell.drivers import LocalRobot
 from mitt.cell.prepare import PreparedCell, prepare
 from mitt.errors import InputError
 from mitt.files.arm_file import read_arm_file

@@ -16,7 +16,7 @@ from mitt.cameras.video_writer import VideoWriter
 from mitt.cli import main
 from mitt.files.rig import CalibratedRig, write_rig
 from mitt.signals import GRAVITY, Array, Image
-from mitt.tracks.see import fall_error
+from mitt.tracks.two_cameras import fall_error
 from mitt.vision.camera import Camera, Rig, fixed_rig
 from mitt.vision.lens import Lens
 

@@ -7,7 +7,7 @@ import pytest
 from recorded_trials import replayed
 from throws_on_film import calibrated
 
-from mitt.calibration.catches import calibrate_by_catches, catches_in
+from mitt.calibration.hand_calibration import calibrate_by_catches, catches_in
 from mitt.catcher.catcher import Catcher
 from mitt.catcher.settings import BRAKE
 from mitt.errors import InputError

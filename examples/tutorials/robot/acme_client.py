@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mitt.cell.local import LocalRobot
+from mitt.cell.drivers import LocalRobot
 from mitt.link.clock import monotonic, sleep_until
 from mitt.signals import Command
 

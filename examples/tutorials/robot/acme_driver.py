@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from acme_client import AcmeClient, State
 
-from mitt.cell.local import local_robot
+from mitt.cell.drivers import local_robot
 from mitt.cell.prepare import prepare
 from mitt.errors import InputError
 from mitt.files.cell import Cell

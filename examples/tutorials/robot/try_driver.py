@@ -7,8 +7,7 @@ from typing import Any
 from acme_client import AcmeClient
 from acme_driver import AcmeRobot
 
-from mitt.cell.drivers import Connection
-from mitt.cell.local import local_robot
+from mitt.cell.drivers import Connection, local_robot
 from mitt.cell.prepare import map_of, prepare
 from mitt.cell.session import loop_of
 from mitt.files.cell import read_cell

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, final
 
-from mitt.cameras.source import optional
+from mitt.cameras.cameras import optional
 from mitt.errors import FileError, InputError
 from mitt.files.files import temporary_beside
 from mitt.signals import Image

@@ -1,15 +1,156 @@
-"""The robots by name: ``ros2``, ``sim`` in this process, and those of other packages."""
+"""The robots of a cell by name: ``ros2``, ``sim`` in this process, and those of other packages.
 
-from collections.abc import Callable
+In a simulated cell in this process time goes on by a tick with each reading, never by itself.
+"""
+
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, final
 
-from mitt.cell.local import LocalRobot, local_robot
-from mitt.cell.prepare import PreparedCell, endless
+import numpy as np
+
+from mitt.cell.prepare import PreparedCell, balls_of, endless, scene_of_cell
+from mitt.cell.simulated import SimulatedCell
 from mitt.files.cell import Cell
 from mitt.link.clock import monotonic
-from mitt.link.frames import FrameSource, SharedFrames
-from mitt.link.robot import Robot, driver_named
+from mitt.link.frames import FrameSet, FrameSource, SharedFrames
+from mitt.link.robot import ReceivedCommand, Robot, driver_named
 from mitt.robot.arm import Arm
+from mitt.signals import ArmState, Array, Command, Image, Sighting
+
+
+@final
+class LocalPort:
+    """Keeps what a simulated cell publishes until the robot of the same process reads it."""
+
+    def __init__(self, sigma: float) -> None:
+        """Keep nothing yet; ``sigma`` is that of the points [m]."""
+        self._covariance = sigma**2 * np.eye(3)
+        self.states, self.points = list[ArmState](), list[Sighting]()
+        self.sets, self._number = list[FrameSet](), 0
+        self.said, self.results = "", list[str]()
+        self.told: ReceivedCommand | None = None
+        self.braked: bool | None = None
+
+    def state(self, t: float, q: Array, dq: Array) -> None:
+        """Keep a reading."""
+        self.states.append(ArmState(t=t, q=q, dq=dq))
+
+    def ball(self, t: float, r_o: Array) -> None:
+        """Keep a position."""
+        self.points.append(Sighting(t=t, found=True, r_o=r_o, covariance=self._covariance))
+
+    def frames(self, t: float, images: Sequence[Image]) -> None:
+        """Keep images."""
+        self._number += 1
+        self.sets.append(FrameSet(t, self._number, tuple(images)))
+
+    def open(self) -> str:
+        """Nothing is ever wrong with these cameras."""
+        return ""
+
+    def take(self) -> Sequence[FrameSet]:
+        """Return all images since the last call."""
+        taken, self.sets = self.sets, []
+        return taken
+
+    def status(self, t: float, trouble: str) -> None:  # noqa: ARG002 (of the protocol)
+        """Keep how the robot is."""
+        self.said = trouble
+
+    def result(self, said: str) -> None:
+        """Keep how a throw ended."""
+        self.results.append(said)
+
+    def command(self) -> ReceivedCommand | None:
+        """Return the newest command since the last call."""
+        told, self.told = self.told, None
+        return told
+
+    def brake(self) -> bool | None:
+        """Return what was said to the brakes since the last call."""
+        said, self.braked = self.braked, None
+        return said
+
+    def close(self) -> None:
+        """Nothing is to be taken away."""
+
+
+@final
+class LocalRobot:
+    """The robot of a simulated cell in this process; see :class:`mitt.link.robot.Robot`.
+
+    Attributes:
+        brakes: It has brakes.
+        simulated: The cell.
+        port: What it publishes and hears; its images, where it has cameras.
+    """
+
+    brakes = True
+
+    def __init__(self, simulated: SimulatedCell, port: LocalPort) -> None:
+        """Take the cell and its port."""
+        self.simulated, self.port, self._begun = simulated, port, False
+
+    @property
+    def t(self) -> float:
+        """Time of the cell [s]: the steady clock of a loop here, as nothing is ever on its way."""
+        return self.simulated.t
+
+    def read(self, timeout: float) -> Sequence[ArmState]:
+        """Let what was commanded act for a tick, and return the reading after it."""
+        if timeout > 0.0:
+            if self._begun:
+                self.simulated.act()
+            self._begun = True
+            self.simulated.tick()
+        taken, self.port.states = self.port.states, []
+        return taken
+
+    def points(self) -> Sequence[Sighting]:
+        """Return the positions since the last call."""
+        taken, self.port.points = self.port.points, []
+        return taken
+
+    def write(self, command: Command, answers: float) -> None:
+        """Leave a command for the next tick."""
+        self.port.told = ReceivedCommand(answers, command.joints, command.hand)
+
+    def engage_brakes(self) -> None:
+        """Leave word for the brakes."""
+        self.port.braked = True
+
+    def release(self) -> None:
+        """Leave word for the brakes and the watchdog."""
+        self.port.braked = False
+
+    def waits(self) -> str:
+        """Return what keeps it from being commanded: nothing does."""
+        return ""
+
+    def trouble(self) -> str:
+        """Return why the robot takes no commands."""
+        return self.port.said
+
+    def news(self) -> Sequence[str]:
+        """Return how throws ended since the last call."""
+        taken, self.port.results = self.port.results, []
+        return taken
+
+    def close(self) -> None:
+        """Nothing is to be given up."""
+
+
+def local_robot(
+    prepared: PreparedCell, *, seed: int, count: int, started: float = 0.0
+) -> LocalRobot:
+    """Return the robot of a cell that is simulated here; ``started`` is its first stamp [s]."""
+    cell, scene = prepared.cell, scene_of_cell(prepared.cell, None)
+    port, source = LocalPort(cell.source.sigma), balls_of(prepared, scene, seed=seed, count=count)
+    simulated = SimulatedCell(
+        cell, prepared.arm, scene, source, port, rig=prepared.rig, lenses=prepared.lenses,
+        clock=monotonic, started=started,
+    )  # fmt: skip
+    return LocalRobot(simulated, port)
 
 
 @final
@@ -48,12 +189,7 @@ def connect(prepared: PreparedCell) -> Connection:
 
 
 def check_driver(cell: Cell, arm: Arm) -> list[str]:
-    """Return what the robot's controllers have to be, a line each; joins no network.
-
-    Raises:
-        UnknownNameError: No driver is called that.
-        InputError: It does not load, its library is not there, or an option is not one.
-    """
+    """Return what the robot's controllers have to be, a line each; joins no network."""
     if cell.robot.driver == "ros2":
         from mitt.link.orders import Orders  # noqa: PLC0415
         from mitt.link.ros2 import options_of  # noqa: PLC0415 (needs the extra ros2)

@@ -1,7 +1,9 @@
 """From a cell file to what runs it: arm, map, catcher, world, balls."""
 
+import hashlib
+import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import pi
 from pathlib import Path
 from typing import final
@@ -19,11 +21,11 @@ from mitt.files.maps import read_map, save_map
 from mitt.generator.design import MapDesign, default_design
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
-from mitt.generator.mapping import DirectMap
+from mitt.generator.mapping import DirectMap, unlearned
 from mitt.jit import cache_folder
 from mitt.robot.arm import Arm, identity_of
 from mitt.robot.shapes import Surroundings
-from mitt.signals import TICK, Array
+from mitt.signals import TICK
 from mitt.trials.known import bandwidth_of, known_ball, reserved
 from mitt.trials.learning import learn, neighbourhood_of_ball
 from mitt.trials.source import Source, source_of, widened
@@ -98,40 +100,28 @@ def map_of(prepared: PreparedCell) -> DirectMap:
 
 def _kept_map(prepared: PreparedCell) -> Path | None:
     """Return where the map of a cell is kept between runs; None where nothing can be kept."""
-    import hashlib  # noqa: PLC0415
-    import json  # noqa: PLC0415
-    from dataclasses import asdict  # noqa: PLC0415
-
     folder = cache_folder()
     if folder is None:
         return None
+    model = prepared.arm.model
+    tables = [None if x is None else x.tolist() for x in (model.aim, model.arrivals)]
     of = [identity_of(prepared.arm), asdict(prepared.design), prepared.cell.ball.drag, __version__,
-          prepared.arm.limits.name, _plain(prepared.arm.model.aim),
-          _plain(prepared.arm.model.arrivals)]  # fmt: skip
+          prepared.arm.limits.name, *tables]  # fmt: skip
     name = hashlib.sha256(json.dumps(of, sort_keys=True).encode()).hexdigest()[:24]
     return folder / "maps" / f"{name}.json"
-
-
-def _plain(x: Array | None) -> list[list[float]] | None:
-    """Return a table as JSON holds it."""
-    return None if x is None else x.tolist()
 
 
 def about_of(prepared: PreparedCell, f: DirectMap) -> About:
     """Return what makes the catcher of a cell, as its recordings say it."""
     cell, ball, arm = prepared.cell, prepared.cell.ball, prepared.arm
     settings = CatcherSettings(
-        ball_mass=ball.mass,
-        ball_radius=ball.radius,
-        ball_restitution=ball.restitution,
+        ball_mass=ball.mass, ball_radius=ball.radius, ball_restitution=ball.restitution,
         ball_friction=ball.friction,
         flight=known_ball(ball.drag, ball.mass, spread=ball.drag_spread),
-        around=prepared.around,
-        encoders=Encoders(step=tuple(arm.encoder_step.tolist())),
-        torque_lead=cell.robot.delay,
-        bandwidth=bandwidth_of(cell.robot.takes, cell.robot.servo),
+        around=prepared.around, encoders=Encoders(step=tuple(arm.encoder_step.tolist())),
+        torque_lead=cell.robot.delay, bandwidth=bandwidth_of(cell.robot.takes, cell.robot.servo),
         setpoint_delay=0 if cell.robot.takes == "torque" else round(_delay_of(cell) / TICK),
-    )
+    )  # fmt: skip
     floor = float(np.hypot(TriangulatorConfig().sigma_floor, cell.source.calibration_px))
     config = EyesConfig(ball_radius=ball.radius, triangulator=TriangulatorConfig(sigma_floor=floor))
     return About(
@@ -170,9 +160,8 @@ def scene_of_cell(cell: Cell, scene: str | None) -> Scene:
                              do="say robot.takes in the cell's file")  # fmt: skip
         return read
     lab, ball = named_scene("lab"), cell.ball
-    thrown = lab.ball.model_copy(
-        update={"radius": ball.radius, "mass": ball.mass, "drag": ball.drag}
-    )
+    same = {"radius": ball.radius, "mass": ball.mass, "drag": ball.drag}
+    thrown = lab.ball.model_copy(update=same)
     sensing = lab.sensing.model_copy(update={"point_noise": cell.source.sigma})
     update = {"ball": Ball.model_validate(thrown), "sensing": sensing, "floor": cell.floor}
     return lab.model_copy(update=update)
@@ -180,8 +169,6 @@ def scene_of_cell(cell: Cell, scene: str | None) -> Scene:
 
 def balls_of(prepared: PreparedCell, scene: Scene, *, seed: int, count: int | None) -> Source:
     """Return what a simulated cell throws."""
-    from mitt.generator.mapping import unlearned  # noqa: PLC0415
-
     f = unlearned(prepared.arm, prepared.design)
     source = source_of(f.arm, seed=seed, count=count, drag=scene.ball.drag)
     file = prepared.cell.arm.file

@@ -1,4 +1,8 @@
-"""A session at a cell: wait, ask, catch, stop, ask again; what a person sees and says."""
+"""A session at a cell: wait, ask, catch, stop, ask again; what a person sees and says.
+
+At the end the other side: a simulated cell served in real time, a tick each millisecond by the
+steady clock.
+"""
 
 import json
 import signal
@@ -12,18 +16,21 @@ from types import FrameType
 from typing import Any, TypeAlias, final
 
 from mitt.catcher.planner import load_decisions
-from mitt.cell.drivers import Connection, local_connection
-from mitt.cell.local import local_robot
-from mitt.cell.prepare import PreparedCell, about_of, catchers, setpoints_of
+from mitt.cell.drivers import Connection, local_connection, local_robot
+from mitt.cell.prepare import PreparedCell, about_of, catchers, map_of, setpoints_of
+from mitt.cell.simulated import Port, SimulatedCell
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.interrupts import SIGNALS, notice
-from mitt.link.clock import monotonic
+from mitt.link.clock import hurried, monotonic, pinned, sleep_until, time_of_day, uncollected
 from mitt.link.frames import straight
 from mitt.link.live import LiveLoop, Mode
 from mitt.link.recorder import Recorder
 from mitt.link.robot import Robot, RobotLink
+from mitt.signals import TICK
 from mitt.trials.result import STATUSES, spread_of
+from mitt.trials.source import Source
+from mitt.world.scene import Scene
 
 #: Time between two lines on what is waited for, the same and another [s].
 _LINES, _OTHER = 5.0, 0.5
@@ -37,6 +44,12 @@ STATES = tuple(mode.value for mode in Mode)
 """What the first of them counts, in words."""
 #: Room for the line of the live table on what is odd [bytes].
 _WORDS = 240
+#: Lateness from which time is not made up for at once [s], and how much faster it is then [s/s].
+_SLIP, _FASTER = 0.003, 0.25
+CORE = 0
+"""Core of the simulated cell among those allowed: the first; ``mitt run`` takes the last."""
+#: Longest that the cell goes on after its last throw until its brakes are engaged [s].
+_AFTER = 10.0
 
 Numbers: TypeAlias = MutableSequence[float]
 
@@ -53,18 +66,14 @@ def words() -> Any:  # noqa: ANN401 (shared memory)
 
 
 def loop_of(
-    prepared: PreparedCell,
-    f: DirectMap,
-    connection: Connection,
-    recorder: Recorder | None = None,
+    prepared: PreparedCell, f: DirectMap, connection: Connection, recorder: Recorder | None = None
 ) -> LiveLoop:
     """Return the live loop of a cell with a robot."""
     cell = prepared.cell
-    first, again = catchers(prepared, f)
     unbraked = cell.robot.options.get("unbraked") is True
     return LiveLoop(
         RobotLink(connection.robot, unbraked=unbraked, setpoints=setpoints_of(prepared)),
-        prepared.arm, first, again,
+        prepared.arm, *catchers(prepared, f),
         ready_speed=cell.motion.ready_speed, silence=cell.robot.watchdog,
         frames=straight(connection.frames, prepared.lenses), recorder=recorder,
         clock=connection.clock,
@@ -109,12 +118,10 @@ class Person:
 
     def agrees(self) -> bool:
         """Say whether the arm may move; what was pressed counts once, --yes for one start."""
-        if self._yes:
-            return True
-        if self._pressed.is_set():
+        pressed = not self._yes and self._pressed.is_set()
+        if pressed:
             self._pressed.clear()
-            return True
-        return False
+        return self._yes or pressed
 
     def forget(self) -> None:
         """Forget what was pressed before it was asked for."""
@@ -138,26 +145,18 @@ class Session:
         *, throws: int | None, shown: Numbers | None = None, said: Any = None,  # noqa: ANN401
         recorder: Recorder | None = None,
     ) -> None:  # fmt: skip
-        """Take the loop, its robot, whom to ask and tell, and where the table reads numbers.
+        """Take the loop, its robot, whom to ask, and what takes lines for a person.
 
-        Args:
-            loop: The live loop.
-            robot: Its robot.
-            person: Who says when the arm may move.
-            tell: Takes lines for a person.
-            throws: How many are to be made; None without an end.
-            shown: Where the live table reads its numbers.
-            said: Where it reads its words.
-            recorder: What records the catches.
+        ``throws`` are to be made, None without an end; the live table reads ``shown`` and ``said``;
+        ``recorder`` records the catches.
         """
         self._loop, self._robot, self._person, self._teller = loop, robot, person, tell
-        self._throws, self.signal = throws, 0
+        self._throws, self._recorder, self.signal = throws, recorder, 0
         self._told, self._last, self._done = Counter[str](), dict[str, Any](), False
-        self._forces = list[float | None]()
+        self._forces, self._begun = list[float | None](), monotonic()
         self.shown = numbers() if shown is None else shown
         self.words = words() if said is None else said
-        self._deaf = False
-        self._begun, self._recorder, self._lost = monotonic(), recorder, False
+        self._deaf = self._lost = False
 
     def run(self) -> bool:
         """Catch; return whether all was done that was to be done.
@@ -314,16 +313,14 @@ class Session:
         which says so.
         """
         counts, said, last = self._loop.counts, self._told.total(), self._last
-        throws = max(counts.throws, said)
-        ended = {name: self._told[name] for name in ("caught", "dropped", "aborted")}
-        untouched = self._told["missed"]
+        throws, untouched = max(counts.throws, said), self._told["missed"]
         refused = min(counts.refused, untouched) if said else counts.refused
         stopped = min(counts.stopped, untouched - refused) if said else counts.stopped
         return {
             "schema": "mitt.run/1",
             "throws": throws,
-            "caught": ended["caught"],
-            "dropped": ended["dropped"],
+            "caught": self._told["caught"],
+            "dropped": self._told["dropped"],
             "missed": untouched - refused - stopped if said else 0,
             "unreachable": refused,
             "stopped": stopped,
@@ -355,3 +352,76 @@ def news_of(raw: str) -> dict[str, Any]:
     fits = isinstance(number, int | None) and isinstance(ages, dict | None)
     fits &= isinstance(said.get("peak_contact_force_n"), int | float | None)
     return said if fits else {}
+
+
+@final
+class Server:
+    """A simulated cell that is served in real time."""
+
+    def __init__(
+        self, prepared: PreparedCell, scene: Scene, source: Source, tell: Callable[[str], None],
+        port: Callable[[], Port],
+    ) -> None:  # fmt: skip
+        """Take the cell; ``port`` joins the network when the loop begins."""
+        self._prepared, self._scene, self._source = prepared, scene, source
+        self._tell, self._port = tell, port
+        self._cell: SimulatedCell | None = None
+        self.late = self.slipped = 0
+
+    def run(self) -> None:
+        """Serve until all throws are made and judged, and the robot is at rest."""
+        prepared = self._prepared
+        rehearse(prepared, map_of(prepared))
+        with uncollected():
+            port = self._port()
+            self._cell = cell = SimulatedCell(
+                prepared.cell, prepared.arm, self._scene, self._source, port,
+                rig=prepared.rig, lenses=prepared.lenses, clock=monotonic, started=time_of_day(),
+            )  # fmt: skip
+            try:
+                with hurried() as granted, pinned(CORE):
+                    self._tell(f"{prepared.cell.name} is there; {granted}")
+                    self._go_on(cell)
+            finally:
+                port.close()
+
+    def _go_on(self, cell: SimulatedCell) -> None:
+        """Make tick after tick, each at its time; after a stall a quarter faster until in time."""
+        due, end, behind = monotonic(), float("inf"), 0.0
+        while monotonic() < end:
+            cell.tick()
+            made_up = min(behind, _FASTER * TICK)
+            due, behind = due + TICK - made_up, behind - made_up
+            late = sleep_until(due)
+            if late > _SLIP:
+                self.slipped += 1
+                due, behind = due + late, behind + late
+            self.late += late > TICK
+            cell.act()
+            if cell.done:
+                end = min(end, monotonic() + _AFTER) if cell.released else monotonic()
+
+    def summary(self) -> dict[str, Any]:
+        """Return what was thrown and what became of it."""
+        cell = self._cell
+        if cell is None:
+            return {"throws": 0}
+        said = cell.statuses
+        return {
+            "throws": len(said),
+            **{name: said.count(name) for name in ("caught", "dropped", "missed", "aborted")},
+            "force_n": spread_of(cell.forces),
+            "limit_violations": cell.violations,
+            "command_age_us": cell.ages.percentiles_us(),
+            "late_ticks": self.late,
+            "slipped_ticks": self.slipped,
+        }
+
+
+def serve(
+    prepared: PreparedCell, scene: Scene, source: Source, tell: Callable[[str], None]
+) -> Server:
+    """Return a simulated cell that is to be served over ROS 2."""
+    from mitt.link.ros2 import Ros2Cell  # noqa: PLC0415 (needs the extra ros2)
+
+    return Server(prepared, scene, source, tell, lambda: Ros2Cell(prepared.cell, prepared.arm))

@@ -7,14 +7,16 @@ how the throw ended.
 
 import json
 from collections.abc import Callable, Sequence
+from math import log, pi
 from typing import Protocol, final
 
 import numpy as np
 
 from mitt.catcher.settings import Phase
-from mitt.cell.ages import Ages
-from mitt.cell.controller import Controller, Told
-from mitt.files.cell import Cell
+from mitt.control.setpoints import ROWS
+from mitt.control.stop import plan_brake
+from mitt.files.cell import Cell, RobotPart
+from mitt.link.robot import ReceivedCommand
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array, Command, Image
 from mitt.trials.runner import LONGEST, cameras_of
@@ -33,10 +35,19 @@ from mitt.vision.lens import Lens
 from mitt.vision.resampling import bender
 from mitt.world.flights import BallPath
 from mitt.world.scene import Scene
+from mitt.world.servo import JointControl
 from mitt.world.simulation import World
 from mitt.world.throws import Throw
 from mitt.world.truth import Truth
 
+#: Bandwidth with which the controller holds and brakes by itself [rad/s]: that of the catcher.
+_BANDWIDTH = 80.0
+#: Speed at which a joint counts as at rest [rad/s].
+_REST = 0.02
+#: Youngest age that is told apart [s], and ratio from one class to the next.
+_LEAST, _RATIO = 1e-6, 1.01
+#: Number of classes: up to 12 s.
+_CLASSES = 1640
 #: For how long the arm rests in its ready pose before a throw [s], how near [rad], how slow
 #: [rad/s].
 _SETTLED, _NEAR, _SLOW = 0.8, 0.05, 0.05
@@ -51,12 +62,140 @@ _CHECKED = 100
 _KEPT = 256
 
 
-class Answer(Told, Protocol):
-    """A command that says which reading it answers."""
+@final
+class Controller:
+    """What stands between commands and drives.
+
+    It holds the arm on its brakes until it is released. From then on it expects commands; where
+    none has come for the watchdog's time it brakes along Ruckig's stop, engages the brakes and
+    stays so: a protective stop.
+
+    Attributes:
+        trouble: Why it takes no commands; nothing where it does.
+        released: Whether it expects commands.
+        stop_time: Time from the last protective stop to rest [s], and what its brake was planned
+            to take; None until there was one.
+    """
+
+    def __init__(self, arm: Arm, robot: RobotPart) -> None:
+        """Take the arm, and what the cell's file says of the robot."""
+        self._arm, self._watchdog, self._row = arm, robot.watchdog, ROWS[robot.takes]
+        w = 2.0 * pi * robot.servo
+        self._control = (
+            None if robot.takes == "torque" else JointControl(arm, robot.takes, bandwidth=w)
+        )
+        self.trouble, self.released = "", False
+        self.stop_time: tuple[float, float] | None = None
+        self._take_over(0.0, arm.q_ready, np.zeros(arm.n))
+        self._told: ReceivedCommand | None = None
+        self._heard, self._since, self._hand = 0.0, np.inf, 0.0
 
     @property
-    def answers(self) -> float:
-        """Stamp of the reading [s]; NaN where the command does not say it."""
+    def commanded(self) -> bool:
+        """Whether a command acts."""
+        return self._told is not None
+
+    @property
+    def told(self) -> Array:
+        """Rows q, dq, ddq, tau of the command that acts, shape (4, n); NaN where it says none."""
+        rows = np.full((4, self._arm.n), np.nan)
+        if self._told is not None and self._control is None:
+            rows[:] = self._told.joints
+        elif self._told is not None:
+            rows[self._row] = self._told.joints[self._row]
+        return rows
+
+    def release(self, t: float, q: Array, dq: Array) -> None:
+        """Release the brakes and forget a stop: hold the arm until a command comes."""
+        self.trouble, self.released, self._told, self._heard = "", True, None, t
+        self._take_over(t, q, dq)
+
+    def engage(self, t: float, q: Array, dq: Array) -> None:
+        """Engage the brakes as a command says."""
+        if self.released:
+            self.released, self._told = False, None
+            self._take_over(t, q, dq)
+
+    def command(self, t: float, q: Array, dq: Array, new: ReceivedCommand | None) -> Command:
+        """Return what acts in the tick from ``t`` [s] on; ``new`` is a command that has come."""
+        if new is not None and self.released:
+            if self._control is not None:
+                self._control.take(new.joints[self._row], passed=max(t - self._heard, TICK))
+            self._told, self._heard, self._hand = new, t, new.hand
+        elif self.released and t - self._heard > self._watchdog:
+            self.trouble = f"protective stop: no command for {1e3 * self._watchdog:.0f} ms"
+            self.released, self._told, self._since = False, None, t
+            self._take_over(t, q, dq)
+        if np.isfinite(self._since) and np.all(np.abs(dq) < _REST):
+            self.stop_time = (t - self._since, self._way.duration)
+            self._since = np.inf
+        told = self._own(t, q, dq) if self._told is None else self._followed(q, dq)
+        still = not self.released and self._held is not None
+        return Command(t=t, joints=told, hand=self._hand, brakes=still)
+
+    def _take_over(self, t: float, q: Array, dq: Array) -> None:
+        """Plan the stop from here, to hold wherever it ends."""
+        self._held: Array | None = None
+        if self._control is not None:
+            self._control.restart()
+        self._way = plan_brake(self._arm, t, np.array([q, dq, np.zeros(self._arm.n)]))
+
+    def _own(self, t: float, q: Array, dq: Array) -> Array:
+        """Return the controller's own command: the speeds of its stop, then to hold.
+
+        Where the drives lag behind the stop the arm ends elsewhere; it does not move on to there.
+        """
+        if self._held is None and np.all(np.abs(dq) < _REST):
+            self._held = q.copy()
+        wanted = self._way.at(t)
+        wanted[0] = q if self._held is None else self._held
+        return self._tracked(wanted, q, dq)
+
+    def _followed(self, q: Array, dq: Array) -> Array:
+        """Return the command that came: its torque, or that of the robot's own control."""
+        assert self._told is not None
+        told, arm, still = self._told.joints, self._arm, np.zeros(self._arm.n)
+        if self._control is not None:
+            within = [np.clip(q, arm.q_min, arm.q_max), np.clip(dq, -arm.dq_max, arm.dq_max)]
+            within[self._row] = told[self._row]
+            return np.array([*within, still, self._control.torque(q, dq)])
+        return np.where(np.isnan(told), np.array([q, dq, still, still]), told)
+
+    def _tracked(self, wanted: Array, q: Array, dq: Array) -> Array:
+        """Return wanted q, dq, ddq with the torque that follows them, within the limits."""
+        arm, w = self._arm, _BANDWIDTH
+        ddq = wanted[2] + 2.0 * w * (wanted[1] - dq) + w**2 * (wanted[0] - q)
+        tau = arm.limits.saturate(arm.torque(q, dq, ddq), arm.all_joints(dq))
+        return np.array([*wanted, arm.active(tau)])
+
+
+@final
+class Ages:
+    """Counts ages in classes 1 % wide, in memory that does not grow."""
+
+    def __init__(self) -> None:
+        """Start without any."""
+        self._counts = np.zeros(_CLASSES, dtype=np.int64)
+        self._oldest = 0.0
+
+    def add(self, age: float) -> None:
+        """Count an age [s]."""
+        place = int(log(max(age, _LEAST) / _LEAST) / log(_RATIO))
+        self._counts[min(place, _CLASSES - 1)] += 1
+        self._oldest = max(self._oldest, age)
+
+    def percentiles_us(self) -> dict[str, float] | None:
+        """Return median, p99 and p99.9, each within 1 %, and the largest [us]; None without any.
+
+        A percentile is told as the upper end of its class, at most the largest.
+        """
+        names, total = ("p50", "p99", "p99_9"), int(self._counts.sum())
+        if total == 0:
+            return None
+        most, below = 1e6 * self._oldest, np.cumsum(self._counts)
+        places = np.searchsorted(below, np.array([0.5, 0.99, 0.999]) * total)
+        ends = 1e6 * _LEAST * _RATIO ** (places + 1.0)
+        return {**dict(zip(names, np.minimum(ends, most).tolist(), strict=True)), "max": most}
 
 
 class Port(Protocol):
@@ -77,7 +216,7 @@ class Port(Protocol):
     def result(self, said: str) -> None:
         """Publish how a throw ended, as JSON."""
 
-    def command(self) -> Answer | None:
+    def command(self) -> ReceivedCommand | None:
         """Return the newest command since the last call."""
 
     def brake(self) -> bool | None:
@@ -106,16 +245,7 @@ class SimulatedCell:
     ) -> None:  # fmt: skip
         """Set the cell up: the arm on its brakes in its ready pose.
 
-        Args:
-            cell: What its file says.
-            arm: The arm.
-            scene: The world.
-            source: What is thrown; ``count`` throws.
-            port: Where it publishes and hears.
-            rig: The cameras, where they see images.
-            lenses: What bends their images.
-            clock: The steady clock [s], by which ages of commands are told.
-            started: Stamp of the first reading [s].
+        Commands age by the steady ``clock`` [s]; ``started`` is the stamp of the first reading [s].
         """
         self._arm, self._source, self._port, self._clock = arm, source, port, clock
         cameras = cameras_of(rig, scene) if cell.source.kind == "images" else None

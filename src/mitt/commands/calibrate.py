@@ -11,14 +11,25 @@ from pathlib import Path
 from rich.table import Table
 
 import mitt
-from mitt.calibration.boards import CELLS, BoardViews, calibrate_boards, look_for_board
-from mitt.calibration.catches import calibrate_by_catches
+from mitt.calibration.board_calibration import (
+    CELLS,
+    FACE_UP,
+    BoardViews,
+    calibrate_boards,
+    calibrate_head,
+    look_for_board,
+    read_head_views,
+)
 from mitt.calibration.charuco import Board, BoardSpec
-from mitt.calibration.hand import calibrate_clock, calibrate_hand, centroid_columns, centroids_in
-from mitt.calibration.heads import FACE_UP, calibrate_head, read_head_views
-from mitt.calibration.stage import Stage
-from mitt.calibration.tables import header_of, read_places
-from mitt.cameras.opening import check_cameras, open_cameras
+from mitt.calibration.hand_calibration import (
+    calibrate_by_catches,
+    calibrate_clock,
+    calibrate_hand,
+    centroid_columns,
+    centroids_in,
+)
+from mitt.calibration.stages import Stage, header_of, read_places
+from mitt.cameras.cameras import check_cameras, open_cameras
 from mitt.commands.camera_options import CalibrateOptions
 from mitt.commands.screen import (
     Report,

@@ -4,16 +4,15 @@ from contextlib import nullcontext
 from pathlib import Path
 
 import mitt
-from mitt.cameras.opening import check_cameras
-from mitt.cameras.source import check_library
+from mitt.cameras.cameras import check_cameras, check_library
 from mitt.cameras.video_writer import SUFFIXES, VideoWriter
 from mitt.commands.camera_options import SeeOptions
 from mitt.commands.screen import check_new_files, checked, print_json, progress, show, warn
 from mitt.errors import InputError
 from mitt.files.rig import CalibratedRig, read_rig
 from mitt.interrupts import notice
-from mitt.tracks.see import WATCHED, Seen, complaints, rate_of, see, status_of
-from mitt.tracks.tables import POINTS, STATE, write_table
+from mitt.tracks.filtering import POINTS, STATE, write_table
+from mitt.tracks.two_cameras import WATCHED, Seen, complaints, rate_of, see, status_of
 
 
 def run(options: SeeOptions) -> int:

@@ -5,7 +5,7 @@ from typing import Any
 import mitt
 from mitt.cell.drivers import check_driver
 from mitt.cell.prepare import balls_of, endless, prepare, scene_of_cell
-from mitt.cell.serve import CORE, serve
+from mitt.cell.session import CORE, serve
 from mitt.commands.options import SimOptions
 from mitt.commands.screen import checked, print_json, show, tell_of_kernels
 from mitt.errors import InputError

@@ -5,8 +5,7 @@ from mitt.ball.filter import MAX_HORIZON
 from mitt.commands.camera_options import TrackOptions
 from mitt.commands.screen import check_new_files, checked, print_json, show, warn
 from mitt.errors import InputError
-from mitt.tracks.filtering import follow_all
-from mitt.tracks.tables import read_positions, write_track
+from mitt.tracks.filtering import follow_all, read_positions, write_track
 from mitt.world.fall import WANTED, doubt_of
 
 #: Largest standard deviation of a coordinate that makes sense [m].

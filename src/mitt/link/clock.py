@@ -186,7 +186,7 @@ def hurried(priority: int = 50) -> Iterator[str]:
         What was granted, in words.
     """
     before = {}
-    for k in (0, *_threads()):
+    for k in (0, *map(int, os.listdir("/proc/self/task"))):  # this process, and its threads
         with suppress(OSError):  # a thread that has ended
             before[k] = os.sched_getscheduler(k), os.sched_getparam(k)
     try:
@@ -203,11 +203,6 @@ def hurried(priority: int = 50) -> Iterator[str]:
         for k, was in before.items():
             with suppress(OSError):
                 os.sched_setscheduler(k, *was)
-
-
-def _threads() -> list[int]:
-    """Return the threads of this process, as the kernel calls them."""
-    return [int(name) for name in os.listdir("/proc/self/task")]
 
 
 @contextmanager
@@ -233,10 +228,7 @@ def pinned(place: int) -> Iterator[None]:
 def longest_stall(place: int) -> float:
     """Return by how much the latest tick of a loop that does nothing else came too late [s].
 
-    It runs for two seconds, hurried and pinned as a live loop is.
-
-    Args:
-        place: Its core, as for :func:`pinned`.
+    It runs for two seconds on a core as for :func:`pinned`, hurried as a live loop is.
     """
     worst = 0.0
     with hurried(), pinned(place):

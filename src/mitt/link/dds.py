@@ -35,11 +35,11 @@ except ImportError as missing:
     raise InputError("driver ros2", "Cyclone DDS", f"{missing}",
                      do='install it with pip install "mitt[ros2]"') from None  # fmt: skip
 
-Kind = Literal["command", "sensor", "state"]
-"""QoS as ROS 2 users set it: reliable, best effort, or reliable and kept for who comes late."""
+Kind = Literal["command", "sensor"]
+"""QoS as ROS 2 users set it: reliable, or best effort."""
 
 #: Messages that wait to be taken.
-_DEPTH = {"command": 10, "sensor": 40, "state": 10}
+_DEPTH = {"command": 10, "sensor": 40}
 #: Most messages taken at once.
 _TAKEN = 64
 #: Longest that a reliable writer waits for room [ns].
@@ -151,9 +151,6 @@ def kept_to(interface: str) -> Iterator[None]:
 
     Cyclone DDS 11 binds its receiving sockets to all addresses, whatever interface it is told to
     use. So bound, the kernel drops what comes in by any other interface.
-
-    Raises:
-        InputError: The system does not allow it.
     """
     if sys.platform != "linux":
         raise InputError("robot.options.interface", "Linux for the loopback alone", sys.platform,
@@ -164,18 +161,15 @@ def kept_to(interface: str) -> Iterator[None]:
         if before.get(fd) == place:
             continue
         with socket.socket(fileno=os.dup(fd)) as one:
-            if one.type == socket.SOCK_DGRAM and one.family in (socket.AF_INET, socket.AF_INET6):
-                _bind(one, interface)
-
-
-def _bind(one: socket.socket, interface: str) -> None:
-    """Bind a socket to an interface."""
-    try:
-        one.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, interface.encode() + b"\0")
-    except OSError as error:
-        do = "needs Linux 5.7 or the capability CAP_NET_RAW; or name another interface"
-        raise InputError("robot.options.interface", f"sockets bound to {interface}",
-                         error.strerror, do=do) from None  # fmt: skip
+            if one.type != socket.SOCK_DGRAM or one.family not in (socket.AF_INET, socket.AF_INET6):
+                continue
+            try:
+                name = interface.encode() + b"\0"
+                one.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, name)
+            except OSError as error:
+                do = "needs Linux 5.7 or the capability CAP_NET_RAW; or name another interface"
+                raise InputError("robot.options.interface", f"sockets bound to {interface}",
+                                 error.strerror, do=do) from None  # fmt: skip
 
 
 def _qos(kind: Kind) -> Any:  # noqa: ANN401 (Cyclone's)
@@ -183,7 +177,7 @@ def _qos(kind: Kind) -> Any:  # noqa: ANN401 (Cyclone's)
     reliable = Policy.Reliability.Reliable(_BLOCK)
     return Qos(
         Policy.Reliability.BestEffort if kind == "sensor" else reliable,
-        Policy.Durability.TransientLocal if kind == "state" else Policy.Durability.Volatile,
+        Policy.Durability.Volatile,
         Policy.History.KeepLast(_DEPTH[kind]),
     )
 
@@ -228,11 +222,7 @@ class Node:
     """A participant in a domain, with what it publishes and subscribes to."""
 
     def __init__(self, interface: str = "lo") -> None:
-        """Join the domain on one network interface.
-
-        Raises:
-            InputError: The interface, or the domain, cannot be used.
-        """
+        """Join the domain on one network interface."""
         number = domain_id()
         if not interface.replace("-", "").replace(".", "").replace("_", "").isalnum():
             raise InputError("robot.options.interface", "the name of an interface", repr(interface))

@@ -94,11 +94,7 @@ class FrameWriter:
     """Writes frames."""
 
     def __init__(self, name: str, cameras: int, height: int, width: int) -> None:
-        """Make the ring; one that a writer left when it was killed is replaced.
-
-        Raises:
-            InputError: The memory cannot be made, is no ring, or its writer lives.
-        """
+        """Make the ring; one that a writer left when it was killed is replaced."""
         size = _size_of(cameras, height, width, SLOTS)
         self._file, self._shape = _FOLDER / _checked(name), (cameras, height, width)
         try:
@@ -166,12 +162,7 @@ class FrameReader:
     """
 
     def __init__(self, name: str, shapes: Sequence[tuple[int, int]]) -> None:
-        """Begin with the next frame of a ring whose images are those of a rig.
-
-        Raises:
-            InputError: There is none, it is no ring, another user writes it, or its images are
-                others.
-        """
+        """Begin with the next frame of a ring whose images are those of a rig."""
         try:
             self._fd = os.open(_FOLDER / _checked(name), os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         except OSError:
@@ -226,11 +217,7 @@ class FrameReader:
 def _checked_head(
     fd: int, shapes: Sequence[tuple[int, int]]
 ) -> tuple[tuple[int, int, int], int, int]:
-    """Return the images' shape, slots and frames so far of a ring, from its header.
-
-    Raises:
-        InputError: As of :class:`FrameReader`.
-    """
+    """Return the images' shape, slots and frames so far of a ring, from its header."""
     of = os.fstat(fd)
     if not S_ISREG(of.st_mode) or of.st_uid not in (os.geteuid(), 0):
         raise InputError("source.memory", "a shared memory of this user", "another one's",
@@ -343,10 +330,6 @@ class Sight:
         """Return the newest frames beside readings, oldest first; None where there is none.
 
         What came with older readings than these is left out.
-
-        Args:
-            count: How many readings.
-            now: Time by the steady clock [s].
         """
         taken = [] if self.source is None else list(self.source.take())[-count:]
         if taken and taken[-1].t != self._stamp:  # one that hangs writes its last image again
@@ -360,13 +343,7 @@ class Sight:
         return f"no images for {1e3 * SILENT:.0f} ms"
 
     def show(self, catcher: Catcher, seen: FrameSet, t: float) -> tuple[Frame, ...]:
-        """Return frames for the catcher; none as long as its background is learned from them.
-
-        Args:
-            catcher: Which waits in its ready pose until it has a background.
-            seen: Frames.
-            t: Their time [s].
-        """
+        """Return frames for the catcher; none as long as its background is learned from them."""
         frames = frames_of(seen, t)
         if self._learned:
             return frames

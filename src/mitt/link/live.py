@@ -84,30 +84,16 @@ class LiveLoop:
     """
 
     def __init__(
-        self,
-        link: RobotLink,
-        arm: Arm,
-        first: Catcher,
-        again: Callable[[Catcher], Catcher],
-        *,
-        ready_speed: float,
-        silence: float,
-        frames: FrameSource | None = None,
-        recorder: Recorder | None = None,
-        clock: Callable[[], float] = monotonic,
-    ) -> None:
-        """Take the robot and the catcher.
+        self, link: RobotLink, arm: Arm, first: Catcher, again: Callable[[Catcher], Catcher],
+        *, ready_speed: float, silence: float, frames: FrameSource | None = None,
+        recorder: Recorder | None = None, clock: Callable[[], float] = monotonic,
+    ) -> None:  # fmt: skip
+        """Take the robot, the arm as it is driven, and a first catcher.
 
-        Args:
-            link: The robot.
-            arm: The arm as it is driven.
-            first: A catcher.
-            again: Returns a fresh one for another throw.
-            ready_speed: Share of the speeds in motions to the ready pose.
-            silence: Time without a reading after which the robot is lost [s].
-            frames: Where images come from; None where the ball is seen as points.
-            recorder: Keeps each tick of a catch.
-            clock: The steady clock by which readings arrive [s].
+        ``again`` returns a fresh one for another throw. ``ready_speed`` is the share of the speeds
+        in motions to the ready pose, ``silence`` the time without a reading after which the robot
+        is lost [s], ``clock`` the steady clock by which readings arrive [s]. Without ``frames`` the
+        ball is seen as points. ``recorder`` keeps each tick of a catch.
         """
         self._link, self._robot, self._arm = link, link.robot, arm
         self._share, self._silence, self._sight = ready_speed, silence, Sight(frames)
@@ -135,11 +121,7 @@ class LiveLoop:
         return self._ticks.clock
 
     def healthy(self) -> str:
-        """Read without moving, at first for 50 ms; return what is wrong, nothing if all is well.
-
-        Raises:
-            InputError: What it says does not fit the arm: names, units, two publishers.
-        """
+        """Read without moving, at first for 50 ms; return what is wrong, nothing if all is well."""
         blind, wrong = self._sight.open(), self._watch.look()
         now = self._clock()
         self._sight.beside(1, now)
@@ -158,8 +140,7 @@ class LiveLoop:
     def acknowledge(self) -> str:
         """Release the brakes of a robot in protective stop: a person has said so.
 
-        Returns:
-            Why that failed; nothing where it did not.
+        What is returned says why that failed; nothing where it did not.
         """
         try:
             self._link.release()
@@ -287,11 +268,7 @@ class LiveLoop:
             self.stop(f"the robot says: {trouble}")
 
     def _look_at_ball(self, due: float) -> None:
-        """Take in new positions of the ball; stop where none of them can be used.
-
-        Args:
-            due: Stamp that the newest reading would have, were it not late [s].
-        """
+        """Take in new positions of the ball; stop where none of them can be used."""
         try:
             self._positions.take(self._robot.points(), due)
         except Exception as error:  # a driver's own
@@ -398,19 +375,15 @@ class LiveLoop:
             self.counts.throws += 1
             self.counts.refused += refused
         if self._ticks.catcher.phase is Phase.BRAKE:  # a braked one still holds the ball
-            self._learn_clock()
+            self._ticks.learn()
+            if warning := self.clock.warning:
+                self.notes["clock"] = warning
+            else:
+                self.notes.pop("clock", None)
         else:
             self._ticks.fresh()
         self._fastest, self._missed = 0.0, False
         self.mode, self._until = Mode.MOVING, np.inf
-
-    def _learn_clock(self) -> None:
-        """Learn from a catch how far the eyes' clock is off, and say so where that is too far."""
-        self._ticks.learn()
-        if warning := self.clock.warning:
-            self.notes["clock"] = warning
-        else:
-            self.notes.pop("clock", None)
 
     def _halt(self) -> None:
         """Engage the brakes and stay; a ball in flight then is one that was not caught."""
@@ -433,14 +406,7 @@ class LiveLoop:
 def slow_motion(arm: Arm, start: Array, end: Array, share: float) -> Array:
     """Return q, dq, ddq each tick from one pose to another, straight in the joints, (k, 3, n).
 
-    Args:
-        arm: The arm.
-        start: Where it rests [rad], shape (n,).
-        end: Where it is to rest [rad], shape (n,).
-        share: Share of the joints' speeds that is used; 1 rad/s at most.
-
-    Raises:
-        InputError: Ruckig finds no way, as between poses that are no numbers.
+    It rests at both, shape (n,) [rad]. ``share`` of the joints' speeds is used, 1 rad/s at most.
     """
     b = bounds_of(arm)
     speed = np.minimum(np.minimum(share * arm.dq_max, b["dq_max"]), _FASTEST)
@@ -466,10 +432,6 @@ def sampled(way: Trajectory, t: Array) -> Array:
 
     Ruckig is asked where the jerk of a joint changes, 7 times a joint at most. Between these times
     each joint is a cubic. Asking for each tick takes 4 us a tick, longer than a robot waits.
-
-    Args:
-        way: The motion.
-        t: Times [s], shape (k,).
     """
     ends = [np.cumsum(profile.t) for profile in way.profiles[0]]
     knots = np.unique(np.clip([0.0, way.duration, *np.concatenate(ends)], 0.0, way.duration))

@@ -285,15 +285,8 @@ def diagnostics(t: float, name: str, level: int, message: str) -> bytes:
 def search_diagnostics(raw: bytes, name: str) -> Iterator[tuple[int, str] | None]:
     """Look for an entry of a DiagnosticArray, a field at a time: others write what they like there.
 
-    Args:
-        raw: The message.
-        name: Of the entry.
-
     Yields:
         None as long as it was not found; then its level and message, and no more.
-
-    Raises:
-        InputError: It is no such message.
     """
     if name.encode() + b"\0" not in raw:
         return

@@ -39,9 +39,6 @@ def _controlled(cell: Cell, arm: Arm, said: str) -> tuple[str, ...]:
 
     Those that are named, or else all of the arm; without those that it holds where it takes
     torques, since nobody says what holds them.
-
-    Raises:
-        InputError: A joint that is moved is missing, or one is none of the arm's.
     """
     known, takes = joints_of(cell, arm), cell.robot.takes
     held = {x.name for x in arm.model.links if x.held is not None}
@@ -68,11 +65,7 @@ class Orders:
     """
 
     def __init__(self, cell: Cell, arm: Arm, of: dict[str, Any]) -> None:
-        """Take the cell, its arm, and the options of its driver.
-
-        Raises:
-            InputError: Its option ``controller`` does not fit the arm.
-        """
+        """Take the cell, its arm, and the options of its driver."""
         self.names, self._takes = _controlled(cell, arm, of["controller"]), cell.robot.takes
         self.plain, self.hand = of["command"].endswith("/commands"), of["hand"]
         self.plain_hand = of["hand_command"].endswith("/commands")

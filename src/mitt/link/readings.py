@@ -167,10 +167,6 @@ class Stamps:
     def take(self, stamp: float, arrived: float) -> float | None:
         """Return the time of a reading [s], later than that before; None where it is to be left.
 
-        Args:
-            stamp: Of the robot [s].
-            arrived: When it came, by the steady clock here [s].
-
         Raises:
             InputError: The stamp is no number.
         """
@@ -228,9 +224,6 @@ class Positions:
         """Take what has come since the last time, as stamped by the robot's clock.
 
         ``newest`` is the stamp that the newest reading has, or would have, were it not late [s].
-
-        Raises:
-            InputError: One is no position at all.
         """
         for point in points:
             self._take(point, newest)
@@ -331,9 +324,6 @@ def wrong_with(arm: Arm, readings: Sequence[ArmState]) -> str:
 
     It moves where its speeds or its positions say so: not every robot sends speeds. The readings
     are those of the last 50 to 100 ms, oldest first, one at least.
-
-    Raises:
-        InputError: A position is far outside its joint's range.
     """
     rows = np.array([x.q for x in readings])
     _check_range(arm, rows[-1])
@@ -363,11 +353,7 @@ def _check_range(arm: Arm, q: Array) -> None:
 
 
 def check_reading(reading: ArmState, n: int) -> None:
-    """Refuse a reading of another shape; what is no number is the catcher's matter.
-
-    Raises:
-        InputError: It is none of an arm with ``n`` joints.
-    """
+    """Refuse a reading of another shape; what is no number is the catcher's matter."""
     if not isinstance(reading, ArmState) or not isinstance(reading.t, float | int):
         raise InputError("a reading", "an ArmState with its stamp [s]", repr(reading)[:80])
     if np.shape(reading.q) != (n,) or np.shape(reading.dq) != (n,):
@@ -391,11 +377,7 @@ class Watch:
         self._seen, self._looked = deque[tuple[float, ArmState]](), -inf
 
     def look(self) -> str:
-        """Read, at first for 50 ms; return what is wrong, nothing if all is well.
-
-        Raises:
-            InputError: What the robot says does not fit the arm: names, units, two publishers.
-        """
+        """Read, at first for 50 ms; return what is wrong, nothing if all is well."""
         if self._clock() > self._looked + _FORGETS:
             self._seen.clear()
         late, full = "", False

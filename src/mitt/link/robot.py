@@ -53,12 +53,7 @@ class Robot(Protocol):
         """Return all positions of the ball since the last call, stamped by the robot's clock."""
 
     def write(self, command: Command, answers: float) -> None:
-        """Give the drives what they take and the hand its angle; nothing waits for them.
-
-        Args:
-            command: The command.
-            answers: Stamp of the reading that it answers [s].
-        """
+        """Give the drives what they take and the hand its angle; nothing waits for them."""
 
     def engage_brakes(self) -> None:
         """Engage the brakes and, once they act, switch the drives off. May be called again."""

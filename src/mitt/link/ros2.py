@@ -56,11 +56,7 @@ _LEASE = 25.0
 
 
 def options_of(cell: Cell) -> dict[str, Any]:
-    """Return the options of a cell's robot, with what is left out.
-
-    Raises:
-        InputError: An option is unknown or of another type.
-    """
+    """Return the options of a cell's robot, with what is left out."""
     given = cell.robot.options
     for key, value in given.items():
         if key not in _KNOWN:
@@ -87,11 +83,7 @@ class Joints:
         self._index = np.zeros(arm.n, dtype=np.int64)
 
     def pick(self, names: tuple[str, ...], *rows: Array) -> list[Array]:
-        """Return rows of the arm's joints, in its order; empty rows stay empty.
-
-        Raises:
-            InputError: A joint is missing, stands twice, or is not known.
-        """
+        """Return rows of the arm's joints, in its order; empty rows stay empty."""
         if names != self._seen:
             self._find(names)
         return [row[self._index] if len(row) else row for row in rows]
@@ -252,9 +244,6 @@ class Ros2Robot:
         """Say why this is no graph of one robot, one source and one commander: who is meant?
 
         One that was killed is there until its lease ends, so others are waited for at first.
-
-        Raises:
-            InputError: There have been others for longer than any lease.
         """
         topics = {self._of["state"]: self._state, self._cell.source.topic: self._ball}
         twice = [name for name, heard in topics.items() if heard.speakers() > 1]

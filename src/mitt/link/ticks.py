@@ -5,6 +5,7 @@ arm and eyes say of a catch is kept as it comes, for the offset of the eyes' clo
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import final
 
 import numpy as np
@@ -16,7 +17,7 @@ from mitt.link.frames import FrameSet, Sight
 from mitt.link.readings import STRAY, Counts, Positions, Stamps
 from mitt.link.recorder import Recorder
 from mitt.robot.arm import Arm
-from mitt.signals import TICK, ArmState, Array, Command, Frame, Senses, Sighting
+from mitt.signals import TICK, ArmState, Array, Command, Frame, Senses
 from mitt.vision.calibration.caught import FARTHEST, Catch, ClockOffset, LearnedClock, caught_offset
 
 #: How far a joint has to have moved before a row of angles that repeats is no reading [rad], beside
@@ -41,8 +42,8 @@ class CatchNotes:
     def __init__(self, arm: Arm) -> None:
         """Make room for an arm's readings."""
         self._arm, self._read, self._saw = arm, 0, 0
-        self._t, self._q = np.zeros(_KEPT), np.zeros((_KEPT, arm.n))
-        self._t_seen, self._seen = np.zeros(_KEPT), np.zeros((_KEPT, 4, 3))
+        self._readings = np.zeros(_KEPT, [("t", float), ("q", float, arm.n)])
+        self._sightings = np.zeros(_KEPT, [("t", float), ("r_o", float, 3), ("cov", float, (3, 3))])
         t = np.linspace(0.0, 0.1, 100)  # what is compiled is loaded now, not beside a moving arm
         caught_offset(arm, Catch(
             t_arm=t, q=np.tile(arm.q_ready, (100, 1)), t_seen=t, seen=np.zeros((100, 3)),
@@ -54,17 +55,11 @@ class CatchNotes:
         self._read = self._saw = 0
 
     def note(self, senses: Senses, catcher: Catcher) -> None:
-        """Keep what a tick was given and has found.
-
-        Args:
-            senses: What it was given.
-            catcher: That made it.
-        """
+        """Keep what a tick was given and has found."""
         out, s = catcher.result.scalars[0], catcher.state.scalars[0]
         if out["phase"] not in (FOLLOW, BRAKE) or out["t"] > s["t_rest"] + FARTHEST > 0.0:
             return
-        k = self._read % _KEPT
-        self._t[k], self._q[k] = senses.arm.t, senses.arm.q
+        self._readings[self._read % _KEPT] = senses.arm.t, senses.arm.q
         self._read += 1
         if out["sighted"]:
             self._see(out["t_sighted"], catcher.result.sighting[0], catcher.result.sighting[1:])
@@ -74,20 +69,18 @@ class CatchNotes:
 
     def _see(self, t: float, r_o: Array, covariance: Array) -> None:
         """Keep a sighting."""
-        k = self._saw % _KEPT
-        self._t_seen[k], self._seen[k, 0], self._seen[k, 1:] = t, r_o, covariance
+        self._sightings[self._saw % _KEPT] = t, r_o, covariance
         self._saw += 1
 
     def offset(self, catcher: Catcher) -> ClockOffset:
         """Return what they say of the clocks, once the arm rests."""
         s = catcher.state.scalars[0]
-        read = np.argsort(self._t[: min(self._read, _KEPT)], kind="stable")
-        saw = slice(0, min(self._saw, _KEPT))
-        rising = read[np.append(True, np.diff(self._t[read]) > 0.1 * TICK)] if len(read) else read
+        read, saw = self._readings[: self._read], self._sightings[: self._saw]
+        read = read[np.argsort(read["t"], kind="stable")]
+        rising = read[np.diff(read["t"], prepend=-np.inf) > 0.1 * TICK]
         return caught_offset(self._arm, Catch(
-            t_arm=self._t[rising], q=self._q[rising], t_seen=self._t_seen[saw],
-            seen=self._seen[saw, 0], covariance=self._seen[saw, 1:],
-            t_brake=s["t_brake"].item(), t_rest=s["t_rest"].item(),
+            t_arm=rising["t"], q=rising["q"], t_seen=saw["t"], seen=saw["r_o"],
+            covariance=saw["cov"], t_brake=s["t_brake"].item(), t_rest=s["t_rest"].item(),
         ))  # fmt: skip
 
 
@@ -105,37 +98,21 @@ class Ticks:
     """
 
     def __init__(
-        self,
-        first: Catcher,
-        again: Callable[[Catcher], Catcher],
-        sight: Sight,
-        positions: Positions,
-        counts: Counts,
-        recorder: Recorder | None,
-        notes: CatchNotes,
-        *,
-        steps: Array,
-        obeys: bool,
-    ) -> None:
-        """Take the catchers and what is beside them.
+        self, first: Catcher, again: Callable[[Catcher], Catcher], sight: Sight,
+        positions: Positions, counts: Counts, recorder: Recorder | None, notes: CatchNotes,
+        *, steps: Array, obeys: bool,
+    ) -> None:  # fmt: skip
+        """Take a first catcher, what returns a fresh one for another throw, and what they need.
 
-        Args:
-            first: A catcher.
-            again: Returns a fresh one for another throw.
-            sight: The cameras.
-            positions: Of the ball, for a catcher that sees no images.
-            counts: Where ticks, readings that were lost or repeat, and stray images are counted.
-            recorder: Keeps each tick of a catch.
-            notes: Where each tick of a catch is noted, for the clocks.
-            steps: Resolution of the joints' encoders [rad], shape (n,).
-            obeys: Whether the arm does at once what it is told: by torques, not by setpoints.
+        ``steps`` is the resolution of the joints' encoders [rad], shape (n,). An arm that ``obeys``
+        does at once what it is told: by torques, not by setpoints.
         """
         self.catcher, self.stamps, self.recorded = first, Stamps(), False
         self._again, self._sight, self._counts, self._recorder = again, sight, counts, recorder
         self._positions, self._begun, self._last = positions, 0.0, 0.0
         self.clock, self._offset, self._notes = LearnedClock(), 0.0, notes
-        self.repeating, self.frozen, self._run, self._obeys = 0.0, False, 0, obeys
-        self._travel = 0.0
+        self.repeating, self.frozen, self._obeys = 0.0, False, obeys
+        self._run, self._travel = 0, 0.0
         self._read, self._moved, self._least = np.zeros(0), np.zeros(0), _MOVED + steps
 
     @property
@@ -173,14 +150,6 @@ class Ticks:
     def answer(self, reading: ArmState, arrived: float, shown: FrameSet | None) -> Command | None:
         """Make a tick from a reading, and count those before it that are lost.
 
-        Args:
-            reading: As stamped by the robot.
-            arrived: When it came [s].
-            shown: Images beside it, for a catcher that watches.
-
-        Returns:
-            The command that answers it; None where its stamp was there before.
-
         Raises:
             InputError: Its stamp is no number, or a first one has joints without a number.
         """
@@ -193,10 +162,7 @@ class Ticks:
         shift = self.stamps.at(0.0) - self._begun
         t -= self._begun
         seen = tuple(
-            Sighting(
-                t=p.t + shift + self._offset, found=p.found, r_o=p.r_o, covariance=p.covariance
-            )
-            for p in self._positions.upto(reading.t)
+            replace(p, t=p.t + shift + self._offset) for p in self._positions.upto(reading.t)
         )
         frames: tuple[Frame, ...] = ()
         if shown is not None and -STRAY < shown.t + shift - t < STRAY:

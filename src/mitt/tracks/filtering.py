@@ -1,26 +1,41 @@
-"""The ball filter on recorded positions: each row of the track uses only rows up to itself."""
+"""The ball filter on recorded positions, and the tables of both.
 
+Each row of a track uses only rows up to itself.
+"""
+
+import csv
+import io
 from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from mitt.ball.filter import FilterConfig, doubt, fresh_filter, predict, update
 from mitt.ball.measurement_noise import fresh_noise, learn
+from mitt.errors import FileError
+from mitt.files.files import write_text
 from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.structs import Record
+from mitt.world.tables import number, read_rows
+
+POINTS = ("t_s", "x_m", "y_m", "z_m")
+"""Time and position."""
+ADDED = ("vx_m_s", "vy_m_s", "vz_m_s", "ax_m_s2", "ay_m_s2", "az_m_s2", "sx_m", "sy_m", "sz_m")
+"""Velocity, acceleration, standard deviation of the position."""
+STATE = (*POINTS, *ADDED)
+AHEAD = ("x_ahead_m", "y_ahead_m", "z_ahead_m")
+
+MAX_ROWS = 1_000_000
+#: Largest time [s] and coordinate [m] that is read.
+_LIMITS = dict(zip(POINTS, (1e10, 500.0, 500.0, 500.0), strict=True))
 
 UNKNOWN_BALL = FilterConfig(
-    drag_mean=0.08,
-    drag_sigma=0.05,
-    accel_density=0.005,
-    push_sigma=1.0,
-    push_time=1.0,
-    other_motion=0.3,
-    watchful=True,
-    speaks_after=1,
-)
+    drag_mean=0.08, drag_sigma=0.05, accel_density=0.005, push_sigma=1.0, push_time=1.0,
+    other_motion=0.3, watchful=True, speaks_after=1,
+)  # fmt: skip
 """Any ball, and whatever else moves: the other laws of motion count from the first position."""
 
 
@@ -69,14 +84,8 @@ def follow_all(
 ) -> Track:
     """Filter several flights, each on its own; see :func:`follow`.
 
-    Args:
-        samples: Times and positions [s, m], shape (n, 4).
-        flights: Indices of the rows of each flight.
-        ahead: How far to look ahead [s].
-        sigma: Standard deviation of each coordinate [m]; learned from the positions if None.
-
-    Returns:
-        The track, its rows in the order of the samples.
+    Samples are times and positions [s, m], shape (n, 4); flights the indices of their rows. The
+    rows of the track are in the order of the samples.
     """
     rows = np.zeros((5, len(samples), 3))
     for flight in flights:
@@ -103,3 +112,69 @@ def _follow(
         rows[n, 0:3] = motion
         for i in range(3):
             rows[n, 3, i] = np.sqrt(covariance[i, i])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Positions:
+    """Recorded positions, flight by flight.
+
+    Attributes:
+        columns: Columns of the file, in its order.
+        cells: Its rows as they were written.
+        rows: Indices of the rows of each flight, by name, shape (k,) each.
+        samples: Time and position of all rows [s, m], shape (n, 4).
+    """
+
+    columns: tuple[str, ...]
+    cells: list[tuple[str, ...]]
+    rows: dict[str, list[int]]
+    samples: Array
+
+    def flight(self, name: str) -> Array:
+        """Return time and position of one flight [s, m], shape (k, 4)."""
+        return np.asarray(self.samples[self.rows[name]])
+
+
+def read_positions(path: Path) -> Positions:
+    """Read recorded positions; flights may be interleaved.
+
+    Raises:
+        FileError: Other columns than ``t_s,x_m,y_m,z_m`` and perhaps ``flight``, a cell that is
+            no finite number, a time that does not rise within its flight, or no row at all.
+    """
+    cells: list[tuple[str, ...]] = []
+    samples: list[list[float]] = []
+    flights: dict[str, list[int]] = {}
+    columns: tuple[str, ...] = POINTS
+    for line, row in read_rows(path, POINTS, optional="flight", max_rows=MAX_ROWS):
+        columns = tuple(row)
+        sample = [number(path, line, c, row[c], limit=limit) for c, limit in _LIMITS.items()]
+        flight = flights.setdefault(row.get("flight", "").strip(), [])
+        if flight and sample[0] <= samples[flight[-1]][0]:
+            where = f"{path} line {line} column t_s"
+            before = cells[flight[-1]][columns.index("t_s")].strip()
+            raise FileError(where, f"a time after {before} in this flight", row["t_s"].strip())
+        flight.append(len(samples))
+        samples.append(sample)
+        cells.append(tuple(row.values()))
+    if not samples:
+        raise FileError(str(path), "at least one row", "none")
+    return Positions(columns=columns, cells=cells, rows=flights, samples=np.array(samples))
+
+
+def write_track(path: Path, positions: Positions, track: Track, *, ahead: bool) -> None:
+    """Write the rows of the input with velocity, acceleration and standard deviations added."""
+    values = np.hstack((track.dr, track.ddr, track.sigma, *((track.ahead,) if ahead else ())))
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow((*positions.columns, *ADDED, *(AHEAD if ahead else ())))
+    for cells, row in zip(positions.cells, values.tolist(), strict=True):
+        writer.writerow((*cells, *(f"{value:.9g}" for value in row)))
+    write_text(path, text.getvalue())
+
+
+def write_table(path: Path, columns: tuple[str, ...], rows: Iterable[Array]) -> None:
+    """Write rows of numbers as CSV, atomically; times to the microsecond, lengths to 10 nm."""
+    lines = [",".join(columns)]
+    lines += [f"{row[0]:.6f}," + ",".join(f"{x:.8g}" for x in row[1:]) for row in rows]
+    write_text(path, "\n".join(lines) + "\n")

@@ -1,7 +1,8 @@
-"""The tables that calibration reads: places of the hand, and what the cameras saw of it."""
+"""What the stages of a calibration read, tables of places, and hand on, numbers and warnings."""
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from mitt.errors import FileError
 from mitt.reading import read_bytes
 from mitt.robot.arm import Arm
 from mitt.signals import Array
+from mitt.vision.calibration.fit import Fit, P
 from mitt.world.tables import MAX_BYTES, number, read_rows
 
 #: Longest header line that is read [bytes].
@@ -19,12 +21,41 @@ POINT = ("x_m", "y_m", "z_m")
 _LIMITS = {"m": 100.0, "rad": 100.0, "px": 1e5, "s": 2e9}
 
 
-def read_columns(path: Path, columns: Sequence[str]) -> Array:
-    """Return a table of numbers with exactly ``columns``, shape (n, columns).
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """One stage of a calibration.
 
-    Raises:
-        FileError: It cannot be read, has other columns, no rows, or a cell that is no number.
+    Attributes:
+        name: Its name: boards, heads, hand or clock.
+        status: Of its fit, converged or stopped.
+        numbers: What it found, by name with unit.
+        warnings: What the measurements do not determine, and what would.
     """
+
+    name: str
+    status: str
+    numbers: Mapping[str, float]
+    warnings: tuple[str, ...]
+
+
+def weak(fit: Fit[P], limits: Mapping[str, tuple[float, str]]) -> tuple[str, ...]:
+    """Return a warning for each parameter that the measurements leave open.
+
+    ``limits`` are, by its name, its largest standard deviation and the measurements that would
+    bring it down.
+    """
+    said = []
+    for name, (limit, advice) in limits.items():
+        sigma = fit.sigma_of(name)
+        if name in fit.undetermined:
+            said.append(f"{name} is not determined: {advice}")
+        elif not sigma <= limit:
+            said.append(f"{name} is uncertain by {sigma:.2g} (wanted {limit:.2g}): {advice}")
+    return tuple(said)
+
+
+def read_columns(path: Path, columns: Sequence[str]) -> Array:
+    """Return a table of numbers with exactly ``columns``, shape (n, columns)."""
     limits = [_LIMITS[name.rsplit("_", 1)[1]] for name in columns]
     rows = [
         [number(path, line, name, cells[name], limit=limit)
@@ -37,11 +68,7 @@ def read_columns(path: Path, columns: Sequence[str]) -> Array:
 
 
 def header_of(path: Path) -> tuple[str, ...]:
-    """Return the names in the first line of a table.
-
-    Raises:
-        FileError: It cannot be read.
-    """
+    """Return the names in the first line of a table."""
     content = read_bytes(path, max_bytes=MAX_BYTES, wanted="a readable CSV file")
     try:
         line = content[:_LONGEST_HEADER].split(b"\n")[0].decode("utf-8-sig")
@@ -51,18 +78,10 @@ def header_of(path: Path) -> tuple[str, ...]:
 
 
 def read_places(path: Path, arm: Arm, others: Sequence[str]) -> tuple[Array, Array]:
-    """Return places of the catch point and the other columns of a table.
+    """Return places of the catch point [m], shape (n, 3), and the other columns of a table.
 
     The places stand in ``x_m,y_m,z_m``, or follow from joint angles in a column for each active
     joint of the arm, ``q1_rad,q2_rad,...`` in its order.
-
-    Args:
-        path: CSV file.
-        arm: The arm that held the ball.
-        others: Names of the other columns.
-
-    Returns:
-        Places [m], shape (n, 3), and the others, shape (n, others).
     """
     joints = tuple(f"q{k + 1}_rad" for k in range(arm.n))
     by_angles = "q1_rad" in header_of(path)
@@ -75,11 +94,7 @@ def read_places(path: Path, arm: Arm, others: Sequence[str]) -> tuple[Array, Arr
 
 
 def times_of(path: Path, table: Array) -> Array:
-    """Return the first column as times that rise [s], shape (n,).
-
-    Raises:
-        FileError: They do not.
-    """
+    """Return the first column as times that rise [s], shape (n,)."""
     t = table[:, 0]
     if np.any(np.diff(t) <= 0.0):
         line = int(np.argmax(np.diff(t) <= 0.0)) + 3

@@ -1,18 +1,26 @@
-"""Where the rig stands before the robot, and the offset of the clocks: a ball in the hand."""
+"""Where the rig stands before the robot, and how far its clock is off.
 
-from collections.abc import Sequence
+Both from a ball in the hand; the clock also from recorded catches, where the ball rides on the
+braking hand.
+"""
+
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from mitt.calibration.stage import Stage, weak
-from mitt.calibration.tables import POINT, read_columns, read_places, times_of
-from mitt.cameras.source import Camera
+from mitt.calibration.stages import POINT, Stage, read_columns, read_places, times_of, weak
+from mitt.cameras.cameras import Camera
+from mitt.catcher.settings import BRAKE
 from mitt.errors import InputError
+from mitt.files.messages import Rows
+from mitt.files.recorded import Recorded
+from mitt.files.recording_rows import clock_in
 from mitt.files.rig import CalibratedRig
 from mitt.robot.arm import Arm
-from mitt.signals import Array, Moments
+from mitt.signals import Array, Moments, Sighting
+from mitt.vision.calibration.caught import Catch, LearnedClock, caught_offset
 from mitt.vision.calibration.clock import clock_problem
 from mitt.vision.calibration.fit import Fit, fit
 from mitt.vision.calibration.hand import HandProblem, first_pose
@@ -24,6 +32,8 @@ from mitt.vision.triangulation import Triangulator, TriangulatorConfig
 _FIRST_RESIDUAL = 20.0
 #: Share of outliers, and error of the clock [s], that are worth a warning.
 _MANY, _CLOCK = 0.25, 5e-4
+#: Commanded speed below which an arm is told to rest [rad/s].
+_REST = 1e-9
 
 
 def centroid_columns(rig: CalibratedRig) -> tuple[str, ...]:
@@ -35,9 +45,6 @@ def centroids_in(sources: Sequence[Camera], count: int) -> Array:
     """Return the centroid of the ball in the first frames of cameras, shape (count, 2 cameras).
 
     NaN where no ball is seen whole.
-
-    Raises:
-        InputError: A source ends early.
     """
     out = np.full((count, 2 * len(sources)), np.nan)
     for k, source in enumerate(sources):
@@ -56,23 +63,16 @@ def centroids_in(sources: Sequence[Camera], count: int) -> Array:
 def hand_problem(
     rig: CalibratedRig, p_world: Array, centroids: Array, radius: float
 ) -> HandProblem:
-    """Return the problem at its first guess.
+    """Return the problem at its first guess, of a rig in a frame of its own.
 
-    Args:
-        rig: The rig, in a frame of its own.
-        p_world: Ball centre [m], shape (k, 3).
-        centroids: u and v of each camera [px], NaN where there is none, shape (k, 2 cameras).
-        radius: Ball radius [m].
-
-    Raises:
-        InputError: Too few places were seen by two cameras, or they lie on one line.
+    Ball centres ``p_world`` have shape (k, 3) [m]; centroids are u and v of each camera [px], NaN
+    where there is none, shape (k, 2 cameras); ``radius`` is the ball's [m].
     """
     straight = np.stack(
         [c.lens.straighten(centroids[:, 2 * k : 2 * k + 2]) for k, c in enumerate(rig.cameras)],
         axis=1,
     )
-    config = TriangulatorConfig(max_residual=_FIRST_RESIDUAL)
-    triangulator = Triangulator(rig.rig(), radius, config)
+    triangulator = Triangulator(rig.rig(), radius, TriangulatorConfig(max_residual=_FIRST_RESIDUAL))
     found, seen = [], []
     for n, points in enumerate(straight):
         moments = tuple(
@@ -150,3 +150,59 @@ def calibrate_clock(
     }  # fmt: skip
     known = replace(rig, clock_offset=offset, clock_sigma=sigma if np.isfinite(sigma) else 1e3)
     return known, Stage("clock", solved.status, numbers, tuple(warnings))
+
+
+def catches_in(recorded: Recorded) -> Iterator[tuple[float, Catch]]:
+    """Yield what the stamps of each catch were corrected by [s], and the catch."""
+    rows, numbers = recorded.ticks, recorded.numbers.tolist()
+    begins = [k for k, n in enumerate(numbers) if "again" in recorded.calls.get(n, ())]
+    ends = [*begins, len(rows)]
+    for first, last in zip([0, *begins], ends, strict=True):
+        calls = [name for n in numbers[first:last] for name in recorded.calls.get(n, ())]
+        found = _catch(rows[first:last], [recorded.points(n) for n in numbers[first:last]])
+        if found is not None:
+            yield clock_in(calls), found
+
+
+def _catch(rows: Rows, points: Sequence[tuple[Sighting, ...]]) -> Catch | None:
+    """Return what arm and eyes said of a throw's catch; None where the arm never braked for one."""
+    braked = np.flatnonzero(rows["out_phase"] == BRAKE)
+    if len(braked) == 0:
+        return None
+    n = rows["q"].shape[1]
+    told = np.abs(rows["command"].reshape(len(rows), 4, n)[:, 1]).max(axis=1)
+    rests = braked[told[braked] < _REST]
+    seen = rows["out_sighted"].astype(bool)
+    t, table = rows["out_t_sighted"][seen], rows["sighting"][seen].reshape(-1, 4, 3)
+    given = [p for several in points for p in several if p.found]
+    if given:
+        t = np.array([p.t for p in given])
+        table = np.array([np.vstack([p.r_o, p.covariance]) for p in given])
+    return Catch(
+        t_arm=rows["t_arm"], q=rows["q"], t_seen=t, seen=table[:, 0], covariance=table[:, 1:],
+        t_brake=float(rows["t"][braked[0]]),
+        t_rest=float(rows["t"][rests[0] if len(rests) else braked[-1]]),
+    )  # fmt: skip
+
+
+def calibrate_by_catches(rig: CalibratedRig, paths: Sequence[Path]) -> tuple[CalibratedRig, Stage]:
+    """Return the rig with the offset of its clock, and what to say about it."""
+    clock, tried, left = LearnedClock(), 0, list[float]()
+    for path in paths:
+        recorded = Recorded(path)
+        for used, catch in catches_in(recorded):
+            found = caught_offset(recorded.about.arm, catch)
+            tried += 1
+            clock.take(found, used)
+            left += [] if found.unknown else [found.residual]
+    if clock.count == 0:
+        raise InputError("--catches", "recordings in which a ball rides on the braking hand",
+                         f"{tried} catches that say nothing of the clocks")  # fmt: skip
+    numbers = {
+        "catches": clock.count, "tried": tried, "offset_ms": 1e3 * clock.offset,
+        "sigma_ms": 1e3 * clock.sigma, "rms_mm": 1e3 * float(np.sqrt(np.mean(np.square(left)))),
+    }  # fmt: skip
+    weak = clock.sigma > _CLOCK
+    warnings = ("offset is uncertain: record more catches",) if weak else ()
+    known = replace(rig, clock_offset=clock.offset, clock_sigma=clock.sigma)
+    return known, Stage("clock", "converged", numbers, warnings)

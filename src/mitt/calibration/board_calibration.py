@@ -1,22 +1,28 @@
-"""Lenses and stereo pose from images of a ChArUco board, seen by all cameras at once."""
+"""Cameras from images of a ChArUco board: lenses, stereo pose, and axes of pan-tilt heads.
+
+All cameras see the board at once; a head's camera sees one that stands still, at known angles.
+"""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.calibration.charuco import Board, Seen, Sight, between, plain
-from mitt.calibration.patterns import shown_instead
-from mitt.calibration.stage import Stage, weak
-from mitt.cameras.source import Camera
-from mitt.errors import InputError
+from mitt import checks
+from mitt.calibration.charuco import Board, Seen, Sight, between, plain, shown_instead
+from mitt.calibration.stages import Stage, weak
+from mitt.cameras.cameras import Camera, read_image
+from mitt.errors import FileError, InputError
 from mitt.files.rig import CalibratedRig, RigCamera
 from mitt.signals import Array, Image
 from mitt.vision.calibration.boards import BoardProblem, Corners
 from mitt.vision.calibration.fit import Fit, fit
+from mitt.vision.calibration.heads import HeadProblem, first_head
 from mitt.vision.lens import NUMBERS, Lens
 from mitt.vision.poses import inverse
+from mitt.world.tables import number, read_rows
 
 #: Most views used; most frames looked at in a video; fewest views of one camera.
 MOST_VIEWS, MOST_FRAMES, FEWEST = 60, 20_000, 3
@@ -27,6 +33,8 @@ _APART = 0.02
 #: Most images without a board that are looked at for what they show, of each camera; share of all
 #: from which they are told of; and difference of two stamps that is one instant [s].
 _BARE, _MANY, _AT_ONCE = 8, 0.2, 2e-3
+#: The board seen from below its back: z up out of its face.
+FACE_UP = np.diag((1.0, -1.0, -1.0, 1.0))
 
 View = tuple[Seen | None, ...]
 """What each camera saw of the board at one instant; None where it saw no board."""
@@ -63,11 +71,7 @@ def look_for_board(
     board: Board, sources: Sequence[Camera], names: tuple[str, ...], *,
     progress: Callable[[str, int, int], None],
 ) -> BoardViews:  # fmt: skip
-    """Find the board in the k-th frames of all sources, k = 0, 1, ...
-
-    Raises:
-        InputError: The sources have different numbers of frames, or no frame.
-    """
+    """Find the board in the k-th frames of all sources, k = 0, 1, ..."""
     kept: list[tuple[int, tuple[Sight, ...]]] = []
     sizes: tuple[tuple[int, int], ...] | None = None
     count, apart = 0, 0.0
@@ -93,7 +97,8 @@ def look_for_board(
                 bare[k] = (bare[k] + [got[k].pixels])[-_BARE:]
         if any(view) and all(_apart(view, _either(old), sizes[0][0]) for _, old in kept):
             kept.append((count, sights))
-            apart = max(apart, _spread(sources))
+            stamps = [source.stamp for source in sources if source.timed]
+            apart = max(apart, max(stamps) - min(stamps)) if stamps else apart
         count += 1
         progress("board", count, count + 1)
         if any(source.live for source in sources) and len(kept) == MOST_VIEWS:
@@ -127,12 +132,6 @@ def _pattern(*, legacy: bool, shown: bool) -> str:
                              " the whole board")  # fmt: skip
 
 
-def _spread(sources: Sequence[Camera]) -> float:
-    """Return how far apart the stamps of live cameras' last frames are [s]."""
-    stamps = [source.stamp for source in sources if source.timed]
-    return max(stamps) - min(stamps) if stamps else 0.0
-
-
 def _apart(a: View, b: View, width: int) -> bool:
     """Say whether two views differ: the board moved, or other cameras see it."""
     for one, two in zip(a, b, strict=True):
@@ -157,9 +156,6 @@ def board_problem(board: Board, seen: BoardViews, free: NDArray[np.bool_]) -> Bo
     """Return the problem at a first guess: OpenCV's, or plain lenses where those fit better.
 
     OpenCV's lens is none where the views leave it open, as when all boards face the camera.
-
-    Raises:
-        InputError: A camera saw too few boards, or no board was seen by two cameras at once.
     """
     guesses = []
     for k, (name, size) in enumerate(zip(seen.names, seen.sizes, strict=True)):
@@ -235,16 +231,13 @@ def calibrate_boards(
     problem, cameras, few = solved.problem, [], []
     numbers: dict[str, float] = {
         "views": len(seen.views), "frames": seen.frames, "rms_px": solved.rms,
+        **{f"{name}_without_board": n for name, n in zip(seen.names, seen.without, strict=False)},
     }  # fmt: skip
-    numbers |= {f"{name}_without_board": n
-                for name, n in zip(seen.names, seen.without, strict=False)}  # fmt: skip
     r = problem.residuals().reshape(-1, 2)
     for k, (name, size) in enumerate(zip(seen.names, seen.sizes, strict=True)):
         mine, lens = problem.corners.camera == k, problem.lenses[k]
-        rms, covered = (
-            float(np.sqrt(np.mean(r[mine] ** 2))),
-            _coverage(problem.corners.uv[mine], size),
-        )
+        rms = float(np.sqrt(np.mean(r[mine] ** 2)))
+        covered = _coverage(problem.corners.uv[mine], size)
         cameras.append(RigCamera(
             name=name, lens=Lens(width=size[0], height=size[1], numbers=lens),
             T_world_cam=inverse(problem.T_cam_rig[k]), rms_px=rms,
@@ -258,11 +251,11 @@ def calibrate_boards(
     rig = CalibratedRig(frame="camera", cameras=tuple(cameras))
     if len(cameras) > 1:
         numbers |= _base_line(solved)
-    alike = ["the fit did not settle: the views are too much alike"]
-    warnings = (*weak(solved, _limits(rig, problem)),
-                *(alike if solved.status != "converged" else ()), *few,
-                *_left_out(seen))  # fmt: skip
-    return rig, solved, Stage("boards", solved.status, numbers, warnings)
+    warnings = [*weak(solved, _limits(rig, problem))]
+    if solved.status != "converged":
+        warnings.append("the fit did not settle: the views are too much alike")
+    warnings += [*few, *_left_out(seen)]
+    return rig, solved, Stage("boards", solved.status, numbers, tuple(warnings))
 
 
 def _coverage(uv: Array, size: tuple[int, int]) -> float:
@@ -303,3 +296,61 @@ def _limits(rig: CalibratedRig, problem: BoardProblem) -> dict[str, tuple[float,
             limits[f"{camera.name}.turn_{axis}"] = (3e-3, shared)
             limits[f"{camera.name}.{axis}"] = (0.01 * base, shared)
     return limits
+
+
+def read_head_views(
+    path: Path, board: Board, size: tuple[int, int]
+) -> tuple[Array, list[Seen], int]:
+    """Return angles [rad], shape (k, 2), and corners of the views that a table lists.
+
+    The table has columns image,pan_rad,tilt_rad, images of one size [px] relative to its folder.
+    The last of what is returned is how many of its images show no board, and are left out.
+    """
+    path = checks.path("table of views", path)
+    angles, sights = [], []
+    for line, cells in read_rows(path, ("image", "pan_rad", "tilt_rad")):
+        at = path.parent / cells["image"]
+        pixels = read_image(at)
+        if pixels.shape != (size[1], size[0]):
+            given = f"{pixels.shape[1]} x {pixels.shape[0]}"
+            raise FileError(str(at), f"an image of {size[0]} x {size[1]} pixels", given)
+        sights.append(board.sight(pixels))
+        angles.append([number(path, line, name, cells[name], limit=7.0)
+                       for name in ("pan_rad", "tilt_rad")])  # fmt: skip
+    board.settle(sights)
+    views = [sight[board.legacy] for sight in sights]
+    kept = [k for k, view in enumerate(views) if view is not None]
+    found = [view for view in views if view is not None]
+    return np.array(angles).reshape(-1, 2)[kept], found, len(views) - len(kept)
+
+
+def head_problem(camera: RigCamera, board: Board, angles: Array, views: list[Seen]) -> HeadProblem:
+    """Return the problem of a camera's head at its first guess."""
+    poses = np.array([inverse(board.pose(v, camera.lens)) for v in views]).reshape(-1, 4, 4)
+    numbers = [np.full(len(v.ids), k) for k, v in enumerate(views)]
+    return HeadProblem(
+        lens=camera.lens, angles=angles, head=first_head(angles, poses),
+        view=np.concatenate([np.zeros(0, dtype=np.int64), *numbers]),
+        on_board=np.concatenate([np.zeros((0, 3)), *(board.corners[v.ids] for v in views)]),
+        uv=np.concatenate([np.zeros((0, 2)), *(v.uv for v in views)]),
+    )  # fmt: skip
+
+
+def calibrate_head(
+    camera: RigCamera, board: Board, angles: Array, views: list[Seen]
+) -> tuple[RigCamera, Fit[HeadProblem], Stage]:
+    """Return the camera with its head, the world being the board, z up out of its face."""
+    solved = fit(head_problem(camera, board, angles, views))
+    wider = (2e-3, "add views at angles farther apart, pan and tilt in turn")
+    limits = {f"{axis}_{what}_{k}": wider for axis in ("pan", "tilt")
+              for what in ("direction", "place") for k in (1, 2)}  # fmt: skip
+    warnings = tuple(f"{camera.name}: {text}" for text in weak(solved, limits))
+    head = solved.problem.head
+    apart = abs(float(head.pan_axis @ head.tilt_axis))
+    numbers: dict[str, float] = {
+        "views": len(views), "rms_px": solved.rms,
+        "axes_deg": float(np.rad2deg(np.arccos(min(apart, 1.0)))),
+    }  # fmt: skip
+    turned = head.seen_from(FACE_UP)
+    moved = replace(camera, T_world_cam=turned.T_world_cam, head=turned, rms_px=solved.rms)
+    return moved, solved, Stage(f"head {camera.name}", solved.status, numbers, warnings)
