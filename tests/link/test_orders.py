@@ -9,9 +9,9 @@ import pytest
 
 from mitt.errors import InputError
 from mitt.files.cell import Cell, arm_of, read_cell
-from mitt.link import messages
-from mitt.link.messages import Reader
+from mitt.link import ros2_messages as messages
 from mitt.link.orders import Orders, joints_of
+from mitt.link.ros2_messages import Reader
 from mitt.robot.arm import Arm
 from mitt.signals import Array, Command
 

@@ -12,8 +12,8 @@ import pytest
 
 from mitt.errors import InputError
 from mitt.files.cell import Cell, arm_of, cell_of, read_cell
-from mitt.link import messages
-from mitt.link.messages import Writer
+from mitt.link import ros2_messages as messages
+from mitt.link.ros2_messages import Writer
 from mitt.signals import Command
 
 try:

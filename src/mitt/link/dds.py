@@ -2,7 +2,7 @@
 
 ROS topic ``/name`` is DDS topic ``rt/name``, type ``pkg/Type`` is ``pkg::msg::dds_::Type_``, domain
 0 or ``ROS_DOMAIN_ID`` is DDS domain of that number. Messages pass as CDR bytes
-(:mod:`mitt.link.messages`); the types only tell Cyclone what a topic is.
+(:mod:`mitt.link.ros2_messages`); the types only tell Cyclone what a topic is.
 """
 
 import os

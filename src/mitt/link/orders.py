@@ -14,7 +14,7 @@ import numpy as np
 from mitt.control.setpoints import ROWS
 from mitt.errors import InputError, MittError
 from mitt.files.cell import Cell
-from mitt.link import messages
+from mitt.link import ros2_messages as messages
 from mitt.link.robot import ReceivedCommand
 from mitt.robot.arm import Arm
 from mitt.signals import Command

@@ -197,6 +197,23 @@ class Stamps:
         self._zero = stamp - (self.t + TICK)
 
 
+@dataclass(slots=True)
+class _Window:
+    """Positions that are looked at together.
+
+    Attributes:
+        gaps: Their stamps before the newest reading's [s], negative where they are behind it.
+        squares: Squares of their distances from the arm's base [m^2].
+        none: Those between them that tell no place.
+        same: Those that repeat the one before.
+    """
+
+    gaps: list[float] = field(default_factory=list)
+    squares: list[float] = field(default_factory=list)
+    none: int = 0
+    same: int = 0
+
+
 @final
 class Positions:
     """Keeps positions of the ball until the reading that they belong to.
@@ -217,8 +234,7 @@ class Positions:
         self._waiting.clear()
         self.fault, self.note, self._judged = "", "", -inf
         self._last: Array | None = None
-        self._gaps, self._sizes, self._none, self._same = list[float](), list[float](), 0, 0
-        self._away, self.absent = 0, ""
+        self._window, self._away, self.absent = _Window(), 0, ""
 
     def take(self, points: Sequence[Sighting], newest: float) -> None:
         """Take what has come since the last time, as stamped by the robot's clock.
@@ -227,7 +243,7 @@ class Positions:
         """
         for point in points:
             self._take(point, newest)
-            if len(self._gaps) + self._none >= WINDOW:
+            if len(self._window.gaps) + self._window.none >= WINDOW:
                 self._judge(newest)
         if not abs(newest - self._judged) < _SAID:
             self.fault = ""
@@ -255,18 +271,19 @@ class Positions:
             if self._away % WINDOW == 0:
                 self._miss(newest, "stamps" if seen else "positions")
             return
+        window = self._window
         if self._away < WINDOW:  # not seen in between; for longer it is away
-            self._none += self._away
+            window.none += self._away
         self._away, self._used, self.absent = 0, newest, ""
         gap = point.t - newest
-        self._gaps.append(gap)
-        self._sizes.append(float(r_o @ r_o))
+        window.gaps.append(gap)
+        window.squares.append(float(r_o @ r_o))
         same = self._last is not None and np.array_equal(self._last, r_o)
         self._last = r_o
         if not abs(gap) < STRAY:
             self._counts.stray += 1
         elif same:  # to the last digit: no measurement of its own
-            self._same += 1
+            window.same += 1
             self._counts.repeated += 1
         else:
             self._waiting.append(point)
@@ -275,15 +292,15 @@ class Positions:
         """Say that none can be used, unless some could a while ago, and begin anew."""
         if not newest - self._used < _ABSENT:
             self.absent = f"the {what} of the ball are no numbers, or all zero"
-        self.note = ""
-        self._gaps, self._sizes, self._none, self._same = [], [], 0, 0
+        self.note, self._window = "", _Window()
 
     def _judge(self, newest: float) -> None:
         """Say what is wrong with as many as are looked at together, and begin anew."""
-        gaps, none, same = self._gaps, self._none, self._same
+        of, self._window = self._window, _Window()
+        gaps, none, same = of.gaps, of.none, of.same
         self.fault, self.note, self._judged = "", "", newest
-        if min(self._sizes) > FAR**2:
-            far = min(self._sizes) ** 0.5
+        if (nearest := min(of.squares)) > FAR**2:
+            far = nearest**0.5
             self.fault = (f"the ball's positions are {far:.3g} m away or more:"
                           " they are in metres (REP 103); are these millimetres?")  # fmt: skip
         elif (least := min(gaps)) > _FAULT:
@@ -301,7 +318,6 @@ class Positions:
             self.note = "the ball's positions repeat: their source is slower than its publisher"
         elif 2 * none > WINDOW:
             self.note = f"{none} of {WINDOW} positions of the ball are no numbers, or all zero"
-        self._gaps, self._sizes, self._none, self._same = [], [], 0, 0
 
 
 def _long(t: float) -> str:

@@ -224,23 +224,14 @@ class Recorder(AbstractContextManager["Recorder"]):
             raise FileError(str(path), "a new file that can be written", said or "no answer")
 
     def _lay_out(self, about: About) -> None:
-        """Make the row of a tick, and views of its parts."""
-        n, heads = about.arm.n, len(about.rig.heads)
-        self._row = row = of.ticks(n, heads)
+        """Make the row of a tick, and a view of what in it is the catcher's result."""
+        self._row = row = of.ticks(about.arm.n, len(about.rig.heads))
         names = [name for name in row.dtype.names or () if name.startswith("out_")]
         fields: Any = row.dtype.fields
         self._out = row.view(np.dtype({
             "names": names, "formats": [fields[x][0] for x in names],
             "offsets": [fields[x][1] for x in names], "itemsize": row.dtype.itemsize,
         }))  # fmt: skip
-        self._joints = row["command"].reshape(4, n)
-        self._ball = row["ball"].reshape(3, 3)
-        self._covariance = row["covariance"].reshape(6, 6)
-        self._reference = row["reference"].reshape(6, n)
-        self._sighting = row["sighting"].reshape(4, 3)
-        self._q, self._dq, self._gaze = row["q"][0], row["dq"][0], row["gaze"].reshape(heads, 4)
-        self._t, self._hand, self._brakes = row["t"], row["hand"], row["brakes"]
-        self._t_arm, self._heads = row["t_arm"], heads
 
     def tick(self, senses: Senses, command: Command, result: Result) -> None:
         """Keep a tick: what the catcher took, what it commanded, and ``catcher.result``.
@@ -251,23 +242,19 @@ class Recorder(AbstractContextManager["Recorder"]):
         checks.instance("command", command, Command)
         checks.instance("result", result, Result)
         arm, points, frames = senses.arm, senses.points, senses.frames
-        self._t[0], self._t_arm[0] = senses.t, arm.t
-        self._q[:], self._dq[:], self._joints[:] = arm.q, arm.dq, command.joints
-        self._hand[0], self._brakes[0] = command.hand, command.brakes
-        self._out[:] = result.scalars
-        self._ball[:], self._covariance[:] = result.ball, result.covariance
-        self._reference[:], self._sighting[:] = result.reference, result.sighting
-        if self._heads and command.gaze is not None:
-            self._gaze[:] = command.gaze
+        row = self._row[0]
+        row["t"], row["t_arm"], row["q"], row["dq"] = senses.t, arm.t, arm.q, arm.dq
+        row["command"], row["hand"] = command.joints.ravel(), command.hand
+        row["brakes"], self._out[:] = command.brakes, result.scalars
+        row["ball"], row["covariance"] = result.ball.ravel(), result.covariance.ravel()
+        row["reference"], row["sighting"] = result.reference.ravel(), result.sighting.ravel()
+        if len(row["gaze"]) and command.gaze is not None:
+            row["gaze"] = np.ravel(command.gaze)
+        row["points"], row["frames"] = len(points), len(frames)
         kept = frames if self._images else ()
+        more = point_rows(points).tobytes() + _images(kept) if points or frames else b""
         counts = COUNTS.pack(self.count, len(points), len(kept))
-        if points or frames:
-            self._row["points"], self._row["frames"] = len(points), len(frames)
-            more = point_rows(points).tobytes() + _images(kept)
-            self._ring.put(TICK, counts + self._row.tobytes() + more)
-            self._row["points"], self._row["frames"] = 0, 0
-        else:
-            self._ring.put(TICK, counts + self._row.tobytes())
+        self._ring.put(TICK, counts + self._row.tobytes() + more)
         self.count += 1
 
     def call(self, name: str) -> None:

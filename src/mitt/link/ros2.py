@@ -27,7 +27,8 @@ import numpy as np
 
 from mitt.errors import InputError, MittError
 from mitt.files.cell import Cell
-from mitt.link import dds, messages
+from mitt.link import dds
+from mitt.link import ros2_messages as messages
 from mitt.link.clock import monotonic
 from mitt.link.frames import FrameWriter
 from mitt.link.orders import Orders, joints_of

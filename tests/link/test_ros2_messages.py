@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mitt.errors import InputError
-from mitt.link import messages as m
-from mitt.link.messages import Reader, Writer
+from mitt.link import ros2_messages as m
+from mitt.link.ros2_messages import Reader, Writer
 
 try:
     from mitt.link import dds as dds_types
