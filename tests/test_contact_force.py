@@ -21,7 +21,8 @@ from mitt.generator.feasibility import Outcome, Verdict
 from mitt.holding import CaughtBall
 from mitt.impact import examined, harms, shares_after
 from mitt.robot.arm import Arm
-from mitt.robot.basket import Basket, Hand
+from mitt.robot.basket import Basket
+from mitt.robot.description import Hand
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
 from mitt.world.basket import NET

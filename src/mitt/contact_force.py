@@ -24,7 +24,8 @@ import numpy as np
 from mitt.control.closing import LONGEST_INSIDE, fingers_of, takes_of
 from mitt.holding import CaughtBall
 from mitt.robot.arm import Arm
-from mitt.robot.basket import Basket, Hand
+from mitt.robot.basket import Basket
+from mitt.robot.description import Hand
 from mitt.robot.hands import HandModel, closing_angle, closing_time
 from mitt.signals import Array
 
@@ -88,7 +89,7 @@ def contact_force(
         behind: Mass that the palm has behind it, along its normal [kg].
     """
     mass = reduced(ball.mass, behind)
-    if isinstance(hand, Basket):
+    if not isinstance(hand, HandModel):
         return _NET * mass * palm_speed
     palm = rate(ball.restitution) * jam(ball) * mass * palm_speed
     struck = reduced(ball.mass, hand.finger_mass)

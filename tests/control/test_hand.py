@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mitt.control.closing import ENTERS, FOLLOW_ON, TOUCH_BEFORE, close, fingers_of, has_closed
-from mitt.robot.basket import Basket, Hand
+from mitt.robot.basket import Basket
+from mitt.robot.description import Hand
 from mitt.robot.hands import Closing, HandModel
 from mitt.signals import PASSED, TICK, Array
 

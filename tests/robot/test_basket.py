@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from mitt.errors import InputError, UnknownNameError
 from mitt.robot.arm import difference, identity_of
-from mitt.robot.basket import HANDS, Basket, checked_hand, hand_named, mounting
-from mitt.robot.hand_shapes import hand_capsules
+from mitt.robot.basket import HANDS, Basket, hand_named
+from mitt.robot.description import checked_hand, mounting
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm
 
@@ -59,7 +59,7 @@ def test_what_lies_in_a_basket(r: float, a: float, z: float) -> None:
 def test_the_shapes_for_self_contact_hold_ring_and_bottom() -> None:
     """The corner of the ring and of the net's bottom are in the wide capsule."""
     b = Basket()
-    _, wide = hand_capsules(b)
+    _, wide = b.capsules()
     low, high = wide.start[2], wide.end[2]
     for radius, height in (
         (b.net_radius, b.ring_height + b.ring_thickness),

@@ -11,8 +11,7 @@ import pytest
 from robot.test_load import urdf
 
 from mitt.errors import MittError, ModelError
-from mitt.robot.description import Link, transform
-from mitt.robot.inertia import checked_inertia, mended_inertia
+from mitt.robot.description import Link, checked_inertia, mended_inertia, transform
 from mitt.robot.load import load_arm
 from mitt.signals import Array
 

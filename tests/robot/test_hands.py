@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from mitt.errors import InputError, MittError
 from mitt.robot.basket import Basket
 from mitt.robot.description import Capsule
-from mitt.robot.hand_shapes import hand_capsules
 from mitt.robot.hands import Closing, Finger, FingerDrive, HandModel
 from mitt.robot.load import load_arm
 from mitt.signals import Array
@@ -80,7 +79,7 @@ def _beyond(points: Array, capsules: tuple[Capsule, ...]) -> float:
 @settings(max_examples=40)
 def test_capsules_hold_palm_and_fingers_at_any_angle(hand: HandModel) -> None:
     """Whatever their shape: not one point of a rod or of the palm is outside by 1 um."""
-    capsules, finger = hand_capsules(hand), hand.finger
+    capsules, finger = hand.capsules(), hand.finger
     along = np.linspace(0.0, 1.0, 9)[:, None]
     for angle in np.linspace(0.0, hand.drive.closed, 23):
         base, knuckle, tip = finger.points(float(angle))

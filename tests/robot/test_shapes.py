@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from mitt.errors import InputError
 from mitt.robot.arm import Arm
 from mitt.robot.description import ArmModel, Capsule, Link
-from mitt.robot.hand_shapes import hand_capsules
 from mitt.robot.hands import HandModel
 from mitt.robot.limits import joint_level
 from mitt.robot.plant import add_arm
@@ -52,7 +51,7 @@ def mujoco_gap(arm: Arm, q: Array) -> float:
     plate = add_arm(spec, arm.model)
     kind = mujoco.mjtGeom.mjGEOM_CAPSULE
     assert arm.model.hand is not None
-    for k, x in enumerate(hand_capsules(arm.model.hand)):
+    for k, x in enumerate(arm.model.hand.capsules()):
         plate.add_geom(name=f"hull{k}", type=kind, fromto=[*x.start, *x.end],
                        size=[x.radius, 0.0, 0.0], mass=0.0)  # fmt: skip
     floor = mujoco.mjtGeom.mjGEOM_PLANE
@@ -98,7 +97,7 @@ def test_no_sampled_pair_of_points_is_closer_than_the_segments(points: Array) ->
 def test_the_hull_of_the_hand_holds_the_fingers_at_every_angle() -> None:
     """Every point of a finger, its thickness included, lies in the hull, open to closed."""
     hand = HandModel()
-    hull = hand_capsules(hand)[1]
+    hull = hand.capsules()[1]
     low, high = hull.start[2], hull.end[2]
     for angle in np.linspace(0.0, hand.drive.closed, 97):
         for x, z in hand.finger.points(float(angle)):

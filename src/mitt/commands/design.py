@@ -39,7 +39,8 @@ from mitt.files.arm_file import (
 from mitt.files.folders import wrote
 from mitt.interrupts import finally_do, notice, status_of, tell, words_of
 from mitt.robot.arm import Arm
-from mitt.robot.basket import MOST_TILT, Hand
+from mitt.robot.basket import MOST_TILT
+from mitt.robot.description import Hand
 from mitt.robot.shapes import check_floor
 from mitt.trials.workers import engine_of
 from mitt.world.flights import read_flights

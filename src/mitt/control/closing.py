@@ -18,7 +18,7 @@ import numpy as np
 
 from mitt.control.envelope import Fields
 from mitt.jit import kernel
-from mitt.robot.basket import Hand
+from mitt.robot.description import Hand
 from mitt.robot.hands import HandModel, closing_angle
 from mitt.signals import PASSED, Array
 from mitt.structs import Record

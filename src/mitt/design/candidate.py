@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from mitt.generator.design import MapDesign
 from mitt.robot.arm import Arm
-from mitt.robot.basket import mounting
-from mitt.robot.description import rotation, transform
+from mitt.robot.description import mounting, rotation, transform
 from mitt.signals import Array
 
 

@@ -22,7 +22,7 @@ from mitt.files.throws import ArrivalSettings, ThrowSettings
 from mitt.link.clock import monotonic
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Basket
-from mitt.robot.serial import Mount
+from mitt.robot.load import Mount
 from mitt.trials.statistics import wilson
 from mitt.trials.workers import Engine
 

@@ -10,12 +10,9 @@ from numpy.typing import NDArray
 from mitt.errors import ModelError
 from mitt.files.arm_file import limits_of
 from mitt.robot.arm import Arm
-from mitt.robot.basket import Hand
-from mitt.robot.carried import joints_to, links_of
-from mitt.robot.described import is_described, read_described
+from mitt.robot.description import Hand
 from mitt.robot.limit_sets import LimitSet
-from mitt.robot.load import load_arm
-from mitt.robot.serial import Mount, bounded, check_active
+from mitt.robot.load import Mount, bounded, check_active, is_described, load_arm, read_described
 from mitt.robot.wam import LIMIT_SETS
 
 #: Half of the range of a joint that is held where it is [rad].
@@ -50,7 +47,7 @@ def whole_arm(
     if str(arm) == "wam":
         return load_arm("wam", tip=tip, joints=_WAM, limits=given, hand=hand or "none")
     if tip is None and is_described(Path(arm)):
-        links = ", ".join(links_of(read_described(Path(arm)).model)) or "none"
+        links = ", ".join(read_described(Path(arm)).tree.links) or "none"
         raise ModelError("--tip", "the link or site of the palm", "none",
                          do=f"links of {arm}: {links}")  # fmt: skip
     names = None if tip is None else driven_joints(Path(arm), tip, given, joints)
@@ -100,7 +97,7 @@ def driven_joints(
     if not is_described(path) or limits in LIMIT_SETS:
         return None
     stated = read_described(path)
-    chain = joints_to(stated.model, tip)
+    chain = stated.tree.joints_to(tip)
     stated, _ = bounded(stated, limits if isinstance(limits, LimitSet) else None, chain)
     own = [name for name in chain if name not in stated.mimics]
     for name in joints:

@@ -20,12 +20,12 @@ from mitt.files.toml_text import toml_text
 from mitt.generator.design import MapDesign, tangent_of
 from mitt.reading import read_bytes, read_toml
 from mitt.robot.arm import Arm
-from mitt.robot.basket import MOST_TILT, Basket, Hand, hand_named
+from mitt.robot.basket import MOST_TILT, Basket, hand_named
+from mitt.robot.description import Hand
+from mitt.robot.description_files import MAX_BYTES
 from mitt.robot.limit_sets import LimitSet
-from mitt.robot.load import load_arm
-from mitt.robot.serial import Mount
+from mitt.robot.load import Mount, load_arm
 from mitt.robot.wam import LIMIT_SETS
-from mitt.robot.xml_files import MAX_BYTES
 
 SCHEMA = "mitt.arm/1"
 HandName = Literal["three-finger", "basket", "none"]

@@ -7,11 +7,10 @@ from pathlib import Path
 from mitt.errors import InputError
 from mitt.files.arm_file import is_arm_file, limits_of, read_arm_file
 from mitt.robot.arm import Arm
-from mitt.robot.basket import Hand
+from mitt.robot.description import Hand
 from mitt.robot.limit_sets import LimitSet
+from mitt.robot.load import Mount, with_encoders
 from mitt.robot.load import load_arm as load
-from mitt.robot.load import with_encoders
-from mitt.robot.serial import Mount
 
 
 def load_arm(

@@ -18,8 +18,6 @@ Colour: TypeAlias = tuple[int, int, int]
 
 #: Corners around the axis of a round shape.
 _AROUND = 24
-#: Angle between faces from which an edge is seen as one [rad].
-_SHARP = 0.5
 #: Drums at the joints: radius, half length; and the struts that join the shapes of a link [m].
 _DRUM, _STRUT, _STAND = (0.052, 0.062), 0.028, 0.07
 METAL, DARK, FINGER, BALL = (214, 218, 224), (92, 100, 112), (150, 158, 170), (213, 94, 0)
@@ -77,7 +75,9 @@ def capsule(radius: float, length: float) -> Trimesh:
 def cylinder(radius: float, length: float) -> Trimesh:
     """Return a cylinder about z, its edges doubled, so that they shade as edges [m]."""
     mesh = trimesh.creation.cylinder(radius, length, sections=_AROUND)
-    return trimesh.graph.smooth_shade(mesh, angle=_SHARP)
+    up = np.round(mesh.face_normals[:, 2])  # 1 and -1 at the ends, 0 around
+    parts = [mesh.submesh([np.flatnonzero(up == side)], append=True) for side in (-1, 0, 1)]
+    return trimesh.util.concatenate(parts)
 
 
 def rod(start: Array, end: Array, radius: float) -> Trimesh:

@@ -7,8 +7,7 @@ both of its 45 mm offsets.
 
 import numpy as np
 
-from mitt.robot.basket import mounting
-from mitt.robot.description import ArmModel, joint_motion
+from mitt.robot.description import ArmModel, joint_motion, mounting
 from mitt.signals import Array
 
 #: Points nearer than this are one [m].

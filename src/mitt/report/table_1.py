@@ -4,7 +4,8 @@ import numpy as np
 
 from mitt.report.page import NONE
 from mitt.robot.arm import Arm
-from mitt.robot.basket import Basket, Hand
+from mitt.robot.basket import Basket
+from mitt.robot.description import Hand
 from mitt.robot.hands import HandModel
 from mitt.signals import TICK
 from mitt.trials.log import TrialLog
@@ -71,6 +72,8 @@ def _hand_rows(hand: Hand | None, log: TrialLog | None) -> tuple[Row, ...]:
     if isinstance(hand, Basket):
         size = f"none: a basket, opening {2e3 * hand.ring_radius:.0f} mm, depth"
         return (("Hand", "fingers", "3, with 3 DOF", f"{size} {1e3 * hand.depth:.0f} mm"),)
+    if not isinstance(hand, HandModel):
+        return ()
     length = hand.finger.proximal + hand.finger.distal
     return (
         ("Hand", "fingers", "3, with 3 DOF", f"{hand.fingers}, with {hand.fingers} DOF"),

@@ -16,13 +16,14 @@ Heights are above the tool plate, along the opening's normal:
 
 from dataclasses import dataclass
 from math import inf
-from typing import Final, TypeAlias
+from typing import ClassVar, Final
 
 import numpy as np
 
 from mitt import checks
 from mitt.errors import InputError, UnknownNameError
 from mitt.fields import brief
+from mitt.robot.description import Capsule, Hand
 from mitt.robot.hands import HandModel
 from mitt.signals import Array
 
@@ -38,7 +39,7 @@ _LENGTHS = ("ring_radius", "ring_thickness", "depth", "cord", "strut", "flange")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Basket:
+class Basket(Hand):
     """A ring with a net on the tool plate, the opening's normal along the plate's z axis.
 
     Attributes:
@@ -78,6 +79,7 @@ class Basket:
     tilt: float = 0.0
     restitution: float = 0.06
     force: float = 180.0
+    closes: ClassVar[bool] = False
 
     __repr__ = brief
 
@@ -158,6 +160,21 @@ class Basket:
             (_FLANGE, 0.125 * self.flange, disc, 0.25 * self.flange),
         )
 
+    def capsules(self) -> tuple[Capsule, ...]:
+        """Return capsules on the plate that hold the flange, and net, struts and ring."""
+        ring = self.net_radius + self.ring_thickness
+        wide = max(self.outside, ring)
+        top = self.ring_height + self.ring_thickness - float(np.sqrt(wide**2 - ring**2))
+        low = min(self.floor + float(np.sqrt(wide**2 - (wide - self.strut) ** 2)), top)
+        return (
+            Capsule(
+                start=(0.0, 0.0, 0.0),
+                end=(0.0, 0.0, 0.25 * self.flange),
+                radius=self.flange + self.strut,
+            ),
+            Capsule(start=(0.0, 0.0, low), end=(0.0, 0.0, top), radius=wide),
+        )
+
     def contains(self, place: Array) -> bool:
         """Say whether a ball is in the basket: its centre between ring and bottom, inside the net.
 
@@ -168,32 +185,11 @@ class Basket:
         return 0.0 <= below <= self.depth and float(np.hypot(*place[:2])) <= self.net_radius
 
 
-Hand: TypeAlias = HandModel | Basket
-"""What can be mounted on a tool plate."""
-
-HANDS: Final[dict[str, Hand]] = {"three-finger": HandModel(), "basket": Basket()}
+HANDS: Final[dict[str, HandModel | Basket]] = {"three-finger": HandModel(), "basket": Basket()}
 """Hands by name."""
 
 
-def checked_hand(value: object) -> Hand:
-    """Return a hand; InputError for anything else."""
-    if not isinstance(value, HandModel | Basket):
-        raise InputError("hand", "a HandModel or a Basket", checks.shown(value))
-    return value
-
-
-def mounting(hand: Hand | None) -> tuple[float, Array]:
-    """Return how far the catch point is beyond the arm's plate [m], and the hand's plate on it.
-
-    Returns:
-        The distance, and the frame of the plate that the hand speaks of, shape (4, 4).
-    """
-    if isinstance(hand, Basket):
-        return hand.stand, hand.mount
-    return 0.0 if hand is None else hand.catch_offset, np.eye(4)
-
-
-def hand_named(name: str) -> Hand | None:
+def hand_named(name: str) -> HandModel | Basket | None:
     """Return a hand by name; none for ``none``.
 
     Raises:

@@ -2,18 +2,22 @@
 
 A link turns about or slides along ``axis`` of its own frame, which sits at ``placement`` in the
 frame of the link before it; mass properties are given in the link's frame. One table gives the
-Pinocchio model of the catcher, the MuJoCo model of the plant and the arrays of our kernels.
+arrays of our kernels and the MuJoCo model of the plant.
+
+A body's principal moments of inertia are above 0, and none is above the sum of the others (that of
+a flat plate is just as large). Files of light links break this in the last digit that they keep, or
+leave all moments out: such moments are mended, and what no rounding explains is refused.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from mitt import checks
-from mitt.errors import ModelError
+from mitt.errors import InputError, ModelError
 from mitt.fields import brief
-from mitt.robot.basket import Hand, checked_hand
-from mitt.robot.inertia import checked_inertia
 from mitt.signals import Array
 
 _keep = object.__setattr__
@@ -25,6 +29,14 @@ _LIGHTEST = 1e-12
 #: Gap that commands keep to the ends of a joint's range [rad or m]; a choice of this project.
 STOP_GAP = 0.06
 
+#: Least principal moment that MuJoCo takes, with some room [kg m^2].
+_LEAST = 1e-13
+#: By how much of itself the largest moment stays below the sum of the others: room for rounding.
+_SLACK = 1e-9
+#: How far moments may be off by the rounding of a file [kg m^2].
+_ROUNDED = 1e-6
+#: Density of steel [kg/m^3].
+_STEEL = 7850.0
 #: Encoder resolution of a joint whose description states none [rad or m]: 17 bits a turn of the
 #: joint, as the joint-side encoders of common cobots have or better. A choice of this project.
 ENCODER_STEP = 2.0 * np.pi / 2**17
@@ -70,6 +82,56 @@ class Capsule:
         if not (finite and self.radius > 0.0):
             given = f"{self.start}, {self.end}, {self.radius}"
             raise ModelError("capsule", "finite ends and a radius above 0 m", given)
+
+
+class Hand(ABC):
+    """What can be mounted on a tool plate, normal of palm or opening along the plate's z axis.
+
+    Attributes:
+        mass: Mass, fingers included [kg].
+        force: Largest force of a single contact with a ball that it takes [N]; infinite where
+            nobody knows.
+        closes: Whether it has fingers that close on the ball.
+    """
+
+    __slots__ = ()
+    mass: float
+    force: float
+    closes: ClassVar[bool]
+
+    @property
+    @abstractmethod
+    def com(self) -> float:
+        """Height of the centre of mass above the plate, fingers open [m]."""
+
+    @property
+    @abstractmethod
+    def inertia(self) -> Array:
+        """Inertia about the centre of mass, axes of the plate [kg m^2], shape (3, 3)."""
+
+    @property
+    @abstractmethod
+    def catch_offset(self) -> float:
+        """Distance of the catch point beyond the plate [m]."""
+
+    @property
+    def stand(self) -> float:
+        """Distance of the catch point from the arm's plate, on which its own may be tilted [m]."""
+        return self.catch_offset
+
+    @property
+    def mount(self) -> Array:
+        """Frame of its plate as seen from the arm's, shape (4, 4)."""
+        return np.eye(4)
+
+    @abstractmethod
+    def capsules(self) -> tuple[Capsule, ...]:
+        """Return capsules on the plate that hold it, its fingers at any angle."""
+
+
+def mounting(hand: Hand | None) -> tuple[float, Array]:
+    """Return how far the catch point is beyond the arm's plate [m], and the hand's plate on it."""
+    return (0.0, np.eye(4)) if hand is None else (hand.stand, hand.mount)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -260,15 +322,9 @@ class ArmModel:
         largest = max(abs(mass), np.abs(at).max(), np.abs(inertia).max())
         if not largest <= _LARGEST:
             raise ModelError("body", f"numbers within +-{_LARGEST:g}", f"{largest:g}")
-        last = self.links[-1]
-        R, p = self.tool[:3, :3], self.tool[:3, 3]
-        total = last.mass + mass
-        com_body = p + R @ at
-        com = (last.mass * last.com + mass * com_body) / total
-        both = last.inertia + _steiner(last.mass, last.com - com)
-        both = both + R @ inertia @ R.T + _steiner(mass, com_body - com)
-        heavier = replace(last, mass=total, com=com, inertia=both)
-        return replace(self, links=(*self.links[:-1], heavier))
+        last, body = self.links[-1], Inertial(mass, at, inertia).moved(self.tool)
+        both = Inertial(last.mass, last.com, last.inertia).joined(body)
+        return replace(self, links=(*self.links[:-1], replace(last, **both._asdict())))
 
 
 def transform(R: Array | None = None, p: Array | None = None) -> Array:
@@ -313,7 +369,110 @@ def joint_motion(link: Link, q: float) -> Array:
     return transform(rotation(link.axis, q))
 
 
-def _steiner(mass: float, d: Array) -> Array:
+def checked_hand(value: object) -> Hand:
+    """Return a hand; InputError for anything else."""
+    if not isinstance(value, Hand):
+        raise InputError("hand", "a HandModel or a Basket", checks.shown(value))
+    return value
+
+
+class Inertial(NamedTuple):
+    """Mass of a body [kg], its centre of mass [m], (3,), inertia about that [kg m^2], (3, 3)."""
+
+    mass: float
+    com: Array
+    inertia: Array
+
+    def moved(self, T: Array) -> "Inertial":
+        """Return the same body as seen from the frame in which its own is at ``T``, (4, 4)."""
+        R = T[:3, :3]
+        return Inertial(self.mass, T[:3, 3] + R @ self.com, R @ self.inertia @ R.T)
+
+    def joined(self, other: "Inertial") -> "Inertial":
+        """Return both bodies as one."""
+        mass = self.mass + other.mass
+        com = (self.mass * self.com + other.mass * other.com) / (mass or 1.0)
+        inertia = self.inertia + steiner(self.mass, self.com - com)
+        return Inertial(mass, com, inertia + other.inertia + steiner(other.mass, other.com - com))
+
+
+def steiner(mass: float, d: Array) -> Array:
     """Return the inertia of a point mass at ``d`` [kg m^2], shape (3, 3)."""
-    inertia: Array = mass * (float(d @ d) * np.eye(3) - np.outer(d, d))
-    return inertia
+    return np.asarray(mass * (float(d @ d) * np.eye(3) - np.outer(d, d)))
+
+
+def checked_inertia(
+    where: str, inertia: Array, *, do: str = "check the inertia of that link"
+) -> Array:
+    """Return an inertia that MuJoCo takes; a flat plate's moments are moved by rounding only.
+
+    Args:
+        where: What an error calls the body.
+        inertia: Inertia about the centre of mass [kg m^2], shape (3, 3).
+        do: What to do about another one.
+
+    Raises:
+        ModelError: No body has such moments.
+    """
+    moments, axes = np.linalg.eigh(0.5 * (inertia + inertia.T))
+    room = moments[0] + moments[1] - moments[2]
+    if moments[0] < _LEAST or room < -_SLACK * moments[2]:
+        wanted = (
+            "principal moments that a body can have (above 0, none above the sum of the others)"
+        )
+        raise ModelError(where, wanted, _shown(moments), do=do)
+    if room > 1e-3 * _SLACK * moments[2]:
+        return inertia
+    return _turned(_apart(moments), axes)
+
+
+def mended_inertia(where: str, mass: float, inertia: Array) -> tuple[Array, str]:
+    """Return an inertia that a body can have, and a note where a file's was mended.
+
+    Moments of 0 become those of a ball of steel, the smallest body of that mass; where the largest
+    is above the sum of the others, these are raised. Both only as far as a file rounds.
+
+    Args:
+        where: What a note and an error call the body.
+        mass: Its mass [kg].
+        inertia: Inertia about the centre of mass [kg m^2], shape (3, 3).
+
+    Raises:
+        ModelError: No body has such moments, and no rounding explains them.
+    """
+    given, axes = np.linalg.eigh(0.5 * (inertia + inertia.T))
+    moments = given.copy()
+    if -_ROUNDED <= moments[0] < _LEAST:
+        ball = max(steel_ball(mass), _LEAST)
+        moments[moments < _LEAST] = min(ball, moments[2]) if moments[2] > _LEAST else ball
+    order = np.argsort(moments, kind="stable")
+    moments, axes = moments[order], axes[:, order]
+    if _SLACK * moments[2] < moments[2] - moments[0] - moments[1] <= _ROUNDED:
+        moments = _apart(moments)
+    if np.array_equal(moments, given):
+        return checked_inertia(where, inertia), ""
+    out = checked_inertia(where, _turned(moments, axes))
+    return out, (f"{where}: no body has the principal moments {_shown(given)} kg m^2; taken as"
+                 f" {_shown(moments)}")  # fmt: skip
+
+
+def steel_ball(mass: float) -> float:
+    """Return the moment of inertia of a ball of steel, given its mass [kg]."""
+    return float(0.4 * mass * (3.0 * mass / (4.0 * np.pi * _STEEL)) ** (2.0 / 3.0))
+
+
+def _shown(moments: Array) -> str:
+    """Return moments as a message has them."""
+    return ", ".join(f"{x:.4g}" for x in moments)
+
+
+def _apart(moments: Array) -> Array:
+    """Return rising moments, the smaller two raised until the largest is below their sum."""
+    lacking = max(moments[2] * (1.0 + _SLACK) - moments[0] - moments[1], 0.0)
+    return np.asarray(moments + np.array((0.5, 0.5, 0.0)) * lacking)
+
+
+def _turned(moments: Array, axes: Array) -> Array:
+    """Return the inertia with principal moments about the columns of ``axes``."""
+    out = axes @ np.diag(moments) @ axes.T
+    return np.asarray(0.5 * (out + out.T))

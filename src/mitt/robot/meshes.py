@@ -1,7 +1,11 @@
-"""Shapes of the links of a description file: meshes where they are there, and simple solids.
+"""Shapes of the links of a description file: meshes and simple solids, and capsules about them.
 
 Meshes are looked for as ``package://NAME/...`` in a folder NAME above or beside the file and in
 ``ROS_PACKAGE_PATH``; other names below the file's own folder. No other file is opened.
+
+A capsule about an axis: the circle about the points as seen along the axis gives line and radius,
+and the ends are drawn in as far as the round caps still hold every point. Axes tried: the principal
+ones of the points. A shape that two capsules, side by side along it, hold in less space gets two.
 """
 
 import os
@@ -11,12 +15,14 @@ from pathlib import Path, PurePosixPath
 from typing import NamedTuple, final
 from xml.etree.ElementTree import Element
 
+import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
-from mitt.errors import FileError
+from mitt.errors import FileError, heard
 from mitt.reading import read_bytes
-from mitt.robot.description import roll_pitch_yaw
-from mitt.robot.stated import Shape
+from mitt.robot.description import Capsule, roll_pitch_yaw
+from mitt.robot.description_files import Seat, Shape, Stated, numbers_of
 from mitt.signals import Array
 
 #: Largest mesh that is read, and all of a description file together [byte].
@@ -29,6 +35,20 @@ _LARGEST = 100.0
 _LONGEST = 100
 #: Points of the circles that stand for the ends of a cylinder.
 _CIRCLE = 16
+
+
+#: Steps towards the farthest point that find the smallest circle (Badoiu and Clarkson 2003).
+_STEPS = 60
+#: Share of the space that two capsules may take instead of one.
+_WORTH = 0.7
+#: Fewest points that are fitted with two capsules.
+_FEWEST = 8
+#: Most points all of whose pairs are taken for edges.
+_FEW = 40
+#: What is added to a radius against rounding [m].
+_ROUNDING = 1e-9
+#: Most capsules of one link; a link of more shapes gets one about all of them.
+_MOST_CAPSULES = 6
 
 
 def urdf_shapes(path: Path, root: Element) -> tuple[tuple[Shape, ...], tuple[str, ...]]:
@@ -105,8 +125,8 @@ def _urdf_points(path: Path, element: Element, meshes: "Meshes") -> tuple[Array,
         points, radius = found
         origin = element.find("origin")
         if origin is not None:
-            R = roll_pitch_yaw(_numbers(origin, "rpy", 3, "0 0 0"))
-            points = points @ R.T + _numbers(origin, "xyz", 3, "0 0 0")
+            R = roll_pitch_yaw(numbers_of(origin, "rpy", 3, "0 0 0"))
+            points = points @ R.T + numbers_of(origin, "xyz", 3, "0 0 0")
     except FileError:
         raise
     except ValueError:
@@ -141,24 +161,16 @@ def _solid(path: Path, solid: Element, meshes: "Meshes") -> tuple[Array, float] 
         return None
     file = find_mesh(path, solid.get("filename", ""))
     points = None if file is None else meshes.points(file)
-    return None if points is None else (points * _numbers(solid, "scale", 3, "1 1 1"), 0.0)
+    return None if points is None else (points * numbers_of(solid, "scale", 3, "1 1 1"), 0.0)
 
 
 def _sizes(path: Path, solid: Element, key: str, count: int) -> Array:
     """Return the sizes of a solid [m]; FileError where none can have them."""
-    sizes = _numbers(solid, key, count)
+    sizes = numbers_of(solid, key, count)
     if not np.all((sizes >= 0.0) & (sizes <= _LARGEST)):
         wanted = f"{key} of 0 to {_LARGEST:g} m"
         raise FileError(f"{path} <{solid.tag}>", wanted, repr(solid.get(key, "")[:60]))
     return sizes
-
-
-def _numbers(element: Element, key: str, count: int, default: str = "") -> Array:
-    """Return the numbers of an attribute; ValueError where they are others."""
-    given = np.array([float(x) for x in element.get(key, default).split()])
-    if len(given) != count:
-        raise ValueError(f"{count} numbers for {key}")
-    return given
 
 
 def box_points(half: Array) -> Array:
@@ -253,8 +265,180 @@ def _hull(content: bytes, kind: str) -> Array | None:
     import trimesh  # noqa: PLC0415 (heavy, and only for arms with meshes)
 
     try:
-        scene = trimesh.load_scene(BytesIO(content), file_type=kind)
-        points = np.asarray(scene.to_mesh().convex_hull.vertices, dtype=np.float64)
+        mesh = trimesh.load_scene(BytesIO(content), file_type=kind).to_mesh()
+        points = np.asarray(mesh.vertices, dtype=np.float64)
     except Exception:  # what a reader of meshes raises on broken ones is unknown
         return None
-    return points if len(points) >= 4 and np.isfinite(points).all() else None
+    faces = _hull_faces(points) if np.isfinite(points).all() else None
+    return None if faces is None else points[np.unique(faces)]
+
+
+def carried_shapes(
+    stated: Stated, seats: Sequence[Seat], joints: int, tool: Array | None
+) -> tuple[tuple[Capsule, ...], ...]:
+    """Return the capsules of the base and of each link behind a joint, in their frames.
+
+    Args:
+        stated: What the file states.
+        seats: Where its parts are.
+        joints: Number of the joints, one behind the other.
+        tool: Tool plate of a hand that is mounted on the last link, shape (4, 4): what the file
+            has beyond it, as a gripper, is taken to be unmounted. None without one.
+    """
+    parts: list[list[tuple[Array, float]]] = [[] for _ in range(joints + 1)]
+    for shape in stated.shapes:
+        if shape.frame not in stated.tree:
+            continue
+        carrier, T = seats[stated.tree.place(shape.frame)]
+        points = shape.points @ T[:3, :3].T + T[:3, 3]
+        if carrier == joints and tool is not None:
+            points = behind(points, (points - tool[:3, 3]) @ tool[:3, 2] - shape.radius)
+        if len(points):
+            parts[carrier].append((points, shape.radius))
+    fitted = [_fitted(x) for x in parts]
+    if tool is not None:
+        fitted[-1] = [x for x in (_behind(c, tool) for c in fitted[-1]) if x is not None]
+    return tuple(tuple(x) for x in fitted)
+
+
+def _fitted(parts: list[tuple[Array, float]]) -> list[Capsule]:
+    """Return capsules about the shapes of one link."""
+    found = [x for points, radius in parts for x in capsules_about(points, radius)]
+    if len(found) <= _MOST_CAPSULES:
+        return found
+    points = np.vstack([x for x, _ in parts])
+    return list(capsules_about(points, max(radius for _, radius in parts)))
+
+
+def _behind(capsule: Capsule, tool: Array) -> Capsule | None:
+    """Return a capsule drawn in behind the tool plate; None where nothing is left of it.
+
+    Its round end would reach into the hand, which has shapes of its own there. What is too thick to
+    be drawn in, as a flange, becomes thinner instead.
+    """
+    p, normal, radius = tool[:3, 3], tool[:3, 2], capsule.radius
+    ends = np.array([capsule.start, capsule.end])
+    height = (ends - p) @ normal
+    top, low = int(np.argmax(height)), int(np.argmin(height))
+    if height[low] >= radius:
+        return None
+    room = -radius if height[low] <= -radius else max(height[low], 0.0)
+    if height[top] > room:
+        ends[top] += (height[top] - room) / (height[top] - height[low]) * (ends[low] - ends[top])
+    if height[low] > -radius:
+        radius = 0.5 * (radius - height[low])
+        ends -= np.outer((ends - p) @ normal + radius, normal)
+    start, end = (tuple(x.tolist()) for x in ends)
+    return Capsule(start=start, end=end, radius=radius)
+
+
+def capsules_about(points: Array, radius: float = 0.0) -> tuple[Capsule, ...]:
+    """Return one or two capsules that hold the convex hull of balls about points.
+
+    Args:
+        points: Centres of the balls [m], shape (k, 3).
+        radius: Radius of the balls [m].
+    """
+    whole = _capsule(points, radius)
+    along = (points - points.mean(axis=0)) @ _axes(points)[0]
+    cut = _cut(points, along)
+    if cut is None:
+        return (whole,)
+    parts = [np.vstack((points[side], cut)) for side in (along <= 0.0, along >= 0.0)]
+    both = tuple(_capsule(x, radius) for x in parts)
+    return both if sum(map(volume, both)) < _WORTH * volume(whole) else (whole,)
+
+
+def _cut(points: Array, along: Array) -> Array | None:
+    """Return where edges of the convex hull cross the middle plane; None where it has no inside.
+
+    Args:
+        points: Shape (k, 3).
+        along: Their places along the axis, the plane at 0, shape (k,).
+    """
+    edges = None if len(points) < _FEWEST else _hull_edges(points)
+    return None if edges is None else _crossings(points, edges, along)
+
+
+def behind(points: Array, height: Array) -> Array:
+    """Return points whose hull is the part of the points' hull at heights up to 0.
+
+    Args:
+        points: Shape (k, 3).
+        height: Their heights over a plane, shape (k,).
+    """
+    edges = _hull_edges(points) if len(points) > _FEW else None
+    if edges is None:
+        edges = np.array(np.triu_indices(len(points), 1)).T
+    return np.vstack((points[height <= 0.0], _crossings(points, edges, height)))
+
+
+def _hull_edges(points: Array) -> NDArray[np.int64] | None:
+    """Return the edges of the convex hull, shape (m, 2); None where it has no inside."""
+    faces = _hull_faces(points)
+    return None if faces is None else np.vstack((faces[:, :2], faces[:, 1:], faces[:, ::2]))
+
+
+def _hull_faces(points: Array) -> NDArray[np.int64] | None:
+    """Return the triangles of the convex hull, shape (m, 3); None where it has no inside.
+
+    MuJoCo finds them as it compiles a mesh, to seven digits.
+    """
+    spec = mujoco.MjSpec()
+    spec.add_mesh(name="hull", uservert=points.ravel(),
+                  inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)  # fmt: skip
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="hull")
+    try:
+        with heard():
+            graph = spec.compile().mesh_graph
+    except ValueError:  # flat, or all in one place
+        return None
+    vertices, faces = graph[:2]
+    return np.asarray(graph[2 + 3 * (vertices + faces) :].reshape(faces, 3), dtype=np.int64)
+
+
+def _crossings(points: Array, edges: NDArray[np.int64], along: Array) -> Array:
+    """Return where edges cross the plane at 0 of the points' places along an axis, shape (j, 3)."""
+    first, second = along[edges[:, 0]], along[edges[:, 1]]
+    crosses = first * second < 0.0
+    share = (first / np.where(crosses, first - second, 1.0))[crosses, None]
+    a, b = points[edges[crosses, 0]], points[edges[crosses, 1]]
+    return np.asarray(a + share * (b - a))
+
+
+def volume(capsule: Capsule) -> float:
+    """Return the volume of a capsule [m^3]."""
+    length = float(np.linalg.norm(np.subtract(capsule.end, capsule.start)))
+    return float(np.pi * capsule.radius**2 * (length + 4.0 / 3.0 * capsule.radius))
+
+
+def _axes(points: Array) -> Array:
+    """Return the principal axes of points, the longest first, shape (3, 3)."""
+    away = points - points.mean(axis=0)
+    return np.asarray(np.linalg.eigh(away.T @ away)[1].T[::-1])
+
+
+def _capsule(points: Array, radius: float) -> Capsule:
+    """Return the smallest capsule about a principal axis."""
+    fitted: Sequence[Capsule] = [_about(points, axis, radius) for axis in _axes(points)]
+    return min(fitted, key=volume)
+
+
+def _about(points: Array, axis: Array, radius: float) -> Capsule:
+    """Return a capsule that holds balls about points, its axis along a unit vector."""
+    along = points @ axis
+    flat = points - along[:, None] * axis
+    centre = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
+    for step in range(_STEPS):
+        far = flat[np.argmax(np.linalg.norm(flat - centre, axis=1))]
+        centre = centre + (far - centre) / (step + 2.0)
+    centre = centre - (centre @ axis) * axis
+    away = np.linalg.norm(flat - centre, axis=1)
+    most = float(away.max())
+    cap = np.sqrt(np.maximum(most**2 - away**2, 0.0))
+    low, high = float(np.min(along + cap)), float(np.max(along - cap))
+    if low > high:
+        low = high = 0.5 * (low + high)
+        most = float(np.max(np.hypot(away, along - low)))
+    start, end = (tuple((centre + x * axis).tolist()) for x in (low, high))
+    return Capsule(start=start, end=end, radius=most + radius + _ROUNDING)

@@ -1,22 +1,39 @@
-"""MJCF files: MuJoCo resolves classes, defaults, frames and units; Pinocchio gets the result.
+"""MJCF files: MuJoCo resolves classes, defaults, frames and units, and what it makes is read.
 
 Read as MuJoCo Menagerie writes them: ranges and actuators by default classes, keyframes, cameras,
 tendons and textures that do not matter here. MuJoCo has no limit of speed, so it stands among the
 file's own numbers: ``<custom><numeric name="velocity_limit_JOINT" data="8.0"/></custom>`` [rad/s].
-The elements and what they mean: the XML reference of MuJoCo's documentation.
+A joint, body or site without a name is called by its number. MuJoCo opens files and makes copies
+while it parses, so what a file asks for is looked at before: no file outside its folder, and not
+more than an arm has. The elements and what they mean: the XML reference of MuJoCo's documentation.
 """
 
+from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import prod
 from pathlib import Path, PurePosixPath
-from typing import TypeAlias
+from typing import Any, TypeAlias
+from xml.etree.ElementTree import Element
 
 import mujoco
 import numpy as np
-import pinocchio as pin
 
 from mitt import checks
 from mitt.errors import FileError, MittError, ModelError, heard
-from mitt.robot.description import rotation
-from mitt.robot.inertia import mended_inertia
+from mitt.robot.description import mended_inertia, rotation, transform
+from mitt.robot.description_files import (
+    LINK,
+    WORLD,
+    Kind,
+    LeftOut,
+    Mimic,
+    Part,
+    Shape,
+    Stated,
+    Tree,
+    read_xml,
+)
 from mitt.robot.meshes import (
     Meshes,
     Missing,
@@ -27,43 +44,53 @@ from mitt.robot.meshes import (
     find_mesh,
     missing_notes,
 )
-from mitt.robot.mjcf_files import check_files
-from mitt.robot.mjcf_joints import (
-    BALL,
-    HINGE,
-    SLIDE,
-    Names,
-    loops_of,
-    mimics_of,
-    names_of,
-    ranges_of,
-    speeds_of,
-    torques_of,
-)
-from mitt.robot.mjcf_left_out import file_notes, left_out_of
-from mitt.robot.stated import Shape, Stated
-from mitt.robot.xml_files import read_xml
 from mitt.signals import GRAVITY, Array
 
 _KEYS = {
     "range": "range", "torque": "actuatorfrcrange or forcerange",
     "speed": "the numeric velocity_limit_JOINT",
 }  # fmt: skip
-#: Kinds of geoms. As plain numbers: an enum of MuJoCo is not equal to a number of numpy.
-_PLANE, _SPHERE, _CAPSULE, _ELLIPSOID, _CYLINDER, _BOX = (
-    int(kind)
-    for kind in (
-        mujoco.mjtGeom.mjGEOM_PLANE,
-        mujoco.mjtGeom.mjGEOM_SPHERE,
-        mujoco.mjtGeom.mjGEOM_CAPSULE,
-        mujoco.mjtGeom.mjGEOM_ELLIPSOID,
-        mujoco.mjtGeom.mjGEOM_CYLINDER,
-        mujoco.mjtGeom.mjGEOM_BOX,
-    )
-)
+#: Kinds of geoms, joints, ways of actuators to a joint and what they add to their control. As plain
+#: numbers: an enum of MuJoCo is not equal to a number of numpy.
+_PLANE, _SPHERE, _CAPSULE = (
+    int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_SPHERE),
+    int(mujoco.mjtGeom.mjGEOM_CAPSULE),
+)  # fmt: skip
+_ELLIPSOID, _CYLINDER, _BOX = (
+    int(mujoco.mjtGeom.mjGEOM_ELLIPSOID), int(mujoco.mjtGeom.mjGEOM_CYLINDER),
+    int(mujoco.mjtGeom.mjGEOM_BOX),
+)  # fmt: skip
+_HINGE, _SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+_JOINTS: dict[int, Kind] = {
+    _HINGE: "hinge", _SLIDE: "slide", int(mujoco.mjtJoint.mjJNT_BALL): "ball",
+    int(mujoco.mjtJoint.mjJNT_FREE): "free",
+}  # fmt: skip
+_AT_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+_BY_TENDON, _ON_JOINT = int(mujoco.mjtTrn.mjTRN_TENDON), int(mujoco.mjtWrap.mjWRAP_JOINT)
+_MOTOR, _DC_MOTOR = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_DCMOTOR)
+_CONNECT, _WELD, _FOLLOWS = (
+    int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD), int(mujoco.mjtEq.mjEQ_JOINT)
+)  # fmt: skip
+#: What opens other files, or runs code, as MuJoCo parses it.
+_OTHERS = ("model", "attach", "plugin", "extension", "include")
+#: Attributes that name a folder.
+_FOLDERS = ("assetdir", "meshdir", "texturedir")
+#: Most elements once copies are made.
+_MOST_ELEMENTS = 100_000
+#: How far gravity may be off [m/s^2]: it is 9.80 to 9.83 on Earth.
+_NEAR = 0.03
 _Mesh: TypeAlias = tuple[str, Path | None, Array]
 """What a mesh is called, where it is, and its scale."""
 _NONE: _Mesh = ("", None, np.ones(3))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Names:
+    """Names of joints, bodies and sites, each by its number; none of a joint is that of another."""
+
+    joints: tuple[str, ...]
+    bodies: tuple[str, ...]
+    sites: tuple[str, ...]
 
 
 def read_mjcf(path: Path) -> Stated:
@@ -74,20 +101,20 @@ def read_mjcf(path: Path) -> Stated:
     """
     path = checks.path("arm", path)
     text, root = read_xml(path, "mujoco")
-    check_files(path, root)
-    speed = speeds_of(path, root)
+    _check_files(path, root)
+    speed = _speeds_of(path, root)
     with heard():
         m, meshes, mended = _compiled(path, text)
-    names = names_of(m)
+    names = _names_of(m)
     shapes, missing = _shapes(path, m, names, meshes)
-    mimics, notes = mimics_of(m, names)
-    torque, unusable = torques_of(m, names)
-    notes = (*mended, *notes, *file_notes(m, names))
+    mimics, notes = _mimics_of(m, names)
+    torque, unusable = _torques_of(m, names)
+    notes = (*mended, *notes, *_file_notes(m, names))
     return Stated(
-        place=str(path), model=_to_pinocchio(m, names), ranges=ranges_of(m, names),
-        torque=torque, speed=speed, mimics=mimics, loops=loops_of(m, names),
+        place=str(path), tree=_tree(m, names), ranges=_ranges_of(m, names),
+        torque=torque, speed=speed, mimics=mimics, loops=_loops_of(m, names),
         shapes=tuple(shapes), notes=(*missing_notes(path, missing), *notes), keys=_KEYS,
-        left_out=left_out_of(m, names), unusable=unusable,
+        left_out=_left_out_of(m, names), unusable=unusable,
     )  # fmt: skip
 
 
@@ -189,7 +216,7 @@ def _shapes(
     for b in range(m.nbody):
         own = np.flatnonzero(m.geom_bodyid == b)
         for g in own[touching[own]] if touching[own].any() else own:
-            name = names.bodies[b] if b else "universe"
+            name = names.bodies[b] if b else WORLD
             if int(m.geom_type[g]) == _PLANE:
                 continue  # which a note says
             found = _points(m, int(g), meshes, known)
@@ -197,7 +224,7 @@ def _shapes(
                 missing.append(Missing(name, meshes.get(m.geom(g).name, _NONE)[0]))
                 continue
             T = _pose(m.geom_pos[g], m.geom_quat[g])
-            points = found[0] @ T.rotation.T + T.translation
+            points = found[0] @ T[:3, :3].T + T[:3, 3]
             check_place(str(path), points)
             shapes.append(Shape(frame=name, points=points, radius=found[1]))
     return shapes, missing
@@ -243,59 +270,286 @@ def _check_weight(path: Path, spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> None
                         do="let MuJoCo save the file once: mj_saveLastXML writes it")  # fmt: skip
 
 
-def _to_pinocchio(m: mujoco.MjModel, names: Names) -> pin.Model:
-    """Return the tree of bodies with all joints, a frame for each body and each site."""
-    model = pin.Model()
-    model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
-    joint_of, seat = {0: 0}, {0: pin.SE3.Identity()}
-    armature: list[float] = []
+def _tree(m: mujoco.MjModel, names: Names) -> Tree:
+    """Return bodies with the joints before them, then sites."""
+    parts, place = [Part(name=WORLD, kind="world")], {0: 0}
     for b in range(1, m.nbody):
-        parent = m.body_parentid[b]
-        joint, T = joint_of[parent], seat[parent] * _pose(m.body_pos[b], m.body_quat[b])
+        before, T = place[m.body_parentid[b]], _pose(m.body_pos[b], m.body_quat[b])
         for k in range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b]):
-            kind, at = _joint(m, k), pin.SE3(np.eye(3), np.array(m.jnt_pos[k]))
-            T = T * at * _initial(m, k).inverse()
-            joint = model.addJoint(joint, kind, T, names.joints[k])
-            model.addJointFrame(joint)
-            T = at.inverse()
-            armature += [float(x) for x in m.dof_armature[m.jnt_dofadr[k] :][: kind.nv]]
-        R = _pose(m.body_ipos[b], m.body_iquat[b])
-        about = R.rotation @ np.diag(m.body_inertia[b]) @ R.rotation.T
-        inertia = pin.Inertia(float(m.body_mass[b]), R.translation, about)
-        model.appendBodyToJoint(joint, inertia, T)
-        joint_of[b], seat[b] = joint, T
-        model.addFrame(pin.Frame(names.bodies[b], joint, 0, T, pin.FrameType.BODY), False)
-    for s in range(m.nsite):
-        b = m.site_bodyid[s]
-        T = seat[b] * _pose(m.site_pos[s], m.site_quat[s])
-        if names.sites[s] in names.bodies:
-            continue  # the body of that name goes before it
-        model.addFrame(pin.Frame(names.sites[s], joint_of[b], 0, T, pin.FrameType.OP_FRAME), False)
-    model.armature = np.array(armature)
-    return model
+            at = transform(p=m.jnt_pos[k])
+            parts.append(Part(
+                name=names.joints[k], kind=_JOINTS[int(m.jnt_type[k])], before=before,
+                placement=T @ at @ _back(m, k), axis=np.array(m.jnt_axis[k]),
+                armature=float(m.dof_armature[m.jnt_dofadr[k]]),
+            ))  # fmt: skip
+            before, T = len(parts) - 1, transform(p=-m.jnt_pos[k])
+        own = _pose(m.body_ipos[b], m.body_iquat[b])
+        place[b] = len(parts)
+        parts.append(Part(
+            name=names.bodies[b], kind="link", before=before, placement=T,
+            mass=float(m.body_mass[b]), com=own[:3, 3],
+            inertia=own[:3, :3] @ np.diag(m.body_inertia[b]) @ own[:3, :3].T,
+        ))  # fmt: skip
+    parts += [
+        Part(name=name, kind="site", before=place[m.site_bodyid[s]],
+             placement=_pose(m.site_pos[s], m.site_quat[s]))
+        for s, name in enumerate(names.sites) if name not in names.bodies  # which goes before it
+    ]  # fmt: skip
+    return Tree(parts)
 
 
-def _joint(m: mujoco.MjModel, k: int) -> pin.JointModel:
-    """Return a joint as Pinocchio has it."""
-    if m.jnt_type[k] == HINGE:
-        return pin.JointModelRevoluteUnaligned(np.array(m.jnt_axis[k]))
-    if m.jnt_type[k] == SLIDE:
-        return pin.JointModelPrismaticUnaligned(np.array(m.jnt_axis[k]))
-    if m.jnt_type[k] == BALL:
-        return pin.JointModelSpherical()
-    return pin.JointModelFreeFlyer()
-
-
-def _initial(m: mujoco.MjModel, k: int) -> pin.SE3:
-    """Return how far joint ``k`` has moved where the file shows its body (``ref``)."""
+def _back(m: mujoco.MjModel, k: int) -> Array:
+    """Return the motion from where the file shows a joint's body (``ref``) to its zero, (4, 4)."""
     value, axis = float(m.qpos0[m.jnt_qposadr[k]]), np.array(m.jnt_axis[k])
-    if m.jnt_type[k] == HINGE:
-        return pin.SE3(rotation(axis, value), np.zeros(3))
-    return pin.SE3(np.eye(3), value * axis if m.jnt_type[k] == SLIDE else np.zeros(3))
+    if m.jnt_type[k] == _HINGE:
+        return transform(rotation(axis, -value))
+    return transform(p=-value * axis) if m.jnt_type[k] == _SLIDE else transform()
 
 
-def _pose(p: Array, quaternion: Array) -> pin.SE3:
-    """Return a pose from a position [m] and a quaternion (w, x, y, z)."""
+def _pose(p: Array, quaternion: Array) -> Array:
+    """Return a frame from its place [m] and a quaternion (w, x, y, z), shape (4, 4)."""
     R = np.zeros(9)
     mujoco.mju_quat2Mat(R, np.array(quaternion, dtype=np.float64))
-    return pin.SE3(R.reshape(3, 3), np.array(p, dtype=np.float64))
+    return transform(R.reshape(3, 3), p)
+
+
+def _names_of(m: mujoco.MjModel) -> Names:
+    """Return what everything is called; frames that are called as a joint is end with ``LINK``."""
+    joints = _named(m.joint, m.njnt, "joint")
+    taken = frozenset(joints)
+    bodies, sites = (
+        tuple(x + LINK if x in taken else x for x in names)
+        for names in (_named(m.body, m.nbody, "body"), _named(m.site, m.nsite, "site"))
+    )
+    return Names(joints=joints, bodies=bodies, sites=sites)
+
+
+def _named(of: Callable[[int], Any], count: int, kind: str) -> tuple[str, ...]:
+    """Return names, new ones where there are none."""
+    given = [str(of(k).name) for k in range(count)]
+    taken = frozenset(given)
+    out = []
+    for k, name in enumerate(given):
+        new = f"{kind} {k}"
+        while new in taken:
+            new += " unnamed"
+        out.append(name or new)
+    return tuple(out)
+
+
+def _ranges_of(m: mujoco.MjModel, names: Names) -> dict[str, tuple[float, float]]:
+    """Return the joints' ranges; a hinge without one turns once about zero."""
+    out = {}
+    for k in range(m.njnt):
+        if m.jnt_limited[k]:
+            out[names.joints[k]] = (float(m.jnt_range[k, 0]), float(m.jnt_range[k, 1]))
+        elif m.jnt_type[k] == _HINGE:
+            out[names.joints[k]] = (-np.pi, np.pi)
+    return out
+
+
+def _torques_of(m: mujoco.MjModel, names: Names) -> tuple[dict[str, float], dict[str, str]]:
+    """Return the joints' largest torques, the least that joint and actuator allow.
+
+    And, by joint, what is written in the place of one: ranges that allow nothing one way.
+    """
+    bounds: dict[str, list[float]] = {}
+    for k in range(m.njnt):
+        if m.jnt_type[k] in (_HINGE, _SLIDE) and m.jnt_actfrclimited[k]:
+            bounds.setdefault(names.joints[k], []).append(_width(m.jnt_actfrcrange[k]))
+    for a in range(m.nu):
+        if int(m.actuator_trntype[a]) not in _AT_JOINT:
+            continue
+        name, gear = names.joints[m.actuator_trnid[a, 0]], abs(float(m.actuator_gear[a, 0]))
+        if m.actuator_forcelimited[a]:
+            bounds.setdefault(name, []).append(gear * _width(m.actuator_forcerange[a]))
+        motor = int(m.actuator_biastype[a]) == _MOTOR
+        if motor and m.actuator_ctrllimited[a]:
+            gain = abs(float(m.actuator_gainprm[a, 0]))
+            bounds.setdefault(name, []).append(gear * gain * _width(m.actuator_ctrlrange[a]))
+    torques = {name: min(x) for name, x in bounds.items() if min(x) > 0.0}
+    one_way = "a range of force or control that is not about 0"
+    return torques, {name: one_way for name in bounds if name not in torques}
+
+
+def _width(ends: Array) -> float:
+    """Return what a range allows both ways."""
+    return float(min(-ends[0], ends[1]))
+
+
+def _speeds_of(path: Path, root: Element) -> dict[str, float]:
+    """Return the joints' largest speeds [rad/s or m/s], as the file's own numbers say."""
+    out = {}
+    for numeric in root.iter("numeric"):
+        name, given = numeric.get("name", ""), numeric.get("data", "")
+        if not name.startswith("velocity_limit_"):
+            continue
+        try:
+            limit = float(given)
+        except ValueError:
+            limit = 0.0
+        if not 0.0 < limit < np.inf:
+            raise FileError(f"{path} {name}", "a number above 0", repr(given[:60]))
+        out[name.removeprefix("velocity_limit_")] = limit
+    return out
+
+
+def _loops_of(m: mujoco.MjModel, names: Names) -> tuple[tuple[str, str], ...]:
+    """Return the pairs of bodies that an equality joins."""
+    out = []
+    for k in np.flatnonzero(np.isin(m.eq_type, (_CONNECT, _WELD))):
+        ends = [int(m.eq_obj1id[k]), int(m.eq_obj2id[k])]
+        if int(m.eq_objtype[k]) == int(mujoco.mjtObj.mjOBJ_SITE):
+            ends = [int(m.site_bodyid[x]) for x in ends]
+        out.append((names.bodies[ends[0]], names.bodies[ends[1]]))
+    return tuple(out)
+
+
+def _mimics_of(m: mujoco.MjModel, names: Names) -> tuple[dict[str, Mimic], tuple[str, ...]]:
+    """Return the joints that an equality makes follow others, and notes of what is not kept.
+
+    A joint's value less its initial one is a polynomial of the other's less its initial one; what
+    is not straight is taken for its tangent. A joint that is joined to none follows itself, with no
+    slope.
+    """
+    out, notes = {}, []
+    for k in np.flatnonzero(m.eq_type == _FOLLOWS):
+        if not m.eq_active0[k]:
+            continue
+        joint, other = int(m.eq_obj1id[k]), int(m.eq_obj2id[k])
+        here = float(m.qpos0[m.jnt_qposadr[joint]])
+        there = float(m.qpos0[m.jnt_qposadr[other]]) if other >= 0 else 0.0
+        offset, slope = (float(x) for x in m.eq_data[k, :2])
+        slope = slope if other >= 0 else 0.0
+        name = names.joints[joint]
+        out[name] = Mimic(joint=names.joints[other if other >= 0 else joint], multiplier=slope,
+                          offset=here + offset - slope * there)  # fmt: skip
+        if other >= 0 and np.any(m.eq_data[k, 2:5] != 0.0):
+            notes.append(f"joint {name!r} follows {names.joints[other]!r} along a curve: taken for"
+                         " its tangent")  # fmt: skip
+    return out, tuple(notes)
+
+
+def _left_out_of(m: mujoco.MjModel, names: Names) -> dict[str, LeftOut]:
+    """Return what is stated of joints and not counted."""
+    others = _others(m)
+    out = {}
+    for k in range(m.njnt):
+        if int(m.jnt_type[k]) not in (_HINGE, _SLIDE):
+            continue
+        v = m.jnt_dofadr[k]
+        words = []
+        if m.jnt_stiffness[k] != 0.0:
+            unit = "N m/rad" if int(m.jnt_type[k]) == _HINGE else "N/m"
+            words.append(f"a spring of {m.jnt_stiffness[k]:.4g} {unit}")
+        if np.any(m.dof_dampingpoly[v]) or np.any(m.jnt_stiffnesspoly[k]):
+            words.append("damping or a spring along a curve")
+        words += others[k]
+        out[names.joints[k]] = LeftOut(
+            damping=float(m.dof_damping[v]), friction=float(m.dof_frictionloss[v]),
+            others=tuple(dict.fromkeys(words)),
+        )  # fmt: skip
+    return out
+
+
+def _others(m: mujoco.MjModel) -> defaultdict[int, list[str]]:
+    """Return what acts on joints besides their drives, by joint."""
+    out: defaultdict[int, list[str]] = defaultdict(list)
+    pulled = {int(m.actuator_trnid[a, 0]) for a in range(m.nu)
+              if int(m.actuator_trntype[a]) == _BY_TENDON}  # fmt: skip
+    for tendon in range(m.ntendon):
+        first = m.tendon_adr[tendon]
+        wraps = range(first, first + m.tendon_num[tendon])
+        for k in (int(m.wrap_objid[w]) for w in wraps if int(m.wrap_type[w]) == _ON_JOINT):
+            out[k].append("an actuator at a tendon" if tendon in pulled else "a tendon")
+    for a in range(m.nu):
+        if int(m.actuator_trntype[a]) not in _AT_JOINT:
+            continue
+        joint = int(m.actuator_trnid[a, 0])
+        if int(m.actuator_biastype[a]) == _DC_MOTOR:
+            out[joint].append("a motor whose torque falls with its speed")
+        if m.actuator_damping[a] != 0.0 or np.any(m.actuator_dampingpoly[a]):
+            out[joint].append("damping of its actuator")
+    for body in np.flatnonzero(m.body_gravcomp):
+        if m.body_jntnum[body]:
+            out[int(m.body_jntadr[body])].append("gravity compensation")
+    return out
+
+
+def _file_notes(m: mujoco.MjModel, names: Names) -> tuple[str, ...]:
+    """Return notes of what the file states of its world and is not read."""
+    notes = []
+    off = bool(m.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY))
+    gravity = np.zeros(3) if off else np.array(m.opt.gravity)
+    if np.linalg.norm(gravity - np.array((0.0, 0.0, -GRAVITY))) > _NEAR:
+        said = " ".join(f"{x:g}" for x in gravity)
+        notes.append(f"gravity {said} of the file is left out: taken as 0 0 -{GRAVITY:g} m/s^2,"
+                     " with z up")  # fmt: skip
+    flat = np.flatnonzero(m.geom_type == _PLANE)
+    planes = ", ".join(_called(m, names, int(g)) for g in flat[:3])
+    stated = {
+        f"planes ({planes})": len(flat) > 0,
+        "flexible bodies": m.nflex > 0,
+        "wind, density and viscosity of a fluid": _has_fluid(m),
+        "equalities of tendons or flexible bodies": not np.isin(
+            m.eq_type, (_CONNECT, _WELD, _FOLLOWS)
+        ).all(),
+    }
+    words = [what for what, given in stated.items() if given]
+    if words:
+        notes.append(f"stated in the file and left out: {', '.join(words)}")
+    return tuple(notes)
+
+
+def _called(m: mujoco.MjModel, names: Names, g: int) -> str:
+    """Return the name of a geom, or that of its body."""
+    body = int(m.geom_bodyid[g])
+    return str(m.geom(g).name) or (names.bodies[body] if body else WORLD)
+
+
+def _has_fluid(m: mujoco.MjModel) -> bool:
+    """Say whether the file states a fluid about the arm."""
+    return bool(m.opt.density or m.opt.viscosity or np.any(m.opt.wind))
+
+
+def _check_files(path: Path, root: Element) -> None:
+    """Refuse files that are not below the file's own folder, and copies without number.
+
+    Raises:
+        FileError: Of what is refused.
+    """
+    for element in root.iter():
+        if element.tag in _OTHERS:
+            raise FileError(str(path), "one file, without others and plugins", f"<{element.tag}>",
+                            do="join the files into one")  # fmt: skip
+        if element.tag == "flexcomp" and "file" in element.attrib:
+            raise FileError(str(path), "an arm without flexible bodies from files", "<flexcomp>",
+                            do="take it out")  # fmt: skip
+        for key, name in element.attrib.items():
+            if (key in _FOLDERS or key.startswith("file")) and _outside(name):
+                raise FileError(str(path), "meshes below its own folder", f"{key}={name[:60]!r}")
+    if _count(path, root) > _MOST_ELEMENTS:
+        raise FileError(str(path), f"at most {_MOST_ELEMENTS} elements with all copies", "more",
+                        do="take out <replicate> and <composite>")  # fmt: skip
+
+
+def _outside(name: str) -> bool:
+    """Say whether a path leads out of the folder that it is seen from."""
+    parts = PurePosixPath(name.replace("\\", "/"))
+    return parts.is_absolute() or name.startswith("~") or ":" in name or ".." in parts.parts
+
+
+def _count(path: Path, element: Element) -> int:
+    """Return the number of elements in one, copies included."""
+    inner = 1 + sum(_count(path, child) for child in element)
+    if element.tag not in ("replicate", "composite", "flexcomp"):
+        return inner
+    given = element.get("count", "1")
+    try:
+        counts = [int(x) for x in given.split()]
+    except ValueError:
+        counts = []
+    if not counts or not all(1 <= x <= _MOST_ELEMENTS for x in counts):
+        wanted = f"whole numbers in 1..{_MOST_ELEMENTS} for count"
+        raise FileError(f"{path} <{element.tag}>", wanted, repr(given[:60]))
+    return min(prod(counts) * inner, _MOST_ELEMENTS + 1)

@@ -27,7 +27,6 @@ from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.description import ArmModel, Capsule
 from mitt.robot.dynamics import AXIS, JOINT, SLIDES, P
-from mitt.robot.hand_shapes import hand_capsules
 from mitt.robot.kinematics import (
     IDENTITY,
     ZERO,
@@ -190,7 +189,7 @@ def _moving(model: ArmModel) -> Iterator[Array]:
         yield from (_row(k, x, np.eye(4)) for x in link.capsules)
     if model.hand is not None:
         last = len(model.links) - 1
-        yield from (_row(last, x, model.tool) for x in hand_capsules(model.hand))
+        yield from (_row(last, x, model.tool) for x in model.hand.capsules())
 
 
 def _row(carrier: int, capsule: Capsule, T: Array) -> Array:

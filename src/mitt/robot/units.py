@@ -9,12 +9,10 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
-import pinocchio as pin
 
 from mitt.errors import ModelError
-from mitt.robot.description import Link, meant_in_radians
-from mitt.robot.inertia import steel_ball
-from mitt.robot.stated import Stated
+from mitt.robot.description import Link, meant_in_radians, steel_ball
+from mitt.robot.description_files import Stated, Tree
 from mitt.signals import GRAVITY, Array
 
 #: Widest range of a hinge that is taken for radians [rad]; a wider one was written in degrees.
@@ -41,11 +39,6 @@ _REACH, _DENSITY = (0.03, 12.0), (0.3, 1000.0)
 _WIDEST_BODY, _DENSEST = 3.0, 0.1
 
 
-def slides(model: pin.Model, name: str) -> bool:
-    """Say whether a joint slides [m] instead of turning [rad]."""
-    return bool(model.joints[model.getJointId(name)].shortname().startswith("JointModelP"))
-
-
 def check_range(where: str, low: float, high: float) -> None:
     """Refuse a range of a hinge [rad] that was written in degrees.
 
@@ -59,11 +52,11 @@ def check_range(where: str, low: float, high: float) -> None:
         raise ModelError(where, "a range within +-4 pi rad", f"{low:g}..{high:g}", do=do)
 
 
-def check_set(model: pin.Model, name: str, bounds: Mapping[str, Mapping[str, float]]) -> None:
+def check_set(tree: Tree, name: str, bounds: Mapping[str, Mapping[str, float]]) -> None:
     """Refuse ranges and speeds of a limit set that were written in degrees.
 
     Args:
-        model: The joints.
+        tree: The joints.
         name: Name of the set.
         bounds: Bounds by kind and joint, as of :meth:`mitt.robot.limit_sets.LimitSet.fitted`.
 
@@ -71,10 +64,10 @@ def check_set(model: pin.Model, name: str, bounds: Mapping[str, Mapping[str, flo
         ModelError: A hinge has a range beyond 4 pi rad or a speed beyond 20 pi rad/s.
     """
     for joint, low in bounds.get("lower", {}).items():
-        if not slides(model, joint):
+        if tree.joint(joint).kind == "hinge":
             check_range(f"limits {name} of joint {joint!r}", low, bounds["upper"][joint])
     for joint, speed in bounds.get("speed", {}).items():
-        if not slides(model, joint) and speed > _FASTEST:
+        if tree.joint(joint).kind == "hinge" and speed > _FASTEST:
             raise ModelError(
                 f"limits {name} of joint {joint!r}", "a speed of at most 20 pi rad/s", f"{speed:g}",
                 do=f"this looks like degrees: write radians, {np.radians(speed):.4g}",

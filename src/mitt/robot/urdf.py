@@ -1,26 +1,38 @@
-"""URDF files: checked and mended in memory before Pinocchio sees them.
+"""URDF files: links and joints as a tree of parts, and the limits beside.
 
-What is mended has no meaning, or one that Pinocchio does not know: the axis of a fixed joint, a
-continuous joint (one turn about zero), a limit that is missing (asked for by name once it is
-needed). The schema of URDF: the ROS wiki, pages urdf/XML/joint and urdf/XML/link.
+What has no meaning is passed over, as the axis of a fixed joint; a continuous joint turns once
+about zero; a limit that is missing is asked for by name once it is needed. The schema of URDF: the
+ROS wiki, pages urdf/XML/joint and urdf/XML/link.
 """
 
 from collections.abc import Iterator
 from math import hypot, inf, isfinite, pi
 from pathlib import Path
-from xml.etree.ElementTree import Element, SubElement, tostring
+from typing import Any
+from xml.etree.ElementTree import Element
 
 import numpy as np
-import pinocchio as pin
 
 from mitt import checks
-from mitt.errors import FileError, heard
+from mitt.errors import FileError, ModelError
+from mitt.robot.description import roll_pitch_yaw, transform
+from mitt.robot.description_files import (
+    LINK,
+    WORLD,
+    Kind,
+    LeftOut,
+    Mimic,
+    Part,
+    Stated,
+    Tree,
+    numbers_of,
+    read_xml,
+)
 from mitt.robot.meshes import urdf_shapes
-from mitt.robot.stated import LINK, LeftOut, Mimic, Stated
-from mitt.robot.xml_files import check_numbers, read_xml, without_sources
+from mitt.signals import Array
 
 #: Joints that move, with a range that the file has to state or not.
-_MOVING = ("revolute", "prismatic", "continuous")
+_MOVING: dict[str, Kind] = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide"}
 #: Largest angle of a frame that is believed: one turn, and room for rounding [rad].
 _ONE_TURN = 2.0 * pi + 0.01
 _TYPES = (*_MOVING, "fixed", "floating", "planar")
@@ -41,27 +53,13 @@ def read_urdf(path: Path) -> Stated:
     check_numbers(path, root)
     joints = root.findall("joint")
     _check_tree(path, root, joints)
-    for joint in joints:
-        for axis in joint.findall("axis"):
-            if joint.get("type") == "fixed":
-                joint.remove(axis)  # it has no meaning there, and some files have zeros
-            else:
-                _check_axis(path, axis)
-    left_out, unusable = _left_out(root, joints), _unusable(joints)
-    ranges, torque, speed = _mended(path, joints)
+    left_out = _left_out(root, joints)
+    unusable = {x.get("name", ""): words for x in joints if (words := _unusable(x))}
+    ranges, torque, speed = _limits(path, joints)
     mimics = dict(_mimics(path, joints))
     shapes, notes = urdf_shapes(path, root)
-    _tell_apart(root, joints)
-    with heard() as said:
-        try:
-            model, failed = pin.buildModelFromXML(tostring(root, encoding="unicode")), None
-        except (ValueError, RuntimeError, IndexError, KeyError) as error:
-            failed = error
-    if failed is not None:
-        reason = without_sources("".join(said).splitlines()) or without_sources([str(failed)])
-        raise FileError(str(path), "a URDF arm", reason[:200] or "a parse error") from failed
     return Stated(
-        place=str(path), model=model, ranges=ranges, torque=torque, speed=speed,
+        place=str(path), tree=_tree(path, root, joints), ranges=ranges, torque=torque, speed=speed,
         mimics=mimics, shapes=shapes, notes=(*notes, *_turned(root)), keys=_KEYS_OF,
         left_out=left_out, unusable=unusable,
     )  # fmt: skip
@@ -109,9 +107,62 @@ def _link_of(joint: Element, end: str) -> str:
     return "" if element is None else element.get("link", "")
 
 
-def _check_axis(path: Path, axis: Element) -> None:
-    """Refuse an axis without a direction."""
-    given = axis.get("xyz", "1 0 0")
+def _tree(path: Path, root: Element, joints: list[Element]) -> Tree:
+    """Return links and joints, each subtree as a whole, joints at a link by their names."""
+    names = {x.get("name", "") for x in joints}
+    links = {x.get("name", ""): x for x in root.findall("link")}
+    behind: dict[str, list[Element]] = {name: [] for name in links}
+    for joint in sorted(joints, key=lambda x: x.get("name", "")):
+        behind[_link_of(joint, "parent")].append(joint)
+    children = {_link_of(joint, "child") for joint in joints}
+    parts = [Part(name=WORLD, kind="world")]
+    pending: list[tuple[int, Element]] = []
+
+    def add_link(name: str) -> None:
+        called = name + LINK if name in names else name
+        parts.append(
+            Part(name=called, kind="link", before=len(parts) - 1, **_inertial(links[name]))
+        )
+        pending.extend((len(parts) - 1, joint) for joint in reversed(behind[name]))
+
+    add_link(next(name for name in links if name not in children))
+    while pending:
+        before, joint = pending.pop()
+        kind = _MOVING.get(joint.get("type", ""), "fixed")
+        axis = np.zeros(3) if kind == "fixed" else _axis(path, joint)
+        parts.append(Part(name=joint.get("name", ""), kind=kind, before=before,
+                          placement=_origin(joint), axis=axis))  # fmt: skip
+        add_link(_link_of(joint, "child"))
+    return Tree(parts)
+
+
+def _origin(element: Element) -> Array:
+    """Return the frame that an element's origin says, shape (4, 4)."""
+    origin = element.find("origin")
+    R = roll_pitch_yaw(numbers_of(origin, "rpy", 3, "0 0 0"))
+    return transform(R, numbers_of(origin, "xyz", 3, "0 0 0"))
+
+
+def _inertial(link: Element) -> dict[str, Any]:
+    """Return mass, centre of mass and inertia of a link as fields; none where it does not say."""
+    inertial = link.find("inertial")
+    mass, moments = (None if inertial is None else inertial.find(x) for x in ("mass", "inertia"))
+    if inertial is None or mass is None or moments is None or "value" not in mass.attrib:
+        return {}
+    if not all(key in moments.attrib for key in _MOMENTS):
+        return {}
+    xx, xy, xz, yy, yz, zz = (float(moments.get(key, "0")) for key in _MOMENTS)
+    T, own = _origin(inertial), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return {
+        "mass": float(mass.get("value", "0")), "com": T[:3, 3],
+        "inertia": T[:3, :3] @ own @ T[:3, :3].T,
+    }  # fmt: skip
+
+
+def _axis(path: Path, joint: Element) -> Array:
+    """Return the unit axis of a joint, shape (3,); refuse one without a direction."""
+    axis = joint.find("axis")
+    given = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
     try:
         x, y, z = (float(x) for x in given.split())
         size = hypot(x, y, z)
@@ -120,13 +171,15 @@ def _check_axis(path: Path, axis: Element) -> None:
     if not 1e-6 < size < 1e6:
         do = "separate the numbers by spaces" if "," in given else ""
         raise FileError(str(path), "joint axes with a direction", repr(given[:60]), do=do)
+    return np.array([x, y, z]) / size
 
 
 _Limits = tuple[dict[str, tuple[float, float]], dict[str, float], dict[str, float]]
+_KEYS = ("lower", "upper", "effort", "velocity")
 
 
-def _mended(path: Path, joints: list[Element]) -> _Limits:
-    """Mend joints in memory and return the ranges, torques and speeds that they state."""
+def _limits(path: Path, joints: list[Element]) -> _Limits:
+    """Return the ranges, torques and speeds that joints state."""
     ranges: dict[str, tuple[float, float]] = {}
     torque: dict[str, float] = {}
     speed: dict[str, float] = {}
@@ -138,10 +191,10 @@ def _mended(path: Path, joints: list[Element]) -> _Limits:
         if kind not in _MOVING:
             continue
         limit = joint.find("limit")
-        limit = SubElement(joint, "limit") if limit is None else limit
-        stated = {key: _number(path, name, limit, key) for key in _KEYS if limit.get(key)}
+        stated = {} if limit is None else {
+            key: _number(path, name, limit, key) for key in _KEYS if limit.get(key)
+        }  # fmt: skip
         if kind == "continuous":
-            joint.set("type", "revolute")
             ranges[name] = (-pi, pi)
         elif "lower" in stated or "upper" in stated:
             ends = stated.get("lower", 0.0), stated.get("upper", 0.0)
@@ -150,26 +203,14 @@ def _mended(path: Path, joints: list[Element]) -> _Limits:
         for table, key in ((torque, "effort"), (speed, "velocity")):
             if 0.0 < stated.get(key, 0.0) < inf:
                 table[name] = stated[key]
-        low, high = ranges.get(name, (0.0, 0.0))
-        for key, value in zip(_KEYS, (low, high, torque.get(name, 0.0), speed.get(name, 0.0)),
-                              strict=True):  # fmt: skip
-            limit.set(key, repr(float(value)))
     return ranges, torque, speed
 
 
-_KEYS = ("lower", "upper", "effort", "velocity")
-
-
-def _unusable(joints: list[Element]) -> dict[str, str]:
-    """Return what joints state in the place of a limit: 0, less, or no end."""
-    out = {}
-    for joint in joints:
-        given = joint.find("limit")
-        stated = {} if given is None else {k: given.get(k, "") for k in _KEYS if given.get(k)}
-        words = [f"{key} {text[:20]}" for key, text in stated.items() if not _usable(key, text)]
-        if words:
-            out[joint.get("name", "")] = ", ".join(words)
-    return out
+def _unusable(joint: Element) -> str:
+    """Return what a joint states in the place of a limit: 0, less, or no end."""
+    limit = joint.find("limit")
+    stated = {} if limit is None else {k: limit.get(k, "") for k in _KEYS if limit.get(k)}
+    return ", ".join(f"{key} {text[:20]}" for key, text in stated.items() if not _usable(key, text))
 
 
 def _usable(key: str, text: str) -> bool:
@@ -194,7 +235,6 @@ def _left_out(root: Element, joints: list[Element]) -> dict[str, LeftOut]:
         name, others = joint.get("name", ""), []
         lost = {"damping": 0.0, "friction": 0.0}
         for dynamics in joint.findall("dynamics"):
-            joint.remove(dynamics)  # what is read of it stands here
             lost |= {key: abs(float(dynamics.get(key, "0"))) for key in lost}
             others += [f"{key} {x[:20]}" for key, x in dynamics.attrib.items() if key not in lost]
         limit = joint.find("limit")
@@ -244,7 +284,9 @@ def _mimics(path: Path, joints: list[Element]) -> Iterator[tuple[str, Mimic]]:
         tag = joint.find("mimic")
         if tag is None:
             continue
-        name, of = joint.get("name", ""), tag.get("joint", "")
+        name, of = joint.get("name", ""), tag.get("joint")
+        if of is None:
+            raise FileError(str(path), "a URDF arm", f"joint {name!r}: no mimic joint specified")
         factors = [
             _number(path, name, tag, key) if tag.get(key) else default
             for key, default in (("multiplier", 1.0), ("offset", 0.0))
@@ -252,11 +294,62 @@ def _mimics(path: Path, joints: list[Element]) -> Iterator[tuple[str, Mimic]]:
         yield name, Mimic(joint=of, multiplier=factors[0], offset=factors[1])
 
 
-def _tell_apart(root: Element, joints: list[Element]) -> None:
-    """Rename links that are called as a joint is: Pinocchio keeps one frame a name."""
-    names = {x.get("name", "") for x in joints}
-    called = [(x, "name") for x in root.findall("link")]
-    called += [(x, "link") for joint in joints for x in joint if x.tag in ("parent", "child")]
-    for element, key in called:
-        if element.get(key) in names:
-            element.set(key, f"{element.get(key)}{LINK}")
+#: Numbers that attributes of a URDF hold, by the path of their element in a link or a joint.
+_SHAPES = {"box": {"size": 3}, "cylinder": {"radius": 1, "length": 1}, "sphere": {"radius": 1},
+           "capsule": {"radius": 1, "length": 1}, "mesh": {"scale": 3}}  # fmt: skip
+_PLACE = {"xyz": 3, "rpy": 3}
+_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+_NUMBERS: dict[str, dict[str, dict[str, int]]] = {
+    "link": {
+        "inertial/mass": {"value": 1},
+        "inertial/inertia": dict.fromkeys(_MOMENTS, 1),
+        "inertial/origin": _PLACE,
+        **{f"{x}/origin": _PLACE for x in ("visual", "collision")},
+        **{f"{x}/geometry/{solid}": keys for x in ("visual", "collision")
+           for solid, keys in _SHAPES.items()},
+    },
+    "joint": {
+        "origin": _PLACE,
+        "dynamics": {"damping": 1, "friction": 1},
+    },
+}  # fmt: skip
+
+
+def check_numbers(path: Path, root: Element) -> None:
+    """Refuse attributes of a URDF that are not as many numbers as they should be.
+
+    The parsers behind take a link whose mass does not parse for one without mass.
+
+    Raises:
+        FileError: It names the link or the joint, the element and what stands there.
+        ModelError: A mass is below 0.
+    """
+    for part in root:
+        for inner, keys in _NUMBERS.get(part.tag, {}).items():
+            for element in part.findall(inner):
+                for key, count in keys.items():
+                    given = element.get(key)
+                    finite = "geometry" not in inner  # sizes are looked at with the shapes
+                    if given is not None and not _are_numbers(given, count, finite=finite):
+                        _refuse(path, part, f"{element.tag} {key}", given, count)
+        for mass in part.findall("inertial/mass"):
+            if float(mass.get("value", "0")) < 0.0:
+                where = f"{path} link {part.get('name', '')!r}"
+                raise ModelError(where, "a mass of at least 0 kg", mass.get("value", ""))
+
+
+def _refuse(path: Path, part: Element, what: str, given: str, count: int) -> None:
+    """Raise the error of an attribute."""
+    wanted = f"a number for {what}" if count == 1 else f"{count} numbers for {what}"
+    do = "separate them by spaces, with points for decimals" if "," in given else ""
+    raise FileError(f"{path} {part.tag} {part.get('name', '')!r}", wanted, repr(given[:60]), do=do)
+
+
+def _are_numbers(text: str, count: int, *, finite: bool) -> bool:
+    """Say whether a text is so many numbers."""
+    try:
+        values = [float(x) for x in text.split()]
+    except ValueError:
+        return False
+    known = "_" not in text and (not finite or all(isfinite(x) for x in values))
+    return len(values) == count and known

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mitt.errors import UnknownNameError
-from mitt.robot.basket import Hand
-from mitt.robot.description import ArmModel, Brake, Capsule, Link, rotation, transform
+from mitt.robot.description import ArmModel, Brake, Capsule, Hand, Link, rotation, transform
 from mitt.robot.limits import Limits, joint_level
 from mitt.signals import Array
 

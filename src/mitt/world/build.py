@@ -9,6 +9,7 @@ import numpy as np
 from mitt.errors import ModelError
 from mitt.robot.basket import Basket
 from mitt.robot.description import ArmModel
+from mitt.robot.hands import HandModel
 from mitt.robot.plant import add_arm
 from mitt.world.basket import add_basket
 from mitt.world.engine import stop_clocks
@@ -83,7 +84,7 @@ def describe(scene: Scene, arm: ArmModel) -> tuple[mujoco.MjSpec, int]:
     fingers: tuple[str, ...] = ()
     if isinstance(arm.hand, Basket):
         add_basket(plate, arm.hand)
-    else:
+    elif isinstance(arm.hand, HandModel):
         fingers = add_hand(spec, plate, arm.hand)
     _add_ball(spec, scene)
     _let_neighbours_meet(spec, arm)

@@ -7,9 +7,8 @@ import mujoco
 import numpy as np
 
 from mitt.errors import ModelError
-from mitt.robot.description import rotation
+from mitt.robot.description import checked_inertia, rotation
 from mitt.robot.hands import Finger, HandModel
-from mitt.robot.inertia import checked_inertia
 from mitt.signals import Array
 
 #: Who may touch whom: a bit for each kind of geom. Two geoms meet if the one's kind is among
