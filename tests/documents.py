@@ -3,6 +3,7 @@
 import re
 import tomllib
 from pathlib import Path
+from textwrap import indent
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"^```([^\n]*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
@@ -12,6 +13,12 @@ def blocks(path: Path, language: str) -> list[str]:
     """Return the blocks of a language in a document."""
     found = BLOCK.findall(path.read_text(encoding="utf-8"))
     return [text for name, text in found if name.strip() == language]
+
+
+def is_part(text: str, path: Path) -> bool:
+    """Say whether a block is a part of a file, or a part of a class in it."""
+    whole = path.read_text(encoding="utf-8")
+    return text in whole or indent(text, "    ") in whole
 
 
 def lines_of(path: Path) -> list[str]:
