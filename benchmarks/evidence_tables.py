@@ -12,7 +12,7 @@ from typing import Any
 
 import pyarrow.parquet as pq
 
-from mitt.sweep.summary import against
+from mitt.trials.study_results import against
 
 BEGIN, END = "<!-- tables -->", "<!-- end of tables -->"
 #: Corrected p from which two generators count as different.
