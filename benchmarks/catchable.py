@@ -23,7 +23,7 @@ from collections.abc import Callable, Iterator
 from functools import lru_cache, partial
 from pathlib import Path
 
-from mitt.files.throws import ThrowSettings
+from mitt.files.arm_file import ArmSpec, ThrowSettings
 from mitt.generator.generators import Generator
 from mitt.generator.learn import Learned
 from mitt.rivals.clairvoyant import make_clairvoyant
@@ -31,10 +31,9 @@ from mitt.trials.learning import learn, neighbourhood_of_ball
 from mitt.trials.oracle import Row, counted, is_sampled, judged, parallel
 from mitt.trials.registry import make_generator
 from mitt.trials.runner import TrialRunner
-from mitt.trials.runs import arm_of, design_of, throws_of
 from mitt.trials.score import Trial
 from mitt.trials.source import source_of, widened
-from mitt.trials.study_file import ArmSettings, Condition, read_study
+from mitt.trials.study_file import Condition, read_study
 from mitt.world.scenes import read_scene
 
 #: Share of the throws that the map catches which are given to the clairvoyant as well.
@@ -45,8 +44,8 @@ STUDY = "show-throws"
 
 def of_arm_file(path: str, scene: str) -> Condition:
     """Return the throws that an arm file asks for, at its arm and map."""
-    arm = ArmSettings(arm=path)
-    throws = throws_of(arm) or ThrowSettings()
+    arm = ArmSpec(arm=path)
+    throws = arm.read().throws or ThrowSettings()
     return Condition(name=path, disturbance="default", arm=arm, scene=read_scene(scene),
                      vision="pixels", throws=throws)  # fmt: skip
 
@@ -55,7 +54,7 @@ def conditions(limits: str, names: str, scene: str) -> Iterator[Condition]:
     """Return the conditions of a limit set that are wanted; names of the study without the set."""
     wanted = names.split(",")
     if "default" in wanted:
-        arm = ArmSettings.model_validate({"limits": limits})
+        arm = ArmSpec.model_validate({"limits": limits})
         yield Condition(
             name="default", disturbance="default", arm=arm, scene=read_scene(scene), vision="pixels"
         )
@@ -66,10 +65,10 @@ def conditions(limits: str, names: str, scene: str) -> Iterator[Condition]:
 
 
 @lru_cache(maxsize=len(LIMITS))
-def learned(settings: ArmSettings, drag: float) -> Learned:
+def learned(settings: ArmSpec, drag: float) -> Learned:
     """Return the map of an arm for a ball, as ``mitt catch`` learns it; once in a process."""
-    arm = arm_of(settings)
-    return learn(arm, design=design_of(settings, arm), around=neighbourhood_of_ball(drag))
+    chosen = settings.read()
+    return learn(chosen.arm, design=chosen.design, around=neighbourhood_of_ball(drag))
 
 
 def part(options: argparse.Namespace, condition: Condition, number: int) -> list[Row]:

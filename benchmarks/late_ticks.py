@@ -25,8 +25,7 @@ from exact_plant import SETTINGS, Change, as_read, each, throw
 from franka_design import panda_file
 
 from mitt.catcher.catcher import Catcher
-from mitt.files.arm_file import read_arm_file
-from mitt.files.arms import load_arm
+from mitt.files.arm_file import load_arm, read_arm_file
 from mitt.generator.design import default_design
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap

@@ -20,7 +20,7 @@ from rich.console import Console
 from mitt.cell.drivers import connect
 from mitt.cell.prepare import map_of, prepare
 from mitt.cell.session import SHOWN, STATES, Numbers, Person, Session, loop_of, numbers, rehearse
-from mitt.commands.live_table import picture
+from mitt.commands.screen import picture
 from mitt.files.cell import read_cell
 from mitt.interrupts import tell
 from mitt.link.clock import hurried, uncollected

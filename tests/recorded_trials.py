@@ -6,8 +6,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from mitt.files.recorded import Recorded
-from mitt.files.recording import write_recording
+from mitt.files.recordings import Recorded, write_recording
 from mitt.generator.generators import Generator, refining
 from mitt.generator.mapping import DirectMap
 from mitt.robot.load import load_arm

@@ -18,7 +18,8 @@ from support import install
 
 from mitt.catcher.catcher import Catcher, Phase
 from mitt.cli import main
-from mitt.commands.line import COMMANDS, parse
+from mitt.commands.line import parse
+from mitt.commands.options import COMMANDS
 from mitt.files.maps import save_map
 from mitt.generator.feasibility import Outcome
 from mitt.generator.generators import Direct

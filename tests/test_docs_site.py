@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import mitt
-from mitt.commands.line import COMMANDS
-from mitt.files.arms import load_arm
+from mitt.commands.options import COMMANDS
+from mitt.files.arm_file import load_arm
 from mitt.generator.demand import Tolerance, shares_of
 from mitt.generator.feasibility import judge
 from mitt.generator.generators import Direct
@@ -291,7 +291,7 @@ def test_the_page_of_commands_has_every_option(site: Path) -> None:
                               capture_output=True, text=True).stdout  # fmt: skip
         begins = text.rindex(f"mitt {name}¶")
         ends = text.find("¶", begins + len(name) + 8)
-        options = set(re.findall(r"^│ (--[a-z-]+)", said, re.MULTILINE))
+        options = set(re.findall(r"^  (--[a-z-]+)", said, re.MULTILINE))
         assert len(options) >= 2
         for option in options:
             assert option in text[begins : ends if ends > 0 else None], (name, option)

@@ -12,11 +12,10 @@ from hypothesis import strategies as st
 from mitt.calibration.stages import header_of
 from mitt.cameras.cameras import read_image
 from mitt.errors import FileError
-from mitt.files.files import read_json
 from mitt.files.maps import read_map
 from mitt.files.rig import read_rig
 from mitt.generator.mapping import DirectMap
-from mitt.reading import MAX_JSON_BYTES, MAX_TOML_BYTES, read_bytes, read_toml
+from mitt.reading import MAX_JSON_BYTES, MAX_TOML_BYTES, read_bytes, read_json, read_toml
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.tracks.filtering import read_positions

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mitt.catcher.settings import CatcherSettings as CatcherSettings
     from mitt.control.stop import plan_brake as plan_brake
     from mitt.errors import MittError as MittError
-    from mitt.files.arms import load_arm as load_arm
+    from mitt.files.arm_file import load_arm as load_arm
     from mitt.files.maps import read_map as read_map
     from mitt.generator.design import MapDesign as MapDesign
     from mitt.generator.feasibility import Outcome as Outcome
@@ -56,7 +56,7 @@ _HOMES = {
     "Sighting": "mitt.signals",
     "Verdict": "mitt.generator.feasibility",
     "learn": "mitt.trials.learning",
-    "load_arm": "mitt.files.arms",
+    "load_arm": "mitt.files.arm_file",
     "plan_brake": "mitt.control.stop",
     "read_map": "mitt.files.maps",
     "simulate": "mitt.trials.runs",

@@ -35,8 +35,7 @@ except ImportError:
     raise MissingPackageError("mitt.gym", "gymnasium", "gym") from None
 
 from mitt.catcher.settings import Phase
-from mitt.files.arm_file import is_arm_file, read_arm_file
-from mitt.files.arms import load_arm
+from mitt.files.arm_file import is_arm_file, load_arm, read_arm_file
 from mitt.files.maps import read_map
 from mitt.generator.design import default_design
 from mitt.generator.generators import Direct, check_arm

@@ -6,6 +6,7 @@ it is parsed, because the standard parser needs memory that grows with the squar
 """
 
 import hashlib
+import json
 import os
 import re
 import stat
@@ -116,6 +117,42 @@ def read_toml(path: Path, *, wanted: str = "TOML") -> dict[str, Any]:
         return tomllib.loads(text.removeprefix("\ufeff"))
     except (ValueError, RecursionError) as error:
         raise FileError(str(path), wanted, str(error)[:120]) from None
+
+
+def read_json(path: Path, *, max_bytes: int = MAX_JSON_BYTES) -> Any:  # noqa: ANN401 (any JSON value)
+    """Return what a JSON file says; NaN, infinity and repeated keys are refused.
+
+    Raises:
+        FileError: The file is missing, too large, cut short or no JSON.
+    """
+    text = read_text(path, max_bytes=max_bytes)
+    try:
+        return json.loads(text, parse_constant=_refuse, object_pairs_hook=_unique)
+    except (ValueError, RecursionError) as error:
+        raise FileError(str(path), "complete JSON", str(error)[:120]) from error
+
+
+def _refuse(constant: str) -> None:
+    """Refuse a constant that JSON does not have."""
+    raise ValueError(f"the constant {constant}")
+
+
+def _unique(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    """Return an object whose keys are all different."""
+    found = dict(pairs)
+    if len(found) != len(pairs):
+        raise ValueError("a repeated key")
+    return found
+
+
+def shipped(kind: str) -> tuple[str, ...]:
+    """Return the names of the files of a kind that come with mitt: ``limits``, ``cells``, ..."""
+    return tuple(sorted(p.stem for p in (_PACKAGE / "data" / kind).iterdir()))
+
+
+def shipped_path(kind: str, name: str) -> Path:
+    """Return where a file is that comes with mitt."""
+    return _PACKAGE / "data" / kind / f"{name}.toml"
 
 
 def _check_nesting(text: str) -> None:

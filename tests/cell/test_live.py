@@ -18,7 +18,7 @@ from mitt.cell.session import Person, Session
 from mitt.control.stop import plan_brake
 from mitt.errors import InputError
 from mitt.files.cell import read_cell
-from mitt.files.recorded import Recorded
+from mitt.files.recordings import Recorded
 from mitt.link.frames import FrameSet
 from mitt.link.live import Mode
 from mitt.link.ticks import Ticks

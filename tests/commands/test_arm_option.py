@@ -5,12 +5,11 @@ from pathlib import Path
 import pytest
 from robot.test_load import urdf
 
-from mitt.commands.catch import prepare
+from mitt.commands.catching import prepare
 from mitt.commands.options import CatchOptions
 from mitt.commands.screen import warn
 from mitt.errors import InputError, MittError
-from mitt.trials.runs import arm_of, design_of, throws_of
-from mitt.trials.study_file import ArmSettings
+from mitt.files.arm_file import ArmSpec
 
 TEXT = """schema = "mitt.arm/1"
 [arm]
@@ -53,14 +52,12 @@ def test_catch_takes_arm_map_and_throws_from_the_file(path: Path, tmp_path: Path
 
 def test_a_study_takes_the_same(path: Path) -> None:
     """Its table of the arm names the file."""
-    settings = ArmSettings(arm=str(path))
-    arm = arm_of(settings)
-    assert design_of(settings, arm).q_catch == 1.1
-    throws = throws_of(settings)
-    assert throws is not None
-    assert throws.spread == 0.5
+    chosen = ArmSpec(arm=str(path)).read()
+    assert chosen.design.q_catch == 1.1
+    assert chosen.throws is not None
+    assert chosen.throws.spread == 0.5
     with pytest.raises(ValueError, match="franka-fr3"):
-        ArmSettings(limits="huge")
+        ArmSpec(limits="huge")
 
 
 def test_an_arm_without_a_hand_catches_nothing(path: Path, tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ def test_the_json_has_the_keys_of_the_contract(
 ) -> None:
     """Every key is there, a time has its three figures in order, and stdout is JSON alone."""
     tiny = bench.BenchSettings(throws=1, repeats=20, solves=1, flights=3, ipopt=False)
-    monkeypatch.setattr("mitt.commands.bench.QUICK", tiny)
+    monkeypatch.setattr("mitt.commands.measuring.QUICK", tiny)
     assert main(["bench", "--quick", "--json"]) == 0
     result: dict[str, Any] = json.loads(capsys.readouterr().out)
     assert set(result) == KEYS

@@ -3,18 +3,18 @@
 import re
 import shlex
 import shutil
+from dataclasses import fields
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-import tyro
 from small_study import TEXT
 from throws_on_film import calibrated
 
 from mitt.cli import main
-from mitt.commands.help import EXAMPLES, options_of
-from mitt.commands.line import COMMANDS, parse
+from mitt.commands.line import options_of, parse
+from mitt.commands.options import COMMANDS
 from mitt.files.maps import save_map
 from mitt.files.rig import write_rig
 from mitt.generator.learn import Learned
@@ -27,10 +27,7 @@ LINES, COLUMNS = 40, 80
 
 def said(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     """Return what a command prints before it ends well."""
-    try:
-        status = main(words)
-    except SystemExit as leave:  # tyro's own
-        status = int(leave.code or 0)
+    status = main(words)
     captured = capsys.readouterr()
     assert (status, captured.err) == (0, "")
     return captured.out
@@ -52,17 +49,16 @@ def test_help_is_one_screen_with_an_example(capsys: pytest.CaptureFixture[str], 
 def test_help_names_every_option_and_help_all_says_all_of_it(
     capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
-    """The parser, the short help and the long one know the same options."""
+    """The class of the options, the short help and the long one know the same options."""
     short, long = said(capsys, name, "--help"), said(capsys, name, "--help-all")
-    with pytest.warns(DeprecationWarning, match="get_parser"):
-        parser = tyro.extras.get_parser(COMMANDS[name])
-    options = {x for action in parser._actions for x in action.option_strings} - {"-h", "--help"}
-    options = {x for x in options if not x.startswith("--no-") or x in short}
-    assert set(re.findall(r"^  (--[a-z-]+)", short, re.MULTILINE)) == options
-    flat = re.sub(r"[\s│]+", "", long)
-    for called, text, _ in options_of(COMMANDS[name]):
-        assert called.split(" ")[0] in long
-        assert re.sub(r"\s+", "", re.sub(r"^Required\. | \(default.*", "", text)) in flat, called
+    options = {x.name for x in options_of(COMMANDS[name]) if not x.place}
+    assert len(options_of(COMMANDS[name])) == len(fields(COMMANDS[name]))
+    for text in (short, long):
+        assert set(re.findall(r"^  (--[a-z-]+)", text, re.MULTILINE)) == options
+    flat = re.sub(r"\s+", "", long)
+    for option in options_of(COMMANDS[name]):
+        assert option.text
+        assert re.sub(r"\s+", "", option.text.rstrip(".")) in flat, option.called
     lines = [line for line in short.splitlines() if line.startswith("  -")]
     assert all(len(line.split(maxsplit=2)) > 1 for line in lines)
 
@@ -90,7 +86,7 @@ def files(tmp_path_factory: pytest.TempPathFactory, learned: Learned) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("line", [x for lines in EXAMPLES.values() for x in lines])
+@pytest.mark.parametrize("line", [x for kind in COMMANDS.values() for x in kind.examples])
 def test_every_example_parses_and_passes_its_check(
     files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str
 ) -> None:

@@ -14,12 +14,11 @@ from small_study import Here
 from throws_on_film import calibrated
 
 from mitt.cli import main
-from mitt.commands.catch import prepare
-from mitt.commands.line import COMMANDS
-from mitt.commands.options import CatchOptions
-from mitt.files.files import file_name
+from mitt.commands.catching import prepare
+from mitt.commands.options import COMMANDS, CatchOptions
 from mitt.files.maps import save_map
 from mitt.files.rig import write_rig
+from mitt.files.writing import file_name
 from mitt.generator.learn import Learned
 from mitt.trials.result import NAME, PAGE, RESULT
 
@@ -75,7 +74,7 @@ def quick(monkeypatch: pytest.MonkeyPatch, learned: Learned, a_map: Path) -> Qui
     monkeypatch.setattr("mitt.report.replay_report.write_replay_page",
                         lambda path, *_, **__: path.write_text(page))  # fmt: skip
     monkeypatch.setattr("mitt.trials.study_run.learn", lambda *_, **__: learned)
-    monkeypatch.setattr("mitt.commands.study.engine_of", lambda *_: Here())
+    monkeypatch.setattr("mitt.commands.measuring.engine_of", lambda *_: Here())
 
     def run(*words: object) -> int:
         maps = ("--map", a_map, "--vision", "points", "--throws", "1", "--record", "none")
@@ -283,7 +282,7 @@ def test_a_generator_of_any_name_stays_below_runs(
 ) -> None:
     """What another package calls its generator is no path."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("mitt.commands.catch.check_generator", lambda _: None)
+    monkeypatch.setattr("mitt.commands.catching.check_generator", lambda _: None)
     for name in ("../../up", "/etc/up", "a/b"):
         out = prepare(CatchOptions(generator=name, throws=1)).out
         assert out.parent == Path("runs")

@@ -18,9 +18,8 @@ from local_cell import LocalCell
 
 from mitt.cell.session import STATES, Person, Session
 from mitt.cli import main
-from mitt.commands.live_table import picture
-from mitt.commands.run import _show
-from mitt.commands.sim import _words
+from mitt.commands.cells import _in_words, _show_session
+from mitt.commands.screen import picture
 from mitt.errors import FileError, InputError
 from mitt.link.clock import STALL, longest_stall
 from mitt.link.live import Mode
@@ -128,7 +127,7 @@ def test_a_real_cell_tells_nothing_of_catches(capsys: pytest.CaptureFixture[str]
     assert (found["throws"], found["caught"], found["unknown"]) == (1, 0, 1)
     assert found["command_age_us"] is None
     assert found["force_n"] is None
-    _show(s, json=False)
+    _show_session(s, json=False)
     assert "contact force not measured" in capsys.readouterr().out.replace("\n", " ")
 
 
@@ -204,7 +203,7 @@ def test_checking_says_which_controllers_are_wanted(
 ) -> None:
     """For each kind of drive and of message, with the settings that are not their defaults."""
     pytest.importorskip("cyclonedds")
-    monkeypatch.setattr("mitt.commands.run.timekeeping", lambda _: "in time")
+    monkeypatch.setattr("mitt.commands.cells.timekeeping", lambda _: "in time")
     for takes, topic, says in (
         ("torque", "commands", "forward_command_controller with joints [j1, j2, j4]"),
         ("position", "commands", "joints [j1, j2, j3, j4] in this order, interface_name position"),
@@ -230,10 +229,10 @@ def test_what_a_simulated_cell_did_is_a_line_of_words() -> None:
     counts = {"caught": 1, "dropped": 1, "missed": 0, "aborted": 0, "limit_violations": 0,
               "late_ticks": 3, "slipped_ticks": 1}  # fmt: skip
     head = {"schema": "mitt.sim/1", "version": "0", "cell": "wam-sim", "seed": 5}
-    assert _words({**head, "throws": 0}) == "wam-sim, seed 5: 0 throws"
+    assert _in_words({**head, "throws": 0}) == "wam-sim, seed 5: 0 throws"
     for age, says in ((ages, "commands 1777 us old (median), 3000 at most"), (None, "1 slipped")):
         force = {"median": 44.4, "p95": 61.0}
-        said = _words({**head, "throws": 2, **counts, "force_n": force, "command_age_us": age})
+        said = _in_words({**head, "throws": 2, **counts, "force_n": force, "command_age_us": age})
         assert said.startswith("wam-sim, seed 5: 2 throws, 1 caught, 1 dropped, contact force 44 N"
                                " median, 95 % 61 N, 0 ticks beyond")  # fmt: skip
         assert said.endswith(says)

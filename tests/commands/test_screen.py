@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 
 from mitt import jit
 from mitt.cli import main
+from mitt.commands.measuring import _show_study as show_study
 from mitt.commands.screen import checked, progress, show, table, tell_of_kernels, warn
-from mitt.commands.study import _show as show_study
 from mitt.errors import printable
 from mitt.interrupts import tell
 from mitt.report.figures.style import GENERATORS, legend_above, plot

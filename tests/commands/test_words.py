@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from mitt.cli import main
-from mitt.commands.line import COMMANDS, parse
-from mitt.commands.words import Option, options_of
+from mitt.commands.line import Option, options_of, parse
+from mitt.commands.options import COMMANDS
 from mitt.errors import InputError, UnknownNameError, meant
 
 #: What libraries say; none of it is for a user of a command.
@@ -27,8 +27,8 @@ def base(name: str, but: Option | None = None) -> list[str]:
     words = [name]
     for option in options_of(COMMANDS[name]):
         if option.required and option is not but and option != but:
-            value = option.choices[0] if option.choices else "x.toml"
-            words += [value] if option.positional else [option.name, value]
+            value = str(option.choices[0]) if option.choices else "x.toml"
+            words += [value] if option.place else [option.name, value]
     return words
 
 
@@ -55,8 +55,8 @@ def test_a_wrong_value_of_any_option_is_told_in_our_words(
     name: str, option: Option, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = base(name, option)
-    if option.positional:
-        places = [x for x in options_of(COMMANDS[name]) if x.positional]
+    if option.place:
+        places = [x for x in options_of(COMMANDS[name]) if x.place]
         if not option.many:
             assert "'more' as well" in refused([name, *["x"] * len(places), "more"], capsys)
         return
@@ -68,11 +68,11 @@ def test_a_wrong_value_of_any_option_is_told_in_our_words(
         for wrong in WRONG.get(option.kind, ()):
             assert option.name in refused([*words, option.name, wrong], capsys) or wrong == "--"
             assert option.name in refused([*words, f"{option.name}={wrong}"], capsys)
-    for choice in (x for x in option.choices if len(x) > 1):
+    for choice in (x for x in map(str, option.choices) if len(x) > 1):
         near = choice[:-1]
         said = refused([*words, option.name, near], capsys)
         assert option.name in said
-        assert f"did you mean {meant(near, option.choices)[14:-2]!r}?" in said
+        assert f"did you mean {meant(near, map(str, option.choices))[14:-2]!r}?" in said
 
 
 @pytest.mark.parametrize(("name", "option"), ALL, ids=NAMES)
@@ -80,7 +80,7 @@ def test_an_option_that_is_nearly_one_is_meant(
     name: str, option: Option, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A letter left out, two that changed places; with underscores it is the option itself."""
-    if option.positional:
+    if option.place:
         return
     called = option.name
     others = {x.name for x in options_of(COMMANDS[name])}
@@ -91,7 +91,7 @@ def test_an_option_that_is_nearly_one_is_meant(
                 continue
             said = refused([*base(name), wrong, "3"], capsys)
             assert "did you mean '--" in said or len(called) < 6, said
-    value = [] if option.kind is bool else [option.choices[0] if option.choices else "3"]
+    value = [] if option.kind is bool else [str(option.choices[0]) if option.choices else "3"]
     assert parse([*base(name, option), called.replace("_", "-"), *value])[0] == name
 
 
@@ -114,7 +114,7 @@ def test_all_that_is_missing_is_named_at_once(
     said = refused([name], capsys)
     for option in options_of(COMMANDS[name]):
         assert (f"{option.name} {option.value}" in said) == (option.required and not
-                                                             option.positional)  # fmt: skip
+                                                             option.place)  # fmt: skip
         assert option.name in said or not option.required
     assert f"see mitt {name} --help" in said
 

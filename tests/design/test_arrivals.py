@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mitt.cli import main
-from mitt.commands.design import _task
+from mitt.commands.designing import _task
 from mitt.commands.options import DesignOptions
 from mitt.design.arrivals import (
     box_of,
@@ -17,12 +17,12 @@ from mitt.design.arrivals import (
     ranges_of_throws,
 )
 from mitt.design.balls import Balls
-from mitt.design.design import Design, Origin
+from mitt.design.design import Design
 from mitt.design.speeds import release_speed, task_at
 from mitt.design.task import REPORTED, Task, kept
 from mitt.errors import FileError, InputError
-from mitt.files.arm_file import open_arm, write_arm_file
-from mitt.files.plain import to_plain
+from mitt.files.arm_file import ArmFile, open_arm, write_arm_file
+from mitt.files.schema import to_plain
 from mitt.generator.mapping import unlearned
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
@@ -150,7 +150,7 @@ def test_an_arm_file_says_how_its_balls_arrive(
     arrivals = of_throws(throws, float(box[0, 0]), NOMINAL_DRAG)
     own = replace(task, throws=throws, balls=arrivals.balls(aim=box), arrivals=arrivals.ranges())
     path = tmp_path / "own.toml"
-    write_arm_file(path, replace(found, task=own).arm_file(Origin(arm="wam", limits="wam-80v")))
+    write_arm_file(path, replace(found, task=own).arm_file(ArmFile(arm="wam", limits="wam-80v")))
     arm, _ = open_arm(path)
     assert arm.model.arrivals is not None
     assert arm.model.arrivals == pytest.approx(arrivals.ranges())
@@ -223,7 +223,7 @@ def _same_but_for_what_is_kept(found: Design, tasks: list[Task]) -> None:
     assert release_speed(one) == release_speed(two)
     if one.throws:
         files = [
-            replace(found, task=x).arm_file(Origin(arm="wam", limits="wam-80v")) for x in tasks
+            replace(found, task=x).arm_file(ArmFile(arm="wam", limits="wam-80v")) for x in tasks
         ]
         assert files[0].throws == files[1].throws
         assert [x.dr.tolist() for x in one.throws] != [x.dr.tolist() for x in two.throws]

@@ -12,7 +12,7 @@ import pytest
 from design.conftest import TINY, silent
 
 from mitt.cli import main
-from mitt.commands import design as command
+from mitt.commands import designing as command
 from mitt.design.design import Design, best_so_far, design
 from mitt.design.effort import EFFORTS
 from mitt.design.evaluation import Evaluation

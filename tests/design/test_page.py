@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mitt.commands import design as command
+from mitt.commands import designing as command
 from mitt.commands.options import DesignOptions
 from mitt.design import faster_joints as module
 from mitt.design.balls import Balls

@@ -12,7 +12,7 @@ import pytest
 from design.conftest import TINY, silent
 
 from mitt.cli import main
-from mitt.commands import design as command
+from mitt.commands import designing as command
 from mitt.design import design as design_of
 from mitt.design import evaluation, evaluator, speeds
 from mitt.design.arrivals import shifted
@@ -20,7 +20,7 @@ from mitt.design.balls import BOX, FAR, Balls
 from mitt.design.candidate import Candidate
 from mitt.design.causes import BEYOND, FORCE, cause_of
 from mitt.design.contact import Touch
-from mitt.design.design import Design, Origin, design, rate_of, softer
+from mitt.design.design import Design, design, rate_of, softer
 from mitt.design.effort import effort_of
 from mitt.design.evaluation import Evaluation, learned, thrown, trials_of
 from mitt.design.evaluator import Evaluator
@@ -72,7 +72,7 @@ def test_an_arm_file_gives_the_design_back(found: Design, whole: Arm, tmp_path: 
     best = found.best
     assert best is not None
     path = tmp_path / "design.toml"
-    write_arm_file(path, found.arm_file(Origin(arm="wam", limits="wam-80v")))
+    write_arm_file(path, found.arm_file(ArmFile(arm="wam", limits="wam-80v")))
     arm, map_design = open_arm(path)
     mine = best.candidate.arm(whole)
     assert difference(identity_of(mine), identity_of(arm)) is None
@@ -543,7 +543,7 @@ def test_a_design_for_slower_throws_only_is_the_one_described(
     assert "10 of 100 throws" in mine.reason
     assert "3.0 m/s" in mine.reason
     path = tmp_path / "slow.toml"
-    write_arm_file(path, mine.arm_file(Origin(arm="wam", limits="wam-80v")), comment="x")
+    write_arm_file(path, mine.arm_file(ArmFile(arm="wam", limits="wam-80v")), comment="x")
     throws, arrivals = read_arm_file(path).throws, read_arm_file(path).arrivals
     assert arrivals is not None
     assert 1.5 < arrivals.speed[0] < 3.0 < arrivals.speed[1] < 5.0

@@ -20,8 +20,8 @@ from small_study import TEXT, Here, quiet, ready, thrown_again, write_study
 import mitt
 from mitt.catcher.catcher import Catcher
 from mitt.errors import FileError, InputError, MittError
-from mitt.files.files import locked, write_text
 from mitt.files.maps import read_map, save_map
+from mitt.files.writing import locked, write_text
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
 from mitt.link.clock import uncollected
@@ -139,7 +139,7 @@ def test_row_28_disk_full(tmp_path: Path) -> None:
     """A file that does not fit is an error of one line; the old one stays, nothing else is left."""
     code = (
         "import resource, sys; from pathlib import Path; from mitt.errors import MittError\n"
-        "from mitt.files.files import write_text\n"
+        "from mitt.files.writing import write_text\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000))\n"
         "try: write_text(Path(sys.argv[1]), 'x' * 100000)\n"
         "except MittError as error: print(error); sys.exit(2)\n"

@@ -11,13 +11,13 @@ import mitt
 from mitt.errors import FileError, InputError, MittError
 from mitt.files.arm_file import (
     ArmFile,
+    ThrowSettings,
     digest_of,
     is_arm_file,
     open_arm,
     read_arm_file,
     write_arm_file,
 )
-from mitt.files.throws import ThrowSettings
 from mitt.generator.design import MapDesign, default_design
 from mitt.robot.basket import Basket
 from mitt.robot.hands import HandModel

@@ -11,8 +11,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mitt.errors import FileError, MittError
-from mitt.files.cell import arm_of, around_of, cell_of, lenses_of, read_cell, rig_of, shipped
+from mitt.files.cell import arm_of, around_of, cell_of, lenses_of, read_cell, rig_of
 from mitt.files.rig import CalibratedRig, RigCamera, write_rig
+from mitt.reading import shipped
 from mitt.robot.description import roll_pitch_yaw
 from mitt.vision.camera import fixed_rig
 from mitt.vision.lens import Lens
@@ -29,8 +30,8 @@ def changed(change: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
 
 def test_what_ships_fits_its_arm() -> None:
     """Each cell by its name."""
-    assert "wam-sim" in shipped()
-    for name in shipped():
+    assert "wam-sim" in shipped("cells")
+    for name in shipped("cells"):
         cell = read_cell(name)
         arm = arm_of(cell)
         assert cell.name == name

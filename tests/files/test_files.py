@@ -10,16 +10,16 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mitt.errors import FileError, InputError, MittError
-from mitt.files.files import (
+from mitt.files.writing import (
     LOCK,
     check_folder,
     file_name,
     make_folder,
-    read_json,
     write_atomically,
     write_json,
     write_text,
 )
+from mitt.reading import read_json
 
 LARGE = 10_000
 

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mitt.errors import InputError
-from mitt.files.files import check_folder
-from mitt.files.folders import (
+from mitt.files.writing import (
     Leaves,
+    check_folder,
     check_ours,
     claim_folder,
     clear_temporary,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from mitt.errors import MittError, UnknownNameError
-from mitt.files.limit_files import read_limits, shipped
+from mitt.files.arm_file import read_limits
+from mitt.reading import shipped
 from mitt.robot.limit_sets import KINDS
 
 TEXT = 'schema = "mitt.limits/1"\n[limits]\njoints = ["a", "b"]\nspeed = [1.0, 2.0]\n'
@@ -18,9 +19,9 @@ def test_common_arms_have_a_set() -> None:
         "franka-panda", "franka-fr3", "ur3e", "ur5e", "ur10e", "kuka-iiwa7", "kuka-iiwa14",
         "kinova-gen3", "xarm6", "xarm7", "so-101",
     }  # fmt: skip
-    assert wanted <= set(shipped())
+    assert wanted <= set(shipped("limits"))
     folder = Path(__file__).parents[2] / "src/mitt/data/limits"
-    for name in shipped():
+    for name in shipped("limits"):
         limits = read_limits(name)
         assert limits.shipped
         assert {"speed", "torque"} <= limits.bounds.keys()

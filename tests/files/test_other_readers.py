@@ -10,7 +10,7 @@ from mcap_ros2.decoder import DecoderFactory
 from recorded_trials import CASES, recorded
 from rosbags.highlevel import AnyReader
 
-from mitt.files.recorded import Recorded
+from mitt.files.recordings import Recorded
 
 _TOPICS = {
     "/joint_states", "/joint_commands", "/brakes", "/ball/estimate", "/ball/truth",

@@ -21,10 +21,9 @@ from soak.packing import MAGIC, chunk_of, records_of
 
 from mitt.errors import FileError
 from mitt.files import messages as of
-from mitt.files import recorded as recorded_file
+from mitt.files import recordings as recorded_file
 from mitt.files.about import about_of
-from mitt.files.recorded import Recorded
-from mitt.files.recording import ABOUT
+from mitt.files.recordings import ABOUT, Recorded
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from mcap_ros2.decoder import DecoderFactory
 from mitt.errors import FileError, ShapeError
 from mitt.files import messages as of
 from mitt.files.messages import BRAKES, ESTIMATE, EVENT, PHASE, TICKS, TRUTH
-from mitt.files.recording import METADATA, Heading, Notice, Recording, Track, write_recording
+from mitt.files.recordings import METADATA, Heading, Notice, Recording, Track, write_recording
 from mitt.signals import Array
 
 _NS = 1e-9

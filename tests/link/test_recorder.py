@@ -12,7 +12,7 @@ import pytest
 
 from mitt.errors import FileError, InputError
 from mitt.files.about import About
-from mitt.files.recorded import Recorded
+from mitt.files.recordings import Recorded
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
 from mitt.link.recorder import Recorder, Ring
@@ -120,7 +120,7 @@ from pathlib import Path
 import numpy as np
 import mitt
 from mitt.catcher.state import fresh_result
-from mitt.files.recorded import Recorded
+from mitt.files.recordings import Recorded
 from mitt.link.recorder import Recorder
 from mitt.signals import ArmState, Command, Senses
 about = Recorded(Path(sys.argv[1])).about

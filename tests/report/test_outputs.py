@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from mitt.commands.catch import prepare
+from mitt.commands.catching import prepare
 from mitt.commands.options import CatchOptions
 from mitt.errors import InputError, MittError
 from mitt.files.maps import read_map, save_map

@@ -17,7 +17,7 @@ from mitt.ball.flight import forecast
 from mitt.cli import main
 from mitt.errors import FileError
 from mitt.files.messages import TRUTH
-from mitt.files.recorded import Recorded
+from mitt.files.recordings import Recorded
 from mitt.link.clock import monotonic, pause
 from mitt.link.recorder import Recorder
 from mitt.report.replay import NODE, served

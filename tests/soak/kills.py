@@ -14,11 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from mitt.files.files import read_json, write_json, write_text
 from mitt.files.maps import read_map, save_map
+from mitt.files.writing import write_json, write_text
 from mitt.generator.design import default_design
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import unlearned
+from mitt.reading import read_json
 from mitt.robot.load import load_arm
 
 #: What is saved: a result, a page, a map.

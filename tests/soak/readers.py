@@ -10,7 +10,7 @@ import numpy as np
 from small_study import TEXT, Here, quiet, ready, write_study
 from throws_on_film import calibrated, film, write_film
 
-from mitt.files.recording import write_recording
+from mitt.files.recordings import write_recording
 from mitt.files.rig import write_rig
 from mitt.generator.generators import Direct
 from mitt.trials.log import recording_of

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from franka_design import panda_file
 
-from mitt.files.arm_file import read_arm_file
-from mitt.files.arms import load_arm
+from mitt.files.arm_file import load_arm, read_arm_file
 from mitt.generator.design import default_design
 from mitt.generator.generators import Direct
 from mitt.robot.arm import Arm

@@ -15,8 +15,8 @@ import pytest
 
 from mitt.cli import main
 from mitt.errors import FileError, InputError
-from mitt.files.files import LOCK, locked
 from mitt.files.maps import save_map
+from mitt.files.writing import LOCK, locked
 from mitt.generator.learn import Learned
 from mitt.link.clock import Stopwatch
 from mitt.trials.result import NAME, PAGE, RESULT, Journal, died, read_kept, result

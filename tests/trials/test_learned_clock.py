@@ -11,8 +11,7 @@ from mitt.calibration.hand_calibration import calibrate_by_catches, catches_in
 from mitt.catcher.catcher import Catcher
 from mitt.catcher.settings import BRAKE
 from mitt.errors import InputError
-from mitt.files.recorded import Recorded
-from mitt.files.recording import write_recording
+from mitt.files.recordings import Recorded, write_recording
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
 from mitt.trials.log import recording_of

@@ -9,8 +9,7 @@ from recorded_trials import CASES, Case, map_for, recorded, replayed
 
 from mitt.errors import FileError, InputError
 from mitt.files.maps import save_map
-from mitt.files.recorded import Recorded
-from mitt.files.recording import write_recording
+from mitt.files.recordings import Recorded, write_recording
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
 from mitt.link.recorder import Recorder

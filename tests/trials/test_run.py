@@ -8,19 +8,18 @@ from signal import SIGHUP, SIGTERM
 import numpy as np
 import pytest
 
-from mitt.commands.catch import prepare
+from mitt.commands.catching import prepare
 from mitt.commands.options import CatchOptions
 from mitt.errors import InputError, MittError
+from mitt.files.arm_file import ArmSpec
 from mitt.files.maps import save_map
 from mitt.generator.generators import Direct, Unoptimised
 from mitt.generator.learn import Learned
 from mitt.interrupts import Interrupted
-from mitt.robot.load import load_arm
 from mitt.trials.registry import make_generator
 from mitt.trials.runs import (
     FinishedRun,
     Prepared,
-    design_of,
     run,
 )
 
@@ -150,8 +149,7 @@ def test_bad_options_are_refused_with_their_name(
 
 def test_a_design_follows_from_the_arm_where_it_is_silent() -> None:
     """The WAM's elbow at pi/2; fewer than three joints are refused."""
-    arm = load_arm("wam")
-    design = design_of(CatchOptions(), arm)
+    design = ArmSpec().read().design
     assert (design.catch_joint, design.free) == (2, (0, 1, 2))
     assert design.q_catch == pytest.approx(np.pi / 2)
 

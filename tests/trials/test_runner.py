@@ -10,7 +10,7 @@ import pytest
 
 from mitt.ball.filter import FilterConfig
 from mitt.errors import InputError, StoppedError
-from mitt.files.recording import write_recording
+from mitt.files.recordings import write_recording
 from mitt.generator.feasibility import Verdict
 from mitt.generator.generators import Direct, Unoptimised
 from mitt.generator.learn import Learned

@@ -6,10 +6,11 @@ import pytest
 from small_study import GENERATORS, TEXT, write_study
 
 from mitt.errors import InputError, MittError, UnknownNameError
-from mitt.trials.study_file import Study, extent, read_study, shipped
+from mitt.files.schema import merged
+from mitt.reading import shipped
+from mitt.trials.study_file import Study, extent, read_study
 from mitt.trials.study_results import Folder
 from mitt.world.faults.plan import Kick
-from mitt.world.settings import merged
 
 #: Names that a registry with all rivals has.
 EVERY = ("direct", "several", "unoptimised", "ik", "quintic", "ruckig", "mpc", "ds", "clairvoyant")
@@ -66,7 +67,7 @@ def test_two_names_never_share_a_recording(tmp_path: Path) -> None:
     assert Folder(tmp_path).recordings / "direct-kick_1-0.mcap" in paths
 
 
-@pytest.mark.parametrize("name", shipped())
+@pytest.mark.parametrize("name", shipped("studies"))
 def test_studies_that_ship_can_be_read_by_name(name: str) -> None:
     study = read_study(Path(name), generators=EVERY)
     assert study.name == name
@@ -74,7 +75,7 @@ def test_studies_that_ship_can_be_read_by_name(name: str) -> None:
 
 
 def test_the_studies_that_ship_are_those_that_are_promised() -> None:
-    assert set(shipped()) >= {"smoke", "evidence", "paper"}
+    assert set(shipped("studies")) >= {"smoke", "evidence", "paper"}
     smoke, evidence = (read_study(Path(n), generators=EVERY) for n in ("smoke", "evidence"))
     assert (smoke.generators, len(smoke.conditions)) == (EVERY, 3)
     assert len(evidence.conditions) >= 20

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from mitt.commands.study import _rate
+from mitt.commands.measuring import _rate
 from mitt.control.health import Reason, State, StoppedBy
 from mitt.link.clock import Stopwatch
 from mitt.trials.result import force_words, summary

@@ -14,9 +14,8 @@ from mitt.calibration.stages import POINT, Stage, read_columns, read_places, tim
 from mitt.cameras.cameras import Camera
 from mitt.catcher.settings import BRAKE
 from mitt.errors import InputError
-from mitt.files.messages import Rows
-from mitt.files.recorded import Recorded
-from mitt.files.recording_rows import clock_in
+from mitt.files.messages import Rows, clock_in
+from mitt.files.recordings import Recorded
 from mitt.files.rig import CalibratedRig
 from mitt.robot.arm import Arm
 from mitt.signals import Array, Moments, Sighting

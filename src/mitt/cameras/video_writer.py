@@ -8,7 +8,7 @@ from typing import Any, final
 
 from mitt.cameras.cameras import optional
 from mitt.errors import FileError, InputError
-from mitt.files.files import temporary_beside
+from mitt.files.writing import temporary_beside
 from mitt.signals import Image
 
 #: What people's players read; ffv1 keeps every grey value.

@@ -1,30 +1,70 @@
 """Options of the commands as plain data; light to import, so that ``--help`` is quick.
 
-Those of the commands around cameras are in :mod:`mitt.commands.camera_options`.
+A command is a class here, and a function of the command's name in the module that the class names.
+Its docstring is its help.
 """
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
-from tyro.conf import Positional, arg
 
-Csv = Annotated[Path | None, arg(metavar="CSV")]
-Json = Annotated[bool, arg(help="Print one JSON object and nothing else to stdout.")]
-Check = Annotated[bool, arg(help="Validate the input and do nothing.")]
-ArmName = Annotated[str, arg(metavar="NAME|FILE")]
-Limits = Annotated[str | None, arg(metavar="NAME|TOML")]
-Tip = Annotated[str | None, arg(metavar="FRAME")]
-Joints = Annotated[str | None, arg(metavar="A,B,C", help="Active joints of the file, as A,B,C.")]
+@dataclass(frozen=True, slots=True)
+class Arg:
+    """How an option is said.
+
+    Attributes:
+        value: What stands for its value in a text.
+        name: What it is called, where that is not the name of its field.
+        place: Whether it is said by its place.
+    """
+
+    value: str
+    name: str = ""
+    place: bool = False
+
+
+Csv = Annotated[Path | None, Arg("CSV")]
+Images = Annotated[str | None, Arg("IMAGES")]
+Metres = Annotated[float, Arg("M")]
+Whole = Annotated[int | None, Arg("N")]
+Seed = Annotated[int, Arg("S")]
+Scene = Annotated[str | None, Arg("NAME|TOML")]
+Folder = Annotated[Path | None, Arg("DIR")]
+MapFile = Annotated[Path | None, Arg("MAP.json")]
+ArmName = Annotated[str, Arg("NAME|FILE")]
+Limits = Annotated[str | None, Arg("NAME|TOML")]
+Tip = Annotated[str | None, Arg("FRAME")]
+Joints = Annotated[str | None, Arg("A,B,C")]
+Ratio = Annotated[float | None, Arg("RATIO")]
+Seconds = Annotated[float | None, Arg("S")]
+CellName = Annotated[str, Arg("CELL", place=True)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ArmOptions:
+class Options:
+    """What every command takes.
+
+    Attributes:
+        json: Print one JSON object and nothing else to stdout.
+        check: Validate the input and do nothing.
+    """
+
+    module: ClassVar[str]
+    examples: ClassVar[tuple[str, ...]]
+
+    json: bool = False
+    check: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmOptions(Options):
     """Which arm and which map.
 
     Attributes:
         arm: The arm: wam, an arm file (.toml), or a URDF or MJCF file (with --tip and --joints).
         tip: Frame of the file at the catch point, z along the palm's normal.
+        joints: Active joints of the file, as A,B,C.
         limits: Limit set: paper, wam-48v or wam-80v for the wam; for a file model, what it states,
             one that ships, as franka-fr3, or a TOML file (docs/arms.md).
         catch_joint: Index of the catch joint among the active joints, from 0; the last if left out.
@@ -40,11 +80,11 @@ class ArmOptions:
     tip: Tip = None
     joints: Joints = None
     limits: Limits = None
-    catch_joint: Annotated[int | None, arg(metavar="INT")] = None
-    q_catch: Annotated[float | None, arg(metavar="RAD")] = None
-    kappa: Annotated[float | None, arg(metavar="RATIO")] = None
-    inward: Annotated[float | None, arg(metavar="RATIO")] = None
-    order: Annotated[int | None, arg(metavar="INT")] = None
+    catch_joint: Annotated[int | None, Arg("INT")] = None
+    q_catch: Annotated[float | None, Arg("RAD")] = None
+    kappa: Ratio = None
+    inward: Ratio = None
+    order: Annotated[int | None, Arg("INT")] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,23 +113,27 @@ class CatchOptions(ArmOptions):
         overwrite: Use a folder that has files in it; what mitt catch left there is replaced.
     """
 
-    throws: Annotated[int | None, arg(metavar="N")] = None
-    seed: Annotated[int, arg(metavar="S")] = 0
-    generator: Annotated[str, arg(metavar="NAME")] = "direct"
-    map: Annotated[Path | None, arg(metavar="MAP.json")] = None
+    module: ClassVar = "catching"
+    examples: ClassVar = (
+        "mitt catch --throws 100 --seed 1 --out many",
+        "mitt catch --arm ARM.toml --scene rough --record all",
+    )
+
+    throws: Whole = None
+    seed: Seed = 0
+    generator: Annotated[str, Arg("NAME")] = "direct"
+    map: MapFile = None
     adapt: Literal["projection", "refine"] = "projection"
     vision: Literal["pixels", "points"] = "pixels"
     cameras: Literal["fixed", "active"] | None = None
-    scene: Annotated[str | None, arg(metavar="NAME|TOML")] = None
+    scene: Scene = None
     throws_file: Csv = None
     flights: Csv = None
     learn_clock: bool = False
     record: Literal["none", "failures", "all"] = "failures"
     record_images: bool = False
-    out: Annotated[Path | None, arg(metavar="DIR")] = None
+    out: Folder = None
     overwrite: bool = False
-    json: Json = False
-    check: Check = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,16 +147,17 @@ class LearnOptions(ArmOptions):
         overwrite: Replace an existing file.
     """
 
-    out: Annotated[Path, arg(metavar="MAP.json")]
-    flights_count: Annotated[int, arg(name="flights", metavar="N")] = 120
-    seed: Annotated[int | None, arg(metavar="S")] = None
+    module: ClassVar = "catching"
+    examples: ClassVar = ("mitt learn --limits wam-80v --out MAP.json",)
+
+    out: Annotated[Path, Arg("MAP.json")]
+    flights_count: Annotated[int, Arg("N", name="flights")] = 120
+    seed: Annotated[int | None, Arg("S")] = None
     overwrite: bool = False
-    json: Json = False
-    check: Check = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DesignOptions:
+class DesignOptions(Options):
     """Find what an arm can catch and the map that does it; write DESIGN.toml for --arm.
 
     Attributes:
@@ -136,30 +181,34 @@ class DesignOptions:
         overwrite: Replace an existing file, and begin a search anew.
     """
 
-    arm: Annotated[str, Positional, arg(metavar="ARM")]
-    out: Annotated[Path, arg(metavar="DESIGN.toml")]
+    module: ClassVar = "designing"
+    examples: ClassVar = (
+        "mitt design ARM.urdf --tip palm --joints yaw,pitch,elbow --out DESIGN.toml",
+        "mitt design wam --limits wam-48v --effort quick --out soft.toml",
+    )
+
+    arm: Annotated[str, Arg("ARM", place=True)]
+    out: Annotated[Path, Arg("DESIGN.toml")]
     tip: Tip = None
     mount: Literal["plate", "catch"] | None = None
     joints: Joints = None
-    limits: Annotated[str | None, arg(metavar="NAME|TOML")] = None
+    limits: Limits = None
     hand: Literal["three-finger", "basket"] | None = None
-    tilt: Annotated[float | None, arg(metavar="RAD")] = None
-    aim: Annotated[str | None, arg(metavar="X,Y,Z")] = None
+    tilt: Annotated[float | None, Arg("RAD")] = None
+    aim: Annotated[str | None, Arg("X,Y,Z")] = None
     throws_file: Csv = None
     flights: Csv = None
-    rate: Annotated[float, arg(metavar="SHARE")] = 0.98
-    scene: Annotated[str | None, arg(metavar="NAME|TOML")] = None
+    rate: Annotated[float, Arg("SHARE")] = 0.98
+    scene: Scene = None
     effort: Literal["quick", "full"] = "full"
-    seed: Annotated[int, arg(metavar="S")] = 0
-    workers: Annotated[int | None, arg(metavar="N")] = None
+    seed: Seed = 0
+    workers: Whole = None
     resume: bool = False
     overwrite: bool = False
-    json: Json = False
-    check: Check = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunOptions:
+class RunOptions(Options):
     """Catch with the robot of a cell, throw after throw, until stopped.
 
     The arm moves only once Enter was pressed or --yes was said; after a stop, only once it is said
@@ -173,17 +222,18 @@ class RunOptions:
         overwrite: Use a folder that has files in it, and replace an earlier recording of this cell.
     """
 
-    cell: Annotated[str, Positional, arg(metavar="CELL")]
-    throws: Annotated[int | None, arg(metavar="N")] = None
+    module: ClassVar = "cells"
+    examples: ClassVar = ("mitt run wam-sim --throws 5 --yes",)
+
+    cell: CellName
+    throws: Whole = None
     yes: bool = False
-    out: Annotated[Path | None, arg(metavar="DIR")] = None
+    out: Folder = None
     overwrite: bool = False
-    json: Json = False
-    check: Check = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SimOptions:
+class SimOptions(Options):
     """Be a cell in simulation, in real time: robot, thrower, and what sees the ball.
 
     Attributes:
@@ -193,16 +243,17 @@ class SimOptions:
         scene: The world: ideal, lab or rough, or a TOML file; lab with the cell's ball if left out.
     """
 
-    cell: Annotated[str, Positional, arg(metavar="CELL")]
-    throws: Annotated[int | None, arg(metavar="N")] = None
-    seed: Annotated[int, arg(metavar="S")] = 0
-    scene: Annotated[str | None, arg(metavar="NAME|TOML")] = None
-    json: Json = False
-    check: Check = False
+    module: ClassVar = "cells"
+    examples: ClassVar = ("mitt sim wam-sim --throws 5 --seed 1",)
+
+    cell: CellName
+    throws: Whole = None
+    seed: Seed = 0
+    scene: Scene = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StudyOptions:
+class StudyOptions(Options):
     """Many throws: several generators in a grid of conditions; write tables and a summary.
 
     Attributes:
@@ -215,18 +266,22 @@ class StudyOptions:
         json: Print the summary as one JSON object and nothing else to stdout.
     """
 
-    study: Annotated[Positional[Path], arg(metavar="STUDY.toml")]
-    out: Annotated[Path, arg(metavar="DIR")]
-    engine: Annotated[str, arg(metavar="local|dask://HOST:PORT")] = "local"
-    workers: Annotated[int | None, arg(metavar="N")] = None
+    module: ClassVar = "measuring"
+    examples: ClassVar = (
+        "mitt study smoke --out STUDY",
+        "mitt study STUDY.toml --out MINE --workers 4",
+    )
+
+    study: Annotated[Path, Arg("STUDY.toml", place=True)]
+    out: Annotated[Path, Arg("DIR")]
+    engine: Annotated[str, Arg("local|dask://HOST:PORT")] = "local"
+    workers: Whole = None
     resume: bool = False
     overwrite: bool = False
-    json: bool = False
-    check: Check = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReportOptions:
+class ReportOptions(Options):
     """Write DIR/report.html: the page of a study, with replays of its worst throws beside it.
 
     Attributes:
@@ -234,14 +289,15 @@ class ReportOptions:
         replays: Throws to show as 3-D replays, each made once more and kept beside the page.
     """
 
-    folder: Annotated[Positional[Path], arg(metavar="DIR")]
-    replays: Annotated[int, arg(metavar="N")] = 6
-    json: Json = False
-    check: Check = False
+    module: ClassVar = "measuring"
+    examples: ClassVar = ("mitt report STUDY --replays 3",)
+
+    folder: Annotated[Path, Arg("DIR", place=True)]
+    replays: Annotated[int, Arg("N")] = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReplayOptions:
+class ReplayOptions(Options):
     """Drive the catcher with recorded senses: same commands? Why was the ball missed?
 
     Attributes:
@@ -253,18 +309,22 @@ class ReplayOptions:
         overwrite: Use a folder that has files in it.
     """
 
-    recordings: Positional[Annotated[tuple[Path, ...], arg(metavar="REC.mcap")]]
-    map: Annotated[Path | None, arg(metavar="MAP.json")] = None
-    settings: Annotated[Path | None, arg(metavar="TOML")] = None
-    generator: Annotated[str | None, arg(metavar="NAME")] = None
-    out: Annotated[Path | None, arg(metavar="DIR")] = None
+    module: ClassVar = "replaying"
+    examples: ClassVar = (
+        "mitt replay REC.mcap --out why",
+        "mitt replay REC.mcap --map MAP.json",
+    )
+
+    recordings: Annotated[tuple[Path, ...], Arg("REC.mcap", place=True)]
+    map: MapFile = None
+    settings: Annotated[Path | None, Arg("TOML")] = None
+    generator: Annotated[str | None, Arg("NAME")] = None
+    out: Folder = None
     overwrite: bool = False
-    json: Json = False
-    check: Check = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ViewOptions:
+class ViewOptions(Options):
     """Show a recording in the browser: scrub it, or follow it while it is written.
 
     Attributes:
@@ -274,22 +334,173 @@ class ViewOptions:
         seconds: Time after which to end [s]; never if left out.
     """
 
-    recording: Positional[Annotated[Path | None, arg(metavar="REC.mcap|DIR")]] = None
-    host: Annotated[str, arg(metavar="ADDRESS")] = "127.0.0.1"
-    port: Annotated[int, arg(metavar="N")] = 8080
-    seconds: Annotated[float | None, arg(metavar="S")] = None
-    json: Json = False
-    check: Check = False
+    module: ClassVar = "replaying"
+    examples: ClassVar = ("mitt view REC.mcap --port 8080",)
+
+    recording: Annotated[Path | None, Arg("REC.mcap|DIR", place=True)] = None
+    host: Annotated[str, Arg("ADDRESS")] = "127.0.0.1"
+    port: Annotated[int, Arg("N")] = 8080
+    seconds: Seconds = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BenchOptions:
+class BenchOptions(Options):
     """Measure how fast everything is on this machine, beside other libraries, in one run.
 
     Attributes:
         quick: Fewer repeats, and no IPOPT.
     """
 
+    module: ClassVar = "measuring"
+    examples: ClassVar = ("mitt bench --json",)
+
     quick: bool = False
-    json: Json = False
-    check: Check = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackOptions(Options):
+    """Filter recorded positions; write them with velocity, acceleration and uncertainty.
+
+    Attributes:
+        points: Positions: columns t_s,x_m,y_m,z_m and, if there are several flights, flight.
+        out: File to write: the rows of the input, with what the filter knew by then.
+        ahead: Time to look ahead [s]; adds x_ahead_m,y_ahead_m,z_ahead_m. 0 is the filtered place.
+        sigma: Standard deviation of each coordinate [m]; learned from the positions if left out.
+        overwrite: Replace an existing file.
+    """
+
+    module: ClassVar = "seeing"
+    examples: ClassVar = ("mitt track POINTS.csv --out TRACK.csv --ahead 0.1",)
+
+    points: Annotated[Path, Arg("POINTS.csv", place=True)]
+    out: Annotated[Path, Arg("TRACK.csv")]
+    ahead: Seconds = None
+    sigma: Annotated[float | None, Arg("M")] = None
+    overwrite: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeeOptions(Options):
+    """Follow a ball through two videos, image folders or cameras; write its track.
+
+    Attributes:
+        left: Video, folder of images, genicam:PRODUCER.cti#INDEX or basler:SERIAL.
+        right: The same of the right camera.
+        rig: The rig, from mitt calibrate.
+        out: Track to write: time, position, velocity, acceleration and standard deviations.
+        points: Positions as triangulated, unfiltered, to write as well: t_s,x_m,y_m,z_m.
+        video: Side-by-side video to write, .mkv or .mp4; beside --out if left out.
+        no_video: Write no video.
+        fps: Frames a second, where files and cameras do not tell the time.
+        max_skew: Largest difference of two frames' times that are taken as one instant [s].
+        frames: Most frames to take from each camera; 1000 from live ones if left out.
+        ball: What is believed of the flight: any ball, the thrown one of mitt catch, or a
+            table-tennis ball.
+        ball_radius: Radius of the ball [m].
+        overwrite: Replace existing files.
+    """
+
+    module: ClassVar = "seeing"
+    examples: ClassVar = ("mitt see LEFT.mkv RIGHT.mkv --rig RIG.toml --out TRACK.csv",)
+
+    left: Annotated[str, Arg("LEFT", place=True)]
+    right: Annotated[str, Arg("RIGHT", place=True)]
+    rig: Annotated[Path, Arg("RIG.toml")]
+    out: Annotated[Path, Arg("TRACK.csv")]
+    points: Csv = None
+    video: Annotated[Path | None, Arg("MKV|MP4")] = None
+    no_video: bool = False
+    fps: Annotated[float | None, Arg("HZ")] = None
+    max_skew: Annotated[float, Arg("S")] = 5e-4
+    frames: Whole = None
+    ball: Literal["any", "thrown", "table-tennis"] = "any"
+    ball_radius: Metres = 0.04
+    overwrite: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrateOptions(Options):
+    """Calibrate cameras, heads, their place before the robot, their clock; write RIG.toml.
+
+    Does what the given files allow, in this order: boards, heads, hand, clock (docs/rig.md).
+
+    Attributes:
+        out: File to write.
+        rig: A rig to begin with, where no boards are given.
+        left: Images of a ChArUco board from the left camera: folder or video.
+        right: The same from the right camera, image by image at the same instants.
+        board: Squares across and down.
+        square: Side of a square [m].
+        marker: Side of a marker [m].
+        dictionary: Markers, as OpenCV names them.
+        coefficients: Distortion coefficients to find: k1, k2, p1 and p2, k3 in this order.
+        level: Number of the image in which the board lies level: it becomes the world, z up.
+        left_head: Views at angles of the left head: columns image,pan_rad,tilt_rad.
+        right_head: The same of the right head, with the same board in the same place.
+        hand: Places of a ball held in the hand: x_m,y_m,z_m or q1_rad,q2_rad,... of each, and its
+            centroids u_left_px,v_left_px,u_right_px,v_right_px, or images of it.
+        hand_left: Images of the ball, one a row of --hand, if it has no centroids.
+        hand_right: The same from the right camera.
+        ball_radius: Radius of that ball [m].
+        arm: The arm whose joint angles the tables hold: wam, an arm file, or a description file
+            with --tip and --joints.
+        tip: Frame of the file at the catch point.
+        joints: Active joints of the file, as A,B,C.
+        arm_log: The hand in motion: t_s and places as in --hand.
+        points: What the cameras saw of it: t_s,x_m,y_m,z_m, from mitt see --points.
+        catches: Recording of catches, or a folder of them, instead of --arm-log and --points: the
+            ball that rides on the braking hand tells the clock.
+        search: Largest clock offset looked for, either way [s].
+        picture: Picture of the coverage to write; beside --out if left out.
+        overwrite: Replace existing files.
+    """
+
+    module: ClassVar = "seeing"
+    examples: ClassVar = (
+        "mitt calibrate --left LEFT --right RIGHT --out RIG.toml",
+        "mitt calibrate --rig RIG.toml --hand HAND.csv --out PLACED.toml",
+    )
+
+    out: Annotated[Path, Arg("RIG.toml")]
+    rig: Annotated[Path | None, Arg("TOML")] = None
+    left: Images = None
+    right: Images = None
+    board: Annotated[str, Arg("CxR")] = "9x6"
+    square: Metres = 0.03
+    marker: Metres = 0.022
+    dictionary: Annotated[str, Arg("NAME")] = "4X4_50"
+    coefficients: Literal[0, 1, 2, 4, 5] = 4
+    level: Annotated[int | None, Arg("NUMBER")] = None
+    left_head: Csv = None
+    right_head: Csv = None
+    hand: Csv = None
+    hand_left: Images = None
+    hand_right: Images = None
+    ball_radius: Metres = 0.04
+    arm: ArmName = "wam"
+    tip: Tip = None
+    joints: Joints = None
+    arm_log: Csv = None
+    points: Csv = None
+    catches: Annotated[Path | None, Arg("MCAP|FOLDER")] = None
+    search: Annotated[float, Arg("S")] = 1.0
+    picture: Annotated[Path | None, Arg("PNG")] = None
+    overwrite: bool = False
+
+
+COMMANDS: dict[str, type[Options]] = {
+    "catch": CatchOptions,
+    "learn": LearnOptions,
+    "design": DesignOptions,
+    "run": RunOptions,
+    "sim": SimOptions,
+    "study": StudyOptions,
+    "report": ReportOptions,
+    "track": TrackOptions,
+    "see": SeeOptions,
+    "calibrate": CalibrateOptions,
+    "replay": ReplayOptions,
+    "view": ViewOptions,
+    "bench": BenchOptions,
+}
+"""Options of each command, in the order of the help."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from mitt.design.balls import BOX, FAR, Balls
 from mitt.errors import InputError
-from mitt.files.throws import ARRIVALS
+from mitt.files.arm_file import ARRIVALS
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.trials.source import ranges_of

@@ -1,7 +1,7 @@
 """From an arm to its design: what ``mitt design`` does, without a command line."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from math import isfinite
 from pathlib import Path
 
@@ -17,40 +17,15 @@ from mitt.design.search import RATE, ranked, reported, search
 from mitt.design.speeds import AtSpeed, Fastest, by_speed, fastest, release_speed, slower
 from mitt.design.task import Task, seen
 from mitt.design.total import Total
-from mitt.files.arm_file import ArmFile, HandName, digest_of
-from mitt.files.throws import ArrivalSettings, ThrowSettings
+from mitt.files.arm_file import ArmFile, ArrivalSettings, ThrowSettings, digest_of
 from mitt.link.clock import monotonic
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Basket
-from mitt.robot.load import Mount
 from mitt.trials.statistics import wilson
 from mitt.trials.workers import Engine
 
 SCHEMA = "mitt.design/1"
 Point = tuple[float, float, float]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Origin:
-    """Where an arm comes from, as its arm file will say.
-
-    Attributes:
-        arm: ``wam``, or a description file.
-        tip: Frame of the file at which the hand is mounted.
-        mount: What of the hand is at the tip.
-        limits: Name or file of its limits; None for those of the file.
-        hand: Name of the hand mounted at the tip.
-        tilt: How far a basket is turned off the tip's z axis [rad].
-        force: Largest force of a contact that the hand takes [N]; None: as that hand says.
-    """
-
-    arm: str | Path
-    tip: str | None = None
-    mount: Mount = "plate"
-    limits: str | Path | None = None
-    hand: HandName = "three-finger"
-    tilt: float = 0.0
-    force: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -123,25 +98,24 @@ class Design:
             "seconds": self.seconds,
         }
 
-    def arm_file(self, origin: Origin) -> ArmFile:
-        """Return all that ``--arm`` needs, with the ranges of slower throws if it is for those."""
+    def arm_file(self, origin: ArmFile) -> ArmFile:
+        """Return all that ``--arm`` needs, with the ranges of slower throws if it is for those.
+
+        Args:
+            origin: Where the arm comes from, its limits and its hand.
+        """
         assert self.best is not None
         c, names = self.best.candidate, self.whole.names
         path = origin.arm if isinstance(origin.arm, Path) else None
         at, around = c.aim.tolist()
-        return ArmFile(
-            arm=origin.arm,
+        return replace(
+            origin,
             sha256=None if path is None else digest_of(path),
-            tip=origin.tip,
             joints=self.joints,
             ready=tuple(c.q_ready.tolist()),
             held={names[k]: float(x) for k, x in enumerate(c.q) if k not in c.active},
-            limits=origin.limits,
-            hand=origin.hand,
             hand_turn=c.turn,
-            hand_mount="catch" if path is None else origin.mount,
-            hand_tilt=origin.tilt,
-            hand_force=origin.force,
+            hand_mount="catch" if path is None else origin.hand_mount,
             map=c.design,
             throws=self._throws(tuple(at), tuple(around)),
             arrivals=self._arrivals(),

@@ -10,7 +10,7 @@ from mitt.design.candidate import Candidate
 from mitt.design.effort import Effort
 from mitt.design.evaluation import Evaluation, How
 from mitt.design.task import Task
-from mitt.files.plain import to_plain
+from mitt.files.schema import to_plain
 from mitt.robot.arm import Arm
 
 #: Characters of a digest.

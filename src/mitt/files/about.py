@@ -13,8 +13,7 @@ from pydantic import Field
 from mitt.catcher.settings import CatcherSettings
 from mitt.errors import FileError, MittError
 from mitt.files.maps import map_content, map_of
-from mitt.files.plain import from_plain, to_plain
-from mitt.files.schema import Part, parsed
+from mitt.files.schema import Part, from_plain, parsed, to_plain
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm

@@ -1,36 +1,180 @@
-"""Arm files: an arm, how it is held and ready, its limits, its hand, its map (docs/arms.md)."""
+"""Arms as a user names them: by name, from a description file, or from an arm file (docs/arms.md).
+
+Here are the files as well that say of an arm what its description does not: limits, and where the
+balls come from that it is thrown.
+"""
 
 import hashlib
+import logging
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, final
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from mitt import checks
-from mitt.errors import FileError, InputError, MittError, printable
-from mitt.files.files import write_text
-from mitt.files.limit_files import read_limits
-from mitt.files.schema import Finite, Part, parsed
-from mitt.files.throws import ArrivalSettings, ThrowSettings
-from mitt.files.toml_text import toml_text
-from mitt.generator.design import MapDesign, tangent_of
-from mitt.reading import read_bytes, read_toml
+from mitt.errors import FileError, InputError, MittError, UnknownNameError, printable
+from mitt.files.schema import Finite, Part, Settings, parsed
+from mitt.files.writing import toml_text, write_text
+from mitt.generator.design import MapDesign, default_design, tangent_of
+from mitt.reading import difference, noted, read_bytes, read_toml, shipped, shipped_path
+from mitt.robot import load
 from mitt.robot.arm import Arm
 from mitt.robot.basket import MOST_TILT, Basket, hand_named
 from mitt.robot.description import Hand
 from mitt.robot.description_files import MAX_BYTES
-from mitt.robot.limit_sets import LimitSet
-from mitt.robot.load import Mount, load_arm
+from mitt.robot.hands import HandModel
+from mitt.robot.limit_sets import KINDS, LimitSet
+from mitt.robot.load import Mount
 from mitt.robot.wam import LIMIT_SETS
+from mitt.signals import Array
 
-SCHEMA = "mitt.arm/1"
+SCHEMA, LIMITS_SCHEMA = "mitt.arm/1", "mitt.limits/1"
 HandName = Literal["three-finger", "basket", "none"]
 Name = Annotated[str, Field(min_length=1, max_length=200)]
 _Names = Annotated[list[Name], Field(min_length=1, max_length=64)]
+_Row = Annotated[list[Finite], Field(min_length=1, max_length=64)]
+
+Range = Annotated[tuple[float, float], Field(strict=False)]
+Coordinate = Annotated[float, Field(ge=-100.0, le=100.0)]
+Width = Annotated[float, Field(ge=0.0, le=10.0)]
+
+#: What balls can arrive as: speed [m/s], descent and azimuth [rad], time of flight [s].
+ARRIVALS = {
+    "speed": (0.5, 30.0), "descent": (-1.5, 1.5), "azimuth": (-1.0, 1.0), "flight": (0.1, 3.0),
+}  # fmt: skip
+
+
+class ThrowSettings(Settings):
+    """Ranges that the default throws are drawn from; what is left out stays as it is.
+
+    Attributes:
+        duration: Time of flight to the aim point [s].
+        speed: Speed at release [m/s].
+        distance: Horizontal distance of the release from the aim point [m].
+        azimuth: Direction of the release [rad].
+        height: Height of the release above the shoulder [m].
+        spread: Factor on the width of the box that is aimed at.
+        at: Centre of a box in space to aim at, world frame [m], in the place of that of the arm.
+        around: Its half-widths [m].
+    """
+
+    duration: Range | None = None
+    speed: Range | None = None
+    distance: Range | None = None
+    azimuth: Range | None = None
+    height: Range | None = None
+    spread: Annotated[float, Field(gt=0.0, le=10.0)] = 1.0
+    at: Annotated[tuple[Coordinate, Coordinate, Coordinate], Field(strict=False)] | None = None
+    around: Annotated[tuple[Width, Width, Width], Field(strict=False)] | None = None
+
+    @field_validator("duration", "speed", "distance", "azimuth", "height")
+    @classmethod
+    def _ordered(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
+        """Refuse a range whose ends are the wrong way round."""
+        if value is not None and value[0] > value[1]:
+            raise ValueError("a lower end and then an upper end")
+        return value
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        """Refuse half a box."""
+        if (self.at is None) != (self.around is None):
+            raise ValueError("at and around, or neither")
+        return self
+
+
+class ArrivalSettings(Settings):
+    """How balls arrive at the box that is aimed at: the ranges that maps are learned for.
+
+    Attributes:
+        speed: Speed of the ball [m/s].
+        descent: Angle by which it comes down [rad].
+        azimuth: Where it comes from, off +x [rad].
+        flight: Time of flight before that [s].
+    """
+
+    speed: Range
+    descent: Range
+    flight: Range
+    azimuth: Range = (-0.15, 0.15)
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        """Refuse ranges that no ball can have."""
+        for name, (least, most) in ARRIVALS.items():
+            low, high = getattr(self, name)
+            if not least <= low <= high <= most:
+                raise ValueError(f"{name}: a lower and an upper end in {least:g}..{most:g}")
+        return self
+
+    @property
+    def rows(self) -> Array:
+        """Speed, descent, azimuth and time of flight, least and most, shape (4, 2)."""
+        return np.array([self.speed, self.descent, self.azimuth, self.flight])
+
+
+class _Limits(Part):
+    joints: Annotated[list[str], Field(min_length=1, max_length=64)]
+    lower: _Row | None = None
+    upper: _Row | None = None
+    speed: _Row | None = None
+    acceleration: _Row | None = None
+    jerk: _Row | None = None
+    torque: _Row | None = None
+    torque_rate: _Row | None = None
+    force: Annotated[float, Field(gt=0.0, le=1e6)] | None = None
+
+
+class _LimitsFile(Part):
+    schema_name: Literal["mitt.limits/1"] = Field(alias="schema")
+    limits: _Limits
+
+
+def known_limits() -> tuple[str, ...]:
+    """Return the names of all limit sets, those of the WAM and ``model`` first."""
+    return ("model", *LIMIT_SETS, *shipped("limits"))
+
+
+def read_limits(name_or_path: str | Path) -> LimitSet:
+    """Return a limit set that ships, by name, or one from a TOML file.
+
+    Raises:
+        UnknownNameError: No set is called that.
+        FileError: The file cannot be read, or does not say what it should.
+    """
+    path, ships = checks.path("limits", name_or_path), False
+    if path.suffix != ".toml":
+        if str(name_or_path) not in shipped("limits"):
+            known = (*known_limits(), "a .toml file")
+            raise UnknownNameError("limits", str(name_or_path), known)
+        path, ships = shipped_path("limits", str(name_or_path)), True
+    content = parsed(
+        _LimitsFile, read_toml(path), place=str(path), wanted=f"limits of schema {LIMITS_SCHEMA}",
+        do="see docs/arms.md",
+    ).limits  # fmt: skip
+    given = {kind: content.model_dump()[kind] for kind in KINDS}
+    try:
+        return LimitSet(
+            name=path.stem,
+            joints=tuple(content.joints),
+            bounds={k: np.array(x) for k, x in given.items() if x is not None},
+            force=np.inf if content.force is None else content.force,
+            shipped=ships,
+        )
+    except MittError as error:
+        raise FileError(str(path), "limits that joints can have", error) from error
+
+
+def limits_of(limits: str | Path | LimitSet | None) -> str | LimitSet | None:
+    """Return limits as ``load_arm`` takes them: sets of the WAM and ``model`` stay names."""
+    if limits is None or isinstance(limits, LimitSet):
+        return limits
+    named = isinstance(limits, str) and limits in ("model", *LIMIT_SETS)
+    return str(limits) if named else read_limits(limits)
 
 
 @final
@@ -87,7 +231,7 @@ class ArmFile:
                 raise FileError(str(self.arm), f"the file of SHA-256 {self.sha256[:16]}...",
                                 f"{given[:16]}...", do="take that file, or sha256 out of the arm"
                                 " file and try whether the arm still catches")  # fmt: skip
-        arm = load_arm(
+        arm = load.load_arm(
             self.arm,
             tip=self.tip,
             joints=self.joints or None,
@@ -261,12 +405,73 @@ def hand_of(name: str, tilt: float, force: float | None = None) -> Hand | None:
     return hand if hand is None or force is None else replace(hand, force=force)
 
 
-def limits_of(limits: str | Path | LimitSet | None) -> str | LimitSet | None:
-    """Return limits as ``load_arm`` takes them: sets of the WAM and ``model`` stay names."""
-    if limits is None or isinstance(limits, LimitSet):
-        return limits
-    named = isinstance(limits, str) and limits in ("model", *LIMIT_SETS)
-    return str(limits) if named else read_limits(limits)
+def load_arm(
+    name_or_path: str | Path = "wam",
+    *,
+    tip: str | None = None,
+    joints: Sequence[str] | None = None,
+    held: Mapping[str, float] | None = None,
+    ready: Sequence[float] | None = None,
+    limits: str | Path | LimitSet | None = None,
+    hand: Hand | str | None = None,
+    hand_turn: float = 0.0,
+    hand_mount: Mount = "catch",
+    encoder_step: float | Sequence[float] | None = None,
+) -> Arm:
+    """Return an arm by name, from a URDF or MJCF file, or from an arm file (``.toml``).
+
+    What a user should know of how a file was read, ``arm.model.notes``, is logged as warnings of
+    the logger ``mitt``.
+
+    Args:
+        name_or_path: Name or file. An arm file says all the rest but the limits and the encoders.
+        tip: Frame of the file whose origin is the catch point and whose z axis is the normal
+            of the palm; only for files.
+        joints: Active joints of the file, the others held; of the WAM j1, j2 and j4 if left out.
+        held: Angles at which joints are held [rad]; any other is held at 0, or at the end of its
+            range that is nearest to it.
+        ready: Ready pose of the active joints, in their order [rad]; 0 if left out, or the middle
+            of a range that 0 is not in.
+        limits: Limit set: a name of :func:`known_limits`, as ``paper``, ``wam-48v`` or ``wam-80v``
+            for the WAM, ``model`` for what a file states, or a TOML file (docs/arms.md).
+        hand: A hand, or the name of one of ``mitt.robot.basket.HANDS``; with ``none`` nothing is
+            mounted, and the tip is the catch point. If left out, the WAM has the three-finger hand,
+            and a file is taken to contain what the arm carries, as with ``none``.
+        hand_turn: How far the hand is turned about the z axis of the tip [rad].
+        hand_mount: For files: whether the hand's catch point or its plate is at the tip.
+        encoder_step: Resolution of the encoders of the active joints [rad], one for all or one a
+            joint; the WAM's own, or ``description.ENCODER_STEP`` for files, if left out.
+
+    Raises:
+        UnknownNameError: No such arm, joint, frame, hand or limit set.
+        FileError: The file cannot be read or parsed.
+        ModelError: What it describes is no arm that can be used.
+    """
+    if isinstance(name_or_path, str | Path) and is_arm_file(name_or_path):
+        _check_alone(tip=tip, joints=joints, held=held, ready=ready, hand=hand)
+        arm = read_arm_file(Path(name_or_path)).load(limits=limits_of(limits))
+        arm = arm if encoder_step is None else load.with_encoders(arm, encoder_step)
+    else:
+        arm = load.load_arm(
+            name_or_path, tip=tip, joints=joints, held=held, ready=ready, limits=limits_of(limits),
+            hand=hand, hand_turn=hand_turn, hand_mount=hand_mount, encoder_step=encoder_step,
+        )  # fmt: skip
+    return _with_notes_logged(arm, name_or_path)
+
+
+def _check_alone(**said: object) -> None:
+    """Refuse what an arm file says itself."""
+    for name, value in said.items():
+        if value is not None:
+            raise InputError(name, "nothing beside an arm file, which says it", "a value",
+                             do="change the arm file")  # fmt: skip
+
+
+def _with_notes_logged(arm: Arm, name: str | Path) -> Arm:
+    """Return an arm, its notes logged as warnings."""
+    for note in arm.model.notes:
+        logging.getLogger("mitt").warning("%s: %s", name, note)
+    return arm
 
 
 def open_arm(path: Path, *, limits: str | LimitSet | None = None) -> tuple[Arm, MapDesign | None]:
@@ -285,3 +490,89 @@ def open_arm(path: Path, *, limits: str | LimitSet | None = None) -> tuple[Arm, 
     if file.map is not None:
         tangent_of(arm, file.map)  # refuses a map that this arm cannot have
     return arm, file.map
+
+
+class ArmSpec(Settings):
+    """Which arm and which map, as the options of the same names of ``mitt catch``."""
+
+    arm: str = "wam"
+    tip: str | None = None
+    joints: str | None = None
+    limits: str | None = None
+    catch_joint: int | None = None
+    q_catch: float | None = None
+    kappa: float | None = None
+    inward: float | None = None
+    order: int | None = None
+
+    @field_validator("limits")
+    @classmethod
+    def _known(cls, value: str | None) -> str | None:
+        """Refuse a name that is none of a limit set, before anything is learned."""
+        if value is not None and not value.endswith(".toml") and value not in known_limits():
+            raise ValueError(f"one of {', '.join(known_limits())}, or a .toml file")
+        return value
+
+    def read(self, *, was: Mapping[str, str] | None = None) -> "ChosenArm":
+        """Return the arm, with a hand at its tip unless an arm file says otherwise.
+
+        Args:
+            was: Digests of its files as they were; as they are if left out.
+
+        Raises:
+            FileError: A file holds something else than it did.
+            MittError: The arm cannot be.
+        """
+        names = None if self.joints is None else [x.strip() for x in self.joints.split(",")]
+        with noted() as read:
+            if is_arm_file(self.arm):
+                _check_alone(tip=self.tip, joints=names)
+                file = read_arm_file(Path(self.arm))
+                arm = _with_notes_logged(file.load(limits=limits_of(self.limits)), self.arm)
+            else:
+                file, hand = None, HandModel()
+                arm = load_arm(self.arm, tip=self.tip, joints=names, limits=self.limits, hand=hand)
+        if was is not None and (name := difference(was, read)):
+            raise FileError(name, "the file that the study was made with", "another content",
+                            do="put it back, or begin the study anew")  # fmt: skip
+        return ChosenArm(spec=self, arm=arm, file=file, files=read)
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChosenArm:
+    """An arm with all that its files say, read once.
+
+    Attributes:
+        spec: What was chosen.
+        arm: The arm.
+        file: Its arm file; None where it comes from none.
+        files: Digests of what was read, by name, in the order of reading.
+    """
+
+    spec: ArmSpec
+    arm: Arm
+    file: ArmFile | None
+    files: dict[str, str]
+
+    @property
+    def throws(self) -> ThrowSettings | None:
+        """Where the arm file wants balls to come from; None where none says so."""
+        return None if self.file is None else self.file.throws
+
+    @property
+    def design(self) -> MapDesign:
+        """The map design that is chosen.
+
+        What is left out is that of the arm file, if it has a design, or else follows from the arm.
+
+        Raises:
+            MittError: This arm cannot have it.
+        """
+        spec, file = self.spec, self.file
+        design = default_design(
+            self.arm, base=None if file is None else file.map, catch_joint=spec.catch_joint,
+            q_catch=spec.q_catch, kappa=spec.kappa, inward=spec.inward, order=spec.order,
+        )  # fmt: skip
+        tangent_of(self.arm, design)  # refuses angles and ratios that cannot be
+        return design

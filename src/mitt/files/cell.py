@@ -1,7 +1,6 @@
 """Cell files: an arm, what it is thrown, who sees it, how the robot is reached (docs/cell.md)."""
 
 from dataclasses import replace
-from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -9,11 +8,10 @@ from pydantic import Field
 
 from mitt import checks
 from mitt.errors import FileError, InputError, meant
-from mitt.files.arm_file import is_arm_file
-from mitt.files.arms import load_arm
+from mitt.files.arm_file import is_arm_file, load_arm
 from mitt.files.rig import read_rig
 from mitt.files.schema import Finite, Part, parsed
-from mitt.reading import read_toml
+from mitt.reading import read_toml, shipped, shipped_path
 from mitt.robot.arm import Arm
 from mitt.robot.description import Capsule
 from mitt.robot.hands import HandModel
@@ -151,12 +149,6 @@ class Cell(Part):
     throws: Annotated[int, Field(ge=1, le=100_000)] | None = None
 
 
-def shipped() -> tuple[str, ...]:
-    """Return the names of the cells that come with the package."""
-    folder = files("mitt") / "data" / "cells"
-    return tuple(sorted(p.name.removesuffix(".toml") for p in folder.iterdir()))
-
-
 def read_cell(name_or_path: str | Path) -> Cell:
     """Return a cell that ships, by name, or one from a TOML file.
 
@@ -167,10 +159,11 @@ def read_cell(name_or_path: str | Path) -> Cell:
     """
     path = checks.path("cell", name_or_path)
     if path.suffix != ".toml":
-        if str(name_or_path) not in shipped():
-            raise FileError(str(name_or_path), f"a .toml file, or one of {', '.join(shipped())}",
-                            "neither", do=meant(str(name_or_path), shipped()))  # fmt: skip
-        path = Path(str(files("mitt") / "data" / "cells" / f"{name_or_path}.toml"))
+        known = shipped("cells")
+        if str(name_or_path) not in known:
+            raise FileError(str(name_or_path), f"a .toml file, or one of {', '.join(known)}",
+                            "neither", do=meant(str(name_or_path), known))  # fmt: skip
+        path = shipped_path("cells", str(name_or_path))
     return cell_of(read_toml(path), place=str(path), folder=path.parent)
 
 

@@ -12,13 +12,14 @@ from pydantic import Field
 
 from mitt import checks
 from mitt.errors import FileError, InputError, MittError
-from mitt.files.files import read_json, write_json
 from mitt.files.schema import Finite, Part, parsed
+from mitt.files.writing import write_json
 from mitt.generator.coordinates import basis_of
 from mitt.generator.design import MapDesign, tangent_of
 from mitt.generator.learn import Learned, Step
 from mitt.generator.mapping import DirectMap
 from mitt.generator.polynomial import MOST_ORDER
+from mitt.reading import read_json
 from mitt.robot.arm import Arm, difference, identity_of
 from mitt.version import __version__
 

@@ -6,14 +6,15 @@ at once, and a message is the bytes of a row. Numbers are aligned to their size,
 the 4 bytes that say how they are encoded (OMG DDSI-RTPS 2.5, 10.2; OMG CORBA 3.3 part 2, 9.3).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.catcher.state import fresh_result
+from mitt.catcher.state import Result, fresh_result
+from mitt.signals import Array, Frame, Senses, Sighting
 
 Rows: TypeAlias = NDArray[np.void]
 """Messages of one kind, one a row."""
@@ -25,7 +26,19 @@ STATES, COMMANDS, BRAKES = "/joint_states", "/joint_commands", "/brakes"
 ESTIMATE, TRUTH, CATCH_POINT = "/ball/estimate", "/ball/truth", "/hand/catch_point"
 PHASE, STATE, EVENT = "/phase", "/state", "/events"
 TICKS, POINTS, FRAMES, CALLS = "/mitt/ticks", "/mitt/points", "/mitt/frames", "/mitt/calls"
-IMAGE, FRAME = "/camera_{}/image", "world"
+IMAGES, WORLD = "/camera_{}/image", "world"
+
+#: Types of messages.
+STAMPED, JOINTS = "geometry_msgs/msg/PointStamped", "sensor_msgs/msg/JointState"
+TEXT, FLAG, IMAGE = "std_msgs/msg/String", "std_msgs/msg/Bool", "sensor_msgs/msg/Image"
+TICK, POINT, FRAME = "mitt_msgs/msg/Tick", "mitt_msgs/msg/Point", "mitt_msgs/msg/Frame"
+#: What a correction of the eyes' stamps is called among the calls.
+_CLOCK = "clock"
+#: Largest time that a stamp can say [ns].
+_LAST = 2**31 * 1_000_000_000 - 1
+
+Said: TypeAlias = tuple[str, str, bytes, int | None]
+"""A message: topic, type, content, time [ns]; that of its tick where None."""
 
 _KINDS = {"bool": "?", "uint8": "u1", "int32": "<i4", "uint32": "<u4", "int64": "<i8",
           "float64": "<f8"}  # fmt: skip
@@ -79,23 +92,23 @@ def _listed(fields: Sequence[Field]) -> str:
 # Definitions as in ROS 2's common_interfaces and rcl_interfaces, without their comments; those of
 # mitt_msgs are ours.
 SCHEMAS = {
-    "sensor_msgs/msg/JointState": _definition(
+    JOINTS: _definition(
         "std_msgs/Header header\nstring[] name\n"
         "float64[] position\nfloat64[] velocity\nfloat64[] effort\n"
     ),
-    "geometry_msgs/msg/PointStamped": _definition(
+    STAMPED: _definition(
         "std_msgs/Header header\ngeometry_msgs/Point point\n",
         **{"geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z\n"},
     ),
-    "sensor_msgs/msg/Image": _definition(
+    IMAGE: _definition(
         "std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\n"
         "uint8 is_bigendian\nuint32 step\nuint8[] data\n"
     ),
-    "std_msgs/msg/String": "string data\n",
-    "std_msgs/msg/Bool": "bool data\n",
-    "mitt_msgs/msg/Tick": _listed(_tick(None, None)),
-    "mitt_msgs/msg/Point": _listed(_POINT),
-    "mitt_msgs/msg/Frame": _listed(_FRAME),
+    TEXT: "string data\n",
+    FLAG: "bool data\n",
+    TICK: _listed(_tick(None, None)),
+    POINT: _listed(_POINT),
+    FRAME: _listed(_FRAME),
 }
 
 
@@ -164,7 +177,7 @@ def joint_states(names: Sequence[str], *, efforts: bool) -> Rows:
 
 def point_stamped() -> Rows:
     """Return a ``geometry_msgs/msg/PointStamped``, its point as ``r``."""
-    return layout([*_STAMP, ("frame_id", "string", FRAME), ("r", "float64[3]", None)])
+    return layout([*_STAMP, ("frame_id", "string", WORLD), ("r", "float64[3]", None)])
 
 
 def image(shape: tuple[int, int], camera: int) -> Rows:
@@ -205,3 +218,106 @@ def read_text(message: bytes) -> str:
     if message[:4] != CDR or size < 1 or len(message) < 8 + size:
         raise ValueError("no std_msgs/msg/String")
     return message[8 : 7 + size].decode()
+
+
+def tick_rows(results: Result, senses: Sequence[Senses], heads: int) -> Rows:
+    """Return ticks of the layout :func:`mitt.files.messages.ticks`.
+
+    Args:
+        results: What they brought about, k of them.
+        senses: What they took; where there is none, time and encoders are those of the results.
+        heads: Number of cameras that turn.
+    """
+    s, k, n = results.scalars, len(results.scalars), results.command.shape[-1]
+    rows = np.repeat(ticks(n, heads), k)
+    rows["t"] = rows["t_arm"] = s["t"]
+    rows["q"], rows["dq"] = results.encoders[:, 0], results.encoders[:, 1]
+    for row, x in zip(rows, senses, strict=False):
+        row["t"], row["t_arm"], row["q"], row["dq"] = x.t, x.arm.t, x.arm.q, x.arm.dq
+        row["points"], row["frames"] = len(x.points), len(x.frames)
+    rows["command"] = results.command.reshape(k, 4 * n)
+    rows["hand"], rows["brakes"] = s["hand"], s["brakes"]
+    if heads:
+        rows["gaze"] = results.gaze.reshape(k, 4 * heads)
+    for name in s.dtype.names or ():
+        rows[f"out_{name}"] = s[name]
+    for name in ("ball", "covariance", "reference", "sighting"):
+        rows[name] = results._asdict()[name].reshape(k, rows[name].shape[1])
+    return rows
+
+
+def call_message(name: str) -> Said:
+    """Return what the catcher was told to do."""
+    return CALLS, TEXT, text(name), None
+
+
+def clock_call(offset: float) -> str:
+    """Return what is kept of a correction of the eyes' stamps, which they bear already [s]."""
+    return f"{_CLOCK} {offset!r}"
+
+
+def clock_in(calls: Iterable[str]) -> float:
+    """Return what stamps were corrected by, as the newest of the calls says [s]; 0 without one."""
+    said = [name.split() for name in calls]
+    given = [words[1] for words in said if len(words) == 2 and words[0] == _CLOCK]
+    try:
+        return float(given[-1]) if given else 0.0
+    except ValueError:
+        return 0.0
+
+
+def notice_message(topic: str, said: str) -> Said:
+    """Return something that happens now."""
+    return topic, TEXT, text(said), None
+
+
+def point_message(row: np.void) -> Said:
+    """Return a sighting of :func:`point_rows`."""
+    return POINTS, POINT, row.tobytes(), None
+
+
+def point_rows(sightings: Sequence[Sighting]) -> Rows:
+    """Return sightings of the layout :func:`mitt.files.messages.points`."""
+    rows = points()
+    if len(sightings) != 1:
+        rows = np.repeat(rows, len(sightings))
+    for row, sighting in zip(rows, sightings, strict=True):
+        row["t"], row["found"] = sighting.t, sighting.found
+        row["r_o"], row["covariance"] = sighting.r_o, sighting.covariance.ravel()
+    return rows
+
+
+def frame_row(frame: Frame) -> tuple[Rows, bytes]:
+    """Return a frame of the layout :func:`mitt.files.messages.frames`, and its grey values."""
+    row = frames()
+    row["t"], row["camera"], row["number"] = frame.t, frame.camera, frame.number
+    row["pan"], row["tilt"] = frame.pan, frame.tilt
+    return row, frame.pixels.tobytes()
+
+
+def frame_messages(
+    row: Rows, pixels: bytes, shapes: Sequence[tuple[int, int]]
+) -> tuple[Said, Said]:
+    """Return what belongs to an image, and the image."""
+    camera = int(row["camera"][0])
+    row_of_image = image(shapes[camera], camera)
+    row_of_image["sec"], row_of_image["nanosec"] = np.divmod(ns_of(row["t"]), 1_000_000_000)
+    row_of_image["data"] = np.frombuffer(pixels, np.uint8)
+    topic = IMAGES.format(camera)
+    return (FRAMES, FRAME, row.tobytes(), None), (topic, IMAGE, row_of_image.tobytes(), None)
+
+
+def filled(template: Rows, ns: NDArray[np.int64] | None, **columns: NDArray[Any]) -> Rows:
+    """Return messages with these columns, stamped where there are times [ns]."""
+    rows = np.repeat(template, len(next(iter(columns.values()))))
+    if ns is not None:
+        rows["sec"], rows["nanosec"] = np.divmod(ns, 1_000_000_000)
+    for name, column in columns.items():
+        rows[name] = column
+    return rows
+
+
+def ns_of(t: Array | float) -> NDArray[np.int64]:
+    """Return times in whole nanoseconds; before release counts as release, no time as 0."""
+    known = np.nan_to_num(np.asarray(t, np.float64), nan=0.0, posinf=_LAST * 1e-9)
+    return np.clip(np.rint(known * 1e9), 0.0, _LAST).astype(np.int64)

@@ -10,8 +10,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from mitt.errors import FileError, MittError
-from mitt.files.files import write_text
 from mitt.files.schema import Part, parsed
+from mitt.files.writing import write_text
 from mitt.reading import read_toml
 from mitt.signals import Array
 from mitt.vision.calibration.heads import HeadAxes

@@ -1,18 +1,47 @@
-"""JSON and TOML files of ours, checked against a model of their content."""
+"""Tables of files and settings, checked against a model of their content.
 
+What is wrong is one line, in a file as in Python: the key, what was wanted, what was given.
+
+Dataclasses are written as plain JSON and read back, to the bit, by the types that their fields
+state (:func:`to_plain`, :func:`from_plain`). A file names no class: the reader says what it wants,
+and takes nothing else. Numbers keep every digit; infinity, which JSON lacks, is the text "inf". NaN
+is refused both ways.
+"""
+
+import copy
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
+from dataclasses import MISSING, fields, is_dataclass
+from functools import lru_cache
+from math import inf, isfinite, isnan
+from types import NoneType, UnionType
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from mitt import checks
 from mitt.errors import FileError, InputError
+from mitt.fields import line
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass as _ModelMetaclass
 else:
     _ModelMetaclass = type(BaseModel)
+
+_Kind = TypeVar("_Kind")
+_ENDLESS = {"inf": inf, "-inf": -inf}
+#: Most numbers of one array that is read.
+_MOST = 1_000_000
 
 Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 """A finite number, and no text or truth value that could be read as one."""
@@ -31,8 +60,8 @@ class OneLine(_ModelMetaclass):
             return super().__call__(*args, **values)
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
-            field = ".".join(str(part) for part in (cls.__name__, *first["loc"]))
-            raise InputError(field, *in_words(first)) from None
+            field = ".".join(map(str, (cls.__name__, *first["loc"])))
+            raise InputError(field, *_in_words(first)) from None
 
 
 class Part(BaseModel, metaclass=OneLine):
@@ -41,10 +70,34 @@ class Part(BaseModel, metaclass=OneLine):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-_Model = TypeVar("_Model", bound=Part)
+class Settings(Part):
+    """Settings: numbers are numbers, and finite."""
+
+    model_config = ConfigDict(strict=True, allow_inf_nan=False)
+
+    def __repr__(self) -> str:
+        """Return one line: what differs from the settings that are left out."""
+        own = [(name, getattr(self, name), field.get_default(call_default_factory=True))
+               for name, field in type(self).model_fields.items()]  # fmt: skip
+        return line(type(self).__name__, [(x, value) for x, value, usual in own if value != usual])
+
+    __str__ = __repr__
 
 
-def in_words(error: Mapping[str, Any]) -> tuple[str, str]:
+_Model = TypeVar("_Model", bound=BaseModel)
+
+
+def merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    """Return two nested tables as one; where both have a value, that of ``above``."""
+    out = copy.deepcopy(dict(below))
+    for key, value in above.items():
+        old = out.get(key)
+        both = isinstance(old, dict) and isinstance(value, dict)
+        out[key] = merged(old, value) if both and old is not None else copy.deepcopy(value)
+    return out
+
+
+def _in_words(error: Mapping[str, Any]) -> tuple[str, str]:
     """Return what a value should have been and what it is, for what Pydantic says of it."""
     if error["type"] == "missing":
         return "a value", "none"
@@ -64,7 +117,28 @@ def in_words(error: Mapping[str, Any]) -> tuple[str, str]:
     return verb[found[2]] + found[3].replace("a valid ", "a "), given
 
 
-def parsed(model: type[_Model], raw: Any, *, place: str, wanted: str, do: str) -> _Model:  # noqa: ANN401 (any JSON value)
+def validated(model: type[_Model], raw: object, *, place: str) -> _Model:
+    """Return settings from what a table says.
+
+    Args:
+        model: Class of the settings.
+        raw: What the table says.
+        place: What an error calls it: the file, and where in it.
+
+    Raises:
+        InputError: A key is unknown or its value cannot be used; the message names both.
+    """
+    try:
+        return model.model_validate(raw)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key, (wanted, given) = _key(first) or "(all)", _in_words(first)
+        if first["type"] == "extra_forbidden":
+            wanted = f"one of the keys {_known(model, first['loc'])}"
+        raise InputError(f"{place} key {key}", wanted, given) from None
+
+
+def parsed(model: type[_Model], raw: object, *, place: str, wanted: str, do: str) -> _Model:
     """Return what a file says as a model.
 
     Args:
@@ -81,21 +155,151 @@ def parsed(model: type[_Model], raw: Any, *, place: str, wanted: str, do: str) -
         return model.model_validate(raw)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"]) or "the file"
+        key, said = _key(first) or "the file", _in_words(first)
         if first["type"] == "extra_forbidden":
-            known = _known(model, first["loc"][:-1])
-            raise FileError(f"{place} key {key[:120]!r}", f"one of {known}", "another",
-                            do=do) from None  # fmt: skip
-        if first["loc"]:
-            raise FileError(f"{place} key {key[:120]!r}", *in_words(first), do=do) from None
-        raise FileError(f"{place} key {key[:120]!r}", wanted, first["msg"], do=do) from None
+            said = f"one of {_known(model, first['loc'])}", "another"
+        elif not first["loc"]:
+            said = wanted, first["msg"]
+        raise FileError(f"{place} key {key!r}", *said, do=do) from None
 
 
-def _known(model: type[Part], place: tuple[int | str, ...]) -> str:
-    """Return the keys that a table of a file may have."""
-    at: Any = model
-    for key in place:
-        found = at.model_fields.get(key)
-        kinds = () if found is None else (found.annotation, *get_args(found.annotation))
-        at = next((x for x in kinds if isinstance(x, type) and issubclass(x, Part)), at)
-    return ", ".join(x.alias or name for name, x in at.model_fields.items())
+def _key(error: Mapping[str, Any]) -> str:
+    """Return the address of a wrong key; nothing where it is the whole."""
+    return ".".join(map(str, error["loc"]))[:120]
+
+
+def _known(model: type[BaseModel], at: tuple[int | str, ...]) -> str:
+    """Return the keys that there may be in place of one that is unknown."""
+    models: list[type[BaseModel]] = [model]
+    for part in at[:-1]:
+        models = _inner(models, str(part))
+    return ", ".join(x.alias or name for name, x in models[0].model_fields.items())
+
+
+def _inner(models: list[type[BaseModel]], part: str) -> list[type[BaseModel]]:
+    """Return the models that a part of a key's address leads to: a kind, a field, a number."""
+    for model in models:
+        kind = model.model_fields.get("kind")
+        if kind is not None and part in get_args(kind.annotation):
+            return [model]
+        if part in model.model_fields:
+            return _models(model.model_fields[part].annotation) or [model]
+    return models
+
+
+def _models(annotation: object) -> list[type[BaseModel]]:
+    """Return the models inside an annotation."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [inner for part in get_args(annotation) for inner in _models(part)]
+
+
+def to_plain(value: object) -> Any:  # noqa: ANN401 (any JSON value)
+    """Return a dataclass, and what it is made of, as values that JSON has."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {x.name: to_plain(getattr(value, x.name)) for x in fields(value) if x.init}
+    if isinstance(value, np.ndarray):
+        return to_plain(value.tolist())
+    if isinstance(value, Mapping):
+        return {str(name): to_plain(x) for name, x in value.items()}
+    if isinstance(value, tuple | list):
+        return [to_plain(x) for x in value]
+    if isinstance(value, float) and not isfinite(value):
+        if isnan(value):
+            raise InputError("a number to be written", "no NaN", "NaN")
+        return "inf" if value > 0 else "-inf"
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def from_plain(kind: type[_Kind], raw: object, *, place: str = "the file") -> _Kind:
+    """Return a value of a class from what :func:`to_plain` made of it.
+
+    Raises:
+        MittError: It says something else; the class itself may refuse its numbers.
+    """
+    value: _Kind = _value(kind, raw, place)
+    return value
+
+
+@lru_cache(maxsize=64)
+def _hints(kind: type) -> dict[str, Any]:
+    """Return the types of a dataclass's fields."""
+    return get_type_hints(kind)
+
+
+def _value(kind: Any, raw: Any, place: str) -> Any:  # noqa: ANN401 (what a type states)
+    """Return a value of a stated type."""
+    origin, inner = get_origin(kind), get_args(kind)
+    if origin in (Union, UnionType):
+        return _one_of(inner, raw, place)
+    if kind is NoneType and raw is None:
+        return None
+    if origin is np.ndarray or kind is np.ndarray:
+        return _array(raw, place)
+    if origin is tuple and isinstance(raw, list):
+        kinds = inner[:1] * len(raw) if inner[-1] is ... else inner
+        if len(kinds) == len(raw):
+            pairs = zip(kinds, raw, strict=True)
+            return tuple(_value(one, x, f"{place}[{k}]") for k, (one, x) in enumerate(pairs))
+    if is_dataclass(kind) and isinstance(raw, dict):
+        return _dataclass(kind, raw, place)
+    if kind is float and (found := _number(raw)) is not None:
+        return found
+    if kind in (str, bool, int) and type(raw) is kind:
+        return raw
+    name = getattr(kind, "__name__", str(kind))
+    raise InputError(place, f"a value of type {name}", type(raw).__name__)
+
+
+def _one_of(kinds: tuple[Any, ...], raw: Any, place: str) -> Any:  # noqa: ANN401
+    """Return a value of the first type that takes it."""
+    if raw is None and NoneType in kinds:
+        return None
+    rest = [kind for kind in kinds if kind is not NoneType]
+    for kind in rest[:-1]:
+        try:
+            return _value(kind, raw, place)
+        except InputError:
+            continue
+    return _value(rest[-1], raw, place)
+
+
+def _number(raw: object) -> float | None:
+    """Return a number, infinity included; None where it is none."""
+    if isinstance(raw, int | float) and not isinstance(raw, bool):
+        return float(raw) if abs(raw) <= 1e300 else None
+    return _ENDLESS.get(raw) if isinstance(raw, str) else None
+
+
+def _array(raw: object, place: str) -> Any:  # noqa: ANN401
+    """Return numbers in nested lists as an array."""
+    flat: list[float] = []
+
+    def walk(x: object, depth: int) -> object:
+        if isinstance(x, list) and depth < 4:
+            return [walk(y, depth + 1) for y in x]
+        number = _number(x)
+        if number is None or len(flat) >= _MOST:
+            raise InputError(place, "numbers in lists", type(x).__name__)
+        flat.append(number)
+        return number
+
+    try:
+        return np.array(walk(raw, 0), dtype=np.float64)
+    except ValueError as error:
+        raise InputError(place, "lists of equal lengths", error) from None
+
+
+def _dataclass(kind: Any, raw: dict[str, Any], place: str) -> Any:  # noqa: ANN401
+    """Return a dataclass; a field that is missing takes its default."""
+    known = {x.name: x for x in fields(kind) if x.init}
+    for name in raw:
+        if name not in known:
+            raise InputError(f"{place}.{name[:60]}", f"one of {', '.join(known)}", "another")
+    given = {}
+    for name, x in known.items():
+        if name in raw:
+            given[name] = _value(_hints(kind)[name], raw[name], f"{place}.{name}")
+        elif x.default is MISSING and x.default_factory is MISSING:
+            raise InputError(f"{place}.{name}", "a value", "none")
+    return kind(**given)

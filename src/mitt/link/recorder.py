@@ -41,9 +41,8 @@ from mitt.catcher.state import Result
 from mitt.errors import FileError, MittError
 from mitt.files import messages as of
 from mitt.files.about import About
-from mitt.files.messages import EVENT
-from mitt.files.recording import Heading, RecordingWriter, heading_of
-from mitt.files.recording_rows import (
+from mitt.files.messages import (
+    EVENT,
     Said,
     call_message,
     clock_call,
@@ -53,6 +52,7 @@ from mitt.files.recording_rows import (
     point_message,
     point_rows,
 )
+from mitt.files.recordings import Heading, RecordingWriter, heading_of
 from mitt.link.clock import monotonic
 from mitt.signals import Command, Frame, Senses, all_of
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from mitt.design.design import Design, softer
 from mitt.design.evaluation import Evaluation
 from mitt.design.faster_joints import FasterJoint, faster_joints, longer_arm
-from mitt.files.files import write_text
+from mitt.files.writing import write_text
 from mitt.report.figures.design import pose_picture, rate_by_speed, region_picture, region_plot
 from mitt.report.page import Section, number, page
 from mitt.robot.arm import Arm

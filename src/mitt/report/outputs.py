@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from mitt.files.files import write_json
-from mitt.files.folders import claim_folder
 from mitt.files.maps import save_map
-from mitt.files.recording import write_recording
+from mitt.files.recordings import write_recording
+from mitt.files.writing import claim_folder, write_json
 from mitt.generator.generators import Direct, Unoptimised
 from mitt.generator.learn import Learned
 from mitt.interrupts import finally_do

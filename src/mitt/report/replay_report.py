@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mitt.files.files import write_text
 from mitt.files.messages import PHASE
+from mitt.files.writing import write_text
 from mitt.report.figures.replay import estimate, hand, limits, states
 from mitt.report.page import Section, number, page
 from mitt.trials.explain import evidence_of, explain

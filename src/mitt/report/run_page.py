@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mitt.files.files import write_text
+from mitt.files.writing import write_text
 from mitt.generator.learn import Step
 from mitt.report.figures.learning import feedback_by_step, feedback_share, learning_cost
 from mitt.report.figures.pictures import picture_strip

@@ -10,7 +10,7 @@ from mitt.ball.flight import advance, forecast
 from mitt.errors import InputError
 from mitt.files.about import About
 from mitt.files.messages import CATCH_POINT, TRUTH, Rows
-from mitt.files.recorded import Recorded
+from mitt.files.recordings import Recorded
 from mitt.report.replay import NODE, furnish
 from mitt.signals import Array, BallState
 from mitt.world.build import build_scene

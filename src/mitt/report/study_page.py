@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from mitt import checks
-from mitt.files.files import read_json, write_text
-from mitt.files.throws import ThrowSettings
+from mitt.files.arm_file import ThrowSettings
+from mitt.files.writing import write_text
+from mitt.reading import read_json
 from mitt.report.figures.sweep import effort, rates_against, rates_by_condition, reach
 from mitt.report.page import Cell, Section, interval, number, page
 from mitt.report.worst import worst_throws

@@ -13,7 +13,7 @@ import numpy as np
 from mitt.catcher.settings import PHASES
 from mitt.catcher.state import REASONS, STATES
 from mitt.errors import FileError, MittError
-from mitt.files.recorded import Recorded
+from mitt.files.recordings import Recorded
 from mitt.link.clock import monotonic, pause
 from mitt.report.replay import served
 from mitt.report.stage_view import Stage

@@ -3,7 +3,7 @@
 from typing import Any
 
 import mitt
-from mitt.files.files import write_text
+from mitt.files.writing import write_text
 from mitt.report.page import Cell
 from mitt.report.replay import replay_page
 from mitt.trials.study_results import StudyResult, read_columns

@@ -15,7 +15,7 @@ import numpy as np
 from mitt.ball.filter import FilterConfig, doubt, fresh_filter, predict, update
 from mitt.ball.measurement_noise import fresh_noise, learn
 from mitt.errors import FileError
-from mitt.files.files import write_text
+from mitt.files.writing import write_text
 from mitt.jit import kernel
 from mitt.signals import Array
 from mitt.structs import Record

@@ -11,7 +11,7 @@ Where the heads then look is not told again, and not compared.
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, final
+from typing import final
 
 import numpy as np
 
@@ -24,8 +24,8 @@ from mitt.control.health import StoppedBy
 from mitt.errors import FileError, InputError, MittError
 from mitt.files.about import About
 from mitt.files.maps import read_map
-from mitt.files.plain import from_plain, to_plain
-from mitt.files.recorded import Recorded
+from mitt.files.recordings import Recorded
+from mitt.files.schema import from_plain, merged, to_plain
 from mitt.generator.feasibility import Verdict
 from mitt.generator.generators import Direct, Generator, refining
 from mitt.generator.several import Several
@@ -126,24 +126,14 @@ def changed(
     if generator is not None:
         about = replace(about, generator=generator, refines=False)
     if settings is not None:
-        raw: dict[str, Any] = to_plain(about.settings)
         given = read_toml(settings, wanted="TOML of catcher settings")
         try:
-            new = from_plain(CatcherSettings, _merged(raw, given), place=str(settings))
+            raw = merged(to_plain(about.settings), given)
+            new = from_plain(CatcherSettings, raw, place=str(settings))
         except InputError as error:
             raise FileError(str(settings), "settings of a catcher", error) from None
         about = replace(about, settings=new)
     return about
-
-
-def _merged(raw: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
-    """Return settings with some of them, also inner ones, replaced."""
-    out = dict(raw)
-    for key, value in given.items():
-        inner = raw.get(key)
-        both = isinstance(inner, dict) and isinstance(value, dict)
-        out[key] = _merged(inner, value) if both and inner is not None else value
-    return out
 
 
 def replay(recorded: Recorded, about: About | None = None) -> Replayed:

@@ -19,8 +19,7 @@ from typing import Any, final
 import numpy as np
 
 from mitt.errors import FileError
-from mitt.files.files import write_json
-from mitt.files.folders import Leaves
+from mitt.files.writing import Leaves, write_json
 from mitt.link.clock import Stopwatch
 from mitt.reading import read_text
 from mitt.trials.score import Trial

@@ -21,14 +21,11 @@ from mitt.catcher.catcher import Catcher
 from mitt.catcher.planner import load_decisions
 from mitt.catcher.settings import CatcherSettings
 from mitt.catcher.tick import act, perceive, refer, undecided
-from mitt.errors import FileError, InputError, StoppedError
+from mitt.errors import InputError, StoppedError
 from mitt.files.about import About
-from mitt.files.arm_file import is_arm_file, read_arm_file
-from mitt.files.arms import load_arm
-from mitt.files.recording import write_recording
-from mitt.files.throws import ThrowSettings
+from mitt.files.recordings import write_recording
 from mitt.generator.answers import answering
-from mitt.generator.design import MapDesign, default_design, tangent_of
+from mitt.generator.design import MapDesign
 from mitt.generator.generators import Direct, Generator, Unoptimised, generator_of, map_of, refining
 from mitt.generator.learn import Learned
 from mitt.generator.mapping import DirectMap, unlearned
@@ -36,11 +33,8 @@ from mitt.generator.several import Several
 from mitt.interrupts import end_with_parent, notice, status_of
 from mitt.jit import cache_folder, compiled_count, is_cold
 from mitt.link.clock import Stopwatch, settled
-from mitt.reading import difference, noted
 from mitt.robot.arm import Arm
-from mitt.robot.hands import HandModel
 from mitt.signals import TICK, ArmState, Senses, Sighting
-from mitt.trials.choice import ArmChoice
 from mitt.trials.learning import learn, neighbourhood_of_ball
 from mitt.trials.log import recording_of
 from mitt.trials.play import NOTHING
@@ -152,76 +146,6 @@ def _compile(kernel: Any, *args: object) -> None:  # noqa: ANN401
 
 #: Index of the throw that is run once before the others, so that compiling is not measured.
 _WARM_UP = 2**31
-
-
-def arm_of(choice: ArmChoice) -> Arm:
-    """Return the arm that is chosen; with a hand at its tip, unless an arm file says otherwise."""
-    names = None if choice.joints is None else [x.strip() for x in choice.joints.split(",")]
-    hand = None if is_arm_file(choice.arm) else HandModel()
-    return load_arm(choice.arm, tip=choice.tip, joints=names, limits=choice.limits, hand=hand)
-
-
-def design_of(choice: ArmChoice, arm: Arm) -> MapDesign:
-    """Return the map design that is chosen.
-
-    What is left out is that of the arm file, if the arm comes from one that has a design, or else
-    follows from the arm.
-    """
-    base = read_arm_file(Path(choice.arm)).map if is_arm_file(choice.arm) else None
-    design = default_design(
-        arm,
-        base=base,
-        catch_joint=choice.catch_joint,
-        q_catch=choice.q_catch,
-        kappa=choice.kappa,
-        inward=choice.inward,
-        order=choice.order,
-    )
-    tangent_of(arm, design)  # refuses angles and ratios that cannot be, before anything is run
-    return design
-
-
-def throws_of(choice: ArmChoice) -> ThrowSettings | None:
-    """Return where the arm file wants balls to come from; None where it says nothing."""
-    return read_arm_file(Path(choice.arm)).throws if is_arm_file(choice.arm) else None
-
-
-@final
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ChosenArm:
-    """An arm with all that its files say, read at one time.
-
-    Attributes:
-        arm: The arm.
-        design: Design of its map.
-        throws: Where balls are to come from; None where no file says so.
-        files: Digests of what was read, by name, in the order of reading.
-    """
-
-    arm: Arm
-    design: MapDesign
-    throws: ThrowSettings | None
-    files: dict[str, str]
-
-
-def chosen_arm(choice: ArmChoice, *, wanted: Mapping[str, str] | None = None) -> ChosenArm:
-    """Return the arm that is chosen, and what it was read from.
-
-    Args:
-        choice: The choice.
-        wanted: Digests of the files as they were; as they are if left out.
-
-    Raises:
-        FileError: A file holds something else than it did.
-    """
-    with noted() as files:
-        arm = arm_of(choice)
-        found = ChosenArm(arm=arm, design=design_of(choice, arm), throws=throws_of(choice),
-                          files=files)  # fmt: skip
-    if wanted is not None and (name := difference(wanted, files)):
-        raise FileError(name, "the file that the study was made with", "another content",
-                        do="put it back, or begin the study anew")  # fmt: skip
-    return found
 
 
 @final

@@ -6,7 +6,7 @@ from typing import final
 
 import numpy as np
 
-from mitt.files.throws import ThrowSettings
+from mitt.files.arm_file import ThrowSettings
 from mitt.generator.design import catch_place, nominal_catch
 from mitt.robot.arm import Arm
 from mitt.signals import Array

@@ -2,23 +2,20 @@
 
 import hashlib
 import json
-from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field
 
 import mitt
 from mitt import checks
 from mitt.errors import FileError, InputError, UnknownNameError, meant
-from mitt.files.limit_files import known_limits
-from mitt.files.throws import ThrowSettings
-from mitt.reading import noted, read_bytes, read_toml
+from mitt.files.arm_file import ArmSpec, ThrowSettings
+from mitt.files.schema import Settings, merged, validated
+from mitt.reading import read_bytes, read_toml, shipped, shipped_path
 from mitt.trials.registry import origin_of
-from mitt.trials.runs import arm_of
 from mitt.world.scene import Scene
 from mitt.world.scenes import DEFAULT, scene_of
-from mitt.world.settings import Settings, merged, validated
 from mitt.world.tables import MAX_BYTES
 
 SCHEMA = "mitt.study/1"
@@ -29,28 +26,6 @@ _MOST_THROWS, _MOST_VALUES = 10_000_000, 200
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 ._%+=/-]{0,63}$")]
 Table = dict[str, Any]
 Number = Annotated[float, Field(ge=-1e6, le=1e6)]
-
-
-class ArmSettings(Settings):
-    """Which arm and which map, as the options of the same names of ``mitt catch``."""
-
-    arm: str = "wam"
-    tip: str | None = None
-    joints: str | None = None
-    limits: str | None = None
-    catch_joint: int | None = None
-    q_catch: float | None = None
-    kappa: float | None = None
-    inward: float | None = None
-    order: int | None = None
-
-    @field_validator("limits")
-    @classmethod
-    def _known(cls, value: str | None) -> str | None:
-        """Refuse a name that is none of a limit set, before anything is learned."""
-        if value is not None and not value.endswith(".toml") and value not in known_limits():
-            raise ValueError(f"one of {', '.join(known_limits())}, or a .toml file")
-        return value
 
 
 class Overrides(Settings):
@@ -126,7 +101,7 @@ class StudySettings(Settings):
     throws: Annotated[int, Field(ge=1, le=_MOST_THROWS)] = 100
     throws_of: dict[str, Annotated[int, Field(ge=1, le=_MOST_THROWS)]] = Field(default_factory=dict)
     generators: Annotated[tuple[str, ...], Field(strict=False, min_length=1, max_length=64)]
-    arm: ArmSettings = ArmSettings()
+    arm: ArmSpec = ArmSpec()
     vision: Literal["pixels", "points"] = "pixels"
     scene: Table = Field(default_factory=dict)
     conditions: Annotated[tuple[ConditionSettings, ...], Field(strict=False)] = ()
@@ -156,7 +131,7 @@ class Condition(Settings):
     disturbance: str
     value: float | None = None
     unit: str = ""
-    arm: ArmSettings
+    arm: ArmSpec
     scene: Scene
     vision: Literal["pixels", "points"]
     flights: str | None = None
@@ -223,12 +198,6 @@ def extent(study: Study, throws: int) -> str:
 _MOST_CONDITIONS = 1000
 
 
-def shipped() -> tuple[str, ...]:
-    """Return the names of the studies that come with the package."""
-    folder = files("mitt") / "data" / "studies"
-    return tuple(sorted(p.name.removesuffix(".toml") for p in folder.iterdir()))
-
-
 def read_study(path: Path, *, generators: tuple[str, ...]) -> Study:
     """Read a study file, or one of the studies that ship, by name.
 
@@ -241,12 +210,12 @@ def read_study(path: Path, *, generators: tuple[str, ...]) -> Study:
         InputError: A key is unknown or its value cannot be used.
         UnknownNameError: A generator is not available; InputError: one does not load.
     """
-    path = checks.path("study", path)
-    if not path.is_file() and path.name == str(path) and str(path) in shipped():
-        path = Path(str(files("mitt") / "data" / "studies" / f"{path}.toml"))
+    path, known = checks.path("study", path), shipped("studies")
+    if not path.is_file() and path.name == str(path) and str(path) in known:
+        path = shipped_path("studies", str(path))
     elif path.suffix == "" and not path.exists():
-        raise FileError(str(path), f"a study file, or one of {', '.join(shipped())}", "neither",
-                        do=meant(str(path), shipped()))  # fmt: skip
+        raise FileError(str(path), f"a study file, or one of {', '.join(known)}", "neither",
+                        do=meant(str(path), known))  # fmt: skip
     settings = validated(StudySettings, read_toml(path), place=str(path))
     chosen = generators if settings.generators == ("all",) else settings.generators
     for name in (*chosen, *settings.throws_of):
@@ -298,10 +267,7 @@ def _conditions(settings: StudySettings, path: Path) -> list[Condition]:
 
 def _with_files(conditions: list[Condition]) -> list[Condition]:
     """Return conditions with the digests of what their arms are read from; each is read once."""
-    files: dict[ArmSettings, dict[str, str]] = {}
-    for settings in dict.fromkeys(c.arm for c in conditions):
-        with noted() as files[settings]:
-            arm_of(settings)
+    files = {spec: spec.read().files for spec in dict.fromkeys(c.arm for c in conditions)}
     return [c.model_copy(update={"arm_files": files[c.arm]}) for c in conditions]
 
 
@@ -318,7 +284,7 @@ def _condition(
     return Condition(
         name=name,
         disturbance=disturbance,
-        arm=validated(ArmSettings, arm, place=f"{place} arm"),
+        arm=validated(ArmSpec, arm, place=f"{place} arm"),
         scene=scene,
         vision=given.vision or settings.vision,
         flights=flights,

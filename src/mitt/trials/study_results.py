@@ -26,15 +26,23 @@ import numpy as np
 
 from mitt import checks
 from mitt.errors import FileError, InputError, MissingPackageError
-from mitt.files.files import file_name, make_folder, read_json, write_atomically, write_json
-from mitt.files.folders import Leaves, claim_folder, clear_temporary
-from mitt.reading import difference, read_bytes
+from mitt.files.arm_file import ArmSpec
+from mitt.files.schema import validated
+from mitt.files.writing import (
+    Leaves,
+    claim_folder,
+    clear_temporary,
+    file_name,
+    make_folder,
+    write_atomically,
+    write_json,
+)
+from mitt.reading import difference, read_bytes, read_json
 from mitt.signals import Array
 from mitt.trials.result import STATUSES, spread_of
 from mitt.trials.score import Trial, reason_of
 from mitt.trials.statistics import holm, mcnemar, wilson
-from mitt.trials.study_file import SCHEMA, ArmSettings, Condition, Study
-from mitt.world.settings import validated
+from mitt.trials.study_file import SCHEMA, Condition, Study
 from mitt.world.tables import MAX_BYTES
 
 MANIFEST = "study.json"
@@ -77,7 +85,7 @@ class Folder:
         """Return where the part of a chunk is kept."""
         return self.path / "parts" / f"part-{number:06d}.parquet"
 
-    def map(self, arm: ArmSettings) -> Path:
+    def map(self, arm: ArmSpec) -> Path:
         """Return where the map of an arm is kept."""
         name = hashlib.sha256(arm.model_dump_json().encode()).hexdigest()[:12]
         return self.path / "maps" / f"map-{name}.json"

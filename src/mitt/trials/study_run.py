@@ -17,23 +17,23 @@ from typing import final
 import numpy as np
 
 from mitt.errors import FileError, InputError, MittError
-from mitt.files.files import read_json, write_atomically, write_json
+from mitt.files.arm_file import ArmSpec, ThrowSettings
 from mitt.files.maps import map_of, save_map
-from mitt.files.recording import write_recording
-from mitt.files.throws import ThrowSettings
+from mitt.files.recordings import write_recording
+from mitt.files.writing import write_atomically, write_json
 from mitt.generator.generators import Generator
 from mitt.generator.learn import Learned
 from mitt.interrupts import notice, status_of
 from mitt.link.clock import Stopwatch
+from mitt.reading import read_json
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.trials.learning import learn
 from mitt.trials.log import recording_of
 from mitt.trials.registry import make_generator, origin_of
 from mitt.trials.runner import LoggedTrial, TrialRunner
-from mitt.trials.runs import chosen_arm
 from mitt.trials.source import Source, source_of, widened
-from mitt.trials.study_file import SCHEMA, ArmSettings, Condition, Study
+from mitt.trials.study_file import SCHEMA, Condition, Study
 from mitt.trials.study_results import (
     Folder,
     Row,
@@ -89,7 +89,7 @@ class Job:
         return hashlib.sha256(self.map.encode()).hexdigest()
 
 
-_ArmOfJob = tuple[ArmSettings, tuple[tuple[str, str], ...], str, int]
+_ArmOfJob = tuple[ArmSpec, tuple[tuple[str, str], ...], str, int]
 """Settings of an arm, digests of its files, its map, and the thread that throws."""
 
 
@@ -100,7 +100,7 @@ def _learned(of: _ArmOfJob) -> tuple[Learned, ThrowSettings | None]:
     They are kept for the thread alone: an arm's scratch is not to be shared.
     """
     settings, files, text, _ = of
-    found = chosen_arm(settings, wanted=dict(files))
+    found = settings.read(was=dict(files))
     return map_of(json.loads(text), found.arm, place="map of the study"), found.throws
 
 
@@ -291,7 +291,7 @@ def _map_text(condition: Condition, folder: Folder, version: str, progress: Prog
     path = folder.map(condition.arm)
     if not path.exists():
         progress("learning", 0, 1)
-        of = chosen_arm(condition.arm, wanted=condition.arm_files)
+        of = condition.arm.read(was=condition.arm_files)
         save_map(path, learn(of.arm, design=of.design), version=version)
         progress("learning", 1, 1)
     read_json(path)  # refuses a file that was altered into no JSON

@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
 
+from mitt.files.schema import Settings
 from mitt.world.faults.plan import FaultPlan
-from mitt.world.settings import Settings
 
 NotNegative = Annotated[float, Field(ge=0.0)]
 Share = Annotated[float, Field(ge=0.0, lt=0.5)]

@@ -1,15 +1,14 @@
 """Scenes by name, and scenes from files that may start from a named one."""
 
 from functools import lru_cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, get_args
 
 from mitt import checks
 from mitt.errors import FileError, InputError, meant
-from mitt.reading import read_toml
+from mitt.files.schema import merged, validated
+from mitt.reading import read_toml, shipped_path
 from mitt.world.scene import TABLE_TENNIS, Scene, SceneName
-from mitt.world.settings import merged, validated
 
 NAMES: tuple[str, ...] = get_args(SceneName)
 """Names of the scenes that ship."""
@@ -99,7 +98,7 @@ def changed(scene: Scene) -> dict[str, Any]:
 @lru_cache(maxsize=len(NAMES))
 def _shipped(name: str) -> dict[str, Any]:
     """Return what the file of a scene that ships says; not to be written to."""
-    return read_toml(Path(str(files("mitt") / "data" / "scenes" / f"{name}.toml")))
+    return read_toml(shipped_path("scenes", name))
 
 
 def _recorded(ball: dict[str, Any]) -> dict[str, Any]:

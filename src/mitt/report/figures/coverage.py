@@ -10,7 +10,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from mitt.files.files import write_atomically
+from mitt.files.writing import write_atomically
 from mitt.report.figures.style import GREY, INK, RC
 from mitt.signals import Array
 

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from mitt.world.settings import Settings
+from mitt.files.schema import Settings
 
 Chance = Annotated[float, Field(ge=0.0, le=1.0)]
 Delay = Annotated[float, Field(ge=0.0, le=0.2)]

@@ -1,9 +1,7 @@
-"""``mitt calibrate``: cameras, heads, place and clock from what was seen; writes RIG.toml.
-
-The stages that the given files allow run one after the other: boards, heads, hand, clock.
-"""
+"""``mitt track``, ``mitt see``, ``mitt calibrate``: positions, two cameras, and their rig."""
 
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
@@ -11,6 +9,7 @@ from pathlib import Path
 from rich.table import Table
 
 import mitt
+from mitt.ball.filter import MAX_HORIZON
 from mitt.calibration.board_calibration import (
     CELLS,
     FACE_UP,
@@ -29,8 +28,9 @@ from mitt.calibration.hand_calibration import (
     centroids_in,
 )
 from mitt.calibration.stages import Stage, header_of, read_places
-from mitt.cameras.cameras import check_cameras, open_cameras
-from mitt.commands.camera_options import CalibrateOptions
+from mitt.cameras.cameras import check_cameras, check_library, open_cameras
+from mitt.cameras.video_writer import SUFFIXES, VideoWriter
+from mitt.commands.options import CalibrateOptions, SeeOptions, TrackOptions
 from mitt.commands.screen import (
     Report,
     check_new_files,
@@ -41,12 +41,165 @@ from mitt.commands.screen import (
     warn,
 )
 from mitt.errors import FileError, InputError
-from mitt.files.arms import load_arm
+from mitt.files.arm_file import load_arm
 from mitt.files.rig import CalibratedRig, read_rig, write_rig
+from mitt.interrupts import notice
 from mitt.robot.arm import Arm
+from mitt.tracks.filtering import (
+    POINTS,
+    STATE,
+    follow_all,
+    read_positions,
+    write_table,
+    write_track,
+)
+from mitt.tracks.two_cameras import WATCHED, Seen, complaints, rate_of, status_of
+from mitt.tracks.two_cameras import see as follow
 from mitt.vision.calibration.boards import BoardProblem
 from mitt.vision.calibration.fit import Fit
 from mitt.vision.poses import inverse
+from mitt.world.fall import WANTED, doubt_of
+
+#: Largest standard deviation of a coordinate that makes sense [m].
+_MAX_SIGMA = 1.0
+
+
+def track(options: TrackOptions) -> int:
+    """Run ``mitt track``; return its exit status."""
+    ahead, sigma = options.ahead, options.sigma
+    if ahead is not None and not 0.0 <= ahead <= MAX_HORIZON:
+        raise InputError("--ahead", f"a time from 0 to {MAX_HORIZON:g} s", ahead)
+    if sigma is not None and not 0.0 < sigma <= _MAX_SIGMA:
+        raise InputError("--sigma", f"a length above 0, up to {_MAX_SIGMA:g} m", sigma)
+    check_new_files(options, {"--out": options.out})
+    positions = read_positions(options.points)
+    rows, flights = len(positions.samples), len(positions.rows)
+    doubt = doubt_of([(x[:, 0], x[:, 1:]) for x in map(positions.flight, positions.rows)])
+    warnings = [] if doubt is None else [f"wanted {WANTED}, got {doubt.given}; {doubt.do}"]
+    warn(warnings, json=options.json)
+    if options.check:
+        return checked(f"{rows} rows, {flights} flights, output to {options.out}")
+    track = follow_all(positions.samples, positions.rows.values(), ahead=ahead or 0.0, sigma=sigma)
+    write_track(options.out, positions, track, ahead=ahead is not None)
+    if options.json:
+        print_json({
+            "schema": "mitt.track/1",
+            "version": mitt.__version__,
+            "rows": rows,
+            "flights": flights,
+            "ahead_s": ahead,
+            "sigma_m": sigma,
+            "warnings": warnings,
+            "out": str(options.out),
+        })  # fmt: skip
+    else:
+        show(f"{rows} rows, {flights} flights; written: {options.out}")
+    return 0
+
+
+def see(options: SeeOptions) -> int:
+    """Run ``mitt see``; return its exit status."""
+    rig, video = _checked_rig(options), _video(options)
+    made = {"--out": options.out, "--points": options.points, "--video": video}
+    check_new_files(options, made)
+    for spec in (options.left, options.right):
+        if ":" not in spec and not Path(spec).exists():
+            raise InputError(spec, "a video, a folder of images or a camera", "nothing there")
+    check_cameras((options.left, options.right))
+    for module in () if video is None else ("cv2", "av"):
+        check_library(module)
+    if options.check:
+        return checked(f"{options.left} and {options.right}, output to {options.out}")
+    seen = Seen()
+    try:
+        with (
+            progress() as report,
+            nullcontext() if video is None else VideoWriter(video, rate=WATCHED) as writer,
+        ):
+            follow(
+                options.left, options.right, rig, seen, writer, ball=options.ball,
+                radius=options.ball_radius, max_skew=options.max_skew, fps=options.fps,
+                frames=options.frames, progress=report,
+            )  # fmt: skip
+    except KeyboardInterrupt:
+        notice()
+        raise
+    finally:
+        if seen.points:  # what is finished is kept, also of an interrupted run
+            write_table(options.out, STATE, seen.states)
+            if options.points is not None:
+                write_table(options.points, POINTS, seen.points)
+    said = complaints(seen, tuple(c.name for c in rig.cameras))
+    if not seen.points:
+        raise InputError("cameras", "a ball that both see", "; ".join(said) or "none")
+    _show_seen(options, rig, seen, said, video)
+    return 0
+
+
+def _checked_rig(options: SeeOptions) -> CalibratedRig:
+    """Return the rig, checked with the other numbers of the options.
+
+    Raises:
+        InputError: The rig cannot be seen with, or a number is out of range.
+    """
+    rig = read_rig(options.rig)
+    if len(rig.cameras) != 2:
+        raise InputError(str(options.rig), "two cameras", len(rig.cameras))
+    if rig.frame == "camera":
+        raise InputError(str(options.rig), "poses in a frame with z up, for gravity",
+                         "poses in the left camera's frame",
+                         do="calibrate with --level or --hand")  # fmt: skip
+    if options.left == options.right:
+        raise InputError("LEFT and RIGHT", "two different cameras", f"{options.left} twice")
+    if not 0.0 < options.ball_radius < 1.0:
+        raise InputError("--ball-radius", "a length between 0 and 1 m", options.ball_radius)
+    if not 0.0 <= options.max_skew <= 1.0:
+        raise InputError("--max-skew", "seconds in 0..1", options.max_skew)
+    if options.frames is not None and options.frames < 1:
+        raise InputError("--frames", "1 or more", options.frames)
+    return rig
+
+
+def _video(options: SeeOptions) -> Path | None:
+    """Return the video to write; None for none."""
+    if options.no_video:
+        return None
+    video = options.video or options.out.with_suffix(".mkv")
+    if video.suffix.lower() not in SUFFIXES:
+        raise InputError("--video", f"a name that ends with {' or '.join(SUFFIXES)}", video.name)
+    return video
+
+
+def _show_seen(
+    options: SeeOptions, rig: CalibratedRig, seen: Seen, said: tuple[str, ...], video: Path | None
+) -> None:
+    """Print what was seen."""
+    counts, status = seen.counts, status_of(seen)
+    left, right = counts.frames
+    if options.json:
+        print_json({
+            "schema": "mitt.see/1",
+            "version": mitt.__version__,
+            "status": status,
+            "track": str(options.out),
+            "points": None if options.points is None else str(options.points),
+            "video": None if video is None else str(video),
+            "frame": rig.frame,
+            "frames": {"left": left, "right": right, "paired": counts.paired},
+            "targets": {"left": seen.targets[0], "right": seen.targets[1], "both": seen.both},
+            "sightings": seen.agreed,
+            "rows": len(seen.states),
+            "rate_hz": rate_of(seen.points),
+            "warnings": list(said),
+        })  # fmt: skip
+        return
+    show(f"{left} and {right} frames, {counts.paired} pairs; the ball in "
+         f"{seen.targets[0]} and {seen.targets[1]} of them, {seen.agreed} sightings, "
+         f"{len(seen.states)} rows")  # fmt: skip
+    warn(said)
+    files = ", ".join(str(p) for p in (options.out, options.points, video) if p is not None)
+    show(f"status {status}; written: {files}")
+
 
 NAMES = ("left", "right")
 
@@ -74,7 +227,7 @@ class Calibration:
     boards: tuple[BoardViews, Fit[BoardProblem]] | None = None
 
 
-def run(options: CalibrateOptions) -> int:
+def calibrate(options: CalibrateOptions) -> int:
     """Run ``mitt calibrate``; return its exit status."""
     job = _prepare(options)
     picture = (options.picture or options.out.with_suffix(".png")) if options.left else None
@@ -87,7 +240,7 @@ def run(options: CalibrateOptions) -> int:
         rig = _calibrate(job, report)
     write_rig(options.out, rig, version=mitt.__version__)
     if picture is not None and job.boards is not None:
-        _draw(picture, *job.boards)
+        _draw_coverage(picture, *job.boards)
     warnings = [text for stage in job.stages for text in stage.warnings]
     if options.json:
         print_json({
@@ -102,7 +255,7 @@ def run(options: CalibrateOptions) -> int:
         })  # fmt: skip
     else:
         for stage in job.stages:
-            _show(stage)
+            _show_stage(stage)
         warn(warnings)
         files = ", ".join(str(path) for path in (options.out, picture) if path is not None)
         show(f"poses in the frame of the {rig.frame}; written: {files}")
@@ -114,7 +267,7 @@ def _finite(numbers: Mapping[str, float]) -> dict[str, float | None]:
     return {name: value if isfinite(value) else None for name, value in numbers.items()}
 
 
-def _show(stage: Stage) -> None:
+def _show_stage(stage: Stage) -> None:
     """Print what a stage found."""
     table = Table(title=f"{stage.name}: {stage.status}", title_justify="left", show_header=False)
     table.add_column(no_wrap=True)
@@ -124,7 +277,7 @@ def _show(stage: Stage) -> None:
     show(table)
 
 
-def _draw(picture: Path, views: BoardViews, solved: Fit[BoardProblem]) -> None:
+def _draw_coverage(picture: Path, views: BoardViews, solved: Fit[BoardProblem]) -> None:
     """Draw the coverage of the boards."""
     from mitt.report.figures.coverage import draw_coverage  # noqa: PLC0415 (plots: only when drawn)
 

@@ -1,21 +1,40 @@
-"""The folder of a run: only what mitt wrote there, and can prove that it wrote, is replaced.
+"""Files written whole or not at all, inside the folder that was named.
 
-The proof is threefold: the folder says whose it is in a file of our schema, a file in it is called
-as one of that command is, and where its kind tells who wrote it, it is one of ours. A link is never
+In the folder of a run only what mitt wrote there, and can prove that it wrote, is replaced. The
+proof is threefold: the folder says whose it is in a file of our schema, a file in it is called as
+one of that command is, and where its kind tells who wrote it, it is one of ours. A link is never
 ours and never followed. Whatever else lies in the folder stays there; where it stands in the way
 of what will be written, the folder is refused before anything is touched.
 """
 
+import fcntl
+import hashlib
+import json
 import os
 import re
-from collections.abc import Callable, Collection, Iterator
+import secrets
+import tempfile
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count
+from math import isfinite
 from pathlib import Path
 
-from mitt.errors import FileError, InputError
-from mitt.files.files import check_folder, is_free, make_folder
+import numpy as np
 
+from mitt import checks
+from mitt.errors import FileError, InputError
+
+_FILE, _FOLDER = "a file that can be written", "a folder that can be written"
+
+LOCK = ".lock"
+"""File that keeps a second run out of a folder; alone it does not make the folder full."""
+
+#: Characters of a name that a file keeps.
+_LONGEST = 100
+#: A key that TOML takes without quotes.
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
 #: How a file of ours begins, by its suffix, and how many bytes that takes.
 _BEGINNINGS = {
     ".json": re.compile(rb'\{\s*"schema":\s*"mitt\.'),
@@ -31,6 +50,180 @@ _HEAD = 2000
 _TEMPORARY = re.compile(r"\.(.+)\.[a-z0-9_]{8}")
 #: Pages of replays are made by the viewer and do not say who wanted them.
 _REPLAYS = "replays/"
+
+
+@contextmanager
+def _reported(path: Path, wanted: str) -> Iterator[None]:
+    """Turn an error of the system into a file error."""
+    try:
+        yield
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        raise FileError(str(path), wanted, reason) from error
+
+
+def write_atomically(path: Path, write: Callable[[Path], object]) -> None:
+    """Let ``write`` fill a temporary file beside ``path``, then put it in its place.
+
+    Raises:
+        FileError: The file cannot be written; what stood there before is untouched.
+    """
+    path = checks.path("file", path)
+    with _reported(path, _FILE):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary = temporary_beside(path)
+        try:
+            write(temporary)
+            os.replace(temporary, path)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+
+def temporary_beside(path: Path) -> Path:
+    """Make an empty file beside another, with the rights that any new file of the user gets."""
+    temporary = path.parent / f".{path.name}.{secrets.token_hex(4)}"
+    os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC, 0o666))
+    return temporary
+
+
+def file_name(text: str) -> str:
+    """Return what a file can be called after a name from elsewhere: never a path, never hidden.
+
+    Letters, digits, dots, dashes and underlines stay; a name that is changed gets a part that
+    tells it from another that would read the same.
+    """
+    name = re.sub(r"[^A-Za-z0-9._-]", "_", text.replace("%", "pc"))[:_LONGEST]
+    name = re.sub(r"^\.", "_", name)
+    if name == text and name:
+        return name
+    return f"{name}-{hashlib.sha256(text.encode(errors='surrogatepass')).hexdigest()[:6]}"
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file atomically.
+
+    Raises:
+        FileError: It cannot be written, or the text is none that UTF-8 has.
+    """
+    try:
+        content = text.encode()
+    except UnicodeEncodeError as error:
+        raise FileError(str(path), "text in UTF-8", error) from None
+    write_atomically(path, lambda temporary: temporary.write_bytes(content))
+
+
+def write_json(path: Path, value: object) -> None:
+    """Write JSON atomically; NaN and infinity are refused."""
+    write_text(path, json.dumps(value, indent=1, allow_nan=False) + "\n")
+
+
+def toml_text(table: Mapping[str, object], *, name: str = "") -> str:
+    """Return a table as TOML: its own keys first, then the tables in it.
+
+    Args:
+        table: Texts, truth values, finite numbers, lists of them, and further tables; None is left
+            out.
+        name: What the table is called; the file itself if left out.
+
+    Raises:
+        InputError: A value is none that TOML files of ours have.
+    """
+    own = {k: x for k, x in table.items() if x is not None and not isinstance(x, Mapping)}
+    lines = [f"{_key(k)} = {_value(k, x)}" for k, x in own.items()]
+    if name and lines:
+        lines.insert(0, f"\n[{name}]")
+    inner = [
+        toml_text(x, name=f"{name}.{_key(k)}" if name else _key(k))
+        for k, x in table.items()
+        if isinstance(x, Mapping)
+    ]
+    return "".join([*(f"{line}\n" for line in lines), *inner])
+
+
+def _key(key: str) -> str:
+    """Return a key, quoted where it has to be."""
+    return key if _BARE.fullmatch(key) else _quoted(key)
+
+
+def _quoted(text: str) -> str:
+    """Return a text in quotes: TOML takes what JSON writes, but for one control character."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _value(key: str, value: object) -> str:
+    """Return a value as TOML writes it."""
+    if isinstance(value, bool | np.bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return _quoted(value)
+    if isinstance(value, int | np.integer):
+        return repr(int(value))
+    if isinstance(value, float | np.floating) and isfinite(value):
+        return repr(float(value))
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_value(key, x) for x in value) + "]"
+    raise InputError(key, "a text, a truth value, a finite number or a list", repr(value)[:60])
+
+
+def make_folder(folder: Path) -> None:
+    """Make an output folder before the work is done, so that no work is done for nothing.
+
+    Raises:
+        FileError: It cannot be made or written.
+    """
+    with _reported(folder, _FOLDER):
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep a second run out of an output folder; the lock goes with the process that holds it.
+
+    Raises:
+        InputError: Another run has it.
+        FileError: The folder cannot be made or written.
+    """
+    make_folder(folder)
+    with _reported(folder, _FOLDER):
+        flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
+        handle = os.open(folder / LOCK, flags, 0o666)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise InputError("--out", "a folder that no other run writes to",
+                             f"{folder}, where one is running") from None  # fmt: skip
+        yield
+    finally:
+        os.close(handle)
+
+
+def check_folder(folder: Path, *, overwrite: bool) -> None:
+    """Refuse a folder that cannot be used, without touching anything.
+
+    Raises:
+        InputError: It or one above it is a file, or it has files in it and ``overwrite`` was not
+            said.
+        FileError: It cannot be read or written.
+    """
+    with _reported(folder, "a folder that can be read"):
+        above = next(x for x in (folder, *folder.absolute().parents) if x.exists())
+        if not above.is_dir():
+            raise InputError("--out", "a folder", f"{above}, which is a file")
+        if not os.access(above, os.W_OK):
+            raise FileError(str(above), "a folder that can be written", "one that cannot")
+        if not overwrite and not is_free(folder):
+            raise InputError("--out", "a new or empty folder", f"{folder}, which has files in it",
+                             do="choose another or say --overwrite")  # fmt: skip
+
+
+def is_free(folder: Path) -> bool:
+    """Say whether a folder has nothing in it, or is not there."""
+    return not os.path.lexists(folder) or (
+        folder.is_dir() and all(path.name == LOCK for path in folder.iterdir())
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

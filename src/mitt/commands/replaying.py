@@ -1,26 +1,28 @@
-"""``mitt replay``: recordings through the catcher once more, and why a ball was missed."""
+"""``mitt replay`` and ``mitt view``: recordings through the catcher once more, or watched."""
 
+import os
 import re
 import shlex
 from pathlib import Path
 from typing import Any
 
 import mitt
-from mitt.commands.options import ReplayOptions
+from mitt.commands.options import ReplayOptions, ViewOptions
 from mitt.commands.screen import checked, print_json, progress, say, show, table, tell_of_kernels
-from mitt.errors import InputError
-from mitt.files.files import check_folder, locked
-from mitt.files.folders import Leaves, check_ours
-from mitt.files.recorded import Recorded
+from mitt.errors import FileError, InputError
+from mitt.files.recordings import Recorded
+from mitt.files.writing import Leaves, check_folder, check_ours, locked
+from mitt.report.view import newest, watch
 from mitt.trials.explain import Explanation, evidence_of, explain
 from mitt.trials.registry import check_generator
-from mitt.trials.replay import Replayed, changed, replay
+from mitt.trials.replay import Replayed, changed
+from mitt.trials.replay import replay as played
 
 #: Most recordings in one call.
 _MOST = 10_000
 
 
-def run(options: ReplayOptions) -> int:
+def replay(options: ReplayOptions) -> int:
     """Run ``mitt replay``; return its exit status."""
     if not 1 <= len(options.recordings) <= _MOST:
         raise InputError("recordings", f"1 to {_MOST} of them", len(options.recordings))
@@ -66,7 +68,7 @@ def _replay(options: ReplayOptions) -> int:
     with progress() as report:
         for k, path in enumerate(options.recordings):
             report("replaying", k, len(options.recordings))
-            x = replay(*_read(path, options))
+            x = played(*_read(path, options))
             rows.append(_row(x, explain(x, evidence_of(x))))
             if not x.recorded.whole:
                 say(f"{path}: cut after {len(x.recorded.ticks)} ticks; these are replayed")
@@ -120,3 +122,36 @@ def _show(rows: list[dict[str, Any]], options: ReplayOptions) -> None:
     show(out, f"{same} of {len(rows)} identical to the bit")
     if options.out is not None:
         show(f"written: {options.out}")
+
+
+#: Where recordings are looked for if none is named.
+_RUNS = Path("runs")
+
+
+def view(options: ViewOptions) -> int:
+    """Run ``mitt view``; return its exit status."""
+    if not 1 <= options.port <= 65_535:
+        raise InputError("--port", "a number from 1 to 65535", options.port)
+    place = options.recording or _RUNS
+    if options.recording is None and not place.is_dir():
+        raise FileError(str(place), "a folder with recordings", "none",
+                        do="name a recording or a folder")  # fmt: skip
+    if place.is_dir() and not os.access(place, os.R_OK | os.X_OK):
+        raise FileError(str(place), "a folder that can be read", "one that may not be")
+    if options.check:
+        path = newest(place) if place.is_dir() else place
+        if path is None:
+            return checked(f"{place}, in which there is no recording yet")
+        return checked(f"{path}, {len(Recorded(path).ticks)} ticks")
+
+    def ready(url: str) -> None:
+        if options.json:
+            print_json({"schema": "mitt.view/1", "url": url})
+        else:
+            show(f"open {url}; Ctrl-C ends")
+
+    watch(
+        lambda: newest(place) if place.is_dir() else place,
+        host=options.host, port=options.port, ready=ready, until=options.seconds,
+    )  # fmt: skip
+    return 0

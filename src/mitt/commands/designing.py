@@ -2,7 +2,7 @@
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,8 @@ from mitt.commands.screen import (
     warn,
 )
 from mitt.design.arrivals import AROUND_FLIGHTS, box_of, of_flights, of_throws
-from mitt.design.design import Design, Origin, best_so_far, design
+from mitt.design.design import Design, best_so_far
+from mitt.design.design import design as search_design
 from mitt.design.effort import effort_of
 from mitt.design.evaluation import ENOUGH
 from mitt.design.job import search_of
@@ -36,11 +37,10 @@ from mitt.files.arm_file import (
     read_arm_file,
     write_arm_file,
 )
-from mitt.files.folders import wrote
+from mitt.files.writing import wrote
 from mitt.interrupts import finally_do, notice, status_of, tell, words_of
 from mitt.robot.arm import Arm
 from mitt.robot.basket import MOST_TILT
-from mitt.robot.description import Hand
 from mitt.robot.shapes import check_floor
 from mitt.trials.workers import engine_of
 from mitt.world.flights import read_flights
@@ -54,12 +54,13 @@ _CLOSE = 0.75
 _ELSEWHERE = ("arm", "out", "workers", "resume", "overwrite", "json", "check")
 
 
-def run(options: DesignOptions) -> int:
+def design(options: DesignOptions) -> int:
     """Run ``mitt design``; return its exit status."""
     file = _given(options)
     origin = origin_of(options, file)
-    whole = whole_arm(origin.arm, tip=origin.tip, limits=origin.limits, hand=_hand(origin),
-                      mount=origin.mount, joints=_named(options))  # fmt: skip
+    hand = hand_of(origin.hand, origin.hand_tilt, origin.hand_force)
+    whole = whole_arm(origin.arm, tip=origin.tip, limits=origin.limits, hand=hand,
+                      mount=origin.hand_mount, joints=_named(options))  # fmt: skip
     warn(whole.model.notes, json=options.json)
     joints = _joints(options, whole)
     if file is not None and joints is None:
@@ -82,7 +83,7 @@ def run(options: DesignOptions) -> int:
 
     try:
         with finally_do(last_words), progress() as report:
-            found = design(
+            found = search_design(
                 whole, task, effort, progress=report, joints=joints, engine=engine, rate=rate,
                 kept=kept,
             )  # fmt: skip
@@ -102,7 +103,7 @@ def run(options: DesignOptions) -> int:
         kept.close(done=False)
 
 
-def _finish(found: Design, origin: Origin, scene: Scene, options: DesignOptions) -> None:
+def _finish(found: Design, origin: ArmFile, scene: Scene, options: DesignOptions) -> None:
     """Write arm file and page of a search that is over, and print what was found."""
     page = options.out.with_suffix(".html")
     if found.usable:
@@ -121,7 +122,7 @@ def _finish(found: Design, origin: Origin, scene: Scene, options: DesignOptions)
         _show(found, written)
 
 
-def _keep(best: Design | None, origin: Origin, options: DesignOptions) -> str:
+def _keep(best: Design | None, origin: ArmFile, options: DesignOptions) -> str:
     """Write the best design of a search that is broken off; return in words what is kept."""
     go_on = "--resume goes on with the search"
     if best is None:
@@ -230,38 +231,34 @@ def _as_in(file: ArmFile, whole: Arm) -> tuple[Arm, list[str] | None]:
     return held_as(whole, {k: x for k, x in held.items() if k in whole.names}), list(arm.names)
 
 
-def origin_of(options: DesignOptions, file: ArmFile | None) -> Origin:
-    """Return where the arm comes from: a name, a description file, or that of an arm file."""
-    if file is not None:
-        hand = options.hand or file.hand
-        own_tilt = file.hand_tilt if hand == "basket" else 0.0
-        own_force = file.hand_force if hand == file.hand else None
-        return Origin(arm=file.arm, force=own_force, tip=options.tip or file.tip,
-                      mount=options.mount or file.hand_mount,
-                      limits=_limits(options.limits) or file.limits, hand=hand,
-                      tilt=own_tilt if options.tilt is None else options.tilt)  # fmt: skip
-    arm = options.arm if options.arm == "wam" else Path(options.arm)
-    return Origin(arm=arm, tip=options.tip, mount=options.mount or "plate",
-                  limits=_limits(options.limits), hand=options.hand or "three-finger",
-                  tilt=options.tilt or 0.0)  # fmt: skip
-
-
-def _hand(origin: Origin) -> Hand | None:
-    """Return what is mounted at the tip.
+def origin_of(options: DesignOptions, file: ArmFile | None) -> ArmFile:
+    """Return where the arm comes from, and its hand: a name, a description, or an arm file's.
 
     Raises:
-        InputError: It cannot be tilted so.
+        InputError: The hand cannot be tilted so.
     """
-    if origin.tilt and origin.hand != "basket":
+    limits = options.limits
+    limits_file = Path(limits) if limits is not None and limits.endswith(".toml") else limits
+    if file is None:
+        origin = ArmFile(
+            arm=options.arm if options.arm == "wam" else Path(options.arm), tip=options.tip,
+            limits=limits_file, hand=options.hand or "three-finger",
+            hand_mount=options.mount or "plate", hand_tilt=options.tilt or 0.0,
+        )  # fmt: skip
+    else:
+        hand = options.hand or file.hand
+        own_tilt = file.hand_tilt if hand == "basket" else 0.0
+        origin = replace(
+            file, tip=options.tip or file.tip, limits=limits_file or file.limits, hand=hand,
+            hand_mount=options.mount or file.hand_mount,
+            hand_tilt=own_tilt if options.tilt is None else options.tilt,
+            hand_force=file.hand_force if hand == file.hand else None,
+        )  # fmt: skip
+    if origin.hand_tilt and origin.hand != "basket":
         raise InputError("--tilt", "--hand basket", origin.hand)
-    if not abs(origin.tilt) <= MOST_TILT:
-        raise InputError("--tilt", f"an angle in -{MOST_TILT:g}..{MOST_TILT:g}", origin.tilt)
-    return hand_of(origin.hand, origin.tilt, origin.force)
-
-
-def _limits(given: str | None) -> str | Path | None:
-    """Return a limit set as a name, or as a file."""
-    return Path(given) if given is not None and given.endswith(".toml") else given
+    if not abs(origin.hand_tilt) <= MOST_TILT:
+        raise InputError("--tilt", f"an angle in -{MOST_TILT:g}..{MOST_TILT:g}", origin.hand_tilt)
+    return origin
 
 
 def _named(options: DesignOptions) -> list[str]:

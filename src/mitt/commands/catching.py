@@ -1,4 +1,4 @@
-"""``mitt catch``: throw, see, map, catch; a table and a folder."""
+"""``mitt catch`` and ``mitt learn``: throw, see, map, catch; learn a map."""
 
 from dataclasses import asdict, fields, replace
 from functools import partial
@@ -8,9 +8,10 @@ from typing import Any
 import mitt
 from mitt import checks
 from mitt.commands.line import parse
-from mitt.commands.options import CatchOptions
+from mitt.commands.options import ArmOptions, CatchOptions, LearnOptions
 from mitt.commands.screen import (
     Report,
+    check_new_files,
     checked,
     print_json,
     progress,
@@ -21,17 +22,20 @@ from mitt.commands.screen import (
     warn,
 )
 from mitt.errors import FileError, InputError
-from mitt.files.files import check_folder, file_name, locked
-from mitt.files.folders import check_ours, new_folder
-from mitt.files.maps import read_map
+from mitt.files.arm_file import ArmSpec
+from mitt.files.maps import read_map, save_map
+from mitt.files.writing import check_folder, check_ours, file_name, locked, new_folder
 from mitt.generator.advice import warnings_of
+from mitt.generator.learn import Learned
 from mitt.generator.mapping import unlearned
 from mitt.interrupts import notice, status_of, words_of
 from mitt.reading import difference, noted
 from mitt.robot.shapes import check_floor
+from mitt.trials.learning import LEARNING_SEED, Neighbourhood
+from mitt.trials.learning import learn as learn_from
 from mitt.trials.registry import check_generator
 from mitt.trials.result import LEAVES, MAP, STATUSES, Kept, force_words, kept_words
-from mitt.trials.runs import FinishedRun, Prepared, RunSettings, arm_of, design_of, throws_of
+from mitt.trials.runs import FinishedRun, Prepared, RunSettings
 from mitt.trials.runs import run as run_throws
 from mitt.trials.score import Trial, reason_of
 from mitt.trials.source import source_of, widened
@@ -45,7 +49,7 @@ _FILES = ("arm", "limits", "scene", "map", "throws_file", "flights")
 _OF_THE_MAP = ("catch_joint", "q_catch", "kappa", "inward", "order")
 
 
-def run(options: CatchOptions) -> int:
+def catch(options: CatchOptions) -> int:
     """Run ``mitt catch``; return its exit status."""
     prepared = prepare(options)
     warn(warnings_of(prepared.arm, prepared.design), json=options.json)
@@ -65,6 +69,12 @@ def run(options: CatchOptions) -> int:
         kept = kept_words(len(finished.trials), prepared.source.count, prepared.out)
         say(f"{words_of(finished.interrupt)}; {kept}")
     return finished.status
+
+
+def spec_of(options: ArmOptions) -> ArmSpec:
+    """Return which arm and which map the options name."""
+    said = asdict(options)
+    return ArmSpec.model_construct(**{name: said[name] for name in ArmSpec.model_fields})
 
 
 def prepare(options: CatchOptions) -> Prepared:
@@ -125,7 +135,8 @@ def _prepared(options: CatchOptions) -> Prepared:
         raise InputError("--seed", "a number from 0 to 2^63 - 1", options.seed)
     if options.throws_file is not None and options.flights is not None:
         raise InputError("--throws-file and --flights", "one of them", "both")
-    arm = arm_of(options)
+    chosen = spec_of(options).read()
+    arm = chosen.arm
     if arm.model.hand is None:
         raise InputError("--arm", "an arm with a hand or a basket", "none",
                          do='say name = "three-finger" or "basket" in [hand]')  # fmt: skip
@@ -139,7 +150,7 @@ def _prepared(options: CatchOptions) -> Prepared:
     if options.map is not None and given:
         raise InputError("--map", "no option that the map itself decides", " and ".join(given))
     learned = None if options.map is None else read_map(options.map, arm)
-    design = design_of(options, arm) if learned is None else learned.map.design
+    design = chosen.design if learned is None else learned.map.design
     f = unlearned(arm, design) if learned is None else learned.map
     source = source_of(
         f.arm,
@@ -149,8 +160,7 @@ def _prepared(options: CatchOptions) -> Prepared:
         flights_file=options.flights,
         drag=scene.ball.drag,
     )
-    throws = throws_of(options)
-    source = source if throws is None else widened(source, throws)
+    source = source if chosen.throws is None else widened(source, chosen.throws)
     out = options.out or _default_folder(options)
     check_folder(out, overwrite=options.overwrite or options.check)
     if not options.check:
@@ -234,3 +244,57 @@ def _row(trial: Trial) -> tuple[str, ...]:
 def _number(value: float | None, digits: int) -> str:
     """Return a number for the table; nothing where there is none."""
     return "" if value is None else f"{value:.{digits}f}"
+
+
+#: Most flights to learn from; more only takes longer.
+_MOST_FLIGHTS = 10_000
+
+
+def learn(options: LearnOptions) -> int:
+    """Run ``mitt learn``; return its exit status."""
+    chosen = spec_of(options).read()
+    arm, design = chosen.arm, chosen.design
+    if not 1 <= options.flights_count <= _MOST_FLIGHTS:
+        raise InputError("--flights", f"a number in 1..{_MOST_FLIGHTS}", options.flights_count)
+    if options.seed is not None and not 0 <= options.seed < 2**63:
+        raise InputError("--seed", "a number from 0 to 2^63 - 1", options.seed)
+    check_new_files(options, {"--out": options.out})
+    warn(warnings_of(arm, design), json=options.json)
+    if options.check:
+        return checked(f"{options.flights_count} flights, output to {options.out}")
+    with progress() as report:
+        report("learning", 0, 1)
+        learned = learn_from(
+            arm,
+            design=design,
+            seed=LEARNING_SEED if options.seed is None else options.seed,
+            around=Neighbourhood(flights=options.flights_count),
+        )
+        report("learning", 1, 1)
+    save_map(options.out, learned)
+    if options.json:
+        print_json({
+            "schema": "mitt.learn/1",
+            "version": mitt.__version__,
+            "map": str(options.out),
+            "status": learned.status,
+            "flights": learned.flights,
+            "left_out": learned.left_out,
+            "cost_torque": [step.cost_torque for step in learned.steps],
+            "cost_speed": [step.cost_speed for step in learned.steps],
+        })  # fmt: skip
+    else:
+        _show_learned(learned, options.out)
+    return 0
+
+
+def _show_learned(learned: Learned, out: Path) -> None:
+    """Print the cost at each step, the numbers behind fig. 7."""
+    costs = table("cost over the optimisation (fig. 7)",
+                  ("step", "torque", "speed", "sum", "largest share of a limit"))  # fmt: skip
+    for k, step in enumerate(learned.steps):
+        numbers = step.cost_torque, step.cost_speed, step.cost_torque + step.cost_speed
+        costs.add_row("alpha = 0" if k == 0 else str(k - 1), *(f"{x:.4f}" for x in numbers),
+                      f"{step.worst:.2f}")  # fmt: skip
+    show(costs, f"{learned.status}: {learned.flights} flights, {learned.left_out} left out; "
+                f"written: {out}")  # fmt: skip

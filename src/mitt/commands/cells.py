@@ -1,20 +1,38 @@
-"""``mitt run``: catch with the robot of a cell."""
+"""``mitt run`` and ``mitt sim``: catch with the robot of a cell; be that cell in simulation."""
 
 import re
 from contextlib import AbstractContextManager, closing, nullcontext
+from typing import Any
 
+import mitt
 from mitt.cell.drivers import check_driver, connect
-from mitt.cell.prepare import PreparedCell, about_of, map_of, prepare
-from mitt.cell.session import STATES, Person, Session, loop_of, numbers, rehearse, words
-from mitt.commands.live_table import live_table
-from mitt.commands.options import RunOptions
-from mitt.commands.screen import checked, print_json, show, tell_of_kernels
+from mitt.cell.prepare import (
+    PreparedCell,
+    about_of,
+    balls_of,
+    endless,
+    map_of,
+    prepare,
+    scene_of_cell,
+)
+from mitt.cell.session import (
+    CORE,
+    STATES,
+    Person,
+    Session,
+    loop_of,
+    numbers,
+    rehearse,
+    serve,
+    words,
+)
+from mitt.commands.options import RunOptions, SimOptions
+from mitt.commands.screen import checked, live_table, print_json, show, tell_of_kernels
 from mitt.errors import InputError
 from mitt.files.cell import read_cell
-from mitt.files.files import check_folder, file_name
-from mitt.files.folders import Leaves, check_ours, claim_folder
+from mitt.files.writing import Leaves, check_folder, check_ours, claim_folder, file_name
 from mitt.generator.mapping import DirectMap
-from mitt.interrupts import tell
+from mitt.interrupts import notice, status_of, tell
 from mitt.link.clock import hurried, pinned, timekeeping, uncollected
 from mitt.link.recorder import Recorder
 from mitt.trials.result import spread_words
@@ -62,17 +80,17 @@ def run(options: RunOptions) -> int:
                     done = session.run()
     finally:  # what was caught before an error is told all the same
         if session is not None:
-            _show(session, json=options.json)
+            _show_session(session, json=options.json)
     return 128 + session.signal if session.signal else int(not done)
 
 
-def _show(session: Session, *, json: bool) -> None:
+def _show_session(session: Session, *, json: bool) -> None:
     """Print what happened in a session."""
     summary = session.summary()
     if json:
         print_json(summary)
     else:
-        said = {name.replace("_", " "): _in_words(value) for name, value in summary.items()
+        said = {name.replace("_", " "): _value_in_words(value) for name, value in summary.items()
                 if name not in ("schema", "command_age_us", "force_n", "clock")}  # fmt: skip
         force = summary["force_n"]
         pressed = "not measured" if force is None else spread_words(force)
@@ -80,7 +98,7 @@ def _show(session: Session, *, json: bool) -> None:
         show(", ".join([*words, f"contact force {pressed}"]), session.clock)
 
 
-def _in_words(value: object) -> str:
+def _value_in_words(value: object) -> str:
     """Return a value of the summary for a person."""
     if isinstance(value, list):
         return "; ".join(map(str, value)) or "none"
@@ -116,3 +134,51 @@ def _about(prepared: PreparedCell) -> str:
         f"{cell.name}: {arm.model.name}, limits {arm.limits.name}, {cell.robot.driver},"
         f" {cell.robot.takes}, joints {', '.join(cell.robot.joints or arm.names)}"
     )
+
+
+def sim(options: SimOptions) -> int:
+    """Run ``mitt sim``; return its exit status."""
+    if options.throws is not None and options.throws < 1:
+        raise InputError("--throws", "at least 1", options.throws)
+    if not 0 <= options.seed < 2**63:
+        raise InputError("--seed", "a number from 0 to 2^63 - 1", options.seed)
+    prepared = prepare(read_cell(options.cell))
+    if prepared.cell.robot.driver != "ros2":
+        raise InputError("mitt sim", "a cell with the driver ros2", prepared.cell.robot.driver)
+    scene = scene_of_cell(prepared.cell, options.scene)
+    source = balls_of(prepared, scene, seed=options.seed, count=options.throws or endless())
+    check_driver(prepared.cell, prepared.arm)
+    if options.check:
+        checked(f"{prepared.cell.name}, scene {scene.base}")
+        tell(timekeeping(CORE))
+        return 0
+    tell_of_kernels()
+    status, served = 0, serve(prepared, scene, source, tell)
+    try:
+        served.run()
+    except KeyboardInterrupt as stop:
+        notice()
+        status = status_of(stop)
+    said = {"schema": "mitt.sim/1", "version": mitt.__version__, "cell": prepared.cell.name,
+            "seed": options.seed, **served.summary()}  # fmt: skip
+    if options.json:
+        print_json(said)
+    else:
+        show(_in_words(said))
+    return status
+
+
+def _in_words(said: dict[str, Any]) -> str:
+    """Return what was thrown and what became of it as a line for a person."""
+    ages = said.get("command_age_us")
+    ends = [f"{said[name]} {name}" for name in ("caught", "dropped", "missed", "aborted")
+            if said.get(name)]  # fmt: skip
+    parts = [f"{said['cell']}, seed {said['seed']}: {said['throws']} throws", *ends]
+    if said.get("force_n"):
+        parts.append(f"contact force {spread_words(said['force_n'])}")
+    if "limit_violations" in said:
+        parts += [f"{said['limit_violations']} ticks beyond a limit",
+                  f"{said['late_ticks']} late ticks, {said['slipped_ticks']} slipped"]  # fmt: skip
+    if ages is not None:
+        parts.append(f"commands {ages['p50']:.0f} us old (median), {ages['max']:.0f} at most")
+    return ", ".join(parts)
