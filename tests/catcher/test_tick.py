@@ -10,6 +10,7 @@ import pytest
 from numba import njit
 from numba.core.runtime import _nrt_python as nrt
 from numba.core.runtime import rtsys
+from stages import Tracker
 
 from mitt.ball.filter import BallFilter
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
@@ -25,7 +26,6 @@ from mitt.control.encoders import (
 from mitt.control.envelope import bounds_of
 from mitt.control.health import State
 from mitt.control.stop import Brake, mass_work, plan_brake
-from mitt.control.tracking import Tracker
 from mitt.generator.feasibility import Verdict
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.mapping import DirectMap
@@ -352,7 +352,8 @@ def again(times, start, images, backgrounds, q, dq, brake, state, result):  # ty
     todo = 0
     for k in range(times):
         t = start + 0.001 * k
-        todo |= tick(images, backgrounds, 0, t - 0.001, t, t, q, dq, brake, state, result)
+        seen, read = (images, backgrounds, 0, t - 0.001), (t, t, q, dq)
+        todo |= tick(seen, read, brake, state, result)
     return todo
 
 

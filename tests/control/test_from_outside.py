@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from stages import SafetyFilter
 
 from mitt.catcher.catcher import Catcher
 from mitt.control.envelope import BOUNDS, bounds_of, clamp, clamp_joint, clamp_smooth
-from mitt.control.viability import SafetyFilter
 from mitt.errors import ModelError
 from mitt.robot.arm import Arm
 from mitt.robot.description import STOP_GAP, ArmModel

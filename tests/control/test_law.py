@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from stages import Tracker
 
 from mitt.control.encoders import (
     BRIDGED,
@@ -21,7 +22,6 @@ from mitt.control.encoders import (
     predict_acceleration,
 )
 from mitt.control.stop import HARDEST, choose_stop, mass_work, stop_by
-from mitt.control.tracking import Tracker
 from mitt.robot.arm import Arm, to_pinocchio
 from mitt.robot.description import ArmModel, Link, rotation, transform
 from mitt.robot.limits import joint_level

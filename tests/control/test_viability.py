@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from stages import SafetyFilter
 
 from mitt.control.envelope import slow_down
-from mitt.control.viability import BLOCKED, MARGIN, PASSED, SafetyFilter
+from mitt.control.viability import BLOCKED, MARGIN, PASSED
 from mitt.robot.arm import Arm
 from mitt.robot.description import Capsule
 from mitt.robot.shapes import Surroundings, clearance

@@ -1,6 +1,6 @@
 """Rows 1 to 8 of the fault table: what cameras do to a catch.
 
-What they do to the estimate, in numbers: tests/ball/test_estimator.py and benchmarks/track.py.
+What they do to the estimate, in numbers: tests/ball/test_late_sightings.py and benchmarks/track.py.
 """
 
 from typing import Any

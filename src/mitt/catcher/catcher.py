@@ -224,14 +224,17 @@ class Catcher:
         t, flying = senses.t, self.flying
         if senses.points and flying:
             take(senses.points, t, self.state)
-        at, q, dq, (state, out) = senses.arm.t, memory.q, memory.dq, memory.handles
-        seen, brake = (images, self.backgrounds, apart, t_exposed), self._planner.brake
+        seen, read = (
+            (images, self.backgrounds, apart, t_exposed),
+            (t, senses.arm.t, memory.q, memory.dq),
+        )
+        brake, (state, out) = self._planner.brake, memory.handles
         if self._map is None:
-            perceive(*seen, t, at, q, dq, state, out)
+            perceive(seen, read, state, out)
             self._planner.refer()
             self._todo = act(brake, state, out)
         else:
-            self._todo = tick(*seen, t, at, q, dq, brake, state, out)
+            self._todo = tick(seen, read, brake, state, out)
         self._ticked = True
         if flying:
             self._sightings.note(senses.points, bool(memory.out["sighted"]), memory.t)

@@ -115,66 +115,37 @@ _RESULT = {
 
 
 class CatcherState(NamedTuple):
-    """What a catcher knows and remembers.
+    """What a catcher knows and remembers."""
 
-    Attributes:
-        scalars: Single numbers, fields as of ``_STATE``, shape (1,).
-        health: Of :func:`mitt.control.health.fresh_health`.
-        ball_filter: Of :func:`mitt.ball.filter.fresh_filter`.
-        fingers: Of :func:`mitt.control.closing.fingers_of`.
-        monitor: Of the encoders.
-        safety: Of the safety filter.
-        tracking: Of the tracking.
-        mass: Scratch for the mass matrix.
-        estimated: q, dq of the joints as the monitor estimates them [rad, rad/s], shape (2, n).
-        desired: q_d, dq_d, ddq_d of the last tick, shape (3, n).
-        last: Last command within limits, as in :mod:`mitt.control.viability`, shape (3, n);
-            before: the one a tick before it.
-        taken: q, dq of the reading as the monitor takes it; NaN for an old one, shape (2, n).
-        waiting: Accelerations that commands will cause once they act, oldest first, shape (k, n).
-        z, R: Position of a sighting, and its covariance.
-        followed: The ball that is followed, or its surrogate, shape (3, 3).
-        hand: While the arm brakes the catch point, its velocity, and where it was at the exposure.
-        ahead: Position and velocity of the ball that the heads look for, shape (2, 3).
-        bounce, gap, pose: Scratch, shapes (3,), (2, 3), (n,).
-        chain: As of :func:`mitt.robot.kinematics.packed_chain`.
-        palm: The palm's normal in the last frame, ``palm_now`` in the base frame, shape (3,).
-        jump: Change of the joint speeds by the ball, where it may come [rad/s], shape (n,).
-        impact_dq: Change of the joint speeds that the ball may cause now [rad/s], shape (n,).
-        limits: For :func:`mitt.control.stop.short_of_room`, shape (3, n).
-        packed, powers, window, alpha, start, trusted, map_work: The map, as the kernels of
-            :mod:`mitt.generator.evaluation` take it; empty where the generator is no map.
-        eyes_...: Arrays of :func:`mitt.vision.localization.localize` and of the gaze.
-    """
-
-    scalars: Record
-    health: Record
-    ball_filter: Record
-    fingers: Record
+    scalars: Record  # single numbers, fields as of ``_STATE``, shape (1,)
+    health: Record  # of :func:`mitt.control.health.fresh_health`
+    ball_filter: Record  # of :func:`mitt.ball.filter.fresh_filter`
+    fingers: Record  # of :func:`mitt.control.closing.fingers_of`
     monitor: Monitor
     safety: Safety
     tracking: Tracking
     mass: MassWork
-    estimated: Array
-    desired: Array
-    last: Array
-    before: Array
-    taken: Array
-    waiting: Array
-    z: Array
-    R: Array
-    followed: Array
-    hand: Array
-    ahead: Array
-    bounce: Array
-    gap: Array
-    pose: Array
-    chain: Array
-    palm: Array
-    palm_now: Array
-    jump: Array
-    impact_dq: Array
-    limits: Array
+    estimated: Array  # q, dq of the joints, by the monitor [rad, rad/s], shape (2, n)
+    desired: Array  # q_d, dq_d, ddq_d of the last tick, shape (3, n)
+    last: Array  # q, dq, ddq of the last command within limits, shape (3, n)
+    before: Array  # the one a tick before it
+    taken: Array  # q, dq of the reading as the monitor takes it; NaN for an old one, shape (2, n)
+    waiting: Array  # accelerations that commands will cause once they act, oldest first, (k, n)
+    z: Array  # position of a sighting [m], shape (3,)
+    R: Array  # its covariance [m^2], shape (3, 3)
+    followed: Array  # the ball that is followed, or its surrogate, shape (3, 3)
+    hand: Array  # while the arm brakes: catch point, velocity, place at the exposure, (3, 3)
+    ahead: Array  # position and velocity of the ball that the heads look for, shape (2, 3)
+    bounce: Array  # scratch, shape (3,)
+    gap: Array  # from the catch point to the ball, and its rate [m, m/s], shape (2, 3)
+    pose: Array  # scratch, shape (n,)
+    chain: Array  # of :func:`mitt.robot.kinematics.packed_chain`
+    palm: Array  # the palm's normal in the last frame, shape (3,)
+    palm_now: Array  # and in the base frame
+    jump: Array  # change of the joint speeds by the ball, where it may come [rad/s], shape (n,)
+    impact_dq: Array  # change of the joint speeds that it may cause now [rad/s], shape (n,)
+    limits: Array  # for :func:`mitt.control.stop.short_of_room`, shape (3, n)
+    # The map, as the kernels of :mod:`mitt.generator.evaluation` take it; empty without.
     packed: Array
     powers: NDArray[np.int64]
     window: Array
@@ -182,6 +153,7 @@ class CatcherState(NamedTuple):
     start: Array
     trusted: Array
     map_work: Array
+    # Arrays of :func:`mitt.vision.localization.localize` and of the gaze.
     eyes_memory: Array
     eyes_settings: Array
     eyes_boxes: NDArray[np.int64]
@@ -202,26 +174,16 @@ class Result(NamedTuple):
     """What a tick brought about, and the next one starts from.
 
     Those of k ticks are kept in one as well, with k rows in each array.
-
-    Attributes:
-        scalars: Single numbers, fields as of ``_RESULT``, shape (1,).
-        encoders: q, dq as read [rad, rad/s], shape (2, n).
-        ball: r_o, dr_o, ddr_o of the ball at ``t_ball``, shape (3, 3); zero without an estimate.
-        covariance: Of r_o, dr_o, shape (6, 6).
-        reference: q_d, q_o and their derivatives, shape (6, n).
-        command: q, dq, ddq, tau of the command, shape (4, n).
-        gaze: Where the heads are to look, as of ``Command``, shape (heads, 4).
-        sighting: What the eyes said last: position [m], then its covariance [m^2], shape (4, 3).
     """
 
-    scalars: Record
-    encoders: Array
-    ball: Array
-    covariance: Array
-    reference: Array
-    command: Array
-    gaze: Array
-    sighting: Array
+    scalars: Record  # single numbers, fields as of ``_RESULT``, shape (1,)
+    encoders: Array  # q, dq as read [rad, rad/s], shape (2, n)
+    ball: Array  # r_o, dr_o, ddr_o of the ball at ``t_ball``; zero without an estimate, (3, 3)
+    covariance: Array  # of r_o, dr_o, shape (6, 6)
+    reference: Array  # q_d, q_o and their derivatives, shape (6, n)
+    command: Array  # q, dq, ddq, tau of the command, shape (4, n)
+    gaze: Array  # where the heads are to look, as of ``Command``, shape (heads, 4)
+    sighting: Array  # what the eyes said last: position [m], its covariance [m^2], shape (4, 3)
 
     def __repr__(self) -> str:
         """Return one line."""
@@ -277,7 +239,7 @@ def fresh_state(
         settings: Of the catcher.
         f: The map, if the generator is one.
         several: Whether there are several maps to choose from.
-        sigma_ready: As of :class:`CatcherState`.
+        sigma_ready: As of ``_STATE``.
     """
     s, n, of = settings, arm.n, arm_numbers(arm, settings.around)
     scalars = _STATE | {

@@ -14,6 +14,8 @@ A generator that is no map takes the same way in two halves, :func:`perceive` an
 its own ``reference`` between them.
 """
 
+from typing import TypeAlias
+
 import numpy as np
 
 from mitt.ball.filter import doubt, predict, update
@@ -79,31 +81,21 @@ BESIDE, TOUCHED = 0.08, 0.002
 STRIKES, NO_FAULT = 0.03, 1.5
 
 
+Seen: TypeAlias = tuple[tuple[Image, ...], tuple[Image, ...], int, float]
+"""Images, one a camera, shape (height, width), empty where there is none; backgrounds as of
+:func:`mitt.vision.localization.localize`; images not exposed then, a bit each; instant of the
+exposure [s]."""
+Read: TypeAlias = tuple[float, float, Array, Array]
+"""Time of the tick [s], time of the reading of the encoders [s], q, dq [rad, rad/s], shape (n,)."""
+
+
 @kernel
-def tick(
-    images: tuple[Image, ...],
-    backgrounds: tuple[Image, ...],
-    apart: int,
-    t_exposed: float,
-    t: float,
-    t_read: float,
-    q: Array,
-    dq: Array,
-    brake: Array,
-    state: CatcherState,
-    result: Result,
-) -> int:
+def tick(seen: Seen, read: Read, brake: Array, state: CatcherState, result: Result) -> int:
     """See, estimate, generate by the map, close, track.
 
     Args:
-        images: One a camera, shape (height, width); empty where there is none.
-        backgrounds: As of :func:`mitt.vision.localization.localize`.
-        apart: Those not exposed at ``t_exposed``, a bit each.
-        t_exposed: Instant of the exposure [s].
-        t: Time of the tick [s].
-        t_read: Time of the reading of the encoders [s].
-        q: Encoders [rad], shape (n,).
-        dq: Encoders [rad/s], shape (n,).
+        seen: Images.
+        read: Encoders.
         brake: q, dq, ddq while braking, a row each tick, shape (k, 3, n).
         state: All that is known and remembered, overwritten.
         result: That of the tick before, overwritten.
@@ -111,35 +103,24 @@ def tick(
     Returns:
         What is to be thought about: bits.
     """
-    perceive(images, backgrounds, apart, t_exposed, t, t_read, q, dq, state, result)
+    perceive(seen, read, state, result)
     refer(state, result)
     return int(act(brake, state, result))
 
 
 @kernel
-def perceive(
-    images: tuple[Image, ...],
-    backgrounds: tuple[Image, ...],
-    apart: int,
-    t_exposed: float,
-    t: float,
-    t_read: float,
-    q: Array,
-    dq: Array,
-    state: CatcherState,
-    result: Result,
-) -> None:
-    """Take encoders and images in and carry the estimate to the time of the command; see tick."""
-    s, out, told = state.scalars[0], result.scalars[0], t
+def perceive(seen: Seen, read: Read, state: CatcherState, result: Result) -> None:
+    """Take encoders and images in and carry the estimate to the time of the command."""
+    s, out, (images, backgrounds, apart, t_exposed) = state.scalars[0], result.scalars[0], seen
     before = state.health[0].t
-    t, s.clock_fault = pass_time(state.health[0], told)
+    t, s.clock_fault = pass_time(state.health[0], read[0])
     s.passed = time_since(before, t)
     out.t, out.phase = t, s.phase
     beside = not s.surrogate and -SOON < out.time_to_catch < BESIDE
     out.inside, out.time_to_catch, out.sighted = False, np.inf, False
     out.following = s.phase == FOLLOW
     lag = s.lag
-    _read(told, t_read, q, dq, state, result)
+    _read(read, state, result)
     _act_on(state)
     _measure(s.passed + lag - s.lag, state, result)
     if not s.begun:
@@ -162,10 +143,8 @@ def perceive(
                 state.R[k, k] += TOUCHED * TOUCHED
         update(state.ball_filter, t_exposed, state.z, state.R)
     result.sighting[0], result.sighting[1:] = state.z, state.R
-    tracked, ball = (
-        predict(state.ball_filter, t, result.ball, result.covariance),
-        state.ball_filter[0],
-    )
+    ball = state.ball_filter[0]
+    tracked = predict(state.ball_filter, t, result.ball, result.covariance)
     out.tracked, out.t_ball = tracked, t
     out.led = tracked and ball.now.best > 0
     out.drag = ball.drag if tracked else 0.0
@@ -177,11 +156,10 @@ def perceive(
 
 
 @kernel
-def _read(
-    told: float, t_read: float, q: Array, dq: Array, state: CatcherState, result: Result
-) -> None:
+def _read(read: Read, state: CatcherState, result: Result) -> None:
     """Keep what the encoders say, and how old it is; an old reading says nothing."""
     s, out, encoders, taken = state.scalars[0], result.scalars[0], result.encoders, state.taken
+    told, t_read, q, dq = read
     s.age_told = told - t_read
     age, again = age_of_reading(t_read, told, out.t, s.t_read), t_read == s.stamp
     for k in range(len(q)):

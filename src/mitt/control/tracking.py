@@ -22,21 +22,18 @@ not measured, the torques that hold what it moves are worked out from a place an
 not quite its own: every drive then keeps a share of its peak back.
 """
 
-from dataclasses import dataclass, replace
-from typing import NamedTuple, final
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from mitt import checks
 from mitt.control.encoders import FINE, Monitor
 from mitt.control.envelope import bound_acceleration, closing_speed, releasable
-from mitt.control.viability import SafetyFilter
 from mitt.jit import kernel
 from mitt.robot.arm import Arm, Tables
 from mitt.robot.dynamics import dynamics_scratch, inverse_dynamics
 from mitt.robot.limits import LEAST, bound_of, drive_asked, largest_share, saturate
-from mitt.robot.shapes import Surroundings
-from mitt.signals import TICK, ArmState, Array, Command
+from mitt.signals import TICK, Array, Command
 from mitt.structs import Record
 
 #: Change of a torque that counts as meeting a limit [N m].
@@ -92,53 +89,6 @@ def tracking_of(arm: Arm) -> Tracking:
         kept=np.zeros(links), given=np.zeros(links), level=np.zeros(links),
         dynamics=dynamics_scratch(links),
     )  # fmt: skip
-
-
-@final
-class Tracker:
-    """Tracking controller of one arm, with the envelope before it.
-
-    Encoder readings that are not finite are replaced by the last that were.
-    """
-
-    def __init__(self, arm: Arm, *, bandwidth: float, around: Surroundings | None = None) -> None:
-        """Take the arm, the bandwidth w of the error [rad/s] and what stands around the arm."""
-        self.arm = checks.instance("arm", arm, Arm)
-        self.bandwidth = checks.number("bandwidth", bandwidth, least=1e-3, most=1e5)
-        self.safety_filter = SafetyFilter(arm, around or Surroundings())
-        self._tracking = tracking_of(arm)
-        self._known = ArmState(t=0.0, q=arm.q_ready, dq=np.zeros(arm.n))
-
-    def last_finite(self, state: ArmState) -> ArmState:
-        """Return the encoder readings, or the last that were finite in their place."""
-        if not (np.isfinite(state.q).all() and np.isfinite(state.dq).all()):
-            return replace(self._known, t=state.t)
-        self._known = state
-        return state
-
-    def step(self, state: ArmState, desired: Array, *, hand: float) -> Tracked:
-        """Return the command for one tick.
-
-        Args:
-            state: Encoders.
-            desired: q_d, dq_d, ddq_d [rad, rad/s, rad/s^2], shape (3, n).
-            hand: Closing angle of the fingers [rad].
-        """
-        n, state = self.arm.n, checks.instance("state", state, ArmState)
-        checks.vector("state.q", state.q, n)
-        hand = checks.number("hand", hand, finite=True)
-        state = self.last_finite(state)
-        rows = np.zeros((4, n))
-        rows[:3] = checks.array("desired", desired, (3, n))
-        self.safety_filter.step(rows[:3])
-        estimated = np.array([state.q, state.dq])
-        saturated = track(
-            self._tracking, self.arm.tables, self.safety_filter.bounds, self.bandwidth, estimated,
-            rows, TICK,
-        )  # fmt: skip
-        self._tracking.before[:] = rows[3]
-        command = Command(t=state.t, joints=rows, hand=hand)
-        return Tracked(command=command, saturated=saturated)
 
 
 @kernel

@@ -8,15 +8,13 @@ of :func:`mitt.control.envelope.slow_down`, tick by tick.
 """
 
 from functools import lru_cache
-from typing import NamedTuple, final
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt import checks
 from mitt.control.envelope import LONGEST, bounds_of, braked, clamp, slow_down
 from mitt.control.stop import StopWork, clamp_to_reserve, gentle_rates, stop_work
-from mitt.errors import InputError
 from mitt.jit import kernel
 from mitt.robot.arm import Arm, Tables
 from mitt.robot.shapes import Shapes, Surroundings, clearance, shapes_of
@@ -176,45 +174,3 @@ def _leads_out(s: Safety, last: Array, desired: Array) -> bool:
     if before >= MARGIN:
         return False
     return bool(clearance(s.arm[0], desired[0], s.shapes, s.pairs, s.ends) > before)
-
-
-@final
-class SafetyFilter:
-    """The envelope of one arm: what is emitted passes through here and nowhere else.
-
-    Attributes:
-        safety: What it knows of the arm.
-        last: q, dq, ddq emitted in the tick before, shape (3, n).
-    """
-
-    def __init__(self, arm: Arm, around: Surroundings) -> None:
-        """Take the arm and what stands around it; the arm is taken to rest in its ready pose."""
-        checks.instance("arm", arm, Arm)
-        self.safety = safety_of(arm, checks.instance("around", around, Surroundings))
-        self.last = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)])
-
-    @property
-    def bounds(self) -> Record:
-        """Limits of type :data:`mitt.control.envelope.BOUNDS`, shape (n,)."""
-        return self.safety.bounds
-
-    def begin(self, q: Array, dq: Array) -> None:
-        """Start from where the arm is, [rad, rad/s], shapes (n,); what is not finite is left."""
-        n = self.last.shape[1]
-        q, dq = checks.vector("q", q, n), checks.vector("dq", dq, n)
-        if np.all(np.isfinite(q)) and np.all(np.isfinite(dq)):
-            self.last[0], self.last[1], self.last[2] = q, dq, 0.0
-
-    def step(self, desired: Array) -> int:
-        """Replace a desired motion, shape (3, n), by what is emitted; see :func:`safety_filter`."""
-        if checks.array("desired", desired, self.last.shape) is not desired:
-            raise InputError("desired", "an array of float64, which is overwritten",
-                             checks.shown(desired))  # fmt: skip
-        return int(safety_filter(self.safety, self.last, desired))
-
-    def clear(self, q: Array, dq: Array) -> bool:
-        """Say whether an arm that moves so can come to standstill without touching anything."""
-        n = self.last.shape[1]
-        q = checks.vector("q", q, n, finite=True)
-        motion = np.array([q, checks.vector("dq", dq, n, finite=True), np.zeros(n)])
-        return bool(stops_clear(self.safety, motion))

@@ -246,10 +246,11 @@ def play(
             update(
                 state.ball_filter, stamp, line[(k - latency) % len(line)], sight.points.covariance
             )
-        todo = tick(
-            images, backgrounds, 0, exposed, k * TICK, k * TICK, encoders[Q], encoders[DQ], brake,
-            state, result,
-        )  # fmt: skip
+        seen, read = (
+            (images, backgrounds, 0, exposed),
+            (k * TICK, k * TICK, encoders[Q], encoders[DQ]),
+        )
+        todo = tick(seen, read, brake, state, result)
         times[k] = now_ns(clock) - before
         if arrived and with_points:
             out.sighted, out.t_sighted = True, stamp

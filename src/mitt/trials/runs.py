@@ -114,7 +114,8 @@ def _compile_eyes(f: DirectMap, scene: Scene, ball: Throw | BallPath, pixels: bo
         catcher.learn_background(views)
     _, state, result = catcher.kernel_arguments
     q = np.zeros(f.arm.n)
-    _compile(perceive.inner, NOTHING, catcher.backgrounds, 0, 0.0, 0.0, 0.0, q, q, state, result)
+    seen, read = (NOTHING, catcher.backgrounds, 0, 0.0), (0.0, 0.0, q, q)
+    _compile(perceive.inner, seen, read, state, result)
 
 
 def _compile_arm(f: DirectMap, scene: Scene, ball: Throw | BallPath, pixels: bool) -> None:

@@ -1,0 +1,60 @@
+"""Safety filter and tracking of an arm as objects, for tests of their kernels."""
+
+import numpy as np
+
+from mitt.control.tracking import Tracked, track, tracking_of
+from mitt.control.viability import safety_filter, safety_of, stops_clear
+from mitt.robot.arm import Arm
+from mitt.robot.shapes import Surroundings
+from mitt.signals import TICK, ArmState, Array, Command
+from mitt.structs import Record
+
+
+class SafetyFilter:
+    """The envelope of one arm, which is taken to rest in its ready pose."""
+
+    def __init__(self, arm: Arm, around: Surroundings) -> None:
+        """Take the arm and what stands around it."""
+        self.safety = safety_of(arm, around)
+        self.last = np.array([arm.q_ready, np.zeros(arm.n), np.zeros(arm.n)])
+
+    @property
+    def bounds(self) -> Record:
+        """Limits of the joints."""
+        return self.safety.bounds
+
+    def begin(self, q: Array, dq: Array) -> None:
+        """Start from where the arm is."""
+        self.last[0], self.last[1], self.last[2] = q, dq, 0.0
+
+    def step(self, desired: Array) -> int:
+        """Replace a desired motion, shape (3, n), by what is emitted."""
+        return int(safety_filter(self.safety, self.last, desired))
+
+    def clear(self, q: Array, dq: Array) -> bool:
+        """Say whether an arm that moves so can come to standstill without touching anything."""
+        return bool(stops_clear(self.safety, np.array([q, dq, np.zeros(len(q))])))
+
+
+class Tracker:
+    """Tracking controller of one arm, with the envelope before it."""
+
+    def __init__(self, arm: Arm, *, bandwidth: float, around: Surroundings | None = None) -> None:
+        """Take the arm, the bandwidth of the error [rad/s] and what stands around the arm."""
+        self.arm, self.bandwidth = arm, bandwidth
+        self.safety_filter = SafetyFilter(arm, around or Surroundings())
+        self._tracking = tracking_of(arm)
+
+    def step(self, state: ArmState, desired: Array, *, hand: float) -> Tracked:
+        """Return the command for one tick that is to follow a motion, shape (3, n)."""
+        rows = np.zeros((4, self.arm.n))
+        rows[:3] = desired
+        self.safety_filter.step(rows[:3])
+        estimated = np.array([state.q, state.dq])
+        saturated = track(
+            self._tracking, self.arm.tables, self.safety_filter.bounds, self.bandwidth, estimated,
+            rows, TICK,
+        )  # fmt: skip
+        self._tracking.before[:] = rows[3]
+        command = Command(t=state.t, joints=rows, hand=hand)
+        return Tracked(command=command, saturated=saturated)
