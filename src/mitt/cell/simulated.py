@@ -141,15 +141,18 @@ class Controller:
         self._way = plan_brake(self._arm, t, np.array([q, dq, np.zeros(self._arm.n)]))
 
     def _own(self, t: float, q: Array, dq: Array) -> Array:
-        """Return the controller's own command: the speeds of its stop, then to hold.
+        """Return the controller's own command within the limits: the stop's speeds, then to hold.
 
         Where the drives lag behind the stop the arm ends elsewhere; it does not move on to there.
         """
+        arm, w = self._arm, _BANDWIDTH
         if self._held is None and np.all(np.abs(dq) < _REST):
             self._held = q.copy()
         wanted = self._way.at(t)
         wanted[0] = q if self._held is None else self._held
-        return self._tracked(wanted, q, dq)
+        ddq = wanted[2] + 2.0 * w * (wanted[1] - dq) + w**2 * (wanted[0] - q)
+        tau = arm.limits.saturate(arm.torque(q, dq, ddq), arm.all_joints(dq))
+        return np.array([*wanted, arm.active(tau)])
 
     def _followed(self, q: Array, dq: Array) -> Array:
         """Return the command that came: its torque, or that of the robot's own control."""
@@ -160,13 +163,6 @@ class Controller:
             within[self._row] = told[self._row]
             return np.array([*within, still, self._control.torque(q, dq)])
         return np.where(np.isnan(told), np.array([q, dq, still, still]), told)
-
-    def _tracked(self, wanted: Array, q: Array, dq: Array) -> Array:
-        """Return wanted q, dq, ddq with the torque that follows them, within the limits."""
-        arm, w = self._arm, _BANDWIDTH
-        ddq = wanted[2] + 2.0 * w * (wanted[1] - dq) + w**2 * (wanted[0] - q)
-        tau = arm.limits.saturate(arm.torque(q, dq, ddq), arm.all_joints(dq))
-        return np.array([*wanted, arm.active(tau)])
 
 
 @final
@@ -256,7 +252,7 @@ class SimulatedCell:
         self._settled, self.done = 0, False
         self.statuses, self.violations, self.ages = list[str](), 0, Ages()
         self.forces = list[float | None]()
-        self._sent = np.zeros((_KEPT, 2))
+        self._sent = np.zeros(_KEPT, [("stamp", float), ("clock", float)])
         self._rows, self._driven, self._trouble = list[Array](), list[bool](), ""
         self._before: Array | None = None
         self._squares, self._summed = np.zeros(len(arm.limits.tau_rms)), 0
@@ -287,9 +283,9 @@ class SimulatedCell:
         """Go on by a tick: read, publish, and let act what has come by then."""
         world, port, t = self._world, self._port, self.t
         senses = world.sense(look=self._flying or self._sees)
-        k = self._ticks % _KEPT
-        self._sent[k] = self._base + senses.t, self._clock()
-        port.state(float(self._sent[k, 0]), senses.arm.q, senses.arm.dq)
+        stamp = float(self._base + senses.t)
+        self._sent[self._ticks % _KEPT] = stamp, self._clock()
+        port.state(stamp, senses.arm.q, senses.arm.dq)
         if senses.frames:
             images = [x.pixels for x in senses.frames]
             if self._bend:
@@ -313,7 +309,9 @@ class SimulatedCell:
             (control.engage if said else control.release)(t, q, dq)
         new = self._port.command()
         if new is not None and control.released:
-            self._note_age(new.answers)
+            found = np.flatnonzero(np.abs(self._sent["stamp"] - new.answers) < 0.1 * TICK)
+            if len(found):
+                self.ages.add(self._clock() - float(self._sent["clock"][found[0]]))
         command = control.command(t, q, dq, new)
         self._rows.append(control.told)
         self._driven.append(control.commanded)
@@ -321,12 +319,6 @@ class SimulatedCell:
         if len(self._rows) >= _CHECKED:
             self._check()
         self._go_on(command, q, dq)
-
-    def _note_age(self, answers: float) -> None:
-        """Note how old a command is that begins to act."""
-        found = np.flatnonzero(np.abs(self._sent[:, 0] - answers) < 0.1 * TICK)
-        if len(found):
-            self.ages.add(self._clock() - float(self._sent[found[0], 1]))
 
     def _go_on(self, command: Command, q: Array, dq: Array) -> None:
         """Throw a ball, judge it, take it away."""

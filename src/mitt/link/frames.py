@@ -260,20 +260,17 @@ class SharedFrames:
 
     def open(self) -> str:
         """Open the memory anew now and then: whoever writes it may have been started again."""
-        if monotonic() > self._due:
-            self._said, self._due = self._opened(), monotonic() + _AGAIN
-        return self._said
-
-    def _opened(self) -> str:
-        """Open the memory anew; return what is wrong."""
+        if monotonic() <= self._due:
+            return self._said
         if self._reader is not None:
             self._reader.close()
-            self._reader = None
+        self._reader, self._said = None, ""
         try:
             self._reader = FrameReader(self._name, self._shapes)
         except InputError as error:
-            return str(error)
-        return ""
+            self._said = str(error)
+        self._due = monotonic() + _AGAIN
+        return self._said
 
     def take(self) -> Sequence[FrameSet]:
         """Return all frames since the last call; none while the memory is not open."""

@@ -202,11 +202,13 @@ class Recorder(AbstractContextManager["Recorder"]):
             FileError: The file is there, or cannot be written.
         """
         path, about = checks.path("path", path), checks.instance("about", about, About)
-        images, metadata = checks.flag("images", images), _texts(metadata)
-        self.path, self.count, self._images = path, 0, images
+        self.path, self.count, self._images = path, 0, checks.flag("images", images)
+        given = {} if metadata is None else checks.mapping("metadata", metadata)
+        texts = {checks.text("metadata", key): checks.text(f"metadata {key}", value)
+                 for key, value in given.items()}  # fmt: skip
         self._ring = Ring.new(_ROOM_IMAGES if images else _ROOM)
         self._lay_out(about)
-        heading = asdict(heading_of(about, metadata))
+        heading = asdict(heading_of(about, texts))
         self._process = subprocess.Popen(  # noqa: S603 (this interpreter, our module)
             [sys.executable, "-m", "mitt.link.recorder", str(self._ring.fd),
              str(self._ring.size), str(path.resolve())],
@@ -350,15 +352,6 @@ class Recorder(AbstractContextManager["Recorder"]):
     def __exit__(self, *_: object) -> None:
         """End the file."""
         self.close()
-
-
-def _texts(metadata: object) -> dict[str, str]:
-    """Return texts by name; none where they were left out."""
-    given = {} if metadata is None else checks.mapping("metadata", metadata)
-    return {
-        checks.text("metadata", key): checks.text(f"metadata {key}", value)
-        for key, value in given.items()
-    }
 
 
 def _images(frames: tuple[Frame, ...]) -> bytes:
