@@ -6,7 +6,6 @@ from pathlib import Path
 from mitt.cell.drivers import LocalRobot, local_robot
 from mitt.cell.prepare import PreparedCell, about_of, catchers, map_of, prepare, setpoints_of
 from mitt.files.cell import read_cell
-from mitt.link.frames import straight
 from mitt.link.live import LiveLoop, Mode
 from mitt.link.recorder import Recorder
 from mitt.link.robot import Robot, RobotLink
@@ -96,7 +95,7 @@ class LocalCell:
         self.loop = LiveLoop(
             RobotLink(self.robot, setpoints=setpoints_of(prepared)), arm, first, again,
             ready_speed=cell.motion.ready_speed, silence=cell.robot.watchdog,
-            frames=straight(frames, prepared.lenses), recorder=self.recorder,
+            frames=frames, lenses=prepared.lenses, recorder=self.recorder,
             clock=lambda: self.simulated.t,
         )  # fmt: skip
 

@@ -23,7 +23,6 @@ from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.interrupts import SIGNALS, notice
 from mitt.link.clock import hurried, monotonic, pinned, sleep_until, time_of_day, uncollected
-from mitt.link.frames import straight
 from mitt.link.live import LiveLoop, Mode
 from mitt.link.recorder import Recorder
 from mitt.link.robot import Robot, RobotLink
@@ -75,8 +74,7 @@ def loop_of(
         RobotLink(connection.robot, unbraked=unbraked, setpoints=setpoints_of(prepared)),
         prepared.arm, *catchers(prepared, f),
         ready_speed=cell.motion.ready_speed, silence=cell.robot.watchdog,
-        frames=straight(connection.frames, prepared.lenses), recorder=recorder,
-        clock=connection.clock,
+        frames=connection.frames, lenses=prepared.lenses, recorder=recorder, clock=connection.clock,
     )  # fmt: skip
 
 

@@ -278,39 +278,12 @@ class SharedFrames:
 
 
 @final
-class StraightFrames:
-    """Frames whose images were bent by lenses, made straight."""
-
-    def __init__(self, source: FrameSource, lenses: Sequence[Lens]) -> None:
-        """Take where the bent ones come from, and a lens a camera."""
-        self._source, self._straighten = source, [straightener(lens) for lens in lenses]
-
-    def open(self) -> str:
-        """Say what is wrong with the cameras."""
-        return self._source.open()
-
-    def take(self) -> Sequence[FrameSet]:
-        """Return all frames since the last call, oldest first."""
-        return [
-            seen._replace(
-                images=tuple(make(x) for make, x in zip(self._straighten, seen.images, strict=True))
-            )
-            for seen in self._source.take()
-        ]
-
-
-def straight(source: FrameSource | None, lenses: Sequence[Lens]) -> FrameSource | None:
-    """Return a source of frames that no lens bends any more."""
-    return source if source is None or not lenses else StraightFrames(source, lenses)
-
-
-@final
 class Sight:
     """Shows a catcher frames once it has learned its background in the ready pose."""
 
-    def __init__(self, source: FrameSource | None) -> None:
-        """Take where frames come from; None where the ball is seen as points."""
-        self.source = source
+    def __init__(self, source: FrameSource | None, lenses: Sequence[Lens] = ()) -> None:
+        """Take where frames come from, None where the ball is seen as points; lenses that bend."""
+        self.source, self._straighten = source, [straightener(lens) for lens in lenses]
         self._views: list[tuple[Frame, ...]] = []
         self._seen, self._learned = 0, False
         self._came = self._stamp = -inf
@@ -324,13 +297,17 @@ class Sight:
         self._views, self._seen, self._learned = [], 0, False
 
     def beside(self, count: int, now: float) -> list[FrameSet | None]:
-        """Return the newest frames beside readings, oldest first; None where there is none.
+        """Return the newest frames beside readings, straight, oldest first; None where is none.
 
         What came with older readings than these is left out.
         """
         taken = [] if self.source is None else list(self.source.take())[-count:]
         if taken and taken[-1].t != self._stamp:  # one that hangs writes its last image again
             self._came, self._stamp = now, taken[-1].t
+        if self._straighten:
+            taken = [seen._replace(images=tuple(
+                make(x) for make, x in zip(self._straighten, seen.images, strict=True)
+            )) for seen in taken]  # fmt: skip
         return [None] * (count - len(taken)) + taken
 
     def silent(self, now: float) -> str:

@@ -27,6 +27,7 @@ from mitt.link.ticks import CatchNotes, Ticks
 from mitt.robot.arm import Arm, trusted_deceleration
 from mitt.signals import TICK, ArmState, Array, Command
 from mitt.vision.calibration.caught import LearnedClock
+from mitt.vision.lens import Lens
 
 #: Time without a position after which a ball is gone, longest throw, and how long a caught ball is
 #: held before the arm goes back [s].
@@ -86,17 +87,18 @@ class LiveLoop:
     def __init__(
         self, link: RobotLink, arm: Arm, first: Catcher, again: Callable[[Catcher], Catcher],
         *, ready_speed: float, silence: float, frames: FrameSource | None = None,
-        recorder: Recorder | None = None, clock: Callable[[], float] = monotonic,
+        lenses: Sequence[Lens] = (), recorder: Recorder | None = None,
+        clock: Callable[[], float] = monotonic,
     ) -> None:  # fmt: skip
         """Take the robot, the arm as it is driven, and a first catcher.
 
         ``again`` returns a fresh one for another throw. ``ready_speed`` is the share of the speeds
         in motions to the ready pose, ``silence`` the time without a reading after which the robot
-        is lost [s], ``clock`` the steady clock by which readings arrive [s]. Without ``frames`` the
-        ball is seen as points. ``recorder`` keeps each tick of a catch.
+        is lost [s], ``clock`` the steady clock by which readings arrive [s]. Without ``frames``
+        the ball is seen as points; ``lenses`` bend them. ``recorder`` keeps each tick of a catch.
         """
         self._link, self._robot, self._arm = link, link.robot, arm
-        self._share, self._silence, self._sight = ready_speed, silence, Sight(frames)
+        self._share, self._silence, self._sight = ready_speed, silence, Sight(frames, lenses)
         self._clock, self._lag = clock, Lag()
         self.mode, self.why = Mode.WAITING, ""
         self.counts, self.notes = Counts(), dict[str, str]()

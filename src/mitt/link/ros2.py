@@ -170,13 +170,14 @@ class Ros2Robot:
         raw = self._state.take()
         if not raw and self._node.wait(timeout):
             raw = self._state.take()
-        found = []
-        for said in map(messages.read_joint_state, raw):
-            q, dq = self._joints.pick(said.names, said.q, said.dq)
-            self._misplaced = self._joints.misplaced(said.q, self._needed)
-            dq = dq if len(dq) else np.zeros(len(q))  # velocities that are not sent count as none
-            found.append(ArmState(t=said.t, q=q, dq=dq))
-        return found
+        return [self._reading(x) for x in raw]
+
+    def _reading(self, raw: bytes) -> ArmState:
+        """Return one reading; velocities that are not sent count as none."""
+        said = messages.read_joint_state(raw)
+        q, dq = self._joints.pick(said.names, said.q, said.dq)
+        self._misplaced = self._joints.misplaced(said.q, self._needed)
+        return ArmState(t=said.t, q=q, dq=dq if len(dq) else np.zeros(len(q)))
 
     def points(self) -> Sequence[Sighting]:
         """Return all positions of the ball since the last call, in the arm's base frame."""
