@@ -112,8 +112,8 @@ def test_a_cell_counts_the_ticks_that_a_trial_counts(
     port = LocalPort(1e-3)
     monkeypatch.setattr(LocalPort, "command", commander(arm, np.random.default_rng(seed)))
     cell = SimulatedCell(
-        basket.cell, arm, scene, balls_of(basket, scene, seed=seed, count=1), port,
-        rig=basket.rig, clock=lambda: 0.0,
+        replace(basket, arm=arm), scene, balls_of(basket, scene, seed=seed, count=1), port,
+        clock=lambda: 0.0,
     )  # fmt: skip
     port.braked = False
     told, driven = list[Array](), list[bool]()

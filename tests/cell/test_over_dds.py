@@ -94,7 +94,7 @@ def test_a_ball_is_caught_over_dds(takes: str, monkeypatch: pytest.MonkeyPatch) 
     cell, arm, scene = prepared.cell, prepared.arm, scene_of_cell(prepared.cell, None)
     port, inner = Ros2Cell(cell, arm), Ros2Robot(cell, arm)
     simulated = SimulatedCell(
-        cell, arm, scene, balls_of(prepared, scene, seed=3, count=2), port, rig=prepared.rig,
+        prepared, scene, balls_of(prepared, scene, seed=3, count=2), port,
         clock=lambda: simulated.t, started=1.7e9,
     )  # fmt: skip
     robot = WaitsForCommands(inner, simulated, port)

@@ -144,12 +144,9 @@ def local_robot(
     prepared: PreparedCell, *, seed: int, count: int, started: float = 0.0
 ) -> LocalRobot:
     """Return the robot of a cell that is simulated here; ``started`` is its first stamp [s]."""
-    cell, scene = prepared.cell, scene_of_cell(prepared.cell, None)
-    port, source = LocalPort(cell.source.sigma), balls_of(prepared, scene, seed=seed, count=count)
-    simulated = SimulatedCell(
-        cell, prepared.arm, scene, source, port, rig=prepared.rig, lenses=prepared.lenses,
-        clock=monotonic, started=started,
-    )  # fmt: skip
+    scene, port = scene_of_cell(prepared.cell, None), LocalPort(prepared.cell.source.sigma)
+    source = balls_of(prepared, scene, seed=seed, count=count)
+    simulated = SimulatedCell(prepared, scene, source, port, clock=monotonic, started=started)
     return LocalRobot(simulated, port)
 
 

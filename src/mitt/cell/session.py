@@ -373,9 +373,8 @@ class Server:
         with uncollected():
             port = self._port()
             self._cell = cell = SimulatedCell(
-                prepared.cell, prepared.arm, self._scene, self._source, port,
-                rig=prepared.rig, lenses=prepared.lenses, clock=monotonic, started=time_of_day(),
-            )  # fmt: skip
+                prepared, self._scene, self._source, port, clock=monotonic, started=time_of_day()
+            )
             try:
                 with hurried() as granted, pinned(CORE):
                     self._tell(f"{prepared.cell.name} is there; {granted}")

@@ -13,9 +13,10 @@ from typing import Protocol, final
 import numpy as np
 
 from mitt.catcher.settings import Phase
+from mitt.cell.prepare import PreparedCell
 from mitt.control.setpoints import ROWS
 from mitt.control.stop import plan_brake
-from mitt.files.cell import Cell, RobotPart
+from mitt.files.cell import RobotPart
 from mitt.link.robot import ReceivedCommand
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array, Command, Image
@@ -30,8 +31,6 @@ from mitt.trials.score import (
     was_held,
 )
 from mitt.trials.source import Source
-from mitt.vision.camera import Rig
-from mitt.vision.lens import Lens
 from mitt.vision.resampling import bender
 from mitt.world.flights import BallPath
 from mitt.world.scene import Scene
@@ -236,18 +235,20 @@ class SimulatedCell:
     """
 
     def __init__(
-        self, cell: Cell, arm: Arm, scene: Scene, source: Source, port: Port,
-        *, rig: Rig, clock: Callable[[], float], lenses: Sequence[Lens] = (), started: float = 0.0,
+        self, prepared: PreparedCell, scene: Scene, source: Source, port: Port,
+        *, clock: Callable[[], float], started: float = 0.0,
     ) -> None:  # fmt: skip
         """Set the cell up: the arm on its brakes in its ready pose.
 
         Commands age by the steady ``clock`` [s]; ``started`` is the stamp of the first reading [s].
         """
-        self._arm, self._source, self._port, self._clock = arm, source, port, clock
-        cameras = cameras_of(rig, scene) if cell.source.kind == "images" else None
-        self._sees, self._bend = cameras is not None, [bender(lens) for lens in lenses]
+        self._arm = arm = prepared.arm
+        self._source, self._port, self._clock = source, port, clock
+        self._sees = prepared.cell.source.kind == "images"
+        self._bend = [bender(lens) for lens in prepared.lenses]
+        cameras = cameras_of(prepared.rig, scene) if self._sees else None
         self._world = World(scene, arm.model, cameras=cameras, limits=arm.limits)
-        self._controller = Controller(arm, cell.robot)
+        self._controller = Controller(arm, prepared.cell.robot)
         self._base, self._ticks, self._next, self._flying = started, 0, 0, False
         self._settled, self.done = 0, False
         self.statuses, self.violations, self.ages = list[str](), 0, Ages()

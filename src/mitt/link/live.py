@@ -23,7 +23,7 @@ from mitt.link.frames import FrameSet, FrameSource, Sight
 from mitt.link.readings import Counts, Lag, Positions, Watch, check_reading
 from mitt.link.recorder import Recorder
 from mitt.link.robot import RobotLink
-from mitt.link.ticks import CatchNotes, Ticks
+from mitt.link.ticks import Ticks
 from mitt.robot.arm import Arm, trusted_deceleration
 from mitt.signals import TICK, ArmState, Array, Command
 from mitt.vision.calibration.caught import LearnedClock
@@ -105,8 +105,8 @@ class LiveLoop:
         self._positions = Positions(self.counts)
         self._watch = Watch(arm, link.robot, self._lag, self._positions, clock=clock,
                             silence=silence)  # fmt: skip
-        self._ticks = Ticks(first, again, self._sight, self._positions, self.counts, recorder,
-                            CatchNotes(arm), steps=arm.encoder_step, obeys=link.obeys)  # fmt: skip
+        self._ticks = Ticks(first, again, self._sight, self._positions, self.counts, recorder, arm,
+                            obeys=link.obeys)  # fmt: skip
         self.age, self._until, self._fastest, self._missed = 0.0, np.inf, 0.0, False
         self._unread = 0
 

@@ -99,21 +99,19 @@ class Ticks:
 
     def __init__(
         self, first: Catcher, again: Callable[[Catcher], Catcher], sight: Sight,
-        positions: Positions, counts: Counts, recorder: Recorder | None, notes: CatchNotes,
-        *, steps: Array, obeys: bool,
+        positions: Positions, counts: Counts, recorder: Recorder | None, arm: Arm, *, obeys: bool,
     ) -> None:  # fmt: skip
         """Take a first catcher, what returns a fresh one for another throw, and what they need.
 
-        ``steps`` is the resolution of the joints' encoders [rad], shape (n,). An arm that ``obeys``
-        does at once what it is told: by torques, not by setpoints.
+        An arm that ``obeys`` does at once what it is told: by torques, not by setpoints.
         """
         self.catcher, self.stamps, self.recorded = first, Stamps(), False
         self._again, self._sight, self._counts, self._recorder = again, sight, counts, recorder
         self._positions, self._begun, self._last = positions, 0.0, 0.0
-        self.clock, self._offset, self._notes = LearnedClock(), 0.0, notes
+        self.clock, self._offset, self._notes = LearnedClock(), 0.0, CatchNotes(arm)
         self.repeating, self.frozen, self._obeys = 0.0, False, obeys
         self._run, self._travel = 0, 0.0
-        self._read, self._moved, self._least = np.zeros(0), np.zeros(0), _MOVED + steps
+        self._read, self._moved, self._least = np.zeros(0), np.zeros(0), _MOVED + arm.encoder_step
 
     @property
     def t(self) -> float:
