@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from sysconfig import get_paths
 
-from mitt.generator.design import MapDesign
+from mitt.generator.map_design import MapDesign
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm

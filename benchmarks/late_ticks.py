@@ -26,7 +26,7 @@ from franka_design import panda_file
 
 from mitt.catcher.catcher import Catcher
 from mitt.files.arm_file import load_arm, read_arm_file
-from mitt.generator.design import default_design
+from mitt.generator.map_design import default_design
 from mitt.generator.generators import Direct
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 from support import parabola
 
-from mitt.generator.design import MapDesign
 from mitt.generator.learn import Flight, Learned, learn
+from mitt.generator.map_design import MapDesign
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm

@@ -11,8 +11,8 @@ from support import ball_state, parabola
 
 import mitt
 from mitt.generator.demand import demand
-from mitt.generator.design import MapDesign
 from mitt.generator.learn import learn
+from mitt.generator.map_design import MapDesign
 from mitt.robot.load import load_arm
 
 #: The paper prints 1 to 20 and 22; 21 is the summary of its section 3.6.

@@ -43,7 +43,7 @@ _STAGE = """
 import faulthandler, gc, json, sys
 faulthandler.enable()
 import numpy as np
-from mitt.generator.design import default_design
+from mitt.generator.map_design import default_design
 from mitt.generator.generators import Unoptimised
 from mitt.generator.mapping import unlearned
 from mitt.link.clock import Stopwatch

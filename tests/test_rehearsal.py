@@ -5,7 +5,7 @@ import pytest
 
 from mitt.control.envelope import bounds_of
 from mitt.generator.feasibility import Approach
-from mitt.rehearsal import gap_at_catch
+from mitt.impact import gap_at_catch
 from mitt.robot.arm import Arm
 from mitt.robot.limits import joint_level
 from mitt.robot.load import load_arm

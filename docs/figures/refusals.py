@@ -6,8 +6,8 @@ from matplotlib.figure import Figure
 
 import mitt
 from mitt.generator.demand import Tolerance
-from mitt.generator.design import default_design
 from mitt.generator.feasibility import Outcome, judge
+from mitt.generator.map_design import default_design
 from mitt.holding import CaughtBall
 from mitt.impact import examined
 from mitt.report.figures.style import BAND, BLUE, GREEN, GREY, INK, ORANGE, PURPLE, YELLOW

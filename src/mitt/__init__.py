@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from mitt.errors import MittError as MittError
     from mitt.files.arm_file import load_arm as load_arm
     from mitt.files.maps import read_map as read_map
-    from mitt.generator.design import MapDesign as MapDesign
     from mitt.generator.feasibility import Outcome as Outcome
     from mitt.generator.feasibility import Verdict as Verdict
     from mitt.generator.generators import Direct as Direct
     from mitt.generator.generators import Generator as Generator
+    from mitt.generator.map_design import MapDesign as MapDesign
     from mitt.generator.mapping import DirectMap as DirectMap
     from mitt.signals import ArmState as ArmState
     from mitt.signals import BallState as BallState
@@ -48,7 +48,7 @@ _HOMES = {
     "Frame": "mitt.signals",
     "Generator": "mitt.generator.generators",
     "JointReference": "mitt.signals",
-    "MapDesign": "mitt.generator.design",
+    "MapDesign": "mitt.generator.map_design",
     "MittError": "mitt.errors",
     "Outcome": "mitt.generator.feasibility",
     "Scene": "mitt.world.scene",

@@ -37,9 +37,9 @@ except ImportError:
 from mitt.catcher.settings import Phase
 from mitt.files.arm_file import is_arm_file, load_arm, read_arm_file
 from mitt.files.maps import read_map
-from mitt.generator.design import default_design
 from mitt.generator.generators import Direct, check_arm
 from mitt.generator.learn import Learned
+from mitt.generator.map_design import default_design
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.report.figures.pictures import Faces, body_faces, painted, placed
 from mitt.robot.arm import Arm

@@ -14,11 +14,11 @@ from mitt.catcher.state import arm_numbers
 from mitt.control.encoders import GOOD_TICKS, LOSSY_TICKS, SILENT_TICKS
 from mitt.control.health import Reason
 from mitt.errors import InputError
-from mitt.generator.design import default_design
 from mitt.generator.feasibility import Outcome as Feasible
 from mitt.generator.feasibility import waiting_height
 from mitt.generator.generators import Direct, Unoptimised, refining
 from mitt.generator.learn import Learned
+from mitt.generator.map_design import default_design
 from mitt.generator.mapping import unlearned
 from mitt.generator.several import Several
 from mitt.robot.arm import Arm

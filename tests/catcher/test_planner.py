@@ -11,10 +11,10 @@ from mitt.ball.filter import THROWN_BALL
 from mitt.catcher.catcher import Catcher, CatcherSettings, Phase
 from mitt.catcher.settings import PATIENCE
 from mitt.control.envelope import speeds_of
-from mitt.generator.design import further_designs
 from mitt.generator.feasibility import Outcome, Verdict
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
+from mitt.generator.map_design import further_designs
 from mitt.generator.several import Several
 from mitt.impact import speed_caps, speed_jumps
 from mitt.robot.arm import Arm

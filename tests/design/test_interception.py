@@ -15,8 +15,7 @@ from mitt.design.interception import bounded, least_relative_velocity, line_rate
 from mitt.design.poses import poses_of
 from mitt.design.rows import Rows, best_of, candidates_of
 from mitt.design.whole import whole_arm
-from mitt.generator.coordinates import coordinates
-from mitt.generator.mapping import unlearned
+from mitt.generator.mapping import coordinates, unlearned
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.signals import Array

@@ -10,8 +10,8 @@ from mitt.design.balls import Balls
 from mitt.design.task import Task
 from mitt.design.verdicts import balls_of as thrown
 from mitt.design.verdicts import verdicts
-from mitt.generator.design import MapDesign, catch_place
 from mitt.generator.learn import Flight, Learned, learn
+from mitt.generator.map_design import MapDesign, catch_place
 from mitt.generator.mapping import unlearned
 from mitt.robot.arm import Arm
 from mitt.signals import GRAVITY, BallState

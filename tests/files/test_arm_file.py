@@ -18,7 +18,7 @@ from mitt.files.arm_file import (
     read_arm_file,
     write_arm_file,
 )
-from mitt.generator.design import MapDesign, default_design
+from mitt.generator.map_design import MapDesign, default_design
 from mitt.robot.basket import Basket
 from mitt.robot.hands import HandModel
 

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from mitt.errors import FileError
 from mitt.files.maps import read_map, save_map
-from mitt.generator.design import MapDesign
 from mitt.generator.learn import Learned
+from mitt.generator.map_design import MapDesign
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.trials.learning import Neighbourhood, learn

@@ -7,8 +7,7 @@ from sysconfig import get_paths
 import numpy as np
 import pytest
 
-from mitt.generator.advice import warnings_of
-from mitt.generator.design import MapDesign
+from mitt.generator.map_design import MapDesign, warnings_of
 from mitt.robot.arm import Arm
 from mitt.robot.hands import HandModel
 from mitt.robot.load import load_arm

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from mitt.generator.demand import Tolerance, demand, shares_of
 from mitt.generator.learn import limit_rows, sensitivity
-from mitt.generator.utilization import assess, plant_of, work_of
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.robot.plant import add_arm
@@ -147,27 +146,18 @@ def test_the_brake_is_left_out_where_it_is_not_asked_for(arm: Arm) -> None:
 
 @pytest.mark.parametrize("limits", ["paper", "wam-80v", "wam-48v"])
 @given(seed=seeds)
-def test_verdict_learning_and_online_step_agree_on_shares_of_the_torque(
-    limits: str, seed: int
-) -> None:
+def test_verdict_and_learning_agree_on_shares_of_the_torque(limits: str, seed: int) -> None:
     """Also beyond a motor's no-load speed, where its bound is 0: one floor keeps shares finite."""
     arm = load_arm("wam", limits=limits)
-    plant, work = plant_of(arm), work_of(arm)
     motion = motion_of(arm, seed)
     motion[:, 1] *= 1.5
     asked = demand(arm, motion)
-    links = len(arm.model.links)
     for k, row in enumerate(motion):
-        shares, at = np.zeros((3, links)), np.zeros((3, links))
-        work.motion[:] = row
-        work.tau[:] = arm.torques(row[None])[0]
-        assess(plant, k, 1.0, shares, at, work)
-        assert np.allclose(shares[0], asked.torque[k], rtol=EXACT)
         rows = limit_rows(
             arm, sensitivity(arm, row[None], np.zeros((1, 3, 1))), share=1.0, near=0.0
         )
         assert rows.worst >= asked.torque[k].max() * (1.0 - EXACT)
-        ratio = arm.limits.torque_ratio(work.tau, arm.all_joints(row[1]))
+        ratio = arm.limits.torque_ratio(arm.torques(row[None])[0], arm.all_joints(row[1]))
         assert np.allclose(ratio, asked.torque[k], rtol=EXACT)
         if asked.torque[k].max() >= max(asked.speed[k].max(), 2.0):
             assert rows.worst == pytest.approx(asked.torque[k].max(), rel=EXACT)

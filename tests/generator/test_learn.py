@@ -8,10 +8,7 @@ import pytest
 from support import parabola
 
 from mitt.errors import InputError
-from mitt.generator.constraints import initial_matrix, project, shift
-from mitt.generator.coordinates import coordinates
 from mitt.generator.demand import demand
-from mitt.generator.design import MapDesign
 from mitt.generator.learn import (
     Flight,
     Learned,
@@ -22,7 +19,8 @@ from mitt.generator.learn import (
     sensitivity,
     solve,
 )
-from mitt.generator.mapping import DirectMap
+from mitt.generator.map_design import MapDesign
+from mitt.generator.mapping import DirectMap, coordinates, initial_matrix, project, shift
 from mitt.generator.tangent import to_go
 from mitt.robot.arm import Arm
 from mitt.robot.wam import wam_limits

@@ -10,11 +10,10 @@ from hypothesis import strategies as st
 from support import ball_state
 
 from mitt.errors import InputError, MittError, ModelError, ShapeError
-from mitt.generator.design import MapDesign, tangent_of
-from mitt.generator.inverse import invert_newton
 from mitt.generator.learn import Learned
+from mitt.generator.map_design import MapDesign, tangent_of
 from mitt.generator.mapping import DirectMap, unlearned
-from mitt.generator.tangent import scratch_of, to_go
+from mitt.generator.tangent import invert_newton, scratch_of, to_go
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import Array, MapStatus

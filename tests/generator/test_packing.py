@@ -8,12 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.generator.design import MapDesign
-from mitt.generator.evaluation import virtual
-from mitt.generator.inverse import lift
-from mitt.generator.mapping import DirectMap, unlearned
-from mitt.generator.packing import pack, unfold, unpack, workspace
-from mitt.generator.tangent import Scratch, scratch_of
+from mitt.generator.map_design import MapDesign
+from mitt.generator.mapping import DirectMap, unlearned, virtual
+from mitt.generator.tangent import Scratch, lift, pack, scratch_of, unfold, unpack, workspace
 from mitt.robot.load import load_arm
 from mitt.signals import Array
 

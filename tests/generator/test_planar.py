@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.generator.design import MapDesign
+from mitt.generator.map_design import MapDesign
 from mitt.generator.mapping import DirectMap, unlearned
-from mitt.generator.planar import plane_of
+from mitt.generator.tangent import plane_of
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import Array

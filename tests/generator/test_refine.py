@@ -8,10 +8,10 @@ from support import ball_state
 
 from mitt.errors import InputError
 from mitt.generator.demand import demand
-from mitt.generator.design import MapDesign
 from mitt.generator.feasibility import Outcome
 from mitt.generator.generators import Direct, refining
 from mitt.generator.learn import Flight, Learned
+from mitt.generator.map_design import MapDesign
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.generator.prediction import flown, foresee
 from mitt.generator.refine import refine

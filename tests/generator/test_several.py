@@ -10,10 +10,10 @@ from support import ball_state
 
 from mitt.errors import InputError
 from mitt.generator.demand import Tolerance
-from mitt.generator.design import MapDesign
 from mitt.generator.feasibility import Outcome, judge
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
+from mitt.generator.map_design import MapDesign
 from mitt.generator.several import Several
 from mitt.robot.arm import Arm
 from mitt.signals import BallState

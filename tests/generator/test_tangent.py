@@ -8,10 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mitt.errors import MittError, ModelError
-from mitt.generator.design import MapDesign, tangent_of
-from mitt.generator.inverse import invert
+from mitt.generator.map_design import MapDesign, tangent_of
 from mitt.generator.mapping import unlearned
-from mitt.generator.tangent import curve, expand, follow, scratch_of
+from mitt.generator.tangent import curve, expand, follow, invert, scratch_of
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import Array

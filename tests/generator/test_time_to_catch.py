@@ -5,10 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mitt.generator.evaluation import NEAR, root_time
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
-from mitt.generator.mapping import DirectMap
+from mitt.generator.mapping import NEAR, DirectMap, root_time
 from mitt.generator.prediction import flown
 from mitt.robot.hands import HandModel
 from mitt.signals import PASSED, Array, BallState, MapStatus

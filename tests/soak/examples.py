@@ -13,9 +13,9 @@ import mitt
 from mitt.ball.filter import BallFilter
 from mitt.ball.flight import forecast
 from mitt.catcher.catcher import Catcher, CatcherSettings
-from mitt.generator.design import default_design
 from mitt.generator.generators import Direct, Unoptimised, refining
 from mitt.generator.learn import Flight
+from mitt.generator.map_design import default_design
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.generator.several import Several
 from mitt.rivals.planned import make_quintic

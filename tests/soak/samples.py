@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from mitt.files.maps import save_map
-from mitt.generator.design import default_design
 from mitt.generator.learn import Learned
+from mitt.generator.map_design import default_design
 from mitt.generator.mapping import unlearned
 from mitt.robot.load import load_arm
 

@@ -9,7 +9,7 @@ import pytest
 from mitt.ball.flight import advance
 from mitt.errors import FileError
 from mitt.files.arm_file import open_arm
-from mitt.generator.design import MapDesign
+from mitt.generator.map_design import MapDesign
 from mitt.generator.mapping import unlearned
 from mitt.robot.arm import Arm
 from mitt.signals import Array

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from mitt.generator.design import MapDesign
 from mitt.generator.learn import Flight, LearnSettings
+from mitt.generator.map_design import MapDesign
 from mitt.robot.arm import Arm
 from mitt.trials.learning import LEARNING_SEED, Neighbourhood, learn
 

@@ -7,9 +7,9 @@ import pytest
 
 from mitt.catcher.catcher import Catcher
 from mitt.catcher.settings import BRAKE, FOLLOW, REFUSED, STOPPED, WATCH
-from mitt.generator.design import MapDesign
 from mitt.generator.generators import Direct, Generator
 from mitt.generator.learn import Learned
+from mitt.generator.map_design import MapDesign
 from mitt.generator.several import Several
 from mitt.robot.arm import Arm
 from mitt.trials.learning import Neighbourhood, learn

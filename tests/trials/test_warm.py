@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from numba import typeof
 
-from mitt.generator.design import default_design
 from mitt.generator.generators import Direct
+from mitt.generator.map_design import default_design
 from mitt.generator.mapping import unlearned
 from mitt.robot.arm import Arm
 from mitt.trials import play as loop

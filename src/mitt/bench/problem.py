@@ -17,12 +17,11 @@ from dataclasses import dataclass, replace
 import daqp
 import numpy as np
 
-from mitt.generator.constraints import initial_matrix, shift
-from mitt.generator.design import default_design
+from mitt.generator.demand import Plant, plant_of
 from mitt.generator.learn import LearnSettings, lift_flight
 from mitt.generator.learn import learn as learn_from
-from mitt.generator.mapping import unlearned
-from mitt.generator.utilization import Plant, plant_of
+from mitt.generator.map_design import default_design
+from mitt.generator.mapping import initial_matrix, shift, unlearned
 from mitt.jit import kernel
 from mitt.robot.arm import Arm
 from mitt.robot.dynamics import slopes_work, torque_slopes
@@ -146,12 +145,12 @@ def _respond(p: Plant, z: Array, work: tuple[Array, Array, Array], r: Array, R: 
     for s in range(len(z)):
         torque_slopes(p.bodies, z[s], tau, slope, links)
         for j in range(n):
-            r[s, j] = tau[p.joints[j]] / p.scales[0, j]
-            r[s, n + j] = z[s, 1, j] / p.scales[1, j]
-            R[s, n + j, n + j] = 1.0 / p.scales[1, j]
+            r[s, j] = tau[p.joints[j]] / p.tau_max[j]
+            r[s, n + j] = z[s, 1, j] / p.dq_max[j]
+            R[s, n + j, n + j] = 1.0 / p.dq_max[j]
             for d in range(3):
                 for i in range(n):
-                    R[s, j, d * n + i] = slope[d, p.joints[j], i] / p.scales[0, j]
+                    R[s, j, d * n + i] = slope[d, p.joints[j], i] / p.tau_max[j]
 
 
 def _merit(problem: LearningProblem, r: Array) -> float:

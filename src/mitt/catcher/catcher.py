@@ -48,9 +48,15 @@ from mitt.control.encoders import check_recovered
 from mitt.control.envelope import check_motion
 from mitt.control.health import Reason, StoppedBy
 from mitt.errors import InputError
-from mitt.generator.answers import answering
 from mitt.generator.feasibility import Verdict
-from mitt.generator.generators import Direct, Generator, GeneratorLike, Unoptimised, for_arm
+from mitt.generator.generators import (
+    Direct,
+    Generator,
+    GeneratorLike,
+    Unoptimised,
+    answering,
+    for_arm,
+)
 from mitt.generator.several import Several
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array, Command, Frame, Image, Senses, Sighting

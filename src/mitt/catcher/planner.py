@@ -28,8 +28,7 @@ from mitt.errors import MittError
 from mitt.generator.feasibility import Approach, Outcome, Verdict, is_far, waiting_height
 from mitt.generator.generators import Direct, Generator, Unoptimised
 from mitt.generator.several import Several
-from mitt.impact import examined, harms, speed_caps, speed_jumps
-from mitt.rehearsal import gap_at_catch
+from mitt.impact import examined, gap_at_catch, harms, speed_caps, speed_jumps
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, Array, BallState, MapStatus
 

@@ -145,7 +145,7 @@ class CatcherState(NamedTuple):
     jump: Array  # change of the joint speeds by the ball, where it may come [rad/s], shape (n,)
     impact_dq: Array  # change of the joint speeds that it may cause now [rad/s], shape (n,)
     limits: Array  # for :func:`mitt.control.stop.short_of_room`, shape (3, n)
-    # The map, as the kernels of :mod:`mitt.generator.evaluation` take it; empty without.
+    # The map, as the kernels of :mod:`mitt.generator.mapping` take it; empty without.
     packed: Array
     powers: NDArray[np.int64]
     window: Array
@@ -324,7 +324,7 @@ def prepare_holding(arm: Arm, settings: CatcherSettings) -> None:
 
 
 def map_fields(f: DirectMap | None) -> Fields:
-    """Return a map as the kernels of :mod:`mitt.generator.evaluation` take it; empty without."""
+    """Return a map as the kernels of :mod:`mitt.generator.mapping` take it; empty without."""
     if f is None:
         empty = {name: np.zeros(0) for name in ("packed", "start", "map_work")}
         pairs = {name: np.zeros((0, 0)) for name in ("alpha", "window", "trusted")}

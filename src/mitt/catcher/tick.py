@@ -60,8 +60,8 @@ from mitt.control.health import (
 from mitt.control.stop import HARDEST, choose_stop, short_of_room, stop_by
 from mitt.control.tracking import Tracking, derate, largest_gap, track
 from mitt.control.viability import BLOCKED, safety_filter
-from mitt.generator.evaluation import reference, time_to_catch
 from mitt.generator.feasibility import level
+from mitt.generator.mapping import reference, time_to_catch
 from mitt.generator.prediction import lay_state, sigma_at_catch
 from mitt.jit import kernel
 from mitt.robot.kinematics import rotate, tip_motion

@@ -18,7 +18,7 @@ from mitt.commands.screen import (
 )
 from mitt.errors import FileError, InputError
 from mitt.files.writing import check_folder, locked, write_json, wrote
-from mitt.generator.advice import warnings_of
+from mitt.generator.map_design import warnings_of
 from mitt.interrupts import tell, words_of
 from mitt.link.clock import Stopwatch
 from mitt.reading import read_json

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mitt.generator.design import MapDesign
+from mitt.generator.map_design import MapDesign
 from mitt.robot.arm import Arm
 from mitt.robot.description import mounting, rotation, transform
 from mitt.signals import Array

@@ -8,8 +8,7 @@ import numpy as np
 from mitt.ball.flight import advance
 from mitt.design.balls import Balls
 from mitt.design.rows import Rows
-from mitt.generator.inverse import invert
-from mitt.generator.tangent import Tangent, scratch_of
+from mitt.generator.tangent import Tangent, invert, scratch_of
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 

@@ -19,7 +19,7 @@ from mitt import checks
 from mitt.errors import FileError, InputError, MittError, UnknownNameError, printable
 from mitt.files.schema import Finite, Part, Settings, parsed
 from mitt.files.writing import toml_text, write_text
-from mitt.generator.design import MapDesign, default_design, tangent_of
+from mitt.generator.map_design import MapDesign, default_design, tangent_of
 from mitt.reading import difference, noted, read_bytes, read_toml, shipped, shipped_path
 from mitt.robot import load
 from mitt.robot.arm import Arm

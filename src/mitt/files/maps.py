@@ -14,8 +14,8 @@ from mitt import checks
 from mitt.errors import FileError, InputError, MittError
 from mitt.files.schema import Finite, Part, parsed
 from mitt.files.writing import write_json
-from mitt.generator.coordinates import basis_of
-from mitt.generator.design import MapDesign, tangent_of
+from mitt.generator.mapping import basis_of
+from mitt.generator.map_design import MapDesign, tangent_of
 from mitt.generator.learn import Learned, Step
 from mitt.generator.mapping import DirectMap
 from mitt.generator.polynomial import MOST_ORDER

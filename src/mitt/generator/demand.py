@@ -1,24 +1,28 @@
 """What a joint motion demands of the arm: cost of eq. (22), and shares of its limits.
 
-| here            | paper                                   | unit | shape   |
-|-----------------|-----------------------------------------|------|---------|
-| ``cost_torque`` | tau' K_tau tau, K_tau = 1/tau_max^2     | 1    | (K,)    |
-| ``cost_speed``  | omega' K_omega omega, 1/omega_max^2     | 1    | (K,)    |
-| ``torque``      | of each drive, :mod:`mitt.robot.limits`, (18) | 1 | (K, N) |
-| ``speed``       | omega over its bound, (20)              | 1    | (K, N)  |
-| ``excess``      | joint angle beyond its range            | rad  | (K, n)  |
-| ``acceleration``| joint acceleration over its bound, if any| 1   | (K, n)  |
+| here            | paper                                         | unit | shape  |
+|-----------------|-----------------------------------------------|------|--------|
+| ``cost_torque`` | tau' K_tau tau, K_tau = 1/tau_max^2           | 1    | (K,)   |
+| ``cost_speed``  | omega' K_omega omega, 1/omega_max^2           | 1    | (K,)   |
+| ``torque``      | of each drive, :mod:`mitt.robot.limits`, (18) | 1    | (K, N) |
+| ``speed``       | omega over its bound, (20)                    | 1    | (K, N) |
+| ``range``       | joint angle off the middle, over half its range | 1  | (K, n) |
+| ``excess``      | joint angle beyond its range                  | rad  | (K, n) |
+| ``acceleration``| joint acceleration over its bound; 0 without  | 1    | (K, n) |
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mitt import fields
 from mitt.jit import kernel
-from mitt.robot.arm import Arm, Tables, trusted_deceleration
-from mitt.robot.dynamics import dynamics_scratch, inverse_dynamics
-from mitt.robot.limits import drive_asked, torque_share
+from mitt.robot.arm import Arm, trusted_deceleration
+from mitt.robot.dynamics import dynamics_scratch, inverse_dynamics, slopes_work
+from mitt.robot.limits import drive_asked, drives_of, torque_share
 from mitt.signals import Array
 
 #: Time after the catch in which the hand closes and the arm still follows [s].
@@ -55,14 +59,14 @@ class Tolerance:
         fields.check(self, _TOLERANCES)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Demand:
+class Demand(NamedTuple):
     """Demand of a motion at K instants; see the module's table."""
 
     cost_torque: Array
     cost_speed: Array
     torque: Array
     speed: Array
+    range: Array
     excess: Array
     acceleration: Array
 
@@ -72,74 +76,85 @@ class Demand:
         return float(np.mean(self.cost_torque + self.cost_speed))
 
 
+class Plant(NamedTuple):
+    """What kernels know of an arm and its limits."""
+
+    bodies: Array  # table of mitt.robot.dynamics, (N, 31)
+    drives: Array  # Limits.packed, (2 N + 3, N)
+    joints: NDArray[np.int64]  # active joints among the links, (n,)
+    tau_max: Array  # (n,) [N m]
+    dq_max: Array  # (n,) [rad/s]
+    ddq_max: Array  # (n,) [rad/s^2], infinite without a bound
+    ends: Array  # (2, n) of the ranges [rad]
+    middle: Array  # (n,) of the ranges [rad]
+    half: Array  # (n,) of their widths [rad]
+
+
+class Work(NamedTuple):
+    """Buffers of kernels that ask for torques."""
+
+    motion: Array  # (3, n) q, dq, ddq of one instant
+    tau: Array  # (N,) [N m]
+    dq: Array  # (N,) [rad/s], 0 of joints that are held
+    slope: Array  # (3, N, n) of tau in the motion
+    links: Array  # of mitt.robot.dynamics.torque_slopes
+    notes: Array  # of mitt.robot.dynamics.inverse_dynamics
+
+
+@lru_cache(maxsize=8)
+def plant_of(arm: Arm) -> Plant:
+    """Return the arrays of an arm, not to be written to."""
+    middle, half = 0.5 * (arm.q_max + arm.q_min), 0.5 * (arm.q_max - arm.q_min)
+    most = arm.limits.acceleration
+    return Plant(
+        *arm.tables, arm.tau_max, arm.dq_max,
+        np.full(arm.n, np.inf) if most is None else arm.active(most),
+        np.array([arm.q_min, arm.q_max]), middle, half,
+    )  # fmt: skip
+
+
+def work_of(arm: Arm) -> Work:
+    """Return the buffers for an arm."""
+    n, links = arm.n, len(arm.model.links)
+    return Work(
+        motion=np.zeros((3, n)), tau=np.zeros(links), dq=np.zeros(links),
+        slope=np.zeros((3, links, n)), links=slopes_work(links), notes=dynamics_scratch(links),
+    )  # fmt: skip
+
+
 def demand(arm: Arm, motion: Array) -> Demand:
     """Return the demand of q, dq, ddq at K instants, shape (K, 3, n).
 
     The torque is eq. (14) at q = q_d, which is eq. (16) with M~, H~ and g~ of eq. (17); the
     speed is eq. (19); their shares of the limits are those of eqs. (18) and (20).
     """
-    links, shape = len(arm.bodies), (len(motion), arm.n)
-    cost, excess = np.empty((2, len(motion))), np.empty(shape)
-    share = np.empty((2, len(motion), links))
-    most = np.array([arm.q_min, arm.q_max, arm.dq_max, arm.tau_max])
+    count, n, links = len(motion), arm.n, len(arm.bodies)
+    shapes = (count,), (count,), (count, links), (count, links), (count, n), (count, n), (count, n)
+    out = Demand(*(np.empty(shape) for shape in shapes))
     rows = np.ascontiguousarray(motion, dtype=np.float64)
-    _reckon(
-        arm.tables, most, rows, cost, share, excess, np.zeros((2, links)), dynamics_scratch(links)
-    )
-    return Demand(
-        cost_torque=cost[0],
-        cost_speed=cost[1],
-        torque=share[0],
-        speed=share[1],
-        excess=excess,
-        acceleration=acceleration_share(arm, motion[:, 2]),
-    )
-
-
-def acceleration_share(arm: Arm, ddq: Array) -> Array:
-    """Return shares of the largest accelerations; 0 where the limit set has none.
-
-    Args:
-        arm: The arm.
-        ddq: Accelerations of the active joints [rad/s^2], shape (..., n).
-    """
-    most = arm.limits.acceleration
-    share: Array = np.zeros_like(ddq) if most is None else np.abs(ddq) / arm.active(most)
-    return share
+    reckon(plant_of(arm), rows, out, work_of(arm))
+    return out
 
 
 @kernel
-def _reckon(
-    arm: Tables, most: Array, motion: Array, cost: Array, share: Array, excess: Array,
-    tau: Array, notes: Array,
-) -> None:  # fmt: skip
-    """Write the demand of a motion, the columns of the module's table.
-
-    Args:
-        arm: As of ``Arm.tables``.
-        most: Ends of the ranges, largest speeds and torques of the joints, shape (4, n).
-        motion: q, dq, ddq, shape (K, 3, n).
-        cost: Of torque and of speed, shape (2, K).
-        share: Of torque and of speed, shape (2, K, N).
-        excess: Shape (K, n).
-        tau: Scratch, zero, shape (2, N).
-        notes: Scratch of the dynamics.
-    """
-    bodies, drives, index = arm
-    top = drives[len(drives) - 1]
+def reckon(p: Plant, motion: Array, out: Demand, w: Work) -> None:
+    """Write the demand of a motion, shape (K, 3, n): the one place where limits have shares."""
+    top = drives_of(p.drives).dq_max
     for t in range(len(motion)):
-        q, dq = motion[t, 0], motion[t, 1]
-        inverse_dynamics(bodies, q, dq, motion[t, 2], tau[0], notes)
-        cost[0, t], cost[1, t] = 0.0, 0.0
-        for k in range(len(index)):
-            tau[1, index[k]] = dq[k]
-            cost[0, t] += (tau[0, index[k]] / most[3, k]) ** 2
-            cost[1, t] += (dq[k] / most[2, k]) ** 2
-            excess[t, k] = max(most[0, k] - q[k], q[k] - most[1, k], 0.0)
-        for m in range(len(top)):
-            drive, speed = drive_asked(drives, m, tau[0], tau[1])
-            share[0, t, m] = torque_share(drives, m, drive, speed)
-            share[1, t, m] = abs(speed) / top[m]
+        q, dq, ddq = motion[t, 0], motion[t, 1], motion[t, 2]
+        inverse_dynamics(p.bodies, q, dq, ddq, w.tau, w.notes)
+        out.cost_torque[t], out.cost_speed[t] = 0.0, 0.0
+        for k in range(len(p.joints)):
+            w.dq[p.joints[k]] = dq[k]
+            out.cost_torque[t] += (w.tau[p.joints[k]] / p.tau_max[k]) ** 2  # eq. (22)
+            out.cost_speed[t] += (dq[k] / p.dq_max[k]) ** 2
+            out.range[t, k] = abs(q[k] - p.middle[k]) / p.half[k]
+            out.excess[t, k] = max(p.ends[0, k] - q[k], q[k] - p.ends[1, k], 0.0)
+            out.acceleration[t, k] = abs(ddq[k]) / p.ddq_max[k]
+        for m in range(len(w.tau)):
+            drive, speed = drive_asked(p.drives, m, w.tau, w.dq)
+            out.torque[t, m] = torque_share(p.drives, m, drive, speed)
+            out.speed[t, m] = abs(speed) / top[m]
 
 
 def shares_of(arm: Arm, motion: Array, tolerance: Tolerance) -> dict[str, float]:
@@ -156,19 +171,19 @@ def shares_of(arm: Arm, motion: Array, tolerance: Tolerance) -> dict[str, float]
         bounds it and, where the tolerance asks for room to brake, ``brake:NAME`` for each joint.
     """
     demanded = demand(arm, motion)
-    half, middle = 0.5 * (arm.q_max - arm.q_min), 0.5 * (arm.q_max + arm.q_min)
+    p = plant_of(arm)
     torque, speed = arm.by_joint(
         np.array([demanded.torque.max(axis=0), demanded.speed.max(axis=0)])
     )
     kinds = {
         "torque": torque / tolerance.torque,
         "speed": speed / tolerance.speed,
-        "range": (np.abs(motion[:, 0] - middle) / half).max(axis=0),
+        "range": demanded.range.max(axis=0),
     }
     if arm.limits.acceleration is not None:
         kinds["acceleration"] = demanded.acceleration.max(axis=0) / tolerance.acceleration
     if tolerance.strength is not None:
-        kinds["brake"] = np.abs(_rest(arm, motion[-1], tolerance.strength) - middle) / half
+        kinds["brake"] = np.abs(_rest(arm, motion[-1], tolerance.strength) - p.middle) / p.half
     return {
         f"{kind}:{name}": share
         for kind, values in kinds.items()

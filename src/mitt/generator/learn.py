@@ -27,12 +27,19 @@ import numpy as np
 from mitt import checks, fields
 from mitt.errors import InputError
 from mitt.fields import brief
-from mitt.generator.constraints import initial_gap, initial_matrix, project, shift
-from mitt.generator.coordinates import basis_of, coordinates
 from mitt.generator.demand import demand
-from mitt.generator.design import MapDesign
-from mitt.generator.evaluation import root_time
-from mitt.generator.mapping import DirectMap, unlearned
+from mitt.generator.map_design import MapDesign
+from mitt.generator.mapping import (
+    DirectMap,
+    basis_of,
+    coordinates,
+    initial_gap,
+    initial_matrix,
+    project,
+    root_time,
+    shift,
+    unlearned,
+)
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 

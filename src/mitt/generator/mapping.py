@@ -1,4 +1,4 @@
-"""The map from the ball's motion to the desired joint motion, eqs. (1), (6), (7), (15).
+"""The map from the ball's motion to the desired joint motion, eqs. (1), (6) to (13), (15).
 
 q_d = f(r_o) = g(l_c^-1(r_o)) with g(q) = q + b(q): at the catch q_i = q_alpha, b and its first
 derivatives vanish, and position and velocity match whatever the coefficients are. Of a map with a
@@ -6,9 +6,15 @@ derivatives vanish, and position and velocity match whatever the coefficients ar
 
 | here     | paper          | unit  | shape  |
 |----------|----------------|-------|--------|
-| ``alpha``| alpha          | rad   | (m, n) |
+| ``alpha``| alpha, stacked monomial by monomial | rad | (m, n) |
 | ``F``    | df/dr_o        | rad/m | (n, 3) |
 | ``H``    | ours: Hessian of the learned cost at alpha | | (m n, m n) |
+| ``phi``  | monomials and their rate at t_0 | 1, 1/s | (2, m) |
+| ``C``    | C of eq. (13) = [phi' (x) I; dphi' (x) I] | 1, 1/s | (2n, m n) |
+| ``d``    | right side of eq. (12) | rad, rad/s | (2n,) |
+
+Each throw has an alpha of its own, with which the motion starts where the arm is: C alpha = d,
+eqs. (8) to (13). The variables of b are the coordinates p of :mod:`mitt.generator.tangent`.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -20,16 +26,37 @@ import numpy as np
 from mitt import checks
 from mitt.errors import InputError, ModelError
 from mitt.fields import brief
-from mitt.generator.constraints import initial_gap, project
-from mitt.generator.coordinates import basis_of, coordinates
-from mitt.generator.design import MapDesign, check_joints, tangent_of
-from mitt.generator.evaluation import reference, references, time_to_catch, virtual
-from mitt.generator.packing import pack, workspace
-from mitt.generator.polynomial import CatchBasis
-from mitt.generator.tangent import Scratch, Tangent, catch_angle, expand, follow, scratch_of
+from mitt.generator.map_design import MapDesign, check_joints, tangent_of
+from mitt.generator.polynomial import CatchBasis, jets
+from mitt.generator.prediction import HORIZON, catch_time, fly_on, go_on, lay_state
+from mitt.generator.tangent import (
+    Scratch,
+    Tangent,
+    catch_angle,
+    coordinate,
+    expand,
+    follow,
+    lift,
+    pack,
+    scratch_of,
+    to_go,
+    unfold,
+    unpack,
+    workspace,
+)
+from mitt.jit import kernel
 from mitt.robot.arm import Arm
-from mitt.signals import Array, BallState, JointReference, MapStatus
+from mitt.signals import PASSED, Array, BallState, JointReference, MapStatus
+from mitt.views import view
 
+#: Time to the catch up to which the ball's present motion tells it [s].
+NEAR = 0.1
+#: Rounds in which a catch farther ahead is found, their last step, of which an error of the third
+#: order is left, below 1 us, and where they begin at the latest: before the ball passes by [s].
+_ROUNDS, _CLOSE, _GUESS = 5, 3e-3, 0.3
+#: Singular values of C H^-1 C' below this share of the largest are dropped: C loses rank where
+#: phi and its rate are parallel, at the catch (s = 0) for one.
+_RANK = 1e-12
 #: How far beyond its range a joint's angle cannot be meant any more: a turn [rad].
 _TURN = 2.0 * np.pi
 #: What maps with the same design, basis and metric have in common, once it has been computed.
@@ -304,3 +331,230 @@ def unlearned(arm: Arm, design: MapDesign) -> DirectMap:
     return DirectMap(
         arm=arm, design=design, basis=basis, alpha=alpha, H=np.eye(size), region=region
     )
+
+
+def coordinates(g: Tangent, q_o: Array) -> Array:
+    """Return the coordinates p [rad], (..., 3), of poses or of their rates, shape (..., n)."""
+    slope = g.A[g.catch_joint].copy()
+    slope[g.catch] = 0.0
+    p: Array = q_o[..., list(g.free)].copy()
+    p[..., g.catch] -= p @ slope
+    return p
+
+
+def basis_of(design: MapDesign, centre: Array, scale: Array) -> CatchBasis:
+    """Return the monomials of a map's b, of coordinates shifted and scaled, shape (3,) each."""
+    return CatchBasis(
+        design.order, design.free.index(design.catch_joint), centre, scale,
+        first_order=design.match_weight > 0.0,
+    )  # fmt: skip
+
+
+def initial_matrix(phi: Array, n: int) -> Array:
+    """Return C of eq. (13), shape (2n, m n), for phi and its rate, shape (2, m)."""
+    C = np.zeros((2, n, phi.shape[1], n))
+    for k in range(n):
+        C[:, k, :, k] = phi
+    return C.reshape(2 * n, -1)
+
+
+def initial_gap(q: Array, dq: Array, virtual: Array) -> Array:
+    """Return d of eq. (12), what b must make up for at t_0 [rad, rad/s], shape (2n,).
+
+    q_e = f(r_o) - q of eq. (9) is q_o - q + b(q_o), eq. (10); it and its rate vanish, as eq. (8)
+    asks, where b and its rate are q - q_o and dq - dq_o.
+
+    Args:
+        q: Joint positions at t_0 [rad], shape (n,).
+        dq: Joint velocities at t_0 [rad/s], shape (n,).
+        virtual: q_o and dq_o at t_0 in the first two rows, shape (2 or more, n).
+    """
+    return np.concatenate([q - virtual[0], dq - virtual[1]])
+
+
+def project(alpha: Array, H_inverse: Array, phi: Array, d: Array) -> Array:
+    """Return the coefficients nearest to ``alpha`` in H's norm with C alpha = d, eq. (12).
+
+    alpha + H^-1 C' (C H^-1 C')^+ (d - C alpha), least squares where C has lost rank.
+
+    Args:
+        alpha: Coefficients [rad], shape (m, n).
+        H_inverse: Inverse of the metric, shape (m n, m n).
+        phi: Monomials and their rate at t_0, shape (2, m).
+        d: q(t_0) - q_o(t_0) and its rate [rad, rad/s], shape (2 n,).
+    """
+    C = initial_matrix(phi, alpha.shape[1])
+    moved: Array = alpha + (shift(C, H_inverse) @ (d - C @ alpha.ravel())).reshape(alpha.shape)
+    return moved
+
+
+def shift(C: Array, H_inverse: Array) -> Array:
+    """Return W = H^-1 C' (C H^-1 C')^+, shape (m n, 2n): the answer of alpha to a gap in d."""
+    spread = H_inverse @ C.T
+    gram = C @ spread
+    size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
+    scaled = gram / (size[:, None] * size)
+    W: Array = (spread / size) @ _pseudo_inverse(scaled) / size
+    return W
+
+
+def _pseudo_inverse(A: Array) -> Array:
+    """Return A^+ of a symmetric A; ``np.linalg.pinv`` says the same in twice the time."""
+    values, axes = np.linalg.eigh(A)
+    values, axes = values[::-1], axes[:, ::-1]
+    size = np.abs(values)
+    inverse = np.divide(1.0, size, out=np.zeros_like(size), where=size > _RANK * size.max())
+    out: Array = (axes * np.sign(values)) @ (inverse[:, None] * axes.T)
+    return out
+
+
+@kernel
+def virtual(packed: Array, ball: Array, rows: Array, work: Array) -> bool:
+    """Write q_o, dq_o, ddq_o (3, n) for r_o, dr_o, ddr_o (3, 3); False outside the domain."""
+    g = unpack(packed)
+    return bool(lift(g, ball, rows, unfold(work, rows.shape[1])))
+
+
+@kernel
+def reference(
+    packed: Array, powers: Array, window: Array, alpha: Array, ball: Array, rows: Array, work: Array
+) -> bool:
+    """Write q_d, dq_d, ddq_d, q_o, dq_o, ddq_o (6, n) for r_o, dr_o, ddr_o (3, 3), eq. (1).
+
+    Args:
+        packed: The tangent map.
+        powers: Exponents of the monomials, shape (m, 3).
+        window: Centre and scale of the polynomial's variables, shape (2, 3).
+        alpha: Coefficients, shape (m, n).
+        ball: r_o, dr_o, ddr_o, shape (3, 3).
+        rows: Result; row 3 is where a Newton inverse starts. Outside the domain: at rest.
+        work: Workspace for so many joints and monomials.
+    """
+    (m, n), g = alpha.shape, unpack(packed)
+    w = unfold(work, n)
+    if not lift(g, ball, view(rows, 3 * n, (3, n)), w):
+        rows[:] = 0.0
+        rows[0], rows[3] = g.q_rest, g.q_rest
+        return False
+    for a in range(3):
+        for d in range(3):
+            w.variables[d, a] = coordinate(g, view(rows, (3 + d) * n, (n,)), a)
+    centre, scale = view(window, 0, (3,)), view(window, 3, (3,))
+    x, dx = view(w.variables, 0, (3,)), view(w.variables, 3, (3,))
+    jets(powers, centre, scale, x, dx, view(w.variables, 6, (3,)), w.phi)
+    for k in range(n):
+        # b of eq. (11), three sums at a time: each waits for its own last addition only.
+        q, dq, ddq = rows[3, k], rows[4, k], rows[5, k]
+        for a in range(m):
+            q += w.phi[0, a] * alpha[a, k]
+            dq += w.phi[1, a] * alpha[a, k]
+            ddq += w.phi[2, a] * alpha[a, k]
+        rows[0, k], rows[1, k], rows[2, k] = q, dq, ddq
+    return True
+
+
+@kernel
+def references(
+    packed: Array,
+    powers: Array,
+    window: Array,
+    alpha: Array,
+    path: Array,
+    start: Array,
+    rows: Array,
+    out: Array,
+    work: Array,
+) -> None:
+    """Write the first three rows of :func:`reference` for each ball of a path."""
+    for k in range(len(path)):
+        rows[3] = start
+        reference(packed, powers, window, alpha, path[k], rows, work)
+        out[k] = rows[:3]
+
+
+@kernel
+def root_time(s: float, ds: float, dds: float) -> float:
+    """Return the time to the next zero of s + ds t + dds t^2 / 2, 0 at one; infinite without."""
+    disc = ds * ds - 2.0 * s * dds
+    if not 0.0 <= disc < np.inf:
+        return np.inf
+    if s == 0.0:
+        return 0.0
+    slow, after = ds + np.copysign(np.sqrt(disc), ds), np.inf
+    if slow != 0.0:
+        after = -2.0 * s / slow
+        if after < 0.0:
+            after = np.inf
+    if dds != 0.0 and -slow / dds >= 0.0:
+        after = min(after, -slow / dds)
+    return float(after)
+
+
+@kernel
+def time_to_catch(
+    packed: Array, rows: Array, ball: Array, drag: float, led: bool, start: Array, work: Array
+) -> float:
+    """Return the time to the catch [s], as of :class:`mitt.signals.JointReference`.
+
+    Near the catch the ball's present motion tells it. Farther ahead it does not: gravity turns the
+    way of a ball that still rises, so the ball is flown on.
+
+    Args:
+        packed: The tangent map.
+        rows: As :func:`reference` writes them, shape (6, n).
+        ball: r_o, dr_o, ddr_o, shape (3, 3).
+        drag: Its drag coefficient [1/m].
+        led: Whether it is led.
+        start: Where the inverse starts [rad], shape (n,).
+        work: As for :func:`reference`.
+    """
+    g = unpack(packed)
+    s = to_go(g, rows[3])
+    ds, dds = coordinate(g, rows[4], g.catch), coordinate(g, rows[5], g.catch)
+    after, before = root_time(s, ds, dds), root_time(s, -ds, dds)
+    away = g.plane[0] * g.plane[2] + g.plane[1] * g.plane[3]
+    outside = g.planar and s * away > 0.0  # from where balls come: it has not passed by
+    if before <= PASSED and before < after and not outside:
+        return float(-before)
+    if after <= NEAR:
+        return float(after)
+    return float(max(_time_ahead(packed, s, after, (ball, drag, led), start, work), NEAR))
+
+
+@kernel
+def _time_ahead(
+    packed: Array, s: float, t: float, of: tuple[Array, float, bool], start: Array, work: Array
+) -> float:
+    """Return the time to a catch that is not near [s]; infinite where none is foreseen.
+
+    Args:
+        packed: The tangent map.
+        s: Distance still to go [rad].
+        t: Time to the catch by the ball's present motion [s]; the search begins there.
+        of: The ball: its motion, drag coefficient, whether it is led.
+        start: Where the inverse starts [rad], shape (n,).
+        work: Workspace of the tangent map.
+    """
+    g, n = unpack(packed), len(start)
+    w = unfold(work, n)
+    state, end, virtual = w.state, w.ball, w.virtual
+    q_o, dq_o, ddq_o = view(virtual, 0, (n,)), view(virtual, n, (n,)), view(virtual, 2 * n, (n,))
+    lay_state(of[0], of[1], of[2], state)
+    t, step = min(t, _GUESS), 0.0
+    fly_on(state, t, end)
+    for _ in range(_ROUNDS):
+        q_o[:] = start
+        if not (abs(step) < t and lift(g, end, virtual, w)):
+            break
+        ds, dds = coordinate(g, dq_o, g.catch), coordinate(g, ddq_o, g.catch)
+        if not s * ds < 0.0:  # it passes there on its way out
+            break
+        after, before = root_time(to_go(g, q_o), ds, dds), root_time(to_go(g, q_o), -ds, dds)
+        step = after if after < before else -before
+        t += step
+        if abs(step) < _CLOSE and t <= HORIZON:
+            return t
+        if abs(step) < np.inf:
+            go_on(end, state[9], step)
+    q_o[:] = start
+    return float(catch_time(packed, state, q_o, end, work))

@@ -18,9 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mitt.ball.flight import STATES, MotionModel, acceleration, advance, advance_uncertain
-from mitt.generator.inverse import invert
-from mitt.generator.packing import unfold, unpack
-from mitt.generator.tangent import to_go
+from mitt.generator.tangent import invert, to_go, unfold, unpack
 from mitt.jit import kernel
 from mitt.signals import GRAVITY, Array, BallState
 

@@ -18,11 +18,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mitt.generator.constraints import project
 from mitt.generator.demand import Tolerance, shares_of
 from mitt.generator.feasibility import Verdict, trusted, weigh
 from mitt.generator.learn import Flight, LearnSettings, Lifted, lift_flight, refined
-from mitt.generator.mapping import DirectMap
+from mitt.generator.mapping import DirectMap, project
 from mitt.generator.prediction import flown, foresee
 from mitt.signals import Array, BallState
 

@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 
 from mitt.generator.feasibility import Outcome, Verdict
 from mitt.generator.mapping import DirectMap
-from mitt.generator.packing import unfold, unpack
 from mitt.generator.prediction import flown, fly_on, state_of
+from mitt.generator.tangent import unfold, unpack
 from mitt.generator.utilization import Plant, Work, assess, plant_of, work_of
 from mitt.jit import kernel
 from mitt.rivals.paths import sample

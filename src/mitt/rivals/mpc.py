@@ -28,9 +28,9 @@ import daqp
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt.generator.demand import Plant, Work, plant_of, work_of
 from mitt.generator.generators import Generator
 from mitt.generator.mapping import DirectMap
-from mitt.generator.utilization import Plant, Work, asked_of, plant_of, work_of
 from mitt.jit import kernel
 from mitt.rivals.intercept import Intercept
 from mitt.rivals.paths import Motion, quintic, responses
@@ -38,7 +38,7 @@ from mitt.rivals.planned import Plan, Planned
 from mitt.rivals.pursuit import rival
 from mitt.robot.arm import Arm
 from mitt.robot.dynamics import torque_slopes
-from mitt.robot.limits import bound_of
+from mitt.robot.limits import bound_of, drive_asked, drives_of
 from mitt.signals import Array
 
 #: Kinds of DAQP's rows: an equality, an inequality that may give way.
@@ -198,7 +198,7 @@ def condense(
     for k in range(M + 1):
         _load(p, w, D, P, start, end, step, k, shares[0], out)
         for j in range(n):
-            own, top = k * n + j, p.scales[1, j]
+            own, top = k * n + j, p.dq_max[j]
             at[size + own] = start[1, j] / top
             for i in range(k + 1):
                 price[size + own, i * n + j] = D[k, i] / top
@@ -247,19 +247,22 @@ def _load(
             for i in range(k + 1):
                 per[a, i * n + j] = slope[0, a, j] * P[k, i] + slope[1, a, j] * D[k, i]
             per[a, k * n + j] += slope[2, a, j]
+    for j in range(n):
+        w.dq[p.joints[j]] = motion[1, j]
+    drives = drives_of(p.drives)
     for d in range(links):
-        tau, omega = asked_of(p, d, w.tau, motion[1])
+        tau, omega = drive_asked(p.drives, d, w.tau, w.dq)
         bound = bound_of(p.drives, d, tau, omega, 0.0)
-        bound = max(bound, _LEAST * p.drives[2 * links, d])
+        bound = max(bound, _LEAST * drives.tau_peak[d])
         row, load = 4 * n + k * links + d, 0.0
         for a in range(links):
-            scale = p.drives[d, a] / bound
+            scale = drives.to_drive[d, a] / bound
             load += scale * none[a]
             for c in range((k + 1) * n):
                 rows[row, c] += scale * per[a, c]
         low[row], high[row] = -share - load, share - load
     for j in range(n):
         a, row = p.joints[j], k * n + j
-        at[row] = none[a] / p.scales[0, j]
+        at[row] = none[a] / p.tau_max[j]
         for c in range((k + 1) * n):
-            price[row, c] = per[a, c] / p.scales[0, j]
+            price[row, c] = per[a, c] / p.tau_max[j]

@@ -24,8 +24,8 @@ import numpy as np
 
 from mitt.generator.generators import Generator
 from mitt.generator.mapping import DirectMap
-from mitt.generator.packing import unfold, unpack
 from mitt.generator.prediction import fly_on, state_of
+from mitt.generator.tangent import unfold, unpack
 from mitt.jit import kernel
 from mitt.rivals.intercept import Intercept, hand_of, lift
 from mitt.rivals.paths import quintic

@@ -13,15 +13,17 @@ the bound vanishes, torque over bound is endless for a motion that a volt more w
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
+from numba.extending import register_jitable
 
 from mitt import checks
 from mitt.errors import InputError, ShapeError
 from mitt.fields import brief
 from mitt.jit import kernel
 from mitt.signals import Array
+from mitt.views import view
 
 LEAST: Final = 1e-3
 """Share of its stall torque that counts as left to a drive beyond its no-load speed, where it is
@@ -95,7 +97,7 @@ class Limits:
 
     @cached_property
     def packed(self) -> Array:
-        """Rows of drive torque per joint torque, transmission, and three bounds, (2 N + 3, N)."""
+        """All that kernels ask of the drives, as :func:`drives_of` reads it, (2 N + 3, N)."""
         bounds = np.array([self.tau_peak, self.tau_stall, self.dq_max])
         return np.ascontiguousarray(np.concatenate([self.to_drive, self.transmission, bounds]))
 
@@ -172,6 +174,27 @@ _FIELDS = ("name", "transmission", "tau_peak", "tau_stall", "dq_max", "tau_rms",
 """Fields of a limit set."""
 
 
+class Drives(NamedTuple):
+    """What kernels know of the drives: views of ``Limits.packed``."""
+
+    to_drive: Array  # (N, N) drive torque per joint torque
+    transmission: Array  # (N, N) drive speed per joint speed
+    tau_peak: Array  # (N,) [N m]
+    tau_stall: Array  # (N,) [N m]
+    dq_max: Array  # (N,) [rad/s]
+
+
+@register_jitable
+def drives_of(packed: Array) -> Drives:
+    """Return the drives whose arrays are views of ``Limits.packed``."""
+    n = packed.shape[1]
+    square = n * n
+    return Drives(
+        view(packed, 0, (n, n)), view(packed, square, (n, n)), view(packed, 2 * square, (n,)),
+        view(packed, 2 * square + n, (n,)), view(packed, 2 * square + 2 * n, (n,)),
+    )  # fmt: skip
+
+
 @kernel
 def bound_of(packed: Array, m: int, drive: float, speed: float, least: float) -> float:
     """Return the bound on the size of a drive's torque [N m].
@@ -184,16 +207,16 @@ def bound_of(packed: Array, m: int, drive: float, speed: float, least: float) ->
         least: Share of the stall torque that is always left: 0 where a torque is held to its
             bound, ``LEAST`` where it is divided by.
     """
-    n = packed.shape[1]
-    bound, stall, top = packed[2 * n, m], packed[2 * n + 1, m], packed[2 * n + 2, m]
+    d = drives_of(packed)
+    bound, stall = d.tau_peak[m], d.tau_stall[m]
     if drive * speed > 0.0 and np.isfinite(stall):
-        bound = min(bound, stall * max(1.0 - abs(speed) / top, least))
+        bound = min(bound, stall * max(1.0 - abs(speed) / d.dq_max[m], least))
     return float(bound)
 
 
 @kernel
 def torque_share(packed: Array, m: int, drive: float, speed: float) -> float:
-    """Return how much of a drive is asked for, see the module; 1 is the limit.
+    """Return how much of a drive is asked for, eq. (18) and the module; 1 is the limit.
 
     Args:
         packed: ``Limits.packed``.
@@ -201,30 +224,20 @@ def torque_share(packed: Array, m: int, drive: float, speed: float) -> float:
         drive: Its torque [N m].
         speed: Its speed [rad/s].
     """
-    n = packed.shape[1]
-    return float(max(abs(drive) / packed[2 * n, m], voltage_share(packed, m, drive, speed)))
-
-
-@kernel
-def voltage_share(packed: Array, m: int, drive: float, speed: float) -> float:
-    """Return the share of its voltage that a drive needs; 0 where it brakes or has no such limit.
-
-    Args as of :func:`torque_share`.
-    """
-    n = packed.shape[1]
-    stall, top = packed[2 * n + 1, m], packed[2 * n + 2, m]
-    if drive * speed > 0.0 and np.isfinite(stall):
-        return float(abs(drive) / stall + abs(speed) / top)
-    return 0.0
+    d = drives_of(packed)
+    peak, voltage = abs(drive) / d.tau_peak[m], 0.0
+    if drive * speed > 0.0 and np.isfinite(d.tau_stall[m]):
+        voltage = abs(drive) / d.tau_stall[m] + abs(speed) / d.dq_max[m]
+    return float(max(peak, voltage))
 
 
 @kernel
 def drive_asked(packed: Array, m: int, tau: Array, dq: Array) -> tuple[float, float]:
     """Return a drive's torque [N m] and speed [rad/s] for those of all joints, shapes (N,)."""
-    n, drive, speed = len(tau), 0.0, 0.0
-    for k in range(n):
-        drive += packed[m, k] * tau[k]
-        speed += packed[n + m, k] * dq[k]
+    d, drive, speed = drives_of(packed), 0.0, 0.0
+    for k in range(len(tau)):
+        drive += d.to_drive[m, k] * tau[k]
+        speed += d.transmission[m, k] * dq[k]
     return drive, speed
 
 
@@ -254,14 +267,14 @@ def saturate(packed: Array, tau: Array, dq: Array, out: Array) -> None:
         dq: Joint speeds [rad/s], shape (N,).
         out: Result, shape (N,).
     """
-    n = len(tau)
+    n, d = len(tau), drives_of(packed)
     out[:] = 0.0
     for m in range(n):
         drive, speed = drive_asked(packed, m, tau, dq)
         bound = bound_of(packed, m, drive, speed, 0.0)
         drive = min(max(drive, -bound), bound)
         for k in range(n):
-            out[k] += drive * packed[n + m, k]
+            out[k] += drive * d.transmission[m, k]
 
 
 def joint_level(

@@ -19,10 +19,10 @@ import numpy as np
 from mitt import checks, fields
 from mitt.ball.flight import acceleration, advance
 from mitt.errors import InputError
-from mitt.generator.design import MapDesign, catch_place, default_design, further_designs
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Flight, Learned, LearnSettings
 from mitt.generator.learn import learn as learn_from
+from mitt.generator.map_design import MapDesign, catch_place, default_design, further_designs
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.generator.several import Several
 from mitt.generator.tangent import to_go

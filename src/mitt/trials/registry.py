@@ -12,8 +12,7 @@ from pathlib import Path
 
 from mitt import checks
 from mitt.errors import InputError, UnknownNameError, answered_by, check_package
-from mitt.generator.answers import added
-from mitt.generator.generators import Direct, Generator, Unoptimised, map_of
+from mitt.generator.generators import Direct, Generator, Unoptimised, added, map_of
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.rivals.clairvoyant import make_clairvoyant
 from mitt.rivals.mpc import make_mpc

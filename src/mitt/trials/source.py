@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 
 from mitt.files.arm_file import ThrowSettings
-from mitt.generator.design import catch_place, nominal_catch
+from mitt.generator.map_design import catch_place, nominal_catch
 from mitt.robot.arm import Arm
 from mitt.signals import Array
 from mitt.world.flights import BallPath, PlacedFlight, Recording, place_flight, read_flights

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mitt.errors import MittError
-from mitt.generator.design import (
+from mitt.generator.map_design import (
     MapDesign,
     default_design,
     further_designs,
