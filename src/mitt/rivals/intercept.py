@@ -26,15 +26,14 @@ from typing import NamedTuple, final
 import numpy as np
 from numpy.typing import NDArray
 
+from mitt.generator.demand import Demand, Plant, Work, plant_of, reckon, work_of
 from mitt.generator.feasibility import Outcome, Verdict
 from mitt.generator.mapping import DirectMap
 from mitt.generator.prediction import flown, fly_on, state_of
 from mitt.generator.tangent import unfold, unpack
-from mitt.generator.utilization import Plant, Work, assess, plant_of, work_of
 from mitt.jit import kernel
 from mitt.rivals.paths import sample
 from mitt.robot.arm import Arm
-from mitt.robot.dynamics import inverse_dynamics
 from mitt.robot.kinematics import (
     IDENTITY,
     ZERO,
@@ -389,7 +388,7 @@ def weigh(g: Search, after: Array, balls: Array, motion: Array, ends: Array, tab
             found[k] &= g.bounds[0, j] < ends[k, 0, j] < g.bounds[1, j]
         if found[k]:
             sample(motion, ends[k], after[k], paths[k])
-            speed[k] = np.max(np.abs(paths[k, :, 1] / p.scales[1]))
+            speed[k] = np.max(np.abs(paths[k, :, 1] / p.dq_max))
             if not speed[k] < np.inf:  # one that is no number would win every comparison
                 found[k], speed[k] = False, np.inf
     most = max(REFUSED, np.min(speed))
@@ -404,20 +403,26 @@ def weigh(g: Search, after: Array, balls: Array, motion: Array, ends: Array, tab
 @kernel
 def _weigh(g: Search, low: bool, end: Array, path: Array, out: Array) -> None:
     """Write a row of the table, shape (3,), for a path, shape (S, 3, n)."""
-    p, w, inertia = g.plant, g.scratch, g.hand[3:]
-    shares, at, cost = np.zeros((3, len(w.tau))), np.empty((3, len(w.tau))), 0.0
-    for j in range(path.shape[2]):
-        stop = end[0, j] + FOLLOW * end[1, j] + 0.5 * end[1, j] * abs(end[1, j]) * inertia[j]
-        x = abs(stop - p.scales[2, j]) / p.scales[3, j]
-        shares[2, p.joints[j]] = max(shares[2, p.joints[j]], x)
-    for s in range(len(path)):
-        w.motion[:] = path[s]
-        inverse_dynamics(p.bodies, path[s, 0], path[s, 1], path[s, 2], w.tau, w.notes)
-        cost += assess(p, s, np.inf, shares, at, w)[0]
+    p, inertia, (count, _, n) = g.plant, g.hand[3:], path.shape
+    links = len(g.scratch.tau)
+    d = Demand(
+        np.empty(count), np.empty(count), np.empty((count, links)), np.empty((count, links)),
+        np.empty((count, n)), np.empty((count, n)), np.empty((count, n)),
+    )  # fmt: skip
+    reckon(p, path, d, g.scratch)
     share, which = -1.0, 0
     for kind in range(3):
-        for j in range(path.shape[2]):
-            if shares[kind, p.joints[j]] > share:
-                share, which = shares[kind, p.joints[j]], kind * path.shape[2] + j
-    out[0] = cost / len(path) + PRICE * max(share - SPARE, 0.0) ** 2 + LOW * low
+        for j in range(n):
+            if kind == 0:
+                x = np.max(d.torque[:, p.joints[j]])
+            elif kind == 1:
+                x = np.max(d.speed[:, p.joints[j]])
+            else:
+                dq = end[1, j]
+                stop = end[0, j] + FOLLOW * dq + 0.5 * dq * abs(dq) * inertia[j]
+                x = max(np.max(d.range[:, j]), abs(stop - p.middle[j]) / p.half[j])
+            if x > share:
+                share, which = x, kind * n + j
+    cost = np.sum(d.cost_torque + d.cost_speed) / count
+    out[0] = cost + PRICE * max(share - SPARE, 0.0) ** 2 + LOW * low
     out[1], out[2] = share, which
