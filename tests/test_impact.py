@@ -8,11 +8,13 @@ import pytest
 from mitt.control.envelope import bounds_of
 from mitt.generator.feasibility import Approach, Outcome, Verdict
 from mitt.holding import CaughtBall
-from mitt.impact import examined, shares_after, speed_caps, speed_jump
+from mitt.impact import examined, gap_at_catch, shares_after, speed_caps, speed_jump
 from mitt.robot.arm import Arm
 from mitt.robot.basket import Basket
 from mitt.robot.hands import HandModel
+from mitt.robot.limits import joint_level
 from mitt.robot.load import load_arm
+from mitt.signals import Array
 
 #: Arithmetic of an impulse [kg m/s].
 EXACT = 1e-9
@@ -188,3 +190,68 @@ def test_a_basket_that_comes_to_rest_facing_down_spills(motors: Arm) -> None:
     assert up["spill"] == pytest.approx(0.0, abs=1e-3)
     assert "grip" not in up
     assert "spill" not in shares_after(motors, approach(q, still, still), ball(0.07))
+
+
+#: A motion within all limits is followed as closely as this [m].
+CLOSE = 1e-3
+
+
+@pytest.fixture(scope="module")
+def strong() -> Arm:
+    """The arm with its 80 V motors."""
+    return load_arm("wam", limits="wam-80v")
+
+
+def swing(arm: Arm, way: Array, duration: float) -> Approach:
+    """Return a motion from rest in the ready pose, 10 x^3 - 15 x^4 + 6 x^5 of twice a way [rad].
+
+    It ends half-way, where it is fastest.
+    """
+    x = np.linspace(0.0, 0.5, 25)[:, None]
+    t = 2.0 * duration
+    rows = [
+        arm.q_ready + 2.0 * way * (10 * x**3 - 15 * x**4 + 6 * x**5),
+        2.0 * way / t * (30 * x**2 - 60 * x**3 + 30 * x**4),
+        2.0 * way / t**2 * (60 * x - 180 * x**2 + 120 * x**3),
+    ]
+    return Approach(motion=np.stack(rows, axis=1), step=duration / 24, dr_o=np.zeros(3))
+
+
+def test_a_motion_within_the_limits_is_followed(strong: Arm) -> None:
+    """The hand is at its place, but for what is between the instants."""
+    approach = swing(strong, np.array([0.2, 0.2, 0.8]), 0.4)
+    assert gap_at_catch(strong, approach, strong.dq_max, BANDWIDTH) < CLOSE
+
+
+def test_a_little_too_fast_is_a_little_late(strong: Arm) -> None:
+    """3 % beyond the no-load speed asks for a multiple of the torque left, but costs little way."""
+    approach = swing(strong, np.array([0.0, 0.0, 1.0]), 0.2)
+    fastest = float(np.abs(approach.motion[:, 1, 2]).max())
+    few = swing(strong, np.array([0.0, 0.0, 1.03 * strong.dq_max[2] / fastest]), 0.2)
+    much = swing(strong, np.array([0.0, 0.0, 2.0 * strong.dq_max[2] / fastest]), 0.2)
+    assert gap_at_catch(strong, few, strong.dq_max, BANDWIDTH) < 0.03
+    assert gap_at_catch(strong, much, strong.dq_max, BANDWIDTH) > 0.1
+
+
+def test_torque_beyond_all_limits_leaves_the_hand_behind(strong: Arm) -> None:
+    """0.6 rad of joint 1 in 60 ms are beyond any motor."""
+    approach = swing(strong, np.array([0.3, 0.0, 0.0]), 0.06)
+    assert gap_at_catch(strong, approach, strong.dq_max, BANDWIDTH) > 0.05
+
+
+def test_what_a_weak_arm_cannot_follow_it_misses() -> None:
+    """With limits of speed alone out of the way, torque makes the hand late: eq. (14) is obeyed."""
+    strong = load_arm("wam", limits="paper")
+    tau = np.array([8.0, 60.0, 60.0, 9.0])
+    weak = Arm(strong.model, joint_level("weak", tau=tau, speed=np.full(4, 50.0)))
+    approach = swing(strong, np.array([0.5, 0.0, 1.0]), 0.25)
+    gaps = [gap_at_catch(arm, approach, np.full(3, 50.0), BANDWIDTH) for arm in (strong, weak)]
+    assert gaps[0] < CLOSE < 0.05 < gaps[1]
+
+
+def test_caps_make_a_fast_motion_late(strong: Arm) -> None:
+    """A joint kept at half of its speed cannot be where a faster one would be."""
+    approach = swing(strong, np.array([0.0, 0.0, 1.0]), 0.25)
+    fast = bounds_of(strong)["dq_max"]
+    gaps = [gap_at_catch(strong, approach, share * fast, BANDWIDTH) for share in (1.0, 0.5)]
+    assert gaps[0] < CLOSE < 0.02 < gaps[1]

@@ -90,11 +90,9 @@ def pull(arm: Arm, brake: Brake, ball: CaughtBall) -> float:
     held = _HOLDS * _holding_force(hand, ball.radius, ball.friction)
     if held == 0.0:
         return _LOST
-    up, most = np.array([0.0, 0.0, GRAVITY]), 0.0
+    most = 0.0
     for t in np.linspace(0.0, brake.duration, _INSTANTS).tolist():
-        (q, dq, _), (p, dp, _) = brake.at(t), brake.at(t + _STEP)
-        force = (arm.jacobian(p) @ dp - arm.jacobian(q) @ dq) / _STEP + up
-        normal = arm.orientation(q)[:, 2]
+        force, normal = _felt(arm, brake, t)
         out = float(force @ normal)
         across = float(np.linalg.norm(force - out * normal))
         most = max(most, max(-out, 0.0) + across)
@@ -125,14 +123,12 @@ def spill(arm: Arm, brake: Brake, ball: CaughtBall, basket: Basket, v_rel: Array
     """
     if ball.radius >= min(basket.ring_radius, basket.depth):
         return _LOST
-    up, h = np.array([0.0, 0.0, GRAVITY]), brake.duration / _SPILLS
+    h = brake.duration / _SPILLS
     normal = arm.orientation(brake.at(0.0)[0])[:, 2]
     height, speed, most = 0.0, max(-ball.restitution * float(v_rel @ normal), 0.0), 0.0
     for k in range(_SPILLS):
-        (q, dq, _), (p, dp, _) = brake.at((k + 0.5) * h), brake.at((k + 0.5) * h + _STEP)
-        pull = (arm.jacobian(p) @ dp - arm.jacobian(q) @ dq) / _STEP + up
-        normal = arm.orientation(q)[:, 2]
-        speed -= h * float(pull @ normal)
+        force, normal = _felt(arm, brake, (k + 0.5) * h)
+        speed -= h * float(force @ normal)
         height += h * speed
         if height < 0.0:
             height, speed = 0.0, 0.0
@@ -142,6 +138,14 @@ def spill(arm: Arm, brake: Brake, ball: CaughtBall, basket: Basket, v_rel: Array
         return _LOST
     most = max(most, height + 0.5 * max(speed, 0.0) ** 2 / weight)
     return min(most / (basket.depth - ball.radius), _LOST)
+
+
+def _felt(arm: Arm, brake: Brake, t: float) -> tuple[Array, Array]:
+    """Return what the hand gives a kilogram while the arm brakes [N], and the palm's normal."""
+    (q, dq, _), (p, dp, _) = brake.at(t), brake.at(t + _STEP)
+    up = np.array([0.0, 0.0, GRAVITY])
+    force: Array = (arm.jacobian(p) @ dp - arm.jacobian(q) @ dq) / _STEP + up
+    return force, arm.orientation(q)[:, 2]
 
 
 @lru_cache(maxsize=32)

@@ -1,5 +1,6 @@
 """l_c and its derivatives, for any line along which the ball may come."""
 
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,21 @@ from hypothesis import strategies as st
 
 from mitt.errors import MittError, ModelError
 from mitt.generator.map_design import MapDesign, tangent_of
-from mitt.generator.mapping import unlearned
-from mitt.generator.tangent import curve, expand, follow, invert, scratch_of
+from mitt.generator.mapping import DirectMap, unlearned, virtual
+from mitt.generator.tangent import (
+    Scratch,
+    curve,
+    expand,
+    follow,
+    invert,
+    lift,
+    pack,
+    plane_of,
+    scratch_of,
+    unfold,
+    unpack,
+    workspace,
+)
 from mitt.robot.arm import Arm
 from mitt.robot.load import load_arm
 from mitt.signals import Array
@@ -134,3 +148,123 @@ def test_a_coupling_without_bounds_is_refused(panda: Arm) -> None:
     for coupling in (((1e6, 0.0, 0.0),), ((0.0,) * 3,) * 2):
         with pytest.raises(ModelError, match="coupling"):
             tangent_of(panda, MapDesign(catch_joint=2, q_catch=-1.4, coupling=coupling))
+
+
+#: Rounding of lengths of about a metre [m].
+EXACT = 1e-12
+
+
+def by_formula(plane: Array, q1: float, q2: float, s: float) -> Array:
+    """Return l_c from the seven figures: p + s t in the plane, leant by q2, turned by q1."""
+    px, pz, tx, tz, height, yaw, pitch = plane
+    x, z = px + s * tx, pz + s * tz
+    lean = pitch * q2
+    radius = np.cos(lean) * x + np.sin(lean) * z
+    up = -np.sin(lean) * x + np.cos(lean) * z
+    return np.array([np.cos(yaw * q1) * radius, np.sin(yaw * q1) * radius, up + height])
+
+
+@given(
+    q1=st.floats(-2.0, 2.0), q2=st.floats(-1.0, 1.5), s=st.floats(-6.0, 1.0),
+    q_catch=st.floats(0.5, 2.2), kappa=st.floats(1.0, 4.0),
+)  # fmt: skip
+def test_the_seven_figures_say_where_l_c_is(
+    arm: Arm, q1: float, q2: float, s: float, q_catch: float, kappa: float
+) -> None:
+    """l_c by rotations of p + s t equals the kernel that knows nothing of planes."""
+    f = unlearned(arm, MapDesign(q_catch=q_catch, kappa=kappa))
+    plane = plane_of(arm, 2, q_catch=q_catch, kappa=kappa)
+    assert plane is not None
+    q_o = np.array([q1, q2, q_catch + s])
+    assert np.allclose(f.to_ball(q_o), by_formula(plane, q1, q2, s), atol=EXACT * (1 + 10 * abs(s)))
+
+
+def test_the_wam_is_such_an_arm_with_its_elbow_only(arm: Arm) -> None:
+    """The catch joint must be the elbow: with another one there is no closed form."""
+    assert plane_of(arm, 2, q_catch=np.pi / 2, kappa=1.0) is not None
+    assert plane_of(arm, 1, q_catch=0.5, kappa=1.0) is None
+
+
+def test_another_geometry_has_no_closed_form() -> None:
+    """A Panda's axes 1, 2, 4 stand off the plane: plane_of says None, the map uses Newton."""
+    path = Path(pytest.__file__).parents[1] / PANDA
+    joints = ["panda_joint1", "panda_joint2", "panda_joint3", "panda_joint4"]
+    panda = load_arm(path, tip="panda_hand_tcp", joints=joints)
+    assert plane_of(panda, 3, q_catch=-1.8, kappa=1.0) is None
+
+
+def test_the_shoulder_is_the_origin(plain: DirectMap) -> None:
+    """For the WAM the shoulder's height is 0 and both axes turn positively."""
+    assert plain.tangent.planar
+    assert np.allclose(plain.tangent.plane[4:], [0.0, 1.0, 1.0], atol=EXACT)
+
+
+JOINTS = {3: (1, 2, 4), 5: (1, 2, 3, 4, 6)}
+
+
+@pytest.fixture(scope="module")
+def maps(plain: DirectMap) -> dict[str, DirectMap]:
+    """A closed-form arm, and arms of three and five joints inverted by Newton."""
+    path = Path(pytest.__file__).parents[1] / PANDA
+    found = {"wam": plain}
+    for n, joints in JOINTS.items():
+        names = [f"panda_joint{k}" for k in joints]
+        arm = load_arm(path, tip="panda_hand_tcp", joints=names)
+        i = joints.index(4)
+        free = (0, 1, i)
+        design = MapDesign(catch_joint=i, q_catch=-1.8, free=free)
+        found[f"panda-{n}"] = unlearned(arm, design)
+    return found
+
+
+def buffers(w: Scratch) -> list[Array]:
+    """Return all arrays of a scratch."""
+    return [*w.motion, *w[1:]]
+
+
+@pytest.mark.parametrize("name", ["wam", "panda-3", "panda-5"])
+def test_unpacking_gives_back_every_field(maps: dict[str, DirectMap], name: str) -> None:
+    """Chain, design and plane of the unpacked map are those that were packed."""
+    g = maps[name].tangent
+    again = unpack(pack(g))
+    mine = (g.free, g.catch_joint, g.q_catch, g.kappa, g.planar)
+    assert (again.free, again.catch_joint, again.q_catch, again.kappa, again.planar) == mine
+    assert again.inward == g.inward
+    assert np.array_equal(again.q_rest, g.q_rest)
+    assert np.array_equal(again.plane, g.plane)
+    for part, other in zip(again.chain, g.chain, strict=True):
+        assert np.array_equal(part, other)
+
+
+@pytest.mark.parametrize("name", ["wam", "panda-3", "panda-5"])
+@given(seed=st.integers(0, 2**31))
+def test_a_packed_map_computes_the_same_to_the_bit(
+    maps: dict[str, DirectMap], name: str, seed: int
+) -> None:
+    """Virtual joints through the packed vector equal those of the direct kernel call."""
+    f, rng = maps[name], np.random.default_rng(seed)
+    r_o = f.arm.position(f.start) + rng.uniform(0.0, 0.3, 3)
+    ball = np.array([r_o, rng.uniform(-3, 3, 3), rng.uniform(-9, 9, 3)])
+    rows, direct = np.zeros((2, 3, f.arm.n))
+    rows[0] = direct[0] = f.start
+    inside = virtual(f.packed, ball, rows, workspace(f.arm.n))
+    assert inside == lift(f.tangent, ball, direct, scratch_of(f.arm.n))
+    assert np.array_equal(rows, direct)
+
+
+@pytest.mark.parametrize("n", [3, 4, 5, 7])
+def test_buffers_have_their_shapes_and_do_not_overlap(n: int) -> None:
+    """Each view of the workspace is as large as its own buffer would be, and apart from others."""
+    views, own = buffers(unfold(workspace(n), n)), buffers(scratch_of(n))
+    assert [x.shape for x in views] == [x.shape for x in own]
+    assert not any(np.shares_memory(a, b) for a, b in combinations(views, 2))
+
+
+def test_a_used_workspace_leaves_no_trace(maps: dict[str, DirectMap]) -> None:
+    """Filled with NaN before the call, the workspace gives the same answer."""
+    f = maps["wam"]
+    ball = np.array([[2.0, 0.1, 0.5], [-5.0, 0.0, 1.0], [0.0, 0.0, -9.81]])
+    clean, dirty = np.zeros((2, 3, 3))
+    assert virtual(f.packed, ball, clean, workspace(3))
+    assert virtual(f.packed, ball, dirty, np.full_like(workspace(3), np.nan))
+    assert np.array_equal(clean, dirty)

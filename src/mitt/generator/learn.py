@@ -397,9 +397,7 @@ def _scaled(start: DirectMap, flights: Sequence[Flight]) -> tuple[DirectMap, lis
 
     Flights end a little past the catch; their last virtual joints mark the region of the map.
     """
-    inside = [x for x in (lift_flight(start, flight) for flight in flights) if x is not None]
-    if not inside:
-        raise InputError("flights", "at least one inside the map's domain", f"{len(flights)}, none")
+    inside = _inside(start, flights)
     q_o = np.concatenate([coordinates(start.tangent, x.virtual[:, 0]) for x in inside])
     basis = start.basis
     centre = 0.5 * (q_o.min(axis=0) + q_o.max(axis=0))
@@ -411,10 +409,15 @@ def _scaled(start: DirectMap, flights: Sequence[Flight]) -> tuple[DirectMap, lis
         basis=basis_of(start.design, centre, scale),
         region=np.array([ends.min(axis=0), ends.max(axis=0)]),
     )
-    lifted = [x for x in (lift_flight(scaled, flight) for flight in flights) if x is not None]
+    return scaled, _inside(scaled, flights)
+
+
+def _inside(f: DirectMap, flights: Sequence[Flight]) -> list[Lifted]:
+    """Return the flights that stay in the domain of a map; InputError where none does."""
+    lifted = [x for x in (lift_flight(f, flight) for flight in flights) if x is not None]
     if not lifted:
         raise InputError("flights", "at least one inside the map's domain", f"{len(flights)}, none")
-    return scaled, lifted
+    return lifted
 
 
 def _kinetic(arm: Arm, lifted: Sequence[Lifted]) -> Array:
