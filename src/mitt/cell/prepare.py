@@ -18,9 +18,9 @@ from mitt.files.about import About
 from mitt.files.arm_file import is_arm_file, read_arm_file
 from mitt.files.cell import Cell, arm_of, around_of, lenses_of, rig_of
 from mitt.files.maps import read_map, save_map
-from mitt.generator.map_design import MapDesign, default_design
 from mitt.generator.generators import Direct
 from mitt.generator.learn import Learned
+from mitt.generator.map_design import MapDesign, default_design
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.jit import cache_folder
 from mitt.robot.arm import Arm, identity_of
