@@ -26,8 +26,8 @@ from franka_design import panda_file
 
 from mitt.catcher.catcher import Catcher
 from mitt.files.arm_file import load_arm, read_arm_file
-from mitt.generator.map_design import default_design
 from mitt.generator.generators import Direct
+from mitt.generator.map_design import default_design
 from mitt.generator.mapping import DirectMap
 from mitt.robot.arm import Arm
 from mitt.signals import TICK, ArmState, Array

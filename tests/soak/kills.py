@@ -16,8 +16,8 @@ import numpy as np
 
 from mitt.files.maps import read_map, save_map
 from mitt.files.writing import write_json, write_text
-from mitt.generator.map_design import default_design
 from mitt.generator.learn import Learned
+from mitt.generator.map_design import default_design
 from mitt.generator.mapping import unlearned
 from mitt.reading import read_json
 from mitt.robot.load import load_arm

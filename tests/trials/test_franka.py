@@ -5,8 +5,8 @@ import pytest
 from franka_design import panda_file
 
 from mitt.files.arm_file import load_arm, read_arm_file
-from mitt.generator.map_design import default_design
 from mitt.generator.generators import Direct
+from mitt.generator.map_design import default_design
 from mitt.robot.arm import Arm
 from mitt.signals import TICK
 from mitt.trials.learning import learn

@@ -25,8 +25,8 @@ from mitt.errors import FileError, InputError
 from mitt.files.arm_file import ArmSpec
 from mitt.files.maps import read_map, save_map
 from mitt.files.writing import check_folder, check_ours, file_name, locked, new_folder
-from mitt.generator.map_design import warnings_of
 from mitt.generator.learn import Learned
+from mitt.generator.map_design import warnings_of
 from mitt.generator.mapping import unlearned
 from mitt.interrupts import notice, status_of, words_of
 from mitt.reading import difference, noted

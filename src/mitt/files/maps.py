@@ -14,10 +14,9 @@ from mitt import checks
 from mitt.errors import FileError, InputError, MittError
 from mitt.files.schema import Finite, Part, parsed
 from mitt.files.writing import write_json
-from mitt.generator.mapping import basis_of
-from mitt.generator.map_design import MapDesign, tangent_of
 from mitt.generator.learn import Learned, Step
-from mitt.generator.mapping import DirectMap
+from mitt.generator.map_design import MapDesign, tangent_of
+from mitt.generator.mapping import DirectMap, basis_of
 from mitt.generator.polynomial import MOST_ORDER
 from mitt.reading import read_json
 from mitt.robot.arm import Arm, difference, identity_of

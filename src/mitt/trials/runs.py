@@ -24,10 +24,17 @@ from mitt.catcher.tick import act, perceive, refer, undecided
 from mitt.errors import InputError, StoppedError
 from mitt.files.about import About
 from mitt.files.recordings import write_recording
-from mitt.generator.generators import answering
-from mitt.generator.map_design import MapDesign
-from mitt.generator.generators import Direct, Generator, Unoptimised, generator_of, map_of, refining
+from mitt.generator.generators import (
+    Direct,
+    Generator,
+    Unoptimised,
+    answering,
+    generator_of,
+    map_of,
+    refining,
+)
 from mitt.generator.learn import Learned
+from mitt.generator.map_design import MapDesign
 from mitt.generator.mapping import DirectMap, unlearned
 from mitt.generator.several import Several
 from mitt.interrupts import end_with_parent, notice, status_of
