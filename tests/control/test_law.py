@@ -13,6 +13,7 @@ import pinocchio as pin
 import pytest
 from stages import Tracker
 
+from mitt.bench.libraries import to_pinocchio
 from mitt.control.encoders import (
     BRIDGED,
     Encoders,
@@ -22,7 +23,7 @@ from mitt.control.encoders import (
     predict_acceleration,
 )
 from mitt.control.stop import HARDEST, choose_stop, mass_work, stop_by
-from mitt.robot.arm import Arm, to_pinocchio
+from mitt.robot.arm import Arm
 from mitt.robot.description import ArmModel, Link, rotation, transform
 from mitt.robot.limits import joint_level
 from mitt.signals import TICK, ArmState, Array

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mitt.robot.arm import Arm, to_pinocchio
+from mitt.bench.libraries import to_pinocchio
+from mitt.robot.arm import Arm
 from mitt.robot.description import ArmModel, Link, rotation, transform
 from mitt.robot.dynamics import (
     bodies_of,

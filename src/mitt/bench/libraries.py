@@ -6,21 +6,24 @@ kinematics of mink and pink, eyes and filter of OpenCV, one plan of the model-pr
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import cycle
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from mitt.ball.flight import acceleration, advance
 from mitt.generator.mapping import DirectMap
 from mitt.generator.prediction import flown, foresee
-from mitt.robot.arm import Arm, to_pinocchio
+from mitt.robot.arm import Arm
+from mitt.robot.description import ArmModel, transform
 from mitt.robot.plant import add_arm
-from mitt.signals import Array, BallState, Frame
+from mitt.signals import GRAVITY, Array, BallState, Frame
 from mitt.vision.camera import fixed_rig
 from mitt.world.throws import Throw
 
 #: One tick of a rival.
 Tick: TypeAlias = Callable[[], object]
+#: A model of Pinocchio.
+Pinocchio: TypeAlias = Any
 #: Tick [s], grey value of a threshold, drag of the ball [1/m].
 _TICK, _GREY, _DRAG = 1e-3, 60, 0.04
 #: Weight of the posture beside the place of the hand [1/rad].
@@ -101,7 +104,7 @@ def by_mink(arm: Arm, places: Iterator[Array]) -> Tick:
 def by_pink(arm: Arm, places: Iterator[Array]) -> Tick:
     """Follow the ball with the hand: Pink's differential inverse kinematics, solved by DAQP."""
     import pink  # noqa: PLC0415 (an extra)
-    import pinocchio as pin  # noqa: PLC0415 (heavy)
+    import pinocchio as pin  # noqa: PLC0415 (an extra)
 
     model = to_pinocchio(arm.model)
     links = arm.model.links
@@ -120,6 +123,27 @@ def by_pink(arm: Arm, places: Iterator[Array]) -> Tick:
         at.integrate_inplace(v, _TICK)
 
     return tick
+
+
+def to_pinocchio(model: ArmModel) -> Pinocchio:
+    """Build the Pinocchio model of all links, held joints included as joints."""
+    import pinocchio as pin  # noqa: PLC0415 (an extra)
+
+    built = pin.Model()
+    built.name = model.name
+    parent, T = 0, model.mount
+    for link in model.links:
+        joint = (pin.JointModelPrismaticUnaligned if link.prismatic
+                 else pin.JointModelRevoluteUnaligned)(link.axis)  # fmt: skip
+        parent = built.addJoint(parent, joint, pin.SE3(T @ link.placement), link.name)
+        inertia = pin.Inertia(link.mass, link.com, link.inertia)
+        built.appendBodyToJoint(parent, inertia, pin.SE3.Identity())
+        T = transform()
+    tip = transform(model.tool[:3, :3], model.catch_point)
+    built.addFrame(pin.Frame("catch_point", parent, 0, pin.SE3(tip), pin.FrameType.OP_FRAME))
+    built.armature = np.array([link.armature for link in model.links])
+    built.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
+    return built
 
 
 def by_opencv(kept: Sequence[tuple[Frame, ...]]) -> Tick:

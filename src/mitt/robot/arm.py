@@ -12,20 +12,26 @@ import threading
 from typing import TypeAlias, final
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from mitt import checks
 from mitt.errors import InputError, ShapeError
-from mitt.robot.description import ArmModel, Brake, transform
-from mitt.robot.dynamics import bodies_of, dynamics_scratch, inverse_dynamics, torques
+from mitt.robot.description import ArmModel, Brake, joint_motion
+from mitt.robot.dynamics import (
+    bias_and_mass,
+    bodies_of,
+    dynamics_scratch,
+    inverse_dynamics,
+    slopes_work,
+    torque_slopes,
+    torques,
+)
 from mitt.robot.kinematics import chain_of, motion_of, place
 from mitt.robot.limits import Limits
-from mitt.signals import GRAVITY, Array
+from mitt.signals import Array
 
 Tables: TypeAlias = tuple[Array, Array, NDArray[np.int64]]
 """An arm for kernels: ``Arm.bodies``, ``Limits.packed``, active joints among the links."""
-
 
 Identity: TypeAlias = dict[str, list[float | None]]
 """Numbers of an arm by what they are, all links in a row each; None where one is infinite."""
@@ -34,40 +40,19 @@ Identity: TypeAlias = dict[str, list[float | None]]
 _TOLERANCE = 1e-9
 
 
-def to_pinocchio(model: ArmModel) -> pin.Model:
-    """Build the Pinocchio model of all links, held joints included as joints."""
-    built = pin.Model()
-    built.name = model.name
-    parent, T = 0, model.mount
-    for link in model.links:
-        joint = (pin.JointModelPrismaticUnaligned if link.prismatic
-                 else pin.JointModelRevoluteUnaligned)(link.axis)  # fmt: skip
-        parent = built.addJoint(parent, joint, pin.SE3(T @ link.placement), link.name)
-        inertia = pin.Inertia(link.mass, link.com, link.inertia)
-        built.appendBodyToJoint(parent, inertia, pin.SE3.Identity())
-        T = transform()
-    tip = transform(model.tool[:3, :3], model.catch_point)
-    built.addFrame(pin.Frame("catch_point", parent, 0, pin.SE3(tip), pin.FrameType.OP_FRAME))
-    built.armature = np.array([link.armature for link in model.links])
-    built.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
-    return built
-
-
 class _Scratch(threading.local):
     """What a call on an arm writes into before it copies its answer out; each thread has its own.
 
     Attributes:
         motion: Of the kinematic kernels.
-        notes: Of the dynamic kernel.
-        data: Of Pinocchio.
-        rows: q, dq, ddq of all N links, held ones where they are held, shape (3, N).
+        notes: Of the inverse dynamics.
+        work: Of its derivatives.
     """
 
-    def __init__(self, n: int, model: pin.Model, held: Array) -> None:
+    def __init__(self, n: int, links: int) -> None:
         """Make the buffers of this thread."""
-        self.motion, self.notes = motion_of(n), dynamics_scratch(len(held))
-        self.data = model.createData()
-        self.rows: Array = np.array([held, np.zeros(len(held)), np.zeros(len(held))])
+        self.motion = motion_of(n)
+        self.notes, self.work = dynamics_scratch(links), slopes_work(links)
 
 
 @final
@@ -90,7 +75,7 @@ class Arm:
         encoder_step: Resolution of their encoders [rad], shape (n,).
         brakes: Their holding brakes.
         chain: Arrays of the kinematic kernels.
-        bodies: Table of the dynamic kernel, shape (N, 31).
+        bodies: Table of the dynamic kernels, shape (N, 31).
         tables: All that kernels ask of its drives.
     """
 
@@ -117,12 +102,9 @@ class Arm:
         self.bodies = bodies_of(complete)
         self._moved = limits.transmission[:, self._index] != 0.0
         self.tables: Tables = self.bodies, limits.packed, self._index
-        self._pin = to_pinocchio(complete)
         self._holding: dict[float, Arm] = {}
-        size = len(model.links)
-        self._lower = np.tril_indices(size, -1)
-        held = np.array([0.0 if link.held is None else link.held for link in model.links])
-        self._scratch = _Scratch(self.n, self._pin, held)
+        self._plate = self._last_to_plate(complete)
+        self._scratch = _Scratch(self.n, len(model.links))
 
     def __reduce__(self) -> tuple[type["Arm"], tuple[ArmModel, Limits]]:
         """Say how to build the same arm again, in this process or another."""
@@ -131,6 +113,13 @@ class Arm:
     def __repr__(self) -> str:
         """Say which arm, which joints, which limits."""
         return f"Arm({self.model.name!r}, joints={self.names}, limits={self.limits.name!r})"
+
+    def _last_to_plate(self, model: ArmModel) -> Array:
+        """Return the rotation of the tool plate in the last active joint's frame, shape (3, 3)."""
+        R: Array = np.eye(3)
+        for link in model.links[model.active[-1] + 1 :]:
+            R = R @ (link.placement @ joint_motion(link, link.held or 0.0))[:3, :3]
+        return R @ model.tool[:3, :3]
 
     def _joint_limits(self) -> tuple[Array, Array]:
         """Return the torque and speed at which, one joint alone, the first drive is full."""
@@ -161,10 +150,8 @@ class Arm:
 
     def orientation(self, q: Array) -> Array:
         """Return the rotation of the tool plate in the world, shape (3, 3)."""
-        scratch = self._scratch
-        scratch.rows[0, self._index] = self._checked("q", q)
-        pin.framesForwardKinematics(self._pin, scratch.data, scratch.rows[0])
-        return np.array(scratch.data.oMf[self._pin.getFrameId("catch_point")].rotation)
+        R = place(self.chain, self._checked("q", q), self._scratch.motion)
+        return np.reshape(R, (3, 3)) @ self._plate
 
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Return tau of eq. (14) for all N links, held ones included [N m], shape (N,)."""
@@ -191,18 +178,19 @@ class Arm:
 
     def torque_derivatives(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array, Array]:
         """Return d tau/dq, d tau/d dq and M over the active joints, shapes (N, n)."""
-        data, rows = self._filled(q, dq, ddq)
-        tau_q, tau_dq, mass = pin.computeRNEADerivatives(self._pin, data, *rows)
-        i = self._index
-        return tau_q[:, i], tau_dq[:, i], self._mirrored(mass)[:, i]
+        state = self._checked("q", q), self._checked("dq", dq), self._checked("ddq", ddq)
+        tau, slope = np.empty(len(self.bodies)), np.empty((3, len(self.bodies), self.n))
+        torque_slopes(self.bodies, np.array(state), tau, slope, self._scratch.work)
+        return slope[0], slope[1], slope[2]
 
     def mass_matrix(self, q: Array) -> Array:
         """Return M(q) over the active joints [kg m^2], shape (n, n)."""
-        scratch = self._scratch
-        scratch.rows[0, self._index] = self._checked("q", q)
-        mass = self._mirrored(pin.crba(self._pin, scratch.data, scratch.rows[0]))
-        M: Array = mass[self._index[:, None], self._index]
-        return M
+        still = np.zeros(self.n)
+        motion = np.array([self._checked("q", q), still, still])
+        tau, M = np.empty(len(self.bodies)), np.empty((len(self.bodies), self.n))
+        bias_and_mass(self.bodies, motion, tau, M, self._scratch.work)
+        own: Array = M[self._index]
+        return own
 
     def all_joints(self, x: Array) -> Array:
         """Return active joint speeds or torques set among all N links, zero elsewhere, (N,)."""
@@ -238,18 +226,6 @@ class Arm:
         """Build the arm with a ball at the catch point."""
         at = np.array([0.0, 0.0, 0.0 if self.model.hand is None else self.model.hand.catch_offset])
         return Arm(self.model.loaded(mass, at=at, inertia=np.zeros((3, 3))), self.limits)
-
-    def _filled(self, q: Array, dq: Array, ddq: Array) -> tuple[pin.Data, Array]:
-        """Return this thread's data and rows over all links, the active joints' entries set."""
-        scratch = self._scratch
-        for row, name, x in zip(scratch.rows, ("q", "dq", "ddq"), (q, dq, ddq), strict=True):
-            row[self._index] = self._checked(name, x)
-        return scratch.data, scratch.rows
-
-    def _mirrored(self, M: Array) -> Array:
-        """Return a symmetric matrix of which Pinocchio fills only the upper half."""
-        M[self._lower] = M.T[self._lower]
-        return M
 
     def _checked(self, name: str, x: Array) -> Array:
         """Return numbers of the active joints as kernels take them; refuse any others."""
