@@ -11,7 +11,7 @@ from mitt.errors import ModelError
 from mitt.files.arm_file import limits_of
 from mitt.robot.arm import Arm
 from mitt.robot.description import Hand
-from mitt.robot.limit_sets import LimitSet
+from mitt.robot.limits import LimitSet
 from mitt.robot.load import Mount, bounded, check_active, is_described, load_arm, read_described
 from mitt.robot.wam import LIMIT_SETS
 

@@ -27,7 +27,7 @@ from mitt.robot.basket import MOST_TILT, Basket, hand_named
 from mitt.robot.description import Hand
 from mitt.robot.description_files import MAX_BYTES
 from mitt.robot.hands import HandModel
-from mitt.robot.limit_sets import KINDS, LimitSet
+from mitt.robot.limits import KINDS, LimitSet
 from mitt.robot.load import Mount
 from mitt.robot.wam import LIMIT_SETS
 from mitt.signals import Array

@@ -27,8 +27,7 @@ from mitt.robot.description import (
     transform,
 )
 from mitt.robot.description_files import LeftOut, Seat, Stated, check_suffix
-from mitt.robot.limit_sets import LimitSet
-from mitt.robot.limits import Limits, joint_level
+from mitt.robot.limits import Limits, LimitSet, joint_level
 from mitt.robot.meshes import carried_shapes
 from mitt.robot.mjcf import read_mjcf
 from mitt.robot.units import WIDEST, check_range, check_set, doubts

@@ -58,7 +58,7 @@ def check_set(tree: Tree, name: str, bounds: Mapping[str, Mapping[str, float]]) 
     Args:
         tree: The joints.
         name: Name of the set.
-        bounds: Bounds by kind and joint, as of :meth:`mitt.robot.limit_sets.LimitSet.fitted`.
+        bounds: Bounds by kind and joint, as of :meth:`mitt.robot.limits.LimitSet.fitted`.
 
     Raises:
         ModelError: A hinge has a range beyond 4 pi rad or a speed beyond 20 pi rad/s.
