@@ -173,7 +173,7 @@ def _written(options: ReportOptions, path: Path, said: str) -> int:
 _ROWS = (
     ("tick_us", "tick, two images to torques", "us"),
     ("tick_without_images_us", "tick, a position to torques", "us"),
-    ("adapt_us", "online step, all rows", "us"),
+    ("adapt_us", "refining for a ball", "us"),
     ("learn_ms", "learning a map, mitt.learn", "ms"),
     ("learn_solver_ms", "its solver alone, torque rows", "ms"),
     ("learn_ipopt_ms", "the same rows by IPOPT, best of three", "ms"),
