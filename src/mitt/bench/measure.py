@@ -16,7 +16,14 @@ import numpy as np
 
 import mitt
 from mitt.bench import libraries as by
-from mitt.bench.problem import Answer, LearningProblem, learning_problem
+from mitt.bench.problem import (
+    SETUPS,
+    Answer,
+    LearningProblem,
+    ipopt_run,
+    ipopt_solver,
+    learning_problem,
+)
 from mitt.bench.problem import solve as solve_problem
 from mitt.errors import InputError
 from mitt.generator.generators import Direct
@@ -269,18 +276,16 @@ def learning(arm: Arm, settings: BenchSettings, progress: Progress, say: Say) ->
 
 def _by_ipopt(problem: LearningProblem, say: Say) -> tuple[Time | None, Answer | None]:
     """Return time [ms] and answer of the fastest set-up that converges; None without one."""
-    from mitt.bench import ipopt  # noqa: PLC0415 (CasADi is an extra)
-
     found: list[tuple[Time, Answer]] = []
-    for setup in ipopt.SETUPS:
+    for setup in SETUPS:
         try:
-            solver = ipopt.solver(problem, setup)
+            solver = ipopt_solver(problem, setup)
         except InputError as error:
             say(f"ipopt is left out: {error}")
             return None, None
         stopwatch = Stopwatch()
         with stopwatch:
-            answer = ipopt.run(problem, solver)
+            answer = ipopt_run(problem, solver)
         took = figures(stopwatch, per=1e3)
         state = f"{took['p50']:.0f} ms, cost {answer.cost:.6f}"
         say(f"ipopt, {setup}: {state if answer.good else state + ', not converged'}")

@@ -13,6 +13,7 @@ torque that the optimum without it asks for, so that rows bind.
 """
 
 from dataclasses import dataclass, replace
+from types import ModuleType
 
 import daqp
 import numpy as np
@@ -23,6 +24,7 @@ from mitt.generator.learn import learn as learn_from
 from mitt.generator.map_design import default_design
 from mitt.generator.mapping import initial_matrix, shift, unlearned
 from mitt.jit import kernel
+from mitt.rivals.clairvoyant import Expression, casadi, symbolic
 from mitt.robot.arm import Arm
 from mitt.robot.dynamics import slopes_work, torque_slopes
 from mitt.signals import Array
@@ -31,6 +33,13 @@ from mitt.trials.learning import Neighbourhood, neighbourhood
 #: Share of the unbounded optimum's torque that is allowed; share of the bound from which an
 #: instant gets a row; most steps; relative gain, and excess, at which a solver has converged.
 _TIGHT, _NEAR, _STEPS, _SMALL, _EXCESS = 0.95, 0.7, 40, 1e-7, 1e-6
+
+SETUPS = ("exact", "supplied", "lbfgs")
+"""How IPOPT is given the problem; the best of them is the rival. One expression over all instants
+(CasADi's map) with its exact Hessian; first derivatives of each instant and the Gauss-Newton
+Hessian handed over; IPOPT's own limited-memory Hessian."""
+#: Most processor time of one set-up [s], and tolerance of IPOPT.
+_LONGEST, _TOLERANCE = 60.0, 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -177,3 +186,81 @@ def _step(problem: LearningProblem, r: Array, J: Array, *, bounded: bool) -> Arr
     x, _, flag, _ = daqp.solve(H, g, rows, room, low, kind)
     x = np.asarray(x, np.float64)
     return x if flag > 0 and np.all(np.isfinite(x)) else None
+
+
+def ipopt_solver(problem: LearningProblem, setup: str) -> Expression:
+    """Build the solver of a set-up; see :data:`SETUPS`."""
+    ca = casadi()
+    x = ca.MX.sym("alpha", problem.size)
+    cost, torque = _expressions(ca, problem, x)
+    options: dict[str, object] = {
+        "ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False,
+        "ipopt.tol": _TOLERANCE, "ipopt.max_cpu_time": _LONGEST, "ipopt.max_iter": 300,
+    }  # fmt: skip
+    if setup == "lbfgs":
+        options["ipopt.hessian_approximation"] = "limited-memory"
+    if setup == "supplied":
+        options |= _supplied(ca, problem)
+    return ca.nlpsol("problem", "ipopt", {"x": x, "f": cost, "g": torque}, options)
+
+
+def ipopt_run(problem: LearningProblem, solver: Expression) -> Answer:
+    """Solve from alpha* = 0."""
+    count = len(problem.base) * problem.arm.n
+    bound = np.full(count, problem.bound)
+    found = solver(x0=np.zeros(problem.size), lbg=-bound, ubg=bound)
+    good = bool(solver.stats()["success"])
+    return judged(problem, np.asarray(found["x"], np.float64).ravel(), good=good)
+
+
+def _instant(ca: ModuleType, problem: LearningProblem) -> tuple[Expression, Expression]:
+    """Return q, dq, ddq of an instant, and torques and speeds over their bounds, as SX."""
+    arm, n = problem.arm, problem.arm.n
+    z = ca.SX.sym("z", 3 * n)
+    tau = symbolic(arm).torque(z[:n], z[n : 2 * n], z[2 * n :])
+    active = tau[list(arm.model.active)] / ca.DM(arm.tau_max)
+    return z, ca.vertcat(active, z[n : 2 * n] / ca.DM(arm.dq_max))
+
+
+def _expressions(
+    ca: ModuleType, problem: LearningProblem, x: Expression
+) -> tuple[Expression, Expression]:
+    """Return cost and torques over all instants."""
+    count, width = problem.base.shape
+    z, r = _instant(ca, problem)
+    respond = ca.Function("respond", [z], [r]).map(count)
+    flat = ca.DM(problem.slope.reshape(count * width, -1))
+    motion = ca.mtimes(flat, x) + ca.DM(problem.base.ravel())
+    answer = respond(ca.reshape(motion, width, count))
+    return ca.sumsqr(answer) / count, ca.vec(answer[: problem.arm.n, :])
+
+
+def _supplied(ca: ModuleType, problem: LearningProblem) -> dict[str, object]:
+    """Return gradient, Jacobian and Gauss-Newton Hessian, from derivatives of each instant."""
+    (count, width), size, n = problem.base.shape, problem.size, problem.arm.n
+    z, r = _instant(ca, problem)
+    x, base = ca.SX.sym("x", size), ca.SX.sym("base", width)
+    slope = ca.SX.sym("slope", width, size)
+    point = ca.Function("point", [z], [r, ca.jacobian(r, z)])
+    value, R = point(base + ca.mtimes(slope, x))
+    J = ca.mtimes(R, slope)
+    every = (x, base, slope)
+    gradient = ca.Function("gradient", [*every], [ca.sumsqr(value), 2.0 * ca.mtimes(J.T, value)])
+    rows = ca.Function("rows", [*every], [value[:n], J[:n, :]])
+    square = ca.Function("square", [*every], [ca.vec(2.0 * ca.mtimes(J.T, J))])
+    data = ca.DM(problem.base.T), ca.DM(np.hstack(list(problem.slope)))
+    alpha, p = ca.MX.sym("alpha", size), ca.MX.sym("p", 0, 0)
+    many = (ca.repmat(alpha, 1, count), *data)
+    f, g = gradient.map(count)(*many)
+    torque, J_all = rows.map(count)(*many)
+    stacked = ca.vertcat(*ca.horzsplit(J_all, size))
+    H = ca.reshape(ca.sum2(square.map(count)(*many)), size, size) / count
+    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", n * count)
+    return {
+        "grad_f": ca.Function("nlp_grad_f", [alpha, p], [ca.sum2(f) / count, ca.sum2(g) / count],
+                              ["x", "p"], ["f", "grad_f_x"]),
+        "jac_g": ca.Function("nlp_jac_g", [alpha, p], [ca.vec(torque), stacked],
+                             ["x", "p"], ["g", "jac_g_x"]),
+        "hess_lag": ca.Function("nlp_hess_l", [alpha, p, lam_f, lam_g], [ca.triu(lam_f * H)],
+                                ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]),
+    }  # fmt: skip
